@@ -6,6 +6,7 @@ use serde::de::{Error as _, Unexpected, Visitor};
 use serde::{Deserialize, Deserializer, Serialize};
 use serde_json::Value as Json;
 use std::fmt;
+use syntable_model::stage::DatasetInfo;
 
 /// A COCO annotation file.
 pub type Dataset = crate::dataset::Dataset<Image, Annotation>;
@@ -66,6 +67,15 @@ pub struct Category {
     /// Fields that this type does not know.
     #[serde(flatten)]
     pub extra: Extra,
+}
+
+/// The categories of a dataset.
+pub fn categories(dataset: &DatasetInfo) -> Vec<Category> {
+    let category = |(id, name): (u32, &str)| {
+        let supercategory = dataset.supercategory(id).unwrap_or_default().to_owned();
+        Category { id: id.into(), name: name.into(), supercategory, ..Category::default() }
+    };
+    dataset.categories().map(category).collect()
 }
 
 /// An image.

@@ -1,12 +1,13 @@
 //! Image and array files that datasets have, read back.
 
 use crate::encode::npy;
+use crate::json;
 use png::{BitDepth, ColorType, Decoder, Transformations};
 use std::fs;
 use std::io::Cursor;
 use std::path::{Path, PathBuf};
 use syntable_model::error::{Error, Result};
-use syntable_model::product::{DType, Plane, Tensor};
+use syntable_model::product::{DType, Plane, Tensor, Value};
 use zune_jpeg::JpegDecoder;
 use zune_jpeg::zune_core::bytestream::ZCursor;
 use zune_jpeg::zune_core::colorspace::ColorSpace;
@@ -227,6 +228,13 @@ impl Content {
         })
     }
 
+    /// JSON as a value: objects are records, in the order of the file.
+    pub fn json(&self) -> Result<Value> {
+        let json: serde_json::Value = serde_json::from_slice(&self.bytes)
+            .map_err(|error| json::located(&error, None, &[]).in_file(&self.path).permanent())?;
+        Value::of(&json)
+    }
+
     /// The array of a NumPy file with little-endian numbers in rows.
     pub fn npy(&self) -> Result<Tensor> {
         let refuse = |what: &str| self.refuse(format!("not a NumPy file that can be read: {what}"));
@@ -300,7 +308,7 @@ mod tests {
 
     #[test]
     fn arrays_are_read_as_they_are_written() {
-        use syntable_model::product::{Mask, Product, Value};
+        use syntable_model::product::{Mask, Product};
         let of = |bytes: &[u8]| Content::new(bytes.to_vec(), "a.npy".into()).npy();
         let values: [Value; 5] = [
             Plane::from_fn(3, 2, |x, y| [x as f32, y as f32, f32::INFINITY]).encode(),

@@ -1,9 +1,14 @@
 //! The products that a generic writer includes, and their files.
 
+use crate::coco::{self, Category};
+use crate::decode::Content;
 use crate::encode::kind::Kind;
 use crate::encode::{scene_name, view_name};
+use crate::json;
 use std::collections::BTreeSet;
+use std::path::Path;
 use syntable_model::prelude::*;
+use syntable_model::product::standard::{CATEGORY_ID, CATEGORY_MAP};
 use syntable_model::product::{Form, KeyId, Scope};
 
 /// How the name of an image ends in [`paths`]: of a product, and of one per instance.
@@ -42,6 +47,35 @@ pub fn of_scope<'a>(
         let key = products.key(name.as_str())?;
         (key.scope == scope).then_some((name.as_str(), key))
     })
+}
+
+/// The file of categories, beside products that have ids of them: COCO's list.
+const CATEGORIES: &str = "categories.json";
+
+/// The path of the file of categories, if an included product has ids of them.
+pub fn categories_path(include: &[ProductName], id: &str) -> Option<String> {
+    let has_ids = |name: &ProductName| [CATEGORY_ID.name(), CATEGORY_MAP.name()].contains(&name.as_str());
+    include.iter().any(has_ids).then(|| format!("{id}/{CATEGORIES}"))
+}
+
+/// Writes the file of categories, if an included product has ids of them.
+pub fn write_categories(include: &[ProductName], dataset: &DatasetInfo, finish: &Finish) -> Result<()> {
+    let Some(path) = categories_path(include, finish.id()) else { return Ok(()) };
+    let fail = |error: serde_json::Error| Error::new(format!("cannot be written as JSON: {error}"));
+    let mut text = serde_json::to_vec_pretty(&coco::categories(dataset)).map_err(fail)?;
+    text.push(b'\n');
+    finish.write(&path, |out| out.write_all(&text).map_err(|error| Error::io(&path, &error)))
+}
+
+/// The categories that the file of a folder has, if there is one.
+pub fn categories_in(folder: &Path) -> Result<Option<Vec<Category>>> {
+    let path = folder.join(CATEGORIES);
+    if !path.is_file() {
+        return Ok(None);
+    }
+    let content = Content::read(&path)?;
+    let categories = serde_json::from_slice(content.bytes());
+    categories.map(Some).map_err(|error| json::located(&error, None, &[]).in_file(&path).of_request())
 }
 
 /// Scope and name of what a path is asked of: of a view or a scene.

@@ -62,7 +62,7 @@ pub enum Dataset {
 }
 
 impl Dataset {
-    const ALL: [Self; 7] = [
+    pub(crate) const ALL: [Self; 7] = [
         Self::Colors,
         Self::Depth,
         Self::Distance,
@@ -72,7 +72,7 @@ impl Dataset {
         Self::InstanceAttributeMaps,
     ];
 
-    fn name(self) -> &'static str {
+    pub(crate) fn name(self) -> &'static str {
         match self {
             Self::Colors => "colors",
             Self::Depth => "depth",

@@ -1,6 +1,6 @@
 //! HDF5 files.
 //!
-//! | kind | writes |
+//! | kind | writes, and reads |
 //! | --- | --- |
 //! | [`hdf5`] | one file per view in the layout of BlenderProc |
 //!
@@ -8,3 +8,4 @@
 
 mod file;
 pub mod hdf5;
+mod read;

@@ -169,12 +169,3 @@ pub fn info(dataset: &DatasetInfo) -> Info {
 pub fn license() -> License {
     License { id: 1, name: "licenses of the assets".into(), ..License::default() }
 }
-
-/// The categories of the dataset.
-pub fn categories(dataset: &DatasetInfo) -> Vec<Category> {
-    let category = |(id, name): (u32, &str)| {
-        let supercategory = dataset.supercategory(id).unwrap_or_default().to_owned();
-        Category { id: id.into(), name: name.into(), supercategory, ..Category::default() }
-    };
-    dataset.categories().map(category).collect()
-}

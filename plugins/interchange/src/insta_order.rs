@@ -1,10 +1,11 @@
 //! InstaOrder.
 
-use crate::annotation_file::{self, Listed, SceneFiles, categories, check_split, merge};
+use crate::annotation_file::{self, Listed, SceneFiles, check_split, merge};
 use crate::coco::{self, Masks};
 use crate::labels;
 use crate::order::{self, Order, VisibleDepth};
 use std::cmp::Ordering;
+use syntable_formats::coco::categories;
 use syntable_formats::dataset::{DatasetWriter, Layout};
 use syntable_formats::shard::{Line, for_each_line};
 use syntable_model::prelude::*;

@@ -12,7 +12,7 @@ pub const OWN: [&str; 5] = ["scene", "view", "instance", "width", "height"];
 /// The path of an image, and an image in the table.
 pub const IMAGES: [&str; 2] = ["image_file", "image"];
 /// The class beside `category_id`.
-const CATEGORY: &str = "category";
+pub const CATEGORY: &str = "category";
 
 /// A field of a record that has a column of its own.
 type Field = (&'static str, fn() -> Node);
@@ -147,6 +147,36 @@ impl Column {
                 .into(),
             (_, value) => value.clone(),
         })
+    }
+}
+
+/// The value of a product from the cells of its columns.
+pub fn value(columns: &[Column], cells: &[Value]) -> Value {
+    let mut record = Vec::new();
+    for (column, cell) in columns.iter().zip(cells) {
+        match (column.part, cell) {
+            // They say nothing new.
+            (Part::Area | Part::Category, _) => {}
+            (Part::Whole | Part::Runs, value) => return value.clone(),
+            (Part::Json, Value::Text(text)) => {
+                let json = serde_json::from_str::<serde_json::Value>(text).ok();
+                return json.and_then(|json| Value::of(&json).ok()).unwrap_or(Value::Null);
+            }
+            (Part::Field(_) | Part::Json, Value::Null) => {}
+            (Part::Field(field), value) => record.push((field.to_owned(), square(value))),
+            (Part::Json, value) => return value.clone(),
+        }
+    }
+    Value::Record(record)
+}
+
+/// The rows of a square matrix whose entries are given row by row; other values stay.
+fn square(value: &Value) -> Value {
+    let Value::List(entries) = value else { return value.clone() };
+    match entries.len() {
+        9 => Value::List(entries.chunks(3).map(|row| Value::List(row.to_vec())).collect()),
+        16 => Value::List(entries.chunks(4).map(|row| Value::List(row.to_vec())).collect()),
+        _ => value.clone(),
     }
 }
 

@@ -1,6 +1,6 @@
 //! Parquet files.
 //!
-//! | kind | writes |
+//! | kind | writes, and reads |
 //! | --- | --- |
 //! | [`parquet`] | tables of labels for pandas and Hugging Face `datasets`: a row per instance or per image |
 //!
@@ -9,4 +9,5 @@
 mod column;
 mod file;
 pub mod parquet;
+mod read;
 mod shred;

@@ -23,6 +23,7 @@ const IDS_END: &str = "_ids";
 ///
 /// `{id}/{product}/{scene:06}_{view:04}.npy`. A product per instance has its instance ids, u16 in the same order, in
 /// `{id}/{product}/{scene:06}_{view:04}_ids.npy`. A product of the scene is `{id}/{product}/{scene:06}.npy`.
+/// With ids of categories, `{id}/categories.json` has their names, in COCO's form.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Npy {
@@ -57,7 +58,12 @@ impl Writer for Npy {
     }
 
     fn paths(&self, of: &FileOf) -> Result<Vec<String>> {
-        Ok(include::paths(of, "npy", [&[""], &["", IDS_END]]))
+        let categories = include::categories_path(&self.include, of.id).filter(|_| of.scene.is_none());
+        Ok(include::paths(of, "npy", [&[""], &["", IDS_END]]).into_iter().chain(categories).collect())
+    }
+
+    fn finish(&self, cx: &DatasetContext, _: &Products, finish: &Finish) -> Result<()> {
+        include::write_categories(&self.include, cx.dataset, finish)
     }
 }
 

@@ -27,7 +27,8 @@ use syntable_model::product::{DType, Scope, Tensor};
 /// # Output
 ///
 /// `{id}/{product}/{scene:06}_{view:04}.png`, and for a product per instance
-/// `{id}/{product}/{scene:06}_{view:04}_{instance:04}.png`. A product of the scene has no `_{view:04}`.
+/// `{id}/{product}/{scene:06}_{view:04}_{instance:04}.png`. A product of the scene has no `_{view:04}`. With ids of
+/// categories, `{id}/categories.json` has their names, in COCO's form.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Png {
@@ -70,7 +71,12 @@ impl Writer for Png {
     }
 
     fn paths(&self, of: &FileOf) -> Result<Vec<String>> {
-        Ok(include::paths(of, "png", include::IMAGE_ENDS))
+        let categories = include::categories_path(&self.include, of.id).filter(|_| of.scene.is_none());
+        Ok(include::paths(of, "png", include::IMAGE_ENDS).into_iter().chain(categories).collect())
+    }
+
+    fn finish(&self, cx: &DatasetContext, _: &Products, finish: &Finish) -> Result<()> {
+        include::write_categories(&self.include, cx.dataset, finish)
     }
 }
 

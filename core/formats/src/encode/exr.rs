@@ -3,7 +3,8 @@
 use super::kind::{Form, Kind, Semantic, other_writer, with_article};
 use exr::meta::attribute::{AttributeValue, Chromaticities};
 use exr::prelude::{
-    AnyChannel, AnyChannels, Encoding, FlatSamples, Image, Layer, LayerAttributes, SmallVec, Text, WritableImage, f16,
+    AnyChannel, AnyChannels, Encoding, FlatSamples, Image, Layer, LayerAttributes, ReadChannels, ReadLayers, SmallVec,
+    Text, WritableImage, f16, read,
 };
 use exr::{compression::Compression, math::Vec2};
 use std::io::Cursor;
@@ -70,6 +71,29 @@ impl Coding {
     /// The bytes of the file of a value whose kind has this coding.
     pub fn encode(&self, value: &Value, precision: Precision) -> Result<Vec<u8>> {
         encode_layers(&[ImageLayer { name: String::new(), coding: self.clone(), value: value.clone() }], precision)
+    }
+
+    /// The image of a file that [`encode`](Self::encode) made.
+    pub fn decode(&self, file: &[u8]) -> Result<Tensor> {
+        let refuse = |what: String| Error::new(what).permanent();
+        let image =
+            read().no_deep_data().largest_resolution_level().all_channels().first_valid_layer().all_attributes();
+        let image = image.non_parallel().from_buffered(Cursor::new(file));
+        let layer = image.map_err(|error| refuse(format!("not a readable EXR file: {error}")))?.layer_data;
+        let size = layer.size;
+        let channel = |name: &&str| {
+            let own = layer.channel_data.list.iter().find(|channel| channel.name.eq(*name));
+            let own = own.ok_or_else(|| refuse(format!("it has no channel `{name}`")))?;
+            Ok(own.sample_data.values_as_f32().collect::<Vec<f32>>())
+        };
+        let channels = self.channels.iter().map(channel).collect::<Result<Vec<_>>>()?;
+        let pixels = (0..size.area()).flat_map(|pixel| channels.iter().map(move |channel| channel[pixel]));
+        let bytes = pixels.flat_map(f32::to_le_bytes).collect();
+        let edges = [size.height(), size.width()];
+        Ok(match channels.len() {
+            1 => Tensor::new(DType::F32, &["y", "x"], edges.to_vec(), bytes),
+            count => Tensor::new(DType::F32, &["y", "x", "channel"], vec![edges[0], edges[1], count], bytes),
+        })
     }
 
     /// The channels of a value, with names that start with `prefix`.
@@ -157,6 +181,23 @@ const REC_709: [[f32; 2]; 4] = [[0.64, 0.33], [0.30, 0.60], [0.15, 0.06], [0.312
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn images_come_back() {
+        let pixel = |at: usize| if at == 3 { f32::INFINITY } else { 0.1 * at as f32 };
+        for channels in [None, Some(3)] {
+            let shape: Vec<usize> = [2, 3].into_iter().chain(channels).collect();
+            let axes = &["y", "x", "channel"][..shape.len()];
+            let bytes = (0..shape.iter().product()).flat_map(|at| pixel(at).to_le_bytes()).collect();
+            let tensor = Tensor::new(DType::F32, axes, shape, bytes);
+            let form = Form::Image { dtype: DType::F32, channels };
+            let coding = Coding::of(&Kind { form, semantic: Semantic::Normal, unit: "" }).expect("a float image");
+            let file = coding.encode(&Value::Tensor(tensor.clone()), Precision::Float).expect("encodes");
+            assert_eq!(coding.decode(&file).expect("reads"), tensor);
+            let error = coding.decode(&file[..file.len() / 2]).expect_err("cut off").to_string();
+            assert!(error.contains("not a readable EXR file"), "{error}");
+        }
+    }
 
     #[test]
     fn units_are_ascii_in_the_header() {

@@ -3,12 +3,12 @@
 mod keypoints;
 pub(crate) mod read;
 
-use crate::annotation_file::{self, Listed, SceneFiles, categories, check_split, merge, policy};
+use crate::annotation_file::{self, Listed, SceneFiles, check_split, merge, policy};
 use crate::labels::{self, Label, ObjectMasks, Partial};
 use keypoints::Named;
 use serde_json::json;
 use syntable_formats::Extra;
-use syntable_formats::coco::Annotation;
+use syntable_formats::coco::{Annotation, categories};
 use syntable_formats::segmentation::{Rle, Segmentation};
 use syntable_model::prelude::*;
 use syntable_model::product::BBox;

@@ -2,10 +2,10 @@
 
 mod read;
 
-use crate::annotation_file::{self, Listed, SceneFiles, categories, check_split, image_name, merge};
+use crate::annotation_file::{self, Listed, SceneFiles, check_split, image_name, merge};
 use crate::coco::Masks;
 use crate::labels::{self, Partial};
-use syntable_formats::coco::Category;
+use syntable_formats::coco::{Category, categories};
 use syntable_formats::encode::png::{Image, Samples};
 use syntable_model::prelude::*;
 use syntable_model::product::standard::RGB;

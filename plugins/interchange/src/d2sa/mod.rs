@@ -2,10 +2,11 @@
 
 mod read;
 
-use crate::annotation_file::{self, Listed, SceneFiles, categories, check_split, merge, policy};
+use crate::annotation_file::{self, Listed, SceneFiles, check_split, merge, policy};
 use crate::coco::Masks;
 use crate::labels::{self, Label};
 use crate::order::{self, Order};
+use syntable_formats::coco::categories;
 use syntable_formats::segmentation::Rle;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::RGB;

@@ -1,5 +1,7 @@
 //! JSON Lines with any product.
 
+mod read;
+
 use crate::include;
 use serde_json::{Map, Value as Json};
 use std::collections::BTreeSet;

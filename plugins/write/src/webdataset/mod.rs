@@ -1,5 +1,7 @@
 //! WebDataset: tar files of samples.
 
+mod read;
+
 use crate::include;
 use std::fs::File;
 use std::io::BufWriter;
@@ -31,7 +33,7 @@ use syntable_model::product::Scope;
 ///
 /// # Output
 ///
-/// `{id}/{id}-{scene:06}.tar`.
+/// `{id}/{id}-{scene:06}.tar`, and with ids of categories `{id}/categories.json`, their names in COCO's form.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Webdataset {
@@ -98,8 +100,13 @@ impl Writer for Webdataset {
     fn paths(&self, of: &FileOf) -> Result<Vec<String>> {
         Ok(match (of.scene, of.view) {
             (Some(scene), None) => vec![path(of.id, &scene_name(scene))],
+            (None, _) => include::categories_path(&self.include, of.id).into_iter().collect(),
             _ => Vec::new(),
         })
+    }
+
+    fn finish(&self, cx: &DatasetContext, _: &Products, finish: &Finish) -> Result<()> {
+        include::write_categories(&self.include, cx.dataset, finish)
     }
 }
 

@@ -1,5 +1,7 @@
 //! NumPy archives: all arrays of a view in one file.
 
+mod read;
+
 use crate::include;
 use syntable_formats::encode::kind::accepts;
 use syntable_formats::encode::npy::{self, Array, Arrays};
@@ -34,7 +36,8 @@ const IDS: &str = "ids";
 ///
 /// # Output
 ///
-/// `{id}/{scene:06}_{view:04}.npz`. Products of the scene are in `{id}/{scene:06}.npz`.
+/// `{id}/{scene:06}_{view:04}.npz`. Products of the scene are in `{id}/{scene:06}.npz`, names of categories in
+/// `{id}/categories.json`, in COCO's form, if ids of them are included.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Npz {
@@ -83,9 +86,16 @@ impl Writer for Npz {
     }
 
     fn paths(&self, of: &FileOf) -> Result<Vec<String>> {
+        if of.scene.is_none() {
+            return Ok(include::categories_path(&self.include, of.id).into_iter().collect());
+        }
         let scope_and_name = include::scope_and_name(of);
         let of_any = |(scope, _): &(Scope, String)| of.products.iter().any(|key| key.scope == *scope);
         Ok(scope_and_name.filter(of_any).map(|(_, name)| archive_path(of.id, &name)).into_iter().collect())
+    }
+
+    fn finish(&self, cx: &DatasetContext, _: &Products, finish: &Finish) -> Result<()> {
+        include::write_categories(&self.include, cx.dataset, finish)
     }
 }
 

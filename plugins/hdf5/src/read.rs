@@ -1,0 +1,357 @@
+//! Reads HDF5 files of BlenderProc's layout, ours and those of BlenderProc itself.
+
+use crate::hdf5::Dataset;
+use hdf5_pure::DType as Stored;
+use hdf5_pure::File;
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+use syntable_formats::coco::Category;
+use syntable_formats::read::{Faults, place_in_name};
+use syntable_formats::samples::{self, Fields, Samples};
+use syntable_model::prelude::*;
+use syntable_model::product::standard::{BODIES, CATEGORY_ID, INSTANCE, NORMAL, OBJECT_NAME, RGB, VISIBLE_IDS};
+use syntable_model::product::{DType, Tensor};
+use syntable_model::reader::{DatasetFault, DatasetReader, Format, ImageRef};
+use syntable_model::scene::{SceneId, ViewId};
+
+syntable_model::register_format!(Format {
+    name: "hdf5",
+    doc: "HDF5 files of views, as BlenderProc and the writer `hdf5` have them.",
+    detect: |root| !files_of(root).is_empty(),
+    open,
+    crate_name: env!("CARGO_PKG_NAME"),
+});
+
+/// The role of objects in the attributes of bodies.
+const OBJECT: &str = "object";
+/// How the names of arrays of ids end.
+const IDS_END: &str = "_ids";
+
+/// The files of a folder that are called after a view or a number, by scene and view.
+fn files_of(folder: &Path) -> BTreeMap<(u32, u32), PathBuf> {
+    let place = |path: &Path| {
+        let stem = path.file_stem()?.to_str()?;
+        // BlenderProc numbers the views of a scene.
+        place_in_name(stem).or_else(|| Some((0, stem.parse().ok()?)))
+    };
+    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path());
+    let is_one = |path: &PathBuf| path.extension().is_some_and(|it| it == "hdf5" || it == "h5") && path.is_file();
+    entries.filter(is_one).filter_map(|path| Some((place(&path)?, path))).collect()
+}
+
+/// What is read of an entry of `instance_attribute_maps`. Other programs leave some of it out.
+#[derive(Deserialize)]
+struct Attributes {
+    idx: u16,
+    #[serde(default)]
+    category_id: u32,
+    #[serde(default)]
+    name: String,
+    category: Option<String>,
+    role: Option<String>,
+}
+
+impl Attributes {
+    fn is_object(&self) -> bool {
+        match &self.role {
+            Some(role) => role == OBJECT,
+            None => self.category_id > 0,
+        }
+    }
+
+    fn id(&self) -> InstanceId {
+        InstanceId(self.idx)
+    }
+}
+
+struct Files {
+    images: Vec<ImageRef>,
+    paths: Vec<PathBuf>,
+    fields: BTreeSet<String>,
+    faults: Faults,
+    categories: Option<Vec<Category>>,
+}
+
+fn open(root: &Path) -> Result<Box<dyn DatasetReader>> {
+    let all = files_of(root);
+    if all.is_empty() {
+        let help = "name the folder that has the files, such as 000000_0000.hdf5";
+        return Err(Error::new("it has no HDF5 files of views").in_file(root).help(help).of_request());
+    }
+    let image = |((scene, view), path): (&(u32, u32), &PathBuf)| ImageRef {
+        scene: SceneId(*scene),
+        view: ViewId(*view),
+        name: path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned()),
+        id: None,
+    };
+    let images = all.iter().map(image).collect();
+    let paths: Vec<PathBuf> = all.into_values().collect();
+    let (mut fields, mut faults, mut names) = (None, Faults::default(), BTreeMap::new());
+    for path in &paths {
+        let view = match View::open(path) {
+            Ok(view) => view,
+            // It is reported with its image.
+            Err(_) => continue,
+        };
+        let attributes = view.attributes().unwrap_or_default();
+        for body in attributes.iter().filter(|body| body.is_object()) {
+            let name = body.category.clone().filter(|name| !name.is_empty());
+            let (object, object_name) = DatasetInfo::OBJECT;
+            let default = || {
+                if body.category_id == object { object_name.into() } else { format!("category_{}", body.category_id) }
+            };
+            let name = name.unwrap_or_else(default);
+            let known: &String = names.entry(body.category_id).or_insert_with(|| name.clone());
+            if *known != name {
+                let message = format!("category {} is `{name}`, which other files call `{known}`", body.category_id);
+                faults.add("unique_names", path.display().to_string(), &message);
+            }
+        }
+        // What all files have is what the first one has; what another one lacks is at fault with it.
+        fields.get_or_insert_with(|| view.fields());
+    }
+    let category = |(id, name): (u32, String)| Category { id: id.into(), name, ..Category::default() };
+    let categories = Some(names.into_iter().map(category).collect()).filter(|all: &Vec<Category>| !all.is_empty());
+    let name = root.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
+    let files = Files { images, paths, fields: fields.unwrap_or_default(), faults, categories };
+    Ok(samples::open(name, Box::new(files)))
+}
+
+impl Samples for Files {
+    fn images(&self) -> &[ImageRef] {
+        &self.images
+    }
+
+    fn fields(&self) -> &BTreeSet<String> {
+        &self.fields
+    }
+
+    fn faults(&self) -> &[DatasetFault] {
+        self.faults.all()
+    }
+
+    fn categories(&self) -> Option<Vec<Category>> {
+        self.categories.clone()
+    }
+
+    fn read(&self, image: usize, wanted: &BTreeSet<&str>) -> Result<Fields> {
+        let view = View::open(&self.paths[image])?;
+        let own = view.fields().into_iter().filter(|name| wanted.contains(name.as_str()));
+        own.map(|name| Ok((name.clone(), view.field(&name)?))).collect()
+    }
+}
+
+/// A file that is open.
+struct View {
+    file: File,
+    path: PathBuf,
+    /// Names of its datasets.
+    names: BTreeSet<String>,
+}
+
+impl View {
+    fn open(path: &Path) -> Result<Self> {
+        let fail = |error: hdf5_pure::Error| {
+            Error::new(format!("not a readable HDF5 file: {error}")).in_file(path).permanent()
+        };
+        // What is not asked for is not read.
+        let file = File::open_streaming(path).map_err(fail)?;
+        let names = file.root().datasets().map_err(fail)?.into_iter().collect();
+        Ok(Self { file, path: path.to_owned(), names })
+    }
+
+    fn has(&self, dataset: Dataset) -> bool {
+        self.names.contains(dataset.name())
+    }
+
+    /// Names of the products that it has, or that its datasets of BlenderProc say.
+    fn fields(&self) -> BTreeSet<String> {
+        let of_blenderproc = Dataset::ALL.map(Dataset::name);
+        let is_ids = |name: &&String| name.strip_suffix(IDS_END).is_some_and(|of| self.names.contains(of));
+        let own = self.names.iter().filter(|name| !of_blenderproc.contains(&name.as_str()) && !is_ids(name));
+        let mut fields: BTreeSet<String> = own.cloned().collect();
+        let has_bodies = self.has(Dataset::InstanceSegmaps) && self.has(Dataset::InstanceAttributeMaps);
+        for (key, has) in [
+            (RGB.id(), self.has(Dataset::Colors)),
+            (NORMAL.id(), self.has(Dataset::Normals)),
+            (INSTANCE.id(), self.has(Dataset::InstanceSegmaps)),
+            (VISIBLE_IDS.id(), has_bodies),
+            (CATEGORY_ID.id(), has_bodies),
+            (OBJECT_NAME.id(), has_bodies),
+            (BODIES.id(), has_bodies),
+        ] {
+            fields.extend(has.then(|| key.name.to_string()));
+        }
+        // Products of the same name.
+        let same = [Dataset::Depth, Dataset::Distance].into_iter().filter(|dataset| self.has(*dataset));
+        fields.extend(same.map(|dataset| dataset.name().to_owned()));
+        fields
+    }
+
+    /// A product.
+    fn field(&self, name: &str) -> Result<Value> {
+        // What is included under its own name counts first.
+        if self.names.contains(name) {
+            return self.included(name);
+        }
+        let of_objects = |value: &dyn Fn(&Attributes) -> Value| -> Result<Value> {
+            let attributes = self.attributes()?;
+            let objects = attributes.iter().filter(|body| body.is_object());
+            Ok(Value::PerInstance(objects.map(|body| (body.id(), value(body))).collect()))
+        };
+        let is = |key: KeyId| key.name == *name;
+        if is(RGB.id()) {
+            self.array(Dataset::Colors.name()).map(Value::Tensor)
+        } else if is(NORMAL.id()) {
+            self.normals()
+        } else if is(INSTANCE.id()) {
+            self.array(Dataset::InstanceSegmaps.name()).map(Value::Tensor)
+        } else if is(VISIBLE_IDS.id()) {
+            self.visible_ids()
+        } else if is(CATEGORY_ID.id()) {
+            of_objects(&|body| body.category_id.into())
+        } else if is(OBJECT_NAME.id()) {
+            of_objects(&|body| body.pool_and_name().1.into())
+        } else {
+            Ok(Value::List(self.attributes()?.iter().map(Attributes::body).collect()))
+        }
+    }
+
+    fn refuse(&self, name: &str, what: &str) -> Error {
+        Error::new(format!("dataset `{name}`: {what}")).in_file(&self.path).permanent()
+    }
+
+    /// A product under its own name: an array, or JSON text.
+    fn included(&self, name: &str) -> Result<Value> {
+        if let Some(text) = self.text(name)? {
+            let json: serde_json::Value =
+                serde_json::from_str(&text).map_err(|error| self.refuse(name, &format!("not JSON: {error}")))?;
+            return Value::of(&json);
+        }
+        let array = self.array(name)?;
+        let ids = format!("{name}{IDS_END}");
+        if !samples::is_per_instance(name) || !self.names.contains(&ids) {
+            return Ok(Value::Tensor(array));
+        }
+        let values = samples::instances(&array, &self.array(&ids)?);
+        values.ok_or_else(|| self.refuse(name, &format!("`{ids}` are not as many as its values")))
+    }
+
+    /// The text of a dataset; none if it is none.
+    fn text(&self, name: &str) -> Result<Option<String>> {
+        let fail = |error: hdf5_pure::Error| self.refuse(name, &error.to_string());
+        let dataset = self.file.dataset(name).map_err(fail)?;
+        match dataset.dtype().map_err(fail)? {
+            Stored::String | Stored::VariableLengthString => {
+                Ok(dataset.read_string().map_err(fail)?.into_iter().next())
+            }
+            _ => Ok(None),
+        }
+    }
+
+    fn array(&self, name: &str) -> Result<Tensor> {
+        fn bytes<T, const N: usize>(numbers: Vec<T>, to: fn(T) -> [u8; N]) -> Vec<u8> {
+            numbers.into_iter().flat_map(to).collect()
+        }
+        let fail = |error: hdf5_pure::Error| self.refuse(name, &error.to_string());
+        let dataset = self.file.dataset(name).map_err(fail)?;
+        let shape = dataset.shape().map_err(fail)?.into_iter().map(|length| length as usize).collect::<Vec<_>>();
+        let (dtype, bytes) = match dataset.dtype().map_err(fail)? {
+            Stored::U8 => (DType::U8, dataset.read_u8().map_err(fail)?),
+            Stored::U16 => (DType::U16, bytes(dataset.read_u16().map_err(fail)?, u16::to_le_bytes)),
+            Stored::U32 => (DType::U32, bytes(dataset.read_u32().map_err(fail)?, u32::to_le_bytes)),
+            Stored::U64 => (DType::U64, bytes(dataset.read_u64().map_err(fail)?, u64::to_le_bytes)),
+            Stored::I8 => (DType::I8, bytes(dataset.read_i8().map_err(fail)?, i8::to_le_bytes)),
+            Stored::I16 => (DType::I16, bytes(dataset.read_i16().map_err(fail)?, i16::to_le_bytes)),
+            Stored::I32 => (DType::I32, bytes(dataset.read_i32().map_err(fail)?, i32::to_le_bytes)),
+            Stored::I64 => (DType::I64, bytes(dataset.read_i64().map_err(fail)?, i64::to_le_bytes)),
+            Stored::F32 => (DType::F32, bytes(dataset.read_f32().map_err(fail)?, f32::to_le_bytes)),
+            Stored::F64 => (DType::F64, bytes(dataset.read_f64().map_err(fail)?, f64::to_le_bytes)),
+            // What h5py takes for a truth value.
+            Stored::Enum(names) if names == ["FALSE", "TRUE"] => (DType::Bool, dataset.read_raw().map_err(fail)?),
+            // Other floats are as they lie in the file.
+            Stored::Other(other) if other.type_size() == 2 => (DType::F16, dataset.read_raw().map_err(fail)?),
+            other => return Err(self.refuse(name, &format!("elements of type {other} are not read"))),
+        };
+        if shape.iter().product::<usize>() * dtype.size() != bytes.len() {
+            return Err(self.refuse(name, &format!("of shape {shape:?} it has {} bytes", bytes.len())));
+        }
+        let axes = match shape.len() {
+            2 => vec!["y".into(), "x".into()],
+            3 => vec!["y".into(), "x".into(), "channel".into()],
+            axes => vec!["axis".into(); axes],
+        };
+        Ok(Tensor { dtype, axes, shape, bytes })
+    }
+
+    /// What the ids of bodies stand for.
+    fn attributes(&self) -> Result<Vec<Attributes>> {
+        let name = Dataset::InstanceAttributeMaps.name();
+        if !self.names.contains(name) {
+            return Ok(Vec::new());
+        }
+        let text = self.text(name)?.ok_or_else(|| self.refuse(name, "it is no text"))?;
+        serde_json::from_str(&text).map_err(|error| self.refuse(name, &format!("not a list of instances: {error}")))
+    }
+
+    /// The ids of objects alone.
+    fn visible_ids(&self) -> Result<Value> {
+        let objects: BTreeSet<u64> =
+            self.attributes()?.iter().filter(|body| body.is_object()).map(|body| body.idx.into()).collect();
+        let name = Dataset::InstanceSegmaps.name();
+        let array = self.array(name)?;
+        let id = |at: usize| match array.element(at) {
+            Value::Int(id) => u64::try_from(id).ok(),
+            Value::Uint(id) => Some(id),
+            _ => None,
+        };
+        let count = array.shape.iter().product::<usize>();
+        let mut bytes = Vec::with_capacity(2 * count);
+        for at in 0..count {
+            let id = id(at).ok_or_else(|| self.refuse(name, "it has values that are no ids"))?;
+            let shown = Some(id).filter(|id| objects.contains(id)).unwrap_or_default();
+            // Those of objects have 16 bits.
+            bytes.extend((shown as u16).to_le_bytes());
+        }
+        Ok(Value::Tensor(Tensor { dtype: DType::U16, bytes, ..array }))
+    }
+
+    /// Normals of the camera frame, y down and z forward.
+    fn normals(&self) -> Result<Value> {
+        let array = self.array(Dataset::Normals.name())?;
+        let [height, width, 3] = array.shape[..] else {
+            return Err(self.refuse(Dataset::Normals.name(), "it is no image of 3 channels"));
+        };
+        let number = |at: usize| match array.element(at) {
+            Value::Float(value) => value as f32,
+            Value::Int(value) => value as f32,
+            _ => 0.0,
+        };
+        let normal = |x: u32, y: u32| {
+            let at = 3 * (y as usize * width + x as usize);
+            let [x, y, z] = [0, 1, 2].map(|axis| 2.0 * number(at + axis) - 1.0);
+            [x, -y, -z]
+        };
+        Ok(Plane::from_fn(width as u32, height as u32, normal).into())
+    }
+}
+
+impl Attributes {
+    /// Pool and name of the asset.
+    fn pool_and_name(&self) -> (&str, &str) {
+        self.name.split_once('/').unwrap_or(("", &self.name))
+    }
+
+    /// The entry of a body, as far as it is known.
+    fn body(&self) -> Value {
+        let role = self.role.clone().unwrap_or_else(|| if self.is_object() { OBJECT } else { "" }.to_owned());
+        let (pool, name) = self.pool_and_name();
+        Value::record([
+            ("id", u32::from(self.idx).into()),
+            ("role", role.into()),
+            ("pool", pool.into()),
+            ("name", name.into()),
+            ("category", self.category.clone().unwrap_or_default().into()),
+        ])
+    }
+}

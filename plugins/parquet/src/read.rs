@@ -1,0 +1,321 @@
+//! Reads tables of instances or views.
+
+use crate::column::{self, CATEGORY, IMAGES, OWN};
+use parquet::errors::ParquetError;
+use parquet::file::reader::{FileReader, SerializedFileReader};
+use parquet::record::{Field, Row};
+use parquet::schema::types::Type;
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs::{self, File};
+use std::path::{Path, PathBuf};
+use syntable_formats::coco::Category;
+use syntable_formats::decode::Content;
+use syntable_formats::read::Faults;
+use syntable_formats::samples::{self, Fields, Samples};
+use syntable_model::prelude::*;
+use syntable_model::product::standard::{CAMERA, CATEGORY_ID, RGB};
+use syntable_model::product::{Form, linked};
+use syntable_model::reader::{DatasetFault, DatasetReader, Format, ImageRef};
+use syntable_model::scene::{SceneId, ViewId};
+
+syntable_model::register_format!(Format {
+    name: "parquet",
+    doc: "Parquet tables of instances or views, as the writer `parquet` has them.",
+    detect: |root| !tables_of(root).is_empty(),
+    open,
+    crate_name: env!("CARGO_PKG_NAME"),
+});
+
+/// Folders of tables, those of views first: they have images without instances, too.
+const FOLDERS: [&str; 2] = ["views", "instances"];
+const SCENE: &str = OWN[0];
+const VIEW: &str = OWN[1];
+const INSTANCE: &str = OWN[2];
+const WIDTH: &str = OWN[3];
+const HEIGHT: &str = OWN[4];
+const IMAGE_FILE: &str = IMAGES[0];
+const IMAGE: &str = IMAGES[1];
+
+/// The tables of a dataset, or of one of its folders, that are called after a scene.
+fn tables_of(root: &Path) -> Vec<PathBuf> {
+    let of = |folder: &Path| {
+        let entries = fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path());
+        let is_one = |path: &PathBuf| {
+            let stem = path.file_stem().and_then(|stem| stem.to_str());
+            path.extension().is_some_and(|it| it == "parquet") && stem.is_some_and(|it| it.parse::<u32>().is_ok())
+        };
+        let mut tables: Vec<PathBuf> = entries.filter(|path| is_one(path) && path.is_file()).collect();
+        tables.sort();
+        tables
+    };
+    let folders = FOLDERS.map(|folder| root.join(folder)).into_iter().chain([root.to_owned()]);
+    folders.map(|folder| of(&folder)).find(|tables| !tables.is_empty()).unwrap_or_default()
+}
+
+/// A table that is open.
+struct Table {
+    reader: SerializedFileReader<File>,
+    path: PathBuf,
+}
+
+impl Table {
+    fn open(path: &Path) -> Result<Self> {
+        let file = File::open(path).map_err(|error| Error::io(path, &error))?;
+        let reader = SerializedFileReader::new(file).map_err(|error| unreadable(path, &error))?;
+        Ok(Self { reader, path: path.to_owned() })
+    }
+
+    fn schema(&self) -> &Type {
+        self.reader.metadata().file_metadata().schema()
+    }
+
+    fn columns(&self) -> BTreeSet<String> {
+        self.schema().get_fields().iter().map(|field| field.name().to_owned()).collect()
+    }
+
+    /// The rows with some of the columns.
+    fn rows(&self, wanted: impl Fn(&str) -> bool) -> Result<Vec<BTreeMap<String, Field>>> {
+        let fail = |error: ParquetError| unreadable(&self.path, &error);
+        let fields = self.schema().get_fields().iter().filter(|field| wanted(field.name())).cloned().collect();
+        let schema = Type::group_type_builder(self.schema().name()).with_fields(fields).build().map_err(fail)?;
+        let rows = self.reader.get_row_iter(Some(schema)).map_err(fail)?;
+        rows.map(|row| row.map(|row: Row| row.into_columns().into_iter().collect()))
+            .collect::<Result<_, _>>()
+            .map_err(fail)
+    }
+}
+
+fn unreadable(path: &Path, error: &ParquetError) -> Error {
+    Error::new(format!("not a readable Parquet file: {error}")).in_file(path).permanent()
+}
+
+/// Tables and what is known of their rows.
+struct Tables {
+    images: Vec<ImageRef>,
+    /// The table of each image, by place in `paths`, and the size of the image.
+    places: Vec<(usize, [u32; 2])>,
+    paths: Vec<PathBuf>,
+    columns: BTreeSet<String>,
+    fields: BTreeSet<String>,
+    faults: Faults,
+    categories: Option<Vec<Category>>,
+}
+
+fn open(root: &Path) -> Result<Box<dyn DatasetReader>> {
+    let paths = tables_of(root);
+    if paths.is_empty() {
+        let help = "name the folder that has `instances` or `views`, or the folder of the tables";
+        return Err(Error::new("it has no tables of scenes").in_file(root).help(help).of_request());
+    }
+    let (mut faults, mut views) = (Faults::default(), BTreeMap::<(u32, u32), (usize, [u32; 2])>::new());
+    let (mut columns, mut names) = (None, BTreeMap::<u64, String>::new());
+    for (table, path) in paths.iter().enumerate() {
+        let read = Table::open(path).and_then(|table| {
+            let rows = table.rows(|name| OWN.contains(&name) || [CATEGORY, CATEGORY_ID.name()].contains(&name))?;
+            Ok((table.columns(), rows))
+        });
+        let (own, rows) = match read {
+            Ok(read) => read,
+            Err(error) => {
+                faults.add("readable", path.display().to_string(), &format!("{error}: nothing of the scene is read"));
+                continue;
+            }
+        };
+        columns.get_or_insert(own);
+        for row in &rows {
+            let number = |name: &str| u32::try_from(row.get(name).and_then(integer)?).ok();
+            let (Some(scene), Some(view)) = (number(SCENE), number(VIEW)) else {
+                let message = format!("a row has no numbers as `{SCENE}` and `{VIEW}`");
+                faults.add("records_agree", path.display().to_string(), &message);
+                continue;
+            };
+            let size = [WIDTH, HEIGHT].map(|edge| number(edge).unwrap_or_default());
+            views.entry((scene, view)).or_insert((table, size));
+            let of = |name: &str| row.get(name).map(cells).unwrap_or_default();
+            for (id, name) in of(CATEGORY_ID.name()).into_iter().zip(of(CATEGORY)) {
+                if let (Some(id), Field::Str(name)) = (integer(&id).and_then(|id| u64::try_from(id).ok()), name) {
+                    names.insert(id, name);
+                }
+            }
+        }
+    }
+    let image = |&(scene, view): &(u32, u32)| ImageRef {
+        scene: SceneId(scene),
+        view: ViewId(view),
+        name: format!("scene {scene}, view {view}"),
+        id: None,
+    };
+    let category = |(id, name): (u64, String)| Category { id, name, ..Category::default() };
+    let columns = columns.unwrap_or_default();
+    let tables = Tables {
+        images: views.keys().map(image).collect(),
+        places: views.into_values().collect(),
+        paths,
+        fields: products_of(&columns).into_keys().collect(),
+        columns,
+        faults,
+        categories: Some(names.into_iter().map(category).collect()).filter(|all: &Vec<Category>| !all.is_empty()),
+    };
+    let name = root.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
+    Ok(samples::open(name, Box::new(tables)))
+}
+
+/// The products that columns are made from, and their columns.
+fn products_of(columns: &BTreeSet<String>) -> BTreeMap<String, Vec<column::Column>> {
+    let of = |key: KeyId| {
+        let own: Vec<column::Column> =
+            column::columns(&key).into_iter().filter(|column| columns.contains(&column.name)).collect();
+        (!own.is_empty() && column::accept(&key).is_ok()).then(|| (key.name.to_string(), own))
+    };
+    let mut products: BTreeMap<String, Vec<column::Column>> = linked().into_iter().filter_map(of).collect();
+    if columns.contains(IMAGE_FILE) || columns.contains(IMAGE) {
+        products.insert(RGB.name().to_owned(), Vec::new());
+    }
+    products
+}
+
+impl Samples for Tables {
+    fn images(&self) -> &[ImageRef] {
+        &self.images
+    }
+
+    fn fields(&self) -> &BTreeSet<String> {
+        &self.fields
+    }
+
+    fn faults(&self) -> &[DatasetFault] {
+        self.faults.all()
+    }
+
+    fn categories(&self) -> Option<Vec<Category>> {
+        self.categories.clone()
+    }
+
+    fn read(&self, image: usize, wanted: &BTreeSet<&str>) -> Result<Fields> {
+        let (table, size) = self.places[image];
+        let path = &self.paths[table];
+        let mut products = products_of(&self.columns);
+        products.retain(|name, _| wanted.contains(name.as_str()));
+        let has_image = products.remove(RGB.name()).is_some();
+        let needed: BTreeSet<&str> = products.values().flatten().map(|column| column.name.as_str()).collect();
+        let is_needed = |name: &str| needed.contains(name) || (has_image && IMAGES.contains(&name));
+        let rows = Table::open(path)?.rows(|name| [SCENE, VIEW, INSTANCE].contains(&name) || is_needed(name))?;
+        let at = &self.images[image];
+        let is_own = |row: &BTreeMap<String, Field>| {
+            let is = |name: &str, number: u32| row.get(name).and_then(integer) == Some(i128::from(number));
+            is(SCENE, at.scene.0) && is(VIEW, at.view.0)
+        };
+        let rows: Vec<BTreeMap<String, Field>> = rows.into_iter().filter(is_own).collect();
+        let refuse = |what: String| Error::new(what).in_file(path).permanent();
+        let mut fields = Fields::new();
+        let first = rows.first().ok_or_else(|| refuse("its rows have changed".to_owned()))?;
+        for (name, columns) in products {
+            let key = linked().into_iter().find(|key| key.name == *name);
+            let is_per_instance = key.is_some_and(|key| matches!(key.form(), Form::PerInstance(_)));
+            let value = if is_per_instance {
+                of_instances(&columns, &rows)
+                    .ok_or_else(|| refuse(format!("`{name}` has not as many values as there are ids")))?
+            } else {
+                let cells: Vec<Option<&Field>> = columns.iter().map(|column| first.get(&column.name)).collect();
+                let value = column::value(&columns, &cells.into_iter().map(cell).collect::<Vec<_>>());
+                match (name == CAMERA.name(), value) {
+                    (true, Value::Record(own)) => {
+                        let [width, height] = size.map(Value::from);
+                        let size = [("width".to_owned(), width), ("height".to_owned(), height)];
+                        Value::Record(size.into_iter().chain(own).collect())
+                    }
+                    (_, value) => value,
+                }
+            };
+            fields.insert(name, value);
+        }
+        if has_image {
+            fields.insert(RGB.name().to_owned(), self.rgb(path, first)?);
+        }
+        Ok(fields)
+    }
+}
+
+impl Tables {
+    /// The image of a row.
+    fn rgb(&self, table: &Path, row: &BTreeMap<String, Field>) -> Result<Value> {
+        let content = match (row.get(IMAGE_FILE), row.get(IMAGE)) {
+            (Some(Field::Str(file)), _) => Content::read(&table.with_file_name(file))?,
+            (_, Some(Field::Group(image))) => {
+                let bytes = image.get_column_iter().find_map(|(_, field)| match field {
+                    Field::Bytes(bytes) => Some(bytes.data().to_vec()),
+                    _ => None,
+                });
+                Content::new(bytes.unwrap_or_default(), table.join(IMAGE))
+            }
+            _ => return Err(Error::new("a row has no image").in_file(table).permanent()),
+        };
+        Ok(content.rgb()?.into())
+    }
+}
+
+/// The values of a product by instance; none if there are not as many as ids. Cells without a value are of no instance.
+fn of_instances(columns: &[column::Column], rows: &[BTreeMap<String, Field>]) -> Option<Value> {
+    let mut values = BTreeMap::new();
+    for row in rows {
+        let ids = cells(row.get(INSTANCE)?);
+        // A row of a view has lists, that of an instance has values.
+        let is_view = matches!(row.get(INSTANCE), Some(Field::ListInternal(_)));
+        let of_column = |column: &column::Column| match row.get(&column.name) {
+            Some(Field::ListInternal(list)) if is_view => list.elements().to_vec(),
+            Some(field) if !is_view => vec![field.clone()],
+            _ => vec![Field::Null; ids.len()],
+        };
+        let of_columns: Vec<Vec<Field>> = columns.iter().map(of_column).collect();
+        if of_columns.iter().any(|cells| cells.len() != ids.len()) {
+            return None;
+        }
+        for (at, id) in ids.iter().enumerate() {
+            let own: Vec<Value> = of_columns.iter().map(|cells| cell(Some(&cells[at]))).collect();
+            if own.iter().any(|value| *value != Value::Null) {
+                values.insert(InstanceId(u16::try_from(integer(id)?).ok()?), column::value(columns, &own));
+            }
+        }
+    }
+    Some(Value::PerInstance(values))
+}
+
+/// The elements of a list, or the only one.
+fn cells(field: &Field) -> Vec<Field> {
+    match field {
+        Field::ListInternal(list) => list.elements().to_vec(),
+        Field::Null => Vec::new(),
+        field => vec![field.clone()],
+    }
+}
+
+fn integer(field: &Field) -> Option<i128> {
+    Some(match field {
+        Field::Byte(value) => (*value).into(),
+        Field::Short(value) => (*value).into(),
+        Field::Int(value) => (*value).into(),
+        Field::Long(value) => (*value).into(),
+        Field::UByte(value) => (*value).into(),
+        Field::UShort(value) => (*value).into(),
+        Field::UInt(value) => (*value).into(),
+        Field::ULong(value) => (*value).into(),
+        _ => return None,
+    })
+}
+
+/// A cell as a value; null where there is none.
+fn cell(field: Option<&Field>) -> Value {
+    match field {
+        Some(Field::Bool(value)) => (*value).into(),
+        Some(Field::Float(value)) => f64::from(*value).into(),
+        Some(Field::Double(value)) => (*value).into(),
+        Some(Field::Str(text)) => text.as_str().into(),
+        Some(Field::Bytes(bytes)) => Value::Bytes(bytes.data().to_vec()),
+        Some(Field::ListInternal(list)) => Value::List(list.elements().iter().map(|it| cell(Some(it))).collect()),
+        Some(Field::Group(row)) => {
+            Value::Record(row.get_column_iter().map(|(name, it)| (name.clone(), cell(Some(it)))).collect())
+        }
+        Some(field) => integer(field).and_then(|value| i64::try_from(value).ok()).map_or(Value::Null, Value::from),
+        None => Value::Null,
+    }
+}

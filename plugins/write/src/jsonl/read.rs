@@ -1,0 +1,211 @@
+//! Reads JSON Lines of products.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs::File;
+use std::io::{BufRead, BufReader, Read, Seek, SeekFrom};
+use std::path::{Path, PathBuf};
+use syntable_formats::decode::Content;
+use syntable_formats::read::Faults;
+use syntable_formats::samples::{self, Fields, Samples};
+use syntable_model::prelude::*;
+use syntable_model::reader::{DatasetFault, DatasetReader, Format, ImageRef};
+use syntable_model::scene::{SceneId, ViewId};
+
+syntable_model::register_format!(Format {
+    name: "jsonl",
+    doc: "JSON Lines of views or scenes, as the writer `jsonl` has them: products under their names.",
+    detect: |root| file_of(root).is_some_and(|path| starts_as_one(&path)),
+    open,
+    crate_name: env!("CARGO_PKG_NAME"),
+});
+
+/// Keys of a line that are no products.
+const SCENE: &str = "scene";
+const VIEW: &str = "view";
+const VIEWS: &str = "views";
+
+/// Most bytes of a line.
+const MAX_LINE: u64 = 1 << 30;
+
+/// The file that a path names: itself, or what a folder has alone.
+fn file_of(path: &Path) -> Option<PathBuf> {
+    let is_one = |path: &Path| path.extension().is_some_and(|it| it == "jsonl") && path.is_file();
+    if is_one(path) {
+        return Some(path.to_owned());
+    }
+    let entries = std::fs::read_dir(path).ok()?.map_while(|entry| entry.ok()).map(|entry| entry.path());
+    let is_hidden = |path: &PathBuf| path.file_name().is_some_and(|name| name.to_string_lossy().starts_with('.'));
+    let mut entries = entries.filter(|path| !is_hidden(path));
+    let first = entries.next()?;
+    (is_one(&first) && entries.next().is_none()).then_some(first)
+}
+
+/// What is in a line beside products.
+#[derive(Deserialize)]
+struct Head {
+    scene: Option<u32>,
+    view: Option<u32>,
+    views: Option<Vec<ViewHead>>,
+}
+
+#[derive(Deserialize)]
+struct ViewHead {
+    view: u32,
+}
+
+/// Whether the first line is one of a scene or a view.
+fn starts_as_one(path: &Path) -> bool {
+    let first = File::open(path).ok().and_then(|file| {
+        let mut line = Vec::new();
+        BufReader::new(file).take(MAX_LINE).read_until(b'\n', &mut line).ok()?;
+        serde_json::from_slice::<Head>(&line).ok()
+    });
+    first.is_some_and(|head| head.scene.is_some() && (head.view.is_some() || head.views.is_some()))
+}
+
+/// Where a view is: its line, and its place in the line of a scene.
+#[derive(Clone, Copy)]
+struct Place {
+    line: Line,
+    of_scene: Option<usize>,
+}
+
+#[derive(Clone, Copy)]
+struct Line {
+    number: usize,
+    at: u64,
+    length: u64,
+}
+
+struct Lines {
+    path: PathBuf,
+    images: Vec<ImageRef>,
+    places: Vec<Place>,
+    /// Lines that have products of scenes alone.
+    scenes: BTreeMap<u32, Line>,
+    fields: BTreeSet<String>,
+    faults: Faults,
+}
+
+fn open(path: &Path) -> Result<Box<dyn DatasetReader>> {
+    let file = file_of(path).ok_or_else(|| {
+        let help = "name the file, such as jsonl.jsonl";
+        Error::new("one file of JSON Lines was expected").in_file(path).help(help).of_request()
+    })?;
+    let name = file.file_stem().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
+    Ok(samples::open(name, Box::new(Lines::index(file)?)))
+}
+
+impl Lines {
+    fn index(path: PathBuf) -> Result<Self> {
+        let fail = |error: std::io::Error| Error::io(&path, &error);
+        let mut reader = BufReader::new(File::open(&path).map_err(fail)?);
+        let (mut views, mut scenes) = (BTreeMap::<(u32, u32), Place>::new(), BTreeMap::new());
+        let mut faults = Faults::default();
+        let (mut at, mut text) = (0, Vec::new());
+        for number in 1.. {
+            text.clear();
+            let length = reader.by_ref().take(MAX_LINE).read_until(b'\n', &mut text).map_err(fail)? as u64;
+            if length == 0 {
+                break;
+            }
+            let line = Line { number, at, length };
+            at += length;
+            let place = || format!("line {number}");
+            let head = match serde_json::from_slice::<Head>(&text) {
+                Ok(head) => head,
+                Err(error) => {
+                    faults.add("readable", place(), &format!("{error}: the line is not read"));
+                    continue;
+                }
+            };
+            let found: Vec<(u32, Option<usize>)> = match (head.scene, head.view, head.views) {
+                (Some(_), Some(view), _) => vec![(view, None)],
+                (Some(_), None, Some(views)) => {
+                    views.iter().enumerate().map(|(of_scene, it)| (it.view, Some(of_scene))).collect()
+                }
+                (Some(scene), None, None) => {
+                    scenes.insert(scene, line);
+                    continue;
+                }
+                // Products of the dataset.
+                (None, ..) => continue,
+            };
+            for (view, of_scene) in found {
+                let key = (head.scene.unwrap_or_default(), view);
+                if let Some(first) = views.get(&key) {
+                    let message = format!(
+                        "view {view} of scene {} is in line {}, too; that one counts",
+                        key.0, first.line.number
+                    );
+                    faults.add("unique_views", place(), &message);
+                    continue;
+                }
+                views.insert(key, Place { line, of_scene });
+            }
+        }
+        let image = |&(scene, view): &(u32, u32)| ImageRef {
+            scene: SceneId(scene),
+            view: ViewId(view),
+            name: format!("scene {scene}, view {view}"),
+            id: None,
+        };
+        let images = views.keys().map(image).collect();
+        let places = views.into_values().collect();
+        let mut lines = Self { path, images, places, scenes, fields: BTreeSet::new(), faults };
+        // What all lines have is what the first one has; what another one lacks is at fault with it.
+        lines.fields = (0..lines.images.len())
+            .find_map(|image| lines.sample(image).ok())
+            .map_or_else(BTreeSet::new, |sample| sample.into_keys().collect());
+        Ok(lines)
+    }
+
+    /// The fields of a line by name, and those of a view in it.
+    fn sample(&self, image: usize) -> Result<Fields> {
+        let place = self.places[image];
+        let mut fields = self.line(place.line)?;
+        if let Some(scene) = self.scenes.get(&self.images[image].scene.0) {
+            fields.extend(self.line(*scene)?);
+        }
+        let views = fields.remove(VIEWS);
+        if let (Some(of_scene), Some(Value::List(mut views))) = (place.of_scene, views)
+            && let Value::Record(own) = views.swap_remove(of_scene)
+        {
+            fields.extend(own);
+        }
+        fields.retain(|name, _| name != SCENE && name != VIEW);
+        Ok(fields)
+    }
+
+    fn line(&self, line: Line) -> Result<Fields> {
+        let fail = |error: std::io::Error| Error::io(&self.path, &error);
+        let mut file = File::open(&self.path).map_err(fail)?;
+        let mut bytes = vec![0; line.length as usize];
+        file.seek(SeekFrom::Start(line.at)).and_then(|_| file.read_exact(&mut bytes)).map_err(fail)?;
+        let content = Content::new(bytes, self.path.clone());
+        match content.json().map_err(|error| error.at_line(line.number))? {
+            Value::Record(fields) => Ok(fields.into_iter().collect()),
+            _ => Err(content.refuse("a line is no record").at_line(line.number)),
+        }
+    }
+}
+
+impl Samples for Lines {
+    fn images(&self) -> &[ImageRef] {
+        &self.images
+    }
+
+    fn fields(&self) -> &BTreeSet<String> {
+        &self.fields
+    }
+
+    fn faults(&self) -> &[DatasetFault] {
+        self.faults.all()
+    }
+
+    fn read(&self, image: usize, wanted: &BTreeSet<&str>) -> Result<Fields> {
+        let mut fields = self.sample(image)?;
+        fields.retain(|name, _| wanted.contains(name.as_str()));
+        Ok(fields)
+    }
+}

@@ -1,0 +1,130 @@
+//! Reads NumPy archives, one per view.
+
+use super::IDS;
+use std::collections::{BTreeMap, BTreeSet};
+use std::io::{Cursor, Read};
+use std::path::{Path, PathBuf};
+use syntable_formats::coco::Category;
+use syntable_formats::decode::Content;
+use syntable_formats::include;
+use syntable_formats::read::place_in_name;
+use syntable_formats::samples::{self, Fields, Samples};
+use syntable_model::prelude::*;
+use syntable_model::reader::{DatasetFault, DatasetReader, Format, ImageRef};
+use syntable_model::scene::{SceneId, ViewId};
+use zip::ZipArchive;
+
+syntable_model::register_format!(Format {
+    name: "npz",
+    doc: "NumPy archives of views, as the writer `npz` has them: products under their names.",
+    detect: |root| !archives_of(root).is_empty(),
+    open,
+    crate_name: env!("CARGO_PKG_NAME"),
+});
+
+/// The archives of a folder that are called after a view, `{scene:06}_{view:04}.npz`, by scene and view.
+fn archives_of(folder: &Path) -> BTreeMap<(u32, u32), PathBuf> {
+    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path());
+    let archives = entries.filter(|path| path.extension().is_some_and(|it| it == "npz") && path.is_file());
+    archives.filter_map(|path| Some((place_in_name(path.file_name()?.to_str()?)?, path))).collect()
+}
+
+struct Archives {
+    images: Vec<ImageRef>,
+    paths: Vec<PathBuf>,
+    fields: BTreeSet<String>,
+    categories: Option<Vec<Category>>,
+}
+
+fn open(root: &Path) -> Result<Box<dyn DatasetReader>> {
+    let all = archives_of(root);
+    if all.is_empty() {
+        let help = "name the folder that has the archives, such as 000000_0000.npz";
+        return Err(Error::new("it has no archives of views").in_file(root).help(help).of_request());
+    }
+    let image = |(scene, view): &(u32, u32)| ImageRef {
+        scene: SceneId(*scene),
+        view: ViewId(*view),
+        name: format!("{scene:06}_{view:04}.npz"),
+        id: None,
+    };
+    let images = all.keys().map(image).collect();
+    let paths: Vec<PathBuf> = all.into_values().collect();
+    // What all archives have is what the first one has that can be read; what another one lacks is at fault with it.
+    let fields = paths.iter().find_map(|path| Archive::open(path).ok()).map(|archive| archive.names());
+    let categories = include::categories_in(root)?;
+    let name = root.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
+    let archives = Archives { images, paths, fields: fields.unwrap_or_default(), categories };
+    Ok(samples::open(name, Box::new(archives)))
+}
+
+impl Samples for Archives {
+    fn images(&self) -> &[ImageRef] {
+        &self.images
+    }
+
+    fn fields(&self) -> &BTreeSet<String> {
+        &self.fields
+    }
+
+    fn faults(&self) -> &[DatasetFault] {
+        &[]
+    }
+
+    fn categories(&self) -> Option<Vec<Category>> {
+        self.categories.clone()
+    }
+
+    fn read(&self, image: usize, wanted: &BTreeSet<&str>) -> Result<Fields> {
+        let mut archive = Archive::open(&self.paths[image])?;
+        let own: Vec<String> = archive.names().into_iter().filter(|name| wanted.contains(name.as_str())).collect();
+        let mut fields = Fields::new();
+        for name in own {
+            let content = archive.array(&name)?;
+            let array = content.npy()?;
+            let value = match samples::is_per_instance(&name) {
+                false => Value::Tensor(array),
+                true => {
+                    let values = samples::instances(&array, &archive.array(IDS)?.npy()?);
+                    values.ok_or_else(|| content.refuse(format!("`{IDS}` are not as many as its values")))?
+                }
+            };
+            fields.insert(name, value);
+        }
+        Ok(fields)
+    }
+}
+
+/// An archive that is open.
+struct Archive {
+    zip: ZipArchive<Cursor<Vec<u8>>>,
+    path: PathBuf,
+}
+
+impl Archive {
+    fn open(path: &Path) -> Result<Self> {
+        let content = Content::read(path)?;
+        let zip = ZipArchive::new(Cursor::new(content.bytes().to_vec()));
+        let zip = zip.map_err(|error| content.refuse(format!("not a readable NumPy archive: {error}")))?;
+        Ok(Self { zip, path: path.to_owned() })
+    }
+
+    /// Names of its arrays but for the ids.
+    fn names(&self) -> BTreeSet<String> {
+        let names = self.zip.file_names().flatten();
+        let names = names.filter_map(|name| name.strip_suffix(".npy").map(str::to_owned));
+        names.filter(|name| name != IDS).collect()
+    }
+
+    fn array(&mut self, name: &str) -> Result<Content> {
+        let path = self.path.join(format!("{name}.npy"));
+        let refuse = |what: String| Error::new(what).in_file(&path).permanent();
+        let file = self.zip.by_name(&format!("{name}.npy"));
+        let file = file.map_err(|error| refuse(format!("the archive has no such array: {error}")))?;
+        let mut bytes = Vec::new();
+        // An array is no larger than the archive says: what would be is cut off, and refused as such.
+        let size = file.size();
+        file.take(size).read_to_end(&mut bytes).map_err(|error| refuse(format!("the array is damaged: {error}")))?;
+        Ok(Content::new(bytes, path.clone()))
+    }
+}

@@ -1,0 +1,163 @@
+//! What writers of products write is read back: each product equal to what was written, and the labels that follow from it.
+
+mod common;
+
+use common::{Take, finish, takes, write_scenes, writer};
+use std::path::Path;
+use syntable_model::prelude::*;
+use syntable_model::product::standard::*;
+use syntable_model::reader::{self, DatasetReader};
+
+fn classes() -> DatasetInfo {
+    DatasetInfo { classes: vec!["bowl".into(), "mug".into()], ..common::dataset(3, 3) }
+}
+
+/// A dataset of a writer, in its folder.
+fn written(root: &Path, kind: &str, options: &str) -> Vec<Take> {
+    let (writer, takes) = (writer(kind, options).expect("good options"), takes());
+    write_scenes(root, "data", &*writer, &classes(), &takes).expect("written");
+    finish(root, "data", &*writer, &classes(), &[0, 1, 2]).expect("finished");
+    takes
+}
+
+fn opened(root: &Path, kind: &str) -> Box<dyn DatasetReader> {
+    let (format, reader) = reader::open(root, None).unwrap_or_else(|error| panic!("{kind}: {error}"));
+    assert_eq!(format.name, kind);
+    reader
+}
+
+/// Labels that follow from planes of ids and bits, or from masks.
+fn labels() -> Vec<KeyId> {
+    keys![
+        VISIBLE_MASK,
+        AMODAL_MASK,
+        VISIBLE_BOX,
+        AMODAL_BOX,
+        OCCLUSION_MASK,
+        OCCLUSION_RATE,
+        OCCLUSION_ORDER,
+        CATEGORY_ID
+    ]
+}
+
+#[test]
+fn products_come_back_and_labels_follow() {
+    let masks = "\"visible_mask\", \"amodal_mask\", \"category_id\", \"occlusion_order\"";
+    let more = "\"normal\", \"radiance\", \"object_name\", \"object_info\", \"visibility\", \"exposure\"";
+    let cases = [
+        ("webdataset", String::new()),
+        ("webdataset", format!("include = [\"rgb\", {masks}, {more}, \"depth\", \"camera\"]\nfloats = \"exr\"")),
+        ("npz", String::new()),
+        ("npz", format!("include = [\"rgb\", {masks}, \"normal\", \"radiance\"]\ncompress = false")),
+        ("jsonl", format!("include = [{masks}, {more}, \"rgb\", \"depth\", \"camera\", \"bodies\"]")),
+        ("jsonl", format!("include = [{masks}, \"depth\", \"bodies\", \"camera\"]\nper = \"scene\"")),
+    ];
+    for (kind, options) in &cases {
+        let folder = tempfile::tempdir().expect("a folder");
+        let takes = written(folder.path(), kind, options);
+        let read = opened(folder.path(), kind);
+        assert!(read.faults().is_empty(), "{kind}: {:?}", read.faults());
+        let offers = read.offers();
+        assert!(labels().iter().all(|key| offers.contains(key)), "{kind} {options}: {offers:?}");
+        if *kind != "jsonl" {
+            assert_eq!(read.info().categories().collect::<Vec<_>>(), classes().categories().collect::<Vec<_>>());
+        }
+        let mut images = read.images().iter().enumerate();
+        let mut compared = 0;
+        for take in &takes {
+            for (view, products) in &take.views {
+                let (index, image) = images.next().expect("an image of each view");
+                assert_eq!((image.scene, image.view), (take.scene.id, view.id));
+                let (seen, found) =
+                    read.read(index, &offers).unwrap_or_else(|error| panic!("{kind} {options}: {error}"));
+                assert_eq!((seen.id, seen.camera.intrinsics.width), (view.id, common::WIDTH), "{kind} {options}");
+                for key in &offers {
+                    let name = key.name.to_string();
+                    let (own, want) = (found.value(&name).expect("offered"), products.value(&name).expect("written"));
+                    // Text keeps what numbers and arrays are, and not how they were held.
+                    let same = own == want || serde_json::to_value(&own).ok() == serde_json::to_value(&want).ok();
+                    assert!(same, "{kind} {options}: `{name}` of {}", image.name);
+                    compared += 1;
+                }
+            }
+        }
+        assert!(images.next().is_none() && compared > 60, "{kind}: {compared}");
+    }
+}
+
+#[test]
+fn each_product_is_read_by_itself() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let takes = written(folder.path(), "webdataset", "");
+    let read = opened(folder.path(), "webdataset");
+    for key in read.offers() {
+        let (_, found) = read.read(1, &[key]).unwrap_or_else(|error| panic!("{}: {error}", key.name));
+        let name = key.name.to_string();
+        let want = takes[0].views[1].1.value(&name).expect("written");
+        assert!(found.value(&name).expect("there") == want || name == "camera" || name == "amodal_bits", "{name}");
+        assert_eq!(found.keys().len(), 1, "{name}");
+    }
+}
+
+/// What is said of a dataset that was changed: faults of opening, then errors of images.
+fn said(root: &Path, kind: &str) -> Vec<String> {
+    let read = match reader::open(root, Some(kind)) {
+        Ok((_, read)) => read,
+        Err(error) => return vec![error.to_string()],
+    };
+    let wants = read.offers();
+    let faults = read.faults().iter().map(|fault| format!("{}: {}", fault.place, fault.message));
+    let errors = (0..read.images().len()).filter_map(|image| Some(read.read(image, &wants).err()?.to_string()));
+    faults.chain(errors).collect()
+}
+
+#[test]
+fn what_is_damaged_is_named() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let root = |kind: &str| folder.path().join(kind);
+    for (kind, options) in [
+        ("webdataset", ""),
+        ("npz", ""),
+        ("jsonl", "include = [\"visible_mask\", \"amodal_mask\", \"visible_box\", \"occlusion_order\"]"),
+    ] {
+        written(&root(kind), kind, options);
+        assert_eq!(said(&root(kind), kind), [""; 0], "{kind}");
+    }
+    let damage = |path: &Path, change: &dyn Fn(Vec<u8>) -> Vec<u8>| {
+        let bytes = std::fs::read(path).expect("readable");
+        std::fs::write(path, change(bytes)).expect("writable");
+    };
+    let holds = |said: Vec<String>, parts: &[&str]| {
+        assert!(said.iter().any(|line| parts.iter().all(|part| line.contains(part))), "{parts:?}: {said:?}");
+    };
+    let half = |bytes: Vec<u8>| bytes[..bytes.len() / 2].to_vec();
+
+    damage(&root("webdataset").join("data/data-000001.tar"), &half);
+    holds(said(&root("webdataset").join("data"), "webdataset"), &["data-000001.tar", "the tar file ends within"]);
+    damage(&root("webdataset").join("data/categories.json"), &|_| b"[{\"id\": \"x\"}]".to_vec());
+    holds(said(&root("webdataset").join("data"), "webdataset"), &["categories.json"]);
+
+    damage(&root("npz").join("data/000001_0000.npz"), &half);
+    std::fs::remove_file(root("npz").join("data/000002_0001.npz")).expect("there");
+    holds(said(&root("npz").join("data"), "npz"), &["000001_0000.npz", "not a readable NumPy archive"]);
+
+    let lines = root("jsonl").join("data.jsonl");
+    damage(&lines, &|bytes| {
+        let text = String::from_utf8(bytes).expect("UTF-8");
+        let mut lines: Vec<String> = text.lines().map(str::to_owned).collect();
+        lines[1].truncate(80);
+        lines[2] = lines[2].replace("\"counts\":\"", "\"counts\":\"!");
+        lines[3] = lines[3].replace("visible_box", "visible_bix");
+        lines.push(lines[0].clone());
+        lines.join("\n").into_bytes()
+    });
+    let said = said(&lines, "jsonl");
+    for parts in [
+        &["line 2", "the line is not read"][..],
+        &["mask per instance"],
+        &["it has no field `visible_box`, which others have"],
+        &["that one counts"],
+    ] {
+        holds(said.clone(), parts);
+    }
+}
