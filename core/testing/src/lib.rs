@@ -13,6 +13,7 @@ pub mod assets;
 pub mod conformance;
 pub mod errors;
 pub mod folder;
+pub mod read_back;
 pub mod room;
 pub mod scenes;
 pub mod stats;

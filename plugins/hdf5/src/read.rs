@@ -59,6 +59,17 @@ impl Attributes {
         }
     }
 
+    /// Name of the category. That of objects of no class has one of its own.
+    fn category_name(&self) -> String {
+        let (object, object_name) = DatasetInfo::OBJECT;
+        match &self.category {
+            _ if self.category_id == object && self.role.is_some() => object_name.to_owned(),
+            Some(name) if !name.is_empty() => name.clone(),
+            _ if self.category_id == object => object_name.to_owned(),
+            _ => format!("category_{}", self.category_id),
+        }
+    }
+
     fn id(&self) -> InstanceId {
         InstanceId(self.idx)
     }
@@ -95,12 +106,7 @@ fn open(root: &Path) -> Result<Box<dyn DatasetReader>> {
         };
         let attributes = view.attributes().unwrap_or_default();
         for body in attributes.iter().filter(|body| body.is_object()) {
-            let name = body.category.clone().filter(|name| !name.is_empty());
-            let (object, object_name) = DatasetInfo::OBJECT;
-            let default = || {
-                if body.category_id == object { object_name.into() } else { format!("category_{}", body.category_id) }
-            };
-            let name = name.unwrap_or_else(default);
+            let name = body.category_name();
             let known: &String = names.entry(body.category_id).or_insert_with(|| name.clone());
             if *known != name {
                 let message = format!("category {} is `{name}`, which other files call `{known}`", body.category_id);

@@ -1,0 +1,100 @@
+//! HDF5 files are read back: each product equal to what was written, and the labels that follow from it.
+
+use serde_json::Value as Json;
+use std::path::Path;
+use syntable_hdf5 as _;
+use syntable_model::prelude::*;
+use syntable_model::product::standard::*;
+use syntable_model::reader;
+use syntable_testing::read_back::{assert_products, classes, opened, written};
+
+const INCLUDE: &str = "include = [\"visible_mask\", \"amodal_mask\", \"occlusion_order\", \"category_id\", \"camera\", \
+                       \"occlusion_rate\", \"visible_box\", \"amodal_bits\", \"radiance\", \"object_info\"]";
+
+/// What the layout keeps of a product: of bodies those that are shown, without materials and poses.
+fn part(name: &str, value: Json) -> Json {
+    match name {
+        "bodies" => Json::Null,
+        // Coded in [0, 1], as 32-bit floats.
+        "normal" => value.as_array().map_or(Json::Null, |rows| {
+            let round = |number: &Json| (number.as_f64().unwrap_or(f64::NAN) * 1e6).round() as i64;
+            let pixel = |pixel: &Json| pixel.as_array().into_iter().flatten().map(round).collect::<Vec<i64>>();
+            rows.iter().map(|row| row.as_array().into_iter().flatten().map(pixel).collect::<Vec<_>>()).collect()
+        }),
+        _ => value,
+    }
+}
+
+#[test]
+fn products_come_back_and_labels_follow() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let takes = written(folder.path(), "hdf5", INCLUDE);
+    let read = opened(folder.path(), "hdf5");
+    let offers = read.offers();
+    for key in keys![RGB, DEPTH, NORMAL, INSTANCE, BODIES, CAMERA, OCCLUSION_ORDER, OCCLUSION_MASK, AMODAL_BOX] {
+        assert!(offers.contains(&key), "{}", key.name);
+    }
+    let known = classes();
+    let names: Vec<(u32, &str)> = known.categories().collect();
+    assert!(read.info().categories().all(|category| names.contains(&category)));
+    let same = |name: &str, value: Json| {
+        // What the dataset gives them.
+        if ["object_name", "visible_ids"].contains(&name) { Json::Null } else { part(name, value) }
+    };
+    // Of an image without objects, nothing says which bodies there are.
+    assert!(assert_products(&*read, &takes, true, same) > 100);
+}
+
+/// Visible masks, categories and names of what is shown, from BlenderProc's datasets alone.
+#[test]
+fn blenderprocs_own_datasets_say_what_is_shown() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let takes = written(folder.path(), "hdf5", "");
+    let read = opened(folder.path(), "hdf5");
+    assert!(read.offers().contains(&VISIBLE_MASK.id()) && !read.offers().contains(&AMODAL_MASK.id()));
+    let mut seen = 0;
+    for (image, (_, products)) in takes.iter().flat_map(|take| &take.views).enumerate() {
+        let (_, found) = read.read(image, &keys![VISIBLE_MASK, CATEGORY_ID, OBJECT_NAME]).expect("readable");
+        let masks = found.get(VISIBLE_MASK).expect("there");
+        let shown = products.get(INSTANCE).expect("made");
+        for (id, mask) in masks.iter() {
+            let want: Vec<usize> = (0..shown.data().len()).filter(|at| shown.data()[*at] == id).collect();
+            let mut own: Vec<usize> = mask.pixels().collect();
+            own.sort_unstable();
+            assert!(!want.is_empty() && own == want);
+            seen += 1;
+        }
+        let categories = found.get(CATEGORY_ID).expect("there");
+        assert!(categories.iter().map(|it| it.0).eq(masks.iter().map(|it| it.0)));
+    }
+    assert!(seen > 30, "{seen}");
+}
+
+#[test]
+fn what_is_damaged_is_named() {
+    let folder = tempfile::tempdir().expect("a folder");
+    written(folder.path(), "hdf5", "");
+    let path = folder.path().join("data/000001_0001.hdf5");
+    let bytes = std::fs::read(&path).expect("readable");
+    let said = |root: &Path| {
+        let (_, read) = reader::open(root, None).expect("a dataset");
+        let errors =
+            (0..read.images().len()).filter_map(|image| Some(read.read(image, &read.offers()).err()?.to_string()));
+        errors.collect::<Vec<String>>()
+    };
+    assert!(said(folder.path()).is_empty());
+    // Cut off and changed anywhere, it is an error or other values, and never a panic.
+    let mut stream = Stream::root(3);
+    for step in 0..60 {
+        let mut changed = bytes.clone();
+        if step % 2 == 0 {
+            changed.truncate(stream.below(bytes.len() as u64) as usize);
+        } else {
+            (0..8).for_each(|_| changed[stream.below(4000) as usize] = stream.below(256) as u8);
+        }
+        std::fs::write(&path, &changed).expect("writable");
+        let said = said(folder.path());
+        assert!(said.len() <= 1 && said.iter().all(|error| error.contains("000001_0001.hdf5")), "{said:?}");
+        assert!(step % 2 == 1 || said.len() == 1, "{} bytes", changed.len());
+    }
+}

@@ -1,0 +1,92 @@
+//! Tables are read back: each product equal to what was written, and the labels that follow from it.
+
+use serde_json::Value as Json;
+use std::path::Path;
+use syntable_model::prelude::*;
+use syntable_model::product::standard::*;
+use syntable_model::reader;
+use syntable_parquet as _;
+use syntable_testing::read_back::{assert_products, classes, opened, written};
+
+/// What tables keep of a record: the fields that have columns.
+fn part(name: &str, mut value: Json) -> Json {
+    let fields: &[&str] = match name {
+        "object_info" => &["asset", "mass_kg", "world_from_object", "camera_from_object"],
+        "camera" => &["width", "height", "K", "world_from_camera", "distortion_k1_k2_p1_p2_k3"],
+        "visibility" => &["px_count_all", "px_count_in_frame", "px_count_valid", "px_count_visib", "visib_fract"],
+        _ => return value,
+    };
+    let keep = |record: &mut Json| {
+        if let Some(record) = record.as_object_mut() {
+            record.retain(|field, value| fields.contains(&field.as_str()) && !value.is_null());
+        }
+    };
+    if name == "camera" {
+        keep(&mut value);
+    } else if let Some(each) = value.as_object_mut() {
+        each.values_mut().for_each(keep);
+    }
+    value
+}
+
+#[test]
+fn products_come_back_and_labels_follow() {
+    let more = "\"object_info\", \"category_id\", \"object_name\", \"visible_mask\", \"amodal_mask\", \"amodal_outline\", \
+                \"visibility\", \"camera\", \"label_policy\", \"bodies\", \"occlusion_rate\"";
+    for options in [
+        String::new(),
+        format!("include = [{more}]\nimages = \"none\""),
+        "rows = \"views\"".to_owned(),
+        format!("rows = \"views\"\nimages = \"embedded\"\ninclude = [{more}]"),
+    ] {
+        let folder = tempfile::tempdir().expect("a folder");
+        let takes = written(folder.path(), "parquet", &options);
+        let read = opened(folder.path(), "parquet");
+        let offers = read.offers();
+        for key in keys![VISIBLE_MASK, AMODAL_BOX, OCCLUSION_MASK, OCCLUSION_ORDER, OBJECT_INFO, CATEGORY_ID] {
+            assert!(offers.contains(&key), "{options}: {}", key.name);
+        }
+        assert_eq!(offers.contains(&RGB.id()), !options.contains("none"), "{options}");
+        let known = classes();
+        let names: Vec<(u32, &str)> = known.categories().collect();
+        assert!(read.info().categories().all(|category| names.contains(&category)), "{options}");
+        // Tables of instances have no rows of images without any.
+        let compared = assert_products(&*read, &takes, options.contains("views"), part);
+        assert!(compared > 60, "{options}: {compared}");
+    }
+}
+
+#[test]
+fn what_is_damaged_is_named() {
+    let folder = tempfile::tempdir().expect("a folder");
+    written(folder.path(), "parquet", "");
+    let path = folder.path().join("data/instances/000002.parquet");
+    let bytes = std::fs::read(&path).expect("readable");
+    let said = |root: &Path| {
+        let (_, read) = reader::open(root, None).expect("a dataset");
+        let faults = read.faults().iter().map(|fault| fault.message.clone()).collect::<Vec<_>>();
+        let errors =
+            (0..read.images().len()).filter_map(|image| Some(read.read(image, &read.offers()).err()?.to_string()));
+        faults.into_iter().chain(errors).collect::<Vec<String>>()
+    };
+    assert!(said(folder.path()).is_empty());
+    // Cut off and changed anywhere, it is an error or other values, and never a panic.
+    let mut stream = Stream::root(3);
+    for step in 0..60 {
+        let mut changed = bytes.clone();
+        if step % 2 == 0 {
+            changed.truncate(stream.below(bytes.len() as u64) as usize);
+        } else {
+            let end = bytes.len() as u64;
+            (0..8).for_each(|_| changed[stream.below(end) as usize] = stream.below(256) as u8);
+        }
+        std::fs::write(&path, &changed).expect("writable");
+        let said = said(folder.path());
+        assert!(said.iter().all(|error| error.contains("000002.parquet") || error.contains("it")), "{said:?}");
+        assert!(step % 2 == 1 || !said.is_empty(), "{} bytes", changed.len());
+    }
+    std::fs::write(&path, &bytes).expect("writable");
+    std::fs::remove_file(folder.path().join("data/images/000002_0000.png")).expect("there");
+    let said = said(folder.path());
+    assert!(said.len() == 1 && said[0].contains("000002_0000.png"), "{said:?}");
+}
