@@ -9,7 +9,9 @@ use syntable_model::geometry::Pose;
 use syntable_model::product::standard::{
     AMODAL_BOX, AMODAL_MASK, CATEGORY_ID, OCCLUSION_MASK, OCCLUSION_ORDER, OCCLUSION_RATE, VISIBLE_BOX, VISIBLE_MASK,
 };
-use syntable_model::product::{BBox, Key, KeyId, Mask, OcclusionOrder, PerInstance, Product, Products};
+use syntable_model::product::{
+    BBox, Key, KeyId, Mask, OcclusionOrder, PerInstance, PixelCounts, Product, Products, Value,
+};
 use syntable_model::reader::{DatasetFault, ImageRef};
 use syntable_model::scene::{Camera, Exposure, InstanceId, Intrinsics, SceneId, View, ViewId};
 use syntable_model::stage::{DatasetInfo, LabelSurface, OwnCategory};
@@ -119,6 +121,15 @@ pub fn put(labels: &[Labels], order: Option<OcclusionOrder>, wants: &[KeyId], pr
     Ok(())
 }
 
+/// What readers say of [`visibility`].
+pub const WITHIN_IMAGE: &str =
+    "what of objects lies beyond the image is not known, and counts as nothing in `visibility`";
+
+/// What masks say of the product `visibility`: of parts beyond the image they know nothing.
+pub fn visibility(labels: &[Labels]) -> Result<PerInstance<Value>> {
+    labels.iter().map(|labels| Ok((labels.id, labels.counts().record()?))).collect()
+}
+
 struct Wanted<'a> {
     labels: &'a [Labels],
     wants: &'a [KeyId],
@@ -139,6 +150,19 @@ impl Wanted<'_> {
 }
 
 impl Labels {
+    /// Pixels of the silhouette within the image.
+    fn counts(&self) -> PixelCounts {
+        let amodal = self.amodal.as_ref().unwrap_or(&self.visible);
+        let area = u64::from(amodal.area());
+        PixelCounts {
+            all: area,
+            in_frame: area,
+            valid: area,
+            visible: self.visible.area().into(),
+            silhouette: amodal.bbox().into(),
+        }
+    }
+
     fn hidden(&self) -> Option<Mask> {
         self.occlusion.clone().or_else(|| Some(self.amodal.as_ref()?.minus(&self.visible)))
     }

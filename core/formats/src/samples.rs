@@ -9,7 +9,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use syntable_model::error::{Error, Result};
 use syntable_model::product::standard::{
     AMODAL_BITS, AMODAL_BOX, AMODAL_MASK, CAMERA, CATEGORY_ID, OBJECT_NAME, OCCLUSION_ORDER, OCCLUSION_RATE,
-    VISIBLE_BOX, VISIBLE_IDS, VISIBLE_MASK,
+    VISIBILITY, VISIBLE_BOX, VISIBLE_IDS, VISIBLE_MASK,
 };
 use syntable_model::product::{
     Form, Key, KeyId, Mask, PerInstance, Plane, Product, Products, Scope, Semantic, Stored, Tensor, Value, linked,
@@ -144,7 +144,8 @@ struct Reader {
 impl Reader {
     /// Products that follow from those that samples have.
     fn follow(&self) -> Vec<KeyId> {
-        let all = self.known.map(Known::offers).unwrap_or_default();
+        let mut all = self.known.map(Known::offers).unwrap_or_default();
+        all.extend((self.known == Some(Known::Both)).then_some(VISIBILITY.id()));
         all.into_iter().filter(|key| !self.keys.contains(key)).collect()
     }
 
@@ -300,7 +301,7 @@ impl DatasetReader for Reader {
         self.follow().into_iter().chain(forms).collect()
     }
 
-    fn caveats(&self, _: &[KeyId]) -> Vec<String> {
+    fn caveats(&self, reads: &[KeyId]) -> Vec<String> {
         let is_known = |name: &&String| self.keys.iter().any(|key| key.name == **name);
         let others: Vec<String> =
             self.samples.fields().iter().filter(|name| !is_known(name)).map(|name| format!("`{name}`")).collect();
@@ -311,6 +312,9 @@ impl DatasetReader for Reader {
         }
         if self.samples.categories().is_none() && self.info.own_categories.len() > 1 {
             caveats.push("of categories, ids alone are there: names are made of them".to_owned());
+        }
+        if reads.contains(&VISIBILITY.id()) && self.follow().contains(&VISIBILITY.id()) {
+            caveats.push(read::WITHIN_IMAGE.to_owned());
         }
         caveats
     }
@@ -342,6 +346,9 @@ impl DatasetReader for Reader {
         if !follow.is_empty() {
             let labels = self.labels(&fields, ids.as_deref(), [width, height])?;
             read::put(&labels, None, &follow, &mut products)?;
+            if follow.contains(&VISIBILITY.id()) {
+                products.put(VISIBILITY, read::visibility(&labels)?)?;
+            }
         }
         Ok((read::view(self.images()[image].view, width, height), products))
     }

@@ -21,6 +21,9 @@ pub struct Format {
     /// Opens a dataset by its folder, or by an annotation file of it. An error says that there is none, or that nothing of it
     /// can be read.
     pub open: fn(&Path) -> Result<Box<dyn DatasetReader>>,
+    /// Whether it has any products under their names, as what stands beside a dataset of a layout: of several datasets in a
+    /// folder, one of a layout counts first.
+    pub is_of_products: bool,
     /// Crate that registers it.
     pub crate_name: &'static str,
 }
@@ -59,12 +62,19 @@ pub fn find(root: &Path, format: Option<&str>) -> Result<(Format, PathBuf)> {
     if !root.is_dir() && !root.is_file() {
         return Err(Error::new("there is no such folder or file").in_file(root).of_request());
     }
-    let looks_like = |folder: &Path| formats.iter().filter(|it| (it.detect)(folder)).count() > 0;
+    let looks_like = |folder: &Path| formats.iter().any(|it| (it.detect)(folder));
     let inside = || -> Vec<PathBuf> {
         let entries = std::fs::read_dir(root).into_iter().flatten().flatten().map(|entry| entry.path());
-        let mut found: Vec<PathBuf> = entries.filter(|path| path.is_dir() && looks_like(path)).collect();
-        found.sort();
-        found
+        let mut folders: Vec<PathBuf> = entries.filter(|path| path.is_dir()).collect();
+        folders.sort();
+        let of = |is_of_products: bool| {
+            let is_one = |folder: &&PathBuf| {
+                formats.iter().any(|it| it.is_of_products == is_of_products && (it.detect)(folder.as_path()))
+            };
+            folders.iter().filter(is_one).cloned().collect::<Vec<_>>()
+        };
+        let found = of(false);
+        if found.is_empty() { of(true) } else { found }
     };
     if format.is_none() && !looks_like(root) {
         match inside().as_slice() {

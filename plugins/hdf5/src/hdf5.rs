@@ -128,14 +128,11 @@ impl Writer for Hdf5 {
             Scope::View => Ok(()),
             _ => Err("a file of this writer has one view; write it with jsonl or npz".to_owned()),
         };
-        let mut inputs: Vec<Input> = Vec::new();
-        for input in self.datasets.iter().flat_map(|dataset| dataset.reads()) {
-            if inputs.iter().all(|other| other.product != input.product) {
-                inputs.push(input);
-            }
-        }
-        inputs.extend(Input::included(&self.include, Accepts::If(of_view)));
-        inputs
+        let datasets = self.datasets.iter().enumerate().flat_map(|(place, dataset)| {
+            let of_entry = move |input: Input| Input { option: Some(format!("datasets[{place}]")), ..input };
+            dataset.reads().into_iter().map(of_entry)
+        });
+        datasets.chain(Input::included(&self.include, Accepts::If(of_view))).collect()
     }
 
     fn scene(&self, _: &SceneContext, output: Output) -> Result<Box<dyn SceneWriter>> {

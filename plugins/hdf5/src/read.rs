@@ -9,7 +9,7 @@ use syntable_formats::coco::Category;
 use syntable_formats::read::{Faults, place_in_name};
 use syntable_formats::samples::{self, Fields, Samples};
 use syntable_model::prelude::*;
-use syntable_model::product::standard::{BODIES, CATEGORY_ID, INSTANCE, NORMAL, OBJECT_NAME, RGB, VISIBLE_IDS};
+use syntable_model::product::standard::{CATEGORY_ID, INSTANCE, NORMAL, OBJECT_NAME, RGB, VISIBLE_IDS};
 use syntable_model::product::{DType, Tensor};
 use syntable_model::reader::{DatasetFault, DatasetReader, Format, ImageRef};
 use syntable_model::scene::{SceneId, ViewId};
@@ -19,6 +19,7 @@ syntable_model::register_format!(Format {
     doc: "HDF5 files of views, as BlenderProc and the writer `hdf5` have them.",
     detect: |root| !files_of(root).is_empty(),
     open,
+    is_of_products: true,
     crate_name: env!("CARGO_PKG_NAME"),
 });
 
@@ -184,7 +185,6 @@ impl View {
             (VISIBLE_IDS.id(), has_bodies),
             (CATEGORY_ID.id(), has_bodies),
             (OBJECT_NAME.id(), has_bodies),
-            (BODIES.id(), has_bodies),
         ] {
             fields.extend(has.then(|| key.name.to_string()));
         }
@@ -216,10 +216,9 @@ impl View {
             self.visible_ids()
         } else if is(CATEGORY_ID.id()) {
             of_objects(&|body| body.category_id.into())
-        } else if is(OBJECT_NAME.id()) {
-            of_objects(&|body| body.pool_and_name().1.into())
         } else {
-            Ok(Value::List(self.attributes()?.iter().map(Attributes::body).collect()))
+            // Of the asset, without its pool.
+            of_objects(&|body| body.name.rsplit('/').next().unwrap_or_default().into())
         }
     }
 
@@ -339,25 +338,5 @@ impl View {
             [x, -y, -z]
         };
         Ok(Plane::from_fn(width as u32, height as u32, normal).into())
-    }
-}
-
-impl Attributes {
-    /// Pool and name of the asset.
-    fn pool_and_name(&self) -> (&str, &str) {
-        self.name.split_once('/').unwrap_or(("", &self.name))
-    }
-
-    /// The entry of a body, as far as it is known.
-    fn body(&self) -> Value {
-        let role = self.role.clone().unwrap_or_else(|| if self.is_object() { OBJECT } else { "" }.to_owned());
-        let (pool, name) = self.pool_and_name();
-        Value::record([
-            ("id", u32::from(self.idx).into()),
-            ("role", role.into()),
-            ("pool", pool.into()),
-            ("name", name.into()),
-            ("category", self.category.clone().unwrap_or_default().into()),
-        ])
     }
 }

@@ -11,10 +11,9 @@ use syntable_testing::read_back::{assert_products, classes, opened, written};
 const INCLUDE: &str = "include = [\"visible_mask\", \"amodal_mask\", \"occlusion_order\", \"category_id\", \"camera\", \
                        \"occlusion_rate\", \"visible_box\", \"amodal_bits\", \"radiance\", \"object_info\"]";
 
-/// What the layout keeps of a product: of bodies those that are shown, without materials and poses.
+/// What the layout keeps of a product.
 fn part(name: &str, value: Json) -> Json {
     match name {
-        "bodies" => Json::Null,
         // Coded in [0, 1], as 32-bit floats.
         "normal" => value.as_array().map_or(Json::Null, |rows| {
             let round = |number: &Json| (number.as_f64().unwrap_or(f64::NAN) * 1e6).round() as i64;
@@ -31,7 +30,7 @@ fn products_come_back_and_labels_follow() {
     let takes = written(folder.path(), "hdf5", INCLUDE);
     let read = opened(folder.path(), "hdf5");
     let offers = read.offers();
-    for key in keys![RGB, DEPTH, NORMAL, INSTANCE, BODIES, CAMERA, OCCLUSION_ORDER, OCCLUSION_MASK, AMODAL_BOX] {
+    for key in keys![RGB, DEPTH, NORMAL, INSTANCE, CAMERA, OCCLUSION_ORDER, OCCLUSION_MASK, AMODAL_BOX] {
         assert!(offers.contains(&key), "{}", key.name);
     }
     let known = classes();

@@ -23,6 +23,7 @@ syntable_model::register_format!(Format {
     doc: "Parquet tables of instances or views, as the writer `parquet` has them.",
     detect: |root| !tables_of(root).is_empty(),
     open,
+    is_of_products: true,
     crate_name: env!("CARGO_PKG_NAME"),
 });
 

@@ -110,6 +110,12 @@ pub fn convert(
     })
 }
 
+/// Names of the products that a dataset has, or that annotators make of them.
+pub fn products_of(registry: &Registry, dataset: &dyn DatasetReader) -> BTreeSet<String> {
+    let offers = dataset.offers();
+    can_be_had(&offers, &parts_of_all(registry, &offers))
+}
+
 /// Refuses a link that leads nowhere: no folder can be made there.
 pub(super) fn check_link(out: &Path) -> Result<()> {
     let is_link = fs::symlink_metadata(out).is_ok_and(|entry| entry.is_symlink());
@@ -208,8 +214,7 @@ fn resolve(
             .of_request());
     }
     let offers = dataset.offers();
-    let parts: Vec<(String, Part)> =
-        plan::registered(registry).into_iter().flat_map(|candidate| parts_of(candidate, &offers)).collect();
+    let parts = parts_of_all(registry, &offers);
     let has = can_be_had(&offers, &parts);
     let (mut wants, mut lacking) = (Vec::new(), BTreeSet::new());
     for (id, writer) in writers {
@@ -241,7 +246,7 @@ fn resolve(
         let mut help = format!("the dataset has {}", has.join(", "));
         // Such as `include[0]`.
         let named = errors.iter().filter(is_unknown).find_map(|error| {
-            let option = error.option.as_ref()?.split('[').next()?;
+            let option = error.option.as_ref()?.split('[').next().filter(|option| *option == "include")?;
             Some((error.stage.strip_prefix("write.")?, option))
         });
         if let (Some((kind, option)), Some(first)) = (named, has.first()) {
@@ -276,6 +281,11 @@ impl Annotator for Part {
         self.annotator.annotate(cx, &mut filled)?;
         products.extend(filled.without(&lent))
     }
+}
+
+/// The groups of all annotators; see [`parts_of`].
+fn parts_of_all(registry: &Registry, offers: &[KeyId]) -> Vec<(String, Part)> {
+    plan::registered(registry).into_iter().flat_map(|candidate| parts_of(candidate, offers)).collect()
 }
 
 /// The groups of an annotator that needs nothing but products, but for those that a dataset has itself.

@@ -40,7 +40,7 @@ pub mod times;
 mod todo;
 mod verify;
 
-pub use convert::{Converted, convert};
+pub use convert::{Converted, convert, products_of};
 pub(crate) use end::dataset_info;
 pub(crate) use inputs::files as files_of;
 pub use merge::merge;

@@ -16,6 +16,7 @@ syntable_model::register_format!(Format {
     doc: "JSON Lines of views or scenes, as the writer `jsonl` has them: products under their names.",
     detect: |root| file_of(root).is_some_and(|path| starts_as_one(&path)),
     open,
+    is_of_products: true,
     crate_name: env!("CARGO_PKG_NAME"),
 });
 

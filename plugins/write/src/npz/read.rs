@@ -19,6 +19,7 @@ syntable_model::register_format!(Format {
     doc: "NumPy archives of views, as the writer `npz` has them: products under their names.",
     detect: |root| !archives_of(root).is_empty(),
     open,
+    is_of_products: true,
     crate_name: env!("CARGO_PKG_NAME"),
 });
 

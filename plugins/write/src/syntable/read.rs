@@ -15,7 +15,7 @@ use syntable_model::product::standard::{
     BODIES, CAMERA, DENOISER, DEPTH, EXPOSURE, LABEL_POLICY, OBJECT_INFO, OBJECT_NAME, OCCLUSION_MASK, OCCLUSION_ORDER,
     RGB, VISIBILITY,
 };
-use syntable_model::product::{BBox, OcclusionOrder, PixelCounts};
+use syntable_model::product::{BBox, OcclusionOrder};
 use syntable_model::reader::{DatasetFault, DatasetReader, Format, ImageRef};
 
 syntable_model::register_format!(Format {
@@ -25,6 +25,7 @@ syntable_model::register_format!(Format {
         annotation_files(path).is_ok_and(|files| !files.is_empty()) && root_of(path).join("data/mono").is_dir()
     },
     open,
+    is_of_products: false,
     crate_name: env!("CARGO_PKG_NAME"),
 });
 
@@ -206,8 +207,7 @@ impl DatasetReader for Reader {
     }
 
     fn caveats(&self, reads: &[KeyId]) -> Vec<String> {
-        let counts = "what of objects lies beyond the image is not known, and counts as nothing in `visibility`";
-        reads.contains(&VISIBILITY.id()).then(|| counts.to_owned()).into_iter().collect()
+        reads.contains(&VISIBILITY.id()).then(|| read::WITHIN_IMAGE.to_owned()).into_iter().collect()
     }
 
     fn read(&self, image: usize, wants: &[KeyId]) -> Result<(View, Products)> {
@@ -235,9 +235,7 @@ impl DatasetReader for Reader {
             }
         }
         if wanted(VISIBILITY.id()) {
-            let counts =
-                labels.iter().map(|labels| Ok((labels.id, counts(labels).record()?))).collect::<Result<_>>()?;
-            products.put(VISIBILITY, counts)?;
+            products.put(VISIBILITY, read::visibility(&labels)?)?;
         }
         if wanted(OBJECT_NAME.id()) {
             let names = labels.iter().zip(&record.annotations);
@@ -305,19 +303,6 @@ fn faults_of_numbers(annotation: &Annotation, labels: &Labels) -> Vec<(&'static 
         faults.push(("bbox_is_that_of_a_mask", message));
     }
     faults
-}
-
-/// What masks say of the silhouette: of its parts beyond the image the layout knows nothing.
-fn counts(labels: &Labels) -> PixelCounts {
-    let (visible, amodal) = (&labels.visible, labels.amodal.as_ref().unwrap_or(&labels.visible));
-    let area = u64::from(amodal.area());
-    PixelCounts {
-        all: area,
-        in_frame: area,
-        valid: area,
-        visible: visible.area().into(),
-        silhouette: amodal.bbox().into(),
-    }
 }
 
 impl Shown {

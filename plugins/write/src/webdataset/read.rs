@@ -20,6 +20,7 @@ syntable_model::register_format!(Format {
     doc: "Tar files of samples, as the writer `webdataset` has them: products under their names.",
     detect: |root| !shards_of(root).is_empty(),
     open,
+    is_of_products: true,
     crate_name: env!("CARGO_PKG_NAME"),
 });
 
