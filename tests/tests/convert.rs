@@ -167,11 +167,12 @@ fn amodal_masks_alone_are_no_visible_ones() {
     // What needs visible masks is refused.
     let said = fails(&mut convert(&coco, "coco_panoptic", &folder.path().join("panoptic")), 2);
     assert!(said.contains("reads `visible_mask`, `visible_box`, which the dataset does not have"), "{said}");
-    let said = fails(&mut convert(&coco, "npz", &folder.path().join("arrays")), 2);
-    assert!(
-        said.contains("reads `depth`, `visible_box`, `occlusion_order`, which the dataset does not have"),
-        "{said}"
-    );
+    let said = ok(&mut convert(&coco, "npz", &folder.path().join("arrays")));
+    assert!(said.contains("left out: depth, occlusion_order, visible_box, visible_ids"), "{said}");
+    assert!(whole == masks(&folder.path().join("arrays")));
+    let mut given = convert(&coco, "npz", &folder.path().join("given"));
+    let said = fails(given.args(["--set", "npz.include=[\"depth\", \"visible_box\", \"amodal_box\"]"]), 2);
+    assert!(said.contains("reads `depth`, `visible_box`, which the dataset does not have"), "{said}");
     assert!(said.contains("as in --set 'npz.include=[\"category_id\"]'"), "{said}");
     // Objects overlap: taken for what is visible, they would be at fault.
     let file = yolo.join("data.yaml");

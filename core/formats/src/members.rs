@@ -7,8 +7,8 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use syntable_model::error::{Error, Result};
 
-/// Most bytes of a member that is read as a whole.
-const MAX_BYTES: u64 = 1 << 31;
+/// Most bytes of a member of an archive that is read as a whole.
+pub const MAX_BYTES: u64 = 1 << 31;
 
 /// A file in a tar file.
 #[derive(Debug, Clone)]

@@ -4,6 +4,7 @@
 //! them, is the same for all.
 
 use crate::coco::Category;
+use crate::decode::MAX_PIXELS;
 use crate::read::{self, Categories, Known, Labels};
 use std::collections::{BTreeMap, BTreeSet};
 use syntable_model::error::{Error, Result};
@@ -265,6 +266,27 @@ fn size_of(value: &Value) -> Option<[u32; 2]> {
     }
 }
 
+/// Refuses images and masks of another size than the view, and such as no image has.
+fn check_sizes(fields: &Fields, keys: &[KeyId], [width, height]: [u32; 2]) -> Result<()> {
+    let refuse = |what: String| Err(Error::new(what).permanent());
+    if u64::from(width) * u64::from(height) > MAX_PIXELS {
+        return refuse(format!("{width} × {height} pixels are too many"));
+    }
+    let of_pixels = |key: &&KeyId| matches!(key.form().of_one(), Form::Mask | Form::Image { .. });
+    for key in keys.iter().filter(of_pixels) {
+        let Some(value) = fields.get(&key.name.to_string()) else { continue };
+        let each: Vec<&Value> = match value {
+            Value::PerInstance(each) => each.values().collect(),
+            Value::Record(each) if instances_of(value).is_some() => each.iter().map(|(_, value)| value).collect(),
+            value => vec![value],
+        };
+        if let Some([w, h]) = each.into_iter().filter_map(size_of).find(|size| *size != [width, height]) {
+            return refuse(format!("its field `{}` has {w} × {h} pixels, the image {width} × {height}", key.name));
+        }
+    }
+    Ok(())
+}
+
 /// The instances of a value, in order.
 fn instances_of(value: &Value) -> Option<Vec<InstanceId>> {
     let mut ids = match value {
@@ -337,6 +359,7 @@ impl DatasetReader for Reader {
         let size = sized.and_then(of).or_else(|| own.iter().find_map(|key| of(*key))).and_then(size_of);
         // An image of nothing has no masks that say how large it is.
         let [width, height] = size.unwrap_or_default();
+        check_sizes(&fields, &self.keys, [width, height])?;
         let mut products = Products::new();
         for key in own {
             let missing = if key.semantic == Semantic::Depth { f64::INFINITY } else { f64::NAN };

@@ -6,6 +6,7 @@ use hdf5_pure::File;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use syntable_formats::coco::Category;
+use syntable_formats::members::MAX_BYTES;
 use syntable_formats::read::{Faults, place_in_name};
 use syntable_formats::samples::{self, Fields, Samples};
 use syntable_model::prelude::*;
@@ -242,10 +243,23 @@ impl View {
         values.ok_or_else(|| self.refuse(name, &format!("`{ids}` are not as many as its values")))
     }
 
+    /// A dataset that may be read as a whole.
+    fn dataset(&self, name: &str) -> Result<hdf5_pure::Dataset> {
+        let fail = |error: hdf5_pure::Error| self.refuse(name, &error.to_string());
+        let dataset = self.file.dataset(name).map_err(fail)?;
+        let lengths = dataset.shape().map_err(fail)?;
+        let size = dataset.element_size().map_err(fail)?;
+        let bytes = lengths.iter().try_fold(size, |bytes, length| bytes.checked_mul(*length));
+        if bytes.is_none_or(|bytes| bytes > MAX_BYTES) {
+            return Err(self.refuse(name, &format!("{lengths:?} elements of {size} bytes are too many")));
+        }
+        Ok(dataset)
+    }
+
     /// The text of a dataset; none if it is none.
     fn text(&self, name: &str) -> Result<Option<String>> {
         let fail = |error: hdf5_pure::Error| self.refuse(name, &error.to_string());
-        let dataset = self.file.dataset(name).map_err(fail)?;
+        let dataset = self.dataset(name)?;
         match dataset.dtype().map_err(fail)? {
             Stored::String | Stored::VariableLengthString => {
                 Ok(dataset.read_string().map_err(fail)?.into_iter().next())
@@ -259,7 +273,7 @@ impl View {
             numbers.into_iter().flat_map(to).collect()
         }
         let fail = |error: hdf5_pure::Error| self.refuse(name, &error.to_string());
-        let dataset = self.file.dataset(name).map_err(fail)?;
+        let dataset = self.dataset(name)?;
         let shape = dataset.shape().map_err(fail)?.into_iter().map(|length| length as usize).collect::<Vec<_>>();
         let (dtype, bytes) = match dataset.dtype().map_err(fail)? {
             Stored::U8 => (DType::U8, dataset.read_u8().map_err(fail)?),

@@ -48,6 +48,50 @@ fn products_come_back_and_labels_follow() {
     }
 }
 
+/// Cut off and changed anywhere, a dataset has faults or other values, and nothing panics.
+#[test]
+fn nothing_that_is_read_panics() {
+    let masks = "include = [\"visible_mask\", \"amodal_mask\", \"visible_box\", \"occlusion_order\", \"camera\"]";
+    for (kind, options, file) in [
+        ("webdataset", "", "data/data-000000.tar"),
+        ("npz", "compress = false", "data/000000_0001.npz"),
+        ("jsonl", masks, "data.jsonl"),
+        ("npz", "", "data/categories.json"),
+    ] {
+        let folder = tempfile::tempdir().expect("a folder");
+        written(folder.path(), kind, options);
+        let path = folder.path().join(file);
+        let bytes = std::fs::read(&path).expect("readable");
+        let mut stream = Stream::root(5);
+        let end = bytes.len() as u64;
+        for step in 0..80 {
+            let mut changed = bytes.clone();
+            match step % 4 {
+                0 => changed.truncate(stream.below(end) as usize),
+                // Digits give other numbers and shapes where JSON and headers stay what they are.
+                1 => {
+                    let digits: Vec<usize> = (0..changed.len()).filter(|at| changed[*at].is_ascii_digit()).collect();
+                    for _ in 0..6 {
+                        changed[digits[stream.below(digits.len() as u64) as usize]] = b'0' + stream.below(10) as u8;
+                    }
+                }
+                _ => (0..8).for_each(|_| changed[stream.below(end) as usize] = stream.below(256) as u8),
+            }
+            std::fs::write(&path, &changed).expect("writable");
+            let Ok((_, read)) = reader::open(folder.path(), Some(kind)).or_else(|_| {
+                let within = if kind == "jsonl" { "data.jsonl" } else { "data" };
+                reader::open(&folder.path().join(within), Some(kind))
+            }) else {
+                continue;
+            };
+            for image in 0..read.images().len() {
+                // Masks that do not fit each other would stop it where occlusion is made of them.
+                let _ = read.read(image, &read.offers());
+            }
+        }
+    }
+}
+
 #[test]
 fn each_product_is_read_by_itself() {
     let folder = tempfile::tempdir().expect("a folder");

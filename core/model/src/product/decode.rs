@@ -43,6 +43,8 @@ impl<'a> Stored<'a> {
             Value::Mask(mask) => Some(mask.clone()),
             Value::Record(_) => {
                 let size: [u32; 2] = self.field("size")?.integers()?;
+                // As many as can be counted.
+                size[0].checked_mul(size[1])?;
                 match self.field("counts")?.value {
                     Value::Text(counts) => Mask::from_coco(size[1], size[0], counts).ok(),
                     Value::List(counts) => {

@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 use syntable_formats::coco::Category;
 use syntable_formats::decode::Content;
 use syntable_formats::include;
+use syntable_formats::members::MAX_BYTES;
 use syntable_formats::read::place_in_name;
 use syntable_formats::samples::{self, Fields, Samples};
 use syntable_model::prelude::*;
@@ -125,6 +126,9 @@ impl Archive {
         let mut bytes = Vec::new();
         // An array is no larger than the archive says: what would be is cut off, and refused as such.
         let size = file.size();
+        if size > MAX_BYTES {
+            return Err(refuse(format!("{size} bytes are too many")));
+        }
         file.take(size).read_to_end(&mut bytes).map_err(|error| refuse(format!("the array is damaged: {error}")))?;
         Ok(Content::new(bytes, path.clone()))
     }
