@@ -3,7 +3,7 @@
 use crate::coco::Category;
 use std::collections::btree_map::Entry;
 use std::collections::{BTreeMap, BTreeSet};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use syntable_model::error::{Error, Result};
 use syntable_model::geometry::Pose;
 use syntable_model::product::standard::{
@@ -384,7 +384,7 @@ impl Faults {
         for (number, record) in (0..).zip(records) {
             let (name, said) = of(&record);
             let place = said.or_else(|| place_in_name(name)).filter(|_| named).unwrap_or((number, 0));
-            let image = ImageRef { scene: SceneId(place.0), view: ViewId(place.1), name: name.clone(), id: None };
+            let image = image(place, name.clone());
             match placed.entry(place) {
                 Entry::Vacant(entry) => drop(entry.insert((image, record))),
                 Entry::Occupied(first) => {
@@ -405,6 +405,25 @@ impl Faults {
     pub fn into_inner(self) -> Vec<DatasetFault> {
         self.0
     }
+}
+
+/// What a dataset is called that does not say so: as its folder, or its file without the ending.
+pub fn name_of(root: &Path) -> String {
+    let name = if root.is_file() { root.file_stem() } else { root.file_name() };
+    name.map_or_else(String::new, |name| name.to_string_lossy().into_owned())
+}
+
+/// What is in a folder, sorted; nothing if it cannot be read.
+pub fn entries(folder: &Path) -> Vec<PathBuf> {
+    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    let mut entries: Vec<PathBuf> = entries.map(|entry| entry.path()).collect();
+    entries.sort();
+    entries
+}
+
+/// The image of a view that is called so.
+pub fn image((scene, view): (u32, u32), name: String) -> ImageRef {
+    ImageRef { scene: SceneId(scene), view: ViewId(view), name, id: None }
 }
 
 /// Scene and view of an image that is named after them: `{scene}_{view}`.

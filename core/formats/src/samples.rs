@@ -5,7 +5,7 @@
 
 use crate::coco::Category;
 use crate::decode::MAX_PIXELS;
-use crate::read::{self, Categories, Known, Labels};
+use crate::read::{self, Categories, Faults, Known, Labels};
 use std::collections::{BTreeMap, BTreeSet};
 use syntable_model::error::{Error, Result};
 use syntable_model::product::standard::{
@@ -22,20 +22,24 @@ use syntable_model::stage::DatasetInfo;
 /// The fields of a sample by name.
 pub type Fields = BTreeMap<String, Value>;
 
+/// What is known of a dataset when it is opened.
+#[derive(Debug, Default)]
+pub struct Contents {
+    /// The views that samples are of, by scene and view.
+    pub images: Vec<ImageRef>,
+    /// Names of the fields that samples have.
+    pub fields: BTreeSet<String>,
+    /// What is wrong with the dataset as a whole.
+    pub faults: Faults,
+    /// The categories, if the format names them.
+    pub categories: Option<Vec<Category>>,
+}
+
 /// The samples of a dataset.
 pub trait Samples: Send + Sync {
-    /// The views that samples are of, by scene and view.
-    fn images(&self) -> &[ImageRef];
-    /// Names of the fields that samples have.
-    fn fields(&self) -> &BTreeSet<String>;
-    /// Those of the wanted fields that a sample has. A value per instance is [`Value::PerInstance`] or a record by ids.
+    /// Those of the wanted fields that the sample of an image has. A value per instance is [`Value::PerInstance`] or a record
+    /// by ids.
     fn read(&self, image: usize, wanted: &BTreeSet<&str>) -> Result<Fields>;
-    /// What is wrong with the dataset as a whole.
-    fn faults(&self) -> &[DatasetFault];
-    /// The categories, if the format names them.
-    fn categories(&self) -> Option<Vec<Category>> {
-        None
-    }
 }
 
 /// Fields whose instances are the annotated ones, those first that are read fast.
@@ -84,10 +88,10 @@ fn ids_of(ids: &Tensor) -> Option<Vec<InstanceId>> {
 }
 
 /// Opens a dataset of samples. `name` is what it is called.
-pub fn open(name: String, samples: Box<dyn Samples>) -> Box<dyn DatasetReader> {
+pub fn open(name: String, contents: Contents, samples: Box<dyn Samples>) -> Box<dyn DatasetReader> {
     let of_view = |key: &KeyId| matches!(key.scope, Scope::View | Scope::Scene) && key.is_decoded();
     let keys: Vec<KeyId> =
-        linked().into_iter().filter(|key| of_view(key) && samples.fields().contains(&key.name.to_string())).collect();
+        linked().into_iter().filter(|key| of_view(key) && contents.fields.contains(&key.name.to_string())).collect();
     let has = |key: KeyId| keys.contains(&key);
     let visible = [VISIBLE_MASK.id(), VISIBLE_IDS.id()].into_iter().find(|key| has(*key));
     let annotated = OF_ANNOTATED.into_iter().find(|key| has(*key));
@@ -100,18 +104,18 @@ pub fn open(name: String, samples: Box<dyn Samples>) -> Box<dyn DatasetReader> {
         (None, Some(_)) => Some(Known::Amodal),
         (None, None) => None,
     };
-    let categories = Categories::of(&samples.categories().unwrap_or_else(|| categories_of(&*samples)));
-    let info = categories.info(name, String::new(), samples.images(), String::new());
-    Box::new(Reader { samples, info, keys, visible, amodal, annotated, known })
+    let own = contents.categories.clone().unwrap_or_else(|| categories_of(&contents, &*samples));
+    let info = Categories::of(&own).info(name, String::new(), &contents.images, String::new());
+    Box::new(Reader { contents, samples, info, keys, visible, amodal, annotated, known })
 }
 
 /// The categories that samples have, which have no names there.
-fn categories_of(samples: &dyn Samples) -> Vec<Category> {
+fn categories_of(contents: &Contents, samples: &dyn Samples) -> Vec<Category> {
     let name = CATEGORY_ID.name();
     let mut ids: BTreeSet<u32> = BTreeSet::new();
-    if samples.fields().contains(name) {
+    if contents.fields.contains(name) {
         let wanted = BTreeSet::from([name]);
-        for image in 0..samples.images().len() {
+        for image in 0..contents.images.len() {
             // What cannot be read is reported with its image.
             let fields = samples.read(image, &wanted).unwrap_or_default();
             let categories = fields.get(name).and_then(|value| <PerInstance<u32>>::decode(stored(value, &[])));
@@ -129,6 +133,7 @@ fn stored<'a>(value: &'a Value, ids: &'a [InstanceId]) -> Stored<'a> {
 }
 
 struct Reader {
+    contents: Contents,
     samples: Box<dyn Samples>,
     info: DatasetInfo,
     /// The products that samples have.
@@ -306,11 +311,11 @@ impl DatasetReader for Reader {
     }
 
     fn images(&self) -> &[ImageRef] {
-        self.samples.images()
+        &self.contents.images
     }
 
     fn faults(&self) -> &[DatasetFault] {
-        self.samples.faults()
+        self.contents.faults.all()
     }
 
     fn offers(&self) -> Vec<KeyId> {
@@ -326,13 +331,13 @@ impl DatasetReader for Reader {
     fn caveats(&self, reads: &[KeyId]) -> Vec<String> {
         let is_known = |name: &&String| self.keys.iter().any(|key| key.name == **name);
         let others: Vec<String> =
-            self.samples.fields().iter().filter(|name| !is_known(name)).map(|name| format!("`{name}`")).collect();
+            self.contents.fields.iter().filter(|name| !is_known(name)).map(|name| format!("`{name}`")).collect();
         let mut caveats = Vec::new();
         if !others.is_empty() {
             caveats
                 .push(format!("fields that are no products that files give back are left out: {}", others.join(", ")));
         }
-        if self.samples.categories().is_none() && self.info.own_categories.len() > 1 {
+        if self.contents.categories.is_none() && self.info.own_categories.len() > 1 {
             caveats.push("of categories, ids alone are there: names are made of them".to_owned());
         }
         if reads.contains(&VISIBILITY.id()) && self.follow().contains(&VISIBILITY.id()) {

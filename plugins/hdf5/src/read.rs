@@ -7,13 +7,12 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use syntable_formats::coco::Category;
 use syntable_formats::members::MAX_BYTES;
-use syntable_formats::read::{Faults, place_in_name};
-use syntable_formats::samples::{self, Fields, Samples};
+use syntable_formats::read::{self, Faults, place_in_name};
+use syntable_formats::samples::{self, Contents, Fields, Samples};
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{CATEGORY_ID, INSTANCE, NORMAL, OBJECT_NAME, RGB, VISIBLE_IDS};
 use syntable_model::product::{DType, Tensor};
-use syntable_model::reader::{DatasetFault, DatasetReader, Format, ImageRef};
-use syntable_model::scene::{SceneId, ViewId};
+use syntable_model::reader::{DatasetReader, Format};
 
 syntable_model::register_format!(Format {
     name: "hdf5",
@@ -36,9 +35,8 @@ fn files_of(folder: &Path) -> BTreeMap<(u32, u32), PathBuf> {
         // BlenderProc numbers the views of a scene.
         place_in_name(stem).or_else(|| Some((0, stem.parse().ok()?)))
     };
-    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path());
     let is_one = |path: &PathBuf| path.extension().is_some_and(|it| it == "hdf5" || it == "h5") && path.is_file();
-    entries.filter(is_one).filter_map(|path| Some((place(&path)?, path))).collect()
+    read::entries(folder).into_iter().filter(is_one).filter_map(|path| Some((place(&path)?, path))).collect()
 }
 
 /// What is read of an entry of `instance_attribute_maps`. Other programs leave some of it out.
@@ -77,13 +75,8 @@ impl Attributes {
     }
 }
 
-struct Files {
-    images: Vec<ImageRef>,
-    paths: Vec<PathBuf>,
-    fields: BTreeSet<String>,
-    faults: Faults,
-    categories: Option<Vec<Category>>,
-}
+/// The files of the views.
+struct Files(Vec<PathBuf>);
 
 fn open(root: &Path) -> Result<Box<dyn DatasetReader>> {
     let all = files_of(root);
@@ -91,12 +84,7 @@ fn open(root: &Path) -> Result<Box<dyn DatasetReader>> {
         let help = "name the folder that has the files, such as 000000_0000.hdf5";
         return Err(Error::new("it has no HDF5 files of views").in_file(root).help(help).of_request());
     }
-    let image = |((scene, view), path): (&(u32, u32), &PathBuf)| ImageRef {
-        scene: SceneId(*scene),
-        view: ViewId(*view),
-        name: path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned()),
-        id: None,
-    };
+    let image = |(place, path): (&(u32, u32), &PathBuf)| read::image(*place, read::name_of(path));
     let images = all.iter().map(image).collect();
     let paths: Vec<PathBuf> = all.into_values().collect();
     let (mut fields, mut faults, mut names) = (None, Faults::default(), BTreeMap::new());
@@ -120,30 +108,13 @@ fn open(root: &Path) -> Result<Box<dyn DatasetReader>> {
     }
     let category = |(id, name): (u32, String)| Category { id: id.into(), name, ..Category::default() };
     let categories = Some(names.into_iter().map(category).collect()).filter(|all: &Vec<Category>| !all.is_empty());
-    let name = root.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
-    let files = Files { images, paths, fields: fields.unwrap_or_default(), faults, categories };
-    Ok(samples::open(name, Box::new(files)))
+    let contents = Contents { images, fields: fields.unwrap_or_default(), faults, categories };
+    Ok(samples::open(read::name_of(root), contents, Box::new(Files(paths))))
 }
 
 impl Samples for Files {
-    fn images(&self) -> &[ImageRef] {
-        &self.images
-    }
-
-    fn fields(&self) -> &BTreeSet<String> {
-        &self.fields
-    }
-
-    fn faults(&self) -> &[DatasetFault] {
-        self.faults.all()
-    }
-
-    fn categories(&self) -> Option<Vec<Category>> {
-        self.categories.clone()
-    }
-
     fn read(&self, image: usize, wanted: &BTreeSet<&str>) -> Result<Fields> {
-        let view = View::open(&self.paths[image])?;
+        let view = View::open(&self.0[image])?;
         let own = view.fields().into_iter().filter(|name| wanted.contains(name.as_str()));
         own.map(|name| Ok((name.clone(), view.field(&name)?))).collect()
     }

@@ -6,17 +6,16 @@ use parquet::file::reader::{FileReader, SerializedFileReader};
 use parquet::record::{Field, Row};
 use parquet::schema::types::Type;
 use std::collections::{BTreeMap, BTreeSet};
-use std::fs::{self, File};
+use std::fs::File;
 use std::path::{Path, PathBuf};
 use syntable_formats::coco::Category;
 use syntable_formats::decode::Content;
-use syntable_formats::read::Faults;
-use syntable_formats::samples::{self, Fields, Samples};
+use syntable_formats::read::{self, Faults};
+use syntable_formats::samples::{self, Contents, Fields, Samples};
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{CAMERA, CATEGORY_ID, RGB};
 use syntable_model::product::{Form, linked};
-use syntable_model::reader::{DatasetFault, DatasetReader, Format, ImageRef};
-use syntable_model::scene::{SceneId, ViewId};
+use syntable_model::reader::{DatasetReader, Format};
 
 syntable_model::register_format!(Format {
     name: "parquet",
@@ -40,14 +39,11 @@ const IMAGE: &str = IMAGES[1];
 /// The tables of a dataset, or of one of its folders, that are called after a scene.
 fn tables_of(root: &Path) -> Vec<PathBuf> {
     let of = |folder: &Path| {
-        let entries = fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path());
         let is_one = |path: &PathBuf| {
             let stem = path.file_stem().and_then(|stem| stem.to_str());
             path.extension().is_some_and(|it| it == "parquet") && stem.is_some_and(|it| it.parse::<u32>().is_ok())
         };
-        let mut tables: Vec<PathBuf> = entries.filter(|path| is_one(path) && path.is_file()).collect();
-        tables.sort();
-        tables
+        read::entries(folder).into_iter().filter(|path| is_one(path) && path.is_file()).collect::<Vec<_>>()
     };
     let folders = FOLDERS.map(|folder| root.join(folder)).into_iter().chain([root.to_owned()]);
     folders.map(|folder| of(&folder)).find(|tables| !tables.is_empty()).unwrap_or_default()
@@ -92,14 +88,10 @@ fn unreadable(path: &Path, error: &ParquetError) -> Error {
 
 /// Tables and what is known of their rows.
 struct Tables {
-    images: Vec<ImageRef>,
-    /// The table of each image, by place in `paths`, and the size of the image.
-    places: Vec<(usize, [u32; 2])>,
+    /// Scene and view of each image, its table by place in `paths`, and its size.
+    places: Vec<((u32, u32), usize, [u32; 2])>,
     paths: Vec<PathBuf>,
     columns: BTreeSet<String>,
-    fields: BTreeSet<String>,
-    faults: Faults,
-    categories: Option<Vec<Category>>,
 }
 
 fn open(root: &Path) -> Result<Box<dyn DatasetReader>> {
@@ -140,25 +132,17 @@ fn open(root: &Path) -> Result<Box<dyn DatasetReader>> {
             }
         }
     }
-    let image = |&(scene, view): &(u32, u32)| ImageRef {
-        scene: SceneId(scene),
-        view: ViewId(view),
-        name: format!("scene {scene}, view {view}"),
-        id: None,
-    };
+    let image = |&(scene, view): &(u32, u32)| read::image((scene, view), format!("scene {scene}, view {view}"));
     let category = |(id, name): (u64, String)| Category { id, name, ..Category::default() };
     let columns = columns.unwrap_or_default();
-    let tables = Tables {
+    let contents = Contents {
         images: views.keys().map(image).collect(),
-        places: views.into_values().collect(),
-        paths,
         fields: products_of(&columns).into_keys().collect(),
-        columns,
         faults,
         categories: Some(names.into_iter().map(category).collect()).filter(|all: &Vec<Category>| !all.is_empty()),
     };
-    let name = root.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
-    Ok(samples::open(name, Box::new(tables)))
+    let places = views.into_iter().map(|(place, (table, size))| (place, table, size)).collect();
+    Ok(samples::open(read::name_of(root), contents, Box::new(Tables { places, paths, columns })))
 }
 
 /// The products that columns are made from, and their columns.
@@ -176,24 +160,8 @@ fn products_of(columns: &BTreeSet<String>) -> BTreeMap<String, Vec<column::Colum
 }
 
 impl Samples for Tables {
-    fn images(&self) -> &[ImageRef] {
-        &self.images
-    }
-
-    fn fields(&self) -> &BTreeSet<String> {
-        &self.fields
-    }
-
-    fn faults(&self) -> &[DatasetFault] {
-        self.faults.all()
-    }
-
-    fn categories(&self) -> Option<Vec<Category>> {
-        self.categories.clone()
-    }
-
     fn read(&self, image: usize, wanted: &BTreeSet<&str>) -> Result<Fields> {
-        let (table, size) = self.places[image];
+        let ((scene, view), table, size) = self.places[image];
         let path = &self.paths[table];
         let mut products = products_of(&self.columns);
         products.retain(|name, _| wanted.contains(name.as_str()));
@@ -201,10 +169,9 @@ impl Samples for Tables {
         let needed: BTreeSet<&str> = products.values().flatten().map(|column| column.name.as_str()).collect();
         let is_needed = |name: &str| needed.contains(name) || (has_image && IMAGES.contains(&name));
         let rows = Table::open(path)?.rows(|name| [SCENE, VIEW, INSTANCE].contains(&name) || is_needed(name))?;
-        let at = &self.images[image];
         let is_own = |row: &BTreeMap<String, Field>| {
             let is = |name: &str, number: u32| row.get(name).and_then(integer) == Some(i128::from(number));
-            is(SCENE, at.scene.0) && is(VIEW, at.view.0)
+            is(SCENE, scene) && is(VIEW, view)
         };
         let rows: Vec<BTreeMap<String, Field>> = rows.into_iter().filter(is_own).collect();
         let refuse = |what: String| Error::new(what).in_file(path).permanent();

@@ -81,7 +81,8 @@ impl<'a> Stored<'a> {
             let images = images.get_or_insert_with(|| ObjectImages::within(around, size[0], size[1]));
             images.insert(id, ObjectImage { x: 0, y: 0, pixels });
         }
-        images
+        // Of no instance, nothing says how large images are.
+        Some(images.unwrap_or_else(|| ObjectImages::within(around, 0, 0)))
     }
 
     /// A matrix of the annotated instances.
@@ -150,7 +151,7 @@ impl<'a> Stored<'a> {
             value => self.flatten(value, 0, dtype, &mut shape, &mut bytes)?,
         }
         // An empty list has no further axes.
-        let is_whole = shape.len() == axes || shape.contains(&0);
+        let is_whole = shape.len() == axes || (shape.len() < axes && shape.contains(&0));
         shape.resize(axes, 0);
         is_whole.then(|| Tensor { dtype, axes: vec![std::borrow::Cow::Borrowed("axis"); axes], shape, bytes })
     }
@@ -298,6 +299,14 @@ mod tests {
         comes_back(&Plane::from_fn(3, 2, |x, y| [x as u8, y as u8, 7]));
         comes_back(&Plane::from_fn(3, 2, |x, y| if x == y { f32::INFINITY } else { 0.1 * x as f32 }));
         comes_back(&Plane::from_fn(4, 2, |x, _| InstanceId(x as u16 * 300)));
+        let image = |id: InstanceId| ObjectImage {
+            x: 0,
+            y: 0,
+            pixels: Plane::from_fn(3, 2, |x, y| x as f32 + y as f32 / f32::from(id.0)),
+        };
+        let mut images = ObjectImages::new(3, 2);
+        IDS.into_iter().for_each(|id| images.insert(id, image(id)));
+        comes_back(&images);
         let mut order = OcclusionOrder::new(IDS.to_vec());
         order.set(1, 0);
         comes_back(&order);
@@ -321,6 +330,14 @@ mod tests {
         assert_eq!(back::<PerInstance<u32>>(&Value::record([("2", Value::from(-1_i64))])), None);
         assert_eq!(back::<PerInstance<f64>>(&Value::record([("mug", Value::from(1.0))])), None);
         assert_eq!(back::<Plane<u8>>(&Value::from(vec![vec![1_i64, 2], vec![3]])), None, "rows of different lengths");
+        assert_eq!(
+            back::<Plane<u8>>(&Value::List(vec![Value::List(vec![Value::List(Vec::new())])])),
+            None,
+            "an axis too many"
+        );
+        assert_eq!(back::<Plane<u8>>(&Value::List(Vec::new())).map(|it| it.width()), Some(0));
+        let none = back::<ObjectImages<f32>>(&Value::record([]));
+        assert_eq!(none.map(|images| images.iter().count()), Some(0));
         let damaged = Value::record([("size", [2_i64, 2].into()), ("counts", "zz".into())]);
         assert_eq!(back::<Mask>(&damaged), None);
     }

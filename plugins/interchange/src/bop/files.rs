@@ -9,11 +9,10 @@ use std::path::{Path, PathBuf};
 use syntable_formats::decode::{self, Content};
 use syntable_formats::json as formats_json;
 use syntable_formats::members::{Member, members};
-use syntable_formats::read::Faults;
+use syntable_formats::read::{self, Faults};
 use syntable_formats::segmentation::Segmentation;
 use syntable_model::prelude::*;
 use syntable_model::reader::ImageRef;
-use syntable_model::scene::{SceneId, ViewId};
 
 /// The file of poses of a scene.
 const TRUTH: &str = OF_SCENE[0];
@@ -73,29 +72,21 @@ struct Said {
 /// Folders that are called after a number, sorted.
 fn scenes_of(folder: &Path) -> Vec<(u32, PathBuf)> {
     let number = |path: &Path| path.file_name()?.to_str()?.parse().ok();
-    let scenes = entries_of(folder).into_iter().filter(|path| path.is_dir());
+    let scenes = read::entries(folder).into_iter().filter(|path| path.is_dir());
     scenes.filter_map(|path| Some((number(&path)?, path))).collect()
-}
-
-/// What is in a folder, sorted.
-fn entries_of(folder: &Path) -> Vec<PathBuf> {
-    let mut entries: Vec<PathBuf> =
-        fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path()).collect();
-    entries.sort();
-    entries
 }
 
 /// The tar files of a folder with their numbers, sorted.
 fn shards_of(folder: &Path) -> Vec<(u64, PathBuf)> {
     let number = |path: &Path| path.file_name()?.to_str()?.strip_prefix("shard-")?.strip_suffix(".tar")?.parse().ok();
-    entries_of(folder).into_iter().filter_map(|path| Some((number(&path)?, path))).collect()
+    read::entries(folder).into_iter().filter_map(|path| Some((number(&path)?, path))).collect()
 }
 
 /// The splits of a dataset, sorted; a split is its own. They have scenes with poses, or if there are none such, with cameras, or
 /// if there are no scenes, tar files.
 pub fn splits_of(root: &Path) -> Vec<Split> {
     let of = |layout: super::Layout, is_one: &dyn Fn(&Path) -> bool| -> Vec<Split> {
-        let folders = if is_one(root) { vec![root.to_owned()] } else { entries_of(root) };
+        let folders = if is_one(root) { vec![root.to_owned()] } else { read::entries(root) };
         let splits = folders.into_iter().filter(|path| path.is_dir() && is_one(path));
         splits.map(|folder| Split { folder, layout }).collect()
     };
@@ -164,7 +155,7 @@ impl Images {
         let Some(camera) = camera else {
             return faults.add("records_agree", name, &format!("it is in {truth} and not in {cameras}"));
         };
-        self.refs.push(ImageRef { scene: SceneId(scene), view: ViewId(number), name, id: None });
+        self.refs.push(read::image((scene, number), name));
         self.records.push(Record { number, camera, objects, infos, place });
     }
 

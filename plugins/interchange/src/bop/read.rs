@@ -83,7 +83,7 @@ fn open(root: &Path) -> Result<Box<dyn DatasetReader>> {
         of_scenes.values().flatten().chain(models.iter().flat_map(BTreeMap::keys)).copied().collect();
     let category = |id: u64| Category { id, name: asset_of(&names, id), ..Category::default() };
     let categories = read::Categories::of(&numbers.into_iter().map(category).collect::<Vec<_>>());
-    let info = categories.info(name_of(root), String::new(), &refs, String::new());
+    let info = categories.info(read::name_of(root), String::new(), &refs, String::new());
     let (opened, faults) = (faults.into_inner(), OnceLock::new());
     Ok(Box::new(Reader {
         info,
@@ -105,10 +105,6 @@ fn open(root: &Path) -> Result<Box<dyn DatasetReader>> {
 /// The first of these files that is there.
 fn optional<T: DeserializeOwned + Default>(paths: &[PathBuf]) -> Result<T> {
     paths.iter().find(|path| path.is_file()).map_or_else(|| Ok(T::default()), |path| json(path))
-}
-
-fn name_of(root: &Path) -> String {
-    root.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned())
 }
 
 fn bounds_of(model: &BTreeMap<String, Json>) -> Option<[[f64; 3]; 2]> {

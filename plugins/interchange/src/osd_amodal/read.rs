@@ -95,7 +95,7 @@ fn open(root: &Path) -> Result<Box<dyn DatasetReader>> {
     }
     let images: Vec<Named> = images.into_iter().map(|(name, masks)| Named { name, masks }).collect();
     let (refs, images) = faults.in_order(images, |image| (&image.name, place_of(&image.name)));
-    let name = root.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
+    let name = read::name_of(root);
     let info = Categories::default().info(name, String::new(), &refs, String::new());
     Ok(Box::new(Reader { root: root.to_owned(), info, refs, images, faults, left_out: Mutex::default() }))
 }

@@ -191,7 +191,7 @@ fn open(root: &Path) -> Result<Box<dyn DatasetReader>> {
     let mut categories = Categories::of(&names.into_iter().map(category).collect::<Vec<_>>());
     found.iter().for_each(|class| categories.note(class.saturating_add(1)));
     let (refs, images) = faults.in_order(all, |image| (&image.name, None));
-    let name = root.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
+    let name = read::name_of(root);
     let info = categories.info(name, String::new(), &refs, String::new());
     let shape = stated.or(shape).unwrap_or(Shape::Polygons);
     Ok(Box::new(Reader { info, categories, classes, refs, images, shape, known, boxes, faults }))

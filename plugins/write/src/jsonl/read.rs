@@ -5,11 +5,10 @@ use std::fs::File;
 use std::io::{BufRead, BufReader, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 use syntable_formats::decode::Content;
-use syntable_formats::read::Faults;
-use syntable_formats::samples::{self, Fields, Samples};
+use syntable_formats::read::{self, Faults};
+use syntable_formats::samples::{self, Contents, Fields, Samples};
 use syntable_model::prelude::*;
-use syntable_model::reader::{DatasetFault, DatasetReader, Format, ImageRef};
-use syntable_model::scene::{SceneId, ViewId};
+use syntable_model::reader::{DatasetReader, Format};
 
 syntable_model::register_format!(Format {
     name: "jsonl",
@@ -34,9 +33,8 @@ fn file_of(path: &Path) -> Option<PathBuf> {
     if is_one(path) {
         return Some(path.to_owned());
     }
-    let entries = std::fs::read_dir(path).ok()?.map_while(|entry| entry.ok()).map(|entry| entry.path());
     let is_hidden = |path: &PathBuf| path.file_name().is_some_and(|name| name.to_string_lossy().starts_with('.'));
-    let mut entries = entries.filter(|path| !is_hidden(path));
+    let mut entries = read::entries(path).into_iter().filter(|path| !is_hidden(path));
     let first = entries.next()?;
     (is_one(&first) && entries.next().is_none()).then_some(first)
 }
@@ -80,12 +78,10 @@ struct Line {
 
 struct Lines {
     path: PathBuf,
-    images: Vec<ImageRef>,
-    places: Vec<Place>,
+    /// The scene of each image, and where it is.
+    places: Vec<(u32, Place)>,
     /// Lines that have products of scenes alone.
     scenes: BTreeMap<u32, Line>,
-    fields: BTreeSet<String>,
-    faults: Faults,
 }
 
 fn open(path: &Path) -> Result<Box<dyn DatasetReader>> {
@@ -93,12 +89,13 @@ fn open(path: &Path) -> Result<Box<dyn DatasetReader>> {
         let help = "name the file, such as jsonl.jsonl";
         Error::new("one file of JSON Lines was expected").in_file(path).help(help).of_request()
     })?;
-    let name = file.file_stem().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
-    Ok(samples::open(name, Box::new(Lines::index(file)?)))
+    let name = read::name_of(&file);
+    let (contents, lines) = Lines::index(file)?;
+    Ok(samples::open(name, contents, Box::new(lines)))
 }
 
 impl Lines {
-    fn index(path: PathBuf) -> Result<Self> {
+    fn index(path: PathBuf) -> Result<(Contents, Self)> {
         let fail = |error: std::io::Error| Error::io(&path, &error);
         let mut reader = BufReader::new(File::open(&path).map_err(fail)?);
         let (mut views, mut scenes) = (BTreeMap::<(u32, u32), Place>::new(), BTreeMap::new());
@@ -145,27 +142,21 @@ impl Lines {
                 views.insert(key, Place { line, of_scene });
             }
         }
-        let image = |&(scene, view): &(u32, u32)| ImageRef {
-            scene: SceneId(scene),
-            view: ViewId(view),
-            name: format!("scene {scene}, view {view}"),
-            id: None,
-        };
+        let image = |&(scene, view): &(u32, u32)| read::image((scene, view), format!("scene {scene}, view {view}"));
         let images = views.keys().map(image).collect();
-        let places = views.into_values().collect();
-        let mut lines = Self { path, images, places, scenes, fields: BTreeSet::new(), faults };
+        let places: Vec<(u32, Place)> = views.into_iter().map(|((scene, _), place)| (scene, place)).collect();
+        let lines = Self { path, places, scenes };
         // What all lines have is what the first one has; what another one lacks is at fault with it.
-        lines.fields = (0..lines.images.len())
-            .find_map(|image| lines.sample(image).ok())
-            .map_or_else(BTreeSet::new, |sample| sample.into_keys().collect());
-        Ok(lines)
+        let first = (0..lines.places.len()).find_map(|image| lines.sample(image).ok());
+        let fields = first.map_or_else(BTreeSet::new, |sample| sample.into_keys().collect());
+        Ok((Contents { images, fields, faults, categories: None }, lines))
     }
 
     /// The fields of a line by name, and those of a view in it.
     fn sample(&self, image: usize) -> Result<Fields> {
-        let place = self.places[image];
+        let (scene, place) = self.places[image];
         let mut fields = self.line(place.line)?;
-        if let Some(scene) = self.scenes.get(&self.images[image].scene.0) {
+        if let Some(scene) = self.scenes.get(&scene) {
             fields.extend(self.line(*scene)?);
         }
         let views = fields.remove(VIEWS);
@@ -192,18 +183,6 @@ impl Lines {
 }
 
 impl Samples for Lines {
-    fn images(&self) -> &[ImageRef] {
-        &self.images
-    }
-
-    fn fields(&self) -> &BTreeSet<String> {
-        &self.fields
-    }
-
-    fn faults(&self) -> &[DatasetFault] {
-        self.faults.all()
-    }
-
     fn read(&self, image: usize, wanted: &BTreeSet<&str>) -> Result<Fields> {
         let mut fields = self.sample(image)?;
         fields.retain(|name, _| wanted.contains(name.as_str()));

@@ -4,14 +4,14 @@ use super::IDS;
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::{Cursor, Read};
 use std::path::{Path, PathBuf};
-use syntable_formats::coco::Category;
 use syntable_formats::decode::Content;
+use syntable_formats::encode::view_name;
 use syntable_formats::include;
 use syntable_formats::members::MAX_BYTES;
-use syntable_formats::read::place_in_name;
-use syntable_formats::samples::{self, Fields, Samples};
+use syntable_formats::read::{self, place_in_name};
+use syntable_formats::samples::{self, Contents, Fields, Samples};
 use syntable_model::prelude::*;
-use syntable_model::reader::{DatasetFault, DatasetReader, Format, ImageRef};
+use syntable_model::reader::{DatasetReader, Format};
 use syntable_model::scene::{SceneId, ViewId};
 use zip::ZipArchive;
 
@@ -26,17 +26,14 @@ syntable_model::register_format!(Format {
 
 /// The archives of a folder that are called after a view, `{scene:06}_{view:04}.npz`, by scene and view.
 fn archives_of(folder: &Path) -> BTreeMap<(u32, u32), PathBuf> {
-    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path());
-    let archives = entries.filter(|path| path.extension().is_some_and(|it| it == "npz") && path.is_file());
+    let archives = read::entries(folder)
+        .into_iter()
+        .filter(|path| path.extension().is_some_and(|it| it == "npz") && path.is_file());
     archives.filter_map(|path| Some((place_in_name(path.file_name()?.to_str()?)?, path))).collect()
 }
 
-struct Archives {
-    images: Vec<ImageRef>,
-    paths: Vec<PathBuf>,
-    fields: BTreeSet<String>,
-    categories: Option<Vec<Category>>,
-}
+/// The archives of the views.
+struct Archives(Vec<PathBuf>);
 
 fn open(root: &Path) -> Result<Box<dyn DatasetReader>> {
     let all = archives_of(root);
@@ -44,41 +41,19 @@ fn open(root: &Path) -> Result<Box<dyn DatasetReader>> {
         let help = "name the folder that has the archives, such as 000000_0000.npz";
         return Err(Error::new("it has no archives of views").in_file(root).help(help).of_request());
     }
-    let image = |(scene, view): &(u32, u32)| ImageRef {
-        scene: SceneId(*scene),
-        view: ViewId(*view),
-        name: format!("{scene:06}_{view:04}.npz"),
-        id: None,
-    };
+    let image = |&(scene, view): &(u32, u32)| read::image((scene, view), view_name(SceneId(scene), ViewId(view)));
     let images = all.keys().map(image).collect();
     let paths: Vec<PathBuf> = all.into_values().collect();
     // What all archives have is what the first one has that can be read; what another one lacks is at fault with it.
     let fields = paths.iter().find_map(|path| Archive::open(path).ok()).map(|archive| archive.names());
-    let categories = include::categories_in(root)?;
-    let name = root.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
-    let archives = Archives { images, paths, fields: fields.unwrap_or_default(), categories };
-    Ok(samples::open(name, Box::new(archives)))
+    let fields = fields.unwrap_or_default();
+    let contents = Contents { images, fields, categories: include::categories_in(root)?, ..Contents::default() };
+    Ok(samples::open(read::name_of(root), contents, Box::new(Archives(paths))))
 }
 
 impl Samples for Archives {
-    fn images(&self) -> &[ImageRef] {
-        &self.images
-    }
-
-    fn fields(&self) -> &BTreeSet<String> {
-        &self.fields
-    }
-
-    fn faults(&self) -> &[DatasetFault] {
-        &[]
-    }
-
-    fn categories(&self) -> Option<Vec<Category>> {
-        self.categories.clone()
-    }
-
     fn read(&self, image: usize, wanted: &BTreeSet<&str>) -> Result<Fields> {
-        let mut archive = Archive::open(&self.paths[image])?;
+        let mut archive = Archive::open(&self.0[image])?;
         let own: Vec<String> = archive.names().into_iter().filter(|name| wanted.contains(name.as_str())).collect();
         let mut fields = Fields::new();
         for name in own {

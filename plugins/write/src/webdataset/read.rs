@@ -2,17 +2,16 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
-use syntable_formats::coco::Category;
 use syntable_formats::decode::Content;
-use syntable_formats::encode::exr;
 use syntable_formats::encode::kind::Kind;
+use syntable_formats::encode::{exr, view_name};
 use syntable_formats::include;
 use syntable_formats::members::{Member, members};
-use syntable_formats::read::{Faults, place_in_name};
-use syntable_formats::samples::{self, Fields, Samples};
+use syntable_formats::read::{self, Faults, place_in_name};
+use syntable_formats::samples::{self, Contents, Fields, Samples};
 use syntable_model::prelude::*;
 use syntable_model::product::linked;
-use syntable_model::reader::{DatasetFault, DatasetReader, Format, ImageRef};
+use syntable_model::reader::{DatasetReader, Format};
 use syntable_model::scene::{SceneId, ViewId};
 
 syntable_model::register_format!(Format {
@@ -36,22 +35,14 @@ fn shards_of(folder: &Path) -> Vec<PathBuf> {
         let (name, number) = stem.rsplit_once('-')?;
         (name != OF_BOP && number.len() >= 6 && number.bytes().all(|digit| digit.is_ascii_digit())).then_some(())
     };
-    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path());
-    let mut shards: Vec<PathBuf> = entries.filter(|path| is_one(path).is_some() && path.is_file()).collect();
-    shards.sort();
-    shards
+    read::entries(folder).into_iter().filter(|path| is_one(path).is_some() && path.is_file()).collect()
 }
 
 /// The members of a field, by what follows its name.
 type Parts = BTreeMap<String, Member>;
 
-struct Shards {
-    images: Vec<ImageRef>,
-    samples: Vec<BTreeMap<String, Parts>>,
-    fields: BTreeSet<String>,
-    faults: Faults,
-    categories: Option<Vec<Category>>,
-}
+/// The fields of each sample.
+struct Shards(Vec<BTreeMap<String, Parts>>);
 
 fn open(root: &Path) -> Result<Box<dyn DatasetReader>> {
     let shards = shards_of(root);
@@ -83,39 +74,17 @@ fn open(root: &Path) -> Result<Box<dyn DatasetReader>> {
             parts.insert(end.to_owned(), member);
         }
     }
-    let image = |(scene, view): &(u32, u32)| ImageRef {
-        scene: SceneId(*scene),
-        view: ViewId(*view),
-        name: format!("{scene:06}_{view:04}"),
-        id: None,
-    };
+    let image = |&(scene, view): &(u32, u32)| read::image((scene, view), view_name(SceneId(scene), ViewId(view)));
     let images = all.keys().map(image).collect();
     let samples: Vec<BTreeMap<String, Parts>> = all.into_values().collect();
     let fields = samples.iter().flat_map(BTreeMap::keys).cloned().collect();
-    let categories = include::categories_in(root)?;
-    let name = root.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
-    Ok(samples::open(name, Box::new(Shards { images, samples, fields, faults, categories })))
+    let contents = Contents { images, fields, faults, categories: include::categories_in(root)? };
+    Ok(samples::open(read::name_of(root), contents, Box::new(Shards(samples))))
 }
 
 impl Samples for Shards {
-    fn images(&self) -> &[ImageRef] {
-        &self.images
-    }
-
-    fn fields(&self) -> &BTreeSet<String> {
-        &self.fields
-    }
-
-    fn faults(&self) -> &[DatasetFault] {
-        self.faults.all()
-    }
-
-    fn categories(&self) -> Option<Vec<Category>> {
-        self.categories.clone()
-    }
-
     fn read(&self, image: usize, wanted: &BTreeSet<&str>) -> Result<Fields> {
-        let own = self.samples[image].iter().filter(|(product, _)| wanted.contains(product.as_str()));
+        let own = self.0[image].iter().filter(|(product, _)| wanted.contains(product.as_str()));
         own.map(|(product, parts)| Ok((product.clone(), value_of(product, parts)?))).collect()
     }
 }
