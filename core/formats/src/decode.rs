@@ -3,8 +3,8 @@
 use crate::encode::npy;
 use crate::json;
 use png::{BitDepth, ColorType, Decoder, Transformations};
-use std::fs;
-use std::io::Cursor;
+use std::fs::{self, File};
+use std::io::{Cursor, Read};
 use std::path::{Path, PathBuf};
 use syntable_model::error::{Error, Result};
 use syntable_model::product::{DType, Plane, Tensor, Value};
@@ -75,23 +75,30 @@ fn of_size<T>(image: Plane<T>, path: &Path, size: [u32; 2]) -> Result<Plane<T>> 
     Err(Error::new(format!("it has {} pixels, its record says {}", said(found), said(size))).in_file(path).permanent())
 }
 
+/// Opens a file. What is no file is refused: reading a pipe would wait for ever. A file that a dataset names and does not have
+/// is a fault of the dataset.
+pub fn open(path: &Path) -> Result<File> {
+    let there = fs::metadata(path).map_err(|error| {
+        let error = Error::io(path, &error);
+        if error.is_transient() { error } else { error.of_request() }
+    })?;
+    if !there.is_file() {
+        return Err(Error::new("it is not a file").in_file(path).permanent());
+    }
+    File::open(path).map_err(|error| Error::io(path, &error))
+}
+
 impl Content {
     /// Takes bytes; `path` names them in messages.
     pub fn new(bytes: Vec<u8>, path: PathBuf) -> Self {
         Self { bytes, path }
     }
 
-    /// Reads a file. What is no file is refused: reading a pipe would wait for ever. A file that a dataset names and does not
-    /// have is a fault of the dataset.
+    /// Reads a file; see [`open`].
     pub fn read(path: &Path) -> Result<Self> {
-        let there = fs::metadata(path).map_err(|error| {
-            let error = Error::io(path, &error);
-            if error.is_transient() { error } else { error.of_request() }
-        })?;
-        if !there.is_file() {
-            return Err(Error::new("it is not a file").in_file(path).permanent());
-        }
-        Ok(Self::new(fs::read(path).map_err(|error| Error::io(path, &error))?, path.to_owned()))
+        let mut bytes = Vec::new();
+        open(path)?.read_to_end(&mut bytes).map_err(|error| Error::io(path, &error))?;
+        Ok(Self::new(bytes, path.to_owned()))
     }
 
     /// The bytes.

@@ -1,6 +1,8 @@
 //! Members of tar files, read in any order.
 
 use crate::decode::Content;
+use crate::read::{Faults, place_in_name};
+use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
@@ -39,14 +41,68 @@ impl Member {
     }
 }
 
+/// A sample of tar files: members that have a key in common.
+#[derive(Debug)]
+pub struct Sample {
+    /// Place of its archive among those that are given.
+    pub archive: usize,
+    /// Its members, by what follows the key.
+    pub fields: BTreeMap<String, Member>,
+}
+
+/// The samples of tar files whose keys are numbers of scene and view, `{scene}_{view}`, wherever they lie in the archive. What
+/// cannot be read is at fault.
+pub fn samples(archives: &[PathBuf], faults: &mut Faults) -> BTreeMap<(u32, u32), Sample> {
+    let mut samples: BTreeMap<(u32, u32), Sample> = BTreeMap::new();
+    for (archive, path) in archives.iter().enumerate() {
+        let (found, damage) = members(path);
+        let nothing = found.is_empty().then(|| Error::new("there is nothing in it").in_file(path));
+        if let Some(error) = damage.or(nothing) {
+            let message = format!("{error}: nothing that follows in it is read");
+            faults.lost("readable", path.display().to_string(), &message);
+        }
+        let mut others = 0;
+        for member in found {
+            let name = member.name.rsplit('/').next().unwrap_or_default();
+            let Some((key, field)) = name.split_once('.') else { continue };
+            let Some(place) = place_in_name(key) else {
+                others += 1;
+                continue;
+            };
+            let field = field.to_owned();
+            let sample = samples.entry(place).or_insert_with(|| Sample { archive, fields: BTreeMap::new() });
+            if sample.archive != archive || sample.fields.contains_key(&field) {
+                let message = "the sample has this member twice; the first one counts";
+                faults.add("unique_views", member.path().display().to_string(), message);
+                continue;
+            }
+            sample.fields.insert(field, member);
+        }
+        if others > 0 {
+            let message =
+                format!("{others} members do not begin with the numbers of a scene and a view, such as 000003_0017");
+            faults.lost("known_images", path.display().to_string(), &message);
+        }
+    }
+    samples
+}
+
 /// The files in a tar file, in its order, up to where it is damaged, and the damage. Contents are skipped, not read.
 pub fn members(archive: &Path) -> (Vec<Member>, Option<Error>) {
     let mut found = Vec::new();
-    let damage = collect(archive, &mut found).err();
+    let damage = collect(archive, usize::MAX, &mut found).err();
     (found, damage)
 }
 
-fn collect(path: &Path, found: &mut Vec<Member>) -> Result<()> {
+/// The first so many files of a tar file, as far as it can be read.
+pub fn first(archive: &Path, count: usize) -> Vec<Member> {
+    let mut found = Vec::new();
+    // What is wrong is said when all is read.
+    let _ = collect(archive, count, &mut found);
+    found
+}
+
+fn collect(path: &Path, most: usize, found: &mut Vec<Member>) -> Result<()> {
     let fail = |error: std::io::Error| match error.kind() {
         // That a file ends early, or is no archive, says something about the file.
         std::io::ErrorKind::UnexpectedEof | std::io::ErrorKind::Other | std::io::ErrorKind::InvalidData => {
@@ -61,6 +117,9 @@ fn collect(path: &Path, found: &mut Vec<Member>) -> Result<()> {
     let name: Arc<Path> = path.into();
     let mut archive = tar::Archive::new(File::open(path).map_err(fail)?);
     for entry in archive.entries_with_seek().map_err(fail)? {
+        if found.len() >= most {
+            break;
+        }
         let entry = entry.map_err(fail)?;
         if !entry.header().entry_type().is_file() {
             continue;

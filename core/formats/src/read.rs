@@ -10,7 +10,7 @@ use syntable_model::product::standard::{
     AMODAL_BOX, AMODAL_MASK, CATEGORY_ID, OCCLUSION_MASK, OCCLUSION_ORDER, OCCLUSION_RATE, VISIBLE_BOX, VISIBLE_MASK,
 };
 use syntable_model::product::{
-    BBox, Key, KeyId, Mask, OcclusionOrder, PerInstance, PixelCounts, Product, Products, Value,
+    BBox, Key, KeyId, Mask, OcclusionOrder, PerInstance, PixelCounts, Plane, Product, Products, Value,
 };
 use syntable_model::reader::{DatasetFault, ImageRef};
 use syntable_model::scene::{Camera, Exposure, InstanceId, Intrinsics, SceneId, View, ViewId};
@@ -190,6 +190,26 @@ pub fn occludes(visible: &Mask, hidden: &Mask) -> bool {
     visible.shared_area(hidden) > 0
 }
 
+/// The pixels of each number of a map but 0.
+pub fn masks_of(map: &Plane<u16>) -> BTreeMap<u16, Mask> {
+    let [width, height] = [map.width(), map.height()];
+    let mut flips: BTreeMap<u16, Vec<u32>> = BTreeMap::new();
+    let mut before = 0;
+    for x in 0..width {
+        for y in 0..height {
+            let label = *map.at(x, y);
+            if label != before {
+                for of in [before, label] {
+                    flips.entry(of).or_default().push(x * height + y);
+                }
+                before = label;
+            }
+        }
+    }
+    flips.remove(&0);
+    flips.into_iter().map(|(label, flips)| (label, Mask::from_flips(width, height, &flips))).collect()
+}
+
 /// Who occludes whom, by a rule for a visible and an occlusion mask with a common pixel. Objects are given with both masks, in
 /// the order of their ids.
 pub fn order_by(
@@ -334,7 +354,12 @@ pub struct Faults(Vec<DatasetFault>);
 impl Faults {
     /// Adds one.
     pub fn add(&mut self, check: &'static str, place: String, message: &str) {
-        self.0.push(DatasetFault { check, place, message: message.to_owned() });
+        self.0.push(DatasetFault { check, place, message: message.to_owned(), is_lost: false });
+    }
+
+    /// Adds one for which images are left out.
+    pub fn lost(&mut self, check: &'static str, place: String, message: &str) {
+        self.0.push(DatasetFault { check, place, message: message.to_owned(), is_lost: true });
     }
 
     /// Ids and names that two categories have.
@@ -389,7 +414,7 @@ impl Faults {
                 Entry::Vacant(entry) => drop(entry.insert((image, record))),
                 Entry::Occupied(first) => {
                     let message = format!("it is view {} of scene {}, as {} is", place.1, place.0, first.get().0.name);
-                    self.add("unique_views", image.name, &message);
+                    self.lost("unique_views", image.name, &message);
                 }
             }
         }

@@ -6,7 +6,10 @@
 use crate::coco::Category;
 use crate::decode::MAX_PIXELS;
 use crate::read::{self, Categories, Faults, Known, Labels};
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::btree_map::Entry;
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
+use std::path::PathBuf;
+use std::sync::{Arc, Mutex, PoisonError};
 use syntable_model::error::{Error, Result};
 use syntable_model::product::standard::{
     AMODAL_BITS, AMODAL_BOX, AMODAL_MASK, CAMERA, CATEGORY_ID, OBJECT_NAME, OCCLUSION_ORDER, OCCLUSION_RATE,
@@ -33,6 +36,10 @@ pub struct Contents {
     pub faults: Faults,
     /// The categories, if the format names them.
     pub categories: Option<Vec<Category>>,
+    /// Those of the fields that objects which are not shown have no value of, though they may be annotated.
+    pub of_shown: BTreeSet<String>,
+    /// Whether the format leaves out images without objects.
+    pub leaves_out_empty: bool,
 }
 
 /// The samples of a dataset.
@@ -40,6 +47,57 @@ pub trait Samples: Send + Sync {
     /// Those of the wanted fields that the sample of an image has. A value per instance is [`Value::PerInstance`] or a record
     /// by ids.
     fn read(&self, image: usize, wanted: &BTreeSet<&str>) -> Result<Fields>;
+    /// Width and height of an image, if the format says them beside its fields.
+    fn size(&self, image: usize) -> Option<[u32; 2]> {
+        let _ = image;
+        None
+    }
+}
+
+/// Files that are each of a view, in order. A second file of a view is at fault and left out.
+pub fn files_of_views(files: Vec<((u32, u32), PathBuf)>, faults: &mut Faults) -> BTreeMap<(u32, u32), PathBuf> {
+    let mut views = BTreeMap::new();
+    for (place, path) in files {
+        match views.entry(place) {
+            Entry::Vacant(entry) => drop(entry.insert(path)),
+            Entry::Occupied(first) => {
+                let (scene, view) = place;
+                let message = format!("it is view {view} of scene {scene}, as {} is", first.get().display());
+                faults.lost("unique_views", path.display().to_string(), &message);
+            }
+        }
+    }
+    views
+}
+
+/// What was read last, for readers of files that many images have in common.
+#[derive(Debug)]
+pub struct Latest<K, V>(Mutex<VecDeque<(K, Arc<V>)>>);
+
+/// So many are kept: threads work at different scenes.
+const KEPT: usize = 4;
+
+impl<K: PartialEq, V> Default for Latest<K, V> {
+    fn default() -> Self {
+        Self(Mutex::new(VecDeque::new()))
+    }
+}
+
+impl<K: PartialEq, V> Latest<K, V> {
+    /// The value of a key, which is read if it is none of the last ones.
+    pub fn get(&self, key: K, read: impl FnOnce() -> Result<V>) -> Result<Arc<V>> {
+        let kept = || self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some((_, value)) = kept().iter().find(|(other, _)| *other == key) {
+            return Ok(Arc::clone(value));
+        }
+        let value = Arc::new(read()?);
+        let mut kept = kept();
+        kept.push_back((key, Arc::clone(&value)));
+        if kept.len() > KEPT {
+            kept.pop_front();
+        }
+        Ok(value)
+    }
 }
 
 /// Fields whose instances are the annotated ones, those first that are read fast.
@@ -58,12 +116,12 @@ pub fn is_per_instance(product: &str) -> bool {
     linked().iter().any(|key| key.name == *product && matches!(key.form(), Form::PerInstance(_)))
 }
 
-/// The values of instances from one array, whose first axis are the instances; none if there are not as many of both.
-pub fn instances(values: &Tensor, ids: &Tensor) -> Option<Value> {
+/// The values of instances from one array, whose first axis are the instances. An error is the reason.
+pub fn instances(values: &Tensor, ids: &Tensor) -> Result<Value, String> {
     let ids: Vec<InstanceId> = ids_of(ids)?;
-    let (count, shape) = values.shape.split_first()?;
+    let (count, shape) = values.shape.split_first().ok_or("it is a single number")?;
     if *count != ids.len() {
-        return None;
+        return Err(format!("it has {count} values of {} ids", ids.len()));
     }
     let size = shape.iter().product::<usize>() * values.dtype.size();
     let axes = values.axes[1..].to_vec();
@@ -76,37 +134,57 @@ pub fn instances(values: &Tensor, ids: &Tensor) -> Option<Value> {
             bytes: values.bytes[row * size..][..size].to_vec(),
         }),
     };
-    Some(Value::PerInstance(ids.into_iter().enumerate().map(|(at, id)| (id, row(at))).collect()))
+    Ok(Value::PerInstance(ids.into_iter().enumerate().map(|(at, id)| (id, row(at))).collect()))
 }
 
-fn ids_of(ids: &Tensor) -> Option<Vec<InstanceId>> {
+/// Ids in order, which is that of all other axes of instances.
+fn ids_of(ids: &Tensor) -> Result<Vec<InstanceId>, String> {
+    if ids.shape.len() != 1 {
+        return Err(format!("ids are of shape {:?}", ids.shape));
+    }
     let id = |at: usize| match ids.element(at) {
-        Value::Int(id) => u16::try_from(id).ok().map(InstanceId),
+        Value::Int(id) => u16::try_from(id).ok(),
+        Value::Uint(id) => u16::try_from(id).ok(),
         _ => None,
     };
-    if ids.shape.len() == 1 { (0..ids.shape[0]).map(id).collect() } else { None }
+    let all: Option<Vec<u16>> = (0..ids.shape[0]).map(id).collect();
+    let is_sound = |all: &Vec<u16>| all.iter().zip(std::iter::once(&0).chain(all)).all(|(id, before)| id > before);
+    let all = all.filter(is_sound).ok_or("ids are no numbers from 1 to 65535 in ascending order")?;
+    Ok(all.into_iter().map(InstanceId).collect())
 }
 
 /// Opens a dataset of samples. `name` is what it is called.
-pub fn open(name: String, contents: Contents, samples: Box<dyn Samples>) -> Box<dyn DatasetReader> {
+pub fn open(name: String, mut contents: Contents, samples: Box<dyn Samples>) -> Box<dyn DatasetReader> {
     let of_view = |key: &KeyId| matches!(key.scope, Scope::View | Scope::Scene) && key.is_decoded();
-    let keys: Vec<KeyId> =
+    let mut keys: Vec<KeyId> =
         linked().into_iter().filter(|key| of_view(key) && contents.fields.contains(&key.name.to_string())).collect();
-    let has = |key: KeyId| keys.contains(&key);
-    let visible = [VISIBLE_MASK.id(), VISIBLE_IDS.id()].into_iter().find(|key| has(*key));
-    let annotated = OF_ANNOTATED.into_iter().find(|key| has(*key));
-    // Bits do not say of which instances they are.
-    let amodal = [(AMODAL_MASK.id(), true), (AMODAL_BITS.id(), annotated.is_some())];
-    let amodal = amodal.into_iter().find(|(key, is_known)| has(*key) && *is_known).map(|(key, _)| key);
+    let names_all = |key: &KeyId| keys.contains(key) && !contents.of_shown.contains(&key.name.to_string());
+    let annotated = OF_ANNOTATED.into_iter().find(names_all);
+    // Rows and bits do not say of which instances they are.
+    if annotated.is_none() {
+        keys.retain(|key| ![OCCLUSION_ORDER.id(), AMODAL_BITS.id()].contains(key));
+    }
+    let first = |of: [KeyId; 2]| of.into_iter().find(|key| keys.contains(key));
+    let visible = first([VISIBLE_MASK.id(), VISIBLE_IDS.id()]);
+    let amodal = first([AMODAL_MASK.id(), AMODAL_BITS.id()]);
     let known = match (visible, amodal) {
         (Some(_), Some(_)) => Some(Known::Both),
         (Some(_), None) => Some(Known::Visible),
         (None, Some(_)) => Some(Known::Amodal),
         (None, None) => None,
     };
-    let own = contents.categories.clone().unwrap_or_else(|| categories_of(&contents, &*samples));
-    let info = Categories::of(&own).info(name, String::new(), &contents.images, String::new());
-    Box::new(Reader { contents, samples, info, keys, visible, amodal, annotated, known })
+    let own = match &contents.categories {
+        Some(own) => {
+            contents.faults.of_categories(own);
+            own.clone()
+        }
+        None => categories_of(&contents, &*samples),
+    };
+    let mut categories = Categories::of(&own);
+    // Objects of none of them have one of their own.
+    categories.note(read::BACKGROUND);
+    let info = categories.info(name, String::new(), &contents.images, String::new());
+    Box::new(Reader { contents, samples, info, categories, keys, visible, amodal, annotated, known })
 }
 
 /// The categories that samples have, which have no names there.
@@ -123,7 +201,9 @@ fn categories_of(contents: &Contents, samples: &dyn Samples) -> Vec<Category> {
         }
     }
     let (object, object_name) = DatasetInfo::OBJECT;
-    ids.insert(object);
+    if ids.is_empty() {
+        ids.insert(object);
+    }
     let name = |id: u32| if id == object { object_name.to_owned() } else { format!("category_{id}") };
     ids.into_iter().map(|id| Category { id: id.into(), name: name(id), ..Category::default() }).collect()
 }
@@ -136,6 +216,7 @@ struct Reader {
     contents: Contents,
     samples: Box<dyn Samples>,
     info: DatasetInfo,
+    categories: Categories,
     /// The products that samples have.
     keys: Vec<KeyId>,
     /// Of these, the one that visible masks are taken from.
@@ -155,17 +236,35 @@ impl Reader {
         all.into_iter().filter(|key| !self.keys.contains(key)).collect()
     }
 
-    /// The field that tells the size of an image fastest.
-    fn sized(&self) -> Option<KeyId> {
-        let is_image = |key: &&KeyId| matches!(key.form(), Form::Image { .. });
-        let camera = self.keys.iter().find(|key| **key == CAMERA.id());
-        camera.or_else(|| self.keys.iter().find(is_image)).copied().or(self.visible).or(self.amodal)
+    /// The fields that may tell the size of an image, those that are read fast first.
+    fn sized(&self) -> Vec<KeyId> {
+        let camera = self.keys.iter().filter(|key| **key == CAMERA.id());
+        let images = self.keys.iter().filter(|key| matches!(key.form(), Form::Image { .. }));
+        // Bits are no pixels.
+        let masks = self.visible.iter().chain(&self.amodal).filter(|key| **key != AMODAL_BITS.id());
+        camera.chain(images).chain(masks).copied().collect()
+    }
+
+    /// Width and height of an image; zeros if nothing says them, as of an image of masks alone in which there is none.
+    fn size(&self, image: usize, fields: &Fields) -> [u32; 2] {
+        let read = |key: KeyId| -> Option<[u32; 2]> {
+            let name = key.name.to_string();
+            match fields.get(&name) {
+                Some(value) => size_of(value),
+                None => {
+                    let fields = self.samples.read(image, &BTreeSet::from([name.as_str()])).ok()?;
+                    size_of(fields.get(&name)?)
+                }
+            }
+        };
+        self.samples.size(image).or_else(|| self.sized().into_iter().find_map(read)).unwrap_or_default()
     }
 
     /// A field as a product of the type of its key.
-    fn decoded<T: Product>(&self, key: Key<T>, fields: &Fields, ids: &[InstanceId]) -> Result<T> {
-        let value = field(fields, key.id())?;
-        T::decode(stored(value, ids)).ok_or_else(|| unlike(key.id()))
+    fn decoded<T: Product + Clone>(&self, key: Key<T>, fields: &Fields, ids: &[InstanceId]) -> Result<T> {
+        let mut products = Products::new();
+        products.put_stored(key.id(), stored(field(fields, key.id())?, ids)).map_err(|_| unlike(key.id()))?;
+        products.get(key).cloned()
     }
 
     /// Labels of the annotated instances.
@@ -179,13 +278,20 @@ impl Reader {
         };
         let amodal = match self.amodal {
             Some(key) if key == AMODAL_MASK.id() => self.decoded(AMODAL_MASK, fields, annotated)?,
-            Some(_) => amodal_masks(field(fields, AMODAL_BITS.id())?, annotated, size)?,
+            Some(_) => amodal_masks(&self.decoded(AMODAL_BITS, fields, annotated)?, annotated, size)?,
             None => none(),
         };
         let categories = match self.keys.contains(&CATEGORY_ID.id()) {
             true => self.decoded(CATEGORY_ID, fields, annotated)?,
             false => PerInstance::default(),
         };
+        for (name, masks) in [("visible", &visible), ("amodal", &amodal)] {
+            if let Some((id, mask)) = masks.iter().find(|(_, mask)| [mask.width(), mask.height()] != size) {
+                let [width, height] = size;
+                let what = format!("the {name} mask of instance {id} has {} × {} pixels", mask.width(), mask.height());
+                return Err(Error::new(format!("{what}, the image {width} × {height}")).permanent());
+            }
+        }
         let all: BTreeSet<InstanceId> = visible.iter().chain(amodal.iter()).map(|(id, _)| id).collect();
         let [width, height] = size;
         let empty = || Mask::empty(width, height);
@@ -197,9 +303,24 @@ impl Reader {
             rate: None,
             visible_box: None,
             amodal_box: None,
-            category: categories.get(id).copied().unwrap_or(DatasetInfo::OBJECT.0),
+            category: self.category_of(categories.get(id).copied()),
         };
         Ok(all.into_iter().map(label).collect())
+    }
+}
+
+impl Reader {
+    /// The category of an object in a dataset that is written from this one.
+    fn category_of(&self, own: Option<u32>) -> u32 {
+        self.categories.id(own.map_or(read::BACKGROUND, u64::from))
+    }
+
+    /// Categories of all annotated instances.
+    fn categories(&self, fields: &Fields, ids: Option<&[InstanceId]>) -> Result<PerInstance<u32>> {
+        let own = self.decoded(CATEGORY_ID, fields, ids.unwrap_or_default())?;
+        let all: BTreeSet<InstanceId> =
+            own.iter().map(|(id, _)| id).chain(ids.into_iter().flatten().copied()).collect();
+        Ok(all.into_iter().map(|id| (id, self.category_of(own.get(id).copied()))).collect())
     }
 }
 
@@ -212,12 +333,15 @@ fn unlike(key: KeyId) -> Error {
     Error::new(format!("its field `{}` is no {}", key.name, key.kind_of_value())).permanent()
 }
 
-/// Visible masks from a plane of ids: of these instances, or else of those that it shows.
+/// Visible masks from a plane of ids: of these instances, and of those that it shows.
 fn visible_masks(plane: &Plane<InstanceId>, ids: Option<&[InstanceId]>) -> PerInstance<Mask> {
-    let shown: BTreeSet<InstanceId> = plane.data().iter().copied().filter(|id| id.0 > 0).collect();
-    let all: BTreeSet<InstanceId> = ids.unwrap_or_default().iter().copied().chain(shown).collect();
-    let mask = |id: InstanceId| Mask::from_fn(plane.width(), plane.height(), |x, y| *plane.at(x, y) == id);
-    all.into_iter().map(|id| (id, mask(id))).collect()
+    let shown = read::masks_of(&plane.map(|id| id.0)).into_iter().map(|(id, mask)| (InstanceId(id), mask));
+    let empty = || Mask::empty(plane.width(), plane.height());
+    let mut masks: BTreeMap<InstanceId, Mask> = shown.collect();
+    for id in ids.into_iter().flatten() {
+        masks.entry(*id).or_insert_with(empty);
+    }
+    PerInstance(masks)
 }
 
 /// Amodal masks from bits, as [`AMODAL_BITS`] has them.
@@ -257,6 +381,7 @@ fn size_of(value: &Value) -> Option<[u32; 2]> {
             let named = |name: &str| fields.iter().find(|(field, _)| field == name).map(|(_, value)| value);
             let edge = |value: &Value| match value {
                 Value::Int(edge) => u32::try_from(*edge).ok(),
+                Value::Float(edge) if edge.fract() == 0.0 && (0.0..4e9).contains(edge) => Some(*edge as u32),
                 _ => None,
             };
             if let (Some(width), Some(height)) = (named("width").and_then(edge), named("height").and_then(edge)) {
@@ -323,9 +448,32 @@ impl DatasetReader for Reader {
     }
 
     fn derived(&self) -> Vec<KeyId> {
-        // Planes and bits are another form of masks.
-        let forms = [VISIBLE_IDS.id(), AMODAL_BITS.id()];
-        self.follow().into_iter().chain(forms).collect()
+        self.follow()
+    }
+
+    fn alike(&self) -> Vec<[KeyId; 2]> {
+        vec![[VISIBLE_IDS.id(), VISIBLE_MASK.id()], [AMODAL_BITS.id(), AMODAL_MASK.id()]]
+    }
+
+    fn lists_all_images(&self) -> bool {
+        !self.contents.leaves_out_empty
+    }
+
+    fn category(&self, own: u64) -> Option<u32> {
+        self.categories.known(own)
+    }
+
+    fn image_faults(&self, image: usize) -> Vec<(&'static str, String)> {
+        if !self.keys.contains(&CATEGORY_ID.id()) || self.contents.categories.is_none() {
+            return Vec::new();
+        }
+        let fields = self.samples.read(image, &BTreeSet::from([CATEGORY_ID.name()])).unwrap_or_default();
+        let Ok(own) = self.decoded(CATEGORY_ID, &fields, &[]) else { return Vec::new() };
+        let unknown = own.iter().filter(|(_, category)| self.categories.known((**category).into()).is_none());
+        let fault = |(id, category): (InstanceId, &u32)| {
+            ("known_categories", format!("instance {id}: there is no category {category}"))
+        };
+        unknown.map(fault).collect()
     }
 
     fn caveats(&self, reads: &[KeyId]) -> Vec<String> {
@@ -340,6 +488,9 @@ impl DatasetReader for Reader {
         if self.contents.categories.is_none() && self.info.own_categories.len() > 1 {
             caveats.push("of categories, ids alone are there: names are made of them".to_owned());
         }
+        if self.contents.leaves_out_empty {
+            caveats.push("of images without objects there is nothing in such tables: they are not there".to_owned());
+        }
         if reads.contains(&VISIBILITY.id()) && self.follow().contains(&VISIBILITY.id()) {
             caveats.push(read::WITHIN_IMAGE.to_owned());
         }
@@ -349,24 +500,26 @@ impl DatasetReader for Reader {
     fn read(&self, image: usize, wants: &[KeyId]) -> Result<(View, Products)> {
         let own: Vec<KeyId> = self.keys.iter().copied().filter(|key| wants.contains(key)).collect();
         let follow: Vec<KeyId> = self.follow().into_iter().filter(|key| wants.contains(key)).collect();
-        let sized = self.sized();
-        let mut read: Vec<KeyId> = own.iter().copied().chain(sized).collect();
+        let mut read: Vec<KeyId> = own.clone();
         if !follow.is_empty() {
             let category = self.keys.iter().copied().filter(|key| *key == CATEGORY_ID.id());
             read.extend(category.chain(self.visible).chain(self.amodal));
         }
-        let has_rows = own.contains(&OCCLUSION_ORDER.id()) || !follow.is_empty();
+        let needs_ids = [OCCLUSION_ORDER.id(), CATEGORY_ID.id()];
+        let has_rows = own.iter().any(|key| needs_ids.contains(key)) || !follow.is_empty();
         read.extend(self.annotated.filter(|_| has_rows));
         let names: Vec<String> = read.iter().map(|key| key.name.to_string()).collect();
         let fields = self.samples.read(image, &names.iter().map(String::as_str).collect())?;
         let of = |key: KeyId| fields.get(&key.name.to_string());
         let ids = self.annotated.and_then(of).and_then(instances_of);
-        let size = sized.and_then(of).or_else(|| own.iter().find_map(|key| of(*key))).and_then(size_of);
-        // An image of nothing has no masks that say how large it is.
-        let [width, height] = size.unwrap_or_default();
+        let [width, height] = self.size(image, &fields);
         check_sizes(&fields, &self.keys, [width, height])?;
         let mut products = Products::new();
         for key in own {
+            if key == CATEGORY_ID.id() {
+                products.put(CATEGORY_ID, self.categories(&fields, ids.as_deref())?)?;
+                continue;
+            }
             let missing = if key.semantic == Semantic::Depth { f64::INFINITY } else { f64::NAN };
             let stored = Stored { value: field(&fields, key)?, ids: ids.as_deref().unwrap_or_default(), missing };
             products.put_stored(key, stored).map_err(|_| unlike(key))?;

@@ -93,6 +93,13 @@ pub fn space_around(point: &Point3<f64>, boxes: impl IntoIterator<Item = Aabb>) 
     space
 }
 
+/// The rigid motion of a matrix of 4 × 4, row by row; its upper left part is a rotation.
+pub fn pose_of_matrix(m: &[[f64; 4]; 4]) -> Pose {
+    let column = |axis: usize| Vector3::new(m[0][axis], m[1][axis], m[2][axis]);
+    let rotation = Rotation3::from_matrix_unchecked(Matrix3::from_columns(&[column(0), column(1), column(2)]));
+    Pose::from_parts(column(3).into(), UnitQuaternion::from_rotation_matrix(&rotation))
+}
+
 /// A camera's `world_from_camera` at `eye`, looking at `target`, with `up` towards the top of the image.
 ///
 /// When the direction is parallel to `up`, the image's top points along world y.

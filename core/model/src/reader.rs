@@ -21,9 +21,9 @@ pub struct Format {
     /// Opens a dataset by its folder, or by an annotation file of it. An error says that there is none, or that nothing of it
     /// can be read.
     pub open: fn(&Path) -> Result<Box<dyn DatasetReader>>,
-    /// Whether it has any products under their names, as what stands beside a dataset of a layout: of several datasets in a
-    /// folder, one of a layout counts first.
-    pub is_of_products: bool,
+    /// Whether it holds products under their names, as generic writers write them. Beside a dataset of a layout, that one is
+    /// opened.
+    pub is_generic: bool,
     /// Crate that registers it.
     pub crate_name: &'static str,
 }
@@ -62,22 +62,33 @@ pub fn find(root: &Path, format: Option<&str>) -> Result<(Format, PathBuf)> {
     if !root.is_dir() && !root.is_file() {
         return Err(Error::new("there is no such folder or file").in_file(root).of_request());
     }
-    let looks_like = |folder: &Path| formats.iter().any(|it| (it.detect)(folder));
-    let inside = || -> Vec<PathBuf> {
+    if let Some(name) = format {
+        let named = formats.iter().find(|it| it.name == name).copied();
+        return named.map(|format| (format, root.to_owned())).ok_or_else(|| {
+            Error::new(format!("`{name}` is no format that can be read"))
+                .help(format!("these are: {}", names()))
+                .of_request()
+        });
+    }
+    // A dataset of a layout comes before what holds products under their names, wherever it is.
+    for is_generic in [false, true] {
+        let those = || formats.iter().filter(move |it| it.is_generic == is_generic);
+        let found: Vec<&Format> = those().filter(|it| (it.detect)(root)).collect();
+        match found.as_slice() {
+            [only] => return Ok((**only, root.to_owned())),
+            [] => {}
+            [first, second, ..] => {
+                return Err(Error::new(format!("it looks like {} and like {}", first.name, second.name))
+                    .in_file(root)
+                    .help("name the format with --format")
+                    .of_request());
+            }
+        }
         let entries = std::fs::read_dir(root).into_iter().flatten().flatten().map(|entry| entry.path());
-        let mut folders: Vec<PathBuf> = entries.filter(|path| path.is_dir()).collect();
-        folders.sort();
-        let of = |is_of_products: bool| {
-            let is_one = |folder: &&PathBuf| {
-                formats.iter().any(|it| it.is_of_products == is_of_products && (it.detect)(folder.as_path()))
-            };
-            folders.iter().filter(is_one).cloned().collect::<Vec<_>>()
-        };
-        let found = of(false);
-        if found.is_empty() { of(true) } else { found }
-    };
-    if format.is_none() && !looks_like(root) {
-        match inside().as_slice() {
+        let is_one = |path: &PathBuf| path.is_dir() && those().any(|it| (it.detect)(path));
+        let mut inside: Vec<PathBuf> = entries.filter(is_one).collect();
+        inside.sort();
+        match inside.as_slice() {
             // A writer's folder in a folder of its own, as `convert` makes it.
             [only] => return find(only, None),
             [] => {}
@@ -89,29 +100,10 @@ pub fn find(root: &Path, format: Option<&str>) -> Result<(Format, PathBuf)> {
             }
         }
     }
-    let mut found = formats.iter().filter(|it| format.map_or_else(|| (it.detect)(root), |name| it.name == name));
-    let (first, second) = (found.next(), found.next());
-    let chosen = match (first, second, format) {
-        (Some(one), None, _) => *one,
-        (None, _, Some(name)) => {
-            return Err(Error::new(format!("`{name}` is no format that can be read"))
-                .help(format!("these are: {}", names()))
-                .of_request());
-        }
-        (None, _, None) => {
-            return Err(Error::new("it looks like a dataset of no format that can be read")
-                .in_file(root)
-                .help(format!("name the format with --format: {}", names()))
-                .of_request());
-        }
-        (Some(one), Some(other), _) => {
-            return Err(Error::new(format!("it looks like {} and like {}", one.name, other.name))
-                .in_file(root)
-                .help("name the format with --format")
-                .of_request());
-        }
-    };
-    Ok((chosen, root.to_owned()))
+    Err(Error::new("it looks like a dataset of no format that can be read")
+        .in_file(root)
+        .help(format!("name the format with --format: {}", names()))
+        .of_request())
 }
 
 /// A dataset that is open.
@@ -147,6 +139,10 @@ pub trait DatasetReader: Send + Sync {
     }
     /// Those of the products that follow from others: nothing is lost if nobody reads them.
     fn derived(&self) -> Vec<KeyId> {
+        Vec::new()
+    }
+    /// Pairs of products that say the same in other forms: if one is read, nothing of the other is lost.
+    fn alike(&self) -> Vec<[KeyId; 2]> {
         Vec::new()
     }
     /// Whether images without objects are listed: a dataset without images is then at fault.
@@ -201,4 +197,6 @@ pub struct DatasetFault {
     pub place: String,
     /// What is wrong.
     pub message: String,
+    /// Whether images are left out for it: they cannot be read, or not told apart.
+    pub is_lost: bool,
 }

@@ -8,7 +8,7 @@ use syntable_formats::decode;
 use syntable_formats::read::{self, Categories, Labels};
 use syntable_model::error::{Error, Result};
 use syntable_model::product::standard::OCCLUSION_MASK;
-use syntable_model::product::{KeyId, Mask, Plane, Products};
+use syntable_model::product::{KeyId, Mask, Products};
 use syntable_model::reader::{DatasetReader, ImageRef};
 use syntable_model::scene::{InstanceId, SceneId, View, ViewId};
 use syntable_model::stage::DatasetInfo;
@@ -118,7 +118,7 @@ impl LabelMaps {
             masks: masks.remove(name.as_str()).unwrap_or_default(),
         };
         let images = maps.iter().map(files).collect();
-        let name = root.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
+        let name = read::name_of(root);
         let info = Categories::default().info(name, String::new(), &refs, String::new());
         Ok(Self { info, refs, images, is_amodal, says_occlusion })
     }
@@ -152,7 +152,7 @@ impl DatasetReader for LabelMaps {
         let [width, height] = [shown.width(), shown.height()];
         let ids: BTreeSet<u16> =
             shown.data().iter().chain(files.masks.iter().flat_map(BTreeMap::keys)).copied().collect();
-        let mut visible = masks_of(&shown);
+        let mut visible = read::masks_of(&shown);
         let labels = ids.into_iter().filter(|id| *id > 0).map(|id| {
             let visible = visible.remove(&id).unwrap_or_else(|| Mask::empty(width, height));
             let mask = |of: usize| files.masks[of].get(&id).map(|path| mask(path, [width, height])).transpose();
@@ -173,26 +173,6 @@ impl DatasetReader for LabelMaps {
         read::put(&labels.collect::<Result<Vec<_>>>()?, None, wants, &mut products)?;
         Ok((read::view(self.refs[image].view, width, height), products))
     }
-}
-
-/// The pixels of each number but 0.
-fn masks_of(map: &Plane<u16>) -> BTreeMap<u16, Mask> {
-    let [width, height] = [map.width(), map.height()];
-    let mut flips: BTreeMap<u16, Vec<u32>> = BTreeMap::new();
-    let mut before = 0;
-    for x in 0..width {
-        for y in 0..height {
-            let label = *map.at(x, y);
-            if label != before {
-                for of in [before, label] {
-                    flips.entry(of).or_default().push(x * height + y);
-                }
-                before = label;
-            }
-        }
-    }
-    flips.remove(&0);
-    flips.into_iter().map(|(label, flips)| (label, Mask::from_flips(width, height, &flips))).collect()
 }
 
 /// A mask of one object: all pixels that are not 0.

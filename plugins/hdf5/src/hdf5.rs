@@ -6,7 +6,7 @@ use syntable_formats::encode::npy::{self, Array, Arrays};
 use syntable_formats::encode::view_name;
 use syntable_formats::include;
 use syntable_model::prelude::*;
-use syntable_model::product::standard::{BODIES, DEPTH, INSTANCE, NORMAL, RGB};
+use syntable_model::product::standard::{BODIES, CAMERA, DEPTH, INSTANCE, NORMAL, RGB};
 use syntable_model::product::{Plane, Product, Scope};
 
 /// Writes one HDF5 file per view, as BlenderProc does.
@@ -87,7 +87,9 @@ impl Dataset {
     fn reads(self) -> Vec<Input> {
         match self {
             Self::Colors => vec![Input::of(RGB)],
-            Self::Depth | Self::Distance => vec![Input::of(DEPTH)],
+            Self::Depth => vec![Input::of(DEPTH)],
+            // The view has it, too, but for datasets that are converted.
+            Self::Distance => vec![Input::of(DEPTH), Input::of(CAMERA)],
             Self::Normals => vec![Input::of(NORMAL)],
             Self::InstanceSegmaps => vec![Input::of(INSTANCE)],
             Self::CategoryIdSegmaps | Self::InstanceAttributeMaps => vec![Input::of(INSTANCE), Input::of(BODIES)],

@@ -2,7 +2,7 @@
 
 use crate::hdf5::Dataset;
 use hdf5_pure::DType as Stored;
-use hdf5_pure::File;
+use hdf5_pure::{Datatype, DatatypeByteOrder, File};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use syntable_formats::coco::Category;
@@ -19,7 +19,7 @@ syntable_model::register_format!(Format {
     doc: "HDF5 files of views, as BlenderProc and the writer `hdf5` have them.",
     detect: |root| !files_of(root).is_empty(),
     open,
-    is_of_products: true,
+    is_generic: true,
     crate_name: env!("CARGO_PKG_NAME"),
 });
 
@@ -28,14 +28,14 @@ const OBJECT: &str = "object";
 /// How the names of arrays of ids end.
 const IDS_END: &str = "_ids";
 
-/// The files of a folder that are called after a view or a number, by scene and view.
-fn files_of(folder: &Path) -> BTreeMap<(u32, u32), PathBuf> {
+/// The files of a folder that are called after a view or a number, with scene and view.
+fn files_of(folder: &Path) -> Vec<((u32, u32), PathBuf)> {
     let place = |path: &Path| {
         let stem = path.file_stem()?.to_str()?;
         // BlenderProc numbers the views of a scene.
         place_in_name(stem).or_else(|| Some((0, stem.parse().ok()?)))
     };
-    let is_one = |path: &PathBuf| path.extension().is_some_and(|it| it == "hdf5" || it == "h5") && path.is_file();
+    let is_one = |path: &PathBuf| path.extension().is_some_and(|it| it == "hdf5" || it == "h5");
     read::entries(folder).into_iter().filter(is_one).filter_map(|path| Some((place(&path)?, path))).collect()
 }
 
@@ -43,8 +43,7 @@ fn files_of(folder: &Path) -> BTreeMap<(u32, u32), PathBuf> {
 #[derive(Deserialize)]
 struct Attributes {
     idx: u16,
-    #[serde(default)]
-    category_id: u32,
+    category_id: Option<u32>,
     #[serde(default)]
     name: String,
     category: Option<String>,
@@ -53,20 +52,26 @@ struct Attributes {
 
 impl Attributes {
     fn is_object(&self) -> bool {
-        match &self.role {
-            Some(role) => role == OBJECT,
-            None => self.category_id > 0,
-        }
+        self.idx > 0
+            && match &self.role {
+                Some(role) => role == OBJECT,
+                None => self.category_id() > 0,
+            }
+    }
+
+    /// 0 if it has none.
+    fn category_id(&self) -> u32 {
+        self.category_id.unwrap_or_default()
     }
 
     /// Name of the category. That of objects of no class has one of its own.
     fn category_name(&self) -> String {
         let (object, object_name) = DatasetInfo::OBJECT;
         match &self.category {
-            _ if self.category_id == object && self.role.is_some() => object_name.to_owned(),
+            _ if self.category_id() == object && self.role.is_some() => object_name.to_owned(),
             Some(name) if !name.is_empty() => name.clone(),
-            _ if self.category_id == object => object_name.to_owned(),
-            _ => format!("category_{}", self.category_id),
+            _ if self.category_id() == object => object_name.to_owned(),
+            _ => format!("category_{}", self.category_id()),
         }
     }
 
@@ -84,10 +89,13 @@ fn open(root: &Path) -> Result<Box<dyn DatasetReader>> {
         let help = "name the folder that has the files, such as 000000_0000.hdf5";
         return Err(Error::new("it has no HDF5 files of views").in_file(root).help(help).of_request());
     }
+    let mut faults = Faults::default();
+    let all = samples::files_of_views(all, &mut faults);
     let image = |(place, path): (&(u32, u32), &PathBuf)| read::image(*place, read::name_of(path));
     let images = all.iter().map(image).collect();
     let paths: Vec<PathBuf> = all.into_values().collect();
-    let (mut fields, mut faults, mut names) = (None, Faults::default(), BTreeMap::new());
+    let (mut fields, mut of_shown) = (BTreeSet::new(), BTreeSet::new());
+    let (mut names, mut are_named) = (BTreeMap::new(), false);
     for path in &paths {
         let view = match View::open(path) {
             Ok(view) => view,
@@ -96,19 +104,21 @@ fn open(root: &Path) -> Result<Box<dyn DatasetReader>> {
         };
         let attributes = view.attributes().unwrap_or_default();
         for body in attributes.iter().filter(|body| body.is_object()) {
-            let name = body.category_name();
-            let known: &String = names.entry(body.category_id).or_insert_with(|| name.clone());
+            let (id, name) = (body.category_id(), body.category_name());
+            are_named |= body.category.is_some();
+            let known: &String = names.entry(id).or_insert_with(|| name.clone());
             if *known != name {
-                let message = format!("category {} is `{name}`, which other files call `{known}`", body.category_id);
+                let message = format!("category {id} is `{name}`, which other files call `{known}`");
                 faults.add("unique_names", path.display().to_string(), &message);
             }
         }
-        // What all files have is what the first one has; what another one lacks is at fault with it.
-        fields.get_or_insert_with(|| view.fields());
+        // A file that lacks what another one has is at fault with it.
+        fields.extend(view.fields());
+        of_shown.extend(view.of_shown());
     }
     let category = |(id, name): (u32, String)| Category { id: id.into(), name, ..Category::default() };
-    let categories = Some(names.into_iter().map(category).collect()).filter(|all: &Vec<Category>| !all.is_empty());
-    let contents = Contents { images, fields: fields.unwrap_or_default(), faults, categories };
+    let categories = are_named.then(|| names.into_iter().map(category).collect());
+    let contents = Contents { images, fields, faults, categories, of_shown, leaves_out_empty: false };
     Ok(samples::open(read::name_of(root), contents, Box::new(Files(paths))))
 }
 
@@ -118,6 +128,11 @@ impl Samples for Files {
         let own = view.fields().into_iter().filter(|name| wanted.contains(name.as_str()));
         own.map(|name| Ok((name.clone(), view.field(&name)?))).collect()
     }
+}
+
+/// Whether elements are little-endian floats of 16 bits.
+fn is_half(of: &Datatype) -> bool {
+    matches!(of, Datatype::FloatingPoint { size: 2, byte_order: DatatypeByteOrder::LittleEndian, .. })
 }
 
 /// A file that is open.
@@ -137,6 +152,12 @@ impl View {
         let file = File::open_streaming(path).map_err(fail)?;
         let names = file.root().datasets().map_err(fail)?.into_iter().collect();
         Ok(Self { file, path: path.to_owned(), names })
+    }
+
+    /// Names of the products that the attributes of bodies say, which only those have that are shown.
+    fn of_shown(&self) -> impl Iterator<Item = String> {
+        let names = [CATEGORY_ID.name(), OBJECT_NAME.name()];
+        names.into_iter().filter(|name| !self.names.contains(*name)).map(str::to_owned)
     }
 
     fn has(&self, dataset: Dataset) -> bool {
@@ -187,10 +208,14 @@ impl View {
         } else if is(VISIBLE_IDS.id()) {
             self.visible_ids()
         } else if is(CATEGORY_ID.id()) {
-            of_objects(&|body| body.category_id.into())
+            of_objects(&|body| body.category_id().into())
         } else {
-            // Of the asset, without its pool.
-            of_objects(&|body| body.name.rsplit('/').next().unwrap_or_default().into())
+            // Ours have the pool before it.
+            let of_asset = |body: &Attributes| match body.name.split_once('/') {
+                Some((_, name)) if body.role.is_some() => name.to_owned(),
+                _ => body.name.clone(),
+            };
+            of_objects(&|body| of_asset(body).into())
         }
     }
 
@@ -211,7 +236,7 @@ impl View {
             return Ok(Value::Tensor(array));
         }
         let values = samples::instances(&array, &self.array(&ids)?);
-        values.ok_or_else(|| self.refuse(name, &format!("`{ids}` are not as many as its values")))
+        values.map_err(|reason| self.refuse(name, &reason))
     }
 
     /// A dataset that may be read as a whole.
@@ -259,8 +284,7 @@ impl View {
             Stored::F64 => (DType::F64, bytes(dataset.read_f64().map_err(fail)?, f64::to_le_bytes)),
             // What h5py takes for a truth value.
             Stored::Enum(names) if names == ["FALSE", "TRUE"] => (DType::Bool, dataset.read_raw().map_err(fail)?),
-            // Other floats are as they lie in the file.
-            Stored::Other(other) if other.type_size() == 2 => (DType::F16, dataset.read_raw().map_err(fail)?),
+            Stored::Other(other) if is_half(&other) => (DType::F16, dataset.read_raw().map_err(fail)?),
             other => return Err(self.refuse(name, &format!("elements of type {other} are not read"))),
         };
         if shape.iter().product::<usize>() * dtype.size() != bytes.len() {
@@ -281,7 +305,8 @@ impl View {
             return Ok(Vec::new());
         }
         let text = self.text(name)?.ok_or_else(|| self.refuse(name, "it is no text"))?;
-        serde_json::from_str(&text).map_err(|error| self.refuse(name, &format!("not a list of instances: {error}")))
+        serde_json::from_str(&text)
+            .map_err(|error| self.refuse(name, &format!("not a list of instances with `idx`: {error}")))
     }
 
     /// The ids of objects alone.

@@ -20,6 +20,8 @@ fn part(name: &str, value: Json) -> Json {
             let pixel = |pixel: &Json| pixel.as_array().into_iter().flatten().map(round).collect::<Vec<i64>>();
             rows.iter().map(|row| row.as_array().into_iter().flatten().map(pixel).collect::<Vec<_>>()).collect()
         }),
+        // Those of objects that are shown.
+        "object_name" | "visible_ids" => Json::Null,
         _ => value,
     }
 }
@@ -36,12 +38,7 @@ fn products_come_back_and_labels_follow() {
     let known = classes();
     let names: Vec<(u32, &str)> = known.categories().collect();
     assert!(read.info().categories().all(|category| names.contains(&category)));
-    let same = |name: &str, value: Json| {
-        // What the dataset gives them.
-        if ["object_name", "visible_ids"].contains(&name) { Json::Null } else { part(name, value) }
-    };
-    // Of an image without objects, nothing says which bodies there are.
-    assert!(assert_products(&*read, &takes, true, same) > 100);
+    assert!(assert_products(&*read, &takes, true, part) > 100);
 }
 
 /// Visible masks, categories and names of what is shown, from BlenderProc's datasets alone.
@@ -63,6 +60,9 @@ fn blenderprocs_own_datasets_say_what_is_shown() {
             assert!(!want.is_empty() && own == want);
             seen += 1;
         }
+        let names = found.get(OBJECT_NAME).expect("there");
+        let known = products.get(OBJECT_NAME).expect("made");
+        assert!(masks.iter().all(|(id, _)| known.get(id).is_none_or(|name| names.get(id) == Some(name))));
         let categories = found.get(CATEGORY_ID).expect("there");
         assert!(categories.iter().map(|it| it.0).eq(masks.iter().map(|it| it.0)));
     }
@@ -96,4 +96,24 @@ fn what_is_damaged_is_named() {
         assert!(said.len() <= 1 && said.iter().all(|error| error.contains("000001_0001.hdf5")), "{said:?}");
         assert!(step % 2 == 1 || said.len() == 1, "{} bytes", changed.len());
     }
+}
+
+/// What attributes say of bodies is of those that are shown; annotated ones are those that labels have.
+#[test]
+fn hidden_objects_are_annotated_where_labels_say_so() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let include = "include = [\"visible_mask\", \"amodal_mask\", \"occlusion_order\"]";
+    let takes = written(folder.path(), "hdf5", include);
+    let read = opened(folder.path(), "hdf5");
+    let views = takes.iter().flat_map(|take| &take.views);
+    let mut hidden = 0;
+    for (image, (_, products)) in views.enumerate() {
+        let wants = keys![VISIBLE_MASK, AMODAL_MASK, OCCLUSION_ORDER, OCCLUSION_RATE, CATEGORY_ID];
+        let (_, found) = read.read(image, &wants).expect("readable");
+        let masks = products.get(AMODAL_MASK).expect("made");
+        assert!(found.get(OCCLUSION_ORDER).expect("there") == products.get(OCCLUSION_ORDER).expect("made"));
+        assert!(found.get(CATEGORY_ID).expect("there").iter().map(|it| it.0).eq(masks.iter().map(|it| it.0)));
+        hidden += products.get(VISIBLE_MASK).expect("made").iter().filter(|(_, mask)| mask.is_empty()).count();
+    }
+    assert!(hidden > 2, "{hidden}");
 }

@@ -151,23 +151,25 @@ impl Column {
 }
 
 /// The value of a product from the cells of its columns.
-pub fn value(columns: &[Column], cells: &[Value]) -> Value {
+pub fn value(columns: &[Column], cells: &[Value]) -> Result<Value> {
     let mut record = Vec::new();
     for (column, cell) in columns.iter().zip(cells) {
         match (column.part, cell) {
             // They say nothing new.
             (Part::Area | Part::Category, _) => {}
-            (Part::Whole | Part::Runs, value) => return value.clone(),
+            (Part::Whole | Part::Runs, value) => return Ok(value.clone()),
             (Part::Json, Value::Text(text)) => {
-                let json = serde_json::from_str::<serde_json::Value>(text).ok();
-                return json.and_then(|json| Value::of(&json).ok()).unwrap_or(Value::Null);
+                let json = serde_json::from_str::<serde_json::Value>(text);
+                return Value::of(&json.map_err(|error| {
+                    Error::new(format!("column `{}` is not JSON: {error}", column.name)).permanent()
+                })?);
             }
             (Part::Field(_) | Part::Json, Value::Null) => {}
             (Part::Field(field), value) => record.push((field.to_owned(), square(value))),
-            (Part::Json, value) => return value.clone(),
+            (Part::Json, value) => return Ok(value.clone()),
         }
     }
-    Value::Record(record)
+    Ok(Value::Record(record))
 }
 
 /// The rows of a square matrix whose entries are given row by row; other values stay.

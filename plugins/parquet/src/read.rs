@@ -5,13 +5,14 @@ use parquet::errors::ParquetError;
 use parquet::file::reader::{FileReader, SerializedFileReader};
 use parquet::record::{Field, Row};
 use parquet::schema::types::Type;
+use std::collections::btree_map::Entry;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::File;
 use std::path::{Path, PathBuf};
 use syntable_formats::coco::Category;
 use syntable_formats::decode::Content;
 use syntable_formats::read::{self, Faults};
-use syntable_formats::samples::{self, Contents, Fields, Samples};
+use syntable_formats::samples::{self, Contents, Fields, Latest, Samples};
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{CAMERA, CATEGORY_ID, RGB};
 use syntable_model::product::{Form, linked};
@@ -22,7 +23,7 @@ syntable_model::register_format!(Format {
     doc: "Parquet tables of instances or views, as the writer `parquet` has them.",
     detect: |root| !tables_of(root).is_empty(),
     open,
-    is_of_products: true,
+    is_generic: true,
     crate_name: env!("CARGO_PKG_NAME"),
 });
 
@@ -43,7 +44,7 @@ fn tables_of(root: &Path) -> Vec<PathBuf> {
             let stem = path.file_stem().and_then(|stem| stem.to_str());
             path.extension().is_some_and(|it| it == "parquet") && stem.is_some_and(|it| it.parse::<u32>().is_ok())
         };
-        read::entries(folder).into_iter().filter(|path| is_one(path) && path.is_file()).collect::<Vec<_>>()
+        read::entries(folder).into_iter().filter(is_one).collect::<Vec<_>>()
     };
     let folders = FOLDERS.map(|folder| root.join(folder)).into_iter().chain([root.to_owned()]);
     folders.map(|folder| of(&folder)).find(|tables| !tables.is_empty()).unwrap_or_default()
@@ -71,7 +72,7 @@ impl Table {
     }
 
     /// The rows with some of the columns.
-    fn rows(&self, wanted: impl Fn(&str) -> bool) -> Result<Vec<BTreeMap<String, Field>>> {
+    fn rows(&self, wanted: impl Fn(&str) -> bool) -> Result<Rows> {
         let fail = |error: ParquetError| unreadable(&self.path, &error);
         let fields = self.schema().get_fields().iter().filter(|field| wanted(field.name())).cloned().collect();
         let schema = Type::group_type_builder(self.schema().name()).with_fields(fields).build().map_err(fail)?;
@@ -92,7 +93,12 @@ struct Tables {
     places: Vec<((u32, u32), usize, [u32; 2])>,
     paths: Vec<PathBuf>,
     columns: BTreeSet<String>,
+    /// Rows of the tables that were read last, by table and columns: a scene has many views.
+    latest: Latest<(usize, BTreeSet<String>), Rows>,
 }
+
+/// Rows by column.
+type Rows = Vec<BTreeMap<String, Field>>;
 
 fn open(root: &Path) -> Result<Box<dyn DatasetReader>> {
     let paths = tables_of(root);
@@ -101,7 +107,10 @@ fn open(root: &Path) -> Result<Box<dyn DatasetReader>> {
         return Err(Error::new("it has no tables of scenes").in_file(root).help(help).of_request());
     }
     let (mut faults, mut views) = (Faults::default(), BTreeMap::<(u32, u32), (usize, [u32; 2])>::new());
-    let (mut columns, mut names) = (None, BTreeMap::<u64, String>::new());
+    let (mut columns, mut names) = (BTreeSet::new(), BTreeMap::<u64, String>::new());
+    let mut faulty = BTreeSet::new();
+    // Rows of views have lists of instances.
+    let mut has_views = false;
     for (table, path) in paths.iter().enumerate() {
         let read = Table::open(path).and_then(|table| {
             let rows = table.rows(|name| OWN.contains(&name) || [CATEGORY, CATEGORY_ID.name()].contains(&name))?;
@@ -110,11 +119,13 @@ fn open(root: &Path) -> Result<Box<dyn DatasetReader>> {
         let (own, rows) = match read {
             Ok(read) => read,
             Err(error) => {
-                faults.add("readable", path.display().to_string(), &format!("{error}: nothing of the scene is read"));
+                faults.lost("readable", path.display().to_string(), &format!("{error}: nothing of the scene is read"));
                 continue;
             }
         };
-        columns.get_or_insert(own);
+        // A table that lacks what another one has is at fault with it.
+        columns.extend(own);
+        has_views |= rows.iter().any(|row| matches!(row.get(INSTANCE), Some(Field::ListInternal(_)) | None));
         for row in &rows {
             let number = |name: &str| u32::try_from(row.get(name).and_then(integer)?).ok();
             let (Some(scene), Some(view)) = (number(SCENE), number(VIEW)) else {
@@ -123,26 +134,46 @@ fn open(root: &Path) -> Result<Box<dyn DatasetReader>> {
                 continue;
             };
             let size = [WIDTH, HEIGHT].map(|edge| number(edge).unwrap_or_default());
-            views.entry((scene, view)).or_insert((table, size));
+            match views.entry((scene, view)) {
+                Entry::Vacant(entry) => drop(entry.insert((table, size))),
+                // Other rows of instances of the view.
+                Entry::Occupied(first) if *first.get() == (table, size) && !has_views => {}
+                Entry::Occupied(first) => {
+                    let message = match first.get().0 == table && !has_views {
+                        true => format!("rows of view {view} say other sizes of its image"),
+                        false => format!("view {view} of scene {scene} has another row"),
+                    };
+                    faults.add("unique_views", path.display().to_string(), &message);
+                }
+            }
             let of = |name: &str| row.get(name).map(cells).unwrap_or_default();
             for (id, name) in of(CATEGORY_ID.name()).into_iter().zip(of(CATEGORY)) {
                 if let (Some(id), Field::Str(name)) = (integer(&id).and_then(|id| u64::try_from(id).ok()), name) {
-                    names.insert(id, name);
+                    let known = names.entry(id).or_insert_with(|| name.clone());
+                    if *known != name && faulty.insert(id) {
+                        let message = format!("category {id} is `{name}`, which other rows call `{known}`");
+                        faults.add("unique_names", path.display().to_string(), &message);
+                    }
                 }
             }
         }
     }
     let image = |&(scene, view): &(u32, u32)| read::image((scene, view), format!("scene {scene}, view {view}"));
     let category = |(id, name): (u64, String)| Category { id, name, ..Category::default() };
-    let columns = columns.unwrap_or_default();
     let contents = Contents {
         images: views.keys().map(image).collect(),
         fields: products_of(&columns).into_keys().collect(),
         faults,
         categories: Some(names.into_iter().map(category).collect()).filter(|all: &Vec<Category>| !all.is_empty()),
+        of_shown: BTreeSet::new(),
+        leaves_out_empty: !has_views,
     };
     let places = views.into_iter().map(|(place, (table, size))| (place, table, size)).collect();
-    Ok(samples::open(read::name_of(root), contents, Box::new(Tables { places, paths, columns })))
+    Ok(samples::open(
+        read::name_of(root),
+        contents,
+        Box::new(Tables { places, paths, columns, latest: Latest::default() }),
+    ))
 }
 
 /// The products that columns are made from, and their columns.
@@ -160,6 +191,10 @@ fn products_of(columns: &BTreeSet<String>) -> BTreeMap<String, Vec<column::Colum
 }
 
 impl Samples for Tables {
+    fn size(&self, image: usize) -> Option<[u32; 2]> {
+        Some(self.places[image].2).filter(|size| !size.contains(&0))
+    }
+
     fn read(&self, image: usize, wanted: &BTreeSet<&str>) -> Result<Fields> {
         let ((scene, view), table, size) = self.places[image];
         let path = &self.paths[table];
@@ -167,25 +202,34 @@ impl Samples for Tables {
         products.retain(|name, _| wanted.contains(name.as_str()));
         let has_image = products.remove(RGB.name()).is_some();
         let needed: BTreeSet<&str> = products.values().flatten().map(|column| column.name.as_str()).collect();
-        let is_needed = |name: &str| needed.contains(name) || (has_image && IMAGES.contains(&name));
-        let rows = Table::open(path)?.rows(|name| [SCENE, VIEW, INSTANCE].contains(&name) || is_needed(name))?;
-        let is_own = |row: &BTreeMap<String, Field>| {
+        let of_row = [SCENE, VIEW, INSTANCE].into_iter().chain(needed).chain(IMAGES.into_iter().filter(|_| has_image));
+        let wanted: BTreeSet<String> = of_row.map(str::to_owned).collect();
+        let read = || Table::open(path)?.rows(|name| wanted.contains(name));
+        let all = self.latest.get((table, wanted.clone()), read)?;
+        let is_own = |row: &&BTreeMap<String, Field>| {
             let is = |name: &str, number: u32| row.get(name).and_then(integer) == Some(i128::from(number));
             is(SCENE, scene) && is(VIEW, view)
         };
-        let rows: Vec<BTreeMap<String, Field>> = rows.into_iter().filter(is_own).collect();
+        let rows: Vec<&BTreeMap<String, Field>> = all.iter().filter(is_own).collect();
         let refuse = |what: String| Error::new(what).in_file(path).permanent();
         let mut fields = Fields::new();
         let first = rows.first().ok_or_else(|| refuse("its rows have changed".to_owned()))?;
         for (name, columns) in products {
             let key = linked().into_iter().find(|key| key.name == *name);
             let is_per_instance = key.is_some_and(|key| matches!(key.form(), Form::PerInstance(_)));
+            // What this table lacks, others have.
+            if columns.iter().all(|column| !first.contains_key(&column.name)) {
+                continue;
+            }
+            if let Some(column) = columns.iter().find(|column| !first.contains_key(&column.name)) {
+                return Err(refuse(format!("it has no column `{}`, which others have", column.name)));
+            }
             let value = if is_per_instance {
-                of_instances(&columns, &rows)
-                    .ok_or_else(|| refuse(format!("`{name}` has not as many values as there are ids")))?
+                of_instances(&columns, &rows).map_err(|error| error.in_file(path))?
             } else {
                 let cells: Vec<Option<&Field>> = columns.iter().map(|column| first.get(&column.name)).collect();
                 let value = column::value(&columns, &cells.into_iter().map(cell).collect::<Vec<_>>());
+                let value = value.map_err(|error| error.in_file(path))?;
                 match (name == CAMERA.name(), value) {
                     (true, Value::Record(own)) => {
                         let [width, height] = size.map(Value::from);
@@ -222,11 +266,13 @@ impl Tables {
     }
 }
 
-/// The values of a product by instance; none if there are not as many as ids. Cells without a value are of no instance.
-fn of_instances(columns: &[column::Column], rows: &[BTreeMap<String, Field>]) -> Option<Value> {
+/// The values of a product by instance. Cells without a value are of no instance.
+fn of_instances(columns: &[column::Column], rows: &[&BTreeMap<String, Field>]) -> Result<Value> {
+    let refuse = |what: &str| Error::new(what).permanent();
+    let mut seen = BTreeSet::new();
     let mut values = BTreeMap::new();
     for row in rows {
-        let ids = cells(row.get(INSTANCE)?);
+        let ids = row.get(INSTANCE).map(cells).unwrap_or_default();
         // A row of a view has lists, that of an instance has values.
         let is_view = matches!(row.get(INSTANCE), Some(Field::ListInternal(_)));
         let of_column = |column: &column::Column| match row.get(&column.name) {
@@ -236,16 +282,21 @@ fn of_instances(columns: &[column::Column], rows: &[BTreeMap<String, Field>]) ->
         };
         let of_columns: Vec<Vec<Field>> = columns.iter().map(of_column).collect();
         if of_columns.iter().any(|cells| cells.len() != ids.len()) {
-            return None;
+            return Err(refuse("a row has not as many values as instances"));
         }
         for (at, id) in ids.iter().enumerate() {
             let own: Vec<Value> = of_columns.iter().map(|cells| cell(Some(&cells[at]))).collect();
+            let id = integer(id).and_then(|id| u16::try_from(id).ok()).filter(|id| *id > 0);
+            let id = InstanceId(id.ok_or_else(|| refuse("`instance` is no number from 1 to 65535"))?);
+            if !seen.insert(id) {
+                return Err(refuse(&format!("instance {id} of a view is there twice")));
+            }
             if own.iter().any(|value| *value != Value::Null) {
-                values.insert(InstanceId(u16::try_from(integer(id)?).ok()?), column::value(columns, &own));
+                values.insert(id, column::value(columns, &own)?);
             }
         }
     }
-    Some(Value::PerInstance(values))
+    Ok(Value::PerInstance(values))
 }
 
 /// The elements of a list, or the only one.

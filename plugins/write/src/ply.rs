@@ -4,7 +4,7 @@ use syntable_formats::encode::view_name;
 use syntable_model::geometry::Point3;
 use syntable_model::prelude::*;
 use syntable_model::product::Tensor;
-use syntable_model::product::standard::{DEPTH, INSTANCE, RGB};
+use syntable_model::product::standard::{CAMERA, DEPTH, INSTANCE, RGB};
 use syntable_model::scene::Camera;
 
 /// Writes the point cloud of each view as a PLY file.
@@ -64,7 +64,8 @@ impl Writer for Ply {
             option: Some("depth".into()),
             is_optional: false,
         };
-        let others = [(self.colors, Input::of(RGB)), (self.instances, Input::of(INSTANCE))];
+        // The view has the camera, too, but for datasets that are converted.
+        let others = [(true, Input::of(CAMERA)), (self.colors, Input::of(RGB)), (self.instances, Input::of(INSTANCE))];
         let others = others.into_iter().filter_map(|(wanted, input)| wanted.then_some(input));
         std::iter::once(depth).chain(others).collect()
     }
@@ -120,6 +121,11 @@ impl Ply {
                 Frame::Camera => in_camera,
                 Frame::World => camera.world_from_camera * in_camera,
             };
+            if !point.iter().all(|v| v.is_finite()) {
+                return Err(Error::new("nobody says where the camera is")
+                    .help("write points in its own frame: `frame = \"camera\"`")
+                    .permanent());
+            }
             points.extend(point.iter().flat_map(|&v| (v as f32).to_le_bytes()));
             points.extend(colors.iter().flat_map(|rgb| rgb.data()[pixel]));
             points.extend(instances.iter().flat_map(|ids| ids.data()[pixel].0.to_le_bytes()));

@@ -3,9 +3,12 @@
 //! Files keep less of a value than [`Value`] does: JSON has masks as run lengths, instances as keys in decimal and numbers that
 //! are none as null; arrays have integers of another width.
 
-use super::{BBox, DType, Mask, ObjectImage, ObjectImages, OcclusionOrder, PerInstance, Pixel, Plane, Tensor, Value};
+use super::{
+    BBox, DType, Form, Mask, ObjectImage, ObjectImages, OcclusionOrder, PerInstance, Pixel, Plane, Tensor, Value,
+};
 use crate::scene::InstanceId;
 use std::any::{Any, TypeId};
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 
 /// A value that a file has of a product, and what the file does not say.
@@ -22,6 +25,19 @@ pub struct Stored<'a> {
 impl<'a> Stored<'a> {
     fn with(self, value: &'a Value) -> Self {
         Self { value, ..self }
+    }
+
+    /// The value of a form: nested lists are an array where a product is one.
+    pub(super) fn of_form(self, form: &Form) -> Option<Cow<'a, Value>> {
+        match (form, self.value) {
+            (Form::Tensor(dtype), Value::List(_)) => {
+                let (mut shape, mut bytes) = (Vec::new(), Vec::new());
+                self.flatten(self.value, 0, *dtype, &mut shape, &mut bytes)?;
+                let axes = vec![Cow::Borrowed("axis"); shape.len()];
+                Some(Cow::Owned(Value::Tensor(Tensor { dtype: *dtype, axes, shape, bytes })))
+            }
+            (_, value) => Some(Cow::Borrowed(value)),
+        }
     }
 
     /// A plane of pixels.
@@ -79,6 +95,9 @@ impl<'a> Stored<'a> {
             let pixels = self.with(value).plane::<P>()?;
             let size = [pixels.width(), pixels.height()];
             let images = images.get_or_insert_with(|| ObjectImages::within(around, size[0], size[1]));
+            if images.size() != size {
+                return None;
+            }
             images.insert(id, ObjectImage { x: 0, y: 0, pixels });
         }
         // Of no instance, nothing says how large images are.
@@ -90,7 +109,7 @@ impl<'a> Stored<'a> {
         let tensor = self.tensor(DType::U8, 2).or_else(|| self.tensor(DType::Bool, 2))?;
         let n = self.ids.len();
         // No instance is an empty list in JSON, of no second axis.
-        if tensor.shape != [n, n] && n > 0 {
+        if tensor.shape != [n, n] && !(n == 0 && tensor.bytes.is_empty()) {
             return None;
         }
         let mut order = OcclusionOrder::new(self.ids.to_vec());
@@ -103,7 +122,9 @@ impl<'a> Stored<'a> {
         match self.value {
             Value::PerInstance(each) => Some(each.iter().map(|(id, value)| (*id, value)).collect()),
             Value::Record(fields) => {
-                fields.iter().map(|(id, value)| Some((InstanceId(id.parse().ok()?), value))).collect()
+                // 0 is no instance.
+                let id = |text: &str| text.parse().ok().filter(|id| *id > 0).map(InstanceId);
+                fields.iter().map(|(text, value)| Some((id(text)?, value))).collect()
             }
             _ => None,
         }
@@ -153,7 +174,7 @@ impl<'a> Stored<'a> {
         // An empty list has no further axes.
         let is_whole = shape.len() == axes || (shape.len() < axes && shape.contains(&0));
         shape.resize(axes, 0);
-        is_whole.then(|| Tensor { dtype, axes: vec![std::borrow::Cow::Borrowed("axis"); axes], shape, bytes })
+        is_whole.then(|| Tensor { dtype, axes: vec![Cow::Borrowed("axis"); axes], shape, bytes })
     }
 
     /// Appends the elements of nested lists, which are as long as the first ones of their depth.
@@ -336,6 +357,9 @@ mod tests {
             "an axis too many"
         );
         assert_eq!(back::<Plane<u8>>(&Value::List(Vec::new())).map(|it| it.width()), Some(0));
+        let sizes = [("1", Value::List(Vec::new())), ("2", Value::List(vec![Value::from([1.0])]))];
+        assert!(back::<ObjectImages<f32>>(&Value::record(sizes)).is_none(), "images of two sizes");
+        assert_eq!(back::<PerInstance<f64>>(&Value::record([("0", 1.0.into())])), None, "0 is no instance");
         let none = back::<ObjectImages<f32>>(&Value::record([]));
         assert_eq!(none.map(|images| images.iter().count()), Some(0));
         let damaged = Value::record([("size", [2_i64, 2].into()), ("counts", "zz".into())]);

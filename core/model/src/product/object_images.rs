@@ -68,6 +68,11 @@ impl<P: Pixel + Default> ObjectImages<P> {
 }
 
 impl<P: Pixel> ObjectImages<P> {
+    /// Width and height of the view, px.
+    pub fn size(&self) -> [u32; 2] {
+        [self.width, self.height]
+    }
+
     /// No images, for a view of a width and height; those to come are `around` what is kept.
     pub fn within(around: P, width: u32, height: u32) -> Self {
         Self { width, height, around, images: BTreeMap::new() }

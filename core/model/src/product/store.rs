@@ -43,8 +43,10 @@ impl Products {
 
     /// Stores the product that a file has. The error says that it is of another type.
     pub fn put_stored(&mut self, key: KeyId, stored: InFile<'_>) -> Result<()> {
-        let product = (key.decode)(stored)
-            .ok_or_else(|| Error::new(format!("`{}` is not {}", key.name, key.kind_of_value())).permanent())?;
+        let value = stored.of_form(&key.form());
+        let decoded = value.as_deref().and_then(|value| (key.decode)(InFile { value, ..stored }));
+        let product =
+            decoded.ok_or_else(|| Error::new(format!("`{}` is not {}", key.name, key.kind_of_value())).permanent())?;
         self.store(Stored { key, product })
     }
 

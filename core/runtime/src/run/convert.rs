@@ -9,6 +9,7 @@ use super::times::Times;
 use crate::plan::{self, Candidate, Fault, Implied, Plan, Producer};
 use crate::workers::Pool;
 use parking_lot::Mutex;
+use serde::Deserialize;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -17,11 +18,12 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use syntable_model::check::{self, Check};
 use syntable_model::context::{DatasetContext, ViewContext};
 use syntable_model::error::{Error, Result};
-use syntable_model::product::standard::COVERAGE;
+use syntable_model::geometry::{Pose, pose_of_matrix};
+use syntable_model::product::standard::{CAMERA, COVERAGE};
 use syntable_model::product::{KeyId, Products, Scope};
 use syntable_model::reader::DatasetReader;
 use syntable_model::registry::Registry;
-use syntable_model::scene::{Scene, SceneId};
+use syntable_model::scene::{Camera, Distortion, Intrinsics, Scene, SceneId, View};
 use syntable_model::stage::{Annotator, Finish, Input, ProductGroup, Writer};
 
 /// What a conversion wrote.
@@ -41,6 +43,8 @@ pub struct Converted {
     pub faults: u32,
     /// Images that cannot be read and were left out, each with the reason, in order.
     pub left_out: Vec<String>,
+    /// What hides images from the list of the dataset: files that cannot be read, or that are missing, each with the reason.
+    pub not_listed: Vec<String>,
     /// Files beside images, such as meshes, that cannot be read and were left out, each with the reason.
     pub parts_left_out: Vec<String>,
 }
@@ -94,18 +98,23 @@ pub fn convert(
     let scenes = moved.inspect_err(|_| drop(super::folder::remove(&part)))?;
     drop(lock);
     let unread = unread.into_inner();
+    let not_listed = dataset.faults_of_opening().iter().filter(|fault| fault.is_lost);
     let read: Vec<String> = plan.entries.iter().map(|entry| entry.key.name.to_string()).collect();
     let derived = dataset.derived();
+    let is_read = |key: &KeyId| read.contains(&key.name.to_string());
+    let alike = dataset.alike();
+    let said_otherwise = |key: &KeyId| alike.iter().any(|pair| pair.contains(key) && pair.iter().any(is_read));
     let stored = dataset.offers().into_iter().filter(|key| !derived.contains(key));
-    let lost = stored.map(|key| key.name.to_string()).filter(|name| !read.contains(name));
+    let lost = stored.filter(|key| !is_read(key) && !said_otherwise(key)).map(|key| key.name.to_string());
     Ok(Converted {
         scenes: scenes.len() as u32,
         images: (dataset.images().len() - unread.len()) as u32,
         lost: lost.collect(),
         lacking,
         caveats: dataset.caveats(&plan.rendered),
-        faults: faults.into_inner() + dataset.faults_of_opening().len() as u32,
+        faults: faults.into_inner() + dataset.faults_of_opening().iter().filter(|fault| !fault.is_lost).count() as u32,
         left_out: unread.into_values().map(|error| error.to_string()).collect(),
+        not_listed: not_listed.map(|fault| format!("{}: {}", fault.place, fault.message)).collect(),
         parts_left_out: dataset.left_out(&plan.rendered).into_iter().map(|error| error.to_string()).collect(),
     })
 }
@@ -230,31 +239,38 @@ fn resolve(
         Candidate { stage, producer: Producer::View(Box::new(part)), implied }
     };
     let implied = parts.into_iter().map(candidate).collect();
-    let plan = plan::resolve(offers.clone(), Vec::new(), implied, &wants).map_err(|errors| {
-        let is_unknown = |error: &&plan::PlanError| error.fault == Fault::Unknown;
-        let mut messages: Vec<String> = Vec::new();
-        for (id, _) in writers {
-            let stage = format!("write.{id}");
-            let missing = errors.iter().filter(is_unknown).filter(|error| error.stage == stage);
-            let missing: Vec<String> = missing.map(|error| format!("`{}`", error.product)).collect();
-            if !missing.is_empty() {
-                messages.push(format!("{stage} reads {}, which the dataset does not have", missing.join(", ")));
+    let plan =
+        plan::resolve(offers.clone(), Vec::new(), implied, &wants).map_err(|errors| {
+            let is_unknown = |error: &&plan::PlanError| error.fault == Fault::Unknown;
+            let mut messages: Vec<String> = Vec::new();
+            for (id, _) in writers {
+                let stage = format!("write.{id}");
+                let missing = errors.iter().filter(is_unknown).filter(|error| error.stage == stage);
+                let missing: Vec<String> = missing.map(|error| format!("`{}`", error.product)).collect();
+                if !missing.is_empty() {
+                    messages.push(format!("{stage} reads {}, which the dataset does not have", missing.join(", ")));
+                }
             }
-        }
-        messages.extend(errors.iter().filter(|error| !is_unknown(error)).map(|error| error.message.clone()));
-        let has: Vec<String> = offers.iter().map(|key| format!("`{}`", key.name)).collect();
-        let mut help = format!("the dataset has {}", has.join(", "));
-        // Such as `include[0]`.
-        let named = errors.iter().filter(is_unknown).find_map(|error| {
-            let option = error.option.as_ref()?.split('[').next().filter(|option| *option == "include")?;
-            Some((error.stage.strip_prefix("write.")?, option))
-        });
-        if let (Some((kind, option)), Some(first)) = (named, has.first()) {
-            let product = first.trim_matches('`');
-            help += &format!("; choose among them, as in --set '{kind}.{option}=[\"{product}\"]'");
-        }
-        Error::new(messages.join("; ")).help(help).of_request()
-    })?;
+            messages.extend(errors.iter().filter(|error| !is_unknown(error)).map(|error| error.message.clone()));
+            if messages.is_empty() {
+                // What an annotator would make of products that are not there.
+                messages.extend(errors.iter().map(|error| {
+                    format!("{} reads `{}`, which the dataset does not have", error.stage, error.product)
+                }));
+            }
+            let has: Vec<String> = offers.iter().map(|key| format!("`{}`", key.name)).collect();
+            let mut help = format!("the dataset has {}", has.join(", "));
+            // Such as `include[0]`.
+            let named = errors.iter().filter(is_unknown).find_map(|error| {
+                let option = error.option.as_ref()?.split('[').next().filter(|option| *option == "include")?;
+                Some((error.stage.strip_prefix("write.")?, option))
+            });
+            if let (Some((kind, option)), Some(first)) = (named, has.first()) {
+                let product = first.trim_matches('`');
+                help += &format!("; choose among them, as in --set '{kind}.{option}=[\"{product}\"]'");
+            }
+            Error::new(messages.join("; ")).help(help).of_request()
+        })?;
     Ok(Resolved { plan, lacking: lacking.into_iter().collect() })
 }
 
@@ -390,6 +406,7 @@ impl Conversion<'_> {
                     continue;
                 }
             };
+            let view = with_camera(view, &products);
             annotate(&times, self.plan, &cx.view(&view), &BTreeMap::new(), &mut products).map_err(of)?;
             self.faults.fetch_add(self.dataset.image_faults(image).len() as u32, Ordering::Relaxed);
             for check in self.checks {
@@ -414,6 +431,43 @@ impl Conversion<'_> {
             let finish = Finish::new(self.part, id, scenes.to_vec());
             writer.finish(&self.cx, &products, &finish).map_err(|error| error.context(id.clone()))
         })
+    }
+}
+
+/// What is read of the product `camera`.
+#[derive(Deserialize)]
+struct CameraRecord {
+    width: u32,
+    height: u32,
+    #[serde(rename = "K")]
+    k: [[f64; 3]; 3],
+    #[serde(default)]
+    world_from_camera: Option<[[f64; 4]; 4]>,
+    #[serde(default)]
+    distortion_k1_k2_p1_p2_k3: Option<[f64; 5]>,
+}
+
+impl CameraRecord {
+    /// The camera. Where nobody says where it is, its pose has no numbers.
+    fn camera(&self) -> Camera {
+        let Self { width, height, k: [[fx, _, cx], [_, fy, cy], _], .. } = *self;
+        let nowhere = || Pose::translation(f64::NAN, f64::NAN, f64::NAN);
+        let pose = self.world_from_camera.as_ref().map_or_else(nowhere, pose_of_matrix);
+        let distortion = self.distortion_k1_k2_p1_p2_k3;
+        let distortion =
+            distortion.map(|[k1, k2, p1, p2, k3]| Distortion { radial: [k1, k2, k3], tangential: [p1, p2] });
+        let intrinsics = Intrinsics { width, height, fx, fy, cx, cy };
+        Camera { distortion, ..Camera::pinhole(intrinsics, pose) }
+    }
+}
+
+/// The view with the camera that the dataset says, if it says one.
+fn with_camera(view: View, products: &Products) -> View {
+    let said = products.optional(CAMERA).ok().flatten().and_then(|record| serde_json::to_value(record).ok());
+    let said: Option<CameraRecord> = said.and_then(|record| serde_json::from_value(record).ok());
+    match said {
+        Some(said) => View { camera: said.camera(), ..view },
+        None => view,
     }
 }
 

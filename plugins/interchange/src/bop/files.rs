@@ -3,13 +3,13 @@
 use super::finish::{KEY_TO_SHARD, OF_SCENE};
 use super::record::{GroundTruth, Info, SceneCamera};
 use serde::de::DeserializeOwned;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 use syntable_formats::decode::{self, Content};
 use syntable_formats::json as formats_json;
-use syntable_formats::members::{Member, members};
-use syntable_formats::read::{self, Faults};
+use syntable_formats::members::{self, Member, Sample};
+use syntable_formats::read::{self, Faults, place_in_name};
 use syntable_formats::segmentation::Segmentation;
 use syntable_model::prelude::*;
 use syntable_model::reader::ImageRef;
@@ -58,7 +58,7 @@ enum Place {
     /// In the folder of its scene.
     Folder(PathBuf),
     /// In a tar file, by field.
-    Sample(BTreeMap<String, Member>),
+    Sample { archive: PathBuf, fields: BTreeMap<String, Member> },
 }
 
 /// What the files of a scene say of an image.
@@ -76,6 +76,20 @@ fn scenes_of(folder: &Path) -> Vec<(u32, PathBuf)> {
     scenes.filter_map(|path| Some((number(&path)?, path))).collect()
 }
 
+/// Whether a folder has tar files whose samples are BOP's: those of others may have the same names.
+fn has_shards(folder: &Path) -> bool {
+    let shards = shards_of(folder);
+    let says_poses = |path: &PathBuf| {
+        let mut first = members::first(path, FIRST_MEMBERS).into_iter();
+        first.any(|member| member.name.ends_with(&format!(".{}", RECORDS[1])))
+    };
+    !shards.is_empty()
+        && (folder.join(KEY_TO_SHARD).is_file() || shards.iter().take(1).any(|(_, path)| says_poses(path)))
+}
+
+/// Members of a tar file among which one has poses, if it is BOP's.
+const FIRST_MEMBERS: usize = 32;
+
 /// The tar files of a folder with their numbers, sorted.
 fn shards_of(folder: &Path) -> Vec<(u64, PathBuf)> {
     let number = |path: &Path| path.file_name()?.to_str()?.strip_prefix("shard-")?.strip_suffix(".tar")?.parse().ok();
@@ -92,13 +106,17 @@ pub fn splits_of(root: &Path) -> Vec<Split> {
     };
     let has = |folder: &Path, file: &str| scenes_of(folder).iter().any(|(_, scene)| scene.join(file).is_file());
     let scenewise = [TRUTH, CAMERAS].map(|file| of(super::Layout::Scenewise, &|folder| has(folder, file)));
-    let web = || of(super::Layout::Webdataset, &|folder| !shards_of(folder).is_empty());
+    let web = || of(super::Layout::Webdataset, &has_shards);
     scenewise.into_iter().find(|splits| !splits.is_empty()).unwrap_or_else(web)
 }
 
 /// The only split of a dataset.
 pub fn split_of(root: &Path) -> Result<Split> {
-    let splits = splits_of(root);
+    let mut splits = splits_of(root);
+    // What is damaged may be called by its format.
+    if splits.is_empty() && !shards_of(root).is_empty() {
+        splits.push(Split { folder: root.to_owned(), layout: super::Layout::Webdataset });
+    }
     let (found, help) = match splits.first() {
         Some(first) => (splits.len(), format!("name the folder of one split, such as {}", first.folder.display())),
         None => {
@@ -150,10 +168,10 @@ impl Images {
         let [cameras, truth, counts] = files;
         if infos.len() != objects.len() {
             let message = format!("it has {} objects in {truth}, {} in {counts}", objects.len(), infos.len());
-            return faults.add("records_agree", name, &message);
+            return faults.lost("records_agree", name, &message);
         }
         let Some(camera) = camera else {
-            return faults.add("records_agree", name, &format!("it is in {truth} and not in {cameras}"));
+            return faults.lost("records_agree", name, &format!("it is in {truth} and not in {cameras}"));
         };
         self.refs.push(read::image((scene, number), name));
         self.records.push(Record { number, camera, objects, infos, place });
@@ -164,13 +182,13 @@ impl Images {
             let place = format!("{scene:06}");
             if let Some(missing) = [TRUTH, CAMERAS, INFOS].iter().find(|name| !folder.join(name).is_file()) {
                 let message = format!("the scene has no {missing}: nothing of it is read");
-                faults.add("files_are_there", place, &message);
+                faults.lost("files_are_there", place, &message);
                 continue;
             }
             let (mut cameras, mut infos, all) = match files_of(&folder) {
                 Ok(files) => files,
                 Err(error) => {
-                    faults.add("readable", place, &format!("{error}: nothing of the scene is read"));
+                    faults.lost("readable", place, &format!("{error}: nothing of the scene is read"));
                     continue;
                 }
             };
@@ -181,48 +199,31 @@ impl Images {
             }
             for number in cameras.into_keys() {
                 let message = format!("it is in {CAMERAS} and not in {TRUTH}");
-                faults.add("records_agree", format!("{scene:06}/{number:06}"), &message);
+                faults.lost("records_agree", format!("{scene:06}/{number:06}"), &message);
             }
             self.folders.push(folder);
         }
     }
 
     fn add_shards(&mut self, split: &Path, faults: &mut Faults) {
-        let mut samples: BTreeMap<[u32; 2], (u64, BTreeMap<String, Member>)> = BTreeMap::new();
-        for (shard, path) in shards_of(split) {
-            let (found, damage) = members(&path);
-            if let Some(error) = damage {
-                let message = format!("{error}: nothing that follows in it is read");
-                faults.add("readable", path.display().to_string(), &message);
-            }
-            for member in found {
-                let Some((key, field)) = member.name.split_once('.') else { continue };
-                let Some(key) = place_of(key) else {
-                    let message =
-                        "its name does not begin with the numbers of a scene and an image, such as 000003_000017";
-                    faults.add("known_images", member.path().display().to_string(), message);
-                    continue;
-                };
-                let (first, sample) = samples.entry(key).or_insert_with(|| (shard, BTreeMap::new()));
-                if *first != shard || sample.contains_key(field) {
-                    let message = "the image has this member twice; the first one counts";
-                    faults.add("unique_views", member.path().display().to_string(), message);
-                    continue;
-                }
-                sample.insert(field.to_owned(), member);
-            }
-        }
-        faults_of_numbers(split, &samples, faults);
-        for ([scene, number], (_, mut sample)) in samples {
+        let shards = shards_of(split);
+        let paths: Vec<PathBuf> = shards.iter().map(|(_, path)| path.clone()).collect();
+        let samples = members::samples(&paths, faults);
+        let numbers = samples.iter().map(|(key, sample)| (*key, shards[sample.archive].0)).collect();
+        faults_of_numbers(split, &numbers, faults);
+        for ((scene, number), Sample { archive, mut fields }) in samples {
             let place = format!("{scene:06}/{number:06}");
-            if let Some(missing) = RECORDS.iter().find(|field| !sample.contains_key(**field)) {
+            if let Some(missing) = RECORDS.iter().find(|field| !fields.contains_key(**field)) {
                 let message = format!("the image has no {missing}: nothing of it is read");
-                faults.add("files_are_there", place, &message);
+                faults.lost("files_are_there", place, &message);
                 continue;
             }
-            match said_by(number, &mut sample) {
-                Ok(said) => self.add(scene, said, Place::Sample(sample), RECORDS, faults),
-                Err(error) => faults.add("readable", place, &format!("{error}: nothing of the image is read")),
+            match said_by(number, &mut fields) {
+                Ok(said) => {
+                    let place = Place::Sample { archive: paths[archive].clone(), fields };
+                    self.add(scene, said, place, RECORDS, faults);
+                }
+                Err(error) => faults.lost("readable", place, &format!("{error}: nothing of the image is read")),
             }
         }
     }
@@ -237,14 +238,8 @@ fn said_by(number: u32, sample: &mut BTreeMap<String, Member>) -> Result<Said> {
     Ok(Said { number, camera: take(sample, camera)?, objects: take(sample, truth)?, infos: take(sample, infos)? })
 }
 
-/// Numbers of scene and image in the key of a sample.
-fn place_of(key: &str) -> Option<[u32; 2]> {
-    let (scene, number) = key.rsplit('/').next()?.split_once('_')?;
-    Some([scene.parse().ok()?, number.parse().ok()?])
-}
-
-/// Compares the list of the images' tar files with these. A dataset may lack it.
-fn faults_of_numbers<T>(split: &Path, samples: &BTreeMap<[u32; 2], (u64, T)>, faults: &mut Faults) {
+/// Compares the list of the images' tar files with these, by scene and image. A dataset may lack it.
+fn faults_of_numbers(split: &Path, numbers: &BTreeMap<(u32, u32), u64>, faults: &mut Faults) {
     let path = split.join(KEY_TO_SHARD);
     if !path.is_file() {
         return;
@@ -253,10 +248,9 @@ fn faults_of_numbers<T>(split: &Path, samples: &BTreeMap<[u32; 2], (u64, T)>, fa
         Ok(said) => said,
         Err(error) => return faults.add("readable", KEY_TO_SHARD.to_owned(), &error.to_string()),
     };
-    let own = |key: &str| samples.get(&place_of(key)?).map(|(shard, _)| *shard);
     for (key, shard) in &said {
-        let found = match own(key) {
-            Some(own) if own == *shard => continue,
+        let found = match place_in_name(key).and_then(|place| numbers.get(&place)) {
+            Some(own) if own == shard => continue,
             Some(own) => format!("it is in that of number {own}"),
             None => "no tar file has it".to_owned(),
         };
@@ -266,8 +260,8 @@ fn faults_of_numbers<T>(split: &Path, samples: &BTreeMap<[u32; 2], (u64, T)>, fa
             &format!("{KEY_TO_SHARD} has it in the tar file {shard}, and {found}"),
         );
     }
-    let listed: std::collections::BTreeSet<[u32; 2]> = said.keys().filter_map(|key| place_of(key)).collect();
-    for [scene, number] in samples.keys().filter(|key| !listed.contains(*key)) {
+    let listed: BTreeSet<(u32, u32)> = said.keys().filter_map(|key| place_in_name(key)).collect();
+    for (scene, number) in numbers.keys().filter(|key| !listed.contains(*key)) {
         faults.add("records_agree", format!("{scene:06}_{number:06}"), &format!("{KEY_TO_SHARD} does not have it"));
     }
 }
@@ -284,7 +278,7 @@ impl Record {
     pub fn folder(&self) -> Option<&Path> {
         match &self.place {
             Place::Folder(folder) => Some(folder),
-            Place::Sample(_) => None,
+            Place::Sample { .. } => None,
         }
     }
 
@@ -296,9 +290,9 @@ impl Record {
                 let found = ["png", "jpg"].map(path).into_iter().find(|path| path.is_file());
                 decode::rgb(&found.unwrap_or_else(|| path("png")))
             }
-            Place::Sample(sample) => {
-                let found = COLORS.iter().find(|field| sample.contains_key(**field)).unwrap_or(&COLORS[0]);
-                self.member(sample, found)?.content()?.rgb()
+            Place::Sample { fields, .. } => {
+                let found = COLORS.iter().find(|field| fields.contains_key(**field)).unwrap_or(&COLORS[0]);
+                self.member(found)?.content()?.rgb()
             }
         }
     }
@@ -307,7 +301,7 @@ impl Record {
     pub fn depth(&self) -> Result<Plane<f32>> {
         let content = match &self.place {
             Place::Folder(folder) => Content::read(&folder.join(format!("depth/{:06}.png", self.number))),
-            Place::Sample(sample) => self.member(sample, DEPTH)?.content(),
+            Place::Sample { .. } => self.member(DEPTH)?.content(),
         };
         content?.depth(self.camera.depth_scale)
     }
@@ -323,8 +317,8 @@ impl Record {
                 let entries = 0..self.objects.len();
                 entries.map(|entry| Ok([mask("mask", entry)?, mask("mask_visib", entry)?])).collect()
             }
-            Place::Sample(sample) => {
-                let [amodal, visible] = MASKS.map(|field| self.runs(self.member(sample, field)?, size));
+            Place::Sample { .. } => {
+                let [amodal, visible] = MASKS.map(|field| self.runs(self.member(field)?, size));
                 Ok(amodal?.into_iter().zip(visible?).map(<[Mask; 2]>::from).collect())
             }
         }
@@ -346,11 +340,14 @@ impl Record {
         }
     }
 
-    fn member<'s>(&self, sample: &'s BTreeMap<String, Member>, field: &str) -> Result<&'s Member> {
-        sample.get(field).ok_or_else(|| {
-            let others = sample.values().next().map(Member::path).unwrap_or_default();
-            let archive = others.parent().unwrap_or(Path::new("")).to_owned();
-            Error::new(format!("the image {:06} has no {field}", self.number)).in_file(archive).of_request()
+    /// A member of the sample that the image is.
+    fn member(&self, field: &str) -> Result<&Member> {
+        let (found, place) = match &self.place {
+            Place::Sample { archive, fields } => (fields.get(field), archive),
+            Place::Folder(folder) => (None, folder),
+        };
+        found.ok_or_else(|| {
+            Error::new(format!("the image {:06} has no {field}", self.number)).in_file(place).of_request()
         })
     }
 }

@@ -25,7 +25,7 @@ syntable_model::register_format!(Format {
     doc: "BOP's scenewise layout and its tar files: a folder of a dataset with one split, or the split itself.",
     detect: |root| !files::splits_of(root).is_empty(),
     open,
-    is_of_products: false,
+    is_generic: false,
     crate_name: env!("CARGO_PKG_NAME"),
 });
 

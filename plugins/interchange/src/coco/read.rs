@@ -29,7 +29,7 @@ syntable_model::register_format!(Format {
         let [root, file] = shared::root_and_file(path, Some(FOLDER), has_instances)?;
         open_file(&root, &file)
     },
-    is_of_products: false,
+    is_generic: false,
     crate_name: env!("CARGO_PKG_NAME"),
 });
 

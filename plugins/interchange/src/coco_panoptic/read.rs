@@ -21,7 +21,7 @@ syntable_model::register_format!(Format {
           objects.",
     detect: |path| shared::is_dataset(path, Some(FOLDER), |file| shared::name_starts(file, FILE)),
     open,
-    is_of_products: false,
+    is_generic: false,
     crate_name: env!("CARGO_PKG_NAME"),
 });
 

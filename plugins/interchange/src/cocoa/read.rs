@@ -22,7 +22,7 @@ syntable_model::register_format!(Format {
           stuff are no objects; of several annotations of an image the first one counts.",
     detect: |path| shared::is_dataset(path, Some(FOLDER), |file| shared::name_starts(file, FILE)),
     open,
-    is_of_products: false,
+    is_generic: false,
     crate_name: env!("CARGO_PKG_NAME"),
 });
 

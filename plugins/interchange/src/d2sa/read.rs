@@ -13,6 +13,6 @@ syntable_model::register_format!(Format {
         let [root, file] = root_and_file(path, Some(FOLDER), |file| name_starts(file, FILE))?;
         open_file(&root, &file)
     },
-    is_of_products: false,
+    is_generic: false,
     crate_name: env!("CARGO_PKG_NAME"),
 });

@@ -23,7 +23,7 @@ syntable_model::register_format!(Format {
           the writer `kins` writes it.",
     detect: |path| shared::is_dataset(path, None, is_one) && !(path.is_file() && shared::is_in(path, FOLDER)),
     open,
-    is_of_products: false,
+    is_generic: false,
     crate_name: env!("CARGO_PKG_NAME"),
 });
 

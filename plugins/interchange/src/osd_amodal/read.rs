@@ -18,7 +18,7 @@ syntable_model::register_format!(Format {
           writer `osd_amodal` writes them.",
     detect: |root| IMAGES.iter().chain([&MASKS[0]]).all(|folder| root.join(folder).is_dir()),
     open,
-    is_of_products: false,
+    is_generic: false,
     crate_name: env!("CARGO_PKG_NAME"),
 });
 

@@ -23,7 +23,7 @@ syntable_model::register_format!(Format {
           visible masks, unless `data.yaml` has `masks: amodal`; of boxes, rotated boxes and poses only classes are read.",
     detect: |root| !splits_of(root).is_empty() && !is_beside_coco(root),
     open,
-    is_of_products: false,
+    is_generic: false,
     crate_name: env!("CARGO_PKG_NAME"),
 });
 

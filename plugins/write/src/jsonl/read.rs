@@ -1,12 +1,15 @@
 //! Reads JSON Lines of products.
 
+use serde::de::IgnoredAny;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::File;
 use std::io::{BufRead, BufReader, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use syntable_formats::decode::Content;
+use syntable_formats::json;
 use syntable_formats::read::{self, Faults};
-use syntable_formats::samples::{self, Contents, Fields, Samples};
+use syntable_formats::samples::{self, Contents, Fields, Latest, Samples};
 use syntable_model::prelude::*;
 use syntable_model::reader::{DatasetReader, Format};
 
@@ -15,7 +18,7 @@ syntable_model::register_format!(Format {
     doc: "JSON Lines of views or scenes, as the writer `jsonl` has them: products under their names.",
     detect: |root| file_of(root).is_some_and(|path| starts_as_one(&path)),
     open,
-    is_of_products: true,
+    is_generic: true,
     crate_name: env!("CARGO_PKG_NAME"),
 });
 
@@ -39,17 +42,21 @@ fn file_of(path: &Path) -> Option<PathBuf> {
     (is_one(&first) && entries.next().is_none()).then_some(first)
 }
 
-/// What is in a line beside products.
+/// What is in a line beside products, and names of these.
 #[derive(Deserialize)]
 struct Head {
     scene: Option<u32>,
     view: Option<u32>,
     views: Option<Vec<ViewHead>>,
+    #[serde(flatten)]
+    fields: BTreeMap<String, IgnoredAny>,
 }
 
 #[derive(Deserialize)]
 struct ViewHead {
     view: u32,
+    #[serde(flatten)]
+    fields: BTreeMap<String, IgnoredAny>,
 }
 
 /// Whether the first line is one of a scene or a view.
@@ -69,7 +76,7 @@ struct Place {
     of_scene: Option<usize>,
 }
 
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, PartialEq)]
 struct Line {
     number: usize,
     at: u64,
@@ -82,6 +89,8 @@ struct Lines {
     places: Vec<(u32, Place)>,
     /// Lines that have products of scenes alone.
     scenes: BTreeMap<u32, Line>,
+    /// Lines that were read last: of a scene, they have many views.
+    latest: Latest<Line, Fields>,
 }
 
 fn open(path: &Path) -> Result<Box<dyn DatasetReader>> {
@@ -99,7 +108,7 @@ impl Lines {
         let fail = |error: std::io::Error| Error::io(&path, &error);
         let mut reader = BufReader::new(File::open(&path).map_err(fail)?);
         let (mut views, mut scenes) = (BTreeMap::<(u32, u32), Place>::new(), BTreeMap::new());
-        let mut faults = Faults::default();
+        let (mut faults, mut fields) = (Faults::default(), BTreeSet::new());
         let (mut at, mut text) = (0, Vec::new());
         for number in 1.. {
             text.clear();
@@ -113,10 +122,16 @@ impl Lines {
             let head = match serde_json::from_slice::<Head>(&text) {
                 Ok(head) => head,
                 Err(error) => {
-                    faults.add("readable", place(), &format!("{error}: the line is not read"));
+                    let error = json::located(&error, None, &[]).at_line(number).in_file(&path);
+                    faults.lost("readable", place(), &format!("{error}: the line is not read"));
                     continue;
                 }
             };
+            // A line that lacks what another one has is at fault with it.
+            let of_views = head.views.iter().flatten().flat_map(|view| view.fields.keys());
+            if head.scene.is_some() {
+                fields.extend(head.fields.keys().chain(of_views).cloned());
+            }
             let found: Vec<(u32, Option<usize>)> = match (head.scene, head.view, head.views) {
                 (Some(_), Some(view), _) => vec![(view, None)],
                 (Some(_), None, Some(views)) => {
@@ -136,7 +151,7 @@ impl Lines {
                         "view {view} of scene {} is in line {}, too; that one counts",
                         key.0, first.line.number
                     );
-                    faults.add("unique_views", place(), &message);
+                    faults.lost("unique_views", place(), &message);
                     continue;
                 }
                 views.insert(key, Place { line, of_scene });
@@ -145,17 +160,18 @@ impl Lines {
         let image = |&(scene, view): &(u32, u32)| read::image((scene, view), format!("scene {scene}, view {view}"));
         let images = views.keys().map(image).collect();
         let places: Vec<(u32, Place)> = views.into_iter().map(|((scene, _), place)| (scene, place)).collect();
-        let lines = Self { path, places, scenes };
-        // What all lines have is what the first one has; what another one lacks is at fault with it.
-        let first = (0..lines.places.len()).find_map(|image| lines.sample(image).ok());
-        let fields = first.map_or_else(BTreeSet::new, |sample| sample.into_keys().collect());
-        Ok((Contents { images, fields, faults, categories: None }, lines))
+        let contents = Contents { images, fields, faults, ..Contents::default() };
+        Ok((contents, Self { path, places, scenes, latest: Latest::default() }))
     }
 
     /// The fields of a line by name, and those of a view in it.
     fn sample(&self, image: usize) -> Result<Fields> {
         let (scene, place) = self.places[image];
-        let mut fields = self.line(place.line)?;
+        let line = match place.of_scene {
+            None => Arc::new(self.line(place.line)?),
+            Some(_) => self.latest.get(place.line, || self.line(place.line))?,
+        };
+        let mut fields = Fields::clone(&line);
         if let Some(scene) = self.scenes.get(&scene) {
             fields.extend(self.line(*scene)?);
         }

@@ -1,14 +1,15 @@
 //! Reads NumPy archives, one per view.
 
 use super::IDS;
-use std::collections::{BTreeMap, BTreeSet};
-use std::io::{Cursor, Read};
+use std::collections::BTreeSet;
+use std::fs::File;
+use std::io::{BufReader, Read};
 use std::path::{Path, PathBuf};
-use syntable_formats::decode::Content;
+use syntable_formats::decode::{self, Content};
 use syntable_formats::encode::view_name;
 use syntable_formats::include;
 use syntable_formats::members::MAX_BYTES;
-use syntable_formats::read::{self, place_in_name};
+use syntable_formats::read::{self, Faults, place_in_name};
 use syntable_formats::samples::{self, Contents, Fields, Samples};
 use syntable_model::prelude::*;
 use syntable_model::reader::{DatasetReader, Format};
@@ -20,15 +21,13 @@ syntable_model::register_format!(Format {
     doc: "NumPy archives of views, as the writer `npz` has them: products under their names.",
     detect: |root| !archives_of(root).is_empty(),
     open,
-    is_of_products: true,
+    is_generic: true,
     crate_name: env!("CARGO_PKG_NAME"),
 });
 
-/// The archives of a folder that are called after a view, `{scene:06}_{view:04}.npz`, by scene and view.
-fn archives_of(folder: &Path) -> BTreeMap<(u32, u32), PathBuf> {
-    let archives = read::entries(folder)
-        .into_iter()
-        .filter(|path| path.extension().is_some_and(|it| it == "npz") && path.is_file());
+/// The archives of a folder that are called after a view, `{scene:06}_{view:04}.npz`, with scene and view.
+fn archives_of(folder: &Path) -> Vec<((u32, u32), PathBuf)> {
+    let archives = read::entries(folder).into_iter().filter(|path| path.extension().is_some_and(|it| it == "npz"));
     archives.filter_map(|path| Some((place_in_name(path.file_name()?.to_str()?)?, path))).collect()
 }
 
@@ -41,13 +40,15 @@ fn open(root: &Path) -> Result<Box<dyn DatasetReader>> {
         let help = "name the folder that has the archives, such as 000000_0000.npz";
         return Err(Error::new("it has no archives of views").in_file(root).help(help).of_request());
     }
+    let mut faults = Faults::default();
+    let all = samples::files_of_views(all, &mut faults);
     let image = |&(scene, view): &(u32, u32)| read::image((scene, view), view_name(SceneId(scene), ViewId(view)));
     let images = all.keys().map(image).collect();
     let paths: Vec<PathBuf> = all.into_values().collect();
-    // What all archives have is what the first one has that can be read; what another one lacks is at fault with it.
-    let fields = paths.iter().find_map(|path| Archive::open(path).ok()).map(|archive| archive.names());
-    let fields = fields.unwrap_or_default();
-    let contents = Contents { images, fields, categories: include::categories_in(root)?, ..Contents::default() };
+    // An archive that lacks what another one has is at fault with it.
+    let fields = paths.iter().filter_map(|path| Archive::open(path).ok()).flat_map(|archive| archive.names()).collect();
+    let contents =
+        Contents { images, fields, faults, categories: include::categories_in(root)?, ..Contents::default() };
     Ok(samples::open(read::name_of(root), contents, Box::new(Archives(paths))))
 }
 
@@ -63,7 +64,7 @@ impl Samples for Archives {
                 false => Value::Tensor(array),
                 true => {
                     let values = samples::instances(&array, &archive.array(IDS)?.npy()?);
-                    values.ok_or_else(|| content.refuse(format!("`{IDS}` are not as many as its values")))?
+                    values.map_err(|reason| content.refuse(reason))?
                 }
             };
             fields.insert(name, value);
@@ -74,15 +75,16 @@ impl Samples for Archives {
 
 /// An archive that is open.
 struct Archive {
-    zip: ZipArchive<Cursor<Vec<u8>>>,
+    zip: ZipArchive<BufReader<File>>,
     path: PathBuf,
 }
 
 impl Archive {
     fn open(path: &Path) -> Result<Self> {
-        let content = Content::read(path)?;
-        let zip = ZipArchive::new(Cursor::new(content.bytes().to_vec()));
-        let zip = zip.map_err(|error| content.refuse(format!("not a readable NumPy archive: {error}")))?;
+        // Of an archive, what is not asked for is not read.
+        let file = decode::open(path)?;
+        let refuse = |error| Error::new(format!("not a readable NumPy archive: {error}")).in_file(path).permanent();
+        let zip = ZipArchive::new(BufReader::new(file)).map_err(refuse)?;
         Ok(Self { zip, path: path.to_owned() })
     }
 
@@ -99,12 +101,14 @@ impl Archive {
         let file = self.zip.by_name(&format!("{name}.npy"));
         let file = file.map_err(|error| refuse(format!("the archive has no such array: {error}")))?;
         let mut bytes = Vec::new();
-        // An array is no larger than the archive says: what would be is cut off, and refused as such.
         let size = file.size();
         if size > MAX_BYTES {
             return Err(refuse(format!("{size} bytes are too many")));
         }
-        file.take(size).read_to_end(&mut bytes).map_err(|error| refuse(format!("the array is damaged: {error}")))?;
+        // What is larger than the archive says is damaged. At its end, the sum of the array is compared.
+        file.take(size + 1)
+            .read_to_end(&mut bytes)
+            .map_err(|error| refuse(format!("the array is damaged: {error}")))?;
         Ok(Content::new(bytes, path.clone()))
     }
 }

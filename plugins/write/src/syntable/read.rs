@@ -25,7 +25,7 @@ syntable_model::register_format!(Format {
         annotation_files(path).is_ok_and(|files| !files.is_empty()) && root_of(path).join("data/mono").is_dir()
     },
     open,
-    is_of_products: false,
+    is_generic: false,
     crate_name: env!("CARGO_PKG_NAME"),
 });
 

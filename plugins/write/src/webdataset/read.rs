@@ -6,11 +6,12 @@ use syntable_formats::decode::Content;
 use syntable_formats::encode::kind::Kind;
 use syntable_formats::encode::{exr, view_name};
 use syntable_formats::include;
-use syntable_formats::members::{Member, members};
-use syntable_formats::read::{self, Faults, place_in_name};
+use syntable_formats::members::{self, Member};
+use syntable_formats::read::{self, Faults};
 use syntable_formats::samples::{self, Contents, Fields, Samples};
 use syntable_model::prelude::*;
 use syntable_model::product::linked;
+use syntable_model::product::standard::RGB;
 use syntable_model::reader::{DatasetReader, Format};
 use syntable_model::scene::{SceneId, ViewId};
 
@@ -19,89 +20,80 @@ syntable_model::register_format!(Format {
     doc: "Tar files of samples, as the writer `webdataset` has them: products under their names.",
     detect: |root| !shards_of(root).is_empty(),
     open,
-    is_of_products: true,
+    is_generic: true,
     crate_name: env!("CARGO_PKG_NAME"),
 });
 
 /// What BOP's own tar files are called.
-const OF_BOP: &str = "shard";
+const OF_BOP: &str = "shard-";
 /// The ids of the instances of an array.
 const IDS: &str = "ids.npy";
 
 /// The tar files of a folder that are called after a scene, `{name}-{scene:06}.tar`, sorted.
-fn shards_of(folder: &Path) -> Vec<PathBuf> {
-    let is_one = |path: &Path| {
-        let stem = path.file_name()?.to_str()?.strip_suffix(".tar")?;
-        let (name, number) = stem.rsplit_once('-')?;
-        (name != OF_BOP && number.len() >= 6 && number.bytes().all(|digit| digit.is_ascii_digit())).then_some(())
+fn tar_files(folder: &Path) -> Vec<PathBuf> {
+    let is_one = |path: &PathBuf| {
+        let stem = path.file_name().and_then(|name| name.to_str()?.strip_suffix(".tar"));
+        let number = stem.and_then(|stem| stem.rsplit_once('-')).map(|(_, number)| number);
+        number.is_some_and(|number| number.len() >= 6 && number.bytes().all(|digit| digit.is_ascii_digit()))
     };
-    read::entries(folder).into_iter().filter(|path| is_one(path).is_some() && path.is_file()).collect()
+    read::entries(folder).into_iter().filter(is_one).collect()
 }
 
-/// The members of a field, by what follows its name.
-type Parts = BTreeMap<String, Member>;
+/// Those that are not called as BOP's are.
+fn shards_of(folder: &Path) -> Vec<PathBuf> {
+    let is_bops = |path: &PathBuf| path.file_name().is_some_and(|name| name.to_string_lossy().starts_with(OF_BOP));
+    tar_files(folder).into_iter().filter(|path| !is_bops(path)).collect()
+}
 
 /// The fields of each sample.
-struct Shards(Vec<BTreeMap<String, Parts>>);
+struct Shards(Vec<BTreeMap<String, Member>>);
 
 fn open(root: &Path) -> Result<Box<dyn DatasetReader>> {
-    let shards = shards_of(root);
+    let shards = tar_files(root);
     if shards.is_empty() {
         let help = "name the folder that has the tar files, such as webdataset-000000.tar";
         return Err(Error::new("it has no tar files of samples").in_file(root).help(help).of_request());
     }
-    let (mut all, mut faults) = (BTreeMap::<(u32, u32), BTreeMap<String, Parts>>::new(), Faults::default());
-    for shard in &shards {
-        let (found, damage) = members(shard);
-        if let Some(error) = damage {
-            let message = format!("{error}: nothing that follows in it is read");
-            faults.add("readable", shard.display().to_string(), &message);
-        }
-        for member in found {
-            let Some((key, field)) = member.name.split_once('.') else { continue };
-            let Some(place) = place_in_name(key) else {
-                let message = "its name does not begin with the numbers of a scene and a view, such as 000003_0001";
-                faults.add("known_images", member.path().display().to_string(), message);
-                continue;
-            };
-            let (product, end) = field.split_once('.').unwrap_or((field, ""));
-            let parts = all.entry(place).or_default().entry(product.to_owned()).or_default();
-            if parts.contains_key(end) {
-                let message = "the sample has this member twice; the first one counts";
-                faults.add("unique_views", member.path().display().to_string(), message);
-                continue;
-            }
-            parts.insert(end.to_owned(), member);
-        }
-    }
+    let mut faults = Faults::default();
+    let all = members::samples(&shards, &mut faults);
     let image = |&(scene, view): &(u32, u32)| read::image((scene, view), view_name(SceneId(scene), ViewId(view)));
     let images = all.keys().map(image).collect();
-    let samples: Vec<BTreeMap<String, Parts>> = all.into_values().collect();
-    let fields = samples.iter().flat_map(BTreeMap::keys).cloned().collect();
-    let contents = Contents { images, fields, faults, categories: include::categories_in(root)? };
+    let product_of = |field: &String| field.split('.').next().unwrap_or_default().to_owned();
+    let fields = all.values().flat_map(|sample| sample.fields.keys().map(product_of)).collect();
+    let samples = all.into_values().map(|sample| sample.fields).collect();
+    let categories = include::categories_in(root)?;
+    let contents = Contents { images, fields, faults, categories, ..Contents::default() };
     Ok(samples::open(read::name_of(root), contents, Box::new(Shards(samples))))
 }
 
 impl Samples for Shards {
     fn read(&self, image: usize, wanted: &BTreeSet<&str>) -> Result<Fields> {
-        let own = self.0[image].iter().filter(|(product, _)| wanted.contains(product.as_str()));
-        own.map(|(product, parts)| Ok((product.clone(), value_of(product, parts)?))).collect()
+        // The members of each product, by what follows its name.
+        let mut products: BTreeMap<&str, BTreeMap<&str, &Member>> = BTreeMap::new();
+        for (field, member) in &self.0[image] {
+            let (product, end) = field.split_once('.').unwrap_or((field, ""));
+            if wanted.contains(product) {
+                products.entry(product).or_default().insert(end, member);
+            }
+        }
+        products.into_iter().map(|(product, parts)| Ok((product.to_owned(), value_of(product, &parts)?))).collect()
     }
 }
 
 /// The value of a field.
-fn value_of(product: &str, parts: &Parts) -> Result<Value> {
-    let Some((end, member)) = parts.iter().find(|(end, _)| *end != IDS) else {
+fn value_of(product: &str, parts: &BTreeMap<&str, &Member>) -> Result<Value> {
+    let Some((end, member)) = parts.iter().find(|(end, _)| **end != IDS) else {
         return Err(Error::new(format!("its field `{product}` has ids alone")).permanent());
     };
     let content = member.content()?;
-    match end.as_str() {
+    match *end {
         "png" => Ok(Value::Tensor(content.image()?)),
+        "jpg" | "jpeg" if product == RGB.name() => Ok(content.rgb()?.into()),
         "npy" => match parts.get(IDS) {
             None => Ok(Value::Tensor(content.npy()?)),
             Some(ids) => {
                 let values = samples::instances(&content.npy()?, &ids.content()?.npy()?);
-                values.ok_or_else(|| content.refuse(format!("{} has not as many ids as it has values", ids.name)))
+                values.map_err(|reason| content.refuse(reason))
             }
         },
         "json" => content.json(),
