@@ -33,9 +33,10 @@ fn disks_at(objects: usize, size: [u32; 2], times: u32) -> (Plane<InstanceId>, B
         .collect();
     let covers = |x: i32, y: i32, [cx, cy, r]: [f64; 3]| {
         let (dx, dy) = ((f64::from(x) + 0.5) * pixel - cx, (f64::from(y) + 0.5) * pixel - cy);
+        let square = dx * dx + dy * dy;
         // A scalloped outline, as of a real object.
-        let r = r * (1.0 + 0.1 * (9.0 * dy.atan2(dx)).sin());
-        dx * dx + dy * dy < r * r
+        let scalloped = || r * (1.0 + 0.1 * (9.0 * dy.atan2(dx)).sin());
+        square < 1.3 * r * r && square < scalloped().powi(2)
     };
     let mut coverage = BitPlane::new(width, height, objects);
     for y in 0..height {
