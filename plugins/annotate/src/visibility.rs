@@ -84,8 +84,10 @@ impl Annotator for Visibility {
 /// For each object, the number of pixels that show it.
 fn count_visible(first: &Plane<InstanceId>, objects: usize) -> Vec<u64> {
     let mut counts = vec![0; objects];
-    for id in first.data().iter().filter(|id| (1..=objects).contains(&usize::from(id.0))) {
-        counts[usize::from(id.0) - 1] += 1;
+    for run in first.data().chunk_by(|a, b| a == b) {
+        if let Some(count) = usize::from(run[0].0).checked_sub(1).and_then(|object| counts.get_mut(object)) {
+            *count += run.len() as u64;
+        }
     }
     counts
 }

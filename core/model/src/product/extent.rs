@@ -32,24 +32,34 @@ impl Extent {
 
 /// What each object covers of a plane, run by run of equal sets.
 pub fn extents(plane: &BitPlane) -> Vec<Extent> {
-    let (sets, words, width) = (plane.data(), plane.words(), plane.width() as usize);
+    let words = plane.words();
     let mut extents = vec![Extent::default(); plane.objects()];
-    for word in 0..words {
-        for row in 0..plane.height() as usize {
-            let set_at = |x: usize| sets[(row * width + x) * words + word];
-            let mut start = 0;
-            while start < width {
-                let mut set = set_at(start);
-                let end = (start + 1..width).find(|&x| set_at(x) != set).unwrap_or(width);
-                while set != 0 {
-                    extents[word * 64 + set.trailing_zeros() as usize].add(row as u32, [start as u32, end as u32]);
-                    set &= set - 1;
+    for (row, mut sets) in (0..).zip(plane.data().chunks_exact(plane.row_words().max(1))) {
+        let mut start = 0;
+        while !sets.is_empty() {
+            // Sets are equal as long as each word is that of the set before.
+            let length = 1 + equal_words(sets, &sets[words..]) / words;
+            let columns = [start, start + length as u32];
+            for (word, &bits) in sets[..words].iter().enumerate() {
+                let mut bits = bits;
+                while bits != 0 {
+                    extents[word * 64 + bits.trailing_zeros() as usize].add(row, columns);
+                    bits &= bits - 1;
                 }
-                start = end;
             }
+            (start, sets) = (columns[1], &sets[length * words..]);
         }
     }
     extents
+}
+
+/// The number of words up to the first in which two lists differ, or to the end of the shorter one.
+fn equal_words(a: &[u64], b: &[u64]) -> usize {
+    /// Words that are compared at once.
+    const BLOCK: usize = 64;
+    let blocks = a.chunks_exact(BLOCK).zip(b.chunks_exact(BLOCK)).take_while(|(a, b)| a == b).count();
+    let rest = a.iter().zip(b).skip(blocks * BLOCK).take_while(|(a, b)| a == b).count();
+    blocks * BLOCK + rest
 }
 
 #[cfg(test)]
