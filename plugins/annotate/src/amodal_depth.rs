@@ -33,7 +33,7 @@ impl Annotator for AmodalDepth {
 
     fn annotate(&self, _: &ViewContext, products: &mut Products) -> Result<()> {
         let (masks, hits) = (products.get(AMODAL_MASK)?, products.get(OBJECT_DEPTHS)?);
-        let images = ObjectImages::of_hits(masks, hits, f32::INFINITY, |_, _, depth| depth);
+        let images = ObjectImages::of_hits(masks, hits, f32::INFINITY, |_| |_, depth| depth);
         products.put(AMODAL_DEPTH, images)
     }
 }

@@ -1,6 +1,7 @@
 //! Occlusion in pixels, and the order in depth.
 
 use syntable_model::prelude::*;
+use syntable_model::product::ObjectRun;
 use syntable_model::product::standard::{AMODAL_MASK, DEPTH_ORDER, INSTANCE, OBJECT_DEPTHS, OCCLUSION_AREAS};
 
 /// Who hides how much of whom, counted on the rays of the view, and the objects from front to back.
@@ -40,18 +41,18 @@ impl Annotator for DepthRelations {
 
     fn annotate(&self, _: &ViewContext, products: &mut Products) -> Result<()> {
         let (seen, depths) = (products.get(INSTANCE)?, products.get(OBJECT_DEPTHS)?);
-        let ids: Vec<InstanceId> = products.get(AMODAL_MASK)?.iter().map(|(id, _)| id).collect();
+        let masks = products.get(AMODAL_MASK)?;
+        let ids: Vec<InstanceId> = masks.iter().map(|(id, _)| id).collect();
         let mut rows = vec![None; ids.last().map_or(0, |id| usize::from(id.0) + 1)];
         ids.iter().enumerate().for_each(|(row, id)| rows[usize::from(id.0)] = Some(row));
         let row = |id: InstanceId| rows.get(usize::from(id.0)).copied().flatten();
         let mut pairs = vec![Pair::default(); ids.len() * ids.len()];
-        let mut depths_of = vec![Vec::new(); ids.len()];
-        // Neighbors mostly have the same objects in the same order: their pairs are counted once, times their number.
-        let mut run: (&[(InstanceId, f32)], _, u32) = (&[], InstanceId::default(), 0);
-        let mut count = |(objects, first, pixels): (&[(InstanceId, f32)], InstanceId, u32)| {
-            for (place, &(id, _)) in objects.iter().enumerate() {
+        let mut depths_of: Vec<Vec<f32>> =
+            masks.iter().map(|(_, mask)| Vec::with_capacity(mask.area() as usize)).collect();
+        let mut count = |run: ObjectRun<'_>, first: InstanceId, pixels: u32| {
+            for (place, id) in run.ids().enumerate() {
                 let Some(hidden) = row(id) else { continue };
-                for (before, &(other, _)) in objects[..place].iter().enumerate() {
+                for (before, other) in run.ids().take(place).enumerate() {
                     if let Some(front) = row(other) {
                         let pair = &mut pairs[front * ids.len() + hidden];
                         pair.all += pixels;
@@ -61,20 +62,17 @@ impl Annotator for DepthRelations {
                 }
             }
         };
-        for (objects, &first) in depths.pixels().zip(seen.data()) {
-            for &(id, depth) in objects {
+        for run in depths.runs() {
+            for (place, id) in run.ids().enumerate() {
                 if let Some(row) = row(id) {
-                    depths_of[row].push(depth);
+                    depths_of[row].extend(run.depths_from(run.x, place));
                 }
             }
-            let is_same = first == run.1 && objects.iter().map(|hit| hit.0).eq(run.0.iter().map(|hit| hit.0));
-            if !is_same {
-                count(run);
-                run = (objects, first, 0);
-            }
-            run.2 += 1;
+            // What is the same at all of some neighbors is counted once, times their number.
+            let start = run.y as usize * seen.width() as usize + run.x as usize;
+            let first = &seen.data()[start..][..run.length as usize];
+            first.chunk_by(|a, b| a == b).for_each(|first| count(run, first[0], first.len() as u32));
         }
-        count(run);
         let mut order: Vec<(f32, InstanceId)> =
             depths_of.iter_mut().zip(&ids).map(|(depths, &id)| (median(depths), id)).collect();
         order.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));

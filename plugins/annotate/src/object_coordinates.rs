@@ -39,17 +39,14 @@ impl Annotator for ObjectCoordinates {
     fn annotate(&self, cx: &ViewContext, products: &mut Products) -> Result<()> {
         let (masks, hits) = (products.get(AMODAL_MASK)?, products.get(OBJECT_DEPTHS)?);
         let (frames, rays) = (Frames::of(cx, masks), cx.view.camera.rays());
-        let amodal = ObjectImages::of_hits(masks, hits, [0.0; 3], |id, [x, y], depth| {
-            let (Some(frame), Some((right, down))) = (frames.get(id), rays.at(x, y)) else { return [0.0; 3] };
-            frame.place(Vector3::new(right, down, 1.0) * f64::from(depth))
+        let amodal = ObjectImages::of_hits(masks, hits, [0.0; 3], |id| {
+            let (frame, rays) = (frames.get(id).copied(), &rays);
+            move |[x, y], depth| match (frame, rays.at(x, y)) {
+                (Some(frame), Some((right, down))) => frame.place(Vector3::new(right, down, 1.0) * f64::from(depth)),
+                _ => [0.0; 3],
+            }
         });
-        let first = products.get(INSTANCE)?;
-        let mut images = vec![None; masks.iter().last().map_or(0, |(id, _)| usize::from(id.0) + 1)];
-        amodal.iter().for_each(|(id, image)| images[usize::from(id.0)] = Some(image));
-        let seen = Plane::from_fn(first.width(), first.height(), |x, y| {
-            let image = images.get(usize::from(first.at(x, y).0)).copied().flatten();
-            image.and_then(|image| image.at(x, y)).copied().unwrap_or_default()
-        });
+        let seen = amodal.seen(products.get(INSTANCE)?);
         products.put(OBJECT_COORDINATES, seen)?;
         products.put(AMODAL_OBJECT_COORDINATES, amodal)
     }
@@ -74,6 +71,7 @@ impl Frames {
 }
 
 /// From the frame of a camera to the box of a body.
+#[derive(Clone, Copy)]
 struct BoxFrame {
     turn: Matrix3<f64>,
     start: Vector3<f64>,

@@ -43,6 +43,28 @@ impl ObjectDepths {
         self.starts.windows(2).map(|ends| &self.objects[ends[0] as usize..ends[1] as usize])
     }
 
+    /// All pixels as runs of neighbors in a row that have the same objects in the same order, row by row.
+    pub fn runs(&self) -> impl Iterator<Item = ObjectRun<'_>> {
+        let width = self.width as usize;
+        let mut next: usize = 0;
+        std::iter::from_fn(move || {
+            let pixel = next;
+            let row = pixel.checked_div(width).filter(|row| *row < self.height as usize)?;
+            let starts = &self.starts[pixel..=(row + 1) * width];
+            let hits = |from: u32, to: u32| &self.objects[from as usize..to as usize];
+            let first = hits(starts[0], starts[1]);
+            let is_same = |starts: &&[u32]| {
+                let objects = hits(starts[0], starts[1]);
+                objects.len() == first.len() && objects.iter().zip(first).all(|(a, b)| a.0 == b.0)
+            };
+            let length = starts.windows(2).take_while(is_same).count();
+            next += length;
+            let hits = hits(starts[0], starts[length]);
+            let [x, y, length] = [pixel - row * width, row, length].map(|number| number as u32);
+            Some(ObjectRun { x, y, length, objects: first.len(), hits })
+        })
+    }
+
     /// Objects and depths of the pixel at column x of row y.
     pub fn at(&self, x: u32, y: u32) -> &[(InstanceId, f32)] {
         self.of_pixel(y as usize * self.width as usize + x as usize)
@@ -55,6 +77,34 @@ impl ObjectDepths {
 
     fn of_pixel(&self, pixel: usize) -> &[(InstanceId, f32)] {
         &self.objects[self.starts[pixel] as usize..self.starts[pixel + 1] as usize]
+    }
+}
+
+/// Pixels side by side in a row that have the same objects in the same order.
+#[derive(Debug, Clone, Copy)]
+pub struct ObjectRun<'a> {
+    /// Column of the first pixel.
+    pub x: u32,
+    /// Row of the pixels.
+    pub y: u32,
+    /// Number of pixels.
+    pub length: u32,
+    /// Number of objects at each.
+    objects: usize,
+    /// Objects and depths, pixel by pixel.
+    hits: &'a [(InstanceId, f32)],
+}
+
+impl<'a> ObjectRun<'a> {
+    /// The objects of each pixel, from front to back.
+    pub fn ids(&self) -> impl Iterator<Item = InstanceId> + use<'a> {
+        self.hits[..self.objects].iter().map(|hit| hit.0)
+    }
+
+    /// Depths of the object at a place in this order, from the pixel at a column on.
+    pub fn depths_from(&self, column: u32, place: usize) -> impl Iterator<Item = f32> + use<'a> {
+        let pixels = self.hits[(column - self.x) as usize * self.objects..].chunks_exact(self.objects);
+        pixels.map(move |hits| hits[place].1)
     }
 }
 
@@ -93,5 +143,43 @@ mod tests {
         assert_eq!([depths.of(id(2), 5), depths.of(id(4), 5), depths.of(id(1), 1)], [Some(2.0), None, None]);
         let counts: Vec<usize> = depths.pixels().map(<[_]>::len).collect();
         assert_eq!(counts, [1, 0, 0, 0, 0, 3]);
+    }
+
+    #[test]
+    fn runs_have_the_same_objects_in_the_same_order() {
+        // Two objects that change their order, one of them alone up to the end of a row and on in the next.
+        let pixels: [&[(u16, f32)]; 10] = [
+            &[(1, 1.0), (2, 2.0)],
+            &[(1, 1.5), (2, 2.5)],
+            &[(2, 1.0), (1, 2.0)],
+            &[(2, 3.0)],
+            &[(2, 4.0)],
+            &[(2, 5.0)],
+            &[],
+            &[],
+            &[(3, 1.0)],
+            &[(1, 1.0)],
+        ];
+        let hits = (0..)
+            .zip(pixels)
+            .flat_map(|(pixel, hits)| hits.iter().map(move |&(id, depth)| (pixel, InstanceId(id), depth)));
+        let depths = ObjectDepths::from_hits(5, 2, hits.collect());
+        let of_run = |run: ObjectRun<'_>| {
+            let depths = |place| run.depths_from(run.x, place).collect::<Vec<_>>();
+            let objects = run.ids().enumerate().map(|(place, id)| (id.0, depths(place))).collect::<Vec<_>>();
+            ([run.x, run.y, run.length], objects)
+        };
+        let runs: Vec<_> = depths.runs().map(of_run).collect();
+        let wanted = [
+            ([0, 0, 2], vec![(1, vec![1.0, 1.5]), (2, vec![2.0, 2.5])]),
+            ([2, 0, 1], vec![(2, vec![1.0]), (1, vec![2.0])]),
+            ([3, 0, 2], vec![(2, vec![3.0, 4.0])]),
+            ([0, 1, 1], vec![(2, vec![5.0])]),
+            ([1, 1, 2], vec![]),
+            ([3, 1, 1], vec![(3, vec![1.0])]),
+            ([4, 1, 1], vec![(1, vec![1.0])]),
+        ];
+        assert_eq!(runs, wanted);
+        assert_eq!(ObjectDepths::from_hits(0, 3, Vec::new()).runs().count(), 0);
     }
 }

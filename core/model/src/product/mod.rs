@@ -24,7 +24,7 @@ mod value;
 
 pub use counts::PixelCounts;
 pub use decode::Stored;
-pub use depths::ObjectDepths;
+pub use depths::{ObjectDepths, ObjectRun};
 pub use extent::{Extent, extents};
 pub use form::Form;
 pub use graph::{Graph, Layer};

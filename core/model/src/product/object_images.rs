@@ -3,6 +3,7 @@
 use super::{Form, Mask, ObjectDepths, PerInstance, Pixel, Plane, Product, Stored, Value};
 use crate::scene::InstanceId;
 use std::collections::BTreeMap;
+use std::ops::Range;
 
 /// For each annotated instance an image of the size of the view, of which the part that shows the instance is kept.
 #[derive(Debug, Clone, PartialEq)]
@@ -52,6 +53,19 @@ impl<P: Pixel> ObjectImage<P> {
         self.place(x, y).map(|place| &self.pixels.data()[place])
     }
 
+    /// Those pixels that are kept of some columns of a row of the view, and the column of the first.
+    pub fn row(&self, y: u32, columns: Range<u32>) -> Option<(u32, &[P])> {
+        self.part_of_row(y, columns).map(|(left, places)| (left, &self.pixels.data()[places]))
+    }
+
+    /// The same with their places among all that are kept.
+    fn part_of_row(&self, y: u32, columns: Range<u32>) -> Option<(u32, Range<usize>)> {
+        let left = columns.start.max(self.x);
+        let right = columns.end.min(self.x + self.pixels.width());
+        let place = self.place(left, y).filter(|_| left < right)?;
+        Some((left, place..place + (right - left) as usize))
+    }
+
     /// Where the pixel at a column and row of the view is among those kept.
     fn place(&self, x: u32, y: u32) -> Option<usize> {
         let (x, y) = (x.checked_sub(self.x)?, y.checked_sub(self.y)?);
@@ -78,26 +92,29 @@ impl<P: Pixel> ObjectImages<P> {
         Self { width, height, around, images: BTreeMap::new() }
     }
 
-    /// The boxes of masks in the image of a view, from the objects on its rays: `value` of the object, of column and row of the
-    /// pixel, and of the depth, where the ray of a pixel of the mask meets the object, and `around` elsewhere.
-    pub fn of_hits(
+    /// The boxes of masks in the image of a view, from the objects on its rays: where the ray of a pixel of the mask meets the
+    /// object, what `values` of the object gives for column and row of the pixel and for the depth, and `around` elsewhere.
+    pub fn of_hits<V: Fn([u32; 2], f32) -> P>(
         masks: &PerInstance<Mask>,
         hits: &ObjectDepths,
         around: P,
-        mut value: impl FnMut(InstanceId, [u32; 2], f32) -> P,
+        values: impl Fn(InstanceId) -> V,
     ) -> Self {
         let places = masks.iter().map(|(id, _)| usize::from(id.0) + 1).max().unwrap_or(0);
         let mut images: Vec<Option<(Plane<bool>, ObjectImage<P>)>> = vec![None; places];
         for (id, mask) in masks.iter() {
             images[usize::from(id.0)] = Some((mask.within_box(0), ObjectImage::around(mask, around)));
         }
-        let mut pixels = hits.pixels();
-        for y in 0..hits.height() {
-            for (x, objects) in (0..hits.width()).zip(&mut pixels) {
-                for &(id, depth) in objects {
-                    let Some(Some((inside, image))) = images.get_mut(usize::from(id.0)) else { continue };
-                    if let Some(place) = image.place(x, y).filter(|&place| inside.data()[place]) {
-                        image.pixels.data_mut()[place] = value(id, [x, y], depth);
+        for run in hits.runs() {
+            for (place, id) in run.ids().enumerate() {
+                let Some(Some((inside, image))) = images.get_mut(usize::from(id.0)) else { continue };
+                let Some((left, places)) = image.part_of_row(run.y, run.x..run.x + run.length) else { continue };
+                let value = values(id);
+                let pixels = inside.data()[places.clone()].iter().zip(&mut image.pixels.data_mut()[places]);
+                let depths = run.depths_from(left, place);
+                for ((x, (is_inside, pixel)), depth) in (left..).zip(pixels).zip(depths) {
+                    if *is_inside {
+                        *pixel = value([x, run.y], depth);
                     }
                 }
             }
@@ -126,6 +143,23 @@ impl<P: Pixel> ObjectImages<P> {
     /// The image of an instance in the size of the view.
     pub fn whole(&self, id: InstanceId) -> Option<Plane<P>> {
         self.get(id).map(|image| self.filled(image))
+    }
+
+    /// The image of the view in which each pixel is that of the instance that it shows, and `around` where nothing is kept.
+    pub fn seen(&self, first: &Plane<InstanceId>) -> Plane<P> {
+        let mut seen = vec![self.around; self.pixels()];
+        let width = self.width.max(1) as usize;
+        for (y, (ids, pixels)) in (0..).zip(first.data().chunks(width).zip(seen.chunks_mut(width))) {
+            let mut x = 0;
+            for run in ids.chunk_by(|a, b| a == b) {
+                let end = x + run.len() as u32;
+                if let Some((left, part)) = self.get(run[0]).and_then(|image| image.row(y, x..end)) {
+                    pixels[left as usize..][..part.len()].copy_from_slice(part);
+                }
+                x = end;
+            }
+        }
+        Plane::from_vec(self.width, self.height, seen)
     }
 
     fn filled(&self, ObjectImage { x, y, pixels }: &ObjectImage<P>) -> Plane<P> {
@@ -171,6 +205,9 @@ mod tests {
             [Some(8.0), None, None, None]
         );
         assert_eq!(image.pixels, Plane::from_vec(3, 2, vec![-1.0, -1.0, 8.0, 11.0, -1.0, -1.0]));
+        assert_eq!(image.row(1, 2..5), Some((2, &[-1.0, 8.0][..])));
+        assert_eq!(image.row(2, 0..2), Some((1, &[11.0][..])));
+        assert_eq!([(0, 0..5), (3, 0..5), (1, 0..1), (1, 4..5)].map(|(y, columns)| image.row(y, columns)), [None; 4]);
         let mut images = ObjectImages::within(-1.0, 5, 4);
         images.insert(InstanceId(1), image);
         images.insert(InstanceId(2), ObjectImage::of_mask(&Mask::empty(5, 4), -1.0, |_| None));
@@ -188,12 +225,25 @@ mod tests {
         let hits = [(0, 2, 9.0), (7, 2, 8.0), (8, 2, 2.0), (8, 1, 1.0), (11, 2, 3.0), (11, 4, 4.0), (19, 7, 1.0)];
         let hits = hits.map(|(pixel, id, depth)| (pixel, InstanceId(id), depth)).to_vec();
         let hits = ObjectDepths::from_hits(5, 4, hits);
-        let images =
-            ObjectImages::of_hits(&masks, &hits, [0; 3], |id, [x, y], depth| [id.0, (10 * x + y) as u16, depth as u16]);
+        let images = ObjectImages::of_hits(&masks, &hits, [0; 3], |id| {
+            move |[x, y], depth| [id.0, (10 * x + y) as u16, depth as u16]
+        });
         let image = images.get(InstanceId(2)).expect("masked");
         assert_eq!((image.x, image.y, image.pixels.width(), image.pixels.height()), (1, 1, 3, 2));
         assert_eq!(image.pixels.data(), [[0; 3], [0; 3], [2, 31, 2], [2, 12, 3], [0; 3], [0; 3]]);
         assert_eq!(images.iter().map(|(id, _)| id.0).collect::<Vec<_>>(), [2, 4]);
+    }
+
+    #[test]
+    fn what_is_seen_is_of_the_image_of_each_pixel() {
+        let mut images = ObjectImages::within(-1, 4, 2);
+        for (id, x, y) in [(1, 0, 0), (3, 2, 0), (4, 1, 1)] {
+            let pixels = Plane::from_fn(2, 1, |x, _| i32::from(id) * 10 + x as i32);
+            images.insert(InstanceId(id), ObjectImage { x, y, pixels });
+        }
+        // Of the first, what is kept and more; of the second, which has no image, and of the others a part.
+        let first = Plane::from_vec(4, 2, [1, 1, 1, 3, 4, 4, 2, 3].map(InstanceId).to_vec());
+        assert_eq!(images.seen(&first).data(), [10, 11, -1, 31, -1, 40, -1, -1]);
     }
 
     #[test]
