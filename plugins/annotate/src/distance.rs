@@ -30,12 +30,16 @@ impl Annotator for Distance {
     fn annotate(&self, cx: &ViewContext, products: &mut Products) -> Result<()> {
         let depth = products.get(DEPTH)?;
         let rays = cx.view.camera.rays();
-        let distance = |x: u32, y: u32, depth: f32| {
-            let of_ray = |(x, y): (f64, f64)| (f64::from(depth) * (x * x + y * y + 1.0).sqrt()) as f32;
-            rays.at(x, y).map_or(f32::INFINITY, of_ray)
+        let of_ray = |((&depth, x), y): ((&f32, f64), f64)| {
+            let distance = (f64::from(depth) * (x * x + y * y + 1.0).sqrt()) as f32;
+            if x.is_nan() { f32::INFINITY } else { distance }
         };
-        let distance = Plane::from_fn(depth.width(), depth.height(), |x, y| distance(x, y, *depth.at(x, y)));
-        products.put(DISTANCE, distance)
+        let mut distance = Vec::with_capacity(depth.data().len());
+        for (y, depths) in (0..).zip(depth.data().chunks(depth.width().max(1) as usize)) {
+            let (right, down) = rays.row(y);
+            distance.extend(depths.iter().zip(right).zip(down).map(of_ray));
+        }
+        products.put(DISTANCE, Plane::from_vec(depth.width(), depth.height(), distance))
     }
 }
 

@@ -1,7 +1,7 @@
 //! Where the points of an image are in the next view.
 
 use crate::keypoints::pixel;
-use syntable_model::geometry::{Point3, Rotation3, Vector3};
+use syntable_model::geometry::{Point3, Rotation3};
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{DEPTH, FLOW, FLOW_VISIBILITY};
 use syntable_model::scene::{Camera, Rays};
@@ -63,13 +63,14 @@ impl Annotator for OpticalFlow {
             };
             let row = width as usize;
             let rows = depth.data().chunks(row).zip(flow.chunks_mut(row)).zip(visibility.chunks_mut(row));
-            let mut points = Vec::with_capacity(row);
             for (y, ((depths, flow), visibility)) in (0..).zip(rows) {
-                step.points(y, depths, &mut points);
-                for ((x, point), (flow, seen)) in (0..).zip(&points).zip(flow.iter_mut().zip(visibility)) {
-                    if let Some(found) = step.follow([x, y], point) {
-                        (*flow, *seen) = found;
-                    }
+                let [columns, rows, next_depths] = step.row(y, depths);
+                for ((x, flow), (u, v)) in (0..width as i32).zip(flow).zip(columns.iter().zip(&rows)) {
+                    let along = |to: f64, from: f64| if to.is_nan() { 0.0 } else { (to - (from + 0.5)) as f32 };
+                    *flow = [along(*u, f64::from(x)), along(*v, f64::from(y))];
+                }
+                for (((u, v), depth_m), seen) in columns.iter().zip(&rows).zip(&next_depths).zip(visibility) {
+                    *seen = step.visibility([*u, *v], *depth_m);
                 }
             }
         }
@@ -92,38 +93,105 @@ struct Step<'a> {
 }
 
 impl Step<'_> {
-    /// The points that the pixels of a row show, in the frame of the next camera, meters; behind it where a pixel shows none.
-    fn points(&self, y: u32, depths: &[f32], points: &mut Vec<Point3<f64>>) {
-        points.clear();
-        points.extend((0..).zip(depths).map(|(x, &depth)| match self.from.at(x, y) {
-            Some((right, down)) if depth.is_finite() && depth > 0.0 => {
-                self.start + self.turn * Vector3::new(right, down, 1.0) * f64::from(depth)
-            }
-            _ => Point3::new(0.0, 0.0, -1.0),
-        }));
+    /// Where the next camera sees the points that a row of pixels shows: columns, rows and depths, each of all pixels so that
+    /// several are computed at once. NaN where a pixel shows none or where the camera does not see it.
+    fn row(&self, y: u32, depths: &[f32]) -> [Vec<f64>; 3] {
+        let (right, down) = self.from.row(y);
+        let shown = |&depth: &f32| if depth.is_finite() && depth > 0.0 { f64::from(depth) } else { f64::NAN };
+        let depths: Vec<f64> = depths.iter().map(shown).collect();
+        let [x, y, mut z]: [Vec<f64>; 3] = std::array::from_fn(|axis| {
+            let ([a, b, c], start) = ([0, 1, 2].map(|of| self.turn[(axis, of)]), self.start[axis]);
+            let rays = right.iter().zip(&down).zip(&depths);
+            rays.map(|((right, down), depth)| start + (a * right + b * down + c) * depth).collect()
+        });
+        // What is behind the camera has no place either.
+        z.iter_mut().for_each(|z| *z = if *z > 0.0 { *z } else { f64::NAN });
+        if self.to.distortion.is_some() {
+            let place = |((&x, &y), &z): ((&f64, &f64), &f64)| {
+                if z.is_nan() { None } else { pixel(self.to, &Point3::new(x, y, z)) }
+            };
+            let places = x.iter().zip(&y).zip(&z).map(|point| place(point).unwrap_or([f64::NAN; 2]));
+            let (columns, rows) = places.map(|[u, v]| (u, v)).unzip();
+            return [columns, rows, z];
+        }
+        // As `Camera::project` does it.
+        let project = |focal: f64, side: Vec<f64>, center: f64| {
+            side.iter().zip(&z).map(|(side, z)| focal * side / z + center).collect()
+        };
+        let k = &self.to.intrinsics;
+        [project(k.fx, x, k.cx), project(k.fy, y, k.cy), z]
     }
 
-    /// Displacement of the point that a pixel shows, and whether the next view shows it; none if there is no such point.
+    /// Whether the next view shows a point, by its pixel and depth there: 2 if it does, 1 if it is hidden, 0 outside of the
+    /// image.
     #[inline]
-    fn follow(&self, [x, y]: [u32; 2], point: &Point3<f64>) -> Option<([f32; 2], u8)> {
-        let to = pixel(self.to, point)?;
-        let flow = [to[0] - (f64::from(x) + 0.5), to[1] - (f64::from(y) + 0.5)].map(|along| along as f32);
-        Some((flow, if !self.to.intrinsics.contains(to) { 0 } else { 2 - u8::from(self.is_hidden(to, point.z)) }))
+    fn visibility(&self, to: [f64; 2], depth_m: f64) -> u8 {
+        if self.to.intrinsics.contains(to) { 2 - u8::from(self.is_hidden(to, depth_m)) } else { 0 }
     }
 
     #[inline]
     fn is_hidden(&self, [u, v]: [f64; 2], depth_m: f64) -> bool {
-        let around = |at: f64, edge: u32| {
-            let after = (at + 0.5) as u32;
-            [after.saturating_sub(1), after.min(edge - 1)]
-        };
-        let (columns, rows) = (around(u, self.depth.width()), around(v, self.depth.height()));
         let is_nearer = |x: u32, y: u32| {
             let there = f64::from(*self.depth.at(x, y));
             there > 0.0 && there < depth_m - self.tolerance_m
         };
-        rows.iter().all(|&y| columns.iter().all(|&x| is_nearer(x, y)))
+        let around = |at: f64, edge: u32| {
+            let after = (at + 0.5) as u32;
+            [after.saturating_sub(1), after.min(edge - 1)]
+        };
+        let all_around = || {
+            let (columns, rows) = (around(u, self.depth.width()), around(v, self.depth.height()));
+            rows.iter().all(|&y| columns.iter().all(|&x| is_nearer(x, y)))
+        };
+        // The pixel that the point is in is one of the four, and most points are seen.
+        is_nearer(u as u32, v as u32) && all_around()
     }
 }
 
 register!(OpticalFlow);
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use syntable_model::geometry::Vector3;
+    use syntable_model::scene::{Distortion, Intrinsics};
+
+    #[test]
+    fn rows_are_as_point_by_point() {
+        let intrinsics = Intrinsics { width: 40, height: 30, fx: 50.0, fy: 60.0, cx: 20.5, cy: 14.0 };
+        let lens = Distortion { radial: [-0.28, 0.09, -0.01], tangential: [0.001, -0.0007] };
+        let camera = |distortion| Camera { distortion, ..Camera::pinhole(intrinsics, Pose::identity()) };
+        let mut stream = Stream::root(5);
+        let depth = Plane::from_fn(40, 30, |x, y| match (x + y) % 13 {
+            0 => f32::INFINITY,
+            1 => 0.0,
+            _ => stream.uniform(0.1, 2.0) as f32,
+        });
+        for (from, to) in [(None, None), (Some(lens), None), (None, Some(lens))].map(|(a, b)| (camera(a), camera(b))) {
+            let step = Step {
+                from: from.rays(),
+                to: &to,
+                turn: Rotation3::from_euler_angles(0.3, -0.2, 0.1),
+                // Some points are behind the next camera.
+                start: Point3::new(0.1, -0.2, -0.7),
+                depth: &depth,
+                tolerance_m: 0.0,
+            };
+            let mut shown = 0;
+            for (y, depths) in (0..).zip(depth.data().chunks(40)) {
+                let [columns, rows, next_depths] = step.row(y, depths);
+                for (x, &depth) in depths.iter().enumerate() {
+                    let (right, down) = step.from.at(x as u32, y).expect("a direction");
+                    let point = step.start + step.turn * Vector3::new(right, down, 1.0) * f64::from(depth);
+                    let place = if depth.is_finite() && depth > 0.0 { pixel(&to, &point) } else { None };
+                    match place {
+                        Some(place) => assert_eq!(([columns[x], rows[x]], next_depths[x]), (place, point.z)),
+                        None => assert!(columns[x].is_nan() && rows[x].is_nan()),
+                    }
+                    shown += usize::from(place.is_some());
+                }
+            }
+            assert!((300..900).contains(&shown), "{shown}");
+        }
+    }
+}

@@ -212,6 +212,14 @@ impl Rays<'_> {
             Some(distortion) => distortion.undistort([x, y]).map(|[x, y]| (x, y)),
         }
     }
+
+    /// The same of all pixels of a row: their x and their y, NaN where there is no direction.
+    pub fn row(&self, y: u32) -> (Vec<f64>, Vec<f64>) {
+        match self.distortion {
+            None => (self.columns.clone(), vec![self.rows[y as usize]; self.columns.len()]),
+            Some(_) => (0..self.columns.len() as u32).map(|x| self.at(x, y).unwrap_or((f64::NAN, f64::NAN))).unzip(),
+        }
+    }
 }
 
 /// How an image in nits becomes an 8-bit one.
@@ -274,10 +282,16 @@ mod tests {
             for (x, y) in (0..5).flat_map(|y| (0..6).map(move |x| (x, y))) {
                 let ray = rays.at(x, y).map(|(x, y)| Vector3::new(x, y, 1.0));
                 assert_eq!(ray, camera.unproject(f64::from(x) + 0.5, f64::from(y) + 0.5));
+                let (right, down) = rays.row(y);
+                assert_eq!(rays.at(x, y), Some((right[x as usize], down[x as usize])));
             }
         }
         // A barrel that folds: nothing is seen beyond the fold.
         let folded = Distortion { radial: [-0.5, 0.0, 0.0], tangential: [0.0; 2] };
         assert_eq!(folded.undistort([1.5, 0.0]), None);
+        let wide = Intrinsics { width: 9, height: 1, fx: 2.0, fy: 2.0, cx: 4.5, cy: 0.5 };
+        let camera = Camera { distortion: Some(folded), ..Camera::pinhole(wide, Pose::identity()) };
+        let (right, down) = camera.rays().row(0);
+        assert!(right[0].is_nan() && down[0].is_nan() && right[4] == 0.0 && right[5] > 0.0);
     }
 }
