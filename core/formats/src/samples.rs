@@ -510,8 +510,10 @@ impl DatasetReader for Reader {
         read.extend(self.annotated.filter(|_| has_rows));
         let names: Vec<String> = read.iter().map(|key| key.name.to_string()).collect();
         let fields = self.samples.read(image, &names.iter().map(String::as_str).collect())?;
-        let of = |key: KeyId| fields.get(&key.name.to_string());
-        let ids = self.annotated.and_then(of).and_then(instances_of);
+        let ids = match self.annotated.filter(|_| has_rows) {
+            Some(key) => Some(instances_of(field(&fields, key)?).ok_or_else(|| unlike(key))?),
+            None => None,
+        };
         let [width, height] = self.size(image, &fields);
         check_sizes(&fields, &self.keys, [width, height])?;
         let mut products = Products::new();

@@ -112,6 +112,10 @@ fn open(root: &Path) -> Result<Box<dyn DatasetReader>> {
                 faults.add("unique_names", path.display().to_string(), &message);
             }
         }
+        // What is annotated and hidden has a category, too, whose name nobody says.
+        for id in view.categories() {
+            names.entry(id).or_insert_with(|| format!("category_{id}"));
+        }
         // A file that lacks what another one has is at fault with it.
         fields.extend(view.fields());
         of_shown.extend(view.of_shown());
@@ -158,6 +162,14 @@ impl View {
     fn of_shown(&self) -> impl Iterator<Item = String> {
         let names = [CATEGORY_ID.name(), OBJECT_NAME.name()];
         names.into_iter().filter(|name| !self.names.contains(*name)).map(str::to_owned)
+    }
+
+    /// The ids of categories under their own name.
+    fn categories(&self) -> BTreeSet<u32> {
+        let own = self.names.contains(CATEGORY_ID.name()).then(|| self.included(CATEGORY_ID.name()).ok()).flatten();
+        let Some(Value::PerInstance(own)) = own else { return BTreeSet::new() };
+        let id = |value: &Value| if let Value::Int(id) = value { u32::try_from(*id).ok() } else { None };
+        own.values().filter_map(id).collect()
     }
 
     fn has(&self, dataset: Dataset) -> bool {

@@ -64,7 +64,7 @@ fn what_is_damaged_is_named() {
     let bytes = std::fs::read(&path).expect("readable");
     let said = |root: &Path| {
         let (_, read) = reader::open(root, None).expect("a dataset");
-        let faults = read.faults().iter().map(|fault| fault.message.clone()).collect::<Vec<_>>();
+        let faults = read.faults().iter().map(|fault| format!("{} {}", fault.place, fault.message)).collect::<Vec<_>>();
         let errors =
             (0..read.images().len()).filter_map(|image| Some(read.read(image, &read.offers()).err()?.to_string()));
         faults.into_iter().chain(errors).collect::<Vec<String>>()

@@ -469,8 +469,8 @@ fn archives_hold_the_arrays_of_a_view() {
     write_all(folder.path(), "one", "npz", "include = [\"visible_ids\"]");
     let files = files(folder.path());
     let names: Vec<&str> = files.keys().filter_map(|name| name.strip_prefix("train/")).collect();
-    assert_eq!(names.len(), 9);
-    assert_eq!((names[0], names[8]), ("000000_0000.npz", "000002_0002.npz"));
+    assert_eq!(names.len(), 10);
+    assert_eq!((names[0], names[8], names[9]), ("000000_0000.npz", "000002_0002.npz", "categories.json"));
     let open = |name: &str| zip::ZipArchive::new(std::io::Cursor::new(files[name].clone())).expect("a ZIP file");
     let entries =
         |name: &str| open(name).file_names().map(|name| name.expect("UTF-8").into_owned()).collect::<Vec<_>>();

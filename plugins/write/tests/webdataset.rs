@@ -30,7 +30,7 @@ fn a_shard_is_a_scene() {
     let folder = tempfile::tempdir().expect("a folder");
     write_all(folder.path(), "wds", "webdataset", "");
     let names: Vec<String> = files(folder.path()).into_keys().collect();
-    assert_eq!(names, ["wds/wds-000000.tar", "wds/wds-000001.tar", "wds/wds-000002.tar"]);
+    assert_eq!(names, ["wds/categories.json", "wds/wds-000000.tar", "wds/wds-000001.tar", "wds/wds-000002.tar"]);
     let input = writer("webdataset", "include = [\"settle_report\"]").expect("good options").reads().remove(0);
     assert!(input.accepts.check(&SETTLE_REPORT.id()).expect_err("refused").contains("a sample is a view"));
 }
