@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use std::process::Command;
 use support::{assert_same, assets, ok, root, skip, syntable, text};
-use syntable_model::product::standard::{AMODAL_MASK, VISIBLE_MASK};
+use syntable_model::product::standard::{AMODAL_MASK, DEPTH, DISTANCE, VISIBLE_MASK};
 use syntable_model::product::{Key, Mask, PerInstance};
 use syntable_model::reader;
 use syntable_standard as _;
@@ -236,6 +236,14 @@ fn what_formats_have_in_common_comes_back() {
     given.arg("convert").arg(path("coco")).args(["--to", "parquet", "--out"]).arg(path("given"));
     let output = given.args(["--set", "parquet.include=[\"camera\", \"visible_box\"]"]).output().expect("starts");
     assert!(output.status.code() == Some(2) && text(&output).contains("reads `camera`"), "{}", text(&output));
+    // Cameras of the dataset are those of the writers.
+    convert("ours", "hdf5", "files");
+    let (_, files) = reader::open(&path("files"), None).expect("a dataset");
+    let (_, products) = files.read(0, &[DISTANCE.id(), DEPTH.id()]).expect("readable");
+    let pairs = products.get(DISTANCE).expect("there").data().iter().zip(products.get(DEPTH).expect("there").data());
+    let seen: Vec<(f32, f32)> =
+        pairs.map(|(distance, depth)| (*distance, *depth)).filter(|it| it.1.is_finite()).collect();
+    assert!(seen.len() > 1000 && seen.iter().all(|(distance, depth)| (1.0..2.0).contains(&(distance / depth))));
     std::fs::remove_dir_all(path("coco")).expect("there");
     for format in ["coco", "bop", "yolo", "kins", "cocoa", "d2sa"] {
         let there = convert("ours", format, format);

@@ -256,9 +256,12 @@ impl Content {
         let header = std::str::from_utf8(header).map_err(|_| cut())?.trim();
         let value = |key: &str| header.split_once(key).map(|(_, rest)| rest.trim_start_matches([':', ' ']));
         let descr = value("'descr'").and_then(|rest| rest.strip_prefix('\'')?.split_once('\''));
-        let dtype = descr.and_then(|(descr, _)| npy::dtype(descr)).ok_or_else(|| refuse(header))?;
+        let dtype = descr.and_then(|(descr, _)| npy::dtype(descr)).ok_or_else(|| {
+            let what = format!("it has no numbers of a type that is read, little-endian: {header}");
+            refuse(&what).help("write it anew, as by `np.ascontiguousarray(a).astype(\"<f4\")`")
+        })?;
         if value("'fortran_order'").is_none_or(|rest| !rest.starts_with("False")) {
-            return Err(refuse(header));
+            return Err(refuse(&format!("it is in Fortran order: {header}")).help("save `np.ascontiguousarray(a)`"));
         }
         let shape = value("'shape'").and_then(|rest| rest.strip_prefix('(')?.split_once(')'));
         let lengths = shape.map(|(shape, _)| shape.split(',').map(str::trim).filter(|length| !length.is_empty()));

@@ -1,7 +1,7 @@
 //! Members of tar files, read in any order.
 
 use crate::decode::Content;
-use crate::read::{Faults, place_in_name};
+use crate::read::{Faults, file_name, place_in_name};
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
@@ -59,7 +59,7 @@ pub fn samples(archives: &[PathBuf], faults: &mut Faults) -> BTreeMap<(u32, u32)
         let nothing = found.is_empty().then(|| Error::new("there is nothing in it").in_file(path));
         if let Some(error) = damage.or(nothing) {
             let message = format!("{error}: nothing that follows in it is read");
-            faults.lost("readable", path.display().to_string(), &message);
+            faults.lost("readable", file_name(path), &message);
         }
         let mut others = 0;
         for member in found {
@@ -81,7 +81,7 @@ pub fn samples(archives: &[PathBuf], faults: &mut Faults) -> BTreeMap<(u32, u32)
         if others > 0 {
             let message =
                 format!("{others} members do not begin with the numbers of a scene and a view, such as 000003_0017");
-            faults.lost("known_images", path.display().to_string(), &message);
+            faults.lost("known_images", file_name(path), &message);
         }
     }
     samples

@@ -330,7 +330,11 @@ fn field(fields: &Fields, key: KeyId) -> Result<&Value> {
 }
 
 fn unlike(key: KeyId) -> Error {
-    Error::new(format!("its field `{}` is no {}", key.name, key.kind_of_value())).permanent()
+    let what = match key == OCCLUSION_ORDER.id() {
+        true => "no matrix of the annotated instances".to_owned(),
+        false => format!("no {}", key.kind_of_value()),
+    };
+    Error::new(format!("its field `{}` is {what}", key.name)).permanent()
 }
 
 /// Visible masks from a plane of ids: of these instances, and of those that it shows.

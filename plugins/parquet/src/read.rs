@@ -84,7 +84,11 @@ impl Table {
 }
 
 fn unreadable(path: &Path, error: &ParquetError) -> Error {
-    Error::new(format!("not a readable Parquet file: {error}")).in_file(path).permanent()
+    let error_of = Error::new(format!("not a readable Parquet file: {error}")).in_file(path).permanent();
+    match error.to_string().contains("Disabled feature") {
+        true => error_of.help("write it without compression, or with snappy"),
+        false => error_of,
+    }
 }
 
 /// Tables and what is known of their rows.
@@ -119,7 +123,7 @@ fn open(root: &Path) -> Result<Box<dyn DatasetReader>> {
         let (own, rows) = match read {
             Ok(read) => read,
             Err(error) => {
-                faults.lost("readable", path.display().to_string(), &format!("{error}: nothing of the scene is read"));
+                faults.lost("readable", read::file_name(path), &format!("{error}: nothing of the scene is read"));
                 continue;
             }
         };
@@ -130,7 +134,7 @@ fn open(root: &Path) -> Result<Box<dyn DatasetReader>> {
             let number = |name: &str| u32::try_from(row.get(name).and_then(integer)?).ok();
             let (Some(scene), Some(view)) = (number(SCENE), number(VIEW)) else {
                 let message = format!("a row has no numbers as `{SCENE}` and `{VIEW}`");
-                faults.add("records_agree", path.display().to_string(), &message);
+                faults.add("records_agree", read::file_name(path), &message);
                 continue;
             };
             let size = [WIDTH, HEIGHT].map(|edge| number(edge).unwrap_or_default());
@@ -143,7 +147,7 @@ fn open(root: &Path) -> Result<Box<dyn DatasetReader>> {
                         true => format!("rows of view {view} say other sizes of its image"),
                         false => format!("view {view} of scene {scene} has another row"),
                     };
-                    faults.add("unique_views", path.display().to_string(), &message);
+                    faults.add("unique_views", read::file_name(path), &message);
                 }
             }
             let of = |name: &str| row.get(name).map(cells).unwrap_or_default();
@@ -152,7 +156,7 @@ fn open(root: &Path) -> Result<Box<dyn DatasetReader>> {
                     let known = names.entry(id).or_insert_with(|| name.clone());
                     if *known != name && faulty.insert(id) {
                         let message = format!("category {id} is `{name}`, which other rows call `{known}`");
-                        faults.add("unique_names", path.display().to_string(), &message);
+                        faults.add("unique_names", read::file_name(path), &message);
                     }
                 }
             }

@@ -169,3 +169,128 @@ fn what_is_damaged_is_named() {
         holds(said.clone(), parts);
     }
 }
+
+/// The first image of a dataset that was changed, or why it cannot be read.
+fn first(root: &Path, kind: &str, wants: &[KeyId]) -> Result<Products> {
+    let (_, read) = reader::open(root, Some(kind))?;
+    assert!(wants.iter().all(|key| read.offers().contains(key)), "{:?}", read.offers());
+    read.read(0, wants).map(|(_, products)| products)
+}
+
+#[test]
+fn orders_and_bits_need_the_instances_that_they_are_of() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let takes =
+        written(folder.path(), "npz", "include = [\"rgb\", \"visible_ids\", \"occlusion_order\", \"amodal_bits\"]");
+    let read = opened(folder.path(), "npz");
+    for key in keys![OCCLUSION_ORDER, AMODAL_BITS, AMODAL_MASK] {
+        assert!(!read.offers().contains(&key), "{}", key.name);
+    }
+    let visible = first(&folder.path().join("data"), "npz", &keys![VISIBLE_MASK]).expect("readable");
+    let shown = takes[0].views[0].1.get(VISIBLE_MASK).expect("made");
+    let shown: Vec<_> = shown.iter().filter(|(_, mask)| !mask.is_empty()).collect();
+    assert!(visible.get(VISIBLE_MASK).expect("there").iter().eq(shown));
+
+    // As JSON, bits are lists, and an image has no size but that of its masks.
+    let folder = tempfile::tempdir().expect("a folder");
+    let options = "include = [\"visible_mask\", \"amodal_bits\", \"category_id\", \"occlusion_order\"]";
+    let takes = written(folder.path(), "jsonl", options);
+    let found = first(folder.path(), "jsonl", &keys![AMODAL_MASK, AMODAL_BITS, OCCLUSION_ORDER]).expect("readable");
+    let made = &takes[0].views[0].1;
+    assert!(found.get(AMODAL_MASK).expect("there") == made.get(AMODAL_MASK).expect("made"));
+    assert!(found.get(OCCLUSION_ORDER).expect("there") == made.get(OCCLUSION_ORDER).expect("made"));
+    let Value::Tensor(bits) = found.value("amodal_bits").expect("there") else { panic!("no array") };
+    assert_eq!(bits.dtype, syntable_model::product::DType::U8);
+}
+
+#[test]
+fn ids_ascend_and_masks_are_of_the_image() {
+    let folder = tempfile::tempdir().expect("a folder");
+    written(folder.path(), "jsonl", "include = [\"visible_mask\", \"amodal_mask\"]");
+    let path = folder.path().join("data.jsonl");
+    let of = |visible: &str, amodal: &str| {
+        let line = format!("{{\"scene\":0,\"view\":0,\"visible_mask\":{visible},\"amodal_mask\":{amodal}}}\n");
+        std::fs::write(&path, line).expect("writable");
+        first(&path, "jsonl", &keys![VISIBLE_MASK, OCCLUSION_RATE])
+    };
+    let mask = "{\"size\":[2,2],\"counts\":[4]}";
+    assert!(of(&format!("{{\"1\":{mask}}}"), &format!("{{\"1\":{mask}}}")).is_ok());
+    let other = "{\"1\":{\"size\":[4.0,1.0],\"counts\":[4]}}";
+    let error = of(&format!("{{\"1\":{mask}}}"), other).err().expect("another size").to_string();
+    assert!(error.contains("has 1 × 4 pixels, the image 2 × 2"), "{error}");
+    let error = of(&format!("{{\"0\":{mask}}}"), &format!("{{\"0\":{mask}}}")).err().expect("no instance").to_string();
+    assert!(error.contains("`visible_mask` is no mask per instance"), "{error}");
+    for (ids, reason) in
+        [(&[7_u16, 2][..], "ascending"), (&[2, 2], "ascending"), (&[0, 1], "ascending"), (&[3], "2 values")]
+    {
+        let ids = Plane::from_vec(ids.len() as u32, 1, ids.to_vec());
+        let Value::Tensor(mut ids) = Value::from(ids) else { panic!("no array") };
+        ids.shape.remove(0);
+        let Value::Tensor(mut values) = Value::from(Plane::from_vec(2, 1, vec![0.5_f64, 1.0])) else {
+            panic!("no array")
+        };
+        values.shape.remove(0);
+        let error = syntable_formats::samples::instances(&values, &ids).expect_err("refused");
+        assert!(error.contains(reason), "{error}");
+    }
+}
+
+#[test]
+fn categories_are_those_of_the_file() {
+    let folder = tempfile::tempdir().expect("a folder");
+    written(folder.path(), "webdataset", "");
+    let root = folder.path().join("data");
+    let categories = |text: &str| {
+        std::fs::write(root.join("categories.json"), text).expect("writable");
+        let (_, read) = reader::open(&root, None).expect("a dataset");
+        let (_, found) = read.read(0, &keys![CATEGORY_ID]).expect("readable");
+        let ids: std::collections::BTreeSet<u32> =
+            found.get(CATEGORY_ID).expect("there").iter().map(|it| *it.1).collect();
+        let name = |id: u32| read.info().category(id).map_or_else(|error| error.to_string(), |it| it.1.to_owned());
+        let faults = (0..read.images().len()).flat_map(|image| read.image_faults(image)).count() + read.faults().len();
+        (ids.into_iter().map(name).collect::<Vec<String>>(), faults)
+    };
+    // Ids of the first image are 1 to 3.
+    let named = r#"[{"id": 1, "name": "object"}, {"id": 2, "name": "mug"}, {"id": 3, "name": "bowl"}]"#;
+    assert_eq!(categories(named), (["object", "mug", "bowl"].map(String::from).to_vec(), 0));
+    let (names, faults) = categories(r#"[{"id": 1, "name": "mug"}, {"id": 2, "name": "bowl"}]"#);
+    assert!(names == ["mug", "bowl", "object"] && faults > 5, "{names:?} {faults}");
+    let (names, _) = categories(r#"[{"id": 0, "name": "pan"}, {"id": 1, "name": "mug"}, {"id": 2, "name": "bowl"}]"#);
+    assert_eq!(names, ["object", "bowl", "mug"], "numbered anew, as 0 is the background in maps");
+    let (_, faults) = categories(
+        r#"[{"id": 1, "name": "a"}, {"id": 1, "name": "b"}, {"id": 2, "name": "c"}, {"id": 3, "name": "d"}]"#,
+    );
+    assert!(faults > 0, "an id twice");
+}
+
+#[test]
+fn a_file_of_a_view_is_not_replaced_by_another_one() {
+    let folder = tempfile::tempdir().expect("a folder");
+    written(folder.path(), "npz", "");
+    let root = folder.path().join("data");
+    std::fs::copy(root.join("000000_0001.npz"), root.join("0_0.npz")).expect("copied");
+    std::fs::create_dir(root.join("000009_0000.npz")).expect("writable");
+    let said = said(&root, "npz");
+    for parts in [&["0_0.npz", "it is view 0 of scene 0"][..], &["000009_0000.npz", "it is not a file"]] {
+        assert!(said.iter().any(|line| parts.iter().all(|part| line.contains(part))), "{parts:?}: {said:?}");
+    }
+}
+
+/// A dataset of a layout is opened beside such of products.
+#[test]
+fn of_several_datasets_that_of_a_layout_counts() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let root = folder.path();
+    let elsewhere = tempfile::tempdir().expect("a folder");
+    written(elsewhere.path(), "npz", "");
+    std::fs::rename(elsewhere.path().join("data"), root.join("arrays")).expect("moved");
+    written(&root.join("lines"), "jsonl", "");
+    assert!(reader::find(root, None).err().expect("two of products").to_string().contains("2 datasets"));
+    written(&root.join("ours"), "syntable", "");
+    let (format, _) = reader::find(root, None).expect("one of a layout");
+    assert_eq!(format.name, "syntable");
+    // In the folder itself, too.
+    let ours = root.join("ours");
+    std::fs::copy(root.join("arrays/000000_0000.npz"), ours.join("000000_0000.npz")).expect("copied");
+    assert_eq!(reader::find(&ours, None).expect("one of a layout").0.name, "syntable");
+}

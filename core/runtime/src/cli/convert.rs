@@ -91,11 +91,8 @@ pub(super) fn convert(console: &Console, registry: &Registry, args: &ConvertArgs
     }
     converted.caveats.iter().for_each(|caveat| out += &format!("note: {caveat}\n"));
     console.print(&out)?;
-    let left_out = [
-        (&converted.left_out, "image"),
-        (&converted.not_listed, "part of the dataset"),
-        (&converted.parts_left_out, "file"),
-    ];
+    let left_out =
+        [(&converted.left_out, "image"), (&converted.not_listed, "part"), (&converted.parts_left_out, "file")];
     let left_out = left_out.into_iter().filter(|(reasons, _)| !reasons.is_empty());
     let what: Vec<String> = left_out.clone().map(|(reasons, one)| count(reasons.len() as u32, one)).collect();
     if what.is_empty() {
