@@ -126,6 +126,13 @@ const PLANTED: &[(&str, &str, Plant)] = &[
         }
         fs::write(path, bytes).expect("writable");
     }),
+    ("order_is_that_of_masks", "an object occludes itself", |it| {
+        let path = it.file("occlusion_order_file_name");
+        let mut bytes = fs::read(&path).expect("there");
+        let last = bytes.len() - 8;
+        bytes[last..].copy_from_slice(&1.0_f64.to_le_bytes());
+        fs::write(path, bytes).expect("writable");
+    }),
     ("unique_names", "two images are of one file", |it| {
         it.json["images"][1]["file_name"] = it.json["images"][0]["file_name"].clone();
     }),

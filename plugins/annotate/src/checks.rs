@@ -330,6 +330,9 @@ fn order(products: &Products) -> Result<Vec<String>> {
     let order = products.get(OCCLUSION_ORDER)?;
     let mut faults = Vec::new();
     for (row, &one) in order.ids().iter().enumerate() {
+        if order.occludes(row, row) {
+            faults.push(format!("the order says that instance {one} occludes itself"));
+        }
         for (column, &other) in order.ids().iter().enumerate().filter(|(column, _)| *column != row) {
             let (Some(front), Some(hidden)) = (visible.get(one), occlusion.get(other)) else {
                 return Ok(vec![format!("instances {one} and {other} are in the order, and one of them has no mask")]);
