@@ -50,7 +50,7 @@ fn blenderprocs_own_datasets_say_what_is_shown() {
     assert!(read.offers().contains(&VISIBLE_MASK.id()) && !read.offers().contains(&AMODAL_MASK.id()));
     let mut seen = 0;
     for (image, (_, products)) in takes.iter().flat_map(|take| &take.views).enumerate() {
-        let (_, found) = read.read(image, &keys![VISIBLE_MASK, CATEGORY_ID, OBJECT_NAME]).expect("readable");
+        let (_, found) = read.read(image, &[VISIBLE_MASK.id(), CATEGORY_ID.id(), OBJECT_NAME.id()]).expect("readable");
         let masks = found.get(VISIBLE_MASK).expect("there");
         let shown = products.get(INSTANCE).expect("made");
         for (id, mask) in masks.iter() {

@@ -21,6 +21,6 @@ fn what_is_asked_for_is_read_and_nothing_else() {
         let writer = writer("ply", options).expect("good options");
         writer.reads().into_iter().map(|input| input.product).collect()
     };
-    assert_eq!(reads(""), ["depth", "rgb", "instance"]);
-    assert_eq!(reads("depth = \"depth_sensed\"\ncolors = false\ninstances = false"), ["depth_sensed"]);
+    assert_eq!(reads(""), ["depth", "camera", "rgb", "instance"]);
+    assert_eq!(reads("depth = \"depth_sensed\"\ncolors = false\ninstances = false"), ["depth_sensed", "camera"]);
 }

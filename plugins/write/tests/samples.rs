@@ -186,7 +186,7 @@ fn orders_and_bits_need_the_instances_that_they_are_of() {
     for key in keys![OCCLUSION_ORDER, AMODAL_BITS, AMODAL_MASK] {
         assert!(!read.offers().contains(&key), "{}", key.name);
     }
-    let visible = first(&folder.path().join("data"), "npz", &keys![VISIBLE_MASK]).expect("readable");
+    let visible = first(&folder.path().join("data"), "npz", &[VISIBLE_MASK.id()]).expect("readable");
     let shown = takes[0].views[0].1.get(VISIBLE_MASK).expect("made");
     let shown: Vec<_> = shown.iter().filter(|(_, mask)| !mask.is_empty()).collect();
     assert!(visible.get(VISIBLE_MASK).expect("there").iter().eq(shown));
@@ -195,7 +195,8 @@ fn orders_and_bits_need_the_instances_that_they_are_of() {
     let folder = tempfile::tempdir().expect("a folder");
     let options = "include = [\"visible_mask\", \"amodal_bits\", \"category_id\", \"occlusion_order\"]";
     let takes = written(folder.path(), "jsonl", options);
-    let found = first(folder.path(), "jsonl", &keys![AMODAL_MASK, AMODAL_BITS, OCCLUSION_ORDER]).expect("readable");
+    let found =
+        first(folder.path(), "jsonl", &[AMODAL_MASK.id(), AMODAL_BITS.id(), OCCLUSION_ORDER.id()]).expect("readable");
     let made = &takes[0].views[0].1;
     assert!(found.get(AMODAL_MASK).expect("there") == made.get(AMODAL_MASK).expect("made"));
     assert!(found.get(OCCLUSION_ORDER).expect("there") == made.get(OCCLUSION_ORDER).expect("made"));
@@ -211,7 +212,7 @@ fn ids_ascend_and_masks_are_of_the_image() {
     let of = |visible: &str, amodal: &str| {
         let line = format!("{{\"scene\":0,\"view\":0,\"visible_mask\":{visible},\"amodal_mask\":{amodal}}}\n");
         std::fs::write(&path, line).expect("writable");
-        first(&path, "jsonl", &keys![VISIBLE_MASK, OCCLUSION_RATE])
+        first(&path, "jsonl", &[VISIBLE_MASK.id(), OCCLUSION_RATE.id()])
     };
     let mask = "{\"size\":[2,2],\"counts\":[4]}";
     assert!(of(&format!("{{\"1\":{mask}}}"), &format!("{{\"1\":{mask}}}")).is_ok());
@@ -243,7 +244,7 @@ fn categories_are_those_of_the_file() {
     let categories = |text: &str| {
         std::fs::write(root.join("categories.json"), text).expect("writable");
         let (_, read) = reader::open(&root, None).expect("a dataset");
-        let (_, found) = read.read(0, &keys![CATEGORY_ID]).expect("readable");
+        let (_, found) = read.read(0, &[CATEGORY_ID.id()]).expect("readable");
         let ids: std::collections::BTreeSet<u32> =
             found.get(CATEGORY_ID).expect("there").iter().map(|it| *it.1).collect();
         let name = |id: u32| read.info().category(id).map_or_else(|error| error.to_string(), |it| it.1.to_owned());

@@ -82,7 +82,7 @@ impl Coding {
         let layer = image.map_err(|error| refuse(format!("not a readable EXR file: {error}")))?.layer_data;
         let size = layer.size;
         let channel = |name: &&str| {
-            let own = layer.channel_data.list.iter().find(|channel| channel.name.eq(*name));
+            let own = layer.channel_data.list.iter().find(|channel| channel.name.eq(name));
             let own = own.ok_or_else(|| refuse(format!("it has no channel `{name}`")))?;
             Ok(own.sample_data.values_as_f32().collect::<Vec<f32>>())
         };
