@@ -1,6 +1,6 @@
 //! Members of tar files, read in any order.
 
-use crate::decode::Content;
+use crate::decode::{self, Content};
 use crate::read::{Faults, file_name, place_in_name};
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -110,12 +110,10 @@ fn collect(path: &Path, most: usize, found: &mut Vec<Member>) -> Result<()> {
         }
         _ => Error::io(path, &error),
     };
-    let there = std::fs::metadata(path).map_err(fail)?;
-    if !there.is_file() {
-        return Err(Error::new("it is not a file").in_file(path).permanent());
-    }
+    let file = decode::open(path)?;
+    let length = file.metadata().map_err(fail)?.len();
     let name: Arc<Path> = path.into();
-    let mut archive = tar::Archive::new(File::open(path).map_err(fail)?);
+    let mut archive = tar::Archive::new(file);
     for entry in archive.entries_with_seek().map_err(fail)? {
         if found.len() >= most {
             break;
@@ -126,7 +124,7 @@ fn collect(path: &Path, most: usize, found: &mut Vec<Member>) -> Result<()> {
         }
         let (at, size) = (entry.raw_file_position(), entry.size());
         let member = String::from_utf8_lossy(&entry.path_bytes()).into_owned();
-        if at.checked_add(size).is_none_or(|end| end > there.len()) {
+        if at.checked_add(size).is_none_or(|end| end > length) {
             return Err(Error::new(format!("the tar file ends within `{member}`")).in_file(path).permanent());
         }
         found.push(Member { archive: name.clone(), name: member, at, size });

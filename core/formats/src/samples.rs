@@ -158,8 +158,9 @@ pub fn open(name: String, mut contents: Contents, samples: Box<dyn Samples>) -> 
     let of_view = |key: &KeyId| matches!(key.scope, Scope::View | Scope::Scene) && key.is_decoded();
     let mut keys: Vec<KeyId> =
         linked().into_iter().filter(|key| of_view(key) && contents.fields.contains(&key.name.to_string())).collect();
-    let names_all = |key: &KeyId| keys.contains(key) && !contents.of_shown.contains(&key.name.to_string());
-    let annotated = OF_ANNOTATED.into_iter().find(names_all);
+    let of_all = |key: &KeyId| keys.contains(key) && !contents.of_shown.contains(&key.name.to_string());
+    let annotated = OF_ANNOTATED.into_iter().find(of_all);
+    let has_categories = of_all(&CATEGORY_ID.id());
     // Rows and bits do not say of which instances they are.
     if annotated.is_none() {
         keys.retain(|key| ![OCCLUSION_ORDER.id(), AMODAL_BITS.id()].contains(key));
@@ -173,22 +174,21 @@ pub fn open(name: String, mut contents: Contents, samples: Box<dyn Samples>) -> 
         (None, Some(_)) => Some(Known::Amodal),
         (None, None) => None,
     };
-    let own = match &contents.categories {
-        Some(own) => {
-            contents.faults.of_categories(own);
-            own.clone()
-        }
-        None => categories_of(&contents, &*samples),
-    };
+    let used = categories_used(&contents, &*samples);
+    let own = contents.categories.clone().unwrap_or_else(|| categories_of(used.clone()));
+    contents.faults.of_categories(&own);
     let mut categories = Categories::of(&own);
-    // Objects of none of them have one of their own.
-    categories.note(read::BACKGROUND);
+    used.into_iter().for_each(|id| categories.note(id.into()));
+    // Objects that nothing gives a category have one of their own.
+    if !has_categories {
+        categories.note(read::BACKGROUND);
+    }
     let info = categories.info(name, String::new(), &contents.images, String::new());
     Box::new(Reader { contents, samples, info, categories, keys, visible, amodal, annotated, known })
 }
 
-/// The categories that samples have, which have no names there.
-fn categories_of(contents: &Contents, samples: &dyn Samples) -> Vec<Category> {
+/// Ids of the categories that objects have.
+fn categories_used(contents: &Contents, samples: &dyn Samples) -> BTreeSet<u32> {
     let name = CATEGORY_ID.name();
     let mut ids: BTreeSet<u32> = BTreeSet::new();
     if contents.fields.contains(name) {
@@ -200,6 +200,11 @@ fn categories_of(contents: &Contents, samples: &dyn Samples) -> Vec<Category> {
             ids.extend(categories.iter().flat_map(PerInstance::iter).map(|(_, id)| *id));
         }
     }
+    ids
+}
+
+/// Categories that have no names, by their ids.
+fn categories_of(mut ids: BTreeSet<u32>) -> Vec<Category> {
     let (object, object_name) = DatasetInfo::OBJECT;
     if ids.is_empty() {
         ids.insert(object);

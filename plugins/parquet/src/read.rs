@@ -14,8 +14,8 @@ use syntable_formats::decode::Content;
 use syntable_formats::read::{self, Faults};
 use syntable_formats::samples::{self, Contents, Fields, Latest, Samples};
 use syntable_model::prelude::*;
+use syntable_model::product::linked;
 use syntable_model::product::standard::{CAMERA, CATEGORY_ID, RGB};
-use syntable_model::product::{Form, linked};
 use syntable_model::reader::{DatasetReader, Format};
 
 syntable_model::register_format!(Format {
@@ -219,8 +219,6 @@ impl Samples for Tables {
         let mut fields = Fields::new();
         let first = rows.first().ok_or_else(|| refuse("its rows have changed".to_owned()))?;
         for (name, columns) in products {
-            let key = linked().into_iter().find(|key| key.name == *name);
-            let is_per_instance = key.is_some_and(|key| matches!(key.form(), Form::PerInstance(_)));
             // What this table lacks, others have.
             if columns.iter().all(|column| !first.contains_key(&column.name)) {
                 continue;
@@ -228,7 +226,7 @@ impl Samples for Tables {
             if let Some(column) = columns.iter().find(|column| !first.contains_key(&column.name)) {
                 return Err(refuse(format!("it has no column `{}`, which others have", column.name)));
             }
-            let value = if is_per_instance {
+            let value = if samples::is_per_instance(&name) {
                 of_instances(&columns, &rows).map_err(|error| error.in_file(path))?
             } else {
                 let cells: Vec<Option<&Field>> = columns.iter().map(|column| first.get(&column.name)).collect();

@@ -258,6 +258,10 @@ fn categories_are_those_of_the_file() {
     assert!(names == ["mug", "bowl", "object"] && faults > 5, "{names:?} {faults}");
     let (names, _) = categories(r#"[{"id": 0, "name": "pan"}, {"id": 1, "name": "mug"}, {"id": 2, "name": "bowl"}]"#);
     assert_eq!(names, ["object", "bowl", "mug"], "numbered anew, as 0 is the background in maps");
+    // A category that no object needs is not added.
+    categories(r#"[{"id": 1, "name": "a"}, {"id": 2, "name": "b"}, {"id": 3, "name": "c"}]"#);
+    let (_, read) = reader::open(&root, None).expect("a dataset");
+    assert_eq!(read.info().categories().map(|it| it.1).collect::<Vec<_>>(), ["a", "b", "c"]);
     let (_, faults) = categories(
         r#"[{"id": 1, "name": "a"}, {"id": 1, "name": "b"}, {"id": 2, "name": "c"}, {"id": 3, "name": "d"}]"#,
     );
