@@ -1,5 +1,6 @@
 //! A scene that fails is tried again, then recorded; it never stops the run or shifts another scene.
 
+#[path = "program/support/mod.rs"]
 mod support;
 use std::path::Path;
 use std::sync::Mutex;

@@ -1,9 +1,8 @@
 //! What needs another camera than the image's, in whole runs: optical flow, soft masks; and support, of scenes that are there.
 
-mod support;
+use crate::support::{files, ok, root, skip, syntable, text};
 use std::path::Path;
 use std::process::Command;
-use support::{files, ok, root, skip, syntable, text};
 
 const ARRAYS: &str = "write.arrays={ kind = \"npz\", include = [\"depth\", \"instance\", \"flow\", \"flow_visibility\", \
                       \"visible_soft_mask\", \"amodal_soft_mask\"] }";

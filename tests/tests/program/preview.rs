@@ -1,6 +1,6 @@
 //! `syntable preview`: sheets of a recipe, made anew after every save, in a file and in the browser.
 
-mod support;
+use crate::support::{fails, ok, root, syntable};
 use serde_json::Value;
 use std::fs;
 use std::io::{BufRead, BufReader, Read, Write};
@@ -9,7 +9,6 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::sync::mpsc::{Receiver, channel};
 use std::time::{Duration, Instant};
-use support::{fails, ok, root, syntable};
 
 /// How long a preview on a busy machine may take.
 const PATIENCE: Duration = Duration::from_secs(240);
@@ -339,8 +338,8 @@ fn the_page_follows_what_is_saved() {
 
 #[test]
 fn a_browser_shows_a_save_without_being_reloaded() {
-    if support::browser::program().is_none() {
-        return support::skip("chromium");
+    if crate::support::browser::program().is_none() {
+        return crate::support::skip("chromium");
     }
     let watching = Watching::start(&["--serve"]);
     let _ = watching.made();
@@ -357,9 +356,9 @@ fn a_browser_shows_a_save_without_being_reloaded() {
          await wait(() => sheet()[0] !== before[0] && sheet()[3] === '2 images');
          const after = sheet();
          return { before, after };";
-    let mut job = support::browser::job(&watching.said, script);
+    let mut job = crate::support::browser::job(&watching.said, script);
     job["loaded"] = loaded.display().to_string().into();
-    let page = std::thread::spawn(move || support::browser::look(&[job]));
+    let page = std::thread::spawn(move || crate::support::browser::look(&[job]));
     let start = Instant::now();
     while !loaded.exists() && start.elapsed() < PATIENCE {
         std::thread::sleep(Duration::from_millis(20));

@@ -1,11 +1,10 @@
 //! `validate` finds what is planted in a dataset and is silent on a clean one; `convert` loses nothing that it does not say.
 
-mod support;
+use crate::support::{assert_same, fails, ok, small_dataset, syntable};
 use serde_json::{Value, json};
 use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
-use support::{assert_same, fails, ok, small_dataset, syntable};
 use syntable_model::product::standard::{CATEGORY_ID, VISIBLE_MASK};
 use syntable_model::reader;
 use syntable_standard as _;
@@ -345,7 +344,7 @@ fn faults_of_records_are_counted_as_validate_does() {
     assert_eq!(checks_that_fail(&root).len(), 1, "an id is there twice");
     let mut convert = syntable();
     convert.arg("convert").arg(&root).args(["--to", "coco", "--out"]).arg(&out);
-    let said = support::text(&convert.output().expect("the program starts"));
+    let said = crate::support::text(&convert.output().expect("the program starts"));
     assert!(said.contains("1 fault in what was read"), "{said}");
 }
 

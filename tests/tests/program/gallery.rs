@@ -1,17 +1,16 @@
 //! The images of the reference: one for every kind whose work can be seen. This test compares the folder of recipes,
-//! the folder of images and the registry; `UPDATE=1 cargo test --release --package syntable-tests --test gallery`
+//! the folder of images and the registry; `UPDATE=1 cargo test --release --package syntable-tests --test program gallery`
 //! renders the images, `UPDATE=lights` those alone whose names contain the word.
 //!
 //! `SYNTABLE_OIDN` names the library of Open Image Denoise; without it, the image made with it stays.
 
-mod support;
+use crate::support::{files, gallery, ok, skip, syntable};
 use image::codecs::jpeg::JpegEncoder;
 use image::imageops::{self, FilterType};
 use image::{DynamicImage, GenericImage, RgbImage};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
-use support::{files, gallery, ok, skip, syntable};
 use syntable_model::digest::Digest;
 use syntable_model::registry::{Registry, Slot};
 use syntable_standard as _;
@@ -102,7 +101,7 @@ fn every_kind_has_an_image() {
     }
     assert!(
         faults.is_empty(),
-        "{}\nUPDATE=1 cargo test --release --package syntable-tests --test gallery renders the images",
+        "{}\nUPDATE=1 cargo test --release --package syntable-tests --test program gallery renders the images",
         faults.join("\n")
     );
 }
@@ -154,7 +153,7 @@ fn recipes_of_the_gallery_have_no_mistake() {
         // `check` loads the library; `plan` finds every mistake of the recipe without it.
         let verb = if needs_oidn(&recipe) && std::env::var_os("SYNTABLE_OIDN").is_none() { "plan" } else { "check" };
         let output = command(verb, &recipe).output().expect("the program starts");
-        let said = support::text(&output);
+        let said = crate::support::text(&output);
         let sound = output.status.success() && !said.contains("warning") && !said.contains("error");
         assert!(sound, "{}\n{said}", recipe.display());
     }

@@ -1,10 +1,9 @@
 //! One dataset in all formats at once: each is read by its own reader, and says the same.
 
-mod support;
+use crate::support::{assert_same, assets, ok, root, skip, syntable, text};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use std::process::Command;
-use support::{assert_same, assets, ok, root, skip, syntable, text};
 use syntable_model::product::standard::{AMODAL_MASK, DEPTH, DISTANCE, VISIBLE_MASK};
 use syntable_model::product::{Key, Mask, PerInstance};
 use syntable_model::reader;

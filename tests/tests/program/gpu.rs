@@ -1,9 +1,8 @@
 //! Whole recipes on a graphics card, or on Mesa's lavapipe in its place, against the CPU renderer: cameras with lens and
 //! distortion, all kinds of light, floors that show their environment, scanned and procedural materials.
 
-mod support;
+use crate::support::{SMALL, fails, ok, root, skip, syntable};
 use std::path::{Path, PathBuf};
-use support::{SMALL, fails, ok, root, skip, syntable};
 
 /// What the shipped recipes have that none of the gallery has.
 const GROUND: &str = r#"
@@ -161,7 +160,7 @@ fn what_auto_chose_is_named_by_the_dataset() {
     let [auto, named] = [("auto", "auto"), ("named", "cpu_path")].map(|(name, kind)| {
         let (mut command, recipe) =
             without_card(&folder.path().join(name), &[&format!("render.kind=\"{kind}\"")], None);
-        let said = support::text(&command.output().expect("it starts"));
+        let said = crate::support::text(&command.output().expect("it starts"));
         assert_eq!(said.contains("[render] `auto` is `cpu_path` here: no graphics adapter"), kind == "auto", "{said}");
         std::fs::read_to_string(recipe).unwrap_or_else(|error| panic!("{error}: {said}"))
     });

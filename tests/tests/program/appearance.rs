@@ -1,9 +1,8 @@
 //! What objects look like without what occludes them, against the image and the masks, as NumPy and Pillow read them.
 
-mod support;
+use crate::support::{ok, root, skip, syntable, text};
 use std::path::Path;
 use std::process::Command;
-use support::{ok, root, skip, syntable, text};
 
 fn run(out: &Path, sets: &[&str]) {
     let mut run = syntable();

@@ -1,13 +1,12 @@
 //! Files that are made from the registry: the schema, the book's reference, the help texts. This test compares them
-//! with fresh ones; `UPDATE=1 cargo test --release --package syntable-tests --test generated` refreshes them.
+//! with fresh ones; `UPDATE=1 cargo test --release --package syntable-tests --test program generated` refreshes them.
 
-mod support;
+use crate::support::{gallery, root, samples};
 use serde_json::{Map, Value, json};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
 use std::fs;
 use std::path::Path;
-use support::{gallery, root, samples};
 use syntable_mesh::format::{ImageDecoder, ImageFormats, MeshFormats};
 use syntable_model::product::{KeyId, first_sentence};
 use syntable_model::registry::{Entry, Registry, Shape, Slot, Stage};
@@ -63,13 +62,12 @@ fn generated_files_are_fresh() {
     }
     assert!(
         stale.is_empty(),
-        "stale: {}; refresh with UPDATE=1 cargo test --release --package syntable-tests --test generated",
+        "stale: {}; refresh with UPDATE=1 cargo test --release --package syntable-tests --test program generated",
         stale.join(", ")
     );
 }
 
-const MADE: &str =
-    "<!-- Made from the registry: UPDATE=1 cargo test --release --package syntable-tests --test generated -->\n\n";
+const MADE: &str = "<!-- Made from the registry: UPDATE=1 cargo test --release --package syntable-tests --test program generated -->\n\n";
 
 /// Definitions of values that are shared by this many kinds stand on a page of their own.
 const SHARED: usize = 4;

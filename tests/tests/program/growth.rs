@@ -1,8 +1,7 @@
 //! Datasets of the stock program that grow by a writer: each writer writes what it would have written from the start.
 
-mod support;
+use crate::support::{assert_same, fails, ok, small_run, syntable, text};
 use std::path::Path;
-use support::{assert_same, fails, ok, small_run, syntable, text};
 use syntable_testing::folder::files;
 
 /// Every writer that ships, with products that need light and products that need none.
@@ -31,7 +30,7 @@ const WRITERS: [(&str, &[&str]); 10] = [
 
 /// A recipe of the quickstart's scenes with no writer but one of labels.
 fn base(folder: &std::path::Path) -> std::path::PathBuf {
-    let recipe = std::fs::read_to_string(support::root().join("recipes/quickstart.toml")).expect("there");
+    let recipe = std::fs::read_to_string(crate::support::root().join("recipes/quickstart.toml")).expect("there");
     let (head, _) = recipe.split_once("[write.syntable]").expect("the writers come last");
     let path = folder.join("base.toml");
     std::fs::write(&path, format!("{head}[write.first]\nkind = \"jsonl\"\ninclude = [\"object_info\"]\n"))
@@ -41,7 +40,13 @@ fn base(folder: &std::path::Path) -> std::path::PathBuf {
 
 fn run(recipe: &std::path::Path, out: &std::path::Path, sets: &[&str]) -> std::process::Command {
     let mut command = syntable();
-    command.arg("run").arg(recipe).arg("--out").arg(out).args(support::SMALL).args(["--set", "dataset.scenes=2"]);
+    command
+        .arg("run")
+        .arg(recipe)
+        .arg("--out")
+        .arg(out)
+        .args(crate::support::SMALL)
+        .args(["--set", "dataset.scenes=2"]);
     for set in sets {
         command.args(["--set", set]);
     }
@@ -125,8 +130,8 @@ fn image_ids_are_unique_however_the_dataset_grew() {
             view.iter().map(|v| (u64::from(scene * 3 + v + 1), format!("data/mono/rgb/{scene}_{v}.png"))).collect()
         };
         assert_eq!(image_ids(&out.join("annotation_final.json")), [of(&[0, 1, 2], 0), of(&[0, 1], 1)].concat());
-        support::check_dataset(&out, &[]);
-        support::check_dataset(&out.join("old"), &["--compat", "syntable_1"]);
+        crate::support::check_dataset(&out, &[]);
+        crate::support::check_dataset(&out.join("old"), &["--compat", "syntable_1"]);
     }
 }
 

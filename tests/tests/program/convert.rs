@@ -1,13 +1,12 @@
 //! What conversions keep of datasets of others: numbers of categories and models, meanings of masks, and all that can be read of
 //! a dataset that is damaged.
 
-mod support;
+use crate::support::{assert_same, fails, ok, small_dataset, syntable, text};
 use serde_json::{Value, json};
 use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
-use support::{assert_same, fails, ok, small_dataset, syntable, text};
 use syntable_model::product::standard::{AMODAL_MASK, CATEGORY_ID, OBJECT_INFO, VISIBLE_MASK};
 use syntable_model::product::{KeyId, Mask};
 use syntable_model::reader;

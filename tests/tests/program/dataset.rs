@@ -1,7 +1,6 @@
 //! Whole datasets, read back by an independent reader (`check_dataset.py`: pycocotools, NumPy, Pillow).
 
-mod support;
-use support::{assets, check_dataset as check, ok, small_run, syntable};
+use crate::support::{assets, check_dataset as check, ok, small_run, syntable};
 
 #[test]
 fn the_quickstart_dataset_is_right() {

@@ -1,11 +1,10 @@
 //! `eval` scores what detectors find: known predictions get the scores that follow from the definitions.
 
-mod support;
+use crate::support::{fails, ok, root, small_dataset, syntable};
 use serde_json::{Value, json};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
-use support::{fails, ok, root, small_dataset, syntable};
 use syntable_formats::scores::Scores;
 use syntable_model::product::Mask;
 

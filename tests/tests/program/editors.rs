@@ -4,12 +4,11 @@
 //! The servers are the real ones, under a limit of memory and time: a schema in another form has sent taplo's into an
 //! endless loop. `--nocapture` shows what each said where.
 
-mod support;
+use crate::support::language_server::Server;
+use crate::support::{root, skip};
 use serde_json::Value;
 use std::collections::BTreeMap;
 use std::path::Path;
-use support::language_server::Server;
-use support::{root, skip};
 use syntable_model::registry::{Entry, Registry, Shape, Slot};
 use syntable_runtime::recipe;
 use syntable_standard as _;

@@ -1,9 +1,8 @@
 //! Memory stays flat over many scenes.
 
-mod support;
+use crate::support::small_run;
 use std::io::{BufRead, BufReader};
 use std::process::Stdio;
-use support::small_run;
 
 #[test]
 fn two_hundred_scenes_take_the_memory_of_one_hundred() {

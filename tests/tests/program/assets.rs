@@ -1,7 +1,6 @@
 //! `check --asset` on bad and odd inputs: each behaves as its name says.
 
-mod support;
-use support::{assets, syntable, text};
+use crate::support::{assets, syntable, text};
 
 #[test]
 fn broken_inputs_behave_as_their_names_say() {

@@ -1,10 +1,9 @@
 //! Plugins of others: a crate with its own annotator and binary, and what `syntable new` makes.
 
-mod support;
+use crate::support::{ok, root, syntable};
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::process::Command;
-use support::{ok, root, syntable};
 use syntable_testing::folder::files;
 
 /// `cargo run --release` in a foreign crate. It shares the target folder, so that dependencies are not built again.

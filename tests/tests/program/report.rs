@@ -1,7 +1,7 @@
 //! `syntable report` and `syntable view`, looked at in a browser.
 
-mod support;
-
+use crate::support::browser::{address, job, look};
+use crate::support::{fails, files, ok, root, syntable};
 use serde_json::{Value, json};
 use std::fs;
 use std::io::{BufRead, BufReader, Read, Write};
@@ -9,8 +9,6 @@ use std::net::TcpStream;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Stdio};
 use std::sync::OnceLock;
-use support::browser::{address, job, look};
-use support::{fails, files, ok, root, syntable};
 
 /// Waits in a page until an expression is true.
 const WAIT: &str = "const wait = async (is) => { for (let i = 0; i < 400; i++) { if (is()) return; \

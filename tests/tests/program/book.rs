@@ -1,10 +1,9 @@
 //! What the pages say must be true where a program can tell: links lead somewhere, recipes are sound, commands exist.
 
-mod support;
+use crate::support::{fails, ok, root, syntable, text};
 use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
-use support::{fails, ok, root, syntable, text};
 use syntable_model::dist::{Dist, IntDist};
 use syntable_runtime::cli;
 use syntable_standard as _;

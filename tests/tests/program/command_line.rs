@@ -1,8 +1,7 @@
 //! The verbs, as a new user types them.
 
-mod support;
+use crate::support::{fails, ok, root, small_run, syntable};
 use std::process::Stdio;
-use support::{fails, ok, root, small_run, syntable};
 use syntable_model::registry::Registry;
 use syntable_runtime::recipe::{self, Overrides, Source};
 use syntable_standard as _;
@@ -44,7 +43,7 @@ fn plan_tells_what_is_computed_for_whom() {
 fn check_finds_every_mistake_at_once() {
     let folder = tempfile::tempdir().expect("a folder");
     let file = folder.path().join("bad.toml");
-    let good = std::fs::read_to_string(support::root().join("recipes/quickstart.toml")).expect("there");
+    let good = std::fs::read_to_string(crate::support::root().join("recipes/quickstart.toml")).expect("there");
     let bad = good
         .replace("samples_per_pixel", "sampels_per_pixel")
         .replace("kind = \"sphere_lights\"", "kind = \"sphere_light\"")
@@ -243,10 +242,14 @@ fn an_inherited_pool_may_go_unused() {
                       [set]\n\"place.objects.from\" = [\"mine\"]\n";
     std::fs::write(&file, redirected).expect("writable");
     let said = syntable().arg("check").arg(&file).output().expect("starts");
-    assert!(said.status.success() && said.stderr.is_empty(), "{}", support::text(&said));
+    assert!(said.status.success() && said.stderr.is_empty(), "{}", crate::support::text(&said));
     std::fs::write(&file, format!("{redirected}[assets.idle]\nkind = \"household\"\n")).expect("writable");
     let said = syntable().arg("check").arg(&file).output().expect("starts");
-    assert!(support::text(&said).contains("no stage draws from the pool `idle`"), "{}", support::text(&said));
+    assert!(
+        crate::support::text(&said).contains("no stage draws from the pool `idle`"),
+        "{}",
+        crate::support::text(&said)
+    );
 }
 
 #[test]
@@ -357,8 +360,8 @@ fn what_selects_nothing_is_told() {
     let list = folder.path().join("names.txt");
     let check = |set: &str| {
         let output = syntable().args(["check", "recipes/quickstart.toml", "--set", set]).output().expect("starts");
-        assert!(output.status.success(), "{}", support::text(&output));
-        support::text(&output)
+        assert!(output.status.success(), "{}", crate::support::text(&output));
+        crate::support::text(&output)
     };
     let plain = check("assets.objects={ kind = \"household\" }");
     assert!(!plain.contains("warning"), "{plain}");

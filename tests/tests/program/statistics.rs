@@ -1,10 +1,8 @@
 //! The script that recomputes the statistics of the SynTable paper.
 
-mod support;
-
+use crate::support::{ok, root, skip};
 use serde_json::json;
 use std::process::Command;
-use support::{ok, root, skip};
 
 fn python() -> Option<&'static str> {
     let has = |python: &str| {

@@ -1,21 +1,20 @@
 //! Disks, networks, terminals and users that fail a run: in the end the dataset is that of an undisturbed run.
 #![cfg(unix)]
 
-mod support;
+use crate::support::{assert_same, fails, ok, skip, small_run, syntable, text};
 use std::fs;
 use std::os::fd::OwnedFd;
 use std::os::unix::net::UnixStream;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
-use support::{assert_same, fails, ok, skip, small_run, syntable, text};
 use syntable_testing::folder::files;
 
 /// A recipe beside a folder of scanned objects, both in a folder of their own.
 fn scanned(folder: &Path) -> PathBuf {
-    copy(&support::root().join("tests/fixtures/assets/gso"), &folder.join("gso"));
-    copy(&support::root().join("tests/fixtures/assets/materials"), &folder.join("materials"));
-    let recipe = fs::read_to_string(support::root().join("recipes/quickstart.toml")).expect("there");
+    copy(&crate::support::root().join("tests/fixtures/assets/gso"), &folder.join("gso"));
+    copy(&crate::support::root().join("tests/fixtures/assets/materials"), &folder.join("materials"));
+    let recipe = fs::read_to_string(crate::support::root().join("recipes/quickstart.toml")).expect("there");
     let recipe = recipe
         .replace("kind = \"household\"", "kind = \"google_scanned_objects\"\nroot = \"gso\"")
         .replace("kind = \"procedural_materials\"", "kind = \"pbr_folder\"\nroot = \"materials\"")
@@ -38,14 +37,14 @@ fn copy(from: &Path, to: &Path) {
 
 fn run(recipe: &Path, out: &Path, more: &[&str]) -> Command {
     let mut command = syntable();
-    command.arg("run").arg(recipe).arg("--out").arg(out).args(support::SMALL).args(more);
+    command.arg("run").arg(recipe).arg("--out").arg(out).args(crate::support::SMALL).args(more);
     command
 }
 
 /// The library that lets calls fail; none where there is no C compiler.
 fn shim(folder: &Path) -> Option<PathBuf> {
     let library = folder.join("shim.so");
-    let source = support::root().join("tests/fixtures/faults/shim.c");
+    let source = crate::support::root().join("tests/fixtures/faults/shim.c");
     let built =
         Command::new("cc").args(["-shared", "-fPIC", "-O1", "-o"]).arg(&library).arg(source).arg("-ldl").output();
     match built {
@@ -122,7 +121,9 @@ fn a_log_that_cannot_be_written_changes_nothing() {
                     let arguments: Vec<_> = command.get_args().map(ToOwned::to_owned).collect();
                     let mut shell = Command::new("sh");
                     shell.args(["-c", "exec \"$0\" \"$@\" >&- 2>&-"]).arg(command.get_program()).args(arguments);
-                    shell.current_dir(support::root()).env("SYNTABLE_CACHE", support::root().join("target/test-cache"));
+                    shell
+                        .current_dir(crate::support::root())
+                        .env("SYNTABLE_CACHE", crate::support::root().join("target/test-cache"));
                     command = shell;
                 }
                 _ => {
@@ -511,7 +512,7 @@ fn what_is_odd_about_a_pool_is_told_once() {
 #[test]
 fn steps_that_do_not_go_together_are_found_at_their_lines() {
     let folder = tempfile::tempdir().expect("a folder");
-    let base = support::root().join("recipes/quickstart.toml");
+    let base = crate::support::root().join("recipes/quickstart.toml");
     for (kinds, code, says) in [
         (["room", "table", "ground"], 1, vec!["`room` and `ground` of [[place]] both set the floor", "3 |", "8 |"]),
         (["table", "room", "table\"\nid = \"desk"], 1, vec!["`table` and `desk` of [[place]] both set the tabletop"]),
@@ -636,7 +637,7 @@ fn mistakes_of_steps_files_and_paths_are_found_by_check() {
         command.args(["check", "recipes/quickstart.toml"]);
         if let Some(what) = set.strip_prefix("remove=") {
             let recipe = folder.path().join("recipe.toml");
-            let base = support::root().join("recipes/quickstart.toml");
+            let base = crate::support::root().join("recipes/quickstart.toml");
             fs::write(&recipe, format!("extends = \"{}\"\nremove = {what}\n", base.display())).expect("writable");
             command = syntable();
             command.arg("check").arg(recipe);

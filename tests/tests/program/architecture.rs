@@ -1,10 +1,9 @@
 //! What the architecture promises: who depends on whom, and what every kind of stage looks like.
 
-mod support;
+use crate::support::root;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::Path;
-use support::root;
 use syntable_model::registry::{Registry, Slot};
 use syntable_standard as _;
 

@@ -1,8 +1,7 @@
 //! Labels of a whole scene, compared with what pycocotools and NumPy make of the masks.
 
-mod support;
+use crate::support::{ok, root, skip, syntable, text};
 use std::process::Command;
-use support::{ok, root, skip, syntable, text};
 
 #[test]
 fn outlines_boxes_and_graphs_are_those_of_the_masks() {

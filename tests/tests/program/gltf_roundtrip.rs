@@ -1,10 +1,9 @@
 //! A scene goes out as glTF and comes back as an asset: rendered from the camera of the file, it is the same image.
 
-mod support;
+use crate::support::{ok, syntable};
 use serde_json::Value as Json;
 use std::path::Path;
 use std::sync::Arc;
-use support::{ok, syntable};
 use syntable_model::context::Collected;
 use syntable_model::geometry::{Point3, Pose, Translation3, UnitQuaternion, Vector3};
 use syntable_model::prelude::*;

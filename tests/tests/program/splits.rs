@@ -1,10 +1,8 @@
 //! Splits: datasets of different names share no random numbers.
 
-mod support;
-
+use crate::support::{ok, syntable};
 use std::collections::BTreeSet;
 use std::path::Path;
-use support::{ok, syntable};
 
 /// What is sampled for each view of a small dataset: camera, lights, table and objects, without its name.
 fn sampled(folder: &Path, name: &str) -> Vec<serde_json::Value> {
@@ -14,7 +12,7 @@ fn sampled(folder: &Path, name: &str) -> Vec<serde_json::Value> {
          [dataset]\nname = \"{name}\"\nscenes = 2\nviews_per_scene = 2\n[settle]\nkind = \"none\"\n\
          [camera]\nresolution = [32, 24]\n\
          [write.jsonl]\ninclude = [\"camera\", \"lights\", \"object_info\"]\n",
-        support::root().join("recipes/quickstart.toml").display().to_string()
+        crate::support::root().join("recipes/quickstart.toml").display().to_string()
     );
     std::fs::write(&recipe, text).expect("writable");
     let out = folder.join(format!("dataset-{name}"));

@@ -1,9 +1,8 @@
 //! Killed anywhere and started again, a run gives the folder of an undisturbed run.
 
-mod support;
+use crate::support::{assert_same, fails, ok, small_run, syntable};
 use std::process::Stdio;
 use std::time::{Duration, Instant};
-use support::{assert_same, fails, ok, small_run, syntable};
 
 #[test]
 fn a_killed_run_goes_on() {

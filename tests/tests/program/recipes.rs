@@ -1,9 +1,8 @@
 //! Every shipped recipe loads, plans, and passes the checkers that editors use; broken ones fail there, too.
 
-mod support;
+use crate::support::{assets, ok, root, skip, syntable, text};
 use std::path::{Path, PathBuf};
 use std::process::Command;
-use support::{assets, ok, root, skip, syntable, text};
 
 /// All recipes of the checkout that users start from.
 fn shipped() -> Vec<PathBuf> {

@@ -1,7 +1,6 @@
 //! The dataset is a function of the recipe: threads, splits and other annotators do not change it.
 
-mod support;
-use support::{assert_same, ok, small_run, syntable};
+use crate::support::{assert_same, ok, small_run, syntable};
 use syntable_testing::folder::files;
 
 #[test]

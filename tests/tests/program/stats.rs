@@ -1,11 +1,10 @@
 //! `stats` counts what a dataset has: the same in every format that keeps masks, and the same as the reference counts.
 
-mod support;
+use crate::support::{fails, ok, small_dataset, syntable};
 use serde_json::{Value, json};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
-use support::{fails, ok, small_dataset, syntable};
 
 /// A small dataset that all tests share: in the layout of SynTable and as BOP, and converted to other formats.
 fn data() -> PathBuf {
@@ -78,11 +77,11 @@ fn numbers_are_those_of_numpy() {
     let folder = tempfile::tempdir().expect("a folder");
     // Beside a dataset of fewer objects.
     let other = folder.path().join("other");
-    ok(&mut support::small_run(&other, &["--set", "dataset.scenes=2"]));
+    ok(&mut crate::support::small_run(&other, &["--set", "dataset.scenes=2"]));
     let printed = folder.path().join("statistics.json");
     fs::write(&printed, stats(&[&syntable_folder(), &other], &[]).to_string()).expect("writable");
     let arguments = [syntable_folder().display().to_string(), printed.display().to_string()];
-    let script = support::root().join("tests/check_statistics.py");
+    let script = crate::support::root().join("tests/check_statistics.py");
     syntable_testing::tools::python(&script, &arguments.each_ref().map(String::as_str));
 }
 
@@ -128,8 +127,11 @@ fn formats_have_the_same_numbers() {
 fn copies_of_views_are_found() {
     let folder = tempfile::tempdir().expect("a folder");
     let coco = converted(&folder.path().join("coco"), "coco", &[]);
-    let mut images: Vec<PathBuf> =
-        support::files(&coco).into_keys().filter(|name| name.ends_with(".png")).map(|name| coco.join(name)).collect();
+    let mut images: Vec<PathBuf> = crate::support::files(&coco)
+        .into_keys()
+        .filter(|name| name.ends_with(".png"))
+        .map(|name| coco.join(name))
+        .collect();
     images.sort();
     fs::copy(&images[0], &images[1]).expect("copied");
     fs::copy(&images[0], images.last().expect("images")).expect("copied");
@@ -170,7 +172,7 @@ fn mistakes_are_told() {
     let said = fails(syntable().arg("stats").arg(&coco).args(["--format", "nothing"]), 2);
     assert!(said.contains("`nothing` is no format that can be read"), "{said}");
     // Without its images, the labels can be counted still.
-    let name = support::files(&coco).into_keys().find(|name| name.ends_with(".png")).expect("an image");
+    let name = crate::support::files(&coco).into_keys().find(|name| name.ends_with(".png")).expect("an image");
     fs::remove_file(coco.join(&name)).expect("removed");
     let said = fails(syntable().arg("stats").arg(&coco), 2);
     let file = Path::new(&name).file_name().expect("a name").to_string_lossy().into_owned();

@@ -1,0 +1,32 @@
+//! Tests of the whole program, one module per topic, in one binary: linking the program once is what makes them cheap.
+
+mod appearance;
+mod architecture;
+mod assets;
+mod book;
+mod command_line;
+mod convert;
+mod crash;
+mod dataset;
+mod determinism;
+mod editors;
+mod eval;
+mod faults;
+mod gallery;
+mod generated;
+mod gltf_roundtrip;
+mod gpu;
+mod growth;
+mod interchange;
+mod labels;
+mod memory;
+mod preview;
+mod recipes;
+mod report;
+mod splits;
+mod statistics;
+mod stats;
+mod support;
+mod third_party;
+mod validate;
+mod views;
