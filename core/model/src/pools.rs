@@ -57,6 +57,19 @@ impl<P: PoolName> Pools<P> {
         Ok(Self(Choice::Weighted(weights)))
     }
 
+    /// Probability that a draw takes one certain asset of a pool, by pool. `size` gives the number of assets of each pool.
+    pub fn probabilities(&self, size: impl Fn(&str) -> usize) -> BTreeMap<String, f64> {
+        let groups = self.groups();
+        let count = |pools: &[&str]| pools.iter().map(|pool| size(pool)).sum::<usize>();
+        let total: f64 = groups.iter().filter(|(_, pools)| count(pools) > 0).map(|(weight, _)| weight).sum();
+        let mut probabilities = BTreeMap::new();
+        for (weight, pools) in groups.iter().filter(|(_, pools)| count(pools) > 0) {
+            let each = weight / total / count(pools) as f64;
+            pools.iter().for_each(|pool| *probabilities.entry((*pool).to_owned()).or_default() += each);
+        }
+        probabilities
+    }
+
     /// Names of the pools that are drawn from together, in groups, each with its weight. A group is drawn in proportion to
     /// its weight, then an entry uniformly over all entries of its pools. Without weights there is one group.
     pub(crate) fn groups(&self) -> Vec<(f64, Vec<&str>)> {
@@ -160,6 +173,16 @@ mod tests {
             assert_eq!(pools.groups(), groups, "{text}");
             assert_eq!(serde_json::to_string(&pools).expect("serializes"), json);
         }
+    }
+
+    #[test]
+    fn probabilities_are_those_of_one_draw() {
+        let size = |pool: &str| if pool == "a" { 1 } else { 9 };
+        let of = |text| read(text).expect("sound").probabilities(size);
+        assert_eq!(of("from = \"b\""), BTreeMap::from([("b".to_owned(), 1.0 / 9.0)]));
+        assert_eq!(of("from = [\"a\", \"b\"]"), ["a", "b"].map(|pool| (pool.to_owned(), 0.1)).into());
+        let weighted = of("from = { a = 1, b = 3 }");
+        assert_eq!((weighted["a"], weighted["b"]), (0.25, 0.75 / 9.0));
     }
 
     #[test]

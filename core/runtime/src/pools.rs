@@ -1,6 +1,8 @@
 //! The pools of a recipe: selection, scale, centering and mass are the same for every source of assets.
 
-use crate::recipe::{self, Center, Mass, ObjectProperties, OnBadAsset, PoolOptions, Recipe};
+use crate::recipe::{
+    self, Center, Mass, ObjectProperties, OnBadAsset, Part, PartSizes, PoolOptions, Recipe, Selection,
+};
 use crate::run::panics::unwound;
 use parking_lot::Mutex;
 use quick_cache::sync::{Cache, DefaultLifecycle};
@@ -14,7 +16,9 @@ use syntable_model::context::{Assets, Collected, Log};
 use syntable_model::digest::Hasher;
 use syntable_model::error::{Error, Result};
 use syntable_model::geometry::{Point3, Vector3};
-use syntable_model::scene::{Asset, AssetRef, CatalogEntry, EnvironmentMap, MassOrigin, Material, Object, Topology};
+use syntable_model::scene::{
+    Asset, AssetClass, AssetRef, CatalogEntry, EnvironmentMap, MassOrigin, Material, Object, Topology,
+};
 use syntable_model::stage::AssetSource;
 
 /// Bytes of loaded assets that are kept for the next scene; the least recently used are let go first.
@@ -83,10 +87,27 @@ impl Log for OfPool<'_> {
     }
 }
 
+/// An asset of a pool, as its catalog knows it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct ListedAsset {
+    /// Pool and name.
+    pub asset: AssetRef,
+    /// Class of the pool's assets.
+    pub class: AssetClass,
+    /// Category.
+    pub category: String,
+    /// The part that the asset belongs to; none if the pool has no split.
+    pub part: Option<Part>,
+    /// License as the pool or its source states it; none if neither does.
+    pub license: Option<String>,
+    /// Whether it is of the part that the recipe draws from.
+    pub is_drawn: bool,
+}
+
 pub(crate) struct Pool<'a> {
     source: &'a dyn AssetSource,
     options: &'a PoolOptions,
-    entries: Vec<CatalogEntry>,
+    selection: Selection,
     /// What the pool's table states of its objects, by name.
     properties: BTreeMap<String, ObjectProperties>,
 }
@@ -160,7 +181,36 @@ impl<'a> AssetStore<'a> {
 
     /// Names of the pools, with the number of entries of each.
     pub fn sizes(&self) -> impl Iterator<Item = (&str, usize)> {
-        self.pools.iter().map(|(&id, pool)| (id, pool.entries.len()))
+        self.pools.iter().map(|(&id, pool)| (id, pool.selection.entries.len()))
+    }
+
+    /// Sizes of the parts of a pool's split; none without a split.
+    pub fn part_sizes(&self, id: &str) -> Option<PartSizes> {
+        let pool = self.pools.get(id)?;
+        pool.options.part_sizes(&pool.selection)
+    }
+
+    /// The assets of all pools with their parts and licenses, by pool and name: what stages can draw, and the other parts of
+    /// splits. Loads nothing.
+    pub fn listing(&self) -> Vec<ListedAsset> {
+        let mut listing = Vec::new();
+        for (&id, pool) in &self.pools {
+            let license = pool.options.license.as_deref().or(pool.source.license());
+            let asset = |entry: &CatalogEntry, part, is_drawn| ListedAsset {
+                asset: AssetRef { pool: id.to_owned(), name: entry.name.clone() },
+                class: pool.source.class(),
+                category: entry.category.clone(),
+                part,
+                license: license.map(str::to_owned),
+                is_drawn,
+            };
+            let own = pool.options.split.as_ref().map(|split| split.part);
+            let start = listing.len();
+            listing.extend(pool.selection.entries.iter().map(|entry| asset(entry, own, true)));
+            listing.extend(pool.selection.other_parts.iter().map(|(entry, part)| asset(entry, Some(*part), false)));
+            listing[start..].sort_by(|a, b| a.asset.cmp(&b.asset));
+        }
+        listing
     }
 
     /// Adds the assets of the scenes that a dataset has: they must be what they were.
@@ -264,7 +314,8 @@ pub(crate) fn open<'a>(
             let of_pool = OfPool { id, log };
             let properties = pool.options.properties(&catalog.entries, &of_pool)?;
             pool.options.warn_of_unmatched(&catalog.entries, &of_pool)?;
-            let entries = pool.options.select(catalog.entries)?;
+            let selection = pool.options.select(catalog.entries, &of_pool)?;
+            let entries = &selection.entries;
             if entries.is_empty() {
                 let hint = if found == 0 { "check its root folder" } else { "check include, exclude and split" };
                 return Err(Error::new(format!("no assets: {found} found, none selected")).help(hint));
@@ -276,7 +327,7 @@ pub(crate) fn open<'a>(
                     &Error::new(message).help("patterns match whole names: `*mug*` matches all that contain `mug`"),
                 );
             }
-            Ok(Pool { source: &*pool.source, options: &pool.options, entries, properties })
+            Ok(Pool { source: &*pool.source, options: &pool.options, selection, properties })
         };
         match open() {
             Ok(pool) => drop(pools.insert(id.as_str(), pool)),
@@ -331,7 +382,7 @@ fn patiently<T>(log: &dyn Log, call: impl Fn(&dyn Log) -> Result<T>) -> Result<T
 
 impl Assets for AssetStore<'_> {
     fn entries(&self, pool: &str) -> Result<&[CatalogEntry]> {
-        self.pool(pool).map(|pool| pool.entries.as_slice())
+        self.pool(pool).map(|pool| pool.selection.entries.as_slice())
     }
 
     fn get(&self, asset: &AssetRef) -> Result<Asset> {
@@ -421,13 +472,15 @@ impl Pool<'_> {
 
     /// The entry of a name. Entries are sorted.
     fn entry(&self, name: &str) -> Option<&CatalogEntry> {
-        let found = self.entries.binary_search_by(|entry| entry.name.as_str().cmp(name));
-        found.ok().map(|index| &self.entries[index])
+        let entries = &self.selection.entries;
+        let found = entries.binary_search_by(|entry| entry.name.as_str().cmp(name));
+        found.ok().map(|index| &entries[index])
     }
 
     /// Names and categories of the entries.
     fn catalog(&self) -> BTreeMap<String, String> {
-        self.entries.iter().map(|entry| (entry.name.clone(), entry.category.clone())).collect()
+        let entries = self.selection.entries.iter();
+        entries.map(|entry| (entry.name.clone(), entry.category.clone())).collect()
     }
 
     /// Warns of an object of a size that is unlikely, where neither the source nor the pool states the unit or the size.
@@ -513,7 +566,7 @@ mod tests {
     use super::*;
     use crate::recipe::Scale;
     use syntable_model::context::Collected;
-    use syntable_model::scene::{AssetClass, Catalog, Scalar, Transmission, Volume};
+    use syntable_model::scene::{Catalog, Scalar, Transmission, Volume};
     use syntable_testing::scenes::{box_mesh, object};
 
     struct Nothing;
@@ -541,7 +594,7 @@ mod tests {
     }
 
     fn pool<'a>(source: &'a dyn AssetSource, options: &'a PoolOptions) -> Pool<'a> {
-        Pool { source, options, entries: Vec::new(), properties: BTreeMap::new() }
+        Pool { source, options, selection: Selection::default(), properties: BTreeMap::new() }
     }
 
     /// The object of 0.1 m by 0.2 m by 0.4 m and 0.2 kg, as a pool hands it out.
@@ -683,8 +736,9 @@ mod tests {
         let classes = BTreeMap::from([("mug".to_owned(), vec!["b*".to_owned()])]);
         let options = PoolOptions { classes, ..PoolOptions::default() };
         let entry = |name: &str| CatalogEntry { name: name.into(), category: "thing".into() };
-        let entries = options.select(["a", "block", "c"].map(entry).to_vec()).expect("sound");
-        let pool = Pool { source: &Block, options: &options, entries, properties: BTreeMap::new() };
+        let entries = ["a", "block", "c"].map(entry).to_vec();
+        let selection = options.select(entries, &Collected::default()).expect("sound");
+        let pool = Pool { source: &Block, options: &options, selection, properties: BTreeMap::new() };
         for (name, category) in [("a", "thing"), ("block", "mug"), ("c", "thing")] {
             let asset = pool.load(name, &Collected::default()).and_then(Asset::into_object).expect("loads");
             assert_eq!(asset.category, category, "{name}");

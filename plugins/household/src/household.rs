@@ -61,6 +61,10 @@ impl AssetSource for HouseholdSource {
         AssetClass::Object
     }
 
+    fn license(&self) -> Option<&str> {
+        Some(LICENSE)
+    }
+
     fn catalog(&self, _: &dyn Log) -> Result<Catalog> {
         let families = self.config.families.iter().map(|family| family.name());
         Ok(variant_catalog(families, self.config.variants_per_family))

@@ -116,6 +116,10 @@ impl AssetSource for ProceduralEnvironments {
         AssetClass::Environment
     }
 
+    fn license(&self) -> Option<&str> {
+        Some(LICENSE)
+    }
+
     fn catalog(&self, _: &dyn Log) -> Result<Catalog> {
         Ok(variant_catalog(self.families.iter().map(|family| family.name()), self.variants_per_family))
     }

@@ -1,6 +1,6 @@
 //! `procedural_materials`: tileable surface materials of 20 families.
 
-use crate::material::{MaterialFamily, Surface};
+use crate::material::{LICENSE, MaterialFamily, Surface};
 use crate::variants::{check_families, parse_name, variant_catalog};
 use syntable_model::prelude::*;
 use syntable_model::scene::{Asset, AssetClass, Catalog};
@@ -64,6 +64,10 @@ register!(ProceduralMaterials);
 impl AssetSource for ProceduralMaterials {
     fn class(&self) -> AssetClass {
         AssetClass::Material
+    }
+
+    fn license(&self) -> Option<&str> {
+        Some(LICENSE)
     }
 
     fn catalog(&self, _: &dyn Log) -> Result<Catalog> {

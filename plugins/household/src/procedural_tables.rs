@@ -2,7 +2,7 @@
 
 use crate::family::Model;
 use crate::household::object;
-use crate::material::{Finish, MaterialCache, MaterialFamily, hsv, vivid};
+use crate::material::{Finish, LICENSE, MaterialCache, MaterialFamily, hsv, vivid};
 use crate::shape::{Lathe, Outline, Shape, SlotMapping, rounded_box};
 use crate::variants::{check_families, parse_name, variant_catalog};
 use std::sync::Arc;
@@ -92,6 +92,10 @@ struct TableSource {
 impl AssetSource for TableSource {
     fn class(&self) -> AssetClass {
         AssetClass::Object
+    }
+
+    fn license(&self) -> Option<&str> {
+        Some(LICENSE)
     }
 
     fn catalog(&self, _: &dyn Log) -> Result<Catalog> {

@@ -40,3 +40,34 @@ fn splits_are_independent() {
     let again = tempfile::tempdir().expect("a folder");
     assert_eq!(sampled(again.path(), "train"), train);
 }
+
+#[test]
+fn the_parts_of_a_split_are_listed_with_licenses_and_chances() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let recipe = folder.path().join("val.toml");
+    let text = format!(
+        "extends = {:?}\n[assets.objects]\nkind = \"household\"\ninclude = [\"mug_000*\", \"bowl_000*\"]\n\
+         split = {{ part = \"val\", val_count = 3, test_count = 5 }}\n\
+         [assets.mine]\nkind = \"household\"\ninclude = [\"can_0001\", \"can_0002\"]\nlicense = \"MIT\"\n\
+         [[place]]\nid = \"objects\"\nfrom = {{ objects = 3, mine = 1 }}\n",
+        support::root().join("recipes/quickstart.toml").display().to_string()
+    );
+    std::fs::write(&recipe, text).expect("writable");
+    let said = syntable().arg("check").arg(&recipe).output().expect("it starts");
+    let [out, err] = [&said.stdout, &said.stderr].map(|text| String::from_utf8_lossy(text).into_owned());
+    assert!(out.contains("assets.objects: 3 assets: part `val` of train "), "{out}{err}");
+    assert!(err.contains("the part `val` of train ") && err.contains("fewer than 5 assets"), "{err}");
+    let json = ok(syntable().args(["list", "assets", "--json"]).arg(&recipe));
+    let rows: Vec<serde_json::Value> = json.lines().map(|line| serde_json::from_str(line).expect("JSON")).collect();
+    let of = |pool: &str, part: &str| -> Vec<&serde_json::Value> {
+        rows.iter().filter(|row| row["pool"] == pool && row["part"] == *part).collect()
+    };
+    assert_eq!([of("objects", "val").len(), of("objects", "test").len()], [3, 5]);
+    let option = "place.objects.from";
+    for row in of("objects", "val") {
+        assert_eq!((row["draws"][option].as_f64(), row["license"].as_str()), (Some(0.25), Some("CC0-1.0")));
+    }
+    assert!(of("objects", "train").iter().all(|row| row["draws"] == serde_json::json!({})));
+    let mine: Vec<&serde_json::Value> = rows.iter().filter(|row| row["pool"] == "mine").collect();
+    assert!(mine.len() == 2 && mine.iter().all(|row| row["draws"][option] == 0.125 && row["license"] == "MIT"));
+}

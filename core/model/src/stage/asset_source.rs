@@ -15,6 +15,10 @@ pub trait AssetSource: Send + Sync {
     fn catalog(&self, log: &dyn Log) -> Result<Catalog>;
     /// Loads one entry. Called from several threads. An error refuses the asset, a warning reports it.
     fn load(&self, name: &str, log: &dyn Log) -> Result<Asset>;
+    /// License of all its assets, as an SPDX expression or name; none if it knows none or they differ.
+    fn license(&self) -> Option<&str> {
+        None
+    }
     /// Whether lengths are in meters for certain. If not, the pool warns of objects of an unlikely size.
     fn states_units(&self) -> bool {
         true

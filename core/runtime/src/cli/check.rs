@@ -48,7 +48,8 @@ fn recipe(console: &Console, registry: &Registry, args: &CheckArgs) -> Result<()
         format!("{}: no mistake found; {} products are computed\n", recipe.dataset.name, recipe.plan.entries.len());
     let Some(wanted) = &args.assets else {
         for (id, size) in assets.sizes() {
-            out += &format!("assets.{id}: {size} assets\n");
+            let part = assets.part_sizes(id).map_or_else(String::new, |part| format!(": {part}"));
+            out += &format!("assets.{id}: {size} assets{part}\n");
         }
         return console.print(&out);
     };

@@ -1,11 +1,16 @@
 //! `syntable list`.
 
 use super::verb::topics;
-use super::{Console, Exit};
+use super::{Console, Exit, Message, RecipeArgs};
 use crate::plan::{available, table_within};
-use crate::recipe::{BUILTINS, description_of, nearest, options_of};
+use crate::pools::{AssetStore, ListedAsset};
+use crate::recipe::{self, BUILTINS, Recipe, description_of, nearest, options_of};
 use clap::Args;
+use serde_json::json;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
 use syntable_mesh::format::{ImageFormats, MeshFormats};
+use syntable_model::context::Log;
 use syntable_model::error::{Error, Result};
 use syntable_model::product::{KeyId, first_sentence};
 use syntable_model::reader;
@@ -16,11 +21,28 @@ pub(super) struct ListArgs {
     /// A slot such as `place` or `write`, a kind such as `drop_box` or `lights.sun`, `products`, `recipes`, `formats` or
     /// `metrics`; everything if left out.
     what: Option<String>,
+    /// Recipe whose assets are listed with part, license and chance to be drawn, as in `syntable list assets my.toml`.
+    recipe: Option<PathBuf>,
+    /// Set a key of the recipe, as in `syntable run`.
+    #[arg(long, value_name = "KEY=VALUE", requires = "recipe")]
+    set: Vec<String>,
+    /// Print the assets of the recipe as JSON, one object per line.
+    #[arg(long, requires = "recipe")]
+    json: bool,
 }
 
 pub(super) fn list(console: &Console, registry: &Registry, args: &ListArgs) -> std::result::Result<(), Exit> {
     let what = args.what.as_deref();
     let width = console.width();
+    if let Some(path) = &args.recipe {
+        return match what {
+            Some("assets") => assets(console, registry, args, path),
+            _ => {
+                let error = Error::new(format!("a recipe has no list of `{}`", what.unwrap_or_default()));
+                Err(Exit::wrong(error.help("write `syntable list assets RECIPE`, or leave out the recipe")))
+            }
+        };
+    }
     match what {
         Some("products") => return console.print(&products_table(registry, width)),
         Some("formats") => return console.print(&formats_table(width).map_err(Exit::wrong)?),
@@ -67,6 +89,83 @@ pub(super) fn list(console: &Console, registry: &Registry, args: &ListArgs) -> s
         }
     }
     console.print(&out)
+}
+
+/// The assets of a recipe's pools: part, license, and how likely each option that draws takes each.
+fn assets(console: &Console, registry: &Registry, args: &ListArgs, path: &Path) -> std::result::Result<(), Exit> {
+    struct Print<'a>(&'a Console);
+    impl Log for Print<'_> {
+        fn warn(&self, warning: &Error) {
+            self.0.say(&Message::Warning(warning.clone()));
+        }
+    }
+    let log = Print(console);
+    let of_run = RecipeArgs { recipe: Some(path.to_owned()), set: args.set.clone(), seed: None, views: None };
+    let (source, overrides) = of_run.read()?;
+    let recipe = recipe::load(registry, source, &overrides.with_existing_paths());
+    let recipe = console.loaded(recipe, || None)?;
+    let store = AssetStore::open(&recipe, &log).map_err(Exit::wrong)?;
+    let (listing, draws) = (store.listing(), draws(&recipe, &store));
+    if args.json {
+        let lines: String = listing.iter().map(|asset| format!("{}\n", as_json(asset, &draws))).collect();
+        return console.print(&lines);
+    }
+    console.print(&assets_table(&listing, &draws, console.width()))
+}
+
+/// Options that draw from pools, each with the probability that one draw takes one certain asset, by pool.
+type Draws = Vec<(String, BTreeMap<String, f64>)>;
+
+fn draws(recipe: &Recipe, store: &AssetStore) -> Draws {
+    let sizes: BTreeMap<&str, usize> = store.sizes().collect();
+    let size = |pool: &str| sizes.get(pool).copied().unwrap_or(0);
+    recipe.draws.iter().map(|draw| (draw.option.clone(), draw.pools.probabilities(size))).collect()
+}
+
+/// The options that can draw an asset, each with the probability.
+fn draws_of<'d>(asset: &ListedAsset, draws: &'d Draws) -> Vec<(&'d str, f64)> {
+    let of =
+        |(option, pools): &'d (String, BTreeMap<String, f64>)| Some((option.as_str(), *pools.get(&asset.asset.pool)?));
+    draws.iter().filter(|_| asset.is_drawn).filter_map(of).collect()
+}
+
+fn as_json(asset: &ListedAsset, draws: &Draws) -> serde_json::Value {
+    let drawn: serde_json::Map<String, serde_json::Value> = draws_of(asset, draws)
+        .into_iter()
+        .map(|(option, probability)| (option.to_owned(), probability.into()))
+        .collect();
+    json!({
+        "pool": asset.asset.pool,
+        "name": asset.asset.name,
+        "class": asset.class,
+        "category": asset.category,
+        "part": asset.part,
+        "license": asset.license,
+        "draws": drawn,
+    })
+}
+
+fn assets_table(listing: &[ListedAsset], draws: &Draws, width: Option<usize>) -> String {
+    let mut rows = vec![["pool", "name", "category", "part", "license", "chance per draw"].map(str::to_owned)];
+    for asset in listing {
+        let drawn = draws_of(asset, draws).into_iter().map(|(option, chance)| format!("{option} {}", percent(chance)));
+        rows.push([
+            asset.asset.pool.clone(),
+            asset.asset.name.clone(),
+            asset.category.clone(),
+            asset.part.map_or_else(|| "-".to_owned(), |part| part.to_string()),
+            asset.license.clone().unwrap_or_else(|| "not stated".to_owned()),
+            drawn.collect::<Vec<_>>().join(", "),
+        ]);
+    }
+    table_within(&rows, width)
+}
+
+/// A probability with three digits that mean something.
+fn percent(probability: f64) -> String {
+    let percent = probability * 100.0;
+    let digits = if percent > 0.0 { (2 - percent.log10().floor() as i32).clamp(0, 6) as usize } else { 0 };
+    format!("{percent:.digits$} %")
 }
 
 /// First sentence of a kind's description.

@@ -394,7 +394,7 @@ fn assemble(dataset: DatasetTable, built: Built, plan: Plan, lock: LockTable) ->
     // A resolved recipe names the stages that run with their defaults, too.
     let mut stages: Vec<ResolvedStage> = plan.implied.iter().map(implied).collect();
     let mut pools = built.pools;
-    let (files, libraries) = (built.files, built.libraries);
+    let (files, draws, libraries) = (built.files, built.draws, built.libraries);
     let (choices, undecided) = (built.choices, built.undecided);
     let lock = Lock::from(lock);
     for mut stage in built.stages {
@@ -442,6 +442,7 @@ fn assemble(dataset: DatasetTable, built: Built, plan: Plan, lock: LockTable) ->
         plan,
         lock,
         files,
+        draws,
         folder: None,
         choices,
         undecided,

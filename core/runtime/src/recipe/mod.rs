@@ -50,10 +50,11 @@ pub use load::load;
 pub(crate) use load::{Checked, checked};
 pub use overrides::Overrides;
 pub use parts::Parts;
-pub use pool::{Center, Mass, ObjectProperties, Part, Pool, PoolOptions, Scale, Split};
+pub use pool::{Center, Mass, ObjectProperties, Part, PartSizes, Pool, PoolOptions, Scale, Selection, Split};
 pub use resolved::{lock_of, with_devices, with_lock, without_assets, without_lock};
 pub use schema::schema;
 pub use source::SourceFile;
+pub use stages::Draw;
 pub(crate) use suggest::nearest;
 
 use crate::plan::Plan;
@@ -142,6 +143,8 @@ pub struct Recipe {
     pub lock: Lock,
     /// Files that options of stages name, beside assets and libraries, by the option: their content matters.
     pub files: Vec<(String, PathBuf)>,
+    /// Options of stages that name pools, in the order of the slots.
+    pub draws: Vec<Draw>,
     /// The folder of the recipe's file, if it has one.
     pub folder: Option<PathBuf>,
     /// Kinds that were chosen for this machine, for people: one line each.

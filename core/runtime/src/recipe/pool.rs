@@ -6,6 +6,7 @@ use glob::Pattern;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
+use std::fmt;
 use syntable_model::context::Log;
 use syntable_model::digest::Hasher;
 use syntable_model::error::{ConfigError, Error, Result};
@@ -213,32 +214,53 @@ pub enum Center {
     None,
 }
 
-/// One part of a random split of a pool.
+/// One part of a split of a pool into training, validation and test assets.
 ///
-/// An asset's part depends on its name and the seed alone: it does not change when assets are added or removed. Pools
-/// with the same fractions and seed but different parts share no asset.
+/// The sizes of the parts are fractions, counts or lists of names; what is neither for validation nor for the test is for
+/// training. Pools with the same split but different parts share no asset.
+///
+/// Fractions: the part of an asset depends on its name and the seed alone, so it does not change when assets are added or
+/// removed; the parts of a small pool can be far from the fractions. Counts are exact: they count the assets that `include`,
+/// `exclude` and the lists of the pool leave, in a random order of the seed, so all recipes of a split need the same ones.
+/// Lists name the assets.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Split {
     /// The part to keep.
     pub part: Part,
-    /// Fraction of the assets for validation.
-    #[serde(default = "default_val_fraction")]
+    /// Approximate fraction of the assets for validation; 0.1 without any count, list or other fraction.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0, max = 1))]
-    pub val_fraction: f64,
-    /// Fraction of the assets for the final test; the rest is for training.
-    #[serde(default)]
+    pub val_fraction: Option<f64>,
+    /// Approximate fraction of the assets for the final test.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0, max = 1))]
-    pub test_fraction: f64,
-    /// Seed of the split.
+    pub test_fraction: Option<f64>,
+    /// Number of assets for validation.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub val_count: Option<u32>,
+    /// Number of assets for the final test.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub test_count: Option<u32>,
+    /// Text file of the names of the assets for validation, one per line; `#` starts a comment.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("x-syntable-ref" = "file"))]
+    pub val_list: Option<AssetPath>,
+    /// Text file of the names of the assets for the final test, one per line; `#` starts a comment.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("x-syntable-ref" = "file"))]
+    pub test_list: Option<AssetPath>,
+    /// Seed of fractions and counts.
     #[serde(default)]
     #[schemars(range(max = 9_223_372_036_854_775_807_u64))]
     pub seed: u64,
 }
 
-fn default_val_fraction() -> f64 {
-    0.1
-}
+/// Fraction of the assets for validation, if a split gives no sizes at all.
+const DEFAULT_VAL_FRACTION: f64 = 0.1;
+
+/// A part with fewer assets raises a warning: scores on so few shapes are scores of these shapes.
+const SMALL_PART: usize = 5;
 
 /// A part of a split.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -252,18 +274,143 @@ pub enum Part {
     Test,
 }
 
+impl fmt::Display for Part {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Train => "train",
+            Self::Val => "val",
+            Self::Test => "test",
+        })
+    }
+}
+
+/// How a split gives the sizes of its parts.
+enum Sizes<'s> {
+    Fractions { val: f64, test: f64 },
+    Counts { val: usize, test: usize },
+    Lists { val: Option<&'s AssetPath>, test: Option<&'s AssetPath> },
+}
+
 impl Split {
-    /// The part that an asset belongs to.
-    pub fn part_of(&self, name: &str) -> Part {
-        let hash = Hasher::new("split").bytes(&self.seed.to_le_bytes()).text(name).finish().short();
-        let at = (hash >> 11) as f64 / (1_u64 << 53) as f64;
-        if at < self.test_fraction {
-            Part::Test
-        } else if at < self.test_fraction + self.val_fraction {
-            Part::Val
-        } else {
-            Part::Train
+    /// The sizes, which are all fractions, all counts or all lists.
+    fn sizes(&self) -> std::result::Result<Sizes<'_>, ConfigError> {
+        let given = [
+            ("val_fraction", self.val_fraction.is_some()),
+            ("test_fraction", self.test_fraction.is_some()),
+            ("val_count", self.val_count.is_some()),
+            ("test_count", self.test_count.is_some()),
+            ("val_list", self.val_list.is_some()),
+            ("test_list", self.test_list.is_some()),
+        ];
+        let given: Vec<&str> = given.into_iter().filter(|(_, is_given)| *is_given).map(|(name, _)| name).collect();
+        let way = |name: &str| name.split_once('_').map(|(_, way)| way.to_owned());
+        if let Some(other) = given.iter().find(|name| way(name) != way(given[0])) {
+            let message = format!("`{}` and `{other}` give sizes in two ways", given[0]);
+            return Err(ConfigError::new(format!("split.{other}"), message)
+                .help("give fractions, counts or lists for both parts"));
         }
+        Ok(match given.first().and_then(|name| way(name)).as_deref() {
+            Some("count") => {
+                let count = |count: Option<u32>| count.unwrap_or(0) as usize;
+                Sizes::Counts { val: count(self.val_count), test: count(self.test_count) }
+            }
+            Some("list") => Sizes::Lists { val: self.val_list.as_ref(), test: self.test_list.as_ref() },
+            _ => {
+                let [val, test] =
+                    [self.val_fraction.unwrap_or(DEFAULT_VAL_FRACTION), self.test_fraction.unwrap_or(0.0)];
+                if val + test > 1.0 {
+                    let message = format!("`val_fraction` {val} and `test_fraction` {test} add up to more than 1");
+                    return Err(ConfigError::new("split", message));
+                }
+                Sizes::Fractions { val, test }
+            }
+        })
+    }
+
+    /// A number of the name and the seed, uniform over all 64-bit numbers.
+    fn hash(&self, name: &str) -> u64 {
+        Hasher::new("split").bytes(&self.seed.to_le_bytes()).text(name).finish().short()
+    }
+
+    /// The part of each name. Reads the lists, and warns of names that they alone have.
+    fn parts(&self, names: &[&str], log: &dyn Log) -> Result<Vec<Part>> {
+        match self.sizes().map_err(of_key)? {
+            Sizes::Fractions { val, test } => {
+                let part = |name: &&str| match (self.hash(name) >> 11) as f64 / (1_u64 << 53) as f64 {
+                    at if at < test => Part::Test,
+                    at if at < test + val => Part::Val,
+                    _ => Part::Train,
+                };
+                Ok(names.iter().map(part).collect())
+            }
+            Sizes::Counts { val, test } => {
+                if val.saturating_add(test) > names.len() {
+                    let message = format!(
+                        "split: {val} assets for validation and {test} for the test are more than the pool's {}",
+                        names.len()
+                    );
+                    return Err(Error::new(message).help("lower `val_count` or `test_count`, or select more assets"));
+                }
+                let mut order: Vec<usize> = (0..names.len()).collect();
+                order.sort_by_key(|&index| (self.hash(names[index]), names[index]));
+                let mut parts = vec![Part::Train; names.len()];
+                order.iter().take(test).for_each(|&index| parts[index] = Part::Test);
+                order.iter().skip(test).take(val).for_each(|&index| parts[index] = Part::Val);
+                Ok(parts)
+            }
+            Sizes::Lists { val, test } => {
+                let read = |key: &str, list: Option<&AssetPath>| -> Result<BTreeSet<String>> {
+                    let Some(list) = list else { return Ok(BTreeSet::new()) };
+                    let listed = names_of_list(list)?;
+                    let known: BTreeSet<&str> = names.iter().copied().collect();
+                    warn_of_unknown(&format!("split.{key}"), list, &listed, &known, names, log);
+                    Ok(listed)
+                };
+                let (val, test) = (read("val_list", val)?, read("test_list", test)?);
+                if let Some(twice) = val.intersection(&test).next() {
+                    let message = format!("split: `{twice}` is in `val_list` and in `test_list`");
+                    return Err(Error::new(message).help("an asset is of one part: take it out of one list"));
+                }
+                let part = |name: &&str| match () {
+                    () if test.contains(*name) => Part::Test,
+                    () if val.contains(*name) => Part::Val,
+                    () => Part::Train,
+                };
+                Ok(names.iter().map(part).collect())
+            }
+        }
+    }
+}
+
+/// The entries of a source that a pool takes.
+#[derive(Debug, Default)]
+pub struct Selection {
+    /// What stages draw from, in the order of the source.
+    pub entries: Vec<CatalogEntry>,
+    /// The other parts of the split, in the order of the source; empty without a split.
+    pub other_parts: Vec<(CatalogEntry, Part)>,
+}
+
+/// Number of assets of each part of a split.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct PartSizes {
+    /// The part that the pool keeps.
+    pub part: Part,
+    /// Number of assets for training, validation and the test.
+    pub sizes: [usize; 3],
+}
+
+impl PartSizes {
+    /// Number of assets of the part that the pool keeps.
+    pub fn kept(&self) -> usize {
+        self.sizes[self.part as usize]
+    }
+}
+
+impl fmt::Display for PartSizes {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let [train, val, test] = self.sizes;
+        write!(f, "part `{}` of train {train}, val {val}, test {test}", self.part)
     }
 }
 
@@ -292,16 +439,7 @@ impl PoolOptions {
             return Err(ConfigError::new("units", "`longest_side_m` sets the size whatever the unit")
                 .help("remove `units`, or give `scale` as a factor"));
         }
-        if let Some(split) = &self.split
-            && split.val_fraction + split.test_fraction > 1.0
-        {
-            let (val, test) = (split.val_fraction, split.test_fraction);
-            return Err(ConfigError::new(
-                "split",
-                format!("`val_fraction` {val} and `test_fraction` {test} add up to more than 1"),
-            ));
-        }
-        Ok(())
+        self.split.as_ref().map_or(Ok(()), |split| split.sizes().map(drop))
     }
 
     /// What the table of properties states, by name. Warns of names that the source does not have.
@@ -360,24 +498,15 @@ impl PoolOptions {
         }
         for (key, list) in [("include_list", &self.include_list), ("exclude_list", &self.exclude_list)] {
             let Some(list) = list else { continue };
-            let names = names_of_list(list)?;
-            let unknown: Vec<&str> = names.iter().map(String::as_str).filter(|name| !known.contains(name)).collect();
-            if !unknown.is_empty() {
-                let more =
-                    if unknown.len() > SHOWN { format!(" and {} more", unknown.len() - SHOWN) } else { String::new() };
-                let shown = unknown[..unknown.len().min(SHOWN)].join(", ");
-                log.warn(
-                    &Error::new(format!("{key}: the pool has no asset of these names: {shown}{more}"))
-                        .in_file(list.path())
-                        .help(names_of(entries)),
-                );
-            }
+            let names: Vec<&str> = entries.iter().map(|entry| entry.name.as_str()).collect();
+            warn_of_unknown(key, list, &names_of_list(list)?, &known, &names, log);
         }
         Ok(())
     }
 
-    /// The entries of a source that the pool takes, in their order. Reads the lists.
-    pub fn select(&self, entries: Vec<CatalogEntry>) -> Result<Vec<CatalogEntry>> {
+    /// The entries of a source that the pool takes, in their order. Reads the lists, and warns of a part of a split that is
+    /// small.
+    pub fn select(&self, entries: Vec<CatalogEntry>, log: &dyn Log) -> Result<Selection> {
         let read = |list: &Option<AssetPath>| list.as_ref().map(names_of_list).transpose();
         let (wanted, unwanted) = (read(&self.include_list)?, read(&self.exclude_list)?);
         let compiled =
@@ -389,14 +518,43 @@ impl PoolOptions {
                 && !any(&exclude)
                 && wanted.as_ref().is_none_or(|list| list.contains(name))
                 && !unwanted.as_ref().is_some_and(|list| list.contains(name))
-                && self.split.as_ref().is_none_or(|split| split.part_of(name) == split.part)
         };
         let kept = entries.into_iter().filter(|entry| keep(&entry.name));
-        kept.map(|entry| {
+        let kept = kept.map(|entry| {
             let class = class_of(&classes, &entry.name)?.map(str::to_owned);
             Ok(CatalogEntry { category: class.unwrap_or(entry.category), name: entry.name })
-        })
-        .collect()
+        });
+        let kept = kept.collect::<Result<Vec<CatalogEntry>>>()?;
+        let Some(split) = &self.split else { return Ok(Selection { entries: kept, other_parts: Vec::new() }) };
+        let names: Vec<&str> = kept.iter().map(|entry| entry.name.as_str()).collect();
+        let parts = split.parts(&names, log)?;
+        let mut selection = Selection::default();
+        for (entry, part) in kept.into_iter().zip(parts) {
+            if part == split.part {
+                selection.entries.push(entry);
+            } else {
+                selection.other_parts.push((entry, part));
+            }
+        }
+        if let Some(sizes) = self.part_sizes(&selection)
+            && (1..SMALL_PART).contains(&sizes.kept())
+        {
+            let few = format!("the {sizes} has fewer than {SMALL_PART} assets");
+            log.warn(&Error::new(few).help(
+                "scores on so few shapes say little of unseen objects: set `val_count` and `test_count`, or name the \
+                 assets in `val_list` and `test_list`; `syntable list assets RECIPE` shows the parts",
+            ));
+        }
+        Ok(selection)
+    }
+
+    /// Number of assets of each part; none without a split.
+    pub fn part_sizes(&self, selection: &Selection) -> Option<PartSizes> {
+        let part = self.split.as_ref()?.part;
+        let mut sizes = [0; 3];
+        sizes[part as usize] = selection.entries.len();
+        selection.other_parts.iter().for_each(|(_, part)| sizes[*part as usize] += 1);
+        Some(PartSizes { part, sizes })
     }
 
     /// The patterns of each class.
@@ -416,9 +574,32 @@ impl PoolOptions {
 /// Number of names that a warning lists.
 const SHOWN: usize = 8;
 
+/// Warns of names of a list that no asset has.
+fn warn_of_unknown(
+    key: &str,
+    list: &AssetPath,
+    listed: &BTreeSet<String>,
+    known: &BTreeSet<&str>,
+    names: &[&str],
+    log: &dyn Log,
+) {
+    let unknown: Vec<&str> = listed.iter().map(String::as_str).filter(|name| !known.contains(name)).collect();
+    if unknown.is_empty() {
+        return;
+    }
+    let more = if unknown.len() > SHOWN { format!(" and {} more", unknown.len() - SHOWN) } else { String::new() };
+    let shown = unknown[..unknown.len().min(SHOWN)].join(", ");
+    let message = format!("{key}: the pool has no asset of these names: {shown}{more}");
+    log.warn(&Error::new(message).in_file(list.path()).help(look_of(names.to_vec())));
+}
+
 /// What the names of a source's assets look like.
 fn names_of(entries: &[CatalogEntry]) -> String {
-    let mut names: Vec<&str> = entries.iter().map(|entry| entry.name.as_str()).collect();
+    look_of(entries.iter().map(|entry| entry.name.as_str()).collect())
+}
+
+/// What names look like.
+fn look_of(mut names: Vec<&str>) -> String {
     names.sort_unstable();
     let first: Vec<String> = names.iter().take(3).map(|name| format!("`{name}`")).collect();
     format!(
@@ -477,6 +658,7 @@ fn patterns(option: &str, patterns: &[String]) -> std::result::Result<Vec<Patter
 #[cfg(test)]
 mod tests {
     use super::*;
+    use syntable_model::context::Collected;
 
     /// Matches by trying everything, to compare with.
     fn brute(pattern: &[u8], name: &[u8]) -> bool {
@@ -525,13 +707,77 @@ mod tests {
         names.into_iter().map(|name| CatalogEntry { name, category: String::new() }).collect()
     }
 
+    fn split(part: Part) -> Split {
+        Split {
+            part,
+            val_fraction: None,
+            test_fraction: None,
+            val_count: None,
+            test_count: None,
+            val_list: None,
+            test_list: None,
+            seed: 0,
+        }
+    }
+
+    /// The selection, and the warnings.
+    fn selected(options: PoolOptions, names: impl IntoIterator<Item = String>) -> (Selection, Vec<String>) {
+        let log = Collected::default();
+        options.validate().expect("sound");
+        let selection = options.select(entries(names), &log).expect("sound");
+        (selection, log.warnings().iter().map(ToString::to_string).collect())
+    }
+
+    #[test]
+    fn counts_are_exact_and_lists_are_what_they_name() {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let list = folder.path().join("val.txt");
+        std::fs::write(&list, "mug_03\nmug_07\nno_such\n").expect("written");
+        let names = || (0..12).map(|i| format!("mug_{i:02}"));
+        let kept = |split: Split| {
+            let (selection, warnings) = selected(PoolOptions { split: Some(split), ..Default::default() }, names());
+            (selection.entries.into_iter().map(|entry| entry.name).collect::<Vec<_>>(), warnings)
+        };
+        for seed in 0..20 {
+            let of = |part| kept(Split { val_count: Some(5), test_count: Some(2), seed, ..split(part) });
+            let parts = [Part::Train, Part::Val, Part::Test].map(of);
+            assert_eq!(parts.each_ref().map(|(names, _)| names.len()), [5, 5, 2], "seed {seed}");
+            let mut all: Vec<&String> = parts.iter().flat_map(|(names, _)| names).collect();
+            all.sort();
+            assert_eq!(all.into_iter().cloned().collect::<Vec<_>>(), names().collect::<Vec<_>>());
+            assert_eq!(parts.each_ref().map(|(_, warnings)| warnings.len()), [0, 0, 1]);
+            let want = "the part `test` of train 5, val 5, test 2 has fewer than 5 assets";
+            assert!(parts[2].1[0].starts_with(want), "{}", parts[2].1[0]);
+        }
+        let val = || Split { val_list: Some(AssetPath(list.clone())), ..split(Part::Val) };
+        let (listed, warnings) = kept(val());
+        assert_eq!(listed, ["mug_03", "mug_07"]);
+        assert!(warnings[0].contains("split.val_list: the pool has no asset of these names: no_such"), "{warnings:?}");
+        let (rest, _) = kept(Split { part: Part::Train, ..val() });
+        assert!(rest.len() == 10 && !rest.contains(&"mug_03".to_owned()));
+        // What contradicts itself is refused.
+        let refused = |split: Split| {
+            let options = PoolOptions { split: Some(split), ..Default::default() };
+            let log = Collected::default();
+            let invalid = options.validate().map_err(|invalid| invalid.message);
+            invalid
+                .and_then(|()| options.select(entries(names()), &log).map_err(|error| error.to_string()))
+                .expect_err("")
+        };
+        let mixed = refused(Split { val_count: Some(3), ..val() });
+        assert_eq!(mixed, "`val_count` and `val_list` give sizes in two ways");
+        let many = refused(Split { val_count: Some(9), test_count: Some(4), ..split(Part::Val) });
+        assert!(many.contains("9 assets for validation and 4 for the test are more than the pool's 12"), "{many}");
+        let twice = refused(Split { test_list: Some(AssetPath(list.clone())), ..val() });
+        assert!(twice.contains("`mug_03` is in `val_list` and in `test_list`"), "{twice}");
+    }
+
     #[test]
     fn parts_of_a_split_cover_the_pool_and_are_disjoint() {
         let names: Vec<String> = (0..4000).map(|i| format!("mug_{i:04}")).collect();
         let select = |part, seed| {
-            let split = Split { part, val_fraction: 0.2, test_fraction: 0.1, seed };
-            let options = PoolOptions { split: Some(split), ..Default::default() };
-            options.select(entries(names.clone())).expect("no list to read")
+            let split = Split { val_fraction: Some(0.2), test_fraction: Some(0.1), seed, ..split(part) };
+            selected(PoolOptions { split: Some(split), ..Default::default() }, names.clone()).0.entries
         };
         let parts = [Part::Train, Part::Val, Part::Test].map(|part| select(part, 0));
         let mut all: Vec<String> = parts.iter().flatten().map(|entry| entry.name.clone()).collect();
@@ -556,7 +802,7 @@ mod tests {
             ..Default::default()
         };
         let names = ["mug_1", "mug_2", "mug_3", "can_1", "can_2", "can_10", "box_1"].map(str::to_owned);
-        let kept: Vec<String> = options.select(entries(names)).expect("readable").into_iter().map(|e| e.name).collect();
+        let kept: Vec<String> = selected(options, names).0.entries.into_iter().map(|entry| entry.name).collect();
         assert_eq!(kept, ["mug_2", "can_1"]);
     }
 
@@ -572,15 +818,16 @@ mod tests {
             ["blue_mug", "cup", "soup_bowl", "spoon"].map(entry).to_vec()
         };
         let options = classes(&[("mug", &["*mug*", "cup"]), ("bowl", &["*bowl"]), ("unseen", &["zebra"])]);
-        let categories: Vec<String> =
-            options.select(given()).expect("sound").into_iter().map(|entry| entry.category).collect();
+        let log = Collected::default();
+        let selection = options.select(given(), &log).expect("sound");
+        let categories: Vec<String> = selection.entries.into_iter().map(|entry| entry.category).collect();
         assert_eq!(categories, ["mug", "mug", "bowl", "source"]);
         let twice =
-            classes(&[("dish", &["*"]), ("mug", &["*mug*"])]).select(given()).expect_err("ambiguous").to_string();
+            classes(&[("dish", &["*"]), ("mug", &["*mug*"])]).select(given(), &log).expect_err("ambiguous").to_string();
         let want = "`blue_mug` is of two classes: `*` of `dish` and `*mug*` of `mug` match it";
         assert!(twice.starts_with(want), "{twice}");
         // Two patterns of one class are no conflict.
-        assert!(classes(&[("mug", &["*mug*", "blue*"])]).select(given()).is_ok());
+        assert!(classes(&[("mug", &["*mug*", "blue*"])]).select(given(), &log).is_ok());
         let invalid = classes(&[("a b", &["ok", "[1"])]).validate().expect_err("the bracket is not closed");
         assert_eq!(invalid.key, "classes.\"a b\"[1]");
         let invalid = classes(&[(" ", &["ok"])]).validate().expect_err("no name");
@@ -605,7 +852,7 @@ mod tests {
         let options = PoolOptions { properties: Some(AssetPath(file.clone())), ..Default::default() };
         let read = |text: &str| {
             std::fs::write(&file, text).expect("written");
-            let log = syntable_model::context::Collected::default();
+            let log = Collected::default();
             let table = options.properties(&entries(["024_bowl".to_owned()]), &log);
             (table, log.warnings().iter().map(ToString::to_string).collect::<Vec<_>>())
         };
@@ -633,7 +880,7 @@ mod tests {
     #[test]
     fn a_missing_list_is_named() {
         let options = PoolOptions { include_list: Some(AssetPath("/no/such/list.txt".into())), ..Default::default() };
-        let error = options.select(Vec::new()).expect_err("there is no such file").to_string();
+        let error = options.select(Vec::new(), &Collected::default()).expect_err("there is no such file").to_string();
         assert!(error.contains("/no/such/list.txt"), "{error}");
     }
 }

@@ -17,6 +17,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use syntable_model::error::{ConfigError, Error};
 use syntable_model::options::{DisplayPath, Reference, Step, is_bare, plain_members};
+use syntable_model::pools::ObjectPools;
 use syntable_model::registry::{Choice, ConstructError, Constructed, Entry, RecipeValue, Registry, Shape, Slot, Stage};
 use syntable_model::scene::AssetClass;
 use toml::Spanned;
@@ -49,6 +50,15 @@ pub(crate) struct BuiltStage<'l> {
     pub found: bool,
 }
 
+/// An option of a stage that names pools.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Draw {
+    /// The stage and its option, such as `place.drop_box.from`.
+    pub option: String,
+    /// The pools, whatever the class of their assets.
+    pub pools: ObjectPools,
+}
+
 /// All stages that could be built.
 pub(crate) struct Built<'l> {
     pub stages: Vec<BuiltStage<'l>>,
@@ -56,6 +66,8 @@ pub(crate) struct Built<'l> {
     pub pools: BTreeMap<String, PoolOptions>,
     /// Paths that options of other stages name, by the option.
     pub files: Vec<(String, PathBuf)>,
+    /// Which pools the stages draw from.
+    pub draws: Vec<Draw>,
     /// Native libraries that the recipe names by a path beside itself, such as `denoise: library = "oidn.so"`.
     pub libraries: Vec<String>,
     /// Kinds that were chosen, for people.
@@ -113,6 +125,7 @@ impl<'l> Loader<'l> {
             stages: Vec::new(),
             pools: BTreeMap::new(),
             files: Vec::new(),
+            draws: Vec::new(),
             libraries: Vec::new(),
             choices: Vec::new(),
             undecided: Vec::new(),
@@ -402,6 +415,7 @@ impl<'l> Loader<'l> {
             let pool = toml::Table::try_from(pool).unwrap_or_default();
             options.extend(pool.into_iter().filter(|(name, _)| kind.options["properties"].get(name).is_some()));
         }
+        built.draws.extend(self.draws(&given, entry, &options, &kind.options));
         for reference in self.implied(entry, &options, &kind.options, &said, &header_span) {
             if reference.what == "product" {
                 products.push((reference.text.clone(), reference.span.clone()));
@@ -481,6 +495,35 @@ impl<'l> Loader<'l> {
             Some(other) => diagnostic.label(format!("this is an option of the kind `{}`", other.kind)),
             None => diagnostic,
         }
+    }
+
+    /// The options of a stage that name pools, each with the pools.
+    fn draws(&self, given: &StageTable, entry: &Entry, options: &toml::Table, schema: &serde_json::Value) -> Vec<Draw> {
+        let outcome = self.schemas.validator().table(entry.kind, plain_members(options), NOWHERE, schema);
+        let is_pool = |reference: &&Reference| reference.what.starts_with("pool:");
+        let mut draws: Vec<Draw> = Vec::new();
+        for reference in outcome.references.iter().filter(is_pool) {
+            let Some((last, above)) = reference.path.split_last() else { continue };
+            // A name in a list, or a name with a weight, is a part of its option.
+            let is_part = match (last, at(options, above)) {
+                (Step::Index(_), _) => true,
+                (Step::Key(_), Some(toml::Value::Table(weights))) => {
+                    weights.get(reference.text.as_str()).is_some_and(|weight| !weight.is_str())
+                }
+                _ => false,
+            };
+            let path = if is_part { above } else { &reference.path };
+            let stage = match given.slot.shape() {
+                Shape::One => given.slot.to_string(),
+                _ => format!("{}.{}", given.slot, given.id),
+            };
+            let option = format!("{stage}.{}", DisplayPath(path));
+            let pools = at(options, path).and_then(|value| ObjectPools::deserialize(value.clone()).ok());
+            if let Some(pools) = pools.filter(|_| draws.iter().all(|draw| draw.option != option)) {
+                draws.push(Draw { option, pools });
+            }
+        }
+        draws
     }
 
     /// The names among a stage's defaults, which are nowhere in the recipe: they are reported at the table's header.
@@ -828,6 +871,14 @@ fn recipe_at_mut<'t, 'a>(table: &'t mut DeTable<'a>, path: &[Step]) -> Option<&'
         (DeValue::Table(table), Step::Key(key)) => table.get_mut(key.as_str()),
         (DeValue::Array(items), Step::Index(index)) => items.get_mut(*index),
         _ => None,
+    })
+}
+
+fn at<'t>(table: &'t toml::Table, path: &[Step]) -> Option<&'t toml::Value> {
+    let [Step::Key(first), rest @ ..] = path else { return None };
+    rest.iter().try_fold(table.get(first)?, |value, step| match step {
+        Step::Key(key) => value.get(key),
+        Step::Index(index) => value.get(index),
     })
 }
 

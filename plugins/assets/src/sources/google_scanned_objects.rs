@@ -45,6 +45,10 @@ impl AssetSource for GoogleScannedObjects {
         AssetClass::Object
     }
 
+    fn license(&self) -> Option<&str> {
+        Some(LICENSE)
+    }
+
     fn limit(&mut self, limits: AssetLimits) {
         self.limits = limits;
     }

@@ -78,6 +78,10 @@ impl AssetSource for Ycb {
         AssetClass::Object
     }
 
+    fn license(&self) -> Option<&str> {
+        Some(LICENSE)
+    }
+
     fn limit(&mut self, limits: AssetLimits) {
         self.limits = limits;
     }
