@@ -49,14 +49,15 @@ fn the_parts_of_a_split_are_listed_with_licenses_and_chances() {
         "extends = {:?}\n[assets.objects]\nkind = \"household\"\ninclude = [\"mug_000*\", \"bowl_000*\"]\n\
          split = {{ part = \"val\", val_count = 3, test_count = 5 }}\n\
          [assets.mine]\nkind = \"household\"\ninclude = [\"can_0001\", \"can_0002\"]\nlicense = \"MIT\"\n\
-         [[place]]\nid = \"objects\"\nfrom = {{ objects = 3, mine = 1 }}\n",
-        support::root().join("recipes/quickstart.toml").display().to_string()
+         [set]\n\"place.objects.from\" = {{ objects = 3, mine = 1 }}\n",
+        crate::support::root().join("recipes/quickstart.toml").display().to_string()
     );
     std::fs::write(&recipe, text).expect("writable");
     let said = syntable().arg("check").arg(&recipe).output().expect("it starts");
     let [out, err] = [&said.stdout, &said.stderr].map(|text| String::from_utf8_lossy(text).into_owned());
-    assert!(out.contains("assets.objects: 3 assets: part `val` of train "), "{out}{err}");
-    assert!(err.contains("the part `val` of train ") && err.contains("fewer than 5 assets"), "{err}");
+    let sizes = "3 of 20 assets, part `val` (train 12, val 3, test 5)";
+    assert!(out.contains(&format!("assets.objects: {sizes}\n")), "{out}{err}");
+    assert!(err.contains(&format!("assets.objects: {sizes}: fewer than 5")), "{err}");
     let json = ok(syntable().args(["list", "assets", "--json"]).arg(&recipe));
     let rows: Vec<serde_json::Value> = json.lines().map(|line| serde_json::from_str(line).expect("JSON")).collect();
     let of = |pool: &str, part: &str| -> Vec<&serde_json::Value> {

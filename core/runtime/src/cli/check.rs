@@ -48,8 +48,8 @@ fn recipe(console: &Console, registry: &Registry, args: &CheckArgs) -> Result<()
         format!("{}: no mistake found; {} products are computed\n", recipe.dataset.name, recipe.plan.entries.len());
     let Some(wanted) = &args.assets else {
         for (id, size) in assets.sizes() {
-            let part = assets.part_sizes(id).map_or_else(String::new, |part| format!(": {part}"));
-            out += &format!("assets.{id}: {size} assets{part}\n");
+            let sizes = assets.part_sizes(id).map_or_else(|| format!("{size} assets"), |sizes| sizes.to_string());
+            out += &format!("assets.{id}: {sizes}\n");
         }
         return console.print(&out);
     };

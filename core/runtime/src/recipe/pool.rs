@@ -410,7 +410,8 @@ impl PartSizes {
 impl fmt::Display for PartSizes {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let [train, val, test] = self.sizes;
-        write!(f, "part `{}` of train {train}, val {val}, test {test}", self.part)
+        let (kept, all) = (self.kept(), train + val + test);
+        write!(f, "{kept} of {all} assets, part `{}` (train {train}, val {val}, test {test})", self.part)
     }
 }
 
@@ -539,7 +540,7 @@ impl PoolOptions {
         if let Some(sizes) = self.part_sizes(&selection)
             && (1..SMALL_PART).contains(&sizes.kept())
         {
-            let few = format!("the {sizes} has fewer than {SMALL_PART} assets");
+            let few = format!("{sizes}: fewer than {SMALL_PART}");
             log.warn(&Error::new(few).help(
                 "scores on so few shapes say little of unseen objects: set `val_count` and `test_count`, or name the \
                  assets in `val_list` and `test_list`; `syntable list assets RECIPE` shows the parts",
@@ -746,7 +747,7 @@ mod tests {
             all.sort();
             assert_eq!(all.into_iter().cloned().collect::<Vec<_>>(), names().collect::<Vec<_>>());
             assert_eq!(parts.each_ref().map(|(_, warnings)| warnings.len()), [0, 0, 1]);
-            let want = "the part `test` of train 5, val 5, test 2 has fewer than 5 assets";
+            let want = "2 of 12 assets, part `test` (train 5, val 5, test 2): fewer than 5";
             assert!(parts[2].1[0].starts_with(want), "{}", parts[2].1[0]);
         }
         let val = || Split { val_list: Some(AssetPath(list.clone())), ..split(Part::Val) };
