@@ -121,11 +121,7 @@ fn statement(line: &Line<'_>, materials: &mut Vec<MtlMaterial>) -> Result<()> {
             }
         }
         "map_ka" | "map_ks" | "decal" | "refl" => material.unread.push((shorten(text), line.number)),
-        "ps" | "pc" => {
-            if number(rest).is_ok_and(|x| x > 0.0) {
-                material.unread.push((shorten(text), line.number));
-            }
-        }
+        "ps" | "pc" if number(rest).is_ok_and(|x| x > 0.0) => material.unread.push((shorten(text), line.number)),
         "ns" => material.shininess = Some(number(rest)?),
         "ni" => material.ior = Some(number(rest)?),
         "d" => material.opacity = Some((number(rest.trim_start_matches("-halo").trim())?, line.number)),

@@ -3,7 +3,7 @@
 //! Colors are conventions of single programs. In binary files the two attribute bytes of a triangle hold 5 bits a channel:
 //!
 //! - VisCAM and SolidView: red in bits 10 to 14, green in 5 to 9, blue in 0 to 4; bit 15 says that the color counts.
-//! - Materialise Magics: the header has `COLOR=` and four bytes RGBA for the whole part, perhaps `MATERIAL=` with diffuse,
+//! - Magics: the header has `COLOR=` and four bytes RGBA for the whole part, perhaps `MATERIAL=` with diffuse,
 //!   specular and ambient colors, which goes before it. Red is in bits 0 to 4, blue in bits 10 to 14, and bit 15 says that
 //!   the triangle has the color of the part.
 //!
@@ -161,8 +161,9 @@ fn color(parsed: &mut Parsed, header: &[u8], attributes: &[u16], log: &dyn Log) 
 fn ascii(bytes: &[u8], budget: &Budget) -> Result<Parsed> {
     let mut corners = Vec::new();
     // The color of the part, that of the current facet, and those of all.
-    let (mut part, mut own, mut colors): (Option<[f64; 3]>, Option<[f64; 3]>, Vec<Option<[f64; 3]>>) =
-        Default::default();
+    let mut part: Option<[f64; 3]> = None;
+    let mut own: Option<[f64; 3]> = None;
+    let mut colors: Vec<Option<[f64; 3]>> = Vec::new();
     let mut in_facet = false;
     let mut facet_start = 0;
     let mut of_loop = 0;

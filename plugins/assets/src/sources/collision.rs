@@ -19,7 +19,7 @@ const CERTAIN: [&str; 12] = [
     "collision",
     "collisions",
     // As a well-known data set spells it.
-    "collison",
+    "collison", // typos: ignore
     "collider",
     "colliders",
     "vhacd",
@@ -264,6 +264,9 @@ struct Folder {
     has_visual_folder: bool,
 }
 
+/// The folders that are named after an object and hold its mesh: by the folder above and the words of their names.
+type Homes<'a> = BTreeSet<(&'a Path, Vec<String>)>;
+
 /// Which of the meshes are collision meshes, by their paths without extensions and relative to the root of the pool.
 pub fn rules<'a>(stems: impl Iterator<Item = &'a Path>) -> Vec<Option<Rule>> {
     let meshes: Vec<Named> = stems.map(Named::new).collect();
@@ -284,10 +287,15 @@ pub fn rules<'a>(stems: impl Iterator<Item = &'a Path>) -> Vec<Option<Rule>> {
         folder.has_named_after |= mesh.is_named_after_folder();
         folder.has_visual_folder |= mesh.is_plain() && mesh.in_visual_folder;
     }
-    meshes.iter().enumerate().map(|(at, mesh)| rule(at, mesh, &folders)).collect()
+    let homes: Homes<'_> = folders
+        .iter()
+        .filter(|(_, folder)| folder.has_main || folder.has_named_after)
+        .filter_map(|(path, _)| Some((path.parent()?, words(&path.file_name()?.to_string_lossy()))))
+        .collect();
+    meshes.iter().enumerate().map(|(at, mesh)| rule(at, mesh, &folders, &homes)).collect()
 }
 
-fn rule(at: usize, mesh: &Named, folders: &BTreeMap<&Path, Folder>) -> Option<Rule> {
+fn rule(at: usize, mesh: &Named, folders: &BTreeMap<&Path, Folder>, homes: &Homes<'_>) -> Option<Rule> {
     let none = Folder::default();
     let folder = folders.get(mesh.object.as_path()).unwrap_or(&none);
     let has = |folder: &Path, name: &[String]| {
@@ -300,13 +308,7 @@ fn rule(at: usize, mesh: &Named, folders: &BTreeMap<&Path, Folder>) -> Option<Ru
             let own = mesh.object.file_name().map(|own| words(&own.to_string_lossy()));
             own.as_deref() == Some(name) && mesh.object.parent().is_some_and(|above| has(above, name))
         };
-        let below = || {
-            folders.iter().any(|(path, below)| {
-                path.parent() == Some(&mesh.object)
-                    && path.file_name().is_some_and(|own| words(&own.to_string_lossy()) == name)
-                    && (below.has_main || below.has_named_after)
-            })
-        };
+        let below = || homes.contains(&(mesh.object.as_path(), name.to_vec()));
         has(&mesh.object, name) || above() || below()
     };
     if let Some((name, certain)) = &mesh.folder {
@@ -409,7 +411,7 @@ mod tests {
         // Habitat, ReplicaCAD, HSSD, YCB in Habitat.
         check(&["o/frl_basket"], &["o/convex/frl_basket_cv_decomp", "o/frl_basket.collision", "o/frl_basket_cvx"]);
         check(&["0/abc"], &["0/abc.collider"]);
-        check(&["meshes/002_can/google_16k/textured"], &["collison_meshes/002_can"]);
+        check(&["meshes/002_can/google_16k/textured"], &["collison_meshes/002_can"]); // typos: ignore
         // ROS, Isaac, iGibson and BEHAVIOR.
         check(&["meshes/visual/mug", "arm/visuals/a"], &["meshes/collision/mug", "arm/collisions/a"]);
         check(&["m/shape/visual/a_vm"], &["m/shape/collision/a_cm"]);

@@ -29,8 +29,8 @@ const DEFAULT_ROUGHNESS: f32 = 0.5;
 /// Finds the libraries and images of a parsed file and builds its materials.
 pub(super) fn attach(parsed: ParsedObj, root: &AssetRoot, folder: &Path, file: &Path, log: &dyn Log) -> Result<Model> {
     let ParsedObj { mesh, colored: has_color, alphas, libraries, uses, .. } = parsed;
-    let (images, textures, unread) = Default::default();
-    let mut loader = Loader { root, folder: folder.to_owned(), file, log, images, textures, unread };
+    let (images, textures, black, unread) = Default::default();
+    let mut loader = Loader { root, folder: folder.to_owned(), file, log, images, textures, black, unread };
     // Whether faces of a slot have vertex colors.
     let mut painted = vec![false; uses.len()];
     if !has_color.is_empty() {
@@ -105,6 +105,8 @@ struct Loader<'a> {
     /// Files by name as written, once looked up.
     images: BTreeMap<String, Option<PathBuf>>,
     textures: BTreeMap<(PathBuf, bool, bool), Arc<Texture>>,
+    /// Lines of the first `Kd` that is black beside a texture, or beside vertex colors, and how many there are.
+    black: [Option<(PathBuf, usize, usize)>; 2],
     /// Statements of a library that are not read, by their key: the first, its line, and how many there are.
     unread: BTreeMap<(PathBuf, String), (String, usize, usize)>,
 }
@@ -230,6 +232,16 @@ impl Loader<'_> {
     }
 
     fn tell_unread(&mut self) {
+        let what = [
+            "`Kd` is black beside `map_Kd`, which would hide the texture; its colors are read as they are",
+            "`Kd` is black, which would hide the vertex colors; they are read as they are",
+        ];
+        for (black, what) in std::mem::take(&mut self.black).into_iter().zip(what) {
+            if let Some((library, line, count)) = black {
+                let all = if count > 1 { format!(" ({count} materials)") } else { String::new() };
+                self.warn(format!("{what}{all}"), &library, line);
+            }
+        }
         for ((library, key), (text, line, count)) in std::mem::take(&mut self.unread) {
             let why = match key.as_str() {
                 "ks" | "map_ks" => "highlights are white",
@@ -248,16 +260,11 @@ impl Loader<'_> {
     }
 
     /// `Kd` as a color in [0, 1]; none if it says nothing: it is not stated, or black beside a texture or vertex colors.
-    fn diffuse(&self, from: &MtlMaterial, library: &Path, painted: bool) -> Option<[f32; 3]> {
+    fn diffuse(&mut self, from: &MtlMaterial, library: &Path, painted: bool) -> Option<[f32; 3]> {
         let (kd, line) = (from.diffuse?, from.diffuse_line);
         if kd == [0.0; 3] && (from.diffuse_map.is_some() || painted) {
-            let note = match from.diffuse_map {
-                Some(_) => {
-                    "`Kd` is black beside `map_Kd`, which would hide the texture; its colors are read as they are"
-                }
-                None => "`Kd` is black, which would hide the vertex colors; they are read as they are",
-            };
-            self.warn(note.into(), library, line);
+            let black = &mut self.black[usize::from(from.diffuse_map.is_none())];
+            black.get_or_insert_with(|| (library.to_owned(), line, 0)).2 += 1;
             return None;
         }
         let full = full_intensity(kd.map(f64::from));
