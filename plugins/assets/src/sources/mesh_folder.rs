@@ -210,4 +210,17 @@ mod tests {
         let all = find(&root, &formats, CollisionMeshes::Include, &log).expect("scans");
         assert!(all.contains_key("duck/Model-VHACD") && all.contains_key("jar/collision"), "{:?}", all.keys());
     }
+
+    #[test]
+    fn a_pool_of_nothing_but_collision_meshes_says_so() {
+        let folder = tempfile::tempdir().expect("temp folder");
+        std::fs::create_dir(folder.path().join("coacd")).expect("folder");
+        std::fs::write(folder.path().join("coacd/piece_0.obj"), "x").expect("file");
+        let (root, log) = (AssetRoot::open(folder.path()).expect("opens"), Collected::default());
+        let formats = MeshFormats::linked().expect("no clash");
+        let error = find(&root, &formats, CollisionMeshes::Exclude, &log).expect_err("nothing is left").to_string();
+        assert!(error.contains("no mesh but collision meshes: 1 in folders named `coacd`"), "{error}");
+        assert!(error.contains("collision_meshes = \"include\""), "{error}");
+        assert_eq!(find(&root, &formats, CollisionMeshes::Include, &log).expect("scans").len(), 1);
+    }
 }

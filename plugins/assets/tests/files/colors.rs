@@ -581,6 +581,47 @@ fn colors_are_those_of_the_file() {
 }
 
 #[test]
+fn statements_that_are_not_read_are_named() {
+    let mut cases = Cases { folder: TempDir::new().expect("temp folder"), list: Vec::new() };
+    cases.write("t.png", image());
+    let skin = |_: usize| "usemtl m\n".to_owned();
+    let gray = || constant([0.6, 0.6, 0.6, 1.0]);
+    let usemap = |i: usize| if i == 0 { "usemtl m\nusemap t\n".to_owned() } else { String::new() };
+    cases.obj("usemap", &none, &usemap, "newmtl m\n", gray(), &["`usemap` is not read"]);
+    for (name, library, said) in [
+        ("ka", "newmtl m\nKa 1 0 0\n", "`Ka 1 0 0` is not read: the color is `Kd`"),
+        ("tf", "newmtl m\nTf 1 0 0\n", "`Tf 1 0 0` is not read: light"),
+        ("clearcoat", "newmtl m\nPc 1\n", "`Pc 1` is not read"),
+        ("opacity", "newmtl m\nmap_d t.png\n", "opacity map `t.png` is not read"),
+        ("dark", "newmtl m\nKe 0 0 0\nmap_Ke t.png\n", "`map_Ke t.png` emits nothing"),
+    ] {
+        cases.obj(name, &none, &skin, library, gray(), &[said]);
+    }
+    let rescaled = "newmtl m\nmap_Kd -mm 0.1 2 t.png\n";
+    cases.obj("rescaled", &none, &skin, rescaled, by_vertex(), &["is not read: the range of the texture"]);
+    // The same image as ambient color, as exporters repeat it, is no news.
+    cases.obj("repeated", &none, &skin, "newmtl m\nKa 1 1 1\nmap_Kd t.png\nmap_Ka t.png\n", by_vertex(), &[]);
+
+    let header = "element material 1\nproperty uchar diffuse_red\n";
+    let mut text = format!(
+        "ply\nformat ascii 1.0\n{header}element vertex 4\nproperty float x\nproperty float y\nproperty float z\n\
+         element face 4\nproperty list uchar int vertex_indices\nend_header\n7\n"
+    );
+    POSITIONS.iter().for_each(|[x, y, z]| text += &format!("{x} {y} {z}\n"));
+    FACES.iter().for_each(|[a, b, c]| text += &format!("3 {a} {b} {c}\n"));
+    cases.write("material.ply", text);
+    cases.check("material.ply", gray(), &["element `material` are not read"]);
+
+    let mut builder = Builder::default();
+    let (position, index) = (builder.floats(&POSITIONS), builder.indices(FACES.as_flattened()));
+    let colors = builder.floats(&[[0.5_f32, 0.25, 1.0]; 4]);
+    let attributes = json!({ "POSITION": position, "COLOR_0": colors, "COLOR_1": colors });
+    let primitive = json!({ "attributes": attributes, "indices": index });
+    cases.write("second.gltf", builder.document(&primitive, json!({})));
+    cases.check("second.gltf", constant([0.5, 0.25, 1.0, 1.0]), &["COLOR_1 is not read"]);
+}
+
+#[test]
 fn faces_below_the_cutoff_are_dropped() {
     let folder = TempDir::new().expect("temp folder");
     let mut builder = Builder::default();

@@ -251,11 +251,8 @@ impl Loader<'_> {
                 "-mm" => "the range of the texture stays as it is",
                 _ => "the appearance may differ",
             };
-            let are = match count {
-                1 => "is".to_owned(),
-                _ => format!("and {} other statements of the kind are", count - 1),
-            };
-            self.warn(format!("`{}` {are} not read: {why}", shorten(&text)), &library, line);
+            let all = if count > 1 { format!(" ({count} statements)") } else { String::new() };
+            self.warn(format!("`{}` is not read{all}: {why}", shorten(&text)), &library, line);
         }
     }
 
