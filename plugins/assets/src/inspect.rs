@@ -2,7 +2,7 @@
 //! their formats.
 
 use crate::sources::bop_models::{self, INFO};
-use crate::sources::folder::is_collision_part;
+use crate::sources::collision;
 use crate::sources::ycb::{Reconstruction, mesh_in};
 use crate::sources::{google_scanned_objects, pbr_folder};
 use std::path::{Path, PathBuf};
@@ -53,12 +53,13 @@ fn mesh_in_folder(folder: &Path) -> Option<PathBuf> {
     }
     let extensions = MeshFormats::linked().ok()?.extensions();
     let listing = list(folder).ok()?;
-    let is_mesh = |name: &&String| {
-        let path = Path::new(name.as_str());
-        extensions.contains(&extension(path).as_str()) && !is_collision_part(&path.with_extension(""))
-    };
-    let meshes: Vec<&String> = listing.files.iter().filter(is_mesh).collect();
-    if let [only] = meshes[..] { Some(PathBuf::from(only)) } else { None }
+    let files: Vec<PathBuf> = listing.files.iter().map(PathBuf::from).collect();
+    let meshes: Vec<&PathBuf> = files.iter().filter(|file| extensions.contains(&extension(file).as_str())).collect();
+    let stems: Vec<PathBuf> = meshes.iter().map(|file| file.with_extension("")).collect();
+    let rules = collision::rules(stems.iter().map(PathBuf::as_path));
+    let objects: Vec<&PathBuf> =
+        meshes.into_iter().zip(rules).filter(|(_, rule)| rule.is_none()).map(|(file, _)| file).collect();
+    if let [only] = objects[..] { Some(only.clone()) } else { None }
 }
 
 fn inspect_mesh(folder: &Path, log: &dyn Log) -> Result<Inspection> {

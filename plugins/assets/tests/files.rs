@@ -6,6 +6,8 @@ mod bombs;
 mod broken;
 #[path = "files/collections.rs"]
 mod collections;
+#[path = "files/colors.rs"]
+mod colors;
 #[path = "files/common.rs"]
 mod common;
 #[path = "files/damage.rs"]

@@ -5,7 +5,7 @@
 //! warning where they change the appearance. The buffers and images that a file names are resolved here, not by the
 //! library, so that nothing is read from outside the asset's folder and nothing is allocated unchecked.
 
-use super::within;
+use super::{InFile, within};
 use buffers::Buffers;
 use container::Opened;
 use gltf::json::{Index, Root};
@@ -17,6 +17,7 @@ use std::collections::btree_map::Entry;
 use std::path::Path;
 use syntable_mesh::Model;
 use syntable_mesh::format::MeshFormat;
+use syntable_mesh::paint::{VertexAlpha, blend_by_vertex};
 use syntable_mesh::root::AssetRoot;
 use syntable_mesh::text::shorten;
 use syntable_model::context::Log;
@@ -91,6 +92,10 @@ fn check_extensions(document: &Root, path: &Path, log: &dyn Log) -> Result<()> {
             .help(help.unwrap_or("export it without that extension")));
     }
     // What is encoded, and not required, is there in another form, too.
+    if document.extensions_used.iter().any(|name| name == "KHR_materials_variants") {
+        let message = "material variants (KHR_materials_variants) are not read; the object has its default materials";
+        log.warn(&Error::new(message).in_file(path));
+    }
     let ignored = document.extensions_used.iter().filter(unknown);
     let ignored: Vec<String> =
         ignored.filter(|name| ENCODED.iter().all(|(known, _)| known != name)).map(|name| shorten(name)).collect();
@@ -157,6 +162,8 @@ fn bake(document: &Root, buffers: &mut Buffers<'_>, path: &Path, log: &dyn Log) 
     let (normals, uvs, colors) =
         (has(|p| !p.normals.is_empty()), has(|p| !p.uvs.is_empty()), has(|p| !p.colors.is_empty()));
     let mut mesh = MeshData::default();
+    let has_alphas = primitives.values().flatten().any(|primitive| !primitive.alphas.is_empty());
+    let mut alphas = Vec::new();
     for instance in &instances {
         for primitive in &primitives[&key(instance)] {
             let base = mesh.positions.len() as u32;
@@ -186,6 +193,10 @@ fn bake(document: &Root, buffers: &mut Buffers<'_>, path: &Path, log: &dyn Log) 
                 mesh.colors.extend(&primitive.colors);
                 mesh.colors.resize(mesh.positions.len(), [1.0; 3]);
             }
+            if has_alphas {
+                alphas.extend(&primitive.alphas);
+                alphas.resize(mesh.positions.len(), 1.0);
+            }
             debug_assert_eq!(mesh.positions.len(), base as usize + count);
             let mirrored = orientation < 0.0;
             mesh.triangles.extend(primitive.triangles.iter().map(|&[a, b, c]| {
@@ -195,7 +206,17 @@ fn bake(document: &Root, buffers: &mut Buffers<'_>, path: &Path, log: &dyn Log) 
             mesh.slots.resize(mesh.triangles.len(), primitive.slot);
         }
     }
-    Ok(Model { mesh, materials: materials.into_slots(buffers)? })
+    let meaning = materials.vertex_alpha();
+    let is_ignored = |primitive: &Primitive| {
+        !primitive.alphas.is_empty() && meaning[usize::from(primitive.slot)] == VertexAlpha::Ignored
+    };
+    if primitives.values().flatten().any(is_ignored) {
+        materials.warn("the alpha of COLOR_0 is not read where `alphaMode` is OPAQUE, as the standard says");
+    }
+    let mut model = Model { mesh, materials: materials.into_slots(buffers)? };
+    let log = InFile { log, path };
+    blend_by_vertex(&mut model, &alphas, |slot| meaning.get(slot).copied().unwrap_or(VertexAlpha::Ignored), &log);
+    Ok(model)
 }
 
 syntable_mesh::register_mesh_format!(

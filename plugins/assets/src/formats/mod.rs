@@ -15,7 +15,21 @@ mod raster;
 pub mod stl;
 pub mod webp;
 
+use std::path::Path;
+use syntable_model::context::Log;
 use syntable_model::error::{Error, Place};
+
+/// A log that names a file in warnings.
+struct InFile<'a> {
+    log: &'a dyn Log,
+    path: &'a Path,
+}
+
+impl Log for InFile<'_> {
+    fn warn(&self, warning: &Error) {
+        self.log.warn(&warning.clone().in_file(self.path));
+    }
+}
 
 /// Prefixes an error's message with the part of the file that it occurred in; file and place are kept.
 fn within(error: Error, what: impl std::fmt::Display) -> Error {

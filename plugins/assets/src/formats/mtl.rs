@@ -1,8 +1,10 @@
 //! Wavefront material libraries (MTL), with the metallic-roughness keys that exporters agree on.
 //!
 //! Supported keys are `Kd`, `Ke`, `Ns`, `Ni`, `d`, `Tr`, `Pr`, `Pm`, `map_Kd`, `map_Ke`, `map_Pr`, `map_Pm`, `norm`, `bump` and `map_d`;
-//! supported texture options `-s`, `-o`, `-clamp`, `-bm` and `-imfchan`. Other keys belong to other shading models and are
-//! ignored.
+//! supported texture options `-s`, `-o`, `-clamp`, `-bm`, `-imfchan` and `-colorspace`. Other keys belong to other shading
+//! models; those that change a color are listed in [`MtlMaterial::unread`].
+//!
+//! `Kd` and `Ke` are linear Rec. 709, as Blender reads and writes them; images are sRGB-encoded.
 
 use syntable_mesh::text::{Line, finite, lines, shorten};
 use syntable_model::error::{Error, Result};
@@ -14,6 +16,10 @@ pub struct MtlMaterial {
     pub name: String,
     /// `Kd`, linear.
     pub diffuse: Option<[f32; 3]>,
+    /// Line of `Kd`.
+    pub diffuse_line: usize,
+    /// `Ka` and its line, unless it is black.
+    pub ambient: Option<(String, usize)>,
     /// `Ke`, linear.
     pub emission: Option<[f32; 3]>,
     /// `Ns`, the exponent of Phong's highlight.
@@ -42,6 +48,8 @@ pub struct MtlMaterial {
     pub bump_map: Option<MtlMap>,
     /// `map_d`: opacity.
     pub opacity_map: Option<MtlMap>,
+    /// Statements that change the color in a way that is not read, and their lines.
+    pub unread: Vec<(String, usize)>,
 }
 
 /// A texture statement.
@@ -61,6 +69,10 @@ pub struct MtlMap {
     pub strength: f32,
     /// `-imfchan`, as an index into RGBA, where it names one channel.
     pub channel: Option<u8>,
+    /// `-colorspace` names linear numbers.
+    pub linear: bool,
+    /// `-mm` changes the range of values, which is not read.
+    pub rescaled: bool,
 }
 
 /// Parses a library. Errors carry the line.
@@ -90,15 +102,39 @@ fn statement(line: &Line<'_>, materials: &mut Vec<MtlMaterial>) -> Result<()> {
         return Ok(());
     };
     match key.to_ascii_lowercase().as_str() {
-        "kd" => material.diffuse = color(rest)?,
-        "ke" => material.emission = color(rest)?,
+        "kd" | "ke" => match color(rest)? {
+            Some(color) if key.eq_ignore_ascii_case("kd") => {
+                (material.diffuse, material.diffuse_line) = (Some(color), line.number);
+            }
+            Some(color) => material.emission = Some(color),
+            None => material.unread.push((shorten(text), line.number)),
+        },
+        "ka" => {
+            let black = color(rest).ok().flatten().is_some_and(|color| color == [0.0; 3]);
+            material.ambient = (!black).then(|| (shorten(text), line.number));
+        }
+        // Highlights are white here, and light that passes a surface has its base color.
+        "ks" | "tf" => {
+            let tinted = color(rest).ok().flatten().is_none_or(|[r, g, b]| r != g || g != b);
+            if tinted {
+                material.unread.push((shorten(text), line.number));
+            }
+        }
+        "map_ka" | "map_ks" | "decal" | "refl" => material.unread.push((shorten(text), line.number)),
+        "ps" | "pc" if number(rest).is_ok_and(|x| x > 0.0) => material.unread.push((shorten(text), line.number)),
         "ns" => material.shininess = Some(number(rest)?),
         "ni" => material.ior = Some(number(rest)?),
         "d" => material.opacity = Some((number(rest.trim_start_matches("-halo").trim())?, line.number)),
         "tr" => material.transparency = Some((number(rest)?, line.number)),
         "pr" => material.roughness = Some(number(rest)?),
         "pm" => material.metallic = Some(number(rest)?),
-        "map_kd" => material.diffuse_map = Some(map(rest, line.number)?),
+        "map_kd" => {
+            let map = map(rest, line.number)?;
+            if map.rescaled {
+                material.unread.push((format!("-mm in map_Kd {}", shorten(&map.name)), line.number));
+            }
+            material.diffuse_map = Some(map);
+        }
         "map_ke" => material.emission_map = Some(map(rest, line.number)?),
         "map_pr" => material.roughness_map = Some(map(rest, line.number)?),
         "map_pm" => material.metallic_map = Some(map(rest, line.number)?),
@@ -114,17 +150,30 @@ fn number(text: &str) -> Result<f32> {
     finite(text.split_whitespace().next().unwrap_or_default(), "number")
 }
 
-/// One gray number or three; `spectral` and `xyz` colors are ignored.
+/// One gray number or three, or three of CIE XYZ; none for a `spectral` color, which is in a file of its own.
 fn color(text: &str) -> Result<Option<[f32; 3]>> {
-    if text.starts_with("spectral") || text.starts_with("xyz") {
-        return Ok(None);
-    }
-    let numbers = text.split_whitespace().map(|token| finite(token, "color")).collect::<Result<Vec<_>>>()?;
-    match numbers[..] {
-        [gray] => Ok(Some([gray; 3])),
-        [r, g, b, ..] => Ok(Some([r, g, b])),
-        _ => Err(Error::new(format!("`{}` is not a color", shorten(text)))),
-    }
+    let (xyz, text) = match word(text) {
+        ("spectral", _) => return Ok(None),
+        ("xyz", rest) => (true, rest),
+        _ => (false, text),
+    };
+    let words = text.split_whitespace().take_while(|token| !token.starts_with('#'));
+    let numbers = words.map(|token| finite(token, "color")).collect::<Result<Vec<_>>>()?;
+    let color = match numbers[..] {
+        [gray] => [gray; 3],
+        [r, g, b, ..] => [r, g, b],
+        _ => return Err(Error::new(format!("`{}` is not a color", shorten(text)))),
+    };
+    Ok(Some(if xyz { rec709_of_xyz(color) } else { color }))
+}
+
+/// Linear Rec. 709 of CIE XYZ, as IEC 61966-2-1 has it.
+fn rec709_of_xyz([x, y, z]: [f32; 3]) -> [f32; 3] {
+    [
+        3.240_625_5 * x - 1.537_208 * y - 0.498_628_6 * z,
+        -0.968_930_7 * x + 1.875_756_1 * y + 0.041_517_5 * z,
+        0.055_710_1 * x - 0.204_021_1 * y + 1.056_995_9 * z,
+    ]
 }
 
 fn map(text: &str, line: usize) -> Result<MtlMap> {
@@ -136,6 +185,8 @@ fn map(text: &str, line: usize) -> Result<MtlMap> {
         clamp: false,
         strength: 1.0,
         channel: None,
+        linear: false,
+        rescaled: false,
     };
     let mut rest = text;
     while rest.starts_with('-') {
@@ -145,7 +196,7 @@ fn map(text: &str, line: usize) -> Result<MtlMap> {
             "-s" | "-o" | "-t" => (3, true),
             "-mm" => (2, true),
             "-bm" | "-boost" | "-texres" => (1, true),
-            "-clamp" | "-blendu" | "-blendv" | "-cc" | "-imfchan" | "-type" => (1, false),
+            "-clamp" | "-blendu" | "-blendv" | "-cc" | "-imfchan" | "-type" | "-colorspace" => (1, false),
             _ => break,
         };
         let mut values = Vec::new();
@@ -166,6 +217,11 @@ fn map(text: &str, line: usize) -> Result<MtlMap> {
             "-o" => map.offset = pair(0.0)?,
             "-bm" => map.strength = pair(1.0)?[0],
             "-clamp" => map.clamp = values == ["on"],
+            "-mm" => map.rescaled = pair(1.0)? != [0.0, 1.0],
+            "-colorspace" => {
+                let name = values.first().map(|name| name.to_ascii_lowercase()).unwrap_or_default();
+                map.linear = ["linear", "raw", "non-color", "noncolor"].contains(&name.as_str());
+            }
             "-imfchan" => map.channel = values.first().and_then(|&name| "rgbm".find(name)).map(|at| at as u8),
             _ => {}
         }
@@ -205,12 +261,17 @@ mod tests {
                 offset: [0.5, 0.0],
                 clamp: true,
                 strength: 1.0,
-                channel: Some(1)
+                channel: Some(1),
+                linear: false,
+                rescaled: false
             }
         );
         assert_eq!(one("bump -bm 0.3 n.png").bump_map.expect("a map").strength, 0.3);
         assert_eq!(one("map_Kd -s 2 7").diffuse_map.expect("a map").name, "7");
         assert_eq!(one("map_Kd -odd.png").diffuse_map.expect("a map").name, "-odd.png");
+        let linear = one("map_Kd -colorspace linear -mm 0.1 2 t.png").diffuse_map.expect("a map");
+        assert_eq!((linear.name.as_str(), linear.linear, linear.rescaled), ("t.png", true, true));
+        assert!(!one("map_Kd -colorspace sRGB t.png").diffuse_map.expect("a map").linear);
     }
 
     #[test]
@@ -221,6 +282,19 @@ mod tests {
         assert_eq!((material.emission, material.ior), (Some([2.0; 3]), Some(1.45)));
         let clear = one("d -halo 0.3\nTr 0.6");
         assert_eq!((clear.opacity, clear.transparency), (Some((0.3, 2)), Some((0.6, 3))));
+    }
+
+    #[test]
+    fn colors_that_are_not_read_are_listed() {
+        let material = one(
+            "Ka 1 0 0\nKs 0.5 0.5 0.5\nKs 1 0.7 0.3 # gold\nTf 1 1 1\nTf 0 1 0\nKd spectral a.rfl 1\nmap_Ka a.png\nPc 0\nPc 1",
+        );
+        let lines: Vec<usize> = material.unread.iter().map(|(_, line)| *line).collect();
+        assert_eq!((lines, material.diffuse), (vec![4, 6, 7, 8, 10], None));
+        // The white of the display: D65.
+        let white = one("Kd xyz 0.9505 1 1.089").diffuse.expect("a color");
+        assert!(white.iter().all(|x| (x - 1.0).abs() < 2e-3), "{white:?}");
+        assert_eq!(one("Kd 0.1 0.2 0.3 # mine").diffuse, Some([0.1, 0.2, 0.3]));
     }
 
     #[test]

@@ -3,16 +3,20 @@
 //! Curves, points, lines, groups and smoothing are ignored. The material library and its textures are searched
 //! beside the file; in the layout of Google Scanned Objects, where `meshes/model.mtl` names images that lie in
 //! `materials/textures/`, there too. A mesh with texture coordinates and no library takes the image `texture.png` there.
+//!
+//! Vertex colors are sRGB-encoded: behind the coordinates of a vertex, in [0, 1] or in [0, 255], or as ZBrush writes them,
+//! in comments `#MRGB` of eight hexadecimal digits a vertex. They multiply the color of the material; a texture goes before
+//! them.
 
 use std::collections::{BTreeSet, HashMap};
 use std::path::Path;
 use syntable_mesh::Model;
 use syntable_mesh::format::MeshFormat;
 use syntable_mesh::limits::Budget;
+use syntable_mesh::paint::{full_intensity, linear_of_display};
 use syntable_mesh::polygon::triangulate;
 use syntable_mesh::root::AssetRoot;
 use syntable_mesh::text::{finite, lines, shorten};
-use syntable_model::color::srgb_to_linear;
 use syntable_model::context::Log;
 use syntable_model::error::{Error, Result};
 use syntable_model::scene::MeshData;
@@ -30,6 +34,9 @@ pub fn read(root: &AssetRoot, file: &Path, log: &dyn Log) -> Result<Model> {
                 .at_line(line),
         );
     }
+    for (note, line) in &parsed.notes {
+        log.warn(&Error::new(note).in_file(&path).at_line(*line));
+    }
     let folder = file.parent().unwrap_or(Path::new(""));
     materials::attach(parsed, root, folder, &path, log)
 }
@@ -37,8 +44,14 @@ pub fn read(root: &AssetRoot, file: &Path, log: &dyn Log) -> Result<Model> {
 /// What the text holds, before materials are looked up.
 #[derive(Debug, Default)]
 pub struct ParsedObj {
-    /// Arrays; slots are indices into `uses`.
+    /// Arrays; slots are indices into `uses`. The color of a vertex without one is white.
     pub mesh: MeshData,
+    /// Whether a vertex has a color; empty if none has.
+    pub colored: Vec<bool>,
+    /// Opacities of the vertices; empty if none are stated.
+    pub alphas: Vec<f32>,
+    /// What is stated and not read, and the line.
+    pub notes: Vec<(String, usize)>,
     /// Names of `mtllib` with their lines.
     pub libraries: Vec<(String, usize)>,
     /// Line of the first corner whose normal does not exist, and how many such corners there are.
@@ -85,7 +98,14 @@ struct Parser<'a> {
     /// Line of the last face.
     last_face: usize,
     positions: Vec<[f32; 3]>,
-    colors: Vec<[f32; 3]>,
+    /// Colors and opacities as written; NaN where there are none. No longer than the positions.
+    colors: Vec<[f32; 4]>,
+    /// Colors in comments of ZBrush.
+    polypaint: Vec<[u8; 3]>,
+    /// The first line with a color that is not finite, and how many there are.
+    wrong_colors: Option<(usize, usize)>,
+    /// The first line that maps a texture without a material.
+    usemap: Option<usize>,
     uvs: Vec<[f32; 2]>,
     normals: Vec<[f32; 3]>,
     /// Corners that have become vertices, and their numbers.
@@ -114,6 +134,9 @@ impl<'a> Parser<'a> {
             last_face: 0,
             positions: Vec::new(),
             colors: Vec::new(),
+            polypaint: Vec::new(),
+            wrong_colors: None,
+            usemap: None,
             uvs: Vec::new(),
             normals: Vec::new(),
             vertices: HashMap::new(),
@@ -137,7 +160,15 @@ impl<'a> Parser<'a> {
         let text = text.trim_ascii();
         let (key, rest) = text.split_once(|c: char| c.is_ascii_whitespace()).unwrap_or((text, ""));
         match key {
-            "v" => self.position(rest),
+            "v" => self.position(rest, number),
+            "#MRGB" => {
+                self.polypaint(rest);
+                self.budget.vertices(self.polypaint.len())
+            }
+            "usemap" => {
+                self.usemap.get_or_insert(number);
+                Ok(())
+            }
             "vt" => {
                 let numbers = numbers::<2, 3>(rest, "texture coordinate")?;
                 self.budget.vertices(self.uvs.len() + 1)?;
@@ -183,20 +214,41 @@ impl<'a> Parser<'a> {
     }
 
     /// `x y z`, `x y z w`, `x y z r g b` or `x y z r g b a`.
-    fn position(&mut self, rest: &str) -> Result<()> {
-        let (values, count) = numbers::<3, 7>(rest, "vertex")?;
-        if count < 3 {
-            return Err(Error::new(format!("a vertex with {count} coordinates")));
+    fn position(&mut self, rest: &str, line: usize) -> Result<()> {
+        let mut words = rest.split_ascii_whitespace().take_while(|token| !token.starts_with('#'));
+        let text = words.by_ref().take(3).map(|token| finite(token, "vertex")).collect::<Result<Vec<_>>>()?;
+        let [x, y, z] = text[..] else {
+            return Err(match text.len() {
+                0 => Error::new("a vertex with no coordinates; it needs 3"),
+                count => Error::new(format!("a vertex with {count} coordinates")),
+            });
+        };
+        let mut color = [f32::NAN; 4];
+        let mut count = 0;
+        for token in words.take(4) {
+            color[count] = token.parse().map_err(|_| Error::new(format!("`{}` is not a number", shorten(token))))?;
+            count += 1;
         }
-        let [x, y, z, r, g, b, _] = values;
-        if count >= 6 {
-            // Vertices before the first colored one are white.
-            self.colors.resize(self.positions.len(), [1.0; 3]);
-            self.colors.push([r, g, b]);
+        if count >= 3 {
+            if !color[..count].iter().all(|x| x.is_finite()) {
+                self.wrong_colors.get_or_insert((line, 0)).1 += 1;
+            }
+            self.colors.resize(self.positions.len(), [f32::NAN; 4]);
+            self.colors.push(color);
         }
         self.budget.vertices(self.positions.len() + 1)?;
         self.positions.push([x, y, z]);
         Ok(())
+    }
+
+    /// Eight hexadecimal digits a vertex, for all vertices in order: a mask and red, green and blue.
+    fn polypaint(&mut self, text: &str) {
+        for digits in text.trim_ascii().as_bytes().chunks_exact(8) {
+            let number = std::str::from_utf8(digits).ok().and_then(|digits| u32::from_str_radix(digits, 16).ok());
+            let Some(number) = number else { return };
+            let [_, r, g, b] = number.to_be_bytes();
+            self.polypaint.push([r, g, b]);
+        }
     }
 
     fn face(&mut self, rest: &str, number: usize) -> Result<()> {
@@ -294,11 +346,18 @@ impl<'a> Parser<'a> {
                 count => Error::new(format!("no faces, though {count} vertices")),
             });
         }
-        if !self.colors.is_empty() {
-            self.colors.resize(self.positions.len(), [1.0; 3]);
+        let mut notes = Vec::new();
+        if let Some((line, count)) = self.wrong_colors {
+            notes.push((format!("{count} vertex colors are not finite; such a channel counts as white"), line));
         }
-        // Colors are written in [0, 1], or by some programs in [0, 255].
-        let white = if self.colors.iter().flatten().any(|&x| x > 1.0) { 255.0 } else { 1.0 };
+        if let Some(line) = self.usemap {
+            notes.push(("`usemap` is not read; `map_Kd` of a material is".into(), line));
+        }
+        if self.colors.is_empty() {
+            let colors = self.polypaint.iter().take(self.positions.len());
+            self.colors =
+                colors.map(|color| color.map(|x| f32::from(x) / 255.0)).map(|[r, g, b]| [r, g, b, f32::NAN]).collect();
+        }
         let any = |part: usize| self.corners.iter().any(|corner| corner[part] != NONE);
         let mut mesh = MeshData {
             positions: self.corners.iter().map(|corner| self.positions[corner[0] as usize]).collect(),
@@ -315,12 +374,30 @@ impl<'a> Parser<'a> {
             let normal = |corner: &Corner| self.normals.get(corner[2] as usize).copied().unwrap_or_default();
             mesh.normals = self.corners.iter().map(normal).collect();
         }
+        let (mut colored, mut alphas) = (Vec::new(), Vec::new());
         if !self.colors.is_empty() {
-            let color =
-                |corner: &Corner| self.colors[corner[0] as usize].map(|x| srgb_to_linear((x / white).clamp(0.0, 1.0)));
-            mesh.colors = self.corners.iter().map(color).collect();
+            self.colors.resize(self.positions.len(), [f32::NAN; 4]);
+            let range = |channels: std::ops::Range<usize>| {
+                full_intensity(self.colors.iter().flat_map(|color| &color[channels.clone()]).map(|&x| f64::from(x)))
+            };
+            let (full, opaque) = (range(0..3), range(3..4));
+            let colors = || self.corners.iter().map(|corner| self.colors[corner[0] as usize]);
+            mesh.colors = colors().map(|[r, g, b, _]| linear_of_display([r, g, b].map(f64::from), full)).collect();
+            colored = colors().map(|[r, g, b, _]| [r, g, b].iter().any(|x| x.is_finite())).collect();
+            if self.colors.iter().any(|color| color[3].is_finite()) {
+                let alpha = |x: f32| if x.is_finite() { (f64::from(x) / opaque).clamp(0.0, 1.0) as f32 } else { 1.0 };
+                alphas = colors().map(|color| alpha(color[3])).collect();
+            }
         }
-        Ok(ParsedObj { mesh, libraries: self.libraries, missing_normals: self.missing_normals, uses: self.uses })
+        Ok(ParsedObj {
+            mesh,
+            colored,
+            alphas,
+            notes,
+            libraries: self.libraries,
+            missing_normals: self.missing_normals,
+            uses: self.uses,
+        })
     }
 }
 

@@ -1,8 +1,13 @@
 //! PLY, text and binary in both byte orders: vertices, normals, colors, texture coordinates and polygons.
 //!
-//! Elements and properties that have no meaning here are ignored. The image is named by the comment
-//! `TextureFile`, as MeshLab and BOP write it.
+//! Elements and properties that have no meaning here are ignored. Images are named by comments `TextureFile`, as MeshLab and
+//! BOP write them; the property `texnumber` of faces says which of several a face has.
+//!
+//! Colors are sRGB-encoded, by vertex, by corner (the list `color` of MeshLab's faces) or by face. Their type does not say
+//! what full intensity is: [`full_intensity`](syntable_mesh::paint::full_intensity) finds it for all types but `uchar`. A texture goes before colors by
+//! vertex, those before colors by corner and by face, as other programs show them.
 
+use crate::formats::InFile;
 use crate::sources::bop_models::guess_unit;
 use body::Rows;
 use header::{Element, Header};
@@ -14,10 +19,10 @@ use syntable_mesh::format::MeshFormat;
 use syntable_mesh::image::Image;
 use syntable_mesh::limits::Budget;
 use syntable_mesh::material::default_material;
+use syntable_mesh::paint::{VertexAlpha, blend_by_vertex, linear_of_display, paint_corners};
 use syntable_mesh::polygon::triangulate;
 use syntable_mesh::root::AssetRoot;
 use syntable_mesh::text::shorten;
-use syntable_model::color::srgb_to_linear;
 use syntable_model::context::Log;
 use syntable_model::error::{Error, Result};
 use syntable_model::scene::{Color, Encoding, MeshData, Wrap};
@@ -32,38 +37,108 @@ const LIST_LIMIT: usize = 1 << 20;
 pub fn read(root: &AssetRoot, file: &Path, log: &dyn Log) -> Result<Model> {
     let path = root.locate(file)?;
     let at = |error: Error| error.in_file(&path);
-    let Parsed { mesh, textures, longer_rows } = parse(&root.read(&path)?, root.budget()).map_err(at)?;
+    let Parsed { mesh, alphas, corners, textures, longer_rows, notes } =
+        parse(&root.read(&path)?, root.budget()).map_err(at)?;
     if let Some((line, count)) = longer_rows {
         let message = format!("{count} rows have more numbers than the header names; the others are ignored");
         log.warn(&at(Error::new(message)).at_line(line));
     }
-    let mut material = default_material(!mesh.colors.is_empty());
-    if let [name, others @ ..] = &textures[..] {
-        let folder = file.parent().unwrap_or(Path::new(""));
-        if !others.is_empty() {
-            log.warn(&at(Error::new(format!("{} textures are named; the first is used", textures.len()))));
-        }
+    for note in notes {
+        log.warn(&at(Error::new(note)));
+    }
+    let mut model = Model { mesh, materials: Vec::new() };
+    let used = if textures.len() > 1 && model.mesh.slots.is_empty() {
+        log.warn(&at(Error::new(format!(
+            "{} textures are named, but faces have no `texnumber`; the first is used",
+            textures.len()
+        ))));
+        1
+    } else {
+        textures.len()
+    };
+    let folder = file.parent().unwrap_or(Path::new(""));
+    let mut images = Vec::new();
+    for name in &textures[..used] {
         let shown = shorten(name);
-        match root.find(folder, name).map_err(at)? {
-            Some(_) if mesh.uvs.is_empty() => {
+        images.push(match root.find(folder, name).map_err(at)? {
+            Some(_) if model.mesh.uvs.is_empty() => {
                 log.warn(&at(Error::new(format!("no texture coordinates for `{shown}`; a constant color is used"))));
+                None
             }
             Some(image) => {
                 let image = image.noted(|note| log.warn(&at(note)));
-                let texture = Image::read(root, &image)?.into_texture(Encoding::Srgb, [Wrap::Repeat; 2]);
-                material.base_color = Color::texture(Arc::new(texture));
-                material = material.with_digest();
+                Some(Arc::new(Image::read(root, &image)?.into_texture(Encoding::Srgb, [Wrap::Repeat; 2])))
             }
-            None => log.warn(&at(Error::new(format!("no texture `{shown}`; a constant color is used")))),
-        }
+            None => {
+                log.warn(&at(Error::new(format!("no texture `{shown}`; a constant color is used"))));
+                None
+            }
+        });
     }
-    Ok(Model { mesh, materials: vec![material] })
+    let slot = |t: usize| usize::from(model.mesh.slots.get(t).copied().unwrap_or(0));
+    let textured: Vec<bool> =
+        (0..model.mesh.triangles.len()).map(|t| images.get(slot(t)).is_some_and(Option::is_some)).collect();
+    let slots = (0..textured.len()).map(slot).max().unwrap_or(0) + 1;
+    let alphas = paint(&mut model.mesh, alphas, &corners, &textured, &|note| log.warn(&at(note)));
+    let default = default_material(!model.mesh.colors.is_empty());
+    model.materials = (0..slots)
+        .map(|slot| match images.get(slot) {
+            Some(Some(image)) => {
+                let mut material = default.clone();
+                material.base_color = Color::texture(image.clone());
+                material.with_digest()
+            }
+            _ => default.clone(),
+        })
+        .collect();
+    blend_by_vertex(&mut model, &alphas, |_| VertexAlpha::Blends, &InFile { log, path: &path });
+    Ok(model)
+}
+
+/// Gives the mesh the colors of its vertices, or else of its corners, where there is no texture. Returns the opacities of
+/// the vertices; none if all are opaque.
+fn paint(
+    mesh: &mut MeshData,
+    alphas: Vec<f32>,
+    corners: &[[[f32; 4]; 3]],
+    textured: &[bool],
+    warn: &dyn Fn(Error),
+) -> Vec<f32> {
+    let white = |colors: &[f32]| colors.iter().all(|&x| x == 1.0);
+    let by_vertex = !mesh.colors.is_empty();
+    if (!by_vertex && corners.is_empty()) || !textured.contains(&true) {
+        return if by_vertex || corners.is_empty() { alphas } else { paint_corners(mesh, |t, k| corners[t][k]) };
+    }
+    let nothing = white(mesh.colors.as_flattened()) && white(&alphas) && white(corners.as_flattened().as_flattened());
+    if nothing {
+        return Vec::new();
+    }
+    warn(Error::new("there is a texture: the colors of vertices or faces are not read where it is"));
+    if textured.iter().all(|&textured| textured) {
+        mesh.colors.clear();
+        return Vec::new();
+    }
+    let (colors, triangles) = (std::mem::take(&mut mesh.colors), mesh.triangles.clone());
+    paint_corners(mesh, |t, k| {
+        let vertex = triangles[t][k] as usize;
+        match (textured[t], colors.get(vertex)) {
+            (true, _) => [1.0; 4],
+            (false, Some(&[r, g, b])) => [r, g, b, alphas.get(vertex).copied().unwrap_or(1.0)],
+            (false, None) => corners[t][k],
+        }
+    })
 }
 
 /// What a file holds.
 pub struct Parsed {
     /// The mesh.
     pub mesh: MeshData,
+    /// Opacities of the vertices; empty if none are stated.
+    pub alphas: Vec<f32>,
+    /// Linear colors and opacities of the corners of triangles, where vertices have none; empty if none are stated.
+    pub corners: Vec<[[f32; 4]; 3]>,
+    /// What is stated and not read.
+    pub notes: Vec<String>,
     /// Names of textures.
     pub textures: Vec<String>,
     /// In text: the first line with more numbers than the header names, and how many such lines there are.
@@ -76,23 +151,110 @@ pub fn parse(bytes: &[u8], budget: &Budget) -> Result<Parsed> {
     let mut rows = Rows::new(&header, bytes);
     let mut vertices = None;
     let mut faces = None;
+    let mut notes = Vec::new();
     for element in &header.elements {
         rows.check_size(element)?;
         match element.name.as_str() {
-            "vertex" if vertices.is_none() => vertices = Some(read_vertices(element, &mut rows, budget)?),
-            "face" if faces.is_none() => faces = Some(read_faces(element, &mut rows, vertices.as_ref(), budget)?),
-            _ => rows.skip(element)?,
+            "vertex" if vertices.is_none() => vertices = Some(read_vertices(element, &mut rows, budget, &mut notes)?),
+            "face" if faces.is_none() => {
+                faces = Some(read_faces(element, &mut rows, vertices.as_ref(), budget, &mut notes)?);
+            }
+            _ => {
+                if element.name == "material" && element.count > 0 {
+                    notes.push("the colors of its element `material` are not read".into());
+                }
+                rows.skip(element)?;
+            }
         }
     }
-    let mesh = vertices.ok_or_else(|| Error::new("no vertices"))?;
-    let faces = faces.ok_or_else(|| Error::new("no faces"))?;
+    let Vertices { mesh, alphas } = vertices.ok_or_else(|| Error::new("no vertices"))?;
+    let mut faces = faces.ok_or_else(|| Error::new("no faces"))?;
     if faces.triangles.is_empty() {
         return Err(Error::new("no faces"));
     }
-    Ok(Parsed { mesh: faces.onto(mesh), textures: header.textures, longer_rows: rows.longer() })
+    if !mesh.colors.is_empty() && !faces.corners.is_empty() {
+        notes.push("vertices and faces have colors; those of the vertices are read".into());
+        faces.corners = Vec::new();
+    }
+    let textures = header.textures;
+    let slots = faces.slots(textures.len());
+    let corners = std::mem::take(&mut faces.corners);
+    let (mesh, alphas) = faces.onto(mesh, alphas);
+    let mesh = MeshData { slots, ..mesh };
+    Ok(Parsed { mesh, alphas, corners, notes, textures, longer_rows: rows.longer() })
 }
 
-fn read_vertices(element: &Element, rows: &mut Rows<'_>, budget: &Budget) -> Result<MeshData> {
+/// Columns of a color: red, green and blue, and alpha where there is one.
+struct ColorColumns {
+    rgb: [usize; 3],
+    alpha: Option<usize>,
+}
+
+impl ColorColumns {
+    fn of(element: &Element, notes: &mut Vec<String>) -> Option<Self> {
+        let find = |names: &[&str]| {
+            let is_named = |name: &str| names.iter().any(|known| known.eq_ignore_ascii_case(name));
+            element.properties.iter().position(|p| p.list.is_none() && is_named(&p.name))
+        };
+        let found = [
+            find(&["red", "r", "diffuse_red"]),
+            find(&["green", "g", "diffuse_green"]),
+            find(&["blue", "b", "diffuse_blue"]),
+        ];
+        if let [Some(r), Some(g), Some(b)] = found {
+            return Some(Self { rgb: [r, g, b], alpha: find(&["alpha", "a", "diffuse_alpha"]) });
+        }
+        if let Some(at) = found.into_iter().flatten().next() {
+            let (of, name) = (shorten(&element.name), shorten(&element.properties[at].name));
+            notes.push(format!("`{name}` of element `{of}` is no color without the other two of red, green and blue"));
+        }
+        None
+    }
+
+    /// The values of a row, with bytes that were written as signed ones mended.
+    fn of_row(&self, values: &[f64]) -> [f32; 4] {
+        let byte = |x: f64| if (-128.0..0.0).contains(&x) { x + 256.0 } else { x };
+        let [r, g, b] = self.rgb.map(|at| byte(values[at]) as f32);
+        [r, g, b, self.alpha.map_or(1.0, |at| byte(values[at]) as f32)]
+    }
+}
+
+/// Colors as they are written become linear ones in [0, 1], and opacities in [0, 1]. The types are those of red and alpha.
+fn decode<'a>(
+    colors: impl Iterator<Item = &'a mut [f32; 4]>,
+    [full, opaque]: [f64; 2],
+    of: &str,
+    notes: &mut Vec<String>,
+) {
+    let mut missing = 0;
+    for color in colors {
+        let [r, g, b, alpha] = color.map(f64::from);
+        missing += usize::from(![r, g, b, alpha].iter().all(|x| x.is_finite()));
+        let [r, g, b] = linear_of_display([r, g, b], full);
+        *color = [r, g, b, if alpha.is_finite() { (alpha / opaque).clamp(0.0, 1.0) as f32 } else { 1.0 }];
+    }
+    if missing > 0 {
+        notes.push(format!("{missing} colors of {of} are not finite; such a channel counts as white"));
+    }
+}
+
+/// The numbers of full intensity and of full opacity.
+fn ranges(element: &Element, columns: &ColorColumns, colors: &[[f32; 4]]) -> [f64; 2] {
+    let rgb = colors.iter().flat_map(|color| &color[..3]).map(|&x| f64::from(x));
+    let full = element.properties[columns.rgb[0]].scalar.full_intensity(rgb);
+    let alpha = colors.iter().map(|color| f64::from(color[3]));
+    let opaque = columns.alpha.map_or(1.0, |at| element.properties[at].scalar.full_intensity(alpha));
+    [full, opaque]
+}
+
+/// Vertices without faces.
+struct Vertices {
+    mesh: MeshData,
+    /// Opacities; empty if none are stated.
+    alphas: Vec<f32>,
+}
+
+fn read_vertices(element: &Element, rows: &mut Rows<'_>, budget: &Budget, notes: &mut Vec<String>) -> Result<Vertices> {
     budget.vertices(element.count)?;
     let find = |names: &[&str]| element.properties.iter().position(|p| names.contains(&p.name.as_str()));
     let mut position = [0; 3];
@@ -101,13 +263,12 @@ fn read_vertices(element: &Element, rows: &mut Rows<'_>, budget: &Budget) -> Res
     }
     let all = |found: [Option<usize>; 3]| -> Option<[usize; 3]> { Some([found[0]?, found[1]?, found[2]?]) };
     let normal = all(["nx", "ny", "nz"].map(|name| find(&[name])));
-    let color = all([&["red", "r", "diffuse_red"], &["green", "g", "diffuse_green"], &["blue", "b", "diffuse_blue"]]
-        .map(|names| find(names)));
+    let color = ColorColumns::of(element, notes);
     let uv = find(&["texture_u", "u", "s"]).zip(find(&["texture_v", "v", "t"]));
-    let whites: Vec<f64> = element.properties.iter().map(|p| p.scalar.white()).collect();
 
     // The size was checked: there are at least two bytes for every number.
     let mut mesh = MeshData { positions: Vec::with_capacity(element.count), ..MeshData::default() };
+    let mut colors = Vec::new();
     let mut values = vec![0.0; element.properties.len()];
     for row in 0..element.count {
         rows.begin(element, row)?;
@@ -129,50 +290,72 @@ fn read_vertices(element: &Element, rows: &mut Rows<'_>, budget: &Budget) -> Res
         if let Some(normal) = normal {
             mesh.normals.push(normal.map(|at| values[at] as f32));
         }
-        if let Some(color) = color {
-            mesh.colors.push(color.map(|at| srgb_to_linear((values[at] / whites[at]).clamp(0.0, 1.0) as f32)));
+        if let Some(color) = &color {
+            colors.push(color.of_row(&values));
         }
         if let Some((u, v)) = uv {
             mesh.uvs.push([values[u] as f32, values[v] as f32]);
         }
     }
-    Ok(mesh)
+    let mut alphas = Vec::new();
+    if let Some(columns) = color {
+        let ranges = ranges(element, &columns, &colors);
+        decode(colors.iter_mut(), ranges, "vertices", notes);
+        mesh.colors = colors.iter().map(|&[r, g, b, _]| [r, g, b]).collect();
+        if columns.alpha.is_some() {
+            alphas = colors.iter().map(|color| color[3]).collect();
+        }
+    }
+    Ok(Vertices { mesh, alphas })
 }
 
-/// Triangles, and texture coordinates per corner where faces carry them.
+/// Triangles, and what faces state of their corners.
 #[derive(Default)]
 struct Faces {
     triangles: Vec<[u32; 3]>,
     corner_uvs: Vec<[[f32; 2]; 3]>,
+    /// Linear colors and opacities of the corners.
+    corners: Vec<[[f32; 4]; 3]>,
+    /// Numbers of textures.
+    textures: Vec<f64>,
 }
 
-fn read_faces(element: &Element, rows: &mut Rows<'_>, vertices: Option<&MeshData>, budget: &Budget) -> Result<Faces> {
+fn read_faces(
+    element: &Element,
+    rows: &mut Rows<'_>,
+    vertices: Option<&Vertices>,
+    budget: &Budget,
+    notes: &mut Vec<String>,
+) -> Result<Faces> {
     budget.triangles(element.count)?;
-    let positions = &vertices.ok_or_else(|| Error::new("faces come before the vertices"))?.positions;
+    let positions = &vertices.ok_or_else(|| Error::new("faces come before the vertices"))?.mesh.positions;
     let list =
         |names: &[&str]| element.properties.iter().position(|p| p.list.is_some() && names.contains(&p.name.as_str()));
     let indices_at =
         list(&["vertex_indices", "vertex_index"]).ok_or_else(|| Error::new("faces have no list `vertex_indices`"))?;
-    let uvs_at = list(&["texcoord"]);
+    let (uvs_at, wedge_at) = (list(&["texcoord"]), list(&["color"]));
+    let texture_at = element.properties.iter().position(|p| p.list.is_none() && p.name == "texnumber");
+    let color = ColorColumns::of(element, notes);
     let mut faces = Faces::default();
-    let (mut indices, mut uvs, mut other) = (Vec::new(), Vec::new(), Vec::new());
+    let (mut indices, mut uvs, mut wedge, mut other) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
     let mut outline = Vec::new();
+    let mut values = vec![0.0; element.properties.len()];
+    let (mut by_face, mut without_color) = (Vec::new(), 0);
     for row in 0..element.count {
         rows.begin(element, row)?;
         for (at, property) in element.properties.iter().enumerate() {
             match property.list {
-                None => {
-                    rows.number(property.scalar)?;
-                }
+                None => values[at] = rows.number(property.scalar)?,
                 Some(length) => {
                     let into = match at {
                         _ if at == indices_at => &mut indices,
                         _ if Some(at) == uvs_at => &mut uvs,
+                        _ if Some(at) == wedge_at => &mut wedge,
                         _ => &mut other,
                     };
-                    // A face of n corners has n - 2 triangles, and texture coordinates two numbers for each corner.
+                    // A face of n corners has n - 2 triangles, and at most four numbers for each corner.
                     let corners = budget.triangles_left(faces.triangles.len()).saturating_add(2);
-                    let most = if at == indices_at { corners } else { corners.saturating_mul(2) };
+                    let most = if at == indices_at { corners } else { corners.saturating_mul(4) };
                     rows.list(length, property.scalar, into, most)?;
                 }
             }
@@ -194,18 +377,61 @@ fn read_faces(element: &Element, rows: &mut Rows<'_>, vertices: Option<&MeshData
             let uv = |i: usize| [0, 1].map(|k| uvs.get(2 * i + k).copied().unwrap_or_default() as f32);
             faces.corner_uvs.extend(cut.iter().map(|corners| corners.map(uv)));
         }
+        if texture_at.is_some() {
+            faces.textures.resize(faces.triangles.len(), texture_at.map_or(0.0, |at| values[at]));
+        }
+        if wedge_at.is_some() {
+            // Three or four channels for each corner, or a face without colors.
+            let channels = wedge.len() / indices.len();
+            let is_color = (channels == 3 || channels == 4) && wedge.len() % indices.len() == 0;
+            without_color += usize::from(!is_color);
+            let corner = |i: usize| {
+                let channel = |k: usize| wedge.get(i * channels + k).copied();
+                let value = |k: usize| channel(k).filter(|_| is_color).map_or(f32::NAN, |x| x as f32);
+                [value(0), value(1), value(2), if channels == 4 { value(3) } else { f32::NAN }]
+            };
+            faces.corners.extend(cut.iter().map(|corners| corners.map(corner)));
+        } else if let Some(color) = &color {
+            by_face.resize(faces.triangles.len(), color.of_row(&values));
+        }
+    }
+    if let Some(at) = wedge_at {
+        let rgb = || faces.corners.iter().flatten();
+        let full = element.properties[at]
+            .scalar
+            .full_intensity(rgb().flatten().filter(|x| x.is_finite()).map(|&x| f64::from(x)));
+        decode(faces.corners.iter_mut().flatten(), [full; 2], "corners", &mut Vec::new());
+        if without_color > 0 {
+            notes.push(format!("{without_color} faces have no colors for their corners; they are white"));
+        }
+    } else if let Some(columns) = &color {
+        let ranges = ranges(element, columns, &by_face);
+        decode(by_face.iter_mut(), ranges, "faces", notes);
+        faces.corners = by_face.into_iter().map(|color| [color; 3]).collect();
     }
     Ok(faces)
 }
 
 impl Faces {
-    /// Joins faces and vertices; a vertex with several texture coordinates is split.
-    fn onto(self, mut mesh: MeshData) -> MeshData {
+    /// Material slots: the numbers of textures, where faces have different ones. A number that no texture has is a slot of
+    /// its own.
+    fn slots(&self, textures: usize) -> Vec<u16> {
+        let slot = |&number: &f64| {
+            let known = number >= 0.0 && number < textures as f64;
+            if known { number as u16 } else { u16::try_from(textures).unwrap_or(u16::MAX) }
+        };
+        let slots: Vec<u16> = if textures > 0 { self.textures.iter().map(slot).collect() } else { Vec::new() };
+        if slots.iter().all(|&slot| slot == 0) && textures < 2 { Vec::new() } else { slots }
+    }
+
+    /// Joins faces and vertices; a vertex with several texture coordinates is split. Also gives the opacities of vertices.
+    fn onto(self, mut mesh: MeshData, alphas: Vec<f32>) -> (MeshData, Vec<f32>) {
         mesh.triangles = self.triangles;
         if self.corner_uvs.is_empty() {
-            return mesh;
+            return (mesh, alphas);
         }
         let mut split = MeshData::default();
+        let mut split_alphas = Vec::new();
         let mut known: HashMap<(u32, [u32; 2]), u32> = HashMap::new();
         for (triangle, uvs) in mesh.triangles.iter().zip(&self.corner_uvs) {
             split.triangles.push(std::array::from_fn(|k| {
@@ -215,12 +441,13 @@ impl Faces {
                     split.positions.push(mesh.positions[i]);
                     split.normals.extend(mesh.normals.get(i));
                     split.colors.extend(mesh.colors.get(i));
+                    split_alphas.extend(alphas.get(i));
                     split.uvs.push(uv);
                     (split.positions.len() - 1) as u32
                 })
             }));
         }
-        split
+        (split, split_alphas)
     }
 }
 

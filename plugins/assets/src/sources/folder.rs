@@ -1,5 +1,6 @@
 //! Any folder of assets: files of some formats anywhere below a root, each named by its path.
 
+use super::collision::{self, Rule};
 use super::nothing_found;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -78,41 +79,37 @@ pub fn by_stem(root: &AssetRoot, extensions: &[&str]) -> Result<BTreeMap<PathBuf
     Ok(stems)
 }
 
-/// Words of file and folder names that mark geometry for physics. `col` and `collision` may be followed by a number.
-const COLLISION_WORDS: [&str; 6] = ["collision", "collisions", "collider", "col", "vhacd", "coacd"];
-
-/// Whether a path names a part of a model's collision geometry, such as `model_collision_3`, `mug-col2` or
-/// `collision/part`. A name that is nothing but `col` is a name.
-pub fn is_collision_part(stem: &Path) -> bool {
-    let words_of = |name: &str| -> Vec<String> {
-        let words = name.split(|c: char| !c.is_ascii_alphanumeric()).filter(|word| !word.is_empty());
-        words.map(|word| word.trim_end_matches(|c: char| c.is_ascii_digit()).to_ascii_lowercase()).collect()
-    };
-    let marked = |word: &String| COLLISION_WORDS.contains(&word.as_str());
-    let mut names = stem.iter().rev().map(|name| words_of(&name.to_string_lossy()));
-    let file = names.next().unwrap_or_default();
-    file.iter().skip(1).any(marked) || names.any(|folder| folder.len() == 1 && folder.iter().any(marked))
-}
-
-/// Takes the collision geometry out of the meshes of a root, with one warning.
-pub fn leave_out_collision_parts(meshes: &mut BTreeMap<PathBuf, Vec<PathBuf>>, root: &AssetRoot, log: &dyn Log) {
-    let before = meshes.len();
+/// Takes the collision meshes out of the meshes of a root, with one warning that counts them by rule. An error if no other
+/// mesh is left.
+pub fn leave_out_collision_meshes(
+    meshes: &mut BTreeMap<PathBuf, Vec<PathBuf>>,
+    root: &AssetRoot,
+    log: &dyn Log,
+) -> Result<()> {
+    let rules = collision::rules(meshes.keys().map(PathBuf::as_path));
+    let mut found = rules.iter();
     let mut first = None;
-    meshes.retain(|stem, files| {
-        let part = is_collision_part(stem);
-        if part && first.is_none() {
+    meshes.retain(|_, files| {
+        let is_object = found.next().is_none_or(Option::is_none);
+        if !is_object && first.is_none() {
             first = files.first().cloned();
         }
-        !part
+        is_object
     });
-    if let Some(first) = first {
-        let count = before - meshes.len();
-        let message = match count {
-            1 => "the mesh is collision geometry by its name and left out".to_owned(),
-            _ => format!("{count} meshes are collision geometry by their names and left out"),
-        };
-        log.warn(&Error::new(message).in_file(root.folder().join(first)).help("rename it if it is an object"));
+    let Some(first) = first else { return Ok(()) };
+    let rules: Vec<Rule> = rules.into_iter().flatten().collect();
+    let by_rule = collision::describe(&rules);
+    let message = match rules.len() {
+        1 => format!("1 collision mesh is left out: {by_rule}"),
+        count => format!("{count} collision meshes are left out: {by_rule}"),
+    };
+    let note = Error::new(message).in_file(root.folder().join(first));
+    let help = "`collision_meshes = \"include\"` in the pool makes objects of them";
+    if meshes.is_empty() {
+        return Err(Error::new(format!("no mesh but collision meshes: {by_rule}")).in_file(root.folder()).help(help));
     }
+    log.warn(&note.help(help));
+    Ok(())
 }
 
 /// Adds an asset whose name is `path`, with the first of its files; warns about the others, and about an asset that cannot be

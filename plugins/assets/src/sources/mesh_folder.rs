@@ -1,6 +1,6 @@
 //! `mesh_folder`: any folder of meshes.
 
-use super::folder::{FileIndex, Files, add_asset, by_stem, category, leave_out_collision_parts};
+use super::folder::{FileIndex, Files, add_asset, by_stem, category, leave_out_collision_meshes};
 use super::keypoints::with_keypoints;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -15,8 +15,11 @@ use syntable_model::stage::AssetLimits;
 /// The pool's `units` converts other units.
 ///
 /// An asset's name is its path without the extension, or that of its folder where that holds no other mesh; its category
-/// is the folder above. Meshes for physics that come beside a model, with a word such as `collision`, `col` or `vhacd` in
-/// their path, are left out. Of one mesh in several formats the one with most information is read: glTF, then OBJ, PLY, STL.
+/// is the folder above. Of one mesh in several formats the one with most information is read: glTF, then OBJ, PLY, STL.
+///
+/// Collision meshes that simulators keep beside a model are left out, with a note that counts them: meshes in a folder
+/// `collision`, meshes whose name less a word such as `col`, `hull` or `convex` is that of another mesh, and meshes with a
+/// word such as `vhacd` in their name.
 ///
 /// A file `<mesh>.keypoints.json` beside a mesh names points of it: `{"keypoints": [{"name": "rim", "point": [0, 0, 0.1]}]}`,
 /// in the frame and unit of the mesh as it is read, z up. So it is for every kind of source that reads objects from files.
@@ -28,6 +31,9 @@ pub struct MeshFolder {
     /// Which axis points up in formats that do not state it, such as OBJ, PLY and STL. glTF is y up by its standard.
     #[serde(default)]
     up: Up,
+    /// What happens to collision meshes.
+    #[serde(default)]
+    collision_meshes: CollisionMeshes,
     #[serde(skip)]
     files: FileIndex,
     #[serde(skip)]
@@ -43,6 +49,17 @@ pub enum Up {
     Z,
     /// y points up; the mesh is rotated to z up.
     Y,
+}
+
+/// What happens to meshes that are collision meshes by their names.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum CollisionMeshes {
+    /// They are left out.
+    #[default]
+    Exclude,
+    /// They are objects like others.
+    Include,
 }
 
 impl Config for MeshFolder {
@@ -70,13 +87,17 @@ impl AssetSource for MeshFolder {
     fn catalog(&self, log: &dyn Log) -> Result<Catalog> {
         let root = AssetRoot::open(self.root.path())?;
         let formats = MeshFormats::linked()?;
-        self.files.catalog(&root, find(&root, &formats, log)?, &format!("file of the formats {}", formats.names("or")))
+        self.files.catalog(
+            &root,
+            find(&root, &formats, self.collision_meshes, log)?,
+            &format!("file of the formats {}", formats.names("or")),
+        )
     }
 
     fn load(&self, name: &str, log: &dyn Log) -> Result<Asset> {
         let root = AssetRoot::open(self.root.path())?.within(self.limits);
         let formats = MeshFormats::linked()?;
-        let file = self.files.file(name, || find(&root, &formats, log))?;
+        let file = self.files.file(name, || find(&root, &formats, self.collision_meshes, log))?;
         let file = file.ok_or_else(|| Error::new(format!("no mesh `{name}`")).in_file(root.folder()))?;
         let model = formats.read(&root, &file, log)?;
         let states_up_axis = formats.of_file(&file).is_some_and(|format| format.states_up_axis);
@@ -89,9 +110,11 @@ impl AssetSource for MeshFolder {
 }
 
 /// All meshes by name.
-fn find(root: &AssetRoot, formats: &MeshFormats, log: &dyn Log) -> Result<Files> {
+fn find(root: &AssetRoot, formats: &MeshFormats, collision: CollisionMeshes, log: &dyn Log) -> Result<Files> {
     let mut meshes = by_stem(root, &formats.extensions())?;
-    leave_out_collision_parts(&mut meshes, root, log);
+    if collision == CollisionMeshes::Exclude {
+        leave_out_collision_meshes(&mut meshes, root, log)?;
+    }
     let mut in_folder: BTreeMap<PathBuf, usize> = BTreeMap::new();
     for stem in meshes.keys() {
         *in_folder.entry(stem.parent().unwrap_or(Path::new("")).to_owned()).or_default() += 1;
@@ -159,7 +182,7 @@ mod tests {
         }
         let (root, log) = (AssetRoot::open(folder.path()).expect("opens"), Collected::default());
         let formats = MeshFormats::linked().expect("no clash");
-        let found = find(&root, &formats, &log).expect("scans");
+        let found = find(&root, &formats, CollisionMeshes::Exclude, &log).expect("scans");
         let got: Vec<(&str, &str)> =
             found.iter().map(|(name, path)| (name.as_str(), path.to_str().expect("UTF-8"))).collect();
         let want = [
@@ -181,6 +204,23 @@ mod tests {
         assert_eq!(got, want);
         let warnings: Vec<String> = log.warnings().iter().map(ToString::to_string).collect();
         assert_eq!(warnings.len(), 2, "{warnings:?}");
-        assert!(warnings[0].contains("4 meshes are collision geometry by their names and left out"), "{warnings:?}");
+        let said = "4 collision meshes are left out: 3 beside a mesh of the same name without `col2`, `collision`, `vhacd`; \
+                    1 in folders named `collision`";
+        assert!(warnings[0].contains(said), "{warnings:?}");
+        let all = find(&root, &formats, CollisionMeshes::Include, &log).expect("scans");
+        assert!(all.contains_key("duck/Model-VHACD") && all.contains_key("jar/collision"), "{:?}", all.keys());
+    }
+
+    #[test]
+    fn a_pool_of_nothing_but_collision_meshes_says_so() {
+        let folder = tempfile::tempdir().expect("temp folder");
+        std::fs::create_dir(folder.path().join("coacd")).expect("folder");
+        std::fs::write(folder.path().join("coacd/piece_0.obj"), "x").expect("file");
+        let (root, log) = (AssetRoot::open(folder.path()).expect("opens"), Collected::default());
+        let formats = MeshFormats::linked().expect("no clash");
+        let error = find(&root, &formats, CollisionMeshes::Exclude, &log).expect_err("nothing is left").to_string();
+        assert!(error.contains("no mesh but collision meshes: 1 in folders named `coacd`"), "{error}");
+        assert!(error.contains("collision_meshes = \"include\""), "{error}");
+        assert_eq!(find(&root, &formats, CollisionMeshes::Include, &log).expect("scans").len(), 1);
     }
 }

@@ -3,6 +3,7 @@
 //! All of them find their assets by a scan of folders, sorted by name, and read one only when it is drawn.
 
 pub mod bop_models;
+pub mod collision;
 pub mod environment_folder;
 pub mod folder;
 pub mod google_scanned_objects;

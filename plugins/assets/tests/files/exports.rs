@@ -68,7 +68,8 @@ fn repackaged_scans_are_textured_and_their_collision_parts_left_out() {
         let log = Collected::default();
         let entries = source_of(kind, root, "").catalog(&log).expect("a catalog").entries;
         assert_eq!(entries.iter().map(|entry| entry.name.as_str()).collect::<Vec<_>>(), ["a", "b", "c"], "{kind}");
-        let left_out = log.warnings().iter().filter(|warning| warning.message().contains("12 meshes are")).count();
+        let left_out =
+            log.warnings().iter().filter(|warning| warning.message().contains("12 collision meshes are")).count();
         assert_eq!(left_out, usize::from(kind == "mesh_folder"), "{:?}", log.warnings());
         for name in ["a", "b", "c"] {
             let (object, _) = load_with_warnings(kind, root, name);

@@ -95,6 +95,16 @@ pub fn width(document: &Root, index: Index<Accessor>) -> Result<usize> {
     }
 }
 
+/// Whether an accessor holds floats.
+pub fn is_float(document: &Root, index: Index<Accessor>) -> Result<bool> {
+    Ok(component(get(&document.accessors, index, "accessor")?)? == ComponentType::F32)
+}
+
+/// Whether whole numbers of an accessor stand for fractions.
+pub fn is_normalized(document: &Root, index: Index<Accessor>) -> Result<bool> {
+    Ok(get(&document.accessors, index, "accessor")?.normalized)
+}
+
 fn component(accessor: &Accessor) -> Result<ComponentType> {
     match accessor.component_type {
         Checked::Valid(component) => Ok(component.0),

@@ -16,7 +16,8 @@ use gltf::json::{self, Index, Root};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use std::sync::Arc;
-use syntable_mesh::material::{blend, default_material, untextured};
+use syntable_mesh::material::{blend, untextured};
+use syntable_mesh::paint::VertexAlpha;
 use syntable_mesh::text::shorten;
 use syntable_model::context::Log;
 use syntable_model::digest::Digest;
@@ -111,14 +112,27 @@ impl<'a> Materials<'a> {
         Ok(sets.first().copied())
     }
 
+    /// What the opacity of vertex colors means for each slot.
+    pub fn vertex_alpha(&self) -> Vec<VertexAlpha> {
+        let meaning = |material: Option<Index<JsonMaterial>>| match material
+            .and_then(|index| self.document.materials.get(index.value()))?
+            .alpha_mode
+        {
+            Checked::Valid(AlphaMode::Mask) => Some(VertexAlpha::Masks),
+            Checked::Valid(AlphaMode::Blend) => Some(VertexAlpha::Blends),
+            _ => None,
+        };
+        self.slots.iter().map(|(material, ..)| meaning(*material).unwrap_or(VertexAlpha::Ignored)).collect()
+    }
+
     /// Builds the materials of all slots.
     pub fn into_slots(mut self, buffers: &mut Buffers<'_>) -> Result<Vec<Material>> {
         let slots = std::mem::take(&mut self.slots);
         let mut built = Vec::with_capacity(slots.len());
         for (index, uvs, triangles) in slots {
             let Some(index) = index else {
-                // The default material of glTF is white metal; a matt gray shows shapes better.
-                built.push(default_material(false));
+                // White and rough as the standard has it, but no metal: nobody who leaves out a material means that.
+                built.push(Material::plain("default", [1.0; 3], 1.0));
                 continue;
             };
             let json = get(&self.document.materials, index, "material")?;

@@ -1,13 +1,14 @@
 //! Primitives: the arrays of one mesh part.
 
-use super::accessor::{self, indices, vectors, width};
+use super::accessor::{self, indices, is_float, is_normalized, vectors, width};
 use super::buffers::Buffers;
 use super::get;
-use super::materials::Materials;
+use super::materials::{Materials, unit};
 use gltf::json::accessor::Accessor;
 use gltf::json::mesh::{Mode, Primitive as JsonPrimitive, Semantic};
 use gltf::json::validation::Checked;
 use gltf::json::{Index, Root};
+use syntable_mesh::paint::full_intensity;
 use syntable_model::error::{Error, Result};
 
 /// Arrays in the mesh's own frame. Empty ones are absent.
@@ -20,6 +21,8 @@ pub struct Primitive {
     pub uvs: Vec<[f32; 2]>,
     /// Linear colors `[V]`.
     pub colors: Vec<[f32; 3]>,
+    /// Opacities `[V]` of the colors.
+    pub alphas: Vec<f32>,
     /// Joints of a skin and their weights `[V]`, several sets; empty without a skin.
     pub influences: Vec<Vec<([f32; 4], [f32; 4])>>,
     /// Triangles `[T]`.
@@ -102,19 +105,36 @@ impl Primitive {
         };
         // glTF counts v downwards from the top of the image.
         uvs.iter_mut().for_each(|uv| uv[1] = 1.0 - uv[1]);
-        let colors: Vec<[f32; 3]> = match attribute(Semantic::Colors(0)) {
-            Some(index) => {
-                same(index, "colors")?;
-                if width(document, index)? == 4 {
-                    let colors = vectors::<4>(document, buffers, index, select, "colors")?;
-                    colors.into_iter().map(|[r, g, b, _]| [r, g, b]).collect()
-                } else {
-                    vectors::<3>(document, buffers, index, select, "colors")?
+        let mut colors = Vec::new();
+        let mut alphas = Vec::new();
+        if let Some(index) = attribute(Semantic::Colors(0)) {
+            same(index, "colors")?;
+            let mut read: Vec<[f32; 4]> = if width(document, index)? == 4 {
+                vectors::<4>(document, buffers, index, select, "colors")?
+            } else {
+                let read = vectors::<3>(document, buffers, index, select, "colors")?;
+                read.into_iter().map(|[r, g, b]| [r, g, b, 1.0]).collect()
+            };
+            // By the standard they are fractions: floats, or whole numbers that are marked as normalized.
+            let full = full_intensity(read.iter().flat_map(|color| &color[..3]).map(|&x| f64::from(x)));
+            let is_float = is_float(document, index)?;
+            if full > 1.0 || !(is_float || is_normalized(document, index)?) {
+                let full = full.max(255.0);
+                materials.warn(&format!("COLOR_0 is not normalized; it is read as 0 to {full}"));
+                let has_alpha = width(document, index)? == 4;
+                for color in &mut read {
+                    let channels = if has_alpha { 4 } else { 3 };
+                    color[..channels].iter_mut().for_each(|x| *x = (f64::from(*x) / full) as f32);
                 }
             }
-            None => Vec::new(),
-        };
-        let colors = colors.into_iter().map(|c| c.map(|x| if x > 0.0 { x.min(1.0) } else { 0.0 })).collect::<Vec<_>>();
+            colors = read.iter().map(|&[r, g, b, _]| [r, g, b].map(unit)).collect();
+            if read.iter().any(|color| color[3] < 1.0) {
+                alphas = read.iter().map(|color| unit(color[3])).collect();
+            }
+        }
+        if attribute(Semantic::Colors(1)).is_some() {
+            materials.warn("COLOR_1 is not read: COLOR_0 colors the mesh");
+        }
         for (target, &weight) in primitive.targets.iter().flatten().zip(shape.weights) {
             if weight == 0.0 {
                 continue;
@@ -148,7 +168,7 @@ impl Primitive {
         }
         let triangles = assemble(mode, &corners)?;
         let slot = materials.slot(primitive.material, !uvs.is_empty(), triangles.len())?;
-        Ok(Some(Self { positions, normals, uvs, colors, influences, triangles, slot }))
+        Ok(Some(Self { positions, normals, uvs, colors, alphas, influences, triangles, slot }))
     }
 }
 

@@ -1,6 +1,7 @@
 //! Materials by slot from the material libraries of an OBJ.
 
 use super::{MaterialUse, ParsedObj};
+use crate::formats::InFile;
 use crate::formats::mtl::{self, MtlMap, MtlMaterial};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -8,6 +9,7 @@ use std::sync::Arc;
 use syntable_mesh::Model;
 use syntable_mesh::image::Image;
 use syntable_mesh::material::{blend, default_material, mean, untextured};
+use syntable_mesh::paint::{VertexAlpha, blend_by_vertex, full_intensity, paint_corners};
 use syntable_mesh::root::{AssetRoot, Found};
 use syntable_mesh::text::shorten;
 use syntable_model::context::Log;
@@ -26,9 +28,16 @@ const DEFAULT_ROUGHNESS: f32 = 0.5;
 
 /// Finds the libraries and images of a parsed file and builds its materials.
 pub(super) fn attach(parsed: ParsedObj, root: &AssetRoot, folder: &Path, file: &Path, log: &dyn Log) -> Result<Model> {
-    let ParsedObj { mesh, libraries, uses, .. } = parsed;
-    let (images, textures) = Default::default();
-    let mut loader = Loader { root, folder: folder.to_owned(), file, log, images, textures };
+    let ParsedObj { mesh, colored: has_color, alphas, libraries, uses, .. } = parsed;
+    let (images, textures, black, unread) = Default::default();
+    let mut loader = Loader { root, folder: folder.to_owned(), file, log, images, textures, black, unread };
+    // Whether faces of a slot have vertex colors.
+    let mut painted = vec![false; uses.len()];
+    if !has_color.is_empty() {
+        for (triangle, &slot) in mesh.triangles.iter().zip(&mesh.slots) {
+            painted[usize::from(slot)] |= triangle.iter().any(|&vertex| has_color[vertex as usize]);
+        }
+    }
     let colored = !mesh.colors.is_empty();
     let known = loader.libraries(&libraries, colored)?;
     let missing = known.is_none();
@@ -37,9 +46,21 @@ pub(super) fn attach(parsed: ParsedObj, root: &AssetRoot, folder: &Path, file: &
     let mut unknown: Option<(&MaterialUse, usize)> = None;
     let mut materials = Vec::with_capacity(uses.len());
     let mut scanned = None;
-    for used in &uses {
-        let material = match known.get(&used.name) {
-            Some((library, material)) => loader.material(material, library)?,
+    for (used, &painted) in uses.iter().zip(&painted) {
+        let stated = match known.get(&used.name) {
+            // A file with one material often leaves out that its faces have it.
+            None if used.name.is_empty() && !libraries.is_empty() && !missing => {
+                let only = known.values().next().filter(|_| known.len() == 1);
+                // Vertex colors need no material.
+                if only.is_some() || !painted {
+                    loader.without_usemtl(used, only.map(|(_, material)| material));
+                }
+                only
+            }
+            stated => stated,
+        };
+        let mut material = match stated {
+            Some((library, material)) => loader.material(material, library, painted)?,
             None => {
                 if !missing && !used.name.is_empty() {
                     unknown.get_or_insert((used, 0)).1 += 1;
@@ -55,8 +76,13 @@ pub(super) fn attach(parsed: ParsedObj, root: &AssetRoot, folder: &Path, file: &
                 }
             }
         };
+        if painted && !used.textured && material.base_color.texture.take().is_some() {
+            material.base_color.factor = [1.0; 3];
+            material = material.with_digest();
+        }
         materials.push(if used.textured { material } else { loader.without_textures(material, used) });
     }
+    loader.tell_unread();
     // Without any library, a scan's own image was taken for its material.
     let explained = libraries.is_empty() && scanned.flatten().is_some();
     if let Some((first, count)) = unknown.filter(|_| !explained) {
@@ -65,7 +91,10 @@ pub(super) fn attach(parsed: ParsedObj, root: &AssetRoot, folder: &Path, file: &
             format!("no material `{}`{others} in the library; the default material is used", shorten(&first.name));
         log.warn(&Error::new(message).in_file(file).at_line(first.line));
     }
-    Ok(Model { mesh, materials })
+    let mut model = Model { mesh, materials };
+    let alphas = loader.textures_before_colors(&mut model, alphas);
+    blend_by_vertex(&mut model, &alphas, |_| VertexAlpha::Blends, &InFile { log, path: file });
+    Ok(model)
 }
 
 struct Loader<'a> {
@@ -76,6 +105,10 @@ struct Loader<'a> {
     /// Files by name as written, once looked up.
     images: BTreeMap<String, Option<PathBuf>>,
     textures: BTreeMap<(PathBuf, bool, bool), Arc<Texture>>,
+    /// Lines of the first `Kd` that is black beside a texture, or beside vertex colors, and how many there are.
+    black: [Option<(PathBuf, usize, usize)>; 2],
+    /// Statements of a library that are not read, by their key: the first, its line, and how many there are.
+    unread: BTreeMap<(PathBuf, String), (String, usize, usize)>,
 }
 
 impl Loader<'_> {
@@ -149,10 +182,102 @@ impl Loader<'_> {
         Ok(None)
     }
 
-    fn material(&mut self, from: &MtlMaterial, library: &Path) -> Result<Material> {
+    /// Notes that faces come before any `usemtl`, and which material they have.
+    fn without_usemtl(&self, used: &MaterialUse, only: Option<&MtlMaterial>) {
+        let has = match only {
+            Some(material) => format!("`{}`, the only material of the library", shorten(&material.name)),
+            None => "the default material".into(),
+        };
+        self.warn(format!("{} faces have no `usemtl`; they have {has}", used.triangles), self.file, used.line);
+    }
+
+    /// Makes vertices white where there is a texture, as other programs show one or the other. Returns the opacities.
+    fn textures_before_colors(&self, model: &mut Model, alphas: Vec<f32>) -> Vec<f32> {
+        let mesh = &mut model.mesh;
+        let textured = |t: usize| model.materials[usize::from(mesh.slots[t])].base_color.texture.is_some();
+        let textured: Vec<bool> = (0..mesh.triangles.len()).map(textured).collect();
+        let is_white =
+            |vertex: usize| mesh.colors[vertex] == [1.0; 3] && alphas.get(vertex).is_none_or(|&alpha| alpha == 1.0);
+        let hidden =
+            |(triangle, &textured): (&[u32; 3], &bool)| textured && !triangle.iter().all(|&i| is_white(i as usize));
+        if mesh.colors.is_empty() || !mesh.triangles.iter().zip(&textured).any(hidden) {
+            return alphas;
+        }
+        self.log.warn(&Error::new("there is a texture: vertex colors are not read where it is").in_file(self.file));
+        if textured.iter().all(|&textured| textured) {
+            mesh.colors.clear();
+            return Vec::new();
+        }
+        let (colors, triangles) = (std::mem::take(&mut mesh.colors), mesh.triangles.clone());
+        paint_corners(mesh, |t, k| {
+            let vertex = triangles[t][k] as usize;
+            let [r, g, b] = colors[vertex];
+            if textured[t] { [1.0; 4] } else { [r, g, b, alphas.get(vertex).copied().unwrap_or(1.0)] }
+        })
+    }
+
+    /// Keeps what a material states and what is not read of it, for one note by kind of statement.
+    fn note_unread(&mut self, from: &MtlMaterial, library: &Path) {
+        let ambient = from.ambient.iter().filter(|_| from.diffuse.is_none() && from.diffuse_map.is_none());
+        let has_image = from.diffuse_map.is_some();
+        for (text, line) in from.unread.iter().chain(ambient) {
+            let key = text.split_whitespace().next().unwrap_or_default().to_ascii_lowercase();
+            // Exporters repeat the image of the color there.
+            if key == "map_ka" && has_image {
+                continue;
+            }
+            let entry = self.unread.entry((library.to_owned(), key)).or_insert_with(|| (text.clone(), *line, 0));
+            entry.2 += 1;
+        }
+    }
+
+    fn tell_unread(&mut self) {
+        let what = [
+            "`Kd` is black beside `map_Kd`, which would hide the texture; its colors are read as they are",
+            "`Kd` is black, which would hide the vertex colors; they are read as they are",
+        ];
+        for (black, what) in std::mem::take(&mut self.black).into_iter().zip(what) {
+            if let Some((library, line, count)) = black {
+                let all = if count > 1 { format!(" ({count} materials)") } else { String::new() };
+                self.warn(format!("{what}{all}"), &library, line);
+            }
+        }
+        for ((library, key), (text, line, count)) in std::mem::take(&mut self.unread) {
+            let why = match key.as_str() {
+                "ks" | "map_ks" => "highlights are white",
+                "tf" => "light that passes a surface has its `Kd`",
+                "ka" | "map_ka" => "the color is `Kd` or `map_Kd`",
+                "kd" | "ke" => "spectra are in files of their own; write red, green and blue",
+                "-mm" => "the range of the texture stays as it is",
+                _ => "the appearance may differ",
+            };
+            let all = if count > 1 { format!(" ({count} statements)") } else { String::new() };
+            self.warn(format!("`{}` is not read{all}: {why}", shorten(&text)), &library, line);
+        }
+    }
+
+    /// `Kd` as a color in [0, 1]; none if it says nothing: it is not stated, or black beside a texture or vertex colors.
+    fn diffuse(&mut self, from: &MtlMaterial, library: &Path, painted: bool) -> Option<[f32; 3]> {
+        let (kd, line) = (from.diffuse?, from.diffuse_line);
+        if kd == [0.0; 3] && (from.diffuse_map.is_some() || painted) {
+            let black = &mut self.black[usize::from(from.diffuse_map.is_none())];
+            black.get_or_insert_with(|| (library.to_owned(), line, 0)).2 += 1;
+            return None;
+        }
+        let full = full_intensity(kd.map(f64::from));
+        if full > 1.0 {
+            let name = shorten(&from.name);
+            self.warn(format!("`Kd` of `{name}` is above 1; it is read as 0 to {full}"), library, line);
+        }
+        Some(kd.map(|x| unit((f64::from(x) / full) as f32)))
+    }
+
+    fn material(&mut self, from: &MtlMaterial, library: &Path, painted: bool) -> Result<Material> {
+        self.note_unread(from, library);
+        let unstated = if from.diffuse_map.is_some() || painted { [1.0; 3] } else { [0.6; 3] };
         let mut material = Material::plain(
             from.name.clone(),
-            from.diffuse.unwrap_or(if from.diffuse_map.is_some() { [1.0; 3] } else { [0.6; 3] }).map(unit),
+            self.diffuse(from, library, painted).unwrap_or(unstated),
             from.roughness.map(unit).or(from.shininess.map(phong_roughness)).unwrap_or(DEFAULT_ROUGHNESS),
         );
         material.metallic.factor = from.metallic.map_or(0.0, unit);
@@ -162,7 +287,8 @@ impl Loader<'_> {
             material.ior = ior;
         }
         if let Some(map) = &from.diffuse_map {
-            material.base_color.texture = self.map(map, library, Encoding::Srgb)?;
+            let encoding = if map.linear { Encoding::Linear } else { Encoding::Srgb };
+            material.base_color.texture = self.map(map, library, encoding)?;
             if let Some(opacity) = &from.opacity_map {
                 if opacity.name == map.name && material.base_color.texture.is_some() {
                     material.alpha = Alpha::Mask { cutoff: 0.5 };
@@ -172,8 +298,16 @@ impl Loader<'_> {
                 }
             }
         }
+        if let (None, Some(opacity)) = (&from.diffuse_map, &from.opacity_map) {
+            let what = format!("opacity map `{}` is not read; alpha of `map_Kd` is", shorten(&opacity.name));
+            self.warn(what, library, opacity.line);
+        }
         self.blend(&mut material, from, library);
         if let Some(map) = &from.emission_map {
+            if from.emission == Some([0.0; 3]) {
+                let what = format!("`map_Ke {}` emits nothing: `Ke` is 0 0 0", shorten(&map.name));
+                self.warn(what, library, map.line);
+            }
             material.emission.texture = self.map(map, library, Encoding::Srgb)?;
             if from.emission.is_none() && material.emission.texture.is_some() {
                 material.emission.factor = [1.0; 3];

@@ -1,5 +1,6 @@
 //! The header of a PLY file.
 
+use syntable_mesh::paint::full_intensity;
 use syntable_mesh::text::shorten;
 use syntable_model::error::{Error, Result};
 
@@ -63,16 +64,17 @@ impl Scalar {
         }
     }
 
-    /// The value of full intensity in a color of this type.
-    pub fn white(self) -> f64 {
+    /// The number of full intensity in colors of this type. Bytes have 255; other types may hold bytes, 16-bit words or
+    /// their own whole range, and floats also fractions.
+    pub fn full_intensity(self, values: impl IntoIterator<Item = f64>) -> f64 {
+        let full = full_intensity(values);
         match self {
-            Self::I8 => 127.0,
-            Self::U8 => 255.0,
-            Self::I16 => 32_767.0,
-            Self::U16 => 65_535.0,
-            Self::I32 => 2_147_483_647.0,
-            Self::U32 => 4_294_967_295.0,
-            Self::F32 | Self::F64 => 1.0,
+            Self::F32 | Self::F64 => full,
+            Self::I8 | Self::U8 => 255.0,
+            _ if full <= 255.0 => 255.0,
+            _ if full <= 65_535.0 => 65_535.0,
+            _ if full <= 2_147_483_647.0 => 2_147_483_647.0,
+            _ => 4_294_967_295.0,
         }
     }
 }
@@ -146,8 +148,8 @@ impl Header {
         let words: Vec<&str> = line.split_ascii_whitespace().collect();
         match words[..] {
             [] | ["ply"] | ["obj_info", ..] => {}
-            ["comment", "TextureFile", ..] => {
-                let name = line.split_once("TextureFile").map_or("", |(_, name)| name.trim());
+            ["comment", key, _, ..] if key.eq_ignore_ascii_case("TextureFile") => {
+                let name = line.split_once(key).map_or("", |(_, name)| name.trim());
                 self.textures.push(name.to_owned());
             }
             ["comment", ..] => {}

@@ -1,0 +1,254 @@
+//! Colors and opacities that files state by vertex, by corner or by face.
+
+use crate::Model;
+use std::collections::{BTreeMap, BTreeSet, HashMap};
+use syntable_model::color::srgb_to_linear;
+use syntable_model::context::Log;
+use syntable_model::error::Error;
+use syntable_model::scene::{Alpha, Material, MeshData};
+
+/// Number of opacities that faces may have before they are rounded to [`STEPS`] of them: each is a material of its own.
+const MAX_OPACITIES: usize = 32;
+/// Steps that opacities are rounded to.
+const STEPS: f32 = 16.0;
+
+/// The number that means full intensity, where a format leaves it open whether colors are fractions, bytes or words.
+///
+/// Numbers up to 1 are fractions. So are numbers up to 2 that are not whole: rounding, or light above white. Others are
+/// bytes up to 255 and 16-bit words up to 65535. Numbers that are not finite do not count.
+pub fn full_intensity(values: impl IntoIterator<Item = f64>) -> f64 {
+    let (mut largest, mut whole) = (0.0_f64, true);
+    for value in values.into_iter().filter(|value| value.is_finite()) {
+        largest = largest.max(value);
+        whole &= value.fract() == 0.0;
+    }
+    match largest {
+        _ if largest <= 1.0 || (largest <= 2.0 && !whole) => 1.0,
+        _ if largest <= 255.0 => 255.0,
+        _ if largest <= 65_535.0 => 65_535.0,
+        _ => largest,
+    }
+}
+
+/// A display color as a file states it, sRGB-encoded with a given full intensity, as linear Rec. 709. A channel that is
+/// not finite counts as full intensity.
+pub fn linear_of_display(color: [f64; 3], full: f64) -> [f32; 3] {
+    color.map(|x| srgb_to_linear(if x.is_finite() { (x / full).clamp(0.0, 1.0) as f32 } else { 1.0 }))
+}
+
+/// Sets the linear color and the opacity of every corner, by triangle and number of the corner. A vertex whose corners differ
+/// is split; vertices come in the order in which triangles use them. Returns their opacities.
+pub fn paint_corners(mesh: &mut MeshData, color: impl Fn(usize, usize) -> [f32; 4]) -> Vec<f32> {
+    let mut painted = MeshData { slots: std::mem::take(&mut mesh.slots), ..MeshData::default() };
+    let mut alphas = Vec::new();
+    let mut known: HashMap<(u32, [u32; 4]), u32> = HashMap::new();
+    for (t, triangle) in mesh.triangles.iter().enumerate() {
+        painted.triangles.push(std::array::from_fn(|k| {
+            let (index, color) = (triangle[k], color(t, k));
+            *known.entry((index, color.map(f32::to_bits))).or_insert_with(|| {
+                let i = index as usize;
+                painted.positions.push(mesh.positions[i]);
+                painted.normals.extend(mesh.normals.get(i));
+                painted.uvs.extend(mesh.uvs.get(i));
+                let [r, g, b, alpha] = color;
+                painted.colors.push([r, g, b]);
+                alphas.push(alpha);
+                (painted.positions.len() - 1) as u32
+            })
+        }));
+    }
+    *mesh = painted;
+    alphas
+}
+
+/// What the opacity of a vertex means for a material.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum VertexAlpha {
+    /// Nothing.
+    Ignored,
+    /// It multiplies the alpha that the cutoff of a masked material is compared with.
+    Masks,
+    /// It blends.
+    Blends,
+}
+
+/// Puts the opacities of vertices, in [0, 1], into the materials: those of faces of equal opacity exactly, others by the
+/// mean of their corners. Faces that this makes invisible are dropped, unless it is all of them: then they are opaque, as
+/// programs write 0 for an unknown opacity. `meaning` says by slot what opacity does. Warnings name no file.
+pub fn blend_by_vertex(model: &mut Model, alphas: &[f32], meaning: impl Fn(usize) -> VertexAlpha, log: &dyn Log) {
+    let Model { mesh, materials } = model;
+    let slots: Vec<u16> = (0..mesh.triangles.len()).map(|t| mesh.slots.get(t).copied().unwrap_or(0)).collect();
+    let corners: Vec<[f32; 3]> = mesh
+        .triangles
+        .iter()
+        .zip(&slots)
+        .map(|(triangle, &slot)| match meaning(slot.into()) {
+            VertexAlpha::Ignored => [1.0; 3],
+            _ => triangle.map(|i| alphas.get(i as usize).copied().unwrap_or(1.0)),
+        })
+        .collect();
+    if corners.as_flattened().iter().all(|&alpha| alpha >= 1.0) {
+        return;
+    }
+    if corners.as_flattened().iter().all(|&alpha| alpha <= 0.0) {
+        log.warn(&Error::new("all vertex colors have alpha 0 and would be invisible; they are taken as opaque"));
+        return;
+    }
+    let varying = corners.iter().filter(|[a, b, c]| a != b || b != c).count();
+    let mut opacities: Vec<f32> =
+        corners.iter().map(|&[a, b, c]| if a == b && b == c { a } else { (a + b + c) / 3.0 }).collect();
+    let distinct: BTreeSet<u32> = opacities.iter().map(|alpha| alpha.to_bits()).collect();
+    if distinct.len() > MAX_OPACITIES {
+        opacities.iter_mut().for_each(|alpha| *alpha = (*alpha * STEPS).round() / STEPS);
+    }
+    if varying > 0 {
+        let message =
+            format!("the alpha of vertex colors varies within {varying} faces; each has the mean of its corners");
+        log.warn(&Error::new(message));
+    }
+    // The slot of every old slot and opacity; none if it is invisible.
+    let mut known: BTreeMap<(u16, u32), Option<u16>> = BTreeMap::new();
+    let mut invisible = 0;
+    let triangles = std::mem::take(&mut mesh.triangles);
+    mesh.slots.clear();
+    for ((triangle, slot), alpha) in triangles.into_iter().zip(slots).zip(opacities) {
+        let new = *known.entry((slot, alpha.to_bits())).or_insert_with(|| {
+            let old = &materials[usize::from(slot)];
+            let changed = with_opacity(old, alpha, meaning(slot.into()))?;
+            if changed.digest == old.digest {
+                return Some(slot);
+            }
+            materials.push(changed);
+            u16::try_from(materials.len() - 1).ok()
+        });
+        match new {
+            Some(slot) => {
+                mesh.triangles.push(triangle);
+                mesh.slots.push(slot);
+            }
+            None => invisible += 1,
+        }
+    }
+    if invisible > 0 {
+        log.warn(&Error::new(format!(
+            "{invisible} faces are invisible by the alpha of their vertex colors and were dropped"
+        )));
+    }
+}
+
+/// A material where vertices have an opacity; none if it is invisible.
+fn with_opacity(material: &Material, alpha: f32, meaning: VertexAlpha) -> Option<Material> {
+    let mut changed = material.clone();
+    changed.alpha = match (meaning, material.alpha) {
+        _ if alpha >= 1.0 || meaning == VertexAlpha::Ignored => material.alpha,
+        (VertexAlpha::Masks, Alpha::Mask { cutoff }) => {
+            // Texels have at most alpha 1.
+            if cutoff > alpha || alpha <= 0.0 {
+                return None;
+            }
+            Alpha::Mask { cutoff: cutoff / alpha }
+        }
+        (VertexAlpha::Masks, other) => other,
+        _ if alpha <= 0.0 => return None,
+        (_, Alpha::Blend { factor }) => Alpha::Blend { factor: factor * alpha },
+        _ => Alpha::Blend { factor: alpha },
+    };
+    Some(changed.with_digest())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::material::default_material;
+    use syntable_model::context::Collected;
+
+    #[test]
+    fn the_range_of_colors_is_found() {
+        for (values, full) in [
+            (vec![], 1.0),
+            (vec![0.0, 1.0], 1.0),
+            (vec![0.2, 0.999_999, 1.000_001], 1.0),
+            (vec![0.2, 1.7], 1.0),
+            (vec![0.0, 2.0], 255.0),
+            (vec![3.5, 254.9], 255.0),
+            (vec![0.0, 256.0], 65_535.0),
+            (vec![0.0, 70_000.0], 70_000.0),
+            (vec![f64::NAN, 0.5, f64::INFINITY], 1.0),
+        ] {
+            assert_eq!(full_intensity(values.iter().copied()), full, "{values:?}");
+        }
+        assert_eq!(linear_of_display([255.0, 0.0, f64::NAN], 255.0), [1.0, 0.0, 1.0]);
+        // By the formula of the standard: ((0.5 + 0.055) / 1.055)^2.4.
+        assert!((linear_of_display([0.5; 3], 1.0)[1] - 0.214_041).abs() < 1e-6);
+    }
+
+    fn model() -> Model {
+        let mesh = MeshData {
+            positions: (0..4).map(|i| [i as f32, 0.0, 0.0]).collect(),
+            triangles: vec![[0, 1, 2], [1, 2, 3]],
+            ..MeshData::default()
+        };
+        Model { mesh, materials: vec![default_material(true)] }
+    }
+
+    #[test]
+    fn corners_of_one_color_share_their_vertex() {
+        let Model { mut mesh, .. } = model();
+        let alphas = paint_corners(&mut mesh, |t, k| if t == 0 || k == 2 { [1.0; 4] } else { [0.5; 4] });
+        let all = |t: usize| mesh.triangles[t].map(|i| (mesh.positions[i as usize][0], mesh.colors[i as usize][0]));
+        assert_eq!(all(0), [(0.0, 1.0), (1.0, 1.0), (2.0, 1.0)]);
+        assert_eq!(all(1), [(1.0, 0.5), (2.0, 0.5), (3.0, 1.0)]);
+        assert_eq!((mesh.positions.len(), alphas), (6, vec![1.0, 1.0, 1.0, 0.5, 0.5, 1.0]));
+    }
+
+    #[test]
+    fn opacity_goes_into_materials() {
+        let check = |alphas: [f32; 4], material: Alpha, meaning, want: &[Alpha], said: &[&str]| {
+            let (mut model, log) = (model(), Collected::default());
+            model.materials[0].alpha = material;
+            model.materials[0] = model.materials[0].clone().with_digest();
+            blend_by_vertex(&mut model, &alphas, |_| meaning, &log);
+            let slots = (0..model.mesh.triangles.len()).map(|t| model.mesh.slots.get(t).map_or(0, |&slot| slot.into()));
+            let got: Vec<Alpha> = slots.map(|slot: usize| model.materials[slot].alpha).collect();
+            let near = |(a, b): (&Alpha, &Alpha)| match (*a, *b) {
+                (Alpha::Mask { cutoff: a }, Alpha::Mask { cutoff: b }) => (a - b).abs() < 1e-6,
+                (Alpha::Blend { factor: a }, Alpha::Blend { factor: b }) => (a - b).abs() < 1e-6,
+                (a, b) => a == b,
+            };
+            assert!(got.len() == want.len() && got.iter().zip(want).all(near), "{alphas:?}: {got:?}, not {want:?}");
+            let warnings: Vec<String> = log.warnings().iter().map(ToString::to_string).collect();
+            assert_eq!(warnings.len(), said.len(), "{warnings:?}");
+            assert!(warnings.iter().zip(said).all(|(warning, said)| warning.contains(said)), "{warnings:?}");
+        };
+        let (opaque, half) = (Alpha::Opaque, Alpha::Blend { factor: 0.5 });
+        check([1.0; 4], opaque, VertexAlpha::Blends, &[opaque; 2], &[]);
+        check([0.5; 4], opaque, VertexAlpha::Blends, &[half; 2], &[]);
+        check([0.5; 4], opaque, VertexAlpha::Ignored, &[opaque; 2], &[]);
+        check([0.5; 4], half, VertexAlpha::Blends, &[Alpha::Blend { factor: 0.25 }; 2], &[]);
+        check([0.0; 4], opaque, VertexAlpha::Blends, &[opaque; 2], &["taken as opaque"]);
+        // (0 + 0.75 + 0.75) / 3 is a half.
+        check(
+            [0.0, 0.75, 0.75, 0.75],
+            opaque,
+            VertexAlpha::Blends,
+            &[half, Alpha::Blend { factor: 0.75 }],
+            &["within 1 faces"],
+        );
+        check(
+            [1.0, 0.0, 0.0, 0.0],
+            half,
+            VertexAlpha::Blends,
+            &[Alpha::Blend { factor: 0.5 / 3.0 }],
+            &["within 1", "1 faces are invisible"],
+        );
+        let mask = |cutoff| Alpha::Mask { cutoff };
+        check([0.8; 4], mask(0.4), VertexAlpha::Masks, &[mask(0.5); 2], &[]);
+        check(
+            [1.0, 0.2, 0.2, 0.2],
+            mask(0.4),
+            VertexAlpha::Masks,
+            &[mask(0.4 / (1.4 / 3.0))],
+            &["within 1", "1 faces"],
+        );
+    }
+}

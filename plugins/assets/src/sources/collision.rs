@@ -1,0 +1,468 @@
+//! Which meshes of a pool are collision meshes, judged by their names and by the other meshes of the pool.
+//!
+//! Simulators keep a simplified mesh for physics beside the one that is rendered. No standard names it, so three rules
+//! decide, in this order:
+//!
+//! 1. **Folder.** A folder named after collisions (`collision`, `collisions_mesh`, `vhacd`) holds nothing else. One with a
+//!    name that may mean something else (`convex`, `physics`, `hulls`) does so only beside the rendered mesh.
+//! 2. **Sibling.** A mesh whose name less such a word is the name of another mesh of the same object:
+//!    `cup_hull_0` beside `cup`, `collision_geometry` beside `visual_geometry`, `collision` beside `textured`.
+//! 3. **Name.** A word that means nothing else, after the first word of the name: `mug_vhacd`, `part_collision_3`.
+//!
+//! So `convex_mirror`, `hull` and `collision_course_game` are objects unless rule 2 finds what they belong to.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+
+/// Words that mean collision geometry and nothing else.
+const CERTAIN: [&str; 12] = [
+    "collision",
+    "collisions",
+    // As a well-known data set spells it.
+    "collison", // typos: ignore
+    "collider",
+    "colliders",
+    "vhacd",
+    "hacd",
+    "coacd",
+    "colonly",
+    "convcol",
+    "convcolonly",
+    "hitbox",
+];
+
+/// Words that mean collision geometry beside the mesh that is rendered, and may mean something else alone.
+/// `nontextured` is the scan of an object without its texture.
+const LIKELY: [&str; 26] = [
+    "col",
+    "coll",
+    "colls",
+    "convex",
+    "convexhull",
+    "cvx",
+    "cv",
+    "ch",
+    "hull",
+    "hulls",
+    "chull",
+    "decomp",
+    "decomposed",
+    "decomposition",
+    "acd",
+    "phys",
+    "physics",
+    "ucx",
+    "ubx",
+    "usp",
+    "ucp",
+    "bbox",
+    "proxy",
+    "cm",
+    "nontextured",
+    "untextured",
+];
+
+/// Words that say no more than that something is a mesh.
+const GENERIC: [&str; 20] = [
+    "mesh",
+    "meshes",
+    "model",
+    "models",
+    "geometry",
+    "geom",
+    "shape",
+    "shapes",
+    "part",
+    "parts",
+    "piece",
+    "pieces",
+    "obj",
+    "objs",
+    "object",
+    "objects",
+    "files",
+    "simplified",
+    "simple",
+    "normalized",
+];
+
+/// Words of the mesh that is rendered.
+const VISUAL: [&str; 9] = ["visual", "visuals", "vis", "render", "rendered", "textured", "graphics", "display", "vm"];
+
+/// Extensions that tools leave inside names, such as `mug.obj.convex.stl`.
+const EXTENSIONS: [&str; 7] = ["obj", "stl", "ply", "glb", "gltf", "dae", "off"];
+
+/// Why a mesh is a collision mesh, with the word or the folder that tells.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Rule {
+    /// Its folder is named after collisions.
+    Folder(String),
+    /// Its name less this word is the name of another mesh of the object.
+    Sibling(String),
+    /// Its name has a word that means nothing else.
+    Name(String),
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Kind {
+    Certain,
+    Likely,
+    Generic,
+    Visual,
+    Number,
+    Other,
+}
+
+/// What a word means; numbers behind it do not count, as in `hull3`.
+fn kind(word: &str) -> Kind {
+    let letters = word.trim_end_matches(|c: char| c.is_ascii_digit());
+    match letters {
+        "" => Kind::Number,
+        _ if CERTAIN.contains(&letters) => Kind::Certain,
+        _ if LIKELY.contains(&letters) => Kind::Likely,
+        _ if GENERIC.contains(&letters) => Kind::Generic,
+        _ if VISUAL.contains(&letters) => Kind::Visual,
+        _ => Kind::Other,
+    }
+}
+
+fn is_collision(kind: Kind) -> bool {
+    matches!(kind, Kind::Certain | Kind::Likely)
+}
+
+/// The words of a name in lower case: `MugCollision`, `mug-collision` and `mug.collision` have the same. Extensions
+/// behind the first word are left out.
+fn words(name: &str) -> Vec<String> {
+    let mut words: Vec<String> = Vec::new();
+    let mut open = false;
+    let mut before = ' ';
+    for c in name.chars() {
+        if !c.is_alphanumeric() {
+            open = false;
+        } else {
+            if !open || (before.is_lowercase() && c.is_uppercase()) {
+                words.push(String::new());
+            }
+            open = true;
+            if let Some(word) = words.last_mut() {
+                word.extend(c.to_lowercase());
+            }
+        }
+        before = c;
+    }
+    let mut at = 0;
+    words.retain(|word| {
+        at += 1;
+        at == 1 || !EXTENSIONS.contains(&word.as_str())
+    });
+    words
+}
+
+/// A name less the numbers at its end.
+fn without_number(name: &[String]) -> Vec<String> {
+    let last = name.iter().rposition(|word| kind(word) != Kind::Number);
+    name[..last.map_or(0, |last| last + 1)].to_vec()
+}
+
+/// A mesh of the pool by its path without the extension.
+struct Named {
+    /// Folder of the object: that of the mesh, less folders that say what kind of mesh they hold.
+    object: PathBuf,
+    /// The first folder that is named after collisions, and whether its name means nothing else.
+    folder: Option<(String, bool)>,
+    words: Vec<String>,
+    kinds: Vec<Kind>,
+    /// Whether a folder is named after visual meshes.
+    in_visual_folder: bool,
+}
+
+impl Named {
+    fn new(stem: &Path) -> Self {
+        let mut named = Self {
+            object: PathBuf::new(),
+            folder: None,
+            words: words(&stem.file_name().unwrap_or_default().to_string_lossy()),
+            kinds: Vec::new(),
+            in_visual_folder: false,
+        };
+        named.kinds = named.words.iter().map(|word| kind(word)).collect();
+        for folder in stem.parent().into_iter().flatten() {
+            let name = folder.to_string_lossy();
+            let kinds: Vec<Kind> = words(&name).iter().map(|word| kind(word)).collect();
+            let (only, any) = (
+                |known: &dyn Fn(Kind) -> bool| !kinds.is_empty() && kinds.iter().all(|&kind| known(kind)),
+                |known: &dyn Fn(Kind) -> bool| kinds.iter().any(|&kind| known(kind)),
+            );
+            let plain = |kind| matches!(kind, Kind::Generic | Kind::Number);
+            if only(&|kind| is_collision(kind) || plain(kind)) && any(&is_collision) {
+                let certain = any(&|kind| kind == Kind::Certain);
+                if named.folder.as_ref().is_none_or(|(_, known)| certain && !known) {
+                    named.folder = Some((name.into_owned(), certain));
+                }
+            } else if only(&|kind| kind == Kind::Visual || plain(kind)) && !only(&|kind| kind == Kind::Number) {
+                named.in_visual_folder |= any(&|kind| kind == Kind::Visual);
+            } else {
+                named.object.push(folder);
+            }
+        }
+        named
+    }
+
+    /// Whether neither its name nor its folder tells of collisions.
+    fn is_plain(&self) -> bool {
+        self.folder.is_none() && !self.kinds.iter().any(|&kind| is_collision(kind))
+    }
+
+    /// Whether its name says no more than that it is the mesh of its folder: `model`, `textured`, `visual_geometry`.
+    fn is_main(&self) -> bool {
+        let says_nothing = |kind: &Kind| matches!(kind, Kind::Generic | Kind::Visual | Kind::Number);
+        self.is_plain() && self.kinds.iter().all(says_nothing) && self.kinds.iter().any(|kind| *kind != Kind::Number)
+    }
+
+    /// Whether it is named after the folder of its object.
+    fn is_named_after_folder(&self) -> bool {
+        let folder = self.object.file_name().map(|name| words(&name.to_string_lossy()));
+        self.is_plain() && folder.is_some_and(|folder| folder == self.without(|kind| kind == Kind::Visual))
+    }
+
+    fn without(&self, dropped: impl Fn(Kind) -> bool) -> Vec<String> {
+        let words = self.words.iter().zip(&self.kinds).filter(|(_, kind)| !dropped(**kind));
+        words.map(|(word, _)| word.clone()).collect()
+    }
+
+    /// What its name may be less the words of collisions: also less the numbers and generic words behind them, less the
+    /// numbers at its end, and less the last of these words alone.
+    fn bases(&self) -> Vec<Vec<String>> {
+        let mut without_tail = Vec::new();
+        let mut behind = false;
+        for (word, &kind) in self.words.iter().zip(&self.kinds) {
+            behind = is_collision(kind) || (behind && matches!(kind, Kind::Generic | Kind::Number));
+            if !behind {
+                without_tail.push(word.clone());
+            }
+        }
+        let plain = self.without(is_collision);
+        let mut bases = vec![without_tail, without_number(&plain), plain];
+        if let Some(last) = self.kinds.iter().rposition(|&kind| is_collision(kind)) {
+            let mut words = self.words.clone();
+            words.remove(last);
+            bases.push(words);
+        }
+        bases.retain(|base| !base.is_empty());
+        bases
+    }
+}
+
+/// What the pool has, by the folder of an object.
+#[derive(Default)]
+struct Folder {
+    /// Names of its meshes, also less their visual words and the numbers of their parts, and the meshes that have them.
+    names: BTreeMap<Vec<String>, BTreeSet<usize>>,
+    has_plain: bool,
+    has_main: bool,
+    has_named_after: bool,
+    has_visual_folder: bool,
+}
+
+/// The folders that are named after an object and hold its mesh: by the folder above and the words of their names.
+type Homes<'a> = BTreeSet<(&'a Path, Vec<String>)>;
+
+/// Which of the meshes are collision meshes, by their paths without extensions and relative to the root of the pool.
+pub fn rules<'a>(stems: impl Iterator<Item = &'a Path>) -> Vec<Option<Rule>> {
+    let meshes: Vec<Named> = stems.map(Named::new).collect();
+    let mut folders: BTreeMap<&Path, Folder> = BTreeMap::new();
+    for (at, mesh) in meshes.iter().enumerate() {
+        let folder = folders.entry(&mesh.object).or_default();
+        let mut names = vec![mesh.words.clone(), mesh.without(|kind| kind == Kind::Visual)];
+        // Parts of one rendered mesh are numbered.
+        if mesh.is_plain() {
+            let without: Vec<_> = names.iter().map(|name| without_number(name)).collect();
+            names.extend(without);
+        }
+        for name in names {
+            folder.names.entry(name).or_default().insert(at);
+        }
+        folder.has_plain |= mesh.is_plain();
+        folder.has_main |= mesh.is_main();
+        folder.has_named_after |= mesh.is_named_after_folder();
+        folder.has_visual_folder |= mesh.is_plain() && mesh.in_visual_folder;
+    }
+    let homes: Homes<'_> = folders
+        .iter()
+        .filter(|(_, folder)| folder.has_main || folder.has_named_after)
+        .filter_map(|(path, _)| Some((path.parent()?, words(&path.file_name()?.to_string_lossy()))))
+        .collect();
+    meshes.iter().enumerate().map(|(at, mesh)| rule(at, mesh, &folders, &homes)).collect()
+}
+
+fn rule(at: usize, mesh: &Named, folders: &BTreeMap<&Path, Folder>, homes: &Homes<'_>) -> Option<Rule> {
+    let none = Folder::default();
+    let folder = folders.get(mesh.object.as_path()).unwrap_or(&none);
+    let has = |folder: &Path, name: &[String]| {
+        let meshes = folders.get(folder).and_then(|folder| folder.names.get(name));
+        meshes.is_some_and(|meshes| meshes.iter().any(|&other| other != at))
+    };
+    // The rendered mesh is in the folder of the object, or one folder above or below that is named after it.
+    let has_sibling = |name: &[String]| {
+        let above = || {
+            let own = mesh.object.file_name().map(|own| words(&own.to_string_lossy()));
+            own.as_deref() == Some(name) && mesh.object.parent().is_some_and(|above| has(above, name))
+        };
+        let below = || homes.contains(&(mesh.object.as_path(), name.to_vec()));
+        has(&mesh.object, name) || above() || below()
+    };
+    if let Some((name, certain)) = &mesh.folder {
+        let bases = mesh.bases().into_iter().chain([mesh.words.clone()]);
+        let beside = folder.has_main
+            || folder.has_named_after
+            || folder.has_visual_folder
+            || bases.into_iter().any(|name| has_sibling(&name));
+        if *certain || beside {
+            return Some(Rule::Folder(name.clone()));
+        }
+    }
+    let first = mesh.kinds.iter().position(|&kind| is_collision(kind))?;
+    let word = mesh.words[first].clone();
+    if mesh.bases().iter().any(|base| has_sibling(base)) {
+        return Some(Rule::Sibling(word));
+    }
+    let certain = mesh.kinds.iter().position(|&kind| kind == Kind::Certain);
+    let says_nothing_else =
+        mesh.kinds.iter().all(|&kind| is_collision(kind) || matches!(kind, Kind::Generic | Kind::Number));
+    if says_nothing_else {
+        if certain.is_some() {
+            return Some(if folder.has_plain { Rule::Sibling(word) } else { Rule::Name(word) });
+        }
+        // `boat/hull` beside `boat/boat` may be a part of the boat.
+        let after_folder = folder.has_named_after && mesh.words != ["hull"];
+        return (folder.has_main || after_folder).then_some(Rule::Sibling(word));
+    }
+    if mesh.kinds.iter().skip(1).any(|&kind| kind == Kind::Certain) {
+        return certain.map(|at| Rule::Name(mesh.words[at].clone()));
+    }
+    // In the folder of one object, whose mesh has no name of its own.
+    (first > 0 && folder.has_main).then_some(Rule::Sibling(word))
+}
+
+/// How many meshes each rule left out, for a message: `3 in the folder …, 2 by …`.
+pub fn describe(rules: &[Rule]) -> String {
+    let of = |matches: fn(&Rule) -> Option<&String>| -> (usize, String) {
+        let names: Vec<&String> = rules.iter().filter_map(matches).collect();
+        let mut known = names.clone();
+        known.sort();
+        known.dedup();
+        let shown: Vec<String> = known.iter().take(4).map(|name| format!("`{name}`")).collect();
+        let more = if known.len() > shown.len() { ", …" } else { "" };
+        (names.len(), shown.join(", ") + more)
+    };
+    let parts = [
+        (
+            "beside a mesh of the same name without",
+            of(|rule| if let Rule::Sibling(word) = rule { Some(word) } else { None }),
+        ),
+        ("in folders named", of(|rule| if let Rule::Folder(name) = rule { Some(name) } else { None })),
+        ("by the word", of(|rule| if let Rule::Name(word) = rule { Some(word) } else { None })),
+    ];
+    let parts = parts.iter().filter(|(_, (count, _))| *count > 0);
+    parts.map(|(what, (count, names))| format!("{count} {what} {names}")).collect::<Vec<_>>().join("; ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Checks which meshes of a pool are left out.
+    fn check(kept: &[&str], left_out: &[&str]) {
+        let mut stems: Vec<&str> = kept.iter().chain(left_out).copied().collect();
+        stems.sort_unstable();
+        let rules = rules(stems.iter().map(Path::new));
+        for (stem, rule) in stems.iter().zip(rules) {
+            assert_eq!(rule.is_some(), left_out.contains(stem), "{stem}: {rule:?}");
+        }
+    }
+
+    #[test]
+    fn layouts_of_simulators() {
+        // Kubric.
+        check(&["mug/visual_geometry"], &["mug/collision_geometry"]);
+        // ManiSkill, YCB as downloaded, GraspNet.
+        check(&["a/textured"], &["a/collision", "a/nontextured", "a/nontextured_simplified"]);
+        check(&["a/google_16k/textured"], &["a/google_16k/nontextured"]);
+        // SAPIEN's caches beside the mesh.
+        check(
+            &["x/textured_objs/original-1", "x/textured_objs/new-0"],
+            &["x/textured_objs/original-1.obj.convex", "x/textured_objs/new-0.obj.coacd"],
+        );
+        // robosuite, RoboCasa, LIBERO.
+        check(
+            &["can/visual/model_normalized_0", "can/visual/model_normalized_1"],
+            &["can/collision/model_normalized_collision_0", "can/collision/model_normalized_collision_12"],
+        );
+        check(&["bowl/bowl", "bowl/visual/bowl_vis"], &["bowl/collision/bowl_ch_0", "bowl/collision/bowl_ch1"]);
+        // Drake, MuJoCo Menagerie, scanned objects for MuJoCo.
+        check(&["box/cracker_box"], &["box/cracker_box_col", "box/cracker_box_collision"]);
+        check(
+            &["assets/link0_0", "assets/link0_1", "assets/finger_visual"],
+            &["assets/link0_coll", "assets/finger_collision_2", "assets/link0_0_collision"],
+        );
+        check(&["m/model"], &["m/model_collision_0", "m/model_collision_31", "m/coarse-col"]);
+        // PyBullet.
+        check(&["duck", "textured"], &["duck_vhacd", "textured_vhacd", "duck_coacd"]);
+        // Habitat, ReplicaCAD, HSSD, YCB in Habitat.
+        check(&["o/frl_basket"], &["o/convex/frl_basket_cv_decomp", "o/frl_basket.collision", "o/frl_basket_cvx"]);
+        check(&["0/abc"], &["0/abc.collider"]);
+        check(&["meshes/002_can/google_16k/textured"], &["collison_meshes/002_can"]); // typos: ignore
+        // ROS, Isaac, iGibson and BEHAVIOR.
+        check(&["meshes/visual/mug", "arm/visuals/a"], &["meshes/collision/mug", "arm/collisions/a"]);
+        check(&["m/shape/visual/a_vm"], &["m/shape/collision/a_cm"]);
+        // Game engines.
+        check(&["Mug"], &["UCX_Mug_00", "Mug-convcolonly", "MugCollider"]);
+        check(&["cup", "cup_3"], &["cup_hull_0", "cup_convex_hull_12", "cup_3_coll", "cup-decomp", "hulls/cup"]);
+        // The folder is named after the object.
+        check(&["mug"], &["mug/mug_hull_0", "mug/mug_hull_1"]);
+        check(&["mug/model"], &["mug_coll"]);
+        check(&["mug/mug"], &["mug/convex", "mug/hull_0", "mug/physics"]);
+    }
+
+    #[test]
+    fn honest_names_are_objects() {
+        check(
+            &[
+                "convex_mirror",
+                "hull",
+                "collision_course_game",
+                "phys_book",
+                "physics",
+                "brass_col",
+                "col",
+                "collie",
+                "cola_can",
+                "convexity",
+                "ch",
+                "hull_of_a_boat",
+                "proxy",
+                "nontextured",
+                "cup_hull_0",
+            ],
+            &[],
+        );
+        // Parts of a boat, and folders that are categories.
+        check(&["boat/boat", "boat/hull", "boat/mast"], &[]);
+        check(&["physics/pendulum", "hulls/tanker", "mugs/a", "x"], &[]);
+        // The same name in another category is another object.
+        check(&["bowl/a", "cup/a_convex"], &[]);
+    }
+
+    #[test]
+    fn the_message_counts_by_rule() {
+        let rules: Vec<Rule> =
+            rules(["cup", "cup_hull_0", "cup_hull_1", "jar/collision/a", "mug_vhacd"].iter().map(Path::new))
+                .into_iter()
+                .flatten()
+                .collect();
+        assert_eq!(
+            describe(&rules),
+            "2 beside a mesh of the same name without `hull`; 1 in folders named `collision`; 1 by the word `vhacd`"
+        );
+    }
+}
