@@ -2,6 +2,7 @@
 
 pub mod cache;
 pub mod cli;
+pub mod durable;
 pub mod images;
 mod memory;
 pub mod message;

@@ -14,7 +14,8 @@ use syntable_model::error::{Error, Result};
 use syntable_model::reader::DatasetReader;
 use syntable_model::registry::Registry;
 use syntable_runtime::clap::{Arg, ArgAction, ArgMatches, Command, value_parser};
-use syntable_runtime::cli::{Console, Exit, Message, Topic, Verb, amount, check_outputs, dataset_folder, write_whole};
+use syntable_runtime::cli::{Console, Exit, Message, Topic, Verb, amount, check_outputs, dataset_folder};
+use syntable_runtime::durable::write_file;
 use syntable_runtime::images::each;
 use syntable_runtime::run::progress::Reporter;
 use syntable_runtime::workers::{self, Pool};
@@ -178,7 +179,7 @@ fn run(console: &Console, _: &Registry, arguments: &ArgMatches) -> Result<(), Ex
     let table = Table { images: &images, convention, measures: &measures, scores, has_intervals, categories };
     if let Some(file) = path("csv") {
         let csv = table.csv(|image| &truth.images()[image].name);
-        write_whole(file, csv.as_bytes()).map_err(Exit::stopped)?;
+        write_file(file, csv.as_bytes()).map_err(Exit::stopped)?;
     }
     if let Some(file) = path("save") {
         let most = arguments.get_one::<usize>("worst").copied().unwrap_or(usize::MAX);
@@ -190,7 +191,7 @@ fn run(console: &Console, _: &Registry, arguments: &ArgMatches) -> Result<(), Ex
             console.say(&Message::Warning(error.help(help)));
         }
         let scores = Scores { ranked_by, worst: found, ..table.saved() };
-        write_whole(file, scores.text().as_bytes()).map_err(Exit::stopped)?;
+        write_file(file, scores.text().as_bytes()).map_err(Exit::stopped)?;
     }
     if arguments.get_flag("json") {
         return console.print(&format!("{:#}\n", table.json()));

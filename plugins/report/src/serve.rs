@@ -1,12 +1,18 @@
-//! Pages for the browser of this machine: a server that nobody else can reach.
+//! Pages for the browser of one user: a server that nobody else can read.
 //!
 //! It listens on the loopback address alone, answers GET and HEAD, and refuses requests whose `Host` is another name:
 //! a page from elsewhere whose name is made to mean this machine (DNS rebinding) reads nothing.
+//!
+//! All users and programs of the machine can connect, so the [address](Server::url) has a random token, and nothing is
+//! answered without it but a page that says so. The first page sets it as a cookie, which the browser sends for what the
+//! pages load. Browsers send cookies to all ports of a machine, so to servers of other users, too: each server therefore has
+//! a path of its own that nobody can guess, and its cookie is sent below that path alone.
 //!
 //! Pages learn of changes by [`CHANGES`]: `GET /changes?after=3` is answered with `{"version": 4}` once there is a
 //! version after 3, or after [`PATIENCE`] with the version that is there. Requests that wait hold no thread.
 
 use parking_lot::{Condvar, Mutex};
+use std::hint::black_box;
 use std::io::{Cursor, ErrorKind, Read, Write};
 use std::net::{IpAddr, Ipv4Addr, Shutdown, SocketAddr, TcpListener, TcpStream};
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -35,8 +41,13 @@ const LINGER: Duration = Duration::from_secs(1);
 const LOOK: Duration = Duration::from_millis(10);
 /// Names of this machine that a `Host` header may have.
 const HOSTS: [&str; 3] = ["localhost", "127.0.0.1", "[::1]"];
-/// What a page may load and run: what comes from this server, and what it has in itself.
-const POLICY: &str = "default-src 'self' 'unsafe-inline' data: blob:; frame-ancestors 'none'";
+/// What a page may load and run: files of this server, and images that its scripts make. Nothing in the page itself runs.
+const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data: blob:; \
+                      connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
+/// Name of the token in the address and of the cookie.
+const TOKEN: &str = "token";
+/// The page without a token.
+const REFUSAL: &str = include_str!("refusal.html");
 
 /// A request for something.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -94,6 +105,8 @@ pub struct Response {
     content_type: &'static str,
     length: u64,
     body: Box<dyn Read + Send>,
+    /// Value of the header `Set-Cookie`.
+    cookie: Option<String>,
 }
 
 impl Response {
@@ -105,7 +118,7 @@ impl Response {
     /// Bytes of a content type, such as `image/png`.
     pub fn bytes(content_type: &'static str, bytes: impl Into<Vec<u8>>) -> Self {
         let bytes = bytes.into();
-        Self { status: 200, content_type, length: bytes.len() as u64, body: Box::new(Cursor::new(bytes)) }
+        Self { status: 200, content_type, length: bytes.len() as u64, body: Box::new(Cursor::new(bytes)), cookie: None }
     }
 
     /// A page.
@@ -193,7 +206,7 @@ impl Client {
     /// nothing.
     fn send(self, response: Response) {
         let Self { mut stream, wants_body } = self;
-        let Response { status, content_type, length, body } = response;
+        let Response { status, content_type, length, body, cookie } = response;
         let length_field = length.to_string();
         let fields = [
             ("Connection", "close"),
@@ -203,10 +216,12 @@ impl Client {
             ("X-Content-Type-Options", "nosniff"),
             ("Content-Security-Policy", POLICY),
             ("Cross-Origin-Resource-Policy", "same-origin"),
+            ("Cross-Origin-Opener-Policy", "same-origin"),
             ("Referrer-Policy", "no-referrer"),
         ];
         let allow = (status == 405).then_some(("Allow", "GET, HEAD"));
-        let fields = fields.into_iter().chain(allow).map(|(name, value)| format!("{name}: {value}\r\n"));
+        let cookie = cookie.as_deref().map(|cookie| ("Set-Cookie", cookie));
+        let fields = fields.into_iter().chain(allow).chain(cookie).map(|(name, value)| format!("{name}: {value}\r\n"));
         let head = format!("HTTP/1.1 {status} {}\r\n{}\r\n", reason(status), fields.collect::<String>());
         let send = || -> std::io::Result<()> {
             stream.write_all(head.as_bytes())?;
@@ -244,6 +259,7 @@ struct Head {
     method: String,
     target: String,
     hosts: Vec<String>,
+    cookies: Vec<String>,
 }
 
 impl Head {
@@ -272,12 +288,15 @@ impl Head {
             Ok(httparse::Status::Partial) => None,
             Err(error) => Some(Err(Response::failed(400, format!("the request cannot be read: {error}\n")))),
             Ok(httparse::Status::Complete(_)) => {
-                let is_host = |field: &&httparse::Header| field.name.eq_ignore_ascii_case("Host");
-                let hosts = request.headers.iter().filter(is_host);
+                let all = |name: &str| -> Vec<String> {
+                    let named = request.headers.iter().filter(|field| field.name.eq_ignore_ascii_case(name));
+                    named.map(|field| String::from_utf8_lossy(field.value).into_owned()).collect()
+                };
                 Some(Ok(Self {
                     method: request.method.unwrap_or_default().to_owned(),
                     target: request.path.unwrap_or_default().to_owned(),
-                    hosts: hosts.map(|field| String::from_utf8_lossy(field.value).into_owned()).collect(),
+                    hosts: all("Host"),
+                    cookies: all("Cookie"),
                 }))
             }
         }
@@ -288,6 +307,24 @@ impl Head {
 pub struct Server {
     listener: TcpListener,
     address: SocketAddr,
+    /// First part of all paths, with slashes around it.
+    own: String,
+    /// What a request must know.
+    token: String,
+}
+
+/// Random bits of the operating system in hexadecimal letters.
+fn random<const BYTES: usize>() -> Result<String> {
+    let mut bytes = [0; BYTES];
+    getrandom::fill(&mut bytes)
+        .map_err(|error| Error::new(format!("the system has no random numbers for the address: {error}")))?;
+    Ok(bytes.iter().map(|byte| format!("{byte:02x}")).collect())
+}
+
+/// Compares two texts in a time that depends on their lengths alone.
+fn is_same(one: &str, other: &str) -> bool {
+    let differ = one.bytes().zip(other.bytes()).fold(0, |differ, (a, b)| black_box(differ | (a ^ b)));
+    one.len() == other.len() && differ == 0
 }
 
 impl Server {
@@ -300,12 +337,12 @@ impl Server {
         let listener = TcpListener::bind(SocketAddr::new(IpAddr::V4(Ipv4Addr::LOCALHOST), port)).map_err(refused)?;
         let address = listener.local_addr().map_err(refused)?;
         listener.set_nonblocking(true).map_err(refused)?;
-        Ok(Self { listener, address })
+        Ok(Self { listener, address, own: format!("/{}/", random::<8>()?), token: random::<16>()? })
     }
 
-    /// Address of the first page: `http://127.0.0.1:8000/`.
+    /// Address of the first page, such as `http://127.0.0.1:8000/5d0c…/?token=91af…`. Whoever has it can read all pages.
     pub fn url(&self) -> String {
-        format!("http://{}/", self.address)
+        format!("http://{}{}?{TOKEN}={}", self.address, self.own, self.token)
     }
 
     /// Answers requests until it shall stop. `handler` is called by several threads; one that panics answers with 500.
@@ -354,8 +391,8 @@ impl Server {
         let Some(head) = Head::read(&mut stream) else { return };
         let wants_body = !head.as_ref().is_ok_and(|head| head.method == "HEAD");
         let from = Client { stream, wants_body };
-        let asked = match head.and_then(|head| self.accepted(&head)) {
-            Ok(asked) => asked,
+        let (asked, cookie) = match head.and_then(|head| self.accepted(&head)) {
+            Ok(accepted) => accepted,
             Err(refused) => return from.send(refused),
         };
         if asked.path == CHANGES {
@@ -378,19 +415,34 @@ impl Server {
             return;
         }
         let answer = catch_unwind(AssertUnwindSafe(|| handler(&asked)));
-        from.send(answer.unwrap_or_else(|_| Response::failed(500, "the page could not be made\n")));
+        let answer = answer.unwrap_or_else(|_| Response::failed(500, "the page could not be made\n"));
+        from.send(Response { cookie, ..answer });
     }
 
-    /// What is asked for, if the request may be answered.
-    fn accepted(&self, head: &Head) -> std::result::Result<Request, Response> {
+    /// What is asked for, if the request may be answered, and the cookie that the browser shall keep.
+    fn accepted(&self, head: &Head) -> std::result::Result<(Request, Option<String>), Response> {
         if !["GET", "HEAD"].contains(&head.method.as_str()) {
             return Err(Response::failed(405, "only GET and HEAD are answered\n"));
         }
         if !matches!(head.hosts.as_slice(), [host] if self.is_own(host)) {
-            let text = format!("this server answers to {} only\n", self.url());
+            let text = format!("this server answers to http://{}/ only\n", self.address);
             return Err(Response::failed(403, text));
         }
-        Request::parse(&head.target).ok_or_else(|| Response::failed(400, "the path is not one of this server\n"))
+        let refused = || Response { status: 403, ..Response::html(REFUSAL) };
+        let asked = Request::parse(&head.target);
+        let by_address = asked.as_ref().and_then(|asked| asked.query(TOKEN)).is_some_and(|it| is_same(it, &self.token));
+        let cookies = head.cookies.iter().flat_map(|field| field.split(';'));
+        let by_cookie = cookies
+            .filter_map(|cookie| cookie.trim().split_once('='))
+            .any(|(name, value)| name == TOKEN && is_same(value, &self.token));
+        if !by_address && !by_cookie {
+            return Err(refused());
+        }
+        let wrong = || Response::failed(400, "the path is not one of this server\n");
+        let Request { path, query } = asked.ok_or_else(wrong)?;
+        let inside = path.strip_prefix(&self.own).ok_or_else(wrong)?;
+        let cookie = format!("{TOKEN}={}; Path={}; HttpOnly; SameSite=Strict", self.token, self.own);
+        Ok((Request { path: format!("/{inside}"), query }, by_address.then_some(cookie)))
     }
 
     /// Whether a `Host` header means this server by a name of its own.
@@ -436,8 +488,21 @@ mod tests {
         });
     }
 
-    /// Sends the lines of a request, and gives all that comes back: head and body.
+    /// The fields with which a browser shows that it has seen the first page.
+    fn cookie(server: &Server) -> String {
+        format!("Cookie: theme=dark; {TOKEN}={}", server.token)
+    }
+
+    /// Sends the lines of a request of one who knows the token, and gives all that comes back: head and body. A path in the
+    /// first line is one of the server's own.
     fn raw(server: &Server, lines: &[&str]) -> (String, Vec<u8>) {
+        let first = lines[0].replacen(" /", &format!(" {}", server.own), 1);
+        let cookie = cookie(server);
+        plain(server, &[&[first.as_str()], &lines[1..], &[cookie.as_str()]].concat())
+    }
+
+    /// Sends the lines of a request as they are.
+    fn plain(server: &Server, lines: &[&str]) -> (String, Vec<u8>) {
         let mut stream = TcpStream::connect(server.address).expect("listens");
         stream.set_read_timeout(Some(Duration::from_secs(20))).expect("a timeout");
         stream.write_all(format!("{}\r\n\r\n", lines.join("\r\n")).as_bytes()).expect("sent");
@@ -502,6 +567,81 @@ mod tests {
     }
 
     #[test]
+    fn who_does_not_know_the_token_reads_nothing() {
+        serving(|server, _| {
+            let of = |target: &str, more: &[&str]| {
+                let line = format!("GET {target} HTTP/1.1");
+                let (head, body) = plain(server, &[&[line.as_str(), "Host: localhost"], more].concat());
+                (status(&head), head, String::from_utf8(body).expect("text"))
+            };
+            let (own, token) = (server.own.as_str(), server.token.as_str());
+            assert!(own.len() == 18 && token.len() == 32, "{}", server.url());
+            // The address gives the first page, and the cookie that all others need.
+            let address = server.url();
+            let target = &address[address.find(own).expect("its path")..];
+            let (code, head, _) = of(target, &[]);
+            let set = head.lines().find_map(|line| line.strip_prefix("Set-Cookie: ")).expect("a cookie");
+            assert!(code == 200 && set == format!("token={token}; Path={own}; HttpOnly; SameSite=Strict"), "{head}");
+            let cookie = format!("Cookie: {}", set.split(';').next().expect("a value"));
+            let inner = |path: &str| format!("{own}{path}");
+            for path in ["", "a", "changes"] {
+                assert_eq!(of(&inner(path), &[&cookie]).0, 200, "{path}");
+                assert_eq!(of(&inner(path), &["Cookie: a=b", &cookie]).0, 200, "{path}");
+            }
+            assert!(!of(&inner("a"), &[&cookie]).1.contains("Set-Cookie"));
+            // Everybody else gets one page, whatever there is.
+            let wrong = format!("Cookie: token={}", "0".repeat(token.len()));
+            let short = format!("Cookie: token={}", &token[1..]);
+            let other = cookie.replace("token=", "other=");
+            let long = format!("{cookie}0");
+            for more in [vec![], vec![wrong.as_str()], vec![&short], vec![&other], vec![&long], vec!["Cookie: token="]]
+            {
+                for path in [
+                    "/",
+                    "/a",
+                    "/changes",
+                    "/changes?after=0",
+                    &inner(""),
+                    &inner("a"),
+                    &inner("changes?after=0"),
+                    "/%",
+                ] {
+                    let (code, head, body) = of(path, &more);
+                    assert_eq!((code, body.as_str()), (403, REFUSAL), "{path} {more:?}");
+                    assert!(!head.contains(token) && !head.contains(own), "{head}");
+                }
+            }
+            for query in ["?token=", "?token=0", &format!("?token={}", &token[..31]), &format!("?Token={token}")] {
+                assert_eq!(of(&inner(query), &[]).0, 403, "{query}");
+            }
+            // Two servers have nothing in common.
+            let second = Server::bind(0).expect("a port");
+            assert!(second.own != server.own && second.token != server.token);
+            // A path that is not below the server's own.
+            assert_eq!(of("/", &[&cookie]).0, 400);
+        });
+        assert!(is_same("", "") && is_same("ab", "ab") && !is_same("ab", "aB") && !is_same("a", "ab"));
+    }
+
+    #[test]
+    fn pages_may_run_nothing_but_files_of_the_server() {
+        serving(|server, _| {
+            let (head, _) = raw(server, &["GET / HTTP/1.1", "Host: localhost"]);
+            for line in [
+                "Referrer-Policy: no-referrer",
+                "X-Content-Type-Options: nosniff",
+                "Cross-Origin-Resource-Policy: same-origin",
+            ] {
+                assert!(head.lines().any(|it| it == line), "{line}\n{head}");
+            }
+            let policy =
+                head.lines().find_map(|line| line.strip_prefix("Content-Security-Policy: ")).expect("a policy");
+            assert!(policy.starts_with("default-src 'none'; script-src 'self'; style-src 'self';"), "{policy}");
+            assert!(!policy.contains("unsafe") && policy.contains("frame-ancestors 'none'"), "{policy}");
+        });
+    }
+
+    #[test]
     fn paths_do_not_climb() {
         for target in
             ["/..", "/../a", "/a/../b", "/%2e%2e/a", "/a/%2E%2e", "/a/./b", "//a", "/a\\..\\b", "/a%5c..", "/%00"]
@@ -535,8 +675,12 @@ mod tests {
             let waiting: Vec<_> = (0..12)
                 .map(|_| {
                     let mut stream = TcpStream::connect(server.address).expect("listens");
-                    let request = b"GET /changes?after=0 HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n";
-                    stream.write_all(request).expect("sent");
+                    let request = format!(
+                        "GET {}changes?after=0 HTTP/1.1\r\nHost: localhost\r\n{}\r\n\r\n",
+                        server.own,
+                        cookie(server)
+                    );
+                    stream.write_all(request.as_bytes()).expect("sent");
                     stream.set_read_timeout(Some(Duration::from_secs(20))).expect("a timeout");
                     stream
                 })
@@ -561,7 +705,12 @@ mod tests {
             for _ in 0..MAX_WAITING + 1 {
                 let mut stream = TcpStream::connect(server.address).expect("listens");
                 stream.set_read_timeout(Some(Duration::from_secs(20))).expect("a timeout");
-                stream.write_all(b"GET /changes?after=0 HTTP/1.0\r\nHost: localhost\r\n\r\n").expect("sent");
+                let request = format!(
+                    "GET {}changes?after=0 HTTP/1.0\r\nHost: localhost\r\n{}\r\n\r\n",
+                    server.own,
+                    cookie(server)
+                );
+                stream.write_all(request.as_bytes()).expect("sent");
                 left.push(stream);
             }
             // One of them had to make room.
@@ -593,7 +742,9 @@ mod tests {
                     .map(|_| {
                         let mut stream = TcpStream::connect(server.address).expect("listens");
                         stream.set_read_timeout(Some(Duration::from_secs(5))).expect("a timeout");
-                        stream.write_all(b"GET /a HTTP/1.1\r\nHost: localhost\r\n\r\n").expect("sent");
+                        let request =
+                            format!("GET {}a HTTP/1.1\r\nHost: localhost\r\n{}\r\n\r\n", server.own, cookie(server));
+                        stream.write_all(request.as_bytes()).expect("sent");
                         stream
                     })
                     .collect();

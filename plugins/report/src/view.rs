@@ -26,7 +26,7 @@ fn command() -> Command {
         .arg(arguments::scores())
         .arg(arguments::threads("Threads that count the statistics; all cores if left out"))
         .after_help(
-            "Nothing is written, and nobody else can connect. Ctrl-C ends it.
+            "Nothing is written. The address has a token, without which nobody can read the pages: keep it to yourself. Ctrl-C ends it.
 
 Examples:
   syntable view data

@@ -10,11 +10,12 @@ use syntable_model::product::{KeyId, Mask, Plane, Products};
 use syntable_model::reader::{DatasetReader, ImageRef};
 use syntable_model::scene::{InstanceId, SceneId, View, ViewId};
 use syntable_model::stage::DatasetInfo;
-use syntable_report::report::verb::write;
+use syntable_report::report::verb::{MADE_BY, write};
 use syntable_report::report::{Counted, Report, Shown};
 use syntable_report::serve::Request;
 use syntable_report::stats::{self, Options};
 use syntable_report::view::answer;
+use syntable_runtime::durable::Draft;
 use syntable_runtime::run::progress::Quiet;
 use syntable_runtime::workers::Pool;
 use syntable_testing::folder::files;
@@ -116,9 +117,11 @@ fn report(memory: Memory, shown: Vec<usize>) -> Report {
 
 fn written(report: &Report, threads: usize) -> BTreeMap<String, Vec<u8>> {
     let folder = tempfile::tempdir().expect("a folder");
-    let pool = Pool::new(threads).expect("threads");
-    write(report, folder.path(), (&pool, &Quiet)).unwrap_or_else(|error| panic!("{error}"));
-    files(folder.path())
+    let (pool, out) = (Pool::new(threads).expect("threads"), folder.path().join("out"));
+    let draft = Draft::begin(&out).expect("a folder");
+    let written = write(report, &draft, (&pool, &Quiet)).and_then(|()| draft.publish_listed(MADE_BY));
+    written.unwrap_or_else(|error| panic!("{error}"));
+    files(&out)
 }
 
 fn text(bytes: &[u8]) -> &str {
@@ -137,6 +140,11 @@ fn names_are_never_markup() {
         for script in page.split("<script").skip(1) {
             assert!(script.starts_with(" src=\"page/"), "{path}: {script:.60}");
         }
+        // Nor may others run: neither inline ones nor those of other hosts.
+        let policy = page.split("http-equiv=\"Content-Security-Policy\" content=\"").nth(1).expect("a policy");
+        let policy = policy.split('"').next().unwrap_or_default();
+        assert!(policy.starts_with("default-src &#x27;none&#x27;; script-src &#x27;self&#x27; file:;"), "{policy}");
+        assert!(!policy.contains("unsafe") && !page.contains(" style=") && !page.contains(" onclick="), "{path}");
         assert!(page.contains("&lt;script&gt;alert"), "{path} does not name the dataset");
     }
 }
@@ -253,13 +261,17 @@ fn no_path_leads_out() {
 
 #[test]
 fn what_cannot_be_read_is_named_and_the_rest_is_shown() {
-    let broken = Memory { broken: Some(1), ..Memory::new(3) };
-    let all = written(&report(broken, vec![0, 1, 2]), 2);
+    let report = report(Memory { broken: Some(1), ..Memory::new(3) }, vec![0, 1, 2]);
+    let all = written(&report, 2);
+    let unread = report.unread();
+    assert!(unread.len() == 1 && unread[0].contains("1.png\": the file is not there"), "{unread:?}");
     assert!(!all.contains_key("image/000/000001.jpg") && all.contains_key("image/000/000002.jpg"));
     let view = text(&all["data/view/000/000001.js"]);
     assert!(view.contains("the file is not there") && view.contains("\"edges\":[[1,2]]"), "{view}");
     let page = text(&all["index.html"]);
-    assert!(page.contains("readable") && page.contains("the file is not there"), "{page}");
+    assert!(page.contains("readable") && page.contains("1 of 3 images lack something here"), "{page}");
+    let table = page.split("id=\"unread\"").nth(1).and_then(|rest| rest.split("</table>").next()).expect("a table");
+    assert!(table.contains("view.html#i=1") && table.contains("the file is not there"), "{table}");
 }
 
 #[test]

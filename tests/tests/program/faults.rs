@@ -324,6 +324,30 @@ fn killed_anywhere(command: &dyn Fn() -> Command, after_kill: &dyn Fn()) -> u32 
     unreachable!("a command ends")
 }
 
+/// Kills reports, conversions and files of scores at every call, and lets every call fail. That takes an hour; `INTERRUPT_EVERY`
+/// tries one of so many calls. The calls themselves are killed one by one in the unit tests of `durable`.
+#[cfg(target_os = "linux")]
+#[test]
+#[ignore = "takes an hour"]
+fn results_are_whole_whatever_call_is_killed_or_fails() {
+    if Command::new("strace").arg("-V").output().is_err() {
+        return skip("strace");
+    }
+    let folder = tempfile::tempdir().expect("a folder");
+    let data = folder.path().join("data");
+    ok(&mut small_run(&data, &["--set", "dataset.scenes=2", "--set", "dataset.views_per_scene=1"]));
+    let every = std::env::var("INTERRUPT_EVERY").unwrap_or_else(|_| "1".to_owned());
+    for threads in ["1", "3"] {
+        let program = syntable();
+        let mut trial = Command::new("python3");
+        trial.arg(support::root().join("tests/interrupt.py")).arg(program.get_program()).arg(&data);
+        trial.args(["--threads", threads, "--every", &every]);
+        let output = trial.output().expect("python3 starts");
+        assert!(output.status.success(), "{}", text(&output));
+        println!("{threads} threads:\n{}", text(&output));
+    }
+}
+
 #[test]
 fn kills_while_overwriting_leave_no_half_of_the_old_dataset() {
     let folder = tempfile::tempdir().expect("a folder");

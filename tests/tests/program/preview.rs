@@ -1,10 +1,10 @@
 //! `syntable preview`: sheets of a recipe, made anew after every save, in a file and in the browser.
 
+use crate::support::served::Address;
 use crate::support::{fails, ok, root, syntable};
 use serde_json::Value;
 use std::fs;
-use std::io::{BufRead, BufReader, Read, Write};
-use std::net::TcpStream;
+use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::sync::mpsc::{Receiver, channel};
@@ -288,45 +288,38 @@ fn mistake_line(recipe: &str) -> usize {
     recipe.lines().position(|line| line == "kind = \"guided\"").expect("a denoiser") + 1
 }
 
-/// What a server answers to a path: head, and body.
-fn get(address: &str, path: &str) -> (String, Vec<u8>) {
-    let mut stream = TcpStream::connect(address).expect("it listens");
-    stream.set_read_timeout(Some(PATIENCE)).expect("a timeout");
-    write!(stream, "GET {path} HTTP/1.1\r\nHost: {address}\r\nConnection: close\r\n\r\n").expect("sent");
-    let mut all = Vec::new();
-    stream.read_to_end(&mut all).expect("answered");
-    let end = all.windows(4).position(|bytes| bytes == b"\r\n\r\n").expect("a head");
-    (String::from_utf8_lossy(&all[..end]).into_owned(), all[end + 4..].to_vec())
-}
-
-fn state(address: &str) -> Value {
-    serde_json::from_slice(&get(address, "/state.json").1).expect("JSON")
+fn state(address: &Address) -> Value {
+    serde_json::from_slice(&address.get("state.json", "GET").1).expect("JSON")
 }
 
 #[test]
 fn the_page_follows_what_is_saved() {
     let watching = Watching::start(&["--serve"]);
-    let address = watching.said.trim_start_matches("http://").trim_end_matches('/').to_owned();
-    assert!(address.starts_with("127.0.0.1:"), "{}", watching.said);
-    let (head, page) = get(&address, "/");
+    let address = Address::of(&watching.said);
+    let (head, page) = address.get("/", "GET");
     assert!(head.starts_with("HTTP/1.1 200") && head.contains("text/html"), "{head}");
     assert!(String::from_utf8_lossy(&page).contains("<img id=\"sheet\""));
-    assert!(get(&address, "/other").0.starts_with("HTTP/1.1 404"));
+    assert!(address.get("/other", "GET").0.starts_with("HTTP/1.1 404"));
+    // Others read nothing.
+    for path in ["/", "/state.json", "/sheet.png", "/changes"] {
+        let path = format!("{}{}", address.own, path.trim_start_matches('/'));
+        assert!(address.ask(&path, "GET", "").0.starts_with("HTTP/1.1 403"), "{path}");
+    }
     let _ = watching.made();
     let made = state(&address);
     assert_eq!([&made["status"], &made["mistakes"], &made["title"]], ["2 images", "", "quickstart"]);
-    let (head, png) = get(&address, "/sheet.png");
+    let (head, png) = address.get("/sheet.png", "GET");
     assert!(head.contains("image/png") && png == fs::read(&watching.out).expect("a sheet"), "{head}");
 
     let wrong = with("kind = \"guided\"", "kind = \"<guidde>\"");
     watching.save(&wrong);
     let version = made["version"].as_u64().expect("a version");
     // The page waits for it.
-    let (_, news) = get(&address, &format!("/changes?after={version}"));
+    let (_, news) = address.get(&format!("/changes?after={version}"), "GET");
     assert_eq!(String::from_utf8_lossy(&news), format!("{{\"version\":{}}}", version + 1));
     let checked = fails(syntable().arg("check").arg(&watching.recipe), 2);
     assert_eq!(state(&address)["mistakes"].as_str().map(str::trim), Some(checked.trim()));
-    let page = String::from_utf8_lossy(&get(&address, "/").1).into_owned();
+    let page = String::from_utf8_lossy(&address.get("/", "GET").1).into_owned();
     assert!(page.contains("&lt;guidde&gt;") && !page.contains("<guidde>"), "{page}");
 
     watching.save(&with("", ""));
@@ -343,7 +336,7 @@ fn a_browser_shows_a_save_without_being_reloaded() {
     }
     let watching = Watching::start(&["--serve"]);
     let _ = watching.made();
-    let address = watching.said.trim_start_matches("http://").trim_end_matches('/').to_owned();
+    let address = Address::of(&watching.said);
     let first = state(&address)["version"].as_u64().expect("a version");
     let folder = tempfile::tempdir().expect("a folder");
     let loaded = folder.path().join("loaded");
@@ -370,7 +363,7 @@ fn a_browser_shows_a_save_without_being_reloaded() {
     let found = page.join().expect("the page is quiet").expect("a browser").remove(0);
     let sheet = |version: u64| {
         serde_json::json!([
-            format!("/sheet.png?version={version}"),
+            format!("sheet.png?version={version}"),
             true,
             "1 scene of 2 views each; rows are scenes, columns are views",
             "2 images"

@@ -1,11 +1,11 @@
 //! `syntable report` and `syntable view`, looked at in a browser.
 
 use crate::support::browser::{address, job, look};
+use crate::support::served::Address;
 use crate::support::{fails, files, ok, root, syntable};
 use serde_json::{Value, json};
 use std::fs;
-use std::io::{BufRead, BufReader, Read, Write};
-use std::net::TcpStream;
+use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Stdio};
 use std::sync::OnceLock;
@@ -66,7 +66,7 @@ fn the_report_lies_beside_the_dataset_and_is_the_same_again() {
     ok(syntable().arg("report").arg(dataset()).arg("--out").arg(&again).args(["--overwrite", "--images", "1"]));
     assert!(again.join("image/000/000000.jpg").is_file() && !again.join("image/000/000001.jpg").exists());
     let said = fails(syntable().arg("report").arg(dataset()).arg("--out").arg(dataset()).arg("--overwrite"), 2);
-    assert!(said.contains("no report") && before == files(dataset()), "{said}");
+    assert!(said.contains("a new report would replace it") && before == files(dataset()), "{said}");
 }
 
 #[test]
@@ -288,7 +288,7 @@ fn the_worst_images_are_shown_with_their_predictions() {
     // The second image has no prediction, so it is the worst one.
     assert!(rows.contains(&name(1)) && rows.matches("\"faults\"").count() == 2, "{rows}");
     let served = serve(&["--scores", &scores.display().to_string()]);
-    let file = get(&served.1, "/data/view/000/000002.js", "GET");
+    let file = served.get("/data/view/000/000002.js", "GET");
     assert!(file.contains("\"predicted\":{") && file.contains("\"object\":null"), "{file}");
     // Nor are scores lost that lie in the report which they are shown in.
     let inside = few.join("scores.json");
@@ -297,6 +297,11 @@ fn the_worst_images_are_shown_with_their_predictions() {
     again.arg("report").arg(dataset()).arg("--overwrite").arg("--out").arg(&few).arg("--scores").arg(&inside);
     let said = fails(&mut again, 2);
     assert!(said.contains("lies in it, and a new report would replace it") && inside.is_file(), "{said}");
+    // What the user has put into a report keeps it from being replaced.
+    let mut other = syntable();
+    let said = fails(other.arg("report").arg(dataset()).arg("--overwrite").arg("--out").arg(&few), 2);
+    assert!(said.contains("did not make: scores.json") && inside.is_file(), "{said}");
+    fs::remove_file(&inside).expect("there");
     // Of another dataset, and of no scores at all.
     let other = fs::read_to_string(&scores).expect("readable").replace("\"name\":\"", "\"name\":\"other-");
     let more = fs::read_to_string(&scores).expect("readable").replacen("\"images\":", "\"images\":1", 1);
@@ -350,10 +355,32 @@ fn a_damaged_dataset_is_shown_as_far_as_it_goes() {
     let name = annotations(&data)["images"][0]["file_name"].as_str().expect("a name").to_owned();
     let image = files(&data).into_keys().find(|path| path.ends_with(&name)).expect("an image");
     fs::remove_file(data.join(image)).expect("there");
-    let said = ok(syntable().arg("report").arg(&data).arg("--out").arg(&out));
-    assert!(said.contains("4 of 4 images"), "{said}");
+    // Links that lead out of the folder, and what is no file, are not read.
+    for name in ["000000.glb", "000001.glb"] {
+        let (inside, outside) = (data.join("gltf").join(name), folder.path().join(name));
+        fs::rename(&inside, &outside).expect("there");
+        std::os::unix::fs::symlink(&outside, &inside).expect("linked");
+    }
+    let times = data.join(".syntable/times.jsonl");
+    fs::remove_file(&times).expect("there");
+    ok(std::process::Command::new("mkfifo").arg(&times));
+    let output = syntable().arg("report").arg(&data).arg("--out").arg(&out).output().expect("starts");
+    let (said, told) = (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
+    assert_eq!(output.status.code(), Some(3), "{said}{told}");
+    assert!(said.contains("3 of 4 images with labels, 0 in space"), "{said}");
     let page = fs::read_to_string(out.join("index.html")).expect("a page");
-    assert!(page.contains("Records that cannot be read") && page.contains("line 1 is no journal line"), "{page}");
+    let shown = page.replace("&#x2F;", "/");
+    for text in [told.as_ref(), shown.as_str()] {
+        for part in [
+            name.as_str(),
+            "line 1 is no journal line",
+            "times.jsonl: it is not a file",
+            ".glb: it leads out of the folder",
+        ] {
+            assert!(text.contains(part), "{part}: {text}");
+        }
+    }
+    assert!(page.contains("Images that cannot be read") && page.contains("What else cannot be read"), "{page}");
     let script = format!(
         "{WAIT} await wait(() => document.querySelectorAll('#grid a, .grid a').length >= 4);
          return [document.querySelectorAll('.frame.bare').length, document.querySelectorAll('.frame img').length];"
@@ -363,7 +390,7 @@ fn a_damaged_dataset_is_shown_as_far_as_it_goes() {
 }
 
 /// A server that ends with the test.
-struct Served(Child, String);
+struct Served(Child, Address);
 
 impl Drop for Served {
     fn drop(&mut self) {
@@ -377,25 +404,29 @@ fn serve(more: &[&str]) -> Served {
         syntable().arg("view").arg(dataset()).args(more).stdout(Stdio::piped()).spawn().expect("the program starts");
     let mut line = String::new();
     BufReader::new(child.stdout.take().expect("a pipe")).read_line(&mut line).expect("an address");
-    let url = line.trim().to_owned();
-    assert!(url.starts_with("http://127.0.0.1:"), "{url}");
-    Served(child, url)
+    Served(child, Address::of(line.trim()))
 }
 
-fn get(url: &str, target: &str, method: &str) -> String {
-    let host = url.trim_start_matches("http://").trim_end_matches('/');
-    let mut stream = TcpStream::connect(host).expect("it listens");
-    write!(stream, "{method} {target} HTTP/1.1\r\nHost: {host}\r\nConnection: close\r\n\r\n").expect("sent");
-    let mut answer = Vec::new();
-    stream.read_to_end(&mut answer).expect("an answer");
-    String::from_utf8_lossy(&answer).into_owned()
+impl Served {
+    /// The whole answer.
+    fn get(&self, path: &str, method: &str) -> String {
+        let (head, body) = self.1.get(path, method);
+        format!("{head}\r\n\r\n{}", String::from_utf8_lossy(&body))
+    }
 }
 
 #[test]
 fn view_serves_the_same_pages_and_nothing_else() {
     let before = files(dataset());
     let served = serve(&[]);
-    let status = |target: &str, method: &str| get(&served.1, target, method)[9..12].to_owned();
+    // Without the token nothing is read, whoever asks.
+    let own = served.1.own.as_str();
+    for path in ["/".to_owned(), own.to_owned(), format!("{own}data/rows/0.js"), format!("{own}changes?after=0")] {
+        let (head, body) = served.1.ask(&path, "GET", "Cookie: token=0\r\n");
+        let body = String::from_utf8_lossy(&body);
+        assert!(head.starts_with("HTTP/1.1 403") && body.contains("whole address"), "{path}: {head}");
+    }
+    let status = |target: &str, method: &str| served.get(target, method)[9..12].to_owned();
     for target in ["/", "/gallery.html", "/data/rows/0.js", "/image/000/000003.jpg", "/data/scene/000001.js"] {
         assert_eq!(status(target, "GET"), "200", "{target}");
     }
@@ -407,10 +438,11 @@ fn view_serves_the_same_pages_and_nothing_else() {
     assert_eq!((status("/", "POST"), status("/", "PUT")), ("405".to_owned(), "405".to_owned()));
     let script = format!(
         "{WAIT} await wait(() => document.getElementById('frame').dataset.ready === '2' && document.getElementById('image').complete);
-         return [document.getElementById('image').naturalWidth, document.getElementById('objects').rows.length > 5];"
+         return [document.getElementById('image').naturalWidth, document.getElementById('objects').rows.length > 5,
+             location.search, document.cookie];"
     );
-    let seen = look(&[job(&format!("{}view.html#i=2&on=visible", served.1), &script)]);
-    assert!(seen.is_none_or(|seen| seen[0] == json!([160, true])));
+    let seen = look(&[job(&format!("{}#i=2&on=visible", served.1.page("view.html")), &script)]);
+    assert!(seen.is_none_or(|seen| seen[0] == json!([160, true, "", ""])));
     assert!(before == files(dataset()), "viewing has written something");
     // A signal is how it ends.
     for signal in ["-INT", "-TERM"] {

@@ -15,7 +15,7 @@ mod verify;
 pub use crate::message::Message;
 pub use check::load_checked;
 pub use list::products;
-pub use outputs::{check_outputs, dataset_folder, lies_in, write_whole};
+pub use outputs::{check_outputs, dataset_folder, lies_in};
 pub use run::{Scenes, parse_scenes};
 pub use verb::{Topic, Verb};
 

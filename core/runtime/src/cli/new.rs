@@ -2,6 +2,7 @@
 
 use super::list::products;
 use super::{Console, Exit};
+use crate::durable::{self, Draft};
 use crate::recipe::{BUILTINS, Builtin, schema_text};
 use clap::{Args, Subcommand};
 use std::fs;
@@ -126,7 +127,7 @@ pub(super) fn new(console: &Console, registry: &Registry, args: &NewArgs) -> Res
                 }
                 None => RECIPE.to_owned(),
             };
-            write(file, &text)?;
+            create(file, &text)?;
             let schema = write_schema(registry, file.parent().unwrap_or(Path::new("")))?;
             let (file, schema) = (file.display(), schema.display());
             console.print(&format!("wrote {file}\nwrote {schema}\nnext: syntable run {file} --out data\n"))
@@ -175,14 +176,15 @@ fn plugin(registry: &Registry, name: &str, folder: &Path, syntable: Option<&Path
         return Err(Exit::wrong(Error::new(format!("`{name}` is {taken} already")).help("choose another name")));
     }
     if folder.exists() {
+        // A call that was killed at its very end leaves the whole folder, and something beside it.
+        let _ = durable::mend(folder);
         return Err(Exit::wrong(Error::new("it exists already").in_file(folder).help("choose another --path")));
     }
     // A binary built from a checkout knows where that is; otherwise the published crates of this version serve.
     let built_from = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
     let sources = syntable.map(Path::to_owned).or_else(|| built_from.join("core/model").is_dir().then_some(built_from));
-    fs::create_dir_all(folder).map_err(|error| Exit::wrong(Error::io(folder, &error)))?;
     let whole = |path: &Path| path.canonicalize().map_err(|error| Exit::wrong(Error::io(path, &error)));
-    let own = whole(folder)?;
+    let own = crate::paths::whole(&std::path::absolute(folder).unwrap_or_else(|_| folder.to_owned()));
     let dependency = |crate_folder: &str| match &sources {
         // A relative path, so that the two folders can move together.
         Some(root) => {
@@ -206,16 +208,22 @@ fn plugin(registry: &Registry, name: &str, folder: &Path, syntable: Option<&Path
             .replace("@RUNTIME@", &runtime)
             .replace("@STANDARD@", &standard)
     };
-    write(&folder.join("Cargo.toml"), &fill(MANIFEST))?;
-    write(&folder.join("src/lib.rs"), &fill(LIBRARY))?;
-    write(&folder.join("src/main.rs"), &fill(MAIN))?;
-    write(&folder.join("tests/plugin.rs"), &fill(TEST))?;
-    write(&folder.join("recipe.toml"), &fill(PLUGIN_RECIPE))?;
+    let mut files = vec![
+        ("Cargo.toml", fill(MANIFEST)),
+        ("src/lib.rs", fill(LIBRARY)),
+        ("src/main.rs", fill(MAIN)),
+        ("tests/plugin.rs", fill(TEST)),
+        ("recipe.toml", fill(PLUGIN_RECIPE)),
+        (SCHEMA, schema_text(registry)),
+    ];
     // The versions that the program was tested with. Cargo takes out what the crate does not need.
     if let Some(lock) = sources.map(|root| root.join("Cargo.lock")).filter(|lock| lock.is_file()) {
-        fs::copy(&lock, folder.join("Cargo.lock")).map_err(|error| Exit::wrong(Error::io(&lock, &error)))?;
+        let text = fs::read_to_string(&lock).map_err(|error| Exit::wrong(Error::io(&lock, &error)))?;
+        files.push(("Cargo.lock", text));
     }
-    write_schema(registry, folder).map(drop)
+    let draft = Draft::begin(folder).map_err(Exit::stopped)?;
+    files.iter().try_for_each(|(path, text)| draft.write(path, text.as_bytes())).map_err(Exit::stopped)?;
+    draft.publish().map_err(Exit::stopped)
 }
 
 /// What already has a name that a plugin would give its crate, its annotator and its product.
@@ -247,22 +255,16 @@ fn write_schema(registry: &Registry, folder: &Path) -> Result<PathBuf, Exit> {
             Err(Exit::wrong(Error::new("it is another schema").in_file(&path).help("choose another folder")))
         }
         _ => {
-            fs::write(&path, schema_text(registry)).map_err(|error| Exit::wrong(Error::io(&path, &error)))?;
+            durable::write_file(&path, schema_text(registry).as_bytes()).map_err(Exit::stopped)?;
             Ok(path)
         }
     }
 }
 
-fn write(path: &Path, text: &str) -> Result<(), Exit> {
-    let fail = |error: std::io::Error| Exit::wrong(Error::io(path, &error));
+/// Writes a file that must not be there yet, in a folder that is made if need be.
+fn create(path: &Path, text: &str) -> Result<(), Exit> {
     if let Some(parent) = path.parent() {
-        fs::create_dir_all(parent).map_err(fail)?;
+        fs::create_dir_all(parent).map_err(|error| Exit::wrong(Error::io(path, &error)))?;
     }
-    let mut file = fs::File::create_new(path).map_err(|error| match error.kind() {
-        std::io::ErrorKind::AlreadyExists => {
-            Exit::wrong(Error::new("it exists already").in_file(path).help("choose another path"))
-        }
-        _ => fail(error),
-    })?;
-    std::io::Write::write_all(&mut file, text.as_bytes()).map_err(fail)
+    durable::create_file(path, text.as_bytes()).map_err(Exit::stopped)
 }

@@ -2,9 +2,8 @@
 
 use super::Exit;
 use crate::paths::whole;
-use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
-use syntable_model::error::{Error, Result as ModelResult};
+use syntable_model::error::Error;
 
 /// Refuses files that would take the place of what a command reads, or of each other. `outputs` are files with the options
 /// that name them; `inputs` are files, and folders in which nothing is to be written.
@@ -47,39 +46,6 @@ pub fn dataset_folder(path: &Path) -> PathBuf {
     found.map_or_else(|| path.to_owned(), Path::to_owned)
 }
 
-/// Writes a file that is whole at any moment: beside its place, which it takes then.
-///
-/// # Errors
-/// If it cannot be written. Unless the disk is full, the path is at fault.
-pub fn write_whole(path: &Path, bytes: &[u8]) -> ModelResult<()> {
-    let failed = |error: std::io::Error| {
-        let failed = Error::io(path, &error);
-        if error.kind() == ErrorKind::StorageFull { failed } else { failed.help("name another file").of_request() }
-    };
-    let there = std::fs::metadata(path).ok();
-    // A device or a pipe takes what is written, and so does what a link leads to that has no file yet: nothing takes their place.
-    let is_stream = ["/dev", "/proc"].iter().any(|folder| path.starts_with(folder))
-        || there.as_ref().is_some_and(|there| !there.is_file() && !there.is_dir())
-        || there.is_none() && path.is_symlink();
-    if is_stream {
-        return std::fs::write(path, bytes).map_err(failed);
-    }
-    if there.as_ref().is_some_and(|there| there.permissions().readonly()) {
-        return Err(Error::new("it is read-only").in_file(path).help("name another file").of_request());
-    }
-    // What a link leads to is replaced, and not the link.
-    let path = path.canonicalize().unwrap_or_else(|_| path.to_owned());
-    let mut part = path.file_name().unwrap_or_default().to_owned();
-    part.push(format!(".{}.part", std::process::id()));
-    let part = path.with_file_name(part);
-    let permit = || there.as_ref().map_or(Ok(()), |there| std::fs::set_permissions(&part, there.permissions()));
-    let written = std::fs::write(&part, bytes).and_then(|()| permit()).and_then(|()| std::fs::rename(&part, &path));
-    written.map_err(|error| {
-        let _ = std::fs::remove_file(&part);
-        failed(error)
-    })
-}
-
 /// Whether a path is a folder or file, or lies in it, links and detours aside; either may not be there yet.
 pub fn lies_in(path: &Path, folder: &Path) -> bool {
     whole(path).starts_with(whole(folder))
@@ -89,48 +55,6 @@ pub fn lies_in(path: &Path, folder: &Path) -> bool {
 mod tests {
     use super::*;
     use crate::message::Message;
-
-    #[test]
-    fn a_file_takes_the_place_of_another_one_and_leaves_nothing_beside_it() {
-        let folder = tempfile::tempdir().expect("a folder");
-        let out = folder.path().join("a.json");
-        write_whole(&out, b"one").and_then(|()| write_whole(&out, b"two")).expect("writable");
-        assert_eq!(std::fs::read(&out).expect("readable"), b"two");
-        assert_eq!(std::fs::read_dir(folder.path()).expect("readable").count(), 1);
-        // A folder that is not there, and one in the file's place: the request is at fault.
-        std::fs::create_dir(folder.path().join("b")).expect("made");
-        for path in ["none/a.json", "b"] {
-            let error = write_whole(&folder.path().join(path), b"x").expect_err("it is no file");
-            assert!(error.is_permanent() && error.to_string().contains(path), "{error}");
-        }
-        assert_eq!(std::fs::read_dir(folder.path()).expect("readable").count(), 2);
-    }
-
-    #[cfg(unix)]
-    #[test]
-    fn links_and_permissions_stay() {
-        use std::os::unix::fs::{PermissionsExt, symlink};
-        let folder = tempfile::tempdir().expect("a folder");
-        let at = |name: &str| folder.path().join(name);
-        let mode = |name: &str| std::fs::metadata(at(name)).expect("there").permissions().mode() & 0o777;
-        for target in ["there", "to come"] {
-            symlink(at(target), at(&format!("link to {target}"))).expect("linked");
-        }
-        write_whole(&at("there"), b"one").expect("writable");
-        std::fs::set_permissions(at("there"), PermissionsExt::from_mode(0o600)).expect("permitted");
-        for target in ["there", "to come"] {
-            write_whole(&at(&format!("link to {target}")), b"two").expect("writable");
-            assert!(at(&format!("link to {target}")).is_symlink(), "{target}");
-            assert_eq!(std::fs::read(at(target)).expect("readable"), b"two");
-        }
-        assert_eq!(mode("there"), 0o600);
-        std::fs::set_permissions(at("there"), PermissionsExt::from_mode(0o400)).expect("permitted");
-        let error = write_whole(&at("there"), b"three").expect_err("read-only").to_string();
-        assert!(
-            error.contains("it is read-only") && std::fs::read(at("there")).expect("readable") == b"two",
-            "{error}"
-        );
-    }
 
     #[test]
     fn what_a_command_reads_is_not_overwritten() {

@@ -6,13 +6,14 @@ use super::progress::{Guarded, Reporter, Warnings, count};
 use super::scene::{Writers, annotate, names};
 use super::stop::{self, Stop};
 use super::times::Times;
+use crate::durable::{self, Draft, Standing};
 use crate::plan::{self, Candidate, Fault, Implied, Plan, Producer};
 use crate::workers::Pool;
 use parking_lot::Mutex;
 use serde::Deserialize;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
 use syntable_model::check::{self, Check};
@@ -68,7 +69,8 @@ pub fn convert(
         return Err(Error::new(why).help("`syntable validate` lists what is wrong").of_request());
     }
     let Resolved { plan, lacking } = resolve(registry, dataset, writers)?;
-    let Staging { part, mark, lock } = Staging::begin(out)?;
+    let draft = begin(out)?;
+    let part = draft.folder();
     let pool = Pool::new(threads)?;
     let cx = DatasetContext::new(dataset.info(), &pool, &log);
     let (checks, faults, unread) = (check::linked(), AtomicU32::new(0), Mutex::new(BTreeMap::new()));
@@ -83,20 +85,8 @@ pub fn convert(
         faults: &faults,
         unread: &unread,
     };
-    let done = work.scenes().and_then(|scenes| work.finish(&scenes).map(|()| scenes));
-    let moved = done.and_then(|scenes| {
-        super::folder::remove(&mark)?;
-        if out.exists() {
-            // A link gives way to the folder, too.
-            let is_link = fs::symlink_metadata(out).is_ok_and(|entry| entry.is_symlink());
-            let removed = if is_link { fs::remove_file(out) } else { fs::remove_dir(out) };
-            removed.map_err(|error| Error::io(out, &error))?;
-        }
-        fs::rename(&part, out).map_err(|error| Error::io(out, &error))?;
-        Ok(scenes)
-    });
-    let scenes = moved.inspect_err(|_| drop(super::folder::remove(&part)))?;
-    drop(lock);
+    let scenes = work.scenes().and_then(|scenes| work.finish(&scenes).map(|()| scenes))?;
+    draft.publish()?;
     let unread = unread.into_inner();
     let not_listed = dataset.faults_of_opening().iter().filter(|fault| fault.is_lost);
     let read: Vec<String> = plan.entries.iter().map(|entry| entry.key.name.to_string()).collect();
@@ -137,72 +127,21 @@ pub(super) fn check_link(out: &Path) -> Result<()> {
     Ok(())
 }
 
-/// The folder beside `out` in which the dataset is made.
-struct Staging {
-    part: PathBuf,
-    /// The mark of a conversion, which holds the lock.
-    mark: PathBuf,
-    /// Held while the conversion works.
-    lock: fs::File,
-}
-
-impl Staging {
-    fn begin(out: &Path) -> Result<Self> {
-        let part = staging(out)?;
-        let mark = part.join(syntable_model::stage::RESERVED[0]);
-        // What an interrupted call has left has the mark of one, and no lock that is held.
-        if mark.is_dir() {
-            drop(lock(&mark, out)?);
-            super::folder::remove(&part)?;
-        }
-        if fs::symlink_metadata(&part).is_ok() {
-            return Err(Error::new("it stands where the dataset is made before it gets its name")
-                .in_file(part)
-                .help("move it away, or choose another --out")
-                .of_request());
-        }
-        fs::create_dir_all(&mark).map_err(|error| {
-            Error::io(&part, &error).help("choose an --out in a folder that can be written").of_request()
-        })?;
-        let lock = lock(&mark, out)?;
-        Ok(Self { part, mark, lock })
+/// Begins the folder of a conversion: new, or empty.
+fn begin(out: &Path) -> Result<Draft> {
+    check_link(out)?;
+    if durable::standing(out)? == Standing::Free {
+        return Draft::begin(out);
     }
-}
-
-/// Locks the mark of a conversion, or says that another one works there.
-fn lock(mark: &Path, out: &Path) -> Result<fs::File> {
-    let path = mark.join("lock");
-    let file = fs::File::create(&path).map_err(|error| Error::io(&path, &error))?;
-    match file.try_lock() {
-        Ok(()) => Ok(file),
-        Err(fs::TryLockError::WouldBlock) => Err(Error::new("another conversion writes to this folder")
-            .in_file(out)
-            .help("wait until it has ended, or choose another --out")
-            .of_request()),
-        // Some file systems have no locks.
-        Err(fs::TryLockError::Error(_)) => Ok(file),
-    }
-}
-
-/// The path of the folder beside `out` in which the dataset is made.
-fn staging(out: &Path) -> Result<PathBuf> {
     if out.is_file() {
         return Err(Error::new("it is a file").in_file(out).help("choose a folder, new or empty").of_request());
     }
-    let is_empty = |folder: &Path| fs::read_dir(folder).is_ok_and(|mut entries| entries.next().is_none());
-    if out.exists() && !is_empty(out) {
-        return Err(Error::new("the folder is there and not empty")
-            .in_file(out)
-            .help("choose another folder; nothing was touched")
-            .of_request());
-    }
-    check_link(out)?;
-    let Some(name) = out.file_name() else {
-        return Err(Error::new("it is no name of a folder").in_file(out).of_request());
-    };
-    let mut part = name.to_owned();
-    part.push(".part");
-    Ok(out.with_file_name(part))
+    // A conversion that was killed at its very end leaves the whole dataset, and something beside it.
+    let _ = durable::mend(out);
+    Err(Error::new("the folder is there and not empty")
+        .in_file(out)
+        .help("choose another folder; nothing was touched")
+        .of_request())
 }
 
 /// What is computed of a dataset, and what writers do without.

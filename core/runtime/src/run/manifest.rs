@@ -45,7 +45,12 @@ impl Stamp {
 
     /// The stamp of a file with this text.
     pub fn of_text(text: &str) -> Self {
-        let (digest, size) = Digest::of_reader(text.as_bytes()).expect("memory can be read");
+        Self::of_bytes(text.as_bytes())
+    }
+
+    /// The stamp of a file with this content.
+    pub fn of_bytes(bytes: &[u8]) -> Self {
+        let (digest, size) = Digest::of_reader(bytes).expect("memory can be read");
         Self(size, digest)
     }
 

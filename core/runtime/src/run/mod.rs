@@ -24,7 +24,7 @@ pub mod folder;
 mod inputs;
 pub mod journal;
 mod make;
-mod manifest;
+pub(crate) mod manifest;
 mod merge;
 pub(crate) mod panics;
 pub mod preview;

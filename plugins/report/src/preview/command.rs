@@ -12,7 +12,8 @@ use std::time::Duration;
 use syntable_model::error::{Error, Result};
 use syntable_model::registry::Registry;
 use syntable_runtime::clap::{Arg, ArgAction, ArgMatches, Args, Command, FromArgMatches, value_parser};
-use syntable_runtime::cli::{Console, Exit, RecipeArgs, Scenes, Verb, check_outputs, parse_scenes, write_whole};
+use syntable_runtime::cli::{Console, Exit, RecipeArgs, Scenes, Verb, check_outputs, parse_scenes};
+use syntable_runtime::durable::write_file;
 use syntable_runtime::run::progress::count;
 use syntable_runtime::run::stop::{self, Stop};
 use syntable_runtime::workers;
@@ -53,7 +54,7 @@ fn command() -> Command {
             "PNG file of the sheet; `<recipe>.preview.png` in the current folder if left out, and none with --serve",
         ))
         .arg(flag("watch", "Go on: render what changes whenever the recipe, or a file that it names, is saved"))
-        .arg(flag("serve", "Show the sheet in the browser, on this machine only, and follow every save"))
+        .arg(flag("serve", "Show the sheet in the browser, for you alone, and follow every save"))
         .arg(
             number("port")
                 .default_value("0")
@@ -192,7 +193,7 @@ impl Drop for End<'_> {
 
 /// Writes the sheet.
 fn store(out: Option<&Path>, bytes: &[u8]) -> Result<()> {
-    out.map_or(Ok(()), |out| write_whole(out, bytes))
+    out.map_or(Ok(()), |out| write_file(out, bytes))
 }
 
 #[cfg(test)]

@@ -2,7 +2,7 @@
 
 use super::sheet::{self, Cell};
 use super::studio::{News, Shown};
-use crate::serve::{Changes, Request, Response};
+use crate::serve::{Changes, Request, Response, content_type};
 use parking_lot::Mutex;
 use serde::Serialize;
 use syntable_model::error::{Error, Result};
@@ -10,6 +10,8 @@ use syntable_runtime::run::progress::count;
 use tera::{Context, Tera};
 
 const PAGE: &str = include_str!("page.html");
+const STYLE: &str = include_str!("page.css");
+const SCRIPT: &str = include_str!("page.js");
 
 /// What the page shows.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
@@ -50,6 +52,8 @@ impl Page {
                 Ok(text) => Response::html(text),
                 Err(error) => Response::failed(500, format!("{error}\n")),
             },
+            "/page.css" => Response::bytes(content_type("css"), STYLE),
+            "/page.js" => Response::bytes(content_type("js"), SCRIPT),
             "/state.json" => serde_json::to_value(&self.shown.lock().0)
                 .map_or_else(|error| Response::failed(500, format!("{error}\n")), |state| Response::json(&state)),
             "/sheet.png" => match &self.shown.lock().1 {
@@ -115,7 +119,7 @@ mod tests {
     fn mistakes_are_escaped_and_take_the_place_of_the_image() {
         let page = Page::default();
         let html = page.html().expect("a page");
-        assert!(html.contains("loading the recipe") && html.contains("let version = 0;"), "{html}");
+        assert!(html.contains("loading the recipe") && html.contains("data-version=\"0\""), "{html}");
         let shown = Shown::Mistakes("error[D0008]: unknown key `<b>&\"x\"</b>`".to_owned());
         page.show(&News { shown: &shown, name: "a<b", warnings: &[], is_busy: false }, b"png");
         let html = page.html().expect("a page");

@@ -96,6 +96,9 @@ pub struct ImageRow {
     pub faults: usize,
 }
 
+/// The check that fails where something of an image cannot be read.
+pub const READABLE: &str = "readable";
+
 /// What is read of each image.
 fn wants(offers: &[KeyId]) -> Vec<KeyId> {
     let own = syntable_model::keys![
@@ -201,7 +204,7 @@ fn read_all(
             all.extend(one)
         });
         if let Err(error) = kept {
-            let fault = ["readable".to_owned(), error.to_string()];
+            let fault = [READABLE.to_owned(), error.to_string()];
             if !faults.contains(&fault) {
                 faults.push(fault);
             }

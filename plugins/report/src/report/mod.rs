@@ -48,6 +48,11 @@ const PER_PAGE: usize = 60;
 /// Files in a folder.
 const PER_FOLDER: usize = 1000;
 
+/// What pages may load and run, wherever they lie: files beside them, and images that their scripts make. Of a page that is a
+/// file, browsers do not count other files as its own, so the scheme is named.
+const POLICY: &str = "default-src 'none'; script-src 'self' file:; style-src 'self' file:; img-src 'self' file: data: blob:; \
+                      base-uri 'none'; form-action 'none'";
+
 /// Style sheet and scripts.
 const ASSETS: [(&str, &str); 8] = [
     ("page/style.css", include_str!("page/style.css")),
@@ -84,8 +89,10 @@ pub struct Report {
     shown: Vec<usize>,
     /// Scenes with a model that the pages show.
     scenes: Vec<u32>,
+    /// Those whose model cannot be read, with the reason.
+    lost_scenes: Mutex<BTreeMap<u32, String>>,
     /// Gathered from labels when somebody asks, which takes a while.
-    licenses: OnceLock<Licenses>,
+    licenses: OnceLock<(Licenses, Vec<String>)>,
     /// Scores of predictions, if some are shown.
     scored: Option<Scored>,
     /// What tells a report that was written from another one at its place.
@@ -149,6 +156,7 @@ impl Report {
             record,
             shown,
             scenes,
+            lost_scenes: Mutex::default(),
             licenses: OnceLock::new(),
             scored: None,
             edition: OnceLock::new(),
@@ -200,6 +208,55 @@ impl Report {
         self.shown.len()
     }
 
+    /// Images of which something cannot be read, in order, each with the reasons: sentences. Those that nobody has asked for are
+    /// not among them.
+    pub fn unread(&self) -> Vec<String> {
+        self.unread_by_place()
+            .into_iter()
+            .map(|(place, reasons)| {
+                let name = &self.dataset.images()[self.shown[place]].name;
+                format!("image \"{name}\": {}", reasons.join("; "))
+            })
+            .collect()
+    }
+
+    /// What cannot be read of images, by their place among those that are shown.
+    fn unread_by_place(&self) -> BTreeMap<usize, Vec<String>> {
+        let mut unread: BTreeMap<usize, Vec<String>> = BTreeMap::new();
+        for (place, faults) in &*self.faults.lock() {
+            for [_, reason] in faults.iter().filter(|[check, _]| check == image::READABLE) {
+                unread.entry(*place).or_default().push(reason.clone());
+            }
+        }
+        unread
+    }
+
+    /// What beside images cannot be read and is missing on the pages: records of the run, licenses, scenes in space, and what
+    /// hides images from the list of the dataset. Sentences.
+    pub fn lost(&self) -> Vec<String> {
+        let hidden = self.dataset.faults_of_opening().iter().filter(|fault| fault.is_lost);
+        let hidden = hidden.map(|fault| format!("{}: {}", fault.place, fault.message));
+        let licenses = self.licenses.get().map(|(_, unread)| unread.clone()).unwrap_or_default();
+        let scenes = self.lost_scenes.lock().values().cloned().collect::<Vec<_>>();
+        hidden.chain(self.record.damaged.iter().cloned()).chain(licenses).chain(scenes).collect()
+    }
+
+    /// Scenes that the pages show in space.
+    pub fn scenes(&self) -> Vec<u32> {
+        let lost = self.lost_scenes.lock();
+        self.scenes.iter().copied().filter(|scene| !lost.contains_key(scene)).collect()
+    }
+
+    /// Leaves out a scene whose model cannot be read.
+    fn lose_scene(&self, scene: u32, why: &Error) {
+        self.lost_scenes.lock().insert(scene, format!("scene {scene} in space: {why}"));
+    }
+
+    /// Paths of scenes in space.
+    fn scene_paths(&self) -> Vec<(u32, String)> {
+        self.scenes.iter().map(|scene| (*scene, format!("data/scene/{scene:06}.js"))).collect()
+    }
+
     /// The files that follow from single images, by the place of the image among those that are shown.
     pub fn files_of_image(&self, place: usize) -> Result<Vec<(String, Vec<u8>)>> {
         let (view, products) = self.read_whole(place)?;
@@ -217,13 +274,12 @@ impl Report {
         Ok(read)
     }
 
-    /// Paths of all files but those of single images.
+    /// Paths of all files but those of single images and scenes.
     pub fn other_paths(&self) -> Vec<String> {
         let pages = PAGES.iter().map(|(name, _)| (*name).to_owned());
         let assets = ASSETS.iter().map(|(path, _)| (*path).to_owned());
         let rows = (0..self.shown.len().div_ceil(PER_PAGE)).map(|page| format!("data/rows/{page}.js"));
-        let scenes = self.scenes.iter().map(|scene| format!("data/scene/{scene:06}.js"));
-        pages.chain(assets).chain(rows).chain(scenes).collect()
+        pages.chain(assets).chain(rows).collect()
     }
 
     /// A file by its path; none if the report has no such file.
@@ -273,7 +329,7 @@ impl Report {
 
     fn whole_view<'a>(&'a self, place: usize, view: &'a ImageView) -> WholeView<'a> {
         let predicted = self.scored.as_ref().and_then(|scored| scored.image(self.shown[place]));
-        WholeView { image: view, has_scene: self.scenes.contains(&view.scene), predicted }
+        WholeView { image: view, has_scene: self.scenes().contains(&view.scene), predicted }
     }
 
     fn row(&self, place: usize) -> Result<ImageRow> {
@@ -303,7 +359,7 @@ impl Report {
         let Some((scene, path)) = scene.and_then(|scene| Some((scene, self.record.models.get(&scene)?))) else {
             return Ok(None);
         };
-        let bytes = std::fs::read(path).map_err(|error| Error::io(path, &error))?;
+        let bytes = self.record.read(path)?;
         let key = serde_json::Value::from(format!("scene/{scene:06}"));
         Ok(Some(format!("syntable.put({key}, \"{}\");\n", STANDARD.encode(bytes)).into_bytes()))
     }
@@ -312,6 +368,7 @@ impl Report {
         let mut context = Context::new();
         context.insert("name", &self.name());
         context.insert("page", name);
+        context.insert("policy", POLICY);
         let facts = PageFacts {
             images: self.shown.len(),
             all_images: self.dataset.images().len(),
@@ -324,7 +381,7 @@ impl Report {
         context.insert("facts", &facts);
         context.insert("query", &self.addressed(String::new()));
         context.insert("has_scores", &self.scored.is_some());
-        context.insert("scenes", &self.scenes);
+        context.insert("scenes", &self.scenes());
         context.insert("models", &self.record.models.len());
         if name == "index.html" {
             context.insert("overview", &overview::of(self)?);

@@ -34,11 +34,13 @@ pub struct Overview {
     recipe: String,
     sample: Vec<Card>,
     occluded: Vec<Card>,
+    /// Images of which something cannot be read.
+    unread: Vec<Unread>,
     faults: Vec<Fault>,
     more_faults: usize,
     checked: usize,
     failed: Vec<SceneRow>,
-    /// What of the run's records cannot be read.
+    /// What beside images cannot be read.
     damaged: Vec<String>,
     scores: Option<ScoresView>,
     has_journal: bool,
@@ -83,6 +85,14 @@ struct Fault {
     name: String,
     check: String,
     message: String,
+}
+
+/// An image of which something cannot be read.
+#[derive(Serialize)]
+struct Unread {
+    place: usize,
+    name: String,
+    reasons: String,
 }
 
 /// A scene that failed, or that needed more than one attempt.
@@ -136,8 +146,9 @@ pub fn of(report: &Report) -> Result<Overview> {
         counting,
         is_counting,
         unknown: statistics.map(|it| it.unknown.iter().chain(&it.caveats).cloned().collect()).unwrap_or_default(),
-        pools: report.licenses.get().map(|licenses| record.pools(licenses)).unwrap_or_default(),
-        damaged: record.damaged.clone(),
+        pools: report.licenses.get().map(|(licenses, _)| record.pools(licenses)).unwrap_or_default(),
+        damaged: report.lost(),
+        unread: unread(report),
         scores: report.scored.as_ref().map(|scored| scores(report, scored)),
         recipe: record.recipe.clone(),
         sample: sample(report),
@@ -269,6 +280,12 @@ fn sample(report: &Report) -> Vec<Card> {
             card(report, place, format!("scene {}, view {}", image.scene.0, image.view.0))
         })
         .collect()
+}
+
+fn unread(report: &Report) -> Vec<Unread> {
+    let unread = report.unread_by_place().into_iter();
+    let name = |place: usize| report.dataset.images()[report.shown[place]].name.clone();
+    unread.map(|(place, reasons)| Unread { place, name: name(place), reasons: reasons.join("; ") }).collect()
 }
 
 /// What the checks found in shown images that were read whole, and in the dataset.

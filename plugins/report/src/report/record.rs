@@ -3,14 +3,15 @@
 use serde::Serialize;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::File;
-use std::io::Read;
+use std::io::{ErrorKind, Read};
 use std::path::{Path, PathBuf};
+use syntable_formats::decode;
 use syntable_model::error::{Error, Result};
 use syntable_model::product::standard::OBJECT_INFO;
 use syntable_model::product::{PerInstance, Value};
 use syntable_model::reader::DatasetReader;
 use syntable_model::stage::RESERVED;
-use syntable_runtime::run::folder::journal_path;
+use syntable_runtime::run::folder::{journal_path, times_path};
 use syntable_runtime::run::journal::{Journal, JournalEntry};
 use syntable_runtime::run::times::RunTimes;
 
@@ -22,6 +23,8 @@ const MAX_JSON: u32 = 64 << 20;
 /// What is known of how a dataset was made. Of a dataset of another program that is little.
 #[derive(Debug, Default)]
 pub struct Record {
+    /// The folder of the run; empty if no run made the dataset.
+    root: PathBuf,
     /// The resolved recipe; empty if there is none.
     pub recipe: String,
     /// The same as a table.
@@ -69,20 +72,43 @@ impl Record {
     /// Reads what the folder of a run has; nothing of a folder that no run made.
     pub fn of(dataset: &Path) -> Self {
         let Some(root) = run_of(dataset) else { return Self::default() };
-        let recipe = std::fs::read_to_string(root.join(RESERVED[1])).unwrap_or_default();
-        let table: toml::Table = recipe.parse().unwrap_or_default();
         let mut damaged = Vec::new();
         let mut note = |path: &Path, what: String| damaged.push(format!("{}: {what}", path.display()));
+        let path = root.join(RESERVED[1]);
+        let recipe = match inside(&root, &path) {
+            Ok(Some(_)) => read(&root, &path)
+                .and_then(|bytes| String::from_utf8(bytes).map_err(|_| Error::new("it is not UTF-8").in_file(&path))),
+            Ok(None) => Ok(String::new()),
+            Err(error) => Err(error),
+        };
+        let recipe = recipe.unwrap_or_else(|error| {
+            note(&path, error.message().to_owned());
+            String::new()
+        });
+        let table: toml::Table = recipe.parse().unwrap_or_else(|error: toml::de::Error| {
+            note(&path, error.message().to_owned());
+            toml::Table::new()
+        });
         let path = journal_path(&root);
-        let (journal, faults) =
-            Journal::readable(&path).unwrap_or_else(|error| (BTreeMap::new(), vec![error.to_string()]));
+        let (journal, faults) = inside(&root, &path)
+            .and_then(|_| Journal::readable(&path))
+            .unwrap_or_else(|error| (BTreeMap::new(), vec![error.message().to_owned()]));
         faults.into_iter().for_each(|fault| note(&path, fault));
-        let times = RunTimes::of_dataset(&root).unwrap_or_else(|error| {
-            note(&root, error.to_string());
+        let path = times_path(&root);
+        let times = inside(&root, &path).and_then(|_| RunTimes::of_dataset(&root)).unwrap_or_else(|error| {
+            note(&path, error.message().to_owned());
             Vec::new()
         });
-        let models = models(&root, &table, journal.keys().copied());
-        Self { times, recipe, table, journal, damaged, models }
+        let models = models(&root, &table, journal.keys().copied(), &mut note);
+        Self { root, times, recipe, table, journal, damaged, models }
+    }
+
+    /// Reads a file of the run.
+    ///
+    /// # Errors
+    /// If it is no regular file, or a link leads out of the folder of the run.
+    pub fn read(&self, path: &Path) -> Result<Vec<u8>> {
+        read(&self.root, path)
     }
 
     /// A value of the recipe as text: `dataset.seed`.
@@ -129,13 +155,23 @@ impl Record {
         used.into_iter().map(pool).collect()
     }
 
-    /// Licenses that objects of some images have, and bodies, materials and environment maps in glTF files. Those of what
-    /// cannot be read are not known.
-    pub fn licenses(&self, dataset: &dyn DatasetReader, images: impl Iterator<Item = usize>) -> Licenses {
-        let mut found = Licenses::new();
+    /// Licenses that objects of some images have, and bodies, materials and environment maps in glTF files; and what of them
+    /// cannot be read: sentences.
+    pub fn licenses(
+        &self,
+        dataset: &dyn DatasetReader,
+        images: impl Iterator<Item = usize>,
+    ) -> (Licenses, Vec<String>) {
+        let (mut found, mut unread) = (Licenses::new(), Vec::new());
         if dataset.offers().contains(&OBJECT_INFO.id()) {
             for image in images {
-                let Ok((_, products)) = dataset.read(image, &[OBJECT_INFO.id()]) else { continue };
+                let products = match dataset.read(image, &[OBJECT_INFO.id()]) {
+                    Ok((_, products)) => products,
+                    Err(error) => {
+                        unread.push(format!("licenses of image \"{}\": {error}", dataset.images()[image].name));
+                        continue;
+                    }
+                };
                 for (_, object) in products.get(OBJECT_INFO).into_iter().flat_map(PerInstance::<Value>::iter) {
                     let json = serde_json::to_value(object).unwrap_or_default();
                     let text = |key: &str| json.get(key).and_then(|it| it.as_str()).unwrap_or_default().to_owned();
@@ -146,7 +182,13 @@ impl Record {
             }
         }
         for path in self.models.values() {
-            let Ok(json) = gltf_json(path) else { continue };
+            let json = match gltf_json(&self.root, path) {
+                Ok(json) => json,
+                Err(error) => {
+                    unread.push(format!("licenses: {error}"));
+                    continue;
+                }
+            };
             for node in json["nodes"].as_array().into_iter().flatten() {
                 let text = |key: &str| node["extras"][key].as_str().unwrap_or_default();
                 if !text("asset").is_empty() && !text("license").is_empty() {
@@ -163,8 +205,39 @@ impl Record {
                 }
             }
         }
-        found
+        (found, unread)
     }
+}
+
+/// A file of a run, if it is there; whatever links do, it lies in the folder of the run.
+///
+/// # Errors
+/// If it is no regular file, such as a pipe, which would be waited for, or if a link leads out of the folder.
+fn inside(root: &Path, path: &Path) -> Result<Option<PathBuf>> {
+    let whole = |path: &Path| match path.canonicalize() {
+        Ok(whole) => Ok(Some(whole)),
+        Err(error) if error.kind() == ErrorKind::NotFound && !path.is_symlink() => Ok(None),
+        Err(error) => Err(Error::io(path, &error)),
+    };
+    let (Some(root), Some(found)) = (whole(root)?, whole(path)?) else { return Ok(None) };
+    let refuse = |what: &str| Err(Error::new(what).in_file(path).permanent());
+    if !found.starts_with(&root) {
+        return refuse("it leads out of the folder of the run through a link");
+    }
+    let kind = std::fs::metadata(&found).map_err(|error| Error::io(path, &error))?;
+    if kind.is_file() { Ok(Some(found)) } else { refuse("it is not a file") }
+}
+
+/// Opens a file of a run, see [`inside`].
+fn open(root: &Path, path: &Path) -> Result<File> {
+    let found = inside(root, path)?.ok_or_else(|| Error::new("no such file").in_file(path).permanent())?;
+    decode::open(&found).map_err(|error| error.in_file(path))
+}
+
+fn read(root: &Path, path: &Path) -> Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    open(root, path)?.read_to_end(&mut bytes).map_err(|error| Error::io(path, &error))?;
+    Ok(bytes)
 }
 
 /// The folder of the run that made what lies at a path, if one did: writers have folders of their own in it, and formats
@@ -174,23 +247,38 @@ pub fn run_of(path: &Path) -> Option<PathBuf> {
     path.ancestors().take(1 + WITHIN_RUN).find(|folder| folder.join(RESERVED[0]).is_dir()).map(Path::to_owned)
 }
 
-/// glTF files of whole scenes, or of the first view of each, of the first writer of the recipe that makes some.
-fn models(root: &Path, recipe: &toml::Table, scenes: impl Iterator<Item = u32>) -> BTreeMap<u32, PathBuf> {
+/// glTF files of whole scenes, or of the first view of each, of the first writer of the recipe that makes some. `note` is told
+/// of those that cannot be used.
+fn models(
+    root: &Path,
+    recipe: &toml::Table,
+    scenes: impl Iterator<Item = u32>,
+    note: &mut dyn FnMut(&Path, String),
+) -> BTreeMap<u32, PathBuf> {
     let writers = recipe.get("write").and_then(toml::Value::as_table);
     let is_gltf =
         |(_, options): &(&String, &toml::Value)| options.get("kind").and_then(toml::Value::as_str) == Some("gltf");
     let Some((id, _)) = writers.and_then(|writers| writers.iter().find(is_gltf)) else { return BTreeMap::new() };
-    let file = |scene: u32| {
-        let names = [format!("{scene:06}.glb"), format!("{scene:06}_0000.glb")];
-        names.into_iter().map(|name| root.join(id).join(name)).find(|path| path.is_file())
-    };
-    scenes.filter_map(|scene| Some((scene, file(scene)?))).collect()
+    let mut found = BTreeMap::new();
+    for scene in scenes {
+        for name in [format!("{scene:06}.glb"), format!("{scene:06}_0000.glb")] {
+            let path = root.join(id).join(name);
+            match inside(root, &path) {
+                Ok(Some(_)) => {
+                    found.entry(scene).or_insert(path);
+                }
+                Ok(None) => {}
+                Err(error) => note(&path, error.message().to_owned()),
+            }
+        }
+    }
+    found
 }
 
 /// The JSON of a binary glTF file (glTF 2.0, section 4.4).
-fn gltf_json(path: &Path) -> Result<serde_json::Value> {
+fn gltf_json(root: &Path, path: &Path) -> Result<serde_json::Value> {
     let refuse = |what: &str| Error::new(what).in_file(path).permanent();
-    let mut file = File::open(path).map_err(|error| Error::io(path, &error))?;
+    let mut file = open(root, path)?;
     let mut head = [0; 20];
     file.read_exact(&mut head).map_err(|error| Error::io(path, &error))?;
     let length = u32::from_le_bytes([head[12], head[13], head[14], head[15]]);

@@ -7,7 +7,6 @@ use super::{Counted, Report, Shown};
 use crate::arguments;
 use crate::stats::{self, Options, Statistics};
 use std::collections::BTreeSet;
-use std::fs;
 use std::path::{Path, PathBuf};
 use syntable_model::digest::{Digest, Hasher};
 use syntable_model::error::{Error, Result};
@@ -15,17 +14,15 @@ use syntable_model::reader;
 use syntable_model::registry::Registry;
 use syntable_runtime::clap::{Arg, ArgAction, ArgMatches, Command, value_parser};
 use syntable_runtime::cli::{Console, Exit, Message, Verb, amount, dataset_folder, lies_in};
+use syntable_runtime::durable::{self, Draft, Standing};
 use syntable_runtime::images::each;
-use syntable_runtime::run::folder::{create_parent, remove};
-use syntable_runtime::run::progress::Reporter;
+use syntable_runtime::run::progress::{Reporter, count};
 use syntable_runtime::workers::Pool;
 
 syntable_runtime::register_verb!(Verb { command, run, crate_name: env!("CARGO_PKG_NAME") });
 
-/// A file by which the folder of a report is known.
-const MARK: &str = ".syntable-report";
-/// Content of the mark.
-const MARK_TEXT: &str = "This folder was made by `syntable report`, which may replace it.\n";
+/// What the list of files in a report's folder says of who made it.
+pub const MADE_BY: &str = "syntable report";
 
 fn command() -> Command {
     let flag = |name: &'static str| Arg::new(name).long(name);
@@ -67,7 +64,6 @@ fn run(console: &Console, _: &Registry, arguments: &ArgMatches) -> std::result::
     let number = |name: &str| arguments.get_one::<usize>(name).copied().unwrap_or(usize::MAX);
     let Some(dataset) = path("dataset") else { return Ok(()) };
     let out = path("out").cloned().map_or_else(|| beside(dataset), Ok).map_err(Exit::wrong)?;
-    let part = check_out(&out, arguments.get_flag("overwrite")).map_err(Exit::stopped)?;
     let read = dataset_folder(dataset);
     for input in [Some(&read), Some(dataset), path("scores")].into_iter().flatten() {
         if lies_in(input, &out) {
@@ -75,18 +71,19 @@ fn run(console: &Console, _: &Registry, arguments: &ArgMatches) -> std::result::
             return Err(Exit::wrong(error.in_file(&out).help("choose another folder with --out")));
         }
     }
+    check_out(&out, arguments.get_flag("overwrite")).map_err(Exit::stopped)?;
     let pool = Pool::new(arguments::threads_of(arguments)).map_err(Exit::stopped)?;
     let format = arguments.get_one::<String>("format").map(String::as_str);
     let (format, opened) = reader::open(dataset, format).map_err(Exit::stopped)?;
     let scored = path("scores").map(|file| Scored::open(file, &*opened)).transpose().map_err(Exit::stopped)?;
     let options = Options { images: !arguments.get_flag("labels-only"), ..Options::default() };
+    let mut incomplete = Vec::new();
     let counted = match stats::of(&*opened, &options, (&pool, console.reporter())) {
         Ok(statistics) => Counted::Done(Box::new(statistics)),
         Err(error) => {
             let error = error.in_file(dataset);
-            console.say(&Message::Warning(
-                Error::new(format!("no statistics: {error}")).help("`syntable validate` lists what is wrong"),
-            ));
+            incomplete
+                .push(Error::new(format!("no statistics: {error}")).help("`syntable validate` lists what is wrong"));
             Counted::Failed(error.to_string())
         }
     };
@@ -101,12 +98,9 @@ fn run(console: &Console, _: &Registry, arguments: &ArgMatches) -> std::result::
         report = report.with_scores(scored);
     }
     report.put_statistics(counted);
-    let written = write(&report, &part, (&pool, console.reporter()));
-    let written = written.and_then(|()| {
-        remove(&out)?;
-        fs::rename(&part, &out).map_err(|error| Error::io(&out, &error))
-    });
-    written.inspect_err(|_| drop(remove(&part))).map_err(Exit::stopped)?;
+    let draft = Draft::begin(&out).map_err(Exit::stopped)?;
+    write(&report, &draft, (&pool, console.reporter())).map_err(Exit::stopped)?;
+    draft.publish_listed(MADE_BY).map_err(Exit::stopped)?;
     if worst > MOST_WORST {
         let note =
             Error::new(format!("the overview shows {MOST_WORST} of the {worst} worst images in the file of scores"));
@@ -114,12 +108,26 @@ fn run(console: &Console, _: &Registry, arguments: &ArgMatches) -> std::result::
     }
     let (shown, all) = (report.images(), report.dataset().images().len());
     let left_out = if shown < all { format!("; --images all adds the other {}", all - shown) } else { String::new() };
+    let (unread, lost) = (report.unread(), report.lost());
     console.print(&format!(
-        "{}, read as {}: {shown} of {all} images with labels, {} in space{left_out}\n",
+        "{}, read as {}: {} of {all} images with labels, {} in space{left_out}\n",
         out.join("index.html").display(),
         format.name,
-        report.scenes.len(),
-    ))
+        shown - unread.len(),
+        report.scenes().len(),
+    ))?;
+    let mut parts = Vec::new();
+    for (reasons, one) in [(unread.len(), "image"), (lost.len(), "part"), (incomplete.len(), "table of statistics")] {
+        parts.extend((reasons > 0).then(|| count(reasons as u32, one)));
+    }
+    if parts.is_empty() {
+        return Ok(());
+    }
+    let reasons = unread.into_iter().chain(lost).map(Error::new);
+    let reasons = incomplete.into_iter().chain(reasons).map(Message::Warning);
+    let error = Error::new(format!("{} cannot be read: the pages lack what they say", parts.join(" and ")));
+    let error = error.in_file(dataset).help("`syntable validate` lists all that is wrong");
+    Err(Exit { code: 3, messages: reasons.chain([Message::Error(error)]).collect() })
 }
 
 fn statistics(counted: &Counted) -> Option<&Statistics> {
@@ -163,23 +171,8 @@ fn beside(dataset: &Path) -> Result<PathBuf> {
     Ok(if is_named { dataset.with_file_name(named) } else { folder.with_file_name(named) })
 }
 
-/// The folder in which the report is made before it gets its name.
-fn check_out(out: &Path, overwrite: bool) -> Result<PathBuf> {
-    let is_empty = fs::read_dir(out).is_ok_and(|mut entries| entries.next().is_none());
-    if fs::symlink_metadata(out).is_ok() && !is_empty {
-        let is_report = out.join(MARK).is_file();
-        let error = match (is_report, overwrite) {
-            (true, true) => None,
-            (true, false) => Some(("there is a report", "--overwrite replaces it")),
-            (false, _) => Some(("it is there, and no report", "choose another folder with --out; nothing was touched")),
-        };
-        if let Some((what, help)) = error {
-            return Err(Error::new(what).in_file(out).help(help).of_request());
-        }
-    }
-    let Some(name) = out.file_name() else {
-        return Err(Error::new("it is no name of a folder").in_file(out).of_request());
-    };
+/// Refuses a folder in which no report can be made.
+fn check_out(out: &Path, overwrite: bool) -> Result<()> {
     let above = std::path::absolute(out).ok().and_then(|out| run_of(out.parent()?));
     if let Some(run) = above {
         return Err(Error::new(format!("it lies in the folder of a run, {}", run.display()))
@@ -187,48 +180,58 @@ fn check_out(out: &Path, overwrite: bool) -> Result<PathBuf> {
             .help("choose a folder beside it: files of a run are compared with its journal")
             .of_request());
     }
-    let mut part = name.to_owned();
-    part.push(".part");
-    let part = out.with_file_name(part);
-    if part.join(MARK).is_file() {
-        remove(&part)?;
+    let refuse = |what: &str, help: &str| {
+        // A report that was killed at its very end is whole, and has left something beside it.
+        let _ = durable::mend(out);
+        Err(Error::new(what).in_file(out).help(help).of_request())
+    };
+    match durable::standing(out)? {
+        Standing::Made(listing) if listing.made_by == MADE_BY => match overwrite {
+            true => listing.check(out).and_then(|()| durable::mend(out)),
+            false => refuse("there is a report", "--overwrite replaces it"),
+        },
+        Standing::Made(_) | Standing::Other => {
+            refuse("it is there, and no report", "choose another folder with --out; nothing was touched")
+        }
+        Standing::Free => durable::mend(out),
     }
-    if fs::symlink_metadata(&part).is_ok() {
-        return Err(Error::new("it stands where the report is made before it gets its name")
-            .in_file(part)
-            .help("move it away, or choose another --out")
-            .of_request());
-    }
-    Ok(part)
 }
 
 /// Writes all files of a report into a folder.
-pub fn write(report: &Report, folder: &Path, (pool, reporter): (&Pool, &dyn Reporter)) -> Result<()> {
-    let put = |path: &str, bytes: &[u8]| {
-        let path = folder.join(path);
-        create_parent(&path)?;
-        fs::write(&path, bytes).map_err(|error| Error::io(&path, &error))
-    };
-    fs::create_dir_all(folder).map_err(|error| Error::io(folder, &error).of_request())?;
-    put(MARK, MARK_TEXT.as_bytes())?;
+///
+/// # Errors
+/// If one cannot be written. What of the dataset cannot be read is left out, see [`Report::unread`] and [`Report::lost`].
+pub fn write(report: &Report, draft: &Draft, (pool, reporter): (&Pool, &dyn Reporter)) -> Result<()> {
     report.gather_licenses();
+    let mut edition = Some(Hasher::new("edition of a report"));
+    let mut add = |digest: Digest| edition = edition.take().map(|it| it.digest(digest));
+    let of_file = |path: &str, bytes: &[u8]| Hasher::new("a file").text(path).bytes(bytes).finish();
+    // Images say whether their scene is shown in space.
+    for (scene, path) in report.scene_paths() {
+        match report.file(&path) {
+            Ok(Some(bytes)) => {
+                draft.write(&path, &bytes)?;
+                add(of_file(&path, &bytes));
+            }
+            Ok(None) => {}
+            Err(error) => report.lose_scene(scene, &error),
+        }
+    }
     let image = |place: usize| {
         let mut hasher = Hasher::new("files of an image");
         for (path, bytes) in report.files_of_image(place)? {
-            put(&path, &bytes)?;
+            draft.write(&path, &bytes)?;
             hasher = hasher.text(&path).bytes(&bytes);
         }
         Ok(hasher.finish())
     };
-    let mut edition = Some(Hasher::new("edition of a report"));
-    let mut add = |digest: Digest| edition = edition.take().map(|it| it.digest(digest));
     each((pool, reporter), "showed", report.images(), &image, &mut |_, digest| add(digest))?;
     let (pages, others): (Vec<String>, Vec<String>) =
         report.other_paths().into_iter().partition(|path| path.ends_with(".html"));
     for path in others {
         if let Some(bytes) = report.file(&path)? {
-            put(&path, &bytes)?;
-            add(Hasher::new("a file").text(&path).bytes(&bytes).finish());
+            draft.write(&path, &bytes)?;
+            add(of_file(&path, &bytes));
         }
     }
     // Pages name the others with what they hold, so that a browser takes none of an earlier report.
@@ -237,7 +240,7 @@ pub fn write(report: &Report, folder: &Path, (pool, reporter): (&Pool, &dyn Repo
     }
     for path in pages {
         if let Some(bytes) = report.file(&path)? {
-            put(&path, &bytes)?;
+            draft.write(&path, &bytes)?;
         }
     }
     Ok(())

@@ -9,7 +9,8 @@ use std::path::{Path, PathBuf};
 use syntable_model::reader;
 use syntable_model::registry::Registry;
 use syntable_runtime::clap::{Arg, ArgAction, ArgMatches, Command, value_parser};
-use syntable_runtime::cli::{Console, Exit, Verb, check_outputs, dataset_folder, write_whole};
+use syntable_runtime::cli::{Console, Exit, Verb, check_outputs, dataset_folder};
+use syntable_runtime::durable::write_file;
 use syntable_runtime::workers::Pool;
 
 syntable_runtime::register_verb!(Verb { command, run, crate_name: env!("CARGO_PKG_NAME") });
@@ -95,7 +96,7 @@ fn run(console: &Console, _: &Registry, arguments: &ArgMatches) -> Result<(), Ex
     }
     bin_alike(&mut all.iter_mut().map(|it| &mut it.statistics).collect::<Vec<_>>(), options.binning);
     if let Some(file) = arguments.get_one::<PathBuf>("csv") {
-        write_whole(file, table::csv(&all).as_bytes()).map_err(Exit::stopped)?;
+        write_file(file, table::csv(&all).as_bytes()).map_err(Exit::stopped)?;
     }
     console.print(&if arguments.get_flag("json") { table::json(&all) } else { table::text(&all) })
 }

@@ -5,6 +5,7 @@ pub mod browser;
 pub mod gallery;
 pub mod language_server;
 pub mod samples;
+pub mod served;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};

@@ -1,5 +1,7 @@
 // Light or dark: what the system says, until the switch says otherwise.
 "use strict";
+// A token in the address of `syntable view` has become a cookie: it need not stay in sight.
+if (location.search) history.replaceState(null, "", location.pathname + location.hash);
 {
   const names = ["system", "light", "dark"];
   const stored = () => {

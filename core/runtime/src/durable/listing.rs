@@ -1,0 +1,177 @@
+//! The list of the files that a command made in a folder.
+
+use super::disk;
+use crate::run::manifest::{Stamp, State};
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::fs;
+use std::io::ErrorKind;
+use std::path::{Component, Path, PathBuf};
+use syntable_model::error::{Error, Result};
+
+/// Name of the list in the folder.
+pub const LISTING: &str = ".syntable-files";
+/// Number of files that an error names.
+const NAMED: usize = 5;
+
+/// The files that a command made in a folder. Only these are ever deleted.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Listing {
+    /// The command, such as `syntable report`.
+    pub made_by: String,
+    /// Size and digest of each file, by its path with `/` between folders.
+    pub(crate) files: BTreeMap<String, Stamp>,
+}
+
+impl Listing {
+    /// Reads the list of a folder; none if the folder has no list that this program wrote.
+    pub fn read(folder: &Path) -> Result<Option<Self>> {
+        let path = folder.join(LISTING);
+        match fs::symlink_metadata(&path) {
+            Ok(there) if there.is_file() => {}
+            Ok(_) => return Ok(None),
+            Err(error) if matches!(error.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory) => return Ok(None),
+            Err(error) => return Err(Error::io(&path, &error)),
+        }
+        let bytes = fs::read(&path).map_err(|error| Error::io(&path, &error))?;
+        let listing: Option<Self> = serde_json::from_slice(&bytes).ok();
+        let is_inside = |path: &String| Path::new(path).components().all(|part| matches!(part, Component::Normal(_)));
+        Ok(listing.filter(|listing| listing.files.keys().all(is_inside)))
+    }
+
+    /// The text of the list.
+    pub(super) fn text(&self) -> String {
+        serde_json::to_string_pretty(self).expect("a list is plain data") + "\n"
+    }
+
+    /// Names of what is in a folder beside the unchanged files of the list, in order: added and changed files, and empty
+    /// folders.
+    pub fn others(&self, folder: &Path) -> Result<Vec<String>> {
+        let mut others = Vec::new();
+        walk(folder, &mut |entry| {
+            match (self.files.get(&entry.inside), entry.kind) {
+                (_, Kind::File) if entry.inside == LISTING => {}
+                (Some(stamp), Kind::File) => {
+                    if stamp.check(&entry.path)? != State::Whole {
+                        others.push(format!("{} (changed)", entry.inside));
+                    }
+                }
+                (_, Kind::Empty) => {
+                    let below = format!("{}/", entry.inside);
+                    if !self.files.keys().any(|path| path.starts_with(&below)) {
+                        others.push(below);
+                    }
+                }
+                (_, Kind::Left) => {}
+                (..) => others.push(entry.inside),
+            }
+            Ok(())
+        })?;
+        others.sort();
+        Ok(others)
+    }
+
+    /// Refuses a folder with files that the command did not make.
+    pub fn check(&self, folder: &Path) -> Result<()> {
+        let others = self.others(folder)?;
+        if others.is_empty() {
+            return Ok(());
+        }
+        let command = &self.made_by;
+        Err(Error::new(format!("it has what `{command}` did not make: {}", named(&others)))
+            .in_file(folder)
+            .help("move that away, or choose another folder; nothing was touched")
+            .of_request())
+    }
+
+    /// Deletes the files of the list, and what is empty then. What else there is stays, and is an error.
+    pub(super) fn delete(&self, folder: &Path) -> Result<()> {
+        let mut kept = Vec::new();
+        walk(folder, &mut |entry| {
+            let Entry { path, inside, kind } = entry;
+            let is_listed = |stamp: &Stamp| fs::symlink_metadata(&path).is_ok_and(|there| there.len() == stamp.0);
+            let removed = match kind {
+                // It goes last: until then the folder is known to be ours.
+                Kind::File if inside == LISTING => Ok(()),
+                Kind::File if self.files.get(&inside).is_some_and(is_listed) => disk::remove_file(&path),
+                // Fails where something is kept.
+                Kind::Empty | Kind::Left => disk::remove_dir(&path).or_else(|error| match error.kind() {
+                    ErrorKind::DirectoryNotEmpty => Ok(()),
+                    _ => Err(error),
+                }),
+                _ => {
+                    kept.push(inside);
+                    Ok(())
+                }
+            };
+            removed.map_err(|error| Error::io(&path, &error))
+        })?;
+        if !kept.is_empty() {
+            return Err(Error::new(format!("it has what `{}` did not make: {}", self.made_by, named(&kept)))
+                .in_file(folder)
+                .help("it came while the command worked and was kept: move it away, and run the command again")
+                .of_request());
+        }
+        let listing = folder.join(LISTING);
+        disk::remove_file(&listing).map_err(|error| Error::io(&listing, &error))?;
+        disk::remove_dir(folder).map_err(|error| Error::io(folder, &error))
+    }
+}
+
+/// Some names, and how many more there are.
+fn named(names: &[String]) -> String {
+    let some = names.iter().take(NAMED).map(String::as_str).collect::<Vec<_>>().join(", ");
+    match names.len().saturating_sub(NAMED) {
+        0 => some,
+        more => format!("{some} and {more} more"),
+    }
+}
+
+/// Something in a folder.
+struct Entry {
+    path: PathBuf,
+    /// The path from the folder, with `/` between names.
+    inside: String,
+    kind: Kind,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Kind {
+    File,
+    /// A folder without entries.
+    Empty,
+    /// A folder, after its entries.
+    Left,
+    /// A link, a pipe, a device.
+    Odd,
+}
+
+/// Visits all that is below a folder, in the order of names, entries of a folder before the folder. Links are not followed.
+fn walk(folder: &Path, visit: &mut dyn FnMut(Entry) -> Result<()>) -> Result<()> {
+    fn inner(folder: &Path, above: &str, visit: &mut dyn FnMut(Entry) -> Result<()>) -> Result<bool> {
+        let failed = |error: std::io::Error| Error::io(folder, &error);
+        let mut entries = fs::read_dir(folder).map_err(failed)?.collect::<std::io::Result<Vec<_>>>().map_err(failed)?;
+        entries.sort_by_key(fs::DirEntry::file_name);
+        let is_empty = entries.is_empty();
+        for entry in entries {
+            let (path, name) = (entry.path(), entry.file_name());
+            let name = name.to_string_lossy();
+            let inside = if above.is_empty() { name.into_owned() } else { format!("{above}/{name}") };
+            let kind = entry.file_type().map_err(|error| Error::io(&path, &error))?;
+            let kind = match (kind.is_dir(), kind.is_file()) {
+                (true, _) => {
+                    if inner(&path, &inside, visit)? {
+                        Kind::Empty
+                    } else {
+                        Kind::Left
+                    }
+                }
+                (_, true) => Kind::File,
+                _ => Kind::Odd,
+            };
+            visit(Entry { path, inside, kind })?;
+        }
+        Ok(is_empty)
+    }
+    inner(folder, "", visit).map(drop)
+}
