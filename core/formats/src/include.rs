@@ -50,21 +50,33 @@ pub fn of_scope<'a>(
 }
 
 /// The file of categories, beside products that have ids of them: COCO's list.
-const CATEGORIES: &str = "categories.json";
+pub const CATEGORIES: &str = "categories.json";
 
 /// The path of the file of categories, if an included product has ids of them.
 pub fn categories_path(include: &[ProductName], id: &str) -> Option<String> {
+    has_category_ids(include).then(|| format!("{id}/{CATEGORIES}"))
+}
+
+/// Whether an included product has ids of categories.
+pub fn has_category_ids(include: &[ProductName]) -> bool {
     let has_ids = |name: &ProductName| [CATEGORY_ID.name(), CATEGORY_MAP.name()].contains(&name.as_str());
-    include.iter().any(has_ids).then(|| format!("{id}/{CATEGORIES}"))
+    include.iter().any(has_ids)
 }
 
 /// Writes the file of categories, if an included product has ids of them.
 pub fn write_categories(include: &[ProductName], dataset: &DatasetInfo, finish: &Finish) -> Result<()> {
-    let Some(path) = categories_path(include, finish.id()) else { return Ok(()) };
+    match categories_path(include, finish.id()) {
+        Some(path) => write_categories_to(&path, dataset, finish),
+        None => Ok(()),
+    }
+}
+
+/// Writes the categories of the dataset to a path: all that the recipe has, so that ids have names in every part of it.
+pub fn write_categories_to(path: &str, dataset: &DatasetInfo, finish: &Finish) -> Result<()> {
     let fail = |error: serde_json::Error| Error::new(format!("cannot be written as JSON: {error}"));
     let mut text = serde_json::to_vec_pretty(&coco::categories(dataset)).map_err(fail)?;
     text.push(b'\n');
-    finish.write(&path, |out| out.write_all(&text).map_err(|error| Error::io(&path, &error)))
+    finish.write(path, |out| out.write_all(&text).map_err(|error| Error::io(path, &error)))
 }
 
 /// The categories that the file of a folder has, if there is one.

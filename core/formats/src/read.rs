@@ -288,8 +288,11 @@ impl Categories {
         self.has_unknown |= !self.names.contains_key(&id) || id == BACKGROUND;
     }
 
-    /// The id of the category of a name among those without ids.
+    /// The id of the category of a name.
     pub fn id_of(&self, name: &str) -> u32 {
+        if self.keeps_ids {
+            return self.own().find(|(_, own)| *own == name).map_or_else(|| self.object(), |(id, _)| id);
+        }
         let place = self.classes.binary_search_by(|class| class.as_str().cmp(name));
         place.map_or(DatasetInfo::OBJECT.0, |at| DatasetInfo::OBJECT.0 + 1 + at as u32)
     }

@@ -9,7 +9,7 @@ use std::sync::Arc;
 use syntable_model::context::Log;
 use syntable_model::digest::Hasher;
 use syntable_model::error::{Error, Result};
-use syntable_model::scene::{Alpha, MassOrigin, MassProperties, Material, Object, Topology};
+use syntable_model::scene::{Alpha, MassOrigin, MassProperties, Material, Object, SourceModel, Topology};
 
 /// Coulomb friction coefficient between dry household materials.
 pub const FRICTION: f64 = 0.5;
@@ -65,6 +65,7 @@ impl Model {
                 .collect(),
             collision: None,
             keypoints: Vec::new(),
+            model: SourceModel::default(),
             mass,
             friction: FRICTION,
             license: info.license,

@@ -346,7 +346,7 @@ mod tests {
 
     impl Numbers {
         fn new(pools: &[(&'static str, std::ops::Range<u32>)]) -> Self {
-            let entry = |name: String| CatalogEntry { name, category: String::new() };
+            let entry = |name: String| CatalogEntry::new(name, "");
             let pool = |range: &std::ops::Range<u32>| range.clone().map(|i| entry(format!("{i:03}"))).collect();
             let mut all: BTreeMap<_, Vec<CatalogEntry>> =
                 pools.iter().map(|(name, range)| (*name, pool(range))).collect();

@@ -361,7 +361,7 @@ mod tests {
     use syntable_model::digest::Digest;
     use syntable_model::geometry::{Translation3, UnitQuaternion, Vector3};
     use syntable_model::scene::{
-        AssetRef, BodyDraft, Color, MassOrigin, MassProperties, Mesh, MeshData, Motion, Object, Role, SceneBuilder,
+        AssetRef, BodyDraft, Color, MassOrigin, MassProperties, Mesh, MeshData, Motion, Object, SourceModel, Role, SceneBuilder,
         SceneId, SettleReport, Tabletop,
     };
 
@@ -381,6 +381,7 @@ mod tests {
             materials,
             collision: None,
             keypoints: Vec::new(),
+            model: SourceModel::default(),
             friction: 0.5,
             license: String::new(),
             digest: Digest::of(name.as_bytes()),

@@ -1,7 +1,8 @@
 //! The pools of a recipe: selection, scale, centering and mass are the same for every source of assets.
 
 use crate::recipe::{
-    self, Center, Mass, ObjectProperties, OnBadAsset, Part, PartSizes, PoolOptions, Recipe, Selection,
+    self, CatalogAsset, CatalogNames, Center, Mass, Numbering, ObjectProperties, OnBadAsset, Part, PartSizes, PoolOptions,
+    Recipe, Selection,
 };
 use crate::run::panics::unwound;
 use parking_lot::Mutex;
@@ -96,6 +97,8 @@ pub struct ListedAsset {
     pub class: AssetClass,
     /// Category.
     pub category: String,
+    /// Number of an object in every dataset of the recipe; none of materials and environment maps.
+    pub obj_id: Option<u32>,
     /// The part that the asset belongs to; none if the pool has no split.
     pub part: Option<Part>,
     /// License as the pool or its source states it; none if neither does.
@@ -108,6 +111,12 @@ pub(crate) struct Pool<'a> {
     source: &'a dyn AssetSource,
     options: &'a PoolOptions,
     selection: Selection,
+    /// Where the numbers of its objects come from; none if it has no objects.
+    numbering: Option<Numbering>,
+    /// Largest number of an object of the source, taken or not.
+    last_obj_id: u32,
+    /// Whether objects have the numbers of their files, and another size than these.
+    resizes_numbered: bool,
     /// What the pool's table states of its objects, by name.
     properties: BTreeMap<String, ObjectProperties>,
 }
@@ -170,7 +179,16 @@ impl<'a> AssetStore<'a> {
     /// Opens all pools: finds and selects their entries, and loads nothing yet.
     /// The error names all pools that cannot be opened.
     pub fn open(recipe: &'a Recipe, log: &'a dyn Log) -> Result<Self> {
-        let pools = open(&recipe.assets, log)?;
+        let mut pools = open(&recipe.assets, log)?;
+        number_places(&mut pools, &recipe.labeled_pools)?;
+        if recipe.write.iter().any(|(_, writer)| writer.needs_obj_ids()) {
+            numbers_differ(&pools, &recipe.labeled_pools)?;
+            for (id, _) in pools.iter().filter(|(id, pool)| recipe.labeled_pools.contains(**id) && pool.resizes_numbered) {
+                let message = "objects keep the numbers of their files at another size: models and poses are not those of the benchmark";
+                let help = "leave out `scale` and `units`, or number the pool anew with `first_id`";
+                log.warn(&Error::new(message).help(help).context(format!("assets.{id}")));
+            }
+        }
         Ok(Self { locked: recipe.lock.assets.clone(), ..Self::new(pools, recipe.dataset.on_bad_asset, log) })
     }
 
@@ -200,6 +218,7 @@ impl<'a> AssetStore<'a> {
                 asset: AssetRef { pool: id.to_owned(), name: entry.name.clone() },
                 class: pool.source.class(),
                 category: entry.category.clone(),
+                obj_id: entry.obj_id,
                 part,
                 license: license.map(str::to_owned),
                 is_drawn,
@@ -219,8 +238,8 @@ impl<'a> AssetStore<'a> {
         self
     }
 
-    /// Names and categories of the assets of each pool.
-    pub fn catalogs(&self) -> BTreeMap<String, BTreeMap<String, String>> {
+    /// Names of the assets of each pool, with their categories and numbers.
+    pub fn catalogs(&self) -> BTreeMap<String, CatalogNames> {
         self.pools.iter().map(|(&id, pool)| (id.to_owned(), pool.catalog())).collect()
     }
 
@@ -314,8 +333,19 @@ pub(crate) fn open<'a>(
             let of_pool = OfPool { id, log };
             let properties = pool.options.properties(&catalog.entries, &of_pool)?;
             pool.options.warn_of_unmatched(&catalog.entries, &of_pool)?;
-            let selection = pool.options.select(catalog.entries, &of_pool)?;
+            // Before anything is left out: train and val of a pool give an object the same number.
+            let mut all = catalog.entries;
+            let has_objects = pool.source.class() == AssetClass::Object;
+            let options = &pool.options;
+            let keeps = options.ids.is_none() && options.first_id.is_none() && all.iter().any(|it| it.obj_id.is_some());
+            let resizes_numbered = keeps && (options.scale.is_size() || options.factor(1.0) != 1.0);
+            let numbering = has_objects.then(|| pool.options.number(&mut all, &of_pool)).transpose()?;
+            let last_obj_id = all.iter().filter_map(|entry| entry.obj_id).max().unwrap_or_default();
+            let selection = pool.options.select(all, &of_pool)?;
             let entries = &selection.entries;
+            if pool.options.ids.is_some() {
+                pool.options.all_numbered(entries)?;
+            }
             if entries.is_empty() {
                 let hint = if found == 0 { "check its root folder" } else { "check include, exclude and split" };
                 return Err(Error::new(format!("no assets: {found} found, none selected")).help(hint));
@@ -327,7 +357,8 @@ pub(crate) fn open<'a>(
                     &Error::new(message).help("patterns match whole names: `*mug*` matches all that contain `mug`"),
                 );
             }
-            Ok(Pool { source: &*pool.source, options: &pool.options, selection, properties })
+            let source = &*pool.source;
+            Ok(Pool { source, options, selection, numbering, last_obj_id, resizes_numbered, properties })
         };
         match open() {
             Ok(pool) => drop(pools.insert(id.as_str(), pool)),
@@ -348,6 +379,60 @@ pub(crate) fn open<'a>(
         }
     }
     Ok(pools)
+}
+
+/// Moves numbers that are places behind those that are stated and those of other pools: first pools with objects that labels
+/// describe, then others, each by id. Numbers depend on what pools hold, never on what is taken or drawn of them.
+fn number_places(pools: &mut BTreeMap<&str, Pool>, labeled: &BTreeSet<String>) -> Result<()> {
+    let is = |pool: &Pool, numbering| pool.numbering == Some(numbering);
+    let stated = pools.values().filter(|pool| is(pool, Numbering::Stated)).map(|pool| pool.last_obj_id);
+    let mut last = stated.max().unwrap_or_default();
+    for described in [true, false] {
+        let those = pools.iter_mut().filter(|(id, _)| labeled.contains(**id) == described);
+        for (id, pool) in those.filter(|(_, pool)| is(pool, Numbering::Places)) {
+            let Some(beyond) = last.checked_add(pool.last_obj_id) else {
+                return Err(Error::new(format!("objects behind number {last} go beyond {}", u32::MAX))
+                    .help("state smaller numbers with `ids` or `first_id`")
+                    .context(format!("assets.{id}"))
+                    .of_request());
+            };
+            let Selection { entries, other_parts } = &mut pool.selection;
+            let all = entries.iter_mut().chain(other_parts.iter_mut().map(|(entry, _)| entry));
+            all.filter_map(|entry| entry.obj_id.as_mut()).for_each(|obj_id| *obj_id += last);
+            last = beyond;
+        }
+    }
+    Ok(())
+}
+
+/// Refuses objects without a number, and two of one number, in the pools with objects that labels describe.
+fn numbers_differ(pools: &BTreeMap<&str, Pool>, labeled: &BTreeSet<String>) -> Result<()> {
+    let described = || pools.iter().filter(|(id, _)| labeled.contains(**id));
+    for (id, pool) in described() {
+        let numbered = pool.options.all_numbered(&pool.selection.entries);
+        numbered.map_err(|error| error.context(format!("assets.{id}")).of_request())?;
+    }
+    let objects = described().flat_map(|(id, pool)| pool.selection.entries.iter().map(move |entry| (*id, entry)));
+    let mut seen: BTreeMap<u32, (&str, &str)> = BTreeMap::new();
+    for (id, entry) in objects {
+        let Some(obj_id) = entry.obj_id else { continue };
+        let Some((other, name)) = seen.insert(obj_id, (id, &entry.name)) else { continue };
+        let message = format!("`{other}/{name}` and `{id}/{}` have the same `obj_id` {obj_id}", entry.name);
+        let last = pools.values().map(|pool| pool.last_obj_id).max().unwrap_or_default();
+        let help = match other == id {
+            true => format!(
+                "number the whole pool anew with `first_id = 1`, give its objects `ids`, or take one source of numbers per pool: \
+                 `exclude = [\"{}\"]` leaves one out",
+                entry.name
+            ),
+            false => format!(
+                "number one of the pools anew, such as `first_id = {}` in [assets.{id}], or give its objects `ids`",
+                u64::from(last) + 1
+            ),
+        };
+        return Err(Error::new(message).help(help).context(format!("assets.{id}")).of_request());
+    }
+    Ok(())
 }
 
 /// Refuses a catalog that is not what sources promise: entries in ascending order of unique names. Scenes draw entries by
@@ -455,8 +540,12 @@ impl Pool<'_> {
     fn load(&self, name: &str, log: &dyn Log) -> Result<Asset> {
         Ok(match (self.source.load(name, log)?, &self.options.license) {
             (Asset::Object(object), _) => {
-                let category = self.entry(name).map_or_else(|| object.category.clone(), |entry| entry.category.clone());
-                self.normalize(Object { category, ..Arc::unwrap_or_clone(object) })?.into()
+                let mut object = Arc::unwrap_or_clone(object);
+                if let Some(CatalogEntry { category, obj_id, .. }) = self.entry(name) {
+                    object.category.clone_from(category);
+                    object.model.obj_id = *obj_id;
+                }
+                self.normalize(object)?.into()
             }
             (Asset::Material(material), Some(license)) => {
                 Material { license: license.clone(), ..Arc::unwrap_or_clone(material) }.into()
@@ -477,10 +566,13 @@ impl Pool<'_> {
         found.ok().map(|index| &entries[index])
     }
 
-    /// Names and categories of the entries.
-    fn catalog(&self) -> BTreeMap<String, String> {
-        let entries = self.selection.entries.iter();
-        entries.map(|entry| (entry.name.clone(), entry.category.clone())).collect()
+    /// The entries by name.
+    fn catalog(&self) -> CatalogNames {
+        let asset = |CatalogEntry { category, obj_id, .. }: &CatalogEntry| CatalogAsset {
+            category: category.clone(),
+            obj_id: *obj_id,
+        };
+        self.selection.entries.iter().map(|entry| (entry.name.clone(), asset(entry))).collect()
     }
 
     /// Warns of an object of a size that is unlikely, where neither the source nor the pool states the unit or the size.
@@ -594,7 +686,60 @@ mod tests {
     }
 
     fn pool<'a>(source: &'a dyn AssetSource, options: &'a PoolOptions) -> Pool<'a> {
-        Pool { source, options, selection: Selection::default(), properties: BTreeMap::new() }
+        let numbering = Some(Numbering::Places);
+        let (selection, properties) = (Selection::default(), BTreeMap::new());
+        Pool { source, options, selection, numbering, last_obj_id: 0, resizes_numbered: false, properties }
+    }
+
+    /// A pool with some of the objects of a source, as it is opened.
+    fn numbered<'a>(options: &'a PoolOptions, names: &[&str], stated: &[(&str, u32)]) -> Pool<'a> {
+        let stated: BTreeMap<&str, u32> = stated.iter().copied().collect();
+        let mut all: Vec<CatalogEntry> = names.iter().map(|name| CatalogEntry::new(*name, "thing")).collect();
+        all.iter_mut().for_each(|entry| entry.obj_id = stated.get(entry.name.as_str()).copied());
+        let numbering = options.number(&mut all, &Collected::default()).expect("sound");
+        let last_obj_id = all.iter().filter_map(|entry| entry.obj_id).max().unwrap_or_default();
+        let selection = options.select(all, &Collected::default()).expect("sound");
+        Pool { selection, numbering: Some(numbering), last_obj_id, ..pool(&Nothing, options) }
+    }
+
+    fn ids(pools: &BTreeMap<&str, Pool>, pool: &str) -> Vec<u32> {
+        pools[pool].selection.entries.iter().filter_map(|entry| entry.obj_id).collect()
+    }
+
+    #[test]
+    fn numbers_depend_on_what_pools_hold_and_not_on_what_is_taken() {
+        let names = ["a", "b", "c", "d"];
+        let all = PoolOptions::default();
+        let some = PoolOptions { exclude: vec!["b".into()], ..PoolOptions::default() };
+        let labeled = BTreeSet::from(["objects".to_owned(), "shoes".to_owned()]);
+        for (options, objects, shoes) in [(&all, vec![1, 2, 3, 4], vec![5, 6, 7, 8]), (&some, vec![1, 3, 4], vec![5, 7, 8])] {
+            // Tables come last, though their name is first.
+            let pool = || numbered(options, &names, &[]);
+            let mut pools = BTreeMap::from([("desks", pool()), ("objects", pool()), ("shoes", pool())]);
+            number_places(&mut pools, &labeled).expect("few");
+            assert_eq!((ids(&pools, "objects"), ids(&pools, "shoes")), (objects, shoes));
+            assert_eq!(ids(&pools, "desks")[0], 9);
+            numbers_differ(&pools, &labeled).expect("all differ");
+        }
+        // Places are behind what others state, taken or not.
+        let stated = [("a", 3), ("b", 40), ("c", 2), ("d", 5)];
+        let mut pools = BTreeMap::from([("objects", numbered(&all, &names, &[])), ("shoes", numbered(&some, &names, &stated))]);
+        number_places(&mut pools, &labeled).expect("few");
+        assert_eq!((ids(&pools, "objects"), ids(&pools, "shoes")), (vec![41, 42, 43, 44], vec![3, 2, 5]));
+        numbers_differ(&pools, &labeled).expect("all differ");
+        // Those that are stated stay, and clashes name both.
+        let mut pools = BTreeMap::from([("objects", numbered(&all, &names, &stated)), ("shoes", numbered(&all, &names, &stated))]);
+        number_places(&mut pools, &labeled).expect("few");
+        let error = numbers_differ(&pools, &labeled).expect_err("equal");
+        assert!(error.to_string().contains("`objects/a` and `shoes/a` have the same `obj_id` 3"), "{error}");
+        assert!(error.help_text().is_some_and(|help| help.contains("`first_id = 41` in [assets.shoes]")), "{error:?}");
+        let twice = [("a", 1), ("b", 2), ("c", 1), ("d", 4)];
+        let pools = BTreeMap::from([("objects", numbered(&all, &names, &twice))]);
+        let error = numbers_differ(&pools, &labeled).expect_err("equal");
+        assert!(error.to_string().contains("`objects/a` and `objects/c` have the same `obj_id` 1"), "{error}");
+        assert!(error.help_text().is_some_and(|help| help.contains("first_id = 1")), "{error:?}");
+        // Of pools that labels do not describe, nobody asks.
+        numbers_differ(&pools, &BTreeSet::new()).expect("no labels");
     }
 
     /// The object of 0.1 m by 0.2 m by 0.4 m and 0.2 kg, as a pool hands it out.
@@ -735,10 +880,10 @@ mod tests {
     fn an_object_has_the_category_of_its_entry() {
         let classes = BTreeMap::from([("mug".to_owned(), vec!["b*".to_owned()])]);
         let options = PoolOptions { classes, ..PoolOptions::default() };
-        let entry = |name: &str| CatalogEntry { name: name.into(), category: "thing".into() };
+        let entry = |name: &str| CatalogEntry::new(name, "thing");
         let entries = ["a", "block", "c"].map(entry).to_vec();
         let selection = options.select(entries, &Collected::default()).expect("sound");
-        let pool = Pool { source: &Block, options: &options, selection, properties: BTreeMap::new() };
+        let pool = Pool { selection, ..pool(&Block, &options) };
         for (name, category) in [("a", "thing"), ("block", "mug"), ("c", "thing")] {
             let asset = pool.load(name, &Collected::default()).and_then(Asset::into_object).expect("loads");
             assert_eq!(asset.category, category, "{name}");

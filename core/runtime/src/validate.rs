@@ -3,13 +3,16 @@
 use crate::workers::Pool;
 use parking_lot::Mutex;
 use serde::Serialize;
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use syntable_model::check::{self, Check};
 use syntable_model::context::Workers;
 use syntable_model::error::{Error, Result};
-use syntable_model::product::{KeyId, Products};
+use syntable_model::product::standard::OBJECT_INFO;
+use syntable_model::product::{KeyId, Products, Value};
 use syntable_model::reader::{DatasetFault, DatasetReader};
 
+/// Name of the check that datasets give things the same numbers.
+const NUMBERS_AGREE: &str = "numbers_agree";
 /// Name of the check that files and records can be read.
 const READABLE: &str = "readable";
 /// What that check says.
@@ -24,6 +27,80 @@ pub struct Validated {
     pub checks: Vec<Checked>,
     /// What is wrong, by check and place.
     pub faults: Vec<FaultAt>,
+    /// Numbers of its categories and objects, to compare with those of other datasets.
+    #[serde(skip)]
+    pub numbers: Numbers,
+}
+
+/// Numbers of the categories and objects of a dataset, with their names.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Numbers {
+    /// Names of categories by id.
+    categories: Names,
+    /// Names of objects by `obj_id`, without their pools.
+    objects: Names,
+}
+
+/// Names by number. Where models of several sources are told apart by name alone, a number has several.
+type Names = BTreeMap<u64, BTreeSet<String>>;
+
+impl Numbers {
+    /// Notes what the records of an image's objects state.
+    fn note_objects(&mut self, products: &Products) {
+        let Ok(Some(infos)) = products.optional(OBJECT_INFO) else { return };
+        for (_, info) in infos.iter() {
+            let Value::Record(fields) = info else { continue };
+            let field = |name: &str| fields.iter().find(|(field, _)| field == name).map(|(_, value)| value);
+            let id = match field("obj_id") {
+                Some(Value::Int(id)) => u64::try_from(*id).ok(),
+                Some(Value::Uint(id)) => Some(*id),
+                _ => None,
+            };
+            let text = |name: &str| match field(name) {
+                Some(Value::Text(text)) => Some(text.as_str()),
+                _ => None,
+            };
+            // Some formats have the pool and the name in one.
+            let of_asset = || text("asset").map(|asset| asset.split_once('/').map_or(asset, |(_, name)| name));
+            if let Some((id, name)) = id.zip(text("name").or_else(of_asset)) {
+                self.objects.entry(id).or_default().insert(name.to_owned());
+            }
+        }
+    }
+
+    /// Where two datasets, which are called so, give a number to different things, or a thing different numbers.
+    pub fn differences(&self, other: &Self, [one, two]: [&str; 2]) -> Vec<FaultAt> {
+        let mut faults = Vec::new();
+        for (what, number, here, there) in [
+            ("category", "id", &self.categories, &other.categories),
+            ("object", "`obj_id`", &self.objects, &other.objects),
+        ] {
+            let fault = |message| FaultAt { check: NUMBERS_AGREE.to_owned(), place: two.to_owned(), message };
+            let numbers_of = |names: &Names, name: &String| -> Vec<u64> {
+                names.iter().filter(|(_, names)| names.contains(name)).map(|(id, _)| *id).collect()
+            };
+            // The categories of BOP are its objects.
+            let is_of_objects = |id: &u64, names: &BTreeSet<String>| {
+                what == "category" && self.objects.get(id).is_some_and(|objects| !objects.is_disjoint(names))
+            };
+            for (id, names) in here.iter().filter(|(id, names)| !is_of_objects(id, names)) {
+                if let Some(others) = there.get(id).filter(|others| others.is_disjoint(names))
+                    && let (Some(name), Some(other)) = (names.first(), others.first())
+                {
+                    faults.push(fault(format!("{what} {id} is `{name}` in {one}, and `{other}` in {two}")));
+                }
+                for name in names {
+                    let [own, others] = [here, there].map(|names| numbers_of(names, name));
+                    // Several pools may have an object of one name: the first number speaks.
+                    let are_apart = own.first() == Some(id) && !own.iter().any(|id| others.contains(id));
+                    if let Some(other) = others.first().filter(|_| are_apart) {
+                        faults.push(fault(format!("{what} `{name}` has the {number} {id} in {one}, and {other} in {two}")));
+                    }
+                }
+            }
+        }
+        faults
+    }
 }
 
 /// A check that was made.
@@ -54,7 +131,9 @@ pub struct FaultAt {
 pub fn validate(dataset: &dyn DatasetReader, threads: usize) -> Result<Validated> {
     let checks = check::linked();
     let offers = dataset.offers();
-    let found = Mutex::new((vec![0_u32; checks.len()], BTreeSet::new()));
+    let category = |(id, name): (u32, &str)| (u64::from(id), BTreeSet::from([name.to_owned()]));
+    let categories = dataset.info().categories().map(category).collect();
+    let found = Mutex::new((vec![0_u32; checks.len()], BTreeSet::new(), Numbers { categories, ..Numbers::default() }));
     Pool::new(threads)?.run(dataset.images().len(), &|image| {
         let (products, mut faults) = read(dataset, image, &offers);
         let made: Vec<bool> = checks.iter().map(|check| check.applies(&products)).collect();
@@ -62,12 +141,13 @@ pub fn validate(dataset: &dyn DatasetReader, threads: usize) -> Result<Validated
         faults.extend(dataset.image_faults(image).into_iter().map(|(check, message)| (check.to_owned(), message)));
         let place = &dataset.images()[image].name;
         let mut found = found.lock();
+        found.2.note_objects(&products);
         for (count, made) in found.0.iter_mut().zip(made) {
             *count += u32::from(made);
         }
         found.1.extend(faults.into_iter().map(|(check, message)| FaultAt { check, place: place.clone(), message }));
     });
-    let (counts, mut faults) = found.into_inner();
+    let (counts, mut faults, numbers) = found.into_inner();
     if dataset.images().is_empty() && dataset.lists_all_images() {
         let message = "the dataset has no image".to_owned();
         faults.insert(FaultAt { check: READABLE.to_owned(), place: "images".to_owned(), message });
@@ -90,7 +170,7 @@ pub fn validate(dataset: &dyn DatasetReader, threads: usize) -> Result<Validated
     let more: Vec<Checked> =
         broken.difference(&known).map(|name| checked(name, "Records fit together.", None)).collect();
     all.extend(more);
-    Ok(Validated { images, checks: all, faults: faults.into_iter().collect() })
+    Ok(Validated { images, checks: all, faults: faults.into_iter().collect(), numbers })
 }
 
 /// The products of an image that can be read, and why others cannot.
@@ -127,7 +207,7 @@ impl Validated {
         let check = READABLE.to_owned();
         let message = error.help_text().map_or_else(|| error.to_string(), |help| format!("{error}; {help}"));
         let checks = vec![Checked { check: check.clone(), says: CAN_BE_READ.to_owned(), images: None, faults: 1 }];
-        Self { images: 0, checks, faults: vec![FaultAt { check, place, message }] }
+        Self { images: 0, checks, faults: vec![FaultAt { check, place, message }], numbers: Numbers::default() }
     }
 
     /// The faults of each check in turn, so that a few show all that is wrong: at most `most`.
@@ -145,5 +225,44 @@ impl Validated {
     /// Whether nothing is wrong.
     pub fn is_sound(&self) -> bool {
         self.faults.is_empty()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_of_two_datasets_are_compared_both_ways() {
+        let names = |pairs: &[(u64, &str)]| {
+            let mut names = Names::new();
+            pairs.iter().for_each(|(id, name)| drop(names.entry(*id).or_default().insert((*name).to_owned())));
+            names
+        };
+        let numbers = |categories: &[(u64, &str)], objects: &[(u64, &str)]| Numbers {
+            categories: names(categories),
+            objects: names(objects),
+        };
+        let train = numbers(&[(1, "object"), (2, "bowl"), (3, "mug")], &[(5, "can"), (6, "cat"), (9, "cat")]);
+        let compare = |other: &Numbers| -> Vec<String> {
+            train.differences(other, ["train", "val"]).into_iter().map(|fault| fault.message).collect()
+        };
+        assert!(compare(&train).is_empty());
+        // What only one of them has is no contradiction, and neither is one of two objects of a name.
+        assert!(compare(&numbers(&[(3, "mug"), (4, "pan")], &[(9, "cat"), (7, "duck")])).is_empty());
+        assert_eq!(
+            compare(&numbers(&[(1, "object"), (2, "mug")], &[(5, "duck"), (7, "cat")])),
+            [
+                "category 2 is `bowl` in train, and `mug` in val",
+                "category `mug` has the id 3 in train, and 2 in val",
+                "object 5 is `can` in train, and `duck` in val",
+                "object `cat` has the `obj_id` 6 in train, and 7 in val",
+            ]
+        );
+        // A number of two objects is none of one of them.
+        assert!(compare(&numbers(&[], &[(5, "can"), (5, "duck")])).is_empty());
+        // BOP's categories are its objects: they are said once.
+        let [one, two] = [[(1, "can")], [(1, "cat")]].map(|objects| numbers(&objects, &objects));
+        assert_eq!(one.differences(&two, ["a", "b"]).len(), 1);
     }
 }

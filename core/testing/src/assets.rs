@@ -50,7 +50,7 @@ impl Pools {
 
     fn enter(&mut self, pool: &str, name: &str, category: &str) -> AssetRef {
         let entries = self.entries.entry(pool.to_owned()).or_default();
-        entries.push(CatalogEntry { name: name.to_owned(), category: category.to_owned() });
+        entries.push(CatalogEntry::new(name, category));
         entries.sort();
         AssetRef { pool: pool.to_owned(), name: name.to_owned() }
     }

@@ -8,7 +8,7 @@ use syntable_model::geometry::{Point3, Pose, Translation3, UnitQuaternion, Vecto
 use syntable_model::prelude::*;
 use syntable_model::scene::{
     AssetRef, BodyDraft, Camera, Color, Encoding, Exposure, Intrinsics, Light, MassOrigin, MassProperties, Material,
-    MaterialOverride, Mesh, MeshData, Motion, NormalMap, Object, RectLight, Role, Scalar, SceneId, SettleReport,
+    MaterialOverride, Mesh, MeshData, Motion, NormalMap, Object, SourceModel, RectLight, Role, Scalar, SceneId, SettleReport,
     SphereLight, Tabletop, Texture, TextureMapping, Transmission, ViewId, Volume, Wrap,
 };
 
@@ -147,6 +147,7 @@ fn object(name: &str, data: MeshData, material: Material) -> Arc<Object> {
         materials: vec![Arc::new(material)],
         collision: None,
         keypoints: Vec::new(),
+        model: SourceModel::default(),
         friction: 0.5,
         license: String::new(),
     })

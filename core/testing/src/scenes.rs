@@ -5,7 +5,7 @@ use syntable_model::digest::Hasher;
 use syntable_model::geometry::{Point3, Pose, Vector3, look_at};
 use syntable_model::scene::{
     AssetRef, BodyDraft, Camera, Exposure, Intrinsics, Light, MassOrigin, MassProperties, Material, Mesh, MeshData,
-    Motion, Object, Role, Scene, SceneBuilder, SceneId, SettleReport, SphereLight, Tabletop, View, ViewId,
+    Motion, Object, SourceModel, Role, Scene, SceneBuilder, SceneId, SettleReport, SphereLight, Tabletop, View, ViewId,
 };
 use syntable_model::stage::DatasetInfo;
 
@@ -46,6 +46,7 @@ pub fn object(name: &str, mesh: Mesh, color: [f32; 3]) -> Arc<Object> {
         materials: vec![Arc::new(material)],
         collision: None,
         keypoints: Vec::new(),
+        model: SourceModel::default(),
         friction: 0.5,
         license: String::new(),
         digest,

@@ -13,7 +13,7 @@ use syntable_model::product::{DType, OcclusionOrder, PixelCounts, Plane, Tensor}
 use syntable_model::registry::{Registry, Slot, Stage};
 use syntable_model::scene::{
     AssetRef, BodyDraft, Camera, Exposure, Intrinsics, MassOrigin, MassProperties, Material, Mesh, MeshData, Motion,
-    Object, Role, SceneId, SettleReport, Tabletop, ViewId,
+    Object, SourceModel, Role, SceneId, SettleReport, Tabletop, ViewId,
 };
 
 /// Width of the images, px.
@@ -114,6 +114,7 @@ fn scene(id: u32, objects: usize) -> Scene {
         materials: vec![Arc::new(Material::plain("gray", [0.5; 3], 0.5))],
         collision: None,
         keypoints: Vec::new(),
+        model: SourceModel::default(),
         friction: 0.5,
         license: "CC0-1.0".into(),
         digest: Digest::of(b"tetra"),

@@ -7,7 +7,8 @@ use syntable_model::scene::{Body, MassDistribution, MassOrigin};
 
 /// Asset, category, mass and poses of every object. Poses are 4 × 4 matrices, row by row, of the object frame in meters;
 /// the camera frame is x right, y down, z forward. `bounds_m` are the lowest and the highest corner of the object's box in
-/// the object frame, m.
+/// the object frame, m; `model_origin_m` is the origin of the asset's file in that frame, m, which differs where the pool
+/// centers the asset. `obj_id` is the number of the asset in its pool, which depends on the pools of the recipe alone.
 ///
 /// The mass is the one that was simulated. `mass_origin` says whether it is `known` of the object, `estimated` from its
 /// volume, or `assigned` by the settler. The center of mass (m) and the inertia tensor about it (kg m²) are in the object
@@ -82,8 +83,11 @@ struct ObjectView<'a> {
     pool: &'a str,
     name: &'a str,
     category: &'a str,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    obj_id: Option<u32>,
     spawn: u32,
     bounds_m: [[f64; 3]; 2],
+    model_origin_m: [f64; 3],
     mass_kg: f64,
     mass_origin: MassOrigin,
     mass_distribution: MassDistribution,
@@ -104,8 +108,10 @@ impl<'a> ObjectView<'a> {
             pool: &body.asset.pool,
             name: &body.asset.name,
             category: &object.category,
+            obj_id: object.model.obj_id,
             spawn: body.spawn,
             bounds_m: [object.mesh.bounds().min, object.mesh.bounds().max].map(Into::into),
+            model_origin_m: object.model.origin.into(),
             mass_kg: mass.kg,
             mass_origin: mass.origin,
             mass_distribution: mass.distribution,

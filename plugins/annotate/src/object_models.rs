@@ -1,14 +1,15 @@
-//! The shapes of the scene's assets.
+//! The models of the scene's assets.
 
-use std::sync::Arc;
 use syntable_model::prelude::*;
-use syntable_model::product::ObjectModels as Models;
 use syntable_model::product::standard::OBJECT_MODELS;
+use syntable_model::product::{ObjectModel, ObjectModels as Models};
 
 /// Triangle mesh of each asset that an object of the scene is of, in meters and in the object frame: a vertex times
 /// `camera_from_object` of `object_info` is a point of the object in the camera frame.
 ///
-/// A pool scales and centers an asset once, so that all objects of an asset have one mesh. Materials are not in it.
+/// A pool scales and centers an asset once, so that all objects of an asset have one mesh. `obj_id` is the number of the
+/// asset; `model_origin_m` is the origin of its file in the object frame. Symmetries are in the frame of the file, at the size
+/// that the pool gives the asset. Materials reach the writer `bop`; files of generic writers leave them out.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct ObjectModels {}
@@ -33,7 +34,7 @@ impl SceneAnnotator for ObjectModels {
 
     fn annotate(&self, cx: &SceneContext, _: &[ViewProducts], products: &mut Products) -> Result<()> {
         let objects = cx.scene.objects().iter();
-        let models = objects.map(|body| (body.asset.to_string(), Arc::clone(&body.object.mesh)));
+        let models = objects.map(|body| (body.asset.to_string(), ObjectModel::from(&*body.object)));
         products.put(OBJECT_MODELS, Models(models.collect()))
     }
 }

@@ -413,7 +413,7 @@ fn records_keep_their_fields_and_their_order() {
     assert_eq!(
         objects.values().map(names).collect::<Vec<_>>(),
         [
-            "asset pool name category spawn bounds_m mass_kg mass_origin mass_distribution center_of_mass_m inertia_kg_m2 license digest world_from_object camera_from_object"
+            "asset pool name category spawn bounds_m model_origin_m mass_kg mass_origin mass_distribution center_of_mass_m inertia_kg_m2 license digest world_from_object camera_from_object"
         ]
     );
 }

@@ -31,7 +31,8 @@ use syntable_model::product::{Plane, Product, Scope};
 ///
 /// # Output
 ///
-/// `{id}/{scene:06}_{view:04}.hdf5`.
+/// `{id}/{scene:06}_{view:04}.hdf5`, and `{id}/categories.json` with ids and names of all categories of the recipe if there
+/// are ids of them.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Hdf5 {
@@ -144,8 +145,25 @@ impl Writer for Hdf5 {
     fn paths(&self, of: &FileOf) -> Result<Vec<String>> {
         Ok(match (of.scene, of.view) {
             (Some(scene), Some(view)) => vec![path(of.id, &view_name(scene, view))],
+            (None, None) => self.categories_path(of.id).into_iter().collect(),
             _ => Vec::new(),
         })
+    }
+
+    fn finish(&self, cx: &DatasetContext, _: &Products, finish: &Finish) -> Result<()> {
+        match self.categories_path(finish.id()) {
+            Some(path) => include::write_categories_to(&path, cx.dataset, finish),
+            None => Ok(()),
+        }
+    }
+}
+
+impl Hdf5 {
+    /// The path of the file of categories, if files of views have ids of them.
+    fn categories_path(&self, id: &str) -> Option<String> {
+        let of_bodies = [Dataset::CategoryIdSegmaps, Dataset::InstanceAttributeMaps];
+        let has_ids = of_bodies.iter().any(|it| self.datasets.contains(it)) || include::has_category_ids(&self.include);
+        has_ids.then(|| format!("{id}/{}", include::CATEGORIES))
     }
 }
 

@@ -6,6 +6,7 @@ use hdf5_pure::{Datatype, DatatypeByteOrder, File};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use syntable_formats::coco::Category;
+use syntable_formats::include;
 use syntable_formats::members::MAX_BYTES;
 use syntable_formats::read::{self, Faults, place_in_name};
 use syntable_formats::samples::{self, Contents, Fields, Samples};
@@ -121,7 +122,8 @@ fn open(root: &Path) -> Result<Box<dyn DatasetReader>> {
         of_shown.extend(view.of_shown());
     }
     let category = |(id, name): (u32, String)| Category { id: id.into(), name, ..Category::default() };
-    let categories = are_named.then(|| names.into_iter().map(category).collect());
+    let of_bodies = are_named.then(|| names.into_iter().map(category).collect());
+    let categories = include::categories_in(root)?.or(of_bodies);
     let contents = Contents { images, fields, faults, categories, of_shown, leaves_out_empty: false };
     Ok(samples::open(read::name_of(root), contents, Box::new(Files(paths))))
 }

@@ -15,7 +15,7 @@ use syntable_model::product::{Plane, Product};
 use syntable_model::registry::{ConstructError, Registry, Slot, Stage};
 use syntable_model::scene::{
     AssetRef, BodyDraft, Camera, Distortion, Exposure, Intrinsics, MassOrigin, MassProperties, Material, Mesh,
-    MeshData, Motion, Object, Role, SceneId, SettleReport, Tabletop, ViewId,
+    MeshData, Motion, Object, SourceModel, Role, SceneId, SettleReport, Tabletop, ViewId,
 };
 use syntable_testing::tools::is_there;
 
@@ -55,6 +55,7 @@ fn scene() -> Scene {
         materials: vec![Arc::new(Material::plain("gray", [0.5; 3], 0.5))],
         collision: None,
         keypoints: Vec::new(),
+        model: SourceModel::default(),
         friction: 0.5,
         license: "CC0-1.0".into(),
         digest: Digest::of(b"tetra"),

@@ -7,7 +7,7 @@ use std::sync::Arc;
 use syntable_model::digest::{Digest, Hasher};
 use syntable_model::prelude::*;
 use syntable_model::scene::{
-    Asset, AssetClass, Catalog, ConvexPart, MassDistribution, MassOrigin, MassProperties, Material, Mesh, Object,
+    Asset, AssetClass, Catalog, ConvexPart, MassDistribution, MassOrigin, MassProperties, Material, Mesh, Object, SourceModel,
 };
 
 /// Texels along the edge of the surfaces that objects share.
@@ -97,6 +97,7 @@ pub(crate) fn object(name: &str, category: &str, model: Model) -> Result<Object>
         materials,
         collision: Some(Arc::new(parts)),
         keypoints: Vec::new(),
+        model: SourceModel::default(),
         mass,
         friction,
         license: LICENSE.to_owned(),

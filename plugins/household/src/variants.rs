@@ -7,7 +7,7 @@ use syntable_model::scene::{Catalog, CatalogEntry};
 pub(crate) fn variant_catalog(families: impl Iterator<Item = &'static str>, variants: u32) -> Catalog {
     let mut entries: Vec<CatalogEntry> = families
         .flat_map(|family| {
-            (0..variants).map(move |i| CatalogEntry { name: format!("{family}_{i:04}"), category: family.to_owned() })
+            (0..variants).map(move |i| CatalogEntry::new(format!("{family}_{i:04}"), family))
         })
         .collect();
     entries.sort();

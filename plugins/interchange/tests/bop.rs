@@ -12,12 +12,12 @@ use syntable_model::digest::Digest;
 use syntable_model::geometry::{Point3, Vector3, look_at};
 use syntable_model::prelude::*;
 use syntable_model::product::standard::*;
-use syntable_model::product::{BitPlane, ObjectModels, Plane};
+use syntable_model::product::{BitPlane, ObjectModel, ObjectModels, Plane};
 use syntable_model::reader::{self, DatasetReader};
 use syntable_model::registry::{Registry, Slot, Stage};
 use syntable_model::scene::{
     AssetRef, BodyDraft, Camera, Exposure, Intrinsics, MassOrigin, MassProperties, Material, Mesh, MeshData, Motion,
-    Object, Role, SceneId, SettleReport, Tabletop, ViewId,
+    Object, SourceModel, Role, SceneId, SettleReport, Tabletop, ViewId,
 };
 use syntable_testing::tools::is_there;
 
@@ -156,7 +156,12 @@ fn products(objects: &[Ellipsoid], stream: &mut Stream, all: bool) -> Products {
 }
 
 fn models_of(objects: &[Ellipsoid]) -> ObjectModels {
-    ObjectModels(objects.iter().map(|object| (object.asset(), Arc::new(object.mesh()))).collect())
+    let model = |object: &Ellipsoid| ObjectModel {
+        mesh: Arc::new(object.mesh()),
+        materials: Vec::new(),
+        source: SourceModel::default(),
+    };
+    ObjectModels(objects.iter().map(|object| (object.asset(), model(object))).collect())
 }
 
 fn visibility_of(object: &Ellipsoid, in_frame: u32, valid: usize, visible: u32) -> Value {
@@ -218,6 +223,7 @@ fn scene(id: u32) -> Result<Scene> {
         materials: vec![Arc::new(Material::plain("gray", [0.5; 3], 0.5))],
         collision: None,
         keypoints: Vec::new(),
+        model: SourceModel::default(),
         friction: 0.5,
         license: "CC0-1.0".into(),
         digest: Digest::of(b"tetra"),

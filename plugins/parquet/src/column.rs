@@ -21,9 +21,11 @@ type Field = (&'static str, fn() -> Node);
 fn fields(product: &str) -> Option<&'static [Field]> {
     const OF_OBJECT: &[Field] = &[
         ("asset", || Node::Text),
+        ("obj_id", || Node::Int),
         ("mass_kg", || Node::Float),
         ("world_from_object", matrix),
         ("camera_from_object", matrix),
+        ("model_origin_m", || Node::list(Node::Float)),
     ];
     const OF_VISIBILITY: &[Field] = &[
         ("px_count_all", || Node::Int),

@@ -15,6 +15,9 @@ use std::sync::Arc;
 use syntable_model::error::{Error, Result};
 use syntable_model::product::Value;
 
+/// Key of the metadata that has the categories of the dataset.
+pub const CATEGORIES: &str = "categories";
+
 /// A table in memory, column by column.
 pub struct Table {
     columns: Vec<(String, Node)>,
@@ -49,8 +52,15 @@ impl Table {
     }
 
     /// Writes the table as a file of one row group, or of none if it has no rows. Nothing in it depends on time. `path` names it in errors.
-    pub fn write(self, out: impl Write + Send, path: &str, program: &str) -> Result<()> {
-        self.try_write(out, program).map_err(|error| match error {
+    /// `categories` are COCO's list as JSON.
+    pub fn write(
+        self,
+        out: impl Write + Send,
+        path: &str,
+        program: &str,
+        categories: Option<String>,
+    ) -> Result<()> {
+        self.try_write(out, program, categories).map_err(|error| match error {
             // What the disk says is no fault of the scene.
             ParquetError::External(cause) if cause.is::<std::io::Error>() => {
                 cause.downcast_ref().map_or_else(|| Error::new(cause.to_string()), |io| Error::io(path, io))
@@ -59,12 +69,19 @@ impl Table {
         })
     }
 
-    fn try_write(self, out: impl Write + Send, program: &str) -> Result<(), ParquetError> {
+    fn try_write(
+        self,
+        out: impl Write + Send,
+        program: &str,
+        categories: Option<String>,
+    ) -> Result<(), ParquetError> {
         let fields = self.columns.iter().map(|(name, node)| node.schema(name)).collect::<Result<_, _>>()?;
         let schema = Type::group_type_builder("schema").with_fields(fields).build()?;
         let [_, image] = IMAGES;
         let embeds = self.columns.iter().any(|(name, _)| name == image);
         let bytes = ColumnPath::new(vec![image.to_owned(), "bytes".to_owned()]);
+        let categories = categories.map(|list| KeyValue::new(CATEGORIES.to_owned(), list));
+        let metadata: Vec<KeyValue> = embeds.then(|| hugging_face(image)).into_iter().chain(categories).collect();
         let properties = WriterProperties::builder()
             .set_created_by(program.to_owned())
             .set_compression(Compression::SNAPPY)
@@ -72,7 +89,7 @@ impl Table {
             .set_column_compression(bytes.clone(), Compression::UNCOMPRESSED)
             .set_column_dictionary_enabled(bytes.clone(), false)
             .set_column_statistics_enabled(bytes, EnabledStatistics::None)
-            .set_key_value_metadata(embeds.then(|| vec![hugging_face(image)]));
+            .set_key_value_metadata(Some(metadata).filter(|pairs| !pairs.is_empty()));
         let mut file = SerializedFileWriter::new(out, Arc::new(schema), Arc::new(properties.build()))?;
         // Hugging Face `datasets` fails at a row group without rows.
         if self.leaves.iter().flatten().any(|leaf| !leaf.definition.is_empty()) {

@@ -5,7 +5,7 @@ use crate::file::Table;
 use crate::shred::Node;
 use std::collections::{BTreeMap, BTreeSet};
 use syntable_formats::encode::{png, scene_name, view_name};
-use syntable_formats::include;
+use syntable_formats::{coco, include};
 use syntable_model::prelude::*;
 use syntable_model::product::standard::RGB;
 use syntable_model::product::{Form, Scope};
@@ -24,7 +24,7 @@ use syntable_model::product::{Form, Scope};
 /// | box, such as `visible_box` | `{product}`: list `[x, y, width, height]` |
 /// | mask, such as `amodal_mask` | `{product}`: struct of `size` and `counts`, COCO's compressed run lengths as pycocotools takes them, and `{product}_area`, px |
 /// | `category_id` | `category_id`, and its name, `category` |
-/// | `object_info` | `asset`, `mass_kg`, `world_from_object`, `camera_from_object` |
+/// | `object_info` | `asset`, `obj_id`, `mass_kg`, `world_from_object`, `camera_from_object`, `model_origin_m` |
 /// | `camera` | `K`, `world_from_camera`, `distortion_k1_k2_p1_p2_k3` (of OpenCV; null without distortion) |
 /// | `visibility` | `px_count_all`, `px_count_in_frame`, `px_count_valid`, `px_count_visib`, `visib_fract` |
 /// | other records and lists | `{product}`: JSON text |
@@ -39,6 +39,9 @@ use syntable_model::product::{Form, Scope};
 /// `image_file` is the path of the image from the table's folder. With `images = "embedded"` a row of a view has the image
 /// itself, `image`, a struct of `bytes` (PNG) and `path`; `datasets` decodes it. Tables of instances do not embed
 /// images: each would be there as often as it has instances, which readers unpack.
+///
+/// With ids of categories, the metadata of each table has the key `categories`: COCO's list of all categories of the recipe, as
+/// JSON.
 ///
 /// Each scene has a table of its own, with the same columns, so that a run that ends early leaves whole tables and a dataset
 /// that grows leaves them as they are; readers take a folder or `*.parquet` for one table.
@@ -254,7 +257,10 @@ impl SceneWriter for ParquetScene {
             self.push(&mut table, cx.scene.id.0, view, &of_scene)?;
         }
         let path = self.config.table_path(self.output.id(), &scene_name(cx.scene.id));
-        table.write(self.output.create(&path)?, &path, &cx.dataset.program)
+        let categories = || serde_json::to_string(&coco::categories(cx.dataset));
+        let categories = include::has_category_ids(&self.config.include).then(categories).transpose();
+        let categories = categories.map_err(|error| Error::new(format!("cannot be written as JSON: {error}")))?;
+        table.write(self.output.create(&path)?, &path, &cx.dataset.program, categories)
     }
 }
 

@@ -1,6 +1,7 @@
 //! Reads tables of instances or views.
 
 use crate::column::{self, CATEGORY, IMAGES, OWN};
+use crate::file::CATEGORIES;
 use parquet::errors::ParquetError;
 use parquet::file::reader::{FileReader, SerializedFileReader};
 use parquet::record::{Field, Row};
@@ -71,6 +72,13 @@ impl Table {
         self.schema().get_fields().iter().map(|field| field.name().to_owned()).collect()
     }
 
+    /// The categories that the metadata has.
+    fn categories(&self) -> Option<Vec<Category>> {
+        let pairs = self.reader.metadata().file_metadata().key_value_metadata()?;
+        let list = pairs.iter().find(|pair| pair.key == CATEGORIES)?.value.as_ref()?;
+        serde_json::from_str(list).ok()
+    }
+
     /// The rows with some of the columns.
     fn rows(&self, wanted: impl Fn(&str) -> bool) -> Result<Rows> {
         let fail = |error: ParquetError| unreadable(&self.path, &error);
@@ -113,14 +121,16 @@ fn open(root: &Path) -> Result<Box<dyn DatasetReader>> {
     let (mut faults, mut views) = (Faults::default(), BTreeMap::<(u32, u32), (usize, [u32; 2])>::new());
     let (mut columns, mut names) = (BTreeSet::new(), BTreeMap::<u64, String>::new());
     let mut faulty = BTreeSet::new();
+    // Those of the first table that lists them; names of rows are only of objects that are there.
+    let mut categories = None;
     // Rows of views have lists of instances.
     let mut has_views = false;
     for (table, path) in paths.iter().enumerate() {
         let read = Table::open(path).and_then(|table| {
             let rows = table.rows(|name| OWN.contains(&name) || [CATEGORY, CATEGORY_ID.name()].contains(&name))?;
-            Ok((table.columns(), rows))
+            Ok((table.columns(), table.categories(), rows))
         });
-        let (own, rows) = match read {
+        let (own, listed, rows) = match read {
             Ok(read) => read,
             Err(error) => {
                 faults.lost("readable", read::file_name(path), &format!("{error}: nothing of the scene is read"));
@@ -129,6 +139,7 @@ fn open(root: &Path) -> Result<Box<dyn DatasetReader>> {
         };
         // A table that lacks what another one has is at fault with it.
         columns.extend(own);
+        categories = categories.or(listed);
         has_views |= rows.iter().any(|row| matches!(row.get(INSTANCE), Some(Field::ListInternal(_)) | None));
         for row in &rows {
             let number = |name: &str| u32::try_from(row.get(name).and_then(integer)?).ok();
@@ -168,7 +179,9 @@ fn open(root: &Path) -> Result<Box<dyn DatasetReader>> {
         images: views.keys().map(image).collect(),
         fields: products_of(&columns).into_keys().collect(),
         faults,
-        categories: Some(names.into_iter().map(category).collect()).filter(|all: &Vec<Category>| !all.is_empty()),
+        categories: categories.or_else(|| {
+            Some(names.into_iter().map(category).collect()).filter(|all: &Vec<Category>| !all.is_empty())
+        }),
         of_shown: BTreeSet::new(),
         leaves_out_empty: !has_views,
     };

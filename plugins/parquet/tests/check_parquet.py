@@ -41,7 +41,9 @@ def wants_of_instance(products, i):
     info, counts = of("object_info"), of("visibility")
     return {
         "asset": info["asset"],
+        "obj_id": info.get("obj_id"),
         "mass_kg": None,
+        "model_origin_m": info.get("model_origin_m"),
         "world_from_object": flat(info["world_from_object"]),
         "camera_from_object": flat(info["camera_from_object"]),
         "object_name": of("object_name"),

@@ -11,7 +11,7 @@ use syntable_testing::read_back::{assert_products, classes, opened, written};
 /// What tables keep of a record: the fields that have columns.
 fn part(name: &str, mut value: Json) -> Json {
     let fields: &[&str] = match name {
-        "object_info" => &["asset", "mass_kg", "world_from_object", "camera_from_object"],
+        "object_info" => &["asset", "obj_id", "mass_kg", "world_from_object", "camera_from_object", "model_origin_m"],
         "camera" => &["width", "height", "K", "world_from_camera", "distortion_k1_k2_p1_p2_k3"],
         "visibility" => &["px_count_all", "px_count_in_frame", "px_count_valid", "px_count_visib", "visib_fract"],
         _ => return value,

@@ -7,7 +7,7 @@ use syntable_model::digest::Hasher;
 use syntable_model::geometry::{Aabb, Point3};
 use syntable_model::prelude::*;
 use syntable_model::scene::{
-    AssetRef, BodyDraft, MassOrigin, MassProperties, Material, Mesh, MeshData, Motion, Object, Role,
+    AssetRef, BodyDraft, MassOrigin, MassProperties, Material, Mesh, MeshData, Motion, Object, SourceModel, Role,
 };
 
 /// Pool of the parts of a room.
@@ -259,6 +259,7 @@ pub fn slab(part: &Part, material: Material) -> Result<Object> {
         materials: vec![Arc::new(material)],
         collision: Some(Arc::new(vec![corners.to_vec()])),
         keypoints: Vec::new(),
+        model: SourceModel::default(),
         mass,
         friction: 0.6,
         license: String::new(),

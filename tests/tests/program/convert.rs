@@ -272,8 +272,7 @@ fn models_and_their_numbers_are_kept() {
         fs::rename(&file, file.with_file_name(name)).expect("renamed");
     }
     assert_eq!(faults(&root), []);
-    let said = ok(convert(&root, "bop", &path("again")).args(["--set", "bop.models=\"models\""]));
-    assert!(said.contains("no colors, textures and symmetries"), "{said}");
+    ok(convert(&root, "bop", &path("again")).args(["--set", "bop.models=\"models\""]));
     let again = path("again/bop");
     assert_eq!(faults(&again), []);
     assert_eq!(json_of(&again.join("objects.json")), json_of(&root.join("objects.json")));

@@ -340,7 +340,7 @@ fn results_are_whole_whatever_call_is_killed_or_fails() {
     for threads in ["1", "3"] {
         let program = syntable();
         let mut trial = Command::new("python3");
-        trial.arg(support::root().join("tests/interrupt.py")).arg(program.get_program()).arg(&data);
+        trial.arg(crate::support::root().join("tests/interrupt.py")).arg(program.get_program()).arg(&data);
         trial.args(["--threads", threads, "--every", &every]);
         let output = trial.output().expect("python3 starts");
         assert!(output.status.success(), "{}", text(&output));

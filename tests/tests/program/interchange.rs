@@ -4,7 +4,9 @@ use crate::support::{assert_same, assets, ok, root, skip, syntable, text};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use std::process::Command;
-use syntable_model::product::standard::{AMODAL_MASK, DEPTH, DISTANCE, VISIBLE_MASK};
+use syntable_model::product::standard::{
+    AMODAL_MASK, CATEGORY_ID, DEPTH, DISTANCE, OBJECT_INFO, OBJECT_NAME, VISIBLE_MASK,
+};
 use syntable_model::product::{Key, Mask, PerInstance};
 use syntable_model::reader;
 use syntable_standard as _;
@@ -271,4 +273,261 @@ fn what_formats_have_in_common_comes_back() {
             }
         }
     }
+}
+
+/// The vertices of a PLY file as its named properties, and its number of faces. In a binary file all of them are floats.
+fn ply(path: &Path) -> (Vec<BTreeMap<String, f64>>, usize) {
+    const END: &[u8] = b"end_header\n";
+    let bytes = std::fs::read(path).expect("a PLY file");
+    let end = bytes.windows(END.len()).position(|window| window == END).expect("a header") + END.len();
+    let (header, body) = bytes.split_at(end);
+    let header = std::str::from_utf8(header).expect("text");
+    let (mut properties, mut counts) = (Vec::new(), BTreeMap::new());
+    for words in header.lines().map(|line| line.split(' ').collect::<Vec<_>>()) {
+        match words.as_slice() {
+            ["element", what, count] => drop(counts.insert(*what, count.parse::<usize>().expect("a number"))),
+            ["property", kind, name] if *kind != "list" => properties.push(*name),
+            _ => {}
+        }
+    }
+    let count = counts["vertex"];
+    let rows: Vec<Vec<f64>> = if header.contains("format binary_little_endian") {
+        let floats: Vec<f64> = body.as_chunks().0.iter().map(|bytes| f32::from_le_bytes(*bytes).into()).collect();
+        floats.chunks(properties.len()).take(count).map(<[f64]>::to_vec).collect()
+    } else {
+        let text = std::str::from_utf8(body).expect("text");
+        let words = |line: &str| line.split_whitespace().map(|word| word.parse().expect("a number")).collect();
+        text.lines().take(count).map(words).collect()
+    };
+    let named = |row: Vec<f64>| properties.iter().map(|name| (*name).to_owned()).zip(row).collect();
+    (rows.into_iter().map(named).collect(), counts["face"])
+}
+
+fn json(path: &Path) -> serde_json::Value {
+    serde_json::from_slice(&std::fs::read(path).expect("a file")).expect("JSON")
+}
+
+/// `m · p`, of the numbers of a 4 × 4 or a 3 × 3 matrix row by row and a translation.
+fn moved(rotation: &[f64], translation: [f64; 3], p: [f64; 3]) -> [f64; 3] {
+    std::array::from_fn(|row| (0..3).map(|i| rotation[3 * row + i] * p[i]).sum::<f64>() + translation[row])
+}
+
+fn numbers(value: &serde_json::Value) -> Vec<f64> {
+    value.as_array().expect("a list").iter().map(|it| it.as_f64().expect("a number")).collect()
+}
+
+#[test]
+fn bop_models_keep_numbers_shapes_colors_and_symmetries() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (data, models) = (folder.path().join("data"), root().join("tests/fixtures/assets/bop"));
+    let pool = format!("assets.objects={{ kind=\"bop_models\", root={:?} }}", models.display().to_string());
+    let writers = "write={ bop = { models = \"models\" }, jsonl = { include = [\"object_info\"] } }";
+    support::small_dataset(&data, &[&pool, writers, "dataset.scenes=1", "dataset.views_per_scene=2"]);
+    let bop = data.join("bop");
+    let objects = json(&bop.join("objects.json"));
+    let (infos, mut compared) = (json(&bop.join("models/models_info.json")), 0);
+    let mut centers = BTreeMap::new();
+    for (id, asset) in objects.as_object().expect("a table") {
+        let (set, name) = asset.as_str().expect("a name").trim_start_matches("objects/").split_once('/').expect("two");
+        let file = format!("obj_{:06}.ply", id.parse::<u64>().expect("a number"));
+        assert_eq!(format!("{name}.ply"), file, "the number of the file");
+        let [(own, own_faces), (found, faces)] =
+            [&models.join(set).join("models"), &bop.join("models")].map(|folder| ply(&folder.join(&file)));
+        assert_eq!(faces, own_faces, "{file}");
+        // Every vertex is one of the original, with its color or its place in the texture.
+        for vertex in &found {
+            let is_near = |other: &BTreeMap<String, f64>| vertex.iter().all(|(key, value)| (other[key] - value).abs() < 1e-4);
+            assert!(own.iter().any(is_near), "{file}: {vertex:?}");
+            assert!(vertex.contains_key("red") != vertex.contains_key("texture_u"), "{file}: {vertex:?}");
+            compared += 1;
+        }
+        let bound = |vertices: &[BTreeMap<String, f64>], axis: &str, of: fn(f64, f64) -> f64| {
+            vertices.iter().map(|vertex| vertex[axis]).reduce(of).expect("vertices")
+        };
+        let center = ["x", "y", "z"].map(|axis| {
+            let [low, high] = [f64::min as fn(f64, f64) -> f64, f64::max].map(|of| {
+                assert!((bound(&own, axis, of) - bound(&found, axis, of)).abs() < 1e-4, "{file} {axis}");
+                bound(&own, axis, of)
+            });
+            f64::midpoint(low, high)
+        });
+        centers.insert(id.parse::<u64>().expect("a number"), center);
+        let own_info = &json(&models.join(set).join("models/models_info.json"))[id];
+        for key in ["symmetries_discrete", "symmetries_continuous"] {
+            let entries = |info: &serde_json::Value| {
+                let text = info[key].to_string();
+                text.replace(".0", "")
+            };
+            assert_eq!(entries(&infos[id]), entries(own_info), "{file}: {key}");
+        }
+        if found[0].contains_key("texture_u") {
+            let texture = file.replace(".ply", ".png");
+            let [a, b] = [&models.join(set).join("models"), &bop.join("models")]
+                .map(|folder| image::open(folder.join(&texture)).expect("a texture").into_rgb8());
+            assert!(a == b, "{texture}");
+        }
+    }
+    assert!(compared > 500 && centers.len() > 1, "{compared} vertices of {} models", centers.len());
+    assert!(infos.to_string().contains("symmetries_"), "no symmetries to compare");
+    // Poses are of the original file: with them its center is where the object's frame, which the pool centers, is.
+    let truth = json(&bop.join("train_pbr/000000/scene_gt.json"));
+    let lines = std::fs::read_to_string(data.join("jsonl.jsonl")).expect("lines");
+    let mut poses = 0;
+    for line in lines.lines().map(|line| serde_json::from_str::<serde_json::Value>(line).expect("JSON")) {
+        let objects = line["object_info"].as_object().expect("objects").values();
+        let entries = truth[line["view"].to_string()].as_array().expect("entries");
+        let mut objects: Vec<_> = objects.collect();
+        assert_eq!(entries.len(), objects.len());
+        for entry in entries {
+            let id = entry["obj_id"].as_u64().expect("a number");
+            let t: [f64; 3] = numbers(&entry["cam_t_m2c"]).try_into().expect("three");
+            let center = moved(&numbers(&entry["cam_R_m2c"]), t, centers[&id]);
+            let is_here = |object: &&serde_json::Value| {
+                let pose = object["camera_from_object"].as_array().expect("rows");
+                let at: [f64; 3] = std::array::from_fn(|row| 1000.0 * pose[row][3].as_f64().expect("a number"));
+                object["obj_id"] == id && (0..3).all(|i| (at[i] - center[i]).abs() < 1e-3)
+            };
+            let at = objects.iter().position(|object| is_here(object)).expect("an object there");
+            objects.swap_remove(at);
+            poses += 1;
+        }
+    }
+    assert!(poses > 4, "{poses}");
+    // What is read is what was written, colors and symmetries as well.
+    let again = folder.path().join("again");
+    let convert = ["--to", "bop", "--set", "bop.models=\"models\"", "--out"];
+    ok(syntable().arg("convert").arg(&bop).args(convert).arg(&again));
+    assert_eq!(json(&again.join("bop/objects.json")), objects);
+    let symmetries = |infos: &serde_json::Value| infos.as_object().expect("a table").values().map(|info| {
+        ["symmetries_discrete", "symmetries_continuous"].map(|key| info[key].clone())
+    }).collect::<Vec<_>>();
+    assert_eq!(symmetries(&json(&again.join("bop/models/models_info.json"))), symmetries(&infos));
+    for (name, bytes) in support::files(&bop.join("models")) {
+        let [a, b] = [bytes, std::fs::read(again.join("bop/models").join(&name)).expect("the same files")];
+        if name.ends_with(".png") {
+            assert!(a == b, "{name}");
+        } else if name.ends_with(".ply") {
+            let looks = |path: &Path| ply(path).0.iter().map(|it| {
+                let looks = it.iter().filter(|(key, _)| !["x", "y", "z"].contains(&key.as_str()));
+                looks.map(|(_, value)| value.to_bits()).collect::<Vec<_>>()
+            }).collect::<Vec<_>>();
+            assert!(looks(&bop.join("models").join(&name)) == looks(&again.join("bop/models").join(&name)), "{name}");
+        }
+    }
+}
+
+/// How a format tells what an object is.
+#[derive(Clone, Copy, PartialEq)]
+enum Tells {
+    /// By ids of all classes of the recipe.
+    Classes,
+    /// By one class.
+    OneClass,
+    /// By `obj_id`.
+    Objects,
+}
+
+#[test]
+fn every_writer_gives_a_thing_the_same_number() {
+    use Tells::{Classes, Objects, OneClass};
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = |name: &str| folder.path().join(name);
+    let generic = "include = [\"rgb\", \"visible_mask\", \"amodal_mask\", \"category_id\", \"object_name\", \"object_info\"]";
+    let writers = format!(
+        "write={{ syntable = {{}}, coco = {{}}, coco_panoptic = {{}}, cocoa = {{}}, kins = {{}}, d2sa = {{}}, insta_order = {{}}, \
+         uoais = {{}}, osd_amodal = {{}}, yolo = {{}}, bop = {{}}, hdf5 = {{}}, web = {{ kind = \"bop\", layout = \"webdataset\" }}, \
+         webdataset = {{ {generic} }}, npz = {{ {generic} }}, parquet = {{ {generic} }}, jsonl = {{ {generic} }} }}"
+    );
+    // Of the last class there is nothing.
+    let classes = "assets.objects.classes={ mug = [\"mug*\"], book = [\"book*\"], zebra = [\"zebra*\"] }";
+    let half = "assets.objects.exclude=[\"b*\", \"c*\", \"*_00?[02468]\"]";
+    let make = |name: &str, more: &[&str]| {
+        let settings = [&writers, classes, "camera.resolution=[96, 72]", "dataset.scenes=2", "dataset.views_per_scene=1"];
+        support::small_dataset(&path(name), &[&settings[..], more].concat());
+    };
+    make("train", &[]);
+    make("val", &["dataset.seed=8", "dataset.name=\"val\"", half]);
+    // The whole pool is in the order of names: places are the numbers, whatever is left out.
+    let catalog = json(&path("train/.syntable/catalogs/objects.json"));
+    let names: Vec<&String> = catalog.as_object().expect("a table").keys().collect();
+    assert!(names.is_sorted() && names.len() > 50);
+    let number_of = |name: &str| names.iter().position(|other| *other == name).expect("an asset") as i64 + 1;
+    let class_of = |name: &str| match name.split_once('_').map(|(family, _)| family) {
+        Some("book") => 2,
+        Some("mug") => 3,
+        _ => 1,
+    };
+    let all_classes = [(1, "object"), (2, "book"), (3, "mug"), (4, "zebra")];
+    let drawn = |part: &str| -> BTreeSet<String> {
+        let objects = json(&path(part).join("bop/objects.json"));
+        objects.as_object().expect("a table").keys().cloned().collect()
+    };
+    let [train, val] = ["train", "val"].map(drawn);
+    assert!(train != val && !val.is_empty(), "{train:?} {val:?}");
+    let (mut categories, mut objects) = (0, 0);
+    for (inside, format, tells) in [
+        ("", "syntable", Classes),
+        ("coco", "coco", Classes),
+        ("coco_panoptic", "coco_panoptic", Classes),
+        ("cocoa", "cocoa", Classes),
+        ("kins", "kins", Classes),
+        ("d2sa", "d2sa", Classes),
+        ("insta_order", "coco", Classes),
+        ("uoais", "coco", OneClass),
+        ("osd_amodal", "osd_amodal", OneClass),
+        ("yolo", "yolo", Classes),
+        ("bop", "bop", Objects),
+        ("web", "bop", Objects),
+        ("webdataset", "webdataset", Classes),
+        ("npz", "npz", Classes),
+        ("parquet", "parquet", Classes),
+        ("hdf5", "hdf5", Classes),
+        ("jsonl.jsonl", "jsonl", Objects),
+    ] {
+        let open = |part: &str| reader::open(&path(part).join(inside), Some(format)).expect(inside).1;
+        let [train, val] = ["train", "val"].map(open);
+        for (part, dataset) in [("train", &train), ("val", &val)] {
+            let what = format!("{part}/{inside}");
+            let found: Vec<(u32, &str)> = dataset.info().categories().collect();
+            match tells {
+                Classes => assert_eq!(found, all_classes, "{what}"),
+                OneClass => assert_eq!(found, all_classes[..1], "{what}"),
+                Objects => {}
+            }
+            let offers = dataset.offers();
+            for image in 0..dataset.images().len() {
+                let (_, products) = dataset.read(image, &offers).expect("readable");
+                let infos = products.optional(OBJECT_INFO).expect("declared");
+                for (_, info) in infos.into_iter().flat_map(|infos| infos.iter()) {
+                    let info = serde_json::to_value(info).expect("plain data");
+                    let name = info["name"].as_str().or(info["asset"].as_str()).expect("a name");
+                    let name = name.rsplit('/').next().expect("a part");
+                    assert_eq!(info["obj_id"], number_of(name), "{what}: {name}");
+                    objects += 1;
+                }
+                let (ids, names) = (products.optional(CATEGORY_ID), products.optional(OBJECT_NAME));
+                if let (Some(ids), Some(names), true) = (ids.expect("read"), names.expect("read"), tells == Classes) {
+                    for (id, category) in ids.iter() {
+                        let name = names.get(id).expect("a name").rsplit('/').next().expect("a part");
+                        // Formats with names of categories alone have no others.
+                        if catalog.get(name).is_some() {
+                            assert_eq!(*category, class_of(name), "{what}: {name}");
+                            categories += 1;
+                        }
+                    }
+                }
+            }
+        }
+        let said = ok(syntable().arg("validate").args(["train", "val"].map(|part| path(part).join(inside))).args(["--format", format]));
+        assert!(said.contains("2 datasets: categories and objects have the same numbers"), "{inside}: {said}");
+    }
+    assert!(categories > 30 && objects > 30, "{categories} {objects}");
+    // Another numbering is found.
+    let bop = ["write={ bop = {} }", "assets.objects.first_id=100", "dataset.scenes=1"];
+    support::small_dataset(&path("other"), &[&bop[..], &["dataset.views_per_scene=1"]].concat());
+    let pair = ["train", "other"].map(|part| path(part).join("bop"));
+    let output = syntable().arg("validate").args(&pair).output().expect("runs");
+    let said = text(&output);
+    assert_eq!(output.status.code(), Some(3), "{said}");
+    assert!(said.contains("numbers_agree: object `") && said.contains("has the `obj_id`"), "{said}");
 }

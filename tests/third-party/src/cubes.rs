@@ -36,7 +36,7 @@ impl AssetSource for Cubes {
     }
 
     fn catalog(&self, _: &dyn Log) -> Result<Catalog> {
-        let entry = |i| CatalogEntry { name: format!("cube_{i}"), category: "cube".into() };
+        let entry = |i| CatalogEntry::new(format!("cube_{i}"), "cube");
         Ok(Catalog { entries: (0..self.edges_m.len()).map(entry).collect() })
     }
 

@@ -30,7 +30,7 @@ pub use form::Form;
 pub use graph::{Graph, Layer};
 pub use key::{Key, KeyId, LinkedKey, Product, Scope, Semantic, first_sentence, linked};
 pub use mask::Mask;
-pub use models::ObjectModels;
+pub use models::{ObjectModel, ObjectModels};
 pub use name::{Lighting, MAX_CANVAS, MAX_SUBPIXELS, Name, RenderParameters};
 pub use object_images::{ObjectImage, ObjectImages};
 pub use plane::{BitPlane, Plane};

@@ -295,7 +295,7 @@ products! {
     /// room.
     pub const BODIES: Key<Value> = scene("bodies").form(|| Form::Records);
 
-    /// Shape of each asset that an object of the scene is of, in the object frame: triangle meshes in meters.
+    /// Shape, surface, number and symmetries of each asset that an object of the scene is of. Meshes are in meters, object frame.
     pub const OBJECT_MODELS: Key<ObjectModels> = scene("object_models").unit("m");
 
     /// Residual speeds, deepest penetration and removed bodies of the settled scene.

@@ -1,6 +1,6 @@
 //! Assets: what sources load and pools hand out.
 
-use super::{EnvironmentMap, MassOrigin, MassProperties, Material, Mesh};
+use super::{EnvironmentMap, MassOrigin, MassProperties, Material, Mesh, Symmetries};
 use crate::digest::{Digest, Hasher};
 use crate::error::{Error, Result};
 use crate::geometry::{Point3, Vector3};
@@ -74,6 +74,16 @@ pub struct CatalogEntry {
     pub name: String,
     /// Category: a family or folder name; the source's kind if nothing better is known.
     pub category: String,
+    /// Number of the object, from 1. A source sets it only if its files state one, as BOP's `obj_000005.ply` does; the pool
+    /// numbers the others.
+    pub obj_id: Option<u32>,
+}
+
+impl CatalogEntry {
+    /// An asset whose files state no number.
+    pub fn new(name: impl Into<String>, category: impl Into<String>) -> Self {
+        Self { name: name.into(), category: category.into(), obj_id: None }
+    }
 }
 
 /// A loaded asset, shared.
@@ -166,6 +176,28 @@ pub struct Keypoint {
     pub point: Point3<f64>,
 }
 
+/// The model that an object was made from, as its catalog and its file have it.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct SourceModel {
+    /// Number of the object, from 1; no other object of the recipe has it. None outside of pools.
+    pub obj_id: Option<u32>,
+    /// Origin of the model's file, body frame, meters: a pool may have moved it. The axes are those of the body.
+    pub origin: Point3<f64>,
+    /// Symmetries that the source states.
+    pub symmetries: Symmetries,
+}
+
+impl SourceModel {
+    /// The model of an object that is moved and scaled: `p ↦ (p + offset) · factor`.
+    fn transformed(self, offset: Vector3<f64>, factor: f64) -> Self {
+        Self {
+            origin: ((self.origin + offset).coords * factor).into(),
+            symmetries: self.symmetries.scaled(factor),
+            ..self
+        }
+    }
+}
+
 /// A rigid object: shape, surface and mass. Immutable and shared.
 #[derive(Debug, Clone)]
 pub struct Object {
@@ -173,6 +205,8 @@ pub struct Object {
     pub name: String,
     /// Category, such as `mug`.
     pub category: String,
+    /// The model that it was made from.
+    pub model: SourceModel,
     /// Its shape, body frame: meters, z up.
     pub mesh: Arc<Mesh>,
     /// Materials by slot; never empty.
@@ -195,8 +229,8 @@ pub struct Object {
 pub const EXTENT_M: std::ops::RangeInclusive<f64> = 5e-4..=10.0;
 
 impl Object {
-    /// The object moved and scaled: `p ↦ (p + offset) · factor`, with its collision shape, its keypoints and the media of
-    /// its materials.
+    /// The object moved and scaled: `p ↦ (p + offset) · factor`, with its collision shape, its keypoints, the media of
+    /// its materials, and the origin and the symmetries of its model.
     /// It stays the same material: the mass grows with the cube of the factor. The digest is that of the original.
     pub fn transformed(self, offset: Vector3<f64>, factor: f64) -> Result<Self> {
         if factor == 1.0 && offset == Vector3::zeros() {
@@ -213,6 +247,7 @@ impl Object {
                 .map(|Keypoint { name, point }| Keypoint { name, point: ((point + offset).coords * factor).into() })
                 .collect(),
             materials: self.materials.into_iter().map(|material| material.enlarged(factor)).collect(),
+            model: self.model.transformed(offset, factor),
             mass: self.mass.transformed(offset, factor),
             ..self
         })

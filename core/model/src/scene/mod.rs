@@ -13,10 +13,13 @@ mod mass;
 mod material;
 mod mesh;
 mod settled;
+mod symmetry;
 mod texture;
 mod topology;
 
-pub use asset::{Asset, AssetClass, AssetRef, Catalog, CatalogEntry, ConvexPart, EXTENT_M, Keypoint, Object};
+pub use asset::{
+    Asset, AssetClass, AssetRef, Catalog, CatalogEntry, ConvexPart, EXTENT_M, Keypoint, Object, SourceModel,
+};
 pub use body::{Body, BodyDraft, BodyHandle, InstanceId, Motion, Role};
 pub use camera::{Camera, Distortion, Exposure, Intrinsics, Optics, Rays, ThinLens};
 pub use environment::EnvironmentMap;
@@ -27,6 +30,7 @@ pub use material::{
 };
 pub use mesh::{Mesh, MeshData};
 pub use settled::{Placed, Settled};
+pub use symmetry::{Symmetries, SymmetryAxis};
 pub use texture::{Encoding, Texture, TextureRef, UvTransform, Wrap};
 pub use topology::{Topology, weld};
 

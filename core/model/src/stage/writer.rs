@@ -28,6 +28,10 @@ pub trait Writer: Send + Sync {
         let _ = (cx, products, finish);
         Ok(())
     }
+    /// Whether its files tell objects apart by their numbers (`obj_id`): a recipe with two objects of one number is refused then.
+    fn needs_obj_ids(&self) -> bool {
+        false
+    }
     /// Whether it writes the scene itself, its bodies and lights, which a dataset that was read does not have.
     fn needs_scene(&self) -> bool {
         false

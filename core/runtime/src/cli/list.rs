@@ -139,6 +139,7 @@ fn as_json(asset: &ListedAsset, draws: &Draws) -> serde_json::Value {
         "name": asset.asset.name,
         "class": asset.class,
         "category": asset.category,
+        "obj_id": asset.obj_id,
         "part": asset.part,
         "license": asset.license,
         "draws": drawn,
@@ -146,12 +147,13 @@ fn as_json(asset: &ListedAsset, draws: &Draws) -> serde_json::Value {
 }
 
 fn assets_table(listing: &[ListedAsset], draws: &Draws, width: Option<usize>) -> String {
-    let mut rows = vec![["pool", "name", "category", "part", "license", "chance per draw"].map(str::to_owned)];
+    let mut rows = vec![["pool", "name", "obj_id", "category", "part", "license", "chance per draw"].map(str::to_owned)];
     for asset in listing {
         let drawn = draws_of(asset, draws).into_iter().map(|(option, chance)| format!("{option} {}", percent(chance)));
         rows.push([
             asset.asset.pool.clone(),
             asset.asset.name.clone(),
+            asset.obj_id.map_or_else(|| "-".to_owned(), |obj_id| obj_id.to_string()),
             asset.category.clone(),
             asset.part.map_or_else(|| "-".to_owned(), |part| part.to_string()),
             asset.license.clone().unwrap_or_else(|| "not stated".to_owned()),

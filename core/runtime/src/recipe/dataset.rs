@@ -80,7 +80,7 @@ pub(crate) struct LockTable {
     pub devices: BTreeSet<String>,
     /// Versions of the plugin crates in use, by name.
     pub plugins: BTreeMap<String, String>,
-    /// What each pool offers: a pool with other names or categories is an error.
+    /// What each pool offers: a pool with other names, categories or numbers is an error.
     pub catalogs: BTreeMap<String, CatalogLock>,
     /// Digests of files that options name, by the option: a file with another content is an error.
     pub files: BTreeMap<String, String>,
@@ -95,15 +95,34 @@ pub(crate) struct LockTable {
 pub struct CatalogLock {
     /// Number of assets.
     pub assets: usize,
-    /// Digest of their names and categories.
+    /// Digest of their names, categories and numbers.
     pub digest: String,
 }
 
+/// The assets of a pool by name.
+pub type CatalogNames = BTreeMap<String, CatalogAsset>;
+
+/// What a dataset keeps of an asset of a pool.
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct CatalogAsset {
+    /// Its category.
+    pub category: String,
+    /// Its number, if it is an object.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub obj_id: Option<u32>,
+}
+
 impl CatalogLock {
-    /// The lock of a pool with these names and categories.
-    pub fn of(catalog: &BTreeMap<String, String>) -> Self {
-        let hasher =
-            catalog.iter().fold(Hasher::new("catalog"), |hasher, (name, category)| hasher.text(name).text(category));
+    /// The lock of a pool with these assets.
+    pub fn of(catalog: &CatalogNames) -> Self {
+        let add = |hasher: Hasher, (name, CatalogAsset { category, obj_id }): (&String, &CatalogAsset)| {
+            let hasher = hasher.text(name).text(category);
+            match obj_id {
+                Some(id) => hasher.bytes(&id.to_le_bytes()),
+                None => hasher,
+            }
+        };
+        let hasher = catalog.iter().fold(Hasher::new("catalog"), add);
         Self { assets: catalog.len(), digest: hasher.finish().to_string() }
     }
 }

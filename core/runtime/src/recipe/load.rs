@@ -389,7 +389,7 @@ fn finish(sources: &Sources, mut diagnostics: Vec<DiagnosticBuilder>, damage: &D
 fn assemble(dataset: DatasetTable, built: Built, plan: Plan, lock: LockTable) -> Option<Recipe> {
     let dataset_options = toml::Table::try_from(&dataset).ok()?;
     let (mut assets, mut place, mut lights) = (BTreeMap::new(), Vec::new(), Vec::new());
-    let mut write = Vec::new();
+    let (mut write, mut labeled_pools) = (Vec::new(), BTreeSet::new());
     let (mut settle, mut camera, mut views, mut render) = (None, None, None, None);
     // A resolved recipe names the stages that run with their defaults, too.
     let mut stages: Vec<ResolvedStage> = plan.implied.iter().map(implied).collect();
@@ -402,7 +402,12 @@ fn assemble(dataset: DatasetTable, built: Built, plan: Plan, lock: LockTable) ->
             Some(Stage::Assets(source)) => {
                 assets.insert(stage.id.clone(), pool(&stage, source, &mut pools)?);
             }
-            Some(Stage::Place(placer)) => place.push((stage.id.clone(), placer)),
+            Some(Stage::Place(placer)) => {
+                if placer.places_objects() {
+                    labeled_pools.append(&mut stage.object_pools);
+                }
+                place.push((stage.id.clone(), placer));
+            }
             Some(Stage::Settle(settler)) => settle = Some(settler),
             Some(Stage::Camera(model)) => camera = Some(model),
             Some(Stage::Views(sampler)) => views = Some(sampler),
@@ -443,6 +448,7 @@ fn assemble(dataset: DatasetTable, built: Built, plan: Plan, lock: LockTable) ->
         lock,
         files,
         draws,
+        labeled_pools,
         folder: None,
         choices,
         undecided,

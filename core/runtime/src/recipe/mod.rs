@@ -21,6 +21,7 @@ mod dataset;
 mod describe;
 mod diagnostic;
 mod editor;
+mod ids;
 mod inherit;
 mod key_path;
 mod lints;
@@ -41,11 +42,13 @@ mod variables;
 
 pub use builtin::{BUILTINS, Builtin};
 pub use code::Code;
-pub use dataset::{CatalogLock, Dataset, Lock, OnBadAsset};
+pub use dataset::{CatalogAsset, CatalogLock, CatalogNames, Dataset, Lock, OnBadAsset};
 pub use describe::{OptionInfo, description_of, options_of};
 pub use diagnostic::{Diagnostic, Label, Report, Severity};
 pub use editor::{editor_schema, schema_text};
 pub use lints::lints;
+pub use ids::ObjectIds;
+pub(crate) use ids::Numbering;
 pub use load::load;
 pub(crate) use load::{Checked, checked};
 pub use overrides::Overrides;
@@ -58,7 +61,7 @@ pub use stages::Draw;
 pub(crate) use suggest::nearest;
 
 use crate::plan::Plan;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 use syntable_model::error::{Error, Result};
 use syntable_model::files::read_small;
@@ -145,6 +148,8 @@ pub struct Recipe {
     pub files: Vec<(String, PathBuf)>,
     /// Options of stages that name pools, in the order of the slots.
     pub draws: Vec<Draw>,
+    /// Pools from which placers draw objects that labels describe.
+    pub labeled_pools: BTreeSet<String>,
     /// The folder of the recipe's file, if it has one.
     pub folder: Option<PathBuf>,
     /// Kinds that were chosen for this machine, for people: one line each.

@@ -1,6 +1,7 @@
 //! Options that every pool of assets has, whatever its source: which assets it holds, and how objects are scaled,
 //! centered and weighed.
 
+use super::ids::ObjectIds;
 use super::suggest::did_you_mean;
 use glob::Pattern;
 use schemars::JsonSchema;
@@ -71,6 +72,17 @@ pub struct PoolOptions {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(extend("x-syntable-ref" = "file"))]
     pub properties: Option<AssetPath>,
+    /// Numbers of the objects (`obj_id` of BOP) by exact name, such as `{ "024_bowl" = 24 }`, or a TOML or JSON file of such a
+    /// table. `.syntable/catalogs/<pool>.json` of a dataset is such a file, too. An object that is not in the table keeps the
+    /// number that its source states; without one it is an error. Left out, objects have the numbers that the source states,
+    /// as `bop_models` does, or their places in the whole pool, before anything is left out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub ids: Option<ObjectIds>,
+    /// Number of the first object; all objects of the pool are numbered from it in the order of their names, before anything
+    /// is left out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 1))]
+    pub first_id: Option<u32>,
     /// Leaves out models of several disconnected parts.
     pub single_part_only: bool,
     /// What one asset may take; one that would take more is left out as a bad one.
@@ -127,6 +139,8 @@ impl Default for PoolOptions {
             center: Center::Bounds,
             mass: None,
             properties: None,
+            ids: None,
+            first_id: None,
             single_part_only: false,
             limits: AssetLimits::default(),
         }
@@ -417,8 +431,8 @@ impl fmt::Display for PartSizes {
 
 impl PoolOptions {
     /// Options that apply to objects alone, not to materials or environment maps.
-    pub const FOR_OBJECTS: [&'static str; 7] =
-        ["classes", "units", "scale", "center", "mass", "properties", "single_part_only"];
+    pub const FOR_OBJECTS: [&'static str; 9] =
+        ["classes", "units", "scale", "center", "mass", "properties", "ids", "first_id", "single_part_only"];
 
     /// Whether an option applies to assets of a class.
     pub fn applies(option: &str, class: AssetClass) -> bool {
@@ -436,6 +450,9 @@ impl PoolOptions {
         patterns("include", &self.include)?;
         patterns("exclude", &self.exclude)?;
         self.class_patterns()?;
+        if let (Some(_), Some(_)) = (&self.ids, self.first_id) {
+            return Err(ConfigError::new("first_id", "`ids` numbers the objects already").help("remove one of them"));
+        }
         if let (Some(_), Scale::Size { .. }) = (self.units, self.scale) {
             return Err(ConfigError::new("units", "`longest_side_m` sets the size whatever the unit")
                 .help("remove `units`, or give `scale` as a factor"));
@@ -523,7 +540,7 @@ impl PoolOptions {
         let kept = entries.into_iter().filter(|entry| keep(&entry.name));
         let kept = kept.map(|entry| {
             let class = class_of(&classes, &entry.name)?.map(str::to_owned);
-            Ok(CatalogEntry { category: class.unwrap_or(entry.category), name: entry.name })
+            Ok(CatalogEntry { category: class.unwrap_or(entry.category), ..entry })
         });
         let kept = kept.collect::<Result<Vec<CatalogEntry>>>()?;
         let Some(split) = &self.split else { return Ok(Selection { entries: kept, other_parts: Vec::new() }) };
@@ -573,7 +590,7 @@ impl PoolOptions {
 }
 
 /// Number of names that a warning lists.
-const SHOWN: usize = 8;
+pub(super) const SHOWN: usize = 8;
 
 /// Warns of names of a list that no asset has.
 fn warn_of_unknown(
@@ -595,7 +612,7 @@ fn warn_of_unknown(
 }
 
 /// What the names of a source's assets look like.
-fn names_of(entries: &[CatalogEntry]) -> String {
+pub(super) fn names_of(entries: &[CatalogEntry]) -> String {
     look_of(entries.iter().map(|entry| entry.name.as_str()).collect())
 }
 
@@ -705,7 +722,7 @@ mod tests {
     }
 
     fn entries(names: impl IntoIterator<Item = String>) -> Vec<CatalogEntry> {
-        names.into_iter().map(|name| CatalogEntry { name, category: String::new() }).collect()
+        names.into_iter().map(|name| CatalogEntry::new(name, "")).collect()
     }
 
     fn split(part: Part) -> Split {
@@ -815,7 +832,7 @@ mod tests {
             PoolOptions { classes: classes.collect(), ..Default::default() }
         };
         let given = || {
-            let entry = |name: &str| CatalogEntry { name: name.into(), category: "source".into() };
+            let entry = |name: &str| CatalogEntry::new(name, "source");
             ["blue_mug", "cup", "soup_bowl", "spoon"].map(entry).to_vec()
         };
         let options = classes(&[("mug", &["*mug*", "cup"]), ("bowl", &["*bowl"]), ("unseen", &["zebra"])]);

@@ -16,6 +16,7 @@ use serde::Deserialize;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use syntable_model::error::{ConfigError, Error};
+use syntable_model::names::{ObjectPool, PoolName};
 use syntable_model::options::{DisplayPath, Reference, Step, is_bare, plain_members};
 use syntable_model::pools::ObjectPools;
 use syntable_model::registry::{Choice, ConstructError, Constructed, Entry, RecipeValue, Registry, Shape, Slot, Stage};
@@ -46,6 +47,8 @@ pub(crate) struct BuiltStage<'l> {
     pub header: Span,
     /// Products that it names, with their bytes.
     pub products: Vec<(String, Span)>,
+    /// Pools of objects that it draws from.
+    pub object_pools: BTreeSet<String>,
     /// Whether there is something at every path that it names.
     pub found: bool,
 }
@@ -343,6 +346,7 @@ impl<'l> Loader<'l> {
         let header_span = given.header.clone();
         let mut paths = Vec::new();
         let mut products = Vec::new();
+        let mut object_pools = BTreeSet::new();
         let (mut libraries, mut files) = (Vec::new(), Vec::new());
         for reference in &checked.references {
             match reference.what.as_str() {
@@ -389,6 +393,9 @@ impl<'l> Loader<'l> {
                         wrong.extend(first_key(&reference.path));
                         continue;
                     }
+                    if what == ObjectPool::REFERENCE {
+                        object_pools.insert(reference.text.clone());
+                    }
                     if what == "product" {
                         products.push((reference.text.clone(), reference.span.clone()));
                     } else {
@@ -417,6 +424,9 @@ impl<'l> Loader<'l> {
         }
         built.draws.extend(self.draws(&given, entry, &options, &kind.options));
         for reference in self.implied(entry, &options, &kind.options, &said, &header_span) {
+            if reference.what == ObjectPool::REFERENCE {
+                object_pools.insert(reference.text.clone());
+            }
             if reference.what == "product" {
                 products.push((reference.text.clone(), reference.span.clone()));
             } else {
@@ -437,7 +447,8 @@ impl<'l> Loader<'l> {
             }
         }
         let (id, header) = (given.id, given.header);
-        built.stages.push(BuiltStage { slot, id, entry, stage: Some(stage), options, header, products, found });
+        let stage = Some(stage);
+        built.stages.push(BuiltStage { slot, id, entry, stage, options, header, products, object_pools, found });
         ok
     }
 

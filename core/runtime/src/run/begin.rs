@@ -9,7 +9,7 @@ use super::progress::{Event, Reporter, count};
 use super::todo::Todo;
 use super::{RunOptions, inputs, ranges, verify};
 use crate::pools::AssetStore;
-use crate::recipe::{Lock, Recipe, lock_of, with_devices, with_lock};
+use crate::recipe::{CatalogNames, Lock, Recipe, lock_of, with_devices, with_lock};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 use syntable_model::context::{Log, Workers};
@@ -207,7 +207,7 @@ fn compare(
 /// and changes nothing.
 fn lock_pools(
     folder: &Folder,
-    names: &BTreeMap<String, BTreeMap<String, String>>,
+    names: &BTreeMap<String, CatalogNames>,
     resolved: &str,
     entries: &BTreeMap<u32, JournalEntry>,
 ) -> Result<String> {

@@ -6,7 +6,7 @@
 //! <dataset>/.syntable/journal.jsonl       one line per scene that is done
 //! <dataset>/.syntable/scenes/000003.json  manifest of a scene: its files with sizes and digests
 //! <dataset>/.syntable/finished.json       manifest of what the end of a run wrote
-//! <dataset>/.syntable/catalogs/<pool>.json names and categories of the assets of a pool
+//! <dataset>/.syntable/catalogs/<pool>.json names, categories and numbers of the assets of a pool
 //! <dataset>/.syntable/settled/000003.toml what settling did, so that the scene is had again without simulating it
 //! <dataset>/.syntable/shards/<writer>/    what `finish` merges, one file per scene
 //! <dataset>/.syntable/times.jsonl          how long stages worked, one line per run
@@ -28,7 +28,7 @@
 
 use super::journal::{Journal, JournalEntry, SceneOutcome};
 use super::manifest::{Manifest, Stamp, State, Written};
-use crate::recipe::without_assets;
+use crate::recipe::{CatalogNames, without_assets};
 use parking_lot::Mutex;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
@@ -254,7 +254,7 @@ impl Folder {
     }
 
     /// Writes names and categories of the assets of each pool.
-    pub fn set_catalogs(&self, catalogs: &BTreeMap<String, BTreeMap<String, String>>) -> Result<()> {
+    pub fn set_catalogs(&self, catalogs: &BTreeMap<String, CatalogNames>) -> Result<()> {
         for (pool, catalog) in catalogs {
             let path = catalog_path(&self.root, pool);
             create_parent(&path)?;

@@ -2,7 +2,7 @@
 
 use super::folder::catalog_path;
 use super::manifest::Stamp;
-use crate::recipe::{CatalogLock, Lock, Recipe};
+use crate::recipe::{CatalogAsset, CatalogLock, CatalogNames as Names, Lock, Recipe};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use syntable_model::context::Log;
@@ -11,8 +11,6 @@ use syntable_model::stage::DeviceClass;
 
 /// Number of names that an error lists of each sort.
 const SHOWN: usize = 8;
-
-type Names = BTreeMap<String, String>;
 
 /// Digests of the files that options of a recipe name, by the option. Folders have none.
 pub fn files(recipe: &Recipe) -> Result<BTreeMap<String, String>> {
@@ -72,7 +70,7 @@ pub fn unchanged(then: &Lock, now: &Lock, catalogs: &BTreeMap<String, Names>, ho
         let Some(is) = now.catalogs.get(pool).filter(|is| *is != was) else { continue };
         let what = match home.and_then(|home| names(home, pool, was)) {
             Some(before) => changes(&before, &catalogs[pool]),
-            None => format!("{} assets then, {} now, or other names or categories", was.assets, is.assets),
+            None => format!("{} assets then, {} now, or other names, categories or numbers", was.assets, is.assets),
         };
         return refuse(format!("the pool `assets.{pool}` is not what it was when the dataset was begun: {what}"));
     }
@@ -82,6 +80,12 @@ pub fn unchanged(then: &Lock, now: &Lock, catalogs: &BTreeMap<String, Names>, ho
         }
     }
     Ok(())
+}
+
+/// What a pool offered otherwise when another dataset was begun, if both datasets store what it offered.
+pub fn difference(pool: &str, [one, other]: [(&Path, &Lock); 2]) -> Option<String> {
+    let of = |(home, lock): (&Path, &Lock)| names(home, pool, lock.catalogs.get(pool)?);
+    Some(changes(&of(one)?, &of(other)?)).filter(|changes| !changes.is_empty())
 }
 
 /// The names that a dataset stores of a pool, if they are those of the lock.
@@ -99,9 +103,28 @@ fn changes(before: &Names, now: &Names) -> String {
     };
     let added = now.keys().filter(|name| !before.contains_key(*name)).map(String::as_str).collect();
     let removed = before.keys().filter(|name| !now.contains_key(*name)).map(String::as_str).collect();
-    let moved = now.iter().filter(|(name, category)| before.get(*name).is_some_and(|before| before != *category));
-    let moved = moved.map(|(name, _)| name.as_str()).collect();
-    let parts = [list("added", added), list("removed", removed), list("of another category", moved)];
+    let moved = |differs: fn(&CatalogAsset, &CatalogAsset) -> bool| {
+        let in_both = now.iter().filter_map(|(name, is)| Some((name.as_str(), before.get(name)?, is)));
+        in_both.filter(|(_, was, is)| differs(was, is)).map(|(name, ..)| name).collect()
+    };
+    let other_categories = moved(|was, is| was.category != is.category);
+    let other_numbers: Vec<&str> = moved(|was, is| was.obj_id != is.obj_id);
+    let number = |names: &Names, name: &str| {
+        let obj_id = names.get(name).and_then(|asset| asset.obj_id);
+        obj_id.map_or_else(|| "none".to_owned(), |id| id.to_string())
+    };
+    let first = other_numbers.first().map(|name| {
+        let was = before.get(*name).and_then(|asset| asset.obj_id);
+        let taken = now.iter().find(|(_, asset)| was.is_some() && asset.obj_id == was);
+        let taken = taken.map_or_else(String::new, |(other, _)| format!("; {} is `{other}` now", number(before, name)));
+        format!("such as `{name}`, which was {} and is {}{taken}", number(before, name), number(now, name))
+    });
+    let parts = [
+        list("added", added),
+        list("removed", removed),
+        list("of another category", other_categories),
+        list("of another number", other_numbers).zip(first).map(|(all, first)| format!("{all}, {first}")),
+    ];
     parts.into_iter().flatten().collect::<Vec<_>>().join("; ")
 }
 
@@ -113,7 +136,8 @@ mod tests {
     fn what_differs_is_named() {
         let folder = tempfile::tempdir().expect("a folder");
         let names = |pairs: &[(&str, &str)]| -> Names {
-            pairs.iter().map(|(name, category)| ((*name).to_owned(), (*category).to_owned())).collect()
+            let asset = |category: &str| CatalogAsset { category: category.to_owned(), obj_id: None };
+            pairs.iter().map(|(name, category)| ((*name).to_owned(), asset(category))).collect()
         };
         let (before, now) =
             (names(&[("a", "x"), ("b", "x"), ("c", "x")]), names(&[("b", "y"), ("c", "x"), ("d", "x")]));

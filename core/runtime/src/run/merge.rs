@@ -5,7 +5,7 @@ use super::journal::{Journal, JournalEntry};
 use super::manifest::{Manifest, Stamp, State, Written};
 use super::progress::{Event, Guarded, Reporter, Warnings, count};
 use super::stop::{self, Stop};
-use super::{Outcome, change, end, ranges, stopping};
+use super::{Outcome, change, end, inputs, ranges, stopping};
 use crate::paths::whole;
 use crate::recipe::{self, Overrides, Recipe, Source, lock_of, with_devices, without_lock};
 use crate::workers::Pool;
@@ -168,7 +168,12 @@ fn same_recipe(one: &Part, other: &Part) -> Result<()> {
         return refuse(format!("{} are of different recipes:{}\n ", folders(), change::listing(&differences)));
     }
     let (locks, mut what) = ([lock_of(&one.recipe), lock_of(&other.recipe)], Vec::new());
-    what.extend(differing(&locks[0].catalogs, &locks[1].catalogs).into_iter().map(|pool| format!("the pool `{pool}`")));
+    if let Some(pool) = differing(&locks[0].catalogs, &locks[1].catalogs).first() {
+        let homes = [(one.folder.root(), &locks[0]), (other.folder.root(), &locks[1])];
+        let how = inputs::difference(pool, homes).map(|how| format!("; from the first to the second: {how}"));
+        let message = format!("the pool `{pool}` was not the same when {} were made", folders());
+        return refuse(message + &how.unwrap_or_default());
+    }
     what.extend(
         differing(&locks[0].files, &locks[1].files).into_iter().map(|option| format!("the file of `{option}`")),
     );

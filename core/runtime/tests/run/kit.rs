@@ -311,7 +311,7 @@ impl AssetSource for Names {
     }
     fn catalog(&self, _: &dyn Log) -> Result<Catalog> {
         let text = std::fs::read_to_string(&self.list).map_err(|error| Error::new(error.to_string()))?;
-        let entry = |name: &str| CatalogEntry { name: name.to_owned(), category: "thing".to_owned() };
+        let entry = |name: &str| CatalogEntry::new(name, "thing");
         Ok(Catalog { entries: text.lines().map(entry).collect() })
     }
     fn load(&self, name: &str, _: &dyn Log) -> Result<Asset> {

@@ -11,7 +11,7 @@ use syntable_model::product::{BitPlane, Plane, RenderParameters};
 use syntable_model::registry::{Registry, Slot, Stage};
 use syntable_model::scene::{
     AssetRef, BodyDraft, Camera, Exposure, Intrinsics, MassOrigin, MassProperties, Material, Mesh, MeshData, Motion,
-    Object, Role, SceneId, SettleReport, Tabletop, ViewId,
+    Object, SourceModel, Role, SceneId, SettleReport, Tabletop, ViewId,
 };
 use syntable_model::stage::DatasetInfo;
 
@@ -59,6 +59,7 @@ impl World {
             materials: vec![Arc::new(Material::plain("gray", [0.5; 3], 0.5))],
             collision: None,
             keypoints: Vec::new(),
+            model: SourceModel::default(),
             friction: 0.5,
             license: "CC0-1.0".into(),
             digest: Digest::of(b"tetra"),

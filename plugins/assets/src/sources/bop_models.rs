@@ -12,12 +12,16 @@ use syntable_mesh::scan::{list, name_of};
 use syntable_mesh::{Model, ObjectInfo};
 use syntable_model::geometry::{Aabb, Point3};
 use syntable_model::prelude::*;
-use syntable_model::scene::{Asset, AssetClass, Catalog, CatalogEntry, EXTENT_M, Object};
+use syntable_model::scene::{Asset, AssetClass, Catalog, CatalogEntry, EXTENT_M, Object, Symmetries};
 use syntable_model::stage::AssetLimits;
 
 /// Models of BOP datasets (Hodaň et al.): `<dataset>/models/obj_000001.ply` and so on, in millimeters, with vertex
 /// colors or a texture. `root` holds the datasets, or is one dataset, or is its folder of models. Names are
 /// `<dataset>/obj_000001`, the category is the dataset. The boxes of `models_info.json` are compared with the meshes.
+///
+/// Objects keep the numbers of their files: `obj_000005.ply` has the `obj_id` 5. Models of several datasets may have one
+/// number; where a writer needs numbers, use one dataset per pool and recipe, or number them with the pool's `ids` or
+/// `first_id`. Symmetries of `models_info.json` go with the objects to the writer `bop`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct BopModels {
@@ -89,8 +93,12 @@ impl AssetSource for BopModels {
                     log.warn(&missing_model(&folder, id));
                 }
             }
-            let entry = |name: String| CatalogEntry { name: format!("{dataset}/{name}"), category: dataset.clone() };
-            entries.extend(models.into_values().map(entry));
+            let entry = |(id, name): (u64, String)| CatalogEntry {
+                // A file `obj_000000.ply` has no number that BOP's formats can have.
+                obj_id: u32::try_from(id).ok().filter(|id| *id > 0),
+                ..CatalogEntry::new(format!("{dataset}/{name}"), &dataset)
+            };
+            entries.extend(models.into_iter().map(entry));
         }
         if entries.is_empty() {
             return Err(nothing_found(&root, &format!("`<dataset>/{}/obj_NNNNNN.ply`", self.models_folder)));
@@ -176,19 +184,26 @@ pub(crate) fn load(root: &AssetRoot, folder: &Path, model: &str, info: ObjectInf
     let file = folder.join(format!("{model}.ply"));
     let path = root.folder().join(&file);
     let (object, _) = ply::read(root, &file, log)?.scaled(MILLIMETER_M).into_object(info, &path, log)?;
-    let object = with_keypoints(object, root, &file)?;
-    let info = read_info(&root.folder().join(folder))?.unwrap_or_default();
-    let stated = model_id(&format!("{model}.ply")).and_then(|id| info.get(&id).copied());
-    if let Some(stated) = stated {
-        let found = object.mesh.bounds();
-        let apart = (found.min - stated.min).norm().max((found.max - stated.max).norm());
-        if apart > TOLERANCE * stated.diagonal() {
-            log.warn(
-                &Error::new(format!("the mesh is {} mm, but {INFO} says {} mm", sizes(&found), sizes(&stated)))
-                    .in_file(path)
-                    .help("is the mesh in millimeters?"),
-            );
-        }
+    let mut object = with_keypoints(object, root, &file)?;
+    let mut info = read_info(&root.folder().join(folder))?.unwrap_or_default();
+    let stated = model_id(&format!("{model}.ply")).and_then(|id| info.remove(&id));
+    let Some(ModelInfo { bounds: stated, symmetries }) = stated else { return Ok(object) };
+    let found = object.mesh.bounds();
+    let apart = (found.min - stated.min).norm().max((found.max - stated.max).norm());
+    if apart > TOLERANCE * stated.diagonal() {
+        log.warn(
+            &Error::new(format!("the mesh is {} mm, but {INFO} says {} mm", sizes(&found), sizes(&stated)))
+                .in_file(path)
+                .help("is the mesh in millimeters?"),
+        );
+    }
+    match symmetries {
+        Ok(symmetries) => object.model.symmetries = symmetries,
+        Err(problem) => log.warn(
+            &Error::new(format!("the symmetries of {model} are left out: {problem}"))
+                .in_file(root.folder().join(folder).join(INFO))
+                .help("see the BOP format of models_info.json"),
+        ),
     }
     Ok(object)
 }
@@ -197,14 +212,22 @@ fn sizes(bounds: &Aabb) -> String {
     bounds.size().iter().map(|x| format!("{:.1}", x / MILLIMETER_M)).collect::<Vec<_>>().join(" x ")
 }
 
-/// Boxes of all models by number, meters, from `models_info.json`; none if there is no such file.
-pub(crate) fn read_info(folder: &Path) -> Result<Option<BTreeMap<u64, Aabb>>> {
+/// What `models_info.json` says of a model.
+pub(crate) struct ModelInfo {
+    /// Box of the mesh, meters.
+    bounds: Aabb,
+    /// Its symmetries, or what is wrong with them.
+    symmetries: std::result::Result<Symmetries, String>,
+}
+
+/// What `models_info.json` says of all models by number; none if there is no such file.
+pub(crate) fn read_info(folder: &Path) -> Result<Option<BTreeMap<u64, ModelInfo>>> {
     let path = folder.join(INFO);
     if exists(&path)? { parse_info(&path).map(Some) } else { Ok(None) }
 }
 
 /// Reads a file like `models_info.json`.
-pub(crate) fn parse_info(path: &Path) -> Result<BTreeMap<u64, Aabb>> {
+pub(crate) fn parse_info(path: &Path) -> Result<BTreeMap<u64, ModelInfo>> {
     let bytes = read_file(path)?;
     let wrong = |message: String| Error::new(message).in_file(path);
     let json: Value = serde_json::from_slice(&bytes)
@@ -227,7 +250,8 @@ pub(crate) fn parse_info(path: &Path) -> Result<BTreeMap<u64, Aabb>> {
         let size = [number("size_x")?, number("size_y")?, number("size_z")?];
         let min = Point3::from(min.map(|x| x * MILLIMETER_M));
         let max = Point3::from([0, 1, 2].map(|i| min[i] + size[i] * MILLIMETER_M));
-        info.insert(id, Aabb { min, max });
+        let symmetries = Symmetries::deserialize(value).map_err(|error| error.to_string());
+        info.insert(id, ModelInfo { bounds: Aabb { min, max }, symmetries });
     }
     Ok(info)
 }

@@ -30,7 +30,7 @@ impl FileIndex {
         }
         let entries = files
             .keys()
-            .map(|name| CatalogEntry { name: name.clone(), category: category(name, root.folder()) })
+            .map(|name| CatalogEntry::new(name, category(name, root.folder())))
             .collect();
         // A second call finds the same; the first stays.
         let _ = self.0.set(files);
@@ -58,7 +58,7 @@ pub fn catalog_of_folders(
     for name in list(root.folder())?.folders {
         let folder = root.folder().join(&name);
         if has_mesh(&folder)? {
-            entries.push(CatalogEntry { category: category(&folder, &name)?, name });
+            entries.push(CatalogEntry::new(&name, category(&folder, &name)?));
         }
     }
     if entries.is_empty() { Err(nothing_found(&root, looked_for)) } else { Ok(Catalog { entries }) }

@@ -71,7 +71,7 @@ impl AssetSource for PbrFolder {
         if names.is_empty() {
             return Err(nothing_found(&root, "folder with maps such as `<name>/<name>_Color.jpg`"));
         }
-        let entries = names.into_iter().map(|name| CatalogEntry { category: category(&name), name }).collect();
+        let entries = names.into_iter().map(|name| CatalogEntry::new(&name, category(&name))).collect();
         Ok(Catalog { entries })
     }
 

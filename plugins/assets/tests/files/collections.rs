@@ -224,12 +224,24 @@ fn bop_folders() {
     check(&models, "models_info.json", "the file", &Accept);
     let source = source_of("bop_models", folder.path(), "");
     let log = Collected::default();
-    assert_eq!(source.catalog(&log).expect("a catalog").entries[0].name, "set/obj_000001");
+    let entry = source.catalog(&log).expect("a catalog").entries.remove(0);
+    assert_eq!((entry.name.as_str(), entry.obj_id), ("set/obj_000001", Some(1)));
     let object = source.load("set/obj_000001", &log).expect("loads").into_object().expect("an object");
     assert!((object.mesh.bounds().size() - syntable_model::geometry::Vector3::new(0.06, 0.08, 0.1)).norm() < 1e-6);
     assert!(log.warnings().is_empty(), "{:?}", log.warnings());
     assert!(source.load("set/../set/obj_000001", &log).is_err() && source.load("other/obj_000001", &log).is_err());
 
+    let with = |symmetries: &str| info(1, 100.0).replace(r#""size_z": 100}"#, &format!(r#""size_z": 100, {symmetries}}}"#));
+    write(
+        &models,
+        "models_info.json",
+        with(r#""symmetries_continuous": [{"axis": [0, 0, 1], "offset": [5, 0, 0]}], "symmetries_discrete": [[-1,0,0,2, 0,-1,0,0, 0,0,1,0, 0,0,0,1]]"#),
+    );
+    let object = source.load("set/obj_000001", &log).expect("loads").into_object().expect("an object");
+    let symmetries = &object.model.symmetries;
+    assert_eq!((symmetries.continuous[0].offset_m, symmetries.discrete[0][0]), ([0.005, 0.0, 0.0], [-1.0, 0.0, 0.0, 0.002]));
+    write(&models, "models_info.json", with(r#""symmetries_discrete": [[1, 2]]"#));
+    check(folder.path(), "set", "a matrix of two", &Warn("the symmetries of obj_000001 are left out: invalid length 2"));
     write(&models, "models_info.json", info(1, 0.1));
     check(
         folder.path(),

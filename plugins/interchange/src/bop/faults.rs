@@ -3,6 +3,7 @@
 
 use super::finish::{MODELS_INFO, OF_SCENE, model_file};
 use super::meshes::Meshes;
+use super::read::symmetries_of;
 use super::record::{Camera, Info, NO_BOX, between_centers};
 use crate::read::edge_px2;
 use serde_json::Value as Json;
@@ -306,6 +307,9 @@ pub fn faults_of_models(folder: &Path, models: &BTreeMap<u64, BTreeMap<String, J
         let mesh = model_file(id);
         if !folder.join(&mesh).is_file() {
             faults.add("files_are_there", place.clone(), &format!("there is no {mesh} beside it"));
+        }
+        if let Err(problem) = symmetries_of(model) {
+            faults.add("symmetries_are_motions", place.clone(), &problem);
         }
         let number = |key: &str| model.get(key).and_then(Json::as_f64);
         let size: Option<Vec<f64>> = ["size_x", "size_y", "size_z"].iter().map(|key| number(key)).collect();

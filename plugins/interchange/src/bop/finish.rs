@@ -1,9 +1,9 @@
 //! The files that need the numbers of the assets, which the whole dataset gives.
 
-use super::model::Model;
 use super::record::{Camera, GroundTruth, ObjectRecord, Shown, ViewRecord};
 use super::scene::{Entries, json as line};
 use super::shard::{self, key};
+use super::surface::Surface;
 use super::{Bop, Layout, Models};
 use crate::annotation_file;
 use serde_json::json;
@@ -45,6 +45,11 @@ pub fn model_file(obj_id: u64) -> String {
     format!("obj_{obj_id:06}.ply")
 }
 
+/// Name of the file of a texture, beside the mesh.
+fn texture_file(obj_id: u64) -> String {
+    format!("obj_{obj_id:06}.png")
+}
+
 /// Path of a mesh.
 fn model_path(id: &str, folder: &str, obj_id: u64) -> String {
     format!("{id}/{folder}/{}", model_file(obj_id))
@@ -60,13 +65,15 @@ pub fn paths(config: &Bop, dataset: &DatasetInfo, id: &str) -> Vec<String> {
         paths.push(format!("{}/{KEY_TO_SHARD}", config.web_folder(id)));
     }
     let folders = config.models.folders().iter();
-    paths.extend(folders.flat_map(|folder| [format!("{id}/{folder}/{MODELS_INFO}"), model_path(id, folder, 1)]));
+    let of_folder = |folder| [format!("{id}/{folder}/{MODELS_INFO}"), model_path(id, folder, 1)];
+    paths.extend(folders.flat_map(|folder| of_folder(folder)));
     paths
 }
 
 /// Writes the files of the dataset, and those of each scene that have `obj_id`. One scene is in memory at a time.
-pub fn write(config: &Bop, dataset: &DatasetInfo, finish: &Finish) -> Result<()> {
-    let summary = Summary::of(finish)?;
+pub fn write(config: &Bop, cx: &DatasetContext, finish: &Finish) -> Result<()> {
+    let dataset = cx.dataset;
+    let summary = Summary::of(finish, cx.log)?;
     let info = json!({
         "name": dataset.name,
         "program": dataset.program,
@@ -109,12 +116,12 @@ struct Summary {
     images: Vec<(SceneId, Vec<ViewId>)>,
     /// That of the first image.
     camera: Option<Camera>,
-    /// Numbers of the assets by name.
+    /// Numbers of the assets by name, those that objects state.
     obj_ids: BTreeMap<String, u64>,
 }
 
 impl Summary {
-    fn of(finish: &Finish) -> Result<Self> {
+    fn of(finish: &Finish, log: &dyn Log) -> Result<Self> {
         let mut summary = Self::default();
         let mut stated: BTreeMap<String, BTreeSet<Option<u64>>> = BTreeMap::new();
         for &scene in finish.scenes() {
@@ -128,21 +135,48 @@ impl Summary {
             }
             summary.images.push((scene, numbers));
         }
-        summary.obj_ids = numbers_of(stated);
+        summary.obj_ids = numbers_of(stated, log)?;
         Ok(summary)
     }
 }
 
-/// The number of each asset: the one that all its objects state, if they state one for each asset and no two are equal; else its
-/// place among the names.
-fn numbers_of(stated: BTreeMap<String, BTreeSet<Option<u64>>>) -> BTreeMap<String, u64> {
-    let only = |ids: &BTreeSet<Option<u64>>| ids.first().copied().flatten().filter(|id| ids.len() == 1 && *id > 0);
-    let own: Option<Vec<u64>> = stated.values().map(only).collect();
-    let are_told_apart = |ids: &Vec<u64>| ids.iter().collect::<BTreeSet<_>>().len() == ids.len();
-    match own.filter(are_told_apart) {
-        Some(own) => stated.into_keys().zip(own).collect(),
-        None => stated.into_keys().zip(1..).collect(),
+/// The number of each asset, which all its objects state. Where nobody states any, it is the place of the asset among the names.
+fn numbers_of(stated: BTreeMap<String, BTreeSet<Option<u64>>>, log: &dyn Log) -> Result<BTreeMap<String, u64>> {
+    if stated.values().all(|ids| ids.iter().all(Option::is_none)) {
+        if !stated.is_empty() {
+            log.warn(
+                &Error::new("`object_info` has no `obj_id`, so objects are numbered in the order of their names")
+                    .help("other parts of the dataset may number them otherwise; objects.json says which is which"),
+            );
+        }
+        return Ok(stated.into_keys().zip(1..).collect());
     }
+    let refuse = |message: String, help: &str| Err(Error::new(message).help(help).permanent());
+    let mut obj_ids = BTreeMap::new();
+    let mut owners: BTreeMap<u64, String> = BTreeMap::new();
+    for (asset, ids) in stated {
+        let mut ids = ids.into_iter();
+        let (first, second) = (ids.next().flatten(), ids.next());
+        let Some(id) = first else {
+            let help = "objects of pools have one, but for scenes of an earlier version of the program: write them anew with \
+                        `syntable run --rewrite`";
+            return refuse(format!("`{asset}` has no `obj_id`, and other objects have one"), help);
+        };
+        if id == 0 {
+            return refuse(format!("`{asset}` has the `obj_id` 0"), "numbers of BOP are from 1");
+        }
+        if let Some(other) = second {
+            let other = other.map_or_else(|| "none".to_owned(), |other| other.to_string());
+            let help = "an asset has one number in a dataset: state it with the pool's `ids`, and make the dataset anew";
+            return refuse(format!("`{asset}` has the `obj_id` {id} in some scenes, and {other} in others"), help);
+        }
+        if let Some(other) = owners.insert(id, asset.clone()) {
+            let help = "give the pools `ids` or `first_id` so that numbers differ";
+            return refuse(format!("`{other}` and `{asset}` have the same `obj_id` {id}"), help);
+        }
+        obj_ids.insert(asset, id);
+    }
+    Ok(obj_ids)
 }
 
 /// Assets by their numbers.
@@ -183,16 +217,16 @@ fn write_targets(finish: &Finish, obj_ids: &BTreeMap<String, u64>) -> Result<()>
 fn write_models(config: &Bop, finish: &Finish, obj_ids: &BTreeMap<String, u64>) -> Result<()> {
     let mut infos = BTreeMap::new();
     for &scene in finish.scenes() {
-        let mut found: Vec<(u64, Model)> = Vec::new();
         let wanted = |asset: &str| obj_ids.get(asset).is_some_and(|obj_id| !infos.contains_key(obj_id));
-        shard::for_each_model(finish, scene, wanted, |asset, model| {
-            found.push((obj_ids[asset], model.clone()));
-            Ok(())
-        })?;
-        for (obj_id, model) in found {
+        for (asset, model) in shard::models(finish, scene, wanted)? {
+            let obj_id = obj_ids[&asset];
             for folder in config.models.folders() {
                 let path = model_path(finish.id(), folder, obj_id);
-                finish.write(&path, |out| model.write(out).map_err(|error| Error::io(&path, &error)))?;
+                let texture = texture_file(obj_id);
+                finish.write(&path, |out| model.write(&texture, out).map_err(|error| Error::io(&path, &error)))?;
+                if let Surface::Texture { png, .. } = &model.surface {
+                    write_bytes(finish, &format!("{}/{folder}/{texture}", finish.id()), png)?;
+                }
             }
             infos.insert(obj_id, model.info());
         }
@@ -347,4 +381,33 @@ fn text(value: &impl Serialize) -> Result<Vec<u8>> {
 
 fn write_bytes(finish: &Finish, path: &str, bytes: &[u8]) -> Result<()> {
     finish.write(path, |out| out.write_all(bytes).map_err(|error| Error::io(path, &error)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use syntable_model::context::Collected;
+
+    #[test]
+    fn numbers_are_those_that_objects_state() {
+        let numbers = |stated: &[(&str, &[Option<u64>])]| {
+            let log = Collected::default();
+            let stated = stated.iter().map(|(asset, ids)| ((*asset).to_owned(), ids.iter().copied().collect()));
+            let found = numbers_of(stated.collect(), &log).map_err(|error| error.to_string());
+            (found.map(|ids| ids.into_values().collect::<Vec<_>>()), log.warnings().len())
+        };
+        assert_eq!(numbers(&[("a", &[Some(5)]), ("b", &[Some(2)])]), (Ok(vec![5, 2]), 0));
+        // Places are said to be none of anybody's numbers.
+        assert_eq!(numbers(&[("a", &[None]), ("b", &[None])]), (Ok(vec![1, 2]), 1));
+        assert_eq!(numbers(&[]), (Ok(vec![]), 0));
+        for (stated, wanted) in [
+            (&[("a", &[Some(5)][..]), ("b", &[Some(5)])][..], "`a` and `b` have the same `obj_id` 5"),
+            (&[("a", &[Some(5)]), ("b", &[None])], "`b` has no `obj_id`, and other objects have one"),
+            (&[("a", &[Some(5), Some(6)])], "`a` has the `obj_id` 5 in some scenes, and 6 in others"),
+            (&[("a", &[Some(0)])], "`a` has the `obj_id` 0"),
+        ] {
+            let error = numbers(stated).0.expect_err(wanted);
+            assert!(error.starts_with(wanted), "{error}");
+        }
+    }
 }

@@ -1,25 +1,27 @@
 //! Meshes of a dataset that is read.
 
 use super::finish::model_file;
-use super::model::{Model, ModelInfo};
+use super::model::{Model as BopModel, ModelInfo};
 use super::record::MM;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
+use syntable_mesh::Model;
 use syntable_mesh::format::MeshFormats;
 use syntable_mesh::root::AssetRoot;
 use syntable_model::context::Log;
 use syntable_model::prelude::*;
-use syntable_model::scene::Mesh;
+use syntable_model::product::ObjectModel;
+use syntable_model::scene::{Mesh, SourceModel};
 
 /// The mesh files of a folder of models. Each is read when somebody asks, once.
 pub struct Meshes {
     folder: PathBuf,
     formats: MeshFormats,
-    of: BTreeMap<u64, OnceLock<Result<Arc<Mesh>>>>,
+    of: BTreeMap<u64, OnceLock<Result<ObjectModel>>>,
 }
 
-/// What a mesh file says of textures and colors has no place in BOP's own files of this program.
+/// What is odd about a mesh file is for those who draw from it.
 struct Silent;
 
 impl Log for Silent {
@@ -48,24 +50,28 @@ impl Meshes {
         self.of.keys().copied()
     }
 
-    /// The mesh of a model, m.
-    pub fn mesh(&self, id: u64) -> Result<Arc<Mesh>> {
-        let Some(mesh) = self.of.get(&id) else {
+    /// The shape and the surface of a model, m.
+    pub fn model(&self, id: u64) -> Result<ObjectModel> {
+        let Some(model) = self.of.get(&id) else {
             return Err(Error::new("there is no such file").in_file(self.folder.join(model_file(id))).permanent());
         };
-        mesh.get_or_init(|| self.read(id)).clone()
+        model.get_or_init(|| self.read(id)).clone()
     }
 
-    fn read(&self, id: u64) -> Result<Arc<Mesh>> {
+    fn read(&self, id: u64) -> Result<ObjectModel> {
         let file = PathBuf::from(model_file(id));
         // A root of its own: limits are those of one mesh.
         let model = self.formats.read(&AssetRoot::open(&self.folder)?, &file, &Silent)?;
-        let mesh = Mesh::new(model.scaled(1.0 / MM).mesh).map_err(|error| error.in_file(self.folder.join(file)))?;
-        Ok(Arc::new(mesh))
+        let Model { mesh, materials } = model.scaled(1.0 / MM);
+        // A file that says nothing of colors has none: the gray of renderers is not its own.
+        let is_plain = mesh.colors.is_empty() && !materials.iter().any(|it| it.base_color.texture.is_some());
+        let materials = if is_plain { Vec::new() } else { materials.into_iter().map(Arc::new).collect() };
+        let mesh = Mesh::new(mesh).map_err(|error| error.in_file(self.folder.join(file)))?;
+        Ok(ObjectModel { mesh: Arc::new(mesh), materials, source: SourceModel::default() })
     }
 
     /// Sizes of a model, mm; none if it cannot be read, and the reason.
     pub fn info(&self, id: u64) -> Result<ModelInfo> {
-        Ok(Model::of(&*self.mesh(id)?).info())
+        Ok(BopModel::of(&self.model(id)?)?.info())
     }
 }

@@ -9,6 +9,7 @@ mod read;
 mod record;
 mod scene;
 mod shard;
+mod surface;
 
 use crate::annotation_file::check_split;
 use syntable_model::prelude::*;
@@ -21,17 +22,21 @@ use syntable_model::scene::{SceneId, ViewId};
 ///
 /// # What it does
 ///
-/// Each scene of the dataset is a BOP scene, each view an image of it. Lengths are millimeters and poses map object frames
-/// to the camera frame: x right, y down, z forward. An object frame is that of the asset. `cam_K` has pixel centers at
-/// integers, as BlenderProc writes it and `depth_im_to_dist_im` of bop_toolkit reads depth with it: its `cx` and `cy` are
-/// those of the product `camera` minus 0.5.
+/// Each scene of the dataset is a BOP scene, each view an image of it. Lengths are millimeters and poses map model frames
+/// to the camera frame: x right, y down, z forward. A model frame is that of the asset's file, wherever the pool puts the
+/// center of the object: an evaluation with a benchmark's own models fits, provided that the pool leaves `scale` at 1. `cam_K`
+/// has pixel centers at integers, as BlenderProc writes it and `depth_im_to_dist_im` of bop_toolkit reads depth with it: its
+/// `cx` and `cy` are those of the product `camera` minus 0.5.
 ///
-/// `obj_id` numbers all assets of the dataset from 1 in the order of their names; `objects.json` says which is which. It
-/// changes when the dataset grows by new assets. A BOP dataset that is converted keeps its own numbers.
+/// `obj_id` is the number of the asset in its pool: the one that `bop_models` finds in the name of the file, the one that the
+/// pool's `ids` states, or the place of the asset among all of the pool. It depends neither on the assets that are drawn nor on
+/// the part of a split, so parts, splits and datasets that grow agree. `objects.json` says which is which. A dataset that is
+/// converted keeps its numbers; where it has none, objects are numbered in the order of their names, with a warning.
 ///
-/// `models` adds the meshes of these assets, in millimeters and in the frame that poses map from. They have no colors
-/// and no textures; symmetries are not in `models_info.json`. The `diameter` is the exact largest distance of two
-/// vertices.
+/// `models` adds the meshes of the assets, in millimeters and in the frame that poses map from, with colors of vertices or a
+/// texture, and the symmetries that the pool's `models_info.json` states. A model of one material with a texture has the
+/// texture; one of several materials has the colors of its materials at its vertices. The `diameter` is the exact largest
+/// distance of two vertices. Until the end of the run every scene keeps the models of its objects below `.syntable`.
 ///
 /// A split `test`, or one that begins with `test_`, has the targets of BOP Challenge 2019: for each image and model the
 /// number of instances of which at least a tenth is visible.
@@ -54,7 +59,8 @@ use syntable_model::scene::{SceneId, ViewId};
 /// # Output
 ///
 /// In `{id}`: `camera.json`, `dataset_info.json`, `objects.json`, with a test split `test_targets_bop19.json`, with models
-/// `models/obj_{obj_id:06}.ply` and `models/models_info.json`, the same in `models_eval`; and in `{id}/{split}/{scene:06}`:
+/// `models/obj_{obj_id:06}.ply`, its texture `models/obj_{obj_id:06}.png` and `models/models_info.json`, the same in
+/// `models_eval`; and in `{id}/{split}/{scene:06}`:
 ///
 /// - `rgb/{view:06}.png`: 8-bit RGB.
 /// - `depth/{view:06}.png`: 16-bit multiples of `depth_scale` along the optical axis; 0 where there is nothing.
@@ -187,8 +193,12 @@ impl Writer for Bop {
         })
     }
 
+    fn needs_obj_ids(&self) -> bool {
+        true
+    }
+
     fn finish(&self, cx: &DatasetContext, _: &Products, finish: &Finish) -> Result<()> {
-        finish::write(self, cx.dataset, finish)
+        finish::write(self, cx, finish)
     }
 }
 

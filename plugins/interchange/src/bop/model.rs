@@ -1,25 +1,30 @@
 //! Meshes of assets as BOP has them.
 
 use std::cmp::Ordering;
-use std::collections::BinaryHeap;
+use std::collections::{BTreeMap, BinaryHeap};
 use std::io::Write;
 use std::ops::Range;
 use syntable_model::prelude::*;
-use syntable_model::scene::Mesh;
+use syntable_model::product::ObjectModel;
+use syntable_model::scene::Symmetries;
 
-use super::record::MM;
+use super::surface::{Surface, shown};
 
-/// A mesh in millimeters, object frame, without vertices that no face uses.
+/// A mesh in millimeters, in the frame of the asset's file, without vertices that no face uses.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Model {
     /// Positions of the vertices, mm.
     pub vertices: Vec<[f32; 3]>,
     /// Indices of vertices, counter-clockwise seen from outside.
     pub faces: Vec<[u32; 3]>,
+    /// What it looks like.
+    pub surface: Surface,
+    /// Its symmetries.
+    pub symmetries: Symmetries,
 }
 
 /// An entry of `models_info.json`, mm.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ModelInfo {
     diameter: f64,
     min_x: f64,
@@ -28,12 +33,14 @@ pub struct ModelInfo {
     size_x: f64,
     size_y: f64,
     size_z: f64,
+    #[serde(flatten)]
+    symmetries: Symmetries,
 }
 
 impl ModelInfo {
     /// Its numbers by name.
     pub fn numbers(&self) -> [(&'static str, f64); 7] {
-        let Self { diameter, min_x, min_y, min_z, size_x, size_y, size_z } = *self;
+        let Self { diameter, min_x, min_y, min_z, size_x, size_y, size_z, .. } = *self;
         [
             ("diameter", diameter),
             ("min_x", min_x),
@@ -47,49 +54,75 @@ impl ModelInfo {
 }
 
 impl Model {
-    pub fn of(mesh: &Mesh) -> Self {
-        let data = mesh.data();
-        let mut used = vec![None; data.positions.len()];
-        let mut vertices = Vec::new();
-        let mut index_of = |vertex: u32| {
-            *used[vertex as usize].get_or_insert_with(|| {
-                vertices.push(data.positions[vertex as usize].map(|x| (f64::from(x) * MM) as f32));
-                vertices.len() as u32 - 1
-            })
-        };
-        let faces = data.triangles.iter().map(|triangle| triangle.map(&mut index_of)).collect();
-        Self { vertices, faces }
+    pub fn of(model: &ObjectModel) -> Result<Self> {
+        let (vertices, faces, surface) = shown(model)?;
+        Ok(Self { vertices, faces, surface, symmetries: model.source.symmetries.clone() })
     }
 
-    /// The vertices and the faces as little-endian bytes.
-    pub fn to_bytes(&self) -> [Vec<u8>; 2] {
-        [
-            self.vertices.iter().flatten().flat_map(|number| number.to_le_bytes()).collect(),
-            self.faces.iter().flatten().flat_map(|index| index.to_le_bytes()).collect(),
-        ]
-    }
-
-    /// What [`to_bytes`](Self::to_bytes) gave; none if the bytes are no mesh.
-    pub fn from_bytes([vertices, faces]: [&[u8]; 2]) -> Option<Self> {
-        fn triples<T: Copy>(bytes: &[u8], read: impl Fn([u8; 4]) -> T) -> Option<Vec<[T; 3]>> {
-            let (numbers, rest) = bytes.as_chunks::<4>();
-            let (triples, odd) = numbers.as_chunks::<3>();
-            (rest.is_empty() && odd.is_empty()).then(|| triples.iter().map(|triple| triple.map(&read)).collect())
+    /// Its arrays as little-endian bytes by name, and its texture.
+    pub fn parts(&self) -> Vec<(&'static str, Vec<u8>)> {
+        let floats = |numbers: &[f32]| numbers.iter().flat_map(|number| number.to_le_bytes()).collect();
+        let faces = self.faces.as_flattened().iter().flat_map(|index| index.to_le_bytes()).collect();
+        let mut parts = vec![("vertices", floats(self.vertices.as_flattened())), ("faces", faces)];
+        match &self.surface {
+            Surface::Plain => {}
+            Surface::Colors(colors) => parts.push(("colors", colors.as_flattened().to_vec())),
+            Surface::Texture { uvs, png } => {
+                parts.push(("uvs", floats(uvs.as_flattened())));
+                parts.push(("texture", png.clone()));
+            }
         }
-        let vertices = triples(vertices, f32::from_le_bytes)?;
-        let faces = triples(faces, u32::from_le_bytes)?;
-        let sound = faces.iter().flatten().all(|&index| (index as usize) < vertices.len());
-        sound.then_some(Self { vertices, faces })
+        parts
     }
 
-    /// Writes an ASCII PLY file.
-    pub fn write(&self, out: &mut dyn Write) -> std::io::Result<()> {
-        writeln!(out, "ply\nformat ascii 1.0\ncomment millimeters, object frame")?;
+    /// The model of what [`parts`](Self::parts) gave; none if the bytes are no model.
+    pub fn from_parts(parts: &mut BTreeMap<String, Vec<u8>>, symmetries: Symmetries) -> Option<Self> {
+        fn groups<T: Copy, const N: usize>(bytes: &[u8], read: impl Fn([u8; 4]) -> T) -> Option<Vec<[T; N]>> {
+            let (numbers, rest) = bytes.as_chunks::<4>();
+            let (groups, odd) = numbers.as_chunks::<N>();
+            (rest.is_empty() && odd.is_empty()).then(|| groups.iter().map(|group| group.map(&read)).collect())
+        }
+        let vertices: Vec<[f32; 3]> = groups(parts.get("vertices")?, f32::from_le_bytes)?;
+        let faces: Vec<[u32; 3]> = groups(parts.get("faces")?, u32::from_le_bytes)?;
+        let count = vertices.len();
+        let surface = if let Some(colors) = parts.get("colors") {
+            let (colors, rest) = colors.as_chunks::<3>();
+            (rest.is_empty() && colors.len() == count).then(|| Surface::Colors(colors.to_vec()))?
+        } else if let Some(uvs) = parts.get("uvs") {
+            let uvs: Vec<[f32; 2]> = groups(uvs, f32::from_le_bytes)?;
+            let png = parts.remove("texture").filter(|_| uvs.len() == count)?;
+            Surface::Texture { uvs, png }
+        } else {
+            Surface::Plain
+        };
+        let sound = faces.iter().flatten().all(|&index| (index as usize) < count);
+        sound.then_some(Self { vertices, faces, surface, symmetries })
+    }
+
+    /// Writes an ASCII PLY file, which names its texture.
+    pub fn write(&self, texture: &str, out: &mut dyn Write) -> std::io::Result<()> {
+        writeln!(out, "ply\nformat ascii 1.0\ncomment millimeters")?;
+        if let Surface::Texture { .. } = self.surface {
+            writeln!(out, "comment TextureFile {texture}")?;
+        }
         writeln!(out, "element vertex {}", self.vertices.len())?;
         writeln!(out, "property float x\nproperty float y\nproperty float z")?;
+        match self.surface {
+            Surface::Plain => {}
+            Surface::Colors(_) => writeln!(out, "property uchar red\nproperty uchar green\nproperty uchar blue")?,
+            Surface::Texture { .. } => writeln!(out, "property float texture_u\nproperty float texture_v")?,
+        }
         writeln!(out, "element face {}", self.faces.len())?;
         writeln!(out, "property list uchar int vertex_indices\nend_header")?;
-        self.vertices.iter().try_for_each(|[x, y, z]| writeln!(out, "{x} {y} {z}"))?;
+        let vertices = self.vertices.iter().enumerate();
+        vertices.into_iter().try_for_each(|(number, [x, y, z])| match &self.surface {
+            Surface::Plain => writeln!(out, "{x} {y} {z}"),
+            Surface::Colors(colors) => {
+                let [red, green, blue] = colors[number];
+                writeln!(out, "{x} {y} {z} {red} {green} {blue}")
+            }
+            Surface::Texture { uvs, .. } => writeln!(out, "{x} {y} {z} {} {}", uvs[number][0], uvs[number][1]),
+        })?;
         self.faces.iter().try_for_each(|[a, b, c]| writeln!(out, "3 {a} {b} {c}"))
     }
 
@@ -98,7 +131,8 @@ impl Model {
         let min: [f64; 3] = std::array::from_fn(|i| axis(i).fold(f64::INFINITY, f64::min));
         let size: [f64; 3] = std::array::from_fn(|i| axis(i).fold(f64::NEG_INFINITY, f64::max) - min[i]);
         let ([min_x, min_y, min_z], [size_x, size_y, size_z]) = (min, size);
-        ModelInfo { diameter: self.diameter(min, size), min_x, min_y, min_z, size_x, size_y, size_z }
+        let (diameter, symmetries) = (self.diameter(min, size), self.symmetries.clone());
+        ModelInfo { diameter, min_x, min_y, min_z, size_x, size_y, size_z, symmetries }
     }
 
     /// The largest distance of two vertices, mm. `min` and `size` are those of the box around them.
@@ -239,11 +273,16 @@ impl Eq for Pair {}
 #[cfg(test)]
 mod tests {
     use super::*;
-    use syntable_model::scene::MeshData;
+    use std::sync::Arc;
+    use syntable_model::scene::{Mesh, MeshData, SourceModel, SymmetryAxis};
+
+    fn points_of(vertices: Vec<[f32; 3]>) -> Model {
+        Model { vertices, faces: Vec::new(), surface: Surface::Plain, symmetries: Symmetries::default() }
+    }
 
     fn random(stream: &mut Stream, vertices: usize, flat: bool) -> Model {
         let mut point = || [1.0, 1.0, if flat { 0.01 } else { 1.0 }].map(|w| (stream.uniform(-w, w) * 200.0) as f32);
-        Model { vertices: (0..vertices).map(|_| point()).collect(), faces: Vec::new() }
+        points_of((0..vertices).map(|_| point()).collect())
     }
 
     #[test]
@@ -270,7 +309,7 @@ mod tests {
             let norm = point.iter().map(|x| x * x).sum::<f64>().sqrt();
             point.map(|x| (100.0 * x / norm) as f32)
         };
-        let model = Model { vertices: (0..8000).map(|_| vertex()).collect(), faces: Vec::new() };
+        let model = points_of((0..8000).map(|_| vertex()).collect());
         let points: Vec<[f64; 3]> = model.vertices.iter().map(|v| v.map(f64::from)).collect();
         let pairs = points.iter().enumerate().flat_map(|(i, p)| points[i..].iter().map(move |q| distance(p, q)));
         let want = pairs.fold(0.0, f64::max);
@@ -284,12 +323,31 @@ mod tests {
             triangles: vec![[3, 1, 2], [1, 3, 2]],
             ..MeshData::default()
         };
-        let model = Model::of(&Mesh::new(data).expect("sound"));
+        let axis = SymmetryAxis { axis: [0.0, 0.0, 1.0], offset_m: [0.0; 3] };
+        let symmetries = Symmetries { continuous: vec![axis], ..Symmetries::default() };
+        let source = SourceModel { symmetries, ..SourceModel::default() };
+        let mesh = Arc::new(Mesh::new(data).expect("sound"));
+        let model = Model::of(&ObjectModel { mesh, materials: Vec::new(), source }).expect("shown");
         assert_eq!(model.vertices, [[0.0, 0.0, 300.0], [100.0, 0.0, 0.0], [0.0, 200.0, 0.0]]);
         assert_eq!(model.faces, [[0, 1, 2], [1, 0, 2]]);
-        let [vertices, faces] = model.to_bytes();
-        assert_eq!(Model::from_bytes([&vertices, &faces]), Some(model));
-        assert_eq!(Model::from_bytes([&vertices[..24], &faces]), None);
-        assert_eq!(Model::from_bytes([&vertices[1..], &faces]), None);
+        let uvs = vec![[0.5, 0.25]; 3];
+        for surface in [
+            Surface::Plain,
+            Surface::Colors(vec![[1, 2, 3], [4, 5, 6], [7, 8, 9]]),
+            Surface::Texture { uvs, png: b"PNG".to_vec() },
+        ] {
+            let model = Model { surface, ..model.clone() };
+            let parts = || model.parts().into_iter().map(|(name, bytes)| (name.to_owned(), bytes));
+            let read = |mut parts: BTreeMap<String, Vec<u8>>| Model::from_parts(&mut parts, model.symmetries.clone());
+            assert_eq!(read(parts().collect()).as_ref(), Some(&model));
+            // A byte less of any array is no model; a texture is whatever it is.
+            for (cut, _) in parts().filter(|(name, _)| name != "texture") {
+                let less = parts().map(|(name, mut bytes)| {
+                    bytes.truncate(bytes.len() - usize::from(name == cut));
+                    (name, bytes)
+                });
+                assert_eq!(read(less.collect()), None, "{cut}");
+            }
+        }
     }
 }

@@ -16,9 +16,9 @@ use syntable_model::prelude::*;
 use syntable_model::product::standard::{
     CAMERA, DEPTH, OBJECT_INFO, OBJECT_MODELS, OBJECT_NAME, OCCLUSION_MASK, RGB, VISIBILITY,
 };
-use syntable_model::product::{ObjectModels, PixelCounts};
+use syntable_model::product::{ObjectModel, ObjectModels, PixelCounts};
 use syntable_model::reader::{DatasetFault, DatasetReader, Format, ImageRef};
-use syntable_model::scene::SceneId;
+use syntable_model::scene::{SceneId, Symmetries};
 
 syntable_model::register_format!(Format {
     name: "bop",
@@ -114,6 +114,12 @@ fn bounds_of(model: &BTreeMap<String, Json>) -> Option<[[f64; 3]; 2]> {
     Some([low, std::array::from_fn(|axis| low[axis] + size[axis])])
 }
 
+/// The symmetries that `models_info.json` states of a model, or what is wrong with them.
+pub fn symmetries_of(model: &BTreeMap<String, Json>) -> std::result::Result<Symmetries, String> {
+    let fields = model.iter().map(|(key, value)| (key.clone(), value.clone()));
+    serde_json::from_value(Json::Object(fields.collect())).map_err(|error| error.to_string())
+}
+
 impl DatasetReader for Reader {
     fn info(&self) -> &DatasetInfo {
         &self.info
@@ -142,7 +148,7 @@ impl DatasetReader for Reader {
             true => self.of_scenes.values().flatten().copied().collect(),
             false => BTreeSet::new(),
         };
-        models.into_iter().filter_map(|id| self.meshes.mesh(id).err()).collect()
+        models.into_iter().filter_map(|id| self.model(id).err()).collect()
     }
 
     fn image_faults(&self, image: usize) -> Vec<Fault> {
@@ -152,14 +158,6 @@ impl DatasetReader for Reader {
         faults.extend(self.fault_of_camera_pose(image));
         faults.extend(self.faults_of_masks(record));
         faults
-    }
-
-    fn caveats(&self, reads: &[KeyId]) -> Vec<String> {
-        let has_models = reads.contains(&OBJECT_MODELS.id());
-        has_models
-            .then(|| "of models, shapes are read: no colors, textures and symmetries".to_owned())
-            .into_iter()
-            .collect()
     }
 
     fn offers(&self) -> Vec<KeyId> {
@@ -314,10 +312,19 @@ impl Reader {
         all
     }
 
-    /// The meshes of all objects of a scene, without those that cannot be read.
+    /// The models of all objects of a scene, without those that cannot be read.
     fn models_of(&self, scene: SceneId) -> ObjectModels {
         let numbers = self.of_scenes.get(&scene).into_iter().flatten();
-        ObjectModels(numbers.filter_map(|&id| Some((self.asset(id), self.meshes.mesh(id).ok()?))).collect())
+        ObjectModels(numbers.filter_map(|&id| Some((self.asset(id), self.model(id).ok()?))).collect())
+    }
+
+    /// A model with its number and its symmetries. Those that are no motions are a fault of the dataset, and left out.
+    fn model(&self, id: u64) -> Result<ObjectModel> {
+        let mut model = self.meshes.model(id)?;
+        model.source.obj_id = u32::try_from(id).ok();
+        let stated = self.models.as_ref().and_then(|models| symmetries_of(models.get(&id)?).ok());
+        model.source.symmetries = stated.unwrap_or_default();
+        Ok(model)
     }
 
     /// The asset of a number.

@@ -33,9 +33,22 @@ pub struct CameraView {
 pub struct ObjectView {
     pub asset: String,
     pub camera_from_object: [[f64; 4]; 4],
-    /// Of objects of a BOP dataset that is converted.
+    /// Number of the asset.
     #[serde(default)]
     obj_id: Option<u64>,
+    /// Origin of the asset's file in the object frame, m.
+    #[serde(default)]
+    model_origin_m: [f64; 3],
+}
+
+impl ObjectView {
+    /// Maps points of the asset's file, at the size of the object, to the camera, m.
+    fn camera_from_model(&self) -> [[f64; 4]; 4] {
+        let mut pose = self.camera_from_object;
+        let [x, y, z] = self.model_origin_m;
+        pose[..3].iter_mut().for_each(|row| row[3] += row[0] * x + row[1] * y + row[2] * z);
+        pose
+    }
 }
 
 /// The part of the product `visibility` that BOP has.
@@ -181,11 +194,11 @@ pub struct ViewRecord {
     pub objects: Vec<ObjectRecord>,
 }
 
-/// An object of a view, with its asset in place of `obj_id`, which the whole dataset says.
+/// An object of a view.
 #[derive(Debug, Serialize, Deserialize)]
 pub struct ObjectRecord {
     pub asset: String,
-    /// The number that the asset has already.
+    /// The number of the asset, if it has one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub obj_id: Option<u64>,
     rotation: [f64; 9],
@@ -206,7 +219,7 @@ pub struct Shown {
 
 impl ObjectRecord {
     pub fn new(object: ObjectView, visib_fract: f64, visible: &Mask, amodal: &Mask) -> Self {
-        let (rotation, translation_mm) = pose(&object.camera_from_object);
+        let (rotation, translation_mm) = pose(&object.camera_from_model());
         let shown = (!visible.is_empty()).then(|| Shown {
             mask: UncompressedRle::encode(visible),
             area: visible.area(),

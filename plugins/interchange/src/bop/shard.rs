@@ -10,18 +10,23 @@ use syntable_formats::encode::json_shard::push_line;
 use syntable_formats::encode::tar::{Archive, for_each_member};
 use syntable_model::prelude::*;
 use syntable_model::product::ObjectModels;
-use syntable_model::scene::{SceneId, ViewId};
+use syntable_model::scene::{SceneId, Symmetries, ViewId};
 
 /// A record per view, as lines.
 const VIEWS: &str = "views.jsonl";
-/// Names of the assets whose meshes follow.
+/// The assets whose models follow.
 const ASSETS: &str = "assets.json";
+/// Folder of the members of models.
+const MODELS: &str = "models/";
 /// Folder of the members of samples.
 const SAMPLES: &str = "samples/";
 
-/// Names of the members that have the mesh of an asset.
-fn model_members(index: usize) -> [String; 2] {
-    ["vertices", "faces"].map(|part| format!("models/{index}.{part}"))
+/// An asset whose model follows.
+#[derive(Serialize, Deserialize)]
+struct AssetOfModel {
+    asset: String,
+    #[serde(flatten)]
+    symmetries: Symmetries,
 }
 
 /// Key of an image in tar files.
@@ -50,13 +55,17 @@ impl Shard {
     }
 
     pub fn models(&mut self, models: &ObjectModels) -> Result<()> {
-        let assets: Vec<&String> = models.0.keys().collect();
+        let models = models.0.iter().map(|(asset, model)| Ok((asset, Model::of(model)?))).collect::<Result<Vec<_>>>()?;
+        let of_model = |(asset, model): &(&String, Model)| AssetOfModel {
+            asset: (*asset).clone(),
+            symmetries: model.symmetries.clone(),
+        };
         let mut line = Vec::new();
-        push_line(&mut line, &assets)?;
+        push_line(&mut line, &models.iter().map(of_model).collect::<Vec<_>>())?;
         self.archive.add(ASSETS, &line)?;
-        for (index, mesh) in models.0.values().enumerate() {
-            for (name, bytes) in model_members(index).iter().zip(Model::of(mesh).to_bytes()) {
-                self.archive.add(name, &bytes)?;
+        for (index, (_, model)) in models.iter().enumerate() {
+            for (part, bytes) in model.parts() {
+                self.archive.add(&format!("{MODELS}{index}.{part}"), &bytes)?;
             }
         }
         Ok(())
@@ -110,35 +119,27 @@ pub fn for_each_sample(
     })
 }
 
-/// Calls `each` with the meshes of those assets of a scene that are wanted.
-pub fn for_each_model(
-    finish: &Finish,
-    scene: SceneId,
-    wanted: impl Fn(&str) -> bool,
-    mut each: impl FnMut(&str, &Model) -> Result<()>,
-) -> Result<()> {
-    // Names of the members of wanted meshes, and what was read of the next one.
-    let mut names: BTreeMap<String, (String, usize)> = BTreeMap::new();
-    let mut vertices = Vec::new();
+/// The models of those assets of a scene that are wanted.
+pub fn models(finish: &Finish, scene: SceneId, wanted: impl Fn(&str) -> bool) -> Result<Vec<(String, Model)>> {
+    let mut assets = Vec::new();
+    let mut parts: BTreeMap<usize, BTreeMap<String, Vec<u8>>> = BTreeMap::new();
     members(finish, scene, |name, member| {
         if name == ASSETS {
-            let assets: Vec<String> =
-                serde_json::from_slice(&content(finish, scene, member)?).map_err(|_| damaged(finish, scene))?;
-            for (index, asset) in assets.into_iter().enumerate().filter(|(_, asset)| wanted(asset)) {
-                names.extend(model_members(index).into_iter().zip([(asset.clone(), 0), (asset, 1)]));
-            }
-            return Ok(());
+            assets = serde_json::from_slice(&content(finish, scene, member)?).map_err(|_| damaged(finish, scene))?;
         }
-        match names.get(name) {
-            None => Ok(()),
-            Some((_, 0)) => {
-                vertices = content(finish, scene, member)?;
-                Ok(())
-            }
-            Some((asset, _)) => {
-                let model = Model::from_bytes([&vertices, &content(finish, scene, member)?]);
-                each(asset, &model.ok_or_else(|| damaged(finish, scene))?)
-            }
+        let Some((index, part)) = name.strip_prefix(MODELS).and_then(|name| name.split_once('.')) else { return Ok(()) };
+        let index: usize = index.parse().map_err(|_| damaged(finish, scene))?;
+        let AssetOfModel { asset, .. } = assets.get(index).ok_or_else(|| damaged(finish, scene))?;
+        if wanted(asset) {
+            parts.entry(index).or_default().insert(part.to_owned(), content(finish, scene, member)?);
         }
-    })
+        Ok(())
+    })?;
+    let of_wanted = assets.into_iter().enumerate().filter(|(_, AssetOfModel { asset, .. })| wanted(asset));
+    let model = |(index, AssetOfModel { asset, symmetries }): (usize, AssetOfModel)| {
+        let mut parts = parts.remove(&index).unwrap_or_default();
+        let model = Model::from_parts(&mut parts, symmetries).ok_or_else(|| damaged(finish, scene))?;
+        Ok((asset, model))
+    };
+    of_wanted.map(model).collect()
 }

@@ -7,6 +7,7 @@ use crate::coco::Masks;
 use crate::labels::{self, Label};
 use crate::order::{self, Order};
 use crate::outlines;
+use syntable_formats::coco::categories;
 use syntable_formats::segmentation::Rle;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{AMODAL_OUTLINE, RGB};
@@ -80,7 +81,7 @@ impl Writer for Cocoa {
     }
 
     fn finish(&self, cx: &DatasetContext, _: &Products, finish: &Finish) -> Result<()> {
-        merge(cx, finish, &self.file(), None, Listed::Annotated)
+        merge(cx, finish, &self.file(), Some(&categories(cx.dataset)), Listed::Annotated)
     }
 }
 

@@ -101,7 +101,9 @@ fn open(path: &Path) -> Result<Box<dyn DatasetReader>> {
         Record::Image(image) => has_policy &= shared::policy(image).is_some(),
         Record::Scene(_) => {}
     })?;
-    let categories = Categories::named(names);
+    // Names alone would number what the file happens to have.
+    let own = listing.file.categories.as_ref().filter(|own| names.iter().all(|name| own.iter().any(|it| it.name == *name)));
+    let categories = own.map_or_else(|| Categories::named(names.clone()), |own| Categories::of(own));
     let first = listing.images.first().map(|image| image.frame.file_name.as_str());
     let images_root = images_root(&root, &file, first);
     let about = &listing.file.info;

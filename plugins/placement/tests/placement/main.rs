@@ -10,7 +10,7 @@ use syntable_model::geometry::{Aabb, Point3, UnitQuaternion, Vector3};
 use syntable_model::prelude::*;
 use syntable_model::registry::{Registry, Slot, Stage};
 use syntable_model::scene::{
-    Asset, AssetRef, BodyDraft, CatalogEntry, MassOrigin, MassProperties, Material, Mesh, MeshData, Motion, Object,
+    Asset, AssetRef, BodyDraft, CatalogEntry, MassOrigin, MassProperties, Material, Mesh, MeshData, Motion, Object, SourceModel,
     Role, TextureMapping,
 };
 use syntable_placement as _;
@@ -36,7 +36,7 @@ struct Pools(BTreeMap<&'static str, Vec<CatalogEntry>>);
 impl Pools {
     fn new() -> Self {
         let entries = |names: &[&str]| {
-            names.iter().map(|name| CatalogEntry { name: (*name).into(), category: "box".into() }).collect()
+            names.iter().map(|name| CatalogEntry::new(*name, "box")).collect()
         };
         Self(BTreeMap::from([
             ("small", entries(&["30x40x50", "60x20x90", "80x80x80", "bad"])),
@@ -78,6 +78,7 @@ impl Assets for Pools {
             materials: vec![Arc::new(Material::plain("gray", [0.5; 3], 0.5))],
             collision: None,
             keypoints: Vec::new(),
+            model: SourceModel::default(),
             friction: 0.5,
             license: String::new(),
             digest: Digest::of(asset.name.as_bytes()),

@@ -10,7 +10,7 @@ use syntable_model::geometry::{Point3, Pose, Translation3, UnitQuaternion, Vecto
 use syntable_model::prelude::*;
 use syntable_model::scene::{
     AssetRef, BodyDraft, Camera, EnvironmentLight, EnvironmentMap, Exposure, Intrinsics, Light, MassOrigin,
-    MassProperties, Material, MaterialOverride, Mesh, MeshData, Motion, Object, Role, Scalar, SceneId, SettleReport,
+    MassProperties, Material, MaterialOverride, Mesh, MeshData, Motion, Object, SourceModel, Role, Scalar, SceneId, SettleReport,
     Tabletop, Transmission, ViewId, Volume,
 };
 use syntable_transport::PixelFilter;
@@ -103,6 +103,7 @@ pub fn object(name: &str, data: MeshData, material: Material) -> Arc<Object> {
         materials: vec![Arc::new(material)],
         collision: None,
         keypoints: Vec::new(),
+        model: SourceModel::default(),
         friction: 0.5,
         license: String::new(),
         digest,

@@ -12,7 +12,7 @@ use syntable_model::prelude::*;
 use syntable_model::registry::{Registry, Slot, Stage};
 use syntable_model::scene::{
     AssetRef, BodyDraft, Camera, EnvironmentMap, Exposure, Intrinsics, Light, MassOrigin, MassProperties, Material,
-    Mesh, MeshData, Motion, Object, Optics, Role, SceneId, SettleReport, Tabletop, ViewId,
+    Mesh, MeshData, Motion, Object, SourceModel, Optics, Role, SceneId, SettleReport, Tabletop, ViewId,
 };
 use syntable_sampling as _;
 use syntable_testing::assets::NoAssets;
@@ -65,6 +65,7 @@ fn sheet(half: f32) -> Arc<Object> {
         materials: vec![Arc::new(Material::plain("gray", [0.5; 3], 0.5))],
         collision: None,
         keypoints: Vec::new(),
+        model: SourceModel::default(),
         friction: 0.5,
         license: String::new(),
         digest: Digest::of(b"sheet"),
