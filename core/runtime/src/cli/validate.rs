@@ -26,7 +26,7 @@ pub(super) struct ValidateArgs {
 
 pub(super) fn validate(console: &Console, args: &ValidateArgs) -> Result<(), Exit> {
     let (format, root) = reader::find(&args.dataset, args.format.as_deref()).map_err(Exit::stopped)?;
-    let found = match (format.open)(&root) {
+    let found = match format.open(&root) {
         Ok(dataset) => validate_dataset(&*dataset, workers::available()).map_err(Exit::stopped)?,
         Err(error) if error.is_transient() => return Err(Exit::stopped(error)),
         // A dataset that cannot be opened is one with a fault.

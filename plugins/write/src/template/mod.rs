@@ -1,5 +1,6 @@
 //! Any text format, by a template.
 
+mod budget;
 mod engine;
 mod guard;
 mod names;
