@@ -331,6 +331,8 @@ impl Content {
         let lengths = shape.map(|(shape, _)| shape.split(',').map(str::trim).filter(|length| !length.is_empty()));
         let lengths = lengths.and_then(|lengths| lengths.map(|length| length.parse().ok()).collect::<Option<Vec<_>>>());
         let shape: Vec<usize> = lengths.ok_or_else(|| refuse(header))?;
+        let factors: Vec<u64> = shape.iter().map(|length| *length as u64).chain([dtype.size() as u64]).collect();
+        MEMBER_BYTES.check_product(&factors).map_err(|error| error.in_file(&self.path))?;
         if byte_count(&shape, dtype) != Some(data.len()) {
             return Err(refuse(&format!("{header}, and {} bytes follow", data.len())));
         }

@@ -265,17 +265,16 @@ impl Limit {
         if value <= self.most { Ok(()) } else { Err(self.refuse(value)) }
     }
 
-    /// Refuses a product of numbers above the limit, also if no integer holds it.
+    /// Refuses a product of lengths above the limit, also if no integer holds it. A length of 0 counts as 1: an empty array may
+    /// not be longer than others, or a loop over its rows would not end.
     pub fn check_product(&self, factors: &[u64]) -> Result<(), Error> {
-        let product = factors.iter().try_fold(1_u64, |product, factor| product.checked_mul(*factor));
-        // A factor of 0 after an overflow makes the product 0.
-        let product = if factors.contains(&0) { Some(0) } else { product };
+        let product = factors.iter().try_fold(1_u64, |product, factor| product.checked_mul((*factor).max(1)));
         self.check(product.unwrap_or(u64::MAX))
     }
 
-    /// Refuses an image of more pixels.
+    /// Refuses an image of more pixels. One without pixels may not be longer either: a loop over its rows would not end.
     pub fn check_size(&self, [width, height]: [u32; 2]) -> Result<(), Error> {
-        let pixels = u64::from(width) * u64::from(height);
+        let pixels = u64::from(width.max(1)) * u64::from(height.max(1));
         if pixels <= self.most {
             return Ok(());
         }
@@ -317,7 +316,8 @@ mod tests {
         assert!(IMAGE_BYTES.check(1 << 29).is_ok() && IMAGE_BYTES.check((1 << 29) + 1).is_err());
         assert!(IMAGE_BYTES.check_product(&[1 << 28, 2]).is_ok());
         assert!(IMAGE_BYTES.check_product(&[u64::MAX, u64::MAX]).is_err());
-        assert!(IMAGE_BYTES.check_product(&[u64::MAX, u64::MAX, 0]).is_ok());
+        assert!(IMAGE_BYTES.check_product(&[u64::MAX, 0]).is_err() && IMAGE_BYTES.check_product(&[3, 0]).is_ok());
+        assert!(IMAGE_PIXELS.check_size([u32::MAX, 0]).is_err() && IMAGE_PIXELS.check_size([0, 0]).is_ok());
         assert!(IMAGE_PIXELS.check_size([1 << 14, 1 << 13]).is_ok());
         let error = IMAGE_PIXELS.check_size([u32::MAX; 2]).expect_err("too large").to_string();
         assert!(error.starts_with("4294967295 × 4294967295 pixels are more than the limit of 134217728"), "{error}");
@@ -336,7 +336,9 @@ mod tests {
             let row = format!("| {} | {} | {} | {} |", limit.what, limit.shown(), limit.why, limit.remedy);
             assert!(book.lines().any(|line| line == row), "book/src/limits.md lacks this row:\n{row}");
         }
-        let rows = book.lines().filter(|line| line.starts_with("| ") && !line.starts_with("| what ")).count();
+        let is_row =
+            |line: &&str| line.starts_with("| ") && !["| what ", "| --- "].iter().any(|head| line.starts_with(head));
+        let rows = book.lines().filter(is_row).count();
         assert_eq!(rows, ALL.len(), "rows of limits");
     }
 }
