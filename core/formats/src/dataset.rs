@@ -48,9 +48,9 @@ impl<I: DeserializeOwned, A: DeserializeOwned> Dataset<I, A> {
     }
 
     fn from_bytes(text: &[u8]) -> Result<Self> {
-        let at = Cell::new(0);
+        let (at, until) = (Cell::new(0), Cell::new(u64::MAX));
         let from = || text.get(before(at.get()) as usize..).unwrap_or_default();
-        let mut json = serde_json::Deserializer::from_reader(Counted { from: text, at: &at });
+        let mut json = serde_json::Deserializer::from_reader(Counted { from: text, at: &at, until: &until });
         let dataset = serde_path_to_error::deserialize(&mut json).map_err(|error| {
             let path = error.path().to_string();
             located(&error.into_inner(), if path == "." { None } else { Some(&path) }, from())

@@ -7,14 +7,13 @@ use std::fs::{self, File};
 use std::io::{Cursor, Read};
 use std::path::{Path, PathBuf};
 use syntable_model::error::{Error, Result};
+use syntable_model::limits::{IMAGE_BYTES, IMAGE_PIXELS, JSON_VALUES, Limit, MEMBER_BYTES, TEXT_BYTES};
+use syntable_model::panics::guarded;
 use syntable_model::product::{DType, Plane, Tensor, Value};
 use zune_jpeg::JpegDecoder;
 use zune_jpeg::zune_core::bytestream::ZCursor;
 use zune_jpeg::zune_core::colorspace::ColorSpace;
 use zune_jpeg::zune_core::options::DecoderOptions;
-
-/// Most pixels that an image of a dataset may have.
-pub const MAX_PIXELS: u64 = 1 << 28;
 
 /// The samples of a PNG file, and how many a pixel has.
 enum Samples {
@@ -26,6 +25,9 @@ enum Samples {
 const PNG: [u8; 8] = *b"\x89PNG\r\n\x1a\n";
 /// How JPEG files begin.
 const JPEG: [u8; 3] = [0xff, 0xd8, 0xff];
+/// What the libraries are called when they fail.
+const PNG_LIBRARY: &str = "the library that decodes PNG";
+const JPEG_LIBRARY: &str = "the library that decodes JPEG";
 
 /// The bytes of a file, or of a member of an archive.
 #[derive(Debug, Clone)]
@@ -33,6 +35,8 @@ pub struct Content {
     bytes: Vec<u8>,
     /// What it is called in messages.
     path: PathBuf,
+    /// Width and height of the image that it is, as the dataset states them.
+    stated: Option<[u32; 2]>,
 }
 
 /// An 8-bit RGB image from a PNG or JPEG file; gray becomes RGB, transparency is dropped.
@@ -57,22 +61,17 @@ pub fn square_npy(path: &Path) -> Result<(usize, Vec<f64>)> {
 
 /// A color image of a file that has a record of its width and height.
 pub fn rgb_of_size(path: &Path, size: [u32; 2]) -> Result<Plane<[u8; 3]>> {
-    of_size(rgb(path)?, path, size)
+    Content::read(path)?.stated(size).rgb()
 }
 
 /// [`depth`] of a file that has a record of its width and height.
 pub fn depth_of_size(path: &Path, unit_mm: f64, size: [u32; 2]) -> Result<Plane<f32>> {
-    of_size(depth(path, unit_mm)?, path, size)
+    Content::read(path)?.stated(size).depth(unit_mm)
 }
 
-/// Refuses an image whose record says another width and height.
-fn of_size<T>(image: Plane<T>, path: &Path, size: [u32; 2]) -> Result<Plane<T>> {
-    let found = [image.width(), image.height()];
-    if found == size {
-        return Ok(image);
-    }
-    let said = |[width, height]: [u32; 2]| format!("{width} × {height}");
-    Err(Error::new(format!("it has {} pixels, its record says {}", said(found), said(size))).in_file(path).permanent())
+/// [`gray`] of a file that has a record of its width and height.
+pub fn gray_of_size(path: &Path, size: [u32; 2]) -> Result<Plane<u16>> {
+    Content::read(path)?.stated(size).gray()
 }
 
 /// Opens a file. What is no file is refused: reading a pipe would wait for ever. A file that a dataset names and does not have
@@ -88,22 +87,74 @@ pub fn open(path: &Path) -> Result<File> {
     File::open(path).map_err(|error| Error::io(path, &error))
 }
 
+/// Reads a file from its beginning, as far as a limit allows. A file that is larger is refused, without reading it.
+pub fn read_at_most(file: File, limit: &Limit, path: &Path) -> Result<Vec<u8>> {
+    let fail = |error: std::io::Error| Error::io(path, &error);
+    let length = file.metadata().map_err(fail)?.len();
+    limit.check(length).map_err(|error| error.in_file(path))?;
+    let mut bytes = Vec::with_capacity(length as usize);
+    // A file may grow meanwhile.
+    file.take(limit.most).read_to_end(&mut bytes).map_err(fail)?;
+    Ok(bytes)
+}
+
+/// Reads a text file of at most [`TEXT_BYTES`]; see [`open`].
+pub fn text(path: &Path) -> Result<String> {
+    let bytes = read_at_most(open(path)?, &TEXT_BYTES, path)?;
+    String::from_utf8(bytes).map_err(|_| Error::new("it is not UTF-8 text").in_file(path).permanent())
+}
+
+/// Refuses JSON that is too long, or has too many values, to be parsed into a tree.
+pub fn check_json(text: &[u8]) -> Result<()> {
+    TEXT_BYTES.check(text.len() as u64)?;
+    // Every value but the first of a list or an object follows a comma.
+    if text.len() as u64 / 2 > JSON_VALUES.most {
+        JSON_VALUES.check(json::values(text))?;
+    }
+    Ok(())
+}
+
 impl Content {
     /// Takes bytes; `path` names them in messages.
     pub fn new(bytes: Vec<u8>, path: PathBuf) -> Self {
-        Self { bytes, path }
+        Self { bytes, path, stated: None }
     }
 
-    /// Reads a file; see [`open`].
+    /// Reads a file of at most [`MEMBER_BYTES`]; see [`open`].
     pub fn read(path: &Path) -> Result<Self> {
-        let mut bytes = Vec::new();
-        open(path)?.read_to_end(&mut bytes).map_err(|error| Error::io(path, &error))?;
+        let bytes = read_at_most(open(path)?, &MEMBER_BYTES, path)?;
         Ok(Self::new(bytes, path.to_owned()))
+    }
+
+    /// States width and height of the image that it is: another one is refused before it is decoded.
+    pub fn stated(self, size: [u32; 2]) -> Self {
+        Self { stated: Some(size), ..self }
+    }
+
+    /// Refuses an image by its header: another size than the dataset states, or more than the limits.
+    fn check_header(&self, size: [u32; 2], bytes: Option<u64>) -> Result<()> {
+        let said = |[width, height]: [u32; 2]| format!("{width} × {height}");
+        if let Some(stated) = self.stated.filter(|stated| *stated != size) {
+            return Err(self.refuse(format!("it has {} pixels, its record says {}", said(size), said(stated))));
+        }
+        let of_file = |error: Error| error.in_file(&self.path);
+        IMAGE_PIXELS.check_size(size).map_err(of_file)?;
+        IMAGE_BYTES.check(bytes.unwrap_or(u64::MAX)).map_err(of_file)
     }
 
     /// The bytes.
     pub fn bytes(&self) -> &[u8] {
         &self.bytes
+    }
+
+    /// Decodes it by a library that may panic; see [`guarded`].
+    pub fn guarded<T>(&self, library: &str, decode: impl FnOnce() -> Result<T>) -> Result<T> {
+        guarded(library, &self.path, decode)
+    }
+
+    /// An error of its content, which then names it.
+    pub fn located(&self, error: Error) -> Error {
+        error.in_file(&self.path).permanent()
     }
 
     /// An error that names it.
@@ -156,6 +207,10 @@ impl Content {
     }
 
     fn jpeg(&self) -> Result<Plane<[u8; 3]>> {
+        guarded(JPEG_LIBRARY, &self.path, || self.decode_jpeg())
+    }
+
+    fn decode_jpeg(&self) -> Result<Plane<[u8; 3]>> {
         // The same pixels on every processor.
         let options = DecoderOptions::new_safe().set_strict_mode(true).jpeg_set_out_colorspace(ColorSpace::RGB);
         let mut decoder = JpegDecoder::new_with_options(ZCursor::new(&self.bytes), options);
@@ -169,11 +224,10 @@ impl Content {
                 .help("turn the pixels and the labels alike, and set the orientation to 1"));
         }
         let [width, height] = decoder.dimensions().map_or([0; 2], |(width, height)| [width as u32, height as u32]);
-        if u64::from(width) * u64::from(height) > MAX_PIXELS {
-            return Err(self.refuse(format!("{width} × {height} pixels are too many")));
-        }
+        self.check_header([width, height], Some(3 * u64::from(width) * u64::from(height)))?;
         let samples = decoder.decode().map_err(fail)?;
         let pixels: Vec<[u8; 3]> = samples.as_chunks().0.to_vec();
+        drop(samples);
         if pixels.len() as u64 != u64::from(width) * u64::from(height) {
             return Err(self.refuse(format!("not a color image of {width} × {height} pixels")));
         }
@@ -181,6 +235,10 @@ impl Content {
     }
 
     fn png(&self) -> Result<([u32; 2], Samples)> {
+        guarded(PNG_LIBRARY, &self.path, || self.decode_png())
+    }
+
+    fn decode_png(&self) -> Result<([u32; 2], Samples)> {
         let fail = |error: png::DecodingError| self.refuse(format!("not a readable PNG file: {error}"));
         if self.bytes.is_empty() {
             return Err(self.refuse("the file is empty"));
@@ -195,12 +253,17 @@ impl Content {
         }
         let mut decoder = Decoder::new(Cursor::new(&self.bytes));
         decoder.set_transformations(Transformations::EXPAND);
+        // Nobody reads them, and they unfold to much.
+        decoder.set_ignore_text_chunk(true);
+        decoder.set_ignore_iccp_chunk(true);
+        let header = decoder.read_header_info().map_err(fail)?;
+        let size = [header.width, header.height];
+        // The transparency of a palette, which is known later, at most doubles what follows from the header.
+        self.check_header(size, Some(0))?;
         let mut reader = decoder.read_info().map_err(fail)?;
-        let size = [reader.info().width, reader.info().height];
-        let pixels = u64::from(size[0]) * u64::from(size[1]);
-        let length = reader.output_buffer_size().filter(|_| pixels <= MAX_PIXELS);
-        let too_large = || self.refuse(format!("{} × {} pixels are too many", size[0], size[1]));
-        let mut buffer = vec![0; length.ok_or_else(too_large)?];
+        let length = reader.output_buffer_size();
+        self.check_header(size, length.map(|length| length as u64))?;
+        let mut buffer = vec![0; length.unwrap_or_default()];
         let info = reader.next_frame(&mut buffer).map_err(fail)?;
         buffer.truncate(info.buffer_size());
         let channels = match info.color_type {
@@ -211,7 +274,7 @@ impl Content {
         };
         let samples = match info.bit_depth {
             BitDepth::Sixteen => {
-                let samples = buffer.chunks_exact(2).map(|bytes| u16::from_be_bytes([bytes[0], bytes[1]])).collect();
+                let samples = buffer.as_chunks().0.iter().map(|bytes| u16::from_be_bytes(*bytes)).collect();
                 Samples::Sixteen(samples, channels)
             }
             _ => Samples::Eight(buffer, channels),
@@ -237,6 +300,7 @@ impl Content {
 
     /// JSON as a value: objects are records, in the order of the file.
     pub fn json(&self) -> Result<Value> {
+        check_json(&self.bytes).map_err(|error| error.in_file(&self.path))?;
         let json: serde_json::Value = serde_json::from_slice(&self.bytes)
             .map_err(|error| json::located(&error, None, &[]).in_file(&self.path).permanent())?;
         Value::of(&json)
@@ -267,8 +331,9 @@ impl Content {
         let lengths = shape.map(|(shape, _)| shape.split(',').map(str::trim).filter(|length| !length.is_empty()));
         let lengths = lengths.and_then(|lengths| lengths.map(|length| length.parse().ok()).collect::<Option<Vec<_>>>());
         let shape: Vec<usize> = lengths.ok_or_else(|| refuse(header))?;
-        let count = shape.iter().try_fold(dtype.size(), |product, length| product.checked_mul(*length));
-        if count != Some(data.len()) {
+        let factors: Vec<u64> = shape.iter().map(|length| *length as u64).chain([dtype.size() as u64]).collect();
+        MEMBER_BYTES.check_product(&factors).map_err(|error| error.in_file(&self.path))?;
+        if byte_count(&shape, dtype) != Some(data.len()) {
             return Err(refuse(&format!("{header}, and {} bytes follow", data.len())));
         }
         let axes = match shape.len() {
@@ -292,6 +357,12 @@ impl Content {
             }
         }
     }
+}
+
+/// Bytes of an array; none if no array of these lengths can be, even if one of them is 0.
+pub fn byte_count(shape: &[usize], dtype: DType) -> Option<usize> {
+    let largest = shape.iter().try_fold(dtype.size(), |product, length| product.checked_mul((*length).max(1)))?;
+    Some(if shape.contains(&0) { 0 } else { largest })
 }
 
 /// The tag `Orientation` (0x0112) of the first directory of an EXIF block, from its TIFF header on (Exif 2.32, section 4.6).

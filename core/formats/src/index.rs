@@ -15,6 +15,7 @@ use std::io::{self, BufRead, BufReader, Read, Seek, SeekFrom};
 use std::marker::PhantomData;
 use std::path::{Path, PathBuf};
 use syntable_model::error::{Error, Result};
+use syntable_model::limits::RECORD_BYTES;
 
 /// The byte order mark that some editors put before UTF-8.
 const MARK: [u8; 3] = [0xef, 0xbb, 0xbf];
@@ -80,17 +81,22 @@ impl Indexed {
         let path = path.as_ref();
         let fail = |error: io::Error| Error::io(path, &error);
         let mut file = BufReader::new(File::open(path).map_err(fail)?);
-        let at = Cell::new(0);
+        let (at, until) = (Cell::new(0), Cell::new(u64::MAX));
         if file.fill_buf().map_err(fail)?.starts_with(&MARK) {
             file.consume(MARK.len());
             at.set(MARK.len() as u64);
         }
         let mut index =
             Self { path: path.to_owned(), info: Info::default(), categories: None, ends: Default::default() };
-        let mut json = serde_json::Deserializer::from_reader(Counted { from: file, at: &at });
+        let mut json = serde_json::Deserializer::from_reader(Counted { from: file, at: &at, until: &until });
         let mut track = serde_path_to_error::Track::new();
-        let whole = Whole { at: &at, index: &mut index, each };
+        let whole = Whole { at: &at, until: &until, index: &mut index, each };
         let fail = |error: serde_json::Error, field: Option<String>| match error.io_error_kind() {
+            Some(io::ErrorKind::FileTooLarge) => {
+                let place = field.map_or(String::new(), |field| format!("`{field}`: "));
+                let what = format!("{place}a record has more than the limit of {} bytes", RECORD_BYTES.most);
+                Error::new(what).help(RECORD_BYTES.remedy).at_line(error.line()).in_file(path).permanent()
+            }
             Some(kind) if kind != io::ErrorKind::UnexpectedEof => Error::io(path, &error.into()),
             _ => located(&error, field.as_deref(), &text_from(path, before(at.get()))).in_file(path),
         };
@@ -171,6 +177,8 @@ fn text_from(path: &Path, place: u64) -> Vec<u8> {
 /// Reads a file: an object with sections.
 struct Whole<'w, I, A, S> {
     at: &'w Cell<u64>,
+    /// Where the parser must stop.
+    until: &'w Cell<u64>,
     index: &'w mut Indexed,
     each: &'w mut dyn FnMut(Record<I, A, S>),
 }
@@ -201,7 +209,7 @@ where
     }
 
     fn visit_map<M: MapAccess<'de>>(self, mut map: M) -> Result<(), M::Error> {
-        let Self { at, index, each } = self;
+        let Self { at, until, index, each } = self;
         while let Some(key) = map.next_key::<String>()? {
             let Some(section) = Section::ALL.into_iter().find(|section| section.name() == key) else {
                 match key.as_str() {
@@ -216,9 +224,11 @@ where
                 return Err(M::Error::duplicate_field(section.name()));
             }
             match section {
-                Section::Images => map.next_value_seed(List::of(at, ends, |it| each(Record::Image(it))))?,
-                Section::Annotations => map.next_value_seed(List::of(at, ends, |it| each(Record::Annotation(it))))?,
-                Section::Scenes => map.next_value_seed(List::of(at, ends, |it| each(Record::Scene(it))))?,
+                Section::Images => map.next_value_seed(List::of([at, until], ends, |it| each(Record::Image(it))))?,
+                Section::Annotations => {
+                    map.next_value_seed(List::of([at, until], ends, |it| each(Record::Annotation(it))))?
+                }
+                Section::Scenes => map.next_value_seed(List::of([at, until], ends, |it| each(Record::Scene(it))))?,
             }
         }
         let needed = [Section::Images, Section::Annotations];
@@ -232,14 +242,15 @@ where
 /// Reads a list of records, and where each ends.
 struct List<'l, T, F> {
     at: &'l Cell<u64>,
+    until: &'l Cell<u64>,
     ends: &'l mut Vec<u64>,
     each: F,
     of: PhantomData<T>,
 }
 
 impl<'l, T, F: FnMut(T)> List<'l, T, F> {
-    fn of(at: &'l Cell<u64>, ends: &'l mut Vec<u64>, each: F) -> Self {
-        Self { at, ends, each, of: PhantomData }
+    fn of([at, until]: [&'l Cell<u64>; 2], ends: &'l mut Vec<u64>, each: F) -> Self {
+        Self { at, until, ends, each, of: PhantomData }
     }
 }
 
@@ -259,11 +270,15 @@ impl<'de, T: DeserializeOwned, F: FnMut(T)> Visitor<'de> for List<'_, T, F> {
     }
 
     fn visit_seq<A: SeqAccess<'de>>(mut self, mut list: A) -> Result<(), A::Error> {
+        let bound = || self.until.set(self.at.get().saturating_add(RECORD_BYTES.most));
         self.ends.push(self.at.get());
+        bound();
         while let Some(record) = list.next_element()? {
             self.ends.push(self.at.get());
             (self.each)(record);
+            bound();
         }
+        self.until.set(u64::MAX);
         Ok(())
     }
 }

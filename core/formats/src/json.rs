@@ -34,16 +34,60 @@ fn no_number(from: &[u8]) -> Option<&'static str> {
     NO_NUMBERS.into_iter().find(|word| found(word))
 }
 
-/// Counts the bytes that a parser has taken. It takes no byte beyond the end of an object.
+/// An upper bound of the number of values of a JSON text: elements of lists, fields of objects, and these themselves.
+pub fn values(text: &[u8]) -> u64 {
+    let (mut count, mut in_text, mut is_escaped) = (1, false, false);
+    for byte in text {
+        match byte {
+            _ if is_escaped => is_escaped = false,
+            b'\\' if in_text => is_escaped = true,
+            b'"' => in_text = !in_text,
+            b',' | b'[' | b'{' if !in_text => count += 1,
+            _ => {}
+        }
+    }
+    count
+}
+
+/// Counts the bytes that a parser has taken. It takes no byte beyond the end of an object, and none from `until` on.
 pub(crate) struct Counted<'c, R> {
     pub from: R,
     pub at: &'c Cell<u64>,
+    /// Where the record that is parsed must have ended.
+    pub until: &'c Cell<u64>,
 }
 
 impl<R: Read> Read for Counted<'_, R> {
     fn read(&mut self, bytes: &mut [u8]) -> io::Result<usize> {
+        if self.at.get() >= self.until.get() {
+            return Err(io::ErrorKind::FileTooLarge.into());
+        }
         let count = self.from.read(bytes)?;
         self.at.set(self.at.get() + count as u64);
         Ok(count)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn values_are_counted_outside_of_texts() {
+        for (text, most) in [("7", 1), ("[1,2,3]", 4), (r#"{"a,b":"[\",{","c":[]}"#, 4), (r#""a,b""#, 1), ("", 1)] {
+            assert_eq!(values(text.as_bytes()), most, "{text}");
+        }
+        // No text has more values than are counted.
+        fn of(json: &serde_json::Value) -> u64 {
+            1 + match json {
+                serde_json::Value::Array(values) => values.iter().map(of).sum(),
+                serde_json::Value::Object(fields) => fields.values().map(of).sum(),
+                _ => 0,
+            }
+        }
+        for text in ["[[],[[]],{}]", r#"{"a":{"b":[1,{"c":"}"}]},"d":null}"#, "[[[[1]]]]"] {
+            let json = serde_json::from_str(text).expect("JSON");
+            assert!(of(&json) <= values(text.as_bytes()) + 1, "{text}");
+        }
     }
 }

@@ -9,6 +9,7 @@ use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
 use std::path::Path;
 use syntable_model::error::Result;
+use syntable_model::limits::IMAGE_PIXELS;
 use syntable_model::reader::ImageRef;
 
 /// The record of an image, as files of COCO's structure have it.
@@ -140,6 +141,10 @@ fn by_id(frames: Vec<Frame>, annotations: &[Of], faults: &mut Faults) -> BTreeMa
         frames.len() == annotations.len() && frames.iter().zip(annotations).all(|(frame, it)| frame.id == it.image);
     let mut by_id: BTreeMap<u64, Listed> = BTreeMap::new();
     for (record, frame) in (0..).zip(frames) {
+        if let Err(error) = IMAGE_PIXELS.check_size([frame.width, frame.height]) {
+            faults.lost("readable", format!("image {}", frame.id), &format!("{error}: the image is left out"));
+            continue;
+        }
         match by_id.entry(frame.id) {
             Entry::Occupied(first) if first.get().frame != frame || !repeats => {
                 faults.add("unique_ids", format!("image {}", frame.id), "two images have this id");

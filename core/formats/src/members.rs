@@ -8,9 +8,8 @@ use std::io::{Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use syntable_model::error::{Error, Result};
-
-/// Most bytes of a member of an archive that is read as a whole.
-pub const MAX_BYTES: u64 = 1 << 31;
+use syntable_model::limits::{ARCHIVE_MEMBERS, MEMBER_BYTES};
+use syntable_model::panics::guarded;
 
 /// A file in a tar file.
 #[derive(Debug, Clone)]
@@ -26,9 +25,7 @@ impl Member {
     /// Its bytes.
     pub fn content(&self) -> Result<Content> {
         let fail = |error| Error::io(self.path(), &error);
-        if self.size > MAX_BYTES {
-            return Err(Error::new(format!("{} bytes are too many", self.size)).in_file(self.path()).permanent());
-        }
+        MEMBER_BYTES.check(self.size).map_err(|error| error.in_file(self.path()))?;
         let mut bytes = vec![0; self.size as usize];
         let mut archive = File::open(&self.archive).map_err(fail)?;
         archive.seek(SeekFrom::Start(self.at)).and_then(|_| archive.read_exact(&mut bytes)).map_err(fail)?;
@@ -90,7 +87,8 @@ pub fn samples(archives: &[PathBuf], faults: &mut Faults) -> BTreeMap<(u32, u32)
 /// The files in a tar file, in its order, up to where it is damaged, and the damage. Contents are skipped, not read.
 pub fn members(archive: &Path) -> (Vec<Member>, Option<Error>) {
     let mut found = Vec::new();
-    let damage = collect(archive, usize::MAX, &mut found).err();
+    let damage = collect(archive, ARCHIVE_MEMBERS.most as usize + 1, &mut found).err();
+    let damage = damage.or_else(|| ARCHIVE_MEMBERS.check(found.len() as u64).err().map(|error| error.in_file(archive)));
     (found, damage)
 }
 
@@ -103,6 +101,10 @@ pub fn first(archive: &Path, count: usize) -> Vec<Member> {
 }
 
 fn collect(path: &Path, most: usize, found: &mut Vec<Member>) -> Result<()> {
+    guarded("the library that reads tar files", path, || list(path, most, found))
+}
+
+fn list(path: &Path, most: usize, found: &mut Vec<Member>) -> Result<()> {
     let fail = |error: std::io::Error| match error.kind() {
         // That a file ends early, or is no archive, says something about the file.
         std::io::ErrorKind::UnexpectedEof | std::io::ErrorKind::Other | std::io::ErrorKind::InvalidData => {

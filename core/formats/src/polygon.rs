@@ -20,8 +20,12 @@ pub fn rasterize(outline: &[f64], width: u32, height: u32) -> Result<Mask> {
     if let Some(wrong) = outline.iter().find(|value| value.is_nan() || value.abs() > LARGEST) {
         return Err(Error::new(format!("a polygon has the coordinate {wrong}; the largest is {LARGEST} px")));
     }
-    let trace = trace(outline.as_chunks().0);
-    let mut flips: Vec<u32> = trace.windows(2).filter_map(|step| crossing(step[0], step[1], width, height)).collect();
+    let mut flips: Vec<u32> = Vec::new();
+    let mut before: Option<[i64; 2]> = None;
+    trace(outline.as_chunks().0, |point| {
+        flips.extend(before.and_then(|before| crossing(before, point, width, height)));
+        before = Some(point);
+    });
     flips.sort_unstable();
     // Two changes at one pixel cancel each other.
     let mut changes: Vec<u32> = Vec::with_capacity(flips.len());
@@ -35,27 +39,42 @@ pub fn rasterize(outline: &[f64], width: u32, height: u32) -> Result<Mask> {
     Ok(Mask::from_flips(width, height, &changes))
 }
 
-/// Points of the closed outline on the fine grid, one step apart along the longer axis of each edge.
-fn trace(points: &[[f64; 2]]) -> Vec<[i64; 2]> {
-    let grid = |point: &[f64; 2]| point.map(|value| (FINE * value + 0.5) as i64);
-    let corners: Vec<[i64; 2]> = points.iter().chain(&points[..1]).map(grid).collect();
-    let mut trace = Vec::new();
-    for edge in corners.windows(2) {
+/// A point on the fine grid.
+fn grid(point: &[f64; 2]) -> [i64; 2] {
+    point.map(|value| (FINE * value + 0.5) as i64)
+}
+
+/// The corners of a closed outline on the fine grid, from one to the next.
+fn edges(points: &[[f64; 2]]) -> impl Iterator<Item = [[i64; 2]; 2]> {
+    let next = points.iter().cycle().skip(1);
+    points.iter().zip(next).map(|(from, to)| [grid(from), grid(to)])
+}
+
+/// Number of steps of the trace of an outline, as far as its coordinates are within what [`rasterize`] takes.
+pub fn steps(outline: &[f64]) -> u64 {
+    let within = |value: f64| value.clamp(-LARGEST, LARGEST);
+    let of = |[from, to]: [[i64; 2]; 2]| from[0].abs_diff(to[0]).max(from[1].abs_diff(to[1])) + 1;
+    let points: Vec<[f64; 2]> = outline.as_chunks().0.iter().map(|point: &[f64; 2]| point.map(within)).collect();
+    edges(&points).map(of).sum()
+}
+
+/// Gives the points of the closed outline on the fine grid, one step apart along the longer axis of each edge.
+fn trace(points: &[[f64; 2]], mut each: impl FnMut([i64; 2])) {
+    for edge in edges(points) {
         let steps = [0, 1].map(|axis| edge[1][axis].abs_diff(edge[0][axis]) as i64);
         let long = usize::from(steps[0] < steps[1]);
         // Edges are walked upwards, so that an edge has the same points in both directions.
         let backward = edge[0][long] > edge[1][long];
         let (from, to) = if backward { (edge[1], edge[0]) } else { (edge[0], edge[1]) };
         let slope = (to[1 - long] - from[1 - long]) as f64 / steps[long].max(1) as f64;
-        trace.extend((0..=steps[long]).map(|step| {
+        for step in 0..=steps[long] {
             let t = if backward { steps[long] - step } else { step };
             let mut point = [0; 2];
             point[long] = from[long] + t;
             point[1 - long] = (from[1 - long] as f64 + slope * t as f64 + 0.5) as i64;
-            point
-        }));
+            each(point);
+        }
     }
-    trace
 }
 
 /// The position `x · height + y` from which on the mask changes, if a step of the trace passes a column's center.

@@ -6,11 +6,12 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use syntable_model::error::{Error, Result};
 use syntable_model::geometry::Pose;
+use syntable_model::limits::ORDERED;
 use syntable_model::product::standard::{
     AMODAL_BOX, AMODAL_MASK, CATEGORY_ID, OCCLUSION_MASK, OCCLUSION_ORDER, OCCLUSION_RATE, VISIBLE_BOX, VISIBLE_MASK,
 };
 use syntable_model::product::{
-    BBox, Key, KeyId, Mask, OcclusionOrder, PerInstance, PixelCounts, Plane, Product, Products, Value,
+    BBox, Key, KeyId, Mask, OcclusionOrder, PerInstance, PixelCounts, Plane, Product, Products, Value, meeting_boxes,
 };
 use syntable_model::reader::{DatasetFault, ImageRef};
 use syntable_model::scene::{Camera, Exposure, InstanceId, Intrinsics, SceneId, View, ViewId};
@@ -116,6 +117,7 @@ pub fn put(labels: &[Labels], order: Option<OcclusionOrder>, wants: &[KeyId], pr
     of.each(OCCLUSION_MASK, Labels::hidden)?;
     of.each(OCCLUSION_RATE, Labels::hidden_rate)?;
     if wants.contains(&OCCLUSION_ORDER.id()) {
+        ORDERED.check(labels.len() as u64)?;
         products.put(OCCLUSION_ORDER, order.unwrap_or_else(|| order_of(labels)))?;
     }
     Ok(())
@@ -216,17 +218,14 @@ pub fn order_by(
     objects: &[(InstanceId, &Mask, Option<&Mask>)],
     occludes: impl Fn(&Mask, &Mask) -> bool,
 ) -> OcclusionOrder {
-    let boxes: Vec<BBox> = objects.iter().map(|it| it.1.bbox()).collect();
+    let visible: Vec<BBox> = objects.iter().map(|it| it.1.bbox()).collect();
+    let hidden: Vec<BBox> = objects.iter().map(|it| it.2.map(Mask::bbox).unwrap_or_default()).collect();
     let mut order = OcclusionOrder::new(objects.iter().map(|it| it.0).collect());
-    for (column, &(_, _, hidden)) in objects.iter().enumerate() {
-        let Some(hidden) = hidden.filter(|hidden| !hidden.is_empty()) else { continue };
-        let area = hidden.bbox();
-        for (row, &(_, visible, _)) in objects.iter().enumerate().filter(|(row, _)| *row != column) {
-            if boxes[row].meets(&area) && occludes(visible, hidden) {
-                order.set(row, column);
-            }
+    meeting_boxes(&visible, &hidden, |row, column| {
+        if row != column && objects[column].2.is_some_and(|hidden| occludes(objects[row].1, hidden)) {
+            order.set(row, column);
         }
-    }
+    });
     order
 }
 

@@ -4,13 +4,13 @@
 //! them, is the same for all.
 
 use crate::coco::Category;
-use crate::decode::MAX_PIXELS;
 use crate::read::{self, Categories, Faults, Known, Labels};
 use std::collections::btree_map::Entry;
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
 use syntable_model::error::{Error, Result};
+use syntable_model::limits::IMAGE_PIXELS;
 use syntable_model::product::standard::{
     AMODAL_BITS, AMODAL_BOX, AMODAL_MASK, CAMERA, CATEGORY_ID, OBJECT_NAME, OCCLUSION_ORDER, OCCLUSION_RATE,
     VISIBILITY, VISIBLE_BOX, VISIBLE_IDS, VISIBLE_MASK,
@@ -408,9 +408,7 @@ fn size_of(value: &Value) -> Option<[u32; 2]> {
 /// Refuses images and masks of another size than the view, and such as no image has.
 fn check_sizes(fields: &Fields, keys: &[KeyId], [width, height]: [u32; 2]) -> Result<()> {
     let refuse = |what: String| Err(Error::new(what).permanent());
-    if u64::from(width) * u64::from(height) > MAX_PIXELS {
-        return refuse(format!("{width} × {height} pixels are too many"));
-    }
+    IMAGE_PIXELS.check_size([width, height])?;
     let of_pixels = |key: &&KeyId| matches!(key.form().of_one(), Form::Mask | Form::Image { .. });
     for key in keys.iter().filter(of_pixels) {
         let Some(value) = fields.get(&key.name.to_string()) else { continue };

@@ -5,6 +5,7 @@ use serde::de::Error as _;
 use serde::{Deserialize, Deserializer, Serialize};
 use serde_json::Value as Json;
 use syntable_model::error::{Error, Result};
+use syntable_model::limits::{IMAGE_PIXELS, OUTLINE_STEPS};
 use syntable_model::product::Mask;
 
 /// A mask as compressed run lengths. The runs go down the columns and start with the number of unset pixels.
@@ -76,11 +77,10 @@ impl Segmentation {
             Self::Uncompressed(rle) => rle.decode()?,
             Self::Polygons(outlines) => {
                 checked([height, width])?;
-                let mut union = Mask::empty(width, height);
-                for outline in outlines {
-                    union = union.or(&polygon::rasterize(outline, width, height)?);
-                }
-                union
+                OUTLINE_STEPS
+                    .check(outlines.iter().map(|outline| polygon::steps(outline)).fold(0, u64::saturating_add))?;
+                let masks = outlines.iter().map(|outline| polygon::rasterize(outline, width, height));
+                union(masks.collect::<Result<_>>()?).unwrap_or_else(|| Mask::empty(width, height))
             }
         };
         if (mask.width(), mask.height()) == (width, height) {
@@ -109,10 +109,21 @@ impl<'de> Deserialize<'de> for Segmentation {
     }
 }
 
-/// `[width, height]` of a size whose pixels can be counted.
+/// `[width, height]` of a size that an image may have.
 fn checked([height, width]: [u32; 2]) -> Result<[u32; 2]> {
-    match width.checked_mul(height) {
-        Some(_) => Ok([width, height]),
-        None => Err(Error::new(format!("the size [{height}, {width}] is more than 4,294,967,295 pixels"))),
+    IMAGE_PIXELS.check_size([width, height])?;
+    Ok([width, height])
+}
+
+/// The pixels of any of the masks, which are of one size; none if there is no mask. Neighbors are joined first, so that every
+/// run is looked at as often as the masks can be halved.
+pub fn union(mut masks: Vec<Mask>) -> Option<Mask> {
+    while masks.len() > 1 {
+        let joined = masks.chunks(2).map(|pair| match pair {
+            [one, other] => one.or(other),
+            _ => pair[0].clone(),
+        });
+        masks = joined.collect();
     }
+    masks.pop()
 }

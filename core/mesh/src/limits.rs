@@ -5,13 +5,8 @@
 
 use std::sync::atomic::{AtomicU64, Ordering};
 use syntable_model::error::{Error, Result};
+use syntable_model::limits::IMAGE_PIXELS;
 use syntable_model::stage::AssetLimits;
-
-/// Maximum size of a file that belongs to no asset, such as a list, bytes.
-pub const MAX_FILE_BYTES: u64 = 1 << 30;
-
-/// Maximum number of pixels of one image, whatever an asset may take.
-const MAX_IMAGE_PIXELS: u64 = 128 << 20;
 
 /// Counts what one asset takes against its limits.
 #[derive(Debug, Default)]
@@ -45,9 +40,9 @@ impl Budget {
             let message = format!("{width} x {height} pixels are more than the limit of {max_side} per side");
             return Err(Error::new(message).help("downscale the image"));
         }
-        if width * height > MAX_IMAGE_PIXELS {
+        if width * height > IMAGE_PIXELS.most {
             let message =
-                format!("{width} x {height} pixels are more than the limit of {MAX_IMAGE_PIXELS} in one image");
+                format!("{width} x {height} pixels are more than the limit of {} in one image", IMAGE_PIXELS.most);
             return Err(Error::new(message).help("downscale the image"));
         }
         let limit = self.limits.megapixels;
@@ -82,7 +77,7 @@ impl Budget {
 
     /// Maximum number of bytes that an image of this asset takes in a decoder.
     pub fn image_bytes(&self) -> u64 {
-        self.limits.megapixels.saturating_mul(1_000_000).min(MAX_IMAGE_PIXELS).saturating_mul(8)
+        self.limits.megapixels.saturating_mul(1_000_000).min(IMAGE_PIXELS.most).saturating_mul(8)
     }
 }
 

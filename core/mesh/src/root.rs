@@ -5,7 +5,7 @@
 //! names that leave the folder by `..` only the last parts count, inside the folder; network addresses are refused;
 //! links are followed by the file system and refused if they lead out. A refused file is never opened.
 
-use crate::limits::{Budget, MAX_FILE_BYTES};
+use crate::limits::Budget;
 use crate::scan::list;
 use crate::text::shorten;
 use std::fs;
@@ -13,6 +13,7 @@ use std::io::Read;
 use std::path::{Component, Path, PathBuf};
 use std::sync::Arc;
 use syntable_model::error::{Error, Result};
+use syntable_model::limits::LIST_BYTES;
 use syntable_model::stage::AssetLimits;
 
 /// Maximum number of parts of a path that are looked for inside the root.
@@ -184,12 +185,9 @@ impl AssetRoot {
     }
 }
 
-/// Reads a whole file that belongs to no asset: regular, not empty, at most [`MAX_FILE_BYTES`]. The error names it.
+/// Reads a whole file that belongs to no asset: regular, not empty, at most [`LIST_BYTES`]. The error names it.
 pub fn read_file(path: &Path) -> Result<Vec<u8>> {
-    read(path, &|bytes| match bytes > MAX_FILE_BYTES {
-        true => Err(Error::new(format!("{bytes} bytes are more than the {MAX_FILE_BYTES} that are allowed"))),
-        false => Ok(()),
-    })
+    read(path, &|bytes| LIST_BYTES.check(bytes))
 }
 
 fn read(path: &Path, allow: &dyn Fn(u64) -> Result<()>) -> Result<Vec<u8>> {

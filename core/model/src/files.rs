@@ -5,7 +5,7 @@ use std::io::{Error, ErrorKind, Read, Result};
 use std::path::Path;
 
 /// Largest file that [`read_small`] reads, bytes.
-const LARGEST: u64 = 64 << 20;
+const LARGEST: u64 = crate::limits::SMALL_FILE_BYTES.most;
 
 /// Reads a recipe, a list or a template. Refuses what is no regular file, such as a device or a FIFO, which may never
 /// end, and files above 64 MiB.

@@ -2,6 +2,7 @@
 
 use crate::context::Log;
 use crate::error::{Error, Result};
+use crate::panics::guarded;
 use std::path::Path;
 
 /// Knows one kind of asset file or folder. Registered with [`register_inspector!`](crate::register_inspector).
@@ -51,7 +52,8 @@ pub fn inspect(path: &Path, log: &dyn Log) -> Result<(&'static str, Inspection)>
             .in_file(path)
             .help(format!("known are: {}", known.join(", "))));
     };
-    (inspector.inspect)(path, log).map(|inspection| (inspector.name, inspection))
+    let reader = format!("the reader of {}", inspector.name);
+    guarded(&reader, path, || (inspector.inspect)(path, log)).map(|inspection| (inspector.name, inspection))
 }
 
 /// Registers inspectors.

@@ -4,10 +4,12 @@
 //! does not know where they came from. Registered with [`register_format!`](crate::register_format).
 
 use crate::error::{Error, Result};
+use crate::panics::guarded;
 use crate::product::{KeyId, Mask, Products};
 use crate::scene::{SceneId, View, ViewId};
 use crate::stage::DatasetInfo;
 use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
 
 /// A format of datasets that can be read.
 #[derive(Clone, Copy)]
@@ -19,7 +21,7 @@ pub struct Format {
     /// Whether a folder looks like one, or a file like the annotation file of one.
     pub detect: fn(&Path) -> bool,
     /// Opens a dataset by its folder, or by an annotation file of it. An error says that there is none, or that nothing of it
-    /// can be read.
+    /// can be read. Callers use [`Format::open`].
     pub open: fn(&Path) -> Result<Box<dyn DatasetReader>>,
     /// Whether it holds products under their names, as generic writers write them. Beside a dataset of a layout, that one is
     /// opened.
@@ -29,6 +31,21 @@ pub struct Format {
 }
 
 inventory::collect!(Format);
+
+impl Format {
+    /// Opens a dataset. A panic of its reader, then and later, becomes an error that names the dataset: a reader may use
+    /// libraries that panic on damaged files.
+    pub fn open(&self, root: &Path) -> Result<Box<dyn DatasetReader>> {
+        let reader = format!("the reader of {}", self.name);
+        let inner = guarded(&reader, root, || (self.open)(root))?;
+        Ok(Box::new(Guarded { inner, reader, root: root.to_owned(), failed: OnceLock::new() }))
+    }
+
+    /// Whether a folder or a file looks like a dataset of the format. One on which the reader panics does not.
+    fn detects(&self, path: &Path) -> bool {
+        guarded(&format!("the reader of {}", self.name), path, || Ok((self.detect)(path))).unwrap_or(false)
+    }
+}
 
 /// Registers formats.
 #[macro_export]
@@ -48,7 +65,7 @@ pub fn linked() -> Vec<Format> {
 /// Opens a dataset: of the format of a name, or of the one that it looks like.
 pub fn open(root: &Path, format: Option<&str>) -> Result<(Format, Box<dyn DatasetReader>)> {
     let (format, root) = find(root, format)?;
-    Ok((format, (format.open)(&root)?))
+    Ok((format, format.open(&root)?))
 }
 
 /// Finds the format of a dataset, and its folder or annotation file, without opening it: a folder that only holds a dataset is
@@ -73,7 +90,7 @@ pub fn find(root: &Path, format: Option<&str>) -> Result<(Format, PathBuf)> {
     // A dataset of a layout comes before what holds products under their names, wherever it is.
     for is_generic in [false, true] {
         let those = || formats.iter().filter(move |it| it.is_generic == is_generic);
-        let found: Vec<&Format> = those().filter(|it| (it.detect)(root)).collect();
+        let found: Vec<&Format> = those().filter(|it| it.detects(root)).collect();
         match found.as_slice() {
             [only] => return Ok((**only, root.to_owned())),
             [] => {}
@@ -85,7 +102,7 @@ pub fn find(root: &Path, format: Option<&str>) -> Result<(Format, PathBuf)> {
             }
         }
         let entries = std::fs::read_dir(root).into_iter().flatten().flatten().map(|entry| entry.path());
-        let is_one = |path: &PathBuf| path.is_dir() && those().any(|it| (it.detect)(path));
+        let is_one = |path: &PathBuf| path.is_dir() && those().any(|it| it.detects(path));
         let mut inside: Vec<PathBuf> = entries.filter(is_one).collect();
         inside.sort();
         match inside.as_slice() {
@@ -166,6 +183,90 @@ pub trait DatasetReader: Send + Sync {
     }
 }
 
+/// A reader whose panics become errors.
+struct Guarded {
+    inner: Box<dyn DatasetReader>,
+    /// Its name in messages.
+    reader: String,
+    root: PathBuf,
+    /// The fault of a reader that panicked while it looked for faults.
+    failed: OnceLock<Vec<DatasetFault>>,
+}
+
+impl Guarded {
+    /// The result of a call, or what stands for it if the reader panics, given the error.
+    fn call<T>(&self, work: impl FnOnce() -> T, failed: impl FnOnce(Error) -> T) -> T {
+        guarded(&self.reader, &self.root, || Ok(work())).unwrap_or_else(failed)
+    }
+
+    fn faults_or_failure<'s>(&'s self, work: impl FnOnce() -> &'s [DatasetFault]) -> &'s [DatasetFault] {
+        self.call(work, |error| {
+            self.failed.get_or_init(|| {
+                let place = self.root.display().to_string();
+                vec![DatasetFault { check: "readable", place, message: error.to_string(), is_lost: false }]
+            })
+        })
+    }
+}
+
+impl DatasetReader for Guarded {
+    fn info(&self) -> &DatasetInfo {
+        self.inner.info()
+    }
+
+    fn images(&self) -> &[ImageRef] {
+        self.inner.images()
+    }
+
+    fn offers(&self) -> Vec<KeyId> {
+        self.inner.offers()
+    }
+
+    fn read(&self, image: usize, wants: &[KeyId]) -> Result<(View, Products)> {
+        guarded(&self.reader, &self.root, || self.inner.read(image, wants))
+    }
+
+    fn faults(&self) -> &[DatasetFault] {
+        self.faults_or_failure(|| self.inner.faults())
+    }
+
+    fn faults_of_opening(&self) -> &[DatasetFault] {
+        self.faults_or_failure(|| self.inner.faults_of_opening())
+    }
+
+    fn left_out(&self, reads: &[KeyId]) -> Vec<Error> {
+        self.call(|| self.inner.left_out(reads), |error| vec![error])
+    }
+
+    fn image_faults(&self, image: usize) -> Vec<(&'static str, String)> {
+        self.call(|| self.inner.image_faults(image), |error| vec![("readable", error.to_string())])
+    }
+
+    fn derived(&self) -> Vec<KeyId> {
+        self.inner.derived()
+    }
+
+    fn alike(&self) -> Vec<[KeyId; 2]> {
+        self.inner.alike()
+    }
+
+    fn lists_all_images(&self) -> bool {
+        self.inner.lists_all_images()
+    }
+
+    fn crowds(&self, image: usize) -> Result<Vec<Crowd>> {
+        guarded(&self.reader, &self.root, || self.inner.crowds(image))
+    }
+
+    fn category(&self, own: u64) -> Option<u32> {
+        self.inner.category(own)
+    }
+
+    fn caveats(&self, reads: &[KeyId]) -> Vec<String> {
+        self.call(|| self.inner.caveats(reads), |error| vec![error.to_string()])
+    }
+}
+
 /// An image of a dataset.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ImageRef {
@@ -199,4 +300,82 @@ pub struct DatasetFault {
     pub message: String,
     /// Whether images are left out for it: they cannot be read, or not told apart.
     pub is_lost: bool,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A reader that panics in all that reads files.
+    struct Panicking(DatasetInfo);
+
+    impl DatasetReader for Panicking {
+        fn info(&self) -> &DatasetInfo {
+            &self.0
+        }
+        fn images(&self) -> &[ImageRef] {
+            &[]
+        }
+        fn offers(&self) -> Vec<KeyId> {
+            Vec::new()
+        }
+        fn read(&self, image: usize, _: &[KeyId]) -> Result<(View, Products)> {
+            panic!("image {image}")
+        }
+        fn faults(&self) -> &[DatasetFault] {
+            panic!("faults")
+        }
+        fn image_faults(&self, _: usize) -> Vec<(&'static str, String)> {
+            panic!("faults of an image")
+        }
+        fn crowds(&self, _: usize) -> Result<Vec<Crowd>> {
+            panic!("crowds")
+        }
+        fn left_out(&self, _: &[KeyId]) -> Vec<Error> {
+            panic!("left out")
+        }
+    }
+
+    #[test]
+    fn panics_of_readers_are_errors_that_name_the_dataset() {
+        let format = |open| Format {
+            name: "odd",
+            doc: "",
+            detect: |_| panic!("detect"),
+            open,
+            is_generic: false,
+            crate_name: "test",
+        };
+        let root = Path::new("data/set");
+        let says = |text: &str, what: &str| {
+            assert!(
+                text.contains("data/set: the reader of odd failed on it: panicked at ") && text.contains(what),
+                "{text}"
+            );
+        };
+        let error = format(|_| panic!("opening")).open(root).err().expect("refused");
+        says(&error.to_string(), "opening");
+        assert!(!format(|_| panic!("opening")).detects(root));
+        let opened = format(|_| {
+            let info = DatasetInfo {
+                name: String::new(),
+                seed: 0,
+                scenes: 0,
+                views_per_scene: 0,
+                recipe: String::new(),
+                program: String::new(),
+                classes: Vec::new(),
+                own_categories: Vec::new(),
+                label_surface: crate::stage::LabelSurface::First,
+            };
+            Ok(Box::new(Panicking(info)))
+        })
+        .open(root)
+        .expect("opens");
+        says(&opened.read(3, &[]).err().expect("refused").to_string(), "image 3");
+        says(&opened.faults()[0].message, "faults");
+        says(&opened.image_faults(0)[0].1, "faults of an image");
+        says(&opened.crowds(0).expect_err("refused").to_string(), "crowds");
+        says(&opened.left_out(&[])[0].to_string(), "left out");
+    }
 }

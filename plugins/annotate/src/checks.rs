@@ -11,7 +11,7 @@ use syntable_model::product::standard::{
     AMODAL_BOX, AMODAL_MASK, CAMERA, DEPTH, LABEL_POLICY, OBJECT_INFO, OCCLUSION_MASK, OCCLUSION_ORDER, OCCLUSION_RATE,
     RGB, VISIBILITY, VISIBLE_BOX, VISIBLE_MASK,
 };
-use syntable_model::product::{BBox, Product};
+use syntable_model::product::{BBox, OcclusionOrder, Product, meeting_boxes};
 use syntable_model::register_check;
 
 /// Distance by which a depth may differ from what a pose says, m: files have whole millimeters.
@@ -290,23 +290,36 @@ where
 
 fn disjoint(products: &Products) -> Result<Vec<String>> {
     let masks = products.get(VISIBLE_MASK)?;
-    let mut union: Option<Mask> = None;
+    let Some(size) = masks.iter().next().map(|(_, first)| [first.width(), first.height()]) else {
+        return Ok(Vec::new());
+    };
+    // Pixels of the masks so far, in the order of runs.
+    let mut taken = vec![0_u64; (size[0] as usize * size[1] as usize).div_ceil(64)];
     let mut faults = Vec::new();
     for (id, mask) in masks.iter() {
-        let Some(before) = union.take() else {
-            union = Some(mask.clone());
-            continue;
-        };
-        if (before.width(), before.height()) != (mask.width(), mask.height()) {
+        if size != [mask.width(), mask.height()] {
             return Ok(vec![format!("instance {id}: its mask is not of the size of the others")]);
         }
-        let shared = before.and(mask).area();
+        let shared: u32 = mask.runs().map(|run| take(&mut taken, run)).sum();
         if shared > 0 {
             faults.push(format!("instance {id}: {shared} of its visible pixels are those of other objects, too"));
         }
-        union = Some(before.or(mask));
     }
     Ok(faults)
+}
+
+/// Sets a range of bits, and gives the number of those that were set before.
+fn take(bits: &mut [u64], range: std::ops::Range<u32>) -> u32 {
+    let (mut start, mut before) = (range.start, 0);
+    while start < range.end {
+        let (word, first) = ((start / 64) as usize, start % 64);
+        let count = (64 - first).min(range.end - start);
+        let own = (u64::MAX >> (64 - count)) << first;
+        before += (bits[word] & own).count_ones();
+        bits[word] |= own;
+        start += count;
+    }
+    before
 }
 
 fn rates(products: &Products) -> Result<Vec<String>> {
@@ -328,20 +341,34 @@ fn rates(products: &Products) -> Result<Vec<String>> {
 fn order(products: &Products) -> Result<Vec<String>> {
     let (visible, occlusion) = (products.get(VISIBLE_MASK)?, products.get(OCCLUSION_MASK)?);
     let order = products.get(OCCLUSION_ORDER)?;
-    let mut faults = Vec::new();
-    for (row, &one) in order.ids().iter().enumerate() {
-        if order.occludes(row, row) {
-            faults.push(format!("the order says that instance {one} occludes itself"));
+    let ids = order.ids();
+    if let Some(id) = ids.iter().find(|id| visible.get(**id).is_none() || occlusion.get(**id).is_none()) {
+        return Ok(vec![format!("instance {id} is in the order and has no mask")]);
+    }
+    let of = |masks: &PerInstance<Mask>| ids.iter().filter_map(|id| masks.get(*id).cloned()).collect::<Vec<Mask>>();
+    let (visible, occlusion) = (of(visible), of(occlusion));
+    let boxes = |masks: &[Mask]| masks.iter().map(Mask::bbox).collect::<Vec<_>>();
+    let mut expected = OcclusionOrder::new(ids.to_vec());
+    meeting_boxes(&boxes(&visible), &boxes(&occlusion), |row, column| {
+        if row != column && visible[row].shared_area(&occlusion[column]) > 0 {
+            expected.set(row, column);
         }
-        for (column, &other) in order.ids().iter().enumerate().filter(|(column, _)| *column != row) {
-            let (Some(front), Some(hidden)) = (visible.get(one), occlusion.get(other)) else {
-                return Ok(vec![format!("instances {one} and {other} are in the order, and one of them has no mask")]);
-            };
-            let meets = !front.and(hidden).is_empty();
-            if order.occludes(row, column) != meets {
-                let says = if meets { "does not say that" } else { "says that" };
-                faults.push(format!("the order {says} instance {one} occludes instance {other}"));
-            }
+    });
+    let mut faults = Vec::new();
+    for row in 0..ids.len() {
+        let [said, own] = [order, &expected].map(|order| &order.matrix()[row * ids.len()..][..ids.len()]);
+        // Most rows are equal, and whole rows are compared fast.
+        if said == own {
+            continue;
+        }
+        let one = ids[row];
+        for column in (0..ids.len()).filter(|&column| said[column] != own[column]) {
+            let other = ids[column];
+            let says = if own[column] { "does not say that" } else { "says that" };
+            faults.push(match column == row {
+                true => format!("the order says that instance {one} occludes itself"),
+                false => format!("the order {says} instance {one} occludes instance {other}"),
+            });
         }
     }
     Ok(faults)
@@ -446,4 +473,25 @@ fn product(a: &[[f64; 4]; 4], b: &[[f64; 4]; 4]) -> [[f64; 4]; 4] {
 fn json<T: Product>(products: &Products, key: Key<T>) -> Result<Json> {
     let value = products.value(key.name())?;
     serde_json::to_value(value).map_err(|error| Error::new(format!("product `{}`: {error}", key.name())))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bits_are_taken_once() {
+        let mut stream = Stream::root(4);
+        for _ in 0..200 {
+            let (mut bits, mut all) = (vec![0_u64; 4], vec![false; 256]);
+            for _ in 0..6 {
+                let start = stream.below(256) as u32;
+                let end = start + stream.below(u64::from(257 - start)) as u32;
+                let before = all[start as usize..end as usize].iter().filter(|bit| **bit).count() as u32;
+                all[start as usize..end as usize].fill(true);
+                assert_eq!(take(&mut bits, start..end), before, "{start}..{end}");
+            }
+            assert!(all.iter().enumerate().all(|(at, bit)| (bits[at / 64] >> (at % 64) & 1 == 1) == *bit));
+        }
+    }
 }

@@ -177,11 +177,6 @@ impl DatasetReader for LabelMaps {
 
 /// A mask of one object: all pixels that are not 0.
 fn mask(path: &Path, [width, height]: [u32; 2]) -> Result<Mask> {
-    let plane = decode::gray(path)?;
-    if [plane.width(), plane.height()] != [width, height] {
-        let message =
-            format!("the mask has {} × {} pixels, its label map {width} × {height}", plane.width(), plane.height());
-        return Err(Error::new(message).in_file(path).help("write masks of the size of the image").permanent());
-    }
+    let plane = decode::gray_of_size(path, [width, height])?;
     Ok(Mask::from_fn(width, height, |x, y| *plane.at(x, y) > 0))
 }

@@ -6,10 +6,12 @@ use hdf5_pure::{Datatype, DatatypeByteOrder, File};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use syntable_formats::coco::Category;
+use syntable_formats::decode::{self, byte_count};
 use syntable_formats::include;
-use syntable_formats::members::MAX_BYTES;
 use syntable_formats::read::{self, Faults, place_in_name};
 use syntable_formats::samples::{self, Contents, Fields, Samples};
+use syntable_model::limits::MEMBER_BYTES;
+use syntable_model::panics::guarded;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{CATEGORY_ID, INSTANCE, NORMAL, OBJECT_NAME, RGB, VISIBLE_IDS};
 use syntable_model::product::{DType, Tensor};
@@ -141,6 +143,9 @@ fn is_half(of: &Datatype) -> bool {
     matches!(of, Datatype::FloatingPoint { size: 2, byte_order: DatatypeByteOrder::LittleEndian, .. })
 }
 
+/// What the library is called when it fails.
+const LIBRARY: &str = "the library that reads HDF5";
+
 /// A file that is open.
 struct View {
     file: File,
@@ -151,6 +156,11 @@ struct View {
 
 impl View {
     fn open(path: &Path) -> Result<Self> {
+        decode::open(path)?;
+        guarded(LIBRARY, path, || Self::opened(path))
+    }
+
+    fn opened(path: &Path) -> Result<Self> {
         let fail = |error: hdf5_pure::Error| {
             Error::new(format!("not a readable HDF5 file: {error}")).in_file(path).permanent()
         };
@@ -203,6 +213,10 @@ impl View {
 
     /// A product.
     fn field(&self, name: &str) -> Result<Value> {
+        guarded(LIBRARY, &self.path, || self.decoded(name))
+    }
+
+    fn decoded(&self, name: &str) -> Result<Value> {
         // What is included under its own name counts first.
         if self.names.contains(name) {
             return self.included(name);
@@ -259,10 +273,10 @@ impl View {
         let dataset = self.file.dataset(name).map_err(fail)?;
         let lengths = dataset.shape().map_err(fail)?;
         let size = dataset.element_size().map_err(fail)?;
-        let bytes = lengths.iter().try_fold(size, |bytes, length| bytes.checked_mul(*length));
-        if bytes.is_none_or(|bytes| bytes > MAX_BYTES) {
-            return Err(self.refuse(name, &format!("{lengths:?} elements of {size} bytes are too many")));
-        }
+        let factors: Vec<u64> = lengths.iter().copied().chain([size]).collect();
+        MEMBER_BYTES
+            .check_product(&factors)
+            .map_err(|error| error.context(format!("dataset `{name}` of shape {lengths:?}")).in_file(&self.path))?;
         Ok(dataset)
     }
 
@@ -301,7 +315,7 @@ impl View {
             Stored::Other(other) if is_half(&other) => (DType::F16, dataset.read_raw().map_err(fail)?),
             other => return Err(self.refuse(name, &format!("elements of type {other} are not read"))),
         };
-        if shape.iter().product::<usize>() * dtype.size() != bytes.len() {
+        if byte_count(&shape, dtype) != Some(bytes.len()) {
             return Err(self.refuse(name, &format!("of shape {shape:?} it has {} bytes", bytes.len())));
         }
         let axes = match shape.len() {

@@ -9,6 +9,7 @@ use syntable_formats::listing::Listing;
 use syntable_formats::read::Labels;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{CATEGORY_ID, LABEL_POLICY};
+use syntable_model::product::{BBox, meeting_boxes};
 
 /// What readers of polygons say of them.
 pub const POLYGONS: &str = "outlines are polygons, which say what an object covers to about a pixel at its edges";
@@ -230,29 +231,27 @@ pub fn settle_edges(labels: &mut [Labels]) {
             *amodal = amodal.or(&label.visible);
         }
     }
-    let boxes: Vec<[i32; 4]> = labels.iter().map(|label| label.visible.bbox().into()).collect();
-    for back in 0..labels.len() {
-        for front in 0..back {
-            if !meet(boxes[front], boxes[back]) {
-                continue;
-            }
-            let shared = labels[front].visible.and(&labels[back].visible);
-            if shared.is_empty() {
-                continue;
-            }
-            let inner = [front, back].map(|of| eroded(&labels[of].visible));
-            let is_within = |inner: &Mask| shared.minus(inner).is_empty();
-            let loser = match inner.each_ref().map(is_within) {
-                [true, false] => front,
-                [_, true] => back,
-                _ if shared.and(&inner[0]).and(&inner[1]).is_empty() => {
-                    cut_edge(&mut labels[back], &shared);
-                    continue;
-                }
-                _ => continue,
-            };
-            labels[loser].visible = labels[loser].visible.minus(&shared);
+    let boxes: Vec<BBox> = labels.iter().map(|label| label.visible.bbox()).collect();
+    let mut pairs = Vec::new();
+    meeting_boxes(&boxes, &boxes, |back, front| pairs.extend((front < back).then_some((back, front))));
+    pairs.sort_unstable();
+    for (back, front) in pairs {
+        let shared = labels[front].visible.and(&labels[back].visible);
+        if shared.is_empty() {
+            continue;
         }
+        let inner = [front, back].map(|of| eroded(&labels[of].visible));
+        let is_within = |inner: &Mask| shared.minus(inner).is_empty();
+        let loser = match inner.each_ref().map(is_within) {
+            [true, false] => front,
+            [_, true] => back,
+            _ if shared.and(&inner[0]).and(&inner[1]).is_empty() => {
+                cut_edge(&mut labels[back], &shared);
+                continue;
+            }
+            _ => continue,
+        };
+        labels[loser].visible = labels[loser].visible.minus(&shared);
     }
 }
 
@@ -313,10 +312,6 @@ pub fn enclosed(mask: &Mask, whole: &Mask) -> Vec<Mask> {
     parts
 }
 
-fn meet(a: [i32; 4], b: [i32; 4]) -> bool {
-    (0..2).all(|axis| a[axis] < b[axis] + b[axis + 2] && b[axis] < a[axis] + a[axis + 2])
-}
-
 /// The pixels of a mask all of whose neighbors in the image are in it.
 pub fn eroded(mask: &Mask) -> Mask {
     surroundings(mask, |inside, all| inside == all)
@@ -329,17 +324,48 @@ fn dilated(mask: &Mask) -> Mask {
 
 /// The pixels by the numbers of pixels of the mask and of the image in their surroundings of 3 × 3 pixels.
 fn surroundings(mask: &Mask, holds: impl Fn(usize, usize) -> bool) -> Mask {
-    let (plane, [width, height]) = (mask.to_plane(), [mask.width(), mask.height()]);
-    let [left, top, columns, rows] = <[i32; 4]>::from(mask.bbox()).map(i64::from);
-    let (near_x, near_y) = (left - 1..=left + columns, top - 1..=top + rows);
+    let [width, height] = [mask.width(), mask.height()];
+    if mask.is_empty() {
+        return mask.clone();
+    }
+    // The pixels of the box around the mask, column by column. All others are not in it.
+    let [left, top, columns, rows] = <[i32; 4]>::from(mask.bbox()).map(|edge| edge as u32);
+    let mut inside = vec![false; columns as usize * rows as usize];
+    let place = |x: u32, y: u32| (x.wrapping_sub(left) as usize, y.wrapping_sub(top) as usize);
+    for position in mask.runs().flatten() {
+        let (x, y) = place(position / height, position % height);
+        inside[x * rows as usize + y] = true;
+    }
+    let is_set = |x: u32, y: u32| {
+        let (x, y) = place(x, y);
+        x < columns as usize && y < rows as usize && inside[x * rows as usize + y]
+    };
     let around = |at: u32, end: u32| at.saturating_sub(1)..(at + 2).min(end);
-    Mask::from_fn(width, height, |x, y| {
-        if mask.is_empty() || !near_x.contains(&i64::from(x)) || !near_y.contains(&i64::from(y)) {
-            return false;
+    let near = |from: u32, long: u32, end: u32| from.saturating_sub(1)..(from + long + 1).min(end);
+    // Where the value changes in the order of columns. Between the columns of the box it is false.
+    let (mut flips, mut is_on, mut next) = (Vec::new(), false, 0);
+    let mut set = |position: u32, value: bool, is_on: &mut bool| {
+        if value != *is_on {
+            flips.push(position);
+            *is_on = value;
         }
-        let pixels = || around(y, height).flat_map(|y| around(x, width).map(move |x| (x, y)));
-        holds(pixels().filter(|&(x, y)| *plane.at(x, y)).count(), pixels().count())
-    })
+    };
+    for x in near(left, columns, width) {
+        for y in near(top, rows, height) {
+            let position = x * height + y;
+            if position > next {
+                set(next, false, &mut is_on);
+            }
+            let pixels = || around(y, height).flat_map(|y| around(x, width).map(move |x| (x, y)));
+            let count = pixels().filter(|&(x, y)| is_set(x, y)).count();
+            set(position, holds(count, pixels().count()), &mut is_on);
+            next = position + 1;
+        }
+    }
+    if next < width * height {
+        set(next, false, &mut is_on);
+    }
+    Mask::from_flips(width, height, &flips)
 }
 
 #[cfg(test)]
@@ -392,5 +418,29 @@ mod tests {
     fn deep_overlaps_stay_faults() {
         let [a, b] = settled([[2, 2, 10, 10], [7, 2, 10, 10]]);
         assert_eq!(a.visible.and(&b.visible).area(), 50);
+    }
+
+    #[test]
+    fn masks_grow_and_shrink_as_counting_all_pixels_says() {
+        let mut stream = Stream::root(3);
+        for _ in 0..40 {
+            let [width, height] = [1 + stream.below(9) as u32, 1 + stream.below(9) as u32];
+            let fill = stream.unit();
+            let mask = Mask::from_fn(width, height, |_, _| stream.chance(fill));
+            let plane = mask.to_plane();
+            let count = |x: u32, y: u32| {
+                let near = |a: u32, b: u32| a.abs_diff(b) <= 1;
+                let all = (0..width).flat_map(|u| (0..height).map(move |v| (u, v)));
+                let all: Vec<(u32, u32)> = all.filter(|&(u, v)| near(u, x) && near(v, y)).collect();
+                (all.iter().filter(|&&(u, v)| *plane.at(u, v)).count(), all.len())
+            };
+            let [grown, shrunk] = [(1, 0), (0, 1)].map(|(least, all)| {
+                Mask::from_fn(width, height, |x, y| {
+                    let (inside, of) = count(x, y);
+                    if all == 1 { inside == of } else { inside >= least }
+                })
+            });
+            assert_eq!((dilated(&mask), eroded(&mask)), (grown, shrunk), "{width} × {height}: {mask:?}");
+        }
     }
 }

@@ -6,6 +6,7 @@
 //!
 //! The only crate that knows the format's library.
 
+mod bounds;
 mod column;
 mod file;
 pub mod parquet;

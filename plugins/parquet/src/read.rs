@@ -1,5 +1,6 @@
 //! Reads tables of instances or views.
 
+use crate::bounds;
 use crate::column::{self, CATEGORY, IMAGES, OWN};
 use crate::file::CATEGORIES;
 use parquet::errors::ParquetError;
@@ -10,10 +11,13 @@ use std::collections::btree_map::Entry;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::File;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use syntable_formats::coco::Category;
-use syntable_formats::decode::Content;
+use syntable_formats::decode::{self, Content};
 use syntable_formats::read::{self, Faults};
 use syntable_formats::samples::{self, Contents, Fields, Latest, Samples};
+use syntable_model::limits::TABLE_BYTES;
+use syntable_model::panics::guarded;
 use syntable_model::prelude::*;
 use syntable_model::product::linked;
 use syntable_model::product::standard::{CAMERA, CATEGORY_ID, RGB};
@@ -51,6 +55,9 @@ fn tables_of(root: &Path) -> Vec<PathBuf> {
     folders.map(|folder| of(&folder)).find(|tables| !tables.is_empty()).unwrap_or_default()
 }
 
+/// What the library is called when it fails.
+const LIBRARY: &str = "the library that reads Parquet";
+
 /// A table that is open.
 struct Table {
     reader: SerializedFileReader<File>,
@@ -59,8 +66,10 @@ struct Table {
 
 impl Table {
     fn open(path: &Path) -> Result<Self> {
-        let file = File::open(path).map_err(|error| Error::io(path, &error))?;
-        let reader = SerializedFileReader::new(file).map_err(|error| unreadable(path, &error))?;
+        let mut file = decode::open(path)?;
+        bounds::check_footer(&mut file).map_err(|error| error.in_file(path))?;
+        let reader =
+            guarded(LIBRARY, path, || SerializedFileReader::new(file).map_err(|error| unreadable(path, &error)))?;
         Ok(Self { reader, path: path.to_owned() })
     }
 
@@ -79,15 +88,34 @@ impl Table {
         serde_json::from_str(list).ok()
     }
 
+    /// Gives each row, with some of the columns.
+    fn each_row(&self, wanted: impl Fn(&str) -> bool, each: &mut dyn FnMut(Cells)) -> Result<()> {
+        let fail = |error: ParquetError| unreadable(&self.path, &error);
+        let mut file = decode::open(&self.path)?;
+        bounds::check_pages(&mut file, self.reader.metadata(), &wanted).map_err(|error| error.in_file(&self.path))?;
+        guarded(LIBRARY, &self.path, || {
+            let fields: Vec<_> =
+                self.schema().get_fields().iter().filter(|field| wanted(field.name())).cloned().collect();
+            let names: Arc<[String]> = fields.iter().map(|field| field.name().to_owned()).collect();
+            let schema = Type::group_type_builder(self.schema().name()).with_fields(fields).build().map_err(fail)?;
+            let mut bytes = 0;
+            for row in self.reader.get_row_iter(Some(schema)).map_err(fail)? {
+                let row: Row = row.map_err(fail)?;
+                let values: Vec<Field> = row.into_columns().into_iter().map(|(_, field)| field).collect();
+                // Texts are copies of entries of a dictionary, which take no space in the file.
+                bytes += values.iter().map(text_bytes).sum::<u64>();
+                TABLE_BYTES.check(bytes).map_err(|error| error.in_file(&self.path))?;
+                each(Cells { names: Arc::clone(&names), values });
+            }
+            Ok(())
+        })
+    }
+
     /// The rows with some of the columns.
     fn rows(&self, wanted: impl Fn(&str) -> bool) -> Result<Rows> {
-        let fail = |error: ParquetError| unreadable(&self.path, &error);
-        let fields = self.schema().get_fields().iter().filter(|field| wanted(field.name())).cloned().collect();
-        let schema = Type::group_type_builder(self.schema().name()).with_fields(fields).build().map_err(fail)?;
-        let rows = self.reader.get_row_iter(Some(schema)).map_err(fail)?;
-        rows.map(|row| row.map(|row: Row| row.into_columns().into_iter().collect()))
-            .collect::<Result<_, _>>()
-            .map_err(fail)
+        let mut rows = Rows::new();
+        self.each_row(wanted, &mut |row| rows.push(row))?;
+        Ok(rows)
     }
 }
 
@@ -109,8 +137,29 @@ struct Tables {
     latest: Latest<(usize, BTreeSet<String>), Rows>,
 }
 
-/// Rows by column.
-type Rows = Vec<BTreeMap<String, Field>>;
+/// The cells of a row, by the names of their columns.
+struct Cells {
+    names: Arc<[String]>,
+    values: Vec<Field>,
+}
+
+impl Cells {
+    fn get(&self, column: &str) -> Option<&Field> {
+        self.values.get(self.names.iter().position(|name| name == column)?)
+    }
+}
+
+type Rows = Vec<Cells>;
+
+/// Bytes of the texts of a cell.
+fn text_bytes(field: &Field) -> u64 {
+    match field {
+        Field::Str(text) => text.len() as u64,
+        Field::Group(row) => row.get_column_iter().map(|(_, field)| text_bytes(field)).sum(),
+        Field::ListInternal(list) => list.elements().iter().map(text_bytes).sum(),
+        _ => 0,
+    }
+}
 
 fn open(root: &Path) -> Result<Box<dyn DatasetReader>> {
     let paths = tables_of(root);
@@ -126,6 +175,7 @@ fn open(root: &Path) -> Result<Box<dyn DatasetReader>> {
     // Rows of views have lists of instances.
     let mut has_views = false;
     for (table, path) in paths.iter().enumerate() {
+        // Rows are kept until the last one was read: a table that is damaged is left out as a whole.
         let read = Table::open(path).and_then(|table| {
             let rows = table.rows(|name| OWN.contains(&name) || [CATEGORY, CATEGORY_ID.name()].contains(&name))?;
             Ok((table.columns(), table.categories(), rows))
@@ -223,20 +273,20 @@ impl Samples for Tables {
         let wanted: BTreeSet<String> = of_row.map(str::to_owned).collect();
         let read = || Table::open(path)?.rows(|name| wanted.contains(name));
         let all = self.latest.get((table, wanted.clone()), read)?;
-        let is_own = |row: &&BTreeMap<String, Field>| {
+        let is_own = |row: &&Cells| {
             let is = |name: &str, number: u32| row.get(name).and_then(integer) == Some(i128::from(number));
             is(SCENE, scene) && is(VIEW, view)
         };
-        let rows: Vec<&BTreeMap<String, Field>> = all.iter().filter(is_own).collect();
+        let rows: Vec<&Cells> = all.iter().filter(is_own).collect();
         let refuse = |what: String| Error::new(what).in_file(path).permanent();
         let mut fields = Fields::new();
         let first = rows.first().ok_or_else(|| refuse("its rows have changed".to_owned()))?;
         for (name, columns) in products {
             // What this table lacks, others have.
-            if columns.iter().all(|column| !first.contains_key(&column.name)) {
+            if columns.iter().all(|column| first.get(&column.name).is_none()) {
                 continue;
             }
-            if let Some(column) = columns.iter().find(|column| !first.contains_key(&column.name)) {
+            if let Some(column) = columns.iter().find(|column| first.get(&column.name).is_none()) {
                 return Err(refuse(format!("it has no column `{}`, which others have", column.name)));
             }
             let value = if samples::is_per_instance(&name) {
@@ -265,7 +315,7 @@ impl Samples for Tables {
 
 impl Tables {
     /// The image of a row.
-    fn rgb(&self, table: &Path, row: &BTreeMap<String, Field>) -> Result<Value> {
+    fn rgb(&self, table: &Path, row: &Cells) -> Result<Value> {
         let content = match (row.get(IMAGE_FILE), row.get(IMAGE)) {
             (Some(Field::Str(file)), _) => Content::read(&table.with_file_name(file))?,
             (_, Some(Field::Group(image))) => {
@@ -282,7 +332,7 @@ impl Tables {
 }
 
 /// The values of a product by instance. Cells without a value are of no instance.
-fn of_instances(columns: &[column::Column], rows: &[&BTreeMap<String, Field>]) -> Result<Value> {
+fn of_instances(columns: &[column::Column], rows: &[&Cells]) -> Result<Value> {
     let refuse = |what: &str| Error::new(what).permanent();
     let mut seen = BTreeSet::new();
     let mut values = BTreeMap::new();

@@ -1,6 +1,7 @@
 //! OpenEXR files.
 
 use super::kind::{Form, Kind, Semantic, other_writer, with_article};
+use exr::meta::MetaData;
 use exr::meta::attribute::{AttributeValue, Chromaticities};
 use exr::prelude::{
     AnyChannel, AnyChannels, Encoding, FlatSamples, Image, Layer, LayerAttributes, ReadChannels, ReadLayers, SmallVec,
@@ -9,6 +10,7 @@ use exr::prelude::{
 use exr::{compression::Compression, math::Vec2};
 use std::io::Cursor;
 use syntable_model::error::{Error, Result};
+use syntable_model::limits::{IMAGE_BYTES, IMAGE_PIXELS};
 use syntable_model::product::{DType, Tensor, Value};
 
 /// Precision of the samples.
@@ -73,9 +75,11 @@ impl Coding {
         encode_layers(&[ImageLayer { name: String::new(), coding: self.clone(), value: value.clone() }], precision)
     }
 
-    /// The image of a file that [`encode`](Self::encode) made.
+    /// The image of a file that [`encode`](Self::encode) made. Its header is compared with the limits before anything is
+    /// unpacked.
     pub fn decode(&self, file: &[u8]) -> Result<Tensor> {
         let refuse = |what: String| Error::new(what).permanent();
+        check_header(file)?;
         let image =
             read().no_deep_data().largest_resolution_level().all_channels().first_valid_layer().all_attributes();
         let image = image.non_parallel().from_buffered(Cursor::new(file));
@@ -119,6 +123,26 @@ impl Coding {
         };
         self.channels.iter().enumerate().map(channel).collect::<Vec<_>>().into_iter()
     }
+}
+
+/// Refuses a file whose header states more than the limits, or more blocks than the file has room for.
+fn check_header(file: &[u8]) -> Result<()> {
+    let refuse = |what: String| Err(Error::new(what).permanent());
+    let meta = match MetaData::read_from_buffered(Cursor::new(file), false) {
+        Ok(meta) => meta,
+        Err(error) => return refuse(format!("not a readable EXR file: {error}")),
+    };
+    for header in &meta.headers {
+        let Vec2(width, height) = header.layer_size;
+        let [width, height] = [width, height].map(|edge| edge as u64);
+        IMAGE_PIXELS.check_product(&[width, height])?;
+        IMAGE_BYTES.check_product(&[width, height, header.channels.bytes_per_pixel as u64])?;
+        // The file has an offset of eight bytes for every block.
+        if header.chunk_count > file.len() / 8 {
+            return refuse(format!("{} blocks are more than {} bytes can hold", header.chunk_count, file.len()));
+        }
+    }
+    Ok(())
 }
 
 /// An image of a file of many.

@@ -35,4 +35,4 @@ pub use name::{Lighting, MAX_CANVAS, MAX_SUBPIXELS, Name, RenderParameters};
 pub use object_images::{ObjectImage, ObjectImages};
 pub use plane::{BitPlane, Plane};
 pub use store::Products;
-pub use value::{BBox, DType, OcclusionOrder, PerInstance, Pixel, Tensor, Value};
+pub use value::{BBox, DType, OcclusionOrder, PerInstance, Pixel, Tensor, Value, meeting_boxes};

@@ -497,6 +497,28 @@ impl BBox {
     }
 }
 
+/// Gives the places of each pair of boxes, one of each list, that [meet](BBox::meets), in any order. Boxes are looked at from left
+/// to right, so that only those are compared which have a column in common.
+pub fn meeting_boxes(ones: &[BBox], others: &[BBox], mut each: impl FnMut(usize, usize)) {
+    let lists = [ones, others];
+    let of = |list: usize| (0..lists[list].len()).map(move |place| (list, place));
+    let mut all: Vec<(usize, usize)> =
+        of(0).chain(of(1)).filter(|&(list, place)| lists[list][place].width > 0).collect();
+    all.sort_by_key(|&(list, place)| lists[list][place].x);
+    // Places of boxes of each list that may reach the column at hand.
+    let mut open: [Vec<usize>; 2] = Default::default();
+    for (list, place) in all {
+        let (own, other) = (&lists[list][place], lists[1 - list]);
+        open[1 - list].retain(|&at| i64::from(other[at].x) + i64::from(other[at].width) > i64::from(own.x));
+        for &at in &open[1 - list] {
+            if own.meets(&other[at]) {
+                if list == 0 { each(place, at) } else { each(at, place) }
+            }
+        }
+        open[list].push(place);
+    }
+}
+
 impl From<[i32; 4]> for BBox {
     fn from([x, y, width, height]: [i32; 4]) -> Self {
         Self { x, y, width, height }
@@ -622,5 +644,22 @@ mod tests {
             serde_json::to_string(&value).expect("serializes"),
             r#"{"plane":[[[0,7],[1,7]]],"mask":{"size":[1,2],"counts":"11"},"box":[1,2,3,4],"inf":null,"each":{"3":0.5}}"#
         );
+    }
+
+    #[test]
+    fn boxes_that_meet_are_found_from_left_to_right() {
+        let mut stream = crate::random::Stream::root(2);
+        for _ in 0..100 {
+            let mut list = || {
+                let mut edge = |end| stream.below(end) as i32;
+                (0..edge(9)).map(|_| BBox::from([edge(20) - 3, edge(20), edge(6), edge(6)])).collect::<Vec<BBox>>()
+            };
+            let (ones, others) = (list(), list());
+            let mut found = Vec::new();
+            meeting_boxes(&ones, &others, |one, other| found.push((one, other)));
+            found.sort_unstable();
+            let all = (0..ones.len()).flat_map(|one| (0..others.len()).map(move |other| (one, other)));
+            assert_eq!(found, all.filter(|&(one, other)| ones[one].meets(&others[other])).collect::<Vec<_>>());
+        }
     }
 }

@@ -94,7 +94,7 @@ pub(super) fn validate(console: &Console, args: &ValidateArgs) -> Result<(), Exi
 /// Validates a dataset, and names its format.
 fn one(path: &Path, args: &ValidateArgs) -> Result<(&'static str, Validated), Exit> {
     let (format, root) = reader::find(path, args.format.as_deref()).map_err(Exit::stopped)?;
-    let found = match (format.open)(&root) {
+    let found = match format.open(&root) {
         Ok(dataset) => validate_dataset(&*dataset, workers::available()).map_err(Exit::stopped)?,
         Err(error) if error.is_transient() => return Err(Exit::stopped(error)),
         // A dataset that cannot be opened is one with a fault.

@@ -10,6 +10,7 @@ use crate::recipe::Recipe;
 use std::collections::BTreeMap;
 use syntable_model::context::{Cache, Context, Log, Workers};
 use syntable_model::error::{Error, Result};
+use syntable_model::limits::CANVAS_PIXELS;
 use syntable_model::product::standard::COVERAGE;
 use syntable_model::product::{KeyId, Name, Products, RenderParameters};
 use syntable_model::random::Stream;
@@ -156,9 +157,6 @@ impl Attempt<'_> {
     }
 }
 
-/// Maximum number of pixels of a canvas.
-const MAX_PIXELS: u64 = 1 << 28;
-
 /// The view that products of a framing are of.
 fn framed(view: &View, next: Option<&View>, framing: RenderParameters) -> View {
     let mut view = next.filter(|_| framing.next_view).unwrap_or(view).clone();
@@ -168,7 +166,8 @@ fn framed(view: &View, next: Option<&View>, framing: RenderParameters) -> View {
 
 /// Refuses a canvas or an atlas that no memory can hold.
 fn check_pixels([width, height]: [u32; 2], framing: RenderParameters) -> Result<()> {
-    if u64::from(width) * u64::from(height) <= MAX_PIXELS {
+    let most = CANVAS_PIXELS.most;
+    if u64::from(width) * u64::from(height) <= most {
         return Ok(());
     }
     let (what, help) = match framing.objects {
@@ -178,7 +177,7 @@ fn check_pixels([width, height]: [u32; 2], framing: RenderParameters) -> Result<
         ),
         Some(_) => ("the windows around the objects of a view".to_owned(), "place fewer objects, or set"),
     };
-    Err(Error::new(format!("{what} has {width} × {height} pixels, more than {MAX_PIXELS}"))
+    Err(Error::new(format!("{what} has {width} × {height} pixels, more than the limit of {most}"))
         .help(format!("{help} a lower resolution in [camera]"))
         .permanent())
 }

@@ -1,6 +1,7 @@
 //! PNG textures, through the `image` crate.
 
 use super::raster;
+use std::borrow::Cow;
 use syntable_mesh::format::{ImageDecoder, ImageFormat};
 use syntable_mesh::image::Image;
 use syntable_mesh::limits::Budget;
@@ -9,30 +10,45 @@ use syntable_model::error::{Error, Result};
 /// First bytes of every PNG file.
 const MAGIC: &[u8] = b"\x89PNG\r\n\x1a\n";
 
+/// Chunks that the decoder unfolds and nobody reads: a color profile, and texts. A few bytes of them can take a gigabyte.
+const UNREAD: [&[u8; 4]; 3] = [b"iCCP", b"zTXt", b"iTXt"];
+
 /// Decodes a file in memory.
 pub fn decode(bytes: &[u8], budget: &Budget) -> Result<Image> {
-    check_palette(bytes)?;
-    raster::decode("PNG", image::ImageFormat::Png, bytes, budget)
+    raster::decode("PNG", image::ImageFormat::Png, &readable(bytes)?, budget)
 }
 
-/// Refuses a palette whose length is not a multiple of three (PNG, section 11.2.2): the decoder panics on it.
-fn check_palette(bytes: &[u8]) -> Result<()> {
+/// The file without the chunks before its pixels that nobody reads. Refuses a palette whose length is not a multiple of three
+/// (PNG, section 11.2.2): the decoder panics on it.
+fn readable(bytes: &[u8]) -> Result<Cow<'_, [u8]>> {
     let mut rest = bytes.get(MAGIC.len()..).unwrap_or_default();
+    // What is kept, and the beginning of what is not yet decided.
+    let (mut kept, mut from) = (Vec::new(), 0);
     while let Some((head, body)) = rest.split_first_chunk::<8>() {
         let [a, b, c, d, kind @ ..] = *head;
         let length = u32::from_be_bytes([a, b, c, d]);
+        let start = bytes.len() - rest.len();
         match &kind {
             b"PLTE" if length % 3 != 0 => {
                 let message = format!("not a sound PNG: its palette has {length} bytes, not a multiple of three");
                 return Err(Error::new(message).help("export the image again, best without a palette"));
             }
             // No palette comes after the pixels.
-            b"IDAT" => return Ok(()),
-            // A checksum of four bytes follows.
-            _ => rest = body.get(length as usize + 4..).unwrap_or_default(),
+            b"IDAT" => break,
+            _ => {}
+        }
+        // A checksum of four bytes follows.
+        rest = body.get(length as usize + 4..).unwrap_or_default();
+        if UNREAD.contains(&&kind) {
+            kept.extend(&bytes[from..start]);
+            from = bytes.len() - rest.len();
         }
     }
-    Ok(())
+    if from == 0 {
+        return Ok(Cow::Borrowed(bytes));
+    }
+    kept.extend(&bytes[from..]);
+    Ok(Cow::Owned(kept))
 }
 
 syntable_mesh::register_image_format!(
@@ -55,10 +71,32 @@ mod tests {
         let file = |palette: usize| [MAGIC, &header, &chunk(b"PLTE", &vec![7; palette]), &chunk(b"IDAT", &[])].concat();
         let error = decode(&file(49), &Budget::default()).expect_err("refused").to_string();
         assert!(error.contains("its palette has 49 bytes, not a multiple of three"), "{error}");
-        assert!(check_palette(&file(48)).is_ok());
+        assert!(readable(&file(48)).is_ok());
         // What is cut short, or longer than the file, is left to the decoder.
         let whole = file(48);
-        assert!((0..whole.len()).all(|end| check_palette(&whole[..end]).is_ok()));
-        assert!(check_palette(&[MAGIC, b"\xff\xff\xff\xfftEXt"].concat()).is_ok());
+        assert!((0..whole.len()).all(|end| readable(&whole[..end]).is_ok()));
+        assert!(readable(&[MAGIC, b"\xff\xff\xff\xfftEXt"].concat()).is_ok());
+    }
+
+    #[test]
+    fn profiles_and_texts_are_not_unfolded() {
+        let (header, pixels) = (chunk(b"IHDR", &[0; 13]), chunk(b"IDAT", &[1; 9]));
+        let plain = [MAGIC, &header, &chunk(b"gAMA", &[7; 4]), &pixels, &chunk(b"zTXt", &[2; 30])].concat();
+        assert!(matches!(readable(&plain).expect("sound"), Cow::Borrowed(_)));
+        let with = [
+            MAGIC,
+            &header,
+            &chunk(b"iCCP", &[3; 50]),
+            &chunk(b"gAMA", &[7; 4]),
+            &chunk(b"zTXt", &[]),
+            &chunk(b"iTXt", &[3; 5]),
+            &pixels,
+            &chunk(b"zTXt", &[2; 30]),
+        ]
+        .concat();
+        assert_eq!(readable(&with).expect("sound"), plain);
+        // One that is cut off ends the file.
+        let cut = [MAGIC, &header, &chunk(b"iCCP", &[3; 50])[..20]].concat();
+        assert_eq!(readable(&cut).expect("sound"), [MAGIC, &header].concat());
     }
 }

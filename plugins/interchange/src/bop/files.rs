@@ -11,6 +11,7 @@ use syntable_formats::json as formats_json;
 use syntable_formats::members::{self, Member, Sample};
 use syntable_formats::read::{self, Faults, place_in_name};
 use syntable_formats::segmentation::Segmentation;
+use syntable_model::limits::TEXT_BYTES;
 use syntable_model::prelude::*;
 use syntable_model::reader::ImageRef;
 
@@ -130,8 +131,8 @@ pub fn split_of(root: &Path) -> Result<Split> {
 
 /// A file as JSON.
 pub fn json<T: DeserializeOwned>(path: &Path) -> Result<T> {
-    let text = fs::read(path).map_err(|error| Error::io(path, &error).of_request())?;
-    parsed(&text, path)
+    let file = fs::File::open(path).map_err(|error| Error::io(path, &error).of_request())?;
+    parsed(&decode::read_at_most(file, &TEXT_BYTES, path)?, path)
 }
 
 /// A member as JSON.
@@ -140,6 +141,7 @@ fn json_of<T: DeserializeOwned>(member: &Member) -> Result<T> {
 }
 
 fn parsed<T: DeserializeOwned>(text: &[u8], path: &Path) -> Result<T> {
+    TEXT_BYTES.check(text.len() as u64).map_err(|error| error.in_file(path))?;
     serde_json::from_slice(text).map_err(|error| {
         // Read again to know where it was.
         let located = serde_path_to_error::deserialize::<_, T>(&mut serde_json::Deserializer::from_slice(text));
@@ -353,10 +355,6 @@ impl Record {
 }
 
 fn mask_of(path: &Path, [width, height]: [u32; 2]) -> Result<Mask> {
-    let image = decode::gray(path)?;
-    if [image.width(), image.height()] != [width, height] {
-        let message = format!("it has {} × {} pixels, its image {width} × {height}", image.width(), image.height());
-        return Err(Error::new(message).in_file(path).permanent());
-    }
+    let image = decode::gray_of_size(path, [width, height])?;
     Ok(Mask::from_fn(width, height, |x, y| *image.at(x, y) > 0))
 }

@@ -11,6 +11,7 @@ use syntable_formats::decode;
 use syntable_formats::index::Record;
 use syntable_formats::listing::{AnnotationRecord, Listing};
 use syntable_formats::read::{self, Categories, Known, Labels};
+use syntable_model::limits::ANNOTATIONS;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::RGB;
 use syntable_model::reader::{Crowd, DatasetFault, DatasetReader, Format, ImageRef};
@@ -113,11 +114,23 @@ fn open(path: &Path) -> Result<Box<dyn DatasetReader>> {
 struct Segments {
     annotation: ImageAnnotation,
     ids: Plane<u32>,
+    /// The masks of the segments that have pixels, by id.
+    masks: BTreeMap<u32, Mask>,
 }
 
 impl Segments {
+    fn new(annotation: ImageAnnotation, ids: Plane<u32>) -> Result<Self> {
+        let listed: BTreeSet<u32> = annotation.segments_info.iter().map(|it| it.id).filter(|id| *id != VOID).collect();
+        ANNOTATIONS.check(listed.len() as u64)?;
+        let listed: Vec<u32> = listed.into_iter().collect();
+        // Numbers of the segments from 1, of all pixels at once.
+        let numbers = ids.map(|id| listed.binary_search(id).map_or(0, |at| at as u16 + 1));
+        let masks = read::masks_of(&numbers).into_iter().map(|(number, mask)| (listed[number as usize - 1], mask));
+        Ok(Self { masks: masks.collect(), annotation, ids })
+    }
+
     fn mask(&self, id: u32) -> Mask {
-        Mask::from_fn(self.ids.width(), self.ids.height(), |x, y| *self.ids.at(x, y) == id)
+        self.masks.get(&id).cloned().unwrap_or_else(|| Mask::empty(self.ids.width(), self.ids.height()))
     }
 }
 
@@ -133,7 +146,7 @@ impl Reader {
         let path = self.segments.join(&annotation.file_name);
         let ids = decode::rgb_of_size(&path, [frame.width, frame.height])?;
         let ids = ids.map(|&[r, g, b]| u32::from_le_bytes([r, g, b, 0]));
-        Ok(Segments { annotation, ids })
+        Segments::new(annotation, ids)
     }
 
     /// The segments of things: objects, or those of crowds.

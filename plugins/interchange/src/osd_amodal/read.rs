@@ -173,7 +173,7 @@ impl DatasetReader for Reader {
             products.put(RGB, rgb)?;
         }
         if wants.contains(&DEPTH.id()) {
-            products.put(DEPTH, decode::depth(&self.path(IMAGES[1], &of.name), STEP_MM)?)?;
+            products.put(DEPTH, decode::depth_of_size(&self.path(IMAGES[1], &of.name), STEP_MM, size)?)?;
         }
         Ok((read::view(self.refs[image].view, size[0], size[1]), products))
     }
@@ -187,6 +187,8 @@ impl Reader {
     /// The objects: those that have an amodal mask. `shown` are the labels of the visible masks.
     fn labels(&self, image: &Named, shown: &Plane<u16>) -> Result<Vec<Labels>> {
         let size = [shown.width(), shown.height()];
+        let empty = || Mask::empty(size[0], size[1]);
+        let visible = read::masks_of(shown);
         let of = |label: u16| -> Result<Labels> {
             let mask = |which: usize| -> Result<Option<Mask>> {
                 let Some(name) = image.masks[which].get(&label) else { return Ok(None) };
@@ -195,10 +197,10 @@ impl Reader {
             };
             Ok(Labels {
                 id: InstanceId(label),
-                visible: Mask::from_fn(size[0], size[1], |x, y| *shown.at(x, y) == label),
+                visible: visible.get(&label).cloned().unwrap_or_else(empty),
                 amodal: mask(0)?,
                 // An object without this file is not occluded.
-                occlusion: Some(mask(1)?.unwrap_or_else(|| Mask::empty(size[0], size[1]))),
+                occlusion: Some(mask(1)?.unwrap_or_else(empty)),
                 rate: None,
                 visible_box: None,
                 amodal_box: None,
@@ -208,13 +210,7 @@ impl Reader {
         image.masks[0].keys().copied().map(of).collect()
     }
 
-    fn gray(&self, folder: &str, name: &str, [width, height]: [u32; 2]) -> Result<Plane<u16>> {
-        let path = self.path(folder, name);
-        let image = decode::gray(&path)?;
-        if [image.width(), image.height()] == [width, height] {
-            return Ok(image);
-        }
-        let message = format!("it has {} × {} pixels, its image {width} × {height}", image.width(), image.height());
-        Err(Error::new(message).in_file(path).permanent())
+    fn gray(&self, folder: &str, name: &str, size: [u32; 2]) -> Result<Plane<u16>> {
+        decode::gray_of_size(&self.path(folder, name), size)
     }
 }

@@ -3,8 +3,8 @@
 use super::read::Shape;
 use super::{AMODAL, MASKS};
 use std::collections::BTreeMap;
-use std::fs;
 use std::path::Path;
+use syntable_formats::decode;
 use syntable_formats::read::Known;
 use syntable_model::error::{Error, Result};
 
@@ -18,7 +18,7 @@ const TASK: &str = "task";
 
 /// What polygons are around: what is visible, if the file does not say that they are around whole objects.
 pub fn masks(path: &Path) -> Result<Known> {
-    let text = fs::read_to_string(path).map_err(|error| Error::io(path, &error).of_request())?;
+    let text = decode::text(path).map_err(Error::of_request)?;
     match value_of(&text, MASKS) {
         None => Ok(Known::Visible),
         Some((_, masks)) if masks == "visible" => Ok(Known::Visible),
@@ -42,7 +42,7 @@ fn value_of(text: &str, key: &str) -> Option<(usize, String)> {
 
 /// What lines have after the class, as far as the file says it.
 pub fn shape(path: &Path) -> Result<Option<Shape>> {
-    let text = fs::read_to_string(path).map_err(|error| Error::io(path, &error).of_request())?;
+    let text = decode::text(path).map_err(Error::of_request)?;
     let Some((number, task)) = value_of(&text, TASK) else { return Ok(value_of(&text, POSES).map(|_| Shape::Poses)) };
     match task.as_str() {
         "segment" => Ok(Some(Shape::Polygons)),
@@ -59,7 +59,7 @@ pub fn shape(path: &Path) -> Result<Option<Shape>> {
 
 /// The names of classes by their numbers.
 pub fn names(path: &Path) -> Result<BTreeMap<u64, String>> {
-    let text = fs::read_to_string(path).map_err(|error| Error::io(path, &error).of_request())?;
+    let text = decode::text(path).map_err(Error::of_request)?;
     let refuse = |number: usize, what: &str| {
         Error::new(format!("`{NAMES}` cannot be read: {what}"))
             .in_file(path)

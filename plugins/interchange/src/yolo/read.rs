@@ -199,10 +199,7 @@ fn open(root: &Path) -> Result<Box<dyn DatasetReader>> {
 
 /// The lines of a label file of a dataset of which this is said.
 fn lines(path: &Path, stated: Option<Shape>) -> Result<Vec<Line>> {
-    let text = fs::read_to_string(path).map_err(|error| match error.kind() {
-        std::io::ErrorKind::InvalidData => Error::new("it is no text").in_file(path).permanent(),
-        _ => Error::io(path, &error),
-    })?;
+    let text = decode::text(path)?;
     let line = |(number, line): (usize, &str)| {
         let refuse = |message: String| {
             let help =

@@ -6,10 +6,11 @@ use std::fs::File;
 use std::io::{BufRead, BufReader, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use syntable_formats::decode::Content;
+use syntable_formats::decode::{self, Content};
 use syntable_formats::json;
 use syntable_formats::read::{self, Faults};
 use syntable_formats::samples::{self, Contents, Fields, Latest, Samples};
+use syntable_model::limits::TEXT_BYTES;
 use syntable_model::prelude::*;
 use syntable_model::reader::{DatasetReader, Format};
 
@@ -26,9 +27,6 @@ syntable_model::register_format!(Format {
 const SCENE: &str = "scene";
 const VIEW: &str = "view";
 const VIEWS: &str = "views";
-
-/// Most bytes of a line.
-const MAX_LINE: u64 = 1 << 30;
 
 /// The file that a path names: itself, or what a folder has alone.
 fn file_of(path: &Path) -> Option<PathBuf> {
@@ -63,7 +61,8 @@ struct ViewHead {
 fn starts_as_one(path: &Path) -> bool {
     let first = File::open(path).ok().and_then(|file| {
         let mut line = Vec::new();
-        BufReader::new(file).take(MAX_LINE).read_until(b'\n', &mut line).ok()?;
+        BufReader::new(file).take(TEXT_BYTES.most).read_until(b'\n', &mut line).ok()?;
+        decode::check_json(&line).ok()?;
         serde_json::from_slice::<Head>(&line).ok()
     });
     first.is_some_and(|head| head.scene.is_some() && (head.view.is_some() || head.views.is_some()))
@@ -112,17 +111,25 @@ impl Lines {
         let (mut at, mut text) = (0, Vec::new());
         for number in 1.. {
             text.clear();
-            let length = reader.by_ref().take(MAX_LINE).read_until(b'\n', &mut text).map_err(fail)? as u64;
+            let length = reader.by_ref().take(TEXT_BYTES.most).read_until(b'\n', &mut text).map_err(fail)? as u64;
             if length == 0 {
                 break;
             }
             let line = Line { number, at, length };
             at += length;
             let place = || format!("line {number}");
-            let head = match serde_json::from_slice::<Head>(&text) {
+            if length == TEXT_BYTES.most && text.last() != Some(&b'\n') {
+                let rest = reader.skip_until(b'\n').map_err(fail)? as u64;
+                at += rest;
+                let error = TEXT_BYTES.refuse(length + rest).at_line(number).in_file(&path);
+                faults.lost("readable", place(), &format!("{error}: the line is not read"));
+                continue;
+            }
+            let parse = || serde_json::from_slice::<Head>(&text).map_err(|error| json::located(&error, None, &[]));
+            let head = match decode::check_json(&text).and_then(|()| parse()) {
                 Ok(head) => head,
                 Err(error) => {
-                    let error = json::located(&error, None, &[]).at_line(number).in_file(&path);
+                    let error = error.at_line(number).in_file(&path);
                     faults.lost("readable", place(), &format!("{error}: the line is not read"));
                     continue;
                 }

@@ -8,9 +8,10 @@ use std::path::{Path, PathBuf};
 use syntable_formats::decode::{self, Content};
 use syntable_formats::encode::view_name;
 use syntable_formats::include;
-use syntable_formats::members::MAX_BYTES;
 use syntable_formats::read::{self, Faults, place_in_name};
 use syntable_formats::samples::{self, Contents, Fields, Samples};
+use syntable_model::limits::{ARCHIVE_MEMBERS, MEMBER_BYTES};
+use syntable_model::panics::guarded;
 use syntable_model::prelude::*;
 use syntable_model::reader::{DatasetReader, Format};
 use syntable_model::scene::{SceneId, ViewId};
@@ -73,6 +74,9 @@ impl Samples for Archives {
     }
 }
 
+/// What the library is called when it fails.
+const LIBRARY: &str = "the library that reads ZIP archives";
+
 /// An archive that is open.
 struct Archive {
     zip: ZipArchive<BufReader<File>>,
@@ -84,7 +88,8 @@ impl Archive {
         // Of an archive, what is not asked for is not read.
         let file = decode::open(path)?;
         let refuse = |error| Error::new(format!("not a readable NumPy archive: {error}")).in_file(path).permanent();
-        let zip = ZipArchive::new(BufReader::new(file)).map_err(refuse)?;
+        let zip = guarded(LIBRARY, path, || ZipArchive::new(BufReader::new(file)).map_err(refuse))?;
+        ARCHIVE_MEMBERS.check(zip.len() as u64).map_err(|error| error.in_file(path))?;
         Ok(Self { zip, path: path.to_owned() })
     }
 
@@ -97,14 +102,16 @@ impl Archive {
 
     fn array(&mut self, name: &str) -> Result<Content> {
         let path = self.path.join(format!("{name}.npy"));
+        guarded(LIBRARY, &path.clone(), || self.unpacked(name, path))
+    }
+
+    fn unpacked(&mut self, name: &str, path: PathBuf) -> Result<Content> {
         let refuse = |what: String| Error::new(what).in_file(&path).permanent();
         let file = self.zip.by_name(&format!("{name}.npy"));
         let file = file.map_err(|error| refuse(format!("the archive has no such array: {error}")))?;
         let mut bytes = Vec::new();
         let size = file.size();
-        if size > MAX_BYTES {
-            return Err(refuse(format!("{size} bytes are too many")));
-        }
+        MEMBER_BYTES.check(size).map_err(|error| error.in_file(&path))?;
         // What is larger than the archive says is damaged. At its end, the sum of the array is compared.
         file.take(size + 1)
             .read_to_end(&mut bytes)

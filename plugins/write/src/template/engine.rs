@@ -1,12 +1,15 @@
 //! Tera, with errors that name the line.
 
+use super::budget;
 use super::names::{self, Shape, Unknown};
 use serde_json::Value as Json;
 use std::collections::{BTreeMap, HashMap};
 use std::error::Error as _;
 use std::io::{self, Write};
 use syntable_model::error::{Error, Result};
+use syntable_model::limits::{TEMPLATE_RANGE, TEMPLATE_TEXT};
 use syntable_model::options::listing;
+use syntable_model::panics::unwound;
 use tera::{Context, Tera};
 
 /// A parsed template.
@@ -43,13 +46,19 @@ impl Template {
         Ok(Self { tera, text: text.to_owned() })
     }
 
+    /// The same template, which is refused while it is rendered if it takes more than the limits.
+    fn limited(mut self) -> Result<Self, Fault> {
+        budget::limit(&mut self.tera, NAME).map_err(|error| Fault::of(&error, &self.text))?;
+        Ok(self)
+    }
+
     /// Parses a template whose contexts have this shape, and refuses variables that none of them has. `of` names them in
     /// messages: `a file per view`.
     pub fn checked(text: &str, of: &str, context: &BTreeMap<String, Shape>) -> Result<Self, Fault> {
         let template = Self::new(text)?;
         match template.unknown(context) {
             Some(unknown) => Err(Fault::of_unknown(&unknown, of, text)),
-            None => Ok(template),
+            None => template.limited(),
         }
     }
 
@@ -61,22 +70,21 @@ impl Template {
 
     /// Renders the template with the fields of an object.
     pub fn render(&self, context: &Json) -> Result<String, Fault> {
-        self.render_at_most(context, LARGEST_TEXT)
+        self.render_at_most(context, TEMPLATE_TEXT.most as usize, 1)
     }
 
-    fn render_at_most(&self, context: &Json, most: usize) -> Result<String, Fault> {
+    fn render_at_most(&self, context: &Json, most: usize, divisor: u64) -> Result<String, Fault> {
         let context = Context::from_value(context.clone()).map_err(|error| Fault::of(&error, &self.text))?;
         let mut text = Bounded { bytes: Vec::new(), most };
-        self.tera.render_to(NAME, &context, &mut text).map_err(|error| Fault::of(&error, &self.text))?;
+        budget::start(divisor);
+        // Tera panics on numbers that JSON does not have.
+        let rendered = unwound(|| Ok(self.tera.render_to(NAME, &context, &mut text)));
+        rendered
+            .map_err(|panic| Fault { line: None, message: panic.to_string() })?
+            .map_err(|error| Fault::of(&error, &self.text))?;
         String::from_utf8(text.bytes).map_err(|error| Fault { line: None, message: error.to_string() })
     }
 }
-
-/// Maximum count of the numbers that `range` gives: Tera holds all of them in memory.
-const LONGEST_RANGE: u64 = 1_000_000;
-
-/// Maximum size of the text of a file, bytes: it is made in memory.
-const LARGEST_TEXT: usize = 1 << 30;
 
 /// `range(end = 5, start = 0, step_by = 1)`: the numbers from `start` to `end`, without `end`.
 fn range(arguments: &HashMap<String, Json>) -> tera::Result<Json> {
@@ -95,11 +103,12 @@ fn range(arguments: &HashMap<String, Json>) -> tera::Result<Json> {
         return Err(tera::Error::msg(format!("`range` counts upwards: `start` is {start}, and `end` is {end}")));
     }
     let count = (end - start).div_ceil(step);
-    if count > LONGEST_RANGE {
-        let message =
-            format!("`range` up to {end} gives {count} numbers, more than {LONGEST_RANGE}: count in nested loops");
+    if count > TEMPLATE_RANGE.most {
+        let most = TEMPLATE_RANGE.most;
+        let message = format!("`range` up to {end} gives {count} numbers, more than {most}: count in nested loops");
         return Err(tera::Error::msg(message));
     }
+    budget::steps(count)?;
     Ok((0..count).map(|i| start + i * step).collect())
 }
 
@@ -267,9 +276,89 @@ mod tests {
     }
 
     #[test]
+    fn budgets_change_no_text() {
+        let context =
+            json!({ "a": 1, "f": 0.5, "t": "x<y", "list": [3, 1, 2], "of": { "k": [1], "l": [] }, "none": null });
+        for text in [
+            "{% set s = t ~ a ~ f ~ 'z' %}{{ s }}{{ s | upper | replace(from='X', to='yy') }}",
+            "{{ t ~ t ~ t ~ t ~ t ~ t ~ t ~ t ~ t ~ t ~ t ~ t ~ t ~ t ~ t ~ a ~ t ~ f ~ 'q' ~ 7 }}",
+            "{% for i in list %}{{ loop.index }}:{{ i * 2 }}{% if not loop.last %}, {% endif %}{% endfor %}",
+            "{% for key, value in of %}{{ key }}={{ value | length }}{% for v in value %}[{{ v }}]{% else %}-{% endfor %};{% endfor %}",
+            "{% for c in t %}({{ c }}){% endfor %}{% for x in [t, 'b', a] %}<{{ x }}>{% endfor %}",
+            "{% macro m(x, y='d') %}{{ x }}{% for i in range(end=3) %}{{ i }}{{ y }}{% endfor %}{% endmacro %}{{ self::m(x=t) }}|{{ self::m(x=a, y=f) | upper }}",
+            "{% filter upper %}{{ t }} plain {% for i in list %}{{ i }}{% endfor %}{% endfilter %}",
+            "{{ missing | default(value='d') }}{{ none | default(value=list) | join(sep='-') }}{% if missing %}1{% else %}0{% endif %}",
+            "{% if list | length > 2 and not missing %}{{ list | sort | first }}{% elif a in list %}x{% endif %}{{ not t }}",
+            "{% block b %}{{ t }}{% endblock %}{% set x = [a, [t, f]] %}{{ x }}{{ x | json_encode }}{{ a in list }}{{ t is containing('x') }}",
+            "{% for i in list %}{% if i == 1 %}{% continue %}{% endif %}{{ i }}{% break %}{% endfor %}{{ f | round }}{{ -a }}{{ 7 % 4 }}",
+            "{% set_global g = 0 %}{% for i in list %}{% set_global g = g + i %}{% endfor %}{{ g }}{{ t | split(pat='<') | join(sep='+') }}",
+        ] {
+            let plain = Template::new(text).expect("parses");
+            let limited = Template::new(text).and_then(Template::limited).expect("parses");
+            let want = plain.render(&context).unwrap_or_else(|fault| panic!("{text}: {fault:?}"));
+            assert_eq!(limited.render(&context).unwrap_or_else(|fault| panic!("{text}: {fault:?}")), want, "{text}");
+        }
+    }
+
+    #[test]
+    fn templates_that_never_end_are_refused() {
+        let doubling = "{% set_global s = 'xxxxxxxxxx' %}{% for i in range(end=60) %}{% set_global s = s ~ s %}{% endfor %}{{ s }}";
+        let many = "{% set s = 'xxxxxxxxxx' %}".to_owned() + &"{% set s = s ~ s %}".repeat(40);
+        let wide = "{% set s = 'xxxxxxxxxx' %}".to_owned()
+            + &"{% set s = s ~ s ~ s ~ s ~ s ~ s ~ s ~ s ~ s ~ s ~ s ~ s ~ s %}".repeat(9);
+        let list = "{% set_global s = [1, 2] %}{% for i in range(end=60) %}{% set_global s = [s, s] %}{% endfor %}";
+        let replaced = "{% set_global s = 'aaaaaaaa' %}{% for i in range(end=60) %}{% set_global s = s | replace(from='a', to=s) %}{% endfor %}";
+        let joined = "{% set_global s = 'aaaaaaaa' %}{% for i in range(end=60) %}{% set_global s = range(end=100) | join(sep=s) %}{% endfor %}";
+        let section = "{% macro m() %}{% for i in range(end=1000000) %}{% for j in range(end=1000) %}TEXT{% endfor %}{% endfor %}{% endmacro %}{{ self::m() }}".replace("TEXT", &"some text".repeat(1000));
+        let filtered = "{% filter upper %}{% for i in range(end=1000000) %}{{ t }}{{ t }}{{ t }}{% for j in range(end=9) %}TEXT{% endfor %}{% endfor %}{% endfilter %}".replace("TEXT", &"abcdefghijkl".repeat(1000));
+        let letters = "{% set s = range(end=9000) | join(sep='abcdef') %}{% for c in s %}{% for d in s %}{% endfor %}{% endfor %}";
+        let aliased = "{% set s = range(end=9000) | join(sep='abcdef') %}{% for x in [s] %}{% for c in x %}{% endfor %}{% endfor %}";
+        for (text, says) in [
+            (doubling, "one value that a template"),
+            (many.as_str(), "one value that a template"),
+            (wide.as_str(), "one value that a template"),
+            (list, "one value that a template"),
+            (replaced, "one value that a template"),
+            (joined, "one value that a template"),
+            (&section, "one value that a template"),
+            (&filtered, "one value that a template"),
+            (letters, "letter by letter"),
+            (aliased, "letter by letter"),
+        ] {
+            let limited = Template::new(text).and_then(Template::limited).expect("parses");
+            let fault = limited.render(&json!({ "t": "x" })).expect_err("refused");
+            assert!(fault.message.contains(says), "{text}: {fault:?}");
+        }
+        for (text, says) in [
+            ("{% for i in range(end=1000) %}{% for j in range(end=1000) %}{% endfor %}{% endfor %}", "turns of loops"),
+            (
+                "{% set s = range(end=5000) | join(sep='abcdef') %}{% for i in range(end=300) %}{% set t = s ~ i %}{% endfor %}",
+                "all values",
+            ),
+        ] {
+            let limited = Template::new(text).and_then(Template::limited).expect("parses");
+            let fault = limited.render_at_most(&json!({}), 1 << 20, 1000).expect_err("refused");
+            assert!(fault.message.contains(says), "{text}: {fault:?}");
+        }
+    }
+
+    #[test]
+    fn calls_without_end_of_macros_are_counted() {
+        let mut text = "{% macro m0() %}{% endmacro %}".to_owned();
+        for depth in 1..60 {
+            let call = format!("{{{{ self::m{}() }}}}", depth - 1);
+            text += &format!("{{% macro m{depth}() %}}{call}{call}{{% endmacro %}}");
+        }
+        text += "{{ self::m59() }}";
+        let limited = Template::new(&text).and_then(Template::limited).expect("parses");
+        let fault = limited.render_at_most(&json!({}), 1 << 20, 1000).expect_err("refused");
+        assert!(fault.message.contains("turns of loops and calls of macros"), "{fault:?}");
+    }
+
+    #[test]
     fn text_is_bounded() {
         let template = Template::new("one\n{% for i in range(end=9) %}ab{% endfor %}").expect("parses");
-        let render = |most| template.render_at_most(&json!({}), most);
+        let render = |most| template.render_at_most(&json!({}), most, 1);
         assert_eq!(render(22).expect("fits"), format!("one\n{}", "ab".repeat(9)));
         let fault = render(21).expect_err("too long");
         assert!(fault.message.contains("longer than 21 bytes"), "{fault:?}");

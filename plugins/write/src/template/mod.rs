@@ -1,5 +1,6 @@
 //! Any text format, by a template.
 
+mod budget;
 mod engine;
 mod guard;
 mod names;
@@ -32,7 +33,8 @@ use syntable_model::product::Scope;
 /// - `writer`: the id of this writer.
 ///
 /// The filter `pad` adds leading zeros: `{{ scene.id | pad(width=6) }}`. The function `range` gives at most 1000000 numbers,
-/// and the text of a file has at most 1 GiB.
+/// and the text of a file has at most 1 GiB. Values of variables and texts of macros have at most 64 MiB each, and loops at
+/// most 50 million turns per file.
 ///
 /// `syntable check` finds variables that no file of this kind has, the fields of `scene`, `view`, `views`, `scenes` and
 /// `dataset` among them, unless the template itself asks for them with `if`, `is defined` or `default`. What depends on

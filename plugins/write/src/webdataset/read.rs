@@ -109,5 +109,6 @@ fn exr_of(product: &str, content: &Content) -> Result<Value> {
     let key = linked().into_iter().find(|key| key.name == *product);
     let coding = key.and_then(|key| exr::Coding::of(&Kind::of_key(&key)).ok());
     let coding = coding.ok_or_else(|| content.refuse(format!("`{product}` is no product of a float image")))?;
-    coding.decode(content.bytes()).map(Value::Tensor).map_err(|error| content.refuse(error.to_string()))
+    let decoded = content.guarded("the library that decodes EXR", || coding.decode(content.bytes()));
+    decoded.map(Value::Tensor).map_err(|error| content.located(error))
 }

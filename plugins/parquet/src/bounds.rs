@@ -1,0 +1,340 @@
+//! What a Parquet file asks for, compared with the limits before the format's library reads it.
+//!
+//! The library allocates what headers state: the children of a group of the schema, the bytes of a page, the text of a statistic;
+//! and it calls itself once per level of the schema. Both can end the process. So the footer and the headers of the pages
+//! are read here first, in Thrift's compact protocol, without a tree in memory. What is damaged otherwise is left to the library.
+
+use parquet::basic::Type as Physical;
+use parquet::file::metadata::{ColumnChunkMetaData, ParquetMetaData};
+use std::fs::File;
+use std::io::{Read, Seek, SeekFrom};
+use syntable_model::error::{Error, Result};
+use syntable_model::limits::{NESTING, PAGE_BYTES, TABLE_BYTES, TABLE_VALUES, TEXT_BYTES};
+
+/// How files end, after the length of the footer.
+const MAGIC: &[u8] = b"PAR1";
+/// Bytes of the length of the footer and of [`MAGIC`].
+const TAIL: u64 = 8;
+/// Largest header of a page: a few numbers, and statistics with the smallest and the largest value.
+const PAGE_HEADER: u64 = 1 << 20;
+
+/// Types of the compact protocol that are read by themselves here.
+const TRUE: u8 = 1;
+const FALSE: u8 = 2;
+const LIST: u8 = 9;
+const STRUCT: u8 = 12;
+
+/// Fields of `FileMetaData` and of `SchemaElement`.
+const SCHEMA: i16 = 2;
+const NUM_CHILDREN: i16 = 5;
+/// Fields of `PageHeader`.
+const UNCOMPRESSED: i16 = 2;
+const COMPRESSED: i16 = 3;
+/// Fields of `PageHeader` that are headers of kinds of pages: of data, of a dictionary, of data in the second version. The
+/// first field of each is the number of its values.
+const KINDS: [i16; 3] = [5, 7, 8];
+const OF_DICTIONARY: i16 = 7;
+const NUM_VALUES: i16 = 1;
+
+fn damaged(what: &str) -> Error {
+    Error::new(format!("not a readable Parquet file: {what}")).permanent()
+}
+
+/// Compares the footer with the limits: levels of the schema, and children that are there.
+pub fn check_footer(file: &mut File) -> Result<()> {
+    let io = |error: std::io::Error| damaged(&error.to_string());
+    let length = file.metadata().map_err(io)?.len();
+    let mut tail = [0; TAIL as usize];
+    if length < TAIL {
+        return Ok(());
+    }
+    file.seek(SeekFrom::Start(length - TAIL)).and_then(|_| file.read_exact(&mut tail)).map_err(io)?;
+    let footer = u64::from(u32::from_le_bytes([tail[0], tail[1], tail[2], tail[3]]));
+    // The library says what is wrong.
+    if &tail[4..] != MAGIC || footer > length - TAIL {
+        return Ok(());
+    }
+    TEXT_BYTES.check(footer)?;
+    let bytes = read_range(file, length - TAIL - footer, footer)?;
+    let mut thrift = Thrift { bytes: &bytes, at: 0 };
+    thrift.fields(|thrift, id, kind| match (id, kind) {
+        (SCHEMA, LIST) => thrift.schema(),
+        _ => thrift.skip(kind, DEEPEST),
+    })
+}
+
+/// Compares the pages of some columns with the limits.
+pub fn check_pages(file: &mut File, metadata: &ParquetMetaData, wanted: impl Fn(&str) -> bool) -> Result<()> {
+    let length = file.metadata().map_err(|error| damaged(&error.to_string()))?.len();
+    let mut table = Sums::default();
+    for group in metadata.row_groups() {
+        let columns = group.columns().iter();
+        // Rows alone take space, if all of their values repeat.
+        let rows = u64::try_from(group.num_rows()).map_err(|_| damaged("a negative number of rows"))?;
+        for column in columns.filter(|it| it.column_path().parts().first().is_some_and(|name| wanted(name))) {
+            let of_column = pages(file, length, column)?;
+            table.values = table.values.saturating_add(of_column.values.max(rows));
+            table.bytes = table.bytes.saturating_add(of_column.bytes);
+            TABLE_VALUES.check(table.values)?;
+            TABLE_BYTES.check(table.bytes)?;
+            let descriptor = column.column_descr();
+            // Every element of a list of texts is a copy of an entry of the dictionary.
+            if descriptor.max_rep_level() > 0 && descriptor.physical_type() == Physical::BYTE_ARRAY {
+                TABLE_BYTES.check(of_column.dictionary.saturating_mul(of_column.values.min(LISTED)))?;
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Elements of a list of texts in one row, at most as many as an image has objects.
+const LISTED: u64 = 1 << 10;
+
+/// What pages have together.
+#[derive(Default)]
+struct Sums {
+    values: u64,
+    bytes: u64,
+    /// Bytes of the dictionary.
+    dictionary: u64,
+}
+
+/// Adds up the pages of a column by their headers.
+fn pages(file: &mut File, length: u64, column: &ColumnChunkMetaData) -> Result<Sums> {
+    let number = |value: i64| u64::try_from(value).map_err(|_| damaged("a column starts or ends before the file"));
+    let start = number(column.dictionary_page_offset().unwrap_or_else(|| column.data_page_offset()))?;
+    number(column.data_page_offset())?;
+    let end = start.checked_add(number(column.compressed_size())?).filter(|end| *end <= length);
+    let end = end.ok_or_else(|| damaged("a column ends beyond the file"))?;
+    let (mut sums, mut at) = (Sums::default(), start);
+    while at < end {
+        let head = read_range(file, at, PAGE_HEADER.min(end - at))?;
+        let mut thrift = Thrift { bytes: &head, at: 0 };
+        let mut page = Page::default();
+        thrift.fields(|thrift, id, kind| match id {
+            UNCOMPRESSED => thrift.integer(kind).map(|value| page.uncompressed = value),
+            COMPRESSED => thrift.integer(kind).map(|value| page.compressed = value),
+            id if KINDS.contains(&id) && kind == STRUCT => {
+                page.is_dictionary |= id == OF_DICTIONARY;
+                thrift.fields(|thrift, id, kind| match id {
+                    NUM_VALUES => thrift.integer(kind).map(|value| page.values = value),
+                    _ => thrift.skip(kind, DEEPEST),
+                })
+            }
+            _ => thrift.skip(kind, DEEPEST),
+        })?;
+        let [uncompressed, compressed, values] = [page.uncompressed, page.compressed, page.values]
+            .map(|value| u64::try_from(value).map_err(|_| damaged("a page of a negative size")));
+        let (uncompressed, compressed, values) = (uncompressed?, compressed?, values?);
+        PAGE_BYTES.check(uncompressed.max(compressed))?;
+        sums.bytes = sums.bytes.saturating_add(uncompressed);
+        match page.is_dictionary {
+            true => sums.dictionary = sums.dictionary.max(uncompressed),
+            false => sums.values = sums.values.saturating_add(values),
+        }
+        // The library reads values of dictionaries at once, too.
+        TABLE_VALUES.check(sums.values.max(values))?;
+        at = at.saturating_add(thrift.at as u64).saturating_add(compressed);
+    }
+    Ok(sums)
+}
+
+/// What the header of a page states.
+#[derive(Default)]
+struct Page {
+    uncompressed: i64,
+    compressed: i64,
+    values: i64,
+    is_dictionary: bool,
+}
+
+fn read_range(file: &mut File, start: u64, length: u64) -> Result<Vec<u8>> {
+    let mut bytes = vec![0; length as usize];
+    let read = file.seek(SeekFrom::Start(start)).and_then(|_| file.read_exact(&mut bytes));
+    read.map_err(|error| damaged(&error.to_string()))?;
+    Ok(bytes)
+}
+
+/// Levels of structures and lists that the format has, and some more.
+const DEEPEST: u32 = 16;
+
+/// A place in bytes of Thrift's compact protocol.
+struct Thrift<'b> {
+    bytes: &'b [u8],
+    at: usize,
+}
+
+impl Thrift<'_> {
+    fn byte(&mut self) -> Result<u8> {
+        let byte = self.bytes.get(self.at).copied().ok_or_else(|| damaged("a header is cut off"))?;
+        self.at += 1;
+        Ok(byte)
+    }
+
+    /// An unsigned number of groups of seven bits, the lowest first.
+    fn varint(&mut self) -> Result<u64> {
+        let mut value = 0;
+        for shift in (0..64).step_by(7) {
+            let byte = self.byte()?;
+            value |= u64::from(byte & 0x7f) << shift;
+            if byte & 0x80 == 0 {
+                return Ok(value);
+            }
+        }
+        Err(damaged("a number of more than 64 bits"))
+    }
+
+    /// A signed number of 16, 32 or 64 bits.
+    fn integer(&mut self, kind: u8) -> Result<i64> {
+        if !(4..=6).contains(&kind) {
+            return Err(damaged("a number of another type"));
+        }
+        let value = self.varint()?;
+        Ok((value >> 1) as i64 ^ -((value & 1) as i64))
+    }
+
+    /// The fields of a structure: `each` reads or skips the value of a field, given its id and its type.
+    fn fields(&mut self, mut each: impl FnMut(&mut Self, i16, u8) -> Result<()>) -> Result<()> {
+        let mut id = 0_i16;
+        loop {
+            let head = self.byte()?;
+            if head == 0 {
+                return Ok(());
+            }
+            let (delta, kind) = (head >> 4, head & 0x0f);
+            id = match delta {
+                0 => self.integer(6)? as i16,
+                delta => id.wrapping_add(delta.into()),
+            };
+            each(self, id, kind)?;
+        }
+    }
+
+    /// Number and type of the elements of a list, each of which takes a byte at least.
+    fn list(&mut self) -> Result<(u64, u8)> {
+        let head = self.byte()?;
+        let count = if head >> 4 == 15 { self.varint()? } else { u64::from(head >> 4) };
+        if count > (self.bytes.len() - self.at) as u64 {
+            return Err(damaged("a list is longer than its header"));
+        }
+        Ok((count, head & 0x0f))
+    }
+
+    fn skip_bytes(&mut self, count: u64) -> Result<()> {
+        let rest = (self.bytes.len() - self.at) as u64;
+        if count > rest {
+            return Err(damaged("a text is longer than its header"));
+        }
+        self.at += count as usize;
+        Ok(())
+    }
+
+    /// Skips a value of a type.
+    fn skip(&mut self, kind: u8, depth: u32) -> Result<()> {
+        let inner = || depth.checked_sub(1).ok_or_else(|| damaged("its header is nested too deeply"));
+        match kind {
+            // In a field, the type says the value.
+            TRUE | FALSE => Ok(()),
+            3 => self.skip_bytes(1),
+            4..=6 => self.varint().map(drop),
+            7 => self.skip_bytes(8),
+            8 => {
+                let count = self.varint()?;
+                self.skip_bytes(count)
+            }
+            LIST | 10 => {
+                let ((count, kind), depth) = (self.list()?, inner()?);
+                (0..count).try_for_each(|_| self.skip_element(kind, depth))
+            }
+            11 => {
+                let count = self.varint()?;
+                let kinds = if count > 0 { self.byte()? } else { 0 };
+                let depth = inner()?;
+                // Each entry takes a byte at least, or the loop ends with the bytes.
+                (0..count).try_for_each(|_| {
+                    self.skip_element(kinds >> 4, depth)?;
+                    self.skip_element(kinds & 0x0f, depth)
+                })
+            }
+            STRUCT => {
+                let depth = inner()?;
+                self.fields(|thrift, _, kind| thrift.skip(kind, depth))
+            }
+            13 => self.skip_bytes(16),
+            _ => Err(damaged("a header has a value of an unknown type")),
+        }
+    }
+
+    /// Skips an element of a list, whose truth values take a byte.
+    fn skip_element(&mut self, kind: u8, depth: u32) -> Result<()> {
+        match kind {
+            TRUE | FALSE => self.skip_bytes(1),
+            kind => self.skip(kind, depth),
+        }
+    }
+
+    /// The elements of the schema, in the order of a walk: a group states how many children follow.
+    fn schema(&mut self) -> Result<()> {
+        let (count, kind) = self.list()?;
+        if kind != STRUCT {
+            return Err(damaged("its schema is no list of elements"));
+        }
+        // Children that are still to come, of each group around an element.
+        let mut open: Vec<u64> = Vec::new();
+        for element in 0..count {
+            let mut children = 0;
+            self.fields(|thrift, id, kind| match id {
+                NUM_CHILDREN => thrift.integer(kind).map(|count| children = count),
+                _ => thrift.skip(kind, DEEPEST),
+            })?;
+            if let Some(last) = open.last_mut() {
+                *last -= 1;
+            }
+            let children = u64::try_from(children).map_err(|_| damaged("a group of a negative number of columns"))?;
+            if children > count - element - 1 {
+                return Err(damaged(&format!("a group of {children} columns, and the schema has {count} elements")));
+            }
+            open.push(children);
+            NESTING.check(open.len() as u64)?;
+            while open.last() == Some(&0) {
+                open.pop();
+            }
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::io::Write;
+
+    /// A file that has nothing but a footer with a schema of groups of so many columns.
+    fn check(children: &[u8]) -> Result<()> {
+        let mut footer = vec![0x15, 2, 0x19, 0xfc];
+        // Zigzag of the version; a list of structures with its length behind it.
+        assert!(children.len() < 1 << 14);
+        footer.extend([children.len() as u8 | 0x80, (children.len() >> 7) as u8]);
+        for count in children {
+            // Field 4, a text; field 5, a number.
+            footer.extend([0x48, 1, b'x', 0x15, 2 * count, 0]);
+        }
+        footer.push(0);
+        let mut file = tempfile::tempfile().expect("a file");
+        let length = (footer.len() as u32).to_le_bytes();
+        file.write_all(&[MAGIC, &footer, &length, MAGIC].concat()).expect("written");
+        check_footer(&mut file)
+    }
+
+    #[test]
+    fn schemas_are_walked_without_recursion() {
+        assert_eq!(check(&[2, 1, 0, 0]), Ok(()));
+        let deep: Vec<u8> = [vec![1; 126], vec![0]].concat();
+        assert_eq!(check(&deep), Ok(()));
+        let deeper = [vec![1; 9000], vec![0]].concat();
+        let error = check(&deeper).expect_err("too deep").to_string();
+        assert!(error.contains("128 levels") && error.contains("limit of 127"), "{error}");
+        let error = check(&[60, 0]).expect_err("too many").to_string();
+        assert!(error.contains("a group of 60 columns, and the schema has 2 elements"), "{error}");
+    }
+}

@@ -1,0 +1,354 @@
+//! What a template may take: bytes of the values that it makes, and steps of its loops.
+//!
+//! Tera has no limits of its own. So calls are put into the parsed template: one at the beginning of every loop's body and of
+//! every macro, and one behind every value that the template makes. They count, and refuse what is beyond the
+//! [limits](syntable_model::limits). A template is rendered by one thread, so that the counters are that thread's.
+
+use serde_json::Value as Json;
+use std::cell::RefCell;
+use std::collections::{BTreeSet, HashMap};
+use syntable_model::limits::{Limit, TEMPLATE_LOOP_TEXT, TEMPLATE_STEPS, TEMPLATE_VALUE, TEMPLATE_WORK};
+use tera::ast::{Expr, ExprVal, FunctionCall, Node, StringConcat, WS};
+use tera::{Template, Tera};
+
+/// Functions and filters that a template has without writing them.
+const STEP: &str = "__step";
+const OPEN: &str = "__open";
+const CLOSE: &str = "__close";
+const MADE: &str = "__made";
+const LOOPED: &str = "__looped";
+
+/// Operands that are joined to one text at once: each may be as long as a value.
+const JOINED: usize = 8;
+
+#[derive(Default)]
+struct Spent {
+    steps: u64,
+    bytes: u64,
+    /// The limits of steps and bytes are divided by it.
+    divisor: u64,
+    /// Bytes of each text that is made in memory at the moment, the innermost last.
+    open: Vec<u64>,
+}
+
+thread_local! {
+    static SPENT: RefCell<Spent> = RefCell::default();
+}
+
+/// Begins to count anew. The limits of steps and of all values are divided by a number, which is 1 but in tests.
+pub fn start(divisor: u64) {
+    SPENT.with_borrow_mut(|spent| *spent = Spent { divisor, ..Spent::default() });
+}
+
+/// Refuses a sum beyond a limit that is divided.
+fn within_divided(limit: &Limit, sum: u64, divisor: u64) -> tera::Result<()> {
+    if sum <= limit.most / divisor.max(1) { Ok(()) } else { Err(tera::Error::msg(limit.refuse(sum).to_string())) }
+}
+
+fn within(limit: &Limit, value: u64) -> tera::Result<()> {
+    limit.check(value).map_err(|error| tera::Error::msg(error.to_string()))
+}
+
+/// Counts steps.
+pub fn steps(count: u64) -> tera::Result<()> {
+    SPENT.with_borrow_mut(|spent| {
+        spent.steps = spent.steps.saturating_add(count);
+        within_divided(&TEMPLATE_STEPS, spent.steps, spent.divisor)
+    })
+}
+
+/// Counts bytes of a value or of text in memory.
+fn bytes(count: u64) -> tera::Result<()> {
+    SPENT.with_borrow_mut(|spent| {
+        within(&TEMPLATE_VALUE, count)?;
+        spent.bytes = spent.bytes.saturating_add(count);
+        within_divided(&TEMPLATE_WORK, spent.bytes, spent.divisor)?;
+        match spent.open.last_mut() {
+            Some(open) => {
+                *open = open.saturating_add(count);
+                within(&TEMPLATE_VALUE, *open)
+            }
+            None => Ok(()),
+        }
+    })
+}
+
+/// Bytes of the texts of a value, and one for each value in it.
+fn size(value: &Json) -> u64 {
+    1 + match value {
+        Json::String(text) => text.len() as u64,
+        Json::Array(values) => values.iter().map(size).sum(),
+        Json::Object(fields) => fields.iter().map(|(name, value)| name.len() as u64 + size(value)).sum(),
+        _ => 0,
+    }
+}
+
+/// A filter that makes text longer, with what its result has at most.
+type Growth = fn(&str, &HashMap<String, Json>) -> u64;
+
+fn argument<'a>(arguments: &'a HashMap<String, Json>, name: &str) -> &'a str {
+    arguments.get(name).and_then(Json::as_str).unwrap_or_default()
+}
+
+/// Puts the calls into a template of this name, and the functions behind them into `tera`.
+pub fn limit(tera: &mut Tera, name: &str) -> tera::Result<()> {
+    tera.register_function(STEP, |arguments: &HashMap<String, Json>| {
+        steps(1)?;
+        let text = arguments.get("text").and_then(Json::as_u64).unwrap_or_default();
+        if text > 0 {
+            bytes(text)?;
+        }
+        Ok(Json::from(""))
+    });
+    tera.register_function(OPEN, |_: &HashMap<String, Json>| {
+        SPENT.with_borrow_mut(|spent| spent.open.push(0));
+        Ok(Json::from(""))
+    });
+    tera.register_function(CLOSE, |_: &HashMap<String, Json>| {
+        SPENT.with_borrow_mut(|spent| {
+            spent.open.pop();
+        });
+        Ok(Json::from(""))
+    });
+    let made = |value: &Json, _: &HashMap<String, Json>| {
+        bytes(size(value))?;
+        Ok(value.clone())
+    };
+    tera.register_filter(MADE, made);
+    tera.register_function(MADE, |arguments: &HashMap<String, Json>| {
+        let value = arguments.get("value").cloned().unwrap_or_default();
+        bytes(size(&value))?;
+        Ok(value)
+    });
+    tera.register_filter(LOOPED, |value: &Json, _: &HashMap<String, Json>| {
+        if let Json::String(text) = value {
+            within(&TEMPLATE_LOOP_TEXT, text.len() as u64)?;
+        }
+        Ok(value.clone())
+    });
+    let grown: [(&str, Growth); 3] = [
+        ("replace", |text, arguments| {
+            let found = text.matches(argument(arguments, "from")).count() as u64;
+            found.saturating_mul(argument(arguments, "to").len() as u64).saturating_add(text.len() as u64)
+        }),
+        ("indent", |text, arguments| {
+            let prefix = arguments.get("prefix").and_then(Json::as_str).unwrap_or("    ").len() as u64;
+            (text.lines().count() as u64).saturating_mul(prefix).saturating_add(text.len() as u64)
+        }),
+        // A part takes more memory than its letters.
+        ("split", |text, arguments| {
+            let parts = text.matches(argument(arguments, "pat")).count() as u64;
+            parts.saturating_mul(64).saturating_add(text.len() as u64)
+        }),
+    ];
+    for (filter, most) in grown {
+        let Some(inner) = tera.filters.get(filter).cloned() else { continue };
+        tera.register_filter(filter, move |value: &Json, arguments: &HashMap<String, Json>| {
+            if let Json::String(text) = value {
+                within(&TEMPLATE_VALUE, most(text, arguments))?;
+            }
+            inner.filter(value, arguments)
+        });
+    }
+    if let Some(inner) = tera.filters.get("join").cloned() {
+        tera.register_filter("join", move |value: &Json, arguments: &HashMap<String, Json>| {
+            let count = value.as_array().map_or(0, Vec::len) as u64;
+            let between = count.saturating_mul(argument(arguments, "sep").len() as u64);
+            within(&TEMPLATE_VALUE, between.saturating_add(size(value)))?;
+            inner.filter(value, arguments)
+        });
+    }
+    let Some(template) = tera.templates.get_mut(name) else { return Ok(()) };
+    let texts = Texts::of(template);
+    let walk = Walk { texts };
+    walk.body(&mut template.ast, false);
+    for definition in template.macros.values_mut() {
+        walk.text_in_memory(&mut definition.body);
+        let length = text_length(&definition.body);
+        definition.body.insert(0, call(STEP, length));
+        definition.args.values_mut().flatten().for_each(|default| walk.expr(default, true));
+    }
+    template.blocks.values_mut().for_each(|block| walk.body(&mut block.body, false));
+    tera.build_inheritance_chains()
+}
+
+/// A call that makes no text.
+fn call(function: &str, text: i64) -> Node {
+    let text = ("text".to_owned(), Expr::new(ExprVal::Int(text)));
+    let args = if function == STEP { HashMap::from([text]) } else { HashMap::new() };
+    Node::VariableBlock(
+        WS::default(),
+        Expr::new(ExprVal::FunctionCall(FunctionCall { name: function.to_owned(), args })),
+    )
+}
+
+fn filter(name: &str) -> FunctionCall {
+    FunctionCall { name: name.to_owned(), args: HashMap::new() }
+}
+
+/// Bytes of the text of a body, without that of the loops in it.
+fn text_length(body: &[Node]) -> i64 {
+    let of = |node: &Node| match node {
+        Node::Text(text) | Node::Raw(_, text, _) => text.len() as i64,
+        Node::If(condition, _) => {
+            let branches = condition.conditions.iter().map(|(_, _, body)| body);
+            branches
+                .chain(condition.otherwise.iter().map(|(_, body)| body))
+                .map(|body| text_length(body))
+                .max()
+                .unwrap_or(0)
+        }
+        Node::Block(_, block, _) => text_length(&block.body),
+        _ => 0,
+    };
+    body.iter().map(of).sum()
+}
+
+/// Variables that may hold a text which the template made. Those of the context hold what products have.
+struct Texts(BTreeSet<String>);
+
+impl Texts {
+    fn of(template: &Template) -> Self {
+        let mut texts = Self(BTreeSet::new());
+        texts.0.extend(template.macros.values().flat_map(|definition| definition.args.keys().cloned()));
+        loop {
+            let before = texts.0.len();
+            texts.body(&template.ast);
+            template.macros.values().for_each(|definition| texts.body(&definition.body));
+            if texts.0.len() == before {
+                return texts;
+            }
+        }
+    }
+
+    fn body(&mut self, body: &[Node]) {
+        for node in body {
+            match node {
+                Node::Set(_, set) => drop(self.0.insert(set.key.clone())),
+                Node::FilterSection(_, section, _) => self.body(&section.body),
+                Node::Block(_, block, _) => self.body(&block.body),
+                Node::Forloop(_, inner, _) => {
+                    if self.may_be(&inner.container) {
+                        self.0.insert(inner.value.clone());
+                    }
+                    self.body(&inner.body);
+                    inner.empty_body.iter().for_each(|body| self.body(body));
+                }
+                Node::If(condition, _) => {
+                    condition.conditions.iter().for_each(|(_, _, body)| self.body(body));
+                    condition.otherwise.iter().for_each(|(_, body)| self.body(body));
+                }
+                _ => {}
+            }
+        }
+    }
+
+    /// Whether the container of a loop may be, or have, such a text.
+    fn may_be(&self, container: &Expr) -> bool {
+        match &container.val {
+            ExprVal::Ident(name) => {
+                let root = name.split(['.', '[']).next().unwrap_or_default();
+                !container.filters.is_empty() || self.0.contains(root)
+            }
+            _ => true,
+        }
+    }
+}
+
+/// Puts calls into nodes and expressions.
+struct Walk {
+    texts: Texts,
+}
+
+impl Walk {
+    fn body(&self, body: &mut [Node], is_in_memory: bool) {
+        for node in body {
+            match node {
+                Node::VariableBlock(_, expr) => self.expr(expr, is_in_memory),
+                Node::Set(_, set) => self.expr(&mut set.value, true),
+                Node::FilterSection(_, section, _) => {
+                    section.filter.args.values_mut().for_each(|argument| self.expr(argument, true));
+                    self.text_in_memory(&mut section.body);
+                }
+                Node::Block(_, block, _) => self.body(&mut block.body, is_in_memory),
+                Node::Forloop(_, inner, _) => {
+                    let may_be_text = self.texts.may_be(&inner.container);
+                    self.expr(&mut inner.container, false);
+                    if may_be_text {
+                        inner.container.filters.push(filter(LOOPED));
+                    }
+                    let length = if is_in_memory { text_length(&inner.body) } else { 0 };
+                    self.body(&mut inner.body, is_in_memory);
+                    inner.body.insert(0, call(STEP, length));
+                    inner.empty_body.iter_mut().for_each(|body| self.body(body, is_in_memory));
+                }
+                Node::If(condition, _) => {
+                    for (_, test, body) in &mut condition.conditions {
+                        self.expr(test, false);
+                        self.body(body, is_in_memory);
+                    }
+                    condition.otherwise.iter_mut().for_each(|(_, body)| self.body(body, is_in_memory));
+                }
+                _ => {}
+            }
+        }
+    }
+
+    /// A body whose text is not written to the file at once.
+    fn text_in_memory(&self, body: &mut Vec<Node>) {
+        self.body(body, true);
+        body.insert(0, call(OPEN, 0));
+        body.push(call(CLOSE, 0));
+    }
+
+    /// Counts the values that an expression makes on the way, and its own if it `is_kept`.
+    fn expr(&self, expr: &mut Expr, is_kept: bool) {
+        let each = |arguments: &mut HashMap<String, Expr>| arguments.values_mut().for_each(|it| self.expr(it, true));
+        let mut is_made = is_kept;
+        match &mut expr.val {
+            ExprVal::Math(math) => [&mut math.lhs, &mut math.rhs].into_iter().for_each(|it| self.expr(it, false)),
+            ExprVal::Logic(logic) => [&mut logic.lhs, &mut logic.rhs].into_iter().for_each(|it| self.expr(it, false)),
+            ExprVal::In(inside) => [&mut inside.lhs, &mut inside.rhs].into_iter().for_each(|it| self.expr(it, false)),
+            ExprVal::Test(test) => test.args.iter_mut().for_each(|it| self.expr(it, true)),
+            ExprVal::MacroCall(call) => each(&mut call.args),
+            ExprVal::FunctionCall(call) => each(&mut call.args),
+            ExprVal::Array(values) => {
+                is_made = true;
+                values.iter_mut().for_each(|it| self.expr(it, true));
+            }
+            ExprVal::StringConcat(parts) => {
+                is_made = true;
+                for part in &mut parts.values {
+                    if let ExprVal::FunctionCall(call) = part {
+                        each(&mut call.args);
+                    }
+                }
+                join_few(parts);
+            }
+            _ => {}
+        }
+        for mut own in std::mem::take(&mut expr.filters) {
+            each(&mut own.args);
+            // These two are no filters for Tera, and count as the first or the last one.
+            let is_counted = !["default", "safe"].contains(&own.name.as_str());
+            expr.filters.push(own);
+            if is_counted {
+                expr.filters.push(filter(MADE));
+            }
+            is_made &= !is_counted;
+        }
+        if is_made {
+            expr.filters.push(filter(MADE));
+        }
+    }
+}
+
+/// Joins texts a few at a time, so that what was joined is counted before more is.
+fn join_few(parts: &mut StringConcat) {
+    while parts.values.len() > JOINED {
+        let first: Vec<ExprVal> = parts.values.drain(..JOINED).collect();
+        let value = Expr::new(ExprVal::StringConcat(StringConcat { values: first }));
+        let args = HashMap::from([("value".to_owned(), value)]);
+        parts.values.insert(0, ExprVal::FunctionCall(FunctionCall { name: MADE.to_owned(), args }));
+    }
+}
