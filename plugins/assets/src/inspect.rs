@@ -56,7 +56,7 @@ fn mesh_in_folder(folder: &Path) -> Option<PathBuf> {
     let files: Vec<PathBuf> = listing.files.iter().map(PathBuf::from).collect();
     let meshes: Vec<&PathBuf> = files.iter().filter(|file| extensions.contains(&extension(file).as_str())).collect();
     let stems: Vec<PathBuf> = meshes.iter().map(|file| file.with_extension("")).collect();
-    let rules = collision::rules(stems.iter().map(PathBuf::as_path));
+    let rules = collision::rules(stems.iter().map(PathBuf::as_path), std::iter::empty());
     let objects: Vec<&PathBuf> =
         meshes.into_iter().zip(rules).filter(|(_, rule)| rule.is_none()).map(|(file, _)| file).collect();
     if let [only] = objects[..] { Some(only.clone()) } else { None }

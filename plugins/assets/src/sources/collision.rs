@@ -6,7 +6,8 @@
 //! 1. **Folder.** A folder named after collisions (`collision`, `collisions_mesh`, `vhacd`) holds nothing else. One with a
 //!    name that may mean something else (`convex`, `physics`, `hulls`) does so only beside the rendered mesh.
 //! 2. **Sibling.** A mesh whose name less such a word is the name of another mesh of the same object:
-//!    `cup_hull_0` beside `cup`, `collision_geometry` beside `visual_geometry`, `collision` beside `textured`.
+//!    `cup_hull_0` beside `cup`, `collision_geometry` beside `visual_geometry`. A name of such words alone belongs to the mesh
+//!    of its folder: `collision` and `convex_hull` beside `textured`.
 //! 3. **Name.** A word that means nothing else, after the first word of the name: `mug_vhacd`, `part_collision_3`.
 //!
 //! So `convex_mirror`, `hull` and `collision_course_game` are objects unless rule 2 finds what they belong to.
@@ -33,7 +34,7 @@ const CERTAIN: [&str; 12] = [
 
 /// Words that mean collision geometry beside the mesh that is rendered, and may mean something else alone.
 /// `nontextured` is the scan of an object without its texture.
-const LIKELY: [&str; 26] = [
+const LIKELY: [&str; 30] = [
     "col",
     "coll",
     "colls",
@@ -51,11 +52,15 @@ const LIKELY: [&str; 26] = [
     "acd",
     "phys",
     "physics",
+    "physx",
+    "collide",
     "ucx",
     "ubx",
     "usp",
     "ucp",
     "bbox",
+    "obb",
+    "aabb",
     "proxy",
     "cm",
     "nontextured",
@@ -88,6 +93,13 @@ const GENERIC: [&str; 20] = [
 
 /// Words of the mesh that is rendered.
 const VISUAL: [&str; 9] = ["visual", "visuals", "vis", "render", "rendered", "textured", "graphics", "display", "vm"];
+
+/// Words that are rarely the whole name of anything but a collision mesh.
+const TELLING: [&str; 10] =
+    ["coll", "colls", "cvx", "chull", "convexhull", "decomp", "decomposed", "decomposition", "acd", "physx"];
+
+/// Extensions of files that are not read, but tell that another file is the collision mesh of what they hold.
+pub const UNREAD: [&str; 10] = ["dae", "fbx", "usd", "usda", "usdc", "usdz", "blend", "msh", "3ds", "wrl"];
 
 /// Extensions that tools leave inside names, such as `mug.obj.convex.stl`.
 const EXTENSIONS: [&str; 7] = ["obj", "stl", "ply", "glb", "gltf", "dae", "off"];
@@ -258,7 +270,7 @@ impl Named {
 struct Folder {
     /// Names of its meshes, also less their visual words and the numbers of their parts, and the meshes that have them.
     names: BTreeMap<Vec<String>, BTreeSet<usize>>,
-    has_plain: bool,
+    plain: usize,
     has_main: bool,
     has_named_after: bool,
     has_visual_folder: bool,
@@ -267,9 +279,12 @@ struct Folder {
 /// The folders that are named after an object and hold its mesh: by the folder above and the words of their names.
 type Homes<'a> = BTreeSet<(&'a Path, Vec<String>)>;
 
-/// Which of the meshes are collision meshes, by their paths without extensions and relative to the root of the pool.
-pub fn rules<'a>(stems: impl Iterator<Item = &'a Path>) -> Vec<Option<Rule>> {
-    let meshes: Vec<Named> = stems.map(Named::new).collect();
+/// Which of the meshes are collision meshes, by their paths without extensions and relative to the root of the pool. The
+/// others are meshes in formats that are not read: they are siblings, too.
+pub fn rules<'a>(stems: impl Iterator<Item = &'a Path>, others: impl Iterator<Item = &'a Path>) -> Vec<Option<Rule>> {
+    let mut meshes: Vec<Named> = stems.map(Named::new).collect();
+    let count = meshes.len();
+    meshes.extend(others.map(Named::new));
     let mut folders: BTreeMap<&Path, Folder> = BTreeMap::new();
     for (at, mesh) in meshes.iter().enumerate() {
         let folder = folders.entry(&mesh.object).or_default();
@@ -282,7 +297,7 @@ pub fn rules<'a>(stems: impl Iterator<Item = &'a Path>) -> Vec<Option<Rule>> {
         for name in names {
             folder.names.entry(name).or_default().insert(at);
         }
-        folder.has_plain |= mesh.is_plain();
+        folder.plain += usize::from(mesh.is_plain());
         folder.has_main |= mesh.is_main();
         folder.has_named_after |= mesh.is_named_after_folder();
         folder.has_visual_folder |= mesh.is_plain() && mesh.in_visual_folder;
@@ -292,7 +307,7 @@ pub fn rules<'a>(stems: impl Iterator<Item = &'a Path>) -> Vec<Option<Rule>> {
         .filter(|(_, folder)| folder.has_main || folder.has_named_after)
         .filter_map(|(path, _)| Some((path.parent()?, words(&path.file_name()?.to_string_lossy()))))
         .collect();
-    meshes.iter().enumerate().map(|(at, mesh)| rule(at, mesh, &folders, &homes)).collect()
+    meshes.iter().enumerate().take(count).map(|(at, mesh)| rule(at, mesh, &folders, &homes)).collect()
 }
 
 fn rule(at: usize, mesh: &Named, folders: &BTreeMap<&Path, Folder>, homes: &Homes<'_>) -> Option<Rule> {
@@ -331,11 +346,15 @@ fn rule(at: usize, mesh: &Named, folders: &BTreeMap<&Path, Folder>, homes: &Home
         mesh.kinds.iter().all(|&kind| is_collision(kind) || matches!(kind, Kind::Generic | Kind::Number));
     if says_nothing_else {
         if certain.is_some() {
-            return Some(if folder.has_plain { Rule::Sibling(word) } else { Rule::Name(word) });
+            return Some(if folder.plain > 0 { Rule::Sibling(word) } else { Rule::Name(word) });
         }
-        // `boat/hull` beside `boat/boat` may be a part of the boat.
+        // `boat/hull` beside `boat/boat` may be a part of the boat, and `lens/convex` beside `lens/concave` a lens.
         let after_folder = folder.has_named_after && mesh.words != ["hull"];
-        return (folder.has_main || after_folder).then_some(Rule::Sibling(word));
+        let is_numbered = mesh.kinds.contains(&Kind::Number) || word.ends_with(|c: char| c.is_ascii_digit());
+        let telling = mesh.words.iter().any(|word| TELLING.contains(&word.as_str()));
+        let several = mesh.kinds.iter().filter(|&&kind| is_collision(kind)).count() > 1;
+        let of_the_only_one = folder.plain == 1 && (is_numbered || telling || several);
+        return (folder.has_main || after_folder || of_the_only_one).then_some(Rule::Sibling(word));
     }
     if mesh.kinds.iter().skip(1).any(|&kind| kind == Kind::Certain) {
         return certain.map(|at| Rule::Name(mesh.words[at].clone()));
@@ -375,7 +394,7 @@ mod tests {
     fn check(kept: &[&str], left_out: &[&str]) {
         let mut stems: Vec<&str> = kept.iter().chain(left_out).copied().collect();
         stems.sort_unstable();
-        let rules = rules(stems.iter().map(Path::new));
+        let rules = rules(stems.iter().map(Path::new), std::iter::empty());
         for (stem, rule) in stems.iter().zip(rules) {
             assert_eq!(rule.is_some(), left_out.contains(stem), "{stem}: {rule:?}");
         }
@@ -422,6 +441,14 @@ mod tests {
         check(&["mug"], &["mug/mug_hull_0", "mug/mug_hull_1"]);
         check(&["mug/model"], &["mug_coll"]);
         check(&["mug/mug"], &["mug/convex", "mug/hull_0", "mug/physics"]);
+        check(&["obj_01/bunny"], &["obj_01/convex_hull", "obj_01/hull_3", "obj_01/decomp"]);
+    }
+
+    #[test]
+    fn meshes_that_are_not_read_are_siblings() {
+        let stems = ["mug_convex", "cup_convex"];
+        let [mug, cup] = &rules(stems.iter().map(Path::new), ["mug"].iter().map(Path::new))[..] else { panic!("two") };
+        assert_eq!((mug.as_ref(), cup.as_ref()), (Some(&Rule::Sibling("convex".into())), None));
     }
 
     #[test]
@@ -448,6 +475,7 @@ mod tests {
         );
         // Parts of a boat, and folders that are categories.
         check(&["boat/boat", "boat/hull", "boat/mast"], &[]);
+        check(&["lens/convex", "lens/concave"], &[]);
         check(&["physics/pendulum", "hulls/tanker", "mugs/a", "x"], &[]);
         // The same name in another category is another object.
         check(&["bowl/a", "cup/a_convex"], &[]);
@@ -455,11 +483,8 @@ mod tests {
 
     #[test]
     fn the_message_counts_by_rule() {
-        let rules: Vec<Rule> =
-            rules(["cup", "cup_hull_0", "cup_hull_1", "jar/collision/a", "mug_vhacd"].iter().map(Path::new))
-                .into_iter()
-                .flatten()
-                .collect();
+        let stems = ["cup", "cup_hull_0", "cup_hull_1", "jar/collision/a", "mug_vhacd"];
+        let rules: Vec<Rule> = rules(stems.iter().map(Path::new), std::iter::empty()).into_iter().flatten().collect();
         assert_eq!(
             describe(&rules),
             "2 beside a mesh of the same name without `hull`; 1 in folders named `collision`; 1 by the word `vhacd`"

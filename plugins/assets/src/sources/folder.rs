@@ -86,7 +86,8 @@ pub fn leave_out_collision_meshes(
     root: &AssetRoot,
     log: &dyn Log,
 ) -> Result<()> {
-    let rules = collision::rules(meshes.keys().map(PathBuf::as_path));
+    let others = by_stem(root, &collision::UNREAD)?;
+    let rules = collision::rules(meshes.keys().map(PathBuf::as_path), others.keys().map(PathBuf::as_path));
     let mut found = rules.iter();
     let mut first = None;
     meshes.retain(|_, files| {

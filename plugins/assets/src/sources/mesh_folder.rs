@@ -222,5 +222,11 @@ mod tests {
         assert!(error.contains("no mesh but collision meshes: 1 in folders named `coacd`"), "{error}");
         assert!(error.contains("collision_meshes = \"include\""), "{error}");
         assert_eq!(find(&root, &formats, CollisionMeshes::Include, &log).expect("scans").len(), 1);
+        // The rendered mesh is in a format that is not read.
+        for file in ["mug.dae", "mug_coll.obj"] {
+            std::fs::write(folder.path().join(file), "x").expect("file");
+        }
+        let error = find(&root, &formats, CollisionMeshes::Exclude, &log).expect_err("nothing is left").to_string();
+        assert!(error.contains("1 beside a mesh of the same name without `coll`"), "{error}");
     }
 }
