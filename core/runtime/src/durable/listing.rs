@@ -89,11 +89,16 @@ impl Listing {
         let mut kept = Vec::new();
         walk(folder, &mut |entry| {
             let Entry { path, inside, kind } = entry;
-            let is_listed = |stamp: &Stamp| fs::symlink_metadata(&path).is_ok_and(|there| there.len() == stamp.0);
+            let is_listed = match self.files.get(&inside) {
+                Some(stamp) if kind == Kind::File => {
+                    fs::symlink_metadata(&path).map_err(|error| Error::io(&path, &error))?.len() == stamp.0
+                }
+                _ => false,
+            };
             let removed = match kind {
                 // It goes last: until then the folder is known to be ours.
                 Kind::File if inside == LISTING => Ok(()),
-                Kind::File if self.files.get(&inside).is_some_and(is_listed) => disk::remove_file(&path),
+                _ if is_listed => disk::remove_file(&path),
                 // Fails where something is kept.
                 Kind::Empty | Kind::Left => disk::remove_dir(&path).or_else(|error| match error.kind() {
                     ErrorKind::DirectoryNotEmpty => Ok(()),

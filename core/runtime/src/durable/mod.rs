@@ -102,8 +102,9 @@ pub fn write_file(path: &Path, bytes: &[u8]) -> Result<()> {
 fn write_linked(path: &Path, bytes: &[u8], links: u32) -> Result<()> {
     let there = fs::metadata(path).ok();
     let refuse = |what: &str| Err(Error::new(what).in_file(path).help("name another file").of_request());
-    let is_stream = ["/dev", "/proc"].iter().any(|folder| path.starts_with(folder))
-        || there.as_ref().is_some_and(|there| !there.is_file() && !there.is_dir());
+    // `/dev/stdout` may lead to a file, which what is printed goes to as well.
+    let is_system = ["/dev", "/proc"].iter().any(|folder| path.starts_with(folder)) && !path.starts_with("/dev/shm");
+    let is_stream = is_system || there.as_ref().is_some_and(|there| !there.is_file() && !there.is_dir());
     if is_stream {
         return fs::write(path, bytes).map_err(|error| refused(path, &error));
     }

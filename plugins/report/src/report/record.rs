@@ -99,6 +99,11 @@ impl Record {
             note(&path, error.message().to_owned());
             Vec::new()
         });
+        let lines =
+            read(&root, &path).map_or(0, |bytes| bytes.split(|it| *it == b'\n').filter(|it| !it.is_empty()).count());
+        if lines > times.len() {
+            note(&path, format!("{} of {lines} lines cannot be read", lines - times.len()));
+        }
         let models = models(&root, &table, journal.keys().copied(), &mut note);
         Self { root, times, recipe, table, journal, damaged, models }
     }

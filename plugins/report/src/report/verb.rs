@@ -117,9 +117,10 @@ fn run(console: &Console, _: &Registry, arguments: &ArgMatches) -> std::result::
         report.scenes().len(),
     ))?;
     let mut parts = Vec::new();
-    for (reasons, one) in [(unread.len(), "image"), (lost.len(), "part"), (incomplete.len(), "table of statistics")] {
+    for (reasons, one) in [(unread.len(), "image"), (lost.len(), "other part")] {
         parts.extend((reasons > 0).then(|| count(reasons as u32, one)));
     }
+    parts.extend((!incomplete.is_empty()).then(|| "the statistics".to_owned()));
     if parts.is_empty() {
         return Ok(());
     }
