@@ -10,13 +10,14 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fs::File;
 use std::path::{Path, PathBuf};
 use syntable_formats::coco::Category;
-use syntable_formats::decode::Content;
+use syntable_formats::decode::{self, Content};
 use syntable_formats::read::{self, Faults};
 use syntable_formats::samples::{self, Contents, Fields, Latest, Samples};
+use syntable_model::files::DatasetFolder;
 use syntable_model::prelude::*;
 use syntable_model::product::linked;
 use syntable_model::product::standard::{CAMERA, CATEGORY_ID, RGB};
-use syntable_model::reader::{DatasetReader, Format};
+use syntable_model::reader::{DatasetReader, Format, Source};
 
 syntable_model::register_format!(Format {
     name: "parquet",
@@ -50,6 +51,20 @@ fn tables_of(root: &Path) -> Vec<PathBuf> {
     folders.map(|folder| of(&folder)).find(|tables| !tables.is_empty()).unwrap_or_default()
 }
 
+/// The folder of tables, whose names of images may lead to the folder beside it that the writer has for them.
+fn folder_of(source: &Source, tables: &Path) -> Result<DatasetFolder> {
+    if tables != source.path {
+        return Ok(source.folder(&source.path)?.inner(tables.file_name().unwrap_or_default()));
+    }
+    let whole = tables.canonicalize().map_err(|error| Error::io(tables, &error))?;
+    match (whole.parent(), whole.file_name()) {
+        (Some(above), Some(name)) if FOLDERS.iter().any(|folder| name == *folder) => {
+            Ok(source.folder(above)?.inner(name))
+        }
+        _ => source.folder(tables),
+    }
+}
+
 /// A table that is open.
 struct Table {
     reader: SerializedFileReader<File>,
@@ -58,7 +73,7 @@ struct Table {
 
 impl Table {
     fn open(path: &Path) -> Result<Self> {
-        let file = File::open(path).map_err(|error| Error::io(path, &error))?;
+        let file = decode::open(path)?;
         let reader = SerializedFileReader::new(file).map_err(|error| unreadable(path, &error))?;
         Ok(Self { reader, path: path.to_owned() })
     }
@@ -96,6 +111,8 @@ struct Tables {
     /// Scene and view of each image, its table by place in `paths`, and its size.
     places: Vec<((u32, u32), usize, [u32; 2])>,
     paths: Vec<PathBuf>,
+    /// Their folder, from which names of images count.
+    folder: DatasetFolder,
     columns: BTreeSet<String>,
     /// Rows of the tables that were read last, by table and columns: a scene has many views.
     latest: Latest<(usize, BTreeSet<String>), Rows>,
@@ -104,12 +121,15 @@ struct Tables {
 /// Rows by column.
 type Rows = Vec<BTreeMap<String, Field>>;
 
-fn open(root: &Path) -> Result<Box<dyn DatasetReader>> {
+fn open(source: &Source) -> Result<Box<dyn DatasetReader>> {
+    let root = source.path.as_path();
     let paths = tables_of(root);
     if paths.is_empty() {
         let help = "name the folder that has `instances` or `views`, or the folder of the tables";
         return Err(Error::new("it has no tables of scenes").in_file(root).help(help).of_request());
     }
+    let folder = folder_of(source, paths[0].parent().unwrap_or(root))?;
+    read::check_inside(&folder, &paths)?;
     let (mut faults, mut views) = (Faults::default(), BTreeMap::<(u32, u32), (usize, [u32; 2])>::new());
     let (mut columns, mut names) = (BTreeSet::new(), BTreeMap::<u64, String>::new());
     let mut faulty = BTreeSet::new();
@@ -176,7 +196,7 @@ fn open(root: &Path) -> Result<Box<dyn DatasetReader>> {
     Ok(samples::open(
         read::name_of(root),
         contents,
-        Box::new(Tables { places, paths, columns, latest: Latest::default() }),
+        Box::new(Tables { places, paths, folder, columns, latest: Latest::default() }),
     ))
 }
 
@@ -254,7 +274,7 @@ impl Tables {
     /// The image of a row.
     fn rgb(&self, table: &Path, row: &BTreeMap<String, Field>) -> Result<Value> {
         let content = match (row.get(IMAGE_FILE), row.get(IMAGE)) {
-            (Some(Field::Str(file)), _) => Content::read(&table.with_file_name(file))?,
+            (Some(Field::Str(file)), _) => Content::read(&self.folder.file(file)?)?,
             (_, Some(Field::Group(image))) => {
                 let bytes = image.get_column_iter().find_map(|(_, field)| match field {
                     Field::Bytes(bytes) => Some(bytes.data().to_vec()),

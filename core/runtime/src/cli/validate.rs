@@ -19,18 +19,21 @@ pub(super) struct ValidateArgs {
     /// Its format (see `syntable list formats`); the one that it looks like if left out.
     #[arg(long)]
     format: Option<String>,
+    #[arg(long, help = super::TRUST_PATHS)]
+    trust_paths: bool,
     /// Print all that was found as one JSON object.
     #[arg(long)]
     json: bool,
 }
 
 pub(super) fn validate(console: &Console, args: &ValidateArgs) -> Result<(), Exit> {
-    let (format, root) = reader::find(&args.dataset, args.format.as_deref()).map_err(Exit::stopped)?;
-    let found = match (format.open)(&root) {
+    let named = reader::Source::new(&args.dataset).trusting(args.trust_paths);
+    let (format, found_at) = reader::find(&named, args.format.as_deref()).map_err(Exit::stopped)?;
+    let found = match (format.open)(&found_at) {
         Ok(dataset) => validate_dataset(&*dataset, workers::available()).map_err(Exit::stopped)?,
         Err(error) if error.is_transient() => return Err(Exit::stopped(error)),
         // A dataset that cannot be opened is one with a fault.
-        Err(error) => Validated::unreadable(root.display().to_string(), &error),
+        Err(error) => Validated::unreadable(found_at.path.display().to_string(), &error),
     };
     if args.json {
         let mut text = serde_json::to_string_pretty(&found).expect("plain data");

@@ -6,11 +6,12 @@ use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 use syntable_model::error::{Error, Result};
+use syntable_model::files::{DatasetFolder, Reach, read_small};
 use syntable_model::product::standard::OBJECT_INFO;
 use syntable_model::product::{PerInstance, Value};
 use syntable_model::reader::DatasetReader;
 use syntable_model::stage::RESERVED;
-use syntable_runtime::run::folder::journal_path;
+use syntable_runtime::run::folder::{journal_path, times_path};
 use syntable_runtime::run::journal::{Journal, JournalEntry};
 use syntable_runtime::run::times::RunTimes;
 
@@ -69,19 +70,29 @@ impl Record {
     /// Reads what the folder of a run has; nothing of a folder that no run made.
     pub fn of(dataset: &Path) -> Self {
         let Some(root) = run_of(dataset) else { return Self::default() };
-        let recipe = std::fs::read_to_string(root.join(RESERVED[1])).unwrap_or_default();
+        // Somebody else may have made it: what is no file of its own is not read.
+        let Ok(folder) = DatasetFolder::open(&root, Reach::Inside) else { return Self::default() };
+        let recipe = folder.file(RESERVED[1]).ok().and_then(|path| String::from_utf8(read_small(&path).ok()?).ok());
+        let recipe = recipe.unwrap_or_default();
         let table: toml::Table = recipe.parse().unwrap_or_default();
         let mut damaged = Vec::new();
         let mut note = |path: &Path, what: String| damaged.push(format!("{}: {what}", path.display()));
+        let own = |path: &Path| folder.has(path.strip_prefix(&root).unwrap_or(path)) || !path.exists();
         let path = journal_path(&root);
-        let (journal, faults) =
-            Journal::readable(&path).unwrap_or_else(|error| (BTreeMap::new(), vec![error.to_string()]));
-        faults.into_iter().for_each(|fault| note(&path, fault));
-        let times = RunTimes::of_dataset(&root).unwrap_or_else(|error| {
-            note(&root, error.to_string());
-            Vec::new()
-        });
-        let models = models(&root, &table, journal.keys().copied());
+        let (mut journal, mut times) = (BTreeMap::new(), Vec::new());
+        if own(&path) && own(&times_path(&root)) {
+            let faults;
+            (journal, faults) =
+                Journal::readable(&path).unwrap_or_else(|error| (BTreeMap::new(), vec![error.to_string()]));
+            faults.into_iter().for_each(|fault| note(&path, fault));
+            times = RunTimes::of_dataset(&root).unwrap_or_else(|error| {
+                note(&root, error.to_string());
+                Vec::new()
+            });
+        } else {
+            note(&path, "it or what is beside it is no file of the dataset, and is not read".to_owned());
+        }
+        let models = models(&folder, &table, journal.keys().copied());
         Self { times, recipe, table, journal, damaged, models }
     }
 
@@ -175,14 +186,15 @@ pub fn run_of(path: &Path) -> Option<PathBuf> {
 }
 
 /// glTF files of whole scenes, or of the first view of each, of the first writer of the recipe that makes some.
-fn models(root: &Path, recipe: &toml::Table, scenes: impl Iterator<Item = u32>) -> BTreeMap<u32, PathBuf> {
+fn models(folder: &DatasetFolder, recipe: &toml::Table, scenes: impl Iterator<Item = u32>) -> BTreeMap<u32, PathBuf> {
     let writers = recipe.get("write").and_then(toml::Value::as_table);
     let is_gltf =
         |(_, options): &(&String, &toml::Value)| options.get("kind").and_then(toml::Value::as_str) == Some("gltf");
     let Some((id, _)) = writers.and_then(|writers| writers.iter().find(is_gltf)) else { return BTreeMap::new() };
     let file = |scene: u32| {
         let names = [format!("{scene:06}.glb"), format!("{scene:06}_0000.glb")];
-        names.into_iter().map(|name| root.join(id).join(name)).find(|path| path.is_file())
+        let paths = names.into_iter().filter_map(|name| folder.inner(id).file(name).ok());
+        paths.into_iter().find(|path| path.is_file())
     };
     scenes.filter_map(|scene| Some((scene, file(scene)?))).collect()
 }
