@@ -6,7 +6,7 @@ use crate::encode::kind::Kind;
 use crate::encode::{scene_name, view_name};
 use crate::json;
 use std::collections::BTreeSet;
-use std::path::Path;
+use syntable_model::files::DatasetFolder;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{CATEGORY_ID, CATEGORY_MAP};
 use syntable_model::product::{Form, KeyId, Scope};
@@ -80,8 +80,8 @@ pub fn write_categories_to(path: &str, dataset: &DatasetInfo, finish: &Finish) -
 }
 
 /// The categories that the file of a folder has, if there is one.
-pub fn categories_in(folder: &Path) -> Result<Option<Vec<Category>>> {
-    let path = folder.join(CATEGORIES);
+pub fn categories_in(folder: &DatasetFolder) -> Result<Option<Vec<Category>>> {
+    let path = folder.file(CATEGORIES)?;
     if !path.is_file() {
         return Ok(None);
     }

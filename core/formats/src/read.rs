@@ -5,6 +5,7 @@ use std::collections::btree_map::Entry;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use syntable_model::error::{Error, Result};
+use syntable_model::files::DatasetFolder;
 use syntable_model::geometry::Pose;
 use syntable_model::limits::ORDERED;
 use syntable_model::product::standard::{
@@ -451,6 +452,11 @@ pub fn entries(folder: &Path) -> Vec<PathBuf> {
     let mut entries: Vec<PathBuf> = entries.map(|entry| entry.path()).collect();
     entries.sort();
     entries
+}
+
+/// Refuses files that were found in a folder of a dataset if one is a link that leads elsewhere.
+pub fn check_inside<'p>(folder: &DatasetFolder, files: impl IntoIterator<Item = &'p PathBuf>) -> Result<()> {
+    files.into_iter().try_for_each(|path| folder.file(path.file_name().unwrap_or_default()).map(drop))
 }
 
 /// The image of a view that is called so.

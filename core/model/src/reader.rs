@@ -4,6 +4,7 @@
 //! does not know where they came from. Registered with [`register_format!`](crate::register_format).
 
 use crate::error::{Error, Result};
+use crate::files::{DatasetFolder, Reach};
 use crate::panics::guarded;
 use crate::product::{KeyId, Mask, Products};
 use crate::scene::{SceneId, View, ViewId};
@@ -20,9 +21,10 @@ pub struct Format {
     pub doc: &'static str,
     /// Whether a folder looks like one, or a file like the annotation file of one.
     pub detect: fn(&Path) -> bool,
-    /// Opens a dataset by its folder, or by an annotation file of it. An error says that there is none, or that nothing of it
-    /// can be read. Callers use [`Format::open`].
-    pub open: fn(&Path) -> Result<Box<dyn DatasetReader>>,
+    /// Opens a dataset by its folder, or by an annotation file of it. Names of files that the dataset has are looked up in
+    /// [`Source::folder`], so that they lead nowhere else. An error says that there is none, or that nothing of it can be read.
+    /// Callers use [`Format::open`].
+    pub open: fn(&Source) -> Result<Box<dyn DatasetReader>>,
     /// Whether it holds products under their names, as generic writers write them. Beside a dataset of a layout, that one is
     /// opened.
     pub is_generic: bool,
@@ -35,9 +37,9 @@ inventory::collect!(Format);
 impl Format {
     /// Opens a dataset. A panic of its reader, then and later, becomes an error that names the dataset: a reader may use
     /// libraries that panic on damaged files.
-    pub fn open(&self, root: &Path) -> Result<Box<dyn DatasetReader>> {
-        let reader = format!("the reader of {}", self.name);
-        let inner = guarded(&reader, root, || (self.open)(root))?;
+    pub fn open(&self, source: &Source) -> Result<Box<dyn DatasetReader>> {
+        let (reader, root) = (format!("the reader of {}", self.name), source.path.as_path());
+        let inner = guarded(&reader, root, || (self.open)(source))?;
         Ok(Box::new(Guarded { inner, reader, root: root.to_owned(), failed: OnceLock::new() }))
     }
 
@@ -62,10 +64,45 @@ pub fn linked() -> Vec<Format> {
     formats
 }
 
-/// Opens a dataset: of the format of a name, or of the one that it looks like.
+/// What a user names as a dataset.
+#[derive(Debug, Clone)]
+pub struct Source {
+    /// Its folder, or an annotation file of it.
+    pub path: PathBuf,
+    /// How far names and links in it may reach.
+    pub reach: Reach,
+}
+
+impl Source {
+    /// A dataset whose names and links lead nowhere else.
+    pub fn new(path: impl Into<PathBuf>) -> Self {
+        Self { path: path.into(), reach: Reach::Inside }
+    }
+
+    /// The same, with the reach of a dataset whose paths the user trusts or not.
+    pub fn trusting(self, is_trusted: bool) -> Self {
+        Self { reach: if is_trusted { Reach::Anywhere } else { Reach::Inside }, ..self }
+    }
+
+    /// A folder that nothing in the dataset leads out of, unless its reach is wider. It is the one that the user named, or
+    /// follows from that by names that the format fixes.
+    ///
+    /// # Errors
+    /// If it cannot be found.
+    pub fn folder(&self, path: &Path) -> Result<DatasetFolder> {
+        DatasetFolder::open(path, self.reach)
+    }
+}
+
+/// Opens a dataset: of the format of a name, or of the one that it looks like. Nothing in it leads out of its folder.
 pub fn open(root: &Path, format: Option<&str>) -> Result<(Format, Box<dyn DatasetReader>)> {
-    let (format, root) = find(root, format)?;
-    Ok((format, format.open(&root)?))
+    open_source(&Source::new(root), format)
+}
+
+/// The same with the reach that the user allows.
+pub fn open_source(source: &Source, format: Option<&str>) -> Result<(Format, Box<dyn DatasetReader>)> {
+    let (format, source) = find(source, format)?;
+    Ok((format, format.open(&source)?))
 }
 
 /// Finds the format of a dataset, and its folder or annotation file, without opening it: a folder that only holds a dataset is
@@ -73,7 +110,8 @@ pub fn open(root: &Path, format: Option<&str>) -> Result<(Format, Box<dyn Datase
 ///
 /// # Errors
 /// If nothing is there, or it is no dataset of a known format, or of several.
-pub fn find(root: &Path, format: Option<&str>) -> Result<(Format, PathBuf)> {
+pub fn find(source: &Source, format: Option<&str>) -> Result<(Format, Source)> {
+    let root = source.path.as_path();
     let formats = linked();
     let names = || formats.iter().map(|format| format.name).collect::<Vec<_>>().join(", ");
     if !root.is_dir() && !root.is_file() {
@@ -81,7 +119,7 @@ pub fn find(root: &Path, format: Option<&str>) -> Result<(Format, PathBuf)> {
     }
     if let Some(name) = format {
         let named = formats.iter().find(|it| it.name == name).copied();
-        return named.map(|format| (format, root.to_owned())).ok_or_else(|| {
+        return named.map(|format| (format, source.clone())).ok_or_else(|| {
             Error::new(format!("`{name}` is no format that can be read"))
                 .help(format!("these are: {}", names()))
                 .of_request()
@@ -92,7 +130,7 @@ pub fn find(root: &Path, format: Option<&str>) -> Result<(Format, PathBuf)> {
         let those = || formats.iter().filter(move |it| it.is_generic == is_generic);
         let found: Vec<&Format> = those().filter(|it| it.detects(root)).collect();
         match found.as_slice() {
-            [only] => return Ok((**only, root.to_owned())),
+            [only] => return Ok((**only, source.clone())),
             [] => {}
             [first, second, ..] => {
                 return Err(Error::new(format!("it looks like {} and like {}", first.name, second.name))
@@ -104,10 +142,14 @@ pub fn find(root: &Path, format: Option<&str>) -> Result<(Format, PathBuf)> {
         let entries = std::fs::read_dir(root).into_iter().flatten().flatten().map(|entry| entry.path());
         let is_one = |path: &PathBuf| path.is_dir() && those().any(|it| it.detects(path));
         let mut inside: Vec<PathBuf> = entries.filter(is_one).collect();
+        if let [only] = inside.as_slice() {
+            // It may be a link to what the user did not name.
+            source.folder(root)?.file(only.file_name().unwrap_or_default())?;
+        }
         inside.sort();
         match inside.as_slice() {
             // A writer's folder in a folder of its own, as `convert` makes it.
-            [only] => return find(only, None),
+            [only] => return find(&Source { path: only.clone(), reach: source.reach }, None),
             [] => {}
             [first, others @ ..] => {
                 return Err(Error::new(format!("there are {} datasets in it", 1 + others.len()))

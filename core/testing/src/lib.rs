@@ -13,6 +13,8 @@ pub mod assets;
 pub mod conformance;
 pub mod errors;
 pub mod folder;
+#[cfg(unix)]
+pub mod hostile;
 pub mod read_back;
 pub mod room;
 pub mod scenes;

@@ -11,10 +11,12 @@ use std::path::{Path, PathBuf};
 use syntable_formats::scores::{ScoredImage, Scores};
 use syntable_model::context::Workers;
 use syntable_model::error::{Error, Result};
-use syntable_model::reader::DatasetReader;
+use syntable_model::reader::{DatasetReader, Source};
 use syntable_model::registry::Registry;
 use syntable_runtime::clap::{Arg, ArgAction, ArgMatches, Command, value_parser};
-use syntable_runtime::cli::{Console, Exit, Message, Topic, Verb, amount, check_outputs, dataset_folder};
+use syntable_runtime::cli::{
+    Console, Exit, Message, TRUST_PATHS, Topic, Verb, amount, check_outputs, dataset_folder,
+};
 use syntable_runtime::durable::write_file;
 use syntable_runtime::images::each;
 use syntable_runtime::run::progress::Reporter;
@@ -50,6 +52,7 @@ fn command() -> Command {
              out",
         ))
         .arg(flag("pred-format").value_name("FORMAT").help("Format of predictions that are a dataset"))
+        .arg(flag("trust-paths").action(ArgAction::SetTrue).help(TRUST_PATHS))
         .arg(
             flag("min-score")
                 .value_name("SCORE")
@@ -149,10 +152,12 @@ fn run(console: &Console, _: &Registry, arguments: &ArgMatches) -> Result<(), Ex
         let error = Error::new("--by-category adds to the metric `coco`, which --metrics leaves out");
         return Err(Exit::wrong(error.help("name `coco` with --metrics, too, or leave --by-category out")));
     }
-    let (format, truth) = predictions::open(gt, text("gt-format")).map_err(Exit::stopped)?;
+    let trusts = arguments.get_flag("trust-paths");
+    let source = |path: &PathBuf| Source::new(path).trusting(trusts);
+    let (format, truth) = predictions::open(&source(gt), text("gt-format")).map_err(Exit::stopped)?;
     let opened = check_masks(&*truth, gt)
         .and_then(|()| check_images(&*truth, gt))
-        .and_then(|()| Predictions::open(pred, text("pred-format"), least, (gt, &*truth)));
+        .and_then(|()| Predictions::open(&source(pred), text("pred-format"), least, (gt, &*truth)));
     let (pred_format, predictions) = opened.map_err(Exit::stopped)?;
     let by_category = arguments.get_flag("by-category").then(|| ByCategory::new(truth.info().categories()));
     let categories = by_category.iter().flat_map(ByCategory::words).map(str::to_owned).collect();

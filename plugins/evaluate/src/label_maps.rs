@@ -9,7 +9,7 @@ use syntable_formats::read::{self, Categories, Labels};
 use syntable_model::error::{Error, Result};
 use syntable_model::product::standard::OCCLUSION_MASK;
 use syntable_model::product::{KeyId, Mask, Products};
-use syntable_model::reader::{DatasetReader, ImageRef};
+use syntable_model::reader::{DatasetReader, ImageRef, Source};
 use syntable_model::scene::{InstanceId, SceneId, View, ViewId};
 use syntable_model::stage::DatasetInfo;
 
@@ -75,7 +75,16 @@ impl LabelMaps {
     ///
     /// # Errors
     /// If it has no label maps, or a mask is of no image or no object.
-    pub fn open(root: &Path) -> Result<Self> {
+    pub fn open(source: &Source) -> Result<Self> {
+        let root = source.path.as_path();
+        let confined = source.folder(root)?;
+        let stems = |folder: &Path| {
+            let found = stems(folder)?;
+            let inside =
+                if folder == root { confined.clone() } else { confined.inner(folder.file_name().unwrap_or_default()) };
+            read::check_inside(&inside, found.values())?;
+            Ok::<_, Error>(found)
+        };
         let [visible, amodal, occlusion] = folders(root);
         let none = || {
             let names = FOLDERS[0].join("` or `");

@@ -9,20 +9,21 @@ use std::path::Path;
 use syntable_model::error::{Error, Result};
 use syntable_model::product::Mask;
 use syntable_model::product::standard::{AMODAL_MASK, CATEGORY_ID, OCCLUSION_MASK, VISIBLE_MASK};
-use syntable_model::reader::{self, DatasetReader, ImageRef};
+use syntable_model::reader::{self, DatasetReader, ImageRef, Source};
 use syntable_model::scene::InstanceId;
 
 /// Opens a dataset or a folder of label maps, and says what it was read as.
 ///
 /// # Errors
 /// If it cannot be read.
-pub fn open(path: &Path, format: Option<&str>) -> Result<(&'static str, Box<dyn DatasetReader>)> {
+pub fn open(source: &Source, format: Option<&str>) -> Result<(&'static str, Box<dyn DatasetReader>)> {
+    let path = source.path.as_path();
     let is_other = || reader::linked().iter().any(|format| (format.detect)(path));
     let is_ours = format.map_or_else(|| LabelMaps::is_one(path) && !is_other(), |format| format == label_maps::NAME);
     if is_ours {
-        return Ok((label_maps::NAME, Box::new(LabelMaps::open(path)?)));
+        return Ok((label_maps::NAME, Box::new(LabelMaps::open(source)?)));
     }
-    let (format, dataset) = reader::open(path, format)?;
+    let (format, dataset) = reader::open_source(source, format)?;
     Ok((format.name, dataset))
 }
 
@@ -41,15 +42,16 @@ impl Predictions {
     /// # Errors
     /// If they cannot be read, or are not of these images.
     pub fn open(
-        path: &Path,
+        source: &Source,
         format: Option<&str>,
         least: f64,
         truth: (&Path, &dyn DatasetReader),
     ) -> Result<(&'static str, Self)> {
+        let path = source.path.as_path();
         if format.is_none() && Results::is_one(path) {
             return Ok(("results", Self::Results(Results::open(path, least, truth.0, truth.1)?)));
         }
-        let found = open(path, format);
+        let found = open(source, format);
         let (format, dataset) = match found {
             Err(error) if path.is_file() => {
                 let help = "a result file is a JSON list of predictions, `[{\"image_id\": …, \"score\": …, \"segmentation\": …}, …]`";

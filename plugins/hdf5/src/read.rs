@@ -15,7 +15,7 @@ use syntable_model::panics::guarded;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{CATEGORY_ID, INSTANCE, NORMAL, OBJECT_NAME, RGB, VISIBLE_IDS};
 use syntable_model::product::{DType, Tensor};
-use syntable_model::reader::{DatasetReader, Format};
+use syntable_model::reader::{DatasetReader, Format, Source};
 
 syntable_model::register_format!(Format {
     name: "hdf5",
@@ -86,12 +86,14 @@ impl Attributes {
 /// The files of the views.
 struct Files(Vec<PathBuf>);
 
-fn open(root: &Path) -> Result<Box<dyn DatasetReader>> {
+fn open(source: &Source) -> Result<Box<dyn DatasetReader>> {
+    let root = source.path.as_path();
     let all = files_of(root);
     if all.is_empty() {
         let help = "name the folder that has the files, such as 000000_0000.hdf5";
         return Err(Error::new("it has no HDF5 files of views").in_file(root).help(help).of_request());
     }
+    read::check_inside(&source.folder(root)?, all.iter().map(|(_, path)| path))?;
     let mut faults = Faults::default();
     let all = samples::files_of_views(all, &mut faults);
     let image = |(place, path): (&(u32, u32), &PathBuf)| read::image(*place, read::name_of(path));
@@ -164,6 +166,7 @@ impl View {
         let fail = |error: hdf5_pure::Error| {
             Error::new(format!("not a readable HDF5 file: {error}")).in_file(path).permanent()
         };
+        decode::open(path)?;
         // What is not asked for is not read.
         let file = File::open_streaming(path).map_err(fail)?;
         let names = file.root().datasets().map_err(fail)?.into_iter().collect();

@@ -69,6 +69,17 @@ fn blenderprocs_own_datasets_say_what_is_shown() {
     assert!(seen > 30, "{seen}");
 }
 
+/// Links lead nowhere else, and what is no file is not waited for.
+#[cfg(unix)]
+#[test]
+fn nothing_outside_is_read() {
+    let folder = tempfile::tempdir().expect("a folder");
+    written(folder.path(), "hdf5", "");
+    let data = folder.path().join("data");
+    syntable_testing::hostile::pipes_are_not_waited_for(&data, "hdf5");
+    syntable_testing::hostile::links_lead_nowhere_else(&data, "hdf5");
+}
+
 #[test]
 fn what_is_damaged_is_named() {
     let folder = tempfile::tempdir().expect("a folder");

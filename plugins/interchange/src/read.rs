@@ -7,9 +7,11 @@ use std::path::{Path, PathBuf};
 use syntable_formats::coco::Image;
 use syntable_formats::listing::Listing;
 use syntable_formats::read::Labels;
+use syntable_model::files::DatasetFolder;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{CATEGORY_ID, LABEL_POLICY};
 use syntable_model::product::{BBox, meeting_boxes};
+use syntable_model::reader::Source;
 
 /// What readers of polygons say of them.
 pub const POLYGONS: &str = "outlines are polygons, which say what an object covers to about a pixel at its edges";
@@ -56,16 +58,24 @@ pub fn is_dataset(path: &Path, folder: Option<&str>, is_one: impl Fn(&Path) -> b
 }
 
 /// The folder of a dataset, and its annotation file: the one that the path names, or the only one of the dataset.
-pub fn root_and_file(path: &Path, folder: Option<&str>, is_one: impl Fn(&Path) -> bool) -> Result<[PathBuf; 2]> {
+pub fn root_and_file(
+    source: &Source,
+    folder: Option<&str>,
+    is_one: impl Fn(&Path) -> bool,
+) -> Result<(DatasetFolder, PathBuf)> {
+    let path = &source.path;
     if !path.is_file() {
-        let folder = folder.map_or_else(|| path.to_owned(), |folder| path.join(folder));
-        return Ok([path.to_owned(), only_file(&folder, is_one)?]);
+        let root = source.folder(path)?;
+        let inside = folder.map_or_else(|| root.clone(), |folder| root.inner(folder));
+        let file = only_file(&inside.path(), is_one)?;
+        inside.file(file.file_name().unwrap_or_default())?;
+        return Ok((root, file));
     }
     let root = match folder.is_some_and(|folder| is_in(path, folder)) {
         true => above(&above(path)),
         false => above(path),
     };
-    Ok([root, path.to_owned()])
+    Ok((source.folder(&root)?, path.clone()))
 }
 
 /// The one JSON file of a folder that is one of a format.
@@ -88,10 +98,10 @@ fn only_file(folder: &Path, is_one: impl Fn(&Path) -> bool) -> Result<PathBuf> {
 }
 
 /// The first of these folders in which an image is, or the first.
-pub fn images_root(root: &Path, names: &[&str], image: Option<&str>) -> PathBuf {
-    let has = |folder: &PathBuf| image.is_some_and(|image| folder.join(image).is_file());
-    let folders = || names.iter().map(|name| root.join(name));
-    folders().find(has).or_else(|| folders().next()).unwrap_or_else(|| root.to_owned())
+pub fn images_root(root: &DatasetFolder, names: &[&str], image: Option<&str>) -> DatasetFolder {
+    let has = |folder: &DatasetFolder| image.is_some_and(|image| folder.has(image));
+    let folders = || names.iter().map(|name| root.inner(name));
+    folders().find(has).or_else(|| folders().next()).unwrap_or_else(|| root.clone())
 }
 
 /// The policy of the labels that the record of an image states.

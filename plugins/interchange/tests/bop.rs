@@ -355,7 +355,7 @@ fn the_end_of_a_run_depends_on_the_scenes_alone() {
 fn a_shard_that_is_cut_off_is_named() {
     let folder = tempfile::tempdir().expect("a folder");
     write_all(folder.path(), "models = \"models\"");
-    let path = folder.path().join(syntable_model::stage::shard_path("bop", SceneId(1)));
+    let path = syntable_model::stage::shard_path("bop", SceneId(1)).expect("a name").below(folder.path());
     let bytes = std::fs::read(&path).expect("there");
     for length in [0, 100, bytes.len() / 2, bytes.len() - 1500] {
         std::fs::write(&path, &bytes[..length]).expect("writable");

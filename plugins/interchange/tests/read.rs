@@ -103,6 +103,90 @@ fn what_is_written_is_read() {
     }
 }
 
+/// Links lead nowhere else, and what is no file is not waited for.
+#[cfg(unix)]
+#[test]
+fn links_lead_nowhere_else() {
+    for (kind, options) in [
+        ("coco", ""),
+        ("d2sa", ""),
+        ("kins", "version = \"2020\""),
+        ("cocoa", ""),
+        ("osd_amodal", ""),
+        ("yolo", ""),
+        ("coco_panoptic", ""),
+        ("bop", "layout = \"scenewise\""),
+        ("bop", "layout = \"webdataset\""),
+    ] {
+        let folder = tempfile::tempdir().expect("a folder");
+        written(folder.path(), kind, options);
+        let data = folder.path().join("data");
+        syntable_testing::hostile::pipes_are_not_waited_for(&data, kind);
+        syntable_testing::hostile::links_lead_nowhere_else(&data, kind);
+    }
+}
+
+/// Names of files in annotation files lead nowhere else.
+#[test]
+fn names_lead_nowhere_else() {
+    for (kind, options, list, name) in [
+        ("coco", "", "images", "file_name"),
+        ("d2sa", "", "images", "file_name"),
+        ("kins", "version = \"2019\"", "images", "file_name"),
+        ("cocoa", "", "images", "file_name"),
+        ("coco_panoptic", "", "images", "file_name"),
+        ("coco_panoptic", "", "annotations", "file_name"),
+        ("uoais", "", "images", "depth_file_name"),
+    ] {
+        let folder = tempfile::tempdir().expect("a folder");
+        written(folder.path(), kind, options);
+        let data = folder.path().join("data");
+        let file = annotation_file(&data);
+        let of = if kind == "uoais" { "coco" } else { kind };
+        let mut json: Json = serde_json::from_slice(&fs::read(&file).expect("there")).expect("JSON");
+        let own = json[list][0][name].as_str().expect("a name").to_owned();
+        let mut files = syntable_testing::folder::files(&data).into_iter();
+        let is_it = |inside: &str| inside.ends_with(&format!("/{own}")) || inside == own;
+        // The image of a file's first annotation and its segments have one name.
+        let is_of = |inside: &str| is_it(inside) && inside.starts_with("annotations") == (list == "annotations");
+        let (inside, bytes) = files.find(|(inside, _)| is_of(inside)).expect("the file");
+        // What a name leads to outside can be read.
+        fs::write(folder.path().join("canary.png"), bytes).expect("writable");
+        let depth = inside.trim_end_matches(own.as_str()).matches('/').count() + 1;
+        let climbs = format!("{}canary.png", "../".repeat(depth));
+        let absolute = folder.path().join("canary.png").to_str().expect("UTF-8").to_owned();
+        for bad in
+            [climbs.clone(), format!("a/../{climbs}"), format!("./{climbs}"), absolute.clone(), "a\0b".to_owned()]
+        {
+            for it in json[list].as_array_mut().expect("a list") {
+                it[name] = bad.clone().into();
+            }
+            fs::write(&file, json.to_string()).expect("writable");
+            let source = reader::Source::new(&data);
+            let all = |source: &reader::Source| {
+                let (_, read) = reader::open_source(source, Some(of)).unwrap_or_else(|error| panic!("{kind}: {error}"));
+                (0..read.images().len()).map(|image| read.read(image, &read.offers()).err()).collect::<Vec<_>>()
+            };
+            for error in all(&source) {
+                let error = error.unwrap_or_else(|| panic!("{kind}: {bad:?} was read")).to_string();
+                assert!(error.contains("--trust-paths"), "{kind}: {bad:?}: {error}");
+            }
+            let trusted = all(&source.trusting(true));
+            let is_there = [&climbs, &format!("./{climbs}"), &absolute].contains(&&bad);
+            assert_eq!(trusted.iter().all(Option::is_none), is_there, "{kind}: {bad:?}: {trusted:?}");
+        }
+    }
+}
+
+/// The only annotation file of a dataset.
+fn annotation_file(data: &Path) -> PathBuf {
+    let folder = if data.join("annotations").is_dir() { data.join("annotations") } else { data.to_owned() };
+    let files = fs::read_dir(folder).expect("there").map(|entry| entry.expect("readable").path());
+    let mut files: Vec<PathBuf> = files.filter(|path| path.extension().is_some_and(|it| it == "json")).collect();
+    assert_eq!(files.len(), 1, "{files:?}");
+    files.remove(0)
+}
+
 /// Visible and amodal mask of an object as rows of pixels, and the name of its category.
 type True = (Vec<Vec<u8>>, Vec<Vec<u8>>, String);
 

@@ -16,12 +16,13 @@ use syntable_formats::coco::Category;
 use syntable_formats::decode::{self, Content};
 use syntable_formats::read::{self, Faults};
 use syntable_formats::samples::{self, Contents, Fields, Latest, Samples};
+use syntable_model::files::DatasetFolder;
 use syntable_model::limits::TABLE_BYTES;
 use syntable_model::panics::guarded;
 use syntable_model::prelude::*;
 use syntable_model::product::linked;
 use syntable_model::product::standard::{CAMERA, CATEGORY_ID, RGB};
-use syntable_model::reader::{DatasetReader, Format};
+use syntable_model::reader::{DatasetReader, Format, Source};
 
 syntable_model::register_format!(Format {
     name: "parquet",
@@ -57,6 +58,20 @@ fn tables_of(root: &Path) -> Vec<PathBuf> {
 
 /// What the library is called when it fails.
 const LIBRARY: &str = "the library that reads Parquet";
+
+/// The folder of tables, whose names of images may lead to the folder beside it that the writer has for them.
+fn folder_of(source: &Source, tables: &Path) -> Result<DatasetFolder> {
+    if tables != source.path {
+        return Ok(source.folder(&source.path)?.inner(tables.file_name().unwrap_or_default()));
+    }
+    let whole = tables.canonicalize().map_err(|error| Error::io(tables, &error))?;
+    match (whole.parent(), whole.file_name()) {
+        (Some(above), Some(name)) if FOLDERS.iter().any(|folder| name == *folder) => {
+            Ok(source.folder(above)?.inner(name))
+        }
+        _ => source.folder(tables),
+    }
+}
 
 /// A table that is open.
 struct Table {
@@ -132,6 +147,8 @@ struct Tables {
     /// Scene and view of each image, its table by place in `paths`, and its size.
     places: Vec<((u32, u32), usize, [u32; 2])>,
     paths: Vec<PathBuf>,
+    /// Their folder, from which names of images count.
+    folder: DatasetFolder,
     columns: BTreeSet<String>,
     /// Rows of the tables that were read last, by table and columns: a scene has many views.
     latest: Latest<(usize, BTreeSet<String>), Rows>,
@@ -161,12 +178,15 @@ fn text_bytes(field: &Field) -> u64 {
     }
 }
 
-fn open(root: &Path) -> Result<Box<dyn DatasetReader>> {
+fn open(source: &Source) -> Result<Box<dyn DatasetReader>> {
+    let root = source.path.as_path();
     let paths = tables_of(root);
     if paths.is_empty() {
         let help = "name the folder that has `instances` or `views`, or the folder of the tables";
         return Err(Error::new("it has no tables of scenes").in_file(root).help(help).of_request());
     }
+    let folder = folder_of(source, paths[0].parent().unwrap_or(root))?;
+    read::check_inside(&folder, &paths)?;
     let (mut faults, mut views) = (Faults::default(), BTreeMap::<(u32, u32), (usize, [u32; 2])>::new());
     let (mut columns, mut names) = (BTreeSet::new(), BTreeMap::<u64, String>::new());
     let mut faulty = BTreeSet::new();
@@ -239,7 +259,7 @@ fn open(root: &Path) -> Result<Box<dyn DatasetReader>> {
     Ok(samples::open(
         read::name_of(root),
         contents,
-        Box::new(Tables { places, paths, columns, latest: Latest::default() }),
+        Box::new(Tables { places, paths, folder, columns, latest: Latest::default() }),
     ))
 }
 
@@ -317,7 +337,7 @@ impl Tables {
     /// The image of a row.
     fn rgb(&self, table: &Path, row: &Cells) -> Result<Value> {
         let content = match (row.get(IMAGE_FILE), row.get(IMAGE)) {
-            (Some(Field::Str(file)), _) => Content::read(&table.with_file_name(file))?,
+            (Some(Field::Str(file)), _) => Content::read(&self.folder.file(file)?)?,
             (_, Some(Field::Group(image))) => {
                 let bytes = image.get_column_iter().find_map(|(_, field)| match field {
                     Field::Bytes(bytes) => Some(bytes.data().to_vec()),

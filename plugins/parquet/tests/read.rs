@@ -56,6 +56,33 @@ fn products_come_back_and_labels_follow() {
     }
 }
 
+/// Links and names of images lead nowhere else, and what is no file is not waited for.
+#[cfg(unix)]
+#[test]
+fn nothing_outside_is_read() {
+    use syntable_testing::hostile::{links_lead_nowhere_else, pipes_are_not_waited_for, read_all};
+    let folder = tempfile::tempdir().expect("a folder");
+    written(folder.path(), "parquet", "");
+    let data = folder.path().join("data");
+    // Tables name images of the folder beside theirs.
+    let tables = reader::Source::new(data.join("instances"));
+    assert!(read_all(&tables, "parquet").1.is_empty());
+    pipes_are_not_waited_for(&data, "parquet");
+    // Of tables without the folder around them, the same names lead out.
+    let alone = folder.path().join("alone");
+    std::fs::create_dir(&alone).expect("writable");
+    std::fs::copy(data.join("instances/000000.parquet"), alone.join("000000.parquet")).expect("copied");
+    std::fs::create_dir(folder.path().join("images")).expect("writable");
+    for image in std::fs::read_dir(data.join("images")).expect("there") {
+        let image = image.expect("readable");
+        std::fs::copy(image.path(), folder.path().join("images").join(image.file_name())).expect("copied");
+    }
+    let (read, errors) = read_all(&reader::Source::new(&alone), "parquet");
+    assert!(read == 0 && errors[0].to_string().contains("leads out of the dataset's folder"), "{read} {errors:?}");
+    assert!(read_all(&reader::Source::new(&alone).trusting(true), "parquet").1.is_empty());
+    links_lead_nowhere_else(&data, "parquet");
+}
+
 #[test]
 fn what_is_damaged_is_named() {
     let folder = tempfile::tempdir().expect("a folder");

@@ -1,7 +1,9 @@
 //! Arguments that several verbs have.
 
-use std::path::PathBuf;
-use syntable_runtime::clap::{Arg, ArgMatches, value_parser};
+use std::path::{Path, PathBuf};
+use syntable_model::reader::Source;
+use syntable_runtime::clap::{Arg, ArgAction, ArgMatches, value_parser};
+use syntable_runtime::cli::TRUST_PATHS;
 use syntable_runtime::workers;
 
 /// The dataset.
@@ -19,6 +21,16 @@ pub fn format() -> Arg {
         .long("format")
         .value_name("FORMAT")
         .help("Format of the dataset (see `syntable list formats`); the one that it looks like if left out")
+}
+
+/// `--trust-paths` of the dataset.
+pub fn trust_paths() -> Arg {
+    Arg::new("trust-paths").long("trust-paths").action(ArgAction::SetTrue).help(TRUST_PATHS)
+}
+
+/// The dataset of a path, with the reach that was asked for.
+pub fn source(path: &Path, arguments: &ArgMatches) -> Source {
+    Source::new(path).trusting(arguments.get_flag("trust-paths"))
 }
 
 /// `--scores` of predictions.

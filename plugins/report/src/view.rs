@@ -23,6 +23,7 @@ fn command() -> Command {
         .arg(arguments::dataset())
         .arg(arguments::port())
         .arg(arguments::format())
+        .arg(arguments::trust_paths())
         .arg(arguments::scores())
         .arg(arguments::threads("Threads that count the statistics; all cores if left out"))
         .after_help(
@@ -43,7 +44,7 @@ fn run(console: &Console, _: &Registry, arguments: &ArgMatches) -> Result<(), Ex
         images: (0..of.images().len()).collect(),
         scenes: None,
     };
-    let mut report = Report::open(dataset, format, all).map_err(Exit::stopped)?;
+    let mut report = Report::open(&arguments::source(dataset, arguments), format, all).map_err(Exit::stopped)?;
     if let Some(file) = arguments.get_one::<PathBuf>("scores") {
         let scored = Scored::open(file, report.dataset()).map_err(Exit::stopped)?;
         report = report.with_scores(scored);

@@ -6,6 +6,8 @@ use std::path::Path;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::*;
 use syntable_model::reader;
+#[cfg(unix)]
+use syntable_testing::hostile::{links_lead_nowhere_else, pipes_are_not_waited_for};
 use syntable_testing::read_back::{assert_products, classes, opened, written};
 
 /// Labels that follow from planes of ids and bits, or from masks.
@@ -45,6 +47,23 @@ fn products_come_back_and_labels_follow() {
             assert_eq!(read.info().categories().collect::<Vec<_>>(), classes().categories().collect::<Vec<_>>());
         }
         assert!(assert_products(&*read, &takes, true, |_, value| value) > 60, "{kind} {options}");
+    }
+}
+
+/// Links lead nowhere else, and what is no file is not waited for.
+#[cfg(unix)]
+#[test]
+fn nothing_outside_is_read() {
+    let masks = "include = [\"visible_mask\", \"amodal_mask\", \"category_id\"]";
+    for (kind, options) in [("webdataset", ""), ("npz", ""), ("jsonl", masks), ("syntable", "")] {
+        let folder = tempfile::tempdir().expect("a folder");
+        let root = folder.path().join("root");
+        written(&root, kind, options);
+        // Some have no shards.
+        let _ = std::fs::remove_dir_all(root.join(".syntable"));
+        let root = if ["webdataset", "npz"].contains(&kind) { root.join("data") } else { root };
+        pipes_are_not_waited_for(&root, kind);
+        links_lead_nowhere_else(&root, kind);
     }
 }
 
@@ -290,12 +309,18 @@ fn of_several_datasets_that_of_a_layout_counts() {
     written(elsewhere.path(), "npz", "");
     std::fs::rename(elsewhere.path().join("data"), root.join("arrays")).expect("moved");
     written(&root.join("lines"), "jsonl", "");
-    assert!(reader::find(root, None).err().expect("two of products").to_string().contains("2 datasets"));
+    assert!(
+        reader::find(&reader::Source::new(root), None)
+            .err()
+            .expect("two of products")
+            .to_string()
+            .contains("2 datasets")
+    );
     written(&root.join("ours"), "syntable", "");
-    let (format, _) = reader::find(root, None).expect("one of a layout");
+    let (format, _) = reader::find(&reader::Source::new(root), None).expect("one of a layout");
     assert_eq!(format.name, "syntable");
     // In the folder itself, too.
     let ours = root.join("ours");
     std::fs::copy(root.join("arrays/000000_0000.npz"), ours.join("000000_0000.npz")).expect("copied");
-    assert_eq!(reader::find(&ours, None).expect("one of a layout").0.name, "syntable");
+    assert_eq!(reader::find(&reader::Source::new(&ours), None).expect("one of a layout").0.name, "syntable");
 }

@@ -2,6 +2,8 @@
 
 use crate::context::{DatasetContext, SceneContext, ViewContext};
 use crate::error::{ConfigError, Error, Result};
+use crate::files::DatasetPath;
+pub use crate::files::RESERVED;
 use crate::names::ProductName;
 use crate::product::{Key, KeyId, Product, Products};
 use crate::scene::{SceneId, ViewId};
@@ -9,7 +11,7 @@ use crate::stage::DatasetInfo;
 use std::collections::BTreeSet;
 use std::fs::{self, File};
 use std::io::{BufReader, BufWriter, Write};
-use std::path::{Component, Path, PathBuf};
+use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// A file format. The files of a scene appear in the dataset when the whole scene is done; a file that covers many
@@ -148,7 +150,7 @@ pub struct Output {
     id: String,
     scene: SceneId,
     /// What was created, shared by all that have this output.
-    files: Arc<Mutex<BTreeSet<String>>>,
+    files: Arc<Mutex<BTreeSet<DatasetPath>>>,
 }
 
 impl Output {
@@ -164,46 +166,45 @@ impl Output {
 
     /// Creates a file at a path relative to the dataset, such as `data/mono/rgb/0_0.png`. It must not exist yet.
     pub fn create(&self, path: &str) -> Result<BufWriter<File>> {
-        relative(path)?;
-        self.create_at(path)
+        self.create_at(of_writer(path)?)
     }
 
-    fn create_at(&self, path: &str) -> Result<BufWriter<File>> {
-        let file = create_new(&self.staging, path, &self.id)?;
-        self.files.lock().unwrap_or_else(PoisonError::into_inner).insert(path.to_owned());
+    fn create_at(&self, path: DatasetPath) -> Result<BufWriter<File>> {
+        let file = create_new(&self.staging, &path, &self.id)?;
+        self.files.lock().unwrap_or_else(PoisonError::into_inner).insert(path);
         Ok(file)
     }
 
     /// Paths of the files that were created so far.
-    pub fn files(&self) -> BTreeSet<String> {
+    pub fn files(&self) -> BTreeSet<DatasetPath> {
         self.files.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 
     /// Writes a whole file at a path relative to the dataset.
     pub fn write(&self, path: &str, bytes: &[u8]) -> Result<()> {
-        relative(path)?;
-        self.write_at(path, bytes)
+        self.write_at(of_writer(path)?, bytes)
     }
 
-    fn write_at(&self, path: &str, bytes: &[u8]) -> Result<()> {
+    fn write_at(&self, path: DatasetPath, bytes: &[u8]) -> Result<()> {
+        let full = path.below(&self.staging);
         let mut file = self.create_at(path)?;
-        file.write_all(bytes).and_then(|()| file.flush()).map_err(|error| Error::io(self.staging.join(path), &error))
+        file.write_all(bytes).and_then(|()| file.flush()).map_err(|error| Error::io(full, &error))
     }
 
     /// Writes this scene's shard, which [`Finish::shard`] reads back.
     pub fn write_shard(&self, bytes: &[u8]) -> Result<()> {
-        self.write_at(&shard_path(&self.id, self.scene), bytes)
+        self.write_at(shard_path(&self.id, self.scene)?, bytes)
     }
 
     /// Creates this scene's shard, to write it bit by bit.
     pub fn create_shard(&self) -> Result<BufWriter<File>> {
-        self.create_at(&shard_path(&self.id, self.scene))
+        self.create_at(shard_path(&self.id, self.scene)?)
     }
 }
 
 /// Creates a file that must not exist yet: the one rule against two files of one path in a scene, or at the end of a run.
-fn create_new(folder: &Path, path: &str, id: &str) -> Result<BufWriter<File>> {
-    let full = folder.join(path);
+fn create_new(folder: &Path, path: &DatasetPath, id: &str) -> Result<BufWriter<File>> {
+    let full = path.below(folder);
     if let Some(parent) = full.parent() {
         fs::create_dir_all(parent).map_err(|error| Error::io(parent, &error))?;
     }
@@ -251,30 +252,30 @@ impl Finish {
 
     /// Opens the shard that this writer wrote for a scene.
     pub fn shard(&self, scene: SceneId) -> Result<BufReader<File>> {
-        let path = self.root.join(shard_path(&self.id, scene));
+        let path = shard_path(&self.id, scene)?.below(&self.root);
         let help = "the dataset is damaged; `syntable run --repair` makes the scene again";
         File::open(&path).map(BufReader::new).map_err(|error| Error::io(&path, &error).help(help))
     }
 
     /// Writes a file of the dataset, whole or not at all.
     pub fn write(&self, path: &str, fill: impl FnOnce(&mut dyn Write) -> Result<()>) -> Result<()> {
-        relative(path)?;
+        let path = of_writer(path)?;
         let (full, mut file) = match &self.staging {
-            Some(staging) => (staging.join(path), create_new(staging, path, &self.id)?),
+            Some(staging) => (path.below(staging), create_new(staging, &path, &self.id)?),
             None => {
-                let part = format!("{path}.part");
-                let full = self.root.join(&part);
+                let part = of_writer(&format!("{path}.part"))?;
+                let full = part.below(&self.root);
                 // What an interrupted call has left.
                 let _ = fs::remove_file(&full);
                 (full, create_new(&self.root, &part, &self.id)?)
             }
         };
-        let fail = |error: std::io::Error| Error::io(self.root.join(path), &error);
+        let fail = |error: std::io::Error| Error::io(path.below(&self.root), &error);
         let filled = fill(&mut file).and_then(|()| {
             file.flush().and_then(|()| file.get_ref().sync_all()).map_err(fail)?;
             match &self.staging {
                 Some(_) => Ok(()),
-                None => fs::rename(&full, self.root.join(path)).map_err(fail),
+                None => fs::rename(&full, path.below(&self.root)).map_err(fail),
             }
         });
         if filled.is_err() {
@@ -285,68 +286,29 @@ impl Finish {
     }
 }
 
-/// Path of a writer's shard of a scene, relative to the dataset.
-pub fn shard_path(id: &str, scene: SceneId) -> String {
-    format!(".syntable/shards/{id}/{:06}.jsonl", scene.0)
+/// Path of a writer's shard of a scene.
+///
+/// # Errors
+/// If the id is no name of a folder.
+pub fn shard_path(id: &str, scene: SceneId) -> Result<DatasetPath> {
+    let path = DatasetPath::new(format!("{}/shards/{id}/{:06}.jsonl", RESERVED[0], scene.0));
+    path.map_err(|error| Error::new(error.to_string()).permanent())
 }
-
-/// Names at the top of a dataset that the program keeps for itself: its own folder, and the resolved recipe.
-pub const RESERVED: [&str; 2] = [".syntable", "recipe.toml"];
 
 /// Checks an option that names a file or folder of the dataset: a relative path that stays inside it, and is none of the
 /// program's own.
 pub fn check_path(option: &str, path: &str) -> Result<(), ConfigError> {
     let help = "write it as `a` or `a/b`, relative to the dataset";
-    inside(path).map(drop).map_err(|message| ConfigError::new(option, message).help(help))
+    DatasetPath::of_writer(path).map(drop).map_err(|error| ConfigError::new(option, error.to_string()).help(help))
 }
 
-fn relative(path: &str) -> Result<&Path> {
-    inside(path).map_err(|message| Error::new(message).permanent())
-}
-
-/// Bytes of the longest name of a file or folder that file systems take.
-const LONGEST_NAME: usize = 255;
-
-/// A path that stays inside the dataset and is none of the program's own, or what is wrong with it.
-fn inside(path: &str) -> std::result::Result<&Path, String> {
-    let relative = Path::new(path);
-    let mut parts = relative.components();
-    let first = parts.next();
-    let is_normal = |part: Component| matches!(part, Component::Normal(_));
-    let too_long = || relative.components().any(|part| part.as_os_str().len() > LONGEST_NAME);
-    if !first.is_some_and(is_normal) || !parts.all(is_normal) || path.contains('\\') {
-        Err(format!("`{path}` is not a path inside the dataset"))
-    } else if path.ends_with('/') {
-        Err(format!("`{path}` is a folder, not a file"))
-    } else if too_long() {
-        Err(format!("a name in `{path}` is longer than {LONGEST_NAME} bytes, which file systems refuse"))
-    } else if RESERVED.iter().any(|name| first == Some(Component::Normal(name.as_ref()))) {
-        Err(format!("`{path}` is a path that the program keeps for itself"))
-    } else {
-        Ok(relative)
-    }
+fn of_writer(path: &str) -> Result<DatasetPath> {
+    DatasetPath::of_writer(path).map_err(|error| Error::new(error.to_string()).permanent())
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn paths_are_those_of_files_inside() {
-        let long = format!("a/{}.txt", "b".repeat(252));
-        for (path, says) in [
-            ("a/b.txt", None),
-            (&*long, Some("longer than 255 bytes")),
-            ("a/", Some("a folder, not a file")),
-            ("../a", Some("inside the dataset")),
-            ("", Some("inside the dataset")),
-            (".syntable/a", Some("keeps for itself")),
-        ] {
-            let message = check_path("path", path).err().map(|error| error.message);
-            assert_eq!(message.is_some(), says.is_some(), "{path}: {message:?}");
-            assert!(message.is_none_or(|message| message.contains(says.unwrap_or_default())), "{path}");
-        }
-    }
 
     #[test]
     fn a_path_is_written_once_at_the_end_of_a_run() {
@@ -367,10 +329,24 @@ mod tests {
     }
 
     #[test]
-    fn paths_stay_inside() {
-        assert!(relative("data/rgb/0_0.png").is_ok());
-        for path in ["../a", "/a", "", "a/../../b", "a\\b", ".syntable/journal.jsonl", "recipe.toml"] {
-            assert!(relative(path).is_err() && check_path("file", path).is_err(), "{path}");
+    fn writers_write_inside_the_dataset() {
+        let folder = std::env::temp_dir().join(format!("syntable-inside-{}", std::process::id()));
+        let output = Output::new(folder.join("staged"), "w", SceneId(3));
+        let finish = Finish::new(folder.join("data"), "w", Vec::new());
+        for path in ["../a", "/a", "", "a/../../b", "a\\b", "a//b", ".syntable/journal.jsonl", "recipe.toml"] {
+            assert!(output.write(path, b"x").is_err() && output.create(path).is_err(), "{path}");
+            assert!(finish.write(path, |_| Ok(())).is_err() && check_path("file", path).is_err(), "{path}");
         }
+        assert!(output.files().is_empty() && !folder.exists(), "nothing was written");
+        output.write("data/rgb/0_0.png", b"x").expect("written");
+        output.write_shard(b"x").expect("written");
+        let shard = folder.join("staged/.syntable/shards/w/000003.jsonl");
+        assert!(shard.is_file() && folder.join("staged/data/rgb/0_0.png").is_file());
+        for id in ["../../../../w", "a/../b", "/w"] {
+            let output = Output::new(folder.join("staged"), id, SceneId(3));
+            let finish = Finish::new(folder.join("data"), id, Vec::new());
+            assert!(output.write_shard(b"x").is_err() && finish.shard(SceneId(3)).is_err(), "{id}");
+        }
+        fs::remove_dir_all(&folder).expect("removable");
     }
 }

@@ -29,6 +29,8 @@ pub(super) struct ConvertArgs {
     /// Format of the dataset (see `syntable list formats`); the one that it looks like if left out.
     #[arg(long)]
     format: Option<String>,
+    #[arg(long, help = super::TRUST_PATHS)]
+    trust_paths: bool,
     /// Set an option of a writer: `coco.masks="visible"`. The value is TOML.
     #[arg(long, value_name = "KIND.KEY=VALUE")]
     set: Vec<String>,
@@ -64,7 +66,8 @@ pub(super) fn convert(console: &Console, registry: &Registry, args: &ConvertArgs
         let error = Error::new("it lies in the dataset that is read").in_file(&args.out);
         return Err(Exit::wrong(error.help("choose a folder beside it")));
     }
-    let (format, dataset) = reader::open(&args.dataset, args.format.as_deref()).map_err(Exit::stopped)?;
+    let named = reader::Source::new(&args.dataset).trusting(args.trust_paths);
+    let (format, dataset) = reader::open_source(&named, args.format.as_deref()).map_err(Exit::stopped)?;
     let has = products_of(registry, &*dataset);
     let mut lacking = BTreeSet::new();
     let writers = writers.into_iter().map(|writer| writer.without_missing(&has, &mut lacking));

@@ -168,6 +168,10 @@ impl Exit {
     }
 }
 
+/// Help of `--trust-paths`, which verbs have that read datasets.
+pub const TRUST_PATHS: &str =
+    "Also read files outside of the dataset's folder that its files name or links lead to: for datasets that you trust";
+
 /// A number from 1 on, or `all`, as options of verbs take it.
 pub fn amount(text: &str) -> std::result::Result<usize, String> {
     match text {

@@ -22,6 +22,8 @@ pub(super) struct ValidateArgs {
     /// Format of all of them (see `syntable list formats`); the one that each looks like if left out.
     #[arg(long)]
     format: Option<String>,
+    #[arg(long, help = super::TRUST_PATHS)]
+    trust_paths: bool,
     /// Print all that was found as one JSON object; of several datasets with an entry each in `datasets`.
     #[arg(long)]
     json: bool,
@@ -93,12 +95,13 @@ pub(super) fn validate(console: &Console, args: &ValidateArgs) -> Result<(), Exi
 
 /// Validates a dataset, and names its format.
 fn one(path: &Path, args: &ValidateArgs) -> Result<(&'static str, Validated), Exit> {
-    let (format, root) = reader::find(path, args.format.as_deref()).map_err(Exit::stopped)?;
-    let found = match format.open(&root) {
+    let named = reader::Source::new(path).trusting(args.trust_paths);
+    let (format, found_at) = reader::find(&named, args.format.as_deref()).map_err(Exit::stopped)?;
+    let found = match format.open(&found_at) {
         Ok(dataset) => validate_dataset(&*dataset, workers::available()).map_err(Exit::stopped)?,
         Err(error) if error.is_transient() => return Err(Exit::stopped(error)),
         // A dataset that cannot be opened is one with a fault.
-        Err(error) => Validated::unreadable(root.display().to_string(), &error),
+        Err(error) => Validated::unreadable(found_at.path.display().to_string(), &error),
     };
     Ok((format.name, found))
 }

@@ -22,10 +22,16 @@
 //! files of its own manifest, the end of a run those of `finished.json`; any other file that is there already stays, and
 //! the scene or writer that wants its path is refused. What no manifest lists is not the dataset's and is never touched.
 //!
+//! **Whose dataset.** Somebody else may have made it. Lists name files by [`DatasetPath`]s, which stay inside; files are moved
+//! and removed by [`Inside`], which follows no link; and before anything is done, all lists and the program's own folder are
+//! looked at (`foreign`).
+//!
 //! **When.** A scene is done when its folder is renamed from `part` to `ready`; moving its files and writing its line can be
 //! taken up again. `finished.json` names the digest of the journal that it was written for: a run that was interrupted is
 //! told apart from one that ended.
 
+use super::foreign;
+use super::inside::{Inside, is_link, linked};
 use super::journal::{Journal, JournalEntry, SceneOutcome};
 use super::manifest::{Manifest, Stamp, State, Written};
 use crate::recipe::{CatalogNames, without_assets};
@@ -37,11 +43,12 @@ use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use syntable_model::digest::Digest;
 use syntable_model::error::{Error, Result};
-use syntable_model::stage::RESERVED;
+use syntable_model::files::{DatasetPath, RESERVED};
 
 /// An open dataset folder. No other run can open it meanwhile.
 pub struct Folder {
     root: PathBuf,
+    inside: Inside,
     /// The recipe that becomes the dataset's with the first scene that is made by it.
     proposed: Mutex<Option<Proposed>>,
     _lock: Option<File>,
@@ -87,7 +94,7 @@ fn state(root: &Path) -> [PathBuf; 10] {
 #[derive(Serialize, Deserialize)]
 struct Staged {
     entry: JournalEntry,
-    stale: Vec<String>,
+    stale: Vec<DatasetPath>,
 }
 
 /// What the end of a run wrote.
@@ -106,6 +113,9 @@ pub struct Finished {
 
 impl Folder {
     /// Opens a folder that is new, empty, or holds a dataset. A deletion that was interrupted is finished.
+    ///
+    /// # Errors
+    /// If another run works there, or the dataset names files or has links that lead elsewhere; then nothing was touched.
     pub fn open(root: &Path) -> Result<Self> {
         let fail = |error: std::io::Error| {
             let full = matches!(error.kind(), ErrorKind::QuotaExceeded | ErrorKind::StorageFull);
@@ -121,11 +131,14 @@ impl Folder {
                 .help("choose another folder; nothing was touched")
                 .permanent());
         }
+        foreign::check_mark(root)?;
         fs::create_dir_all(root.join(MARK)).map_err(fail)?;
         let lock_path = root.join(MARK).join("lock");
         let lock = File::create(&lock_path).map_err(|error| Error::io(&lock_path, &error))?;
         lock_now(&lock, &lock_path, root, File::try_lock)?;
-        let folder = Self { root: root.to_owned(), proposed: Mutex::default(), _lock: Some(lock) };
+        foreign::check(root)?;
+        let inside = Inside::open(root)?;
+        let folder = Self { root: root.to_owned(), inside, proposed: Mutex::default(), _lock: Some(lock) };
         if folder.bin().exists() {
             folder.empty_bin()?;
         }
@@ -134,7 +147,10 @@ impl Folder {
 
     /// Opens a dataset to read it. It may lie where nothing can be written, unless there is something to recover.
     pub fn read(root: &Path) -> Result<Self> {
-        let folder = Self { root: root.to_owned(), proposed: Mutex::default(), _lock: lock_shared(root)? };
+        let lock = lock_shared(root)?;
+        foreign::check(root)?;
+        let inside = Inside::open(root)?;
+        let folder = Self { root: root.to_owned(), inside, proposed: Mutex::default(), _lock: lock };
         if folder.bin().exists() || folder.staging().exists() {
             drop(folder);
             let folder = Self::open(root)?;
@@ -220,7 +236,7 @@ impl Folder {
         }
         self.set_finished(&Finished { journal: None, recipe: None, manifest: listed.clone() })?;
         self.write(&path, text)?;
-        listed.files.insert(RECIPE.to_owned(), Stamp::of_text(text));
+        listed.files.insert(recipe_path(), Stamp::of_text(text));
         self.set_finished(&Finished { journal: None, recipe: Some(digest_of_recipe(text)), manifest: listed })
     }
 
@@ -249,14 +265,14 @@ impl Folder {
             return Ok(false);
         }
         self.write(&path, text)?;
-        finished.manifest.files.insert(RECIPE.to_owned(), Stamp::of_text(text));
+        finished.manifest.files.insert(recipe_path(), Stamp::of_text(text));
         self.set_finished(&finished).map(|()| true)
     }
 
     /// Writes names and categories of the assets of each pool.
     pub fn set_catalogs(&self, catalogs: &BTreeMap<String, CatalogNames>) -> Result<()> {
         for (pool, catalog) in catalogs {
-            let path = catalog_path(&self.root, pool);
+            let path = catalog_path(&self.root, pool)?;
             create_parent(&path)?;
             self.write(&path, &serde_json::to_string(catalog).expect("names are plain data"))?;
         }
@@ -332,9 +348,8 @@ impl Folder {
     pub fn check_shards(&self, entry: &JournalEntry) -> Result<()> {
         let manifest = self.manifest_of(entry)?;
         for (inside, stamp) in manifest.files.iter().filter(|(inside, _)| inside.starts_with(SHARDS)) {
-            let path = self.root.join(inside);
-            if stamp.check(&path)? != State::Whole {
-                return Err(damaged(entry, &path));
+            if stamp.check_in(&self.root, inside)? != State::Whole {
+                return Err(damaged(entry, &inside.below(&self.root)));
             }
         }
         Ok(())
@@ -359,7 +374,7 @@ impl Folder {
         let mut stale = own.clone();
         let new = if entry.failed() {
             self.fresh(&format!("{scene}.part"))?;
-            stale.files.insert(inside_mark(&manifest_path(Path::new(""), scene)), Stamp(0, Digest::of(&[])));
+            stale.files.insert(manifest_inside(scene), Stamp(0, Digest::of(&[])));
             Manifest::default()
         } else {
             Manifest::of_tree(&part)?
@@ -386,10 +401,10 @@ impl Folder {
         self.write(&part.join(RECORD), &serde_json::to_string(&staged).expect("an entry is plain data"))?;
         let ready = self.staging().join(format!("{scene}.ready"));
         let mut journal = journal.lock();
-        let there = |path: &&String| fs::symlink_metadata(self.root.join(path)).is_ok();
+        let there = |path: &&DatasetPath| fs::symlink_metadata(path.below(&self.root)).is_ok();
         let of_others = new.files.keys().filter(|path| !own.has(path) && !path.starts_with(MARK));
-        let clashes: Vec<&str> = of_others.filter(there).map(String::as_str).collect();
-        if let Some(path) = self.file_in_the_way(new.files.keys(), &own) {
+        let clashes: Vec<&str> = of_others.filter(there).map(DatasetPath::as_str).collect();
+        if let Some(path) = self.file_in_the_way(new.files.keys(), &own)? {
             let owners = self.owners(&[&path])?;
             return Err(taken(&path, owners.get(&path), LEAVE));
         }
@@ -441,11 +456,18 @@ impl Folder {
         Ok(aside)
     }
 
-    /// A file that stands where one of these paths has a folder, unless it is one of `own`, which goes.
-    fn file_in_the_way<'p>(&self, paths: impl Iterator<Item = &'p String>, own: &Manifest) -> Option<String> {
-        let folders: BTreeSet<&str> = paths.flat_map(|path| folders_of(path)).collect();
+    /// A file that stands where one of these paths has a folder, unless it is one of `own`, which goes. A link is an error.
+    fn file_in_the_way<'p>(
+        &self,
+        paths: impl Iterator<Item = &'p DatasetPath>,
+        own: &Manifest,
+    ) -> Result<Option<String>> {
+        let folders: BTreeSet<&str> = paths.flat_map(DatasetPath::folders).collect();
         let is_file = |folder: &str| fs::symlink_metadata(self.root.join(folder)).is_ok_and(|there| !there.is_dir());
-        folders.into_iter().find(|folder| is_file(folder) && !own.has(folder)).map(str::to_owned)
+        match folders.into_iter().find(|folder| is_file(folder) && !own.has(folder)) {
+            Some(folder) if is_link(&self.root.join(folder)) => Err(linked(&self.root, folder)),
+            found => Ok(found.map(str::to_owned)),
+        }
     }
 
     /// Whose files these are, for those that a manifest lists.
@@ -482,7 +504,7 @@ impl Folder {
         let lost = !old.has(RECIPE);
         let mut refused = None;
         for (path, stamp) in new.files.clone() {
-            let there = self.root.join(&path);
+            let there = path.below(&self.root);
             let Ok(metadata) = fs::symlink_metadata(&there) else { continue };
             if old.has(&path) {
                 continue;
@@ -492,11 +514,11 @@ impl Folder {
             if owners.is_empty() && claimed {
                 continue;
             }
-            refused.get_or_insert(taken(&path, owners.get(&path), if lost { CLAIM } else { LEAVE }));
+            refused.get_or_insert(taken(&path, owners.get(path.as_str()), if lost { CLAIM } else { LEAVE }));
             new.files.remove(&path);
-            remove(&staged.join(&path))?;
+            remove(&path.below(&staged))?;
         }
-        if let Some(path) = self.file_in_the_way(new.files.keys(), &old) {
+        if let Some(path) = self.file_in_the_way(new.files.keys(), &old)? {
             return Err(taken(&path, self.owners(&[&path])?.get(&path), LEAVE));
         }
         // Both are listed until all are moved, so that an interrupted move leaves no file that is nobody's.
@@ -505,16 +527,14 @@ impl Folder {
         self.set_finished(&Finished { journal: None, recipe: self.finished()?.recipe, manifest: both })?;
         self.set_recipe(resolved)?;
         journal.rewrite()?;
-        let folders: BTreeSet<&str> = new.files.keys().flat_map(|path| folders_of(path)).collect();
-        old.files
-            .keys()
-            .filter(|path| folders.contains(path.as_str()))
-            .try_for_each(|path| self.remove_file_of_dataset(path))?;
-        move_tree(&staged, &self.root, None)?;
+        let folders: BTreeSet<&str> = new.files.keys().flat_map(DatasetPath::folders).collect();
+        let mut in_the_way = old.files.keys().filter(|path| folders.contains(path.as_str()));
+        in_the_way.try_for_each(|path| self.inside.remove(path))?;
+        self.move_tree(&staged, "", None)?;
         if complete && refused.is_none() {
-            new.files.insert(RECIPE.to_owned(), Stamp::of(&self.root.join(RECIPE))?);
+            new.files.insert(recipe_path(), Stamp::of(&self.root.join(RECIPE))?);
             for path in old.files.keys().filter(|path| !new.has(path)) {
-                self.remove_file_of_dataset(path)?;
+                self.inside.remove(path)?;
             }
             let Stamp(_, digest) = Stamp::of(&self.journal())?;
             let recipe = Some(digest_of_recipe(resolved));
@@ -589,27 +609,10 @@ impl Folder {
         for path in manifests {
             let Some((manifest, _)) = Manifest::read(&path)? else { continue };
             for path in manifest.files.keys() {
-                self.remove_file_of_dataset(path)?;
+                self.inside.remove(path)?;
             }
         }
         remove(&bin)
-    }
-
-    /// Removes a file that a manifest lists, and the folders that are empty then. A folder at its place has files of others.
-    fn remove_file_of_dataset(&self, path: &str) -> Result<()> {
-        let full = self.root.join(path);
-        if full.is_dir() && !full.is_symlink() {
-            return Ok(());
-        }
-        remove(&full)?;
-        let mut parent = full.parent();
-        while let Some(folder) = parent.filter(|folder| *folder != self.root) {
-            if fs::remove_dir(folder).is_err() {
-                break;
-            }
-            parent = folder.parent();
-        }
-        Ok(())
     }
 
     /// Where the first scene is made of a dataset that shall take the place of this one.
@@ -629,13 +632,30 @@ impl Folder {
     fn publish(&self, ready: &Path, staged: Staged, journal: &mut Journal) -> Result<()> {
         // What goes may stand where a folder of new files shall be.
         for path in &staged.stale {
-            self.remove_file_of_dataset(path)?;
+            self.inside.remove(path)?;
         }
-        move_tree(ready, &self.root, Some(&ready.join(RECORD)))?;
+        self.move_tree(ready, "", Some(RECORD))?;
         if journal.entries().get(&staged.entry.scene) != Some(&staged.entry) {
             journal.append(staged.entry)?;
         }
         remove(ready)
+    }
+
+    /// Moves the files of a staged folder to the same places in the dataset, replacing what is there; `keep` stays.
+    fn move_tree(&self, staged: &Path, inside: &str, keep: Option<&str>) -> Result<()> {
+        let folder = staged.join(inside);
+        for entry in fs::read_dir(&folder).map_err(|error| Error::io(&folder, &error))? {
+            let entry = entry.map_err(|error| Error::io(&folder, &error))?;
+            let name = entry.file_name().to_string_lossy().into_owned();
+            let inside = if inside.is_empty() { name } else { format!("{inside}/{name}") };
+            if entry.file_type().is_ok_and(|kind| kind.is_dir()) {
+                self.move_tree(staged, &inside, keep)?;
+            } else if keep != Some(&inside) {
+                let to = DatasetPath::new(inside).map_err(|error| Error::new(error.to_string()).permanent())?;
+                self.inside.put(&entry.path(), &to)?;
+            }
+        }
+        Ok(())
     }
 
     fn write(&self, path: &Path, text: &str) -> Result<()> {
@@ -645,11 +665,6 @@ impl Folder {
         File::open(&part).and_then(|file| file.sync_all()).map_err(fail)?;
         fs::rename(&part, path).map_err(fail)
     }
-}
-
-/// The folders that a path is in, from the outermost one.
-fn folders_of(path: &str) -> impl Iterator<Item = &str> {
-    path.match_indices('/').map(|(end, _)| &path[..end])
 }
 
 /// A file in the making.
@@ -688,6 +703,7 @@ fn taken(path: &str, owner: Option<&String>, help: &str) -> Error {
 
 /// Lets no run write a dataset while the lock is held; others may read it. None if there is no lock.
 pub fn lock_shared(root: &Path) -> Result<Option<File>> {
+    foreign::check_mark(root)?;
     let path = root.join(MARK).join("lock");
     let Ok(lock) = File::open(&path) else { return Ok(None) };
     lock_now(&lock, &path, root, File::try_lock_shared)?;
@@ -726,8 +742,24 @@ pub fn settled_path(root: &Path, scene: u32) -> PathBuf {
 }
 
 /// Path of the names of a pool's assets.
-pub fn catalog_path(root: &Path, pool: &str) -> PathBuf {
-    catalogs_folder(root).join(format!("{pool}.json"))
+///
+/// # Errors
+/// If the name of the pool is none of a file: a dataset may lock any.
+pub fn catalog_path(root: &Path, pool: &str) -> Result<PathBuf> {
+    let path = DatasetPath::new(format!("{MARK}/catalogs/{pool}.json"));
+    let fail = |error: syntable_model::files::NotInside| {
+        Error::new(format!("`lock.catalogs` names the pool {pool:?}: {error}")).in_file(root.join(RECIPE)).permanent()
+    };
+    path.map(|path| path.below(root)).map_err(fail)
+}
+
+/// The same of the manifest of a scene, relative to the dataset.
+fn manifest_inside(scene: u32) -> DatasetPath {
+    DatasetPath::new(format!("{MARK}/{SCENES}/{scene:06}.json")).expect("its parts are names")
+}
+
+fn recipe_path() -> DatasetPath {
+    DatasetPath::new(RECIPE).expect("it is a name")
 }
 
 /// Path of how long the stages of runs worked.
@@ -784,10 +816,6 @@ pub fn each_file(root: &Path, inside: &str, each: &mut dyn FnMut(&str)) -> Resul
     Ok(())
 }
 
-fn inside_mark(path: &Path) -> String {
-    path.to_string_lossy().replace(std::path::MAIN_SEPARATOR, "/")
-}
-
 /// Creates the folder that a file is in.
 pub fn create_parent(path: &Path) -> Result<()> {
     path.parent().map_or(Ok(()), |parent| fs::create_dir_all(parent).map_err(|error| Error::io(parent, &error)))
@@ -806,21 +834,6 @@ pub fn remove(path: &Path) -> Result<()> {
         }
         _ => Ok(()),
     }
-}
-
-/// Moves the files of a folder to the same places below another, replacing what is there; `keep` stays.
-fn move_tree(from: &Path, to: &Path, keep: Option<&Path>) -> Result<()> {
-    fs::create_dir_all(to).map_err(|error| Error::io(to, &error))?;
-    for entry in fs::read_dir(from).map_err(|error| Error::io(from, &error))? {
-        let entry = entry.map_err(|error| Error::io(from, &error))?;
-        let (source, target) = (entry.path(), to.join(entry.file_name()));
-        if source.is_dir() {
-            move_tree(&source, &target, keep)?;
-        } else if keep.is_none_or(|keep| source != keep) {
-            fs::rename(&source, &target).map_err(|error| Error::io(&target, &error))?;
-        }
-    }
-    Ok(())
 }
 
 #[cfg(test)]
@@ -887,7 +900,7 @@ mod tests {
         let (manifest, digest) =
             Manifest::read(&manifest_path(open.root(), 3)).expect("readable").expect("there is one");
         assert_eq!(Some(&*digest), made.manifest());
-        let listed: Vec<(&str, u64)> = manifest.files.iter().map(|(path, stamp)| (&**path, stamp.0)).collect();
+        let listed: Vec<(&str, u64)> = manifest.files.iter().map(|(path, stamp)| (path.as_str(), stamp.0)).collect();
         assert_eq!(listed, [("info.txt", 3), ("rgb/3.png", 1)]);
     }
 
@@ -934,7 +947,7 @@ mod tests {
         let open = Folder::open(&root).expect("new");
         commit(&open, 3, &[("old.txt", "z")]).expect("committed");
         let ready = staged(&open, 3, &[("rgb/3.png", "x"), ("info.txt", "y")]);
-        let record = Staged { entry: entry(3), stale: vec!["old.txt".into()] };
+        let record = Staged { entry: entry(3), stale: vec![DatasetPath::new("old.txt").expect("a path")] };
         create_parent(&ready.join(RECORD)).expect("writable");
         fs::write(ready.join(RECORD), serde_json::to_string(&record).expect("plain")).expect("writable");
         // One file was moved, then the program was killed; another scene was half made.

@@ -90,7 +90,7 @@ pub fn difference(pool: &str, [one, other]: [(&Path, &Lock); 2]) -> Option<Strin
 
 /// The names that a dataset stores of a pool, if they are those of the lock.
 fn names(home: &Path, pool: &str, lock: &CatalogLock) -> Option<Names> {
-    let text = std::fs::read_to_string(catalog_path(home, pool)).ok()?;
+    let text = std::fs::read_to_string(catalog_path(home, pool).ok()?).ok()?;
     let names: Names = serde_json::from_str(&text).ok()?;
     (CatalogLock::of(&names) == *lock).then_some(names)
 }
@@ -155,7 +155,7 @@ mod tests {
         assert!(error.contains("`write.t.template.file`"), "{error}");
         let error = compare(&lock(&before, "1"), Some(folder.path())).expect_err("other names").to_string();
         assert!(error.contains("`assets.p`") && error.contains("3 assets then, 3 now"), "{error}");
-        let path = catalog_path(folder.path(), "p");
+        let path = catalog_path(folder.path(), "p").expect("a name");
         std::fs::create_dir_all(path.parent().expect("a folder")).expect("writable");
         std::fs::write(&path, serde_json::to_string(&before).expect("plain data")).expect("writable");
         let error = compare(&lock(&before, "1"), Some(folder.path())).expect_err("other names").to_string();

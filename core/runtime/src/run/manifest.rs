@@ -1,5 +1,6 @@
 //! Lists of files with their sizes and digests.
 
+use super::inside::link_before;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::{self, File};
@@ -7,19 +8,20 @@ use std::io::{BufReader, ErrorKind};
 use std::path::Path;
 use syntable_model::digest::Digest;
 use syntable_model::error::{Error, Result};
+use syntable_model::files::DatasetPath;
 
 /// Files by their path, relative to the dataset, with `/` between folders.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Manifest {
     /// Size and digest of each file.
-    pub files: BTreeMap<String, Stamp>,
+    pub files: BTreeMap<DatasetPath, Stamp>,
     /// Of a scene, whose they are, but for what settling did.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub writers: Written,
 }
 
 /// Files of a scene by the id of their writer.
-pub type Written = BTreeMap<String, BTreeSet<String>>;
+pub type Written = BTreeMap<String, BTreeSet<DatasetPath>>;
 
 /// Size of a file in bytes, and the digest of its content.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -34,6 +36,8 @@ pub enum State {
     Missing,
     /// Of another size or content.
     Damaged,
+    /// A link, or behind one: not looked at.
+    Linked,
 }
 
 impl Stamp {
@@ -54,9 +58,18 @@ impl Stamp {
         Self(size, digest)
     }
 
+    /// Compares a file of a dataset with its stamp; the content only if the size is right, and nothing behind a link.
+    pub fn check_in(&self, root: &Path, path: &DatasetPath) -> Result<State> {
+        match link_before(root, path) {
+            Some(_) => Ok(State::Linked),
+            None => self.check(&path.below(root)),
+        }
+    }
+
     /// Compares a file with its stamp; the content only if the size is right.
     pub fn check(&self, path: &Path) -> Result<State> {
-        match fs::metadata(path) {
+        match fs::symlink_metadata(path) {
+            Ok(metadata) if metadata.is_symlink() => Ok(State::Linked),
             Ok(metadata) if metadata.is_file() && metadata.len() == self.0 => {
                 Ok(if Self::of(path)? == *self { State::Whole } else { State::Damaged })
             }
@@ -83,14 +96,18 @@ impl Manifest {
                 Error::new(format!("the file name {} is not UTF-8", name.display())).in_file(folder).permanent()
             })?;
             let inside = if inside.is_empty() { name } else { format!("{inside}/{name}") };
-            if path.is_dir() {
+            let kind = entry.file_type().map_err(|error| Error::io(&path, &error))?;
+            if kind.is_dir() {
                 self.add_tree(&path, &inside)?;
+            } else if !kind.is_file() {
+                return Err(Error::new("a writer made what is no regular file").in_file(&path).permanent());
             } else {
+                let name = DatasetPath::new(inside).map_err(|error| Error::new(error.to_string()).permanent())?;
                 let fail = |error: std::io::Error| Error::io(&path, &error);
                 let file = File::open(&path).map_err(fail)?;
                 let (digest, size) = Digest::of_reader(&file).map_err(fail)?;
                 file.sync_data().map_err(fail)?;
-                self.files.insert(inside, Stamp(size, digest));
+                self.files.insert(name, Stamp(size, digest));
             }
         }
         Ok(())

@@ -1,6 +1,6 @@
 //! One dataset of parts that were made elsewhere, from one recipe.
 
-use super::folder::{Folder, journal_path, manifest_path};
+use super::folder::{Folder, catalog_path, journal_path, manifest_path};
 use super::journal::{Journal, JournalEntry};
 use super::manifest::{Manifest, Stamp, State, Written};
 use super::progress::{Event, Guarded, Reporter, Warnings, count};
@@ -154,6 +154,7 @@ fn open(path: &Path) -> Result<Part> {
     let folder = Folder::read(path)?;
     let entries = Journal::entries_of(&journal_path(path))?;
     let recipe = recipe_of(&folder, "part")?;
+    catalog_paths(&folder)?;
     Ok(Part { folder, entries, recipe })
 }
 
@@ -252,9 +253,16 @@ pub fn adopt(folder: &Folder, part: &Folder, entry: &JournalEntry, journal: &Mut
             return Err(damaged(&path));
         }
         for (inside, stamp) in &manifest.files {
-            let (from, to) = (part.root().join(inside), staged.join(inside));
-            if stamp.check(&from)? != State::Whole {
-                return Err(damaged(&from));
+            let (from, to) = (inside.below(part.root()), inside.below(&staged));
+            match stamp.check_in(part.root(), inside)? {
+                State::Whole => {}
+                State::Linked => {
+                    return Err(Error::new("it is a link, or behind one, and links of a part are not followed")
+                        .in_file(&from)
+                        .help("put the file itself there, as `cp -rL` does")
+                        .permanent());
+                }
+                State::Missing | State::Damaged => return Err(damaged(&from)),
             }
             super::folder::create_parent(&to)?;
             if fs::hard_link(&from, &to).is_err() {
@@ -268,12 +276,18 @@ pub fn adopt(folder: &Folder, part: &Folder, entry: &JournalEntry, journal: &Mut
 }
 
 fn catalogs(folder: &Folder, part: &Folder) -> Result<()> {
+    let mut catalogs = BTreeMap::new();
+    for (pool, path) in catalog_paths(part)? {
+        let text = fs::read_to_string(path).unwrap_or_default();
+        catalogs.extend(serde_json::from_str(&text).ok().map(|catalog| (pool, catalog)));
+    }
+    folder.set_catalogs(&catalogs)
+}
+
+/// Where the names of the assets of each pool are that a part locks.
+fn catalog_paths(part: &Folder) -> Result<Vec<(String, PathBuf)>> {
     let pools = lock_of(&part.recipe()?.unwrap_or_default()).catalogs.into_keys();
-    let read = |pool: String| {
-        let text = fs::read_to_string(super::folder::catalog_path(part.root(), &pool)).ok()?;
-        Some((pool, serde_json::from_str(&text).ok()?))
-    };
-    folder.set_catalogs(&pools.filter_map(read).collect())
+    pools.map(|pool| catalog_path(part.root(), &pool).map(|path| (pool, path))).collect()
 }
 
 /// Refuses files that the end of a run reads and that are not what they were when the parts were made, and writers that
@@ -286,7 +300,17 @@ fn ready(recipe: &Recipe) -> Result<()> {
         let help =
             "relative paths count from the current folder: merge in the folder of the recipe that made the parts";
         let found = Stamp::of(path).map_err(|error| error.help(help).context(option).of_request())?;
-        if then.get(option).is_some_and(|digest| *digest != found.1.to_string()) {
+        // A part of somebody else could name any file of this machine, and would have the merged dataset tell what is in it.
+        let Some(digest) = then.get(option) else {
+            return Err(Error::new("the parts do not say what was in it")
+                .in_file(path)
+                .help(
+                    "`[lock]` of a part's recipe.toml has a digest of each such file: bring the recipe back as it was",
+                )
+                .context(option)
+                .of_request());
+        };
+        if *digest != found.1.to_string() {
             return Err(Error::new("it is not what it was when the parts were made")
                 .in_file(path)
                 .help(help)

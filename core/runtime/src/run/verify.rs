@@ -1,6 +1,8 @@
 //! Compares a dataset with its journal: what is missing, what is damaged, what is not the dataset's.
 
 use super::folder::{each_file, finished, journal_path, lock_shared, manifest_path};
+use super::foreign::{self, Odd};
+use super::inside::is_link;
 use super::journal::Journal;
 use super::manifest::{Manifest, Stamp, State};
 use crate::workers::Pool;
@@ -10,7 +12,7 @@ use std::path::Path;
 use syntable_model::context::Workers;
 use syntable_model::digest::Digest;
 use syntable_model::error::{Error, Result};
-use syntable_model::stage::RESERVED;
+use syntable_model::files::{DatasetPath, RESERVED};
 
 /// What is wrong with a dataset.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
@@ -27,6 +29,13 @@ pub struct Verified {
     pub unlisted: BTreeMap<u32, Vec<String>>,
     /// Other files that no manifest lists, sorted.
     pub foreign: Vec<String>,
+    /// Links in the folder, and where each leads, sorted.
+    pub links: Vec<(String, String)>,
+    /// Files that manifests list and that are links, or behind one: they were not compared; sorted.
+    pub linked: Vec<String>,
+    /// Lists that name what is not the dataset's, and what in the program's own folder is none of its files; with the reason,
+    /// sorted. If the program's own folder has links, nothing was compared.
+    pub outside: Vec<(String, String)>,
     /// Scenes that have a missing or damaged file.
     pub bad_scenes: BTreeSet<u32>,
     /// Whether a run has begun or gone on, and did not end.
@@ -36,7 +45,8 @@ pub struct Verified {
 impl Verified {
     /// Whether every file is as it was written, and all runs ended.
     pub fn whole(&self) -> bool {
-        self.missing.is_empty() && self.damaged.is_empty() && !self.unfinished
+        let lists = [&self.missing, &self.damaged, &self.linked];
+        lists.iter().all(|list| list.is_empty()) && self.outside.is_empty() && !self.unfinished
     }
 }
 
@@ -54,6 +64,12 @@ pub fn verify(root: &Path, threads: usize) -> Result<Verified> {
 
 /// Compares a dataset whose folder is open.
 pub(super) fn compare(root: &Path, workers: &dyn Workers) -> Result<Verified> {
+    let own = foreign::own_files(root)?;
+    if !own.odd.is_empty() {
+        let mut found = Verified::default();
+        found.add_odd(own.odd);
+        return Ok(found);
+    }
     let entries = Journal::entries_of(&journal_path(root))?;
     let made: Vec<(u32, &str)> = entries.values().filter_map(|entry| Some((entry.scene, entry.manifest()?))).collect();
     let found = Mutex::new((Verified::default(), Owned::default(), Known::default()));
@@ -84,6 +100,10 @@ pub(super) fn compare(root: &Path, workers: &dyn Workers) -> Result<Verified> {
     for (path, stamp) in &end.manifest.files {
         found.look(root, path, stamp)?;
     }
+    for list in own.lists {
+        let names = foreign::names(&foreign::read(&root.join(&list))?);
+        found.add_odd(foreign::outside(&list, &names));
+    }
     let journal = journal_path(root);
     found.unfinished = match end.journal {
         Some(digest) => !journal.exists() || Stamp::of(&journal)?.1 != digest,
@@ -95,14 +115,20 @@ pub(super) fn compare(root: &Path, workers: &dyn Workers) -> Result<Verified> {
     }
     let patterns = Patterns::of(root, known)?;
     each_file(root, "", &mut |path| {
-        if !owned.0.contains(&key(path)) {
+        let full = root.join(path);
+        if is_link(&full) {
+            let to = std::fs::read_link(full).map_or_else(|_| String::new(), |to| to.to_string_lossy().into_owned());
+            found.links.push((path.to_owned(), to));
+        } else if !owned.0.contains(&key(path)) {
             match patterns.scene_of(path) {
                 Some(scene) => found.unlisted.entry(scene).or_default().push(path.to_owned()),
                 None => found.foreign.push(path.to_owned()),
             }
         }
     })?;
-    let lists = [&mut found.missing, &mut found.damaged, &mut found.foreign];
+    found.links.sort_unstable();
+    found.outside.sort_unstable();
+    let lists = [&mut found.missing, &mut found.damaged, &mut found.foreign, &mut found.linked];
     lists.into_iter().chain(found.unlisted.values_mut()).for_each(|list| list.sort_unstable());
     Ok(found)
 }
@@ -132,20 +158,26 @@ fn scene_files(root: &Path, scene: u32, digest: &str, wrong: &mut Verified) -> R
 }
 
 impl Verified {
-    fn look(&mut self, root: &Path, path: &str, stamp: &Stamp) -> Result<()> {
+    fn look(&mut self, root: &Path, path: &DatasetPath, stamp: &Stamp) -> Result<()> {
         self.files += 1;
-        match stamp.check(&root.join(path))? {
+        match stamp.check_in(root, path)? {
             State::Whole => {}
-            State::Missing => self.missing.push(path.to_owned()),
-            State::Damaged => self.damaged.push(path.to_owned()),
+            State::Missing => self.missing.push(path.to_string()),
+            State::Damaged => self.damaged.push(path.to_string()),
+            State::Linked => self.linked.push(path.to_string()),
         }
         Ok(())
+    }
+
+    fn add_odd(&mut self, odd: Vec<Odd>) {
+        self.outside.extend(odd.into_iter().map(|Odd { path, what }| (path, what)));
     }
 
     fn add(&mut self, other: Self) {
         self.files += other.files;
         self.missing.extend(other.missing);
         self.damaged.extend(other.damaged);
+        self.linked.extend(other.linked);
     }
 }
 

@@ -3,6 +3,8 @@
 
 mod devices;
 mod growth;
+#[cfg(unix)]
+mod hostile;
 mod kit;
 mod whole;
 

@@ -10,6 +10,7 @@ use serde_json::Value as Json;
 use std::collections::BTreeMap;
 use std::path::Path;
 use syntable_formats::read::Faults;
+use syntable_model::files::DatasetFolder;
 use syntable_model::prelude::*;
 
 /// A fault of an image: the rule, and what breaks it.
@@ -202,8 +203,8 @@ struct CocoAnnotation {
 
 impl CocoScene {
     /// Those of the scene of a folder, if it has any.
-    pub fn read(folder: &Path) -> Result<Option<Self>> {
-        let path = folder.join(OF_SCENE[1]);
+    pub fn read(folder: &DatasetFolder) -> Result<Option<Self>> {
+        let path = folder.file(OF_SCENE[1])?;
         if !path.is_file() {
             return Ok(None);
         }

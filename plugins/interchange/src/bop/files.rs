@@ -11,9 +11,10 @@ use syntable_formats::json as formats_json;
 use syntable_formats::members::{self, Member, Sample};
 use syntable_formats::read::{self, Faults, place_in_name};
 use syntable_formats::segmentation::Segmentation;
+use syntable_model::files::DatasetFolder;
 use syntable_model::limits::TEXT_BYTES;
 use syntable_model::prelude::*;
-use syntable_model::reader::ImageRef;
+use syntable_model::reader::{ImageRef, Source};
 
 /// The file of poses of a scene.
 const TRUTH: &str = OF_SCENE[0];
@@ -57,7 +58,7 @@ pub struct Record {
 /// Where the files of an image are.
 enum Place {
     /// In the folder of its scene.
-    Folder(PathBuf),
+    Folder(DatasetFolder),
     /// In a tar file, by field.
     Sample { archive: PathBuf, fields: BTreeMap<String, Member> },
 }
@@ -153,13 +154,21 @@ fn parsed<T: DeserializeOwned>(text: &[u8], path: &Path) -> Result<T> {
 }
 
 /// The images of a split. What cannot be read is at fault and left out.
-pub fn images(split: &Split, faults: &mut Faults) -> Images {
+///
+/// # Errors
+/// If a tar file is a link that leads out of the dataset.
+pub fn images(source: &Source, split: &Split, faults: &mut Faults) -> Result<Images> {
+    let root = source.folder(&source.path)?;
+    let folder = match split.folder == source.path {
+        true => root,
+        false => root.inner(split.folder.file_name().unwrap_or_default()),
+    };
     let mut images = Images { refs: Vec::new(), records: Vec::new(), folders: Vec::new() };
     match split.layout {
-        super::Layout::Scenewise => images.add_scenes(&split.folder, faults),
-        super::Layout::Webdataset => images.add_shards(&split.folder, faults),
+        super::Layout::Scenewise => images.add_scenes(&folder, faults),
+        super::Layout::Webdataset => images.add_shards(&folder, faults)?,
     }
-    images
+    Ok(images)
 }
 
 impl Images {
@@ -179,15 +188,16 @@ impl Images {
         self.records.push(Record { number, camera, objects, infos, place });
     }
 
-    fn add_scenes(&mut self, split: &Path, faults: &mut Faults) {
-        for (scene, folder) in scenes_of(split) {
+    fn add_scenes(&mut self, split: &DatasetFolder, faults: &mut Faults) {
+        for (scene, folder) in scenes_of(&split.path()) {
             let place = format!("{scene:06}");
+            let inside = split.inner(folder.file_name().unwrap_or_default());
             if let Some(missing) = [TRUTH, CAMERAS, INFOS].iter().find(|name| !folder.join(name).is_file()) {
                 let message = format!("the scene has no {missing}: nothing of it is read");
                 faults.lost("files_are_there", place, &message);
                 continue;
             }
-            let (mut cameras, mut infos, all) = match files_of(&folder) {
+            let (mut cameras, mut infos, all) = match files_of(&inside) {
                 Ok(files) => files,
                 Err(error) => {
                     faults.lost("readable", place, &format!("{error}: nothing of the scene is read"));
@@ -197,7 +207,7 @@ impl Images {
             for (number, objects) in all {
                 let (camera, infos) = (cameras.remove(&number), infos.remove(&number).unwrap_or_default());
                 let said = Said { number, camera, objects, infos };
-                self.add(scene, said, Place::Folder(folder.clone()), [CAMERAS, TRUTH, INFOS], faults);
+                self.add(scene, said, Place::Folder(inside.clone()), [CAMERAS, TRUTH, INFOS], faults);
             }
             for number in cameras.into_keys() {
                 let message = format!("it is in {CAMERAS} and not in {TRUTH}");
@@ -207,12 +217,13 @@ impl Images {
         }
     }
 
-    fn add_shards(&mut self, split: &Path, faults: &mut Faults) {
-        let shards = shards_of(split);
+    fn add_shards(&mut self, split: &DatasetFolder, faults: &mut Faults) -> Result<()> {
+        let shards = shards_of(&split.path());
         let paths: Vec<PathBuf> = shards.iter().map(|(_, path)| path.clone()).collect();
+        read::check_inside(split, &paths)?;
         let samples = members::samples(&paths, faults);
         let numbers = samples.iter().map(|(key, sample)| (*key, shards[sample.archive].0)).collect();
-        faults_of_numbers(split, &numbers, faults);
+        faults_of_numbers(&split.file(KEY_TO_SHARD)?, &numbers, faults);
         for ((scene, number), Sample { archive, mut fields }) in samples {
             let place = format!("{scene:06}/{number:06}");
             if let Some(missing) = RECORDS.iter().find(|field| !fields.contains_key(**field)) {
@@ -228,6 +239,7 @@ impl Images {
                 Err(error) => faults.lost("readable", place, &format!("{error}: nothing of the image is read")),
             }
         }
+        Ok(())
     }
 }
 
@@ -241,12 +253,11 @@ fn said_by(number: u32, sample: &mut BTreeMap<String, Member>) -> Result<Said> {
 }
 
 /// Compares the list of the images' tar files with these, by scene and image. A dataset may lack it.
-fn faults_of_numbers(split: &Path, numbers: &BTreeMap<(u32, u32), u64>, faults: &mut Faults) {
-    let path = split.join(KEY_TO_SHARD);
+fn faults_of_numbers(path: &Path, numbers: &BTreeMap<(u32, u32), u64>, faults: &mut Faults) {
     if !path.is_file() {
         return;
     }
-    let said: BTreeMap<String, u64> = match json(&path) {
+    let said: BTreeMap<String, u64> = match json(path) {
         Ok(said) => said,
         Err(error) => return faults.add("readable", KEY_TO_SHARD.to_owned(), &error.to_string()),
     };
@@ -271,13 +282,13 @@ fn faults_of_numbers(split: &Path, numbers: &BTreeMap<(u32, u32), u64>, faults: 
 /// Content of the files of a scene: cameras, counts and poses of each image.
 type SceneFiles = (BTreeMap<u32, SceneCamera>, BTreeMap<u32, Vec<Info>>, BTreeMap<u32, Vec<GroundTruth>>);
 
-fn files_of(folder: &Path) -> Result<SceneFiles> {
-    Ok((json(&folder.join(CAMERAS))?, json(&folder.join(INFOS))?, json(&folder.join(TRUTH))?))
+fn files_of(folder: &DatasetFolder) -> Result<SceneFiles> {
+    Ok((json(&folder.file(CAMERAS)?)?, json(&folder.file(INFOS)?)?, json(&folder.file(TRUTH)?)?))
 }
 
 impl Record {
     /// The folder of its scene, if it is in one.
-    pub fn folder(&self) -> Option<&Path> {
+    pub fn folder(&self) -> Option<&DatasetFolder> {
         match &self.place {
             Place::Folder(folder) => Some(folder),
             Place::Sample { .. } => None,
@@ -288,9 +299,9 @@ impl Record {
     pub fn rgb(&self) -> Result<Plane<[u8; 3]>> {
         match &self.place {
             Place::Folder(folder) => {
-                let path = |extension: &str| folder.join(format!("rgb/{:06}.{extension}", self.number));
-                let found = ["png", "jpg"].map(path).into_iter().find(|path| path.is_file());
-                decode::rgb(&found.unwrap_or_else(|| path("png")))
+                let name = |extension: &str| format!("rgb/{:06}.{extension}", self.number);
+                let found = ["png", "jpg"].map(name).into_iter().find(|name| folder.path().join(name).is_file());
+                decode::rgb(&folder.file(found.unwrap_or_else(|| name("png")))?)
             }
             Place::Sample { fields, .. } => {
                 let found = COLORS.iter().find(|field| fields.contains_key(**field)).unwrap_or(&COLORS[0]);
@@ -302,7 +313,7 @@ impl Record {
     /// Depth along the optical axis, m.
     pub fn depth(&self) -> Result<Plane<f32>> {
         let content = match &self.place {
-            Place::Folder(folder) => Content::read(&folder.join(format!("depth/{:06}.png", self.number))),
+            Place::Folder(folder) => Content::read(&folder.file(format!("depth/{:06}.png", self.number))?),
             Place::Sample { .. } => self.member(DEPTH)?.content(),
         };
         content?.depth(self.camera.depth_scale)
@@ -313,7 +324,7 @@ impl Record {
         match &self.place {
             Place::Folder(folder) => {
                 let mask = |of: &str, entry: usize| {
-                    let path = folder.join(format!("{of}/{:06}_{entry:06}.png", self.number));
+                    let path = folder.file(format!("{of}/{:06}_{entry:06}.png", self.number))?;
                     mask_of(&path, size)
                 };
                 let entries = 0..self.objects.len();
@@ -345,8 +356,8 @@ impl Record {
     /// A member of the sample that the image is.
     fn member(&self, field: &str) -> Result<&Member> {
         let (found, place) = match &self.place {
-            Place::Sample { archive, fields } => (fields.get(field), archive),
-            Place::Folder(folder) => (None, folder),
+            Place::Sample { archive, fields } => (fields.get(field), archive.clone()),
+            Place::Folder(folder) => (None, folder.path()),
         };
         found.ok_or_else(|| {
             Error::new(format!("the image {:06} has no {field}", self.number)).in_file(place).of_request()

@@ -17,7 +17,7 @@ use syntable_model::product::standard::{
     CAMERA, DEPTH, OBJECT_INFO, OBJECT_MODELS, OBJECT_NAME, OCCLUSION_MASK, RGB, VISIBILITY,
 };
 use syntable_model::product::{ObjectModel, ObjectModels, PixelCounts};
-use syntable_model::reader::{DatasetFault, DatasetReader, Format, ImageRef};
+use syntable_model::reader::{DatasetFault, DatasetReader, Format, ImageRef, Source};
 use syntable_model::scene::{SceneId, Symmetries};
 
 syntable_model::register_format!(Format {
@@ -54,22 +54,23 @@ struct Reader {
 /// Number of other images of a scene with which the poses of an image are compared.
 const COMPARED: usize = 8;
 
-fn open(root: &Path) -> Result<Box<dyn DatasetReader>> {
+fn open(source: &Source) -> Result<Box<dyn DatasetReader>> {
+    let root = source.path.as_path();
     let split = files::split_of(root)?;
     let mut faults = Faults::default();
-    let Images { refs, records: images, folders } = files::images(&split, &mut faults);
+    let Images { refs, records: images, folders } = files::images(source, &split, &mut faults)?;
     let coco = folders.into_iter().map(|folder| (folder, OnceLock::new())).collect();
     let mut of_scenes = BTreeMap::<SceneId, BTreeSet<u64>>::new();
     for (image, record) in refs.iter().zip(&images) {
         of_scenes.entry(image.scene).or_default().extend(record.objects.iter().map(|object| object.obj_id));
     }
     let above = split.folder.parent().unwrap_or(&split.folder);
-    let names = optional(&[root, above].map(|folder| folder.join("objects.json")))?;
-    let camera: Option<Camera> = optional(&[root, above].map(|folder| folder.join("camera.json")))?;
+    let names = optional(source, [root, above], Path::new("objects.json"))?;
+    let camera: Option<Camera> = optional(source, [root, above], Path::new("camera.json"))?;
     camera.iter().for_each(|camera| faults::camera_is_sound(camera, &mut faults));
     let model_folders = [root, above].map(|folder| folder.join("models"));
     let models: Option<BTreeMap<u64, BTreeMap<String, Json>>> =
-        optional(&model_folders.each_ref().map(|folder| folder.join(MODELS_INFO)))?;
+        optional(source, [root, above], &Path::new("models").join(MODELS_INFO))?;
     let model_folder = model_folders.iter().find(|it| it.join(MODELS_INFO).is_file());
     if let Some((models, folder)) = models.as_ref().zip(model_folder) {
         faults::faults_of_models(folder, models, &mut faults);
@@ -102,9 +103,12 @@ fn open(root: &Path) -> Result<Box<dyn DatasetReader>> {
     }))
 }
 
-/// The first of these files that is there.
-fn optional<T: DeserializeOwned + Default>(paths: &[PathBuf]) -> Result<T> {
-    paths.iter().find(|path| path.is_file()).map_or_else(|| Ok(T::default()), |path| json(path))
+/// The file of the first of these folders that has it.
+fn optional<T: DeserializeOwned + Default>(source: &Source, folders: [&Path; 2], name: &Path) -> Result<T> {
+    match folders.into_iter().find(|folder| folder.join(name).is_file()) {
+        Some(folder) => json(&source.folder(folder)?.file(name)?),
+        None => Ok(T::default()),
+    }
 }
 
 fn bounds_of(model: &BTreeMap<String, Json>) -> Option<[[f64; 3]; 2]> {
@@ -303,7 +307,7 @@ impl Reader {
             all.extend(of_object.map(|(check, message)| (check, format!("instance {}: {message}", label.id))));
             masks.push([whole, &label.visible]);
         }
-        let of_coco = record.folder().and_then(|folder| Some((folder, self.coco.get(folder)?)));
+        let of_coco = record.folder().and_then(|folder| Some((folder, self.coco.get(&folder.path())?)));
         match of_coco.map(|(folder, scene)| scene.get_or_init(|| CocoScene::read(folder))) {
             Some(Ok(Some(scene))) => all.extend(scene.faults(record.number, &record.infos, &masks)),
             Some(Err(error)) => all.push(("readable", error.to_string())),

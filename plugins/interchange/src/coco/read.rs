@@ -4,13 +4,14 @@
 use crate::order::Order;
 use crate::read::{self as shared, Tolerance, edge_px2, fits_mask, fits_outlines, hidden_of};
 use serde::de::{DeserializeOwned, IgnoredAny};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use syntable_formats::coco::{Annotation, Image};
 use syntable_formats::decode;
 use syntable_formats::index::Record;
 use syntable_formats::listing::Listing;
 use syntable_formats::read::{self, Known, Labels};
 use syntable_formats::segmentation::Segmentation;
+use syntable_model::files::DatasetFolder;
 use syntable_model::prelude::*;
 use syntable_model::product::BBox;
 use syntable_model::product::standard::{CATEGORY_ID, DEPTH, LABEL_POLICY, OCCLUSION_MASK, RGB, VISIBLE_BOX};
@@ -25,8 +26,8 @@ syntable_model::register_format!(Format {
         let is = |is_one: &dyn Fn(&Path) -> bool| shared::is_dataset(path, Some(FOLDER), is_one);
         is(&has_instances) && !is(&is_other)
     },
-    open: |path| {
-        let [root, file] = shared::root_and_file(path, Some(FOLDER), has_instances)?;
+    open: |source| {
+        let (root, file) = shared::root_and_file(source, Some(FOLDER), has_instances)?;
         open_file(&root, &file)
     },
     is_generic: false,
@@ -64,7 +65,7 @@ const OCCLUDED: f64 = 0.05;
 
 struct Reader {
     /// The folder that image names count from.
-    images_root: PathBuf,
+    images_root: DatasetFolder,
     info: DatasetInfo,
     listing: Listing,
     /// Whether any annotation has a mask, or there are no objects; else all have boxes alone.
@@ -87,7 +88,7 @@ struct Reader {
 }
 
 /// Opens the dataset of an annotation file.
-pub(crate) fn open_file(root: &Path, file: &Path) -> Result<Box<dyn DatasetReader>> {
+pub(crate) fn open_file(root: &DatasetFolder, file: &Path) -> Result<Box<dyn DatasetReader>> {
     let (mut has_masks, mut has_depth, mut has_policy, mut crowds) = (false, true, true, 0);
     let (mut has_visible, mut has_amodal, mut has_hidden, mut pairs) = (false, false, false, Pairs::default());
     let (mut objects, mut without_mask) = (0_u64, 0_u64);
@@ -205,7 +206,7 @@ fn is_crowd(annotation: &Annotation) -> bool {
 }
 
 /// The folder beside `annotations` in which the first image is, as COCO, KINS and others call it.
-pub(crate) fn images_root(root: &Path, file: &Path, first: Option<&str>) -> PathBuf {
+pub(crate) fn images_root(root: &DatasetFolder, file: &Path, first: Option<&str>) -> DatasetFolder {
     let split = file.file_stem().and_then(|stem| stem.to_str()?.rsplit('_').next()).unwrap_or_default();
     let names = ["images", split, &format!("{split}2017"), &format!("{split}2014"), "."];
     shared::images_root(root, &names, first)
@@ -302,14 +303,14 @@ impl DatasetReader for Reader {
             }
         }
         if wants.contains(&RGB.id()) {
-            products.put(RGB, decode::rgb_of_size(&self.images_root.join(&frame.file_name), size)?)?;
+            products.put(RGB, decode::rgb_of_size(&self.images_root.file(&frame.file_name)?, size)?)?;
         }
         let wanted = |has: bool, key: KeyId| has && wants.contains(&key);
         let (depth, policy) = (wanted(self.has_depth, DEPTH.id()), wanted(self.has_policy, LABEL_POLICY.id()));
         if depth || policy {
             let record: Image = self.listing.image(image)?;
             if depth {
-                let path = self.images_root.join(depth_file(&record).unwrap_or_default());
+                let path = self.images_root.file(depth_file(&record).unwrap_or_default())?;
                 products.put(DEPTH, decode::depth_of_size(&path, DEPTH_UNIT_MM, size)?)?;
             }
             if policy {

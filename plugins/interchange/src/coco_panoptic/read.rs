@@ -5,16 +5,16 @@ use crate::coco::read::{FOLDER, images_root};
 use crate::read::{self as shared, Tolerance, fits_mask};
 use serde::de::IgnoredAny;
 use std::collections::{BTreeMap, BTreeSet};
-use std::path::{Path, PathBuf};
 use syntable_formats::coco::{Category, Image};
 use syntable_formats::decode;
 use syntable_formats::index::Record;
 use syntable_formats::listing::{AnnotationRecord, Listing};
 use syntable_formats::read::{self, Categories, Known, Labels};
+use syntable_model::files::DatasetFolder;
 use syntable_model::limits::ANNOTATIONS;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::RGB;
-use syntable_model::reader::{Crowd, DatasetFault, DatasetReader, Format, ImageRef};
+use syntable_model::reader::{Crowd, DatasetFault, DatasetReader, Format, ImageRef, Source};
 
 syntable_model::register_format!(Format {
     name: "coco_panoptic",
@@ -62,9 +62,9 @@ impl AnnotationRecord for ImageAnnotation {
 }
 
 struct Reader {
-    images_root: PathBuf,
+    images_root: DatasetFolder,
     /// Folder of the images of segments.
-    segments: PathBuf,
+    segments: DatasetFolder,
     info: DatasetInfo,
     listing: Listing,
     /// The categories of things, and ids of those of stuff.
@@ -78,8 +78,8 @@ fn is_stuff(category: &Category) -> bool {
     category.extra.get("isthing").and_then(serde_json::Value::as_u64) == Some(0)
 }
 
-fn open(path: &Path) -> Result<Box<dyn DatasetReader>> {
-    let [root, file] = shared::root_and_file(path, Some(FOLDER), |file| shared::name_starts(file, FILE))?;
+fn open(source: &Source) -> Result<Box<dyn DatasetReader>> {
+    let (root, file) = shared::root_and_file(source, Some(FOLDER), |file| shared::name_starts(file, FILE))?;
     // By category and whether they are crowds.
     let mut segments: BTreeMap<(u64, bool), u64> = BTreeMap::new();
     let mut listing = Listing::open(&file, &mut |record: &Record<Image, ImageAnnotation, IgnoredAny>| {
@@ -106,7 +106,8 @@ fn open(path: &Path) -> Result<Box<dyn DatasetReader>> {
     let images_root = images_root(&root, &file, listing.images.first().map(|image| image.frame.file_name.as_str()));
     let about = &listing.file.info;
     let info = categories.info(about.description.clone(), about.contributor.clone(), &listing.refs, String::new());
-    let segments = file.with_extension("");
+    let beside = if shared::is_in(&file, FOLDER) { root.inner(FOLDER) } else { root };
+    let segments = beside.inner(file.file_stem().unwrap_or_default());
     Ok(Box::new(Reader { images_root, segments, info, listing, categories, stuff, no_objects }))
 }
 
@@ -143,7 +144,7 @@ impl Reader {
                 format!("image {} has no annotation, or several: one with all of its segments is needed", frame.id);
             return Err(Error::new(message).permanent());
         };
-        let path = self.segments.join(&annotation.file_name);
+        let path = self.segments.file(&annotation.file_name)?;
         let ids = decode::rgb_of_size(&path, [frame.width, frame.height])?;
         let ids = ids.map(|&[r, g, b]| u32::from_le_bytes([r, g, b, 0]));
         Segments::new(annotation, ids)
@@ -244,7 +245,7 @@ impl DatasetReader for Reader {
             read::put(&labels.collect::<Vec<_>>(), None, wants, &mut products)?;
         }
         if wants.contains(&RGB.id()) {
-            products.put(RGB, decode::rgb_of_size(&self.images_root.join(&frame.file_name), size)?)?;
+            products.put(RGB, decode::rgb_of_size(&self.images_root.file(&frame.file_name)?, size)?)?;
         }
         Ok((read::view(self.listing.refs[image].view, size[0], size[1]), products))
     }

@@ -5,16 +5,16 @@ use crate::coco::read::{FOLDER, images_root};
 use crate::read::{self as shared, POLYGONS, edge_px2, enclosed, eroded, settle_edges};
 use serde::de::IgnoredAny;
 use std::collections::BTreeSet;
-use std::path::{Path, PathBuf};
 use syntable_formats::coco::{Image, id};
 use syntable_formats::decode;
 use syntable_formats::index::Record;
 use syntable_formats::listing::{AnnotationRecord, Listing};
 use syntable_formats::read::{self, Categories, Labels};
 use syntable_formats::segmentation::{Rle, Segmentation};
+use syntable_model::files::DatasetFolder;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{LABEL_POLICY, OCCLUSION_MASK, RGB};
-use syntable_model::reader::{DatasetFault, DatasetReader, Format, ImageRef};
+use syntable_model::reader::{DatasetFault, DatasetReader, Format, ImageRef, Source};
 
 syntable_model::register_format!(Format {
     name: "cocoa",
@@ -78,7 +78,7 @@ impl AnnotationRecord for ImageAnnotation {
 }
 
 struct Reader {
-    images_root: PathBuf,
+    images_root: DatasetFolder,
     info: DatasetInfo,
     /// The names of regions.
     categories: Categories,
@@ -89,8 +89,8 @@ struct Reader {
     listing: Listing,
 }
 
-fn open(path: &Path) -> Result<Box<dyn DatasetReader>> {
-    let [root, file] = shared::root_and_file(path, Some(FOLDER), |file| shared::name_starts(file, FILE))?;
+fn open(source: &Source) -> Result<Box<dyn DatasetReader>> {
+    let (root, file) = shared::root_and_file(source, Some(FOLDER), |file| shared::name_starts(file, FILE))?;
     let (mut names, mut has_policy, mut has_hidden) = (BTreeSet::new(), true, false);
     let listing = Listing::open(&file, &mut |record: &Record<Image, ImageAnnotation, IgnoredAny>| match record {
         Record::Annotation(annotation) => {
@@ -375,7 +375,7 @@ impl DatasetReader for Reader {
             }
         }
         if wants.contains(&RGB.id()) {
-            products.put(RGB, decode::rgb_of_size(&self.images_root.join(&frame.file_name), size)?)?;
+            products.put(RGB, decode::rgb_of_size(&self.images_root.file(&frame.file_name)?, size)?)?;
         }
         Ok((read::view(self.listing.refs[image].view, size[0], size[1]), products))
     }

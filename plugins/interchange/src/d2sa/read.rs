@@ -9,8 +9,8 @@ syntable_model::register_format!(Format {
     name: "d2sa",
     doc: "D2S amodal (`annotations/D2S_amodal_*.json` beside `images`), as the writer `d2sa` writes it.",
     detect: |path| is_dataset(path, Some(FOLDER), |file| name_starts(file, FILE)),
-    open: |path| {
-        let [root, file] = root_and_file(path, Some(FOLDER), |file| name_starts(file, FILE))?;
+    open: |source| {
+        let (root, file) = root_and_file(source, Some(FOLDER), |file| name_starts(file, FILE))?;
         open_file(&root, &file)
     },
     is_generic: false,

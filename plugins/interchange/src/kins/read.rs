@@ -6,16 +6,17 @@ use crate::read::{
     self as shared, POLYGONS, Tolerance, cut_holes, edge_px2, enclosed_px2, eroded, fits_mask, hidden_of, settle_edges,
 };
 use serde::de::IgnoredAny;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use syntable_formats::coco::{Image, id};
 use syntable_formats::decode;
 use syntable_formats::index::Record;
 use syntable_formats::listing::{AnnotationRecord, Listing};
 use syntable_formats::read::{self, Labels};
 use syntable_formats::segmentation::Segmentation;
+use syntable_model::files::DatasetFolder;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{OCCLUSION_MASK, RGB};
-use syntable_model::reader::{DatasetFault, DatasetReader, Format, ImageRef};
+use syntable_model::reader::{DatasetFault, DatasetReader, Format, ImageRef, Source};
 
 syntable_model::register_format!(Format {
     name: "kins",
@@ -273,13 +274,13 @@ fn faults_of_order(annotations: &[Annotation], labels: &[Labels]) -> Vec<(&'stat
 }
 
 struct Reader {
-    images_root: PathBuf,
+    images_root: DatasetFolder,
     info: DatasetInfo,
     listing: Listing,
 }
 
-fn open(path: &Path) -> Result<Box<dyn DatasetReader>> {
-    let [root, file] = shared::root_and_file(path, None, is_one)?;
+fn open(source: &Source) -> Result<Box<dyn DatasetReader>> {
+    let (root, file) = shared::root_and_file(source, None, is_one)?;
     let listing = Listing::open(&file, &mut |_: &Record<Image, Annotation, IgnoredAny>| {})?;
     let first = listing.images.first().map(|image| image.frame.file_name.as_str());
     let images_root = shared::images_root(&root, &image_folders(&file), first);
@@ -352,7 +353,7 @@ impl DatasetReader for Reader {
             read::put(&labels, None, wants, &mut products)?;
         }
         if wants.contains(&RGB.id()) {
-            products.put(RGB, decode::rgb_of_size(&self.images_root.join(&frame.file_name), size)?)?;
+            products.put(RGB, decode::rgb_of_size(&self.images_root.file(&frame.file_name)?, size)?)?;
         }
         Ok((read::view(self.listing.refs[image].view, size[0], size[1]), products))
     }

@@ -8,9 +8,10 @@ use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 use syntable_formats::decode;
 use syntable_formats::read::{self, Categories, Faults, Labels};
+use syntable_model::files::DatasetFolder;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{DEPTH, RGB};
-use syntable_model::reader::{DatasetFault, DatasetReader, Format, ImageRef};
+use syntable_model::reader::{DatasetFault, DatasetReader, Format, ImageRef, Source};
 
 syntable_model::register_format!(Format {
     name: "osd_amodal",
@@ -26,7 +27,7 @@ syntable_model::register_format!(Format {
 const STEP_MM: f64 = 1.0;
 
 struct Reader {
-    root: PathBuf,
+    root: DatasetFolder,
     info: DatasetInfo,
     refs: Vec<ImageRef>,
     images: Vec<Named>,
@@ -53,9 +54,10 @@ impl Named {
     }
 }
 
-fn open(root: &Path) -> Result<Box<dyn DatasetReader>> {
+fn open(source: &Source) -> Result<Box<dyn DatasetReader>> {
+    let root = source.folder(&source.path)?;
     let mut faults = Faults::default();
-    let [color, depth, labels] = IMAGES.map(|folder| stems(&root.join(folder)));
+    let [color, depth, labels] = IMAGES.map(|folder| stems(&root.file(folder)?));
     let names = color?;
     for (folder, stems) in IMAGES[1..].iter().zip([depth?, labels?]) {
         for name in names.difference(&stems) {
@@ -72,10 +74,10 @@ fn open(root: &Path) -> Result<Box<dyn DatasetReader>> {
     let mut images: BTreeMap<String, Masks> = names.into_iter().map(|name| (name, Default::default())).collect();
     for (which, folder) in MASKS.iter().enumerate() {
         // Without occlusion there is no folder of it.
-        if which == 1 && !root.join(folder).is_dir() {
+        if which == 1 && !root.file(folder)?.is_dir() {
             continue;
         }
-        for stem in stems(&root.join(folder))? {
+        for stem in stems(&root.file(folder)?)? {
             let place = || format!("{folder}/{stem}.png");
             let Some((name, label)) = labeled(&stem) else {
                 faults.add("records_agree", place(), "its name does not end with `_` and a label from 1 to 65535");
@@ -95,9 +97,9 @@ fn open(root: &Path) -> Result<Box<dyn DatasetReader>> {
     }
     let images: Vec<Named> = images.into_iter().map(|(name, masks)| Named { name, masks }).collect();
     let (refs, images) = faults.in_order(images, |image| (&image.name, place_of(&image.name)));
-    let name = read::name_of(root);
+    let name = read::name_of(&source.path);
     let info = Categories::default().info(name, String::new(), &refs, String::new());
-    Ok(Box::new(Reader { root: root.to_owned(), info, refs, images, faults, left_out: Mutex::default() }))
+    Ok(Box::new(Reader { root, info, refs, images, faults, left_out: Mutex::default() }))
 }
 
 /// Names of the PNG files of a folder, without their ends.
@@ -147,7 +149,8 @@ impl DatasetReader for Reader {
 
     fn image_faults(&self, image: usize) -> Vec<(&'static str, String)> {
         let of = &self.images[image];
-        let Ok(shown) = decode::gray(&self.path(IMAGES[2], &of.name)) else { return Vec::new() };
+        let shown = self.path(IMAGES[2], &of.name).and_then(|path| decode::gray(&path));
+        let Ok(shown) = shown else { return Vec::new() };
         let message = |label| format!("label {label} has no mask in {}, and is no object", MASKS[0]);
         of.without_amodal(&shown).into_iter().map(|label| ("records_agree", message(label))).collect()
     }
@@ -161,7 +164,7 @@ impl DatasetReader for Reader {
     fn read(&self, image: usize, wants: &[KeyId]) -> Result<(View, Products)> {
         let of = &self.images[image];
         let mut products = Products::new();
-        let rgb = decode::rgb(&self.path(IMAGES[0], &of.name))?;
+        let rgb = decode::rgb(&self.path(IMAGES[0], &of.name)?)?;
         let size = [rgb.width(), rgb.height()];
         if wants.iter().any(|want| ![RGB.id(), DEPTH.id()].contains(want)) {
             let shown = self.gray(IMAGES[2], &of.name, size)?;
@@ -173,15 +176,15 @@ impl DatasetReader for Reader {
             products.put(RGB, rgb)?;
         }
         if wants.contains(&DEPTH.id()) {
-            products.put(DEPTH, decode::depth_of_size(&self.path(IMAGES[1], &of.name), STEP_MM, size)?)?;
+            products.put(DEPTH, decode::depth_of_size(&self.path(IMAGES[1], &of.name)?, STEP_MM, size)?)?;
         }
         Ok((read::view(self.refs[image].view, size[0], size[1]), products))
     }
 }
 
 impl Reader {
-    fn path(&self, folder: &str, name: &str) -> PathBuf {
-        self.root.join(folder).join(format!("{name}.png"))
+    fn path(&self, folder: &str, name: &str) -> Result<PathBuf> {
+        self.root.inner(folder).file(format!("{name}.png"))
     }
 
     /// The objects: those that have an amodal mask. `shown` are the labels of the visible masks.
@@ -211,6 +214,6 @@ impl Reader {
     }
 
     fn gray(&self, folder: &str, name: &str, size: [u32; 2]) -> Result<Plane<u16>> {
-        decode::gray_of_size(&self.path(folder, name), size)
+        decode::gray_of_size(&self.path(folder, name)?, size)
     }
 }

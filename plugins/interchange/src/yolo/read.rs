@@ -13,9 +13,10 @@ use syntable_formats::coco::Category;
 use syntable_formats::decode;
 use syntable_formats::read::{self, Categories, Faults, Known, Labels};
 use syntable_formats::segmentation::Segmentation;
+use syntable_model::files::DatasetFolder;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{CATEGORY_ID, OCCLUSION_MASK, RGB};
-use syntable_model::reader::{DatasetFault, DatasetReader, Format, ImageRef};
+use syntable_model::reader::{DatasetFault, DatasetReader, Format, ImageRef, Source};
 
 syntable_model::register_format!(Format {
     name: "yolo",
@@ -148,12 +149,30 @@ fn files_of(folder: &Path, is_one: impl Fn(&str) -> bool) -> Result<Vec<(String,
     Ok(files)
 }
 
-fn open(root: &Path) -> Result<Box<dyn DatasetReader>> {
+/// The folders of images and of labels of a dataset, from which names count. Of a folder of images that the user named, the
+/// labels are beside it.
+fn confined(source: &Source, [images, labels]: [&Path; 2]) -> Result<[DatasetFolder; 2]> {
+    let root = &source.path;
+    if images == root && !labels.starts_with(root) {
+        return Ok([source.folder(images)?, source.folder(labels)?]);
+    }
+    let inner = |folder: &Path| Ok(source.folder(root)?.inner(folder.strip_prefix(root).unwrap_or(folder)));
+    Ok([inner(images)?, inner(labels)?])
+}
+
+fn open(source: &Source) -> Result<Box<dyn DatasetReader>> {
+    let root = source.path.as_path();
     let [images, labels] = folders(root)?;
+    let [of_images, of_labels] = confined(source, [&images, &labels])?;
+    let inside = |folder: &DatasetFolder, path: &Path| folder.file(path.file_name().unwrap_or_default()).map(drop);
+    // The folders themselves may be links, too.
+    [&of_images, &of_labels].into_iter().try_for_each(|folder| folder.file("").map(drop))?;
     let mut faults = Faults::default();
     let mut of_image: BTreeMap<String, PathBuf> = files_of(&labels, |end| end == "txt")?.into_iter().collect();
     let mut all: Vec<Labeled> = Vec::new();
+    of_image.values().try_for_each(|path| inside(&of_labels, path))?;
     for (name, image) in images_of(&images)? {
+        inside(&of_images, &image)?;
         match all.last().filter(|last| last.name == name) {
             None => all.push(Labeled { labels: of_image.remove(&name), name, image }),
             Some(first) => {
@@ -170,6 +189,9 @@ fn open(root: &Path) -> Result<Box<dyn DatasetReader>> {
         );
     }
     let description = images.ancestors().take(ABOVE).map(|above| above.join(DATA)).find(|path| path.is_file());
+    if let Some(above) = description.as_deref().and_then(Path::parent) {
+        source.folder(above)?.file(DATA)?;
+    }
     let stated = description.as_deref().map(data::shape).transpose()?.flatten();
     let known = description.as_deref().map_or(Ok(Known::Visible), data::masks)?;
     let (mut shape, mut boxes, mut found) = (None, 0, BTreeSet::new());

@@ -40,7 +40,7 @@ use syntable_model::digest::Digest;
 use syntable_model::error::{Error, Result};
 use syntable_model::product::Products;
 use syntable_model::product::standard::{DEPTH, RGB};
-use syntable_model::reader::{self, DatasetReader};
+use syntable_model::reader::{self, DatasetReader, Source};
 use tera::{Context, Tera};
 
 /// Images on a page of the gallery.
@@ -126,9 +126,13 @@ pub struct Shown {
 
 impl Report {
     /// Opens a dataset. `choose` says what of it is shown.
-    pub fn open(path: &Path, format: Option<&str>, choose: impl FnOnce(&dyn DatasetReader) -> Shown) -> Result<Self> {
-        let (format, dataset) = reader::open(path, format)?;
-        Self::of(dataset, format.name, path, choose)
+    pub fn open(
+        source: &Source,
+        format: Option<&str>,
+        choose: impl FnOnce(&dyn DatasetReader) -> Shown,
+    ) -> Result<Self> {
+        let (format, dataset) = reader::open_source(source, format)?;
+        Self::of(dataset, format.name, &source.path, choose)
     }
 
     /// The pages of a dataset that is open.

@@ -34,6 +34,7 @@ fn command() -> Command {
         ))
         .arg(flag("overwrite").action(ArgAction::SetTrue).help("Replace a report that is in the folder"))
         .arg(arguments::format())
+        .arg(arguments::trust_paths())
         .arg(arguments::scores())
         .arg(flag("images").value_name("N").value_parser(amount).default_value("500").help(
             "Most images in the report, or `all`: the most occluded ones, and others at even distances. An image takes about \
@@ -74,7 +75,8 @@ fn run(console: &Console, _: &Registry, arguments: &ArgMatches) -> std::result::
     check_out(&out, arguments.get_flag("overwrite")).map_err(Exit::stopped)?;
     let pool = Pool::new(arguments::threads_of(arguments)).map_err(Exit::stopped)?;
     let format = arguments.get_one::<String>("format").map(String::as_str);
-    let (format, opened) = reader::open(dataset, format).map_err(Exit::stopped)?;
+    let (format, opened) =
+        reader::open_source(&arguments::source(dataset, arguments), format).map_err(Exit::stopped)?;
     let scored = path("scores").map(|file| Scored::open(file, &*opened)).transpose().map_err(Exit::stopped)?;
     let options = Options { images: !arguments.get_flag("labels-only"), ..Options::default() };
     let mut incomplete = Vec::new();

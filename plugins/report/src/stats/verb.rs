@@ -32,6 +32,7 @@ fn command() -> Command {
                 .value_name("FORMAT")
                 .help("Their format (see `syntable list formats`); the one that each looks like if left out"),
         )
+        .arg(arguments::trust_paths())
         .arg(flag("labels-only").action(ArgAction::SetTrue).help(
             "Read no images, which takes most of the time: leaves out brightness, depth and near-duplicate views",
         ))
@@ -89,7 +90,8 @@ fn run(console: &Console, _: &Registry, arguments: &ArgMatches) -> Result<(), Ex
     let pool = Pool::new(threads).map_err(Exit::stopped)?;
     let mut all = Vec::new();
     for path in arguments.get_many::<PathBuf>("dataset").into_iter().flatten() {
-        let (format, dataset) = reader::open(path, text("format")).map_err(Exit::stopped)?;
+        let (format, dataset) =
+            reader::open_source(&arguments::source(path, arguments), text("format")).map_err(Exit::stopped)?;
         let statistics = of(&*dataset, &options, (&pool, console.reporter()));
         let statistics = statistics.map_err(|error| Exit::stopped(error.in_file(path)))?;
         all.push(Described { dataset: path.display().to_string(), format: format.name, statistics });

@@ -12,7 +12,7 @@ use syntable_formats::read::{self, Faults};
 use syntable_formats::samples::{self, Contents, Fields, Latest, Samples};
 use syntable_model::limits::TEXT_BYTES;
 use syntable_model::prelude::*;
-use syntable_model::reader::{DatasetReader, Format};
+use syntable_model::reader::{DatasetReader, Format, Source};
 
 syntable_model::register_format!(Format {
     name: "jsonl",
@@ -92,11 +92,15 @@ struct Lines {
     latest: Latest<Line, Fields>,
 }
 
-fn open(path: &Path) -> Result<Box<dyn DatasetReader>> {
+fn open(source: &Source) -> Result<Box<dyn DatasetReader>> {
+    let path = source.path.as_path();
     let file = file_of(path).ok_or_else(|| {
         let help = "name the file, such as jsonl.jsonl";
         Error::new("one file of JSON Lines was expected").in_file(path).help(help).of_request()
     })?;
+    if file != path {
+        read::check_inside(&source.folder(path)?, [&file])?;
+    }
     let name = read::name_of(&file);
     let (contents, lines) = Lines::index(file)?;
     Ok(samples::open(name, contents, Box::new(lines)))
@@ -105,7 +109,7 @@ fn open(path: &Path) -> Result<Box<dyn DatasetReader>> {
 impl Lines {
     fn index(path: PathBuf) -> Result<(Contents, Self)> {
         let fail = |error: std::io::Error| Error::io(&path, &error);
-        let mut reader = BufReader::new(File::open(&path).map_err(fail)?);
+        let mut reader = BufReader::new(decode::open(&path)?);
         let (mut views, mut scenes) = (BTreeMap::<(u32, u32), Place>::new(), BTreeMap::new());
         let (mut faults, mut fields) = (Faults::default(), BTreeSet::new());
         let (mut at, mut text) = (0, Vec::new());

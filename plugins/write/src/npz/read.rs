@@ -13,7 +13,7 @@ use syntable_formats::samples::{self, Contents, Fields, Samples};
 use syntable_model::limits::{ARCHIVE_MEMBERS, MEMBER_BYTES};
 use syntable_model::panics::guarded;
 use syntable_model::prelude::*;
-use syntable_model::reader::{DatasetReader, Format};
+use syntable_model::reader::{DatasetReader, Format, Source};
 use syntable_model::scene::{SceneId, ViewId};
 use zip::ZipArchive;
 
@@ -35,12 +35,15 @@ fn archives_of(folder: &Path) -> Vec<((u32, u32), PathBuf)> {
 /// The archives of the views.
 struct Archives(Vec<PathBuf>);
 
-fn open(root: &Path) -> Result<Box<dyn DatasetReader>> {
+fn open(source: &Source) -> Result<Box<dyn DatasetReader>> {
+    let root = source.path.as_path();
+    let folder = source.folder(root)?;
     let all = archives_of(root);
     if all.is_empty() {
         let help = "name the folder that has the archives, such as 000000_0000.npz";
         return Err(Error::new("it has no archives of views").in_file(root).help(help).of_request());
     }
+    read::check_inside(&folder, all.iter().map(|(_, path)| path))?;
     let mut faults = Faults::default();
     let all = samples::files_of_views(all, &mut faults);
     let image = |&(scene, view): &(u32, u32)| read::image((scene, view), view_name(SceneId(scene), ViewId(view)));
@@ -49,7 +52,7 @@ fn open(root: &Path) -> Result<Box<dyn DatasetReader>> {
     // An archive that lacks what another one has is at fault with it.
     let fields = paths.iter().filter_map(|path| Archive::open(path).ok()).flat_map(|archive| archive.names()).collect();
     let contents =
-        Contents { images, fields, faults, categories: include::categories_in(root)?, ..Contents::default() };
+        Contents { images, fields, faults, categories: include::categories_in(&folder)?, ..Contents::default() };
     Ok(samples::open(read::name_of(root), contents, Box::new(Archives(paths))))
 }
 

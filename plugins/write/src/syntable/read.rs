@@ -10,13 +10,14 @@ use syntable_formats::listing::Listing;
 use syntable_formats::read::{self, BACKGROUND, Labels};
 use syntable_formats::segmentation::Rle;
 use syntable_formats::syntable::{Annotation, Image, Scene};
+use syntable_model::files::{DatasetFolder, read_small};
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{
     BODIES, CAMERA, DENOISER, DEPTH, EXPOSURE, LABEL_POLICY, OBJECT_INFO, OBJECT_NAME, OCCLUSION_MASK, OCCLUSION_ORDER,
     RGB, VISIBILITY,
 };
 use syntable_model::product::{BBox, OcclusionOrder};
-use syntable_model::reader::{DatasetFault, DatasetReader, Format, ImageRef};
+use syntable_model::reader::{DatasetFault, DatasetReader, Format, ImageRef, Source};
 
 syntable_model::register_format!(Format {
     name: "syntable",
@@ -31,7 +32,7 @@ syntable_model::register_format!(Format {
 
 /// A dataset that is open.
 struct Reader {
-    root: PathBuf,
+    root: DatasetFolder,
     info: DatasetInfo,
     listing: Listing,
     /// Where the record of each scene is.
@@ -113,8 +114,9 @@ fn annotation_files(root: &Path) -> std::io::Result<Vec<PathBuf>> {
     Ok(files)
 }
 
-fn open(path: &Path) -> Result<Box<dyn DatasetReader>> {
-    let root = root_of(path);
+fn open(source: &Source) -> Result<Box<dyn DatasetReader>> {
+    let path = source.path.as_path();
+    let root = source.folder(&root_of(path))?;
     let files = annotation_files(path).map_err(|error| Error::io(path, &error))?;
     let [file] = files.as_slice() else {
         let found = files.len();
@@ -125,6 +127,9 @@ fn open(path: &Path) -> Result<Box<dyn DatasetReader>> {
         .help("name one of them in place of the folder, or call it annotation_final.json")
         .of_request());
     };
+    if !path.is_file() {
+        root.file(file.file_name().unwrap_or_default())?;
+    }
     let (mut has, mut scenes) = (Has::ALL, Vec::new());
     let listing = Listing::open(file, &mut |record: &Record<Image, Annotation, Scene>| match record {
         Record::Image(image) => has.image(image),
@@ -140,7 +145,8 @@ fn open(path: &Path) -> Result<Box<dyn DatasetReader>> {
     }
     // A file without annotations says of no object that it lacks something.
     has.amodal |= listing.file.is_empty(Section::Annotations);
-    let recipe = fs::read_to_string(root.join(super::RECIPE)).unwrap_or_default();
+    let recipe = root.file(super::RECIPE).ok().and_then(|path| String::from_utf8(read_small(&path).ok()?).ok());
+    let recipe = recipe.unwrap_or_default();
     let about = &listing.file.info;
     listing.categories.forget_supercategory(read::SUPERCATEGORY);
     let info = listing.categories.info(about.description.clone(), about.contributor.clone(), &listing.refs, recipe);
@@ -221,11 +227,11 @@ impl DatasetReader for Reader {
         let order = wanted(OCCLUSION_ORDER.id()).then(|| self.order(&record.image, &labels)).transpose()?.flatten();
         read::put(&labels, order, wants, &mut products)?;
         if wanted(RGB.id()) {
-            products.put(RGB, decode::rgb_of_size(&self.root.join(&record.image.file_name), size)?)?;
+            products.put(RGB, decode::rgb_of_size(&self.root.file(&record.image.file_name)?, size)?)?;
         }
         if let Some(path) = record.image.depth_file_name.as_ref().filter(|_| wanted(DEPTH.id())) {
             let unit_mm = f64::from(record.image.depth_unit_mm.unwrap_or(1));
-            products.put(DEPTH, decode::depth_of_size(&self.root.join(path), unit_mm, size)?)?;
+            products.put(DEPTH, decode::depth_of_size(&self.root.file(path)?, unit_mm, size)?)?;
         }
         let Image { camera, exposure, denoiser, label_policy, .. } = &record.image;
         for (key, json) in [(CAMERA, camera), (EXPOSURE, exposure), (DENOISER, denoiser), (LABEL_POLICY, label_policy)]
@@ -359,7 +365,7 @@ impl Reader {
     /// The order that the dataset has, whose n-th row is that of the n-th annotation; none if it has none.
     fn order(&self, image: &Image, labels: &[Labels]) -> Result<Option<OcclusionOrder>> {
         let Some(path) = &image.occlusion_order_file_name else { return Ok(None) };
-        let path = self.root.join(path);
+        let path = self.root.file(path)?;
         let (edge, entries) = decode::square_npy(&path)?;
         if edge != labels.len() {
             return Err(Error::new(format!("it is of {edge} objects, the image has {} annotations", labels.len()))

@@ -12,7 +12,7 @@ use syntable_formats::samples::{self, Contents, Fields, Samples};
 use syntable_model::prelude::*;
 use syntable_model::product::linked;
 use syntable_model::product::standard::RGB;
-use syntable_model::reader::{DatasetReader, Format};
+use syntable_model::reader::{DatasetReader, Format, Source};
 use syntable_model::scene::{SceneId, ViewId};
 
 syntable_model::register_format!(Format {
@@ -48,12 +48,15 @@ fn shards_of(folder: &Path) -> Vec<PathBuf> {
 /// The fields of each sample.
 struct Shards(Vec<BTreeMap<String, Member>>);
 
-fn open(root: &Path) -> Result<Box<dyn DatasetReader>> {
+fn open(source: &Source) -> Result<Box<dyn DatasetReader>> {
+    let root = source.path.as_path();
+    let folder = source.folder(root)?;
     let shards = tar_files(root);
     if shards.is_empty() {
         let help = "name the folder that has the tar files, such as webdataset-000000.tar";
         return Err(Error::new("it has no tar files of samples").in_file(root).help(help).of_request());
     }
+    read::check_inside(&folder, &shards)?;
     let mut faults = Faults::default();
     let all = members::samples(&shards, &mut faults);
     let image = |&(scene, view): &(u32, u32)| read::image((scene, view), view_name(SceneId(scene), ViewId(view)));
@@ -61,7 +64,7 @@ fn open(root: &Path) -> Result<Box<dyn DatasetReader>> {
     let product_of = |field: &String| field.split('.').next().unwrap_or_default().to_owned();
     let fields = all.values().flat_map(|sample| sample.fields.keys().map(product_of)).collect();
     let samples = all.into_values().map(|sample| sample.fields).collect();
-    let categories = include::categories_in(root)?;
+    let categories = include::categories_in(&folder)?;
     let contents = Contents { images, fields, faults, categories, ..Contents::default() };
     Ok(samples::open(read::name_of(root), contents, Box::new(Shards(samples))))
 }

@@ -1,0 +1,311 @@
+//! Datasets of somebody who means harm: their lists and links name files of others, which stay as they are.
+
+use crate::kit::{options, registry, run, run_with};
+use std::collections::BTreeMap;
+use std::fs;
+use std::os::unix::fs::symlink;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use syntable_model::digest::Digest;
+use syntable_model::error::Error;
+use syntable_runtime::run::progress::Quiet;
+use syntable_runtime::run::stop::Stop;
+use syntable_runtime::run::{RunOptions, merge, verify};
+
+const RECIPE: &str = "[dataset]\nscenes = 2\nviews_per_scene = 1\nname = \"hostile\"\n\
+    [[place]]\nkind = \"boxes\"\n[render]\nkind = \"sleeper\"\n\
+    [write.lines]\ninclude = [\"light\"]\n";
+
+/// Paths that are not within a dataset, or not to be named by a list.
+const BAD: [&str; 14] = [
+    "",
+    "..",
+    "../canary",
+    "a/../../canary",
+    "lines/../../canary",
+    "lines//000000.json",
+    "./canary",
+    "lines/.",
+    "C:\\canary",
+    "lines\\..\\..\\canary",
+    "lines/\0",
+    ".syntable/journal.jsonl",
+    ".syntable/lock",
+    "recipe.toml/x",
+];
+
+/// A dataset beside a file and a folder that are not its own.
+struct Place(tempfile::TempDir);
+
+impl Place {
+    fn new() -> Self {
+        let place = Self(tempfile::tempdir().expect("a folder"));
+        fs::write(place.at("canary"), "precious").expect("writable");
+        fs::create_dir(place.at("others")).expect("writable");
+        fs::write(place.at("others/000000.json"), "precious").expect("writable");
+        place.remake();
+        place
+    }
+
+    fn at(&self, name: &str) -> PathBuf {
+        self.0.path().join(name)
+    }
+
+    /// Makes the dataset anew.
+    fn remake(&self) {
+        let data = self.at("data");
+        if fs::symlink_metadata(&data).is_ok() {
+            fs::remove_dir_all(&data).expect("removable");
+        }
+        run(RECIPE, &data, 1).expect("a dataset");
+    }
+
+    /// All files and links, but for the dataset's lock.
+    fn all(&self) -> BTreeMap<PathBuf, Vec<u8>> {
+        fn walk(folder: &Path, all: &mut BTreeMap<PathBuf, Vec<u8>>) {
+            for entry in fs::read_dir(folder).expect("readable") {
+                let path = entry.expect("readable").path();
+                let kind = fs::symlink_metadata(&path).expect("there").file_type();
+                if kind.is_dir() {
+                    walk(&path, all);
+                } else if kind.is_symlink() {
+                    all.insert(
+                        path.clone(),
+                        fs::read_link(&path).expect("a link").into_os_string().into_encoded_bytes(),
+                    );
+                } else if kind.is_file() {
+                    all.insert(path.clone(), fs::read(&path).expect("readable"));
+                }
+            }
+        }
+        let mut all = BTreeMap::new();
+        walk(self.0.path(), &mut all);
+        all.retain(|path, _| !path.ends_with("cache") && !path.ends_with(".syntable/lock"));
+        all
+    }
+
+    /// What each verb says that would change the dataset, or take files from it. None may change anything.
+    fn refusals(&self, what: &str) -> Vec<Error> {
+        let (data, merged) = (self.at("data"), self.at("merged"));
+        let grown = format!("{RECIPE}[write.more]\nkind = \"lines\"\ninclude = [\"thought\"]\n");
+        let with = |recipe: &str, change: &dyn Fn(&mut RunOptions)| {
+            let mut options = options(&data, 1);
+            change(&mut options);
+            run_with(recipe, options, &Quiet)
+        };
+        let merge = |out: &Path, part: &Path| merge(&registry(), out, &[part.to_owned()], 1, &Stop::default(), &Quiet);
+        let before = self.all();
+        let told: Vec<_> = [
+            with(RECIPE, &|_| {}),
+            with(&grown, &|_| {}),
+            with(RECIPE, &|options| options.overwrite = true),
+            with(RECIPE, &|options| options.repair = true),
+            merge(&merged, &data),
+        ]
+        .into_iter()
+        .map(|done| done.expect_err(what))
+        .collect();
+        assert!(self.all() == before, "{what}: something was touched");
+        assert!(!merged.exists(), "{what}");
+        assert!(told.iter().all(Error::is_permanent), "{what}: {told:?}");
+        told
+    }
+
+    fn is_unharmed(&self) -> bool {
+        ["canary", "others/000000.json"].iter().all(|name| fs::read(self.at(name)).is_ok_and(|it| it == b"precious"))
+    }
+}
+
+/// Changes the manifest of scene 0, and the journal that vouches for it.
+fn forge(data: &Path, change: &dyn Fn(&mut serde_json::Value)) {
+    let path = data.join(".syntable/scenes/000000.json");
+    let text = fs::read_to_string(&path).expect("there");
+    let mut manifest = serde_json::from_str(&text).expect("JSON");
+    change(&mut manifest);
+    let forged = manifest.to_string();
+    let digest = |text: &str| Digest::of_reader(text.as_bytes()).expect("memory").0.to_string();
+    let journal = data.join(".syntable/journal.jsonl");
+    let lines = fs::read_to_string(&journal).expect("there").replace(&digest(&text), &digest(&forged));
+    assert!(lines.contains(&digest(&forged)));
+    fs::write(&journal, lines).expect("writable");
+    fs::write(path, forged).expect("writable");
+}
+
+#[test]
+fn lists_name_files_of_the_dataset_alone() {
+    let place = Place::new();
+    let data = place.at("data");
+    let stamp = serde_json::json!([8, Digest::of_reader(&b"precious"[..]).expect("memory").0.to_string()]);
+    let absolute = place.at("canary").to_str().expect("UTF-8").to_owned();
+    for (number, bad) in BAD.iter().copied().chain([absolute.as_str()]).enumerate() {
+        let of_files = |manifest: &mut serde_json::Value| manifest["files"][bad] = stamp.clone();
+        let of_writers = |manifest: &mut serde_json::Value| manifest["writers"]["lines"] = serde_json::json!([bad]);
+        let finished = |path: &Path| {
+            let mut list: serde_json::Value = serde_json::from_slice(&fs::read(path).expect("there")).expect("JSON");
+            of_files(&mut list);
+            fs::write(path, list.to_string()).expect("writable");
+        };
+        let staged = |name: &str| {
+            let entry = fs::read_to_string(data.join(".syntable/journal.jsonl")).expect("there");
+            let entry: serde_json::Value = serde_json::from_str(entry.lines().next().expect("a line")).expect("JSON");
+            let folder = data.join(".syntable/staging").join(name).join(".syntable");
+            fs::create_dir_all(&folder).expect("writable");
+            let record = serde_json::json!({ "entry": entry, "stale": [bad] }).to_string();
+            fs::write(folder.join("staged.json"), record).expect("writable");
+        };
+        let binned = || {
+            let bin = data.join(".syntable/discard");
+            fs::create_dir_all(&bin).expect("writable");
+            fs::rename(data.join(".syntable/finished.json"), bin.join("finished.json")).expect("movable");
+            finished(&bin.join("finished.json"));
+        };
+        for (list, key, make) in [
+            (".syntable/scenes/000000.json", "files", &(|| forge(&data, &of_files)) as &dyn Fn()),
+            (".syntable/scenes/000000.json", "writers", &|| forge(&data, &of_writers)),
+            (".syntable/finished.json", "files", &|| finished(&data.join(".syntable/finished.json"))),
+            (".syntable/staging/0.ready/.syntable/staged.json", "stale", &|| staged("0.ready")),
+            (".syntable/discard/finished.json", "files", &binned),
+        ] {
+            // A run for each list and each kind; all lists with the one that counts most.
+            if !bad.contains("../canary") && number % 5 != list.len() % 5 {
+                continue;
+            }
+            place.remake();
+            make();
+            let what = format!("{list}: {key}: {bad:?}");
+            for error in place.refusals(&what) {
+                let text = error.to_string();
+                let shown = format!("`{}`", bad.replace('\0', "\\u{0}"));
+                let named = [list, &format!("`{key}`"), &shown, "nothing was touched"];
+                assert!(named.iter().all(|named| text.contains(named)), "{what}: {text}");
+            }
+            let found = verify(&data, 1).expect("it only looks");
+            assert!(
+                !found.whole() && found.outside.iter().any(|(path, why)| path == list && why.contains(key)),
+                "{what}"
+            );
+            assert!(place.is_unharmed(), "{what}");
+        }
+    }
+}
+
+#[test]
+fn the_programs_own_folder_has_no_links_and_no_pipes() {
+    let place = Place::new();
+    let data = place.at("data");
+    let own = |name: &str| data.join(".syntable").join(name);
+    let file = |path: PathBuf| {
+        let _ = fs::remove_file(&path);
+        symlink(place.at("canary"), path).expect("linked");
+    };
+    let folder = |path: PathBuf| {
+        let _ = fs::remove_dir_all(&path);
+        fs::create_dir_all(path.parent().expect("a folder")).expect("writable");
+        symlink(place.at("others"), path).expect("linked");
+    };
+    let pipe = |path: PathBuf| {
+        let _ = fs::remove_file(&path);
+        assert!(Command::new("mkfifo").arg(&path).status().expect("mkfifo").success());
+    };
+    for (name, make) in [
+        (".syntable/lock", &(|| file(own("lock"))) as &dyn Fn()),
+        (".syntable/journal.jsonl", &|| file(own("journal.jsonl"))),
+        (".syntable/journal.jsonl.part", &|| file(own("journal.jsonl.part"))),
+        (".syntable/finished.json.part", &|| file(own("finished.json.part"))),
+        (".syntable/times.jsonl", &|| file(own("times.jsonl"))),
+        (".syntable/scenes/000000.json.part", &|| file(own("scenes/000000.json.part"))),
+        ("recipe.toml.part", &|| file(data.join("recipe.toml.part"))),
+        ("recipe.toml", &|| file(data.join("recipe.toml"))),
+        (".syntable/staging", &|| folder(own("staging"))),
+        (".syntable/staging/0.ready/lines", &|| folder(own("staging/0.ready/lines"))),
+        (".syntable/quarantine", &|| folder(own("quarantine"))),
+        (".syntable/ahead", &|| folder(own("ahead"))),
+        (".syntable/discard", &|| folder(own("discard"))),
+        (".syntable/scenes", &|| folder(own("scenes"))),
+        (".syntable", &|| folder(data.join(".syntable"))),
+        (".syntable/lock", &|| pipe(own("lock"))),
+        (".syntable/journal.jsonl", &|| pipe(own("journal.jsonl"))),
+        (".syntable/finished.json", &|| pipe(own("finished.json"))),
+        (".syntable/shards/lines/000000.jsonl", &|| pipe(own("shards/lines/000000.jsonl"))),
+        ("recipe.toml", &|| pipe(data.join("recipe.toml"))),
+    ] {
+        place.remake();
+        make();
+        for error in place.refusals(name) {
+            let text = error.to_string();
+            assert!(text.contains(name) && (text.contains("link") || text.contains("pipe")), "{name}: {text}");
+        }
+        match verify(&data, 1) {
+            Ok(found) => assert!(!found.whole() && found.outside[0].0 == name, "{name}: {found:?}"),
+            Err(error) => assert!(error.to_string().contains(name), "{name}: {error}"),
+        }
+        assert!(place.is_unharmed(), "{name}");
+    }
+}
+
+#[test]
+fn nothing_is_written_or_removed_behind_a_link() {
+    let place = Place::new();
+    let data = place.at("data");
+    // A folder of listed files, the outermost or an inner one.
+    fs::remove_dir_all(data.join("lines")).expect("removable");
+    symlink(place.at("others"), data.join("lines")).expect("linked");
+    for error in place.refusals("a folder") {
+        let text = error.to_string();
+        assert!(text.contains("`lines` is a link") && text.contains("mount"), "{text}");
+    }
+    let found = verify(&data, 1).expect("it only looks");
+    assert_eq!(found.links, [("lines".to_owned(), place.at("others").display().to_string())]);
+    assert!(!found.whole() && found.linked.contains(&"lines/000000.json".to_owned()), "{found:?}");
+    // A folder of files of a staged scene, which is moved into place whatever is asked for.
+    place.remake();
+    let staged = data.join(".syntable/staging/0.ready");
+    fs::create_dir_all(staged.join("more/deep")).expect("writable");
+    fs::create_dir_all(staged.join(".syntable")).expect("writable");
+    let entry = fs::read_to_string(data.join(".syntable/journal.jsonl")).expect("there");
+    let record = format!("{{\"entry\":{},\"stale\":[]}}", entry.lines().next().expect("a line"));
+    fs::write(staged.join(".syntable/staged.json"), record).expect("writable");
+    fs::write(staged.join("more/000000.json"), "evil").expect("writable");
+    symlink(place.at("others"), data.join("more")).expect("linked");
+    for error in place.refusals("a staged folder") {
+        assert!(error.to_string().contains("`more` is a link"), "{error}");
+    }
+    // A folder of files that the dataset shall get.
+    place.remake();
+    symlink(place.at("others"), data.join("more")).expect("linked");
+    assert!(verify(&data, 1).expect("whole").whole(), "a link of the user's own is none of the dataset's");
+    let grown = format!("{RECIPE}[write.more]\nkind = \"lines\"\ninclude = [\"thought\"]\n");
+    let error = run(&grown, &data, 1).expect_err("behind a link").to_string();
+    assert!(error.contains("`more` is a link") && place.is_unharmed(), "{error}");
+    // A listed file itself: it is not looked at, and is made again.
+    place.remake();
+    let file = data.join("lines/000000.json");
+    fs::remove_file(&file).expect("removable");
+    symlink(place.at("canary"), &file).expect("linked");
+    let found = verify(&data, 1).expect("it only looks");
+    assert!(!found.whole() && found.linked == ["lines/000000.json"], "{found:?}");
+    let part = [data.clone()];
+    let error = merge(&registry(), &place.at("merged"), &part, 1, &Stop::default(), &Quiet).expect_err("a link");
+    assert!(error.to_string().contains("links of a part are not followed"), "{error}");
+    run_with(RECIPE, RunOptions { repair: true, ..options(&data, 1) }, &Quiet).expect("repaired");
+    assert!(fs::symlink_metadata(&file).expect("there").is_file() && place.is_unharmed());
+    assert!(verify(&data, 1).expect("whole").whole());
+    // The folder of the dataset may be a link, and is deleted through it.
+    let named = place.at("named");
+    symlink(&data, &named).expect("linked");
+    run_with(RECIPE, RunOptions { overwrite: true, ..options(&named, 1) }, &Quiet).expect("made anew");
+    assert!(verify(&named, 1).expect("whole").whole() && named.is_symlink());
+}
+
+#[test]
+fn the_lock_of_a_part_names_no_file_elsewhere() {
+    let place = Place::new();
+    let data = place.at("data");
+    let recipe = fs::read_to_string(data.join("recipe.toml")).expect("there");
+    let lock = "\n[lock.catalogs]\n\"../../../others/000000\" = { assets = 0, digest = \"00\" }\n";
+    fs::write(data.join("recipe.toml"), recipe + lock).expect("writable");
+    fs::write(data.join(".syntable/finished.json"), "{\"files\":{}}").expect("writable");
+    let error = merge(&registry(), &place.at("merged"), &[data], 1, &Stop::default(), &Quiet).expect_err("elsewhere");
+    assert!(error.to_string().contains("lock.catalogs") && place.is_unharmed(), "{error}");
+    assert!(!place.at("merged").exists());
+}
