@@ -8,7 +8,12 @@ use syntable_formats::coco::Image;
 use syntable_formats::listing::Listing;
 use syntable_formats::read::Labels;
 use syntable_model::prelude::*;
-use syntable_model::product::standard::{CATEGORY_ID, LABEL_POLICY};
+use syntable_model::product::standard::{CATEGORY_ID, DEPTH, LABEL_POLICY, RGB};
+
+/// Whether some of these products are labels, and not images.
+pub fn reads_labels(reads: &[KeyId]) -> bool {
+    reads.iter().any(|key| ![RGB.id(), DEPTH.id()].contains(key))
+}
 
 /// What readers of polygons say of them.
 pub const POLYGONS: &str = "outlines are polygons, which say what an object covers to about a pixel at its edges";

@@ -28,10 +28,6 @@ pub trait Writer: Send + Sync {
         let _ = (cx, products, finish);
         Ok(())
     }
-    /// Whether it writes the scene itself, its bodies and lights, which a dataset that was read does not have.
-    fn needs_scene(&self) -> bool {
-        false
-    }
     /// Checks what it needs beside its options, such as files that they name. Called by `check` and before a run.
     fn ready(&self) -> Result<()> {
         Ok(())
