@@ -14,7 +14,9 @@ use syntable_model::error::{Error, Result};
 use syntable_model::reader::DatasetReader;
 use syntable_model::registry::Registry;
 use syntable_runtime::clap::{Arg, ArgAction, ArgMatches, Command, value_parser};
-use syntable_runtime::cli::{Console, Exit, Message, Topic, Verb, amount, check_outputs, dataset_folder, write_whole};
+use syntable_runtime::cli::{
+    Console, Exit, LeftOutReport, Message, Topic, Verb, amount, check_outputs, dataset_folder, write_whole,
+};
 use syntable_runtime::images::each;
 use syntable_runtime::run::progress::Reporter;
 use syntable_runtime::workers::{self, Pool};
@@ -192,10 +194,13 @@ fn run(console: &Console, _: &Registry, arguments: &ArgMatches) -> Result<(), Ex
         let scores = Scores { ranked_by, worst: found, ..table.saved() };
         write_whole(file, scores.text().as_bytes()).map_err(Exit::stopped)?;
     }
-    if arguments.get_flag("json") {
-        return console.print(&format!("{:#}\n", table.json()));
-    }
-    console.print(&format!("{}read as: {format} and {pred_format}\n", table.text()))
+    console.print(&match arguments.get_flag("json") {
+        true => format!("{:#}\n", table.json()),
+        false => format!("{}read as: {format} and {pred_format}\n", table.text()),
+    })?;
+    let mut left_out = LeftOutReport::default();
+    left_out.unlisted(&*truth);
+    left_out.end(gt, "`syntable validate` lists all that is wrong")
 }
 
 /// A score that can be compared with others.
