@@ -103,7 +103,7 @@ pub(super) fn convert(console: &Console, registry: &Registry, args: &ConvertArgs
     }
     left_out.annotations(&converted.passed_over);
     left_out.losses(&converted.losses);
-    left_out.end(&args.dataset, "`syntable validate` lists all that is wrong with the dataset")
+    left_out.end(&args.dataset, "the warnings above name it; `syntable validate` lists what is wrong with the dataset")
 }
 
 /// The text after `KIND.` in an option of a kind.

@@ -125,7 +125,7 @@ pub(super) fn end_of(outcome: &Outcome, out: &Path) -> Result<(), Exit> {
     left_out.losses(&outcome.left_out);
     let mut messages: Vec<Message> = [failed, lacking].into_iter().flatten().map(Message::Error).collect();
     messages.extend(
-        left_out.messages(out, "`syntable check --assets` says what is wrong with assets; `exclude` leaves them out"),
+        left_out.messages(out, "the warnings above name it; of bad assets, `syntable check --assets` says what is wrong, and `exclude` leaves them out"),
     );
     if messages.is_empty() { Ok(()) } else { Err(Exit { code: 3, messages }) }
 }
