@@ -74,6 +74,6 @@ impl StatedCamera {
 
 impl From<&Camera> for StatedCamera {
     fn from(camera: &Camera) -> Self {
-        Self { camera: camera.clone(), has_pose: true }
+        Self { camera: *camera, has_pose: true }
     }
 }
