@@ -87,7 +87,7 @@ impl SceneWriter for Keep {
             depth: products.get(DEPTH)?.clone(),
             instance: products.get(INSTANCE)?.clone(),
             coverage: products.get(COVERAGE)?.clone(),
-            objects: cx.scene.objects().len(),
+            objects: cx.scene()?.objects().len(),
             visible: products.get(VISIBLE_MASK)?.iter().map(|(_, mask)| mask.clone()).collect(),
         });
         Ok(())

@@ -51,9 +51,9 @@ impl Annotator for Fragile {
         keys![FRAGILE]
     }
     fn annotate(&self, cx: &ViewContext, products: &mut Products) -> Result<()> {
-        let scene = cx.scene.id.0;
+        let scene = cx.scene_id.0;
         assert!(!self.panics_in.contains(&scene), "scene {scene} is too much");
-        if self.stumbles_in.contains(&scene) && cx.scene.attempt == 0 {
+        if self.stumbles_in.contains(&scene) && cx.scene()?.attempt == 0 {
             return Err(Error::new("stumbled"));
         }
         if self.silent_in.contains(&scene) {
@@ -101,9 +101,15 @@ fn a_panic_costs_one_scene_and_shifts_none() {
     let folder = tempfile::tempdir().expect("a folder");
     let (good, bad) = (folder.path().join("good"), folder.path().join("bad"));
     let (outcome, _) = small(&good, &[]);
-    assert_eq!(outcome, Outcome { scenes: 4, failed: 0, lacking: 0, images: 8 });
+    assert_eq!(
+        outcome,
+        Outcome { scenes: 4, failed: 0, lacking: 0, images: 8, bad_assets: Vec::new(), left_out: Vec::new() }
+    );
     let (outcome, events) = small(&bad, &[("annotate.fragile.panics_in", "[1]")]);
-    assert_eq!(outcome, Outcome { scenes: 3, failed: 1, lacking: 0, images: 6 });
+    assert_eq!(
+        outcome,
+        Outcome { scenes: 3, failed: 1, lacking: 0, images: 6, bad_assets: Vec::new(), left_out: Vec::new() }
+    );
     let attempts: Vec<&String> =
         events.iter().filter_map(|e| if let Event::Attempt { error, .. } = e { Some(error) } else { None }).collect();
     assert_eq!(attempts.len(), 3);
@@ -126,7 +132,10 @@ fn a_panic_costs_one_scene_and_shifts_none() {
 fn the_next_attempt_may_do_better() {
     let folder = tempfile::tempdir().expect("a folder");
     let (outcome, events) = small(folder.path(), &[("annotate.fragile.stumbles_in", "[2]")]);
-    assert_eq!(outcome, Outcome { scenes: 4, failed: 0, lacking: 0, images: 8 });
+    assert_eq!(
+        outcome,
+        Outcome { scenes: 4, failed: 0, lacking: 0, images: 8, bad_assets: Vec::new(), left_out: Vec::new() }
+    );
     let attempts = events.iter().filter(|event| matches!(event, Event::Attempt { last: false, scene: 2, .. })).count();
     assert_eq!(attempts, 1);
 }

@@ -5,10 +5,13 @@
 
 use crate::digest::Digest;
 use crate::error::{Error, Result};
+use crate::left_out::LeftOut;
 use crate::names::PoolName;
 use crate::pools::{EnvironmentPools, MaterialPools, ObjectPools, Pools};
+use crate::product::standard::CAMERA;
+use crate::product::{Products, StatedCamera};
 use crate::random::Stream;
-use crate::scene::{Asset, AssetRef, CatalogEntry, EnvironmentMap, Material, Object, Scene, View};
+use crate::scene::{Asset, AssetRef, CatalogEntry, EnvironmentMap, Material, Object, Scene, SceneId, View, ViewId};
 use crate::stage::DatasetInfo;
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
@@ -35,8 +38,10 @@ pub struct DatasetContext<'a> {
 pub struct SceneContext<'a> {
     /// The dataset.
     pub dataset: &'a DatasetInfo,
-    /// The scene.
-    pub scene: &'a Scene,
+    /// Number of the scene in the dataset.
+    pub scene_id: SceneId,
+    /// None for a dataset that was read.
+    scene: Option<&'a Scene>,
     /// Results that are costly to compute, kept between runs.
     pub cache: &'a dyn Cache,
     /// Threads to spread work over.
@@ -51,18 +56,28 @@ pub struct SceneContext<'a> {
 pub struct ViewContext<'a> {
     /// The dataset.
     pub dataset: &'a DatasetInfo,
-    /// The scene.
-    pub scene: &'a Scene,
-    /// Camera, exposure and lights.
-    pub view: &'a View,
-    /// The view that follows in the scene; none for the last one.
-    pub next: Option<&'a View>,
+    /// Number of the scene in the dataset.
+    pub scene_id: SceneId,
+    /// Number of the view in the scene.
+    pub view_id: ViewId,
+    /// Width and height of the image, px.
+    pub size: [u32; 2],
+    /// None for a dataset that was read.
+    world: Option<World<'a>>,
     /// Results that are costly to compute, kept between runs.
     pub cache: &'a dyn Cache,
     /// Threads to spread work over.
     pub workers: &'a dyn Workers,
     /// Where warnings go.
     pub log: &'a dyn Log,
+}
+
+/// What a view shows, and what follows it.
+#[derive(Clone, Copy)]
+struct World<'a> {
+    scene: &'a Scene,
+    view: &'a View,
+    next: Option<&'a View>,
 }
 
 impl<'a> DatasetContext<'a> {
@@ -79,29 +94,103 @@ impl<'a> DatasetContext<'a> {
     /// The context of one of its scenes.
     pub fn scene(self, scene: &'a Scene) -> SceneContext<'a> {
         let Self { dataset, cache, workers, log } = self;
-        SceneContext { dataset, scene, cache, workers, log }
+        SceneContext { dataset, scene_id: scene.id, scene: Some(scene), cache, workers, log }
+    }
+
+    /// The context of a scene of a dataset that was read: its number is known, and its bodies are not.
+    pub fn read_scene(self, scene_id: SceneId) -> SceneContext<'a> {
+        let Self { dataset, cache, workers, log } = self;
+        SceneContext { dataset, scene_id, scene: None, cache, workers, log }
     }
 }
 
 impl<'a> SceneContext<'a> {
+    /// The scene: bodies, materials and lights.
+    ///
+    /// # Errors
+    /// If the dataset was read: it has images and labels, and no scene.
+    pub fn scene(&self) -> Result<&'a Scene> {
+        self.scene.ok_or_else(no_scene)
+    }
+
     /// The context of one of the scene's views, the last one.
     pub fn view(self, view: &'a View) -> ViewContext<'a> {
-        let Self { dataset, scene, cache, workers, log } = self;
-        ViewContext { dataset, scene, view, next: None, cache, workers, log }
+        let k = &view.camera.intrinsics;
+        let world = self.scene.map(|scene| World { scene, view, next: None });
+        ViewContext { world, ..self.read_view(view.id, [k.width, k.height]) }
+    }
+
+    /// The context of an image of a dataset that was read, `size` pixels wide and high.
+    pub fn read_view(self, view_id: ViewId, size: [u32; 2]) -> ViewContext<'a> {
+        let Self { dataset, scene_id, cache, workers, log, .. } = self;
+        ViewContext { dataset, scene_id, view_id, size, world: None, cache, workers, log }
+    }
+
+    /// The same with another log.
+    pub fn with_log(self, log: &'a dyn Log) -> Self {
+        Self { log, ..self }
     }
 }
 
 impl<'a> ViewContext<'a> {
+    /// The scene: bodies, materials and lights.
+    ///
+    /// # Errors
+    /// If the dataset was read: it has images and labels, and no scene.
+    pub fn scene(&self) -> Result<&'a Scene> {
+        self.world.map(|world| world.scene).ok_or_else(no_scene)
+    }
+
+    /// Camera, exposure and lights of the view.
+    ///
+    /// # Errors
+    /// If the dataset was read. The product `camera` then has what is known of the camera; see [`camera`](Self::camera).
+    pub fn view(&self) -> Result<&'a View> {
+        self.world.map(|world| world.view).ok_or_else(no_scene)
+    }
+
+    /// The view that follows in the scene; none after the last one.
+    ///
+    /// # Errors
+    /// If the dataset was read.
+    pub fn next(&self) -> Result<Option<&'a View>> {
+        self.world.map(|world| world.next).ok_or_else(no_scene)
+    }
+
+    /// The camera: that of the view, or, for a dataset that was read, the one that the product `camera` states. The pose is
+    /// none where the dataset does not state it.
+    ///
+    /// # Errors
+    /// If the dataset was read and `products` lacks `camera`, or its record is not that of a camera.
+    pub fn camera(&self, products: &Products) -> Result<StatedCamera> {
+        match self.world {
+            Some(World { view, .. }) => Ok(StatedCamera::from(&view.camera)),
+            None => StatedCamera::of(products.get(CAMERA)?),
+        }
+    }
+
     /// The same with the view that follows.
     pub fn before(self, next: Option<&'a View>) -> Self {
-        Self { next, ..self }
+        Self { world: self.world.map(|world| World { next, ..world }), ..self }
+    }
+
+    /// The same with another log.
+    pub fn with_log(self, log: &'a dyn Log) -> Self {
+        Self { log, ..self }
     }
 
     /// The context of the view's scene.
     pub fn of_scene(self) -> SceneContext<'a> {
-        let Self { dataset, scene, cache, workers, log, .. } = self;
-        SceneContext { dataset, scene, cache, workers, log }
+        let Self { dataset, scene_id, world, cache, workers, log, .. } = self;
+        SceneContext { dataset, scene_id, scene: world.map(|world| world.scene), cache, workers, log }
     }
+}
+
+/// The error of a stage that needs a scene where there is none.
+fn no_scene() -> Error {
+    Error::new("it needs the scene and the view: bodies, materials, lights. A dataset that was read has images and labels alone")
+        .help("name the stage in the recipe of a run")
+        .of_request()
 }
 
 /// What is lent to a stage that composes a scene or samples a view. There is no clock, no global and no environment.
@@ -246,6 +335,14 @@ pub trait Workers: Send + Sync {
 pub trait Log: Send + Sync {
     /// Something is not as it should be, but work goes on.
     fn warn(&self, warning: &Error);
+
+    /// A stage leaves something out of an image. Verbs sum this up and end with exit code 3.
+    fn left_out(&self, left_out: &LeftOut) {
+        if left_out.count > 0 {
+            let warning = Error::new(left_out.to_string());
+            self.warn(&left_out.help.iter().fold(warning, |warning, help| warning.help(help.as_ref())));
+        }
+    }
 
     /// Calls `work` once. While that takes longer than a second, whoever waits for the run is told the step that it is at.
     fn during(&self, steps: &Steps, work: &mut dyn FnMut()) {

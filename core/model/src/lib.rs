@@ -54,9 +54,9 @@
 //!         keys![VISIBLE_AREA]
 //!     }
 //!     fn annotate(&self, cx: &ViewContext, products: &mut Products) -> Result<()> {
-//!         let mut area = PerInstance::default();
+//!         let (objects, mut area) = (cx.scene()?.objects(), PerInstance::default());
 //!         for &id in products.get(INSTANCE)?.data() {
-//!             if cx.scene.objects().iter().any(|object| object.id == id) {
+//!             if objects.iter().any(|object| object.id == id) {
 //!                 *area.0.entry(id).or_insert(0) += 1;
 //!             }
 //!         }
@@ -81,6 +81,7 @@ pub mod error;
 pub mod files;
 pub mod geometry;
 pub mod inspect;
+pub mod left_out;
 pub mod limits;
 pub mod names;
 pub mod options;
@@ -109,6 +110,7 @@ pub mod prelude {
     pub use crate::dist::{Dist, IntDist};
     pub use crate::error::{ConfigError, Error, Result};
     pub use crate::geometry::Pose;
+    pub use crate::left_out::LeftOut;
     pub use crate::names::{AssetPath, EnvironmentPool, MaterialPool, ObjectPool, ProductName};
     pub use crate::pools::{EnvironmentPools, MaterialPools, ObjectPools, Pools};
     pub use crate::product::{Key, KeyId, Mask, PerInstance, Plane, Products, Semantic, Value};

@@ -5,6 +5,7 @@
 
 use crate::error::{Error, Result};
 use crate::files::{DatasetFolder, Reach};
+use crate::left_out::LeftOut;
 use crate::panics::guarded;
 use crate::product::{KeyId, Mask, Products};
 use crate::scene::{SceneId, View, ViewId};
@@ -213,6 +214,12 @@ pub trait DatasetReader: Send + Sync {
     fn crowds(&self, image: usize) -> Result<Vec<Crowd>> {
         let _ = image;
         Ok(Vec::new())
+    }
+    /// Annotations that are not given as objects, such as crowds, counted over all images: writers never see them. Asked after
+    /// images were read for the products of `reads`.
+    fn passed_over(&self, reads: &[KeyId]) -> Vec<LeftOut> {
+        let _ = reads;
+        Vec::new()
     }
     /// The category, by its id in [`info`](Self::info), that the annotation file calls `own`; none if it has no such category.
     fn category(&self, own: u64) -> Option<u32> {

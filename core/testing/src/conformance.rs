@@ -2,8 +2,8 @@
 
 use std::path::Path;
 use std::sync::Arc;
-use syntable_model::context::ViewContext;
-use syntable_model::context::Workers;
+use syntable_model::context::{DatasetContext, ViewContext, Workers};
+use syntable_model::error::Result;
 use syntable_model::keys;
 use syntable_model::product::standard::{ALBEDO, COVERAGE, DEPTH, INSTANCE, NORMAL, RADIANCE};
 use syntable_model::product::{KeyId, Name, Products, Scope, Value};
@@ -54,7 +54,27 @@ pub fn annotator(annotator: &dyn Annotator, cx: &ViewContext, products: &Product
     assert_eq!(sorted(made.keys()), sorted(provided.clone()), "it makes other products than it declares");
     let values = |products: &Products| provided.iter().map(|key| products.value(&key.name).ok()).collect::<Vec<_>>();
     assert_eq!(values(&made), values(&make()), "it gives different products from the same");
+    let mut of_read = lent.clone();
+    match annotator.annotate(&without_scene(cx), &mut of_read) {
+        Ok(()) => {
+            let of_read = of_read.without(&lent);
+            assert_eq!(values(&made), values(&of_read), "without a scene it gives other products, and no error");
+        }
+        Err(error) => {
+            assert!(error.to_string().contains(NEEDS_SCENE), "{error}");
+            assert!(!annotator.is_of_products(), "it says that products are enough: {error}");
+        }
+    }
     made
+}
+
+/// What the error of a stage says that needs a scene where there is none.
+const NEEDS_SCENE: &str = "it needs the scene";
+
+/// The context of the same view of a dataset that was read.
+fn without_scene<'a>(cx: &ViewContext<'a>) -> ViewContext<'a> {
+    let of_dataset = DatasetContext::new(cx.dataset, cx.workers, cx.log);
+    of_dataset.read_scene(cx.scene_id).read_view(cx.view_id, cx.size)
 }
 
 /// A renderer: it makes exactly what is wanted, alone or together, the same for any number of threads; a window shows the
@@ -114,24 +134,29 @@ fn pixel(value: &Value, x: usize, y: usize) -> &[u8] {
     &tensor.bytes[(y * tensor.shape[1] + x) * size..][..size]
 }
 
-/// A writer: the same samples give the same files, all inside its folder, and it reads nothing else than it declares.
-/// Returns the files of the scene, by path.
+/// A writer: the same samples give the same files, all inside its folder, and it reads nothing else than it declares. Of a
+/// dataset that was read, the same products give the same files, or an error that says that it needs the scene. Returns the files
+/// of the scene, by path.
 pub fn writer(writer: &dyn Writer, cx: &ViewContext, products: &Products, folder: &Path) -> Vec<(String, Vec<u8>)> {
     let reads: Vec<String> = writer.reads().into_iter().map(|input| input.product).collect();
     let lent = products.only(&reads);
-    let write = |name: &str| {
+    let write = |name: &str, cx: &ViewContext| -> Result<Vec<(String, Vec<u8>)>> {
         let staging = folder.join(name);
-        let output = Output::new(&staging, "test", cx.scene.id);
-        let mut scene: Box<dyn SceneWriter> = writer.scene(&cx.of_scene(), output).expect("starts a scene");
-        scene.view(cx, &lent).expect("writes a view");
-        scene.close(&cx.of_scene(), &lent).expect("closes");
+        let output = Output::new(&staging, "test", cx.scene_id);
+        let mut scene: Box<dyn SceneWriter> = writer.scene(&cx.of_scene(), output)?;
+        scene.view(cx, &lent)?;
+        scene.close(&cx.of_scene(), &lent)?;
         let mut files = Vec::new();
         collect(&staging, &staging, &mut files);
         files.sort();
-        files
+        Ok(files)
     };
-    let (first, second) = (write("first"), write("second"));
+    let (first, second) = (write("first", cx).expect("writes"), write("second", cx).expect("writes"));
     assert!(first == second, "it writes different files from the same samples");
+    match write("read", &without_scene(cx)) {
+        Ok(files) => assert!(files == first, "without a scene it writes other files, and gives no error"),
+        Err(error) => assert!(error.to_string().contains(NEEDS_SCENE), "{error}"),
+    }
     first
 }
 

@@ -31,7 +31,7 @@ impl Annotator for Camera {
     }
 
     fn annotate(&self, cx: &ViewContext, products: &mut Products) -> Result<()> {
-        products.put(CAMERA, Value::of(&CameraView::from(&cx.view.camera))?)
+        products.put(CAMERA, Value::of(&CameraView::from(&cx.view()?.camera))?)
     }
 }
 

@@ -38,9 +38,9 @@ impl Annotator for Cuboids {
     }
 
     fn annotate(&self, cx: &ViewContext, products: &mut Products) -> Result<()> {
-        let annotated = products.get(AMODAL_MASK)?;
-        let objects = cx.scene.objects().iter().filter(|body| annotated.get(body.id).is_some());
-        let cuboids = objects.map(|body| Ok((body.id, Value::of(&CuboidView::new(body, &cx.view.camera))?)));
+        let (camera, annotated) = (&cx.view()?.camera, products.get(AMODAL_MASK)?);
+        let objects = cx.scene()?.objects().iter().filter(|body| annotated.get(body.id).is_some());
+        let cuboids = objects.map(|body| Ok((body.id, Value::of(&CuboidView::new(body, camera))?)));
         let cuboids = cuboids.collect::<Result<_>>()?;
         products.put(CUBOID, cuboids)
     }

@@ -29,7 +29,7 @@ impl Annotator for Distance {
 
     fn annotate(&self, cx: &ViewContext, products: &mut Products) -> Result<()> {
         let depth = products.get(DEPTH)?;
-        let rays = cx.view.camera.rays();
+        let rays = cx.view()?.camera.rays();
         let of_ray = |((&depth, x), y): ((&f32, f64), f64)| {
             let distance = (f64::from(depth) * (x * x + y * y + 1.0).sqrt()) as f32;
             if x.is_nan() { f32::INFINITY } else { distance }

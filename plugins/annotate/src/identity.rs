@@ -28,11 +28,12 @@ impl Annotator for Identity {
     }
 
     fn annotate(&self, cx: &ViewContext, products: &mut Products) -> Result<()> {
+        let scene = cx.scene()?;
         let category = |id: InstanceId| {
-            let class = cx.scene.body(id).map_or(DatasetInfo::OBJECT.1, |body| &body.object.category);
+            let class = scene.body(id).map_or(DatasetInfo::OBJECT.1, |body| &body.object.category);
             Ok((id, cx.dataset.category_id(class)?))
         };
-        let name = |id: InstanceId| cx.scene.body(id).map_or(String::new(), |body| body.asset.name.clone());
+        let name = |id: InstanceId| scene.body(id).map_or(String::new(), |body| body.asset.name.clone());
         let annotated = products.get(AMODAL_MASK)?;
         let categories = annotated.iter().map(|(id, _)| category(id)).collect::<Result<_>>()?;
         let names = annotated.map(|id, _| name(id));

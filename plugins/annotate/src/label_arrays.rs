@@ -2,11 +2,12 @@
 
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{AMODAL_BITS, AMODAL_MASK, VISIBLE_IDS, VISIBLE_MASK};
-use syntable_model::product::{DType, Tensor};
+use syntable_model::product::{DType, Painted, Tensor};
 
 /// Visible masks as one plane of ids and amodal masks as bits: what a training loop reads with the `npz` writer.
 ///
-/// `visible_ids` is `[height, width]`, the id of the annotated object that a pixel shows, else 0. `amodal_bits` is
+/// `visible_ids` is `[height, width]`, the id of the annotated object that a pixel shows, else 0. Where visible masks overlap,
+/// as in COCO and LVIS, a pixel is of the object with the smallest mask; how many objects lose pixels is reported. `amodal_bits` is
 /// `[N, height, ⌈width/8⌉]` for N annotated objects in id order, eight pixels of a row per byte, the leftmost in the
 /// highest bit.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -43,16 +44,14 @@ impl Annotator for LabelArrays {
     }
 
     fn annotate(&self, cx: &ViewContext, products: &mut Products) -> Result<()> {
-        let k = &cx.view.camera.intrinsics;
         if let Some(visible) = products.optional(VISIBLE_MASK)? {
-            let mut ids = Plane::from_fn(k.width, k.height, |_, _| InstanceId::default());
-            for (id, mask) in visible.iter() {
-                mask.pixels().for_each(|pixel| ids.data_mut()[pixel] = id);
-            }
-            products.put(VISIBLE_IDS, ids)?;
+            let painted = Painted::new(cx.size, visible.iter());
+            painted.left_out().for_each(|left_out| cx.log.left_out(&left_out));
+            products.put(VISIBLE_IDS, painted.ids)?;
         }
         let Some(amodal) = products.optional(AMODAL_MASK)? else { return Ok(()) };
-        let (height, bytes) = (k.height as usize, (k.width as usize).div_ceil(8));
+        let [width, height] = cx.size.map(|edge| edge as usize);
+        let bytes = width.div_ceil(8);
         let mut bits = vec![0_u8; amodal.0.len() * height * bytes];
         for (plane, (_, mask)) in bits.chunks_exact_mut(height * bytes).zip(amodal.iter()) {
             for (x, rows) in mask.segments() {

@@ -29,7 +29,7 @@ impl Annotator for Lights {
     }
 
     fn annotate(&self, cx: &ViewContext, products: &mut Products) -> Result<()> {
-        let lights: Vec<LightView> = cx.view.lights.iter().map(LightView::from).collect();
+        let lights: Vec<LightView> = cx.view()?.lights.iter().map(LightView::from).collect();
         products.put(LIGHTS, Value::of(&lights)?)
     }
 }

@@ -38,7 +38,8 @@ impl Annotator for ObjectCoordinates {
 
     fn annotate(&self, cx: &ViewContext, products: &mut Products) -> Result<()> {
         let (masks, hits) = (products.get(AMODAL_MASK)?, products.get(OBJECT_DEPTHS)?);
-        let (frames, rays) = (Frames::of(cx, masks), cx.view.camera.rays());
+        let camera = &cx.view()?.camera;
+        let (frames, rays) = (Frames::of(cx.scene()?, camera, masks), camera.rays());
         let amodal = ObjectImages::of_hits(masks, hits, [0.0; 3], |id| {
             let (frame, rays) = (frames.get(id).copied(), &rays);
             move |[x, y], depth| match (frame, rays.at(x, y)) {
@@ -56,11 +57,11 @@ impl Annotator for ObjectCoordinates {
 struct Frames(Vec<Option<BoxFrame>>);
 
 impl Frames {
-    fn of(cx: &ViewContext, masks: &PerInstance<Mask>) -> Self {
+    fn of(scene: &Scene, camera: &Camera, masks: &PerInstance<Mask>) -> Self {
         let mut frames = Vec::new();
-        for (id, body) in masks.iter().filter_map(|(id, _)| Some((id, cx.scene.body(id)?))) {
+        for (id, body) in masks.iter().filter_map(|(id, _)| Some((id, scene.body(id)?))) {
             frames.resize_with(usize::from(id.0) + 1, || None);
-            frames[usize::from(id.0)] = Some(BoxFrame::of(body, &cx.view.camera));
+            frames[usize::from(id.0)] = Some(BoxFrame::of(body, camera));
         }
         Self(frames)
     }

@@ -59,13 +59,13 @@ impl Annotator for ObjectInfo {
     }
 
     fn annotate(&self, cx: &ViewContext, products: &mut Products) -> Result<()> {
-        let camera_from_world = cx.view.camera.world_from_camera.inverse();
+        let camera_from_world = cx.view()?.camera.world_from_camera.inverse();
         let annotated = match self.objects {
             Which::Annotated => Some(products.get(AMODAL_MASK)?),
             Which::All => None,
         };
         let info = cx
-            .scene
+            .scene()?
             .objects()
             .iter()
             .filter(|body| annotated.is_none_or(|masks| masks.get(body.id).is_some()))

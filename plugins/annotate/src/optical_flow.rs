@@ -51,10 +51,11 @@ impl Annotator for OpticalFlow {
         let [width, height] = [depth.width(), depth.height()];
         let mut flow = vec![[0.0; 2]; depth.data().len()];
         let mut visibility = vec![0; depth.data().len()];
-        if let Some(next) = cx.next {
-            let next_from_this = next.camera.world_from_camera.inverse() * cx.view.camera.world_from_camera;
+        let camera = &cx.view()?.camera;
+        if let Some(next) = cx.next()? {
+            let next_from_this = next.camera.world_from_camera.inverse() * camera.world_from_camera;
             let step = Step {
-                from: cx.view.camera.rays(),
+                from: camera.rays(),
                 to: &next.camera,
                 turn: next_from_this.rotation.to_rotation_matrix(),
                 start: next_from_this.translation.vector.into(),

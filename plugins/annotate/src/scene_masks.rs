@@ -29,11 +29,11 @@ impl Annotator for SceneMasks {
     }
 
     fn annotate(&self, cx: &ViewContext, products: &mut Products) -> Result<()> {
-        let ids = products.get(INSTANCE)?;
-        let tabletop = mask_of(cx, ids, |role| role == Some(Role::Support));
-        let background = mask_of(cx, ids, |role| matches!(role, None | Some(Role::Room)));
+        let (scene, ids) = (cx.scene()?, products.get(INSTANCE)?);
+        let tabletop = mask_of(scene, ids, |role| role == Some(Role::Support));
+        let background = mask_of(scene, ids, |role| matches!(role, None | Some(Role::Room)));
         let categories = products.get(CATEGORY_ID)?;
-        let all = 0..=cx.scene.bodies().len() as u16;
+        let all = 0..=scene.bodies().len() as u16;
         let category_of: Vec<u16> =
             all.map(|id| categories.get(InstanceId(id)).map_or(0, |&category| category as u16)).collect();
         let map = ids.map(|id| category_of.get(usize::from(id.0)).copied().unwrap_or(0));
@@ -44,9 +44,9 @@ impl Annotator for SceneMasks {
 }
 
 /// The pixels that show a body of some role, or none.
-fn mask_of(cx: &ViewContext, ids: &Plane<InstanceId>, is: impl Fn(Option<Role>) -> bool) -> Mask {
-    let role = |id: u16| cx.scene.body(InstanceId(id)).map(|body| body.role);
-    let is_of: Vec<bool> = (0..=u16::MAX).map(role).map(&is).take(cx.scene.bodies().len() + 1).collect();
+fn mask_of(scene: &Scene, ids: &Plane<InstanceId>, is: impl Fn(Option<Role>) -> bool) -> Mask {
+    let role = |id: u16| scene.body(InstanceId(id)).map(|body| body.role);
+    let is_of: Vec<bool> = (0..=u16::MAX).map(role).map(&is).take(scene.bodies().len() + 1).collect();
     let other = is(None);
     Mask::from_plane(&ids.map(|id| is_of.get(usize::from(id.0)).copied().unwrap_or(other)))
 }

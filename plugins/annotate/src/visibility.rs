@@ -54,7 +54,7 @@ impl Annotator for Visibility {
         let depth = products.get(DEPTH)?;
         let (inside, whole) = (extents(image), extents(canvas));
         let valid = count_valid(image, depth, inside.iter().map(|extent| extent.area).collect());
-        let k = &cx.view.camera.intrinsics;
+        let k = &cx.view()?.camera.intrinsics;
         let visible = count_visible(products.get(INSTANCE)?, image.objects());
         let of = |id: InstanceId| -> Result<Value> {
             let object = usize::from(id.0) - 1;

@@ -255,6 +255,57 @@ fn planes_that_disagree_are_refused() {
     assert_eq!(wrong, "the coverage plane has 3 objects, the scene 2");
 }
 
+/// Masks that overlap, as those of COCO do: each pixel is of the smallest one, and the log says what others lose.
+#[test]
+fn of_overlapping_masks_the_smallest_is_on_top() {
+    let size = [23, 17];
+    let mut sums = [0; 2];
+    for seed in 0..20 {
+        let mut stream = Stream::root(seed);
+        let count = stream.integer(1, 12) as u16;
+        let masks: BTreeMap<u16, Mask> = (1..=count)
+            .map(|id| {
+                let [x, y] = [4 * stream.below(3) as u32, 4 * stream.below(3) as u32];
+                let edge = [0, 1, 3, 3, 8, 16][stream.below(6) as usize];
+                (id, Mask::from_fn(23, 17, |u, v| (x..x + edge).contains(&u) && (y..y + edge).contains(&v)))
+            })
+            .collect();
+        let mut products = Products::new();
+        products
+            .put(VISIBLE_MASK, masks.iter().map(|(id, mask)| (InstanceId(*id), mask.clone())).collect())
+            .expect("new");
+        let mut world = World::new(1);
+        (world.view.camera.intrinsics.width, world.view.camera.intrinsics.height) = size.into();
+        annotator("label_arrays", "").annotate(&world.of_view(), &mut products).expect("arrays");
+        let ids = products.get(VISIBLE_IDS).expect("made");
+        let mut seen: BTreeMap<u16, u32> = BTreeMap::new();
+        for (x, y) in (0..17).flat_map(|y| (0..23).map(move |x| (x, y))) {
+            let at = (x * 17 + y) as u32;
+            let there = masks.iter().filter(|(_, mask)| mask.runs().any(|run| run.contains(&at)));
+            let on_top = there.map(|(id, mask)| (mask.area(), *id)).min().map_or(0, |it| it.1);
+            assert_eq!(ids.at(x as u32, y as u32).0, on_top, "seed {seed}: ({x}, {y})");
+            *seen.entry(on_top).or_default() += 1;
+        }
+        let pixels: Vec<[u32; 2]> = masks
+            .iter()
+            .map(|(id, mask)| [mask.area(), seen.get(id).copied().unwrap_or(0)])
+            .filter(|it| it[0] > 0)
+            .collect();
+        let some = pixels.iter().filter(|[mask, left]| left < mask).count();
+        let all = pixels.iter().filter(|[_, left]| *left == 0).count();
+        let said: Vec<String> = world.log.warnings().iter().map(ToString::to_string).collect();
+        let want = [(some, "objects lost pixels"), (all, "objects lost all of their pixels")];
+        let want = want.iter().filter(|it| it.0 > 0).map(|(count, what)| format!("{count} of {} {what}", pixels.len()));
+        let want: Vec<String> = want.collect();
+        assert!(
+            said.len() == want.len() && said.iter().zip(&want).all(|(said, want)| said.starts_with(want)),
+            "{said:?}"
+        );
+        sums = [sums[0] + some, sums[1] + all];
+    }
+    assert!(sums[0] > sums[1] && sums[1] > 3, "{sums:?}");
+}
+
 /// The planes for training loops, pixel by pixel from the rays.
 #[test]
 fn label_arrays_are_those_of_the_rays() {

@@ -15,7 +15,7 @@ use syntable_model::reader::{DatasetReader, Source};
 use syntable_model::registry::Registry;
 use syntable_runtime::clap::{Arg, ArgAction, ArgMatches, Command, value_parser};
 use syntable_runtime::cli::{
-    Console, Exit, Message, TRUST_PATHS, Topic, Verb, amount, check_outputs, dataset_folder,
+    Console, Exit, LeftOutReport, Message, TRUST_PATHS, Topic, Verb, amount, check_outputs, dataset_folder,
 };
 use syntable_runtime::durable::write_file;
 use syntable_runtime::images::each;
@@ -198,10 +198,13 @@ fn run(console: &Console, _: &Registry, arguments: &ArgMatches) -> Result<(), Ex
         let scores = Scores { ranked_by, worst: found, ..table.saved() };
         write_file(file, scores.text().as_bytes()).map_err(Exit::stopped)?;
     }
-    if arguments.get_flag("json") {
-        return console.print(&format!("{:#}\n", table.json()));
-    }
-    console.print(&format!("{}read as: {format} and {pred_format}\n", table.text()))
+    console.print(&match arguments.get_flag("json") {
+        true => format!("{:#}\n", table.json()),
+        false => format!("{}read as: {format} and {pred_format}\n", table.text()),
+    })?;
+    let mut left_out = LeftOutReport::default();
+    left_out.unlisted(&*truth);
+    left_out.end(gt, "`syntable validate` lists all that is wrong")
 }
 
 /// A score that can be compared with others.

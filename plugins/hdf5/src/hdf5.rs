@@ -7,7 +7,7 @@ use syntable_formats::encode::view_name;
 use syntable_formats::include;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{BODIES, CAMERA, DEPTH, INSTANCE, NORMAL, RGB};
-use syntable_model::product::{Plane, Product, Scope};
+use syntable_model::product::{Plane, Product, Scope, StatedCamera};
 
 /// Writes one HDF5 file per view, as BlenderProc does.
 ///
@@ -89,7 +89,7 @@ impl Dataset {
         match self {
             Self::Colors => vec![Input::of(RGB)],
             Self::Depth => vec![Input::of(DEPTH)],
-            // The view has it, too, but for datasets that are converted.
+            // Of a dataset that is converted, the camera is known from this product alone.
             Self::Distance => vec![Input::of(DEPTH), Input::of(CAMERA)],
             Self::Normals => vec![Input::of(NORMAL)],
             Self::InstanceSegmaps => vec![Input::of(INSTANCE)],
@@ -185,7 +185,7 @@ impl SceneWriter for Hdf5Scene {
         for (product, key) in include::of_scope(&self.config.include, products, Scope::View) {
             add_product(&mut file, product, &key, &products.value(product)?, cx)?;
         }
-        self.output.write(&path(self.output.id(), &view_name(cx.scene.id, cx.view.id)), &file.finish()?)
+        self.output.write(&path(self.output.id(), &view_name(cx.scene_id, cx.view_id)), &file.finish()?)
     }
 
     fn close(self: Box<Self>, _: &SceneContext, _: &Products) -> Result<()> {
@@ -195,8 +195,8 @@ impl SceneWriter for Hdf5Scene {
 
 /// Adds a product: as arrays if it is made of numbers, else as JSON text.
 fn add_product(file: &mut File, name: &str, key: &KeyId, value: &Value, cx: &ViewContext) -> Result<()> {
-    let k = &cx.view.camera.intrinsics;
-    match npy::arrays_of_numbers(name, key, value, [k.height as usize, k.width as usize]) {
+    let [width, height] = cx.size.map(|edge| edge as usize);
+    match npy::arrays_of_numbers(name, key, value, [height, width]) {
         Some(Arrays::One(array)) => file.array(name, &array),
         Some(Arrays::PerInstance { values, ids }) => {
             file.array(name, &values)?;
@@ -217,7 +217,7 @@ impl Dataset {
         match self {
             Self::Colors => file.array(name, &plane(products.get(RGB)?.encode())?),
             Self::Depth => file.array(name, &plane(products.get(DEPTH)?.encode())?),
-            Self::Distance => file.array(name, &plane(distance(products.get(DEPTH)?, cx).encode())?),
+            Self::Distance => file.array(name, &plane(distance(products.get(DEPTH)?, &cx.camera(products)?).encode())?),
             Self::Normals => {
                 let coded = products.get(NORMAL)?.map(|&[x, y, z]| [x, -y, -z].map(|v| 0.5 * v + 0.5));
                 file.array(name, &plane(coded.encode())?)
@@ -240,9 +240,9 @@ impl Dataset {
 }
 
 /// Distances from the camera's center, m, of depths along the optical axis.
-fn distance(depth: &Plane<f32>, cx: &ViewContext) -> Plane<f32> {
+fn distance(depth: &Plane<f32>, camera: &StatedCamera) -> Plane<f32> {
     Plane::from_fn(depth.width(), depth.height(), |x, y| {
-        let ray = cx.view.camera.unproject(f64::from(x) + 0.5, f64::from(y) + 0.5);
+        let ray = camera.unproject(f64::from(x) + 0.5, f64::from(y) + 0.5);
         ray.map_or(f32::INFINITY, |ray| (f64::from(*depth.at(x, y)) * ray.norm()) as f32)
     })
 }

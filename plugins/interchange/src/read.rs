@@ -9,9 +9,14 @@ use syntable_formats::listing::Listing;
 use syntable_formats::read::Labels;
 use syntable_model::files::DatasetFolder;
 use syntable_model::prelude::*;
-use syntable_model::product::standard::{CATEGORY_ID, LABEL_POLICY};
+use syntable_model::product::standard::{CATEGORY_ID, DEPTH, LABEL_POLICY, RGB};
 use syntable_model::product::{BBox, meeting_boxes};
 use syntable_model::reader::Source;
+
+/// Whether some of these products are labels, and not images.
+pub fn reads_labels(reads: &[KeyId]) -> bool {
+    reads.iter().any(|key| ![RGB.id(), DEPTH.id()].contains(key))
+}
 
 /// What readers of polygons say of them.
 pub const POLYGONS: &str = "outlines are polygons, which say what an object covers to about a pixel at its edges";

@@ -159,7 +159,7 @@ struct UoaisScene {
 impl SceneWriter for UoaisScene {
     fn view(&mut self, cx: &ViewContext, products: &Products) -> Result<()> {
         let Self { config, files } = self;
-        let image = image_name(cx.scene.id, cx.view.id);
+        let image = image_name(cx.scene_id, cx.view_id);
         files.png(&format!("{}/{}", config.split, depth_path(&image)), &config.depth.image(products)?)?;
         let labels = Masks::Amodal.shown(labels::labels(cx.dataset, products)?);
         let extra = Extra::from_iter([("depth_file_name".to_owned(), depth_path(&image).into())]);

@@ -310,6 +310,8 @@ def check_kins(root, views, version):
             if version == "2019":
                 keys(a, "id image_id category_id iscrowd area segmentation bbox inmodal_seg inmodal_bbox", what)
                 same_mask(coco.annToMask(a), amodal, what)
+                # deocclusion and InstaOrder read one polygon, however many parts there are.
+                same(len(a["segmentation"]), 1, what)
                 same((a["area"], a["bbox"]), (amodal.sum(), box(amodal)), what)
                 same_mask(coco_mask.decode(a["inmodal_seg"]), visible, what)
                 same(a["inmodal_bbox"], box(visible), what)
@@ -319,6 +321,7 @@ def check_kins(root, views, version):
                     same_mask(drawn(a[f"{kind}_segm"], view), mask, what)
                     same((a[f"{kind}_area"], a[f"{kind}_bbox"]), (mask.sum(), box(mask)), what)
                     same(a[f"{kind}_hole_area"], holes(mask), what)
+                same(len(a["a_segm"]), 1, what)
                 same((a["oco_id"], a["ico_id"]), (group[n], layers[n] + 1 if group[n] else 0), what)
     if version == "2020":
         # Both cases are there.

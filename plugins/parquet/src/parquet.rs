@@ -224,7 +224,7 @@ impl Cells {
 
 impl SceneWriter for ParquetScene {
     fn view(&mut self, cx: &ViewContext, products: &Products) -> Result<()> {
-        let name = view_name(cx.scene.id, cx.view.id);
+        let name = view_name(cx.scene_id, cx.view_id);
         let image = self.image(&name, products)?;
         let (mut cells, mut instances) = (BTreeMap::new(), BTreeSet::new());
         for (product, key) in include::of_scope(&self.config.include, products, Scope::View) {
@@ -235,8 +235,7 @@ impl SceneWriter for ParquetScene {
             cells.insert(product.to_owned(), own);
             self.keys.insert(product.to_owned(), key);
         }
-        let k = &cx.view.camera.intrinsics;
-        self.views.push(ViewRows { view: cx.view.id.0, size: [k.width, k.height], image, instances, cells });
+        self.views.push(ViewRows { view: cx.view_id.0, size: cx.size, image, instances, cells });
         Ok(())
     }
 
@@ -254,9 +253,9 @@ impl SceneWriter for ParquetScene {
         }
         let mut table = Table::new(self.columns())?;
         for view in &self.views {
-            self.push(&mut table, cx.scene.id.0, view, &of_scene)?;
+            self.push(&mut table, cx.scene_id.0, view, &of_scene)?;
         }
-        let path = self.config.table_path(self.output.id(), &scene_name(cx.scene.id));
+        let path = self.config.table_path(self.output.id(), &scene_name(cx.scene_id));
         let categories = || serde_json::to_string(&coco::categories(cx.dataset));
         let categories = include::has_category_ids(&self.config.include).then(categories).transpose();
         let categories = categories.map_err(|error| Error::new(format!("cannot be written as JSON: {error}")))?;

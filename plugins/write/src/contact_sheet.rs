@@ -73,7 +73,7 @@ impl Writer for ContactSheet {
     }
 
     fn scene(&self, cx: &SceneContext, output: Output) -> Result<Box<dyn SceneWriter>> {
-        let (config, scene) = (self.clone(), cx.scene.id.0);
+        let (config, scene) = (self.clone(), cx.scene_id.0);
         Ok(Box::new(Sheets { config, output, scene, written: 0, rows: Vec::new() }))
     }
 
@@ -102,10 +102,10 @@ struct Sheets {
 
 impl SceneWriter for Sheets {
     fn view(&mut self, cx: &ViewContext, products: &Products) -> Result<()> {
-        let k = &cx.view.camera.intrinsics;
-        let width = self.config.panel_width_px.min(k.width);
+        let [image_width, _] = cx.size;
+        let width = self.config.panel_width_px.min(image_width);
         let panels =
-            self.config.panels.iter().map(|panel| Ok(draw::shrink(&panel.draw(products, k.width, width)?, width)));
+            self.config.panels.iter().map(|panel| Ok(draw::shrink(&panel.draw(products, image_width, width)?, width)));
         let panels = panels.collect::<Result<Vec<_>>>()?;
         self.rows.push(Canvas::beside(&panels));
         if self.rows.len() as u32 == self.config.views_per_sheet {

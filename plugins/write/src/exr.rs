@@ -91,11 +91,11 @@ struct ExrScene {
 
 impl SceneWriter for ExrScene {
     fn view(&mut self, cx: &ViewContext, products: &Products) -> Result<()> {
-        self.write(Scope::View, &view_name(cx.scene.id, cx.view.id), products)
+        self.write(Scope::View, &view_name(cx.scene_id, cx.view_id), products)
     }
 
     fn close(self: Box<Self>, cx: &SceneContext, products: &Products) -> Result<()> {
-        self.write(Scope::Scene, &scene_name(cx.scene.id), products)
+        self.write(Scope::Scene, &scene_name(cx.scene_id), products)
     }
 }
 

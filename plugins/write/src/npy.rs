@@ -74,13 +74,13 @@ struct NpyScene {
 
 impl SceneWriter for NpyScene {
     fn view(&mut self, cx: &ViewContext, products: &Products) -> Result<()> {
-        let k = &cx.view.camera.intrinsics;
-        let size = [k.height as usize, k.width as usize];
-        self.write(Scope::View, &view_name(cx.scene.id, cx.view.id), products, size)
+        let [width, height] = cx.size.map(|edge| edge as usize);
+        let size = [height, width];
+        self.write(Scope::View, &view_name(cx.scene_id, cx.view_id), products, size)
     }
 
     fn close(self: Box<Self>, cx: &SceneContext, products: &Products) -> Result<()> {
-        self.write(Scope::Scene, &scene_name(cx.scene.id), products, [0, 0])
+        self.write(Scope::Scene, &scene_name(cx.scene_id), products, [0, 0])
     }
 }
 

@@ -3,9 +3,8 @@
 use syntable_formats::encode::view_name;
 use syntable_model::geometry::Point3;
 use syntable_model::prelude::*;
-use syntable_model::product::Tensor;
 use syntable_model::product::standard::{CAMERA, DEPTH, INSTANCE, RGB};
-use syntable_model::scene::Camera;
+use syntable_model::product::{StatedCamera, Tensor};
 
 /// Writes the point cloud of each view as a PLY file.
 ///
@@ -64,7 +63,7 @@ impl Writer for Ply {
             option: Some("depth".into()),
             is_optional: false,
         };
-        // The view has the camera, too, but for datasets that are converted.
+        // Of a dataset that is converted, the camera is known from this product alone.
         let others = [(true, Input::of(CAMERA)), (self.colors, Input::of(RGB)), (self.instances, Input::of(INSTANCE))];
         let others = others.into_iter().filter_map(|(wanted, input)| wanted.then_some(input));
         std::iter::once(depth).chain(others).collect()
@@ -93,8 +92,8 @@ struct PlyScene {
 
 impl SceneWriter for PlyScene {
     fn view(&mut self, cx: &ViewContext, products: &Products) -> Result<()> {
-        let path = path(self.output.id(), &view_name(cx.scene.id, cx.view.id));
-        self.output.write(&path, &self.config.encode(&cx.view.camera, products)?)
+        let path = path(self.output.id(), &view_name(cx.scene_id, cx.view_id));
+        self.output.write(&path, &self.config.encode(&cx.camera(products)?, products)?)
     }
 
     fn close(self: Box<Self>, _: &SceneContext, _: &Products) -> Result<()> {
@@ -104,12 +103,17 @@ impl SceneWriter for PlyScene {
 
 impl Ply {
     /// The bytes of the file of a view.
-    fn encode(&self, camera: &Camera, products: &Products) -> Result<Vec<u8>> {
+    fn encode(&self, camera: &StatedCamera, products: &Products) -> Result<Vec<u8>> {
         let Value::Tensor(Tensor { shape, bytes, .. }) = products.value(self.depth.as_str())? else {
             return Err(Error::new(format!("`{}` is not an image", self.depth.as_str())).permanent());
         };
         let colors = if self.colors { Some(products.get(RGB)?) } else { None };
         let instances = if self.instances { Some(products.get(INSTANCE)?) } else { None };
+        let help = "write points in the camera's frame: `frame = \"camera\"`";
+        let world_from_camera = match self.frame {
+            Frame::Camera => None,
+            Frame::World => Some(camera.world_from_camera().map_err(|error| error.help(help))?),
+        };
         let (mut points, mut count) = (Vec::new(), 0_usize);
         for (pixel, depth) in bytes.as_chunks().0.iter().map(|&b| f32::from_le_bytes(b)).enumerate() {
             let [x, y] = [pixel % shape[1], pixel / shape[1]];
@@ -117,15 +121,7 @@ impl Ply {
             let ray = if seen { camera.unproject(x as f64 + 0.5, y as f64 + 0.5) } else { None };
             let Some(ray) = ray else { continue };
             let in_camera = Point3::from(ray * f64::from(depth));
-            let point = match self.frame {
-                Frame::Camera => in_camera,
-                Frame::World => camera.world_from_camera * in_camera,
-            };
-            if !point.iter().all(|v| v.is_finite()) {
-                return Err(Error::new("nobody says where the camera is")
-                    .help("write points in its own frame: `frame = \"camera\"`")
-                    .permanent());
-            }
+            let point = world_from_camera.map_or(in_camera, |pose| pose * in_camera);
             points.extend(point.iter().flat_map(|&v| (v as f32).to_le_bytes()));
             points.extend(colors.iter().flat_map(|rgb| rgb.data()[pixel]));
             points.extend(instances.iter().flat_map(|ids| ids.data()[pixel].0.to_le_bytes()));

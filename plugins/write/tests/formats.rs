@@ -428,17 +428,20 @@ fn an_empty_dataset_is_valid() {
     }
 }
 
+/// The pixels of an 8-bit PNG file.
+fn gray(file: &[u8]) -> Vec<u8> {
+    let mut reader = png::Decoder::new(std::io::Cursor::new(file)).read_info().expect("a PNG file");
+    let mut bytes = vec![0; reader.output_buffer_size().expect("small")];
+    reader.next_frame(&mut bytes).expect("decodes");
+    bytes
+}
+
 #[test]
 fn debug_masks_are_named_by_spawn_number() {
     let folder = tempfile::tempdir().expect("a folder");
     let takes = write_all(folder.path(), "syntable", "syntable", "debug_masks = true");
     let files = files(folder.path());
-    let pixels = |name: &str| {
-        let mut reader = png::Decoder::new(std::io::Cursor::new(&files[name])).read_info().expect("a PNG file");
-        let mut bytes = vec![0; reader.output_buffer_size().expect("small")];
-        reader.next_frame(&mut bytes).expect("decodes");
-        bytes
-    };
+    let pixels = |name: &str| gray(&files[name]);
     let (_, products) = &takes[0].views[0];
     for (id, amodal) in products.get(AMODAL_MASK).expect("made").iter() {
         // Spawn numbers count from 0, and the first object was removed: id 1 was spawned as number 1.
@@ -458,6 +461,36 @@ fn debug_masks_are_named_by_spawn_number() {
     let first = f32::from_le_bytes(pfm[header.len()..][..4].try_into().expect("four bytes"));
     assert_eq!(first, *products.get(DEPTH).expect("made").at(0, 47));
     assert_eq!(pixels("data/mono/depth/visuals/0_0.png").iter().max(), Some(&255));
+}
+
+#[test]
+fn debug_masks_of_a_dataset_that_was_read_are_made_from_its_labels() {
+    let folder = tempfile::tempdir().expect("a folder");
+    // Its objects have categories of two classes.
+    let dataset = DatasetInfo { classes: ["a", "b"].map(str::to_owned).to_vec(), ..dataset(1, 1) };
+    let (take, log) = (take(0, 9, &[Crowd::Random]), Collected::default());
+    let (view, products) = &take.views[0];
+    let writer = writer("syntable", "debug_masks = true").expect("good options");
+    let reads: Vec<String> = writer.reads().into_iter().map(|input| input.product).collect();
+    let lent = products.only(&reads.iter().map(String::as_str).filter(|name| *name != "instance").collect::<Vec<_>>());
+    let cx = DatasetContext::new(&dataset, &Serial, &log).read_scene(take.scene.id);
+    let mut scene = writer.scene(&cx, Output::new(folder.path(), "w", take.scene.id)).expect("starts");
+    scene.view(&cx.read_view(view.id, [64, 48]), &lent).expect("written");
+    scene.close(&cx, &lent).expect("closed");
+    let files = files(folder.path());
+    let pixels = |name: &str| gray(&files[name]);
+    let ids = pixels("data/mono/instance/0_0.png");
+    let masks = products.get(VISIBLE_MASK).expect("made");
+    let mut shown = 0;
+    for (id, mask) in masks.iter() {
+        let set = mask.to_plane().data().to_vec();
+        let own = pixels(&format!("data/mono/instance/0_0_{}.png", id.0 - 1));
+        assert_eq!(own, set.iter().map(|&bit| u8::from(bit)).collect::<Vec<_>>(), "{id}");
+        assert_eq!(ids.iter().map(|&pixel| u16::from(pixel) == id.0).collect::<Vec<_>>(), set, "{id}");
+        shown += mask.area() as usize;
+    }
+    assert_eq!((ids.iter().filter(|pixel| **pixel != 0).count(), shown > 100), (shown, true));
+    assert_eq!(log.warnings(), []);
 }
 
 /// One file per view, without pickles; the same bytes again; products of other instances are refused.

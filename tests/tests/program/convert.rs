@@ -143,6 +143,121 @@ fn images_that_cannot_be_read_are_left_out() {
     assert!(said.contains("no image can be read") && !path("none").exists(), "{said}");
 }
 
+/// The ids of the pixels of a panoptic image, and the records of its segments.
+fn panoptic(root: &Path) -> (Vec<u64>, Vec<Value>) {
+    let json = json_of(&root.join("annotations/panoptic_train.json"));
+    let annotation = &json["annotations"][0];
+    let name = annotation["file_name"].as_str().expect("text");
+    let image = image::open(root.join("annotations/panoptic_train").join(name)).expect("an image").to_rgb8();
+    let ids = image.pixels().map(|it| u64::from(it[0]) + 256 * u64::from(it[1]) + 65536 * u64::from(it[2])).collect();
+    (ids, annotation["segments_info"].as_array().expect("a list").clone())
+}
+
+#[test]
+fn what_overlapping_masks_lose_is_told() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = |name: &str| folder.path().join(name);
+    foreign_coco(&path("foreign"), &[&[1, 1, 1, 1]], &[(1, "cup")]);
+    // A large square, the same small one in it twice, and one beside them.
+    let file = path("foreign/annotations/instances_val2017.json");
+    let mut json = json_of(&file);
+    for (place, [x, y, edge]) in [[0, 0, 30], [10, 10, 5], [10, 10, 5], [40, 20, 10]].into_iter().enumerate() {
+        let (u, v) = (x + edge, y + edge);
+        json["annotations"][place]["segmentation"] = json!([[x, y, u, y, u, v, x, v]]);
+        json["annotations"][place]["bbox"] = json!([x, y, edge, edge]);
+        json["annotations"][place]["area"] = json!(edge * edge);
+    }
+    save(&file, &json);
+    let said = fails(&mut convert(&path("foreign"), "coco,npz,coco_panoptic", &path("out")), 3);
+    for stage in ["write.coco_panoptic", "annotate.label_arrays"] {
+        for lost in ["2 of 4 objects lost pixels where masks overlap", "1 of 4 objects lost all of their pixels"] {
+            assert!(said.lines().any(|line| line.contains(stage) && line.contains(lost)), "{stage}, {lost}: {said}");
+        }
+    }
+    assert!(said.contains("not written whole by annotate.label_arrays (visible_ids), write.coco_panoptic"), "{said}");
+    // What panopticapi requires: each segment has the pixels that it says, and each pixel a segment.
+    let (ids, segments) = panoptic(&path("out/coco_panoptic"));
+    assert_eq!(ids.iter().collect::<BTreeSet<_>>().len(), segments.len());
+    let row = |id: u64, area: u64, bbox: [u64; 4]| (json!(id), json!(area), json!(bbox));
+    let of = |it: &Value| (it["id"].clone(), it["area"].clone(), it["bbox"].clone());
+    let want = [
+        row(1, 875, [0, 0, 30, 30]),
+        row(2, 25, [10, 10, 5, 5]),
+        row(4, 100, [40, 20, 10, 10]),
+        row(1 << 16, 1400, [0, 0, 60, 40]),
+    ];
+    assert_eq!(segments.iter().map(of).collect::<Vec<_>>(), want);
+    for segment in &segments {
+        let pixels = ids.iter().filter(|id| Some(**id) == segment["id"].as_u64()).count() as u64;
+        assert_eq!(Some(pixels), segment["area"].as_u64());
+    }
+    assert_eq!(faults(&path("out/coco_panoptic")), []);
+    let (_, arrays) = reader::open(&path("out/npz"), None).expect("a dataset");
+    let (_, products) = arrays.read(0, &[VISIBLE_MASK.id()]).expect("readable");
+    let areas: Vec<(u16, u32)> =
+        products.get(VISIBLE_MASK).expect("there").iter().map(|(id, mask)| (id.0, mask.area())).collect();
+    assert_eq!(areas, [(1, 875), (2, 25), (3, 0), (4, 100)]);
+    // A format of masks loses nothing.
+    ok(&mut convert(&path("foreign"), "coco", &path("alone")));
+    assert_same(&path("alone/coco"), &path("out/coco"));
+}
+
+#[test]
+fn annotations_that_are_no_objects_are_told() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = |name: &str| folder.path().join(name);
+    foreign_coco(&path("foreign"), &[&[1, 1, 1]], &[(1, "cup")]);
+    let file = path("foreign/annotations/instances_val2017.json");
+    let mut json = json_of(&file);
+    json["annotations"][1]["iscrowd"] = json!(1);
+    json["annotations"][2]["segmentation"] = json!([]);
+    save(&file, &json);
+    let said = fails(&mut convert(&path("foreign"), "coco", &path("out")), 3);
+    for part in ["1 of 3 annotations are crowds", "1 of 2 objects have no mask", "2 annotations left out or incomplete"]
+    {
+        assert!(said.contains(part), "{part}: {said}");
+    }
+}
+
+#[test]
+fn images_that_a_dataset_hides_are_named() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = |name: &str| folder.path().join(name);
+    foreign_coco(&path("foreign"), &[&[1], &[1]], &[(1, "cup")]);
+    // Two images of one view.
+    fs::rename(path("foreign/val2017/1.png"), path("foreign/val2017/0_0.png")).expect("there");
+    fs::create_dir(path("foreign/val2017/more")).expect("writable");
+    fs::rename(path("foreign/val2017/2.png"), path("foreign/val2017/more/0_0.png")).expect("there");
+    let file = path("foreign/annotations/instances_val2017.json");
+    let mut json = json_of(&file);
+    (json["images"][0]["file_name"], json["images"][1]["file_name"]) = (json!("0_0.png"), json!("more/0_0.png"));
+    save(&file, &json);
+    let mut stats = syntable();
+    stats.arg("stats").arg(path("foreign"));
+    for mut verb in [convert(&path("foreign"), "coco", &path("out")), stats] {
+        let said = fails(&mut verb, 3);
+        assert!(said.contains("more/0_0.png: it is view 0 of scene 0"), "{said}");
+        assert!(said.contains("1 part left out: they cannot be read"), "{said}");
+    }
+}
+
+#[test]
+fn a_dataset_that_was_read_has_no_scene() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (data, out) = (folder.path().join("data"), folder.path().join("out"));
+    small_dataset(&data, &["write={ syntable = { debug_masks = true } }"]);
+    let said = fails(&mut convert(&data, "gltf", &out), 2);
+    assert!(said.contains("write.gltf") && said.contains("it needs the scene") && !out.exists(), "{said}");
+    // Products have what is needed for these.
+    ok(convert(&data, "syntable", &out).args(["--set", "syntable.debug_masks=true"]));
+    let [one, other] = [&data, &out].map(|it| support::files(&it.join("data/mono/instance")));
+    let whole: Vec<&String> = one.keys().filter(|name| name.matches('_').count() == 1).collect();
+    assert!(whole.len() > 1 && one.len() == other.len());
+    for name in whole {
+        assert!(one[name] == other[name], "{name}");
+    }
+}
+
 #[test]
 fn amodal_masks_alone_are_no_visible_ones() {
     let folder = tempfile::tempdir().expect("a folder");

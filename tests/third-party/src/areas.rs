@@ -42,7 +42,7 @@ impl SceneWriter for AreasOfScene {
     fn view(&mut self, cx: &ViewContext, products: &Products) -> Result<()> {
         for (id, mask) in products.get(VISIBLE_MASK)?.iter() {
             if mask.area() >= self.min_pixels {
-                let (view, pixels) = (cx.view.id.0, mask.area());
+                let (view, pixels) = (cx.view_id.0, mask.area());
                 self.table += &format!("{view},{id},{pixels}\n");
             }
         }
@@ -50,7 +50,7 @@ impl SceneWriter for AreasOfScene {
     }
 
     fn close(self: Box<Self>, cx: &SceneContext, _: &Products) -> Result<()> {
-        let path = format!("{}/{:06}.csv", self.output.id(), cx.scene.id.0);
+        let path = format!("{}/{:06}.csv", self.output.id(), cx.scene_id.0);
         self.output.write(&path, self.table.as_bytes())
     }
 }

@@ -5,6 +5,7 @@
 //! store an annotation it has never heard of, and refuses one that it cannot store before anything is rendered. [`Stored`] is
 //! the way back.
 
+mod camera;
 mod counts;
 mod decode;
 mod depths;
@@ -16,12 +17,14 @@ mod mask;
 mod models;
 mod name;
 mod object_images;
+mod paint;
 mod plane;
 mod serialize;
 pub mod standard;
 mod store;
 mod value;
 
+pub use camera::StatedCamera;
 pub use counts::PixelCounts;
 pub use decode::Stored;
 pub use depths::{ObjectDepths, ObjectRun};
@@ -33,6 +36,7 @@ pub use mask::Mask;
 pub use models::{ObjectModel, ObjectModels};
 pub use name::{Lighting, MAX_CANVAS, MAX_SUBPIXELS, Name, RenderParameters};
 pub use object_images::{ObjectImage, ObjectImages};
+pub use paint::Painted;
 pub use plane::{BitPlane, Plane};
 pub use store::Products;
 pub use value::{BBox, DType, OcclusionOrder, PerInstance, Pixel, Tensor, Value, meeting_boxes};

@@ -263,12 +263,6 @@ pub struct Scene {
 }
 
 impl Scene {
-    /// A scene of which no body is known: that of a dataset that was read.
-    pub fn unknown(id: SceneId) -> Self {
-        let tabletop = Tabletop { center: [0.0; 3], size: [0.0; 2] };
-        Self { id, attempt: 0, bodies: Vec::new(), tabletop, lights: Vec::new(), settle: SettleReport::default() }
-    }
-
     /// All bodies; body `i` has the instance id `i + 1`. Objects come first.
     pub fn bodies(&self) -> &[Body] {
         &self.bodies

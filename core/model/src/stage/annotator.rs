@@ -15,8 +15,8 @@ pub trait Annotator: Send + Sync {
     fn provides(&self) -> Vec<KeyId>;
     /// Makes all of them and puts them into `products`, which holds those that it reads.
     fn annotate(&self, cx: &ViewContext, products: &mut Products) -> Result<()>;
-    /// Whether it makes them of the products and the size of the image alone, without the scene and the view's camera and
-    /// lights: then it serves datasets that were read as well.
+    /// Whether it makes them of the products and the size of the image alone: then it also serves datasets that were read,
+    /// whose contexts refuse to give a scene or a view.
     fn is_of_products(&self) -> bool {
         false
     }

@@ -34,10 +34,6 @@ pub trait Writer: Send + Sync {
     fn needs_obj_ids(&self) -> bool {
         false
     }
-    /// Whether it writes the scene itself, its bodies and lights, which a dataset that was read does not have.
-    fn needs_scene(&self) -> bool {
-        false
-    }
     /// Checks what it needs beside its options, such as files that they name. Called by `check` and before a run.
     fn ready(&self) -> Result<()> {
         Ok(())

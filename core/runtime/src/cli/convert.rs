@@ -1,7 +1,7 @@
 //! `syntable convert`.
 
 use super::run::{ended, on_signals};
-use super::{Console, Exit, Message};
+use super::{Console, Exit, LeftOutReport, Message};
 use crate::run::progress::count;
 use crate::run::{convert as convert_dataset, products_of};
 use crate::workers;
@@ -94,18 +94,19 @@ pub(super) fn convert(console: &Console, registry: &Registry, args: &ConvertArgs
     }
     converted.caveats.iter().for_each(|caveat| out += &format!("note: {caveat}\n"));
     console.print(&out)?;
-    let left_out =
+    let mut left_out = LeftOutReport::default();
+    let unreadable =
         [(&converted.left_out, "image"), (&converted.not_listed, "part"), (&converted.parts_left_out, "file")];
-    let left_out = left_out.into_iter().filter(|(reasons, _)| !reasons.is_empty());
-    let what: Vec<String> = left_out.clone().map(|(reasons, one)| count(reasons.len() as u32, one)).collect();
-    if what.is_empty() {
-        return Ok(());
+    let unreadable: Vec<(&Vec<String>, &str)> = unreadable.into_iter().filter(|it| !it.0.is_empty()).collect();
+    if !unreadable.is_empty() {
+        let what: Vec<String> = unreadable.iter().map(|(reasons, one)| count(reasons.len() as u32, one)).collect();
+        let reasons = unreadable.iter().flat_map(|(reasons, _)| reasons.iter().take(SHOWN));
+        let reasons = reasons.map(|reason| Error::new(reason.clone()));
+        left_out.add(format!("{} left out: they cannot be read", what.join(" and ")), reasons);
     }
-    let some = left_out.flat_map(|(reasons, _)| reasons.iter().take(SHOWN));
-    let some = some.map(|reason| Message::Warning(Error::new(reason.clone())));
-    let error = Error::new(format!("{} left out: they cannot be read", what.join(" and "))).in_file(&args.dataset);
-    let error = Message::Error(error.help("`syntable validate` lists all that is wrong"));
-    Err(Exit { code: 3, messages: some.chain([error]).collect() })
+    left_out.annotations(&converted.passed_over);
+    left_out.losses(&converted.losses);
+    left_out.end(&args.dataset, "the warnings above name it; `syntable validate` lists what is wrong with the dataset")
 }
 
 /// The text after `KIND.` in an option of a kind.

@@ -1,6 +1,6 @@
 //! `syntable merge`.
 
-use super::run::{ended, on_signals};
+use super::run::{end_of, ended, on_signals};
 use super::{Console, Exit};
 use crate::{run, workers};
 use clap::Args;
@@ -18,7 +18,6 @@ pub(super) struct MergeArgs {
 
 pub(super) fn merge(console: &Console, registry: &Registry, args: &MergeArgs) -> Result<(), Exit> {
     let stop = on_signals()?;
-    run::merge(registry, &args.out, &args.parts, workers::available(), &stop, console.reporter())
-        .map(drop)
-        .map_err(|error| ended(&stop, error))
+    let merged = run::merge(registry, &args.out, &args.parts, workers::available(), &stop, console.reporter());
+    end_of(&merged.map_err(|error| ended(&stop, error))?, &args.out)
 }

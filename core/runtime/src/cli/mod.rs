@@ -3,6 +3,7 @@
 mod check;
 mod convert;
 mod doctor;
+mod left_out;
 mod list;
 mod merge;
 mod new;
@@ -14,6 +15,7 @@ mod verify;
 
 pub use crate::message::Message;
 pub use check::load_checked;
+pub use left_out::LeftOutReport;
 pub use list::products;
 pub use outputs::{check_outputs, dataset_folder, lies_in};
 pub use run::{Scenes, parse_scenes};
@@ -45,7 +47,7 @@ Exit codes:
   0  done
   1  stopped; what was done is kept, the same command goes on from there
   2  the recipe, an option, the folder, an asset or a file to write is not what it must be; the same command fails again
-  3  done, but some scenes failed; the journal says why. verify: a file is missing or damaged. validate: labels are wrong. convert: images or meshes were left out
+  3  done, but something was left out, which standard error names: scenes that failed, images that cannot be read, parts of labels that a format cannot store. verify: a file is missing or damaged. validate: labels are wrong
   130, 143  stopped by SIGINT or SIGTERM; what was done is kept, the same command goes on from there.
             view, preview --watch and --serve: 0, since a signal is how they end"
 )]

@@ -1,18 +1,21 @@
 //! `syntable run` and `syntable plan`.
 
-use super::{Console, Exit, Message, RecipeArgs};
+use super::{Console, Exit, LeftOutReport, Message, RecipeArgs};
 use crate::cache::DiskCache;
 use crate::memory;
 use crate::recipe::Recipe;
 use crate::run::progress::count;
 use crate::run::stop::Stop;
-use crate::run::{RunOptions, run as run_recipe};
+use crate::run::{Outcome, RunOptions, run as run_recipe};
 use crate::workers;
 use clap::Args;
 use std::ops::Range;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use syntable_model::error::Error;
 use syntable_model::registry::Registry;
+
+/// Number of bad assets that are named.
+const SHOWN: usize = 10;
 
 #[derive(Args)]
 pub(super) struct RunArgs {
@@ -95,9 +98,14 @@ pub(super) fn run(console: &Console, registry: &Registry, args: &RunArgs) -> Res
         )
     };
     let outcome = run_recipe(&recipe, &options, console.reporter()).map_err(|error| ended(&stop, error))?;
+    end_of(&outcome, &options.out)
+}
+
+/// Ends a verb that made a dataset: with exit code 3 and the reasons, if the dataset lacks something.
+pub(super) fn end_of(outcome: &Outcome, out: &Path) -> Result<(), Exit> {
     let failed = (outcome.failed > 0).then(|| {
         Error::new(format!("{} failed", count(outcome.failed, "scene")))
-            .in_file(options.out.join(".syntable/journal.jsonl"))
+            .in_file(out.join(".syntable/journal.jsonl"))
             .help("the journal says why; --retry-failed tries them again")
     });
     let lacking = (outcome.lacking > 0).then(|| {
@@ -105,10 +113,20 @@ pub(super) fn run(console: &Console, registry: &Registry, args: &RunArgs) -> Res
             "{} could not be made with what the recipe adds, or again, and stay as they were",
             count(outcome.lacking, "scene")
         ))
-        .in_file(&options.out)
+        .in_file(out)
         .help("the warnings above say why; the same command tries them again")
     });
-    let messages: Vec<Message> = [failed, lacking].into_iter().flatten().map(Message::Error).collect();
+    let mut left_out = LeftOutReport::default();
+    if !outcome.bad_assets.is_empty() {
+        let bad =
+            outcome.bad_assets.iter().take(SHOWN).map(|asset| Error::new(format!("asset {asset} cannot be used")));
+        left_out.add(format!("{} passed over", count(outcome.bad_assets.len() as u32, "bad asset")), bad);
+    }
+    left_out.losses(&outcome.left_out);
+    let mut messages: Vec<Message> = [failed, lacking].into_iter().flatten().map(Message::Error).collect();
+    messages.extend(
+        left_out.messages(out, "the warnings above name it; of bad assets, `syntable check --assets` says what is wrong, and `exclude` leaves them out"),
+    );
     if messages.is_empty() { Ok(()) } else { Err(Exit { code: 3, messages }) }
 }
 

@@ -2,6 +2,7 @@
 //!
 //! A reader offers products as a renderer does; annotators that look at products alone derive from them what writers read.
 
+use super::losses::{Loss, Losses};
 use super::progress::{Guarded, Reporter, Warnings, count};
 use super::scene::{Writers, annotate, names};
 use super::stop::{self, Stop};
@@ -10,7 +11,6 @@ use crate::durable::{self, Draft, Standing};
 use crate::plan::{self, Candidate, Fault, Implied, Plan, Producer};
 use crate::workers::Pool;
 use parking_lot::Mutex;
-use serde::Deserialize;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::Path;
@@ -19,12 +19,12 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use syntable_model::check::{self, Check};
 use syntable_model::context::{DatasetContext, ViewContext};
 use syntable_model::error::{Error, Result};
-use syntable_model::geometry::{Pose, pose_of_matrix};
-use syntable_model::product::standard::{CAMERA, COVERAGE};
-use syntable_model::product::{KeyId, Products, Scope};
+use syntable_model::left_out::LeftOut;
+use syntable_model::product::standard::{COVERAGE, VISIBLE_BOX, VISIBLE_IDS, VISIBLE_MASK};
+use syntable_model::product::{BBox, KeyId, Products, Scope};
 use syntable_model::reader::DatasetReader;
 use syntable_model::registry::Registry;
-use syntable_model::scene::{Camera, Distortion, Intrinsics, Scene, SceneId, View};
+use syntable_model::scene::{InstanceId, SceneId};
 use syntable_model::stage::{Annotator, Finish, Input, ProductGroup, Writer};
 
 /// What a conversion wrote.
@@ -42,6 +42,10 @@ pub struct Converted {
     pub caveats: Vec<String>,
     /// Number of faults in what was read and was not left out, as far as reading it shows them; `syntable validate` lists all.
     pub faults: u32,
+    /// What stages left out of images: pixels, outlines, objects.
+    pub losses: Vec<Loss>,
+    /// Annotations of the dataset that are not read as objects.
+    pub passed_over: Vec<LeftOut>,
     /// Images that cannot be read and were left out, each with the reason, in order.
     pub left_out: Vec<String>,
     /// What hides images from the list of the dataset: files that cannot be read, or that are missing, each with the reason.
@@ -74,6 +78,7 @@ pub fn convert(
     let pool = Pool::new(threads)?;
     let cx = DatasetContext::new(dataset.info(), &pool, &log);
     let (checks, faults, unread) = (check::linked(), AtomicU32::new(0), Mutex::new(BTreeMap::new()));
+    let losses = Arc::new(Losses::default());
     let work = Conversion {
         dataset,
         writers,
@@ -83,12 +88,12 @@ pub fn convert(
         cx,
         checks: &checks,
         faults: &faults,
+        losses: &losses,
         unread: &unread,
     };
     let scenes = work.scenes().and_then(|scenes| work.finish(&scenes).map(|()| scenes))?;
     draft.publish()?;
     let unread = unread.into_inner();
-    let not_listed = dataset.faults_of_opening().iter().filter(|fault| fault.is_lost);
     let read: Vec<String> = plan.entries.iter().map(|entry| entry.key.name.to_string()).collect();
     let derived = dataset.derived();
     let is_read = |key: &KeyId| read.contains(&key.name.to_string());
@@ -103,10 +108,18 @@ pub fn convert(
         lacking,
         caveats: dataset.caveats(&plan.rendered),
         faults: faults.into_inner() + dataset.faults_of_opening().iter().filter(|fault| !fault.is_lost).count() as u32,
+        losses: losses.all().into_iter().filter(|loss| loss.count > 0).collect(),
+        passed_over: dataset.passed_over(&plan.rendered).into_iter().filter(|it| it.count > 0).collect(),
         left_out: unread.into_values().map(|error| error.to_string()).collect(),
-        not_listed: not_listed.map(|fault| format!("{}: {}", fault.place, fault.message)).collect(),
+        not_listed: not_listed(dataset),
         parts_left_out: dataset.left_out(&plan.rendered).into_iter().map(|error| error.to_string()).collect(),
     })
+}
+
+/// What hides images from the list of a dataset: files that cannot be read, or that are missing, each with the reason.
+pub fn not_listed(dataset: &dyn DatasetReader) -> Vec<String> {
+    let lost = dataset.faults_of_opening().iter().filter(|fault| fault.is_lost);
+    lost.map(|fault| format!("{}: {}", fault.place, fault.message)).collect()
 }
 
 /// Names of the products that a dataset has, or that annotators make of them.
@@ -156,11 +169,6 @@ fn resolve(
     dataset: &dyn DatasetReader,
     writers: &[(String, Box<dyn Writer>)],
 ) -> Result<Resolved> {
-    if let Some((id, _)) = writers.iter().find(|(_, writer)| writer.needs_scene()) {
-        return Err(Error::new(format!("{id} writes the bodies of scenes, and no dataset that is read has them"))
-            .help("name it in the recipe of a run")
-            .of_request());
-    }
     let offers = dataset.offers();
     let parts = parts_of_all(registry, &offers);
     let has = can_be_had(&offers, &parts);
@@ -288,6 +296,7 @@ struct Conversion<'a> {
     checks: &'a [Check],
     /// Number of faults of images: of their records, and those that the checks found.
     faults: &'a AtomicU32,
+    losses: &'a Arc<Losses>,
     /// Why images could not be read.
     unread: &'a Mutex<BTreeMap<usize, Error>>,
 }
@@ -333,8 +342,7 @@ impl Conversion<'_> {
         if let Some(signal) = self.stop.requested() {
             return Err(Error::new(format!("stopped by {}", stop::name_of(signal))));
         }
-        let (scene, times) = (Scene::unknown(id), Times::default());
-        let cx = self.cx.scene(&scene);
+        let (cx, times) = (self.cx.read_scene(id), Times::default());
         let (mut writers, mut of_scene) = (None, Products::new());
         for &image in images {
             let of = |error: Error| error.context(self.dataset.images()[image].name.clone());
@@ -345,17 +353,19 @@ impl Conversion<'_> {
                     continue;
                 }
             };
-            let view = with_camera(view, &products);
-            annotate(&times, self.plan, &cx.view(&view), &BTreeMap::new(), &mut products).map_err(of)?;
+            let k = &view.camera.intrinsics;
+            let cx_of_view = cx.read_view(view.id, [k.width, k.height]);
+            let none = BTreeMap::new();
+            annotate(&times, Some(self.losses), self.plan, &cx_of_view, &none, &mut products).map_err(of)?;
             self.faults.fetch_add(self.dataset.image_faults(image).len() as u32, Ordering::Relaxed);
             for check in self.checks {
                 self.faults.fetch_add(check.run(&products).map_err(of)?.len() as u32, Ordering::Relaxed);
             }
             if writers.is_none() {
-                writers = Some(Writers::start(self.writers, &cx, self.part, &times)?);
+                writers = Some(Writers::start(self.writers, &cx, self.part, (&times, self.losses))?);
             }
             if let Some(writers) = &mut writers {
-                writers.view(&cx.view(&view), &products).map_err(of)?;
+                writers.view_of(&cx_of_view, |reads| lent(&products, reads)).map_err(of)?;
             }
             let known: Vec<_> =
                 products.keys().into_iter().filter(|key| key.scope == Scope::Scene).map(|key| key.name).collect();
@@ -373,41 +383,36 @@ impl Conversion<'_> {
     }
 }
 
-/// What is read of the product `camera`.
-#[derive(Deserialize)]
-struct CameraRecord {
-    width: u32,
-    height: u32,
-    #[serde(rename = "K")]
-    k: [[f64; 3]; 3],
-    #[serde(default)]
-    world_from_camera: Option<[[f64; 4]; 4]>,
-    #[serde(default)]
-    distortion_k1_k2_p1_p2_k3: Option<[f64; 5]>,
-}
-
-impl CameraRecord {
-    /// The camera. Where nobody says where it is, its pose has no numbers.
-    fn camera(&self) -> Camera {
-        let Self { width, height, k: [[fx, _, cx], [_, fy, cy], _], .. } = *self;
-        let nowhere = || Pose::translation(f64::NAN, f64::NAN, f64::NAN);
-        let pose = self.world_from_camera.as_ref().map_or_else(nowhere, pose_of_matrix);
-        let distortion = self.distortion_k1_k2_p1_p2_k3;
-        let distortion =
-            distortion.map(|[k1, k2, p1, p2, k3]| Distortion { radial: [k1, k2, k3], tangential: [p1, p2] });
-        let intrinsics = Intrinsics { width, height, fx, fy, cx, cy };
-        Camera { distortion, ..Camera::pinhole(intrinsics, pose) }
+/// What a writer is lent of an image. One that reads the plane of ids, and not the masks that it was painted from, gets the boxes
+/// of the pixels that objects have in the plane: where masks overlap, these are smaller.
+fn lent(products: &Products, reads: &[String]) -> Result<Products> {
+    let reads_it = |name: &str| reads.iter().any(|read| read == name);
+    let is_painted = products.contains(VISIBLE_MASK.name()) && reads_it(VISIBLE_IDS.name());
+    if !is_painted || reads_it(VISIBLE_MASK.name()) || !reads_it(VISIBLE_BOX.name()) {
+        return Ok(products.only(reads));
     }
-}
-
-/// The view with the camera that the dataset says, if it says one.
-fn with_camera(view: View, products: &Products) -> View {
-    let said = products.optional(CAMERA).ok().flatten().and_then(|record| serde_json::to_value(record).ok());
-    let said: Option<CameraRecord> = said.and_then(|record| serde_json::from_value(record).ok());
-    match said {
-        Some(said) => View { camera: said.camera(), ..view },
-        None => view,
+    let (masks, ids) = (products.get(VISIBLE_MASK)?, products.get(VISIBLE_IDS)?);
+    // First and last column, first and last row.
+    let mut edges: BTreeMap<InstanceId, [i32; 4]> = BTreeMap::new();
+    for (y, row) in (0..).zip(ids.data().chunks(ids.width() as usize)) {
+        for (x, id) in (0..).zip(row).filter(|(_, id)| **id != InstanceId::default()) {
+            let [left, right, top, bottom] = edges.entry(*id).or_insert([x, x, y, y]);
+            (*left, *right, *top, *bottom) = ((*left).min(x), (*right).max(x), (*top).min(y), (*bottom).max(y));
+        }
     }
+    let painted = |id: InstanceId| match edges.get(&id) {
+        Some([left, right, top, bottom]) => {
+            BBox { x: *left, y: *top, width: right - left + 1, height: bottom - top + 1 }
+        }
+        None => BBox::default(),
+    };
+    // A box that is not that of the mask comes from the dataset, and stays what it is.
+    let of_mask = |id: InstanceId, own: &BBox| masks.get(id).is_some_and(|mask| mask.bbox() == *own);
+    let boxes = products.get(VISIBLE_BOX)?.map(|id, own| if of_mask(id, own) { painted(id) } else { *own });
+    let others: Vec<&str> = reads.iter().map(String::as_str).filter(|name| *name != VISIBLE_BOX.name()).collect();
+    let mut lent = products.only(&others);
+    lent.put(VISIBLE_BOX, boxes)?;
+    Ok(lent)
 }
 
 impl Converted {

@@ -2,6 +2,7 @@
 
 use super::folder::Folder;
 use super::journal::{Journal, JournalEntry, Notice};
+use super::losses::Loss;
 use super::manifest::Written;
 use super::progress::{Event, Reporter, Warnings, count};
 use super::records::{self, Records};
@@ -9,6 +10,7 @@ use super::scene::{lend, names};
 use super::times::Times;
 use super::{Outcome, panics, todo};
 use crate::plan::Producer;
+use crate::pools::BAD;
 use crate::recipe::{Lock, Recipe, with_lock, without_lock};
 use parking_lot::Mutex;
 use std::collections::BTreeSet;
@@ -54,11 +56,15 @@ pub fn end(
     let published = folder.publish_finish(&resolved, &mut journal, failure.is_none(), repair);
     failure.map_or(published, Err)?;
     tell_at_the_end(&made, reporter);
+    let all_assets = entries.iter().flat_map(|entry| &entry.assets);
+    let bad: BTreeSet<&String> = all_assets.filter(|(_, digest)| *digest == BAD).map(|(name, _)| name).collect();
     Ok(Outcome {
+        bad_assets: bad.into_iter().cloned().collect(),
         scenes: made.len() as u32,
         failed: (entries.len() - made.len()) as u32,
         lacking: 0,
         images: entries.iter().map(JournalEntry::views).sum(),
+        left_out: Loss::sum(made.iter().flat_map(|entry| entry.left_out.clone())),
     })
 }
 

@@ -864,7 +864,7 @@ mod tests {
         let (writers, manifest) = (vec!["png".to_owned()], String::new());
         let outcome = SceneOutcome::Made { views: 1, objects: 1, writers, recorded: Vec::new(), manifest };
         let (notices, odd_views, errors, assets) = Default::default();
-        JournalEntry { scene, attempt: 0, outcome, notices, odd_views, errors, assets }
+        JournalEntry { scene, attempt: 0, outcome, notices, odd_views, left_out: Vec::new(), errors, assets }
     }
 
     fn staged(open: &Folder, scene: u32, files: &[(&str, &str)]) -> PathBuf {

@@ -1,5 +1,6 @@
 //! The journal of a dataset: one line for every scene that is done. Only what is in the journal exists.
 
+use super::losses::Loss;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::{self, File, OpenOptions};
@@ -23,6 +24,9 @@ pub struct JournalEntry {
     /// What is odd about some of its views and not about all: their numbers, ascending.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub odd_views: BTreeMap<Notice, Vec<u32>>,
+    /// What stages left out of its images, by stage.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub left_out: Vec<Loss>,
     /// Messages of the attempts that failed, in order.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub errors: Vec<String>,
@@ -154,6 +158,7 @@ impl JournalEntry {
             writers.retain(|id| !anew.contains(id));
             recorded.clear();
         }
+        entry.left_out.retain(|loss| !loss.stage.strip_prefix("write.").is_some_and(|id| anew.contains(id)));
         entry
     }
 
@@ -328,7 +333,7 @@ mod tests {
         let (writers, manifest) = (vec!["png".to_owned()], "00".to_owned());
         let outcome = SceneOutcome::Made { views: 2, objects: 3, writers, recorded: Vec::new(), manifest };
         let (notices, odd_views, errors, assets) = Default::default();
-        JournalEntry { scene, attempt: 0, outcome, notices, odd_views, errors, assets }
+        JournalEntry { scene, attempt: 0, outcome, notices, odd_views, left_out: Vec::new(), errors, assets }
     }
 
     #[test]

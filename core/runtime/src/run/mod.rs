@@ -8,6 +8,7 @@
 //! |---|---|
 //! | [`folder`], [`journal`], `manifest` | the data model of a dataset on disk |
 //! | `begin`, `change`, `inputs`, `todo` | whether a run goes on with a dataset, lets it grow, or must not touch it; what there is to do |
+//! | `losses` | what stages leave out of images, added up |
 //! | `make`, `ahead`, `scene`, `attempt`, `sessions`, `queue`, `records`, `settled` | making scenes |
 //! | `end` | annotators of the dataset, and writers that finish |
 //! | [`verify`], `merge` | comparing a dataset with its journal; one dataset of several parts |
@@ -25,6 +26,7 @@ mod foreign;
 mod inputs;
 mod inside;
 pub mod journal;
+mod losses;
 mod make;
 pub(crate) mod manifest;
 mod merge;
@@ -42,9 +44,10 @@ pub mod times;
 mod todo;
 mod verify;
 
-pub use convert::{Converted, convert, products_of};
+pub use convert::{Converted, convert, not_listed, products_of};
 pub(crate) use end::dataset_info;
 pub(crate) use inputs::files as files_of;
+pub use losses::Loss;
 pub use merge::merge;
 pub use verify::{Verified, verify};
 
@@ -112,6 +115,10 @@ pub struct Outcome {
     pub lacking: u32,
     /// Images in the dataset.
     pub images: u32,
+    /// Assets that could not be used and were passed over, as `pool/name`, sorted.
+    pub bad_assets: Vec<String>,
+    /// What stages left out of the scenes of the dataset.
+    pub left_out: Vec<Loss>,
 }
 
 /// Runs a recipe. An error means that the run stopped early; what was done stays, and the same call goes on from there.

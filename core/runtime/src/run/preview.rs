@@ -5,6 +5,7 @@
 //! whose pools, placers and settler are the same. [`Pass::key`] says which images are.
 
 use super::attempt::{Attempt, Tools};
+use super::losses::Losses;
 use super::panics;
 use super::progress::{Event, Reporter, Warnings};
 use super::scene::{annotate, run_in_scene};
@@ -213,7 +214,7 @@ impl Pass<'_> {
         let cx = DatasetContext::new(&self.info, self.pool, self.log).with_cache(self.cache).scene(&frozen);
         let mut of_scene = Products::new();
         for stage in &self.plan.before_views {
-            run_in_scene(&self.times, stage, &cx, &[], &mut of_scene)?;
+            run_in_scene(&self.times, &Losses::default(), stage, &cx, &[], &mut of_scene)?;
         }
         let count = self.recipe.dataset.views_per_scene;
         let needs_next = self.plan.rendered.iter().any(|key| key.name.parameters.next_view);
@@ -242,7 +243,7 @@ impl Pass<'_> {
             }
             let of_view = cx.view(&view).before(next.as_ref());
             let sensing = attempt.sensing(&self.plan, view.id);
-            annotate(&self.times, &self.plan, &of_view, &sensing, &mut products)?;
+            annotate(&self.times, None, &self.plan, &of_view, &sensing, &mut products)?;
             each(id, &products);
             self.reporter.event(&Event::Image { scene, view: id });
         }

@@ -7,6 +7,7 @@
 use super::attempt::{self, Tools, keep, provided};
 use super::folder::Folder;
 use super::journal::{JournalEntry, SceneOutcome};
+use super::losses::{Loss, Losses, StageLog};
 use super::manifest::{Manifest, Written};
 use super::panics::unwound;
 use super::progress::{Event, Reporter};
@@ -111,11 +112,11 @@ impl<'a> SceneMaker<'a> {
         let kept = Manifest::default();
         for number in first..self.tools.recipe.dataset.max_attempts {
             match self.attempt(task, number, (task.whole, false), queue)? {
-                Tried::Made(Attempted { views, objects, odd, written }, assets) => {
+                Tried::Made(Attempted { views, objects, odd, left_out, written }, assets) => {
                     let outcome = outcome(views, objects, task.whole);
                     let Odd { scene: notices, views: odd_views, .. } = odd;
                     let (scene, attempt) = (task.scene, number);
-                    let entry = JournalEntry { scene, attempt, outcome, notices, odd_views, errors, assets };
+                    let entry = JournalEntry { scene, attempt, outcome, notices, odd_views, left_out, errors, assets };
                     return Ok(Some(Made { entry, kept, written }));
                 }
                 Tried::Failed(error) => {
@@ -130,8 +131,9 @@ impl<'a> SceneMaker<'a> {
         if task.is_present {
             return self.folder.abandon(task.scene).map(|()| None);
         }
-        let (outcome, (notices, odd_views, assets)) = (SceneOutcome::Failed, Default::default());
-        let entry = JournalEntry { scene: task.scene, attempt: last, outcome, notices, odd_views, errors, assets };
+        let (outcome, (notices, odd_views, left_out, assets)) = (SceneOutcome::Failed, Default::default());
+        let scene = task.scene;
+        let entry = JournalEntry { scene, attempt: last, outcome, notices, odd_views, left_out, errors, assets };
         Ok(Some(Made { entry, kept, written: Written::new() }))
     }
 
@@ -197,7 +199,7 @@ fn outcome(views: u32, objects: u32, work: &Work) -> SceneOutcome {
 /// The line of a scene that got what it lacked: that of a scene that had it from the start.
 fn extended(
     present: &JournalEntry,
-    Attempted { views, objects, odd, .. }: Attempted,
+    Attempted { views, objects, odd, left_out, .. }: Attempted,
     assets: BTreeMap<String, String>,
     whole: &Work,
 ) -> JournalEntry {
@@ -208,6 +210,9 @@ fn extended(
     entry.odd_views.retain(|notice, _| !odd.looked_at.contains(notice));
     entry.notices.extend(odd.scene);
     entry.odd_views.extend(odd.views);
+    entry.left_out.retain(|old| !left_out.iter().any(|new| new.stage == old.stage));
+    entry.left_out.extend(left_out);
+    entry.left_out.sort();
     entry.assets.extend(assets);
     entry
 }
@@ -225,6 +230,7 @@ struct Attempted {
     views: u32,
     objects: u32,
     odd: Odd,
+    left_out: Vec<Loss>,
     written: Written,
 }
 
@@ -238,17 +244,18 @@ struct Attempt<'m, 'a> {
 impl<'m> Attempt<'m, '_> {
     fn run(&self, staged: &Path, stored: bool, queue: &Queue<'m>) -> Result<Attempted> {
         let (maker, work) = (self.maker, self.work);
+        let losses = Arc::new(Losses::default());
         let scene = Arc::new(self.scene(staged, stored)?);
         let cx = maker.scene_context(work, &scene);
         let mut products = Products::new();
         for stage in &work.plan.before_views {
-            run_in_scene(maker.tools.times, stage, &cx, &[], &mut products)?;
+            run_in_scene(maker.tools.times, &losses, stage, &cx, &[], &mut products)?;
         }
         let views: Vec<Arc<View>> = (0..work.dataset.views_per_scene)
             .map(|number| self.core.view(&scene, ViewId(number)).map(Arc::new))
             .collect::<Result<_>>()?;
-        let writers = Writers::start(work.writers.iter().copied(), &cx, staged, maker.tools.times)?;
-        let views = self.render(&scene, &views, writers, &products, queue)?;
+        let writers = Writers::start(work.writers.iter().copied(), &cx, staged, (maker.tools.times, &losses))?;
+        let views = self.render(&scene, &views, writers, (&products, &losses), queue)?;
         for stage in &work.plan.after_views {
             let reads: Vec<Name> = stage.reads.iter().map(|key| key.name).collect();
             let lent: Vec<ViewProducts> = views
@@ -256,7 +263,7 @@ impl<'m> Attempt<'m, '_> {
                 .iter()
                 .map(|view| ViewProducts { view: Arc::clone(&view.view), products: view.products.only(&reads) })
                 .collect();
-            run_in_scene(maker.tools.times, stage, &cx, &lent, &mut products)?;
+            run_in_scene(maker.tools.times, &losses, stage, &cx, &lent, &mut products)?;
         }
         let mut written = views.writers.close(&cx, &products)?;
         let output = Output::new(staged, records::OWNER, self.core.scene);
@@ -264,7 +271,9 @@ impl<'m> Attempt<'m, '_> {
         written.extend(Some((records::OWNER.to_owned(), output.files())).filter(|(_, files)| !files.is_empty()));
         let (removed, objects) = (scene.settle.removed.len() as u32, scene.objects().len() as u32);
         maker.reporter.event(&Event::Scene { scene: self.core.scene.0, objects, removed });
-        Ok(Attempted { views: work.dataset.views_per_scene, objects, odd: views.seen.odd(&scene), written })
+        let left_out = losses.all().into_iter().filter(|loss| loss.count > 0).collect();
+        let (views, odd) = (work.dataset.views_per_scene, views.seen.odd(&scene));
+        Ok(Attempted { views, objects, odd, left_out, written })
     }
 
     /// Places the bodies, and lets them come to rest or does to them what settling did before, if that is `stored`.
@@ -292,10 +301,10 @@ impl<'m> Attempt<'m, '_> {
         scene: &Arc<Scene>,
         views: &[Arc<View>],
         writers: Writers<'m>,
-        of_scene: &Products,
+        (of_scene, losses): (&Products, &Arc<Losses>),
         queue: &Queue<'m>,
     ) -> Result<Views<'m>> {
-        let line = Arc::new(Line::new(writers));
+        let line = Arc::new(Line::new(writers, losses));
         let work = self.work;
         let after = |view: &View| views.get(view.id.0 as usize + 1).cloned();
         let follow = |view: &Arc<View>, products: Products| {
@@ -339,6 +348,7 @@ impl<'m> Attempt<'m, '_> {
 
 /// The views of a scene on their way from the renderer to the files: annotated at once, written in order.
 struct Line<'m> {
+    losses: Arc<Losses>,
     state: Mutex<LineState<'m>>,
     moved: Condvar,
 }
@@ -363,9 +373,10 @@ struct Views<'m> {
 }
 
 impl<'m> Line<'m> {
-    fn new(writers: Writers<'m>) -> Self {
+    fn new(writers: Writers<'m>, losses: &Arc<Losses>) -> Self {
         let views = Views { writers, ..Views::default() };
-        Self { state: Mutex::new(LineState { announced: 0, next: 0, failure: None, views }), moved: Condvar::new() }
+        let state = LineState { announced: 0, next: 0, failure: None, views };
+        Self { losses: Arc::clone(losses), state: Mutex::new(state), moved: Condvar::new() }
     }
 
     fn has_failed(&self) -> bool {
@@ -390,7 +401,10 @@ impl<'m> Line<'m> {
         let of_view = |error: Error| error.context(format!("view {}", view.id.0));
         let checked =
             |products: &Products| maker.tools.times.of("checks", || check(maker.checks, products)).map_err(of_view);
-        let make = || annotate(maker.tools.times, plan, &cx, sensing, &mut products).and_then(|()| checked(&products));
+        let make = || {
+            annotate(maker.tools.times, Some(&*self.losses), plan, &cx, sensing, &mut products)?;
+            checked(&products)
+        };
         let made = if self.has_failed() { Ok(()) } else { unwound(make) };
         let mut state = self.state.lock();
         while state.next != view.id.0 {
@@ -450,6 +464,7 @@ struct Writing<'m> {
     writer: Box<dyn SceneWriter + 'm>,
     output: Output,
     times: &'m Times,
+    losses: Arc<Losses>,
 }
 
 impl<'m> Writers<'m> {
@@ -458,27 +473,36 @@ impl<'m> Writers<'m> {
         writers: impl IntoIterator<Item = &'m (String, Box<dyn Writer>)>,
         cx: &SceneContext,
         staged: &Path,
-        times: &'m Times,
+        (times, losses): (&'m Times, &Arc<Losses>),
     ) -> Result<Self> {
         let start = |(id, writer): &'m (String, Box<dyn Writer>)| {
-            let (stage, output) = (format!("write.{id}"), Output::new(staged, id, cx.scene.id));
+            let (stage, output) = (format!("write.{id}"), Output::new(staged, id, cx.scene_id));
             let scene_writer = times.of(&stage, || writer.scene(cx, output.clone()))?;
-            Ok(Writing { stage, reads: names(&writer.reads()), writer: scene_writer, output, times })
+            let losses = Arc::clone(losses);
+            Ok(Writing { stage, reads: names(&writer.reads()), writer: scene_writer, output, times, losses })
         };
         writers.into_iter().map(start).collect::<Result<_>>().map(Self)
     }
 
     /// Writes a view.
     pub fn view(&mut self, cx: &ViewContext, products: &Products) -> Result<()> {
-        self.0.iter_mut().try_for_each(|Writing { stage, reads, writer, times, .. }| {
-            times.of(stage, || writer.view(cx, &products.only(reads)))
+        self.view_of(cx, |reads| Ok(products.only(reads)))
+    }
+
+    /// Writes a view of which each writer is lent what `lend` gives for the names of the products that it reads.
+    pub fn view_of(&mut self, cx: &ViewContext, lend: impl Fn(&[String]) -> Result<Products>) -> Result<()> {
+        self.0.iter_mut().try_for_each(|Writing { stage, reads, writer, times, losses, .. }| {
+            let log = StageLog { log: cx.log, losses, stage };
+            let lent = lend(reads)?;
+            times.of(stage, || writer.view(&cx.with_log(&log), &lent))
         })
     }
 
     /// Ends the files of the scene, and says whose they are.
     pub fn close(self, cx: &SceneContext, products: &Products) -> Result<Written> {
-        let close = |Writing { stage, reads, writer, output, times }: Writing| {
-            times.of(&stage, || writer.close(cx, &products.only(&reads)))?;
+        let close = |Writing { stage, reads, writer, output, times, losses }: Writing| {
+            let log = StageLog { log: cx.log, losses: &losses, stage: &stage };
+            times.of(&stage, || writer.close(&cx.with_log(&log), &products.only(&reads)))?;
             Ok((output.id().to_owned(), output.files()))
         };
         self.0.into_iter().map(close).collect()
@@ -490,15 +514,18 @@ pub fn names(inputs: &[Input]) -> Vec<String> {
     inputs.iter().map(|input| input.product.clone()).collect()
 }
 
-/// Runs all producers of a view.
+/// Runs all producers of a view. What they leave out is added to `losses`; without these it is a warning.
 pub fn annotate(
     times: &Times,
+    losses: Option<&Losses>,
     plan: &Plan,
     cx: &ViewContext,
     sensing: &BTreeMap<String, Stream>,
     products: &mut Products,
 ) -> Result<()> {
     for stage in &plan.per_view {
+        let log = losses.map(|losses| StageLog { log: cx.log, losses, stage: &stage.stage });
+        let cx = &log.as_ref().map_or(*cx, |log| cx.with_log(log));
         let made = lend(times, stage, products, |lent| match &*stage.producer {
             Producer::Denoiser(denoiser) => denoiser.denoise(cx, lent),
             Producer::Sensor(sensor) => sensor.sense(cx, &sensing[&stage.stage], lent),
@@ -545,13 +572,15 @@ fn check(checks: &[Check], products: &Products) -> Result<()> {
 /// Runs an annotator of the scene.
 pub fn run_in_scene(
     times: &Times,
+    losses: &Losses,
     stage: &PlannedStage,
     cx: &SceneContext,
     views: &[ViewProducts],
     products: &mut Products,
 ) -> Result<()> {
     let Producer::Scene(annotator) = &*stage.producer else { unreachable!("the plan sorts producers by scope") };
-    let made = lend(times, stage, products, |lent| annotator.annotate(cx, views, lent))?;
+    let log = StageLog { log: cx.log, losses, stage: &stage.stage };
+    let made = lend(times, stage, products, |lent| annotator.annotate(&cx.with_log(&log), views, lent))?;
     products.extend(made)
 }
 

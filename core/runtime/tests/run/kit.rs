@@ -267,17 +267,17 @@ impl Annotator for Thinker {
         if self.undeclared {
             products.get(LIGHT)?;
         }
-        if self.missing || (self.missing_later && cx.scene.id.0 > 0) {
+        if self.missing || (self.missing_later && cx.scene_id.0 > 0) {
             return Err(Error::new("the library is not there").permanent());
         }
         if self.silent {
             return Ok(());
         }
-        if self.stumbles && cx.scene.attempt == 0 && cx.scene.id.0 % 2 == 1 {
+        if self.stumbles && cx.scene()?.attempt == 0 && cx.scene_id.0 % 2 == 1 {
             return Err(Error::new("stumbled"));
         }
-        let thought = i64::from(100 * cx.scene.id.0 + cx.view.id.0);
-        let wrong = self.contradicts && cx.scene.id.0 == 1 && cx.view.id.0 == 1;
+        let thought = i64::from(100 * cx.scene_id.0 + cx.view_id.0);
+        let wrong = self.contradicts && cx.scene_id.0 == 1 && cx.view_id.0 == 1;
         products.put(THOUGHT, Value::Int(if wrong { -1 } else { thought }))
     }
 }
@@ -362,7 +362,7 @@ impl Writer for Lines {
         Input::included(&self.include, Accepts::Any)
     }
     fn scene(&self, cx: &SceneContext, output: Output) -> Result<Box<dyn SceneWriter>> {
-        output.write_shard(format!("{} {}\n", cx.scene.id.0, heights(cx.scene)).as_bytes())?;
+        output.write_shard(format!("{} {}\n", cx.scene_id.0, heights(cx.scene()?)).as_bytes())?;
         Ok(Box::new(LinesScene(output, self.one_path)))
     }
     fn paths(&self, _: &FileOf) -> Result<Vec<String>> {
@@ -395,13 +395,13 @@ fn heights(scene: &Scene) -> String {
 struct LinesScene(Output, bool);
 impl SceneWriter for LinesScene {
     fn view(&mut self, cx: &ViewContext, products: &Products) -> Result<()> {
-        let name = format!("{}/{:06}_{:04}.json", self.0.id(), cx.scene.id.0, cx.view.id.0);
+        let name = format!("{}/{:06}_{:04}.json", self.0.id(), cx.scene_id.0, cx.view_id.0);
         self.0.write(&name, text(products, |_| true).as_bytes())
     }
     fn close(self: Box<Self>, cx: &SceneContext, products: &Products) -> Result<()> {
         let name = match self.1 {
             true => "all/scenes.json".to_owned(),
-            false => format!("{}/{:06}.json", self.0.id(), cx.scene.id.0),
+            false => format!("{}/{:06}.json", self.0.id(), cx.scene_id.0),
         };
         self.0.write(&name, text(products, |_| true).as_bytes())
     }

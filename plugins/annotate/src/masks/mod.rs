@@ -100,7 +100,7 @@ impl Annotator for Masks {
     }
 
     fn annotate(&self, cx: &ViewContext, products: &mut Products) -> Result<()> {
-        let objects = cx.scene.objects().len();
+        let objects = cx.scene()?.objects().len();
         let coverage = products.get(self.coverage())?;
         check_objects(coverage, objects)?;
         let sweep = sweep(products.get(INSTANCE)?, coverage)?;

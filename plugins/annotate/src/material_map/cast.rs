@@ -3,9 +3,10 @@
 use super::is_opaque;
 use crate::materials::{materials, slot};
 use std::sync::{Arc, OnceLock};
+use syntable_model::context::Workers;
 use syntable_model::geometry::{Point3, Vector3};
 use syntable_model::prelude::*;
-use syntable_model::scene::{Body, Mesh};
+use syntable_model::scene::{Body, Camera, Mesh};
 use syntable_prepare::labels::BlendedLabels;
 use syntable_prepare::{AssetCache, BinaryTree, Bounds, PreparedScene, SceneCache, SurfacePoint, TreeNode};
 
@@ -32,7 +33,9 @@ impl Default for Trees {
 
 /// Finds surfaces of a view.
 pub(super) struct Caster<'a> {
-    cx: &'a ViewContext<'a>,
+    workers: &'a dyn Workers,
+    scene: &'a Scene,
+    camera: &'a Camera,
     kept: &'a Trees,
     through_glass: bool,
     /// Whether all of a body is opaque, by its index.
@@ -61,11 +64,12 @@ struct Ray {
 }
 
 impl<'a> Caster<'a> {
-    pub fn new(cx: &'a ViewContext, kept: &'a Trees, through_glass: bool) -> Self {
-        let bodies = cx.scene.bodies();
+    pub fn new(cx: &'a ViewContext, kept: &'a Trees, through_glass: bool) -> Result<Self> {
+        let (scene, camera) = (cx.scene()?, &cx.view()?.camera);
+        let bodies = scene.bodies();
         let opaque = bodies.iter().map(|body| materials(body).into_iter().all(is_opaque)).collect();
         let trees = bodies.iter().map(|_| OnceLock::new()).collect();
-        Self { cx, kept, through_glass, opaque, trees, prepared: OnceLock::new() }
+        Ok(Self { workers: cx.workers, scene, camera, kept, through_glass, opaque, trees, prepared: OnceLock::new() })
     }
 
     /// Whether all of a body is opaque.
@@ -76,7 +80,7 @@ impl<'a> Caster<'a> {
     /// The rows of an image, made over the workers.
     pub fn rows(&self, height: u32, row: &(dyn Fn(u32) -> Vec<u16> + Sync)) -> Vec<Vec<u16>> {
         let rows: Vec<OnceLock<Vec<u16>>> = (0..height).map(|_| OnceLock::new()).collect();
-        self.cx.workers.run(rows.len().div_ceil(BAND), &|band| {
+        self.workers.run(rows.len().div_ceil(BAND), &|band| {
             for y in (band * BAND..rows.len()).take(BAND) {
                 rows[y].get_or_init(|| row(y as u32));
             }
@@ -86,7 +90,7 @@ impl<'a> Caster<'a> {
 
     /// Index and material slot of the surface that a pixel shows, whose first body is that of an index.
     pub fn surface(&self, first: usize, [x, y]: [u32; 2]) -> Option<(usize, usize)> {
-        let camera = &self.cx.view.camera;
+        let camera = self.camera;
         let in_camera = camera.unproject(f64::from(x) + 0.5, f64::from(y) + 0.5)?;
         let pose = &camera.world_from_camera;
         let ray = Ray { origin: pose.translation.vector.into(), direction: pose.rotation * in_camera };
@@ -105,12 +109,12 @@ impl<'a> Caster<'a> {
             None if self.is_opaque(first) => (0, first),
             None => return None,
         };
-        Some((index, slot(&self.cx.scene.bodies()[index], triangle)))
+        Some((index, slot(&self.scene.bodies()[index], triangle)))
     }
 
     /// The nearest surface of a body that is there, nearer than `far`.
     fn closest(&self, index: usize, ray: &Ray, far: f64) -> Option<Hit> {
-        let body = &self.cx.scene.bodies()[index];
+        let body = &self.scene.bodies()[index];
         let tree = self.trees[index].get_or_init(|| {
             self.kept.trees.get(body.object.digest, || MeshTree::new(&body.object.mesh), MeshTree::size)
         });
@@ -128,7 +132,7 @@ impl<'a> Caster<'a> {
         if materials(body).get(slot).is_none_or(|material| is_opaque(material)) {
             return true;
         }
-        let scene = self.prepared.get_or_init(|| PreparedScene::new(self.cx.scene, &self.kept.scenes, self.cx.workers));
+        let scene = self.prepared.get_or_init(|| PreparedScene::new(self.scene, &self.kept.scenes, self.workers));
         let (u, v) = (hit.u as f32, hit.v as f32);
         let point = SurfacePoint { instance: index as u32, primitive: hit.triangle as u32, u, v };
         let (prepared, triangle) = scene.at(&point);

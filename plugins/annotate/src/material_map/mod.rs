@@ -61,8 +61,8 @@ impl Annotator for Mapper {
 
     fn annotate(&self, cx: &ViewContext, products: &mut Products) -> Result<()> {
         let instance = products.get(INSTANCE)?;
-        let numbered = Numbered::new(cx.scene)?;
-        let caster = Caster::new(cx, &self.trees, self.options.glass == Glass::LookedThrough);
+        let numbered = Numbered::new(cx.scene()?)?;
+        let caster = Caster::new(cx, &self.trees, self.options.glass == Glass::LookedThrough)?;
         let shown = |x: u32, y: u32| {
             let Some(index) = usize::from(instance.at(x, y).0).checked_sub(1) else { return 0 };
             let Some(of_slots) = numbered.of_bodies.get(index) else { return 0 };

@@ -172,7 +172,7 @@ impl Writer for Bop {
     }
 
     fn scene(&self, cx: &SceneContext, output: Output) -> Result<Box<dyn SceneWriter>> {
-        let folder = self.folder(output.id(), cx.scene.id);
+        let folder = self.folder(output.id(), cx.scene_id);
         Ok(Box::new(scene::BopScene::new(self.clone(), folder, output)?))
     }
 

@@ -84,7 +84,7 @@ struct ViewFiles {
 
 impl SceneWriter for BopScene {
     fn view(&mut self, cx: &ViewContext, products: &Products) -> Result<()> {
-        let (view, scale) = (cx.view.id, self.config.depth_scale);
+        let (view, scale) = (cx.view_id, self.config.depth_scale);
         let camera: CameraView = read(products.get(CAMERA)?, CAMERA.name())?;
         if camera.distortion_k1_k2_p1_p2_k3.is_some() {
             return Err(Error::new("BOP has no cameras with lens distortion")
@@ -101,7 +101,7 @@ impl SceneWriter for BopScene {
         };
         match self.config.layout {
             Layout::Scenewise => self.write_files(view, &files, &objects)?,
-            Layout::Webdataset => self.add_sample(&key(cx.scene.id, view), &files, &objects)?,
+            Layout::Webdataset => self.add_sample(&key(cx.scene_id, view), &files, &objects)?,
         }
         let objects = objects.into_iter().map(Object::record).collect();
         self.shard.view(&ViewRecord { view: view.0, camera: camera.camera(scale), objects })

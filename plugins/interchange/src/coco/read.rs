@@ -85,6 +85,8 @@ struct Reader {
     has_policy: bool,
     /// Annotations of crowds.
     crowds: u64,
+    /// All other annotations.
+    objects: u64,
 }
 
 /// Opens the dataset of an annotation file.
@@ -142,6 +144,7 @@ pub(crate) fn open_file(root: &DatasetFolder, file: &Path) -> Result<Box<dyn Dat
         has_depth,
         has_policy,
         crowds,
+        objects,
         has_visible,
         has_hidden,
     }))
@@ -257,6 +260,17 @@ impl DatasetReader for Reader {
         ];
         let own = notes.into_iter().filter(|it| it.0).map(|it| it.1);
         own.chain(shared::supercategories(&self.listing, reads)).collect()
+    }
+
+    fn passed_over(&self, reads: &[KeyId]) -> Vec<LeftOut> {
+        if !shared::reads_labels(reads) {
+            return Vec::new();
+        }
+        let of = |count: u64, of: u64, what: &'static str| LeftOut::new(count as usize, of as usize, what);
+        let crowds = "annotations are crowds (`iscrowd`), and no objects";
+        let empty = "objects have no mask (`segmentation` is missing or empty): they are objects without pixels";
+        let without_mask = if self.has_masks { self.without_mask } else { 0 };
+        vec![of(self.crowds, self.crowds + self.objects, crowds), of(without_mask, self.objects, empty)]
     }
 
     fn category(&self, own: u64) -> Option<u32> {

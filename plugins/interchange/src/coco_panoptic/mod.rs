@@ -5,9 +5,11 @@ mod read;
 use crate::annotation_file::{self, Listed, SceneFiles, check_split, image_name, merge};
 use crate::coco::Masks;
 use crate::labels::{self, Partial};
+use std::collections::BTreeSet;
 use syntable_formats::coco::{Category, categories};
 use syntable_formats::encode::png::{Image, Samples};
 use syntable_model::prelude::*;
+use syntable_model::product::Painted;
 use syntable_model::product::standard::RGB;
 
 /// How names of annotation files begin.
@@ -20,7 +22,9 @@ const BACKGROUND: u32 = 1 << 16;
 ///
 /// # What it does
 ///
-/// Every visible mask is a segment of a thing, whose id is the id of the object in its scene. All other pixels (table,
+/// Every visible mask is a segment of a thing, whose id is the id of the object in its scene. Where visible masks overlap, as
+/// in COCO and LVIS, a pixel is of the object with the smallest mask: areas and boxes are of the pixels that a segment has, an
+/// object that has none left has no segment, and how many objects lose pixels is reported. All other pixels (table,
 /// room, distractors and objects without labels) are one segment of the stuff `background`, so that panopticapi counts
 /// what is predicted there as wrong; no pixel is void. A segment's id is R + 256 · G + 256² · B of its pixels in the
 /// PNG file. Categories are `object` (1) and the classes of the recipe's pools, with `isthing` 1, then `background`
@@ -137,12 +141,12 @@ impl SceneWriter for PanopticScene {
         let rgb = products.get(RGB)?;
         let mut labels = labels::partial(cx.dataset, products)?;
         labels.retain(|label| !visible(label).is_empty());
-        let segments = segments(rgb.width(), rgb.height(), background_category(cx.dataset), &labels);
-        let name = image_name(cx.scene.id, cx.view.id);
-        let masks: Vec<(u32, &Mask)> = segments.iter().map(|(segment, mask)| (segment.id, mask)).collect();
-        self.files.png(&format!("{}/{name}", self.folder), &id_image(rgb.width(), rgb.height(), &masks))?;
+        let painted = Painted::new([rgb.width(), rgb.height()], labels.iter().map(|label| (label.id, visible(label))));
+        painted.left_out().for_each(|left_out| cx.log.left_out(&left_out));
+        let name = image_name(cx.scene_id, cx.view_id);
+        self.files.png(&format!("{}/{name}", self.folder), &id_image(&painted.ids))?;
         self.files.image(cx, products, 1)?;
-        let segments_info = segments.into_iter().map(|(segment, _)| segment).collect();
+        let segments_info = segments(&painted, background_category(cx.dataset), &labels);
         self.files.annotation(&PanopticAnnotation { id: 0, image_id: 0, file_name: name, segments_info })
     }
 
@@ -155,25 +159,28 @@ fn visible<'a>(label: &Partial<'a>) -> &'a Mask {
     Masks::Visible.shown_of(label)
 }
 
-/// The segments of an image with their masks: objects, then the background if a pixel shows it.
-fn segments(width: u32, height: u32, background: u64, labels: &[Partial]) -> Vec<(Segment, Mask)> {
-    let all = Mask::from_fn(width, height, |_, _| true);
-    let rest = labels.iter().fold(all, |rest, label| rest.minus(visible(label)));
+/// The segments of an image: objects of which it shows pixels, then the background if a pixel shows it.
+fn segments(painted: &Painted, background: u64, labels: &[Partial]) -> Vec<Segment> {
+    let shown: BTreeSet<InstanceId> = painted.shown().collect();
+    let things = labels.iter().filter(|label| shown.contains(&label.id));
     let thing = |label: &Partial| {
-        (Segment::new(label.id.0.into(), label.category.into(), visible(label)), visible(label).clone())
+        Segment::new(label.id.0.into(), label.category.into(), &painted.mask(label.id, visible(label)))
     };
-    let stuff = (!rest.is_empty()).then(|| (Segment::new(BACKGROUND, background, &rest), rest));
-    labels.iter().map(thing).chain(stuff).collect()
+    let ids = &painted.ids;
+    let rest = Mask::from_fn(ids.width(), ids.height(), |x, y| *ids.at(x, y) == InstanceId::default());
+    let stuff = (!rest.is_empty()).then(|| Segment::new(BACKGROUND, background, &rest));
+    things.map(thing).chain(stuff).collect()
 }
 
 /// The image whose pixels say the ids of their segments.
-fn id_image(width: u32, height: u32, masks: &[(u32, &Mask)]) -> Image {
-    let mut samples = vec![0; width as usize * height as usize * 3];
-    for (id, mask) in masks {
-        let [r, g, b, _] = id.to_le_bytes();
-        mask.pixels().for_each(|pixel| samples[3 * pixel..][..3].copy_from_slice(&[r, g, b]));
+fn id_image(ids: &Plane<InstanceId>) -> Image {
+    let segment = |id: &InstanceId| if *id == InstanceId::default() { BACKGROUND } else { id.0.into() };
+    let color = |id: &InstanceId| <[u8; 3]>::try_from(&segment(id).to_le_bytes()[..3]).expect("three of four bytes");
+    Image {
+        width: ids.width(),
+        height: ids.height(),
+        samples: Samples::Rgb8(ids.data().iter().flat_map(color).collect()),
     }
-    Image { width, height, samples: Samples::Rgb8(samples) }
 }
 
 register!(CocoPanoptic);

@@ -72,6 +72,8 @@ struct Reader {
     stuff: BTreeSet<u64>,
     /// Segments of stuff and of crowds, which are no objects.
     no_objects: u64,
+    /// Segments of crowds of things, and all segments of things.
+    crowds: [u64; 2],
 }
 
 fn is_stuff(category: &Category) -> bool {
@@ -103,12 +105,16 @@ fn open(source: &Source) -> Result<Box<dyn DatasetReader>> {
         }
     }
     let no_objects = segments.iter().filter(|((id, is_crowd), _)| *is_crowd || stuff.contains(id)).map(|it| it.1).sum();
+    let things = segments.iter().filter(|((id, _), _)| !stuff.contains(id));
+    let crowds = things.fold([0; 2], |[crowds, all], ((_, is_crowd), number)| {
+        [crowds + if *is_crowd { *number } else { 0 }, all + number]
+    });
     let images_root = images_root(&root, &file, listing.images.first().map(|image| image.frame.file_name.as_str()));
     let about = &listing.file.info;
     let info = categories.info(about.description.clone(), about.contributor.clone(), &listing.refs, String::new());
     let beside = if shared::is_in(&file, FOLDER) { root.inner(FOLDER) } else { root };
     let segments = beside.inner(file.file_stem().unwrap_or_default());
-    Ok(Box::new(Reader { images_root, segments, info, listing, categories, stuff, no_objects }))
+    Ok(Box::new(Reader { images_root, segments, info, listing, categories, stuff, no_objects, crowds }))
 }
 
 /// The segments of an image, and the ids of its pixels.
@@ -184,6 +190,14 @@ impl DatasetReader for Reader {
         let segments = format!("segments of stuff and of crowds are no objects: {} were left out", self.no_objects);
         let own = (self.no_objects > 0).then_some(segments);
         own.into_iter().chain(shared::supercategories(&self.listing, reads)).collect()
+    }
+
+    fn passed_over(&self, reads: &[KeyId]) -> Vec<LeftOut> {
+        if !shared::reads_labels(reads) {
+            return Vec::new();
+        }
+        let [crowds, all] = self.crowds.map(|number| number as usize);
+        vec![LeftOut::new(crowds, all, "segments of things are crowds (`iscrowd`), and no objects")]
     }
 
     fn crowds(&self, image: usize) -> Result<Vec<Crowd>> {

@@ -131,7 +131,7 @@ impl SceneWriter for CocoaScene {
         self.files.annotation(&ImageAnnotation {
             id: 0,
             image_id: 0,
-            url: image_name(cx.scene.id, cx.view.id),
+            url: image_name(cx.scene_id, cx.view_id),
             author: &cx.dataset.program,
             size: regions.len(),
             depth_constraint: constraints(&order, &sorted).join(","),

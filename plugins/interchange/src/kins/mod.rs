@@ -17,8 +17,9 @@ use syntable_model::product::standard::{AMODAL_OUTLINE, RGB, VISIBLE_OUTLINE};
 /// # What it does
 ///
 /// Both annotation files have COCO's structure and the categories of the dataset. Polygons are lists of lists `[x1, y1,
-/// x2, y2, …]`, one per part of a mask, whose holes are filled; the annotator `outlines` says how close they are. Areas
-/// and boxes `[x, y, width, height]` are those of the masks. Objects of which an image shows nothing have no
+/// x2, y2, …]` whose holes are filled; the annotator `outlines` says how close they are. A visible mask has one polygon per
+/// part. The parts of an amodal mask are linked at their nearest corners to one polygon, since the readers of deocclusion and
+/// InstaOrder take one alone. Areas and boxes `[x, y, width, height]` are those of the masks. Objects of which an image shows nothing have no
 /// annotation. Images without objects are listed.
 ///
 /// - `2019`: `segmentation`, `bbox` and `area` are amodal; `inmodal_seg` is the visible mask as compressed run lengths,
@@ -175,7 +176,7 @@ fn annotation_2019(products: &Products, label: &Label) -> Result<Annotation2019>
         category_id: label.category,
         iscrowd: 0,
         area: label.amodal.area(),
-        segmentation: outlines::polygons(products, Masks::Amodal, label.id)?,
+        segmentation: vec![outlines::ring(products, Masks::Amodal, label.id)?.into_flattened()],
         bbox: label.amodal_box.into(),
         inmodal_seg: Rle::encode(label.visible),
         inmodal_bbox: label.visible_box.into(),
@@ -188,7 +189,7 @@ fn annotation_2020(products: &Products, label: &Label, place: Place) -> Result<A
         image_id: 0,
         category_id: label.category,
         iscrowd: 0,
-        a_segm: outlines::polygons(products, Masks::Amodal, label.id)?,
+        a_segm: vec![outlines::ring(products, Masks::Amodal, label.id)?.into_flattened()],
         a_bbox: label.amodal_box.into(),
         a_area: label.amodal.area(),
         i_segm: outlines::polygons(products, Masks::Visible, label.id)?,

@@ -5,8 +5,11 @@ mod read;
 use crate::coco::Masks;
 use crate::depth::DepthSource;
 use crate::labels::{self, Label};
+use std::borrow::Cow;
+use std::collections::{BTreeMap, BTreeSet};
 use syntable_formats::encode::png::Image;
 use syntable_model::prelude::*;
+use syntable_model::product::Painted;
 use syntable_model::product::standard::RGB;
 use syntable_model::scene::{SceneId, ViewId};
 
@@ -22,7 +25,8 @@ const MASKS: [&str; 2] = ["amodal_annotation", "occlusion_annotation"];
 /// The folder `{id}` takes the place of `datasets/OSD-0.2-depth`. The objects of an image are numbered from 1 in the
 /// order of their ids; the numbers are the labels of the visible masks and part of the names of the others. An occluded
 /// mask is there only if the object is occluded, which is how the evaluation knows. Objects of which the image shows
-/// nothing are left out, and so are views without objects, at which the evaluation fails. An image has at most 255
+/// nothing are left out, and so are views without objects, at which the evaluation fails. Where visible masks overlap, a pixel
+/// is of the object with the smallest mask, and how many objects lose pixels is reported. An image has at most 255
 /// objects. Names have no underscore, since the evaluation splits them there.
 ///
 /// # Output
@@ -79,18 +83,28 @@ struct OsdScene {
 
 impl SceneWriter for OsdScene {
     fn view(&mut self, cx: &ViewContext, products: &Products) -> Result<()> {
-        let labels = Masks::Visible.shown(labels::labels(cx.dataset, products)?);
+        let mut labels = Masks::Visible.shown(labels::labels(cx.dataset, products)?);
         if labels.is_empty() {
             return Ok(());
         }
-        let (rgb, name) = (products.get(RGB)?, name(cx.scene.id, cx.view.id));
+        let (rgb, name) = (products.get(RGB)?, name(cx.scene_id, cx.view_id));
+        let size = [rgb.width(), rgb.height()];
+        let painted = Painted::new(size, labels.iter().map(|label| (label.id, label.visible)));
+        painted.left_out().for_each(|left_out| cx.log.left_out(&left_out));
+        let shown: BTreeSet<InstanceId> = painted.shown().collect();
+        labels.retain(|label| shown.contains(&label.id));
         let write = |folder: &str, image: Image, end: &str| {
             image.write(&self.output, &format!("{}/{folder}/{name}{end}.png", self.output.id()))
         };
-        let images = [Image::rgb(rgb), self.depth.image(products)?, label_image(rgb.width(), rgb.height(), &labels)?];
+        let images = [Image::rgb(rgb), self.depth.image(products)?, label_image(&painted, &labels)?];
         IMAGES.into_iter().zip(images).try_for_each(|(folder, image)| write(folder, image, ""))?;
         (1..).zip(&labels).try_for_each(|(number, label): (usize, _)| {
-            let masks = MASKS.into_iter().zip([label.amodal, label.occlusion]).filter(|(_, mask)| !mask.is_empty());
+            // What an object lost to others in front of it is hidden.
+            let occlusion = match painted.mask(label.id, label.visible) {
+                Cow::Owned(visible) => Cow::Owned(label.amodal.minus(&visible)),
+                Cow::Borrowed(_) => Cow::Borrowed(label.occlusion),
+            };
+            let masks = MASKS.into_iter().zip([label.amodal, &*occlusion]).filter(|(_, mask)| !mask.is_empty());
             let end = format!("_{number}");
             masks.into_iter().try_for_each(|(folder, mask)| write(folder, Image::mask(mask, u8::MAX), &end))
         })
@@ -102,16 +116,16 @@ impl SceneWriter for OsdScene {
 }
 
 /// The number of the object that each pixel shows.
-fn label_image(width: u32, height: u32, labels: &[Label]) -> Result<Image> {
-    let mut plane = Plane::from_fn(width, height, |_, _| 0_u8);
-    for (i, label) in labels.iter().enumerate() {
-        let number = u8::try_from(i + 1).map_err(|_| {
+fn label_image(painted: &Painted, labels: &[Label]) -> Result<Image> {
+    let number = |(place, label): (usize, &Label)| {
+        let number = u8::try_from(place + 1).map_err(|_| {
             Error::new(format!("an image shows {} objects; OSD-Amodal has labels for {}", labels.len(), u8::MAX))
                 .help("place fewer objects, or write another format")
         })?;
-        label.visible.pixels().for_each(|pixel| plane.data_mut()[pixel] = number);
-    }
-    Ok(Image::gray8(&plane))
+        Ok((label.id, number))
+    };
+    let numbers: BTreeMap<InstanceId, u8> = labels.iter().enumerate().map(number).collect::<Result<_>>()?;
+    Ok(Image::gray8(&painted.ids.map(|id| numbers.get(id).copied().unwrap_or(0))))
 }
 
 register!(OsdAmodal);

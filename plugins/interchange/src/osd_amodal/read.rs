@@ -155,6 +155,12 @@ impl DatasetReader for Reader {
         of.without_amodal(&shown).into_iter().map(|label| ("records_agree", message(label))).collect()
     }
 
+    fn passed_over(&self, _: &[KeyId]) -> Vec<LeftOut> {
+        let left_out: usize = self.left_out.lock().unwrap_or_else(PoisonError::into_inner).values().sum();
+        let all: usize = self.images.iter().map(|image| image.masks[0].len()).sum::<usize>() + left_out;
+        vec![LeftOut::new(left_out, all, "labels have no amodal mask, and are no objects")]
+    }
+
     fn caveats(&self, _: &[KeyId]) -> Vec<String> {
         let left_out: usize = self.left_out.lock().unwrap_or_else(PoisonError::into_inner).values().sum();
         let labels = format!("labels without an amodal mask are no objects: {left_out} were left out");

@@ -162,7 +162,7 @@ struct YoloScene {
 impl SceneWriter for YoloScene {
     fn view(&mut self, cx: &ViewContext, products: &Products) -> Result<()> {
         let Self { config, output } = self;
-        let (rgb, scene, view) = (products.get(RGB)?, cx.scene.id, cx.view.id);
+        let (rgb, scene, view) = (products.get(RGB)?, cx.scene_id, cx.view_id);
         Image::rgb(rgb).write(output, &format!("{}/{}", output.id(), config.image_path(scene, view)))?;
         let size = [rgb.width(), rgb.height()].map(f64::from);
         let mut text = String::new();

@@ -53,6 +53,8 @@ struct Reader {
     known: Known,
     /// Lines of boxes among those of polygons.
     boxes: usize,
+    /// All lines.
+    lines: usize,
     faults: Faults,
 }
 
@@ -194,11 +196,12 @@ fn open(source: &Source) -> Result<Box<dyn DatasetReader>> {
     }
     let stated = description.as_deref().map(data::shape).transpose()?.flatten();
     let known = description.as_deref().map_or(Ok(Known::Visible), data::masks)?;
-    let (mut shape, mut boxes, mut found) = (None, 0, BTreeSet::new());
+    let (mut shape, mut boxes, mut all_lines, mut found) = (None, 0, 0, BTreeSet::new());
     for path in all.iter().filter_map(|image| image.labels.as_ref()) {
         // What cannot be read is at fault when the image is read.
         for line in lines(path, stated).unwrap_or_default() {
             found.insert(line.class);
+            all_lines += 1;
             boxes += usize::from(line.is_box());
             shape = Shape::of(&line.values).map(|it| it.joined(shape)).or(shape);
         }
@@ -216,7 +219,7 @@ fn open(source: &Source) -> Result<Box<dyn DatasetReader>> {
     let name = read::name_of(root);
     let info = categories.info(name, String::new(), &refs, String::new());
     let shape = stated.or(shape).unwrap_or(Shape::Polygons);
-    Ok(Box::new(Reader { info, categories, classes, refs, images, shape, known, boxes, faults }))
+    Ok(Box::new(Reader { info, categories, classes, refs, images, shape, known, boxes, lines: all_lines, faults }))
 }
 
 /// The lines of a label file of a dataset of which this is said.
@@ -321,6 +324,12 @@ impl DatasetReader for Reader {
                 std::iter::once(POLYGONS.to_owned()).chain(visible).chain(boxes).collect()
             }
         }
+    }
+
+    fn passed_over(&self, reads: &[KeyId]) -> Vec<LeftOut> {
+        let reads_masks = self.shape == Shape::Polygons && reads.iter().any(|key| *key != RGB.id());
+        let boxes = if reads_masks { self.boxes } else { 0 };
+        vec![LeftOut::new(boxes, self.lines, "objects have a box and no polygon, and are not read")]
     }
 
     fn image_faults(&self, image: usize) -> Vec<(&'static str, String)> {

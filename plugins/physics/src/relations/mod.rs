@@ -89,16 +89,17 @@ impl SceneAnnotator for Relate {
     }
 
     fn annotate(&self, cx: &SceneContext, _: &[ViewProducts], products: &mut Products) -> Result<()> {
-        let solids = solid::solids(cx, &self.shapes);
+        let scene = cx.scene()?;
+        let solids = solid::solids(cx, scene, &self.shapes);
         let contacts = contact::contacts(&solids, self.margin_m);
-        let moving: Vec<Option<Moving>> = solids.iter().map(|solid| Moving::of(solid, cx.scene)).collect();
+        let moving: Vec<Option<Moving>> = solids.iter().map(|solid| Moving::of(solid, scene)).collect();
         let forces = Forces::new(&moving, &contacts);
         let support = Support::new(&solids, &moving, &contacts, &forces);
         let records = contacts.iter().zip(&forces.of_points);
         let records = records.map(|(contact, forces)| Value::of(&ContactView::new(contact, forces, &solids)));
         products.put(CONTACTS, Value::List(records.collect::<Result<_>>()?))?;
         products.put(SUPPORT_GRAPH, Value::of(&support.graph(&solids, &moving, &forces))?)?;
-        let inside = inside::inside(cx.scene, &solids, &support);
+        let inside = inside::inside(scene, &solids, &support);
         products.put(INSIDE, Value::List(inside.iter().map(Value::of).collect::<Result<_>>()?))?;
         products.put(REMOVAL_ORDER, Value::of(&support.removal_order(&solids))?)
     }

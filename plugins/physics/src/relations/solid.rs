@@ -12,7 +12,7 @@ use std::sync::Arc;
 use syntable_model::context::SceneContext;
 use syntable_model::error::Result;
 use syntable_model::geometry::Point3;
-use syntable_model::scene::{Body, InstanceId, Motion, Object, Role};
+use syntable_model::scene::{Body, InstanceId, Motion, Object, Role, Scene};
 
 /// A body, or the ground.
 pub struct Solid {
@@ -88,8 +88,8 @@ fn bounds(parts: &[Part]) -> Option<Aabb> {
 
 /// All bodies of a scene in the order of their ids, then the ground. One of whose mesh no shape can be made has no parts;
 /// the log is told.
-pub fn solids(cx: &SceneContext, shapes: &HullCache) -> Vec<Solid> {
-    let (scene, tabletop) = (cx.scene, Some(&cx.scene.tabletop));
+pub fn solids(cx: &SceneContext, scene: &Scene, shapes: &HullCache) -> Vec<Solid> {
+    let tabletop = Some(&scene.tabletop);
     let is_room = |body: &Body| body.role == Role::Room && body.motion == Motion::Fixed;
     let shaped: Vec<&Body> = scene.bodies().iter().filter(|body| !is_room(body)).collect();
     let surface = SupportSurface::new(shaped.iter().copied().filter(|body| body.role == Role::Support));

@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use syntable_model::reader;
 use syntable_model::registry::Registry;
 use syntable_runtime::clap::{Arg, ArgAction, ArgMatches, Command, value_parser};
-use syntable_runtime::cli::{Console, Exit, Verb, check_outputs, dataset_folder};
+use syntable_runtime::cli::{Console, Exit, LeftOutReport, Verb, check_outputs, dataset_folder};
 use syntable_runtime::durable::write_file;
 use syntable_runtime::workers::Pool;
 
@@ -88,10 +88,11 @@ fn run(console: &Console, _: &Registry, arguments: &ArgMatches) -> Result<(), Ex
     check_outputs(&[("--csv", arguments.get_one("csv"))], &datasets)?;
     let threads = arguments::threads_of(arguments);
     let pool = Pool::new(threads).map_err(Exit::stopped)?;
-    let mut all = Vec::new();
+    let (mut all, mut left_out) = (Vec::new(), LeftOutReport::default());
     for path in arguments.get_many::<PathBuf>("dataset").into_iter().flatten() {
         let (format, dataset) =
             reader::open_source(&arguments::source(path, arguments), text("format")).map_err(Exit::stopped)?;
+        left_out.unlisted(&*dataset);
         let statistics = of(&*dataset, &options, (&pool, console.reporter()));
         let statistics = statistics.map_err(|error| Exit::stopped(error.in_file(path)))?;
         all.push(Described { dataset: path.display().to_string(), format: format.name, statistics });
@@ -100,5 +101,6 @@ fn run(console: &Console, _: &Registry, arguments: &ArgMatches) -> Result<(), Ex
     if let Some(file) = arguments.get_one::<PathBuf>("csv") {
         write_file(file, table::csv(&all).as_bytes()).map_err(Exit::stopped)?;
     }
-    console.print(&if arguments.get_flag("json") { table::json(&all) } else { table::text(&all) })
+    console.print(&if arguments.get_flag("json") { table::json(&all) } else { table::text(&all) })?;
+    left_out.end(datasets[0], "`syntable validate` lists all that is wrong")
 }

@@ -100,11 +100,7 @@ impl Writer for Gltf {
     }
 
     fn scene(&self, cx: &SceneContext, output: Output) -> Result<Box<dyn SceneWriter>> {
-        Ok(Box::new(GltfScene { config: self.clone(), output, export: Export::new(cx)?, id: cx.scene.id, views: 0 }))
-    }
-
-    fn needs_scene(&self) -> bool {
-        true
+        Ok(Box::new(GltfScene { config: self.clone(), output, export: Export::new(cx)?, id: cx.scene_id, views: 0 }))
     }
 
     fn paths(&self, of: &FileOf) -> Result<Vec<String>> {
@@ -132,7 +128,7 @@ struct GltfScene {
 
 impl SceneWriter for GltfScene {
     fn view(&mut self, cx: &ViewContext, _: &Products) -> Result<()> {
-        let view = cx.view;
+        let view = cx.view()?;
         match self.config.per {
             FilePer::Scene => {
                 if self.views == 0 {
@@ -143,7 +139,7 @@ impl SceneWriter for GltfScene {
             }
             FilePer::View => {
                 let mut export = self.export.clone();
-                let stem = view_name(cx.scene.id, view.id);
+                let stem = view_name(cx.scene_id, view.id);
                 light(&mut export, view, self.config.lights, &self.output, &stem)?;
                 export.camera(view);
                 let path = glb_path(self.output.id(), &stem);
@@ -193,7 +189,7 @@ impl Export {
     fn new(cx: &SceneContext) -> Result<Self> {
         let mut export = Self::default();
         let licenses: BTreeSet<&str> = cx
-            .scene
+            .scene()?
             .bodies()
             .iter()
             .flat_map(|body| {
@@ -211,11 +207,11 @@ impl Export {
         };
         document.nodes.push(Node { name: "world".into(), matrix: Some(Y_UP_FROM_Z_UP), ..Node::default() });
         document.scenes.push(JsonScene {
-            name: format!("{} {:06}", cx.dataset.name, cx.scene.id.0),
+            name: format!("{} {:06}", cx.dataset.name, cx.scene_id.0),
             nodes: vec![0],
-            extras: json!({ "dataset": cx.dataset.name, "seed": cx.dataset.seed, "scene": cx.scene.id.0 }),
+            extras: json!({ "dataset": cx.dataset.name, "seed": cx.dataset.seed, "scene": cx.scene_id.0 }),
         });
-        for body in cx.scene.bodies() {
+        for body in cx.scene()?.bodies() {
             export.body(body).map_err(|error| error.context(format!("body {} ({})", body.id, body.asset)))?;
         }
         Ok(export)

@@ -120,10 +120,10 @@ struct JsonlScene {
 impl SceneWriter for JsonlScene {
     fn view(&mut self, cx: &ViewContext, products: &Products) -> Result<()> {
         let include = &self.config.include;
-        let mut record = Map::from_iter([("view".to_owned(), cx.view.id.0.into())]);
+        let mut record = Map::from_iter([("view".to_owned(), cx.view_id.0.into())]);
         match self.config.per {
             LinePer::View => {
-                record = Map::from_iter([("scene".to_owned(), cx.scene.id.0.into())].into_iter().chain(record));
+                record = Map::from_iter([("scene".to_owned(), cx.scene_id.0.into())].into_iter().chain(record));
                 // What is known before the views is in each line, in the order of `include`.
                 for key in include.iter().filter_map(|name| products.key(name.as_str())) {
                     self.written.insert(key.name);
@@ -142,7 +142,7 @@ impl SceneWriter for JsonlScene {
     }
 
     fn close(mut self: Box<Self>, cx: &SceneContext, products: &Products) -> Result<()> {
-        let mut line = Map::from_iter([("scene".to_owned(), cx.scene.id.0.into())]);
+        let mut line = Map::from_iter([("scene".to_owned(), cx.scene_id.0.into())]);
         let mut of_scene = json(&self.config.include, products, Scope::Scene)?;
         match self.config.per {
             LinePer::Scene => {

@@ -1,6 +1,7 @@
 //! The files of SynTable's switch `--save-segmentation-data`.
 //!
-//! `k` is the object's spawn number, with gaps where objects were removed. The values are those of the released program:
+//! `k` is the object's spawn number, with gaps where objects were removed; of a dataset that is converted, it is the id less
+//! one, which is the spawn number if none was removed. The values are those of the released program:
 //! visible and occlusion masks are 0 and 1, amodal masks 0 and the instance id; the ids of objects modulo 256, and 0 for
 //! everything else.
 
@@ -8,8 +9,8 @@ use super::SynTable;
 use super::record::Labels;
 use syntable_formats::encode::{pfm, png::Image};
 use syntable_model::prelude::*;
-use syntable_model::product::Plane;
 use syntable_model::product::standard::{DEPTH, INSTANCE};
+use syntable_model::product::{Painted, Plane};
 
 /// Paths of the files of the view `name` that are not of single objects: depth, its preview, and the ids.
 pub fn paths(name: &str) -> [String; 3] {
@@ -31,11 +32,28 @@ pub fn write(
     let depth = products.get(DEPTH)?;
     output.write(&depth_path, &pfm::encode(depth))?;
     Image::gray8(&inverse_depth(depth)).write(output, &preview_path)?;
-    let objects = cx.scene.objects().len();
-    let ids = products.get(INSTANCE)?.map(|id| if usize::from(id.0) <= objects { id.0 as u8 } else { 0 });
-    Image::gray8(&ids).write(output, &ids_path)?;
+    // A dataset that was read has no scene: then the labels are all that is known.
+    let scene = cx.scene().ok();
+    let ids = match scene {
+        Some(scene) => {
+            let objects = scene.objects().len();
+            products.get(INSTANCE)?.map(|id| if usize::from(id.0) <= objects { *id } else { InstanceId::default() })
+        }
+        None => {
+            let masks = labels.ids().iter().map(|&id| Ok((id, labels.masks(id)?[0])));
+            let painted = Painted::new(cx.size, masks.collect::<Result<Vec<_>>>()?);
+            painted.left_out().for_each(|left_out| cx.log.left_out(&left_out));
+            painted.ids
+        }
+    };
+    Image::gray8(&ids.map(|id| id.0 as u8)).write(output, &ids_path)?;
+    let beyond = labels.ids().iter().filter(|id| id.0 > u8::MAX.into()).count();
+    let what =
+        "objects have ids above 255, and these files have 8 bits: they show ids modulo 256, of which 0 is nothing";
+    cx.log.left_out(&LeftOut::new(beyond, labels.ids().len(), what));
     for &id in labels.ids() {
-        let k = cx.scene.body(id).map_or(0, |body| body.spawn);
+        let spawn = scene.and_then(|scene| scene.body(id)).map(|body| body.spawn);
+        let k = spawn.unwrap_or_else(|| u32::from(id.0) - 1);
         let [visible, amodal, occlusion] = labels.masks(id)?;
         Image::mask(visible, 1).write(output, &path(format!("instance/{name}_{k}.png")))?;
         Image::mask(amodal, id.0 as u8).write(output, &path(format!("amodal/{name}_{k}.png")))?;

@@ -58,7 +58,9 @@ pub struct SynTable {
     /// files are written all the same. The `syntable_1` form never has such images.
     pub skip_empty_images: bool,
     /// Also writes the files of SynTable's switch `--save-segmentation-data`, except the images of single objects: instance
-    /// maps, visible, amodal and occlusion masks as PNG, depth as PFM in meters and as 8-bit inverse depth.
+    /// maps, visible, amodal and occlusion masks as PNG, depth as PFM in meters and as 8-bit inverse depth. Of a dataset that
+    /// is converted, instance maps are painted from the visible masks, and files of an object have its id less one in their
+    /// names, since spawn numbers are not known.
     pub debug_masks: bool,
     /// File name of the annotation file.
     pub annotation_file: String,
@@ -141,7 +143,8 @@ impl Writer for SynTable {
             inputs.extend(more.map(Input::optional));
         }
         if self.debug_masks {
-            inputs.push(Input::of(INSTANCE));
+            // A run always has it; of a dataset that is converted, ids are painted from visible masks.
+            inputs.push(Input::of(INSTANCE).optional());
         }
         inputs
     }
@@ -195,7 +198,7 @@ struct SynTableScene {
 impl SceneWriter for SynTableScene {
     fn view(&mut self, cx: &ViewContext, products: &Products) -> Result<()> {
         let Self { config, output, lines } = self;
-        let (scene, view) = (cx.scene.id.0, cx.view.id.0);
+        let (scene, view) = (cx.scene_id.0, cx.view_id.0);
         Image::rgb(products.get(RGB)?).write(output, &config.path(&rgb_path(scene, view)))?;
         let rounding = match config.compat {
             Compat::Coco => Rounding::Truncate,

@@ -121,8 +121,8 @@ impl<'a> Labels<'a> {
 /// The record of an image in the coco form, without its id.
 pub fn image(cx: &ViewContext, products: &Products, labels: &Labels) -> Result<Image> {
     Ok(Image {
-        scene_id: Some(cx.scene.id.0),
-        view_id: Some(cx.view.id.0),
+        scene_id: Some(cx.scene_id.0),
+        view_id: Some(cx.view_id.0),
         instance_ids: Some(labels.ids().iter().map(|id| id.0).collect()),
         depth_unit_mm: products.contains(&DEPTH.id().name).then_some(1),
         camera: found(products, CAMERA)?,
@@ -141,7 +141,7 @@ fn found<T: Product>(products: &Products, key: Key<T>) -> Result<Option<Json>> {
 /// The record of an image in the syntable_1 form, without its id.
 pub fn image_1(cx: &ViewContext, products: &Products) -> Result<Image> {
     let rgb = products.get(RGB)?;
-    let (scene, view) = (cx.scene.id.0, cx.view.id.0);
+    let (scene, view) = (cx.scene_id.0, cx.view_id.0);
     Ok(Image {
         id: 0,
         file_name: rgb_path(scene, view),
@@ -162,7 +162,7 @@ pub fn scene(cx: &SceneContext, products: &Products) -> Result<Option<Scene>> {
     let Some(bodies) = found(products, BODIES)? else { return Ok(None) };
     let bodies = serde_json::from_value(bodies);
     let bodies = bodies.map_err(|error| Error::new(format!("product `{}`: {error}", BODIES.name())).permanent())?;
-    Ok(Some(Scene { id: cx.scene.id.0, bodies, extra: Default::default() }))
+    Ok(Some(Scene { id: cx.scene_id.0, bodies, extra: Default::default() }))
 }
 
 /// The record of an annotation in the coco form, without its id and that of its image.

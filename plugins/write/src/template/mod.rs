@@ -246,7 +246,7 @@ impl Writer for TemplateWriter {
         // A file that cannot be read or parsed is reported before anything is rendered.
         self.0.body().map_err(Error::permanent)?;
         let context = self.0.context(cx.dataset, output.id());
-        let scene = Map::from_iter([("scene".to_owned(), json!({ "id": cx.scene.id.0 }))]);
+        let scene = Map::from_iter([("scene".to_owned(), json!({ "id": cx.scene_id.0 }))]);
         Ok(Box::new(TemplateScene { templates: self.0.clone(), output, context, scene, views: Vec::new() }))
     }
 
@@ -321,7 +321,7 @@ struct TemplateScene {
 impl SceneWriter for TemplateScene {
     fn view(&mut self, cx: &ViewContext, products: &Products) -> Result<()> {
         let per_view = self.templates.config.per == FilePer::View;
-        let mut record = Map::from_iter([("view".to_owned(), json!({ "id": cx.view.id.0 }))]);
+        let mut record = Map::from_iter([("view".to_owned(), json!({ "id": cx.view_id.0 }))]);
         let include = &self.templates.config.include;
         for (name, _) in include::of_scope(include, products, Scope::View) {
             record.insert(name.to_owned(), encoded(products, name)?);

@@ -92,7 +92,7 @@ impl Writer for Webdataset {
     }
 
     fn scene(&self, cx: &SceneContext, output: Output) -> Result<Box<dyn SceneWriter>> {
-        let path = path(output.id(), &scene_name(cx.scene.id));
+        let path = path(output.id(), &scene_name(cx.scene_id));
         let archive = Archive::new(output.create(&path)?, path);
         Ok(Box::new(WebdatasetScene { config: self.clone(), archive }))
     }
@@ -121,9 +121,9 @@ struct WebdatasetScene {
 
 impl SceneWriter for WebdatasetScene {
     fn view(&mut self, cx: &ViewContext, products: &Products) -> Result<()> {
-        let k = &cx.view.camera.intrinsics;
-        let size = [k.height as usize, k.width as usize];
-        let sample = view_name(cx.scene.id, cx.view.id);
+        let [width, height] = cx.size.map(|edge| edge as usize);
+        let size = [height, width];
+        let sample = view_name(cx.scene_id, cx.view_id);
         for (product, key) in include::of_scope(&self.config.include, products, Scope::View) {
             let fields = self.config.floats.fields(product, &key, &products.value(product)?, size)?;
             fields

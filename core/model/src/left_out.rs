@@ -1,0 +1,38 @@
+//! What stages leave out of images because a format or a product cannot hold it.
+
+use std::borrow::Cow;
+use std::fmt;
+
+/// What a stage left out of an image: how many of how many, and why.
+///
+/// Stages hand it to [`Log::left_out`](crate::context::Log::left_out), also with a count of 0, so that sums say of how many.
+/// Verbs add it up over all images, name it on standard error and end with exit code 3.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct LeftOut {
+    /// What it happened to, and why, after the numbers: `objects lost all their pixels: …`.
+    pub what: Cow<'static, str>,
+    /// How many of them in the image.
+    pub count: u64,
+    /// Number of all in the image that it could have happened to.
+    pub of: u64,
+    /// What the user can do.
+    pub help: Option<Cow<'static, str>>,
+}
+
+impl LeftOut {
+    /// `count` of `of` things.
+    pub fn new(count: usize, of: usize, what: impl Into<Cow<'static, str>>) -> Self {
+        Self { what: what.into(), count: count as u64, of: of as u64, help: None }
+    }
+
+    /// The same with a remedy.
+    pub fn help(self, help: impl Into<Cow<'static, str>>) -> Self {
+        Self { help: Some(help.into()), ..self }
+    }
+}
+
+impl fmt::Display for LeftOut {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} of {} {}", self.count, self.of, self.what)
+    }
+}

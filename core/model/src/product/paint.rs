@@ -1,0 +1,70 @@
+//! Masks painted into one plane of ids: the one place that decides which object a pixel shows that several masks claim.
+
+use super::{Mask, Plane};
+use crate::left_out::LeftOut;
+use crate::scene::InstanceId;
+use std::borrow::Cow;
+use std::collections::BTreeMap;
+
+/// A plane that has one object per pixel, and what objects lost on the way there.
+///
+/// A pixel that several masks claim goes to the smallest of them, and of equally large ones to the one with the lowest id. So
+/// a cup stays in front of the table whose mask includes it, whatever the order of the annotations.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Painted {
+    /// The object of each pixel; 0 where no mask is.
+    pub ids: Plane<InstanceId>,
+    /// Pixels that objects have, of those whose mask is not empty.
+    areas: BTreeMap<InstanceId, u32>,
+    /// Objects that lost pixels: all of the mask's pixels that others have.
+    lost: BTreeMap<InstanceId, u32>,
+}
+
+impl Painted {
+    /// Paints masks of the size of the image. Every id comes once.
+    pub fn new<'m>([width, height]: [u32; 2], masks: impl IntoIterator<Item = (InstanceId, &'m Mask)>) -> Self {
+        let mut masks: Vec<(u32, InstanceId, &Mask)> =
+            masks.into_iter().map(|(id, mask)| (mask.area(), id, mask)).filter(|it| it.0 > 0).collect();
+        masks.sort_by_key(|&(area, id, _)| std::cmp::Reverse((area, id)));
+        let mut ids = Plane::from_fn(width, height, |_, _| InstanceId::default());
+        let mut areas: BTreeMap<InstanceId, u32> = masks.iter().map(|&(area, id, _)| (id, area)).collect();
+        let mut lost: BTreeMap<InstanceId, u32> = BTreeMap::new();
+        for (_, id, mask) in masks {
+            for pixel in mask.pixels() {
+                let below = std::mem::replace(&mut ids.data_mut()[pixel], id);
+                if below != InstanceId::default() {
+                    *lost.entry(below).or_default() += 1;
+                }
+            }
+        }
+        for (id, pixels) in &lost {
+            *areas.get_mut(id).expect("what lost pixels had some") -= pixels;
+        }
+        Self { ids, areas, lost }
+    }
+
+    /// The pixels that an object has in the plane, of its mask.
+    pub fn mask<'m>(&self, id: InstanceId, mask: &'m Mask) -> Cow<'m, Mask> {
+        match self.lost.contains_key(&id) {
+            true => Cow::Owned(Mask::from_fn(self.ids.width(), self.ids.height(), |x, y| *self.ids.at(x, y) == id)),
+            false => Cow::Borrowed(mask),
+        }
+    }
+
+    /// The objects of which the plane has pixels.
+    pub fn shown(&self) -> impl Iterator<Item = InstanceId> {
+        self.areas.iter().filter(|(_, area)| **area > 0).map(|(id, _)| *id)
+    }
+
+    /// What was lost: how many objects have fewer pixels than their masks, and how many of these have none.
+    pub fn left_out(&self) -> impl Iterator<Item = LeftOut> {
+        let (all, gone) = (self.areas.len(), self.areas.values().filter(|area| **area == 0).count());
+        let some = "objects lost pixels where masks overlap: a pixel shows one object, the one with the smallest mask";
+        let whole = "objects lost all of their pixels where masks overlap: the image of ids does not show them";
+        let help =
+            "choose a format that stores each mask by itself, such as coco, or npz with `visible_mask` in `include`";
+        [LeftOut::new(self.lost.len(), all, some), LeftOut::new(gone, all, whole)]
+            .into_iter()
+            .map(move |it| it.help(help))
+    }
+}
