@@ -402,7 +402,7 @@ mod tests {
                 "{text}"
             );
         };
-        let error = format(|_| panic!("opening")).open(root).err().expect("refused");
+        let error = format(|_| panic!("opening")).open(&Source::new(root)).err().expect("refused");
         says(&error.to_string(), "opening");
         assert!(!format(|_| panic!("opening")).detects(root));
         let opened = format(|_| {
@@ -419,7 +419,7 @@ mod tests {
             };
             Ok(Box::new(Panicking(info)))
         })
-        .open(root)
+        .open(&Source::new(root))
         .expect("opens");
         says(&opened.read(3, &[]).err().expect("refused").to_string(), "image 3");
         says(&opened.faults()[0].message, "faults");
