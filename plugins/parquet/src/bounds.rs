@@ -307,7 +307,14 @@ impl Thrift<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use parquet::basic::Compression;
+    use parquet::data_type::Int64Type;
+    use parquet::file::properties::WriterProperties;
+    use parquet::file::reader::{FileReader, SerializedFileReader};
+    use parquet::file::writer::SerializedFileWriter;
+    use parquet::schema::parser::parse_message_type;
     use std::io::Write;
+    use std::sync::Arc;
 
     /// A file that has nothing but a footer with a schema of groups of so many columns.
     fn check(children: &[u8]) -> Result<()> {
@@ -336,5 +343,49 @@ mod tests {
         assert!(error.contains("128 levels") && error.contains("limit of 127"), "{error}");
         let error = check(&[60, 0]).expect_err("too many").to_string();
         assert!(error.contains("a group of 60 columns, and the schema has 2 elements"), "{error}");
+    }
+
+    /// A file with one column of zeros.
+    fn zeros(rows: usize) -> File {
+        let mut file = tempfile::tempfile().expect("a file");
+        let schema = Arc::new(parse_message_type("message m { REQUIRED INT64 a; }").expect("a schema"));
+        let properties = Arc::new(WriterProperties::builder().set_compression(Compression::SNAPPY).build());
+        let mut writer = SerializedFileWriter::new(&mut file, schema, properties).expect("a writer");
+        let mut group = writer.next_row_group().expect("a group");
+        let mut column = group.next_column().expect("a column").expect("the column");
+        let batch = vec![0; 1 << 20];
+        for start in (0..rows).step_by(batch.len()) {
+            let values = &batch[..batch.len().min(rows - start)];
+            column.typed::<Int64Type>().write_batch(values, None, None).expect("written");
+        }
+        column.close().expect("closed");
+        group.close().expect("closed");
+        writer.close().expect("closed");
+        file
+    }
+
+    #[test]
+    fn pages_have_the_values_that_the_footer_states() {
+        let mut file = zeros(100_000);
+        check_footer(&mut file).expect("sound");
+        let reader = SerializedFileReader::new(file.try_clone().expect("a file")).expect("readable");
+        let column = reader.metadata().row_group(0).column(0);
+        let length = file.metadata().expect("a file").len();
+        let sums = pages(&mut file, length, column).expect("sound");
+        assert_eq!(sums.values, 100_000);
+        // Headers are no part of the pages.
+        let stated = column.uncompressed_size() as u64;
+        assert!(sums.bytes <= stated && sums.bytes + 200 > stated, "{} of {stated}", sums.bytes);
+        assert!(check_pages(&mut file, reader.metadata(), |name| name == "a").is_ok());
+    }
+
+    #[test]
+    fn rows_that_repeat_are_refused_before_they_are_read() {
+        let mut file = zeros(TABLE_VALUES.most as usize + 1);
+        assert!(file.metadata().expect("a file").len() < 1 << 20, "zeros take no space");
+        let reader = SerializedFileReader::new(file.try_clone().expect("a file")).expect("readable");
+        let error = check_pages(&mut file, reader.metadata(), |_| true).expect_err("too many").to_string();
+        assert!(error.contains("values of a Parquet table") && error.contains("limit of 16777216"), "{error}");
+        assert!(check_pages(&mut file, reader.metadata(), |_| false).is_ok(), "other columns are not looked at");
     }
 }

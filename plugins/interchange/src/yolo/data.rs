@@ -163,6 +163,7 @@ fn scalar(text: &str) -> Option<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::fs;
 
     fn read(text: &str) -> Result<Vec<(u64, String)>, String> {
         let folder = tempfile::tempdir().expect("a folder");

@@ -73,14 +73,18 @@ fn bytes(count: u64) -> tera::Result<()> {
     })
 }
 
-/// Bytes of the texts of a value, and one for each value in it.
+/// Bytes that a value in a list takes beside its text; about half of it is in use.
+const OF_VALUE: u64 = 16;
+
+/// Bytes of the texts of a value, and some for each value in it.
 fn size(value: &Json) -> u64 {
-    1 + match value {
-        Json::String(text) => text.len() as u64,
-        Json::Array(values) => values.iter().map(size).sum(),
-        Json::Object(fields) => fields.iter().map(|(name, value)| name.len() as u64 + size(value)).sum(),
-        _ => 0,
-    }
+    OF_VALUE
+        + match value {
+            Json::String(text) => text.len() as u64,
+            Json::Array(values) => values.iter().map(size).sum(),
+            Json::Object(fields) => fields.iter().map(|(name, value)| name.len() as u64 + size(value)).sum(),
+            _ => 0,
+        }
 }
 
 /// A filter that makes text longer, with what its result has at most.

@@ -288,12 +288,12 @@ mod tests {
             "{% macro m(x, y='d') %}{{ x }}{% for i in range(end=3) %}{{ i }}{{ y }}{% endfor %}{% endmacro %}{{ self::m(x=t) }}|{{ self::m(x=a, y=f) | upper }}",
             "{% filter upper %}{{ t }} plain {% for i in list %}{{ i }}{% endfor %}{% endfilter %}",
             "{{ missing | default(value='d') }}{{ none | default(value=list) | join(sep='-') }}{% if missing %}1{% else %}0{% endif %}",
-            "{% if list | length > 2 and not missing %}{{ list | sort | first }}{% elif a in list %}x{% endif %}{{ not t }}",
-            "{% block b %}{{ t }}{% endblock %}{% set x = [a, [t, f]] %}{{ x }}{{ x | json_encode }}{{ a in list }}{{ t is containing('x') }}",
-            "{% for i in list %}{% if i == 1 %}{% continue %}{% endif %}{{ i }}{% break %}{% endfor %}{{ f | round }}{{ -a }}{{ 7 % 4 }}",
+            "{% if list | length > 2 and not missing %}{{ list | sort | first }}{% elif a in list %}x{% endif %}",
+            "{% block b %}{{ t }}{% endblock %}{% set x = [a, t, f] %}{{ x }}{{ x | json_encode }}{% if a in list %}1{% endif %}{% if t is containing('x') %}2{% endif %}",
+            "{% for i in list %}{% if i == 1 %}{% continue %}{% endif %}{{ i }}{% break %}{% endfor %}{{ f | round }}{{ 7 % 4 }}",
             "{% set_global g = 0 %}{% for i in list %}{% set_global g = g + i %}{% endfor %}{{ g }}{{ t | split(pat='<') | join(sep='+') }}",
         ] {
-            let plain = Template::new(text).expect("parses");
+            let plain = Template::new(text).unwrap_or_else(|fault| panic!("{text}: {fault:?}"));
             let limited = Template::new(text).and_then(Template::limited).expect("parses");
             let want = plain.render(&context).unwrap_or_else(|fault| panic!("{text}: {fault:?}"));
             assert_eq!(limited.render(&context).unwrap_or_else(|fault| panic!("{text}: {fault:?}")), want, "{text}");
