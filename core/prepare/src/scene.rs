@@ -361,8 +361,8 @@ mod tests {
     use syntable_model::digest::Digest;
     use syntable_model::geometry::{Translation3, UnitQuaternion, Vector3};
     use syntable_model::scene::{
-        AssetRef, BodyDraft, Color, MassOrigin, MassProperties, Mesh, MeshData, Motion, Object, SourceModel, Role, SceneBuilder,
-        SceneId, SettleReport, Tabletop,
+        AssetRef, BodyDraft, Color, MassOrigin, MassProperties, Mesh, MeshData, Motion, Object, Role, SceneBuilder,
+        SceneId, SettleReport, SourceModel, Tabletop,
     };
 
     /// A triangle with legs of 1 m along x and y.

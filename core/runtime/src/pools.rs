@@ -183,7 +183,9 @@ impl<'a> AssetStore<'a> {
         number_places(&mut pools, &recipe.labeled_pools)?;
         if recipe.write.iter().any(|(_, writer)| writer.needs_obj_ids()) {
             numbers_differ(&pools, &recipe.labeled_pools)?;
-            for (id, _) in pools.iter().filter(|(id, pool)| recipe.labeled_pools.contains(**id) && pool.resizes_numbered) {
+            for (id, _) in
+                pools.iter().filter(|(id, pool)| recipe.labeled_pools.contains(**id) && pool.resizes_numbered)
+            {
                 let message = "objects keep the numbers of their files at another size: models and poses are not those of the benchmark";
                 let help = "leave out `scale` and `units`, or number the pool anew with `first_id`";
                 log.warn(&Error::new(message).help(help).context(format!("assets.{id}")));
@@ -712,7 +714,9 @@ mod tests {
         let all = PoolOptions::default();
         let some = PoolOptions { exclude: vec!["b".into()], ..PoolOptions::default() };
         let labeled = BTreeSet::from(["objects".to_owned(), "shoes".to_owned()]);
-        for (options, objects, shoes) in [(&all, vec![1, 2, 3, 4], vec![5, 6, 7, 8]), (&some, vec![1, 3, 4], vec![5, 7, 8])] {
+        for (options, objects, shoes) in
+            [(&all, vec![1, 2, 3, 4], vec![5, 6, 7, 8]), (&some, vec![1, 3, 4], vec![5, 7, 8])]
+        {
             // Tables come last, though their name is first.
             let pool = || numbered(options, &names, &[]);
             let mut pools = BTreeMap::from([("desks", pool()), ("objects", pool()), ("shoes", pool())]);
@@ -723,12 +727,14 @@ mod tests {
         }
         // Places are behind what others state, taken or not.
         let stated = [("a", 3), ("b", 40), ("c", 2), ("d", 5)];
-        let mut pools = BTreeMap::from([("objects", numbered(&all, &names, &[])), ("shoes", numbered(&some, &names, &stated))]);
+        let mut pools =
+            BTreeMap::from([("objects", numbered(&all, &names, &[])), ("shoes", numbered(&some, &names, &stated))]);
         number_places(&mut pools, &labeled).expect("few");
         assert_eq!((ids(&pools, "objects"), ids(&pools, "shoes")), (vec![41, 42, 43, 44], vec![3, 2, 5]));
         numbers_differ(&pools, &labeled).expect("all differ");
         // Those that are stated stay, and clashes name both.
-        let mut pools = BTreeMap::from([("objects", numbered(&all, &names, &stated)), ("shoes", numbered(&all, &names, &stated))]);
+        let mut pools =
+            BTreeMap::from([("objects", numbered(&all, &names, &stated)), ("shoes", numbered(&all, &names, &stated))]);
         number_places(&mut pools, &labeled).expect("few");
         let error = numbers_differ(&pools, &labeled).expect_err("equal");
         assert!(error.to_string().contains("`objects/a` and `shoes/a` have the same `obj_id` 3"), "{error}");

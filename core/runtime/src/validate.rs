@@ -79,9 +79,13 @@ impl Numbers {
             let numbers_of = |names: &Names, name: &String| -> Vec<u64> {
                 names.iter().filter(|(_, names)| names.contains(name)).map(|(id, _)| *id).collect()
             };
-            // The categories of BOP are its objects.
+            // The categories of BOP are its objects, with their pools.
+            let is_object = |category: &String, object: &String| {
+                category.strip_suffix(object.as_str()).is_some_and(|pool| pool.is_empty() || pool.ends_with('/'))
+            };
             let is_of_objects = |id: &u64, names: &BTreeSet<String>| {
-                what == "category" && self.objects.get(id).is_some_and(|objects| !objects.is_disjoint(names))
+                let objects = || self.objects.get(id).into_iter().flatten();
+                what == "category" && names.iter().any(|name| objects().any(|object| is_object(name, object)))
             };
             for (id, names) in here.iter().filter(|(id, names)| !is_of_objects(id, names)) {
                 if let Some(others) = there.get(id).filter(|others| others.is_disjoint(names))
@@ -94,7 +98,9 @@ impl Numbers {
                     // Several pools may have an object of one name: the first number speaks.
                     let are_apart = own.first() == Some(id) && !own.iter().any(|id| others.contains(id));
                     if let Some(other) = others.first().filter(|_| are_apart) {
-                        faults.push(fault(format!("{what} `{name}` has the {number} {id} in {one}, and {other} in {two}")));
+                        faults.push(fault(format!(
+                            "{what} `{name}` has the {number} {id} in {one}, and {other} in {two}"
+                        )));
                     }
                 }
             }
@@ -262,7 +268,8 @@ mod tests {
         // A number of two objects is none of one of them.
         assert!(compare(&numbers(&[], &[(5, "can"), (5, "duck")])).is_empty());
         // BOP's categories are its objects: they are said once.
-        let [one, two] = [[(1, "can")], [(1, "cat")]].map(|objects| numbers(&objects, &objects));
+        let [one, two] =
+            [["a/can", "can"], ["b/cat", "cat"]].map(|[category, object]| numbers(&[(1, category)], &[(1, object)]));
         assert_eq!(one.differences(&two, ["a", "b"]).len(), 1);
     }
 }

@@ -8,8 +8,8 @@ use syntable_model::geometry::{Point3, Pose, Translation3, UnitQuaternion, Vecto
 use syntable_model::prelude::*;
 use syntable_model::scene::{
     AssetRef, BodyDraft, Camera, Color, Encoding, Exposure, Intrinsics, Light, MassOrigin, MassProperties, Material,
-    MaterialOverride, Mesh, MeshData, Motion, NormalMap, Object, SourceModel, RectLight, Role, Scalar, SceneId, SettleReport,
-    SphereLight, Tabletop, Texture, TextureMapping, Transmission, ViewId, Volume, Wrap,
+    MaterialOverride, Mesh, MeshData, Motion, NormalMap, Object, RectLight, Role, Scalar, SceneId, SettleReport,
+    SourceModel, SphereLight, Tabletop, Texture, TextureMapping, Transmission, ViewId, Volume, Wrap,
 };
 
 /// The table from above one corner, 600 px of focal length: the center of a 640 × 480 image, or all of it.

@@ -5,7 +5,7 @@ use syntable_model::digest::Hasher;
 use syntable_model::geometry::{Point3, Pose, Vector3, look_at};
 use syntable_model::scene::{
     AssetRef, BodyDraft, Camera, Exposure, Intrinsics, Light, MassOrigin, MassProperties, Material, Mesh, MeshData,
-    Motion, Object, SourceModel, Role, Scene, SceneBuilder, SceneId, SettleReport, SphereLight, Tabletop, View, ViewId,
+    Motion, Object, Role, Scene, SceneBuilder, SceneId, SettleReport, SourceModel, SphereLight, Tabletop, View, ViewId,
 };
 use syntable_model::stage::DatasetInfo;
 

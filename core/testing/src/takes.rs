@@ -13,7 +13,7 @@ use syntable_model::product::{DType, OcclusionOrder, PixelCounts, Plane, Tensor}
 use syntable_model::registry::{Registry, Slot, Stage};
 use syntable_model::scene::{
     AssetRef, BodyDraft, Camera, Exposure, Intrinsics, MassOrigin, MassProperties, Material, Mesh, MeshData, Motion,
-    Object, SourceModel, Role, SceneId, SettleReport, Tabletop, ViewId,
+    Object, Role, SceneId, SettleReport, SourceModel, Tabletop, ViewId,
 };
 
 /// Width of the images, px.

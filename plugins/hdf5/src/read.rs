@@ -93,7 +93,8 @@ fn open(source: &Source) -> Result<Box<dyn DatasetReader>> {
         let help = "name the folder that has the files, such as 000000_0000.hdf5";
         return Err(Error::new("it has no HDF5 files of views").in_file(root).help(help).of_request());
     }
-    read::check_inside(&source.folder(root)?, all.iter().map(|(_, path)| path))?;
+    let folder = source.folder(root)?;
+    read::check_inside(&folder, all.iter().map(|(_, path)| path))?;
     let mut faults = Faults::default();
     let all = samples::files_of_views(all, &mut faults);
     let image = |(place, path): (&(u32, u32), &PathBuf)| read::image(*place, read::name_of(path));
@@ -127,7 +128,7 @@ fn open(source: &Source) -> Result<Box<dyn DatasetReader>> {
     }
     let category = |(id, name): (u32, String)| Category { id: id.into(), name, ..Category::default() };
     let of_bodies = are_named.then(|| names.into_iter().map(category).collect());
-    let categories = include::categories_in(root)?.or(of_bodies);
+    let categories = include::categories_in(&folder)?.or(of_bodies);
     let contents = Contents { images, fields, faults, categories, of_shown, leaves_out_empty: false };
     Ok(samples::open(read::name_of(root), contents, Box::new(Files(paths))))
 }

@@ -15,7 +15,7 @@ use syntable_model::product::{Plane, Product};
 use syntable_model::registry::{ConstructError, Registry, Slot, Stage};
 use syntable_model::scene::{
     AssetRef, BodyDraft, Camera, Distortion, Exposure, Intrinsics, MassOrigin, MassProperties, Material, Mesh,
-    MeshData, Motion, Object, SourceModel, Role, SceneId, SettleReport, Tabletop, ViewId,
+    MeshData, Motion, Object, Role, SceneId, SettleReport, SourceModel, Tabletop, ViewId,
 };
 use syntable_testing::tools::is_there;
 

@@ -7,7 +7,8 @@ use std::sync::Arc;
 use syntable_model::digest::{Digest, Hasher};
 use syntable_model::prelude::*;
 use syntable_model::scene::{
-    Asset, AssetClass, Catalog, ConvexPart, MassDistribution, MassOrigin, MassProperties, Material, Mesh, Object, SourceModel,
+    Asset, AssetClass, Catalog, ConvexPart, MassDistribution, MassOrigin, MassProperties, Material, Mesh, Object,
+    SourceModel,
 };
 
 /// Texels along the edge of the surfaces that objects share.

@@ -6,9 +6,7 @@ use syntable_model::scene::{Catalog, CatalogEntry};
 /// The catalog of some families with equally many variants.
 pub(crate) fn variant_catalog(families: impl Iterator<Item = &'static str>, variants: u32) -> Catalog {
     let mut entries: Vec<CatalogEntry> = families
-        .flat_map(|family| {
-            (0..variants).map(move |i| CatalogEntry::new(format!("{family}_{i:04}"), family))
-        })
+        .flat_map(|family| (0..variants).map(move |i| CatalogEntry::new(format!("{family}_{i:04}"), family)))
         .collect();
     entries.sort();
     Catalog { entries }

@@ -53,13 +53,7 @@ impl Table {
 
     /// Writes the table as a file of one row group, or of none if it has no rows. Nothing in it depends on time. `path` names it in errors.
     /// `categories` are COCO's list as JSON.
-    pub fn write(
-        self,
-        out: impl Write + Send,
-        path: &str,
-        program: &str,
-        categories: Option<String>,
-    ) -> Result<()> {
+    pub fn write(self, out: impl Write + Send, path: &str, program: &str, categories: Option<String>) -> Result<()> {
         self.try_write(out, program, categories).map_err(|error| match error {
             // What the disk says is no fault of the scene.
             ParquetError::External(cause) if cause.is::<std::io::Error>() => {
@@ -69,12 +63,7 @@ impl Table {
         })
     }
 
-    fn try_write(
-        self,
-        out: impl Write + Send,
-        program: &str,
-        categories: Option<String>,
-    ) -> Result<(), ParquetError> {
+    fn try_write(self, out: impl Write + Send, program: &str, categories: Option<String>) -> Result<(), ParquetError> {
         let fields = self.columns.iter().map(|(name, node)| node.schema(name)).collect::<Result<_, _>>()?;
         let schema = Type::group_type_builder("schema").with_fields(fields).build()?;
         let [_, image] = IMAGES;

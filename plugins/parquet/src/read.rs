@@ -249,9 +249,8 @@ fn open(source: &Source) -> Result<Box<dyn DatasetReader>> {
         images: views.keys().map(image).collect(),
         fields: products_of(&columns).into_keys().collect(),
         faults,
-        categories: categories.or_else(|| {
-            Some(names.into_iter().map(category).collect()).filter(|all: &Vec<Category>| !all.is_empty())
-        }),
+        categories: categories
+            .or_else(|| Some(names.into_iter().map(category).collect()).filter(|all: &Vec<Category>| !all.is_empty())),
         of_shown: BTreeSet::new(),
         leaves_out_empty: !has_views,
     };

@@ -7,7 +7,7 @@ use syntable_model::digest::Hasher;
 use syntable_model::geometry::{Aabb, Point3};
 use syntable_model::prelude::*;
 use syntable_model::scene::{
-    AssetRef, BodyDraft, MassOrigin, MassProperties, Material, Mesh, MeshData, Motion, Object, SourceModel, Role,
+    AssetRef, BodyDraft, MassOrigin, MassProperties, Material, Mesh, MeshData, Motion, Object, Role, SourceModel,
 };
 
 /// Pool of the parts of a room.

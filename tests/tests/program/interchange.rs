@@ -322,7 +322,7 @@ fn bop_models_keep_numbers_shapes_colors_and_symmetries() {
     let (data, models) = (folder.path().join("data"), root().join("tests/fixtures/assets/bop"));
     let pool = format!("assets.objects={{ kind=\"bop_models\", root={:?} }}", models.display().to_string());
     let writers = "write={ bop = { models = \"models\" }, jsonl = { include = [\"object_info\"] } }";
-    support::small_dataset(&data, &[&pool, writers, "dataset.scenes=1", "dataset.views_per_scene=2"]);
+    support::small_dataset(&data, &[pool.as_str(), writers, "dataset.scenes=1", "dataset.views_per_scene=2"]);
     let bop = data.join("bop");
     let objects = json(&bop.join("objects.json"));
     let (infos, mut compared) = (json(&bop.join("models/models_info.json")), 0);
@@ -336,7 +336,8 @@ fn bop_models_keep_numbers_shapes_colors_and_symmetries() {
         assert_eq!(faces, own_faces, "{file}");
         // Every vertex is one of the original, with its color or its place in the texture.
         for vertex in &found {
-            let is_near = |other: &BTreeMap<String, f64>| vertex.iter().all(|(key, value)| (other[key] - value).abs() < 1e-4);
+            let is_near =
+                |other: &BTreeMap<String, f64>| vertex.iter().all(|(key, value)| (other[key] - value).abs() < 1e-4);
             assert!(own.iter().any(is_near), "{file}: {vertex:?}");
             assert!(vertex.contains_key("red") != vertex.contains_key("texture_u"), "{file}: {vertex:?}");
             compared += 1;
@@ -398,19 +399,30 @@ fn bop_models_keep_numbers_shapes_colors_and_symmetries() {
     let convert = ["--to", "bop", "--set", "bop.models=\"models\"", "--out"];
     ok(syntable().arg("convert").arg(&bop).args(convert).arg(&again));
     assert_eq!(json(&again.join("bop/objects.json")), objects);
-    let symmetries = |infos: &serde_json::Value| infos.as_object().expect("a table").values().map(|info| {
-        ["symmetries_discrete", "symmetries_continuous"].map(|key| info[key].clone())
-    }).collect::<Vec<_>>();
+    let symmetries = |infos: &serde_json::Value| {
+        infos
+            .as_object()
+            .expect("a table")
+            .values()
+            .map(|info| ["symmetries_discrete", "symmetries_continuous"].map(|key| info[key].clone()))
+            .collect::<Vec<_>>()
+    };
     assert_eq!(symmetries(&json(&again.join("bop/models/models_info.json"))), symmetries(&infos));
     for (name, bytes) in support::files(&bop.join("models")) {
         let [a, b] = [bytes, std::fs::read(again.join("bop/models").join(&name)).expect("the same files")];
         if name.ends_with(".png") {
             assert!(a == b, "{name}");
         } else if name.ends_with(".ply") {
-            let looks = |path: &Path| ply(path).0.iter().map(|it| {
-                let looks = it.iter().filter(|(key, _)| !["x", "y", "z"].contains(&key.as_str()));
-                looks.map(|(_, value)| value.to_bits()).collect::<Vec<_>>()
-            }).collect::<Vec<_>>();
+            let looks = |path: &Path| {
+                ply(path)
+                    .0
+                    .iter()
+                    .map(|it| {
+                        let looks = it.iter().filter(|(key, _)| !["x", "y", "z"].contains(&key.as_str()));
+                        looks.map(|(_, value)| value.to_bits()).collect::<Vec<_>>()
+                    })
+                    .collect::<Vec<_>>()
+            };
             assert!(looks(&bop.join("models").join(&name)) == looks(&again.join("bop/models").join(&name)), "{name}");
         }
     }
@@ -432,17 +444,19 @@ fn every_writer_gives_a_thing_the_same_number() {
     use Tells::{Classes, Objects, OneClass};
     let folder = tempfile::tempdir().expect("a folder");
     let path = |name: &str| folder.path().join(name);
-    let generic = "include = [\"rgb\", \"visible_mask\", \"amodal_mask\", \"category_id\", \"object_name\", \"object_info\"]";
+    let labels = "\"visible_mask\", \"amodal_mask\", \"category_id\"";
+    let generic = format!("include = [{labels}, \"object_name\", \"object_info\"]");
     let writers = format!(
         "write={{ syntable = {{}}, coco = {{}}, coco_panoptic = {{}}, cocoa = {{}}, kins = {{}}, d2sa = {{}}, insta_order = {{}}, \
          uoais = {{}}, osd_amodal = {{}}, yolo = {{}}, bop = {{}}, hdf5 = {{}}, web = {{ kind = \"bop\", layout = \"webdataset\" }}, \
-         webdataset = {{ {generic} }}, npz = {{ {generic} }}, parquet = {{ {generic} }}, jsonl = {{ {generic} }} }}"
+         webdataset = {{ {generic} }}, npz = {{ include = [{labels}] }}, parquet = {{ {generic} }}, jsonl = {{ {generic} }} }}"
     );
     // Of the last class there is nothing.
     let classes = "assets.objects.classes={ mug = [\"mug*\"], book = [\"book*\"], zebra = [\"zebra*\"] }";
     let half = "assets.objects.exclude=[\"b*\", \"c*\", \"*_00?[02468]\"]";
     let make = |name: &str, more: &[&str]| {
-        let settings = [&writers, classes, "camera.resolution=[96, 72]", "dataset.scenes=2", "dataset.views_per_scene=1"];
+        let settings =
+            [writers.as_str(), classes, "camera.resolution=[96, 72]", "dataset.scenes=2", "dataset.views_per_scene=1"];
         support::small_dataset(&path(name), &[&settings[..], more].concat());
     };
     make("train", &[]);
@@ -518,7 +532,10 @@ fn every_writer_gives_a_thing_the_same_number() {
                 }
             }
         }
-        let said = ok(syntable().arg("validate").args(["train", "val"].map(|part| path(part).join(inside))).args(["--format", format]));
+        let said = ok(syntable()
+            .arg("validate")
+            .args(["train", "val"].map(|part| path(part).join(inside)))
+            .args(["--format", format]));
         assert!(said.contains("2 datasets: categories and objects have the same numbers"), "{inside}: {said}");
     }
     assert!(categories > 30 && objects > 30, "{categories} {objects}");

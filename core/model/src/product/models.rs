@@ -48,9 +48,8 @@ impl Product for ObjectModels {
                 fields.push(("symmetries_discrete_m", symmetries.discrete.clone().into()));
             }
             if !symmetries.continuous.is_empty() {
-                let axis = |it: &SymmetryAxis| {
-                    Value::record([("axis", it.axis.into()), ("offset_m", it.offset_m.into())])
-                };
+                let axis =
+                    |it: &SymmetryAxis| Value::record([("axis", it.axis.into()), ("offset_m", it.offset_m.into())]);
                 fields.push(("symmetries_continuous", Value::List(symmetries.continuous.iter().map(axis).collect())));
             }
             fields.push(("vertices_m", rows(DType::F32, &["vertex", "axis"], vertices)));

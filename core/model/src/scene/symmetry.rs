@@ -106,8 +106,8 @@ fn is_rigid(motion: &[[f64; 4]; 4]) -> bool {
     let dot = |a: usize, b: usize| (0..3).map(|i| motion[a][i] * motion[b][i]).sum::<f64>();
     let is_orthonormal = (0..3).all(|a| (0..3).all(|b| (dot(a, b) - f64::from(u8::from(a == b))).abs() <= TOLERANCE));
     let [x, y, z, last] = motion;
-    let volume = x[0] * (y[1] * z[2] - y[2] * z[1]) - x[1] * (y[0] * z[2] - y[2] * z[0])
-        + x[2] * (y[0] * z[1] - y[1] * z[0]);
+    let volume =
+        x[0] * (y[1] * z[2] - y[2] * z[1]) - x[1] * (y[0] * z[2] - y[2] * z[0]) + x[2] * (y[0] * z[1] - y[1] * z[0]);
     let is_affine = *last == [0.0, 0.0, 0.0, 1.0] && motion.iter().flatten().all(|x| x.is_finite());
     is_affine && is_orthonormal && volume > 0.0
 }
@@ -120,7 +120,9 @@ mod tests {
     fn the_form_in_files_is_that_of_bop() {
         let text = r#"{"symmetries_discrete":[[-1.0,0.0,0.0,0.1,0.0,-1.0,0.0,3.3,0.0,0.0,1.0,0.7,0.0,0.0,0.0,1.0]],"symmetries_continuous":[{"axis":[0.0,0.0,1.0],"offset":[1.1,0.3,0.0]}]}"#;
         let read: Symmetries = serde_json::from_str(text).expect("sound");
-        assert!((read.discrete[0][1][3] - 0.0033).abs() < 1e-15 && (read.continuous[0].offset_m[0] - 0.0011).abs() < 1e-15);
+        assert!(
+            (read.discrete[0][1][3] - 0.0033).abs() < 1e-15 && (read.continuous[0].offset_m[0] - 0.0011).abs() < 1e-15
+        );
         // Other keys of a model are no matter, and no decimal moves on the way through meters.
         assert_eq!(serde_json::to_string(&read).expect("plain data"), text);
         let twice = read.clone().scaled(2.0).scaled(0.5);

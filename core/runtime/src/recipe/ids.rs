@@ -52,8 +52,9 @@ impl ObjectIds {
                     .syntable/catalogs/<pool>.json of a dataset is such a file";
         let wrong = |message: String| Error::new(message).in_file(file).help(help);
         let bytes = read_small(file).map_err(|error| Error::io(file, &error))?;
-        let text = std::str::from_utf8(&bytes)
-            .map_err(|error| wrong("the table of numbers is not UTF-8 text".into()).at_byte(error.valid_up_to() as u64))?;
+        let text = std::str::from_utf8(&bytes).map_err(|error| {
+            wrong("the table of numbers is not UTF-8 text".into()).at_byte(error.valid_up_to() as u64)
+        })?;
         let text = text.trim_start_matches('\u{feff}');
         let is_json = file.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("json"));
         // Names first, so that an error says whose number is wrong.
@@ -62,8 +63,8 @@ impl ObjectIds {
             None => Err(wrong(format!("`{name}` has no number from 1 to {}, but {found}", u32::MAX))),
         };
         if is_json {
-            let table: BTreeMap<String, serde_json::Value> = serde_json::from_str(text)
-                .map_err(|error| wrong(error.to_string()).at_line(error.line().max(1)))?;
+            let table: BTreeMap<String, serde_json::Value> =
+                serde_json::from_str(text).map_err(|error| wrong(error.to_string()).at_line(error.line().max(1)))?;
             let entry = |(name, value): (String, serde_json::Value)| {
                 Ok((name.clone(), read(&name, Entry::deserialize(&value).ok(), &value)?))
             };
@@ -96,8 +97,12 @@ impl PoolOptions {
         if let Some(first) = self.first_id {
             let last = first.checked_add(entries.len().saturating_sub(1) as u32);
             if last.is_none() || entries.len() > u32::MAX as usize {
-                return Err(Error::new(format!("first_id: {first} and {} assets go beyond {}", entries.len(), u32::MAX))
-                    .help("choose a smaller first_id"));
+                return Err(Error::new(format!(
+                    "first_id: {first} and {} assets go beyond {}",
+                    entries.len(),
+                    u32::MAX
+                ))
+                .help("choose a smaller first_id"));
             }
             entries.iter_mut().zip(first..).for_each(|(entry, id)| entry.obj_id = Some(id));
             return Ok(Numbering::Stated);
@@ -140,7 +145,8 @@ impl PoolOptions {
             Some(ids) => ids.in_file(Error::new(format!("ids: no number for {}", some_of(&without)))),
             None => Error::new(format!("the source states no number of {}, but of others", some_of(&without))),
         };
-        Err(error.help("add them to `ids`, leave them out with `exclude`, or number the whole pool with `first_id = 1`"))
+        Err(error
+            .help("add them to `ids`, leave them out with `exclude`, or number the whole pool with `first_id = 1`"))
     }
 }
 
@@ -205,16 +211,13 @@ mod tests {
         let both = Ok(vec![Some(4), Some(9)]);
         assert_eq!(read("ids.toml", "\u{feff}\"a b\" = 4\nc = 9\n"), both);
         assert_eq!(read("ids.json", r#"{"c": 9, "a b": 4}"#), both);
-        assert_eq!(
-            read("p.json", r#"{"a b":{"category":"x","obj_id":4},"c":{"category":"y","obj_id":9}}"#),
-            both
-        );
+        assert_eq!(read("p.json", r#"{"a b":{"category":"x","obj_id":4},"c":{"category":"y","obj_id":9}}"#), both);
         for (name, text, wanted) in [
             ("ids.toml", "c = 0", "`c` has no number from 1 to 4294967295, but 0"),
-            ("ids.toml", "c = 1\nc = 2", "ids.toml, line 2"),
+            ("ids.toml", "c = 1\nc = 2", "ids.toml:2"),
             ("ids.json", r#"{"c": "9"}"#, "`c` has no number from 1 to 4294967295, but \"9\""),
             ("ids.json", r#"{"c": 5000000000}"#, "5000000000"),
-            ("ids.json", "{\n\"c\": }", "ids.json, line 2"),
+            ("ids.json", "{\n\"c\": }", "ids.json:2"),
             ("ids.json", r#"{"c": 1, "a b": 1}"#, "`a b` and `c` have the same number 1"),
         ] {
             let error = read(name, text).expect_err(text);

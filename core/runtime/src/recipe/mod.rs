@@ -46,9 +46,9 @@ pub use dataset::{CatalogAsset, CatalogLock, CatalogNames, Dataset, Lock, OnBadA
 pub use describe::{OptionInfo, description_of, options_of};
 pub use diagnostic::{Diagnostic, Label, Report, Severity};
 pub use editor::{editor_schema, schema_text};
-pub use lints::lints;
-pub use ids::ObjectIds;
 pub(crate) use ids::Numbering;
+pub use ids::ObjectIds;
+pub use lints::lints;
 pub use load::load;
 pub(crate) use load::{Checked, checked};
 pub use overrides::Overrides;

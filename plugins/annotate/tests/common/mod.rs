@@ -11,7 +11,7 @@ use syntable_model::product::{BitPlane, Plane, RenderParameters};
 use syntable_model::registry::{Registry, Slot, Stage};
 use syntable_model::scene::{
     AssetRef, BodyDraft, Camera, Exposure, Intrinsics, MassOrigin, MassProperties, Material, Mesh, MeshData, Motion,
-    Object, SourceModel, Role, SceneId, SettleReport, Tabletop, ViewId,
+    Object, Role, SceneId, SettleReport, SourceModel, Tabletop, ViewId,
 };
 use syntable_model::stage::DatasetInfo;
 

@@ -28,10 +28,7 @@ impl FileIndex {
         if files.is_empty() {
             return Err(nothing_found(root, looked_for));
         }
-        let entries = files
-            .keys()
-            .map(|name| CatalogEntry::new(name, category(name, root.folder())))
-            .collect();
+        let entries = files.keys().map(|name| CatalogEntry::new(name, category(name, root.folder()))).collect();
         // A second call finds the same; the first stays.
         let _ = self.0.set(files);
         Ok(Catalog { entries })

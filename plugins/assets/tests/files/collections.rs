@@ -231,17 +231,28 @@ fn bop_folders() {
     assert!(log.warnings().is_empty(), "{:?}", log.warnings());
     assert!(source.load("set/../set/obj_000001", &log).is_err() && source.load("other/obj_000001", &log).is_err());
 
-    let with = |symmetries: &str| info(1, 100.0).replace(r#""size_z": 100}"#, &format!(r#""size_z": 100, {symmetries}}}"#));
+    let with =
+        |symmetries: &str| info(1, 100.0).replace(r#""size_z": 100}"#, &format!(r#""size_z": 100, {symmetries}}}"#));
     write(
         &models,
         "models_info.json",
-        with(r#""symmetries_continuous": [{"axis": [0, 0, 1], "offset": [5, 0, 0]}], "symmetries_discrete": [[-1,0,0,2, 0,-1,0,0, 0,0,1,0, 0,0,0,1]]"#),
+        with(
+            r#""symmetries_continuous": [{"axis": [0, 0, 1], "offset": [5, 0, 0]}], "symmetries_discrete": [[-1,0,0,2, 0,-1,0,0, 0,0,1,0, 0,0,0,1]]"#,
+        ),
     );
     let object = source.load("set/obj_000001", &log).expect("loads").into_object().expect("an object");
     let symmetries = &object.model.symmetries;
-    assert_eq!((symmetries.continuous[0].offset_m, symmetries.discrete[0][0]), ([0.005, 0.0, 0.0], [-1.0, 0.0, 0.0, 0.002]));
+    assert_eq!(
+        (symmetries.continuous[0].offset_m, symmetries.discrete[0][0]),
+        ([0.005, 0.0, 0.0], [-1.0, 0.0, 0.0, 0.002])
+    );
     write(&models, "models_info.json", with(r#""symmetries_discrete": [[1, 2]]"#));
-    check(folder.path(), "set", "a matrix of two", &Warn("the symmetries of obj_000001 are left out: invalid length 2"));
+    check(
+        folder.path(),
+        "set",
+        "a matrix of two",
+        &Warn("the symmetries of obj_000001 are left out: invalid length 2"),
+    );
     write(&models, "models_info.json", info(1, 0.1));
     check(
         folder.path(),

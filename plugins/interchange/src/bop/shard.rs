@@ -55,7 +55,8 @@ impl Shard {
     }
 
     pub fn models(&mut self, models: &ObjectModels) -> Result<()> {
-        let models = models.0.iter().map(|(asset, model)| Ok((asset, Model::of(model)?))).collect::<Result<Vec<_>>>()?;
+        let models =
+            models.0.iter().map(|(asset, model)| Ok((asset, Model::of(model)?))).collect::<Result<Vec<_>>>()?;
         let of_model = |(asset, model): &(&String, Model)| AssetOfModel {
             asset: (*asset).clone(),
             symmetries: model.symmetries.clone(),
@@ -127,7 +128,9 @@ pub fn models(finish: &Finish, scene: SceneId, wanted: impl Fn(&str) -> bool) ->
         if name == ASSETS {
             assets = serde_json::from_slice(&content(finish, scene, member)?).map_err(|_| damaged(finish, scene))?;
         }
-        let Some((index, part)) = name.strip_prefix(MODELS).and_then(|name| name.split_once('.')) else { return Ok(()) };
+        let Some((index, part)) = name.strip_prefix(MODELS).and_then(|name| name.split_once('.')) else {
+            return Ok(());
+        };
         let index: usize = index.parse().map_err(|_| damaged(finish, scene))?;
         let AssetOfModel { asset, .. } = assets.get(index).ok_or_else(|| damaged(finish, scene))?;
         if wanted(asset) {

@@ -54,7 +54,8 @@ pub fn shown(model: &ObjectModel) -> Result<Shown> {
             vertices.len() as u32 - 1
         })
     };
-    let faces = data.triangles.iter().enumerate().map(|(number, face)| face.map(|vertex| index_of(vertex, slot_of(number))));
+    let faces =
+        data.triangles.iter().enumerate().map(|(number, face)| face.map(|vertex| index_of(vertex, slot_of(number))));
     let faces = faces.collect();
     let surface = match (texture, materials) {
         (Some(texture), [only]) => Surface::Texture { uvs, png: image_of(texture, only.base_color.factor).encode()? },

@@ -102,7 +102,8 @@ fn open(source: &Source) -> Result<Box<dyn DatasetReader>> {
         Record::Scene(_) => {}
     })?;
     // Names alone would number what the file happens to have.
-    let own = listing.file.categories.as_ref().filter(|own| names.iter().all(|name| own.iter().any(|it| it.name == *name)));
+    let own =
+        listing.file.categories.as_ref().filter(|own| names.iter().all(|name| own.iter().any(|it| it.name == *name)));
     let categories = own.map_or_else(|| Categories::named(names.clone()), |own| Categories::of(own));
     let first = listing.images.first().map(|image| image.frame.file_name.as_str());
     let images_root = images_root(&root, &file, first);

@@ -10,8 +10,8 @@ use syntable_model::geometry::{Aabb, Point3, UnitQuaternion, Vector3};
 use syntable_model::prelude::*;
 use syntable_model::registry::{Registry, Slot, Stage};
 use syntable_model::scene::{
-    Asset, AssetRef, BodyDraft, CatalogEntry, MassOrigin, MassProperties, Material, Mesh, MeshData, Motion, Object, SourceModel,
-    Role, TextureMapping,
+    Asset, AssetRef, BodyDraft, CatalogEntry, MassOrigin, MassProperties, Material, Mesh, MeshData, Motion, Object,
+    Role, SourceModel, TextureMapping,
 };
 use syntable_placement as _;
 
@@ -35,9 +35,7 @@ struct Pools(BTreeMap<&'static str, Vec<CatalogEntry>>);
 
 impl Pools {
     fn new() -> Self {
-        let entries = |names: &[&str]| {
-            names.iter().map(|name| CatalogEntry::new(*name, "box")).collect()
-        };
+        let entries = |names: &[&str]| names.iter().map(|name| CatalogEntry::new(*name, "box")).collect();
         Self(BTreeMap::from([
             ("small", entries(&["30x40x50", "60x20x90", "80x80x80", "bad"])),
             ("big", entries(&["300x300x300"])),

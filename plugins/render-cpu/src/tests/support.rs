@@ -10,8 +10,8 @@ use syntable_model::geometry::{Point3, Pose, Translation3, UnitQuaternion, Vecto
 use syntable_model::prelude::*;
 use syntable_model::scene::{
     AssetRef, BodyDraft, Camera, EnvironmentLight, EnvironmentMap, Exposure, Intrinsics, Light, MassOrigin,
-    MassProperties, Material, MaterialOverride, Mesh, MeshData, Motion, Object, SourceModel, Role, Scalar, SceneId, SettleReport,
-    Tabletop, Transmission, ViewId, Volume,
+    MassProperties, Material, MaterialOverride, Mesh, MeshData, Motion, Object, Role, Scalar, SceneId, SettleReport,
+    SourceModel, Tabletop, Transmission, ViewId, Volume,
 };
 use syntable_transport::PixelFilter;
 

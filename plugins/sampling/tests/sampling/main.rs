@@ -12,7 +12,7 @@ use syntable_model::prelude::*;
 use syntable_model::registry::{Registry, Slot, Stage};
 use syntable_model::scene::{
     AssetRef, BodyDraft, Camera, EnvironmentMap, Exposure, Intrinsics, Light, MassOrigin, MassProperties, Material,
-    Mesh, MeshData, Motion, Object, SourceModel, Optics, Role, SceneId, SettleReport, Tabletop, ViewId,
+    Mesh, MeshData, Motion, Object, Optics, Role, SceneId, SettleReport, SourceModel, Tabletop, ViewId,
 };
 use syntable_sampling as _;
 use syntable_testing::assets::NoAssets;
