@@ -1,8 +1,8 @@
 //! The pools of a recipe: selection, scale, centering and mass are the same for every source of assets.
 
 use crate::recipe::{
-    self, CatalogAsset, CatalogNames, Center, Mass, Numbering, ObjectProperties, OnBadAsset, Part, PartSizes, PoolOptions,
-    Recipe, Selection,
+    self, CatalogAsset, CatalogNames, Center, Mass, Numbering, ObjectProperties, OnBadAsset, Part, PartSizes,
+    PoolOptions, Recipe, Selection,
 };
 use crate::run::panics::unwound;
 use parking_lot::Mutex;

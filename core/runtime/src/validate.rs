@@ -242,7 +242,9 @@ mod tests {
     fn numbers_of_two_datasets_are_compared_both_ways() {
         let names = |pairs: &[(u64, &str)]| {
             let mut names = Names::new();
-            pairs.iter().for_each(|(id, name)| drop(names.entry(*id).or_default().insert((*name).to_owned())));
+            pairs.iter().for_each(|(id, name)| {
+                names.entry(*id).or_default().insert((*name).to_owned());
+            });
             names
         };
         let numbers = |categories: &[(u64, &str)], objects: &[(u64, &str)]| Numbers {

@@ -250,7 +250,7 @@ fn a_dataset_that_was_read_has_no_scene() {
     assert!(said.contains("write.gltf") && said.contains("it needs the scene") && !out.exists(), "{said}");
     // Products have what is needed for these.
     ok(convert(&data, "syntable", &out).args(["--set", "syntable.debug_masks=true"]));
-    let [one, other] = [&data, &out].map(|it| support::files(&it.join("data/mono/instance")));
+    let [one, other] = [&data, &out].map(|it| crate::support::files(&it.join("data/mono/instance")));
     let whole: Vec<&String> = one.keys().filter(|name| name.matches('_').count() == 1).collect();
     assert!(whole.len() > 1 && one.len() == other.len());
     for name in whole {

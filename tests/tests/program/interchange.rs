@@ -322,7 +322,7 @@ fn bop_models_keep_numbers_shapes_colors_and_symmetries() {
     let (data, models) = (folder.path().join("data"), root().join("tests/fixtures/assets/bop"));
     let pool = format!("assets.objects={{ kind=\"bop_models\", root={:?} }}", models.display().to_string());
     let writers = "write={ bop = { models = \"models\" }, jsonl = { include = [\"object_info\"] } }";
-    support::small_dataset(&data, &[pool.as_str(), writers, "dataset.scenes=1", "dataset.views_per_scene=2"]);
+    crate::support::small_dataset(&data, &[pool.as_str(), writers, "dataset.scenes=1", "dataset.views_per_scene=2"]);
     let bop = data.join("bop");
     let objects = json(&bop.join("objects.json"));
     let (infos, mut compared) = (json(&bop.join("models/models_info.json")), 0);
@@ -408,7 +408,7 @@ fn bop_models_keep_numbers_shapes_colors_and_symmetries() {
             .collect::<Vec<_>>()
     };
     assert_eq!(symmetries(&json(&again.join("bop/models/models_info.json"))), symmetries(&infos));
-    for (name, bytes) in support::files(&bop.join("models")) {
+    for (name, bytes) in crate::support::files(&bop.join("models")) {
         let [a, b] = [bytes, std::fs::read(again.join("bop/models").join(&name)).expect("the same files")];
         if name.ends_with(".png") {
             assert!(a == b, "{name}");
@@ -457,7 +457,7 @@ fn every_writer_gives_a_thing_the_same_number() {
     let make = |name: &str, more: &[&str]| {
         let settings =
             [writers.as_str(), classes, "camera.resolution=[96, 72]", "dataset.scenes=2", "dataset.views_per_scene=1"];
-        support::small_dataset(&path(name), &[&settings[..], more].concat());
+        crate::support::small_dataset(&path(name), &[&settings[..], more].concat());
     };
     make("train", &[]);
     make("val", &["dataset.seed=8", "dataset.name=\"val\"", half]);
@@ -541,7 +541,7 @@ fn every_writer_gives_a_thing_the_same_number() {
     assert!(categories > 30 && objects > 30, "{categories} {objects}");
     // Another numbering is found.
     let bop = ["write={ bop = {} }", "assets.objects.first_id=100", "dataset.scenes=1"];
-    support::small_dataset(&path("other"), &[&bop[..], &["dataset.views_per_scene=1"]].concat());
+    crate::support::small_dataset(&path("other"), &[&bop[..], &["dataset.views_per_scene=1"]].concat());
     let pair = ["train", "other"].map(|part| path(part).join("bop"));
     let output = syntable().arg("validate").args(&pair).output().expect("runs");
     let said = text(&output);

@@ -20,6 +20,7 @@ mod growth;
 mod interchange;
 mod labels;
 mod memory;
+mod mutations;
 mod preview;
 mod recipes;
 mod report;

@@ -147,7 +147,8 @@ fn as_json(asset: &ListedAsset, draws: &Draws) -> serde_json::Value {
 }
 
 fn assets_table(listing: &[ListedAsset], draws: &Draws, width: Option<usize>) -> String {
-    let mut rows = vec![["pool", "name", "obj_id", "category", "part", "license", "chance per draw"].map(str::to_owned)];
+    let mut rows =
+        vec![["pool", "name", "obj_id", "category", "part", "license", "chance per draw"].map(str::to_owned)];
     for asset in listing {
         let drawn = draws_of(asset, draws).into_iter().map(|(option, chance)| format!("{option} {}", percent(chance)));
         rows.push([

@@ -16,7 +16,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 use syntable_model::prelude::Stream;
-use syntable_model::reader::{self, Format};
+use syntable_model::reader::{self, Format, Source};
 use syntable_model::stage::DatasetInfo;
 use syntable_standard as _;
 use syntable_testing::takes::{Crowd, dataset, finish, take, write_scenes, writer};
@@ -70,13 +70,14 @@ fn written(folder: &Path, kind: &str, options: &str) -> Option<PathBuf> {
     write_scenes(folder, "data", &*writer, &info, [&take]).expect("written");
     finish(folder, "data", &*writer, &info, &[0]).expect("finished");
     let _ = std::fs::remove_dir_all(folder.join(".syntable"));
-    Some(reader::find(folder, None).unwrap_or_else(|error| panic!("{kind}: {error}")).1)
+    Some(reader::find(&Source::new(folder), None).unwrap_or_else(|error| panic!("{kind}: {error}")).1.path)
 }
 
 /// Reads all of a dataset. Gives the errors and faults.
 fn read(format: &Format, root: &Path) -> Vec<String> {
-    let _ = reader::find(root, None);
-    let opened = match format.open(root) {
+    let source = Source::new(root);
+    let _ = reader::find(&source, None);
+    let opened = match format.open(&source) {
         Ok(opened) => opened,
         Err(error) => return vec![error.to_string()],
     };
