@@ -304,7 +304,8 @@ impl Limit {
     pub fn shown(&self) -> String {
         if self.is_bytes {
             let units = [(30, "GiB"), (20, "MiB"), (10, "KiB")];
-            let unit = units.into_iter().find(|(shift, _)| self.most >> shift > 0 && self.most % (1 << shift) == 0);
+            let unit =
+                units.into_iter().find(|(shift, _)| self.most >> shift > 0 && self.most.is_multiple_of(1 << shift));
             return unit.map_or_else(
                 || format!("{} bytes", self.most),
                 |(shift, unit)| format!("{} {unit}", self.most >> shift),

@@ -11,6 +11,8 @@
 //! `SYNTABLE_MUTATIONS_ONLY=parquet` chooses datasets by a part of their names, and `SYNTABLE_MUTATIONS_KEEP=DIR` keeps the inputs at
 //! which a reader panicked.
 
+#![allow(clippy::ptr_arg, reason = "all ways to damage a file are functions of one type")]
+
 use crate::support::skip;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
