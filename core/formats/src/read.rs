@@ -8,11 +8,12 @@ use syntable_model::error::{Error, Result};
 use syntable_model::files::DatasetFolder;
 use syntable_model::geometry::Pose;
 use syntable_model::limits::ORDERED;
+pub use syntable_model::product::masks_of;
 use syntable_model::product::standard::{
     AMODAL_BOX, AMODAL_MASK, CATEGORY_ID, OCCLUSION_MASK, OCCLUSION_ORDER, OCCLUSION_RATE, VISIBLE_BOX, VISIBLE_MASK,
 };
 use syntable_model::product::{
-    BBox, Key, KeyId, Mask, OcclusionOrder, PerInstance, PixelCounts, Plane, Product, Products, Value, meeting_boxes,
+    BBox, Key, KeyId, Mask, OcclusionOrder, PerInstance, PixelCounts, Product, Products, Value, meeting_boxes,
 };
 use syntable_model::reader::{DatasetFault, ImageRef};
 use syntable_model::scene::{Camera, Exposure, InstanceId, Intrinsics, SceneId, View, ViewId};
@@ -191,26 +192,6 @@ fn order_of(labels: &[Labels]) -> OcclusionOrder {
 /// Whether an object with this visible mask occludes one with this occlusion mask, by SynTable's Algorithm 1: they meet.
 pub fn occludes(visible: &Mask, hidden: &Mask) -> bool {
     visible.shared_area(hidden) > 0
-}
-
-/// The pixels of each number of a map but 0.
-pub fn masks_of(map: &Plane<u16>) -> BTreeMap<u16, Mask> {
-    let [width, height] = [map.width(), map.height()];
-    let mut flips: BTreeMap<u16, Vec<u32>> = BTreeMap::new();
-    let mut before = 0;
-    for x in 0..width {
-        for y in 0..height {
-            let label = *map.at(x, y);
-            if label != before {
-                for of in [before, label] {
-                    flips.entry(of).or_default().push(x * height + y);
-                }
-                before = label;
-            }
-        }
-    }
-    flips.remove(&0);
-    flips.into_iter().map(|(label, flips)| (label, Mask::from_flips(width, height, &flips))).collect()
 }
 
 /// Who occludes whom, by a rule for a visible and an occlusion mask with a common pixel. Objects are given with both masks, in

@@ -15,10 +15,10 @@ const STEPS: f32 = 16.0;
 /// The number that means full intensity, where a format leaves it open whether colors are fractions, bytes or words.
 ///
 /// Numbers up to 1 are fractions. So are numbers up to 2 that are not whole: rounding, or light above white. Others are
-/// bytes up to 255 and 16-bit words up to 65535. Numbers that are not finite do not count.
+/// bytes up to 255 and 16-bit words up to 65535. Negative numbers and those that are not finite do not count.
 pub fn full_intensity(values: impl IntoIterator<Item = f64>) -> f64 {
     let (mut largest, mut whole) = (0.0_f64, true);
-    for value in values.into_iter().filter(|value| value.is_finite()) {
+    for value in values.into_iter().filter(|value| value.is_finite() && *value > 0.0) {
         largest = largest.max(value);
         whole &= value.fract() == 0.0;
     }
@@ -73,8 +73,8 @@ pub enum VertexAlpha {
 }
 
 /// Puts the opacities of vertices, in [0, 1], into the materials: those of faces of equal opacity exactly, others by the
-/// mean of their corners. Faces that this makes invisible are dropped, unless it is all of them: then they are opaque, as
-/// programs write 0 for an unknown opacity. `meaning` says by slot what opacity does. Warnings name no file.
+/// mean of their corners. Faces that this makes invisible are dropped, unless it is all of them: then the materials stay as
+/// they are, as programs write 0 for an unknown opacity. `meaning` says by slot what opacity does. Warnings name no file.
 pub fn blend_by_vertex(model: &mut Model, alphas: &[f32], meaning: impl Fn(usize) -> VertexAlpha, log: &dyn Log) {
     let Model { mesh, materials } = model;
     let slots: Vec<u16> = (0..mesh.triangles.len()).map(|t| mesh.slots.get(t).copied().unwrap_or(0)).collect();
@@ -97,37 +97,54 @@ pub fn blend_by_vertex(model: &mut Model, alphas: &[f32], meaning: impl Fn(usize
     let varying = corners.iter().filter(|[a, b, c]| a != b || b != c).count();
     let mut opacities: Vec<f32> =
         corners.iter().map(|&[a, b, c]| if a == b && b == c { a } else { (a + b + c) / 3.0 }).collect();
+    // Rounding comes later: it does not decide what is visible.
+    let visible: Vec<bool> = opacities
+        .iter()
+        .zip(&slots)
+        .map(|(&alpha, &slot)| is_visible(&materials[usize::from(slot)], alpha, meaning(slot.into())))
+        .collect();
+    if !visible.contains(&true) {
+        let message = "all faces would be invisible by the alpha of their vertex colors; it is not read";
+        log.warn(&Error::new(message));
+        return;
+    }
     let distinct: BTreeSet<u32> = opacities.iter().map(|alpha| alpha.to_bits()).collect();
     if distinct.len() > MAX_OPACITIES {
-        opacities.iter_mut().for_each(|alpha| *alpha = (*alpha * STEPS).round() / STEPS);
+        opacities.iter_mut().for_each(|alpha| *alpha = (*alpha * STEPS).round().max(1.0) / STEPS);
     }
     if varying > 0 {
         let message =
             format!("the alpha of vertex colors varies within {varying} faces; each has the mean of its corners");
         log.warn(&Error::new(message));
     }
-    // The slot of every old slot and opacity; none if it is invisible.
+    // The slot of every old slot and opacity; none if there are too many materials.
     let mut known: BTreeMap<(u16, u32), Option<u16>> = BTreeMap::new();
-    let mut invisible = 0;
+    let invisible = visible.iter().filter(|&&visible| !visible).count();
+    let mut unchanged = 0;
     let triangles = std::mem::take(&mut mesh.triangles);
     mesh.slots.clear();
-    for ((triangle, slot), alpha) in triangles.into_iter().zip(slots).zip(opacities) {
+    for (((triangle, slot), alpha), visible) in triangles.into_iter().zip(slots).zip(opacities).zip(visible) {
+        if !visible {
+            continue;
+        }
         let new = *known.entry((slot, alpha.to_bits())).or_insert_with(|| {
             let old = &materials[usize::from(slot)];
-            let changed = with_opacity(old, alpha, meaning(slot.into()))?;
+            let changed = with_opacity(old, alpha, meaning(slot.into()));
             if changed.digest == old.digest {
                 return Some(slot);
             }
+            let number = u16::try_from(materials.len()).ok()?;
             materials.push(changed);
-            u16::try_from(materials.len() - 1).ok()
+            Some(number)
         });
-        match new {
-            Some(slot) => {
-                mesh.triangles.push(triangle);
-                mesh.slots.push(slot);
-            }
-            None => invisible += 1,
-        }
+        unchanged += usize::from(new.is_none());
+        mesh.triangles.push(triangle);
+        mesh.slots.push(new.unwrap_or(slot));
+    }
+    if unchanged > 0 {
+        let message =
+            format!("the alpha of vertex colors is not read for {unchanged} faces: there are 65536 materials");
+        log.warn(&Error::new(message));
     }
     if invisible > 0 {
         log.warn(&Error::new(format!(
@@ -136,24 +153,31 @@ pub fn blend_by_vertex(model: &mut Model, alphas: &[f32], meaning: impl Fn(usize
     }
 }
 
-/// A material where vertices have an opacity; none if it is invisible.
-fn with_opacity(material: &Material, alpha: f32, meaning: VertexAlpha) -> Option<Material> {
+/// Whether anything of a material is visible where vertices have an opacity.
+fn is_visible(material: &Material, alpha: f32, meaning: VertexAlpha) -> bool {
+    match (meaning, material.alpha) {
+        _ if alpha >= 1.0 => true,
+        // Texels have at most alpha 1.
+        (VertexAlpha::Masks, Alpha::Mask { cutoff }) => alpha >= cutoff,
+        (VertexAlpha::Masks | VertexAlpha::Ignored, _) => true,
+        (VertexAlpha::Blends, _) => alpha > 0.0,
+    }
+}
+
+/// A material where vertices have an opacity that leaves it visible.
+fn with_opacity(material: &Material, alpha: f32, meaning: VertexAlpha) -> Material {
     let mut changed = material.clone();
     changed.alpha = match (meaning, material.alpha) {
         _ if alpha >= 1.0 || meaning == VertexAlpha::Ignored => material.alpha,
-        (VertexAlpha::Masks, Alpha::Mask { cutoff }) => {
-            // Texels have at most alpha 1.
-            if cutoff > alpha || alpha <= 0.0 {
-                return None;
-            }
-            Alpha::Mask { cutoff: cutoff / alpha }
+        // A rounded opacity may be below the cutoff.
+        (VertexAlpha::Masks, Alpha::Mask { cutoff }) if cutoff > 0.0 => {
+            Alpha::Mask { cutoff: (cutoff / alpha).min(1.0) }
         }
         (VertexAlpha::Masks, other) => other,
-        _ if alpha <= 0.0 => return None,
         (_, Alpha::Blend { factor }) => Alpha::Blend { factor: factor * alpha },
         _ => Alpha::Blend { factor: alpha },
     };
-    Some(changed.with_digest())
+    changed.with_digest()
 }
 
 #[cfg(test)]
@@ -174,6 +198,8 @@ mod tests {
             (vec![0.0, 256.0], 65_535.0),
             (vec![0.0, 70_000.0], 70_000.0),
             (vec![f64::NAN, 0.5, f64::INFINITY], 1.0),
+            (vec![-1e-6, 2.0], 255.0),
+            (vec![-300.5, 1.0], 1.0),
         ] {
             assert_eq!(full_intensity(values.iter().copied()), full, "{values:?}");
         }
@@ -243,6 +269,7 @@ mod tests {
         );
         let mask = |cutoff| Alpha::Mask { cutoff };
         check([0.8; 4], mask(0.4), VertexAlpha::Masks, &[mask(0.5); 2], &[]);
+        check([0.3; 4], mask(0.5), VertexAlpha::Masks, &[mask(0.5); 2], &["all faces would be invisible"]);
         check(
             [1.0, 0.2, 0.2, 0.2],
             mask(0.4),
@@ -250,5 +277,38 @@ mod tests {
             &[mask(0.4 / (1.4 / 3.0))],
             &["within 1", "1 faces"],
         );
+    }
+
+    /// Faces of one opacity each, and the materials of those that are left.
+    fn blended(alphas: &[f32], material: Alpha, meaning: VertexAlpha) -> Vec<Alpha> {
+        let mesh = MeshData {
+            positions: vec![[0.0; 3]; 3 * alphas.len()],
+            triangles: (0..alphas.len() as u32).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect(),
+            ..MeshData::default()
+        };
+        let mut model = Model { mesh, materials: vec![default_material(true)] };
+        model.materials[0].alpha = material;
+        model.materials[0] = model.materials[0].clone().with_digest();
+        let by_corner: Vec<f32> = alphas.iter().flat_map(|&alpha| [alpha; 3]).collect();
+        blend_by_vertex(&mut model, &by_corner, |_| meaning, &Collected::default());
+        model.mesh.slots.iter().map(|&slot| model.materials[usize::from(slot)].alpha).collect()
+    }
+
+    #[test]
+    fn rounded_opacities_leave_no_holes() {
+        // Forty opacities; all but the first are visible.
+        let alphas: Vec<f32> = (0..40).map(|i| i as f32 / 100.0).collect();
+        let got = blended(&alphas, Alpha::Opaque, VertexAlpha::Blends);
+        assert_eq!(got.len(), 39);
+        for (alpha, got) in alphas[1..].iter().zip(got) {
+            let Alpha::Blend { factor } = got else { panic!("{alpha}: {got:?}") };
+            assert!(factor > 0.0 && (factor - alpha).abs() <= 1.0 / 16.0, "{alpha}: {factor}");
+        }
+        // The cutoff is compared with the opacities of the file: 0.25 to 0.39 are not below it.
+        let got = blended(&alphas, Alpha::Mask { cutoff: 0.25 }, VertexAlpha::Masks);
+        assert_eq!(got.len(), 15);
+        for got in got {
+            assert!(matches!(got, Alpha::Mask { cutoff } if (0.0..=1.0).contains(&cutoff)), "{got:?}");
+        }
     }
 }

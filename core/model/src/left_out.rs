@@ -5,8 +5,8 @@ use std::fmt;
 
 /// What a stage left out of an image: how many of how many, and why.
 ///
-/// Stages hand it to [`Log::left_out`](crate::context::Log::left_out), also with a count of 0, so that sums say of how many.
-/// Verbs add it up over all images, name it on standard error and end with exit code 3.
+/// Stages hand it to [`Log::left_out`](crate::context::Log::left_out); a count of 0 says nothing. Verbs add it up over the images
+/// that lost something, name it on standard error and end with exit code 3.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct LeftOut {
     /// What it happened to, and why, after the numbers: `objects lost all their pixels: …`.

@@ -76,7 +76,7 @@ pub const TABLE_BYTES: Limit = Limit {
     most: 1 << 29,
     is_bytes: true,
     why: "texts and images in a table are held twice for a moment; a compressed page can unfold a thousandfold",
-    remedy: "write one table per scene, or images as files beside it (`images = \"path\"`)",
+    remedy: "write one table per scene, or images as files beside it (`images = \"files\"`)",
 };
 
 /// Bytes of one page of a column.
@@ -223,6 +223,15 @@ pub const LIST_BYTES: Limit = Limit {
     remedy: "split the pool",
 };
 
+/// Bytes of a file that a run keeps in its dataset for itself: lists, times, catalogs and the resolved recipe.
+pub const RUN_LIST_BYTES: Limit = Limit {
+    what: "bytes of a file that a run keeps in its dataset, or of a line of its journal",
+    most: 1 << 28,
+    is_bytes: true,
+    why: "a list has some hundred bytes per file of a scene; the journal is read line by line, and has no limit as a whole",
+    remedy: "no run writes such a file: delete it, and give the dataset's recipe to `syntable run --repair`",
+};
+
 /// Pixels of a canvas or an atlas that is rendered.
 pub const CANVAS_PIXELS: Limit = Limit {
     what: "pixels of a canvas or of the windows around objects that a renderer makes",
@@ -256,6 +265,7 @@ pub const ALL: &[Limit] = &[
     TEMPLATE_RANGE,
     SMALL_FILE_BYTES,
     LIST_BYTES,
+    RUN_LIST_BYTES,
     CANVAS_PIXELS,
 ];
 
@@ -294,7 +304,8 @@ impl Limit {
     pub fn shown(&self) -> String {
         if self.is_bytes {
             let units = [(30, "GiB"), (20, "MiB"), (10, "KiB")];
-            let unit = units.into_iter().find(|(shift, _)| self.most >> shift > 0 && self.most % (1 << shift) == 0);
+            let unit =
+                units.into_iter().find(|(shift, _)| self.most >> shift > 0 && self.most.is_multiple_of(1 << shift));
             return unit.map_or_else(
                 || format!("{} bytes", self.most),
                 |(shift, unit)| format!("{} {unit}", self.most >> shift),

@@ -20,7 +20,7 @@ pub struct Format {
     pub name: &'static str,
     /// What it is, in one sentence.
     pub doc: &'static str,
-    /// Whether a folder looks like one, or a file like the annotation file of one.
+    /// Whether a folder looks like one, or a file like the annotation file of one. Callers use [`Format::detects`].
     pub detect: fn(&Path) -> bool,
     /// Opens a dataset by its folder, or by an annotation file of it. Names of files that the dataset has are looked up in
     /// [`Source::folder`], so that they lead nowhere else. An error says that there is none, or that nothing of it can be read.
@@ -45,7 +45,7 @@ impl Format {
     }
 
     /// Whether a folder or a file looks like a dataset of the format. One on which the reader panics does not.
-    fn detects(&self, path: &Path) -> bool {
+    pub fn detects(&self, path: &Path) -> bool {
         guarded(&format!("the reader of {}", self.name), path, || Ok((self.detect)(path))).unwrap_or(false)
     }
 }
@@ -232,7 +232,18 @@ pub trait DatasetReader: Send + Sync {
     }
 }
 
-/// A reader whose panics become errors.
+/// Opens a dataset by a reader that is not registered, guarded as [`Format::open`] guards those that are.
+pub fn open_guarded<R: DatasetReader + 'static>(
+    name: &str,
+    source: &Source,
+    open: impl FnOnce() -> Result<R>,
+) -> Result<Box<dyn DatasetReader>> {
+    let (reader, root) = (format!("the reader of {name}"), source.path.as_path());
+    let inner = Box::new(guarded(&reader, root, open)?);
+    Ok(Box::new(Guarded { inner, reader, root: root.to_owned(), failed: OnceLock::new() }))
+}
+
+/// A reader whose panics become errors. It forwards every method of the trait: one that it left out would be the default.
 struct Guarded {
     inner: Box<dyn DatasetReader>,
     /// Its name in messages.
@@ -305,6 +316,10 @@ impl DatasetReader for Guarded {
 
     fn crowds(&self, image: usize) -> Result<Vec<Crowd>> {
         guarded(&self.reader, &self.root, || self.inner.crowds(image))
+    }
+
+    fn passed_over(&self, reads: &[KeyId]) -> Vec<LeftOut> {
+        self.call(|| self.inner.passed_over(reads), |_| Vec::new())
     }
 
     fn category(&self, own: u64) -> Option<u32> {

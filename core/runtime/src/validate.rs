@@ -68,6 +68,11 @@ impl Numbers {
         }
     }
 
+    /// Whether the dataset states no number of a category or an object by name.
+    pub fn is_empty(&self) -> bool {
+        self.categories.is_empty() && self.objects.is_empty()
+    }
+
     /// Where two datasets, which are called so, give a number to different things, or a thing different numbers.
     pub fn differences(&self, other: &Self, [one, two]: [&str; 2]) -> Vec<FaultAt> {
         let mut faults = Vec::new();
@@ -76,9 +81,7 @@ impl Numbers {
             ("object", "`obj_id`", &self.objects, &other.objects),
         ] {
             let fault = |message| FaultAt { check: NUMBERS_AGREE.to_owned(), place: two.to_owned(), message };
-            let numbers_of = |names: &Names, name: &String| -> Vec<u64> {
-                names.iter().filter(|(_, names)| names.contains(name)).map(|(id, _)| *id).collect()
-            };
+            let [own_numbers, other_numbers] = [here, there].map(numbers_by_name);
             // The categories of BOP are its objects, with their pools.
             let is_object = |category: &String, object: &String| {
                 category.strip_suffix(object.as_str()).is_some_and(|pool| pool.is_empty() || pool.ends_with('/'))
@@ -94,7 +97,9 @@ impl Numbers {
                     faults.push(fault(format!("{what} {id} is `{name}` in {one}, and `{other}` in {two}")));
                 }
                 for name in names {
-                    let [own, others] = [here, there].map(|names| numbers_of(names, name));
+                    let of =
+                        |numbers: &BTreeMap<&str, Vec<u64>>| numbers.get(name.as_str()).cloned().unwrap_or_default();
+                    let [own, others] = [of(&own_numbers), of(&other_numbers)];
                     // Several pools may have an object of one name: the first number speaks.
                     let are_apart = own.first() == Some(id) && !own.iter().any(|id| others.contains(id));
                     if let Some(other) = others.first().filter(|_| are_apart) {
@@ -107,6 +112,15 @@ impl Numbers {
         }
         faults
     }
+}
+
+/// The numbers of each name, ascending.
+fn numbers_by_name(names: &Names) -> BTreeMap<&str, Vec<u64>> {
+    let mut numbers: BTreeMap<&str, Vec<u64>> = BTreeMap::new();
+    for (id, name) in names.iter().flat_map(|(id, names)| names.iter().map(move |name| (*id, name.as_str()))) {
+        numbers.entry(name).or_default().push(id);
+    }
+    numbers
 }
 
 /// A check that was made.

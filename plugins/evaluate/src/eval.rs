@@ -204,6 +204,9 @@ fn run(console: &Console, _: &Registry, arguments: &ArgMatches) -> Result<(), Ex
     })?;
     let mut left_out = LeftOutReport::default();
     left_out.unlisted(&*truth);
+    if let Predictions::Dataset(dataset, ..) = &predictions {
+        left_out.unlisted(&**dataset);
+    }
     left_out.end(gt, "`syntable validate` lists all that is wrong")
 }
 

@@ -18,10 +18,11 @@ use syntable_model::scene::InstanceId;
 /// If it cannot be read.
 pub fn open(source: &Source, format: Option<&str>) -> Result<(&'static str, Box<dyn DatasetReader>)> {
     let path = source.path.as_path();
-    let is_other = || reader::linked().iter().any(|format| (format.detect)(path));
+    let is_other = || reader::linked().iter().any(|format| format.detects(path));
     let is_ours = format.map_or_else(|| LabelMaps::is_one(path) && !is_other(), |format| format == label_maps::NAME);
     if is_ours {
-        return Ok((label_maps::NAME, Box::new(LabelMaps::open(source)?)));
+        let opened = reader::open_guarded(label_maps::NAME, source, || LabelMaps::open(source))?;
+        return Ok((label_maps::NAME, opened));
     }
     let (format, dataset) = reader::open_source(source, format)?;
     Ok((format.name, dataset))

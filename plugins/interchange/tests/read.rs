@@ -582,7 +582,7 @@ const REPLACED: &[Replaced] = &[
     ("yolo", ".txt", b"0 1e9 0.1 0.2 0.2 0.3 0.4\n", "a polygon has the coordinate"),
     ("yolo", ".txt", b"9 0.1 0.1 0.2 0.2 0.3 0.1\n", "line 1: data.yaml has no class 9"),
     ("yolo", ".txt", b"0 1.5 0.1 0.2 0.2 0.3 0.1\n", "line 1: 1.5 is not in [0, 1]"),
-    ("yolo", ".txt", b"\xff\xfe", "it is no text"),
+    ("yolo", ".txt", b"\xff\xfe", "it is not UTF-8 text"),
     ("yolo", "data.yaml", b"names: 3\n", "data.yaml:1: `names` cannot be read"),
     ("yolo", "0000.png", b"\x89PNG", "not a readable PNG file"),
     ("yolo", "0000.png", b"\xff\xd8\xff\xe0", "not a readable JPEG file"),
@@ -619,7 +619,7 @@ fn missing_files_and_other_sizes_are_found() {
         syntable_formats::encode::png::Image::gray8(&plane).encode().expect("encoded")
     };
     for (kind, end, bytes, says) in [
-        ("osd_amodal", "annotation/s000000v0000.png", Some(&small), "it has 8 × 8 pixels, its image 64 × 48"),
+        ("osd_amodal", "annotation/s000000v0000.png", Some(&small), "it has 8 × 8 pixels, its record says 64 × 48"),
         ("osd_amodal", "annotation/s000000v0000.png", None, "annotation/s000000v0000.png: it is not there"),
         ("osd_amodal", "amodal_annotation/s000000v0000_1.png", None, "label 1 has no mask in amodal_annotation"),
         ("osd_amodal", "image_color/s000000v0000.png", None, "there is no image_color/s000000v0000.png"),

@@ -5,7 +5,11 @@
 //! are read here first, in Thrift's compact protocol, without a tree in memory. What is damaged otherwise is left to the library.
 
 use parquet::basic::Type as Physical;
+use parquet::column::reader::ColumnReader;
+use parquet::data_type::ByteArray;
+use parquet::errors::ParquetError;
 use parquet::file::metadata::{ColumnChunkMetaData, ParquetMetaData};
+use parquet::file::reader::FileReader;
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
 use syntable_model::error::{Error, Result};
@@ -17,6 +21,9 @@ const MAGIC: &[u8] = b"PAR1";
 const TAIL: u64 = 8;
 /// Largest header of a page: a few numbers, and statistics with the smallest and the largest value.
 const PAGE_HEADER: u64 = 1 << 20;
+/// Bytes that are read of a page to find its header, and how many times more while the header is cut off.
+const PAGE_START: u64 = 4 << 10;
+const PAGE_GROWTH: u64 = 16;
 
 /// Types of the compact protocol that are read by themselves here.
 const TRUE: u8 = 1;
@@ -63,32 +70,65 @@ pub fn check_footer(file: &mut File) -> Result<()> {
     })
 }
 
-/// Compares the pages of some columns with the limits.
-pub fn check_pages(file: &mut File, metadata: &ParquetMetaData, wanted: impl Fn(&str) -> bool) -> Result<()> {
+/// Places of columns whose texts may be more than a limit: row group and column.
+pub type Uncounted = Vec<(usize, usize)>;
+
+/// Compares the pages of some columns with the limits. Returns the columns that [`check_texts`] has to count.
+pub fn check_pages(file: &mut File, metadata: &ParquetMetaData, wanted: impl Fn(&str) -> bool) -> Result<Uncounted> {
     let length = file.metadata().map_err(|error| damaged(&error.to_string()))?.len();
-    let mut table = Sums::default();
-    for group in metadata.row_groups() {
-        let columns = group.columns().iter();
+    let (mut table, mut listed, mut texts) = (Sums::default(), 0_u64, Vec::new());
+    for (group_number, group) in metadata.row_groups().iter().enumerate() {
+        let columns = group.columns().iter().enumerate();
         // Rows alone take space, if all of their values repeat.
         let rows = u64::try_from(group.num_rows()).map_err(|_| damaged("a negative number of rows"))?;
-        for column in columns.filter(|it| it.column_path().parts().first().is_some_and(|name| wanted(name))) {
+        for (number, column) in
+            columns.filter(|(_, it)| it.column_path().parts().first().is_some_and(|name| wanted(name)))
+        {
             let of_column = pages(file, length, column)?;
             table.values = table.values.saturating_add(of_column.values.max(rows));
             table.bytes = table.bytes.saturating_add(of_column.bytes);
             TABLE_VALUES.check(table.values)?;
             TABLE_BYTES.check(table.bytes)?;
             let descriptor = column.column_descr();
-            // Every element of a list of texts is a copy of an entry of the dictionary.
             if descriptor.max_rep_level() > 0 && descriptor.physical_type() == Physical::BYTE_ARRAY {
-                TABLE_BYTES.check(of_column.dictionary.saturating_mul(of_column.values.min(LISTED)))?;
+                // Every element of a list of texts is a copy of an entry of the dictionary, or a part of a page.
+                let most = of_column.dictionary.saturating_mul(of_column.values).saturating_add(of_column.bytes);
+                listed = listed.saturating_add(most);
+                texts.push((group_number, number));
             }
+        }
+    }
+    // Lists that are short even if all elements are as long as the dictionary need not be counted.
+    Ok(if listed <= TABLE_BYTES.most { Vec::new() } else { texts })
+}
+
+/// Texts that are decoded at once, in rows.
+const ROWS_AT_ONCE: usize = 64;
+
+/// Compares the texts of the lists of some columns with the limit. One row may have a list of millions of copies of a long
+/// entry of the dictionary, so the lengths are added up before any row is read. Decoded values share the memory of their pages.
+pub fn check_texts(reader: &impl FileReader, columns: Uncounted) -> Result<()> {
+    let fail = |error: ParquetError| damaged(&error.to_string());
+    let mut bytes = 0_u64;
+    for (group, column) in columns {
+        let column = reader.get_row_group(group).and_then(|group| group.get_column_reader(column)).map_err(fail)?;
+        let ColumnReader::ByteArrayColumnReader(mut column) = column else { continue };
+        let (mut definition, mut repetition, mut values) = (Vec::new(), Vec::new(), Vec::<ByteArray>::new());
+        loop {
+            let read = column.read_records(ROWS_AT_ONCE, Some(&mut definition), Some(&mut repetition), &mut values);
+            let (rows, _, levels) = read.map_err(fail)?;
+            bytes = values.iter().fold(bytes, |sum, text| sum.saturating_add(text.len() as u64));
+            TABLE_BYTES.check(bytes)?;
+            if rows == 0 && levels == 0 {
+                break;
+            }
+            definition.clear();
+            repetition.clear();
+            values.clear();
         }
     }
     Ok(())
 }
-
-/// Elements of a list of texts in one row, at most as many as an image has objects.
-const LISTED: u64 = 1 << 10;
 
 /// What pages have together.
 #[derive(Default)]
@@ -100,7 +140,7 @@ struct Sums {
 }
 
 /// Adds up the pages of a column by their headers.
-fn pages(file: &mut File, length: u64, column: &ColumnChunkMetaData) -> Result<Sums> {
+fn pages(file: &mut (impl Read + Seek), length: u64, column: &ColumnChunkMetaData) -> Result<Sums> {
     let number = |value: i64| u64::try_from(value).map_err(|_| damaged("a column starts or ends before the file"));
     let start = number(column.dictionary_page_offset().unwrap_or_else(|| column.data_page_offset()))?;
     number(column.data_page_offset())?;
@@ -108,21 +148,15 @@ fn pages(file: &mut File, length: u64, column: &ColumnChunkMetaData) -> Result<S
     let end = end.ok_or_else(|| damaged("a column ends beyond the file"))?;
     let (mut sums, mut at) = (Sums::default(), start);
     while at < end {
-        let head = read_range(file, at, PAGE_HEADER.min(end - at))?;
-        let mut thrift = Thrift { bytes: &head, at: 0 };
-        let mut page = Page::default();
-        thrift.fields(|thrift, id, kind| match id {
-            UNCOMPRESSED => thrift.integer(kind).map(|value| page.uncompressed = value),
-            COMPRESSED => thrift.integer(kind).map(|value| page.compressed = value),
-            id if KINDS.contains(&id) && kind == STRUCT => {
-                page.is_dictionary |= id == OF_DICTIONARY;
-                thrift.fields(|thrift, id, kind| match id {
-                    NUM_VALUES => thrift.integer(kind).map(|value| page.values = value),
-                    _ => thrift.skip(kind, DEEPEST),
-                })
+        let (most, mut start) = (PAGE_HEADER.min(end - at), PAGE_START);
+        let (page, header) = loop {
+            let size = start.min(most);
+            match Page::of(&read_range(file, at, size)?) {
+                // A header that is cut off, maybe.
+                Err(_) if size < most => start *= PAGE_GROWTH,
+                page => break page?,
             }
-            _ => thrift.skip(kind, DEEPEST),
-        })?;
+        };
         let [uncompressed, compressed, values] = [page.uncompressed, page.compressed, page.values]
             .map(|value| u64::try_from(value).map_err(|_| damaged("a page of a negative size")));
         let (uncompressed, compressed, values) = (uncompressed?, compressed?, values?);
@@ -134,7 +168,7 @@ fn pages(file: &mut File, length: u64, column: &ColumnChunkMetaData) -> Result<S
         }
         // The library reads values of dictionaries at once, too.
         TABLE_VALUES.check(sums.values.max(values))?;
-        at = at.saturating_add(thrift.at as u64).saturating_add(compressed);
+        at = at.saturating_add(header).saturating_add(compressed);
     }
     Ok(sums)
 }
@@ -148,7 +182,28 @@ struct Page {
     is_dictionary: bool,
 }
 
-fn read_range(file: &mut File, start: u64, length: u64) -> Result<Vec<u8>> {
+impl Page {
+    /// Reads the header at the start of some bytes. Returns it with its length, bytes.
+    fn of(bytes: &[u8]) -> Result<(Self, u64)> {
+        let mut thrift = Thrift { bytes, at: 0 };
+        let mut page = Self::default();
+        thrift.fields(|thrift, id, kind| match id {
+            UNCOMPRESSED => thrift.integer(kind).map(|value| page.uncompressed = value),
+            COMPRESSED => thrift.integer(kind).map(|value| page.compressed = value),
+            id if KINDS.contains(&id) && kind == STRUCT => {
+                page.is_dictionary |= id == OF_DICTIONARY;
+                thrift.fields(|thrift, id, kind| match id {
+                    NUM_VALUES => thrift.integer(kind).map(|value| page.values = value),
+                    _ => thrift.skip(kind, DEEPEST),
+                })
+            }
+            _ => thrift.skip(kind, DEEPEST),
+        })?;
+        Ok((page, thrift.at as u64))
+    }
+}
+
+fn read_range(file: &mut (impl Read + Seek), start: u64, length: u64) -> Result<Vec<u8>> {
     let mut bytes = vec![0; length as usize];
     let read = file.seek(SeekFrom::Start(start)).and_then(|_| file.read_exact(&mut bytes));
     read.map_err(|error| damaged(&error.to_string()))?;
@@ -309,8 +364,9 @@ mod tests {
     use super::*;
     use parquet::basic::Compression;
     use parquet::data_type::Int64Type;
+    use parquet::data_type::{ByteArrayType, DataType};
     use parquet::file::properties::WriterProperties;
-    use parquet::file::reader::{FileReader, SerializedFileReader};
+    use parquet::file::reader::SerializedFileReader;
     use parquet::file::writer::SerializedFileWriter;
     use parquet::schema::parser::parse_message_type;
     use std::io::Write;
@@ -377,6 +433,85 @@ mod tests {
         let stated = column.uncompressed_size() as u64;
         assert!(sums.bytes <= stated && sums.bytes + 200 > stated, "{} of {stated}", sums.bytes);
         assert!(check_pages(&mut file, reader.metadata(), |name| name == "a").is_ok());
+    }
+
+    /// A file with one column of a type.
+    fn column<T: DataType>(schema: &str, properties: WriterProperties, values: &[T::T], levels: &[[i16; 2]]) -> File {
+        let mut file = tempfile::tempfile().expect("a file");
+        let schema = Arc::new(parse_message_type(schema).expect("a schema"));
+        let mut writer = SerializedFileWriter::new(&mut file, schema, Arc::new(properties)).expect("a writer");
+        let mut group = writer.next_row_group().expect("a group");
+        let mut column = group.next_column().expect("a column").expect("the column");
+        let [definition, repetition] = [0, 1].map(|of| levels.iter().map(|pair| pair[of]).collect::<Vec<i16>>());
+        let levels = [&definition, &repetition].map(|all| (!all.is_empty()).then_some(&all[..]));
+        column.typed::<T>().write_batch(values, levels[0], levels[1]).expect("written");
+        column.close().expect("closed");
+        group.close().expect("closed");
+        writer.close().expect("closed");
+        file
+    }
+
+    /// Reads a file and counts the bytes.
+    struct Counted(File, u64);
+
+    impl Read for Counted {
+        fn read(&mut self, bytes: &mut [u8]) -> std::io::Result<usize> {
+            let read = self.0.read(bytes)?;
+            self.1 += read as u64;
+            Ok(read)
+        }
+    }
+
+    impl Seek for Counted {
+        fn seek(&mut self, to: SeekFrom) -> std::io::Result<u64> {
+            self.0.seek(to)
+        }
+    }
+
+    #[test]
+    fn headers_are_read_in_pieces() {
+        let builder = || WriterProperties::builder().set_dictionary_enabled(false).set_write_batch_size(1);
+        let small = builder().set_data_page_row_count_limit(1).build();
+        let values: Vec<i64> = (0..20_000).collect();
+        let file = column::<Int64Type>("message m { REQUIRED INT64 a; }", small, &values, &[]);
+        // Statistics have the smallest and the largest value, which are longer than a first piece.
+        let long = builder().set_data_page_row_count_limit(2).set_statistics_truncate_length(None);
+        let long = long.set_write_page_header_statistics(true).build();
+        let texts: Vec<ByteArray> = (0..20_u8).map(|i| vec![i; 30_000].into()).collect();
+        let long = column::<ByteArrayType>("message m { REQUIRED BINARY a; }", long, &texts, &[]);
+        for (file, values, most) in
+            [(file, 20_000, 20_000 * PAGE_START), (long, 20, 10 * 20 * PAGE_GROWTH * PAGE_START)]
+        {
+            let reader = SerializedFileReader::new(file.try_clone().expect("a file")).expect("readable");
+            let length = file.metadata().expect("a file").len();
+            let mut file = Counted(file, 0);
+            let sums = pages(&mut file, length, reader.metadata().row_group(0).column(0)).expect("sound");
+            assert_eq!(sums.values, values);
+            let is_long = values == 20;
+            assert!(!is_long || file.1 > 10 * 30_000, "headers have no statistics");
+            assert!(file.1 <= most, "{} bytes were read, more than {most}", file.1);
+        }
+    }
+
+    #[test]
+    fn texts_of_lists_are_counted_before_they_are_copied() {
+        let check = |length: usize, elements: usize| {
+            let schema = "message m { REPEATED BINARY a (UTF8); }";
+            let texts: Vec<ByteArray> = vec!["x".repeat(length).as_str().into(); elements];
+            let levels: Vec<[i16; 2]> = (0..elements).map(|element| [1, i16::from(element > 0)]).collect();
+            let file = column::<ByteArrayType>(schema, WriterProperties::default(), &texts, &levels);
+            assert!(file.metadata().expect("a file").len() < 2 << 20, "the text is there once");
+            let reader = SerializedFileReader::new(file.try_clone().expect("a file")).expect("readable");
+            let uncounted = check_pages(&mut file.try_clone().expect("a file"), reader.metadata(), |_| true)?;
+            assert_eq!(uncounted.is_empty(), length * elements + (1 << 20) < TABLE_BYTES.most as usize);
+            check_texts(&reader, uncounted)
+        };
+        assert_eq!(check(900_000, 100), Ok(()));
+        // One row whose list is longer than the limit by one element, and one that is not.
+        let (length, most) = (1_000_000, TABLE_BYTES.most as usize / 1_000_000);
+        assert_eq!(check(length, most), Ok(()));
+        let error = check(length, most + 1).expect_err("too long").to_string();
+        assert!(error.contains("bytes of the columns of a Parquet table"), "{error}");
     }
 
     #[test]

@@ -107,8 +107,10 @@ impl Table {
     fn each_row(&self, wanted: impl Fn(&str) -> bool, each: &mut dyn FnMut(Cells)) -> Result<()> {
         let fail = |error: ParquetError| unreadable(&self.path, &error);
         let mut file = decode::open(&self.path)?;
-        bounds::check_pages(&mut file, self.reader.metadata(), &wanted).map_err(|error| error.in_file(&self.path))?;
+        let texts = bounds::check_pages(&mut file, self.reader.metadata(), &wanted);
+        let texts = texts.map_err(|error| error.in_file(&self.path))?;
         guarded(LIBRARY, &self.path, || {
+            bounds::check_texts(&self.reader, texts).map_err(|error| error.in_file(&self.path))?;
             let fields: Vec<_> =
                 self.schema().get_fields().iter().filter(|field| wanted(field.name())).cloned().collect();
             let names: Arc<[String]> = fields.iter().map(|field| field.name().to_owned()).collect();

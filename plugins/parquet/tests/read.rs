@@ -56,6 +56,45 @@ fn products_come_back_and_labels_follow() {
     }
 }
 
+/// The dictionary of the texts of all masks is full, and every row has many of them.
+#[test]
+fn large_tables_of_views_come_back() {
+    use syntable_model::product::Mask;
+    use syntable_model::scene::ViewId;
+    use syntable_testing::takes::{Crowd, dataset, take, write_scenes, writer};
+    let (views, objects, [width, height]) = (100_u32, 15_u16, [64, 48]);
+    // Pixels as a generator has them make masks of more than a thousand runs.
+    let mask = |view: u32, object: u16| {
+        let mut state = u64::from(view * 100 + u32::from(object)).wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1;
+        Mask::from_fn(width, height, |_, _| {
+            state ^= state << 13;
+            state ^= state >> 7;
+            state ^= state << 17;
+            state % 2 == 0
+        })
+    };
+    let mut scene = take(0, 1, &[Crowd::Nothing]);
+    let (first, _) = scene.views.pop().expect("a view");
+    for view in 0..views {
+        let mut products = Products::new();
+        let masks = (1..=objects).map(|object| (InstanceId(object), mask(view, object))).collect();
+        products.put(VISIBLE_MASK, masks).expect("first");
+        scene.views.push((View { id: ViewId(view), ..first.clone() }, products));
+    }
+    let folder = tempfile::tempdir().expect("a folder");
+    let options = "rows = \"views\"\nimages = \"none\"\ninclude = [\"visible_mask\"]";
+    let writer = writer("parquet", options).expect("good options");
+    write_scenes(folder.path(), "data", &*writer, &dataset(1, views), &[scene]).expect("written");
+    let read = opened(folder.path(), "parquet");
+    assert_eq!(read.images().len(), 100);
+    for (view, image) in [(0, 0), (57, 57), (99, 99)] {
+        let (_, products) = read.read(image, &[VISIBLE_MASK.id()]).expect("readable");
+        let masks = &products.get(VISIBLE_MASK).expect("read").0;
+        assert_eq!(masks.len(), usize::from(objects));
+        assert!(masks.iter().all(|(id, read)| *read == mask(view, id.0)), "view {view}");
+    }
+}
+
 /// Links and names of images lead nowhere else, and what is no file is not waited for.
 #[cfg(unix)]
 #[test]

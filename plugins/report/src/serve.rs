@@ -352,21 +352,24 @@ impl Server {
             let (waiting, open) = (&waiting, &open);
             let mut version = changes.version();
             while stop.requested().is_none() {
-                let is_full = open.load(Ordering::Acquire) >= MAX_CONNECTIONS;
-                match self.listener.accept() {
-                    Ok((stream, _)) => {
-                        open.fetch_add(1, Ordering::AcqRel);
-                        scope.spawn(move || {
-                            self.answer(stream, changes, handler, waiting);
-                            open.fetch_sub(1, Ordering::AcqRel);
-                        });
-                        if !is_full {
-                            continue;
+                // The system keeps the connections that come while too many are open.
+                if open.load(Ordering::Acquire) < MAX_CONNECTIONS {
+                    match self.listener.accept() {
+                        Ok((stream, _)) => {
+                            let held = Held::one(open);
+                            let answer = move || {
+                                let _held = held;
+                                self.answer(stream, changes, handler, waiting);
+                            };
+                            // Without a thread the connection is closed, and the next one has to wait.
+                            if thread::Builder::new().spawn_scoped(scope, answer).is_ok() {
+                                continue;
+                            }
                         }
+                        Err(error) if error.kind() == ErrorKind::WouldBlock => {}
+                        // A connection that was given up, or too many open files.
+                        Err(_) => thread::sleep(LOOK),
                     }
-                    Err(error) if error.kind() == ErrorKind::WouldBlock => {}
-                    // A connection that was given up, or too many open files.
-                    Err(_) => thread::sleep(LOOK),
                 }
                 version = changes.wait(version, LOOK);
                 release(&mut waiting.lock(), version, Instant::now());
@@ -450,6 +453,22 @@ impl Server {
         let port = format!(":{}", self.address.port());
         let name = host.strip_suffix(port.as_str()).unwrap_or(host).to_ascii_lowercase();
         HOSTS.contains(&name.as_str())
+    }
+}
+
+/// A connection that is open; it counts until it is dropped.
+struct Held<'a>(&'a AtomicUsize);
+
+impl<'a> Held<'a> {
+    fn one(open: &'a AtomicUsize) -> Self {
+        open.fetch_add(1, Ordering::AcqRel);
+        Self(open)
+    }
+}
+
+impl Drop for Held<'_> {
+    fn drop(&mut self) {
+        self.0.fetch_sub(1, Ordering::AcqRel);
     }
 }
 
@@ -754,6 +773,24 @@ mod tests {
                     assert_eq!(&start, b"HTTP/1.1 200");
                 }
             }
+        });
+    }
+
+    #[test]
+    fn a_connection_above_the_maximum_waits_until_another_ends() {
+        serving(|server, _| {
+            let connect = || TcpStream::connect(server.address).expect("listens");
+            let mut silent: Vec<TcpStream> = (0..MAX_CONNECTIONS).map(|_| connect()).collect();
+            let mut next = connect();
+            let request = format!("GET {}a HTTP/1.1\r\nHost: localhost\r\n{}\r\n\r\n", server.own, cookie(server));
+            next.write_all(request.as_bytes()).expect("sent");
+            let mut start = [0; 12];
+            next.set_read_timeout(Some(Duration::from_millis(300))).expect("a timeout");
+            assert!(next.read_exact(&mut start).is_err(), "{start:?}");
+            drop(silent.pop());
+            next.set_read_timeout(Some(Duration::from_secs(20))).expect("a timeout");
+            next.read_exact(&mut start).expect("answered");
+            assert_eq!(&start, b"HTTP/1.1 200");
         });
     }
 

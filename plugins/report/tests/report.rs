@@ -2,12 +2,11 @@
 //! again.
 
 use std::collections::BTreeMap;
-use std::path::Path;
 use syntable_formats::read::{self, Labels};
 use syntable_model::error::{Error, Result};
 use syntable_model::product::standard::{DEPTH, OBJECT_NAME, RGB};
 use syntable_model::product::{KeyId, Mask, Plane, Products};
-use syntable_model::reader::{DatasetReader, ImageRef};
+use syntable_model::reader::{DatasetReader, ImageRef, Source};
 use syntable_model::scene::{InstanceId, SceneId, View, ViewId};
 use syntable_model::stage::DatasetInfo;
 use syntable_report::report::verb::{MADE_BY, write};
@@ -108,8 +107,8 @@ fn report(memory: Memory, shown: Vec<usize>) -> Report {
         Ok(statistics) => Counted::Done(Box::new(statistics)),
         Err(error) => Counted::Failed(error.to_string()),
     };
-    let path = Path::new("nowhere/a <b> dataset");
-    let report = Report::of(Box::new(memory), "memory", path, |_| Shown { images: shown, scenes: None });
+    let source = Source::new("nowhere/a <b> dataset");
+    let report = Report::of(Box::new(memory), "memory", &source, |_| Shown { images: shown, scenes: None });
     let report = report.unwrap_or_else(|error| panic!("{error}"));
     report.put_statistics(counted);
     report
@@ -276,7 +275,9 @@ fn what_cannot_be_read_is_named_and_the_rest_is_shown() {
 
 #[test]
 fn a_dataset_without_an_image_has_no_report() {
-    let report =
-        Report::of(Box::new(Memory::new(0)), "memory", Path::new("x"), |_| Shown { images: Vec::new(), scenes: None });
+    let report = Report::of(Box::new(Memory::new(0)), "memory", &Source::new("x"), |_| Shown {
+        images: Vec::new(),
+        scenes: None,
+    });
     assert!(report.err().is_some_and(|error| error.to_string().contains("no image")));
 }

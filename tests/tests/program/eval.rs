@@ -458,7 +458,7 @@ fn label_maps_are_read_as_either_side() {
     let was = fs::read(&mask).expect("readable");
     write_png(&mask, [4, 2], png::BitDepth::Eight, &[255; 8]);
     let said = eval(&data(), &osd);
-    assert!(said.contains("the mask has 4 × 2 pixels, its label map 160 × 120"), "{said}");
+    assert!(said.contains("it has 4 × 2 pixels, its record says 160 × 120"), "{said}");
     fs::write(&mask, was).expect("writable");
     let image = fs::read_dir(osd.join("annotation")).expect("a folder").next().expect("a map").expect("a map").path();
     let named = image.file_stem().expect("a stem").to_string_lossy().into_owned();

@@ -107,7 +107,7 @@ fn a_log_that_cannot_be_written_changes_nothing() {
     let recipe = scanned(folder.path());
     fs::write(folder.path().join("gso/Room_Essentials_Mug_White_Yellow/meshes/model.obj"), "f 1 2 3\n")
         .expect("writable");
-    ok(&mut run(&recipe, &whole, &[]));
+    fails(&mut run(&recipe, &whole, &[]), 3);
     let full = || fs::OpenOptions::new().write(true).open("/dev/full").expect("there");
     for format in ["human", "json"] {
         for way in ["full", "closed", "would block"] {
@@ -140,7 +140,7 @@ fn a_log_that_cannot_be_written_changes_nothing() {
                 }
             }
             let status = command.status().expect("starts");
-            assert!(status.success(), "{format}, {way}: {status}");
+            assert_eq!(status.code(), Some(3), "{format}, {way}: {status}");
             assert_same(&whole, &data);
             drop(other_end);
         }
@@ -226,8 +226,9 @@ fn a_bad_asset_that_was_mended_is_another_asset() {
     fs::write(&mesh, bad).expect("writable");
     // Enough draws that each scene meets it.
     let scenes = ["--set", "dataset.scenes=3", "--set", "place[2].count=12"];
-    ok(&mut run(&recipe, &whole, &scenes));
-    ok(run(&recipe, &data, &scenes).args(["--scenes", "0..2"]));
+    // What was passed over is named.
+    fails(&mut run(&recipe, &whole, &scenes), 3);
+    fails(run(&recipe, &data, &scenes).args(["--scenes", "0..2"]), 3);
     fs::write(&mesh, good).expect("writable");
     let error = fails(&mut run(&recipe, &data, &scenes), 2);
     assert!(
@@ -235,7 +236,7 @@ fn a_bad_asset_that_was_mended_is_another_asset() {
         "{error}"
     );
     fs::write(&mesh, bad).expect("writable");
-    ok(&mut run(&recipe, &data, &scenes));
+    fails(&mut run(&recipe, &data, &scenes), 3);
     assert_same(&whole, &data);
 }
 
@@ -628,7 +629,8 @@ fn mistakes_of_steps_files_and_paths_are_found_by_check() {
             &format!("{path}\"annotation_final.json/x\", per = \"dataset\" }}"),
             vec!["`annotation_final.json` is a file of `write.syntable`, and a folder of `write.t`"],
         ),
-        (&format!("{path}\"data//mono/rgb/0_0.png\", per = \"dataset\" }}"), vec!["`write.syntable` and `write.t`"]),
+        (&format!("{path}\"data/mono/rgb/0_0.png\", per = \"dataset\" }}"), vec!["`write.syntable` and `write.t`"]),
+        (&format!("{path}\"data//x.png\", per = \"dataset\" }}"), vec!["is not a path inside the dataset"]),
         (
             &format!("{path}\"contact_sheet/000000_00.png\", per = \"dataset\" }}"),
             vec!["`write.contact_sheet` and `write.t`"],

@@ -388,7 +388,7 @@ fn bop_models_keep_numbers_shapes_colors_and_symmetries() {
                 let at: [f64; 3] = std::array::from_fn(|row| 1000.0 * pose[row][3].as_f64().expect("a number"));
                 object["obj_id"] == id && (0..3).all(|i| (at[i] - center[i]).abs() < 1e-3)
             };
-            let at = objects.iter().position(|object| is_here(object)).expect("an object there");
+            let at = objects.iter().position(is_here).expect("an object there");
             objects.swap_remove(at);
             poses += 1;
         }

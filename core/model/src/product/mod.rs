@@ -36,7 +36,7 @@ pub use mask::Mask;
 pub use models::{ObjectModel, ObjectModels};
 pub use name::{Lighting, MAX_CANVAS, MAX_SUBPIXELS, Name, RenderParameters};
 pub use object_images::{ObjectImage, ObjectImages};
-pub use paint::Painted;
+pub use paint::{Painted, masks_of};
 pub use plane::{BitPlane, Plane};
 pub use store::Products;
 pub use value::{BBox, DType, OcclusionOrder, PerInstance, Pixel, Tensor, Value, meeting_boxes};

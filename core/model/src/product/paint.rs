@@ -5,6 +5,7 @@ use crate::left_out::LeftOut;
 use crate::scene::InstanceId;
 use std::borrow::Cow;
 use std::collections::BTreeMap;
+use std::sync::OnceLock;
 
 /// A plane that has one object per pixel, and what objects lost on the way there.
 ///
@@ -18,6 +19,28 @@ pub struct Painted {
     areas: BTreeMap<InstanceId, u32>,
     /// Objects that lost pixels: all of the mask's pixels that others have.
     lost: BTreeMap<InstanceId, u32>,
+    /// Masks of all objects in the plane, made once when the first mask that lost pixels is asked for.
+    masks: OnceLock<BTreeMap<InstanceId, Mask>>,
+}
+
+/// The pixels of every label of a plane. The default label has no mask. One pass finds all masks.
+pub fn masks_of<L: Copy + Default + Ord>(map: &Plane<L>) -> BTreeMap<L, Mask> {
+    let [width, height] = [map.width(), map.height()];
+    let mut flips: BTreeMap<L, Vec<u32>> = BTreeMap::new();
+    let mut before = L::default();
+    for x in 0..width {
+        for y in 0..height {
+            let label = *map.at(x, y);
+            if label != before {
+                for of in [before, label] {
+                    flips.entry(of).or_default().push(x * height + y);
+                }
+                before = label;
+            }
+        }
+    }
+    flips.remove(&L::default());
+    flips.into_iter().map(|(label, flips)| (label, Mask::from_flips(width, height, &flips))).collect()
 }
 
 impl Painted {
@@ -40,15 +63,16 @@ impl Painted {
         for (id, pixels) in &lost {
             *areas.get_mut(id).expect("what lost pixels had some") -= pixels;
         }
-        Self { ids, areas, lost }
+        Self { ids, areas, lost, masks: OnceLock::new() }
     }
 
     /// The pixels that an object has in the plane, of its mask.
     pub fn mask<'m>(&self, id: InstanceId, mask: &'m Mask) -> Cow<'m, Mask> {
-        match self.lost.contains_key(&id) {
-            true => Cow::Owned(Mask::from_fn(self.ids.width(), self.ids.height(), |x, y| *self.ids.at(x, y) == id)),
-            false => Cow::Borrowed(mask),
+        if !self.lost.contains_key(&id) {
+            return Cow::Borrowed(mask);
         }
+        let left = self.masks.get_or_init(|| masks_of(&self.ids)).get(&id).cloned();
+        Cow::Owned(left.unwrap_or_else(|| Mask::empty(self.ids.width(), self.ids.height())))
     }
 
     /// The objects of which the plane has pixels.
@@ -66,5 +90,32 @@ impl Painted {
         [LeftOut::new(self.lost.len(), all, some), LeftOut::new(gone, all, whole)]
             .into_iter()
             .map(move |it| it.help(help))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn masks_are_the_pixels_of_their_objects_in_the_plane() {
+        // Large squares below smaller ones; the second one covers the third one, which is larger by no pixel, whole.
+        let square = |from: [u32; 2], edge: u32| {
+            Mask::from_fn(13, 11, |x, y| {
+                (from[0]..from[0] + edge).contains(&x) && (from[1]..from[1] + edge).contains(&y)
+            })
+        };
+        let squares = [([0, 0], 9), ([2, 3], 4), ([2, 3], 4), ([8, 8], 3), ([3, 3], 2)];
+        let masks: Vec<(InstanceId, Mask)> =
+            (1..).zip(squares).map(|(id, (from, edge))| (InstanceId(id), square(from, edge))).collect();
+        let painted = Painted::new([13, 11], masks.iter().map(|(id, mask)| (*id, mask)));
+        for (id, mask) in &masks {
+            let shown = Mask::from_fn(13, 11, |x, y| *painted.ids.at(x, y) == *id);
+            let got = painted.mask(*id, mask);
+            assert_eq!(*got, shown, "object {id}");
+            assert_eq!(matches!(got, Cow::Owned(_)), shown != *mask, "object {id}");
+            assert_eq!(painted.shown().any(|it| it == *id), !shown.is_empty(), "object {id}");
+        }
+        assert!(painted.mask(InstanceId(3), &masks[2].1).is_empty(), "all of its pixels show others");
     }
 }

@@ -164,11 +164,14 @@ fn assets_table(listing: &[ListedAsset], draws: &Draws, width: Option<usize>) ->
     table_within(&rows, width)
 }
 
-/// A probability with three digits that mean something.
+/// A probability in percent, with three significant digits down to 0.1 %.
 fn percent(probability: f64) -> String {
-    let percent = probability * 100.0;
-    let digits = if percent > 0.0 { (2 - percent.log10().floor() as i32).clamp(0, 6) as usize } else { 0 };
-    format!("{percent:.digits$} %")
+    match probability * 100.0 {
+        percent if percent >= 10.0 => format!("{percent:.1} %"),
+        percent if percent >= 1.0 => format!("{percent:.2} %"),
+        percent if percent >= 0.1 => format!("{percent:.3} %"),
+        percent => format!("{percent:.5} %"),
+    }
 }
 
 /// First sentence of a kind's description.

@@ -41,7 +41,7 @@ pub fn dataset_folder(path: &Path) -> PathBuf {
     }
     let absolute = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
     let formats = syntable_model::reader::linked();
-    let is_dataset = |folder: &&Path| formats.iter().any(|format| (format.detect)(folder));
+    let is_dataset = |folder: &&Path| formats.iter().any(|format| format.detects(folder));
     let found = absolute.ancestors().skip(1).take(2).find(is_dataset);
     found.map_or_else(|| path.to_owned(), Path::to_owned)
 }

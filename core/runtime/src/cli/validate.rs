@@ -73,7 +73,12 @@ pub(super) fn validate(console: &Console, args: &ValidateArgs) -> Result<(), Exi
             console.print(&(heading + &table(found, format)))?;
         }
         if all.len() > 1 {
-            console.print(&comparison(all.len(), &differences))?;
+            let silent: Vec<&str> = all
+                .iter()
+                .filter(|(.., found)| found.numbers.is_empty())
+                .map(|(dataset, ..)| dataset.as_str())
+                .collect();
+            console.print(&comparison(all.len(), &silent, &differences))?;
         }
     }
     let faulty = all.iter().filter(|(_, _, found)| !found.is_sound());
@@ -127,8 +132,8 @@ fn table(found: &Validated, format: &str) -> String {
     out + &format!("\n{}, read as {format}: {faults}\n", count(found.images, "image"))
 }
 
-/// Where datasets differ, for people.
-fn comparison(datasets: usize, differences: &[FaultAt]) -> String {
+/// Where datasets differ, for people. `silent` are those without numbers.
+fn comparison(datasets: usize, silent: &[&str], differences: &[FaultAt]) -> String {
     let mut out = String::new();
     for difference in differences.iter().take(SHOWN) {
         out += &format!("\n{}: {}\n", difference.check, difference.message);
@@ -136,8 +141,12 @@ fn comparison(datasets: usize, differences: &[FaultAt]) -> String {
     if differences.len() > SHOWN {
         out += &format!("\nand {} more; --json lists all\n", differences.len() - SHOWN);
     }
-    if differences.is_empty() {
-        out += &format!("\n{datasets} datasets: categories and objects have the same numbers\n");
+    for dataset in silent {
+        out += &format!("\n{dataset} states no numbers of categories or objects: nothing of it is compared\n");
+    }
+    let compared = datasets - silent.len();
+    if differences.is_empty() && compared > 1 {
+        out += &format!("\n{compared} datasets: categories and objects have the same numbers\n");
     }
     out
 }

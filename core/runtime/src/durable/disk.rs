@@ -95,6 +95,28 @@ pub fn exchange(_: &Path, _: &Path) -> io::Result<bool> {
     Ok(false)
 }
 
+/// Renames a file to a name that is free: fails where something has that name.
+#[cfg(target_os = "linux")]
+pub fn rename_new(from: &Path, to: &Path) -> io::Result<()> {
+    use rustix::fs::{CWD, RenameFlags, renameat_with};
+    use rustix::io::Errno;
+    point()?;
+    if !can_exchange() {
+        return fs::rename(from, to);
+    }
+    match renameat_with(CWD, from, CWD, to, RenameFlags::NOREPLACE) {
+        // The file system does not know the flag.
+        Err(Errno::INVAL | Errno::NOSYS | Errno::OPNOTSUPP) => fs::rename(from, to),
+        renamed => Ok(renamed?),
+    }
+}
+
+/// Renames a file. The system cannot refuse a name that is taken.
+#[cfg(not(target_os = "linux"))]
+pub fn rename_new(from: &Path, to: &Path) -> io::Result<()> {
+    rename(from, to)
+}
+
 pub fn remove_file(path: &Path) -> io::Result<()> {
     point()?;
     fs::remove_file(path)
@@ -110,14 +132,18 @@ pub fn remove_dir_all(path: &Path) -> io::Result<()> {
     fs::remove_dir_all(path)
 }
 
+#[cfg(all(test, target_os = "linux"))]
+use faults::can_exchange;
 #[cfg(test)]
 pub use faults::is_killed;
 #[cfg(test)]
-use faults::{can_exchange, point};
+use faults::point;
+#[cfg(all(not(test), target_os = "linux"))]
+use real::can_exchange;
 #[cfg(not(test))]
 pub use real::is_killed;
 #[cfg(not(test))]
-use real::{can_exchange, point};
+use real::point;
 
 #[cfg(not(test))]
 #[allow(clippy::unnecessary_wraps, reason = "tests let it fail")]
@@ -156,6 +182,7 @@ pub mod faults {
         static PLAN: Cell<Option<(u32, Fault)>> = const { Cell::new(None) };
         static KILLED: Cell<bool> = const { Cell::new(false) };
         static EXCHANGES: Cell<bool> = const { Cell::new(true) };
+        static MEANWHILE: Cell<Option<Box<dyn FnOnce()>>> = const { Cell::new(None) };
     }
 
     /// Runs some work with a fault at the given call, counted from 0. Returns what the work returned, unless it was killed,
@@ -174,12 +201,25 @@ pub mod faults {
         }
     }
 
-    /// Whether the system can exchange two files.
+    /// Sets what a user does once, just before the next exchange or rename to a free name.
+    pub fn set_meanwhile(action: impl FnOnce() + 'static) {
+        MEANWHILE.set(Some(Box::new(action)));
+    }
+
+    /// Whether the action of [`set_meanwhile`] still has to run; forgets it.
+    pub fn take_meanwhile() -> bool {
+        MEANWHILE.take().is_some()
+    }
+
+    /// Whether the system can exchange two files, and refuse to rename over one.
     pub fn set_exchanges(can: bool) {
         EXCHANGES.set(can);
     }
 
     pub fn can_exchange() -> bool {
+        if let Some(action) = MEANWHILE.take() {
+            action();
+        }
         EXCHANGES.get()
     }
 

@@ -7,13 +7,14 @@
 //! ```text
 //! OUT                          the place
 //! OUT.part/.syntable-part      the mark: this program works here, or was killed. Locked while it works
-//! OUT.part/new                 the new file or folder; once it is exchanged with the place, what was there before
-//! OUT.part/old                 what was there before, where the system cannot exchange two names
+//! OUT.part/new                 the new file or folder while it is made; it never stood at the place
+//! OUT.part/old                 what is exchanged with the place: the finished file or folder, then what was there before
 //! ```
 //!
 //! What is new is brought to disk before it gets its name, and the name before anything old is deleted. A folder that may be
 //! replaced has a [`Listing`] of its files, the last file to be written and the last to be deleted. Only listed files of the
-//! listed size are deleted. A folder with anything else is refused.
+//! listed size are deleted. A folder with anything else is refused. If something else came to the place at the last moment, it
+//! goes back there; if that fails, it stays in `OUT.part/old`.
 
 mod disk;
 mod listing;
@@ -129,6 +130,9 @@ fn write_linked(path: &Path, bytes: &[u8], links: u32) -> Result<()> {
 
 /// Writes a file that must not be there yet.
 ///
+/// A file that comes to the path meanwhile is kept, and is an error. The exception is a file system without hard links on
+/// which the system cannot refuse to rename over a file (`RENAME_NOREPLACE` of Linux): there, such a file is replaced.
+///
 /// # Errors
 /// If it is there, or cannot be written.
 pub fn create_file(path: &Path, bytes: &[u8]) -> Result<()> {
@@ -141,12 +145,15 @@ pub fn create_file(path: &Path, bytes: &[u8]) -> Result<()> {
     let new = draft.folder();
     disk::write_new(&new, bytes).map_err(|error| refused(&draft.place, &error))?;
     disk::sync_file(&new).map_err(|error| Error::io(&draft.place, &error))?;
-    // A link, unlike a name, never takes the place of a file that has come meanwhile.
-    match disk::link(&new, path) {
+    // A link never replaces a file that has come meanwhile. Where the file system has no links, a name is moved.
+    let named = disk::link(&new, path).or_else(|error| match error.kind() {
+        ErrorKind::AlreadyExists => Err(error),
+        _ => disk::rename_new(&new, path),
+    });
+    match named {
         Ok(()) => sync(&above(path)).and_then(|()| draft.tidy()),
         Err(error) if error.kind() == ErrorKind::AlreadyExists => Err(taken()),
-        // The file system has no links.
-        Err(_) => draft.publish_over(false),
+        Err(error) => Err(Error::io(path, &error)),
     }
 }
 
@@ -259,11 +266,13 @@ impl Draft {
                     disk::rename(&old, &self.place).map_err(|error| Error::io(&self.place, &error))?;
                     sync(&above(&self.place))?;
                 }
-                _ => discard(&old)?,
+                _ if may_replace(&self.place, &old)? => discard(&old, disk::remove_dir)?,
+                _ => return Err(kept(&old, &self.place)),
             }
         }
         if fs::symlink_metadata(&new).is_ok() {
-            discard(&new)?;
+            // A folder without a list was never at the place, and all in it is ours.
+            discard(&new, disk::remove_dir_all)?;
         }
         Ok(())
     }
@@ -338,7 +347,7 @@ impl Draft {
             }
         }
         if replaces {
-            self.replace().map_err(failed)?;
+            self.replace()?;
         } else {
             disk::rename(&new, &place).map_err(failed)?;
             if let Err(error) = sync(&above(&place)) {
@@ -358,25 +367,53 @@ impl Draft {
     }
 
     /// Exchanges what is new with what stands at the place. An error leaves what stood there.
-    fn replace(&self) -> std::io::Result<()> {
+    fn replace(&self) -> Result<()> {
         let (new, old, place) = (self.folder(), self.part.join(OLD), &self.place);
+        let failed = |error: std::io::Error| Error::io(place, &error);
         let sync = || disk::sync_folder(&above(place)).and_then(|()| disk::sync_folder(&self.part));
-        if disk::exchange(&new, place)? {
-            return sync().inspect_err(|_| drop(disk::exchange(&new, place)));
+        // A kill after the exchange must leave what stood at the place under a name that nobody deletes unseen.
+        disk::rename(&new, &old).map_err(failed)?;
+        let exchanged = disk::sync_folder(&self.part).and_then(|()| disk::exchange(&old, place));
+        if !matches!(exchanged, Ok(true)) {
+            disk::rename(&old, &new).map_err(failed)?;
+        }
+        if exchanged.map_err(failed)? {
+            let back = || -> std::io::Result<()> {
+                disk::exchange(&old, place)?;
+                // Otherwise the user has moved something once more: it stays.
+                if may_replace(&old, &old).unwrap_or(false) { disk::rename(&old, &new) } else { Ok(()) }
+            };
+            return match may_replace(place, &old) {
+                Ok(true) => sync().map_err(|error| {
+                    let _ = back();
+                    failed(error)
+                }),
+                looked => {
+                    let refused = looked.err().unwrap_or_else(|| taken(place));
+                    back().map_or_else(|_| Err(kept(&old, place)), |()| Err(refused))
+                }
+            };
         }
         if new.is_file() {
             // One step for files, on any system. A name that is not on disk yet is one of two whole files.
-            disk::rename(&new, place)?;
-            return sync();
+            return disk::rename(&new, place).and_then(|()| sync()).map_err(failed);
         }
-        disk::rename(place, &old)?;
-        let moved = disk::rename(&new, place);
-        if moved.is_err() {
-            let _ = disk::rename(&old, place);
-            return moved;
+        disk::rename(place, &old).map_err(failed)?;
+        let back = || disk::rename(&old, place);
+        match may_replace(&new, &old) {
+            Ok(true) => {}
+            looked => {
+                let refused = looked.err().unwrap_or_else(|| taken(place));
+                return back().map_or_else(|_| Err(kept(&old, place)), |()| Err(refused));
+            }
         }
-        sync().inspect_err(|_| {
-            let _ = disk::rename(place, &new).and_then(|()| disk::rename(&old, place));
+        if let Err(error) = disk::rename(&new, place) {
+            let _ = back();
+            return Err(failed(error));
+        }
+        sync().map_err(|error| {
+            let _ = disk::rename(place, &new).and_then(|()| back());
+            failed(error)
         })
     }
 
@@ -522,9 +559,32 @@ fn taken(place: &Path) -> Error {
         .of_request()
 }
 
-/// Deletes what is beside a place: listed files of a folder that has a list. A folder without one was never at the place, and
-/// all in it is ours.
-fn discard(path: &Path) -> Result<()> {
+/// Something of the user that is now beside the place.
+fn kept(old: &Path, place: &Path) -> Error {
+    Error::new(format!("it came to {} while a command worked, and was kept here", place.display()))
+        .in_file(old)
+        .help("move it away, and run the command again")
+        .of_request()
+}
+
+/// Whether what is new may replace what is old, which is then deleted: a file replaces a file, and a folder replaces an empty
+/// folder or one that the same command made. Links are neither.
+fn may_replace(new: &Path, old: &Path) -> Result<bool> {
+    let kind = |path: &Path| fs::symlink_metadata(path).map_err(|error| Error::io(path, &error));
+    let (is_new, is_old) = (kind(new)?, kind(old)?);
+    if !is_new.is_dir() || !is_old.is_dir() {
+        return Ok(is_new.is_file() && is_old.is_file());
+    }
+    if fs::read_dir(old).map_err(|error| Error::io(old, &error))?.next().is_none() {
+        return Ok(true);
+    }
+    let made_by = |folder: &Path| Ok(Listing::read(folder)?.map(|listing| listing.made_by));
+    let old = made_by(old)?;
+    Ok(old.is_some() && old == made_by(new)?)
+}
+
+/// Deletes what is beside a place: listed files of a folder that has a list. `unlisted` deletes a folder without one.
+fn discard(path: &Path, unlisted: impl FnOnce(&Path) -> std::io::Result<()>) -> Result<()> {
     let failed = |error: std::io::Error| Error::io(path, &error);
     let there = fs::symlink_metadata(path).map_err(failed)?;
     if !there.is_dir() {
@@ -532,7 +592,7 @@ fn discard(path: &Path) -> Result<()> {
     }
     match Listing::read(path)? {
         Some(listing) => listing.delete(path),
-        None => disk::remove_dir_all(path).map_err(failed),
+        None => unlisted(path).map_err(failed),
     }
 }
 

@@ -240,6 +240,75 @@ fn a_folder_of_a_stranger_is_not_ours_whatever_it_is_called() {
     }
 }
 
+#[cfg(target_os = "linux")]
+#[test]
+fn a_folder_that_comes_at_the_last_moment_is_never_deleted() {
+    for (can_exchange, is_file) in [(true, false), (false, false), (true, true), (false, true)] {
+        let write = |place: &Path, text: &str| match is_file {
+            true => write_file(place, text.as_bytes()),
+            false => make(place, text),
+        };
+        // The last plan is none: nothing is killed.
+        for call in 0.. {
+            let home = folder();
+            let place = home.path().join("out");
+            faults::set_exchanges(can_exchange);
+            write(&place, "one").expect("made");
+            let (there, away) = (place.clone(), home.path().join("away"));
+            faults::set_meanwhile(move || {
+                fs::rename(&there, away).expect("movable");
+                fs::create_dir(&there).expect("made");
+                fs::write(there.join("thesis.tex"), "precious").expect("writable");
+            });
+            let (done, calls) = faults::with(Some((call, Fault::Kill)), || write(&place, "two"));
+            if faults::take_meanwhile() {
+                continue;
+            }
+            let is_kept = || texts(home.path()).iter().any(|it| it.0.ends_with("thesis.tex") && it.1 == "precious");
+            assert!(is_kept(), "call {call}: {:?}", texts(home.path()));
+            if let Some(done) = done {
+                let error = done.expect_err("something came").to_string();
+                assert!(is_file && !can_exchange || error.contains("while the command worked"), "{error}");
+                assert_eq!(texts(&place), [("thesis.tex".to_owned(), "precious".to_owned())].into());
+                assert_eq!(names(home.path()), ["away".to_owned(), "out".to_owned()].into());
+            }
+            // Nor does the same command delete it, however often it is run.
+            for _ in 0..2 {
+                let _ = write(&place, "three");
+                assert!(is_kept(), "call {call}: {:?}", texts(home.path()));
+            }
+            if call >= calls {
+                break;
+            }
+        }
+        faults::set_exchanges(true);
+    }
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_file_that_comes_before_a_new_one_has_its_name_is_kept() {
+    let mut came = 0;
+    for call in 0.. {
+        let home = folder();
+        let path = home.path().join("recipe.toml");
+        let there = path.clone();
+        faults::set_meanwhile(move || fs::write(there, "mine").expect("writable"));
+        let (done, calls) = faults::with(Some((call, Fault::Error(1))), || create_file(&path, b"one"));
+        // The action runs if the link fails: the file is then renamed.
+        if !faults::take_meanwhile() {
+            let error = done.expect("nothing kills it").expect_err("a file came").to_string();
+            assert!(error.contains("it exists already"), "{error}");
+            assert_eq!(texts(home.path()), [("recipe.toml".to_owned(), "mine".to_owned())].into());
+            came += 1;
+        }
+        if call >= calls {
+            break;
+        }
+    }
+    assert_eq!(came, 1);
+}
+
 #[test]
 fn two_commands_never_write_one_folder() {
     let home = folder();

@@ -242,7 +242,7 @@ pub enum Center {
 pub struct Split {
     /// The part to keep.
     pub part: Part,
-    /// Approximate fraction of the assets for validation; 0.1 without any count, list or other fraction.
+    /// Approximate fraction of the assets for validation; 0.1 if the split has neither counts nor lists.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0, max = 1))]
     pub val_fraction: Option<f64>,
@@ -270,7 +270,7 @@ pub struct Split {
     pub seed: u64,
 }
 
-/// Fraction of the assets for validation, if a split gives no sizes at all.
+/// Fraction of the assets for validation, if a split gives neither it nor counts nor lists.
 const DEFAULT_VAL_FRACTION: f64 = 0.1;
 
 /// A part with fewer assets raises a warning: scores on so few shapes are scores of these shapes.
@@ -334,11 +334,22 @@ impl Split {
                     [self.val_fraction.unwrap_or(DEFAULT_VAL_FRACTION), self.test_fraction.unwrap_or(0.0)];
                 if val + test > 1.0 {
                     let message = format!("`val_fraction` {val} and `test_fraction` {test} add up to more than 1");
-                    return Err(ConfigError::new("split", message));
+                    let refused = ConfigError::new("split", message);
+                    return Err(match self.val_fraction {
+                        Some(_) => refused,
+                        None => refused.help(format!("`val_fraction` is {DEFAULT_VAL_FRACTION} unless it is given")),
+                    });
                 }
                 Sizes::Fractions { val, test }
             }
         })
+    }
+
+    /// States the fractions that hold, so that a resolved recipe has them.
+    fn state_defaults(&mut self) {
+        if let Ok(Sizes::Fractions { val, test }) = self.sizes() {
+            (self.val_fraction, self.test_fraction) = (Some(val), Some(test));
+        }
     }
 
     /// A number of the name and the seed, uniform over all 64-bit numbers.
@@ -433,6 +444,13 @@ impl PoolOptions {
     /// Options that apply to objects alone, not to materials or environment maps.
     pub const FOR_OBJECTS: [&'static str; 9] =
         ["classes", "units", "scale", "center", "mass", "properties", "ids", "first_id", "single_part_only"];
+
+    /// States the defaults that depend on other options.
+    pub(crate) fn state_defaults(&mut self) {
+        if let Some(split) = &mut self.split {
+            split.state_defaults();
+        }
+    }
 
     /// Whether an option applies to assets of a class.
     pub fn applies(option: &str, class: AssetClass) -> bool {

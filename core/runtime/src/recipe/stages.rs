@@ -753,8 +753,9 @@ impl<'l> Loader<'l> {
 
 /// Reads and checks the options of a pool.
 fn pool_options(table: RecipeValue) -> Result<PoolOptions, ConstructError> {
-    let options = PoolOptions::deserialize(ValueDeserializer::from(table)).map_err(ConstructError::Form)?;
+    let mut options = PoolOptions::deserialize(ValueDeserializer::from(table)).map_err(ConstructError::Form)?;
     options.validate().map_err(ConstructError::Invalid)?;
+    options.state_defaults();
     Ok(options)
 }
 

@@ -108,7 +108,7 @@ pub fn convert(
         lacking,
         caveats: dataset.caveats(&plan.rendered),
         faults: faults.into_inner() + dataset.faults_of_opening().iter().filter(|fault| !fault.is_lost).count() as u32,
-        losses: losses.all().into_iter().filter(|loss| loss.count > 0).collect(),
+        losses: losses.all(),
         passed_over: dataset.passed_over(&plan.rendered).into_iter().filter(|it| it.count > 0).collect(),
         left_out: unread.into_values().map(|error| error.to_string()).collect(),
         not_listed: not_listed(dataset),

@@ -32,7 +32,7 @@
 
 use super::foreign;
 use super::inside::{Inside, is_link, linked};
-use super::journal::{Journal, JournalEntry, SceneOutcome};
+use super::journal::{Journal, JournalEntry, Lines, SceneOutcome};
 use super::manifest::{Manifest, Stamp, State, Written};
 use crate::recipe::{CatalogNames, without_assets};
 use parking_lot::Mutex;
@@ -173,11 +173,7 @@ impl Folder {
     /// Text of the resolved recipe, if there is one.
     pub fn recipe(&self) -> Result<Option<String>> {
         let path = self.root.join(RECIPE);
-        match fs::read(&path) {
-            Ok(bytes) => Ok(Some(String::from_utf8_lossy(&bytes).into_owned())),
-            Err(error) if error.kind() == ErrorKind::NotFound => Ok(None),
-            Err(error) => Err(Error::io(&path, &error)),
-        }
+        Ok(foreign::read_list(&path)?.map(|bytes| String::from_utf8_lossy(&bytes).into_owned()))
     }
 
     /// Text of the resolved recipe by which the scenes were made; else what is the matter with it.
@@ -561,8 +557,7 @@ impl Folder {
         for entry in entries {
             let ready = entry.map_err(|error| Error::io(&staging, &error))?.path();
             if ready.extension().is_some_and(|extension| extension == "ready")
-                && let Ok(text) = fs::read_to_string(ready.join(RECORD))
-                && let Ok(staged) = serde_json::from_str::<Staged>(&text)
+                && let Ok(staged) = serde_json::from_slice::<Staged>(&foreign::read(&ready.join(RECORD))?)
             {
                 self.publish(&ready, staged, &mut journal)?;
             }
@@ -590,9 +585,14 @@ impl Folder {
     }
 
     fn has_lines(&self) -> Result<bool> {
-        let path = self.journal();
-        let text = fs::read(&path).map_err(|error| Error::io(&path, &error))?;
-        Ok(String::from_utf8_lossy(&text).contains(r#""outcome":"made""#))
+        let made = br#""outcome":"made""#;
+        let mut lines = Lines::open(&self.journal())?;
+        while let Some(line) = lines.next_line()? {
+            if line.windows(made.len()).any(|part| part == made) {
+                return Ok(true);
+            }
+        }
+        Ok(false)
     }
 
     fn empty_bin(&self) -> Result<()> {
@@ -790,11 +790,7 @@ fn staging_folder(root: &Path) -> PathBuf {
 /// What the end of the last run in a dataset wrote; nothing if the list cannot be read.
 pub fn finished(root: &Path) -> Result<Finished> {
     let path = finished_path(root);
-    match fs::read(&path) {
-        Ok(bytes) => Ok(serde_json::from_slice(&bytes).unwrap_or_default()),
-        Err(error) if error.kind() == ErrorKind::NotFound => Ok(Finished::default()),
-        Err(error) => Err(Error::io(&path, &error)),
-    }
+    Ok(serde_json::from_slice(&foreign::read(&path)?).unwrap_or_default())
 }
 
 /// Calls `each` with every file below a dataset's folder that is not in the program's own folder, by its relative path.

@@ -5,11 +5,12 @@ use super::inside::{is_link, linked};
 use serde::Deserialize;
 use serde::de::IgnoredAny;
 use std::collections::{BTreeMap, BTreeSet};
-use std::fs::{self, FileType};
-use std::io::ErrorKind;
+use std::fs::{self, File, FileType};
+use std::io::{ErrorKind, Read};
 use std::path::Path;
 use syntable_model::error::{Error, Result};
 use syntable_model::files::{DatasetPath, RESERVED};
+use syntable_model::limits::RUN_LIST_BYTES;
 
 const MARK: &str = RESERVED[0];
 const RECIPE: &str = RESERVED[1];
@@ -173,11 +174,24 @@ fn what_is(kind: FileType, is_folder: bool) -> String {
 
 /// The bytes of a list; none if it went away.
 pub fn read(path: &Path) -> Result<Vec<u8>> {
-    match fs::read(path) {
-        Ok(bytes) => Ok(bytes),
-        Err(error) if error.kind() == ErrorKind::NotFound => Ok(Vec::new()),
-        Err(error) => Err(Error::io(path, &error)),
-    }
+    Ok(read_list(path)?.unwrap_or_default())
+}
+
+/// The bytes of a file that a run keeps in its dataset, if the file exists. Refuses a file larger than [`RUN_LIST_BYTES`].
+pub fn read_list(path: &Path) -> Result<Option<Vec<u8>>> {
+    let fail = |error: std::io::Error| Error::io(path, &error);
+    let file = match File::open(path) {
+        Ok(file) => file,
+        Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
+        Err(error) => return Err(fail(error)),
+    };
+    let check = |length: u64| RUN_LIST_BYTES.check(length).map_err(|error| error.in_file(path));
+    check(file.metadata().map_err(fail)?.len())?;
+    // The file may grow, or state no length.
+    let mut bytes = Vec::new();
+    file.take(RUN_LIST_BYTES.most + 1).read_to_end(&mut bytes).map_err(fail)?;
+    check(bytes.len() as u64)?;
+    Ok(Some(bytes))
 }
 
 /// What lists of files have in common.

@@ -4,9 +4,10 @@ use super::losses::Loss;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::{self, File, OpenOptions};
-use std::io::Write;
+use std::io::{BufRead, BufReader, ErrorKind, Read, Write};
 use std::path::{Path, PathBuf};
 use syntable_model::error::{Error, Result};
+use syntable_model::limits::RUN_LIST_BYTES;
 
 /// A line of the journal: a scene that is done.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
@@ -190,20 +191,23 @@ impl Journal {
     /// Opens a journal, or starts one. A last line that was cut short counts as not written.
     pub fn open(path: &Path) -> Result<Self> {
         let fail = |error: std::io::Error| Error::io(path, &error);
-        let Text { whole, length, .. } = Text::read(path)?;
-        let entries = Self::entries_of(path)?;
+        let (entries, whole) = Self::read(path)?;
         let file = OpenOptions::new().create(true).append(true).open(path).map_err(fail)?;
-        if whole < length {
-            file.set_len(whole as u64).map_err(fail)?;
+        if whole < file.metadata().map_err(fail)?.len() {
+            file.set_len(whole).map_err(fail)?;
         }
         Ok(Self { path: path.to_owned(), file, entries })
     }
 
     /// Reads the lines of a journal, and changes nothing.
     pub fn entries_of(path: &Path) -> Result<BTreeMap<u32, JournalEntry>> {
-        let text = Text::read(path)?;
+        Self::read(path).map(|(entries, _)| entries)
+    }
+
+    /// Reads the lines of a journal. Returns the entries, and the bytes of the whole lines.
+    fn read(path: &Path) -> Result<(BTreeMap<u32, JournalEntry>, u64)> {
         let mut entries = BTreeMap::new();
-        for (number, line) in (1..).zip(text.lines()) {
+        let whole = each_line(path, |number, line| {
             let entry = line.map_err(|error| {
                 Error::new(format!("not a journal line: {error}"))
                     .in_file(path)
@@ -215,29 +219,35 @@ impl Journal {
                     .permanent()
             })?;
             entries.insert(entry.scene, entry);
-        }
-        Ok(entries)
+            Ok(())
+        })?;
+        Ok((entries, whole))
     }
 
     /// Reads the lines of a journal that can be read, and says which ones cannot.
     pub fn readable(path: &Path) -> Result<(BTreeMap<u32, JournalEntry>, Vec<String>)> {
-        let text = Text::read(path)?;
         let (mut entries, mut faults) = (BTreeMap::new(), Vec::new());
-        for (number, line) in (1..).zip(text.lines()) {
+        each_line(path, |number, line| {
             match line {
                 Ok(entry) => drop(entries.insert(entry.scene, entry)),
                 Err(error) => faults.push(format!("line {number} is no journal line: {error}")),
             }
-        }
+            Ok(())
+        })?;
         Ok((entries, faults))
     }
 
     /// Takes out the lines that cannot be read, and returns how many.
     pub fn mend(path: &Path) -> Result<usize> {
-        let text = Text::read(path)?;
-        let bad = text.lines().filter(std::result::Result::is_err).count();
+        let (mut entries, mut bad) = (BTreeMap::new(), 0);
+        each_line(path, |_, line| {
+            match line {
+                Ok(entry) => drop(entries.insert(entry.scene, entry)),
+                Err(_) => bad += 1,
+            }
+            Ok(())
+        })?;
         if bad > 0 {
-            let entries = text.lines().flatten().map(|entry| (entry.scene, entry)).collect();
             write(path, &entries)?;
         }
         Ok(bad)
@@ -298,35 +308,56 @@ fn write(path: &Path, entries: &BTreeMap<u32, JournalEntry>) -> Result<()> {
     fs::rename(&part, path).map_err(fail)
 }
 
-/// The bytes of a journal, which need not be text.
-struct Text {
-    bytes: Vec<u8>,
-    /// Length of the whole lines, bytes; the rest was cut short.
-    whole: usize,
-    /// Length of the file, bytes.
-    length: usize,
+/// The lines of a journal, which need not be text, one in memory at a time.
+pub struct Lines {
+    path: PathBuf,
+    /// None if the journal does not exist.
+    file: Option<BufReader<File>>,
+    line: Vec<u8>,
+    number: usize,
 }
 
-impl Text {
-    /// Reads a journal; one that is not there has no line.
-    fn read(path: &Path) -> Result<Self> {
-        let bytes = match fs::read(path) {
-            Ok(bytes) => bytes,
-            Err(error) if error.kind() == std::io::ErrorKind::NotFound => Vec::new(),
+impl Lines {
+    /// Opens a journal. One that does not exist has no lines.
+    pub fn open(path: &Path) -> Result<Self> {
+        let file = match File::open(path) {
+            Ok(file) => Some(BufReader::new(file)),
+            Err(error) if error.kind() == ErrorKind::NotFound => None,
             Err(error) => return Err(Error::io(path, &error)),
         };
-        let whole = bytes.iter().rposition(|&byte| byte == b'\n').map_or(0, |end| end + 1);
-        Ok(Self { whole, length: bytes.len(), bytes })
+        Ok(Self { path: path.to_owned(), file, line: Vec::new(), number: 0 })
     }
 
-    /// The whole lines, each as an entry or as what is wrong with it.
-    fn lines(&self) -> impl Iterator<Item = serde_json::Result<JournalEntry>> {
-        self.bytes[..self.whole].split_inclusive(|&byte| byte == b'\n').map(serde_json::from_slice)
+    /// The next line with its end, which the last line lacks if it was cut short. Refuses a line longer than
+    /// [`RUN_LIST_BYTES`].
+    pub fn next_line(&mut self) -> Result<Option<&[u8]>> {
+        let Some(file) = &mut self.file else { return Ok(None) };
+        self.line.clear();
+        self.number += 1;
+        let read = file.take(RUN_LIST_BYTES.most + 1).read_until(b'\n', &mut self.line);
+        let read = read.map_err(|error| Error::io(&self.path, &error))?;
+        RUN_LIST_BYTES.check(read as u64).map_err(|error| error.in_file(&self.path).at_line(self.number))?;
+        Ok(Some(&*self.line).filter(|line| !line.is_empty()))
     }
+}
+
+/// Calls `each` with every whole line of a journal: its number from 1, and the entry or what is wrong with it. Returns the
+/// bytes of the whole lines; the rest was cut short.
+fn each_line(path: &Path, mut each: impl FnMut(usize, serde_json::Result<JournalEntry>) -> Result<()>) -> Result<u64> {
+    let (mut lines, mut whole) = (Lines::open(path)?, 0);
+    while let Some(line) = lines.next_line()?.filter(|line| line.ends_with(b"\n")) {
+        whole += line.len() as u64;
+        let entry = serde_json::from_slice(line);
+        each(lines.number, entry)?;
+    }
+    Ok(whole)
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::folder::finished;
+    use super::super::manifest::Manifest;
+    use super::super::times::RunTimes;
     use super::*;
 
     fn entry(scene: u32) -> JournalEntry {
@@ -419,6 +450,41 @@ mod tests {
             let error = Journal::open(&path).err().expect("damaged").to_string();
             let want = format!("journal.jsonl:1: not a journal line: missing field `{lacks}`");
             assert!(error.contains(&want) && error.contains("another version began it"), "{error}");
+        }
+    }
+
+    /// The files have holes, which take no space on a disk.
+    #[test]
+    fn files_of_a_run_are_bounded() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let root = folder.path();
+        let path = root.join(".syntable/journal.jsonl");
+        fs::create_dir_all(root.join(".syntable/scenes")).expect("writable");
+        let mut journal = Journal::open(&path).expect("new");
+        (0..3).for_each(|scene| journal.append(entry(scene)).expect("written"));
+        drop(journal);
+        let hole = |path: &Path| {
+            let file = OpenOptions::new().create(true).append(true).open(path).expect("writable");
+            file.set_len(2 * RUN_LIST_BYTES.most).expect("a hole");
+        };
+        let lists =
+            ["scenes/000000.json", "finished.json", "times.jsonl"].map(|name| root.join(".syntable").join(name));
+        lists.iter().chain([&path]).for_each(|path| hole(path));
+        let errors = [
+            Manifest::read(&lists[0]).err(),
+            finished(root).err(),
+            RunTimes::of_dataset(root).err(),
+            super::super::foreign::check(root).err(),
+        ];
+        for error in errors {
+            let error = error.expect("too large").to_string();
+            let says = ["536870912 bytes of a file that a run keeps", "limit of 268435456", "run --repair", ".json"];
+            assert!(says.iter().all(|part| error.contains(part)), "{error}");
+        }
+        for error in [Journal::open(&path).err(), Journal::readable(&path).err()] {
+            let error = error.expect("too long").to_string();
+            let says = ["journal.jsonl:4", "of a line of its journal", "limit of 268435456", "run --repair"];
+            assert!(says.iter().all(|part| error.contains(part)), "{error}");
         }
     }
 }

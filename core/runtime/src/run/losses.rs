@@ -17,9 +17,9 @@ pub struct Loss {
     pub what: String,
     /// How many.
     pub count: u64,
-    /// Of how many in all images of the stage.
+    /// Of how many in these images.
     pub of: u64,
-    /// Number of images that something was left out of.
+    /// Number of images that something was left out of; the others count nowhere.
     pub images: u32,
     /// What the user can do.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -61,6 +61,9 @@ pub(super) struct Losses(Mutex<BTreeMap<(String, String), Loss>>);
 impl Losses {
     fn add(&self, stage: &str, left_out: &LeftOut) {
         let LeftOut { what, count, of, help } = left_out;
+        if *count == 0 {
+            return;
+        }
         let mut sums = self.0.lock();
         let sum = sums.entry((stage.to_owned(), what.to_string())).or_insert_with(|| Loss {
             stage: stage.to_owned(),
@@ -70,10 +73,10 @@ impl Losses {
             images: 0,
             help: help.as_ref().map(ToString::to_string),
         });
-        (sum.count, sum.of, sum.images) = (sum.count + count, sum.of + of, sum.images + u32::from(*count > 0));
+        (sum.count, sum.of, sum.images) = (sum.count + count, sum.of + of, sum.images + 1);
     }
 
-    /// All sums, by stage. Those of which nothing was left out are kept: the sum of several scenes needs their totals.
+    /// All sums, by stage.
     pub(super) fn all(&self) -> Vec<Loss> {
         self.0.lock().values().cloned().collect()
     }

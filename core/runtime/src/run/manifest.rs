@@ -1,10 +1,11 @@
 //! Lists of files with their sizes and digests.
 
+use super::foreign::read_list;
 use super::inside::link_before;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::{self, File};
-use std::io::{BufReader, ErrorKind};
+use std::io::ErrorKind;
 use std::path::Path;
 use syntable_model::digest::Digest;
 use syntable_model::error::{Error, Result};
@@ -122,17 +123,7 @@ impl Manifest {
 
     /// Reads a manifest, with its digest; none if there is no such file, or if its text is none of a manifest.
     pub fn read(path: &Path) -> Result<Option<(Self, String)>> {
-        let file = match File::open(path) {
-            Ok(file) => file,
-            Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
-            Err(error) => return Err(Error::io(path, &error)),
-        };
-        let text = std::io::read_to_string(BufReader::new(file));
-        let text = match text {
-            Ok(text) => text,
-            Err(error) if error.kind() == ErrorKind::InvalidData => return Ok(None),
-            Err(error) => return Err(Error::io(path, &error)),
-        };
+        let Some(text) = read_list(path)?.and_then(|bytes| String::from_utf8(bytes).ok()) else { return Ok(None) };
         let manifest: Option<Self> = serde_json::from_str(&text).ok();
         let Stamp(_, digest) = Stamp::of_text(&text);
         Ok(manifest.map(|manifest| (manifest, digest.to_string())))

@@ -278,8 +278,8 @@ pub fn adopt(folder: &Folder, part: &Folder, entry: &JournalEntry, journal: &Mut
 fn catalogs(folder: &Folder, part: &Folder) -> Result<()> {
     let mut catalogs = BTreeMap::new();
     for (pool, path) in catalog_paths(part)? {
-        let text = fs::read_to_string(path).unwrap_or_default();
-        catalogs.extend(serde_json::from_str(&text).ok().map(|catalog| (pool, catalog)));
+        let text = super::foreign::read(&path)?;
+        catalogs.extend(serde_json::from_slice(&text).ok().map(|catalog| (pool, catalog)));
     }
     folder.set_catalogs(&catalogs)
 }

@@ -271,7 +271,7 @@ impl<'m> Attempt<'m, '_> {
         written.extend(Some((records::OWNER.to_owned(), output.files())).filter(|(_, files)| !files.is_empty()));
         let (removed, objects) = (scene.settle.removed.len() as u32, scene.objects().len() as u32);
         maker.reporter.event(&Event::Scene { scene: self.core.scene.0, objects, removed });
-        let left_out = losses.all().into_iter().filter(|loss| loss.count > 0).collect();
+        let left_out = losses.all();
         let (views, odd) = (work.dataset.views_per_scene, views.seen.odd(&scene));
         Ok(Attempted { views, objects, odd, left_out, written })
     }

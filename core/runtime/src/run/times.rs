@@ -4,8 +4,8 @@ use super::panics::caught;
 use parking_lot::Mutex;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
-use std::fs::{self, OpenOptions};
-use std::io::{ErrorKind, Write};
+use std::fs::OpenOptions;
+use std::io::Write;
 use std::path::Path;
 use std::time::Instant;
 use syntable_model::error::{Error, Result};
@@ -46,13 +46,8 @@ impl RunTimes {
     /// The lines of a dataset's file, in order; none if there is no file. A line that cannot be read is left out.
     pub fn of_dataset(root: &Path) -> Result<Vec<Self>> {
         let path = super::folder::times_path(root);
-        match fs::read(&path) {
-            Ok(bytes) => {
-                Ok(bytes.split(|byte| *byte == b'\n').filter_map(|it| serde_json::from_slice(it).ok()).collect())
-            }
-            Err(error) if error.kind() == ErrorKind::NotFound => Ok(Vec::new()),
-            Err(error) => Err(Error::io(&path, &error)),
-        }
+        let bytes = super::foreign::read(&path)?;
+        Ok(bytes.split(|byte| *byte == b'\n').filter_map(|it| serde_json::from_slice(it).ok()).collect())
     }
 }
 

@@ -10,8 +10,9 @@
 use crate::formats::InFile;
 use crate::sources::bop_models::guess_unit;
 use body::Rows;
-use header::{Element, Header};
+use header::{Element, Header, Scalar, is_signed_byte};
 use std::collections::HashMap;
+use std::ops::Range;
 use std::path::Path;
 use std::sync::Arc;
 use syntable_mesh::Model;
@@ -211,11 +212,10 @@ impl ColorColumns {
         None
     }
 
-    /// The values of a row, with bytes that were written as signed ones mended.
+    /// The values of a row as they are written.
     fn of_row(&self, values: &[f64]) -> [f32; 4] {
-        let byte = |x: f64| if (-128.0..0.0).contains(&x) { x + 256.0 } else { x };
-        let [r, g, b] = self.rgb.map(|at| byte(values[at]) as f32);
-        [r, g, b, self.alpha.map_or(1.0, |at| byte(values[at]) as f32)]
+        let [r, g, b] = self.rgb.map(|at| values[at] as f32);
+        [r, g, b, self.alpha.map_or(1.0, |at| values[at] as f32)]
     }
 }
 
@@ -238,13 +238,21 @@ fn decode<'a>(
     }
 }
 
-/// The numbers of full intensity and of full opacity.
-fn ranges(element: &Element, columns: &ColorColumns, colors: &[[f32; 4]]) -> [f64; 2] {
-    let rgb = colors.iter().flat_map(|color| &color[..3]).map(|&x| f64::from(x));
-    let full = element.properties[columns.rgb[0]].scalar.full_intensity(rgb);
-    let alpha = colors.iter().map(|color| f64::from(color[3]));
-    let opaque = columns.alpha.map_or(1.0, |at| element.properties[at].scalar.full_intensity(alpha));
-    [full, opaque]
+/// The numbers of full intensity and of full opacity. Signed bytes are mended first.
+fn ranges(element: &Element, columns: &ColorColumns, colors: &mut [[f32; 4]]) -> [f64; 2] {
+    let mut range = |at: usize, channels| range(element.properties[at].scalar, colors, channels);
+    [range(columns.rgb[0], 0..3), columns.alpha.map_or(1.0, |at| range(at, 3..4))]
+}
+
+/// The number of full intensity in some channels of colors, which have one type. Signed bytes are mended first.
+fn range(scalar: Scalar, colors: &mut [[f32; 4]], channels: Range<usize>) -> f64 {
+    let wraps = scalar.wraps(colors.iter().flat_map(|color| &color[channels.clone()]).copied());
+    for x in colors.iter_mut().flat_map(|color| &mut color[channels.clone()]) {
+        if wraps && is_signed_byte(*x) && *x < 0.0 {
+            *x += 256.0;
+        }
+    }
+    scalar.full_intensity(colors.iter().flat_map(|color| &color[channels.clone()]).map(|&x| f64::from(x)))
 }
 
 /// Vertices without faces.
@@ -299,7 +307,7 @@ fn read_vertices(element: &Element, rows: &mut Rows<'_>, budget: &Budget, notes:
     }
     let mut alphas = Vec::new();
     if let Some(columns) = color {
-        let ranges = ranges(element, &columns, &colors);
+        let ranges = ranges(element, &columns, &mut colors);
         decode(colors.iter_mut(), ranges, "vertices", notes);
         mesh.colors = colors.iter().map(|&[r, g, b, _]| [r, g, b]).collect();
         if columns.alpha.is_some() {
@@ -396,16 +404,13 @@ fn read_faces(
         }
     }
     if let Some(at) = wedge_at {
-        let rgb = || faces.corners.iter().flatten();
-        let full = element.properties[at]
-            .scalar
-            .full_intensity(rgb().flatten().filter(|x| x.is_finite()).map(|&x| f64::from(x)));
+        let full = range(element.properties[at].scalar, faces.corners.as_flattened_mut(), 0..4);
         decode(faces.corners.iter_mut().flatten(), [full; 2], "corners", &mut Vec::new());
         if without_color > 0 {
             notes.push(format!("{without_color} faces have no colors for their corners; they are white"));
         }
     } else if let Some(columns) = &color {
-        let ranges = ranges(element, columns, &by_face);
+        let ranges = ranges(element, columns, &mut by_face);
         decode(by_face.iter_mut(), ranges, "faces", notes);
         faces.corners = by_face.into_iter().map(|color| [color; 3]).collect();
     }

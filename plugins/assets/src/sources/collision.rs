@@ -231,6 +231,11 @@ impl Named {
         self.is_plain() && self.kinds.iter().all(says_nothing) && self.kinds.iter().any(|kind| *kind != Kind::Number)
     }
 
+    /// Whether its name has a number, as a word or at the end of one.
+    fn is_numbered(&self) -> bool {
+        self.words.iter().any(|word| word.ends_with(|c: char| c.is_ascii_digit()))
+    }
+
     /// Whether it is named after the folder of its object.
     fn is_named_after_folder(&self) -> bool {
         let folder = self.object.file_name().map(|name| words(&name.to_string_lossy()));
@@ -270,10 +275,26 @@ impl Named {
 struct Folder {
     /// Names of its meshes, also less their visual words and the numbers of their parts, and the meshes that have them.
     names: BTreeMap<Vec<String>, BTreeSet<usize>>,
+    /// Number of meshes that neither names nor folders make collision meshes.
     plain: usize,
-    has_main: bool,
+    /// How many of these have names that say nothing else.
+    mains: usize,
+    /// Whether such a name has a number: `object_01` is one of several objects, or of several parts.
+    is_series: bool,
     has_named_after: bool,
     has_visual_folder: bool,
+}
+
+impl Folder {
+    /// Whether it has the mesh of an object under a name that says nothing else.
+    fn has_main(&self) -> bool {
+        self.mains > 0 && !self.is_series
+    }
+
+    /// Whether it holds nothing but the mesh of one object, under such names: `textured` and `model`.
+    fn is_one_object(&self) -> bool {
+        self.has_main() && self.mains == self.plain
+    }
 }
 
 /// The folders that are named after an object and hold its mesh: by the folder above and the words of their names.
@@ -298,13 +319,14 @@ pub fn rules<'a>(stems: impl Iterator<Item = &'a Path>, others: impl Iterator<It
             folder.names.entry(name).or_default().insert(at);
         }
         folder.plain += usize::from(mesh.is_plain());
-        folder.has_main |= mesh.is_main();
+        folder.mains += usize::from(mesh.is_main());
+        folder.is_series |= mesh.is_main() && mesh.is_numbered();
         folder.has_named_after |= mesh.is_named_after_folder();
         folder.has_visual_folder |= mesh.is_plain() && mesh.in_visual_folder;
     }
     let homes: Homes<'_> = folders
         .iter()
-        .filter(|(_, folder)| folder.has_main || folder.has_named_after)
+        .filter(|(_, folder)| folder.mains > 0 || folder.has_named_after)
         .filter_map(|(path, _)| Some((path.parent()?, words(&path.file_name()?.to_string_lossy()))))
         .collect();
     meshes.iter().enumerate().take(count).map(|(at, mesh)| rule(at, mesh, &folders, &homes)).collect()
@@ -328,7 +350,7 @@ fn rule(at: usize, mesh: &Named, folders: &BTreeMap<&Path, Folder>, homes: &Home
     };
     if let Some((name, certain)) = &mesh.folder {
         let bases = mesh.bases().into_iter().chain([mesh.words.clone()]);
-        let beside = folder.has_main
+        let beside = folder.has_main()
             || folder.has_named_after
             || folder.has_visual_folder
             || bases.into_iter().any(|name| has_sibling(&name));
@@ -354,13 +376,13 @@ fn rule(at: usize, mesh: &Named, folders: &BTreeMap<&Path, Folder>, homes: &Home
         let telling = mesh.words.iter().any(|word| TELLING.contains(&word.as_str()));
         let several = mesh.kinds.iter().filter(|&&kind| is_collision(kind)).count() > 1;
         let of_the_only_one = folder.plain == 1 && (is_numbered || telling || several);
-        return (folder.has_main || after_folder || of_the_only_one).then_some(Rule::Sibling(word));
+        return (folder.is_one_object() || after_folder || of_the_only_one).then_some(Rule::Sibling(word));
     }
     if mesh.kinds.iter().skip(1).any(|&kind| kind == Kind::Certain) {
         return certain.map(|at| Rule::Name(mesh.words[at].clone()));
     }
     // In the folder of one object, whose mesh has no name of its own.
-    (first > 0 && folder.has_main).then_some(Rule::Sibling(word))
+    (first > 0 && folder.is_one_object()).then_some(Rule::Sibling(word))
 }
 
 /// How many meshes each rule left out, for a message: `3 in the folder …, 2 by …`.
@@ -477,6 +499,11 @@ mod tests {
         check(&["boat/boat", "boat/hull", "boat/mast"], &[]);
         check(&["lens/convex", "lens/concave"], &[]);
         check(&["physics/pendulum", "hulls/tanker", "mugs/a", "x"], &[]);
+        // One name that says nothing makes no object of a pool: neither a numbered one nor one among others.
+        check(&["object_01", "ship_hull", "lens_convex", "hull", "physics"], &[]);
+        check(&["obj_000001", "brass_col"], &[]);
+        check(&["obj_000001", "obj_000002", "obj3", "physics/pendulum", "lens_convex"], &[]);
+        check(&["model", "cup", "ship_hull", "physics"], &[]);
         // The same name in another category is another object.
         check(&["bowl/a", "cup/a_convex"], &[]);
     }

@@ -622,6 +622,61 @@ fn statements_that_are_not_read_are_named() {
 }
 
 #[test]
+fn numbers_out_of_range_do_not_change_the_others() {
+    let mut cases = Cases { folder: TempDir::new().expect("temp folder"), list: Vec::new() };
+    // Slightly below 0 by interpolation; opacity likewise.
+    let floats = UCHAR.replace("uchar", "float") + "property float alpha\n";
+    let below =
+        |i: usize| rgb(BY_VERTEX[i], 255.0).replace("0 ", "-0.000001 ") + if i == 3 { " -0.000001" } else { " 1" };
+    assert!(below(0).starts_with("1 -0.000001 0"), "{}", below(0));
+    // Faces with vertex 3 have two opaque corners of three.
+    let mean: Expected = Box::new(|face, v| {
+        let [r, g, b, _] = of_bytes(BY_VERTEX[v]);
+        [r, g, b, if FACES[face].contains(&3) { 2.0 / 3.0 } else { 1.0 }]
+    });
+    cases.ply("below_zero", ["", &floats, ""], &below, &none, mean, &["varies within 3 faces"]);
+    // Bytes that were written as signed ones, in wider integers; but not if others do not fit into a signed byte.
+    let wrapped = |i: usize| BY_VERTEX[i].map(|x| (x as i8).to_string()).join(" ");
+    for kind in ["short", "int"] {
+        let header = UCHAR.replace("uchar", kind);
+        cases.ply(&format!("signed_{kind}"), ["", &header, ""], &wrapped, &none, by_vertex(), &[]);
+        let row = |i: usize| if i == 0 { "255 -5 -129".to_owned() } else { rgb(BY_VERTEX[i], 1.0) };
+        cases.ply(&format!("negative_{kind}"), ["", &header, ""], &row, &none, by_vertex(), &[]);
+    }
+    let wedge = |face: usize| {
+        let colors = FACES[face].map(|v| BY_VERTEX[v as usize].map(|x| (x as i8).to_string()).join(" "));
+        format!("9 {}", colors.join(" "))
+    };
+    cases.ply("signed_wedge", ["", "", "property list uchar char color\n"], &none, &wedge, by_vertex(), &[]);
+
+    // Floats of glTF: light above white, and bytes.
+    let accessor = |colors: [[f32; 4]; 4], channels: usize| {
+        let bytes = colors.iter().flat_map(|color| color[..channels].to_vec()).flat_map(f32::to_le_bytes).collect();
+        Some((5126, false, channels, bytes))
+    };
+    let bright = [[2.5, 0.0, 0.25, 1.0], [0.0, 0.5, 300.0, 1.0], [0.1, 0.2, 0.9, 1.0], [1.0005, 0.4, -0.1, 1.0]];
+    for channels in [3, 4] {
+        let want: Expected = Box::new(move |_, v| bright[v].map(|x| f64::from(x).clamp(0.0, 1.0)));
+        let said = ["COLOR_0 has numbers above 1"];
+        cases.gltf(&format!("bright{channels}"), accessor(bright, channels), None, json!({}), want, &said);
+    }
+    let bytes = BY_VERTEX.map(|color| [color[0], color[1], color[2]].map(f32::from)).map(|[r, g, b]| [r, g, b, 0.6]);
+    let of_bytes: Expected = Box::new(|_, v| {
+        let [r, g, b] = BY_VERTEX[v].map(|x| f64::from(x) / 255.0);
+        [r, g, b, 0.6]
+    });
+    let blend = json!({ "alphaMode": "BLEND" });
+    cases.gltf(
+        "bytes",
+        accessor(bytes, 4),
+        Some(blend),
+        json!({}),
+        of_bytes,
+        &["not normalized; it is read as 0 to 255"],
+    );
+}
+
+#[test]
 fn faces_below_the_cutoff_are_dropped() {
     let folder = TempDir::new().expect("temp folder");
     let mut builder = Builder::default();
@@ -635,4 +690,15 @@ fn faces_below_the_cutoff_are_dropped() {
     let (_, warnings) = look(&folder.path().join("x.gltf"));
     let said = warnings.join("\n");
     assert!(said.contains("varies within 3 faces") && said.contains("3 faces are invisible"), "{said}");
+
+    // An asset that would lose all of its faces keeps them.
+    let mut builder = Builder::default();
+    let (position, index) = (builder.floats(&POSITIONS), builder.indices(FACES.as_flattened()));
+    let colors = builder.floats(&[[1.0, 1.0, 1.0, 0.3]; 4]);
+    let primitive =
+        json!({ "attributes": { "POSITION": position, "COLOR_0": colors }, "indices": index, "material": 0 });
+    let material = json!({ "alphaMode": "MASK", "alphaCutoff": 0.5 });
+    write(folder.path(), "y.gltf", builder.document(&primitive, json!({ "materials": [material] })));
+    let (inspection, warnings) = look(&folder.path().join("y.gltf"));
+    assert!(inspection.is_ok() && warnings.join("\n").contains("all faces would be invisible"), "{warnings:?}");
 }

@@ -36,7 +36,10 @@ async function show(state) {
 async function follow() {
   for (;;) {
     try {
-      const news = await (await fetch("changes?after=" + version)).json();
+      const answer = await fetch("changes?after=" + version);
+      // Another preview has this port now, with an address of its own.
+      if (answer.status === 403) return say("status", "This preview has ended. Open the new address that the terminal shows.");
+      const news = await answer.json();
       if (news.version !== version) {
         const state = await (await fetch("state.json")).json();
         // An image that was not there as a whole is asked for again.
@@ -46,7 +49,7 @@ async function follow() {
     } catch {
       say("status", "the preview has ended, or cannot be reached");
       await new Promise(done => setTimeout(done, 1000));
-      // A preview that was started anew counts from the start.
+      // The state is asked for again, which replaces this status.
       version = 0;
     }
   }

@@ -132,20 +132,21 @@ impl Report {
         choose: impl FnOnce(&dyn DatasetReader) -> Shown,
     ) -> Result<Self> {
         let (format, dataset) = reader::open_source(source, format)?;
-        Self::of(dataset, format.name, &source.path, choose)
+        Self::of(dataset, format.name, source, choose)
     }
 
-    /// The pages of a dataset that is open.
+    /// The pages of a dataset that is open. `source` is where it was opened, and how far links of its run may reach.
     pub fn of(
         dataset: Box<dyn DatasetReader>,
         format: &'static str,
-        path: &Path,
+        source: &Source,
         choose: impl FnOnce(&dyn DatasetReader) -> Shown,
     ) -> Result<Self> {
+        let path = source.path.as_path();
         if dataset.images().is_empty() {
             return Err(Error::new("the dataset has no image").in_file(path).permanent());
         }
-        let record = Record::of(path);
+        let record = Record::of(source);
         let Shown { images: shown, scenes: most } = choose(&*dataset);
         let scenes: Vec<u32> = record.models.keys().copied().take(most.unwrap_or(usize::MAX)).collect();
         let mut pages = Tera::default();

@@ -7,9 +7,10 @@ use std::io::{ErrorKind, Read};
 use std::path::{Path, PathBuf};
 use syntable_formats::decode;
 use syntable_model::error::{Error, Result};
+use syntable_model::files::DatasetFolder;
 use syntable_model::product::standard::OBJECT_INFO;
 use syntable_model::product::{PerInstance, Value};
-use syntable_model::reader::DatasetReader;
+use syntable_model::reader::{DatasetReader, Source};
 use syntable_model::stage::RESERVED;
 use syntable_runtime::run::folder::{journal_path, times_path};
 use syntable_runtime::run::journal::{Journal, JournalEntry};
@@ -23,8 +24,8 @@ const MAX_JSON: u32 = 64 << 20;
 /// What is known of how a dataset was made. Of a dataset of another program that is little.
 #[derive(Debug, Default)]
 pub struct Record {
-    /// The folder of the run; empty if no run made the dataset.
-    root: PathBuf,
+    /// The folder of the run; none if no run made the dataset.
+    folder: Option<DatasetFolder>,
     /// The resolved recipe; empty if there is none.
     pub recipe: String,
     /// The same as a table.
@@ -70,13 +71,17 @@ pub type Licenses = BTreeMap<String, String>;
 
 impl Record {
     /// Reads what the folder of a run has; nothing of a folder that no run made.
-    pub fn of(dataset: &Path) -> Self {
-        let Some(root) = run_of(dataset) else { return Self::default() };
+    pub fn of(dataset: &Source) -> Self {
+        let Some(root) = run_of(&dataset.path) else { return Self::default() };
+        let folder = match dataset.folder(&root) {
+            Ok(folder) => folder,
+            Err(error) => return Self { damaged: vec![error.to_string()], ..Self::default() },
+        };
         let mut damaged = Vec::new();
         let mut note = |path: &Path, what: String| damaged.push(format!("{}: {what}", path.display()));
         let path = root.join(RESERVED[1]);
-        let recipe = match inside(&root, &path) {
-            Ok(Some(_)) => read(&root, &path)
+        let recipe = match find(&folder, &path) {
+            Ok(Some(_)) => read(&folder, &path)
                 .and_then(|bytes| String::from_utf8(bytes).map_err(|_| Error::new("it is not UTF-8").in_file(&path))),
             Ok(None) => Ok(String::new()),
             Err(error) => Err(error),
@@ -90,30 +95,34 @@ impl Record {
             toml::Table::new()
         });
         let path = journal_path(&root);
-        let (journal, faults) = inside(&root, &path)
+        let (journal, faults) = find(&folder, &path)
             .and_then(|_| Journal::readable(&path))
             .unwrap_or_else(|error| (BTreeMap::new(), vec![error.message().to_owned()]));
         faults.into_iter().for_each(|fault| note(&path, fault));
         let path = times_path(&root);
-        let times = inside(&root, &path).and_then(|_| RunTimes::of_dataset(&root)).unwrap_or_else(|error| {
+        let times = find(&folder, &path).and_then(|_| RunTimes::of_dataset(&root)).unwrap_or_else(|error| {
             note(&path, error.message().to_owned());
             Vec::new()
         });
         let lines =
-            read(&root, &path).map_or(0, |bytes| bytes.split(|it| *it == b'\n').filter(|it| !it.is_empty()).count());
+            read(&folder, &path).map_or(0, |bytes| bytes.split(|it| *it == b'\n').filter(|it| !it.is_empty()).count());
         if lines > times.len() {
             note(&path, format!("{} of {lines} lines cannot be read", lines - times.len()));
         }
-        let models = models(&root, &table, journal.keys().copied(), &mut note);
-        Self { root, times, recipe, table, journal, damaged, models }
+        let models = models(&folder, &root, &table, journal.keys().copied(), &mut note);
+        Self { folder: Some(folder), times, recipe, table, journal, damaged, models }
     }
 
     /// Reads a file of the run.
     ///
     /// # Errors
-    /// If it is no regular file, or a link leads out of the folder of the run.
+    /// If it is no regular file, or a link leads out of the folder of the run and the source does not allow that.
     pub fn read(&self, path: &Path) -> Result<Vec<u8>> {
-        read(&self.root, path)
+        read(self.folder()?, path)
+    }
+
+    fn folder(&self) -> Result<&DatasetFolder> {
+        self.folder.as_ref().ok_or_else(|| Error::new("no run made the dataset"))
     }
 
     /// A value of the recipe as text: `dataset.seed`.
@@ -187,7 +196,7 @@ impl Record {
             }
         }
         for path in self.models.values() {
-            let json = match gltf_json(&self.root, path) {
+            let json = match self.folder().and_then(|folder| gltf_json(folder, path)) {
                 Ok(json) => json,
                 Err(error) => {
                     unread.push(format!("licenses: {error}"));
@@ -214,34 +223,37 @@ impl Record {
     }
 }
 
-/// A file of a run, if it is there; whatever links do, it lies in the folder of the run.
+/// A regular file of a run that may be read, if it is there.
 ///
 /// # Errors
-/// If it is no regular file, such as a pipe, which would be waited for, or if a link leads out of the folder.
-fn inside(root: &Path, path: &Path) -> Result<Option<PathBuf>> {
-    let whole = |path: &Path| match path.canonicalize() {
-        Ok(whole) => Ok(Some(whole)),
-        Err(error) if error.kind() == ErrorKind::NotFound && !path.is_symlink() => Ok(None),
-        Err(error) => Err(Error::io(path, &error)),
+/// If it is no regular file, such as a pipe, which would be waited for, or if a link leads out of the folder of the run and the
+/// source does not allow that.
+fn find(folder: &DatasetFolder, path: &Path) -> Result<Option<PathBuf>> {
+    // The name is the program's own: only a link can lead out.
+    let refused = |error: Error| match error.is_io() {
+        true => error,
+        false => {
+            Error::new("it leads out of the folder through a link: if you trust this dataset, --trust-paths reads it")
+                .in_file(path)
+                .of_request()
+        }
     };
-    let (Some(root), Some(found)) = (whole(root)?, whole(path)?) else { return Ok(None) };
-    let refuse = |what: &str| Err(Error::new(what).in_file(path).permanent());
-    if !found.starts_with(&root) {
-        return refuse("it leads out of the folder of the run through a link");
+    let found = folder.file(path.strip_prefix(folder.path()).unwrap_or(path)).map_err(refused)?;
+    match std::fs::symlink_metadata(&found) {
+        Err(error) if error.kind() == ErrorKind::NotFound => Ok(None),
+        _ => decode::open(&found).map(|_| Some(found)),
     }
-    let kind = std::fs::metadata(&found).map_err(|error| Error::io(path, &error))?;
-    if kind.is_file() { Ok(Some(found)) } else { refuse("it is not a file") }
 }
 
-/// Opens a file of a run, see [`inside`].
-fn open(root: &Path, path: &Path) -> Result<File> {
-    let found = inside(root, path)?.ok_or_else(|| Error::new("no such file").in_file(path).permanent())?;
-    decode::open(&found).map_err(|error| error.in_file(path))
+/// Opens a file of a run, see [`find`].
+fn open(folder: &DatasetFolder, path: &Path) -> Result<File> {
+    let found = find(folder, path)?.ok_or_else(|| Error::new("no such file").in_file(path).permanent())?;
+    decode::open(&found)
 }
 
-fn read(root: &Path, path: &Path) -> Result<Vec<u8>> {
+fn read(folder: &DatasetFolder, path: &Path) -> Result<Vec<u8>> {
     let mut bytes = Vec::new();
-    open(root, path)?.read_to_end(&mut bytes).map_err(|error| Error::io(path, &error))?;
+    open(folder, path)?.read_to_end(&mut bytes).map_err(|error| Error::io(path, &error))?;
     Ok(bytes)
 }
 
@@ -255,6 +267,7 @@ pub fn run_of(path: &Path) -> Option<PathBuf> {
 /// glTF files of whole scenes, or of the first view of each, of the first writer of the recipe that makes some. `note` is told
 /// of those that cannot be used.
 fn models(
+    folder: &DatasetFolder,
     root: &Path,
     recipe: &toml::Table,
     scenes: impl Iterator<Item = u32>,
@@ -268,7 +281,7 @@ fn models(
     for scene in scenes {
         for name in [format!("{scene:06}.glb"), format!("{scene:06}_0000.glb")] {
             let path = root.join(id).join(name);
-            match inside(root, &path) {
+            match find(folder, &path) {
                 Ok(Some(_)) => {
                     found.entry(scene).or_insert(path);
                 }
@@ -281,9 +294,9 @@ fn models(
 }
 
 /// The JSON of a binary glTF file (glTF 2.0, section 4.4).
-fn gltf_json(root: &Path, path: &Path) -> Result<serde_json::Value> {
+fn gltf_json(folder: &DatasetFolder, path: &Path) -> Result<serde_json::Value> {
     let refuse = |what: &str| Error::new(what).in_file(path).permanent();
-    let mut file = open(root, path)?;
+    let mut file = open(folder, path)?;
     let mut head = [0; 20];
     file.read_exact(&mut head).map_err(|error| Error::io(path, &error))?;
     let length = u32::from_le_bytes([head[12], head[13], head[14], head[15]]);
@@ -293,4 +306,30 @@ fn gltf_json(root: &Path, path: &Path) -> Result<serde_json::Value> {
     let mut text = Vec::new();
     file.take(u64::from(length)).read_to_end(&mut text).map_err(|error| Error::io(path, &error))?;
     serde_json::from_slice(&text).map_err(|error| refuse(&format!("its JSON cannot be read: {error}")))
+}
+
+#[cfg(all(test, unix))]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn links_lead_out_of_a_run_only_if_the_user_trusts_it() {
+        let home = tempfile::tempdir().expect("a folder");
+        let [data, disk] = ["data", "disk"].map(|name| home.path().join(name));
+        [&data, &disk].into_iter().for_each(|folder| std::fs::create_dir(folder).expect("made"));
+        std::fs::write(disk.join("000000.glb"), "glTF").expect("written");
+        std::os::unix::fs::symlink(&disk, data.join("gltf")).expect("linked");
+        let path = data.join("gltf/000000.glb");
+        let read = |is_trusted: bool| {
+            let folder = Source::new(&data).trusting(is_trusted).folder(&data).expect("there");
+            assert_eq!(find(&folder, &data.join("recipe.toml")), Ok(None));
+            assert!(find(&folder, &data.join("none/000000.glb")).is_ok_and(|found| found.is_none()));
+            let refused = find(&folder, &data).expect_err("a folder").to_string();
+            assert!(refused.contains("it is not a file"), "{refused}");
+            read(&folder, &path).map_err(|error| error.to_string())
+        };
+        let refused = read(false).expect_err("it leads out");
+        assert!(refused.contains("000000.glb: it leads out") && refused.contains("--trust-paths"), "{refused}");
+        assert_eq!(read(true).as_deref(), Ok(&b"glTF"[..]));
+    }
 }

@@ -13,7 +13,7 @@ use syntable_model::error::{Error, Result};
 use syntable_model::reader;
 use syntable_model::registry::Registry;
 use syntable_runtime::clap::{Arg, ArgAction, ArgMatches, Command, value_parser};
-use syntable_runtime::cli::{Console, Exit, Message, Verb, amount, dataset_folder, lies_in};
+use syntable_runtime::cli::{Console, Exit, LeftOutReport, Message, Verb, amount, dataset_folder, lies_in};
 use syntable_runtime::durable::{self, Draft, Standing};
 use syntable_runtime::images::each;
 use syntable_runtime::run::progress::{Reporter, count};
@@ -75,8 +75,8 @@ fn run(console: &Console, _: &Registry, arguments: &ArgMatches) -> std::result::
     check_out(&out, arguments.get_flag("overwrite")).map_err(Exit::stopped)?;
     let pool = Pool::new(arguments::threads_of(arguments)).map_err(Exit::stopped)?;
     let format = arguments.get_one::<String>("format").map(String::as_str);
-    let (format, opened) =
-        reader::open_source(&arguments::source(dataset, arguments), format).map_err(Exit::stopped)?;
+    let source = arguments::source(dataset, arguments);
+    let (format, opened) = reader::open_source(&source, format).map_err(Exit::stopped)?;
     let scored = path("scores").map(|file| Scored::open(file, &*opened)).transpose().map_err(Exit::stopped)?;
     let options = Options { images: !arguments.get_flag("labels-only"), ..Options::default() };
     let mut incomplete = Vec::new();
@@ -94,7 +94,7 @@ fn run(console: &Console, _: &Registry, arguments: &ArgMatches) -> std::result::
         images: choose(of.images().len(), images, statistics(&counted), scored.as_ref().map_or(&[], Scored::images)),
         scenes: Some(scenes),
     };
-    let mut report = Report::of(opened, format.name, dataset, chosen).map_err(Exit::stopped)?;
+    let mut report = Report::of(opened, format.name, &source, chosen).map_err(Exit::stopped)?;
     let worst = scored.as_ref().map_or(0, |scored| scored.images().len());
     if let Some(scored) = scored {
         report = report.with_scores(scored);
@@ -123,14 +123,14 @@ fn run(console: &Console, _: &Registry, arguments: &ArgMatches) -> std::result::
         parts.extend((reasons > 0).then(|| count(reasons as u32, one)));
     }
     parts.extend((!incomplete.is_empty()).then(|| "the statistics".to_owned()));
-    if parts.is_empty() {
-        return Ok(());
+    let mut left_out = LeftOutReport::default();
+    if !parts.is_empty() {
+        let reasons = unread.into_iter().chain(lost).map(Error::new);
+        let summary = format!("{} cannot be read: the pages lack what they say", parts.join(" and "));
+        left_out.add(summary, incomplete.into_iter().chain(reasons));
     }
-    let reasons = unread.into_iter().chain(lost).map(Error::new);
-    let reasons = incomplete.into_iter().chain(reasons).map(Message::Warning);
-    let error = Error::new(format!("{} cannot be read: the pages lack what they say", parts.join(" and ")));
-    let error = error.in_file(dataset).help("`syntable validate` lists all that is wrong");
-    Err(Exit { code: 3, messages: reasons.chain([Message::Error(error)]).collect() })
+    left_out.annotations(&report.dataset().passed_over(&report.dataset().offers()));
+    left_out.end(dataset, "`syntable validate` lists all that is wrong")
 }
 
 fn statistics(counted: &Counted) -> Option<&Statistics> {

@@ -2,6 +2,7 @@
 
 use super::distribution::Binning;
 use super::duplicates::LEVELS;
+use super::image::Wanted;
 use super::table::{self, Described};
 use super::{Edges, Options, bin_alike, of};
 use crate::arguments;
@@ -95,6 +96,7 @@ fn run(console: &Console, _: &Registry, arguments: &ArgMatches) -> Result<(), Ex
         left_out.unlisted(&*dataset);
         let statistics = of(&*dataset, &options, (&pool, console.reporter()));
         let statistics = statistics.map_err(|error| Exit::stopped(error.in_file(path)))?;
+        left_out.annotations(&dataset.passed_over(&Wanted::of(&*dataset, &options).keys));
         all.push(Described { dataset: path.display().to_string(), format: format.name, statistics });
     }
     bin_alike(&mut all.iter_mut().map(|it| &mut it.statistics).collect::<Vec<_>>(), options.binning);

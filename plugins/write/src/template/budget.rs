@@ -5,7 +5,7 @@
 //! [limits](syntable_model::limits). A template is rendered by one thread, so that the counters are that thread's.
 
 use serde_json::Value as Json;
-use std::cell::RefCell;
+use std::cell::{Cell, RefCell};
 use std::collections::{BTreeSet, HashMap};
 use syntable_model::limits::{Limit, TEMPLATE_LOOP_TEXT, TEMPLATE_STEPS, TEMPLATE_VALUE, TEMPLATE_WORK};
 use tera::ast::{Expr, ExprVal, FunctionCall, Node, StringConcat, WS};
@@ -17,6 +17,12 @@ const OPEN: &str = "__open";
 const CLOSE: &str = "__close";
 const MADE: &str = "__made";
 const LOOPED: &str = "__looped";
+/// Before a loop, at the beginning of each of its turns, and behind it.
+const ENTER: &str = "__enter";
+const TURN: &str = "__turn";
+const LEAVE: &str = "__leave";
+/// How the names of all of these begin, which no template may use.
+const OWN: &str = "__";
 
 /// Operands that are joined to one text at once: each may be as long as a value.
 const JOINED: usize = 8;
@@ -25,17 +31,28 @@ const JOINED: usize = 8;
 struct Spent {
     steps: u64,
     bytes: u64,
-    /// The limits of steps and bytes are divided by it.
+    /// The limits of steps, of a value and of all values are divided by it.
     divisor: u64,
     /// Bytes of each text that is made in memory at the moment, the innermost last.
     open: Vec<u64>,
+    /// The loops that are running, the innermost last: the number of each, and how many texts were open before it.
+    loops: Vec<(u64, usize)>,
+}
+
+impl Spent {
+    /// Closes the texts that `break` or `continue` left open in a loop. Returns the place of the loop in `loops`.
+    fn close_texts_in(&mut self, number: u64) -> Option<usize> {
+        let place = self.loops.iter().rposition(|(running, _)| *running == number)?;
+        self.open.truncate(self.loops[place].1);
+        Some(place)
+    }
 }
 
 thread_local! {
     static SPENT: RefCell<Spent> = RefCell::default();
 }
 
-/// Begins to count anew. The limits of steps and of all values are divided by a number, which is 1 but in tests.
+/// Begins to count anew. All limits but that of [`LOOPED`] are divided by a number, which is 1 but in tests.
 pub fn start(divisor: u64) {
     SPENT.with_borrow_mut(|spent| *spent = Spent { divisor, ..Spent::default() });
 }
@@ -46,7 +63,12 @@ fn within_divided(limit: &Limit, sum: u64, divisor: u64) -> tera::Result<()> {
 }
 
 fn within(limit: &Limit, value: u64) -> tera::Result<()> {
-    limit.check(value).map_err(|error| tera::Error::msg(error.to_string()))
+    within_divided(limit, value, 1)
+}
+
+/// Refuses a value that is too large.
+fn within_value(size: u64) -> tera::Result<()> {
+    within_divided(&TEMPLATE_VALUE, size, SPENT.with_borrow(|spent| spent.divisor))
 }
 
 /// Counts steps.
@@ -60,13 +82,13 @@ pub fn steps(count: u64) -> tera::Result<()> {
 /// Counts bytes of a value or of text in memory.
 fn bytes(count: u64) -> tera::Result<()> {
     SPENT.with_borrow_mut(|spent| {
-        within(&TEMPLATE_VALUE, count)?;
+        within_divided(&TEMPLATE_VALUE, count, spent.divisor)?;
         spent.bytes = spent.bytes.saturating_add(count);
         within_divided(&TEMPLATE_WORK, spent.bytes, spent.divisor)?;
         match spent.open.last_mut() {
             Some(open) => {
                 *open = open.saturating_add(count);
-                within(&TEMPLATE_VALUE, *open)
+                within_divided(&TEMPLATE_VALUE, *open, spent.divisor)
             }
             None => Ok(()),
         }
@@ -94,14 +116,44 @@ fn argument<'a>(arguments: &'a HashMap<String, Json>, name: &str) -> &'a str {
     arguments.get(name).and_then(Json::as_str).unwrap_or_default()
 }
 
-/// Puts the calls into a template of this name, and the functions behind them into `tera`.
+/// Arguments of the calls: bytes of text, and the number of a loop of the template.
+const TEXT: &str = "text";
+const LOOP: &str = "loop_number";
+
+fn number(arguments: &HashMap<String, Json>, name: &str) -> u64 {
+    arguments.get(name).and_then(Json::as_u64).unwrap_or_default()
+}
+
+/// Puts the calls into a template of this name, and the functions behind them into `tera`. Refuses a
+/// template that calls these functions itself.
 pub fn limit(tera: &mut Tera, name: &str) -> tera::Result<()> {
-    tera.register_function(STEP, |arguments: &HashMap<String, Json>| {
+    let step = |arguments: &HashMap<String, Json>| {
         steps(1)?;
-        let text = arguments.get("text").and_then(Json::as_u64).unwrap_or_default();
+        let text = number(arguments, TEXT);
         if text > 0 {
             bytes(text)?;
         }
+        Ok(Json::from(""))
+    };
+    tera.register_function(STEP, step);
+    tera.register_function(ENTER, |arguments: &HashMap<String, Json>| {
+        SPENT.with_borrow_mut(|spent| spent.loops.push((number(arguments, LOOP), spent.open.len())));
+        Ok(Json::from(""))
+    });
+    tera.register_function(TURN, move |arguments: &HashMap<String, Json>| {
+        SPENT.with_borrow_mut(|spent| {
+            if let Some(place) = spent.close_texts_in(number(arguments, LOOP)) {
+                spent.loops.truncate(place + 1);
+            }
+        });
+        step(arguments)
+    });
+    tera.register_function(LEAVE, |arguments: &HashMap<String, Json>| {
+        SPENT.with_borrow_mut(|spent| {
+            if let Some(place) = spent.close_texts_in(number(arguments, LOOP)) {
+                spent.loops.truncate(place);
+            }
+        });
         Ok(Json::from(""))
     });
     tera.register_function(OPEN, |_: &HashMap<String, Json>| {
@@ -149,7 +201,7 @@ pub fn limit(tera: &mut Tera, name: &str) -> tera::Result<()> {
         let Some(inner) = tera.filters.get(filter).cloned() else { continue };
         tera.register_filter(filter, move |value: &Json, arguments: &HashMap<String, Json>| {
             if let Json::String(text) = value {
-                within(&TEMPLATE_VALUE, most(text, arguments))?;
+                within_value(most(text, arguments))?;
             }
             inner.filter(value, arguments)
         });
@@ -158,28 +210,32 @@ pub fn limit(tera: &mut Tera, name: &str) -> tera::Result<()> {
         tera.register_filter("join", move |value: &Json, arguments: &HashMap<String, Json>| {
             let count = value.as_array().map_or(0, Vec::len) as u64;
             let between = count.saturating_mul(argument(arguments, "sep").len() as u64);
-            within(&TEMPLATE_VALUE, between.saturating_add(size(value)))?;
+            within_value(between.saturating_add(size(value)))?;
             inner.filter(value, arguments)
         });
     }
     let Some(template) = tera.templates.get_mut(name) else { return Ok(()) };
     let texts = Texts::of(template);
-    let walk = Walk { texts };
+    let walk = Walk { texts, loops: Cell::new(0), forbidden: RefCell::new(None) };
     walk.body(&mut template.ast, false);
     for definition in template.macros.values_mut() {
         walk.text_in_memory(&mut definition.body);
         let length = text_length(&definition.body);
-        definition.body.insert(0, call(STEP, length));
+        definition.body.insert(0, call(STEP, [(TEXT, length)]));
         definition.args.values_mut().flatten().for_each(|default| walk.expr(default, true));
     }
     template.blocks.values_mut().for_each(|block| walk.body(&mut block.body, false));
+    if let Some(name) = walk.forbidden.take() {
+        let message = format!("a template has no function or filter `{name}`: names that begin with `{OWN}` are kept");
+        return Err(tera::Error::msg(message));
+    }
     tera.build_inheritance_chains()
 }
 
 /// A call that makes no text.
-fn call(function: &str, text: i64) -> Node {
-    let text = ("text".to_owned(), Expr::new(ExprVal::Int(text)));
-    let args = if function == STEP { HashMap::from([text]) } else { HashMap::new() };
+fn call(function: &str, numbers: impl IntoIterator<Item = (&'static str, i64)>) -> Node {
+    let numbers = numbers.into_iter().map(|(name, value)| (name.to_owned(), Expr::new(ExprVal::Int(value))));
+    let args = numbers.collect();
     Node::VariableBlock(
         WS::default(),
         Expr::new(ExprVal::FunctionCall(FunctionCall { name: function.to_owned(), args })),
@@ -262,47 +318,70 @@ impl Texts {
 /// Puts calls into nodes and expressions.
 struct Walk {
     texts: Texts,
+    /// Loops so far.
+    loops: Cell<i64>,
+    /// A name that the template may not use.
+    forbidden: RefCell<Option<String>>,
 }
 
 impl Walk {
-    fn body(&self, body: &mut [Node], is_in_memory: bool) {
-        for node in body {
-            match node {
-                Node::VariableBlock(_, expr) => self.expr(expr, is_in_memory),
-                Node::Set(_, set) => self.expr(&mut set.value, true),
-                Node::FilterSection(_, section, _) => {
-                    section.filter.args.values_mut().for_each(|argument| self.expr(argument, true));
-                    self.text_in_memory(&mut section.body);
-                }
-                Node::Block(_, block, _) => self.body(&mut block.body, is_in_memory),
-                Node::Forloop(_, inner, _) => {
-                    let may_be_text = self.texts.may_be(&inner.container);
-                    self.expr(&mut inner.container, false);
-                    if may_be_text {
-                        inner.container.filters.push(filter(LOOPED));
-                    }
-                    let length = if is_in_memory { text_length(&inner.body) } else { 0 };
-                    self.body(&mut inner.body, is_in_memory);
-                    inner.body.insert(0, call(STEP, length));
-                    inner.empty_body.iter_mut().for_each(|body| self.body(body, is_in_memory));
-                }
-                Node::If(condition, _) => {
-                    for (_, test, body) in &mut condition.conditions {
-                        self.expr(test, false);
-                        self.body(body, is_in_memory);
-                    }
-                    condition.otherwise.iter_mut().for_each(|(_, body)| self.body(body, is_in_memory));
-                }
-                _ => {}
+    /// Notes a function or a filter of the template whose name is kept for the calls.
+    fn check(&self, name: &str) {
+        if name.starts_with(OWN) {
+            self.forbidden.borrow_mut().get_or_insert_with(|| name.to_owned());
+        }
+    }
+
+    fn body(&self, body: &mut Vec<Node>, is_in_memory: bool) {
+        for mut node in std::mem::take(body) {
+            let number = self.loops.get();
+            self.node(&mut node, is_in_memory);
+            if matches!(node, Node::Forloop(..)) {
+                body.extend([call(ENTER, [(LOOP, number)]), node, call(LEAVE, [(LOOP, number)])]);
+            } else {
+                body.push(node);
             }
+        }
+    }
+
+    fn node(&self, node: &mut Node, is_in_memory: bool) {
+        match node {
+            Node::VariableBlock(_, expr) => self.expr(expr, is_in_memory),
+            Node::Set(_, set) => self.expr(&mut set.value, true),
+            Node::FilterSection(_, section, _) => {
+                self.check(&section.filter.name);
+                section.filter.args.values_mut().for_each(|argument| self.expr(argument, true));
+                self.text_in_memory(&mut section.body);
+            }
+            Node::Block(_, block, _) => self.body(&mut block.body, is_in_memory),
+            Node::Forloop(_, inner, _) => {
+                let number = self.loops.replace(self.loops.get() + 1);
+                let may_be_text = self.texts.may_be(&inner.container);
+                self.expr(&mut inner.container, false);
+                if may_be_text {
+                    inner.container.filters.push(filter(LOOPED));
+                }
+                let length = if is_in_memory { text_length(&inner.body) } else { 0 };
+                self.body(&mut inner.body, is_in_memory);
+                inner.body.insert(0, call(TURN, [(TEXT, length), (LOOP, number)]));
+                inner.empty_body.iter_mut().for_each(|body| self.body(body, is_in_memory));
+            }
+            Node::If(condition, _) => {
+                for (_, test, body) in &mut condition.conditions {
+                    self.expr(test, false);
+                    self.body(body, is_in_memory);
+                }
+                condition.otherwise.iter_mut().for_each(|(_, body)| self.body(body, is_in_memory));
+            }
+            _ => {}
         }
     }
 
     /// A body whose text is not written to the file at once.
     fn text_in_memory(&self, body: &mut Vec<Node>) {
         self.body(body, true);
-        body.insert(0, call(OPEN, 0));
-        body.push(call(CLOSE, 0));
+        body.insert(0, call(OPEN, []));
+        body.push(call(CLOSE, []));
     }
 
     /// Counts the values that an expression makes on the way, and its own if it `is_kept`.
@@ -315,7 +394,10 @@ impl Walk {
             ExprVal::In(inside) => [&mut inside.lhs, &mut inside.rhs].into_iter().for_each(|it| self.expr(it, false)),
             ExprVal::Test(test) => test.args.iter_mut().for_each(|it| self.expr(it, true)),
             ExprVal::MacroCall(call) => each(&mut call.args),
-            ExprVal::FunctionCall(call) => each(&mut call.args),
+            ExprVal::FunctionCall(call) => {
+                self.check(&call.name);
+                each(&mut call.args);
+            }
             ExprVal::Array(values) => {
                 is_made = true;
                 values.iter_mut().for_each(|it| self.expr(it, true));
@@ -324,6 +406,7 @@ impl Walk {
                 is_made = true;
                 for part in &mut parts.values {
                     if let ExprVal::FunctionCall(call) = part {
+                        self.check(&call.name);
                         each(&mut call.args);
                     }
                 }
@@ -332,6 +415,7 @@ impl Walk {
             _ => {}
         }
         for mut own in std::mem::take(&mut expr.filters) {
+            self.check(&own.name);
             each(&mut own.args);
             // These two are no filters for Tera, and count as the first or the last one.
             let is_counted = !["default", "safe"].contains(&own.name.as_str());

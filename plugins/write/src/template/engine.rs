@@ -309,8 +309,8 @@ mod tests {
         let list = "{% set_global s = [1, 2] %}{% for i in range(end=60) %}{% set_global s = [s, s] %}{% endfor %}";
         let replaced = "{% set_global s = 'aaaaaaaa' %}{% for i in range(end=60) %}{% set_global s = s | replace(from='a', to=s) %}{% endfor %}";
         let joined = "{% set_global s = 'aaaaaaaa' %}{% for i in range(end=60) %}{% set_global s = range(end=100) | join(sep=s) %}{% endfor %}";
-        let section = "{% macro m() %}{% for i in range(end=1000000) %}{% for j in range(end=1000) %}TEXT{% endfor %}{% endfor %}{% endmacro %}{{ self::m() }}".replace("TEXT", &"some text".repeat(1000));
-        let filtered = "{% filter upper %}{% for i in range(end=1000000) %}{{ t }}{{ t }}{{ t }}{% for j in range(end=9) %}TEXT{% endfor %}{% endfor %}{% endfilter %}".replace("TEXT", &"abcdefghijkl".repeat(1000));
+        let section = "{% macro m() %}{% for i in range(end=1000) %}{% for j in range(end=1000) %}TEXT{% endfor %}{% endfor %}{% endmacro %}{{ self::m() }}".replace("TEXT", &"some text".repeat(1000));
+        let filtered = "{% filter upper %}{% for i in range(end=1000) %}{{ t }}{{ t }}{{ t }}{% for j in range(end=9) %}TEXT{% endfor %}{% endfor %}{% endfilter %}".replace("TEXT", &"abcdefghijkl".repeat(1000));
         let letters = "{% set s = range(end=9000) | join(sep='abcdef') %}{% for c in s %}{% for d in s %}{% endfor %}{% endfor %}";
         let aliased = "{% set s = range(end=9000) | join(sep='abcdef') %}{% for x in [s] %}{% for c in x %}{% endfor %}{% endfor %}";
         for (text, says) in [
@@ -326,19 +326,70 @@ mod tests {
             (aliased, "letter by letter"),
         ] {
             let limited = Template::new(text).and_then(Template::limited).expect("parses");
-            let fault = limited.render(&json!({ "t": "x" })).expect_err("refused");
+            let fault = limited.render_at_most(&json!({ "t": "x" }), 1 << 20, 64).expect_err("refused");
             assert!(fault.message.contains(says), "{text}: {fault:?}");
         }
         for (text, says) in [
             ("{% for i in range(end=1000) %}{% for j in range(end=1000) %}{% endfor %}{% endfor %}", "turns of loops"),
             (
-                "{% set s = range(end=5000) | join(sep='abcdef') %}{% for i in range(end=300) %}{% set t = s ~ i %}{% endfor %}",
+                "{% set s = range(end=2500) | join(sep='abcdef') %}{% for i in range(end=300) %}{% set t = s ~ i %}{% endfor %}",
                 "all values",
             ),
         ] {
             let limited = Template::new(text).and_then(Template::limited).expect("parses");
             let fault = limited.render_at_most(&json!({}), 1 << 20, 1000).expect_err("refused");
             assert!(fault.message.contains(says), "{text}: {fault:?}");
+        }
+    }
+
+    #[test]
+    fn texts_that_a_loop_leaves_early_are_closed() {
+        let context = json!({ "t": "x".repeat(10_000) });
+        // Tera takes these words in a section only where another loop has no turn.
+        let section =
+            "{% filter upper %}{{ t }}{% for j in range(end=0) %}{% else %}{% WORD %}{% endfor %}{% endfilter %}";
+        let after = "{% for i in range(end=100) %}{% set s = t ~ i %}{% endfor %}";
+        for text in [
+            format!("{{% for i in range(end=100) %}}{section}{{% endfor %}}"),
+            format!("{{% for i in range(end=1) %}}{section}{{% endfor %}}{after}"),
+            // Sections in each other, and a loop that ends by the `else` of another one in it.
+            format!("{{% for i in range(end=1) %}}{{% filter trim %}}{section}{{% endfilter %}}{{% endfor %}}{after}"),
+            format!(
+                "{{% for i in range(end=1) %}}{{% for k in range(end=0) %}}{{% else %}}{section}{{% endfor %}}{{% endfor %}}{after}"
+            ),
+            format!(
+                "{{% macro m(t) %}}{{% for i in [1, 2] %}}{section}{{% endfor %}}{{% endmacro %}}{{% for i in range(end=50) %}}{{{{ self::m(t=t) }}}}{{% endfor %}}"
+            ),
+        ] {
+            for word in ["break", "continue"] {
+                let text = text.replace("WORD", word);
+                let limited = Template::new(&text).and_then(Template::limited).expect("parses");
+                // A value has at most 64 KiB then, and all values together 4 MiB.
+                limited.render_at_most(&context, 4 << 20, 1024).unwrap_or_else(|fault| panic!("{text}: {fault:?}"));
+            }
+        }
+        // A section around a loop stays open, and a section that is too long is refused in any turn.
+        for text in [
+            "{% filter upper %}{% for i in range(end=9) %}{{ t }}{% continue %}{% endfor %}{% endfilter %}",
+            "{% for i in range(end=2) %}{% filter upper %}{% for j in range(end=9) %}{{ t }}{% break %}{% endfor %}{% for j in range(end=9) %}{{ t }}{% endfor %}{% endfilter %}{% endfor %}",
+        ] {
+            let limited = Template::new(text).and_then(Template::limited).expect("parses");
+            let fault = limited.render_at_most(&context, 4 << 20, 1024).expect_err("refused");
+            assert!(fault.message.contains("one value that a template"), "{text}: {fault:?}");
+        }
+    }
+
+    #[test]
+    fn templates_do_not_call_what_counts_them() {
+        for (text, name) in [
+            ("one\n{{ __close() }}", "__close"),
+            ("one\n{% if __open() == '' %}{% endif %}", "__open"),
+            ("one\n{{ 'a' ~ __leave(loop_number=0) }}", "__leave"),
+            ("one\n{{ 'a' | upper | __made }}", "__made"),
+            ("one\n{% filter __made %}a{% endfilter %}", "__made"),
+        ] {
+            let fault = Template::checked(text, "a file", &BTreeMap::new()).err().expect("refused");
+            assert!(fault.line == Some(2) && fault.message.contains(&format!("`{name}`")), "{text}: {fault:?}");
         }
     }
 

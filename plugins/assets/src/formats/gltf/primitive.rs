@@ -11,6 +11,9 @@ use gltf::json::{Index, Root};
 use syntable_mesh::paint::full_intensity;
 use syntable_model::error::{Error, Result};
 
+/// How far above 1 a color may be by rounding.
+const ROUNDING: f64 = 1e-3;
+
 /// Arrays in the mesh's own frame. Empty ones are absent.
 pub struct Primitive {
     /// Positions `[V]`.
@@ -116,12 +119,19 @@ impl Primitive {
                 read.into_iter().map(|[r, g, b]| [r, g, b, 1.0]).collect()
             };
             // By the standard they are fractions: floats, or whole numbers that are marked as normalized.
-            let full = full_intensity(read.iter().flat_map(|color| &color[..3]).map(|&x| f64::from(x)));
+            let rgb = || read.iter().flat_map(|color| &color[..3]).map(|&x| f64::from(x));
+            let full = full_intensity(rgb());
             let is_float = is_float(document, index)?;
-            if full > 1.0 || !(is_float || is_normalized(document, index)?) {
+            // Floats that are not whole are no bytes, however large: light above white.
+            if is_float && rgb().any(|x| x > 0.0 && x.is_finite() && x.fract() != 0.0) {
+                if rgb().any(|x| x > 1.0 + ROUNDING) {
+                    materials.warn("COLOR_0 has numbers above 1; they are read as 1");
+                }
+            } else if full > 1.0 || !(is_float || is_normalized(document, index)?) {
                 let full = full.max(255.0);
                 materials.warn(&format!("COLOR_0 is not normalized; it is read as 0 to {full}"));
-                let has_alpha = width(document, index)? == 4;
+                // Floats may state bytes beside an opacity that is a fraction.
+                let has_alpha = width(document, index)? == 4 && !(is_float && read.iter().all(|color| color[3] <= 1.0));
                 for color in &mut read {
                     let channels = if has_alpha { 4 } else { 3 };
                     color[..channels].iter_mut().for_each(|x| *x = (f64::from(*x) / full) as f32);

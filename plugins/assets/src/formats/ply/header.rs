@@ -77,6 +77,21 @@ impl Scalar {
             _ => 4_294_967_295.0,
         }
     }
+
+    /// Whether negative numbers in colors of this type are bytes above 127 that were written as signed ones. Wider integers
+    /// are such bytes only if all of them fit into a signed byte; floats never are.
+    pub fn wraps(self, mut values: impl Iterator<Item = f32>) -> bool {
+        match self {
+            Self::F32 | Self::F64 => false,
+            Self::I8 | Self::U8 => true,
+            _ => values.all(|x| !x.is_finite() || is_signed_byte(x)),
+        }
+    }
+}
+
+/// Whether a number is a whole one in [-128, 127].
+pub fn is_signed_byte(x: f32) -> bool {
+    (-128.0..=127.0).contains(&x) && x.fract() == 0.0
 }
 
 /// One property of an element.
