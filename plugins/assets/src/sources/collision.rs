@@ -4,7 +4,8 @@
 //! decide, in this order:
 //!
 //! 1. **Folder.** A folder named after collisions (`collision`, `collisions_mesh`, `vhacd`) holds nothing else. One with a
-//!    name that may mean something else (`convex`, `physics`, `hulls`) does so only beside the rendered mesh.
+//!    name that may mean something else (`convex`, `physics`, `hulls`) does so only beside the rendered mesh. Neither does
+//!    where each folder beside it holds an object under the same file name: `hull/model` beside `mug/model` and `cup/model`.
 //! 2. **Sibling.** A mesh whose name less such a word is the name of another mesh of the same object:
 //!    `cup_hull_0` beside `cup`, `collision_geometry` beside `visual_geometry`. A name of such words alone belongs to the mesh
 //!    of its folder: `collision` and `convex_hull` beside `textured`.
@@ -13,6 +14,7 @@
 //! So `convex_mirror`, `hull` and `collision_course_game` are objects unless rule 2 finds what they belong to.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::fmt;
 use std::path::{Path, PathBuf};
 
 /// Words that mean collision geometry and nothing else.
@@ -108,11 +110,38 @@ const EXTENSIONS: [&str; 7] = ["obj", "stl", "ply", "glb", "gltf", "dae", "off"]
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Rule {
     /// Its folder is named after collisions.
-    Folder(String),
+    Folder {
+        /// The name.
+        name: String,
+        /// Whether the rendered mesh was not found.
+        alone: bool,
+    },
     /// Its name less this word is the name of another mesh of the object.
     Sibling(String),
     /// Its name has a word that means nothing else.
-    Name(String),
+    Name {
+        /// The word.
+        word: String,
+        /// Whether the rendered mesh was not found.
+        alone: bool,
+    },
+}
+
+impl Rule {
+    /// Whether only a word tells, so that the mesh may be an object of its own.
+    pub fn is_alone(&self) -> bool {
+        matches!(self, Self::Folder { alone: true, .. } | Self::Name { alone: true, .. })
+    }
+}
+
+impl fmt::Display for Rule {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Folder { name, .. } => write!(f, "folder `{name}`"),
+            Self::Sibling(word) => write!(f, "beside a mesh without `{word}`"),
+            Self::Name { word, .. } => write!(f, "word `{word}`"),
+        }
+    }
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -176,6 +205,105 @@ fn without_number(name: &[String]) -> Vec<String> {
     name[..last.map_or(0, |last| last + 1)].to_vec()
 }
 
+/// What the name of a folder says of the meshes in it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Says {
+    /// They are collision meshes; whether the name means nothing else.
+    Collision { certain: bool },
+    /// They are the rendered ones, or just meshes: `visual`, `meshes`.
+    Meshes { visual: bool },
+    /// It is the name of an object or a category.
+    Nothing,
+}
+
+fn says(folder: &str) -> Says {
+    let kinds: Vec<Kind> = words(folder).iter().map(|word| kind(word)).collect();
+    let (only, any) = (
+        |known: &dyn Fn(Kind) -> bool| !kinds.is_empty() && kinds.iter().all(|&kind| known(kind)),
+        |known: &dyn Fn(Kind) -> bool| kinds.iter().any(|&kind| known(kind)),
+    );
+    let plain = |kind| matches!(kind, Kind::Generic | Kind::Number);
+    if only(&|kind| is_collision(kind) || plain(kind)) && any(&is_collision) {
+        Says::Collision { certain: any(&|kind| kind == Kind::Certain) }
+    } else if only(&|kind| kind == Kind::Visual || plain(kind)) && !only(&|kind| kind == Kind::Number) {
+        Says::Meshes { visual: any(&|kind| kind == Kind::Visual) }
+    } else {
+        Says::Nothing
+    }
+}
+
+fn has_number(word: &str) -> bool {
+    word.ends_with(|c: char| c.is_ascii_digit())
+}
+
+/// The folders that are named by a word of collisions and hold an object: `hull/model` where `mug/model` and `cup/model`
+/// are beside it, but neither a rendered mesh of the folder above nor a folder of rendered meshes.
+fn homes_with_such_names(meshes: &[&Path]) -> BTreeSet<PathBuf> {
+    let such = |home: &&Path| {
+        home.file_name().is_some_and(|name| matches!(says(&name.to_string_lossy()), Says::Collision { .. }))
+    };
+    let above: BTreeSet<&Path> =
+        meshes.iter().flat_map(|mesh| mesh.ancestors().skip(1)).filter(such).filter_map(Path::parent).collect();
+    // Plain meshes by the folder above, the folder, and the path below that.
+    let mut trees: BTreeMap<&Path, BTreeMap<&str, BTreeSet<&Path>>> = BTreeMap::new();
+    let mut in_folder: BTreeMap<&Path, Vec<Named>> = BTreeMap::new();
+    for &mesh in meshes {
+        let folder = mesh.parent().unwrap_or(Path::new(""));
+        if above.contains(folder) {
+            in_folder.entry(folder).or_default().push(Named::new(mesh, &BTreeSet::new()));
+        }
+        for home in folder.ancestors() {
+            let (Some(parent), Some(name)) = (home.parent(), home.file_name().and_then(|name| name.to_str())) else {
+                continue;
+            };
+            let Ok(below) = mesh.strip_prefix(home) else { continue };
+            if above.contains(parent) && Named::new(below, &BTreeSet::new()).is_plain() {
+                trees.entry(parent).or_default().entry(name).or_default().insert(below);
+            }
+        }
+    }
+    let all: BTreeSet<&Path> = meshes.iter().copied().collect();
+    let mut found = BTreeSet::new();
+    for (above, folders) in &trees {
+        let own = above.file_name().map(|name| words(&name.to_string_lossy()));
+        let is_object = |name: &str| match says(name) {
+            Says::Collision { .. } => false,
+            Says::Meshes { visual } => !visual && words(name).iter().any(|word| has_number(word)),
+            Says::Nothing => own.as_ref() != Some(&words(name)),
+        };
+        let is_rendered = |name: &str| !is_object(name) && !matches!(says(name), Says::Collision { .. });
+        if folders.keys().any(|name| is_rendered(name)) {
+            continue;
+        }
+        let here = in_folder.get(above).map_or(&[][..], Vec::as_slice);
+        for (name, own_meshes) in folders {
+            let Says::Collision { certain } = says(name) else { continue };
+            let mut shared: BTreeSet<&Path> = BTreeSet::new();
+            let mut beside = 0;
+            for (_, others) in folders.iter().filter(|(name, _)| is_object(name)) {
+                let both: Vec<&Path> = others.intersection(own_meshes).copied().collect();
+                beside += usize::from(!both.is_empty());
+                shared.extend(both);
+            }
+            let names: Vec<Named> = shared.iter().map(|path| Named::new(path, &BTreeSet::new())).collect();
+            let files: BTreeSet<Vec<String>> = names.iter().map(|name| without_number(&name.words)).collect();
+            let in_folders: BTreeSet<_> = shared.iter().map(|path| path.parent()).collect();
+            // Trees with the same objects, as `original/a/model`, `original/b/model` and `collision/a/model`, are no objects.
+            let is_one = (files.len() == 1 || names.iter().any(Named::is_main)) && (!certain || in_folders.len() == 1);
+            let of_above = |mesh: &Named| {
+                let is_same = files.contains(&without_number(&mesh.words));
+                is_same || (mesh.is_main() && !mesh.is_numbered()) || mesh.is_named_after_folder()
+            };
+            let is_above =
+                here.iter().any(of_above) || shared.iter().any(|path| all.contains(above.join(path).as_path()));
+            if beside > usize::from(certain) && is_one && !is_above {
+                found.insert(above.join(name));
+            }
+        }
+    }
+    found
+}
+
 /// A mesh of the pool by its path without the extension.
 struct Named {
     /// Folder of the object: that of the mesh, less folders that say what kind of mesh they hold.
@@ -189,7 +317,8 @@ struct Named {
 }
 
 impl Named {
-    fn new(stem: &Path) -> Self {
+    /// Folders among `homes` hold an object, whatever their names say.
+    fn new(stem: &Path, homes: &BTreeSet<PathBuf>) -> Self {
         let mut named = Self {
             object: PathBuf::new(),
             folder: None,
@@ -198,23 +327,19 @@ impl Named {
             in_visual_folder: false,
         };
         named.kinds = named.words.iter().map(|word| kind(word)).collect();
+        let mut path = PathBuf::new();
         for folder in stem.parent().into_iter().flatten() {
+            path.push(folder);
             let name = folder.to_string_lossy();
-            let kinds: Vec<Kind> = words(&name).iter().map(|word| kind(word)).collect();
-            let (only, any) = (
-                |known: &dyn Fn(Kind) -> bool| !kinds.is_empty() && kinds.iter().all(|&kind| known(kind)),
-                |known: &dyn Fn(Kind) -> bool| kinds.iter().any(|&kind| known(kind)),
-            );
-            let plain = |kind| matches!(kind, Kind::Generic | Kind::Number);
-            if only(&|kind| is_collision(kind) || plain(kind)) && any(&is_collision) {
-                let certain = any(&|kind| kind == Kind::Certain);
-                if named.folder.as_ref().is_none_or(|(_, known)| certain && !known) {
-                    named.folder = Some((name.into_owned(), certain));
+            match says(&name) {
+                _ if homes.contains(&path) => named.object.push(folder),
+                Says::Collision { certain } => {
+                    if named.folder.as_ref().is_none_or(|(_, known)| certain && !known) {
+                        named.folder = Some((name.into_owned(), certain));
+                    }
                 }
-            } else if only(&|kind| kind == Kind::Visual || plain(kind)) && !only(&|kind| kind == Kind::Number) {
-                named.in_visual_folder |= any(&|kind| kind == Kind::Visual);
-            } else {
-                named.object.push(folder);
+                Says::Meshes { visual } => named.in_visual_folder |= visual,
+                Says::Nothing => named.object.push(folder),
             }
         }
         named
@@ -233,7 +358,7 @@ impl Named {
 
     /// Whether its name has a number, as a word or at the end of one.
     fn is_numbered(&self) -> bool {
-        self.words.iter().any(|word| word.ends_with(|c: char| c.is_ascii_digit()))
+        self.words.iter().any(|word| has_number(word))
     }
 
     /// Whether it is named after the folder of its object.
@@ -303,9 +428,11 @@ type Homes<'a> = BTreeSet<(&'a Path, Vec<String>)>;
 /// Which of the meshes are collision meshes, by their paths without extensions and relative to the root of the pool. The
 /// others are meshes in formats that are not read: they are siblings, too.
 pub fn rules<'a>(stems: impl Iterator<Item = &'a Path>, others: impl Iterator<Item = &'a Path>) -> Vec<Option<Rule>> {
-    let mut meshes: Vec<Named> = stems.map(Named::new).collect();
-    let count = meshes.len();
-    meshes.extend(others.map(Named::new));
+    let mut paths: Vec<&Path> = stems.collect();
+    let count = paths.len();
+    paths.extend(others);
+    let such_homes = homes_with_such_names(&paths);
+    let meshes: Vec<Named> = paths.iter().map(|path| Named::new(path, &such_homes)).collect();
     let mut folders: BTreeMap<&Path, Folder> = BTreeMap::new();
     for (at, mesh) in meshes.iter().enumerate() {
         let folder = folders.entry(&mesh.object).or_default();
@@ -315,7 +442,8 @@ pub fn rules<'a>(stems: impl Iterator<Item = &'a Path>, others: impl Iterator<It
             let without: Vec<_> = names.iter().map(|name| without_number(name)).collect();
             names.extend(without);
         }
-        for name in names {
+        // What is in a folder named after collisions is not rendered.
+        for name in names.into_iter().filter(|_| mesh.folder.is_none()) {
             folder.names.entry(name).or_default().insert(at);
         }
         folder.plain += usize::from(mesh.is_plain());
@@ -329,10 +457,25 @@ pub fn rules<'a>(stems: impl Iterator<Item = &'a Path>, others: impl Iterator<It
         .filter(|(_, folder)| folder.mains > 0 || folder.has_named_after)
         .filter_map(|(path, _)| Some((path.parent()?, words(&path.file_name()?.to_string_lossy()))))
         .collect();
-    meshes.iter().enumerate().take(count).map(|(at, mesh)| rule(at, mesh, &folders, &homes)).collect()
+    // The names of objects anywhere in the pool.
+    let mut objects: BTreeSet<Vec<String>> = BTreeSet::new();
+    for mesh in meshes.iter().filter(|mesh| mesh.is_plain()) {
+        objects.extend(mesh.object.iter().map(|folder| words(&folder.to_string_lossy())));
+        if !mesh.is_main() {
+            objects.insert(mesh.without(|kind| kind == Kind::Visual));
+        }
+    }
+    let meshes = meshes.iter().enumerate().take(count);
+    meshes.map(|(at, mesh)| rule(at, mesh, &folders, &homes, &objects)).collect()
 }
 
-fn rule(at: usize, mesh: &Named, folders: &BTreeMap<&Path, Folder>, homes: &Homes<'_>) -> Option<Rule> {
+fn rule(
+    at: usize,
+    mesh: &Named,
+    folders: &BTreeMap<&Path, Folder>,
+    homes: &Homes<'_>,
+    objects: &BTreeSet<Vec<String>>,
+) -> Option<Rule> {
     let none = Folder::default();
     let folder = folders.get(mesh.object.as_path()).unwrap_or(&none);
     let has = |folder: &Path, name: &[String]| {
@@ -355,7 +498,9 @@ fn rule(at: usize, mesh: &Named, folders: &BTreeMap<&Path, Folder>, homes: &Home
             || folder.has_visual_folder
             || bases.into_iter().any(|name| has_sibling(&name));
         if *certain || beside {
-            return Some(Rule::Folder(name.clone()));
+            let is_known = || mesh.bases().iter().chain([&mesh.words]).any(|name| objects.contains(name));
+            let alone = !beside && folder.plain == 0 && !is_known();
+            return Some(Rule::Folder { name: name.clone(), alone });
         }
     }
     let first = mesh.kinds.iter().position(|&kind| is_collision(kind))?;
@@ -368,18 +513,20 @@ fn rule(at: usize, mesh: &Named, folders: &BTreeMap<&Path, Folder>, homes: &Home
         mesh.kinds.iter().all(|&kind| is_collision(kind) || matches!(kind, Kind::Generic | Kind::Number));
     if says_nothing_else {
         if certain.is_some() {
-            return Some(if folder.plain > 0 { Rule::Sibling(word) } else { Rule::Name(word) });
+            return Some(if folder.plain > 0 { Rule::Sibling(word) } else { Rule::Name { word, alone: true } });
         }
         // `boat/hull` beside `boat/boat` may be a part of the boat, and `lens/convex` beside `lens/concave` a lens.
         let after_folder = folder.has_named_after && mesh.words != ["hull"];
-        let is_numbered = mesh.kinds.contains(&Kind::Number) || word.ends_with(|c: char| c.is_ascii_digit());
+        let is_numbered = mesh.kinds.contains(&Kind::Number) || has_number(&word);
         let telling = mesh.words.iter().any(|word| TELLING.contains(&word.as_str()));
         let several = mesh.kinds.iter().filter(|&&kind| is_collision(kind)).count() > 1;
         let of_the_only_one = folder.plain == 1 && (is_numbered || telling || several);
         return (folder.is_one_object() || after_folder || of_the_only_one).then_some(Rule::Sibling(word));
     }
     if mesh.kinds.iter().skip(1).any(|&kind| kind == Kind::Certain) {
-        return certain.map(|at| Rule::Name(mesh.words[at].clone()));
+        let is_beside = folder.is_one_object() || folder.has_named_after || folder.has_visual_folder;
+        let alone = !is_beside && !mesh.bases().iter().any(|name| objects.contains(name));
+        return certain.map(|at| Rule::Name { word: mesh.words[at].clone(), alone });
     }
     // In the folder of one object, whose mesh has no name of its own.
     (first > 0 && folder.is_one_object()).then_some(Rule::Sibling(word))
@@ -401,8 +548,8 @@ pub fn describe(rules: &[Rule]) -> String {
             "beside a mesh of the same name without",
             of(|rule| if let Rule::Sibling(word) = rule { Some(word) } else { None }),
         ),
-        ("in folders named", of(|rule| if let Rule::Folder(name) = rule { Some(name) } else { None })),
-        ("by the word", of(|rule| if let Rule::Name(word) = rule { Some(word) } else { None })),
+        ("in folders named", of(|rule| if let Rule::Folder { name, .. } = rule { Some(name) } else { None })),
+        ("by the word", of(|rule| if let Rule::Name { word, .. } = rule { Some(word) } else { None })),
     ];
     let parts = parts.iter().filter(|(_, (count, _))| *count > 0);
     parts.map(|(what, (count, names))| format!("{count} {what} {names}")).collect::<Vec<_>>().join("; ")
@@ -506,6 +653,63 @@ mod tests {
         check(&["model", "cup", "ship_hull", "physics"], &[]);
         // The same name in another category is another object.
         check(&["bowl/a", "cup/a_convex"], &[]);
+    }
+
+    #[test]
+    fn one_folder_per_object_with_a_generic_file_name() {
+        let names = [
+            "mug",
+            "hull",
+            "physics",
+            "convex",
+            "decomp",
+            "phys",
+            "book",
+            "cup",
+            "collider",
+            "hull_toy",
+            "convex_mirror",
+            "phys_book",
+            "decomposition",
+        ];
+        for file in ["model", "meshes/model", "google_16k/textured", "visual/scan_0", "scan"] {
+            let paths: Vec<String> = names.iter().map(|name| format!("{name}/{file}")).collect();
+            let mut kept: Vec<&str> = paths.iter().map(String::as_str).collect();
+            check(&kept, &[]);
+            kept.retain(|path| !path.starts_with("mug/"));
+            check(&kept, &[]);
+        }
+        // Such an object with collision meshes of its own.
+        check(
+            &["a/model", "b/model", "hull/model", "s/a/visual/m", "s/b/visual/m", "s/hull/visual/m"],
+            &["a/collision/model", "hull/collision/model", "hull/model_collision_0", "s/hull/collision/m"],
+        );
+        check(&["boat/deck/model", "boat/mast/model", "boat/hull/model"], &[]);
+        check(&["object_01/model", "object_02/model", "hull/model"], &[]);
+        check(&["hull/scan", "physics/scan"], &[]);
+        // The rendered mesh is in the folder above, in a folder of rendered meshes, or in one named after the object.
+        check(&["pan/model", "pan/lod/model", "pan/low/model"], &["pan/hull/model", "pan/collision/model"]);
+        check(&["pan/pan", "pan/lod/model"], &["pan/hull/model"]);
+        check(&["mug/model", "original/mug/model"], &["hulls/mug/model"]);
+        check(&["pan/visual/pan"], &["pan/collisions_mesh/pan", "pan/hulls/pan"]);
+        check(&["pan/meshes/pan", "pan/lod/pan", "pan/low/pan"], &["pan/collision/pan", "pan/hull/pan"]);
+        check(&["pan/pan/model", "pan/lod/model", "pan/low/model"], &["pan/collision/model"]);
+        // One other folder, or the same objects in each, makes no objects of folders whose names mean nothing else.
+        check(&["a/original/model"], &["a/collision/model"]);
+        check(&["original/a/m", "original/b/m", "low/a/m", "low/b/m"], &["collision/a/m", "collision/b/m"]);
+    }
+
+    #[test]
+    fn meshes_that_only_a_word_leaves_out_are_told_apart() {
+        let is_alone = |stems: &[&str]| -> Vec<bool> {
+            let rules = rules(stems.iter().map(Path::new), std::iter::empty());
+            rules.iter().flatten().map(Rule::is_alone).collect()
+        };
+        assert_eq!(is_alone(&["brand/collision/game_box", "large_hadron_collider", "mug"]), [true, true]);
+        assert_eq!(is_alone(&["a/part_collision", "b/collision"]), [true, true]);
+        assert_eq!(is_alone(&["a/part_collision", "a/textured"]), [false]);
+        assert_eq!(is_alone(&["collison_meshes/002_can", "meshes/002_can/google_16k/textured"]), [false]); // typos: ignore
+        assert_eq!(is_alone(&["jar/collision/part", "jar/visual/jar", "x/vhacd/0", "x/x"]), [false, false]);
     }
 
     #[test]

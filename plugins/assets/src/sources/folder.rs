@@ -15,6 +15,9 @@ use syntable_model::scene::{Catalog, CatalogEntry};
 /// Maximum depth of folders below the root that are scanned.
 const DEPTH: usize = 8;
 
+/// How many of the meshes that are left out a message names.
+const SHOWN: usize = 8;
+
 /// Assets by name, their paths relative to the root.
 pub type Files = BTreeMap<String, PathBuf>;
 
@@ -76,8 +79,8 @@ pub fn by_stem(root: &AssetRoot, extensions: &[&str]) -> Result<BTreeMap<PathBuf
     Ok(stems)
 }
 
-/// Takes the collision meshes out of the meshes of a root, with one warning that counts them by rule. An error if no other
-/// mesh is left.
+/// Takes the collision meshes out of the meshes of a root, with one warning that counts them by rule and another one for
+/// those that may be objects. An error if no other mesh is left.
 pub fn leave_out_collision_meshes(
     meshes: &mut BTreeMap<PathBuf, Vec<PathBuf>>,
     root: &AssetRoot,
@@ -85,18 +88,17 @@ pub fn leave_out_collision_meshes(
 ) -> Result<()> {
     let others = by_stem(root, &collision::UNREAD)?;
     let rules = collision::rules(meshes.keys().map(PathBuf::as_path), others.keys().map(PathBuf::as_path));
-    let mut found = rules.iter();
-    let mut first = None;
+    let mut found = rules.into_iter();
+    let mut left_out: Vec<(PathBuf, Rule)> = Vec::new();
     meshes.retain(|_, files| {
-        let is_object = found.next().is_none_or(Option::is_none);
-        if !is_object && first.is_none() {
-            first = files.first().cloned();
-        }
+        let rule = found.next().flatten();
+        let is_object = rule.is_none();
+        left_out.extend(files.first().cloned().zip(rule));
         is_object
     });
-    let Some(first) = first else { return Ok(()) };
-    let rules: Vec<Rule> = rules.into_iter().flatten().collect();
-    let by_rule = collision::describe(&rules);
+    let Some((first, _)) = left_out.first() else { return Ok(()) };
+    let rules: Vec<Rule> = left_out.iter().map(|(_, rule)| rule.clone()).collect();
+    let by_rule = format!("{} ({})", collision::describe(&rules), shown(left_out.iter()));
     let message = match rules.len() {
         1 => format!("1 collision mesh is left out: {by_rule}"),
         count => format!("{count} collision meshes are left out: {by_rule}"),
@@ -107,7 +109,24 @@ pub fn leave_out_collision_meshes(
         return Err(Error::new(format!("no mesh but collision meshes: {by_rule}")).in_file(root.folder()).help(help));
     }
     log.warn(&note.help(help));
+    let alone: Vec<&(PathBuf, Rule)> = left_out.iter().filter(|(_, rule)| rule.is_alone()).collect();
+    if let Some((first, _)) = alone.first() {
+        let what = if alone.len() == 1 { "1 mesh is".to_owned() } else { format!("{} meshes are", alone.len()) };
+        let names = shown(alone.into_iter());
+        let message =
+            format!("{what} left out by a word alone, with no rendered mesh beside; objects may be missing: {names}");
+        let help = "`collision_meshes = \"include\"` in the pool makes objects of all meshes; its `include` and `exclude` then \
+                    choose among them";
+        log.warn(&Error::new(message).in_file(root.folder().join(first)).help(help));
+    }
     Ok(())
+}
+
+/// The first of the meshes that are left out, each with its rule.
+fn shown<'a>(left_out: impl ExactSizeIterator<Item = &'a (PathBuf, Rule)>) -> String {
+    let more = if left_out.len() > SHOWN { ", …" } else { "" };
+    let names = left_out.take(SHOWN).map(|(file, rule)| format!("`{}`: {rule}", file.display()));
+    names.collect::<Vec<_>>().join(", ") + more
 }
 
 /// Adds an asset whose name is `path`, with the first of its files; warns about the others, and about an asset that cannot be

@@ -207,8 +207,34 @@ mod tests {
         let said = "4 collision meshes are left out: 3 beside a mesh of the same name without `col2`, `collision`, `vhacd`; \
                     1 in folders named `collision`";
         assert!(warnings[0].contains(said), "{warnings:?}");
+        let named = "(`duck/Model-VHACD.obj`: beside a mesh without `vhacd`, `duck/model_col2.stl`: beside a mesh without \
+                     `col2`, `duck/model_collision_0.obj`: beside a mesh without `collision`, `jar/collision/part.obj`: folder \
+                     `collision`)";
+        assert!(warnings[0].contains(named), "{warnings:?}");
         let all = find(&root, &formats, CollisionMeshes::Include, &log).expect("scans");
         assert!(all.contains_key("duck/Model-VHACD") && all.contains_key("jar/collision"), "{:?}", all.keys());
+    }
+
+    #[test]
+    fn meshes_that_may_be_objects_are_named() {
+        let folder = tempfile::tempdir().expect("temp folder");
+        std::fs::create_dir_all(folder.path().join("brand/collision")).expect("folder");
+        for file in ["mug.obj", "large_hadron_collider.obj", "brand/collision/game_box.obj"] {
+            std::fs::write(folder.path().join(file), "x").expect("file");
+        }
+        for part in 0..9 {
+            std::fs::write(folder.path().join(format!("mug_hull_{part}.obj")), "x").expect("file");
+        }
+        let (root, log) = (AssetRoot::open(folder.path()).expect("opens"), Collected::default());
+        let formats = MeshFormats::linked().expect("no clash");
+        assert_eq!(find(&root, &formats, CollisionMeshes::Exclude, &log).expect("scans").len(), 1);
+        let warnings: Vec<String> = log.warnings().iter().map(ToString::to_string).collect();
+        assert_eq!(warnings.len(), 2, "{warnings:?}");
+        assert!(warnings[0].contains("`mug_hull_5.obj`: beside a mesh without `hull`, …)"), "{warnings:?}");
+        let said = "2 meshes are left out by a word alone, with no rendered mesh beside; objects may be missing: \
+                    `brand/collision/game_box.obj`: folder `collision`, `large_hadron_collider.obj`: word `collider`";
+        assert!(warnings[1].contains(said), "{warnings:?}");
+        assert!(warnings[1].contains("collision_meshes = \"include\""), "{warnings:?}");
     }
 
     #[test]
