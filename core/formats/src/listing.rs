@@ -5,10 +5,11 @@ use crate::index::{Indexed, Record, Section};
 use crate::read::{Categories, Faults};
 use crate::syntable;
 use serde::de::DeserializeOwned;
-use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use syntable_model::error::Result;
+use syntable_model::left_out::LeftOut;
 use syntable_model::limits::IMAGE_PIXELS;
 use syntable_model::reader::ImageRef;
 
@@ -67,6 +68,8 @@ pub struct Listing {
     pub images: Vec<Listed>,
     /// What is wrong with the file.
     pub faults: Faults,
+    /// Annotations that name no image of the file, and all annotations.
+    unknown: [usize; 2],
 }
 
 /// What an annotation says of itself.
@@ -101,6 +104,9 @@ impl Listing {
         annotations.iter().filter_map(|it| it.category).for_each(|category| categories.note(category));
         let mut faults = Faults::default();
         faults.of_categories(file.categories.as_deref().unwrap_or_default());
+        let ids: BTreeSet<u64> = frames.iter().map(|frame| frame.id).collect();
+        let unknown = annotations.iter().filter(|it| !ids.contains(&it.image)).count();
+        let unknown = [unknown, annotations.len()];
         let mut by_id = by_id(frames, &annotations, &mut faults);
         let mut names = BTreeMap::new();
         for image in by_id.values() {
@@ -120,7 +126,18 @@ impl Listing {
         let (mut refs, images) = faults
             .in_order(by_id.into_values().collect(), |image: &Listed| (&image.frame.file_name, image.frame.place));
         refs.iter_mut().zip(&images).for_each(|(image, listed)| image.id = Some(listed.frame.id));
-        Ok(Self { file, categories, refs, images, faults })
+        Ok(Self { file, categories, refs, images, faults, unknown })
+    }
+
+    /// The annotations that are read for no image, since the file has none that they name.
+    pub fn passed_over(&self) -> LeftOut {
+        let [unknown, all] = self.unknown;
+        LeftOut::new(unknown, all, "annotations name no image of the file")
+    }
+
+    /// Whether the file has annotations, be they of its images or not.
+    pub fn has_annotations(&self) -> bool {
+        self.unknown[1] > 0
     }
 
     /// The annotations of an image, in the order of the file.

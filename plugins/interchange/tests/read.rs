@@ -300,6 +300,7 @@ const PLANTED: &[Plant] = &[
     ("kins", "", "annotation 1: `a_segm`: it is missing", &|it| it["annotations"][0]["a_segm"] = json!(null)),
     ("kins", "", "`a_area` is 9000", &|it| it["annotations"][0]["a_area"] = json!(9000)),
     ("kins", "", "`i_bbox` is", &|it| it["annotations"][0]["i_bbox"] = json!([0, 0, 1, 1])),
+    ("kins", "", "`\"1\"` is no flag: write 0 or 1", &|it| it["annotations"][0]["iscrowd"] = json!("1")),
     ("kins", "version = \"2019\"", "`inmodal_seg`: it is missing", &|it| {
         it["annotations"][0]["inmodal_seg"] = json!(null)
     }),
@@ -728,6 +729,104 @@ fn a_box_among_polygons_leaves_the_others_their_masks() {
         "{:?}",
         read.caveats(&read.offers())
     );
+}
+
+/// A label file that is no file is not one that is missing, which says that there are no objects.
+#[cfg(unix)]
+#[test]
+fn what_is_no_file_is_at_fault_in_yolo() {
+    let folder = |path: &Path| fs::create_dir(path).expect("made");
+    let pipe =
+        |path: &Path| assert!(std::process::Command::new("mkfifo").arg(path).status().expect("mkfifo").success());
+    let dangling = |path: &Path| std::os::unix::fs::symlink("nowhere", path).expect("linked");
+    let (no_file, nowhere) = ("it is not a file", "no such file");
+    for (make, says) in [(&folder as &dyn Fn(&Path), no_file), (&pipe, no_file), (&dangling, nowhere)] {
+        for end in ["000000_0000.txt", "data.yaml", "000000_0000.png"] {
+            let folder = tempfile::tempdir().expect("a folder");
+            written(folder.path(), "yolo", "");
+            let root = folder.path().join("data");
+            let path = file(&root, end);
+            fs::remove_file(&path).expect("there");
+            make(&path);
+            let said = said(&root, "yolo");
+            assert!(said.iter().any(|it| it.contains(end) && it.contains(says)), "{end}: {says}: {said:?}");
+        }
+    }
+}
+
+/// Faults of images whose labels are there, and they are not: they count as lost.
+#[test]
+fn labels_without_their_image_are_lost() {
+    for (kind, end, label) in [
+        ("yolo", "000000_0000.png", "000000_0000.txt"),
+        ("osd_amodal", "image_color/s000000v0000.png", "annotation/s000000v0000.png"),
+        ("osd_amodal", "image_color/s000000v0000.png", "amodal_annotation/s000000v0000_1.png"),
+    ] {
+        let folder = tempfile::tempdir().expect("a folder");
+        written(folder.path(), kind, "");
+        let root = folder.path().join("data");
+        fs::remove_file(file(&root, end)).expect("there");
+        let read = open(&root);
+        let lost = read.faults().iter().any(|it| it.is_lost && it.place.ends_with(label));
+        assert!(lost, "{kind} {label}: {:?}", read.faults());
+    }
+}
+
+/// What is no object of an image of the file is counted.
+#[test]
+fn annotations_that_are_no_objects_are_counted() {
+    let unknown: &Change = &|it| {
+        it["annotations"].as_array_mut().expect("a list").iter_mut().for_each(|it| it["image_id"] = json!(999));
+    };
+    let stuff: &Change = &|it| {
+        it["annotations"][0]["regions"][0]["isStuff"] = json!(1);
+    };
+    for (kind, says, change) in [
+        ("coco", "annotations name no image of the file", unknown),
+        ("d2sa", "annotations name no image of the file", unknown),
+        ("kins", "annotations name no image of the file", unknown),
+        ("cocoa", "annotations name no image of the file", unknown),
+        ("coco_panoptic", "annotations name no image of the file", unknown),
+        ("kins", "annotations are crowds (`iscrowd`)", &|it| it["annotations"][0]["iscrowd"] = json!(1)),
+        ("cocoa", "regions are stuff (`isStuff`)", stuff),
+        ("cocoa", "regions are of another annotation", &|it| {
+            it["annotations"][1]["image_id"] = it["annotations"][0]["image_id"].clone();
+        }),
+        ("coco_panoptic", "segments are of stuff", &|it| {
+            it["categories"].as_array_mut().expect("a list").last_mut().expect("the background")["name"] = json!("sky");
+        }),
+    ] {
+        let folder = tempfile::tempdir().expect("a folder");
+        written(folder.path(), kind, "");
+        let root = folder.path().join("data");
+        let passed_over = || -> Vec<String> {
+            let read = open(&root);
+            let all = read.passed_over(&read.offers()).into_iter().filter(|it| it.count > 0);
+            all.map(|it| it.to_string()).collect()
+        };
+        assert_eq!(passed_over(), Vec::<String>::new(), "{kind}");
+        spoil(&annotation_file(&root), change);
+        let found = passed_over();
+        assert!(found.len() == 1 && found[0].contains(says), "{kind}: {says}: {found:?}");
+        let caveats = open(&root).caveats(&[]);
+        assert!(!caveats.iter().any(|it| it.contains("no annotations of objects")), "{kind}: {caveats:?}");
+    }
+}
+
+#[test]
+fn crowds_of_kins_are_no_objects() {
+    let folder = tempfile::tempdir().expect("a folder");
+    written(folder.path(), "kins", "");
+    let root = folder.path().join("data");
+    let count = |read: &dyn DatasetReader| read.read(0, &[VISIBLE_MASK.id()]).expect("readable").1;
+    let count = |read: &dyn DatasetReader| count(read).get(VISIBLE_MASK).expect("there").0.len();
+    let (before, image) = (count(&*open(&root)), open(&root).images()[0].id);
+    spoil(&file(&root, ".json"), &|it| {
+        let mut all = it["annotations"].as_array_mut().expect("a list").iter_mut();
+        all.find(|it| it["image_id"].as_u64() == image).expect("one")["iscrowd"] = json!(true);
+    });
+    let read = open(&root);
+    assert_eq!((count(&*read), read.crowds(0).expect("readable").len()), (before - 1, 1));
 }
 
 #[test]

@@ -256,7 +256,7 @@ impl DatasetReader for Reader {
             (self.crowds > 0, crowds),
             (!self.has_masks, boxes),
             (self.has_masks && self.without_mask > 0, empty),
-            (self.listing.images.iter().all(|image| image.annotations.is_empty()), none),
+            (!self.listing.has_annotations(), none),
         ];
         let own = notes.into_iter().filter(|it| it.0).map(|it| it.1);
         own.chain(shared::supercategories(&self.listing, reads)).collect()
@@ -270,7 +270,11 @@ impl DatasetReader for Reader {
         let crowds = "annotations are crowds (`iscrowd`), and no objects";
         let empty = "objects have no mask (`segmentation` is missing or empty): they are objects without pixels";
         let without_mask = if self.has_masks { self.without_mask } else { 0 };
-        vec![of(self.crowds, self.crowds + self.objects, crowds), of(without_mask, self.objects, empty)]
+        vec![
+            self.listing.passed_over(),
+            of(self.crowds, self.crowds + self.objects, crowds),
+            of(without_mask, self.objects, empty),
+        ]
     }
 
     fn category(&self, own: u64) -> Option<u32> {

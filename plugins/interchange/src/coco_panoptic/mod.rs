@@ -92,6 +92,9 @@ impl Writer for CocoPanoptic {
     }
 }
 
+/// What the stuff is called that is all pixels without an object.
+const BACKGROUND_NAME: &str = "background";
+
 /// The categories of things, and that of the background after them.
 fn with_background(dataset: &DatasetInfo) -> Vec<Category> {
     let of = |mut category: Category, isthing: u8| {
@@ -99,7 +102,7 @@ fn with_background(dataset: &DatasetInfo) -> Vec<Category> {
         category
     };
     let id = background_category(dataset);
-    let background = Category { id, name: "background".into(), ..Category::default() };
+    let background = Category { id, name: BACKGROUND_NAME.into(), ..Category::default() };
     categories(dataset).into_iter().map(|thing| of(thing, 1)).chain([of(background, 0)]).collect()
 }
 

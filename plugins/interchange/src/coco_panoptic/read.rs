@@ -1,6 +1,6 @@
 //! Reads COCO's layout for panoptic segmentation. Things are objects; stuff is none.
 
-use super::FILE;
+use super::{BACKGROUND_NAME, FILE};
 use crate::coco::read::{FOLDER, images_root};
 use crate::read::{self as shared, Tolerance, fits_mask};
 use serde::de::IgnoredAny;
@@ -72,6 +72,8 @@ struct Reader {
     stuff: BTreeSet<u64>,
     /// Segments of stuff and of crowds, which are no objects.
     no_objects: u64,
+    /// Those of stuff that is more than a background, and all segments but those of a background.
+    of_stuff: [u64; 2],
     /// Segments of crowds of things, and all segments of things.
     crowds: [u64; 2],
 }
@@ -109,12 +111,15 @@ fn open(source: &Source) -> Result<Box<dyn DatasetReader>> {
     let crowds = things.fold([0; 2], |[crowds, all], ((_, is_crowd), number)| {
         [crowds + if *is_crowd { *number } else { 0 }, all + number]
     });
+    let named = |id: &u64| all.iter().any(|it| it.id == *id && it.name != BACKGROUND_NAME);
+    let of_stuff: u64 = segments.iter().filter(|((id, _), _)| stuff.contains(id) && named(id)).map(|it| it.1).sum();
+    let of_stuff = [of_stuff, crowds[1] + of_stuff];
     let images_root = images_root(&root, &file, listing.images.first().map(|image| image.frame.file_name.as_str()));
     let about = &listing.file.info;
     let info = categories.info(about.description.clone(), about.contributor.clone(), &listing.refs, String::new());
     let beside = if shared::is_in(&file, FOLDER) { root.inner(FOLDER) } else { root };
     let segments = beside.inner(file.file_stem().unwrap_or_default());
-    Ok(Box::new(Reader { images_root, segments, info, listing, categories, stuff, no_objects, crowds }))
+    Ok(Box::new(Reader { images_root, segments, info, listing, categories, stuff, no_objects, of_stuff, crowds }))
 }
 
 /// The segments of an image, and the ids of its pixels.
@@ -197,7 +202,12 @@ impl DatasetReader for Reader {
             return Vec::new();
         }
         let [crowds, all] = self.crowds.map(|number| number as usize);
-        vec![LeftOut::new(crowds, all, "segments of things are crowds (`iscrowd`), and no objects")]
+        let [stuff, segments] = self.of_stuff.map(|number| number as usize);
+        vec![
+            self.listing.passed_over(),
+            LeftOut::new(stuff, segments, "segments are of stuff (`isthing` is 0), and no objects"),
+            LeftOut::new(crowds, all, "segments of things are crowds (`iscrowd`), and no objects"),
+        ]
     }
 
     fn crowds(&self, image: usize) -> Result<Vec<Crowd>> {

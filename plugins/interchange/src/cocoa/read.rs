@@ -86,14 +86,20 @@ struct Reader {
     has_policy: bool,
     /// Whether any region has an occlusion mask; else these follow from the others.
     has_hidden: bool,
+    /// Regions of stuff, those of annotations beside the first one of their image, and all regions.
+    no_objects: [usize; 3],
     listing: Listing,
 }
 
 fn open(source: &Source) -> Result<Box<dyn DatasetReader>> {
     let (root, file) = shared::root_and_file(source, Some(FOLDER), |file| shared::name_starts(file, FILE))?;
     let (mut names, mut has_policy, mut has_hidden) = (BTreeSet::new(), true, false);
+    // Regions of each annotation, all and those of stuff.
+    let mut regions: Vec<[usize; 2]> = Vec::new();
     let listing = Listing::open(&file, &mut |record: &Record<Image, ImageAnnotation, IgnoredAny>| match record {
         Record::Annotation(annotation) => {
+            let all = annotation.regions.len();
+            regions.push([all, all - annotation.objects().count()]);
             let of_objects = annotation.objects().map(|(_, region)| region.name.clone());
             names.extend(of_objects.filter(|name| !name.is_empty()));
             has_hidden |= annotation.objects().any(|(_, region)| region.invisible_mask.is_some());
@@ -101,6 +107,18 @@ fn open(source: &Source) -> Result<Box<dyn DatasetReader>> {
         Record::Image(image) => has_policy &= shared::policy(image).is_some(),
         Record::Scene(_) => {}
     })?;
+    let mut no_objects = [0; 3];
+    for image in &listing.images {
+        for (place, &number) in image.annotations.iter().enumerate() {
+            let [all, stuff] = regions[number as usize];
+            let [of_stuff, of_others, of_all] = &mut no_objects;
+            *of_all += all;
+            match place {
+                0 => *of_stuff += stuff,
+                _ => *of_others += all,
+            }
+        }
+    }
     // Names alone would number what the file happens to have.
     let own =
         listing.file.categories.as_ref().filter(|own| names.iter().all(|name| own.iter().any(|it| it.name == *name)));
@@ -110,7 +128,7 @@ fn open(source: &Source) -> Result<Box<dyn DatasetReader>> {
     let about = &listing.file.info;
     let info = categories.info(about.description.clone(), about.contributor.clone(), &listing.refs, String::new());
     let has_policy = has_policy && !listing.images.is_empty();
-    Ok(Box::new(Reader { images_root, info, categories, has_policy, has_hidden, listing }))
+    Ok(Box::new(Reader { images_root, info, categories, has_policy, has_hidden, no_objects, listing }))
 }
 
 impl ImageAnnotation {
@@ -356,6 +374,18 @@ impl DatasetReader for Reader {
     fn caveats(&self, reads: &[KeyId]) -> Vec<String> {
         let reads_masks = reads.iter().any(is_label);
         reads_masks.then(|| POLYGONS.to_owned()).into_iter().collect()
+    }
+
+    fn passed_over(&self, reads: &[KeyId]) -> Vec<LeftOut> {
+        if !reads.iter().any(is_label) {
+            return Vec::new();
+        }
+        let [stuff, others, all] = self.no_objects;
+        vec![
+            self.listing.passed_over(),
+            LeftOut::new(stuff, all, "regions are stuff (`isStuff`), and no objects"),
+            LeftOut::new(others, all, "regions are of another annotation of an image whose first one is read"),
+        ]
     }
 
     fn read(&self, image: usize, wants: &[KeyId]) -> Result<(View, Products)> {

@@ -5,7 +5,8 @@ use crate::order::Order;
 use crate::read::{
     self as shared, POLYGONS, Tolerance, cut_holes, edge_px2, enclosed_px2, eroded, fits_mask, hidden_of, settle_edges,
 };
-use serde::de::IgnoredAny;
+use serde::de::{Deserializer, Error as _, IgnoredAny};
+use serde_json::Value as Json;
 use std::path::Path;
 use syntable_formats::coco::{Image, id};
 use syntable_formats::decode;
@@ -16,7 +17,7 @@ use syntable_formats::segmentation::Segmentation;
 use syntable_model::files::DatasetFolder;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{OCCLUSION_MASK, RGB};
-use syntable_model::reader::{DatasetFault, DatasetReader, Format, ImageRef, Source};
+use syntable_model::reader::{Crowd, DatasetFault, DatasetReader, Format, ImageRef, Source};
 
 syntable_model::register_format!(Format {
     name: "kins",
@@ -57,6 +58,9 @@ struct Annotation {
     image_id: u64,
     #[serde(deserialize_with = "id")]
     category_id: u64,
+    /// Whether it is of many objects together.
+    #[serde(default, rename = "iscrowd", deserialize_with = "flag")]
+    is_crowd: bool,
     a_segm: Option<Segmentation>,
     a_bbox: Option<[f64; 4]>,
     a_area: Option<f64>,
@@ -72,6 +76,16 @@ struct Annotation {
     area: Option<f64>,
     inmodal_seg: Option<Segmentation>,
     inmodal_bbox: Option<[f64; 4]>,
+}
+
+/// A flag that some tools write as a boolean.
+fn flag<'de, D: Deserializer<'de>>(deserializer: D) -> Result<bool, D::Error> {
+    match Json::deserialize(deserializer)? {
+        Json::Null => Ok(false),
+        Json::Bool(flag) => Ok(flag),
+        Json::Number(number) => Ok(number.as_f64() != Some(0.0)),
+        other => Err(D::Error::custom(format!("`{other}` is no flag: write 0 or 1"))),
+    }
 }
 
 impl AnnotationRecord for Annotation {
@@ -211,8 +225,12 @@ impl Annotation {
 }
 
 /// What the masks of an image's objects contradict of groups and places in them. Outlines are as good as their edges, and where
-/// one fills a hole, it does not tell who is in front.
-fn faults_of_order(annotations: &[Annotation], labels: &[Labels]) -> Vec<(&'static str, String)> {
+/// one fills a hole, it does not tell who is in front. Groups may have `crowds`, too.
+fn faults_of_order(
+    annotations: &[Annotation],
+    crowds: &[Annotation],
+    labels: &[Labels],
+) -> Vec<(&'static str, String)> {
     if annotations.iter().all(|it| it.oco_id.is_none() && it.ico_id.is_none()) {
         return Vec::new();
     }
@@ -230,7 +248,8 @@ fn faults_of_order(annotations: &[Annotation], labels: &[Labels]) -> Vec<(&'stat
     let mut faults = Vec::new();
     for (j, behind) in annotations.iter().enumerate() {
         let key = |it: &Annotation, key: &str, value: u64| format!("{} is {value}", it.key(key));
-        let members = |group: u64| annotations.iter().filter(|it| it.oco_id == Some(group)).count() as u64;
+        let in_groups = || annotations.iter().chain(crowds);
+        let members = |group: u64| in_groups().filter(|it| it.oco_id == Some(group)).count() as u64;
         if let (Some(group), Some(place)) = (behind.oco_id, behind.ico_id)
             && (place > members(group) || (group == 0) != (place == 0))
         {
@@ -277,15 +296,23 @@ struct Reader {
     images_root: DatasetFolder,
     info: DatasetInfo,
     listing: Listing,
+    /// Annotations of crowds, and all annotations.
+    crowds: [usize; 2],
 }
 
 fn open(source: &Source) -> Result<Box<dyn DatasetReader>> {
     let (root, file) = shared::root_and_file(source, None, is_one)?;
-    let listing = Listing::open(&file, &mut |_: &Record<Image, Annotation, IgnoredAny>| {})?;
+    let mut crowds = [0; 2];
+    let listing = Listing::open(&file, &mut |record: &Record<Image, Annotation, IgnoredAny>| {
+        if let Record::Annotation(annotation) = record {
+            crowds[0] += usize::from(annotation.is_crowd);
+            crowds[1] += 1;
+        }
+    })?;
     let first = listing.images.first().map(|image| image.frame.file_name.as_str());
     let images_root = shared::images_root(&root, &image_folders(&file), first);
     let info = shared::info(&listing);
-    Ok(Box::new(Reader { images_root, info, listing }))
+    Ok(Box::new(Reader { images_root, info, listing, crowds }))
 }
 
 impl DatasetReader for Reader {
@@ -317,7 +344,8 @@ impl DatasetReader for Reader {
 
     fn image_faults(&self, image: usize) -> Vec<(&'static str, String)> {
         let frame = &self.listing.images[image].frame;
-        let Ok(annotations) = self.listing.annotations::<Annotation>(image) else { return Vec::new() };
+        let Ok(all) = self.listing.annotations::<Annotation>(image) else { return Vec::new() };
+        let (crowds, annotations): (Vec<_>, Vec<_>) = all.into_iter().partition(|it| it.is_crowd);
         let size = [frame.width, frame.height];
         let mut faults: Vec<_> = annotations.iter().flat_map(|annotation| annotation.faults(size)).collect();
         let labels = annotations.iter().enumerate().map(|(row, it)| self.labels(size, row, it));
@@ -327,7 +355,7 @@ impl DatasetReader for Reader {
             for (label, annotation) in labels.iter_mut().zip(&annotations) {
                 cut_holes(label, annotation.holes_px2(label));
             }
-            faults.extend(faults_of_order(&annotations, &labels));
+            faults.extend(faults_of_order(&annotations, &crowds, &labels));
         }
         faults
     }
@@ -338,12 +366,36 @@ impl DatasetReader for Reader {
         polygons.into_iter().chain(shared::supercategories(&self.listing, reads)).collect()
     }
 
+    fn passed_over(&self, reads: &[KeyId]) -> Vec<LeftOut> {
+        if !shared::reads_labels(reads) {
+            return Vec::new();
+        }
+        let [crowds, all] = self.crowds;
+        let crowds = LeftOut::new(crowds, all, "annotations are crowds (`iscrowd`), and no objects");
+        vec![self.listing.passed_over(), crowds]
+    }
+
+    fn crowds(&self, image: usize) -> Result<Vec<Crowd>> {
+        if self.crowds[0] == 0 {
+            return Ok(Vec::new());
+        }
+        let frame = &self.listing.images[image].frame;
+        let annotations: Vec<Annotation> = self.listing.annotations(image)?;
+        let of = |it: &Annotation| {
+            let [amodal, visible] = it.said();
+            let said = [visible, amodal].into_iter().find(|said| said.mask.1.is_some())?;
+            let category = self.listing.categories.id(it.category_id);
+            Some(it.mask(&said, [frame.width, frame.height]).map(|mask| Crowd { mask, category }))
+        };
+        annotations.iter().filter(|it| it.is_crowd).filter_map(of).collect()
+    }
+
     fn read(&self, image: usize, wants: &[KeyId]) -> Result<(View, Products)> {
         let frame = &self.listing.images[image].frame;
         let size = [frame.width, frame.height];
         let mut products = Products::new();
         if wants.iter().any(|want| *want != RGB.id()) {
-            let annotations: Vec<Annotation> = self.listing.annotations(image)?;
+            let annotations = self.objects(image)?;
             let labels = annotations.iter().enumerate().map(|(row, it)| self.labels(size, row, it));
             let mut labels = labels.collect::<Result<Vec<_>>>()?;
             settle_edges(&mut labels);
@@ -360,6 +412,13 @@ impl DatasetReader for Reader {
 }
 
 impl Reader {
+    /// The annotations of the objects of an image: all but crowds.
+    fn objects(&self, image: usize) -> Result<Vec<Annotation>> {
+        let mut annotations: Vec<Annotation> = self.listing.annotations(image)?;
+        annotations.retain(|it| !it.is_crowd);
+        Ok(annotations)
+    }
+
     fn labels(&self, size: [u32; 2], row: usize, annotation: &Annotation) -> Result<Labels> {
         let [amodal, visible] = annotation.said();
         Ok(Labels {

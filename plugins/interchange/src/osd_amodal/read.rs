@@ -64,11 +64,8 @@ fn open(source: &Source) -> Result<Box<dyn DatasetReader>> {
             faults.add("records_agree", format!("{folder}/{name}.png"), "it is not there, and its image is");
         }
         for name in stems.difference(&names) {
-            faults.add(
-                "records_agree",
-                format!("{folder}/{name}.png"),
-                &format!("there is no {}/{name}.png", IMAGES[0]),
-            );
+            let message = format!("there is no {}/{name}.png", IMAGES[0]);
+            faults.lost("records_agree", format!("{folder}/{name}.png"), &message);
         }
     }
     let mut images: BTreeMap<String, Masks> = names.into_iter().map(|name| (name, Default::default())).collect();
@@ -84,7 +81,7 @@ fn open(source: &Source) -> Result<Box<dyn DatasetReader>> {
                 continue;
             };
             let Some(masks) = images.get_mut(name) else {
-                faults.add("known_images", place(), &format!("there is no {}/{name}.png", IMAGES[0]));
+                faults.lost("known_images", place(), &format!("there is no {}/{name}.png", IMAGES[0]));
                 continue;
             };
             match masks[which].entry(label) {

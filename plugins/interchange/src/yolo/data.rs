@@ -16,9 +16,17 @@ const POSES: &str = "kpt_shape";
 /// Key of the task, which Ultralytics writes into models.
 const TASK: &str = "task";
 
+/// The text of the file.
+fn text(path: &Path) -> Result<String> {
+    decode::text(path).map_err(|error| match path.is_file() {
+        true => error.of_request(),
+        false => error.help("put the description of the dataset in its place, or remove it").of_request(),
+    })
+}
+
 /// What polygons are around: what is visible, if the file does not say that they are around whole objects.
 pub fn masks(path: &Path) -> Result<Known> {
-    let text = decode::text(path).map_err(Error::of_request)?;
+    let text = text(path)?;
     match value_of(&text, MASKS) {
         None => Ok(Known::Visible),
         Some((_, masks)) if masks == "visible" => Ok(Known::Visible),
@@ -42,7 +50,7 @@ fn value_of(text: &str, key: &str) -> Option<(usize, String)> {
 
 /// What lines have after the class, as far as the file says it.
 pub fn shape(path: &Path) -> Result<Option<Shape>> {
-    let text = decode::text(path).map_err(Error::of_request)?;
+    let text = text(path)?;
     let Some((number, task)) = value_of(&text, TASK) else { return Ok(value_of(&text, POSES).map(|_| Shape::Poses)) };
     match task.as_str() {
         "segment" => Ok(Some(Shape::Polygons)),
@@ -59,7 +67,7 @@ pub fn shape(path: &Path) -> Result<Option<Shape>> {
 
 /// The names of classes by their numbers.
 pub fn names(path: &Path) -> Result<BTreeMap<u64, String>> {
-    let text = decode::text(path).map_err(Error::of_request)?;
+    let text = text(path)?;
     let refuse = |number: usize, what: &str| {
         Error::new(format!("`{NAMES}` cannot be read: {what}"))
             .in_file(path)

@@ -31,7 +31,12 @@ syntable_model::register_format!(Format {
 /// Whether annotation files of COCO say all and more: then the labels are what Ultralytics' tools made of them, with no
 /// description of their own.
 fn is_beside_coco(root: &Path) -> bool {
-    is_dataset(root, Some("annotations"), |_| true) && !root.join(DATA).is_file()
+    is_dataset(root, Some("annotations"), |_| true) && !is_there(&root.join(DATA))
+}
+
+/// Whether something is there, be it a file or not, or a link that leads nowhere.
+fn is_there(path: &Path) -> bool {
+    fs::symlink_metadata(path).is_ok()
 }
 
 /// Names of the folders of images and labels.
@@ -137,13 +142,14 @@ fn images_of(folder: &Path) -> Result<Vec<(String, PathBuf)>> {
     files_of(folder, |end| ENDS.iter().any(|other| other.eq_ignore_ascii_case(end)))
 }
 
+/// What is in a folder, by the ends of names. What is no file is at fault when it is read.
 fn files_of(folder: &Path, is_one: impl Fn(&str) -> bool) -> Result<Vec<(String, PathBuf)>> {
     let fail = |error: std::io::Error| Error::io(folder, &error).of_request();
     let mut files = Vec::new();
     for entry in fs::read_dir(folder).map_err(fail)? {
         let path = entry.map_err(fail)?.path();
         let is_one = path.extension().and_then(|end| end.to_str()).is_some_and(&is_one);
-        if let Some(stem) = path.file_stem().and_then(|stem| stem.to_str()).filter(|_| is_one && path.is_file()) {
+        if let Some(stem) = path.file_stem().and_then(|stem| stem.to_str()).filter(|_| is_one) {
             files.push((stem.to_owned(), path.clone()));
         }
     }
@@ -183,14 +189,16 @@ fn open(source: &Source) -> Result<Box<dyn DatasetReader>> {
             }
         }
     }
-    for path in of_image.values() {
-        faults.add(
+    // LabelImg writes the names of the classes beside the labels.
+    let is_of_image = |path: &&PathBuf| path.file_name().is_none_or(|name| name != "classes.txt");
+    for path in of_image.values().filter(is_of_image) {
+        faults.lost(
             "known_images",
             path.display().to_string(),
             &format!("{} has no image of this name", images.display()),
         );
     }
-    let description = images.ancestors().take(ABOVE).map(|above| above.join(DATA)).find(|path| path.is_file());
+    let description = images.ancestors().take(ABOVE).map(|above| above.join(DATA)).find(|path| is_there(path));
     if let Some(above) = description.as_deref().and_then(Path::parent) {
         source.folder(above)?.file(DATA)?;
     }
@@ -224,7 +232,10 @@ fn open(source: &Source) -> Result<Box<dyn DatasetReader>> {
 
 /// The lines of a label file of a dataset of which this is said.
 fn lines(path: &Path, stated: Option<Shape>) -> Result<Vec<Line>> {
-    let text = decode::text(path)?;
+    let text = decode::text(path).map_err(|error| match path.is_file() {
+        true => error,
+        false => error.help("put a text file in its place, or remove it if the image has no objects"),
+    })?;
     let line = |(number, line): (usize, &str)| {
         let refuse = |message: String| {
             let help =

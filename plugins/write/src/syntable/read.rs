@@ -11,6 +11,7 @@ use syntable_formats::read::{self, BACKGROUND, Labels};
 use syntable_formats::segmentation::Rle;
 use syntable_formats::syntable::{Annotation, Image, Scene};
 use syntable_model::files::{DatasetFolder, read_small};
+use syntable_model::left_out::LeftOut;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{
     BODIES, CAMERA, DENOISER, DEPTH, EXPOSURE, LABEL_POLICY, OBJECT_INFO, OBJECT_NAME, OCCLUSION_MASK, OCCLUSION_ORDER,
@@ -162,6 +163,11 @@ struct Shown {
 impl DatasetReader for Reader {
     fn info(&self) -> &DatasetInfo {
         &self.info
+    }
+
+    fn passed_over(&self, reads: &[KeyId]) -> Vec<LeftOut> {
+        let _ = reads;
+        vec![self.listing.passed_over()]
     }
 
     fn images(&self) -> &[ImageRef] {
