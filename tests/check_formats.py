@@ -137,7 +137,8 @@ for obj_id in names:
     lines = (root / f"bop/models/obj_{int(obj_id):06}.ply").read_text().splitlines()
     count = int(next(line for line in lines if line.startswith("element vertex")).split()[2])
     start = lines.index("end_header") + 1
-    meshes[obj_id] = np.array([line.split() for line in lines[start : start + count]], float)
+    # Colors or texture coordinates follow the position.
+    meshes[obj_id] = np.array([line.split()[:3] for line in lines[start : start + count]], float)
 found = []
 for folder in sorted((root / "bop/train_pbr").iterdir()):
     cameras, truth = (json.loads((folder / f"scene_{name}.json").read_text()) for name in ("camera", "gt"))
