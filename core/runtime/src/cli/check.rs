@@ -31,15 +31,18 @@ pub(super) fn check(console: &Console, registry: &Registry, args: &CheckArgs) ->
     }
 }
 
+/// A log whose warnings the console prints.
+pub(super) struct PrintedLog<'a>(pub &'a Console);
+
+impl Log for PrintedLog<'_> {
+    fn warn(&self, warning: &Error) {
+        self.0.say(&Message::Warning(warning.clone()));
+    }
+}
+
 /// Everything that can be known without rendering: the text, the plan, and what the pools hold.
 fn recipe(console: &Console, registry: &Registry, args: &CheckArgs) -> Result<(), Exit> {
-    struct Print<'a>(&'a Console);
-    impl Log for Print<'_> {
-        fn warn(&self, warning: &Error) {
-            self.0.say(&Message::Warning(warning.clone()));
-        }
-    }
-    let log = Print(console);
+    let log = PrintedLog(console);
     let (source, overrides) = args.recipe.read()?;
     let Checked { recipe, pools } = recipe::checked(registry, source, &overrides.with_existing_paths());
     let recipe = console.loaded(recipe, || pools::open(&pools, &log).err())?;

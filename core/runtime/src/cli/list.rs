@@ -1,7 +1,8 @@
 //! `syntable list`.
 
+use super::check::PrintedLog;
 use super::verb::topics;
-use super::{Console, Exit, Message, RecipeArgs};
+use super::{Console, Exit, RecipeArgs};
 use crate::plan::{available, table_within};
 use crate::pools::{AssetStore, ListedAsset};
 use crate::recipe::{self, BUILTINS, Recipe, description_of, nearest, options_of};
@@ -10,7 +11,6 @@ use serde_json::json;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use syntable_mesh::format::{ImageFormats, MeshFormats};
-use syntable_model::context::Log;
 use syntable_model::error::{Error, Result};
 use syntable_model::product::{KeyId, first_sentence};
 use syntable_model::reader;
@@ -93,13 +93,7 @@ pub(super) fn list(console: &Console, registry: &Registry, args: &ListArgs) -> s
 
 /// The assets of a recipe's pools: part, license, and how likely each option that draws takes each.
 fn assets(console: &Console, registry: &Registry, args: &ListArgs, path: &Path) -> std::result::Result<(), Exit> {
-    struct Print<'a>(&'a Console);
-    impl Log for Print<'_> {
-        fn warn(&self, warning: &Error) {
-            self.0.say(&Message::Warning(warning.clone()));
-        }
-    }
-    let log = Print(console);
+    let log = PrintedLog(console);
     let of_run = RecipeArgs { recipe: Some(path.to_owned()), set: args.set.clone(), seed: None, views: None };
     let (source, overrides) = of_run.read()?;
     let recipe = recipe::load(registry, source, &overrides.with_existing_paths());
