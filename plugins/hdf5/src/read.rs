@@ -10,7 +10,7 @@ use syntable_formats::decode::{self, byte_count};
 use syntable_formats::include;
 use syntable_formats::read::{self, Faults, place_in_name};
 use syntable_formats::samples::{self, Contents, Fields, Samples};
-use syntable_model::limits::MEMBER_BYTES;
+use syntable_model::limits::{IMAGE_PIXELS, MEMBER_BYTES};
 use syntable_model::panics::guarded;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{CATEGORY_ID, INSTANCE, NORMAL, OBJECT_NAME, RGB, VISIBLE_IDS};
@@ -280,6 +280,10 @@ impl View {
         let factors: Vec<u64> = lengths.iter().copied().chain([size]).collect();
         MEMBER_BYTES
             .check_product(&factors)
+            .and_then(|()| match lengths[..] {
+                [height, width, ..] if !samples::is_per_instance(name) => IMAGE_PIXELS.check_product(&[height, width]),
+                _ => Ok(()),
+            })
             .map_err(|error| error.context(format!("dataset `{name}` of shape {lengths:?}")).in_file(&self.path))?;
         Ok(dataset)
     }
