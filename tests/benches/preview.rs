@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::sync::mpsc::{Receiver, channel};
 use std::time::{Duration, Instant};
-use syntable_standard as _;
+use syntable_program as _;
 
 /// Saves of each sort.
 const SAVES: usize = 11;

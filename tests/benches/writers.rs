@@ -18,11 +18,11 @@ use syntable_model::product::{BitPlane, Mask, Plane};
 use syntable_model::registry::{Entry, Registry};
 use syntable_model::scene::{Role, Scene};
 use syntable_model::stage::{RenderRequest, RenderSession};
+use syntable_program as _;
 use syntable_runtime::cache::DiskCache;
 use syntable_runtime::recipe::{self, Overrides, Source};
 use syntable_runtime::run::RunOptions;
 use syntable_runtime::run::progress::{Event, Reporter};
-use syntable_standard as _;
 use syntable_testing::scenes;
 
 /// Objects that are dropped; some leave the table.

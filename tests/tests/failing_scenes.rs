@@ -9,11 +9,11 @@ use syntable_model::prelude::*;
 use syntable_model::product::standard::VISIBLE_MASK;
 use syntable_model::registry::Registry;
 use syntable_model::scene::{AssetRef, Removal, Role, SceneId, SettleReport};
+use syntable_program as _;
 use syntable_runtime::cache::DiskCache;
 use syntable_runtime::recipe::{self, Overrides, Source};
 use syntable_runtime::run::progress::{Event, Reporter};
 use syntable_runtime::run::{Outcome, RunOptions, run};
-use syntable_standard as _;
 use syntable_testing::folder::files;
 use syntable_testing::scenes;
 

@@ -1,11 +1,23 @@
 //! Work on every image of a dataset that is read.
 
 use crate::run::progress::{Event, Reporter};
+use crate::run::stop::Stop;
 use parking_lot::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 use syntable_model::context::Workers;
-use syntable_model::error::Result;
+use syntable_model::error::{Error, Result};
+
+/// Who works on images, who hears of it, and who may end it.
+#[derive(Clone, Copy)]
+pub struct Work<'a> {
+    /// The threads.
+    pub workers: &'a dyn Workers,
+    /// Hears of progress.
+    pub reporter: &'a dyn Reporter,
+    /// Asks the work to end early.
+    pub stop: &'a Stop,
+}
 
 /// How often the number of images that are done is told.
 const PATIENCE: Duration = Duration::from_secs(1);
@@ -17,21 +29,27 @@ const AHEAD: usize = 64;
 /// up depends on no thread, and memory does not grow with the dataset. `done` says what was done to them, such as `scored`.
 ///
 /// # Errors
-/// That of the first image that has one.
+/// The error of the first image that has one, or that the work was asked to stop.
 pub fn each<T: Send>(
-    (workers, reporter): (&dyn Workers, &dyn Reporter),
+    Work { workers, reporter, stop }: &Work,
     done: &str,
     images: usize,
-    work: &(dyn Fn(usize) -> Result<T> + Sync),
+    image: &(dyn Fn(usize) -> Result<T> + Sync),
     take: &mut dyn FnMut(usize, T),
 ) -> Result<()> {
     let (count, told) = (AtomicUsize::new(0), Mutex::new(Instant::now()));
     let batch = AHEAD * workers.threads().max(1);
     for first in (0..images).step_by(batch) {
+        if stop.is_requested() {
+            break;
+        }
         let results: Vec<Mutex<Option<Result<T>>>> =
             (first..images.min(first + batch)).map(|_| Mutex::new(None)).collect();
         workers.run(results.len(), &|place| {
-            *results[place].lock() = Some(work(first + place));
+            if stop.is_requested() {
+                return;
+            }
+            *results[place].lock() = Some(image(first + place));
             let count = count.fetch_add(1, Ordering::Relaxed) + 1;
             let mut told = told.lock();
             if told.elapsed() > PATIENCE {
@@ -39,13 +57,18 @@ pub fn each<T: Send>(
                 reporter.event(&Event::Working { step: format!("{done} {count} of {images} images") });
             }
         });
-        for (image, result) in (first..).zip(results) {
-            if let Some(result) = result.into_inner() {
-                take(image, result?);
+        for (place, result) in (first..).zip(results) {
+            match result.into_inner() {
+                Some(result) => take(place, result?),
+                // Nothing after an image that was not worked on is complete.
+                None => break,
             }
         }
     }
-    Ok(())
+    match stop.requested() {
+        Some(reason) => Err(Error::new(format!("stopped by {reason}"))),
+        None => Ok(()),
+    }
 }
 
 #[cfg(test)]
@@ -53,20 +76,23 @@ mod tests {
     use super::*;
     use crate::run::progress::Quiet;
     use crate::workers::Pool;
-    use syntable_model::error::Error;
 
     #[test]
     fn results_come_in_order_and_the_first_error_ends_it() {
         for threads in [1, 3] {
-            let pool = Pool::new(threads).expect("threads");
+            let (pool, stop) = (Pool::new(threads).expect("threads"), Stop::default());
+            let work = Work { workers: &pool, reporter: &Quiet, stop: &stop };
             let mut taken = Vec::new();
             let square = |image: usize| Ok(image * image);
-            each((&pool, &Quiet), "squared", 500, &square, &mut |image, it| taken.push((image, it))).expect("squares");
+            each(&work, "squared", 500, &square, &mut |image, it| taken.push((image, it))).expect("squares");
             assert_eq!(taken, (0..500).map(|image| (image, image * image)).collect::<Vec<_>>());
             let mut last = None;
             let fails = |image: usize| if image % 150 == 149 { Err(Error::new(image.to_string())) } else { Ok(()) };
-            let error = each((&pool, &Quiet), "tried", 500, &fails, &mut |image, ()| last = Some(image));
+            let error = each(&work, "tried", 500, &fails, &mut |image, ()| last = Some(image));
             assert_eq!((error.expect_err("it fails").to_string(), last), ("149".to_owned(), Some(148)));
+            let stops = |image: usize| if image == 70 { Ok(stop.cancel()) } else { Ok(()) };
+            let error = each(&work, "tried", 500, &stops, &mut |_, ()| {}).expect_err("it was asked to stop");
+            assert_eq!(error.to_string(), "stopped by its caller");
         }
     }
 }

@@ -1,12 +1,14 @@
 //! Recipes, plans, runs and the command line of SynTable. Of plugins, only those that add a verb depend on this crate.
 
 pub mod cache;
-pub mod cli;
+pub mod check;
+pub mod conversion;
 pub mod durable;
 pub mod images;
-mod memory;
+pub mod left_out;
+pub mod memory;
 pub mod message;
-mod paths;
+pub mod paths;
 pub mod plan;
 pub mod pools;
 mod ready;
@@ -15,5 +17,4 @@ pub mod run;
 pub mod validate;
 pub mod workers;
 
-pub use clap;
 pub use syntable_model::inventory;

@@ -44,13 +44,24 @@ pub(crate) fn fits(plan: &Plan, [width, height]: [u32; 2], installed: u64) -> Re
 }
 
 /// Width and height of the images of a recipe, px, if its camera states them.
-pub(crate) fn resolution(recipe: &Recipe) -> Option<[u32; 2]> {
+pub fn resolution(recipe: &Recipe) -> Option<[u32; 2]> {
     let resolved: toml::Table = recipe.resolved.parse().ok()?;
     resolved.get(Slot::Camera.name())?.get("resolution")?.clone().try_into().ok()
 }
 
+/// Bytes of the images that writers store of each view, before compression; none if the size of images is not known before a
+/// view. Masks and records, whose size follows the number of objects, come on top.
+pub fn stored_bytes_per_view(recipe: &Recipe) -> Option<u64> {
+    let [width, height] = resolution(recipe)?;
+    let bytes = recipe.plan.entries.iter().map(|entry| {
+        let writers = entry.wanted_by.iter().filter(|stage| stage.starts_with("write.")).count() as u64;
+        writers * bytes_per_pixel(&entry.key)
+    });
+    Some(u64::from(width) * u64::from(height) * bytes.sum::<u64>())
+}
+
 /// Bytes that an image of a view has per pixel of the view; 0 of a product that is no image, whose size depends on the scene.
-pub(crate) fn bytes_per_pixel(key: &KeyId) -> u64 {
+fn bytes_per_pixel(key: &KeyId) -> u64 {
     match key.form() {
         Form::Image { dtype, channels } if key.scope == Scope::View => {
             let edge = u64::from(key.name.parameters.canvas) * u64::from(key.name.parameters.subpixels);

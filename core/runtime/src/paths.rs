@@ -3,10 +3,28 @@
 use std::path::{Path, PathBuf};
 
 /// A path without links and detours, as far as it exists.
-pub(crate) fn whole(path: &Path) -> PathBuf {
+pub fn whole(path: &Path) -> PathBuf {
     let of = |folder: &Path| {
         let inside = path.strip_prefix(folder).ok()?;
         Some(if folder.as_os_str().is_empty() { Path::new(".") } else { folder }.canonicalize().ok()?.join(inside))
     };
     path.ancestors().find_map(of).unwrap_or_else(|| path.to_owned())
+}
+
+/// The folder of a dataset, which may be named by its annotation file: the nearest one that looks like a dataset by itself, of the
+/// two in which the file may be. A file that lies among others stands for itself.
+pub fn dataset_folder(path: &Path) -> PathBuf {
+    if !path.is_file() {
+        return path.to_owned();
+    }
+    let absolute = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
+    let formats = syntable_model::reader::linked();
+    let is_dataset = |folder: &&Path| formats.iter().any(|format| format.detects(folder));
+    let found = absolute.ancestors().skip(1).take(2).find(is_dataset);
+    found.map_or_else(|| path.to_owned(), Path::to_owned)
+}
+
+/// Whether a path is a folder or file, or lies in it, links and detours aside; either may not be there yet.
+pub fn lies_in(path: &Path, folder: &Path) -> bool {
+    whole(path).starts_with(whole(folder))
 }

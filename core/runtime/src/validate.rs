@@ -9,7 +9,7 @@ use syntable_model::context::Workers;
 use syntable_model::error::{Error, Result};
 use syntable_model::product::standard::OBJECT_INFO;
 use syntable_model::product::{KeyId, Products, Value};
-use syntable_model::reader::{DatasetFault, DatasetReader};
+use syntable_model::reader::{self, DatasetFault, DatasetReader, Source};
 
 /// Name of the check that datasets give things the same numbers.
 const NUMBERS_AGREE: &str = "numbers_agree";
@@ -30,6 +30,39 @@ pub struct Validated {
     /// Numbers of its categories and objects, to compare with those of other datasets.
     #[serde(skip)]
     pub numbers: Numbers,
+}
+
+/// A dataset that was found by its path and checked.
+#[derive(Debug, Clone)]
+pub struct ValidatedDataset {
+    /// The dataset as it was named.
+    pub dataset: String,
+    /// The format that it was read as.
+    pub format: &'static str,
+    /// What was found.
+    pub found: Validated,
+}
+
+/// Finds a dataset, opens it and checks all of it on `threads` threads. A dataset that cannot be opened is one with a fault.
+///
+/// # Errors
+/// If there is no dataset, its format is not known, or a file system or device fails.
+pub fn validate_path(named: &Source, format: Option<&str>, threads: usize) -> Result<ValidatedDataset> {
+    let (format, found_at) = reader::find(named, format)?;
+    let found = match format.open(&found_at) {
+        Ok(dataset) => validate(&*dataset, threads)?,
+        Err(error) if error.is_transient() => return Err(error),
+        Err(error) => Validated::unreadable(found_at.path.display().to_string(), &error),
+    };
+    Ok(ValidatedDataset { dataset: named.path.display().to_string(), format: format.name, found })
+}
+
+/// Where datasets give a number to different things, or a thing different numbers. Each dataset is compared with all before it.
+pub fn differences(all: &[ValidatedDataset]) -> Vec<FaultAt> {
+    let pairs = all.iter().enumerate().flat_map(|(at, other)| all[..at].iter().map(move |one| (one, other)));
+    pairs
+        .flat_map(|(one, other)| one.found.numbers.differences(&other.found.numbers, [&one.dataset, &other.dataset]))
+        .collect()
 }
 
 /// Numbers of the categories and objects of a dataset, with their names.

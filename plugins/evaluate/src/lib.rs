@@ -1,5 +1,7 @@
 //! Scores of predicted masks against the labels of a dataset, with the conventions of SynTable's released evaluation.
 //!
+//! [`evaluate`] scores predictions from paths and options.
+//!
 //! | module | holds |
 //! | --- | --- |
 //! | [`image`] | the objects of an image, labeled and predicted |
@@ -24,7 +26,7 @@ pub mod bootstrap;
 pub mod boundary;
 pub mod categories;
 pub mod coco;
-mod eval;
+mod evaluation;
 pub mod image;
 pub mod label_maps;
 pub mod masks;
@@ -40,6 +42,7 @@ pub mod strata;
 pub mod table;
 pub mod worst;
 
+pub use evaluation::{EvaluateOptions, Evaluation, evaluate};
 pub use syntable_model::inventory;
 
 /// Whose way it is to combine images, where the paper's text and the released code differ.

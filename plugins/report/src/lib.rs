@@ -8,8 +8,7 @@
 //! | [`stats`] | the numbers: Table 1 of the paper, distributions, near-duplicate views, distances between datasets |
 //! | [`view`] | the pages of a dataset, served |
 
-mod arguments;
-mod preview;
+pub mod preview;
 pub mod report;
 pub mod serve;
 pub mod stats;

@@ -351,7 +351,7 @@ impl Server {
         thread::scope(|scope| {
             let (waiting, open) = (&waiting, &open);
             let mut version = changes.version();
-            while stop.requested().is_none() {
+            while !stop.is_requested() {
                 // The system keeps the connections that come while too many are open.
                 if open.load(Ordering::Acquire) < MAX_CONNECTIONS {
                     match self.listener.accept() {
@@ -500,7 +500,7 @@ mod tests {
                 });
             });
             let done = catch_unwind(AssertUnwindSafe(|| test(&server, &changes)));
-            stop.request(15);
+            stop.cancel();
             if let Err(panic) = done {
                 std::panic::resume_unwind(panic);
             }

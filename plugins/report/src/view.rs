@@ -1,78 +1,63 @@
-//! `syntable view`: the pages of a dataset, made when a browser asks for them.
+//! The pages of a dataset, made when a browser asks for them.
 
-use crate::arguments;
 use crate::report::scored::Scored;
 use crate::report::{Counted, Report, Shown};
 use crate::serve::{Changes, Request, Response, Server, content_type};
 use crate::stats::{self, Options};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::thread;
-use syntable_model::error::Error;
-use syntable_model::registry::Registry;
-use syntable_runtime::clap::{ArgMatches, Command};
-use syntable_runtime::cli::{Console, Exit, Verb};
+use syntable_model::context::Workers;
+use syntable_model::error::Result;
+use syntable_model::reader::{DatasetReader, Source};
+use syntable_runtime::images::Work;
 use syntable_runtime::run::progress::{Event, Reporter};
 use syntable_runtime::run::stop::Stop;
-use syntable_runtime::workers::Pool;
 
-syntable_runtime::register_verb!(Verb { command, run, crate_name: env!("CARGO_PKG_NAME") });
-
-fn command() -> Command {
-    Command::new("view")
-        .about("Show a dataset in the browser: the pages of `syntable report`, made when they are asked for")
-        .arg(arguments::dataset())
-        .arg(arguments::port())
-        .arg(arguments::format())
-        .arg(arguments::trust_paths())
-        .arg(arguments::scores())
-        .arg(arguments::threads("Threads that count the statistics; all cores if left out"))
-        .after_help(
-            "Nothing is written. The address has a token, without which nobody can read the pages: keep it to yourself. Ctrl-C ends it.
-
-Examples:
-  syntable view data
-  syntable view data --port 8000
-  syntable view data --scores scores.json          with predictions",
-        )
+/// A dataset whose pages a server of this machine shows. Nothing is written.
+pub struct Viewer {
+    report: Report,
+    server: Server,
 }
 
-fn run(console: &Console, _: &Registry, arguments: &ArgMatches) -> Result<(), Exit> {
-    let Some(dataset) = arguments.get_one::<PathBuf>("dataset") else { return Ok(()) };
-    let format = arguments.get_one::<String>("format").map(String::as_str);
-    let port = arguments.get_one::<u16>("port").copied().unwrap_or(0);
-    let all = |of: &dyn syntable_model::reader::DatasetReader| Shown {
-        images: (0..of.images().len()).collect(),
-        scenes: None,
-    };
-    let mut report = Report::open(&arguments::source(dataset, arguments), format, all).map_err(Exit::stopped)?;
-    if let Some(file) = arguments.get_one::<PathBuf>("scores") {
-        let scored = Scored::open(file, report.dataset()).map_err(Exit::stopped)?;
-        report = report.with_scores(scored);
-    }
-    let server = Server::bind(port).map_err(Exit::stopped)?;
-    let stop =
-        Stop::on_signals().map_err(|error| Exit::stopped(Error::new(format!("signals cannot be handled: {error}"))))?;
-    let pool = Pool::new(arguments::threads_of(arguments)).map_err(Exit::stopped)?;
-    console.print(&format!("{}\n", server.url()))?;
-    thread::scope(|scope| {
-        // What is left of the count when the server stops is not waited for: the process ends.
-        let count = || {
-            let told = Told(&report);
-            report.gather_licenses();
-            let counted = match stats::of(report.dataset(), &Options::default(), (&pool, &told)) {
-                Ok(statistics) => Counted::Done(Box::new(statistics)),
-                Err(error) => Counted::Failed(error.in_file(Path::new(dataset)).to_string()),
-            };
-            report.put_statistics(counted);
-        };
-        scope.spawn(count);
-        server.run(&stop, &Changes::default(), &|request| answer(&report, request));
-        // Nor for a browser that takes no more of an answer.
-        if stop.requested().is_some() {
-            std::process::exit(0);
+impl Viewer {
+    /// Opens a dataset, with scores of predictions if a file of them is given, and listens on a port of the loopback address; 0 is
+    /// any free one.
+    ///
+    /// # Errors
+    /// If the dataset or the file cannot be read, or the port cannot be had.
+    pub fn open(source: &Source, format: Option<&str>, scores: Option<&Path>, port: u16) -> Result<Self> {
+        let all = |of: &dyn DatasetReader| Shown { images: (0..of.images().len()).collect(), scenes: None };
+        let mut report = Report::open(source, format, all)?;
+        if let Some(file) = scores {
+            let scored = Scored::open(file, report.dataset())?;
+            report = report.with_scores(scored);
         }
-    });
-    Ok(())
+        Ok(Self { report, server: Server::bind(port)? })
+    }
+
+    /// Address of the first page. Whoever has it can read all pages.
+    pub fn url(&self) -> String {
+        self.server.url()
+    }
+
+    /// Answers browsers until it shall stop, and counts the statistics meanwhile.
+    pub fn run(&self, workers: &(dyn Workers + Sync), stop: &Stop) {
+        thread::scope(|scope| {
+            scope.spawn(|| self.count(workers, stop));
+            self.server.run(stop, &Changes::default(), &|request| answer(&self.report, request));
+        });
+    }
+
+    fn count(&self, workers: &dyn Workers, stop: &Stop) {
+        let told = Told(&self.report);
+        self.report.gather_licenses();
+        let work = Work { workers, reporter: &told, stop };
+        let counted = match stats::of(self.report.dataset(), &Options::default(), &work) {
+            Ok(statistics) => Counted::Done(Box::new(statistics)),
+            Err(error) => Counted::Failed(error.in_file(self.report.path()).to_string()),
+        };
+        self.report.put_statistics(counted);
+    }
 }
 
 /// Keeps how far the statistics are for the page that waits for them.

@@ -9,13 +9,15 @@ use syntable_model::product::{KeyId, Mask, Plane, Products};
 use syntable_model::reader::{DatasetReader, ImageRef, Source};
 use syntable_model::scene::{InstanceId, SceneId, View, ViewId};
 use syntable_model::stage::DatasetInfo;
-use syntable_report::report::verb::{MADE_BY, write};
+use syntable_report::report::make::{MADE_BY, write};
 use syntable_report::report::{Counted, Report, Shown};
 use syntable_report::serve::Request;
 use syntable_report::stats::{self, Options};
 use syntable_report::view::answer;
 use syntable_runtime::durable::Draft;
+use syntable_runtime::images::Work;
 use syntable_runtime::run::progress::Quiet;
+use syntable_runtime::run::stop::Stop;
 use syntable_runtime::workers::Pool;
 use syntable_testing::folder::files;
 
@@ -103,7 +105,11 @@ impl DatasetReader for Memory {
 
 fn report(memory: Memory, shown: Vec<usize>) -> Report {
     let pool = Pool::new(2).expect("threads");
-    let counted = match stats::of(&memory, &Options::default(), (&pool, &Quiet)) {
+    let counted = match stats::of(
+        &memory,
+        &Options::default(),
+        &Work { workers: &pool, reporter: &Quiet, stop: &Stop::default() },
+    ) {
         Ok(statistics) => Counted::Done(Box::new(statistics)),
         Err(error) => Counted::Failed(error.to_string()),
     };
@@ -118,7 +124,8 @@ fn written(report: &Report, threads: usize) -> BTreeMap<String, Vec<u8>> {
     let folder = tempfile::tempdir().expect("a folder");
     let (pool, out) = (Pool::new(threads).expect("threads"), folder.path().join("out"));
     let draft = Draft::begin(&out).expect("a folder");
-    let written = write(report, &draft, (&pool, &Quiet)).and_then(|()| draft.publish_listed(MADE_BY));
+    let written = write(report, &draft, &Work { workers: &pool, reporter: &Quiet, stop: &Stop::default() })
+        .and_then(|()| draft.publish_listed(MADE_BY));
     written.unwrap_or_else(|error| panic!("{error}"));
     files(&out)
 }
@@ -208,7 +215,9 @@ fn an_image_has_its_masks_and_its_graph() {
 fn hidden_objects_are_told_from_those_that_are_seen() {
     let memory = Memory { has_hidden: true, ..Memory::new(1) };
     let pool = Pool::new(1).expect("threads");
-    let counted = stats::of(&memory, &Options::default(), (&pool, &Quiet)).expect("counted");
+    let counted =
+        stats::of(&memory, &Options::default(), &Work { workers: &pool, reporter: &Quiet, stop: &Stop::default() })
+            .expect("counted");
     let report = report(memory, vec![0]);
     let value = |path: &str, key: &str| -> serde_json::Value {
         let file = report.file(path).expect("readable").expect("there");

@@ -14,7 +14,9 @@ use syntable_report::stats::distribution::{Binning, Distribution};
 use syntable_report::stats::quantity::Quantity;
 use syntable_report::stats::table::{Described, csv, json, text};
 use syntable_report::stats::{Edges, Layers, Options, Statistics, bin_alike, of};
+use syntable_runtime::images::Work;
 use syntable_runtime::run::progress::Quiet;
+use syntable_runtime::run::stop::Stop;
 use syntable_runtime::workers::Pool;
 
 /// An object: amodal and visible mask as images of a label set on paper.
@@ -64,7 +66,12 @@ impl Paper {
     }
 
     fn statistics(&self, options: &Options, threads: usize) -> Statistics {
-        of(self, options, (&Pool::new(threads).expect("threads"), &Quiet)).unwrap_or_else(|error| panic!("{error}"))
+        of(
+            self,
+            options,
+            &Work { workers: &Pool::new(threads).expect("threads"), reporter: &Quiet, stop: &Stop::default() },
+        )
+        .unwrap_or_else(|error| panic!("{error}"))
     }
 }
 
@@ -483,6 +490,8 @@ fn datasets_side_by_side() {
 
 #[test]
 fn an_empty_dataset_is_refused() {
-    let error = of(&Paper::new(Vec::new()), &Options::default(), (&Pool::new(1).expect("a thread"), &Quiet));
+    let (pool, stop) = (Pool::new(1).expect("a thread"), Stop::default());
+    let work = Work { workers: &pool, reporter: &Quiet, stop: &stop };
+    let error = of(&Paper::new(Vec::new()), &Options::default(), &work);
     assert_eq!(error.expect_err("no image").to_string(), "the dataset has no image");
 }

@@ -1,9 +1,23 @@
-//! All stock plugins. Naming this crate links every one of them: `use syntable_standard as _;`
+//! Synthetic datasets for unseen-object amodal instance segmentation.
+//!
+//! This crate links every stock plugin and names every verb of the program as a function. It prints nothing, reads no arguments and
+//! handles no signals: progress goes to a [`Reporter`], and a [`Stop`] ends work early.
+//!
+//! | verb | function |
+//! | --- | --- |
+//! | `run` | [`run`] |
+//! | `merge`, `verify` | [`merge`], [`verify`] |
+//! | `check` | [`check`], [`check_assets`] |
+//! | `validate` | [`validate`] |
+//! | `convert` | [`convert`] |
+//! | `eval` | [`evaluate`] |
+//! | `stats` | [`stats::compare`] |
+//! | `report`, `view` | [`report::make::make`], [`view::Viewer`] |
+//! | `preview` | [`preview::Preview`] |
 
 use syntable_annotate as _;
 use syntable_assets as _;
 use syntable_denoise as _;
-use syntable_evaluate as _;
 #[cfg(feature = "hdf5")]
 use syntable_hdf5 as _;
 use syntable_household as _;
@@ -15,7 +29,24 @@ use syntable_placement as _;
 use syntable_render_cpu as _;
 #[cfg(feature = "gpu")]
 use syntable_render_wgpu as _;
-use syntable_report as _;
 use syntable_sampling as _;
 use syntable_sensor as _;
 use syntable_write as _;
+
+pub use syntable_evaluate::{self as evaluation, EvaluateOptions, Evaluation, evaluate};
+pub use syntable_model as model;
+pub use syntable_model::error::Error;
+pub use syntable_model::reader::Source as DatasetSource;
+pub use syntable_model::registry::Registry;
+pub use syntable_report::preview::{self, PreviewOptions};
+pub use syntable_report::{report, stats, view};
+pub use syntable_runtime::check::{check, check_assets};
+pub use syntable_runtime::conversion::{Conversion, ConvertOptions, convert};
+pub use syntable_runtime::images::Work;
+pub use syntable_runtime::left_out::LeftOutReport;
+pub use syntable_runtime::recipe::{self, Recipe, RecipeRequest};
+pub use syntable_runtime::run::progress::{Event, Quiet, Reporter};
+pub use syntable_runtime::run::stop::Stop;
+pub use syntable_runtime::run::{Outcome, RunOptions, Verified, merge, run, verify};
+pub use syntable_runtime::validate::{ValidatedDataset, validate_path as validate};
+pub use syntable_runtime::workers::{self, Pool};

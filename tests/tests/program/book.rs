@@ -4,9 +4,9 @@ use crate::support::{fails, ok, root, syntable, text};
 use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
+use syntable_cli as cli;
 use syntable_model::dist::{Dist, IntDist};
-use syntable_runtime::cli;
-use syntable_standard as _;
+use syntable_program as _;
 
 /// All Markdown files below a folder.
 fn pages_below(folder: &Path) -> Vec<PathBuf> {

@@ -3,8 +3,8 @@
 use crate::support::{fails, ok, root, small_run, syntable};
 use std::process::Stdio;
 use syntable_model::registry::Registry;
+use syntable_program as _;
 use syntable_runtime::recipe::{self, Overrides, Source};
-use syntable_standard as _;
 
 #[test]
 fn list_names_kinds_crates_and_products() {

@@ -11,7 +11,7 @@ use syntable_model::product::standard::{AMODAL_MASK, CATEGORY_ID, OBJECT_INFO, V
 use syntable_model::product::{KeyId, Mask};
 use syntable_model::reader;
 use syntable_model::scene::InstanceId;
-use syntable_standard as _;
+use syntable_program as _;
 
 fn convert(from: &Path, to: &str, out: &Path) -> Command {
     let mut convert = syntable();

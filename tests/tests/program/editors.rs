@@ -10,8 +10,8 @@ use serde_json::Value;
 use std::collections::BTreeMap;
 use std::path::Path;
 use syntable_model::registry::{Entry, Registry, Shape, Slot};
+use syntable_program as _;
 use syntable_runtime::recipe;
-use syntable_standard as _;
 
 /// Starts all servers that are there.
 fn servers(folder: &Path) -> Vec<Server> {

@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use syntable_model::digest::Digest;
 use syntable_model::registry::{Registry, Slot};
-use syntable_standard as _;
+use syntable_program as _;
 
 /// Largest file of an image, bytes.
 const LARGEST: usize = 40_000;

@@ -7,14 +7,15 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
 use std::fs;
 use std::path::Path;
+use syntable_cli as cli;
 use syntable_mesh::format::{ImageDecoder, ImageFormats, MeshFormats};
 use syntable_model::product::{KeyId, first_sentence};
 use syntable_model::registry::{Entry, Registry, Shape, Slot, Stage};
 use syntable_model::scene::AssetClass;
+use syntable_program as _;
 use syntable_runtime::plan::Producer;
 use syntable_runtime::recipe::{self, Code, Overrides, Source};
-use syntable_runtime::{cli, run};
-use syntable_standard as _;
+use syntable_runtime::run;
 
 /// All generated files: path from the root of the checkout, and content.
 fn generated() -> BTreeMap<String, String> {

@@ -124,7 +124,7 @@ fn view_of(json: &Json) -> View {
 
 /// The file as one body, rendered from its own camera lit by its emissive bodies alone.
 fn render(folder: &Path, samples: u32) -> (Vec<f64>, Vec<f64>) {
-    use syntable_standard as _;
+    use syntable_program as _;
     let registry = Registry::linked().expect("no clash");
     let stage = |slot, kind: &str, options: &str| match registry.find(slot, kind).expect(kind).construct_str(options) {
         Ok(constructed) => constructed.stage,

@@ -9,7 +9,7 @@ use syntable_model::product::standard::{
 };
 use syntable_model::product::{Key, Mask, PerInstance};
 use syntable_model::reader;
-use syntable_standard as _;
+use syntable_program as _;
 
 /// All writers of formats, and those of any product.
 const WRITERS: &str = "write={ syntable = {}, coco = {}, coco_panoptic = {}, cocoa = {}, kins = {}, d2sa = {}, insta_order = {}, \

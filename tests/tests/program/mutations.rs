@@ -21,7 +21,7 @@ use std::time::{Duration, Instant};
 use syntable_model::prelude::Stream;
 use syntable_model::reader::{self, Format, Source};
 use syntable_model::stage::DatasetInfo;
-use syntable_standard as _;
+use syntable_program as _;
 use syntable_testing::takes::{Crowd, dataset, finish, take, write_scenes, writer};
 
 /// Inputs per dataset in the short form.

@@ -20,7 +20,7 @@ fn shipped() -> Vec<PathBuf> {
     }
     found.sort();
     assert!(found.len() >= 4, "{found:?}");
-    found.push(root().join("core/runtime/src/cli/scaffold/recipe.toml"));
+    found.push(root().join("core/cli/src/verbs/scaffold/recipe.toml"));
     found
 }
 

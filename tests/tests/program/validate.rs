@@ -7,7 +7,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use syntable_model::product::standard::{CATEGORY_ID, VISIBLE_MASK};
 use syntable_model::reader;
-use syntable_standard as _;
+use syntable_program as _;
 
 /// A small dataset with all labels of the `syntable` writer.
 fn dataset(out: &Path) {

@@ -2,8 +2,8 @@
 
 use syntable_model::error::Error;
 use syntable_model::registry::Registry;
-use syntable_runtime::clap::{Arg, ArgMatches, Command};
-use syntable_runtime::cli::{Console, Exit, Verb};
+use syntable_cli::clap::{Arg, ArgMatches, Command};
+use syntable_cli::{Console, Exit, Verb};
 
 fn command() -> Command {
     Command::new("kinds").about("Print the kinds of a slot, one per line").arg(Arg::new("slot").required(true))
@@ -19,4 +19,4 @@ fn run(console: &Console, registry: &Registry, arguments: &ArgMatches) -> Result
     console.print(&format!("{}\n", kinds.join("\n")))
 }
 
-syntable_runtime::register_verb!(Verb { command, run, crate_name: env!("CARGO_PKG_NAME") });
+syntable_cli::register_verb!(Verb { command, run, crate_name: env!("CARGO_PKG_NAME") });

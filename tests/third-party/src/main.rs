@@ -1,8 +1,7 @@
 //! SynTable with plugins from outside.
 
 use outside as _;
-use syntable_standard as _;
 
 fn main() -> std::process::ExitCode {
-    syntable_runtime::cli::main()
+    syntable_program::main()
 }

@@ -93,19 +93,21 @@ impl Diagnostic {
 pub struct Report {
     /// All errors and warnings, in reading order.
     pub diagnostics: Vec<Diagnostic>,
+    /// An error that is not of the recipe's text, such as a folder of assets that cannot be read.
+    pub other: Option<Error>,
 }
 
 impl Report {
-    /// What the command line prints: the diagnostics, then an error that counts them.
+    /// The mistakes one by one, then an error that counts them.
     pub fn messages(&self) -> Vec<Message> {
-        self.messages_with(None)
+        let summary = Error::new(format!("{}; nothing was rendered", self.count()));
+        self.mistakes().chain([Message::Error(summary)]).collect()
     }
 
-    /// The same with an error that is not of the recipe's text.
-    pub(crate) fn messages_with(&self, other: Option<Error>) -> Vec<Message> {
-        let summary = Error::new(format!("{}; nothing was rendered", self.count(usize::from(other.is_some()))));
-        let mistakes = self.diagnostics.iter().cloned().map(Message::Diagnostic).chain(other.map(Message::Error));
-        mistakes.chain([Message::Error(summary)]).collect()
+    /// The mistakes one by one.
+    pub fn mistakes(&self) -> impl Iterator<Item = Message> {
+        let other = self.other.iter().cloned().map(Message::Error);
+        self.diagnostics.iter().cloned().map(Message::Diagnostic).chain(other)
     }
 
     /// The diagnostics, in reading order.
@@ -113,11 +115,11 @@ impl Report {
         self.diagnostics.iter()
     }
 
-    /// `2 errors, 1 warning`, with `more` errors.
-    fn count(&self, more: usize) -> String {
+    /// `2 errors, 1 warning`.
+    fn count(&self) -> String {
         let of = |severity| self.diagnostics.iter().filter(|diagnostic| diagnostic.severity == severity).count();
         let say = |n: usize, what: &str| format!("{n} {what}{}", if n == 1 { "" } else { "s" });
-        match (of(Severity::Error) + more, of(Severity::Warning)) {
+        match (of(Severity::Error) + usize::from(self.other.is_some()), of(Severity::Warning)) {
             (errors, 0) => say(errors, "error"),
             (errors, warnings) => format!("{}, {}", say(errors, "error"), say(warnings, "warning")),
         }

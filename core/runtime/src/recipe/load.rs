@@ -114,7 +114,7 @@ fn load_parts(
                 }
             }
         }
-        return Err(Report { diagnostics });
+        return Err(Report { diagnostics, other: None });
     }
     let dataset = dataset.map(|(_, table)| DatasetTable { views_per_scene: views, ..table });
     match dataset.and_then(|dataset| assemble(dataset, built, plan?, lock.map(|lock| lock.0).unwrap_or_default())) {
@@ -122,7 +122,7 @@ fn load_parts(
         None => {
             // A part can be missing without an error of its own only if a syntax error lost it.
             let diagnostic = DiagnosticBuilder::error(Code::MissingSection, NOWHERE, "the recipe is not complete");
-            Err(Report { diagnostics: vec![sources.diagnostic(diagnostic)] })
+            Err(Report { diagnostics: vec![sources.diagnostic(diagnostic)], other: None })
         }
     }
 }

@@ -89,7 +89,7 @@ pub(crate) fn synonym<'a>(name: &str, candidates: impl IntoIterator<Item = &'a s
 }
 
 /// Returns the candidate nearest to `name`, if one is near.
-pub(crate) fn nearest<'a>(name: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
+pub fn nearest<'a>(name: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     let candidates: Vec<&str> = candidates.into_iter().collect();
     if let Some(meant) = synonym(name, candidates.iter().copied()) {
         return Some(meant);

@@ -2,7 +2,7 @@
 //! scenes by it, and so do previews.
 
 use super::panics::caught;
-use super::stop::{self, Stop};
+use super::stop::{Stop, StopReason};
 use super::times::Times;
 use crate::plan::{Plan, Producer};
 use crate::pools::{AssetStore, RecordingAssets};
@@ -33,7 +33,7 @@ pub struct Tools<'a> {
 impl Tools<'_> {
     /// An error once the work shall end.
     pub fn running(&self) -> Result<()> {
-        let stopped = |signal| Err(Error::new(format!("stopped by {}", stop::name_of(signal))));
+        let stopped = |reason: StopReason| Err(Error::new(format!("stopped by {reason}")));
         self.stop.requested().map_or(Ok(()), stopped)
     }
 }

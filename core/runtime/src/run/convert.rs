@@ -5,7 +5,7 @@
 use super::losses::{Loss, Losses};
 use super::progress::{Guarded, Reporter, Warnings, count};
 use super::scene::{Writers, annotate, names};
-use super::stop::{self, Stop};
+use super::stop::Stop;
 use super::times::Times;
 use crate::durable::{self, Draft, Standing};
 use crate::plan::{self, Candidate, Fault, Implied, Plan, Producer};
@@ -339,8 +339,8 @@ impl Conversion<'_> {
 
     /// Writes the images of a scene that can be read, and whether there are any.
     fn scene(&self, id: SceneId, images: &[usize]) -> Result<bool> {
-        if let Some(signal) = self.stop.requested() {
-            return Err(Error::new(format!("stopped by {}", stop::name_of(signal))));
+        if let Some(reason) = self.stop.requested() {
+            return Err(Error::new(format!("stopped by {reason}")));
         }
         let (cx, times) = (self.cx.read_scene(id), Times::default());
         let (mut writers, mut of_scene) = (None, Products::new());

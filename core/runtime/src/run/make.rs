@@ -11,7 +11,7 @@ use super::scene::{self, SceneMaker, Task};
 use super::sessions::{Sessions, scenes_in_flight};
 use super::times::{RunTimes, Times};
 use super::todo::{Job, Todo, Works};
-use super::{RunOptions, panics, stop, stopping};
+use super::{RunOptions, panics, stopping};
 use crate::pools::AssetStore;
 use crate::recipe::Recipe;
 use crate::workers::Pool;
@@ -138,7 +138,7 @@ fn make_scenes(
                 let (maker, tasks, next, made, stop, failure, one) =
                     (&maker, &tasks, &next, &made, &stop, &failure, &one);
                 threads.spawn(move || {
-                    while !stop.load(Ordering::Relaxed) && maker.tools.stop.requested().is_none() {
+                    while !stop.load(Ordering::Relaxed) && !maker.tools.stop.is_requested() {
                         let Some(task) = tasks.get(next.fetch_add(1, Ordering::Relaxed)) else { break };
                         match panics::unwound(|| maker.make(task, &queue).and_then(|made| one(task, made))) {
                             Ok(()) => drop(made.fetch_add(1, Ordering::Relaxed)),
@@ -163,9 +163,9 @@ fn make_scenes(
         stages: times.all(),
     };
     let noted = took.append(&times_path(folder.root()));
-    if let Some(signal) = options.stop.requested() {
+    if let Some(reason) = options.stop.requested() {
         let (made, all) = (made.into_inner(), tasks.len());
-        return Err(Error::new(format!("stopped by {}: {made} of {all} scenes are done", stop::name_of(signal)))
+        return Err(Error::new(format!("stopped by {reason}: {made} of {all} scenes are done"))
             .help("the same command goes on from there"));
     }
     // What stopped the run comes first: a full disk takes no times, either.

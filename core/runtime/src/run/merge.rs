@@ -4,7 +4,7 @@ use super::folder::{Folder, catalog_path, journal_path, manifest_path};
 use super::journal::{Journal, JournalEntry};
 use super::manifest::{Manifest, Stamp, State, Written};
 use super::progress::{Event, Guarded, Reporter, Warnings, count};
-use super::stop::{self, Stop};
+use super::stop::Stop;
 use super::{Outcome, change, end, inputs, ranges, stopping};
 use crate::paths::whole;
 use crate::recipe::{self, Overrides, Recipe, Source, lock_of, with_devices, without_lock};
@@ -73,12 +73,9 @@ pub fn merge(
     });
     let journal = Mutex::new(journal);
     for (done, (entry, part)) in chosen.iter().enumerate() {
-        if let Some(signal) = stop.requested() {
-            let message = format!(
-                "stopped by {}: {done} of {} are merged",
-                stop::name_of(signal),
-                count(chosen.len() as u32, "scene")
-            );
+        if let Some(reason) = stop.requested() {
+            let message =
+                format!("stopped by {}: {done} of {} are merged", reason, count(chosen.len() as u32, "scene"));
             return Err(Error::new(message).help("the same command goes on from there"));
         }
         adopt(&begun.folder, &part.folder, entry, &journal)

@@ -36,6 +36,7 @@ pub mod progress;
 mod queue;
 mod records;
 mod scene;
+mod scenes;
 mod seen;
 mod sessions;
 mod settled;
@@ -49,9 +50,11 @@ pub(crate) use end::dataset_info;
 pub(crate) use inputs::files as files_of;
 pub use losses::Loss;
 pub use merge::merge;
+pub use scenes::SceneRange;
 pub use verify::{Verified, verify};
 
 use crate::cache::DiskCache;
+use crate::left_out::LeftOutReport;
 use crate::recipe::Recipe;
 use crate::workers::Pool;
 use make::Made;
@@ -119,6 +122,23 @@ pub struct Outcome {
     pub bad_assets: Vec<String>,
     /// What stages left out of the scenes of the dataset.
     pub left_out: Vec<Loss>,
+}
+
+/// Number of bad assets that are named.
+const SHOWN: usize = 10;
+
+impl Outcome {
+    /// Assets that were passed over, and parts of labels that writers could not store. Failed scenes are not among them.
+    pub fn left_out(&self) -> LeftOutReport {
+        let mut report = LeftOutReport::default();
+        if !self.bad_assets.is_empty() {
+            let bad =
+                self.bad_assets.iter().take(SHOWN).map(|asset| Error::new(format!("asset {asset} cannot be used")));
+            report.add(format!("{} passed over", progress::count(self.bad_assets.len() as u32, "bad asset")), bad);
+        }
+        report.losses(&self.left_out);
+        report
+    }
 }
 
 /// Runs a recipe. An error means that the run stopped early; what was done stays, and the same call goes on from there.

@@ -179,7 +179,7 @@ impl Pass<'_> {
                 Ok(()) => return Ok(()),
                 Err(error) => error,
             };
-            if self.stop.requested().is_some() {
+            if self.stop.is_requested() {
                 return Err(error);
             }
             self.assets.refused()?;
@@ -285,7 +285,7 @@ fn composed(
     }
     // What stopped it from outside says nothing about the scene.
     let is_its_own = |error: &Error| !(error.is_io() || error.is_device() || error.is_transient());
-    let stopped = attempt.tools.stop.requested().is_some();
+    let stopped = attempt.tools.stop.is_requested();
     if made.as_ref().err().is_none_or(|error| is_its_own(error) && !stopped) {
         own.attempts.insert(attempt.number, made.clone());
     }

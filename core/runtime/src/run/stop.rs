@@ -1,44 +1,73 @@
-//! Ending a run from outside, by a signal or a library caller.
+//! Ends work early, at the wish of a library caller or of a signal.
 
-use signal_hook::consts::{SIGINT, SIGTERM};
-use signal_hook::flag;
+use std::fmt;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::thread;
+use std::time::Duration;
 
-/// Asks a run to end: no scene is begun any more, those in the making are dropped, and what is done stays.
+/// Stored when a caller cancels: no number of a signal.
+const CANCELLED: usize = 1 << 16;
+
+/// How often a waiting thread looks. Handlers of signals can store a number, and wake nobody.
+const LOOK: Duration = Duration::from_millis(50);
+
+/// A handle that ends work early. Clones share it.
+///
+/// A run that is asked to stop begins no scene, drops the scenes in the making, and keeps all that is done.
 #[derive(Debug, Clone, Default)]
 pub struct Stop(Arc<AtomicUsize>);
 
+/// Who asked for the end.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum StopReason {
+    /// A caller of the library, by [`Stop::cancel`].
+    Cancelled,
+    /// A signal of the operating system.
+    Signal(u8),
+}
+
 impl Stop {
-    /// Asks when the process gets SIGINT or SIGTERM. A second signal ends the process at once, with 128 plus its number.
-    pub fn on_signals() -> std::io::Result<Self> {
-        let stop = Self::default();
-        let again = Arc::new(AtomicBool::new(false));
-        for signal in [SIGINT, SIGTERM] {
-            // Actions run in the order of their registration.
-            flag::register_conditional_shutdown(signal, 128 + signal, Arc::clone(&again))?;
-            flag::register_usize(signal, Arc::clone(&stop.0), signal as usize)?;
-            flag::register(signal, Arc::clone(&again))?;
+    /// Asks for the end.
+    pub fn cancel(&self) {
+        self.0.store(CANCELLED, Ordering::SeqCst);
+    }
+
+    /// Why the work shall end; none while it shall go on.
+    pub fn requested(&self) -> Option<StopReason> {
+        match self.0.load(Ordering::SeqCst) {
+            0 => None,
+            CANCELLED => Some(StopReason::Cancelled),
+            signal => Some(u8::try_from(signal).map_or(StopReason::Cancelled, StopReason::Signal)),
         }
-        Ok(stop)
     }
 
-    /// Asks for the end, as the signal of that number does.
-    pub fn request(&self, signal: u8) {
-        self.0.store(usize::from(signal), Ordering::SeqCst);
+    /// Whether the work shall end.
+    pub fn is_requested(&self) -> bool {
+        self.requested().is_some()
     }
 
-    /// The signal that asked, if one did.
-    pub fn requested(&self) -> Option<u8> {
-        u8::try_from(self.0.load(Ordering::SeqCst)).ok().filter(|&signal| signal > 0)
+    /// Waits until the work shall end.
+    pub fn wait(&self) {
+        while !self.is_requested() {
+            thread::sleep(LOOK);
+        }
+    }
+
+    /// The shared flag, for handlers of signals, which store the signal's number in it.
+    pub fn flag(&self) -> Arc<AtomicUsize> {
+        Arc::clone(&self.0)
     }
 }
 
-/// Name of a signal, or its number.
-pub fn name_of(signal: u8) -> String {
-    match i32::from(signal) {
-        SIGINT => "SIGINT".to_owned(),
-        SIGTERM => "SIGTERM".to_owned(),
-        other => format!("signal {other}"),
+impl fmt::Display for StopReason {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Cancelled => f.write_str("its caller"),
+            // The numbers of POSIX.
+            Self::Signal(2) => f.write_str("SIGINT"),
+            Self::Signal(15) => f.write_str("SIGTERM"),
+            Self::Signal(other) => write!(f, "signal {other}"),
+        }
     }
 }

@@ -132,7 +132,7 @@ fn only_damaged_scenes_are_made_again() {
 fn stopped_anywhere(call: &dyn Fn(&Stop, &dyn Reporter) -> Result<Outcome>, check: &dyn Fn()) -> u32 {
     for number in 0.. {
         let stop = Stop::default();
-        let reporter = AtEvent { number, act: &|| stop.request(2), seen: AtomicU32::new(0) };
+        let reporter = AtEvent { number, act: &|| stop.cancel(), seen: AtomicU32::new(0) };
         match call(&stop, &reporter) {
             Ok(_) => return number,
             Err(error) => {

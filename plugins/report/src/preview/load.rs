@@ -8,8 +8,9 @@ use std::time::SystemTime;
 use syntable_model::context::Log;
 use syntable_model::error::Error;
 use syntable_model::registry::{Registry, Slot};
-use syntable_runtime::cli::{Message, RecipeArgs, load_checked};
-use syntable_runtime::recipe::{Diagnostic, Overrides, Recipe};
+use syntable_runtime::check::check;
+use syntable_runtime::message::Message;
+use syntable_runtime::recipe::{Diagnostic, Overrides, Recipe, RecipeRequest};
 
 /// The denoiser of a preview of a recipe that has none.
 const DENOISER: &str = "guided";
@@ -17,9 +18,10 @@ const DENOISER: &str = "guided";
 const NO_DENOISER: &str = "none";
 
 /// What a preview changes in a recipe.
+#[derive(Debug, Clone)]
 pub struct Wishes {
     /// The recipe and the user's own changes.
-    pub recipe: RecipeArgs,
+    pub recipe: RecipeRequest,
     /// Maximum number of samples per pixel.
     pub samples: u32,
     /// Whether labels are shown beside the images.
@@ -79,7 +81,7 @@ impl Wishes {
         }
         let (source, mut base) = match self.recipe.read() {
             Ok(read) => read,
-            Err(exit) => return Loaded { recipe: Err(exit.messages), files: files.into_inner() },
+            Err(error) => return Loaded { recipe: Err(of_error(error)), files: files.into_inner() },
         };
         if let Some(path) = &source.path {
             files.borrow_mut().read(path, source.text.as_bytes());
@@ -95,8 +97,8 @@ impl Wishes {
             text
         };
         let overrides = Overrides { read: &read, ..base };
-        let recipe = load_checked(registry, source, overrides, log);
-        Loaded { recipe, files: files.into_inner() }
+        let recipe = check(registry, source, overrides.for_run(), log);
+        Loaded { recipe: recipe.map_err(|report| report.messages()), files: files.into_inner() }
     }
 }
 

@@ -14,9 +14,9 @@ use syntable_model::error::{Error, Result};
 use syntable_model::product::Plane;
 use syntable_model::registry::Registry;
 use syntable_runtime::cache::DiskCache;
-use syntable_runtime::cli::{Console, Message, Scenes};
-use syntable_runtime::message::Level;
+use syntable_runtime::message::{Level, Message};
 use syntable_runtime::recipe::Recipe;
+use syntable_runtime::run::SceneRange;
 use syntable_runtime::run::preview::{Previewer, Wanted};
 use syntable_runtime::run::progress::{Event, Reporter, Warnings, count};
 use syntable_runtime::run::stop::Stop;
@@ -66,10 +66,10 @@ pub enum Ended {
 
 /// Makes sheets of a recipe, and keeps what the next one can use.
 pub struct Studio<'a> {
-    console: &'a Console,
+    reporter: &'a dyn Reporter,
     registry: &'a Registry,
     wishes: Wishes,
-    scenes: Option<Scenes>,
+    scenes: Option<SceneRange>,
     width: u32,
     previewer: Previewer,
     images: Images,
@@ -111,13 +111,13 @@ impl Images {
 impl<'a> Studio<'a> {
     /// Nothing made yet.
     pub fn new(
-        console: &'a Console,
+        reporter: &'a dyn Reporter,
         registry: &'a Registry,
-        (wishes, scenes, width): (Wishes, Option<Scenes>, u32),
+        (wishes, scenes, width): (Wishes, Option<SceneRange>, u32),
         threads: usize,
     ) -> Result<Self> {
         Ok(Self {
-            console,
+            reporter,
             registry,
             wishes,
             scenes,
@@ -158,11 +158,11 @@ impl<'a> Studio<'a> {
             let error = Error::new(format!("a sheet of {cells} images of {} pixels across is too large", expected[0]));
             return self.mistaken(&load::of_error(error.help("lower --width, or show fewer scenes or views")), show);
         }
-        let said = Said { reporter: self.console.reporter(), warnings: Mutex::default() };
+        let said = Said { reporter: self.reporter, warnings: Mutex::default() };
         let log = Warnings(&said);
         self.name.clone_from(&recipe.dataset.name);
         for warning in doubts.into_iter().chain(warnings.into_iter().map(Message::Diagnostic)) {
-            self.console.say(&warning);
+            self.reporter.message(&warning);
             said.warnings.lock().push(warning.render(false).trim_end().to_owned());
         }
         // A file of the recipe may be gone for a moment while it is saved.
@@ -203,7 +203,7 @@ impl<'a> Studio<'a> {
         let mut result = tell(&shown, is_busy);
         let (mut failed, mut made) = (0, 0);
         for (row, missing) in todo.iter().enumerate().filter(|(_, views)| !views.is_empty()) {
-            if result.is_err() || stop.requested().is_some() {
+            if result.is_err() || stop.is_requested() {
                 break;
             }
             let of = |view: u32| row * columns + views.iter().position(|&other| other == view).unwrap_or(0);
@@ -221,7 +221,7 @@ impl<'a> Studio<'a> {
                 }
             });
             result = drawing;
-            if let (Err(error), None) = (done, stop.requested()) {
+            if let (Err(error), false) = (done, stop.is_requested()) {
                 failed += 1;
                 for &view in missing {
                     images.remove(&keys[of(view)]);
@@ -229,7 +229,7 @@ impl<'a> Studio<'a> {
                 }
             }
         }
-        if result.is_ok() && stop.requested().is_none() && is_busy {
+        if result.is_ok() && !stop.is_requested() && is_busy {
             result = tell(&shown, false);
         }
         pass.end();
@@ -237,12 +237,12 @@ impl<'a> Studio<'a> {
             self.sheet = Some(sheet);
         }
         result?;
-        if stop.requested().is_some() {
+        if stop.is_requested() {
             return Ok(Ended::Stopped);
         }
         let message =
             format!("{} of {} made in {:.1} s", made, count(keys.len() as u32, "image"), start.elapsed().as_secs_f64());
-        self.console.reporter().event(&Event::Note { message });
+        self.reporter.event(&Event::Note { message });
         Ok(Ended::Done(failed))
     }
 
@@ -250,7 +250,7 @@ impl<'a> Studio<'a> {
     fn mistaken(&mut self, messages: &[Message], show: &mut dyn FnMut(&News) -> Result<()>) -> Result<Ended> {
         let text = load::said(messages);
         if self.told.as_ref() != Some(&text) {
-            messages.iter().for_each(|message| self.console.say(message));
+            messages.iter().for_each(|message| self.reporter.message(message));
             let shown = Shown::Mistakes(text.clone());
             show(&News { shown: &shown, name: &self.name, warnings: &[], is_busy: false })?;
             self.told = Some(text);
@@ -260,7 +260,7 @@ impl<'a> Studio<'a> {
 }
 
 /// The numbers of the scenes and views that are shown.
-fn shown_of(recipe: &Recipe, scenes: Option<Scenes>, views: Option<u32>) -> Result<(Vec<u32>, Vec<u32>)> {
+fn shown_of(recipe: &Recipe, scenes: Option<SceneRange>, views: Option<u32>) -> Result<(Vec<u32>, Vec<u32>)> {
     let dataset = &recipe.dataset;
     let scenes = match scenes {
         Some(scenes) => scenes.within(dataset.scenes)?,
@@ -310,7 +310,10 @@ impl Reporter for Said<'_> {
         self.reporter.event(event);
     }
 
-    fn text(&self, text: &str) {
-        self.reporter.text(text);
+    fn message(&self, message: &Message) {
+        if matches!(message, Message::Warning(_)) {
+            self.warnings.lock().push(message.render(false).trim_end().to_owned());
+        }
+        self.reporter.message(message);
     }
 }

@@ -136,7 +136,7 @@ impl Watch {
     pub fn wait(&self, time: Option<Duration>, stop: &Stop) {
         let mut state = self.state.lock();
         let until = time.map(|time| Instant::now() + time);
-        while !state.has_changed && stop.requested().is_none() {
+        while !state.has_changed && !stop.is_requested() {
             let over = match until {
                 Some(until) => self.told.wait_until(&mut state, until).timed_out(),
                 None => {
@@ -153,7 +153,7 @@ impl Watch {
     /// Looks at the files until the program shall stop.
     pub fn run(&self, stop: &Stop) {
         let mut gone = BTreeMap::new();
-        while stop.requested().is_none() {
+        while !stop.is_requested() {
             thread::sleep(LOOK);
             let mut files = {
                 let state = self.state.lock();
@@ -170,13 +170,13 @@ impl Watch {
                 state.files = files;
                 if has_changed {
                     state.has_changed = true;
-                    state.work.request(15);
+                    state.work.cancel();
                     self.told.notify_all();
                 }
             }
         }
         let state = self.state.lock();
-        state.work.request(stop.requested().unwrap_or(15));
+        state.work.cancel();
         self.told.notify_all();
     }
 }
@@ -200,8 +200,8 @@ mod tests {
             watch.set(files);
             act(&path);
             watch.wait(Some(time), &stop);
-            let changed = work.requested().is_some();
-            stop.request(15);
+            let changed = work.is_requested();
+            stop.cancel();
             changed
         })
     }

@@ -17,12 +17,12 @@
 #[cfg(test)]
 mod colors;
 pub mod image;
+pub mod make;
 mod overview;
 mod pixels;
 mod plot;
 pub mod record;
 pub mod scored;
-pub mod verb;
 
 use crate::stats::Statistics;
 use base64::Engine;
@@ -170,6 +170,11 @@ impl Report {
             faults: Mutex::default(),
             statistics,
         })
+    }
+
+    /// The path that was asked for.
+    pub fn path(&self) -> &str {
+        &self.path
     }
 
     /// Shows predictions, too.

@@ -19,7 +19,6 @@ pub mod duplicates;
 pub mod image;
 pub mod quantity;
 pub mod table;
-mod verb;
 
 use distribution::{Binning, Distribution, bin};
 use duplicates::{Duplicates, LEVELS, Thumbnail};
@@ -33,10 +32,12 @@ use syntable_model::error::{Error, Result};
 use syntable_model::product::standard::{
     AMODAL_MASK, DEPTH, OBJECT_INFO, OBJECT_NAME, OCCLUSION_ORDER, RGB, VISIBLE_MASK,
 };
-use syntable_model::reader::DatasetReader;
+use syntable_model::reader::{self, DatasetReader, Source};
 use syntable_model::stage::DatasetInfo;
-use syntable_runtime::images::each;
-use syntable_runtime::run::progress::{Event, Reporter};
+use syntable_runtime::images::{Work, each};
+use syntable_runtime::left_out::LeftOutReport;
+use syntable_runtime::run::progress::Event;
+use table::Described;
 
 /// Images from which on comparing all with each other takes a while.
 const MANY_IMAGES: usize = 5000;
@@ -166,12 +167,8 @@ pub fn bin_alike(all: &mut [&mut Statistics], binning: Binning) {
 /// left out, 256 bytes for near-duplicates.
 ///
 /// # Errors
-/// If the dataset has no image, or one cannot be read.
-pub fn of(
-    dataset: &dyn DatasetReader,
-    options: &Options,
-    (workers, reporter): (&dyn Workers, &dyn Reporter),
-) -> Result<Statistics> {
+/// If the dataset has no image, one cannot be read, or the work was asked to stop.
+pub fn of(dataset: &dyn DatasetReader, options: &Options, work: &Work) -> Result<Statistics> {
     if dataset.images().is_empty() {
         return Err(Error::new("the dataset has no image").permanent());
     }
@@ -183,19 +180,46 @@ pub fn of(
     }
     let has_names = wanted.has(&OBJECT_INFO.id()) || wanted.has(&OBJECT_NAME.id());
     let mut collected = Collected { has_names, ..Collected::default() };
-    let work = |image: usize| tally(dataset, image, &wanted, options);
-    each((workers, reporter), "counted", dataset.images().len(), &work, &mut |_, it| collected.add(it))?;
+    let image = |image: usize| tally(dataset, image, &wanted, options);
+    each(work, "counted", dataset.images().len(), &image, &mut |_, it| collected.add(it))?;
     let duplicates = wanted.has(&RGB.id()).then(|| {
         if dataset.images().len() > MANY_IMAGES {
-            reporter.event(&Event::Working { step: "comparing views with each other".to_owned() });
+            work.reporter.event(&Event::Working { step: "comparing views with each other".to_owned() });
         }
-        collected.near_duplicates(options.levels, workers)
+        collected.near_duplicates(options.levels, work.workers)
     });
     let mut statistics = collected.finish(dataset.info(), duplicates);
     statistics.unknown = unknown(&statistics, dataset, &wanted, options);
     statistics.caveats = dataset.caveats(&wanted.keys);
     bin_alike(&mut [&mut statistics], options.binning);
     Ok(statistics)
+}
+
+/// Datasets in numbers, side by side.
+#[derive(Debug, Clone)]
+pub struct Comparison {
+    /// The datasets, in the order in which they were named. Their histograms have the same bins.
+    pub datasets: Vec<Described>,
+    /// What could not be read, or is not counted.
+    pub left_out: LeftOutReport,
+}
+
+/// Opens datasets and counts what they have. [`table`] shows them as text, JSON and CSV.
+///
+/// # Errors
+/// If a dataset cannot be opened, has no image, or has one that cannot be read, or the work was asked to stop.
+pub fn compare(sources: &[Source], format: Option<&str>, options: &Options, work: &Work) -> Result<Comparison> {
+    let mut compared = Comparison { datasets: Vec::new(), left_out: LeftOutReport::default() };
+    for source in sources {
+        let (format, dataset) = reader::open_source(source, format)?;
+        compared.left_out.unlisted(&*dataset);
+        let statistics = of(&*dataset, options, work).map_err(|error| error.in_file(&source.path))?;
+        compared.left_out.annotations(&dataset.passed_over(&Wanted::of(&*dataset, options).keys));
+        let path = source.path.display().to_string();
+        compared.datasets.push(Described { dataset: path, format: format.name, statistics });
+    }
+    bin_alike(&mut compared.datasets.iter_mut().map(|it| &mut it.statistics).collect::<Vec<_>>(), options.binning);
+    Ok(compared)
 }
 
 /// What is not known of a dataset, and why.

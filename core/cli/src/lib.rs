@@ -1,0 +1,402 @@
+//! The command line of SynTable. Only this crate prints; every verb is a page of arguments over a function of the library.
+
+mod outputs;
+mod progress;
+mod signals;
+mod verb;
+mod verbs;
+
+pub use clap;
+pub use outputs::check_outputs;
+pub use signals::{ended, on_signals};
+pub use syntable_model::inventory;
+pub use syntable_runtime::message::Message;
+pub use verb::{Topic, Verb};
+pub use verbs::list::products;
+
+use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand, ValueEnum};
+use progress::{Human, JsonLines};
+use std::io::{IsTerminal, Write};
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use syntable_model::error::Error;
+use syntable_model::registry::Registry;
+use syntable_runtime::left_out::LeftOutReport;
+use syntable_runtime::recipe::{self, Diagnostic, Overrides, Recipe, RecipeRequest, Report, Source};
+use syntable_runtime::run::progress::Reporter;
+use verbs::{check, convert, doctor, list, merge, new, run, validate, verify};
+
+/// Makes synthetic datasets for unseen-object amodal instance segmentation.
+#[derive(Parser)]
+#[command(
+    name = "syntable",
+    version,
+    after_help = "Examples:
+  syntable run --out data                        a small dataset from embedded objects
+  syntable run recipe.toml --out data            a dataset of your own recipe
+  syntable run recipe.toml --out data            the same again: resumes where it stopped
+  syntable check recipe.toml                     every mistake of a recipe, at once
+  syntable list products                         everything that can be annotated
+
+Exit codes:
+  0  done
+  1  stopped; what was done is kept, the same command goes on from there
+  2  the recipe, an option, the folder, an asset or a file to write is not what it must be; the same command fails again
+  3  done, but something was left out, which standard error names: scenes that failed, images that cannot be read, parts of labels that a format cannot store. verify: a file is missing or damaged. validate: labels are wrong
+  130, 143  stopped by SIGINT or SIGTERM; what was done is kept, the same command goes on from there.
+            view, preview --watch and --serve: 0, since a signal is how they end"
+)]
+struct Cli {
+    #[command(subcommand)]
+    verb: BuiltIn,
+    /// Log format on standard error: human-readable, or one JSON object per line.
+    #[arg(long, global = true, value_enum, default_value_t = LogFormat::Human)]
+    log_format: LogFormat,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum LogFormat {
+    Human,
+    Json,
+}
+
+#[derive(Subcommand)]
+enum BuiltIn {
+    /// Make the dataset of a recipe, or resume it.
+    #[command(after_help = "Examples:
+  syntable run --out data                              builtin:quickstart
+  syntable run builtin:window-room --out data          another recipe of the program
+  syntable run recipe.toml --out data --scenes 0..10   its first ten scenes
+  syntable run recipe.toml --out data --set render.samples_per_pixel=16 --seed 3
+  syntable run data/recipe.toml --out again            the same dataset once more")]
+    Run(run::RunArgs),
+    /// Compare every file of a dataset with its journal: what is missing, damaged, or not the dataset's.
+    #[command(after_help = "Example:
+  syntable verify data                        then: syntable run recipe.toml --out data --repair")]
+    Verify(verify::VerifyArgs),
+    /// Put parts of a dataset that were made elsewhere into one, as if one run had made it.
+    #[command(after_help = "Example:
+  syntable run recipe.toml --out part-0 --scenes 0..100
+  syntable run recipe.toml --out part-1 --scenes 100..200     on another machine
+  syntable merge data part-0 part-1")]
+    Merge(merge::MergeArgs),
+    /// Check the labels of a dataset, of any format that can be read: masks, rates, boxes, order, depth, poses, files.
+    #[command(after_help = "Examples:
+  syntable validate data                      a table of checks; exit code 3 if something is wrong
+  syntable validate release --json            all that was found, for programs")]
+    Validate(validate::ValidateArgs),
+    /// Write a dataset in other formats.
+    #[command(after_help = "Examples:
+  syntable convert data --to coco --out coco
+  syntable convert data --to coco,npz --out both --set 'coco.masks=\"visible\"'")]
+    Convert(convert::ConvertArgs),
+    /// Check recipes without running them, or look at one asset.
+    #[command(after_help = "Examples:
+  syntable check recipe.toml
+  syntable check --asset models/mug/model.obj")]
+    Check(check::CheckArgs),
+    /// Show what a recipe computes, for which writer, and at what cost.
+    #[command(after_help = "Example:
+  syntable plan recipe.toml --set write.png.include='[\"rgb\", \"depth\"]'")]
+    Plan(RecipeArgs),
+    /// Show the kinds of stages, the options of a kind, the products, recipes and file formats of this binary.
+    #[command(after_help = "Examples:
+  syntable list              all kinds
+  syntable list lights       the kinds of one slot
+  syntable list products     all products
+  syntable list drop_box     the options of a kind: types, limits, defaults
+  syntable list lights.sun   the same, where several slots have a kind of the name
+  syntable list recipes      the recipes in the program
+  syntable list formats      all mesh and image formats that can be read")]
+    List(list::ListArgs),
+    /// Print the JSON Schema of recipes, with the kinds of all plugins of this binary.
+    #[command(after_help = "Example:
+  syntable schema > recipe.schema.json     then start a recipe with: #:schema ./recipe.schema.json")]
+    Schema,
+    /// Start a recipe or a plugin.
+    New(new::NewArgs),
+    /// Look at this machine: threads, memory, instruction sets, cache, linked plugins.
+    Doctor,
+    /// Print a completion script for a shell.
+    #[command(after_help = "Example:
+  syntable completions bash > ~/.local/share/bash-completion/completions/syntable")]
+    Completions {
+        /// The shell.
+        shell: clap_complete::Shell,
+    },
+}
+
+/// A recipe and changes to it, as all verbs take them: [`Args::augment_args`] adds them to a command.
+#[derive(Debug, Clone, Args)]
+pub struct RecipeArgs {
+    /// Recipe file, or `builtin:NAME` for a recipe of the program (see `syntable list recipes`); `builtin:quickstart` if
+    /// left out.
+    pub recipe: Option<PathBuf>,
+    /// Set a key: `a.b=value`, `place[2].count=5`. The value is TOML; a bare word is text.
+    #[arg(long, value_name = "KEY=VALUE")]
+    pub set: Vec<String>,
+    /// Seed of all randomness: short for `--set dataset.seed=N`.
+    #[arg(long)]
+    pub seed: Option<u64>,
+    /// Views of every scene: short for `--set dataset.views_per_scene=N`.
+    #[arg(long)]
+    pub views: Option<u32>,
+}
+
+/// Ends a verb that did not work.
+pub struct Exit {
+    /// The exit code of the process.
+    pub code: u8,
+    /// What to print.
+    pub messages: Vec<Message>,
+}
+
+impl Exit {
+    /// The recipe, an option or an asset is wrong; nothing was made.
+    pub fn wrong(error: Error) -> Self {
+        Self { code: 2, messages: vec![Message::Error(error)] }
+    }
+
+    /// Work stopped early; what was done is kept. An error that the request itself is at fault for is
+    /// [`wrong`](Self::wrong).
+    pub fn stopped(error: Error) -> Self {
+        let code = if error.is_permanent() { 2 } else { 1 };
+        Self { code, messages: vec![Message::Error(error)] }
+    }
+
+    /// Exit code 3 with what a verb left out of its result. `file` and `help` say where to look.
+    ///
+    /// # Errors
+    /// If anything was left out.
+    pub fn if_left_out(left_out: LeftOutReport, file: &Path, help: &str) -> Result<(), Self> {
+        match left_out.messages(file, help) {
+            messages if messages.is_empty() => Ok(()),
+            messages => Err(Self { code: 3, messages }),
+        }
+    }
+}
+
+/// Help of `--trust-paths`, which verbs have that read datasets.
+pub const TRUST_PATHS: &str =
+    "Also read files outside of the dataset's folder that its files name or links lead to: for datasets that you trust";
+
+/// The number of threads that an option gives, or all cores.
+pub fn threads(asked: Option<u16>) -> usize {
+    asked.map_or_else(syntable_runtime::workers::available, usize::from)
+}
+
+/// A number from 1 on, or `all`, as options of verbs take it.
+pub fn amount(text: &str) -> std::result::Result<usize, String> {
+    match text {
+        "all" => Ok(usize::MAX),
+        _ => text.parse().ok().filter(|number| *number > 0).ok_or_else(|| "a number from 1 on, or `all`".to_owned()),
+    }
+}
+
+/// Runs the command line of this process with all linked plugins.
+///
+/// The whole `main.rs` of a binary with plugins of its own:
+///
+/// ```ignore
+/// use my_annotators as _; // naming the crate is what links it
+///
+/// fn main() -> std::process::ExitCode {
+///     syntable_program::main()
+/// }
+/// ```
+pub fn main() -> ExitCode {
+    let (command, verbs) = match command() {
+        Ok(found) => found,
+        Err(clash) => {
+            Console::new(LogFormat::Human).say(&Message::Error(Error::new(clash)));
+            return ExitCode::from(2);
+        }
+    };
+    let matches = command.get_matches();
+    let format = matches.get_one::<LogFormat>("log_format").copied().unwrap_or(LogFormat::Human);
+    let console = Console::new(format);
+    let done = Registry::linked().map_err(|clash| Exit::wrong(Error::new(clash))).and_then(|registry| {
+        if let Some((name, arguments)) = matches.subcommand()
+            && let Some((_, verb)) = verbs.iter().find(|(other, _)| other == name)
+        {
+            return (verb.run)(&console, &registry, arguments);
+        }
+        match Cli::from_arg_matches(&matches) {
+            Ok(cli) => console.verb(cli.verb, &registry),
+            Err(error) => error.exit(),
+        }
+    });
+    match done {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(Exit { code, messages }) => {
+            messages.iter().for_each(|message| console.say(message));
+            ExitCode::from(code)
+        }
+    }
+}
+
+/// The whole command line: the verbs of the program and those of the linked crates.
+fn command() -> Result<(clap::Command, Vec<(String, Verb)>), String> {
+    let mut command = Cli::command();
+    command.build();
+    let verbs = verb::linked(&command)?;
+    let command = verbs.iter().fold(Cli::command(), |command, (_, verb)| command.subcommand((verb.command)()));
+    Ok((command, verbs))
+}
+
+/// The command line with the verbs of the linked crates, or without them if they clash.
+fn whole() -> clap::Command {
+    command().map_or_else(|_| Cli::command(), |(command, _)| command)
+}
+
+/// The program's help as text, verb by verb, for the reference page.
+pub fn help_pages() -> Vec<(String, String)> {
+    let mut root = whole().term_width(100);
+    root.build();
+    let mut pages = vec![("syntable".to_owned(), root.render_long_help().to_string())];
+    for verb in root.get_subcommands_mut().filter(|verb| verb.get_name() != "help") {
+        pages.push((format!("syntable {}", verb.get_name()), verb.render_long_help().to_string()));
+    }
+    pages
+}
+
+/// Whether a command line, the program's name first, is one that the program understands; if not, what is wrong with it.
+pub fn understands(words: &[String]) -> Result<(), String> {
+    whole().try_get_matches_from(words).map(drop).map_err(|error| error.to_string())
+}
+
+/// Where results and messages go: the one place that prints.
+pub struct Console {
+    reporter: Box<dyn Reporter>,
+    format: LogFormat,
+}
+
+impl Console {
+    fn new(format: LogFormat) -> Self {
+        let reporter: Box<dyn Reporter> = match format {
+            LogFormat::Json => Box::<JsonLines>::default(),
+            LogFormat::Human => Box::new(Human::new(std::io::stderr().is_terminal())),
+        };
+        Self { reporter, format }
+    }
+
+    /// Shows the events of a run.
+    pub fn reporter(&self) -> &dyn Reporter {
+        &*self.reporter
+    }
+
+    fn verb(&self, verb: BuiltIn, registry: &Registry) -> Result<(), Exit> {
+        match verb {
+            BuiltIn::Run(args) => run::run(self, registry, &args),
+            BuiltIn::Verify(args) => verify::verify(self, &args),
+            BuiltIn::Merge(args) => merge::merge(self, registry, &args),
+            BuiltIn::Validate(args) => validate::validate(self, &args),
+            BuiltIn::Convert(args) => convert::convert(self, registry, args),
+            BuiltIn::Check(args) => check::check(self, registry, &args),
+            BuiltIn::Plan(args) => run::plan(self, registry, &args),
+            BuiltIn::List(args) => list::list(self, registry, &args),
+            BuiltIn::Schema => self.print(&recipe::schema_text(registry)),
+            BuiltIn::New(args) => new::new(self, registry, &args),
+            BuiltIn::Doctor => doctor::doctor(self, registry),
+            BuiltIn::Completions { shell } => {
+                let mut script = Vec::new();
+                clap_complete::generate(shell, &mut whole(), "syntable", &mut script);
+                self.print(&String::from_utf8_lossy(&script))
+            }
+        }
+    }
+
+    /// Columns of the terminal that results are printed to; none if they go elsewhere.
+    pub fn width(&self) -> Option<usize> {
+        terminal_size::terminal_size_of(std::io::stdout()).map(|(width, _)| usize::from(width.0).max(40))
+    }
+
+    /// Prints a result. A reader that has gone away is no error.
+    pub fn print(&self, text: &str) -> Result<(), Exit> {
+        match std::io::stdout().write_all(text.as_bytes()) {
+            Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => {
+                Err(Exit::wrong(Error::new(format!("standard output: {error}"))))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Prints a message: a diagnostic with the line underlined, or one JSON object.
+    pub fn say(&self, message: &Message) {
+        self.reporter.message(message);
+    }
+
+    /// Loads and plans a recipe with its changes; warnings are printed, errors come back.
+    fn load(&self, registry: &Registry, args: &RecipeArgs) -> Result<Recipe, Exit> {
+        let (source, overrides) = args.read()?;
+        self.loaded(recipe::load(registry, source, &overrides))
+    }
+
+    /// The same, with kinds that stand for others replaced by what this machine has.
+    fn load_for_run(&self, registry: &Registry, args: &RecipeArgs) -> Result<Recipe, Exit> {
+        let (source, overrides) = args.read()?;
+        self.loaded(recipe::load(registry, source, &overrides.for_run()))
+    }
+
+    /// Prints the warnings of a recipe that was loaded; the mistakes of one that cannot be run come back.
+    fn loaded(&self, loaded: Result<(Recipe, Vec<Diagnostic>), Report>) -> Result<Recipe, Exit> {
+        match loaded {
+            Ok((recipe, warnings)) => {
+                warnings.into_iter().for_each(|warning| self.say(&Message::Diagnostic(warning)));
+                Ok(recipe)
+            }
+            Err(report) => {
+                let messages = match self.format {
+                    LogFormat::Human => report.messages(),
+                    // Every line is about one mistake: nobody counts for a program.
+                    LogFormat::Json => report.mistakes().collect(),
+                };
+                Err(Exit { code: 2, messages })
+            }
+        }
+    }
+}
+
+impl RecipeArgs {
+    /// The recipe and its changes, as functions of the library take them.
+    pub fn request(&self) -> RecipeRequest {
+        let Self { recipe, set, seed, views } = self.clone();
+        RecipeRequest { recipe, set, seed, views }
+    }
+
+    /// The recipe's text, and the changes to it.
+    pub fn read(&self) -> Result<(Source, Overrides<'static>), Exit> {
+        self.request().read().map_err(Exit::wrong)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_command_line_is_sound() {
+        Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn every_verb_has_a_help_page() {
+        let pages = help_pages();
+        for verb in [
+            "run",
+            "verify",
+            "merge",
+            "validate",
+            "convert",
+            "check",
+            "plan",
+            "list",
+            "schema",
+            "new",
+            "doctor",
+            "completions",
+        ] {
+            assert!(pages.iter().any(|(name, _)| name == &format!("syntable {verb}")), "{verb}");
+        }
+    }
+}

@@ -1,0 +1,79 @@
+//! Files that verbs write beside what they read.
+
+use crate::Exit;
+use std::path::{Path, PathBuf};
+use syntable_model::error::Error;
+use syntable_runtime::paths::{lies_in, whole};
+
+/// Refuses files that would take the place of what a command reads, or of each other. `outputs` are files with the options
+/// that name them; `inputs` are files, and folders in which nothing is to be written.
+pub fn check_outputs(outputs: &[(&str, Option<&PathBuf>)], inputs: &[&Path]) -> Result<(), Exit> {
+    let there: Vec<(&str, &Path)> =
+        outputs.iter().filter_map(|(option, path)| path.map(|path| (*option, path.as_path()))).collect();
+    for (number, &(option, path)) in there.iter().enumerate() {
+        let own = whole(path);
+        let refuse = |what: String| {
+            let error = Error::new(format!("{option} would {what}")).in_file(path);
+            Err(Exit::wrong(error.help(format!("name another file with {option}")).permanent()))
+        };
+        if let Some((other, _)) = there[..number].iter().find(|(_, other)| whole(other) == own) {
+            return refuse(format!("overwrite what {other} writes"));
+        }
+        for input in inputs {
+            if lies_in(path, input) {
+                let is_file = input.is_file();
+                return refuse(if is_file {
+                    "overwrite what the command reads".to_owned()
+                } else {
+                    format!("write into {}, which the command reads", input.display())
+                });
+            }
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use syntable_runtime::message::Message;
+    use syntable_runtime::paths::dataset_folder;
+
+    #[test]
+    fn what_a_command_reads_is_not_overwritten() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let at = |name: &str| folder.path().join(name);
+        std::fs::create_dir(at("data")).expect("made");
+        std::fs::write(at("data/labels.json"), "{}").expect("written");
+        std::fs::write(at("pred.json"), "[]").expect("written");
+        let (data, predictions) = (at("data"), at("pred.json"));
+        let inputs = [data.as_path(), predictions.as_path()];
+        let said = |outputs: &[(&str, Option<&PathBuf>)]| match check_outputs(outputs, &inputs) {
+            Ok(()) => String::new(),
+            Err(exit) => {
+                assert_eq!(exit.code, 2);
+                let text = |message: &Message| match message {
+                    Message::Error(error) => error.to_string(),
+                    _ => String::new(),
+                };
+                exit.messages.iter().map(text).collect()
+            }
+        };
+        let (fine, other) = (at("scores.json"), at("data/../scores.json"));
+        assert_eq!(said(&[("--save", Some(&fine)), ("--csv", None)]), "");
+        for (path, says) in [
+            (at("data/labels.json"), "--save would write into"),
+            (at("data/new.json"), "--save would write into"),
+            (at("data/../pred.json"), "--save would overwrite what the command reads"),
+        ] {
+            let message = said(&[("--save", Some(&path))]);
+            assert!(message.contains(says) && message.contains("another file"), "{message}");
+        }
+        // A folder is that of a dataset; a file that is in none stands for itself.
+        for named in ["data", "data/labels.json"] {
+            assert_eq!(whole(&dataset_folder(&at(named))), whole(&at(named)), "{named}");
+        }
+        let message = said(&[("--csv", Some(&fine)), ("--save", Some(&other))]);
+        assert!(message.contains("overwrite what --csv writes"), "{message}");
+    }
+}

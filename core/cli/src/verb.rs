@@ -1,0 +1,90 @@
+//! Verbs that crates add to the command line, such as an evaluation or a conversion.
+
+use crate::{Console, Exit};
+use clap::{ArgMatches, Command};
+use syntable_model::inventory;
+use syntable_model::registry::Registry;
+
+/// A verb of the command line. Registered with [`register_verb!`](crate::register_verb).
+///
+/// ```
+/// use syntable_cli::{Console, Exit, Verb};
+/// use syntable_cli::clap::{ArgMatches, Command};
+/// use syntable_model::registry::Registry;
+///
+/// fn command() -> Command {
+///     Command::new("kinds").about("Print the number of registered kinds")
+/// }
+///
+/// fn run(console: &Console, registry: &Registry, _: &ArgMatches) -> Result<(), Exit> {
+///     console.print(&format!("{}\n", registry.entries().len()))
+/// }
+///
+/// syntable_cli::register_verb!(Verb { command, run, crate_name: env!("CARGO_PKG_NAME") });
+/// # fn main() {}
+/// ```
+#[derive(Clone, Copy)]
+pub struct Verb {
+    /// Its name, help, arguments and examples.
+    pub command: fn() -> Command,
+    /// Runs it. Results go to [`Console::print`], messages to [`Console::say`].
+    pub run: fn(&Console, &Registry, &ArgMatches) -> Result<(), Exit>,
+    /// Crate that registers it.
+    pub crate_name: &'static str,
+}
+
+inventory::collect!(Verb);
+
+/// Registers verbs.
+#[macro_export]
+macro_rules! register_verb {
+    ($($verb:expr),+ $(,)?) => {$(
+        $crate::inventory::submit! { $verb }
+    )+};
+}
+
+/// What `syntable list` shows under a name of a crate's own, such as the metrics of an evaluation. Registered with
+/// [`register_topic!`](crate::register_topic).
+#[derive(Clone, Copy)]
+pub struct Topic {
+    /// What users write: `syntable list metrics`.
+    pub name: &'static str,
+    /// Rows of a table, the first with headings: name, crate, what it is.
+    pub rows: fn() -> syntable_model::error::Result<Vec<[String; 3]>>,
+}
+
+inventory::collect!(Topic);
+
+/// Registers topics of `syntable list`.
+#[macro_export]
+macro_rules! register_topic {
+    ($($topic:expr),+ $(,)?) => {$(
+        $crate::inventory::submit! { $topic }
+    )+};
+}
+
+/// The topics of all linked crates, by name.
+pub(crate) fn topics() -> Vec<Topic> {
+    let mut topics: Vec<Topic> = inventory::iter::<Topic>.into_iter().copied().collect();
+    topics.sort_by_key(|topic| topic.name);
+    topics
+}
+
+/// The verbs of all linked crates, sorted by name. One that is called like another is an error that names both crates.
+pub(crate) fn linked(own: &Command) -> Result<Vec<(String, Verb)>, String> {
+    let mut verbs: Vec<(String, Verb)> =
+        inventory::iter::<Verb>.into_iter().map(|verb| ((verb.command)().get_name().to_owned(), *verb)).collect();
+    verbs.sort_by(|(a, _), (b, _)| a.cmp(b));
+    for (index, (name, verb)) in verbs.iter().enumerate() {
+        let other = match verbs.get(index + 1) {
+            Some((next, other)) if next == name => other.crate_name,
+            _ if own.find_subcommand(name).is_some() => env!("CARGO_PKG_NAME"),
+            _ => continue,
+        };
+        return Err(format!(
+            "two crates register the verb `{name}`: {} and {other}; link one of them only",
+            verb.crate_name
+        ));
+    }
+    Ok(verbs)
+}

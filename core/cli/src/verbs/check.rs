@@ -1,0 +1,96 @@
+//! `syntable check`.
+
+use crate::{Console, Exit, Message, RecipeArgs};
+use clap::Args;
+use std::path::PathBuf;
+use syntable_model::context::{Collected, Log};
+use syntable_model::error::Error;
+use syntable_model::inspect::inspect;
+use syntable_model::registry::Registry;
+use syntable_runtime::check;
+use syntable_runtime::pools::AssetStore;
+
+#[derive(Args)]
+pub(crate) struct CheckArgs {
+    #[command(flatten)]
+    recipe: RecipeArgs,
+    /// Load one asset of any kind, and say what it is or what is wrong with it.
+    #[arg(long, value_name = "PATH", conflicts_with_all = ["recipe", "set", "seed", "views"])]
+    asset: Option<PathBuf>,
+    /// Load every asset of the recipe's pools, and say which ones are bad: of all pools, or of one.
+    #[arg(long, value_name = "POOL", num_args = 0..=1, require_equals = true, conflicts_with = "asset")]
+    assets: Option<Option<String>>,
+}
+
+pub(crate) fn check(console: &Console, registry: &Registry, args: &CheckArgs) -> Result<(), Exit> {
+    match &args.asset {
+        Some(path) => asset(console, path),
+        None => recipe(console, registry, args),
+    }
+}
+
+/// A log whose warnings the console prints.
+pub(crate) struct PrintedLog<'a>(pub &'a Console);
+
+impl Log for PrintedLog<'_> {
+    fn warn(&self, warning: &Error) {
+        self.0.say(&Message::Warning(warning.clone()));
+    }
+}
+
+/// Everything that can be known without rendering: the text, the plan, and what the pools hold.
+fn recipe(console: &Console, registry: &Registry, args: &CheckArgs) -> Result<(), Exit> {
+    let log = PrintedLog(console);
+    let (source, overrides) = args.recipe.read()?;
+    let recipe = console.loaded(check::check(registry, source, overrides, &log))?;
+    let assets = AssetStore::open(&recipe, &log).map_err(Exit::wrong)?;
+    let products = recipe.plan.entries.len();
+    let mut out = format!("{}: no mistake found; {products} products are computed\n", recipe.dataset.name);
+    if let Some(wanted) = &args.assets {
+        console.print(&out)?;
+        return all_assets(console, &assets, wanted.as_deref());
+    }
+    for (id, size) in assets.sizes() {
+        let sizes = assets.part_sizes(id).map_or_else(|| format!("{size} assets"), |sizes| sizes.to_string());
+        out += &format!("assets.{id}: {sizes}\n");
+    }
+    console.print(&out)
+}
+
+/// Loads all assets of the pools, or of one. The log names what is wrong with the bad ones; the error counts them.
+fn all_assets(console: &Console, assets: &AssetStore<'_>, wanted: Option<&str>) -> Result<(), Exit> {
+    let pools: Vec<&str> = match wanted {
+        Some(pool) => vec![pool],
+        None => assets.sizes().map(|(pool, _)| pool).collect(),
+    };
+    let (mut all, mut bad) = (0, 0);
+    for pool in pools {
+        let found = check::check_assets(assets, pool).map_err(Exit::wrong)?;
+        let good = found.size - found.bad.len();
+        let mut out = format!("assets.{pool}: {good} of {} assets are good\n", found.size);
+        found.bad.iter().for_each(|name| out += &format!("  bad: {name}\n"));
+        console.print(&out)?;
+        (all, bad) = (all + found.size, bad + found.bad.len());
+    }
+    match bad {
+        0 => Ok(()),
+        _ => Err(Exit::wrong(Error::new(format!("{bad} of {all} assets are bad")).help(
+            "mend them, or leave them out with `exclude`; a run leaves them out unless `on_bad_asset = \"fail\"`",
+        ))),
+    }
+}
+
+fn asset(console: &Console, path: &std::path::Path) -> Result<(), Exit> {
+    let log = Collected::default();
+    let found = inspect(path, &log);
+    for warning in log.merged() {
+        console.say(&Message::Warning(warning));
+    }
+    let (name, inspection) = found.map_err(|error| Exit::wrong(error.in_file(path)))?;
+    let mut out = format!("{}: {name}\n", path.display());
+    let width = inspection.facts.iter().map(|(fact, _)| fact.chars().count()).max().unwrap_or(0);
+    for (fact, value) in &inspection.facts {
+        out += &format!("  {fact:width$}  {value}\n");
+    }
+    console.print(&out)
+}

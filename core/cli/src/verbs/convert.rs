@@ -1,0 +1,60 @@
+//! `syntable convert`.
+
+use crate::signals::{ended, on_signals};
+use crate::{Console, Exit, Message};
+use clap::Args;
+use std::path::PathBuf;
+use syntable_model::error::Error;
+use syntable_model::registry::Registry;
+use syntable_runtime::conversion::{self, ConvertOptions};
+use syntable_runtime::run::progress::count;
+use syntable_runtime::workers;
+
+#[derive(Args)]
+pub(crate) struct ConvertArgs {
+    /// Folder of the dataset, or its annotation file where there are several.
+    dataset: PathBuf,
+    /// Kinds of writers (see `syntable list write`), separated by commas.
+    #[arg(long, required = true, value_delimiter = ',')]
+    to: Vec<String>,
+    /// Folder to write to: new, or empty.
+    #[arg(long)]
+    out: PathBuf,
+    /// Format of the dataset (see `syntable list formats`); the one that it looks like if left out.
+    #[arg(long)]
+    format: Option<String>,
+    #[arg(long, help = crate::TRUST_PATHS)]
+    trust_paths: bool,
+    /// Set an option of a writer: `coco.masks="visible"`. The value is TOML.
+    #[arg(long, value_name = "KIND.KEY=VALUE")]
+    set: Vec<String>,
+}
+
+pub(crate) fn convert(console: &Console, registry: &Registry, args: ConvertArgs) -> Result<(), Exit> {
+    let ConvertArgs { dataset, to, out, format, trust_paths, set } = args;
+    let stop = on_signals()?;
+    let threads = workers::available();
+    let options = ConvertOptions { dataset, format, trust_paths, to, set, out, threads, stop };
+    let done =
+        conversion::convert(registry, &options, console.reporter()).map_err(|error| ended(&options.stop, error))?;
+    let converted = &done.converted;
+    let mut out = format!("{}, read as {}, to {}\n", converted.text(), done.format, options.out.display());
+    if !converted.lost.is_empty() {
+        out += &format!("not carried over: {}\n", converted.lost.join(", "));
+    }
+    let lacking = Vec::from_iter(done.lacking());
+    if !lacking.is_empty() {
+        out += &format!("not in the dataset, and left out: {}\n", lacking.join(", "));
+    }
+    if converted.faults > 0 {
+        let faults = count(converted.faults, "fault");
+        let warning = Error::new(format!("{faults} in what was read: what was written may have them, too"))
+            .in_file(&options.dataset)
+            .help("`syntable validate` lists what is wrong");
+        console.say(&Message::Warning(warning));
+    }
+    converted.caveats.iter().for_each(|caveat| out += &format!("note: {caveat}\n"));
+    console.print(&out)?;
+    let help = "the warnings above name it; `syntable validate` lists what is wrong with the dataset";
+    Exit::if_left_out(done.left_out(), &options.dataset, help)
+}

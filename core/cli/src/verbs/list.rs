@@ -1,0 +1,239 @@
+//! `syntable list`.
+
+use super::check::PrintedLog;
+use crate::verb::topics;
+use crate::{Console, Exit, RecipeArgs};
+use clap::Args;
+use serde_json::json;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use syntable_mesh::format::{ImageFormats, MeshFormats};
+use syntable_model::error::{Error, Result};
+use syntable_model::product::{KeyId, first_sentence};
+use syntable_model::reader;
+use syntable_model::registry::{Entry, Registry, Slot};
+use syntable_runtime::plan::{available, table_within};
+use syntable_runtime::pools::{AssetStore, ListedAsset};
+use syntable_runtime::recipe::{self, BUILTINS, Recipe, description_of, nearest, options_of};
+
+#[derive(Args)]
+pub(crate) struct ListArgs {
+    /// A slot such as `place` or `write`, a kind such as `drop_box` or `lights.sun`, `products`, `recipes`, `formats` or
+    /// `metrics`; everything if left out.
+    what: Option<String>,
+    /// Recipe whose assets are listed with part, license and chance to be drawn, as in `syntable list assets my.toml`.
+    recipe: Option<PathBuf>,
+    /// Set a key of the recipe, as in `syntable run`.
+    #[arg(long, value_name = "KEY=VALUE", requires = "recipe")]
+    set: Vec<String>,
+    /// Print the assets of the recipe as JSON, one object per line.
+    #[arg(long, requires = "recipe")]
+    json: bool,
+}
+
+pub(crate) fn list(console: &Console, registry: &Registry, args: &ListArgs) -> std::result::Result<(), Exit> {
+    let what = args.what.as_deref();
+    let width = console.width();
+    if let Some(path) = &args.recipe {
+        return match what {
+            Some("assets") => assets(console, registry, args, path),
+            _ => {
+                let error = Error::new(format!("a recipe has no list of `{}`", what.unwrap_or_default()));
+                Err(Exit::wrong(error.help("write `syntable list assets RECIPE`, or leave out the recipe")))
+            }
+        };
+    }
+    match what {
+        Some("products") => return console.print(&products_table(registry, width)),
+        Some("formats") => return console.print(&formats_table(width).map_err(Exit::wrong)?),
+        Some("recipes") => return console.print(&recipes_table(width)),
+        _ => {}
+    }
+    if let Some(topic) = topics().iter().find(|topic| what == Some(topic.name)) {
+        let rows = (topic.rows)().map_err(Exit::stopped)?;
+        return console.print(&table_within(&rows, width));
+    }
+    let kinds: Vec<&Entry> =
+        registry.entries().iter().filter(|entry| what.is_some_and(|what| is_named(entry, what))).collect();
+    if !kinds.is_empty() {
+        let pages: Vec<String> = kinds.into_iter().map(|entry| kind_page(registry, entry, width)).collect();
+        return console.print(&pages.join("\n"));
+    }
+    let slots: Vec<Slot> = Slot::ALL.into_iter().filter(|slot| what.is_none_or(|what| what == slot.name())).collect();
+    if slots.is_empty() {
+        let what = what.unwrap_or_default();
+        let own = topics().into_iter().map(|topic| topic.name);
+        let names = own.chain(Slot::ALL.map(Slot::name)).collect::<Vec<_>>().join(", ");
+        let error = Error::new(format!("there is nothing to list under `{what}`"));
+        let near = nearest(what, registry.entries().iter().map(|entry| entry.kind));
+        let near = near.map_or_else(String::new, |near| format!("did you mean {near}? "));
+        return Err(Exit::wrong(error.help(format!("{near}write a kind, products, recipes, formats, {names}"))));
+    }
+    let mut rows = vec![["slot", "kind", "crate", "version", "what it does"].map(str::to_owned)];
+    for entry in slots.into_iter().flat_map(|slot| registry.of_slot(slot)) {
+        rows.push(
+            [entry.slot.name(), entry.kind, entry.crate_name, entry.crate_version, &summary(entry)].map(str::to_owned),
+        );
+    }
+    let mut out = table_within(&rows, width);
+    if what.is_none() {
+        out.push('\n');
+        out += &products_table(registry, width);
+        out.push('\n');
+        out += &recipes_table(width);
+        out.push('\n');
+        out += &formats_table(width).map_err(Exit::wrong)?;
+        for topic in topics() {
+            out.push('\n');
+            out += &table_within(&(topic.rows)().map_err(Exit::stopped)?, width);
+        }
+    }
+    console.print(&out)
+}
+
+/// The assets of a recipe's pools: part, license, and how likely each option that draws takes each.
+fn assets(console: &Console, registry: &Registry, args: &ListArgs, path: &Path) -> std::result::Result<(), Exit> {
+    let log = PrintedLog(console);
+    let of_run = RecipeArgs { recipe: Some(path.to_owned()), set: args.set.clone(), seed: None, views: None };
+    let (source, overrides) = of_run.read()?;
+    let recipe = recipe::load(registry, source, &overrides.with_existing_paths());
+    let recipe = console.loaded(recipe)?;
+    let store = AssetStore::open(&recipe, &log).map_err(Exit::wrong)?;
+    let (listing, draws) = (store.listing(), draws(&recipe, &store));
+    if args.json {
+        let lines: String = listing.iter().map(|asset| format!("{}\n", as_json(asset, &draws))).collect();
+        return console.print(&lines);
+    }
+    console.print(&assets_table(&listing, &draws, console.width()))
+}
+
+/// Options that draw from pools, each with the probability that one draw takes one certain asset, by pool.
+type Draws = Vec<(String, BTreeMap<String, f64>)>;
+
+fn draws(recipe: &Recipe, store: &AssetStore) -> Draws {
+    let sizes: BTreeMap<&str, usize> = store.sizes().collect();
+    let size = |pool: &str| sizes.get(pool).copied().unwrap_or(0);
+    recipe.draws.iter().map(|draw| (draw.option.clone(), draw.pools.probabilities(size))).collect()
+}
+
+/// The options that can draw an asset, each with the probability.
+fn draws_of<'d>(asset: &ListedAsset, draws: &'d Draws) -> Vec<(&'d str, f64)> {
+    let of =
+        |(option, pools): &'d (String, BTreeMap<String, f64>)| Some((option.as_str(), *pools.get(&asset.asset.pool)?));
+    draws.iter().filter(|_| asset.is_drawn).filter_map(of).collect()
+}
+
+fn as_json(asset: &ListedAsset, draws: &Draws) -> serde_json::Value {
+    let drawn: serde_json::Map<String, serde_json::Value> = draws_of(asset, draws)
+        .into_iter()
+        .map(|(option, probability)| (option.to_owned(), probability.into()))
+        .collect();
+    json!({
+        "pool": asset.asset.pool,
+        "name": asset.asset.name,
+        "class": asset.class,
+        "category": asset.category,
+        "obj_id": asset.obj_id,
+        "part": asset.part,
+        "license": asset.license,
+        "draws": drawn,
+    })
+}
+
+fn assets_table(listing: &[ListedAsset], draws: &Draws, width: Option<usize>) -> String {
+    let mut rows =
+        vec![["pool", "name", "obj_id", "category", "part", "license", "chance per draw"].map(str::to_owned)];
+    for asset in listing {
+        let drawn = draws_of(asset, draws).into_iter().map(|(option, chance)| format!("{option} {}", percent(chance)));
+        rows.push([
+            asset.asset.pool.clone(),
+            asset.asset.name.clone(),
+            asset.obj_id.map_or_else(|| "-".to_owned(), |obj_id| obj_id.to_string()),
+            asset.category.clone(),
+            asset.part.map_or_else(|| "-".to_owned(), |part| part.to_string()),
+            asset.license.clone().unwrap_or_else(|| "not stated".to_owned()),
+            drawn.collect::<Vec<_>>().join(", "),
+        ]);
+    }
+    table_within(&rows, width)
+}
+
+/// A probability in percent, with three significant digits down to 0.1 %.
+fn percent(probability: f64) -> String {
+    match probability * 100.0 {
+        percent if percent >= 10.0 => format!("{percent:.1} %"),
+        percent if percent >= 1.0 => format!("{percent:.2} %"),
+        percent if percent >= 0.1 => format!("{percent:.3} %"),
+        percent => format!("{percent:.5} %"),
+    }
+}
+
+/// First sentence of a kind's description.
+pub fn summary(entry: &Entry) -> String {
+    let schema = entry.schema(&mut schemars::generate::SchemaSettings::draft07().into_generator());
+    first_sentence(schema.get("description").and_then(|text| text.as_str()).unwrap_or_default())
+}
+
+/// All products of the linked plugins with their default options, and who makes them.
+pub fn products(registry: &Registry) -> Vec<(KeyId, String)> {
+    available(registry).into_iter().map(|(key, providers)| (key, providers.join(", "))).collect()
+}
+
+/// Whether a word names a kind: `drop_box`, or with its slot `place.drop_box`.
+fn is_named(entry: &Entry, what: &str) -> bool {
+    let is_slot = Slot::ALL.iter().any(|slot| slot.name() == what);
+    (what == entry.kind && !is_slot) || what.split_once('.') == Some((entry.slot.name(), entry.kind))
+}
+
+/// What a kind does, and its options.
+fn kind_page(registry: &Registry, entry: &Entry, width: Option<usize>) -> String {
+    let mut out = format!("{}.{} ({} {})\n\n", entry.slot, entry.kind, entry.crate_name, entry.crate_version);
+    out += &description_of(registry, entry);
+    let mut rows = vec![["option", "value", "default", "meaning"].map(str::to_owned)];
+    rows.extend(options_of(registry, entry).into_iter().map(|option| {
+        let default =
+            if option.required { "required".to_owned() } else { option.default.unwrap_or_else(|| "none".into()) };
+        [option.path, option.value, default, option.meaning]
+    }));
+    match rows.len() {
+        1 => out += "\n\nIt has no options.\n",
+        _ => out += &format!("\n\n{}", table_within(&rows, width)),
+    }
+    if !entry.example.is_empty() {
+        out += &format!("\nExample:\n{}\n", entry.example);
+    }
+    out
+}
+
+/// The recipes in the program.
+fn recipes_table(width: Option<usize>) -> String {
+    let mut rows = vec![["recipe", "what it makes"].map(str::to_owned)];
+    rows.extend(BUILTINS.iter().map(|builtin| [format!("builtin:{}", builtin.name), builtin.summary()]));
+    table_within(&rows, width)
+}
+
+fn products_table(registry: &Registry, width: Option<usize>) -> String {
+    let mut rows = vec![["product", "kind of value", "per", "provider", "meaning"].map(str::to_owned)];
+    for (key, provider) in products(registry) {
+        rows.push([key.name.to_string(), key.kind_of_value(), key.scope.to_string(), provider, key.summary()]);
+    }
+    table_within(&rows, width)
+}
+
+/// The file formats that the linked plugins read.
+fn formats_table(width: Option<usize>) -> Result<String> {
+    let mut rows = vec![["format", "what it holds", "file endings", "crate"].map(str::to_owned)];
+    let mut row = |name: &str, holds: &str, extensions: &[&str], crate_name: &str| {
+        rows.push([name.to_owned(), holds.to_owned(), extensions.join(", "), crate_name.to_owned()]);
+    };
+    for format in MeshFormats::linked()?.iter() {
+        row(format.name, "mesh", format.extensions, format.crate_name);
+    }
+    for format in ImageFormats::linked()?.iter() {
+        row(format.name, "image", format.extensions, format.crate_name);
+    }
+    for format in reader::linked() {
+        row(format.name, "dataset, for convert and validate", &[], format.crate_name);
+    }
+    Ok(table_within(&rows, width))
+}

@@ -1,0 +1,24 @@
+//! `syntable merge`.
+
+use super::run::end_of;
+use crate::signals::{ended, on_signals};
+use crate::{Console, Exit};
+use clap::Args;
+use std::path::PathBuf;
+use syntable_model::registry::Registry;
+use syntable_runtime::{run, workers};
+
+#[derive(Args)]
+pub(crate) struct MergeArgs {
+    /// Folder of the dataset: new, or one that an earlier call began.
+    out: PathBuf,
+    /// Folders of the parts, made with one recipe and different `--scenes`.
+    #[arg(required = true)]
+    parts: Vec<PathBuf>,
+}
+
+pub(crate) fn merge(console: &Console, registry: &Registry, args: &MergeArgs) -> Result<(), Exit> {
+    let stop = on_signals()?;
+    let merged = run::merge(registry, &args.out, &args.parts, workers::available(), &stop, console.reporter());
+    end_of(&merged.map_err(|error| ended(&stop, error))?, &args.out)
+}

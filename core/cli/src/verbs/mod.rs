@@ -1,0 +1,11 @@
+//! The verbs of runs, recipes and datasets, one per file.
+
+pub(crate) mod check;
+pub(crate) mod convert;
+pub(crate) mod doctor;
+pub(crate) mod list;
+pub(crate) mod merge;
+pub(crate) mod new;
+pub(crate) mod run;
+pub(crate) mod validate;
+pub(crate) mod verify;

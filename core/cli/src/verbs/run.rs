@@ -1,0 +1,118 @@
+//! `syntable run` and `syntable plan`.
+
+use crate::signals::{ended, on_signals};
+use crate::{Console, Exit, Message, RecipeArgs};
+use clap::Args;
+use std::path::{Path, PathBuf};
+use syntable_model::error::Error;
+use syntable_model::registry::Registry;
+use syntable_runtime::cache::DiskCache;
+use syntable_runtime::recipe::Recipe;
+use syntable_runtime::run::progress::count;
+use syntable_runtime::run::{Outcome, RunOptions, SceneRange, run as run_recipe};
+use syntable_runtime::{memory, workers};
+
+#[derive(Args)]
+pub(crate) struct RunArgs {
+    #[command(flatten)]
+    recipe: RecipeArgs,
+    /// Folder of the dataset; `data/<dataset.name>` if left out.
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Make only these scenes: `A..B` without B, `A..`, `..B`, or one number.
+    #[arg(long, value_name = "A..B", value_parser = str::parse::<SceneRange>)]
+    scenes: Option<SceneRange>,
+    /// Worker threads; all cores if left out. The dataset does not depend on it.
+    #[arg(long, value_parser = clap::value_parser!(u16).range(1..=1024))]
+    threads: Option<u16>,
+    /// Delete the dataset that is in the folder, and start anew.
+    #[arg(long)]
+    overwrite: bool,
+    /// Load native libraries that the recipe names by a path beside itself.
+    #[arg(long)]
+    allow_libraries: bool,
+    /// Try scenes again that failed in an earlier run.
+    #[arg(long)]
+    retry_failed: bool,
+    /// Compare all files with the journal first, and make scenes again whose files are missing or damaged.
+    #[arg(long, conflicts_with = "overwrite")]
+    repair: bool,
+    /// Write the files of writers anew that have other options than then, or annotators with other options, and take away
+    /// those of writers that the recipe has no more.
+    #[arg(long, conflicts_with = "overwrite")]
+    rewrite: bool,
+}
+
+pub(crate) fn run(console: &Console, registry: &Registry, args: &RunArgs) -> Result<(), Exit> {
+    let recipe = console.load_for_run(registry, &args.recipe)?;
+    recipe.trusted(args.allow_libraries).map_err(Exit::wrong)?;
+    recipe.ready().map_err(Exit::wrong)?;
+    let scenes = args.scenes.map(|scenes| scenes.within(recipe.dataset.scenes)).transpose().map_err(Exit::wrong)?;
+    let stop = on_signals()?;
+    let options = RunOptions {
+        scenes,
+        overwrite: args.overwrite,
+        retry_failed: args.retry_failed,
+        repair: args.repair,
+        rewrite: args.rewrite,
+        stop: stop.clone(),
+        ..RunOptions::new(
+            args.out.clone().unwrap_or_else(|| PathBuf::from("data").join(&recipe.dataset.name)),
+            args.threads.map_or_else(workers::available, usize::from),
+            DiskCache::of_user(),
+        )
+    };
+    let outcome = run_recipe(&recipe, &options, console.reporter()).map_err(|error| ended(&stop, error))?;
+    end_of(&outcome, &options.out)
+}
+
+/// Ends a verb that made a dataset: with exit code 3 and the reasons, if the dataset lacks something.
+pub(crate) fn end_of(outcome: &Outcome, out: &Path) -> Result<(), Exit> {
+    let failed = (outcome.failed > 0).then(|| {
+        Error::new(format!("{} failed", count(outcome.failed, "scene")))
+            .in_file(out.join(".syntable/journal.jsonl"))
+            .help("the journal says why; --retry-failed tries them again")
+    });
+    let lacking = (outcome.lacking > 0).then(|| {
+        Error::new(format!(
+            "{} could not be made with what the recipe adds, or again, and stay as they were",
+            count(outcome.lacking, "scene")
+        ))
+        .in_file(out)
+        .help("the warnings above say why; the same command tries them again")
+    });
+    let mut messages: Vec<Message> = [failed, lacking].into_iter().flatten().map(Message::Error).collect();
+    let help = "the warnings above name it; of bad assets, `syntable check --assets` says what is wrong, and `exclude` leaves \
+                them out";
+    messages.extend(outcome.left_out().messages(out, help));
+    if messages.is_empty() { Ok(()) } else { Err(Exit { code: 3, messages }) }
+}
+
+pub(crate) fn plan(console: &Console, registry: &Registry, args: &RecipeArgs) -> Result<(), Exit> {
+    let recipe = console.load(registry, args)?;
+    let dataset = &recipe.dataset;
+    let images = u64::from(dataset.scenes) * u64::from(dataset.views_per_scene);
+    console.print(&format!(
+        "{}: {} × {} = {images} images\n\n{}{}",
+        dataset.name,
+        count(dataset.scenes, "scene"),
+        count(dataset.views_per_scene, "view"),
+        recipe.plan.table(&*recipe.render),
+        disk(&recipe, images)
+    ))
+}
+
+/// The largest size of the images that are written, which is known before anything is rendered: that of their numbers.
+fn disk(recipe: &Recipe, images: u64) -> String {
+    let Some(bytes) = memory::stored_bytes_per_view(recipe) else { return String::new() };
+    let size = |bytes: u64| match bytes as f64 / f64::from(1 << 20) {
+        mebibytes if mebibytes < 1024.0 => format!("{mebibytes:.1} MiB"),
+        mebibytes => format!("{:.1} GiB", mebibytes / 1024.0),
+    };
+    format!(
+        "disk: images take at most {} per view, {} in all, and less where files are compressed; masks and records, which follow \
+         the number of objects, come on top\ntime: unknown before a scene is made: run one (--scenes 0) and multiply\n",
+        size(bytes),
+        size(bytes * images)
+    )
+}

@@ -1,0 +1,130 @@
+//! `syntable validate`.
+
+use crate::{Console, Exit, Message};
+use clap::Args;
+use serde::Serialize;
+use std::path::PathBuf;
+use syntable_model::error::Error;
+use syntable_model::reader;
+use syntable_runtime::run::progress::count;
+use syntable_runtime::validate::{FaultAt, Validated, ValidatedDataset, differences, validate_path};
+use syntable_runtime::workers;
+
+/// Number of faults that are listed for people.
+const SHOWN: usize = 30;
+
+#[derive(Args)]
+pub(crate) struct ValidateArgs {
+    /// Folders of datasets, or their annotation files where a folder has several. Of two and more, numbers of categories and
+    /// objects are compared, too.
+    #[arg(required = true, value_name = "DATASET")]
+    datasets: Vec<PathBuf>,
+    /// Format of all of them (see `syntable list formats`); the one that each looks like if left out.
+    #[arg(long)]
+    format: Option<String>,
+    #[arg(long, help = crate::TRUST_PATHS)]
+    trust_paths: bool,
+    /// Print all that was found as one JSON object; of several datasets with an entry each in `datasets`.
+    #[arg(long)]
+    json: bool,
+}
+
+/// What was found of several datasets.
+#[derive(Serialize)]
+struct ValidatedAll<'a> {
+    datasets: Vec<ValidatedAt<'a>>,
+    /// Where their numbers differ.
+    differences: &'a [FaultAt],
+}
+
+#[derive(Serialize)]
+struct ValidatedAt<'a> {
+    dataset: &'a str,
+    #[serde(flatten)]
+    found: &'a Validated,
+}
+
+pub(crate) fn validate(console: &Console, args: &ValidateArgs) -> Result<(), Exit> {
+    let one = |path: &PathBuf| {
+        let source = reader::Source::new(path).trusting(args.trust_paths);
+        validate_path(&source, args.format.as_deref(), workers::available()).map_err(Exit::stopped)
+    };
+    let all = args.datasets.iter().map(one).collect::<Result<Vec<ValidatedDataset>, Exit>>()?;
+    let differences = differences(&all);
+    if args.json {
+        let text = match all.as_slice() {
+            [one] => serde_json::to_string_pretty(&one.found),
+            all => {
+                let datasets = all.iter().map(|it| ValidatedAt { dataset: &it.dataset, found: &it.found }).collect();
+                serde_json::to_string_pretty(&ValidatedAll { datasets, differences: &differences })
+            }
+        };
+        console.print(&(text.expect("plain data") + "\n"))?;
+    } else {
+        for it in &all {
+            let heading = if all.len() > 1 { format!("{}\n", it.dataset) } else { String::new() };
+            console.print(&(heading + &table(&it.found, it.format)))?;
+        }
+        if all.len() > 1 {
+            let silent = all.iter().filter(|it| it.found.numbers.is_empty());
+            let silent: Vec<&str> = silent.map(|it| it.dataset.as_str()).collect();
+            console.print(&comparison(all.len(), &silent, &differences))?;
+        }
+    }
+    let faulty = all.iter().filter(|it| !it.found.is_sound());
+    let mut errors: Vec<Message> = faulty
+        .map(|it| {
+            let faults = count(it.found.faults.len() as u32, "fault");
+            Message::Error(Error::new(format!("{faults} found")).in_file(&it.dataset))
+        })
+        .collect();
+    if !differences.is_empty() {
+        let message = format!("numbers of the datasets differ in {}", count(differences.len() as u32, "place"));
+        let help = "state numbers with `ids` or `first_id` of the pools, and give all recipes the same `classes`";
+        errors.push(Message::Error(Error::new(message).help(help)));
+    }
+    match errors.is_empty() {
+        true => Ok(()),
+        false => Err(Exit { code: 3, messages: errors }),
+    }
+}
+
+/// What was found of a dataset, for people.
+fn table(found: &Validated, format: &str) -> String {
+    let width = found.checks.iter().map(|it| it.check.len()).max().unwrap_or(0);
+    let mut out = format!("{:width$}  images  faults\n", "check");
+    for it in &found.checks {
+        let images = it.images.map_or_else(|| "-".to_owned(), |images| images.to_string());
+        out += &format!("{:width$}  {images:>6}  {:>6}\n", it.check, it.faults);
+    }
+    for fault in found.some_of_each(SHOWN) {
+        out += &format!("\n{}: {}\n  {}\n", fault.check, fault.place, fault.message);
+    }
+    if found.faults.len() > SHOWN {
+        out += &format!("\nand {} more; --json lists all\n", found.faults.len() - SHOWN);
+    }
+    let faults = match found.faults.len() {
+        0 => "no fault".to_owned(),
+        faults => count(faults as u32, "fault"),
+    };
+    out + &format!("\n{}, read as {format}: {faults}\n", count(found.images, "image"))
+}
+
+/// Where datasets differ, for people. `silent` are those without numbers.
+fn comparison(datasets: usize, silent: &[&str], differences: &[FaultAt]) -> String {
+    let mut out = String::new();
+    for difference in differences.iter().take(SHOWN) {
+        out += &format!("\n{}: {}\n", difference.check, difference.message);
+    }
+    if differences.len() > SHOWN {
+        out += &format!("\nand {} more; --json lists all\n", differences.len() - SHOWN);
+    }
+    for dataset in silent {
+        out += &format!("\n{dataset} states no numbers of categories or objects: nothing of it is compared\n");
+    }
+    let compared = datasets - silent.len();
+    if differences.is_empty() && compared > 1 {
+        out += &format!("\n{compared} datasets: categories and objects have the same numbers\n");
+    }
+    out
+}

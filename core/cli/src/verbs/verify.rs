@@ -1,0 +1,63 @@
+//! `syntable verify`.
+
+use crate::{Console, Exit, Message};
+use clap::Args;
+use std::path::PathBuf;
+use syntable_model::error::Error;
+use syntable_runtime::run::progress::count;
+use syntable_runtime::{run, workers};
+
+#[derive(Args)]
+pub(crate) struct VerifyArgs {
+    /// Folder of the dataset.
+    dataset: PathBuf,
+}
+
+pub(crate) fn verify(console: &Console, args: &VerifyArgs) -> Result<(), Exit> {
+    let found = run::verify(&args.dataset, workers::available()).map_err(Exit::stopped)?;
+    let mut out = String::new();
+    let lists = [
+        ("missing", &found.missing),
+        ("damaged", &found.damaged),
+        ("linked", &found.linked),
+        ("foreign", &found.foreign),
+    ];
+    for (what, paths) in lists {
+        paths.iter().for_each(|path| out += &format!("{what}  {path}\n"));
+    }
+    found.links.iter().for_each(|(path, to)| out += &format!("link  {path} -> {to}\n"));
+    found.outside.iter().for_each(|(path, why)| out += &format!("outside  {path}: {why}\n"));
+    for (scene, paths) in &found.unlisted {
+        paths.iter().for_each(|path| out += &format!("unlisted  {path}  (of scene {scene}, whose manifest is lost)\n"));
+    }
+    let (scenes, files) = (count(found.scenes, "scene"), count(found.files as u32, "file"));
+    let unlisted = match found.unlisted.values().map(Vec::len).sum::<usize>() {
+        0 => String::new(),
+        unlisted => format!(", {unlisted} unlisted"),
+    };
+    let others = [(&"linked", found.linked.len()), (&"outside", found.outside.len())].into_iter();
+    let others: String =
+        others.filter(|(_, number)| *number > 0).map(|(what, number)| format!(", {number} {what}")).collect();
+    out += &format!(
+        "{scenes}, {files} compared: {} missing, {} damaged, {} foreign{unlisted}{others}\n",
+        found.missing.len(),
+        found.damaged.len(),
+        found.foreign.len()
+    );
+    console.print(&out)?;
+    if found.whole() {
+        return Ok(());
+    }
+    let error = if !found.outside.is_empty() {
+        Error::new("the dataset names what is not its own").help("do not run or merge it: somebody changed it")
+    } else if !found.linked.is_empty() {
+        Error::new(format!("{} links, or behind links: not compared", count(found.linked.len() as u32, "file"))).help(
+            "put the files themselves there, as `cp -rL` does, or let `syntable run` with --repair make them again",
+        )
+    } else if found.missing.is_empty() && found.damaged.is_empty() {
+        Error::new("the last run did not end").help("run the same command once more")
+    } else {
+        Error::new("the dataset is not what was written").help("`syntable run` with --repair makes the scenes again")
+    };
+    Err(Exit { code: 3, messages: vec![Message::Error(error.in_file(&args.dataset))] })
+}

@@ -1,0 +1,54 @@
+//! What can be known of a recipe and its assets without rendering.
+
+use crate::pools::{self, AssetStore};
+use crate::recipe::{self, Checked, Diagnostic, Overrides, Recipe, Report, Source};
+use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
+use syntable_model::context::{Assets, Log};
+use syntable_model::error::{Error, Result};
+use syntable_model::registry::Registry;
+use syntable_model::scene::{AssetRef, CatalogEntry};
+
+/// Loads and plans a recipe, and finds every mistake that a run would find before it renders: wrong keys and values, missing
+/// files, products that nobody provides, and pools that cannot be opened. Returns the recipe and its warnings.
+///
+/// # Errors
+/// With all mistakes at once.
+pub fn check(
+    registry: &Registry,
+    source: Source,
+    overrides: Overrides,
+    log: &dyn Log,
+) -> std::result::Result<(Recipe, Vec<Diagnostic>), Report> {
+    let Checked { recipe, pools } = recipe::checked(registry, source, &overrides.with_existing_paths());
+    recipe.map_err(|report| Report { other: pools::open(&pools, log).err(), ..report })
+}
+
+/// The assets of a pool, all of them loaded.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct CheckedPool {
+    /// Name of the pool.
+    pub pool: String,
+    /// Number of its assets.
+    pub size: usize,
+    /// Names of the assets that cannot be used, in the order of the catalog. The log says what is wrong with each.
+    pub bad: Vec<String>,
+}
+
+/// Loads all assets of a pool on all threads of the current pool of workers.
+///
+/// # Errors
+/// If the recipe has no such pool, or a file system fails. A bad asset is no error.
+pub fn check_assets(assets: &AssetStore<'_>, pool: &str) -> Result<CheckedPool> {
+    let entries = assets.entries(pool)?;
+    let bad_name = |entry: &CatalogEntry| {
+        let asset = AssetRef { pool: pool.to_owned(), name: entry.name.clone() };
+        match assets.get(&asset) {
+            Ok(_) => Ok(None),
+            // It says nothing about the asset.
+            Err(error) if error.is_transient() => Err(error),
+            Err(_) => Ok(Some(entry.name.clone())),
+        }
+    };
+    let found: std::result::Result<Vec<Option<String>>, Error> = entries.par_iter().map(bad_name).collect();
+    Ok(CheckedPool { pool: pool.to_owned(), size: entries.len(), bad: found?.into_iter().flatten().collect() })
+}

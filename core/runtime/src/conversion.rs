@@ -1,0 +1,224 @@
+//! Writes a dataset of any format in other formats, from names of kinds and options to the result.
+
+use crate::left_out::LeftOutReport;
+use crate::paths;
+use crate::run::progress::{Reporter, count};
+use crate::run::stop::Stop;
+use crate::run::{Converted, convert as convert_dataset, products_of};
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+use syntable_model::error::{Error, Result};
+use syntable_model::reader::{self, Format, Source};
+use syntable_model::registry::{ConstructError, Entry, Registry, Slot, Stage};
+use syntable_model::stage::Writer;
+
+/// Number of unreadable parts that are named.
+const SHOWN: usize = 10;
+
+/// What to convert, and how.
+pub struct ConvertOptions {
+    /// Folder of the dataset, or its annotation file where there are several.
+    pub dataset: PathBuf,
+    /// Format of the dataset; none for the one that it looks like.
+    pub format: Option<String>,
+    /// Whether files outside of the dataset's folder are read that its files name.
+    pub trust_paths: bool,
+    /// Kinds of writers, each once.
+    pub to: Vec<String>,
+    /// Options of writers as `KIND.KEY=VALUE`. The value is TOML.
+    pub set: Vec<String>,
+    /// Folder to write to: new, or empty.
+    pub out: PathBuf,
+    /// Threads.
+    pub threads: usize,
+    /// Asks the conversion to end early.
+    pub stop: Stop,
+}
+
+impl ConvertOptions {
+    /// A dataset to kinds of writers with their default options.
+    pub fn new(dataset: impl Into<PathBuf>, to: &[&str], out: impl Into<PathBuf>) -> Self {
+        Self {
+            dataset: dataset.into(),
+            format: None,
+            trust_paths: false,
+            to: to.iter().map(|kind| (*kind).to_owned()).collect(),
+            set: Vec::new(),
+            out: out.into(),
+            threads: crate::workers::available(),
+            stop: Stop::default(),
+        }
+    }
+}
+
+/// A conversion that is done.
+pub struct Conversion {
+    /// The format that the dataset was read as.
+    pub format: &'static str,
+    /// What was written, and what was left out.
+    pub converted: Converted,
+    /// Products that lists such as `include` name by default and the dataset does not have: the lists were shortened.
+    pub shortened: BTreeSet<String>,
+}
+
+/// Converts a dataset.
+///
+/// # Errors
+/// If the request is wrong, the dataset cannot be opened, or nothing can be written. Images that cannot be read are left out:
+/// see [`Conversion::left_out`].
+pub fn convert(registry: &Registry, options: &ConvertOptions, reporter: &dyn Reporter) -> Result<Conversion> {
+    let writers = asked_writers(registry, options)?;
+    check_out(options)?;
+    let named = Source::new(&options.dataset).trusting(options.trust_paths);
+    let (Format { name: format, .. }, dataset) = reader::open_source(&named, options.format.as_deref())?;
+    let has = products_of(registry, &*dataset);
+    let mut shortened = BTreeSet::new();
+    let writers = writers.into_iter().map(|writer| writer.without_missing(&has, &mut shortened));
+    let writers = writers.collect::<Result<Vec<_>>>()?;
+    let how = (options.threads, &options.stop);
+    let converted = convert_dataset(registry, &*dataset, &writers, &options.out, how, reporter)?;
+    Ok(Conversion { format, converted, shortened })
+}
+
+impl Conversion {
+    /// Products that the formats can store and the dataset does not have.
+    pub fn lacking(&self) -> BTreeSet<&str> {
+        self.shortened.iter().chain(&self.converted.lacking).map(String::as_str).collect()
+    }
+
+    /// Images, files, annotations and parts of labels that are not in the result.
+    pub fn left_out(&self) -> LeftOutReport {
+        let it = &self.converted;
+        let mut report = LeftOutReport::default();
+        let unreadable = [(&it.left_out, "image"), (&it.not_listed, "part"), (&it.parts_left_out, "file")];
+        let unreadable: Vec<(&Vec<String>, &str)> = unreadable.into_iter().filter(|it| !it.0.is_empty()).collect();
+        if !unreadable.is_empty() {
+            let what: Vec<String> = unreadable.iter().map(|(reasons, one)| count(reasons.len() as u32, one)).collect();
+            let reasons = unreadable.iter().flat_map(|(reasons, _)| reasons.iter().take(SHOWN));
+            let reasons = reasons.map(|reason| Error::new(reason.clone()));
+            report.add(format!("{} left out: they cannot be read", what.join(" and ")), reasons);
+        }
+        report.annotations(&it.passed_over);
+        report.losses(&it.losses);
+        report
+    }
+}
+
+fn asked_writers<'a>(registry: &'a Registry, options: &ConvertOptions) -> Result<Vec<AskedWriter<'a>>> {
+    let ConvertOptions { to, set, .. } = options;
+    let writers: Vec<_> = to.iter().map(|kind| AskedWriter::new(registry, kind, set)).collect::<Result<_>>()?;
+    if let Some(set) = set.iter().find(|set| !to.iter().any(|kind| option_of(set, kind).is_some())) {
+        let error = Error::new(format!("--set {set}: it names no writer of --to"));
+        return Err(error.help("write it as `KIND.KEY=VALUE`").of_request());
+    }
+    if to.iter().collect::<BTreeSet<_>>().len() < to.len() {
+        return Err(Error::new("--to names a kind twice").help("name each once").of_request());
+    }
+    Ok(writers)
+}
+
+/// Refuses a folder inside of the dataset that is read.
+fn check_out(ConvertOptions { dataset, out, .. }: &ConvertOptions) -> Result<()> {
+    let folder = if dataset.is_file() { dataset.parent().unwrap_or(Path::new("")) } else { dataset };
+    let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
+    if dataset.exists() && paths::lies_in(out, folder) && paths::whole(out) != paths::whole(folder) {
+        let error = Error::new("it lies in the dataset that is read").in_file(out);
+        return Err(error.help("choose a folder beside it").of_request());
+    }
+    Ok(())
+}
+
+/// The text after `KIND.` in an option of a kind.
+fn option_of<'a>(set: &'a str, kind: &str) -> Option<&'a str> {
+    set.strip_prefix(kind)?.strip_prefix('.')
+}
+
+/// A writer of `--to`.
+struct AskedWriter<'a> {
+    entry: &'a Entry,
+    options: toml::Table,
+    /// Names of the options that `--set` gives.
+    given: BTreeSet<String>,
+    writer: Box<dyn Writer>,
+}
+
+impl<'a> AskedWriter<'a> {
+    fn new(registry: &'a Registry, kind: &str, set: &[String]) -> Result<Self> {
+        Self::constructed(registry, kind, set).map_err(Error::of_request)
+    }
+
+    fn constructed(registry: &'a Registry, kind: &str, set: &[String]) -> Result<Self> {
+        let Some(entry) = registry.find(Slot::Write, kind) else {
+            let kinds: Vec<&str> = registry.of_slot(Slot::Write).map(|entry| entry.kind).collect();
+            return Err(Error::new(format!("--to {kind}: it is no kind of writer"))
+                .help(format!("the kinds are: {}", kinds.join(", "))));
+        };
+        let given: Vec<&str> = set.iter().filter_map(|set| option_of(set, kind)).collect();
+        let key = |option: &str| option.split(['=', '.']).next().unwrap_or_default().trim().to_owned();
+        let text: String = given.iter().map(|option| format!("{option}\n")).collect();
+        let refuse = |message: String| Error::new(message).help(format!("`syntable list {kind}` shows the options"));
+        let constructed = entry.construct_str(&text).map_err(|error| match error {
+            ConstructError::Form(error) => refuse(format!("--set {kind}: {}", error.message())),
+            ConstructError::Invalid(invalid) => {
+                // As it was written, with the value.
+                let name = invalid.key.split(['.', '[']).next().unwrap_or_default();
+                let as_given = given.iter().find(|option| key(option) == name).copied().unwrap_or(&invalid.key);
+                refuse(format!("--set {kind}.{as_given}: {}", invalid.message))
+            }
+        })?;
+        let given = given.iter().map(|option| key(option)).collect();
+        Ok(Self { entry, options: constructed.options, given, writer: writer_of(constructed.stage) })
+    }
+
+    /// The writer without those entries of its lists, such as `include`, that need what a dataset does not have, and
+    /// their products. A list that `--set` gives stays as it is, and one of which nothing would be left.
+    fn without_missing(
+        mut self,
+        has: &BTreeSet<String>,
+        lacking: &mut BTreeSet<String>,
+    ) -> Result<(String, Box<dyn Writer>)> {
+        let mut missing: BTreeMap<String, BTreeSet<usize>> = BTreeMap::new();
+        let mut products: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();
+        for input in self.writer.reads().into_iter().filter(|input| !has.contains(&input.product)) {
+            let Some((list, place)) = input.option.as_deref().and_then(entry_of) else { continue };
+            if !self.given.contains(list) {
+                missing.entry(list.to_owned()).or_default().insert(place);
+                products.entry(list.to_owned()).or_default().insert(input.product);
+            }
+        }
+        let kind = self.entry.kind.to_owned();
+        let mut is_changed = false;
+        for (list, places) in missing {
+            let Some(toml::Value::Array(entries)) = self.options.get_mut(&list) else { continue };
+            if places.len() < entries.len() {
+                let mut place = 0..;
+                entries.retain(|_| place.next().is_none_or(|place| !places.contains(&place)));
+                lacking.extend(products.remove(&list).unwrap_or_default());
+                is_changed = true;
+            }
+        }
+        if !is_changed {
+            return Ok((kind, self.writer));
+        }
+        let error = |what: String| Error::new(format!("--to {kind}: {what}")).of_request();
+        let text = toml::to_string(&self.options).map_err(|it| error(it.to_string()))?;
+        let constructed = self.entry.construct_str(&text).map_err(|it| match it {
+            ConstructError::Form(it) => error(it.message().to_owned()),
+            ConstructError::Invalid(it) => error(it.message),
+        })?;
+        Ok((kind, writer_of(constructed.stage)))
+    }
+}
+
+/// The name of a list and a place in it: `include[3]`.
+fn entry_of(option: &str) -> Option<(&str, usize)> {
+    let (list, place) = option.strip_suffix(']')?.split_once('[')?;
+    Some((list, place.parse().ok()?))
+}
+
+fn writer_of(stage: Stage) -> Box<dyn Writer> {
+    match stage {
+        Stage::Write(writer) => writer,
+        _ => unreachable!("the registry keeps slots apart"),
+    }
+}

@@ -1,0 +1,70 @@
+//! The one rule for what a function leaves out of its result: it is named, and the verb ends with exit code 3.
+
+use crate::message::Message;
+use crate::run::progress::count;
+use crate::run::{Loss, not_listed};
+use std::path::Path;
+use syntable_model::error::Error;
+use syntable_model::left_out::LeftOut;
+use syntable_model::reader::DatasetReader;
+
+/// Number of unreadable parts of a dataset that are named.
+const SHOWN: usize = 10;
+
+/// What a function left out of its result, for people.
+#[derive(Debug, Clone, Default)]
+pub struct LeftOutReport {
+    warnings: Vec<Error>,
+    summaries: Vec<String>,
+}
+
+impl LeftOutReport {
+    /// Adds what was left out, in words such as `3 images left out: they cannot be read`, with a warning for each thing or for
+    /// some of many.
+    pub fn add(&mut self, summary: String, warnings: impl IntoIterator<Item = Error>) {
+        self.warnings.extend(warnings);
+        self.summaries.push(summary);
+    }
+
+    /// Adds images that a dataset does not list, since files that hold or name them cannot be read.
+    pub fn unlisted(&mut self, dataset: &dyn DatasetReader) {
+        let lost: Vec<String> = not_listed(dataset);
+        if !lost.is_empty() {
+            let summary = format!("{} left out: they cannot be read", count(lost.len() as u32, "part"));
+            self.add(summary, lost.into_iter().take(SHOWN).map(Error::new));
+        }
+    }
+
+    /// Adds annotations that are not read as objects.
+    pub fn annotations(&mut self, passed_over: &[LeftOut]) {
+        let some: Vec<&LeftOut> = passed_over.iter().filter(|it| it.count > 0).collect();
+        if !some.is_empty() {
+            let number = some.iter().map(|it| it.count).sum::<u64>();
+            let summary = format!("{} left out or incomplete", count(number as u32, "annotation"));
+            self.add(summary, some.into_iter().map(|it| Error::new(it.to_string())));
+        }
+    }
+
+    /// Adds what stages left out of images.
+    pub fn losses(&mut self, losses: &[Loss]) {
+        if !losses.is_empty() {
+            let mut stages: Vec<&str> = losses.iter().map(|loss| loss.stage.as_str()).collect();
+            stages.dedup();
+            let summary = format!("labels are not written whole by {}", stages.join(", "));
+            self.add(summary, losses.iter().map(Loss::warning));
+        }
+    }
+
+    /// The warnings, then one error that sums them up; nothing if nothing was left out. `help` says where to look.
+    pub fn messages(self, file: &Path, help: &str) -> Vec<Message> {
+        let Self { warnings, summaries } = self;
+        let error = Error::new(summaries.join("; ")).in_file(file).help(help);
+        let error = (!summaries.is_empty()).then_some(Message::Error(error));
+        warnings.into_iter().map(Message::Warning).chain(error).collect()
+    }
+
+    /// Whether nothing was left out.
+    pub fn is_empty(&self) -> bool {
+        self.summaries.is_empty()
+    }
+}

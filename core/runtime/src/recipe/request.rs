@@ -1,0 +1,56 @@
+//! A recipe and changes to it, as a user asks for them.
+
+use super::{Builtin, Overrides, Source};
+use std::path::PathBuf;
+use syntable_model::error::{Error, Result};
+
+/// Name of the recipe that is taken where none is named.
+const DEFAULT: &str = "quickstart";
+
+/// A recipe by its path, and changes to it: the arguments of `syntable run` and its like.
+///
+/// ```
+/// use syntable_runtime::recipe::RecipeRequest;
+///
+/// let request = RecipeRequest { set: vec!["dataset.scenes=3".into()], ..RecipeRequest::default() };
+/// let (source, overrides) = request.read()?;
+/// assert_eq!(overrides.set, [("dataset.scenes".into(), "3".into())]);
+/// # Ok::<(), syntable_model::error::Error>(())
+/// ```
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct RecipeRequest {
+    /// Recipe file, or `builtin:NAME`; `builtin:quickstart` if none.
+    pub recipe: Option<PathBuf>,
+    /// Keys to set, as `KEY=VALUE`. The value is TOML; a bare word is text.
+    pub set: Vec<String>,
+    /// Seed of all randomness: sets `dataset.seed`.
+    pub seed: Option<u64>,
+    /// Views of every scene: sets `dataset.views_per_scene`.
+    pub views: Option<u32>,
+}
+
+impl RecipeRequest {
+    /// Reads the recipe's text. The changes come with the environment and the current folder of the process.
+    ///
+    /// # Errors
+    /// If the recipe cannot be read, or an entry of `set` has no `=`.
+    pub fn read(&self) -> Result<(Source, Overrides<'static>)> {
+        let source = match &self.recipe {
+            Some(path) => Source::read(path)?,
+            None => Builtin::find(DEFAULT)?.source(),
+        };
+        let mut set = self.set.iter().map(|text| assignment(text)).collect::<Result<Vec<_>>>()?;
+        set.extend(self.seed.map(|seed| ("dataset.seed".to_owned(), seed.to_string())));
+        set.extend(self.views.map(|views| ("dataset.views_per_scene".to_owned(), views.to_string())));
+        Ok((source, Overrides::of_process(set)))
+    }
+}
+
+/// Splits `KEY=VALUE`.
+fn assignment(text: &str) -> Result<(String, String)> {
+    let (key, value) = text.split_once('=').ok_or_else(|| {
+        let error = Error::new(format!("--set {text}: the value is missing"));
+        error.help("write KEY=VALUE, such as dataset.scenes=3")
+    })?;
+    Ok((key.trim().to_owned(), value.trim().to_owned()))
+}

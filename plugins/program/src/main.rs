@@ -1,0 +1,5 @@
+//! The stock `syntable` binary.
+
+fn main() -> std::process::ExitCode {
+    syntable_program::main()
+}

@@ -1,0 +1,62 @@
+//! Arguments that several verbs have.
+
+use std::path::{Path, PathBuf};
+use syntable_cli::TRUST_PATHS;
+use syntable_cli::clap::{Arg, ArgAction, ArgMatches, value_parser};
+use syntable_model::reader::Source;
+
+/// The dataset.
+pub fn dataset() -> Arg {
+    Arg::new("dataset")
+        .value_name("DATASET")
+        .required(true)
+        .value_parser(value_parser!(PathBuf))
+        .help("Folder of a dataset of any format that can be read, or its annotation file")
+}
+
+/// `--format` of the dataset.
+pub fn format() -> Arg {
+    Arg::new("format")
+        .long("format")
+        .value_name("FORMAT")
+        .help("Format of the dataset (see `syntable list formats`); the one that it looks like if left out")
+}
+
+/// `--trust-paths` of the dataset.
+pub fn trust_paths() -> Arg {
+    Arg::new("trust-paths").long("trust-paths").action(ArgAction::SetTrue).help(TRUST_PATHS)
+}
+
+/// The dataset of a path, with the reach that was asked for.
+pub fn source(path: &Path, arguments: &ArgMatches) -> Source {
+    Source::new(path).trusting(arguments.get_flag("trust-paths"))
+}
+
+/// `--scores` of predictions.
+pub fn scores() -> Arg {
+    Arg::new("scores")
+        .long("scores")
+        .value_name("FILE")
+        .value_parser(value_parser!(PathBuf))
+        .help("Show scores of predictions, and the worst images with them: what `syntable eval --save FILE` wrote")
+}
+
+/// `--threads`.
+pub fn threads(help: &'static str) -> Arg {
+    Arg::new("threads").long("threads").value_name("N").value_parser(value_parser!(u16).range(1..=1024)).help(help)
+}
+
+/// The number of threads that was asked for, or all cores.
+pub fn threads_of(arguments: &ArgMatches) -> usize {
+    syntable_cli::threads(arguments.get_one("threads").copied())
+}
+
+/// `--port` of a server.
+pub fn port() -> Arg {
+    Arg::new("port")
+        .long("port")
+        .value_name("PORT")
+        .value_parser(value_parser!(u16))
+        .default_value("0")
+        .help("Port of the loopback address; 0 for any free one")
+}

@@ -1,0 +1,192 @@
+//! `syntable eval`.
+
+use std::path::PathBuf;
+use syntable_cli::clap::{Arg, ArgAction, ArgMatches, Command, value_parser};
+use syntable_cli::{
+    Console, Exit, Message, TRUST_PATHS, Topic, Verb, amount, check_outputs, ended, on_signals, threads,
+};
+use syntable_evaluate::image::Occluded;
+use syntable_evaluate::measure::{Metric, linked};
+use syntable_evaluate::results::Results;
+use syntable_evaluate::{Convention, EvaluateOptions, evaluate, worst};
+use syntable_model::error::{Error, Result};
+use syntable_model::reader::Source;
+use syntable_model::registry::Registry;
+use syntable_runtime::durable::write_file;
+use syntable_runtime::images::Work;
+use syntable_runtime::paths::dataset_folder;
+use syntable_runtime::workers::Pool;
+
+syntable_cli::register_verb!(Verb { command, run, crate_name: env!("CARGO_PKG_NAME") });
+syntable_cli::register_topic!(Topic { name: "metrics", rows });
+
+/// The metrics, for `syntable list`.
+fn rows() -> Result<Vec<[String; 3]>> {
+    let headings = ["metric", "crate", "what it is"].map(str::to_owned);
+    let row = |it: Metric| [it.name, it.crate_name, it.doc].map(str::to_owned);
+    Ok(std::iter::once(headings).chain(linked()?.into_iter().map(row)).collect())
+}
+
+fn command() -> Command {
+    let path = |name: &'static str, what: &'static str| {
+        Arg::new(name).long(name).value_name(what).value_parser(value_parser!(PathBuf))
+    };
+    let flag = |name: &'static str| Arg::new(name).long(name);
+    Command::new("eval")
+        .about("Score predicted masks against a dataset: overlap, boundary, occlusion and its order")
+        .arg(path("gt", "DATASET").required(true).help(
+            "Ground truth: folder of a dataset with amodal and visible masks, of any format that can be read, its annotation \
+             file, or a folder of label maps",
+        ))
+        .arg(path("pred", "PREDICTIONS").required(true).help(
+            "Predictions: a dataset or label maps of the same images, or a result file: a JSON list of objects with \
+             `image_id`, `score`, `segmentation`",
+        ))
+        .arg(flag("gt-format").value_name("FORMAT").help(
+            "Format of the ground truth (see `syntable list formats`, or `label_maps`); the one that it looks like if left \
+             out",
+        ))
+        .arg(flag("pred-format").value_name("FORMAT").help("Format of predictions that are a dataset"))
+        .arg(flag("trust-paths").action(ArgAction::SetTrue).help(TRUST_PATHS))
+        .arg(
+            flag("min-score")
+                .value_name("SCORE")
+                .allow_negative_numbers(true)
+                .value_parser(finite)
+                .default_value("0.5")
+                .help("Least score of predictions that count; those of a dataset all do, and so do all in COCO's scores"),
+        )
+        .arg(
+            flag("occluded-from")
+                .value_name("RATE")
+                .allow_negative_numbers(true)
+                .value_parser(rate)
+                .help(
+                    "Least occlusion rate of predictions that count as occluded, 0 for any hidden pixel, as in labels. If left \
+                     out, any hidden pixel where predictions have occlusion masks, else 0.05",
+                ),
+        )
+        .arg(flag("convention").value_parser(["release", "paper"]).default_value("release").help(
+            "Where SynTable's text and code differ: `release` takes F and F@.75 as means over images, `paper` F of mean \
+             precision and recall, and F@.75 of all objects",
+        ))
+        .arg(
+            flag("metrics")
+                .value_name("NAMES")
+                .value_delimiter(',')
+                .help("Metrics, separated by commas (see `syntable list metrics`); all if left out"),
+        )
+        .arg(
+            flag("by-category")
+                .action(ArgAction::SetTrue)
+                .help("Add COCO's scores with categories: the mean over them, and the AP of each"),
+        )
+        .arg(
+            flag("bootstrap")
+                .value_name("N")
+                .value_parser(value_parser!(u32).range(1..=100_000))
+                .help("Add 95 % confidence intervals of N samples of the images, with replacement"),
+        )
+        .arg(
+            flag("seed")
+                .value_name("N")
+                .value_parser(value_parser!(u64))
+                .default_value("0")
+                .help("Seed of the samples of --bootstrap"),
+        )
+        .arg(flag("json").action(ArgAction::SetTrue).help("Print the scores as one JSON object"))
+        .arg(path("csv", "FILE").help("Write the scores of each image to a file"))
+        .arg(path("save", "FILE").help(
+            "Write all scores, and the worst images with their predictions, to a file that `report --scores` and `view \
+             --scores` show",
+        ))
+        .arg(
+            flag("worst")
+                .value_name("N")
+                .value_parser(amount)
+                .default_value("24")
+                .requires("save")
+                .help("Number of worst images in the file of --save, or `all`"),
+        )
+        .arg(
+            flag("worst-by")
+                .value_name("SCORE")
+                .requires("save")
+                .help("Score by which images are the worst, as --json names it [default: amodal_overlap_f]"),
+        )
+        .arg(
+            flag("threads")
+                .value_name("N")
+                .value_parser(value_parser!(u16).range(1..=1024))
+                .help("Worker threads; all cores if left out. The scores do not depend on it"),
+        )
+        .after_help(
+            "Examples:
+  syntable eval --gt data --pred results.json                 a table as in the paper
+  syntable eval --gt data --pred results.json --csv each.csv  and a line for each image
+  syntable eval --gt data --pred predicted --json             a dataset of predictions; for programs
+  syntable eval --gt data --pred results.json --metrics coco --bootstrap 1000
+  syntable eval --gt data --pred results.json --save scores.json
+  syntable report data --scores scores.json                   the worst images with their predictions",
+        )
+}
+
+fn run(console: &Console, _: &Registry, arguments: &ArgMatches) -> std::result::Result<(), Exit> {
+    let path = |name: &str| arguments.get_one::<PathBuf>(name);
+    let text = |name: &str| arguments.get_one::<String>(name);
+    let (Some(gt), Some(pred)) = (path("gt"), path("pred")) else { return Ok(()) };
+    let read = [dataset_folder(gt), if Results::is_one(pred) { pred.clone() } else { dataset_folder(pred) }];
+    check_outputs(&[("--csv", path("csv")), ("--save", path("save"))], &read.each_ref().map(PathBuf::as_path))?;
+    let is_paper = text("convention").is_some_and(|name| name == Convention::Paper.name());
+    let source = |path: &PathBuf| Source::new(path).trusting(arguments.get_flag("trust-paths"));
+    let defaults = EvaluateOptions::new(source(gt), source(pred));
+    let options = EvaluateOptions {
+        truth_format: text("gt-format").cloned(),
+        predictions_format: text("pred-format").cloned(),
+        min_score: arguments.get_one("min-score").copied().unwrap_or(defaults.min_score),
+        occluded: arguments.get_one("occluded-from").copied().map_or(defaults.occluded, Occluded::From),
+        convention: if is_paper { Convention::Paper } else { Convention::Release },
+        metrics: arguments.get_many::<String>("metrics").into_iter().flatten().cloned().collect(),
+        by_category: arguments.get_flag("by-category"),
+        bootstrap: arguments.get_one::<u32>("bootstrap").copied(),
+        seed: arguments.get_one("seed").copied().unwrap_or_default(),
+        rank_by: text("worst-by").cloned(),
+        ..defaults
+    };
+    let pool = Pool::new(threads(arguments.get_one("threads").copied())).map_err(Exit::stopped)?;
+    let stop = on_signals()?;
+    let work = Work { workers: &pool, reporter: console.reporter(), stop: &stop };
+    let found = evaluate(&options, &work).map_err(|error| ended(&stop, error))?;
+    if let Some(file) = path("csv") {
+        write_file(file, found.csv().as_bytes()).map_err(Exit::stopped)?;
+    }
+    if let Some(file) = path("save") {
+        let most = arguments.get_one::<usize>("worst").copied().unwrap_or(usize::MAX);
+        let scores = found.with_worst(most, &work).map_err(|error| ended(&stop, error))?;
+        if options.rank_by.is_none() && found.ranked_by() != worst::RANKED_BY {
+            let error = Error::new(format!("the worst images are those of the lowest `{}`", found.ranked_by()));
+            let help = format!("--metrics leaves `{}` out; --worst-by chooses another score", worst::RANKED_BY);
+            console.say(&Message::Warning(error.help(help)));
+        }
+        write_file(file, scores.text().as_bytes()).map_err(Exit::stopped)?;
+    }
+    let (table, [format, pred_format]) = (found.table(), found.formats);
+    console.print(&match arguments.get_flag("json") {
+        true => format!("{:#}\n", table.json()),
+        false => format!("{}read as: {format} and {pred_format}\n", table.text()),
+    })?;
+    Exit::if_left_out(found.left_out(), gt, "`syntable validate` lists all that is wrong")
+}
+
+/// A score that can be compared with others.
+fn finite(text: &str) -> std::result::Result<f64, String> {
+    text.parse().ok().filter(|score: &f64| score.is_finite()).ok_or_else(|| "a number, such as 0.5".to_owned())
+}
+
+/// A share of an object.
+fn rate(text: &str) -> std::result::Result<f64, String> {
+    finite(text)
+        .ok()
+        .filter(|rate| (0.0..=1.0).contains(rate))
+        .ok_or_else(|| "a rate from 0 to 1, such as 0.05".to_owned())
+}

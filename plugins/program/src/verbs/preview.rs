@@ -1,0 +1,115 @@
+//! `syntable preview`.
+
+use std::path::PathBuf;
+use syntable_cli::clap::{Arg, ArgAction, ArgMatches, Args, Command, FromArgMatches, value_parser};
+use syntable_cli::{Console, Exit, RecipeArgs, Verb, check_outputs, ended, on_signals, threads};
+use syntable_model::error::Error;
+use syntable_model::registry::Registry;
+use syntable_report::preview::{Ended, Preview, PreviewOptions};
+use syntable_runtime::run::SceneRange;
+use syntable_runtime::run::progress::count;
+
+syntable_cli::register_verb!(Verb { command, run, crate_name: env!("CARGO_PKG_NAME") });
+
+fn command() -> Command {
+    let flag = |name: &'static str, help: &'static str| Arg::new(name).long(name).action(ArgAction::SetTrue).help(help);
+    let number = |name: &'static str| Arg::new(name).long(name).value_name("N");
+    RecipeArgs::augment_args(Command::new("preview"))
+        .about("Render a few views of a few scenes fast, on one contact sheet; again after every save")
+        .arg(
+            Arg::new("scenes")
+                .long("scenes")
+                .value_name("A..B")
+                .value_parser(str::parse::<SceneRange>)
+                .help("Scenes to show: `A..B` without B, `A..`, `..B`, or one number; the first two if left out"),
+        )
+        .arg(
+            number("samples")
+                .default_value("4")
+                .value_parser(value_parser!(u32).range(1..=1_048_576))
+                .help("Maximum number of samples per pixel; images are denoised"),
+        )
+        .arg(
+            number("width")
+                .default_value("320")
+                .value_parser(value_parser!(u32).range(16..=4096))
+                .help("Maximum width of an image, px: larger images are rendered with fewer pixels"),
+        )
+        .arg(flag("labels", "Show labels beside the images: visible masks, and amodal outlines with what is occluded"))
+        .arg(Arg::new("out").long("out").value_name("FILE").value_parser(value_parser!(PathBuf)).help(
+            "PNG file of the sheet; `<recipe>.preview.png` in the current folder if left out, and none with --serve",
+        ))
+        .arg(flag("watch", "Go on: render what changes whenever the recipe, or a file that it names, is saved"))
+        .arg(flag("serve", "Show the sheet in the browser, for you alone, and follow every save"))
+        .arg(
+            number("port")
+                .default_value("0")
+                .value_parser(value_parser!(u16))
+                .requires("serve")
+                .help("Port of --serve; 0 for any free one"),
+        )
+        .arg(
+            number("threads")
+                .value_parser(value_parser!(u16).range(1..=1024))
+                .help("Worker threads; all cores if left out. The images do not depend on it"),
+        )
+        .arg(flag("allow-libraries", "Load native libraries that the recipe names by a path beside itself"))
+        .after_help(
+            "Examples:
+  syntable preview recipe.toml                     recipe.preview.png
+  syntable preview recipe.toml --watch --labels    the same with labels, again after every save
+  syntable preview recipe.toml --serve             in the browser
+  syntable preview recipe.toml --scenes 3..6 --views 4 --width 160",
+        )
+}
+
+fn run(console: &Console, registry: &Registry, arguments: &ArgMatches) -> Result<(), Exit> {
+    let recipe =
+        RecipeArgs::from_arg_matches(arguments).map_err(|error| Exit::wrong(Error::new(error.to_string().trim())))?;
+    let number = |name: &str| arguments.get_one::<u32>(name).copied().unwrap_or(1);
+    let serve = arguments.get_flag("serve").then(|| arguments.get_one::<u16>("port").copied().unwrap_or_default());
+    let out = arguments.get_one::<PathBuf>("out").cloned();
+    let out = out.or_else(|| serve.is_none().then(|| PreviewOptions::default_out(recipe.recipe.as_deref())));
+    check_outputs(&[("--out", out.as_ref())], recipe.recipe.as_deref().as_slice())?;
+    let options = PreviewOptions {
+        recipe: recipe.request(),
+        scenes: arguments.get_one::<SceneRange>("scenes").copied(),
+        samples: number("samples"),
+        width: number("width"),
+        labels: arguments.get_flag("labels"),
+        allow_libraries: arguments.get_flag("allow-libraries"),
+        out,
+        serve,
+        threads: threads(arguments.get_one("threads").copied()),
+    };
+    let mut preview = Preview::new(registry, options, console.reporter()).map_err(Exit::stopped)?;
+    let stop = on_signals()?;
+    let places: String = preview.places().into_iter().map(|place| format!("{place}\n")).collect();
+    if serve.is_some() || arguments.get_flag("watch") {
+        console.print(&places)?;
+        // A signal is how it ends.
+        return preview.watch(&stop).map_err(Exit::stopped);
+    }
+    match preview.once(&stop).map_err(Exit::stopped)? {
+        Ended::Done(0) => console.print(&places),
+        Ended::Done(failed) => {
+            console.print(&places)?;
+            Err(Exit { code: 3, ..Exit::wrong(Error::new(format!("{} failed", count(failed, "scene")))) })
+        }
+        Ended::Mistaken => Err(Exit { code: 2, messages: Vec::new() }),
+        Ended::Stopped => {
+            let reason = stop.requested().map(|reason| format!(" by {reason}")).unwrap_or_default();
+            Err(ended(&stop, Error::new(format!("stopped{reason}"))))
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_command_is_sound() {
+        command().debug_assert();
+    }
+}

@@ -1,0 +1,81 @@
+//! `syntable report`.
+
+use super::arguments;
+use std::path::PathBuf;
+use syntable_cli::clap::{Arg, ArgAction, ArgMatches, Command, value_parser};
+use syntable_cli::{Console, Exit, Message, Verb, amount, ended, on_signals};
+use syntable_model::registry::Registry;
+use syntable_report::report::make::{ReportOptions, make};
+use syntable_runtime::images::Work;
+use syntable_runtime::workers::Pool;
+
+syntable_cli::register_verb!(Verb { command, run, crate_name: env!("CARGO_PKG_NAME") });
+
+fn command() -> Command {
+    let flag = |name: &'static str| Arg::new(name).long(name);
+    Command::new("report")
+        .about("Make pages that show a dataset: card, statistics, images with labels, occlusion graphs, scenes in space")
+        .arg(arguments::dataset())
+        .arg(flag("out").value_name("DIR").value_parser(value_parser!(PathBuf)).help(
+            "Folder of the report; the dataset's with `-report` after its name if left out. Open its index.html",
+        ))
+        .arg(flag("overwrite").action(ArgAction::SetTrue).help("Replace a report that is in the folder"))
+        .arg(arguments::format())
+        .arg(arguments::trust_paths())
+        .arg(arguments::scores())
+        .arg(flag("images").value_name("N").value_parser(amount).default_value("500").help(
+            "Most images in the report, or `all`: the most occluded ones, and others at even distances. An image takes about \
+             0.1 MB. The numbers are always those of all",
+        ))
+        .arg(
+            flag("scenes")
+                .value_name("N")
+                .value_parser(amount)
+                .default_value("6")
+                .help("Most scenes to look at in space, or `all`: those that the writer `gltf` wrote, the first ones"),
+        )
+        .arg(flag("labels-only").action(ArgAction::SetTrue).help(
+            "Count labels alone, which is faster: leaves out brightness, depth and near-duplicate views",
+        ))
+        .arg(arguments::threads("Worker threads; all cores if left out. The report does not depend on it"))
+        .after_help(
+            "Examples:
+  syntable report data                             data-report/index.html
+  syntable report data --out pages --images all    with every image
+  syntable report data --scores scores.json        with the worst predictions (see `syntable eval --save`)
+  syntable report coco/annotations.json --out pages --format coco",
+        )
+}
+
+fn run(console: &Console, _: &Registry, arguments: &ArgMatches) -> Result<(), Exit> {
+    let path = |name: &str| arguments.get_one::<PathBuf>(name).cloned();
+    let number = |name: &str| arguments.get_one::<usize>(name).copied().unwrap_or(usize::MAX);
+    let Some(dataset) = path("dataset") else { return Ok(()) };
+    let options = ReportOptions {
+        dataset: arguments::source(&dataset, arguments),
+        format: arguments.get_one::<String>("format").cloned(),
+        out: path("out"),
+        overwrite: arguments.get_flag("overwrite"),
+        scores: path("scores"),
+        images: number("images"),
+        scenes: number("scenes"),
+        labels_only: arguments.get_flag("labels-only"),
+    };
+    let (pool, stop) = (Pool::new(arguments::threads_of(arguments)).map_err(Exit::stopped)?, on_signals()?);
+    let work = Work { workers: &pool, reporter: console.reporter(), stop: &stop };
+    let made = make(&options, &work).map_err(|error| ended(&stop, error))?;
+    made.notes.into_iter().for_each(|note| console.say(&Message::Warning(note)));
+    let others = match made.images_not_chosen {
+        0 => String::new(),
+        others => format!("; --images all adds the other {others}"),
+    };
+    console.print(&format!(
+        "{}, read as {}: {} of {} images with labels, {} in space{others}\n",
+        made.index.display(),
+        made.format,
+        made.images,
+        made.all_images,
+        made.scenes,
+    ))?;
+    Exit::if_left_out(made.left_out, &dataset, "`syntable validate` lists all that is wrong")
+}

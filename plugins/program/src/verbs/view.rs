@@ -1,0 +1,47 @@
+//! `syntable view`.
+
+use super::arguments;
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::thread;
+use syntable_cli::clap::{ArgMatches, Command};
+use syntable_cli::{Console, Exit, Verb, on_signals};
+use syntable_model::registry::Registry;
+use syntable_report::view::Viewer;
+use syntable_runtime::workers::Pool;
+
+syntable_cli::register_verb!(Verb { command, run, crate_name: env!("CARGO_PKG_NAME") });
+
+fn command() -> Command {
+    Command::new("view")
+        .about("Show a dataset in the browser: the pages of `syntable report`, made when they are asked for")
+        .arg(arguments::dataset())
+        .arg(arguments::port())
+        .arg(arguments::format())
+        .arg(arguments::trust_paths())
+        .arg(arguments::scores())
+        .arg(arguments::threads("Threads that count the statistics; all cores if left out"))
+        .after_help(
+            "Nothing is written. The address has a token, without which nobody can read the pages: keep it to yourself. Ctrl-C ends it.
+
+Examples:
+  syntable view data
+  syntable view data --port 8000
+  syntable view data --scores scores.json          with predictions",
+        )
+}
+
+fn run(console: &Console, _: &Registry, arguments: &ArgMatches) -> Result<(), Exit> {
+    let Some(dataset) = arguments.get_one::<PathBuf>("dataset") else { return Ok(()) };
+    let format = arguments.get_one::<String>("format").map(String::as_str);
+    let port = arguments.get_one::<u16>("port").copied().unwrap_or(0);
+    let scores = arguments.get_one::<PathBuf>("scores").map(PathBuf::as_path);
+    let viewer = Viewer::open(&arguments::source(dataset, arguments), format, scores, port).map_err(Exit::stopped)?;
+    let (stop, pool) = (on_signals()?, Pool::new(arguments::threads_of(arguments)).map_err(Exit::stopped)?);
+    console.print(&format!("{}\n", viewer.url()))?;
+    let (viewer, serving) = (Arc::new(viewer), stop.clone());
+    // When the process ends, nobody waits for the rest of the count, or for a browser that takes no more of an answer.
+    thread::spawn(move || viewer.run(&pool, &serving));
+    stop.wait();
+    Ok(())
+}

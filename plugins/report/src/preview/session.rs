@@ -1,0 +1,168 @@
+//! A preview with the places where it is shown: made once, or again after every save.
+
+use super::load::Wishes;
+use super::page::{Page, png_of};
+use super::sheet;
+use super::studio::{Ended, News, Shown, Studio};
+use super::watch::Watch;
+use crate::serve::Server;
+use std::path::{Path, PathBuf};
+use std::thread;
+use std::time::Duration;
+use syntable_model::error::{Error, Result};
+use syntable_model::registry::Registry;
+use syntable_runtime::durable::write_file;
+use syntable_runtime::recipe::RecipeRequest;
+use syntable_runtime::run::SceneRange;
+use syntable_runtime::run::progress::Reporter;
+use syntable_runtime::run::stop::Stop;
+
+/// What is appended to the recipe's name in the name of a sheet.
+const ENDING: &str = "preview.png";
+/// How often a recipe with mistakes is looked at anew: files and assets that it misses may come.
+const AGAIN: Duration = Duration::from_secs(1);
+
+/// What a preview shows, and how.
+#[derive(Debug, Clone)]
+pub struct PreviewOptions {
+    /// The recipe, and changes to it.
+    pub recipe: RecipeRequest,
+    /// Scenes to show; none for the first two.
+    pub scenes: Option<SceneRange>,
+    /// Maximum number of samples per pixel. Images are denoised.
+    pub samples: u32,
+    /// Maximum width of an image, px: larger images are rendered with fewer pixels.
+    pub width: u32,
+    /// Whether visible masks and amodal outlines are shown beside the images.
+    pub labels: bool,
+    /// Whether native libraries are loaded that the recipe names by a path beside itself.
+    pub allow_libraries: bool,
+    /// PNG file of the sheet; none for no file.
+    pub out: Option<PathBuf>,
+    /// Port of a page in the browser, 0 for any free one; none for no page.
+    pub serve: Option<u16>,
+    /// Threads.
+    pub threads: usize,
+}
+
+impl PreviewOptions {
+    /// Two scenes of a recipe at 4 samples and 320 pixels across, in a file named after the recipe in the current folder.
+    pub fn new(recipe: RecipeRequest) -> Self {
+        let out = Some(Self::default_out(recipe.recipe.as_deref()));
+        let (scenes, serve, threads) = (None, None, syntable_runtime::workers::available());
+        Self { recipe, scenes, samples: 4, width: 320, labels: false, allow_libraries: false, out, serve, threads }
+    }
+
+    /// The file of a recipe's sheet where none is asked for: named after the recipe, in the current folder.
+    pub fn default_out(recipe: Option<&Path>) -> PathBuf {
+        let name = recipe.and_then(Path::file_stem).and_then(|stem| stem.to_str()).unwrap_or("quickstart");
+        PathBuf::from(format!("{}.{ENDING}", name.rsplit(':').next().unwrap_or(name)))
+    }
+}
+
+/// A preview of a recipe, which keeps what the next sheet can use.
+pub struct Preview<'a> {
+    studio: Studio<'a>,
+    out: Option<PathBuf>,
+    page: Option<(Server, Page)>,
+}
+
+impl<'a> Preview<'a> {
+    /// Nothing is rendered yet. Warnings and mistakes of the recipe go to the reporter.
+    ///
+    /// # Errors
+    /// If the file of the sheet holds anything but an image, threads cannot be started, or the port cannot be had.
+    pub fn new(registry: &'a Registry, options: PreviewOptions, reporter: &'a dyn Reporter) -> Result<Self> {
+        let PreviewOptions { recipe, scenes, samples, width, labels, allow_libraries, out, serve, threads } = options;
+        if let Some(out) = &out
+            && std::fs::read(out).is_ok_and(|there| !there.is_empty() && !sheet::is_png(&there))
+        {
+            let error = Error::new("--out would overwrite a file that is no sheet of a preview").in_file(out);
+            return Err(error.help("name another file with --out, or remove this one").of_request());
+        }
+        let wishes = Wishes { recipe, samples, labels, allow_libraries };
+        let studio = Studio::new(reporter, registry, (wishes, scenes, width), threads)?;
+        let page = serve.map(Server::bind).transpose()?.map(|server| (server, Page::default()));
+        Ok(Self { studio, out, page })
+    }
+
+    /// Where the sheet is shown: the address of the page, and the file.
+    pub fn places(&self) -> Vec<String> {
+        let page = self.page.as_ref().map(|(server, _)| server.url());
+        page.into_iter().chain(self.out.as_ref().map(|out| out.display().to_string())).collect()
+    }
+
+    /// Makes one sheet. A recipe with mistakes leaves the file as it is.
+    ///
+    /// # Errors
+    /// If the sheet cannot be drawn or written.
+    pub fn once(&mut self, stop: &Stop) -> Result<Ended> {
+        let out = self.out.as_deref();
+        let mut show = |news: &News| match news.shown {
+            Shown::Sheet(_) => store(out, &png_of(news.shown)?),
+            Shown::Mistakes(_) => Ok(()),
+        };
+        self.studio.pass(&Watch::default(), stop, &mut show)
+    }
+
+    /// Makes a sheet after every save of the recipe or a file that it names, until it shall stop.
+    ///
+    /// # Errors
+    /// If a sheet cannot be drawn or written.
+    pub fn watch(&mut self, stop: &Stop) -> Result<()> {
+        let Self { studio, out, page } = self;
+        let (watch, page) = (Watch::default(), page.as_ref());
+        let mut show = |news: &News| {
+            let png = png_of(news.shown)?;
+            store(out.as_deref(), &png)?;
+            page.into_iter().for_each(|(_, page)| page.show(news, &png));
+            Ok(())
+        };
+        thread::scope(|scope| {
+            // However this ends, the other threads end, too.
+            let _end = End(stop);
+            scope.spawn(|| watch.run(stop));
+            if let Some((server, page)) = page {
+                scope.spawn(|| server.run(stop, &page.changes, &|request| page.answer(request)));
+            }
+            while !stop.is_requested() {
+                let work = watch.begin();
+                let ended = studio.pass(&watch, &work, &mut show)?;
+                watch.wait((ended == Ended::Mistaken).then_some(AGAIN), stop);
+            }
+            Ok(())
+        })
+    }
+}
+
+/// Asks for the end when it is dropped.
+struct End<'a>(&'a Stop);
+
+impl Drop for End<'_> {
+    fn drop(&mut self) {
+        if !self.0.is_requested() {
+            self.0.cancel();
+        }
+    }
+}
+
+/// Writes the sheet.
+fn store(out: Option<&Path>, bytes: &[u8]) -> Result<()> {
+    out.map_or(Ok(()), |out| write_file(out, bytes))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_sheet_is_named_after_the_recipe() {
+        for (recipe, wanted) in [
+            (None, "quickstart.preview.png"),
+            (Some("builtin:window-room"), "window-room.preview.png"),
+            (Some("../recipes/my.toml"), "my.preview.png"),
+        ] {
+            assert_eq!(PreviewOptions::default_out(recipe.map(Path::new)), Path::new(wanted));
+        }
+    }
+}

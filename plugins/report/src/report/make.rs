@@ -1,0 +1,284 @@
+//! Makes a report: from a path and options to a folder of pages.
+
+use super::overview::{MOST_OCCLUDED, MOST_WORST, by_occlusion};
+use super::record::run_of;
+use super::scored::Scored;
+use super::{Counted, Report, Shown};
+use crate::stats::{self, Options, Statistics};
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+use syntable_model::digest::{Digest, Hasher};
+use syntable_model::error::{Error, Result};
+use syntable_model::reader::{self, Source};
+use syntable_runtime::durable::{self, Draft, Standing};
+use syntable_runtime::images::{Work, each};
+use syntable_runtime::left_out::LeftOutReport;
+use syntable_runtime::paths::{dataset_folder, lies_in};
+use syntable_runtime::run::progress::count;
+
+/// What the list of files in a report's folder says of who made it.
+pub const MADE_BY: &str = "syntable report";
+
+/// What is shown of a dataset, and where.
+#[derive(Debug, Clone)]
+pub struct ReportOptions {
+    /// The dataset, of any format that can be read.
+    pub dataset: Source,
+    /// Its format; none for the one that it looks like.
+    pub format: Option<String>,
+    /// Folder of the report; none for the dataset's with `-report` after its name.
+    pub out: Option<PathBuf>,
+    /// Whether a report that is in the folder is replaced.
+    pub overwrite: bool,
+    /// Scores of predictions: what `syntable eval --save` wrote.
+    pub scores: Option<PathBuf>,
+    /// Maximum number of images: the most occluded ones, and others at even distances. The numbers are always those of all.
+    pub images: usize,
+    /// Maximum number of scenes in space.
+    pub scenes: usize,
+    /// Whether brightness, depth and near-duplicate views are left out, which is faster.
+    pub labels_only: bool,
+}
+
+impl ReportOptions {
+    /// A report beside the dataset, of at most 500 images and 6 scenes.
+    pub fn new(dataset: Source) -> Self {
+        let (format, out, scores) = (None, None, None);
+        Self { dataset, format, out, overwrite: false, scores, images: 500, scenes: 6, labels_only: false }
+    }
+}
+
+/// A report that was made.
+#[derive(Debug, Clone)]
+pub struct MadeReport {
+    /// Its first page.
+    pub index: PathBuf,
+    /// The format that the dataset was read as.
+    pub format: &'static str,
+    /// Images with labels in the report.
+    pub images: usize,
+    /// Images of the dataset.
+    pub all_images: usize,
+    /// Images of the dataset that were not chosen.
+    pub images_not_chosen: usize,
+    /// Scenes in space.
+    pub scenes: usize,
+    /// What a reader of the report should know.
+    pub notes: Vec<Error>,
+    /// What of the dataset could not be read, and is not on the pages.
+    pub left_out: LeftOutReport,
+}
+
+/// Makes a report: a folder of pages, which takes its place whole or not at all.
+///
+/// # Errors
+/// If the dataset cannot be opened, the folder is not free, a file cannot be written, or the work was asked to stop.
+pub fn make(options: &ReportOptions, work: &Work) -> Result<MadeReport> {
+    let ReportOptions { dataset: source, scores, .. } = options;
+    let dataset = &source.path;
+    let out = options.out.clone().map_or_else(|| beside(dataset), Ok).map_err(Error::of_request)?;
+    let read = dataset_folder(dataset);
+    for input in [Some(&read), Some(dataset), scores.as_ref()].into_iter().flatten() {
+        if lies_in(input, &out) {
+            let error = Error::new(format!("{} lies in it, and a new report would replace it", input.display()));
+            return Err(error.in_file(&out).help("choose another folder with --out").of_request());
+        }
+    }
+    check_out(&out, options.overwrite)?;
+    let (format, opened) = reader::open_source(source, options.format.as_deref())?;
+    let scored = scores.as_ref().map(|file| Scored::open(file, &*opened)).transpose()?;
+    let counting = Options { images: !options.labels_only, ..Options::default() };
+    let mut incomplete = Vec::new();
+    let counted = match stats::of(&*opened, &counting, work) {
+        Ok(statistics) => Counted::Done(Box::new(statistics)),
+        Err(error) if work.stop.is_requested() => return Err(error),
+        Err(error) => {
+            let error = error.in_file(dataset);
+            incomplete
+                .push(Error::new(format!("no statistics: {error}")).help("`syntable validate` lists what is wrong"));
+            Counted::Failed(error.to_string())
+        }
+    };
+    let worst = scored.as_ref().map_or(&[][..], Scored::images);
+    let (most_worst, most) = (worst.len(), options.images);
+    let chosen = |of: &dyn reader::DatasetReader| Shown {
+        images: choose(of.images().len(), most, statistics(&counted), worst),
+        scenes: Some(options.scenes),
+    };
+    let mut report = Report::of(opened, format.name, source, chosen)?;
+    if let Some(scored) = scored {
+        report = report.with_scores(scored);
+    }
+    report.put_statistics(counted);
+    let draft = Draft::begin(&out)?;
+    write(&report, &draft, work)?;
+    draft.publish_listed(MADE_BY)?;
+    let note = || {
+        Error::new(format!("the overview shows {MOST_WORST} of the {most_worst} worst images in the file of scores"))
+            .help("the page of each image in the report shows its predictions")
+    };
+    let (shown, unread) = (report.images(), report.unread());
+    Ok(MadeReport {
+        index: out.join("index.html"),
+        format: format.name,
+        images: shown - unread.len(),
+        all_images: report.dataset().images().len(),
+        images_not_chosen: report.dataset().images().len() - shown,
+        scenes: report.scenes().len(),
+        notes: (most_worst > MOST_WORST).then(note).into_iter().collect(),
+        left_out: left_out(&report, unread, incomplete),
+    })
+}
+
+/// What is not on the pages: images and other parts that cannot be read, and the statistics.
+fn left_out(report: &Report, unread: Vec<String>, incomplete: Vec<Error>) -> LeftOutReport {
+    let lost = report.lost();
+    let mut parts = Vec::new();
+    for (reasons, one) in [(unread.len(), "image"), (lost.len(), "other part")] {
+        parts.extend((reasons > 0).then(|| count(reasons as u32, one)));
+    }
+    parts.extend((!incomplete.is_empty()).then(|| "the statistics".to_owned()));
+    let mut left_out = LeftOutReport::default();
+    if !parts.is_empty() {
+        let reasons = unread.into_iter().chain(lost).map(Error::new);
+        let summary = format!("{} cannot be read: the pages lack what they say", parts.join(" and "));
+        left_out.add(summary, incomplete.into_iter().chain(reasons));
+    }
+    left_out.annotations(&report.dataset().passed_over(&report.dataset().offers()));
+    left_out
+}
+
+fn statistics(counted: &Counted) -> Option<&Statistics> {
+    match counted {
+        Counted::Done(statistics) => Some(statistics),
+        _ => None,
+    }
+}
+
+/// Images to show, ascending: those with the worst scores, the most occluded ones, and others at even distances.
+pub fn choose(all: usize, most: usize, statistics: Option<&Statistics>, worst: &[usize]) -> Vec<usize> {
+    if most >= all {
+        return (0..all).collect();
+    }
+    let occluded = statistics.map(by_occlusion).unwrap_or_default();
+    let mut chosen: BTreeSet<usize> = worst.iter().copied().take(most / 2).collect();
+    chosen.extend(occluded.into_iter().map(|(image, _)| image).take(MOST_OCCLUDED.min(most / 2)));
+    let others: Vec<usize> = (0..all).filter(|image| !chosen.contains(image)).collect();
+    let even = most.saturating_sub(chosen.len());
+    chosen.extend((0..even).map(|number| others[number * others.len() / even.max(1)]));
+    chosen.into_iter().collect()
+}
+
+/// Where the report of a dataset lies if nothing is said: beside it, since what lies in the folder of a run belongs to the run.
+fn beside(dataset: &Path) -> Result<PathBuf> {
+    let whole = std::path::absolute(dataset).map_err(|error| Error::io(dataset, &error))?;
+    let folder = &dataset_folder(&whole);
+    let Some(name) = folder.file_name() else {
+        return Err(Error::new("its folder has no name").in_file(dataset).help("choose one for the report with --out"));
+    };
+    // Of the folder of a writer: beside the whole run.
+    if let Some(run) = run_of(folder).filter(|run| run != folder) {
+        let inner = folder.strip_prefix(&run).unwrap_or(folder).iter();
+        let names = run.file_name().into_iter().chain(inner).map(|name| name.to_string_lossy());
+        let names: Vec<_> = names.collect();
+        return Ok(run.with_file_name(format!("{}-report", names.join("-"))));
+    }
+    let mut named = name.to_owned();
+    named.push("-report");
+    let is_named = dataset.is_dir() && dataset.file_name().is_some();
+    Ok(if is_named { dataset.with_file_name(named) } else { folder.with_file_name(named) })
+}
+
+/// Refuses a folder in which no report can be made.
+fn check_out(out: &Path, overwrite: bool) -> Result<()> {
+    let above = std::path::absolute(out).ok().and_then(|out| run_of(out.parent()?));
+    if let Some(run) = above {
+        return Err(Error::new(format!("it lies in the folder of a run, {}", run.display()))
+            .in_file(out)
+            .help("choose a folder beside it: files of a run are compared with its journal")
+            .of_request());
+    }
+    let refuse = |what: &str, help: &str| {
+        // A report that was killed at its very end is whole, and has left something beside it.
+        let _ = durable::mend(out);
+        Err(Error::new(what).in_file(out).help(help).of_request())
+    };
+    match durable::standing(out)? {
+        Standing::Made(listing) if listing.made_by == MADE_BY => match overwrite {
+            true => listing.check(out).and_then(|()| durable::mend(out)),
+            false => refuse("there is a report", "--overwrite replaces it"),
+        },
+        Standing::Made(_) | Standing::Other => {
+            refuse("it is there, and no report", "choose another folder with --out; nothing was touched")
+        }
+        Standing::Free => durable::mend(out),
+    }
+}
+
+/// Writes all files of a report into a folder.
+///
+/// # Errors
+/// If one cannot be written, or the work was asked to stop. What of the dataset cannot be read is left out, see [`Report::unread`] and [`Report::lost`].
+pub fn write(report: &Report, draft: &Draft, work: &Work) -> Result<()> {
+    report.gather_licenses();
+    let mut edition = Some(Hasher::new("edition of a report"));
+    let mut add = |digest: Digest| edition = edition.take().map(|it| it.digest(digest));
+    let of_file = |path: &str, bytes: &[u8]| Hasher::new("a file").text(path).bytes(bytes).finish();
+    // Images say whether their scene is shown in space.
+    for (scene, path) in report.scene_paths() {
+        match report.file(&path) {
+            Ok(Some(bytes)) => {
+                draft.write(&path, &bytes)?;
+                add(of_file(&path, &bytes));
+            }
+            Ok(None) => {}
+            Err(error) => report.lose_scene(scene, &error),
+        }
+    }
+    let image = |place: usize| {
+        let mut hasher = Hasher::new("files of an image");
+        for (path, bytes) in report.files_of_image(place)? {
+            draft.write(&path, &bytes)?;
+            hasher = hasher.text(&path).bytes(&bytes);
+        }
+        Ok(hasher.finish())
+    };
+    each(work, "showed", report.images(), &image, &mut |_, digest| add(digest))?;
+    let (pages, others): (Vec<String>, Vec<String>) =
+        report.other_paths().into_iter().partition(|path| path.ends_with(".html"));
+    for path in others {
+        if let Some(bytes) = report.file(&path)? {
+            draft.write(&path, &bytes)?;
+            add(of_file(&path, &bytes));
+        }
+    }
+    // Pages name the others with what they hold, so that a browser takes none of an earlier report.
+    if let Some(edition) = edition {
+        report.put_edition(&edition.finish());
+    }
+    for path in pages {
+        if let Some(bytes) = report.file(&path)? {
+            draft.write(&path, &bytes)?;
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn images_are_chosen_at_even_distances() {
+        assert_eq!(choose(5, 9, None, &[]), [0, 1, 2, 3, 4]);
+        assert_eq!(choose(100, 4, None, &[]), [0, 25, 50, 75]);
+        assert_eq!(choose(7, 3, None, &[]), [0, 2, 4]);
+        // Of the worst ones, at most one half.
+        assert_eq!(choose(100, 4, None, &[77, 3, 50]), [0, 3, 50, 77]);
+        // As many as there are to be, whatever was taken before.
+        for (all, most) in (2..20).flat_map(|all| (1..all).map(move |most| (all, most))) {
+            let shown = choose(all, most, None, &[all - 1, 0, all / 2]);
+            assert!(shown.len() == most && shown.is_sorted(), "{most} of {all}: {shown:?}");
+        }
+    }
+}
