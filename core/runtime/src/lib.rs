@@ -4,6 +4,7 @@ pub mod cache;
 pub mod check;
 pub mod conversion;
 pub mod durable;
+pub mod generate;
 pub mod images;
 pub mod left_out;
 pub mod memory;

@@ -4,9 +4,10 @@
 
 use super::losses::{Loss, Losses};
 use super::progress::{Guarded, Reporter, Warnings, count};
-use super::scene::{Writers, annotate, names};
+use super::stages::annotate;
 use super::stop::Stop;
 use super::times::Times;
+use super::writing::{Writers, names};
 use crate::durable::{self, Draft, Standing};
 use crate::plan::{self, Candidate, Fault, Implied, Plan, Producer};
 use crate::workers::Pool;

@@ -56,7 +56,7 @@ impl Loss {
 
 /// What stages left out so far. Sums do not depend on the order of images.
 #[derive(Debug, Default)]
-pub(super) struct Losses(Mutex<BTreeMap<(String, String), Loss>>);
+pub struct Losses(Mutex<BTreeMap<(String, String), Loss>>);
 
 impl Losses {
     fn add(&self, stage: &str, left_out: &LeftOut) {
@@ -77,7 +77,7 @@ impl Losses {
     }
 
     /// All sums, by stage.
-    pub(super) fn all(&self) -> Vec<Loss> {
+    pub fn all(&self) -> Vec<Loss> {
         self.0.lock().values().cloned().collect()
     }
 }

@@ -16,7 +16,7 @@
 //! | `convert` | writing datasets that were read in other formats |
 
 mod ahead;
-mod attempt;
+pub(crate) mod attempt;
 mod begin;
 mod change;
 mod convert;
@@ -26,24 +26,28 @@ mod foreign;
 mod inputs;
 mod inside;
 pub mod journal;
-mod losses;
+pub(crate) mod losses;
 mod make;
 pub(crate) mod manifest;
 mod merge;
 pub(crate) mod panics;
 pub mod preview;
 pub mod progress;
-mod queue;
+pub(crate) mod queue;
 mod records;
+pub(crate) mod recovery;
 mod scene;
 mod scenes;
 mod seen;
-mod sessions;
+pub(crate) mod sessions;
 mod settled;
+mod stages;
 pub mod stop;
 pub mod times;
 mod todo;
 mod verify;
+pub(crate) mod walk;
+mod writing;
 
 pub use convert::{Converted, convert, not_listed, products_of};
 pub(crate) use end::dataset_info;

@@ -8,7 +8,7 @@ use super::attempt::{Attempt, Tools};
 use super::losses::Losses;
 use super::panics;
 use super::progress::{Event, Reporter, Warnings};
-use super::scene::{annotate, run_in_scene};
+use super::stages::{annotate, run_in_scene};
 use super::stop::Stop;
 use super::times::Times;
 use super::{dataset_info, inputs};

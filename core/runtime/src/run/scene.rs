@@ -1,40 +1,33 @@
-//! One scene: composed, rendered view by view, annotated and written, with its attempts.
-//!
-//! A scene's thread composes it, then borrows a render session and hands each rendered view to the queue, where it is
-//! denoised, annotated and written while the next view is rendered. Views are written in order, and the error of an
-//! attempt is that of its first failing view, so nothing depends on the scheduling.
+//! One scene of a run: composed, walked over and written, with its attempts.
 
-use super::attempt::{self, Tools, keep, provided};
+use super::attempt::{self, Tools};
 use super::folder::Folder;
 use super::journal::{JournalEntry, SceneOutcome};
-use super::losses::{Loss, Losses, StageLog};
+use super::losses::{Loss, Losses};
 use super::manifest::{Manifest, Written};
 use super::panics::unwound;
 use super::progress::{Event, Reporter};
 use super::queue::Queue;
 use super::records::{self, Records};
+use super::recovery::{DEVICE_REPEATS, Recovery};
 use super::seen::{Odd, Seen};
 use super::sessions::Sessions;
 use super::settled;
 use super::times::Times;
 use super::todo;
-use crate::plan::{Plan, PlannedStage, Producer};
+use super::walk::{Sink, Walk, scene_event};
+use super::writing::Writers;
+use crate::plan::Plan;
 use crate::pools::RecordingAssets;
-use parking_lot::{Condvar, Mutex};
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 use syntable_model::check::Check;
-use syntable_model::context::{DatasetContext, SceneContext, ViewContext};
+use syntable_model::context::{SceneContext, ViewContext};
 use syntable_model::error::{Error, Result};
-use syntable_model::product::standard::RADIANCE;
-use syntable_model::product::{KeyId, Name, Products, RenderParameters, Scope};
-use syntable_model::random::Stream;
-use syntable_model::scene::{Placed, Scene, SceneId, Settled, View, ViewId};
-use syntable_model::stage::{DatasetInfo, Denoiser, Input, Output, SceneWriter, ViewProducts, Writer};
-
-/// How often an attempt is repeated whose device failed.
-const DEVICE_REPEATS: u32 = 2;
+use syntable_model::product::Products;
+use syntable_model::scene::{Placed, Scene, SceneId, Settled, View};
+use syntable_model::stage::{DatasetInfo, Output, Writer};
 
 /// Makes scenes.
 pub struct SceneMaker<'a> {
@@ -161,15 +154,20 @@ impl<'a> SceneMaker<'a> {
             self.tools.running()?;
             // A refused asset or a full disk concerns the run, and so does what other random numbers cannot change.
             self.tools.assets.refused()?;
-            let again = error.is_passing() && repeat < DEVICE_REPEATS;
-            if !again && (error.is_permanent() || error.is_io() || (error.is_device() && task.is_present)) {
+            let recovery = Recovery::of(&error, repeat);
+            // A scene that the dataset has is no worse for a device that stays away: the run stops.
+            let stops = recovery == Recovery::FailScene && error.is_device() && task.is_present;
+            if stops || recovery == Recovery::Stop {
                 return Err(error);
             }
             let error = if error.is_contradiction() { self.aside(scene, error)? } else { error };
-            let no_other = error.is_device() || error.is_contradiction();
-            let last = !again && (no_other || number + 1 == self.tools.recipe.dataset.max_attempts);
+            let last = match recovery {
+                Recovery::Repeat => false,
+                Recovery::NextAttempt => number + 1 == self.tools.recipe.dataset.max_attempts,
+                Recovery::FailScene | Recovery::Stop => true,
+            };
             self.reporter.event(&Event::Attempt { scene, attempt: number, error: error.to_string(), last });
-            if !again {
+            if recovery != Recovery::Repeat {
                 return Ok(Tried::Failed(error));
             }
         }
@@ -184,9 +182,9 @@ impl<'a> SceneMaker<'a> {
         Ok(error.in_file(folder).help(help))
     }
 
-    fn scene_context<'s>(&'s self, work: &'s Work, scene: &'s Scene) -> SceneContext<'s> {
-        let Tools { workers, log, cache, .. } = self.tools;
-        DatasetContext::new(&work.dataset, workers, log).with_cache(cache).scene(scene)
+    fn walk<'m>(&'m self, work: &'m Work) -> Walk<'m> {
+        let Self { tools, sessions, checks, reporter, .. } = *self;
+        Walk { tools, sessions, checks, reporter, dataset: &work.dataset, plan: &work.plan }
     }
 }
 
@@ -243,37 +241,22 @@ struct Attempt<'m, 'a> {
 
 impl<'m> Attempt<'m, '_> {
     fn run(&self, staged: &Path, stored: bool, queue: &Queue<'m>) -> Result<Attempted> {
-        let (maker, work) = (self.maker, self.work);
+        let (maker, work, times) = (self.maker, self.work, self.maker.tools.times);
         let losses = Arc::new(Losses::default());
         let scene = Arc::new(self.scene(staged, stored)?);
-        let cx = maker.scene_context(work, &scene);
-        let mut products = Products::new();
-        for stage in &work.plan.before_views {
-            run_in_scene(maker.tools.times, &losses, stage, &cx, &[], &mut products)?;
-        }
-        let views: Vec<Arc<View>> = (0..work.dataset.views_per_scene)
-            .map(|number| self.core.view(&scene, ViewId(number)).map(Arc::new))
-            .collect::<Result<_>>()?;
-        let writers = Writers::start(work.writers.iter().copied(), &cx, staged, (maker.tools.times, &losses))?;
-        let views = self.render(&scene, &views, writers, (&products, &losses), queue)?;
-        for stage in &work.plan.after_views {
-            let reads: Vec<Name> = stage.reads.iter().map(|key| key.name).collect();
-            let lent: Vec<ViewProducts> = views
-                .views
-                .iter()
-                .map(|view| ViewProducts { view: Arc::clone(&view.view), products: view.products.only(&reads) })
-                .collect();
-            run_in_scene(maker.tools.times, &losses, stage, &cx, &lent, &mut products)?;
-        }
-        let mut written = views.writers.close(&cx, &products)?;
+        let walk = maker.walk(work);
+        let start = |cx: &SceneContext| {
+            let writers = Writers::start(work.writers.iter().copied(), cx, staged, (times, &losses))?;
+            Ok(Files { writers, records: Records::default(), seen: Seen::default(), plan: &work.plan, times })
+        };
+        let (files, products) = walk.scene(&self.core, &scene, &losses, queue, start)?;
+        let mut written = files.writers.close(&walk.context(&scene), &products)?;
         let output = Output::new(staged, records::OWNER, self.core.scene);
-        maker.tools.times.of("records", || views.records.write(&work.plan, &products, &output))?;
+        times.of("records", || files.records.write(&work.plan, &products, &output))?;
         written.extend(Some((records::OWNER.to_owned(), output.files())).filter(|(_, files)| !files.is_empty()));
-        let (removed, objects) = (scene.settle.removed.len() as u32, scene.objects().len() as u32);
-        maker.reporter.event(&Event::Scene { scene: self.core.scene.0, objects, removed });
-        let left_out = losses.all();
-        let (views, odd) = (work.dataset.views_per_scene, views.seen.odd(&scene));
-        Ok(Attempted { views, objects, odd, left_out, written })
+        maker.reporter.event(&scene_event(&scene));
+        let (views, objects) = (work.dataset.views_per_scene, scene.objects().len() as u32);
+        Ok(Attempted { views, objects, odd: files.seen.odd(&scene), left_out: losses.all(), written })
     }
 
     /// Places the bodies, and lets them come to rest or does to them what settling did before, if that is `stored`.
@@ -294,307 +277,22 @@ impl<'m> Attempt<'m, '_> {
         };
         builder.freeze(scene, number, report)
     }
-
-    /// Renders the views, and sees each through annotation and writing.
-    fn render(
-        &self,
-        scene: &Arc<Scene>,
-        views: &[Arc<View>],
-        writers: Writers<'m>,
-        (of_scene, losses): (&Products, &Arc<Losses>),
-        queue: &Queue<'m>,
-    ) -> Result<Views<'m>> {
-        let line = Arc::new(Line::new(writers, losses));
-        let work = self.work;
-        let after = |view: &View| views.get(view.id.0 as usize + 1).cloned();
-        let follow = |view: &Arc<View>, products: Products| {
-            let sensing: BTreeMap<String, Stream> = self.core.sensing(&work.plan, view.id);
-            let (maker, scene, line) = (self.maker, Arc::clone(scene), Arc::clone(&line));
-            let views = (Arc::clone(view), after(view));
-            line.clone().announce();
-            queue.add(move || line.follow((maker, work), &scene, views, products, &sensing));
-        };
-        let next = || if line.has_failed() { Ok(false) } else { self.maker.tools.running().map(|()| true) };
-        let render = || {
-            if work.plan.rendered.is_empty() {
-                // Nothing of it needs an image: neither does it need a session.
-                return views.iter().try_for_each(|view| {
-                    if next()? {
-                        follow(view, of_scene.clone());
-                    }
-                    Ok(())
-                });
-            }
-            self.maker.sessions.with(|session| {
-                self.maker.tools.times.of("render.load", || session.load(scene, self.maker.tools.workers))?;
-                for view in views {
-                    if !next()? {
-                        break;
-                    }
-                    let mut products = of_scene.clone();
-                    self.core.render_view(&work.plan, session, (view, after(view).as_deref()), &mut products)?;
-                    follow(view, products);
-                }
-                Ok(())
-            })
-        };
-        // Whatever becomes of it, views that were handed over are waited for: they write into the attempt's folder.
-        let rendered = unwound(render);
-        // The first failing view speaks for the attempt; the renderer's own error is of a later one.
-        let views = line.join()?;
-        rendered.map(|()| views)
-    }
 }
 
-/// The views of a scene on their way from the renderer to the files: annotated at once, written in order.
-struct Line<'m> {
-    losses: Arc<Losses>,
-    state: Mutex<LineState<'m>>,
-    moved: Condvar,
-}
-
-struct LineState<'m> {
-    /// Views that were handed over.
-    announced: u32,
-    /// The next view to write.
-    next: u32,
-    /// The error of the first failing view.
-    failure: Option<Error>,
-    views: Views<'m>,
-}
-
-/// The writers of a scene, and what is kept of its views.
-struct Views<'m> {
+/// Writes the views of a scene, and keeps what the journal and the annotators of the dataset want of them.
+struct Files<'m> {
     writers: Writers<'m>,
     records: Records,
     seen: Seen,
-    /// What the annotators after the views read.
-    views: Vec<ViewProducts>,
-}
-
-impl<'m> Line<'m> {
-    fn new(writers: Writers<'m>, losses: &Arc<Losses>) -> Self {
-        let views = Views { writers, ..Views::default() };
-        let state = LineState { announced: 0, next: 0, failure: None, views };
-        Self { losses: Arc::clone(losses), state: Mutex::new(state), moved: Condvar::new() }
-    }
-
-    fn has_failed(&self) -> bool {
-        self.state.lock().failure.is_some()
-    }
-
-    fn announce(&self) {
-        self.state.lock().announced += 1;
-    }
-
-    /// Denoises, senses and annotates a view, waits until it is its turn, and writes it.
-    fn follow(
-        &self,
-        (maker, work): (&SceneMaker, &Work),
-        scene: &Scene,
-        (view, next): (Arc<View>, Option<Arc<View>>),
-        mut products: Products,
-        sensing: &BTreeMap<String, Stream>,
-    ) {
-        let cx = maker.scene_context(work, scene).view(&view).before(next.as_deref());
-        let plan = &work.plan;
-        let of_view = |error: Error| error.context(format!("view {}", view.id.0));
-        let checked =
-            |products: &Products| maker.tools.times.of("checks", || check(maker.checks, products)).map_err(of_view);
-        let make = || {
-            annotate(maker.tools.times, Some(&*self.losses), plan, &cx, sensing, &mut products)?;
-            checked(&products)
-        };
-        let made = if self.has_failed() { Ok(()) } else { unwound(make) };
-        let mut state = self.state.lock();
-        while state.next != view.id.0 {
-            self.moved.wait(&mut state);
-        }
-        if state.failure.is_none() {
-            let written = unwound(|| {
-                made?;
-                state.views.writers.view(&cx, &products)?;
-                maker.tools.times.of("records", || state.views.records.view(plan, &products))?;
-                state.views.seen.look(&view, &products);
-                state.views.keep(plan, &view, &products);
-                maker.reporter.event(&Event::Image { scene: scene.id.0, view: view.id.0 });
-                Ok(())
-            });
-            state.failure = written.err();
-        }
-        state.next += 1;
-        self.moved.notify_all();
-    }
-
-    /// Waits for all views that were handed over.
-    fn join(self: Arc<Self>) -> Result<Views<'m>> {
-        let mut state = self.state.lock();
-        while state.next != state.announced {
-            self.moved.wait(&mut state);
-        }
-        match state.failure.take() {
-            Some(error) => Err(error),
-            None => Ok(std::mem::take(&mut state.views)),
-        }
-    }
-}
-
-impl Default for Views<'_> {
-    fn default() -> Self {
-        Self { writers: Writers(Vec::new()), records: Records::default(), seen: Seen::default(), views: Vec::new() }
-    }
-}
-
-impl Views<'_> {
-    fn keep(&mut self, plan: &Plan, view: &Arc<View>, products: &Products) {
-        let reads = plan.after_views.iter().flat_map(|stage| &stage.reads);
-        let names: Vec<Name> = reads.filter(|key| key.scope == Scope::View).map(|key| key.name).collect();
-        if !names.is_empty() {
-            self.views.push(ViewProducts { view: Arc::clone(view), products: products.only(&names) });
-        }
-    }
-}
-
-/// The scene writers of a recipe, each with the names of the products that it reads.
-pub struct Writers<'m>(Vec<Writing<'m>>);
-
-struct Writing<'m> {
-    stage: String,
-    reads: Vec<String>,
-    writer: Box<dyn SceneWriter + 'm>,
-    output: Output,
+    plan: &'m Plan,
     times: &'m Times,
-    losses: Arc<Losses>,
 }
 
-impl<'m> Writers<'m> {
-    /// Starts the files of a scene in a folder.
-    pub fn start(
-        writers: impl IntoIterator<Item = &'m (String, Box<dyn Writer>)>,
-        cx: &SceneContext,
-        staged: &Path,
-        (times, losses): (&'m Times, &Arc<Losses>),
-    ) -> Result<Self> {
-        let start = |(id, writer): &'m (String, Box<dyn Writer>)| {
-            let (stage, output) = (format!("write.{id}"), Output::new(staged, id, cx.scene_id));
-            let scene_writer = times.of(&stage, || writer.scene(cx, output.clone()))?;
-            let losses = Arc::clone(losses);
-            Ok(Writing { stage, reads: names(&writer.reads()), writer: scene_writer, output, times, losses })
-        };
-        writers.into_iter().map(start).collect::<Result<_>>().map(Self)
+impl Sink for Files<'_> {
+    fn view(&mut self, cx: &ViewContext, view: &Arc<View>, products: &Products) -> Result<()> {
+        self.writers.view(cx, products)?;
+        self.times.of("records", || self.records.view(self.plan, products))?;
+        self.seen.look(view, products);
+        Ok(())
     }
-
-    /// Writes a view.
-    pub fn view(&mut self, cx: &ViewContext, products: &Products) -> Result<()> {
-        self.view_of(cx, |reads| Ok(products.only(reads)))
-    }
-
-    /// Writes a view of which each writer is lent what `lend` gives for the names of the products that it reads.
-    pub fn view_of(&mut self, cx: &ViewContext, lend: impl Fn(&[String]) -> Result<Products>) -> Result<()> {
-        self.0.iter_mut().try_for_each(|Writing { stage, reads, writer, times, losses, .. }| {
-            let log = StageLog { log: cx.log, losses, stage };
-            let lent = lend(reads)?;
-            times.of(stage, || writer.view(&cx.with_log(&log), &lent))
-        })
-    }
-
-    /// Ends the files of the scene, and says whose they are.
-    pub fn close(self, cx: &SceneContext, products: &Products) -> Result<Written> {
-        let close = |Writing { stage, reads, writer, output, times, losses }: Writing| {
-            let log = StageLog { log: cx.log, losses: &losses, stage: &stage };
-            times.of(&stage, || writer.close(&cx.with_log(&log), &products.only(&reads)))?;
-            Ok((output.id().to_owned(), output.files()))
-        };
-        self.0.into_iter().map(close).collect()
-    }
-}
-
-/// Names of the products that a writer reads.
-pub fn names(inputs: &[Input]) -> Vec<String> {
-    inputs.iter().map(|input| input.product.clone()).collect()
-}
-
-/// Runs all producers of a view. What they leave out is added to `losses`; without these it is a warning.
-pub fn annotate(
-    times: &Times,
-    losses: Option<&Losses>,
-    plan: &Plan,
-    cx: &ViewContext,
-    sensing: &BTreeMap<String, Stream>,
-    products: &mut Products,
-) -> Result<()> {
-    for stage in &plan.per_view {
-        let log = losses.map(|losses| StageLog { log: cx.log, losses, stage: &stage.stage });
-        let cx = &log.as_ref().map_or(*cx, |log| cx.with_log(log));
-        let made = lend(times, stage, products, |lent| match &*stage.producer {
-            Producer::Denoiser(denoiser) => denoiser.denoise(cx, lent),
-            Producer::Sensor(sensor) => sensor.sense(cx, &sensing[&stage.stage], lent),
-            Producer::View(annotator) => annotator.annotate(cx, lent),
-            Producer::Scene(_) | Producer::Dataset(_) => unreachable!("the plan sorts producers by scope"),
-        })?;
-        keep(plan, made, products)?;
-        if let Producer::Denoiser(denoiser) = &*stage.producer {
-            plan.denoised.iter().try_for_each(|&of| denoise_objects(times, stage, &**denoiser, of, cx, products))?;
-        }
-    }
-    Ok(())
-}
-
-/// Denoises the light on objects as that of the image.
-fn denoise_objects(
-    times: &Times,
-    stage: &PlannedStage,
-    denoiser: &dyn Denoiser,
-    parameters: RenderParameters,
-    cx: &ViewContext,
-    products: &mut Products,
-) -> Result<()> {
-    let own = |key: &KeyId| key.with(parameters);
-    let mut of_image = products.only(&stage.reads.iter().map(|key| own(key).name).collect::<Vec<_>>());
-    for key in &stage.reads {
-        of_image.rename(own(key), *key)?;
-    }
-    let mut made = lend(times, stage, &of_image, |lent| denoiser.denoise(cx, lent))?.only(&[RADIANCE.id().name]);
-    made.rename(RADIANCE.id(), own(&RADIANCE.id()))?;
-    products.extend(made)
-}
-
-/// Makes all checks on a view.
-fn check(checks: &[Check], products: &Products) -> Result<()> {
-    let of = |check: &Check| -> Result<Option<String>> {
-        let faults = check.run(products)?;
-        Ok((!faults.is_empty()).then(|| format!("{}: {}", check.name, faults.join("; "))))
-    };
-    let faults: Vec<String> = checks.iter().filter_map(|check| of(check).transpose()).collect::<Result<_>>()?;
-    if faults.is_empty() { Ok(()) } else { Err(Error::contradiction(faults.join("\n"))) }
-}
-
-/// Runs an annotator of the scene.
-pub fn run_in_scene(
-    times: &Times,
-    losses: &Losses,
-    stage: &PlannedStage,
-    cx: &SceneContext,
-    views: &[ViewProducts],
-    products: &mut Products,
-) -> Result<()> {
-    let Producer::Scene(annotator) = &*stage.producer else { unreachable!("the plan sorts producers by scope") };
-    let log = StageLog { log: cx.log, losses, stage: &stage.stage };
-    let made = lend(times, stage, products, |lent| annotator.annotate(&cx.with_log(&log), views, lent))?;
-    products.extend(made)
-}
-
-/// Lends a producer what it declares to read, and returns what it made, which is what it declares to provide.
-pub fn lend(
-    times: &Times,
-    stage: &PlannedStage,
-    products: &Products,
-    make: impl FnOnce(&mut Products) -> Result<()>,
-) -> Result<Products> {
-    let lent = products.only(&stage.reads.iter().map(|key| key.name).collect::<Vec<_>>());
-    let mut filled = lent.clone();
-    times.of(&stage.stage, || make(&mut filled))?;
-    let made = filled.without(&lent);
-    provided(&stage.provides, &made).map_err(|error| error.context(&stage.stage))?;
-    Ok(made)
 }

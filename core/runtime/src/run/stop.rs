@@ -16,7 +16,11 @@ const LOOK: Duration = Duration::from_millis(50);
 ///
 /// A run that is asked to stop begins no scene, drops the scenes in the making, and keeps all that is done.
 #[derive(Debug, Clone, Default)]
-pub struct Stop(Arc<AtomicUsize>);
+pub struct Stop {
+    own: Arc<AtomicUsize>,
+    /// Flags that end this one, too.
+    outer: Vec<Arc<AtomicUsize>>,
+}
 
 /// Who asked for the end.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -30,16 +34,22 @@ pub enum StopReason {
 impl Stop {
     /// Asks for the end.
     pub fn cancel(&self) {
-        self.0.store(CANCELLED, Ordering::SeqCst);
+        self.own.store(CANCELLED, Ordering::SeqCst);
+    }
+
+    /// A handle for a part of the work: this one ends it, too, and the part can end alone.
+    pub fn nested(&self) -> Self {
+        Self { own: Arc::default(), outer: self.outer.iter().chain([&self.own]).cloned().collect() }
     }
 
     /// Why the work shall end; none while it shall go on.
     pub fn requested(&self) -> Option<StopReason> {
-        match self.0.load(Ordering::SeqCst) {
+        let reason = |flag: &Arc<AtomicUsize>| match flag.load(Ordering::SeqCst) {
             0 => None,
             CANCELLED => Some(StopReason::Cancelled),
             signal => Some(u8::try_from(signal).map_or(StopReason::Cancelled, StopReason::Signal)),
-        }
+        };
+        self.outer.iter().chain([&self.own]).find_map(reason)
     }
 
     /// Whether the work shall end.
@@ -56,7 +66,7 @@ impl Stop {
 
     /// The shared flag, for handlers of signals, which store the signal's number in it.
     pub fn flag(&self) -> Arc<AtomicUsize> {
-        Arc::clone(&self.0)
+        Arc::clone(&self.own)
     }
 }
 

@@ -1,0 +1,99 @@
+//! Runs the stages of a plan on products: each is lent what it reads, and must give what it provides.
+
+use super::attempt::{keep, provided};
+use super::losses::{Losses, StageLog};
+use super::times::Times;
+use crate::plan::{Plan, PlannedStage, Producer};
+use std::collections::BTreeMap;
+use syntable_model::check::Check;
+use syntable_model::context::{SceneContext, ViewContext};
+use syntable_model::error::{Error, Result};
+use syntable_model::product::standard::RADIANCE;
+use syntable_model::product::{KeyId, Products, RenderParameters};
+use syntable_model::random::Stream;
+use syntable_model::stage::{Denoiser, ViewProducts};
+
+/// Runs all producers of a view. What they leave out is added to `losses`; without these it is a warning.
+pub fn annotate(
+    times: &Times,
+    losses: Option<&Losses>,
+    plan: &Plan,
+    cx: &ViewContext,
+    sensing: &BTreeMap<String, Stream>,
+    products: &mut Products,
+) -> Result<()> {
+    for stage in &plan.per_view {
+        let log = losses.map(|losses| StageLog { log: cx.log, losses, stage: &stage.stage });
+        let cx = &log.as_ref().map_or(*cx, |log| cx.with_log(log));
+        let made = lend(times, stage, products, |lent| match &*stage.producer {
+            Producer::Denoiser(denoiser) => denoiser.denoise(cx, lent),
+            Producer::Sensor(sensor) => sensor.sense(cx, &sensing[&stage.stage], lent),
+            Producer::View(annotator) => annotator.annotate(cx, lent),
+            Producer::Scene(_) | Producer::Dataset(_) => unreachable!("the plan sorts producers by scope"),
+        })?;
+        keep(plan, made, products)?;
+        if let Producer::Denoiser(denoiser) = &*stage.producer {
+            plan.denoised.iter().try_for_each(|&of| denoise_objects(times, stage, &**denoiser, of, cx, products))?;
+        }
+    }
+    Ok(())
+}
+
+/// Denoises the light on objects as that of the image.
+fn denoise_objects(
+    times: &Times,
+    stage: &PlannedStage,
+    denoiser: &dyn Denoiser,
+    parameters: RenderParameters,
+    cx: &ViewContext,
+    products: &mut Products,
+) -> Result<()> {
+    let own = |key: &KeyId| key.with(parameters);
+    let mut of_image = products.only(&stage.reads.iter().map(|key| own(key).name).collect::<Vec<_>>());
+    for key in &stage.reads {
+        of_image.rename(own(key), *key)?;
+    }
+    let mut made = lend(times, stage, &of_image, |lent| denoiser.denoise(cx, lent))?.only(&[RADIANCE.id().name]);
+    made.rename(RADIANCE.id(), own(&RADIANCE.id()))?;
+    products.extend(made)
+}
+
+/// Makes all checks on a view.
+pub fn check(checks: &[Check], products: &Products) -> Result<()> {
+    let of = |check: &Check| -> Result<Option<String>> {
+        let faults = check.run(products)?;
+        Ok((!faults.is_empty()).then(|| format!("{}: {}", check.name, faults.join("; "))))
+    };
+    let faults: Vec<String> = checks.iter().filter_map(|check| of(check).transpose()).collect::<Result<_>>()?;
+    if faults.is_empty() { Ok(()) } else { Err(Error::contradiction(faults.join("\n"))) }
+}
+
+/// Runs an annotator of the scene.
+pub fn run_in_scene(
+    times: &Times,
+    losses: &Losses,
+    stage: &PlannedStage,
+    cx: &SceneContext,
+    views: &[ViewProducts],
+    products: &mut Products,
+) -> Result<()> {
+    let Producer::Scene(annotator) = &*stage.producer else { unreachable!("the plan sorts producers by scope") };
+    let log = StageLog { log: cx.log, losses, stage: &stage.stage };
+    let made = lend(times, stage, products, |lent| annotator.annotate(&cx.with_log(&log), views, lent))?;
+    products.extend(made)
+}
+
+/// Lends a producer what it declares to read, and returns what it made, which is what it declares to provide.
+pub fn lend(
+    times: &Times,
+    stage: &PlannedStage,
+    products: &Products,
+    make: impl FnOnce(&mut Products) -> Result<()>,
+) -> Result<Products> {
+    let lent = products.only(&stage.reads.iter().map(|key| key.name).collect::<Vec<_>>());
+    let mut filled = lent.clone();
+    times.of(&stage.stage, || make(&mut filled))?;
+    let made = filled.without(&lent);
+    provided(&stage.provides, &made).map_err(|error| error.context(&stage.stage))?;
+    Ok(made)
+}

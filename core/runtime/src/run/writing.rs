@@ -1,0 +1,70 @@
+//! The writers of one scene, with the files that they make.
+
+use super::losses::{Losses, StageLog};
+use super::manifest::Written;
+use super::times::Times;
+use std::path::Path;
+use std::sync::Arc;
+use syntable_model::context::{SceneContext, ViewContext};
+use syntable_model::error::Result;
+use syntable_model::product::Products;
+use syntable_model::stage::{Input, Output, SceneWriter, Writer};
+
+/// The scene writers of a recipe, each with the names of the products that it reads.
+pub struct Writers<'m>(Vec<Writing<'m>>);
+
+struct Writing<'m> {
+    stage: String,
+    reads: Vec<String>,
+    writer: Box<dyn SceneWriter + 'm>,
+    output: Output,
+    times: &'m Times,
+    losses: Arc<Losses>,
+}
+
+impl<'m> Writers<'m> {
+    /// Starts the files of a scene in a folder.
+    pub fn start(
+        writers: impl IntoIterator<Item = &'m (String, Box<dyn Writer>)>,
+        cx: &SceneContext,
+        staged: &Path,
+        (times, losses): (&'m Times, &Arc<Losses>),
+    ) -> Result<Self> {
+        let start = |(id, writer): &'m (String, Box<dyn Writer>)| {
+            let (stage, output) = (format!("write.{id}"), Output::new(staged, id, cx.scene_id));
+            let scene_writer = times.of(&stage, || writer.scene(cx, output.clone()))?;
+            let losses = Arc::clone(losses);
+            Ok(Writing { stage, reads: names(&writer.reads()), writer: scene_writer, output, times, losses })
+        };
+        writers.into_iter().map(start).collect::<Result<_>>().map(Self)
+    }
+
+    /// Writes a view.
+    pub fn view(&mut self, cx: &ViewContext, products: &Products) -> Result<()> {
+        self.view_of(cx, |reads| Ok(products.only(reads)))
+    }
+
+    /// Writes a view of which each writer is lent what `lend` gives for the names of the products that it reads.
+    pub fn view_of(&mut self, cx: &ViewContext, lend: impl Fn(&[String]) -> Result<Products>) -> Result<()> {
+        self.0.iter_mut().try_for_each(|Writing { stage, reads, writer, times, losses, .. }| {
+            let log = StageLog { log: cx.log, losses, stage };
+            let lent = lend(reads)?;
+            times.of(stage, || writer.view(&cx.with_log(&log), &lent))
+        })
+    }
+
+    /// Ends the files of the scene, and says whose they are.
+    pub fn close(self, cx: &SceneContext, products: &Products) -> Result<Written> {
+        let close = |Writing { stage, reads, writer, output, times, losses }: Writing| {
+            let log = StageLog { log: cx.log, losses: &losses, stage: &stage };
+            times.of(&stage, || writer.close(&cx.with_log(&log), &products.only(&reads)))?;
+            Ok((output.id().to_owned(), output.files()))
+        };
+        self.0.into_iter().map(close).collect()
+    }
+}
+
+/// Names of the products that a writer reads.
+pub fn names(inputs: &[Input]) -> Vec<String> {
+    inputs.iter().map(|input| input.product.clone()).collect()
+}
