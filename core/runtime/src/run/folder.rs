@@ -64,15 +64,19 @@ struct Proposed {
 const MARK: &str = RESERVED[0];
 const RECIPE: &str = RESERVED[1];
 /// Name of the manifest of what the end of a run wrote.
-const FINISHED: &str = "finished.json";
+pub(super) const FINISHED: &str = "finished.json";
 /// Name of the folder of the manifests of scenes.
-const SCENES: &str = "scenes";
+pub(super) const SCENES: &str = "scenes";
+/// Name of the folder of scenes in the making.
+pub(super) const STAGING: &str = "staging";
+/// Name of the folder of what is being deleted.
+pub(super) const BIN: &str = "discard";
 /// What the end of a run reads of the scenes.
 const SHARDS: &str = ".syntable/shards/";
 /// Name of the folder of scenes whose labels contradict each other.
 const QUARANTINE: &str = "quarantine";
 /// What is known of a staged scene, among files that no writer can write.
-const RECORD: &str = ".syntable/staged.json";
+pub(super) const RECORD: &str = ".syntable/staged.json";
 /// What a dataset consists of beside its files and the lock, in the order in which `--overwrite` takes it away: without a
 /// journal there is no dataset.
 fn state(root: &Path) -> [PathBuf; 10] {
@@ -92,7 +96,7 @@ fn state(root: &Path) -> [PathBuf; 10] {
 
 /// A staged scene: its line of the journal, and files of the scene that it no longer has.
 #[derive(Serialize, Deserialize)]
-struct Staged {
+pub(super) struct Staged {
     entry: JournalEntry,
     stale: Vec<DatasetPath>,
 }
@@ -605,7 +609,9 @@ impl Folder {
         }
         let mut manifests: Vec<PathBuf> = vec![bin.join(FINISHED)];
         let scenes = fs::read_dir(bin.join(SCENES)).into_iter().flatten();
-        manifests.extend(scenes.flatten().map(|entry| entry.path()));
+        let names = scenes.flatten().map(|entry| entry.file_name());
+        let names = names.filter(|name| name.to_str().is_some_and(foreign::is_manifest));
+        manifests.extend(names.map(|name| bin.join(SCENES).join(name)));
         for path in manifests {
             let Some((manifest, _)) = Manifest::read(&path)? else { continue };
             for path in manifest.files.keys() {
@@ -621,7 +627,7 @@ impl Folder {
     }
 
     fn bin(&self) -> PathBuf {
-        self.root.join(MARK).join("discard")
+        self.root.join(MARK).join(BIN)
     }
 
     fn staging(&self) -> PathBuf {
@@ -784,7 +790,7 @@ fn catalogs_folder(root: &Path) -> PathBuf {
 }
 
 fn staging_folder(root: &Path) -> PathBuf {
-    root.join(MARK).join("staging")
+    root.join(MARK).join(STAGING)
 }
 
 /// What the end of the last run in a dataset wrote; nothing if the list cannot be read.

@@ -8,6 +8,7 @@ use std::io::{BufRead, BufReader, ErrorKind, Read, Write};
 use std::path::{Path, PathBuf};
 use syntable_model::error::{Error, Result};
 use syntable_model::limits::RUN_LIST_BYTES;
+use syntable_model::some::SHOWN;
 
 /// A line of the journal: a scene that is done.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
@@ -224,16 +225,22 @@ impl Journal {
         Ok((entries, whole))
     }
 
-    /// Reads the lines of a journal that can be read, and says which ones cannot.
+    /// Reads the lines of a journal that can be read, and says which ones cannot: the first [`SHOWN`], and how many more.
     pub fn readable(path: &Path) -> Result<(BTreeMap<u32, JournalEntry>, Vec<String>)> {
-        let (mut entries, mut faults) = (BTreeMap::new(), Vec::new());
+        let (mut entries, mut faults, mut more) = (BTreeMap::new(), Vec::new(), 0_u64);
         each_line(path, |number, line| {
             match line {
                 Ok(entry) => drop(entries.insert(entry.scene, entry)),
-                Err(error) => faults.push(format!("line {number} is no journal line: {error}")),
+                Err(error) if faults.len() < SHOWN => {
+                    faults.push(format!("line {number} is no journal line: {error}"));
+                }
+                Err(_) => more += 1,
             }
             Ok(())
         })?;
+        if more > 0 {
+            faults.push(format!("{more} more lines are no journal lines"));
+        }
         Ok((entries, faults))
     }
 
@@ -451,6 +458,16 @@ mod tests {
             let want = format!("journal.jsonl:1: not a journal line: missing field `{lacks}`");
             assert!(error.contains(&want) && error.contains("another version began it"), "{error}");
         }
+    }
+
+    #[test]
+    fn of_many_bad_lines_the_first_are_told_and_the_rest_counted() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("journal.jsonl");
+        fs::write(&path, "x\n".repeat(500)).expect("writable");
+        let (entries, faults) = Journal::readable(&path).expect("readable");
+        assert!(entries.is_empty() && faults.len() == SHOWN + 1, "{faults:?}");
+        assert!(faults[0].starts_with("line 1 ") && faults[SHOWN].starts_with(&format!("{} more", 500 - SHOWN)));
     }
 
     /// The files have holes, which take no space on a disk.
