@@ -11,10 +11,8 @@ use std::path::{Path, PathBuf};
 use syntable_model::error::Error;
 use syntable_model::reader;
 use syntable_model::registry::{ConstructError, Entry, Registry, Slot, Stage};
+use syntable_model::some::SHOWN;
 use syntable_model::stage::Writer;
-
-/// Number of images that cannot be read and are named.
-const SHOWN: usize = 10;
 
 #[derive(Args)]
 pub(super) struct ConvertArgs {

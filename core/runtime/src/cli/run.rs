@@ -13,9 +13,7 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 use syntable_model::error::Error;
 use syntable_model::registry::Registry;
-
-/// Number of bad assets that are named.
-const SHOWN: usize = 10;
+use syntable_model::some::SHOWN;
 
 #[derive(Args)]
 pub(super) struct RunArgs {

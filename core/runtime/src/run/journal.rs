@@ -493,6 +493,17 @@ mod tests {
             RunTimes::of_dataset(root).err(),
             super::super::foreign::check(root).err(),
         ];
+        let shard = root.join(".syntable/shards/@records/000000.jsonl");
+        let settled = super::super::folder::settled_path(root, 0);
+        for path in [&shard, &settled] {
+            super::super::folder::create_parent(path).expect("writable");
+            hole(path);
+        }
+        let scene = syntable_model::scene::SceneId(0);
+        let error = super::super::records::Records::read(root, scene).expect_err("too large").to_string();
+        let says = ["536870912 bytes of what a run records", "limit of 268435456", "000000.jsonl", "--repair"];
+        assert!(says.iter().all(|part| error.contains(part)), "{error}");
+        assert!(super::super::settled::read(root, scene).is_none());
         for error in errors {
             let error = error.expect("too large").to_string();
             let says = ["536870912 bytes of a file that a run keeps", "limit of 268435456", "run --repair", ".json"];
