@@ -12,7 +12,7 @@ use std::time::Duration;
 use syntable_model::error::{Error, Result};
 use syntable_model::registry::Registry;
 use syntable_runtime::clap::{Arg, ArgAction, ArgMatches, Args, Command, FromArgMatches, value_parser};
-use syntable_runtime::cli::{Console, Exit, RecipeArgs, Scenes, Verb, check_outputs, parse_scenes};
+use syntable_runtime::cli::{Console, Exit, Message, RecipeArgs, Scenes, Verb, check_outputs, parse_scenes};
 use syntable_runtime::durable::write_file;
 use syntable_runtime::run::progress::count;
 use syntable_runtime::run::stop::{self, Stop};
@@ -129,18 +129,19 @@ impl Preview<'_> {
     /// Makes one sheet.
     fn once(&mut self, console: &Console) -> Result<(), Exit> {
         let (out, stop) = (self.out.as_deref(), self.stop.clone());
+        // Until all of its images are made, the sheet of before stays; so it does beside mistakes, which are printed.
         let mut show = |news: &News| match news.shown {
-            Shown::Sheet(_) => store(out, &png_of(news.shown)?),
-            // They are printed; an image of before stays.
-            Shown::Mistakes(_) => Ok(()),
+            Shown::Sheet(_) if !news.is_busy => store(out, &png_of(news.shown)?),
+            Shown::Sheet(_) | Shown::Mistakes(_) => Ok(()),
         };
         match self.studio.pass(&Watch::default(), &stop, &mut show).map_err(Exit::stopped)? {
-            Ended::Done(failed) => {
+            Ended::Done { failed, is_lossy } => {
                 console.print(&out.map_or_else(String::new, |out| format!("{}\n", out.display())))?;
-                match failed {
-                    0 => Ok(()),
-                    _ => Err(Exit { code: 3, ..Exit::wrong(Error::new(format!("{} failed", count(failed, "scene")))) }),
-                }
+                let failed = (failed > 0).then(|| format!("{} failed", count(failed, "scene")));
+                let lossy = is_lossy.then(|| "stages left labels out: the warnings above name them".to_owned());
+                let messages: Vec<Message> =
+                    failed.into_iter().chain(lossy).map(|what| Message::Error(Error::new(what))).collect();
+                if messages.is_empty() { Ok(()) } else { Err(Exit { code: 3, messages }) }
             }
             Ended::Mistaken => Err(Exit { code: 2, messages: Vec::new() }),
             Ended::Stopped => {
