@@ -8,6 +8,7 @@ use std::path::{Path, PathBuf};
 use syntable_formats::decode;
 use syntable_model::error::{Error, Result};
 use syntable_model::files::DatasetFolder;
+use syntable_model::limits::RUN_LIST_BYTES;
 use syntable_model::product::standard::OBJECT_INFO;
 use syntable_model::product::{PerInstance, Value};
 use syntable_model::reader::{DatasetReader, Source};
@@ -81,7 +82,7 @@ impl Record {
         let mut note = |path: &Path, what: String| damaged.push(format!("{}: {what}", path.display()));
         let path = root.join(RESERVED[1]);
         let recipe = match find(&folder, &path) {
-            Ok(Some(_)) => read(&folder, &path)
+            Ok(Some(_)) => read_own(&folder, &path)
                 .and_then(|bytes| String::from_utf8(bytes).map_err(|_| Error::new("it is not UTF-8").in_file(&path))),
             Ok(None) => Ok(String::new()),
             Err(error) => Err(error),
@@ -104,8 +105,8 @@ impl Record {
             note(&path, error.message().to_owned());
             Vec::new()
         });
-        let lines =
-            read(&folder, &path).map_or(0, |bytes| bytes.split(|it| *it == b'\n').filter(|it| !it.is_empty()).count());
+        let lines = read_own(&folder, &path)
+            .map_or(0, |bytes| bytes.split(|it| *it == b'\n').filter(|it| !it.is_empty()).count());
         if lines > times.len() {
             note(&path, format!("{} of {lines} lines cannot be read", lines - times.len()));
         }
@@ -254,6 +255,17 @@ fn open(folder: &DatasetFolder, path: &Path) -> Result<File> {
 fn read(folder: &DatasetFolder, path: &Path) -> Result<Vec<u8>> {
     let mut bytes = Vec::new();
     open(folder, path)?.read_to_end(&mut bytes).map_err(|error| Error::io(path, &error))?;
+    Ok(bytes)
+}
+
+/// Reads a file that a run keeps for itself. Refuses a file larger than [`RUN_LIST_BYTES`].
+fn read_own(folder: &DatasetFolder, path: &Path) -> Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    open(folder, path)?
+        .take(RUN_LIST_BYTES.most + 1)
+        .read_to_end(&mut bytes)
+        .map_err(|error| Error::io(path, &error))?;
+    RUN_LIST_BYTES.check(bytes.len() as u64).map_err(|error| error.in_file(path))?;
     Ok(bytes)
 }
 
