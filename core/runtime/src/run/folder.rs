@@ -31,7 +31,7 @@
 //! told apart from one that ended.
 
 use super::foreign;
-use super::inside::{Inside, is_link, linked};
+use super::inside::{Inside, linked, look};
 use super::journal::{Journal, JournalEntry, Lines, SceneOutcome};
 use super::manifest::{Manifest, Stamp, State, Written};
 use crate::recipe::{CatalogNames, without_assets};
@@ -401,9 +401,12 @@ impl Folder {
         self.write(&part.join(RECORD), &serde_json::to_string(&staged).expect("an entry is plain data"))?;
         let ready = self.staging().join(format!("{scene}.ready"));
         let mut journal = journal.lock();
-        let there = |path: &&DatasetPath| fs::symlink_metadata(path.below(&self.root)).is_ok();
-        let of_others = new.files.keys().filter(|path| !own.has(path) && !path.starts_with(MARK));
-        let clashes: Vec<&str> = of_others.filter(there).map(DatasetPath::as_str).collect();
+        let mut clashes: Vec<&str> = Vec::new();
+        for path in new.files.keys().filter(|path| !own.has(path) && !path.starts_with(MARK)) {
+            if look(&path.below(&self.root))?.is_some() {
+                clashes.push(path.as_str());
+            }
+        }
         if let Some(path) = self.file_in_the_way(new.files.keys(), &own)? {
             let owners = self.owners(&[&path])?;
             return Err(taken(&path, owners.get(&path), LEAVE));
@@ -463,11 +466,14 @@ impl Folder {
         own: &Manifest,
     ) -> Result<Option<String>> {
         let folders: BTreeSet<&str> = paths.flat_map(DatasetPath::folders).collect();
-        let is_file = |folder: &str| fs::symlink_metadata(self.root.join(folder)).is_ok_and(|there| !there.is_dir());
-        match folders.into_iter().find(|folder| is_file(folder) && !own.has(folder)) {
-            Some(folder) if is_link(&self.root.join(folder)) => Err(linked(&self.root, folder)),
-            found => Ok(found.map(str::to_owned)),
+        for folder in folders.into_iter().filter(|folder| !own.has(folder)) {
+            match look(&self.root.join(folder))? {
+                Some(there) if there.is_symlink() => return Err(linked(&self.root, folder)),
+                Some(there) if !there.is_dir() => return Ok(Some(folder.to_owned())),
+                _ => {}
+            }
         }
+        Ok(None)
     }
 
     /// Whose files these are, for those that a manifest lists.
@@ -505,7 +511,7 @@ impl Folder {
         let mut refused = None;
         for (path, stamp) in new.files.clone() {
             let there = path.below(&self.root);
-            let Ok(metadata) = fs::symlink_metadata(&there) else { continue };
+            let Some(metadata) = look(&there)? else { continue };
             if old.has(&path) {
                 continue;
             }
@@ -603,7 +609,7 @@ impl Folder {
         let bin = self.bin();
         for from in state(&self.root) {
             let to = bin.join(from.file_name().expect("a name"));
-            if from.exists() && !to.exists() {
+            if look(&from)?.is_some() && look(&to)?.is_none() {
                 fs::rename(&from, &to).map_err(|error| Error::io(&from, &error))?;
             }
         }
