@@ -73,9 +73,13 @@ pub type Licenses = BTreeMap<String, String>;
 impl Record {
     /// Reads what the folder of a run has; nothing of a folder that no run made.
     pub fn of(dataset: &Source) -> Self {
-        let Some(root) = run_of(&dataset.path) else { return Self::default() };
-        let folder = match dataset.folder(&root) {
-            Ok(folder) => folder,
+        let opened = run_of(&dataset.path).and_then(|root| match root {
+            Some(root) => dataset.folder(&root).map(|folder| Some((root, folder))),
+            None => Ok(None),
+        });
+        let (root, folder) = match opened {
+            Ok(Some(opened)) => opened,
+            Ok(None) => return Self::default(),
             Err(error) => return Self { damaged: vec![error.to_string()], ..Self::default() },
         };
         let mut damaged = Vec::new();
@@ -271,9 +275,21 @@ fn read_own(folder: &DatasetFolder, path: &Path) -> Result<Vec<u8>> {
 
 /// The folder of the run that made what lies at a path, if one did: writers have folders of their own in it, and formats
 /// folders in these.
-pub fn run_of(path: &Path) -> Option<PathBuf> {
-    let path = std::path::absolute(path).ok()?;
-    path.ancestors().take(1 + WITHIN_RUN).find(|folder| folder.join(RESERVED[0]).is_dir()).map(Path::to_owned)
+///
+/// # Errors
+/// If a folder cannot be looked at: a report without the record of the run would seem to be whole.
+pub fn run_of(path: &Path) -> Result<Option<PathBuf>> {
+    let path = std::path::absolute(path).map_err(|error| Error::io(path, &error))?;
+    for folder in path.ancestors().take(1 + WITHIN_RUN) {
+        let own = folder.join(RESERVED[0]);
+        match std::fs::metadata(&own) {
+            Ok(there) if there.is_dir() => return Ok(Some(folder.to_owned())),
+            Ok(_) => {}
+            Err(error) if matches!(error.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory) => {}
+            Err(error) => return Err(Error::io(&own, &error)),
+        }
+    }
+    Ok(None)
 }
 
 /// glTF files of whole scenes, or of the first view of each, of the first writer of the recipe that makes some. `note` is told
