@@ -93,6 +93,7 @@ pub mod random;
 pub mod reader;
 pub mod registry;
 pub mod scene;
+pub mod some;
 pub mod stage;
 
 pub use inventory;

@@ -223,13 +223,22 @@ pub const LIST_BYTES: Limit = Limit {
     remedy: "split the pool",
 };
 
-/// Bytes of a file that a run keeps in its dataset for itself: lists, times, catalogs and the resolved recipe.
+/// Bytes of a file that a run keeps in its dataset for itself: lists, times, catalogs, settled poses and the resolved recipe.
 pub const RUN_LIST_BYTES: Limit = Limit {
     what: "bytes of a file that a run keeps in its dataset, or of a line of its journal",
     most: 1 << 28,
     is_bytes: true,
     why: "a list has some hundred bytes per file of a scene; the journal is read line by line, and has no limit as a whole",
     remedy: "no run writes such a file: delete it, and give the dataset's recipe to `syntable run --repair`",
+};
+
+/// Bytes of what a run records of one scene for annotators of the whole dataset.
+pub const SCENE_RECORD_BYTES: Limit = Limit {
+    what: "bytes of what a run records of one scene for annotators of the whole dataset",
+    most: 1 << 28,
+    is_bytes: true,
+    why: "records of one scene at a time are in memory; a byte of JSON takes up to 50 bytes of memory",
+    remedy: "lower `views_per_scene` in [dataset]; delete a file that no run wrote, and `syntable run --repair` makes the scene again",
 };
 
 /// Pixels of a canvas or an atlas that is rendered.
@@ -266,6 +275,7 @@ pub const ALL: &[Limit] = &[
     SMALL_FILE_BYTES,
     LIST_BYTES,
     RUN_LIST_BYTES,
+    SCENE_RECORD_BYTES,
     CANVAS_PIXELS,
 ];
 

@@ -8,12 +8,10 @@ use crate::run::{Converted, convert as convert_dataset, products_of};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use syntable_model::error::{Error, Result};
+use syntable_model::some::SHOWN;
 use syntable_model::reader::{self, Format, Source};
 use syntable_model::registry::{ConstructError, Entry, Registry, Slot, Stage};
 use syntable_model::stage::Writer;
-
-/// Number of unreadable parts that are named.
-const SHOWN: usize = 10;
 
 /// What to convert, and how.
 pub struct ConvertOptions {

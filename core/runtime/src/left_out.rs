@@ -7,9 +7,7 @@ use std::path::Path;
 use syntable_model::error::Error;
 use syntable_model::left_out::LeftOut;
 use syntable_model::reader::DatasetReader;
-
-/// Number of unreadable parts of a dataset that are named.
-const SHOWN: usize = 10;
+use syntable_model::some::SHOWN;
 
 /// What a function left out of its result, for people.
 #[derive(Debug, Clone, Default)]

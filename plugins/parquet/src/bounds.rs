@@ -4,7 +4,8 @@
 //! and it calls itself once per level of the schema. Both can end the process. So the footer and the headers of the pages
 //! are read here first, in Thrift's compact protocol, without a tree in memory. What is damaged otherwise is left to the library.
 
-use parquet::basic::Type as Physical;
+use parquet::basic::{Encoding, Type as Physical};
+use parquet::column::page::Page as DataPage;
 use parquet::column::reader::ColumnReader;
 use parquet::data_type::ByteArray;
 use parquet::errors::ParquetError;
@@ -38,10 +39,12 @@ const NUM_CHILDREN: i16 = 5;
 const UNCOMPRESSED: i16 = 2;
 const COMPRESSED: i16 = 3;
 /// Fields of `PageHeader` that are headers of kinds of pages: of data, of a dictionary, of data in the second version. The
-/// first field of each is the number of its values.
-const KINDS: [i16; 3] = [5, 7, 8];
+/// first field of each is the number of its values. With each, the field of the encoding of its values.
+const KINDS: [(i16, i16); 3] = [(5, 2), (7, 2), (8, 4)];
 const OF_DICTIONARY: i16 = 7;
 const NUM_VALUES: i16 = 1;
+/// The encodings `DELTA_LENGTH_BYTE_ARRAY` and `DELTA_BYTE_ARRAY`.
+const DELTAS: [i64; 2] = [6, 7];
 
 fn damaged(what: &str) -> Error {
     Error::new(format!("not a readable Parquet file: {what}")).permanent()
@@ -70,13 +73,19 @@ pub fn check_footer(file: &mut File) -> Result<()> {
     })
 }
 
-/// Places of columns whose texts may be more than a limit: row group and column.
-pub type Uncounted = Vec<(usize, usize)>;
+/// Columns whose texts headers do not bound, by their places: row group and column.
+#[derive(Debug, Default, PartialEq, Eq)]
+pub struct Uncounted {
+    /// Lists of texts that are together more than the limit if all elements are as long as the dictionary.
+    lists: Vec<(usize, usize)>,
+    /// Texts that are stored as differences from each other.
+    deltas: Vec<(usize, usize)>,
+}
 
 /// Compares the pages of some columns with the limits. Returns the columns that [`check_texts`] has to count.
 pub fn check_pages(file: &mut File, metadata: &ParquetMetaData, wanted: impl Fn(&str) -> bool) -> Result<Uncounted> {
     let length = file.metadata().map_err(|error| damaged(&error.to_string()))?.len();
-    let (mut table, mut listed, mut texts) = (Sums::default(), 0_u64, Vec::new());
+    let (mut table, mut listed, mut found) = (Sums::default(), 0_u64, Uncounted::default());
     for (group_number, group) in metadata.row_groups().iter().enumerate() {
         let columns = group.columns().iter().enumerate();
         // Rows alone take space, if all of their values repeat.
@@ -94,23 +103,31 @@ pub fn check_pages(file: &mut File, metadata: &ParquetMetaData, wanted: impl Fn(
                 // Every element of a list of texts is a copy of an entry of the dictionary, or a part of a page.
                 let most = of_column.dictionary.saturating_mul(of_column.values).saturating_add(of_column.bytes);
                 listed = listed.saturating_add(most);
-                texts.push((group_number, number));
+                found.lists.push((group_number, number));
+            }
+            if of_column.has_deltas {
+                found.deltas.push((group_number, number));
             }
         }
     }
     // Lists that are short even if all elements are as long as the dictionary need not be counted.
-    Ok(if listed <= TABLE_BYTES.most { Vec::new() } else { texts })
+    if listed <= TABLE_BYTES.most {
+        found.lists.clear();
+    }
+    Ok(found)
 }
 
 /// Texts that are decoded at once, in rows.
 const ROWS_AT_ONCE: usize = 64;
 
-/// Compares the texts of the lists of some columns with the limit. One row may have a list of millions of copies of a long
-/// entry of the dictionary, so the lengths are added up before any row is read. Decoded values share the memory of their pages.
+/// Compares the texts of some columns with the limit. One row may have a list of millions of copies of a long entry of the
+/// dictionary, so the lengths are added up before any row is read. Values decoded from a dictionary share its memory; values
+/// decoded from differences do not, so these are added up first, without the library.
 pub fn check_texts(reader: &impl FileReader, columns: Uncounted) -> Result<()> {
     let fail = |error: ParquetError| damaged(&error.to_string());
+    TABLE_BYTES.check(delta_bytes(reader, &columns.deltas)?)?;
     let mut bytes = 0_u64;
-    for (group, column) in columns {
+    for (group, column) in columns.lists {
         let column = reader.get_row_group(group).and_then(|group| group.get_column_reader(column)).map_err(fail)?;
         let ColumnReader::ByteArrayColumnReader(mut column) = column else { continue };
         let (mut definition, mut repetition, mut values) = (Vec::new(), Vec::new(), Vec::<ByteArray>::new());
@@ -130,6 +147,67 @@ pub fn check_texts(reader: &impl FileReader, columns: Uncounted) -> Result<()> {
     Ok(())
 }
 
+/// Bytes of the values of the pages of some columns that are stored as differences: `DELTA_BYTE_ARRAY` stores of each text
+/// how many bytes it shares with the text before, so that a page of a few bytes may unfold to gigabytes. Stops above the limit.
+fn delta_bytes(reader: &impl FileReader, columns: &[(usize, usize)]) -> Result<u64> {
+    let fail = |error: ParquetError| damaged(&error.to_string());
+    let mut bytes = 0_u64;
+    for &(group, number) in columns {
+        let group = reader.get_row_group(group).map_err(fail)?;
+        let descriptor = group.metadata().column(number).column_descr_ptr();
+        let levels = [descriptor.max_rep_level(), descriptor.max_def_level()];
+        let mut pages = group.get_column_page_reader(number).map_err(fail)?;
+        while let Some(page) = pages.get_next_page().map_err(fail)? {
+            let (encoding, values) = (page.encoding(), u64::from(page.num_values()));
+            let lists = match encoding {
+                Encoding::DELTA_LENGTH_BYTE_ARRAY => 1,
+                Encoding::DELTA_BYTE_ARRAY => 2,
+                _ => continue,
+            };
+            let mut data = Thrift { bytes: values_of(&page, levels)?, at: 0 };
+            // Lengths of shared beginnings, then of the rest of each text; or lengths of whole texts.
+            for _ in 0..lists {
+                data.lengths(values, |length| bytes = bytes.saturating_add(length))?;
+            }
+            if bytes > TABLE_BYTES.most {
+                return Ok(bytes);
+            }
+        }
+    }
+    Ok(bytes)
+}
+
+/// The values of a data page, behind its levels of repetition and definition.
+fn values_of(page: &DataPage, levels: [i16; 2]) -> Result<&[u8]> {
+    let cut = || damaged("the levels of a page are cut off");
+    let skip = |bytes: &'_ [u8], count: u64| usize::try_from(count).ok().filter(|count| *count <= bytes.len());
+    match page {
+        DataPage::DataPage { buf, num_values, rep_level_encoding, def_level_encoding, .. } => {
+            let mut rest = &buf[..];
+            for (most, encoding) in levels.into_iter().zip([rep_level_encoding, def_level_encoding]) {
+                if most == 0 {
+                    continue;
+                }
+                let count = match encoding {
+                    Encoding::RLE => {
+                        let (length, _) = rest.split_first_chunk().ok_or_else(cut)?;
+                        4 + u64::from(u32::from_le_bytes(*length))
+                    }
+                    // Every level takes the same number of bits.
+                    _ => (u64::from(*num_values) * u64::from(i16::BITS - most.leading_zeros())).div_ceil(8),
+                };
+                rest = &rest[skip(rest, count).ok_or_else(cut)?..];
+            }
+            Ok(rest)
+        }
+        DataPage::DataPageV2 { buf, def_levels_byte_len, rep_levels_byte_len, .. } => {
+            let count = u64::from(*def_levels_byte_len) + u64::from(*rep_levels_byte_len);
+            Ok(&buf[skip(buf, count).ok_or_else(cut)?..])
+        }
+        DataPage::DictionaryPage { .. } => Ok(&[]),
+    }
+}
+
 /// What pages have together.
 #[derive(Default)]
 struct Sums {
@@ -137,6 +215,8 @@ struct Sums {
     bytes: u64,
     /// Bytes of the dictionary.
     dictionary: u64,
+    /// Whether a page stores texts as differences.
+    has_deltas: bool,
 }
 
 /// Adds up the pages of a column by their headers.
@@ -162,6 +242,7 @@ fn pages(file: &mut (impl Read + Seek), length: u64, column: &ColumnChunkMetaDat
         let (uncompressed, compressed, values) = (uncompressed?, compressed?, values?);
         PAGE_BYTES.check(uncompressed.max(compressed))?;
         sums.bytes = sums.bytes.saturating_add(uncompressed);
+        sums.has_deltas |= DELTAS.contains(&page.encoding);
         match page.is_dictionary {
             true => sums.dictionary = sums.dictionary.max(uncompressed),
             false => sums.values = sums.values.saturating_add(values),
@@ -179,6 +260,7 @@ struct Page {
     uncompressed: i64,
     compressed: i64,
     values: i64,
+    encoding: i64,
     is_dictionary: bool,
 }
 
@@ -190,14 +272,17 @@ impl Page {
         thrift.fields(|thrift, id, kind| match id {
             UNCOMPRESSED => thrift.integer(kind).map(|value| page.uncompressed = value),
             COMPRESSED => thrift.integer(kind).map(|value| page.compressed = value),
-            id if KINDS.contains(&id) && kind == STRUCT => {
-                page.is_dictionary |= id == OF_DICTIONARY;
-                thrift.fields(|thrift, id, kind| match id {
-                    NUM_VALUES => thrift.integer(kind).map(|value| page.values = value),
-                    _ => thrift.skip(kind, DEEPEST),
-                })
-            }
-            _ => thrift.skip(kind, DEEPEST),
+            id => match KINDS.iter().find(|(of, _)| *of == id && kind == STRUCT) {
+                Some((_, encoding)) => {
+                    page.is_dictionary |= id == OF_DICTIONARY;
+                    thrift.fields(|thrift, id, kind| match id {
+                        NUM_VALUES => thrift.integer(kind).map(|value| page.values = value),
+                        id if id == *encoding => thrift.integer(kind).map(|value| page.encoding = value),
+                        _ => thrift.skip(kind, DEEPEST),
+                    })
+                }
+                None => thrift.skip(kind, DEEPEST),
+            },
         })?;
         Ok((page, thrift.at as u64))
     }
@@ -328,6 +413,50 @@ impl Thrift<'_> {
         }
     }
 
+    /// The lengths of one list in the encoding `DELTA_BINARY_PACKED`, which has at most as many as the page has values: the
+    /// library allocates for the number that the list states. Negative lengths are left to the library, which refuses them.
+    fn lengths(&mut self, most: u64, mut each: impl FnMut(u64)) -> Result<()> {
+        let (block, parts, count, first) = (self.varint()?, self.varint()?, self.varint()?, self.integer(6)?);
+        if count > most {
+            return Err(damaged(&format!("a page of {most} values has {count} lengths")));
+        }
+        let of_part = block.checked_div(parts).filter(|of_part| *of_part > 0 && of_part.is_multiple_of(32));
+        let of_part = of_part.ok_or_else(|| damaged("lengths in blocks of a size that the format does not have"))?;
+        let (mut length, mut left) = (first as i32, count);
+        let mut tell = |length: i32| each(u64::try_from(length).unwrap_or(0));
+        if left > 0 {
+            tell(length);
+            left -= 1;
+        }
+        while left > 0 {
+            let least = self.integer(6)? as i32;
+            let start = self.at;
+            self.skip_bytes(parts)?;
+            for part in start..self.at {
+                if left == 0 {
+                    break;
+                }
+                let bits = usize::from(self.bytes[part]);
+                if bits > 32 {
+                    return Err(damaged("a length of more than 32 bits"));
+                }
+                let packed = self.at;
+                self.skip_bytes(of_part.checked_mul(bits as u64).ok_or_else(|| damaged("a block is too long"))? / 8)?;
+                for index in 0..left.min(of_part) as usize {
+                    let (byte, shift) = (packed + index * bits / 8, index * bits % 8);
+                    let mut word = [0; 8];
+                    let there = &self.bytes[byte..self.bytes.len().min(byte + 8)];
+                    word[..there.len()].copy_from_slice(there);
+                    let delta = (u64::from_le_bytes(word) >> shift) & ((1 << bits) - 1);
+                    length = length.wrapping_add(least).wrapping_add(delta as u32 as i32);
+                    tell(length);
+                }
+                left -= left.min(of_part);
+            }
+        }
+        Ok(())
+    }
+
     /// The elements of the schema, in the order of a walk: a group states how many children follow.
     fn schema(&mut self) -> Result<()> {
         let (count, kind) = self.list()?;
@@ -365,7 +494,7 @@ mod tests {
     use parquet::basic::Compression;
     use parquet::data_type::Int64Type;
     use parquet::data_type::{ByteArrayType, DataType};
-    use parquet::file::properties::WriterProperties;
+    use parquet::file::properties::{WriterProperties, WriterVersion};
     use parquet::file::reader::SerializedFileReader;
     use parquet::file::writer::SerializedFileWriter;
     use parquet::schema::parser::parse_message_type;
@@ -503,7 +632,7 @@ mod tests {
             assert!(file.metadata().expect("a file").len() < 2 << 20, "the text is there once");
             let reader = SerializedFileReader::new(file.try_clone().expect("a file")).expect("readable");
             let uncounted = check_pages(&mut file.try_clone().expect("a file"), reader.metadata(), |_| true)?;
-            assert_eq!(uncounted.is_empty(), length * elements + (1 << 20) < TABLE_BYTES.most as usize);
+            assert_eq!(uncounted.lists.is_empty(), length * elements + (1 << 20) < TABLE_BYTES.most as usize);
             check_texts(&reader, uncounted)
         };
         assert_eq!(check(900_000, 100), Ok(()));
@@ -512,6 +641,60 @@ mod tests {
         assert_eq!(check(length, most), Ok(()));
         let error = check(length, most + 1).expect_err("too long").to_string();
         assert!(error.contains("bytes of the columns of a Parquet table"), "{error}");
+    }
+
+    /// Texts as differences from each other, as the library writes them: in lists and alone, on pages of both versions.
+    #[test]
+    fn differences_are_counted_without_unfolding_them() {
+        let properties = |version| {
+            let builder = WriterProperties::builder().set_dictionary_enabled(false).set_writer_version(version);
+            builder.set_encoding(Encoding::DELTA_BYTE_ARRAY).set_data_page_row_count_limit(300).build()
+        };
+        // Lengths that rise, fall and repeat, over several blocks.
+        let texts: Vec<ByteArray> =
+            (0..1000_usize).map(|i| "x".repeat(i * i % 977 + 1000 * usize::from(i == 500)).as_str().into()).collect();
+        let length: u64 = texts.iter().map(|text| text.len() as u64).sum();
+        let (none, listed) = (Vec::new(), (0..1000).map(|i| [1, i16::from(i % 10 > 0)]).collect::<Vec<_>>());
+        for version in [WriterVersion::PARQUET_1_0, WriterVersion::PARQUET_2_0] {
+            for (schema, levels) in [("REQUIRED BINARY", &none), ("REPEATED BINARY", &listed)] {
+                let schema = format!("message m {{ {schema} a (UTF8); }}");
+                let mut file = column::<ByteArrayType>(&schema, properties(version), &texts, levels);
+                let reader = SerializedFileReader::new(file.try_clone().expect("a file")).expect("readable");
+                let found = check_pages(&mut file, reader.metadata(), |_| true).expect("sound");
+                assert_eq!(found.deltas, [(0, 0)]);
+                assert_eq!(delta_bytes(&reader, &found.deltas), Ok(length), "{schema}");
+                assert_eq!(check_texts(&reader, found), Ok(()));
+            }
+            // A gigabyte in a list of one row, and in rows.
+            for (schema, levels) in [("REQUIRED BINARY", &none), ("REPEATED BINARY", &listed)] {
+                let schema = format!("message m {{ {schema} a (UTF8); }}");
+                let texts = vec![ByteArray::from("x".repeat(1 << 20).as_str()); 1000];
+                let levels: Vec<[i16; 2]> = (0..levels.len()).map(|i| [1, i16::from(i > 0)]).collect();
+                let mut file = column::<ByteArrayType>(&schema, properties(version), &texts, &levels);
+                assert!(file.metadata().expect("a file").len() < 8 << 20, "the text is there a few times");
+                let reader = SerializedFileReader::new(file.try_clone().expect("a file")).expect("readable");
+                let found = check_pages(&mut file, reader.metadata(), |_| true).expect("headers are small");
+                let error = check_texts(&reader, found).expect_err("too long").to_string();
+                assert!(error.contains("bytes of the columns of a Parquet table"), "{error}");
+            }
+        }
+    }
+
+    #[test]
+    fn lists_of_lengths_are_not_longer_than_their_page() {
+        // Blocks of 128 in 4 parts; a number of lengths; the first length.
+        let lengths = |bytes: &[u8]| {
+            let (mut all, mut thrift) = (Vec::new(), Thrift { bytes, at: 0 });
+            thrift.lengths(40, |length| all.push(length)).map(|()| (all, thrift.at))
+        };
+        assert_eq!(lengths(&[0x80, 1, 4, 1, 10]), Ok((vec![5], 5)));
+        // 34 lengths, each one more than the one before: no bits beside the least difference.
+        assert_eq!(lengths(&[0x80, 1, 4, 34, 0, 2, 0, 0, 0, 0]), Ok(((0..34).collect(), 10)));
+        let error = lengths(&[0x80, 1, 4, 0xff, 0xff, 0xff, 0xff, 0xff, 1, 10]).expect_err("too many").to_string();
+        assert!(error.contains("a page of 40 values has 68719476735 lengths"), "{error}");
+        for odd in [&[0x80, 1, 0, 34, 0][..], &[0x80, 1, 3, 34, 0], &[0x80, 1, 4, 34, 0, 2, 33, 0, 0, 0], &[0x80]] {
+            assert!(lengths(odd).is_err(), "{odd:?}");
+        }
     }
 
     #[test]

@@ -76,6 +76,33 @@ fn a_sheet_shows_views_side_by_side_and_is_the_same_every_time() {
 }
 
 #[test]
+fn a_sheet_takes_its_place_once_all_of_its_images_are_made() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (quickstart, out) = (root().join("recipes/quickstart.toml"), folder.path().join("sheet.png"));
+    let make = |views: &str, more: &[&str]| {
+        let mut command = preview(&quickstart, more);
+        command.args(["--views", views, "--out"]).arg(&out);
+        command
+    };
+    ok(&mut make("3", &[]));
+    let whole = fs::read(&out).expect("a sheet");
+    ok(&mut make("1", &[]));
+    let before = fs::read(&out).expect("a sheet");
+    let mut killed = make("3", &["--log-format", "json"]);
+    let mut killed = killed.stderr(Stdio::piped()).stdout(Stdio::null()).spawn().expect("starts");
+    let lines = BufReader::new(killed.stderr.take().expect("piped")).lines();
+    let first = lines.map_while(Result::ok).find(|line| line.contains(r#""event":"image""#));
+    killed.kill().expect("killable");
+    killed.wait().expect("ends");
+    assert!(first.is_some(), "no image was made");
+    let there = fs::read(&out).expect("a sheet");
+    assert!(there == before || there == whole, "a part of a sheet");
+    ok(&mut make("3", &[]));
+    assert!(fs::read(&out).expect("a sheet") == whole, "another sheet");
+    assert_eq!(fs::read_dir(folder.path()).expect("readable").count(), 1);
+}
+
+#[test]
 fn without_a_file_the_sheet_is_named_after_the_recipe() {
     let folder = tempfile::tempdir().expect("a folder");
     let said = ok(preview(Path::new("builtin:quickstart"), &["--views", "1"]).current_dir(folder.path()));

@@ -10,8 +10,8 @@ use syntable_runtime::run::progress::count;
 use syntable_runtime::validate::{FaultAt, Validated, ValidatedDataset, differences, validate_path};
 use syntable_runtime::workers;
 
-/// Number of faults that are listed for people.
-const SHOWN: usize = 30;
+/// Number of faults that a report for people lists.
+const ROWS: usize = 30;
 
 #[derive(Args)]
 pub(crate) struct ValidateArgs {
@@ -97,11 +97,11 @@ fn table(found: &Validated, format: &str) -> String {
         let images = it.images.map_or_else(|| "-".to_owned(), |images| images.to_string());
         out += &format!("{:width$}  {images:>6}  {:>6}\n", it.check, it.faults);
     }
-    for fault in found.some_of_each(SHOWN) {
+    for fault in found.some_of_each(ROWS) {
         out += &format!("\n{}: {}\n  {}\n", fault.check, fault.place, fault.message);
     }
-    if found.faults.len() > SHOWN {
-        out += &format!("\nand {} more; --json lists all\n", found.faults.len() - SHOWN);
+    if found.faults.len() > ROWS {
+        out += &format!("\nand {} more; --json lists all\n", found.faults.len() - ROWS);
     }
     let faults = match found.faults.len() {
         0 => "no fault".to_owned(),
@@ -113,11 +113,11 @@ fn table(found: &Validated, format: &str) -> String {
 /// Where datasets differ, for people. `silent` are those without numbers.
 fn comparison(datasets: usize, silent: &[&str], differences: &[FaultAt]) -> String {
     let mut out = String::new();
-    for difference in differences.iter().take(SHOWN) {
+    for difference in differences.iter().take(ROWS) {
         out += &format!("\n{}: {}\n", difference.check, difference.message);
     }
-    if differences.len() > SHOWN {
-        out += &format!("\nand {} more; --json lists all\n", differences.len() - SHOWN);
+    if differences.len() > ROWS {
+        out += &format!("\nand {} more; --json lists all\n", differences.len() - ROWS);
     }
     for dataset in silent {
         out += &format!("\n{dataset} states no numbers of categories or objects: nothing of it is compared\n");

@@ -7,6 +7,17 @@ use std::path::Path;
 /// Unit tests lose no power: they count syncs, and do not wait for them.
 const IS_TEST: bool = cfg!(test);
 
+/// Whether something has a path, be it a link that leads nowhere. A path that cannot be looked at is an error: what stands
+/// there must not count as gone.
+pub fn is_there(path: &Path) -> io::Result<bool> {
+    point()?;
+    match fs::symlink_metadata(path) {
+        Ok(_) => Ok(true),
+        Err(error) if error.kind() == ErrorKind::NotFound => Ok(false),
+        Err(error) => Err(error),
+    }
+}
+
 pub fn create_dir(path: &Path) -> io::Result<()> {
     point()?;
     fs::create_dir(path)

@@ -260,7 +260,8 @@ impl Draft {
 
     fn mend(&self) -> Result<()> {
         let (new, old) = (self.part.join(NEW), self.part.join(OLD));
-        if fs::symlink_metadata(&old).is_ok() {
+        let is_there = |path: &Path| disk::is_there(path).map_err(|error| Error::io(path, &error));
+        if is_there(&old)? {
             match standing(&self.place)? {
                 Standing::Free => {
                     disk::rename(&old, &self.place).map_err(|error| Error::io(&self.place, &error))?;
@@ -270,7 +271,7 @@ impl Draft {
                 _ => return Err(kept(&old, &self.place)),
             }
         }
-        if fs::symlink_metadata(&new).is_ok() {
+        if is_there(&new)? {
             // A folder without a list was never at the place, and all in it is ours.
             discard(&new, disk::remove_dir_all)?;
         }

@@ -1,6 +1,6 @@
 //! Numbers of objects that a recipe states: `ids` and `first_id` of a pool.
 
-use super::pool::{PoolOptions, SHOWN, names_of};
+use super::pool::{PoolOptions, names_of};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
@@ -10,6 +10,7 @@ use syntable_model::error::{Error, Result};
 use syntable_model::files::read_small;
 use syntable_model::names::AssetPath;
 use syntable_model::scene::CatalogEntry;
+use syntable_model::some::some_names;
 
 /// Numbers of the objects of a pool by name.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -119,7 +120,7 @@ impl PoolOptions {
             let known: BTreeSet<&str> = entries.iter().map(|entry| entry.name.as_str()).collect();
             let unknown: Vec<&str> = table.keys().map(String::as_str).filter(|name| !known.contains(name)).collect();
             if !unknown.is_empty() {
-                let message = format!("ids: the pool has no asset of these names: {}", some_of(&unknown));
+                let message = format!("ids: the pool has no asset of these names: {}", some_names(&unknown));
                 log.warn(&ids.in_file(Error::new(message)).help(names_of(entries)));
             }
             for entry in entries.iter_mut() {
@@ -142,19 +143,12 @@ impl PoolOptions {
             return Ok(());
         }
         let error = match &self.ids {
-            Some(ids) => ids.in_file(Error::new(format!("ids: no number for {}", some_of(&without)))),
-            None => Error::new(format!("the source states no number of {}, but of others", some_of(&without))),
+            Some(ids) => ids.in_file(Error::new(format!("ids: no number for {}", some_names(&without)))),
+            None => Error::new(format!("the source states no number of {}, but of others", some_names(&without))),
         };
         Err(error
             .help("add them to `ids`, leave them out with `exclude`, or number the whole pool with `first_id = 1`"))
     }
-}
-
-/// The first names of a list.
-fn some_of(names: &[&str]) -> String {
-    let shown: Vec<String> = names.iter().take(SHOWN).map(|name| format!("`{name}`")).collect();
-    let more = if names.len() > SHOWN { format!(" and {} more", names.len() - SHOWN) } else { String::new() };
-    shown.join(", ") + &more
 }
 
 #[cfg(test)]

@@ -15,6 +15,7 @@ use syntable_model::files::read_small;
 use syntable_model::names::AssetPath;
 use syntable_model::options::{DisplayPath, Step};
 use syntable_model::scene::{AssetClass, CatalogEntry};
+use syntable_model::some::some_of;
 use syntable_model::stage::{AssetLimits, AssetSource};
 
 /// A pool of assets: `[assets.<id>]`.
@@ -607,9 +608,6 @@ impl PoolOptions {
     }
 }
 
-/// Number of names that a warning lists.
-pub(super) const SHOWN: usize = 8;
-
 /// Warns of names of a list that no asset has.
 fn warn_of_unknown(
     key: &str,
@@ -623,9 +621,7 @@ fn warn_of_unknown(
     if unknown.is_empty() {
         return;
     }
-    let more = if unknown.len() > SHOWN { format!(" and {} more", unknown.len() - SHOWN) } else { String::new() };
-    let shown = unknown[..unknown.len().min(SHOWN)].join(", ");
-    let message = format!("{key}: the pool has no asset of these names: {shown}{more}");
+    let message = format!("{key}: the pool has no asset of these names: {}", some_of(unknown));
     log.warn(&Error::new(message).in_file(list.path()).help(look_of(names.to_vec())));
 }
 

@@ -6,10 +6,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use syntable_model::error::{Error, Result};
 use syntable_model::registry::{Shape, Slot};
+use syntable_model::some::{and_more, first_of};
 use syntable_model::stage::Writer;
-
-/// Number of differing keys that an error lists.
-const SHOWN: usize = 12;
 
 /// How a dataset grows.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
@@ -95,11 +93,9 @@ fn keys_of(text: &str) -> BTreeMap<String, String> {
 
 /// Lists differences on lines of their own.
 pub fn listing(differences: &[Difference]) -> String {
-    let mut lines: Vec<String> = differences.iter().take(SHOWN).map(|it| format!("\n  {it}")).collect();
-    if differences.len() > SHOWN {
-        lines.push(format!("\n  and {} more", differences.len() - SHOWN));
-    }
-    lines.concat()
+    let (first, more) = first_of(differences);
+    let lines: String = first.iter().map(|it| format!("\n  {it}")).collect();
+    if more == 0 { lines } else { format!("{lines}\n {}", and_more(more)) }
 }
 
 /// Compares the recipe of a dataset with that of a run. With `rewrite`, files of writers may be written anew. An error says

@@ -31,7 +31,7 @@
 //! told apart from one that ended.
 
 use super::foreign;
-use super::inside::{Inside, is_link, linked};
+use super::inside::{Inside, linked, look};
 use super::journal::{Journal, JournalEntry, Lines, SceneOutcome};
 use super::manifest::{Manifest, Stamp, State, Written};
 use crate::recipe::{CatalogNames, without_assets};
@@ -64,15 +64,19 @@ struct Proposed {
 const MARK: &str = RESERVED[0];
 const RECIPE: &str = RESERVED[1];
 /// Name of the manifest of what the end of a run wrote.
-const FINISHED: &str = "finished.json";
+pub(super) const FINISHED: &str = "finished.json";
 /// Name of the folder of the manifests of scenes.
-const SCENES: &str = "scenes";
+pub(super) const SCENES: &str = "scenes";
+/// Name of the folder of scenes in the making.
+pub(super) const STAGING: &str = "staging";
+/// Name of the folder of what is being deleted.
+pub(super) const BIN: &str = "discard";
 /// What the end of a run reads of the scenes.
 const SHARDS: &str = ".syntable/shards/";
 /// Name of the folder of scenes whose labels contradict each other.
 const QUARANTINE: &str = "quarantine";
 /// What is known of a staged scene, among files that no writer can write.
-const RECORD: &str = ".syntable/staged.json";
+pub(super) const RECORD: &str = ".syntable/staged.json";
 /// What a dataset consists of beside its files and the lock, in the order in which `--overwrite` takes it away: without a
 /// journal there is no dataset.
 fn state(root: &Path) -> [PathBuf; 10] {
@@ -92,7 +96,7 @@ fn state(root: &Path) -> [PathBuf; 10] {
 
 /// A staged scene: its line of the journal, and files of the scene that it no longer has.
 #[derive(Serialize, Deserialize)]
-struct Staged {
+pub(super) struct Staged {
     entry: JournalEntry,
     stale: Vec<DatasetPath>,
 }
@@ -397,9 +401,12 @@ impl Folder {
         self.write(&part.join(RECORD), &serde_json::to_string(&staged).expect("an entry is plain data"))?;
         let ready = self.staging().join(format!("{scene}.ready"));
         let mut journal = journal.lock();
-        let there = |path: &&DatasetPath| fs::symlink_metadata(path.below(&self.root)).is_ok();
-        let of_others = new.files.keys().filter(|path| !own.has(path) && !path.starts_with(MARK));
-        let clashes: Vec<&str> = of_others.filter(there).map(DatasetPath::as_str).collect();
+        let mut clashes: Vec<&str> = Vec::new();
+        for path in new.files.keys().filter(|path| !own.has(path) && !path.starts_with(MARK)) {
+            if look(&path.below(&self.root))?.is_some() {
+                clashes.push(path.as_str());
+            }
+        }
         if let Some(path) = self.file_in_the_way(new.files.keys(), &own)? {
             let owners = self.owners(&[&path])?;
             return Err(taken(&path, owners.get(&path), LEAVE));
@@ -459,11 +466,14 @@ impl Folder {
         own: &Manifest,
     ) -> Result<Option<String>> {
         let folders: BTreeSet<&str> = paths.flat_map(DatasetPath::folders).collect();
-        let is_file = |folder: &str| fs::symlink_metadata(self.root.join(folder)).is_ok_and(|there| !there.is_dir());
-        match folders.into_iter().find(|folder| is_file(folder) && !own.has(folder)) {
-            Some(folder) if is_link(&self.root.join(folder)) => Err(linked(&self.root, folder)),
-            found => Ok(found.map(str::to_owned)),
+        for folder in folders.into_iter().filter(|folder| !own.has(folder)) {
+            match look(&self.root.join(folder))? {
+                Some(there) if there.is_symlink() => return Err(linked(&self.root, folder)),
+                Some(there) if !there.is_dir() => return Ok(Some(folder.to_owned())),
+                _ => {}
+            }
         }
+        Ok(None)
     }
 
     /// Whose files these are, for those that a manifest lists.
@@ -501,7 +511,7 @@ impl Folder {
         let mut refused = None;
         for (path, stamp) in new.files.clone() {
             let there = path.below(&self.root);
-            let Ok(metadata) = fs::symlink_metadata(&there) else { continue };
+            let Some(metadata) = look(&there)? else { continue };
             if old.has(&path) {
                 continue;
             }
@@ -599,13 +609,15 @@ impl Folder {
         let bin = self.bin();
         for from in state(&self.root) {
             let to = bin.join(from.file_name().expect("a name"));
-            if from.exists() && !to.exists() {
+            if look(&from)?.is_some() && look(&to)?.is_none() {
                 fs::rename(&from, &to).map_err(|error| Error::io(&from, &error))?;
             }
         }
         let mut manifests: Vec<PathBuf> = vec![bin.join(FINISHED)];
         let scenes = fs::read_dir(bin.join(SCENES)).into_iter().flatten();
-        manifests.extend(scenes.flatten().map(|entry| entry.path()));
+        let names = scenes.flatten().map(|entry| entry.file_name());
+        let names = names.filter(|name| name.to_str().is_some_and(foreign::is_manifest));
+        manifests.extend(names.map(|name| bin.join(SCENES).join(name)));
         for path in manifests {
             let Some((manifest, _)) = Manifest::read(&path)? else { continue };
             for path in manifest.files.keys() {
@@ -621,7 +633,7 @@ impl Folder {
     }
 
     fn bin(&self) -> PathBuf {
-        self.root.join(MARK).join("discard")
+        self.root.join(MARK).join(BIN)
     }
 
     fn staging(&self) -> PathBuf {
@@ -784,7 +796,7 @@ fn catalogs_folder(root: &Path) -> PathBuf {
 }
 
 fn staging_folder(root: &Path) -> PathBuf {
-    root.join(MARK).join("staging")
+    root.join(MARK).join(STAGING)
 }
 
 /// What the end of the last run in a dataset wrote; nothing if the list cannot be read.

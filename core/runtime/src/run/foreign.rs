@@ -1,32 +1,123 @@
 //! Whether a dataset may be worked on, which somebody else may have made: its own folder has no links, and its lists name
 //! files of the dataset alone. Looked at before anything is written, moved or removed.
 
+use super::folder::{BIN, FINISHED, RECORD, SCENES, STAGING};
 use super::inside::{is_link, linked};
+use crate::workers::{self, Pool};
+use parking_lot::Mutex;
 use serde::Deserialize;
 use serde::de::IgnoredAny;
+use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::{self, File, FileType};
 use std::io::{ErrorKind, Read};
 use std::path::Path;
+use syntable_model::context::{Serial, Workers};
 use syntable_model::error::{Error, Result};
 use syntable_model::files::{DatasetPath, RESERVED};
-use syntable_model::limits::RUN_LIST_BYTES;
+use syntable_model::limits::{Limit, RUN_LIST_BYTES};
+use syntable_model::some::SHOWN;
 
 const MARK: &str = RESERVED[0];
 const RECIPE: &str = RESERVED[1];
 
-/// What lists may name of the files that the program keeps for itself: those of a scene, its manifest where it is stale, and
-/// the recipe in the list of the end of a run.
-fn may_name(list: &str, key: &str, path: &DatasetPath) -> bool {
-    let is_below = |folder: &str| path.strip_prefix(MARK).is_some_and(|path| path.starts_with(folder));
-    is_below("/settled/")
-        || is_below("/shards/")
-        || (key == "stale" && is_below("/scenes/"))
-        || (path.as_str() == RECIPE && list.ends_with(FINISHED))
+/// A list of files in the program's own folder. Its place says what it lists.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
+pub struct List {
+    /// Its path, with `/` between folders.
+    pub path: String,
+    kind: Kind,
 }
 
-/// Name of the list of what the end of a run wrote.
-const FINISHED: &str = "finished.json";
+/// What a list lists.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+enum Kind {
+    /// The files of a scene.
+    Scene,
+    /// What the end of a run wrote.
+    Finished,
+    /// Files that a staged scene replaces.
+    Staged,
+}
+
+impl Kind {
+    /// What a file of the program's own folder lists, if the program reads it as a list.
+    fn at(path: &str) -> Option<Self> {
+        let inside = path.strip_prefix(MARK)?.strip_prefix('/')?;
+        if let Some((_, staged)) = in_ready(inside) {
+            // Moved into place, it is a list where it lies then.
+            return if staged == RECORD { Some(Self::Staged) } else { Self::at(staged) };
+        }
+        // A deletion keeps the lists until it ends.
+        let inside = inside.strip_prefix(BIN).and_then(|binned| binned.strip_prefix('/')).unwrap_or(inside);
+        match inside.split_once('/') {
+            None => (inside == FINISHED).then_some(Self::Finished),
+            Some((folder, name)) => {
+                (folder == SCENES && !name.contains('/') && is_manifest(name)).then_some(Self::Scene)
+            }
+        }
+    }
+
+    /// Whether a list may name a path that the program keeps for itself: shards and settled poses of a scene, the manifest of
+    /// a scene that a staged one replaces, and the recipe where the end of a run wrote it.
+    fn may_name(self, path: &DatasetPath) -> bool {
+        let is_below = |folder: &str| path.strip_prefix(MARK).is_some_and(|path| path.starts_with(folder));
+        is_below("/settled/")
+            || is_below("/shards/")
+            || (self == Self::Staged && is_below("/scenes/"))
+            || (self == Self::Finished && path.as_str() == RECIPE)
+    }
+
+    /// The paths in the text of a list, each with its key; none if the text is damaged. Every text that the program reads as
+    /// a list of this kind is read here, too: both types have the same fields, and these take any text as a path.
+    fn names(self, text: &[u8]) -> Vec<(&'static str, Cow<'_, str>)> {
+        match self {
+            Self::Scene | Self::Finished => {
+                let Files { files, writers } = serde_json::from_slice(text).unwrap_or_default();
+                let files = files.into_keys().map(|Name(path)| ("files", path));
+                files.chain(writers.into_values().flatten().map(|Name(path)| ("writers", path))).collect()
+            }
+            Self::Staged => {
+                let Stale { stale, .. } = serde_json::from_slice(text).unwrap_or_default();
+                stale.into_iter().map(|Name(path)| ("stale", path)).collect()
+            }
+        }
+    }
+}
+
+/// Whether a file among the manifests of scenes is one.
+pub fn is_manifest(name: &str) -> bool {
+    name.ends_with(".json")
+}
+
+/// The number of a staged scene that is being moved into place, and the rest of a path in it.
+fn in_ready(inside: &str) -> Option<(&str, &str)> {
+    let (name, rest) = inside.strip_prefix(STAGING)?.strip_prefix('/')?.split_once('/')?;
+    Some((name.strip_suffix(".ready")?, rest))
+}
+
+/// A path in a list.
+#[derive(PartialEq, Eq, PartialOrd, Ord, Deserialize)]
+#[serde(transparent)]
+struct Name<'a>(#[serde(borrow)] Cow<'a, str>);
+
+/// As [`Manifest`](super::manifest::Manifest).
+#[derive(Default, Deserialize)]
+struct Files<'a> {
+    #[serde(borrow)]
+    files: BTreeMap<Name<'a>, IgnoredAny>,
+    #[serde(borrow, default)]
+    writers: BTreeMap<Name<'a>, Vec<Name<'a>>>,
+}
+
+/// As the record of a staged scene.
+#[derive(Default, Deserialize)]
+struct Stale<'a> {
+    #[serde(rename = "entry")]
+    _entry: IgnoredAny,
+    #[serde(borrow)]
+    stale: Vec<Name<'a>>,
+}
 
 /// Something in a dataset that may not be there.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
@@ -68,18 +159,13 @@ pub fn check(root: &Path) -> Result<()> {
     if !own.odd.is_empty() {
         return Err(own.odd.swap_remove(0).into_error(root));
     }
-    let mut folders = own.ready;
-    for list in own.lists {
-        let names = names(&read(&root.join(&list))?);
-        if let Some(odd) = outside(&list, &names).into_iter().next() {
-            return Err(odd.into_error(root));
-        }
-        for name in names.iter().filter_map(|(_, name)| DatasetPath::new(name.as_str()).ok()) {
-            if let Some(folder) = name.folders().last().filter(|folder| !folders.contains(*folder)) {
-                folders.insert(folder.to_owned());
-            }
-        }
+    let threads = workers::available().min(own.lists.len() / LISTS_PER_THREAD).min(MOST_THREADS);
+    let pool = if threads > 1 { Some(Pool::new(threads)?) } else { None };
+    let (odd, mut folders) = names(root, &own.lists, pool.as_ref().map_or(&Serial, |pool| pool as &dyn Workers))?;
+    if let Some(odd) = odd.into_iter().next() {
+        return Err(odd.into_error(root));
     }
+    folders.append(&mut own.ready);
     // Of each folder with those around it.
     let each = folders.iter().flat_map(|folder| prefixes(folder));
     let all: BTreeSet<&str> = each.collect();
@@ -99,8 +185,8 @@ fn prefixes(folder: &str) -> impl Iterator<Item = &str> {
 pub struct OwnFiles {
     /// What is neither a file nor a folder, sorted.
     pub odd: Vec<Odd>,
-    /// Paths of the lists of files, sorted.
-    pub lists: Vec<String>,
+    /// Lists of files, sorted by their paths.
+    pub lists: Vec<List>,
     /// Folders of the dataset that files of staged scenes are moved to.
     ready: BTreeSet<String>,
 }
@@ -141,8 +227,11 @@ fn walk(root: &Path, inside: &str, own: &mut OwnFiles) -> Result<()> {
             own.ready.extend(ready_folder(&path).map(str::to_owned));
         } else if !kind.is_file() {
             own.odd.push(Odd { what: what_is(kind, false), path });
-        } else if is_list(&path) {
-            own.lists.push(path);
+        } else if !may_be_staged(&path) {
+            let what = "no run stages it: moved into place, it would replace a file of the program's own".to_owned();
+            own.odd.push(Odd { path, what });
+        } else if let Some(kind) = Kind::at(&path) {
+            own.lists.push(List { path, kind });
         }
     }
     Ok(())
@@ -150,16 +239,17 @@ fn walk(root: &Path, inside: &str, own: &mut OwnFiles) -> Result<()> {
 
 /// The folder of the dataset that one of a staged scene becomes.
 fn ready_folder(path: &str) -> Option<&str> {
-    let (scene, folder) = path.strip_prefix(MARK)?.strip_prefix("/staging/")?.split_once('/')?;
-    Some(folder).filter(|folder| scene.ends_with(".ready") && !folder.starts_with(MARK))
+    let (_, folder) = in_ready(path.strip_prefix(MARK)?.strip_prefix('/')?)?;
+    Some(folder).filter(|folder| !folder.starts_with(MARK))
 }
 
-/// Whether a file of the dataset's own folder lists files: what the end of a run wrote, a scene, a scene that is being moved
-/// into place, and those of a dataset that is being deleted.
-fn is_list(path: &str) -> bool {
-    let mut parts = path.rsplit('/');
-    let (name, folder) = (parts.next().unwrap_or_default(), parts.next().unwrap_or_default());
-    name == FINISHED || name == "staged.json" || (folder == "scenes" && name.ends_with(".json"))
+/// Whether a file of the program's own folder may be moved into place with a staged scene, if it would be: the manifest of
+/// the scene, what settling did, and shards.
+fn may_be_staged(path: &str) -> bool {
+    let inside = path.strip_prefix(MARK).and_then(|inside| inside.strip_prefix('/')).and_then(in_ready);
+    let Some(own) = inside.and_then(|(_, staged)| staged.strip_prefix(MARK)?.strip_prefix('/')) else { return true };
+    let folder = own.split_once('/').map_or("", |(folder, _)| folder);
+    [SCENES, "settled", "shards"].contains(&folder) || inside.is_some_and(|(_, staged)| staged == RECORD)
 }
 
 fn what_is(kind: FileType, is_folder: bool) -> String {
@@ -179,49 +269,175 @@ pub fn read(path: &Path) -> Result<Vec<u8>> {
 
 /// The bytes of a file that a run keeps in its dataset, if the file exists. Refuses a file larger than [`RUN_LIST_BYTES`].
 pub fn read_list(path: &Path) -> Result<Option<Vec<u8>>> {
+    read_bounded(path, &RUN_LIST_BYTES)
+}
+
+/// The bytes of a file, if the file exists. Refuses a file larger than the limit.
+pub fn read_bounded(path: &Path, limit: &Limit) -> Result<Option<Vec<u8>>> {
     let fail = |error: std::io::Error| Error::io(path, &error);
     let file = match File::open(path) {
         Ok(file) => file,
         Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
         Err(error) => return Err(fail(error)),
     };
-    let check = |length: u64| RUN_LIST_BYTES.check(length).map_err(|error| error.in_file(path));
+    let check = |length: u64| limit.check(length).map_err(|error| error.in_file(path));
     check(file.metadata().map_err(fail)?.len())?;
     // The file may grow, or state no length.
     let mut bytes = Vec::new();
-    file.take(RUN_LIST_BYTES.most + 1).read_to_end(&mut bytes).map_err(fail)?;
+    file.take(limit.most + 1).read_to_end(&mut bytes).map_err(fail)?;
     check(bytes.len() as u64)?;
     Ok(Some(bytes))
 }
 
-/// What lists of files have in common.
-#[derive(Default, Deserialize)]
-#[serde(default)]
-struct Lists {
-    files: BTreeMap<String, IgnoredAny>,
-    writers: BTreeMap<String, Vec<String>>,
-    stale: Vec<String>,
-}
+/// Lists from which on another thread is worth its start, and the most threads: lists are small, and disks do no more at once.
+const LISTS_PER_THREAD: usize = 64;
+const MOST_THREADS: usize = 8;
+/// Lists that are larger are read one after the other, bytes: together they would take more memory than one may.
+const LARGE: usize = 1 << 22;
 
-/// The paths that a list names, each with its key; none if the text is none of a list, which counts as damaged.
-pub fn names(text: &[u8]) -> Vec<(&'static str, String)> {
-    let Lists { files, writers, stale } = serde_json::from_slice(text).unwrap_or_default();
-    let files = files.into_keys().map(|path| ("files", path));
-    let writers = writers.into_values().flatten().map(|path| ("writers", path));
-    files.chain(writers).chain(stale.into_iter().map(|path| ("stale", path))).collect()
-}
-
-/// Those of the paths that a list names and that are not of the dataset, or the program's own and none that lists have.
-pub fn outside(list: &str, names: &[(&'static str, String)]) -> Vec<Odd> {
-    let odd = |(key, name): &(&'static str, String)| {
-        let why = match DatasetPath::new(name.as_str()) {
-            Err(error) => error.to_string(),
-            Ok(path) if path.is_reserved() && !may_name(list, key, &path) => {
-                format!("`{name}` is a path that the program keeps for itself, and that no list has")
+/// Reads lists. Returns names that are not the dataset's, or that the program keeps for itself, in the order of the lists;
+/// and the folders of all other names.
+pub fn names(root: &Path, lists: &[List], workers: &dyn Workers) -> Result<(Vec<Odd>, BTreeSet<String>)> {
+    let found = Mutex::new((BTreeMap::new(), BTreeSet::new()));
+    let large = Mutex::new(());
+    workers.run(lists.len(), &|number| {
+        let path = root.join(&lists[number].path);
+        let size = fs::metadata(&path).map_or(0, |there| there.len());
+        let _alone = (size > LARGE as u64).then(|| large.lock());
+        let read = read(&path).map(|text| lists[number].look(&text));
+        let mut found = found.lock();
+        match read {
+            Ok((odd, folders)) => {
+                found.1.extend(folders);
+                if !odd.is_empty() {
+                    found.0.insert(number, Ok(odd));
+                }
             }
-            Ok(_) => return None,
+            Err(error) => drop(found.0.insert(number, Err(error))),
+        }
+    });
+    let (odd, folders) = found.into_inner();
+    let odd: Vec<Vec<Odd>> = odd.into_values().collect::<Result<_>>()?;
+    Ok((odd.concat(), folders))
+}
+
+impl List {
+    /// What is odd about the names of a list, at most [`SHOWN`] and how many more there are; and the folders of the others.
+    fn look(&self, text: &[u8]) -> (Vec<Odd>, BTreeSet<String>) {
+        let (mut odd, mut more, mut folders) = (Vec::new(), 0_u64, BTreeSet::new());
+        let mut add = |key: &str, why: String| match odd.len() {
+            SHOWN.. => more += 1,
+            _ => odd.push(self.odd(format!("`{key}` names a file that is not the dataset's: {why}"))),
         };
-        Some(Odd { path: list.to_owned(), what: format!("`{key}` names a file that is not the dataset's: {why}") })
-    };
-    names.iter().filter_map(odd).collect()
+        // Files of one folder follow each other.
+        let mut last = String::new();
+        for (key, name) in self.kind.names(text) {
+            match DatasetPath::new(name.into_owned()) {
+                Err(error) => add(key, error.to_string()),
+                Ok(path) if path.is_reserved() && !self.kind.may_name(&path) => {
+                    add(key, format!("`{path}` is a path that the program keeps for itself, and that no list has"));
+                }
+                Ok(path) => {
+                    if let Some((folder, _)) = path.rsplit_once('/').filter(|(folder, _)| *folder != last) {
+                        folder.clone_into(&mut last);
+                        folders.insert(folder.to_owned());
+                    }
+                }
+            }
+        }
+        if more > 0 {
+            odd.push(self.odd(format!("{more} more of its names are not the dataset's")));
+        }
+        (odd, folders)
+    }
+
+    fn odd(&self, what: String) -> Odd {
+        Odd { path: self.path.clone(), what }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lists_are_known_by_their_place() {
+        for (path, kind) in [
+            (".syntable/finished.json", Some(Kind::Finished)),
+            (".syntable/scenes/000003.json", Some(Kind::Scene)),
+            (".syntable/discard/finished.json", Some(Kind::Finished)),
+            (".syntable/discard/scenes/000003.json", Some(Kind::Scene)),
+            (".syntable/staging/3.ready/.syntable/staged.json", Some(Kind::Staged)),
+            (".syntable/staging/3.ready/.syntable/scenes/000003.json", Some(Kind::Scene)),
+            // Files of a writer whose id is `scenes`, or which writes `finished.json`.
+            (".syntable/staging/3.ready/scenes/000003.json", None),
+            (".syntable/staging/3.ready/finished.json", None),
+            (".syntable/staging/3.part/.syntable/staged.json", None),
+            (".syntable/staging/3.part/scenes/000003.json", None),
+            (".syntable/staging/finish/finished.json", None),
+            (".syntable/shards/scenes/000003.json", None),
+            (".syntable/quarantine/000003/scenes/000003.json", None),
+            (".syntable/scenes/old/000003.json", None),
+            (".syntable/scenes/000003.json.part", None),
+            (".syntable/staged.json", None),
+            ("scenes/000003.json", None),
+        ] {
+            assert_eq!(Kind::at(path), kind, "{path}");
+        }
+    }
+
+    /// A text that the program reads as a list may not hide its names behind fields that the program ignores.
+    #[test]
+    fn names_are_read_from_every_text_that_counts_as_a_list() {
+        let digest = syntable_model::digest::Digest::of(b"").to_string();
+        let file = format!(r#"{{".syntable/lock":[0,"{digest}"]}}"#);
+        let entry = r#"{"scene":0,"attempt":0,"outcome":"failed"}"#;
+        for text in [
+            format!(r#"{{"files":{file}}}"#),
+            format!(r#"{{"files":{file},"stale":5,"entry":[]}}"#),
+            format!(r#"{{"stale":{{}},"files":{{"\u002esyntable/lock":[0,"{digest}"]}}}}"#),
+            format!(r#"[{file},{{}}]"#),
+        ] {
+            assert!(serde_json::from_str::<super::super::manifest::Manifest>(&text).is_ok(), "{text}");
+            assert_eq!(Kind::Scene.names(text.as_bytes()), [("files", ".syntable/lock".into())], "{text}");
+        }
+        for text in [
+            format!(r#"{{"entry":{entry},"stale":[".syntable/lock"],"files":5,"writers":5}}"#),
+            format!(r#"[{entry},[".syntable/lock"]]"#),
+        ] {
+            assert!(serde_json::from_str::<super::super::folder::Staged>(&text).is_ok(), "{text}");
+            assert_eq!(Kind::Staged.names(text.as_bytes()), [("stale", ".syntable/lock".into())], "{text}");
+        }
+    }
+
+    #[test]
+    fn of_many_bad_names_the_first_are_told_and_the_rest_counted() {
+        let list = List { path: ".syntable/scenes/000000.json".to_owned(), kind: Kind::Scene };
+        let files: Vec<String> = (0..1000).map(|number| format!(r#""../{number:04}":0"#)).collect();
+        let (odd, folders) = list.look(format!(r#"{{"files":{{"a/b/c":0,{}}}}}"#, files.join(",")).as_bytes());
+        assert_eq!((odd.len(), folders), (SHOWN + 1, BTreeSet::from(["a/b".to_owned()])));
+        assert!(odd[0].what.contains("`../0000`") && odd[SHOWN].what.contains(&format!("{} more", 1000 - SHOWN)));
+    }
+
+    /// Opens a dataset with lists of 10,000 scenes of 60 files, and prints how long the lists take.
+    #[test]
+    #[ignore = "measures"]
+    fn ten_thousand_lists() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let scenes = folder.path().join(MARK).join("scenes");
+        fs::create_dir_all(&scenes).expect("writable");
+        let digest = syntable_model::digest::Digest::of(b"").to_string();
+        for scene in 0..10_000 {
+            let names = (0..60).map(|file| format!("png/product_{}/{scene}_{}.png", file % 6, file / 6));
+            let names: Vec<String> = names.map(|name| format!("\"{name}\"")).collect();
+            let files: Vec<String> = names.iter().map(|name| format!("{name}:[12345,\"{digest}\"]")).collect();
+            let text = format!(r#"{{"files":{{{}}},"writers":{{"png":[{}]}}}}"#, files.join(","), names.join(","));
+            fs::write(scenes.join(format!("{scene:06}.json")), text).expect("writable");
+        }
+        for _ in 0..3 {
+            let start = std::time::Instant::now();
+            check(folder.path()).expect("sound");
+            println!("{:.2} s", start.elapsed().as_secs_f64());
+        }
+    }
 }

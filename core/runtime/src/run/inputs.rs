@@ -1,16 +1,15 @@
 //! The inputs of a dataset, compared with what they were: pools, and files that options name.
 
 use super::folder::catalog_path;
+use super::foreign::read_list;
 use super::manifest::Stamp;
 use crate::recipe::{CatalogAsset, CatalogLock, CatalogNames as Names, Lock, Recipe};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use syntable_model::context::Log;
 use syntable_model::error::{Error, Result};
+use syntable_model::some::some_names;
 use syntable_model::stage::DeviceClass;
-
-/// Number of names that an error lists of each sort.
-const SHOWN: usize = 8;
 
 /// Digests of the files that options of a recipe name, by the option. Folders have none.
 pub fn files(recipe: &Recipe) -> Result<BTreeMap<String, String>> {
@@ -90,17 +89,13 @@ pub fn difference(pool: &str, [one, other]: [(&Path, &Lock); 2]) -> Option<Strin
 
 /// The names that a dataset stores of a pool, if they are those of the lock.
 fn names(home: &Path, pool: &str, lock: &CatalogLock) -> Option<Names> {
-    let text = std::fs::read_to_string(catalog_path(home, pool).ok()?).ok()?;
-    let names: Names = serde_json::from_str(&text).ok()?;
+    let text = read_list(&catalog_path(home, pool).ok()?).ok()??;
+    let names: Names = serde_json::from_slice(&text).ok()?;
     (CatalogLock::of(&names) == *lock).then_some(names)
 }
 
 fn changes(before: &Names, now: &Names) -> String {
-    let list = |what: &str, names: Vec<&str>| {
-        let more = if names.len() > SHOWN { format!(" and {} more", names.len() - SHOWN) } else { String::new() };
-        let shown: Vec<String> = names.iter().take(SHOWN).map(|name| format!("`{name}`")).collect();
-        (!names.is_empty()).then(|| format!("{what} {}{more}", shown.join(", ")))
-    };
+    let list = |what: &str, names: Vec<&str>| (!names.is_empty()).then(|| format!("{what} {}", some_names(names)));
     let added = now.keys().filter(|name| !before.contains_key(*name)).map(String::as_str).collect();
     let removed = before.keys().filter(|name| !now.contains_key(*name)).map(String::as_str).collect();
     let moved = |differs: fn(&CatalogAsset, &CatalogAsset) -> bool| {

@@ -113,6 +113,18 @@ pub fn link_before<'p>(root: &Path, path: &'p DatasetPath) -> Option<&'p str> {
     path.folders().find(|folder| is_link(&root.join(folder)))
 }
 
+/// What stands at a path, be it a link that leads nowhere; none if nothing does.
+///
+/// # Errors
+/// If the path cannot be looked at: what may stand there must not count as gone.
+pub fn look(path: &Path) -> Result<Option<fs::Metadata>> {
+    match fs::symlink_metadata(path) {
+        Ok(there) => Ok(Some(there)),
+        Err(error) if matches!(error.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory) => Ok(None),
+        Err(error) => Err(Error::io(path, &error)),
+    }
+}
+
 /// Whether there is a link, whatever it leads to.
 pub fn is_link(path: &Path) -> bool {
     fs::symlink_metadata(path).is_ok_and(|there| there.is_symlink())

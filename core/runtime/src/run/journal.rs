@@ -8,6 +8,7 @@ use std::io::{BufRead, BufReader, ErrorKind, Read, Write};
 use std::path::{Path, PathBuf};
 use syntable_model::error::{Error, Result};
 use syntable_model::limits::RUN_LIST_BYTES;
+use syntable_model::some::SHOWN;
 
 /// A line of the journal: a scene that is done.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
@@ -224,16 +225,22 @@ impl Journal {
         Ok((entries, whole))
     }
 
-    /// Reads the lines of a journal that can be read, and says which ones cannot.
+    /// Reads the lines of a journal that can be read, and says which ones cannot: the first [`SHOWN`], and how many more.
     pub fn readable(path: &Path) -> Result<(BTreeMap<u32, JournalEntry>, Vec<String>)> {
-        let (mut entries, mut faults) = (BTreeMap::new(), Vec::new());
+        let (mut entries, mut faults, mut more) = (BTreeMap::new(), Vec::new(), 0_u64);
         each_line(path, |number, line| {
             match line {
                 Ok(entry) => drop(entries.insert(entry.scene, entry)),
-                Err(error) => faults.push(format!("line {number} is no journal line: {error}")),
+                Err(error) if faults.len() < SHOWN => {
+                    faults.push(format!("line {number} is no journal line: {error}"));
+                }
+                Err(_) => more += 1,
             }
             Ok(())
         })?;
+        if more > 0 {
+            faults.push(format!("{more} more lines are no journal lines"));
+        }
         Ok((entries, faults))
     }
 
@@ -453,6 +460,16 @@ mod tests {
         }
     }
 
+    #[test]
+    fn of_many_bad_lines_the_first_are_told_and_the_rest_counted() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("journal.jsonl");
+        fs::write(&path, "x\n".repeat(500)).expect("writable");
+        let (entries, faults) = Journal::readable(&path).expect("readable");
+        assert!(entries.is_empty() && faults.len() == SHOWN + 1, "{faults:?}");
+        assert!(faults[0].starts_with("line 1 ") && faults[SHOWN].starts_with(&format!("{} more", 500 - SHOWN)));
+    }
+
     /// The files have holes, which take no space on a disk.
     #[test]
     fn files_of_a_run_are_bounded() {
@@ -476,6 +493,17 @@ mod tests {
             RunTimes::of_dataset(root).err(),
             super::super::foreign::check(root).err(),
         ];
+        let shard = root.join(".syntable/shards/@records/000000.jsonl");
+        let settled = super::super::folder::settled_path(root, 0);
+        for path in [&shard, &settled] {
+            super::super::folder::create_parent(path).expect("writable");
+            hole(path);
+        }
+        let scene = syntable_model::scene::SceneId(0);
+        let error = super::super::records::Records::read(root, scene).expect_err("too large").to_string();
+        let says = ["536870912 bytes of what a run records", "limit of 268435456", "000000.jsonl", "--repair"];
+        assert!(says.iter().all(|part| error.contains(part)), "{error}");
+        assert!(super::super::settled::read(root, scene).is_none());
         for error in errors {
             let error = error.expect("too large").to_string();
             let says = ["536870912 bytes of a file that a run keeps", "limit of 268435456", "run --repair", ".json"];

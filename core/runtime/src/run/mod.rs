@@ -68,6 +68,7 @@ use std::path::PathBuf;
 use std::time::Instant;
 use stop::Stop;
 use syntable_model::error::{Error, Result};
+use syntable_model::some::SHOWN;
 
 /// How to run a recipe.
 pub struct RunOptions {
@@ -127,9 +128,6 @@ pub struct Outcome {
     /// What stages left out of the scenes of the dataset.
     pub left_out: Vec<Loss>,
 }
-
-/// Number of bad assets that are named.
-const SHOWN: usize = 10;
 
 impl Outcome {
     /// Assets that were passed over, and parts of labels that writers could not store. Failed scenes are not among them.

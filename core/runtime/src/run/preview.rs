@@ -5,7 +5,7 @@
 //! whose pools, placers and settler are the same. [`Pass::key`] says which images are.
 
 use super::attempt::{Attempt, Tools};
-use super::losses::Losses;
+use super::losses::{Loss, Losses};
 use super::panics;
 use super::progress::{Event, Reporter, Warnings};
 use super::stages::{annotate, run_in_scene};
@@ -135,6 +135,7 @@ impl Previewer {
             session: &mut self.session,
             composed: &mut self.composed,
             times: Times::default(),
+            losses: Vec::new(),
             log,
             reporter,
             stop,
@@ -157,6 +158,7 @@ pub struct Pass<'p> {
     session: &'p mut Option<Session>,
     composed: &'p mut BTreeMap<u32, Composed>,
     times: Times,
+    losses: Vec<Loss>,
     log: &'p dyn Log,
     reporter: &'p dyn Reporter,
     stop: &'p Stop,
@@ -193,9 +195,11 @@ impl Pass<'_> {
         }
     }
 
-    /// Tells how long the stages worked.
-    pub fn end(self) {
+    /// Reports how long the stages worked. Returns what they left out of the images of this pass, summed up as in a run: of
+    /// attempts that failed nothing counts.
+    pub fn end(self) -> Vec<Loss> {
         self.reporter.event(&Event::Stages { stages: self.times.all() });
+        Loss::sum(self.losses)
     }
 
     fn attempt(&mut self, scene: u32, number: u32, views: &[u32], each: &mut dyn FnMut(u32, &Products)) -> Result<()> {
@@ -212,9 +216,9 @@ impl Pass<'_> {
         let attempt = Attempt { tools, dataset: &self.info, scene: SceneId(scene), number, assets: recorded };
         let frozen = composed(self.composed, self.keys.0, &attempt, self.reporter)?;
         let cx = DatasetContext::new(&self.info, self.pool, self.log).with_cache(self.cache).scene(&frozen);
-        let mut of_scene = Products::new();
+        let (mut of_scene, losses) = (Products::new(), Losses::default());
         for stage in &self.plan.before_views {
-            run_in_scene(&self.times, &Losses::default(), stage, &cx, &[], &mut of_scene)?;
+            run_in_scene(&self.times, &losses, stage, &cx, &[], &mut of_scene)?;
         }
         let count = self.recipe.dataset.views_per_scene;
         let needs_next = self.plan.rendered.iter().any(|key| key.name.parameters.next_view);
@@ -243,10 +247,11 @@ impl Pass<'_> {
             }
             let of_view = cx.view(&view).before(next.as_ref());
             let sensing = attempt.sensing(&self.plan, view.id);
-            annotate(&self.times, None, &self.plan, &of_view, &sensing, &mut products)?;
+            annotate(&self.times, Some(&losses), &self.plan, &of_view, &sensing, &mut products)?;
             each(id, &products);
             self.reporter.event(&Event::Image { scene, view: id });
         }
+        self.losses.extend(losses.all());
         Ok(())
     }
 }

@@ -1,11 +1,12 @@
 //! The recorded products of scenes that are done: what the annotators of the dataset read, in this run or a later one.
 
+use super::foreign::read_bounded;
 use crate::plan::Plan;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
-use std::fs;
 use std::path::Path;
 use syntable_model::error::{Error, Result};
+use syntable_model::limits::SCENE_RECORD_BYTES;
 use syntable_model::product::{KeyId, Products, Scope};
 use syntable_model::scene::SceneId;
 use syntable_model::stage::{Output, RecordedScene};
@@ -37,16 +38,23 @@ impl Records {
             return Ok(());
         }
         self.scene = values(&plan.recorded(Scope::Scene), products)?;
-        output.write_shard(&serde_json::to_vec(&self).expect("values are plain data"))
+        let text = serde_json::to_vec(&self).expect("values are plain data");
+        // What is written can be read.
+        SCENE_RECORD_BYTES.check(text.len() as u64)?;
+        output.write_shard(&text)
     }
 
     /// Reads the record of a scene.
     pub fn read(root: &Path, scene: SceneId) -> Result<RecordedScene> {
         let path = syntable_model::stage::shard_path(OWNER, scene)?.below(root);
         let help = "the dataset is damaged; `syntable run --repair` makes the scene again";
-        let text = fs::read_to_string(&path).map_err(|error| Error::io(&path, &error).help(help))?;
+        let text = read_bounded(&path, &SCENE_RECORD_BYTES).map_err(|error| match error.help_text() {
+            Some(_) => error,
+            None => error.help(help),
+        })?;
+        let text = text.ok_or_else(|| Error::new("the file is missing").in_file(&path).help(help))?;
         let Self { scene: scene_values, views: view_values } =
-            serde_json::from_str(&text).map_err(|error| Error::new(error.to_string()).in_file(&path).help(help))?;
+            serde_json::from_slice(&text).map_err(|error| Error::new(error.to_string()).in_file(&path).help(help))?;
         Ok(RecordedScene { scene, scene_values, view_values })
     }
 }

@@ -1,6 +1,7 @@
 //! What settling did to a scene, stored with the dataset. TOML keeps every bit of a number.
 
 use super::folder::{create_parent, settled_path};
+use super::foreign::read_list;
 use std::path::Path;
 use syntable_model::error::{Error, Result};
 use syntable_model::scene::{SceneId, Settled};
@@ -13,10 +14,10 @@ pub fn write(staged: &Path, scene: SceneId, settled: &Settled) -> Result<()> {
     std::fs::write(&path, text).map_err(|error| Error::io(&path, &error))
 }
 
-/// What settling did to a scene of a dataset; none if that is not stored, or not readable.
+/// What settling did to a scene of a dataset; none if that is not stored, not readable, or larger than a run writes.
 pub fn read(root: &Path, scene: SceneId) -> Option<Settled> {
-    let text = std::fs::read_to_string(settled_path(root, scene.0)).ok()?;
-    toml::from_str(&text).ok()
+    let text = read_list(&settled_path(root, scene.0)).ok()??;
+    toml::from_slice(&text).ok()
 }
 
 #[cfg(test)]

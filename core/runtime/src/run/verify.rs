@@ -100,10 +100,7 @@ pub(super) fn compare(root: &Path, workers: &dyn Workers) -> Result<Verified> {
     for (path, stamp) in &end.manifest.files {
         found.look(root, path, stamp)?;
     }
-    for list in own.lists {
-        let names = foreign::names(&foreign::read(&root.join(&list))?);
-        found.add_odd(foreign::outside(&list, &names));
-    }
+    found.add_odd(foreign::names(root, &own.lists, workers)?.0);
     let journal = journal_path(root);
     found.unfinished = match end.journal {
         Some(digest) => !journal.exists() || Stamp::of(&journal)?.1 != digest,

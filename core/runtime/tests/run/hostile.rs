@@ -116,6 +116,12 @@ impl Place {
     }
 }
 
+/// The first line of the journal.
+fn entry_of(data: &Path) -> serde_json::Value {
+    let lines = fs::read_to_string(data.join(".syntable/journal.jsonl")).expect("there");
+    serde_json::from_str(lines.lines().next().expect("a line")).expect("JSON")
+}
+
 /// Changes the manifest of scene 0, and the journal that vouches for it.
 fn forge(data: &Path, change: &dyn Fn(&mut serde_json::Value)) {
     let path = data.join(".syntable/scenes/000000.json");
@@ -146,8 +152,7 @@ fn lists_name_files_of_the_dataset_alone() {
             fs::write(path, list.to_string()).expect("writable");
         };
         let staged = |name: &str| {
-            let entry = fs::read_to_string(data.join(".syntable/journal.jsonl")).expect("there");
-            let entry: serde_json::Value = serde_json::from_str(entry.lines().next().expect("a line")).expect("JSON");
+            let entry = entry_of(&data);
             let folder = data.join(".syntable/staging").join(name).join(".syntable");
             fs::create_dir_all(&folder).expect("writable");
             let record = serde_json::json!({ "entry": entry, "stale": [bad] }).to_string();
@@ -187,6 +192,68 @@ fn lists_name_files_of_the_dataset_alone() {
             assert!(place.is_unharmed(), "{what}");
         }
     }
+}
+
+/// A list may not hide its names from the check behind fields that only the check reads, and a staged scene brings no file
+/// that the program keeps for itself.
+#[test]
+fn no_text_and_no_place_hides_a_list() {
+    let place = Place::new();
+    let data = place.at("data");
+    let stale = serde_json::json!({ "entry": entry_of(&data), "stale": [".syntable/journal.jsonl"], "files": 5 });
+    let own = || {
+        forge(&data, &|manifest| {
+            manifest["stale"] = 5.into();
+            manifest["files"][".syntable/lock"] =
+                manifest["files"].as_object().expect("files")["lines/000000.json"].clone();
+        });
+    };
+    let ready = |name: &str, text: &str| {
+        let path = data.join(".syntable/staging/0.ready/.syntable").join(name);
+        fs::create_dir_all(path.parent().expect("a folder")).expect("writable");
+        fs::write(path, text).expect("writable");
+    };
+    for (list, says, make) in [
+        (".syntable/scenes/000000.json", "`.syntable/lock` is a path that", &own as &dyn Fn()),
+        (".syntable/staging/0.ready/.syntable/staged.json", "`.syntable/journal.jsonl` is a path that", &|| {
+            ready("staged.json", &stale.to_string())
+        }),
+        (".syntable/staging/0.ready/.syntable/journal.jsonl", "no run stages it", &|| ready("journal.jsonl", "")),
+        (".syntable/staging/0.ready/.syntable/discard/finished.json", "no run stages it", &|| {
+            ready("discard/finished.json", "{}");
+        }),
+    ] {
+        place.remake();
+        make();
+        for error in place.refusals(list) {
+            let text = error.to_string();
+            assert!(text.contains(list) && text.contains(says), "{list}: {text}");
+        }
+        let found = verify(&data, 1).expect("it only looks");
+        assert!(found.outside.iter().any(|(path, why)| path == list && why.contains(says)), "{list}: {found:?}");
+    }
+}
+
+/// What a writer is called, and what it writes, makes no list.
+#[test]
+fn files_of_writers_are_no_lists() {
+    let place = Place::new();
+    let data = place.at("data");
+    let text = r#"{"files":{"../canary":1},"writers":{},"stale":["/etc/passwd"]}"#;
+    for path in [
+        ".syntable/staging/7.part/scenes/000000.json",
+        ".syntable/staging/finish/finished.json",
+        ".syntable/quarantine/000007/scenes/000000.json",
+        ".syntable/quarantine/000007/staged.json",
+    ] {
+        let path = data.join(path);
+        fs::create_dir_all(path.parent().expect("a folder")).expect("writable");
+        fs::write(path, text).expect("writable");
+    }
+    let found = verify(&data, 1).expect("it only looks");
+    assert!(found.whole(), "{found:?}");
+    run_with(RECIPE, options(&data, 1), &Quiet).expect("the dataset is whole");
+    assert!(place.is_unharmed());
 }
 
 #[test]

@@ -6,6 +6,7 @@ use std::path::Path;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
+use syntable_model::left_out::LeftOut;
 use syntable_model::prelude::*;
 use syntable_model::registry::{Choice, Choose, Entry, Registry};
 use syntable_model::scene::{Asset, AssetClass, Catalog, CatalogEntry, Optics, Role, SettleReport};
@@ -28,6 +29,8 @@ products! {
     pub const THOUGHT: Key<Value> = view("thought");
     /// Thoughts of all views.
     pub const TRACK: Key<Value> = scene("track");
+    /// Nothing of note of a scene.
+    pub const GLANCE: Key<Value> = scene("glance");
     /// Number of scenes, and sum of all thoughts.
     pub const TOTAL: Key<Value> = dataset("total");
 }
@@ -70,6 +73,7 @@ kind!(/** Thinks about each view. */ Thinker, Annotator, "thinker",
     sleep_ms: u32, panics: bool, undeclared: bool, silent: bool, missing: bool, missing_later: bool, stumbles: bool,
     contradicts: bool);
 kind!(/** Collects the thoughts of all views. */ Tracker, SceneAnnotator, "tracker");
+kind!(/** Leaves out one of three things of a scene. */ Careless, SceneAnnotator, "careless");
 kind!(/** Sums the thoughts of all scenes. */ Summer, DatasetAnnotator, "summer", fails_at: i64);
 kind!(/** Thinks as [`Thinker`] does. */ Echo, Annotator, "echo");
 kind!(/** Offers the names that a file lists, one per line. */ Names, AssetSource, "names", list: String);
@@ -332,6 +336,19 @@ impl SceneAnnotator for Tracker {
     }
 }
 
+impl SceneAnnotator for Careless {
+    fn reads(&self) -> Vec<KeyId> {
+        Vec::new()
+    }
+    fn provides(&self) -> Vec<KeyId> {
+        keys![GLANCE]
+    }
+    fn annotate(&self, cx: &SceneContext, _: &[ViewProducts], products: &mut Products) -> Result<()> {
+        cx.log.left_out(&LeftOut::new(1, 3, "things were overlooked"));
+        products.put(GLANCE, Value::from(0_i64))
+    }
+}
+
 impl DatasetAnnotator for Summer {
     fn reads(&self) -> Vec<KeyId> {
         keys![THOUGHT]
@@ -421,8 +438,9 @@ pub fn registry() -> Registry {
     macro_rules! entries {
         ($($name:ident),*) => { [$(Entry::of::<$name>("kit", "0.0.0")),*] };
     }
-    let entries =
-        entries![Boxes, Lift, Small, Fixed, Sleeper, Drowsy, Either, Doubler, Thinker, Tracker, Summer, Lines, Names];
+    let entries = entries![
+        Boxes, Lift, Small, Fixed, Sleeper, Drowsy, Either, Doubler, Thinker, Tracker, Careless, Summer, Lines, Names
+    ];
     Registry::new(entries).expect("no clash")
 }
 

@@ -6,6 +6,7 @@ mod growth;
 #[cfg(unix)]
 mod hostile;
 mod kit;
+mod preview;
 mod whole;
 
 use kit::{Counters, run};

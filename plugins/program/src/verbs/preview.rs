@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 use syntable_cli::clap::{Arg, ArgAction, ArgMatches, Args, Command, FromArgMatches, value_parser};
-use syntable_cli::{Console, Exit, RecipeArgs, Verb, check_outputs, ended, on_signals, threads};
+use syntable_cli::{Console, Exit, Message, RecipeArgs, Verb, check_outputs, ended, on_signals, threads};
 use syntable_model::error::Error;
 use syntable_model::registry::Registry;
 use syntable_report::preview::{Ended, Preview, PreviewOptions};
@@ -91,10 +91,13 @@ fn run(console: &Console, registry: &Registry, arguments: &ArgMatches) -> Result
         return preview.watch(&stop).map_err(Exit::stopped);
     }
     match preview.once(&stop).map_err(Exit::stopped)? {
-        Ended::Done(0) => console.print(&places),
-        Ended::Done(failed) => {
+        Ended::Done { failed, is_lossy } => {
             console.print(&places)?;
-            Err(Exit { code: 3, ..Exit::wrong(Error::new(format!("{} failed", count(failed, "scene")))) })
+            let failed = (failed > 0).then(|| format!("{} failed", count(failed, "scene")));
+            let lossy = is_lossy.then(|| "stages left labels out: the warnings above name them".to_owned());
+            let messages: Vec<Message> =
+                failed.into_iter().chain(lossy).map(|what| Message::Error(Error::new(what))).collect();
+            if messages.is_empty() { Ok(()) } else { Err(Exit { code: 3, messages }) }
         }
         Ended::Mistaken => Err(Exit { code: 2, messages: Vec::new() }),
         Ended::Stopped => {

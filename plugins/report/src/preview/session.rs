@@ -92,15 +92,16 @@ impl<'a> Preview<'a> {
         page.into_iter().chain(self.out.as_ref().map(|out| out.display().to_string())).collect()
     }
 
-    /// Makes one sheet. A recipe with mistakes leaves the file as it is.
+    /// Makes one sheet, which takes its place once it is whole. A recipe with mistakes leaves the file as it is.
     ///
     /// # Errors
     /// If the sheet cannot be drawn or written.
     pub fn once(&mut self, stop: &Stop) -> Result<Ended> {
         let out = self.out.as_deref();
+        // Until all of its images are made, the sheet of before stays.
         let mut show = |news: &News| match news.shown {
-            Shown::Sheet(_) => store(out, &png_of(news.shown)?),
-            Shown::Mistakes(_) => Ok(()),
+            Shown::Sheet(_) if !news.is_busy => store(out, &png_of(news.shown)?),
+            Shown::Sheet(_) | Shown::Mistakes(_) => Ok(()),
         };
         self.studio.pass(&Watch::default(), stop, &mut show)
     }

@@ -8,7 +8,7 @@ use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
 use std::time::Instant;
 use syntable_formats::draw::Color;
-use syntable_model::context::Collected;
+use syntable_model::context::{Collected, Log};
 use syntable_model::digest::Digest;
 use syntable_model::error::{Error, Result};
 use syntable_model::product::Plane;
@@ -22,7 +22,7 @@ use syntable_runtime::run::progress::{Event, Reporter, Warnings, count};
 use syntable_runtime::run::stop::Stop;
 
 /// Scenes and views that are shown if nothing else is asked for.
-const SHOWN: u32 = 2;
+const OF_EACH: u32 = 2;
 /// Maximum number of cells of a sheet.
 const MAX_CELLS: usize = 400;
 /// Images that are kept beside those of the sheet, for recipes that come back.
@@ -56,8 +56,13 @@ pub struct News<'a> {
 /// How a pass ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Ended {
-    /// With all images, but those of as many scenes that failed.
-    Done(u32),
+    /// With all images that could be made.
+    Done {
+        /// Scenes that failed.
+        failed: u32,
+        /// Whether stages left something out of the images.
+        is_lossy: bool,
+    },
     /// The recipe has mistakes.
     Mistaken,
     /// It was asked to end.
@@ -229,10 +234,11 @@ impl<'a> Studio<'a> {
                 }
             }
         }
+        let losses = pass.end();
+        losses.iter().for_each(|loss| log.warn(&loss.warning()));
         if result.is_ok() && !stop.is_requested() && is_busy {
             result = tell(&shown, false);
         }
-        pass.end();
         if let Shown::Sheet(sheet) = shown {
             self.sheet = Some(sheet);
         }
@@ -243,7 +249,7 @@ impl<'a> Studio<'a> {
         let message =
             format!("{} of {} made in {:.1} s", made, count(keys.len() as u32, "image"), start.elapsed().as_secs_f64());
         self.reporter.event(&Event::Note { message });
-        Ok(Ended::Done(failed))
+        Ok(Ended::Done { failed, is_lossy: !losses.is_empty() })
     }
 
     /// Shows what is wrong with a recipe, unless that is what was shown last.
@@ -264,9 +270,9 @@ fn shown_of(recipe: &Recipe, scenes: Option<SceneRange>, views: Option<u32>) -> 
     let dataset = &recipe.dataset;
     let scenes = match scenes {
         Some(scenes) => scenes.within(dataset.scenes)?,
-        None => 0..dataset.scenes.min(SHOWN),
+        None => 0..dataset.scenes.min(OF_EACH),
     };
-    let views = 0..views.unwrap_or_else(|| dataset.views_per_scene.min(SHOWN));
+    let views = 0..views.unwrap_or_else(|| dataset.views_per_scene.min(OF_EACH));
     let cells = scenes.len() * views.len();
     if cells > MAX_CELLS {
         return Err(Error::new(format!("a sheet of {cells} images is more than {MAX_CELLS}"))

@@ -177,7 +177,7 @@ fn beside(dataset: &Path) -> Result<PathBuf> {
         return Err(Error::new("its folder has no name").in_file(dataset).help("choose one for the report with --out"));
     };
     // Of the folder of a writer: beside the whole run.
-    if let Some(run) = run_of(folder).filter(|run| run != folder) {
+    if let Some(run) = run_of(folder)?.filter(|run| run != folder) {
         let inner = folder.strip_prefix(&run).unwrap_or(folder).iter();
         let names = run.file_name().into_iter().chain(inner).map(|name| name.to_string_lossy());
         let names: Vec<_> = names.collect();
@@ -191,8 +191,8 @@ fn beside(dataset: &Path) -> Result<PathBuf> {
 
 /// Refuses a folder in which no report can be made.
 fn check_out(out: &Path, overwrite: bool) -> Result<()> {
-    let above = std::path::absolute(out).ok().and_then(|out| run_of(out.parent()?));
-    if let Some(run) = above {
+    let whole = std::path::absolute(out).map_err(|error| Error::io(out, &error))?;
+    if let Some(run) = whole.parent().map_or(Ok(None), run_of)? {
         return Err(Error::new(format!("it lies in the folder of a run, {}", run.display()))
             .in_file(out)
             .help("choose a folder beside it: files of a run are compared with its journal")

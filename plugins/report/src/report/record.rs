@@ -8,6 +8,7 @@ use std::path::{Path, PathBuf};
 use syntable_formats::decode;
 use syntable_model::error::{Error, Result};
 use syntable_model::files::DatasetFolder;
+use syntable_model::limits::RUN_LIST_BYTES;
 use syntable_model::product::standard::OBJECT_INFO;
 use syntable_model::product::{PerInstance, Value};
 use syntable_model::reader::{DatasetReader, Source};
@@ -72,16 +73,20 @@ pub type Licenses = BTreeMap<String, String>;
 impl Record {
     /// Reads what the folder of a run has; nothing of a folder that no run made.
     pub fn of(dataset: &Source) -> Self {
-        let Some(root) = run_of(&dataset.path) else { return Self::default() };
-        let folder = match dataset.folder(&root) {
-            Ok(folder) => folder,
+        let opened = run_of(&dataset.path).and_then(|root| match root {
+            Some(root) => dataset.folder(&root).map(|folder| Some((root, folder))),
+            None => Ok(None),
+        });
+        let (root, folder) = match opened {
+            Ok(Some(opened)) => opened,
+            Ok(None) => return Self::default(),
             Err(error) => return Self { damaged: vec![error.to_string()], ..Self::default() },
         };
         let mut damaged = Vec::new();
         let mut note = |path: &Path, what: String| damaged.push(format!("{}: {what}", path.display()));
         let path = root.join(RESERVED[1]);
         let recipe = match find(&folder, &path) {
-            Ok(Some(_)) => read(&folder, &path)
+            Ok(Some(_)) => read_own(&folder, &path)
                 .and_then(|bytes| String::from_utf8(bytes).map_err(|_| Error::new("it is not UTF-8").in_file(&path))),
             Ok(None) => Ok(String::new()),
             Err(error) => Err(error),
@@ -104,8 +109,8 @@ impl Record {
             note(&path, error.message().to_owned());
             Vec::new()
         });
-        let lines =
-            read(&folder, &path).map_or(0, |bytes| bytes.split(|it| *it == b'\n').filter(|it| !it.is_empty()).count());
+        let lines = read_own(&folder, &path)
+            .map_or(0, |bytes| bytes.split(|it| *it == b'\n').filter(|it| !it.is_empty()).count());
         if lines > times.len() {
             note(&path, format!("{} of {lines} lines cannot be read", lines - times.len()));
         }
@@ -257,11 +262,34 @@ fn read(folder: &DatasetFolder, path: &Path) -> Result<Vec<u8>> {
     Ok(bytes)
 }
 
+/// Reads a file that a run keeps for itself. Refuses a file larger than [`RUN_LIST_BYTES`].
+fn read_own(folder: &DatasetFolder, path: &Path) -> Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    open(folder, path)?
+        .take(RUN_LIST_BYTES.most + 1)
+        .read_to_end(&mut bytes)
+        .map_err(|error| Error::io(path, &error))?;
+    RUN_LIST_BYTES.check(bytes.len() as u64).map_err(|error| error.in_file(path))?;
+    Ok(bytes)
+}
+
 /// The folder of the run that made what lies at a path, if one did: writers have folders of their own in it, and formats
 /// folders in these.
-pub fn run_of(path: &Path) -> Option<PathBuf> {
-    let path = std::path::absolute(path).ok()?;
-    path.ancestors().take(1 + WITHIN_RUN).find(|folder| folder.join(RESERVED[0]).is_dir()).map(Path::to_owned)
+///
+/// # Errors
+/// If a folder cannot be looked at: a report without the record of the run would seem to be whole.
+pub fn run_of(path: &Path) -> Result<Option<PathBuf>> {
+    let path = std::path::absolute(path).map_err(|error| Error::io(path, &error))?;
+    for folder in path.ancestors().take(1 + WITHIN_RUN) {
+        let own = folder.join(RESERVED[0]);
+        match std::fs::metadata(&own) {
+            Ok(there) if there.is_dir() => return Ok(Some(folder.to_owned())),
+            Ok(_) => {}
+            Err(error) if matches!(error.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory) => {}
+            Err(error) => return Err(Error::io(&own, &error)),
+        }
+    }
+    Ok(None)
 }
 
 /// glTF files of whole scenes, or of the first view of each, of the first writer of the recipe that makes some. `note` is told
