@@ -163,7 +163,8 @@ impl Packed {
 fn names_color(name: &str) -> bool {
     let name = name.to_ascii_lowercase();
     let is_channel = |word: &str| ["red", "green", "blue", "gray", "grey", "luminance"].contains(&word);
-    ["color", "colour", "rgb"].iter().any(|word| name.contains(word)) || name.split(['_', '.', '-']).any(is_channel)
+    ["color", "colour", "rgb"] // typos: ignore.
+        .iter().any(|word| name.contains(word)) || name.split(['_', '.', '-']).any(is_channel)
 }
 
 /// Colors as they are written become linear ones in [0, 1], and opacities in [0, 1]. The types are those of red and alpha.
