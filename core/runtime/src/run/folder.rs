@@ -933,6 +933,50 @@ mod tests {
         fs::read_to_string(open.root().join(path)).ok()
     }
 
+    #[cfg(unix)]
+    #[test]
+    fn scenes_with_the_same_bytes_share_a_file() {
+        use std::os::unix::fs::MetadataExt;
+        let folder = tempfile::tempdir().expect("a folder");
+        let root = folder.path().join("data");
+        let open = || Folder::open(&root).expect("a dataset");
+        let make = |open: &Folder, scene: u32, bytes: &[u8]| {
+            let staged = open.stage(scene).expect("staged");
+            let output = syntable_model::stage::Output::new(staged, "w", syntable_model::scene::SceneId(scene));
+            let digest = output.write_shared(bytes).expect("written");
+            // Two assets of a scene with the same bytes have one file.
+            assert_eq!(output.write_shared(bytes).expect("written"), digest);
+            let journal = Mutex::new(Journal::open(&open.journal()).expect("there"));
+            open.commit(entry(scene), Manifest::default(), Written::new(), &journal).expect("committed");
+            root.join(format!(".syntable/shards/w/shared/{digest}/{scene:06}"))
+        };
+        let number = |path: &Path| fs::metadata(path).expect("there").ino();
+        let first = open();
+        let [zero, one, other] =
+            [(0, b"texture"), (1, b"texture"), (2, b"TEXTURE")].map(|(scene, bytes)| make(&first, scene, bytes));
+        assert_eq!(number(&zero), number(&one));
+        assert_ne!(number(&zero), number(&other));
+        assert_eq!(fs::read(&other).expect("there"), b"TEXTURE");
+        // A run that goes on finds the file of an earlier one.
+        drop(first);
+        let second = open();
+        let three = make(&second, 3, b"texture");
+        assert_eq!(number(&zero), number(&three));
+        drop(second);
+        // A damaged file is not linked, and making its scene again mends it.
+        fs::remove_file(&three).expect("there");
+        fs::write(&three, "tortoise"[..7].as_bytes()).expect("writable");
+        let third = open();
+        let four = make(&third, 4, b"texture");
+        assert_eq!((number(&zero), fs::read(&four).expect("there")), (number(&four), b"texture".to_vec()));
+        make(&third, 3, b"texture");
+        assert_eq!((number(&zero), fs::read(&three).expect("there")), (number(&three), b"texture".to_vec()));
+        // A scene that goes takes nothing from others.
+        make(&third, 0, b"another");
+        assert!(!zero.exists());
+        assert_eq!(fs::read(&one).expect("there"), b"texture");
+    }
+
     #[test]
     fn a_scene_appears_whole_and_is_listed() {
         let folder = tempfile::tempdir().expect("a folder");

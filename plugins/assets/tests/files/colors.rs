@@ -688,7 +688,7 @@ fn statements_that_are_not_read_are_named() {
     cases.ply("ambient", ["", ambient, ""], &row, &none, gray(), &unread);
     for (name, header, value) in [
         ("small", "property ushort rgb\n", "7"),
-        ("colour", "property float colour\n", "7"),
+        ("british", "property float colour\n", "7"), // typos: ignore
         ("list", "property list uchar uchar rgb\n", "3 1 2 3"),
     ] {
         let said = format!("not read: `{}`", header.trim().rsplit(' ').next().expect("a name"));

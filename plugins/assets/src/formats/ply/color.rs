@@ -162,9 +162,9 @@ impl Packed {
 /// Whether a property states a color, judged by its name.
 fn names_color(name: &str) -> bool {
     let name = name.to_ascii_lowercase();
-    let is_channel = |word: &str| ["red", "green", "blue", "gray", "grey", "luminance"].contains(&word);
-    ["color", "colour", "rgb"] // typos: ignore.
-        .iter().any(|word| name.contains(word)) || name.split(['_', '.', '-']).any(is_channel)
+    let channels = ["red", "green", "blue", "gray", "grey", "luminance"]; // typos: ignore
+    let words = ["color", "colour", "rgb"]; // typos: ignore
+    words.iter().any(|word| name.contains(word)) || name.split(['_', '.', '-']).any(|part| channels.contains(&part))
 }
 
 /// Colors as they are written become linear ones in [0, 1], and opacities in [0, 1]. The types are those of red and alpha.
