@@ -965,7 +965,7 @@ mod tests {
         drop(second);
         // A damaged file is not linked, and making its scene again mends it.
         fs::remove_file(&three).expect("there");
-        fs::write(&three, "tortoise"[..7].as_bytes()).expect("writable");
+        fs::write(&three, "TEXTURE").expect("writable");
         let third = open();
         let four = make(&third, 4, b"texture");
         assert_eq!((number(&zero), fs::read(&four).expect("there")), (number(&four), b"texture".to_vec()));
