@@ -34,6 +34,14 @@ DIFFERS = {
     "ply_nan": "NaN becomes 0",
     "ply_alpha_zero": "alpha 0 everywhere is invisible",
     "ply_red_alone": "no color has no value there",
+    **{
+        name: "packed `rgb` is not read"
+        for name in (
+            "ply_rgb_uint ply_rgb_double ply_rgb_float ply_rgb_filled ply_rgb_int ply_rgb_bits ply_rgb_bits_double ply_rgb_nan"
+            " ply_rgba ply_rgb_face ply_rgb_float_little ply_rgb_uint_little ply_rgba_float_little"
+            " ply_rgb_float_big ply_rgb_uint_big ply_rgba_float_big"
+        ).split()
+    },
     "ply_wedge": "colors of corners are not read",
     "ply_texnumber": "one texture is read",
     "stl_viscam": "colors of STL are not read",

@@ -61,6 +61,44 @@ pub fn paint_corners(mesh: &mut MeshData, color: impl Fn(usize, usize) -> [f32; 
     alphas
 }
 
+/// Applies the rule that a texture hides other colors, as programs that show OBJ and PLY do: faces with a texture lose the
+/// colors of their vertices or corners, and a warning without a file says so if these are not white. Returns the opacities of
+/// the vertices; empty if all are opaque.
+///
+/// `alphas` are the opacities of the vertices, or empty. `corners` are the linear colors and opacities by triangle and corner;
+/// they apply only if the vertices have no colors. `textured` says of each triangle whether it has a texture. In glTF the
+/// texture multiplies vertex colors instead, and STL has no textures.
+pub fn hide_colors_under_textures(
+    mesh: &mut MeshData,
+    alphas: Vec<f32>,
+    corners: &[[[f32; 4]; 3]],
+    textured: &[bool],
+    log: &dyn Log,
+) -> Vec<f32> {
+    let by_vertex = !mesh.colors.is_empty();
+    if (!by_vertex && corners.is_empty()) || (by_vertex && !textured.contains(&true)) {
+        return alphas;
+    }
+    let (colors, triangles) = (std::mem::take(&mut mesh.colors), mesh.triangles.clone());
+    let stated = |t: usize, k: usize| {
+        let vertex = triangles[t][k] as usize;
+        colors
+            .get(vertex)
+            .map_or_else(|| corners[t][k], |&[r, g, b]| [r, g, b, alphas.get(vertex).copied().unwrap_or(1.0)])
+    };
+    let hidden = (0..triangles.len()).any(|t| textured[t] && (0..3).any(|k| stated(t, k) != [1.0; 4]));
+    if hidden {
+        log.warn(&Error::new("a texture hides the colors of vertices or faces where it is; they are not read there"));
+    } else if by_vertex {
+        mesh.colors = colors;
+        return alphas;
+    }
+    if textured.iter().all(|&textured| textured) {
+        return Vec::new();
+    }
+    paint_corners(mesh, |t, k| if textured[t] { [1.0; 4] } else { stated(t, k) })
+}
+
 /// What the opacity of a vertex means for a material.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum VertexAlpha {
@@ -225,6 +263,32 @@ mod tests {
         assert_eq!(all(0), [(0.0, 1.0), (1.0, 1.0), (2.0, 1.0)]);
         assert_eq!(all(1), [(1.0, 0.5), (2.0, 0.5), (3.0, 1.0)]);
         assert_eq!((mesh.positions.len(), alphas), (6, vec![1.0, 1.0, 1.0, 0.5, 0.5, 1.0]));
+    }
+
+    #[test]
+    fn a_texture_hides_other_colors() {
+        let (red, white) = ([1.0, 0.0, 0.0], [1.0; 3]);
+        let check = |colors: &[[f32; 3]], corners: &[[[f32; 4]; 3]], textured: [bool; 2], want: &[[f32; 3]], warns| {
+            let (Model { mut mesh, .. }, log) = (model(), Collected::default());
+            mesh.colors = colors.to_vec();
+            let alphas = hide_colors_under_textures(&mut mesh, Vec::new(), corners, &textured, &log);
+            let found: Vec<[f32; 3]> =
+                mesh.triangles.as_flattened().iter().filter_map(|&i| mesh.colors.get(i as usize).copied()).collect();
+            assert_eq!((found.as_slice(), log.warnings().len()), (want, usize::from(warns)), "{textured:?}");
+            assert!(alphas.iter().all(|&alpha| alpha == 1.0));
+        };
+        let reds = [red; 4];
+        check(&reds, &[], [false; 2], &[red; 6], false);
+        check(&reds, &[], [true; 2], &[], true);
+        check(&reds, &[], [true, false], &[white, white, white, red, red, red], true);
+        // Only the corner of the second triangle that the first lacks is red: the texture of the first hides nothing.
+        check(&[white, white, white, red], &[], [true, false], &[white, white, white, white, white, red], false);
+        let corners = [[[1.0, 0.0, 0.0, 1.0]; 3], [[1.0; 4]; 3]];
+        check(&[], &corners, [false; 2], &[red, red, red, white, white, white], false);
+        check(&[], &corners, [true; 2], &[], true);
+        check(&[], &corners, [true, false], &[white; 6], true);
+        check(&[], &corners, [false, true], &[red, red, red, white, white, white], false);
+        check(&[], &[], [true; 2], &[], false);
     }
 
     #[test]

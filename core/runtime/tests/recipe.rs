@@ -541,3 +541,61 @@ fn damaged_text_never_panics() {
 fn the_kit_keeps_the_house_rules() {
     assert_eq!(recipe::lints(&registry()), Vec::<String>::new());
 }
+
+/// Relative paths of pools count from the recipe that names them, those of `--set` from the current folder, and a mistake says
+/// from where.
+#[test]
+fn paths_of_pools_count_from_who_names_them() {
+    let here = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let root = "root = \"${ASSETS}/gso\"\n";
+    let load = |option: &str, set: &[(&str, &str)], exists: bool| {
+        let text = GOOD.replace(root, &format!("{root}{option}"));
+        let source = Source { name: "good.toml".into(), path: Some("tests/recipes/good.toml".into()), text };
+        recipe::load(
+            &registry(),
+            source,
+            &Overrides {
+                exists: &|path| exists || !path.ends_with("names.json"),
+                set: set.iter().map(|(key, value)| ((*key).to_owned(), (*value).to_owned())).collect(),
+                variable: &|name| (name == "ASSETS").then(|| "/data/assets".to_owned()),
+                read: &|path| fs::read_to_string(path),
+                current_folder: here.to_owned(),
+                choose: false,
+                wanted: Vec::new(),
+            },
+        )
+    };
+    for key in ["include_list", "properties", "ids"] {
+        let path = format!("assets.objects.{key}");
+        let found = |option: &str, set: &[(&str, &str)]| {
+            let (recipe, _) = load(option, set, true).unwrap_or_else(|report| panic!("{report}"));
+            serde_json::to_value(&recipe.assets["objects"].options).expect("plain data")[key].clone()
+        };
+        let said = |option: &str, set: &[(&str, &str)]| match load(option, set, false) {
+            Ok(_) => panic!("{key}: loads"),
+            Err(report) => report.to_string(),
+        };
+        let option = |value: &str| format!("{key} = \"{value}\"\n");
+        let is = |folder: &Path| serde_json::json!(folder.join("names.json").to_str().expect("UTF-8"));
+        assert_eq!(found(&option("names.json"), &[]), is(&here.join("tests/recipes")), "{key}");
+        assert_eq!(found(&option("${ASSETS}/names.json"), &[]), is(Path::new("/data/assets")), "{key}");
+        for set in ["names.json", "\"names.json\""] {
+            assert_eq!(found("", &[(&path, set)]), is(here), "{key}");
+        }
+        let error = said(&option("names.json"), &[]);
+        assert!(error.contains("relative paths start from the folder of the recipe"), "{error}");
+        assert!(
+            error.contains(&format!("no file or folder {}", here.join("tests/recipes/names.json").display())),
+            "{error}"
+        );
+        let error = said("", &[(&path, "names.json")]);
+        assert!(error.contains("relative paths of --set start from the current folder"), "{error}");
+        assert!(error.contains(&format!("no file or folder {}", here.join("names.json").display())), "{error}");
+        assert_eq!(error.matches("no file or folder").count(), 1, "{error}");
+        let error = said("", &[(&path, "src")]);
+        assert!(
+            error.contains(&format!("`{key}` names a file, but {} is a folder", here.join("src").display())),
+            "{error}"
+        );
+    }
+}

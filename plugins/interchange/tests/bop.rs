@@ -365,6 +365,25 @@ fn a_shard_that_is_cut_off_is_named() {
 }
 
 #[test]
+fn a_model_that_is_damaged_is_named() {
+    let folder = tempfile::tempdir().expect("a folder");
+    write_all(folder.path(), "models = \"models\"");
+    let shared = folder.path().join(".syntable/shards/bop/shared");
+    let of_mesh = std::fs::read_dir(&shared).expect("a folder").next().expect("a mesh").expect("there").path();
+    for file in std::fs::read_dir(&of_mesh).expect("a folder") {
+        let path = file.expect("there").path();
+        let mut bytes = std::fs::read(&path).expect("there");
+        bytes[600] = !bytes[600];
+        // A file of its own: the files of several scenes are one.
+        std::fs::remove_file(&path).expect("there");
+        std::fs::write(&path, bytes).expect("writable");
+    }
+    let error = finish(folder.path(), &*writer("models = \"models\""), &[0, 1, 2]).expect_err("damaged");
+    let text = error.to_string();
+    assert!(text.contains("other bytes than its name says") && text.contains(".syntable/shards/bop/shared"), "{text}");
+}
+
+#[test]
 fn what_bop_cannot_have_is_refused() {
     let refused = |options: &str, change: &dyn Fn(&mut Products, &Products)| {
         let mut stream = Stream::root(8);

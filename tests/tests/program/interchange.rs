@@ -316,6 +316,72 @@ fn numbers(value: &serde_json::Value) -> Vec<f64> {
     value.as_array().expect("a list").iter().map(|it| it.as_f64().expect("a number")).collect()
 }
 
+/// The files that scenes share below a dataset: for each digest the file numbers on disk, the names, and the bytes of one file.
+#[cfg(unix)]
+fn shared_files(data: &Path) -> BTreeMap<String, (BTreeSet<u64>, Vec<String>, u64)> {
+    use std::os::unix::fs::MetadataExt;
+    let list = |folder: &Path| std::fs::read_dir(folder).expect("a folder").map(|entry| entry.expect("there").path());
+    let name = |path: &Path| path.file_name().expect("a name").to_string_lossy().into_owned();
+    let of_digest = |folder: std::path::PathBuf| {
+        let mut found = (BTreeSet::new(), Vec::new(), 0);
+        for file in list(&folder) {
+            let metadata = file.metadata().expect("there");
+            found.0.insert(metadata.ino());
+            found.1.push(name(&file));
+            found.2 = metadata.len();
+        }
+        (name(&folder), found)
+    };
+    list(&data.join(".syntable/shards/bop/shared")).map(of_digest).collect()
+}
+
+#[cfg(unix)]
+#[test]
+fn models_of_several_scenes_take_disk_space_once() {
+    let folder = tempfile::tempdir().expect("a folder");
+    // Two objects with the same file names and the same mesh, and textures of other pixels.
+    let fixture = root().join("tests/fixtures/assets/bop/ycbv/models");
+    let pixel = |value: u8| image::RgbImage::from_fn(256, 256, |x, y| image::Rgb([x as u8, y as u8, value]));
+    for (set, value) in [("a", 3), ("b", 250)] {
+        let models = folder.path().join(set).join("models");
+        std::fs::create_dir_all(&models).expect("writable");
+        std::fs::copy(fixture.join("obj_000001.ply"), models.join("obj_000001.ply")).expect("writable");
+        pixel(value).save(models.join("obj_000001.png")).expect("writable");
+    }
+    let pool =
+        format!("assets.objects={{ kind=\"bop_models\", root={:?}, first_id=1 }}", folder.path().display().to_string());
+    let writers = "write={ bop = { models = \"models\" } }";
+    let more = ["--set", &pool, "--set", writers, "--set", "dataset.scenes=3", "--set", "place[2].count=6"];
+    let run = |name: &str, scenes: &[&str]| {
+        let out = folder.path().join("out").join(name);
+        ok(crate::support::small_run(&out, &more).args(["--set", "dataset.views_per_scene=1"]).args(scenes));
+        out
+    };
+    let whole = run("whole", &[]);
+    run("resumed", &["--scenes", "0..1"]);
+    let resumed = run("resumed", &[]);
+    let parts = [run("first", &["--scenes", "0..1"]), run("second", &["--scenes", "1..3"])];
+    let merged = folder.path().join("out/merged");
+    ok(syntable().arg("merge").arg(&merged).args(&parts));
+    for data in [&whole, &resumed, &merged] {
+        crate::support::assert_same(&whole, data);
+        let shared = shared_files(data);
+        // One mesh and two textures.
+        assert_eq!(shared.len(), 3, "{shared:?}");
+        for (digest, (files, scenes, _)) in &shared {
+            assert_eq!((files.len(), scenes.len()), (1, 3), "{}: {digest}: {scenes:?}", data.display());
+        }
+        // What the disk has of them: three files of nine.
+        let names: u64 = shared.values().map(|(_, scenes, bytes)| bytes * scenes.len() as u64).sum();
+        let on_disk: u64 = shared.values().map(|(files, _, bytes)| bytes * files.len() as u64).sum();
+        assert_eq!(names, 3 * on_disk);
+        for (number, value) in [(1, 3), (2, 250)] {
+            let texture = image::open(data.join(format!("bop/models/obj_{number:06}.png"))).expect("a texture");
+            assert!(texture.into_rgb8() == pixel(value), "{number}");
+        }
+    }
+}
+
 #[test]
 fn bop_models_keep_numbers_shapes_colors_and_symmetries() {
     let folder = tempfile::tempdir().expect("a folder");

@@ -5,7 +5,6 @@ use crate::verb::topics;
 use crate::{Console, Exit, RecipeArgs};
 use clap::Args;
 use serde_json::json;
-use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use syntable_mesh::format::{ImageFormats, MeshFormats};
 use syntable_model::error::{Error, Result};
@@ -14,7 +13,7 @@ use syntable_model::reader;
 use syntable_model::registry::{Entry, Registry, Slot};
 use syntable_runtime::plan::{available, table_within};
 use syntable_runtime::pools::{AssetStore, ListedAsset};
-use syntable_runtime::recipe::{self, BUILTINS, Recipe, description_of, nearest, options_of};
+use syntable_runtime::recipe::{self, BUILTINS, description_of, nearest, options_of};
 
 #[derive(Args)]
 pub(crate) struct ListArgs {
@@ -99,52 +98,19 @@ fn assets(console: &Console, registry: &Registry, args: &ListArgs, path: &Path) 
     let recipe = recipe::load(registry, source, &overrides.with_existing_paths());
     let recipe = console.loaded(recipe)?;
     let store = AssetStore::open(&recipe, &log).map_err(Exit::wrong)?;
-    let (listing, draws) = (store.listing(), draws(&recipe, &store));
+    let listing = store.listing();
     if args.json {
-        let lines: String = listing.iter().map(|asset| format!("{}\n", as_json(asset, &draws))).collect();
+        let lines: String = listing.iter().map(|asset| json!(asset).to_string() + "\n").collect();
         return console.print(&lines);
     }
-    console.print(&assets_table(&listing, &draws, console.width()))
+    console.print(&assets_table(&listing, console.width()))
 }
 
-/// Options that draw from pools, each with the probability that one draw takes one certain asset, by pool.
-type Draws = Vec<(String, BTreeMap<String, f64>)>;
-
-fn draws(recipe: &Recipe, store: &AssetStore) -> Draws {
-    let sizes: BTreeMap<&str, usize> = store.sizes().collect();
-    let size = |pool: &str| sizes.get(pool).copied().unwrap_or(0);
-    recipe.draws.iter().map(|draw| (draw.option.clone(), draw.pools.probabilities(size))).collect()
-}
-
-/// The options that can draw an asset, each with the probability.
-fn draws_of<'d>(asset: &ListedAsset, draws: &'d Draws) -> Vec<(&'d str, f64)> {
-    let of =
-        |(option, pools): &'d (String, BTreeMap<String, f64>)| Some((option.as_str(), *pools.get(&asset.asset.pool)?));
-    draws.iter().filter(|_| asset.is_drawn).filter_map(of).collect()
-}
-
-fn as_json(asset: &ListedAsset, draws: &Draws) -> serde_json::Value {
-    let drawn: serde_json::Map<String, serde_json::Value> = draws_of(asset, draws)
-        .into_iter()
-        .map(|(option, probability)| (option.to_owned(), probability.into()))
-        .collect();
-    json!({
-        "pool": asset.asset.pool,
-        "name": asset.asset.name,
-        "class": asset.class,
-        "category": asset.category,
-        "obj_id": asset.obj_id,
-        "part": asset.part,
-        "license": asset.license,
-        "draws": drawn,
-    })
-}
-
-fn assets_table(listing: &[ListedAsset], draws: &Draws, width: Option<usize>) -> String {
+fn assets_table(listing: &[ListedAsset], width: Option<usize>) -> String {
     let mut rows =
         vec![["pool", "name", "obj_id", "category", "part", "license", "chance per draw"].map(str::to_owned)];
     for asset in listing {
-        let drawn = draws_of(asset, draws).into_iter().map(|(option, chance)| format!("{option} {}", percent(chance)));
+        let chances = asset.draws.iter().map(|chance| format!("{} {}", chance.option, percent(chance.probability)));
         rows.push([
             asset.asset.pool.clone(),
             asset.asset.name.clone(),
@@ -152,7 +118,7 @@ fn assets_table(listing: &[ListedAsset], draws: &Draws, width: Option<usize>) ->
             asset.category.clone(),
             asset.part.map_or_else(|| "-".to_owned(), |part| part.to_string()),
             asset.license.clone().unwrap_or_else(|| "not stated".to_owned()),
-            drawn.collect::<Vec<_>>().join(", "),
+            chances.collect::<Vec<_>>().join(", "),
         ]);
     }
     table_within(&rows, width)

@@ -32,7 +32,9 @@ pub use renderer::{
 pub use sensor::Sensor;
 pub use settler::Settler;
 pub use view_sampler::{Shell, ViewSampler};
-pub use writer::{Accepts, FileOf, Finish, Input, Output, RESERVED, SceneWriter, Writer, check_path, shard_path};
+pub use writer::{
+    Accepts, FileOf, Finish, Input, Output, RESERVED, SceneWriter, Writer, check_path, is_shared, shard_path,
+};
 
 use crate::error::{Error, Result};
 use crate::product::KeyId;

@@ -1,6 +1,7 @@
 //! Writes samples to files.
 
 use crate::context::{DatasetContext, SceneContext, ViewContext};
+use crate::digest::Digest;
 use crate::error::{ConfigError, Error, Result};
 use crate::files::DatasetPath;
 pub use crate::files::RESERVED;
@@ -196,6 +197,34 @@ impl Output {
     pub fn create_shard(&self) -> Result<BufWriter<File>> {
         self.create_at(shard_path(&self.id, self.scene)?)
     }
+
+    /// Writes bytes beside this scene's shard that other scenes are likely to write, too, such as the texture of an asset.
+    /// Returns their digest, by which [`Finish::shared`] reads them. Scenes of a dataset that share the same bytes take disk
+    /// space once, provided that the file system has hard links.
+    pub fn write_shared(&self, bytes: &[u8]) -> Result<Digest> {
+        let digest = Digest::of(bytes);
+        let path = shared_path(&self.id, self.scene, digest)?;
+        if !self.files().contains(&path) && !self.links_same(&path, bytes) {
+            self.write_at(path, bytes)?;
+        }
+        Ok(digest)
+    }
+
+    /// Links a file to one of another scene with the same bytes in the same staging folder: a conversion stages all scenes in
+    /// one. Returns whether it did.
+    fn links_same(&self, path: &DatasetPath, bytes: &[u8]) -> bool {
+        let full = path.below(&self.staging);
+        let same = || {
+            let other = fs::read_dir(full.parent()?).ok()?.next()?.ok()?.path();
+            let is_same = fs::read(&other).is_ok_and(|found| found == bytes);
+            (is_same && fs::hard_link(other, &full).is_ok()).then_some(())
+        };
+        let is_linked = same().is_some();
+        if is_linked {
+            self.files.lock().unwrap_or_else(PoisonError::into_inner).insert(path.clone());
+        }
+        is_linked
+    }
 }
 
 /// Creates a file that must not exist yet: the one rule against two files of one path in a scene, or at the end of a run.
@@ -253,6 +282,23 @@ impl Finish {
         File::open(&path).map(BufReader::new).map_err(|error| Error::io(&path, &error).help(help))
     }
 
+    /// Reads what this writer wrote for a scene with [`Output::write_shared`].
+    ///
+    /// # Errors
+    /// If the file cannot be read, or has other bytes.
+    pub fn shared(&self, scene: SceneId, digest: Digest) -> Result<Vec<u8>> {
+        let path = shared_path(&self.id, scene, digest)?.below(&self.root);
+        let help = "the dataset is damaged; `syntable run --repair` makes the scene again";
+        let bytes = fs::read(&path).map_err(|error| Error::io(&path, &error).help(help))?;
+        if Digest::of(&bytes) != digest {
+            return Err(Error::new("the file has other bytes than its name says")
+                .in_file(&path)
+                .help(help)
+                .permanent());
+        }
+        Ok(bytes)
+    }
+
     /// Writes a file of the dataset, whole or not at all.
     pub fn write(&self, path: &str, fill: impl FnOnce(&mut dyn Write) -> Result<()>) -> Result<()> {
         let path = of_writer(path)?;
@@ -289,6 +335,21 @@ impl Finish {
 pub fn shard_path(id: &str, scene: SceneId) -> Result<DatasetPath> {
     let path = DatasetPath::new(format!("{}/shards/{id}/{:06}.jsonl", RESERVED[0], scene.0));
     path.map_err(|error| Error::new(error.to_string()).permanent())
+}
+
+/// Path of bytes that a writer keeps for the end of a run. Scenes that share the same bytes have files in the same folder.
+fn shared_path(id: &str, scene: SceneId, digest: Digest) -> Result<DatasetPath> {
+    let path = DatasetPath::new(format!("{}/shards/{id}/{SHARED}/{digest}/{:06}", RESERVED[0], scene.0));
+    path.map_err(|error| Error::new(error.to_string()).permanent())
+}
+
+/// Name of the folder of what scenes share, beside their shards.
+const SHARED: &str = "shared";
+
+/// Whether a path of a dataset is one of [`Output::write_shared`]: then all files of its folder have the same bytes.
+pub fn is_shared(path: &DatasetPath) -> bool {
+    let below = path.strip_prefix(RESERVED[0]).and_then(|path| path.strip_prefix("/shards/"));
+    below.is_some_and(|path| path.split('/').nth(1) == Some(SHARED))
 }
 
 /// Checks an option that names a file or folder of the dataset: a relative path that stays inside it, and is none of the

@@ -347,22 +347,25 @@ impl<'l> Loader<'l> {
         let mut paths = Vec::new();
         let mut products = Vec::new();
         let mut object_pools = BTreeSet::new();
-        let (mut libraries, mut files) = (Vec::new(), Vec::new());
+        let (mut libraries, mut files, mut checked_paths) = (Vec::new(), Vec::new(), Vec::new());
         for reference in &checked.references {
             match reference.what.as_str() {
                 "library" => libraries.push(reference.path.clone()),
                 "file" => files.push(reference.path.clone()),
+                "path" => checked_paths.push(reference.path.clone()),
                 _ => {}
             }
         }
         let mut wrong = checked.wrong;
         for reference in checked.references {
             match reference.what.as_str() {
-                "path" => match self.path(&reference, &mut given.table, diagnostics) {
+                // A file may be a reference of its own, beside that to its path.
+                "file" if checked_paths.contains(&reference.path) => {}
+                "path" | "file" => match self.path(&reference, &mut given.table, diagnostics) {
                     Some(path) => {
                         // Whether a library is there is for the stage to say, which knows where to get it.
                         if !libraries.contains(&reference.path) && !(self.overrides.exists)(&path.path) {
-                            diagnostics.push(absent(&reference, &path.path));
+                            diagnostics.push(self.absent(&reference, &path.path));
                             found = false;
                         } else if files.contains(&reference.path) && path.path.is_dir() {
                             diagnostics.push(folder_for_file(&reference, &path.path));
@@ -375,8 +378,6 @@ impl<'l> Loader<'l> {
                         wrong.extend(first_key(&reference.path));
                     }
                 },
-                // The path itself is a reference of its own.
-                "file" => {}
                 "library" => {
                     let typed = self.sources.file_of(&reference.span).is_none_or(|file| file.name() == SET);
                     if !typed && !reference.text.starts_with("${") && Path::new(&reference.text).is_relative() {
@@ -650,6 +651,19 @@ impl<'l> Loader<'l> {
         Some(resolved)
     }
 
+    /// The diagnostic for a path at which there is nothing. It says from where the path counts.
+    fn absent(&self, reference: &Reference, path: &Path) -> DiagnosticBuilder {
+        let message = format!("there is no file or folder {}", path.display());
+        let diagnostic = DiagnosticBuilder::error(Code::InvalidValue, reference.span.clone(), message);
+        let is_set = self.sources.file_of(&reference.span).is_some_and(|file| file.name() == SET);
+        match reference.text.strip_prefix("${").and_then(|rest| rest.split_once('}')) {
+            Some((name, _)) => diagnostic.label(format!("`{name}` is an environment variable")),
+            None if Path::new(&reference.text).is_absolute() => diagnostic,
+            None if is_set => diagnostic.label("relative paths of --set start from the current folder"),
+            None => diagnostic.label("relative paths start from the folder of the recipe that names them"),
+        }
+    }
+
     /// Builds the stage, and the options of its pool if it is a source of assets.
     fn construct(
         &self,
@@ -820,19 +834,6 @@ fn refusal(error: ConstructError, given: &StageTable) -> DiagnosticBuilder {
 /// The diagnostic for a table that passes the schema but cannot be read.
 fn malformed(error: &toml::de::Error, header: &Span) -> DiagnosticBuilder {
     DiagnosticBuilder::error(Code::InvalidValue, error.span().unwrap_or(header.clone()), error.message().trim_end())
-}
-
-/// The diagnostic for a path at which there is nothing.
-fn absent(reference: &Reference, path: &Path) -> DiagnosticBuilder {
-    let message = format!("there is no file or folder {}", path.display());
-    let diagnostic = DiagnosticBuilder::error(Code::InvalidValue, reference.span.clone(), message);
-    match reference.text.strip_prefix("${").and_then(|rest| rest.split_once('}')) {
-        Some((name, _)) => diagnostic.label(format!("`{name}` is an environment variable")),
-        None if Path::new(&reference.text).is_relative() => {
-            diagnostic.label("relative paths start from the folder of the recipe that names them")
-        }
-        None => diagnostic,
-    }
 }
 
 /// The diagnostic for a folder in place of a file.

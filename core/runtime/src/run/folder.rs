@@ -9,6 +9,7 @@
 //! <dataset>/.syntable/catalogs/<pool>.json names, categories and numbers of the assets of a pool
 //! <dataset>/.syntable/settled/000003.toml what settling did, so that the scene is had again without simulating it
 //! <dataset>/.syntable/shards/<writer>/    what `finish` merges, one file per scene
+//! <dataset>/.syntable/shards/<writer>/shared/<digest>/000003  the same for bytes that several scenes have: hard links
 //! <dataset>/.syntable/times.jsonl          how long stages worked, one line per run
 //! <dataset>/.syntable/staging/3.part/     a scene in the making
 //! <dataset>/.syntable/staging/3.ready/    a scene whose files are being moved into place
@@ -44,6 +45,7 @@ use std::path::{Path, PathBuf};
 use syntable_model::digest::Digest;
 use syntable_model::error::{Error, Result};
 use syntable_model::files::{DatasetPath, RESERVED};
+use syntable_model::stage::is_shared;
 
 /// An open dataset folder. No other run can open it meanwhile.
 pub struct Folder {
@@ -51,6 +53,8 @@ pub struct Folder {
     inside: Inside,
     /// The recipe that becomes the dataset's with the first scene that is made by it.
     proposed: Mutex<Option<Proposed>>,
+    /// A file of each folder of files that scenes share, which this run has put there.
+    shared: Mutex<BTreeMap<String, DatasetPath>>,
     _lock: Option<File>,
 }
 
@@ -71,6 +75,8 @@ pub(super) const SCENES: &str = "scenes";
 pub(super) const STAGING: &str = "staging";
 /// Name of the folder of what is being deleted.
 pub(super) const BIN: &str = "discard";
+/// Number of scenes whose file is compared and linked before a scene keeps a file of its own.
+const LINK_TRIES: usize = 4;
 /// What the end of a run reads of the scenes.
 const SHARDS: &str = ".syntable/shards/";
 /// Name of the folder of scenes whose labels contradict each other.
@@ -142,7 +148,13 @@ impl Folder {
         lock_now(&lock, &lock_path, root, File::try_lock)?;
         foreign::check(root)?;
         let inside = Inside::open(root)?;
-        let folder = Self { root: root.to_owned(), inside, proposed: Mutex::default(), _lock: Some(lock) };
+        let folder = Self {
+            root: root.to_owned(),
+            inside,
+            proposed: Mutex::default(),
+            shared: Mutex::default(),
+            _lock: Some(lock),
+        };
         if folder.bin().exists() {
             folder.empty_bin()?;
         }
@@ -154,7 +166,8 @@ impl Folder {
         let lock = lock_shared(root)?;
         foreign::check(root)?;
         let inside = Inside::open(root)?;
-        let folder = Self { root: root.to_owned(), inside, proposed: Mutex::default(), _lock: lock };
+        let folder =
+            Self { root: root.to_owned(), inside, proposed: Mutex::default(), shared: Mutex::default(), _lock: lock };
         if folder.bin().exists() || folder.staging().exists() {
             drop(folder);
             let folder = Self::open(root)?;
@@ -664,9 +677,47 @@ impl Folder {
                 self.move_tree(staged, &inside, keep)?;
             } else if keep != Some(&inside) {
                 let to = DatasetPath::new(inside).map_err(|error| Error::new(error.to_string()).permanent())?;
+                if is_shared(&to) {
+                    self.share(&entry.path(), &to)?;
+                }
                 self.inside.put(&entry.path(), &to)?;
             }
         }
+        Ok(())
+    }
+
+    /// Replaces a staged file by a hard link to the file of another scene that has the same bytes, so that the disk has them
+    /// once. Where the file system has no hard links, or no more of this file, the staged file stays: the bytes are the same.
+    fn share(&self, staged: &Path, to: &DatasetPath) -> Result<()> {
+        let (folder, name) = to.as_str().rsplit_once('/').expect("a shared file is in a folder");
+        let link = part_of(staged);
+        let linked = |other: &DatasetPath| -> Result<bool> {
+            remove(&link)?;
+            if fs::hard_link(other.below(&self.root), &link).is_err() {
+                return Ok(false);
+            }
+            fs::rename(&link, staged).map_err(|error| Error::io(staged, &error)).map(|()| true)
+        };
+        // A file that this run has linked or put there is not read again: the end of the run compares all of them.
+        let known = self.shared.lock().get(folder).cloned();
+        let size = |path: &Path| fs::symlink_metadata(path).map(|there| (there.is_file(), there.len())).ok();
+        if let Some(known) = known.filter(|known| size(&known.below(&self.root)) == size(staged))
+            && linked(&known)?
+        {
+            return Ok(());
+        }
+        let stamp = Stamp::of(staged)?;
+        let others = fs::read_dir(self.root.join(folder)).into_iter().flatten().flatten();
+        let mut others: Vec<String> = others.filter_map(|entry| entry.file_name().into_string().ok()).collect();
+        // Of many scenes the last ones: a file that has as many links as the file system allows is among the first.
+        others.sort_unstable_by(|a, b| b.cmp(a));
+        for other in others.iter().filter(|other| *other != name).take(LINK_TRIES) {
+            let Ok(other) = DatasetPath::new(format!("{folder}/{other}")) else { continue };
+            if stamp.check_in(&self.root, &other)? == State::Whole && linked(&other)? {
+                break;
+            }
+        }
+        self.shared.lock().insert(folder.to_owned(), to.clone());
         Ok(())
     }
 
@@ -892,6 +943,50 @@ mod tests {
 
     fn text(open: &Folder, path: &str) -> Option<String> {
         fs::read_to_string(open.root().join(path)).ok()
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn scenes_with_the_same_bytes_share_a_file() {
+        use std::os::unix::fs::MetadataExt;
+        let folder = tempfile::tempdir().expect("a folder");
+        let root = folder.path().join("data");
+        let open = || Folder::open(&root).expect("a dataset");
+        let make = |open: &Folder, scene: u32, bytes: &[u8]| {
+            let staged = open.stage(scene).expect("staged");
+            let output = syntable_model::stage::Output::new(staged, "w", syntable_model::scene::SceneId(scene));
+            let digest = output.write_shared(bytes).expect("written");
+            // Two assets of a scene with the same bytes have one file.
+            assert_eq!(output.write_shared(bytes).expect("written"), digest);
+            let journal = Mutex::new(Journal::open(&open.journal()).expect("there"));
+            open.commit(entry(scene), Manifest::default(), Written::new(), &journal).expect("committed");
+            root.join(format!(".syntable/shards/w/shared/{digest}/{scene:06}"))
+        };
+        let number = |path: &Path| fs::metadata(path).expect("there").ino();
+        let first = open();
+        let [zero, one, other] =
+            [(0, b"texture"), (1, b"texture"), (2, b"TEXTURE")].map(|(scene, bytes)| make(&first, scene, bytes));
+        assert_eq!(number(&zero), number(&one));
+        assert_ne!(number(&zero), number(&other));
+        assert_eq!(fs::read(&other).expect("there"), b"TEXTURE");
+        // A run that goes on finds the file of an earlier one.
+        drop(first);
+        let second = open();
+        let three = make(&second, 3, b"texture");
+        assert_eq!(number(&zero), number(&three));
+        drop(second);
+        // A damaged file is not linked, and making its scene again mends it.
+        fs::remove_file(&three).expect("there");
+        fs::write(&three, "TEXTURE").expect("writable");
+        let third = open();
+        let four = make(&third, 4, b"texture");
+        assert_eq!((number(&zero), fs::read(&four).expect("there")), (number(&four), b"texture".to_vec()));
+        make(&third, 3, b"texture");
+        assert_eq!((number(&zero), fs::read(&three).expect("there")), (number(&three), b"texture".to_vec()));
+        // A scene that goes takes nothing from others.
+        make(&third, 0, b"another");
+        assert!(!zero.exists());
+        assert_eq!(fs::read(&one).expect("there"), b"texture");
     }
 
     #[test]

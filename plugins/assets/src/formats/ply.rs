@@ -3,16 +3,16 @@
 //! Elements and properties that have no meaning here are ignored. Images are named by comments `TextureFile`, as MeshLab and
 //! BOP write them; the property `texnumber` of faces says which of several a face has.
 //!
-//! Colors are sRGB-encoded, by vertex, by corner (the list `color` of MeshLab's faces) or by face. Their type does not say
+//! Colors are sRGB-encoded, in a column per channel or packed into one, by vertex, by corner (the list `color` of MeshLab's faces) or by face. Their type does not say
 //! what full intensity is: [`full_intensity`](syntable_mesh::paint::full_intensity) finds it for all types but `uchar`. A texture goes before colors by
 //! vertex, those before colors by corner and by face, as other programs show them.
 
 use crate::formats::InFile;
 use crate::sources::bop_models::guess_unit;
 use body::Rows;
-use header::{Element, Header, Scalar, is_signed_byte};
+use color::{ColorColumns, decode, range};
+use header::{Element, Header};
 use std::collections::HashMap;
-use std::ops::Range;
 use std::path::Path;
 use std::sync::Arc;
 use syntable_mesh::Model;
@@ -20,7 +20,7 @@ use syntable_mesh::format::MeshFormat;
 use syntable_mesh::image::Image;
 use syntable_mesh::limits::Budget;
 use syntable_mesh::material::default_material;
-use syntable_mesh::paint::{VertexAlpha, blend_by_vertex, linear_of_display, paint_corners};
+use syntable_mesh::paint::{VertexAlpha, blend_by_vertex, hide_colors_under_textures};
 use syntable_mesh::polygon::triangulate;
 use syntable_mesh::root::AssetRoot;
 use syntable_mesh::text::shorten;
@@ -29,6 +29,7 @@ use syntable_model::error::{Error, Result};
 use syntable_model::scene::{Color, Encoding, MeshData, Wrap};
 
 mod body;
+mod color;
 mod header;
 
 /// Maximum length of a list that means nothing here.
@@ -80,7 +81,8 @@ pub fn read(root: &AssetRoot, file: &Path, log: &dyn Log) -> Result<Model> {
     let textured: Vec<bool> =
         (0..model.mesh.triangles.len()).map(|t| images.get(slot(t)).is_some_and(Option::is_some)).collect();
     let slots = (0..textured.len()).map(slot).max().unwrap_or(0) + 1;
-    let alphas = paint(&mut model.mesh, alphas, &corners, &textured, &|note| log.warn(&at(note)));
+    let in_file = InFile { log, path: &path };
+    let alphas = hide_colors_under_textures(&mut model.mesh, alphas, &corners, &textured, &in_file);
     let default = default_material(!model.mesh.colors.is_empty());
     model.materials = (0..slots)
         .map(|slot| match images.get(slot) {
@@ -92,42 +94,8 @@ pub fn read(root: &AssetRoot, file: &Path, log: &dyn Log) -> Result<Model> {
             _ => default.clone(),
         })
         .collect();
-    blend_by_vertex(&mut model, &alphas, |_| VertexAlpha::Blends, &InFile { log, path: &path });
+    blend_by_vertex(&mut model, &alphas, |_| VertexAlpha::Blends, &in_file);
     Ok(model)
-}
-
-/// Gives the mesh the colors of its vertices, or else of its corners, where there is no texture. Returns the opacities of
-/// the vertices; none if all are opaque.
-fn paint(
-    mesh: &mut MeshData,
-    alphas: Vec<f32>,
-    corners: &[[[f32; 4]; 3]],
-    textured: &[bool],
-    warn: &dyn Fn(Error),
-) -> Vec<f32> {
-    let white = |colors: &[f32]| colors.iter().all(|&x| x == 1.0);
-    let by_vertex = !mesh.colors.is_empty();
-    if (!by_vertex && corners.is_empty()) || !textured.contains(&true) {
-        return if by_vertex || corners.is_empty() { alphas } else { paint_corners(mesh, |t, k| corners[t][k]) };
-    }
-    let nothing = white(mesh.colors.as_flattened()) && white(&alphas) && white(corners.as_flattened().as_flattened());
-    if nothing {
-        return Vec::new();
-    }
-    warn(Error::new("there is a texture: the colors of vertices or faces are not read where it is"));
-    if textured.iter().all(|&textured| textured) {
-        mesh.colors.clear();
-        return Vec::new();
-    }
-    let (colors, triangles) = (std::mem::take(&mut mesh.colors), mesh.triangles.clone());
-    paint_corners(mesh, |t, k| {
-        let vertex = triangles[t][k] as usize;
-        match (textured[t], colors.get(vertex)) {
-            (true, _) => [1.0; 4],
-            (false, Some(&[r, g, b])) => [r, g, b, alphas.get(vertex).copied().unwrap_or(1.0)],
-            (false, None) => corners[t][k],
-        }
-    })
 }
 
 /// What a file holds.
@@ -161,15 +129,25 @@ pub fn parse(bytes: &[u8], budget: &Budget) -> Result<Parsed> {
                 faces = Some(read_faces(element, &mut rows, vertices.as_ref(), budget, &mut notes)?);
             }
             _ => {
-                if element.name == "material" && element.count > 0 {
-                    notes.push("the colors of its element `material` are not read".into());
+                match element.name.as_str() {
+                    _ if element.count == 0 => {}
+                    "material" => notes.push("the colors of its element `material` are not read".into()),
+                    name @ ("vertex" | "face" | "tristrips") => {
+                        let why = if name == "tristrips" { "faces are" } else { "the first element of this name is" };
+                        notes.push(format!("{} rows of an element `{name}` are not read: {why}", element.count));
+                    }
+                    _ => {}
                 }
                 rows.skip(element)?;
             }
         }
     }
     let Vertices { mesh, alphas } = vertices.ok_or_else(|| Error::new("no vertices"))?;
-    let mut faces = faces.ok_or_else(|| Error::new("no faces"))?;
+    let mut faces = faces.ok_or_else(|| {
+        let has_strips = header.elements.iter().any(|element| element.name == "tristrips" && element.count > 0);
+        let error = Error::new("no faces");
+        if has_strips { error.help("its triangle strips are not read: save it with faces") } else { error }
+    })?;
     if faces.triangles.is_empty() {
         return Err(Error::new("no faces"));
     }
@@ -183,76 +161,6 @@ pub fn parse(bytes: &[u8], budget: &Budget) -> Result<Parsed> {
     let (mesh, alphas) = faces.onto(mesh, alphas);
     let mesh = MeshData { slots, ..mesh };
     Ok(Parsed { mesh, alphas, corners, notes, textures, longer_rows: rows.longer() })
-}
-
-/// Columns of a color: red, green and blue, and alpha where there is one.
-struct ColorColumns {
-    rgb: [usize; 3],
-    alpha: Option<usize>,
-}
-
-impl ColorColumns {
-    fn of(element: &Element, notes: &mut Vec<String>) -> Option<Self> {
-        let find = |names: &[&str]| {
-            let is_named = |name: &str| names.iter().any(|known| known.eq_ignore_ascii_case(name));
-            element.properties.iter().position(|p| p.list.is_none() && is_named(&p.name))
-        };
-        let found = [
-            find(&["red", "r", "diffuse_red"]),
-            find(&["green", "g", "diffuse_green"]),
-            find(&["blue", "b", "diffuse_blue"]),
-        ];
-        if let [Some(r), Some(g), Some(b)] = found {
-            return Some(Self { rgb: [r, g, b], alpha: find(&["alpha", "a", "diffuse_alpha"]) });
-        }
-        if let Some(at) = found.into_iter().flatten().next() {
-            let (of, name) = (shorten(&element.name), shorten(&element.properties[at].name));
-            notes.push(format!("`{name}` of element `{of}` is no color without the other two of red, green and blue"));
-        }
-        None
-    }
-
-    /// The values of a row as they are written.
-    fn of_row(&self, values: &[f64]) -> [f32; 4] {
-        let [r, g, b] = self.rgb.map(|at| values[at] as f32);
-        [r, g, b, self.alpha.map_or(1.0, |at| values[at] as f32)]
-    }
-}
-
-/// Colors as they are written become linear ones in [0, 1], and opacities in [0, 1]. The types are those of red and alpha.
-fn decode<'a>(
-    colors: impl Iterator<Item = &'a mut [f32; 4]>,
-    [full, opaque]: [f64; 2],
-    of: &str,
-    notes: &mut Vec<String>,
-) {
-    let mut missing = 0;
-    for color in colors {
-        let [r, g, b, alpha] = color.map(f64::from);
-        missing += usize::from(![r, g, b, alpha].iter().all(|x| x.is_finite()));
-        let [r, g, b] = linear_of_display([r, g, b], full);
-        *color = [r, g, b, if alpha.is_finite() { (alpha / opaque).clamp(0.0, 1.0) as f32 } else { 1.0 }];
-    }
-    if missing > 0 {
-        notes.push(format!("{missing} colors of {of} are not finite; such a channel counts as white"));
-    }
-}
-
-/// The numbers of full intensity and of full opacity. Signed bytes are mended first.
-fn ranges(element: &Element, columns: &ColorColumns, colors: &mut [[f32; 4]]) -> [f64; 2] {
-    let mut range = |at: usize, channels| range(element.properties[at].scalar, colors, channels);
-    [range(columns.rgb[0], 0..3), columns.alpha.map_or(1.0, |at| range(at, 3..4))]
-}
-
-/// The number of full intensity in some channels of colors, which have one type. Signed bytes are mended first.
-fn range(scalar: Scalar, colors: &mut [[f32; 4]], channels: Range<usize>) -> f64 {
-    let wraps = scalar.wraps(colors.iter().flat_map(|color| &color[channels.clone()]).copied());
-    for x in colors.iter_mut().flat_map(|color| &mut color[channels.clone()]) {
-        if wraps && is_signed_byte(*x) && *x < 0.0 {
-            *x += 256.0;
-        }
-    }
-    scalar.full_intensity(colors.iter().flat_map(|color| &color[channels.clone()]).map(|&x| f64::from(x)))
 }
 
 /// Vertices without faces.
@@ -271,7 +179,7 @@ fn read_vertices(element: &Element, rows: &mut Rows<'_>, budget: &Budget, notes:
     }
     let all = |found: [Option<usize>; 3]| -> Option<[usize; 3]> { Some([found[0]?, found[1]?, found[2]?]) };
     let normal = all(["nx", "ny", "nz"].map(|name| find(&[name])));
-    let color = ColorColumns::of(element, notes);
+    let color = ColorColumns::of(element, rows.is_text(), None, notes);
     let uv = find(&["texture_u", "u", "s"]).zip(find(&["texture_v", "v", "t"]));
 
     // The size was checked: there are at least two bytes for every number.
@@ -280,9 +188,9 @@ fn read_vertices(element: &Element, rows: &mut Rows<'_>, budget: &Budget, notes:
     let mut values = vec![0.0; element.properties.len()];
     for row in 0..element.count {
         rows.begin(element, row)?;
-        for (value, property) in values.iter_mut().zip(&element.properties) {
+        for (at, (value, property)) in values.iter_mut().zip(&element.properties).enumerate() {
             *value = match property.list {
-                None => rows.number(property.scalar)?,
+                None => rows.number(ColorColumns::read_as(color.as_ref(), at, property.scalar))?,
                 Some(length) => {
                     rows.list(length, property.scalar, &mut Vec::new(), LIST_LIMIT)?;
                     0.0
@@ -307,10 +215,9 @@ fn read_vertices(element: &Element, rows: &mut Rows<'_>, budget: &Budget, notes:
     }
     let mut alphas = Vec::new();
     if let Some(columns) = color {
-        let ranges = ranges(element, &columns, &mut colors);
-        decode(colors.iter_mut(), ranges, "vertices", notes);
+        columns.decode(element, &mut colors, "vertices", notes);
         mesh.colors = colors.iter().map(|&[r, g, b, _]| [r, g, b]).collect();
-        if columns.alpha.is_some() {
+        if columns.has_alpha() {
             alphas = colors.iter().map(|color| color[3]).collect();
         }
     }
@@ -343,7 +250,7 @@ fn read_faces(
         list(&["vertex_indices", "vertex_index"]).ok_or_else(|| Error::new("faces have no list `vertex_indices`"))?;
     let (uvs_at, wedge_at) = (list(&["texcoord"]), list(&["color"]));
     let texture_at = element.properties.iter().position(|p| p.list.is_none() && p.name == "texnumber");
-    let color = ColorColumns::of(element, notes);
+    let color = ColorColumns::of(element, rows.is_text(), wedge_at, notes);
     let mut faces = Faces::default();
     let (mut indices, mut uvs, mut wedge, mut other) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
     let mut outline = Vec::new();
@@ -353,7 +260,7 @@ fn read_faces(
         rows.begin(element, row)?;
         for (at, property) in element.properties.iter().enumerate() {
             match property.list {
-                None => values[at] = rows.number(property.scalar)?,
+                None => values[at] = rows.number(ColorColumns::read_as(color.as_ref(), at, property.scalar))?,
                 Some(length) => {
                     let into = match at {
                         _ if at == indices_at => &mut indices,
@@ -410,8 +317,7 @@ fn read_faces(
             notes.push(format!("{without_color} faces have no colors for their corners; they are white"));
         }
     } else if let Some(columns) = &color {
-        let ranges = ranges(element, columns, &mut by_face);
-        decode(by_face.iter_mut(), ranges, "faces", notes);
+        columns.decode(element, &mut by_face, "faces", notes);
         faces.corners = by_face.into_iter().map(|color| [color; 3]).collect();
     }
     Ok(faces)

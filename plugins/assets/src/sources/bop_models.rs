@@ -6,7 +6,7 @@ use crate::formats::ply;
 use serde_json::Value;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use syntable_mesh::format::Unit;
+use syntable_mesh::format::{MeshFormats, Unit};
 use syntable_mesh::root::{AssetRoot, exists, is_dir, read_file};
 use syntable_mesh::scan::{list, name_of};
 use syntable_mesh::{Model, ObjectInfo};
@@ -18,6 +18,9 @@ use syntable_model::stage::AssetLimits;
 /// Models of BOP datasets (Hodaň et al.): `<dataset>/models/obj_000001.ply` and so on, in millimeters, with vertex
 /// colors or a texture. `root` holds the datasets, or is one dataset, or is its folder of models. Names are
 /// `<dataset>/obj_000001`, the category is the dataset. The boxes of `models_info.json` are compared with the meshes.
+///
+/// Mesh files of other names or formats beside them, such as `obj_000001.glb`, are left out, and a warning names them: the
+/// formats differ in units and axes, and so would the poses of the benchmark.
 ///
 /// Objects keep the numbers of their files: `obj_000005.ply` has the `obj_id` 5. Models of several datasets may have one
 /// number; where a writer needs numbers, use one dataset per pool and recipe, or number them with the pool's `ids` or
@@ -82,12 +85,16 @@ impl AssetSource for BopModels {
             );
         }
         let mut entries = Vec::new();
+        for folder in self.without_models(&root, &datasets)? {
+            warn_of_others(&folder, &BTreeMap::new(), log)?;
+        }
         for (dataset, folder) in datasets {
             if self.exclude_datasets.contains(&dataset) {
                 continue;
             }
             let folder = root.folder().join(folder);
             let models = models_in(&folder)?;
+            warn_of_others(&folder, &models, log)?;
             for (id, _) in read_info(&folder)?.unwrap_or_default() {
                 if !models.contains_key(&id) {
                     log.warn(&missing_model(&folder, id));
@@ -139,6 +146,50 @@ impl BopModels {
         }
         Ok(datasets)
     }
+
+    /// Folders of models, of datasets that are not excluded, without a file that is named as in BOP.
+    fn without_models(&self, root: &AssetRoot, datasets: &BTreeMap<String, PathBuf>) -> Result<Vec<PathBuf>> {
+        // The root is itself a dataset, or its folder of models.
+        if datasets.values().any(|folder| folder.components().count() < 2) {
+            return Ok(Vec::new());
+        }
+        let mut folders = Vec::new();
+        for name in list(root.folder())?.folders {
+            let folder = root.folder().join(&name).join(&self.models_folder);
+            if !datasets.contains_key(&name) && !self.exclude_datasets.contains(&name) && is_dir(&folder)? {
+                folders.push(folder);
+            }
+        }
+        Ok(folders)
+    }
+}
+
+/// Number of files that one warning names.
+const SHOWN: usize = 3;
+
+/// Warns of the mesh files of a folder that are not among its models. The same name in another format is the same object.
+fn warn_of_others(folder: &Path, models: &BTreeMap<u64, String>, log: &dyn Log) -> Result<()> {
+    let formats = MeshFormats::linked()?;
+    let is_other = |name: &String| {
+        let path = Path::new(name);
+        let is_read = model_id(name).is_some()
+            || path.file_stem().is_some_and(|stem| models.values().any(|model| stem == model.as_str()));
+        !is_read && formats.of_file(path).is_some()
+    };
+    let others: Vec<String> = list(folder)?.files.into_iter().filter(is_other).collect();
+    if others.is_empty() {
+        return Ok(());
+    }
+    let names = others.iter().take(SHOWN).map(|name| format!("`{name}`")).collect::<Vec<_>>().join(", ");
+    let more = if others.len() > SHOWN { ", …" } else { "" };
+    let count = others.len();
+    let files = if count == 1 { "mesh file is" } else { "mesh files are" };
+    log.warn(
+        &Error::new(format!("{count} {files} not named `obj_NNNNNN.ply` and left out: {names}{more}"))
+            .in_file(folder)
+            .help("save each as PLY in millimeters under its number, or read the folder with the kind `mesh_folder`"),
+    );
+    Ok(())
 }
 
 /// Whether a folder holds BOP models.

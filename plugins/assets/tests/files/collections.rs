@@ -66,6 +66,39 @@ fn keypoints_are_read_beside_the_mesh() {
 }
 
 #[test]
+fn meshes_that_are_not_named_as_in_bop_are_counted() {
+    let folder = TempDir::new().expect("temp folder");
+    let catalog = |root: &str| {
+        let log = Collected::default();
+        let found = source_of("bop_models", &folder.path().join(root), "").catalog(&log).expect("models");
+        let names: Vec<String> = found.entries.into_iter().map(|entry| entry.name).collect();
+        (names, log.warnings().iter().map(ToString::to_string).collect::<Vec<_>>())
+    };
+    write(folder.path(), "set/models/obj_000001.ply", ply_ascii());
+    // The same object in another format, its texture, and text are no objects that are left out.
+    for name in ["obj_000001.obj", "obj_000001.png", "notes.txt"] {
+        write(folder.path(), &format!("set/models/{name}"), "");
+    }
+    let only = vec!["set/obj_000001".to_owned()];
+    assert_eq!(catalog(""), (only.clone(), vec![]));
+    write(folder.path(), "set/models/obj_2.ply", "");
+    let (names, said) = catalog("set/models");
+    assert_eq!((names, said.len()), (only.clone(), 1), "{said:?}");
+    assert!(said[0].contains("1 mesh file is not named `obj_NNNNNN.ply` and left out: `obj_2.ply`"), "{said:?}");
+    for name in ["obj_000003.glb", "cup.obj", "mug.stl"] {
+        write(folder.path(), &format!("set/models/{name}"), "");
+    }
+    write(folder.path(), "other/models/obj_000001.glb", "");
+    let (names, said) = catalog("");
+    assert_eq!((names, said.len()), (only, 2), "{said:?}");
+    assert!(said[0].contains("1 mesh file is") && said[0].contains("other/models"), "{said:?}");
+    assert!(
+        said[1].contains("4 mesh files are") && said[1].contains("`cup.obj`, `mug.stl`, `obj_000003.glb`, …"),
+        "{said:?}"
+    );
+}
+
+#[test]
 fn bad_keypoints_are_refused_by_key() {
     let folder = TempDir::new().expect("temp folder");
     write(folder.path(), "mug.obj", obj(1.0));

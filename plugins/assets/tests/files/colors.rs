@@ -338,11 +338,11 @@ fn obj_and_mtl(cases: &mut Cases) {
     );
     let both = "newmtl m\nKd 1 1 1\nmap_Kd t.png\n";
     let turned = |i: usize| rgb(BY_VERTEX[3 - i], 255.0);
-    cases.obj("mtl_map_and_colors", &turned, &skin, both, texture(), &["vertex colors are not read"]);
+    cases.obj("mtl_map_and_colors", &turned, &skin, both, texture(), &[NO_COLOR]);
 }
 
 const UCHAR: &str = "property uchar red\nproperty uchar green\nproperty uchar blue\n";
-const NO_COLOR: &str = "the colors of vertices or faces are not read";
+const NO_COLOR: &str = "a texture hides the colors of vertices or faces";
 
 fn ply(cases: &mut Cases) {
     cases.write("t.png", image());
@@ -443,6 +443,75 @@ fn ply(cases: &mut Cases) {
     }
     cases.write("ply_big_endian.ply", bytes);
     cases.check("ply_big_endian.ply", by_vertex(), &[]);
+}
+
+/// Colors that one number packs, as the Point Cloud Library does: 0xAARRGGBB.
+fn packed_ply(cases: &mut Cases) {
+    let word = |alpha: u32, [r, g, b]: [u8; 3]| alpha << 24 | u32::from(r) << 16 | u32::from(g) << 8 | u32::from(b);
+    // 200 << 16 | 100 << 8 | 50, by hand.
+    assert_eq!(word(0, BY_VERTEX[3]), 13_132_850);
+    let numbers = |alpha| move |i: usize| word(alpha, BY_VERTEX[i]).to_string();
+    for kind in ["uint", "double", "float"] {
+        let header = format!("property {kind} rgb\n");
+        cases.ply(&format!("ply_rgb_{kind}"), ["", &header, ""], &numbers(0), &none, by_vertex(), &[]);
+    }
+    // The highest byte of `rgb` is unused; signed integers wrap.
+    cases.ply("ply_rgb_filled", ["", "property uint rgb\n", ""], &numbers(255), &none, by_vertex(), &[]);
+    let signed = |i: usize| (word(255, BY_VERTEX[i]) as i32).to_string();
+    cases.ply("ply_rgb_int", ["", "property int RGB\n", ""], &signed, &none, by_vertex(), &[]);
+    let bits = |i: usize| f32::from_bits(word(0, BY_VERTEX[i])).to_string();
+    cases.ply("ply_rgb_bits", ["", "property float rgb\n", ""], &bits, &none, by_vertex(), &[]);
+    let scientific = |i: usize| format!("{:e}", f32::from_bits(word(0, BY_VERTEX[i])));
+    cases.ply("ply_rgb_bits_double", ["", "property double rgb\n", ""], &scientific, &none, by_vertex(), &[]);
+    let one_nan = |i: usize| if i == 0 { "nan".to_owned() } else { bits(i) };
+    let white_first: Expected = Box::new(|_, v| if v == 0 { [1.0; 4] } else { of_bytes(BY_VERTEX[v]) });
+    let said = ["1 colors of vertices are not finite"];
+    cases.ply("ply_rgb_nan", ["", "property float rgb\n", ""], &one_nan, &none, white_first, &said);
+    let blended = || -> Expected {
+        Box::new(|_, v| {
+            let [r, g, b, _] = of_bytes(BY_VERTEX[v]);
+            [r, g, b, 51.0 / 255.0]
+        })
+    };
+    cases.ply("ply_rgba", ["", "property uint rgba\n", ""], &numbers(51), &none, blended(), &[]);
+    let of_face = |i: usize| word(0, BY_FACE[i]).to_string();
+    cases.ply("ply_rgb_face", ["", "", "property uint rgb\n"], &none, &of_face, by_face(), &[]);
+    let twice = format!("{UCHAR}property uint rgb\n");
+    let both = |i: usize| format!("{} {}", rgb(BY_VERTEX[i], 1.0), word(0, BY_VERTEX[3 - i]));
+    let said = ["colors of element `vertex` that are not read: `rgb`"];
+    cases.ply("ply_rgb_twice", ["", &twice, ""], &both, &none, by_vertex(), &said);
+
+    // Binary floats in both byte orders. Bits with an alpha of 255 and a red of 128 or more are no number as a float: reading
+    // them as one would change some.
+    for (order, big) in [("little", false), ("big", true)] {
+        for (name, kind, alpha, want) in
+            [("rgb", "float", 255, by_vertex()), ("rgb", "uint", 0, by_vertex()), ("rgba", "float", 51, blended())]
+        {
+            let mut bytes = format!(
+                "ply\nformat binary_{order}_endian 1.0\nelement vertex 4\nproperty float x\nproperty float y\n\
+                 property float z\nproperty {kind} {name}\nelement face 4\nproperty list uchar int vertex_indices\n\
+                 end_header\n"
+            )
+            .into_bytes();
+            let mut put = |mut number: [u8; 4]| {
+                if big {
+                    number.reverse();
+                }
+                bytes.extend(number);
+            };
+            for (p, color) in POSITIONS.iter().zip(BY_VERTEX) {
+                p.iter().for_each(|x| put(x.to_le_bytes()));
+                put(word(alpha, color).to_le_bytes());
+            }
+            for face in FACES {
+                bytes.push(3);
+                bytes.extend(face.iter().flat_map(|x| if big { x.to_be_bytes() } else { x.to_le_bytes() }));
+            }
+            let file = format!("ply_{name}_{kind}_{order}.ply");
+            cases.write(&file, bytes);
+            cases.check(&file, want, &[]);
+        }
+    }
 }
 
 fn stl(cases: &mut Cases) {
@@ -572,6 +641,7 @@ fn colors_are_those_of_the_file() {
     let mut cases = Cases { folder: TempDir::new().expect("temp folder"), list: Vec::new() };
     obj_and_mtl(&mut cases);
     ply(&mut cases);
+    packed_ply(&mut cases);
     stl(&mut cases);
     gltf(&mut cases);
     let list = cases.folder.path().join("cases.json");
@@ -611,6 +681,22 @@ fn statements_that_are_not_read_are_named() {
     FACES.iter().for_each(|[a, b, c]| text += &format!("3 {a} {b} {c}\n"));
     cases.write("material.ply", text);
     cases.check("material.ply", gray(), &["element `material` are not read"]);
+
+    let ambient = "property uchar ambient_red\nproperty uchar ambient_green\nproperty uchar ambient_blue\n";
+    let row = |i: usize| rgb(BY_VERTEX[i], 1.0);
+    let unread = ["colors of element `vertex` that are not read: `ambient_red`, `ambient_green`, `ambient_blue`"];
+    cases.ply("ambient", ["", ambient, ""], &row, &none, gray(), &unread);
+    for (name, header, value) in [
+        ("small", "property ushort rgb\n", "7"),
+        ("british", "property float colour\n", "7"), // typos: ignore
+        ("list", "property list uchar uchar rgb\n", "3 1 2 3"),
+    ] {
+        let said = format!("not read: `{}`", header.trim().rsplit(' ').next().expect("a name"));
+        cases.ply(name, ["", header, ""], &|_| value.into(), &none, gray(), &[&said]);
+        cases.ply(&format!("{name}_face"), ["", "", header], &none, &|_| value.into(), gray(), &[&said]);
+    }
+    // Names that end like colors.
+    cases.ply("measured", ["", "property float measured\n", ""], &|_| "1".into(), &none, gray(), &[]);
 
     let mut builder = Builder::default();
     let (position, index) = (builder.floats(&POSITIONS), builder.indices(FACES.as_flattened()));

@@ -36,7 +36,8 @@ use syntable_model::scene::{SceneId, ViewId};
 /// `models` adds the meshes of the assets, in millimeters and in the frame that poses map from, with colors of vertices or a
 /// texture, and the symmetries that the pool's `models_info.json` states. A model of one material with a texture has the
 /// texture; one of several materials has the colors of its materials at its vertices. The `diameter` is the exact largest
-/// distance of two vertices. Until the end of the run every scene keeps the models of its objects below `.syntable`.
+/// distance of two vertices. `.syntable` keeps the models of each scene for the end of the run. Scenes with the same model share
+/// its files by hard links: each model and each texture takes disk space once, on a file system that has hard links.
 ///
 /// A split `test`, or one that begins with `test_`, has the targets of BOP Challenge 2019: for each image and model the
 /// number of instances of which at least a tenth is visible.

@@ -114,7 +114,7 @@ impl SceneWriter for BopScene {
             }
         }
         if self.config.models != Models::None {
-            self.shard.models(products.get(OBJECT_MODELS)?)?;
+            self.shard.models(products.get(OBJECT_MODELS)?, &self.output)?;
         }
         self.shard.finish()
     }

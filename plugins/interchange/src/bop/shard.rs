@@ -1,30 +1,36 @@
-//! What the end of a run needs of a scene: a tar file with a record per view, with the samples of tar files, and with the
-//! meshes of the scene's assets.
+//! What the end of a run needs of a scene: a tar file with a record per view, with the samples of tar files, and with a list
+//! of the scene's assets. Their models are files beside it, which scenes with the same asset share.
 
 use super::model::Model;
 use super::record::ViewRecord;
 use std::collections::BTreeMap;
 use std::fs::File;
-use std::io::{BufWriter, Read};
+use std::io::{BufWriter, Cursor, Read};
 use syntable_formats::encode::json_shard::push_line;
 use syntable_formats::encode::tar::{Archive, for_each_member};
+use syntable_model::digest::Digest;
 use syntable_model::prelude::*;
-use syntable_model::product::ObjectModels;
+use syntable_model::product::{ObjectModel, ObjectModels};
 use syntable_model::scene::{SceneId, Symmetries, ViewId};
 
 /// A record per view, as lines.
 const VIEWS: &str = "views.jsonl";
-/// The assets whose models follow.
+/// The assets of the scene that have a model.
 const ASSETS: &str = "assets.json";
-/// Folder of the members of models.
-const MODELS: &str = "models/";
+/// Name of the part of a model that is its texture.
+const TEXTURE: &str = "texture";
 /// Folder of the members of samples.
 const SAMPLES: &str = "samples/";
 
-/// An asset whose model follows.
+/// An asset and its model.
 #[derive(Serialize, Deserialize)]
 struct AssetOfModel {
     asset: String,
+    /// Digest of the shared file of the mesh: a tar file of its arrays.
+    mesh: Digest,
+    /// Digest of the shared file of the texture.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    texture: Option<Digest>,
     #[serde(flatten)]
     symmetries: Symmetries,
 }
@@ -54,22 +60,26 @@ impl Shard {
         self.archive.add(&format!("{SAMPLES}{key}.{field}"), bytes)
     }
 
-    pub fn models(&mut self, models: &ObjectModels) -> Result<()> {
-        let models =
-            models.0.iter().map(|(asset, model)| Ok((asset, Model::of(model)?))).collect::<Result<Vec<_>>>()?;
-        let of_model = |(asset, model): &(&String, Model)| AssetOfModel {
-            asset: (*asset).clone(),
-            symmetries: model.symmetries.clone(),
+    /// Adds the models of the scene's assets. `output` is the output of the scene.
+    pub fn models(&mut self, models: &ObjectModels, output: &Output) -> Result<()> {
+        let of_model = |(asset, model): (&String, &ObjectModel)| {
+            let model = Model::of(model)?;
+            let (mut mesh, mut texture) = (Vec::new(), None);
+            let mut archive = Archive::new(&mut mesh, "the mesh");
+            for (part, bytes) in model.parts() {
+                if part == TEXTURE {
+                    texture = Some(output.write_shared(&bytes)?);
+                } else {
+                    archive.add(part, &bytes)?;
+                }
+            }
+            archive.finish()?;
+            let mesh = output.write_shared(&mesh)?;
+            Ok(AssetOfModel { asset: asset.clone(), mesh, texture, symmetries: model.symmetries })
         };
         let mut line = Vec::new();
-        push_line(&mut line, &models.iter().map(of_model).collect::<Vec<_>>())?;
-        self.archive.add(ASSETS, &line)?;
-        for (index, (_, model)) in models.iter().enumerate() {
-            for (part, bytes) in model.parts() {
-                self.archive.add(&format!("{MODELS}{index}.{part}"), &bytes)?;
-            }
-        }
-        Ok(())
+        push_line(&mut line, &models.0.iter().map(of_model).collect::<Result<Vec<_>>>()?)?;
+        self.archive.add(ASSETS, &line)
     }
 
     pub fn finish(mut self) -> Result<()> {
@@ -122,27 +132,25 @@ pub fn for_each_sample(
 
 /// The models of those assets of a scene that are wanted.
 pub fn models(finish: &Finish, scene: SceneId, wanted: impl Fn(&str) -> bool) -> Result<Vec<(String, Model)>> {
-    let mut assets = Vec::new();
-    let mut parts: BTreeMap<usize, BTreeMap<String, Vec<u8>>> = BTreeMap::new();
+    let mut assets: Vec<AssetOfModel> = Vec::new();
     members(finish, scene, |name, member| {
         if name == ASSETS {
             assets = serde_json::from_slice(&content(finish, scene, member)?).map_err(|_| damaged(finish, scene))?;
         }
-        let Some((index, part)) = name.strip_prefix(MODELS).and_then(|name| name.split_once('.')) else {
-            return Ok(());
-        };
-        let index: usize = index.parse().map_err(|_| damaged(finish, scene))?;
-        let AssetOfModel { asset, .. } = assets.get(index).ok_or_else(|| damaged(finish, scene))?;
-        if wanted(asset) {
-            parts.entry(index).or_default().insert(part.to_owned(), content(finish, scene, member)?);
-        }
         Ok(())
     })?;
-    let of_wanted = assets.into_iter().enumerate().filter(|(_, AssetOfModel { asset, .. })| wanted(asset));
-    let model = |(index, AssetOfModel { asset, symmetries }): (usize, AssetOfModel)| {
-        let mut parts = parts.remove(&index).unwrap_or_default();
+    let model = |AssetOfModel { asset, mesh, texture, symmetries }: AssetOfModel| {
+        let mut parts = BTreeMap::new();
+        let mesh = Cursor::new(finish.shared(scene, mesh)?);
+        for_each_member(mesh, &format!("the mesh of {asset}"), |part, member| {
+            parts.insert(part.to_owned(), content(finish, scene, member)?);
+            Ok(())
+        })?;
+        if let Some(texture) = texture {
+            parts.insert(TEXTURE.to_owned(), finish.shared(scene, texture)?);
+        }
         let model = Model::from_parts(&mut parts, symmetries).ok_or_else(|| damaged(finish, scene))?;
         Ok((asset, model))
     };
-    of_wanted.map(model).collect()
+    assets.into_iter().filter(|of_model| wanted(&of_model.asset)).map(model).collect()
 }

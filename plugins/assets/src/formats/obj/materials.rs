@@ -9,7 +9,7 @@ use std::sync::Arc;
 use syntable_mesh::Model;
 use syntable_mesh::image::Image;
 use syntable_mesh::material::{blend, default_material, mean, untextured};
-use syntable_mesh::paint::{VertexAlpha, blend_by_vertex, full_intensity, paint_corners};
+use syntable_mesh::paint::{VertexAlpha, blend_by_vertex, full_intensity, hide_colors_under_textures};
 use syntable_mesh::root::{AssetRoot, Found};
 use syntable_mesh::text::shorten;
 use syntable_model::context::Log;
@@ -92,8 +92,11 @@ pub(super) fn attach(parsed: ParsedObj, root: &AssetRoot, folder: &Path, file: &
         log.warn(&Error::new(message).in_file(file).at_line(first.line));
     }
     let mut model = Model { mesh, materials };
-    let alphas = loader.textures_before_colors(&mut model, alphas);
-    blend_by_vertex(&mut model, &alphas, |_| VertexAlpha::Blends, &InFile { log, path: file });
+    let log = InFile { log, path: file };
+    let has_texture = |&slot: &u16| model.materials[usize::from(slot)].base_color.texture.is_some();
+    let textured: Vec<bool> = model.mesh.slots.iter().map(has_texture).collect();
+    let alphas = hide_colors_under_textures(&mut model.mesh, alphas, &[], &textured, &log);
+    blend_by_vertex(&mut model, &alphas, |_| VertexAlpha::Blends, &log);
     Ok(model)
 }
 
@@ -189,31 +192,6 @@ impl Loader<'_> {
             None => "the default material".into(),
         };
         self.warn(format!("{} faces have no `usemtl`; they have {has}", used.triangles), self.file, used.line);
-    }
-
-    /// Makes vertices white where there is a texture, as other programs show one or the other. Returns the opacities.
-    fn textures_before_colors(&self, model: &mut Model, alphas: Vec<f32>) -> Vec<f32> {
-        let mesh = &mut model.mesh;
-        let textured = |t: usize| model.materials[usize::from(mesh.slots[t])].base_color.texture.is_some();
-        let textured: Vec<bool> = (0..mesh.triangles.len()).map(textured).collect();
-        let is_white =
-            |vertex: usize| mesh.colors[vertex] == [1.0; 3] && alphas.get(vertex).is_none_or(|&alpha| alpha == 1.0);
-        let hidden =
-            |(triangle, &textured): (&[u32; 3], &bool)| textured && !triangle.iter().all(|&i| is_white(i as usize));
-        if mesh.colors.is_empty() || !mesh.triangles.iter().zip(&textured).any(hidden) {
-            return alphas;
-        }
-        self.log.warn(&Error::new("there is a texture: vertex colors are not read where it is").in_file(self.file));
-        if textured.iter().all(|&textured| textured) {
-            mesh.colors.clear();
-            return Vec::new();
-        }
-        let (colors, triangles) = (std::mem::take(&mut mesh.colors), mesh.triangles.clone());
-        paint_corners(mesh, |t, k| {
-            let vertex = triangles[t][k] as usize;
-            let [r, g, b] = colors[vertex];
-            if textured[t] { [1.0; 4] } else { [r, g, b, alphas.get(vertex).copied().unwrap_or(1.0)] }
-        })
     }
 
     /// Keeps what a material states and what is not read of it, for one note by kind of statement.

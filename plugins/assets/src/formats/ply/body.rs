@@ -23,6 +23,11 @@ impl<'a> Rows<'a> {
         Self { encoding: header.encoding, bytes, at: header.body, line: header.body_line, rest: &[], longer: None }
     }
 
+    /// Whether the body is text.
+    pub fn is_text(&self) -> bool {
+        self.encoding == Encoding::Ascii
+    }
+
     /// Refuses an element whose rows exceed the rest of the file, before anything is allocated for them.
     pub fn check_size(&self, element: &Element) -> Result<()> {
         let row: usize = match self.encoding {

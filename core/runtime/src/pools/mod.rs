@@ -1,0 +1,257 @@
+//! The pools of a recipe: selection, scale, centering and mass are the same for every source of assets.
+//!
+//! [`open`] makes, numbers and selects from catalogs; `numbers` tells objects of several pools apart; `asset` applies the options
+//! of a pool to an asset; `loaded` keeps assets in memory; `listing` tells how likely each asset is drawn.
+
+mod asset;
+mod listing;
+mod loaded;
+mod numbers;
+mod open;
+
+use crate::recipe::{
+    CatalogNames, Draw, Numbering, ObjectProperties, OnBadAsset, PartSizes, PoolOptions, Recipe, Selection,
+};
+use crate::run::panics::unwound;
+pub use listing::{Chance, ListedAsset};
+use loaded::InUse;
+pub use loaded::Loaded;
+use numbers::{number_places, numbers_differ};
+pub(crate) use open::open;
+use open::patiently;
+use parking_lot::Mutex;
+use std::collections::BTreeMap;
+use std::sync::Arc;
+use syntable_model::context::{Assets, Collected, Log};
+use syntable_model::error::{Error, Result};
+use syntable_model::scene::{Asset, AssetRef, CatalogEntry};
+use syntable_model::stage::AssetSource;
+
+/// What a lock and a journal say instead of a digest of an asset that was drawn, could not be used and was passed over.
+pub const BAD: &str = "bad";
+
+/// All pools of a recipe, with what was loaded from them.
+pub struct AssetStore<'a> {
+    pools: BTreeMap<&'a str, Pool<'a>>,
+    /// Options of the recipe that draw from pools.
+    draws: &'a [Draw],
+    /// Digests of assets that the dataset or the recipe depends on, or [`BAD`].
+    locked: BTreeMap<String, String>,
+    on_bad_asset: OnBadAsset,
+    log: &'a dyn Log,
+    loaded: Arc<Loaded>,
+    refused: Mutex<Option<Error>>,
+}
+
+pub(crate) struct Pool<'a> {
+    source: &'a dyn AssetSource,
+    options: &'a PoolOptions,
+    selection: Selection,
+    /// Where the numbers of its objects come from; none if it has no objects.
+    numbering: Option<Numbering>,
+    /// Largest number of an object of the source, taken or not.
+    last_obj_id: u32,
+    /// Whether objects have the numbers of their files, and another size than these.
+    resizes_numbered: bool,
+    /// What the pool's table states of its objects, by name.
+    properties: BTreeMap<String, ObjectProperties>,
+}
+
+impl<'a> AssetStore<'a> {
+    /// A store of open pools that depends on no digest and has loaded nothing.
+    fn new(pools: BTreeMap<&'a str, Pool<'a>>, on_bad_asset: OnBadAsset, log: &'a dyn Log) -> Self {
+        Self {
+            pools,
+            draws: &[],
+            locked: BTreeMap::new(),
+            on_bad_asset,
+            log,
+            loaded: Arc::default(),
+            refused: Mutex::default(),
+        }
+    }
+
+    /// Opens all pools: finds and selects their entries, and loads nothing yet.
+    /// The error names all pools that cannot be opened.
+    pub fn open(recipe: &'a Recipe, log: &'a dyn Log) -> Result<Self> {
+        let mut pools = open(&recipe.assets, log)?;
+        number_places(&mut pools, &recipe.labeled_pools)?;
+        if recipe.write.iter().any(|(_, writer)| writer.needs_obj_ids()) {
+            numbers_differ(&pools, &recipe.labeled_pools)?;
+            for (id, _) in
+                pools.iter().filter(|(id, pool)| recipe.labeled_pools.contains(**id) && pool.resizes_numbered)
+            {
+                let message = "objects keep the numbers of their files at another size: models and poses are not those of the benchmark";
+                let help = "leave out `scale` and `units`, or number the pool anew with `first_id`";
+                log.warn(&Error::new(message).help(help).context(format!("assets.{id}")));
+            }
+        }
+        let store = Self::new(pools, recipe.dataset.on_bad_asset, log);
+        Ok(Self { draws: &recipe.draws, locked: recipe.lock.assets.clone(), ..store })
+    }
+
+    /// The same with what was loaded before from these pools.
+    pub fn with(self, loaded: Arc<Loaded>) -> Self {
+        Self { loaded, ..self }
+    }
+
+    /// Names of the pools, with the number of entries of each.
+    pub fn sizes(&self) -> impl Iterator<Item = (&str, usize)> {
+        self.pools.iter().map(|(&id, pool)| (id, pool.selection.entries.len()))
+    }
+
+    /// Sizes of the parts of a pool's split; none without a split.
+    pub fn part_sizes(&self, id: &str) -> Option<PartSizes> {
+        let pool = self.pools.get(id)?;
+        pool.options.part_sizes(&pool.selection)
+    }
+
+    /// Adds the assets of the scenes that a dataset has: they must be what they were.
+    pub fn expect(mut self, assets: impl IntoIterator<Item = (String, String)>) -> Self {
+        self.locked.extend(assets);
+        self
+    }
+
+    /// Names of the assets of each pool, with their categories and numbers.
+    pub fn catalogs(&self) -> BTreeMap<String, CatalogNames> {
+        self.pools.iter().map(|(&id, pool)| (id.to_owned(), pool.catalog())).collect()
+    }
+
+    /// An error if an asset must stop the run: it is bad and the recipe says so, it cannot be read at present, or it is
+    /// not what the recipe was resolved with.
+    pub fn refused(&self) -> Result<()> {
+        self.refused.lock().clone().map_or(Ok(()), Err)
+    }
+
+    fn refuse(&self, error: Error) {
+        self.refused.lock().get_or_insert(error);
+    }
+
+    fn pool(&self, id: &str) -> Result<&Pool<'a>> {
+        self.pools.get(id).ok_or_else(|| {
+            let known: Vec<&str> = self.pools.keys().copied().collect();
+            Error::new(format!("there is no pool `{id}`")).help(format!("the recipe has: {}", known.join(", ")))
+        })
+    }
+
+    /// Loads an asset; whoever asks for it meanwhile waits. A bad one is reported once and never loaded again.
+    fn load_or_refuse(&self, asset: &AssetRef) -> Result<Asset> {
+        if let Some(error) = self.loaded.bad.lock().get(asset) {
+            return Err(error.clone());
+        }
+        self.load(asset).map_err(|error| {
+            let error = error.context(format!("asset {asset}"));
+            if error.is_transient() {
+                // That says nothing about the asset: another one in its place would make another dataset.
+                self.refuse(error.clone());
+                return error;
+            }
+            self.log.warn(&error);
+            self.loaded.bad.lock().insert(asset.clone(), error.clone());
+            if self.on_bad_asset == OnBadAsset::Fail {
+                self.refuse(error.clone());
+            }
+            error
+        })
+    }
+
+    fn load(&self, asset: &AssetRef) -> Result<Asset> {
+        let pool = self.pool(&asset.pool)?;
+        let log = Named { asset, log: self.log };
+        // An asset that a reader panics on is a bad one: it is named, and left out from then on.
+        // What its warnings say of an asset that was let go they said before.
+        let first = !self.loaded.told.lock().contains(asset);
+        let quiet = Collected::default();
+        let log: &dyn Log = if first { &log } else { &quiet };
+        let loaded = patiently(log, |log| {
+            unwound(|| pool.load(&asset.name, log)).inspect(|loaded| pool.doubt_size(loaded, log))
+        });
+        if !loaded.as_ref().is_err_and(Error::is_transient) {
+            self.loaded.told.lock().insert(asset.clone());
+        }
+        let locked = self.locked.get(&asset.to_string());
+        let (was, is) = match (locked, &loaded) {
+            (None, _) => return loaded,
+            (_, Err(error)) if error.is_transient() => return loaded,
+            (Some(locked), Err(_)) if locked == BAD => return loaded,
+            (Some(locked), Err(error)) => (format!("had digest {locked}"), format!("cannot be used: {error}")),
+            (Some(locked), Ok(asset)) => {
+                let digest = asset.digest().to_string();
+                match locked.as_str() {
+                    locked if locked == digest => return loaded,
+                    BAD => ("could not be used".to_owned(), format!("has digest {digest}")),
+                    locked => (format!("had digest {locked}"), format!("has digest {digest}")),
+                }
+            }
+        };
+        let error = Error::new(format!("asset {asset} has changed: when the dataset was begun it {was}, now it {is}"))
+            .help("restore the asset, or make a new dataset: choose another folder with --out, and take the asset out of [lock.assets] if the recipe has that")
+            .permanent();
+        self.refuse(error.clone());
+        Err(error)
+    }
+}
+
+impl Assets for AssetStore<'_> {
+    fn entries(&self, pool: &str) -> Result<&[CatalogEntry]> {
+        self.pool(pool).map(|pool| pool.selection.entries.as_slice())
+    }
+
+    fn get(&self, asset: &AssetRef) -> Result<Asset> {
+        self.loaded.kept.get_or_insert_with(asset, || {
+            // One that is too large to keep may still be in use.
+            if let Some(asset) = self.loaded.in_use.lock().get(asset).and_then(InUse::get) {
+                return Ok(asset);
+            }
+            let loaded = self.load_or_refuse(asset)?;
+            self.loaded.in_use.lock().insert(asset.clone(), InUse::of(&loaded));
+            Ok(loaded)
+        })
+    }
+}
+
+/// The assets of one attempt at a scene: remembers the digests of what was drawn.
+pub struct RecordingAssets<'a> {
+    store: &'a AssetStore<'a>,
+    digests: Mutex<BTreeMap<String, String>>,
+}
+
+impl<'a> RecordingAssets<'a> {
+    /// Nothing drawn yet.
+    pub fn new(store: &'a AssetStore<'a>) -> Self {
+        Self { store, digests: Mutex::default() }
+    }
+
+    /// Digests of all that was drawn, by `pool/name`.
+    pub fn into_digests(self) -> BTreeMap<String, String> {
+        self.digests.into_inner()
+    }
+}
+
+impl Assets for RecordingAssets<'_> {
+    fn entries(&self, pool: &str) -> Result<&[CatalogEntry]> {
+        self.store.entries(pool)
+    }
+
+    fn get(&self, asset: &AssetRef) -> Result<Asset> {
+        let loaded = self.store.get(asset);
+        let digest = loaded.as_ref().map_or_else(|_| BAD.to_owned(), |loaded| loaded.digest().to_string());
+        self.digests.lock().insert(asset.to_string(), digest);
+        loaded
+    }
+}
+
+/// A log that names the asset.
+struct Named<'a> {
+    asset: &'a AssetRef,
+    log: &'a dyn Log,
+}
+
+impl Log for Named<'_> {
+    fn warn(&self, warning: &Error) {
+        self.log.warn(&warning.clone().context(format!("asset {}", self.asset)));
+    }
+}
+
+#[cfg(test)]
+mod tests;

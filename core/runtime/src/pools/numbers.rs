@@ -1,0 +1,60 @@
+//! Numbers of objects over all pools of a recipe.
+
+use super::Pool;
+use crate::recipe::{Numbering, Selection};
+use std::collections::{BTreeMap, BTreeSet};
+use syntable_model::error::{Error, Result};
+
+/// Moves numbers that are places behind those that are stated and those of other pools: first pools with objects that labels
+/// describe, then others, each by id. Numbers depend on what pools hold, never on what is taken or drawn of them.
+pub(super) fn number_places(pools: &mut BTreeMap<&str, Pool>, labeled: &BTreeSet<String>) -> Result<()> {
+    let is = |pool: &Pool, numbering| pool.numbering == Some(numbering);
+    let stated = pools.values().filter(|pool| is(pool, Numbering::Stated)).map(|pool| pool.last_obj_id);
+    let mut last = stated.max().unwrap_or_default();
+    for described in [true, false] {
+        let those = pools.iter_mut().filter(|(id, _)| labeled.contains(**id) == described);
+        for (id, pool) in those.filter(|(_, pool)| is(pool, Numbering::Places)) {
+            let Some(beyond) = last.checked_add(pool.last_obj_id) else {
+                return Err(Error::new(format!("objects behind number {last} go beyond {}", u32::MAX))
+                    .help("state smaller numbers with `ids` or `first_id`")
+                    .context(format!("assets.{id}"))
+                    .of_request());
+            };
+            let Selection { entries, other_parts } = &mut pool.selection;
+            let all = entries.iter_mut().chain(other_parts.iter_mut().map(|(entry, _)| entry));
+            all.filter_map(|entry| entry.obj_id.as_mut()).for_each(|obj_id| *obj_id += last);
+            last = beyond;
+        }
+    }
+    Ok(())
+}
+
+/// Refuses objects without a number, and two of one number, in the pools with objects that labels describe.
+pub(super) fn numbers_differ(pools: &BTreeMap<&str, Pool>, labeled: &BTreeSet<String>) -> Result<()> {
+    let described = || pools.iter().filter(|(id, _)| labeled.contains(**id));
+    for (id, pool) in described() {
+        let numbered = pool.options.all_numbered(&pool.selection.entries);
+        numbered.map_err(|error| error.context(format!("assets.{id}")).of_request())?;
+    }
+    let objects = described().flat_map(|(id, pool)| pool.selection.entries.iter().map(move |entry| (*id, entry)));
+    let mut seen: BTreeMap<u32, (&str, &str)> = BTreeMap::new();
+    for (id, entry) in objects {
+        let Some(obj_id) = entry.obj_id else { continue };
+        let Some((other, name)) = seen.insert(obj_id, (id, &entry.name)) else { continue };
+        let message = format!("`{other}/{name}` and `{id}/{}` have the same `obj_id` {obj_id}", entry.name);
+        let last = pools.values().map(|pool| pool.last_obj_id).max().unwrap_or_default();
+        let help = match other == id {
+            true => format!(
+                "number the whole pool anew with `first_id = 1`, give its objects `ids`, or take one source of numbers per pool: \
+                 `exclude = [\"{}\"]` leaves one out",
+                entry.name
+            ),
+            false => format!(
+                "number one of the pools anew, such as `first_id = {}` in [assets.{id}], or give its objects `ids`",
+                u64::from(last) + 1
+            ),
+        };
+        return Err(Error::new(message).help(help).context(format!("assets.{id}")).of_request());
+    }
+    Ok(())
+}
