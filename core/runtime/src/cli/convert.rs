@@ -3,11 +3,11 @@
 use super::run::{ended, on_signals};
 use super::{Console, Exit, LeftOutReport, Message};
 use crate::run::progress::count;
-use crate::run::{convert as convert_dataset, products_of};
+use crate::run::{check_place, convert as convert_dataset, products_of};
 use crate::workers;
 use clap::Args;
 use std::collections::{BTreeMap, BTreeSet};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use syntable_model::error::Error;
 use syntable_model::reader;
 use syntable_model::registry::{ConstructError, Entry, Registry, Slot, Stage};
@@ -36,14 +36,6 @@ pub(super) struct ConvertArgs {
     set: Vec<String>,
 }
 
-/// The folder of a dataset that is named by it or by a file in it.
-fn folder_of(mut path: PathBuf) -> PathBuf {
-    if path.is_file() {
-        path.pop();
-    }
-    path
-}
-
 pub(super) fn convert(console: &Console, registry: &Registry, args: &ConvertArgs) -> Result<(), Exit> {
     let writers = args.to.iter().map(|kind| Asked::of(registry, kind, &args.set)).collect::<Result<Vec<_>, _>>();
     let writers = writers.map_err(Exit::wrong)?;
@@ -56,16 +48,7 @@ pub(super) fn convert(console: &Console, registry: &Registry, args: &ConvertArgs
     if kinds.len() < args.to.len() {
         return Err(Exit::wrong(Error::new("--to names a kind twice").help("name each once")));
     }
-    if let (Ok(source), Some(Ok(above))) = (
-        args.dataset.canonicalize().map(folder_of),
-        args.out
-            .parent()
-            .map(|above| (if above.as_os_str().is_empty() { Path::new(".") } else { above }).canonicalize()),
-    ) && above.starts_with(&source)
-    {
-        let error = Error::new("it lies in the dataset that is read").in_file(&args.out);
-        return Err(Exit::wrong(error.help("choose a folder beside it")));
-    }
+    check_place(&args.out, &args.dataset).map_err(Exit::wrong)?;
     let named = reader::Source::new(&args.dataset).trusting(args.trust_paths);
     let (format, dataset) = reader::open_source(&named, args.format.as_deref()).map_err(Exit::stopped)?;
     let has = products_of(registry, &*dataset);
@@ -105,6 +88,10 @@ pub(super) fn convert(console: &Console, registry: &Registry, args: &ConvertArgs
         left_out.add(format!("{} left out: they cannot be read", what.join(" and ")), reasons);
     }
     left_out.annotations(&converted.passed_over);
+    if !converted.not_kept.is_empty() {
+        let summary = format!("{} with labels not kept", count(converted.not_kept.len() as u32, "field"));
+        left_out.add(summary, converted.not_kept.iter().map(|it| Error::new(it.to_string())));
+    }
     left_out.losses(&converted.losses);
     left_out.end(&args.dataset, "the warnings above name it; `syntable validate` lists what is wrong with the dataset")
 }

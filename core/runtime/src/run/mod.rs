@@ -44,7 +44,7 @@ pub mod times;
 mod todo;
 mod verify;
 
-pub use convert::{Converted, convert, not_listed, products_of};
+pub use convert::{Converted, check_place, convert, not_listed, products_of};
 pub(crate) use end::dataset_info;
 pub(crate) use inputs::files as files_of;
 pub use losses::Loss;
