@@ -205,6 +205,54 @@ mod tests {
         assert_eq!(of.certain_layers(), [Some(0), Some(1), Some(0)]);
     }
 
+    /// Against a search from each object, and the definition of the order applied step by step.
+    #[test]
+    fn random_orders_are_those_of_searches() {
+        let mut stream = Stream::root(31);
+        for round in 0..300 {
+            let n = 1 + round % 8;
+            let pairs = (0..n).flat_map(|i| (0..n).map(move |j| (i, j))).filter(|(i, j)| i != j);
+            let edges: Vec<(usize, usize)> = pairs.filter(|_| stream.uniform(0.0, 1.0) < 0.25).collect();
+            let nearest: Vec<f32> = (0..n).map(|_| stream.uniform(0.0, 3.0) as f32).collect();
+            let of = order(&edges, &nearest);
+            // All that occlude `node`, directly or through others of `nodes`.
+            let before = |nodes: &[usize], node: usize| {
+                let (mut found, mut open) = (Vec::new(), vec![node]);
+                while let Some(j) = open.pop() {
+                    let new = nodes.iter().copied().filter(|&i| edges.contains(&(i, j)) && !found.contains(&i));
+                    let new: Vec<usize> = new.collect();
+                    found.extend(&new);
+                    open.extend(new);
+                }
+                found
+            };
+            let all: Vec<usize> = (0..n).collect();
+            for (i, j) in all.iter().flat_map(|&i| all.iter().map(move |&j| (i, j))) {
+                let is_in_front = edges.contains(&(i, j)) && !before(&all, i).contains(&j);
+                assert_eq!(of.is_in_front(i, j), is_in_front, "{i} {j}: {edges:?}");
+            }
+            let longest = |node: usize| {
+                let ancestors = before(&all, node);
+                let is_open = ancestors.iter().chain([&node]).any(|&i| before(&all, i).contains(&i));
+                // Each round finds chains that are longer by one.
+                let mut chain = vec![0; n];
+                (0..n).for_each(|_| edges.iter().for_each(|&(i, j)| chain[j] = chain[j].max(chain[i] + 1).min(n)));
+                (!is_open).then_some(chain[node])
+            };
+            assert_eq!(of.certain_layers(), all.iter().map(|&node| longest(node)).collect::<Vec<_>>(), "{edges:?}");
+            let (mut rest, mut sorted) = (all.clone(), Vec::new());
+            while !rest.is_empty() {
+                let is_foremost = |&j: &usize| before(&rest, j).iter().all(|&i| before(&rest, i).contains(&j));
+                let free = rest.iter().copied().filter(|&j| before(&rest, j).is_empty()).collect::<Vec<_>>();
+                let open = if free.is_empty() { rest.iter().copied().filter(is_foremost).collect() } else { free };
+                let next = open.into_iter().min_by(|&i, &j| nearest[i].total_cmp(&nearest[j])).expect("one");
+                rest.retain(|&node| node != next);
+                sorted.push(next);
+            }
+            assert_eq!(of.front_to_back(), sorted, "{edges:?} {nearest:?}");
+        }
+    }
+
     #[test]
     fn circles_are_cut_in_front_of_the_nearest_object() {
         // A ring 0, 1, 2 in front of 3, which is nearest of all but in no circle.
