@@ -111,6 +111,8 @@ fn open(source: &Source) -> Result<Box<dyn DatasetReader>> {
 /// numbers up to the largest.
 struct Numbers {
     all: BTreeSet<u64>,
+    /// Those that the dataset shows or lists: numbers in gaps may be of no object.
+    known: BTreeSet<u64>,
     /// Whether the dataset lists all objects.
     are_listed: bool,
 }
@@ -121,10 +123,10 @@ impl Numbers {
     fn of(shown: &BTreeMap<SceneId, BTreeSet<u64>>, listed: BTreeSet<u64>, names: &BTreeMap<u64, String>) -> Self {
         let shown: BTreeSet<u64> = shown.values().flatten().copied().collect();
         if !listed.is_empty() && names.is_empty() && shown.is_subset(&listed) {
-            return Self { all: listed, are_listed: true };
+            return Self { all: listed.clone(), known: listed, are_listed: true };
         }
-        let all = shown.into_iter().chain(listed).chain(names.keys().copied()).collect();
-        Self { all: read::with_gaps_filled(all), are_listed: false }
+        let known: BTreeSet<u64> = shown.into_iter().chain(listed).chain(names.keys().copied()).collect();
+        Self { all: read::with_gaps_filled(known.clone()), known, are_listed: false }
     }
 
     /// What is not known of the objects of the dataset, for people.
@@ -235,7 +237,7 @@ impl DatasetReader for Reader {
     }
 
     fn category(&self, own: u64) -> Option<u32> {
-        self.categories.known(own)
+        self.categories.known(own).filter(|_| self.numbers.known.contains(&own))
     }
 
     fn read(&self, image: usize, wants: &[KeyId]) -> Result<(View, Products)> {
