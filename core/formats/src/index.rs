@@ -22,6 +22,9 @@ const MARK: [u8; 3] = [0xef, 0xbb, 0xbf];
 /// Bytes of a file that an error looks at.
 const SHOWN: u64 = 16;
 
+/// Number of sections that nobody reads and that are named.
+const UNREAD: usize = 16;
+
 /// A list of records of an annotation file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Section {
@@ -65,6 +68,8 @@ pub struct Indexed {
     pub info: Info,
     /// Categories that annotations refer to.
     pub categories: Option<Vec<Category>>,
+    /// Names of the sections that nobody reads, such as `licenses`: the first ones of many.
+    pub unread: Vec<String>,
     /// Of each section, where its first record may start and where each of its records ends, bytes.
     ends: [Vec<u64>; 3],
 }
@@ -86,8 +91,13 @@ impl Indexed {
             file.consume(MARK.len());
             at.set(MARK.len() as u64);
         }
-        let mut index =
-            Self { path: path.to_owned(), info: Info::default(), categories: None, ends: Default::default() };
+        let mut index = Self {
+            path: path.to_owned(),
+            info: Info::default(),
+            categories: None,
+            unread: Vec::new(),
+            ends: Default::default(),
+        };
         let mut json = serde_json::Deserializer::from_reader(Counted { from: file, at: &at, until: &until });
         let mut track = serde_path_to_error::Track::new();
         let whole = Whole { at: &at, until: &until, index: &mut index, each };
@@ -215,7 +225,12 @@ where
                 match key.as_str() {
                     "info" => index.info = map.next_value::<Option<Info>>()?.unwrap_or_default(),
                     "categories" => index.categories = map.next_value()?,
-                    _ => drop(map.next_value::<IgnoredAny>()?),
+                    _ => {
+                        map.next_value::<IgnoredAny>()?;
+                        if index.unread.len() < UNREAD {
+                            index.unread.push(key);
+                        }
+                    }
                 }
                 continue;
             };

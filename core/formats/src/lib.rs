@@ -46,6 +46,7 @@ pub mod scores;
 pub mod segmentation;
 pub mod shard;
 pub mod syntable;
+pub mod unkept;
 
 /// Fields that a type does not know, in the order of the file.
 pub type Extra = serde_json::Map<String, serde_json::Value>;

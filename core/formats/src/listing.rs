@@ -4,13 +4,14 @@ use crate::coco;
 use crate::index::{Indexed, Record, Section};
 use crate::read::{Categories, Faults};
 use crate::syntable;
+use crate::unkept::Unkept;
 use serde::de::DeserializeOwned;
 use std::collections::btree_map::Entry;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use syntable_model::error::Result;
 use syntable_model::left_out::LeftOut;
-use syntable_model::limits::IMAGE_PIXELS;
+use syntable_model::limits::{ANNOTATIONS, IMAGE_PIXELS};
 use syntable_model::reader::ImageRef;
 
 /// The record of an image, as files of COCO's structure have it.
@@ -108,21 +109,16 @@ impl Listing {
         let unknown = annotations.iter().filter(|it| !ids.contains(&it.image)).count();
         let unknown = [unknown, annotations.len()];
         let mut by_id = by_id(frames, &annotations, &mut faults);
-        let mut names = BTreeMap::new();
-        for image in by_id.values() {
-            let name = &image.frame.file_name;
-            if let Some(first) = names.insert(name.clone(), image.frame.id) {
-                let message = format!("image {first} is of this file, too: {name}");
-                faults.add("unique_names", format!("image {}", image.frame.id), &message);
-            }
-        }
         faults.of_annotations(&categories, annotations.iter().map(|it| (it.id, it.category)));
         for (number, annotation) in (0..).zip(&annotations) {
             match by_id.get_mut(&annotation.image) {
-                None => faults.unknown_image(annotation.id, annotation.image),
                 Some(image) => image.annotations.push(number),
+                // Why an image is left out is said with it.
+                None if ids.contains(&annotation.image) => {}
+                None => faults.unknown_image(annotation.id, annotation.image),
             }
         }
+        drop_second_records(&mut by_id, &mut faults);
         let (mut refs, images) = faults
             .in_order(by_id.into_values().collect(), |image: &Listed| (&image.frame.file_name, image.frame.place));
         refs.iter_mut().zip(&images).for_each(|(image, listed)| image.id = Some(listed.frame.id));
@@ -135,13 +131,26 @@ impl Listing {
         LeftOut::new(unknown, all, "annotations name no image of the file")
     }
 
+    /// Sections and fields that are not read and no labels, for people: the licenses of the file, and fields of its categories.
+    pub fn information(&self) -> Vec<String> {
+        let mut of_categories = Unkept::new("categories", &["isthing"]);
+        let categories = self.file.categories.iter().flatten();
+        categories.for_each(|category| of_categories.add(&category.extra));
+        let sections = self.file.unread.iter().map(|name| format!("the section `{name}`"));
+        sections.chain(of_categories.all()).collect()
+    }
+
     /// Whether the file has annotations, be they of its images or not.
     pub fn has_annotations(&self) -> bool {
         self.unknown[1] > 0
     }
 
     /// The annotations of an image, in the order of the file.
+    ///
+    /// # Errors
+    /// If they cannot be read, or are more than the [limit](ANNOTATIONS).
     pub fn annotations<A: DeserializeOwned>(&self, image: usize) -> Result<Vec<A>> {
+        ANNOTATIONS.check(self.images[image].annotations.len() as u64)?;
         self.file.records(Section::Annotations, &self.images[image].annotations)
     }
 
@@ -152,25 +161,59 @@ impl Listing {
     }
 }
 
-/// The images by their ids. In the form of SynTable's release, the n-th image is that of the n-th annotation.
+/// The images by their ids. In the form of SynTable's release, the n-th image is that of the n-th annotation. Where an id is that of
+/// several files, nobody can tell which of them an annotation is of: all of these are left out.
 fn by_id(frames: Vec<Frame>, annotations: &[Of], faults: &mut Faults) -> BTreeMap<u64, Listed> {
     let repeats =
         frames.len() == annotations.len() && frames.iter().zip(annotations).all(|(frame, it)| frame.id == it.image);
     let mut by_id: BTreeMap<u64, Listed> = BTreeMap::new();
+    let mut ambiguous = BTreeSet::new();
     for (record, frame) in (0..).zip(frames) {
         if let Err(error) = IMAGE_PIXELS.check_size([frame.width, frame.height]) {
             faults.lost("readable", format!("image {}", frame.id), &format!("{error}: the image is left out"));
             continue;
         }
         match by_id.entry(frame.id) {
-            Entry::Occupied(first) if first.get().frame != frame || !repeats => {
-                faults.add("unique_ids", format!("image {}", frame.id), "two images have this id");
+            Entry::Occupied(first) if first.get().frame.file_name != frame.file_name => {
+                let (one, other) = (&first.get().frame.file_name, &frame.file_name);
+                let message =
+                    format!("two images have this id, {one} and {other}: they are left out, with their annotations");
+                faults.lost("unique_ids", format!("image {}", frame.id), &message);
+                ambiguous.insert(frame.id);
+            }
+            Entry::Occupied(first) if !repeats || first.get().frame != frame => {
+                let message =
+                    format!("two images have this id, and are of {}: the second one is left out", frame.file_name);
+                faults.lost("unique_ids", format!("image {}", frame.id), &message);
             }
             Entry::Occupied(_) => {}
             Entry::Vacant(entry) => drop(entry.insert(Listed { frame, record, annotations: Vec::new() })),
         }
     }
+    by_id.retain(|id, _| !ambiguous.contains(id));
     by_id
+}
+
+/// Leaves out images of a file of which another image with a lower id is, too: written as two images, each would show objects that
+/// only the other one labels.
+fn drop_second_records(by_id: &mut BTreeMap<u64, Listed>, faults: &mut Faults) {
+    let mut first_of: BTreeMap<&str, u64> = BTreeMap::new();
+    let mut second = BTreeSet::new();
+    for image in by_id.values() {
+        let Frame { id, file_name, .. } = &image.frame;
+        match first_of.entry(file_name) {
+            Entry::Vacant(entry) => drop(entry.insert(*id)),
+            Entry::Occupied(first) => {
+                let (first, number) = (first.get(), image.annotations.len());
+                let message = format!(
+                    "image {first} is of this file, too: {file_name}; image {id} is left out, with its annotations ({number})"
+                );
+                faults.lost("unique_names", format!("image {id}"), &message);
+                second.insert(*id);
+            }
+        }
+    }
+    by_id.retain(|id, _| !second.contains(id));
 }
 
 impl ImageRecord for coco::Image {

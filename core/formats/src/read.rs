@@ -325,6 +325,36 @@ impl Categories {
     }
 }
 
+/// Largest number up to which [`with_gaps_filled`] fills a list.
+const FILLED: u64 = 1 << 16;
+
+/// Numbers of categories that a dataset does not list, by those that it happens to have: all up to the largest.
+///
+/// Writers such as `yolo` number categories by their places in the list, so places must not depend on what the images of a part of
+/// a dataset show. The list stays as it is if it has a 0, since such numbers are not kept, or a number above 65,536.
+pub fn with_gaps_filled(mut numbers: BTreeSet<u64>) -> BTreeSet<u64> {
+    if let Some(last) = numbers.last().copied().filter(|last| are_filled(&numbers, *last)) {
+        numbers.extend(1..=last);
+    }
+    numbers
+}
+
+fn are_filled(numbers: &BTreeSet<u64>, last: u64) -> bool {
+    last <= FILLED && !numbers.contains(&BACKGROUND)
+}
+
+/// What is not known of such numbers, for people; nothing if there are none. `list` says what would list all categories.
+pub fn unlisted(numbers: &BTreeSet<u64>, list: &str) -> Option<String> {
+    let last = *numbers.last()?;
+    let known = match are_filled(numbers, last) {
+        true => format!("they are numbered up to {last}, the largest number here, and another part of the dataset may have more"),
+        false => "a format that numbers them by their places, such as `yolo`, may number those of another part of the dataset \
+                  otherwise"
+            .to_owned(),
+    };
+    Some(format!("nothing lists all categories of the dataset ({list} would): {known}"))
+}
+
 /// Category of the background in SynTable's own files, which is no object.
 pub const BACKGROUND: u64 = 0;
 

@@ -18,7 +18,7 @@ use syntable_model::product::standard::{
 use syntable_model::product::{
     Form, Key, KeyId, Mask, PerInstance, Plane, Product, Products, Scope, Semantic, Stored, Tensor, Value, linked,
 };
-use syntable_model::reader::{DatasetFault, DatasetReader, ImageRef};
+use syntable_model::reader::{DatasetFault, DatasetReader, ImageRef, unnamed_category};
 use syntable_model::scene::{InstanceId, View};
 use syntable_model::stage::DatasetInfo;
 
@@ -34,8 +34,10 @@ pub struct Contents {
     pub fields: BTreeSet<String>,
     /// What is wrong with the dataset as a whole.
     pub faults: Faults,
-    /// The categories, if the format names them.
+    /// The categories, if the dataset lists them.
     pub categories: Option<Vec<Category>>,
+    /// Names of categories by id, of objects that are there: they count where nothing lists all categories.
+    pub named: BTreeMap<u64, String>,
     /// Those of the fields that objects which are not shown have no value of, though they may be annotated.
     pub of_shown: BTreeSet<String>,
     /// Whether the format leaves out images without objects.
@@ -175,7 +177,7 @@ pub fn open(name: String, mut contents: Contents, samples: Box<dyn Samples>) -> 
         (None, None) => None,
     };
     let used = categories_used(&contents, &*samples);
-    let own = contents.categories.clone().unwrap_or_else(|| categories_of(used.clone()));
+    let own = contents.categories.clone().unwrap_or_else(|| categories_of(&used, &contents.named));
     contents.faults.of_categories(&own);
     let mut categories = Categories::of(&own);
     used.into_iter().for_each(|id| categories.note(id.into()));
@@ -203,14 +205,17 @@ fn categories_used(contents: &Contents, samples: &dyn Samples) -> BTreeSet<u32> 
     ids
 }
 
-/// Categories that have no names, by their ids.
-fn categories_of(mut ids: BTreeSet<u32>) -> Vec<Category> {
-    let (object, object_name) = DatasetInfo::OBJECT;
+/// Categories that nothing lists, by the ids and names that objects have.
+fn categories_of(used: &BTreeSet<u32>, named: &BTreeMap<u64, String>) -> Vec<Category> {
+    let object = u64::from(DatasetInfo::OBJECT.0);
+    let mut ids: BTreeSet<u64> = used.iter().copied().map(u64::from).chain(named.keys().copied()).collect();
     if ids.is_empty() {
         ids.insert(object);
     }
-    let name = |id: u32| if id == object { object_name.to_owned() } else { format!("category_{id}") };
-    ids.into_iter().map(|id| Category { id: id.into(), name: name(id), ..Category::default() }).collect()
+    let unnamed = |id: u64| if id == object { DatasetInfo::OBJECT.1.to_owned() } else { unnamed_category(id) };
+    let name = |id: u64| named.get(&id).cloned().unwrap_or_else(|| unnamed(id));
+    let ids = read::with_gaps_filled(ids);
+    ids.into_iter().map(|id| Category { id, name: name(id), ..Category::default() }).collect()
 }
 
 fn stored<'a>(value: &'a Value, ids: &'a [InstanceId]) -> Stored<'a> {
@@ -493,7 +498,12 @@ impl DatasetReader for Reader {
                 .push(format!("fields that are no products that files give back are left out: {}", others.join(", ")));
         }
         if self.contents.categories.is_none() && self.info.own_categories.len() > 1 {
-            caveats.push("of categories, ids alone are there: names are made of them".to_owned());
+            if self.contents.named.is_empty() {
+                caveats.push("of categories, ids alone are there: names are made of them".to_owned());
+            }
+            let ids = self.info.own_categories.iter().map(|own| own.id.into()).collect();
+            caveats
+                .extend(read::unlisted(&ids, "a file `categories.json`").filter(|_| reads.contains(&CATEGORY_ID.id())));
         }
         if self.contents.leaves_out_empty {
             caveats.push("of images without objects there is nothing in such tables: they are not there".to_owned());

@@ -221,6 +221,12 @@ pub trait DatasetReader: Send + Sync {
         let _ = reads;
         Vec::new()
     }
+    /// Fields with labels, such as keypoints and attributes, that no product holds: a conversion loses them. Each is counted over
+    /// all records of the dataset. Asked after images were read for the products of `reads`.
+    fn not_kept(&self, reads: &[KeyId]) -> Vec<LeftOut> {
+        let _ = reads;
+        Vec::new()
+    }
     /// The category, by its id in [`info`](Self::info), that the annotation file calls `own`; none if it has no such category.
     fn category(&self, own: u64) -> Option<u32> {
         self.info().categories().map(|(id, _)| id).find(|id| u64::from(*id) == own)
@@ -322,6 +328,10 @@ impl DatasetReader for Guarded {
         self.call(|| self.inner.passed_over(reads), |_| Vec::new())
     }
 
+    fn not_kept(&self, reads: &[KeyId]) -> Vec<LeftOut> {
+        self.call(|| self.inner.not_kept(reads), |_| Vec::new())
+    }
+
     fn category(&self, own: u64) -> Option<u32> {
         self.inner.category(own)
     }
@@ -342,6 +352,16 @@ pub struct ImageRef {
     pub name: String,
     /// The number that the dataset's annotation file gives it; none in formats without such numbers.
     pub id: Option<u64>,
+}
+
+/// Name of an object, or of its category, of which a dataset has nothing but the number.
+pub fn unnamed_object(number: u64) -> String {
+    format!("obj_{number:06}")
+}
+
+/// Name of a category of which a dataset has nothing but the number.
+pub fn unnamed_category(number: u64) -> String {
+    format!("category_{number}")
 }
 
 /// A region of an image with objects that are not told apart.

@@ -1,16 +1,15 @@
 //! Writes a dataset of any format in other formats, from names of kinds and options to the result.
 
 use crate::left_out::LeftOutReport;
-use crate::paths;
 use crate::run::progress::{Reporter, count};
 use crate::run::stop::Stop;
-use crate::run::{Converted, convert as convert_dataset, products_of};
+use crate::run::{Converted, check_place, convert as convert_dataset, products_of};
 use std::collections::{BTreeMap, BTreeSet};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use syntable_model::error::{Error, Result};
-use syntable_model::some::SHOWN;
 use syntable_model::reader::{self, Format, Source};
 use syntable_model::registry::{ConstructError, Entry, Registry, Slot, Stage};
+use syntable_model::some::SHOWN;
 use syntable_model::stage::Writer;
 
 /// What to convert, and how.
@@ -66,7 +65,7 @@ pub struct Conversion {
 /// see [`Conversion::left_out`].
 pub fn convert(registry: &Registry, options: &ConvertOptions, reporter: &dyn Reporter) -> Result<Conversion> {
     let writers = asked_writers(registry, options)?;
-    check_out(options)?;
+    check_place(&options.out, &options.dataset)?;
     let named = Source::new(&options.dataset).trusting(options.trust_paths);
     let (Format { name: format, .. }, dataset) = reader::open_source(&named, options.format.as_deref())?;
     let has = products_of(registry, &*dataset);
@@ -97,6 +96,10 @@ impl Conversion {
             report.add(format!("{} left out: they cannot be read", what.join(" and ")), reasons);
         }
         report.annotations(&it.passed_over);
+        if !it.not_kept.is_empty() {
+            let summary = format!("{} with labels not kept", count(it.not_kept.len() as u32, "field"));
+            report.add(summary, it.not_kept.iter().map(|it| Error::new(it.to_string())));
+        }
         report.losses(&it.losses);
         report
     }
@@ -113,17 +116,6 @@ fn asked_writers<'a>(registry: &'a Registry, options: &ConvertOptions) -> Result
         return Err(Error::new("--to names a kind twice").help("name each once").of_request());
     }
     Ok(writers)
-}
-
-/// Refuses a folder inside of the dataset that is read.
-fn check_out(ConvertOptions { dataset, out, .. }: &ConvertOptions) -> Result<()> {
-    let folder = if dataset.is_file() { dataset.parent().unwrap_or(Path::new("")) } else { dataset };
-    let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
-    if dataset.exists() && paths::lies_in(out, folder) && paths::whole(out) != paths::whole(folder) {
-        let error = Error::new("it lies in the dataset that is read").in_file(out);
-        return Err(error.help("choose a folder beside it").of_request());
-    }
-    Ok(())
 }
 
 /// The text after `KIND.` in an option of a kind.

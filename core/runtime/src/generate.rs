@@ -184,7 +184,8 @@ impl<'a> Maker<'a> {
         let report = attempt.settle(&mut builder)?;
         let frozen = Arc::new(builder.freeze(attempt.scene, number, report)?);
         let losses = Arc::new(Losses::default());
-        let start = |_: &SceneContext| Ok(Samples { scene: Arc::clone(&frozen), names: self.names.to_vec(), all: Vec::new() });
+        let start =
+            |_: &SceneContext| Ok(Samples { scene: Arc::clone(&frozen), names: self.names.to_vec(), all: Vec::new() });
         let (samples, of_scene) = self.walk.scene(&attempt, &frozen, &losses, queue, start)?;
         losses.all().iter().for_each(|loss| tools.log.warn(&loss.warning()));
         reporter.event(&scene_event(&frozen));

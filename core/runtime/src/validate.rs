@@ -9,7 +9,7 @@ use syntable_model::context::Workers;
 use syntable_model::error::{Error, Result};
 use syntable_model::product::standard::OBJECT_INFO;
 use syntable_model::product::{KeyId, Products, Value};
-use syntable_model::reader::{self, DatasetFault, DatasetReader, Source};
+use syntable_model::reader::{self, DatasetFault, DatasetReader, Source, unnamed_category, unnamed_object};
 
 /// Name of the check that datasets give things the same numbers.
 const NUMBERS_AGREE: &str = "numbers_agree";
@@ -185,7 +185,10 @@ pub fn validate(dataset: &dyn DatasetReader, threads: usize) -> Result<Validated
     let checks = check::linked();
     let offers = dataset.offers();
     let category = |(id, name): (u32, &str)| (u64::from(id), BTreeSet::from([name.to_owned()]));
-    let categories = dataset.info().categories().map(category).collect();
+    // What is called after its number may have a name in another dataset.
+    let has_name =
+        |(id, name): &(u32, &str)| [unnamed_object, unnamed_category].iter().all(|of| *name != of((*id).into()));
+    let categories = dataset.info().categories().filter(has_name).map(category).collect();
     let found = Mutex::new((vec![0_u32; checks.len()], BTreeSet::new(), Numbers { categories, ..Numbers::default() }));
     Pool::new(threads)?.run(dataset.images().len(), &|image| {
         let (products, mut faults) = read(dataset, image, &offers);

@@ -5,7 +5,6 @@ use hdf5_pure::DType as Stored;
 use hdf5_pure::{Datatype, DatatypeByteOrder, File};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
-use syntable_formats::coco::Category;
 use syntable_formats::decode::{self, byte_count};
 use syntable_formats::include;
 use syntable_formats::read::{self, Faults, place_in_name};
@@ -15,7 +14,7 @@ use syntable_model::panics::guarded;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{CATEGORY_ID, INSTANCE, NORMAL, OBJECT_NAME, RGB, VISIBLE_IDS};
 use syntable_model::product::{DType, Tensor};
-use syntable_model::reader::{DatasetReader, Format, Source};
+use syntable_model::reader::{DatasetReader, Format, Source, unnamed_category};
 
 syntable_model::register_format!(Format {
     name: "hdf5",
@@ -74,7 +73,7 @@ impl Attributes {
             _ if self.category_id() == object && self.role.is_some() => object_name.to_owned(),
             Some(name) if !name.is_empty() => name.clone(),
             _ if self.category_id() == object => object_name.to_owned(),
-            _ => format!("category_{}", self.category_id()),
+            _ => unnamed_category(self.category_id().into()),
         }
     }
 
@@ -120,16 +119,15 @@ fn open(source: &Source) -> Result<Box<dyn DatasetReader>> {
         }
         // What is annotated and hidden has a category, too, whose name nobody says.
         for id in view.categories() {
-            names.entry(id).or_insert_with(|| format!("category_{id}"));
+            names.entry(id).or_insert_with(|| unnamed_category(id.into()));
         }
         // A file that lacks what another one has is at fault with it.
         fields.extend(view.fields());
         of_shown.extend(view.of_shown());
     }
-    let category = |(id, name): (u32, String)| Category { id: id.into(), name, ..Category::default() };
-    let of_bodies = are_named.then(|| names.into_iter().map(category).collect());
-    let categories = include::categories_in(&folder)?.or(of_bodies);
-    let contents = Contents { images, fields, faults, categories, of_shown, leaves_out_empty: false };
+    let named = names.into_iter().filter(|_| are_named).map(|(id, name): (u32, String)| (id.into(), name)).collect();
+    let categories = include::categories_in(&folder)?;
+    let contents = Contents { images, fields, faults, categories, named, of_shown, leaves_out_empty: false };
     Ok(samples::open(read::name_of(root), contents, Box::new(Files(paths))))
 }
 

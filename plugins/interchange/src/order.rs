@@ -1,10 +1,11 @@
 //! Who is in front of whom.
 
 use crate::labels::Label;
+use std::cell::OnceCell;
 use syntable_formats::read::{occludes, order_by};
 use syntable_model::prelude::*;
-use syntable_model::product::OcclusionOrder;
 use syntable_model::product::standard::{DEPTH, OCCLUSION_ORDER};
+use syntable_model::product::{OcclusionOrder, strong_components};
 
 /// The products that [`Order`] reads. Without depth, what it would decide is decided by ids.
 pub fn inputs() -> [Input; 2] {
@@ -44,9 +45,15 @@ pub struct Order {
     occludes: Vec<Vec<bool>>,
     /// Depths of the objects.
     pub depths: Vec<VisibleDepth>,
+    /// The strongly connected component of each object, from front to back, found when somebody asks.
+    circles: OnceCell<Vec<usize>>,
 }
 
 impl Order {
+    fn new(occludes: Vec<Vec<bool>>, depths: Vec<VisibleDepth>) -> Self {
+        Self { occludes, depths, circles: OnceCell::new() }
+    }
+
     /// The order of the objects of these labels.
     pub fn of(products: &Products, labels: &[Label]) -> Result<Self> {
         let (order, depth) = (products.get(OCCLUSION_ORDER)?, products.optional(DEPTH)?);
@@ -56,7 +63,7 @@ impl Order {
             .iter()
             .map(|label| depth.map_or(VisibleDepth::UNKNOWN, |depth| VisibleDepth::of(depth, label.visible)))
             .collect();
-        Ok(Self { occludes, depths })
+        Ok(Self::new(occludes, depths))
     }
 
     /// The order of objects by what an image shows of each, and what is hidden of it. Nothing is known of depths.
@@ -65,25 +72,38 @@ impl Order {
         let order = order_by(&objects.collect::<Vec<_>>(), occludes);
         let all = 0..masks.len();
         let occludes = all.clone().map(|i| all.clone().map(|j| order.occludes(i, j)).collect()).collect();
-        Self { occludes, depths: vec![VisibleDepth::UNKNOWN; masks.len()] }
+        Self::new(occludes, vec![VisibleDepth::UNKNOWN; masks.len()])
     }
 
     /// Whether object `i` occludes object `j`, and is not occluded by it, directly or through others.
     pub fn is_in_front(&self, i: usize, j: usize) -> bool {
-        self.occludes(i, j) && !self.before(&self.all(), i).contains(&j)
+        self.occludes(i, j) && self.circles()[i] != self.circles()[j]
+    }
+
+    /// The strongly connected component of each object: those of one occlude each other, directly or through others.
+    fn circles(&self) -> &[usize] {
+        self.circles.get_or_init(|| strong_components(self.depths.len(), |i, j| self.occludes(i, j)))
     }
 
     /// Number of objects in the longest chain of occluders in front of each object; none where a circle in front of it leaves
     /// that open.
     pub fn certain_layers(&self) -> Vec<Option<usize>> {
-        let before: Vec<Vec<usize>> = self.all().iter().map(|&j| self.before(&self.all(), j)).collect();
-        let is_certain = |j: usize| !before[j].contains(&j) && before[j].iter().all(|&i| !before[i].contains(&i));
-        let layers = self.layers(&self.front_to_back()).into_iter().enumerate();
-        layers.map(|(j, layer)| is_certain(j).then_some(layer)).collect()
-    }
-
-    fn all(&self) -> Vec<usize> {
-        (0..self.depths.len()).collect()
+        let circles = self.circles();
+        let mut sizes = vec![0; circles.len()];
+        circles.iter().for_each(|&circle| sizes[circle] += 1);
+        let mut sorted: Vec<usize> = (0..circles.len()).collect();
+        sorted.sort_by_key(|&node| circles[node]);
+        let mut layers: Vec<Option<usize>> = sizes.iter().map(|_| Some(0)).collect();
+        // Occluders come before, but for those of a circle.
+        for &i in &sorted {
+            if sizes[circles[i]] > 1 {
+                layers[i] = None;
+            }
+            for j in (0..circles.len()).filter(|&j| self.occludes(i, j) && circles[j] != circles[i]) {
+                layers[j] = layers[i].zip(layers[j]).map(|(front, layer)| layer.max(front + 1));
+            }
+        }
+        layers
     }
 
     /// Whether object `i` hides a part of object `j`.
@@ -96,40 +116,32 @@ impl Order {
     pub fn front_to_back(&self) -> Vec<usize> {
         let mut rest: Vec<usize> = (0..self.depths.len()).collect();
         let mut sorted = Vec::with_capacity(rest.len());
+        let hides = |i: usize, j: usize| i != j && self.occludes(i, j);
+        // Number of occluders of each object among the rest.
+        let mut occluders: Vec<usize> = rest.iter().map(|&j| rest.iter().filter(|&&i| hides(i, j)).count()).collect();
         while !rest.is_empty() {
             let nearest = |nodes: Vec<usize>| {
                 nodes.into_iter().min_by(|&i, &j| self.depths[i].nearest.total_cmp(&self.depths[j].nearest))
             };
-            let free = |&j: &usize| !rest.iter().any(|&i| self.occludes(i, j));
-            let next = nearest(rest.iter().copied().filter(free).collect()).or_else(|| nearest(self.foremost(&rest)));
-            let Some(next) = next else { break };
+            let free = rest.iter().copied().filter(|&j| occluders[j] == 0).collect();
+            let Some(next) = nearest(free).or_else(|| nearest(self.foremost(&rest))) else { break };
             rest.retain(|&node| node != next);
+            rest.iter().filter(|&&j| hides(next, j)).for_each(|&j| occluders[j] -= 1);
             sorted.push(next);
         }
         sorted
     }
 
-    /// Of objects that all are occluded, those that are occluded only by what they occlude themselves, directly or
-    /// through others.
+    /// The objects of those circles of `nodes` that nothing beside them occludes.
     fn foremost(&self, nodes: &[usize]) -> Vec<usize> {
-        let before: Vec<Vec<usize>> = nodes.iter().map(|&node| self.before(nodes, node)).collect();
-        let is_before = |i: usize, j: usize| before[j].contains(&nodes[i]);
-        let foremost = |j: &usize| (0..nodes.len()).all(|i| !is_before(i, *j) || is_before(*j, i));
-        (0..nodes.len()).filter(foremost).map(|j| nodes[j]).collect()
-    }
-
-    /// All objects of `nodes` that occlude one of them, directly or through others.
-    fn before(&self, nodes: &[usize], node: usize) -> Vec<usize> {
-        let (mut found, mut open) = (Vec::new(), vec![node]);
-        while let Some(j) = open.pop() {
-            for &i in nodes {
-                if self.occludes(i, j) && !found.contains(&i) {
-                    found.push(i);
-                    open.push(i);
-                }
+        let circles = strong_components(nodes.len(), |i, j| self.occludes(nodes[i], nodes[j]));
+        let mut is_occluded = vec![false; nodes.len()];
+        for (i, &front) in nodes.iter().enumerate() {
+            for (j, &behind) in nodes.iter().enumerate() {
+                is_occluded[circles[j]] |= circles[i] != circles[j] && self.occludes(front, behind);
             }
         }
-        found
+        nodes.iter().zip(circles).filter(|(_, circle)| !is_occluded[*circle]).map(|(node, _)| *node).collect()
     }
 
     /// The number of objects in the longest chain of occluders in front of each object, 0 if nothing occludes it.
@@ -160,7 +172,7 @@ mod tests {
         let mut occludes = vec![vec![false; nearest.len()]; nearest.len()];
         edges.iter().for_each(|&(i, j)| occludes[i][j] = true);
         let depth = |&nearest: &f32| VisibleDepth { nearest, farthest: nearest, mean: nearest.into() };
-        Order { occludes, depths: nearest.iter().map(depth).collect() }
+        Order::new(occludes, nearest.iter().map(depth).collect())
     }
 
     #[test]
@@ -191,6 +203,54 @@ mod tests {
         let of = Order::of_masks(&[[&near, &none], [&far, &mask(4, 6)], [&beside, &none]]);
         assert_eq!(of.occludes, [[false, true, false], [false; 3], [false; 3]]);
         assert_eq!(of.certain_layers(), [Some(0), Some(1), Some(0)]);
+    }
+
+    /// Against a search from each object, and the definition of the order applied step by step.
+    #[test]
+    fn random_orders_are_those_of_searches() {
+        let mut stream = Stream::root(31);
+        for round in 0..300 {
+            let n = 1 + round % 8;
+            let pairs = (0..n).flat_map(|i| (0..n).map(move |j| (i, j))).filter(|(i, j)| i != j);
+            let edges: Vec<(usize, usize)> = pairs.filter(|_| stream.uniform(0.0, 1.0) < 0.25).collect();
+            let nearest: Vec<f32> = (0..n).map(|_| stream.uniform(0.0, 3.0) as f32).collect();
+            let of = order(&edges, &nearest);
+            // All that occlude `node`, directly or through others of `nodes`.
+            let before = |nodes: &[usize], node: usize| {
+                let (mut found, mut open) = (Vec::new(), vec![node]);
+                while let Some(j) = open.pop() {
+                    let new = nodes.iter().copied().filter(|&i| edges.contains(&(i, j)) && !found.contains(&i));
+                    let new: Vec<usize> = new.collect();
+                    found.extend(&new);
+                    open.extend(new);
+                }
+                found
+            };
+            let all: Vec<usize> = (0..n).collect();
+            for (i, j) in all.iter().flat_map(|&i| all.iter().map(move |&j| (i, j))) {
+                let is_in_front = edges.contains(&(i, j)) && !before(&all, i).contains(&j);
+                assert_eq!(of.is_in_front(i, j), is_in_front, "{i} {j}: {edges:?}");
+            }
+            let longest = |node: usize| {
+                let ancestors = before(&all, node);
+                let is_open = ancestors.iter().chain([&node]).any(|&i| before(&all, i).contains(&i));
+                // Each round finds chains that are longer by one.
+                let mut chain = vec![0; n];
+                (0..n).for_each(|_| edges.iter().for_each(|&(i, j)| chain[j] = chain[j].max(chain[i] + 1).min(n)));
+                (!is_open).then_some(chain[node])
+            };
+            assert_eq!(of.certain_layers(), all.iter().map(|&node| longest(node)).collect::<Vec<_>>(), "{edges:?}");
+            let (mut rest, mut sorted) = (all.clone(), Vec::new());
+            while !rest.is_empty() {
+                let is_foremost = |&j: &usize| before(&rest, j).iter().all(|&i| before(&rest, i).contains(&j));
+                let free = rest.iter().copied().filter(|&j| before(&rest, j).is_empty()).collect::<Vec<_>>();
+                let open = if free.is_empty() { rest.iter().copied().filter(is_foremost).collect() } else { free };
+                let next = open.into_iter().min_by(|&i, &j| nearest[i].total_cmp(&nearest[j])).expect("one");
+                rest.retain(|&node| node != next);
+                sorted.push(next);
+            }
+            assert_eq!(of.front_to_back(), sorted, "{edges:?} {nearest:?}");
+        }
     }
 
     #[test]

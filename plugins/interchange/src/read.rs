@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 use syntable_formats::coco::Image;
 use syntable_formats::listing::Listing;
 use syntable_formats::read::Labels;
+use syntable_formats::unkept::{self, Unkept};
 use syntable_model::files::DatasetFolder;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{CATEGORY_ID, DEPTH, LABEL_POLICY, RGB};
@@ -139,6 +140,32 @@ pub fn supercategories(listing: &Listing, reads: &[KeyId]) -> Option<String> {
     tells.then(|| {
         "of categories, names alone are read: supercategories are left out, since some ids are not kept".to_owned()
     })
+}
+
+/// Counts the fields of an image's record that nobody reads.
+pub fn count_unkept(unkept: &mut Unkept, image: &Image) {
+    unkept.add(&image.extra);
+    let Image { license, date_captured, coco_url, flickr_url, .. } = image;
+    unkept.add_information("license", license.is_some());
+    for (name, text) in [("date_captured", date_captured), ("coco_url", coco_url), ("flickr_url", flickr_url)] {
+        unkept.add_information(name, text.as_ref().is_some_and(|text| !text.is_empty()));
+    }
+}
+
+/// Fields of images' records that some reader of this crate reads.
+pub const OF_IMAGES: &[&str] = &["label_policy", "depth_file_name"];
+
+/// What readers say of information that is not read, if others wrote the dataset: in ours it is always the same.
+pub fn information(listing: &Listing, of_records: &[&Unkept]) -> Option<String> {
+    let of_records = of_records.iter().flat_map(|unkept| unkept.information());
+    let all: Vec<String> = listing.information().into_iter().chain(of_records).collect();
+    unkept::note(&all).filter(|_| !is_ours(&info(listing)))
+}
+
+/// Fields of records that may be labels and are not read, if labels are read at all.
+pub fn labels_not_kept(reads: &[KeyId], of_records: &[&Unkept]) -> Vec<LeftOut> {
+    let all = || of_records.iter().flat_map(|unkept| unkept.labels()).collect();
+    if reads_labels(reads) { all() } else { Vec::new() }
 }
 
 /// What is hidden of an object whose amodal mask is known.

@@ -813,6 +813,89 @@ fn annotations_that_are_no_objects_are_counted() {
     }
 }
 
+/// Fields that no product holds are counted by name, if they say something.
+#[test]
+fn fields_with_labels_are_counted() {
+    let of_annotation: &Change = &|it| it["annotations"][0]["keypoints"] = json!([1, 2, 2]);
+    let of_region: &Change = &|it| it["annotations"][0]["regions"][0]["material"] = json!("steel");
+    let of_segment: &Change = &|it| it["annotations"][0]["segments_info"][0]["attributes"] = json!({ "is_wet": true });
+    for (kind, says, change) in [
+        ("coco", "annotations have `keypoints`, which is not kept", of_annotation),
+        ("d2sa", "annotations have `keypoints`, which is not kept", of_annotation),
+        ("kins", "annotations have `keypoints`, which is not kept", of_annotation),
+        ("uoais", "annotations have `keypoints`, which is not kept", of_annotation),
+        ("cocoa", "annotations have `keypoints`, which is not kept", of_annotation),
+        ("cocoa", "regions have `material`, which is not kept", of_region),
+        ("coco_panoptic", "segments have `attributes`, which is not kept", of_segment),
+        ("kins", "images have `weather`, which is not kept", &|it| it["images"][0]["weather"] = json!("rain")),
+    ] {
+        let folder = tempfile::tempdir().expect("a folder");
+        written(folder.path(), kind, "");
+        let root = folder.path().join("data");
+        let not_kept = || -> Vec<String> {
+            let read = open(&root);
+            assert!(read.not_kept(&[RGB.id()]).is_empty(), "{kind}: no labels are read");
+            read.not_kept(&read.offers()).iter().map(ToString::to_string).collect()
+        };
+        assert_eq!(not_kept(), Vec::<String>::new(), "{kind}");
+        spoil(&annotation_file(&root), change);
+        let found = not_kept();
+        assert!(found.len() == 1 && found[0].starts_with("1 of ") && found[0].ends_with(says), "{kind}: {found:?}");
+    }
+    let folder = tempfile::tempdir().expect("a folder");
+    let root = yolo_of(folder.path(), "0 0.5 0.5 0.2 0.2\n", "");
+    let (_, read) = reader::open(&root, Some("yolo")).expect("a dataset");
+    let lost = &read.not_kept(&read.offers())[0];
+    assert!(lost.count > 0 && lost.count == lost.of, "{lost}");
+    assert_eq!(lost.what, "labels are boxes, of which only classes are kept");
+}
+
+/// Names that LabelImg writes beside the labels are those of the classes.
+#[test]
+fn classes_beside_labels_have_names() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let root = yolo_of(folder.path(), "1 0.1 0.1 0.5 0.1 0.5 0.5\n", "");
+    fs::remove_file(root.join("data.yaml")).expect("there");
+    let names = || -> Vec<String> {
+        let (_, read) = reader::open(&root, Some("yolo")).expect("a dataset");
+        read.info().categories().map(|(_, name)| name.to_owned()).collect()
+    };
+    assert_eq!(names(), ["class 0", "class 1"]);
+    let labels = file(&root, ".txt");
+    fs::write(root.join(labels).with_file_name("classes.txt"), "mug\nbook\npan\n").expect("writable");
+    assert_eq!(names(), ["mug", "book", "pan"]);
+}
+
+/// Categories that a file of COCO-Amodal lists keep their numbers, whatever names its regions have.
+#[test]
+fn names_that_cocoa_does_not_list_come_behind() {
+    let folder = tempfile::tempdir().expect("a folder");
+    written(folder.path(), "cocoa", "");
+    let root = folder.path().join("data");
+    let names =
+        || -> Vec<(u32, String)> { open(&root).info().categories().map(|(id, name)| (id, name.to_owned())).collect() };
+    let listed = names();
+    spoil(&annotation_file(&root), &|it| it["annotations"][0]["regions"][0]["name"] = json!("aardvark"));
+    let last = listed.last().expect("one").0;
+    assert_eq!(names(), [&listed[..], &[(last + 1, "aardvark".to_owned())]].concat());
+}
+
+#[test]
+fn more_annotations_than_ids_are_refused() {
+    let folder = tempfile::tempdir().expect("a folder");
+    written(folder.path(), "coco", "");
+    let root = folder.path().join("data");
+    spoil(&annotation_file(&root), &|it| {
+        let image = it["annotations"][0]["image_id"].clone();
+        let of = |id| json!({ "id": id, "image_id": image, "category_id": 1, "area": 1, "bbox": [0, 0, 1, 1] });
+        it["annotations"] = (1..=70_000).map(of).collect();
+    });
+    let read = open(&root);
+    let mut all = (0..read.images().len()).map(|image| read.read(image, &[CATEGORY_ID.id()]).map(drop));
+    let error = all.find_map(Result::err).expect("refused").to_string();
+    assert!(error.contains("70000 annotated objects of one image are more than the limit of 65535"), "{error}");
+}
+
 #[test]
 fn crowds_of_kins_are_no_objects() {
     let folder = tempfile::tempdir().expect("a folder");

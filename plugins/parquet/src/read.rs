@@ -246,13 +246,12 @@ fn open(source: &Source) -> Result<Box<dyn DatasetReader>> {
         }
     }
     let image = |&(scene, view): &(u32, u32)| read::image((scene, view), format!("scene {scene}, view {view}"));
-    let category = |(id, name): (u64, String)| Category { id, name, ..Category::default() };
     let contents = Contents {
         images: views.keys().map(image).collect(),
         fields: products_of(&columns).into_keys().collect(),
         faults,
-        categories: categories
-            .or_else(|| Some(names.into_iter().map(category).collect()).filter(|all: &Vec<Category>| !all.is_empty())),
+        categories,
+        named: names,
         of_shown: BTreeSet::new(),
         leaves_out_empty: !has_views,
     };

@@ -1,23 +1,16 @@
 //! What conversions keep of datasets of others: numbers of categories and models, meanings of masks, and all that can be read of
 //! a dataset that is damaged.
 
-use crate::support::{assert_same, fails, ok, small_dataset, syntable, text};
+use crate::support::{assert_same, convert, fails, ok, small_dataset, syntable, text};
 use serde_json::{Value, json};
 use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::Command;
 use syntable_model::product::standard::{AMODAL_MASK, CATEGORY_ID, OBJECT_INFO, VISIBLE_MASK};
 use syntable_model::product::{KeyId, Mask};
 use syntable_model::reader;
 use syntable_model::scene::InstanceId;
 use syntable_program as _;
-
-fn convert(from: &Path, to: &str, out: &Path) -> Command {
-    let mut convert = syntable();
-    convert.arg("convert").arg(from).args(["--to", to, "--out"]).arg(out);
-    convert
-}
 
 fn json_of(path: &Path) -> Value {
     serde_json::from_slice(&fs::read(path).unwrap_or_else(|error| panic!("{}: {error}", path.display()))).expect("JSON")
@@ -62,6 +55,14 @@ fn foreign_coco(root: &Path, images: &[&[u32]], categories: &[(u32, &str)]) {
         "categories": categories.iter().map(category).collect::<Vec<_>>(),
     });
     save(&root.join("annotations/instances_val2017.json"), &json);
+}
+
+/// Changes the annotation file of [`foreign_coco`].
+fn spoil(root: &Path, change: impl FnOnce(&mut Value)) {
+    let file = root.join("annotations/instances_val2017.json");
+    let mut json = json_of(&file);
+    change(&mut json);
+    save(&file, &json);
 }
 
 /// Ids and names of the categories of a COCO file, and the category of each annotation.
@@ -116,6 +117,214 @@ fn categories_keep_their_ids() {
     let (named, of) = categories(&file("of zero"));
     let name = |id: &u64| named.iter().find(|(other, _)| other == id).expect("known").1.as_str();
     assert_eq!(of.iter().map(name).collect::<Vec<_>>(), ["cup", "bottle"]);
+}
+
+/// Numbers of classes that YOLO labels have, and the names that `data.yaml` gives to numbers.
+fn classes(yolo: &Path) -> (BTreeSet<usize>, Vec<String>) {
+    let data = fs::read_to_string(yolo.join("data.yaml")).expect("there");
+    let names =
+        data.lines().filter_map(|line| Some(line.strip_prefix("  ")?.split_once(": ")?.1.trim_matches('"').to_owned()));
+    let files = fs::read_dir(yolo.join("labels/train")).expect("there").map(|entry| entry.expect("readable").path());
+    let lines = files.map(|file| fs::read_to_string(file).expect("text")).collect::<String>();
+    let used = lines.lines().filter_map(|line| line.split(' ').next()?.parse().ok()).collect();
+    (used, names.collect())
+}
+
+/// Two parts of a dataset, of which each shows objects that the other one does not show.
+#[test]
+fn parts_of_a_dataset_are_numbered_alike() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = |name: &str| folder.path().join(name);
+    let json = "jsonl = { include = [\"rgb\", \"visible_mask\", \"category_id\", \"object_name\"] }";
+    let writers = format!("write={{ bop = {{}}, yolo = {{}}, web = {{ kind = \"webdataset\" }}, {json} }}");
+    let [mugs, books] = ["mug", "book"].map(|name| format!("assets.objects.include=[\"{name}*\"]"));
+    let names = "assets.objects.classes={ book = [\"book*\"], mug = [\"mug*\"], zebra = [\"zebra*\"] }";
+    for (part, include) in [("train", &mugs), ("val", &books)] {
+        let more =
+            [&writers, include.as_str(), names, "dataset.scenes=1", "dataset.views_per_scene=1", "place[2].count=4"];
+        small_dataset(&path(part), &more);
+    }
+    let of_yolo = |part: &str, from: &str, more: &dyn Fn(&Path)| {
+        more(&path(part).join(from));
+        let out = path(&format!("{part} {from}").replace('.', " "));
+        let said = ok(&mut convert(&path(part).join(from), "yolo", &out));
+        (classes(&out.join("yolo")), said)
+    };
+    let nothing: &dyn Fn(&Path) = &|_| {};
+    let no_list: &dyn Fn(&Path) = &|root| fs::remove_file(root.join("categories.json")).expect("there");
+    let no_names: &dyn Fn(&Path) = &|root| fs::remove_file(root.join("data.yaml")).expect("there");
+    for (from, more, is_listed) in
+        [("bop", nothing, false), ("web", nothing, true), ("web", no_list, false), ("yolo", no_names, false)]
+    {
+        let [(train, said), (val, _)] = ["train", "val"].map(|part| {
+            let _ = fs::remove_dir_all(path(&format!("{part} {from}")));
+            of_yolo(part, from, more)
+        });
+        assert!(train.0.is_disjoint(&val.0) && !train.0.is_empty() && !val.0.is_empty(), "{from}: {train:?} {val:?}");
+        assert_eq!(said.contains("note: nothing lists all categories of the dataset"), !is_listed, "{from}: {said}");
+        // A number has one name, or in one of the parts none.
+        for (number, (one, other)) in train.1.iter().zip(&val.1).enumerate() {
+            let unnamed = [reader::unnamed_object(number as u64 + 1), reader::unnamed_category(number as u64 + 1)];
+            let has_name = |name: &String| !unnamed.contains(name);
+            assert!(one == other || !has_name(one) || !has_name(other), "{from}: {number} is {one} and {other}");
+        }
+        let of = |(used, names): &(BTreeSet<usize>, Vec<String>)| used.iter().all(|class| *class < names.len());
+        assert!(of(&train) && of(&val), "{from}: {train:?} {val:?}");
+    }
+}
+
+/// Of BOP, the folder of models lists the objects, whatever a split shows.
+#[test]
+fn objects_of_bop_are_those_of_its_models() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let root = folder.path().join("bop");
+    let write = |path: &str, text: &str| {
+        let path = root.join(path);
+        fs::create_dir_all(path.parent().expect("inside")).expect("writable");
+        fs::write(path, text).expect("writable");
+    };
+    let object = |id: u32| {
+        let pose = json!({ "obj_id": id, "cam_R_m2c": [1, 0, 0, 0, 1, 0, 0, 0, 1], "cam_t_m2c": [0, 0, 500] });
+        json!({ "0": [pose] }).to_string()
+    };
+    let info = json!({ "0": [{ "bbox_obj": [2, 2, 3, 3], "bbox_visib": [2, 2, 3, 3], "px_count_all": 16, "px_count_valid": 16,
+                               "px_count_visib": 16, "visib_fract": 1.0 }] });
+    for (split, id) in [("train", 7), ("val", 3)] {
+        let scene = format!("{split}/000001");
+        write(&format!("{scene}/scene_gt.json"), &object(id));
+        write(&format!("{scene}/scene_gt_info.json"), &info.to_string());
+        let camera = json!({ "0": { "cam_K": [100, 0, 8, 0, 100, 8, 0, 0, 1], "depth_scale": 1.0 } });
+        write(&format!("{scene}/scene_camera.json"), &camera.to_string());
+        for name in ["rgb", "depth", "mask", "mask_visib"] {
+            fs::create_dir_all(root.join(&scene).join(name)).expect("writable");
+        }
+        image::RgbImage::new(16, 16).save(root.join(&scene).join("rgb/000000.png")).expect("writable");
+        image::ImageBuffer::<image::Luma<u16>, Vec<u16>>::new(16, 16)
+            .save(root.join(&scene).join("depth/000000.png"))
+            .expect("writable");
+        let mask = image::GrayImage::from_fn(16, 16, |x, y| {
+            image::Luma([if (2..6).contains(&x) && (2..6).contains(&y) { 255 } else { 0 }])
+        });
+        for name in ["mask", "mask_visib"] {
+            mask.save(root.join(&scene).join(name).join("000000_000000.png")).expect("writable");
+        }
+    }
+    let found = |split: &str| {
+        let out = folder.path().join("out");
+        let said = ok(&mut convert(&root.join(split), "yolo,coco", &out));
+        let found = (classes(&out.join("yolo")), categories(&out.join("coco/annotations/instances_train.json")));
+        fs::remove_dir_all(out).expect("there");
+        (found, said.contains("note: nothing lists all categories of the dataset (`models/models_info.json`"))
+    };
+    let names = |numbers: &[u64]| numbers.iter().map(|id| reader::unnamed_object(*id)).collect::<Vec<_>>();
+    let listed = |numbers: &[u64]| numbers.iter().copied().zip(names(numbers)).collect::<Vec<_>>();
+    // Without models, all numbers up to the largest one.
+    let [train, val] = [[1, 2, 3, 4, 5, 6, 7].as_slice(), &[1, 2, 3]];
+    assert_eq!(found("train"), (((BTreeSet::from([6]), names(train)), (listed(train), vec![7])), true));
+    assert_eq!(found("val"), (((BTreeSet::from([2]), names(val)), (listed(val), vec![3])), true));
+    // With models, these and no others, whichever file lists them.
+    let size = json!({ "diameter": 1, "min_x": 0, "min_y": 0, "min_z": 0, "size_x": 1, "size_y": 1, "size_z": 1 });
+    let numbers: &[u64] = &[3, 7, 9];
+    let of_meshes = |folder: &str| numbers.iter().for_each(|id| write(&format!("{folder}/obj_{id:06}.ply"), "ply\n"));
+    let of_list = |folder: &str| {
+        let all = json!({ "3": &size, "7": &size, "9": &size });
+        write(&format!("{folder}/models_info.json"), &all.to_string());
+    };
+    for (folder, list) in
+        [("models_eval", &of_meshes as &dyn Fn(&str)), ("models_eval", &of_list), ("models", &of_list)]
+    {
+        list(folder);
+        assert_eq!(found("train"), (((BTreeSet::from([1]), names(numbers)), (listed(numbers), vec![7])), false));
+        assert_eq!(found("val"), (((BTreeSet::from([0]), names(numbers)), (listed(numbers), vec![3])), false));
+        fs::remove_dir_all(root.join(folder)).expect("there");
+    }
+}
+
+#[test]
+fn labels_that_nothing_holds_are_named() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = |name: &str| folder.path().join(name);
+    foreign_coco(&path("foreign"), &[&[1, 1], &[1]], &[(1, "cup")]);
+    spoil(&path("foreign"), |json| {
+        json["licenses"] = json!([{ "id": 1, "name": "free" }]);
+        json["images"][0]["license"] = json!(1);
+        json["images"][1]["coco_url"] = json!("http://there");
+    });
+    // Information is no label.
+    let said = ok(&mut convert(&path("foreign"), "coco", &path("out")));
+    let note = "note: information beside labels is not kept: the section `licenses`, `coco_url` of 1 images, `license` of 1 images";
+    assert!(said.contains(note), "{said}");
+    spoil(&path("foreign"), |json| {
+        json["annotations"][0]["keypoints"] = json!([1, 2, 2]);
+        json["annotations"][0]["num_keypoints"] = json!(1);
+        json["annotations"][1]["keypoints"] = json!([0, 0, 0]);
+        json["annotations"][2]["attributes"] = json!({ "occluded": true });
+        json["images"][0]["caption"] = json!("two cups");
+    });
+    let said = fails(&mut convert(&path("foreign"), "coco", &path("again")), 3);
+    for part in [
+        "1 of 3 annotations have `keypoints`, which is not kept",
+        "1 of 3 annotations have `attributes`, which is not kept",
+        "1 of 2 images have `caption`, which is not kept",
+        "3 fields with labels not kept",
+    ] {
+        assert!(said.contains(part), "{part}: {said}");
+    }
+    assert_same(&path("out"), &path("again"));
+    // Numbers are none of labels, and so nothing is lost.
+    ok(syntable().arg("stats").arg(path("foreign")).arg("--out").arg(path("stats")));
+}
+
+#[test]
+fn images_of_one_id_or_of_one_file_are_named() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = |name: &str| folder.path().join(name);
+    foreign_coco(&path("ids"), &[&[1], &[1], &[1]], &[(1, "cup")]);
+    spoil(&path("ids"), |json| json["images"][1]["id"] = json!(1));
+    foreign_coco(&path("names"), &[&[1], &[1], &[1]], &[(1, "cup")]);
+    spoil(&path("names"), |json| json["images"][1]["file_name"] = json!("1.png"));
+    // Of one id, nobody can tell whose an annotation is; of one file, the second image is left out.
+    for (name, images, says, place) in [
+        ("ids", 1, "two images have this id, 1.png and 2.png: they are left out, with their annotations", "image 1: "),
+        ("names", 2, "image 1 is of this file, too: 1.png; image 2 is left out, with its annotations (1)", "image 2: "),
+    ] {
+        let output = convert(&path(name), "coco", &path(&format!("{name} out"))).output().expect("starts");
+        let said = text(&output);
+        assert_eq!(output.status.code(), Some(3), "{said}");
+        assert!(said.contains(says) && said.contains(place), "{said}");
+        let written = json_of(&path(&format!("{name} out/coco/annotations/instances_train.json")));
+        assert_eq!(written["images"].as_array().map(Vec::len), Some(images), "{name}");
+        assert_eq!(written["annotations"].as_array().map(Vec::len), Some(images), "{name}");
+        let stats = fails(syntable().arg("stats").arg(path(name)).arg("--out").arg(path(&format!("{name} stats"))), 3);
+        assert!(stats.contains(says), "{stats}");
+        assert!(faults(&path(name)).iter().any(|(_, message)| message.contains(says)), "{name}");
+    }
+}
+
+#[test]
+fn folders_inside_of_other_datasets_are_refused() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = |name: &str| folder.path().canonicalize().expect("there").join(name);
+    foreign_coco(&path("foreign"), &[&[1]], &[(1, "cup")]);
+    let file = path("foreign/annotations/instances_val2017.json");
+    fs::create_dir_all(path("run/.syntable")).expect("writable");
+    fs::create_dir_all(path("run/coco")).expect("writable");
+    fs::write(path("run/.syntable/journal.jsonl"), "").expect("writable");
+    for (from, out, root, what) in [
+        (path("foreign"), "foreign/out", "foreign", "the dataset that is read"),
+        (path("foreign"), "foreign/not/there/out", "foreign", "the dataset that is read"),
+        (file.clone(), "foreign/out", "foreign", "the dataset that is read"),
+        (file, "foreign/annotations/out", "foreign", "the dataset that is read"),
+        (path("foreign"), "run/out", "run", "the folder of a run"),
+        (path("foreign"), "run/coco", "run", "the folder of a run"),
+        (path("foreign"), "run/not/there", "run", "the folder of a run"),
+    ] {
+        let said = fails(&mut convert(&from, "coco", &path(out)), 2);
+        let parts = [path(out).display().to_string(), format!("it lies in {what}, {}", path(root).display())];
+        assert!(parts.iter().all(|part| said.contains(part.as_str())), "{said}");
+        assert!(said.contains("choose a folder outside of that one, such as ") && !path(out).join("coco").exists());
+    }
+    ok(&mut convert(&path("foreign"), "coco", &path("foreign out")));
 }
 
 #[test]

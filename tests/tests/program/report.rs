@@ -207,7 +207,7 @@ fn every_page_is_quiet_and_fits_narrow_screens() {
 fn a_foreign_dataset_has_a_report() {
     let folder = tempfile::tempdir().expect("a folder");
     let [coco, out] = ["coco", "pages"].map(|name| folder.path().join(name));
-    ok(syntable().arg("convert").arg(dataset()).args(["--to", "coco", "--out"]).arg(&coco));
+    ok(&mut crate::support::convert(dataset(), "coco", &coco));
     let said = ok(syntable().arg("report").arg(&coco).arg("--out").arg(&out));
     assert!(said.contains("read as coco"), "{said}");
     let space = fs::read_to_string(out.join("scene.html")).expect("a page");

@@ -29,8 +29,7 @@ fn stats(datasets: &[&Path], more: &[&str]) -> Value {
 
 /// A dataset in another format.
 fn converted(out: &Path, to: &str, set: &[&str]) -> PathBuf {
-    let mut convert = syntable();
-    convert.arg("convert").arg(syntable_folder()).args(["--to", to, "--out"]).arg(out);
+    let mut convert = crate::support::convert(&syntable_folder(), to, out);
     for set in set {
         convert.args(["--set", set]);
     }

@@ -1,6 +1,6 @@
 //! `validate` finds what is planted in a dataset and is silent on a clean one; `convert` loses nothing that it does not say.
 
-use crate::support::{assert_same, fails, ok, small_dataset, syntable};
+use crate::support::{assert_same, convert, fails, ok, small_dataset, syntable};
 use serde_json::{Value, json};
 use std::collections::BTreeSet;
 use std::fs;
@@ -252,11 +252,7 @@ fn what_is_converted_and_back_is_what_it_was() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = |name: &str| folder.path().join(name);
     dataset(&path("ours"));
-    let convert = |from: &str, to: &str, out: &str| {
-        let mut convert = syntable();
-        convert.arg("convert").arg(path(from)).args(["--to", to, "--out"]).arg(path(out));
-        convert
-    };
+    let convert = |from: &str, to: &str, out: &str| convert(&path(from), to, &path(out));
     // Our own form keeps all.
     let said = ok(&mut convert("ours", "syntable", "again"));
     assert!(said.contains("4 images of 2 scenes written") && !said.contains("not carried over"), "{said}");
@@ -342,9 +338,7 @@ fn faults_of_records_are_counted_as_validate_does() {
     let json = fs::read_to_string(&file).expect("there").replace("\"iscrowd\"", "\"instance_id\":5,\"iscrowd\"");
     fs::write(&file, json).expect("writable");
     assert_eq!(checks_that_fail(&root).len(), 1, "an id is there twice");
-    let mut convert = syntable();
-    convert.arg("convert").arg(&root).args(["--to", "coco", "--out"]).arg(&out);
-    let said = crate::support::text(&convert.output().expect("the program starts"));
+    let said = crate::support::text(&convert(&root, "coco", &out).output().expect("the program starts"));
     assert!(said.contains("1 fault in what was read"), "{said}");
 }
 
@@ -353,11 +347,7 @@ fn datasets_without_amodal_masks_are_converted() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = |name: &str| folder.path().join(name);
     plain_coco(&path("plain"));
-    let convert = |from: &str, to: &str, out: &str| {
-        let mut convert = syntable();
-        convert.arg("convert").arg(path(from)).args(["--to", to, "--out"]).arg(path(out));
-        convert
-    };
+    let convert = |from: &str, to: &str, out: &str| convert(&path(from), to, &path(out));
     let masks = |name: &str| -> Vec<(String, Vec<u32>)> {
         let (_, read) = reader::open(&path(name), None).expect("a dataset");
         let (_, products) = read.read(0, &read.offers()).expect("readable");
@@ -407,11 +397,7 @@ fn a_request_that_cannot_succeed_is_at_fault() {
     let image = path("plain/val2017/a.png");
     let bytes = fs::read(&image).expect("there");
     fs::write(&image, &bytes[..bytes.len() / 2]).expect("writable");
-    let convert = |out: &Path| {
-        let mut convert = syntable();
-        convert.arg("convert").arg(path("plain")).args(["--to", "coco", "--out"]).arg(out);
-        convert
-    };
+    let convert = |out: &Path| crate::support::convert(&path("plain"), "coco", out);
     let said = fails(&mut convert(&path("out")), 2);
     assert!(said.contains("a.png: not a readable PNG file") && !path("out").exists(), "{said}");
     fs::write(&image, bytes).expect("writable");
@@ -431,8 +417,7 @@ fn a_request_that_cannot_succeed_is_at_fault() {
     fs::rename(away, &image).expect("there");
     ok(&mut convert(&path("out")));
     let file = path("plain/annotations/instances_val2017.json");
-    let mut of_file = syntable();
-    ok(of_file.arg("convert").arg(&file).args(["--to", "coco", "--out"]).arg(path("of file")));
+    ok(&mut crate::support::convert(&file, "coco", &path("of file")));
     assert_same(&path("out"), &path("of file"));
     assert!(ok(syntable().arg("validate").arg(&file)).contains("1 image, read as coco: no fault"));
 }
@@ -447,7 +432,7 @@ fn checks_that_find_nothing_to_compare_are_not_made() {
         let found = syntable_runtime::validate::validate(&*dataset, 2).expect("checked");
         found.checks.iter().find(|it| it.check == check).expect("a check").images
     };
-    ok(syntable().arg("convert").arg(path("ours")).args(["--to", "bop", "--out"]).arg(path("bop")));
+    ok(&mut convert(&path("ours"), "bop", &path("bop")));
     for check in ["poses_reproject_into_masks", "depth_agrees_with_poses"] {
         // BOP has the boxes of objects in `models`, which are not written.
         assert_eq!((checked("ours", check), checked("bop", check)), (Some(4), Some(0)), "{check}");
@@ -505,8 +490,7 @@ fn a_second_conversion_into_a_folder_is_refused() {
     fs::create_dir(folder.path().join("out.part")).expect("writable");
     let lock = fs::File::create(&mark).expect("writable");
     lock.lock().expect("locked");
-    let mut convert = syntable();
-    convert.arg("convert").arg(&data).args(["--to", "coco", "--out"]).arg(&out);
+    let mut convert = convert(&data, "coco", &out);
     assert!(fails(&mut convert, 2).contains("another command is writing it"));
     assert!(mark.is_file());
     drop(lock);

@@ -24,30 +24,65 @@ impl Layer {
     }
 }
 
-/// A directed graph of some dozens of nodes.
+/// A directed graph as a matrix. All that it says takes time in proportion to the square of the number of nodes.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Graph {
     nodes: usize,
     /// Whether an edge leads from the node of a row to that of a column.
     edge: Vec<bool>,
-    /// Whether a path does.
-    path: Vec<bool>,
+    /// The strongly connected component of each node, from front to back.
+    strong: Vec<usize>,
+}
+
+/// The number of each node's strongly connected component: nodes have the same if a path leads from each of them to the other. An
+/// edge never leads to a component of a lower number. Each edge is asked for at most twice (Kosaraju's algorithm).
+pub fn strong_components(nodes: usize, has_edge: impl Fn(usize, usize) -> bool) -> Vec<usize> {
+    // Nodes in the order in which nothing new is found behind them.
+    let mut left = Vec::with_capacity(nodes);
+    let mut is_found = vec![false; nodes];
+    for start in 0..nodes {
+        let mut path = Vec::new();
+        if !std::mem::replace(&mut is_found[start], true) {
+            path.push((start, 0));
+        }
+        while let Some((node, next)) = path.last_mut() {
+            let behind = (*next..nodes).find(|&other| !is_found[other] && has_edge(*node, other));
+            *next = behind.map_or(nodes, |other| other + 1);
+            match behind {
+                Some(other) => {
+                    is_found[other] = true;
+                    path.push((other, 0));
+                }
+                None => left.extend(path.pop().map(|(node, _)| node)),
+            }
+        }
+    }
+    let (mut of, mut count) = (vec![usize::MAX; nodes], 0);
+    for &start in left.iter().rev() {
+        if of[start] != usize::MAX {
+            continue;
+        }
+        of[start] = count;
+        let mut open = vec![start];
+        while let Some(node) = open.pop() {
+            for other in 0..nodes {
+                if of[other] == usize::MAX && has_edge(other, node) {
+                    of[other] = count;
+                    open.push(other);
+                }
+            }
+        }
+        count += 1;
+    }
+    of
 }
 
 impl Graph {
     /// The graph of an occlusion order: node `i` is the instance of row `i`.
     pub fn new(order: &OcclusionOrder) -> Self {
         let (nodes, edge) = (order.ids().len(), order.matrix().to_vec());
-        // Warshall's closure: paths whose inner nodes are at most `via`.
-        let mut path = edge.clone();
-        for via in 0..nodes {
-            for from in 0..nodes {
-                if path[from * nodes + via] {
-                    (0..nodes).for_each(|to| path[from * nodes + to] |= path[via * nodes + to]);
-                }
-            }
-        }
-        Self { nodes, edge, path }
+        let strong = strong_components(nodes, |i, j| edge[i * nodes + j]);
+        Self { nodes, edge, strong }
     }
 
     /// Whether node `i` occludes node `j`.
@@ -73,47 +108,50 @@ impl Graph {
 
     /// Weakly connected components, each with ascending nodes, by their first nodes.
     pub fn components(&self) -> Vec<Vec<usize>> {
-        let mut of: Vec<usize> = (0..self.nodes).collect();
-        for (i, j) in self.edges() {
-            let (kept, gone) = (of[i].min(of[j]), of[i].max(of[j]));
-            of.iter_mut().filter(|component| **component == gone).for_each(|component| *component = kept);
-        }
-        grouped(&of)
+        grouped(&strong_components(self.nodes, |i, j| self.has_edge(i, j) || self.has_edge(j, i)))
     }
 
     /// Strongly connected components of two nodes or more, each with ascending nodes, by their first nodes.
     pub fn cycles(&self) -> Vec<Vec<usize>> {
-        grouped(&self.cycle_of()).into_iter().filter(|nodes| nodes.len() > 1).collect()
+        grouped(&self.strong).into_iter().filter(|nodes| nodes.len() > 1).collect()
     }
 
     /// The nodes from front to back. A node is in the layer of the number of edges of the longest path that leads to it,
     /// cycles counting as one node.
     pub fn depth_layers(&self) -> Vec<Vec<usize>> {
-        let cycle = self.cycle_of();
-        let leads = |i: usize, j: usize| cycle[i] != cycle[j] && self.path[i * self.nodes + j];
-        // Whoever is before another has fewer predecessors.
-        let mut order: Vec<usize> = (0..self.nodes).collect();
-        order.sort_by_key(|&node| (0..self.nodes).filter(|&i| leads(i, node)).count());
-        let mut layer = vec![0; self.nodes];
-        for node in order {
-            let before = (0..self.nodes).filter(|&i| leads(i, node)).map(|i| layer[i] + 1);
-            layer[node] = before.max().unwrap_or(0);
+        let mut members = grouped(&self.strong);
+        members.sort_by_key(|nodes| self.strong[nodes[0]]);
+        // Edges lead from components that come before.
+        let mut layer: Vec<usize> = vec![0; members.len()];
+        for (component, nodes) in members.iter().enumerate() {
+            let own = layer[component];
+            for &node in nodes {
+                for behind in (0..self.nodes).filter(|&other| self.has_edge(node, other)) {
+                    let behind = self.strong[behind];
+                    if behind != component {
+                        layer[behind] = layer[behind].max(own + 1);
+                    }
+                }
+            }
         }
-        let layers = layer.iter().max().map_or(0, |last| last + 1);
-        (0..layers).map(|number| (0..self.nodes).filter(|&node| layer[node] == number).collect()).collect()
-    }
-
-    /// The first node of the strongly connected component of each node.
-    fn cycle_of(&self) -> Vec<usize> {
-        let both = |i: usize, j: usize| self.path[i * self.nodes + j] && self.path[j * self.nodes + i];
-        (0..self.nodes).map(|node| (0..node).find(|&other| both(other, node)).unwrap_or(node)).collect()
+        let mut layers = vec![Vec::new(); layer.iter().max().map_or(0, |last| last + 1)];
+        (0..self.nodes).for_each(|node| layers[layer[self.strong[node]]].push(node));
+        layers
     }
 }
 
-/// The nodes of each group, which is named by its first node.
+/// The nodes of each group, by their first nodes.
 fn grouped(group: &[usize]) -> Vec<Vec<usize>> {
-    let first = (0..group.len()).filter(|&node| group[node] == node);
-    first.map(|first| (first..group.len()).filter(|&node| group[node] == first).collect()).collect()
+    let mut place: Vec<Option<usize>> = vec![None; group.iter().max().map_or(0, |last| last + 1)];
+    let mut groups: Vec<Vec<usize>> = Vec::new();
+    for (node, &of) in group.iter().enumerate() {
+        let place = *place[of].get_or_insert(groups.len());
+        if place == groups.len() {
+            groups.push(Vec::new());
+        }
+        groups[place].push(node);
+    }
+    groups
 }
 
 #[cfg(test)]
@@ -148,6 +186,16 @@ mod tests {
         assert_eq!(ring.depth_layers(), [vec![0, 1, 2, 4], vec![3]]);
         assert_eq!(pair.depth_layers(), [vec![0, 1, 2]]);
         assert!(graph(0, &[]).depth_layers().is_empty());
+    }
+
+    /// Time grows with the square of the nodes: a chain with all shortcuts, all of whose ends meet.
+    #[test]
+    fn large_graphs_are_taken_apart_in_time() {
+        let nodes = 1_500;
+        let edges = |i: u16| (0..i).map(move |j| (usize::from(j), usize::from(i)));
+        let graph = graph(nodes, &(0..nodes).flat_map(edges).chain([(900, 700)]).collect::<Vec<_>>());
+        assert_eq!(graph.cycles(), [(700..=900).collect::<Vec<_>>()]);
+        assert_eq!((graph.depth_layers().len(), graph.components().len()), (1_300, 1));
     }
 
     proptest! {

@@ -30,7 +30,7 @@ pub use decode::Stored;
 pub use depths::{ObjectDepths, ObjectRun};
 pub use extent::{Extent, extents};
 pub use form::Form;
-pub use graph::{Graph, Layer};
+pub use graph::{Graph, Layer, strong_components};
 pub use key::{Key, KeyId, LinkedKey, Product, Scope, Semantic, first_sentence, linked};
 pub use mask::Mask;
 pub use models::{ObjectModel, ObjectModels};

@@ -2,6 +2,7 @@
 //!
 //! A reader offers products as a renderer does; annotators that look at products alone derive from them what writers read.
 
+use super::folder::journal_path;
 use super::losses::{Loss, Losses};
 use super::progress::{Guarded, Reporter, Warnings, count};
 use super::stages::annotate;
@@ -14,7 +15,7 @@ use crate::workers::Pool;
 use parking_lot::Mutex;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
 use syntable_model::check::{self, Check};
@@ -47,6 +48,8 @@ pub struct Converted {
     pub losses: Vec<Loss>,
     /// Annotations of the dataset that are not read as objects.
     pub passed_over: Vec<LeftOut>,
+    /// Fields with labels that no product holds, such as keypoints: they are lost.
+    pub not_kept: Vec<LeftOut>,
     /// Images that cannot be read and were left out, each with the reason, in order.
     pub left_out: Vec<String>,
     /// What hides images from the list of the dataset: files that cannot be read, or that are missing, each with the reason.
@@ -111,6 +114,7 @@ pub fn convert(
         faults: faults.into_inner() + dataset.faults_of_opening().iter().filter(|fault| !fault.is_lost).count() as u32,
         losses: losses.all(),
         passed_over: dataset.passed_over(&plan.rendered).into_iter().filter(|it| it.count > 0).collect(),
+        not_kept: dataset.not_kept(&plan.rendered).into_iter().filter(|it| it.count > 0).collect(),
         left_out: unread.into_values().map(|error| error.to_string()).collect(),
         not_listed: not_listed(dataset),
         parts_left_out: dataset.left_out(&plan.rendered).into_iter().map(|error| error.to_string()).collect(),
@@ -139,6 +143,43 @@ pub(super) fn check_link(out: &Path) -> Result<()> {
             .of_request());
     }
     Ok(())
+}
+
+/// Refuses a folder inside of the dataset that is read or of a run's: readers would take what is there for a part of these, and a
+/// run would neither list nor keep it.
+///
+/// # Errors
+/// With both folders and a better place.
+pub fn check_place(out: &Path, source: &Path) -> Result<()> {
+    let absolute = std::path::absolute(out).map_err(|error| Error::io(out, &error))?;
+    // What is there may be a link. What is not there has its place in the first folder above it that is.
+    let place = match absolute.canonicalize() {
+        Ok(out) => out.parent().map(Path::to_owned),
+        Err(_) => absolute.ancestors().skip(1).find_map(|above| above.canonicalize().ok()),
+    };
+    let Some(place) = place else { return Ok(()) };
+    let in_dataset =
+        root_of(source).filter(|root| place.starts_with(root)).map(|root| (root, "the dataset that is read"));
+    let mut above = place.ancestors().filter(|above| journal_path(above).is_file());
+    let in_run = above.next().map(|root| (root.to_owned(), "the folder of a run"));
+    let Some((root, what)) = in_dataset.or(in_run) else { return Ok(()) };
+    let beside = root.with_file_name(out.file_name().unwrap_or_default());
+    Err(Error::new(format!("it lies in {what}, {}", root.display()))
+        .in_file(out)
+        .help(format!("choose a folder outside of that one, such as {}", beside.display()))
+        .of_request())
+}
+
+/// The folder of a dataset that is named by it or by a file in it.
+fn root_of(source: &Path) -> Option<PathBuf> {
+    let source = source.canonicalize().ok()?;
+    if source.is_dir() {
+        return Some(source);
+    }
+    let folder = source.parent()?;
+    // As in COCO's layout, with the images beside.
+    let is_inner = folder.file_name().is_some_and(|name| name == "annotations");
+    (if is_inner { folder.parent()? } else { folder }).to_owned().into()
 }
 
 /// Begins the folder of a conversion: new, or empty.
@@ -357,7 +398,7 @@ impl Conversion<'_> {
             let k = &view.camera.intrinsics;
             let cx_of_view = cx.read_view(view.id, [k.width, k.height]);
             let none = BTreeMap::new();
-            annotate(&times, Some(self.losses), self.plan, &cx_of_view, &none, &mut products).map_err(of)?;
+            annotate(&times, self.losses, self.plan, &cx_of_view, &none, &mut products).map_err(of)?;
             self.faults.fetch_add(self.dataset.image_faults(image).len() as u32, Ordering::Relaxed);
             for check in self.checks {
                 self.faults.fetch_add(check.run(&products).map_err(of)?.len() as u32, Ordering::Relaxed);

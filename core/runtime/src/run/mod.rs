@@ -49,7 +49,7 @@ mod verify;
 pub(crate) mod walk;
 mod writing;
 
-pub use convert::{Converted, convert, not_listed, products_of};
+pub use convert::{Converted, check_place, convert, not_listed, products_of};
 pub(crate) use end::dataset_info;
 pub(crate) use inputs::files as files_of;
 pub use losses::Loss;

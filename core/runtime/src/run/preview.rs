@@ -8,7 +8,8 @@ use super::attempt::{Attempt, Tools};
 use super::losses::{Loss, Losses};
 use super::panics;
 use super::progress::{Event, Reporter, Warnings};
-use super::stages::{annotate, run_in_scene};
+use super::recovery::{DEVICE_REPEATS, Recovery};
+use super::stages::{self, annotate, run_in_scene};
 use super::stop::Stop;
 use super::times::Times;
 use super::{dataset_info, inputs};
@@ -19,6 +20,7 @@ use crate::recipe::{CatalogLock, Parts, Recipe};
 use crate::workers::Pool;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
+use syntable_model::check::{self, Check};
 use syntable_model::context::{DatasetContext, Log};
 use syntable_model::digest::{Digest, Hasher};
 use syntable_model::error::{Error, Result};
@@ -135,6 +137,7 @@ impl Previewer {
             session: &mut self.session,
             composed: &mut self.composed,
             times: Times::default(),
+            checks: check::linked(),
             losses: Vec::new(),
             log,
             reporter,
@@ -158,6 +161,8 @@ pub struct Pass<'p> {
     session: &'p mut Option<Session>,
     composed: &'p mut BTreeMap<u32, Composed>,
     times: Times,
+    /// What must hold in every view.
+    checks: Vec<Check>,
     losses: Vec<Loss>,
     log: &'p dyn Log,
     reporter: &'p dyn Reporter,
@@ -185,8 +190,8 @@ impl Pass<'_> {
                 return Err(error);
             }
             self.assets.refused()?;
-            let hopeless = error.is_permanent() || error.is_io() || error.is_device() || error.is_contradiction();
-            let is_last = hopeless || number == last;
+            // A session that failed is opened anew by the next pass.
+            let is_last = Recovery::of(&error, DEVICE_REPEATS) != Recovery::NextAttempt || number == last;
             self.reporter.event(&Event::Attempt { scene, attempt: number, error: error.to_string(), last: is_last });
             if is_last {
                 return Err(error);
@@ -247,7 +252,8 @@ impl Pass<'_> {
             }
             let of_view = cx.view(&view).before(next.as_ref());
             let sensing = attempt.sensing(&self.plan, view.id);
-            annotate(&self.times, Some(&losses), &self.plan, &of_view, &sensing, &mut products)?;
+            annotate(&self.times, &losses, &self.plan, &of_view, &sensing, &mut products)?;
+            stages::check(&self.checks, &products).map_err(|error| error.context(format!("view {id}")))?;
             each(id, &products);
             self.reporter.event(&Event::Image { scene, view: id });
         }

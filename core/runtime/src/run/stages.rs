@@ -13,18 +13,18 @@ use syntable_model::product::{KeyId, Products, RenderParameters};
 use syntable_model::random::Stream;
 use syntable_model::stage::{Denoiser, ViewProducts};
 
-/// Runs all producers of a view. What they leave out is added to `losses`; without these it is a warning.
+/// Runs all producers of a view. What they leave out is added to `losses`.
 pub fn annotate(
     times: &Times,
-    losses: Option<&Losses>,
+    losses: &Losses,
     plan: &Plan,
     cx: &ViewContext,
     sensing: &BTreeMap<String, Stream>,
     products: &mut Products,
 ) -> Result<()> {
     for stage in &plan.per_view {
-        let log = losses.map(|losses| StageLog { log: cx.log, losses, stage: &stage.stage });
-        let cx = &log.as_ref().map_or(*cx, |log| cx.with_log(log));
+        let log = StageLog { log: cx.log, losses, stage: &stage.stage };
+        let cx = &cx.with_log(&log);
         let made = lend(times, stage, products, |lent| match &*stage.producer {
             Producer::Denoiser(denoiser) => denoiser.denoise(cx, lent),
             Producer::Sensor(sensor) => sensor.sense(cx, &sensing[&stage.stage], lent),

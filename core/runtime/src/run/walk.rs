@@ -192,7 +192,7 @@ impl<S: Sink> Line<S> {
         let (plan, times) = (walk.plan, walk.tools.times);
         let cx = walk.context(scene).view(&view).before(next.as_deref());
         let make = || {
-            annotate(times, Some(&*self.losses), plan, &cx, sensing, &mut products)?;
+            annotate(times, &self.losses, plan, &cx, sensing, &mut products)?;
             times
                 .of("checks", || check(walk.checks, &products))
                 .map_err(|error| error.context(format!("view {}", view.id.0)))

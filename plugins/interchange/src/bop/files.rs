@@ -12,7 +12,7 @@ use syntable_formats::members::{self, Member, Sample};
 use syntable_formats::read::{self, Faults, place_in_name};
 use syntable_formats::segmentation::Segmentation;
 use syntable_model::files::DatasetFolder;
-use syntable_model::limits::TEXT_BYTES;
+use syntable_model::limits::{ANNOTATIONS, TEXT_BYTES};
 use syntable_model::prelude::*;
 use syntable_model::reader::{ImageRef, Source};
 
@@ -180,6 +180,9 @@ impl Images {
         if infos.len() != objects.len() {
             let message = format!("it has {} objects in {truth}, {} in {counts}", objects.len(), infos.len());
             return faults.lost("records_agree", name, &message);
+        }
+        if let Err(error) = ANNOTATIONS.check(objects.len() as u64) {
+            return faults.lost("readable", name, &format!("{truth}: {error}"));
         }
         let Some(camera) = camera else {
             return faults.lost("records_agree", name, &format!("it is in {truth} and not in {cameras}"));

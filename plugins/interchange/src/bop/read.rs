@@ -5,7 +5,7 @@ use super::files::{self, Images, Record, json};
 use super::finish::MODELS_INFO;
 use super::meshes::Meshes;
 use super::record::{Camera, CameraView, GroundTruth, MM, SceneCamera};
-use serde::de::DeserializeOwned;
+use serde::de::{DeserializeOwned, IgnoredAny};
 use serde_json::{Value as Json, json};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -14,10 +14,10 @@ use syntable_formats::coco::Category;
 use syntable_formats::read::{self, Faults, Labels};
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{
-    CAMERA, DEPTH, OBJECT_INFO, OBJECT_MODELS, OBJECT_NAME, OCCLUSION_MASK, RGB, VISIBILITY,
+    CAMERA, CATEGORY_ID, DEPTH, OBJECT_INFO, OBJECT_MODELS, OBJECT_NAME, OCCLUSION_MASK, RGB, VISIBILITY,
 };
 use syntable_model::product::{ObjectModel, ObjectModels, PixelCounts};
-use syntable_model::reader::{DatasetFault, DatasetReader, Format, ImageRef, Source};
+use syntable_model::reader::{DatasetFault, DatasetReader, Format, ImageRef, Source, unnamed_object};
 use syntable_model::scene::{SceneId, Symmetries};
 
 syntable_model::register_format!(Format {
@@ -42,6 +42,8 @@ struct Reader {
     meshes: Meshes,
     /// Numbers of the objects of each scene.
     of_scenes: BTreeMap<SceneId, BTreeSet<u64>>,
+    /// Numbers of the objects of the dataset.
+    numbers: Numbers,
     camera: Option<Camera>,
     /// The annotation files of scenes, by folder, read when somebody asks.
     coco: BTreeMap<PathBuf, OnceLock<Result<Option<CocoScene>>>>,
@@ -76,14 +78,15 @@ fn open(source: &Source) -> Result<Box<dyn DatasetReader>> {
         faults::faults_of_models(folder, models, &mut faults);
     }
     let all_models = models.iter().flatten();
-    let numbers = models.iter().flat_map(|models| models.keys().copied());
-    let meshes = Meshes::of(model_folder.unwrap_or(&model_folders[0]), numbers);
+    let of_models = models.iter().flat_map(|models| models.keys().copied());
+    let meshes = Meshes::of(model_folder.unwrap_or(&model_folders[0]), of_models);
     let bounds = all_models.filter_map(|(&id, model)| Some((id, bounds_of(model)?))).collect();
+    let listed = listed_models(source, [root, above])?;
+    let listed = listed.into_iter().chain(models.iter().flat_map(BTreeMap::keys).copied()).collect();
+    let numbers = Numbers::of(&of_scenes, listed, &names);
     // As COCO's files of BOP have it, the category of an object is its number.
-    let numbers: BTreeSet<u64> =
-        of_scenes.values().flatten().chain(models.iter().flat_map(BTreeMap::keys)).copied().collect();
-    let category = |id: u64| Category { id, name: asset_of(&names, id), ..Category::default() };
-    let categories = read::Categories::of(&numbers.into_iter().map(category).collect::<Vec<_>>());
+    let category = |&id: &u64| Category { id, name: asset_of(&names, id), ..Category::default() };
+    let categories = read::Categories::of(&numbers.all.iter().map(category).collect::<Vec<_>>());
     let info = categories.info(read::name_of(root), String::new(), &refs, String::new());
     let (opened, faults) = (faults.into_inner(), OnceLock::new());
     Ok(Box::new(Reader {
@@ -96,11 +99,63 @@ fn open(source: &Source) -> Result<Box<dyn DatasetReader>> {
         models,
         meshes,
         of_scenes,
+        numbers,
         camera,
         coco,
         opened,
         faults,
     }))
+}
+
+/// Numbers of the objects of a dataset, which are its categories: those of the models, or, where no list has all objects, all
+/// numbers up to the largest.
+struct Numbers {
+    all: BTreeSet<u64>,
+    /// Those that the dataset shows or lists: numbers in gaps may be of no object.
+    known: BTreeSet<u64>,
+    /// Whether the dataset lists all objects.
+    are_listed: bool,
+}
+
+impl Numbers {
+    /// Those that images show, that folders of models list, and that have names. This program's `objects.json` has the objects
+    /// that were drawn, and so have the models beside it.
+    fn of(shown: &BTreeMap<SceneId, BTreeSet<u64>>, listed: BTreeSet<u64>, names: &BTreeMap<u64, String>) -> Self {
+        let shown: BTreeSet<u64> = shown.values().flatten().copied().collect();
+        if !listed.is_empty() && names.is_empty() && shown.is_subset(&listed) {
+            return Self { all: listed.clone(), known: listed, are_listed: true };
+        }
+        let known: BTreeSet<u64> = shown.into_iter().chain(listed).chain(names.keys().copied()).collect();
+        Self { all: read::with_gaps_filled(known.clone()), known, are_listed: false }
+    }
+
+    /// What is not known of the objects of the dataset, for people.
+    fn caveat(&self) -> Option<String> {
+        let list = format!("`models/{MODELS_INFO}` with a model of each object");
+        read::unlisted(&self.all, &list).filter(|_| !self.are_listed)
+    }
+}
+
+/// Numbers of the models in folders such as `models` and `models_eval`: those in the list of models, and those of meshes. Folders
+/// that lead out of the dataset have none.
+fn listed_models(source: &Source, folders: [&Path; 2]) -> Result<BTreeSet<u64>> {
+    let of_mesh =
+        |path: &PathBuf| read::file_name(path).strip_prefix("obj_")?.strip_suffix(".ply")?.parse::<u64>().ok();
+    let mut listed = BTreeSet::new();
+    for above in folders.into_iter().collect::<BTreeSet<_>>() {
+        let inside = source.folder(above)?;
+        let names = read::entries(above).into_iter().filter(|path| path.is_dir()).map(|path| read::file_name(&path));
+        for name in names.filter(|name| name == "models" || name.starts_with("models_")) {
+            let folder = inside.inner(&name);
+            if folder.file("").is_err() {
+                continue;
+            }
+            listed.extend(read::entries(&folder.path()).iter().filter_map(of_mesh));
+            let info = folder.file(MODELS_INFO).and_then(|path| json::<BTreeMap<u64, IgnoredAny>>(&path));
+            listed.extend(info.unwrap_or_default().into_keys());
+        }
+    }
+    Ok(listed)
 }
 
 /// The file of the first of these folders that has it.
@@ -176,8 +231,13 @@ impl DatasetReader for Reader {
         keys![OCCLUSION_MASK]
     }
 
+    fn caveats(&self, reads: &[KeyId]) -> Vec<String> {
+        let reads_them = reads.contains(&CATEGORY_ID.id());
+        self.numbers.caveat().filter(|_| reads_them).into_iter().collect()
+    }
+
     fn category(&self, own: u64) -> Option<u32> {
-        self.categories.known(own)
+        self.categories.known(own).filter(|_| self.numbers.known.contains(&own))
     }
 
     fn read(&self, image: usize, wants: &[KeyId]) -> Result<(View, Products)> {
@@ -360,7 +420,7 @@ impl Reader {
 
 /// The asset of a number: its name, or one that is made of the number.
 fn asset_of(names: &BTreeMap<u64, String>, obj_id: u64) -> String {
-    names.get(&obj_id).cloned().unwrap_or_else(|| format!("obj_{obj_id:06}"))
+    names.get(&obj_id).cloned().unwrap_or_else(|| unnamed_object(obj_id))
 }
 
 fn product(a: &[[f64; 4]; 4], b: &[[f64; 4]; 4]) -> [[f64; 4]; 4] {

@@ -4,6 +4,7 @@
 use crate::order::Order;
 use crate::read::{self as shared, Tolerance, edge_px2, fits_mask, fits_outlines, hidden_of};
 use serde::de::{DeserializeOwned, IgnoredAny};
+use std::collections::BTreeMap;
 use std::path::Path;
 use syntable_formats::coco::{Annotation, Image};
 use syntable_formats::decode;
@@ -11,6 +12,7 @@ use syntable_formats::index::Record;
 use syntable_formats::listing::Listing;
 use syntable_formats::read::{self, Known, Labels};
 use syntable_formats::segmentation::Segmentation;
+use syntable_formats::unkept::Unkept;
 use syntable_model::files::DatasetFolder;
 use syntable_model::prelude::*;
 use syntable_model::product::BBox;
@@ -63,6 +65,26 @@ const LOOKED_AT: usize = 64;
 /// Least fraction of objects that are occluded in a dataset of what is seen.
 const OCCLUDED: f64 = 0.05;
 
+/// Fields of annotations that are read, or that follow from masks. D2SA's `amodal_base` repeats the record of the image.
+const OF_ANNOTATIONS: &[&str] = &[
+    VISIBLE[0],
+    VISIBLE[1],
+    AMODAL,
+    HIDDEN[0],
+    HIDDEN[1],
+    RATE[0],
+    RATE[1],
+    "instance_id",
+    "visible_bbox",
+    "amodal_bbox",
+    "inmodal_bbox",
+    "amodal_region",
+    "amodal_base",
+    "occl_depth",
+    // Goes with `keypoints`.
+    "num_keypoints",
+];
+
 struct Reader {
     /// The folder that image names count from.
     images_root: DatasetFolder,
@@ -87,6 +109,8 @@ struct Reader {
     crowds: u64,
     /// All other annotations.
     objects: u64,
+    /// What is not read of images and annotations.
+    unkept: [Unkept; 2],
 }
 
 /// Opens the dataset of an annotation file.
@@ -94,8 +118,10 @@ pub(crate) fn open_file(root: &DatasetFolder, file: &Path) -> Result<Box<dyn Dat
     let (mut has_masks, mut has_depth, mut has_policy, mut crowds) = (false, true, true, 0);
     let (mut has_visible, mut has_amodal, mut has_hidden, mut pairs) = (false, false, false, Pairs::default());
     let (mut objects, mut without_mask) = (0_u64, 0_u64);
+    let mut unkept = [Unkept::new("images", shared::OF_IMAGES), Unkept::new("annotations", OF_ANNOTATIONS)];
     let listing = Listing::open(file, &mut |record: &Record<Image, Annotation, IgnoredAny>| match record {
         Record::Annotation(annotation) => {
+            unkept[1].add(&annotation.extra);
             has_masks |= segmentation(annotation).is_some();
             let says = |key: &str| annotation.extra.get(key).is_some_and(|it| !it.is_null());
             has_visible |= VISIBLE.iter().any(|key| says(key));
@@ -107,6 +133,7 @@ pub(crate) fn open_file(root: &DatasetFolder, file: &Path) -> Result<Box<dyn Dat
             without_mask += u64::from(!is_crowd(annotation) && segmentation(annotation).is_none());
         }
         Record::Image(image) => {
+            shared::count_unkept(&mut unkept[0], image);
             has_depth &= depth_file(image).is_some();
             has_policy &= shared::policy(image).is_some();
         }
@@ -147,6 +174,7 @@ pub(crate) fn open_file(root: &DatasetFolder, file: &Path) -> Result<Box<dyn Dat
         objects,
         has_visible,
         has_hidden,
+        unkept,
     }))
 }
 
@@ -259,7 +287,12 @@ impl DatasetReader for Reader {
             (!self.listing.has_annotations(), none),
         ];
         let own = notes.into_iter().filter(|it| it.0).map(|it| it.1);
-        own.chain(shared::supercategories(&self.listing, reads)).collect()
+        let information = shared::information(&self.listing, &self.unkept.each_ref());
+        own.chain(shared::supercategories(&self.listing, reads)).chain(information).collect()
+    }
+
+    fn not_kept(&self, reads: &[KeyId]) -> Vec<LeftOut> {
+        shared::labels_not_kept(reads, &self.unkept.each_ref())
     }
 
     fn passed_over(&self, reads: &[KeyId]) -> Vec<LeftOut> {
@@ -475,24 +508,27 @@ impl Reader {
         let hidden: Vec<Mask> = labels.iter().map(hidden_of).collect();
         let masks: Vec<[&Mask; 2]> = labels.iter().zip(&hidden).map(|(it, hidden)| [&it.visible, hidden]).collect();
         let order = Order::of_masks(&masks);
+        let places: Vec<Option<u64>> = annotations.iter().map(place_from_front).collect();
+        let mut first_at: BTreeMap<u64, usize> = BTreeMap::new();
+        // Of each object one fault of a kind, so that there are not as many as pairs.
         for (j, behind) in annotations.iter().enumerate() {
-            let Some(place) = place_from_front(behind) else { continue };
-            let wrong = |(i, it): (usize, &Annotation)| {
-                let other = place_from_front(it)?;
-                let of = format!("annotation {}: `amodal_region.order` is {place}", behind.id);
-                if i < j && other == place {
-                    return Some(format!("{of}, as that of annotation {} is: no two objects have one place", it.id));
-                }
-                (other > place && order.is_in_front(i, j)).then(|| {
-                    let hides = masks[i][0].shared_area(masks[j][1]);
-                    format!(
-                        "{of}, but that of annotation {}, which hides {hides} of its pixels, is {other}: the front has the \
-                         lower number",
-                        it.id
-                    )
-                })
-            };
-            faults.extend(annotations.iter().enumerate().filter_map(wrong));
+            let Some(place) = places[j] else { continue };
+            let of = || format!("annotation {}: `amodal_region.order` is {place}", behind.id);
+            if let Some(&i) = first_at.get(&place) {
+                let first = annotations[i].id;
+                faults.push(format!("{}, as that of annotation {first} is: no two objects have one place", of()));
+            } else {
+                first_at.insert(place, j);
+            }
+            let is_wrong = |i: &usize| places[*i].is_some_and(|other| other > place) && order.is_in_front(*i, j);
+            if let Some((i, other)) = (0..places.len()).find(is_wrong).and_then(|i| Some((i, places[i]?))) {
+                let hides = masks[i][0].shared_area(masks[j][1]);
+                faults.push(format!(
+                    "{}, but that of annotation {}, which hides {hides} of its pixels, is {other}: the front has the lower number",
+                    of(),
+                    annotations[i].id
+                ));
+            }
         }
         if shared::is_ours(&self.info) {
             let said = annotations.iter().zip(order.certain_layers());

@@ -5,11 +5,13 @@ use crate::coco::read::{FOLDER, images_root};
 use crate::read::{self as shared, Tolerance, fits_mask};
 use serde::de::IgnoredAny;
 use std::collections::{BTreeMap, BTreeSet};
+use syntable_formats::Extra;
 use syntable_formats::coco::{Category, Image};
 use syntable_formats::decode;
 use syntable_formats::index::Record;
 use syntable_formats::listing::{AnnotationRecord, Listing};
 use syntable_formats::read::{self, Categories, Known, Labels};
+use syntable_formats::unkept::Unkept;
 use syntable_model::files::DatasetFolder;
 use syntable_model::limits::ANNOTATIONS;
 use syntable_model::prelude::*;
@@ -35,6 +37,9 @@ struct ImageAnnotation {
     image_id: u64,
     file_name: String,
     segments_info: Vec<Segment>,
+    /// Fields that are not read.
+    #[serde(flatten)]
+    extra: Extra,
 }
 
 #[derive(Deserialize)]
@@ -45,6 +50,9 @@ struct Segment {
     bbox: [f64; 4],
     #[serde(default)]
     iscrowd: u8,
+    /// Fields that are not read.
+    #[serde(flatten)]
+    extra: Extra,
 }
 
 impl AnnotationRecord for ImageAnnotation {
@@ -76,6 +84,8 @@ struct Reader {
     of_stuff: [u64; 2],
     /// Segments of crowds of things, and all segments of things.
     crowds: [u64; 2],
+    /// What is not read of images, annotations and segments.
+    unkept: [Unkept; 3],
 }
 
 fn is_stuff(category: &Category) -> bool {
@@ -86,12 +96,18 @@ fn open(source: &Source) -> Result<Box<dyn DatasetReader>> {
     let (root, file) = shared::root_and_file(source, Some(FOLDER), |file| shared::name_starts(file, FILE))?;
     // By category and whether they are crowds.
     let mut segments: BTreeMap<(u64, bool), u64> = BTreeMap::new();
-    let mut listing = Listing::open(&file, &mut |record: &Record<Image, ImageAnnotation, IgnoredAny>| {
-        if let Record::Annotation(annotation) = record {
+    let mut unkept = [("images", shared::OF_IMAGES), ("annotations", &[]), ("segments", &[])]
+        .map(|(of, read)| Unkept::new(of, read));
+    let mut listing = Listing::open(&file, &mut |record: &Record<Image, ImageAnnotation, IgnoredAny>| match record {
+        Record::Annotation(annotation) => {
+            unkept[1].add(&annotation.extra);
             for segment in &annotation.segments_info {
+                unkept[2].add(&segment.extra);
                 *segments.entry((segment.category_id, segment.iscrowd != 0)).or_default() += 1;
             }
         }
+        Record::Image(image) => shared::count_unkept(&mut unkept[0], image),
+        Record::Scene(_) => {}
     })?;
     let Some(all) = listing.file.categories.clone() else {
         return Err(Error::new("missing field `categories`").in_file(file).of_request());
@@ -119,7 +135,18 @@ fn open(source: &Source) -> Result<Box<dyn DatasetReader>> {
     let info = categories.info(about.description.clone(), about.contributor.clone(), &listing.refs, String::new());
     let beside = if shared::is_in(&file, FOLDER) { root.inner(FOLDER) } else { root };
     let segments = beside.inner(file.file_stem().unwrap_or_default());
-    Ok(Box::new(Reader { images_root, segments, info, listing, categories, stuff, no_objects, of_stuff, crowds }))
+    Ok(Box::new(Reader {
+        images_root,
+        segments,
+        info,
+        listing,
+        categories,
+        stuff,
+        no_objects,
+        of_stuff,
+        crowds,
+        unkept,
+    }))
 }
 
 /// The segments of an image, and the ids of its pixels.
@@ -133,7 +160,7 @@ struct Segments {
 impl Segments {
     fn new(annotation: ImageAnnotation, ids: Plane<u32>) -> Result<Self> {
         let listed: BTreeSet<u32> = annotation.segments_info.iter().map(|it| it.id).filter(|id| *id != VOID).collect();
-        ANNOTATIONS.check(listed.len() as u64)?;
+        ANNOTATIONS.check(annotation.segments_info.len() as u64)?;
         let listed: Vec<u32> = listed.into_iter().collect();
         // Numbers of the segments from 1, of all pixels at once.
         let numbers = ids.map(|id| listed.binary_search(id).map_or(0, |at| at as u16 + 1));
@@ -194,7 +221,12 @@ impl DatasetReader for Reader {
     fn caveats(&self, reads: &[KeyId]) -> Vec<String> {
         let segments = format!("segments of stuff and of crowds are no objects: {} were left out", self.no_objects);
         let own = (self.no_objects > 0).then_some(segments);
-        own.into_iter().chain(shared::supercategories(&self.listing, reads)).collect()
+        let information = shared::information(&self.listing, &self.unkept.each_ref());
+        own.into_iter().chain(shared::supercategories(&self.listing, reads)).chain(information).collect()
+    }
+
+    fn not_kept(&self, reads: &[KeyId]) -> Vec<LeftOut> {
+        shared::labels_not_kept(reads, &self.unkept.each_ref())
     }
 
     fn passed_over(&self, reads: &[KeyId]) -> Vec<LeftOut> {

@@ -4,16 +4,20 @@ use super::FILE;
 use crate::coco::read::{FOLDER, images_root};
 use crate::read::{self as shared, POLYGONS, edge_px2, enclosed, eroded, settle_edges};
 use serde::de::IgnoredAny;
-use std::collections::BTreeSet;
-use syntable_formats::coco::{Image, id};
+use std::collections::{BTreeMap, BTreeSet};
+use syntable_formats::Extra;
+use syntable_formats::coco::{Category, Image, id};
 use syntable_formats::decode;
 use syntable_formats::index::Record;
 use syntable_formats::listing::{AnnotationRecord, Listing};
 use syntable_formats::read::{self, Categories, Labels};
 use syntable_formats::segmentation::{Rle, Segmentation};
+use syntable_formats::unkept::Unkept;
 use syntable_model::files::DatasetFolder;
+use syntable_model::limits::ANNOTATIONS;
 use syntable_model::prelude::*;
-use syntable_model::product::standard::{LABEL_POLICY, OCCLUSION_MASK, RGB};
+use syntable_model::product::standard::{CATEGORY_ID, LABEL_POLICY, OCCLUSION_MASK, RGB};
+use syntable_model::product::{BBox, meeting_boxes};
 use syntable_model::reader::{DatasetFault, DatasetReader, Format, ImageRef, Source};
 
 syntable_model::register_format!(Format {
@@ -41,6 +45,9 @@ struct ImageAnnotation {
     #[serde(default)]
     depth_constraint: String,
     regions: Vec<Region>,
+    /// Fields that are not read.
+    #[serde(flatten)]
+    extra: Extra,
 }
 
 /// An object, or stuff.
@@ -61,6 +68,9 @@ struct Region {
     visible_mask: Option<Rle>,
     #[serde(default)]
     invisible_mask: Option<Rle>,
+    /// Fields that are not read.
+    #[serde(flatten)]
+    extra: Extra,
 }
 
 impl AnnotationRecord for ImageAnnotation {
@@ -82,29 +92,40 @@ struct Reader {
     info: DatasetInfo,
     /// The names of regions.
     categories: Categories,
+    /// Whether the file lists categories, or there are no names.
+    are_listed: bool,
     /// Whether every image says the policy of its labels.
     has_policy: bool,
     /// Whether any region has an occlusion mask; else these follow from the others.
     has_hidden: bool,
     /// Regions of stuff, those of annotations beside the first one of their image, and all regions.
     no_objects: [usize; 3],
+    /// What is not read of images, annotations and regions.
+    unkept: [Unkept; 3],
     listing: Listing,
 }
 
 fn open(source: &Source) -> Result<Box<dyn DatasetReader>> {
     let (root, file) = shared::root_and_file(source, Some(FOLDER), |file| shared::name_starts(file, FILE))?;
     let (mut names, mut has_policy, mut has_hidden) = (BTreeSet::new(), true, false);
+    let mut unkept =
+        [("images", shared::OF_IMAGES), ("annotations", &[]), ("regions", &[])].map(|(of, read)| Unkept::new(of, read));
     // Regions of each annotation, all and those of stuff.
     let mut regions: Vec<[usize; 2]> = Vec::new();
     let listing = Listing::open(&file, &mut |record: &Record<Image, ImageAnnotation, IgnoredAny>| match record {
         Record::Annotation(annotation) => {
+            unkept[1].add(&annotation.extra);
+            annotation.regions.iter().for_each(|region| unkept[2].add(&region.extra));
             let all = annotation.regions.len();
             regions.push([all, all - annotation.objects().count()]);
             let of_objects = annotation.objects().map(|(_, region)| region.name.clone());
             names.extend(of_objects.filter(|name| !name.is_empty()));
             has_hidden |= annotation.objects().any(|(_, region)| region.invisible_mask.is_some());
         }
-        Record::Image(image) => has_policy &= shared::policy(image).is_some(),
+        Record::Image(image) => {
+            shared::count_unkept(&mut unkept[0], image);
+            has_policy &= shared::policy(image).is_some();
+        }
         Record::Scene(_) => {}
     })?;
     let mut no_objects = [0; 3];
@@ -119,16 +140,39 @@ fn open(source: &Source) -> Result<Box<dyn DatasetReader>> {
             }
         }
     }
-    // Names alone would number what the file happens to have.
-    let own =
-        listing.file.categories.as_ref().filter(|own| names.iter().all(|name| own.iter().any(|it| it.name == *name)));
-    let categories = own.map_or_else(|| Categories::named(names.clone()), |own| Categories::of(own));
+    let listed = listing.file.categories.as_deref().filter(|listed| !listed.is_empty());
+    let categories = listed.map_or_else(|| Categories::named(names.clone()), |own| with_names(own, &names));
+    let are_listed = listed.is_some() || names.is_empty();
     let first = listing.images.first().map(|image| image.frame.file_name.as_str());
     let images_root = images_root(&root, &file, first);
     let about = &listing.file.info;
     let info = categories.info(about.description.clone(), about.contributor.clone(), &listing.refs, String::new());
     let has_policy = has_policy && !listing.images.is_empty();
-    Ok(Box::new(Reader { images_root, info, categories, has_policy, has_hidden, no_objects, listing }))
+    Ok(Box::new(Reader {
+        images_root,
+        info,
+        categories,
+        are_listed,
+        has_policy,
+        has_hidden,
+        no_objects,
+        unkept,
+        listing,
+    }))
+}
+
+/// The categories that a file lists, and behind them the names of regions that it does not list.
+fn with_names(listed: &[Category], names: &BTreeSet<String>) -> Categories {
+    let mut all = listed.to_vec();
+    let unlisted = names.iter().filter(|name| !listed.iter().any(|it| it.name == **name));
+    let last = listed.iter().map(|it| it.id).max().unwrap_or_default();
+    let category = |(place, name): (u64, &String)| Category {
+        id: last.saturating_add(place),
+        name: name.clone(),
+        ..Category::default()
+    };
+    all.extend((1..).zip(unlisted).map(category));
+    Categories::of(&all)
 }
 
 impl ImageAnnotation {
@@ -143,7 +187,7 @@ impl ImageAnnotation {
     }
 
     /// The pairs of regions, by their numbers from 1, of which the first is in front of the second.
-    fn constraints(&self) -> Result<Vec<[usize; 2]>, String> {
+    fn constraints(&self) -> Result<BTreeSet<[usize; 2]>, String> {
         let number = |text: &str| {
             let number = text.trim().parse().ok().filter(|number| (1..=self.regions.len()).contains(number));
             number.ok_or_else(|| {
@@ -292,15 +336,21 @@ impl ImageAnnotation {
     }
 
     /// The first two regions that are no pair, although the one in front hides a part of the other, away from its own edge.
-    fn missing_pair(&self, pairs: &[[usize; 2]], size: [u32; 2]) -> Option<(&'static str, String)> {
+    fn missing_pair(&self, pairs: &BTreeSet<[usize; 2]>, size: [u32; 2]) -> Option<(&'static str, String)> {
         let masks = self.objects().filter_map(|(number, region)| {
             let [visible, _, hidden] = self.masks(number, region, size).ok()?;
             Some((number, eroded(&visible), hidden))
         });
         let masks: Vec<(usize, Mask, Mask)> = masks.collect();
-        let all = masks.iter().enumerate().flat_map(|(i, front)| masks[i + 1..].iter().map(move |back| (front, back)));
-        let mut missing = all.filter(|(front, back)| !pairs.contains(&[front.0, back.0]));
-        missing.find_map(|((front, seen, _), (back, _, hidden))| {
+        let boxes = |of: fn(&(usize, Mask, Mask)) -> &Mask| masks.iter().map(|it| of(it).bbox()).collect::<Vec<BBox>>();
+        let mut meeting = Vec::new();
+        meeting_boxes(&boxes(|it| &it.1), &boxes(|it| &it.2), |front, back| {
+            let pair = [masks[front].0, masks[back].0];
+            meeting.extend((front < back && !pairs.contains(&pair)).then_some((front, back)));
+        });
+        meeting.sort_unstable();
+        meeting.into_iter().find_map(|(front, back)| {
+            let ((front, seen, _), (back, _, hidden)) = (&masks[front], &masks[back]);
             let area = seen.shared_area(hidden);
             let message = format!(
                 "annotation {}: `depth_constraint` has no pair {front}-{back}, and region {front} hides {area} pixels of \
@@ -312,22 +362,18 @@ impl ImageAnnotation {
     }
 
     /// Pairs whose order the masks contradict: the object behind hides a part of that in front, and not the other way round.
-    fn faults_of_order(&self, pairs: &[[usize; 2]], size: [u32; 2]) -> Vec<(&'static str, String)> {
-        let masks = |number: usize| {
-            let region = self.regions.get(number - 1).filter(|region| region.is_stuff == 0)?;
-            self.masks(number, region, size).ok()
-        };
+    fn faults_of_order(&self, pairs: &BTreeSet<[usize; 2]>, size: [u32; 2]) -> Vec<(&'static str, String)> {
+        let masks =
+            self.objects().filter_map(|(number, region)| Some((number, self.masks(number, region, size).ok()?)));
+        let masks: BTreeMap<usize, [Mask; 3]> = masks.collect();
         let wrong = |&[front, back]: &[usize; 2]| {
-            let (Some([seen, _, hidden]), Some([seen_behind, _, hidden_behind])) = (masks(front), masks(back)) else {
-                return None;
-            };
-            let (said, opposite) = (seen.and(&hidden_behind), seen_behind.and(&hidden));
-            (said.is_empty() && !opposite.is_empty()).then(|| {
+            let ([seen, _, hidden], [seen_behind, _, hidden_behind]) = (masks.get(&front)?, masks.get(&back)?);
+            let opposite = seen_behind.shared_area(hidden);
+            (opposite > 0 && seen.shared_area(hidden_behind) == 0).then(|| {
                 let message = format!(
-                    "annotation {}: `depth_constraint` has {front}-{back}, and by its masks region {back} hides {} pixels of \
+                    "annotation {}: `depth_constraint` has {front}-{back}, and by its masks region {back} hides {opposite} pixels of \
                      region {front}",
-                    self.id,
-                    opposite.area()
+                    self.id
                 );
                 ("order_is_that_of_masks", message)
             })
@@ -373,7 +419,15 @@ impl DatasetReader for Reader {
 
     fn caveats(&self, reads: &[KeyId]) -> Vec<String> {
         let reads_masks = reads.iter().any(is_label);
-        reads_masks.then(|| POLYGONS.to_owned()).into_iter().collect()
+        let unlisted = "the file lists no categories: names of regions are numbered in their order, and another part of the dataset \
+                        with other names has other numbers";
+        let notes = [(reads_masks, POLYGONS), (!self.are_listed && reads.contains(&CATEGORY_ID.id()), unlisted)];
+        let notes = notes.into_iter().filter(|it| it.0).map(|it| it.1.to_owned());
+        notes.chain(shared::information(&self.listing, &self.unkept.each_ref())).collect()
+    }
+
+    fn not_kept(&self, reads: &[KeyId]) -> Vec<LeftOut> {
+        shared::labels_not_kept(reads, &self.unkept.each_ref())
     }
 
     fn passed_over(&self, reads: &[KeyId]) -> Vec<LeftOut> {
@@ -427,7 +481,10 @@ impl Reader {
     fn annotation(&self, image: usize) -> Result<Option<ImageAnnotation>> {
         let numbers = &self.listing.images[image].annotations;
         let first = numbers.get(..1).unwrap_or_default();
-        let records = self.listing.file.records(syntable_formats::index::Section::Annotations, first)?;
-        Ok(records.into_iter().next())
+        let records: Vec<ImageAnnotation> =
+            self.listing.file.records(syntable_formats::index::Section::Annotations, first)?;
+        let annotation = records.into_iter().next();
+        annotation.iter().try_for_each(|annotation| ANNOTATIONS.check(annotation.regions.len() as u64))?;
+        Ok(annotation)
     }
 }

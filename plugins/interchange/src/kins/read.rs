@@ -7,15 +7,19 @@ use crate::read::{
 };
 use serde::de::{Deserializer, Error as _, IgnoredAny};
 use serde_json::Value as Json;
+use std::collections::BTreeMap;
 use std::path::Path;
+use syntable_formats::Extra;
 use syntable_formats::coco::{Image, id};
 use syntable_formats::decode;
 use syntable_formats::index::Record;
 use syntable_formats::listing::{AnnotationRecord, Listing};
 use syntable_formats::read::{self, Labels};
 use syntable_formats::segmentation::Segmentation;
+use syntable_formats::unkept::Unkept;
 use syntable_model::files::DatasetFolder;
 use syntable_model::prelude::*;
+use syntable_model::product::BBox;
 use syntable_model::product::standard::{OCCLUSION_MASK, RGB};
 use syntable_model::reader::{Crowd, DatasetFault, DatasetReader, Format, ImageRef, Source};
 
@@ -76,6 +80,9 @@ struct Annotation {
     area: Option<f64>,
     inmodal_seg: Option<Segmentation>,
     inmodal_bbox: Option<[f64; 4]>,
+    /// Fields that are not read.
+    #[serde(flatten)]
+    extra: Extra,
 }
 
 /// A flag that some tools write as a boolean.
@@ -246,47 +253,49 @@ fn faults_of_order(
     let exact: Vec<Mask> = labels.iter().map(hidden_of).collect();
     let all = Order::of_masks(&labels.iter().zip(&exact).map(|(it, hidden)| [&it.visible, hidden]).collect::<Vec<_>>());
     let mut faults = Vec::new();
+    let boxes: Vec<BBox> = whole.iter().map(Mask::bbox).collect();
+    let mut members: BTreeMap<u64, u64> = BTreeMap::new();
+    let groups = annotations.iter().chain(crowds).filter_map(|it| it.oco_id);
+    groups.for_each(|group| *members.entry(group).or_default() += 1);
+    // Of each object one fault of a kind, so that there are not as many as pairs.
     for (j, behind) in annotations.iter().enumerate() {
         let key = |it: &Annotation, key: &str, value: u64| format!("{} is {value}", it.key(key));
-        let in_groups = || annotations.iter().chain(crowds);
-        let members = |group: u64| in_groups().filter(|it| it.oco_id == Some(group)).count() as u64;
-        if let (Some(group), Some(place)) = (behind.oco_id, behind.ico_id)
-            && (place > members(group) || (group == 0) != (place == 0))
+        let Some(group) = behind.oco_id else { continue };
+        let of_group = members.get(&group).copied().unwrap_or_default();
+        if let Some(place) = behind.ico_id
+            && (place > of_group || (group == 0) != (place == 0))
         {
             let said = key(behind, "ico_id", place);
             let message = match group == 0 || place == 0 {
                 true => format!("{said} and its `oco_id` {group}: both are 0 where no object overlaps it, or neither"),
                 false => format!(
-                    "{said}, and its `oco_id` {group} is that of {} objects: places are from 1 to their number",
-                    members(group)
+                    "{said}, and its `oco_id` {group} is that of {of_group} objects: places are from 1 to their number"
                 ),
             };
             faults.push(("order_is_that_of_masks", message));
         }
-        for (i, front) in annotations.iter().enumerate() {
-            let (Some(group), Some(other)) = (behind.oco_id, front.oco_id) else { continue };
-            if i < j && group != other && whole[i].shared_area(&whole[j]) > 0 {
-                let message = format!(
-                    "{}, but {}: objects that overlap have one group",
-                    key(front, "oco_id", other),
-                    key(behind, "oco_id", group)
-                );
-                faults.push(("order_is_that_of_masks", message));
-            }
-            let (Some(place), Some(before)) = (behind.ico_id, front.ico_id) else { continue };
-            if group == other
-                && place.min(before) > 0
-                && before >= place
-                && clear.occludes(i, j)
-                && all.is_in_front(i, j)
-            {
-                let message = format!(
-                    "{}, but {}, which is in front of it: the front has the lower number",
-                    key(behind, "ico_id", place),
-                    key(front, "ico_id", before)
-                );
-                faults.push(("order_is_that_of_masks", message));
-            }
+        let overlaps = |i: usize| boxes[i].meets(&boxes[j]) && whole[i].shared_area(&whole[j]) > 0;
+        let other_group = |i: usize| annotations[i].oco_id.filter(|other| *other != group && overlaps(i));
+        if let Some((front, other)) = (0..j).find_map(|i| Some((&annotations[i], other_group(i)?))) {
+            let message = format!(
+                "{}, but {}: objects that overlap have one group",
+                key(front, "oco_id", other),
+                key(behind, "oco_id", group)
+            );
+            faults.push(("order_is_that_of_masks", message));
+        }
+        let Some(place) = behind.ico_id.filter(|place| *place > 0) else { continue };
+        let place_before = |i: usize| {
+            let of_group = annotations[i].ico_id.filter(|_| annotations[i].oco_id == Some(group));
+            of_group.filter(|before| *before >= place && clear.occludes(i, j) && all.is_in_front(i, j))
+        };
+        if let Some((front, before)) = (0..annotations.len()).find_map(|i| Some((&annotations[i], place_before(i)?))) {
+            let message = format!(
+                "{}, but {}, which is in front of it: the front has the lower number",
+                key(behind, "ico_id", place),
+                key(front, "ico_id", before)
+            );
+            faults.push(("order_is_that_of_masks", message));
         }
     }
     faults
@@ -298,21 +307,27 @@ struct Reader {
     listing: Listing,
     /// Annotations of crowds, and all annotations.
     crowds: [usize; 2],
+    /// What is not read of images and annotations.
+    unkept: [Unkept; 2],
 }
 
 fn open(source: &Source) -> Result<Box<dyn DatasetReader>> {
     let (root, file) = shared::root_and_file(source, None, is_one)?;
     let mut crowds = [0; 2];
-    let listing = Listing::open(&file, &mut |record: &Record<Image, Annotation, IgnoredAny>| {
-        if let Record::Annotation(annotation) = record {
+    let mut unkept = [Unkept::new("images", shared::OF_IMAGES), Unkept::new("annotations", &["num_keypoints"])];
+    let listing = Listing::open(&file, &mut |record: &Record<Image, Annotation, IgnoredAny>| match record {
+        Record::Annotation(annotation) => {
             crowds[0] += usize::from(annotation.is_crowd);
             crowds[1] += 1;
+            unkept[1].add(&annotation.extra);
         }
+        Record::Image(image) => shared::count_unkept(&mut unkept[0], image),
+        Record::Scene(_) => {}
     })?;
     let first = listing.images.first().map(|image| image.frame.file_name.as_str());
     let images_root = shared::images_root(&root, &image_folders(&file), first);
     let info = shared::info(&listing);
-    Ok(Box::new(Reader { images_root, info, listing, crowds }))
+    Ok(Box::new(Reader { images_root, info, listing, crowds, unkept }))
 }
 
 impl DatasetReader for Reader {
@@ -363,7 +378,12 @@ impl DatasetReader for Reader {
     fn caveats(&self, reads: &[KeyId]) -> Vec<String> {
         let reads_masks = reads.iter().any(|key| *key != RGB.id());
         let polygons = reads_masks.then(|| POLYGONS.to_owned());
-        polygons.into_iter().chain(shared::supercategories(&self.listing, reads)).collect()
+        let information = shared::information(&self.listing, &self.unkept.each_ref());
+        polygons.into_iter().chain(shared::supercategories(&self.listing, reads)).chain(information).collect()
+    }
+
+    fn not_kept(&self, reads: &[KeyId]) -> Vec<LeftOut> {
+        shared::labels_not_kept(reads, &self.unkept.each_ref())
     }
 
     fn passed_over(&self, reads: &[KeyId]) -> Vec<LeftOut> {

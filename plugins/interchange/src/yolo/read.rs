@@ -5,7 +5,7 @@
 //! does not lie along the edges of the image; else polygons.
 
 use super::{DATA, data};
-use crate::read::{POLYGONS, is_dataset, settle_edges};
+use crate::read::{POLYGONS, is_dataset, reads_labels, settle_edges};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -43,6 +43,8 @@ fn is_there(path: &Path) -> bool {
 const FOLDERS: [&str; 2] = ["images", "labels"];
 /// Ends of image files.
 const ENDS: [&str; 3] = ["png", "jpg", "jpeg"];
+/// The file beside the labels to which LabelImg writes the names of the classes, one per line.
+const CLASSES: &str = "classes.txt";
 /// Folders above that of images in which the description of the dataset may be.
 const ABOVE: usize = 3;
 
@@ -51,6 +53,8 @@ struct Reader {
     categories: Categories,
     /// Numbers of the classes that have names.
     classes: BTreeSet<u64>,
+    /// The file that has the names, if any has.
+    names_file: Option<&'static str>,
     refs: Vec<ImageRef>,
     images: Vec<Labeled>,
     shape: Shape,
@@ -189,8 +193,7 @@ fn open(source: &Source) -> Result<Box<dyn DatasetReader>> {
             }
         }
     }
-    // LabelImg writes the names of the classes beside the labels.
-    let is_of_image = |path: &&PathBuf| path.file_name().is_none_or(|name| name != "classes.txt");
+    let is_of_image = |path: &&PathBuf| path.file_name().is_none_or(|name| name != CLASSES);
     for path in of_image.values().filter(is_of_image) {
         faults.lost(
             "known_images",
@@ -214,20 +217,49 @@ fn open(source: &Source) -> Result<Box<dyn DatasetReader>> {
             shape = Shape::of(&line.values).map(|it| it.joined(shape)).or(shape);
         }
     }
-    let names = match &description {
-        Some(path) => data::names(path)?,
-        None => found.iter().map(|class| (*class, format!("class {class}"))).collect(),
+    // Classes count from 0, and category 0 is a background elsewhere.
+    let id = |class: u64| class.saturating_add(1);
+    let (names, names_file) = match (&description, names_beside_labels(&of_labels)?) {
+        (Some(path), _) => (data::names(path)?, Some(DATA)),
+        (None, Some(names)) => (names, Some(CLASSES)),
+        (None, None) => {
+            let ids = read::with_gaps_filled(found.iter().copied().map(id).collect());
+            (ids.into_iter().map(|id| (id - 1, format!("class {}", id - 1))).collect(), None)
+        }
     };
     let classes = names.keys().copied().collect();
-    // Classes count from 0, and category 0 is a background elsewhere.
-    let category = |(class, name): (u64, String)| Category { id: class.saturating_add(1), name, ..Category::default() };
+    let category = |(class, name): (u64, String)| Category { id: id(class), name, ..Category::default() };
     let mut categories = Categories::of(&names.into_iter().map(category).collect::<Vec<_>>());
-    found.iter().for_each(|class| categories.note(class.saturating_add(1)));
+    found.iter().for_each(|class| categories.note(id(*class)));
     let (refs, images) = faults.in_order(all, |image| (&image.name, None));
     let name = read::name_of(root);
     let info = categories.info(name, String::new(), &refs, String::new());
     let shape = stated.or(shape).unwrap_or(Shape::Polygons);
-    Ok(Box::new(Reader { info, categories, classes, refs, images, shape, known, boxes, lines: all_lines, faults }))
+    Ok(Box::new(Reader {
+        info,
+        categories,
+        classes,
+        names_file,
+        refs,
+        images,
+        shape,
+        known,
+        boxes,
+        lines: all_lines,
+        faults,
+    }))
+}
+
+/// The names of classes that LabelImg writes beside the labels, if it did.
+fn names_beside_labels(labels: &DatasetFolder) -> Result<Option<BTreeMap<u64, String>>> {
+    let path = labels.file(CLASSES)?;
+    if !path.is_file() {
+        return Ok(None);
+    }
+    let text = decode::text(&path).map_err(Error::of_request)?;
+    let names = (0..).zip(text.lines()).map(|(class, name)| (class, name.trim().to_owned()));
+    let names: BTreeMap<u64, String> = names.filter(|(_, name)| !name.is_empty()).collect();
+    Ok(Some(names).filter(|names| !names.is_empty()))
 }
 
 /// The lines of a label file of a dataset of which this is said.
@@ -283,6 +315,16 @@ impl Shape {
         (!is_along).then_some(Self::RotatedBoxes)
     }
 
+    /// What lines are called that have this.
+    fn lines(self) -> &'static str {
+        match self {
+            Self::Polygons => "polygons",
+            Self::Boxes => "boxes",
+            Self::RotatedBoxes => "rotated boxes",
+            Self::Poses => "poses, boxes with points",
+        }
+    }
+
     /// What lines have of which others have that. A polygon may be a parallelogram, too.
     fn joined(self, other: Option<Self>) -> Self {
         match other {
@@ -322,11 +364,10 @@ impl DatasetReader for Reader {
         if !reads.iter().any(|key| *key != RGB.id()) {
             return Vec::new();
         }
+        let ids = self.classes.iter().map(|class| class.saturating_add(1)).collect();
+        let unlisted = read::unlisted(&ids, &format!("`{DATA}`")).filter(|_| self.names_file.is_none());
         let classes_alone = |what: &str| vec![format!("labels are {what}: of objects only classes are read")];
-        match self.shape {
-            Shape::Boxes => classes_alone("boxes"),
-            Shape::RotatedBoxes => classes_alone("rotated boxes"),
-            Shape::Poses => classes_alone("poses, boxes with points"),
+        let own = match self.shape {
             Shape::Polygons => {
                 let visible = "polygons are taken for visible masks: the format does not say which they are".to_owned();
                 let visible = (self.known == Known::Visible).then_some(visible);
@@ -334,7 +375,18 @@ impl DatasetReader for Reader {
                 let boxes = (self.boxes > 0).then_some(boxes);
                 std::iter::once(POLYGONS.to_owned()).chain(visible).chain(boxes).collect()
             }
-        }
+            other => classes_alone(other.lines()),
+        };
+        own.into_iter().chain(unlisted).collect()
+    }
+
+    fn not_kept(&self, reads: &[KeyId]) -> Vec<LeftOut> {
+        let lost = if self.shape == Shape::Polygons || !reads_labels(reads) { 0 } else { self.lines };
+        vec![LeftOut::new(
+            lost,
+            self.lines,
+            format!("labels are {}, of which only classes are kept", self.shape.lines()),
+        )]
     }
 
     fn passed_over(&self, reads: &[KeyId]) -> Vec<LeftOut> {
@@ -348,7 +400,8 @@ impl DatasetReader for Reader {
         let mut faults = Vec::new();
         for line in lines {
             if !self.classes.contains(&line.class) {
-                let message = format!("line {}: {DATA} has no class {}", line.number, line.class);
+                let file = self.names_file.unwrap_or(DATA);
+                let message = format!("line {}: {file} has no class {}", line.number, line.class);
                 faults.push(("known_categories", message));
             }
             if self.shape == Shape::Polygons && line.is_box() {

@@ -46,6 +46,13 @@ pub fn syntable() -> Command {
     command
 }
 
+/// `syntable convert` of a dataset to some writers, into a folder.
+pub fn convert(from: &Path, to: &str, out: &Path) -> Command {
+    let mut convert = syntable();
+    convert.arg("convert").arg(from).args(["--to", to, "--out"]).arg(out);
+    convert
+}
+
 /// Runs a command that must succeed; gives its standard output.
 pub fn ok(command: &mut Command) -> String {
     let output = command.output().expect("the program starts");
