@@ -174,7 +174,7 @@ impl Reporter for Failures {
 fn run(recipe: &str, threads: usize, out: &Path) -> f64 {
     let linked = Registry::linked().expect("no clash");
     let own = [Entry::of::<Keep>("bench", "0"), Entry::of::<Replay>("bench", "0"), Entry::of::<Boxes>("bench", "0")];
-    let registry = Registry::new(linked.entries().iter().copied().chain(own)).expect("no clash");
+    let registry = Registry::new(linked.entries().iter().cloned().chain(own)).expect("no clash");
     let (recipe, _) =
         recipe::load(&registry, Source::embedded("bench.toml", recipe), &Overrides::of_process(Vec::new()))
             .unwrap_or_else(|report| panic!("{report}"));

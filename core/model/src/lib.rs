@@ -81,6 +81,7 @@ pub mod error;
 pub mod files;
 pub mod geometry;
 pub mod inspect;
+pub mod intern;
 pub mod left_out;
 pub mod limits;
 pub mod names;

@@ -1,17 +1,20 @@
 //! How stages become known: a plugin registers each of its configuration types.
 //!
 //! [`register!`](crate::register) submits a constant [`Entry`] at link time; [`Registry::linked`] collects, sorts and
-//! checks them. Every function of the program takes `&Registry`, so that tests can build theirs by hand.
+//! checks them. Every function of the program takes `&Registry`, so that tests build theirs by hand, and programs add kinds
+//! with state of their own ([`Registry::with`]).
 
 use crate::error::ConfigError;
+use crate::intern::intern;
 use crate::stage::{
     Annotator, AssetSource, CameraModel, DatasetAnnotator, Denoiser, LightSampler, Placer, Renderer, SceneAnnotator,
     Sensor, Settler, ViewSampler, Writer,
 };
 use schemars::{JsonSchema, Schema, SchemaGenerator};
-use serde::Serialize;
 use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
 use std::fmt;
+use std::sync::Arc;
 
 /// The options of one kind of stage, as a recipe gives them.
 ///
@@ -209,7 +212,7 @@ pub enum ConstructError {
 }
 
 /// One registered kind of stage.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 pub struct Entry {
     /// The slot that it takes.
     pub slot: Slot,
@@ -225,8 +228,56 @@ pub struct Entry {
     pub renamed: &'static [(&'static str, &'static str)],
     /// Chooses the kind that it stands for.
     pub choose: Option<Choose>,
-    schema: fn(&mut SchemaGenerator) -> Schema,
-    construct: fn(RecipeValue<'_>) -> Result<Constructed, ConstructError>,
+    factory: Factory,
+}
+
+/// Builds stages of one kind. A program that adds a kind at run time implements it for a value with state of its own.
+pub trait StageFactory: Send + Sync {
+    /// JSON Schema of the options, without `kind`. A kind without options has none, by default.
+    fn schema(&self, generator: &mut SchemaGenerator) -> Schema {
+        NoOptions::json_schema(generator)
+    }
+    /// Builds a stage from its options, which the schema accepts.
+    ///
+    /// # Errors
+    /// If the options do not have the form that the factory reads, or contradict each other.
+    fn construct(&self, options: RecipeValue<'_>) -> Result<Constructed, ConstructError>;
+}
+
+/// Options of a kind that has none.
+#[derive(Debug, Clone, Copy, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+struct NoOptions {}
+
+/// How an entry builds its stages.
+#[derive(Clone)]
+enum Factory {
+    /// Functions of a crate, which are known when the program is built.
+    Linked {
+        schema: fn(&mut SchemaGenerator) -> Schema,
+        construct: fn(RecipeValue<'_>) -> Result<Constructed, ConstructError>,
+    },
+    /// A value of the program.
+    Added(Arc<dyn StageFactory>),
+}
+
+impl fmt::Debug for Factory {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Linked { .. } => "Linked",
+            Self::Added(_) => "Added",
+        })
+    }
+}
+
+/// A factory of stages without options: a function that captures what it needs.
+struct Plain<F>(F);
+
+impl<F: Fn() -> Stage + Send + Sync> StageFactory for Plain<F> {
+    fn construct(&self, options: RecipeValue<'_>) -> Result<Constructed, ConstructError> {
+        NoOptions::deserialize(toml::de::ValueDeserializer::from(options)).map_err(ConstructError::Form)?;
+        Ok(Constructed { stage: (self.0)(), options: toml::Table::new() })
+    }
 }
 
 /// Crates whose kinds are those of the program as it ships: the plugins of this workspace.
@@ -264,25 +315,81 @@ impl Entry {
             example: C::EXAMPLE,
             renamed: C::RENAMED,
             choose: C::CHOOSE,
-            schema: C::json_schema,
-            construct: construct::<C>,
+            factory: Factory::Linked { schema: C::json_schema, construct: construct::<C> },
         }
+    }
+
+    /// A kind that a program adds at run time. Messages name `owner` where they name the crate of other kinds.
+    pub fn added(slot: Slot, kind: &str, owner: &str, factory: Arc<dyn StageFactory>) -> Self {
+        Self {
+            slot,
+            kind: intern(kind),
+            crate_name: intern(owner),
+            crate_version: env!("CARGO_PKG_VERSION"),
+            example: "",
+            renamed: &[],
+            choose: None,
+            factory: Factory::Added(factory),
+        }
+    }
+
+    /// A kind without options that a program adds at run time: `make` builds its stage, and may capture state.
+    ///
+    /// ```
+    /// use std::sync::Arc;
+    /// use syntable_model::prelude::*;
+    /// use syntable_model::registry::{Entry, Registry, Slot};
+    ///
+    /// const COUNT: Key<Value> = Key::view("view_count", "Number of views so far.");
+    ///
+    /// struct Count(Arc<std::sync::atomic::AtomicU32>);
+    ///
+    /// impl Annotator for Count {
+    ///     fn reads(&self) -> Vec<KeyId> {
+    ///         vec![]
+    ///     }
+    ///     fn provides(&self) -> Vec<KeyId> {
+    ///         vec![COUNT.id()]
+    ///     }
+    ///     fn annotate(&self, _: &ViewContext, products: &mut Products) -> Result<()> {
+    ///         products.put(COUNT, Value::from(self.0.fetch_add(1, std::sync::atomic::Ordering::Relaxed)))
+    ///     }
+    /// }
+    ///
+    /// let views = Arc::default();
+    /// let entry = Entry::plain("count", "my program", move || Box::new(Count(Arc::clone(&views))) as Box<dyn Annotator>);
+    /// let registry = Registry::default().with(entry).expect("no other kind has the name");
+    /// assert!(registry.find(Slot::Annotate, "count").is_some());
+    /// ```
+    pub fn plain<S: InSlot + ?Sized + 'static>(
+        kind: &str,
+        owner: &str,
+        make: impl Fn() -> Box<S> + Send + Sync + 'static,
+    ) -> Self {
+        Self::added(S::SLOT, kind, owner, Arc::new(Plain(move || make().into_stage())))
     }
 
     /// JSON Schema of the options, without `kind`; types that it names are added to the generator's definitions.
     pub fn schema(&self, generator: &mut SchemaGenerator) -> Schema {
-        (self.schema)(generator)
+        match &self.factory {
+            Factory::Linked { schema, .. } => schema(generator),
+            Factory::Added(factory) => factory.schema(generator),
+        }
     }
 
     /// Builds the stage from a table without `kind`. Refuses what the schema refuses.
     pub fn construct(&self, table: RecipeValue<'_>) -> Result<Constructed, ConstructError> {
-        crate::options::check(self.kind, self.schema, &table).map_err(ConstructError::Invalid)?;
+        crate::options::check(self.kind, |generator| self.schema(generator), &table)
+            .map_err(ConstructError::Invalid)?;
         self.construct_validated(table)
     }
 
     /// Builds the stage from a table without `kind` that was found valid against the schema already.
     pub fn construct_validated(&self, table: RecipeValue<'_>) -> Result<Constructed, ConstructError> {
-        (self.construct)(table)
+        match &self.factory {
+            Factory::Linked { construct, .. } => construct(table),
+            Factory::Added(factory) => factory.construct(table),
+        }
     }
 
     /// Builds the stage from TOML text, for tests and defaults.
@@ -313,7 +420,7 @@ pub struct Registry {
 impl Registry {
     /// The kinds of all crates that are linked into this program and named in its source.
     pub fn linked() -> Result<Self, String> {
-        Self::new(inventory::iter::<Entry>.into_iter().copied())
+        Self::new(inventory::iter::<Entry>.into_iter().cloned())
     }
 
     /// A registry of some entries. Two of one slot and kind are an error that names both crates.
@@ -329,6 +436,14 @@ impl Registry {
             }
         }
         Ok(Self { entries })
+    }
+
+    /// The same registry with one more kind.
+    ///
+    /// # Errors
+    /// If it has the kind already.
+    pub fn with(self, entry: Entry) -> Result<Self, String> {
+        Self::new(self.entries.into_iter().chain([entry]))
     }
 
     /// All entries, sorted by slot and kind.

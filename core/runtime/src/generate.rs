@@ -33,8 +33,8 @@ const WAITING: usize = 1;
 /// Which samples are made, and how.
 #[derive(Clone)]
 pub struct GenerateOptions {
-    /// Names of the products that a sample has, such as `rgb` and `amodal_mask`; all that the recipe's writers read if empty. The
-    /// recipe must have been loaded with them as [`wanted`](crate::recipe::Overrides::wanted), or have a writer of them.
+    /// Names of the products that a sample has, such as `rgb` and `amodal_mask`; all that the recipe computes if empty. The
+    /// recipe must have been loaded with them as [`wanted`](crate::recipe::RecipeRequest::load), or have a writer of them.
     pub products: Vec<String>,
     /// Scenes; all of the recipe if none.
     pub scenes: Option<Range<u32>>,
@@ -136,7 +136,7 @@ fn products(recipe: &Recipe, options: &GenerateOptions) -> Result<Vec<String>> {
     }
     match options.products.iter().find(|name| !computed.iter().any(|key| key.name == **name)) {
         Some(name) => Err(Error::new(format!("the recipe does not compute `{name}`"))
-            .help("load the recipe with it in `Overrides::wanted`, or name it in a writer; `syntable list products` shows all")
+            .help("load the recipe with it as `wanted`, or name it in a writer; `syntable list products` shows all")
             .of_request()),
         None => Ok(options.products.clone()),
     }

@@ -211,10 +211,10 @@ pub enum Fault {
 pub fn registered(registry: &Registry) -> Vec<Candidate> {
     let entries = registry.of_slot(Slot::Sensor).chain(registry.of_slot(Slot::Annotate));
     entries
-        .filter_map(|&entry| {
+        .filter_map(|entry| {
             let constructed = entry.construct_str("").ok()?;
             let producer = Producer::of(constructed.stage).ok()?;
-            let implied = Some(Implied { entry, options: constructed.options });
+            let implied = Some(Implied { entry: entry.clone(), options: constructed.options });
             Some(Candidate { stage: format!("{}.{}", entry.slot, entry.kind), producer, implied })
         })
         .collect()

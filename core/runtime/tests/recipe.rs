@@ -245,7 +245,8 @@ impl Config for Clashing {
 #[test]
 fn faulty_plugins_are_named() {
     let entry = Entry::of::<Clashing>("syntable-clash", "0.1.0");
-    let registry = Registry::new(registry().entries().iter().copied().chain([entry])).expect("kinds are unique");
+    let registry =
+        Registry::new(registry().entries().iter().cloned().chain([entry.clone()])).expect("kinds are unique");
     let overrides = Overrides::of_process(Vec::new());
     let text = GOOD.replace("${ASSETS}", "/data");
     let report = recipe::load(&registry, Source::embedded("r.toml", text), &overrides).err().expect("refused");

@@ -102,7 +102,7 @@ mod tests {
     #[test]
     fn a_card_is_taken_where_there_is_one() {
         let of = |entries: &[Entry]| {
-            let registry = Registry::new(entries.iter().copied()).expect("no clash");
+            let registry = Registry::new(entries.iter().cloned()).expect("no clash");
             let Choice { kind, reason } = choose(&registry).expect("there is always the processor");
             (kind, reason)
         };

@@ -3,8 +3,25 @@
 //! This crate links every stock plugin and names every verb of the program as a function. It prints nothing, reads no arguments and
 //! handles no signals: progress goes to a [`Reporter`], and a [`Stop`] ends work early.
 //!
+//! ```
+//! use syntable::model::product::standard::VISIBLE_MASK;
+//! use syntable::{GenerateOptions, Quiet, RecipeRequest, Registry, generate};
+//!
+//! let request = RecipeRequest::new("builtin:quickstart").set("dataset.scenes", "1").set("camera.resolution", "[96, 72]");
+//! let recipe = request.load(&Registry::linked()?, &["visible_mask"], &Quiet)?;
+//! let options = GenerateOptions { products: vec!["visible_mask".into()], ..GenerateOptions::default() };
+//! generate(&recipe, &options, &Quiet, &mut |sample| {
+//!     let masks = sample.products.get(VISIBLE_MASK)?;
+//!     let pixels: u32 = masks.iter().map(|(_, mask)| mask.area()).sum();
+//!     println!("view {}: {} objects on {pixels} of {} pixels", sample.view.id.0, masks.iter().count(), 96 * 72);
+//!     Ok(())
+//! })?;
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
 //! | verb | function |
 //! | --- | --- |
+//! | – | [`generate`], [`Generator`]: samples in memory |
 //! | `run` | [`run`] |
 //! | `merge`, `verify` | [`merge`], [`verify`] |
 //! | `check` | [`check`], [`check_assets`] |
@@ -40,8 +57,10 @@ pub use syntable_model::reader::Source as DatasetSource;
 pub use syntable_model::registry::Registry;
 pub use syntable_report::preview::{self, PreviewOptions};
 pub use syntable_report::{report, stats, view};
+pub use syntable_runtime::cache::DiskCache;
 pub use syntable_runtime::check::{check, check_assets};
 pub use syntable_runtime::conversion::{Conversion, ConvertOptions, convert};
+pub use syntable_runtime::generate::{GenerateOptions, Generator, Sample, generate};
 pub use syntable_runtime::images::Work;
 pub use syntable_runtime::left_out::LeftOutReport;
 pub use syntable_runtime::recipe::{self, Recipe, RecipeRequest};

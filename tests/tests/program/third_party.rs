@@ -50,9 +50,11 @@ fn a_crate_from_outside_adds_products_formats_and_verbs() {
     let folder = tempfile::tempdir().expect("a folder");
     let source = root().join("tests/third-party");
     copy(&source, folder.path());
-    let manifest = std::fs::read_to_string(folder.path().join("Cargo.toml")).expect("there");
-    let absolute = manifest.replace("../../", &format!("{}/", root().display()));
-    std::fs::write(folder.path().join("Cargo.toml"), absolute).expect("writable");
+    for (manifest, up) in [("Cargo.toml", "../../"), ("samples/Cargo.toml", "../../../")] {
+        let manifest = folder.path().join(manifest);
+        let text = std::fs::read_to_string(&manifest).expect("there");
+        std::fs::write(manifest, text.replace(up, &format!("{}/", root().display()))).expect("writable");
+    }
     let lines = check(folder.path(), "centroid");
     // Two views; every object's centroid lies inside the image.
     assert_eq!(lines.lines().filter(|line| line.contains("centroid")).count(), 2);
@@ -107,6 +109,23 @@ fn a_crate_from_outside_adds_products_formats_and_verbs() {
     assert!(ok(&mut cargo_run(folder.path(), &["kinds", "annotate"])).lines().any(|kind| kind == "seen_in"));
     let output = cargo_run(folder.path(), &["kinds", "nothing"]).output().expect("runs");
     assert_eq!(output.status.code(), Some(2));
+
+    // A program without a command line: samples in memory, scores and a report by functions.
+    let samples = folder.path().join("samples");
+    let said = ok(&mut cargo_run(&samples, &[&folder.path().join("by-functions").display().to_string()]));
+    let lines: Vec<&str> = said.lines().collect();
+    let areas = lines.iter().filter(|line| line.starts_with("view "));
+    assert!(areas.clone().count() == 2 && areas.clone().all(|line| !line.ends_with("Uint(0)")), "{said}");
+    assert!(lines.contains(&"views annotated: 2") && lines.contains(&"amodal F: Some(1.0)"), "{said}");
+    let report = lines.iter().find_map(|line| line.strip_prefix("report: ")).expect("a report");
+    assert!(Path::new(report).is_file(), "{said}");
+    let mut tree = Command::new(env!("CARGO"));
+    tree.args(["tree", "--offline", "--package", "samples", "--edges", "normal", "--prefix", "none"]);
+    let tree = ok(tree.current_dir(&samples));
+    assert!(tree.lines().any(|line| line.starts_with("syntable-runtime ")), "{tree}");
+    for heavy in ["clap ", "indicatif ", "signal-hook ", "syntable-cli "] {
+        assert!(!tree.lines().any(|line| line.starts_with(heavy)), "{heavy}");
+    }
 }
 
 /// Values of a NumPy file of little-endian floats.

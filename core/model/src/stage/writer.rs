@@ -109,6 +109,11 @@ impl Input {
         Self { product: key.id().name.to_string(), accepts: Accepts::Type(key.id()), option: None, is_optional: false }
     }
 
+    /// A product by name, whatever its type.
+    pub fn named(product: impl Into<String>) -> Self {
+        Self { product: product.into(), accepts: Accepts::Any, option: None, is_optional: false }
+    }
+
     /// The same for a product that a dataset that was read may lack: then the writer leaves out what it would say, and finds
     /// it with [`Products::optional`].
     pub fn optional(self) -> Self {

@@ -1,8 +1,11 @@
 //! A recipe and changes to it, as a user asks for them.
 
-use super::{Builtin, Overrides, Source};
+use super::{Builtin, Overrides, Recipe, Report, Source};
 use std::path::PathBuf;
+use syntable_model::context::Log;
 use syntable_model::error::{Error, Result};
+use syntable_model::registry::Registry;
+use syntable_model::stage::Input;
 
 /// Name of the recipe that is taken where none is named.
 const DEFAULT: &str = "quickstart";
@@ -12,8 +15,7 @@ const DEFAULT: &str = "quickstart";
 /// ```
 /// use syntable_runtime::recipe::RecipeRequest;
 ///
-/// let request = RecipeRequest { set: vec!["dataset.scenes=3".into()], ..RecipeRequest::default() };
-/// let (source, overrides) = request.read()?;
+/// let (source, overrides) = RecipeRequest::default().set("dataset.scenes", "3").read()?;
 /// assert_eq!(overrides.set, [("dataset.scenes".into(), "3".into())]);
 /// # Ok::<(), syntable_model::error::Error>(())
 /// ```
@@ -30,6 +32,33 @@ pub struct RecipeRequest {
 }
 
 impl RecipeRequest {
+    /// A recipe file, or `builtin:NAME`.
+    pub fn new(recipe: impl Into<PathBuf>) -> Self {
+        Self { recipe: Some(recipe.into()), ..Self::default() }
+    }
+
+    /// The same with a key set: `value` is TOML, or a bare word.
+    pub fn set(mut self, key: &str, value: &str) -> Self {
+        self.set.push(format!("{key}={value}"));
+        self
+    }
+
+    /// Reads and loads the recipe for work on this machine. `wanted` names products that are computed beside those that writers
+    /// read, for [`generate`](crate::generate::generate). Warnings go to `log`.
+    ///
+    /// # Errors
+    /// With all mistakes at once.
+    pub fn load(&self, registry: &Registry, wanted: &[&str], log: &dyn Log) -> std::result::Result<Recipe, Report> {
+        let unread = |error| Report { diagnostics: Vec::new(), other: Some(error) };
+        let (source, mut overrides) = self.read().map_err(unread)?;
+        overrides.wanted = wanted.iter().map(|name| Input::named(*name)).collect();
+        let (recipe, warnings) = super::load(registry, source, &overrides.for_run().with_existing_paths())?;
+        for warning in warnings {
+            log.warn(&Error::new(warning.render(false)));
+        }
+        Ok(recipe)
+    }
+
     /// Reads the recipe's text. The changes come with the environment and the current folder of the process.
     ///
     /// # Errors

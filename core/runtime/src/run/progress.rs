@@ -148,6 +148,9 @@ pub struct Quiet;
 impl Reporter for Quiet {
     fn event(&self, _: &Event) {}
 }
+impl Log for Quiet {
+    fn warn(&self, _: &Error) {}
+}
 
 /// One line of the log: an event, and when it happened.
 #[derive(Debug, Serialize, schemars::JsonSchema)]

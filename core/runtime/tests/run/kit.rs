@@ -447,7 +447,7 @@ pub fn registry() -> Registry {
 /// The same kinds, with [`Thinker`] and [`Echo`] as two crates register them.
 pub fn rivals(thinker: &'static str, echo: &'static str) -> Registry {
     let own = registry();
-    let others = own.entries().iter().filter(|entry| entry.kind != Thinker::KIND).copied();
+    let others = own.entries().iter().filter(|entry| entry.kind != Thinker::KIND).cloned();
     let rivals = [Entry::of::<Thinker>(thinker, "0.0.0"), Entry::of::<Echo>(echo, "0.0.0")];
     Registry::new(others.chain(rivals)).expect("no clash")
 }

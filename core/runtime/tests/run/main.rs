@@ -2,6 +2,7 @@
 //! grow, are compared, repaired and merged.
 
 mod devices;
+mod generate;
 mod growth;
 #[cfg(unix)]
 mod hostile;

@@ -1,0 +1,56 @@
+//! SynTable as a library: samples in memory by an annotator with state of its own, scores of predictions, and a report.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU32, Ordering};
+use syntable::model::prelude::*;
+use syntable::model::product::standard::VISIBLE_MASK;
+use syntable::model::registry::Entry;
+use syntable::report::make::{ReportOptions, make};
+use syntable::{DatasetSource, DiskCache, EvaluateOptions, GenerateOptions, Pool, Quiet, RecipeRequest, Registry};
+use syntable::{RunOptions, Stop, Work, evaluate, generate, run, workers};
+
+const AREA: Key<Value> = Key::view("total_area", "Pixels of all objects together.");
+
+/// Adds up areas, and counts the views for the program that made it.
+struct TotalArea(Arc<AtomicU32>);
+
+impl Annotator for TotalArea {
+    fn reads(&self) -> Vec<KeyId> {
+        vec![VISIBLE_MASK.id()]
+    }
+    fn provides(&self) -> Vec<KeyId> {
+        vec![AREA.id()]
+    }
+    fn annotate(&self, _: &ViewContext, products: &mut Products) -> Result<()> {
+        self.0.fetch_add(1, Ordering::Relaxed);
+        let area: u32 = products.get(VISIBLE_MASK)?.iter().map(|(_, mask)| mask.area()).sum();
+        products.put(AREA, Value::from(area))
+    }
+}
+
+fn main() -> std::result::Result<(), Box<dyn std::error::Error>> {
+    let out = PathBuf::from(std::env::args().nth(1).ok_or("name a folder for the dataset")?);
+    let views = Arc::<AtomicU32>::default();
+    let counted = Arc::clone(&views);
+    let entry = Entry::plain("total_area", "samples", move || -> Box<dyn Annotator> {
+        Box::new(TotalArea(Arc::clone(&counted)))
+    });
+    let registry = Registry::linked()?.with(entry)?;
+    let request = RecipeRequest::new("builtin:quickstart").set("dataset.scenes", "1").set("camera.resolution", "[96, 72]");
+    let recipe = request.load(&registry, &["total_area"], &Quiet)?;
+    let options = GenerateOptions { products: vec!["total_area".into()], ..GenerateOptions::default() };
+    generate(&recipe, &options, &Quiet, &mut |sample| {
+        println!("view {}: {:?}", sample.view.id.0, sample.products.get(AREA)?);
+        Ok(())
+    })?;
+    println!("views annotated: {}", views.load(Ordering::Relaxed));
+    run(&recipe, &RunOptions::new(out.join("data"), workers::available(), DiskCache::of_user()), &Quiet)?;
+    let (pool, stop) = (Pool::new(workers::available())?, Stop::default());
+    let work = Work { workers: &pool, reporter: &Quiet, stop: &stop };
+    let data = || DatasetSource::new(out.join("data"));
+    let scores = evaluate(&EvaluateOptions::new(data(), data()), &work)?;
+    println!("amodal F: {:?}", scores.score("amodal_overlap_f"));
+    println!("report: {}", make(&ReportOptions::new(data()), &work)?.index.display());
+    Ok(())
+}
