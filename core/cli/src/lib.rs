@@ -290,7 +290,7 @@ impl Console {
             BuiltIn::Run(args) => run::run(self, registry, &args),
             BuiltIn::Verify(args) => verify::verify(self, &args),
             BuiltIn::Merge(args) => merge::merge(self, registry, &args),
-            BuiltIn::Validate(args) => validate::validate(self, &args),
+            BuiltIn::Validate(args) => validate::validate(self, registry, &args),
             BuiltIn::Convert(args) => convert::convert(self, registry, args),
             BuiltIn::Check(args) => check::check(self, registry, &args),
             BuiltIn::Plan(args) => run::plan(self, registry, &args),

@@ -36,6 +36,7 @@ pub fn check_outputs(outputs: &[(&str, Option<&PathBuf>)], inputs: &[&Path]) -> 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use syntable_model::registry::Registry;
     use syntable_runtime::message::Message;
     use syntable_runtime::paths::dataset_folder;
 
@@ -71,7 +72,7 @@ mod tests {
         }
         // A folder is that of a dataset; a file that is in none stands for itself.
         for named in ["data", "data/labels.json"] {
-            assert_eq!(whole(&dataset_folder(&at(named))), whole(&at(named)), "{named}");
+            assert_eq!(whole(&dataset_folder(&Registry::default(), &at(named))), whole(&at(named)), "{named}");
         }
         let message = said(&[("--csv", Some(&fine)), ("--save", Some(&other))]);
         assert!(message.contains("overwrite what --csv writes"), "{message}");

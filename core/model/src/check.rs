@@ -30,13 +30,6 @@ macro_rules! register_check {
     )+};
 }
 
-/// The checks of all linked crates, by name.
-pub fn linked() -> Vec<Check> {
-    let mut checks: Vec<Check> = inventory::iter::<Check>.into_iter().copied().collect();
-    checks.sort_by_key(|check| check.name);
-    checks
-}
-
 impl Check {
     /// [`finds_subject`](Self::finds_subject) of a check that needs nothing but its products.
     pub const ALWAYS: fn(&Products) -> bool = |_| true;

@@ -8,6 +8,7 @@ use crate::files::{DatasetFolder, Reach};
 use crate::left_out::LeftOut;
 use crate::panics::guarded;
 use crate::product::{KeyId, Mask, Products};
+use crate::registry::Registry;
 use crate::scene::{SceneId, View, ViewId};
 use crate::stage::DatasetInfo;
 use std::path::{Path, PathBuf};
@@ -58,13 +59,6 @@ macro_rules! register_format {
     )+};
 }
 
-/// The formats of all linked crates, by name.
-pub fn linked() -> Vec<Format> {
-    let mut formats: Vec<Format> = inventory::iter::<Format>.into_iter().copied().collect();
-    formats.sort_by_key(|format| format.name);
-    formats
-}
-
 /// What a user names as a dataset.
 #[derive(Debug, Clone)]
 pub struct Source {
@@ -95,25 +89,28 @@ impl Source {
     }
 }
 
-/// Opens a dataset: of the format of a name, or of the one that it looks like. Nothing in it leads out of its folder.
-pub fn open(root: &Path, format: Option<&str>) -> Result<(Format, Box<dyn DatasetReader>)> {
-    open_source(&Source::new(root), format)
+impl Registry {
+    /// Opens a dataset: of the format of a name, or of the one that it looks like.
+    ///
+    /// # Errors
+    /// If nothing is there, it is no dataset of a known format, or of several, or nothing of it can be read.
+    pub fn open_dataset(&self, source: &Source, format: Option<&str>) -> Result<(Format, Box<dyn DatasetReader>)> {
+        let (format, source) = self.find_dataset(source, format)?;
+        Ok((format, format.open(&source)?))
+    }
+
+    /// Finds the format of a dataset, and its folder or annotation file, without opening it: a folder that only holds a dataset
+    /// is left for that one.
+    ///
+    /// # Errors
+    /// If nothing is there, or it is no dataset of a known format, or of several.
+    pub fn find_dataset(&self, source: &Source, format: Option<&str>) -> Result<(Format, Source)> {
+        find(self.formats(), source, format)
+    }
 }
 
-/// The same with the reach that the user allows.
-pub fn open_source(source: &Source, format: Option<&str>) -> Result<(Format, Box<dyn DatasetReader>)> {
-    let (format, source) = find(source, format)?;
-    Ok((format, format.open(&source)?))
-}
-
-/// Finds the format of a dataset, and its folder or annotation file, without opening it: a folder that only holds a dataset is
-/// left for that one.
-///
-/// # Errors
-/// If nothing is there, or it is no dataset of a known format, or of several.
-pub fn find(source: &Source, format: Option<&str>) -> Result<(Format, Source)> {
+fn find(formats: &[Format], source: &Source, format: Option<&str>) -> Result<(Format, Source)> {
     let root = source.path.as_path();
-    let formats = linked();
     let names = || formats.iter().map(|format| format.name).collect::<Vec<_>>().join(", ");
     if !root.is_dir() && !root.is_file() {
         return Err(Error::new("there is no such folder or file").in_file(root).of_request());
@@ -150,7 +147,7 @@ pub fn find(source: &Source, format: Option<&str>) -> Result<(Format, Source)> {
         inside.sort();
         match inside.as_slice() {
             // A writer's folder in a folder of its own, as `convert` makes it.
-            [only] => return find(&Source { path: only.clone(), reach: source.reach }, None),
+            [only] => return find(formats, &Source { path: only.clone(), reach: source.reach }, None),
             [] => {}
             [first, others @ ..] => {
                 return Err(Error::new(format!("there are {} datasets in it", 1 + others.len()))

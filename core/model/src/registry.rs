@@ -4,8 +4,10 @@
 //! checks them. Every function of the program takes `&Registry`, so that tests build theirs by hand, and programs add kinds
 //! with state of their own ([`Registry::with`]).
 
+use crate::check::Check;
 use crate::error::ConfigError;
 use crate::intern::intern;
+use crate::reader::Format;
 use crate::stage::{
     Annotator, AssetSource, CameraModel, DatasetAnnotator, Denoiser, LightSampler, Placer, Renderer, SceneAnnotator,
     Sensor, Settler, ViewSampler, Writer,
@@ -411,19 +413,29 @@ fn construct<C: Config>(table: RecipeValue<'_>) -> Result<Constructed, Construct
 
 inventory::collect!(Entry);
 
-/// All kinds of stages that a program knows.
-#[derive(Debug, Clone, Default)]
+/// All that crates add to a program: kinds of stages, checks of labels, and formats of datasets.
+#[derive(Clone, Default)]
 pub struct Registry {
     entries: Vec<Entry>,
+    checks: Vec<Check>,
+    formats: Vec<Format>,
 }
 
 impl Registry {
-    /// The kinds of all crates that are linked into this program and named in its source.
+    /// All that the crates register which are linked into this program and named in its source.
+    ///
+    /// # Errors
+    /// If two crates register one name.
     pub fn linked() -> Result<Self, String> {
-        Self::new(inventory::iter::<Entry>.into_iter().cloned())
+        Self::new(inventory::iter::<Entry>.into_iter().cloned())?
+            .with_checks(inventory::iter::<Check>.into_iter().copied())?
+            .with_formats(inventory::iter::<Format>.into_iter().copied())
     }
 
-    /// A registry of some entries. Two of one slot and kind are an error that names both crates.
+    /// A registry of some kinds, without checks and formats.
+    ///
+    /// # Errors
+    /// If two crates register one kind of a slot.
     pub fn new(entries: impl IntoIterator<Item = Entry>) -> Result<Self, String> {
         let mut entries: Vec<Entry> = entries.into_iter().collect();
         entries.sort_by_key(|entry| (entry.slot, entry.kind));
@@ -435,7 +447,7 @@ impl Registry {
                 ));
             }
         }
-        Ok(Self { entries })
+        Ok(Self { entries, ..Self::default() })
     }
 
     /// The same registry with one more kind.
@@ -443,7 +455,47 @@ impl Registry {
     /// # Errors
     /// If it has the kind already.
     pub fn with(self, entry: Entry) -> Result<Self, String> {
-        Self::new(self.entries.into_iter().chain([entry]))
+        let Self { entries, checks, formats } = self;
+        Ok(Self { checks, formats, ..Self::new(entries.into_iter().chain([entry]))? })
+    }
+
+    /// The same registry with more checks.
+    ///
+    /// # Errors
+    /// If two checks have one name.
+    pub fn with_checks(mut self, checks: impl IntoIterator<Item = Check>) -> Result<Self, String> {
+        self.checks.extend(checks);
+        self.checks.sort_by_key(|check| check.name);
+        match self.checks.windows(2).find(|pair| pair[0].name == pair[1].name) {
+            Some(pair) => Err(format!("two crates register the check `{}`; link one of them only", pair[0].name)),
+            None => Ok(self),
+        }
+    }
+
+    /// The same registry with more formats.
+    ///
+    /// # Errors
+    /// If two formats have one name.
+    pub fn with_formats(mut self, formats: impl IntoIterator<Item = Format>) -> Result<Self, String> {
+        self.formats.extend(formats);
+        self.formats.sort_by_key(|format| format.name);
+        match self.formats.windows(2).find(|pair| pair[0].name == pair[1].name) {
+            Some(pair) => Err(format!(
+                "two crates register the format `{}`: {} and {}; link one of them only",
+                pair[0].name, pair[0].crate_name, pair[1].crate_name
+            )),
+            None => Ok(self),
+        }
+    }
+
+    /// All checks of labels, by name.
+    pub fn checks(&self) -> &[Check] {
+        &self.checks
+    }
+
+    /// All formats of datasets that can be read, by name.
+    pub fn formats(&self) -> &[Format] {
+        &self.formats
     }
 
     /// All entries, sorted by slot and kind.

@@ -7,7 +7,7 @@ use crate::run::{Converted, check_place, convert as convert_dataset, products_of
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 use syntable_model::error::{Error, Result};
-use syntable_model::reader::{self, Format, Source};
+use syntable_model::reader::{Format, Source};
 use syntable_model::registry::{ConstructError, Entry, Registry, Slot, Stage};
 use syntable_model::some::SHOWN;
 use syntable_model::stage::Writer;
@@ -67,7 +67,7 @@ pub fn convert(registry: &Registry, options: &ConvertOptions, reporter: &dyn Rep
     let writers = asked_writers(registry, options)?;
     check_place(&options.out, &options.dataset)?;
     let named = Source::new(&options.dataset).trusting(options.trust_paths);
-    let (Format { name: format, .. }, dataset) = reader::open_source(&named, options.format.as_deref())?;
+    let (Format { name: format, .. }, dataset) = registry.open_dataset(&named, options.format.as_deref())?;
     let has = products_of(registry, &*dataset);
     let mut shortened = BTreeSet::new();
     let writers = writers.into_iter().map(|writer| writer.without_missing(&has, &mut shortened));

@@ -21,7 +21,6 @@ use std::ops::Range;
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, sync_channel};
 use std::thread::{self, JoinHandle};
-use syntable_model::check::Check;
 use syntable_model::context::{SceneContext, ViewContext};
 use syntable_model::error::{Error, Result};
 use syntable_model::product::{KeyId, Products, Scope};
@@ -88,12 +87,11 @@ pub fn generate(
     let scenes = options.scenes.clone().unwrap_or(0..recipe.dataset.scenes);
     let (assets, times) = (AssetStore::open(recipe, &log)?, Times::default());
     let in_flight = scenes_in_flight(recipe, options.threads, scenes.len());
-    let (sessions, checks) = (Sessions::open(&*recipe.render, in_flight)?, syntable_model::check::linked());
+    let sessions = Sessions::open(&*recipe.render, in_flight)?;
     let (dataset, stop) = (dataset_info(recipe), options.stop.nested());
     let tools =
         Tools { recipe, assets: &assets, cache: &options.cache, workers: &pool, log: &log, times: &times, stop: &stop };
-    let checks: &[Check] = &checks;
-    let walk = Walk { tools, sessions: &sessions, checks, reporter, dataset: &dataset, plan: &plan };
+    let walk = Walk { tools, sessions: &sessions, checks: &recipe.checks, reporter, dataset: &dataset, plan: &plan };
     let maker = Maker { walk, names: &names };
     let order = Order::new(scenes.start, scenes.len().min(in_flight) as u32);
     let mut failed = Vec::new();

@@ -1,6 +1,7 @@
 //! Paths of people, as they may be compared.
 
 use std::path::{Path, PathBuf};
+use syntable_model::registry::Registry;
 
 /// A path without links and detours, as far as it exists.
 pub fn whole(path: &Path) -> PathBuf {
@@ -13,13 +14,12 @@ pub fn whole(path: &Path) -> PathBuf {
 
 /// The folder of a dataset, which may be named by its annotation file: the nearest one that looks like a dataset by itself, of the
 /// two in which the file may be. A file that lies among others stands for itself.
-pub fn dataset_folder(path: &Path) -> PathBuf {
+pub fn dataset_folder(registry: &Registry, path: &Path) -> PathBuf {
     if !path.is_file() {
         return path.to_owned();
     }
     let absolute = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
-    let formats = syntable_model::reader::linked();
-    let is_dataset = |folder: &&Path| formats.iter().any(|format| format.detects(folder));
+    let is_dataset = |folder: &&Path| registry.formats().iter().any(|format| format.detects(folder));
     let found = absolute.ancestors().skip(1).take(2).find(is_dataset);
     found.map_or_else(|| path.to_owned(), Path::to_owned)
 }

@@ -4,12 +4,13 @@ use crate::workers::Pool;
 use parking_lot::Mutex;
 use serde::Serialize;
 use std::collections::{BTreeMap, BTreeSet};
-use syntable_model::check::{self, Check};
+use syntable_model::check::Check;
 use syntable_model::context::Workers;
 use syntable_model::error::{Error, Result};
 use syntable_model::product::standard::OBJECT_INFO;
 use syntable_model::product::{KeyId, Products, Value};
-use syntable_model::reader::{self, DatasetFault, DatasetReader, Source, unnamed_category, unnamed_object};
+use syntable_model::reader::{DatasetFault, DatasetReader, Source, unnamed_category, unnamed_object};
+use syntable_model::registry::Registry;
 
 /// Name of the check that datasets give things the same numbers.
 const NUMBERS_AGREE: &str = "numbers_agree";
@@ -47,10 +48,15 @@ pub struct ValidatedDataset {
 ///
 /// # Errors
 /// If there is no dataset, its format is not known, or a file system or device fails.
-pub fn validate_path(named: &Source, format: Option<&str>, threads: usize) -> Result<ValidatedDataset> {
-    let (format, found_at) = reader::find(named, format)?;
+pub fn validate_path(
+    registry: &Registry,
+    named: &Source,
+    format: Option<&str>,
+    threads: usize,
+) -> Result<ValidatedDataset> {
+    let (format, found_at) = registry.find_dataset(named, format)?;
     let found = match format.open(&found_at) {
-        Ok(dataset) => validate(&*dataset, threads)?,
+        Ok(dataset) => validate(&*dataset, registry.checks(), threads)?,
         Err(error) if error.is_transient() => return Err(error),
         Err(error) => Validated::unreadable(found_at.path.display().to_string(), &error),
     };
@@ -181,8 +187,7 @@ pub struct FaultAt {
 }
 
 /// Reads all images of a dataset and makes all checks on each.
-pub fn validate(dataset: &dyn DatasetReader, threads: usize) -> Result<Validated> {
-    let checks = check::linked();
+pub fn validate(dataset: &dyn DatasetReader, checks: &[Check], threads: usize) -> Result<Validated> {
     let offers = dataset.offers();
     let category = |(id, name): (u32, &str)| (u64::from(id), BTreeSet::from([name.to_owned()]));
     // What is called after its number may have a name in another dataset.

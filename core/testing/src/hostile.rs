@@ -1,14 +1,15 @@
 //! Datasets whose files are links to what is not theirs, or no files at all.
 
+use crate::takes::registry;
 use std::fs;
 use std::path::{Path, PathBuf};
 use syntable_model::error::Error;
-use syntable_model::reader::{self, Source};
+use syntable_model::reader::Source;
 
 /// What is said of a dataset that is read as a whole: images that were read, and why others were not. If it cannot be opened,
 /// that is the only reason.
 pub fn read_all(source: &Source, kind: &str) -> (usize, Vec<Error>) {
-    let read = match reader::open_source(source, Some(kind)) {
+    let read = match registry().open_dataset(source, Some(kind)) {
         Ok((_, read)) => read,
         Err(error) => return (0, vec![error]),
     };

@@ -1,9 +1,10 @@
 //! What a writer writes of products, read back by the reader of its format.
 
+use crate::takes::open_dataset;
 use crate::takes::{Take, WIDTH, dataset, finish, takes, write_scenes, writer};
 use std::path::Path;
 use syntable_model::prelude::*;
-use syntable_model::reader::{self, DatasetReader};
+use syntable_model::reader::DatasetReader;
 
 /// The dataset of [`written`]: three scenes and two classes.
 pub fn classes() -> DatasetInfo {
@@ -20,7 +21,7 @@ pub fn written(root: &Path, kind: &str, options: &str) -> Vec<Take> {
 
 /// Opens a dataset by the format that it looks like, which must be that of the writer.
 pub fn opened(root: &Path, kind: &str) -> Box<dyn DatasetReader> {
-    let (format, reader) = reader::open(root, None).unwrap_or_else(|error| panic!("{kind}: {error}"));
+    let (format, reader) = open_dataset(root, None).unwrap_or_else(|error| panic!("{kind}: {error}"));
     assert_eq!(format.name, kind);
     assert!(reader.faults().is_empty(), "{kind}: {:?}", reader.faults());
     reader

@@ -10,6 +10,7 @@ use syntable_model::geometry::{Point3, Vector3, look_at};
 use syntable_model::prelude::*;
 use syntable_model::product::standard::*;
 use syntable_model::product::{DType, OcclusionOrder, PixelCounts, Plane, Tensor};
+use syntable_model::reader::{DatasetReader, Format, Source};
 use syntable_model::registry::{Registry, Slot, Stage};
 use syntable_model::scene::{
     AssetRef, BodyDraft, Camera, Exposure, Intrinsics, MassOrigin, MassProperties, Material, Mesh, MeshData, Motion,
@@ -21,11 +22,23 @@ pub const WIDTH: u32 = 64;
 /// Height of the images, px.
 pub const HEIGHT: u32 = 48;
 
+/// All that the crates register which the test links.
+pub fn registry() -> Registry {
+    Registry::linked().expect("no two of one name")
+}
+
+/// Opens a dataset of any format that the test links.
+///
+/// # Errors
+/// As the program's.
+pub fn open_dataset(root: &Path, format: Option<&str>) -> Result<(Format, Box<dyn DatasetReader>), Error> {
+    registry().open_dataset(&Source::new(root), format)
+}
+
 /// The writer that these options give, or why they are refused. The test must link the crate that registers the kind.
 pub fn writer(kind: &str, options: &str) -> Result<Box<dyn Writer>, String> {
     use syntable_model::registry::ConstructError;
-    let registry = Registry::linked().expect("kinds are unique");
-    match registry.find(Slot::Write, kind).expect("a registered kind").construct_str(options) {
+    match registry().find(Slot::Write, kind).expect("a registered kind").construct_str(options) {
         Ok(constructed) => match constructed.stage {
             Stage::Write(writer) => Ok(writer),
             _ => unreachable!("the registry keeps slots apart"),

@@ -10,6 +10,7 @@ use std::path::PathBuf;
 use syntable_formats::scores::{ScoredImage, Scores};
 use syntable_model::error::{Error, Result};
 use syntable_model::reader::{DatasetReader, Source};
+use syntable_model::registry::Registry;
 use syntable_runtime::images::{Work, each};
 use syntable_runtime::left_out::LeftOutReport;
 
@@ -80,20 +81,25 @@ pub struct Evaluation {
 ///
 /// # Errors
 /// If a name is wrong, masks that the metrics need are missing, a file cannot be read, or the work was asked to stop.
-pub fn evaluate(options: &EvaluateOptions, work: &Work) -> Result<Evaluation> {
+pub fn evaluate(registry: &Registry, options: &EvaluateOptions, work: &Work) -> Result<Evaluation> {
     let EvaluateOptions { truth: gt, predictions: pred, .. } = options;
     let mut measures = Measures::named(&options.metrics, options.convention)?;
     if options.by_category && !options.metrics.is_empty() && !options.metrics.iter().any(|name| name == "coco") {
         let error = Error::new("--by-category adds to the metric `coco`, which --metrics leaves out");
         return Err(error.help("name `coco` with --metrics, too, or leave --by-category out").of_request());
     }
-    let (format, truth) = predictions::open(gt, options.truth_format.as_deref())?;
+    let (format, truth) = predictions::open(registry, gt, options.truth_format.as_deref())?;
     check_masks(&*truth, &gt.path)?;
     if truth.images().is_empty() {
         return Err(Error::new("the dataset has no image").in_file(&gt.path).permanent());
     }
-    let (predictions_format, predictions) =
-        Predictions::open(pred, options.predictions_format.as_deref(), options.min_score, (&gt.path, &*truth))?;
+    let (predictions_format, predictions) = Predictions::open(
+        registry,
+        pred,
+        options.predictions_format.as_deref(),
+        options.min_score,
+        (&gt.path, &*truth),
+    )?;
     let by_category = options.by_category.then(|| ByCategory::new(truth.info().categories()));
     let categories = by_category.iter().flat_map(ByCategory::words).map(str::to_owned).collect();
     if let Some(by_category) = by_category {

@@ -10,21 +10,26 @@ use syntable_model::error::{Error, Result};
 use syntable_model::product::Mask;
 use syntable_model::product::standard::{AMODAL_MASK, CATEGORY_ID, OCCLUSION_MASK, VISIBLE_MASK};
 use syntable_model::reader::{self, DatasetReader, ImageRef, Source};
+use syntable_model::registry::Registry;
 use syntable_model::scene::InstanceId;
 
 /// Opens a dataset or a folder of label maps, and says what it was read as.
 ///
 /// # Errors
 /// If it cannot be read.
-pub fn open(source: &Source, format: Option<&str>) -> Result<(&'static str, Box<dyn DatasetReader>)> {
+pub fn open(
+    registry: &Registry,
+    source: &Source,
+    format: Option<&str>,
+) -> Result<(&'static str, Box<dyn DatasetReader>)> {
     let path = source.path.as_path();
-    let is_other = || reader::linked().iter().any(|format| format.detects(path));
+    let is_other = || registry.formats().iter().any(|format| format.detects(path));
     let is_ours = format.map_or_else(|| LabelMaps::is_one(path) && !is_other(), |format| format == label_maps::NAME);
     if is_ours {
         let opened = reader::open_guarded(label_maps::NAME, source, || LabelMaps::open(source))?;
         return Ok((label_maps::NAME, opened));
     }
-    let (format, dataset) = reader::open_source(source, format)?;
+    let (format, dataset) = registry.open_dataset(source, format)?;
     Ok((format.name, dataset))
 }
 
@@ -43,6 +48,7 @@ impl Predictions {
     /// # Errors
     /// If they cannot be read, or are not of these images.
     pub fn open(
+        registry: &Registry,
         source: &Source,
         format: Option<&str>,
         least: f64,
@@ -52,7 +58,7 @@ impl Predictions {
         if format.is_none() && Results::is_one(path) {
             return Ok(("results", Self::Results(Results::open(path, least, truth.0, truth.1)?)));
         }
-        let found = open(source, format);
+        let found = open(registry, source, format);
         let (format, dataset) = match found {
             Err(error) if path.is_file() => {
                 let help = "a result file is a JSON list of predictions, `[{\"image_id\": …, \"score\": …, \"segmentation\": …}, …]`";

@@ -5,8 +5,8 @@ use std::path::Path;
 use syntable_hdf5 as _;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::*;
-use syntable_model::reader;
 use syntable_testing::read_back::{assert_products, classes, opened, written};
+use syntable_testing::takes::open_dataset;
 
 const INCLUDE: &str = "include = [\"visible_mask\", \"amodal_mask\", \"occlusion_order\", \"category_id\", \"camera\", \
                        \"occlusion_rate\", \"visible_box\", \"amodal_bits\", \"radiance\", \"object_info\"]";
@@ -87,7 +87,7 @@ fn what_is_damaged_is_named() {
     let path = folder.path().join("data/000001_0001.hdf5");
     let bytes = std::fs::read(&path).expect("readable");
     let said = |root: &Path| {
-        let (_, read) = reader::open(root, None).expect("a dataset");
+        let (_, read) = open_dataset(root, None).expect("a dataset");
         let errors =
             (0..read.images().len()).filter_map(|image| Some(read.read(image, &read.offers()).err()?.to_string()));
         errors.collect::<Vec<String>>()

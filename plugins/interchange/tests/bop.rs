@@ -13,12 +13,13 @@ use syntable_model::geometry::{Point3, Vector3, look_at};
 use syntable_model::prelude::*;
 use syntable_model::product::standard::*;
 use syntable_model::product::{BitPlane, ObjectModel, ObjectModels, Plane};
-use syntable_model::reader::{self, DatasetReader};
+use syntable_model::reader::DatasetReader;
 use syntable_model::registry::{Registry, Slot, Stage};
 use syntable_model::scene::{
     AssetRef, BodyDraft, Camera, Exposure, Intrinsics, MassOrigin, MassProperties, Material, Mesh, MeshData, Motion,
     Object, Role, SceneId, SettleReport, SourceModel, Tabletop, ViewId,
 };
+use syntable_testing::takes::open_dataset;
 use syntable_testing::tools::is_there;
 
 const K: Intrinsics = Intrinsics { width: 64, height: 48, fx: 60.0, fy: 62.0, cx: 31.3, cy: 24.9 };
@@ -430,7 +431,7 @@ fn what_bop_cannot_have_is_refused() {
 
 /// The dataset of a folder, opened by the format that it looks like.
 fn opened(root: &Path) -> Box<dyn DatasetReader> {
-    let (format, reader) = reader::open(root, None).expect("a dataset");
+    let (format, reader) = open_dataset(root, None).expect("a dataset");
     assert_eq!(format.name, "bop");
     reader
 }

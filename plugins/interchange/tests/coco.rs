@@ -10,7 +10,8 @@ use syntable_model::product::BBox;
 use syntable_model::product::standard::{
     AMODAL_MASK, CATEGORY_ID, OCCLUSION_MASK, OCCLUSION_ORDER, RGB, VISIBLE_BOX, VISIBLE_MASK,
 };
-use syntable_model::reader::{self, DatasetReader};
+use syntable_model::reader::DatasetReader;
+use syntable_testing::takes::open_dataset;
 
 /// A square of 4 × 4 px as a polygon.
 fn square(x: u32, y: u32) -> Json {
@@ -45,7 +46,7 @@ fn open_of(root: &Path, annotations: &[Json], categories: Json) -> Box<dyn Datas
     });
     fs::create_dir_all(root.join("annotations")).expect("a folder");
     fs::write(root.join("annotations/instances_val.json"), file.to_string()).expect("written");
-    reader::open(root, None).unwrap_or_else(|error| panic!("{error}")).1
+    open_dataset(root, None).unwrap_or_else(|error| panic!("{error}")).1
 }
 
 fn read(reader: &dyn DatasetReader) -> Products {
@@ -152,13 +153,13 @@ fn harmless_habits_of_other_tools_are_read() {
     data["images"][0]["id"] = json!(1.0);
     let marked = |data: &Json| fs::write(&path, format!("\u{feff}{data}")).expect("written");
     marked(&data);
-    let found = reader::open(folder.path(), None).unwrap_or_else(|error| panic!("{error}")).1;
+    let found = open_dataset(folder.path(), None).unwrap_or_else(|error| panic!("{error}")).1;
     assert_eq!(found.faults(), []);
     assert_eq!(read(&*found).get(VISIBLE_MASK).expect("there").iter().next().expect("an object").1.area(), 16);
     for id in [json!(1.5), json!(-1), json!("1"), json!(null), json!(1e300)] {
         data["images"][0]["id"] = id;
         marked(&data);
-        let error = reader::open(folder.path(), None).err().expect("no id");
+        let error = open_dataset(folder.path(), None).err().expect("no id");
         assert!(error.is_permanent() && error.to_string().contains("`images[0]"), "{error}");
     }
 }
@@ -182,7 +183,7 @@ fn holes_of_kins_are_told_by_areas() {
         });
         let path = folder.path().join("update_train_2020.json");
         fs::write(&path, data.to_string()).expect("written");
-        let found = reader::open(&path, None).unwrap_or_else(|error| panic!("{error}")).1;
+        let found = open_dataset(&path, None).unwrap_or_else(|error| panic!("{error}")).1;
         assert_eq!(found.image_faults(0).iter().filter(|it| it.0 == "areas_are_those_of_masks").count(), 0);
         let products = read(&*found);
         let area =
@@ -229,7 +230,7 @@ fn images_of_kins_are_those_of_the_split() {
             "categories": [{ "id": 7, "name": "car" }],
         });
         fs::write(folder.path().join(file), data.to_string()).expect("written");
-        let found = reader::open(folder.path(), Some("kins")).unwrap_or_else(|error| panic!("{error}")).1;
+        let found = open_dataset(folder.path(), Some("kins")).unwrap_or_else(|error| panic!("{error}")).1;
         let products = found.read(0, &[RGB.id()]).unwrap_or_else(|error| panic!("{error}")).1;
         assert_eq!(products.get(RGB).expect("there").at(0, 0)[0], expected, "{file}");
     }
@@ -280,9 +281,9 @@ fn a_folder_of_instances_and_segments_is_both() {
     let folder = tempfile::tempdir().expect("a folder");
     open(folder.path(), &[annotation(1, Some(square(2, 2)), json!({}))]);
     fs::write(folder.path().join("annotations/panoptic_val.json"), "{}").expect("written");
-    let error = reader::open(folder.path(), None).err().expect("two formats").to_string();
+    let error = open_dataset(folder.path(), None).err().expect("two formats").to_string();
     assert!(error.contains("like coco and like coco_panoptic"), "{error}");
-    let found = reader::open(folder.path(), Some("coco")).unwrap_or_else(|error| panic!("{error}")).1;
+    let found = open_dataset(folder.path(), Some("coco")).unwrap_or_else(|error| panic!("{error}")).1;
     assert_eq!(read(&*found).get(VISIBLE_MASK).expect("there").iter().count(), 1);
 }
 
@@ -344,7 +345,7 @@ fn polygons_of_cocoa_fill_holes() {
         });
         fs::create_dir_all(folder.path().join("annotations")).expect("a folder");
         fs::write(folder.path().join("annotations/COCO_amodal_val2014.json"), file.to_string()).expect("written");
-        let found = reader::open(folder.path(), None).unwrap_or_else(|error| panic!("{error}")).1;
+        let found = open_dataset(folder.path(), None).unwrap_or_else(|error| panic!("{error}")).1;
         found.image_faults(0).into_iter().map(|(check, _)| check).collect::<Vec<_>>()
     };
     assert_eq!(of(14), Vec::<&str>::new());

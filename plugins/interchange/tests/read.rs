@@ -10,6 +10,7 @@ use std::path::{Path, PathBuf};
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{AMODAL_MASK, CATEGORY_ID, DEPTH, OCCLUSION_MASK, RGB, VISIBLE_MASK};
 use syntable_model::reader::{self, DatasetReader};
+use syntable_testing::takes::{open_dataset, registry};
 
 fn classes() -> DatasetInfo {
     DatasetInfo { classes: vec!["bowl".into(), "mug".into()], program: "syntable 0.1.0".into(), ..dataset(3, 3) }
@@ -24,7 +25,7 @@ fn written(root: &Path, kind: &str, options: &str) -> Vec<Take> {
 }
 
 fn open(root: &Path) -> Box<dyn DatasetReader> {
-    reader::open(root, None).unwrap_or_else(|error| panic!("{error}")).1
+    open_dataset(root, None).unwrap_or_else(|error| panic!("{error}")).1
 }
 
 /// Pixels of the visible and the amodal mask of an object, and its category.
@@ -164,7 +165,8 @@ fn names_lead_nowhere_else() {
             fs::write(&file, json.to_string()).expect("writable");
             let source = reader::Source::new(&data);
             let all = |source: &reader::Source| {
-                let (_, read) = reader::open_source(source, Some(of)).unwrap_or_else(|error| panic!("{kind}: {error}"));
+                let (_, read) =
+                    registry().open_dataset(source, Some(of)).unwrap_or_else(|error| panic!("{kind}: {error}"));
                 (0..read.images().len()).map(|image| read.read(image, &read.offers()).err()).collect::<Vec<_>>()
             };
             for error in all(&source) {
@@ -200,7 +202,7 @@ fn files_of_others_are_read() {
             return;
         }
         let (format, read) =
-            reader::open(&folder.path().join(at), None).unwrap_or_else(|error| panic!("{kind}: {error}"));
+            open_dataset(&folder.path().join(at), None).unwrap_or_else(|error| panic!("{kind}: {error}"));
         assert_eq!((format.name, read.faults()), (kind, &[][..]));
         let truth: Vec<Vec<True>> =
             serde_json::from_slice(&fs::read(folder.path().join("truth.json")).expect("there")).expect("JSON");
@@ -243,7 +245,7 @@ fn files_of_others_are_read() {
 
 /// All that is said of a dataset: why it cannot be opened, faults, and why images cannot be read.
 fn said(root: &Path, kind: &str) -> Vec<String> {
-    let read = match reader::open(root, Some(kind)) {
+    let read = match open_dataset(root, Some(kind)) {
         Ok((_, read)) => read,
         Err(error) => {
             assert!(error.is_permanent(), "{kind}: not the fault of the request: {error}");
@@ -844,7 +846,7 @@ fn fields_with_labels_are_counted() {
     }
     let folder = tempfile::tempdir().expect("a folder");
     let root = yolo_of(folder.path(), "0 0.5 0.5 0.2 0.2\n", "");
-    let (_, read) = reader::open(&root, Some("yolo")).expect("a dataset");
+    let (_, read) = open_dataset(&root, Some("yolo")).expect("a dataset");
     let lost = &read.not_kept(&read.offers())[0];
     assert!(lost.count > 0 && lost.count == lost.of, "{lost}");
     assert_eq!(lost.what, "labels are boxes, of which only classes are kept");
@@ -857,7 +859,7 @@ fn classes_beside_labels_have_names() {
     let root = yolo_of(folder.path(), "1 0.1 0.1 0.5 0.1 0.5 0.5\n", "");
     fs::remove_file(root.join("data.yaml")).expect("there");
     let names = || -> Vec<String> {
-        let (_, read) = reader::open(&root, Some("yolo")).expect("a dataset");
+        let (_, read) = open_dataset(&root, Some("yolo")).expect("a dataset");
         read.info().categories().map(|(_, name)| name.to_owned()).collect()
     };
     assert_eq!(names(), ["class 0", "class 1"]);
@@ -971,10 +973,10 @@ fn one_of_several_is_named() {
         let second = first.with_file_name(name);
         assert_ne!(first, second, "{kind}");
         fs::copy(&first, &second).expect("copied");
-        let error = reader::open(&root, None).err().expect("two files").to_string();
+        let error = open_dataset(&root, None).err().expect("two files").to_string();
         assert!(error.contains("there are 2"), "{kind}: {error}");
         for path in [&first, &second] {
-            let (format, read) = reader::open(path, None).unwrap_or_else(|error| panic!("{kind}: {error}"));
+            let (format, read) = open_dataset(path, None).unwrap_or_else(|error| panic!("{kind}: {error}"));
             assert_eq!((format.name, read.faults()), (kind, &[][..]));
             read.read(0, &read.offers()).unwrap_or_else(|error| panic!("{kind}: {error}"));
         }
@@ -986,7 +988,7 @@ fn one_of_several_is_named() {
     for of in ["images", "labels"] {
         fs::create_dir(root.join(of).join("zzz")).expect("made");
     }
-    let error = reader::open(&root, None).err().expect("two splits");
+    let error = open_dataset(&root, None).err().expect("two splits");
     assert!(error.to_string().contains("there are 2 splits"), "{error}");
     // Folders of datasets.
     let folder = tempfile::tempdir().expect("a folder");
@@ -995,7 +997,7 @@ fn one_of_several_is_named() {
         written(other.path(), kind, "");
         fs::rename(other.path().join("data"), folder.path().join(kind)).expect("renamed");
     }
-    let error = reader::open(folder.path(), None).err().expect("two datasets").to_string();
+    let error = open_dataset(folder.path(), None).err().expect("two datasets").to_string();
     assert!(error.contains("there are 2 datasets in it"), "{error}");
 }
 

@@ -7,6 +7,7 @@ use syntable_model::product::standard::*;
 use syntable_model::reader;
 use syntable_parquet as _;
 use syntable_testing::read_back::{assert_products, classes, opened, written};
+use syntable_testing::takes::open_dataset;
 
 /// What tables keep of a record: the fields that have columns.
 fn part(name: &str, mut value: Json) -> Json {
@@ -129,7 +130,7 @@ fn what_is_damaged_is_named() {
     let path = folder.path().join("data/instances/000002.parquet");
     let bytes = std::fs::read(&path).expect("readable");
     let said = |root: &Path| {
-        let (_, read) = reader::open(root, None).expect("a dataset");
+        let (_, read) = open_dataset(root, None).expect("a dataset");
         let faults = read.faults().iter().map(|fault| format!("{} {}", fault.place, fault.message)).collect::<Vec<_>>();
         let errors =
             (0..read.images().len()).filter_map(|image| Some(read.read(image, &read.offers()).err()?.to_string()));

@@ -9,6 +9,7 @@ use std::thread;
 use syntable_model::context::Workers;
 use syntable_model::error::Result;
 use syntable_model::reader::{DatasetReader, Source};
+use syntable_model::registry::Registry;
 use syntable_runtime::images::Work;
 use syntable_runtime::run::progress::{Event, Reporter};
 use syntable_runtime::run::stop::Stop;
@@ -25,9 +26,15 @@ impl Viewer {
     ///
     /// # Errors
     /// If the dataset or the file cannot be read, or the port cannot be had.
-    pub fn open(source: &Source, format: Option<&str>, scores: Option<&Path>, port: u16) -> Result<Self> {
+    pub fn open(
+        registry: &Registry,
+        source: &Source,
+        format: Option<&str>,
+        scores: Option<&Path>,
+        port: u16,
+    ) -> Result<Self> {
         let all = |of: &dyn DatasetReader| Shown { images: (0..of.images().len()).collect(), scenes: None };
-        let mut report = Report::open(source, format, all)?;
+        let mut report = Report::open(registry, source, format, all)?;
         if let Some(file) = scores {
             let scored = Scored::open(file, report.dataset())?;
             report = report.with_scores(scored);

@@ -7,6 +7,7 @@ use syntable_model::error::{Error, Result};
 use syntable_model::product::standard::{DEPTH, OBJECT_NAME, RGB};
 use syntable_model::product::{KeyId, Mask, Plane, Products};
 use syntable_model::reader::{DatasetReader, ImageRef, Source};
+use syntable_model::registry::Registry;
 use syntable_model::scene::{InstanceId, SceneId, View, ViewId};
 use syntable_model::stage::DatasetInfo;
 use syntable_report::report::make::{MADE_BY, write};
@@ -114,7 +115,10 @@ fn report(memory: Memory, shown: Vec<usize>) -> Report {
         Err(error) => Counted::Failed(error.to_string()),
     };
     let source = Source::new("nowhere/a <b> dataset");
-    let report = Report::of(Box::new(memory), "memory", &source, |_| Shown { images: shown, scenes: None });
+    let report = Report::of(&Registry::default(), Box::new(memory), "memory", &source, |_| Shown {
+        images: shown,
+        scenes: None,
+    });
     let report = report.unwrap_or_else(|error| panic!("{error}"));
     report.put_statistics(counted);
     report
@@ -284,7 +288,7 @@ fn what_cannot_be_read_is_named_and_the_rest_is_shown() {
 
 #[test]
 fn a_dataset_without_an_image_has_no_report() {
-    let report = Report::of(Box::new(Memory::new(0)), "memory", &Source::new("x"), |_| Shown {
+    let report = Report::of(&Registry::default(), Box::new(Memory::new(0)), "memory", &Source::new("x"), |_| Shown {
         images: Vec::new(),
         scenes: None,
     });

@@ -9,6 +9,7 @@ use syntable_model::reader;
 #[cfg(unix)]
 use syntable_testing::hostile::{links_lead_nowhere_else, pipes_are_not_waited_for};
 use syntable_testing::read_back::{assert_products, classes, opened, written};
+use syntable_testing::takes::{open_dataset, registry};
 
 /// Labels that follow from planes of ids and bits, or from masks.
 fn labels() -> Vec<KeyId> {
@@ -97,9 +98,9 @@ fn nothing_that_is_read_panics() {
                 _ => (0..8).for_each(|_| changed[stream.below(end) as usize] = stream.below(256) as u8),
             }
             std::fs::write(&path, &changed).expect("writable");
-            let Ok((_, read)) = reader::open(folder.path(), Some(kind)).or_else(|_| {
+            let Ok((_, read)) = open_dataset(folder.path(), Some(kind)).or_else(|_| {
                 let within = if kind == "jsonl" { "data.jsonl" } else { "data" };
-                reader::open(&folder.path().join(within), Some(kind))
+                open_dataset(&folder.path().join(within), Some(kind))
             }) else {
                 continue;
             };
@@ -127,7 +128,7 @@ fn each_product_is_read_by_itself() {
 
 /// What is said of a dataset that was changed: faults of opening, then errors of images.
 fn said(root: &Path, kind: &str) -> Vec<String> {
-    let read = match reader::open(root, Some(kind)) {
+    let read = match open_dataset(root, Some(kind)) {
         Ok((_, read)) => read,
         Err(error) => return vec![error.to_string()],
     };
@@ -191,7 +192,7 @@ fn what_is_damaged_is_named() {
 
 /// The first image of a dataset that was changed, or why it cannot be read.
 fn first(root: &Path, kind: &str, wants: &[KeyId]) -> Result<Products> {
-    let (_, read) = reader::open(root, Some(kind))?;
+    let (_, read) = open_dataset(root, Some(kind))?;
     assert!(wants.iter().all(|key| read.offers().contains(key)), "{:?}", read.offers());
     read.read(0, wants).map(|(_, products)| products)
 }
@@ -262,7 +263,7 @@ fn categories_are_those_of_the_file() {
     let root = folder.path().join("data");
     let categories = |text: &str| {
         std::fs::write(root.join("categories.json"), text).expect("writable");
-        let (_, read) = reader::open(&root, None).expect("a dataset");
+        let (_, read) = open_dataset(&root, None).expect("a dataset");
         let (_, found) = read.read(0, &[CATEGORY_ID.id()]).expect("readable");
         let ids: std::collections::BTreeSet<u32> =
             found.get(CATEGORY_ID).expect("there").iter().map(|it| *it.1).collect();
@@ -279,7 +280,7 @@ fn categories_are_those_of_the_file() {
     assert_eq!(names, ["object", "bowl", "mug"], "numbered anew, as 0 is the background in maps");
     // A category that no object needs is not added.
     categories(r#"[{"id": 1, "name": "a"}, {"id": 2, "name": "b"}, {"id": 3, "name": "c"}]"#);
-    let (_, read) = reader::open(&root, None).expect("a dataset");
+    let (_, read) = open_dataset(&root, None).expect("a dataset");
     assert_eq!(read.info().categories().map(|it| it.1).collect::<Vec<_>>(), ["a", "b", "c"]);
     let (_, faults) = categories(
         r#"[{"id": 1, "name": "a"}, {"id": 1, "name": "b"}, {"id": 2, "name": "c"}, {"id": 3, "name": "d"}]"#,
@@ -310,17 +311,18 @@ fn of_several_datasets_that_of_a_layout_counts() {
     std::fs::rename(elsewhere.path().join("data"), root.join("arrays")).expect("moved");
     written(&root.join("lines"), "jsonl", "");
     assert!(
-        reader::find(&reader::Source::new(root), None)
+        registry()
+            .find_dataset(&reader::Source::new(root), None)
             .err()
             .expect("two of products")
             .to_string()
             .contains("2 datasets")
     );
     written(&root.join("ours"), "syntable", "");
-    let (format, _) = reader::find(&reader::Source::new(root), None).expect("one of a layout");
+    let (format, _) = registry().find_dataset(&reader::Source::new(root), None).expect("one of a layout");
     assert_eq!(format.name, "syntable");
     // In the folder itself, too.
     let ours = root.join("ours");
     std::fs::copy(root.join("arrays/000000_0000.npz"), ours.join("000000_0000.npz")).expect("copied");
-    assert_eq!(reader::find(&reader::Source::new(&ours), None).expect("one of a layout").0.name, "syntable");
+    assert_eq!(registry().find_dataset(&reader::Source::new(&ours), None).expect("one of a layout").0.name, "syntable");
 }

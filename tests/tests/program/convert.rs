@@ -11,6 +11,7 @@ use syntable_model::product::{KeyId, Mask};
 use syntable_model::reader;
 use syntable_model::scene::InstanceId;
 use syntable_program as _;
+use syntable_testing::takes::open_dataset;
 
 fn json_of(path: &Path) -> Value {
     serde_json::from_slice(&fs::read(path).unwrap_or_else(|error| panic!("{}: {error}", path.display()))).expect("JSON")
@@ -401,7 +402,7 @@ fn what_overlapping_masks_lose_is_told() {
         assert_eq!(Some(pixels), segment["area"].as_u64());
     }
     assert_eq!(faults(&path("out/coco_panoptic")), []);
-    let (_, arrays) = reader::open(&path("out/npz"), None).expect("a dataset");
+    let (_, arrays) = open_dataset(&path("out/npz"), None).expect("a dataset");
     let (_, products) = arrays.read(0, &[VISIBLE_MASK.id()]).expect("readable");
     let areas: Vec<(u16, u32)> =
         products.get(VISIBLE_MASK).expect("there").iter().map(|(id, mask)| (id.0, mask.area())).collect();
@@ -477,7 +478,7 @@ fn amodal_masks_alone_are_no_visible_ones() {
     ok(&mut convert(&yolo, "coco", &coco));
     assert_eq!(faults(&coco), []);
     let masks = |root: &Path| -> Vec<Vec<u32>> {
-        let (_, dataset) = reader::open(root, None).expect("a dataset");
+        let (_, dataset) = open_dataset(root, None).expect("a dataset");
         assert!(!dataset.offers().contains(&VISIBLE_MASK.id()), "{}", root.display());
         let read = |image| dataset.read(image, &[AMODAL_MASK.id()]).expect("readable").1;
         let of = |image| read(image).get(AMODAL_MASK).expect("there").iter().map(|it| it.1.counts().to_vec()).collect();
@@ -664,7 +665,7 @@ fn scenes_that_lack_a_file_are_faults_and_the_others_are_read() {
             None => fs::remove_file(scene(name)).expect("there"),
             Some(damage) => fs::write(scene(name), damage).expect("writable"),
         }
-        let (_, dataset) = reader::open(&root, None).expect("a dataset");
+        let (_, dataset) = open_dataset(&root, None).expect("a dataset");
         let scenes: BTreeSet<u32> = dataset.images().iter().map(|image| image.scene.0).collect();
         assert_eq!(scenes, BTreeSet::from([1]), "{name}");
         let found = faults(&root);
@@ -710,7 +711,7 @@ type Kept = (Vec<usize>, Option<Vec<usize>>, Option<u32>, Option<Vec<f64>>);
 
 /// The objects of all images that are seen, by their masks, as far as these products are read.
 fn kept(root: &Path, wants: &[KeyId]) -> Vec<Vec<Kept>> {
-    let (_, dataset) = reader::open(root, None).unwrap_or_else(|error| panic!("{}: {error}", root.display()));
+    let (_, dataset) = open_dataset(root, None).unwrap_or_else(|error| panic!("{}: {error}", root.display()));
     let of = |image: usize| {
         let (_, products) = dataset.read(image, wants).unwrap_or_else(|error| panic!("{}: {error}", root.display()));
         let amodal = products.optional(AMODAL_MASK).expect("of its type");

@@ -618,6 +618,7 @@ fn products(registry: &Registry) -> String {
 }
 
 fn formats() -> String {
+    let registry = Registry::linked().expect("no clash");
     let mut page = format!(
         "{MADE}# File formats\n\nMeshes, textures and environment maps that pools read. Of one asset in several formats \
          the first in these lists is read. A crate can [add a format](../plugins.md#a-mesh-or-image-format).\n\n\
@@ -638,11 +639,11 @@ fn formats() -> String {
     }
     page += "\n## Datasets\n\nFormats that [`convert` and `validate`](../interchange.md) read.\n\n\
              | format | what it is | crate |\n|---|---|---|\n";
-    for format in syntable_model::reader::linked() {
+    for format in registry.formats() {
         let _ = writeln!(page, "| {} | {} | {} |", format.name, format.doc, format.crate_name);
     }
     page += "\n## Checks\n\nWhat `validate` and every run check in each view.\n\n| check | what holds |\n|---|---|\n";
-    for check in syntable_model::check::linked() {
+    for check in registry.checks() {
         let _ = writeln!(page, "| {} | {} |", check.name, check.doc);
     }
     page

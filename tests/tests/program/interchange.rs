@@ -10,6 +10,7 @@ use syntable_model::product::standard::{
 use syntable_model::product::{Key, Mask, PerInstance};
 use syntable_model::reader;
 use syntable_program as _;
+use syntable_testing::takes::{open_dataset, registry};
 
 /// All writers of formats, and those of any product.
 const WRITERS: &str = "write={ syntable = {}, coco = {}, coco_panoptic = {}, cocoa = {}, kins = {}, d2sa = {}, insta_order = {}, \
@@ -52,8 +53,8 @@ fn dataset(out: &Path) {
 type Masks = BTreeMap<(u32, u32), Vec<[Vec<u32>; 2]>>;
 
 fn masks(root: &Path, format: &str) -> Masks {
-    let (_, dataset) = reader::open(root, Some(format)).expect("a dataset");
-    let found = syntable_runtime::validate::validate(&*dataset, 2).expect("checked");
+    let (_, dataset) = open_dataset(root, Some(format)).expect("a dataset");
+    let found = syntable_runtime::validate::validate(&*dataset, registry().checks(), 2).expect("checked");
     assert!(found.is_sound(), "{format}: {:?}", found.faults);
     let offers_amodal = dataset.offers().contains(&AMODAL_MASK.id());
     let wants = dataset.offers();
@@ -191,7 +192,7 @@ fn all_formats_say_the_same() {
 
 /// Images have the same products.
 fn assert_same_products(one: &Path, other: &Path) {
-    let [one, other] = [one, other].map(|root| reader::open(root, None).expect("a dataset").1);
+    let [one, other] = [one, other].map(|root| open_dataset(root, None).expect("a dataset").1);
     assert_eq!((one.images(), one.offers()), (other.images(), other.offers()));
     for image in 0..one.images().len() {
         let [a, b] = [&one, &other].map(|it| it.read(image, &it.offers()).expect("readable").1);
@@ -234,7 +235,7 @@ fn what_formats_have_in_common_comes_back() {
     assert!(output.status.code() == Some(2) && text(&output).contains("reads `camera`"), "{}", text(&output));
     // Cameras of the dataset are those of the writers.
     convert("ours", "hdf5", "files");
-    let (_, files) = reader::open(&path("files"), None).expect("a dataset");
+    let (_, files) = open_dataset(&path("files"), None).expect("a dataset");
     let (_, products) = files.read(0, &[DISTANCE.id(), DEPTH.id()]).expect("readable");
     let pairs = products.get(DISTANCE).expect("there").data().iter().zip(products.get(DEPTH).expect("there").data());
     let seen: Vec<(f32, f32)> =
@@ -559,7 +560,7 @@ fn every_writer_gives_a_thing_the_same_number() {
         ("hdf5", "hdf5", Classes),
         ("jsonl.jsonl", "jsonl", Objects),
     ] {
-        let open = |part: &str| reader::open(&path(part).join(inside), Some(format)).expect(inside).1;
+        let open = |part: &str| open_dataset(&path(part).join(inside), Some(format)).expect(inside).1;
         let [train, val] = ["train", "val"].map(open);
         for (part, dataset) in [("train", &train), ("val", &val)] {
             let what = format!("{part}/{inside}");

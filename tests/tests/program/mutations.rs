@@ -19,9 +19,10 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 use syntable_model::prelude::Stream;
-use syntable_model::reader::{self, Format, Source};
+use syntable_model::reader::{Format, Source};
 use syntable_model::stage::DatasetInfo;
 use syntable_program as _;
+use syntable_testing::takes::registry;
 use syntable_testing::takes::{Crowd, dataset, finish, take, write_scenes, writer};
 
 /// Inputs per dataset in the short form.
@@ -58,7 +59,7 @@ const VARIANTS: &[(&str, &str)] = &[
 /// The datasets: a writer and its options for every format, so that a new one is not forgotten.
 fn datasets() -> Vec<(Format, &'static str)> {
     let mut all = Vec::new();
-    for format in reader::linked() {
+    for format in registry().formats().iter().copied() {
         let variants = VARIANTS.iter().filter(|(kind, _)| *kind == format.name).map(|(_, options)| *options);
         all.extend([""].into_iter().chain(variants).map(|options| (format, options)));
     }
@@ -73,18 +74,18 @@ fn written(folder: &Path, kind: &str, options: &str) -> Option<PathBuf> {
     write_scenes(folder, "data", &*writer, &info, [&take]).expect("written");
     finish(folder, "data", &*writer, &info, &[0]).expect("finished");
     let _ = std::fs::remove_dir_all(folder.join(".syntable"));
-    Some(reader::find(&Source::new(folder), None).unwrap_or_else(|error| panic!("{kind}: {error}")).1.path)
+    Some(registry().find_dataset(&Source::new(folder), None).unwrap_or_else(|error| panic!("{kind}: {error}")).1.path)
 }
 
 /// Reads all of a dataset. Gives the errors and faults.
 fn read(format: &Format, root: &Path) -> Vec<String> {
     let source = Source::new(root);
-    let _ = reader::find(&source, None);
+    let _ = registry().find_dataset(&source, None);
     let opened = match format.open(&source) {
         Ok(opened) => opened,
         Err(error) => return vec![error.to_string()],
     };
-    let found = syntable_runtime::validate::validate(&*opened, 1).expect("a thread");
+    let found = syntable_runtime::validate::validate(&*opened, registry().checks(), 1).expect("a thread");
     let mut messages: Vec<String> = found.faults.into_iter().map(|fault| fault.message).collect();
     let offers = opened.offers();
     for image in 0..opened.images().len() {
@@ -523,8 +524,10 @@ fn child(spec: &str) {
     let (first, end, seed): (u64, u64, u64) =
         (first.parse().expect("a number"), end.parse().expect("a number"), seed.parse().expect("a number"));
     let root = Path::new(root);
-    let format = reader::linked()
-        .into_iter()
+    let format = registry()
+        .formats()
+        .iter()
+        .copied()
         .find(|format| format.name == name.split(':').next().expect("a name"))
         .expect("a format");
     let folder = if root.is_dir() { root } else { root.parent().expect("a folder") };

@@ -6,8 +6,8 @@ use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 use syntable_model::product::standard::{CATEGORY_ID, VISIBLE_MASK};
-use syntable_model::reader;
 use syntable_program as _;
+use syntable_testing::takes::{open_dataset, registry};
 
 /// A small dataset with all labels of the `syntable` writer.
 fn dataset(out: &Path) {
@@ -211,8 +211,8 @@ const PLANTED: &[(&str, &str, Plant)] = &[
 ];
 
 fn checks_that_fail(root: &Path) -> BTreeSet<String> {
-    let (_, dataset) = reader::open(root, None).expect("a dataset");
-    let found = syntable_runtime::validate::validate(&*dataset, 2).expect("checked");
+    let (_, dataset) = open_dataset(root, None).expect("a dataset");
+    let found = syntable_runtime::validate::validate(&*dataset, registry().checks(), 2).expect("checked");
     found.faults.into_iter().map(|fault| fault.check).collect()
 }
 
@@ -321,7 +321,7 @@ fn labels_of_yolo_beside_those_of_coco_are_passed_over() {
     }
     fs::copy(root.join("val2017/a.png"), root.join("images/val2017/a.png")).expect("writable");
     fs::write(root.join("labels/val2017/a.txt"), "0 0.2 0.2 0.4 0.2 0.4 0.5\n").expect("writable");
-    let format = |format| reader::open(&root, format).map(|(found, _)| found.name).map_err(|error| error.to_string());
+    let format = |format| open_dataset(&root, format).map(|(found, _)| found.name).map_err(|error| error.to_string());
     assert_eq!(format(None), Ok("coco"));
     assert_eq!(format(Some("yolo")), Ok("yolo"));
     // With a description it is a dataset of both formats, and nobody can tell which one is meant.
@@ -349,7 +349,7 @@ fn datasets_without_amodal_masks_are_converted() {
     plain_coco(&path("plain"));
     let convert = |from: &str, to: &str, out: &str| convert(&path(from), to, &path(out));
     let masks = |name: &str| -> Vec<(String, Vec<u32>)> {
-        let (_, read) = reader::open(&path(name), None).expect("a dataset");
+        let (_, read) = open_dataset(&path(name), None).expect("a dataset");
         let (_, products) = read.read(0, &read.offers()).expect("readable");
         let category = |id: u32| read.info().categories().find(|(other, _)| *other == id).expect("known").1.to_owned();
         let visible = products.get(VISIBLE_MASK).expect("there").iter();
@@ -428,8 +428,8 @@ fn checks_that_find_nothing_to_compare_are_not_made() {
     let path = |name: &str| folder.path().join(name);
     dataset(&path("ours"));
     let checked = |name: &str, check: &str| {
-        let (_, dataset) = reader::open(&path(name), None).expect("a dataset");
-        let found = syntable_runtime::validate::validate(&*dataset, 2).expect("checked");
+        let (_, dataset) = open_dataset(&path(name), None).expect("a dataset");
+        let found = syntable_runtime::validate::validate(&*dataset, registry().checks(), 2).expect("checked");
         found.checks.iter().find(|it| it.check == check).expect("a check").images
     };
     ok(&mut convert(&path("ours"), "bop", &path("bop")));

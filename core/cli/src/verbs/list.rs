@@ -9,7 +9,6 @@ use std::path::{Path, PathBuf};
 use syntable_mesh::format::{ImageFormats, MeshFormats};
 use syntable_model::error::{Error, Result};
 use syntable_model::product::{KeyId, first_sentence};
-use syntable_model::reader;
 use syntable_model::registry::{Entry, Registry, Slot};
 use syntable_runtime::plan::{available, table_within};
 use syntable_runtime::pools::{AssetStore, ListedAsset};
@@ -44,7 +43,7 @@ pub(crate) fn list(console: &Console, registry: &Registry, args: &ListArgs) -> s
     }
     match what {
         Some("products") => return console.print(&products_table(registry, width)),
-        Some("formats") => return console.print(&formats_table(width).map_err(Exit::wrong)?),
+        Some("formats") => return console.print(&formats_table(registry, width).map_err(Exit::wrong)?),
         Some("recipes") => return console.print(&recipes_table(width)),
         _ => {}
     }
@@ -81,7 +80,7 @@ pub(crate) fn list(console: &Console, registry: &Registry, args: &ListArgs) -> s
         out.push('\n');
         out += &recipes_table(width);
         out.push('\n');
-        out += &formats_table(width).map_err(Exit::wrong)?;
+        out += &formats_table(registry, width).map_err(Exit::wrong)?;
         for topic in topics() {
             out.push('\n');
             out += &table_within(&(topic.rows)().map_err(Exit::stopped)?, width);
@@ -187,7 +186,7 @@ fn products_table(registry: &Registry, width: Option<usize>) -> String {
 }
 
 /// The file formats that the linked plugins read.
-fn formats_table(width: Option<usize>) -> Result<String> {
+fn formats_table(registry: &Registry, width: Option<usize>) -> Result<String> {
     let mut rows = vec![["format", "what it holds", "file endings", "crate"].map(str::to_owned)];
     let mut row = |name: &str, holds: &str, extensions: &[&str], crate_name: &str| {
         rows.push([name.to_owned(), holds.to_owned(), extensions.join(", "), crate_name.to_owned()]);
@@ -198,7 +197,7 @@ fn formats_table(width: Option<usize>) -> Result<String> {
     for format in ImageFormats::linked()?.iter() {
         row(format.name, "image", format.extensions, format.crate_name);
     }
-    for format in reader::linked() {
+    for format in registry.formats() {
         row(format.name, "dataset, for convert and validate", &[], format.crate_name);
     }
     Ok(table_within(&rows, width))

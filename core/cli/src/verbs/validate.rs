@@ -5,7 +5,8 @@ use clap::Args;
 use serde::Serialize;
 use std::path::PathBuf;
 use syntable_model::error::Error;
-use syntable_model::reader;
+use syntable_model::reader::Source;
+use syntable_model::registry::Registry;
 use syntable_runtime::run::progress::count;
 use syntable_runtime::validate::{FaultAt, Validated, ValidatedDataset, differences, validate_path};
 use syntable_runtime::workers;
@@ -44,10 +45,10 @@ struct ValidatedAt<'a> {
     found: &'a Validated,
 }
 
-pub(crate) fn validate(console: &Console, args: &ValidateArgs) -> Result<(), Exit> {
+pub(crate) fn validate(console: &Console, registry: &Registry, args: &ValidateArgs) -> Result<(), Exit> {
     let one = |path: &PathBuf| {
-        let source = reader::Source::new(path).trusting(args.trust_paths);
-        validate_path(&source, args.format.as_deref(), workers::available()).map_err(Exit::stopped)
+        let source = Source::new(path).trusting(args.trust_paths);
+        validate_path(registry, &source, args.format.as_deref(), workers::available()).map_err(Exit::stopped)
     };
     let all = args.datasets.iter().map(one).collect::<Result<Vec<ValidatedDataset>, Exit>>()?;
     let differences = differences(&all);

@@ -118,7 +118,7 @@ fn load_parts(
     }
     let dataset = dataset.map(|(_, table)| DatasetTable { views_per_scene: views, ..table });
     match dataset.and_then(|dataset| assemble(dataset, built, plan?, lock.map(|lock| lock.0).unwrap_or_default())) {
-        Some(recipe) => Ok((Recipe { folder, ..recipe }, diagnostics)),
+        Some(recipe) => Ok((Recipe { folder, checks: registry.checks().to_vec(), ..recipe }, diagnostics)),
         None => {
             // A part can be missing without an error of its own only if a syntax error lost it.
             let diagnostic = DiagnosticBuilder::error(Code::MissingSection, NOWHERE, "the recipe is not complete");
@@ -448,6 +448,7 @@ fn assemble(dataset: DatasetTable, built: Built, plan: Plan, lock: LockTable) ->
         lock,
         files,
         draws,
+        checks: Vec::new(),
         labeled_pools,
         folder: None,
         choices,

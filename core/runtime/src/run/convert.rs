@@ -18,7 +18,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
-use syntable_model::check::{self, Check};
+use syntable_model::check::Check;
 use syntable_model::context::{DatasetContext, ViewContext};
 use syntable_model::error::{Error, Result};
 use syntable_model::left_out::LeftOut;
@@ -81,7 +81,7 @@ pub fn convert(
     let part = draft.folder();
     let pool = Pool::new(threads)?;
     let cx = DatasetContext::new(dataset.info(), &pool, &log);
-    let (checks, faults, unread) = (check::linked(), AtomicU32::new(0), Mutex::new(BTreeMap::new()));
+    let (faults, unread) = (AtomicU32::new(0), Mutex::new(BTreeMap::new()));
     let losses = Arc::new(Losses::default());
     let work = Conversion {
         dataset,
@@ -90,7 +90,7 @@ pub fn convert(
         part: &part,
         stop,
         cx,
-        checks: &checks,
+        checks: registry.checks(),
         faults: &faults,
         losses: &losses,
         unread: &unread,

@@ -19,7 +19,6 @@ use parking_lot::Mutex;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::atomic::{AtomicBool, AtomicU32, AtomicUsize, Ordering};
 use std::time::Instant;
-use syntable_model::check;
 use syntable_model::context::Log;
 use syntable_model::error::{Error, Result};
 
@@ -96,10 +95,10 @@ fn make_scenes(
     let odd = ToldOdd::default();
     // Scenes that failed before one was made by a recipe that adds stages: they may have failed by these.
     let held = Mutex::new(Vec::new());
-    let (checks, times) = (check::linked(), Times::default());
+    let times = Times::default();
     let cache = &options.cache;
     let tools = Tools { recipe, assets, cache, workers: pool, log: &log, times: &times, stop: &options.stop };
-    let maker = SceneMaker { tools, reporter, folder, sessions: &sessions, checks: &checks };
+    let maker = SceneMaker { tools, reporter, folder, sessions: &sessions, checks: &recipe.checks };
     let one = |task: &Task, made: Option<scene::Made>| -> Result<()> {
         let Some(made) = made else {
             lacking.fetch_add(1, Ordering::Relaxed);

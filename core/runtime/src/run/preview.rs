@@ -20,7 +20,6 @@ use crate::recipe::{CatalogLock, Parts, Recipe};
 use crate::workers::Pool;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
-use syntable_model::check::{self, Check};
 use syntable_model::context::{DatasetContext, Log};
 use syntable_model::digest::{Digest, Hasher};
 use syntable_model::error::{Error, Result};
@@ -137,7 +136,6 @@ impl Previewer {
             session: &mut self.session,
             composed: &mut self.composed,
             times: Times::default(),
-            checks: check::linked(),
             losses: Vec::new(),
             log,
             reporter,
@@ -161,8 +159,6 @@ pub struct Pass<'p> {
     session: &'p mut Option<Session>,
     composed: &'p mut BTreeMap<u32, Composed>,
     times: Times,
-    /// What must hold in every view.
-    checks: Vec<Check>,
     losses: Vec<Loss>,
     log: &'p dyn Log,
     reporter: &'p dyn Reporter,
@@ -253,7 +249,7 @@ impl Pass<'_> {
             let of_view = cx.view(&view).before(next.as_ref());
             let sensing = attempt.sensing(&self.plan, view.id);
             annotate(&self.times, &losses, &self.plan, &of_view, &sensing, &mut products)?;
-            stages::check(&self.checks, &products).map_err(|error| error.context(format!("view {id}")))?;
+            stages::check(&self.recipe.checks, &products).map_err(|error| error.context(format!("view {id}")))?;
             each(id, &products);
             self.reporter.event(&Event::Image { scene, view: id });
         }

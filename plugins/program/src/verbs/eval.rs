@@ -131,11 +131,14 @@ fn command() -> Command {
         )
 }
 
-fn run(console: &Console, _: &Registry, arguments: &ArgMatches) -> std::result::Result<(), Exit> {
+fn run(console: &Console, registry: &Registry, arguments: &ArgMatches) -> std::result::Result<(), Exit> {
     let path = |name: &str| arguments.get_one::<PathBuf>(name);
     let text = |name: &str| arguments.get_one::<String>(name);
     let (Some(gt), Some(pred)) = (path("gt"), path("pred")) else { return Ok(()) };
-    let read = [dataset_folder(gt), if Results::is_one(pred) { pred.clone() } else { dataset_folder(pred) }];
+    let read = [
+        dataset_folder(registry, gt),
+        if Results::is_one(pred) { pred.clone() } else { dataset_folder(registry, pred) },
+    ];
     check_outputs(&[("--csv", path("csv")), ("--save", path("save"))], &read.each_ref().map(PathBuf::as_path))?;
     let is_paper = text("convention").is_some_and(|name| name == Convention::Paper.name());
     let source = |path: &PathBuf| Source::new(path).trusting(arguments.get_flag("trust-paths"));
@@ -156,7 +159,7 @@ fn run(console: &Console, _: &Registry, arguments: &ArgMatches) -> std::result::
     let pool = Pool::new(threads(arguments.get_one("threads").copied())).map_err(Exit::stopped)?;
     let stop = on_signals()?;
     let work = Work { workers: &pool, reporter: console.reporter(), stop: &stop };
-    let found = evaluate(&options, &work).map_err(|error| ended(&stop, error))?;
+    let found = evaluate(registry, &options, &work).map_err(|error| ended(&stop, error))?;
     if let Some(file) = path("csv") {
         write_file(file, found.csv().as_bytes()).map_err(Exit::stopped)?;
     }

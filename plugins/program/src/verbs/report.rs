@@ -47,7 +47,7 @@ fn command() -> Command {
         )
 }
 
-fn run(console: &Console, _: &Registry, arguments: &ArgMatches) -> Result<(), Exit> {
+fn run(console: &Console, registry: &Registry, arguments: &ArgMatches) -> Result<(), Exit> {
     let path = |name: &str| arguments.get_one::<PathBuf>(name).cloned();
     let number = |name: &str| arguments.get_one::<usize>(name).copied().unwrap_or(usize::MAX);
     let Some(dataset) = path("dataset") else { return Ok(()) };
@@ -63,7 +63,7 @@ fn run(console: &Console, _: &Registry, arguments: &ArgMatches) -> Result<(), Ex
     };
     let (pool, stop) = (Pool::new(arguments::threads_of(arguments)).map_err(Exit::stopped)?, on_signals()?);
     let work = Work { workers: &pool, reporter: console.reporter(), stop: &stop };
-    let made = make(&options, &work).map_err(|error| ended(&stop, error))?;
+    let made = make(registry, &options, &work).map_err(|error| ended(&stop, error))?;
     made.notes.into_iter().for_each(|note| console.say(&Message::Warning(note)));
     let others = match made.images_not_chosen {
         0 => String::new(),

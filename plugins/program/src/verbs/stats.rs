@@ -70,7 +70,7 @@ fn command() -> Command {
         )
 }
 
-fn run(console: &Console, _: &Registry, arguments: &ArgMatches) -> Result<(), Exit> {
+fn run(console: &Console, registry: &Registry, arguments: &ArgMatches) -> Result<(), Exit> {
     let text = |name: &str| arguments.get_one::<String>(name).map(String::as_str);
     let options = Options {
         images: !arguments.get_flag("labels-only"),
@@ -84,13 +84,13 @@ fn run(console: &Console, _: &Registry, arguments: &ArgMatches) -> Result<(), Ex
         binning: if text("bins") == Some("equal") { Binning::Equal } else { Binning::Fixed },
     };
     let datasets: Vec<&PathBuf> = arguments.get_many("dataset").into_iter().flatten().collect();
-    let folders: Vec<PathBuf> = datasets.iter().map(|path| dataset_folder(path)).collect();
+    let folders: Vec<PathBuf> = datasets.iter().map(|path| dataset_folder(registry, path)).collect();
     let read: Vec<&Path> = folders.iter().map(PathBuf::as_path).collect();
     check_outputs(&[("--csv", arguments.get_one("csv"))], &read)?;
     let sources: Vec<Source> = datasets.iter().map(|path| arguments::source(path, arguments)).collect();
     let (pool, stop) = (Pool::new(arguments::threads_of(arguments)).map_err(Exit::stopped)?, on_signals()?);
     let work = Work { workers: &pool, reporter: console.reporter(), stop: &stop };
-    let found = compare(&sources, text("format"), &options, &work).map_err(|error| ended(&stop, error))?;
+    let found = compare(registry, &sources, text("format"), &options, &work).map_err(|error| ended(&stop, error))?;
     if let Some(file) = arguments.get_one::<PathBuf>("csv") {
         write_file(file, table::csv(&found.datasets).as_bytes()).map_err(Exit::stopped)?;
     }

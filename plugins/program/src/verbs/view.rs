@@ -31,12 +31,13 @@ Examples:
         )
 }
 
-fn run(console: &Console, _: &Registry, arguments: &ArgMatches) -> Result<(), Exit> {
+fn run(console: &Console, registry: &Registry, arguments: &ArgMatches) -> Result<(), Exit> {
     let Some(dataset) = arguments.get_one::<PathBuf>("dataset") else { return Ok(()) };
     let format = arguments.get_one::<String>("format").map(String::as_str);
     let port = arguments.get_one::<u16>("port").copied().unwrap_or(0);
     let scores = arguments.get_one::<PathBuf>("scores").map(PathBuf::as_path);
-    let viewer = Viewer::open(&arguments::source(dataset, arguments), format, scores, port).map_err(Exit::stopped)?;
+    let viewer =
+        Viewer::open(registry, &arguments::source(dataset, arguments), format, scores, port).map_err(Exit::stopped)?;
     let (stop, pool) = (on_signals()?, Pool::new(arguments::threads_of(arguments)).map_err(Exit::stopped)?);
     console.print(&format!("{}\n", viewer.url()))?;
     let (viewer, serving) = (Arc::new(viewer), stop.clone());

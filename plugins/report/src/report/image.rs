@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 use std::collections::BTreeMap;
-use syntable_model::check;
+use syntable_model::check::Check;
 use syntable_model::error::Result;
 use syntable_model::product::standard::{
     AMODAL_BOX, AMODAL_MASK, CATEGORY_ID, DEPTH, OBJECT_NAME, OCCLUSION_MASK, OCCLUSION_ORDER, OCCLUSION_RATE, RGB,
@@ -116,7 +116,7 @@ fn wants(offers: &[KeyId]) -> Vec<KeyId> {
 }
 
 /// Reads an image: what the pages know of it, and with `whole` all that the checks look at, its color and its depth.
-pub fn read(dataset: &dyn DatasetReader, image: usize, whole: bool) -> Result<(ImageView, Products)> {
+pub fn read(dataset: &dyn DatasetReader, checks: &[Check], image: usize, whole: bool) -> Result<(ImageView, Products)> {
     let offers = dataset.offers();
     let of = &dataset.images()[image];
     let mut faults: Vec<[String; 2]> = Vec::new();
@@ -168,7 +168,7 @@ pub fn read(dataset: &dyn DatasetReader, image: usize, whole: bool) -> Result<(I
         None => None,
     };
     if whole {
-        for check in check::linked() {
+        for check in checks {
             let found = check.run(&products).unwrap_or_else(|error| vec![error.to_string()]);
             faults.extend(found.into_iter().map(|message| [check.name.to_owned(), message]));
         }

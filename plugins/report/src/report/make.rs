@@ -10,6 +10,7 @@ use std::path::{Path, PathBuf};
 use syntable_model::digest::{Digest, Hasher};
 use syntable_model::error::{Error, Result};
 use syntable_model::reader::{self, Source};
+use syntable_model::registry::Registry;
 use syntable_runtime::durable::{self, Draft, Standing};
 use syntable_runtime::images::{Work, each};
 use syntable_runtime::left_out::LeftOutReport;
@@ -73,11 +74,11 @@ pub struct MadeReport {
 ///
 /// # Errors
 /// If the dataset cannot be opened, the folder is not free, a file cannot be written, or the work was asked to stop.
-pub fn make(options: &ReportOptions, work: &Work) -> Result<MadeReport> {
+pub fn make(registry: &Registry, options: &ReportOptions, work: &Work) -> Result<MadeReport> {
     let ReportOptions { dataset: source, scores, .. } = options;
     let dataset = &source.path;
-    let out = options.out.clone().map_or_else(|| beside(dataset), Ok).map_err(Error::of_request)?;
-    let read = dataset_folder(dataset);
+    let out = options.out.clone().map_or_else(|| beside(registry, dataset), Ok).map_err(Error::of_request)?;
+    let read = dataset_folder(registry, dataset);
     for input in [Some(&read), Some(dataset), scores.as_ref()].into_iter().flatten() {
         if lies_in(input, &out) {
             let error = Error::new(format!("{} lies in it, and a new report would replace it", input.display()));
@@ -85,7 +86,7 @@ pub fn make(options: &ReportOptions, work: &Work) -> Result<MadeReport> {
         }
     }
     check_out(&out, options.overwrite)?;
-    let (format, opened) = reader::open_source(source, options.format.as_deref())?;
+    let (format, opened) = registry.open_dataset(source, options.format.as_deref())?;
     let scored = scores.as_ref().map(|file| Scored::open(file, &*opened)).transpose()?;
     let counting = Options { images: !options.labels_only, ..Options::default() };
     let mut incomplete = Vec::new();
@@ -105,7 +106,7 @@ pub fn make(options: &ReportOptions, work: &Work) -> Result<MadeReport> {
         images: choose(of.images().len(), most, statistics(&counted), worst),
         scenes: Some(options.scenes),
     };
-    let mut report = Report::of(opened, format.name, source, chosen)?;
+    let mut report = Report::of(registry, opened, format.name, source, chosen)?;
     if let Some(scored) = scored {
         report = report.with_scores(scored);
     }
@@ -170,9 +171,9 @@ pub fn choose(all: usize, most: usize, statistics: Option<&Statistics>, worst: &
 }
 
 /// Where the report of a dataset lies if nothing is said: beside it, since what lies in the folder of a run belongs to the run.
-fn beside(dataset: &Path) -> Result<PathBuf> {
+fn beside(registry: &Registry, dataset: &Path) -> Result<PathBuf> {
     let whole = std::path::absolute(dataset).map_err(|error| Error::io(dataset, &error))?;
-    let folder = &dataset_folder(&whole);
+    let folder = &dataset_folder(registry, &whole);
     let Some(name) = folder.file_name() else {
         return Err(Error::new("its folder has no name").in_file(dataset).help("choose one for the report with --out"));
     };

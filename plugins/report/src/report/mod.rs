@@ -36,11 +36,13 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use std::sync::OnceLock;
 use syntable_formats::scores::ScoredImage;
+use syntable_model::check::Check;
 use syntable_model::digest::Digest;
 use syntable_model::error::{Error, Result};
 use syntable_model::product::Products;
 use syntable_model::product::standard::{DEPTH, RGB};
-use syntable_model::reader::{self, DatasetReader, Source};
+use syntable_model::reader::{DatasetReader, Source};
+use syntable_model::registry::Registry;
 use tera::{Context, Tera};
 
 /// Images on a page of the gallery.
@@ -84,6 +86,8 @@ pub struct Report {
     format: &'static str,
     /// The path that was asked for.
     path: String,
+    /// What must hold in every image.
+    checks: Vec<Check>,
     record: Record,
     /// Images that the pages show, ascending.
     shown: Vec<usize>,
@@ -127,16 +131,18 @@ pub struct Shown {
 impl Report {
     /// Opens a dataset. `choose` says what of it is shown.
     pub fn open(
+        registry: &Registry,
         source: &Source,
         format: Option<&str>,
         choose: impl FnOnce(&dyn DatasetReader) -> Shown,
     ) -> Result<Self> {
-        let (format, dataset) = reader::open_source(source, format)?;
-        Self::of(dataset, format.name, source, choose)
+        let (format, dataset) = registry.open_dataset(source, format)?;
+        Self::of(registry, dataset, format.name, source, choose)
     }
 
     /// The pages of a dataset that is open. `source` is where it was opened, and how far links of its run may reach.
     pub fn of(
+        registry: &Registry,
         dataset: Box<dyn DatasetReader>,
         format: &'static str,
         source: &Source,
@@ -158,6 +164,7 @@ impl Report {
             dataset,
             format,
             path,
+            checks: registry.checks().to_vec(),
             record,
             shown,
             scenes,
@@ -278,7 +285,7 @@ impl Report {
 
     /// Reads an image with all that the checks look at, and keeps what they found.
     fn read_whole(&self, place: usize) -> Result<(ImageView, Products)> {
-        let read = image::read(&*self.dataset, self.shown[place], true)?;
+        let read = image::read(&*self.dataset, &self.checks, self.shown[place], true)?;
         *self.rows[place].lock() = Some(read.0.row());
         self.faults.lock().insert(place, read.0.faults.clone());
         Ok(read)
@@ -347,7 +354,7 @@ impl Report {
         if let Some(row) = &*row {
             return Ok(row.clone());
         }
-        let of = |whole: bool| image::read(&*self.dataset, self.shown[place], whole);
+        let of = |whole: bool| image::read(&*self.dataset, &self.checks, self.shown[place], whole);
         // With the checks, what cannot be read is a fault of the image.
         let read = of(false).or_else(|_| of(true))?.0.row();
         *row = Some(read.clone());

@@ -32,7 +32,8 @@ use syntable_model::error::{Error, Result};
 use syntable_model::product::standard::{
     AMODAL_MASK, DEPTH, OBJECT_INFO, OBJECT_NAME, OCCLUSION_ORDER, RGB, VISIBLE_MASK,
 };
-use syntable_model::reader::{self, DatasetReader, Source};
+use syntable_model::reader::{DatasetReader, Source};
+use syntable_model::registry::Registry;
 use syntable_model::stage::DatasetInfo;
 use syntable_runtime::images::{Work, each};
 use syntable_runtime::left_out::LeftOutReport;
@@ -208,10 +209,16 @@ pub struct Comparison {
 ///
 /// # Errors
 /// If a dataset cannot be opened, has no image, or has one that cannot be read, or the work was asked to stop.
-pub fn compare(sources: &[Source], format: Option<&str>, options: &Options, work: &Work) -> Result<Comparison> {
+pub fn compare(
+    registry: &Registry,
+    sources: &[Source],
+    format: Option<&str>,
+    options: &Options,
+    work: &Work,
+) -> Result<Comparison> {
     let mut compared = Comparison { datasets: Vec::new(), left_out: LeftOutReport::default() };
     for source in sources {
-        let (format, dataset) = reader::open_source(source, format)?;
+        let (format, dataset) = registry.open_dataset(source, format)?;
         compared.left_out.unlisted(&*dataset);
         let statistics = of(&*dataset, options, work).map_err(|error| error.in_file(&source.path))?;
         compared.left_out.annotations(&dataset.passed_over(&Wanted::of(&*dataset, options).keys));

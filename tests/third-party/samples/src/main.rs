@@ -49,8 +49,8 @@ fn main() -> std::result::Result<(), Box<dyn std::error::Error>> {
     let (pool, stop) = (Pool::new(workers::available())?, Stop::default());
     let work = Work { workers: &pool, reporter: &Quiet, stop: &stop };
     let data = || DatasetSource::new(out.join("data"));
-    let scores = evaluate(&EvaluateOptions::new(data(), data()), &work)?;
+    let scores = evaluate(&registry, &EvaluateOptions::new(data(), data()), &work)?;
     println!("amodal F: {:?}", scores.score("amodal_overlap_f"));
-    println!("report: {}", make(&ReportOptions::new(data()), &work)?.index.display());
+    println!("report: {}", make(&registry, &ReportOptions::new(data()), &work)?.index.display());
     Ok(())
 }
