@@ -2,7 +2,7 @@
 
 use crate::hdf5::Dataset;
 use hdf5_pure::DType as Stored;
-use hdf5_pure::{Datatype, DatatypeByteOrder, File};
+use hdf5_pure::{Datatype, DatatypeByteOrder, File, Layout};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use syntable_formats::decode::{self, byte_count};
@@ -144,6 +144,9 @@ fn is_half(of: &Datatype) -> bool {
     matches!(of, Datatype::FloatingPoint { size: 2, byte_order: DatatypeByteOrder::LittleEndian, .. })
 }
 
+/// Bytes that a byte of deflate unfolds to at most.
+const UNFOLDS: u64 = 1032;
+
 /// What the library is called when it fails.
 const LIBRARY: &str = "the library that reads HDF5";
 
@@ -283,7 +286,27 @@ impl View {
                 _ => Ok(()),
             })
             .map_err(|error| error.context(format!("dataset `{name}` of shape {lengths:?}")).in_file(&self.path))?;
+        let (stated, stored) = (lengths.iter().product::<u64>() * size, self.stored(&dataset, size).map_err(fail)?);
+        if stored.is_some_and(|stored| stored < stated) {
+            let what = format!("its shape {lengths:?} takes {stated} bytes, and less is stored");
+            return Err(self.refuse(name, &what));
+        }
         Ok(dataset)
+    }
+
+    /// Bytes that the stored parts of a dataset can unfold to, whose elements have `size` bytes; none if that is not known. The
+    /// library makes up what no chunk holds, so that a small file could ask for much.
+    fn stored(&self, dataset: &hdf5_pure::Dataset, size: u64) -> Result<Option<u64>, hdf5_pure::Error> {
+        Ok(match dataset.layout()? {
+            Layout::Contiguous { size, .. } | Layout::Compact { size } => Some(size.min(self.file.file_size())),
+            Layout::Chunked { chunk_shape, .. } => dataset.chunks().ok().map(|chunks| {
+                let of_chunk = chunk_shape.iter().fold(size, |bytes, length| bytes.saturating_mul(*length));
+                let stored: u64 =
+                    chunks.iter().map(|chunk| chunk.storage_size.saturating_mul(UNFOLDS).min(of_chunk)).sum();
+                stored
+            }),
+            _ => None,
+        })
     }
 
     /// The text of a dataset; none if it is none.
