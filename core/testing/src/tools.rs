@@ -6,9 +6,18 @@ use std::process::Command;
 use std::sync::OnceLock;
 
 /// Says that a test is skipped since something is missing, past the capture of the test harness. Where
-/// `SYNTABLE_REQUIRE_TOOLS` is 1, as in CI, the test fails instead.
+/// `SYNTABLE_REQUIRE_TOOLS` is 1 or `all`, as in CI, the test fails instead.
 pub fn skip(what: &str) {
-    let is_required = std::env::var("SYNTABLE_REQUIRE_TOOLS").as_deref() == Ok("1");
+    skip_unless_required(what, &["1", "all"]);
+}
+
+/// The same for a tool that takes minutes to install: only `all`, as in the nightly checks, requires it.
+pub fn skip_slow_tool(what: &str) {
+    skip_unless_required(what, &["all"]);
+}
+
+fn skip_unless_required(what: &str, required: &[&str]) {
+    let is_required = std::env::var("SYNTABLE_REQUIRE_TOOLS").is_ok_and(|value| required.contains(&value.as_str()));
     assert!(!is_required, "{what} is missing, and SYNTABLE_REQUIRE_TOOLS is set");
     let name = std::thread::current().name().unwrap_or("a test").to_owned();
     let _ = writeln!(std::io::stderr(), "skipped: {name}: {what} is missing");

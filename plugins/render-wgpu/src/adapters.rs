@@ -41,7 +41,7 @@ impl fmt::Display for AdapterInfo {
 }
 
 impl AdapterInfo {
-    fn of(adapter: &wgpu::Adapter, walks: bool) -> Self {
+    fn of(adapter: &wgpu::Adapter, queries: bool) -> Self {
         let (info, limits) = (adapter.get_info(), adapter.limits());
         Self {
             name: info.name,
@@ -50,7 +50,7 @@ impl AdapterInfo {
             class: info.device_type,
             model: [info.vendor, info.device],
             max_buffer: limits.max_buffer_size.min(limits.max_storage_buffer_binding_size).min(ADDRESSED) / 256 * 256,
-            ray_queries: RayQueries::of(adapter, walks),
+            ray_queries: RayQueries::of(adapter, queries),
         }
     }
 
@@ -152,35 +152,31 @@ pub struct Adapters {
     all: Vec<wgpu::Adapter>,
     /// The others, each with the reason.
     unable: Vec<String>,
-    /// Whether ray queries are turned off.
-    walks: bool,
+    /// Whether ray queries are wanted.
+    queries: bool,
     /// The numbers of those that render, or why none does.
     used: Result<Vec<usize>>,
 }
 
 impl Adapters {
-    /// Looks for adapters.
+    /// Looks for adapters. They trace rays by queries where they can and `SYNTABLE_RAY_QUERIES` is 1.
     pub fn find() -> Self {
-        Self::found(std::env::var_os(queries::SWITCH).is_some_and(|value| value == "0"))
+        Self::with_ray_queries(std::env::var_os(queries::SWITCH).is_some_and(|value| value == "1"))
     }
 
-    /// The same, with ray queries turned off.
-    pub fn without_ray_queries() -> Self {
-        Self::found(true)
-    }
-
-    fn found(walks: bool) -> Self {
+    /// The same, whatever the environment says of ray queries.
+    pub fn with_ray_queries(queries: bool) -> Self {
         let (mut all, mut unable) = (Vec::new(), Vec::new());
         for adapter in pollster::block_on(INSTANCE.enumerate_adapters(wgpu::Backends::PRIMARY)) {
             match lack(&adapter.limits()) {
                 None => all.push(adapter),
-                Some(lack) => unable.push(format!("{}: {lack}", AdapterInfo::of(&adapter, walks))),
+                Some(lack) => unable.push(format!("{}: {lack}", AdapterInfo::of(&adapter, queries))),
             }
         }
-        let infos: Vec<AdapterInfo> = all.iter().map(|adapter| AdapterInfo::of(adapter, walks)).collect();
+        let infos: Vec<AdapterInfo> = all.iter().map(|adapter| AdapterInfo::of(adapter, queries)).collect();
         let wanted = std::env::var(WANTED).ok().filter(|name| !name.is_empty());
         let used = if infos.is_empty() { Err(none(&unable)) } else { chosen(&infos, wanted.as_deref()) };
-        Self { all, unable, walks, used }
+        Self { all, unable, queries, used }
     }
 
     /// Those that render.
@@ -201,7 +197,7 @@ impl Adapters {
 
     /// What an adapter is, by its number among all.
     fn info(&self, number: usize) -> AdapterInfo {
-        AdapterInfo::of(&self.all[number], self.walks)
+        AdapterInfo::of(&self.all[number], self.queries)
     }
 
     /// Those that render, as devices of a renderer.
@@ -258,12 +254,7 @@ mod tests {
             (
                 RayQueries::Off,
                 "Big (driver 1, vulkan)",
-                "buffers of up to 1024 MiB; its ray queries are turned off by SYNTABLE_RAY_QUERIES",
-            ),
-            (
-                RayQueries::NotBuilt,
-                "Big (driver 1, vulkan)",
-                "buffers of up to 1024 MiB; its ray queries need a program built with `ray-query`",
+                "buffers of up to 1024 MiB; its ray queries are off; SYNTABLE_RAY_QUERIES=1 turns them on",
             ),
         ] {
             let info = with(ray_queries);

@@ -220,10 +220,11 @@ fn white_bodies_in_even_light_are_not_seen() {
 
 #[test]
 fn ray_queries_make_the_images_of_walks() {
-    if !cfg!(feature = "ray-query") {
-        return;
+    let there = Adapters::with_ray_queries(true).used().is_ok_and(|used| used[0].ray_queries == RayQueries::Used);
+    // Of no ordinary driver for the processor: only a run that asks for queries requires them.
+    if std::env::var("SYNTABLE_RAY_QUERIES").as_deref() != Ok("1") && !there {
+        return eprintln!("skipped: no graphics adapter with ray queries");
     }
-    let there = Adapters::find().used().is_ok_and(|used| used[0].ray_queries == RayQueries::Used);
     if !is_there(there, "a graphics adapter with ray queries (Mesa's lavapipe 25)") {
         return;
     }
@@ -236,15 +237,14 @@ fn ray_queries_make_the_images_of_walks() {
     let wants = [labels.as_slice(), &light].concat();
     let request = RenderRequest::new(&view, &wants, Stream::root(7), &Threads(2));
     let scene = room::scene_of(look);
-    let mut sessions =
-        [(Adapters::without_ray_queries(), false), (Adapters::find(), true)].map(|(adapters, queries)| {
-            let renderer = GpuPathRenderer::new(options.clone()).on(adapters);
-            // What the lock of a dataset says of it.
-            assert_eq!(renderer.devices().expect("there")[0].name.contains(", ray queries"), queries);
-            let mut session = renderer.open(0).expect("opens");
-            session.load(&scene, &Threads(2)).expect("loads");
-            session
-        });
+    let mut sessions = [false, true].map(|queries| {
+        let renderer = GpuPathRenderer::new(options.clone()).on(Adapters::with_ray_queries(queries));
+        // What the lock of a dataset says of it.
+        assert_eq!(renderer.devices().expect("there")[0].name.contains(", ray queries"), queries);
+        let mut session = renderer.open(0).expect("opens");
+        session.load(&scene, &Threads(2)).expect("loads");
+        session
+    });
     let mut both = |request: &RenderRequest| {
         sessions.each_mut().map(|session| {
             let mut frame = Products::new();

@@ -1,6 +1,3 @@
-//! Binary glTF.
 #![no_main]
 
-use libfuzzer_sys::fuzz_target;
-
-fuzz_target!(|data: &[u8]| syntable_fuzz::inspect(&[("input.glb", data)]));
+libfuzzer_sys::fuzz_target!(|input: &[u8]| syntable_fuzz::targets::glb(input));

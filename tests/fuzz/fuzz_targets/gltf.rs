@@ -1,6 +1,3 @@
-//! glTF with embedded buffers.
 #![no_main]
 
-use libfuzzer_sys::fuzz_target;
-
-fuzz_target!(|data: &[u8]| syntable_fuzz::inspect(&[("input.gltf", data)]));
+libfuzzer_sys::fuzz_target!(|input: &[u8]| syntable_fuzz::targets::gltf(input));

@@ -12,6 +12,7 @@ use std::path::Path;
 use syntable_model::registry::{Entry, Registry, Shape, Slot};
 use syntable_program as _;
 use syntable_runtime::recipe;
+use syntable_testing::tools::skip_slow_tool;
 
 /// Starts all servers that are there.
 fn servers(folder: &Path) -> Vec<Server> {
@@ -27,7 +28,10 @@ fn servers(folder: &Path) -> Vec<Server> {
     for (name, command, mebibytes) in known {
         match Server::start(name, command, mebibytes, folder) {
             Some(server) => found.push(server),
-            None => skip(&format!("the language server of {name} (`{}`)", command.join(" "))),
+            None => {
+                let skip = if name == "taplo" { skip_slow_tool } else { skip };
+                skip(&format!("the language server of {name} (`{}`)", command.join(" ")));
+            }
         }
     }
     found

@@ -12,6 +12,7 @@ mod determinism;
 mod editors;
 mod eval;
 mod faults;
+mod fuzz;
 mod gallery;
 mod generated;
 mod gltf_roundtrip;

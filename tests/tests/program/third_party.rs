@@ -1,4 +1,7 @@
-//! Plugins of others: a crate with its own annotator and binary, and what `syntable new` makes.
+//! Plugins of others: a crate with its own annotator and binary, and what `syntable new plugin` makes.
+//!
+//! The crate is a member of the workspace, so that a binary with it costs one link. In a workspace of its own Cargo builds
+//! every crate of the program once more, for minutes: the tests that do so are ignored, and `.ci/nightly` runs them.
 
 use crate::support::{ok, root, syntable};
 use std::collections::BTreeMap;
@@ -6,17 +9,31 @@ use std::path::Path;
 use std::process::Command;
 use syntable_testing::folder::files;
 
-/// `cargo run --release` in a foreign crate. It shares the target folder, so that dependencies are not built again.
-fn cargo_run(folder: &Path, args: &[&str]) -> Command {
+/// A command of the program of a crate, run in its folder.
+type Program = fn(&Path, &[&str]) -> Command;
+
+/// The program with the crate `tests/third-party`, built with the workspace.
+fn built(folder: &Path, args: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_outside-under-test"));
+    command.args(args).current_dir(folder).env("SYNTABLE_CACHE", root().join("target/test-cache"));
+    command
+}
+
+/// Cargo in a foreign crate. It shares the target folder, so that what has the same features is not built again.
+fn cargo(folder: &Path, args: &[&str]) -> Command {
     let mut command = Command::new(env!("CARGO"));
     let target = Path::new(env!("CARGO_BIN_EXE_syntable-under-test")).ancestors().nth(2).expect("in a target folder");
     command
-        .args(["run", "--release", "--quiet", "--offline", "--"])
         .args(args)
         .current_dir(folder)
         .env("CARGO_TARGET_DIR", target)
         .env("SYNTABLE_CACHE", root().join("target/test-cache"));
     command
+}
+
+/// `cargo run --release` in a foreign crate.
+fn foreign(folder: &Path, args: &[&str]) -> Command {
+    cargo(folder, &[&["run", "--release", "--quiet", "--offline", "--"], args].concat())
 }
 
 fn copy(from: &Path, to: &Path) {
@@ -27,15 +44,14 @@ fn copy(from: &Path, to: &Path) {
     }
 }
 
-/// Builds a foreign crate with the versions of this workspace, runs its recipe, and gives its only JSON-lines file.
-fn check(folder: &Path, product: &str) -> String {
-    std::fs::copy(root().join("Cargo.lock"), folder.join("Cargo.lock")).expect("copied");
-    let listed = ok(&mut cargo_run(folder, &["list", "products"]));
+/// Runs the recipe of a crate, and gives its only JSON-lines file.
+fn check(program: Program, folder: &Path, product: &str) -> String {
+    let listed = ok(&mut program(folder, &["list", "products"]));
     assert!(listed.contains(product), "{listed}");
-    let schema = ok(&mut cargo_run(folder, &["schema"]));
+    let schema = ok(&mut program(folder, &["schema"]));
     assert!(schema.contains(&format!("\"{product}\"")), "the schema knows the foreign kind");
     let out = folder.join("out");
-    ok(&mut cargo_run(folder, &["run", "recipe.toml", "--out", "out"]));
+    ok(&mut program(folder, &["run", "recipe.toml", "--out", "out"]));
     let lines: Vec<String> = files(&out)
         .into_iter()
         .filter(|(name, _)| name.ends_with(".jsonl") && !name.starts_with(".syntable"))
@@ -48,14 +64,31 @@ fn check(folder: &Path, product: &str) -> String {
 #[test]
 fn a_crate_from_outside_adds_products_formats_and_verbs() {
     let folder = tempfile::tempdir().expect("a folder");
-    let source = root().join("tests/third-party");
-    copy(&source, folder.path());
-    for (manifest, up) in [("Cargo.toml", "../../"), ("samples/Cargo.toml", "../../../")] {
+    copy(&root().join("tests/third-party"), folder.path());
+    check_everything(built, folder.path());
+}
+
+#[test]
+#[ignore = "builds the program once more"]
+fn foreign_workspace_builds_the_crate_from_outside() {
+    let folder = tempfile::tempdir().expect("a folder");
+    copy(&root().join("tests/third-party"), folder.path());
+    for (manifest, up, more) in
+        [("Cargo.toml", "../../", "\n[workspace]\nmembers = [\"samples\"]\n"), ("samples/Cargo.toml", "../../../", "")]
+    {
         let manifest = folder.path().join(manifest);
         let text = std::fs::read_to_string(&manifest).expect("there");
-        std::fs::write(manifest, text.replace(up, &format!("{}/", root().display()))).expect("writable");
+        std::fs::write(manifest, text.replace(up, &format!("{}/", root().display())) + more).expect("writable");
     }
-    let lines = check(folder.path(), "centroid");
+    // The versions of this workspace.
+    std::fs::copy(root().join("Cargo.lock"), folder.path().join("Cargo.lock")).expect("copied");
+    check_everything(foreign, folder.path());
+    ok(&mut foreign(&folder.path().join("samples"), &[&folder.path().join("by-functions").display().to_string()]));
+}
+
+/// Everything that the crate `tests/third-party`, copied to a folder, adds to the program.
+fn check_everything(program: Program, folder: &Path) {
+    let lines = check(program, folder, "centroid");
     // Two views; every object's centroid lies inside the image.
     assert_eq!(lines.lines().filter(|line| line.contains("centroid")).count(), 2);
     let mut seen_in: BTreeMap<String, Vec<u64>> = BTreeMap::new();
@@ -75,7 +108,7 @@ fn a_crate_from_outside_adds_products_formats_and_verbs() {
     assert_eq!(scene["seen_in"], serde_json::to_value(&seen_in).expect("plain data"));
 
     // A float image that no writer knows by name, in three formats that agree.
-    let out = files(&folder.path().join("out"));
+    let out = files(&folder.join("out"));
     let npy = floats(&out["npy/headroom/000000_0001.npy"]);
     assert_eq!(npy.len(), 160 * 120);
     assert!(npy.iter().any(|&value| value > 0.1));
@@ -95,7 +128,7 @@ fn a_crate_from_outside_adds_products_formats_and_verbs() {
 
     // A second provider of a product changes nothing in recipes that do not mention it.
     let provider = |more: &[&str]| {
-        let plan = ok(&mut cargo_run(folder.path(), &[&["plan", "builtin:quickstart"], more].concat()));
+        let plan = ok(&mut program(folder, &[&["plan", "builtin:quickstart"], more].concat()));
         let line = plan.lines().find(|line| line.starts_with("visible_box ")).expect("planned");
         line.split_whitespace().nth(1).expect("a provider").to_owned()
     };
@@ -103,16 +136,19 @@ fn a_crate_from_outside_adds_products_formats_and_verbs() {
     assert_eq!(provider(&["--set", "annotate.rival_boxes={}"]), "annotate.rival_boxes");
 
     // The mesh format serves `check --asset` too, and the verb is in the help.
-    let asset = ok(&mut cargo_run(folder.path(), &["check", "--asset", "shapes/wedge.off"]));
+    let asset = ok(&mut program(folder, &["check", "--asset", "shapes/wedge.off"]));
     assert!(asset.contains("OFF") && asset.contains('8'), "{asset}");
-    assert!(ok(&mut cargo_run(folder.path(), &["--help"])).contains("Print the kinds of a slot"));
-    assert!(ok(&mut cargo_run(folder.path(), &["kinds", "annotate"])).lines().any(|kind| kind == "seen_in"));
-    let output = cargo_run(folder.path(), &["kinds", "nothing"]).output().expect("runs");
+    assert!(ok(&mut program(folder, &["--help"])).contains("Print the kinds of a slot"));
+    assert!(ok(&mut program(folder, &["kinds", "annotate"])).lines().any(|kind| kind == "seen_in"));
+    let output = program(folder, &["kinds", "nothing"]).output().expect("runs");
     assert_eq!(output.status.code(), Some(2));
+}
 
-    // A program without a command line: samples in memory, scores and a report by functions.
-    let samples = folder.path().join("samples");
-    let said = ok(&mut cargo_run(&samples, &[&folder.path().join("by-functions").display().to_string()]));
+#[test]
+fn a_program_without_a_command_line_has_samples_scores_and_a_report() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let mut program = Command::new(env!("CARGO_BIN_EXE_samples-under-test"));
+    let said = ok(program.arg(folder.path()).env("SYNTABLE_CACHE", root().join("target/test-cache")));
     let lines: Vec<&str> = said.lines().collect();
     let areas = lines.iter().filter(|line| line.starts_with("view "));
     assert!(areas.clone().count() == 2 && areas.clone().all(|line| !line.ends_with("Uint(0)")), "{said}");
@@ -121,7 +157,7 @@ fn a_crate_from_outside_adds_products_formats_and_verbs() {
     assert!(Path::new(report).is_file(), "{said}");
     let mut tree = Command::new(env!("CARGO"));
     tree.args(["tree", "--offline", "--package", "samples", "--edges", "normal", "--prefix", "none"]);
-    let tree = ok(tree.current_dir(&samples));
+    let tree = ok(tree.current_dir(root()));
     assert!(tree.lines().any(|line| line.starts_with("syntable-runtime ")), "{tree}");
     for heavy in ["clap ", "indicatif ", "signal-hook ", "syntable-cli "] {
         assert!(!tree.lines().any(|line| line.starts_with(heavy)), "{heavy}");
@@ -143,33 +179,57 @@ fn gray16(png: &[u8]) -> Vec<u16> {
     bytes[..info.buffer_size()].as_chunks().0.iter().map(|&bytes| u16::from_be_bytes(bytes)).collect()
 }
 
-#[test]
-fn a_new_plugin_builds_and_runs_as_it_is() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let crate_folder = folder.path().join("visible_area");
-    let said = ok(syntable().args(["new", "plugin", "visible_area", "--path"]).arg(&crate_folder));
+/// Makes the plugin `visible_area`, and checks what `syntable new plugin` says and writes.
+fn new_plugin(folder: &Path) {
+    let said = ok(syntable().args(["new", "plugin", "visible_area", "--path"]).arg(folder));
     assert!(said.contains("cargo run --release"), "{said}");
-    let manifest = std::fs::read_to_string(crate_folder.join("Cargo.toml")).expect("written");
+    let manifest = std::fs::read_to_string(folder.join("Cargo.toml")).expect("written");
     assert!(manifest.contains("path = \"../") && !manifest.contains("path = \"/"), "{manifest}");
-    assert!(crate_folder.join("Cargo.lock").is_file());
-    let lines = check(&crate_folder, "visible_area");
-    // Its own tests pass, and a recipe that it starts knows its kind.
-    let mut tests = cargo_run(&crate_folder, &[]);
-    let environment: Vec<_> =
-        tests.get_envs().filter_map(|(key, value)| Some((key.to_owned(), value?.to_owned()))).collect();
-    tests = Command::new(env!("CARGO"));
-    tests.args(["test", "--release", "--quiet", "--offline"]).current_dir(&crate_folder).envs(environment);
-    ok(&mut tests);
-    ok(&mut cargo_run(&crate_folder, &["new", "recipe", "fresh/mine.toml"]));
-    let schema = std::fs::read_to_string(crate_folder.join("fresh/recipe.schema.json")).expect("written");
-    assert!(schema.contains("\"visible_area\""));
+    assert!(folder.join("Cargo.lock").is_file());
+}
+
+/// The recipes of the plugin `visible_area` and of the book's page on plugins.
+fn check_plugin(program: Program, folder: &Path) {
+    let lines = check(program, folder, "visible_area");
     assert!(lines.lines().count() == 2 && lines.contains("\"visible_area\""), "{lines}");
-    // The recipe of the book's page on plugins, over the quickstart recipe.
+    // A recipe that the program starts knows the kind.
+    ok(&mut program(folder, &["new", "recipe", "fresh/mine.toml"]));
+    let schema = std::fs::read_to_string(folder.join("fresh/recipe.schema.json")).expect("written");
+    assert!(schema.contains("\"visible_area\""));
+    // The recipe of the book, over the quickstart recipe.
     let page = std::fs::read_to_string(root().join("book/src/plugins.md")).expect("the page");
     let block = page.split("```toml\n").nth(1).and_then(|rest| rest.split("```").next()).expect("a recipe");
     let base = root().join("recipes/quickstart.toml");
     let recipe = format!("extends = \"{}\"\n{block}", base.display());
-    std::fs::write(crate_folder.join("book.toml"), recipe).expect("writable");
-    let said = ok(&mut cargo_run(&crate_folder, &["check", "book.toml"]));
+    std::fs::write(folder.join("book.toml"), recipe).expect("writable");
+    let said = ok(&mut program(folder, &["check", "book.toml"]));
     assert!(said.contains("no mistake found"), "{said}");
+}
+
+#[test]
+fn a_new_plugin_compiles_and_its_recipe_runs() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let plugin = folder.path().join("visible_area");
+    new_plugin(&plugin);
+    // Its source is a module of the crate from outside, which the workspace compiles.
+    let (made, stored) = (plugin.join("src/lib.rs"), root().join("tests/third-party/src/visible_area.rs"));
+    if std::env::var_os("UPDATE").is_some() {
+        std::fs::copy(&made, &stored).expect("writable");
+    }
+    let [made, stored] = [made, stored].map(|path| std::fs::read_to_string(path).expect("a source"));
+    assert!(made == stored, "tests/third-party/src/visible_area.rs is stale; refresh with UPDATE=1");
+    // Cargo finds what the manifest names, and the lock file has all of it.
+    ok(&mut cargo(&plugin, &["metadata", "--format-version", "1", "--offline"]));
+    check_plugin(built, &plugin);
+}
+
+#[test]
+#[ignore = "builds the program once more"]
+fn foreign_workspace_builds_a_new_plugin_as_it_is() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let plugin = folder.path().join("visible_area");
+    new_plugin(&plugin);
+    check_plugin(foreign, &plugin);
+    // Its own tests pass.
+    ok(&mut cargo(&plugin, &["test", "--release", "--quiet", "--offline"]));
 }

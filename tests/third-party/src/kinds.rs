@@ -1,9 +1,9 @@
 //! Verb `kinds`: prints the registered kinds of a slot.
 
-use syntable_model::error::Error;
-use syntable_model::registry::Registry;
 use syntable_cli::clap::{Arg, ArgMatches, Command};
 use syntable_cli::{Console, Exit, Verb};
+use syntable_model::error::Error;
+use syntable_model::registry::Registry;
 
 fn command() -> Command {
     Command::new("kinds").about("Print the kinds of a slot, one per line").arg(Arg::new("slot").required(true))

@@ -11,3 +11,4 @@ mod off;
 mod rival_boxes;
 mod seen_in;
 mod tower;
+mod visible_area;

@@ -37,7 +37,8 @@ fn main() -> std::result::Result<(), Box<dyn std::error::Error>> {
         Box::new(TotalArea(Arc::clone(&counted)))
     });
     let registry = Registry::linked()?.with(entry)?;
-    let request = RecipeRequest::new("builtin:quickstart").set("dataset.scenes", "1").set("camera.resolution", "[96, 72]");
+    let request =
+        RecipeRequest::new("builtin:quickstart").set("dataset.scenes", "1").set("camera.resolution", "[96, 72]");
     let recipe = request.load(&registry, &["total_area"], &Quiet)?;
     let options = GenerateOptions { products: vec!["total_area".into()], ..GenerateOptions::default() };
     generate(&recipe, &options, &Quiet, &mut |sample| {

@@ -1,0 +1,172 @@
+//! What each fuzz target does with an input. A test of the workspace replays all stored inputs
+//! (`tests/tests/program/fuzz.rs`), and `fuzz_targets` hands these functions to libFuzzer.
+
+use std::path::PathBuf;
+use syntable_formats::dataset::Layout;
+use syntable_formats::decode::Content;
+use syntable_formats::{coco, syntable};
+use syntable_model::context::Collected;
+use syntable_model::inspect;
+use syntable_model::product::{Mask, Products, Stored, Value, linked};
+use syntable_model::registry::Registry;
+use syntable_model::scene::InstanceId;
+use syntable_runtime::recipe::{self, Overrides};
+
+/// Feeds one input to a reader. It panics where the reader is wrong.
+pub type Target = fn(&[u8]);
+
+/// All targets, by the names of their binaries and of the folders in `corpus`.
+pub const TARGETS: [(&str, Target); 12] = [
+    ("obj", obj),
+    ("gltf", gltf),
+    ("glb", glb),
+    ("ply", ply),
+    ("stl", stl),
+    ("image", image),
+    ("hdr", hdr),
+    ("exr", exr),
+    ("mask", mask),
+    ("recipe", recipe),
+    ("dataset", dataset),
+    ("product", product),
+];
+
+/// The folder that holds the input of a reader of files: one per process, in memory where the system has such a place.
+pub fn folder() -> PathBuf {
+    let memory = PathBuf::from("/dev/shm");
+    let base = if memory.is_dir() { memory } else { std::env::temp_dir() };
+    base.join(format!("syntable-fuzz-{}", std::process::id()))
+}
+
+/// Writes files, and inspects the first one as `syntable check --asset` does. The inspection may say anything, but it
+/// must return.
+fn inspect(files: &[(&str, &[u8])]) {
+    let folder = folder();
+    std::fs::create_dir_all(&folder).expect("a folder");
+    for (name, bytes) in files {
+        std::fs::write(folder.join(name), bytes).expect("a file");
+    }
+    let _ = inspect::inspect(&folder.join(files[0].0), &Collected::default());
+}
+
+/// The text at the start of an input.
+fn text(input: &[u8]) -> &str {
+    input.utf8_chunks().next().map_or("", |chunk| chunk.valid())
+}
+
+/// OBJ with its MTL: the material library follows a line `--`.
+pub fn obj(input: &[u8]) {
+    let split = input.windows(4).position(|bytes| bytes == b"\n--\n");
+    let (obj, mtl) = split.map_or((input, &[][..]), |at| (&input[..=at], &input[at + 4..]));
+    inspect(&[("model.obj", obj), ("model.mtl", mtl)]);
+}
+
+/// glTF with embedded buffers.
+pub fn gltf(input: &[u8]) {
+    inspect(&[("input.gltf", input)]);
+}
+
+/// Binary glTF.
+pub fn glb(input: &[u8]) {
+    inspect(&[("input.glb", input)]);
+}
+
+/// PLY, text and binary.
+pub fn ply(input: &[u8]) {
+    inspect(&[("input.ply", input)]);
+}
+
+/// STL, text and binary.
+pub fn stl(input: &[u8]) {
+    inspect(&[("input.stl", input)]);
+}
+
+/// PNG and JPEG images, known by their content.
+pub fn image(input: &[u8]) {
+    inspect(&[("input.png", input)]);
+}
+
+/// Radiance HDR environment maps.
+pub fn hdr(input: &[u8]) {
+    inspect(&[("input.hdr", input)]);
+}
+
+/// OpenEXR environment maps.
+pub fn exr(input: &[u8]) {
+    inspect(&[("input.exr", input)]);
+}
+
+/// The run-length codec of masks: width and height in two bytes each, lowest first, then COCO's compressed counts.
+pub fn mask(input: &[u8]) {
+    let Some((size, counts)) = input.split_first_chunk::<4>() else { return };
+    let [width, height] = [[size[0], size[1]], [size[2], size[3]]].map(|bytes| u32::from(u16::from_le_bytes(bytes)));
+    let Ok(mask) = Mask::from_coco(width, height, text(counts)) else { return };
+    let again = Mask::from_coco(width, height, &mask.to_coco()).expect("what was written is read");
+    assert_eq!(mask, again);
+    // The runs say the same as the counts and the box.
+    let area: u32 = mask.runs().map(|run| run.end - run.start).sum();
+    assert_eq!(area, mask.area());
+    assert_eq!(mask.and(&again).area(), area);
+    assert!(mask.minus(&again).is_empty());
+    if u64::from(width) * u64::from(height) <= 1 << 16 {
+        let plane = mask.to_plane();
+        assert_eq!(Mask::from_fn(width, height, |x, y| *plane.at(x, y)), mask);
+    }
+}
+
+/// The recipe parser, from text to stages or diagnostics. A table of a kind that is not linked ends in a diagnostic.
+pub fn recipe(input: &[u8]) {
+    let registry = Registry::linked().expect("no clash");
+    let overrides = Overrides {
+        set: Vec::new(),
+        variable: &|_| Some("value".to_owned()),
+        read: &|_| Err(std::io::ErrorKind::NotFound.into()),
+        exists: &|_| true,
+        current_folder: "/".into(),
+        choose: false,
+        wanted: Vec::new(),
+    };
+    let _ = recipe::load(&registry, recipe::Source::embedded("fuzz", text(input)), &overrides);
+}
+
+/// Annotation files of other programs: COCO's and SynTable's, from text to masks.
+pub fn dataset(input: &[u8]) {
+    if let Ok(dataset) = coco::Dataset::from_reader(input) {
+        for annotation in &dataset.annotations {
+            // Images of any size are legal, but decoding large ones takes time that finds nothing.
+            let image = dataset.images.iter().find(|image| image.id == annotation.image_id);
+            let Some(image) = image.filter(|image| image.width <= 512 && image.height <= 512) else { continue };
+            let Some(segmentation) = &annotation.segmentation else { continue };
+            let Ok(mask) = segmentation.decode(image.width, image.height) else { continue };
+            assert_eq!((mask.width(), mask.height()), (image.width, image.height));
+        }
+        let mut written = Vec::new();
+        dataset.write(&mut written, "fuzz.json", Layout::Lines).expect("memory takes all");
+        assert_eq!(coco::Dataset::from_reader(&written[..]).expect("what was written is read"), dataset);
+    }
+    if let Ok(dataset) = syntable::Dataset::from_reader(input) {
+        for image in &dataset.images {
+            let _ = image.camera();
+        }
+        for annotation in &dataset.annotations {
+            let _ = annotation.object();
+        }
+    }
+}
+
+/// Values of products that files have, arrays or JSON: each is the product of a key, or refused.
+pub fn product(input: &[u8]) {
+    let content = Content::new(input.to_vec(), "fuzz".into());
+    let values = [content.npy().map(Value::Tensor), content.json()];
+    let ids = [InstanceId(1), InstanceId(2)];
+    for value in values.into_iter().flatten() {
+        for key in linked() {
+            let mut products = Products::new();
+            let stored = Stored { value: &value, ids: &ids, missing: f64::INFINITY };
+            if products.put_stored(key, stored).is_ok() {
+                // What is taken for a product is one.
+                let _ = products.value(&key.name.to_string()).expect("there");
+            }
+        }
+    }
+}
