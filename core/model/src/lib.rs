@@ -120,7 +120,7 @@ pub mod prelude {
     pub use crate::registry::Config;
     pub use crate::scene::{InstanceId, Scene, SceneBuilder, View};
     pub use crate::stage::*;
-    pub use crate::{keys, products, register};
+    pub use crate::{config, keys, products, register};
     pub use schemars::JsonSchema;
     pub use serde::{Deserialize, Serialize};
 }

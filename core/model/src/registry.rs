@@ -514,6 +514,45 @@ impl Registry {
     }
 }
 
+/// Implements [`Config`](crate::registry::Config) for options that are the stage itself and need no check beyond their schema: the
+/// type, the trait of the stage, the kind, and the usual options where there are any.
+///
+/// ```
+/// use syntable_model::prelude::*;
+///
+/// /// Gives every view a number.
+/// #[derive(Debug, Default, Serialize, Deserialize, JsonSchema)]
+/// #[serde(deny_unknown_fields, default)]
+/// struct Numbers {
+///     /// The number of the first view.
+///     first: u32,
+/// }
+///
+/// config!(Numbers => dyn Annotator, "numbers", "first = 1");
+/// # impl Annotator for Numbers {
+/// #     fn reads(&self) -> Vec<KeyId> { vec![] }
+/// #     fn provides(&self) -> Vec<KeyId> { vec![] }
+/// #     fn annotate(&self, _: &ViewContext, _: &mut Products) -> Result<()> { Ok(()) }
+/// # }
+/// assert_eq!(Numbers::KIND, "numbers");
+/// ```
+#[macro_export]
+macro_rules! config {
+    ($config:ty => $stage:ty, $kind:literal) => {
+        $crate::config!($config => $stage, $kind, "");
+    };
+    ($config:ty => $stage:ty, $kind:literal, $example:expr $(,)?) => {
+        impl $crate::registry::Config for $config {
+            type Stage = $stage;
+            const KIND: &'static str = $kind;
+            const EXAMPLE: &'static str = $example;
+            fn build(self) -> ::std::result::Result<Box<$stage>, $crate::error::ConfigError> {
+                Ok(Box::new(self))
+            }
+        }
+    };
+}
+
 /// Registers configuration types, so that recipes can name their kinds.
 ///
 /// A crate is linked only if the program names it: `use my_plugin as _;` in its `main.rs`.

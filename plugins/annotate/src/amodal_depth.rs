@@ -9,14 +9,7 @@ use syntable_model::product::standard::{AMODAL_DEPTH, AMODAL_MASK, OBJECT_DEPTHS
 #[serde(deny_unknown_fields, default)]
 pub struct AmodalDepth {}
 
-impl Config for AmodalDepth {
-    type Stage = dyn Annotator;
-    const KIND: &'static str = "amodal_depth";
-    const EXAMPLE: &'static str = "";
-    fn build(self) -> Result<Box<dyn Annotator>, ConfigError> {
-        Ok(Box::new(self))
-    }
-}
+config!(AmodalDepth => dyn Annotator, "amodal_depth");
 
 impl Annotator for AmodalDepth {
     fn reads(&self) -> Vec<KeyId> {

@@ -13,14 +13,7 @@ pub struct AmodalNormal {}
 /// Normals need no light.
 const NORMAL_OF_OBJECTS: Key<Plane<[f32; 3]>> = NORMAL.of_objects(Lighting::Alone);
 
-impl Config for AmodalNormal {
-    type Stage = dyn Annotator;
-    const KIND: &'static str = "amodal_normal";
-    const EXAMPLE: &'static str = "";
-    fn build(self) -> Result<Box<dyn Annotator>, ConfigError> {
-        Ok(Box::new(self))
-    }
-}
+config!(AmodalNormal => dyn Annotator, "amodal_normal");
 
 impl Annotator for AmodalNormal {
     fn reads(&self) -> Vec<KeyId> {

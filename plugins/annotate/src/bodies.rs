@@ -13,14 +13,7 @@ use syntable_model::scene::{Body, Role};
 #[serde(deny_unknown_fields, default)]
 pub struct Bodies {}
 
-impl Config for Bodies {
-    type Stage = dyn SceneAnnotator;
-    const KIND: &'static str = "bodies";
-    const EXAMPLE: &'static str = "";
-    fn build(self) -> Result<Box<dyn SceneAnnotator>, ConfigError> {
-        Ok(Box::new(self))
-    }
-}
+config!(Bodies => dyn SceneAnnotator, "bodies");
 
 impl SceneAnnotator for Bodies {
     fn reads(&self) -> Vec<KeyId> {

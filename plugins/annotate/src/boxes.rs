@@ -9,14 +9,7 @@ use syntable_model::product::standard::{AMODAL_BOX, AMODAL_MASK, VISIBLE_BOX, VI
 #[serde(deny_unknown_fields, default)]
 pub struct Boxes {}
 
-impl Config for Boxes {
-    type Stage = dyn Annotator;
-    const KIND: &'static str = "boxes";
-    const EXAMPLE: &'static str = "";
-    fn build(self) -> Result<Box<dyn Annotator>, ConfigError> {
-        Ok(Box::new(self))
-    }
-}
+config!(Boxes => dyn Annotator, "boxes");
 
 impl Annotator for Boxes {
     fn reads(&self) -> Vec<KeyId> {

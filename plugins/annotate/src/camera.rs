@@ -12,14 +12,7 @@ use syntable_model::scene;
 #[serde(deny_unknown_fields, default)]
 pub struct Camera {}
 
-impl Config for Camera {
-    type Stage = dyn Annotator;
-    const KIND: &'static str = "camera";
-    const EXAMPLE: &'static str = "";
-    fn build(self) -> Result<Box<dyn Annotator>, ConfigError> {
-        Ok(Box::new(self))
-    }
-}
+config!(Camera => dyn Annotator, "camera");
 
 impl Annotator for Camera {
     fn reads(&self) -> Vec<KeyId> {

@@ -19,14 +19,7 @@ use syntable_model::scene::{Body, Camera};
 #[serde(deny_unknown_fields, default)]
 pub struct Cuboids {}
 
-impl Config for Cuboids {
-    type Stage = dyn Annotator;
-    const KIND: &'static str = "cuboids";
-    const EXAMPLE: &'static str = "";
-    fn build(self) -> Result<Box<dyn Annotator>, ConfigError> {
-        Ok(Box::new(self))
-    }
-}
+config!(Cuboids => dyn Annotator, "cuboids");
 
 impl Annotator for Cuboids {
     fn reads(&self) -> Vec<KeyId> {

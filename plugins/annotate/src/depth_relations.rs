@@ -17,14 +17,7 @@ use syntable_model::product::standard::{AMODAL_MASK, DEPTH_ORDER, INSTANCE, OBJE
 #[serde(deny_unknown_fields, default)]
 pub struct DepthRelations {}
 
-impl Config for DepthRelations {
-    type Stage = dyn Annotator;
-    const KIND: &'static str = "depth_relations";
-    const EXAMPLE: &'static str = "";
-    fn build(self) -> Result<Box<dyn Annotator>, ConfigError> {
-        Ok(Box::new(self))
-    }
-}
+config!(DepthRelations => dyn Annotator, "depth_relations");
 
 impl Annotator for DepthRelations {
     fn reads(&self) -> Vec<KeyId> {

@@ -9,14 +9,7 @@ use syntable_model::product::standard::{DEPTH, DISTANCE};
 #[serde(deny_unknown_fields, default)]
 pub struct Distance {}
 
-impl Config for Distance {
-    type Stage = dyn Annotator;
-    const KIND: &'static str = "distance";
-    const EXAMPLE: &'static str = "";
-    fn build(self) -> Result<Box<dyn Annotator>, ConfigError> {
-        Ok(Box::new(self))
-    }
-}
+config!(Distance => dyn Annotator, "distance");
 
 impl Annotator for Distance {
     fn reads(&self) -> Vec<KeyId> {

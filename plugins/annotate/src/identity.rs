@@ -9,14 +9,7 @@ use syntable_model::product::standard::{AMODAL_MASK, CATEGORY_ID, OBJECT_NAME};
 #[serde(deny_unknown_fields, default)]
 pub struct Identity {}
 
-impl Config for Identity {
-    type Stage = dyn Annotator;
-    const KIND: &'static str = "identity";
-    const EXAMPLE: &'static str = "";
-    fn build(self) -> Result<Box<dyn Annotator>, ConfigError> {
-        Ok(Box::new(self))
-    }
-}
+config!(Identity => dyn Annotator, "identity");
 
 impl Annotator for Identity {
     fn reads(&self) -> Vec<KeyId> {

@@ -30,14 +30,7 @@ impl Default for Keypoints {
     }
 }
 
-impl Config for Keypoints {
-    type Stage = dyn Annotator;
-    const KIND: &'static str = "keypoints";
-    const EXAMPLE: &'static str = "tolerance_m = 0.01";
-    fn build(self) -> Result<Box<dyn Annotator>, ConfigError> {
-        Ok(Box::new(self))
-    }
-}
+config!(Keypoints => dyn Annotator, "keypoints", "tolerance_m = 0.01");
 
 impl Annotator for Keypoints {
     fn reads(&self) -> Vec<KeyId> {

@@ -14,14 +14,7 @@ use syntable_model::product::{DType, Painted, Tensor};
 #[serde(deny_unknown_fields, default)]
 pub struct LabelArrays {}
 
-impl Config for LabelArrays {
-    type Stage = dyn Annotator;
-    const KIND: &'static str = "label_arrays";
-    const EXAMPLE: &'static str = "";
-    fn build(self) -> Result<Box<dyn Annotator>, ConfigError> {
-        Ok(Box::new(self))
-    }
-}
+config!(LabelArrays => dyn Annotator, "label_arrays");
 
 impl Annotator for LabelArrays {
     fn reads(&self) -> Vec<KeyId> {

@@ -10,14 +10,7 @@ use syntable_model::scene::Light;
 #[serde(deny_unknown_fields, default)]
 pub struct Lights {}
 
-impl Config for Lights {
-    type Stage = dyn Annotator;
-    const KIND: &'static str = "lights";
-    const EXAMPLE: &'static str = "";
-    fn build(self) -> Result<Box<dyn Annotator>, ConfigError> {
-        Ok(Box::new(self))
-    }
-}
+config!(Lights => dyn Annotator, "lights");
 
 impl Annotator for Lights {
     fn reads(&self) -> Vec<KeyId> {

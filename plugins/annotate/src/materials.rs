@@ -17,14 +17,7 @@ const NONE: &str = "none";
 #[serde(deny_unknown_fields, default)]
 pub struct Materials {}
 
-impl Config for Materials {
-    type Stage = dyn SceneAnnotator;
-    const KIND: &'static str = "materials";
-    const EXAMPLE: &'static str = "";
-    fn build(self) -> Result<Box<dyn SceneAnnotator>, ConfigError> {
-        Ok(Box::new(self))
-    }
-}
+config!(Materials => dyn SceneAnnotator, "materials");
 
 register!(Materials);
 

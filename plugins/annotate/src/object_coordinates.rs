@@ -18,14 +18,7 @@ use syntable_model::scene::{Body, Camera};
 #[serde(deny_unknown_fields, default)]
 pub struct ObjectCoordinates {}
 
-impl Config for ObjectCoordinates {
-    type Stage = dyn Annotator;
-    const KIND: &'static str = "object_coordinates";
-    const EXAMPLE: &'static str = "";
-    fn build(self) -> Result<Box<dyn Annotator>, ConfigError> {
-        Ok(Box::new(self))
-    }
-}
+config!(ObjectCoordinates => dyn Annotator, "object_coordinates");
 
 impl Annotator for ObjectCoordinates {
     fn reads(&self) -> Vec<KeyId> {

@@ -37,14 +37,7 @@ impl Default for ObjectInfo {
     }
 }
 
-impl Config for ObjectInfo {
-    type Stage = dyn Annotator;
-    const KIND: &'static str = "object_info";
-    const EXAMPLE: &'static str = "objects = \"annotated\"";
-    fn build(self) -> Result<Box<dyn Annotator>, ConfigError> {
-        Ok(Box::new(self))
-    }
-}
+config!(ObjectInfo => dyn Annotator, "object_info", "objects = \"annotated\"");
 
 impl Annotator for ObjectInfo {
     fn reads(&self) -> Vec<KeyId> {

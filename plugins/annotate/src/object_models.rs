@@ -14,14 +14,7 @@ use syntable_model::product::{ObjectModel, ObjectModels as Models};
 #[serde(deny_unknown_fields, default)]
 pub struct ObjectModels {}
 
-impl Config for ObjectModels {
-    type Stage = dyn SceneAnnotator;
-    const KIND: &'static str = "object_models";
-    const EXAMPLE: &'static str = "";
-    fn build(self) -> Result<Box<dyn SceneAnnotator>, ConfigError> {
-        Ok(Box::new(self))
-    }
-}
+config!(ObjectModels => dyn SceneAnnotator, "object_models");
 
 impl SceneAnnotator for ObjectModels {
     fn reads(&self) -> Vec<KeyId> {

@@ -10,14 +10,7 @@ use syntable_model::product::standard::{DEPTH, INSTANCE, OCCLUSION_BOUNDARY};
 #[serde(deny_unknown_fields, default)]
 pub struct OcclusionBoundary {}
 
-impl Config for OcclusionBoundary {
-    type Stage = dyn Annotator;
-    const KIND: &'static str = "occlusion_boundary";
-    const EXAMPLE: &'static str = "";
-    fn build(self) -> Result<Box<dyn Annotator>, ConfigError> {
-        Ok(Box::new(self))
-    }
-}
+config!(OcclusionBoundary => dyn Annotator, "occlusion_boundary");
 
 impl Annotator for OcclusionBoundary {
     fn reads(&self) -> Vec<KeyId> {

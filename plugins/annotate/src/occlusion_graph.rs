@@ -16,14 +16,7 @@ use syntable_model::product::standard::{OCCLUSION_GRAPH, OCCLUSION_LAYER, OCCLUS
 #[serde(deny_unknown_fields, default)]
 pub struct OcclusionGraph {}
 
-impl Config for OcclusionGraph {
-    type Stage = dyn Annotator;
-    const KIND: &'static str = "occlusion_graph";
-    const EXAMPLE: &'static str = "";
-    fn build(self) -> Result<Box<dyn Annotator>, ConfigError> {
-        Ok(Box::new(self))
-    }
-}
+config!(OcclusionGraph => dyn Annotator, "occlusion_graph");
 
 impl Annotator for OcclusionGraph {
     fn reads(&self) -> Vec<KeyId> {

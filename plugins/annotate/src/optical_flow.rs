@@ -28,14 +28,7 @@ impl Default for OpticalFlow {
     }
 }
 
-impl Config for OpticalFlow {
-    type Stage = dyn Annotator;
-    const KIND: &'static str = "optical_flow";
-    const EXAMPLE: &'static str = "tolerance_m = 0.002";
-    fn build(self) -> Result<Box<dyn Annotator>, ConfigError> {
-        Ok(Box::new(self))
-    }
-}
+config!(OpticalFlow => dyn Annotator, "optical_flow", "tolerance_m = 0.002");
 
 impl Annotator for OpticalFlow {
     fn reads(&self) -> Vec<KeyId> {

@@ -25,14 +25,7 @@ impl Default for Outlines {
     }
 }
 
-impl Config for Outlines {
-    type Stage = dyn Annotator;
-    const KIND: &'static str = "outlines";
-    const EXAMPLE: &'static str = "tolerance_px = 0.5";
-    fn build(self) -> Result<Box<dyn Annotator>, ConfigError> {
-        Ok(Box::new(self))
-    }
-}
+config!(Outlines => dyn Annotator, "outlines", "tolerance_px = 0.5");
 
 /// A product of masks, and what is provided of them.
 type OfMasks = (Key<PerInstance<Mask>>, Key<PerInstance<Value>>);

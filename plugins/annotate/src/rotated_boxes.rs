@@ -14,14 +14,7 @@ use syntable_model::product::{BBox, Mask};
 #[serde(deny_unknown_fields, default)]
 pub struct RotatedBoxes {}
 
-impl Config for RotatedBoxes {
-    type Stage = dyn Annotator;
-    const KIND: &'static str = "rotated_boxes";
-    const EXAMPLE: &'static str = "";
-    fn build(self) -> Result<Box<dyn Annotator>, ConfigError> {
-        Ok(Box::new(self))
-    }
-}
+config!(RotatedBoxes => dyn Annotator, "rotated_boxes");
 
 /// A product of masks, and what is provided of them.
 type OfMasks = (Key<PerInstance<Mask>>, Key<PerInstance<Value>>);

@@ -10,14 +10,7 @@ use syntable_model::scene::Role;
 #[serde(deny_unknown_fields, default)]
 pub struct SceneMasks {}
 
-impl Config for SceneMasks {
-    type Stage = dyn Annotator;
-    const KIND: &'static str = "scene_masks";
-    const EXAMPLE: &'static str = "";
-    fn build(self) -> Result<Box<dyn Annotator>, ConfigError> {
-        Ok(Box::new(self))
-    }
-}
+config!(SceneMasks => dyn Annotator, "scene_masks");
 
 impl Annotator for SceneMasks {
     fn reads(&self) -> Vec<KeyId> {

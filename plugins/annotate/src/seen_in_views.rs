@@ -11,14 +11,7 @@ use syntable_model::product::standard::{OCCLUSION_RATE, SEEN_IN_VIEWS, VISIBLE_M
 #[serde(deny_unknown_fields, default)]
 pub struct SeenInViews {}
 
-impl Config for SeenInViews {
-    type Stage = dyn SceneAnnotator;
-    const KIND: &'static str = "seen_in_views";
-    const EXAMPLE: &'static str = "";
-    fn build(self) -> Result<Box<dyn SceneAnnotator>, ConfigError> {
-        Ok(Box::new(self))
-    }
-}
+config!(SeenInViews => dyn SceneAnnotator, "seen_in_views");
 
 impl SceneAnnotator for SeenInViews {
     fn reads(&self) -> Vec<KeyId> {

@@ -10,14 +10,7 @@ use syntable_model::scene;
 #[serde(deny_unknown_fields, default)]
 pub struct SettleReport {}
 
-impl Config for SettleReport {
-    type Stage = dyn SceneAnnotator;
-    const KIND: &'static str = "settle_report";
-    const EXAMPLE: &'static str = "";
-    fn build(self) -> Result<Box<dyn SceneAnnotator>, ConfigError> {
-        Ok(Box::new(self))
-    }
-}
+config!(SettleReport => dyn SceneAnnotator, "settle_report");
 
 impl SceneAnnotator for SettleReport {
     fn reads(&self) -> Vec<KeyId> {

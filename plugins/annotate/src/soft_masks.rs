@@ -30,14 +30,7 @@ impl Default for SoftMasks {
     }
 }
 
-impl Config for SoftMasks {
-    type Stage = dyn Annotator;
-    const KIND: &'static str = "soft_masks";
-    const EXAMPLE: &'static str = "subpixels = 4";
-    fn build(self) -> Result<Box<dyn Annotator>, ConfigError> {
-        Ok(Box::new(self))
-    }
-}
+config!(SoftMasks => dyn Annotator, "soft_masks", "subpixels = 4");
 
 impl SoftMasks {
     fn instance(&self) -> Key<Plane<InstanceId>> {

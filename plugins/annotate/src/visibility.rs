@@ -27,14 +27,7 @@ impl Default for Visibility {
     }
 }
 
-impl Config for Visibility {
-    type Stage = dyn Annotator;
-    const KIND: &'static str = "visibility";
-    const EXAMPLE: &'static str = "objects = \"annotated\"";
-    fn build(self) -> Result<Box<dyn Annotator>, ConfigError> {
-        Ok(Box::new(self))
-    }
-}
+config!(Visibility => dyn Annotator, "visibility", "objects = \"annotated\"");
 
 impl Annotator for Visibility {
     fn reads(&self) -> Vec<KeyId> {

@@ -8,14 +8,7 @@ use syntable_model::product::standard::DENOISER;
 #[serde(deny_unknown_fields, default)]
 pub struct NoDenoiser {}
 
-impl Config for NoDenoiser {
-    type Stage = dyn Denoiser;
-    const KIND: &'static str = "none";
-    const EXAMPLE: &'static str = "";
-    fn build(self) -> Result<Box<dyn Denoiser>, ConfigError> {
-        Ok(Box::new(self))
-    }
-}
+config!(NoDenoiser => dyn Denoiser, "none");
 
 impl Denoiser for NoDenoiser {
     fn reads(&self) -> Vec<KeyId> {

@@ -37,14 +37,7 @@ impl Default for Appearance {
     }
 }
 
-impl Config for Appearance {
-    type Stage = dyn Annotator;
-    const KIND: &'static str = "appearance";
-    const EXAMPLE: &'static str = "lighting = \"in_scene\"";
-    fn build(self) -> Result<Box<dyn Annotator>, ConfigError> {
-        Ok(Box::new(self))
-    }
-}
+config!(Appearance => dyn Annotator, "appearance", "lighting = \"in_scene\"");
 
 impl Annotator for Appearance {
     fn reads(&self) -> Vec<KeyId> {

@@ -49,14 +49,7 @@ impl Default for ContactSheet {
     }
 }
 
-impl Config for ContactSheet {
-    type Stage = dyn Writer;
-    const KIND: &'static str = "contact_sheet";
-    const EXAMPLE: &'static str = "panels = [\"rgb\", \"visible\", \"occlusion\"]\npanel_width_px = 320";
-    fn build(self) -> Result<Box<dyn Writer>, ConfigError> {
-        Ok(Box::new(self))
-    }
-}
+config!(ContactSheet => dyn Writer, "contact_sheet", "panels = [\"rgb\", \"visible\", \"occlusion\"]\npanel_width_px = 320");
 
 impl Writer for ContactSheet {
     fn reads(&self) -> Vec<Input> {

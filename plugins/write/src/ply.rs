@@ -46,14 +46,7 @@ impl Default for Ply {
     }
 }
 
-impl Config for Ply {
-    type Stage = dyn Writer;
-    const KIND: &'static str = "ply";
-    const EXAMPLE: &'static str = "depth = \"depth\"\nframe = \"camera\"";
-    fn build(self) -> Result<Box<dyn Writer>, ConfigError> {
-        Ok(Box::new(self))
-    }
-}
+config!(Ply => dyn Writer, "ply", "depth = \"depth\"\nframe = \"camera\"");
 
 impl Writer for Ply {
     fn reads(&self) -> Vec<Input> {

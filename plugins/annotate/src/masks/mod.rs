@@ -77,14 +77,7 @@ impl Default for Masks {
     }
 }
 
-impl Config for Masks {
-    type Stage = dyn Annotator;
-    const KIND: &'static str = "masks";
-    const EXAMPLE: &'static str = "image_frame = \"clip\"\ntable_and_room = \"occlude\"\nmin_visible_px = 1";
-    fn build(self) -> Result<Box<dyn Annotator>, ConfigError> {
-        Ok(Box::new(self))
-    }
-}
+config!(Masks => dyn Annotator, "masks", "image_frame = \"clip\"\ntable_and_room = \"occlude\"\nmin_visible_px = 1");
 
 impl Annotator for Masks {
     fn reads(&self) -> Vec<KeyId> {

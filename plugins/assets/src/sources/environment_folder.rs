@@ -24,14 +24,7 @@ pub struct EnvironmentFolder {
     limits: AssetLimits,
 }
 
-impl Config for EnvironmentFolder {
-    type Stage = dyn AssetSource;
-    const KIND: &'static str = "environment_folder";
-    const EXAMPLE: &'static str = "root = \"${ASSETS}/hdri\"";
-    fn build(self) -> Result<Box<dyn AssetSource>, ConfigError> {
-        Ok(Box::new(self))
-    }
-}
+config!(EnvironmentFolder => dyn AssetSource, "environment_folder", "root = \"${ASSETS}/hdri\"");
 
 impl AssetSource for EnvironmentFolder {
     fn class(&self) -> AssetClass {

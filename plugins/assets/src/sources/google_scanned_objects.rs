@@ -31,14 +31,7 @@ const MESHES: [&str; 2] = ["meshes/model.obj", "model.obj"];
 /// Category where none is known.
 const CATEGORY: &str = "google_scanned_objects";
 
-impl Config for GoogleScannedObjects {
-    type Stage = dyn AssetSource;
-    const KIND: &'static str = "google_scanned_objects";
-    const EXAMPLE: &'static str = "root = \"${ASSETS}/gso\"";
-    fn build(self) -> Result<Box<dyn AssetSource>, ConfigError> {
-        Ok(Box::new(self))
-    }
-}
+config!(GoogleScannedObjects => dyn AssetSource, "google_scanned_objects", "root = \"${ASSETS}/gso\"");
 
 impl AssetSource for GoogleScannedObjects {
     fn class(&self) -> AssetClass {

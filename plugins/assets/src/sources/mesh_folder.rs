@@ -62,14 +62,7 @@ pub enum CollisionMeshes {
     Include,
 }
 
-impl Config for MeshFolder {
-    type Stage = dyn AssetSource;
-    const KIND: &'static str = "mesh_folder";
-    const EXAMPLE: &'static str = "root = \"${ASSETS}/gltf\"\nup = \"z\"";
-    fn build(self) -> Result<Box<dyn AssetSource>, ConfigError> {
-        Ok(Box::new(self))
-    }
-}
+config!(MeshFolder => dyn AssetSource, "mesh_folder", "root = \"${ASSETS}/gltf\"\nup = \"z\"");
 
 impl AssetSource for MeshFolder {
     fn class(&self) -> AssetClass {

@@ -38,14 +38,7 @@ fn tile_m() -> f64 {
 /// Roughness without a map.
 const DEFAULT_ROUGHNESS: f32 = 0.5;
 
-impl Config for PbrFolder {
-    type Stage = dyn AssetSource;
-    const KIND: &'static str = "pbr_folder";
-    const EXAMPLE: &'static str = "root = \"${ASSETS}/materials\"\ntile_m = 1.0";
-    fn build(self) -> Result<Box<dyn AssetSource>, ConfigError> {
-        Ok(Box::new(self))
-    }
-}
+config!(PbrFolder => dyn AssetSource, "pbr_folder", "root = \"${ASSETS}/materials\"\ntile_m = 1.0");
 
 impl AssetSource for PbrFolder {
     fn class(&self) -> AssetClass {

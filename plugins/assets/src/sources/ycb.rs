@@ -64,14 +64,7 @@ impl Reconstruction {
 /// License of all objects of the collection.
 const LICENSE: &str = "CC-BY-4.0";
 
-impl Config for Ycb {
-    type Stage = dyn AssetSource;
-    const KIND: &'static str = "ycb";
-    const EXAMPLE: &'static str = "root = \"${ASSETS}/ycb\"";
-    fn build(self) -> Result<Box<dyn AssetSource>, ConfigError> {
-        Ok(Box::new(self))
-    }
-}
+config!(Ycb => dyn AssetSource, "ycb", "root = \"${ASSETS}/ycb\"");
 
 impl AssetSource for Ycb {
     fn class(&self) -> AssetClass {

@@ -55,14 +55,7 @@ impl Default for Guided {
     }
 }
 
-impl Config for Guided {
-    type Stage = dyn Denoiser;
-    const KIND: &'static str = "guided";
-    const EXAMPLE: &'static str = "strength = 1.0\nlevels = 4";
-    fn build(self) -> Result<Box<dyn Denoiser>, ConfigError> {
-        Ok(Box::new(self))
-    }
-}
+config!(Guided => dyn Denoiser, "guided", "strength = 1.0\nlevels = 4");
 
 impl Denoiser for Guided {
     fn reads(&self) -> Vec<KeyId> {

@@ -44,14 +44,7 @@ pub struct OsdAmodal {
     pub depth: DepthSource,
 }
 
-impl Config for OsdAmodal {
-    type Stage = dyn Writer;
-    const KIND: &'static str = "osd_amodal";
-    const EXAMPLE: &'static str = "depth = \"rendered\"";
-    fn build(self) -> Result<Box<dyn Writer>, ConfigError> {
-        Ok(Box::new(self))
-    }
-}
+config!(OsdAmodal => dyn Writer, "osd_amodal", "depth = \"rendered\"");
 
 /// Name of a view: no name ends in another, whatever the number of scenes and views.
 fn name(scene: SceneId, view: ViewId) -> String {

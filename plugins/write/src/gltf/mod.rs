@@ -85,14 +85,7 @@ fn glb_path(id: &str, stem: &str) -> String {
     format!("{id}/{stem}.glb")
 }
 
-impl Config for Gltf {
-    type Stage = dyn Writer;
-    const KIND: &'static str = "gltf";
-    const EXAMPLE: &'static str = "lights = \"emissive\"\nper = \"scene\"";
-    fn build(self) -> Result<Box<dyn Writer>, ConfigError> {
-        Ok(Box::new(self))
-    }
-}
+config!(Gltf => dyn Writer, "gltf", "lights = \"emissive\"\nper = \"scene\"");
 
 impl Writer for Gltf {
     fn reads(&self) -> Vec<Input> {
