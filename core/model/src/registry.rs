@@ -15,6 +15,7 @@ use crate::stage::{
 use schemars::{JsonSchema, Schema, SchemaGenerator};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeSet;
 use std::fmt;
 use std::sync::Arc;
 
@@ -282,31 +283,13 @@ impl<F: Fn() -> Stage + Send + Sync> StageFactory for Plain<F> {
     }
 }
 
-/// Crates whose kinds are those of the program as it ships: the plugins of this workspace.
-pub const STOCK_CRATES: [&str; 14] = [
-    "syntable-annotate",
-    "syntable-assets",
-    "syntable-denoise",
-    "syntable-hdf5",
-    "syntable-household",
-    "syntable-interchange",
-    "syntable-parquet",
-    "syntable-physics",
-    "syntable-placement",
-    "syntable-render-cpu",
-    "syntable-render-wgpu",
-    "syntable-sampling",
-    "syntable-sensor",
-    "syntable-write",
-];
+/// Names of crates whose kinds a program ships with. Of several kinds that provide a product, the resolver takes the one of these
+/// crates, so that a recipe means the same whether a further crate is linked or not. A crate that links all of them registers the list.
+pub struct StockCrates(pub &'static [&'static str]);
+
+inventory::collect!(StockCrates);
 
 impl Entry {
-    /// Whether a plugin of this workspace registers the kind, by the whole name of its crate: a recipe that does not
-    /// mention a kind of another crate means the same whether that crate is linked or not.
-    pub fn is_stock(&self) -> bool {
-        STOCK_CRATES.contains(&self.crate_name)
-    }
-
     /// The entry of a configuration type; used by [`register!`](crate::register).
     pub const fn of<C: Config>(crate_name: &'static str, crate_version: &'static str) -> Self {
         Self {
@@ -419,6 +402,7 @@ pub struct Registry {
     entries: Vec<Entry>,
     checks: Vec<Check>,
     formats: Vec<Format>,
+    stock: BTreeSet<&'static str>,
 }
 
 impl Registry {
@@ -427,7 +411,9 @@ impl Registry {
     /// # Errors
     /// If two crates register one name.
     pub fn linked() -> Result<Self, String> {
+        let stock = inventory::iter::<StockCrates>.into_iter().flat_map(|crates| crates.0).copied();
         Self::new(inventory::iter::<Entry>.into_iter().cloned())?
+            .with_stock(stock)
             .with_checks(inventory::iter::<Check>.into_iter().copied())?
             .with_formats(inventory::iter::<Format>.into_iter().copied())
     }
@@ -455,8 +441,19 @@ impl Registry {
     /// # Errors
     /// If it has the kind already.
     pub fn with(self, entry: Entry) -> Result<Self, String> {
-        let Self { entries, checks, formats } = self;
-        Ok(Self { checks, formats, ..Self::new(entries.into_iter().chain([entry]))? })
+        let entries = self.entries.into_iter().chain([entry]);
+        Ok(Self { entries: Self::new(entries)?.entries, ..Self { entries: Vec::new(), ..self } })
+    }
+
+    /// The same registry, with names of crates that the program ships with.
+    pub fn with_stock(mut self, crates: impl IntoIterator<Item = &'static str>) -> Self {
+        self.stock.extend(crates);
+        self
+    }
+
+    /// Whether a kind belongs to a crate that the program ships with, by the whole name of the crate.
+    pub fn is_stock(&self, entry: &Entry) -> bool {
+        self.stock.contains(entry.crate_name)
     }
 
     /// The same registry with more checks.

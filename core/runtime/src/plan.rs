@@ -101,6 +101,8 @@ pub struct Implied {
     pub entry: Entry,
     /// The options, all at their defaults.
     pub options: toml::Table,
+    /// Whether it belongs to a crate that the program ships with.
+    pub is_stock: bool,
 }
 
 /// A producer that runs.
@@ -214,7 +216,8 @@ pub fn registered(registry: &Registry) -> Vec<Candidate> {
         .filter_map(|entry| {
             let constructed = entry.construct_str("").ok()?;
             let producer = Producer::of(constructed.stage).ok()?;
-            let implied = Some(Implied { entry: entry.clone(), options: constructed.options });
+            let is_stock = registry.is_stock(entry);
+            let implied = Some(Implied { entry: entry.clone(), options: constructed.options, is_stock });
             Some(Candidate { stage: format!("{}.{}", entry.slot, entry.kind), producer, implied })
         })
         .collect()
@@ -520,7 +523,7 @@ impl Resolver {
                 is_denoiser: matches!(candidate.producer, Producer::Denoiser(_)),
                 after_views: false,
                 explicit: candidate.implied.is_none(),
-                stock: candidate.implied.as_ref().is_some_and(|implied| implied.entry.is_stock()),
+                stock: candidate.implied.as_ref().is_some_and(|implied| implied.is_stock),
             })
             .collect();
         let active = candidates.iter().enumerate().filter(|(_, candidate)| candidate.implied.is_none());

@@ -50,6 +50,26 @@ use syntable_sampling as _;
 use syntable_sensor as _;
 use syntable_write as _;
 
+/// Crates of stages and formats that this crate links.
+pub const STOCK_CRATES: [&str; 14] = [
+    "syntable-annotate",
+    "syntable-assets",
+    "syntable-denoise",
+    "syntable-hdf5",
+    "syntable-household",
+    "syntable-interchange",
+    "syntable-parquet",
+    "syntable-physics",
+    "syntable-placement",
+    "syntable-render-cpu",
+    "syntable-render-wgpu",
+    "syntable-sampling",
+    "syntable-sensor",
+    "syntable-write",
+];
+
+model::inventory::submit! { model::registry::StockCrates(&STOCK_CRATES) }
+
 pub use syntable_evaluate::{self as evaluation, EvaluateOptions, Evaluation, evaluate};
 pub use syntable_model as model;
 pub use syntable_model::error::Error;

@@ -226,7 +226,7 @@ fn every_kind_has_a_file_or_folder_of_its_name() {
     }
     assert!(homeless.is_empty(), "no file is called like\n{}", homeless.join("\n"));
     // What registers a kind here is stock, and nothing else.
-    assert_eq!(sources.into_keys().collect::<Vec<_>>(), syntable_model::registry::STOCK_CRATES);
+    assert_eq!(sources.into_keys().collect::<Vec<_>>(), syntable::STOCK_CRATES);
 }
 
 #[test]

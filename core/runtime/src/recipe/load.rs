@@ -458,7 +458,7 @@ fn assemble(dataset: DatasetTable, built: Built, plan: Plan, lock: LockTable) ->
 }
 
 /// A stage that runs without being in the recipe.
-fn implied((stage, Implied { entry, options }): &(String, Implied)) -> ResolvedStage {
+fn implied((stage, Implied { entry, options, .. }): &(String, Implied)) -> ResolvedStage {
     ResolvedStage {
         slot: entry.slot,
         id: stage.split_once('.').map_or(entry.kind, |(_, id)| id).to_owned(),

@@ -449,7 +449,7 @@ pub fn rivals(thinker: &'static str, echo: &'static str) -> Registry {
     let own = registry();
     let others = own.entries().iter().filter(|entry| entry.kind != Thinker::KIND).cloned();
     let rivals = [Entry::of::<Thinker>(thinker, "0.0.0"), Entry::of::<Echo>(echo, "0.0.0")];
-    Registry::new(others.chain(rivals)).expect("no clash")
+    Registry::new(others.chain(rivals)).expect("no clash").with_stock(["syntable-annotate"])
 }
 
 /// Runs a recipe of these kinds.
