@@ -23,7 +23,7 @@ import bpy
 import bpy_extras
 import numpy as np
 
-sys.path.insert(0, str(pathlib.Path(__file__).parent.parent / "plugins/write/src/gltf"))
+sys.path.insert(0, str(pathlib.Path(__file__).parent.parent / "plugins/formats/write/src/gltf"))
 import import_in_blender
 
 

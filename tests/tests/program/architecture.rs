@@ -3,26 +3,36 @@
 use crate::support::root;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use syntable_model::registry::{Registry, Slot};
 use syntable_program as _;
+
+/// Folders of the crates in `core` and `plugins`, in whatever room.
+fn crate_folders() -> Vec<PathBuf> {
+    fn walk(folder: &Path, found: &mut Vec<PathBuf>) {
+        if folder.join("Cargo.toml").is_file() {
+            return found.push(folder.to_owned());
+        }
+        let entries = fs::read_dir(folder).expect("readable").map(|entry| entry.expect("readable").path());
+        entries.filter(|path| path.is_dir()).for_each(|path| walk(&path, found));
+    }
+    let mut found = Vec::new();
+    ["core", "plugins"].iter().for_each(|group| walk(&root().join(group), &mut found));
+    found.sort();
+    found
+}
 
 /// Dependencies of every crate of the workspace by crate name: (normal, for tests only).
 fn dependencies() -> BTreeMap<String, (Vec<String>, Vec<String>)> {
     let mut crates = BTreeMap::new();
-    for group in ["core", "plugins"] {
-        for entry in fs::read_dir(root().join(group)).expect("readable") {
-            let manifest = entry.expect("readable").path().join("Cargo.toml");
-            let table: toml::Table = fs::read_to_string(&manifest).expect("a manifest").parse().expect("TOML");
-            let name = table["package"]["name"].as_str().expect("named").to_owned();
-            let of = |key: &str| -> Vec<String> {
-                table
-                    .get(key)
-                    .and_then(toml::Value::as_table)
-                    .map_or(Vec::new(), |table| table.keys().cloned().collect())
-            };
-            crates.insert(name, (of("dependencies"), of("dev-dependencies")));
-        }
+    for folder in crate_folders() {
+        let manifest = folder.join("Cargo.toml");
+        let table: toml::Table = fs::read_to_string(&manifest).expect("a manifest").parse().expect("TOML");
+        let name = table["package"]["name"].as_str().expect("named").to_owned();
+        let of = |key: &str| -> Vec<String> {
+            table.get(key).and_then(toml::Value::as_table).map_or(Vec::new(), |table| table.keys().cloned().collect())
+        };
+        crates.insert(name, (of("dependencies"), of("dev-dependencies")));
     }
     crates
 }
@@ -122,13 +132,8 @@ fn sources() -> Vec<(String, String)> {
         }
     }
     let mut found = Vec::new();
-    for group in ["core", "plugins"] {
-        for entry in fs::read_dir(root().join(group)).expect("readable") {
-            let folder = entry.expect("readable").path();
-            if !folder.ends_with("core/testing") {
-                walk(&folder.join("src"), &mut found);
-            }
-        }
+    for folder in crate_folders().iter().filter(|folder| !folder.ends_with("core/testing")) {
+        walk(&folder.join("src"), &mut found);
     }
     found
 }
@@ -217,7 +222,8 @@ fn every_kind_has_a_file_or_folder_of_its_name() {
         let files = sources.entry(entry.crate_name).or_insert_with(|| {
             let plugin = entry.crate_name.trim_start_matches("syntable-");
             let mut found = BTreeSet::new();
-            walk(&root().join("plugins").join(plugin).join("src"), &mut found);
+            let folder = crate_folders().into_iter().find(|folder| folder.ends_with(plugin)).expect("a crate here");
+            walk(&folder.join("src"), &mut found);
             found
         });
         if !files.contains(entry.kind) {
