@@ -1,7 +1,7 @@
 //! The list of the files that a command made in a folder.
 
 use super::disk;
-use crate::run::manifest::{Stamp, State};
+use crate::run::dataset::manifest::{Stamp, State};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::fs;

@@ -2,7 +2,7 @@
 //!
 //! Whatever kills a command, and whatever call fails, a place has what was there before or all of what is new, and the same
 //! command mends what is left beside it. All verbs write through here; the folder of a run has rules of its own, see
-//! [`run::folder`](crate::run::folder).
+//! [`run::folder`](crate::run::dataset::folder).
 //!
 //! ```text
 //! OUT                          the place
@@ -23,7 +23,7 @@ mod tests;
 
 pub use listing::{LISTING, Listing};
 
-use crate::run::manifest::Stamp;
+use crate::run::dataset::manifest::Stamp;
 use parking_lot::Mutex;
 use std::collections::BTreeMap;
 use std::fs::{self, File, TryLockError};

@@ -2,15 +2,15 @@
 //!
 //! A reader offers products as a renderer does; annotators that look at products alone derive from them what writers read.
 
-use super::folder::journal_path;
-use super::losses::{Loss, Losses};
-use super::progress::{Guarded, Reporter, Warnings, count};
-use super::stages::annotate;
-use super::stop::Stop;
-use super::times::Times;
-use super::writing::{Writers, names};
 use crate::durable::{self, Draft, Standing};
 use crate::plan::{self, Candidate, Fault, Implied, Plan, Producer};
+use crate::run::dataset::folder::journal_path;
+use crate::run::making::losses::{Loss, Losses};
+use crate::run::making::stages::annotate;
+use crate::run::making::times::Times;
+use crate::run::making::writers::{Writers, names};
+use crate::run::progress::{Guarded, Reporter, Warnings, count};
+use crate::run::stop::Stop;
 use crate::workers::Pool;
 use parking_lot::Mutex;
 use std::collections::{BTreeMap, BTreeSet};

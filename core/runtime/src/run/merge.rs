@@ -1,13 +1,16 @@
 //! One dataset of parts that were made elsewhere, from one recipe.
 
-use super::folder::{Folder, catalog_path, journal_path, manifest_path};
-use super::journal::{Journal, JournalEntry};
-use super::manifest::{Manifest, Stamp, State, Written};
-use super::progress::{Event, Guarded, Reporter, Warnings, count};
-use super::stop::Stop;
-use super::{Outcome, change, end, inputs, ranges, stopping};
 use crate::paths::whole;
 use crate::recipe::{self, Overrides, Recipe, Source, lock_of, with_devices, without_lock};
+use crate::run::dataset::folder::{Folder, catalog_path, journal_path, manifest_path};
+use crate::run::dataset::journal::{Journal, JournalEntry};
+use crate::run::dataset::manifest::{Manifest, Stamp, State, Written};
+use crate::run::decisions::growth;
+use crate::run::decisions::inputs;
+use crate::run::finish;
+use crate::run::progress::{Event, Guarded, Reporter, Warnings, count};
+use crate::run::stop::Stop;
+use crate::run::{Outcome, ranges, stopping};
 use crate::workers::Pool;
 use parking_lot::Mutex;
 use std::collections::{BTreeMap, BTreeSet};
@@ -85,7 +88,7 @@ pub fn merge(
     let journal = journal.into_inner();
     let lacks: Vec<u32> = (0..recipe.dataset.scenes).filter(|scene| !journal.entries().contains_key(scene)).collect();
     let outcome =
-        end::end(&recipe, reporter, &Pool::new(threads)?, &begun.folder, journal, &resolved, (false, &(0..0)))
+        finish::end(&recipe, reporter, &Pool::new(threads)?, &begun.folder, journal, &resolved, (false, &(0..0)))
             .map_err(stopping)?;
     if !lacks.is_empty() {
         let (missing, all) = (lacks.len(), count(recipe.dataset.scenes, "scene"));
@@ -161,9 +164,9 @@ fn same_recipe(one: &Part, other: &Part) -> Result<()> {
     let refuse = |message: String| {
         Err(Error::new(message).help("make all parts with one recipe and the same assets").permanent())
     };
-    let differences = change::differences(&one.recipe, &other.recipe);
+    let differences = growth::differences(&one.recipe, &other.recipe);
     if !differences.is_empty() {
-        return refuse(format!("{} are of different recipes:{}\n ", folders(), change::listing(&differences)));
+        return refuse(format!("{} are of different recipes:{}\n ", folders(), growth::listing(&differences)));
     }
     let (locks, mut what) = ([lock_of(&one.recipe), lock_of(&other.recipe)], Vec::new());
     if let Some(pool) = differing(&locks[0].catalogs, &locks[1].catalogs).first() {
@@ -261,7 +264,7 @@ pub fn adopt(folder: &Folder, part: &Folder, entry: &JournalEntry, journal: &Mut
                 }
                 State::Missing | State::Damaged => return Err(damaged(&from)),
             }
-            super::folder::create_parent(&to)?;
+            crate::run::dataset::folder::create_parent(&to)?;
             if fs::hard_link(&from, &to).is_err() {
                 fs::copy(&from, &to).map_err(|error| Error::io(&to, &error))?;
             }
@@ -275,7 +278,7 @@ pub fn adopt(folder: &Folder, part: &Folder, entry: &JournalEntry, journal: &Mut
 fn catalogs(folder: &Folder, part: &Folder) -> Result<()> {
     let mut catalogs = BTreeMap::new();
     for (pool, path) in catalog_paths(part)? {
-        let text = super::foreign::read(&path)?;
+        let text = crate::run::dataset::foreign::read(&path)?;
         catalogs.extend(serde_json::from_slice(&text).ok().map(|catalog| (pool, catalog)));
     }
     folder.set_catalogs(&catalogs)
@@ -292,7 +295,7 @@ fn catalog_paths(part: &Folder) -> Result<Vec<(String, PathBuf)>> {
 fn ready(recipe: &Recipe) -> Result<()> {
     let then = lock_of(&recipe.resolved).files;
     let (of_end, of_scenes): (Vec<_>, Vec<_>) =
-        recipe.files.iter().partition(|(option, _)| change::only_finish(recipe, option));
+        recipe.files.iter().partition(|(option, _)| growth::only_finish(recipe, option));
     for (option, path) in of_end {
         let help =
             "relative paths count from the current folder: merge in the folder of the recipe that made the parts";
@@ -333,9 +336,9 @@ fn load(registry: &Registry, text: &str) -> Result<Recipe> {
     let source = Source::embedded(RESERVED[1], without_lock(text));
     let (recipe, _) = recipe::load(registry, source, &overrides)
         .map_err(|report| Error::new(format!("the recipe of the parts cannot be read:\n{report}")).permanent())?;
-    let differences = change::differences(text, &recipe.resolved);
+    let differences = growth::differences(text, &recipe.resolved);
     if !differences.is_empty() {
-        let message = format!("the parts were made by another program:{}\n ", change::listing(&differences));
+        let message = format!("the parts were made by another program:{}\n ", growth::listing(&differences));
         return Err(Error::new(message).help("merge them with the program that made them").permanent());
     }
     Ok(Recipe { resolved: text.to_owned(), ..recipe })

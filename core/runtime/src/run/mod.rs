@@ -1,67 +1,42 @@
-//! A run: several scenes in flight, each composed on a thread of its own, rendered when a session is free, and annotated
-//! and written from a bounded queue while the next view is rendered.
+//! A run, and what works on the dataset that it makes.
 //!
-//! An image is a pure function of recipe, seed, scene and view: streams are named after stage, scene, attempt and
-//! view, results do not depend on threads or order, and a scene's files appear together with its journal line.
+//! An image is a pure function of recipe, seed, scene and view: streams are named after stage, scene, attempt and view, results do
+//! not depend on threads or order, and a scene's files appear together with its journal line.
 //!
-//! | module | does |
+//! | floor | holds |
 //! |---|---|
-//! | [`folder`], [`journal`], `manifest` | the data model of a dataset on disk |
-//! | `begin`, `change`, `inputs`, `todo` | whether a run goes on with a dataset, lets it grow, or must not touch it; what there is to do |
-//! | `losses` | what stages leave out of images, added up |
-//! | `make`, `ahead`, `scene`, `attempt`, `sessions`, `queue`, `records`, `settled` | making scenes |
-//! | `end` | annotators of the dataset, and writers that finish |
-//! | [`verify`], `merge` | comparing a dataset with its journal; one dataset of several parts |
-//! | [`preview`] | single views of a recipe that changes, without a dataset |
-//! | `convert` | writing datasets that were read in other formats |
+//! | [`dataset`] | the dataset on disk: folder, journal, manifests, settled poses, recorded products, comparison with the journal |
+//! | `decisions` | what a run may do with a folder: continue, grow, or leave it alone; the list of work |
+//! | [`making`] | scenes: attempts, the walk over a scene, sessions, the queue, writers, losses, times |
+//! | `finish` | annotators of the dataset, and the last step of writers |
+//! | `merge`, `convert`, [`preview`] | one dataset of several parts; a dataset in other formats; single views without a dataset |
+//! | [`progress`], [`stop`], `panics`, `scene_range` | events and their listeners; early ends; panics as errors; scenes by number |
 
-mod ahead;
-pub(crate) mod attempt;
-mod begin;
-mod change;
 mod convert;
-mod end;
-pub mod folder;
-mod foreign;
-mod inputs;
-mod inside;
-pub mod journal;
-pub(crate) mod losses;
-mod make;
-pub(crate) mod manifest;
+pub mod dataset;
+mod decisions;
+pub(crate) mod finish;
+pub mod making;
 mod merge;
 pub(crate) mod panics;
 pub mod preview;
 pub mod progress;
-pub(crate) mod queue;
-mod records;
-pub(crate) mod recovery;
-mod scene;
-mod scenes;
-mod seen;
-pub(crate) mod sessions;
-mod settled;
-mod stages;
+mod scene_range;
 pub mod stop;
-pub mod times;
-mod todo;
-mod verify;
-pub(crate) mod walk;
-mod writing;
 
 pub use convert::{Converted, check_place, convert, not_listed, products_of};
-pub(crate) use end::dataset_info;
-pub(crate) use inputs::files as files_of;
-pub use losses::Loss;
+pub use dataset::verify::{Verified, verify};
+pub(crate) use decisions::inputs::files as files_of;
+pub(crate) use finish::dataset_info;
+pub use making::losses::Loss;
 pub use merge::merge;
-pub use scenes::SceneRange;
-pub use verify::{Verified, verify};
+pub use scene_range::SceneRange;
 
 use crate::cache::DiskCache;
 use crate::left_out::LeftOutReport;
 use crate::recipe::Recipe;
 use crate::workers::Pool;
-use make::Made;
+use making::scenes::Made;
 use progress::{Event, Guarded, Once, Reporter, Warnings};
 use std::ops::Range;
 use std::path::PathBuf;
@@ -150,10 +125,11 @@ pub fn run(recipe: &Recipe, options: &RunOptions, reporter: &dyn Reporter) -> Re
     let reporter = &Once::new(&guarded);
     let (pool, log) = (Pool::new(options.threads)?, Warnings(reporter));
     let wanted = options.scenes.clone().unwrap_or(0..u32::MAX);
-    let begun = begin::begin(recipe, options, &pool, reporter, &log)?;
-    let Made { folder, journal, resolved, new, grown, lacking } = make::make(recipe, options, &pool, reporter, begun)?;
-    let outcome =
-        end::end(recipe, reporter, &pool, &folder, journal, &resolved, (options.repair, &wanted)).map_err(stopping)?;
+    let begun = decisions::opening::begin(recipe, options, &pool, reporter, &log)?;
+    let Made { folder, journal, resolved, new, grown, lacking } =
+        making::scenes::make(recipe, options, &pool, reporter, begun)?;
+    let outcome = finish::end(recipe, reporter, &pool, &folder, journal, &resolved, (options.repair, &wanted))
+        .map_err(stopping)?;
     let outcome = Outcome { lacking, ..outcome };
     reporter.event(&Event::Finished {
         out: options.out.display().to_string(),

@@ -4,19 +4,20 @@
 //! change: stages with the same options and what they hold (loaded assets, collision shapes, trees), and scenes at rest
 //! whose pools, placers and settler are the same. [`Pass::key`] says which images are.
 
-use super::attempt::{Attempt, Tools};
-use super::losses::{Loss, Losses};
-use super::panics;
-use super::progress::{Event, Reporter, Warnings};
-use super::recovery::{DEVICE_REPEATS, Recovery};
-use super::stages::{self, annotate, run_in_scene};
-use super::stop::Stop;
-use super::times::Times;
-use super::{dataset_info, inputs};
 use crate::cache::DiskCache;
 use crate::plan::Plan;
 use crate::pools::{AssetStore, Loaded, RecordingAssets};
 use crate::recipe::{CatalogLock, Parts, Recipe};
+use crate::run::dataset_info;
+use crate::run::decisions::inputs;
+use crate::run::making::attempt::{Attempt, Tools};
+use crate::run::making::losses::{Loss, Losses};
+use crate::run::making::recovery::{DEVICE_REPEATS, Recovery};
+use crate::run::making::stages::{self, annotate, run_in_scene};
+use crate::run::making::times::Times;
+use crate::run::panics;
+use crate::run::progress::{Event, Reporter, Warnings};
+use crate::run::stop::Stop;
 use crate::workers::Pool;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;

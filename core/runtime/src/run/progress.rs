@@ -1,7 +1,7 @@
 //! The events of a run, and who listens to them.
 
-use super::times::Worked;
 use crate::message::{Level, Message, Record};
+use crate::run::making::times::Worked;
 use parking_lot::Mutex;
 use serde::Serialize;
 use std::collections::{BTreeMap, BTreeSet};

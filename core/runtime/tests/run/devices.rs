@@ -7,7 +7,7 @@ use std::sync::Mutex;
 use syntable_model::error::Error;
 use syntable_runtime::recipe::{self, Overrides, Recipe, Report, Source, lock_of};
 use syntable_runtime::run::RunOptions;
-use syntable_runtime::run::journal::JournalEntry;
+use syntable_runtime::run::dataset::journal::JournalEntry;
 use syntable_runtime::run::progress::{Event, Quiet, Reporter};
 use syntable_runtime::run::stop::Stop;
 use syntable_testing::folder::files;

@@ -10,8 +10,8 @@ use std::cmp::Ordering;
 use std::collections::{BTreeMap, BTreeSet};
 use syntable_model::error::Result;
 use syntable_model::product::standard::{AMODAL_MASK, DEPTH, OCCLUSION_ORDER, RGB, VISIBLE_MASK};
+use syntable_runtime::run::making::times::Worked;
 use syntable_runtime::run::progress::count;
-use syntable_runtime::run::times::Worked;
 
 /// Views of a row of images.
 pub const MOST_OCCLUDED: usize = 12;

@@ -13,9 +13,9 @@ use syntable_model::product::standard::OBJECT_INFO;
 use syntable_model::product::{PerInstance, Value};
 use syntable_model::reader::{DatasetReader, Source};
 use syntable_model::stage::RESERVED;
-use syntable_runtime::run::folder::{journal_path, times_path};
-use syntable_runtime::run::journal::{Journal, JournalEntry};
-use syntable_runtime::run::times::RunTimes;
+use syntable_runtime::run::dataset::folder::{journal_path, times_path};
+use syntable_runtime::run::dataset::journal::{Journal, JournalEntry};
+use syntable_runtime::run::making::times::RunTimes;
 
 /// Folders between that of a run and an annotation file, such as `coco/annotations/instances_train.json`.
 const WITHIN_RUN: usize = 3;

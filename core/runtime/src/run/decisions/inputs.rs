@@ -1,9 +1,9 @@
 //! The inputs of a dataset, compared with what they were: pools, and files that options name.
 
-use super::folder::catalog_path;
-use super::foreign::read_list;
-use super::manifest::Stamp;
 use crate::recipe::{CatalogAsset, CatalogLock, CatalogNames as Names, Lock, Recipe};
+use crate::run::dataset::folder::catalog_path;
+use crate::run::dataset::foreign::read_list;
+use crate::run::dataset::manifest::Stamp;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use syntable_model::context::Log;

@@ -1,13 +1,13 @@
 //! What there is to do: for each scene, the whole or what it lacks.
 
-use super::change::Growth;
-use super::journal::{Journal, JournalEntry};
-use super::manifest::Manifest;
-use super::records::{self, OWNER};
-use super::scene::{Task, Work};
-use super::writing::names;
 use crate::plan::Plan;
 use crate::recipe::Recipe;
+use crate::run::dataset::journal::{Journal, JournalEntry};
+use crate::run::dataset::manifest::Manifest;
+use crate::run::dataset::records::{self, OWNER};
+use crate::run::decisions::growth::Growth;
+use crate::run::making::scene::{Task, Work};
+use crate::run::making::writers::names;
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 use syntable_model::stage::DatasetInfo;
@@ -110,7 +110,7 @@ impl<'a> Works<'a> {
 }
 
 fn work<'a>(recipe: &'a Recipe, views: u32, lacks: Option<&(Vec<String>, bool)>) -> Work<'a> {
-    let dataset = DatasetInfo { views_per_scene: views, ..super::dataset_info(recipe) };
+    let dataset = DatasetInfo { views_per_scene: views, ..crate::run::dataset_info(recipe) };
     let Some((lacks, records)) = lacks else {
         return Work { dataset, plan: recipe.plan.clone().on(&*recipe.render), writers: recipe.write.iter().collect() };
     };

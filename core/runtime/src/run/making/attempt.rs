@@ -1,12 +1,12 @@
 //! One attempt at a scene: what its stages are lent, and the random numbers that they draw. Runs compose and render
 //! scenes by it, and so do previews.
 
-use super::panics::caught;
-use super::stop::{Stop, StopReason};
-use super::times::Times;
 use crate::plan::{Plan, Producer};
 use crate::pools::{AssetStore, RecordingAssets};
 use crate::recipe::Recipe;
+use crate::run::making::times::Times;
+use crate::run::panics::caught;
+use crate::run::stop::{Stop, StopReason};
 use std::collections::BTreeMap;
 use syntable_model::context::{Cache, Context, Log, Workers};
 use syntable_model::error::{Error, Result};

@@ -31,11 +31,11 @@
 //! taken up again. `finished.json` names the digest of the journal that it was written for: a run that was interrupted is
 //! told apart from one that ended.
 
-use super::foreign;
-use super::inside::{Inside, linked, look};
-use super::journal::{Journal, JournalEntry, Lines, SceneOutcome};
-use super::manifest::{Manifest, Stamp, State, Written};
 use crate::recipe::{CatalogNames, without_assets};
+use crate::run::dataset::foreign;
+use crate::run::dataset::inside::{Inside, linked, look};
+use crate::run::dataset::journal::{Journal, JournalEntry, Lines, SceneOutcome};
+use crate::run::dataset::manifest::{Manifest, Stamp, State, Written};
 use parking_lot::Mutex;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
@@ -68,13 +68,13 @@ struct Proposed {
 const MARK: &str = RESERVED[0];
 const RECIPE: &str = RESERVED[1];
 /// Name of the manifest of what the end of a run wrote.
-pub(super) const FINISHED: &str = "finished.json";
+pub(in crate::run) const FINISHED: &str = "finished.json";
 /// Name of the folder of the manifests of scenes.
-pub(super) const SCENES: &str = "scenes";
+pub(in crate::run) const SCENES: &str = "scenes";
 /// Name of the folder of scenes in the making.
-pub(super) const STAGING: &str = "staging";
+pub(in crate::run) const STAGING: &str = "staging";
 /// Name of the folder of what is being deleted.
-pub(super) const BIN: &str = "discard";
+pub(in crate::run) const BIN: &str = "discard";
 /// Number of scenes whose file is compared and linked before a scene keeps a file of its own.
 const LINK_TRIES: usize = 4;
 /// What the end of a run reads of the scenes.
@@ -82,7 +82,7 @@ const SHARDS: &str = ".syntable/shards/";
 /// Name of the folder of scenes whose labels contradict each other.
 const QUARANTINE: &str = "quarantine";
 /// What is known of a staged scene, among files that no writer can write.
-pub(super) const RECORD: &str = ".syntable/staged.json";
+pub(in crate::run) const RECORD: &str = ".syntable/staged.json";
 /// What a dataset consists of beside its files and the lock, in the order in which `--overwrite` takes it away: without a
 /// journal there is no dataset.
 fn state(root: &Path) -> [PathBuf; 10] {
@@ -102,7 +102,7 @@ fn state(root: &Path) -> [PathBuf; 10] {
 
 /// A staged scene: its line of the journal, and files of the scene that it no longer has.
 #[derive(Serialize, Deserialize)]
-pub(super) struct Staged {
+pub(in crate::run) struct Staged {
     entry: JournalEntry,
     stale: Vec<DatasetPath>,
 }
@@ -132,7 +132,7 @@ impl Folder {
             let failed = Error::io(root, &error).help("choose a folder that can be written");
             if full { failed } else { failed.of_request() }
         };
-        super::convert::check_link(root)?;
+        crate::run::convert::check_link(root)?;
         fs::create_dir_all(root).map_err(fail)?;
         let empty = fs::read_dir(root).map_err(fail)?.next().is_none();
         if !empty && !root.join(MARK).is_dir() {
@@ -897,8 +897,8 @@ pub fn remove(path: &Path) -> Result<()> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::journal::SceneOutcome;
     use super::*;
+    use crate::run::dataset::journal::SceneOutcome;
 
     #[test]
     fn foreign_folders_are_left_alone() {

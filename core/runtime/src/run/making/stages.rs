@@ -1,9 +1,9 @@
 //! Runs the stages of a plan on products: each is lent what it reads, and must give what it provides.
 
-use super::attempt::{keep, provided};
-use super::losses::{Losses, StageLog};
-use super::times::Times;
 use crate::plan::{Plan, PlannedStage, Producer};
+use crate::run::making::attempt::{keep, provided};
+use crate::run::making::losses::{Losses, StageLog};
+use crate::run::making::times::Times;
 use std::collections::BTreeMap;
 use syntable_model::check::Check;
 use syntable_model::context::{SceneContext, ViewContext};

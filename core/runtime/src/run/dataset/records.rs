@@ -1,7 +1,7 @@
 //! The recorded products of scenes that are done: what the annotators of the dataset read, in this run or a later one.
 
-use super::foreign::read_bounded;
 use crate::plan::Plan;
+use crate::run::dataset::foreign::read_bounded;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::Path;

@@ -1,10 +1,10 @@
 //! Compares a dataset with its journal: what is missing, what is damaged, what is not the dataset's.
 
-use super::folder::{each_file, finished, journal_path, lock_shared, manifest_path};
-use super::foreign::{self, Odd};
-use super::inside::is_link;
-use super::journal::Journal;
-use super::manifest::{Manifest, Stamp, State};
+use crate::run::dataset::folder::{each_file, finished, journal_path, lock_shared, manifest_path};
+use crate::run::dataset::foreign::{self, Odd};
+use crate::run::dataset::inside::is_link;
+use crate::run::dataset::journal::Journal;
+use crate::run::dataset::manifest::{Manifest, Stamp, State};
 use crate::workers::Pool;
 use parking_lot::Mutex;
 use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
@@ -63,7 +63,7 @@ pub fn verify(root: &Path, threads: usize) -> Result<Verified> {
 }
 
 /// Compares a dataset whose folder is open.
-pub(super) fn compare(root: &Path, workers: &dyn Workers) -> Result<Verified> {
+pub(in crate::run) fn compare(root: &Path, workers: &dyn Workers) -> Result<Verified> {
     let own = foreign::own_files(root)?;
     if !own.odd.is_empty() {
         let mut found = Verified::default();

@@ -1,8 +1,8 @@
 //! Whether a dataset may be worked on, which somebody else may have made: its own folder has no links, and its lists name
 //! files of the dataset alone. Looked at before anything is written, moved or removed.
 
-use super::folder::{BIN, FINISHED, RECORD, SCENES, STAGING};
-use super::inside::{is_link, linked};
+use crate::run::dataset::folder::{BIN, FINISHED, RECORD, SCENES, STAGING};
+use crate::run::dataset::inside::{is_link, linked};
 use crate::workers::{self, Pool};
 use parking_lot::Mutex;
 use serde::Deserialize;
@@ -101,7 +101,7 @@ fn in_ready(inside: &str) -> Option<(&str, &str)> {
 #[serde(transparent)]
 struct Name<'a>(#[serde(borrow)] Cow<'a, str>);
 
-/// As [`Manifest`](super::manifest::Manifest).
+/// As [`Manifest`](crate::run::dataset::manifest::Manifest).
 #[derive(Default, Deserialize)]
 struct Files<'a> {
     #[serde(borrow)]
@@ -398,14 +398,14 @@ mod tests {
             format!(r#"{{"stale":{{}},"files":{{"\u002esyntable/lock":[0,"{digest}"]}}}}"#),
             format!(r#"[{file},{{}}]"#),
         ] {
-            assert!(serde_json::from_str::<super::super::manifest::Manifest>(&text).is_ok(), "{text}");
+            assert!(serde_json::from_str::<crate::run::dataset::manifest::Manifest>(&text).is_ok(), "{text}");
             assert_eq!(Kind::Scene.names(text.as_bytes()), [("files", ".syntable/lock".into())], "{text}");
         }
         for text in [
             format!(r#"{{"entry":{entry},"stale":[".syntable/lock"],"files":5,"writers":5}}"#),
             format!(r#"[{entry},[".syntable/lock"]]"#),
         ] {
-            assert!(serde_json::from_str::<super::super::folder::Staged>(&text).is_ok(), "{text}");
+            assert!(serde_json::from_str::<crate::run::dataset::folder::Staged>(&text).is_ok(), "{text}");
             assert_eq!(Kind::Staged.names(text.as_bytes()), [("stale", ".syntable/lock".into())], "{text}");
         }
     }

@@ -1,19 +1,20 @@
 //! Making scenes: several in flight, each committed when it is done.
 
-use super::attempt::Tools;
-use super::begin::Begun;
-use super::end::{Ended, annotate_and_finish};
-use super::folder::{Folder, times_path};
-use super::journal::{Journal, JournalEntry, Notice};
-use super::progress::{Event, Reporter, Warnings, count};
-use super::queue::Queue;
-use super::scene::{self, SceneMaker, Task};
-use super::sessions::{Sessions, scenes_in_flight};
-use super::times::{RunTimes, Times};
-use super::todo::{Job, Todo, Works};
-use super::{RunOptions, panics, stopping};
 use crate::pools::AssetStore;
 use crate::recipe::Recipe;
+use crate::run::dataset::folder::{Folder, times_path};
+use crate::run::dataset::journal::{Journal, JournalEntry, Notice};
+use crate::run::decisions::opening::Begun;
+use crate::run::decisions::work_list::{Job, Todo, Works};
+use crate::run::finish::{Ended, annotate_and_finish};
+use crate::run::making::attempt::Tools;
+use crate::run::making::queue::Queue;
+use crate::run::making::scene::{self, SceneMaker, Task};
+use crate::run::making::sessions::{Sessions, scenes_in_flight};
+use crate::run::making::times::{RunTimes, Times};
+use crate::run::panics;
+use crate::run::progress::{Event, Reporter, Warnings, count};
+use crate::run::{RunOptions, stopping};
 use crate::workers::Pool;
 use parking_lot::Mutex;
 use std::collections::{BTreeMap, BTreeSet};

@@ -1,24 +1,24 @@
 //! One scene of a run: composed, walked over and written, with its attempts.
 
-use super::attempt::{self, Tools};
-use super::folder::Folder;
-use super::journal::{JournalEntry, SceneOutcome};
-use super::losses::{Loss, Losses};
-use super::manifest::{Manifest, Written};
-use super::panics::unwound;
-use super::progress::{Event, Reporter};
-use super::queue::Queue;
-use super::records::{self, Records};
-use super::recovery::{DEVICE_REPEATS, Recovery};
-use super::seen::{Odd, Seen};
-use super::sessions::Sessions;
-use super::settled;
-use super::times::Times;
-use super::todo;
-use super::walk::{Sink, Walk, scene_event};
-use super::writing::Writers;
 use crate::plan::Plan;
 use crate::pools::RecordingAssets;
+use crate::run::dataset::folder::Folder;
+use crate::run::dataset::journal::{JournalEntry, SceneOutcome};
+use crate::run::dataset::manifest::{Manifest, Written};
+use crate::run::dataset::records::{self, Records};
+use crate::run::dataset::settled;
+use crate::run::decisions::work_list;
+use crate::run::making::anomalies::{Odd, Seen};
+use crate::run::making::attempt::{self, Tools};
+use crate::run::making::losses::{Loss, Losses};
+use crate::run::making::queue::Queue;
+use crate::run::making::recovery::{DEVICE_REPEATS, Recovery};
+use crate::run::making::sessions::Sessions;
+use crate::run::making::times::Times;
+use crate::run::making::walk::{Sink, Walk, scene_event};
+use crate::run::making::writers::Writers;
+use crate::run::panics::unwound;
+use crate::run::progress::{Event, Reporter};
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
@@ -90,7 +90,7 @@ impl<'a> SceneMaker<'a> {
                     return Ok(Some(Made {
                         written,
                         entry: extended(present, outcome, assets, task.whole),
-                        kept: todo::kept(&self.folder.manifest_of(present)?, present, &task.whole.plan),
+                        kept: work_list::kept(&self.folder.manifest_of(present)?, present, &task.whole.plan),
                     }));
                 }
                 Tried::Failed(error) => {

@@ -1,11 +1,14 @@
 //! The first scene of a dataset that shall take the place of another one, made before that is deleted: a recipe may have
 //! mistakes that show only when a scene is made.
 
-use super::folder::{Folder, remove};
-use super::journal::{Journal, JournalEntry};
-use super::progress::{Event, Reporter, Warnings, count};
-use super::{RunOptions, begin, make, merge};
 use crate::recipe::Recipe;
+use crate::run::RunOptions;
+use crate::run::dataset::folder::{Folder, remove};
+use crate::run::dataset::journal::{Journal, JournalEntry};
+use crate::run::decisions::opening;
+use crate::run::making::scenes;
+use crate::run::merge;
+use crate::run::progress::{Event, Reporter, Warnings, count};
 use crate::workers::Pool;
 use parking_lot::Mutex;
 use syntable_model::error::{Error, Result};
@@ -30,8 +33,8 @@ pub fn make(recipe: &Recipe, options: &RunOptions, folder: &Folder, reporter: &d
     remove(&out)?;
     let (pool, within) = (Pool::new(options.threads)?, Within(reporter));
     let log = Warnings(&within);
-    let made = begin::begin(recipe, &aside, &pool, &within, &log)
-        .and_then(|begun| make::make(recipe, &aside, &pool, &within, begun))
+    let made = opening::begin(recipe, &aside, &pool, &within, &log)
+        .and_then(|begun| scenes::make(recipe, &aside, &pool, &within, begun))
         .and_then(|made| {
             let entry = made.journal.entries().get(&first).filter(|entry| !entry.failed()).cloned();
             let failed = || format!("scene {first} failed in {}", count(recipe.dataset.max_attempts, "attempt"));

@@ -1,15 +1,17 @@
 //! Before anything changes: whether a run may go on with the folder, which recipe the dataset has then, and what there is
 //! to do.
 
-use super::ahead::{self, Ahead};
-use super::change::{self, Growth};
-use super::folder::{self, Folder};
-use super::journal::{Journal, JournalEntry};
-use super::progress::{Event, Reporter, count};
-use super::todo::Todo;
-use super::{RunOptions, inputs, ranges, verify};
 use crate::pools::AssetStore;
 use crate::recipe::{CatalogNames, Lock, Recipe, lock_of, with_devices, with_lock};
+use crate::run::dataset::folder::{self, Folder};
+use crate::run::dataset::journal::{Journal, JournalEntry};
+use crate::run::dataset::verify;
+use crate::run::decisions::growth::{self, Growth};
+use crate::run::decisions::inputs;
+use crate::run::decisions::work_list::Todo;
+use crate::run::making::first_scene::{self, Ahead};
+use crate::run::progress::{Event, Reporter, count};
+use crate::run::{RunOptions, ranges};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 use syntable_model::context::{Log, Workers};
@@ -121,7 +123,7 @@ fn open_folder(recipe: &Recipe, options: &RunOptions, reporter: &dyn Reporter) -
     let ahead = folder.has_scenes().then(|| {
         let scenes = options.scenes.clone().unwrap_or(0..recipe.dataset.scenes).len() as u64;
         reporter.event(&started(recipe, options, 0, scenes * u64::from(recipe.dataset.views_per_scene)));
-        ahead::make(recipe, options, &folder, reporter)
+        first_scene::make(recipe, options, &folder, reporter)
     });
     let ahead = ahead.transpose()?;
     tell_foreign(reporter, &folder.discard()?);
@@ -187,14 +189,14 @@ fn compare(
             return Err(Error::new(format!("the dataset {what}")).in_file(folder.root()).help(help).permanent());
         }
     };
-    if none_made && !change::differences(&before, &recipe.resolved).is_empty() {
+    if none_made && !growth::differences(&before, &recipe.resolved).is_empty() {
         let message = "no scene was made by the recipe of the folder; it is replaced".to_owned();
         reporter.event(&Event::Note { message });
         return Ok(anew());
     }
-    let growth = change::growth(folder.root(), &before, recipe, options.rewrite)?;
+    let growth = growth::growth(folder.root(), &before, recipe, options.rewrite)?;
     let mut then = lock_of(&before);
-    then.files.retain(|option, _| !change::only_finish(recipe, option));
+    then.files.retain(|option, _| !growth::only_finish(recipe, option));
     inputs::unchanged(&Lock { files: then.files.clone(), ..Lock::default() }, &now, &BTreeMap::new(), None)?;
     if !growth.is_none() {
         reporter.event(&Event::Note { message: growth.text() });

@@ -1,7 +1,7 @@
 //! Render sessions, lent to one scene at a time, for loading and rendering only.
 
-use super::panics::caught;
 use crate::recipe::Recipe;
+use crate::run::panics::caught;
 use parking_lot::{Condvar, Mutex};
 use syntable_model::error::{Error, Result};
 use syntable_model::stage::{RenderSession, Renderer};

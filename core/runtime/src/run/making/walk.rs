@@ -5,14 +5,14 @@
 //! and checked while the next view is rendered. The sink gets views in order, and the error of a walk is the error of its first
 //! failing view, so nothing depends on the scheduling.
 
-use super::attempt::{self, Tools};
-use super::losses::Losses;
-use super::panics::unwound;
-use super::progress::{Event, Reporter};
-use super::queue::Queue;
-use super::sessions::Sessions;
-use super::stages::{annotate, check, run_in_scene};
 use crate::plan::Plan;
+use crate::run::making::attempt::{self, Tools};
+use crate::run::making::losses::Losses;
+use crate::run::making::queue::Queue;
+use crate::run::making::sessions::Sessions;
+use crate::run::making::stages::{annotate, check, run_in_scene};
+use crate::run::panics::unwound;
+use crate::run::progress::{Event, Reporter};
 use parking_lot::{Condvar, Mutex};
 use std::collections::BTreeMap;
 use std::sync::Arc;

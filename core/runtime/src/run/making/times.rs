@@ -1,6 +1,6 @@
 //! How long stages work, and what a dataset remembers of it.
 
-use super::panics::caught;
+use crate::run::panics::caught;
 use parking_lot::Mutex;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -37,7 +37,7 @@ pub struct RunTimes {
 
 impl RunTimes {
     /// Adds a line to a file. Of a file that cannot be written comes an error.
-    pub(super) fn append(&self, path: &Path) -> Result<()> {
+    pub(in crate::run) fn append(&self, path: &Path) -> Result<()> {
         let line = serde_json::to_string(self).expect("plain data") + "\n";
         let file = OpenOptions::new().create(true).append(true).open(path);
         file.and_then(|mut file| file.write_all(line.as_bytes())).map_err(|error| Error::io(path, &error))
@@ -45,8 +45,8 @@ impl RunTimes {
 
     /// The lines of a dataset's file, in order; none if there is no file. A line that cannot be read is left out.
     pub fn of_dataset(root: &Path) -> Result<Vec<Self>> {
-        let path = super::folder::times_path(root);
-        let bytes = super::foreign::read(&path)?;
+        let path = crate::run::dataset::folder::times_path(root);
+        let bytes = crate::run::dataset::foreign::read(&path)?;
         Ok(bytes.split(|byte| *byte == b'\n').filter_map(|it| serde_json::from_slice(it).ok()).collect())
     }
 }

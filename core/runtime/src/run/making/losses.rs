@@ -1,6 +1,6 @@
 //! What stages leave out of images, added up.
 
-use super::progress::count;
+use crate::run::progress::count;
 use parking_lot::Mutex;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -83,7 +83,7 @@ impl Losses {
 }
 
 /// A log that adds up what a stage leaves out. Warnings go on to another log.
-pub(super) struct StageLog<'a> {
+pub(in crate::run) struct StageLog<'a> {
     pub log: &'a dyn Log,
     pub losses: &'a Losses,
     pub stage: &'a str,

@@ -1,7 +1,7 @@
 //! What settling did to a scene, stored with the dataset. TOML keeps every bit of a number.
 
-use super::folder::{create_parent, settled_path};
-use super::foreign::read_list;
+use crate::run::dataset::folder::{create_parent, settled_path};
+use crate::run::dataset::foreign::read_list;
 use std::path::Path;
 use syntable_model::error::{Error, Result};
 use syntable_model::scene::{SceneId, Settled};

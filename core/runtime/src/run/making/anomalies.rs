@@ -1,6 +1,6 @@
 //! What is odd about a scene: nothing to see, no light, no labels.
 
-use super::journal::Notice;
+use crate::run::dataset::journal::Notice;
 use std::collections::{BTreeMap, BTreeSet};
 use syntable_model::product::Products;
 use syntable_model::product::standard::{RADIANCE, RGB, VISIBLE_MASK};

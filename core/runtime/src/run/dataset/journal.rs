@@ -1,6 +1,6 @@
 //! The journal of a dataset: one line for every scene that is done. Only what is in the journal exists.
 
-use super::losses::Loss;
+use crate::run::making::losses::Loss;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::{self, File, OpenOptions};
@@ -362,10 +362,10 @@ fn each_line(path: &Path, mut each: impl FnMut(usize, serde_json::Result<Journal
 
 #[cfg(test)]
 mod tests {
-    use super::super::folder::finished;
-    use super::super::manifest::Manifest;
-    use super::super::times::RunTimes;
     use super::*;
+    use crate::run::dataset::folder::finished;
+    use crate::run::dataset::manifest::Manifest;
+    use crate::run::making::times::RunTimes;
 
     fn entry(scene: u32) -> JournalEntry {
         let (writers, manifest) = (vec!["png".to_owned()], "00".to_owned());
@@ -491,19 +491,19 @@ mod tests {
             Manifest::read(&lists[0]).err(),
             finished(root).err(),
             RunTimes::of_dataset(root).err(),
-            super::super::foreign::check(root).err(),
+            crate::run::dataset::foreign::check(root).err(),
         ];
         let shard = root.join(".syntable/shards/@records/000000.jsonl");
-        let settled = super::super::folder::settled_path(root, 0);
+        let settled = crate::run::dataset::folder::settled_path(root, 0);
         for path in [&shard, &settled] {
-            super::super::folder::create_parent(path).expect("writable");
+            crate::run::dataset::folder::create_parent(path).expect("writable");
             hole(path);
         }
         let scene = syntable_model::scene::SceneId(0);
-        let error = super::super::records::Records::read(root, scene).expect_err("too large").to_string();
+        let error = crate::run::dataset::records::Records::read(root, scene).expect_err("too large").to_string();
         let says = ["536870912 bytes of what a run records", "limit of 268435456", "000000.jsonl", "--repair"];
         assert!(says.iter().all(|part| error.contains(part)), "{error}");
-        assert!(super::super::settled::read(root, scene).is_none());
+        assert!(crate::run::dataset::settled::read(root, scene).is_none());
         for error in errors {
             let error = error.expect("too large").to_string();
             let says = ["536870912 bytes of a file that a run keeps", "limit of 268435456", "run --repair", ".json"];

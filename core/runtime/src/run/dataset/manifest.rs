@@ -1,7 +1,7 @@
 //! Lists of files with their sizes and digests.
 
-use super::foreign::read_list;
-use super::inside::link_before;
+use crate::run::dataset::foreign::read_list;
+use crate::run::dataset::inside::link_before;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::{self, File};

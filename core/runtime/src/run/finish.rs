@@ -1,18 +1,20 @@
 //! The end of a run: annotators of the dataset, and writers that finish.
 
-use super::folder::Folder;
-use super::journal::{Journal, JournalEntry, Notice};
-use super::losses::Loss;
-use super::manifest::Written;
-use super::progress::{Event, Reporter, Warnings, count};
-use super::records::{self, Records};
-use super::stages::lend;
-use super::times::Times;
-use super::writing::names;
-use super::{Outcome, panics, todo};
 use crate::plan::Producer;
 use crate::pools::BAD;
 use crate::recipe::{Lock, Recipe, with_lock, without_lock};
+use crate::run::Outcome;
+use crate::run::dataset::folder::Folder;
+use crate::run::dataset::journal::{Journal, JournalEntry, Notice};
+use crate::run::dataset::manifest::Written;
+use crate::run::dataset::records::{self, Records};
+use crate::run::decisions::work_list;
+use crate::run::making::losses::Loss;
+use crate::run::making::stages::lend;
+use crate::run::making::times::Times;
+use crate::run::making::writers::names;
+use crate::run::panics;
+use crate::run::progress::{Event, Reporter, Warnings, count};
 use parking_lot::Mutex;
 use std::collections::BTreeSet;
 use std::ops::Range;
@@ -122,7 +124,7 @@ fn take_strays(
     let mut waiting = 0;
     for entry in made {
         let files = folder.manifest_of(entry)?;
-        let kept = todo::kept(&files, entry, &recipe.plan);
+        let kept = work_list::kept(&files, entry, &recipe.plan);
         let has = |id: &str| recipe.write.iter().any(|(other, _)| other == id);
         let waits = |id: &String| has(id) && !kept.writers.contains_key(id) && !wanted.contains(&entry.scene);
         waiting += u32::from(files.writers.keys().any(waits));

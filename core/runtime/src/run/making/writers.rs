@@ -1,8 +1,8 @@
 //! The writers of one scene, with the files that they make.
 
-use super::losses::{Losses, StageLog};
-use super::manifest::Written;
-use super::times::Times;
+use crate::run::dataset::manifest::Written;
+use crate::run::making::losses::{Losses, StageLog};
+use crate::run::making::times::Times;
 use std::path::Path;
 use std::sync::Arc;
 use syntable_model::context::{SceneContext, ViewContext};
