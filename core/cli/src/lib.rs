@@ -26,25 +26,25 @@ use syntable_runtime::recipe::{self, Diagnostic, Overrides, Recipe, RecipeReques
 use syntable_runtime::run::progress::Reporter;
 use verbs::{check, convert, doctor, list, merge, new, run, validate, verify};
 
-/// Makes synthetic datasets for unseen-object amodal instance segmentation.
+/// Generates synthetic datasets for unseen-object amodal instance segmentation.
 #[derive(Parser)]
 #[command(
     name = "syntable",
     version,
     after_help = "Examples:
   syntable run --out data                        a small dataset from embedded objects
-  syntable run recipe.toml --out data            a dataset of your own recipe
-  syntable run recipe.toml --out data            the same again: resumes where it stopped
-  syntable check recipe.toml                     every mistake of a recipe, at once
-  syntable list products                         everything that can be annotated
+  syntable run recipe.toml --out data            a dataset from your own recipe
+  syntable run recipe.toml --out data            the same command: resumes where it stopped
+  syntable check recipe.toml                     all mistakes in a recipe
+  syntable list products                         all labels and images that stages provide
 
 Exit codes:
   0  done
-  1  stopped; what was done is kept, the same command goes on from there
-  2  the recipe, an option, the folder, an asset or a file to write is not what it must be; the same command fails again
-  3  done, but something was left out, which standard error names: scenes that failed, images that cannot be read, parts of labels that a format cannot store. verify: a file is missing or damaged. validate: labels are wrong
-  130, 143  stopped by SIGINT or SIGTERM; what was done is kept, the same command goes on from there.
-            view, preview --watch and --serve: 0, since a signal is how they end"
+  1  stopped; finished work is kept, and the same command continues
+  2  wrong recipe, option, folder, asset or output file; the same command fails again
+  3  done, but incomplete; standard error lists failed scenes, unreadable images, and parts of labels that a format cannot store. verify: a file is missing or damaged. validate: labels are wrong
+  130, 143  stopped by SIGINT or SIGTERM; finished work is kept, and the same command continues.
+            view, preview --watch and --serve: 0, since a signal is the usual end"
 )]
 struct Cli {
     #[command(subcommand)]
@@ -62,60 +62,60 @@ enum LogFormat {
 
 #[derive(Subcommand)]
 enum BuiltIn {
-    /// Make the dataset of a recipe, or resume it.
+    /// Make the dataset of a recipe, or continue it.
     #[command(after_help = "Examples:
   syntable run --out data                              builtin:quickstart
-  syntable run builtin:window-room --out data          another recipe of the program
+  syntable run builtin:window-room --out data          another built-in recipe
   syntable run recipe.toml --out data --scenes 0..10   its first ten scenes
   syntable run recipe.toml --out data --set render.samples_per_pixel=16 --seed 3
-  syntable run data/recipe.toml --out again            the same dataset once more")]
+  syntable run data/recipe.toml --out again            the same dataset again")]
     Run(run::RunArgs),
-    /// Compare every file of a dataset with its journal: what is missing, damaged, or not the dataset's.
+    /// Compare every file of a dataset with its journal: list missing, damaged and foreign files.
     #[command(after_help = "Example:
   syntable verify data                        then: syntable run recipe.toml --out data --repair")]
     Verify(verify::VerifyArgs),
-    /// Put parts of a dataset that were made elsewhere into one, as if one run had made it.
+    /// Merge separately made parts of a dataset into one, as if one run had made it.
     #[command(after_help = "Example:
   syntable run recipe.toml --out part-0 --scenes 0..100
   syntable run recipe.toml --out part-1 --scenes 100..200     on another machine
   syntable merge data part-0 part-1")]
     Merge(merge::MergeArgs),
-    /// Check the labels of a dataset, of any format that can be read: masks, rates, boxes, order, depth, poses, files.
+    /// Check the labels of a dataset in any readable format: masks, rates, boxes, order, depth, poses, files.
     #[command(after_help = "Examples:
-  syntable validate data                      a table of checks; exit code 3 if something is wrong
-  syntable validate release --json            all that was found, for programs")]
+  syntable validate data                      a table of checks; exit code 3 if a check fails
+  syntable validate release --json            all results, for programs")]
     Validate(validate::ValidateArgs),
     /// Write a dataset in other formats.
     #[command(after_help = "Examples:
   syntable convert data --to coco --out coco
   syntable convert data --to coco,npz --out both --set 'coco.masks=\"visible\"'")]
     Convert(convert::ConvertArgs),
-    /// Check recipes without running them, or look at one asset.
+    /// Check a recipe without running it, or inspect one asset.
     #[command(after_help = "Examples:
   syntable check recipe.toml
   syntable check --asset models/mug/model.obj")]
     Check(check::CheckArgs),
-    /// Show what a recipe computes, for which writer, and at what cost.
+    /// Show the products that a recipe computes, their writers, and their cost.
     #[command(after_help = "Example:
   syntable plan recipe.toml --set write.png.include='[\"rgb\", \"depth\"]'")]
     Plan(RecipeArgs),
-    /// Show the kinds of stages, the options of a kind, the products, recipes and file formats of this binary.
+    /// List the kinds of stages, the options of a kind, or the products, recipes and file formats of this binary.
     #[command(after_help = "Examples:
   syntable list              all kinds
   syntable list lights       the kinds of one slot
   syntable list products     all products
   syntable list drop_box     the options of a kind: types, limits, defaults
-  syntable list lights.sun   the same, where several slots have a kind of the name
-  syntable list recipes      the recipes in the program
-  syntable list formats      all mesh and image formats that can be read")]
+  syntable list lights.sun   the same, if several slots have a kind with this name
+  syntable list recipes      the built-in recipes
+  syntable list formats      all readable mesh and image formats")]
     List(list::ListArgs),
-    /// Print the JSON Schema of recipes, with the kinds of all plugins of this binary.
+    /// Print the JSON Schema of recipes, with the kinds of all linked plugins.
     #[command(after_help = "Example:
-  syntable schema > recipe.schema.json     then start a recipe with: #:schema ./recipe.schema.json")]
+  syntable schema > recipe.schema.json     first line of a recipe: #:schema ./recipe.schema.json")]
     Schema,
-    /// Start a recipe or a plugin.
+    /// Create a recipe or a plugin.
     New(new::NewArgs),
-    /// Look at this machine: threads, memory, instruction sets, cache, linked plugins.
+    /// Show threads, memory, instruction sets and cache of this machine, and the linked plugins.
     Doctor,
     /// Print a completion script for a shell.
     #[command(after_help = "Example:
@@ -129,16 +129,16 @@ enum BuiltIn {
 /// A recipe and changes to it, as all verbs take them: [`Args::augment_args`] adds them to a command.
 #[derive(Debug, Clone, Args)]
 pub struct RecipeArgs {
-    /// Recipe file, or `builtin:NAME` for a recipe of the program (see `syntable list recipes`); `builtin:quickstart` if
-    /// left out.
+    /// Recipe file, or `builtin:NAME` for a built-in recipe (see `syntable list recipes`). Default:
+    /// `builtin:quickstart`.
     pub recipe: Option<PathBuf>,
     /// Set a key: `a.b=value`, `place[2].count=5`. The value is TOML; a bare word is text.
     #[arg(long, value_name = "KEY=VALUE")]
     pub set: Vec<String>,
-    /// Seed of all randomness: short for `--set dataset.seed=N`.
+    /// Seed of all random numbers: short for `--set dataset.seed=N`.
     #[arg(long)]
     pub seed: Option<u64>,
-    /// Views of every scene: short for `--set dataset.views_per_scene=N`.
+    /// Views per scene: short for `--set dataset.views_per_scene=N`.
     #[arg(long)]
     pub views: Option<u32>,
 }
@@ -178,7 +178,7 @@ impl Exit {
 
 /// Help of `--trust-paths`, which verbs have that read datasets.
 pub const TRUST_PATHS: &str =
-    "Also read files outside of the dataset's folder that its files name or links lead to: for datasets that you trust";
+    "Also read files outside the dataset's folder if its paths or links lead there. Only for datasets that you trust";
 
 /// The number of threads that an option gives, or all cores.
 pub fn threads(asked: Option<u16>) -> usize {

@@ -14,10 +14,10 @@ use syntable_runtime::pools::AssetStore;
 pub(crate) struct CheckArgs {
     #[command(flatten)]
     recipe: RecipeArgs,
-    /// Load one asset of any kind, and say what it is or what is wrong with it.
+    /// Load one asset of any kind, and print its properties or its faults.
     #[arg(long, value_name = "PATH", conflicts_with_all = ["recipe", "set", "seed", "views"])]
     asset: Option<PathBuf>,
-    /// Load every asset of the recipe's pools, and say which ones are bad: of all pools, or of one.
+    /// Load every asset of all the recipe's pools, or of one pool, and list the bad ones.
     #[arg(long, value_name = "POOL", num_args = 0..=1, require_equals = true, conflicts_with = "asset")]
     assets: Option<Option<String>>,
 }

@@ -12,15 +12,15 @@ use syntable_runtime::workers;
 
 #[derive(Args)]
 pub(crate) struct ConvertArgs {
-    /// Folder of the dataset, or its annotation file where there are several.
+    /// Folder of the dataset, or its annotation file if the folder has several.
     dataset: PathBuf,
     /// Kinds of writers (see `syntable list write`), separated by commas.
     #[arg(long, required = true, value_delimiter = ',')]
     to: Vec<String>,
-    /// Folder to write to: new, or empty.
+    /// Output folder, new or empty.
     #[arg(long)]
     out: PathBuf,
-    /// Format of the dataset (see `syntable list formats`); the one that it looks like if left out.
+    /// Format of the dataset (see `syntable list formats`). Default: detected.
     #[arg(long)]
     format: Option<String>,
     #[arg(long, help = crate::TRUST_PATHS)]

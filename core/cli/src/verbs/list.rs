@@ -17,14 +17,14 @@ use syntable_runtime::recipe::{self, BUILTINS, description_of, nearest, options_
 #[derive(Args)]
 pub(crate) struct ListArgs {
     /// A slot such as `place` or `write`, a kind such as `drop_box` or `lights.sun`, `products`, `recipes`, `formats` or
-    /// `metrics`; everything if left out.
+    /// `metrics`. Default: all kinds.
     what: Option<String>,
-    /// Recipe whose assets are listed with part, license and chance to be drawn, as in `syntable list assets my.toml`.
+    /// Recipe for `syntable list assets my.toml`, which lists its assets with part, license and probability.
     recipe: Option<PathBuf>,
     /// Set a key of the recipe, as in `syntable run`.
     #[arg(long, value_name = "KEY=VALUE", requires = "recipe")]
     set: Vec<String>,
-    /// Print the assets of the recipe as JSON, one object per line.
+    /// Print the recipe's assets as JSON, one object per line.
     #[arg(long, requires = "recipe")]
     json: bool,
 }

@@ -10,9 +10,9 @@ use syntable_runtime::{run, workers};
 
 #[derive(Args)]
 pub(crate) struct MergeArgs {
-    /// Folder of the dataset: new, or one that an earlier call began.
+    /// Folder of the merged dataset, new or from an earlier call.
     out: PathBuf,
-    /// Folders of the parts, made with one recipe and different `--scenes`.
+    /// Folders of the parts, made from one recipe with different `--scenes`.
     #[arg(required = true)]
     parts: Vec<PathBuf>,
 }

@@ -18,15 +18,15 @@ pub(crate) struct NewArgs {
 
 #[derive(Subcommand)]
 enum What {
-    /// Write a recipe to start from, and beside it the schema of this program, with which editors complete and check it.
+    /// Write a recipe to start from, and next to it the schema with which editors complete and check it.
     #[command(after_help = "Examples:
   syntable new recipe my.toml && syntable run my.toml --out data       a whole recipe, with comments
-  syntable new recipe my.toml --extends builtin:window-room            a few changes to a recipe of the program")]
+  syntable new recipe my.toml --extends builtin:window-room            a few changes to a built-in recipe")]
     Recipe {
-        /// The file to write; it must not exist yet.
+        /// Output file. It must not exist yet.
         #[arg(default_value = "recipe.toml")]
         file: PathBuf,
-        /// Extend a recipe of the program instead: `builtin:NAME` (see `syntable list recipes`).
+        /// Extend a built-in recipe instead: `builtin:NAME` (see `syntable list recipes`).
         #[arg(long, value_name = "RECIPE")]
         extends: Option<String>,
     },
@@ -36,7 +36,7 @@ enum What {
     Plugin {
         /// Name of the crate and of the annotator's kind, snake_case.
         name: String,
-        /// Folder to write to; the name if left out. It must not exist yet.
+        /// Output folder, which must not exist yet. Default: the name.
         #[arg(long)]
         path: Option<PathBuf>,
         /// Folder of the SynTable sources that the crate depends on.

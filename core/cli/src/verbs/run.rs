@@ -16,29 +16,29 @@ use syntable_runtime::{memory, workers};
 pub(crate) struct RunArgs {
     #[command(flatten)]
     recipe: RecipeArgs,
-    /// Folder of the dataset; `data/<dataset.name>` if left out.
+    /// Folder of the dataset. Default: `data/<dataset.name>`.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Make only these scenes: `A..B` without B, `A..`, `..B`, or one number.
+    /// Make only these scenes: `A..B` (without B), `A..`, `..B`, or one number.
     #[arg(long, value_name = "A..B", value_parser = str::parse::<SceneRange>)]
     scenes: Option<SceneRange>,
-    /// Worker threads; all cores if left out. The dataset does not depend on it.
+    /// Worker threads. Default: all cores. The dataset does not depend on their number.
     #[arg(long, value_parser = clap::value_parser!(u16).range(1..=1024))]
     threads: Option<u16>,
-    /// Delete the dataset that is in the folder, and start anew.
+    /// Delete the dataset in the folder, and start again.
     #[arg(long)]
     overwrite: bool,
-    /// Load native libraries that the recipe names by a path beside itself.
+    /// Load native libraries that the recipe names by a relative path.
     #[arg(long)]
     allow_libraries: bool,
-    /// Try scenes again that failed in an earlier run.
+    /// Retry scenes that failed in an earlier run.
     #[arg(long)]
     retry_failed: bool,
-    /// Compare all files with the journal first, and make scenes again whose files are missing or damaged.
+    /// First compare all files with the journal, and make scenes with missing or damaged files again.
     #[arg(long, conflicts_with = "overwrite")]
     repair: bool,
-    /// Write the files of writers anew that have other options than then, or annotators with other options, and take away
-    /// those of writers that the recipe has no more.
+    /// Rewrite the files of writers if their options, or the options of their annotators, have changed. Delete the files
+    /// of writers that are no longer in the recipe.
     #[arg(long, conflicts_with = "overwrite")]
     rewrite: bool,
 }

@@ -16,16 +16,16 @@ const ROWS: usize = 30;
 
 #[derive(Args)]
 pub(crate) struct ValidateArgs {
-    /// Folders of datasets, or their annotation files where a folder has several. Of two and more, numbers of categories and
-    /// objects are compared, too.
+    /// Folders of datasets, or their annotation files if a folder has several. For two or more datasets, the numbers of
+    /// categories and objects are compared, too.
     #[arg(required = true, value_name = "DATASET")]
     datasets: Vec<PathBuf>,
-    /// Format of all of them (see `syntable list formats`); the one that each looks like if left out.
+    /// Format of all datasets (see `syntable list formats`). Default: detected for each.
     #[arg(long)]
     format: Option<String>,
     #[arg(long, help = crate::TRUST_PATHS)]
     trust_paths: bool,
-    /// Print all that was found as one JSON object; of several datasets with an entry each in `datasets`.
+    /// Print all results as one JSON object. Several datasets have one entry each in `datasets`.
     #[arg(long)]
     json: bool,
 }

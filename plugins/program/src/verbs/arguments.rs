@@ -11,7 +11,7 @@ pub fn dataset() -> Arg {
         .value_name("DATASET")
         .required(true)
         .value_parser(value_parser!(PathBuf))
-        .help("Folder of a dataset of any format that can be read, or its annotation file")
+        .help("Folder of a dataset in any readable format, or its annotation file")
 }
 
 /// `--format` of the dataset.
@@ -19,7 +19,7 @@ pub fn format() -> Arg {
     Arg::new("format")
         .long("format")
         .value_name("FORMAT")
-        .help("Format of the dataset (see `syntable list formats`); the one that it looks like if left out")
+        .help("Format of the dataset (see `syntable list formats`). Default: detected")
 }
 
 /// `--trust-paths` of the dataset.
@@ -38,7 +38,7 @@ pub fn scores() -> Arg {
         .long("scores")
         .value_name("FILE")
         .value_parser(value_parser!(PathBuf))
-        .help("Show scores of predictions, and the worst images with them: what `syntable eval --save FILE` wrote")
+        .help("Show the scores of predictions, and the worst images, from a file of `syntable eval --save FILE`")
 }
 
 /// `--threads`.
@@ -58,5 +58,5 @@ pub fn port() -> Arg {
         .value_name("PORT")
         .value_parser(value_parser!(u16))
         .default_value("0")
-        .help("Port of the loopback address; 0 for any free one")
+        .help("Port of the loopback address; 0 for any free port")
 }

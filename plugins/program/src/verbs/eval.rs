@@ -35,18 +35,17 @@ fn command() -> Command {
     Command::new("eval")
         .about("Score predicted masks against a dataset: overlap, boundary, occlusion and its order")
         .arg(path("gt", "DATASET").required(true).help(
-            "Ground truth: folder of a dataset with amodal and visible masks, of any format that can be read, its annotation \
-             file, or a folder of label maps",
+            "Ground truth: folder of a dataset with amodal and visible masks in any readable format, its annotation file, or \
+             a folder of label maps",
         ))
         .arg(path("pred", "PREDICTIONS").required(true).help(
-            "Predictions: a dataset or label maps of the same images, or a result file: a JSON list of objects with \
-             `image_id`, `score`, `segmentation`",
+            "Predictions: a dataset or label maps of the same images, or a result file (a JSON list of objects with \
+             `image_id`, `score`, `segmentation`)",
         ))
         .arg(flag("gt-format").value_name("FORMAT").help(
-            "Format of the ground truth (see `syntable list formats`, or `label_maps`); the one that it looks like if left \
-             out",
+            "Format of the ground truth: `label_maps`, or a name from `syntable list formats`. Default: detected",
         ))
-        .arg(flag("pred-format").value_name("FORMAT").help("Format of predictions that are a dataset"))
+        .arg(flag("pred-format").value_name("FORMAT").help("Format of the predictions if they are a dataset"))
         .arg(flag("trust-paths").action(ArgAction::SetTrue).help(TRUST_PATHS))
         .arg(
             flag("min-score")
@@ -54,7 +53,7 @@ fn command() -> Command {
                 .allow_negative_numbers(true)
                 .value_parser(finite)
                 .default_value("0.5")
-                .help("Least score of predictions that count; those of a dataset all do, and so do all in COCO's scores"),
+                .help("Minimum score of a prediction in a result file. COCO's scores use all predictions"),
         )
         .arg(
             flag("occluded-from")
@@ -62,30 +61,30 @@ fn command() -> Command {
                 .allow_negative_numbers(true)
                 .value_parser(rate)
                 .help(
-                    "Least occlusion rate of predictions that count as occluded, 0 for any hidden pixel, as in labels. If left \
-                     out, any hidden pixel where predictions have occlusion masks, else 0.05",
+                    "Minimum occlusion rate of an occluded prediction; 0 for any hidden pixel, as in labels. Default: any \
+                     hidden pixel if predictions have occlusion masks, else 0.05",
                 ),
         )
         .arg(flag("convention").value_parser(["release", "paper"]).default_value("release").help(
-            "Where SynTable's text and code differ: `release` takes F and F@.75 as means over images, `paper` F of mean \
-             precision and recall, and F@.75 of all objects",
+            "Convention where SynTable's paper and code differ. `release`: F and F@.75 are means over images. `paper`: F \
+             is computed from mean precision and recall, and F@.75 over all objects",
         ))
         .arg(
             flag("metrics")
                 .value_name("NAMES")
                 .value_delimiter(',')
-                .help("Metrics, separated by commas (see `syntable list metrics`); all if left out"),
+                .help("Metrics, separated by commas (see `syntable list metrics`). Default: all"),
         )
         .arg(
             flag("by-category")
                 .action(ArgAction::SetTrue)
-                .help("Add COCO's scores with categories: the mean over them, and the AP of each"),
+                .help("Add COCO's scores with categories: the mean over categories, and the AP of each category"),
         )
         .arg(
             flag("bootstrap")
                 .value_name("N")
                 .value_parser(value_parser!(u32).range(1..=100_000))
-                .help("Add 95 % confidence intervals of N samples of the images, with replacement"),
+                .help("Add 95 % confidence intervals from N samples of the images, drawn with replacement"),
         )
         .arg(
             flag("seed")
@@ -95,10 +94,10 @@ fn command() -> Command {
                 .help("Seed of the samples of --bootstrap"),
         )
         .arg(flag("json").action(ArgAction::SetTrue).help("Print the scores as one JSON object"))
-        .arg(path("csv", "FILE").help("Write the scores of each image to a file"))
+        .arg(path("csv", "FILE").help("Write the scores of each image to a CSV file"))
         .arg(path("save", "FILE").help(
-            "Write all scores, and the worst images with their predictions, to a file that `report --scores` and `view \
-             --scores` show",
+            "Write all scores, and the worst images with their predictions, to a file for `report --scores` and `view \
+             --scores`",
         ))
         .arg(
             flag("worst")
@@ -118,13 +117,13 @@ fn command() -> Command {
             flag("threads")
                 .value_name("N")
                 .value_parser(value_parser!(u16).range(1..=1024))
-                .help("Worker threads; all cores if left out. The scores do not depend on it"),
+                .help("Worker threads. Default: all cores. The scores do not depend on their number"),
         )
         .after_help(
             "Examples:
-  syntable eval --gt data --pred results.json                 a table as in the paper
-  syntable eval --gt data --pred results.json --csv each.csv  and a line for each image
-  syntable eval --gt data --pred predicted --json             a dataset of predictions; for programs
+  syntable eval --gt data --pred results.json                 a table like the paper's
+  syntable eval --gt data --pred results.json --csv each.csv  also one line per image
+  syntable eval --gt data --pred predicted --json             predictions in a dataset; output for programs
   syntable eval --gt data --pred results.json --metrics coco --bootstrap 1000
   syntable eval --gt data --pred results.json --save scores.json
   syntable report data --scores scores.json                   the worst images with their predictions",

@@ -15,45 +15,51 @@ fn command() -> Command {
     let flag = |name: &'static str, help: &'static str| Arg::new(name).long(name).action(ArgAction::SetTrue).help(help);
     let number = |name: &'static str| Arg::new(name).long(name).value_name("N");
     RecipeArgs::augment_args(Command::new("preview"))
-        .about("Render a few views of a few scenes fast, on one contact sheet; again after every save")
+        .about("Render a few views of a few scenes quickly, on one contact sheet; --watch repeats it after every save")
         .arg(
             Arg::new("scenes")
                 .long("scenes")
                 .value_name("A..B")
                 .value_parser(str::parse::<SceneRange>)
-                .help("Scenes to show: `A..B` without B, `A..`, `..B`, or one number; the first two if left out"),
+                .help("Scenes to show: `A..B` (without B), `A..`, `..B`, or one number. Default: the first two"),
         )
         .arg(
             number("samples")
                 .default_value("4")
                 .value_parser(value_parser!(u32).range(1..=1_048_576))
-                .help("Maximum number of samples per pixel; images are denoised"),
+                .help("Maximum samples per pixel; images are denoised"),
         )
         .arg(
             number("width")
                 .default_value("320")
                 .value_parser(value_parser!(u32).range(16..=4096))
-                .help("Maximum width of an image, px: larger images are rendered with fewer pixels"),
+                .help("Maximum width of an image, px. Larger images are rendered with fewer pixels"),
         )
-        .arg(flag("labels", "Show labels beside the images: visible masks, and amodal outlines with what is occluded"))
-        .arg(Arg::new("out").long("out").value_name("FILE").value_parser(value_parser!(PathBuf)).help(
-            "PNG file of the sheet; `<recipe>.preview.png` in the current folder if left out, and none with --serve",
+        .arg(flag(
+            "labels",
+            "Show labels next to the images: visible masks, and amodal outlines with the occluded parts",
         ))
-        .arg(flag("watch", "Go on: render what changes whenever the recipe, or a file that it names, is saved"))
-        .arg(flag("serve", "Show the sheet in the browser, for you alone, and follow every save"))
+        .arg(Arg::new("out").long("out").value_name("FILE").value_parser(value_parser!(PathBuf)).help(
+            "PNG file of the sheet. Default: `<recipe>.preview.png` in the current folder, or no file with --serve",
+        ))
+        .arg(flag(
+            "watch",
+            "Keep running, and render the changes after every save of the recipe or of a file that it names",
+        ))
+        .arg(flag("serve", "Show the sheet in the browser, for you only, and update it after every save"))
         .arg(
             number("port")
                 .default_value("0")
                 .value_parser(value_parser!(u16))
                 .requires("serve")
-                .help("Port of --serve; 0 for any free one"),
+                .help("Port of --serve; 0 for any free port"),
         )
         .arg(
             number("threads")
                 .value_parser(value_parser!(u16).range(1..=1024))
-                .help("Worker threads; all cores if left out. The images do not depend on it"),
+                .help("Worker threads. Default: all cores. The images do not depend on their number"),
         )
-        .arg(flag("allow-libraries", "Load native libraries that the recipe names by a path beside itself"))
+        .arg(flag("allow-libraries", "Load native libraries that the recipe names by a relative path"))
         .after_help(
             "Examples:
   syntable preview recipe.toml                     recipe.preview.png

@@ -14,30 +14,30 @@ syntable_cli::register_verb!(Verb { command, run, crate_name: env!("CARGO_PKG_NA
 fn command() -> Command {
     let flag = |name: &'static str| Arg::new(name).long(name);
     Command::new("report")
-        .about("Make pages that show a dataset: card, statistics, images with labels, occlusion graphs, scenes in space")
+        .about("Make web pages about a dataset: card, statistics, images with labels, occlusion graphs, scenes in 3-D")
         .arg(arguments::dataset())
         .arg(flag("out").value_name("DIR").value_parser(value_parser!(PathBuf)).help(
-            "Folder of the report; the dataset's with `-report` after its name if left out. Open its index.html",
+            "Folder of the report. Default: the dataset's folder with the suffix `-report`. Open its index.html",
         ))
-        .arg(flag("overwrite").action(ArgAction::SetTrue).help("Replace a report that is in the folder"))
+        .arg(flag("overwrite").action(ArgAction::SetTrue).help("Replace the report in the folder"))
         .arg(arguments::format())
         .arg(arguments::trust_paths())
         .arg(arguments::scores())
         .arg(flag("images").value_name("N").value_parser(amount).default_value("500").help(
-            "Most images in the report, or `all`: the most occluded ones, and others at even distances. An image takes about \
-             0.1 MB. The numbers are always those of all",
+            "Maximum images in the report, or `all`: the most occluded images, and others at even intervals. An image takes \
+             about 0.1 MB. The statistics always cover all images",
         ))
         .arg(
             flag("scenes")
                 .value_name("N")
                 .value_parser(amount)
                 .default_value("6")
-                .help("Most scenes to look at in space, or `all`: those that the writer `gltf` wrote, the first ones"),
+                .help("Maximum scenes in 3-D, or `all`: the first scenes that the writer `gltf` wrote"),
         )
         .arg(flag("labels-only").action(ArgAction::SetTrue).help(
-            "Count labels alone, which is faster: leaves out brightness, depth and near-duplicate views",
+            "Read only labels, which is faster. Leaves out brightness, depth and near-duplicate views",
         ))
-        .arg(arguments::threads("Worker threads; all cores if left out. The report does not depend on it"))
+        .arg(arguments::threads("Worker threads. Default: all cores. The report does not depend on their number"))
         .after_help(
             "Examples:
   syntable report data                             data-report/index.html

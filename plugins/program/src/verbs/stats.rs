@@ -19,53 +19,53 @@ syntable_cli::register_verb!(Verb { command, run, crate_name: env!("CARGO_PKG_NA
 fn command() -> Command {
     let flag = |name: &'static str| Arg::new(name).long(name);
     Command::new("stats")
-        .about("Count what datasets have: instances, occlusion, sizes, near-duplicate views")
+        .about("Compute statistics of datasets: instances, occlusion, sizes, near-duplicate views")
         .arg(
             Arg::new("dataset")
                 .value_name("DATASET")
                 .required(true)
                 .num_args(1..)
                 .value_parser(value_parser!(PathBuf))
-                .help("Folders of datasets of any format that can be read, or annotation files; several stand side by side"),
+                .help("Folders of datasets in any readable format, or annotation files; several are shown side by side"),
         )
         .arg(
             flag("format")
                 .value_name("FORMAT")
-                .help("Their format (see `syntable list formats`); the one that each looks like if left out"),
+                .help("Format of all datasets (see `syntable list formats`). Default: detected for each"),
         )
         .arg(arguments::trust_paths())
         .arg(flag("labels-only").action(ArgAction::SetTrue).help(
-            "Read no images, which takes most of the time: leaves out brightness, depth and near-duplicate views",
+            "Read only labels, since images take most of the time. Leaves out brightness, depth and near-duplicate views",
         ))
         .arg(flag("edges").value_parser(["pixels", "iou", "stored"]).default_value("pixels").help(
-            "What makes object i occlude j: a hidden pixel of j that shows i; an IoU of i's visible and j's occlusion mask \
-             above 0.1, as in some of SynTable's notebooks; or the order that the dataset has",
+            "Rule for \"object i occludes j\". `pixels`: a hidden pixel of j shows i. `iou`: the IoU of i's visible and \
+             j's occlusion mask is above 0.1, as in some of SynTable's notebooks. `stored`: the dataset's own order",
         ))
         .arg(flag("bins").value_parser(["fixed", "equal"]).default_value("fixed").help(
-            "Bins of histograms: fixed ones, or ten equal ones from the least to the greatest value, as in SynTable's figures",
+            "Bins of histograms: fixed bins, or ten equal bins from the minimum to the maximum, as in SynTable's figures",
         ))
         .arg(flag("prefixes").action(ArgAction::SetTrue).help(
-            "Count components of the first object of each view, of the first two and so on, as SynTable's figure does",
+            "Count components of the first object of each view, of the first two, and so on, as in SynTable's figure",
         ))
         .arg(
             flag("duplicate-levels")
                 .value_name("N")
                 .value_parser(value_parser!(u8))
                 .default_value("5")
-                .help("Largest difference of the luma of a cell, of 255, in near-duplicate views"),
+                .help("Maximum difference of a cell's luma between near-duplicate views, of 255"),
         )
-        .arg(flag("json").action(ArgAction::SetTrue).help("Print all of it as one JSON object"))
+        .arg(flag("json").action(ArgAction::SetTrue).help("Print all statistics as one JSON object"))
         .arg(
             flag("csv")
                 .value_name("FILE")
                 .value_parser(value_parser!(PathBuf))
-                .help("Write a line for each image to a file"),
+                .help("Write one line per image to a CSV file"),
         )
-        .arg(arguments::threads("Worker threads; all cores if left out. The numbers do not depend on it"))
+        .arg(arguments::threads("Worker threads. Default: all cores. The statistics do not depend on their number"))
         .after_help(
             "Examples:
   syntable stats data                              tables and histograms
-  syntable stats data --csv each.csv --json        for programs; a line for each image
+  syntable stats data --csv each.csv --json        for programs; one line per image
   syntable stats ours theirs --labels-only         side by side, with distances between them",
         )
 }

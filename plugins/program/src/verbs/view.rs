@@ -14,15 +14,15 @@ syntable_cli::register_verb!(Verb { command, run, crate_name: env!("CARGO_PKG_NA
 
 fn command() -> Command {
     Command::new("view")
-        .about("Show a dataset in the browser: the pages of `syntable report`, made when they are asked for")
+        .about("Show a dataset in the browser: the pages of `syntable report`, made on request")
         .arg(arguments::dataset())
         .arg(arguments::port())
         .arg(arguments::format())
         .arg(arguments::trust_paths())
         .arg(arguments::scores())
-        .arg(arguments::threads("Threads that count the statistics; all cores if left out"))
+        .arg(arguments::threads("Worker threads for the statistics. Default: all cores"))
         .after_help(
-            "Nothing is written. The address has a token, without which nobody can read the pages: keep it to yourself. Ctrl-C ends it.
+            "The command writes no files. The address contains a token that gives access to the pages: keep it secret. Ctrl-C ends the command.
 
 Examples:
   syntable view data
