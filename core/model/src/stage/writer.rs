@@ -120,6 +120,11 @@ impl Input {
         Self { is_optional: true, ..self }
     }
 
+    /// Names of the products of some inputs.
+    pub fn names(inputs: &[Self]) -> Vec<String> {
+        inputs.iter().map(|input| input.product.clone()).collect()
+    }
+
     /// The products that an option named `include` lists.
     pub fn included(include: &[ProductName], accepts: Accepts) -> Vec<Self> {
         let input = |(i, name): (usize, &ProductName)| Self {

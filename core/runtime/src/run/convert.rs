@@ -5,16 +5,16 @@
 use crate::durable::{self, Draft, Standing};
 use crate::plan::{self, Candidate, Fault, Implied, Plan, Producer};
 use crate::run::dataset::folder::journal_path;
-use crate::run::making::losses::{Loss, Losses};
+use crate::run::dataset::loss::Loss;
+use crate::run::making::losses::Losses;
 use crate::run::making::stages::annotate;
 use crate::run::making::times::Times;
-use crate::run::making::writers::{Writers, names};
+use crate::run::making::writers::Writers;
 use crate::run::progress::{Guarded, Reporter, Warnings, count};
 use crate::run::stop::Stop;
 use crate::workers::Pool;
 use parking_lot::Mutex;
 use std::collections::{BTreeMap, BTreeSet};
-use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
@@ -133,18 +133,6 @@ pub fn products_of(registry: &Registry, dataset: &dyn DatasetReader) -> BTreeSet
     can_be_had(&offers, &parts_of_all(registry, &offers))
 }
 
-/// Refuses a link that leads nowhere: no folder can be made there.
-pub(super) fn check_link(out: &Path) -> Result<()> {
-    let is_link = fs::symlink_metadata(out).is_ok_and(|entry| entry.is_symlink());
-    if is_link && !out.exists() {
-        return Err(Error::new("it is a link to what is not there")
-            .in_file(out)
-            .help("make the folder that it leads to, or choose another --out")
-            .of_request());
-    }
-    Ok(())
-}
-
 /// Refuses a folder inside of the dataset that is read or of a run's: readers would take what is there for a part of these, and a
 /// run would neither list nor keep it.
 ///
@@ -184,7 +172,7 @@ fn root_of(source: &Path) -> Option<PathBuf> {
 
 /// Begins the folder of a conversion: new, or empty.
 fn begin(out: &Path) -> Result<Draft> {
-    check_link(out)?;
+    crate::paths::check_link(out)?;
     if durable::standing(out)? == Standing::Free {
         return Draft::begin(out);
     }
@@ -418,7 +406,7 @@ impl Conversion<'_> {
 
     fn finish(&self, scenes: &[SceneId]) -> Result<()> {
         self.writers.iter().try_for_each(|(id, writer)| {
-            let products = Products::new().only(&names(&writer.reads()));
+            let products = Products::new().only(&Input::names(&writer.reads()));
             let finish = Finish::new(self.part, id, scenes.to_vec());
             writer.finish(&self.cx, &products, &finish).map_err(|error| error.context(id.clone()))
         })

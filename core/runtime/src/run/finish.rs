@@ -6,13 +6,12 @@ use crate::recipe::{Lock, Recipe, with_lock, without_lock};
 use crate::run::Outcome;
 use crate::run::dataset::folder::Folder;
 use crate::run::dataset::journal::{Journal, JournalEntry, Notice};
+use crate::run::dataset::loss::Loss;
 use crate::run::dataset::manifest::Written;
 use crate::run::dataset::records::{self, Records};
 use crate::run::decisions::work_list;
-use crate::run::making::losses::Loss;
 use crate::run::making::stages::lend;
 use crate::run::making::times::Times;
-use crate::run::making::writers::names;
 use crate::run::panics;
 use crate::run::progress::{Event, Reporter, Warnings, count};
 use parking_lot::Mutex;
@@ -23,7 +22,7 @@ use syntable_model::context::{DatasetContext, Log, Workers};
 use syntable_model::error::{Error, Result};
 use syntable_model::product::Products;
 use syntable_model::scene::SceneId;
-use syntable_model::stage::{DatasetInfo, Finish};
+use syntable_model::stage::{DatasetInfo, Finish, Input};
 
 /// Annotates the dataset and lets every writer finish that can; an error is reported when all had their turn. Of the scenes
 /// that were `wanted`, files that could not be written anew are taken away; others keep them for a later run.
@@ -163,7 +162,7 @@ pub fn annotate_and_finish(
     let of_dataset = scenes(&|entry| entry.recorded() == recorded);
     let (products, failed) = panics::quiet(|| annotate_dataset(recipe, &cx, folder, &of_dataset));
     let one = |(id, writer): &(String, Box<dyn syntable_model::stage::Writer>)| {
-        let (stage, reads) = (format!("write.{id}"), names(&writer.reads()));
+        let (stage, reads) = (format!("write.{id}"), Input::names(&writer.reads()));
         if failed.iter().any(|(name, _)| reads.contains(name)) {
             return None;
         }

@@ -25,10 +25,10 @@ mod scene_range;
 pub mod stop;
 
 pub use convert::{Converted, check_place, convert, not_listed, products_of};
+pub use dataset::loss::Loss;
 pub use dataset::verify::{Verified, verify};
 pub(crate) use decisions::inputs::files as files_of;
 pub(crate) use finish::dataset_info;
-pub use making::losses::Loss;
 pub use merge::merge;
 pub use scene_range::SceneRange;
 

@@ -132,7 +132,7 @@ impl Folder {
             let failed = Error::io(root, &error).help("choose a folder that can be written");
             if full { failed } else { failed.of_request() }
         };
-        crate::run::convert::check_link(root)?;
+        crate::paths::check_link(root)?;
         fs::create_dir_all(root).map_err(fail)?;
         let empty = fs::read_dir(root).map_err(fail)?.next().is_none();
         if !empty && !root.join(MARK).is_dir() {

@@ -1,6 +1,6 @@
 //! The journal of a dataset: one line for every scene that is done. Only what is in the journal exists.
 
-use crate::run::making::losses::Loss;
+use crate::run::dataset::loss::Loss;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::{self, File, OpenOptions};

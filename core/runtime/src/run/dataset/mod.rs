@@ -4,6 +4,7 @@ pub mod folder;
 pub(crate) mod foreign;
 pub(crate) mod inside;
 pub mod journal;
+pub(crate) mod loss;
 pub(crate) mod manifest;
 pub(crate) mod records;
 pub(crate) mod settled;

@@ -6,11 +6,31 @@ use crate::run::dataset::journal::{Journal, JournalEntry};
 use crate::run::dataset::manifest::Manifest;
 use crate::run::dataset::records::{self, OWNER};
 use crate::run::decisions::growth::Growth;
-use crate::run::making::scene::{Task, Work};
-use crate::run::making::writers::names;
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
-use syntable_model::stage::DatasetInfo;
+use syntable_model::stage::{DatasetInfo, Input, Writer};
+
+/// What is made of a scene.
+pub struct Work<'a> {
+    /// The dataset, with the number of views of the scene.
+    pub dataset: DatasetInfo,
+    /// What is computed.
+    pub plan: Plan,
+    /// Who writes.
+    pub writers: Vec<&'a (String, Box<dyn Writer>)>,
+}
+
+/// A scene to make.
+pub struct Task<'a> {
+    /// The scene.
+    pub scene: u32,
+    /// Whether the dataset has it.
+    pub is_present: bool,
+    /// What is made of a new scene, or of one that is made again.
+    pub whole: &'a Work<'a>,
+    /// The scene as it is in the dataset, if it only gets what it lacks, and what that is.
+    pub extend: Option<(&'a JournalEntry, &'a Work<'a>)>,
+}
 
 /// What there is to do for each scene.
 pub struct Todo {
@@ -115,7 +135,7 @@ fn work<'a>(recipe: &'a Recipe, views: u32, lacks: Option<&(Vec<String>, bool)>)
         return Work { dataset, plan: recipe.plan.clone().on(&*recipe.render), writers: recipe.write.iter().collect() };
     };
     let writers: Vec<_> = recipe.write.iter().filter(|(id, _)| lacks.contains(id)).collect();
-    let reads: Vec<String> = writers.iter().flat_map(|(_, writer)| names(&writer.reads())).collect();
+    let reads: Vec<String> = writers.iter().flat_map(|(_, writer)| Input::names(&writer.reads())).collect();
     let part = recipe.plan.part(reads.iter().map(String::as_str), *records);
     Work { dataset, plan: part.on(&*recipe.render), writers }
 }

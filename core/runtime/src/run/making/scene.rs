@@ -4,13 +4,14 @@ use crate::plan::Plan;
 use crate::pools::RecordingAssets;
 use crate::run::dataset::folder::Folder;
 use crate::run::dataset::journal::{JournalEntry, SceneOutcome};
+use crate::run::dataset::loss::Loss;
 use crate::run::dataset::manifest::{Manifest, Written};
 use crate::run::dataset::records::{self, Records};
 use crate::run::dataset::settled;
-use crate::run::decisions::work_list;
+use crate::run::decisions::work_list::{self, Task, Work};
 use crate::run::making::anomalies::{Odd, Seen};
 use crate::run::making::attempt::{self, Tools};
-use crate::run::making::losses::{Loss, Losses};
+use crate::run::making::losses::Losses;
 use crate::run::making::queue::Queue;
 use crate::run::making::recovery::{DEVICE_REPEATS, Recovery};
 use crate::run::making::sessions::Sessions;
@@ -27,7 +28,7 @@ use syntable_model::context::{SceneContext, ViewContext};
 use syntable_model::error::{Error, Result};
 use syntable_model::product::Products;
 use syntable_model::scene::{Placed, Scene, SceneId, Settled, View};
-use syntable_model::stage::{DatasetInfo, Output, Writer};
+use syntable_model::stage::Output;
 
 /// Makes scenes.
 pub struct SceneMaker<'a> {
@@ -37,28 +38,6 @@ pub struct SceneMaker<'a> {
     pub sessions: &'a Sessions<'a>,
     /// What must hold in every view that is written.
     pub checks: &'a [Check],
-}
-
-/// What is made of a scene.
-pub struct Work<'a> {
-    /// The dataset, with the number of views of the scene.
-    pub dataset: DatasetInfo,
-    /// What is computed.
-    pub plan: Plan,
-    /// Who writes.
-    pub writers: Vec<&'a (String, Box<dyn Writer>)>,
-}
-
-/// A scene to make.
-pub struct Task<'a> {
-    /// The scene.
-    pub scene: u32,
-    /// Whether the dataset has it.
-    pub is_present: bool,
-    /// What is made of a new scene, or of one that is made again.
-    pub whole: &'a Work<'a>,
-    /// The scene as it is in the dataset, if it only gets what it lacks, and what that is.
-    pub extend: Option<(&'a JournalEntry, &'a Work<'a>)>,
 }
 
 /// A scene that is made: its line of the journal, and the files of before that it keeps.

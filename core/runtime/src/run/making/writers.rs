@@ -34,7 +34,7 @@ impl<'m> Writers<'m> {
             let (stage, output) = (format!("write.{id}"), Output::new(staged, id, cx.scene_id));
             let scene_writer = times.of(&stage, || writer.scene(cx, output.clone()))?;
             let losses = Arc::clone(losses);
-            Ok(Writing { stage, reads: names(&writer.reads()), writer: scene_writer, output, times, losses })
+            Ok(Writing { stage, reads: Input::names(&writer.reads()), writer: scene_writer, output, times, losses })
         };
         writers.into_iter().map(start).collect::<Result<_>>().map(Self)
     }
@@ -62,9 +62,4 @@ impl<'m> Writers<'m> {
         };
         self.0.into_iter().map(close).collect()
     }
-}
-
-/// Names of the products that a writer reads.
-pub fn names(inputs: &[Input]) -> Vec<String> {
-    inputs.iter().map(|input| input.product.clone()).collect()
 }
