@@ -20,7 +20,7 @@ pub fn check(
     log: &dyn Log,
 ) -> std::result::Result<(Recipe, Vec<Diagnostic>), Report> {
     let Checked { recipe, pools } = recipe::checked(registry, source, &overrides.with_existing_paths());
-    recipe.map_err(|report| Report { other: pools::open(&pools, log).err(), ..report })
+    recipe.map_err(|report| Report { other: pools::open(&pools, log).err().map(Box::new), ..report })
 }
 
 /// The assets of a pool, all of them loaded.

@@ -90,7 +90,12 @@ mod tests {
             let fails = |image: usize| if image % 150 == 149 { Err(Error::new(image.to_string())) } else { Ok(()) };
             let error = each(&work, "tried", 500, &fails, &mut |image, ()| last = Some(image));
             assert_eq!((error.expect_err("it fails").to_string(), last), ("149".to_owned(), Some(148)));
-            let stops = |image: usize| if image == 70 { Ok(stop.cancel()) } else { Ok(()) };
+            let stops = |image: usize| {
+                if image == 70 {
+                    stop.cancel();
+                }
+                Ok(())
+            };
             let error = each(&work, "tried", 500, &stops, &mut |_, ()| {}).expect_err("it was asked to stop");
             assert_eq!(error.to_string(), "stopped by its caller");
         }

@@ -57,12 +57,18 @@ fn plugins_depend_on_the_model_and_on_neutral_libraries() {
             "syntable-model" | "syntable-simd" => vec![],
             "syntable-transport" => vec!["syntable-model", "syntable-prepare", "syntable-simd"],
             name if NEUTRAL.contains(&name) => vec!["syntable-model", "syntable-simd"],
-            "syntable-runtime" => vec!["syntable-model", "syntable-mesh", "syntable-simd"],
+            "syntable-runtime" => vec!["syntable-model", "syntable-mesh"],
             "syntable-testing" => vec!["syntable-model"],
-            "syntable-standard" => {
+            "syntable-cli" => vec!["syntable-model", "syntable-mesh", "syntable-runtime", "syntable-simd"],
+            // The facade links everything but the command line, and the program everything.
+            "syntable" => {
+                let is_above = |name: &&str| ["syntable-cli", "syntable-program", "syntable-testing"].contains(name);
+                crates.keys().map(String::as_str).filter(|name| !is_above(name)).collect()
+            }
+            "syntable-program" => {
                 crates.keys().map(String::as_str).filter(|name| *name != "syntable-testing").collect()
             }
-            // What adds a verb needs the command line.
+            // Tools work on runs and datasets.
             "syntable-evaluate" | "syntable-report" => vec!["syntable-model", "syntable-formats", "syntable-runtime"],
             // The denoiser `guided` on a card is the same filter, with the same numbers.
             "syntable-render-wgpu" => ["syntable-model", "syntable-denoise"].into_iter().chain(NEUTRAL).collect(),

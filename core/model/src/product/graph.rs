@@ -65,9 +65,9 @@ pub fn strong_components(nodes: usize, has_edge: impl Fn(usize, usize) -> bool) 
         of[start] = count;
         let mut open = vec![start];
         while let Some(node) = open.pop() {
-            for other in 0..nodes {
-                if of[other] == usize::MAX && has_edge(other, node) {
-                    of[other] = count;
+            for (other, component) in of.iter_mut().enumerate() {
+                if *component == usize::MAX && has_edge(other, node) {
+                    *component = count;
                     open.push(other);
                 }
             }

@@ -94,7 +94,7 @@ pub struct Report {
     /// All errors and warnings, in reading order.
     pub diagnostics: Vec<Diagnostic>,
     /// An error that is not of the recipe's text, such as a folder of assets that cannot be read.
-    pub other: Option<Error>,
+    pub other: Option<Box<Error>>,
 }
 
 impl Report {
@@ -106,7 +106,7 @@ impl Report {
 
     /// The mistakes one by one.
     pub fn mistakes(&self) -> impl Iterator<Item = Message> {
-        let other = self.other.iter().cloned().map(Message::Error);
+        let other = self.other.iter().map(|error| Message::Error(Error::clone(error)));
         self.diagnostics.iter().cloned().map(Message::Diagnostic).chain(other)
     }
 

@@ -49,7 +49,7 @@ impl RecipeRequest {
     /// # Errors
     /// With all mistakes at once.
     pub fn load(&self, registry: &Registry, wanted: &[&str], log: &dyn Log) -> std::result::Result<Recipe, Report> {
-        let unread = |error| Report { diagnostics: Vec::new(), other: Some(error) };
+        let unread = |error| Report { diagnostics: Vec::new(), other: Some(Box::new(error)) };
         let (source, mut overrides) = self.read().map_err(unread)?;
         overrides.wanted = wanted.iter().map(|name| Input::named(*name)).collect();
         let (recipe, warnings) = super::load(registry, source, &overrides.for_run().with_existing_paths())?;
