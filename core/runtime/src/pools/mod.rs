@@ -1,6 +1,6 @@
 //! The pools of a recipe: selection, scale, centering and mass are the same for every source of assets.
 //!
-//! [`open`] makes, numbers and selects from catalogs; `numbers` tells objects of several pools apart; `asset` applies the options
+//! `open` makes, numbers and selects from catalogs; `numbers` tells objects of several pools apart; `asset` applies the options
 //! of a pool to an asset; `loaded` keeps assets in memory; `listing` tells how likely each asset is drawn.
 
 mod asset;
