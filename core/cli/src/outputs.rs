@@ -4,9 +4,10 @@ use crate::Exit;
 use std::path::{Path, PathBuf};
 use syntable_model::error::Error;
 use syntable_runtime::paths::{lies_in, whole};
+use syntable_runtime::run::dataset::folder::journal_path;
 
-/// Refuses files that would take the place of what a command reads, or of each other. `outputs` are files with the options
-/// that name them; `inputs` are files, and folders in which nothing is to be written.
+/// Refuses files that would replace what a command reads, each other, or files of a run. `outputs` are files with the options that
+/// name them; `inputs` are files, and folders in which nothing is to be written.
 pub fn check_outputs(outputs: &[(&str, Option<&PathBuf>)], inputs: &[&Path]) -> Result<(), Exit> {
     let there: Vec<(&str, &Path)> =
         outputs.iter().filter_map(|(option, path)| path.map(|path| (*option, path.as_path()))).collect();
@@ -18,6 +19,9 @@ pub fn check_outputs(outputs: &[(&str, Option<&PathBuf>)], inputs: &[&Path]) -> 
         };
         if let Some((other, _)) = there[..number].iter().find(|(_, other)| whole(other) == own) {
             return refuse(format!("overwrite what {other} writes"));
+        }
+        if let Some(run) = own.ancestors().skip(1).find(|above| journal_path(above).is_file()) {
+            return refuse(format!("write into the folder of a run, {}", run.display()));
         }
         for input in inputs {
             if lies_in(path, input) {
@@ -47,6 +51,8 @@ mod tests {
         std::fs::create_dir(at("data")).expect("made");
         std::fs::write(at("data/labels.json"), "{}").expect("written");
         std::fs::write(at("pred.json"), "[]").expect("written");
+        std::fs::create_dir_all(at("run/.syntable")).expect("made");
+        std::fs::write(journal_path(&at("run")), "").expect("written");
         let (data, predictions) = (at("data"), at("pred.json"));
         let inputs = [data.as_path(), predictions.as_path()];
         let said = |outputs: &[(&str, Option<&PathBuf>)]| match check_outputs(outputs, &inputs) {
@@ -66,6 +72,8 @@ mod tests {
             (at("data/labels.json"), "--save would write into"),
             (at("data/new.json"), "--save would write into"),
             (at("data/../pred.json"), "--save would overwrite what the command reads"),
+            (at("run/annotation_final.json"), "--save would write into the folder of a run"),
+            (at("run/images/sheet.png"), "--save would write into the folder of a run"),
         ] {
             let message = said(&[("--save", Some(&path))]);
             assert!(message.contains(says) && message.contains("another file"), "{message}");
