@@ -1,7 +1,7 @@
 //! Disks, networks, terminals and users that fail a run: in the end the dataset is that of an undisturbed run.
 #![cfg(unix)]
 
-use crate::support::{assert_same, fails, ok, skip, skip_slow_tool, small_run, syntable, text};
+use crate::support::{assert_same, fails, ok, skip, small_run, syntable, text};
 use std::fs;
 use std::os::fd::OwnedFd;
 use std::os::unix::net::UnixStream;
@@ -9,6 +9,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 use syntable_testing::folder::files;
+use syntable_testing::tools::skip_slow_tool;
 
 /// A recipe beside a folder of scanned objects, both in a folder of their own.
 fn scanned(folder: &Path) -> PathBuf {

@@ -26,7 +26,7 @@ pub fn assets() -> Vec<PathBuf> {
     folders
 }
 
-pub use syntable_testing::tools::{skip, skip_slow_tool};
+pub use syntable_testing::tools::skip;
 
 /// Lets an independent reader check a dataset of the writer `syntable`.
 pub fn check_dataset(dataset: &Path, more: &[&str]) {
