@@ -6,6 +6,7 @@ use std::path::Path;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
+use syntable_model::check::Check;
 use syntable_model::left_out::LeftOut;
 use syntable_model::prelude::*;
 use syntable_model::registry::{Choice, Choose, Entry, Registry};
@@ -286,16 +287,17 @@ impl Annotator for Thinker {
     }
 }
 
-syntable_model::register_check!(syntable_model::check::Check {
+/// What must hold in every view.
+const POSITIVE: Check = Check {
     name: "thoughts_are_positive",
     doc: "No thought is negative.",
     reads: || keys![THOUGHT],
-    finds_subject: syntable_model::check::Check::ALWAYS,
+    finds_subject: Check::ALWAYS,
     faults: |products| match products.get(THOUGHT)? {
         Value::Int(thought) if *thought < 0 => Ok(vec![format!("a thought is {thought}")]),
         _ => Ok(Vec::new()),
     },
-});
+};
 
 impl Annotator for Echo {
     fn reads(&self) -> Vec<KeyId> {
@@ -441,7 +443,7 @@ pub fn registry() -> Registry {
     let entries = entries![
         Boxes, Lift, Small, Fixed, Sleeper, Drowsy, Either, Doubler, Thinker, Tracker, Careless, Summer, Lines, Names
     ];
-    Registry::new(entries).expect("no clash")
+    Registry::new(entries).and_then(|registry| registry.with_checks([POSITIVE])).expect("no clash")
 }
 
 /// The same kinds, with [`Thinker`] and [`Echo`] as two crates register them.

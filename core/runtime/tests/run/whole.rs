@@ -137,7 +137,10 @@ fn stopped_anywhere(call: &dyn Fn(&Stop, &dyn Reporter) -> Result<Outcome>, chec
             Ok(_) => return number,
             Err(error) => {
                 let error = error.to_string();
-                assert!(error.contains("stopped by SIGINT") && error.contains("the same command goes on"), "{error}");
+                assert!(
+                    error.contains("stopped by its caller") && error.contains("the same command goes on"),
+                    "{error}"
+                );
                 check();
             }
         }
