@@ -3,8 +3,7 @@
 use crate::Exit;
 use std::path::{Path, PathBuf};
 use syntable_model::error::Error;
-use syntable_runtime::paths::{lies_in, whole};
-use syntable_runtime::run::dataset::folder::journal_path;
+use syntable_runtime::paths::{lies_in, run_above, whole};
 
 /// Refuses files that would replace what a command reads, each other, or files of a run. `outputs` are files with the options that
 /// name them; `inputs` are files, and folders in which nothing is to be written.
@@ -20,7 +19,7 @@ pub fn check_outputs(outputs: &[(&str, Option<&PathBuf>)], inputs: &[&Path]) -> 
         if let Some((other, _)) = there[..number].iter().find(|(_, other)| whole(other) == own) {
             return refuse(format!("overwrite what {other} writes"));
         }
-        if let Some(run) = own.ancestors().skip(1).find(|above| journal_path(above).is_file()) {
+        if let Some(run) = own.parent().and_then(run_above) {
             return refuse(format!("write into the folder of a run, {}", run.display()));
         }
         for input in inputs {
@@ -43,6 +42,7 @@ mod tests {
     use syntable_model::registry::Registry;
     use syntable_runtime::message::Message;
     use syntable_runtime::paths::dataset_folder;
+    use syntable_runtime::run::dataset::folder::journal_path;
 
     #[test]
     fn what_a_command_reads_is_not_overwritten() {

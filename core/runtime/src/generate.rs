@@ -3,6 +3,7 @@
 use crate::cache::DiskCache;
 use crate::pools::{AssetStore, RecordingAssets};
 use crate::recipe::Recipe;
+use crate::run::dataset::loss::Loss;
 use crate::run::dataset_info;
 use crate::run::making::attempt::{Attempt, Tools};
 use crate::run::making::losses::Losses;
@@ -64,10 +65,19 @@ pub struct Sample {
     pub products: Products,
 }
 
+/// What a call of [`generate`] came to.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Generated {
+    /// Scenes that failed in all attempts, ascending.
+    pub failed: Vec<u32>,
+    /// What stages left out of the images of the other scenes.
+    pub left_out: Vec<Loss>,
+}
+
 /// Makes samples and hands them over in order of scenes and views. A few scenes are made ahead, in parallel; their samples wait
 /// until it is their turn.
 ///
-/// A scene that fails in all attempts has no samples: the reporter hears of it, and its number is returned.
+/// A scene that fails in all attempts has no samples: the reporter hears of it, and the result names it.
 ///
 /// # Errors
 /// If the recipe cannot be run, a product is not computed, `take` refuses a sample, or the work was asked to stop.
@@ -76,7 +86,7 @@ pub fn generate(
     options: &GenerateOptions,
     reporter: &dyn Reporter,
     take: &mut dyn FnMut(Sample) -> Result<()>,
-) -> Result<Vec<u32>> {
+) -> Result<Generated> {
     let guarded = Guarded(reporter);
     let reporter = &Once::new(&guarded);
     let (pool, log) = (Pool::new(options.threads)?, Warnings(reporter));
@@ -92,7 +102,7 @@ pub fn generate(
     let tools =
         Tools { recipe, assets: &assets, cache: &options.cache, workers: &pool, log: &log, times: &times, stop: &stop };
     let walk = Walk { tools, sessions: &sessions, checks: &recipe.checks, reporter, dataset: &dataset, plan: &plan };
-    let maker = Maker { walk, names: &names };
+    let maker = Maker { walk, names: &names, left_out: Mutex::default() };
     let order = Order::new(scenes.start, scenes.len().min(in_flight) as u32);
     let mut failed = Vec::new();
     let result = panics::quiet(|| {
@@ -121,7 +131,7 @@ pub fn generate(
     reporter.event(&Event::Stages { stages: times.all() });
     match options.stop.requested() {
         Some(reason) => Err(Error::new(format!("stopped by {reason}"))),
-        None => result.map(|()| failed),
+        None => result.map(|()| Generated { failed, left_out: Loss::sum(maker.left_out.into_inner()) }),
     }
 }
 
@@ -144,6 +154,7 @@ fn products(recipe: &Recipe, options: &GenerateOptions) -> Result<Vec<String>> {
 struct Maker<'a> {
     walk: Walk<'a>,
     names: &'a [String],
+    left_out: Mutex<Vec<Loss>>,
 }
 
 impl<'a> Maker<'a> {
@@ -185,7 +196,7 @@ impl<'a> Maker<'a> {
         let start =
             |_: &SceneContext| Ok(Samples { scene: Arc::clone(&frozen), names: self.names.to_vec(), all: Vec::new() });
         let (samples, of_scene) = self.walk.scene(&attempt, &frozen, &losses, queue, start)?;
-        losses.all().iter().for_each(|loss| tools.log.warn(&loss.warning()));
+        self.left_out.lock().extend(losses.all());
         reporter.event(&scene_event(&frozen));
         let of_scene = of_scene.only(self.names);
         let mut samples = samples.all;
@@ -282,9 +293,9 @@ impl Drop for Closing<'_> {
 /// The iterator ends after the last sample, or after the first error.
 pub struct Generator {
     samples: Option<Receiver<Sample>>,
-    thread: Option<JoinHandle<Result<Vec<u32>>>>,
+    thread: Option<JoinHandle<Result<Generated>>>,
     stop: Stop,
-    failed: Vec<u32>,
+    result: Generated,
 }
 
 impl Generator {
@@ -298,12 +309,12 @@ impl Generator {
                 sender.send(sample).map_err(|_| Error::new("the samples are no longer wanted").permanent())
             })
         });
-        Self { samples: Some(samples), thread: Some(thread), stop, failed: Vec::new() }
+        Self { samples: Some(samples), thread: Some(thread), stop, result: Generated::default() }
     }
 
-    /// Numbers of the scenes that failed in all attempts; complete once the iterator has ended.
-    pub fn failed(&self) -> &[u32] {
-        &self.failed
+    /// Scenes that failed, and what stages left out; complete once the iterator has ended.
+    pub fn result(&self) -> &Generated {
+        &self.result
     }
 }
 
@@ -316,8 +327,8 @@ impl Iterator for Generator {
         }
         self.samples = None;
         match self.thread.take()?.join() {
-            Ok(Ok(failed)) => {
-                self.failed = failed;
+            Ok(Ok(result)) => {
+                self.result = result;
                 None
             }
             Ok(Err(error)) => Some(Err(error)),

@@ -1,5 +1,6 @@
 //! Paths of people, as they may be compared.
 
+use crate::run::dataset::folder::journal_path;
 use std::fs;
 use std::path::{Path, PathBuf};
 use syntable_model::error::{Error, Result};
@@ -41,4 +42,9 @@ pub(crate) fn check_link(out: &Path) -> Result<()> {
             .of_request());
     }
     Ok(())
+}
+
+/// The folder of a run that a path is or lies in, the nearest one. The path must be [`whole`].
+pub fn run_above(path: &Path) -> Option<PathBuf> {
+    path.ancestors().find(|above| journal_path(above).is_file()).map(Path::to_owned)
 }

@@ -3,8 +3,8 @@
 //! A reader offers products as a renderer does; annotators that look at products alone derive from them what writers read.
 
 use crate::durable::{self, Draft, Standing};
+use crate::paths::{check_link, run_above};
 use crate::plan::{self, Candidate, Fault, Implied, Plan, Producer};
-use crate::run::dataset::folder::journal_path;
 use crate::run::dataset::loss::Loss;
 use crate::run::making::losses::Losses;
 use crate::run::making::stages::annotate;
@@ -148,8 +148,7 @@ pub fn check_place(out: &Path, source: &Path) -> Result<()> {
     let Some(place) = place else { return Ok(()) };
     let in_dataset =
         root_of(source).filter(|root| place.starts_with(root)).map(|root| (root, "the dataset that is read"));
-    let mut above = place.ancestors().filter(|above| journal_path(above).is_file());
-    let in_run = above.next().map(|root| (root.to_owned(), "the folder of a run"));
+    let in_run = run_above(&place).map(|root| (root, "the folder of a run"));
     let Some((root, what)) = in_dataset.or(in_run) else { return Ok(()) };
     let beside = root.with_file_name(out.file_name().unwrap_or_default());
     Err(Error::new(format!("it lies in {what}, {}", root.display()))
@@ -172,7 +171,7 @@ fn root_of(source: &Path) -> Option<PathBuf> {
 
 /// Begins the folder of a conversion: new, or empty.
 fn begin(out: &Path) -> Result<Draft> {
-    crate::paths::check_link(out)?;
+    check_link(out)?;
     if durable::standing(out)? == Standing::Free {
         return Draft::begin(out);
     }

@@ -4,7 +4,7 @@ use crate::kit::{THOUGHT, TRACK, registry, run};
 use std::sync::Arc;
 use syntable_model::product::Value;
 use syntable_runtime::cache::DiskCache;
-use syntable_runtime::generate::{GenerateOptions, Generator, Sample, generate};
+use syntable_runtime::generate::{GenerateOptions, Generated, Generator, Sample, generate};
 use syntable_runtime::recipe::{self, Overrides, Recipe, Source};
 use syntable_runtime::run::progress::Quiet;
 use syntable_testing::folder::files;
@@ -52,16 +52,28 @@ fn samples_are_what_a_run_writes() {
         .collect();
     for threads in [1, 4] {
         let mut samples = Vec::new();
-        let failed = generate(&load(""), &options(threads), &Quiet, &mut |sample| {
+        let result = generate(&load(""), &options(threads), &Quiet, &mut |sample| {
             samples.push(told(&sample));
             Ok(())
         });
-        assert_eq!((failed, &samples), (Ok(Vec::new()), &wanted), "{threads} threads");
+        assert_eq!((result, &samples), (Ok(Generated::default()), &wanted), "{threads} threads");
     }
     let some = GenerateOptions { scenes: Some(1..3), ..options(2) };
     let generator = Generator::start(Arc::new(load("")), some, Arc::new(Quiet));
     let samples: Vec<_> = generator.map(|sample| told(&sample.expect("made"))).collect();
     assert_eq!(samples, wanted[3..9]);
+}
+
+#[test]
+fn samples_leave_out_what_a_run_leaves_out() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let text = format!("{}[write.lines]\ninclude = [\"glance\"]\n", head(3, 2));
+    let outcome = run(&text, folder.path(), 1).expect("run");
+    let loaded = recipe::load(&registry(), Source::embedded("test.toml", &text), &Overrides::of_process(Vec::new()));
+    let recipe = loaded.unwrap_or_else(|report| panic!("{report}")).0;
+    let all = GenerateOptions { products: Vec::new(), ..options(3) };
+    let result = generate(&recipe, &all, &Quiet, &mut |_| Ok(())).expect("made");
+    assert!(!outcome.left_out.is_empty() && result.left_out == outcome.left_out, "{:?}", result.left_out);
 }
 
 #[test]
@@ -72,7 +84,7 @@ fn scenes_that_fail_have_no_samples_and_are_counted() {
         Arc::new(Quiet),
     );
     assert!(generator.next().is_none());
-    assert_eq!(generator.failed(), [0, 1, 2, 3, 4]);
+    assert_eq!(generator.result().failed, [0, 1, 2, 3, 4]);
     // What is wrong with every scene ends it.
     let recipe = Arc::new(load("[annotate.thinker]\nmissing = true\n"));
     let mut generator = Generator::start(recipe, options(2), Arc::new(Quiet));

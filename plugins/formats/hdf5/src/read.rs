@@ -301,9 +301,8 @@ impl View {
             Layout::Contiguous { size, .. } | Layout::Compact { size } => Some(size.min(self.file.file_size())),
             Layout::Chunked { chunk_shape, .. } => dataset.chunks().ok().map(|chunks| {
                 let of_chunk = chunk_shape.iter().fold(size, |bytes, length| bytes.saturating_mul(*length));
-                let stored: u64 =
-                    chunks.iter().map(|chunk| chunk.storage_size.saturating_mul(UNFOLDS).min(of_chunk)).sum();
-                stored
+                let unfolded = chunks.iter().map(|chunk| chunk.storage_size.saturating_mul(UNFOLDS).min(of_chunk));
+                unfolded.fold(0, u64::saturating_add)
             }),
             _ => None,
         })

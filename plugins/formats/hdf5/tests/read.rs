@@ -2,11 +2,13 @@
 
 use serde_json::Value as Json;
 use std::path::Path;
+use std::sync::OnceLock;
 use syntable_hdf5 as _;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::*;
 use syntable_testing::read_back::{assert_products, classes, opened, written};
 use syntable_testing::takes::open_dataset;
+use syntable_testing::tools::python_with;
 
 const INCLUDE: &str = "include = [\"visible_mask\", \"amodal_mask\", \"occlusion_order\", \"category_id\", \"camera\", \
                        \"occlusion_rate\", \"visible_box\", \"amodal_bits\", \"radiance\", \"object_info\"]";
@@ -106,6 +108,29 @@ fn what_is_damaged_is_named() {
         let said = said(folder.path());
         assert!(said.len() <= 1 && said.iter().all(|error| error.contains("000001_0001.hdf5")), "{said:?}");
         assert!(step % 2 == 1 || said.len() == 1, "{} bytes", changed.len());
+    }
+}
+
+/// Replaces the color image of a file by one of another height of which nothing is stored, as h5py makes it.
+const SPARSE: &str = "import h5py, sys\nwith h5py.File(sys.argv[1], 'a') as f:\n    del f['colors']\n    \
+                      f.create_dataset('colors', (int(sys.argv[2]), 64, 3), 'u1', chunks=(48, 64, 3), compression='gzip')\n";
+
+/// The library fills what no chunk holds, so that a few bytes could ask for gigabytes.
+#[test]
+fn a_shape_beyond_what_is_stored_is_refused() {
+    static HERE: OnceLock<bool> = OnceLock::new();
+    let folder = tempfile::tempdir().expect("a folder");
+    written(folder.path(), "hdf5", "");
+    let (path, script) = (folder.path().join("data/000001_0001.hdf5"), folder.path().join("sparse.py"));
+    std::fs::write(&script, SPARSE).expect("writable");
+    for (height, says) in [("96", "less is stored"), ("2500000", "pixels")] {
+        if !python_with("h5py", &HERE, &script, &[path.to_str().expect("UTF-8"), height]) {
+            return;
+        }
+        let (_, read) = open_dataset(folder.path(), None).expect("a dataset");
+        let errors = (0..read.images().len()).filter_map(|image| read.read(image, &read.offers()).err());
+        let errors: Vec<String> = errors.map(|error| error.to_string()).collect();
+        assert!(errors.len() == 1 && errors[0].contains(says) && errors[0].contains("000001_0001"), "{errors:?}");
     }
 }
 

@@ -2,7 +2,6 @@
 
 use super::arguments;
 use std::path::PathBuf;
-use std::sync::Arc;
 use std::thread;
 use syntable_cli::clap::{ArgMatches, Command};
 use syntable_cli::{Console, Exit, Verb, on_signals};
@@ -40,7 +39,7 @@ fn run(console: &Console, registry: &Registry, arguments: &ArgMatches) -> Result
         Viewer::open(registry, &arguments::source(dataset, arguments), format, scores, port).map_err(Exit::stopped)?;
     let (stop, pool) = (on_signals()?, Pool::new(arguments::threads_of(arguments)).map_err(Exit::stopped)?);
     console.print(&format!("{}\n", viewer.url()))?;
-    let (viewer, serving) = (Arc::new(viewer), stop.clone());
+    let serving = stop.clone();
     // When the process ends, nobody waits for the rest of the count, or for a browser that takes no more of an answer.
     thread::spawn(move || viewer.run(&pool, &serving));
     stop.wait();

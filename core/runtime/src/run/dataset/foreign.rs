@@ -421,7 +421,7 @@ mod tests {
 
     /// Opens a dataset with lists of 10,000 scenes of 60 files, and prints how long the lists take.
     #[test]
-    #[ignore = "measures"]
+    #[ignore = "measures: cargo test --release -p syntable-runtime --lib ten_thousand -- --ignored --nocapture"]
     fn ten_thousand_lists() {
         let folder = tempfile::tempdir().expect("a folder");
         let scenes = folder.path().join(MARK).join("scenes");
