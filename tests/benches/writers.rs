@@ -51,7 +51,7 @@ fn taken() -> Vec<Frame> {
 }
 
 macro_rules! kind {
-    ($(#[$doc:meta])* $name:ident, $stage:ident, $kind:literal) => {
+    ($(#[$doc:meta])* $name:ident, $stage:path, $kind:literal) => {
         $(#[$doc])*
         #[derive(Debug, Default, Clone, Serialize, Deserialize, JsonSchema)]
         #[serde(deny_unknown_fields, default)]
@@ -67,27 +67,27 @@ macro_rules! kind {
     };
 }
 
-kind!(/** Keeps the frames of a run. */ Keep, Writer, "keep");
+kind!(/** Keeps the frames of a run. */ Keep, Writer<Scenes>, "keep");
 kind!(/** Gives kept frames again. */ Replay, Renderer, "replay");
 kind!(/** As many boxes as there are objects in the frames. */ Boxes, Placer, "bench_boxes");
 
-impl Writer for Keep {
+impl Writer<Scenes> for Keep {
     fn reads(&self) -> Vec<Input> {
         vec![Input::of(RGB), Input::of(DEPTH), Input::of(INSTANCE), Input::of(COVERAGE), Input::of(VISIBLE_MASK)]
     }
-    fn scene(&self, _: &SceneContext, _: Output) -> Result<Box<dyn SceneWriter>> {
+    fn scene(&self, _: &SceneContext, _: Output) -> Result<Box<dyn SceneWriter<Scenes>>> {
         Ok(Box::new(self.clone()))
     }
 }
 
-impl SceneWriter for Keep {
+impl SceneWriter<Scenes> for Keep {
     fn view(&mut self, cx: &ViewContext, products: &Products) -> Result<()> {
         TAKEN.lock().expect("no panic").push(Frame {
             rgb: products.get(RGB)?.clone(),
             depth: products.get(DEPTH)?.clone(),
             instance: products.get(INSTANCE)?.clone(),
             coverage: products.get(COVERAGE)?.clone(),
-            objects: cx.scene()?.objects().len(),
+            objects: cx.scene.objects().len(),
             visible: products.get(VISIBLE_MASK)?.iter().map(|(_, mask)| mask.clone()).collect(),
         });
         Ok(())

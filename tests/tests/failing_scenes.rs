@@ -35,15 +35,15 @@ struct Fragile {
 }
 
 impl Config for Fragile {
-    type Stage = dyn Annotator;
+    type Stage = dyn ViewAnnotator;
     const KIND: &'static str = "fragile";
     const EXAMPLE: &'static str = "panics_in = [1]";
-    fn build(self) -> Result<Box<dyn Annotator>, ConfigError> {
+    fn build(self) -> Result<Box<dyn ViewAnnotator>, ConfigError> {
         Ok(Box::new(self))
     }
 }
 
-impl Annotator for Fragile {
+impl ViewAnnotator for Fragile {
     fn reads(&self) -> Vec<KeyId> {
         keys![VISIBLE_MASK]
     }
@@ -53,7 +53,7 @@ impl Annotator for Fragile {
     fn annotate(&self, cx: &ViewContext, products: &mut Products) -> Result<()> {
         let scene = cx.scene_id.0;
         assert!(!self.panics_in.contains(&scene), "scene {scene} is too much");
-        if self.stumbles_in.contains(&scene) && cx.scene()?.attempt == 0 {
+        if self.stumbles_in.contains(&scene) && cx.scene.attempt == 0 {
             return Err(Error::new("stumbled"));
         }
         if self.silent_in.contains(&scene) {

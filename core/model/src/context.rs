@@ -1,20 +1,27 @@
 //! What the program lends to a stage for one call.
 //!
-//! Stages that compose a scene or sample a view get a [`Context`]; what follows gets a [`ViewContext`], a
-//! [`SceneContext`] or a [`DatasetContext`], after how often it runs.
+//! Stages that compose a scene or sample a view get a [`Context`]. Later stages get a context of what they work on:
+//!
+//! | | of a scene that the program made | of any dataset |
+//! |---|---|---|
+//! | each view | [`ViewContext`] | [`ImageContext`] |
+//! | each scene | [`SceneContext`] | [`ImagesContext`] |
+//! | the dataset | | [`DatasetContext`] |
+//!
+//! A stage that takes a context of the right column also serves datasets that were read, in conversions for instance. A context of
+//! the left column dereferences to the one beside it.
 
 use crate::digest::Digest;
 use crate::error::{Error, Result};
 use crate::left_out::LeftOut;
 use crate::names::PoolName;
 use crate::pools::{EnvironmentPools, MaterialPools, ObjectPools, Pools};
-use crate::product::standard::CAMERA;
-use crate::product::{Products, StatedCamera};
 use crate::random::Stream;
 use crate::scene::{Asset, AssetRef, CatalogEntry, EnvironmentMap, Material, Object, Scene, SceneId, View, ViewId};
 use crate::stage::DatasetInfo;
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
+use std::ops::Deref;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -32,16 +39,15 @@ pub struct DatasetContext<'a> {
     pub log: &'a dyn Log,
 }
 
-/// What is lent to a stage that runs once per scene, after the scene has settled.
+/// What is lent to a stage for the images of a scene, whether the program made the scene or read them from a dataset: the number of
+/// the scene, and nothing of its bodies.
 #[derive(Clone, Copy)]
 #[non_exhaustive]
-pub struct SceneContext<'a> {
+pub struct ImagesContext<'a> {
     /// The dataset.
     pub dataset: &'a DatasetInfo,
     /// Number of the scene in the dataset.
     pub scene_id: SceneId,
-    /// None for a dataset that was read.
-    scene: Option<&'a Scene>,
     /// Results that are costly to compute, kept between runs.
     pub cache: &'a dyn Cache,
     /// Threads to spread work over.
@@ -50,10 +56,19 @@ pub struct SceneContext<'a> {
     pub log: &'a dyn Log,
 }
 
-/// What is lent to a stage that runs once per view.
+/// What is lent to a stage that runs once per scene, after the scene has settled.
 #[derive(Clone, Copy)]
 #[non_exhaustive]
-pub struct ViewContext<'a> {
+pub struct SceneContext<'a> {
+    images: ImagesContext<'a>,
+    /// Bodies, materials and what surrounds them.
+    pub scene: &'a Scene,
+}
+
+/// What is lent to a stage for an image, whether the program rendered the image or read it from a dataset.
+#[derive(Clone, Copy)]
+#[non_exhaustive]
+pub struct ImageContext<'a> {
     /// The dataset.
     pub dataset: &'a DatasetInfo,
     /// Number of the scene in the dataset.
@@ -62,8 +77,6 @@ pub struct ViewContext<'a> {
     pub view_id: ViewId,
     /// Width and height of the image, px.
     pub size: [u32; 2],
-    /// None for a dataset that was read.
-    world: Option<World<'a>>,
     /// Results that are costly to compute, kept between runs.
     pub cache: &'a dyn Cache,
     /// Threads to spread work over.
@@ -72,12 +85,17 @@ pub struct ViewContext<'a> {
     pub log: &'a dyn Log,
 }
 
-/// What a view shows, and what follows it.
+/// What is lent to a stage for a view of a scene that the program made.
 #[derive(Clone, Copy)]
-struct World<'a> {
-    scene: &'a Scene,
-    view: &'a View,
-    next: Option<&'a View>,
+#[non_exhaustive]
+pub struct ViewContext<'a> {
+    image: ImageContext<'a>,
+    /// Bodies, materials and what surrounds them.
+    pub scene: &'a Scene,
+    /// Camera, exposure and lights.
+    pub view: &'a View,
+    /// The view that follows in the scene; none after the last one.
+    pub next: Option<&'a View>,
 }
 
 impl<'a> DatasetContext<'a> {
@@ -91,39 +109,57 @@ impl<'a> DatasetContext<'a> {
         Self { cache, ..self }
     }
 
-    /// The context of one of its scenes.
-    pub fn scene(self, scene: &'a Scene) -> SceneContext<'a> {
+    /// The context of the images of a scene.
+    pub fn images(self, scene_id: SceneId) -> ImagesContext<'a> {
         let Self { dataset, cache, workers, log } = self;
-        SceneContext { dataset, scene_id: scene.id, scene: Some(scene), cache, workers, log }
+        ImagesContext { dataset, scene_id, cache, workers, log }
     }
 
-    /// The context of a scene of a dataset that was read: its number is known, and its bodies are not.
-    pub fn read_scene(self, scene_id: SceneId) -> SceneContext<'a> {
-        let Self { dataset, cache, workers, log } = self;
-        SceneContext { dataset, scene_id, scene: None, cache, workers, log }
+    /// The context of a scene.
+    pub fn scene(self, scene: &'a Scene) -> SceneContext<'a> {
+        SceneContext { images: self.images(scene.id), scene }
+    }
+}
+
+impl<'a> ImagesContext<'a> {
+    /// The context of one of the images, `size` pixels wide and high.
+    pub fn image(self, view_id: ViewId, size: [u32; 2]) -> ImageContext<'a> {
+        let Self { dataset, scene_id, cache, workers, log } = self;
+        ImageContext { dataset, scene_id, view_id, size, cache, workers, log }
+    }
+
+    /// The same with another log.
+    pub fn with_log(self, log: &'a dyn Log) -> Self {
+        Self { log, ..self }
     }
 }
 
 impl<'a> SceneContext<'a> {
-    /// The scene: bodies, materials and lights.
-    ///
-    /// # Errors
-    /// If the dataset was read: it has images and labels, and no scene.
-    pub fn scene(&self) -> Result<&'a Scene> {
-        self.scene.ok_or_else(no_scene)
-    }
-
     /// The context of one of the scene's views, the last one.
     pub fn view(self, view: &'a View) -> ViewContext<'a> {
         let k = &view.camera.intrinsics;
-        let world = self.scene.map(|scene| World { scene, view, next: None });
-        ViewContext { world, ..self.read_view(view.id, [k.width, k.height]) }
+        ViewContext { image: self.images.image(view.id, [k.width, k.height]), scene: self.scene, view, next: None }
     }
 
-    /// The context of an image of a dataset that was read, `size` pixels wide and high.
-    pub fn read_view(self, view_id: ViewId, size: [u32; 2]) -> ViewContext<'a> {
+    /// The same with another log.
+    pub fn with_log(self, log: &'a dyn Log) -> Self {
+        Self { images: self.images.with_log(log), ..self }
+    }
+}
+
+impl<'a> Deref for SceneContext<'a> {
+    type Target = ImagesContext<'a>;
+
+    fn deref(&self) -> &ImagesContext<'a> {
+        &self.images
+    }
+}
+
+impl<'a> ImageContext<'a> {
+    /// The context of the images of the scene.
+    pub fn of_images(self) -> ImagesContext<'a> {
         let Self { dataset, scene_id, cache, workers, log, .. } = self;
-        ViewContext { dataset, scene_id, view_id, size, world: None, cache, workers, log }
+        ImagesContext { dataset, scene_id, cache, workers, log }
     }
 
     /// The same with another log.
@@ -133,64 +169,28 @@ impl<'a> SceneContext<'a> {
 }
 
 impl<'a> ViewContext<'a> {
-    /// The scene: bodies, materials and lights.
-    ///
-    /// # Errors
-    /// If the dataset was read: it has images and labels, and no scene.
-    pub fn scene(&self) -> Result<&'a Scene> {
-        self.world.map(|world| world.scene).ok_or_else(no_scene)
-    }
-
-    /// Camera, exposure and lights of the view.
-    ///
-    /// # Errors
-    /// If the dataset was read. The product `camera` then has what is known of the camera; see [`camera`](Self::camera).
-    pub fn view(&self) -> Result<&'a View> {
-        self.world.map(|world| world.view).ok_or_else(no_scene)
-    }
-
-    /// The view that follows in the scene; none after the last one.
-    ///
-    /// # Errors
-    /// If the dataset was read.
-    pub fn next(&self) -> Result<Option<&'a View>> {
-        self.world.map(|world| world.next).ok_or_else(no_scene)
-    }
-
-    /// The camera: that of the view, or, for a dataset that was read, the one that the product `camera` states. The pose is
-    /// none where the dataset does not state it.
-    ///
-    /// # Errors
-    /// If the dataset was read and `products` lacks `camera`, or its record is not that of a camera.
-    pub fn camera(&self, products: &Products) -> Result<StatedCamera> {
-        match self.world {
-            Some(World { view, .. }) => Ok(StatedCamera::from(&view.camera)),
-            None => StatedCamera::of(products.get(CAMERA)?),
-        }
-    }
-
     /// The same with the view that follows.
     pub fn before(self, next: Option<&'a View>) -> Self {
-        Self { world: self.world.map(|world| World { next, ..world }), ..self }
-    }
-
-    /// The same with another log.
-    pub fn with_log(self, log: &'a dyn Log) -> Self {
-        Self { log, ..self }
+        Self { next, ..self }
     }
 
     /// The context of the view's scene.
     pub fn of_scene(self) -> SceneContext<'a> {
-        let Self { dataset, scene_id, world, cache, workers, log, .. } = self;
-        SceneContext { dataset, scene_id, scene: world.map(|world| world.scene), cache, workers, log }
+        SceneContext { images: self.image.of_images(), scene: self.scene }
+    }
+
+    /// The same with another log.
+    pub fn with_log(self, log: &'a dyn Log) -> Self {
+        Self { image: self.image.with_log(log), ..self }
     }
 }
 
-/// The error of a stage that needs a scene where there is none.
-fn no_scene() -> Error {
-    Error::new("it needs the scene and the view: bodies, materials, lights. A dataset that was read has images and labels alone")
-        .help("name the stage in the recipe of a run")
-        .of_request()
+impl<'a> Deref for ViewContext<'a> {
+    type Target = ImageContext<'a>;
+
+    fn deref(&self) -> &ImageContext<'a> {
+        &self.image
+    }
 }
 
 /// What is lent to a stage that composes a scene or samples a view. There is no clock, no global and no environment.

@@ -38,15 +38,15 @@
 //! }
 //!
 //! impl Config for VisibleArea {
-//!     type Stage = dyn Annotator;
+//!     type Stage = dyn ViewAnnotator;
 //!     const KIND: &'static str = "visible_area";
 //!     const EXAMPLE: &'static str = "min_pixels = 16";
-//!     fn build(self) -> Result<Box<dyn Annotator>, ConfigError> {
+//!     fn build(self) -> Result<Box<dyn ViewAnnotator>, ConfigError> {
 //!         Ok(Box::new(self))
 //!     }
 //! }
 //!
-//! impl Annotator for VisibleArea {
+//! impl ViewAnnotator for VisibleArea {
 //!     fn reads(&self) -> Vec<KeyId> {
 //!         keys![INSTANCE]
 //!     }
@@ -54,7 +54,7 @@
 //!         keys![VISIBLE_AREA]
 //!     }
 //!     fn annotate(&self, cx: &ViewContext, products: &mut Products) -> Result<()> {
-//!         let (objects, mut area) = (cx.scene()?.objects(), PerInstance::default());
+//!         let (objects, mut area) = (cx.scene.objects(), PerInstance::default());
 //!         for &id in products.get(INSTANCE)?.data() {
 //!             if objects.iter().any(|object| object.id == id) {
 //!                 *area.0.entry(id).or_insert(0) += 1;
@@ -108,7 +108,7 @@ macro_rules! keys {
 
 /// What nearly every plugin needs.
 pub mod prelude {
-    pub use crate::context::{Context, DatasetContext, Log, SceneContext, ViewContext};
+    pub use crate::context::{Context, DatasetContext, ImageContext, ImagesContext, Log, SceneContext, ViewContext};
     pub use crate::dist::{Dist, IntDist};
     pub use crate::error::{ConfigError, Error, Result};
     pub use crate::geometry::Pose;

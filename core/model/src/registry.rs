@@ -9,8 +9,8 @@ use crate::error::ConfigError;
 use crate::intern::intern;
 use crate::reader::Format;
 use crate::stage::{
-    Annotator, AssetSource, CameraModel, DatasetAnnotator, Denoiser, LightSampler, Placer, Renderer, SceneAnnotator,
-    Sensor, Settler, ViewSampler, Writer,
+    AssetSource, CameraModel, DatasetAnnotator, Denoiser, ImageAnnotator, LightSampler, Placer, Renderer,
+    SceneAnnotator, Scenes, Sensor, Settler, ViewAnnotator, ViewSampler, Writer,
 };
 use schemars::{JsonSchema, Schema, SchemaGenerator};
 use serde::de::DeserializeOwned;
@@ -24,7 +24,7 @@ use std::sync::Arc;
 /// The type's doc comment describes the kind, the fields' doc comments describe the options, schemars attributes such
 /// as `range` state limits: help, JSON Schema, range checks and the reference in the book all come from there.
 pub trait Config: Serialize + DeserializeOwned + JsonSchema {
-    /// The trait of the stage that it builds, such as `dyn Annotator`.
+    /// The trait of the stage that it builds, such as `dyn ImageAnnotator`.
     type Stage: ?Sized + InSlot;
     /// The kind's name in recipes: a snake_case noun.
     const KIND: &'static str;
@@ -82,7 +82,7 @@ pub struct SlotSpec {
 macro_rules! slots {
     ($(
         $slot:ident = $name:literal, $shape:ident, $need:ident, default $default:expr,
-        $doc:literal: $($variant:ident($stage:ident)),+;
+        $doc:literal: $($variant:ident($stage:path)),+;
     )+) => {
         /// The places in the pipeline that a stage can take, in pipeline order.
         #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -158,9 +158,10 @@ slots! {
         "Simulates camera effects on rendered images; a table is needed only to set options.": Sensor(Sensor);
     Annotate = "annotate", Keyed, optional, default [],
         "Provides annotations; a table is needed only to set options.":
-        Annotate(Annotator), AnnotateScene(SceneAnnotator), AnnotateDataset(DatasetAnnotator);
+        AnnotateImage(ImageAnnotator), AnnotateView(ViewAnnotator), AnnotateScene(SceneAnnotator),
+        AnnotateDataset(DatasetAnnotator);
     Write = "write", Keyed, required, default [],
-        "Writes files; what the writers include is what is computed.": Write(Writer);
+        "Writes files; what the writers include is what is computed.": Write(Writer), WriteScenes(Writer<Scenes>);
 }
 
 impl Slot {
@@ -183,6 +184,16 @@ impl Slot {
 impl fmt::Display for Slot {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(self.name())
+    }
+}
+
+impl Stage {
+    /// The stage as a run uses it: a writer of images becomes a writer of scenes.
+    pub fn of_scenes(self) -> Self {
+        match self {
+            Self::Write(writer) => Self::WriteScenes(writer.of_scenes()),
+            other => other,
+        }
     }
 }
 
@@ -329,20 +340,20 @@ impl Entry {
     ///
     /// struct Count(Arc<std::sync::atomic::AtomicU32>);
     ///
-    /// impl Annotator for Count {
+    /// impl ImageAnnotator for Count {
     ///     fn reads(&self) -> Vec<KeyId> {
     ///         vec![]
     ///     }
     ///     fn provides(&self) -> Vec<KeyId> {
     ///         vec![COUNT.id()]
     ///     }
-    ///     fn annotate(&self, _: &ViewContext, products: &mut Products) -> Result<()> {
+    ///     fn annotate(&self, _: &ImageContext, products: &mut Products) -> Result<()> {
     ///         products.put(COUNT, Value::from(self.0.fetch_add(1, std::sync::atomic::Ordering::Relaxed)))
     ///     }
     /// }
     ///
     /// let views = Arc::default();
-    /// let entry = Entry::plain("count", "my program", move || Box::new(Count(Arc::clone(&views))) as Box<dyn Annotator>);
+    /// let entry = Entry::plain("count", "my program", move || Box::new(Count(Arc::clone(&views))) as Box<dyn ImageAnnotator>);
     /// let registry = Registry::default().with(entry).expect("no other kind has the name");
     /// assert!(registry.find(Slot::Annotate, "count").is_some());
     /// ```
@@ -525,11 +536,11 @@ impl Registry {
 ///     first: u32,
 /// }
 ///
-/// config!(Numbers => dyn Annotator, "numbers", "first = 1");
-/// # impl Annotator for Numbers {
+/// config!(Numbers => dyn ImageAnnotator, "numbers", "first = 1");
+/// # impl ImageAnnotator for Numbers {
 /// #     fn reads(&self) -> Vec<KeyId> { vec![] }
 /// #     fn provides(&self) -> Vec<KeyId> { vec![] }
-/// #     fn annotate(&self, _: &ViewContext, _: &mut Products) -> Result<()> { Ok(()) }
+/// #     fn annotate(&self, _: &ImageContext, _: &mut Products) -> Result<()> { Ok(()) }
 /// # }
 /// assert_eq!(Numbers::KIND, "numbers");
 /// ```

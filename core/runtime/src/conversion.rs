@@ -157,7 +157,8 @@ impl<'a> AskedWriter<'a> {
             }
         })?;
         let given = given.iter().map(|option| key(option)).collect();
-        Ok(Self { entry, options: constructed.options, given, writer: writer_of(constructed.stage) })
+        let writer = writer_of(entry, constructed.stage)?;
+        Ok(Self { entry, options: constructed.options, given, writer })
     }
 
     /// The writer without those entries of its lists, such as `include`, that need what a dataset does not have, and
@@ -196,7 +197,7 @@ impl<'a> AskedWriter<'a> {
             ConstructError::Form(it) => error(it.message().to_owned()),
             ConstructError::Invalid(it) => error(it.message),
         })?;
-        Ok((kind, writer_of(constructed.stage)))
+        Ok((kind, writer_of(self.entry, constructed.stage)?))
     }
 }
 
@@ -206,9 +207,18 @@ fn entry_of(option: &str) -> Option<(&str, usize)> {
     Some((list, place.parse().ok()?))
 }
 
-fn writer_of(stage: Stage) -> Box<dyn Writer> {
+/// The stage as a writer of images.
+///
+/// # Errors
+/// If it writes scenes: a dataset that was read has none.
+fn writer_of(entry: &Entry, stage: Stage) -> Result<Box<dyn Writer>> {
     match stage {
-        Stage::Write(writer) => writer,
-        _ => unreachable!("the registry keeps slots apart"),
+        Stage::Write(writer) => Ok(writer),
+        _ => Err(Error::new(format!(
+            "--to {}: it writes scenes, with bodies, materials and lights; a dataset that was read has only images and labels",
+            entry.kind
+        ))
+        .help("name it in the recipe of a run")
+        .of_request()),
     }
 }

@@ -13,7 +13,8 @@ use syntable_model::product::standard::{COVERAGE, RADIANCE};
 use syntable_model::product::{KeyId, MAX_CANVAS, MAX_SUBPIXELS, Name, RenderParameters, Scope};
 use syntable_model::registry::{Entry, Registry, Slot, Stage};
 use syntable_model::stage::{
-    Annotator, DatasetAnnotator, Denoiser, Input, Renderer, Replacement, SceneAnnotator, Sensor, Writer,
+    DatasetAnnotator, Denoiser, ImageAnnotator, Input, Renderer, Replacement, SceneAnnotator, Scenes, Sensor,
+    ViewAnnotator, Writer,
 };
 
 /// A stage that makes products from products.
@@ -22,8 +23,10 @@ pub enum Producer {
     Denoiser(Box<dyn Denoiser>),
     /// Runs once per view, with random numbers.
     Sensor(Box<dyn Sensor>),
+    /// Runs once per view, and sees its products alone.
+    Image(Box<dyn ImageAnnotator>),
     /// Runs once per view.
-    View(Box<dyn Annotator>),
+    View(Box<dyn ViewAnnotator>),
     /// Runs once per scene, before the views or after them.
     Scene(Box<dyn SceneAnnotator>),
     /// Runs once per dataset.
@@ -36,7 +39,8 @@ impl Producer {
         match stage {
             Stage::Denoise(stage) => Ok(Self::Denoiser(stage)),
             Stage::Sensor(stage) => Ok(Self::Sensor(stage)),
-            Stage::Annotate(stage) => Ok(Self::View(stage)),
+            Stage::AnnotateImage(stage) => Ok(Self::Image(stage)),
+            Stage::AnnotateView(stage) => Ok(Self::View(stage)),
             Stage::AnnotateScene(stage) => Ok(Self::Scene(stage)),
             Stage::AnnotateDataset(stage) => Ok(Self::Dataset(stage)),
             other => Err(other),
@@ -48,6 +52,7 @@ impl Producer {
         match self {
             Self::Denoiser(stage) => stage.reads(),
             Self::Sensor(stage) => stage.reads(),
+            Self::Image(stage) => stage.reads(),
             Self::View(stage) => stage.reads(),
             Self::Scene(stage) => stage.reads(),
             Self::Dataset(stage) => stage.reads(),
@@ -59,6 +64,7 @@ impl Producer {
         match self {
             Self::Denoiser(stage) => stage.provides(),
             Self::Sensor(stage) => stage.provides(),
+            Self::Image(stage) => stage.provides(),
             Self::View(stage) => stage.provides(),
             Self::Scene(stage) => stage.provides(),
             Self::Dataset(stage) => stage.provides(),
@@ -70,14 +76,14 @@ impl Producer {
         match self {
             Self::Denoiser(stage) => stage.replaces(),
             Self::Sensor(stage) => stage.replaces(),
-            Self::View(_) | Self::Scene(_) | Self::Dataset(_) => Vec::new(),
+            Self::Image(_) | Self::View(_) | Self::Scene(_) | Self::Dataset(_) => Vec::new(),
         }
     }
 
     /// How often it runs.
     pub fn scope(&self) -> Scope {
         match self {
-            Self::Denoiser(_) | Self::Sensor(_) | Self::View(_) => Scope::View,
+            Self::Denoiser(_) | Self::Sensor(_) | Self::Image(_) | Self::View(_) => Scope::View,
             Self::Scene(_) => Scope::Scene,
             Self::Dataset(_) => Scope::Dataset,
         }
@@ -305,7 +311,7 @@ impl Plan {
     }
 
     /// The products that a writer reads.
-    pub fn read_by(&self, writer: &dyn Writer) -> Vec<KeyId> {
+    pub fn read_by(&self, writer: &dyn Writer<Scenes>) -> Vec<KeyId> {
         let key = |input: Input| self.entries.iter().map(|entry| entry.key).find(|key| key.name == *input.product);
         writer.reads().into_iter().filter_map(key).collect()
     }

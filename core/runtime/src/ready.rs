@@ -10,7 +10,7 @@ use std::path::Path;
 use syntable_model::error::{Error, Result};
 use syntable_model::product::KeyId;
 use syntable_model::scene::{SceneId, ViewId};
-use syntable_model::stage::{DatasetInfo, FileOf, Writer, check_path};
+use syntable_model::stage::{DatasetInfo, FileOf, Scenes, Writer, check_path};
 
 /// Scenes whose paths are compared, and views of each.
 const SAMPLES: [u32; 2] = [0, 1];
@@ -44,7 +44,7 @@ impl Recipe {
     }
 
     fn checked(&self) -> Result<()> {
-        let writers: Vec<(&str, &dyn Writer)> =
+        let writers: Vec<(&str, &dyn Writer<Scenes>)> =
             self.write.iter().map(|(id, writer)| (id.as_str(), &**writer)).collect();
         let mistakes = writers.iter().filter_map(|writer| unready(*writer));
         let mut mistakes = mistakes.chain(bad_paths(&crate::run::dataset_info(self), &writers, Some(&self.plan)));
@@ -53,7 +53,7 @@ impl Recipe {
 }
 
 /// What a writer lacks beside its options, with its id.
-pub(crate) fn unready<'w>((id, writer): (&'w str, &dyn Writer)) -> Option<(&'w str, Error)> {
+pub(crate) fn unready<'w>((id, writer): (&'w str, &dyn Writer<Scenes>)) -> Option<(&'w str, Error)> {
     writer.ready().err().map(|error| (id, error.context(format!("write.{id}"))))
 }
 
@@ -61,10 +61,10 @@ pub(crate) fn unready<'w>((id, writer): (&'w str, &dyn Writer)) -> Option<(&'w s
 /// of each.
 pub(crate) fn bad_paths<'w>(
     dataset: &DatasetInfo,
-    writers: &[(&'w str, &dyn Writer)],
+    writers: &[(&'w str, &dyn Writer<Scenes>)],
     plan: Option<&Plan>,
 ) -> Vec<(&'w str, Error)> {
-    let products = |writer: &dyn Writer| plan.map_or_else(Vec::new, |plan| plan.read_by(writer));
+    let products = |writer: &dyn Writer<Scenes>| plan.map_or_else(Vec::new, |plan| plan.read_by(writer));
     let writers: Vec<AskedWriter> =
         writers.iter().map(|&(id, writer)| AskedWriter { dataset, id, writer, products: products(writer) }).collect();
     let samples = samples(dataset, &writers);
@@ -99,7 +99,7 @@ type Owner<'w> = (&'w str, String);
 struct AskedWriter<'w, 'a> {
     dataset: &'a DatasetInfo,
     id: &'w str,
-    writer: &'a dyn Writer,
+    writer: &'a dyn Writer<Scenes>,
     products: Vec<KeyId>,
 }
 

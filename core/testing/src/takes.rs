@@ -36,11 +36,11 @@ pub fn open_dataset(root: &Path, format: Option<&str>) -> Result<(Format, Box<dy
 }
 
 /// The writer that these options give, or why they are refused. The test must link the crate that registers the kind.
-pub fn writer(kind: &str, options: &str) -> Result<Box<dyn Writer>, String> {
+pub fn writer(kind: &str, options: &str) -> Result<Box<dyn Writer<Scenes>>, String> {
     use syntable_model::registry::ConstructError;
     match registry().find(Slot::Write, kind).expect("a registered kind").construct_str(options) {
-        Ok(constructed) => match constructed.stage {
-            Stage::Write(writer) => Ok(writer),
+        Ok(constructed) => match constructed.stage.of_scenes() {
+            Stage::WriteScenes(writer) => Ok(writer),
             _ => unreachable!("the registry keeps slots apart"),
         },
         Err(ConstructError::Form(error)) => Err(error.to_string()),
@@ -229,6 +229,7 @@ fn view_products(scene: &Scene, view: &View, crowd: Crowd, mut stream: Stream, k
             ("asset", body.asset.to_string().into()),
             ("name", body.asset.name.as_str().into()),
             ("category", body.object.category.as_str().into()),
+            ("spawn", body.spawn.into()),
             ("world_from_object", pose(&body.world_from_body)),
             ("camera_from_object", pose(&(camera_from_world * body.world_from_body))),
         ]);
@@ -353,7 +354,7 @@ pub fn takes() -> Vec<Take> {
 pub fn write_scenes<'a>(
     root: &Path,
     id: &str,
-    writer: &dyn Writer,
+    writer: &dyn Writer<Scenes>,
     dataset: &DatasetInfo,
     takes: impl IntoIterator<Item = &'a Take>,
 ) -> Result<()> {
@@ -386,7 +387,7 @@ fn with_categories(dataset: &DatasetInfo, scene: &Scene, products: &Products) ->
 }
 
 /// Ends a run with these scenes done.
-pub fn finish(root: &Path, id: &str, writer: &dyn Writer, dataset: &DatasetInfo, scenes: &[u32]) -> Result<()> {
+pub fn finish(root: &Path, id: &str, writer: &dyn Writer<Scenes>, dataset: &DatasetInfo, scenes: &[u32]) -> Result<()> {
     finish_with(root, id, writer, dataset, scenes, &Products::new())
 }
 
@@ -394,7 +395,7 @@ pub fn finish(root: &Path, id: &str, writer: &dyn Writer, dataset: &DatasetInfo,
 pub fn finish_with(
     root: &Path,
     id: &str,
-    writer: &dyn Writer,
+    writer: &dyn Writer<Scenes>,
     dataset: &DatasetInfo,
     scenes: &[u32],
     products: &Products,

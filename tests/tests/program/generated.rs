@@ -478,7 +478,7 @@ fn output(entry: &Entry) -> String {
     let stage =
         entry.construct_str("").or_else(|_| entry.construct_str(entry.example)).expect("the example builds").stage;
     let keys = |keys: Vec<KeyId>| list(keys.into_iter().map(|key| format!("`{}`", key.name)), "and");
-    match Producer::of(stage) {
+    match Producer::of(stage.of_scenes()) {
         Ok(producer) => {
             let mut line = format!("**Provides** {} per {}", keys(producer.provides()), producer.scope());
             if !producer.reads().is_empty() {
@@ -493,7 +493,7 @@ fn output(entry: &Entry) -> String {
         Err(Stage::Render(renderer)) => {
             format!("**Offers** {} per view. Only those that are read are rendered.", keys(renderer.offers()))
         }
-        Err(Stage::Write(writer)) => {
+        Err(Stage::WriteScenes(writer)) => {
             let read: Vec<String> = writer.reads().into_iter().map(|input| format!("`{}`", input.product)).collect();
             format!("**Reads** {} by default.", list(read.into_iter(), "and"))
         }

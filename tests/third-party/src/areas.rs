@@ -25,7 +25,7 @@ impl Writer for Areas {
         vec![Input::of(VISIBLE_MASK)]
     }
 
-    fn scene(&self, _: &SceneContext, output: Output) -> Result<Box<dyn SceneWriter>> {
+    fn scene(&self, _: &ImagesContext, output: Output) -> Result<Box<dyn SceneWriter>> {
         let table = "view,instance,pixels\n".to_owned();
         Ok(Box::new(AreasOfScene { output, min_pixels: self.min_pixels, table }))
     }
@@ -39,7 +39,7 @@ struct AreasOfScene {
 }
 
 impl SceneWriter for AreasOfScene {
-    fn view(&mut self, cx: &ViewContext, products: &Products) -> Result<()> {
+    fn view(&mut self, cx: &ImageContext, products: &Products) -> Result<()> {
         for (id, mask) in products.get(VISIBLE_MASK)?.iter() {
             if mask.area() >= self.min_pixels {
                 let (view, pixels) = (cx.view_id.0, mask.area());
@@ -49,7 +49,7 @@ impl SceneWriter for AreasOfScene {
         Ok(())
     }
 
-    fn close(self: Box<Self>, cx: &SceneContext, _: &Products) -> Result<()> {
+    fn close(self: Box<Self>, cx: &ImagesContext, _: &Products) -> Result<()> {
         let path = format!("{}/{:06}.csv", self.output.id(), cx.scene_id.0);
         self.output.write(&path, self.table.as_bytes())
     }

@@ -14,15 +14,15 @@ products! {
 pub struct Centroid {}
 
 impl Config for Centroid {
-    type Stage = dyn Annotator;
+    type Stage = dyn ImageAnnotator;
     const KIND: &'static str = "centroid";
     const EXAMPLE: &'static str = "";
-    fn build(self) -> Result<Box<dyn Annotator>, ConfigError> {
+    fn build(self) -> Result<Box<dyn ImageAnnotator>, ConfigError> {
         Ok(Box::new(self))
     }
 }
 
-impl Annotator for Centroid {
+impl ImageAnnotator for Centroid {
     fn reads(&self) -> Vec<KeyId> {
         keys![VISIBLE_MASK]
     }
@@ -31,7 +31,7 @@ impl Annotator for Centroid {
         keys![CENTROID]
     }
 
-    fn annotate(&self, _: &ViewContext, products: &mut Products) -> Result<()> {
+    fn annotate(&self, _: &ImageContext, products: &mut Products) -> Result<()> {
         let visible = products.get(VISIBLE_MASK)?.iter().filter(|(_, mask)| !mask.is_empty());
         let centroids: PerInstance<Value> = visible.map(|(id, mask)| (id, Value::from(center(mask)))).collect();
         products.put(CENTROID, centroids)

@@ -14,15 +14,15 @@ products! {
 pub struct Headroom {}
 
 impl Config for Headroom {
-    type Stage = dyn Annotator;
+    type Stage = dyn ViewAnnotator;
     const KIND: &'static str = "headroom";
     const EXAMPLE: &'static str = "";
-    fn build(self) -> Result<Box<dyn Annotator>, ConfigError> {
+    fn build(self) -> Result<Box<dyn ViewAnnotator>, ConfigError> {
         Ok(Box::new(self))
     }
 }
 
-impl Annotator for Headroom {
+impl ViewAnnotator for Headroom {
     fn reads(&self) -> Vec<KeyId> {
         keys![DEPTH]
     }

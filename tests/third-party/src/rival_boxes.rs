@@ -10,15 +10,15 @@ use syntable_model::product::standard::{AMODAL_BOX, AMODAL_MASK, VISIBLE_BOX, VI
 pub struct RivalBoxes {}
 
 impl Config for RivalBoxes {
-    type Stage = dyn Annotator;
+    type Stage = dyn ImageAnnotator;
     const KIND: &'static str = "rival_boxes";
     const EXAMPLE: &'static str = "";
-    fn build(self) -> Result<Box<dyn Annotator>, ConfigError> {
+    fn build(self) -> Result<Box<dyn ImageAnnotator>, ConfigError> {
         Ok(Box::new(self))
     }
 }
 
-impl Annotator for RivalBoxes {
+impl ImageAnnotator for RivalBoxes {
     fn reads(&self) -> Vec<KeyId> {
         keys![VISIBLE_MASK, AMODAL_MASK]
     }
@@ -27,7 +27,7 @@ impl Annotator for RivalBoxes {
         keys![VISIBLE_BOX, AMODAL_BOX]
     }
 
-    fn annotate(&self, _: &ViewContext, products: &mut Products) -> Result<()> {
+    fn annotate(&self, _: &ImageContext, products: &mut Products) -> Result<()> {
         let visible = products.get(VISIBLE_MASK)?.map(|_, mask| mask.bbox());
         products.put(VISIBLE_BOX, visible)?;
         let amodal = products.get(AMODAL_MASK)?.map(|_, mask| mask.bbox());

@@ -17,22 +17,22 @@ pub struct VisibleArea {
 }
 
 impl Config for VisibleArea {
-    type Stage = dyn Annotator;
+    type Stage = dyn ImageAnnotator;
     const KIND: &'static str = "visible_area";
     const EXAMPLE: &'static str = "min_pixels = 16";
-    fn build(self) -> Result<Box<dyn Annotator>, ConfigError> {
+    fn build(self) -> Result<Box<dyn ImageAnnotator>, ConfigError> {
         Ok(Box::new(self))
     }
 }
 
-impl Annotator for VisibleArea {
+impl ImageAnnotator for VisibleArea {
     fn reads(&self) -> Vec<KeyId> {
         keys![VISIBLE_MASK]
     }
     fn provides(&self) -> Vec<KeyId> {
         keys![VISIBLE_AREA]
     }
-    fn annotate(&self, _: &ViewContext, products: &mut Products) -> Result<()> {
+    fn annotate(&self, _: &ImageContext, products: &mut Products) -> Result<()> {
         let mut pixels = products.get(VISIBLE_MASK)?.map(|_, mask| mask.area());
         pixels.0.retain(|_, pixels| *pixels >= self.min_pixels);
         products.put(VISIBLE_AREA, pixels)

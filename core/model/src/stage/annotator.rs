@@ -1,30 +1,42 @@
 //! Make products from products: once per view, per scene or per dataset.
 
-use crate::context::{DatasetContext, SceneContext, ViewContext};
+use crate::context::{DatasetContext, ImageContext, SceneContext, ViewContext};
 use crate::error::Result;
 use crate::product::{KeyId, Products};
 use crate::scene::{SceneId, View};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// Annotates each view. A pure function of the view and of the products that it reads.
-pub trait Annotator: Send + Sync {
+/// Annotates each image from its products. A pure function of these: it also serves datasets that were read.
+pub trait ImageAnnotator: Send + Sync {
     /// The products that it reads, of the view or the scene.
     fn reads(&self) -> Vec<KeyId>;
     /// The products that it provides, of the view.
     fn provides(&self) -> Vec<KeyId>;
     /// Makes all of them and puts them into `products`, which holds those that it reads.
-    fn annotate(&self, cx: &ViewContext, products: &mut Products) -> Result<()>;
-    /// Whether it makes them of the products and the size of the image alone: then it also serves datasets that were read,
-    /// whose contexts refuse to give a scene or a view.
-    fn is_of_products(&self) -> bool {
-        false
-    }
+    ///
+    /// # Errors
+    /// Fail the attempt at the scene.
+    fn annotate(&self, cx: &ImageContext, products: &mut Products) -> Result<()>;
     /// Groups of what it provides that can be made apart. A dataset that was read may lack what a group reads: then
     /// [`annotate`](Self::annotate) finds it missing and leaves the group out.
     fn groups(&self) -> Vec<ProductGroup> {
         vec![ProductGroup { reads: self.reads(), provides: self.provides() }]
     }
+}
+
+/// Annotates each view of a scene that the program made, from bodies, camera and lights as well as products. A pure function of
+/// these.
+pub trait ViewAnnotator: Send + Sync {
+    /// The products that it reads, of the view or the scene.
+    fn reads(&self) -> Vec<KeyId>;
+    /// The products that it provides, of the view.
+    fn provides(&self) -> Vec<KeyId>;
+    /// Makes all of them and puts them into `products`, which holds those that it reads.
+    ///
+    /// # Errors
+    /// Fail the attempt at the scene.
+    fn annotate(&self, cx: &ViewContext, products: &mut Products) -> Result<()>;
 }
 
 /// Products, and those that they are made from.

@@ -16,10 +16,13 @@ mod placer;
 mod renderer;
 mod sensor;
 mod settler;
+mod subject;
 mod view_sampler;
 mod writer;
 
-pub use annotator::{Annotator, DatasetAnnotator, ProductGroup, RecordedScene, SceneAnnotator, ViewProducts};
+pub use annotator::{
+    DatasetAnnotator, ImageAnnotator, ProductGroup, RecordedScene, SceneAnnotator, ViewAnnotator, ViewProducts,
+};
 pub use asset_source::{AssetLimits, AssetSource};
 pub use atlas::{Atlas, AtlasTile};
 pub use camera_model::CameraModel;
@@ -31,6 +34,7 @@ pub use renderer::{
 };
 pub use sensor::Sensor;
 pub use settler::Settler;
+pub use subject::{Images, Scenes, Subject};
 pub use view_sampler::{Shell, ViewSampler};
 pub use writer::{
     Accepts, FileOf, Finish, Input, Output, RESERVED, SceneWriter, Writer, check_path, is_shared, shard_path,

@@ -1,6 +1,6 @@
 //! Writes samples to files.
 
-use crate::context::{DatasetContext, SceneContext, ViewContext};
+use crate::context::DatasetContext;
 use crate::digest::Digest;
 use crate::error::{ConfigError, Error, Result};
 use crate::files::DatasetPath;
@@ -9,6 +9,7 @@ use crate::names::ProductName;
 use crate::product::{Key, KeyId, Product, Products};
 use crate::scene::{SceneId, ViewId};
 use crate::stage::DatasetInfo;
+use crate::stage::subject::{Images, Subject};
 use std::collections::BTreeSet;
 use std::fs::{self, File};
 use std::io::{BufReader, BufWriter, Write};
@@ -17,11 +18,14 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 /// A file format. The files of a scene appear in the dataset when the whole scene is done; a file that covers many
 /// scenes is written in `finish`, from per-scene shards.
-pub trait Writer: Send + Sync {
+///
+/// A `Writer` writes images and labels. It sees products alone, so it writes datasets that were read, too. A `Writer<Scenes>` sees
+/// bodies, materials, cameras and lights as well: it writes scenes that the program made.
+pub trait Writer<S: Subject = Images>: Send + Sync {
     /// The products that it reads, each with the kinds of value that it can store. It is lent these and no others.
     fn reads(&self) -> Vec<Input>;
     /// Starts a scene. Dropping the scene writer without closing it abandons the scene.
-    fn scene(&self, cx: &SceneContext, output: Output) -> Result<Box<dyn SceneWriter>>;
+    fn scene(&self, cx: &S::Scene<'_>, output: Output) -> Result<Box<dyn SceneWriter<S>>>;
     /// Writes what covers many scenes. Called at the end of every run, with all scenes that are done and the products of
     /// the dataset that it reads; called again, it writes the same files.
     ///
@@ -69,12 +73,12 @@ pub struct FileOf<'a> {
 }
 
 /// A writer at work on one scene.
-pub trait SceneWriter: Send {
+pub trait SceneWriter<S: Subject = Images>: Send {
     /// Writes one view. Views come in order. `products` holds what the writer reads of the view, and of the scene as far
     /// as it is known before the views.
-    fn view(&mut self, cx: &ViewContext, products: &Products) -> Result<()>;
+    fn view(&mut self, cx: &S::View<'_>, products: &Products) -> Result<()>;
     /// Ends the scene. `products` holds all that the writer reads of the scene.
-    fn close(self: Box<Self>, cx: &SceneContext, products: &Products) -> Result<()>;
+    fn close(self: Box<Self>, cx: &S::Scene<'_>, products: &Products) -> Result<()>;
 }
 
 /// A product that a writer reads.

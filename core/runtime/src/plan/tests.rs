@@ -16,7 +16,7 @@ const D: Key<PerInstance<u32>> = Key::dataset("d", "");
 /// A stage of any scope that is only planned with.
 struct Fake(Vec<KeyId>, Vec<KeyId>);
 
-impl Annotator for Fake {
+impl ViewAnnotator for Fake {
     fn reads(&self) -> Vec<KeyId> {
         self.0.clone()
     }

@@ -24,7 +24,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use syntable_model::error::Error;
 use syntable_model::registry::{Registry, Shape, Slot, Stage};
-use syntable_model::stage::{AssetSource, DatasetInfo, Writer};
+use syntable_model::stage::{AssetSource, DatasetInfo, Scenes, Writer};
 use toml::Spanned;
 use toml::de::{DeTable, DeValue, ValueDeserializer};
 
@@ -130,9 +130,9 @@ fn load_parts(
 /// What the stages that were built need and is not there, and paths of files that do not go together.
 fn needs(dataset: Option<&DatasetTable>, built: &Built, plan: Option<&Plan>) -> Vec<DiagnosticBuilder> {
     let sound: Vec<&BuiltStage> = built.stages.iter().filter(|stage| stage.found).collect();
-    let writers: Vec<(&str, &dyn Writer)> = (sound.iter())
+    let writers: Vec<(&str, &dyn Writer<Scenes>)> = (sound.iter())
         .filter_map(|stage| match &stage.stage {
-            Some(Stage::Write(writer)) => Some((stage.id.as_str(), &**writer)),
+            Some(Stage::WriteScenes(writer)) => Some((stage.id.as_str(), &**writer)),
             _ => None,
         })
         .collect();
@@ -413,7 +413,7 @@ fn assemble(dataset: DatasetTable, built: Built, plan: Plan, lock: LockTable) ->
             Some(Stage::Views(sampler)) => views = Some(sampler),
             Some(Stage::Lights(sampler)) => lights.push((stage.id.clone(), sampler)),
             Some(Stage::Render(renderer)) => render = Some(renderer),
-            Some(Stage::Write(writer)) => write.push((stage.id.clone(), writer)),
+            Some(Stage::WriteScenes(writer)) => write.push((stage.id.clone(), writer)),
             // Producers are in the plan.
             _ => {}
         }

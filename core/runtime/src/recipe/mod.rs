@@ -68,7 +68,7 @@ use std::path::PathBuf;
 use syntable_model::check::Check;
 use syntable_model::error::{Error, Result};
 use syntable_model::files::read_small;
-use syntable_model::stage::{CameraModel, LightSampler, Placer, Renderer, Settler, ViewSampler, Writer};
+use syntable_model::stage::{CameraModel, LightSampler, Placer, Renderer, Scenes, Settler, ViewSampler, Writer};
 
 /// The text of a recipe and its origin.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -139,7 +139,7 @@ pub struct Recipe {
     /// The renderer.
     pub render: Box<dyn Renderer>,
     /// The writers, by id.
-    pub write: Vec<(String, Box<dyn Writer>)>,
+    pub write: Vec<(String, Box<dyn Writer<Scenes>>)>,
     /// What is computed for the writers, with the denoiser, the sensors and the annotators.
     pub plan: Plan,
     /// The whole recipe as TOML: every default filled in, every kind named, nothing inherited, with the versions that

@@ -33,7 +33,7 @@ pub(crate) fn plan(
         .stages
         .iter()
         .filter_map(|stage| match &stage.stage {
-            Some(Stage::Write(writer)) => Some((stage.id.clone(), writer.reads())),
+            Some(Stage::WriteScenes(writer)) => Some((stage.id.clone(), writer.reads())),
             _ => None,
         })
         .collect();

@@ -82,7 +82,7 @@ mod tests {
         fn reads(&self) -> Vec<Input> {
             Input::included(&self.include, Accepts::Any)
         }
-        fn scene(&self, _: &SceneContext, _: Output) -> Result<Box<dyn SceneWriter>> {
+        fn scene(&self, _: &ImagesContext, _: Output) -> Result<Box<dyn SceneWriter>> {
             Err(Error::new("this writer writes nothing"))
         }
     }

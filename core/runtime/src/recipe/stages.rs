@@ -448,7 +448,7 @@ impl<'l> Loader<'l> {
             }
         }
         let (id, header) = (given.id, given.header);
-        let stage = Some(stage);
+        let stage = Some(stage.of_scenes());
         built.stages.push(BuiltStage { slot, id, entry, stage, options, header, products, object_pools, found });
         ok
     }

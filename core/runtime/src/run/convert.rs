@@ -7,7 +7,7 @@ use crate::paths::{check_link, run_above};
 use crate::plan::{self, Candidate, Fault, Implied, Plan, Producer};
 use crate::run::dataset::loss::Loss;
 use crate::run::making::losses::Losses;
-use crate::run::making::stages::annotate;
+use crate::run::making::stages::annotate_image;
 use crate::run::making::times::Times;
 use crate::run::making::writers::Writers;
 use crate::run::progress::{Guarded, Reporter, Warnings, count};
@@ -19,7 +19,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
 use syntable_model::check::Check;
-use syntable_model::context::{DatasetContext, ViewContext};
+use syntable_model::context::{DatasetContext, ImageContext};
 use syntable_model::error::{Error, Result};
 use syntable_model::left_out::LeftOut;
 use syntable_model::product::standard::{COVERAGE, VISIBLE_BOX, VISIBLE_IDS, VISIBLE_MASK};
@@ -27,7 +27,7 @@ use syntable_model::product::{BBox, KeyId, Products, Scope};
 use syntable_model::reader::DatasetReader;
 use syntable_model::registry::Registry;
 use syntable_model::scene::{InstanceId, SceneId};
-use syntable_model::stage::{Annotator, Finish, Input, ProductGroup, Writer};
+use syntable_model::stage::{Finish, ImageAnnotator, Input, ProductGroup, Writer};
 
 /// What a conversion wrote.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -212,7 +212,7 @@ fn resolve(
     }
     let candidate = |(stage, part): (String, Part)| {
         let implied = part.implied.clone();
-        Candidate { stage, producer: Producer::View(Box::new(part)), implied }
+        Candidate { stage, producer: Producer::Image(Box::new(part)), implied }
     };
     let implied = parts.into_iter().map(candidate).collect();
     let plan =
@@ -252,12 +252,12 @@ fn resolve(
 
 /// A group of products that an annotator provides.
 struct Part {
-    annotator: Arc<dyn Annotator>,
+    annotator: Arc<dyn ImageAnnotator>,
     implied: Option<Implied>,
     group: ProductGroup,
 }
 
-impl Annotator for Part {
+impl ImageAnnotator for Part {
     fn reads(&self) -> Vec<KeyId> {
         self.group.reads.clone()
     }
@@ -266,7 +266,7 @@ impl Annotator for Part {
         self.group.provides.clone()
     }
 
-    fn annotate(&self, cx: &ViewContext, products: &mut Products) -> Result<()> {
+    fn annotate(&self, cx: &ImageContext, products: &mut Products) -> Result<()> {
         // To the annotator, the rest of what it reads is not there.
         let lent = products.only(&self.annotator.reads().iter().map(|key| key.name).collect::<Vec<_>>());
         let mut filled = lent.clone();
@@ -282,11 +282,8 @@ fn parts_of_all(registry: &Registry, offers: &[KeyId]) -> Vec<(String, Part)> {
 
 /// The groups of an annotator that needs nothing but products, but for those that a dataset has itself.
 fn parts_of(candidate: Candidate, offers: &[KeyId]) -> Vec<(String, Part)> {
-    let Producer::View(annotator) = candidate.producer else { return Vec::new() };
-    if !annotator.is_of_products() {
-        return Vec::new();
-    }
-    let annotator: Arc<dyn Annotator> = annotator.into();
+    let Producer::Image(annotator) = candidate.producer else { return Vec::new() };
+    let annotator: Arc<dyn ImageAnnotator> = annotator.into();
     let groups = annotator.groups();
     let is_whole = groups.len() == 1;
     let is_new = |group: &ProductGroup| !group.provides.iter().any(|key| offers.iter().any(|it| it.name == key.name));
@@ -371,7 +368,7 @@ impl Conversion<'_> {
         if let Some(reason) = self.stop.requested() {
             return Err(Error::new(format!("stopped by {reason}")));
         }
-        let (cx, times) = (self.cx.read_scene(id), Times::default());
+        let (cx, times) = (self.cx.images(id), Times::default());
         let (mut writers, mut of_scene) = (None, Products::new());
         for &image in images {
             let of = |error: Error| error.context(self.dataset.images()[image].name.clone());
@@ -383,9 +380,8 @@ impl Conversion<'_> {
                 }
             };
             let k = &view.camera.intrinsics;
-            let cx_of_view = cx.read_view(view.id, [k.width, k.height]);
-            let none = BTreeMap::new();
-            annotate(&times, self.losses, self.plan, &cx_of_view, &none, &mut products).map_err(of)?;
+            let cx_of_view = cx.image(view.id, [k.width, k.height]);
+            annotate_image(&times, self.losses, self.plan, &cx_of_view, &mut products).map_err(of)?;
             self.faults.fetch_add(self.dataset.image_faults(image).len() as u32, Ordering::Relaxed);
             for check in self.checks {
                 self.faults.fetch_add(check.run(&products).map_err(of)?.len() as u32, Ordering::Relaxed);

@@ -22,7 +22,7 @@ use syntable_model::context::{DatasetContext, Log, Workers};
 use syntable_model::error::{Error, Result};
 use syntable_model::product::Products;
 use syntable_model::scene::SceneId;
-use syntable_model::stage::{DatasetInfo, Finish, Input};
+use syntable_model::stage::{DatasetInfo, Finish, Input, Scenes, Writer};
 
 /// Annotates the dataset and lets every writer finish that can; an error is reported when all had their turn. Of the scenes
 /// that were `wanted`, files that could not be written anew are taken away; others keep them for a later run.
@@ -161,7 +161,7 @@ pub fn annotate_and_finish(
     };
     let of_dataset = scenes(&|entry| entry.recorded() == recorded);
     let (products, failed) = panics::quiet(|| annotate_dataset(recipe, &cx, folder, &of_dataset));
-    let one = |(id, writer): &(String, Box<dyn syntable_model::stage::Writer>)| {
+    let one = |(id, writer): &(String, Box<dyn Writer<Scenes>>)| {
         let (stage, reads) = (format!("write.{id}"), Input::names(&writer.reads()));
         if failed.iter().any(|(name, _)| reads.contains(name)) {
             return None;

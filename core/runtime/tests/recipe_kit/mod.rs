@@ -426,8 +426,8 @@ macro_rules! annotator {
                 Ok(())
             }
         }
-        config!($name => Annotator, $kind, "");
-        impl Annotator for $name {
+        config!($name => ViewAnnotator, $kind, "");
+        impl ViewAnnotator for $name {
             fn reads(&self) -> Vec<KeyId> {
                 let reads: &[KeyId] = &[$($read.id()),*];
                 reads.to_vec()
@@ -515,7 +515,7 @@ macro_rules! writer {
             fn reads(&self) -> Vec<Input> {
                 Input::included(&self.include, $accepts)
             }
-            fn scene(&self, _: &SceneContext, _: Output) -> Result<Box<dyn SceneWriter>> {
+            fn scene(&self, _: &ImagesContext, _: Output) -> Result<Box<dyn SceneWriter>> {
                 nothing()
             }
         }

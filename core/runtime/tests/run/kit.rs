@@ -42,7 +42,7 @@ fn sleep(ms: u32) {
 
 /// Options of all these kinds: each uses a part.
 macro_rules! kind {
-    ($(#[$doc:meta])* $name:ident, $stage:ident, $kind:literal $(, $option:ident: $type:ty)*) => {
+    ($(#[$doc:meta])* $name:ident, $stage:path, $kind:literal $(, $option:ident: $type:ty)*) => {
         $(#[$doc])*
         #[derive(Debug, Default, Clone, Serialize, Deserialize, JsonSchema)]
         #[serde(deny_unknown_fields, default)]
@@ -70,15 +70,15 @@ kind!(/** One pose. */ Fixed, ViewSampler, "hemisphere_shell", bends: bool);
 kind!(/** Renders nothing, slowly, on one device. */ Sleeper, Renderer, "sleeper", sleep_ms: u32, tally: usize);
 kind!(/** Renders as `sleeper` does. */ Drowsy, Renderer, "drowsy", tally: usize);
 kind!(/** Doubles the light. */ Doubler, Sensor, "doubler");
-kind!(/** Thinks about each view. */ Thinker, Annotator, "thinker",
+kind!(/** Thinks about each view. */ Thinker, ViewAnnotator, "thinker",
     sleep_ms: u32, panics: bool, undeclared: bool, silent: bool, missing: bool, missing_later: bool, stumbles: bool,
     contradicts: bool);
 kind!(/** Collects the thoughts of all views. */ Tracker, SceneAnnotator, "tracker");
 kind!(/** Leaves out one of three things of a scene. */ Careless, SceneAnnotator, "careless");
 kind!(/** Sums the thoughts of all scenes. */ Summer, DatasetAnnotator, "summer", fails_at: i64);
-kind!(/** Thinks as [`Thinker`] does. */ Echo, Annotator, "echo");
+kind!(/** Thinks as [`Thinker`] does. */ Echo, ViewAnnotator, "echo");
 kind!(/** Offers the names that a file lists, one per line. */ Names, AssetSource, "names", list: String);
-kind!(/** Writes products as JSON. */ Lines, Writer, "lines",
+kind!(/** Writes products as JSON. */ Lines, Writer<Scenes>, "lines",
     include: Vec<ProductName>, end: String, breaks_at: usize, one_path: bool, said_path: String);
 
 impl Placer for Boxes {
@@ -259,7 +259,7 @@ impl Sensor for Doubler {
     }
 }
 
-impl Annotator for Thinker {
+impl ViewAnnotator for Thinker {
     fn reads(&self) -> Vec<KeyId> {
         Vec::new()
     }
@@ -278,7 +278,7 @@ impl Annotator for Thinker {
         if self.silent {
             return Ok(());
         }
-        if self.stumbles && cx.scene()?.attempt == 0 && cx.scene_id.0 % 2 == 1 {
+        if self.stumbles && cx.scene.attempt == 0 && cx.scene_id.0 % 2 == 1 {
             return Err(Error::new("stumbled"));
         }
         let thought = i64::from(100 * cx.scene_id.0 + cx.view_id.0);
@@ -299,7 +299,7 @@ const POSITIVE: Check = Check {
     },
 };
 
-impl Annotator for Echo {
+impl ViewAnnotator for Echo {
     fn reads(&self) -> Vec<KeyId> {
         Vec::new()
     }
@@ -376,12 +376,12 @@ impl DatasetAnnotator for Summer {
     }
 }
 
-impl Writer for Lines {
+impl Writer<Scenes> for Lines {
     fn reads(&self) -> Vec<Input> {
         Input::included(&self.include, Accepts::Any)
     }
-    fn scene(&self, cx: &SceneContext, output: Output) -> Result<Box<dyn SceneWriter>> {
-        output.write_shard(format!("{} {}\n", cx.scene_id.0, heights(cx.scene()?)).as_bytes())?;
+    fn scene(&self, cx: &SceneContext, output: Output) -> Result<Box<dyn SceneWriter<Scenes>>> {
+        output.write_shard(format!("{} {}\n", cx.scene_id.0, heights(cx.scene)).as_bytes())?;
         Ok(Box::new(LinesScene(output, self.one_path)))
     }
     fn paths(&self, _: &FileOf) -> Result<Vec<String>> {
@@ -412,7 +412,7 @@ fn heights(scene: &Scene) -> String {
 }
 
 struct LinesScene(Output, bool);
-impl SceneWriter for LinesScene {
+impl SceneWriter<Scenes> for LinesScene {
     fn view(&mut self, cx: &ViewContext, products: &Products) -> Result<()> {
         let name = format!("{}/{:06}_{:04}.json", self.0.id(), cx.scene_id.0, cx.view_id.0);
         self.0.write(&name, text(products, |_| true).as_bytes())

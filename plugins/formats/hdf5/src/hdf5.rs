@@ -138,7 +138,7 @@ impl Writer for Hdf5 {
         datasets.chain(Input::included(&self.include, Accepts::If(of_view))).collect()
     }
 
-    fn scene(&self, _: &SceneContext, output: Output) -> Result<Box<dyn SceneWriter>> {
+    fn scene(&self, _: &ImagesContext, output: Output) -> Result<Box<dyn SceneWriter>> {
         Ok(Box::new(Hdf5Scene { config: self.clone(), output }))
     }
 
@@ -177,7 +177,7 @@ struct Hdf5Scene {
 }
 
 impl SceneWriter for Hdf5Scene {
-    fn view(&mut self, cx: &ViewContext, products: &Products) -> Result<()> {
+    fn view(&mut self, cx: &ImageContext, products: &Products) -> Result<()> {
         let mut file = File::new();
         for &dataset in &self.config.datasets {
             dataset.add(&mut file, cx, products)?;
@@ -188,13 +188,13 @@ impl SceneWriter for Hdf5Scene {
         self.output.write(&path(self.output.id(), &view_name(cx.scene_id, cx.view_id)), &file.finish()?)
     }
 
-    fn close(self: Box<Self>, _: &SceneContext, _: &Products) -> Result<()> {
+    fn close(self: Box<Self>, _: &ImagesContext, _: &Products) -> Result<()> {
         Ok(())
     }
 }
 
 /// Adds a product: as arrays if it is made of numbers, else as JSON text.
-fn add_product(file: &mut File, name: &str, key: &KeyId, value: &Value, cx: &ViewContext) -> Result<()> {
+fn add_product(file: &mut File, name: &str, key: &KeyId, value: &Value, cx: &ImageContext) -> Result<()> {
     let [width, height] = cx.size.map(|edge| edge as usize);
     match npy::arrays_of_numbers(name, key, value, [height, width]) {
         Some(Arrays::One(array)) => file.array(name, &array),
@@ -211,13 +211,16 @@ fn json(value: &impl Serialize) -> Result<String> {
 }
 
 impl Dataset {
-    fn add(self, file: &mut File, cx: &ViewContext, products: &Products) -> Result<()> {
+    fn add(self, file: &mut File, cx: &ImageContext, products: &Products) -> Result<()> {
         let name = self.name();
         let plane = |value: Value| Array::of(&value);
         match self {
             Self::Colors => file.array(name, &plane(products.get(RGB)?.encode())?),
             Self::Depth => file.array(name, &plane(products.get(DEPTH)?.encode())?),
-            Self::Distance => file.array(name, &plane(distance(products.get(DEPTH)?, &cx.camera(products)?).encode())?),
+            Self::Distance => file.array(
+                name,
+                &plane(distance(products.get(DEPTH)?, &StatedCamera::of(products.get(CAMERA)?)?).encode())?,
+            ),
             Self::Normals => {
                 let coded = products.get(NORMAL)?.map(|&[x, y, z]| [x, -y, -z].map(|v| 0.5 * v + 0.5));
                 file.array(name, &plane(coded.encode())?)
@@ -280,7 +283,7 @@ struct BodyView {
 }
 
 /// All bodies of the scene.
-fn bodies(cx: &ViewContext, products: &Products) -> Result<Vec<Attributes>> {
+fn bodies(cx: &ImageContext, products: &Products) -> Result<Vec<Attributes>> {
     let bodies: Vec<BodyView> =
         serde_json::to_value(products.get(BODIES)?).and_then(serde_json::from_value).map_err(|error| {
             Error::new(format!("product `{}` is not a list of bodies: {error}", BODIES.name()))

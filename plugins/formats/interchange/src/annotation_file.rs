@@ -56,7 +56,7 @@ impl SceneFiles {
     }
 
     /// Writes the image of a view, and its record, which `annotations` records of annotations follow.
-    pub fn image(&mut self, cx: &ViewContext, products: &Products, annotations: usize) -> Result<()> {
+    pub fn image(&mut self, cx: &ImageContext, products: &Products, annotations: usize) -> Result<()> {
         let name = image_name(cx.scene_id, cx.view_id);
         self.image_in(IMAGES, name, products, annotations, Extra::new())
     }

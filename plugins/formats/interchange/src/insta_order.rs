@@ -69,7 +69,7 @@ impl Writer for InstaOrder {
         std::iter::once(Input::of(RGB)).chain(orders).chain(labels::inputs()).collect()
     }
 
-    fn scene(&self, _: &SceneContext, output: Output) -> Result<Box<dyn SceneWriter>> {
+    fn scene(&self, _: &ImagesContext, output: Output) -> Result<Box<dyn SceneWriter>> {
         Ok(Box::new(InstaOrderScene { files: SceneFiles::new(output) }))
     }
 
@@ -121,7 +121,7 @@ struct InstaOrderScene {
 }
 
 impl SceneWriter for InstaOrderScene {
-    fn view(&mut self, cx: &ViewContext, products: &Products) -> Result<()> {
+    fn view(&mut self, cx: &ImageContext, products: &Products) -> Result<()> {
         let labels = Masks::Visible.shown(labels::labels(cx.dataset, products)?);
         self.files.image(cx, products, labels.len())?;
         labels.iter().try_for_each(|label| self.files.annotation(&Masks::Visible.annotation(&(*label).into())))?;
@@ -131,7 +131,7 @@ impl SceneWriter for InstaOrderScene {
         self.files.of_view(&orders(&Order::of(products, &labels)?))
     }
 
-    fn close(self: Box<Self>, _: &SceneContext, _: &Products) -> Result<()> {
+    fn close(self: Box<Self>, _: &ImagesContext, _: &Products) -> Result<()> {
         self.files.close()
     }
 }

@@ -92,7 +92,7 @@ impl Writer for Uoais {
         [Input::of(RGB), self.depth.input(), policy()].into_iter().chain(labels::inputs()).collect()
     }
 
-    fn scene(&self, _: &SceneContext, output: Output) -> Result<Box<dyn SceneWriter>> {
+    fn scene(&self, _: &ImagesContext, output: Output) -> Result<Box<dyn SceneWriter>> {
         Ok(Box::new(UoaisScene { config: self.clone(), files: SceneFiles::new(output) }))
     }
 
@@ -157,7 +157,7 @@ struct UoaisScene {
 }
 
 impl SceneWriter for UoaisScene {
-    fn view(&mut self, cx: &ViewContext, products: &Products) -> Result<()> {
+    fn view(&mut self, cx: &ImageContext, products: &Products) -> Result<()> {
         let Self { config, files } = self;
         let image = image_name(cx.scene_id, cx.view_id);
         files.png(&format!("{}/{}", config.split, depth_path(&image)), &config.depth.image(products)?)?;
@@ -167,7 +167,7 @@ impl SceneWriter for UoaisScene {
         labels.iter().try_for_each(|label| files.annotation(&Annotation::of(label)))
     }
 
-    fn close(self: Box<Self>, _: &SceneContext, _: &Products) -> Result<()> {
+    fn close(self: Box<Self>, _: &ImagesContext, _: &Products) -> Result<()> {
         self.files.close()
     }
 }

@@ -137,7 +137,7 @@ impl Writer for Parquet {
         rgb.into_iter().chain(Input::included(&self.include, Accepts::If(column::accept))).collect()
     }
 
-    fn scene(&self, _: &SceneContext, output: Output) -> Result<Box<dyn SceneWriter>> {
+    fn scene(&self, _: &ImagesContext, output: Output) -> Result<Box<dyn SceneWriter>> {
         Ok(Box::new(ParquetScene { config: self.clone(), output, views: Vec::new(), keys: BTreeMap::new() }))
     }
 
@@ -223,7 +223,7 @@ impl Cells {
 }
 
 impl SceneWriter for ParquetScene {
-    fn view(&mut self, cx: &ViewContext, products: &Products) -> Result<()> {
+    fn view(&mut self, cx: &ImageContext, products: &Products) -> Result<()> {
         let name = view_name(cx.scene_id, cx.view_id);
         let image = self.image(&name, products)?;
         let (mut cells, mut instances) = (BTreeMap::new(), BTreeSet::new());
@@ -239,7 +239,7 @@ impl SceneWriter for ParquetScene {
         Ok(())
     }
 
-    fn close(mut self: Box<Self>, cx: &SceneContext, products: &Products) -> Result<()> {
+    fn close(mut self: Box<Self>, cx: &ImagesContext, products: &Products) -> Result<()> {
         let mut of_scene = BTreeMap::new();
         for (product, key) in include::of_scope(&self.config.include, products, Scope::Scene) {
             of_scene.insert(product.to_owned(), Cells::of(product, &key, products, cx.dataset)?);

@@ -65,7 +65,7 @@ impl Writer for ContactSheet {
         inputs
     }
 
-    fn scene(&self, cx: &SceneContext, output: Output) -> Result<Box<dyn SceneWriter>> {
+    fn scene(&self, cx: &ImagesContext, output: Output) -> Result<Box<dyn SceneWriter>> {
         let (config, scene) = (self.clone(), cx.scene_id.0);
         Ok(Box::new(Sheets { config, output, scene, written: 0, rows: Vec::new() }))
     }
@@ -94,7 +94,7 @@ struct Sheets {
 }
 
 impl SceneWriter for Sheets {
-    fn view(&mut self, cx: &ViewContext, products: &Products) -> Result<()> {
+    fn view(&mut self, cx: &ImageContext, products: &Products) -> Result<()> {
         let [image_width, _] = cx.size;
         let width = self.config.panel_width_px.min(image_width);
         let panels =
@@ -107,7 +107,7 @@ impl SceneWriter for Sheets {
         Ok(())
     }
 
-    fn close(mut self: Box<Self>, _: &SceneContext, _: &Products) -> Result<()> {
+    fn close(mut self: Box<Self>, _: &ImagesContext, _: &Products) -> Result<()> {
         if self.rows.is_empty() { Ok(()) } else { self.write_sheet() }
     }
 }

@@ -66,7 +66,7 @@ impl Writer for Exr {
         Input::included(&self.include, Accepts::If(|key| accepts(key, Coding::of)))
     }
 
-    fn scene(&self, _: &SceneContext, output: Output) -> Result<Box<dyn SceneWriter>> {
+    fn scene(&self, _: &ImagesContext, output: Output) -> Result<Box<dyn SceneWriter>> {
         Ok(Box::new(ExrScene { config: self.clone(), output }))
     }
 
@@ -90,11 +90,11 @@ struct ExrScene {
 }
 
 impl SceneWriter for ExrScene {
-    fn view(&mut self, cx: &ViewContext, products: &Products) -> Result<()> {
+    fn view(&mut self, cx: &ImageContext, products: &Products) -> Result<()> {
         self.write(Scope::View, &view_name(cx.scene_id, cx.view_id), products)
     }
 
-    fn close(self: Box<Self>, cx: &SceneContext, products: &Products) -> Result<()> {
+    fn close(self: Box<Self>, cx: &ImagesContext, products: &Products) -> Result<()> {
         self.write(Scope::Scene, &scene_name(cx.scene_id), products)
     }
 }

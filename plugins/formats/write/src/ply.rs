@@ -56,13 +56,12 @@ impl Writer for Ply {
             option: Some("depth".into()),
             is_optional: false,
         };
-        // Of a dataset that is converted, the camera is known from this product alone.
         let others = [(true, Input::of(CAMERA)), (self.colors, Input::of(RGB)), (self.instances, Input::of(INSTANCE))];
         let others = others.into_iter().filter_map(|(wanted, input)| wanted.then_some(input));
         std::iter::once(depth).chain(others).collect()
     }
 
-    fn scene(&self, _: &SceneContext, output: Output) -> Result<Box<dyn SceneWriter>> {
+    fn scene(&self, _: &ImagesContext, output: Output) -> Result<Box<dyn SceneWriter>> {
         Ok(Box::new(PlyScene { config: self.clone(), output }))
     }
 
@@ -84,12 +83,12 @@ struct PlyScene {
 }
 
 impl SceneWriter for PlyScene {
-    fn view(&mut self, cx: &ViewContext, products: &Products) -> Result<()> {
+    fn view(&mut self, cx: &ImageContext, products: &Products) -> Result<()> {
         let path = path(self.output.id(), &view_name(cx.scene_id, cx.view_id));
-        self.output.write(&path, &self.config.encode(&cx.camera(products)?, products)?)
+        self.output.write(&path, &self.config.encode(&StatedCamera::of(products.get(CAMERA)?)?, products)?)
     }
 
-    fn close(self: Box<Self>, _: &SceneContext, _: &Products) -> Result<()> {
+    fn close(self: Box<Self>, _: &ImagesContext, _: &Products) -> Result<()> {
         Ok(())
     }
 }

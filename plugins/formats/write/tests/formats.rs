@@ -9,8 +9,9 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use syntable_model::context::{Collected, Serial};
 use syntable_model::prelude::*;
-use syntable_model::product::Form;
 use syntable_model::product::standard::*;
+use syntable_model::product::{Form, Name};
+use syntable_model::registry::{Slot, Stage};
 
 fn read_json(path: &Path) -> Json {
     serde_json::from_slice(&std::fs::read(path).expect("there")).expect("JSON")
@@ -26,7 +27,6 @@ fn len(value: &Json) -> usize {
 
 #[test]
 fn every_kind_conforms() {
-    use syntable_model::registry::Stage;
     use syntable_testing::conformance;
     use syntable_write as _;
     let registry = syntable_model::registry::Registry::linked().expect("kinds are unique");
@@ -41,7 +41,7 @@ fn every_kind_conforms() {
     let cx = DatasetContext::new(&dataset, &Serial, &log).scene(&take.scene).view(view);
     for entry in registry.entries() {
         let folder = tempfile::tempdir().expect("a folder");
-        let Stage::Write(writer) = conformance::entry(entry).stage else { panic!("a writer") };
+        let Stage::WriteScenes(writer) = conformance::entry(entry).stage.of_scenes() else { panic!("a writer") };
         assert!(!conformance::writer(&*writer, &cx, products, folder.path()).is_empty(), "{}", entry.kind);
     }
 }
@@ -470,12 +470,17 @@ fn debug_masks_of_a_dataset_that_was_read_are_made_from_its_labels() {
     let dataset = DatasetInfo { classes: ["a", "b"].map(str::to_owned).to_vec(), ..dataset(1, 1) };
     let (take, log) = (take(0, 9, &[Crowd::Random]), Collected::default());
     let (view, products) = &take.views[0];
-    let writer = writer("syntable", "debug_masks = true").expect("good options");
+    let entry = common::registry().find(Slot::Write, "syntable").expect("registered").clone();
+    let Ok(Stage::Write(writer)) = entry.construct_str("debug_masks = true").map(|made| made.stage) else {
+        panic!("a writer of images")
+    };
     let reads: Vec<String> = writer.reads().into_iter().map(|input| input.product).collect();
-    let lent = products.only(&reads.iter().map(String::as_str).filter(|name| *name != "instance").collect::<Vec<_>>());
-    let cx = DatasetContext::new(&dataset, &Serial, &log).read_scene(take.scene.id);
+    let known = products.keys().into_iter().map(|key| key.name);
+    let is_kept = |name: &Name| *name != *INSTANCE.name() && *name != *OBJECT_INFO.name();
+    let lent = products.only(&known.filter(is_kept).collect::<Vec<_>>()).only(&reads);
+    let cx = DatasetContext::new(&dataset, &Serial, &log).images(take.scene.id);
     let mut scene = writer.scene(&cx, Output::new(folder.path(), "w", take.scene.id)).expect("starts");
-    scene.view(&cx.read_view(view.id, [64, 48]), &lent).expect("written");
+    scene.view(&cx.image(view.id, [64, 48]), &lent).expect("written");
     scene.close(&cx, &lent).expect("closed");
     let files = files(folder.path());
     let pixels = |name: &str| gray(&files[name]);

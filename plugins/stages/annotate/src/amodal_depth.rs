@@ -9,9 +9,9 @@ use syntable_model::product::standard::{AMODAL_DEPTH, AMODAL_MASK, OBJECT_DEPTHS
 #[serde(deny_unknown_fields, default)]
 pub struct AmodalDepth {}
 
-config!(AmodalDepth => dyn Annotator, "amodal_depth");
+config!(AmodalDepth => dyn ImageAnnotator, "amodal_depth");
 
-impl Annotator for AmodalDepth {
+impl ImageAnnotator for AmodalDepth {
     fn reads(&self) -> Vec<KeyId> {
         keys![AMODAL_MASK, OBJECT_DEPTHS]
     }
@@ -20,11 +20,7 @@ impl Annotator for AmodalDepth {
         keys![AMODAL_DEPTH]
     }
 
-    fn is_of_products(&self) -> bool {
-        true
-    }
-
-    fn annotate(&self, _: &ViewContext, products: &mut Products) -> Result<()> {
+    fn annotate(&self, _: &ImageContext, products: &mut Products) -> Result<()> {
         let (masks, hits) = (products.get(AMODAL_MASK)?, products.get(OBJECT_DEPTHS)?);
         let images = ObjectImages::of_hits(masks, hits, f32::INFINITY, |_| |_, depth| depth);
         products.put(AMODAL_DEPTH, images)

@@ -13,9 +13,9 @@ pub struct AmodalNormal {}
 /// Normals need no light.
 const NORMAL_OF_OBJECTS: Key<Plane<[f32; 3]>> = NORMAL.of_objects(Lighting::Alone);
 
-config!(AmodalNormal => dyn Annotator, "amodal_normal");
+config!(AmodalNormal => dyn ViewAnnotator, "amodal_normal");
 
-impl Annotator for AmodalNormal {
+impl ViewAnnotator for AmodalNormal {
     fn reads(&self) -> Vec<KeyId> {
         keys![AMODAL_MASK, COVERAGE, NORMAL_OF_OBJECTS]
     }

@@ -25,7 +25,7 @@ impl SceneAnnotator for Bodies {
     }
 
     fn annotate(&self, cx: &SceneContext, _: &[ViewProducts], products: &mut Products) -> Result<()> {
-        let bodies = cx.scene()?.bodies().iter().map(|body| Value::of(&Record::from(body))).collect::<Result<_>>()?;
+        let bodies = cx.scene.bodies().iter().map(|body| Value::of(&Record::from(body))).collect::<Result<_>>()?;
         products.put(BODIES, Value::List(bodies))
     }
 }

@@ -9,9 +9,9 @@ use syntable_model::product::standard::{AMODAL_BOX, AMODAL_MASK, VISIBLE_BOX, VI
 #[serde(deny_unknown_fields, default)]
 pub struct Boxes {}
 
-config!(Boxes => dyn Annotator, "boxes");
+config!(Boxes => dyn ImageAnnotator, "boxes");
 
-impl Annotator for Boxes {
+impl ImageAnnotator for Boxes {
     fn reads(&self) -> Vec<KeyId> {
         keys![VISIBLE_MASK, AMODAL_MASK]
     }
@@ -20,11 +20,7 @@ impl Annotator for Boxes {
         keys![VISIBLE_BOX, AMODAL_BOX]
     }
 
-    fn is_of_products(&self) -> bool {
-        true
-    }
-
-    fn annotate(&self, _: &ViewContext, products: &mut Products) -> Result<()> {
+    fn annotate(&self, _: &ImageContext, products: &mut Products) -> Result<()> {
         let visible = products.get(VISIBLE_MASK)?.map(|_, mask| mask.bbox());
         let amodal = products.get(AMODAL_MASK)?.map(|_, mask| mask.bbox());
         products.put(VISIBLE_BOX, visible)?;

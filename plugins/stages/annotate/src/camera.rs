@@ -12,9 +12,9 @@ use syntable_model::scene;
 #[serde(deny_unknown_fields, default)]
 pub struct Camera {}
 
-config!(Camera => dyn Annotator, "camera");
+config!(Camera => dyn ViewAnnotator, "camera");
 
-impl Annotator for Camera {
+impl ViewAnnotator for Camera {
     fn reads(&self) -> Vec<KeyId> {
         keys![]
     }
@@ -24,7 +24,7 @@ impl Annotator for Camera {
     }
 
     fn annotate(&self, cx: &ViewContext, products: &mut Products) -> Result<()> {
-        products.put(CAMERA, Value::of(&CameraView::from(&cx.view()?.camera))?)
+        products.put(CAMERA, Value::of(&CameraView::from(&cx.view.camera))?)
     }
 }
 

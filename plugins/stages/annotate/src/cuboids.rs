@@ -19,9 +19,9 @@ use syntable_model::scene::{Body, Camera};
 #[serde(deny_unknown_fields, default)]
 pub struct Cuboids {}
 
-config!(Cuboids => dyn Annotator, "cuboids");
+config!(Cuboids => dyn ViewAnnotator, "cuboids");
 
-impl Annotator for Cuboids {
+impl ViewAnnotator for Cuboids {
     fn reads(&self) -> Vec<KeyId> {
         keys![AMODAL_MASK]
     }
@@ -31,8 +31,8 @@ impl Annotator for Cuboids {
     }
 
     fn annotate(&self, cx: &ViewContext, products: &mut Products) -> Result<()> {
-        let (camera, annotated) = (&cx.view()?.camera, products.get(AMODAL_MASK)?);
-        let objects = cx.scene()?.objects().iter().filter(|body| annotated.get(body.id).is_some());
+        let (camera, annotated) = (&cx.view.camera, products.get(AMODAL_MASK)?);
+        let objects = cx.scene.objects().iter().filter(|body| annotated.get(body.id).is_some());
         let cuboids = objects.map(|body| Ok((body.id, Value::of(&CuboidView::new(body, camera))?)));
         let cuboids = cuboids.collect::<Result<_>>()?;
         products.put(CUBOID, cuboids)

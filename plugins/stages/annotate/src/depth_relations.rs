@@ -17,9 +17,9 @@ use syntable_model::product::standard::{AMODAL_MASK, DEPTH_ORDER, INSTANCE, OBJE
 #[serde(deny_unknown_fields, default)]
 pub struct DepthRelations {}
 
-config!(DepthRelations => dyn Annotator, "depth_relations");
+config!(DepthRelations => dyn ImageAnnotator, "depth_relations");
 
-impl Annotator for DepthRelations {
+impl ImageAnnotator for DepthRelations {
     fn reads(&self) -> Vec<KeyId> {
         keys![INSTANCE, AMODAL_MASK, OBJECT_DEPTHS]
     }
@@ -28,11 +28,7 @@ impl Annotator for DepthRelations {
         keys![OCCLUSION_AREAS, DEPTH_ORDER]
     }
 
-    fn is_of_products(&self) -> bool {
-        true
-    }
-
-    fn annotate(&self, _: &ViewContext, products: &mut Products) -> Result<()> {
+    fn annotate(&self, _: &ImageContext, products: &mut Products) -> Result<()> {
         let (seen, depths) = (products.get(INSTANCE)?, products.get(OBJECT_DEPTHS)?);
         let masks = products.get(AMODAL_MASK)?;
         let ids: Vec<InstanceId> = masks.iter().map(|(id, _)| id).collect();

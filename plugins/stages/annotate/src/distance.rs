@@ -9,9 +9,9 @@ use syntable_model::product::standard::{DEPTH, DISTANCE};
 #[serde(deny_unknown_fields, default)]
 pub struct Distance {}
 
-config!(Distance => dyn Annotator, "distance");
+config!(Distance => dyn ViewAnnotator, "distance");
 
-impl Annotator for Distance {
+impl ViewAnnotator for Distance {
     fn reads(&self) -> Vec<KeyId> {
         keys![DEPTH]
     }
@@ -22,7 +22,7 @@ impl Annotator for Distance {
 
     fn annotate(&self, cx: &ViewContext, products: &mut Products) -> Result<()> {
         let depth = products.get(DEPTH)?;
-        let rays = cx.view()?.camera.rays();
+        let rays = cx.view.camera.rays();
         let of_ray = |((&depth, x), y): ((&f32, f64), f64)| {
             let distance = (f64::from(depth) * (x * x + y * y + 1.0).sqrt()) as f32;
             if x.is_nan() { f32::INFINITY } else { distance }

@@ -9,9 +9,9 @@ use syntable_model::product::standard::{AMODAL_MASK, CATEGORY_ID, OBJECT_NAME};
 #[serde(deny_unknown_fields, default)]
 pub struct Identity {}
 
-config!(Identity => dyn Annotator, "identity");
+config!(Identity => dyn ViewAnnotator, "identity");
 
-impl Annotator for Identity {
+impl ViewAnnotator for Identity {
     fn reads(&self) -> Vec<KeyId> {
         keys![AMODAL_MASK]
     }
@@ -21,7 +21,7 @@ impl Annotator for Identity {
     }
 
     fn annotate(&self, cx: &ViewContext, products: &mut Products) -> Result<()> {
-        let scene = cx.scene()?;
+        let scene = cx.scene;
         let category = |id: InstanceId| {
             let class = scene.body(id).map_or(DatasetInfo::OBJECT.1, |body| &body.object.category);
             Ok((id, cx.dataset.category_id(class)?))

@@ -30,9 +30,9 @@ impl Default for Keypoints {
     }
 }
 
-config!(Keypoints => dyn Annotator, "keypoints", "tolerance_m = 0.01");
+config!(Keypoints => dyn ViewAnnotator, "keypoints", "tolerance_m = 0.01");
 
-impl Annotator for Keypoints {
+impl ViewAnnotator for Keypoints {
     fn reads(&self) -> Vec<KeyId> {
         keys![AMODAL_MASK, DEPTH]
     }
@@ -43,10 +43,10 @@ impl Annotator for Keypoints {
 
     fn annotate(&self, cx: &ViewContext, products: &mut Products) -> Result<()> {
         let (annotated, depth) = (products.get(AMODAL_MASK)?, products.get(DEPTH)?);
-        let camera = &cx.view()?.camera;
+        let camera = &cx.view.camera;
         let camera_from_world = camera.world_from_camera.inverse();
         let mut keypoints = PerInstance::default();
-        for body in cx.scene()?.objects().iter().filter(|body| annotated.get(body.id).is_some()) {
+        for body in cx.scene.objects().iter().filter(|body| annotated.get(body.id).is_some()) {
             let view = |keypoint: &Keypoint| {
                 let in_world = body.world_from_body * keypoint.point;
                 let in_camera = camera_from_world * in_world;

@@ -14,19 +14,15 @@ use syntable_model::product::{DType, Painted, Tensor};
 #[serde(deny_unknown_fields, default)]
 pub struct LabelArrays {}
 
-config!(LabelArrays => dyn Annotator, "label_arrays");
+config!(LabelArrays => dyn ImageAnnotator, "label_arrays");
 
-impl Annotator for LabelArrays {
+impl ImageAnnotator for LabelArrays {
     fn reads(&self) -> Vec<KeyId> {
         keys![VISIBLE_MASK, AMODAL_MASK]
     }
 
     fn provides(&self) -> Vec<KeyId> {
         keys![VISIBLE_IDS, AMODAL_BITS]
-    }
-
-    fn is_of_products(&self) -> bool {
-        true
     }
 
     fn groups(&self) -> Vec<ProductGroup> {
@@ -36,7 +32,7 @@ impl Annotator for LabelArrays {
         ]
     }
 
-    fn annotate(&self, cx: &ViewContext, products: &mut Products) -> Result<()> {
+    fn annotate(&self, cx: &ImageContext, products: &mut Products) -> Result<()> {
         if let Some(visible) = products.optional(VISIBLE_MASK)? {
             let painted = Painted::new(cx.size, visible.iter());
             painted.left_out().for_each(|left_out| cx.log.left_out(&left_out));

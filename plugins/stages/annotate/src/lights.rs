@@ -10,9 +10,9 @@ use syntable_model::scene::Light;
 #[serde(deny_unknown_fields, default)]
 pub struct Lights {}
 
-config!(Lights => dyn Annotator, "lights");
+config!(Lights => dyn ViewAnnotator, "lights");
 
-impl Annotator for Lights {
+impl ViewAnnotator for Lights {
     fn reads(&self) -> Vec<KeyId> {
         keys![]
     }
@@ -22,7 +22,7 @@ impl Annotator for Lights {
     }
 
     fn annotate(&self, cx: &ViewContext, products: &mut Products) -> Result<()> {
-        let lights: Vec<LightView> = cx.view()?.lights.iter().map(LightView::from).collect();
+        let lights: Vec<LightView> = cx.view.lights.iter().map(LightView::from).collect();
         products.put(LIGHTS, Value::of(&lights)?)
     }
 }

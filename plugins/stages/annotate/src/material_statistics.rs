@@ -49,9 +49,9 @@ impl SceneAnnotator for Look {
     }
 
     fn annotate(&self, cx: &SceneContext, _: &[ViewProducts], products: &mut Products) -> Result<()> {
-        let prepared = PreparedScene::new(cx.scene()?, &self.cache, cx.workers);
+        let prepared = PreparedScene::new(cx.scene, &self.cache, cx.workers);
         let record = |(index, body): (usize, &Body)| Value::of(&Record::new(body, index, &prepared));
-        let records = cx.scene()?.bodies().iter().enumerate().map(record).collect::<Result<_>>()?;
+        let records = cx.scene.bodies().iter().enumerate().map(record).collect::<Result<_>>()?;
         products.put(MATERIAL_STATISTICS, Value::List(records))
     }
 }

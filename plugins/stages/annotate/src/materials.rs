@@ -31,7 +31,7 @@ impl SceneAnnotator for Materials {
     }
 
     fn annotate(&self, cx: &SceneContext, _: &[ViewProducts], products: &mut Products) -> Result<()> {
-        let records = Numbered::new(cx.scene()?)?.table.iter().map(Value::of).collect::<Result<_>>()?;
+        let records = Numbered::new(cx.scene)?.table.iter().map(Value::of).collect::<Result<_>>()?;
         products.put(MATERIALS, Value::List(records))
     }
 }

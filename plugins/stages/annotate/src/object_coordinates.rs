@@ -18,9 +18,9 @@ use syntable_model::scene::{Body, Camera};
 #[serde(deny_unknown_fields, default)]
 pub struct ObjectCoordinates {}
 
-config!(ObjectCoordinates => dyn Annotator, "object_coordinates");
+config!(ObjectCoordinates => dyn ViewAnnotator, "object_coordinates");
 
-impl Annotator for ObjectCoordinates {
+impl ViewAnnotator for ObjectCoordinates {
     fn reads(&self) -> Vec<KeyId> {
         keys![INSTANCE, AMODAL_MASK, OBJECT_DEPTHS]
     }
@@ -31,8 +31,8 @@ impl Annotator for ObjectCoordinates {
 
     fn annotate(&self, cx: &ViewContext, products: &mut Products) -> Result<()> {
         let (masks, hits) = (products.get(AMODAL_MASK)?, products.get(OBJECT_DEPTHS)?);
-        let camera = &cx.view()?.camera;
-        let (frames, rays) = (Frames::of(cx.scene()?, camera, masks), camera.rays());
+        let camera = &cx.view.camera;
+        let (frames, rays) = (Frames::of(cx.scene, camera, masks), camera.rays());
         let amodal = ObjectImages::of_hits(masks, hits, [0.0; 3], |id| {
             let (frame, rays) = (frames.get(id).copied(), &rays);
             move |[x, y], depth| match (frame, rays.at(x, y)) {

@@ -37,9 +37,9 @@ impl Default for ObjectInfo {
     }
 }
 
-config!(ObjectInfo => dyn Annotator, "object_info", "objects = \"annotated\"");
+config!(ObjectInfo => dyn ViewAnnotator, "object_info", "objects = \"annotated\"");
 
-impl Annotator for ObjectInfo {
+impl ViewAnnotator for ObjectInfo {
     fn reads(&self) -> Vec<KeyId> {
         match self.objects {
             Which::Annotated => keys![AMODAL_MASK],
@@ -52,13 +52,13 @@ impl Annotator for ObjectInfo {
     }
 
     fn annotate(&self, cx: &ViewContext, products: &mut Products) -> Result<()> {
-        let camera_from_world = cx.view()?.camera.world_from_camera.inverse();
+        let camera_from_world = cx.view.camera.world_from_camera.inverse();
         let annotated = match self.objects {
             Which::Annotated => Some(products.get(AMODAL_MASK)?),
             Which::All => None,
         };
         let info = cx
-            .scene()?
+            .scene
             .objects()
             .iter()
             .filter(|body| annotated.is_none_or(|masks| masks.get(body.id).is_some()))

@@ -26,7 +26,7 @@ impl SceneAnnotator for ObjectModels {
     }
 
     fn annotate(&self, cx: &SceneContext, _: &[ViewProducts], products: &mut Products) -> Result<()> {
-        let objects = cx.scene()?.objects().iter();
+        let objects = cx.scene.objects().iter();
         let models = objects.map(|body| (body.asset.to_string(), ObjectModel::from(&*body.object)));
         products.put(OBJECT_MODELS, Models(models.collect()))
     }

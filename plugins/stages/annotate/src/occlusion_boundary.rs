@@ -10,9 +10,9 @@ use syntable_model::product::standard::{DEPTH, INSTANCE, OCCLUSION_BOUNDARY};
 #[serde(deny_unknown_fields, default)]
 pub struct OcclusionBoundary {}
 
-config!(OcclusionBoundary => dyn Annotator, "occlusion_boundary");
+config!(OcclusionBoundary => dyn ImageAnnotator, "occlusion_boundary");
 
-impl Annotator for OcclusionBoundary {
+impl ImageAnnotator for OcclusionBoundary {
     fn reads(&self) -> Vec<KeyId> {
         keys![INSTANCE, DEPTH]
     }
@@ -21,11 +21,7 @@ impl Annotator for OcclusionBoundary {
         keys![OCCLUSION_BOUNDARY]
     }
 
-    fn is_of_products(&self) -> bool {
-        true
-    }
-
-    fn annotate(&self, _: &ViewContext, products: &mut Products) -> Result<()> {
+    fn annotate(&self, _: &ImageContext, products: &mut Products) -> Result<()> {
         let (ids, depth) = (products.get(INSTANCE)?, products.get(DEPTH)?);
         let (ids_of, depth) = (ids.data(), depth.data());
         let (width, mut boundary) = (ids.width() as usize, vec![0_u8; ids_of.len()]);

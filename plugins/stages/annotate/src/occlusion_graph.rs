@@ -16,9 +16,9 @@ use syntable_model::product::standard::{OCCLUSION_GRAPH, OCCLUSION_LAYER, OCCLUS
 #[serde(deny_unknown_fields, default)]
 pub struct OcclusionGraph {}
 
-config!(OcclusionGraph => dyn Annotator, "occlusion_graph");
+config!(OcclusionGraph => dyn ImageAnnotator, "occlusion_graph");
 
-impl Annotator for OcclusionGraph {
+impl ImageAnnotator for OcclusionGraph {
     fn reads(&self) -> Vec<KeyId> {
         keys![OCCLUSION_ORDER]
     }
@@ -27,11 +27,7 @@ impl Annotator for OcclusionGraph {
         keys![OCCLUSION_GRAPH, OCCLUSION_LAYER]
     }
 
-    fn is_of_products(&self) -> bool {
-        true
-    }
-
-    fn annotate(&self, _: &ViewContext, products: &mut Products) -> Result<()> {
+    fn annotate(&self, _: &ImageContext, products: &mut Products) -> Result<()> {
         let order = products.get(OCCLUSION_ORDER)?;
         let graph = Graph::new(order);
         let ids = order.ids();

@@ -28,9 +28,9 @@ impl Default for OpticalFlow {
     }
 }
 
-config!(OpticalFlow => dyn Annotator, "optical_flow", "tolerance_m = 0.002");
+config!(OpticalFlow => dyn ViewAnnotator, "optical_flow", "tolerance_m = 0.002");
 
-impl Annotator for OpticalFlow {
+impl ViewAnnotator for OpticalFlow {
     fn reads(&self) -> Vec<KeyId> {
         keys![DEPTH, DEPTH.of_next_view()]
     }
@@ -44,8 +44,8 @@ impl Annotator for OpticalFlow {
         let [width, height] = [depth.width(), depth.height()];
         let mut flow = vec![[0.0; 2]; depth.data().len()];
         let mut visibility = vec![0; depth.data().len()];
-        let camera = &cx.view()?.camera;
-        if let Some(next) = cx.next()? {
+        let camera = &cx.view.camera;
+        if let Some(next) = cx.next {
             let next_from_this = next.camera.world_from_camera.inverse() * camera.world_from_camera;
             let step = Step {
                 from: camera.rays(),

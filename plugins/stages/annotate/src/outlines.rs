@@ -25,7 +25,7 @@ impl Default for Outlines {
     }
 }
 
-config!(Outlines => dyn Annotator, "outlines", "tolerance_px = 0.5");
+config!(Outlines => dyn ImageAnnotator, "outlines", "tolerance_px = 0.5");
 
 /// A product of masks, and what is provided of them.
 type OfMasks = (Key<PerInstance<Mask>>, Key<PerInstance<Value>>);
@@ -33,7 +33,7 @@ type OfMasks = (Key<PerInstance<Mask>>, Key<PerInstance<Value>>);
 /// What is provided.
 const OF_MASKS: [OfMasks; 2] = [(VISIBLE_MASK, VISIBLE_OUTLINE), (AMODAL_MASK, AMODAL_OUTLINE)];
 
-impl Annotator for Outlines {
+impl ImageAnnotator for Outlines {
     fn reads(&self) -> Vec<KeyId> {
         keys![VISIBLE_MASK, AMODAL_MASK]
     }
@@ -42,16 +42,12 @@ impl Annotator for Outlines {
         keys![VISIBLE_OUTLINE, AMODAL_OUTLINE]
     }
 
-    fn is_of_products(&self) -> bool {
-        true
-    }
-
     fn groups(&self) -> Vec<ProductGroup> {
         let group = |(mask, outline): (Key<_>, Key<_>)| ProductGroup { reads: keys![mask], provides: keys![outline] };
         OF_MASKS.into_iter().map(group).collect()
     }
 
-    fn annotate(&self, _: &ViewContext, products: &mut Products) -> Result<()> {
+    fn annotate(&self, _: &ImageContext, products: &mut Products) -> Result<()> {
         for (mask, outline) in OF_MASKS {
             let Some(masks) = products.optional(mask)? else { continue };
             let outlines = masks.iter().map(|(id, mask)| Ok((id, Value::of(&self.outline(mask))?)));

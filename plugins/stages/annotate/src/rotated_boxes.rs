@@ -14,7 +14,7 @@ use syntable_model::product::{BBox, Mask};
 #[serde(deny_unknown_fields, default)]
 pub struct RotatedBoxes {}
 
-config!(RotatedBoxes => dyn Annotator, "rotated_boxes");
+config!(RotatedBoxes => dyn ImageAnnotator, "rotated_boxes");
 
 /// A product of masks, and what is provided of them.
 type OfMasks = (Key<PerInstance<Mask>>, Key<PerInstance<Value>>);
@@ -22,7 +22,7 @@ type OfMasks = (Key<PerInstance<Mask>>, Key<PerInstance<Value>>);
 /// What is provided.
 const OF_MASKS: [OfMasks; 2] = [(VISIBLE_MASK, VISIBLE_ROTATED_BOX), (AMODAL_MASK, AMODAL_ROTATED_BOX)];
 
-impl Annotator for RotatedBoxes {
+impl ImageAnnotator for RotatedBoxes {
     fn reads(&self) -> Vec<KeyId> {
         keys![VISIBLE_MASK, AMODAL_MASK]
     }
@@ -31,16 +31,12 @@ impl Annotator for RotatedBoxes {
         keys![VISIBLE_ROTATED_BOX, AMODAL_ROTATED_BOX]
     }
 
-    fn is_of_products(&self) -> bool {
-        true
-    }
-
     fn groups(&self) -> Vec<ProductGroup> {
         let group = |(mask, rotated): (Key<_>, Key<_>)| ProductGroup { reads: keys![mask], provides: keys![rotated] };
         OF_MASKS.into_iter().map(group).collect()
     }
 
-    fn annotate(&self, _: &ViewContext, products: &mut Products) -> Result<()> {
+    fn annotate(&self, _: &ImageContext, products: &mut Products) -> Result<()> {
         for (mask, rotated) in OF_MASKS {
             let Some(masks) = products.optional(mask)? else { continue };
             let boxes = masks.iter().map(|(id, mask)| Ok((id, Value::of(&RotatedBox::around(mask))?)));

@@ -10,9 +10,9 @@ use syntable_model::scene::Role;
 #[serde(deny_unknown_fields, default)]
 pub struct SceneMasks {}
 
-config!(SceneMasks => dyn Annotator, "scene_masks");
+config!(SceneMasks => dyn ViewAnnotator, "scene_masks");
 
-impl Annotator for SceneMasks {
+impl ViewAnnotator for SceneMasks {
     fn reads(&self) -> Vec<KeyId> {
         keys![INSTANCE, CATEGORY_ID]
     }
@@ -22,7 +22,7 @@ impl Annotator for SceneMasks {
     }
 
     fn annotate(&self, cx: &ViewContext, products: &mut Products) -> Result<()> {
-        let (scene, ids) = (cx.scene()?, products.get(INSTANCE)?);
+        let (scene, ids) = (cx.scene, products.get(INSTANCE)?);
         let tabletop = mask_of(scene, ids, |role| role == Some(Role::Support));
         let background = mask_of(scene, ids, |role| matches!(role, None | Some(Role::Room)));
         let categories = products.get(CATEGORY_ID)?;

@@ -24,7 +24,7 @@ impl SceneAnnotator for SeenInViews {
 
     fn annotate(&self, cx: &SceneContext, views: &[ViewProducts], products: &mut Products) -> Result<()> {
         let mut seen: BTreeMap<InstanceId, Vec<(u32, f64)>> =
-            cx.scene()?.objects().iter().map(|body| (body.id, Vec::new())).collect();
+            cx.scene.objects().iter().map(|body| (body.id, Vec::new())).collect();
         for view in views {
             let rates = view.products.get(OCCLUSION_RATE)?;
             for (id, _) in view.products.get(VISIBLE_MASK)?.iter().filter(|(_, mask)| !mask.is_empty()) {

@@ -22,7 +22,7 @@ impl SceneAnnotator for SettleReport {
     }
 
     fn annotate(&self, cx: &SceneContext, _: &[ViewProducts], products: &mut Products) -> Result<()> {
-        products.put(SETTLE_REPORT, Value::of(&Report::from(cx.scene()?))?)
+        products.put(SETTLE_REPORT, Value::of(&Report::from(cx.scene))?)
     }
 }
 

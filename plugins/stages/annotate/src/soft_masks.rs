@@ -30,7 +30,7 @@ impl Default for SoftMasks {
     }
 }
 
-config!(SoftMasks => dyn Annotator, "soft_masks", "subpixels = 4");
+config!(SoftMasks => dyn ImageAnnotator, "soft_masks", "subpixels = 4");
 
 impl SoftMasks {
     fn instance(&self) -> Key<Plane<InstanceId>> {
@@ -42,7 +42,7 @@ impl SoftMasks {
     }
 }
 
-impl Annotator for SoftMasks {
+impl ImageAnnotator for SoftMasks {
     fn reads(&self) -> Vec<KeyId> {
         keys![AMODAL_MASK, self.instance(), self.coverage()]
     }
@@ -51,11 +51,7 @@ impl Annotator for SoftMasks {
         keys![VISIBLE_SOFT_MASK, AMODAL_SOFT_MASK]
     }
 
-    fn is_of_products(&self) -> bool {
-        true
-    }
-
-    fn annotate(&self, _: &ViewContext, products: &mut Products) -> Result<()> {
+    fn annotate(&self, _: &ImageContext, products: &mut Products) -> Result<()> {
         let (instance, coverage) = (products.get(self.instance())?, products.get(self.coverage())?);
         let [width, height] = [instance.width(), instance.height()].map(|edge| edge / self.subpixels);
         let annotated = products.get(AMODAL_MASK)?;

@@ -27,9 +27,9 @@ impl Default for Visibility {
     }
 }
 
-config!(Visibility => dyn Annotator, "visibility", "objects = \"annotated\"");
+config!(Visibility => dyn ViewAnnotator, "visibility", "objects = \"annotated\"");
 
-impl Annotator for Visibility {
+impl ViewAnnotator for Visibility {
     fn reads(&self) -> Vec<KeyId> {
         let mut keys = keys![INSTANCE, DEPTH, COVERAGE, COVERAGE.on_canvas(CANVAS)];
         if self.objects == Which::Annotated {
@@ -47,7 +47,7 @@ impl Annotator for Visibility {
         let depth = products.get(DEPTH)?;
         let (inside, whole) = (extents(image), extents(canvas));
         let valid = count_valid(image, depth, inside.iter().map(|extent| extent.area).collect());
-        let k = &cx.view()?.camera.intrinsics;
+        let k = &cx.view.camera.intrinsics;
         let visible = count_visible(products.get(INSTANCE)?, image.objects());
         let of = |id: InstanceId| -> Result<Value> {
             let object = usize::from(id.0) - 1;

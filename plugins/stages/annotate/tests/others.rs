@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::{Rays, World, annotator, stage};
+use common::{Rays, World, stage};
 use serde_json::json;
 use syntable_model::geometry::Vector3;
 use syntable_model::prelude::*;
@@ -13,7 +13,8 @@ use syntable_model::scene::{Light, RectLight, Removal, SphereLight};
 
 fn run(world: &World, kind: &str, options: &str, products: &mut Products) {
     match stage(kind, options) {
-        Stage::Annotate(annotator) => annotator.annotate(&world.of_view(), products),
+        Stage::AnnotateImage(annotator) => annotator.annotate(&world.of_view(), products),
+        Stage::AnnotateView(annotator) => annotator.annotate(&world.of_view(), products),
         Stage::AnnotateScene(annotator) => annotator.annotate(&world.of_scene(), &[], products),
         _ => panic!("`{kind}` does not annotate"),
     }
@@ -86,17 +87,16 @@ fn every_kind_conforms() {
         conformance::entry(entry);
         let products = if entry.kind == "masks" { &rendered } else { &labeled };
         match stage(entry.kind, "") {
-            Stage::Annotate(annotator) => drop(conformance::annotator(&*annotator, &world.of_view(), products)),
             Stage::AnnotateScene(annotator) => {
                 let mut made = Products::new();
                 annotator.annotate(&world.of_scene(), &[], &mut made).expect("reads nothing");
                 assert_eq!(made.keys(), annotator.provides(), "{}", entry.kind);
                 assert!(made.keys().iter().all(|key| key.scope == Scope::Scene), "{}", entry.kind);
             }
-            _ => panic!("`{}` does not annotate", entry.kind),
+            of_views => drop(conformance::annotator(&of_views, &world.of_view(), products)),
         }
     }
-    conformance::annotator(&*annotator("masks", "image_frame = \"extend\""), &world.of_view(), &rendered);
+    conformance::annotator(&stage("masks", "image_frame = \"extend\""), &world.of_view(), &rendered);
 }
 
 #[test]

@@ -37,9 +37,9 @@ impl Default for Appearance {
     }
 }
 
-config!(Appearance => dyn Annotator, "appearance", "lighting = \"in_scene\"");
+config!(Appearance => dyn ViewAnnotator, "appearance", "lighting = \"in_scene\"");
 
-impl Annotator for Appearance {
+impl ViewAnnotator for Appearance {
     fn reads(&self) -> Vec<KeyId> {
         let (radiance, opacity) = (RADIANCE.of_objects(self.lighting), OPACITY.of_objects(self.lighting));
         keys![radiance, opacity, COVERAGE, AMODAL_MASK, EXPOSURE]

@@ -64,14 +64,12 @@ fn annotated(options: &str, products: &Products) -> Products {
     let registry = Registry::linked().expect("kinds are unique");
     let entry = registry.find(Slot::Annotate, "appearance").expect("registered");
     conformance::entry(entry);
-    let Ok(Stage::Annotate(annotator)) = entry.construct_str(options).map(|made| made.stage) else {
-        panic!("no annotator: {options}")
-    };
+    let Ok(annotator) = entry.construct_str(options).map(|made| made.stage) else { panic!("no annotator: {options}") };
     let (scene, dataset, log) =
         (scenes::boxes(&[([0.0, 0.0, 0.5], [1.0; 3])]), scenes::dataset(), Collected::default());
     let view = of_view();
     let cx = DatasetContext::new(&dataset, &Serial, &log).scene(&scene).view(&view);
-    conformance::annotator(&*annotator, &cx, products)
+    conformance::annotator(&annotator, &cx, products)
 }
 
 #[test]
@@ -114,7 +112,7 @@ fn an_image_of_another_sensor_is_refused() {
     let registry = Registry::linked().expect("kinds are unique");
     let made =
         registry.find(Slot::Annotate, "appearance").expect("registered").construct_str("").map(|made| made.stage);
-    let Ok(Stage::Annotate(annotator)) = made else { panic!("no annotator") };
+    let Ok(Stage::AnnotateView(annotator)) = made else { panic!("no annotator") };
     let (scene, dataset, log) =
         (scenes::boxes(&[([0.0, 0.0, 0.5], [1.0; 3])]), scenes::dataset(), Collected::default());
     let view = of_view();

@@ -15,14 +15,14 @@ const AREA: Key<Value> = Key::view("total_area", "Pixels of all objects together
 /// Adds up areas, and counts the views for the program that made it.
 struct TotalArea(Arc<AtomicU32>);
 
-impl Annotator for TotalArea {
+impl ImageAnnotator for TotalArea {
     fn reads(&self) -> Vec<KeyId> {
         vec![VISIBLE_MASK.id()]
     }
     fn provides(&self) -> Vec<KeyId> {
         vec![AREA.id()]
     }
-    fn annotate(&self, _: &ViewContext, products: &mut Products) -> Result<()> {
+    fn annotate(&self, _: &ImageContext, products: &mut Products) -> Result<()> {
         self.0.fetch_add(1, Ordering::Relaxed);
         let area: u32 = products.get(VISIBLE_MASK)?.iter().map(|(_, mask)| mask.area()).sum();
         products.put(AREA, Value::from(area))
@@ -33,7 +33,7 @@ fn main() -> std::result::Result<(), Box<dyn std::error::Error>> {
     let out = PathBuf::from(std::env::args().nth(1).ok_or("name a folder for the dataset")?);
     let views = Arc::<AtomicU32>::default();
     let counted = Arc::clone(&views);
-    let entry = Entry::plain("total_area", "samples", move || -> Box<dyn Annotator> {
+    let entry = Entry::plain("total_area", "samples", move || -> Box<dyn ImageAnnotator> {
         Box::new(TotalArea(Arc::clone(&counted)))
     });
     let registry = Registry::linked()?.with(entry)?;

@@ -7,7 +7,7 @@ use std::path::Path;
 use syntable_model::error::{Error, Result};
 use syntable_model::registry::{Shape, Slot};
 use syntable_model::some::{and_more, first_of};
-use syntable_model::stage::Writer;
+use syntable_model::stage::{Scenes, Writer};
 
 /// How a dataset grows.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
@@ -214,7 +214,7 @@ pub fn only_finish(recipe: &Recipe, key: &str) -> bool {
 /// The files that are there were written without it.
 fn disturbed(recipe: &Recipe, growth: &Growth, changed: &BTreeSet<String>) -> Vec<(String, String)> {
     let stays = |id: &String| !growth.writers.contains(id) && !growth.rewritten.contains(id);
-    let by = |writer: &dyn Writer| {
+    let by = |writer: &dyn Writer<Scenes>| {
         let reads: Vec<String> = writer.reads().into_iter().map(|input| input.product).collect();
         let Plan { entries, .. } = recipe.plan.part(reads.iter().map(String::as_str), false);
         entries.into_iter().map(|entry| entry.provider).find(|provider| changed.contains(provider))

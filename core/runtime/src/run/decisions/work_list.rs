@@ -8,7 +8,7 @@ use crate::run::dataset::records::{self, OWNER};
 use crate::run::decisions::growth::Growth;
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
-use syntable_model::stage::{DatasetInfo, Input, Writer};
+use syntable_model::stage::{DatasetInfo, Input, Scenes, Writer};
 
 /// What is made of a scene.
 pub struct Work<'a> {
@@ -17,7 +17,7 @@ pub struct Work<'a> {
     /// What is computed.
     pub plan: Plan,
     /// Who writes.
-    pub writers: Vec<&'a (String, Box<dyn Writer>)>,
+    pub writers: Vec<&'a (String, Box<dyn Writer<Scenes>>)>,
 }
 
 /// A scene to make.

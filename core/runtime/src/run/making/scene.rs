@@ -28,7 +28,7 @@ use syntable_model::context::{SceneContext, ViewContext};
 use syntable_model::error::{Error, Result};
 use syntable_model::product::Products;
 use syntable_model::scene::{Placed, Scene, SceneId, Settled, View};
-use syntable_model::stage::Output;
+use syntable_model::stage::{Output, Scenes};
 
 /// Makes scenes.
 pub struct SceneMaker<'a> {
@@ -260,7 +260,7 @@ impl<'m> Attempt<'m, '_> {
 
 /// Writes the views of a scene, and keeps what the journal and the annotators of the dataset want of them.
 struct Files<'m> {
-    writers: Writers<'m>,
+    writers: Writers<'m, Scenes>,
     records: Records,
     seen: Seen,
     plan: &'m Plan,

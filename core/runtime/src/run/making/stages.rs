@@ -6,7 +6,7 @@ use crate::run::making::losses::{Losses, StageLog};
 use crate::run::making::times::Times;
 use std::collections::BTreeMap;
 use syntable_model::check::Check;
-use syntable_model::context::{SceneContext, ViewContext};
+use syntable_model::context::{ImageContext, SceneContext, ViewContext};
 use syntable_model::error::{Error, Result};
 use syntable_model::product::standard::RADIANCE;
 use syntable_model::product::{KeyId, Products, RenderParameters};
@@ -28,6 +28,7 @@ pub fn annotate(
         let made = lend(times, stage, products, |lent| match &*stage.producer {
             Producer::Denoiser(denoiser) => denoiser.denoise(cx, lent),
             Producer::Sensor(sensor) => sensor.sense(cx, &sensing[&stage.stage], lent),
+            Producer::Image(annotator) => annotator.annotate(cx, lent),
             Producer::View(annotator) => annotator.annotate(cx, lent),
             Producer::Scene(_) | Producer::Dataset(_) => unreachable!("the plan sorts producers by scope"),
         })?;
@@ -35,6 +36,25 @@ pub fn annotate(
         if let Producer::Denoiser(denoiser) = &*stage.producer {
             plan.denoised.iter().try_for_each(|&of| denoise_objects(times, stage, &**denoiser, of, cx, products))?;
         }
+    }
+    Ok(())
+}
+
+/// Runs all producers of an image that was read: annotators that see products alone.
+pub fn annotate_image(
+    times: &Times,
+    losses: &Losses,
+    plan: &Plan,
+    cx: &ImageContext,
+    products: &mut Products,
+) -> Result<()> {
+    for stage in &plan.per_view {
+        let Producer::Image(annotator) = &*stage.producer else {
+            unreachable!("the plan of a conversion has no other producers")
+        };
+        let log = StageLog { log: cx.log, losses, stage: &stage.stage };
+        let made = lend(times, stage, products, |lent| annotator.annotate(&cx.with_log(&log), lent))?;
+        keep(plan, made, products)?;
     }
     Ok(())
 }

@@ -172,7 +172,7 @@ impl Writer for Bop {
         others.into_iter().chain(masks).chain(models).collect()
     }
 
-    fn scene(&self, cx: &SceneContext, output: Output) -> Result<Box<dyn SceneWriter>> {
+    fn scene(&self, cx: &ImagesContext, output: Output) -> Result<Box<dyn SceneWriter>> {
         let folder = self.folder(output.id(), cx.scene_id);
         Ok(Box::new(scene::BopScene::new(self.clone(), folder, output)?))
     }

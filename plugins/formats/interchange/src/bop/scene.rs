@@ -83,7 +83,7 @@ struct ViewFiles {
 }
 
 impl SceneWriter for BopScene {
-    fn view(&mut self, cx: &ViewContext, products: &Products) -> Result<()> {
+    fn view(&mut self, cx: &ImageContext, products: &Products) -> Result<()> {
         let (view, scale) = (cx.view_id, self.config.depth_scale);
         let camera: CameraView = read(products.get(CAMERA)?, CAMERA.name())?;
         if camera.distortion_k1_k2_p1_p2_k3.is_some() {
@@ -107,7 +107,7 @@ impl SceneWriter for BopScene {
         self.shard.view(&ViewRecord { view: view.0, camera: camera.camera(scale), objects })
     }
 
-    fn close(mut self: Box<Self>, _: &SceneContext, products: &Products) -> Result<()> {
+    fn close(mut self: Box<Self>, _: &ImagesContext, products: &Products) -> Result<()> {
         if self.config.layout == Layout::Scenewise {
             for (name, entries) in FILES.into_iter().zip(self.entries) {
                 self.output.write(&format!("{}/{name}", self.folder), &entries.finish())?;

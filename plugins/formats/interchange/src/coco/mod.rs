@@ -89,7 +89,7 @@ impl Writer for Coco {
         [Input::of(RGB), policy()].into_iter().chain(labels::either_inputs()).chain(keypoints).collect()
     }
 
-    fn scene(&self, _: &SceneContext, output: Output) -> Result<Box<dyn SceneWriter>> {
+    fn scene(&self, _: &ImagesContext, output: Output) -> Result<Box<dyn SceneWriter>> {
         let files = SceneFiles::new(output);
         Ok(Box::new(CocoScene { masks: self.masks, keypoints: self.keypoints.clone(), files }))
     }
@@ -120,7 +120,7 @@ struct CocoScene {
 }
 
 impl SceneWriter for CocoScene {
-    fn view(&mut self, cx: &ViewContext, products: &Products) -> Result<()> {
+    fn view(&mut self, cx: &ImageContext, products: &Products) -> Result<()> {
         let mut labels = labels::partial(cx.dataset, products)?;
         labels.retain(|label| !self.masks.shown_of(label).is_empty());
         self.files.image(cx, products, labels.len())?;
@@ -134,7 +134,7 @@ impl SceneWriter for CocoScene {
         })
     }
 
-    fn close(self: Box<Self>, _: &SceneContext, _: &Products) -> Result<()> {
+    fn close(self: Box<Self>, _: &ImagesContext, _: &Products) -> Result<()> {
         self.files.close()
     }
 }

@@ -75,7 +75,7 @@ impl Writer for CocoPanoptic {
         std::iter::once(Input::of(RGB)).chain(labels::visible_inputs()).collect()
     }
 
-    fn scene(&self, _: &SceneContext, output: Output) -> Result<Box<dyn SceneWriter>> {
+    fn scene(&self, _: &ImagesContext, output: Output) -> Result<Box<dyn SceneWriter>> {
         Ok(Box::new(PanopticScene { folder: self.folder(), files: SceneFiles::new(output) }))
     }
 
@@ -140,7 +140,7 @@ struct PanopticScene {
 }
 
 impl SceneWriter for PanopticScene {
-    fn view(&mut self, cx: &ViewContext, products: &Products) -> Result<()> {
+    fn view(&mut self, cx: &ImageContext, products: &Products) -> Result<()> {
         let rgb = products.get(RGB)?;
         let mut labels = labels::partial(cx.dataset, products)?;
         labels.retain(|label| !visible(label).is_empty());
@@ -153,7 +153,7 @@ impl SceneWriter for PanopticScene {
         self.files.annotation(&PanopticAnnotation { id: 0, image_id: 0, file_name: name, segments_info })
     }
 
-    fn close(self: Box<Self>, _: &SceneContext, _: &Products) -> Result<()> {
+    fn close(self: Box<Self>, _: &ImagesContext, _: &Products) -> Result<()> {
         self.files.close()
     }
 }

@@ -68,7 +68,7 @@ impl Writer for Cocoa {
         own.into_iter().chain(order::inputs()).chain(labels::inputs()).collect()
     }
 
-    fn scene(&self, _: &SceneContext, output: Output) -> Result<Box<dyn SceneWriter>> {
+    fn scene(&self, _: &ImagesContext, output: Output) -> Result<Box<dyn SceneWriter>> {
         Ok(Box::new(CocoaScene { files: SceneFiles::new(output) }))
     }
 
@@ -118,7 +118,7 @@ struct CocoaScene {
 }
 
 impl SceneWriter for CocoaScene {
-    fn view(&mut self, cx: &ViewContext, products: &Products) -> Result<()> {
+    fn view(&mut self, cx: &ImageContext, products: &Products) -> Result<()> {
         let labels = Masks::Amodal.shown(labels::labels(cx.dataset, products)?);
         let order = Order::of(products, &labels)?;
         let sorted = order.front_to_back();
@@ -139,7 +139,7 @@ impl SceneWriter for CocoaScene {
         })
     }
 
-    fn close(self: Box<Self>, _: &SceneContext, _: &Products) -> Result<()> {
+    fn close(self: Box<Self>, _: &ImagesContext, _: &Products) -> Result<()> {
         self.files.close()
     }
 }

@@ -64,7 +64,7 @@ impl Writer for D2sa {
         [Input::of(RGB), policy()].into_iter().chain(order::inputs()).chain(labels::inputs()).collect()
     }
 
-    fn scene(&self, _: &SceneContext, output: Output) -> Result<Box<dyn SceneWriter>> {
+    fn scene(&self, _: &ImagesContext, output: Output) -> Result<Box<dyn SceneWriter>> {
         Ok(Box::new(D2saScene { files: SceneFiles::new(output) }))
     }
 
@@ -114,7 +114,7 @@ struct D2saScene {
 }
 
 impl SceneWriter for D2saScene {
-    fn view(&mut self, cx: &ViewContext, products: &Products) -> Result<()> {
+    fn view(&mut self, cx: &ImageContext, products: &Products) -> Result<()> {
         let labels = Masks::Amodal.shown(labels::labels(cx.dataset, products)?);
         let order = Order::of(products, &labels)?;
         let sorted = order.front_to_back();
@@ -126,7 +126,7 @@ impl SceneWriter for D2saScene {
             .try_for_each(|(at, &i)| self.files.annotation(&annotation(cx.dataset, &labels[i], at + 1, layers[i])?))
     }
 
-    fn close(self: Box<Self>, _: &SceneContext, _: &Products) -> Result<()> {
+    fn close(self: Box<Self>, _: &ImagesContext, _: &Products) -> Result<()> {
         self.files.close()
     }
 }

@@ -91,7 +91,7 @@ impl Writer for Kins {
         inputs
     }
 
-    fn scene(&self, _: &SceneContext, output: Output) -> Result<Box<dyn SceneWriter>> {
+    fn scene(&self, _: &ImagesContext, output: Output) -> Result<Box<dyn SceneWriter>> {
         Ok(Box::new(KinsScene { version: self.version, files: SceneFiles::new(output) }))
     }
 
@@ -147,7 +147,7 @@ struct KinsScene {
 }
 
 impl SceneWriter for KinsScene {
-    fn view(&mut self, cx: &ViewContext, products: &Products) -> Result<()> {
+    fn view(&mut self, cx: &ImageContext, products: &Products) -> Result<()> {
         let labels = Masks::Visible.shown(labels::labels(cx.dataset, products)?);
         self.files.image(cx, products, labels.len())?;
         match self.version {
@@ -164,7 +164,7 @@ impl SceneWriter for KinsScene {
         }
     }
 
-    fn close(self: Box<Self>, _: &SceneContext, _: &Products) -> Result<()> {
+    fn close(self: Box<Self>, _: &ImagesContext, _: &Products) -> Result<()> {
         self.files.close()
     }
 }

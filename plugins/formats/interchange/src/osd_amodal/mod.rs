@@ -56,7 +56,7 @@ impl Writer for OsdAmodal {
         [Input::of(RGB), self.depth.input()].into_iter().chain(labels::inputs()).collect()
     }
 
-    fn scene(&self, _: &SceneContext, output: Output) -> Result<Box<dyn SceneWriter>> {
+    fn scene(&self, _: &ImagesContext, output: Output) -> Result<Box<dyn SceneWriter>> {
         Ok(Box::new(OsdScene { depth: self.depth, output }))
     }
 
@@ -75,7 +75,7 @@ struct OsdScene {
 }
 
 impl SceneWriter for OsdScene {
-    fn view(&mut self, cx: &ViewContext, products: &Products) -> Result<()> {
+    fn view(&mut self, cx: &ImageContext, products: &Products) -> Result<()> {
         let mut labels = Masks::Visible.shown(labels::labels(cx.dataset, products)?);
         if labels.is_empty() {
             return Ok(());
@@ -103,7 +103,7 @@ impl SceneWriter for OsdScene {
         })
     }
 
-    fn close(self: Box<Self>, _: &SceneContext, _: &Products) -> Result<()> {
+    fn close(self: Box<Self>, _: &ImagesContext, _: &Products) -> Result<()> {
         Ok(())
     }
 }

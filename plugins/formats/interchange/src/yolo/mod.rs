@@ -119,7 +119,7 @@ impl Writer for Yolo {
         [Input::of(RGB), Input::of(points)].into_iter().chain(labels).collect()
     }
 
-    fn scene(&self, _: &SceneContext, output: Output) -> Result<Box<dyn SceneWriter>> {
+    fn scene(&self, _: &ImagesContext, output: Output) -> Result<Box<dyn SceneWriter>> {
         Ok(Box::new(YoloScene { config: self.clone(), output }))
     }
 
@@ -160,7 +160,7 @@ struct YoloScene {
 }
 
 impl SceneWriter for YoloScene {
-    fn view(&mut self, cx: &ViewContext, products: &Products) -> Result<()> {
+    fn view(&mut self, cx: &ImageContext, products: &Products) -> Result<()> {
         let Self { config, output } = self;
         let (rgb, scene, view) = (products.get(RGB)?, cx.scene_id, cx.view_id);
         Image::rgb(rgb).write(output, &format!("{}/{}", output.id(), config.image_path(scene, view)))?;
@@ -173,7 +173,7 @@ impl SceneWriter for YoloScene {
         output.write(&format!("{}/{}", output.id(), config.label_path(scene, view)), text.as_bytes())
     }
 
-    fn close(self: Box<Self>, _: &SceneContext, _: &Products) -> Result<()> {
+    fn close(self: Box<Self>, _: &ImagesContext, _: &Products) -> Result<()> {
         Ok(())
     }
 }

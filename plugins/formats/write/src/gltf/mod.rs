@@ -85,14 +85,14 @@ fn glb_path(id: &str, stem: &str) -> String {
     format!("{id}/{stem}.glb")
 }
 
-config!(Gltf => dyn Writer, "gltf", "lights = \"emissive\"\nper = \"scene\"");
+config!(Gltf => dyn Writer<Scenes>, "gltf", "lights = \"emissive\"\nper = \"scene\"");
 
-impl Writer for Gltf {
+impl Writer<Scenes> for Gltf {
     fn reads(&self) -> Vec<Input> {
         Vec::new()
     }
 
-    fn scene(&self, cx: &SceneContext, output: Output) -> Result<Box<dyn SceneWriter>> {
+    fn scene(&self, cx: &SceneContext, output: Output) -> Result<Box<dyn SceneWriter<Scenes>>> {
         Ok(Box::new(GltfScene { config: self.clone(), output, export: Export::new(cx)?, id: cx.scene_id, views: 0 }))
     }
 
@@ -119,9 +119,9 @@ struct GltfScene {
     views: usize,
 }
 
-impl SceneWriter for GltfScene {
+impl SceneWriter<Scenes> for GltfScene {
     fn view(&mut self, cx: &ViewContext, _: &Products) -> Result<()> {
-        let view = cx.view()?;
+        let view = cx.view;
         match self.config.per {
             FilePer::Scene => {
                 if self.views == 0 {
@@ -182,7 +182,7 @@ impl Export {
     fn new(cx: &SceneContext) -> Result<Self> {
         let mut export = Self::default();
         let licenses: BTreeSet<&str> = cx
-            .scene()?
+            .scene
             .bodies()
             .iter()
             .flat_map(|body| {
@@ -204,7 +204,7 @@ impl Export {
             nodes: vec![0],
             extras: json!({ "dataset": cx.dataset.name, "seed": cx.dataset.seed, "scene": cx.scene_id.0 }),
         });
-        for body in cx.scene()?.bodies() {
+        for body in cx.scene.bodies() {
             export.body(body).map_err(|error| error.context(format!("body {} ({})", body.id, body.asset)))?;
         }
         Ok(export)

@@ -70,7 +70,7 @@ impl Writer for Jsonl {
         Input::included(&self.include, Accepts::Any)
     }
 
-    fn scene(&self, _: &SceneContext, output: Output) -> Result<Box<dyn SceneWriter>> {
+    fn scene(&self, _: &ImagesContext, output: Output) -> Result<Box<dyn SceneWriter>> {
         Ok(Box::new(JsonlScene {
             config: self.clone(),
             output,
@@ -118,7 +118,7 @@ struct JsonlScene {
 }
 
 impl SceneWriter for JsonlScene {
-    fn view(&mut self, cx: &ViewContext, products: &Products) -> Result<()> {
+    fn view(&mut self, cx: &ImageContext, products: &Products) -> Result<()> {
         let include = &self.config.include;
         let mut record = Map::from_iter([("view".to_owned(), cx.view_id.0.into())]);
         match self.config.per {
@@ -141,7 +141,7 @@ impl SceneWriter for JsonlScene {
         }
     }
 
-    fn close(mut self: Box<Self>, cx: &SceneContext, products: &Products) -> Result<()> {
+    fn close(mut self: Box<Self>, cx: &ImagesContext, products: &Products) -> Result<()> {
         let mut line = Map::from_iter([("scene".to_owned(), cx.scene_id.0.into())]);
         let mut of_scene = json(&self.config.include, products, Scope::Scene)?;
         match self.config.per {

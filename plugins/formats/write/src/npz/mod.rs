@@ -81,7 +81,7 @@ impl Writer for Npz {
         Input::included(&self.include, Accepts::If(|key| accepts(key, npy::check)))
     }
 
-    fn scene(&self, _: &SceneContext, output: Output) -> Result<Box<dyn SceneWriter>> {
+    fn scene(&self, _: &ImagesContext, output: Output) -> Result<Box<dyn SceneWriter>> {
         Ok(Box::new(NpzScene { config: self.clone(), output }))
     }
 
@@ -109,13 +109,13 @@ struct NpzScene {
 }
 
 impl SceneWriter for NpzScene {
-    fn view(&mut self, cx: &ViewContext, products: &Products) -> Result<()> {
+    fn view(&mut self, cx: &ImageContext, products: &Products) -> Result<()> {
         let [width, height] = cx.size.map(|edge| edge as usize);
         let size = [height, width];
         self.write(Scope::View, &view_name(cx.scene_id, cx.view_id), products, size)
     }
 
-    fn close(self: Box<Self>, cx: &SceneContext, products: &Products) -> Result<()> {
+    fn close(self: Box<Self>, cx: &ImagesContext, products: &Products) -> Result<()> {
         self.write(Scope::Scene, &scene_name(cx.scene_id), products, [0, 0])
     }
 }

@@ -1,15 +1,16 @@
 //! The files of SynTable's switch `--save-segmentation-data`.
 //!
-//! `k` is the object's spawn number, with gaps where objects were removed; of a dataset that is converted, it is the id less
+//! `k` is the object's spawn number, with gaps where objects were removed; where the dataset does not state it, `k` is the id less
 //! one, which is the spawn number if none was removed. The values are those of the released program:
 //! visible and occlusion masks are 0 and 1, amodal masks 0 and the instance id; the ids of objects modulo 256, and 0 for
 //! everything else.
 
 use super::SynTable;
-use super::record::Labels;
+use super::record::{Labels, decoded};
+use std::collections::BTreeSet;
 use syntable_formats::encode::{pfm, png::Image};
 use syntable_model::prelude::*;
-use syntable_model::product::standard::{DEPTH, INSTANCE};
+use syntable_model::product::standard::{BODIES, DEPTH, INSTANCE, OBJECT_INFO};
 use syntable_model::product::{Painted, Plane};
 
 /// Paths of the files of the view `name` that are not of single objects: depth, its preview, and the ids.
@@ -22,7 +23,7 @@ pub fn paths(name: &str) -> [String; 3] {
 pub fn write(
     config: &SynTable,
     output: &Output,
-    cx: &ViewContext,
+    cx: &ImageContext,
     products: &Products,
     labels: &Labels,
     name: &str,
@@ -32,14 +33,13 @@ pub fn write(
     let depth = products.get(DEPTH)?;
     output.write(&depth_path, &pfm::encode(depth))?;
     Image::gray8(&inverse_depth(depth)).write(output, &preview_path)?;
-    // A dataset that was read has no scene: then the labels are all that is known.
-    let scene = cx.scene().ok();
-    let ids = match scene {
-        Some(scene) => {
-            let objects = scene.objects().len();
-            products.get(INSTANCE)?.map(|id| if usize::from(id.0) <= objects { *id } else { InstanceId::default() })
+    let ids = match (products.optional(INSTANCE)?, products.optional(BODIES)?) {
+        (Some(ids), Some(bodies)) => {
+            let objects = objects(bodies)?;
+            ids.map(|id| if objects.contains(&id.0) { *id } else { InstanceId::default() })
         }
-        None => {
+        // A dataset that was read may have labels alone.
+        _ => {
             let masks = labels.ids().iter().map(|&id| Ok((id, labels.masks(id)?[0])));
             let painted = Painted::new(cx.size, masks.collect::<Result<Vec<_>>>()?);
             painted.left_out().for_each(|left_out| cx.log.left_out(&left_out));
@@ -51,8 +51,9 @@ pub fn write(
     let what =
         "objects have ids above 255, and these files have 8 bits: they show ids modulo 256, of which 0 is nothing";
     cx.log.left_out(&LeftOut::new(beyond, labels.ids().len(), what));
+    let spawns = products.optional(OBJECT_INFO)?;
     for &id in labels.ids() {
-        let spawn = scene.and_then(|scene| scene.body(id)).map(|body| body.spawn);
+        let spawn = spawns.and_then(|infos| infos.get(id)).map_or(Ok(None), spawn)?;
         let k = spawn.unwrap_or_else(|| u32::from(id.0) - 1);
         let [visible, amodal, occlusion] = labels.masks(id)?;
         Image::mask(visible, 1).write(output, &path(format!("instance/{name}_{k}.png")))?;
@@ -60,6 +61,26 @@ pub fn write(
         Image::mask(occlusion, 1).write(output, &path(format!("occlusion/{name}_{k}.png")))?;
     }
     Ok(())
+}
+
+/// The ids of the objects among the records of the product `bodies`.
+fn objects(bodies: &Value) -> Result<BTreeSet<u16>> {
+    #[derive(Deserialize)]
+    struct Record {
+        id: u16,
+        role: String,
+    }
+    let records: Vec<Record> = decoded(BODIES.name(), bodies)?;
+    Ok(records.into_iter().filter(|body| body.role == "object").map(|body| body.id).collect())
+}
+
+/// The spawn number in a record of the product `object_info`; none if the dataset does not state it.
+fn spawn(info: &Value) -> Result<Option<u32>> {
+    #[derive(Deserialize)]
+    struct Record {
+        spawn: Option<u32>,
+    }
+    Ok(decoded::<Record>(OBJECT_INFO.name(), info)?.spawn)
 }
 
 /// Inverse depth relative to the nearest pixel, which becomes 255; 0 where there is no depth.

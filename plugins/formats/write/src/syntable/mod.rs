@@ -143,13 +143,16 @@ impl Writer for SynTable {
             inputs.extend(more.map(Input::optional));
         }
         if self.debug_masks {
-            // A run always has it; of a dataset that is converted, ids are painted from visible masks.
+            // A run always has these. A dataset that was read may lack them: then ids are painted from visible masks.
             inputs.push(Input::of(INSTANCE).optional());
+            if self.compat == Compat::Syntable1 {
+                inputs.extend([Input::of(OBJECT_INFO), Input::of(BODIES)].map(Input::optional));
+            }
         }
         inputs
     }
 
-    fn scene(&self, _: &SceneContext, output: Output) -> Result<Box<dyn SceneWriter>> {
+    fn scene(&self, _: &ImagesContext, output: Output) -> Result<Box<dyn SceneWriter>> {
         Ok(Box::new(SynTableScene { config: self.clone(), output, lines: Vec::new() }))
     }
 
@@ -196,7 +199,7 @@ struct SynTableScene {
 }
 
 impl SceneWriter for SynTableScene {
-    fn view(&mut self, cx: &ViewContext, products: &Products) -> Result<()> {
+    fn view(&mut self, cx: &ImageContext, products: &Products) -> Result<()> {
         let Self { config, output, lines } = self;
         let (scene, view) = (cx.scene_id.0, cx.view_id.0);
         Image::rgb(products.get(RGB)?).write(output, &config.path(&rgb_path(scene, view)))?;
@@ -232,7 +235,7 @@ impl SceneWriter for SynTableScene {
         })
     }
 
-    fn close(self: Box<Self>, cx: &SceneContext, products: &Products) -> Result<()> {
+    fn close(self: Box<Self>, cx: &ImagesContext, products: &Products) -> Result<()> {
         let Self { config, output, mut lines } = *self;
         if config.compat == Compat::Coco
             && let Some(scene) = record::scene(cx, products)?

@@ -2,6 +2,7 @@
 
 use super::{BoxSource, Compat};
 use crate::jsonl::encoded;
+use serde::de::DeserializeOwned;
 use serde_json::Value as Json;
 use syntable_formats::segmentation::Rle;
 use syntable_formats::syntable::{
@@ -119,7 +120,7 @@ impl<'a> Labels<'a> {
 }
 
 /// The record of an image in the coco form, without its id.
-pub fn image(cx: &ViewContext, products: &Products, labels: &Labels) -> Result<Image> {
+pub fn image(cx: &ImageContext, products: &Products, labels: &Labels) -> Result<Image> {
     Ok(Image {
         scene_id: Some(cx.scene_id.0),
         view_id: Some(cx.view_id.0),
@@ -139,7 +140,7 @@ fn found<T: Product>(products: &Products, key: Key<T>) -> Result<Option<Json>> {
 }
 
 /// The record of an image in the syntable_1 form, without its id.
-pub fn image_1(cx: &ViewContext, products: &Products) -> Result<Image> {
+pub fn image_1(cx: &ImageContext, products: &Products) -> Result<Image> {
     let rgb = products.get(RGB)?;
     let (scene, view) = (cx.scene_id.0, cx.view_id.0);
     Ok(Image {
@@ -158,11 +159,22 @@ pub fn image_1(cx: &ViewContext, products: &Products) -> Result<Image> {
 }
 
 /// What the ids of a scene stand for: the product `bodies`, if it is there.
-pub fn scene(cx: &SceneContext, products: &Products) -> Result<Option<Scene>> {
+pub fn scene(cx: &ImagesContext, products: &Products) -> Result<Option<Scene>> {
     let Some(bodies) = found(products, BODIES)? else { return Ok(None) };
-    let bodies = serde_json::from_value(bodies);
-    let bodies = bodies.map_err(|error| Error::new(format!("product `{}`: {error}", BODIES.name())).permanent())?;
-    Ok(Some(Scene { id: cx.scene_id.0, bodies, extra: Default::default() }))
+    Ok(Some(Scene { id: cx.scene_id.0, bodies: from_json(BODIES.name(), bodies)?, extra: Default::default() }))
+}
+
+/// A product's records as a type.
+///
+/// # Errors
+/// If they have other fields; the message names the product.
+pub fn decoded<T: DeserializeOwned>(product: &str, value: &Value) -> Result<T> {
+    let json = serde_json::to_value(value);
+    from_json(product, json.map_err(|error| Error::new(format!("product `{product}`: {error}")).permanent())?)
+}
+
+fn from_json<T: DeserializeOwned>(product: &str, json: Json) -> Result<T> {
+    serde_json::from_value(json).map_err(|error| Error::new(format!("product `{product}`: {error}")).permanent())
 }
 
 /// The record of an annotation in the coco form, without its id and that of its image.

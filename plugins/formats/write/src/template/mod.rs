@@ -242,7 +242,7 @@ impl Writer for TemplateWriter {
         Input::included(&self.0.config.include, Accepts::Any)
     }
 
-    fn scene(&self, cx: &SceneContext, output: Output) -> Result<Box<dyn SceneWriter>> {
+    fn scene(&self, cx: &ImagesContext, output: Output) -> Result<Box<dyn SceneWriter>> {
         // A file that cannot be read or parsed is reported before anything is rendered.
         self.0.body().map_err(Error::permanent)?;
         let context = self.0.context(cx.dataset, output.id());
@@ -319,7 +319,7 @@ struct TemplateScene {
 }
 
 impl SceneWriter for TemplateScene {
-    fn view(&mut self, cx: &ViewContext, products: &Products) -> Result<()> {
+    fn view(&mut self, cx: &ImageContext, products: &Products) -> Result<()> {
         let per_view = self.templates.config.per == FilePer::View;
         let mut record = Map::from_iter([("view".to_owned(), json!({ "id": cx.view_id.0 }))]);
         let include = &self.templates.config.include;
@@ -339,7 +339,7 @@ impl SceneWriter for TemplateScene {
         self.output.write(&path, text.as_bytes())
     }
 
-    fn close(mut self: Box<Self>, _: &SceneContext, products: &Products) -> Result<()> {
+    fn close(mut self: Box<Self>, _: &ImagesContext, products: &Products) -> Result<()> {
         for (name, _) in include::of_scope(&self.templates.config.include, products, Scope::Scene) {
             self.scene.insert(name.to_owned(), encoded(products, name)?);
         }

@@ -91,7 +91,7 @@ impl Writer for Webdataset {
         Input::included(&self.include, Accepts::If(of_view))
     }
 
-    fn scene(&self, cx: &SceneContext, output: Output) -> Result<Box<dyn SceneWriter>> {
+    fn scene(&self, cx: &ImagesContext, output: Output) -> Result<Box<dyn SceneWriter>> {
         let path = path(output.id(), &scene_name(cx.scene_id));
         let archive = Archive::new(output.create(&path)?, path);
         Ok(Box::new(WebdatasetScene { config: self.clone(), archive }))
@@ -120,7 +120,7 @@ struct WebdatasetScene {
 }
 
 impl SceneWriter for WebdatasetScene {
-    fn view(&mut self, cx: &ViewContext, products: &Products) -> Result<()> {
+    fn view(&mut self, cx: &ImageContext, products: &Products) -> Result<()> {
         let [width, height] = cx.size.map(|edge| edge as usize);
         let size = [height, width];
         let sample = view_name(cx.scene_id, cx.view_id);
@@ -133,7 +133,7 @@ impl SceneWriter for WebdatasetScene {
         Ok(())
     }
 
-    fn close(self: Box<Self>, _: &SceneContext, _: &Products) -> Result<()> {
+    fn close(self: Box<Self>, _: &ImagesContext, _: &Products) -> Result<()> {
         self.archive.finish()
     }
 }

@@ -77,9 +77,9 @@ impl Default for Masks {
     }
 }
 
-config!(Masks => dyn Annotator, "masks", "image_frame = \"clip\"\ntable_and_room = \"occlude\"\nmin_visible_px = 1");
+config!(Masks => dyn ViewAnnotator, "masks", "image_frame = \"clip\"\ntable_and_room = \"occlude\"\nmin_visible_px = 1");
 
-impl Annotator for Masks {
+impl ViewAnnotator for Masks {
     fn reads(&self) -> Vec<KeyId> {
         let mut keys = keys![INSTANCE, self.coverage()];
         if self.image_frame == ImageFrame::Extend {
@@ -93,7 +93,7 @@ impl Annotator for Masks {
     }
 
     fn annotate(&self, cx: &ViewContext, products: &mut Products) -> Result<()> {
-        let objects = cx.scene()?.objects().len();
+        let objects = cx.scene.objects().len();
         let coverage = products.get(self.coverage())?;
         check_objects(coverage, objects)?;
         let sweep = sweep(products.get(INSTANCE)?, coverage)?;

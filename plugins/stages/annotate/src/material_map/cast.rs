@@ -65,7 +65,7 @@ struct Ray {
 
 impl<'a> Caster<'a> {
     pub fn new(cx: &'a ViewContext, kept: &'a Trees, through_glass: bool) -> Result<Self> {
-        let (scene, camera) = (cx.scene()?, &cx.view()?.camera);
+        let (scene, camera) = (cx.scene, &cx.view.camera);
         let bodies = scene.bodies();
         let opaque = bodies.iter().map(|body| materials(body).into_iter().all(is_opaque)).collect();
         let trees = bodies.iter().map(|_| OnceLock::new()).collect();

@@ -34,10 +34,10 @@ pub enum Glass {
 }
 
 impl Config for MaterialMap {
-    type Stage = dyn Annotator;
+    type Stage = dyn ViewAnnotator;
     const KIND: &'static str = "material_map";
     const EXAMPLE: &'static str = "glass = \"looked_through\"";
-    fn build(self) -> Result<Box<dyn Annotator>, ConfigError> {
+    fn build(self) -> Result<Box<dyn ViewAnnotator>, ConfigError> {
         Ok(Box::new(Mapper { options: self, trees: Trees::default() }))
     }
 }
@@ -50,7 +50,7 @@ struct Mapper {
     trees: Trees,
 }
 
-impl Annotator for Mapper {
+impl ViewAnnotator for Mapper {
     fn reads(&self) -> Vec<KeyId> {
         keys![INSTANCE]
     }
@@ -61,7 +61,7 @@ impl Annotator for Mapper {
 
     fn annotate(&self, cx: &ViewContext, products: &mut Products) -> Result<()> {
         let instance = products.get(INSTANCE)?;
-        let numbered = Numbered::new(cx.scene()?)?;
+        let numbered = Numbered::new(cx.scene)?;
         let caster = Caster::new(cx, &self.trees, self.options.glass == Glass::LookedThrough)?;
         let shown = |x: u32, y: u32| {
             let Some(index) = usize::from(instance.at(x, y).0).checked_sub(1) else { return 0 };

@@ -23,11 +23,27 @@ pub fn stage(kind: &str, options: &str) -> Stage {
     entry.construct_str(options).expect("good options").stage
 }
 
-/// An annotator of views.
-pub fn annotator(kind: &str, options: &str) -> Box<dyn Annotator> {
+/// An annotator of views or images.
+pub fn annotator(kind: &str, options: &str) -> Box<dyn ViewAnnotator> {
     match stage(kind, options) {
-        Stage::Annotate(annotator) => annotator,
+        Stage::AnnotateImage(annotator) => Box::new(OfImages(annotator)),
+        Stage::AnnotateView(annotator) => annotator,
         _ => panic!("`{kind}` does not annotate views"),
+    }
+}
+
+/// An annotator of images, for views.
+struct OfImages(Box<dyn ImageAnnotator>);
+
+impl ViewAnnotator for OfImages {
+    fn reads(&self) -> Vec<KeyId> {
+        self.0.reads()
+    }
+    fn provides(&self) -> Vec<KeyId> {
+        self.0.provides()
+    }
+    fn annotate(&self, cx: &ViewContext, products: &mut Products) -> Result<()> {
+        self.0.annotate(cx, products)
     }
 }
 

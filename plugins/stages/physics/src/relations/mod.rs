@@ -89,7 +89,7 @@ impl SceneAnnotator for Relate {
     }
 
     fn annotate(&self, cx: &SceneContext, _: &[ViewProducts], products: &mut Products) -> Result<()> {
-        let scene = cx.scene()?;
+        let scene = cx.scene;
         let solids = solid::solids(cx, scene, &self.shapes);
         let contacts = contact::contacts(&solids, self.margin_m);
         let moving: Vec<Option<Moving>> = solids.iter().map(|solid| Moving::of(solid, scene)).collect();

@@ -95,7 +95,7 @@ impl Sensor for DepthSensor {
     }
 
     fn sense(&self, cx: &ViewContext, stream: &Stream, products: &mut Products) -> Result<()> {
-        let (camera, workers) = (&cx.view()?.camera, cx.workers);
+        let (camera, workers) = (&cx.view.camera, cx.workers);
         let depth = products.get(DEPTH)?;
         let size = [depth.width(), depth.height()];
         let surface = Surface::new(camera, depth, products.get(NORMAL)?, self.common.edge_step_m, workers);

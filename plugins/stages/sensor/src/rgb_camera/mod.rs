@@ -86,7 +86,7 @@ impl Sensor for RgbCamera {
     }
 
     fn sense(&self, cx: &ViewContext, stream: &Stream, products: &mut Products) -> Result<()> {
-        let (view, workers, stream) = (cx.view()?, cx.workers, |effect: &str| stream.child(effect));
+        let (view, workers, stream) = (cx.view, cx.workers, |effect: &str| stream.child(effect));
         let mut applied: Vec<(&str, Value)> = Vec::new();
         let mut light = Cow::Borrowed(products.get(RADIANCE)?);
         let intrinsics = &view.camera.intrinsics;

@@ -1,0 +1,120 @@
+//! What a writer writes: images alone, or scenes.
+
+use crate::context::{DatasetContext, ImageContext, ImagesContext, Log, SceneContext, ViewContext};
+use crate::error::Result;
+use crate::product::Products;
+use crate::stage::{FileOf, Finish, Input, Output, SceneWriter, Writer};
+
+/// What a writer writes, [`Images`] or [`Scenes`]: it sets the contexts that the writer gets.
+pub trait Subject: 'static {
+    /// The context of each view.
+    type View<'a>: Copy;
+    /// The context of each scene.
+    type Scene<'a>: Copy;
+    /// What a view's context says of the image.
+    fn image<'s, 'a>(cx: &'s Self::View<'a>) -> &'s ImageContext<'a>;
+    /// What a scene's context says of its images.
+    fn images<'s, 'a>(cx: &'s Self::Scene<'a>) -> &'s ImagesContext<'a>;
+    /// A view's context with another log.
+    fn view_with_log<'s>(cx: &'s Self::View<'_>, log: &'s dyn Log) -> Self::View<'s>;
+    /// A scene's context with another log.
+    fn scene_with_log<'s>(cx: &'s Self::Scene<'_>, log: &'s dyn Log) -> Self::Scene<'s>;
+}
+
+/// Images with their labels, of scenes that the program made and of datasets that it read.
+pub enum Images {}
+
+impl Subject for Images {
+    type View<'a> = ImageContext<'a>;
+    type Scene<'a> = ImagesContext<'a>;
+
+    fn image<'s, 'a>(cx: &'s Self::View<'a>) -> &'s ImageContext<'a> {
+        cx
+    }
+
+    fn images<'s, 'a>(cx: &'s Self::Scene<'a>) -> &'s ImagesContext<'a> {
+        cx
+    }
+
+    fn view_with_log<'s>(cx: &'s ImageContext<'_>, log: &'s dyn Log) -> ImageContext<'s> {
+        cx.with_log(log)
+    }
+
+    fn scene_with_log<'s>(cx: &'s ImagesContext<'_>, log: &'s dyn Log) -> ImagesContext<'s> {
+        cx.with_log(log)
+    }
+}
+
+/// Scenes that the program made: bodies, materials, cameras and lights.
+pub enum Scenes {}
+
+impl Subject for Scenes {
+    type View<'a> = ViewContext<'a>;
+    type Scene<'a> = SceneContext<'a>;
+
+    fn image<'s, 'a>(cx: &'s Self::View<'a>) -> &'s ImageContext<'a> {
+        cx
+    }
+
+    fn images<'s, 'a>(cx: &'s Self::Scene<'a>) -> &'s ImagesContext<'a> {
+        cx
+    }
+
+    fn view_with_log<'s>(cx: &'s ViewContext<'_>, log: &'s dyn Log) -> ViewContext<'s> {
+        cx.with_log(log)
+    }
+
+    fn scene_with_log<'s>(cx: &'s SceneContext<'_>, log: &'s dyn Log) -> SceneContext<'s> {
+        cx.with_log(log)
+    }
+}
+
+impl dyn Writer {
+    /// The same writer, for scenes that the program made: it still sees their images and labels alone.
+    pub fn of_scenes(self: Box<Self>) -> Box<dyn Writer<Scenes>> {
+        Box::new(OfImages(self))
+    }
+}
+
+/// A writer of images, or the part of it that is at work on a scene.
+struct OfImages<W>(W);
+
+impl Writer<Scenes> for OfImages<Box<dyn Writer>> {
+    fn reads(&self) -> Vec<Input> {
+        self.0.reads()
+    }
+
+    fn scene(&self, cx: &SceneContext, output: Output) -> Result<Box<dyn SceneWriter<Scenes>>> {
+        Ok(Box::new(OfImages(self.0.scene(cx, output)?)))
+    }
+
+    fn finish(&self, cx: &DatasetContext, products: &Products, finish: &Finish) -> Result<()> {
+        self.0.finish(cx, products, finish)
+    }
+
+    fn needs_obj_ids(&self) -> bool {
+        self.0.needs_obj_ids()
+    }
+
+    fn ready(&self) -> Result<()> {
+        self.0.ready()
+    }
+
+    fn paths(&self, of: &FileOf) -> Result<Vec<String>> {
+        self.0.paths(of)
+    }
+
+    fn finish_options(&self) -> &'static [&'static str] {
+        self.0.finish_options()
+    }
+}
+
+impl SceneWriter<Scenes> for OfImages<Box<dyn SceneWriter>> {
+    fn view(&mut self, cx: &ViewContext, products: &Products) -> Result<()> {
+        self.0.view(cx, products)
+    }
+
+    fn close(self: Box<Self>, cx: &SceneContext, products: &Products) -> Result<()> {
+        self.0.close(cx, products)
+    }
+}
