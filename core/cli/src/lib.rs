@@ -11,14 +11,16 @@ pub use outputs::check_outputs;
 pub use signals::{ended, on_signals};
 pub use syntable_model::inventory;
 pub use syntable_runtime::message::Message;
-pub use verb::{Topic, Verb};
+pub use verb::{CliVerb, Topic, Verb};
 pub use verbs::list::products;
 
 use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand, ValueEnum};
 use progress::{Human, JsonLines};
+use std::collections::BTreeMap;
 use std::io::{IsTerminal, Write};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+use std::sync::Arc;
 use syntable_model::error::Error;
 use syntable_model::registry::Registry;
 use syntable_runtime::left_out::LeftOutReport;
@@ -205,48 +207,86 @@ pub fn amount(text: &str) -> std::result::Result<usize, String> {
 /// }
 /// ```
 pub fn main() -> ExitCode {
-    let (command, verbs) = match command() {
-        Ok(found) => found,
-        Err(clash) => {
-            Console::new(LogFormat::Human).say(&Message::Error(Error::new(clash)));
-            return ExitCode::from(2);
-        }
-    };
-    let matches = command.get_matches();
-    let format = matches.get_one::<LogFormat>("log_format").copied().unwrap_or(LogFormat::Human);
-    let console = Console::new(format);
-    let done = Registry::linked().map_err(|clash| Exit::wrong(Error::new(clash))).and_then(|registry| {
-        if let Some((name, arguments)) = matches.subcommand()
-            && let Some((_, verb)) = verbs.iter().find(|(other, _)| other == name)
-        {
-            return (verb.run)(&console, &registry, arguments);
-        }
-        match Cli::from_arg_matches(&matches) {
-            Ok(cli) => console.verb(cli.verb, &registry),
-            Err(error) => error.exit(),
-        }
-    });
-    match done {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(Exit { code, messages }) => {
-            messages.iter().for_each(|message| console.say(message));
-            ExitCode::from(code)
+    match Program::linked() {
+        Ok(program) => program.run(),
+        Err(clash) => refused(clash),
+    }
+}
+
+/// A program with a command line: a registry, and verbs beside those of this crate.
+pub struct Program {
+    registry: Registry,
+    verbs: Vec<Arc<dyn CliVerb>>,
+}
+
+impl Program {
+    /// All that the linked crates register.
+    ///
+    /// # Errors
+    /// If two crates register one name.
+    pub fn linked() -> Result<Self, String> {
+        Ok(Self { registry: Registry::linked()?, verbs: verb::linked() })
+    }
+
+    /// The same with another registry, such as the linked one with kinds that have state of the program.
+    pub fn with_registry(self, registry: Registry) -> Self {
+        Self { registry, ..self }
+    }
+
+    /// The same with one more verb.
+    pub fn with_verb(mut self, verb: Arc<dyn CliVerb>) -> Self {
+        self.verbs.push(verb);
+        self
+    }
+
+    /// Runs the command line of this process.
+    pub fn run(self) -> ExitCode {
+        let (command, verbs) = match command(&self.verbs) {
+            Ok(found) => found,
+            Err(clash) => return refused(clash),
+        };
+        let matches = command.get_matches();
+        let format = matches.get_one::<LogFormat>("log_format").copied().unwrap_or(LogFormat::Human);
+        let console = Console::new(format);
+        let added = matches.subcommand().and_then(|(name, arguments)| Some((verbs.get(name)?, arguments)));
+        let done = match added {
+            Some((verb, arguments)) => verb.run(&console, &self.registry, arguments),
+            None => match Cli::from_arg_matches(&matches) {
+                Ok(cli) => console.verb(cli.verb, &self.registry),
+                Err(error) => error.exit(),
+            },
+        };
+        match done {
+            Ok(()) => ExitCode::SUCCESS,
+            Err(Exit { code, messages }) => {
+                messages.iter().for_each(|message| console.say(message));
+                ExitCode::from(code)
+            }
         }
     }
 }
 
-/// The whole command line: the verbs of the program and those of the linked crates.
-fn command() -> Result<(clap::Command, Vec<(String, Verb)>), String> {
+/// The end of a program whose crates do not go together.
+fn refused(clash: String) -> ExitCode {
+    Console::new(LogFormat::Human).say(&Message::Error(Error::new(clash)));
+    ExitCode::from(2)
+}
+
+/// Verbs by name.
+type Verbs = BTreeMap<String, Arc<dyn CliVerb>>;
+
+/// The whole command line: the verbs of this crate, and others.
+fn command(verbs: &[Arc<dyn CliVerb>]) -> Result<(clap::Command, Verbs), String> {
     let mut command = Cli::command();
     command.build();
-    let verbs = verb::linked(&command)?;
-    let command = verbs.iter().fold(Cli::command(), |command, (_, verb)| command.subcommand((verb.command)()));
+    let verbs = verb::by_name(verbs, &command)?;
+    let command = verbs.values().fold(Cli::command(), |command, verb| command.subcommand(verb.command()));
     Ok((command, verbs))
 }
 
 /// The command line with the verbs of the linked crates, or without them if they clash.
 fn whole() -> clap::Command {
-    command().map_or_else(|_| Cli::command(), |(command, _)| command)
+    command(&verb::linked()).map_or_else(|_| Cli::command(), |(command, _)| command)
 }
 
 /// The program's help as text, verb by verb, for the reference page.

@@ -2,10 +2,26 @@
 
 use crate::{Console, Exit};
 use clap::{ArgMatches, Command};
+use std::collections::BTreeMap;
+use std::sync::Arc;
 use syntable_model::inventory;
 use syntable_model::registry::Registry;
 
-/// A verb of the command line. Registered with [`register_verb!`](crate::register_verb).
+/// A verb of the command line. Crates register a [`Verb`]; a program may add one with state of its own
+/// ([`Program::with_verb`](crate::Program::with_verb)).
+pub trait CliVerb: Send + Sync {
+    /// Its name, help, arguments and examples.
+    fn command(&self) -> Command;
+    /// Runs it. Results go to [`Console::print`], messages to [`Console::say`].
+    ///
+    /// # Errors
+    /// End the program with their exit code.
+    fn run(&self, console: &Console, registry: &Registry, arguments: &ArgMatches) -> Result<(), Exit>;
+    /// The crate or program that has it, for messages.
+    fn owner(&self) -> &str;
+}
+
+/// A verb of a crate, without state. Registered with [`register_verb!`](crate::register_verb).
 ///
 /// ```
 /// use syntable_cli::{Console, Exit, Verb};
@@ -34,6 +50,20 @@ pub struct Verb {
 }
 
 inventory::collect!(Verb);
+
+impl CliVerb for Verb {
+    fn command(&self) -> Command {
+        (self.command)()
+    }
+
+    fn run(&self, console: &Console, registry: &Registry, arguments: &ArgMatches) -> Result<(), Exit> {
+        (self.run)(console, registry, arguments)
+    }
+
+    fn owner(&self) -> &str {
+        self.crate_name
+    }
+}
 
 /// Registers verbs.
 #[macro_export]
@@ -70,21 +100,29 @@ pub(crate) fn topics() -> Vec<Topic> {
     topics
 }
 
-/// The verbs of all linked crates, sorted by name. One that is called like another is an error that names both crates.
-pub(crate) fn linked(own: &Command) -> Result<Vec<(String, Verb)>, String> {
-    let mut verbs: Vec<(String, Verb)> =
-        inventory::iter::<Verb>.into_iter().map(|verb| ((verb.command)().get_name().to_owned(), *verb)).collect();
-    verbs.sort_by(|(a, _), (b, _)| a.cmp(b));
-    for (index, (name, verb)) in verbs.iter().enumerate() {
-        let other = match verbs.get(index + 1) {
-            Some((next, other)) if next == name => other.crate_name,
+/// The verbs of all linked crates.
+pub(crate) fn linked() -> Vec<Arc<dyn CliVerb>> {
+    inventory::iter::<Verb>.into_iter().map(|verb| Arc::new(*verb) as _).collect()
+}
+
+/// The verbs by name.
+///
+/// # Errors
+/// If one is called like another or like a verb of `own`: both crates.
+pub(crate) fn by_name(verbs: &[Arc<dyn CliVerb>], own: &Command) -> Result<BTreeMap<String, Arc<dyn CliVerb>>, String> {
+    let mut sorted: Vec<(String, &Arc<dyn CliVerb>)> =
+        verbs.iter().map(|verb| (verb.command().get_name().to_owned(), verb)).collect();
+    sorted.sort_by(|(a, one), (b, other)| (a, one.owner()).cmp(&(b, other.owner())));
+    for (index, (name, verb)) in sorted.iter().enumerate() {
+        let other = match sorted.get(index + 1) {
+            Some((next, other)) if next == name => other.owner(),
             _ if own.find_subcommand(name).is_some() => env!("CARGO_PKG_NAME"),
             _ => continue,
         };
         return Err(format!(
             "two crates register the verb `{name}`: {} and {other}; link one of them only",
-            verb.crate_name
+            verb.owner()
         ));
     }
-    Ok(verbs)
+    Ok(sorted.into_iter().map(|(name, verb)| (name, Arc::clone(verb))).collect())
 }

@@ -25,6 +25,19 @@ impl LeftOut {
         Self { what: what.into(), count: count as u64, of: of as u64, help: None }
     }
 
+    /// Adds up those that say the same, in the order in which they come first; those that say nothing are gone.
+    pub fn sum(all: impl IntoIterator<Item = Self>) -> Vec<Self> {
+        let mut sums: Vec<Self> = Vec::new();
+        for left_out in all {
+            match sums.iter_mut().find(|sum| sum.what == left_out.what) {
+                Some(sum) => (sum.count, sum.of) = (sum.count + left_out.count, sum.of + left_out.of),
+                None => sums.push(left_out),
+            }
+        }
+        sums.retain(|sum| sum.count > 0);
+        sums
+    }
+
     /// The same with a remedy.
     pub fn help(self, help: impl Into<Cow<'static, str>>) -> Self {
         Self { help: Some(help.into()), ..self }

@@ -9,26 +9,65 @@ use crate::left_out::LeftOut;
 use crate::panics::guarded;
 use crate::product::{KeyId, Mask, Products};
 use crate::registry::Registry;
-use crate::scene::{SceneId, View, ViewId};
+use crate::scene::{SceneId, ViewId};
 use crate::stage::DatasetInfo;
+use std::collections::BTreeMap;
+use std::ops::Deref;
 use std::path::{Path, PathBuf};
-use std::sync::OnceLock;
+use std::sync::Arc;
 
-/// A format of datasets that can be read.
+/// A format of datasets that can be read. Crates register a [`Format`]; a program may add a format with state of its own
+/// ([`Registry::with_formats`]).
+pub trait DatasetFormat: Send + Sync {
+    /// Its name, as users write it. [`intern`](crate::intern::intern) makes one at run time.
+    fn name(&self) -> &'static str;
+    /// What it is, in one sentence.
+    fn doc(&self) -> &str;
+    /// Whether a folder looks like one, or a file like the annotation file of one. Callers use [`detects`](#method.detects).
+    fn looks_like(&self, path: &Path) -> bool;
+    /// Reads what is known of a dataset without its images: a folder, or an annotation file of it. Names of files that the dataset has
+    /// are looked up in [`Source::folder`], so that they lead nowhere else. Callers use [`open`](#method.open).
+    ///
+    /// # Errors
+    /// If there is none, or nothing of it can be read.
+    fn read(&self, source: &Source) -> Result<Opened>;
+    /// Whether it holds products under their names, as generic writers write them. Beside a dataset of a layout, that one is
+    /// opened.
+    fn is_generic(&self) -> bool {
+        false
+    }
+    /// The crate or program that has it, for messages.
+    fn owner(&self) -> &str;
+}
+
+impl dyn DatasetFormat + '_ {
+    /// Opens a dataset. A panic of its reader, then and later, becomes an error that names the dataset: a reader may use
+    /// libraries that panic on damaged files.
+    ///
+    /// # Errors
+    /// If there is none, or nothing of it can be read.
+    pub fn open(&self, source: &Source) -> Result<OpenDataset> {
+        OpenDataset::open(self.name(), source, || self.read(source))
+    }
+
+    /// Whether a folder or a file looks like a dataset of the format. One on which the reader panics does not.
+    pub fn detects(&self, path: &Path) -> bool {
+        guarded(&format!("the reader of {}", self.name()), path, || Ok(self.looks_like(path))).unwrap_or(false)
+    }
+}
+
+/// A format of a crate, without state. Registered with [`register_format!`](crate::register_format).
 #[derive(Clone, Copy)]
 pub struct Format {
     /// Its name, as users write it.
     pub name: &'static str,
     /// What it is, in one sentence.
     pub doc: &'static str,
-    /// Whether a folder looks like one, or a file like the annotation file of one. Callers use [`Format::detects`].
+    /// Whether a folder looks like one; see [`DatasetFormat::looks_like`].
     pub detect: fn(&Path) -> bool,
-    /// Opens a dataset by its folder, or by an annotation file of it. Names of files that the dataset has are looked up in
-    /// [`Source::folder`], so that they lead nowhere else. An error says that there is none, or that nothing of it can be read.
-    /// Callers use [`Format::open`].
-    pub open: fn(&Source) -> Result<Box<dyn DatasetReader>>,
-    /// Whether it holds products under their names, as generic writers write them. Beside a dataset of a layout, that one is
-    /// opened.
+    /// Reads what is known of a dataset; see [`DatasetFormat::read`].
+    pub open: fn(&Source) -> Result<Opened>,
+    /// Whether it holds products under their names; see [`DatasetFormat::is_generic`].
     pub is_generic: bool,
     /// Crate that registers it.
     pub crate_name: &'static str,
@@ -36,18 +75,29 @@ pub struct Format {
 
 inventory::collect!(Format);
 
-impl Format {
-    /// Opens a dataset. A panic of its reader, then and later, becomes an error that names the dataset: a reader may use
-    /// libraries that panic on damaged files.
-    pub fn open(&self, source: &Source) -> Result<Box<dyn DatasetReader>> {
-        let (reader, root) = (format!("the reader of {}", self.name), source.path.as_path());
-        let inner = guarded(&reader, root, || (self.open)(source))?;
-        Ok(Box::new(Guarded { inner, reader, root: root.to_owned(), failed: OnceLock::new() }))
+impl DatasetFormat for Format {
+    fn name(&self) -> &'static str {
+        self.name
     }
 
-    /// Whether a folder or a file looks like a dataset of the format. One on which the reader panics does not.
-    pub fn detects(&self, path: &Path) -> bool {
-        guarded(&format!("the reader of {}", self.name), path, || Ok((self.detect)(path))).unwrap_or(false)
+    fn doc(&self) -> &str {
+        self.doc
+    }
+
+    fn looks_like(&self, path: &Path) -> bool {
+        (self.detect)(path)
+    }
+
+    fn read(&self, source: &Source) -> Result<Opened> {
+        (self.open)(source)
+    }
+
+    fn is_generic(&self) -> bool {
+        self.is_generic
+    }
+
+    fn owner(&self) -> &str {
+        self.crate_name
     }
 }
 
@@ -94,9 +144,10 @@ impl Registry {
     ///
     /// # Errors
     /// If nothing is there, it is no dataset of a known format, or of several, or nothing of it can be read.
-    pub fn open_dataset(&self, source: &Source, format: Option<&str>) -> Result<(Format, Box<dyn DatasetReader>)> {
+    pub fn open_dataset(&self, source: &Source, format: Option<&str>) -> Result<(Arc<dyn DatasetFormat>, OpenDataset)> {
         let (format, source) = self.find_dataset(source, format)?;
-        Ok((format, format.open(&source)?))
+        let dataset = format.open(&source)?;
+        Ok((format, dataset))
     }
 
     /// Finds the format of a dataset, and its folder or annotation file, without opening it: a folder that only holds a dataset
@@ -104,19 +155,23 @@ impl Registry {
     ///
     /// # Errors
     /// If nothing is there, or it is no dataset of a known format, or of several.
-    pub fn find_dataset(&self, source: &Source, format: Option<&str>) -> Result<(Format, Source)> {
+    pub fn find_dataset(&self, source: &Source, format: Option<&str>) -> Result<(Arc<dyn DatasetFormat>, Source)> {
         find(self.formats(), source, format)
     }
 }
 
-fn find(formats: &[Format], source: &Source, format: Option<&str>) -> Result<(Format, Source)> {
+fn find(
+    formats: &[Arc<dyn DatasetFormat>],
+    source: &Source,
+    format: Option<&str>,
+) -> Result<(Arc<dyn DatasetFormat>, Source)> {
     let root = source.path.as_path();
-    let names = || formats.iter().map(|format| format.name).collect::<Vec<_>>().join(", ");
+    let names = || formats.iter().map(|format| format.name()).collect::<Vec<_>>().join(", ");
     if !root.is_dir() && !root.is_file() {
         return Err(Error::new("there is no such folder or file").in_file(root).of_request());
     }
     if let Some(name) = format {
-        let named = formats.iter().find(|it| it.name == name).copied();
+        let named = formats.iter().find(|it| it.name() == name).cloned();
         return named.map(|format| (format, source.clone())).ok_or_else(|| {
             Error::new(format!("`{name}` is no format that can be read"))
                 .help(format!("these are: {}", names()))
@@ -125,13 +180,13 @@ fn find(formats: &[Format], source: &Source, format: Option<&str>) -> Result<(Fo
     }
     // A dataset of a layout comes before what holds products under their names, wherever it is.
     for is_generic in [false, true] {
-        let those = || formats.iter().filter(move |it| it.is_generic == is_generic);
-        let found: Vec<&Format> = those().filter(|it| it.detects(root)).collect();
+        let those = || formats.iter().filter(move |it| it.is_generic() == is_generic);
+        let found: Vec<&Arc<dyn DatasetFormat>> = those().filter(|it| it.detects(root)).collect();
         match found.as_slice() {
-            [only] => return Ok((**only, source.clone())),
+            [only] => return Ok((Arc::clone(only), source.clone())),
             [] => {}
             [first, second, ..] => {
-                return Err(Error::new(format!("it looks like {} and like {}", first.name, second.name))
+                return Err(Error::new(format!("it looks like {} and like {}", first.name(), second.name()))
                     .in_file(root)
                     .help("name the format with --format")
                     .of_request());
@@ -163,178 +218,227 @@ fn find(formats: &[Format], source: &Source, format: Option<&str>) -> Result<(Fo
         .of_request())
 }
 
-/// A dataset that is open.
-pub trait DatasetReader: Send + Sync {
+/// What a reader finds when it opens a dataset: plain data, and where its images come from.
+pub struct Opened {
     /// Name, number of scenes and views, classes.
-    fn info(&self) -> &DatasetInfo;
+    pub info: DatasetInfo,
     /// The images, ordered by scene and view.
-    fn images(&self) -> &[ImageRef];
+    pub images: Vec<ImageRef>,
     /// The products that images have.
-    fn offers(&self) -> Vec<KeyId>;
-    /// What is known of an image's camera, and the wanted products that it has. An error says which file or record
-    /// cannot be read.
-    fn read(&self, image: usize, wants: &[KeyId]) -> Result<(View, Products)>;
-    /// What is wrong with the dataset beyond single images: files or records that contradict each other.
-    fn faults(&self) -> &[DatasetFault] {
-        &[]
-    }
-    /// Those of the faults that are known without files beyond what images need; [`faults`](Self::faults) may read many.
-    fn faults_of_opening(&self) -> &[DatasetFault] {
-        self.faults()
-    }
-    /// Why parts of these products are left out, such as meshes of objects, in all images: files that cannot be read. Asked
-    /// after images were read.
-    fn left_out(&self, reads: &[KeyId]) -> Vec<Error> {
-        let _ = reads;
-        Vec::new()
-    }
-    /// What is wrong with the records of an image beyond its products: names of rules, and what breaks them. What cannot
-    /// be read is not looked at.
-    fn image_faults(&self, image: usize) -> Vec<(&'static str, String)> {
-        let _ = image;
-        Vec::new()
-    }
-    /// Those of the products that follow from others: nothing is lost if nobody reads them.
-    fn derived(&self) -> Vec<KeyId> {
-        Vec::new()
-    }
-    /// Pairs of products that say the same in other forms: if one is read, nothing of the other is lost.
-    fn alike(&self) -> Vec<[KeyId; 2]> {
-        Vec::new()
-    }
+    pub offers: Vec<KeyId>,
+    /// Those of them that follow from others: nothing is lost if nobody reads them.
+    pub derived: Vec<KeyId>,
+    /// Interchangeable products: reading either of a pair loses no information.
+    pub alike: Vec<[KeyId; 2]>,
+    /// What is wrong with the dataset beyond single images, as far as opening shows it: files or records that contradict each other.
+    pub faults: Vec<DatasetFault>,
     /// Whether images without objects are listed: a dataset without images is then at fault.
-    fn lists_all_images(&self) -> bool {
-        true
+    pub lists_all_images: bool,
+    /// Ids of the annotation file's categories, each with the id of the category in `info`; none if they are the same.
+    pub category_ids: Option<BTreeMap<u64, u32>>,
+    /// What the products lack.
+    pub notes: Vec<Note>,
+    /// Reads the images.
+    pub source: Box<dyn ImageSource>,
+}
+
+impl Opened {
+    /// A dataset in which everything is as it should be: nothing is derived, at fault or missing, and all images are listed.
+    pub fn new(
+        info: DatasetInfo,
+        images: Vec<ImageRef>,
+        offers: Vec<KeyId>,
+        source: impl ImageSource + 'static,
+    ) -> Self {
+        Self {
+            info,
+            images,
+            offers,
+            derived: Vec::new(),
+            alike: Vec::new(),
+            faults: Vec::new(),
+            lists_all_images: true,
+            category_ids: None,
+            notes: Vec::new(),
+            source: Box::new(source),
+        }
     }
+}
+
+/// Reads the images of a dataset. Images are numbered by their place in [`Opened::images`].
+pub trait ImageSource: Send + Sync {
+    /// Reads an image: those of the wanted products that it has.
+    ///
+    /// # Errors
+    /// If a file or record cannot be read; the message names it.
+    fn read(&self, image: usize, wants: &[KeyId]) -> Result<ReadImage>;
     /// Regions of an image in which objects are there and not told apart, such as COCO's crowds. They are no objects; a score
     /// may neither count what is found in them nor hold it against a detector.
+    ///
+    /// # Errors
+    /// If they cannot be read.
     fn crowds(&self, image: usize) -> Result<Vec<Crowd>> {
         let _ = image;
         Ok(Vec::new())
     }
-    /// Annotations that are not given as objects, such as crowds, counted over all images: writers never see them. Asked after
-    /// images were read for the products of `reads`.
-    fn passed_over(&self, reads: &[KeyId]) -> Vec<LeftOut> {
-        let _ = reads;
+    /// What is wrong with the records of an image beyond its products: names of rules, and what breaks them. What cannot
+    /// be read is skipped.
+    fn image_faults(&self, image: usize) -> Vec<(&'static str, String)> {
+        let _ = image;
         Vec::new()
     }
+    /// What is wrong with files that images do not need, such as meshes.
+    fn other_faults(&self) -> Vec<DatasetFault> {
+        Vec::new()
+    }
+}
+
+/// An image that was read.
+#[derive(Clone)]
+pub struct ReadImage {
+    /// Width and height, px.
+    pub size: [u32; 2],
+    /// Those of the wanted products that it has.
+    pub products: Products,
+    /// Annotations of the image that are not given as objects.
+    pub left_out: Vec<LeftOut>,
+    /// Why parts of products are missing, such as meshes of objects: files that cannot be read.
+    pub unread: Vec<Error>,
+}
+
+impl ReadImage {
+    /// An image of which everything could be read.
+    pub fn new(size: [u32; 2], products: Products) -> Self {
+        Self { size, products, left_out: Vec::new(), unread: Vec::new() }
+    }
+}
+
+/// What the products of a dataset lack.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Note {
+    lack: Lack,
+    /// The products that it concerns; all if none are named.
+    concerns: Option<Vec<KeyId>>,
+}
+
+/// A kind of what products lack.
+#[derive(Debug, Clone, PartialEq, Eq)]
+enum Lack {
+    Caveat(String),
+    NotObjects(LeftOut),
+    NotKept(LeftOut),
+}
+
+impl Note {
+    /// In what products say less than those of a run, for people.
+    pub fn caveat(text: impl Into<String>) -> Self {
+        Self { lack: Lack::Caveat(text.into()), concerns: None }
+    }
+
+    /// Annotations that are not given as objects, such as crowds, counted over all images: writers never see them.
+    pub fn not_objects(left_out: LeftOut) -> Self {
+        Self { lack: Lack::NotObjects(left_out), concerns: None }
+    }
+
     /// Fields with labels, such as keypoints and attributes, that no product holds: a conversion loses them. Each is counted over
-    /// all records of the dataset. Asked after images were read for the products of `reads`.
-    fn not_kept(&self, reads: &[KeyId]) -> Vec<LeftOut> {
-        let _ = reads;
-        Vec::new()
+    /// all records of the dataset.
+    pub fn not_kept(left_out: LeftOut) -> Self {
+        Self { lack: Lack::NotKept(left_out), concerns: None }
     }
-    /// The category, by its id in [`info`](Self::info), that the annotation file calls `own`; none if it has no such category.
-    fn category(&self, own: u64) -> Option<u32> {
-        self.info().categories().map(|(id, _)| id).find(|id| u64::from(*id) == own)
+
+    /// The same for those who read one of these products.
+    pub fn of(self, products: impl IntoIterator<Item = KeyId>) -> Self {
+        Self { concerns: Some(products.into_iter().collect()), ..self }
     }
-    /// In what products among these say less than those of a run, for people.
-    fn caveats(&self, reads: &[KeyId]) -> Vec<String> {
-        let _ = reads;
-        Vec::new()
+
+    fn concerns(&self, reads: &[KeyId]) -> bool {
+        self.concerns.as_ref().is_none_or(|concerns| concerns.iter().any(|key| reads.contains(key)))
     }
 }
 
-/// Opens a dataset by a reader that is not registered, guarded as [`Format::open`] guards those that are.
-pub fn open_guarded<R: DatasetReader + 'static>(
-    name: &str,
-    source: &Source,
-    open: impl FnOnce() -> Result<R>,
-) -> Result<Box<dyn DatasetReader>> {
-    let (reader, root) = (format!("the reader of {name}"), source.path.as_path());
-    let inner = Box::new(guarded(&reader, root, open)?);
-    Ok(Box::new(Guarded { inner, reader, root: root.to_owned(), failed: OnceLock::new() }))
-}
-
-/// A reader whose panics become errors. It forwards every method of the trait: one that it left out would be the default.
-struct Guarded {
-    inner: Box<dyn DatasetReader>,
-    /// Its name in messages.
+/// An open dataset. A panic of its reader becomes an error that names the dataset.
+pub struct OpenDataset {
+    opened: Opened,
+    /// The reader's name in messages.
     reader: String,
     root: PathBuf,
-    /// The fault of a reader that panicked while it looked for faults.
-    failed: OnceLock<Vec<DatasetFault>>,
 }
 
-impl Guarded {
-    /// The result of a call, or what stands for it if the reader panics, given the error.
-    fn call<T>(&self, work: impl FnOnce() -> T, failed: impl FnOnce(Error) -> T) -> T {
-        guarded(&self.reader, &self.root, || Ok(work())).unwrap_or_else(failed)
+impl OpenDataset {
+    /// Opens a dataset by a function that is not registered as a format. `reader` is the name of the format, for messages.
+    ///
+    /// # Errors
+    /// Those of the function; a panic in it is one, too.
+    pub fn open(reader: &str, source: &Source, open: impl FnOnce() -> Result<Opened>) -> Result<Self> {
+        let (reader, root) = (format!("the reader of {reader}"), source.path.clone());
+        Ok(Self { opened: guarded(&reader, &root, open)?, reader, root })
     }
 
-    fn faults_or_failure<'s>(&'s self, work: impl FnOnce() -> &'s [DatasetFault]) -> &'s [DatasetFault] {
-        self.call(work, |error| {
-            self.failed.get_or_init(|| {
-                let place = self.root.display().to_string();
-                vec![DatasetFault { check: "readable", place, message: error.to_string(), is_lost: false }]
-            })
-        })
+    /// Reads an image; see [`ImageSource::read`].
+    ///
+    /// # Errors
+    /// If a file or record cannot be read; the message names it.
+    pub fn read(&self, image: usize, wants: &[KeyId]) -> Result<ReadImage> {
+        guarded(&self.reader, &self.root, || self.opened.source.read(image, wants))
+    }
+
+    /// Regions of an image in which objects are not told apart; see [`ImageSource::crowds`].
+    ///
+    /// # Errors
+    /// If they cannot be read.
+    pub fn crowds(&self, image: usize) -> Result<Vec<Crowd>> {
+        guarded(&self.reader, &self.root, || self.opened.source.crowds(image))
+    }
+
+    /// What is wrong with the records of an image beyond its products; see [`ImageSource::image_faults`].
+    pub fn image_faults(&self, image: usize) -> Vec<(&'static str, String)> {
+        let found = guarded(&self.reader, &self.root, || Ok(self.opened.source.image_faults(image)));
+        found.unwrap_or_else(|error| vec![("readable", error.to_string())])
+    }
+
+    /// What is wrong with the dataset beyond single images. It may read many files; [`Opened::faults`] has what opening shows.
+    pub fn all_faults(&self) -> Vec<DatasetFault> {
+        let others = guarded(&self.reader, &self.root, || Ok(self.opened.source.other_faults()));
+        let others = others.unwrap_or_else(|error| {
+            let place = self.root.display().to_string();
+            vec![DatasetFault { check: "readable", place, message: error.to_string(), is_lost: false }]
+        });
+        self.opened.faults.iter().cloned().chain(others).collect()
+    }
+
+    /// The category, by its id in [`info`](Opened::info), that the annotation file calls `own`; none if it has no such category.
+    pub fn category(&self, own: u64) -> Option<u32> {
+        match &self.category_ids {
+            Some(ids) => ids.get(&own).copied(),
+            None => self.info.categories().map(|(id, _)| id).find(|id| u64::from(*id) == own),
+        }
+    }
+
+    /// In what products among these say less than those of a run, for people.
+    pub fn caveats(&self, reads: &[KeyId]) -> Vec<String> {
+        self.lacks(reads, |lack| if let Lack::Caveat(text) = lack { Some(text.clone()) } else { None })
+    }
+
+    /// Annotations that are not given as objects; see [`Note::not_objects`]. [`ReadImage::left_out`] has those of single images.
+    pub fn not_objects(&self, reads: &[KeyId]) -> Vec<LeftOut> {
+        self.lacks(reads, |lack| if let Lack::NotObjects(of) = lack { Some(of.clone()) } else { None })
+    }
+
+    /// Fields with labels that no product holds; see [`Note::not_kept`].
+    pub fn not_kept(&self, reads: &[KeyId]) -> Vec<LeftOut> {
+        self.lacks(reads, |lack| if let Lack::NotKept(of) = lack { Some(of.clone()) } else { None })
+    }
+
+    fn lacks<T>(&self, reads: &[KeyId], of: impl Fn(&Lack) -> Option<T>) -> Vec<T> {
+        self.notes.iter().filter(|note| note.concerns(reads)).filter_map(|note| of(&note.lack)).collect()
     }
 }
 
-impl DatasetReader for Guarded {
-    fn info(&self) -> &DatasetInfo {
-        self.inner.info()
-    }
+impl Deref for OpenDataset {
+    type Target = Opened;
 
-    fn images(&self) -> &[ImageRef] {
-        self.inner.images()
-    }
-
-    fn offers(&self) -> Vec<KeyId> {
-        self.inner.offers()
-    }
-
-    fn read(&self, image: usize, wants: &[KeyId]) -> Result<(View, Products)> {
-        guarded(&self.reader, &self.root, || self.inner.read(image, wants))
-    }
-
-    fn faults(&self) -> &[DatasetFault] {
-        self.faults_or_failure(|| self.inner.faults())
-    }
-
-    fn faults_of_opening(&self) -> &[DatasetFault] {
-        self.faults_or_failure(|| self.inner.faults_of_opening())
-    }
-
-    fn left_out(&self, reads: &[KeyId]) -> Vec<Error> {
-        self.call(|| self.inner.left_out(reads), |error| vec![error])
-    }
-
-    fn image_faults(&self, image: usize) -> Vec<(&'static str, String)> {
-        self.call(|| self.inner.image_faults(image), |error| vec![("readable", error.to_string())])
-    }
-
-    fn derived(&self) -> Vec<KeyId> {
-        self.inner.derived()
-    }
-
-    fn alike(&self) -> Vec<[KeyId; 2]> {
-        self.inner.alike()
-    }
-
-    fn lists_all_images(&self) -> bool {
-        self.inner.lists_all_images()
-    }
-
-    fn crowds(&self, image: usize) -> Result<Vec<Crowd>> {
-        guarded(&self.reader, &self.root, || self.inner.crowds(image))
-    }
-
-    fn passed_over(&self, reads: &[KeyId]) -> Vec<LeftOut> {
-        self.call(|| self.inner.passed_over(reads), |_| Vec::new())
-    }
-
-    fn not_kept(&self, reads: &[KeyId]) -> Vec<LeftOut> {
-        self.call(|| self.inner.not_kept(reads), |_| Vec::new())
-    }
-
-    fn category(&self, own: u64) -> Option<u32> {
-        self.inner.category(own)
-    }
-
-    fn caveats(&self, reads: &[KeyId]) -> Vec<String> {
-        self.call(|| self.inner.caveats(reads), |error| vec![error.to_string()])
+    fn deref(&self) -> &Opened {
+        &self.opened
     }
 }
 
@@ -387,23 +491,14 @@ pub struct DatasetFault {
 mod tests {
     use super::*;
 
-    /// A reader that panics in all that reads files.
-    struct Panicking(DatasetInfo);
+    /// A source that panics in all that it does.
+    struct Panicking;
 
-    impl DatasetReader for Panicking {
-        fn info(&self) -> &DatasetInfo {
-            &self.0
-        }
-        fn images(&self) -> &[ImageRef] {
-            &[]
-        }
-        fn offers(&self) -> Vec<KeyId> {
-            Vec::new()
-        }
-        fn read(&self, image: usize, _: &[KeyId]) -> Result<(View, Products)> {
+    impl ImageSource for Panicking {
+        fn read(&self, image: usize, _: &[KeyId]) -> Result<ReadImage> {
             panic!("image {image}")
         }
-        fn faults(&self) -> &[DatasetFault] {
+        fn other_faults(&self) -> Vec<DatasetFault> {
             panic!("faults")
         }
         fn image_faults(&self, _: usize) -> Vec<(&'static str, String)> {
@@ -412,20 +507,19 @@ mod tests {
         fn crowds(&self, _: usize) -> Result<Vec<Crowd>> {
             panic!("crowds")
         }
-        fn left_out(&self, _: &[KeyId]) -> Vec<Error> {
-            panic!("left out")
-        }
     }
 
     #[test]
     fn panics_of_readers_are_errors_that_name_the_dataset() {
-        let format = |open| Format {
-            name: "odd",
-            doc: "",
-            detect: |_| panic!("detect"),
-            open,
-            is_generic: false,
-            crate_name: "test",
+        let format = |open| -> Box<dyn DatasetFormat> {
+            Box::new(Format {
+                name: "odd",
+                doc: "",
+                detect: |_| panic!("detect"),
+                open,
+                is_generic: false,
+                crate_name: "test",
+            })
         };
         let root = Path::new("data/set");
         let says = |text: &str, what: &str| {
@@ -449,14 +543,13 @@ mod tests {
                 own_categories: Vec::new(),
                 label_surface: crate::stage::LabelSurface::First,
             };
-            Ok(Box::new(Panicking(info)))
+            Ok(Opened::new(info, Vec::new(), Vec::new(), Panicking))
         })
         .open(&Source::new(root))
         .expect("opens");
         says(&opened.read(3, &[]).err().expect("refused").to_string(), "image 3");
-        says(&opened.faults()[0].message, "faults");
+        says(&opened.all_faults()[0].message, "faults");
         says(&opened.image_faults(0)[0].1, "faults of an image");
         says(&opened.crowds(0).expect_err("refused").to_string(), "crowds");
-        says(&opened.left_out(&[])[0].to_string(), "left out");
     }
 }

@@ -4,10 +4,10 @@
 //! checks them. Every function of the program takes `&Registry`, so that tests build theirs by hand, and programs add kinds
 //! with state of their own ([`Registry::with`]).
 
-use crate::check::Check;
+use crate::check::{Check, LabelCheck};
 use crate::error::ConfigError;
 use crate::intern::intern;
-use crate::reader::Format;
+use crate::reader::{DatasetFormat, Format};
 use crate::stage::{
     AssetSource, CameraModel, DatasetAnnotator, Denoiser, ImageAnnotator, LightSampler, Placer, Renderer,
     SceneAnnotator, Scenes, Sensor, Settler, ViewAnnotator, ViewSampler, Writer,
@@ -411,8 +411,8 @@ inventory::collect!(Entry);
 #[derive(Clone, Default)]
 pub struct Registry {
     entries: Vec<Entry>,
-    checks: Vec<Check>,
-    formats: Vec<Format>,
+    checks: Vec<Arc<dyn LabelCheck>>,
+    formats: Vec<Arc<dyn DatasetFormat>>,
     stock: BTreeSet<&'static str>,
 }
 
@@ -425,8 +425,8 @@ impl Registry {
         let stock = inventory::iter::<StockCrates>.into_iter().flat_map(|crates| crates.0).copied();
         Self::new(inventory::iter::<Entry>.into_iter().cloned())?
             .with_stock(stock)
-            .with_checks(inventory::iter::<Check>.into_iter().copied())?
-            .with_formats(inventory::iter::<Format>.into_iter().copied())
+            .with_checks(inventory::iter::<Check>.into_iter().map(|check| Arc::new(*check) as _))?
+            .with_formats(inventory::iter::<Format>.into_iter().map(|format| Arc::new(*format) as _))
     }
 
     /// A registry of some kinds, without checks and formats.
@@ -471,11 +471,11 @@ impl Registry {
     ///
     /// # Errors
     /// If two checks have one name.
-    pub fn with_checks(mut self, checks: impl IntoIterator<Item = Check>) -> Result<Self, String> {
+    pub fn with_checks(mut self, checks: impl IntoIterator<Item = Arc<dyn LabelCheck>>) -> Result<Self, String> {
         self.checks.extend(checks);
-        self.checks.sort_by_key(|check| check.name);
-        match self.checks.windows(2).find(|pair| pair[0].name == pair[1].name) {
-            Some(pair) => Err(format!("two crates register the check `{}`; link one of them only", pair[0].name)),
+        self.checks.sort_by_key(|check| check.name());
+        match self.checks.windows(2).find(|pair| pair[0].name() == pair[1].name()) {
+            Some(pair) => Err(format!("two crates register the check `{}`; link one of them only", pair[0].name())),
             None => Ok(self),
         }
     }
@@ -484,25 +484,27 @@ impl Registry {
     ///
     /// # Errors
     /// If two formats have one name.
-    pub fn with_formats(mut self, formats: impl IntoIterator<Item = Format>) -> Result<Self, String> {
+    pub fn with_formats(mut self, formats: impl IntoIterator<Item = Arc<dyn DatasetFormat>>) -> Result<Self, String> {
         self.formats.extend(formats);
-        self.formats.sort_by_key(|format| format.name);
-        match self.formats.windows(2).find(|pair| pair[0].name == pair[1].name) {
+        self.formats.sort_by_key(|format| format.name());
+        match self.formats.windows(2).find(|pair| pair[0].name() == pair[1].name()) {
             Some(pair) => Err(format!(
                 "two crates register the format `{}`: {} and {}; link one of them only",
-                pair[0].name, pair[0].crate_name, pair[1].crate_name
+                pair[0].name(),
+                pair[0].owner(),
+                pair[1].owner()
             )),
             None => Ok(self),
         }
     }
 
     /// All checks of labels, by name.
-    pub fn checks(&self) -> &[Check] {
+    pub fn checks(&self) -> &[Arc<dyn LabelCheck>] {
         &self.checks
     }
 
     /// All formats of datasets that can be read, by name.
-    pub fn formats(&self) -> &[Format] {
+    pub fn formats(&self) -> &[Arc<dyn DatasetFormat>] {
         &self.formats
     }
 

@@ -7,7 +7,7 @@ use crate::run::{Converted, check_place, convert as convert_dataset, products_of
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 use syntable_model::error::{Error, Result};
-use syntable_model::reader::{Format, Source};
+use syntable_model::reader::Source;
 use syntable_model::registry::{ConstructError, Entry, Registry, Slot, Stage};
 use syntable_model::some::SHOWN;
 use syntable_model::stage::Writer;
@@ -67,14 +67,14 @@ pub fn convert(registry: &Registry, options: &ConvertOptions, reporter: &dyn Rep
     let writers = asked_writers(registry, options)?;
     check_place(&options.out, &options.dataset)?;
     let named = Source::new(&options.dataset).trusting(options.trust_paths);
-    let (Format { name: format, .. }, dataset) = registry.open_dataset(&named, options.format.as_deref())?;
-    let has = products_of(registry, &*dataset);
+    let (format, dataset) = registry.open_dataset(&named, options.format.as_deref())?;
+    let has = products_of(registry, &dataset);
     let mut shortened = BTreeSet::new();
     let writers = writers.into_iter().map(|writer| writer.without_missing(&has, &mut shortened));
     let writers = writers.collect::<Result<Vec<_>>>()?;
     let how = (options.threads, &options.stop);
-    let converted = convert_dataset(registry, &*dataset, &writers, &options.out, how, reporter)?;
-    Ok(Conversion { format, converted, shortened })
+    let converted = convert_dataset(registry, &dataset, &writers, &options.out, how, reporter)?;
+    Ok(Conversion { format: format.name(), converted, shortened })
 }
 
 impl Conversion {
@@ -95,7 +95,7 @@ impl Conversion {
             let reasons = reasons.map(|reason| Error::new(reason.clone()));
             report.add(format!("{} left out: they cannot be read", what.join(" and ")), reasons);
         }
-        report.annotations(&it.passed_over);
+        report.annotations(&it.not_objects);
         if !it.not_kept.is_empty() {
             let summary = format!("{} with labels not kept", count(it.not_kept.len() as u32, "field"));
             report.add(summary, it.not_kept.iter().map(|it| Error::new(it.to_string())));

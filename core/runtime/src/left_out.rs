@@ -6,7 +6,7 @@ use crate::run::{Loss, not_listed};
 use std::path::Path;
 use syntable_model::error::Error;
 use syntable_model::left_out::LeftOut;
-use syntable_model::reader::DatasetReader;
+use syntable_model::reader::OpenDataset;
 use syntable_model::some::SHOWN;
 
 /// What a function left out of its result, for people.
@@ -25,7 +25,7 @@ impl LeftOutReport {
     }
 
     /// Adds images that a dataset does not list, since files that hold or name them cannot be read.
-    pub fn unlisted(&mut self, dataset: &dyn DatasetReader) {
+    pub fn unlisted(&mut self, dataset: &OpenDataset) {
         let lost: Vec<String> = not_listed(dataset);
         if !lost.is_empty() {
             let summary = format!("{} left out: they cannot be read", count(lost.len() as u32, "part"));
@@ -34,8 +34,8 @@ impl LeftOutReport {
     }
 
     /// Adds annotations that are not read as objects.
-    pub fn annotations(&mut self, passed_over: &[LeftOut]) {
-        let some: Vec<&LeftOut> = passed_over.iter().filter(|it| it.count > 0).collect();
+    pub fn annotations(&mut self, not_objects: &[LeftOut]) {
+        let some: Vec<&LeftOut> = not_objects.iter().filter(|it| it.count > 0).collect();
         if !some.is_empty() {
             let number = some.iter().map(|it| it.count).sum::<u64>();
             let summary = format!("{} left out or incomplete", count(number as u32, "annotation"));

@@ -4,12 +4,13 @@ use crate::workers::Pool;
 use parking_lot::Mutex;
 use serde::Serialize;
 use std::collections::{BTreeMap, BTreeSet};
-use syntable_model::check::Check;
+use std::sync::Arc;
+use syntable_model::check::LabelCheck;
 use syntable_model::context::Workers;
 use syntable_model::error::{Error, Result};
 use syntable_model::product::standard::OBJECT_INFO;
 use syntable_model::product::{KeyId, Products, Value};
-use syntable_model::reader::{DatasetFault, DatasetReader, Source, unnamed_category, unnamed_object};
+use syntable_model::reader::{DatasetFault, OpenDataset, Source, unnamed_category, unnamed_object};
 use syntable_model::registry::Registry;
 
 /// Name of the check that datasets give things the same numbers.
@@ -56,11 +57,11 @@ pub fn validate_path(
 ) -> Result<ValidatedDataset> {
     let (format, found_at) = registry.find_dataset(named, format)?;
     let found = match format.open(&found_at) {
-        Ok(dataset) => validate(&*dataset, registry.checks(), threads)?,
+        Ok(dataset) => validate(&dataset, registry.checks(), threads)?,
         Err(error) if error.is_transient() => return Err(error),
         Err(error) => Validated::unreadable(found_at.path.display().to_string(), &error),
     };
-    Ok(ValidatedDataset { dataset: named.path.display().to_string(), format: format.name, found })
+    Ok(ValidatedDataset { dataset: named.path.display().to_string(), format: format.name(), found })
 }
 
 /// Where datasets give a number to different things, or a thing different numbers. Each dataset is compared with all before it.
@@ -187,20 +188,20 @@ pub struct FaultAt {
 }
 
 /// Reads all images of a dataset and makes all checks on each.
-pub fn validate(dataset: &dyn DatasetReader, checks: &[Check], threads: usize) -> Result<Validated> {
-    let offers = dataset.offers();
+pub fn validate(dataset: &OpenDataset, checks: &[Arc<dyn LabelCheck>], threads: usize) -> Result<Validated> {
+    let offers = &dataset.offers;
     let category = |(id, name): (u32, &str)| (u64::from(id), BTreeSet::from([name.to_owned()]));
     // What is called after its number may have a name in another dataset.
     let has_name =
         |(id, name): &(u32, &str)| [unnamed_object, unnamed_category].iter().all(|of| *name != of((*id).into()));
-    let categories = dataset.info().categories().filter(has_name).map(category).collect();
+    let categories = dataset.info.categories().filter(has_name).map(category).collect();
     let found = Mutex::new((vec![0_u32; checks.len()], BTreeSet::new(), Numbers { categories, ..Numbers::default() }));
-    Pool::new(threads)?.run(dataset.images().len(), &|image| {
+    Pool::new(threads)?.run(dataset.images.len(), &|image| {
         let (products, mut faults) = read(dataset, image, &offers);
         let made: Vec<bool> = checks.iter().map(|check| check.applies(&products)).collect();
         faults.extend(checks.iter().flat_map(|check| of_image(check, &products)));
         faults.extend(dataset.image_faults(image).into_iter().map(|(check, message)| (check.to_owned(), message)));
-        let place = &dataset.images()[image].name;
+        let place = &dataset.images[image].name;
         let mut found = found.lock();
         found.2.note_objects(&products);
         for (count, made) in found.0.iter_mut().zip(made) {
@@ -209,13 +210,13 @@ pub fn validate(dataset: &dyn DatasetReader, checks: &[Check], threads: usize) -
         found.1.extend(faults.into_iter().map(|(check, message)| FaultAt { check, place: place.clone(), message }));
     });
     let (counts, mut faults, numbers) = found.into_inner();
-    if dataset.images().is_empty() && dataset.lists_all_images() {
+    if dataset.images.is_empty() && dataset.lists_all_images {
         let message = "the dataset has no image".to_owned();
         faults.insert(FaultAt { check: READABLE.to_owned(), place: "images".to_owned(), message });
     }
-    faults.extend(dataset.faults().iter().map(FaultAt::from));
+    faults.extend(dataset.all_faults().iter().map(FaultAt::from));
     let of = |name: &str| faults.iter().filter(|fault| fault.check == name).count() as u32;
-    let images = dataset.images().len() as u32;
+    let images = dataset.images.len() as u32;
     let checked = |name: &str, says: &str, images| Checked {
         check: name.to_owned(),
         says: says.to_owned(),
@@ -223,7 +224,7 @@ pub fn validate(dataset: &dyn DatasetReader, checks: &[Check], threads: usize) -
         faults: of(name),
     };
     let mut all: Vec<Checked> =
-        checks.iter().zip(counts).map(|(check, count)| checked(check.name, check.doc, Some(count))).collect();
+        checks.iter().zip(counts).map(|(check, count)| checked(check.name(), check.doc(), Some(count))).collect();
     all.push(checked(READABLE, CAN_BE_READ, Some(images)));
     // Rules of the format, which a reader names when they are broken.
     let known: BTreeSet<&str> = all.iter().map(|it| it.check.as_str()).collect();
@@ -235,14 +236,14 @@ pub fn validate(dataset: &dyn DatasetReader, checks: &[Check], threads: usize) -
 }
 
 /// The products of an image that can be read, and why others cannot.
-fn read(dataset: &dyn DatasetReader, image: usize, wants: &[KeyId]) -> (Products, Vec<(String, String)>) {
+fn read(dataset: &OpenDataset, image: usize, wants: &[KeyId]) -> (Products, Vec<(String, String)>) {
     match dataset.read(image, wants) {
-        Ok((_, products)) => (products, Vec::new()),
+        Ok(read) => (read.products, Vec::new()),
         Err(_) => {
             let (mut products, mut messages) = (Products::new(), BTreeSet::new());
             for want in wants {
                 let one = dataset.read(image, std::slice::from_ref(want));
-                if let Err(error) = one.and_then(|(_, one)| products.extend(one)) {
+                if let Err(error) = one.and_then(|one| products.extend(one.products)) {
                     messages.insert(error.to_string());
                 }
             }
@@ -251,9 +252,9 @@ fn read(dataset: &dyn DatasetReader, image: usize, wants: &[KeyId]) -> (Products
     }
 }
 
-fn of_image(check: &Check, products: &Products) -> Vec<(String, String)> {
+fn of_image(check: &Arc<dyn LabelCheck>, products: &Products) -> Vec<(String, String)> {
     let messages = check.run(products).unwrap_or_else(|error: Error| vec![error.to_string()]);
-    messages.into_iter().map(|message| (check.name.to_owned(), message)).collect()
+    messages.into_iter().map(|message| (check.name().to_owned(), message)).collect()
 }
 
 impl From<&DatasetFault> for FaultAt {

@@ -13,9 +13,9 @@ pub fn read_all(source: &Source, kind: &str) -> (usize, Vec<Error>) {
         Ok((_, read)) => read,
         Err(error) => return (0, vec![error]),
     };
-    let images = 0..read.images().len();
-    let errors: Vec<Error> = images.filter_map(|image| read.read(image, &read.offers()).err()).collect();
-    (read.images().len() - errors.len(), errors)
+    let images = 0..read.images.len();
+    let errors: Vec<Error> = images.filter_map(|image| read.read(image, &read.offers).err()).collect();
+    (read.images.len() - errors.len(), errors)
 }
 
 /// Asserts that the reader of a format opens nothing that links in the dataset of `root` lead to outside, unless the dataset

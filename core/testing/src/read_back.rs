@@ -4,7 +4,7 @@ use crate::takes::open_dataset;
 use crate::takes::{Take, WIDTH, dataset, finish, takes, write_scenes, writer};
 use std::path::Path;
 use syntable_model::prelude::*;
-use syntable_model::reader::DatasetReader;
+use syntable_model::reader::OpenDataset;
 
 /// The dataset of [`written`]: three scenes and two classes.
 pub fn classes() -> DatasetInfo {
@@ -20,23 +20,23 @@ pub fn written(root: &Path, kind: &str, options: &str) -> Vec<Take> {
 }
 
 /// Opens a dataset by the format that it looks like, which must be that of the writer.
-pub fn opened(root: &Path, kind: &str) -> Box<dyn DatasetReader> {
+pub fn opened(root: &Path, kind: &str) -> OpenDataset {
     let (format, reader) = open_dataset(root, None).unwrap_or_else(|error| panic!("{kind}: {error}"));
-    assert_eq!(format.name, kind);
-    assert!(reader.faults().is_empty(), "{kind}: {:?}", reader.faults());
+    assert_eq!(format.name(), kind);
+    assert!(reader.all_faults().is_empty(), "{kind}: {:?}", reader.all_faults());
     reader
 }
 
 /// Asserts that each image of a dataset has the products that were written of its view, in the form that JSON gives them, and
 /// counts the comparisons. Of some products, `part` is compared; views may be missing if `all` is false.
 pub fn assert_products(
-    read: &dyn DatasetReader,
+    read: &OpenDataset,
     takes: &[Take],
     all: bool,
     part: impl Fn(&str, serde_json::Value) -> serde_json::Value,
 ) -> usize {
-    let offers = read.offers();
-    let (mut images, mut compared) = (read.images().iter().enumerate().peekable(), 0);
+    let offers = &read.offers;
+    let (mut images, mut compared) = (read.images.iter().enumerate().peekable(), 0);
     for take in takes {
         for (view, products) in &take.views {
             let place = (take.scene.id, view.id);
@@ -44,10 +44,11 @@ pub fn assert_products(
                 assert!(!all, "{place:?} is missing");
                 continue;
             };
-            let (seen, found) = read.read(index, &offers).unwrap_or_else(|error| panic!("{}: {error}", image.name));
-            assert_eq!((seen.id, seen.camera.intrinsics.width), (view.id, WIDTH), "{}", image.name);
+            let seen = read.read(index, offers).unwrap_or_else(|error| panic!("{}: {error}", image.name));
+            assert_eq!(seen.size[0], WIDTH, "{}", image.name);
+            let found = seen.products;
             assert_eq!(read.image_faults(index), []);
-            for key in &offers {
+            for key in offers {
                 let name = key.name.to_string();
                 // What a format computes is compared where it is tested.
                 if !products.contains(&name) {

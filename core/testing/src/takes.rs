@@ -10,7 +10,7 @@ use syntable_model::geometry::{Point3, Vector3, look_at};
 use syntable_model::prelude::*;
 use syntable_model::product::standard::*;
 use syntable_model::product::{DType, OcclusionOrder, PixelCounts, Plane, Tensor};
-use syntable_model::reader::{DatasetReader, Format, Source};
+use syntable_model::reader::{DatasetFormat, OpenDataset, Source};
 use syntable_model::registry::{Registry, Slot, Stage};
 use syntable_model::scene::{
     AssetRef, BodyDraft, Camera, Exposure, Intrinsics, MassOrigin, MassProperties, Material, Mesh, MeshData, Motion,
@@ -31,7 +31,7 @@ pub fn registry() -> Registry {
 ///
 /// # Errors
 /// As the program's.
-pub fn open_dataset(root: &Path, format: Option<&str>) -> Result<(Format, Box<dyn DatasetReader>), Error> {
+pub fn open_dataset(root: &Path, format: Option<&str>) -> Result<(Arc<dyn DatasetFormat>, OpenDataset), Error> {
     registry().open_dataset(&Source::new(root), format)
 }
 

@@ -12,4 +12,4 @@
 mod verbs;
 
 use syntable as _;
-pub use syntable_cli::main;
+pub use syntable_cli::{Program, main};

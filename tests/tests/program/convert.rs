@@ -403,7 +403,7 @@ fn what_overlapping_masks_lose_is_told() {
     }
     assert_eq!(faults(&path("out/coco_panoptic")), []);
     let (_, arrays) = open_dataset(&path("out/npz"), None).expect("a dataset");
-    let (_, products) = arrays.read(0, &[VISIBLE_MASK.id()]).expect("readable");
+    let products = arrays.read(0, &[VISIBLE_MASK.id()]).expect("readable").products;
     let areas: Vec<(u16, u32)> =
         products.get(VISIBLE_MASK).expect("there").iter().map(|(id, mask)| (id.0, mask.area())).collect();
     assert_eq!(areas, [(1, 875), (2, 25), (3, 0), (4, 100)]);
@@ -479,10 +479,10 @@ fn amodal_masks_alone_are_no_visible_ones() {
     assert_eq!(faults(&coco), []);
     let masks = |root: &Path| -> Vec<Vec<u32>> {
         let (_, dataset) = open_dataset(root, None).expect("a dataset");
-        assert!(!dataset.offers().contains(&VISIBLE_MASK.id()), "{}", root.display());
-        let read = |image| dataset.read(image, &[AMODAL_MASK.id()]).expect("readable").1;
+        assert!(!dataset.offers.contains(&VISIBLE_MASK.id()), "{}", root.display());
+        let read = |image| dataset.read(image, &[AMODAL_MASK.id()]).expect("readable").products;
         let of = |image| read(image).get(AMODAL_MASK).expect("there").iter().map(|it| it.1.counts().to_vec()).collect();
-        (0..dataset.images().len()).flat_map(|image| -> Vec<Vec<u32>> { of(image) }).collect()
+        (0..dataset.images.len()).flat_map(|image| -> Vec<Vec<u32>> { of(image) }).collect()
     };
     let whole = masks(&yolo);
     assert!(whole.len() > 10 && whole == masks(&coco));
@@ -666,7 +666,7 @@ fn scenes_that_lack_a_file_are_faults_and_the_others_are_read() {
             Some(damage) => fs::write(scene(name), damage).expect("writable"),
         }
         let (_, dataset) = open_dataset(&root, None).expect("a dataset");
-        let scenes: BTreeSet<u32> = dataset.images().iter().map(|image| image.scene.0).collect();
+        let scenes: BTreeSet<u32> = dataset.images.iter().map(|image| image.scene.0).collect();
         assert_eq!(scenes, BTreeSet::from([1]), "{name}");
         let found = faults(&root);
         assert!(found.len() == 1 && found[0].1.contains(says), "{name}: {found:?}");
@@ -713,7 +713,8 @@ type Kept = (Vec<usize>, Option<Vec<usize>>, Option<u32>, Option<Vec<f64>>);
 fn kept(root: &Path, wants: &[KeyId]) -> Vec<Vec<Kept>> {
     let (_, dataset) = open_dataset(root, None).unwrap_or_else(|error| panic!("{}: {error}", root.display()));
     let of = |image: usize| {
-        let (_, products) = dataset.read(image, wants).unwrap_or_else(|error| panic!("{}: {error}", root.display()));
+        let products =
+            dataset.read(image, wants).unwrap_or_else(|error| panic!("{}: {error}", root.display())).products;
         let amodal = products.optional(AMODAL_MASK).expect("of its type");
         let categories = products.optional(CATEGORY_ID).expect("of its type");
         let infos = products.optional(OBJECT_INFO).expect("of its type");
@@ -731,7 +732,7 @@ fn kept(root: &Path, wants: &[KeyId]) -> Vec<Vec<Kept>> {
         objects.sort_by(|a, b| a.0.cmp(&b.0));
         objects
     };
-    (0..dataset.images().len()).map(of).collect()
+    (0..dataset.images.len()).map(of).collect()
 }
 
 /// Formats keep masks to the pixel, categories, and poses, there and back.

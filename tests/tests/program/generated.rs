@@ -640,11 +640,11 @@ fn formats() -> String {
     page += "\n## Datasets\n\nFormats that [`convert` and `validate`](../interchange.md) read.\n\n\
              | format | what it is | crate |\n|---|---|---|\n";
     for format in registry.formats() {
-        let _ = writeln!(page, "| {} | {} | {} |", format.name, format.doc, format.crate_name);
+        let _ = writeln!(page, "| {} | {} | {} |", format.name(), format.doc(), format.owner());
     }
     page += "\n## Checks\n\nWhat `validate` and every run check in each view.\n\n| check | what holds |\n|---|---|\n";
     for check in registry.checks() {
-        let _ = writeln!(page, "| {} | {} |", check.name, check.doc);
+        let _ = writeln!(page, "| {} | {} |", check.name(), check.doc());
     }
     page
 }

@@ -54,12 +54,12 @@ type Masks = BTreeMap<(u32, u32), Vec<[Vec<u32>; 2]>>;
 
 fn masks(root: &Path, format: &str) -> Masks {
     let (_, dataset) = open_dataset(root, Some(format)).expect("a dataset");
-    let found = syntable_runtime::validate::validate(&*dataset, registry().checks(), 2).expect("checked");
+    let found = syntable_runtime::validate::validate(&dataset, registry().checks(), 2).expect("checked");
     assert!(found.is_sound(), "{format}: {:?}", found.faults);
-    let offers_amodal = dataset.offers().contains(&AMODAL_MASK.id());
-    let wants = dataset.offers();
+    let offers_amodal = dataset.offers.contains(&AMODAL_MASK.id());
+    let wants = &dataset.offers;
     let of = |(number, image): (usize, &reader::ImageRef)| {
-        let (_, products) = dataset.read(number, &wants).expect("readable");
+        let products = dataset.read(number, &wants).expect("readable").products;
         let all = |key: Key<PerInstance<Mask>>| {
             let masks = products.get(key).expect("offered");
             masks.iter().map(|(_, mask)| mask.counts().to_vec()).collect::<Vec<_>>()
@@ -70,7 +70,7 @@ fn masks(root: &Path, format: &str) -> Masks {
         pairs.sort();
         ((image.scene.0, image.view.0), pairs)
     };
-    dataset.images().iter().enumerate().map(of).collect()
+    dataset.images.iter().enumerate().map(of).collect()
 }
 
 /// Pixels of a mask and of its holes: of what cannot be reached from beyond the image without crossing it.
@@ -193,10 +193,10 @@ fn all_formats_say_the_same() {
 /// Images have the same products.
 fn assert_same_products(one: &Path, other: &Path) {
     let [one, other] = [one, other].map(|root| open_dataset(root, None).expect("a dataset").1);
-    assert_eq!((one.images(), one.offers()), (other.images(), other.offers()));
-    for image in 0..one.images().len() {
-        let [a, b] = [&one, &other].map(|it| it.read(image, &it.offers()).expect("readable").1);
-        for key in one.offers() {
+    assert_eq!((&one.images, &one.offers), (&other.images, &other.offers));
+    for image in 0..one.images.len() {
+        let [a, b] = [&one, &other].map(|it| it.read(image, &it.offers).expect("readable").products);
+        for key in &one.offers {
             let name = key.name.to_string();
             assert!(a.value(&name).expect("there") == b.value(&name).expect("there"), "{name} of image {image}");
         }
@@ -236,7 +236,7 @@ fn what_formats_have_in_common_comes_back() {
     // Cameras of the dataset are those of the writers.
     convert("ours", "hdf5", "files");
     let (_, files) = open_dataset(&path("files"), None).expect("a dataset");
-    let (_, products) = files.read(0, &[DISTANCE.id(), DEPTH.id()]).expect("readable");
+    let products = files.read(0, &[DISTANCE.id(), DEPTH.id()]).expect("readable").products;
     let pairs = products.get(DISTANCE).expect("there").data().iter().zip(products.get(DEPTH).expect("there").data());
     let seen: Vec<(f32, f32)> =
         pairs.map(|(distance, depth)| (*distance, *depth)).filter(|it| it.1.is_finite()).collect();
@@ -564,15 +564,15 @@ fn every_writer_gives_a_thing_the_same_number() {
         let [train, val] = ["train", "val"].map(open);
         for (part, dataset) in [("train", &train), ("val", &val)] {
             let what = format!("{part}/{inside}");
-            let found: Vec<(u32, &str)> = dataset.info().categories().collect();
+            let found: Vec<(u32, &str)> = dataset.info.categories().collect();
             match tells {
                 Classes => assert_eq!(found, all_classes, "{what}"),
                 OneClass => assert_eq!(found, all_classes[..1], "{what}"),
                 Objects => {}
             }
-            let offers = dataset.offers();
-            for image in 0..dataset.images().len() {
-                let (_, products) = dataset.read(image, &offers).expect("readable");
+            let offers = &dataset.offers;
+            for image in 0..dataset.images.len() {
+                let products = dataset.read(image, &offers).expect("readable").products;
                 let infos = products.optional(OBJECT_INFO).expect("declared");
                 for (_, info) in infos.into_iter().flat_map(|infos| infos.iter()) {
                     let info = serde_json::to_value(info).expect("plain data");
@@ -595,7 +595,7 @@ fn every_writer_gives_a_thing_the_same_number() {
             }
         }
         // Formats that number by place do it alike in both parts. An object that a part does not show may have no name there.
-        let [here, there] = [&train, &val].map(|it| it.info().categories().collect::<Vec<_>>());
+        let [here, there] = [&train, &val].map(|it| it.info.categories().collect::<Vec<_>>());
         for (one, other) in here.iter().zip(&there) {
             let unnamed = [reader::unnamed_object(one.0.into()), reader::unnamed_category(one.0.into())];
             let has_name = |name: &str| !unnamed.iter().any(|other| other == name);

@@ -16,10 +16,11 @@
 use crate::support::skip;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 use syntable_model::prelude::Stream;
-use syntable_model::reader::{Format, Source};
+use syntable_model::reader::{DatasetFormat, Source};
 use syntable_model::stage::DatasetInfo;
 use syntable_program as _;
 use syntable_testing::takes::registry;
@@ -57,11 +58,11 @@ const VARIANTS: &[(&str, &str)] = &[
 ];
 
 /// The datasets: a writer and its options for every format, so that a new one is not forgotten.
-fn datasets() -> Vec<(Format, &'static str)> {
+fn datasets() -> Vec<(Arc<dyn DatasetFormat>, &'static str)> {
     let mut all = Vec::new();
-    for format in registry().formats().iter().copied() {
-        let variants = VARIANTS.iter().filter(|(kind, _)| *kind == format.name).map(|(_, options)| *options);
-        all.extend([""].into_iter().chain(variants).map(|options| (format, options)));
+    for format in registry().formats() {
+        let variants = VARIANTS.iter().filter(|(kind, _)| *kind == format.name()).map(|(_, options)| *options);
+        all.extend([""].into_iter().chain(variants).map(|options| (Arc::clone(format), options)));
     }
     all
 }
@@ -78,22 +79,21 @@ fn written(folder: &Path, kind: &str, options: &str) -> Option<PathBuf> {
 }
 
 /// Reads all of a dataset. Gives the errors and faults.
-fn read(format: &Format, root: &Path) -> Vec<String> {
+fn read(format: &dyn DatasetFormat, root: &Path) -> Vec<String> {
     let source = Source::new(root);
     let _ = registry().find_dataset(&source, None);
     let opened = match format.open(&source) {
         Ok(opened) => opened,
         Err(error) => return vec![error.to_string()],
     };
-    let found = syntable_runtime::validate::validate(&*opened, registry().checks(), 1).expect("a thread");
+    let found = syntable_runtime::validate::validate(&opened, registry().checks(), 1).expect("a thread");
     let mut messages: Vec<String> = found.faults.into_iter().map(|fault| fault.message).collect();
-    let offers = opened.offers();
-    for image in 0..opened.images().len() {
+    let offers = &opened.offers;
+    for image in 0..opened.images.len() {
         messages.extend(opened.crowds(image).err().map(|error| error.to_string()));
     }
-    messages.extend(opened.passed_over(&offers).into_iter().filter(|it| it.count > 0).map(|it| it.to_string()));
-    messages.extend(opened.left_out(&offers).into_iter().map(|error| error.to_string()));
-    messages.extend(opened.caveats(&offers));
+    messages.extend(opened.not_objects(offers).into_iter().filter(|it| it.count > 0).map(|it| it.to_string()));
+    messages.extend(opened.caveats(offers));
     messages
 }
 
@@ -524,16 +524,13 @@ fn child(spec: &str) {
     let (first, end, seed): (u64, u64, u64) =
         (first.parse().expect("a number"), end.parse().expect("a number"), seed.parse().expect("a number"));
     let root = Path::new(root);
-    let format = registry()
-        .formats()
-        .iter()
-        .copied()
-        .find(|format| format.name == name.split(':').next().expect("a name"))
-        .expect("a format");
+    let registry = registry();
+    let kind = name.split(':').next().expect("a name");
+    let format = registry.formats().iter().find(|format| format.name() == kind).expect("a format");
     let folder = if root.is_dir() { root } else { root.parent().expect("a folder") };
     let all: Vec<(PathBuf, Vec<u8>)> = files(folder).into_iter().collect();
     let keep = std::env::var_os("SYNTABLE_MUTATIONS_KEEP");
-    let sound = read(&format, root);
+    let sound = read(&**format, root);
     let tag = name.bytes().fold(0_u64, |hash, byte| hash.wrapping_mul(31).wrapping_add(byte.into()));
     let (mut found, mut start) = (Found::default(), Instant::now());
     for input in first..end {
@@ -544,12 +541,12 @@ fn child(spec: &str) {
         let mut bytes = content.clone();
         mutate(&mut bytes, other, &mut dice);
         std::fs::write(path, &bytes).expect("written");
-        let messages = read(&format, root);
+        let messages = read(&**format, root);
         found.refused += u64::from(messages != sound);
         let panics: std::collections::BTreeSet<&str> = messages.iter().filter_map(|it| place_of_panic(it)).collect();
         if let Some(keep) = keep.as_ref().filter(|_| !panics.is_empty()) {
             let end = path.extension().unwrap_or_default().to_string_lossy();
-            let _ = std::fs::write(Path::new(keep).join(format!("{}-{input}.{end}", format.name)), &bytes);
+            let _ = std::fs::write(Path::new(keep).join(format!("{}-{input}.{end}", format.name())), &bytes);
         }
         for place in panics {
             println!("panic {place}");
@@ -671,20 +668,20 @@ fn damaged_datasets_are_refused_and_nothing_panics() {
     let base = if Path::new("/dev/shm").is_dir() { "/dev/shm".into() } else { std::env::temp_dir() };
     let mut wrong = Vec::new();
     for (number, (format, options)) in datasets().into_iter().enumerate() {
-        let name = format!("{}:{number}", format.name);
+        let name = format!("{}:{number}", format.name());
         if !name.contains(&only) {
             continue;
         }
         let folder = tempfile::tempdir_in(&base).expect("a folder");
         let [mutated, whole] = ["mutated", "whole"].map(|part| folder.path().join(part));
-        let root = written(&mutated, format.name, options).unwrap_or_else(|| panic!("{}: {options}", format.name));
-        written(&whole, format.name, options).expect("written again");
+        let root = written(&mutated, format.name(), options).unwrap_or_else(|| panic!("{}: {options}", format.name()));
+        written(&whole, format.name(), options).expect("written again");
         let start = Instant::now();
         let found = parent(&name, &root, count, seed);
         let rate = count as f64 / start.elapsed().as_secs_f64();
         println!(
             "{} {options:?}: {} inputs, {} refused, {} panics caught, {} aborts, {} hangs, slowest {:.2} s, peak {} MiB, {rate:.0} per s",
-            format.name,
+            format.name(),
             found.inputs,
             found.refused,
             found.caught.values().sum::<u64>(),

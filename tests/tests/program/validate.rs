@@ -212,7 +212,7 @@ const PLANTED: &[(&str, &str, Plant)] = &[
 
 fn checks_that_fail(root: &Path) -> BTreeSet<String> {
     let (_, dataset) = open_dataset(root, None).expect("a dataset");
-    let found = syntable_runtime::validate::validate(&*dataset, registry().checks(), 2).expect("checked");
+    let found = syntable_runtime::validate::validate(&dataset, registry().checks(), 2).expect("checked");
     found.faults.into_iter().map(|fault| fault.check).collect()
 }
 
@@ -321,7 +321,7 @@ fn labels_of_yolo_beside_those_of_coco_are_passed_over() {
     }
     fs::copy(root.join("val2017/a.png"), root.join("images/val2017/a.png")).expect("writable");
     fs::write(root.join("labels/val2017/a.txt"), "0 0.2 0.2 0.4 0.2 0.4 0.5\n").expect("writable");
-    let format = |format| open_dataset(&root, format).map(|(found, _)| found.name).map_err(|error| error.to_string());
+    let format = |format| open_dataset(&root, format).map(|(found, _)| found.name()).map_err(|error| error.to_string());
     assert_eq!(format(None), Ok("coco"));
     assert_eq!(format(Some("yolo")), Ok("yolo"));
     // With a description it is a dataset of both formats, and nobody can tell which one is meant.
@@ -350,8 +350,8 @@ fn datasets_without_amodal_masks_are_converted() {
     let convert = |from: &str, to: &str, out: &str| convert(&path(from), to, &path(out));
     let masks = |name: &str| -> Vec<(String, Vec<u32>)> {
         let (_, read) = open_dataset(&path(name), None).expect("a dataset");
-        let (_, products) = read.read(0, &read.offers()).expect("readable");
-        let category = |id: u32| read.info().categories().find(|(other, _)| *other == id).expect("known").1.to_owned();
+        let products = read.read(0, &read.offers).expect("readable").products;
+        let category = |id: u32| read.info.categories().find(|(other, _)| *other == id).expect("known").1.to_owned();
         let visible = products.get(VISIBLE_MASK).expect("there").iter();
         visible
             .map(|(id, mask)| (category(products.get(CATEGORY_ID).expect("there").0[&id]), mask.counts().to_vec()))
@@ -429,7 +429,7 @@ fn checks_that_find_nothing_to_compare_are_not_made() {
     dataset(&path("ours"));
     let checked = |name: &str, check: &str| {
         let (_, dataset) = open_dataset(&path(name), None).expect("a dataset");
-        let found = syntable_runtime::validate::validate(&*dataset, registry().checks(), 2).expect("checked");
+        let found = syntable_runtime::validate::validate(&dataset, registry().checks(), 2).expect("checked");
         found.checks.iter().find(|it| it.check == check).expect("a check").images
     };
     ok(&mut convert(&path("ours"), "bop", &path("bop")));

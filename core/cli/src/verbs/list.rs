@@ -198,7 +198,7 @@ fn formats_table(registry: &Registry, width: Option<usize>) -> Result<String> {
         row(format.name, "image", format.extensions, format.crate_name);
     }
     for format in registry.formats() {
-        row(format.name, "dataset, for convert and validate", &[], format.crate_name);
+        row(format.name(), "dataset, for convert and validate", &[], format.owner());
     }
     Ok(table_within(&rows, width))
 }

@@ -2,7 +2,7 @@
 
 use crate::coco;
 use crate::index::{Indexed, Record, Section};
-use crate::read::{Categories, Faults};
+use crate::read::{Categories, Faults, labels_among};
 use crate::syntable;
 use crate::unkept::Unkept;
 use serde::de::DeserializeOwned;
@@ -12,7 +12,9 @@ use std::path::Path;
 use syntable_model::error::Result;
 use syntable_model::left_out::LeftOut;
 use syntable_model::limits::{ANNOTATIONS, IMAGE_PIXELS};
-use syntable_model::reader::ImageRef;
+use syntable_model::product::KeyId;
+use syntable_model::reader::{ImageRef, ImageSource, Note, Opened};
+use syntable_model::stage::DatasetInfo;
 
 /// The record of an image, as files of COCO's structure have it.
 pub trait ImageRecord: DeserializeOwned {
@@ -125,10 +127,19 @@ impl Listing {
         Ok(Self { file, categories, refs, images, faults, unknown })
     }
 
-    /// The annotations that are read for no image, since the file has none that they name.
-    pub fn passed_over(&self) -> LeftOut {
+    /// The dataset of the file, with what the listing says of it. `source` reads its images.
+    pub fn opened<S: ImageSource + 'static>(
+        mut self,
+        info: DatasetInfo,
+        offers: Vec<KeyId>,
+        source: impl FnOnce(Self) -> S,
+    ) -> Opened {
+        let (images, faults) = (std::mem::take(&mut self.refs), std::mem::take(&mut self.faults));
         let [unknown, all] = self.unknown;
-        LeftOut::new(unknown, all, "annotations name no image of the file")
+        let unknown = LeftOut::new(unknown, all, "annotations name no image of the file");
+        let notes = vec![Note::not_objects(unknown).of(labels_among(&offers))];
+        let category_ids = Some(self.categories.ids());
+        Opened { faults: faults.into_inner(), category_ids, notes, ..Opened::new(info, images, offers, source(self)) }
     }
 
     /// Sections and fields that are not read and no labels, for people: the licenses of the file, and fields of its categories.

@@ -6,17 +6,17 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use syntable_model::error::{Error, Result};
 use syntable_model::files::DatasetFolder;
-use syntable_model::geometry::Pose;
 use syntable_model::limits::ORDERED;
 pub use syntable_model::product::masks_of;
 use syntable_model::product::standard::{
-    AMODAL_BOX, AMODAL_MASK, CATEGORY_ID, OCCLUSION_MASK, OCCLUSION_ORDER, OCCLUSION_RATE, VISIBLE_BOX, VISIBLE_MASK,
+    AMODAL_BOX, AMODAL_MASK, CATEGORY_ID, DEPTH, LABEL_POLICY, OCCLUSION_MASK, OCCLUSION_ORDER, OCCLUSION_RATE, RGB,
+    VISIBLE_BOX, VISIBLE_MASK,
 };
 use syntable_model::product::{
     BBox, Key, KeyId, Mask, OcclusionOrder, PerInstance, PixelCounts, Product, Products, Value, meeting_boxes,
 };
 use syntable_model::reader::{DatasetFault, ImageRef};
-use syntable_model::scene::{Camera, Exposure, InstanceId, Intrinsics, SceneId, View, ViewId};
+use syntable_model::scene::{InstanceId, SceneId, ViewId};
 use syntable_model::stage::{DatasetInfo, LabelSurface, OwnCategory};
 
 /// What a file says of an object in an image. What it leaves out follows from the masks.
@@ -211,12 +211,9 @@ pub fn order_by(
     order
 }
 
-/// A view of which the size of the image is known. Stages that serve datasets take cameras from the product `camera`.
-pub fn view(id: ViewId, width: u32, height: u32) -> View {
-    let unknown = f64::NAN;
-    let intrinsics = Intrinsics { width, height, fx: unknown, fy: unknown, cx: unknown, cy: unknown };
-    let camera = Camera::pinhole(intrinsics, Pose::identity());
-    View { id, camera, exposure: Exposure::Fixed { ev100: 0.0 }, lights: Vec::new() }
+/// The products among these that are labels, and not images.
+pub fn labels_among(products: &[KeyId]) -> Vec<KeyId> {
+    products.iter().copied().filter(|key| ![RGB.id(), DEPTH.id(), LABEL_POLICY.id()].contains(key)).collect()
 }
 
 /// The categories of an annotation file, and their ids in a dataset that is written from it.
@@ -290,6 +287,11 @@ impl Categories {
             true => (id != BACKGROUND).then_some(id as u32),
             false => Some(self.id_of(name)),
         }
+    }
+
+    /// Ids of the file's categories, each with its id in a dataset that is written from it.
+    pub fn ids(&self) -> BTreeMap<u64, u32> {
+        self.names.keys().filter_map(|id| Some((*id, self.known(*id)?))).collect()
     }
 
     /// The category of objects of no class: that of this name, else one more than there are.

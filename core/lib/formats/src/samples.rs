@@ -18,8 +18,8 @@ use syntable_model::product::standard::{
 use syntable_model::product::{
     Form, Key, KeyId, Mask, PerInstance, Plane, Product, Products, Scope, Semantic, Stored, Tensor, Value, linked,
 };
-use syntable_model::reader::{DatasetFault, DatasetReader, ImageRef, unnamed_category};
-use syntable_model::scene::{InstanceId, View};
+use syntable_model::reader::{ImageRef, ImageSource, Note, Opened, ReadImage, unnamed_category};
+use syntable_model::scene::InstanceId;
 use syntable_model::stage::DatasetInfo;
 
 /// The fields of a sample by name.
@@ -156,7 +156,7 @@ fn ids_of(ids: &Tensor) -> Result<Vec<InstanceId>, String> {
 }
 
 /// Opens a dataset of samples. `name` is what it is called.
-pub fn open(name: String, mut contents: Contents, samples: Box<dyn Samples>) -> Box<dyn DatasetReader> {
+pub fn open(name: String, mut contents: Contents, samples: Box<dyn Samples>) -> Opened {
     let of_view = |key: &KeyId| matches!(key.scope, Scope::View | Scope::Scene) && key.is_decoded();
     let mut keys: Vec<KeyId> =
         linked().into_iter().filter(|key| of_view(key) && contents.fields.contains(&key.name.to_string())).collect();
@@ -186,7 +186,41 @@ pub fn open(name: String, mut contents: Contents, samples: Box<dyn Samples>) -> 
         categories.note(read::BACKGROUND);
     }
     let info = categories.info(name, String::new(), &contents.images, String::new());
-    Box::new(Reader { contents, samples, info, categories, keys, visible, amodal, annotated, known })
+    let Contents { images, fields, faults, categories: listed, named, leaves_out_empty, .. } = contents;
+    let refuses_unknown = listed.is_some();
+    let category_ids = Some(categories.ids());
+    let source = Source { refuses_unknown, samples, categories, keys, visible, amodal, annotated, known };
+    let follow = source.follow();
+    let is_known = |name: &&String| source.keys.iter().any(|key| key.name == **name);
+    let others: Vec<String> = fields.iter().filter(|name| !is_known(name)).map(|name| format!("`{name}`")).collect();
+    let mut notes = Vec::new();
+    if !others.is_empty() {
+        let text = format!("fields that are no products that files give back are left out: {}", others.join(", "));
+        notes.push(Note::caveat(text));
+    }
+    if listed.is_none() && info.own_categories.len() > 1 {
+        if named.is_empty() {
+            notes.push(Note::caveat("of categories, ids alone are there: names are made of them"));
+        }
+        let ids = info.own_categories.iter().map(|own| own.id.into()).collect();
+        let unlisted = read::unlisted(&ids, "a file `categories.json`");
+        notes.extend(unlisted.map(|text| Note::caveat(text).of([CATEGORY_ID.id()])));
+    }
+    if leaves_out_empty {
+        notes.push(Note::caveat("of images without objects there is nothing in such tables: they are not there"));
+    }
+    if follow.contains(&VISIBILITY.id()) {
+        notes.push(Note::caveat(read::WITHIN_IMAGE).of([VISIBILITY.id()]));
+    }
+    Opened {
+        alike: vec![[VISIBLE_IDS.id(), VISIBLE_MASK.id()], [AMODAL_BITS.id(), AMODAL_MASK.id()]],
+        faults: faults.into_inner(),
+        lists_all_images: !leaves_out_empty,
+        category_ids,
+        notes,
+        derived: follow.clone(),
+        ..Opened::new(info, images, source.keys.iter().copied().chain(follow).collect(), source)
+    }
 }
 
 /// Ids of the categories that objects have.
@@ -222,10 +256,10 @@ fn stored<'a>(value: &'a Value, ids: &'a [InstanceId]) -> Stored<'a> {
     Stored { value, ids, missing: f64::NAN }
 }
 
-struct Reader {
-    contents: Contents,
+struct Source {
+    /// Whether a list has all categories, so that others are a fault.
+    refuses_unknown: bool,
     samples: Box<dyn Samples>,
-    info: DatasetInfo,
     categories: Categories,
     /// The products that samples have.
     keys: Vec<KeyId>,
@@ -238,7 +272,7 @@ struct Reader {
     known: Option<Known>,
 }
 
-impl Reader {
+impl Source {
     /// Products that follow from those that samples have.
     fn follow(&self) -> Vec<KeyId> {
         let mut all = self.known.map(Known::offers).unwrap_or_default();
@@ -319,7 +353,7 @@ impl Reader {
     }
 }
 
-impl Reader {
+impl Source {
     /// The category of an object in a dataset that is written from this one.
     fn category_of(&self, own: Option<u32>) -> u32 {
         self.categories.id(own.map_or(read::BACKGROUND, u64::from))
@@ -442,41 +476,9 @@ fn instances_of(value: &Value) -> Option<Vec<InstanceId>> {
     Some(ids)
 }
 
-impl DatasetReader for Reader {
-    fn info(&self) -> &DatasetInfo {
-        &self.info
-    }
-
-    fn images(&self) -> &[ImageRef] {
-        &self.contents.images
-    }
-
-    fn faults(&self) -> &[DatasetFault] {
-        self.contents.faults.all()
-    }
-
-    fn offers(&self) -> Vec<KeyId> {
-        self.keys.iter().copied().chain(self.follow()).collect()
-    }
-
-    fn derived(&self) -> Vec<KeyId> {
-        self.follow()
-    }
-
-    fn alike(&self) -> Vec<[KeyId; 2]> {
-        vec![[VISIBLE_IDS.id(), VISIBLE_MASK.id()], [AMODAL_BITS.id(), AMODAL_MASK.id()]]
-    }
-
-    fn lists_all_images(&self) -> bool {
-        !self.contents.leaves_out_empty
-    }
-
-    fn category(&self, own: u64) -> Option<u32> {
-        self.categories.known(own)
-    }
-
+impl ImageSource for Source {
     fn image_faults(&self, image: usize) -> Vec<(&'static str, String)> {
-        if !self.keys.contains(&CATEGORY_ID.id()) || self.contents.categories.is_none() {
+        if !self.keys.contains(&CATEGORY_ID.id()) || !self.refuses_unknown {
             return Vec::new();
         }
         let fields = self.samples.read(image, &BTreeSet::from([CATEGORY_ID.name()])).unwrap_or_default();
@@ -488,33 +490,7 @@ impl DatasetReader for Reader {
         unknown.map(fault).collect()
     }
 
-    fn caveats(&self, reads: &[KeyId]) -> Vec<String> {
-        let is_known = |name: &&String| self.keys.iter().any(|key| key.name == **name);
-        let others: Vec<String> =
-            self.contents.fields.iter().filter(|name| !is_known(name)).map(|name| format!("`{name}`")).collect();
-        let mut caveats = Vec::new();
-        if !others.is_empty() {
-            caveats
-                .push(format!("fields that are no products that files give back are left out: {}", others.join(", ")));
-        }
-        if self.contents.categories.is_none() && self.info.own_categories.len() > 1 {
-            if self.contents.named.is_empty() {
-                caveats.push("of categories, ids alone are there: names are made of them".to_owned());
-            }
-            let ids = self.info.own_categories.iter().map(|own| own.id.into()).collect();
-            caveats
-                .extend(read::unlisted(&ids, "a file `categories.json`").filter(|_| reads.contains(&CATEGORY_ID.id())));
-        }
-        if self.contents.leaves_out_empty {
-            caveats.push("of images without objects there is nothing in such tables: they are not there".to_owned());
-        }
-        if reads.contains(&VISIBILITY.id()) && self.follow().contains(&VISIBILITY.id()) {
-            caveats.push(read::WITHIN_IMAGE.to_owned());
-        }
-        caveats
-    }
-
-    fn read(&self, image: usize, wants: &[KeyId]) -> Result<(View, Products)> {
+    fn read(&self, image: usize, wants: &[KeyId]) -> Result<ReadImage> {
         let own: Vec<KeyId> = self.keys.iter().copied().filter(|key| wants.contains(key)).collect();
         let follow: Vec<KeyId> = self.follow().into_iter().filter(|key| wants.contains(key)).collect();
         let mut read: Vec<KeyId> = own.clone();
@@ -550,6 +526,6 @@ impl DatasetReader for Reader {
                 products.put(VISIBILITY, read::visibility(&labels)?)?;
             }
         }
-        Ok((read::view(self.images()[image].view, width, height), products))
+        Ok(ReadImage::new([width, height], products))
     }
 }

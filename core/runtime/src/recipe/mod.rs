@@ -65,7 +65,8 @@ pub use suggest::nearest;
 use crate::plan::Plan;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
-use syntable_model::check::Check;
+use std::sync::Arc;
+use syntable_model::check::LabelCheck;
 use syntable_model::error::{Error, Result};
 use syntable_model::files::read_small;
 use syntable_model::stage::{CameraModel, LightSampler, Placer, Renderer, Scenes, Settler, ViewSampler, Writer};
@@ -152,7 +153,7 @@ pub struct Recipe {
     /// Options of stages that name pools, in the order of the slots.
     pub draws: Vec<Draw>,
     /// What must hold in every view that is made.
-    pub checks: Vec<Check>,
+    pub checks: Vec<Arc<dyn LabelCheck>>,
     /// Pools from which placers draw objects that labels describe.
     pub labeled_pools: BTreeSet<String>,
     /// The folder of the recipe's file, if it has one.

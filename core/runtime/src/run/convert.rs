@@ -18,13 +18,13 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
-use syntable_model::check::Check;
+use syntable_model::check::LabelCheck;
 use syntable_model::context::{DatasetContext, ImageContext};
 use syntable_model::error::{Error, Result};
 use syntable_model::left_out::LeftOut;
 use syntable_model::product::standard::{COVERAGE, VISIBLE_BOX, VISIBLE_IDS, VISIBLE_MASK};
 use syntable_model::product::{BBox, KeyId, Products, Scope};
-use syntable_model::reader::DatasetReader;
+use syntable_model::reader::{OpenDataset, ReadImage};
 use syntable_model::registry::Registry;
 use syntable_model::scene::{InstanceId, SceneId};
 use syntable_model::stage::{Finish, ImageAnnotator, Input, ProductGroup, Writer};
@@ -47,7 +47,7 @@ pub struct Converted {
     /// What stages left out of images: pixels, outlines, objects.
     pub losses: Vec<Loss>,
     /// Annotations of the dataset that are not read as objects.
-    pub passed_over: Vec<LeftOut>,
+    pub not_objects: Vec<LeftOut>,
     /// Fields with labels that no product holds, such as keypoints: they are lost.
     pub not_kept: Vec<LeftOut>,
     /// Images that cannot be read and were left out, each with the reason, in order.
@@ -62,7 +62,7 @@ pub struct Converted {
 /// error leaves nothing. Images that cannot be read are left out; if no image can, that is an error.
 pub fn convert(
     registry: &Registry,
-    dataset: &dyn DatasetReader,
+    dataset: &OpenDataset,
     writers: &[(String, Box<dyn Writer>)],
     out: &Path,
     (threads, stop): (usize, &Stop),
@@ -70,8 +70,8 @@ pub fn convert(
 ) -> Result<Converted> {
     let guarded = Guarded(reporter);
     let log = Warnings(&guarded);
-    if dataset.images().is_empty()
-        && let Some(first) = dataset.faults_of_opening().first()
+    if dataset.images.is_empty()
+        && let Some(first) = dataset.faults.first()
     {
         let why = format!("no image can be read: {}: {}", first.place, first.message);
         return Err(Error::new(why).help("`syntable validate` lists what is wrong").of_request());
@@ -80,8 +80,8 @@ pub fn convert(
     let draft = begin(out)?;
     let part = draft.folder();
     let pool = Pool::new(threads)?;
-    let cx = DatasetContext::new(dataset.info(), &pool, &log);
-    let (faults, unread) = (AtomicU32::new(0), Mutex::new(BTreeMap::new()));
+    let cx = DatasetContext::new(&dataset.info, &pool, &log);
+    let (faults, unread, missing) = (AtomicU32::new(0), Mutex::new(BTreeMap::new()), Mutex::default());
     let losses = Arc::new(Losses::default());
     let work = Conversion {
         dataset,
@@ -94,42 +94,45 @@ pub fn convert(
         faults: &faults,
         losses: &losses,
         unread: &unread,
+        missing: &missing,
     };
     let scenes = work.scenes().and_then(|scenes| work.finish(&scenes).map(|()| scenes))?;
     draft.publish()?;
     let unread = unread.into_inner();
+    let Missing { annotations, parts } = missing.into_inner();
+    let not_objects = dataset.not_objects(&plan.rendered);
     let read: Vec<String> = plan.entries.iter().map(|entry| entry.key.name.to_string()).collect();
-    let derived = dataset.derived();
+    let derived = &dataset.derived;
     let is_read = |key: &KeyId| read.contains(&key.name.to_string());
-    let alike = dataset.alike();
+    let alike = &dataset.alike;
     let said_otherwise = |key: &KeyId| alike.iter().any(|pair| pair.contains(key) && pair.iter().any(is_read));
-    let stored = dataset.offers().into_iter().filter(|key| !derived.contains(key));
+    let stored = dataset.offers.iter().filter(|key| !derived.contains(key));
     let lost = stored.filter(|key| !is_read(key) && !said_otherwise(key)).map(|key| key.name.to_string());
     Ok(Converted {
         scenes: scenes.len() as u32,
-        images: (dataset.images().len() - unread.len()) as u32,
+        images: (dataset.images.len() - unread.len()) as u32,
         lost: lost.collect(),
         lacking,
         caveats: dataset.caveats(&plan.rendered),
-        faults: faults.into_inner() + dataset.faults_of_opening().iter().filter(|fault| !fault.is_lost).count() as u32,
+        faults: faults.into_inner() + dataset.faults.iter().filter(|fault| !fault.is_lost).count() as u32,
         losses: losses.all(),
-        passed_over: dataset.passed_over(&plan.rendered).into_iter().filter(|it| it.count > 0).collect(),
+        not_objects: LeftOut::sum(not_objects.into_iter().chain(annotations.into_values().flatten())),
         not_kept: dataset.not_kept(&plan.rendered).into_iter().filter(|it| it.count > 0).collect(),
         left_out: unread.into_values().map(|error| error.to_string()).collect(),
         not_listed: not_listed(dataset),
-        parts_left_out: dataset.left_out(&plan.rendered).into_iter().map(|error| error.to_string()).collect(),
+        parts_left_out: parts.into_iter().collect(),
     })
 }
 
 /// What hides images from the list of a dataset: files that cannot be read, or that are missing, each with the reason.
-pub fn not_listed(dataset: &dyn DatasetReader) -> Vec<String> {
-    let lost = dataset.faults_of_opening().iter().filter(|fault| fault.is_lost);
+pub fn not_listed(dataset: &OpenDataset) -> Vec<String> {
+    let lost = dataset.faults.iter().filter(|fault| fault.is_lost);
     lost.map(|fault| format!("{}: {}", fault.place, fault.message)).collect()
 }
 
 /// Names of the products that a dataset has, or that annotators make of them.
-pub fn products_of(registry: &Registry, dataset: &dyn DatasetReader) -> BTreeSet<String> {
-    let offers = dataset.offers();
+pub fn products_of(registry: &Registry, dataset: &OpenDataset) -> BTreeSet<String> {
+    let offers = &dataset.offers;
     can_be_had(&offers, &parts_of_all(registry, &offers))
 }
 
@@ -193,12 +196,8 @@ struct Resolved {
 }
 
 /// Plans what the writers read from what the dataset has.
-fn resolve(
-    registry: &Registry,
-    dataset: &dyn DatasetReader,
-    writers: &[(String, Box<dyn Writer>)],
-) -> Result<Resolved> {
-    let offers = dataset.offers();
+fn resolve(registry: &Registry, dataset: &OpenDataset, writers: &[(String, Box<dyn Writer>)]) -> Result<Resolved> {
+    let offers = &dataset.offers;
     let parts = parts_of_all(registry, &offers);
     let has = can_be_had(&offers, &parts);
     let (mut wants, mut lacking) = (Vec::new(), BTreeSet::new());
@@ -313,25 +312,44 @@ fn can_be_had(offers: &[KeyId], parts: &[(String, Part)]) -> BTreeSet<String> {
 }
 
 struct Conversion<'a> {
-    dataset: &'a dyn DatasetReader,
+    dataset: &'a OpenDataset,
     writers: &'a [(String, Box<dyn Writer>)],
     plan: &'a Plan,
     part: &'a Path,
     stop: &'a Stop,
     cx: DatasetContext<'a>,
-    checks: &'a [Check],
+    checks: &'a [Arc<dyn LabelCheck>],
     /// Number of faults of images: of their records, and those that the checks found.
     faults: &'a AtomicU32,
     losses: &'a Arc<Losses>,
     /// Why images could not be read.
     unread: &'a Mutex<BTreeMap<usize, Error>>,
+    missing: &'a Mutex<Missing>,
+}
+
+/// What images that were read lack.
+#[derive(Default)]
+struct Missing {
+    /// Annotations that are not given as objects, by image.
+    annotations: BTreeMap<usize, Vec<LeftOut>>,
+    /// Why parts of products are missing, each reason once.
+    parts: BTreeSet<String>,
+}
+
+impl Missing {
+    fn add(&mut self, image: usize, left_out: Vec<LeftOut>, unread: Vec<Error>) {
+        if !left_out.is_empty() {
+            self.annotations.insert(image, left_out);
+        }
+        self.parts.extend(unread.into_iter().map(|error| error.to_string()));
+    }
 }
 
 impl Conversion<'_> {
     /// Writes all scenes, and returns them in order.
     fn scenes(&self) -> Result<Vec<SceneId>> {
         let mut images: BTreeMap<SceneId, Vec<usize>> = BTreeMap::new();
-        for (index, image) in self.dataset.images().iter().enumerate() {
+        for (index, image) in self.dataset.images.iter().enumerate() {
             images.entry(image.scene).or_default().push(index);
         }
         let scenes: Vec<(SceneId, Vec<usize>)> = images.into_iter().collect();
@@ -371,16 +389,17 @@ impl Conversion<'_> {
         let (cx, times) = (self.cx.images(id), Times::default());
         let (mut writers, mut of_scene) = (None, Products::new());
         for &image in images {
-            let of = |error: Error| error.context(self.dataset.images()[image].name.clone());
-            let (view, mut products) = match self.dataset.read(image, &self.plan.rendered) {
+            let of = |error: Error| error.context(self.dataset.images[image].name.clone());
+            let ReadImage { size, mut products, left_out, unread } = match self.dataset.read(image, &self.plan.rendered)
+            {
                 Ok(read) => read,
                 Err(error) => {
                     self.unread.lock().insert(image, of(error));
                     continue;
                 }
             };
-            let k = &view.camera.intrinsics;
-            let cx_of_view = cx.image(view.id, [k.width, k.height]);
+            self.missing.lock().add(image, left_out, unread);
+            let cx_of_view = cx.image(self.dataset.images[image].view, size);
             annotate_image(&times, self.losses, self.plan, &cx_of_view, &mut products).map_err(of)?;
             self.faults.fetch_add(self.dataset.image_faults(image).len() as u32, Ordering::Relaxed);
             for check in self.checks {

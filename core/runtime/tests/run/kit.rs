@@ -443,7 +443,7 @@ pub fn registry() -> Registry {
     let entries = entries![
         Boxes, Lift, Small, Fixed, Sleeper, Drowsy, Either, Doubler, Thinker, Tracker, Careless, Summer, Lines, Names
     ];
-    Registry::new(entries).and_then(|registry| registry.with_checks([POSITIVE])).expect("no clash")
+    Registry::new(entries).and_then(|registry| registry.with_checks([Arc::new(POSITIVE) as _])).expect("no clash")
 }
 
 /// The same kinds, with [`Thinker`] and [`Echo`] as two crates register them.

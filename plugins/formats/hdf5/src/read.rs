@@ -14,7 +14,7 @@ use syntable_model::panics::guarded;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{CATEGORY_ID, INSTANCE, NORMAL, OBJECT_NAME, RGB, VISIBLE_IDS};
 use syntable_model::product::{DType, Tensor};
-use syntable_model::reader::{DatasetReader, Format, Source, unnamed_category};
+use syntable_model::reader::{Format, Opened, Source, unnamed_category};
 
 syntable_model::register_format!(Format {
     name: "hdf5",
@@ -85,7 +85,7 @@ impl Attributes {
 /// The files of the views.
 struct Files(Vec<PathBuf>);
 
-fn open(source: &Source) -> Result<Box<dyn DatasetReader>> {
+fn open(source: &Source) -> Result<Opened> {
     let root = source.path.as_path();
     let all = files_of(root);
     if all.is_empty() {

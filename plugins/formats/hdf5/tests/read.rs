@@ -33,14 +33,14 @@ fn products_come_back_and_labels_follow() {
     let folder = tempfile::tempdir().expect("a folder");
     let takes = written(folder.path(), "hdf5", INCLUDE);
     let read = opened(folder.path(), "hdf5");
-    let offers = read.offers();
+    let offers = &read.offers;
     for key in keys![RGB, DEPTH, NORMAL, INSTANCE, CAMERA, OCCLUSION_ORDER, OCCLUSION_MASK, AMODAL_BOX] {
         assert!(offers.contains(&key), "{}", key.name);
     }
     let known = classes();
     let ids: Vec<u32> = known.categories().map(|(id, _)| id).collect();
-    assert!(read.info().categories().all(|(id, _)| ids.contains(&id)));
-    assert!(assert_products(&*read, &takes, true, part) > 100);
+    assert!(read.info.categories().all(|(id, _)| ids.contains(&id)));
+    assert!(assert_products(&read, &takes, true, part) > 100);
 }
 
 /// Visible masks, categories and names of what is shown, from BlenderProc's datasets alone.
@@ -49,10 +49,11 @@ fn blenderprocs_own_datasets_say_what_is_shown() {
     let folder = tempfile::tempdir().expect("a folder");
     let takes = written(folder.path(), "hdf5", "");
     let read = opened(folder.path(), "hdf5");
-    assert!(read.offers().contains(&VISIBLE_MASK.id()) && !read.offers().contains(&AMODAL_MASK.id()));
+    assert!(read.offers.contains(&VISIBLE_MASK.id()) && !read.offers.contains(&AMODAL_MASK.id()));
     let mut seen = 0;
     for (image, (_, products)) in takes.iter().flat_map(|take| &take.views).enumerate() {
-        let (_, found) = read.read(image, &[VISIBLE_MASK.id(), CATEGORY_ID.id(), OBJECT_NAME.id()]).expect("readable");
+        let found =
+            read.read(image, &[VISIBLE_MASK.id(), CATEGORY_ID.id(), OBJECT_NAME.id()]).expect("readable").products;
         let masks = found.get(VISIBLE_MASK).expect("there");
         let shown = products.get(INSTANCE).expect("made");
         for (id, mask) in masks.iter() {
@@ -90,8 +91,7 @@ fn what_is_damaged_is_named() {
     let bytes = std::fs::read(&path).expect("readable");
     let said = |root: &Path| {
         let (_, read) = open_dataset(root, None).expect("a dataset");
-        let errors =
-            (0..read.images().len()).filter_map(|image| Some(read.read(image, &read.offers()).err()?.to_string()));
+        let errors = (0..read.images.len()).filter_map(|image| Some(read.read(image, &read.offers).err()?.to_string()));
         errors.collect::<Vec<String>>()
     };
     assert!(said(folder.path()).is_empty());
@@ -128,7 +128,7 @@ fn a_shape_beyond_what_is_stored_is_refused() {
             return;
         }
         let (_, read) = open_dataset(folder.path(), None).expect("a dataset");
-        let errors = (0..read.images().len()).filter_map(|image| read.read(image, &read.offers()).err());
+        let errors = (0..read.images.len()).filter_map(|image| read.read(image, &read.offers).err());
         let errors: Vec<String> = errors.map(|error| error.to_string()).collect();
         assert!(errors.len() == 1 && errors[0].contains(says) && errors[0].contains("000001_0001"), "{errors:?}");
     }
@@ -145,7 +145,7 @@ fn hidden_objects_are_annotated_where_labels_say_so() {
     let mut hidden = 0;
     for (image, (_, products)) in views.enumerate() {
         let wants = keys![VISIBLE_MASK, AMODAL_MASK, OCCLUSION_ORDER, OCCLUSION_RATE, CATEGORY_ID];
-        let (_, found) = read.read(image, &wants).expect("readable");
+        let found = read.read(image, &wants).expect("readable").products;
         let masks = products.get(AMODAL_MASK).expect("made");
         assert!(found.get(OCCLUSION_ORDER).expect("there") == products.get(OCCLUSION_ORDER).expect("made"));
         assert!(found.get(CATEGORY_ID).expect("there").iter().map(|it| it.0).eq(masks.iter().map(|it| it.0)));

@@ -6,18 +6,13 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use syntable_formats::coco::Image;
 use syntable_formats::listing::Listing;
-use syntable_formats::read::Labels;
+use syntable_formats::read::{Labels, labels_among};
 use syntable_formats::unkept::{self, Unkept};
 use syntable_model::files::DatasetFolder;
 use syntable_model::prelude::*;
-use syntable_model::product::standard::{CATEGORY_ID, DEPTH, LABEL_POLICY, RGB};
+use syntable_model::product::standard::{CATEGORY_ID, LABEL_POLICY};
 use syntable_model::product::{BBox, meeting_boxes};
-use syntable_model::reader::Source;
-
-/// Whether some of these products are labels, and not images.
-pub fn reads_labels(reads: &[KeyId]) -> bool {
-    reads.iter().any(|key| ![RGB.id(), DEPTH.id()].contains(key))
-}
+use syntable_model::reader::{Note, Source};
 
 /// What readers of polygons say of them.
 pub const POLYGONS: &str = "outlines are polygons, which say what an object covers to about a pixel at its edges";
@@ -132,14 +127,13 @@ pub fn info(listing: &Listing) -> DatasetInfo {
 }
 
 /// What readers of categories say of those that are in others, where ids are not kept.
-pub fn supercategories(listing: &Listing, reads: &[KeyId]) -> Option<String> {
+pub fn supercategories(listing: &Listing) -> Option<Note> {
     let all = listing.file.categories.iter().flatten();
     let names: BTreeSet<&str> = all.map(|category| category.supercategory.as_str()).collect();
     // One for all tells nothing apart.
-    let tells = names.len() > 1 && reads.contains(&CATEGORY_ID.id()) && info(listing).own_categories.is_empty();
-    tells.then(|| {
-        "of categories, names alone are read: supercategories are left out, since some ids are not kept".to_owned()
-    })
+    let tells = names.len() > 1 && info(listing).own_categories.is_empty();
+    let text = "of categories, names alone are read: supercategories are left out, since some ids are not kept";
+    tells.then(|| Note::caveat(text).of([CATEGORY_ID.id()]))
 }
 
 /// Counts the fields of an image's record that nobody reads.
@@ -156,16 +150,17 @@ pub fn count_unkept(unkept: &mut Unkept, image: &Image) {
 pub const OF_IMAGES: &[&str] = &["label_policy", "depth_file_name"];
 
 /// What readers say of information that is not read, if others wrote the dataset: in ours it is always the same.
-pub fn information(listing: &Listing, of_records: &[&Unkept]) -> Option<String> {
+pub fn information(listing: &Listing, of_records: &[Unkept]) -> Option<Note> {
     let of_records = of_records.iter().flat_map(|unkept| unkept.information());
     let all: Vec<String> = listing.information().into_iter().chain(of_records).collect();
-    unkept::note(&all).filter(|_| !is_ours(&info(listing)))
+    unkept::note(&all).filter(|_| !is_ours(&info(listing))).map(Note::caveat)
 }
 
-/// Fields of records that may be labels and are not read, if labels are read at all.
-pub fn labels_not_kept(reads: &[KeyId], of_records: &[&Unkept]) -> Vec<LeftOut> {
-    let all = || of_records.iter().flat_map(|unkept| unkept.labels()).collect();
-    if reads_labels(reads) { all() } else { Vec::new() }
+/// Fields of records that may be labels and are not read, for those who read labels.
+pub fn labels_not_kept(offers: &[KeyId], of_records: &[Unkept]) -> Vec<Note> {
+    let labels = labels_among(offers);
+    let all = of_records.iter().flat_map(|unkept| unkept.labels());
+    all.map(|left_out| Note::not_kept(left_out).of(labels.clone())).collect()
 }
 
 /// What is hidden of an object whose amodal mask is known.

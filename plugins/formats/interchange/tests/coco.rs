@@ -10,7 +10,7 @@ use syntable_model::product::BBox;
 use syntable_model::product::standard::{
     AMODAL_MASK, CATEGORY_ID, OCCLUSION_MASK, OCCLUSION_ORDER, RGB, VISIBLE_BOX, VISIBLE_MASK,
 };
-use syntable_model::reader::DatasetReader;
+use syntable_model::reader::OpenDataset;
 use syntable_testing::takes::open_dataset;
 
 /// A square of 4 × 4 px as a polygon.
@@ -34,11 +34,11 @@ fn annotation(id: u64, segmentation: Option<Json>, more: Json) -> Json {
     annotation
 }
 
-fn open(root: &Path, annotations: &[Json]) -> Box<dyn DatasetReader> {
+fn open(root: &Path, annotations: &[Json]) -> OpenDataset {
     open_of(root, annotations, json!([{ "id": 7, "name": "mug" }]))
 }
 
-fn open_of(root: &Path, annotations: &[Json], categories: Json) -> Box<dyn DatasetReader> {
+fn open_of(root: &Path, annotations: &[Json], categories: Json) -> OpenDataset {
     let file = json!({
         "images": [{ "id": 1, "file_name": "a.png", "width": 20, "height": 10 }],
         "annotations": annotations,
@@ -49,9 +49,9 @@ fn open_of(root: &Path, annotations: &[Json], categories: Json) -> Box<dyn Datas
     open_dataset(root, None).unwrap_or_else(|error| panic!("{error}")).1
 }
 
-fn read(reader: &dyn DatasetReader) -> Products {
-    let wants: Vec<KeyId> = reader.offers().into_iter().filter(|key| *key != RGB.id()).collect();
-    reader.read(0, &wants).unwrap_or_else(|error| panic!("{error}")).1
+fn read(reader: &OpenDataset) -> Products {
+    let wants: Vec<KeyId> = reader.offers.iter().copied().filter(|key| *key != RGB.id()).collect();
+    reader.read(0, &wants).unwrap_or_else(|error| panic!("{error}")).products
 }
 
 #[test]
@@ -59,7 +59,7 @@ fn crowds_are_no_objects() {
     let folder = tempfile::tempdir().expect("a folder");
     let crowd = annotation(2, Some(rectangle([0, 0, 20, 10])), json!({ "iscrowd": 1 }));
     let found = open(folder.path(), &[annotation(1, Some(square(2, 2)), json!({})), crowd]);
-    let products = read(&*found);
+    let products = read(&found);
     let masks: Vec<u32> = products.get(VISIBLE_MASK).expect("there").iter().map(|(_, mask)| mask.area()).collect();
     assert_eq!(masks, [16]);
     assert!(
@@ -74,8 +74,8 @@ fn files_of_boxes_have_boxes_and_categories() {
     for segmentation in [None, Some(json!([]))] {
         let folder = tempfile::tempdir().expect("a folder");
         let found = open(folder.path(), &[annotation(1, segmentation, json!({}))]);
-        assert!(!found.offers().contains(&VISIBLE_MASK.id()));
-        let products = read(&*found);
+        assert!(!found.offers.contains(&VISIBLE_MASK.id()));
+        let products = read(&found);
         // All pixels that [1.5, 4.5) × [2, 6) touches.
         let boxes: Vec<BBox> = products.get(VISIBLE_BOX).expect("there").iter().map(|(_, it)| *it).collect();
         assert_eq!(boxes, [BBox::from([1, 2, 4, 4])]);
@@ -105,7 +105,7 @@ fn ids_in_any_order_tell_objects_apart() {
         let folder = tempfile::tempdir().expect("a folder");
         let [first, second] = ids.clone();
         let found = open(folder.path(), &pair(first, second));
-        let products = read(&*found);
+        let products = read(&found);
         let [hidden, front] = expected.map(InstanceId);
         let masks = products.get(VISIBLE_MASK).expect("there");
         assert_eq!([hidden, front].map(|id| masks.get(id).expect("there").area()), [12, 24], "{ids:?}");
@@ -124,18 +124,18 @@ fn a_category_may_have_the_id_0() {
             |id: u64, category: u64| annotation(id, Some(square(2 * id as u32, 2)), json!({ "category_id": category }));
         let categories = json!([{ "id": 0, "name": name }, { "id": 1, "name": "dog" }]);
         let found = open_of(folder.path(), &[of(1, 0), of(5, 1)], categories);
-        assert_eq!(found.info().classes, classes);
-        let ids: Vec<u32> = read(&*found).get(CATEGORY_ID).expect("there").iter().map(|(_, it)| *it).collect();
-        let named = |id: &u32| found.info().categories().find(|(other, _)| other == id).expect("known").1.to_owned();
+        assert_eq!(found.info.classes, classes);
+        let ids: Vec<u32> = read(&found).get(CATEGORY_ID).expect("there").iter().map(|(_, it)| *it).collect();
+        let named = |id: &u32| found.info.categories().find(|(other, _)| other == id).expect("known").1.to_owned();
         assert_eq!(ids.iter().map(named).collect::<Vec<_>>(), [want, "dog"]);
     }
     let folder = tempfile::tempdir().expect("a folder");
     let twice = json!([{ "id": 7, "name": "cat" }, { "id": 7, "name": "dog" }]);
     let found = open_of(folder.path(), &[annotation(1, Some(square(2, 2)), json!({}))], twice);
     assert!(
-        found.faults().iter().any(|it| it.check == "unique_ids" && it.place == "category 7"),
+        found.all_faults().iter().any(|it| it.check == "unique_ids" && it.place == "category 7"),
         "{:?}",
-        found.faults()
+        found.all_faults()
     );
 }
 
@@ -154,8 +154,8 @@ fn harmless_habits_of_other_tools_are_read() {
     let marked = |data: &Json| fs::write(&path, format!("\u{feff}{data}")).expect("written");
     marked(&data);
     let found = open_dataset(folder.path(), None).unwrap_or_else(|error| panic!("{error}")).1;
-    assert_eq!(found.faults(), []);
-    assert_eq!(read(&*found).get(VISIBLE_MASK).expect("there").iter().next().expect("an object").1.area(), 16);
+    assert_eq!(found.all_faults(), []);
+    assert_eq!(read(&found).get(VISIBLE_MASK).expect("there").iter().next().expect("an object").1.area(), 16);
     for id in [json!(1.5), json!(-1), json!("1"), json!(null), json!(1e300)] {
         data["images"][0]["id"] = id;
         marked(&data);
@@ -185,7 +185,7 @@ fn holes_of_kins_are_told_by_areas() {
         fs::write(&path, data.to_string()).expect("written");
         let found = open_dataset(&path, None).unwrap_or_else(|error| panic!("{error}")).1;
         assert_eq!(found.image_faults(0).iter().filter(|it| it.0 == "areas_are_those_of_masks").count(), 0);
-        let products = read(&*found);
+        let products = read(&found);
         let area =
             |key: Key<PerInstance<Mask>>| products.get(key).expect("there").iter().next().map(|(_, mask)| mask.area());
         (area(VISIBLE_MASK), area(OCCLUSION_MASK))
@@ -231,7 +231,7 @@ fn images_of_kins_are_those_of_the_split() {
         });
         fs::write(folder.path().join(file), data.to_string()).expect("written");
         let found = open_dataset(folder.path(), Some("kins")).unwrap_or_else(|error| panic!("{error}")).1;
-        let products = found.read(0, &[RGB.id()]).unwrap_or_else(|error| panic!("{error}")).1;
+        let products = found.read(0, &[RGB.id()]).unwrap_or_else(|error| panic!("{error}")).products;
         assert_eq!(products.get(RGB).expect("there").at(0, 0)[0], expected, "{file}");
     }
 }
@@ -243,7 +243,7 @@ fn masks_beside_amodal_ones_are_visible() {
     let of = |annotations: &[Json]| {
         let folder = tempfile::tempdir().expect("a folder");
         let found = open(folder.path(), annotations);
-        let products = read(&*found);
+        let products = read(&found);
         let areas = |key: Key<PerInstance<Mask>>| -> Vec<u32> {
             let masks = products.optional(key).expect("of its type");
             masks.into_iter().flat_map(|masks| masks.iter()).map(|(_, mask)| mask.area()).collect()
@@ -284,14 +284,14 @@ fn a_folder_of_instances_and_segments_is_both() {
     let error = open_dataset(folder.path(), None).err().expect("two formats").to_string();
     assert!(error.contains("like coco and like coco_panoptic"), "{error}");
     let found = open_dataset(folder.path(), Some("coco")).unwrap_or_else(|error| panic!("{error}")).1;
-    assert_eq!(read(&*found).get(VISIBLE_MASK).expect("there").iter().count(), 1);
+    assert_eq!(read(&found).get(VISIBLE_MASK).expect("there").iter().count(), 1);
 }
 
 #[test]
 fn supercategories_are_those_of_the_file() {
     let folder = tempfile::tempdir().expect("a folder");
     let found = open_of(folder.path(), &[], json!([{ "id": 7, "name": "mug", "supercategory": "shape" }]));
-    assert_eq!(found.info().supercategory(7), Some("shape"));
+    assert_eq!(found.info.supercategory(7), Some("shape"));
 }
 
 #[test]
@@ -300,10 +300,10 @@ fn objects_without_a_mask_have_no_pixels() {
         let folder = tempfile::tempdir().expect("a folder");
         let found =
             open(folder.path(), &[annotation(1, Some(square(2, 2)), json!({})), annotation(2, empty, json!({}))]);
-        let products = read(&*found);
+        let products = read(&found);
         let masks: Vec<u32> = products.get(VISIBLE_MASK).expect("there").iter().map(|(_, mask)| mask.area()).collect();
         assert_eq!(masks, [16, 0]);
-        let caveats = found.caveats(&found.offers()).join("; ");
+        let caveats = found.caveats(&found.offers).join("; ");
         assert!(caveats.contains("are objects without pixels: there are 1"), "{caveats}");
         let faults: Vec<_> = found.image_faults(0).into_iter().filter(|it| it.0 == "objects_have_masks").collect();
         assert!(
@@ -317,11 +317,11 @@ fn objects_without_a_mask_have_no_pixels() {
 fn images_without_any_annotation_have_no_objects() {
     let folder = tempfile::tempdir().expect("a folder");
     let found = open(folder.path(), &[]);
-    let products = read(&*found);
+    let products = read(&found);
     for key in [VISIBLE_MASK, AMODAL_MASK, OCCLUSION_MASK] {
         assert!(products.get(key).expect("offered").0.is_empty());
     }
-    let caveats = found.caveats(&found.offers()).join("; ");
+    let caveats = found.caveats(&found.offers).join("; ");
     assert!(caveats.contains("no annotations of objects"), "{caveats}");
     assert!(found.image_faults(0).is_empty());
 }

@@ -9,7 +9,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{AMODAL_MASK, CATEGORY_ID, DEPTH, OCCLUSION_MASK, RGB, VISIBLE_MASK};
-use syntable_model::reader::{self, DatasetReader};
+use syntable_model::reader::{self, OpenDataset};
 use syntable_testing::takes::{open_dataset, registry};
 
 fn classes() -> DatasetInfo {
@@ -24,7 +24,7 @@ fn written(root: &Path, kind: &str, options: &str) -> Vec<Take> {
     takes
 }
 
-fn open(root: &Path) -> Box<dyn DatasetReader> {
+fn open(root: &Path) -> OpenDataset {
     open_dataset(root, None).unwrap_or_else(|error| panic!("{error}")).1
 }
 
@@ -66,7 +66,7 @@ fn what_is_written_is_read() {
         let folder = tempfile::tempdir().expect("a folder");
         let takes = written(folder.path(), kind, options);
         let read = open(&folder.path().join("data"));
-        assert!(read.faults().is_empty(), "{kind} {options}: {:?}", read.faults());
+        assert!(read.all_faults().is_empty(), "{kind} {options}: {:?}", read.all_faults());
         // What formats leave out.
         let has_amodal = !["coco_panoptic", "yolo"].contains(&kind);
         let has_category = !["osd_amodal", "uoais"].contains(&kind);
@@ -78,7 +78,7 @@ fn what_is_written_is_read() {
                 let mut want = objects(products, has_amodal, has_category);
                 want.retain(|(visible, ..)| !needs_seen || !visible.is_empty());
                 let is_it = |image: &&reader::ImageRef| (image.scene, image.view) == (take.scene.id, view.id);
-                let Some(image) = read.images().iter().find(is_it) else {
+                let Some(image) = read.images.iter().find(is_it) else {
                     assert!(
                         want.is_empty() && ["cocoa", "osd_amodal", "uoais"].contains(&kind),
                         "{kind}: an image is missing"
@@ -86,9 +86,10 @@ fn what_is_written_is_read() {
                     continue;
                 };
                 images += 1;
-                let number = read.images().iter().position(|other| other == image).expect("there");
-                let (seen, found) = read.read(number, &read.offers()).unwrap_or_else(|error| panic!("{kind}: {error}"));
-                assert_eq!(seen.id, view.id);
+                let number = read.images.iter().position(|other| other == image).expect("there");
+                let read_image = read.read(number, &read.offers);
+                let found = read_image.unwrap_or_else(|error| panic!("{kind}: {error}")).products;
+                assert_eq!(read.images[number].view, view.id);
                 assert!(objects(&found, has_amodal, has_category) == want, "{kind} {options}: {}", image.name);
                 assert!(found.get(RGB).expect("there") == products.get(RGB).expect("there"), "{kind}: {}", image.name);
                 if ["osd_amodal", "uoais"].contains(&kind) {
@@ -100,7 +101,7 @@ fn what_is_written_is_read() {
                 assert_eq!(read.image_faults(number), [], "{kind} {options}: {}", image.name);
             }
         }
-        assert!(images > 5 && images == read.images().len(), "{kind}: {images}");
+        assert!(images > 5 && images == read.images.len(), "{kind}: {images}");
     }
 }
 
@@ -167,7 +168,7 @@ fn names_lead_nowhere_else() {
             let all = |source: &reader::Source| {
                 let (_, read) =
                     registry().open_dataset(source, Some(of)).unwrap_or_else(|error| panic!("{kind}: {error}"));
-                (0..read.images().len()).map(|image| read.read(image, &read.offers()).err()).collect::<Vec<_>>()
+                (0..read.images.len()).map(|image| read.read(image, &read.offers).err()).collect::<Vec<_>>()
             };
             for error in all(&source) {
                 let error = error.unwrap_or_else(|| panic!("{kind}: {bad:?} was read")).to_string();
@@ -203,16 +204,16 @@ fn files_of_others_are_read() {
         }
         let (format, read) =
             open_dataset(&folder.path().join(at), None).unwrap_or_else(|error| panic!("{kind}: {error}"));
-        assert_eq!((format.name, read.faults()), (kind, &[][..]));
+        assert_eq!((format.name(), read.all_faults()), (kind, Vec::new()));
         let truth: Vec<Vec<True>> =
             serde_json::from_slice(&fs::read(folder.path().join("truth.json")).expect("there")).expect("JSON");
-        assert_eq!(read.images().len(), truth.len(), "{kind}");
+        assert_eq!(read.images.len(), truth.len(), "{kind}");
         let name_of = |id: u32| {
-            let (_, name) = read.info().categories().find(|(other, _)| *other == id).expect("a category");
+            let (_, name) = read.info.categories().find(|(other, _)| *other == id).expect("a category");
             name.to_owned()
         };
         for (number, truth) in truth.iter().enumerate() {
-            let (_, products) = read.read(number, &read.offers()).unwrap_or_else(|error| panic!("{kind}: {error}"));
+            let products = read.read(number, &read.offers).unwrap_or_else(|error| panic!("{kind}: {error}")).products;
             let set = |rows: &Vec<Vec<u8>>| -> Vec<usize> {
                 let (width, height) = (rows[0].len(), rows.len());
                 pixels(&Mask::from_fn(width as u32, height as u32, |x, y| rows[y as usize][x as usize] > 0))
@@ -253,10 +254,10 @@ fn said(root: &Path, kind: &str) -> Vec<String> {
         }
     };
     let mut said: Vec<String> =
-        read.faults().iter().map(|it| format!("{}: {}: {}", it.check, it.place, it.message)).collect();
-    for number in 0..read.images().len() {
+        read.all_faults().iter().map(|it| format!("{}: {}: {}", it.check, it.place, it.message)).collect();
+    for number in 0..read.images.len() {
         said.extend(read.image_faults(number).into_iter().map(|(check, message)| format!("{check}: {message}")));
-        if let Err(error) = read.read(number, &read.offers()) {
+        if let Err(error) = read.read(number, &read.offers) {
             // No repetition helps.
             assert!(error.is_permanent(), "{kind}: {error}");
             said.push(error.to_string());
@@ -486,14 +487,14 @@ fn segments_of_no_number_are_no_objects() {
     let folder = tempfile::tempdir().expect("a folder");
     written(folder.path(), "coco_panoptic", "");
     let root = folder.path().join("data");
-    let count = |read: &dyn DatasetReader| {
-        read.read(0, &[VISIBLE_MASK.id()]).expect("readable").1.get(VISIBLE_MASK).expect("there").iter().count()
+    let count = |read: &OpenDataset| {
+        read.read(0, &[VISIBLE_MASK.id()]).expect("readable").products.get(VISIBLE_MASK).expect("there").iter().count()
     };
-    let before = count(&*open(&root));
+    let before = count(&open(&root));
     spoil(&file(&root, "annotations/panoptic_train.json"), &|it| {
         it["annotations"][0]["segments_info"][0]["id"] = json!(0);
     });
-    assert_eq!(count(&*open(&root)), before - 1);
+    assert_eq!(count(&open(&root)), before - 1);
     let said = said(&root, "coco_panoptic");
     assert!(said.iter().any(|it| it.contains("a segment has the id 0")), "{said:?}");
 }
@@ -503,7 +504,7 @@ fn occlusion_masks_of_cocoa_are_its_own_or_follow() {
     let folder = tempfile::tempdir().expect("a folder");
     written(folder.path(), "cocoa", "");
     let root = folder.path().join("data");
-    assert_eq!(open(&root).derived(), []);
+    assert_eq!(open(&root).derived, []);
     spoil(&file(&root, ".json"), &|it| {
         for annotation in it["annotations"].as_array_mut().expect("a list") {
             for region in annotation["regions"].as_array_mut().expect("a list") {
@@ -511,7 +512,7 @@ fn occlusion_masks_of_cocoa_are_its_own_or_follow() {
             }
         }
     });
-    assert_eq!(open(&root).derived(), keys![OCCLUSION_MASK]);
+    assert_eq!(open(&root).derived, keys![OCCLUSION_MASK]);
 }
 
 #[test]
@@ -527,7 +528,7 @@ fn a_scene_of_bop_without_poses_is_at_fault() {
         fs::remove_file(file(&root, scene)).expect("there");
     }
     let read = open(&root);
-    assert_eq!((read.images().len(), read.faults().len()), (0, 3));
+    assert_eq!((read.images.len(), read.all_faults().len()), (0, 3));
 }
 
 #[test]
@@ -664,8 +665,8 @@ fn rotated_boxes_are_told_from_polygons() {
             }
         }
         let read = open(&root);
-        assert_eq!(read.offers().contains(&VISIBLE_MASK.id()), has_masks, "{options} {line:?}");
-        let (_, products) = read.read(0, &read.offers()).expect("readable");
+        assert_eq!(read.offers.contains(&VISIBLE_MASK.id()), has_masks, "{options} {line:?}");
+        let products = read.read(0, &read.offers).expect("readable").products;
         assert!(!products.get(CATEGORY_ID).expect("there").0.is_empty());
         assert_eq!(said(&root, "yolo"), Vec::<String>::new(), "{options} {line:?}");
     }
@@ -698,10 +699,10 @@ fn what_the_description_says_of_lines_counts_first() {
         let folder = tempfile::tempdir().expect("a folder");
         let root = yolo_of(folder.path(), lines, more);
         let read = open(&root);
-        assert_eq!(read.offers().contains(&VISIBLE_MASK.id()), has_masks, "{lines} {more}");
-        let (_, products) = read.read(0, &read.offers()).unwrap_or_else(|error| panic!("{lines} {more}: {error}"));
+        assert_eq!(read.offers.contains(&VISIBLE_MASK.id()), has_masks, "{lines} {more}");
+        let products = read.read(0, &read.offers).unwrap_or_else(|error| panic!("{lines} {more}: {error}")).products;
         assert_eq!(products.get(CATEGORY_ID).expect("there").0.len(), 1, "{lines} {more}");
-        assert!(read.caveats(&read.offers()).iter().any(|it| it.contains(caveat)), "{lines} {more}");
+        assert!(read.caveats(&read.offers).iter().any(|it| it.contains(caveat)), "{lines} {more}");
         assert_eq!(said(&root, "yolo"), Vec::<String>::new(), "{lines} {more}");
     }
     for (lines, more, says) in [
@@ -719,18 +720,14 @@ fn a_box_among_polygons_leaves_the_others_their_masks() {
     let folder = tempfile::tempdir().expect("a folder");
     let root = yolo_of(folder.path(), "0 0.1 0.1 0.4 0.1 0.4 0.4\n0 0.5 0.5 0.2 0.2\n1 0.6 0.6 0.9 0.6 0.9 0.9\n", "");
     let read = open(&root);
-    let (_, products) = read.read(0, &read.offers()).unwrap_or_else(|error| panic!("{error}"));
+    let products = read.read(0, &read.offers).unwrap_or_else(|error| panic!("{error}")).products;
     let masked: Vec<InstanceId> = products.get(VISIBLE_MASK).expect("there").iter().map(|(id, _)| id).collect();
     let classed: Vec<InstanceId> = products.get(CATEGORY_ID).expect("there").iter().map(|(id, _)| id).collect();
     assert_eq!([masked, classed], [[1, 3].map(InstanceId); 2]);
     let said = said(&root, "yolo");
     assert!(!said.is_empty() && said.iter().all(|it| it.contains("line 2: a box among polygons")), "{said:?}");
-    let left_out = format!("left out: {}", read.images().len());
-    assert!(
-        read.caveats(&read.offers()).iter().any(|it| it.ends_with(&left_out)),
-        "{:?}",
-        read.caveats(&read.offers())
-    );
+    let left_out = format!("left out: {}", read.images.len());
+    assert!(read.caveats(&read.offers).iter().any(|it| it.ends_with(&left_out)), "{:?}", read.caveats(&read.offers));
 }
 
 /// A label file that is no file is not one that is missing, which says that there are no objects.
@@ -769,8 +766,8 @@ fn labels_without_their_image_are_lost() {
         let root = folder.path().join("data");
         fs::remove_file(file(&root, end)).expect("there");
         let read = open(&root);
-        let lost = read.faults().iter().any(|it| it.is_lost && it.place.ends_with(label));
-        assert!(lost, "{kind} {label}: {:?}", read.faults());
+        let lost = read.all_faults().iter().any(|it| it.is_lost && it.place.ends_with(label));
+        assert!(lost, "{kind} {label}: {:?}", read.all_faults());
     }
 }
 
@@ -803,7 +800,7 @@ fn annotations_that_are_no_objects_are_counted() {
         let root = folder.path().join("data");
         let passed_over = || -> Vec<String> {
             let read = open(&root);
-            let all = read.passed_over(&read.offers()).into_iter().filter(|it| it.count > 0);
+            let all = read.not_objects(&read.offers).into_iter().filter(|it| it.count > 0);
             all.map(|it| it.to_string()).collect()
         };
         assert_eq!(passed_over(), Vec::<String>::new(), "{kind}");
@@ -837,7 +834,7 @@ fn fields_with_labels_are_counted() {
         let not_kept = || -> Vec<String> {
             let read = open(&root);
             assert!(read.not_kept(&[RGB.id()]).is_empty(), "{kind}: no labels are read");
-            read.not_kept(&read.offers()).iter().map(ToString::to_string).collect()
+            read.not_kept(&read.offers).iter().map(ToString::to_string).collect()
         };
         assert_eq!(not_kept(), Vec::<String>::new(), "{kind}");
         spoil(&annotation_file(&root), change);
@@ -847,7 +844,7 @@ fn fields_with_labels_are_counted() {
     let folder = tempfile::tempdir().expect("a folder");
     let root = yolo_of(folder.path(), "0 0.5 0.5 0.2 0.2\n", "");
     let (_, read) = open_dataset(&root, Some("yolo")).expect("a dataset");
-    let lost = &read.not_kept(&read.offers())[0];
+    let lost = &read.not_kept(&read.offers)[0];
     assert!(lost.count > 0 && lost.count == lost.of, "{lost}");
     assert_eq!(lost.what, "labels are boxes, of which only classes are kept");
 }
@@ -860,7 +857,7 @@ fn classes_beside_labels_have_names() {
     fs::remove_file(root.join("data.yaml")).expect("there");
     let names = || -> Vec<String> {
         let (_, read) = open_dataset(&root, Some("yolo")).expect("a dataset");
-        read.info().categories().map(|(_, name)| name.to_owned()).collect()
+        read.info.categories().map(|(_, name)| name.to_owned()).collect()
     };
     assert_eq!(names(), ["class 0", "class 1"]);
     let labels = file(&root, ".txt");
@@ -875,7 +872,7 @@ fn names_that_cocoa_does_not_list_come_behind() {
     written(folder.path(), "cocoa", "");
     let root = folder.path().join("data");
     let names =
-        || -> Vec<(u32, String)> { open(&root).info().categories().map(|(id, name)| (id, name.to_owned())).collect() };
+        || -> Vec<(u32, String)> { open(&root).info.categories().map(|(id, name)| (id, name.to_owned())).collect() };
     let listed = names();
     spoil(&annotation_file(&root), &|it| it["annotations"][0]["regions"][0]["name"] = json!("aardvark"));
     let last = listed.last().expect("one").0;
@@ -893,7 +890,7 @@ fn more_annotations_than_ids_are_refused() {
         it["annotations"] = (1..=70_000).map(of).collect();
     });
     let read = open(&root);
-    let mut all = (0..read.images().len()).map(|image| read.read(image, &[CATEGORY_ID.id()]).map(drop));
+    let mut all = (0..read.images.len()).map(|image| read.read(image, &[CATEGORY_ID.id()]).map(drop));
     let error = all.find_map(Result::err).expect("refused").to_string();
     assert!(error.contains("70000 annotated objects of one image are more than the limit of 65535"), "{error}");
 }
@@ -903,15 +900,15 @@ fn crowds_of_kins_are_no_objects() {
     let folder = tempfile::tempdir().expect("a folder");
     written(folder.path(), "kins", "");
     let root = folder.path().join("data");
-    let count = |read: &dyn DatasetReader| read.read(0, &[VISIBLE_MASK.id()]).expect("readable").1;
-    let count = |read: &dyn DatasetReader| count(read).get(VISIBLE_MASK).expect("there").0.len();
-    let (before, image) = (count(&*open(&root)), open(&root).images()[0].id);
+    let count = |read: &OpenDataset| read.read(0, &[VISIBLE_MASK.id()]).expect("readable").products;
+    let count = |read: &OpenDataset| count(read).get(VISIBLE_MASK).expect("there").0.len();
+    let (before, image) = (count(&open(&root)), open(&root).images[0].id);
     spoil(&file(&root, ".json"), &|it| {
         let mut all = it["annotations"].as_array_mut().expect("a list").iter_mut();
         all.find(|it| it["image_id"].as_u64() == image).expect("one")["iscrowd"] = json!(true);
     });
     let read = open(&root);
-    assert_eq!((count(&*read), read.crowds(0).expect("readable").len()), (before - 1, 1));
+    assert_eq!((count(&read), read.crowds(0).expect("readable").len()), (before - 1, 1));
 }
 
 #[test]
@@ -949,7 +946,7 @@ fn masks_of_osd_amodal_are_named_after_labels() {
     let root = folder.path().join("data");
     let count = || {
         let read = open(&root);
-        let (_, products) = read.read(0, &read.offers()).unwrap_or_else(|error| panic!("{error}"));
+        let products = read.read(0, &read.offers).unwrap_or_else(|error| panic!("{error}")).products;
         (products.get(AMODAL_MASK).expect("there").0.len(), read.caveats(&[]))
     };
     let (all, none) = count();
@@ -977,8 +974,8 @@ fn one_of_several_is_named() {
         assert!(error.contains("there are 2"), "{kind}: {error}");
         for path in [&first, &second] {
             let (format, read) = open_dataset(path, None).unwrap_or_else(|error| panic!("{kind}: {error}"));
-            assert_eq!((format.name, read.faults()), (kind, &[][..]));
-            read.read(0, &read.offers()).unwrap_or_else(|error| panic!("{kind}: {error}"));
+            assert_eq!((format.name(), read.all_faults()), (kind, Vec::new()));
+            read.read(0, &read.offers).unwrap_or_else(|error| panic!("{kind}: {error}"));
         }
     }
     // Folders of splits.

@@ -22,7 +22,7 @@ use syntable_model::panics::guarded;
 use syntable_model::prelude::*;
 use syntable_model::product::linked;
 use syntable_model::product::standard::{CAMERA, CATEGORY_ID, RGB};
-use syntable_model::reader::{DatasetReader, Format, Source};
+use syntable_model::reader::{Format, Opened, Source};
 
 syntable_model::register_format!(Format {
     name: "parquet",
@@ -180,7 +180,7 @@ fn text_bytes(field: &Field) -> u64 {
     }
 }
 
-fn open(source: &Source) -> Result<Box<dyn DatasetReader>> {
+fn open(source: &Source) -> Result<Opened> {
     let root = source.path.as_path();
     let paths = tables_of(root);
     if paths.is_empty() {

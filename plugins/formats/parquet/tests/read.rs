@@ -43,16 +43,16 @@ fn products_come_back_and_labels_follow() {
         let folder = tempfile::tempdir().expect("a folder");
         let takes = written(folder.path(), "parquet", &options);
         let read = opened(folder.path(), "parquet");
-        let offers = read.offers();
+        let offers = &read.offers;
         for key in keys![VISIBLE_MASK, AMODAL_BOX, OCCLUSION_MASK, OCCLUSION_ORDER, OBJECT_INFO, CATEGORY_ID] {
             assert!(offers.contains(&key), "{options}: {}", key.name);
         }
         assert_eq!(offers.contains(&RGB.id()), !options.contains("none"), "{options}");
         let known = classes();
         let names: Vec<(u32, &str)> = known.categories().collect();
-        assert!(read.info().categories().all(|category| names.contains(&category)), "{options}");
+        assert!(read.info.categories().all(|category| names.contains(&category)), "{options}");
         // Tables of instances have no rows of images without any.
-        let compared = assert_products(&*read, &takes, options.contains("views"), part);
+        let compared = assert_products(&read, &takes, options.contains("views"), part);
         assert!(compared > 60, "{options}: {compared}");
     }
 }
@@ -87,9 +87,9 @@ fn large_tables_of_views_come_back() {
     let writer = writer("parquet", options).expect("good options");
     write_scenes(folder.path(), "data", &*writer, &dataset(1, views), &[scene]).expect("written");
     let read = opened(folder.path(), "parquet");
-    assert_eq!(read.images().len(), 100);
+    assert_eq!(read.images.len(), 100);
     for (view, image) in [(0, 0), (57, 57), (99, 99)] {
-        let (_, products) = read.read(image, &[VISIBLE_MASK.id()]).expect("readable");
+        let products = read.read(image, &[VISIBLE_MASK.id()]).expect("readable").products;
         let masks = &products.get(VISIBLE_MASK).expect("read").0;
         assert_eq!(masks.len(), usize::from(objects));
         assert!(masks.iter().all(|(id, read)| *read == mask(view, id.0)), "view {view}");
@@ -131,9 +131,9 @@ fn what_is_damaged_is_named() {
     let bytes = std::fs::read(&path).expect("readable");
     let said = |root: &Path| {
         let (_, read) = open_dataset(root, None).expect("a dataset");
-        let faults = read.faults().iter().map(|fault| format!("{} {}", fault.place, fault.message)).collect::<Vec<_>>();
-        let errors =
-            (0..read.images().len()).filter_map(|image| Some(read.read(image, &read.offers()).err()?.to_string()));
+        let faults =
+            read.all_faults().iter().map(|fault| format!("{} {}", fault.place, fault.message)).collect::<Vec<_>>();
+        let errors = (0..read.images.len()).filter_map(|image| Some(read.read(image, &read.offers).err()?.to_string()));
         faults.into_iter().chain(errors).collect::<Vec<String>>()
     };
     assert!(said(folder.path()).is_empty());

@@ -41,13 +41,13 @@ fn products_come_back_and_labels_follow() {
         let folder = tempfile::tempdir().expect("a folder");
         let takes = written(folder.path(), kind, options);
         let read = opened(folder.path(), kind);
-        let offers = read.offers();
+        let offers = &read.offers;
         assert!(labels().iter().all(|key| offers.contains(key)), "{kind} {options}: {offers:?}");
         // Lines have no names of categories.
         if *kind != "jsonl" {
-            assert_eq!(read.info().categories().collect::<Vec<_>>(), classes().categories().collect::<Vec<_>>());
+            assert_eq!(read.info.categories().collect::<Vec<_>>(), classes().categories().collect::<Vec<_>>());
         }
-        assert!(assert_products(&*read, &takes, true, |_, value| value) > 60, "{kind} {options}");
+        assert!(assert_products(&read, &takes, true, |_, value| value) > 60, "{kind} {options}");
     }
 }
 
@@ -104,9 +104,9 @@ fn nothing_that_is_read_panics() {
             }) else {
                 continue;
             };
-            for image in 0..read.images().len() {
+            for image in 0..read.images.len() {
                 // Masks that do not fit each other would stop it where occlusion is made of them.
-                let _ = read.read(image, &read.offers());
+                let _ = read.read(image, &read.offers);
             }
         }
     }
@@ -117,8 +117,8 @@ fn each_product_is_read_by_itself() {
     let folder = tempfile::tempdir().expect("a folder");
     let takes = written(folder.path(), "webdataset", "");
     let read = opened(folder.path(), "webdataset");
-    for key in read.offers() {
-        let (_, found) = read.read(1, &[key]).unwrap_or_else(|error| panic!("{}: {error}", key.name));
+    for key in read.offers.iter().copied() {
+        let found = read.read(1, &[key]).unwrap_or_else(|error| panic!("{}: {error}", key.name)).products;
         let name = key.name.to_string();
         let want = takes[0].views[1].1.value(&name).expect("written");
         assert!(found.value(&name).expect("there") == want || name == "camera" || name == "amodal_bits", "{name}");
@@ -132,9 +132,9 @@ fn said(root: &Path, kind: &str) -> Vec<String> {
         Ok((_, read)) => read,
         Err(error) => return vec![error.to_string()],
     };
-    let wants = read.offers();
-    let faults = read.faults().iter().map(|fault| format!("{}: {}", fault.place, fault.message));
-    let errors = (0..read.images().len()).filter_map(|image| Some(read.read(image, &wants).err()?.to_string()));
+    let wants = &read.offers;
+    let faults = read.all_faults().into_iter().map(|fault| format!("{}: {}", fault.place, fault.message));
+    let errors = (0..read.images.len()).filter_map(|image| Some(read.read(image, &wants).err()?.to_string()));
     faults.chain(errors).collect()
 }
 
@@ -193,8 +193,8 @@ fn what_is_damaged_is_named() {
 /// The first image of a dataset that was changed, or why it cannot be read.
 fn first(root: &Path, kind: &str, wants: &[KeyId]) -> Result<Products> {
     let (_, read) = open_dataset(root, Some(kind))?;
-    assert!(wants.iter().all(|key| read.offers().contains(key)), "{:?}", read.offers());
-    read.read(0, wants).map(|(_, products)| products)
+    assert!(wants.iter().all(|key| read.offers.contains(key)), "{:?}", read.offers);
+    read.read(0, wants).map(|image| image.products)
 }
 
 #[test]
@@ -204,7 +204,7 @@ fn orders_and_bits_need_the_instances_that_they_are_of() {
         written(folder.path(), "npz", "include = [\"rgb\", \"visible_ids\", \"occlusion_order\", \"amodal_bits\"]");
     let read = opened(folder.path(), "npz");
     for key in keys![OCCLUSION_ORDER, AMODAL_BITS, AMODAL_MASK] {
-        assert!(!read.offers().contains(&key), "{}", key.name);
+        assert!(!read.offers.contains(&key), "{}", key.name);
     }
     let visible = first(&folder.path().join("data"), "npz", &[VISIBLE_MASK.id()]).expect("readable");
     let shown = takes[0].views[0].1.get(VISIBLE_MASK).expect("made");
@@ -264,11 +264,12 @@ fn categories_are_those_of_the_file() {
     let categories = |text: &str| {
         std::fs::write(root.join("categories.json"), text).expect("writable");
         let (_, read) = open_dataset(&root, None).expect("a dataset");
-        let (_, found) = read.read(0, &[CATEGORY_ID.id()]).expect("readable");
+        let found = read.read(0, &[CATEGORY_ID.id()]).expect("readable").products;
         let ids: std::collections::BTreeSet<u32> =
             found.get(CATEGORY_ID).expect("there").iter().map(|it| *it.1).collect();
-        let name = |id: u32| read.info().category(id).map_or_else(|error| error.to_string(), |it| it.1.to_owned());
-        let faults = (0..read.images().len()).flat_map(|image| read.image_faults(image)).count() + read.faults().len();
+        let name = |id: u32| read.info.category(id).map_or_else(|error| error.to_string(), |it| it.1.to_owned());
+        let faults =
+            (0..read.images.len()).flat_map(|image| read.image_faults(image)).count() + read.all_faults().len();
         (ids.into_iter().map(name).collect::<Vec<String>>(), faults)
     };
     // Ids of the first image are 1 to 3.
@@ -281,7 +282,7 @@ fn categories_are_those_of_the_file() {
     // A category that no object needs is not added.
     categories(r#"[{"id": 1, "name": "a"}, {"id": 2, "name": "b"}, {"id": 3, "name": "c"}]"#);
     let (_, read) = open_dataset(&root, None).expect("a dataset");
-    assert_eq!(read.info().categories().map(|it| it.1).collect::<Vec<_>>(), ["a", "b", "c"]);
+    assert_eq!(read.info.categories().map(|it| it.1).collect::<Vec<_>>(), ["a", "b", "c"]);
     let (_, faults) = categories(
         r#"[{"id": 1, "name": "a"}, {"id": 1, "name": "b"}, {"id": 2, "name": "c"}, {"id": 3, "name": "d"}]"#,
     );
@@ -320,9 +321,12 @@ fn of_several_datasets_that_of_a_layout_counts() {
     );
     written(&root.join("ours"), "syntable", "");
     let (format, _) = registry().find_dataset(&reader::Source::new(root), None).expect("one of a layout");
-    assert_eq!(format.name, "syntable");
+    assert_eq!(format.name(), "syntable");
     // In the folder itself, too.
     let ours = root.join("ours");
     std::fs::copy(root.join("arrays/000000_0000.npz"), ours.join("000000_0000.npz")).expect("copied");
-    assert_eq!(registry().find_dataset(&reader::Source::new(&ours), None).expect("one of a layout").0.name, "syntable");
+    assert_eq!(
+        registry().find_dataset(&reader::Source::new(&ours), None).expect("one of a layout").0.name(),
+        "syntable"
+    );
 }

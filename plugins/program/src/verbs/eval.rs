@@ -1,12 +1,13 @@
 //! `syntable eval`.
 
 use std::path::PathBuf;
+use std::sync::Arc;
 use syntable_cli::clap::{Arg, ArgAction, ArgMatches, Command, value_parser};
 use syntable_cli::{
     Console, Exit, Message, TRUST_PATHS, Topic, Verb, amount, check_outputs, ended, on_signals, threads,
 };
 use syntable_evaluate::image::Occluded;
-use syntable_evaluate::measure::{Metric, linked};
+use syntable_evaluate::measure::{MetricKind, linked};
 use syntable_evaluate::results::Results;
 use syntable_evaluate::{Convention, EvaluateOptions, evaluate, worst};
 use syntable_model::error::{Error, Result};
@@ -23,8 +24,8 @@ syntable_cli::register_topic!(Topic { name: "metrics", rows });
 /// The metrics, for `syntable list`.
 fn rows() -> Result<Vec<[String; 3]>> {
     let headings = ["metric", "crate", "what it is"].map(str::to_owned);
-    let row = |it: Metric| [it.name, it.crate_name, it.doc].map(str::to_owned);
-    Ok(std::iter::once(headings).chain(linked()?.into_iter().map(row)).collect())
+    let row = |it: Arc<dyn MetricKind>| [it.name(), it.owner(), it.doc()].map(str::to_owned);
+    Ok(std::iter::once(headings).chain(linked(&[])?.into_iter().map(row)).collect())
 }
 
 fn command() -> Command {

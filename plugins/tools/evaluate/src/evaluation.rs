@@ -2,20 +2,21 @@
 
 use crate::categories::ByCategory;
 use crate::image::{Instance, Occluded, Pair};
-use crate::measure::{Measurement, Measures, Tally};
+use crate::measure::{Measurement, Measures, MetricKind, Tally};
 use crate::predictions::{self, Predictions, check_masks, instances};
 use crate::table::{Score, Scored, Table};
 use crate::{Convention, bootstrap, worst};
 use std::path::PathBuf;
+use std::sync::Arc;
 use syntable_formats::scores::{ScoredImage, Scores};
 use syntable_model::error::{Error, Result};
-use syntable_model::reader::{DatasetReader, Source};
+use syntable_model::reader::{OpenDataset, Source};
 use syntable_model::registry::Registry;
 use syntable_runtime::images::{Work, each};
 use syntable_runtime::left_out::LeftOutReport;
 
 /// What is scored, and how.
-#[derive(Debug, Clone)]
+#[derive(Clone)]
 pub struct EvaluateOptions {
     /// Ground truth: a dataset of any format that can be read, or a folder of label maps.
     pub truth: Source,
@@ -33,6 +34,8 @@ pub struct EvaluateOptions {
     pub convention: Convention,
     /// Names of metrics; all if empty.
     pub metrics: Vec<String>,
+    /// Metrics beside those of linked crates.
+    pub more_metrics: Vec<Arc<dyn MetricKind>>,
     /// Whether COCO's scores with categories are added.
     pub by_category: bool,
     /// Number of samples of the images for 95 % confidence intervals; none for no intervals.
@@ -55,6 +58,7 @@ impl EvaluateOptions {
             occluded: Occluded::AsSaid,
             convention: Convention::Release,
             metrics: Vec::new(),
+            more_metrics: Vec::new(),
             by_category: false,
             bootstrap: None,
             seed: 0,
@@ -83,14 +87,14 @@ pub struct Evaluation {
 /// If a name is wrong, masks that the metrics need are missing, a file cannot be read, or the work was asked to stop.
 pub fn evaluate(registry: &Registry, options: &EvaluateOptions, work: &Work) -> Result<Evaluation> {
     let EvaluateOptions { truth: gt, predictions: pred, .. } = options;
-    let mut measures = Measures::named(&options.metrics, options.convention)?;
+    let mut measures = Measures::named(&options.metrics, &options.more_metrics, options.convention)?;
     if options.by_category && !options.metrics.is_empty() && !options.metrics.iter().any(|name| name == "coco") {
         let error = Error::new("--by-category adds to the metric `coco`, which --metrics leaves out");
         return Err(error.help("name `coco` with --metrics, too, or leave --by-category out").of_request());
     }
     let (format, truth) = predictions::open(registry, gt, options.truth_format.as_deref())?;
-    check_masks(&*truth, &gt.path)?;
-    if truth.images().is_empty() {
+    check_masks(&truth, &gt.path)?;
+    if truth.images.is_empty() {
         return Err(Error::new("the dataset has no image").in_file(&gt.path).permanent());
     }
     let (predictions_format, predictions) = Predictions::open(
@@ -98,9 +102,9 @@ pub fn evaluate(registry: &Registry, options: &EvaluateOptions, work: &Work) -> 
         pred,
         options.predictions_format.as_deref(),
         options.min_score,
-        (&gt.path, &*truth),
+        (&gt.path, &truth),
     )?;
-    let by_category = options.by_category.then(|| ByCategory::new(truth.info().categories()));
+    let by_category = options.by_category.then(|| ByCategory::new(truth.info.categories()));
     let categories = by_category.iter().flat_map(ByCategory::words).map(str::to_owned).collect();
     if let Some(by_category) = by_category {
         measures = measures.with(Measurement::of(by_category));
@@ -108,9 +112,9 @@ pub fn evaluate(registry: &Registry, options: &EvaluateOptions, work: &Work) -> 
     let rank = worst::ranked_by(&measures, options.rank_by.as_deref())?;
     let (occluded, needs_category) = (options.occluded, options.by_category);
     let pair = Paired { truth, predictions, predictions_at: pred.path.clone(), measures, occluded, needs_category };
-    let mut images = Vec::with_capacity(pair.truth.images().len());
-    each(work, "scored", pair.truth.images().len(), &|image| pair.scored(image), &mut |_, it| images.push(it))?;
-    let tallies = ranked(&*pair.truth, &images);
+    let mut images = Vec::with_capacity(pair.truth.images.len());
+    each(work, "scored", pair.truth.images.len(), &|image| pair.scored(image), &mut |_, it| images.push(it))?;
+    let tallies = ranked(&pair.truth, &images);
     let intervals = options
         .bootstrap
         .map(|samples| bootstrap::intervals(&pair.measures, &tallies, samples as usize, options.seed, work.workers));
@@ -157,7 +161,7 @@ impl Evaluation {
 
     /// A line of scores for each image, as CSV.
     pub fn csv(&self) -> String {
-        self.table().csv(|image| &self.pair.truth.images()[image].name)
+        self.table().csv(|image| &self.pair.truth.images[image].name)
     }
 
     /// Name of the score that ranks the worst images.
@@ -180,9 +184,9 @@ impl Evaluation {
     /// Images that were not scored, since they cannot be read.
     pub fn left_out(&self) -> LeftOutReport {
         let mut report = LeftOutReport::default();
-        report.unlisted(&*self.pair.truth);
+        report.unlisted(&self.pair.truth);
         if let Predictions::Dataset(dataset, ..) = &self.pair.predictions {
-            report.unlisted(&**dataset);
+            report.unlisted(dataset);
         }
         report
     }
@@ -190,15 +194,15 @@ impl Evaluation {
 
 /// What is kept of the images, by their numbers in the annotation file as far as they have some: the order in which COCO's tools
 /// rank equal scores.
-fn ranked<'a>(truth: &dyn DatasetReader, images: &'a [Scored]) -> Vec<&'a Tally> {
+fn ranked<'a>(truth: &OpenDataset, images: &'a [Scored]) -> Vec<&'a Tally> {
     let mut order: Vec<usize> = (0..images.len()).collect();
-    order.sort_by_key(|image| truth.images()[*image].id);
+    order.sort_by_key(|image| truth.images[*image].id);
     order.into_iter().map(|image| &images[image].tally).collect()
 }
 
 /// Ground truth with the predictions of its images.
 struct Paired {
-    truth: Box<dyn DatasetReader>,
+    truth: OpenDataset,
     predictions: Predictions,
     predictions_at: PathBuf,
     measures: Measures,
@@ -216,14 +220,14 @@ impl Paired {
 
     fn scored_image(&self, image: usize) -> Result<ScoredImage> {
         let (pair, size) = self.pair(image)?;
-        Ok(worst::scored(&self.measures, &self.truth.images()[image].name, size, &pair))
+        Ok(worst::scored(&self.measures, &self.truth.images[image].name, size, &pair))
     }
 
     /// Labels and predictions of an image, and its size.
     fn pair(&self, image: usize) -> Result<(Pair, [u32; 2])> {
-        let name = || format!("image \"{}\"", self.truth.images()[image].name);
+        let name = || format!("image \"{}\"", self.truth.images[image].name);
         let (labels, size) =
-            instances(&*self.truth, image, Instance::labeled_with).map_err(|error| error.context(name()))?;
+            instances(&self.truth, image, Instance::labeled_with).map_err(|error| error.context(name()))?;
         let predictions = self.predictions.instances(image, size, self.occluded);
         let [likely, unlikely] = predictions.map_err(|error| error.in_file(&self.predictions_at).context(name()))?;
         if self.needs_category && likely.iter().chain(&unlikely).any(|it| it.category.is_none()) {

@@ -9,8 +9,8 @@ use syntable_formats::read::{self, Categories, Labels};
 use syntable_model::error::{Error, Result};
 use syntable_model::product::standard::OCCLUSION_MASK;
 use syntable_model::product::{KeyId, Mask, Products};
-use syntable_model::reader::{DatasetReader, ImageRef, Source};
-use syntable_model::scene::{InstanceId, SceneId, View, ViewId};
+use syntable_model::reader::{ImageRef, ImageSource, Opened, ReadImage, Source};
+use syntable_model::scene::{InstanceId, SceneId, ViewId};
 use syntable_model::stage::DatasetInfo;
 
 /// What users call it.
@@ -23,8 +23,6 @@ const FOLDERS: [[&str; 2]; 3] =
 /// A folder of label maps.
 #[derive(Debug)]
 pub struct LabelMaps {
-    info: DatasetInfo,
-    refs: Vec<ImageRef>,
     images: Vec<Files>,
     is_amodal: bool,
     /// Whether there is a folder of occlusion masks; an object without one is not occluded then.
@@ -75,7 +73,7 @@ impl LabelMaps {
     ///
     /// # Errors
     /// If it has no label maps, or a mask is of no image or no object.
-    pub fn open(source: &Source) -> Result<Self> {
+    pub fn open(source: &Source) -> Result<Opened> {
         let root = source.path.as_path();
         let confined = source.folder(root)?;
         let stems = |folder: &Path| {
@@ -129,7 +127,9 @@ impl LabelMaps {
         let images = maps.iter().map(files).collect();
         let name = read::name_of(root);
         let info = Categories::default().info(name, String::new(), &refs, String::new());
-        Ok(Self { info, refs, images, is_amodal, says_occlusion })
+        let mut offers = read::Known::with_amodal(is_amodal).offers();
+        offers.retain(|key| says_occlusion || *key != OCCLUSION_MASK.id());
+        Ok(Opened::new(info, refs, offers, Self { images, is_amodal, says_occlusion }))
     }
 }
 
@@ -140,22 +140,8 @@ fn labeled(stem: &str) -> Option<(&str, u16)> {
     digits.bytes().all(|byte| byte.is_ascii_digit()).then_some((name, label))
 }
 
-impl DatasetReader for LabelMaps {
-    fn info(&self) -> &DatasetInfo {
-        &self.info
-    }
-
-    fn images(&self) -> &[ImageRef] {
-        &self.refs
-    }
-
-    fn offers(&self) -> Vec<KeyId> {
-        let mut keys = read::Known::with_amodal(self.is_amodal).offers();
-        keys.retain(|key| self.says_occlusion || *key != OCCLUSION_MASK.id());
-        keys
-    }
-
-    fn read(&self, image: usize, wants: &[KeyId]) -> Result<(View, Products)> {
+impl ImageSource for LabelMaps {
+    fn read(&self, image: usize, wants: &[KeyId]) -> Result<ReadImage> {
         let files = &self.images[image];
         let shown = decode::gray(&files.visible)?;
         let [width, height] = [shown.width(), shown.height()];
@@ -180,7 +166,7 @@ impl DatasetReader for LabelMaps {
         });
         let mut products = Products::new();
         read::put(&labels.collect::<Result<Vec<_>>>()?, None, wants, &mut products)?;
-        Ok((read::view(self.refs[image].view, width, height), products))
+        Ok(ReadImage::new([width, height], products))
     }
 }
 

@@ -3,6 +3,7 @@
 use crate::Convention;
 use crate::image::Pair;
 use std::any::Any;
+use std::sync::Arc;
 use syntable_model::error::{Error, Result};
 use syntable_model::inventory;
 
@@ -52,7 +53,20 @@ pub trait Measure: Send + Sync + 'static {
     fn values(&self, images: &[&Self::Tally]) -> Vec<Option<f64>>;
 }
 
-/// A metric that `syntable eval` knows.
+/// A metric by name. Crates register a [`Metric`]; a program may add one with state of its own
+/// ([`EvaluateOptions::more_metrics`](crate::EvaluateOptions::more_metrics)).
+pub trait MetricKind: Send + Sync {
+    /// Its name, as users write it, in snake case.
+    fn name(&self) -> &str;
+    /// What it is, in one sentence.
+    fn doc(&self) -> &str;
+    /// Makes it for a convention of adding up images.
+    fn build(&self, convention: Convention) -> Measurement;
+    /// The crate or program that has it, for messages.
+    fn owner(&self) -> &str;
+}
+
+/// A metric of a crate, without state. Registered with [`register_metric!`](crate::register_metric).
 #[derive(Clone, Copy)]
 pub struct Metric {
     /// Its name, as users write it, in snake case.
@@ -65,6 +79,24 @@ pub struct Metric {
     pub crate_name: &'static str,
 }
 
+impl MetricKind for Metric {
+    fn name(&self) -> &str {
+        self.name
+    }
+
+    fn doc(&self) -> &str {
+        self.doc
+    }
+
+    fn build(&self, convention: Convention) -> Measurement {
+        (self.build)(convention)
+    }
+
+    fn owner(&self) -> &str {
+        self.crate_name
+    }
+}
+
 inventory::collect!(Metric);
 
 /// Registers metrics.
@@ -75,18 +107,21 @@ macro_rules! register_metric {
     )+};
 }
 
-/// The metrics of all linked crates, by name.
+/// The metrics of all linked crates and `more`, by name.
 ///
 /// # Errors
-/// If two crates register one of the same name.
-pub fn linked() -> Result<Vec<Metric>> {
-    let mut metrics: Vec<Metric> = inventory::iter::<Metric>.into_iter().copied().collect();
-    metrics.sort_by_key(|metric| metric.name);
-    match metrics.windows(2).find(|pair| pair[0].name == pair[1].name) {
+/// If two have one name.
+pub fn linked(more: &[Arc<dyn MetricKind>]) -> Result<Vec<Arc<dyn MetricKind>>> {
+    let of_crates = inventory::iter::<Metric>.into_iter().map(|metric| Arc::new(*metric) as Arc<dyn MetricKind>);
+    let mut metrics: Vec<Arc<dyn MetricKind>> = of_crates.chain(more.iter().cloned()).collect();
+    metrics.sort_by(|a, b| a.name().cmp(b.name()));
+    match metrics.windows(2).find(|pair| pair[0].name() == pair[1].name()) {
         None => Ok(metrics),
         Some(pair) => Err(Error::new(format!(
             "two crates register the metric `{}`: {} and {}",
-            pair[0].name, pair[0].crate_name, pair[1].crate_name
+            pair[0].name(),
+            pair[0].owner(),
+            pair[1].owner()
         ))
         .help("link one of them only")
         .permanent()),
@@ -133,20 +168,20 @@ pub struct Measures(Vec<Measurement>);
 pub struct Tally(Vec<Kept>);
 
 impl Measures {
-    /// Metrics by their names; all if there are none.
+    /// Metrics by their names, among those of crates and `more`; all if there are no names.
     ///
     /// # Errors
     /// If there is none of a name.
-    pub fn named(names: &[String], convention: Convention) -> Result<Self> {
-        let all = linked()?;
-        if let Some(name) = names.iter().find(|name| all.iter().all(|it| it.name != name.as_str())) {
-            let known: Vec<&str> = all.iter().map(|it| it.name).collect();
+    pub fn named(names: &[String], more: &[Arc<dyn MetricKind>], convention: Convention) -> Result<Self> {
+        let all = linked(more)?;
+        if let Some(name) = names.iter().find(|name| all.iter().all(|it| it.name() != name.as_str())) {
+            let known: Vec<&str> = all.iter().map(|it| it.name()).collect();
             return Err(Error::new(format!("there is no metric `{name}`"))
                 .help(format!("these are: {}", known.join(", ")))
                 .of_request());
         }
-        let wanted = all.iter().filter(|it| names.is_empty() || names.iter().any(|name| it.name == name));
-        Ok(Self(wanted.map(|it| (it.build)(convention)).collect()))
+        let wanted = all.iter().filter(|it| names.is_empty() || names.iter().any(|name| it.name() == name));
+        Ok(Self(wanted.map(|it| it.build(convention)).collect()))
     }
 
     /// Adds one.

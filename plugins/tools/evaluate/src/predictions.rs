@@ -9,7 +9,7 @@ use std::path::Path;
 use syntable_model::error::{Error, Result};
 use syntable_model::product::Mask;
 use syntable_model::product::standard::{AMODAL_MASK, CATEGORY_ID, OCCLUSION_MASK, VISIBLE_MASK};
-use syntable_model::reader::{self, DatasetReader, ImageRef, Source};
+use syntable_model::reader::{ImageRef, OpenDataset, ReadImage, Source};
 use syntable_model::registry::Registry;
 use syntable_model::scene::InstanceId;
 
@@ -17,27 +17,23 @@ use syntable_model::scene::InstanceId;
 ///
 /// # Errors
 /// If it cannot be read.
-pub fn open(
-    registry: &Registry,
-    source: &Source,
-    format: Option<&str>,
-) -> Result<(&'static str, Box<dyn DatasetReader>)> {
+pub fn open(registry: &Registry, source: &Source, format: Option<&str>) -> Result<(&'static str, OpenDataset)> {
     let path = source.path.as_path();
     let is_other = || registry.formats().iter().any(|format| format.detects(path));
     let is_ours = format.map_or_else(|| LabelMaps::is_one(path) && !is_other(), |format| format == label_maps::NAME);
     if is_ours {
-        let opened = reader::open_guarded(label_maps::NAME, source, || LabelMaps::open(source))?;
+        let opened = OpenDataset::open(label_maps::NAME, source, || LabelMaps::open(source))?;
         return Ok((label_maps::NAME, opened));
     }
     let (format, dataset) = registry.open_dataset(source, format)?;
-    Ok((format.name, dataset))
+    Ok((format.name(), dataset))
 }
 
 /// Predictions for the images of a dataset.
 pub enum Predictions {
     /// Those that a dataset has as labels; for each image of the ground truth, the number of its own; its categories in the
     /// ground truth.
-    Dataset(Box<dyn DatasetReader>, Vec<usize>, BTreeMap<u32, u32>),
+    Dataset(OpenDataset, Vec<usize>, BTreeMap<u32, u32>),
     /// Those of a result file.
     Results(Results),
 }
@@ -52,7 +48,7 @@ impl Predictions {
         source: &Source,
         format: Option<&str>,
         least: f64,
-        truth: (&Path, &dyn DatasetReader),
+        truth: (&Path, &OpenDataset),
     ) -> Result<(&'static str, Self)> {
         let path = source.path.as_path();
         if format.is_none() && Results::is_one(path) {
@@ -66,13 +62,13 @@ impl Predictions {
             }
             found => found?,
         };
-        if !dataset.offers().contains(&VISIBLE_MASK.id()) {
+        if !dataset.offers.contains(&VISIBLE_MASK.id()) {
             return Err(lacks(VISIBLE_MASK.id().name, path));
         }
-        let pairs = paired(path, dataset.images(), (truth.0, truth.1.images()))?;
+        let pairs = paired(path, &dataset.images, (truth.0, &truth.1.images))?;
         // Categories of two datasets are the same where their names are.
-        let named: BTreeMap<&str, u32> = truth.1.info().categories().map(|(id, name)| (name, id)).collect();
-        let own = dataset.info().categories().filter_map(|(id, name)| Some((id, *named.get(name)?)));
+        let named: BTreeMap<&str, u32> = truth.1.info.categories().map(|(id, name)| (name, id)).collect();
+        let own = dataset.info.categories().filter_map(|(id, name)| Some((id, *named.get(name)?)));
         let categories = own.collect();
         Ok((format, Self::Dataset(dataset, pairs, categories)))
     }
@@ -85,9 +81,9 @@ impl Predictions {
     pub fn instances(&self, image: usize, size: [u32; 2], occluded: Occluded) -> Result<[Vec<Instance>; 2]> {
         match self {
             Self::Dataset(dataset, pairs, categories) => {
-                let least = occluded.least(says_occlusion(&**dataset));
+                let least = occluded.least(says_occlusion(dataset));
                 let make = |amodal, visible, occlusion| Instance::predicted_from(least, amodal, visible, occlusion);
-                let (mut instances, own) = instances(&**dataset, pairs[image], make)?;
+                let (mut instances, own) = instances(dataset, pairs[image], make)?;
                 if own != size {
                     let ([a, b], [c, d]) = (own, size);
                     return Err(Error::new(format!("the prediction has {a} × {b} pixels, the ground truth {c} × {d}"))
@@ -105,9 +101,9 @@ impl Predictions {
 }
 
 /// Whether a dataset itself says which pixels of its objects are hidden, by masks that do not follow from others.
-fn says_occlusion(dataset: &dyn DatasetReader) -> bool {
+fn says_occlusion(dataset: &OpenDataset) -> bool {
     let key = OCCLUSION_MASK.id();
-    dataset.offers().contains(&key) && !dataset.derived().contains(&key)
+    dataset.offers.contains(&key) && !dataset.derived.contains(&key)
 }
 
 /// The objects of an image in the order of their ids, and `[width, height]` of the image. `make` takes amodal, visible and
@@ -116,18 +112,17 @@ fn says_occlusion(dataset: &dyn DatasetReader) -> bool {
 /// # Errors
 /// If the image cannot be read, or an object has no amodal mask and others have.
 pub fn instances(
-    dataset: &dyn DatasetReader,
+    dataset: &OpenDataset,
     image: usize,
     make: impl Fn(Mask, Mask, Option<Mask>) -> Instance,
 ) -> Result<(Vec<Instance>, [u32; 2])> {
-    let offers = dataset.offers();
+    let offers = &dataset.offers;
     let wants = [VISIBLE_MASK.id(), AMODAL_MASK.id(), CATEGORY_ID.id()];
     let mut wants: Vec<_> = wants.into_iter().filter(|key| offers.contains(key)).collect();
     // Where a dataset does not state it, it follows from the other two here, as in a result file.
     wants.extend(says_occlusion(dataset).then_some(OCCLUSION_MASK.id()));
-    let (view, products) = dataset.read(image, &wants)?;
+    let ReadImage { size, products, .. } = dataset.read(image, &wants)?;
     let visible = &products.get(VISIBLE_MASK)?.0;
-    let size = [view.camera.intrinsics.width, view.camera.intrinsics.height];
     let categories = products.optional(CATEGORY_ID)?;
     let named = |id: InstanceId, instance: Instance| {
         let category = categories.and_then(|of| of.get(id)).copied();
@@ -155,8 +150,8 @@ pub fn instances(
 ///
 /// # Errors
 /// If it has none.
-pub fn check_masks(dataset: &dyn DatasetReader, path: &Path) -> Result<()> {
-    let offers = dataset.offers();
+pub fn check_masks(dataset: &OpenDataset, path: &Path) -> Result<()> {
+    let offers = &dataset.offers;
     match [AMODAL_MASK.id(), VISIBLE_MASK.id()].into_iter().find(|key| !offers.contains(key)) {
         None => Ok(()),
         Some(key) => Err(lacks(key.name, path)),

@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 use syntable_formats::coco;
 use syntable_formats::segmentation::Segmentation;
 use syntable_model::error::{Error, Result};
-use syntable_model::reader::DatasetReader;
+use syntable_model::reader::OpenDataset;
 
 /// A prediction. Keys beyond these and those of [`Head`], such as `bbox`, are not looked at.
 #[derive(Debug, Deserialize)]
@@ -97,8 +97,8 @@ impl Results {
     ///
     /// # Errors
     /// If it is no list of predictions, or one is of no image of the dataset.
-    pub fn open(path: &Path, least: f64, truth: &Path, dataset: &dyn DatasetReader) -> Result<Self> {
-        let images = dataset.images();
+    pub fn open(path: &Path, least: f64, truth: &Path, dataset: &OpenDataset) -> Result<Self> {
+        let images = &dataset.images;
         let mut places: Vec<Vec<Place>> = vec![Vec::new(); images.len()];
         let names = Names::of(images.iter().map(|it| it.name.as_str()));
         let numbers: BTreeMap<u64, usize> =

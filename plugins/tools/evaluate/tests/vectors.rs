@@ -14,7 +14,7 @@ fn rect([width, height]: [u32; 2], [x0, x1]: [u32; 2], [y0, y1]: [u32; 2]) -> Ma
 }
 
 fn values(pairs: &[Pair]) -> BTreeMap<String, f64> {
-    let measures = Measures::named(&[], Convention::Release).expect("metrics");
+    let measures = Measures::named(&[], &[], Convention::Release).expect("metrics");
     let tallies: Vec<Tally> = pairs.iter().map(|pair| measures.tally(pair)).collect();
     let values = measures.values(&tallies.iter().collect::<Vec<_>>());
     measures.names().into_iter().zip(values).filter_map(|(name, value)| Some((name, value?))).collect()

@@ -8,7 +8,7 @@ use std::path::Path;
 use std::thread;
 use syntable_model::context::Workers;
 use syntable_model::error::Result;
-use syntable_model::reader::{DatasetReader, Source};
+use syntable_model::reader::{OpenDataset, Source};
 use syntable_model::registry::Registry;
 use syntable_runtime::images::Work;
 use syntable_runtime::run::progress::{Event, Reporter};
@@ -33,7 +33,7 @@ impl Viewer {
         scores: Option<&Path>,
         port: u16,
     ) -> Result<Self> {
-        let all = |of: &dyn DatasetReader| Shown { images: (0..of.images().len()).collect(), scenes: None };
+        let all = |of: &OpenDataset| Shown { images: (0..of.images.len()).collect(), scenes: None };
         let mut report = Report::open(registry, source, format, all)?;
         if let Some(file) = scores {
             let scored = Scored::open(file, report.dataset())?;

@@ -6,9 +6,9 @@ use syntable_formats::read::{self, Labels};
 use syntable_model::error::{Error, Result};
 use syntable_model::product::standard::{DEPTH, OBJECT_NAME, RGB};
 use syntable_model::product::{KeyId, Mask, Plane, Products};
-use syntable_model::reader::{DatasetReader, ImageRef, Source};
+use syntable_model::reader::{ImageRef, ImageSource, OpenDataset, Opened, ReadImage, Source};
 use syntable_model::registry::Registry;
-use syntable_model::scene::{InstanceId, SceneId, View, ViewId};
+use syntable_model::scene::{InstanceId, SceneId, ViewId};
 use syntable_model::stage::DatasetInfo;
 use syntable_report::report::make::{MADE_BY, write};
 use syntable_report::report::{Counted, Report, Shown};
@@ -47,28 +47,21 @@ impl Memory {
         let info = read::Categories::named([MARKUP.to_owned()]).info(MARKUP.into(), MARKUP.into(), &[], String::new());
         Self { info, images: (0..images).map(image).collect(), broken: None, has_hidden: false }
     }
+
+    fn open(self) -> OpenDataset {
+        let mut offers = read::Known::Both.offers();
+        offers.extend([RGB.id(), DEPTH.id(), OBJECT_NAME.id()]);
+        let opened = || Ok(Opened::new(self.info.clone(), self.images.clone(), offers, self));
+        OpenDataset::open("memory", &Source::new("memory"), opened).expect("opens")
+    }
 }
 
 fn mask(columns: std::ops::Range<u32>) -> Mask {
     Mask::from_fn(SIZE[0], SIZE[1], |x, y| columns.contains(&x) && (2..6).contains(&y))
 }
 
-impl DatasetReader for Memory {
-    fn info(&self) -> &DatasetInfo {
-        &self.info
-    }
-
-    fn images(&self) -> &[ImageRef] {
-        &self.images
-    }
-
-    fn offers(&self) -> Vec<KeyId> {
-        let mut keys = read::Known::Both.offers();
-        keys.extend([RGB.id(), DEPTH.id(), OBJECT_NAME.id()]);
-        keys
-    }
-
-    fn read(&self, image: usize, wants: &[KeyId]) -> Result<(View, Products)> {
+impl ImageSource for Memory {
+    fn read(&self, image: usize, wants: &[KeyId]) -> Result<ReadImage> {
         let labels = |id: u16, visible: Mask, amodal: Mask| Labels {
             id: InstanceId(id),
             visible,
@@ -100,14 +93,14 @@ impl DatasetReader for Memory {
             let names = labels.iter().map(|it| (it.id, MARKUP.to_owned()));
             products.put(OBJECT_NAME, names.collect())?;
         }
-        Ok((read::view(self.images[image].view, SIZE[0], SIZE[1]), products))
+        Ok(ReadImage::new(SIZE, products))
     }
 }
 
 fn report(memory: Memory, shown: Vec<usize>) -> Report {
-    let pool = Pool::new(2).expect("threads");
+    let (pool, dataset) = (Pool::new(2).expect("threads"), memory.open());
     let counted = match stats::of(
-        &memory,
+        &dataset,
         &Options::default(),
         &Work { workers: &pool, reporter: &Quiet, stop: &Stop::default() },
     ) {
@@ -115,10 +108,8 @@ fn report(memory: Memory, shown: Vec<usize>) -> Report {
         Err(error) => Counted::Failed(error.to_string()),
     };
     let source = Source::new("nowhere/a <b> dataset");
-    let report = Report::of(&Registry::default(), Box::new(memory), "memory", &source, |_| Shown {
-        images: shown,
-        scenes: None,
-    });
+    let report =
+        Report::of(&Registry::default(), dataset, "memory", &source, |_| Shown { images: shown, scenes: None });
     let report = report.unwrap_or_else(|error| panic!("{error}"));
     report.put_statistics(counted);
     report
@@ -217,12 +208,15 @@ fn an_image_has_its_masks_and_its_graph() {
 /// The gallery counts the objects that are seen, as the statistics do.
 #[test]
 fn hidden_objects_are_told_from_those_that_are_seen() {
-    let memory = Memory { has_hidden: true, ..Memory::new(1) };
+    let memory = || Memory { has_hidden: true, ..Memory::new(1) };
     let pool = Pool::new(1).expect("threads");
-    let counted =
-        stats::of(&memory, &Options::default(), &Work { workers: &pool, reporter: &Quiet, stop: &Stop::default() })
-            .expect("counted");
-    let report = report(memory, vec![0]);
+    let counted = stats::of(
+        &memory().open(),
+        &Options::default(),
+        &Work { workers: &pool, reporter: &Quiet, stop: &Stop::default() },
+    )
+    .expect("counted");
+    let report = report(memory(), vec![0]);
     let value = |path: &str, key: &str| -> serde_json::Value {
         let file = report.file(path).expect("readable").expect("there");
         let json = text(&file).trim_start_matches(&format!("syntable.put(\"{key}\", ")).trim_end_matches(");\n");
@@ -288,7 +282,7 @@ fn what_cannot_be_read_is_named_and_the_rest_is_shown() {
 
 #[test]
 fn a_dataset_without_an_image_has_no_report() {
-    let report = Report::of(&Registry::default(), Box::new(Memory::new(0)), "memory", &Source::new("x"), |_| Shown {
+    let report = Report::of(&Registry::default(), Memory::new(0).open(), "memory", &Source::new("x"), |_| Shown {
         images: Vec::new(),
         scenes: None,
     });

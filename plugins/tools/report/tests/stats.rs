@@ -6,8 +6,8 @@ use syntable_model::error::Result;
 use syntable_model::product::standard::{CAMERA, DEPTH, OBJECT_INFO, OBJECT_NAME, RGB};
 use syntable_model::product::{KeyId, Mask, OcclusionOrder, Plane, Products, Value};
 use syntable_model::random::Stream;
-use syntable_model::reader::{DatasetReader, ImageRef};
-use syntable_model::scene::{InstanceId, SceneId, View, ViewId};
+use syntable_model::reader::{ImageRef, ImageSource, OpenDataset, Opened, ReadImage, Source};
+use syntable_model::scene::{InstanceId, SceneId, ViewId};
 use syntable_model::stage::DatasetInfo;
 use syntable_report::stats::distance::{distances, jensen_shannon, wasserstein_1};
 use syntable_report::stats::distribution::{Binning, Distribution};
@@ -28,6 +28,7 @@ struct Object {
 }
 
 /// A dataset in memory: for each image its scene and objects, and what else it has.
+#[derive(Clone)]
 struct Paper {
     info: DatasetInfo,
     refs: Vec<ImageRef>,
@@ -65,9 +66,19 @@ impl Paper {
         paper
     }
 
+    fn open(&self) -> OpenDataset {
+        let mut offers = read::Known::with_amodal(!self.visible_alone).offers();
+        offers.push(OBJECT_NAME.id());
+        let more =
+            [(RGB.id(), !self.rgb.is_empty()), (DEPTH.id(), !self.depth.is_empty()), (OBJECT_INFO.id(), self.poses)];
+        offers.extend(more.into_iter().filter(|(_, has)| *has).map(|(key, _)| key));
+        let opened = || Ok(Opened::new(self.info.clone(), self.refs.clone(), offers, self.clone()));
+        OpenDataset::open("paper", &Source::new("paper"), opened).expect("opens")
+    }
+
     fn statistics(&self, options: &Options, threads: usize) -> Statistics {
         of(
-            self,
+            &self.open(),
             options,
             &Work { workers: &Pool::new(threads).expect("threads"), reporter: &Quiet, stop: &Stop::default() },
         )
@@ -75,25 +86,8 @@ impl Paper {
     }
 }
 
-impl DatasetReader for Paper {
-    fn info(&self) -> &DatasetInfo {
-        &self.info
-    }
-
-    fn images(&self) -> &[ImageRef] {
-        &self.refs
-    }
-
-    fn offers(&self) -> Vec<KeyId> {
-        let mut keys = read::Known::with_amodal(!self.visible_alone).offers();
-        keys.push(OBJECT_NAME.id());
-        keys.extend((!self.rgb.is_empty()).then_some(RGB.id()));
-        keys.extend((!self.depth.is_empty()).then_some(DEPTH.id()));
-        keys.extend(self.poses.then_some(OBJECT_INFO.id()));
-        keys
-    }
-
-    fn read(&self, image: usize, wants: &[KeyId]) -> Result<(View, Products)> {
+impl ImageSource for Paper {
+    fn read(&self, image: usize, wants: &[KeyId]) -> Result<ReadImage> {
         let ids = || (1..).map(InstanceId);
         let labels = ids().zip(&self.images[image]).map(|(id, object)| Labels {
             id,
@@ -126,7 +120,7 @@ impl DatasetReader for Paper {
             products.put(DEPTH, depth.clone())?;
         }
         assert!(!wants.contains(&CAMERA.id()));
-        Ok((read::view(self.refs[image].view, SIZE[0], SIZE[1]), products))
+        Ok(ReadImage::new(SIZE, products))
     }
 }
 
@@ -492,6 +486,6 @@ fn datasets_side_by_side() {
 fn an_empty_dataset_is_refused() {
     let (pool, stop) = (Pool::new(1).expect("a thread"), Stop::default());
     let work = Work { workers: &pool, reporter: &Quiet, stop: &stop };
-    let error = of(&Paper::new(Vec::new()), &Options::default(), &work);
+    let error = of(&Paper::new(Vec::new()).open(), &Options::default(), &work);
     assert_eq!(error.expect_err("no image").to_string(), "the dataset has no image");
 }

@@ -23,7 +23,7 @@ use crate::run::progress::{Event, Reporter};
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
-use syntable_model::check::Check;
+use syntable_model::check::LabelCheck;
 use syntable_model::context::{SceneContext, ViewContext};
 use syntable_model::error::{Error, Result};
 use syntable_model::product::Products;
@@ -37,7 +37,7 @@ pub struct SceneMaker<'a> {
     pub folder: &'a Folder,
     pub sessions: &'a Sessions<'a>,
     /// What must hold in every view that is written.
-    pub checks: &'a [Check],
+    pub checks: &'a [Arc<dyn LabelCheck>],
 }
 
 /// A scene that is made: its line of the journal, and the files of before that it keeps.

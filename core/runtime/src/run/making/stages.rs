@@ -5,7 +5,8 @@ use crate::run::making::attempt::{keep, provided};
 use crate::run::making::losses::{Losses, StageLog};
 use crate::run::making::times::Times;
 use std::collections::BTreeMap;
-use syntable_model::check::Check;
+use std::sync::Arc;
+use syntable_model::check::LabelCheck;
 use syntable_model::context::{ImageContext, SceneContext, ViewContext};
 use syntable_model::error::{Error, Result};
 use syntable_model::product::standard::RADIANCE;
@@ -79,10 +80,10 @@ fn denoise_objects(
 }
 
 /// Makes all checks on a view.
-pub fn check(checks: &[Check], products: &Products) -> Result<()> {
-    let of = |check: &Check| -> Result<Option<String>> {
+pub fn check(checks: &[Arc<dyn LabelCheck>], products: &Products) -> Result<()> {
+    let of = |check: &Arc<dyn LabelCheck>| -> Result<Option<String>> {
         let faults = check.run(products)?;
-        Ok((!faults.is_empty()).then(|| format!("{}: {}", check.name, faults.join("; "))))
+        Ok((!faults.is_empty()).then(|| format!("{}: {}", check.name(), faults.join("; "))))
     };
     let faults: Vec<String> = checks.iter().filter_map(|check| of(check).transpose()).collect::<Result<_>>()?;
     if faults.is_empty() { Ok(()) } else { Err(Error::contradiction(faults.join("\n"))) }

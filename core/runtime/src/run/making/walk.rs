@@ -16,7 +16,7 @@ use crate::run::progress::{Event, Reporter};
 use parking_lot::{Condvar, Mutex};
 use std::collections::BTreeMap;
 use std::sync::Arc;
-use syntable_model::check::Check;
+use syntable_model::check::LabelCheck;
 use syntable_model::context::{DatasetContext, SceneContext, ViewContext};
 use syntable_model::error::{Error, Result};
 use syntable_model::product::{Name, Products, Scope};
@@ -45,7 +45,7 @@ pub struct Walk<'m> {
     pub tools: Tools<'m>,
     pub sessions: &'m Sessions<'m>,
     /// What must hold in every view.
-    pub checks: &'m [Check],
+    pub checks: &'m [Arc<dyn LabelCheck>],
     pub reporter: &'m dyn Reporter,
     /// The dataset, with the number of views of the scene.
     pub dataset: &'m DatasetInfo,

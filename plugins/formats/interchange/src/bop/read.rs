@@ -17,7 +17,9 @@ use syntable_model::product::standard::{
     CAMERA, CATEGORY_ID, DEPTH, OBJECT_INFO, OBJECT_MODELS, OBJECT_NAME, OCCLUSION_MASK, RGB, VISIBILITY,
 };
 use syntable_model::product::{ObjectModel, ObjectModels, PixelCounts};
-use syntable_model::reader::{DatasetFault, DatasetReader, Format, ImageRef, Source, unnamed_object};
+use syntable_model::reader::{
+    DatasetFault, Format, ImageRef, ImageSource, Note, Opened, ReadImage, Source, unnamed_object,
+};
 use syntable_model::scene::{SceneId, Symmetries};
 
 syntable_model::register_format!(Format {
@@ -30,7 +32,6 @@ syntable_model::register_format!(Format {
 });
 
 struct Reader {
-    info: DatasetInfo,
     categories: read::Categories,
     refs: Vec<ImageRef>,
     images: Vec<Record>,
@@ -42,21 +43,15 @@ struct Reader {
     meshes: Meshes,
     /// Numbers of the objects of each scene.
     of_scenes: BTreeMap<SceneId, BTreeSet<u64>>,
-    /// Numbers of the objects of the dataset.
-    numbers: Numbers,
     camera: Option<Camera>,
     /// The annotation files of scenes, by folder, read when somebody asks.
     coco: BTreeMap<PathBuf, OnceLock<Result<Option<CocoScene>>>>,
-    /// What was found to be wrong when it was opened.
-    opened: Vec<DatasetFault>,
-    /// The same and what meshes contradict, found when somebody asks.
-    faults: OnceLock<Vec<DatasetFault>>,
 }
 
 /// Number of other images of a scene with which the poses of an image are compared.
 const COMPARED: usize = 8;
 
-fn open(source: &Source) -> Result<Box<dyn DatasetReader>> {
+fn open(source: &Source) -> Result<Opened> {
     let root = source.path.as_path();
     let split = files::split_of(root)?;
     let mut faults = Faults::default();
@@ -88,23 +83,21 @@ fn open(source: &Source) -> Result<Box<dyn DatasetReader>> {
     let category = |&id: &u64| Category { id, name: asset_of(&names, id), ..Category::default() };
     let categories = read::Categories::of(&numbers.all.iter().map(category).collect::<Vec<_>>());
     let info = categories.info(read::name_of(root), String::new(), &refs, String::new());
-    let (opened, faults) = (faults.into_inner(), OnceLock::new());
-    Ok(Box::new(Reader {
-        info,
-        categories,
-        refs,
-        images,
-        names,
-        bounds,
-        models,
-        meshes,
-        of_scenes,
-        numbers,
-        camera,
-        coco,
-        opened,
-        faults,
-    }))
+    let mut offers = read::Known::Both.offers();
+    offers.extend(keys![RGB, DEPTH, CAMERA, OBJECT_INFO, OBJECT_NAME, VISIBILITY]);
+    let has_meshes = !of_scenes.is_empty() && of_scenes.values().all(|models| meshes.have(models));
+    offers.extend(has_meshes.then_some(OBJECT_MODELS.id()));
+    let notes = numbers.caveat().map(|text| Note::caveat(text).of([CATEGORY_ID.id()])).into_iter().collect();
+    let category_ids = categories.ids().into_iter().filter(|(own, _)| numbers.known.contains(own)).collect();
+    let source =
+        Reader { categories, refs: refs.clone(), images, names, bounds, models, meshes, of_scenes, camera, coco };
+    Ok(Opened {
+        faults: faults.into_inner(),
+        derived: keys![OCCLUSION_MASK],
+        category_ids: Some(category_ids),
+        notes,
+        ..Opened::new(info, refs, offers, source)
+    })
 }
 
 /// Numbers of the objects of a dataset, which are its categories: those of the models, or, where no list has all objects, all
@@ -179,35 +172,13 @@ pub fn symmetries_of(model: &BTreeMap<String, Json>) -> std::result::Result<Symm
     serde_json::from_value(Json::Object(fields.collect())).map_err(|error| error.to_string())
 }
 
-impl DatasetReader for Reader {
-    fn info(&self) -> &DatasetInfo {
-        &self.info
-    }
-
-    fn images(&self) -> &[ImageRef] {
-        &self.refs
-    }
-
-    fn faults(&self) -> &[DatasetFault] {
-        self.faults.get_or_init(|| {
-            let mut faults = Faults::default();
-            if let Some(models) = &self.models {
-                faults::faults_of_meshes(&self.meshes, models, &mut faults);
-            }
-            self.opened.iter().cloned().chain(faults.into_inner()).collect()
-        })
-    }
-
-    fn faults_of_opening(&self) -> &[DatasetFault] {
-        &self.opened
-    }
-
-    fn left_out(&self, reads: &[KeyId]) -> Vec<Error> {
-        let models: BTreeSet<u64> = match reads.contains(&OBJECT_MODELS.id()) {
-            true => self.of_scenes.values().flatten().copied().collect(),
-            false => BTreeSet::new(),
-        };
-        models.into_iter().filter_map(|id| self.model(id).err()).collect()
+impl ImageSource for Reader {
+    fn other_faults(&self) -> Vec<DatasetFault> {
+        let mut faults = Faults::default();
+        if let Some(models) = &self.models {
+            faults::faults_of_meshes(&self.meshes, models, &mut faults);
+        }
+        faults.into_inner()
     }
 
     fn image_faults(&self, image: usize) -> Vec<Fault> {
@@ -219,35 +190,16 @@ impl DatasetReader for Reader {
         faults
     }
 
-    fn offers(&self) -> Vec<KeyId> {
-        let mut keys = read::Known::Both.offers();
-        keys.extend(keys![RGB, DEPTH, CAMERA, OBJECT_INFO, OBJECT_NAME, VISIBILITY]);
-        let has_meshes = !self.of_scenes.is_empty() && self.of_scenes.values().all(|models| self.meshes.have(models));
-        keys.extend(has_meshes.then_some(OBJECT_MODELS.id()));
-        keys
-    }
-
-    fn derived(&self) -> Vec<KeyId> {
-        keys![OCCLUSION_MASK]
-    }
-
-    fn caveats(&self, reads: &[KeyId]) -> Vec<String> {
-        let reads_them = reads.contains(&CATEGORY_ID.id());
-        self.numbers.caveat().filter(|_| reads_them).into_iter().collect()
-    }
-
-    fn category(&self, own: u64) -> Option<u32> {
-        self.categories.known(own).filter(|_| self.numbers.known.contains(&own))
-    }
-
-    fn read(&self, image: usize, wants: &[KeyId]) -> Result<(View, Products)> {
+    fn read(&self, image: usize, wants: &[KeyId]) -> Result<ReadImage> {
         let record = &self.images[image];
         let wanted = |key: KeyId| wants.contains(&key);
-        let mut products = Products::new();
+        let (mut products, mut unread) = (Products::new(), Vec::new());
         let rgb = record.rgb()?;
         let (width, height) = (rgb.width(), rgb.height());
         if wanted(OBJECT_MODELS.id()) {
-            products.put(OBJECT_MODELS, self.models_of(self.refs[image].scene))?;
+            let (models, failed) = self.models_of(self.refs[image].scene);
+            products.put(OBJECT_MODELS, models)?;
+            unread = failed;
         }
         let masks_wanted = read::Known::Both.offers().into_iter().any(wanted);
         let labels = if masks_wanted { record.labels(&self.categories, [width, height])? } else { Vec::new() };
@@ -277,7 +229,7 @@ impl DatasetReader for Reader {
         if wanted(VISIBILITY.id()) {
             products.put(VISIBILITY, each(&|entry, _| record.counts(entry).record())?)?;
         }
-        Ok((read::view(self.refs[image].view, width, height), products))
+        Ok(ReadImage { unread, ..ReadImage::new([width, height], products) })
     }
 }
 
@@ -377,9 +329,15 @@ impl Reader {
     }
 
     /// The models of all objects of a scene, without those that cannot be read.
-    fn models_of(&self, scene: SceneId) -> ObjectModels {
-        let numbers = self.of_scenes.get(&scene).into_iter().flatten();
-        ObjectModels(numbers.filter_map(|&id| Some((self.asset(id), self.model(id).ok()?))).collect())
+    fn models_of(&self, scene: SceneId) -> (ObjectModels, Vec<Error>) {
+        let (mut models, mut failed) = (BTreeMap::new(), Vec::new());
+        for &id in self.of_scenes.get(&scene).into_iter().flatten() {
+            match self.model(id) {
+                Ok(model) => drop(models.insert(self.asset(id), model)),
+                Err(error) => failed.push(error),
+            }
+        }
+        (ObjectModels(models), failed)
     }
 
     /// A model with its number and its symmetries. Those that are no motions are a fault of the dataset, and left out.

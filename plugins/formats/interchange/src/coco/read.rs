@@ -17,7 +17,7 @@ use syntable_model::files::DatasetFolder;
 use syntable_model::prelude::*;
 use syntable_model::product::BBox;
 use syntable_model::product::standard::{CATEGORY_ID, DEPTH, LABEL_POLICY, OCCLUSION_MASK, RGB, VISIBLE_BOX};
-use syntable_model::reader::{Crowd, DatasetFault, DatasetReader, Format, ImageRef};
+use syntable_model::reader::{Crowd, Format, ImageSource, Note, Opened, ReadImage};
 
 syntable_model::register_format!(Format {
     name: "coco",
@@ -88,33 +88,26 @@ const OF_ANNOTATIONS: &[&str] = &[
 struct Reader {
     /// The folder that image names count from.
     images_root: DatasetFolder,
-    info: DatasetInfo,
+    /// Whether this program wrote the dataset.
+    is_ours: bool,
     listing: Listing,
     /// Whether any annotation has a mask, or there are no objects; else all have boxes alone.
     has_masks: bool,
-    /// Objects without a mask, in a file of others that have one.
-    without_mask: u64,
     known: Known,
     /// Whether any annotation has a visible mask beside its `segmentation`.
     has_visible: bool,
     /// Whether any annotation has an occlusion mask; else these follow from the others.
     has_hidden: bool,
-    /// Whether images without objects are listed.
-    lists_all: bool,
     /// Whether every image has a depth image.
     has_depth: bool,
     /// Whether every image says the policy of its labels.
     has_policy: bool,
-    /// Annotations of crowds.
-    crowds: u64,
-    /// All other annotations.
-    objects: u64,
-    /// What is not read of images and annotations.
-    unkept: [Unkept; 2],
+    /// Whether any annotation is of a crowd.
+    has_crowds: bool,
 }
 
 /// Opens the dataset of an annotation file.
-pub(crate) fn open_file(root: &DatasetFolder, file: &Path) -> Result<Box<dyn DatasetReader>> {
+pub(crate) fn open_file(root: &DatasetFolder, file: &Path) -> Result<Opened> {
     let (mut has_masks, mut has_depth, mut has_policy, mut crowds) = (false, true, true, 0);
     let (mut has_visible, mut has_amodal, mut has_hidden, mut pairs) = (false, false, false, Pairs::default());
     let (mut objects, mut without_mask) = (0_u64, 0_u64);
@@ -160,22 +153,53 @@ pub(crate) fn open_file(root: &DatasetFolder, file: &Path) -> Result<Box<dyn Dat
     let lists_all = !shared::name_starts(file, crate::uoais::FILE);
     let [has_depth, has_policy] = [has_depth, has_policy].map(|has| has && !listing.images.is_empty());
     has_masks |= objects == 0;
-    Ok(Box::new(Reader {
+    let mut offers = if has_masks { known.offers() } else { keys![VISIBLE_BOX, CATEGORY_ID] };
+    offers.push(RGB.id());
+    offers.extend(
+        [(has_depth, DEPTH.id()), (has_policy, LABEL_POLICY.id())].into_iter().filter(|it| it.0).map(|it| it.1),
+    );
+    let caveats = [
+        (crowds > 0, format!("annotations of crowds (`iscrowd`) are no objects: {crowds} were left out")),
+        (!has_masks, "no annotation has a mask: boxes and categories are all that is known of objects".to_owned()),
+        (
+            has_masks && without_mask > 0,
+            format!(
+                "annotations with an empty `segmentation`, or without one, are objects without pixels: there are {without_mask}"
+            ),
+        ),
+        (
+            !listing.has_annotations(),
+            "the annotation file has no annotations of objects: images are without objects".to_owned(),
+        ),
+    ];
+    let mut notes: Vec<Note> = caveats.into_iter().filter(|it| it.0).map(|it| Note::caveat(it.1)).collect();
+    notes.extend(shared::supercategories(&listing).into_iter().chain(shared::information(&listing, &unkept)));
+    notes.extend(shared::labels_not_kept(&offers, &unkept));
+    let labels = read::labels_among(&offers);
+    let not_objects = |count: u64, of: u64, what: &'static str| {
+        Note::not_objects(LeftOut::new(count as usize, of as usize, what)).of(labels.clone())
+    };
+    notes.push(not_objects(crowds, crowds + objects, "annotations are crowds (`iscrowd`), and no objects"));
+    if has_masks {
+        let what = "objects have no mask (`segmentation` is missing or empty): they are objects without pixels";
+        notes.push(not_objects(without_mask, objects, what));
+    }
+    let is_ours = shared::is_ours(&info);
+    let derived = if has_hidden { Vec::new() } else { keys![OCCLUSION_MASK] };
+    let opened = listing.opened(info, offers, |listing| Reader {
         images_root,
-        info,
+        is_ours,
         listing,
         has_masks,
-        without_mask,
         known,
-        lists_all,
         has_depth,
         has_policy,
-        crowds,
-        objects,
+        has_crowds: crowds > 0,
         has_visible,
         has_hidden,
-        unkept,
-    }))
+    });
+    notes.splice(0..0, opened.notes);
+    Ok(Opened { derived, lists_all_images: lists_all, notes, ..opened })
 }
 
 /// Path of the depth image of an image.
@@ -243,79 +267,9 @@ pub(crate) fn images_root(root: &DatasetFolder, file: &Path, first: Option<&str>
     shared::images_root(root, &names, first)
 }
 
-impl DatasetReader for Reader {
-    fn info(&self) -> &DatasetInfo {
-        &self.info
-    }
-
-    fn images(&self) -> &[ImageRef] {
-        &self.listing.refs
-    }
-
-    fn faults(&self) -> &[DatasetFault] {
-        self.listing.faults.all()
-    }
-
-    fn offers(&self) -> Vec<KeyId> {
-        let mut keys = if self.has_masks { self.known.offers() } else { keys![VISIBLE_BOX, CATEGORY_ID] };
-        keys.push(RGB.id());
-        let more = [(self.has_depth, DEPTH.id()), (self.has_policy, LABEL_POLICY.id())];
-        keys.extend(more.into_iter().filter(|(has, _)| *has).map(|(_, key)| key));
-        keys
-    }
-
-    fn derived(&self) -> Vec<KeyId> {
-        if self.has_hidden { Vec::new() } else { keys![OCCLUSION_MASK] }
-    }
-
-    fn lists_all_images(&self) -> bool {
-        self.lists_all
-    }
-
-    fn caveats(&self, reads: &[KeyId]) -> Vec<String> {
-        let crowds = format!("annotations of crowds (`iscrowd`) are no objects: {} were left out", self.crowds);
-        let boxes = "no annotation has a mask: boxes and categories are all that is known of objects".to_owned();
-        let empty = format!(
-            "annotations with an empty `segmentation`, or without one, are objects without pixels: there are {}",
-            self.without_mask
-        );
-        let none = "the annotation file has no annotations of objects: images are without objects".to_owned();
-        let notes = [
-            (self.crowds > 0, crowds),
-            (!self.has_masks, boxes),
-            (self.has_masks && self.without_mask > 0, empty),
-            (!self.listing.has_annotations(), none),
-        ];
-        let own = notes.into_iter().filter(|it| it.0).map(|it| it.1);
-        let information = shared::information(&self.listing, &self.unkept.each_ref());
-        own.chain(shared::supercategories(&self.listing, reads)).chain(information).collect()
-    }
-
-    fn not_kept(&self, reads: &[KeyId]) -> Vec<LeftOut> {
-        shared::labels_not_kept(reads, &self.unkept.each_ref())
-    }
-
-    fn passed_over(&self, reads: &[KeyId]) -> Vec<LeftOut> {
-        if !shared::reads_labels(reads) {
-            return Vec::new();
-        }
-        let of = |count: u64, of: u64, what: &'static str| LeftOut::new(count as usize, of as usize, what);
-        let crowds = "annotations are crowds (`iscrowd`), and no objects";
-        let empty = "objects have no mask (`segmentation` is missing or empty): they are objects without pixels";
-        let without_mask = if self.has_masks { self.without_mask } else { 0 };
-        vec![
-            self.listing.passed_over(),
-            of(self.crowds, self.crowds + self.objects, crowds),
-            of(without_mask, self.objects, empty),
-        ]
-    }
-
-    fn category(&self, own: u64) -> Option<u32> {
-        self.listing.categories.known(own)
-    }
-
+impl ImageSource for Reader {
     fn crowds(&self, image: usize) -> Result<Vec<Crowd>> {
-        if self.crowds == 0 {
+        if !self.has_crowds {
             return Ok(Vec::new());
         }
         let frame = &self.listing.images[image].frame;
@@ -338,7 +292,7 @@ impl DatasetReader for Reader {
         faults
     }
 
-    fn read(&self, image: usize, wants: &[KeyId]) -> Result<(View, Products)> {
+    fn read(&self, image: usize, wants: &[KeyId]) -> Result<ReadImage> {
         let frame = &self.listing.images[image].frame;
         let size = [frame.width, frame.height];
         let mut products = Products::new();
@@ -368,7 +322,7 @@ impl DatasetReader for Reader {
                 products.put(LABEL_POLICY, Value::of(&record.extra[LABEL_POLICY.name()])?)?;
             }
         }
-        Ok((read::view(self.listing.refs[image].view, size[0], size[1]), products))
+        Ok(ReadImage::new(size, products))
     }
 }
 
@@ -394,7 +348,7 @@ impl Reader {
         let said = annotation.extra.get("amodal_region")?.get("name")?.as_str()?;
         let categories = || self.listing.file.categories.iter().flatten();
         let own = &categories().find(|it| it.id == annotation.category_id)?.name;
-        let is_wrong = said != own && (shared::is_ours(&self.info) || categories().any(|it| it.name == said));
+        let is_wrong = said != own && (self.is_ours || categories().any(|it| it.name == said));
         let message =
             format!("annotation {}: `amodal_region.name` is {said:?}, its category is {own:?}", annotation.id);
         is_wrong.then_some(("records_agree", message))
@@ -530,7 +484,7 @@ impl Reader {
                 ));
             }
         }
-        if shared::is_ours(&self.info) {
+        if self.is_ours {
             let said = annotations.iter().zip(order.certain_layers());
             faults.extend(said.filter_map(|(it, layer)| {
                 let (said, own) = (occlusion_depth(it)?, layer? as u64);

@@ -16,7 +16,7 @@ use syntable_model::files::DatasetFolder;
 use syntable_model::limits::ANNOTATIONS;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::RGB;
-use syntable_model::reader::{Crowd, DatasetFault, DatasetReader, Format, ImageRef, Source};
+use syntable_model::reader::{Crowd, Format, ImageSource, Note, Opened, ReadImage, Source};
 
 syntable_model::register_format!(Format {
     name: "coco_panoptic",
@@ -73,26 +73,17 @@ struct Reader {
     images_root: DatasetFolder,
     /// Folder of the images of segments.
     segments: DatasetFolder,
-    info: DatasetInfo,
     listing: Listing,
     /// The categories of things, and ids of those of stuff.
     categories: Categories,
     stuff: BTreeSet<u64>,
-    /// Segments of stuff and of crowds, which are no objects.
-    no_objects: u64,
-    /// Those of stuff that is more than a background, and all segments but those of a background.
-    of_stuff: [u64; 2],
-    /// Segments of crowds of things, and all segments of things.
-    crowds: [u64; 2],
-    /// What is not read of images, annotations and segments.
-    unkept: [Unkept; 3],
 }
 
 fn is_stuff(category: &Category) -> bool {
     category.extra.get("isthing").and_then(serde_json::Value::as_u64) == Some(0)
 }
 
-fn open(source: &Source) -> Result<Box<dyn DatasetReader>> {
+fn open(source: &Source) -> Result<Opened> {
     let (root, file) = shared::root_and_file(source, Some(FOLDER), |file| shared::name_starts(file, FILE))?;
     // By category and whether they are crowds.
     let mut segments: BTreeMap<(u64, bool), u64> = BTreeMap::new();
@@ -122,7 +113,8 @@ fn open(source: &Source) -> Result<Box<dyn DatasetReader>> {
             listing.faults.add("known_categories", format!("category {category}"), &message);
         }
     }
-    let no_objects = segments.iter().filter(|((id, is_crowd), _)| *is_crowd || stuff.contains(id)).map(|it| it.1).sum();
+    let left_out: u64 =
+        segments.iter().filter(|((id, is_crowd), _)| *is_crowd || stuff.contains(id)).map(|it| it.1).sum();
     let things = segments.iter().filter(|((id, _), _)| !stuff.contains(id));
     let crowds = things.fold([0; 2], |[crowds, all], ((_, is_crowd), number)| {
         [crowds + if *is_crowd { *number } else { 0 }, all + number]
@@ -135,18 +127,23 @@ fn open(source: &Source) -> Result<Box<dyn DatasetReader>> {
     let info = categories.info(about.description.clone(), about.contributor.clone(), &listing.refs, String::new());
     let beside = if shared::is_in(&file, FOLDER) { root.inner(FOLDER) } else { root };
     let segments = beside.inner(file.file_stem().unwrap_or_default());
-    Ok(Box::new(Reader {
-        images_root,
-        segments,
-        info,
-        listing,
-        categories,
-        stuff,
-        no_objects,
-        of_stuff,
-        crowds,
-        unkept,
-    }))
+    let mut offers = Known::Visible.offers();
+    let labels = offers.clone();
+    offers.push(RGB.id());
+    let no_objects = format!("segments of stuff and of crowds are no objects: {left_out} were left out");
+    let mut notes: Vec<Note> = (left_out > 0).then(|| Note::caveat(no_objects)).into_iter().collect();
+    notes.extend(shared::supercategories(&listing).into_iter().chain(shared::information(&listing, &unkept)));
+    notes.extend(shared::labels_not_kept(&offers, &unkept));
+    for ([count, of], what) in [
+        (of_stuff, "segments are of stuff (`isthing` is 0), and no objects"),
+        (crowds, "segments of things are crowds (`iscrowd`), and no objects"),
+    ] {
+        notes.push(Note::not_objects(LeftOut::new(count as usize, of as usize, what)).of(labels.clone()));
+    }
+    let category_ids = Some(categories.ids());
+    let opened = listing.opened(info, offers, |listing| Reader { images_root, segments, listing, categories, stuff });
+    notes.splice(0..0, opened.notes);
+    Ok(Opened { category_ids, notes, ..opened })
 }
 
 /// The segments of an image, and the ids of its pixels.
@@ -195,53 +192,7 @@ impl Reader {
     }
 }
 
-impl DatasetReader for Reader {
-    fn info(&self) -> &DatasetInfo {
-        &self.info
-    }
-
-    fn images(&self) -> &[ImageRef] {
-        &self.listing.refs
-    }
-
-    fn faults(&self) -> &[DatasetFault] {
-        self.listing.faults.all()
-    }
-
-    fn offers(&self) -> Vec<KeyId> {
-        let mut keys = Known::Visible.offers();
-        keys.push(RGB.id());
-        keys
-    }
-
-    fn category(&self, own: u64) -> Option<u32> {
-        self.categories.known(own)
-    }
-
-    fn caveats(&self, reads: &[KeyId]) -> Vec<String> {
-        let segments = format!("segments of stuff and of crowds are no objects: {} were left out", self.no_objects);
-        let own = (self.no_objects > 0).then_some(segments);
-        let information = shared::information(&self.listing, &self.unkept.each_ref());
-        own.into_iter().chain(shared::supercategories(&self.listing, reads)).chain(information).collect()
-    }
-
-    fn not_kept(&self, reads: &[KeyId]) -> Vec<LeftOut> {
-        shared::labels_not_kept(reads, &self.unkept.each_ref())
-    }
-
-    fn passed_over(&self, reads: &[KeyId]) -> Vec<LeftOut> {
-        if !shared::reads_labels(reads) {
-            return Vec::new();
-        }
-        let [crowds, all] = self.crowds.map(|number| number as usize);
-        let [stuff, segments] = self.of_stuff.map(|number| number as usize);
-        vec![
-            self.listing.passed_over(),
-            LeftOut::new(stuff, segments, "segments are of stuff (`isthing` is 0), and no objects"),
-            LeftOut::new(crowds, all, "segments of things are crowds (`iscrowd`), and no objects"),
-        ]
-    }
-
+impl ImageSource for Reader {
     fn crowds(&self, image: usize) -> Result<Vec<Crowd>> {
         let all = self.segments(image)?;
         let crowd = |it: &Segment| Crowd { mask: all.mask(it.id), category: self.categories.id(it.category_id) };
@@ -280,7 +231,7 @@ impl DatasetReader for Reader {
         faults
     }
 
-    fn read(&self, image: usize, wants: &[KeyId]) -> Result<(View, Products)> {
+    fn read(&self, image: usize, wants: &[KeyId]) -> Result<ReadImage> {
         let frame = &self.listing.images[image].frame;
         let size = [frame.width, frame.height];
         let mut products = Products::new();
@@ -303,6 +254,6 @@ impl DatasetReader for Reader {
         if wants.contains(&RGB.id()) {
             products.put(RGB, decode::rgb_of_size(&self.images_root.file(&frame.file_name)?, size)?)?;
         }
-        Ok((read::view(self.listing.refs[image].view, size[0], size[1]), products))
+        Ok(ReadImage::new(size, products))
     }
 }

@@ -18,7 +18,7 @@ use syntable_model::limits::ANNOTATIONS;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{CATEGORY_ID, LABEL_POLICY, OCCLUSION_MASK, RGB};
 use syntable_model::product::{BBox, meeting_boxes};
-use syntable_model::reader::{DatasetFault, DatasetReader, Format, ImageRef, Source};
+use syntable_model::reader::{Format, ImageSource, Note, Opened, ReadImage, Source};
 
 syntable_model::register_format!(Format {
     name: "cocoa",
@@ -89,23 +89,16 @@ impl AnnotationRecord for ImageAnnotation {
 
 struct Reader {
     images_root: DatasetFolder,
-    info: DatasetInfo,
+    /// Whether this program wrote the dataset.
+    is_ours: bool,
     /// The names of regions.
     categories: Categories,
-    /// Whether the file lists categories, or there are no names.
-    are_listed: bool,
     /// Whether every image says the policy of its labels.
     has_policy: bool,
-    /// Whether any region has an occlusion mask; else these follow from the others.
-    has_hidden: bool,
-    /// Regions of stuff, those of annotations beside the first one of their image, and all regions.
-    no_objects: [usize; 3],
-    /// What is not read of images, annotations and regions.
-    unkept: [Unkept; 3],
     listing: Listing,
 }
 
-fn open(source: &Source) -> Result<Box<dyn DatasetReader>> {
+fn open(source: &Source) -> Result<Opened> {
     let (root, file) = shared::root_and_file(source, Some(FOLDER), |file| shared::name_starts(file, FILE))?;
     let (mut names, mut has_policy, mut has_hidden) = (BTreeSet::new(), true, false);
     let mut unkept =
@@ -148,17 +141,29 @@ fn open(source: &Source) -> Result<Box<dyn DatasetReader>> {
     let about = &listing.file.info;
     let info = categories.info(about.description.clone(), about.contributor.clone(), &listing.refs, String::new());
     let has_policy = has_policy && !listing.images.is_empty();
-    Ok(Box::new(Reader {
-        images_root,
-        info,
-        categories,
-        are_listed,
-        has_policy,
-        has_hidden,
-        no_objects,
-        unkept,
-        listing,
-    }))
+    let mut offers = read::Known::Both.offers();
+    let labels = offers.clone();
+    offers.push(RGB.id());
+    offers.extend(has_policy.then_some(LABEL_POLICY.id()));
+    let unlisted = "the file lists no categories: names of regions are numbered in their order, and another part of the dataset \
+                    with other names has other numbers";
+    let mut notes = vec![Note::caveat(POLYGONS).of(labels.clone())];
+    notes.extend((!are_listed).then(|| Note::caveat(unlisted).of([CATEGORY_ID.id()])));
+    notes.extend(shared::information(&listing, &unkept));
+    notes.extend(shared::labels_not_kept(&offers, &unkept));
+    let [stuff, others, all] = no_objects;
+    for (count, what) in [
+        (stuff, "regions are stuff (`isStuff`), and no objects"),
+        (others, "regions are of another annotation of an image whose first one is read"),
+    ] {
+        notes.push(Note::not_objects(LeftOut::new(count, all, what)).of(labels.clone()));
+    }
+    let (is_ours, category_ids) = (shared::is_ours(&info), None);
+    let derived = if has_hidden { Vec::new() } else { keys![OCCLUSION_MASK] };
+    let opened =
+        listing.opened(info, offers, |listing| Reader { images_root, is_ours, categories, has_policy, listing });
+    notes.splice(0..0, opened.notes);
+    Ok(Opened { derived, lists_all_images: false, category_ids, notes, ..opened })
 }
 
 /// The categories that a file lists, and behind them the names of regions that it does not list.
@@ -382,67 +387,15 @@ impl ImageAnnotation {
     }
 }
 
-impl DatasetReader for Reader {
-    fn info(&self) -> &DatasetInfo {
-        &self.info
-    }
-
-    fn images(&self) -> &[ImageRef] {
-        &self.listing.refs
-    }
-
-    fn faults(&self) -> &[DatasetFault] {
-        self.listing.faults.all()
-    }
-
-    fn offers(&self) -> Vec<KeyId> {
-        let mut keys = read::Known::Both.offers();
-        keys.push(RGB.id());
-        keys.extend(self.has_policy.then_some(LABEL_POLICY.id()));
-        keys
-    }
-
+impl ImageSource for Reader {
     fn image_faults(&self, image: usize) -> Vec<(&'static str, String)> {
         let frame = &self.listing.images[image].frame;
         let Ok(Some(annotation)) = self.annotation(image) else { return Vec::new() };
         let Ok(beyond) = self.counts_beyond(image) else { return Vec::new() };
-        annotation.faults([frame.width, frame.height], beyond, shared::is_ours(&self.info))
+        annotation.faults([frame.width, frame.height], beyond, self.is_ours)
     }
 
-    fn derived(&self) -> Vec<KeyId> {
-        if self.has_hidden { Vec::new() } else { keys![OCCLUSION_MASK] }
-    }
-
-    fn lists_all_images(&self) -> bool {
-        false
-    }
-
-    fn caveats(&self, reads: &[KeyId]) -> Vec<String> {
-        let reads_masks = reads.iter().any(is_label);
-        let unlisted = "the file lists no categories: names of regions are numbered in their order, and another part of the dataset \
-                        with other names has other numbers";
-        let notes = [(reads_masks, POLYGONS), (!self.are_listed && reads.contains(&CATEGORY_ID.id()), unlisted)];
-        let notes = notes.into_iter().filter(|it| it.0).map(|it| it.1.to_owned());
-        notes.chain(shared::information(&self.listing, &self.unkept.each_ref())).collect()
-    }
-
-    fn not_kept(&self, reads: &[KeyId]) -> Vec<LeftOut> {
-        shared::labels_not_kept(reads, &self.unkept.each_ref())
-    }
-
-    fn passed_over(&self, reads: &[KeyId]) -> Vec<LeftOut> {
-        if !reads.iter().any(is_label) {
-            return Vec::new();
-        }
-        let [stuff, others, all] = self.no_objects;
-        vec![
-            self.listing.passed_over(),
-            LeftOut::new(stuff, all, "regions are stuff (`isStuff`), and no objects"),
-            LeftOut::new(others, all, "regions are of another annotation of an image whose first one is read"),
-        ]
-    }
-
-    fn read(&self, image: usize, wants: &[KeyId]) -> Result<(View, Products)> {
+    fn read(&self, image: usize, wants: &[KeyId]) -> Result<ReadImage> {
         let frame = &self.listing.images[image].frame;
         let size = [frame.width, frame.height];
         let mut products = Products::new();
@@ -462,7 +415,7 @@ impl DatasetReader for Reader {
         if wants.contains(&RGB.id()) {
             products.put(RGB, decode::rgb_of_size(&self.images_root.file(&frame.file_name)?, size)?)?;
         }
-        Ok((read::view(self.listing.refs[image].view, size[0], size[1]), products))
+        Ok(ReadImage::new(size, products))
     }
 }
 

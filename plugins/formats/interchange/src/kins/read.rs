@@ -21,7 +21,7 @@ use syntable_model::files::DatasetFolder;
 use syntable_model::prelude::*;
 use syntable_model::product::BBox;
 use syntable_model::product::standard::{OCCLUSION_MASK, RGB};
-use syntable_model::reader::{Crowd, DatasetFault, DatasetReader, Format, ImageRef, Source};
+use syntable_model::reader::{Crowd, Format, ImageSource, Note, Opened, ReadImage, Source};
 
 syntable_model::register_format!(Format {
     name: "kins",
@@ -303,15 +303,12 @@ fn faults_of_order(
 
 struct Reader {
     images_root: DatasetFolder,
-    info: DatasetInfo,
     listing: Listing,
-    /// Annotations of crowds, and all annotations.
-    crowds: [usize; 2],
-    /// What is not read of images and annotations.
-    unkept: [Unkept; 2],
+    /// Whether any annotation is of a crowd.
+    has_crowds: bool,
 }
 
-fn open(source: &Source) -> Result<Box<dyn DatasetReader>> {
+fn open(source: &Source) -> Result<Opened> {
     let (root, file) = shared::root_and_file(source, None, is_one)?;
     let mut crowds = [0; 2];
     let mut unkept = [Unkept::new("images", shared::OF_IMAGES), Unkept::new("annotations", &["num_keypoints"])];
@@ -327,36 +324,21 @@ fn open(source: &Source) -> Result<Box<dyn DatasetReader>> {
     let first = listing.images.first().map(|image| image.frame.file_name.as_str());
     let images_root = shared::images_root(&root, &image_folders(&file), first);
     let info = shared::info(&listing);
-    Ok(Box::new(Reader { images_root, info, listing, crowds, unkept }))
+    let mut offers = read::Known::Both.offers();
+    let labels = offers.clone();
+    offers.push(RGB.id());
+    let mut notes = vec![Note::caveat(POLYGONS).of(labels.clone())];
+    notes.extend(shared::supercategories(&listing).into_iter().chain(shared::information(&listing, &unkept)));
+    notes.extend(shared::labels_not_kept(&offers, &unkept));
+    let [crowded, all] = crowds;
+    let crowded_out = LeftOut::new(crowded, all, "annotations are crowds (`iscrowd`), and no objects");
+    notes.push(Note::not_objects(crowded_out).of(labels));
+    let opened = listing.opened(info, offers, |listing| Reader { images_root, listing, has_crowds: crowded > 0 });
+    notes.splice(0..0, opened.notes);
+    Ok(Opened { derived: keys![OCCLUSION_MASK], notes, ..opened })
 }
 
-impl DatasetReader for Reader {
-    fn info(&self) -> &DatasetInfo {
-        &self.info
-    }
-
-    fn images(&self) -> &[ImageRef] {
-        &self.listing.refs
-    }
-
-    fn faults(&self) -> &[DatasetFault] {
-        self.listing.faults.all()
-    }
-
-    fn category(&self, own: u64) -> Option<u32> {
-        self.listing.categories.known(own)
-    }
-
-    fn offers(&self) -> Vec<KeyId> {
-        let mut keys = read::Known::Both.offers();
-        keys.push(RGB.id());
-        keys
-    }
-
-    fn derived(&self) -> Vec<KeyId> {
-        keys![OCCLUSION_MASK]
-    }
-
+impl ImageSource for Reader {
     fn image_faults(&self, image: usize) -> Vec<(&'static str, String)> {
         let frame = &self.listing.images[image].frame;
         let Ok(all) = self.listing.annotations::<Annotation>(image) else { return Vec::new() };
@@ -375,28 +357,8 @@ impl DatasetReader for Reader {
         faults
     }
 
-    fn caveats(&self, reads: &[KeyId]) -> Vec<String> {
-        let reads_masks = reads.iter().any(|key| *key != RGB.id());
-        let polygons = reads_masks.then(|| POLYGONS.to_owned());
-        let information = shared::information(&self.listing, &self.unkept.each_ref());
-        polygons.into_iter().chain(shared::supercategories(&self.listing, reads)).chain(information).collect()
-    }
-
-    fn not_kept(&self, reads: &[KeyId]) -> Vec<LeftOut> {
-        shared::labels_not_kept(reads, &self.unkept.each_ref())
-    }
-
-    fn passed_over(&self, reads: &[KeyId]) -> Vec<LeftOut> {
-        if !shared::reads_labels(reads) {
-            return Vec::new();
-        }
-        let [crowds, all] = self.crowds;
-        let crowds = LeftOut::new(crowds, all, "annotations are crowds (`iscrowd`), and no objects");
-        vec![self.listing.passed_over(), crowds]
-    }
-
     fn crowds(&self, image: usize) -> Result<Vec<Crowd>> {
-        if self.crowds[0] == 0 {
+        if !self.has_crowds {
             return Ok(Vec::new());
         }
         let frame = &self.listing.images[image].frame;
@@ -410,7 +372,7 @@ impl DatasetReader for Reader {
         annotations.iter().filter(|it| it.is_crowd).filter_map(of).collect()
     }
 
-    fn read(&self, image: usize, wants: &[KeyId]) -> Result<(View, Products)> {
+    fn read(&self, image: usize, wants: &[KeyId]) -> Result<ReadImage> {
         let frame = &self.listing.images[image].frame;
         let size = [frame.width, frame.height];
         let mut products = Products::new();
@@ -427,7 +389,7 @@ impl DatasetReader for Reader {
         if wants.contains(&RGB.id()) {
             products.put(RGB, decode::rgb_of_size(&self.images_root.file(&frame.file_name)?, size)?)?;
         }
-        Ok((read::view(self.listing.refs[image].view, size[0], size[1]), products))
+        Ok(ReadImage::new(size, products))
     }
 }
 

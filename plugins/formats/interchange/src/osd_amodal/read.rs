@@ -5,13 +5,12 @@ use std::collections::btree_map::Entry;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::sync::{Mutex, PoisonError};
 use syntable_formats::decode;
 use syntable_formats::read::{self, Categories, Faults, Labels};
 use syntable_model::files::DatasetFolder;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{DEPTH, RGB};
-use syntable_model::reader::{DatasetFault, DatasetReader, Format, ImageRef, Source};
+use syntable_model::reader::{Format, ImageSource, Opened, ReadImage, Source};
 
 syntable_model::register_format!(Format {
     name: "osd_amodal",
@@ -28,12 +27,7 @@ const STEP_MM: f64 = 1.0;
 
 struct Reader {
     root: DatasetFolder,
-    info: DatasetInfo,
-    refs: Vec<ImageRef>,
     images: Vec<Named>,
-    faults: Faults,
-    /// Number of labels without an amodal mask, by the images that were read.
-    left_out: Mutex<BTreeMap<usize, usize>>,
 }
 
 /// An image.
@@ -54,7 +48,7 @@ impl Named {
     }
 }
 
-fn open(source: &Source) -> Result<Box<dyn DatasetReader>> {
+fn open(source: &Source) -> Result<Opened> {
     let root = source.folder(&source.path)?;
     let mut faults = Faults::default();
     let [color, depth, labels] = IMAGES.map(|folder| stems(&root.file(folder)?));
@@ -96,7 +90,9 @@ fn open(source: &Source) -> Result<Box<dyn DatasetReader>> {
     let (refs, images) = faults.in_order(images, |image| (&image.name, place_of(&image.name)));
     let name = read::name_of(&source.path);
     let info = Categories::default().info(name, String::new(), &refs, String::new());
-    Ok(Box::new(Reader { root, info, refs, images, faults, left_out: Mutex::default() }))
+    let mut offers = read::Known::Both.offers();
+    offers.extend(keys![RGB, DEPTH]);
+    Ok(Opened { faults: faults.into_inner(), ..Opened::new(info, refs, offers, Reader { root, images }) })
 }
 
 /// Names of the PNG files of a folder, without their ends.
@@ -125,25 +121,7 @@ fn place_of(name: &str) -> Option<(u32, u32)> {
     Some((scene.parse().ok()?, view.parse().ok()?))
 }
 
-impl DatasetReader for Reader {
-    fn info(&self) -> &DatasetInfo {
-        &self.info
-    }
-
-    fn images(&self) -> &[ImageRef] {
-        &self.refs
-    }
-
-    fn faults(&self) -> &[DatasetFault] {
-        self.faults.all()
-    }
-
-    fn offers(&self) -> Vec<KeyId> {
-        let mut keys = read::Known::Both.offers();
-        keys.extend(keys![RGB, DEPTH]);
-        keys
-    }
-
+impl ImageSource for Reader {
     fn image_faults(&self, image: usize) -> Vec<(&'static str, String)> {
         let of = &self.images[image];
         let shown = self.path(IMAGES[2], &of.name).and_then(|path| decode::gray(&path));
@@ -152,28 +130,17 @@ impl DatasetReader for Reader {
         of.without_amodal(&shown).into_iter().map(|label| ("records_agree", message(label))).collect()
     }
 
-    fn passed_over(&self, _: &[KeyId]) -> Vec<LeftOut> {
-        let left_out: usize = self.left_out.lock().unwrap_or_else(PoisonError::into_inner).values().sum();
-        let all: usize = self.images.iter().map(|image| image.masks[0].len()).sum::<usize>() + left_out;
-        vec![LeftOut::new(left_out, all, "labels have no amodal mask, and are no objects")]
-    }
-
-    fn caveats(&self, _: &[KeyId]) -> Vec<String> {
-        let left_out: usize = self.left_out.lock().unwrap_or_else(PoisonError::into_inner).values().sum();
-        let labels = format!("labels without an amodal mask are no objects: {left_out} were left out");
-        (left_out > 0).then_some(labels).into_iter().collect()
-    }
-
-    fn read(&self, image: usize, wants: &[KeyId]) -> Result<(View, Products)> {
+    fn read(&self, image: usize, wants: &[KeyId]) -> Result<ReadImage> {
         let of = &self.images[image];
-        let mut products = Products::new();
+        let (mut products, mut left_out) = (Products::new(), Vec::new());
         let rgb = decode::rgb(&self.path(IMAGES[0], &of.name)?)?;
         let size = [rgb.width(), rgb.height()];
         if wants.iter().any(|want| ![RGB.id(), DEPTH.id()].contains(want)) {
             let shown = self.gray(IMAGES[2], &of.name, size)?;
             read::put(&self.labels(of, &shown)?, None, wants, &mut products)?;
             let without = of.without_amodal(&shown).len();
-            self.left_out.lock().unwrap_or_else(PoisonError::into_inner).insert(image, without);
+            let all = of.masks[0].len() + without;
+            left_out.push(LeftOut::new(without, all, "labels have no amodal mask, and are no objects"));
         }
         if wants.contains(&RGB.id()) {
             products.put(RGB, rgb)?;
@@ -181,7 +148,7 @@ impl DatasetReader for Reader {
         if wants.contains(&DEPTH.id()) {
             products.put(DEPTH, decode::depth_of_size(&self.path(IMAGES[1], &of.name)?, STEP_MM, size)?)?;
         }
-        Ok((read::view(self.refs[image].view, size[0], size[1]), products))
+        Ok(ReadImage { left_out, ..ReadImage::new(size, products) })
     }
 }
 

@@ -5,7 +5,7 @@
 //! does not lie along the edges of the image; else polygons.
 
 use super::{DATA, data};
-use crate::read::{POLYGONS, is_dataset, reads_labels, settle_edges};
+use crate::read::{POLYGONS, is_dataset, settle_edges};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -16,7 +16,7 @@ use syntable_formats::segmentation::Segmentation;
 use syntable_model::files::DatasetFolder;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{CATEGORY_ID, OCCLUSION_MASK, RGB};
-use syntable_model::reader::{DatasetFault, DatasetReader, Format, ImageRef, Source};
+use syntable_model::reader::{Format, ImageSource, Note, Opened, ReadImage, Source};
 
 syntable_model::register_format!(Format {
     name: "yolo",
@@ -49,22 +49,15 @@ const CLASSES: &str = "classes.txt";
 const ABOVE: usize = 3;
 
 struct Reader {
-    info: DatasetInfo,
     categories: Categories,
     /// Numbers of the classes that have names.
     classes: BTreeSet<u64>,
     /// The file that has the names, if any has.
     names_file: Option<&'static str>,
-    refs: Vec<ImageRef>,
     images: Vec<Labeled>,
     shape: Shape,
     /// What polygons are around.
     known: Known,
-    /// Lines of boxes among those of polygons.
-    boxes: usize,
-    /// All lines.
-    lines: usize,
-    faults: Faults,
 }
 
 /// An image and its labels, if it has any.
@@ -172,7 +165,7 @@ fn confined(source: &Source, [images, labels]: [&Path; 2]) -> Result<[DatasetFol
     Ok([inner(images)?, inner(labels)?])
 }
 
-fn open(source: &Source) -> Result<Box<dyn DatasetReader>> {
+fn open(source: &Source) -> Result<Opened> {
     let root = source.path.as_path();
     let [images, labels] = folders(root)?;
     let [of_images, of_labels] = confined(source, [&images, &labels])?;
@@ -227,7 +220,7 @@ fn open(source: &Source) -> Result<Box<dyn DatasetReader>> {
             (ids.into_iter().map(|id| (id - 1, format!("class {}", id - 1))).collect(), None)
         }
     };
-    let classes = names.keys().copied().collect();
+    let classes: BTreeSet<u64> = names.keys().copied().collect();
     let category = |(class, name): (u64, String)| Category { id: id(class), name, ..Category::default() };
     let mut categories = Categories::of(&names.into_iter().map(category).collect::<Vec<_>>());
     found.iter().for_each(|class| categories.note(id(*class)));
@@ -235,19 +228,44 @@ fn open(source: &Source) -> Result<Box<dyn DatasetReader>> {
     let name = read::name_of(root);
     let info = categories.info(name, String::new(), &refs, String::new());
     let shape = stated.or(shape).unwrap_or(Shape::Polygons);
-    Ok(Box::new(Reader {
-        info,
-        categories,
-        classes,
-        names_file,
-        refs,
-        images,
-        shape,
-        known,
-        boxes,
-        lines: all_lines,
-        faults,
-    }))
+    let mut offers = match shape {
+        Shape::Polygons => known.offers(),
+        Shape::Boxes | Shape::RotatedBoxes | Shape::Poses => keys![CATEGORY_ID],
+    };
+    let labels = offers.clone();
+    offers.push(RGB.id());
+    let caveat = |text: String| Note::caveat(text).of(labels.clone());
+    let mut notes = Vec::new();
+    match shape {
+        Shape::Polygons => {
+            notes.push(caveat(POLYGONS.to_owned()));
+            if known == Known::Visible {
+                notes.push(caveat(
+                    "polygons are taken for visible masks: the format does not say which they are".to_owned(),
+                ));
+            }
+            if boxes > 0 {
+                notes.push(caveat(format!("objects with a box and no polygon were left out: {boxes}")));
+            }
+            let what = "objects have a box and no polygon, and are not read";
+            notes.push(Note::not_objects(LeftOut::new(boxes, all_lines, what)).of(labels.clone()));
+        }
+        other => {
+            notes.push(caveat(format!("labels are {}: of objects only classes are read", other.lines())));
+            let what = format!("labels are {}, of which only classes are kept", other.lines());
+            notes.push(Note::not_kept(LeftOut::new(all_lines, all_lines, what)).of(labels.clone()));
+        }
+    }
+    let ids = classes.iter().copied().map(id).collect();
+    let unlisted = read::unlisted(&ids, &format!("`{DATA}`")).filter(|_| names_file.is_none());
+    notes.extend(unlisted.map(caveat));
+    let source = Reader { categories, classes, names_file, images, shape, known };
+    Ok(Opened {
+        faults: faults.into_inner(),
+        derived: keys![OCCLUSION_MASK],
+        notes,
+        ..Opened::new(info, refs, offers, source)
+    })
 }
 
 /// The names of classes that LabelImg writes beside the labels, if it did.
@@ -334,67 +352,7 @@ impl Shape {
     }
 }
 
-impl DatasetReader for Reader {
-    fn info(&self) -> &DatasetInfo {
-        &self.info
-    }
-
-    fn images(&self) -> &[ImageRef] {
-        &self.refs
-    }
-
-    fn faults(&self) -> &[DatasetFault] {
-        self.faults.all()
-    }
-
-    fn offers(&self) -> Vec<KeyId> {
-        let mut keys = match self.shape {
-            Shape::Polygons => self.known.offers(),
-            Shape::Boxes | Shape::RotatedBoxes | Shape::Poses => keys![CATEGORY_ID],
-        };
-        keys.push(RGB.id());
-        keys
-    }
-
-    fn derived(&self) -> Vec<KeyId> {
-        keys![OCCLUSION_MASK]
-    }
-
-    fn caveats(&self, reads: &[KeyId]) -> Vec<String> {
-        if !reads.iter().any(|key| *key != RGB.id()) {
-            return Vec::new();
-        }
-        let ids = self.classes.iter().map(|class| class.saturating_add(1)).collect();
-        let unlisted = read::unlisted(&ids, &format!("`{DATA}`")).filter(|_| self.names_file.is_none());
-        let classes_alone = |what: &str| vec![format!("labels are {what}: of objects only classes are read")];
-        let own = match self.shape {
-            Shape::Polygons => {
-                let visible = "polygons are taken for visible masks: the format does not say which they are".to_owned();
-                let visible = (self.known == Known::Visible).then_some(visible);
-                let boxes = format!("objects with a box and no polygon were left out: {}", self.boxes);
-                let boxes = (self.boxes > 0).then_some(boxes);
-                std::iter::once(POLYGONS.to_owned()).chain(visible).chain(boxes).collect()
-            }
-            other => classes_alone(other.lines()),
-        };
-        own.into_iter().chain(unlisted).collect()
-    }
-
-    fn not_kept(&self, reads: &[KeyId]) -> Vec<LeftOut> {
-        let lost = if self.shape == Shape::Polygons || !reads_labels(reads) { 0 } else { self.lines };
-        vec![LeftOut::new(
-            lost,
-            self.lines,
-            format!("labels are {}, of which only classes are kept", self.shape.lines()),
-        )]
-    }
-
-    fn passed_over(&self, reads: &[KeyId]) -> Vec<LeftOut> {
-        let reads_masks = self.shape == Shape::Polygons && reads.iter().any(|key| *key != RGB.id());
-        let boxes = if reads_masks { self.boxes } else { 0 };
-        vec![LeftOut::new(boxes, self.lines, "objects have a box and no polygon, and are not read")]
-    }
-
+impl ImageSource for Reader {
     fn image_faults(&self, image: usize) -> Vec<(&'static str, String)> {
         let Ok(lines) = self.lines(image) else { return Vec::new() };
         let mut faults = Vec::new();
@@ -420,7 +378,7 @@ impl DatasetReader for Reader {
         faults
     }
 
-    fn read(&self, image: usize, wants: &[KeyId]) -> Result<(View, Products)> {
+    fn read(&self, image: usize, wants: &[KeyId]) -> Result<ReadImage> {
         let mut products = Products::new();
         let rgb = decode::rgb(&self.images[image].image)?;
         let size = [rgb.width(), rgb.height()];
@@ -446,7 +404,7 @@ impl DatasetReader for Reader {
         if wants.contains(&RGB.id()) {
             products.put(RGB, rgb)?;
         }
-        Ok((read::view(self.refs[image].view, size[0], size[1]), products))
+        Ok(ReadImage::new(size, products))
     }
 }
 

@@ -12,7 +12,7 @@ use syntable_formats::read::{self, Faults};
 use syntable_formats::samples::{self, Contents, Fields, Latest, Samples};
 use syntable_model::limits::TEXT_BYTES;
 use syntable_model::prelude::*;
-use syntable_model::reader::{DatasetReader, Format, Source};
+use syntable_model::reader::{Format, Opened, Source};
 
 syntable_model::register_format!(Format {
     name: "jsonl",
@@ -92,7 +92,7 @@ struct Lines {
     latest: Latest<Line, Fields>,
 }
 
-fn open(source: &Source) -> Result<Box<dyn DatasetReader>> {
+fn open(source: &Source) -> Result<Opened> {
     let path = source.path.as_path();
     let file = file_of(path).ok_or_else(|| {
         let help = "name the file, such as jsonl.jsonl";

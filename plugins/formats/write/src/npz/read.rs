@@ -13,7 +13,7 @@ use syntable_formats::samples::{self, Contents, Fields, Samples};
 use syntable_model::limits::{ARCHIVE_MEMBERS, MEMBER_BYTES};
 use syntable_model::panics::guarded;
 use syntable_model::prelude::*;
-use syntable_model::reader::{DatasetReader, Format, Source};
+use syntable_model::reader::{Format, Opened, Source};
 use syntable_model::scene::{SceneId, ViewId};
 use zip::ZipArchive;
 
@@ -35,7 +35,7 @@ fn archives_of(folder: &Path) -> Vec<((u32, u32), PathBuf)> {
 /// The archives of the views.
 struct Archives(Vec<PathBuf>);
 
-fn open(source: &Source) -> Result<Box<dyn DatasetReader>> {
+fn open(source: &Source) -> Result<Opened> {
     let root = source.path.as_path();
     let folder = source.folder(root)?;
     let all = archives_of(root);

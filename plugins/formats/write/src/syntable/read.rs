@@ -11,14 +11,13 @@ use syntable_formats::read::{self, BACKGROUND, Labels};
 use syntable_formats::segmentation::Rle;
 use syntable_formats::syntable::{Annotation, Image, Scene};
 use syntable_model::files::{DatasetFolder, read_small};
-use syntable_model::left_out::LeftOut;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{
     BODIES, CAMERA, DENOISER, DEPTH, EXPOSURE, LABEL_POLICY, OBJECT_INFO, OBJECT_NAME, OCCLUSION_MASK, OCCLUSION_ORDER,
     RGB, VISIBILITY,
 };
 use syntable_model::product::{BBox, OcclusionOrder};
-use syntable_model::reader::{DatasetFault, DatasetReader, Format, ImageRef, Source};
+use syntable_model::reader::{Format, ImageSource, Note, Opened, ReadImage, Source};
 
 syntable_model::register_format!(Format {
     name: "syntable",
@@ -34,11 +33,11 @@ syntable_model::register_format!(Format {
 /// A dataset that is open.
 struct Reader {
     root: DatasetFolder,
-    info: DatasetInfo,
     listing: Listing,
-    /// Where the record of each scene is.
-    scenes: BTreeMap<u32, u32>,
-    has: Has,
+    /// Numbers of the records of the scenes of images, as far as they have any.
+    scenes: Vec<Option<u32>>,
+    /// Whether an object says how much of it is hidden.
+    is_amodal: bool,
 }
 
 /// What all images of a dataset have.
@@ -115,7 +114,7 @@ fn annotation_files(root: &Path) -> std::io::Result<Vec<PathBuf>> {
     Ok(files)
 }
 
-fn open(source: &Source) -> Result<Box<dyn DatasetReader>> {
+fn open(source: &Source) -> Result<Opened> {
     let path = source.path.as_path();
     let root = source.folder(&root_of(path))?;
     let files = annotation_files(path).map_err(|error| Error::io(path, &error))?;
@@ -151,7 +150,36 @@ fn open(source: &Source) -> Result<Box<dyn DatasetReader>> {
     let about = &listing.file.info;
     listing.categories.forget_supercategory(read::SUPERCATEGORY);
     let info = listing.categories.info(about.description.clone(), about.contributor.clone(), &listing.refs, recipe);
-    Ok(Box::new(Reader { root, info, listing, scenes: of_scene, has }))
+    let scenes: Vec<Option<u32>> = listing.refs.iter().map(|image| of_scene.get(&image.scene.0).copied()).collect();
+    let offers = offers(&listing, has, scenes.iter().all(Option::is_some));
+    let mut derived = keys![VISIBILITY];
+    derived.extend((!has.occlusion).then_some(OCCLUSION_MASK.id()));
+    let opened = listing.opened(info, offers, |listing| Reader { root, listing, scenes, is_amodal: has.amodal });
+    let within_image = Note::caveat(read::WITHIN_IMAGE).of([VISIBILITY.id()]);
+    let notes = std::iter::once(within_image).chain(opened.notes).collect();
+    Ok(Opened { derived, notes, ..opened })
+}
+
+/// The products that all images have.
+fn offers(listing: &Listing, has: Has, has_bodies: bool) -> Vec<KeyId> {
+    if listing.images.is_empty() {
+        return keys![RGB];
+    }
+    let mut keys = read::Known::with_amodal(has.amodal).offers();
+    keys.push(RGB.id());
+    let more = [
+        (VISIBILITY.id(), has.amodal),
+        (OBJECT_NAME.id(), has.names.unwrap_or(true)),
+        (DEPTH.id(), has.depth),
+        (CAMERA.id(), has.camera),
+        (EXPOSURE.id(), has.exposure),
+        (DENOISER.id(), has.denoiser),
+        (LABEL_POLICY.id(), has.label_policy),
+        (OBJECT_INFO.id(), has.objects.unwrap_or(false)),
+        (BODIES.id(), has_bodies),
+    ];
+    keys.extend(more.into_iter().filter(|(_, has)| *has).map(|(key, _)| key));
+    keys
 }
 
 /// An image with its annotations, in the order of the file.
@@ -160,48 +188,7 @@ struct Shown {
     annotations: Vec<Annotation>,
 }
 
-impl DatasetReader for Reader {
-    fn info(&self) -> &DatasetInfo {
-        &self.info
-    }
-
-    fn passed_over(&self, reads: &[KeyId]) -> Vec<LeftOut> {
-        let _ = reads;
-        vec![self.listing.passed_over()]
-    }
-
-    fn images(&self) -> &[ImageRef] {
-        &self.listing.refs
-    }
-
-    fn faults(&self) -> &[DatasetFault] {
-        self.listing.faults.all()
-    }
-
-    fn category(&self, own: u64) -> Option<u32> {
-        self.listing.categories.known(own)
-    }
-
-    fn offers(&self) -> Vec<KeyId> {
-        if self.listing.images.is_empty() {
-            return keys![RGB];
-        }
-        let mut keys = read::Known::with_amodal(self.has.amodal).offers();
-        keys.push(RGB.id());
-        let has = self.has;
-        let mut offer = |key: KeyId, has: bool| keys.extend(has.then_some(key));
-        offer(VISIBILITY.id(), has.amodal);
-        offer(OBJECT_NAME.id(), has.names.unwrap_or(true));
-        offer(DEPTH.id(), has.depth);
-        offer(CAMERA.id(), has.camera);
-        offer(EXPOSURE.id(), has.exposure);
-        offer(DENOISER.id(), has.denoiser);
-        offer(LABEL_POLICY.id(), has.label_policy);
-        offer(OBJECT_INFO.id(), has.objects.unwrap_or(false));
-        offer(BODIES.id(), self.listing.refs.iter().all(|image| self.scenes.contains_key(&image.scene.0)));
-        keys
-    }
-
+impl ImageSource for Reader {
     fn image_faults(&self, image: usize) -> Vec<(&'static str, String)> {
         let Ok(shown) = self.shown(image) else { return Vec::new() };
         let stated = shown.stated_ids();
@@ -212,18 +199,8 @@ impl DatasetReader for Reader {
         faults.chain(read::id_faults(&stated)).chain(shown.list_fault()).collect()
     }
 
-    fn derived(&self) -> Vec<KeyId> {
-        let mut keys = keys![VISIBILITY];
-        keys.extend((!self.has.occlusion).then_some(OCCLUSION_MASK.id()));
-        keys
-    }
-
-    fn caveats(&self, reads: &[KeyId]) -> Vec<String> {
-        reads.contains(&VISIBILITY.id()).then(|| read::WITHIN_IMAGE.to_owned()).into_iter().collect()
-    }
-
-    fn read(&self, image: usize, wants: &[KeyId]) -> Result<(View, Products)> {
-        let (at, record) = (&self.listing.refs[image], self.shown(image)?);
+    fn read(&self, image: usize, wants: &[KeyId]) -> Result<ReadImage> {
+        let record = self.shown(image)?;
         let size = [record.image.width, record.image.height];
         let mut products = Products::new();
         let ids = read::ids_of(&record.stated_ids())?;
@@ -260,12 +237,12 @@ impl DatasetReader for Reader {
             let infos = infos.map(|(id, json)| Ok((id, Value::of(json)?))).collect::<Result<_>>()?;
             products.put(OBJECT_INFO, infos)?;
         }
-        if let Some(&scene) = self.scenes.get(&at.scene.0).filter(|_| wanted(BODIES.id())) {
+        if let Some(scene) = self.scenes[image].filter(|_| wanted(BODIES.id())) {
             for scene in self.listing.file.records::<Scene>(Section::Scenes, &[scene])? {
                 products.put(BODIES, Value::of(&scene.bodies)?)?;
             }
         }
-        Ok((read::view(at.view, record.image.width, record.image.height), products))
+        Ok(ReadImage::new(size, products))
     }
 }
 
@@ -359,7 +336,7 @@ impl Reader {
         Ok(Labels {
             id,
             visible,
-            amodal: self.has.amodal.then(|| mask(&annotation.segmentation, "segmentation")).transpose()?,
+            amodal: self.is_amodal.then(|| mask(&annotation.segmentation, "segmentation")).transpose()?,
             occlusion: annotation.occluded_mask.as_ref().map(|rle| mask(rle, "occluded_mask")).transpose()?,
             rate: annotation.occluded_rate,
             visible_box: visible_box.map(BBox::from),

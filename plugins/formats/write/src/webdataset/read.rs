@@ -12,7 +12,7 @@ use syntable_formats::samples::{self, Contents, Fields, Samples};
 use syntable_model::prelude::*;
 use syntable_model::product::linked;
 use syntable_model::product::standard::RGB;
-use syntable_model::reader::{DatasetReader, Format, Source};
+use syntable_model::reader::{Format, Opened, Source};
 use syntable_model::scene::{SceneId, ViewId};
 
 syntable_model::register_format!(Format {
@@ -48,7 +48,7 @@ fn shards_of(folder: &Path) -> Vec<PathBuf> {
 /// The fields of each sample.
 struct Shards(Vec<BTreeMap<String, Member>>);
 
-fn open(source: &Source) -> Result<Box<dyn DatasetReader>> {
+fn open(source: &Source) -> Result<Opened> {
     let root = source.path.as_path();
     let folder = source.folder(root)?;
     let shards = tar_files(root);

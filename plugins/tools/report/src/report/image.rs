@@ -2,15 +2,16 @@
 
 use serde::Serialize;
 use std::collections::BTreeMap;
-use syntable_model::check::Check;
+use std::sync::Arc;
+use syntable_model::check::LabelCheck;
 use syntable_model::error::Result;
 use syntable_model::product::standard::{
     AMODAL_BOX, AMODAL_MASK, CATEGORY_ID, DEPTH, OBJECT_NAME, OCCLUSION_MASK, OCCLUSION_ORDER, OCCLUSION_RATE, RGB,
     VISIBLE_BOX, VISIBLE_MASK,
 };
 use syntable_model::product::{BBox, Graph, Key, KeyId, Mask, PerInstance, Product, Products};
-use syntable_model::reader::DatasetReader;
-use syntable_model::scene::{InstanceId, View};
+use syntable_model::reader::OpenDataset;
+use syntable_model::scene::InstanceId;
 
 /// An image of a dataset as the pages show it.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -116,16 +117,21 @@ fn wants(offers: &[KeyId]) -> Vec<KeyId> {
 }
 
 /// Reads an image: what the pages know of it, and with `whole` all that the checks look at, its color and its depth.
-pub fn read(dataset: &dyn DatasetReader, checks: &[Check], image: usize, whole: bool) -> Result<(ImageView, Products)> {
-    let offers = dataset.offers();
-    let of = &dataset.images()[image];
+pub fn read(
+    dataset: &OpenDataset,
+    checks: &[Arc<dyn LabelCheck>],
+    image: usize,
+    whole: bool,
+) -> Result<(ImageView, Products)> {
+    let offers = &dataset.offers;
+    let of = &dataset.images[image];
     let mut faults: Vec<[String; 2]> = Vec::new();
     let (size, products) = if whole {
-        read_all(dataset, image, &offers, &mut faults)
+        read_all(dataset, image, offers, &mut faults)
     } else {
-        let read = dataset.read(image, &wants(&offers));
-        let (view, products) = read.map_err(|error| error.context(format!("image \"{}\"", of.name)))?;
-        (size_of(&view), products)
+        let read = dataset.read(image, &wants(offers));
+        let read = read.map_err(|error| error.context(format!("image \"{}\"", of.name)))?;
+        (read.size, read.products)
     };
     let mut objects: BTreeMap<InstanceId, ObjectView> = BTreeMap::new();
     // Of amodal masks alone nobody knows what is hidden.
@@ -144,7 +150,7 @@ pub fn read(dataset: &dyn DatasetReader, checks: &[Check], image: usize, whole: 
     put.each(VISIBLE_BOX, |object, bbox: &BBox| object.visible_box = Some((*bbox).into()))?;
     put.each(AMODAL_BOX, |object, bbox: &BBox| object.amodal_box = Some((*bbox).into()))?;
     put.each(OBJECT_NAME, |object, name: &String| object.name.clone_from(name))?;
-    let classes: BTreeMap<u32, &str> = dataset.info().categories().collect();
+    let classes: BTreeMap<u32, &str> = dataset.info.categories().collect();
     put.each(CATEGORY_ID, |object, id: &u32| {
         object.category = classes.get(id).copied().unwrap_or_default().to_owned()
     })?;
@@ -170,7 +176,7 @@ pub fn read(dataset: &dyn DatasetReader, checks: &[Check], image: usize, whole: 
     if whole {
         for check in checks {
             let found = check.run(&products).unwrap_or_else(|error| vec![error.to_string()]);
-            faults.extend(found.into_iter().map(|message| [check.name.to_owned(), message]));
+            faults.extend(found.into_iter().map(|message| [check.name().to_owned(), message]));
         }
         faults.extend(dataset.image_faults(image).into_iter().map(|(check, message)| [check.to_owned(), message]));
     }
@@ -181,27 +187,22 @@ pub fn read(dataset: &dyn DatasetReader, checks: &[Check], image: usize, whole: 
     Ok((ImageView { name, scene, view, size, has_image, depth_m, objects, graph, faults }, products))
 }
 
-/// The size of a view's image, px.
-fn size_of(view: &View) -> [u32; 2] {
-    [view.camera.intrinsics.width, view.camera.intrinsics.height]
-}
-
 /// All that can be read of an image. What cannot be read is a fault.
 fn read_all(
-    dataset: &dyn DatasetReader,
+    dataset: &OpenDataset,
     image: usize,
     offers: &[KeyId],
     faults: &mut Vec<[String; 2]>,
 ) -> ([u32; 2], Products) {
-    if let Ok((view, products)) = dataset.read(image, offers) {
-        return (size_of(&view), products);
+    if let Ok(read) = dataset.read(image, offers) {
+        return (read.size, read.products);
     }
     let (mut size, mut all) = ([0; 2], Products::new());
     for key in offers {
         let one = dataset.read(image, std::slice::from_ref(key));
-        let kept = one.and_then(|(view, one)| {
-            size = size_of(&view);
-            all.extend(one)
+        let kept = one.and_then(|one| {
+            size = one.size;
+            all.extend(one.products)
         });
         if let Err(error) = kept {
             let fault = [READABLE.to_owned(), error.to_string()];

@@ -9,6 +9,7 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use syntable_model::digest::{Digest, Hasher};
 use syntable_model::error::{Error, Result};
+use syntable_model::left_out::LeftOut;
 use syntable_model::reader::{self, Source};
 use syntable_model::registry::Registry;
 use syntable_runtime::durable::{self, Draft, Standing};
@@ -87,10 +88,10 @@ pub fn make(registry: &Registry, options: &ReportOptions, work: &Work) -> Result
     }
     check_out(&out, options.overwrite)?;
     let (format, opened) = registry.open_dataset(source, options.format.as_deref())?;
-    let scored = scores.as_ref().map(|file| Scored::open(file, &*opened)).transpose()?;
+    let scored = scores.as_ref().map(|file| Scored::open(file, &opened)).transpose()?;
     let counting = Options { images: !options.labels_only, ..Options::default() };
     let mut incomplete = Vec::new();
-    let counted = match stats::of(&*opened, &counting, work) {
+    let counted = match stats::of(&opened, &counting, work) {
         Ok(statistics) => Counted::Done(Box::new(statistics)),
         Err(error) if work.stop.is_requested() => return Err(error),
         Err(error) => {
@@ -102,14 +103,18 @@ pub fn make(registry: &Registry, options: &ReportOptions, work: &Work) -> Result
     };
     let worst = scored.as_ref().map_or(&[][..], Scored::images);
     let (most_worst, most) = (worst.len(), options.images);
-    let chosen = |of: &dyn reader::DatasetReader| Shown {
-        images: choose(of.images().len(), most, statistics(&counted), worst),
+    let chosen = |of: &reader::OpenDataset| Shown {
+        images: choose(of.images.len(), most, statistics(&counted), worst),
         scenes: Some(options.scenes),
     };
-    let mut report = Report::of(registry, opened, format.name, source, chosen)?;
+    let mut report = Report::of(registry, opened, format.name(), source, chosen)?;
     if let Some(scored) = scored {
         report = report.with_scores(scored);
     }
+    let not_objects = match statistics(&counted) {
+        Some(statistics) => statistics.left_out.clone(),
+        None => report.dataset().not_objects(&report.dataset().offers),
+    };
     report.put_statistics(counted);
     let draft = Draft::begin(&out)?;
     write(&report, &draft, work)?;
@@ -121,18 +126,18 @@ pub fn make(registry: &Registry, options: &ReportOptions, work: &Work) -> Result
     let (shown, unread) = (report.images(), report.unread());
     Ok(MadeReport {
         index: out.join("index.html"),
-        format: format.name,
+        format: format.name(),
         images: shown - unread.len(),
-        all_images: report.dataset().images().len(),
-        images_not_chosen: report.dataset().images().len() - shown,
+        all_images: report.dataset().images.len(),
+        images_not_chosen: report.dataset().images.len() - shown,
         scenes: report.scenes().len(),
         notes: (most_worst > MOST_WORST).then(note).into_iter().collect(),
-        left_out: left_out(&report, unread, incomplete),
+        left_out: left_out(&report, unread, incomplete, not_objects),
     })
 }
 
 /// What is not on the pages: images and other parts that cannot be read, and the statistics.
-fn left_out(report: &Report, unread: Vec<String>, incomplete: Vec<Error>) -> LeftOutReport {
+fn left_out(report: &Report, unread: Vec<String>, incomplete: Vec<Error>, not_objects: Vec<LeftOut>) -> LeftOutReport {
     let lost = report.lost();
     let mut parts = Vec::new();
     for (reasons, one) in [(unread.len(), "image"), (lost.len(), "other part")] {
@@ -145,7 +150,7 @@ fn left_out(report: &Report, unread: Vec<String>, incomplete: Vec<Error>) -> Lef
         let summary = format!("{} cannot be read: the pages lack what they say", parts.join(" and "));
         left_out.add(summary, incomplete.into_iter().chain(reasons));
     }
-    left_out.annotations(&report.dataset().passed_over(&report.dataset().offers()));
+    left_out.annotations(&not_objects);
     left_out
 }
 

@@ -34,14 +34,15 @@ use scored::Scored;
 use serde::Serialize;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
+use std::sync::Arc;
 use std::sync::OnceLock;
 use syntable_formats::scores::ScoredImage;
-use syntable_model::check::Check;
+use syntable_model::check::LabelCheck;
 use syntable_model::digest::Digest;
 use syntable_model::error::{Error, Result};
 use syntable_model::product::Products;
 use syntable_model::product::standard::{DEPTH, RGB};
-use syntable_model::reader::{DatasetReader, Source};
+use syntable_model::reader::{OpenDataset, Source};
 use syntable_model::registry::Registry;
 use tera::{Context, Tera};
 
@@ -81,13 +82,13 @@ const PAGES: [(&str, &str); 4] = [
 
 /// The pages of a dataset.
 pub struct Report {
-    dataset: Box<dyn DatasetReader>,
+    dataset: OpenDataset,
     /// What it was read as.
     format: &'static str,
     /// The path that was asked for.
     path: String,
     /// What must hold in every image.
-    checks: Vec<Check>,
+    checks: Vec<Arc<dyn LabelCheck>>,
     record: Record,
     /// Images that the pages show, ascending.
     shown: Vec<usize>,
@@ -134,26 +135,26 @@ impl Report {
         registry: &Registry,
         source: &Source,
         format: Option<&str>,
-        choose: impl FnOnce(&dyn DatasetReader) -> Shown,
+        choose: impl FnOnce(&OpenDataset) -> Shown,
     ) -> Result<Self> {
         let (format, dataset) = registry.open_dataset(source, format)?;
-        Self::of(registry, dataset, format.name, source, choose)
+        Self::of(registry, dataset, format.name(), source, choose)
     }
 
     /// The pages of a dataset that is open. `source` is where it was opened, and how far links of its run may reach.
     pub fn of(
         registry: &Registry,
-        dataset: Box<dyn DatasetReader>,
+        dataset: OpenDataset,
         format: &'static str,
         source: &Source,
-        choose: impl FnOnce(&dyn DatasetReader) -> Shown,
+        choose: impl FnOnce(&OpenDataset) -> Shown,
     ) -> Result<Self> {
         let path = source.path.as_path();
-        if dataset.images().is_empty() {
+        if dataset.images.is_empty() {
             return Err(Error::new("the dataset has no image").in_file(path).permanent());
         }
         let record = Record::of(source);
-        let Shown { images: shown, scenes: most } = choose(&*dataset);
+        let Shown { images: shown, scenes: most } = choose(&dataset);
         let scenes: Vec<u32> = record.models.keys().copied().take(most.unwrap_or(usize::MAX)).collect();
         let mut pages = Tera::default();
         pages.add_raw_templates(SHARED.into_iter().chain(PAGES)).map_err(|error| wrong_page(&error))?;
@@ -193,10 +194,10 @@ impl Report {
     /// from then on.
     pub fn gather_licenses(&self) {
         let mut first: BTreeSet<u32> = BTreeSet::new();
-        let images = self.dataset.images().iter().enumerate();
+        let images = self.dataset.images.iter().enumerate();
         let firsts: Vec<usize> =
             images.filter(|(_, image)| first.insert(image.scene.0)).map(|(index, _)| index).collect();
-        self.licenses.get_or_init(|| self.record.licenses(&*self.dataset, firsts.into_iter()));
+        self.licenses.get_or_init(|| self.record.licenses(&self.dataset, firsts.into_iter()));
     }
 
     /// Says what the files of the report are.
@@ -206,8 +207,8 @@ impl Report {
     }
 
     /// The dataset.
-    pub fn dataset(&self) -> &dyn DatasetReader {
-        &*self.dataset
+    pub fn dataset(&self) -> &OpenDataset {
+        &self.dataset
     }
 
     /// Puts the statistics, or how far they are.
@@ -231,7 +232,7 @@ impl Report {
         self.unread_by_place()
             .into_iter()
             .map(|(place, reasons)| {
-                let name = &self.dataset.images()[self.shown[place]].name;
+                let name = &self.dataset.images[self.shown[place]].name;
                 format!("image \"{name}\": {}", reasons.join("; "))
             })
             .collect()
@@ -251,7 +252,7 @@ impl Report {
     /// What beside images cannot be read and is missing on the pages: records of the run, licenses, scenes in space, and what
     /// hides images from the list of the dataset. Sentences.
     pub fn lost(&self) -> Vec<String> {
-        let hidden = self.dataset.faults_of_opening().iter().filter(|fault| fault.is_lost);
+        let hidden = self.dataset.faults.iter().filter(|fault| fault.is_lost);
         let hidden = hidden.map(|fault| format!("{}: {}", fault.place, fault.message));
         let licenses = self.licenses.get().map(|(_, unread)| unread.clone()).unwrap_or_default();
         let scenes = self.lost_scenes.lock().values().cloned().collect::<Vec<_>>();
@@ -285,7 +286,7 @@ impl Report {
 
     /// Reads an image with all that the checks look at, and keeps what they found.
     fn read_whole(&self, place: usize) -> Result<(ImageView, Products)> {
-        let read = image::read(&*self.dataset, &self.checks, self.shown[place], true)?;
+        let read = image::read(&self.dataset, &self.checks, self.shown[place], true)?;
         *self.rows[place].lock() = Some(read.0.row());
         self.faults.lock().insert(place, read.0.faults.clone());
         Ok(read)
@@ -324,9 +325,9 @@ impl Report {
         }
         for (folder, key) in [("image", RGB.id()), ("depth", DEPTH.id())] {
             let place = number(&format!("{folder}/"), ".jpg").filter(|place| is_shown(place));
-            let has = |place: &usize| image_path(folder, *place) == path && self.dataset.offers().contains(&key);
+            let has = |place: &usize| image_path(folder, *place) == path && self.dataset.offers.contains(&key);
             if let Some(place) = place.filter(has) {
-                let (_, products) = self.dataset.read(self.shown[place], &[key])?;
+                let products = self.dataset.read(self.shown[place], &[key])?.products;
                 return if folder == "image" { color(&products) } else { depth(&products) };
             }
         }
@@ -354,7 +355,7 @@ impl Report {
         if let Some(row) = &*row {
             return Ok(row.clone());
         }
-        let of = |whole: bool| image::read(&*self.dataset, &self.checks, self.shown[place], whole);
+        let of = |whole: bool| image::read(&self.dataset, &self.checks, self.shown[place], whole);
         // With the checks, what cannot be read is a fault of the image.
         let read = of(false).or_else(|_| of(true))?.0.row();
         *row = Some(read.clone());
@@ -388,11 +389,11 @@ impl Report {
         context.insert("policy", POLICY);
         let facts = PageFacts {
             images: self.shown.len(),
-            all_images: self.dataset.images().len(),
+            all_images: self.dataset.images.len(),
             per_page: PER_PAGE,
             per_folder: PER_FOLDER,
-            has_image: self.dataset.offers().contains(&RGB.id()),
-            has_depth: self.dataset.offers().contains(&DEPTH.id()),
+            has_image: self.dataset.offers.contains(&RGB.id()),
+            has_depth: self.dataset.offers.contains(&DEPTH.id()),
             edition: self.edition.get().map(String::as_str).unwrap_or_default(),
         };
         context.insert("facts", &facts);
@@ -408,7 +409,7 @@ impl Report {
 
     /// Name of the dataset.
     fn name(&self) -> String {
-        let named = Some(self.dataset.info().name.clone()).filter(|name| !name.is_empty());
+        let named = Some(self.dataset.info.name.clone()).filter(|name| !name.is_empty());
         named.unwrap_or_else(|| Path::new(&self.path).file_name().unwrap_or_default().to_string_lossy().into_owned())
     }
 }

@@ -130,7 +130,7 @@ pub fn of(report: &Report) -> Result<Overview> {
         errors: entry.errors.clone(),
     });
     let devices: BTreeSet<String> = record.times.iter().flat_map(|run| run.devices.clone()).collect();
-    let (shown, all) = (report.shown.len(), report.dataset.images().len());
+    let (shown, all) = (report.shown.len(), report.dataset.images.len());
     let left_out = (shown < all).then(|| {
         format!(
             "Images and labels of {} of {} views are in this report: the most occluded ones, and others at even distances. The \
@@ -169,10 +169,10 @@ pub fn of(report: &Report) -> Result<Overview> {
 }
 
 fn facts(report: &Report, devices: &BTreeSet<String>) -> Vec<Fact> {
-    let (record, info) = (&report.record, report.dataset.info());
-    let images = report.dataset.images();
+    let (record, info) = (&report.record, &report.dataset.info);
+    let images = &report.dataset.images;
     let scenes: BTreeSet<u32> = images.iter().map(|image| image.scene.0).collect();
-    let offers = report.dataset.offers();
+    let offers = &report.dataset.offers;
     let has = [
         (RGB.id(), "color"),
         (VISIBLE_MASK.id(), "visible masks"),
@@ -246,9 +246,9 @@ fn occluded(report: &Report, statistics: &Statistics) -> Vec<Card> {
 }
 
 fn card(report: &Report, place: usize, says: String) -> Card {
-    let image = &report.dataset.images()[report.shown[place]];
+    let image = &report.dataset.images[report.shown[place]];
     let row = report.rows[place].lock();
-    let has_image = row.as_ref().map_or_else(|| report.dataset.offers().contains(&RGB.id()), |row| row.has_image);
+    let has_image = row.as_ref().map_or_else(|| report.dataset.offers.contains(&RGB.id()), |row| row.has_image);
     let base = image.name.rsplit('/').next().unwrap_or_default();
     let image = has_image.then(|| report.addressed(image_path("image", place)));
     Card { place, on: "", image, name: base.to_owned(), says }
@@ -276,7 +276,7 @@ fn sample(report: &Report) -> Vec<Card> {
     (0..count)
         .map(|number| {
             let place = number * report.shown.len() / count;
-            let image = &report.dataset.images()[report.shown[place]];
+            let image = &report.dataset.images[report.shown[place]];
             card(report, place, format!("scene {}, view {}", image.scene.0, image.view.0))
         })
         .collect()
@@ -284,21 +284,21 @@ fn sample(report: &Report) -> Vec<Card> {
 
 fn unread(report: &Report) -> Vec<Unread> {
     let unread = report.unread_by_place().into_iter();
-    let name = |place: usize| report.dataset.images()[report.shown[place]].name.clone();
+    let name = |place: usize| report.dataset.images[report.shown[place]].name.clone();
     unread.map(|(place, reasons)| Unread { place, name: name(place), reasons: reasons.join("; ") }).collect()
 }
 
 /// What the checks found in shown images that were read whole, and in the dataset.
 fn faults(report: &Report) -> Vec<Fault> {
-    let of_dataset = report.dataset.faults().iter().map(|fault| Fault {
+    let of_dataset = report.dataset.all_faults().into_iter().map(|fault| Fault {
         place: None,
-        name: fault.place.clone(),
+        name: fault.place,
         check: fault.check.to_owned(),
-        message: fault.message.clone(),
+        message: fault.message,
     });
     let of_images = report.faults.lock();
     let of_images = of_images.iter().flat_map(|(place, faults)| {
-        let name = &report.dataset.images()[report.shown[*place]].name;
+        let name = &report.dataset.images[report.shown[*place]].name;
         faults.iter().map(move |[check, message]| Fault {
             place: Some(*place),
             name: name.clone(),

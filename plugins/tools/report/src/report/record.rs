@@ -11,7 +11,7 @@ use syntable_model::files::DatasetFolder;
 use syntable_model::limits::RUN_LIST_BYTES;
 use syntable_model::product::standard::OBJECT_INFO;
 use syntable_model::product::{PerInstance, Value};
-use syntable_model::reader::{DatasetReader, Source};
+use syntable_model::reader::{OpenDataset, Source};
 use syntable_model::stage::RESERVED;
 use syntable_runtime::run::dataset::folder::{journal_path, times_path};
 use syntable_runtime::run::dataset::journal::{Journal, JournalEntry};
@@ -176,18 +176,14 @@ impl Record {
 
     /// Licenses that objects of some images have, and bodies, materials and environment maps in glTF files; and what of them
     /// cannot be read: sentences.
-    pub fn licenses(
-        &self,
-        dataset: &dyn DatasetReader,
-        images: impl Iterator<Item = usize>,
-    ) -> (Licenses, Vec<String>) {
+    pub fn licenses(&self, dataset: &OpenDataset, images: impl Iterator<Item = usize>) -> (Licenses, Vec<String>) {
         let (mut found, mut unread) = (Licenses::new(), Vec::new());
-        if dataset.offers().contains(&OBJECT_INFO.id()) {
+        if dataset.offers.contains(&OBJECT_INFO.id()) {
             for image in images {
                 let products = match dataset.read(image, &[OBJECT_INFO.id()]) {
-                    Ok((_, products)) => products,
+                    Ok(read) => read.products,
                     Err(error) => {
-                        unread.push(format!("licenses of image \"{}\": {error}", dataset.images()[image].name));
+                        unread.push(format!("licenses of image \"{}\": {error}", dataset.images[image].name));
                         continue;
                     }
                 };

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use syntable_formats::scores::{ScoreTable, ScoredImage, Scores};
 use syntable_model::error::{Error, Result};
-use syntable_model::reader::DatasetReader;
+use syntable_model::reader::OpenDataset;
 
 /// Scores of a dataset's predictions.
 #[derive(Debug)]
@@ -22,7 +22,7 @@ impl Scored {
     ///
     /// # Errors
     /// If it cannot be read, or an image in it is not in the dataset.
-    pub fn open(path: &Path, dataset: &dyn DatasetReader) -> Result<Self> {
+    pub fn open(path: &Path, dataset: &OpenDataset) -> Result<Self> {
         Self::of(Scores::read(path)?, dataset).map_err(|error| error.in_file(path))
     }
 
@@ -30,18 +30,18 @@ impl Scored {
     ///
     /// # Errors
     /// If an image in them is not in the dataset, or there are others.
-    pub fn of(scores: Scores, dataset: &dyn DatasetReader) -> Result<Self> {
+    pub fn of(scores: Scores, dataset: &OpenDataset) -> Result<Self> {
         let named: BTreeMap<&str, usize> =
-            dataset.images().iter().enumerate().map(|(index, image)| (image.name.as_str(), index)).collect();
+            dataset.images.iter().enumerate().map(|(index, image)| (image.name.as_str(), index)).collect();
         let index = |image: &ScoredImage| {
             named.get(image.name.as_str()).copied().ok_or_else(|| {
-                let example = dataset.images().first().map_or(String::new(), |it| format!(", such as \"{}\"", it.name));
+                let example = dataset.images.first().map_or(String::new(), |it| format!(", such as \"{}\"", it.name));
                 Error::new(format!("image \"{}\" is not in the dataset", image.name))
                     .help(format!("take the scores of this dataset, with images by its names{example}"))
                     .of_request()
             })
         };
-        let (scored, there) = (scores.images, dataset.images().len());
+        let (scored, there) = (scores.images, dataset.images.len());
         if scored != there {
             let error = Error::new(format!("these are scores of {scored} images, and the dataset has {there}"));
             return Err(error.help("take the scores of this dataset").of_request());

@@ -7,11 +7,12 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use syntable_formats::read::{occludes, order_by};
 use syntable_model::error::{Error, Result};
+use syntable_model::left_out::LeftOut;
 use syntable_model::product::standard::{
     AMODAL_MASK, CATEGORY_ID, DEPTH, OBJECT_INFO, OBJECT_NAME, OCCLUSION_MASK, OCCLUSION_ORDER, RGB, VISIBLE_MASK,
 };
 use syntable_model::product::{Graph, KeyId, Layer, Mask, OcclusionOrder, Plane, Products};
-use syntable_model::reader::DatasetReader;
+use syntable_model::reader::{OpenDataset, ReadImage};
 use syntable_model::scene::InstanceId;
 
 /// IoU of a visible and an occlusion mask above which some of the authors' notebooks have an edge.
@@ -120,6 +121,8 @@ pub(super) struct Tally {
     /// Sums of the objects' rates, and of those that are occluded.
     pub rates: f64,
     pub thumbnail: Option<Thumbnail>,
+    /// Annotations that are not given as objects.
+    pub left_out: Vec<LeftOut>,
 }
 
 /// Depths of the pixels of an image.
@@ -141,7 +144,7 @@ pub(super) struct Wanted {
 }
 
 impl Wanted {
-    pub fn of(dataset: &dyn DatasetReader, options: &Options) -> Self {
+    pub fn of(dataset: &OpenDataset, options: &Options) -> Self {
         let mut keys = syntable_model::keys![VISIBLE_MASK, AMODAL_MASK, OCCLUSION_MASK, CATEGORY_ID];
         keys.extend(syntable_model::keys![OBJECT_NAME, OBJECT_INFO]);
         if options.edges == Edges::Stored {
@@ -150,7 +153,7 @@ impl Wanted {
         if options.images {
             keys.extend(syntable_model::keys![RGB, DEPTH]);
         }
-        let offers = dataset.offers();
+        let offers = &dataset.offers;
         keys.retain(|key| offers.contains(key));
         Self { keys }
     }
@@ -179,11 +182,12 @@ struct Info {
 }
 
 /// Reads an image and counts what it has.
-pub(super) fn tally(dataset: &dyn DatasetReader, image: usize, wanted: &Wanted, options: &Options) -> Result<Tally> {
-    let at = &dataset.images()[image];
+pub(super) fn tally(dataset: &OpenDataset, image: usize, wanted: &Wanted, options: &Options) -> Result<Tally> {
+    let at = &dataset.images[image];
     let of = |error: Error| error.context(format!("image \"{}\"", at.name));
     let read = dataset.read(image, &wanted.keys);
-    let (_, products) = read.map_err(|error| of(without_images(error, dataset, image, wanted)))?;
+    let ReadImage { products, left_out, .. } =
+        read.map_err(|error| of(without_images(error, dataset, image, wanted)))?;
     let mut tally = Tally {
         row: ImageRow {
             name: at.name.clone(),
@@ -204,6 +208,7 @@ pub(super) fn tally(dataset: &dyn DatasetReader, image: usize, wanted: &Wanted, 
         categories: Vec::new(),
         rates: 0.0,
         thumbnail: None,
+        left_out,
     };
     tally.objects(&products, options).map_err(of)?;
     if let Some(rgb) = products.optional(RGB)? {
@@ -218,7 +223,7 @@ pub(super) fn tally(dataset: &dyn DatasetReader, image: usize, wanted: &Wanted, 
 }
 
 /// An error with the way out, if the image can be read without its files of color and depth.
-fn without_images(error: Error, dataset: &dyn DatasetReader, image: usize, wanted: &Wanted) -> Error {
+fn without_images(error: Error, dataset: &OpenDataset, image: usize, wanted: &Wanted) -> Error {
     let labels: Vec<KeyId> = wanted.keys.iter().filter(|key| ![RGB.id(), DEPTH.id()].contains(key)).copied().collect();
     if labels.len() < wanted.keys.len() && dataset.read(image, &labels).is_ok() {
         return error.help("--labels-only counts what labels say, without reading images");

@@ -29,10 +29,11 @@ use serde::Serialize;
 use std::collections::BTreeMap;
 use syntable_model::context::Workers;
 use syntable_model::error::{Error, Result};
+use syntable_model::left_out::LeftOut;
 use syntable_model::product::standard::{
     AMODAL_MASK, DEPTH, OBJECT_INFO, OBJECT_NAME, OCCLUSION_ORDER, RGB, VISIBLE_MASK,
 };
-use syntable_model::reader::{DatasetReader, Source};
+use syntable_model::reader::{OpenDataset, Source};
 use syntable_model::registry::Registry;
 use syntable_model::stage::DatasetInfo;
 use syntable_runtime::images::{Work, each};
@@ -96,6 +97,9 @@ pub struct Statistics {
     pub unknown: Vec<String>,
     /// In what the dataset's format says less than a run, for people.
     pub caveats: Vec<String>,
+    /// Annotations that are not given as objects.
+    #[serde(skip)]
+    pub left_out: Vec<LeftOut>,
     /// Its images, in order.
     #[serde(skip)]
     pub images: Vec<ImageRow>,
@@ -169,8 +173,8 @@ pub fn bin_alike(all: &mut [&mut Statistics], binning: Binning) {
 ///
 /// # Errors
 /// If the dataset has no image, one cannot be read, or the work was asked to stop.
-pub fn of(dataset: &dyn DatasetReader, options: &Options, work: &Work) -> Result<Statistics> {
-    if dataset.images().is_empty() {
+pub fn of(dataset: &OpenDataset, options: &Options, work: &Work) -> Result<Statistics> {
+    if dataset.images.is_empty() {
         return Err(Error::new("the dataset has no image").permanent());
     }
     let wanted = Wanted::of(dataset, options);
@@ -182,16 +186,18 @@ pub fn of(dataset: &dyn DatasetReader, options: &Options, work: &Work) -> Result
     let has_names = wanted.has(&OBJECT_INFO.id()) || wanted.has(&OBJECT_NAME.id());
     let mut collected = Collected { has_names, ..Collected::default() };
     let image = |image: usize| tally(dataset, image, &wanted, options);
-    each(work, "counted", dataset.images().len(), &image, &mut |_, it| collected.add(it))?;
+    each(work, "counted", dataset.images.len(), &image, &mut |_, it| collected.add(it))?;
     let duplicates = wanted.has(&RGB.id()).then(|| {
-        if dataset.images().len() > MANY_IMAGES {
+        if dataset.images.len() > MANY_IMAGES {
             work.reporter.event(&Event::Working { step: "comparing views with each other".to_owned() });
         }
         collected.near_duplicates(options.levels, work.workers)
     });
-    let mut statistics = collected.finish(dataset.info(), duplicates);
+    let mut statistics = collected.finish(&dataset.info, duplicates);
     statistics.unknown = unknown(&statistics, dataset, &wanted, options);
     statistics.caveats = dataset.caveats(&wanted.keys);
+    let not_objects = dataset.not_objects(&wanted.keys);
+    statistics.left_out = LeftOut::sum(not_objects.into_iter().chain(statistics.left_out));
     bin_alike(&mut [&mut statistics], options.binning);
     Ok(statistics)
 }
@@ -219,19 +225,19 @@ pub fn compare(
     let mut compared = Comparison { datasets: Vec::new(), left_out: LeftOutReport::default() };
     for source in sources {
         let (format, dataset) = registry.open_dataset(source, format)?;
-        compared.left_out.unlisted(&*dataset);
-        let statistics = of(&*dataset, options, work).map_err(|error| error.in_file(&source.path))?;
-        compared.left_out.annotations(&dataset.passed_over(&Wanted::of(&*dataset, options).keys));
+        compared.left_out.unlisted(&dataset);
+        let statistics = of(&dataset, options, work).map_err(|error| error.in_file(&source.path))?;
+        compared.left_out.annotations(&statistics.left_out);
         let path = source.path.display().to_string();
-        compared.datasets.push(Described { dataset: path, format: format.name, statistics });
+        compared.datasets.push(Described { dataset: path, format: format.name(), statistics });
     }
     bin_alike(&mut compared.datasets.iter_mut().map(|it| &mut it.statistics).collect::<Vec<_>>(), options.binning);
     Ok(compared)
 }
 
 /// What is not known of a dataset, and why.
-fn unknown(of: &Statistics, dataset: &dyn DatasetReader, wanted: &Wanted, options: &Options) -> Vec<String> {
-    let offers = dataset.offers();
+fn unknown(of: &Statistics, dataset: &OpenDataset, wanted: &Wanted, options: &Options) -> Vec<String> {
+    let offers = &dataset.offers;
     let says = |quantity| of.distribution(quantity).is_some();
     let is_empty = of.totals.visible_instances == 0;
     let lacks = [
@@ -260,12 +266,14 @@ struct Collected {
     categories: BTreeMap<u32, u64>,
     rates: f64,
     has_names: bool,
+    left_out: Vec<LeftOut>,
 }
 
 impl Collected {
     /// Adds the next image.
     fn add(&mut self, tally: Tally) {
         let scene = tally.row.scene;
+        self.left_out.extend(tally.left_out.into_iter().filter(|it| it.of > 0));
         tally.values.into_iter().for_each(|(quantity, value)| self.of(quantity).add(value));
         if let Some(depths) = tally.depths {
             let counts = depths.near.into_iter().enumerate().filter(|it| it.1 > 0).chain(depths.far);
@@ -366,6 +374,7 @@ impl Collected {
             near_duplicates,
             unknown: Vec::new(),
             caveats: Vec::new(),
+            left_out: self.left_out,
             images: self.images,
         }
     }
