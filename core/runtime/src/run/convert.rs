@@ -3,7 +3,7 @@
 //! A reader offers products as a renderer does; annotators that look at products alone derive from them what writers read.
 
 use crate::durable::{self, Draft, Standing};
-use crate::paths::{check_link, run_above};
+use crate::paths::{check_link, root_of, run_above};
 use crate::plan::{self, Candidate, Fault, Implied, Plan, Producer};
 use crate::run::dataset::loss::Loss;
 use crate::run::making::losses::Losses;
@@ -15,16 +15,16 @@ use crate::run::stop::Stop;
 use crate::workers::Pool;
 use parking_lot::Mutex;
 use std::collections::{BTreeMap, BTreeSet};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
 use syntable_model::check::Check;
 use syntable_model::context::{DatasetContext, ViewContext};
 use syntable_model::error::{Error, Result};
 use syntable_model::left_out::LeftOut;
-use syntable_model::product::standard::{COVERAGE, VISIBLE_BOX, VISIBLE_IDS, VISIBLE_MASK};
-use syntable_model::product::{BBox, KeyId, Products, Scope};
-use syntable_model::reader::DatasetReader;
+use syntable_model::product::standard::{AMODAL_MASK, COVERAGE, VISIBLE_BOX, VISIBLE_IDS, VISIBLE_MASK};
+use syntable_model::product::{BBox, KeyId, Mask, Products, Scope};
+use syntable_model::reader::{DatasetReader, OBJECTS_HAVE_PIXELS};
 use syntable_model::registry::Registry;
 use syntable_model::scene::{InstanceId, SceneId};
 use syntable_model::stage::{Annotator, Finish, Input, ProductGroup, Writer};
@@ -46,6 +46,8 @@ pub struct Converted {
     pub faults: u32,
     /// What stages left out of images: pixels, outlines, objects.
     pub losses: Vec<Loss>,
+    /// Objects without pixels, by image, if a writer left out such objects.
+    pub without_pixels: Vec<String>,
     /// Annotations of the dataset that are not read as objects.
     pub passed_over: Vec<LeftOut>,
     /// Fields with labels that no product holds, such as keypoints: they are lost.
@@ -82,7 +84,7 @@ pub fn convert(
     let pool = Pool::new(threads)?;
     let cx = DatasetContext::new(dataset.info(), &pool, &log);
     let (faults, unread) = (AtomicU32::new(0), Mutex::new(BTreeMap::new()));
-    let losses = Arc::new(Losses::default());
+    let (losses, without_pixels) = (Arc::new(Losses::default()), Mutex::default());
     let work = Conversion {
         dataset,
         writers,
@@ -93,6 +95,7 @@ pub fn convert(
         checks: registry.checks(),
         faults: &faults,
         losses: &losses,
+        without_pixels: &without_pixels,
         unread: &unread,
     };
     let scenes = work.scenes().and_then(|scenes| work.finish(&scenes).map(|()| scenes))?;
@@ -105,14 +108,18 @@ pub fn convert(
     let said_otherwise = |key: &KeyId| alike.iter().any(|pair| pair.contains(key) && pair.iter().any(is_read));
     let stored = dataset.offers().into_iter().filter(|key| !derived.contains(key));
     let lost = stored.filter(|key| !is_read(key) && !said_otherwise(key)).map(|key| key.name.to_string());
+    let losses = losses.all();
+    let are_left_out = losses.iter().any(|loss| LeftOut::is_without_pixels(&loss.what));
+    let without_pixels = without_pixels.into_inner().into_values().filter(|_| are_left_out).flatten();
     Ok(Converted {
+        without_pixels: without_pixels.collect(),
         scenes: scenes.len() as u32,
         images: (dataset.images().len() - unread.len()) as u32,
         lost: lost.collect(),
         lacking,
         caveats: dataset.caveats(&plan.rendered),
         faults: faults.into_inner() + dataset.faults_of_opening().iter().filter(|fault| !fault.is_lost).count() as u32,
-        losses: losses.all(),
+        losses,
         passed_over: dataset.passed_over(&plan.rendered).into_iter().filter(|it| it.count > 0).collect(),
         not_kept: dataset.not_kept(&plan.rendered).into_iter().filter(|it| it.count > 0).collect(),
         left_out: unread.into_values().map(|error| error.to_string()).collect(),
@@ -155,18 +162,6 @@ pub fn check_place(out: &Path, source: &Path) -> Result<()> {
         .in_file(out)
         .help(format!("choose a folder outside of that one, such as {}", beside.display()))
         .of_request())
-}
-
-/// The folder of a dataset that is named by it or by a file in it.
-fn root_of(source: &Path) -> Option<PathBuf> {
-    let source = source.canonicalize().ok()?;
-    if source.is_dir() {
-        return Some(source);
-    }
-    let folder = source.parent()?;
-    // As in COCO's layout, with the images beside.
-    let is_inner = folder.file_name().is_some_and(|name| name == "annotations");
-    (if is_inner { folder.parent()? } else { folder }).to_owned().into()
 }
 
 /// Begins the folder of a conversion: new, or empty.
@@ -326,6 +321,8 @@ struct Conversion<'a> {
     /// Number of faults of images: of their records, and those that the checks found.
     faults: &'a AtomicU32,
     losses: &'a Arc<Losses>,
+    /// Objects without pixels of each image that has some.
+    without_pixels: &'a Mutex<BTreeMap<usize, Vec<String>>>,
     /// Why images could not be read.
     unread: &'a Mutex<BTreeMap<usize, Error>>,
 }
@@ -386,7 +383,14 @@ impl Conversion<'_> {
             let cx_of_view = cx.read_view(view.id, [k.width, k.height]);
             let none = BTreeMap::new();
             annotate(&times, self.losses, self.plan, &cx_of_view, &none, &mut products).map_err(of)?;
-            self.faults.fetch_add(self.dataset.image_faults(image).len() as u32, Ordering::Relaxed);
+            let faults = self.dataset.image_faults(image);
+            self.faults.fetch_add(faults.len() as u32, Ordering::Relaxed);
+            let empty = objects_without_pixels(&faults, &products);
+            if !empty.is_empty() {
+                let name = &self.dataset.images()[image].name;
+                let named = empty.into_iter().map(|object| format!("{name}: {object}")).collect();
+                self.without_pixels.lock().insert(image, named);
+            }
             for check in self.checks {
                 self.faults.fetch_add(check.run(&products).map_err(of)?.len() as u32, Ordering::Relaxed);
             }
@@ -410,6 +414,20 @@ impl Conversion<'_> {
             writer.finish(&self.cx, &products, &finish).map_err(|error| error.context(id.clone()))
         })
     }
+}
+
+/// The objects of an image without pixels, in the words of the reader if it names them, else by their ids.
+fn objects_without_pixels(faults: &[(&'static str, String)], products: &Products) -> Vec<String> {
+    let named = faults.iter().filter(|(check, _)| *check == OBJECTS_HAVE_PIXELS).map(|(_, message)| message.clone());
+    let named: Vec<String> = named.collect();
+    if !named.is_empty() {
+        return named;
+    }
+    let masks = [VISIBLE_MASK, AMODAL_MASK].map(|key| products.optional(key).ok().flatten());
+    let masks = || masks.iter().flatten();
+    let ids: BTreeSet<InstanceId> = masks().flat_map(|masks| masks.iter().map(|(id, _)| id)).collect();
+    let is_empty = |id: &InstanceId| masks().filter_map(|masks| masks.get(*id)).all(Mask::is_empty);
+    ids.into_iter().filter(is_empty).map(|id| format!("instance {id} has no pixels")).collect()
 }
 
 /// What a writer is lent of an image. One that reads the plane of ids, and not the masks that it was painted from, gets the boxes
