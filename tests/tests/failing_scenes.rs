@@ -103,12 +103,28 @@ fn a_panic_costs_one_scene_and_shifts_none() {
     let (outcome, _) = small(&good, &[]);
     assert_eq!(
         outcome,
-        Outcome { scenes: 4, failed: 0, lacking: 0, images: 8, bad_assets: Vec::new(), left_out: Vec::new() }
+        Outcome {
+            scenes: 4,
+            failed: 0,
+            lacking: 0,
+            missing: 0,
+            images: 8,
+            bad_assets: Vec::new(),
+            left_out: Vec::new()
+        }
     );
     let (outcome, events) = small(&bad, &[("annotate.fragile.panics_in", "[1]")]);
     assert_eq!(
         outcome,
-        Outcome { scenes: 3, failed: 1, lacking: 0, images: 6, bad_assets: Vec::new(), left_out: Vec::new() }
+        Outcome {
+            scenes: 3,
+            failed: 1,
+            lacking: 0,
+            missing: 0,
+            images: 6,
+            bad_assets: Vec::new(),
+            left_out: Vec::new()
+        }
     );
     let attempts: Vec<&String> =
         events.iter().filter_map(|e| if let Event::Attempt { error, .. } = e { Some(error) } else { None }).collect();
@@ -134,7 +150,15 @@ fn the_next_attempt_may_do_better() {
     let (outcome, events) = small(folder.path(), &[("annotate.fragile.stumbles_in", "[2]")]);
     assert_eq!(
         outcome,
-        Outcome { scenes: 4, failed: 0, lacking: 0, images: 8, bad_assets: Vec::new(), left_out: Vec::new() }
+        Outcome {
+            scenes: 4,
+            failed: 0,
+            lacking: 0,
+            missing: 0,
+            images: 8,
+            bad_assets: Vec::new(),
+            left_out: Vec::new()
+        }
     );
     let attempts = events.iter().filter(|event| matches!(event, Event::Attempt { last: false, scene: 2, .. })).count();
     assert_eq!(attempts, 1);

@@ -166,6 +166,14 @@ impl Exit {
         Self { code, messages: vec![Message::Error(error)] }
     }
 
+    /// Exit code 1 for a result that cannot be printed. A reader that has gone away is no error.
+    fn if_not_printed(error: &std::io::Error) -> Result<(), Self> {
+        match error.kind() {
+            std::io::ErrorKind::BrokenPipe => Ok(()),
+            _ => Err(Self::stopped(Error::io("standard output", error))),
+        }
+    }
+
     /// Exit code 3 with what a verb left out of its result. `file` and `help` say where to look.
     ///
     /// # Errors
@@ -245,7 +253,12 @@ impl Program {
             Ok(found) => found,
             Err(clash) => return refused(clash),
         };
-        let matches = command.get_matches();
+        let matches = match command.try_get_matches() {
+            Ok(matches) => matches,
+            // Help and the version are results, too.
+            Err(page) if !page.use_stderr() => return ended_with(&Console::new(LogFormat::Human), page_printed(&page)),
+            Err(error) => error.exit(),
+        };
         let format = matches.get_one::<LogFormat>("log_format").copied().unwrap_or(LogFormat::Human);
         let console = Console::new(format);
         let added = matches.subcommand().and_then(|(name, arguments)| Some((verbs.get(name)?, arguments)));
@@ -256,12 +269,17 @@ impl Program {
                 Err(error) => error.exit(),
             },
         };
-        match done {
-            Ok(()) => ExitCode::SUCCESS,
-            Err(Exit { code, messages }) => {
-                messages.iter().for_each(|message| console.say(message));
-                ExitCode::from(code)
-            }
+        ended_with(&console, done)
+    }
+}
+
+/// The exit code of a verb, whose messages are printed.
+fn ended_with(console: &Console, done: Result<(), Exit>) -> ExitCode {
+    match done {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(Exit { code, messages }) => {
+            messages.iter().for_each(|message| console.say(message));
+            ExitCode::from(code)
         }
     }
 }
@@ -270,6 +288,12 @@ impl Program {
 fn refused(clash: String) -> ExitCode {
     Console::new(LogFormat::Human).say(&Message::Error(Error::new(clash)));
     ExitCode::from(2)
+}
+
+/// Prints a page of help, or the version.
+fn page_printed(page: &clap::Error) -> Result<(), Exit> {
+    let printed = page.print().and_then(|()| std::io::stdout().flush());
+    printed.or_else(|error| Exit::if_not_printed(&error))
 }
 
 /// Verbs by name.
@@ -354,10 +378,8 @@ impl Console {
     /// Prints a result. A reader that has gone away is no error.
     pub fn print(&self, text: &str) -> Result<(), Exit> {
         match std::io::stdout().write_all(text.as_bytes()) {
-            Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => {
-                Err(Exit::wrong(Error::new(format!("standard output: {error}"))))
-            }
-            _ => Ok(()),
+            Err(error) => Exit::if_not_printed(&error),
+            Ok(()) => Ok(()),
         }
     }
 

@@ -3,6 +3,9 @@
 use std::borrow::Cow;
 use std::fmt;
 
+/// Why writers leave out objects without pixels.
+const WITHOUT_PIXELS: &str = "objects are left out: their masks cover no pixel of the image";
+
 /// What a stage left out of an image: how many of how many, and why.
 ///
 /// Stages hand it to [`Log::left_out`](crate::context::Log::left_out); a count of 0 says nothing. Verbs add it up over the images
@@ -36,6 +39,16 @@ impl LeftOut {
         }
         sums.retain(|sum| sum.count > 0);
         sums
+    }
+
+    /// Objects that a writer leaves out since no mask of theirs has a pixel. [`Self::is_without_pixels`] recognizes the sum.
+    pub fn without_pixels(count: usize, of: usize) -> Self {
+        Self::new(count, of, WITHOUT_PIXELS)
+    }
+
+    /// Whether these words are those of [`Self::without_pixels`].
+    pub fn is_without_pixels(what: &str) -> bool {
+        what == WITHOUT_PIXELS
     }
 
     /// The same with a remedy.

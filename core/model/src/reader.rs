@@ -465,6 +465,21 @@ pub fn unnamed_category(number: u64) -> String {
     format!("category_{number}")
 }
 
+/// Name of a class of YOLO of which a dataset has nothing but the number. `number` counts from 1, as ids of categories do; classes
+/// count from 0.
+pub fn unnamed_class(number: u64) -> String {
+    format!("class {}", number.saturating_sub(1))
+}
+
+/// Whether a name says nothing but the number of an object or a category.
+pub fn is_unnamed(number: u64, name: &str) -> bool {
+    [unnamed_object, unnamed_category, unnamed_class].iter().any(|of| of(number) == name)
+}
+
+/// Name of the rule that each object has a pixel in some mask. Readers that know what their file calls an object report each
+/// object without pixels under this name, and a conversion that drops the object repeats the report.
+pub const OBJECTS_HAVE_PIXELS: &str = "objects_have_pixels";
+
 /// A region of an image with objects that are not told apart.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Crowd {

@@ -68,8 +68,12 @@ pub fn convert(registry: &Registry, options: &ConvertOptions, reporter: &dyn Rep
     check_place(&options.out, &options.dataset)?;
     let named = Source::new(&options.dataset).trusting(options.trust_paths);
     let (format, dataset) = registry.open_dataset(&named, options.format.as_deref())?;
+    if dataset.images.is_empty() && dataset.lists_all_images && dataset.faults.is_empty() {
+        return Err(Error::new("the dataset has no image").in_file(&options.dataset).of_request());
+    }
     let has = products_of(registry, &dataset);
     let mut shortened = BTreeSet::new();
+    writers.iter().try_for_each(|writer| writer.check_given(&has))?;
     let writers = writers.into_iter().map(|writer| writer.without_missing(&has, &mut shortened));
     let writers = writers.collect::<Result<Vec<_>>>()?;
     let how = (options.threads, &options.stop);
@@ -99,6 +103,10 @@ impl Conversion {
         if !it.not_kept.is_empty() {
             let summary = format!("{} with labels not kept", count(it.not_kept.len() as u32, "field"));
             report.add(summary, it.not_kept.iter().map(|it| Error::new(it.to_string())));
+        }
+        if !it.without_pixels.is_empty() {
+            let summary = format!("{} without pixels", count(it.without_pixels.len() as u32, "object"));
+            report.add(summary, it.without_pixels.iter().take(SHOWN).map(|object| Error::new(object.clone())));
         }
         report.losses(&it.losses);
         report
@@ -159,6 +167,19 @@ impl<'a> AskedWriter<'a> {
         let given = given.iter().map(|option| key(option)).collect();
         let writer = writer_of(entry, constructed.stage)?;
         Ok(Self { entry, options: constructed.options, given, writer })
+    }
+
+    /// Refuses an option that `--set` gives and that the writer could follow only with a product that the dataset does not have.
+    fn check_given(&self, has: &BTreeSet<String>) -> Result<()> {
+        let reads = self.writer.reads();
+        let lacking = reads.iter().filter(|input| input.is_optional && !has.contains(&input.product));
+        let mut asked = lacking.filter_map(|input| Some((input.option.as_ref()?, &input.product)));
+        let Some((option, product)) = asked.find(|(option, _)| self.given.contains(*option)) else { return Ok(()) };
+        let kind = self.entry.kind;
+        let value = self.options.get(option).map_or_else(String::new, |value| format!("={value}"));
+        Err(Error::new(format!("--set {kind}.{option}{value} needs `{product}`, which the dataset does not have"))
+            .help(format!("without this option, `{kind}` writes what the dataset has"))
+            .of_request())
     }
 
     /// The writer without those entries of its lists, such as `include`, that need what a dataset does not have, and

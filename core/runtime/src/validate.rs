@@ -10,7 +10,7 @@ use syntable_model::context::Workers;
 use syntable_model::error::{Error, Result};
 use syntable_model::product::standard::OBJECT_INFO;
 use syntable_model::product::{KeyId, Products, Value};
-use syntable_model::reader::{DatasetFault, OpenDataset, Source, unnamed_category, unnamed_object};
+use syntable_model::reader::{DatasetFault, OpenDataset, Source, is_unnamed};
 use syntable_model::registry::Registry;
 
 /// Name of the check that datasets give things the same numbers.
@@ -102,7 +102,8 @@ impl Numbers {
             };
             // Some formats have the pool and the name in one.
             let of_asset = || text("asset").map(|asset| asset.split_once('/').map_or(asset, |(_, name)| name));
-            if let Some((id, name)) = id.zip(text("name").or_else(of_asset)) {
+            let named = id.zip(text("name").or_else(of_asset));
+            if let Some((id, name)) = named.filter(|(id, name)| !is_unnamed(*id, name)) {
                 self.objects.entry(id).or_default().insert(name.to_owned());
             }
         }
@@ -192,8 +193,7 @@ pub fn validate(dataset: &OpenDataset, checks: &[Arc<dyn LabelCheck>], threads: 
     let offers = &dataset.offers;
     let category = |(id, name): (u32, &str)| (u64::from(id), BTreeSet::from([name.to_owned()]));
     // What is called after its number may have a name in another dataset.
-    let has_name =
-        |(id, name): &(u32, &str)| [unnamed_object, unnamed_category].iter().all(|of| *name != of((*id).into()));
+    let has_name = |(id, name): &(u32, &str)| !is_unnamed((*id).into(), name);
     let categories = dataset.info.categories().filter(has_name).map(category).collect();
     let found = Mutex::new((vec![0_u32; checks.len()], BTreeSet::new(), Numbers { categories, ..Numbers::default() }));
     Pool::new(threads)?.run(dataset.images.len(), &|image| {
@@ -293,6 +293,7 @@ impl Validated {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use syntable_model::scene::InstanceId;
 
     #[test]
     fn numbers_of_two_datasets_are_compared_both_ways() {
@@ -329,5 +330,24 @@ mod tests {
         let [one, two] =
             [["a/can", "can"], ["b/cat", "cat"]].map(|[category, object]| numbers(&[(1, category)], &[(1, object)]));
         assert_eq!(one.differences(&two, ["a", "b"]).len(), 1);
+    }
+
+    #[test]
+    fn names_that_repeat_a_number_are_not_compared() {
+        let numbers = |objects: &[(u64, &str)]| {
+            let info = |&(id, name): &(u64, &str)| {
+                let fields = [("obj_id", Value::Uint(id)), ("asset", Value::Text(name.to_owned()))];
+                Value::Record(fields.map(|(field, value)| (field.to_owned(), value)).to_vec())
+            };
+            let infos = (1..).map(InstanceId).zip(objects.iter().map(info)).collect();
+            let (mut products, mut numbers) = (Products::new(), Numbers::default());
+            products.put(OBJECT_INFO, infos).expect("a new product");
+            numbers.note_objects(&products);
+            numbers
+        };
+        let named = numbers(&[(8, "ycb/bowl"), (9, "ycb/mug")]);
+        let compare = |other: &Numbers| named.differences(other, ["train", "val"]).len();
+        assert_eq!(compare(&numbers(&[(8, "obj_000008"), (9, "mug")])), 0);
+        assert_eq!(compare(&numbers(&[(8, "obj_000009"), (9, "mug")])), 1);
     }
 }

@@ -220,6 +220,42 @@ fn mistakes_of_the_request_give_exit_code_2() {
     }
 }
 
+#[cfg(unix)]
+#[test]
+fn paths_that_no_try_can_write_give_exit_code_2() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = |name: &str| folder.path().join(name);
+    // An image of YOLO is a dataset.
+    for name in ["data/images", "data/labels"] {
+        std::fs::create_dir_all(path(name)).expect("writable");
+    }
+    image::RgbImage::new(8, 8).save(path("data/images/a.png")).expect("writable");
+    std::fs::write(path("file"), "").expect("writable");
+    for (link, target) in [("one", "two"), ("two", "one")] {
+        std::os::unix::fs::symlink(path(target), path(link)).expect("a link");
+    }
+    let data = path("data");
+    for out in ["file/below".to_owned(), "x".repeat(300), "one".to_owned(), "one/below".to_owned()] {
+        let out = path(&out);
+        fails(&mut crate::support::convert(&data, "coco", &out), 2);
+        fails(syntable().args(["run", "--out"]).arg(&out), 2);
+        fails(syntable().arg("report").arg(&data).arg("--out").arg(&out), 2);
+        fails(syntable().arg("stats").arg(&data).arg("--csv").arg(&out), 2);
+        fails(syntable().args(["new", "recipe"]).arg(&out), 2);
+        fails(syntable().args(["new", "plugin", "gloss", "--path"]).arg(&out), 2);
+    }
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn results_that_cannot_be_printed_give_exit_code_1() {
+    for arguments in [&["list"][..], &["--help"], &["--version"], &["stats", "--help"]] {
+        let full = std::fs::File::options().write(true).open("/dev/full").expect("there");
+        let error = fails(syntable().args(arguments).stdout(full), 1);
+        assert!(error.contains("standard output: no space left"), "{error}");
+    }
+}
+
 #[test]
 fn check_tells_every_missing_folder_beside_other_mistakes() {
     let mut check = syntable();

@@ -1,7 +1,7 @@
 //! What conversions keep of datasets of others: numbers of categories and models, meanings of masks, and all that can be read of
 //! a dataset that is damaged.
 
-use crate::support::{assert_same, convert, fails, ok, small_dataset, syntable, text};
+use crate::support::{assert_same, convert, fails, made, ok, small_dataset, syntable, text};
 use serde_json::{Value, json};
 use std::collections::BTreeSet;
 use std::fs;
@@ -148,7 +148,7 @@ fn parts_of_a_dataset_are_numbered_alike() {
     let of_yolo = |part: &str, from: &str, more: &dyn Fn(&Path)| {
         more(&path(part).join(from));
         let out = path(&format!("{part} {from}").replace('.', " "));
-        let said = ok(&mut convert(&path(part).join(from), "yolo", &out));
+        let said = made(&mut convert(&path(part).join(from), "yolo", &out));
         (classes(&out.join("yolo")), said)
     };
     let nothing: &dyn Fn(&Path) = &|_| {};
@@ -284,8 +284,16 @@ fn images_of_one_id_or_of_one_file_are_named() {
     spoil(&path("ids"), |json| json["images"][1]["id"] = json!(1));
     foreign_coco(&path("names"), &[&[1], &[1], &[1]], &[(1, "cup")]);
     spoil(&path("names"), |json| json["images"][1]["file_name"] = json!("1.png"));
+    foreign_coco(&path("spellings"), &[&[1], &[1], &[1]], &[(1, "cup")]);
+    spoil(&path("spellings"), |json| json["images"][1]["file_name"] = json!("./a/../1.png"));
     // Of one id, nobody can tell whose an annotation is; of one file, the second image is left out.
     for (name, images, says, place) in [
+        (
+            "spellings",
+            2,
+            "image 1 is of this file, too: ./a/../1.png; image 2 is left out, with its annotations (1)",
+            "image 2: ",
+        ),
         ("ids", 1, "two images have this id, 1.png and 2.png: they are left out, with their annotations", "image 1: "),
         ("names", 2, "image 1 is of this file, too: 1.png; image 2 is left out, with its annotations (1)", "image 2: "),
     ] {
@@ -326,6 +334,150 @@ fn folders_inside_of_other_datasets_are_refused() {
         assert!(said.contains("choose a folder outside of that one, such as ") && !path(out).join("coco").exists());
     }
     ok(&mut convert(&path("foreign"), "coco", &path("foreign out")));
+    // The folder of the annotation file stands for the dataset around it, and pages have the same rule as datasets.
+    let inner = path("foreign/annotations");
+    assert_eq!(open_dataset(&inner, None).map(|(format, _)| format.name()).ok(), Some("coco"));
+    ok(&mut convert(&inner, "coco", &path("inner out")));
+    assert_same(&path("foreign out"), &path("inner out"));
+    ok(&mut convert(&path("inner out/coco/annotations"), "coco", &path("again out")));
+    let out = path("foreign/out");
+    for from in [&path("foreign"), &inner] {
+        let mut stats = syntable();
+        stats.arg("stats").arg(from).arg("--csv").arg(&out);
+        assert!(fails(&mut stats, 2).contains("--csv would write into"));
+        for verb in [&mut convert(from, "coco", &out), syntable().arg("report").arg(from).arg("--out").arg(&out)] {
+            let said = fails(verb, 2);
+            assert!(said.contains("it lies in the dataset that is read, ") && !out.exists(), "{said}");
+        }
+    }
+}
+
+#[test]
+fn objects_without_pixels_are_named_where_they_are_dropped() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = |name: &str| folder.path().join(name);
+    // Between the centers of four pixels, and outside of the image.
+    let outlines = [json!([[20.6, 20.6, 21.4, 20.6, 21.4, 21.4, 20.6, 21.4]]), json!([[70, 5, 80, 5, 80, 15, 70, 15]])];
+    foreign_coco(&path("coco"), &[&[1], &[1, 1], &[1]], &[(1, "cup")]);
+    spoil(&path("coco"), |json| {
+        let [tiny, outside] = outlines;
+        json["annotations"][2]["segmentation"] = tiny;
+        json["annotations"][3]["segmentation"] = outside;
+    });
+    let named = ["2.png: annotation 3: the object has no pixels", "3.png: annotation 4: the object has no pixels"];
+    for to in ["coco", "yolo", "coco_panoptic"] {
+        let said = fails(&mut convert(&path("coco"), to, &path(&format!("to {to}"))), 3);
+        let count = format!("write.{to}: 2 of 3 objects are left out: their masks cover no pixel of the image");
+        let says = |part: &str| said.contains(part);
+        assert!(named.iter().all(|part| says(part)) && says("2 objects without pixels"), "{said}");
+        assert!(said.contains(&count), "{said}");
+    }
+    let found = faults(&path("coco"));
+    assert_eq!(found.iter().filter(|(check, _)| check == reader::OBJECTS_HAVE_PIXELS).count(), 2, "{found:?}");
+    // SynTable's layout keeps them.
+    ok(&mut convert(&path("coco"), "syntable", &path("syntable")));
+    // A format without numbers of objects: the second line of an image of 60 × 40 pixels.
+    let labels = path("to yolo/yolo/labels/train/000001_0000.txt");
+    let tiny = "0 0.5101 0.5101 0.5102 0.5101 0.5102 0.5102\n";
+    fs::write(&labels, fs::read_to_string(&labels).expect("there") + tiny).expect("writable");
+    let said = fails(&mut convert(&path("to yolo"), "coco", &path("of yolo")), 3);
+    assert!(said.contains("000001_0000: instance 2 has no pixels"), "{said}");
+}
+
+/// A frame of 20 × 20 pixels around a hole of 8 × 8, in one image of 60 × 40.
+fn frame(root: &Path, keys: &[&str]) {
+    foreign_coco(root, &[&[1]], &[(1, "ring")]);
+    let is_set = |x: u32, y: u32| {
+        let within = |low: u32, high: u32| (low..high).contains(&x) && (low..high).contains(&y);
+        within(5, 25) && !within(10, 18)
+    };
+    let counts = Mask::from_fn(60, 40, is_set).counts().to_vec();
+    spoil(root, |json| {
+        for key in keys {
+            json["annotations"][0][key] = json!({ "size": [40, 60], "counts": &counts });
+        }
+        json["annotations"][0]["bbox"] = json!([5, 5, 20, 20]);
+        json["annotations"][0]["area"] = json!(336);
+    });
+}
+
+#[test]
+fn holes_that_polygons_fill_are_counted() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = |name: &str| folder.path().join(name);
+    frame(&path("ring"), &["segmentation", "amodal_mask", "visible_mask"]);
+    let says = |said: &str, masks: &str| {
+        said.contains(&format!(
+            "1 of 1 objects have holes in their {masks} masks, which the polygons of the format fill"
+        ))
+    };
+    for (to, set, visible, amodal) in [
+        ("yolo", "yolo.split=\"train\"", true, false),
+        ("yolo", "yolo.masks=\"amodal\"", false, true),
+        ("cocoa", "cocoa.split=\"train2014\"", false, true),
+        ("kins", "kins.version=\"2019\"", false, true),
+        ("kins", "kins.version=\"2020\"", true, true),
+    ] {
+        let said = fails(convert(&path("ring"), to, &path("lossy")).args(["--set", set]), 3);
+        assert_eq!((says(&said, "visible"), says(&said, "amodal")), (visible, amodal), "{set}: {said}");
+        assert!(said.contains(&format!("labels are not written whole by write.{to}")), "{said}");
+        fs::remove_dir_all(path("lossy")).expect("there");
+    }
+    // Rotated boxes are around the mask, and the others store masks.
+    for (to, set) in [("yolo", "yolo.task=\"obb\""), ("d2sa", "d2sa.split=\"all\""), ("coco", "coco.split=\"all\"")] {
+        ok(convert(&path("ring"), to, &path("whole")).args(["--set", set]));
+        fs::remove_dir_all(path("whole")).expect("there");
+    }
+}
+
+#[test]
+fn options_that_the_dataset_cannot_meet_are_refused() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = |name: &str| folder.path().join(name);
+    frame(&path("visible"), &["segmentation"]);
+    frame(&path("amodal"), &["segmentation", "amodal_mask"]);
+    spoil(&path("amodal"), |json| json["info"] = json!({ "masks": "amodal" }));
+    for (have, lack) in [("visible", "amodal"), ("amodal", "visible")] {
+        let masks = |masks: &str| ["--set".to_owned(), format!("coco.masks=\"{masks}\"")];
+        let said = fails(convert(&path(have), "coco", &path("out")).args(masks(lack)), 2);
+        let want = format!("--set coco.masks=\"{lack}\" needs `{lack}_mask`, which the dataset does not have");
+        assert!(said.contains(&want) && !path("out").exists(), "{said}");
+        for options in [&masks(have)[..], &[]] {
+            ok(convert(&path(have), "coco", &path("out")).args(options));
+            fs::remove_dir_all(path("out")).expect("there");
+        }
+    }
+}
+
+#[test]
+fn numbers_without_names_agree_with_any_name() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = |name: &str| folder.path().join(name);
+    foreign_coco(&path("coco"), &[&[1, 2]], &[(1, "bottle"), (2, "cup")]);
+    ok(&mut convert(&path("coco"), "yolo", &path("named")));
+    ok(&mut convert(&path("coco"), "yolo", &path("unnamed")));
+    fs::remove_file(path("unnamed/yolo/data.yaml")).expect("there");
+    let both = |one: &str| syntable().arg("validate").args([path(one), path("coco")]).output().expect("starts");
+    for name in ["named", "unnamed"] {
+        let output = both(name);
+        assert_eq!(output.status.code(), Some(0), "{}", text(&output));
+    }
+    // A name that is another one is none.
+    let data = path("named/yolo/data.yaml");
+    let spoiled = fs::read_to_string(&data).expect("there").replace("cup", "class 0");
+    fs::write(&data, spoiled).expect("writable");
+    assert_eq!(both("named").status.code(), Some(3));
+}
+
+#[test]
+fn datasets_without_images_are_refused() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = |name: &str| folder.path().join(name);
+    foreign_coco(&path("coco"), &[], &[(1, "cup")]);
+    for verb in [&mut convert(&path("coco"), "coco", &path("out")), syntable().arg("stats").arg(path("coco"))] {
+        assert!(fails(verb, 2).contains("coco: the dataset has no image"));
+    }
+    assert!(!path("out").exists());
 }
 
 #[test]

@@ -169,6 +169,12 @@ fn files_that_the_end_reads_are_compared_before_anything_changes() {
         }
         assert!(!merged.exists(), "something was merged");
     }
+    let mut one = syntable();
+    one.current_dir(&home).arg("merge").arg(&merged).arg(&parts[1]);
+    let error = fails(&mut one, 3);
+    for words in ["1 of 2 scenes of the recipe are in no part: 0", "1 scene of the recipe missing"] {
+        assert!(error.contains(words), "{words} is not in\n{error}");
+    }
     ok(&mut merge(&home));
     assert_same(&whole, &merged);
     // What a resolved recipe locks is compared before a dataset is deleted.

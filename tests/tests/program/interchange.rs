@@ -46,7 +46,7 @@ fn dataset(out: &Path) {
     if let Some(folder) = real {
         run.env("ASSETS", folder);
     }
-    ok(&mut run);
+    support::made(&mut run);
 }
 
 /// Run lengths of the visible and amodal masks of each image, by scene and view, sorted.
@@ -164,7 +164,7 @@ fn all_formats_say_the_same() {
         let out = folder.path().join(format!("{format} to {to}"));
         let mut convert = syntable();
         convert.arg("convert").arg(data.join(from)).args(["--format", format, "--to", to, "--out"]).arg(&out);
-        ok(&mut convert);
+        support::made(&mut convert);
         if is_exact {
             assert_same(&data.join(to), &out.join(to));
         } else {
@@ -208,7 +208,7 @@ fn what_formats_have_in_common_comes_back() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = |name: &str| folder.path().join(name);
     dataset(&path("ours"));
-    let convert = |from: &str, to: &str, out: &str| ok(&mut convert(&path(from), to, &path(out)));
+    let convert = |from: &str, to: &str, out: &str| support::made(&mut convert(&path(from), to, &path(out)));
     let ours = masks(&path("ours"), "syntable");
     // Products under their names: all of them come back, and are written the same again.
     for format in ["webdataset", "npz", "jsonl", "parquet"] {

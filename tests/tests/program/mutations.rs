@@ -16,8 +16,8 @@
 use crate::support::skip;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 use std::process::{Command, Stdio};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 use syntable_model::prelude::Stream;
 use syntable_model::reader::{DatasetFormat, Source};

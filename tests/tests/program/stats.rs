@@ -33,7 +33,7 @@ fn converted(out: &Path, to: &str, set: &[&str]) -> PathBuf {
     for set in set {
         convert.args(["--set", set]);
     }
-    ok(&mut convert);
+    crate::support::made(&mut convert);
     Some(out.join(to)).filter(|inner| inner.is_dir()).unwrap_or_else(|| out.to_owned())
 }
 

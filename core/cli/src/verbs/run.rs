@@ -81,7 +81,12 @@ pub(crate) fn end_of(outcome: &Outcome, out: &Path) -> Result<(), Exit> {
         .in_file(out)
         .help("the warnings above say why; the same command tries them again")
     });
-    let mut messages: Vec<Message> = [failed, lacking].into_iter().flatten().map(Message::Error).collect();
+    let missing = (outcome.missing > 0).then(|| {
+        Error::new(format!("{} of the recipe missing", count(outcome.missing, "scene")))
+            .in_file(out)
+            .help("the warning above names them")
+    });
+    let mut messages: Vec<Message> = [failed, lacking, missing].into_iter().flatten().map(Message::Error).collect();
     let help = "the warnings above name it; of bad assets, `syntable check --assets` says what is wrong, and `exclude` leaves \
                 them out";
     messages.extend(outcome.left_out().messages(out, help));

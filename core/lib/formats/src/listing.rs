@@ -8,7 +8,7 @@ use crate::unkept::Unkept;
 use serde::de::DeserializeOwned;
 use std::collections::btree_map::Entry;
 use std::collections::{BTreeMap, BTreeSet};
-use std::path::Path;
+use std::path::{Component, Path, PathBuf};
 use syntable_model::error::Result;
 use syntable_model::left_out::LeftOut;
 use syntable_model::limits::{ANNOTATIONS, IMAGE_PIXELS};
@@ -185,7 +185,7 @@ fn by_id(frames: Vec<Frame>, annotations: &[Of], faults: &mut Faults) -> BTreeMa
             continue;
         }
         match by_id.entry(frame.id) {
-            Entry::Occupied(first) if first.get().frame.file_name != frame.file_name => {
+            Entry::Occupied(first) if file_of(&first.get().frame.file_name) != file_of(&frame.file_name) => {
                 let (one, other) = (&first.get().frame.file_name, &frame.file_name);
                 let message =
                     format!("two images have this id, {one} and {other}: they are left out, with their annotations");
@@ -205,14 +205,28 @@ fn by_id(frames: Vec<Frame>, annotations: &[Of], faults: &mut Faults) -> BTreeMa
     by_id
 }
 
+/// The file that a name means: `a.png`, `./a.png` and `b/../a.png` are one file.
+fn file_of(name: &str) -> PathBuf {
+    let mut file = PathBuf::new();
+    for part in Path::new(name).components() {
+        let is_inside = matches!(file.components().next_back(), Some(Component::Normal(_)));
+        match part {
+            Component::CurDir => {}
+            Component::ParentDir if is_inside => drop(file.pop()),
+            other => file.push(other),
+        }
+    }
+    file
+}
+
 /// Leaves out images of a file of which another image with a lower id is, too: written as two images, each would show objects that
 /// only the other one labels.
 fn drop_second_records(by_id: &mut BTreeMap<u64, Listed>, faults: &mut Faults) {
-    let mut first_of: BTreeMap<&str, u64> = BTreeMap::new();
+    let mut first_of: BTreeMap<PathBuf, u64> = BTreeMap::new();
     let mut second = BTreeSet::new();
     for image in by_id.values() {
         let Frame { id, file_name, .. } = &image.frame;
-        match first_of.entry(file_name) {
+        match first_of.entry(file_of(file_name)) {
             Entry::Vacant(entry) => drop(entry.insert(*id)),
             Entry::Occupied(first) => {
                 let (first, number) = (first.get(), image.annotations.len());

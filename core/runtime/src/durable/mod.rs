@@ -67,7 +67,7 @@ pub enum Standing {
 /// # Errors
 /// If it cannot be read.
 pub fn standing(place: &Path) -> Result<Standing> {
-    let failed = |error: std::io::Error| Error::io(place, &error);
+    let failed = |error: std::io::Error| refused(place, &error);
     match fs::metadata(place) {
         Err(error) if error.kind() == ErrorKind::NotFound => return Ok(Standing::Free),
         Err(error) => return Err(failed(error)),
@@ -159,19 +159,11 @@ pub fn create_file(path: &Path, bytes: &[u8]) -> Result<()> {
 
 /// An error of the file system at a path that the command names. Those that say that the path is wrong are mistakes of the request.
 fn refused(path: &Path, error: &std::io::Error) -> Error {
-    use ErrorKind::*;
-    let is_wrong = matches!(
-        error.kind(),
-        NotFound
-            | NotADirectory
-            | IsADirectory
-            | PermissionDenied
-            | ReadOnlyFilesystem
-            | InvalidFilename
-            | InvalidInput
-    );
     let failed = Error::io(path, error);
-    if is_wrong { failed.help("name another path").of_request() } else { failed }
+    // What exists already is a file where a folder is needed.
+    let is_denied =
+        matches!(error.kind(), ErrorKind::PermissionDenied | ErrorKind::ReadOnlyFilesystem | ErrorKind::AlreadyExists);
+    if is_denied || !failed.is_transient() { failed.help("name another path").of_request() } else { failed }
 }
 
 /// A file or folder in the making, beside its place. Dropped, it leaves nothing.
@@ -223,6 +215,11 @@ impl Draft {
     fn lock(place: &Path) -> Result<Option<Self>> {
         let part = part_of(place);
         let mark = part.join(MARK);
+        // The folder beside a place has a shorter name than one that is too long, and could be made.
+        match fs::symlink_metadata(place) {
+            Err(error) if error.kind() != ErrorKind::NotFound => return Err(refused(place, &error)),
+            _ => {}
+        }
         loop {
             match disk::create_dir(&part) {
                 Err(error) if error.kind() != ErrorKind::AlreadyExists => return Err(refused(place, &error)),
@@ -464,7 +461,7 @@ fn place_of(place: &Path) -> Result<PathBuf> {
             let help = "make the folder that it leads to, or choose another --out";
             match error.kind() {
                 ErrorKind::NotFound => Error::new("it is a link to what is not there").help(help).of_request(),
-                _ => Error::io(place, &error),
+                _ => refused(place, &error),
             }
             .in_file(place)
         })?

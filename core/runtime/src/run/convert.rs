@@ -3,7 +3,7 @@
 //! A reader offers products as a renderer does; annotators that look at products alone derive from them what writers read.
 
 use crate::durable::{self, Draft, Standing};
-use crate::paths::{check_link, run_above};
+use crate::paths::{check_link, root_of, run_above};
 use crate::plan::{self, Candidate, Fault, Implied, Plan, Producer};
 use crate::run::dataset::loss::Loss;
 use crate::run::making::losses::Losses;
@@ -15,16 +15,16 @@ use crate::run::stop::Stop;
 use crate::workers::Pool;
 use parking_lot::Mutex;
 use std::collections::{BTreeMap, BTreeSet};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
 use syntable_model::check::LabelCheck;
 use syntable_model::context::{DatasetContext, ImageContext};
 use syntable_model::error::{Error, Result};
 use syntable_model::left_out::LeftOut;
-use syntable_model::product::standard::{COVERAGE, VISIBLE_BOX, VISIBLE_IDS, VISIBLE_MASK};
-use syntable_model::product::{BBox, KeyId, Products, Scope};
-use syntable_model::reader::{OpenDataset, ReadImage};
+use syntable_model::product::standard::{AMODAL_MASK, COVERAGE, VISIBLE_BOX, VISIBLE_IDS, VISIBLE_MASK};
+use syntable_model::product::{BBox, KeyId, Mask, Products, Scope};
+use syntable_model::reader::{OBJECTS_HAVE_PIXELS, OpenDataset, ReadImage};
 use syntable_model::registry::Registry;
 use syntable_model::scene::{InstanceId, SceneId};
 use syntable_model::stage::{Finish, ImageAnnotator, Input, ProductGroup, Writer};
@@ -46,6 +46,8 @@ pub struct Converted {
     pub faults: u32,
     /// What stages left out of images: pixels, outlines, objects.
     pub losses: Vec<Loss>,
+    /// Objects without pixels, by image, if a writer left out such objects.
+    pub without_pixels: Vec<String>,
     /// Annotations of the dataset that are not read as objects.
     pub not_objects: Vec<LeftOut>,
     /// Fields with labels that no product holds, such as keypoints: they are lost.
@@ -99,7 +101,7 @@ pub fn convert(
     let scenes = work.scenes().and_then(|scenes| work.finish(&scenes).map(|()| scenes))?;
     draft.publish()?;
     let unread = unread.into_inner();
-    let Missing { annotations, parts } = missing.into_inner();
+    let Missing { annotations, parts, without_pixels } = missing.into_inner();
     let not_objects = dataset.not_objects(&plan.rendered);
     let read: Vec<String> = plan.entries.iter().map(|entry| entry.key.name.to_string()).collect();
     let derived = &dataset.derived;
@@ -108,14 +110,18 @@ pub fn convert(
     let said_otherwise = |key: &KeyId| alike.iter().any(|pair| pair.contains(key) && pair.iter().any(is_read));
     let stored = dataset.offers.iter().filter(|key| !derived.contains(key));
     let lost = stored.filter(|key| !is_read(key) && !said_otherwise(key)).map(|key| key.name.to_string());
+    let losses = losses.all();
+    let are_left_out = losses.iter().any(|loss| LeftOut::is_without_pixels(&loss.what));
+    let without_pixels = without_pixels.into_values().filter(|_| are_left_out).flatten();
     Ok(Converted {
+        without_pixels: without_pixels.collect(),
         scenes: scenes.len() as u32,
         images: (dataset.images.len() - unread.len()) as u32,
         lost: lost.collect(),
         lacking,
         caveats: dataset.caveats(&plan.rendered),
         faults: faults.into_inner() + dataset.faults.iter().filter(|fault| !fault.is_lost).count() as u32,
-        losses: losses.all(),
+        losses,
         not_objects: LeftOut::sum(not_objects.into_iter().chain(annotations.into_values().flatten())),
         not_kept: dataset.not_kept(&plan.rendered).into_iter().filter(|it| it.count > 0).collect(),
         left_out: unread.into_values().map(|error| error.to_string()).collect(),
@@ -158,18 +164,6 @@ pub fn check_place(out: &Path, source: &Path) -> Result<()> {
         .in_file(out)
         .help(format!("choose a folder outside of that one, such as {}", beside.display()))
         .of_request())
-}
-
-/// The folder of a dataset that is named by it or by a file in it.
-fn root_of(source: &Path) -> Option<PathBuf> {
-    let source = source.canonicalize().ok()?;
-    if source.is_dir() {
-        return Some(source);
-    }
-    let folder = source.parent()?;
-    // As in COCO's layout, with the images beside.
-    let is_inner = folder.file_name().is_some_and(|name| name == "annotations");
-    (if is_inner { folder.parent()? } else { folder }).to_owned().into()
 }
 
 /// Begins the folder of a conversion: new, or empty.
@@ -334,12 +328,17 @@ struct Missing {
     annotations: BTreeMap<usize, Vec<LeftOut>>,
     /// Why parts of products are missing, each reason once.
     parts: BTreeSet<String>,
+    /// Objects without pixels, by image.
+    without_pixels: BTreeMap<usize, Vec<String>>,
 }
 
 impl Missing {
-    fn add(&mut self, image: usize, left_out: Vec<LeftOut>, unread: Vec<Error>) {
+    fn add(&mut self, image: usize, left_out: Vec<LeftOut>, unread: Vec<Error>, without_pixels: Vec<String>) {
         if !left_out.is_empty() {
             self.annotations.insert(image, left_out);
+        }
+        if !without_pixels.is_empty() {
+            self.without_pixels.insert(image, without_pixels);
         }
         self.parts.extend(unread.into_iter().map(|error| error.to_string()));
     }
@@ -398,10 +397,14 @@ impl Conversion<'_> {
                     continue;
                 }
             };
-            self.missing.lock().add(image, left_out, unread);
             let cx_of_view = cx.image(self.dataset.images[image].view, size);
             annotate_image(&times, self.losses, self.plan, &cx_of_view, &mut products).map_err(of)?;
-            self.faults.fetch_add(self.dataset.image_faults(image).len() as u32, Ordering::Relaxed);
+            let faults = self.dataset.image_faults(image);
+            self.faults.fetch_add(faults.len() as u32, Ordering::Relaxed);
+            let name = &self.dataset.images[image].name;
+            let empty =
+                objects_without_pixels(&faults, &products).into_iter().map(|object| format!("{name}: {object}"));
+            self.missing.lock().add(image, left_out, unread, empty.collect());
             for check in self.checks {
                 self.faults.fetch_add(check.run(&products).map_err(of)?.len() as u32, Ordering::Relaxed);
             }
@@ -425,6 +428,20 @@ impl Conversion<'_> {
             writer.finish(&self.cx, &products, &finish).map_err(|error| error.context(id.clone()))
         })
     }
+}
+
+/// The objects of an image without pixels, in the words of the reader if it names them, else by their ids.
+fn objects_without_pixels(faults: &[(&'static str, String)], products: &Products) -> Vec<String> {
+    let named = faults.iter().filter(|(check, _)| *check == OBJECTS_HAVE_PIXELS).map(|(_, message)| message.clone());
+    let named: Vec<String> = named.collect();
+    if !named.is_empty() {
+        return named;
+    }
+    let masks = [VISIBLE_MASK, AMODAL_MASK].map(|key| products.optional(key).ok().flatten());
+    let masks = || masks.iter().flatten();
+    let ids: BTreeSet<InstanceId> = masks().flat_map(|masks| masks.iter().map(|(id, _)| id)).collect();
+    let is_empty = |id: &InstanceId| masks().filter_map(|masks| masks.get(*id)).all(Mask::is_empty);
+    ids.into_iter().filter(is_empty).map(|id| format!("instance {id} has no pixels")).collect()
 }
 
 /// What a writer is lent of an image. One that reads the plane of ids, and not the masks that it was painted from, gets the boxes

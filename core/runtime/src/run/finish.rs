@@ -65,6 +65,7 @@ pub fn end(
         scenes: made.len() as u32,
         failed: (entries.len() - made.len()) as u32,
         lacking: 0,
+        missing: 0,
         images: entries.iter().map(JournalEntry::views).sum(),
         left_out: Loss::sum(made.iter().flat_map(|entry| entry.left_out.clone())),
     })

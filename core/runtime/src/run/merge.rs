@@ -90,8 +90,9 @@ pub fn merge(
     let outcome =
         finish::end(&recipe, reporter, &Pool::new(threads)?, &begun.folder, journal, &resolved, (false, &(0..0)))
             .map_err(stopping)?;
-    if !lacks.is_empty() {
-        let (missing, all) = (lacks.len(), count(recipe.dataset.scenes, "scene"));
+    let missing = lacks.len() as u32;
+    if missing > 0 {
+        let all = count(recipe.dataset.scenes, "scene");
         let message = format!("{missing} of {all} of the recipe are in no part: {}", ranges(lacks.into_iter()));
         let help = "merge the parts that have them into the same folder, or let `syntable run` with the recipe and --out make them";
         log.warn(&Error::new(message).help(help));
@@ -106,7 +107,7 @@ pub fn merge(
         grown: 0,
         seconds: start.elapsed().as_secs_f64(),
     });
-    Ok(outcome)
+    Ok(Outcome { missing, ..outcome })
 }
 
 /// Refuses a dataset that is also named as a part, which would be opened twice, and one inside of a part, to which its files

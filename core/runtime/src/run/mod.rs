@@ -96,6 +96,8 @@ pub struct Outcome {
     /// Scenes in the dataset that could not be given what a grown recipe adds, or could not be repaired: they are as they
     /// were.
     pub lacking: u32,
+    /// Scenes of the recipe that none of the merged parts has; 0 after a run.
+    pub missing: u32,
     /// Images in the dataset.
     pub images: u32,
     /// Assets that could not be used and were passed over, as `pool/name`, sorted.

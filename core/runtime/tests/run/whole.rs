@@ -556,7 +556,8 @@ fn forgotten_parts_are_told() {
     let out = folder.path().join("merged");
     let merged = |parts: &[PathBuf]| {
         let told = Told::default();
-        merge(&registry(), &out, parts, 1, &Stop::default(), &told).expect("merged");
+        let outcome = merge(&registry(), &out, parts, 1, &Stop::default(), &told).expect("merged");
+        assert_eq!(outcome.missing + outcome.scenes, 9);
         told.text()
     };
     let text = merged(&parts);

@@ -122,7 +122,7 @@ struct InstaOrderScene {
 
 impl SceneWriter for InstaOrderScene {
     fn view(&mut self, cx: &ImageContext, products: &Products) -> Result<()> {
-        let labels = Masks::Visible.shown(labels::labels(cx.dataset, products)?);
+        let labels = Masks::Visible.shown(cx.log, labels::labels(cx.dataset, products)?);
         self.files.image(cx, products, labels.len())?;
         labels.iter().try_for_each(|label| self.files.annotation(&Masks::Visible.annotation(&(*label).into())))?;
         if labels.len() < 2 {

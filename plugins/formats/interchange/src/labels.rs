@@ -1,5 +1,6 @@
 //! The labels that all formats share.
 
+use crate::coco::Masks;
 use syntable_model::prelude::*;
 use syntable_model::product::BBox;
 use syntable_model::product::standard::{
@@ -56,9 +57,16 @@ pub fn amodal_inputs() -> Vec<Input> {
     inputs_needing(keys![AMODAL_MASK, AMODAL_BOX, CATEGORY_ID])
 }
 
-/// What formats read that write masks of either kind; [`partial`] refuses what has neither.
-pub fn either_inputs() -> Vec<Input> {
-    inputs_needing(keys![CATEGORY_ID])
+/// What formats read that write masks of either kind, of which the option `masks` prefers one; [`partial`] refuses what has
+/// neither.
+pub fn either_inputs(masks: Masks) -> Vec<Input> {
+    let preferred = match masks {
+        Masks::Visible => VISIBLE_MASK,
+        Masks::Amodal => AMODAL_MASK,
+    };
+    let named =
+        |input: Input| Input { option: (input.product == *preferred.name()).then(|| "masks".to_owned()), ..input };
+    inputs_needing(keys![CATEGORY_ID]).into_iter().map(named).collect()
 }
 
 /// The labels of one object in a view of a dataset that need not have both kinds of masks.

@@ -50,6 +50,26 @@ pub fn hole_area(products: &Products, masks: Masks, id: InstanceId, mask: &Mask)
     Ok(if outline.holes.is_empty() { 0 } else { pixels_of_holes(mask) })
 }
 
+/// Reports how many of these objects have holes in their masks, which polygons fill.
+pub fn report_holes(
+    log: &dyn Log,
+    products: &Products,
+    masks: Masks,
+    ids: impl ExactSizeIterator<Item = InstanceId>,
+) -> Result<()> {
+    let (mut filled, all) = (0, ids.len());
+    for id in ids {
+        filled += usize::from(!record::<Outline>(products, outline_key(masks), id)?.holes.is_empty());
+    }
+    let kind = match masks {
+        Masks::Visible => "visible",
+        Masks::Amodal => "amodal",
+    };
+    let what = format!("objects have holes in their {kind} masks, which the polygons of the format fill");
+    log.left_out(&LeftOut::new(filled, all, what).help("the writers `coco` and `d2sa` store masks with holes"));
+    Ok(())
+}
+
 /// Pixels that are not in a mask and cannot be reached from beyond it without crossing it. Pixels that meet at a corner are apart
 /// in the mask, and so together beside it.
 fn pixels_of_holes(mask: &Mask) -> u32 {

@@ -12,7 +12,7 @@ use syntable_model::files::DatasetFolder;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{CATEGORY_ID, LABEL_POLICY};
 use syntable_model::product::{BBox, meeting_boxes};
-use syntable_model::reader::{Note, Source};
+use syntable_model::reader::{Note, OBJECTS_HAVE_PIXELS, Source};
 
 /// What readers of polygons say of them.
 pub const POLYGONS: &str = "outlines are polygons, which say what an object covers to about a pixel at its edges";
@@ -45,17 +45,26 @@ fn above(file: &Path) -> PathBuf {
 
 /// Whether a file lies in a folder of this name.
 pub fn is_in(file: &Path, folder: &str) -> bool {
-    above(file).file_name().is_some_and(|name| name == folder)
+    is_named(&above(file), folder)
+}
+
+/// Whether a folder has this name, whatever folder the process is in.
+pub fn is_named(path: &Path, folder: &str) -> bool {
+    let path = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
+    path.file_name().is_some_and(|name| name == folder)
 }
 
 /// Whether a path is a dataset by its annotation files, of which `is_one` says which they are: such a file in a folder of this
-/// name, or what such a folder is in. Without a name, files lie in the dataset itself.
+/// name, this folder, or the folder above it. Without a name, files lie in the dataset itself.
 pub fn is_dataset(path: &Path, folder: Option<&str>, is_one: impl Fn(&Path) -> bool) -> bool {
     if path.is_file() {
         return is_json(path) && is_one(path) && folder.is_none_or(|folder| is_in(path, folder));
     }
-    let folder = folder.map_or_else(|| path.to_owned(), |folder| path.join(folder));
-    json_files(&folder).is_ok_and(|files| files.iter().any(|file| is_one(file)))
+    let has_one = |folder: &Path| json_files(folder).is_ok_and(|files| files.iter().any(|file| is_one(file)));
+    match folder {
+        None => has_one(path),
+        Some(folder) => has_one(&path.join(folder)) || is_named(path, folder) && has_one(path),
+    }
 }
 
 /// The folder of a dataset, and its annotation file: the one that the path names, or the only one of the dataset.
@@ -66,7 +75,9 @@ pub fn root_and_file(
 ) -> Result<(DatasetFolder, PathBuf)> {
     let path = &source.path;
     if !path.is_file() {
-        let root = source.folder(path)?;
+        // The folder of the annotation files may be named in place of the dataset.
+        let is_inner = folder.is_some_and(|folder| is_named(path, folder) && !path.join(folder).is_dir());
+        let root = source.folder(&if is_inner { above(path) } else { path.to_owned() })?;
         let inside = folder.map_or_else(|| root.clone(), |folder| root.inner(folder));
         let file = only_file(&inside.path(), is_one)?;
         inside.file(file.file_name().unwrap_or_default())?;
@@ -161,6 +172,19 @@ pub fn labels_not_kept(offers: &[KeyId], of_records: &[Unkept]) -> Vec<Note> {
     let labels = labels_among(offers);
     let all = of_records.iter().flat_map(|unkept| unkept.labels());
     all.map(|left_out| Note::not_kept(left_out).of(labels.clone())).collect()
+}
+
+/// The fault of an object, which the file calls `object`, without a pixel in any mask.
+pub fn without_pixels(label: &Labels, object: impl FnOnce() -> String) -> Option<(&'static str, String)> {
+    let is_empty = label.visible.is_empty() && label.amodal.as_ref().is_none_or(Mask::is_empty);
+    is_empty.then(|| no_pixels(&object()))
+}
+
+/// The fault of an object without a pixel.
+pub fn no_pixels(object: &str) -> (&'static str, String) {
+    let message =
+        format!("{object}: the object has no pixels, since no mask covers the center of a pixel of the image");
+    (OBJECTS_HAVE_PIXELS, message)
 }
 
 /// What is hidden of an object whose amodal mask is known.

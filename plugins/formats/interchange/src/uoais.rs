@@ -161,7 +161,7 @@ impl SceneWriter for UoaisScene {
         let Self { config, files } = self;
         let image = image_name(cx.scene_id, cx.view_id);
         files.png(&format!("{}/{}", config.split, depth_path(&image)), &config.depth.image(products)?)?;
-        let labels = Masks::Amodal.shown(labels::labels(cx.dataset, products)?);
+        let labels = Masks::Amodal.shown(cx.log, labels::labels(cx.dataset, products)?);
         let extra = Extra::from_iter([("depth_file_name".to_owned(), depth_path(&image).into())]);
         files.image_in(&config.split, rgb_path(&image), products, labels.len(), extra)?;
         labels.iter().try_for_each(|label| files.annotation(&Annotation::of(label)))

@@ -60,6 +60,18 @@ pub fn ok(command: &mut Command) -> String {
     String::from_utf8_lossy(&output.stdout).into_owned()
 }
 
+/// Runs a command that makes a dataset; gives its standard output. It must succeed, or end with exit code 3 because formats of
+/// polygons fill the holes of masks.
+pub fn made(command: &mut Command) -> String {
+    let output = command.output().expect("the program starts");
+    let said = text(&output);
+    let mut losses = said.lines().filter(|line| line.starts_with("warning: write."));
+    let are_holes =
+        said.contains("labels are not written whole by") && losses.all(|it| it.contains("have holes in their"));
+    assert!(output.status.success() || output.status.code() == Some(3) && are_holes, "{command:?}\n{said}");
+    String::from_utf8_lossy(&output.stdout).into_owned()
+}
+
 /// Runs a command that must fail with an exit code; gives its standard error.
 pub fn fails(command: &mut Command, code: i32) -> String {
     let output = command.output().expect("the program starts");
@@ -110,5 +122,5 @@ pub fn small_dataset(out: &Path, more: &[&str]) {
     for set in small.iter().chain(more) {
         run.args(["--set", set]);
     }
-    ok(&mut run);
+    made(&mut run);
 }

@@ -86,7 +86,7 @@ pub(crate) fn file(split: &str) -> String {
 impl Writer for Coco {
     fn reads(&self) -> Vec<Input> {
         let keypoints = (!self.keypoints.is_empty()).then(|| Input::of(KEYPOINTS));
-        [Input::of(RGB), policy()].into_iter().chain(labels::either_inputs()).chain(keypoints).collect()
+        [Input::of(RGB), policy()].into_iter().chain(labels::either_inputs(self.masks)).chain(keypoints).collect()
     }
 
     fn scene(&self, _: &ImagesContext, output: Output) -> Result<Box<dyn SceneWriter>> {
@@ -121,8 +121,7 @@ struct CocoScene {
 
 impl SceneWriter for CocoScene {
     fn view(&mut self, cx: &ImageContext, products: &Products) -> Result<()> {
-        let mut labels = labels::partial(cx.dataset, products)?;
-        labels.retain(|label| !self.masks.shown_of(label).is_empty());
+        let labels = self.masks.shown_partial(cx.log, labels::partial(cx.dataset, products)?, true);
         self.files.image(cx, products, labels.len())?;
         let named = if self.keypoints.is_empty() { None } else { Some(Named::of(products)?) };
         labels.iter().try_for_each(|label| {
@@ -148,9 +147,23 @@ impl Masks {
         }
     }
 
-    /// The labels of the objects whose mask is not empty.
-    pub(crate) fn shown(self, mut labels: Vec<Label>) -> Vec<Label> {
-        labels.retain(|label| !self.of(label).is_empty());
+    /// The labels of the objects whose mask is not empty, for a format that stores amodal masks. Objects that are left out are
+    /// reported.
+    pub(crate) fn shown<'a>(self, log: &dyn Log, labels: Vec<Label<'a>>) -> Vec<Label<'a>> {
+        let whole = labels.iter().map(|label| Partial::from(*label)).collect::<Vec<_>>();
+        report_left_out(log, &whole, |label| self.shown_of(label), true);
+        labels.into_iter().filter(|label| !self.of(label).is_empty()).collect()
+    }
+
+    /// The same for labels that need not have both kinds of masks, and a format that stores amodal masks or not.
+    pub(crate) fn shown_partial<'a>(
+        self,
+        log: &dyn Log,
+        mut labels: Vec<Partial<'a>>,
+        stores_amodal: bool,
+    ) -> Vec<Partial<'a>> {
+        report_left_out(log, &labels, |label| self.shown_of(label), stores_amodal);
+        labels.retain(|label| !self.shown_of(label).is_empty());
         labels
     }
 
@@ -183,6 +196,25 @@ impl Masks {
             iscrowd: 0,
             extra,
         }
+    }
+}
+
+/// Reports objects that are left out since their mask is empty: those without any pixel, and if the format stores amodal masks,
+/// those whose amodal mask it loses.
+fn report_left_out<'a>(
+    log: &dyn Log,
+    labels: &[Partial<'a>],
+    mask: impl Fn(&Partial<'a>) -> &'a Mask,
+    stores_amodal: bool,
+) {
+    let is_hidden = |label: &&Partial| matches!(label.masks, ObjectMasks::All(all) if !all.amodal.is_empty());
+    let left_out: Vec<&Partial> = labels.iter().filter(|label| mask(label).is_empty()).collect();
+    let hidden = left_out.iter().copied().filter(is_hidden).count();
+    log.left_out(&LeftOut::without_pixels(left_out.len() - hidden, labels.len()));
+    if stores_amodal {
+        let what = "objects are left out with their amodal masks: no pixel of them is visible";
+        let help = "the writer `d2sa`, and `coco` with `masks = \"amodal\"`, keep such objects";
+        log.left_out(&LeftOut::new(hidden, labels.len(), what).help(help));
     }
 }
 

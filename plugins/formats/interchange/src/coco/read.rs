@@ -390,6 +390,10 @@ fn faults_of([width, height]: [u32; 2], annotation: &Annotation, has_role: bool)
         }
     };
     let other = |key: &str| field::<Segmentation>(annotation, key).ok()??.decode(width, height).ok();
+    let keys = || std::iter::once(AMODAL).chain(VISIBLE).chain(HIDDEN);
+    if mask.is_empty() && keys().filter_map(other).all(|mask| mask.is_empty()) {
+        faults.push(shared::no_pixels(&format!("annotation {}", annotation.id)));
+    }
     if let Some(amodal) = other(AMODAL).filter(|_| has_role) {
         let differ = |other: &Mask| f64::from(mask.minus(other).area() + other.minus(&mask).area());
         let is_one = differ(&amodal) <= edge_px2 || other(VISIBLE[0]).is_some_and(|it| differ(&it) <= edge_px2);

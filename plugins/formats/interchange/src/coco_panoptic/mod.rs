@@ -142,8 +142,7 @@ struct PanopticScene {
 impl SceneWriter for PanopticScene {
     fn view(&mut self, cx: &ImageContext, products: &Products) -> Result<()> {
         let rgb = products.get(RGB)?;
-        let mut labels = labels::partial(cx.dataset, products)?;
-        labels.retain(|label| !visible(label).is_empty());
+        let labels = Masks::Visible.shown_partial(cx.log, labels::partial(cx.dataset, products)?, false);
         let painted = Painted::new([rgb.width(), rgb.height()], labels.iter().map(|label| (label.id, visible(label))));
         painted.left_out().for_each(|left_out| cx.log.left_out(&left_out));
         let name = image_name(cx.scene_id, cx.view_id);

@@ -16,7 +16,7 @@ use syntable_model::files::DatasetFolder;
 use syntable_model::limits::ANNOTATIONS;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::RGB;
-use syntable_model::reader::{Crowd, Format, ImageSource, Note, Opened, ReadImage, Source};
+use syntable_model::reader::{Crowd, Format, ImageSource, Note, OBJECTS_HAVE_PIXELS, Opened, ReadImage, Source};
 
 syntable_model::register_format!(Format {
     name: "coco_panoptic",
@@ -216,7 +216,9 @@ impl ImageSource for Reader {
             let mask = all.mask(segment.id);
             if mask.is_empty() {
                 let file = &all.annotation.file_name;
-                faults.push(("segments_are_pixels", format!("no pixel of {file} is of segment {}", segment.id)));
+                let is_object = segment.iscrowd == 0 && !self.stuff.contains(&segment.category_id);
+                let check = if is_object { OBJECTS_HAVE_PIXELS } else { "segments_are_pixels" };
+                faults.push((check, format!("no pixel of {file} is of segment {}", segment.id)));
                 continue;
             }
             let exact = Tolerance { area_px2: 0.5, box_px: 0.0 };

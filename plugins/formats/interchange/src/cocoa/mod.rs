@@ -119,7 +119,8 @@ struct CocoaScene {
 
 impl SceneWriter for CocoaScene {
     fn view(&mut self, cx: &ImageContext, products: &Products) -> Result<()> {
-        let labels = Masks::Amodal.shown(labels::labels(cx.dataset, products)?);
+        let labels = Masks::Amodal.shown(cx.log, labels::labels(cx.dataset, products)?);
+        outlines::report_holes(cx.log, products, Masks::Amodal, labels.iter().map(|label| label.id))?;
         let order = Order::of(products, &labels)?;
         let sorted = order.front_to_back();
         let region = |(at, &i): (usize, &usize)| region(cx.dataset, products, at + 1, &labels[i]);

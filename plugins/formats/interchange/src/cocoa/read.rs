@@ -281,6 +281,9 @@ impl ImageAnnotation {
             else {
                 continue;
             };
+            if visible.is_empty() && amodal.is_empty() {
+                faults.push(shared::no_pixels(&format!("annotation {}: `regions[{}]`", self.id, number - 1)));
+            }
             faults.extend(self.faults_of_masks(number, region, [&visible, &amodal, &hidden], (&polygon, beyond)));
         }
         match self.constraints() {

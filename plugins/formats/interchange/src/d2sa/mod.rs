@@ -115,7 +115,7 @@ struct D2saScene {
 
 impl SceneWriter for D2saScene {
     fn view(&mut self, cx: &ImageContext, products: &Products) -> Result<()> {
-        let labels = Masks::Amodal.shown(labels::labels(cx.dataset, products)?);
+        let labels = Masks::Amodal.shown(cx.log, labels::labels(cx.dataset, products)?);
         let order = Order::of(products, &labels)?;
         let sorted = order.front_to_back();
         let layers = order.layers(&sorted);

@@ -148,7 +148,14 @@ struct KinsScene {
 
 impl SceneWriter for KinsScene {
     fn view(&mut self, cx: &ImageContext, products: &Products) -> Result<()> {
-        let labels = Masks::Visible.shown(labels::labels(cx.dataset, products)?);
+        let labels = Masks::Visible.shown(cx.log, labels::labels(cx.dataset, products)?);
+        let polygons: &[Masks] = match self.version {
+            KinsVersion::V2019 => &[Masks::Amodal],
+            KinsVersion::V2020 => &[Masks::Amodal, Masks::Visible],
+        };
+        for masks in polygons {
+            outlines::report_holes(cx.log, products, *masks, labels.iter().map(|label| label.id))?;
+        }
         self.files.image(cx, products, labels.len())?;
         match self.version {
             KinsVersion::V2019 => {

@@ -27,7 +27,10 @@ syntable_model::register_format!(Format {
     name: "kins",
     doc: "KINS (`instances_*.json` or `update_*_2020.json` beside the images, or beside KITTI's `training` and `testing`), as \
           the writer `kins` writes it.",
-    detect: |path| shared::is_dataset(path, None, is_one) && !(path.is_file() && shared::is_in(path, FOLDER)),
+    detect: |path| {
+        let is_of_coco = if path.is_file() { shared::is_in(path, FOLDER) } else { shared::is_named(path, FOLDER) };
+        shared::is_dataset(path, None, is_one) && !is_of_coco
+    },
     open,
     is_generic: false,
     crate_name: env!("CARGO_PKG_NAME"),
@@ -347,6 +350,10 @@ impl ImageSource for Reader {
         let mut faults: Vec<_> = annotations.iter().flat_map(|annotation| annotation.faults(size)).collect();
         let labels = annotations.iter().enumerate().map(|(row, it)| self.labels(size, row, it));
         if let Ok(mut labels) = labels.collect::<Result<Vec<_>>>() {
+            let each = annotations.iter().zip(&labels);
+            faults.extend(
+                each.filter_map(|(it, label)| shared::without_pixels(label, || format!("annotation {}", it.id))),
+            );
             settle_edges(&mut labels);
             faults.extend(annotations.iter().zip(&labels).filter_map(|(it, label)| it.fault_of_areas(label)));
             for (label, annotation) in labels.iter_mut().zip(&annotations) {

@@ -76,7 +76,7 @@ struct OsdScene {
 
 impl SceneWriter for OsdScene {
     fn view(&mut self, cx: &ImageContext, products: &Products) -> Result<()> {
-        let mut labels = Masks::Visible.shown(labels::labels(cx.dataset, products)?);
+        let mut labels = Masks::Visible.shown(cx.log, labels::labels(cx.dataset, products)?);
         if labels.is_empty() {
             return Ok(());
         }

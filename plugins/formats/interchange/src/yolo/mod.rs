@@ -166,8 +166,11 @@ impl SceneWriter for YoloScene {
         Image::rgb(rgb).write(output, &format!("{}/{}", output.id(), config.image_path(scene, view)))?;
         let size = [rgb.width(), rgb.height()].map(f64::from);
         let mut text = String::new();
-        let labels = labels::partial(cx.dataset, products)?;
-        for label in labels.iter().filter(|label| !config.masks.shown_of(label).is_empty()) {
+        let labels = config.masks.shown_partial(cx.log, labels::partial(cx.dataset, products)?, false);
+        if config.task == YoloTask::Segment {
+            outlines::report_holes(cx.log, products, config.masks, labels.iter().map(|label| label.id))?;
+        }
+        for label in &labels {
             text += &line(cx.dataset.category(label.category)?.0, &config.points(products, label.id, size)?, size);
         }
         output.write(&format!("{}/{}", output.id(), config.label_path(scene, view)), text.as_bytes())

@@ -16,7 +16,7 @@ use syntable_formats::segmentation::Segmentation;
 use syntable_model::files::DatasetFolder;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{CATEGORY_ID, OCCLUSION_MASK, RGB};
-use syntable_model::reader::{Format, ImageSource, Note, Opened, ReadImage, Source};
+use syntable_model::reader::{Format, ImageSource, Note, Opened, ReadImage, Source, unnamed_class};
 
 syntable_model::register_format!(Format {
     name: "yolo",
@@ -217,7 +217,7 @@ fn open(source: &Source) -> Result<Opened> {
         (None, Some(names)) => (names, Some(CLASSES)),
         (None, None) => {
             let ids = read::with_gaps_filled(found.iter().copied().map(id).collect());
-            (ids.into_iter().map(|id| (id - 1, format!("class {}", id - 1))).collect(), None)
+            (ids.into_iter().map(|id| (id - 1, unnamed_class(id))).collect(), None)
         }
     };
     let classes: BTreeSet<u64> = names.keys().copied().collect();

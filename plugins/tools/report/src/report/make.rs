@@ -16,6 +16,7 @@ use syntable_runtime::durable::{self, Draft, Standing};
 use syntable_runtime::images::{Work, each};
 use syntable_runtime::left_out::LeftOutReport;
 use syntable_runtime::paths::{dataset_folder, lies_in};
+use syntable_runtime::run::check_place;
 use syntable_runtime::run::progress::count;
 
 /// What the list of files in a report's folder says of who made it.
@@ -86,6 +87,7 @@ pub fn make(registry: &Registry, options: &ReportOptions, work: &Work) -> Result
             return Err(error.in_file(&out).help("choose another folder with --out").of_request());
         }
     }
+    check_place(&out, dataset)?;
     check_out(&out, options.overwrite)?;
     let (format, opened) = registry.open_dataset(source, options.format.as_deref())?;
     let scored = scores.as_ref().map(|file| Scored::open(file, &opened)).transpose()?;
@@ -191,19 +193,12 @@ fn beside(registry: &Registry, dataset: &Path) -> Result<PathBuf> {
     }
     let mut named = name.to_owned();
     named.push("-report");
-    let is_named = dataset.is_dir() && dataset.file_name().is_some();
+    let is_named = *folder == whole && dataset.is_dir() && dataset.file_name().is_some();
     Ok(if is_named { dataset.with_file_name(named) } else { folder.with_file_name(named) })
 }
 
 /// Refuses a folder in which no report can be made.
 fn check_out(out: &Path, overwrite: bool) -> Result<()> {
-    let whole = std::path::absolute(out).map_err(|error| Error::io(out, &error))?;
-    if let Some(run) = whole.parent().map_or(Ok(None), run_of)? {
-        return Err(Error::new(format!("it lies in the folder of a run, {}", run.display()))
-            .in_file(out)
-            .help("choose a folder beside it: files of a run are compared with its journal")
-            .of_request());
-    }
     let refuse = |what: &str, help: &str| {
         // A report that was killed at its very end is whole, and has left something beside it.
         let _ = durable::mend(out);
