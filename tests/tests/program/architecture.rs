@@ -40,13 +40,14 @@ fn dependencies() -> BTreeMap<String, (Vec<String>, Vec<String>)> {
 #[test]
 fn plugins_depend_on_the_model_and_on_neutral_libraries() {
     /// Libraries of the core that know no stage: any plugin may use them.
-    const NEUTRAL: [&str; 6] = [
+    const NEUTRAL: [&str; 7] = [
         "syntable-simd",
         "syntable-prepare",
         "syntable-transport",
         "syntable-mesh",
         "syntable-convex",
         "syntable-formats",
+        "syntable-guided",
     ];
     let crates = dependencies();
     let ours = |names: &[String]| -> Vec<String> {
@@ -70,8 +71,6 @@ fn plugins_depend_on_the_model_and_on_neutral_libraries() {
             }
             // Tools work on runs and datasets.
             "syntable-evaluate" | "syntable-report" => vec!["syntable-model", "syntable-formats", "syntable-runtime"],
-            // The denoiser `guided` on a card is the same filter, with the same numbers.
-            "syntable-render-wgpu" => ["syntable-model", "syntable-denoise"].into_iter().chain(NEUTRAL).collect(),
             _ => std::iter::once("syntable-model").chain(NEUTRAL).collect(),
         };
         for dependency in ours(normal) {

@@ -11,7 +11,7 @@ use crate::session::{Buffers, Gathered, GpuSession, World};
 use crate::tables::NONE;
 use crate::view::View;
 use std::ops::Range;
-use syntable_denoise::guided::Guided;
+use syntable_guided::Guided;
 use syntable_model::context::Workers;
 use syntable_model::error::{Error, Result};
 use syntable_model::product::standard::{
