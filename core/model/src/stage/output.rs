@@ -5,26 +5,24 @@ use crate::error::{ConfigError, Error, Result};
 use crate::files::DatasetPath;
 pub use crate::files::RESERVED;
 use crate::scene::SceneId;
+use crate::store::{Opened, StoreFolder};
 use std::collections::BTreeSet;
-use std::fs::{self, File};
-use std::io::{BufReader, BufWriter, Write};
-use std::path::{Path, PathBuf};
+use std::io::{BufReader, Read, Write};
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// Where a writer puts the files of one scene: a staging folder whose content is moved into the dataset when the scene
-/// is done.
+/// Where a writer puts the files of one scene: a staging folder whose files are moved into the dataset when the scene is done.
 #[derive(Debug, Clone)]
 pub struct Output {
-    staging: PathBuf,
+    staging: StoreFolder,
     id: String,
     scene: SceneId,
-    /// What was created, shared by all that have this output.
+    /// The files that were created, shared by all clones.
     files: Arc<Mutex<BTreeSet<DatasetPath>>>,
 }
 
 impl Output {
-    /// Output of the writer `id` for a scene.
-    pub fn new(staging: impl Into<PathBuf>, id: impl Into<String>, scene: SceneId) -> Self {
+    /// Output of the writer `id` for a scene. A path of this machine is a staging folder, too.
+    pub fn new(staging: impl Into<StoreFolder>, id: impl Into<String>, scene: SceneId) -> Self {
         Self { staging: staging.into(), id: id.into(), scene, files: Arc::default() }
     }
 
@@ -33,12 +31,13 @@ impl Output {
         &self.id
     }
 
-    /// Creates a file at a path relative to the dataset, such as `data/mono/rgb/0_0.png`. It must not exist yet.
-    pub fn create(&self, path: &str) -> Result<BufWriter<File>> {
+    /// Creates a file at a path relative to the dataset, such as `data/mono/rgb/0_0.png`. It must not exist yet. A flush
+    /// reports errors of writing; dropping the file does not.
+    pub fn create(&self, path: &str) -> Result<FileWriter> {
         self.create_at(of_writer(path)?)
     }
 
-    fn create_at(&self, path: DatasetPath) -> Result<BufWriter<File>> {
+    fn create_at(&self, path: DatasetPath) -> Result<FileWriter> {
         let file = create_new(&self.staging, &path, &self.id)?;
         self.files.lock().unwrap_or_else(PoisonError::into_inner).insert(path);
         Ok(file)
@@ -55,7 +54,7 @@ impl Output {
     }
 
     fn write_at(&self, path: DatasetPath, bytes: &[u8]) -> Result<()> {
-        let full = path.below(&self.staging);
+        let full = self.staging.name_of(&path);
         let mut file = self.create_at(path)?;
         file.write_all(bytes).and_then(|()| file.flush()).map_err(|error| Error::io(full, &error))
     }
@@ -66,74 +65,70 @@ impl Output {
     }
 
     /// Creates this scene's shard, to write it bit by bit.
-    pub fn create_shard(&self) -> Result<BufWriter<File>> {
+    pub fn create_shard(&self) -> Result<FileWriter> {
         self.create_at(shard_path(&self.id, self.scene)?)
     }
 
     /// Writes bytes beside this scene's shard that other scenes are likely to write, too, such as the texture of an asset.
-    /// Returns their digest, by which [`Finish::shared`] reads them. Scenes of a dataset that share the same bytes take disk
-    /// space once, provided that the file system has hard links.
+    /// Returns their digest, by which [`Finish::shared`] reads them. A store keeps the same bytes of several scenes once, if
+    /// it can.
     pub fn write_shared(&self, bytes: &[u8]) -> Result<Digest> {
         let digest = Digest::of(bytes);
         let path = shared_path(&self.id, self.scene, digest)?;
-        if !self.files().contains(&path) && !self.links_same(&path, bytes) {
+        if !self.files().contains(&path) && !self.share(&path, bytes) {
             self.write_at(path, bytes)?;
         }
         Ok(digest)
     }
 
-    /// Links a file to one of another scene with the same bytes in the same staging folder: a conversion stages all scenes in
+    /// Shares a file with another scene that has the same bytes in the same staging folder: a conversion stages all scenes in
     /// one. Returns whether it did.
-    fn links_same(&self, path: &DatasetPath, bytes: &[u8]) -> bool {
-        let full = path.below(&self.staging);
-        let same = || {
-            let other = fs::read_dir(full.parent()?).ok()?.next()?.ok()?.path();
-            let is_same = fs::read(&other).is_ok_and(|found| found == bytes);
-            (is_same && fs::hard_link(other, &full).is_ok()).then_some(())
+    fn share(&self, path: &DatasetPath, bytes: &[u8]) -> bool {
+        let share = || {
+            let (folder, _) = path.rsplit_once('/')?;
+            let (other, _) = self.staging.list(folder).ok()?.into_iter().next()?;
+            let other = DatasetPath::new(format!("{folder}/{other}")).ok()?;
+            let has_same = self.staging.read(&other).is_ok_and(|found| found.is_some_and(|found| found == bytes));
+            (has_same && self.staging.share(&self.staging, &other, path).is_ok_and(|done| done)).then_some(())
         };
-        let is_linked = same().is_some();
-        if is_linked {
+        let is_shared = share().is_some();
+        if is_shared {
             self.files.lock().unwrap_or_else(PoisonError::into_inner).insert(path.clone());
         }
-        is_linked
+        is_shared
     }
 }
 
+/// A file that a writer fills.
+pub type FileWriter = Box<dyn Write + Send>;
+
 /// Creates a file that must not exist yet: the one rule against two files of one path in a scene, or at the end of a run.
-fn create_new(folder: &Path, path: &DatasetPath, id: &str) -> Result<BufWriter<File>> {
-    let full = path.below(folder);
-    if let Some(parent) = full.parent() {
-        fs::create_dir_all(parent).map_err(|error| Error::io(parent, &error))?;
-    }
-    match File::create_new(&full) {
-        Ok(file) => Ok(BufWriter::new(file)),
-        Err(error) if error.kind() == std::io::ErrorKind::AlreadyExists => {
-            Err(Error::new(format!("`{path}` is written twice"))
-                .help(format!("two files have one path; give `write.{id}` another id, folder or path"))
-                .permanent())
-        }
-        Err(error) => Err(Error::io(full, &error)),
-    }
+fn create_new(folder: &StoreFolder, path: &DatasetPath, id: &str) -> Result<FileWriter> {
+    folder.create(path)?.ok_or_else(|| {
+        Error::new(format!("`{path}` is written twice"))
+            .help(format!("two files have one path; give `write.{id}` another id, folder or path"))
+            .permanent()
+    })
 }
 
 /// What a writer can see and do at the end of a run.
 #[derive(Debug, Clone)]
 pub struct Finish {
-    root: PathBuf,
-    staging: Option<PathBuf>,
+    dataset: StoreFolder,
+    staging: Option<StoreFolder>,
     id: String,
     scenes: Vec<SceneId>,
 }
 
 impl Finish {
     /// The end of a run for the writer `id`: `scenes` are done, ascending. Files are written into the dataset, where they
-    /// replace older ones.
-    pub fn new(root: impl Into<PathBuf>, id: impl Into<String>, scenes: Vec<SceneId>) -> Self {
-        Self { root: root.into(), staging: None, id: id.into(), scenes }
+    /// replace older ones. A path of this machine is a dataset, too.
+    pub fn new(dataset: impl Into<StoreFolder>, id: impl Into<String>, scenes: Vec<SceneId>) -> Self {
+        Self { dataset: dataset.into(), staging: None, id: id.into(), scenes }
     }
 
     /// The same with a staging folder for the files of all writers, in which no path may be written twice.
-    pub fn staged(self, staging: impl Into<PathBuf>) -> Self {
+    pub fn staged(self, staging: impl Into<StoreFolder>) -> Self {
         Self { staging: Some(staging.into()), ..self }
     }
 
@@ -148,10 +143,8 @@ impl Finish {
     }
 
     /// Opens the shard that this writer wrote for a scene.
-    pub fn shard(&self, scene: SceneId) -> Result<BufReader<File>> {
-        let path = shard_path(&self.id, scene)?.below(&self.root);
-        let help = "the dataset is damaged; `syntable run --repair` makes the scene again";
-        File::open(&path).map(BufReader::new).map_err(|error| Error::io(&path, &error).help(help))
+    pub fn shard(&self, scene: SceneId) -> Result<BufReader<Opened>> {
+        self.open(&shard_path(&self.id, scene)?).map(BufReader::new)
     }
 
     /// Reads what this writer wrote for a scene with [`Output::write_shared`].
@@ -159,46 +152,47 @@ impl Finish {
     /// # Errors
     /// If the file cannot be read, or has other bytes.
     pub fn shared(&self, scene: SceneId, digest: Digest) -> Result<Vec<u8>> {
-        let path = shared_path(&self.id, scene, digest)?.below(&self.root);
-        let help = "the dataset is damaged; `syntable run --repair` makes the scene again";
-        let bytes = fs::read(&path).map_err(|error| Error::io(&path, &error).help(help))?;
+        let path = shared_path(&self.id, scene, digest)?;
+        let full = self.dataset.name_of(&path);
+        let mut bytes = Vec::new();
+        self.open(&path)?.read_to_end(&mut bytes).map_err(|error| Error::io(&full, &error).help(DAMAGED))?;
         if Digest::of(&bytes) != digest {
             return Err(Error::new("the file has other bytes than its name says")
-                .in_file(&path)
-                .help(help)
+                .in_file(&full)
+                .help(DAMAGED)
                 .permanent());
         }
         Ok(bytes)
     }
 
+    fn open(&self, path: &DatasetPath) -> Result<Opened> {
+        let opened = self.dataset.open(path).map_err(|error| error.help(DAMAGED))?;
+        let gone = || Error::io(self.dataset.name_of(path), &std::io::ErrorKind::NotFound.into()).help(DAMAGED);
+        opened.ok_or_else(gone)
+    }
+
     /// Writes a file of the dataset, whole or not at all.
     pub fn write(&self, path: &str, fill: impl FnOnce(&mut dyn Write) -> Result<()>) -> Result<()> {
         let path = of_writer(path)?;
-        let (full, mut file) = match &self.staging {
-            Some(staging) => (path.below(staging), create_new(staging, &path, &self.id)?),
-            None => {
-                let part = of_writer(&format!("{path}.part"))?;
-                let full = part.below(&self.root);
-                // What an interrupted call has left.
-                let _ = fs::remove_file(&full);
-                (full, create_new(&self.root, &part, &self.id)?)
-            }
+        let Some(staging) = &self.staging else {
+            let mut fill = Some(fill);
+            return self.dataset.put(&path, &mut |file| fill.take().map_or(Ok(()), |fill| fill(file)));
         };
-        let fail = |error: std::io::Error| Error::io(path.below(&self.root), &error);
-        let filled = fill(&mut file).and_then(|()| {
-            file.flush().and_then(|()| file.get_ref().sync_all()).map_err(fail)?;
-            match &self.staging {
-                Some(_) => Ok(()),
-                None => fs::rename(&full, path.below(&self.root)).map_err(fail),
-            }
-        });
+        let mut file = create_new(staging, &path, &self.id)?;
+        let filled = fill(&mut *file)
+            .and_then(|()| file.flush().map_err(|error| Error::io(self.dataset.name_of(&path), &error)));
+        drop(file);
+        let filled = filled.and_then(|()| staging.sync(&path));
         if filled.is_err() {
             // The first error is the one to report.
-            let _ = fs::remove_file(&full);
+            let _ = staging.remove_all(&path);
         }
         filled
     }
 }
+
+/// What to do about a file that the end of a run cannot read.
+const DAMAGED: &str = "the dataset is damaged; `syntable run --repair` makes the scene again";
 
 /// Path of a writer's shard of a scene.
 ///
@@ -238,44 +232,56 @@ fn of_writer(path: &str) -> Result<DatasetPath> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::store::MemStore;
+
+    /// A dataset, a staging folder and the store that they are in.
+    fn folders() -> (Arc<MemStore>, [StoreFolder; 2]) {
+        let store = Arc::new(MemStore::default());
+        let at = |name: &str| StoreFolder::from(Arc::clone(&store)).inner(&DatasetPath::new(name).expect("a path"));
+        (Arc::clone(&store), [at("data"), at("staged")])
+    }
 
     #[test]
     fn a_path_is_written_once_at_the_end_of_a_run() {
-        let folder = std::env::temp_dir().join(format!("syntable-finish-{}", std::process::id()));
+        let (store, [data, staging]) = folders();
         let write = |id: &str, staged: bool| {
-            let finish = Finish::new(folder.join("data"), id, Vec::new());
-            let finish = if staged { finish.staged(folder.join("staging")) } else { finish };
+            let finish = Finish::new(&data, id, Vec::new());
+            let finish = if staged { finish.staged(&staging) } else { finish };
             finish.write("a/all.jsonl", |out| out.write_all(id.as_bytes()).map_err(|error| Error::io("a", &error)))
         };
+        let text = |path: &str| store.get(path).map(|bytes| String::from_utf8_lossy(&bytes).into_owned());
         write("a", true).expect("first");
         let error = write("b", true).expect_err("second");
         assert!(error.is_permanent() && error.to_string().contains("`a/all.jsonl` is written twice"), "{error}");
-        assert_eq!(fs::read_to_string(folder.join("staging/a/all.jsonl")).expect("written"), "a");
+        assert_eq!(text("staged/a/all.jsonl").as_deref(), Some("a"));
         // Without a staging folder an older file is replaced.
         write("a", false).and_then(|()| write("b", false)).expect("again");
-        assert_eq!(fs::read_to_string(folder.join("data/a/all.jsonl")).expect("written"), "b");
-        fs::remove_dir_all(&folder).expect("removable");
+        assert_eq!(text("data/a/all.jsonl").as_deref(), Some("b"));
+        // A file that a writer could not fill is not there.
+        for finish in [Finish::new(&data, "a", Vec::new()), Finish::new(&data, "a", Vec::new()).staged(&staging)] {
+            finish.write("a/none", |_| Err(Error::new("no"))).expect_err("it fails");
+        }
+        assert_eq!(store.files().len(), 2);
     }
 
     #[test]
     fn writers_write_inside_the_dataset() {
-        let folder = std::env::temp_dir().join(format!("syntable-inside-{}", std::process::id()));
-        let output = Output::new(folder.join("staged"), "w", SceneId(3));
-        let finish = Finish::new(folder.join("data"), "w", Vec::new());
+        let (store, [data, staging]) = folders();
+        let output = Output::new(&staging, "w", SceneId(3));
+        let finish = Finish::new(&data, "w", Vec::new());
         for path in ["../a", "/a", "", "a/../../b", "a\\b", "a//b", ".syntable/journal.jsonl", "recipe.toml"] {
             assert!(output.write(path, b"x").is_err() && output.create(path).is_err(), "{path}");
             assert!(finish.write(path, |_| Ok(())).is_err() && check_path("file", path).is_err(), "{path}");
         }
-        assert!(output.files().is_empty() && !folder.exists(), "nothing was written");
+        assert!(output.files().is_empty() && store.files().is_empty(), "nothing was written");
         output.write("data/rgb/0_0.png", b"x").expect("written");
         output.write_shard(b"x").expect("written");
-        let shard = folder.join("staged/.syntable/shards/w/000003.jsonl");
-        assert!(shard.is_file() && folder.join("staged/data/rgb/0_0.png").is_file());
+        let paths: Vec<String> = store.files().keys().map(ToString::to_string).collect();
+        assert_eq!(paths, ["staged/.syntable/shards/w/000003.jsonl", "staged/data/rgb/0_0.png"]);
         for id in ["../../../../w", "a/../b", "/w"] {
-            let output = Output::new(folder.join("staged"), id, SceneId(3));
-            let finish = Finish::new(folder.join("data"), id, Vec::new());
+            let output = Output::new(&staging, id, SceneId(3));
+            let finish = Finish::new(&data, id, Vec::new());
             assert!(output.write_shard(b"x").is_err() && finish.shard(SceneId(3)).is_err(), "{id}");
         }
-        fs::remove_dir_all(&folder).expect("removable");
     }
 }

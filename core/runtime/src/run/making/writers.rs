@@ -3,12 +3,12 @@
 use crate::run::dataset::manifest::Written;
 use crate::run::making::losses::{Losses, StageLog};
 use crate::run::making::times::Times;
-use std::path::Path;
 use std::sync::Arc;
 use syntable_model::context::{SceneContext, ViewContext};
 use syntable_model::error::Result;
 use syntable_model::product::Products;
 use syntable_model::stage::{Input, Output, SceneWriter, Writer};
+use syntable_model::store::StoreFolder;
 
 /// The scene writers of a recipe, each with the names of the products that it reads.
 pub struct Writers<'m>(Vec<Writing<'m>>);
@@ -27,7 +27,7 @@ impl<'m> Writers<'m> {
     pub fn start(
         writers: impl IntoIterator<Item = &'m (String, Box<dyn Writer>)>,
         cx: &SceneContext,
-        staged: &Path,
+        staged: &StoreFolder,
         (times, losses): (&'m Times, &Arc<Losses>),
     ) -> Result<Self> {
         let start = |(id, writer): &'m (String, Box<dyn Writer>)| {
