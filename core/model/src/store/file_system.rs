@@ -4,6 +4,8 @@ use crate::error::{Error, Result};
 use crate::files::DatasetPath;
 use crate::store::inside::Inside;
 use crate::store::{Access, Fill, Found, Hold, Kind, Opened, Store};
+#[cfg(unix)]
+use rustix::fs::OFlags;
 use std::fs::{self, File, FileType, OpenOptions, TryLockError};
 use std::io::{self, BufWriter, ErrorKind, Write};
 use std::path::{Path, PathBuf};
@@ -150,7 +152,12 @@ impl Store for FsStore {
         let full = path.below(&self.root);
         let fail = |error: io::Error| Error::io(&full, &error);
         create_parent(&full)?;
-        let mut file = OpenOptions::new().create(true).append(true).open(&full).map_err(fail)?;
+        let mut options = OpenOptions::new();
+        options.create(true).append(true);
+        // The target of a link belongs to somebody else.
+        #[cfg(unix)]
+        std::os::unix::fs::OpenOptionsExt::custom_flags(&mut options, OFlags::NOFOLLOW.bits().cast_signed());
+        let mut file = options.open(&full).map_err(fail)?;
         let before = file.metadata().map_err(fail)?.len();
         file.write_all(bytes).and_then(|()| file.sync_data()).map_err(|error| {
             // A part of the bytes must not precede the next ones.

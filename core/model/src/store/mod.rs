@@ -6,7 +6,7 @@
 //! |---|---|---|
 //! | [`create`](Store::create) | a file that must not exist | an upload with the condition that the key is new |
 //! | [`put`](Store::put) | a temporary file, flushed to disk and renamed | one upload |
-//! | [`append`](Store::append) | a flushed write to the end of a file | an object per record; reading concatenates them |
+//! | [`append`](Store::append) | a flushed write to the end of a file | an object per record; reading concatenates them, and sizes add up |
 //! | [`rename`](Store::rename) | a rename | copies within the store, then deletions |
 //! | [`share`](Store::share) | a hard link | nothing |
 //! | [`lock`](Store::lock) | a locked file | a conditional upload with a lease |

@@ -165,6 +165,7 @@ fn nothing_behind_a_link_is_moved_or_removed() {
     ] {
         assert!(error.to_string().contains("`link` is a link"), "{error}");
     }
+    store.append(&path("file"), b"more").expect_err("a link");
     // Links themselves are replaced and removed.
     store.rename(&path("new"), &path("file")).expect("replaced");
     store.remove_all(&path("link")).expect("removed");
