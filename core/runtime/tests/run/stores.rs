@@ -13,7 +13,7 @@ use syntable_runtime::cache::DiskCache;
 use syntable_runtime::run::progress::Quiet;
 use syntable_runtime::run::stop::Stop;
 use syntable_runtime::run::{RunOptions, merge, verify};
-use syntable_testing::folder::files;
+use syntable_testing::folder::{files, files_of_store as files_of};
 
 type Files = BTreeMap<String, Vec<u8>>;
 
@@ -29,12 +29,6 @@ fn recipe(scenes: u32, include: &str) -> String {
 
 fn options(out: impl Into<StoreFolder>) -> RunOptions {
     RunOptions::new(out, 1, DiskCache::none())
-}
-
-/// Files of a store, without how long stages worked.
-fn files_of(store: &MemStore) -> Files {
-    let files = store.files().into_iter().filter(|(path, _)| path.as_str() != ".syntable/times.jsonl");
-    files.map(|(path, bytes)| (path.to_string(), bytes.to_vec())).collect()
 }
 
 fn store_of(files: &Files) -> Arc<MemStore> {
@@ -284,7 +278,7 @@ impl Write for Killable {
     }
 }
 
-/// Of as many calls one is tried. `INTERRUPT_EVERY=1` tries all.
+/// Of as many calls one is tried. `STORE_FAULT_EVERY=1` tries all, which takes 15 seconds.
 const EVERY: u32 = 19;
 
 /// Lets a command fail, and kills it, at calls to the store that has these files before. The same command then completes the
@@ -295,7 +289,7 @@ fn everywhere(what: &str, before: &Files, command: &dyn Fn(StoreFolder) -> Resul
     command(Arc::clone(&counted).into()).expect(what);
     let (whole, calls) = (files_of(&whole), counted.calls.load(Ordering::SeqCst));
     assert!(calls > 50 && !verify(store_of(&whole), 1).expect("a dataset").unfinished, "{what}: {calls} calls");
-    let every = std::env::var("INTERRUPT_EVERY").map_or(EVERY, |every| every.parse().expect("a number"));
+    let every = std::env::var("STORE_FAULT_EVERY").map_or(EVERY, |every| every.parse().expect("a number"));
     let mut failed = 0;
     for fault in [Fault::Once, Fault::Kill] {
         for at in (0..calls).filter(|at| at % every == if fault == Fault::Once { 0 } else { every / 2 }) {
