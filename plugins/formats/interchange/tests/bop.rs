@@ -286,7 +286,7 @@ fn tar_files_have_what_the_folders_have() {
     static HERE: OnceLock<bool> = OnceLock::new();
     let folder = tempfile::tempdir().expect("a folder");
     write_all(folder.path(), ALL_OPTIONS);
-    write_all(&folder.path().join("web"), &format!("{ALL_OPTIONS}\nlayout = \"webdataset\""));
+    write_all(folder.path().join("web"), &format!("{ALL_OPTIONS}\nlayout = \"webdataset\""));
     // A scene whose images are in two tar files.
     let mut stream = Stream::root(9);
     let views: Vec<Products> = (0..3)
