@@ -279,7 +279,7 @@ impl Write for Killable {
 }
 
 /// Of as many calls one is tried. `STORE_FAULT_EVERY=1` tries all, which takes 15 seconds.
-const EVERY: u32 = 19;
+const EVERY: u32 = 7;
 
 /// Lets a command fail, and kills it, at calls to the store that has these files before. The same command then completes the
 /// work, with the bytes of an undisturbed one.
