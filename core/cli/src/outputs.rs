@@ -42,7 +42,7 @@ mod tests {
     use syntable_model::registry::Registry;
     use syntable_runtime::message::Message;
     use syntable_runtime::paths::dataset_folder;
-    use syntable_runtime::run::dataset::folder::journal_path;
+    use syntable_runtime::run::dataset::layout::journal_path;
 
     #[test]
     fn what_a_command_reads_is_not_overwritten() {

@@ -96,6 +96,7 @@ pub mod registry;
 pub mod scene;
 pub mod some;
 pub mod stage;
+pub mod store;
 
 pub use inventory;
 pub use product::Key;

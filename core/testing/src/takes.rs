@@ -16,6 +16,7 @@ use syntable_model::scene::{
     AssetRef, BodyDraft, Camera, Exposure, Intrinsics, MassOrigin, MassProperties, Material, Mesh, MeshData, Motion,
     Object, Role, SceneId, SettleReport, SourceModel, Tabletop, ViewId,
 };
+use syntable_model::store::StoreFolder;
 
 /// Width of the images, px.
 pub const WIDTH: u32 = 64;
@@ -352,17 +353,17 @@ pub fn takes() -> Vec<Take> {
 
 /// Writes scenes as the program does, in any order.
 pub fn write_scenes<'a>(
-    root: &Path,
+    root: impl Into<StoreFolder>,
     id: &str,
     writer: &dyn Writer<Scenes>,
     dataset: &DatasetInfo,
     takes: impl IntoIterator<Item = &'a Take>,
 ) -> Result<()> {
     let reads: Vec<String> = writer.reads().into_iter().map(|input| input.product).collect();
-    let log = Collected::default();
+    let (root, log) = (root.into(), Collected::default());
     for take in takes {
         let cx = DatasetContext::new(dataset, &Serial, &log).scene(&take.scene);
-        let mut scene = writer.scene(&cx, Output::new(root, id, take.scene.id))?;
+        let mut scene = writer.scene(&cx, Output::new(&root, id, take.scene.id))?;
         for (view, products) in &take.views {
             scene.view(&cx.view(view), &with_categories(dataset, &take.scene, products)?.only(&reads))?;
         }
@@ -387,13 +388,19 @@ fn with_categories(dataset: &DatasetInfo, scene: &Scene, products: &Products) ->
 }
 
 /// Ends a run with these scenes done.
-pub fn finish(root: &Path, id: &str, writer: &dyn Writer<Scenes>, dataset: &DatasetInfo, scenes: &[u32]) -> Result<()> {
+pub fn finish(
+    root: impl Into<StoreFolder>,
+    id: &str,
+    writer: &dyn Writer<Scenes>,
+    dataset: &DatasetInfo,
+    scenes: &[u32],
+) -> Result<()> {
     finish_with(root, id, writer, dataset, scenes, &Products::new())
 }
 
 /// Ends a run with these scenes done and these products of the dataset.
 pub fn finish_with(
-    root: &Path,
+    root: impl Into<StoreFolder>,
     id: &str,
     writer: &dyn Writer<Scenes>,
     dataset: &DatasetInfo,

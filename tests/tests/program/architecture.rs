@@ -254,6 +254,46 @@ fn every_annotator_works_with_its_defaults() {
     }
 }
 
+/// Datasets can be stored anywhere, because one file alone writes them to a file system.
+#[test]
+fn datasets_are_written_through_a_store() {
+    const WRITES: [&str; 13] = [
+        "fs::write",
+        "fs::create_dir",
+        "fs::rename",
+        "fs::remove_",
+        "fs::copy",
+        "fs::hard_link",
+        "File::create",
+        "OpenOptions",
+        "set_len",
+        "renameat",
+        "unlinkat",
+        "mkdirat",
+        "symlink",
+    ];
+    const STORES: [&str; 2] = ["core/model/src/store/file_system.rs", "core/model/src/store/inside.rs"];
+    let writers =
+        ["core/model/src/", "core/lib/formats/", "core/runtime/src/run/", "plugins/formats/", "plugins/stages/"];
+    let (mut stores, mut seen) = (0, 0);
+    for (file, code) in sources().iter().filter(|(file, _)| writers.iter().any(|folder| file.starts_with(folder))) {
+        seen += 1;
+        // `symlink_metadata` reads.
+        let code = code.replace("symlink_metadata", "").replace("is_symlink", "");
+        let found: Vec<&str> = WRITES.into_iter().filter(|call| code.contains(call)).collect();
+        match STORES.contains(&file.as_str()) {
+            true => stores += usize::from(!found.is_empty()),
+            false => assert!(found.is_empty(), "{file} writes to the file system: {found:?}"),
+        }
+    }
+    assert!(stores == STORES.len() && seen > 100, "{stores} stores among {seen} files");
+    // What works on a dataset reads it through its store, too.
+    let dataset = |file: &str| file.starts_with("core/runtime/src/run/dataset/") && !file.ends_with("/manifest.rs");
+    for (file, code) in sources().iter().filter(|(file, _)| dataset(file)) {
+        assert!(!code.contains("std::fs") && !code.contains("File::open"), "{file} reads from the file system");
+    }
+}
+
 /// Paths in backquotes on the architecture page exist, so that the page cannot rot.
 #[test]
 fn paths_named_in_the_book_exist() {

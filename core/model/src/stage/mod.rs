@@ -12,6 +12,7 @@ mod atlas;
 mod camera_model;
 mod denoiser;
 mod light_sampler;
+mod output;
 mod placer;
 mod renderer;
 mod sensor;
@@ -28,6 +29,7 @@ pub use atlas::{Atlas, AtlasTile};
 pub use camera_model::CameraModel;
 pub use denoiser::Denoiser;
 pub use light_sampler::LightSampler;
+pub use output::{FileWriter, Finish, Output, RESERVED, check_path, is_shared, shard_path};
 pub use placer::{PartUse, Placer};
 pub use renderer::{
     Bodies, DeviceClass, LabelSurface, RenderDevice, RenderRequest, RenderSession, Renderer, Tile, Window,
@@ -36,9 +38,7 @@ pub use sensor::Sensor;
 pub use settler::Settler;
 pub use subject::{Images, Scenes, Subject};
 pub use view_sampler::{Shell, ViewSampler};
-pub use writer::{
-    Accepts, FileOf, Finish, Input, Output, RESERVED, SceneWriter, Writer, check_path, is_shared, shard_path,
-};
+pub use writer::{Accepts, FileOf, Input, SceneWriter, Writer};
 
 use crate::error::{Error, Result};
 use crate::product::KeyId;

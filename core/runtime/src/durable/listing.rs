@@ -1,7 +1,7 @@
 //! The list of the files that a command made in a folder.
 
 use super::disk;
-use crate::run::dataset::manifest::{Stamp, State};
+use crate::run::dataset::manifest::Stamp;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::fs;
@@ -52,7 +52,7 @@ impl Listing {
             match (self.files.get(&entry.inside), entry.kind) {
                 (_, Kind::File) if entry.inside == LISTING => {}
                 (Some(stamp), Kind::File) => {
-                    if stamp.check(&entry.path)? != State::Whole {
+                    if !stamp.is_of_file(&entry.path)? {
                         others.push(format!("{} (changed)", entry.inside));
                     }
                 }

@@ -3,7 +3,7 @@
 //! A reader offers products as a renderer does; annotators that look at products alone derive from them what writers read.
 
 use crate::durable::{self, Draft, Standing};
-use crate::paths::{check_link, root_of, run_above};
+use crate::paths::{root_of, run_above};
 use crate::plan::{self, Candidate, Fault, Implied, Plan, Producer};
 use crate::run::dataset::loss::Loss;
 use crate::run::making::losses::Losses;
@@ -28,6 +28,7 @@ use syntable_model::reader::{OBJECTS_HAVE_PIXELS, OpenDataset, ReadImage};
 use syntable_model::registry::Registry;
 use syntable_model::scene::{InstanceId, SceneId};
 use syntable_model::stage::{Finish, ImageAnnotator, Input, ProductGroup, Writer};
+use syntable_model::store::{FsStore, StoreFolder};
 
 /// What a conversion wrote.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -80,7 +81,7 @@ pub fn convert(
     }
     let Resolved { plan, lacking } = resolve(registry, dataset, writers)?;
     let draft = begin(out)?;
-    let part = draft.folder();
+    let part = StoreFolder::from(draft.folder());
     let pool = Pool::new(threads)?;
     let cx = DatasetContext::new(&dataset.info, &pool, &log);
     let (faults, unread, missing) = (AtomicU32::new(0), Mutex::new(BTreeMap::new()), Mutex::default());
@@ -168,7 +169,7 @@ pub fn check_place(out: &Path, source: &Path) -> Result<()> {
 
 /// Begins the folder of a conversion: new, or empty.
 fn begin(out: &Path) -> Result<Draft> {
-    check_link(out)?;
+    FsStore::new(out).check_link()?;
     if durable::standing(out)? == Standing::Free {
         return Draft::begin(out);
     }
@@ -309,7 +310,7 @@ struct Conversion<'a> {
     dataset: &'a OpenDataset,
     writers: &'a [(String, Box<dyn Writer>)],
     plan: &'a Plan,
-    part: &'a Path,
+    part: &'a StoreFolder,
     stop: &'a Stop,
     cx: DatasetContext<'a>,
     checks: &'a [Arc<dyn LabelCheck>],

@@ -1,22 +1,20 @@
 //! What settling did to a scene, stored with the dataset. TOML keeps every bit of a number.
 
-use crate::run::dataset::folder::{create_parent, settled_path};
 use crate::run::dataset::foreign::read_list;
-use std::path::Path;
-use syntable_model::error::{Error, Result};
+use crate::run::dataset::layout;
+use syntable_model::error::Result;
 use syntable_model::scene::{SceneId, Settled};
+use syntable_model::store::StoreFolder;
 
 /// Writes what settling did to a staged scene.
-pub fn write(staged: &Path, scene: SceneId, settled: &Settled) -> Result<()> {
-    let path = settled_path(staged, scene.0);
-    create_parent(&path)?;
+pub fn write(staged: &StoreFolder, scene: SceneId, settled: &Settled) -> Result<()> {
     let text = toml::to_string(settled).expect("poses and numbers are plain data");
-    std::fs::write(&path, text).map_err(|error| Error::io(&path, &error))
+    staged.write(&layout::settled(scene.0), text.as_bytes())
 }
 
 /// What settling did to a scene of a dataset; none if that is not stored, not readable, or larger than a run writes.
-pub fn read(root: &Path, scene: SceneId) -> Option<Settled> {
-    let text = read_list(&settled_path(root, scene.0)).ok()??;
+pub fn read(dataset: &StoreFolder, scene: SceneId) -> Option<Settled> {
+    let text = read_list(dataset, &layout::settled(scene.0)).ok()??;
     toml::from_slice(&text).ok()
 }
 
@@ -67,9 +65,9 @@ mod tests {
         let removed = vec![Removal { spawn: 3, asset, reason: "fell \"off\"".into() }];
         let report = SettleReport { simulated_s: 0.1 + 0.2, residual_speed_m_s: 1e-300, removed, ..Default::default() };
         let settled = Settled::between(&placed, &scene, &report).expect("nothing was added");
-        let folder = tempfile::tempdir().expect("a folder");
-        write(folder.path(), SceneId(3), &settled).expect("writable");
-        let read = read(folder.path(), SceneId(3)).expect("readable");
+        let store = StoreFolder::from(std::sync::Arc::new(syntable_model::store::MemStore::default()));
+        write(&store, SceneId(3), &settled).expect("writable");
+        let read = read(&store, SceneId(3)).expect("readable");
         let mut again = place();
         assert_eq!(read.apply(&mut again).expect("the same scene"), report);
         assert_eq!(bits(&again), bits(&scene));

@@ -2,7 +2,7 @@
 
 use crate::pools::AssetStore;
 use crate::recipe::Recipe;
-use crate::run::dataset::folder::{Folder, times_path};
+use crate::run::dataset::folder::Folder;
 use crate::run::dataset::journal::{Journal, JournalEntry, Notice};
 use crate::run::decisions::opening::Begun;
 use crate::run::decisions::work_list::{Job, Task, Todo, Works};
@@ -46,7 +46,7 @@ pub fn make(recipe: &Recipe, options: &RunOptions, pool: &Pool, reporter: &dyn R
     if let Some(store) = &assets {
         folder.set_catalogs(&store.catalogs())?;
     }
-    if folder.is_empty(&journal) {
+    if folder.is_empty(&journal)? {
         folder.set_recipe(&resolved)?;
     } else {
         folder.propose_recipe(&resolved, growth.map(|growth| growth.replaced()).unwrap_or_default())?;
@@ -162,7 +162,7 @@ fn make_scenes(
         seconds: start.elapsed().as_secs_f64(),
         stages: times.all(),
     };
-    let noted = took.append(&times_path(folder.root()));
+    let noted = took.append(folder.files());
     if let Some(reason) = options.stop.requested() {
         let (made, all) = (made.into_inner(), tasks.len());
         return Err(Error::new(format!("stopped by {reason}: {made} of {all} scenes are done"))
@@ -176,7 +176,7 @@ fn make_scenes(
         let message =
             format!("{} could not be made with what the recipe adds; nothing was written", count(without, "scene"));
         return Err(Error::new(message)
-            .in_file(folder.root())
+            .in_file(folder.name())
             .help("the warnings above say why; mend the recipe, or leave out what it adds")
             .permanent());
     }

@@ -3,8 +3,6 @@
 mod read;
 
 use crate::include;
-use std::fs::File;
-use std::io::BufWriter;
 use syntable_formats::encode::kind::Kind;
 use syntable_formats::encode::npy::{self, Arrays};
 use syntable_formats::encode::tar::Archive;
@@ -116,7 +114,7 @@ fn path(id: &str, scene: &str) -> String {
 
 struct WebdatasetScene {
     config: Webdataset,
-    archive: Archive<BufWriter<File>>,
+    archive: Archive<FileWriter>,
 }
 
 impl SceneWriter for WebdatasetScene {

@@ -13,8 +13,8 @@ use syntable_model::product::standard::OBJECT_INFO;
 use syntable_model::product::{PerInstance, Value};
 use syntable_model::reader::{OpenDataset, Source};
 use syntable_model::stage::RESERVED;
-use syntable_runtime::run::dataset::folder::{journal_path, times_path};
 use syntable_runtime::run::dataset::journal::{Journal, JournalEntry};
+use syntable_runtime::run::dataset::layout::{journal_path, times_path};
 use syntable_runtime::run::making::times::RunTimes;
 
 /// Folders between that of a run and an annotation file, such as `coco/annotations/instances_train.json`.
@@ -101,7 +101,7 @@ impl Record {
         });
         let path = journal_path(&root);
         let (journal, faults) = find(&folder, &path)
-            .and_then(|_| Journal::readable(&path))
+            .and_then(|_| Journal::readable(&root))
             .unwrap_or_else(|error| (BTreeMap::new(), vec![error.message().to_owned()]));
         faults.into_iter().for_each(|fault| note(&path, fault));
         let path = times_path(&root);
