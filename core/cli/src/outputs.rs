@@ -14,7 +14,7 @@ pub fn check_outputs(outputs: &[(&str, Option<&PathBuf>)], inputs: &[&Path]) -> 
         let own = whole(path);
         let refuse = |what: String| {
             let error = Error::new(format!("{option} would {what}")).in_file(path);
-            Err(Exit::wrong(error.help(format!("name another file with {option}")).permanent()))
+            Err(Exit::wrong(error.help(format!("name another file with {option}"))))
         };
         if let Some((other, _)) = there[..number].iter().find(|(_, other)| whole(other) == own) {
             return refuse(format!("overwrite what {other} writes"));

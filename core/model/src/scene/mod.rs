@@ -165,7 +165,7 @@ impl SceneBuilder {
     /// The tabletop, or an error for a placer or settler that needs one.
     pub fn tabletop(&self) -> Result<Tabletop> {
         self.tabletop.ok_or_else(|| {
-            let error = Error::new("there is no tabletop yet").permanent();
+            let error = Error::new("there is no tabletop yet");
             error.help("place a table first: [[place]] kind = \"table\"")
         })
     }
@@ -206,7 +206,7 @@ impl SceneBuilder {
         for body in &bodies {
             let pose = &body.world_from_body;
             if !pose.translation.vector.iter().chain(pose.rotation.coords.iter()).all(|x| x.is_finite()) {
-                return Err(Error::new(format!("the pose of {} is not finite", body.asset)));
+                return Err(Error::unlucky(format!("the pose of {} is not finite", body.asset)));
             }
         }
         if !bodies.iter().any(|body| body.role == Role::Object) {
@@ -219,7 +219,7 @@ impl SceneBuilder {
 /// Why a scene has no object: none was placed, or all were taken out, with the reasons and how often each came.
 fn nothing_left(placed: u32, removed: &[Removal]) -> Error {
     if placed == 0 {
-        return Error::new("no step placed an object")
+        return Error::unlucky("no step placed an object")
             .help("a scene needs an annotated object: add a `drop_box` to [[place]], or raise its `count`");
     }
     // Reasons that differ in numbers only are one.
@@ -240,7 +240,7 @@ fn nothing_left(placed: u32, removed: &[Removal]) -> Error {
     });
     let said: Vec<String> = said.collect();
     let reasons = if said.is_empty() { String::new() } else { format!(": {}", said.join(", ")) };
-    Error::new(format!("no object is left on the table, of {placed} that were placed{reasons}")).help(
+    Error::unlucky(format!("no object is left on the table, of {placed} that were placed{reasons}")).help(
         "where they fall off, drop them nearer to its middle or take larger tables; where they still move, give them \
          more time in [settle]",
     )

@@ -84,7 +84,7 @@ impl Settled {
             || self.weighed.len() != self.masses_kg.len()
             || !self.moved.iter().chain(&self.removed).chain(&self.weighed).all(there)
         {
-            return Err(Error::new("the settled poses are those of another scene").permanent());
+            return Err(Error::new("the settled poses are those of another scene"));
         }
         for (&number, pose) in self.moved.iter().zip(&self.poses) {
             scene.set_pose(BodyHandle(number), pose_of(pose));

@@ -121,7 +121,7 @@ impl DatasetInfo {
 
     fn no_category(&self, message: &str) -> Error {
         let known: Vec<String> = self.categories().map(|(id, name)| format!("{id} ({name})")).collect();
-        Error::new(message).help(format!("it has {}; add the category to them", known.join(", "))).permanent()
+        Error::new(message).help(format!("it has {}; add the category to them", known.join(", ")))
     }
 }
 

@@ -107,7 +107,6 @@ fn create_new(folder: &StoreFolder, path: &DatasetPath, id: &str) -> Result<File
     folder.create(path)?.ok_or_else(|| {
         Error::new(format!("`{path}` is written twice"))
             .help(format!("two files have one path; give `write.{id}` another id, folder or path"))
-            .permanent()
     })
 }
 
@@ -157,10 +156,7 @@ impl Finish {
         let mut bytes = Vec::new();
         self.open(&path)?.read_to_end(&mut bytes).map_err(|error| Error::io(&full, &error).help(DAMAGED))?;
         if Digest::of(&bytes) != digest {
-            return Err(Error::new("the file has other bytes than its name says")
-                .in_file(&full)
-                .help(DAMAGED)
-                .permanent());
+            return Err(Error::new("the file has other bytes than its name says").in_file(&full).help(DAMAGED));
         }
         Ok(bytes)
     }
@@ -200,13 +196,13 @@ const DAMAGED: &str = "the dataset is damaged; `syntable run --repair` makes the
 /// If the id is no name of a folder.
 pub fn shard_path(id: &str, scene: SceneId) -> Result<DatasetPath> {
     let path = DatasetPath::new(format!("{}/shards/{id}/{:06}.jsonl", RESERVED[0], scene.0));
-    path.map_err(|error| Error::new(error.to_string()).permanent())
+    path.map_err(|error| Error::new(error.to_string()))
 }
 
 /// Path of bytes that a writer keeps for the end of a run. Scenes that share the same bytes have files in the same folder.
 fn shared_path(id: &str, scene: SceneId, digest: Digest) -> Result<DatasetPath> {
     let path = DatasetPath::new(format!("{}/shards/{id}/{SHARED}/{digest}/{:06}", RESERVED[0], scene.0));
-    path.map_err(|error| Error::new(error.to_string()).permanent())
+    path.map_err(|error| Error::new(error.to_string()))
 }
 
 /// Name of the folder of what scenes share, beside their shards.
@@ -226,7 +222,7 @@ pub fn check_path(option: &str, path: &str) -> Result<(), ConfigError> {
 }
 
 fn of_writer(path: &str) -> Result<DatasetPath> {
-    DatasetPath::of_writer(path).map_err(|error| Error::new(error.to_string()).permanent())
+    DatasetPath::of_writer(path).map_err(|error| Error::new(error.to_string()))
 }
 
 #[cfg(test)]

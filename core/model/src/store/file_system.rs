@@ -33,8 +33,7 @@ impl FsStore {
         if is_link && !self.root.exists() {
             return Err(Error::new("it is a link to what is not there")
                 .in_file(&self.root)
-                .help("make the folder that it leads to, or choose another --out")
-                .of_request());
+                .help("make the folder that it leads to, or choose another --out"));
         }
         Ok(())
     }
@@ -242,7 +241,7 @@ impl Store for FsStore {
 
 /// The file beside another one in which it is made.
 fn part_of(path: &DatasetPath) -> Result<DatasetPath> {
-    DatasetPath::new(format!("{path}.part")).map_err(|error| Error::new(error.to_string()).permanent())
+    DatasetPath::new(format!("{path}.part")).map_err(|error| Error::new(error.to_string()))
 }
 
 fn create_parent(path: &Path) -> Result<()> {

@@ -27,7 +27,6 @@ pub fn linked(root: &Path, folder: &str) -> Error {
     Error::new(format!("`{folder}` is a link: files behind links are neither written nor removed"))
         .in_file(root)
         .help(LINKED)
-        .permanent()
 }
 
 impl Inside {

@@ -77,7 +77,7 @@ pub fn convert(
         && let Some(first) = dataset.faults.first()
     {
         let why = format!("no image can be read: {}: {}", first.place, first.message);
-        return Err(Error::new(why).help("`syntable validate` lists what is wrong").of_request());
+        return Err(Error::new(why).help("`syntable validate` lists what is wrong"));
     }
     let Resolved { plan, lacking } = resolve(registry, dataset, writers)?;
     let draft = begin(out)?;
@@ -163,8 +163,7 @@ pub fn check_place(out: &Path, source: &Path) -> Result<()> {
     let beside = root.with_file_name(out.file_name().unwrap_or_default());
     Err(Error::new(format!("it lies in {what}, {}", root.display()))
         .in_file(out)
-        .help(format!("choose a folder outside of that one, such as {}", beside.display()))
-        .of_request())
+        .help(format!("choose a folder outside of that one, such as {}", beside.display())))
 }
 
 /// Begins the folder of a conversion: new, or empty.
@@ -174,14 +173,11 @@ fn begin(out: &Path) -> Result<Draft> {
         return Draft::begin(out);
     }
     if out.is_file() {
-        return Err(Error::new("it is a file").in_file(out).help("choose a folder, new or empty").of_request());
+        return Err(Error::new("it is a file").in_file(out).help("choose a folder, new or empty"));
     }
     // A conversion that was killed at its very end leaves the whole dataset, and something beside it.
     let _ = durable::mend(out);
-    Err(Error::new("the folder is there and not empty")
-        .in_file(out)
-        .help("choose another folder; nothing was touched")
-        .of_request())
+    Err(Error::new("the folder is there and not empty").in_file(out).help("choose another folder; nothing was touched"))
 }
 
 /// What is computed of a dataset, and what writers do without.
@@ -239,7 +235,7 @@ fn resolve(registry: &Registry, dataset: &OpenDataset, writers: &[(String, Box<d
                 let product = first.trim_matches('`');
                 help += &format!("; choose among them, as in --set '{kind}.{option}=[\"{product}\"]'");
             }
-            Error::new(messages.join("; ")).help(help).of_request()
+            Error::new(messages.join("; ")).help(help)
         })?;
     Ok(Resolved { plan, lacking: lacking.into_iter().collect() })
 }
@@ -384,7 +380,7 @@ impl Conversion<'_> {
     /// Writes the images of a scene that can be read, and whether there are any.
     fn scene(&self, id: SceneId, images: &[usize]) -> Result<bool> {
         if let Some(reason) = self.stop.requested() {
-            return Err(Error::new(format!("stopped by {reason}")));
+            return Err(Error::stopped(format!("stopped by {reason}")));
         }
         let (cx, times) = (self.cx.images(id), Times::default());
         let (mut writers, mut of_scene) = (None, Products::new());

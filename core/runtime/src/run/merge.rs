@@ -47,7 +47,7 @@ pub fn merge<P: Clone + Into<StoreFolder>>(
     is_apart(&out, &parts)?;
     let parts: Vec<Part> = parts.into_iter().map(open).collect::<Result<_>>()?;
     let Some(first) = parts.first() else {
-        return Err(Error::new("there is no part to merge").permanent());
+        return Err(Error::new("there is no part to merge"));
     };
     for part in &parts[1..] {
         same_recipe(first, part)?;
@@ -81,7 +81,7 @@ pub fn merge<P: Clone + Into<StoreFolder>>(
         if let Some(reason) = stop.requested() {
             let message =
                 format!("stopped by {}: {done} of {} are merged", reason, count(chosen.len() as u32, "scene"));
-            return Err(Error::new(message).help("the same command goes on from there"));
+            return Err(Error::stopped(message).help("the same command goes on from there"));
         }
         adopt(&begun.folder, &part.folder, entry, &journal)
             .map_err(|error| stopping(error).context(format!("scene {}", entry.scene)))?;
@@ -127,15 +127,13 @@ fn is_apart(out: &StoreFolder, parts: &[StoreFolder]) -> Result<()> {
                     .help(format!(
                         "leave out the part `{}` to put the others into it, which keeps its scenes, or name another folder first",
                         part.name().display()
-                    ))
-                    .of_request());
+                    )));
             }
             (false, false) => {}
             _ => {
                 return Err(Error::new("the dataset to make and this part lie one in the other")
                     .in_file(part.name())
-                    .help("name a folder beside the parts")
-                    .of_request());
+                    .help("name a folder beside the parts"));
             }
         }
     }
@@ -148,16 +146,12 @@ fn recipe_of(folder: &Folder, what: &str) -> Result<String> {
         Error::new(format!("the {what} {lost}"))
             .in_file(folder.name())
             .help("bring it back, or run with its recipe, --out and --repair")
-            .permanent()
     })
 }
 
 fn open(part: StoreFolder) -> Result<Part> {
     if !layout::is_dataset(&part)? {
-        return Err(Error::new("there is no dataset")
-            .in_file(part.name())
-            .help("name the folder that a run wrote")
-            .permanent());
+        return Err(Error::new("there is no dataset").in_file(part.name()).help("name the folder that a run wrote"));
     }
     let folder = Folder::read(part)?;
     let entries = Journal::entries_of(folder.files())?;
@@ -169,9 +163,7 @@ fn open(part: StoreFolder) -> Result<Part> {
 /// Refuses parts of different recipes or of different inputs.
 fn same_recipe(one: &Part, other: &Part) -> Result<()> {
     let folders = || format!("{} and {}", one.folder.name().display(), other.folder.name().display());
-    let refuse = |message: String| {
-        Err(Error::new(message).help("make all parts with one recipe and the same assets").permanent())
-    };
+    let refuse = |message: String| Err(Error::new(message).help("make all parts with one recipe and the same assets"));
     let differences = growth::differences(&one.recipe, &other.recipe);
     if !differences.is_empty() {
         return refuse(format!("{} are of different recipes:{}\n ", folders(), growth::listing(&differences)));
@@ -230,11 +222,9 @@ fn choose<'p>(begun: &'p Part, parts: &'p [Part]) -> Result<Vec<(&'p JournalEntr
             match chosen.get(&scene) {
                 Some((other, whose)) if *other != entry => {
                     let [one, two] = [whose, part].map(|part| part.folder.name().display().to_string());
-                    return Err(Error::new(format!("scene {scene} is not the same in {one} and in {two}"))
-                        .help(
-                            "one of them is damaged, or was made by another program; `syntable verify` compares files",
-                        )
-                        .permanent());
+                    return Err(Error::new(format!("scene {scene} is not the same in {one} and in {two}")).help(
+                        "one of them is damaged, or was made by another program; `syntable verify` compares files",
+                    ));
                 }
                 Some(_) => {}
                 None => drop(chosen.insert(scene, (entry, part))),
@@ -251,7 +241,6 @@ pub fn adopt(folder: &Folder, part: &Folder, entry: &JournalEntry, journal: &Mut
         Error::new("the part is damaged here")
             .in_file(files.name_of(path))
             .help("`syntable run --repair` with the part's recipe and folder makes the scene again")
-            .permanent()
     };
     let staged = folder.stage(entry.scene)?;
     let mut written = Written::new();
@@ -267,8 +256,7 @@ pub fn adopt(folder: &Folder, part: &Folder, entry: &JournalEntry, journal: &Mut
                 State::Linked => {
                     return Err(Error::new("it is a link, or behind one, and links of a part are not followed")
                         .in_file(files.name_of(inside))
-                        .help("put the file itself there, as `cp -rL` does")
-                        .permanent());
+                        .help("put the file itself there, as `cp -rL` does"));
                 }
                 State::Missing | State::Damaged => return Err(damaged(inside)),
             }
@@ -312,21 +300,19 @@ fn ready(recipe: &Recipe) -> Result<()> {
                 .help(
                     "`[lock]` of a part's recipe.toml has a digest of each such file: bring the recipe back as it was",
                 )
-                .context(option)
-                .of_request());
+                .context(option));
         };
         if *digest != found.1.to_string() {
             return Err(Error::new("it is not what it was when the parts were made")
                 .in_file(path)
                 .help(help)
-                .context(option)
-                .of_request());
+                .context(option));
         }
     }
     for (id, writer) in &recipe.write {
         let table = format!("write.{id}.");
         if !of_scenes.iter().any(|(option, _)| option.starts_with(&table)) {
-            writer.ready().map_err(|error| error.context(format!("write.{id}")).permanent())?;
+            writer.ready().map_err(|error| error.context(format!("write.{id}")))?;
         }
     }
     Ok(())
@@ -340,11 +326,11 @@ fn load(registry: &Registry, text: &str) -> Result<Recipe> {
     let overrides = Overrides { variable: &named, ..Overrides::of_process(Vec::new()) };
     let source = Source::embedded(RESERVED[1], without_lock(text));
     let (recipe, _) = recipe::load(registry, source, &overrides)
-        .map_err(|report| Error::new(format!("the recipe of the parts cannot be read:\n{report}")).permanent())?;
+        .map_err(|report| Error::new(format!("the recipe of the parts cannot be read:\n{report}")))?;
     let differences = growth::differences(text, &recipe.resolved);
     if !differences.is_empty() {
         let message = format!("the parts were made by another program:{}\n ", growth::listing(&differences));
-        return Err(Error::new(message).help("merge them with the program that made them").permanent());
+        return Err(Error::new(message).help("merge them with the program that made them"));
     }
     Ok(Recipe { resolved: text.to_owned(), ..recipe })
 }

@@ -76,6 +76,15 @@ fn camera() -> Camera {
 fn products() -> Products {
     let mut stream = Stream::root(6);
     let mut products = Products::new();
+    let distortion = camera().distortion.expect("distorted");
+    let ([k1, k2, k3], [p1, p2]) = (distortion.radial, distortion.tangential);
+    let stated = serde_json::json!({
+        "width": K.width,
+        "height": K.height,
+        "K": K.matrix(),
+        "distortion_k1_k2_p1_p2_k3": [k1, k2, p1, p2, k3],
+    });
+    products.put(CAMERA, Value::of(&stated).expect("plain data")).expect("first");
     // A mug, an asset of no class, the table, and an object that no pixel shows.
     let body = |id: u32, role: &str, name: &str, category: &str| {
         Value::record([

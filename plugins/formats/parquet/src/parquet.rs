@@ -248,8 +248,7 @@ impl SceneWriter for ParquetScene {
         let is_per_instance = |key: &KeyId| matches!(key.form(), Form::PerInstance(_));
         if self.config.rows == Rows::Instances && !self.keys.values().any(is_per_instance) {
             return Err(Error::new("a table of instances without a product per instance has no rows")
-                .help("include one, such as `visible_box`, or write `rows = \"views\"`")
-                .permanent());
+                .help("include one, such as `visible_box`, or write `rows = \"views\"`"));
         }
         let mut table = Table::new(self.columns())?;
         for view in &self.views {

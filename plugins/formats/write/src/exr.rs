@@ -117,7 +117,7 @@ impl ExrScene {
         for (product, key) in include::of_scope(&self.config.include, products, scope) {
             let mut add = |value: Value, name: String| {
                 let coding = Coding::of(&Kind::of(&key, &value))
-                    .map_err(|refusal| Error::new(refusal).context(format!("product `{product}`")).permanent())?;
+                    .map_err(|refusal| Error::new(refusal).context(format!("product `{product}`")))?;
                 layers.push(ImageLayer { name, coding, value });
                 Ok(())
             };

@@ -148,11 +148,11 @@ impl Settle {
 fn check(body: &BodyDraft, mass: Mass) -> Result<()> {
     let pose = &body.world_from_body;
     if !pose.translation.vector.iter().chain(pose.rotation.coords.iter()).all(|x| x.is_finite()) {
-        return Err(Error::new("its start pose is not finite"));
+        return Err(Error::unlucky("its start pose is not finite"));
     }
     let kg = body.mass.kg;
     if body.motion == Motion::Dynamic && mass == Mass::Real && !body.mass.is_sound() {
-        return Err(Error::new(format!("its mass is {kg} kg"))
+        return Err(Error::unlucky(format!("its mass is {kg} kg"))
             .help("give it a mass with `mass` or `properties` of its pool, or set `mass` in [settle]"));
     }
     Ok(())

@@ -201,7 +201,7 @@ impl DropBox {
         let max_count = self.count.range().1;
         if max_count > all.len() as i64 {
             let message = format!("`count` can become {max_count}, but there are {} assets to draw from", all.len());
-            return Err(Error::new(message).help("set with_replacement = true, or a smaller count").permanent());
+            return Err(Error::new(message).help("set with_replacement = true, or a smaller count"));
         }
         let mut drawn = Vec::new();
         let mut last = None;
@@ -251,7 +251,7 @@ impl DropBox {
         let level = OrientedBox::new(&bounds, &pose_at(object, rotation, at), GAP_M / 2.0);
         at.z = taken.iter().map(OrientedBox::top).fold(space.low, f64::max) + level.half_height() + GAP_M;
         if at.z + level.half_height() > space.ceiling {
-            return Err(Error::new("there is no place left for it between the tabletop and the ceiling"));
+            return Err(Error::unlucky("there is no place left for it between the tabletop and the ceiling"));
         }
         let pose = pose_at(object, rotation, at);
         taken.push(OrientedBox::new(&bounds, &pose, GAP_M / 2.0));
@@ -288,7 +288,7 @@ impl StartBox {
         let low = tabletop.height() + options.clearance_m;
         let ceiling = ceiling.unwrap_or(f64::INFINITY);
         if low >= ceiling {
-            return Err(Error::new(format!(
+            return Err(Error::unlucky(format!(
                 "the box starts {low:.2} m above the floor, and the ceiling is at {ceiling:.2} m"
             ))
             .help("lower `clearance_m`, or raise the height of the room"));

@@ -147,7 +147,7 @@ impl Placer for Room {
 pub fn refuse_second_floor(scene: &SceneBuilder) -> Result<()> {
     if scene.bodies().any(|(_, body)| body.role == Role::Room && body.asset.name == "floor") {
         let help = "keep one [[place]] of the kinds `room` and `ground`";
-        return Err(Error::new("there is a floor already").help(help).permanent());
+        return Err(Error::new("there is a floor already").help(help));
     }
     Ok(())
 }
@@ -173,7 +173,7 @@ pub fn refuse_table_through_wall(scene: &SceneBuilder) -> Result<()> {
                 "the table {table} of {x:.2} m × {y:.2} m × {z:.2} m reaches through the {} of the room",
                 wall.asset.name
             );
-            return Err(Error::new(message).help(
+            return Err(Error::unlucky(message).help(
                 "give the room a larger `size_m` or `height_m`, or the table a `longer_side_m`; if all tables of the pool are too \
                  large, look at the unit of their meshes",
             ));

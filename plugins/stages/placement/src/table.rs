@@ -89,7 +89,7 @@ impl Placer for Table {
         let shift = Vector3::new(-bounds.center().x, -bounds.center().y, -bounds.min.z);
         let (size, pose) = (bounds.size(), Pose::from_parts(shift.into(), rotation));
         if size.min() < 1e-6 {
-            return Err(Error::new(format!("the table {asset} is flat: its box is {size:?} m")));
+            return Err(Error::unlucky(format!("the table {asset} is flat: its box is {size:?} m")));
         }
         let material = match &self.material {
             Some(pools) if context.stream.child("keep").chance(self.material_probability) => {

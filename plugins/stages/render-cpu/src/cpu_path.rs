@@ -172,7 +172,7 @@ impl CpuPathSession {
             .iter()
             .any(|key| [COVERAGE.id(), COVERAGE.before_support().id(), OBJECT_DEPTHS.id()].contains(key))
         {
-            return Err(Error::new("several tiles have no sets of objects").help("render them one by one").permanent());
+            return Err(Error::new("several tiles have no sets of objects").help("render them one by one"));
         }
         let cut: Vec<OnceLock<Labels>> = tiles.iter().map(|_| OnceLock::new()).collect();
         request.workers.run(tiles.len(), &|number| {

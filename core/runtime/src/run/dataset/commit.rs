@@ -55,8 +55,7 @@ impl Folder {
         for (path, stamp) in &new.files {
             if manifest.files.insert(path.clone(), *stamp).is_some() && !path.starts_with(MARK) {
                 return Err(Error::new(format!("`{path}` is written twice"))
-                    .help("two writers have one path; give one of them another id, folder or path")
-                    .permanent());
+                    .help("two writers have one path; give one of them another id, folder or path"));
             }
         }
         stale.files.retain(|path, _| !manifest.has(path));
@@ -140,7 +139,7 @@ impl Folder {
         let mut paths: Vec<String> = Vec::new();
         each_staged(&self.files.inner(staged), "", &mut paths)?;
         for path in paths.into_iter().filter(|path| keep != Some(path)) {
-            let to = DatasetPath::new(path).map_err(|error| Error::new(error.to_string()).permanent())?;
+            let to = DatasetPath::new(path).map_err(|error| Error::new(error.to_string()))?;
             let from = staged.join(&to);
             if is_shared(&to) {
                 self.share(&from, &to)?;
@@ -204,5 +203,5 @@ pub(super) fn taken(path: &str, owner: Option<&String>, help: &str) -> Error {
         Some(owner) => (format!("is {owner}"), "two files have one path: give the writer another id, folder or path"),
         None => ("is there already and does not belong to the dataset".to_owned(), help),
     };
-    Error::new(format!("`{path}` {owner}")).help(help).permanent()
+    Error::new(format!("`{path}` {owner}")).help(help)
 }

@@ -56,8 +56,7 @@ impl Folder {
         if !layout::is_dataset(&dataset)? && !dataset.list("")?.is_empty() {
             return Err(Error::new("the folder is not empty and holds no dataset")
                 .in_file(dataset.name())
-                .help("choose another folder; nothing was touched")
-                .permanent());
+                .help("choose another folder; nothing was touched"));
         }
         let folder = Self::locked(dataset, Access::Write)?;
         if folder.files.has(&layout::bin())? {
@@ -167,7 +166,6 @@ impl Folder {
         Error::new(format!("a file of scene {} is missing or damaged", entry.scene))
             .in_file(self.files.name_of(path))
             .help("run the same command with --repair: it makes the scene again")
-            .permanent()
     }
 
     /// Whose files these are, for those that a manifest lists.

@@ -129,7 +129,7 @@ const CHANGED: &str =
 
 impl Odd {
     fn into_error(self, dataset: &StoreFolder) -> Error {
-        Error::new(self.what).in_file(dataset.name_of(&self.path)).help(CHANGED).permanent()
+        Error::new(self.what).in_file(dataset.name_of(&self.path)).help(CHANGED)
     }
 }
 

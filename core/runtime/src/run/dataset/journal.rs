@@ -219,7 +219,6 @@ impl Journal {
                         "`syntable run` with the dataset's recipe and --repair makes the scene of a damaged line again; if \
                          another version began it, choose another folder with --out, or delete it",
                     )
-                    .permanent()
             })?;
             entries.insert(entry.scene, entry);
             Ok(())

@@ -98,7 +98,7 @@ pub fn settled(scene: u32) -> DatasetPath {
 /// If the name of the pool is none of a file: a dataset may lock any.
 pub fn catalog(pool: &str) -> Result<DatasetPath> {
     let path = DatasetPath::new(format!("{MARK}/catalogs/{pool}.json"));
-    path.map_err(|error| Error::new(format!("`lock.catalogs` names the pool {pool:?}: {error}")).permanent())
+    path.map_err(|error| Error::new(format!("`lock.catalogs` names the pool {pool:?}: {error}")))
 }
 
 /// The folder of what is staged.

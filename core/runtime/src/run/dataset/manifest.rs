@@ -108,14 +108,14 @@ impl Manifest {
             match kind {
                 Kind::Folder => self.add_tree(folder, &inside)?,
                 Kind::File => {
-                    let path = DatasetPath::new(inside).map_err(|error| Error::new(error.to_string()).permanent())?;
+                    let path = DatasetPath::new(inside).map_err(|error| Error::new(error.to_string()))?;
                     let stamp = Stamp::of(folder, &path)?;
                     folder.sync(&path)?;
                     self.files.insert(path, stamp);
                 }
                 Kind::Link | Kind::Other => {
                     let error = Error::new("a writer made what is no regular file");
-                    return Err(error.in_file(folder.name_of(&inside)).permanent());
+                    return Err(error.in_file(folder.name_of(&inside)));
                 }
             }
         }

@@ -40,8 +40,7 @@ impl Folder {
         if !self.files.has(&layout::manifests())? && self.has_lines()? {
             return Err(Error::new("another version began the dataset, and there is no list of its files")
                 .in_file(self.name())
-                .help("delete the folder yourself, or choose another one with --out; nothing was touched")
-                .permanent());
+                .help("delete the folder yourself, or choose another one with --out; nothing was touched"));
         }
         self.empty_bin()?;
         let mut left = Vec::new();

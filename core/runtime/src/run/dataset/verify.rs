@@ -56,10 +56,7 @@ impl Verified {
 pub fn verify(dataset: impl Into<StoreFolder>, threads: usize) -> Result<Verified> {
     let dataset = dataset.into();
     if !layout::is_dataset(&dataset)? {
-        return Err(Error::new("there is no dataset")
-            .in_file(dataset.name())
-            .help("name the folder that a run wrote")
-            .permanent());
+        return Err(Error::new("there is no dataset").in_file(dataset.name()).help("name the folder that a run wrote"));
     }
     let _lock = lock(&dataset, Access::Read)?;
     compare(&dataset, &Pool::new(threads)?)

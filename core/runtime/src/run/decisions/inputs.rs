@@ -67,8 +67,7 @@ pub fn unchanged(
 ) -> Result<()> {
     let refuse = |message: String| {
         Err(Error::new(message)
-            .help("scenes would differ from those of then: restore it, or make a new dataset with --out, from a recipe without that entry of [lock]")
-            .permanent())
+            .help("scenes would differ from those of then: restore it, or make a new dataset with --out, from a recipe without that entry of [lock]"))
     };
     for (pool, was) in &then.catalogs {
         let Some(is) = now.catalogs.get(pool).filter(|is| *is != was) else { continue };

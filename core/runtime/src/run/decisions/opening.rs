@@ -45,8 +45,7 @@ pub fn begin<'a>(
 ) -> Result<Begun<'a>> {
     if let Some(table) = recipe.undecided.first() {
         return Err(Error::new(format!("the kind of [{table}] stands for others, and none was chosen"))
-            .help("name a kind, or load the recipe with `Overrides::for_run`")
-            .permanent());
+            .help("name a kind, or load the recipe with `Overrides::for_run`"));
     }
     recipe.ready()?;
     recipe.fits()?;
@@ -189,7 +188,7 @@ fn compare(
                      with --out, or begin anew with --overwrite"
                 }
             };
-            return Err(Error::new(format!("the dataset {what}")).in_file(folder.name()).help(help).permanent());
+            return Err(Error::new(format!("the dataset {what}")).in_file(folder.name()).help(help));
         }
     };
     if none_made && !growth::differences(&before, &recipe.resolved).is_empty() {

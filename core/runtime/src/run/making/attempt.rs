@@ -33,7 +33,7 @@ pub struct Tools<'a> {
 impl Tools<'_> {
     /// An error once the work shall end.
     pub fn running(&self) -> Result<()> {
-        let stopped = |reason: StopReason| Err(Error::new(format!("stopped by {reason}")));
+        let stopped = |reason: StopReason| Err(Error::stopped(format!("stopped by {reason}")));
         self.stop.requested().map_or(Ok(()), stopped)
     }
 }
@@ -178,17 +178,16 @@ fn check_pixels([width, height]: [u32; 2], framing: RenderParameters) -> Result<
         Some(_) => ("the windows around the objects of a view".to_owned(), "place fewer objects, or set"),
     };
     Err(Error::new(format!("{what} has {width} × {height} pixels, more than the limit of {most}"))
-        .help(format!("{help} a lower resolution in [camera]"))
-        .permanent())
+        .help(format!("{help} a lower resolution in [camera]")))
 }
 
 /// Checks that a stage made what it had to, and nothing else.
 pub fn provided(declared: &[KeyId], made: &Products) -> Result<()> {
     if let Some(key) = declared.iter().find(|key| !made.contains(&key.name)) {
-        return Err(Error::new(format!("it declares to provide `{}` but did not", key.name)).permanent());
+        return Err(Error::new(format!("it declares to provide `{}` but did not", key.name)));
     }
     match made.keys().into_iter().find(|key| !declared.iter().any(|other| other.name == key.name)) {
-        Some(key) => Err(Error::new(format!("it provides `{}` without declaring it", key.name)).permanent()),
+        Some(key) => Err(Error::new(format!("it provides `{}` without declaring it", key.name))),
         None => Ok(()),
     }
 }

@@ -123,9 +123,9 @@ fn make_scenes(
             if let Some((id, error)) = writers {
                 let help = "nothing is lost: mend it, then run the same command";
                 let error = if error.help_text().is_some() { error } else { error.help(help) };
-                return Err(error
-                    .context(format!("the end of the run, tried for write.{id} after scene {}", task.scene))
-                    .permanent());
+                return Err(
+                    error.context(format!("the end of the run, tried for write.{id} after scene {}", task.scene))
+                );
             }
         }
         Ok(())
@@ -165,7 +165,7 @@ fn make_scenes(
     let noted = took.append(folder.files());
     if let Some(reason) = options.stop.requested() {
         let (made, all) = (made.into_inner(), tasks.len());
-        return Err(Error::new(format!("stopped by {reason}: {made} of {all} scenes are done"))
+        return Err(Error::stopped(format!("stopped by {reason}: {made} of {all} scenes are done"))
             .help("the same command goes on from there"));
     }
     // What stopped the run comes first: a full disk takes no times, either.
@@ -177,8 +177,7 @@ fn make_scenes(
             format!("{} could not be made with what the recipe adds; nothing was written", count(without, "scene"));
         return Err(Error::new(message)
             .in_file(folder.name())
-            .help("the warnings above say why; mend the recipe, or leave out what it adds")
-            .permanent());
+            .help("the warnings above say why; mend the recipe, or leave out what it adds"));
     }
     for made in held {
         folder.commit(made.entry, made.kept, made.written, journal)?;

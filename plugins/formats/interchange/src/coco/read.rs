@@ -133,7 +133,7 @@ pub(crate) fn open_file(root: &DatasetFolder, file: &Path) -> Result<Opened> {
         Record::Scene(_) => {}
     })?;
     if listing.file.categories.is_none() {
-        return Err(Error::new("missing field `categories`").in_file(file).of_request());
+        return Err(Error::new("missing field `categories`").in_file(file));
     }
     let images_root = images_root(root, file, listing.images.first().map(|image| image.frame.file_name.as_str()));
     let info = shared::info(&listing);
@@ -277,7 +277,7 @@ impl ImageSource for Reader {
         let of = |it: &Annotation| {
             let mask = segmentation(it)?.decode(frame.width, frame.height);
             let crowd = mask.map(|mask| Crowd { mask, category: self.listing.categories.id(it.category_id) });
-            Some(crowd.map_err(|error| error.context(format!("annotation {}: `segmentation`", it.id)).permanent()))
+            Some(crowd.map_err(|error| error.context(format!("annotation {}: `segmentation`", it.id))))
         };
         annotations.iter().filter(|it| is_crowd(it)).filter_map(of).collect()
     }
@@ -533,7 +533,7 @@ impl Reader {
     fn labels(&self, [width, height]: [u32; 2], id: InstanceId, annotation: &Annotation) -> Result<Labels> {
         let of = |key: &str| format!("annotation {}: `{key}`", annotation.id);
         let decoded = |segmentation: &Segmentation, key: &str| {
-            segmentation.decode(width, height).map_err(|error| error.context(of(key)).permanent())
+            segmentation.decode(width, height).map_err(|error| error.context(of(key)))
         };
         let extra = |key: &str| -> Result<Option<Mask>> {
             let segmentation: Option<Segmentation> = field(annotation, key)?;
@@ -575,7 +575,7 @@ impl Reader {
 /// A field that annotations of some formats have.
 fn field<T: DeserializeOwned>(annotation: &Annotation, key: &str) -> Result<Option<T>> {
     let Some(json) = annotation.extra.get(key).filter(|json| !json.is_null()) else { return Ok(None) };
-    serde_json::from_value(json.clone()).map(Some).map_err(|error| {
-        Error::new(error.to_string()).context(format!("annotation {}: `{key}`", annotation.id)).permanent()
-    })
+    serde_json::from_value(json.clone())
+        .map(Some)
+        .map_err(|error| Error::new(error.to_string()).context(format!("annotation {}: `{key}`", annotation.id)))
 }

@@ -101,7 +101,7 @@ fn open(source: &Source) -> Result<Opened> {
         Record::Scene(_) => {}
     })?;
     let Some(all) = listing.file.categories.clone() else {
-        return Err(Error::new("missing field `categories`").in_file(file).of_request());
+        return Err(Error::new("missing field `categories`").in_file(file));
     };
     let stuff: BTreeSet<u64> = all.iter().filter(|it| is_stuff(it)).map(|it| it.id).collect();
     let things: Vec<Category> = all.iter().filter(|it| !is_stuff(it)).cloned().collect();
@@ -177,7 +177,7 @@ impl Reader {
         let Some(annotation) = annotations.pop().filter(|_| annotations.is_empty()) else {
             let message =
                 format!("image {} has no annotation, or several: one with all of its segments is needed", frame.id);
-            return Err(Error::new(message).permanent());
+            return Err(Error::new(message));
         };
         let path = self.segments.file(&annotation.file_name)?;
         let ids = decode::rgb_of_size(&path, [frame.width, frame.height])?;

@@ -147,7 +147,7 @@ impl Floats {
         size: [usize; 2],
     ) -> Result<Vec<(&'static str, Vec<u8>)>> {
         let kind = Kind::of(key, value);
-        let explain = |error: Error| error.context(format!("product `{product}`")).permanent();
+        let explain = |error: Error| error.context(format!("product `{product}`"));
         match png::Coding::of(&kind) {
             // Nothing that has a format without loss is stored with less.
             Ok(png::Coding::Depth | png::Coding::Normal | png::Coding::Color) | Err(_) => {}

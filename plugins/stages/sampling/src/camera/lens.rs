@@ -143,7 +143,7 @@ impl Lens {
                 "the distance in focus is {distance:.4} m, where a lens of {} mm cannot focus",
                 self.focal_length_m * 1e3
             );
-            return Err(Error::new(message).help("set lens.focus to another distance, or change the views"));
+            return Err(Error::unlucky(message).help("set lens.focus to another distance, or change the views"));
         }
         let f_number = self.options.f_number.draw(&mut context.stream.child("f_number"));
         Ok(ThinLens { aperture_radius_m: self.focal_length_m / (2.0 * f_number), focus_distance_m: distance })

@@ -129,7 +129,7 @@ impl LightSampler for CeilingLight {
         if height <= tabletop.z + 0.01 {
             let message =
                 format!("the ceiling lights at {height:.2} m are not above the tabletop at {:.2} m", tabletop.z);
-            return Err(Error::new(message).help("make `height_m` or the room's `height_m` larger"));
+            return Err(Error::unlucky(message).help("make `height_m` or the room's `height_m` larger"));
         }
         let grid_center = Point3::new(tabletop.x + x, tabletop.y + y, height);
         let centers: Vec<Point3<f64>> =

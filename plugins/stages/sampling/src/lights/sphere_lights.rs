@@ -142,7 +142,7 @@ impl LightSampler for SphereLights {
                 let message = format!(
                     "a sphere light of radius {radius:.3} m reaches the center of the tabletop, {distance:.3} m away"
                 );
-                return Err(Error::new(message).help("make `radius` larger or `size_m` smaller"));
+                return Err(Error::unlucky(message).help("make `radius` larger or `size_m` smaller"));
             }
             let luminance = self.brightness.draw(
                 &mut stream.child("brightness"),

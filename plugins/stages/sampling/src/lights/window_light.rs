@@ -214,7 +214,7 @@ impl LightSampler for WindowLight {
             windows.iter().map(|window| polygon_illuminance(&window.corners(), tabletop, Vector3::z())).sum();
         if nits.is_none() && per_nit <= 0.0 {
             let message = format!("no window reaches above the tabletop at {:.2} m", tabletop.z);
-            return Err(Error::new(message).help("make `sill_m` or `height_m` larger"));
+            return Err(Error::unlucky(message).help("make `sill_m` or `height_m` larger"));
         }
         let color = blackbody(draw("temperature", &self.temperature_k));
         if self.pattern == Pattern::Plain {
@@ -230,7 +230,7 @@ impl LightSampler for WindowLight {
         let glass: f64 = panes.map(|pane| polygon_illuminance(&pane.corners(), tabletop, Vector3::z())).sum();
         if nits.is_none() && through <= 0.0 {
             let message = format!("the view `{}` is dark above the horizon", view.map.name);
-            return Err(Error::new(message).help("remove it from its pool, or leave `from` out"));
+            return Err(Error::unlucky(message).help("remove it from its pool, or leave `from` out"));
         }
         // Frames reflect a part of the illuminance E: E = scale · through + of_frames · E.
         let reflectance = stream.child("frame").pick(&FRAMES).copied().unwrap_or(FRAMES[0]);
@@ -261,7 +261,7 @@ impl WindowLight {
         let open = luminance(level_irradiance(&map)) / PI;
         if open <= 0.0 {
             let message = format!("the environment map `{}` has no light above the horizon", map.name);
-            return Err(Error::new(message).help("remove it from its pool, or leave `from` out"));
+            return Err(Error::unlucky(message).help("remove it from its pool, or leave `from` out"));
         }
         Ok(EnvironmentLight { map, scale: color.map(|channel| channel / open), rotation })
     }
@@ -325,10 +325,10 @@ fn no_wall(scene: &Scene) -> Error {
         room().filter(stands).reduce(|all, wall| Aabb { min: all.min.inf(&wall.min), max: all.max.sup(&wall.max) })
     else {
         let what = if room().next().is_none() { "there is no room" } else { "the room is a floor without walls" };
-        return Error::new(format!("the scene has no wall for a window: {what}")).help(help).permanent();
+        return Error::new(format!("the scene has no wall for a window: {what}")).help(help);
     };
     let center = scene.tabletop.center();
-    Error::new(format!(
+    Error::unlucky(format!(
         "no wall is beside the tabletop: its center is at ({:.2}, {:.2}, {:.2}) m, and the walls of the room span \
          ({:.2}, {:.2}, {:.2}) m to ({:.2}, {:.2}, {:.2}) m",
         center.x, center.y, center.z, walls.min.x, walls.min.y, walls.min.z, walls.max.x, walls.max.y, walls.max.z
