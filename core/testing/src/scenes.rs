@@ -5,7 +5,8 @@ use syntable_model::digest::Hasher;
 use syntable_model::geometry::{Point3, Pose, Vector3, look_at};
 use syntable_model::scene::{
     AssetRef, BodyDraft, Camera, Exposure, Intrinsics, Light, MassOrigin, MassProperties, Material, Mesh, MeshData,
-    Motion, Object, Role, Scene, SceneBuilder, SceneId, SettleReport, SourceModel, SphereLight, Tabletop, View, ViewId,
+    Motion, Object, Region, Role, Scene, SceneBuilder, SceneId, SettleReport, SourceModel, SphereLight, Support, View,
+    ViewId,
 };
 use syntable_model::stage::DatasetInfo;
 
@@ -65,7 +66,7 @@ pub fn table() -> SceneBuilder {
     let mut builder = SceneBuilder::default();
     let slab = object("table", box_mesh([2.0, 2.0, 0.1]), [0.5; 3]);
     builder.add(body(slab, [0.0, 0.0, -0.05], Role::Support));
-    builder.tabletop = Some(Tabletop { center: [0.0; 3], size: [2.0, 2.0] });
+    builder.supports = Support::new("table", Region::rectangle([0.0; 3], [2.0, 2.0])).into();
     builder
 }
 

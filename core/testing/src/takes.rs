@@ -14,7 +14,7 @@ use syntable_model::reader::{DatasetReader, Format, Source};
 use syntable_model::registry::{Registry, Slot, Stage};
 use syntable_model::scene::{
     AssetRef, BodyDraft, Camera, Exposure, Intrinsics, MassOrigin, MassProperties, Material, Mesh, MeshData, Motion,
-    Object, Role, SceneId, SettleReport, SourceModel, Tabletop, ViewId,
+    Object, Region, Role, SceneId, SettleReport, SourceModel, Support, ViewId,
 };
 
 /// Width of the images, px.
@@ -133,7 +133,7 @@ fn scene(id: u32, objects: usize) -> Scene {
         digest: Digest::of(b"tetra"),
     });
     let mut builder = SceneBuilder::default();
-    builder.tabletop = Some(Tabletop { center: [0.0, 0.0, 0.7], size: [1.0, 0.8] });
+    builder.supports = Support::new("table", Region::rectangle([0.0, 0.0, 0.7], [1.0, 0.8])).into();
     let mut handles = Vec::new();
     for (i, role) in [Role::Support].into_iter().chain(vec![Role::Object; objects + 1]).enumerate() {
         let asset = AssetRef { pool: "pool".into(), name: format!("lm/tetra_{i}") };

@@ -22,23 +22,33 @@ impl fmt::Display for InstanceId {
     }
 }
 
-/// What a body is for.
+/// What a body is for. Roles may be added: stages that treat a role specially leave all others as they are.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize)]
 #[serde(rename_all = "snake_case")]
+#[non_exhaustive]
 pub enum Role {
     /// An object to segment; annotated.
     Object,
     /// May occlude objects and lie among them; never annotated.
     Distractor,
-    /// Carries objects: the table.
+    /// Carries objects: a table, a bin, a shelf.
     Support,
     /// Floor, wall or ceiling.
     Room,
 }
 
-/// Whether physics moves a body.
+impl Role {
+    /// Whether a body is an object or a distractor. All other roles are furniture: masks `before support` end at it, and
+    /// its ids follow those of the foreground.
+    pub fn is_foreground(self) -> bool {
+        matches!(self, Self::Object | Self::Distractor)
+    }
+}
+
+/// Whether physics moves a body. Motions may be added: physics leaves a body of an unknown motion where it is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize)]
 #[serde(rename_all = "snake_case")]
+#[non_exhaustive]
 pub enum Motion {
     /// Stays where it was placed.
     Fixed,
@@ -69,9 +79,6 @@ pub struct Body<Id = InstanceId> {
     pub friction: f64,
     /// Coefficient of restitution, 0 to 1; that of the settler if not set.
     pub restitution: Option<f64>,
-    /// Half extents along world x and y of the rectangle over the middle of the tabletop where the body starts anew if
-    /// it has to, meters; the whole tabletop if not set.
-    pub respawn_half_m: Option<[f64; 2]>,
     /// Number among the objects in spawn order, from 0, with gaps where objects were removed. Set by
     /// [`SceneBuilder::add`](super::SceneBuilder::add).
     pub spawn: u32,
@@ -95,7 +102,6 @@ impl BodyDraft {
             mass,
             friction,
             restitution: None,
-            respawn_half_m: None,
             spawn: 0,
         }
     }
@@ -117,23 +123,9 @@ impl BodyDraft {
             mass,
             friction,
             restitution,
-            respawn_half_m,
             spawn,
         } = self;
-        Body {
-            id,
-            asset,
-            object,
-            world_from_body,
-            role,
-            motion,
-            material_override,
-            mass,
-            friction,
-            restitution,
-            respawn_half_m,
-            spawn,
-        }
+        Body { id, asset, object, world_from_body, role, motion, material_override, mass, friction, restitution, spawn }
     }
 }
 

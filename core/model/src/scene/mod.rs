@@ -13,6 +13,7 @@ mod mass;
 mod material;
 mod mesh;
 mod settled;
+mod support;
 mod symmetry;
 mod texture;
 mod topology;
@@ -30,12 +31,14 @@ pub use material::{
 };
 pub use mesh::{Mesh, MeshData};
 pub use settled::{Placed, Settled};
+pub use support::{DropZone, Region, Support, Supports};
 pub use symmetry::{Symmetries, SymmetryAxis};
 pub use texture::{Encoding, Texture, TextureRef, UvTransform, Wrap};
 pub use topology::{Topology, weld};
 
 use crate::error::{Error, Result};
-use crate::geometry::{Aabb, Point3, Pose};
+use crate::geometry::{Aabb, Pose};
+use crate::names::SupportName;
 use serde::{Deserialize, Serialize};
 
 /// A scene's number in its dataset, from 0.
@@ -45,38 +48,6 @@ pub struct SceneId(pub u32);
 /// A view's number in its scene, from 0.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize)]
 pub struct ViewId(pub u32);
-
-/// The rectangle that objects are dropped on: level, axis-aligned in the world.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct Tabletop {
-    /// Center of the rectangle, in the world, meters; z is the height of the top.
-    pub center: [f64; 3],
-    /// Extents along world x (the paper's w) and y (the paper's l), meters.
-    pub size: [f64; 2],
-}
-
-impl Tabletop {
-    /// Center of the rectangle.
-    pub fn center(&self) -> Point3<f64> {
-        self.center.into()
-    }
-
-    /// Height of the top above the floor, meters.
-    pub fn height(&self) -> f64 {
-        self.center[2]
-    }
-
-    /// `max(w/2, l/2)`: the length that the paper's view radii are multiples of, meters.
-    pub fn half_extent(&self) -> f64 {
-        self.size[0].max(self.size[1]) / 2.0
-    }
-
-    /// Whether a point is above the top and within its width and length.
-    pub fn column_contains(&self, p: &Point3<f64>) -> bool {
-        let inside = |axis: usize| (p[axis] - self.center[axis]).abs() <= self.size[axis] / 2.0;
-        p.z >= self.center[2] && inside(0) && inside(1)
-    }
-}
 
 /// Why a body left the scene.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -115,9 +86,11 @@ pub struct SettleReport {
 #[derive(Debug, Default)]
 pub struct SceneBuilder {
     bodies: Vec<Option<BodyDraft>>,
+    /// Where bodies are dropped, by body; none for bodies whose placers do not say.
+    zones: Vec<Option<DropZone>>,
     spawned: u32,
-    /// Where objects are dropped; set by the table's placer.
-    pub tabletop: Option<Tabletop>,
+    /// The places that carry objects, set by placers.
+    pub supports: Supports,
     /// Lights that belong to the scene rather than to a view.
     pub lights: Vec<Light>,
 }
@@ -130,7 +103,22 @@ impl SceneBuilder {
             self.spawned += 1;
         }
         self.bodies.push(Some(body));
+        self.zones.push(None);
         BodyHandle(self.bodies.len() - 1)
+    }
+
+    /// Adds a body that is dropped on a support.
+    pub fn drop_body(&mut self, body: BodyDraft, zone: DropZone) -> BodyHandle {
+        let handle = self.add(body);
+        self.zones[handle.0] = Some(zone);
+        handle
+    }
+
+    /// Where a body is dropped: as its placer says, or else anywhere on the main support. None if there is no support.
+    pub fn drop_zone(&self, handle: BodyHandle) -> Option<DropZone> {
+        let anywhere = |support: &Support| DropZone { support: support.clone(), area: support.surface };
+        let stated = self.zones.get(handle.0).cloned().flatten();
+        stated.or_else(|| self.supports.main().map(anywhere))
     }
 
     /// Takes a body out, if it is still there.
@@ -162,43 +150,43 @@ impl SceneBuilder {
         self.bodies.iter().enumerate().filter_map(|(i, body)| Some((BodyHandle(i), body.as_ref()?)))
     }
 
-    /// The tabletop, or an error for a placer or settler that needs one.
-    pub fn tabletop(&self) -> Result<Tabletop> {
-        self.tabletop.ok_or_else(|| {
-            let error = Error::new("there is no tabletop yet").permanent();
-            error.help("place a table first: [[place]] kind = \"table\"")
-        })
+    /// The support that a recipe names, or the main one; an error for a placer or settler that needs it.
+    ///
+    /// # Errors
+    /// See [`Supports::get`].
+    pub fn support(&self, name: Option<&SupportName>) -> Result<&Support> {
+        self.supports.get(name)
     }
 
-    /// Height of the lowest part of the room above the middle of the tabletop, meters; none under the open sky.
-    pub fn ceiling_height(&self) -> Option<f64> {
-        let top = self.tabletop?.center();
+    /// Height at which the space above a support ends, meters above the floor: at the lowest part of the room above its
+    /// center, or at the end of its [clear height](Support::clear_height_m). None under the open sky.
+    pub fn space_top(&self, support: &Support) -> Option<f64> {
+        [self.ceiling_height(support), support.top()].into_iter().flatten().reduce(f64::min)
+    }
+
+    /// Height of the lowest part of the room above the center of a support, meters; none under the open sky.
+    pub fn ceiling_height(&self, support: &Support) -> Option<f64> {
+        let center = support.center();
         let above = |bounds: &Aabb| {
-            bounds.min.z >= top.z && (0..2).all(|axis| (bounds.min[axis]..=bounds.max[axis]).contains(&top[axis]))
+            bounds.min.z >= center.z && (0..2).all(|axis| (bounds.min[axis]..=bounds.max[axis]).contains(&center[axis]))
         };
         let parts = self.bodies().filter(|(_, body)| body.role == Role::Room).map(|(_, body)| body.world_bounds());
         parts.filter(above).map(|bounds| bounds.min.z).reduce(f64::min)
     }
 
-    /// Whether a part of the room is below the middle of the tabletop.
-    pub fn has_floor(&self) -> bool {
-        let Some(tabletop) = self.tabletop else { return false };
-        let top = tabletop.center();
+    /// Whether a part of the room is below the center of a support.
+    pub fn has_floor(&self, support: &Support) -> bool {
+        let center = support.center();
         let below = |bounds: &Aabb| {
-            bounds.min.z < top.z && (0..2).all(|axis| (bounds.min[axis]..=bounds.max[axis]).contains(&top[axis]))
+            bounds.min.z < center.z && (0..2).all(|axis| (bounds.min[axis]..=bounds.max[axis]).contains(&center[axis]))
         };
         self.bodies().any(|(_, body)| body.role == Role::Room && below(&body.world_bounds()))
     }
 
     /// Checks the scene and fixes it: objects get the ids 1..=M in spawn order, everything else the ids after.
     pub fn freeze(self, id: SceneId, attempt: u32, settle: SettleReport) -> Result<Scene> {
-        let tabletop = self.tabletop()?;
         let mut bodies: Vec<BodyDraft> = self.bodies.into_iter().flatten().collect();
-        bodies.sort_by_key(|body| match body.role {
-            Role::Object => 0,
-            Role::Distractor => 1,
-            Role::Support | Role::Room => 2,
-        });
+        bodies.sort_by_key(|body| (body.role != Role::Object, !body.role.is_foreground()));
         if bodies.len() > usize::from(u16::MAX) {
             return Err(Error::new(format!("{} bodies are more than {} ids", bodies.len(), u16::MAX)));
         }
@@ -212,7 +200,7 @@ impl SceneBuilder {
         if !bodies.iter().any(|body| body.role == Role::Object) {
             return Err(nothing_left(self.spawned, &settle.removed));
         }
-        Ok(Scene { id, attempt, bodies, tabletop, lights: self.lights, settle })
+        Ok(Scene { id, attempt, bodies, supports: self.supports, lights: self.lights, settle })
     }
 }
 
@@ -240,8 +228,8 @@ fn nothing_left(placed: u32, removed: &[Removal]) -> Error {
     });
     let said: Vec<String> = said.collect();
     let reasons = if said.is_empty() { String::new() } else { format!(": {}", said.join(", ")) };
-    Error::new(format!("no object is left on the table, of {placed} that were placed{reasons}")).help(
-        "where they fall off, drop them nearer to its middle or take larger tables; where they still move, give them \
+    Error::new(format!("no object is left, of {placed} that were placed{reasons}")).help(
+        "where they fall off, drop them nearer to the middle of their support or take a larger one; where they still move, give them \
          more time in [settle]",
     )
 }
@@ -254,8 +242,8 @@ pub struct Scene {
     /// Which attempt this is, from 0; a failed scene is tried again with the next.
     pub attempt: u32,
     bodies: Vec<Body>,
-    /// Where the objects lie.
-    pub tabletop: Tabletop,
+    /// The places that carry objects.
+    pub supports: Supports,
     /// Lights of all views.
     pub lights: Vec<Light>,
     /// How the objects came to rest.
@@ -274,11 +262,18 @@ impl Scene {
         &self.bodies[..count]
     }
 
-    /// The objects and distractors: everything but the table and the room. They come first.
+    /// The objects and distractors, [`Role::is_foreground`]. They come first.
     pub fn foreground(&self) -> &[Body] {
-        let furniture = |body: &Body| matches!(body.role, Role::Support | Role::Room);
-        let count = self.bodies.iter().take_while(|body| !furniture(body)).count();
+        let count = self.bodies.iter().take_while(|body| body.role.is_foreground()).count();
         &self.bodies[..count]
+    }
+
+    /// The support that a recipe names, or the main one.
+    ///
+    /// # Errors
+    /// See [`Supports::get`].
+    pub fn support(&self, name: Option<&SupportName>) -> Result<&Support> {
+        self.supports.get(name)
     }
 
     /// The body of an id; none for the background.

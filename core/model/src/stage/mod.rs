@@ -25,7 +25,7 @@ pub use atlas::{Atlas, AtlasTile};
 pub use camera_model::CameraModel;
 pub use denoiser::Denoiser;
 pub use light_sampler::LightSampler;
-pub use placer::{PartUse, Placer};
+pub use placer::{Part, PartUse, Placer};
 pub use renderer::{
     Bodies, DeviceClass, LabelSurface, RenderDevice, RenderRequest, RenderSession, Renderer, Tile, Window,
 };

@@ -19,7 +19,10 @@ pub trait ViewSampler: Send + Sync {
     /// `world_from_camera` of one view. A pure function of scene, view and stream.
     fn pose(&self, scene: &Scene, view: ViewId, context: &Context) -> Result<Pose>;
     /// The shell that all views of a scene lie in; lights can be placed relative to it.
-    fn shell(&self, scene: &Scene) -> Shell;
+    ///
+    /// # Errors
+    /// If the scene lacks what the views are placed around.
+    fn shell(&self, scene: &Scene) -> Result<Shell>;
     /// How many views there are, if the number is fixed.
     fn count(&self) -> Option<u32> {
         None

@@ -15,7 +15,7 @@ use syntable_model::product::{Plane, Product};
 use syntable_model::registry::{ConstructError, Registry, Slot, Stage};
 use syntable_model::scene::{
     AssetRef, BodyDraft, Camera, Distortion, Exposure, Intrinsics, MassOrigin, MassProperties, Material, Mesh,
-    MeshData, Motion, Object, Role, SceneId, SettleReport, SourceModel, Tabletop, ViewId,
+    MeshData, Motion, Object, Region, Role, SceneId, SettleReport, SourceModel, Support, ViewId,
 };
 use syntable_testing::tools::is_there;
 
@@ -61,7 +61,7 @@ fn scene() -> Scene {
         digest: Digest::of(b"tetra"),
     };
     let mut builder = SceneBuilder::default();
-    builder.tabletop = Some(Tabletop { center: [0.0; 3], size: [1.0; 2] });
+    builder.supports = Support::new("table", Region::rectangle([0.0; 3], [1.0; 2])).into();
     let asset = AssetRef { pool: "pool".into(), name: "tetra".into() };
     builder.add(BodyDraft::new(asset, Arc::new(object), Pose::identity(), Role::Object, Motion::Dynamic));
     builder.freeze(SceneId(4), 0, SettleReport::default()).expect("a scene")

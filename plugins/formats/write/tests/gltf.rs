@@ -89,7 +89,7 @@ fn scene() -> Scene {
     let mesh = Arc::new(crate_mesh());
     let shared = object("crate", mesh.clone(), vec![Material::plain("plain", [0.2; 3], 0.4), rich()]);
     let mut builder = SceneBuilder::default();
-    builder.tabletop = Some(Tabletop { center: [0.0, 0.0, 0.7], size: [1.0, 0.8] });
+    builder.supports = Support::new("table", Region::rectangle([0.0, 0.0, 0.7], [1.0, 0.8])).into();
     let mut add = |object: &Arc<Object>, world_from_body, role, surface| {
         let asset = AssetRef { pool: "pool".into(), name: object.name.clone() };
         let draft = BodyDraft::new(asset, object.clone(), world_from_body, role, Motion::Fixed);

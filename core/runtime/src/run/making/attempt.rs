@@ -95,7 +95,7 @@ impl Attempt<'_> {
                 recipe.camera.optics(scene, &world_from_camera, context)
             })?;
         let camera = Camera { intrinsics, distortion, lens, world_from_camera };
-        let shell = caught("views", || Ok(recipe.views.shell(scene)))?;
+        let shell = caught("views", || recipe.views.shell(scene))?;
         let mut lights = scene.lights.clone();
         for (light, sampler) in &recipe.lights {
             let stage = format!("lights.{light}");

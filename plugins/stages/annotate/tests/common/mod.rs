@@ -11,7 +11,7 @@ use syntable_model::product::{BitPlane, Plane, RenderParameters};
 use syntable_model::registry::{Registry, Slot, Stage};
 use syntable_model::scene::{
     AssetRef, BodyDraft, Camera, Exposure, Intrinsics, MassOrigin, MassProperties, Material, Mesh, MeshData, Motion,
-    Object, Role, SceneId, SettleReport, SourceModel, Tabletop, ViewId,
+    Object, Region, Role, SceneId, SettleReport, SourceModel, Support, ViewId,
 };
 use syntable_model::stage::DatasetInfo;
 
@@ -70,7 +70,7 @@ impl World {
     pub fn of(object: Object, objects: usize) -> Self {
         let object = Arc::new(object);
         let mut builder = SceneBuilder::default();
-        builder.tabletop = Some(Tabletop { center: [0.0, 0.0, 0.7], size: [1.0, 0.8] });
+        builder.supports = Support::new("table", Region::rectangle([0.0, 0.0, 0.7], [1.0, 0.8])).into();
         let asset = AssetRef { pool: "pool".into(), name: "tetra".into() };
         let mut add = |role, x: f64| {
             let pose = Pose::translation(x, 0.0, 0.7);

@@ -10,8 +10,8 @@ use syntable_model::geometry::{Point3, Pose, Translation3, UnitQuaternion, Vecto
 use syntable_model::prelude::*;
 use syntable_model::scene::{
     AssetRef, BodyDraft, Camera, EnvironmentLight, EnvironmentMap, Exposure, Intrinsics, Light, MassOrigin,
-    MassProperties, Material, MaterialOverride, Mesh, MeshData, Motion, Object, Role, Scalar, SceneId, SettleReport,
-    SourceModel, Tabletop, Transmission, ViewId, Volume,
+    MassProperties, Material, MaterialOverride, Mesh, MeshData, Motion, Object, Region, Role, Scalar, SceneId,
+    SettleReport, SourceModel, Support, Transmission, ViewId, Volume,
 };
 use syntable_transport::PixelFilter;
 
@@ -159,7 +159,7 @@ pub fn covered(object: &Arc<Object>, pose: Pose, role: Role, surface: MaterialOv
 /// A scene of bodies. It must hold an object.
 pub fn scene(bodies: impl IntoIterator<Item = BodyDraft>) -> Arc<Scene> {
     let mut builder = SceneBuilder::default();
-    builder.tabletop = Some(Tabletop { center: [0.0; 3], size: [1.0; 2] });
+    builder.supports = Support::new("table", Region::rectangle([0.0; 3], [1.0; 2])).into();
     bodies.into_iter().for_each(|body| {
         builder.add(body);
     });
