@@ -8,7 +8,7 @@ use syntable_model::geometry::{Point3, Pose, Translation3, UnitQuaternion, Vecto
 use syntable_model::prelude::*;
 use syntable_model::scene::{
     AssetRef, BodyDraft, Camera, Color, Encoding, Exposure, Intrinsics, Light, MassOrigin, MassProperties, Material,
-    MaterialOverride, Mesh, MeshData, Motion, NormalMap, Object, RectLight, Region, Role, Scalar, SceneId,
+    MaterialOverride, Mesh, MeshData, Moment, Motion, NormalMap, Object, RectLight, Region, Role, Scalar, SceneId,
     SettleReport, SourceModel, SphereLight, Support, Texture, TextureMapping, Transmission, ViewId, Volume, Wrap,
 };
 
@@ -25,6 +25,7 @@ pub fn view(width: u32, height: u32) -> View {
     };
     let globe = SphereLight { center: Point3::new(-1.0, -0.4, 1.9), radius: 0.1, radiance: [9000.0, 6500.0, 4000.0] };
     View {
+        moment: Moment::START,
         id: ViewId(0),
         camera: Camera::pinhole(intrinsics, world_from_camera),
         exposure: Exposure::Auto { compensation_ev: 0.0 },

@@ -5,8 +5,8 @@ use syntable_model::digest::Hasher;
 use syntable_model::geometry::{Point3, Pose, Vector3, look_at};
 use syntable_model::scene::{
     AssetRef, BodyDraft, Camera, Exposure, Intrinsics, Light, MassOrigin, MassProperties, Material, Mesh, MeshData,
-    Motion, Object, Region, Role, Scene, SceneBuilder, SceneId, SettleReport, SourceModel, SphereLight, Support, View,
-    ViewId,
+    Moment, Motion, Object, Region, Role, Scene, SceneBuilder, SceneId, SettleReport, SourceModel, SphereLight,
+    Support, View, ViewId,
 };
 use syntable_model::stage::DatasetInfo;
 
@@ -89,6 +89,7 @@ pub fn view(eye: [f64; 3], target: [f64; 3], size: [u32; 2], fov_deg: f64) -> Vi
         Intrinsics { width, height, fx: focal, fy: focal, cx: f64::from(width) / 2.0, cy: f64::from(height) / 2.0 };
     let world_from_camera = look_at(Point3::from(eye), Point3::from(target), Vector3::z());
     View {
+        moment: Moment::START,
         id: ViewId(0),
         camera: Camera::pinhole(intrinsics, world_from_camera),
         exposure: Exposure::Auto { compensation_ev: 0.0 },

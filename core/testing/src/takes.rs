@@ -13,8 +13,8 @@ use syntable_model::product::{DType, OcclusionOrder, PixelCounts, Plane, Tensor}
 use syntable_model::reader::{DatasetReader, Format, Source};
 use syntable_model::registry::{Registry, Slot, Stage};
 use syntable_model::scene::{
-    AssetRef, BodyDraft, Camera, Exposure, Intrinsics, MassOrigin, MassProperties, Material, Mesh, MeshData, Motion,
-    Object, Region, Role, SceneId, SettleReport, SourceModel, Support, ViewId,
+    AssetRef, BodyDraft, Camera, Exposure, Intrinsics, MassOrigin, MassProperties, Material, Mesh, MeshData, Moment,
+    Motion, Object, Region, Role, SceneId, SettleReport, SourceModel, Support, ViewId,
 };
 
 /// Width of the images, px.
@@ -157,6 +157,7 @@ fn view(number: u32) -> View {
     };
     let world_from_camera = look_at(eye, Point3::new(0.0, 0.0, 0.7), Vector3::z());
     View {
+        moment: Moment::START,
         id: ViewId(number),
         camera: Camera::pinhole(intrinsics, world_from_camera),
         exposure: Exposure::Fixed { ev100: 1.0 },

@@ -10,7 +10,8 @@ use syntable_model::prelude::*;
 use syntable_model::product::standard::{RADIANCE, RADIANCE_VARIANCE};
 use syntable_model::registry::{Registry, Slot, Stage};
 use syntable_model::scene::{
-    AssetRef, BodyDraft, Camera, Exposure, Intrinsics, Motion, Region, Role, SceneId, SettleReport, Support, ViewId,
+    AssetRef, BodyDraft, Camera, Exposure, Intrinsics, Moment, Motion, Region, Role, SceneId, SettleReport, Support,
+    ViewId,
 };
 use syntable_testing::workers::Threads;
 
@@ -115,6 +116,7 @@ fn view_of(json: &Json) -> View {
     let half_turn = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI);
     let at = Translation3::from(Vector3::from_row_slice(&numbers(&node["translation"])));
     View {
+        moment: Moment::START,
         id: ViewId(0),
         camera: Camera::pinhole(intrinsics, Pose::from_parts(at, turn * half_turn)),
         exposure: Exposure::Fixed { ev100: 7.0 },

@@ -16,7 +16,7 @@ use syntable_model::product::{
     BBox, Key, KeyId, Mask, OcclusionOrder, PerInstance, PixelCounts, Product, Products, Value, meeting_boxes,
 };
 use syntable_model::reader::{DatasetFault, ImageRef};
-use syntable_model::scene::{Camera, Exposure, InstanceId, Intrinsics, SceneId, View, ViewId};
+use syntable_model::scene::{Camera, Exposure, InstanceId, Intrinsics, Moment, SceneId, View, ViewId};
 use syntable_model::stage::{DatasetInfo, LabelSurface, OwnCategory};
 
 /// What a file says of an object in an image. What it leaves out follows from the masks.
@@ -216,7 +216,7 @@ pub fn view(id: ViewId, width: u32, height: u32) -> View {
     let unknown = f64::NAN;
     let intrinsics = Intrinsics { width, height, fx: unknown, fy: unknown, cx: unknown, cy: unknown };
     let camera = Camera::pinhole(intrinsics, Pose::identity());
-    View { id, camera, exposure: Exposure::Fixed { ev100: 0.0 }, lights: Vec::new() }
+    View { id, moment: Moment::START, camera, exposure: Exposure::Fixed { ev100: 0.0 }, lights: Vec::new() }
 }
 
 /// The categories of an annotation file, and their ids in a dataset that is written from it.

@@ -1,6 +1,6 @@
 //! Bodies: assets placed in a scene.
 
-use super::{AssetRef, MassProperties, MaterialOverride, Object};
+use super::{AssetRef, MassProperties, MaterialOverride, Moment, Object, Trajectory};
 use crate::geometry::{Aabb, Pose};
 use serde::{Deserialize, Serialize};
 use std::fmt;
@@ -54,6 +54,8 @@ pub enum Motion {
     Fixed,
     /// Falls and collides.
     Dynamic,
+    /// Moves by a [trajectory](Body::trajectory). To physics it is a fixed body, where it is at the start.
+    Scripted,
 }
 
 /// A body of a frozen scene or, without an id, of one under construction.
@@ -79,6 +81,8 @@ pub struct Body<Id = InstanceId> {
     pub friction: f64,
     /// Coefficient of restitution, 0 to 1; that of the settler if not set.
     pub restitution: Option<f64>,
+    /// Poses over time of a body that moves by a script; see [`BodyDraft::scripted`].
+    pub trajectory: Option<Arc<Trajectory>>,
     /// Number among the objects in spawn order, from 0, with gaps where objects were removed. Set by
     /// [`SceneBuilder::add`](super::SceneBuilder::add).
     pub spawn: u32,
@@ -102,6 +106,7 @@ impl BodyDraft {
             mass,
             friction,
             restitution: None,
+            trajectory: None,
             spawn: 0,
         }
     }
@@ -109,6 +114,12 @@ impl BodyDraft {
     /// The same body with all materials replaced.
     pub fn with_material_override(self, material_override: Option<MaterialOverride>) -> Self {
         Self { material_override, ..self }
+    }
+
+    /// The same body, moved by a script.
+    pub fn scripted(self, trajectory: Trajectory) -> Self {
+        let world_from_body = trajectory.at(Moment::START);
+        Self { world_from_body, motion: Motion::Scripted, trajectory: Some(Arc::new(trajectory)), ..self }
     }
 
     pub(super) fn with_id(self, id: InstanceId) -> Body {
@@ -123,13 +134,37 @@ impl BodyDraft {
             mass,
             friction,
             restitution,
+            trajectory,
             spawn,
         } = self;
-        Body { id, asset, object, world_from_body, role, motion, material_override, mass, friction, restitution, spawn }
+        Body {
+            id,
+            asset,
+            object,
+            world_from_body,
+            role,
+            motion,
+            material_override,
+            mass,
+            friction,
+            restitution,
+            trajectory,
+            spawn,
+        }
     }
 }
 
 impl<Id> Body<Id> {
+    /// Pose of the body frame at a moment. A body without a script has one pose.
+    pub fn pose_at(&self, moment: Moment) -> Pose {
+        self.trajectory.as_ref().map_or(self.world_from_body, |trajectory| trajectory.at(moment))
+    }
+
+    /// The body at a moment.
+    pub(super) fn at(self, moment: Moment) -> Self {
+        Self { world_from_body: self.pose_at(moment), ..self }
+    }
+
     /// Bounding box in the world, meters; exact over the corners of the mesh's box, not over its vertices.
     pub fn world_bounds(&self) -> Aabb {
         Aabb::of(self.object.mesh.bounds().corners().map(|p| self.world_from_body * p))

@@ -4,6 +4,7 @@
 //! that never changes again. A [`View`] adds camera, exposure and lights; hiding an object is a property of a render
 //! request, never of the world.
 
+mod articulation;
 mod asset;
 mod body;
 mod camera;
@@ -12,12 +13,14 @@ mod light;
 mod mass;
 mod material;
 mod mesh;
+mod moment;
 mod settled;
 mod support;
 mod symmetry;
 mod texture;
 mod topology;
 
+pub use articulation::{Articulation, Joint, JointKind, Link};
 pub use asset::{
     Asset, AssetClass, AssetRef, Catalog, CatalogEntry, ConvexPart, EXTENT_M, Keypoint, Object, SourceModel,
 };
@@ -30,6 +33,7 @@ pub use material::{
     Alpha, Clearcoat, Color, Material, MaterialOverride, NormalMap, Scalar, Sheen, TextureMapping, Transmission, Volume,
 };
 pub use mesh::{Mesh, MeshData};
+pub use moment::{Moment, Trajectory};
 pub use settled::{Placed, Settled};
 pub use support::{DropZone, Region, Support, Supports};
 pub use symmetry::{Symmetries, SymmetryAxis};
@@ -40,6 +44,7 @@ use crate::error::{Error, Result};
 use crate::geometry::{Aabb, Pose};
 use crate::names::SupportName;
 use serde::{Deserialize, Serialize};
+use std::sync::Arc;
 
 /// A scene's number in its dataset, from 0.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize)]
@@ -91,6 +96,8 @@ pub struct SceneBuilder {
     spawned: u32,
     /// The places that carry objects, set by placers.
     pub supports: Supports,
+    /// Bodies that are parts of one mechanism.
+    pub articulations: Vec<Articulation<BodyHandle>>,
     /// Lights that belong to the scene rather than to a view.
     pub lights: Vec<Light>,
 }
@@ -135,6 +142,14 @@ impl SceneBuilder {
     pub fn set_pose(&mut self, handle: BodyHandle, world_from_body: Pose) {
         if let Some(Some(body)) = self.bodies.get_mut(handle.0) {
             body.world_from_body = world_from_body;
+        }
+    }
+
+    /// Gives a body a trajectory, and moves it to its pose at the start.
+    pub fn set_trajectory(&mut self, handle: BodyHandle, trajectory: Trajectory) {
+        if let Some(Some(body)) = self.bodies.get_mut(handle.0) {
+            body.world_from_body = trajectory.at(Moment::START);
+            body.trajectory = Some(Arc::new(trajectory));
         }
     }
 
@@ -185,12 +200,18 @@ impl SceneBuilder {
 
     /// Checks the scene and fixes it: objects get the ids 1..=M in spawn order, everything else the ids after.
     pub fn freeze(self, id: SceneId, attempt: u32, settle: SettleReport) -> Result<Scene> {
-        let mut bodies: Vec<BodyDraft> = self.bodies.into_iter().flatten().collect();
-        bodies.sort_by_key(|body| (body.role != Role::Object, !body.role.is_foreground()));
+        let all = self.bodies.into_iter().enumerate();
+        let mut bodies: Vec<(BodyHandle, BodyDraft)> =
+            all.filter_map(|(number, body)| Some((BodyHandle(number), body?))).collect();
+        bodies.sort_by_key(|(_, body)| (body.role != Role::Object, !body.role.is_foreground()));
         if bodies.len() > usize::from(u16::MAX) {
             return Err(Error::new(format!("{} bodies are more than {} ids", bodies.len(), u16::MAX)));
         }
-        let bodies: Vec<Body> = (1..).zip(bodies).map(|(id, draft)| draft.with_id(InstanceId(id))).collect();
+        let ids = (1..).map(InstanceId).zip(&bodies).map(|(id, (handle, _))| (*handle, id)).collect();
+        let articulations =
+            self.articulations.into_iter().map(|articulation| articulation.frozen(&ids)).collect::<Result<_>>()?;
+        let bodies = (1..).map(InstanceId).zip(bodies).map(|(id, (_, draft))| draft.with_id(id).at(Moment::START));
+        let bodies: Vec<Body> = bodies.collect();
         for body in &bodies {
             let pose = &body.world_from_body;
             if !pose.translation.vector.iter().chain(pose.rotation.coords.iter()).all(|x| x.is_finite()) {
@@ -200,7 +221,8 @@ impl SceneBuilder {
         if !bodies.iter().any(|body| body.role == Role::Object) {
             return Err(nothing_left(self.spawned, &settle.removed));
         }
-        Ok(Scene { id, attempt, bodies, supports: self.supports, lights: self.lights, settle })
+        let Self { supports, lights, .. } = self;
+        Ok(Scene { id, attempt, moment: Moment::START, bodies, supports, articulations, lights, settle })
     }
 }
 
@@ -234,16 +256,21 @@ fn nothing_left(placed: u32, removed: &[Removal]) -> Error {
     )
 }
 
-/// A finished scene: written once, read by many.
-#[derive(Debug)]
+/// A finished scene: written once, read by many. It shows the bodies at one [moment](Self::moment); [`Scene::at`] gives the same
+/// scene at another.
+#[derive(Debug, Clone)]
 pub struct Scene {
     /// Number in the dataset.
     pub id: SceneId,
     /// Which attempt this is, from 0; a failed scene is tried again with the next.
     pub attempt: u32,
+    /// When the bodies have the poses that they have here.
+    pub moment: Moment,
     bodies: Vec<Body>,
     /// The places that carry objects.
     pub supports: Supports,
+    /// Bodies that are parts of one mechanism. Nothing moves their joints yet.
+    pub articulations: Vec<Articulation>,
     /// Lights of all views.
     pub lights: Vec<Light>,
     /// How the objects came to rest.
@@ -276,6 +303,23 @@ impl Scene {
         self.supports.get(name)
     }
 
+    /// Whether a body moves by a script, so that the scene differs between moments.
+    pub fn moves(&self) -> bool {
+        self.bodies.iter().any(|body| body.trajectory.is_some())
+    }
+
+    /// The scene at a moment: the same bodies, ids and lights, with scripted bodies at their poses then. The scene itself if
+    /// nothing in it moves.
+    pub fn at(self: &Arc<Self>, moment: Moment) -> Arc<Self> {
+        if moment == self.moment || !self.moves() {
+            return Arc::clone(self);
+        }
+        let mut scene = Self::clone(self);
+        scene.moment = moment;
+        scene.bodies = scene.bodies.into_iter().map(|body| body.at(moment)).collect();
+        Arc::new(scene)
+    }
+
     /// The body of an id; none for the background.
     pub fn body(&self, id: InstanceId) -> Option<&Body> {
         self.bodies.get(usize::from(id.0).checked_sub(1)?)
@@ -287,6 +331,8 @@ impl Scene {
 pub struct View {
     /// Number in the scene.
     pub id: ViewId,
+    /// When it is taken: it shows the [scene at](Scene::at) this moment.
+    pub moment: Moment,
     /// Intrinsics and pose.
     pub camera: Camera,
     /// How scene light becomes an image.

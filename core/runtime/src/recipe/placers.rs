@@ -77,13 +77,17 @@ fn duplicates(steps: &[Step]) -> Vec<DiagnosticBuilder> {
                 continue;
             };
             let name = described(part);
+            let help = match part {
+                Part::Support(_) => "keep one of them, or give one of the supports another name",
+                _ => "keep one of them",
+            };
             let message =
                 format!("steps `{}` and `{}` of [[place]] both set the {name}", first.stage.id, second.stage.id);
             diagnostics.push(
                 DiagnosticBuilder::error(Code::Placers, second.stage.header.clone(), message)
                     .label("sets it again")
                     .also(first.stage.header.clone(), "sets it first")
-                    .help("keep one of them"),
+                    .help(help),
             );
         }
     }

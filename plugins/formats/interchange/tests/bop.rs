@@ -16,8 +16,8 @@ use syntable_model::product::{BitPlane, ObjectModel, ObjectModels, Plane};
 use syntable_model::reader::DatasetReader;
 use syntable_model::registry::{Registry, Slot, Stage};
 use syntable_model::scene::{
-    AssetRef, BodyDraft, Camera, Exposure, Intrinsics, MassOrigin, MassProperties, Material, Mesh, MeshData, Motion,
-    Object, Region, Role, SceneId, SettleReport, SourceModel, Support, ViewId,
+    AssetRef, BodyDraft, Camera, Exposure, Intrinsics, MassOrigin, MassProperties, Material, Mesh, MeshData, Moment,
+    Motion, Object, Region, Role, SceneId, SettleReport, SourceModel, Support, ViewId,
 };
 use syntable_testing::takes::open_dataset;
 use syntable_testing::tools::is_there;
@@ -245,7 +245,7 @@ fn write_scene(root: &Path, writer: &dyn Writer, id: u32, views: &[Products]) ->
     let reads: Vec<String> = writer.reads().into_iter().map(|input| input.product).collect();
     for (number, products) in (0..).zip(views) {
         let exposure = Exposure::Fixed { ev100: 1.0 };
-        let view = View { id: ViewId(number), camera: camera(), exposure, lights: Vec::new() };
+        let view = View { id: ViewId(number), moment: Moment::START, camera: camera(), exposure, lights: Vec::new() };
         open.view(&cx.view(&view), &products.only(&reads))?;
     }
     // All views of a scene have the same objects in it; here each has its own.

@@ -10,8 +10,8 @@ use syntable_model::prelude::*;
 use syntable_model::product::{BitPlane, Plane, RenderParameters};
 use syntable_model::registry::{Registry, Slot, Stage};
 use syntable_model::scene::{
-    AssetRef, BodyDraft, Camera, Exposure, Intrinsics, MassOrigin, MassProperties, Material, Mesh, MeshData, Motion,
-    Object, Region, Role, SceneId, SettleReport, SourceModel, Support, ViewId,
+    AssetRef, BodyDraft, Camera, Exposure, Intrinsics, MassOrigin, MassProperties, Material, Mesh, MeshData, Moment,
+    Motion, Object, Region, Role, SceneId, SettleReport, SourceModel, Support, ViewId,
 };
 use syntable_model::stage::DatasetInfo;
 
@@ -83,6 +83,7 @@ impl World {
         let scene = builder.freeze(SceneId(3), 1, SettleReport::default()).expect("a scene");
         let eye = Point3::new(1.0, 0.0, 1.5);
         let view = View {
+            moment: Moment::START,
             id: ViewId(2),
             camera: Camera::pinhole(
                 Intrinsics { width: 8, height: 6, fx: 7.0, fy: 7.5, cx: 4.0, cy: 3.0 },
