@@ -128,9 +128,10 @@ fn scene() -> Scene {
 
 #[test]
 fn articulations_that_are_no_trees_are_refused() {
+    type Change<'c> = &'c dyn Fn(&mut Vec<Link<BodyHandle>>);
     let mesh = Arc::new(crate_mesh());
     let shared = object("crate", mesh, vec![Material::plain("plain", [0.2; 3], 0.4), rich()]);
-    let frozen = |change: &dyn Fn(&mut Vec<Link<BodyHandle>>)| {
+    let frozen = |change: Change| {
         let mut builder = SceneBuilder::default();
         let body = |builder: &mut SceneBuilder| {
             let asset = AssetRef { pool: "pool".into(), name: "crate".into() };
@@ -155,7 +156,7 @@ fn articulations_that_are_no_trees_are_refused() {
     };
     assert!(frozen(&|_| {}).is_ok());
     let joint = |link: &mut Link<BodyHandle>, change: &dyn Fn(&mut Joint)| link.joint.iter_mut().for_each(change);
-    let changes: [(&str, &dyn Fn(&mut Vec<Link<BodyHandle>>)); 6] = [
+    let changes: [(&str, Change); 6] = [
         ("`drawer` has no joint", &|links| links[1].joint = None),
         ("`drawer` comes before its parent", &|links| joint(&mut links[1], &|joint| joint.parent = 2)),
         ("two links have the name `base`", &|links| links[2].name = "base".into()),
