@@ -13,8 +13,8 @@ use syntable_model::product::{DType, OcclusionOrder, PixelCounts, Plane, Tensor}
 use syntable_model::reader::{DatasetFormat, OpenDataset, Source};
 use syntable_model::registry::{Registry, Slot, Stage};
 use syntable_model::scene::{
-    AssetRef, BodyDraft, Camera, Exposure, Intrinsics, MassOrigin, MassProperties, Material, Mesh, MeshData, Motion,
-    Object, Role, SceneId, SettleReport, SourceModel, Tabletop, ViewId,
+    AssetRef, BodyDraft, Camera, Exposure, Intrinsics, MassOrigin, MassProperties, Material, Mesh, MeshData, Moment,
+    Motion, Object, Region, Role, SceneId, SettleReport, SourceModel, Support, ViewId,
 };
 use syntable_model::store::StoreFolder;
 
@@ -134,7 +134,7 @@ fn scene(id: u32, objects: usize) -> Scene {
         digest: Digest::of(b"tetra"),
     });
     let mut builder = SceneBuilder::default();
-    builder.tabletop = Some(Tabletop { center: [0.0, 0.0, 0.7], size: [1.0, 0.8] });
+    builder.supports = Support::new("table", Region::rectangle([0.0, 0.0, 0.7], [1.0, 0.8])).into();
     let mut handles = Vec::new();
     for (i, role) in [Role::Support].into_iter().chain(vec![Role::Object; objects + 1]).enumerate() {
         let asset = AssetRef { pool: "pool".into(), name: format!("lm/tetra_{i}") };
@@ -158,6 +158,7 @@ fn view(number: u32) -> View {
     };
     let world_from_camera = look_at(eye, Point3::new(0.0, 0.0, 0.7), Vector3::z());
     View {
+        moment: Moment::START,
         id: ViewId(number),
         camera: Camera::pinhole(intrinsics, world_from_camera),
         exposure: Exposure::Fixed { ev100: 1.0 },

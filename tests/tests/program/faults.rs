@@ -517,16 +517,20 @@ fn steps_that_do_not_go_together_are_found_at_their_lines() {
     let base = crate::support::root().join("recipes/quickstart.toml");
     for (kinds, code, says) in [
         (["room", "table", "ground"], 1, vec!["`room` and `ground` of [[place]] both set the floor", "3 |", "8 |"]),
-        (["table", "room", "table\"\nid = \"desk"], 1, vec!["`table` and `desk` of [[place]] both set the tabletop"]),
+        (
+            ["table", "room", "table\"\nid = \"desk"],
+            1,
+            vec!["`table` and `desk` of [[place]] both set the support `table`"],
+        ),
         (
             ["room", "drop_box", "table"],
             1,
-            vec!["`drop_box` of [[place]] needs the tabletop that step `table` sets", "5 |"],
+            vec!["`drop_box` of [[place]] needs the support that step `table` sets", "5 |"],
         ),
         (
             ["room", "drop_box", "drop_box"],
             1,
-            vec!["`drop_box` of [[place]] needs a tabletop, and no step", "\"table\""],
+            vec!["`drop_box` of [[place]] needs a support, and no step", "\"table\""],
         ),
         (["room", "table", "distractors"], 1, vec!["no step of [[place]] places objects", "8 |", "\"drop_box\""]),
         // A broken table is one mistake, not also a missing one.
@@ -622,7 +626,7 @@ fn mistakes_of_steps_files_and_paths_are_found_by_check() {
             ),
             vec!["`write.n` and `write.t`"],
         ),
-        ("remove=[\"place.table\"]", vec!["needs a tabletop", "[[place]] kind = \"table\""]),
+        ("remove=[\"place.table\"]", vec!["needs a support", "[[place]] kind = \"table\""]),
         ("write.t={ kind = \"template\", template = { file = \"no/such.tera\" } }", vec!["write.t", "no/such.tera"]),
         (&broken, vec!["write.t", "broken.tera:2"]),
         (&format!("{path}\"labels.txt\" }}"), vec!["write.t", "one path, `labels.txt`", "{{ scene.id | pad"]),

@@ -30,7 +30,7 @@ pub use camera_model::CameraModel;
 pub use denoiser::Denoiser;
 pub use light_sampler::LightSampler;
 pub use output::{FileWriter, Finish, Output, RESERVED, check_path, is_shared, shard_path};
-pub use placer::{PartUse, Placer};
+pub use placer::{Part, PartUse, Placer};
 pub use renderer::{
     Bodies, DeviceClass, LabelSurface, RenderDevice, RenderRequest, RenderSession, Renderer, Tile, Window,
 };

@@ -118,6 +118,11 @@ impl DeviceClass {
 pub trait RenderSession: Send {
     /// Makes a scene ready.
     fn load(&mut self, scene: &Arc<Scene>, workers: &dyn Workers) -> Result<()>;
+    /// Makes the scene that was loaded last ready at another [moment](Scene::at): bodies have other poses, and nothing else
+    /// differs. A session that keeps what belongs to single objects need not override this.
+    fn pose(&mut self, scene: &Arc<Scene>, workers: &dyn Workers) -> Result<()> {
+        self.load(scene, workers)
+    }
     /// Renders a view of the scene that was loaded last, and puts exactly the wanted products into `products`.
     fn render(&mut self, request: &RenderRequest, products: &mut Products) -> Result<()>;
 }

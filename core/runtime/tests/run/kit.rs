@@ -118,9 +118,9 @@ impl ViewSampler for Fixed {
     fn pose(&self, _: &Scene, _: syntable_model::scene::ViewId, _: &Context) -> Result<Pose> {
         Ok(view().camera.world_from_camera)
     }
-    fn shell(&self, scene: &Scene) -> Shell {
+    fn shell(&self, scene: &Scene) -> Result<Shell> {
         assert!(!self.bends, "the shell is bent");
-        Shell { center: scene.tabletop.center(), radius: [1.0, 2.0] }
+        Ok(Shell { center: scene.support(None)?.center(), radius: [1.0, 2.0] })
     }
 }
 

@@ -16,8 +16,8 @@ use syntable_model::product::{BitPlane, ObjectModel, ObjectModels, Plane};
 use syntable_model::reader::OpenDataset;
 use syntable_model::registry::{Registry, Slot, Stage};
 use syntable_model::scene::{
-    AssetRef, BodyDraft, Camera, Exposure, Intrinsics, MassOrigin, MassProperties, Material, Mesh, MeshData, Motion,
-    Object, Role, SceneId, SettleReport, SourceModel, Tabletop, ViewId,
+    AssetRef, BodyDraft, Camera, Exposure, Intrinsics, MassOrigin, MassProperties, Material, Mesh, MeshData, Moment,
+    Motion, Object, Region, Role, SceneId, SettleReport, SourceModel, Support, ViewId,
 };
 use syntable_model::store::{MemStore, StoreFolder};
 use syntable_testing::folder::files_of_store;
@@ -232,7 +232,7 @@ fn scene(id: u32) -> Result<Scene> {
         digest: Digest::of(b"tetra"),
     };
     let mut builder = SceneBuilder::default();
-    builder.tabletop = Some(Tabletop { center: [0.0; 3], size: [1.0; 2] });
+    builder.supports = Support::new("table", Region::rectangle([0.0; 3], [1.0; 2])).into();
     let asset = AssetRef { pool: "pool".into(), name: "tetra".into() };
     builder.add(BodyDraft::new(asset, Arc::new(object), Pose::identity(), Role::Object, Motion::Dynamic));
     builder.freeze(SceneId(id), 0, SettleReport::default())
@@ -247,7 +247,7 @@ fn write_scene(root: impl Into<StoreFolder>, writer: &dyn Writer, id: u32, views
     let reads: Vec<String> = writer.reads().into_iter().map(|input| input.product).collect();
     for (number, products) in (0..).zip(views) {
         let exposure = Exposure::Fixed { ev100: 1.0 };
-        let view = View { id: ViewId(number), camera: camera(), exposure, lights: Vec::new() };
+        let view = View { id: ViewId(number), moment: Moment::START, camera: camera(), exposure, lights: Vec::new() };
         open.view(&cx.view(&view), &products.only(&reads))?;
     }
     // All views of a scene have the same objects in it; here each has its own.

@@ -233,6 +233,13 @@ impl RenderSession for CpuPathSession {
         Ok(())
     }
 
+    fn pose(&mut self, scene: &Arc<Scene>, workers: &dyn Workers) -> Result<()> {
+        // The trees of the bodies stay alive until the new top level has them, whatever the caches keep.
+        let before = self.world.take();
+        self.world = Some(World::posed(scene, &self.caches, before.as_ref(), workers));
+        Ok(())
+    }
+
     fn render(&mut self, request: &RenderRequest, frame: &mut Products) -> Result<()> {
         let world = self.world.as_ref().ok_or_else(not_loaded)?;
         let statistics = components::render(request, RADIANCE, frame, |light, request, frame| {

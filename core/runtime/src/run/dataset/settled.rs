@@ -23,7 +23,9 @@ mod tests {
     use super::*;
     use syntable_model::geometry::{Pose, UnitQuaternion, Vector3};
     use syntable_model::random::Stream;
-    use syntable_model::scene::{AssetRef, BodyDraft, Placed, Removal, Role, SceneBuilder, SettleReport};
+    use syntable_model::scene::{
+        AssetRef, BodyDraft, Moment, Placed, Removal, Role, SceneBuilder, SettleReport, Trajectory,
+    };
     use syntable_testing::scenes::{body, box_mesh, object, table};
 
     #[test]
@@ -43,7 +45,15 @@ mod tests {
                 all.push(body.mass.kg.to_bits());
                 (body.spawn, all)
             };
-            scene.bodies().map(|(_, body)| with_mass(body)).collect()
+            let with_way = |body: &BodyDraft| {
+                let (spawn, mut all) = with_mass(body);
+                for (moment, pose) in body.trajectory.iter().flat_map(|trajectory| trajectory.poses()) {
+                    all.push(moment.seconds().to_bits());
+                    all.extend::<Vec<u64>>(numbers(pose));
+                }
+                (spawn, all)
+            };
+            scene.bodies().map(|(_, body)| with_way(body)).collect()
         };
         let mut stream = Stream::root(7);
         let mut uniform = || stream.uniform(-1.0, 1.0);
@@ -51,9 +61,15 @@ mod tests {
         let placed = Placed::of(&scene);
         let handles: Vec<_> = scene.bodies().map(|(handle, _)| handle).collect();
         for (k, &handle) in handles.iter().enumerate().skip(1) {
-            match k % 4 {
+            match k % 5 {
                 0 => drop(scene.remove(handle)),
                 1 => scene.assign_mass(handle, 0.1 + 0.2 * f64::from(k as u32)),
+                2 => {
+                    let pose = |x| Pose::translation(x, 0.1, 1e-7);
+                    let poses = [(-0.1, pose(uniform())), (0.3, pose(uniform()))];
+                    let poses = poses.map(|(at, pose)| (Moment::from_seconds(at).expect("finite"), pose));
+                    scene.set_trajectory(handle, Trajectory::new(poses.into()).expect("sound"));
+                }
                 _ => {
                     let turn = UnitQuaternion::new(Vector3::new(uniform(), uniform(), uniform()) * 3.0);
                     let shift = Vector3::new(uniform(), -0.0, uniform() * 1e-12);
