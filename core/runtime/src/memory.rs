@@ -73,7 +73,7 @@ fn bytes_per_pixel(key: &KeyId) -> u64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::plan::PlanEntry;
+    use crate::plan::{PlanEntry, Provider};
     use syntable_model::product::RenderParameters;
     use syntable_model::product::standard::{DEPTH, INSTANCE, NORMAL, RGB};
 
@@ -81,7 +81,7 @@ mod tests {
     fn views_that_no_memory_holds_are_refused() {
         let keys = [DEPTH.id(), NORMAL.id(), RGB.id(), INSTANCE.id()];
         assert_eq!(keys.each_ref().map(bytes_per_pixel), [4, 12, 3, 2]);
-        let entry = |key| PlanEntry { key, provider: "render".into(), wanted_by: Vec::new() };
+        let entry = |key| PlanEntry { key, provider: Provider::Renderer, wanted_by: Vec::new() };
         let mut plan = Plan { entries: keys.into_iter().map(entry).collect(), ..Plan::default() };
         // 1000 × 500 pixels of 48 + 21 bytes.
         assert!(fits(&plan, [1000, 500], 34_500_000).is_ok());

@@ -6,10 +6,10 @@
 //! before anything runs. `check`, `plan`, `list` and `run` all ask here.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::fmt::Write as _;
+use std::fmt::{self, Write as _};
 use std::sync::Arc;
 use syntable_model::error::Error;
-use syntable_model::product::standard::{COVERAGE, RADIANCE};
+use syntable_model::product::standard::COVERAGE;
 use syntable_model::product::{KeyId, MAX_CANVAS, MAX_SUBPIXELS, Name, RenderParameters, Scope};
 use syntable_model::registry::{Entry, Registry, Slot, Stage};
 use syntable_model::stage::{
@@ -122,6 +122,45 @@ pub struct PlannedStage {
     pub reads: Vec<KeyId>,
     /// The products that it must provide.
     pub provides: Vec<KeyId>,
+    /// The products that it replaces.
+    pub replaces: Vec<Replacement>,
+    /// Parameters of rendering of objects by themselves that it runs with once more each.
+    pub of_objects: BTreeSet<RenderParameters>,
+}
+
+impl PlannedStage {
+    /// What others make under the first key is kept under the second, for each product that the stage replaces.
+    fn replaced(&self) -> impl Iterator<Item = [KeyId; 2]> {
+        self.replaces.iter().flat_map(|it| {
+            let of_objects = self.of_objects.iter().filter(|_| it.of_objects);
+            let parameters = std::iter::once(it.product.name.parameters).chain(of_objects.copied());
+            parameters.map(|of| [it.product, it.original].map(|key| key.with(of)))
+        })
+    }
+}
+
+/// Who provides a product.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Provider {
+    /// The renderer.
+    Renderer,
+    /// A stage by its table: `denoise`, `sensor.<id>` or `annotate.<id>`.
+    Stage(String),
+}
+
+impl Provider {
+    fn is(&self, stage: &str) -> bool {
+        matches!(self, Self::Stage(own) if own == stage)
+    }
+}
+
+impl fmt::Display for Provider {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        f.write_str(match self {
+            Self::Renderer => Slot::Render.name(),
+            Self::Stage(stage) => stage,
+        })
+    }
 }
 
 /// A computed product.
@@ -129,8 +168,8 @@ pub struct PlannedStage {
 pub struct PlanEntry {
     /// The product.
     pub key: KeyId,
-    /// `render`, `denoise`, `sensor.<id>` or `annotate.<id>`.
-    pub provider: String,
+    /// Who computes it.
+    pub provider: Provider,
     /// The stages that read it, such as `write.png`.
     pub wanted_by: Vec<String>,
 }
@@ -140,12 +179,10 @@ pub struct PlanEntry {
 pub struct Plan {
     /// Products that the renderer makes for every view, under the renderer's own names.
     pub rendered: Vec<KeyId>,
-    /// Products that a stage replaces: what others make under `product` is kept under `original`.
-    pub replaced: Vec<Replacement>,
+    /// What is made under the first key of a pair is kept under the second, because a stage replaces it.
+    pub replaced: Vec<[KeyId; 2]>,
     /// The denoiser, if the renderer runs it.
     pub denoiser: Option<PlannedStage>,
-    /// Parameters of rendering that the denoiser runs with, beside those of the image.
-    pub denoised: BTreeSet<RenderParameters>,
     /// Annotators of the scene that run before the views.
     pub before_views: Vec<PlannedStage>,
     /// Producers that run once per view.
@@ -269,8 +306,7 @@ pub fn resolve(
         let stage = format!("write.{id}");
         for input in inputs {
             let asker = Asker { stage: &stage, option: input.option.as_deref() };
-            resolver.want(&input.product, &asker, &mut Vec::new());
-            if let Some(key) = resolver.entry(&input.product).map(|entry| entry.key)
+            if let Some(key) = resolver.want_named(&input.product, &asker)
                 && let Err(reason) = input.accepts.check(&key)
             {
                 let message = format!("{stage} cannot store `{}`: {reason}", key.name);
@@ -289,7 +325,7 @@ impl Plan {
         rows.extend(self.entries.iter().map(|entry| {
             [
                 entry.key.name.to_string(),
-                entry.provider.clone(),
+                entry.provider.to_string(),
                 entry.key.scope.to_string(),
                 entry.wanted_by.join(", "),
             ]
@@ -348,7 +384,7 @@ impl Plan {
             let Some(entry) = self.entries.iter().find(|entry| entry.key.name == name) else { continue };
             // What covers the dataset is made from records at its end.
             if entry.key.scope != Scope::Dataset && needed.insert(name) {
-                let provider = self.stages().find(|stage| stage.stage == entry.provider);
+                let provider = self.stages().find(|stage| entry.provider.is(&stage.stage));
                 let reads = provider.into_iter().flat_map(|stage| &stage.reads);
                 open.extend(reads.clone().map(|key| key.name));
                 if name.parameters.objects.is_some() {
@@ -360,21 +396,25 @@ impl Plan {
         let is_needed = |entry: &&PlanEntry| needed.contains(&entry.key.name);
         let entries: Vec<PlanEntry> = self.entries.iter().filter(is_needed).cloned().collect();
         let running = |stages: &[PlannedStage]| -> Vec<PlannedStage> {
-            let runs = |stage: &&PlannedStage| entries.iter().any(|entry| entry.provider == stage.stage);
-            stages.iter().filter(runs).cloned().collect()
+            let runs = |stage: &&PlannedStage| entries.iter().any(|entry| entry.provider.is(&stage.stage));
+            let of_needed = |stage: &PlannedStage| {
+                let replaces = |of: &RenderParameters| {
+                    stage.replaces.iter().any(|it| it.of_objects && needed.contains(&it.product.with(*of).name))
+                };
+                let of_objects = stage.of_objects.iter().copied().filter(replaces).collect();
+                PlannedStage { of_objects, ..stage.clone() }
+            };
+            stages.iter().filter(runs).map(of_needed).collect()
         };
         let rendered = |key: &&KeyId| {
-            let parameters = key.name.parameters;
-            let is_it = |it: &&Replacement| self.replaces_with(it, parameters) && it.product.with(parameters) == **key;
-            let original = self.replaced.iter().find(is_it).map_or(**key, |it| it.original.with(parameters));
+            let replaced = self.replaced.iter().find(|[product, _]| *product == **key);
+            let original = replaced.map_or(**key, |[_, original]| *original);
             needed.contains(&original.name)
         };
-        let denoises = |parameters: &RenderParameters| needed.contains(&RADIANCE.with(*parameters).id().name);
         Self {
             rendered: self.rendered.iter().filter(rendered).copied().collect(),
             denoiser: None,
-            denoised: self.denoised.iter().copied().filter(denoises).collect(),
-            replaced: self.replaced.iter().filter(|it| needed.contains(&it.original.name)).copied().collect(),
+            replaced: self.replaced.iter().filter(|[_, original]| needed.contains(&original.name)).copied().collect(),
             before_views: running(&self.before_views),
             per_view: running(&self.per_view),
             after_views: running(&self.after_views),
@@ -396,10 +436,10 @@ impl Plan {
         let denoiser = self.per_view.remove(at);
         let is_asked = |entry: &&PlanEntry| {
             let others = entry.wanted_by.iter().any(|stage| *stage != denoiser.stage);
-            entry.provider == denoiser.stage || entry.provider == "render" && others
+            entry.provider.is(&denoiser.stage) || entry.provider == Provider::Renderer && others
         };
         self.rendered = self.entries.iter().filter(is_asked).map(|entry| entry.key).collect();
-        self.replaced.retain(|it| !denoiser.provides.iter().any(|key| key.name == it.product.name));
+        self.replaced.retain(|[product, _]| !denoiser.replaced().any(|[own, _]| own == *product));
         self.denoiser = Some(denoiser);
         self
     }
@@ -414,12 +454,6 @@ impl Plan {
             framings.entry(parameters.framing()).or_default().push(key.with(of_image));
         }
         framings
-    }
-
-    /// Whether a stage replaces its product where it is rendered with other parameters, too.
-    pub fn replaces_with(&self, replacement: &Replacement, parameters: RenderParameters) -> bool {
-        let of_denoiser = || replacement.product == RADIANCE.id() && self.denoised.contains(&parameters);
-        parameters == replacement.product.name.parameters || of_denoiser()
     }
 
     /// Products of a scope that the annotators of the dataset read: they are recorded for every scene.
@@ -485,6 +519,15 @@ fn wrapped(text: &str, width: usize) -> Vec<String> {
     lines
 }
 
+/// How stages clash over a product.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Clash {
+    /// Several provide it.
+    Providers,
+    /// Several replace it.
+    Replacers,
+}
+
 /// Who wants a product.
 struct Asker<'a> {
     stage: &'a str,
@@ -509,7 +552,6 @@ struct Note {
     /// What it replaces, whether it is in the recipe or not: of that it is no source.
     replaces: Vec<Replacement>,
     scope: Scope,
-    is_denoiser: bool,
     after_views: bool,
     explicit: bool,
     /// Whether a crate of this workspace registers it.
@@ -526,7 +568,6 @@ impl Resolver {
                 provides: candidate.producer.provides(),
                 replaces: candidate.producer.replaces(),
                 scope: candidate.producer.scope(),
-                is_denoiser: matches!(candidate.producer, Producer::Denoiser(_)),
                 after_views: false,
                 explicit: candidate.implied.is_none(),
                 stock: candidate.implied.as_ref().is_some_and(|implied| implied.is_stock),
@@ -540,51 +581,72 @@ impl Resolver {
         Self { offers, candidates, notes, replacements, entries: Vec::new(), errors: Vec::new() }
     }
 
-    fn entry(&self, name: &str) -> Option<&PlanEntry> {
+    fn entry(&self, name: Name) -> Option<&PlanEntry> {
         self.entries.iter().find(|entry| entry.key.name == name)
     }
 
+    /// The name of a product as a recipe writes it, if anything provides it or it is an original.
+    fn parsed(&self, text: &str) -> Option<Name> {
+        let originals = self.replacements.iter().map(|(_, it)| &it.original);
+        let provided = self.notes.iter().flat_map(|note| &note.provides);
+        let exact = provided.chain(originals).map(|key| key.name).find(|name| *name == *text);
+        exact.or_else(|| {
+            let mut framed =
+                self.offers.iter().chain(self.replacements.iter().flat_map(|(_, it)| [&it.product, &it.original]));
+            framed.find_map(|key| key.parse(text)).map(|key| key.name)
+        })
+    }
+
+    /// Plans a product that a writer names. Gives its key, if something provides it.
+    fn want_named(&mut self, text: &str, by: &Asker) -> Option<KeyId> {
+        match self.parsed(text) {
+            Some(name) => {
+                self.want(name, by, &mut Vec::new());
+                self.entry(name).map(|entry| entry.key)
+            }
+            None => {
+                self.unknown(text, by);
+                None
+            }
+        }
+    }
+
     /// Plans a product, and first all that its provider reads. `path` holds the candidates on the way here.
-    fn want(&mut self, name: &str, by: &Asker, path: &mut Vec<usize>) {
+    fn want(&mut self, name: Name, by: &Asker, path: &mut Vec<usize>) {
         if let Some(entry) = self.entries.iter_mut().find(|entry| entry.key.name == name) {
             if !entry.wanted_by.iter().any(|other| other == by.stage) {
                 entry.wanted_by.push(by.stage.to_owned());
             }
             return;
         }
-        if let Some((index, replacement, parameters)) = self.denoised(name) {
-            return match replacement.original.with(parameters).name == *name {
-                true => self.source(
-                    &replacement.product.with(parameters).name.to_string(),
-                    replacement.original.with(parameters),
-                    by,
-                    path,
-                ),
-                false => self.denoise(index, replacement, parameters, by, path),
+        if let Some((index, replacement)) = self.replacement_of_objects(name) {
+            let parameters = name.parameters;
+            return match replacement.original.with(parameters) {
+                original if original.name == name => {
+                    self.source(replacement.product.with(parameters).name, original, by, path);
+                }
+                _ => self.provide_of_objects(index, replacement, parameters, by, path),
             };
         }
         let replacers: Vec<usize> =
             self.replacements.iter().filter(|(_, it)| it.product.name == name).map(|&(i, _)| i).collect();
         match (replacers.as_slice(), self.replacements.iter().find(|(_, it)| it.original.name == name).copied()) {
             (&[index], _) if self.has_source(name) => self.provide(index, name, by, path),
-            (&[_, _, ..], _) => self.ambiguous(&replacers, "is replaced by several stages", name, by),
-            (_, Some((_, replacement))) => {
-                self.source(&replacement.product.name.to_string(), replacement.original, by, path)
-            }
+            (&[_, _, ..], _) => self.ambiguous(&replacers, Clash::Replacers, name, by),
+            (_, Some((_, replacement))) => self.source(replacement.product.name, replacement.original, by, path),
             _ => self.provided(name, by, path),
         }
     }
 
-    /// The denoiser of a product of objects that is named, or of its original; and the parameters of rendering.
-    fn denoised(&self, name: &str) -> Option<(usize, Replacement, RenderParameters)> {
-        self.replacements.iter().filter(|(i, _)| self.notes[*i].is_denoiser).find_map(|&(i, it)| {
-            let key = it.product.parse(name).or_else(|| it.original.parse(name))?;
-            key.name.parameters.objects.is_some().then_some((i, it, key.name.parameters))
-        })
+    /// The stage that replaces a product of objects by themselves, by the name of the product or of its original.
+    fn replacement_of_objects(&self, name: Name) -> Option<(usize, Replacement)> {
+        name.parameters.objects?;
+        let is_of = |it: &Replacement| [it.product, it.original].iter().any(|key| key.name.base == name.base);
+        self.replacements.iter().copied().find(|(_, it)| it.of_objects && is_of(it))
     }
 
-    /// Plans the denoised light on objects: the denoiser runs on it as on the image, with the same guides.
-    fn denoise(
+    /// Plans a product of objects by themselves that a stage replaces: it runs on them as on the image, with the same guides.
+    fn provide_of_objects(
         &mut self,
         index: usize,
         replacement: Replacement,
@@ -594,26 +656,26 @@ impl Resolver {
     ) {
         let (stage, reads) = (self.notes[index].stage.clone(), self.notes[index].reads.clone());
         let asker = Asker { stage: &stage, option: None };
-        self.want(&replacement.product.name.to_string(), by, path);
+        self.want(replacement.product.name, by, path);
         for read in reads {
-            self.want(&read.with(parameters).name.to_string(), &asker, path);
+            self.want(read.with(parameters).name, &asker, path);
         }
         let key = replacement.product.with(parameters);
-        self.entries.push(PlanEntry { key, provider: stage, wanted_by: vec![by.stage.to_owned()] });
+        self.entries.push(PlanEntry { key, provider: Provider::Stage(stage), wanted_by: vec![by.stage.to_owned()] });
     }
 
     /// The product of that name that the renderer offers, with the parameters of the name.
-    fn offered(&self, name: &str) -> Option<KeyId> {
-        self.offers.iter().find_map(|key| key.parse(name))
+    fn offered(&self, name: Name) -> Option<KeyId> {
+        self.offers.iter().find_map(|key| key.under(name))
     }
 
     /// Whether a product is made by somebody who does not replace it.
-    fn has_source(&self, name: &str) -> bool {
+    fn has_source(&self, name: Name) -> bool {
         self.offered(name).is_some() || !self.sources(name).is_empty()
     }
 
     /// The candidates that make a product anew.
-    fn sources(&self, name: &str) -> Vec<usize> {
+    fn sources(&self, name: Name) -> Vec<usize> {
         let replaces = |i: usize| self.notes[i].replaces.iter().any(|it| it.product.name == name);
         let provides = |i: usize| self.notes[i].provides.iter().any(|key| key.name == name);
         let all: Vec<usize> = (0..self.notes.len()).filter(|&i| provides(i) && !replaces(i)).collect();
@@ -632,7 +694,7 @@ impl Resolver {
     }
 
     /// Plans the original of a replaced product, which is kept under another key.
-    fn source(&mut self, name: &str, original: KeyId, by: &Asker, path: &mut Vec<usize>) {
+    fn source(&mut self, name: Name, original: KeyId, by: &Asker, path: &mut Vec<usize>) {
         let before = self.entries.len();
         self.provided(name, by, path);
         if let Some(entry) = self.entries[before..].iter_mut().find(|entry| entry.key.name == name) {
@@ -640,43 +702,47 @@ impl Resolver {
         }
     }
 
-    fn provided(&mut self, name: &str, by: &Asker, path: &mut Vec<usize>) {
+    fn provided(&mut self, name: Name, by: &Asker, path: &mut Vec<usize>) {
         let offered = self.offered(name);
         let sources = self.sources(name);
         match (offered, sources.as_slice()) {
             (Some(key), []) => {
                 if key.name.parameters.objects.is_some() {
                     // It says where the objects are.
-                    self.want(&COVERAGE.id().name.to_string(), &Asker { stage: "render", option: None }, path);
+                    self.want(COVERAGE.id().name, &Asker { stage: Slot::Render.name(), option: None }, path);
                 }
-                self.entries.push(PlanEntry { key, provider: "render".into(), wanted_by: vec![by.stage.into()] });
+                self.entries.push(PlanEntry { key, provider: Provider::Renderer, wanted_by: vec![by.stage.into()] });
             }
             (None, &[index]) => self.provide(index, name, by, path),
-            (None, []) => self.unknown(name, by),
-            (_, several) => self.ambiguous(several, "has several providers", name, by),
+            (None, []) => self.unknown(&name.to_string(), by),
+            (_, several) => self.ambiguous(several, Clash::Providers, name, by),
         }
     }
 
-    fn provide(&mut self, index: usize, name: &str, by: &Asker, path: &mut Vec<usize>) {
+    fn provide(&mut self, index: usize, name: Name, by: &Asker, path: &mut Vec<usize>) {
         if path.contains(&index) {
             let chain: Vec<String> = path.iter().chain([&index]).map(|&i| self.notes[i].stage.clone()).collect();
             let message = format!("stages need each other's products: {}", chain.join(" → "));
             let help = "take one of them out of the recipe".to_owned();
-            return self.fail(Fault::Cycle, by, name, message, help).involve(chain);
+            return self.fail(Fault::Cycle, by, &name.to_string(), message, help).involve(chain);
         }
         let (stage, reads, scope) =
             (self.notes[index].stage.clone(), self.notes[index].reads.clone(), self.notes[index].scope);
         path.push(index);
         let asker = Asker { stage: &stage, option: None };
         for read in reads {
-            self.want(&read.name.to_string(), &asker, path);
+            self.want(read.name, &asker, path);
             self.check_read(index, &read, scope, &asker);
         }
         path.pop();
         if let Some(&key) = self.notes[index].provides.iter().find(|key| key.name == name)
             && self.entry(name).is_none()
         {
-            self.entries.push(PlanEntry { key, provider: stage, wanted_by: vec![by.stage.to_owned()] });
+            self.entries.push(PlanEntry {
+                key,
+                provider: Provider::Stage(stage),
+                wanted_by: vec![by.stage.to_owned()],
+            });
         }
     }
 
@@ -691,7 +757,7 @@ impl Resolver {
                 "one of the two plugins defines the product wrongly: keys of one name must have one type".to_owned();
             self.fail(Fault::WrongType, by, &read.name.to_string(), message, help);
         }
-        let late = self.notes.iter().any(|note| note.stage == entry.provider && note.after_views);
+        let late = self.notes.iter().any(|note| entry.provider.is(&note.stage) && note.after_views);
         match (scope, entry.key.scope) {
             (Scope::Scene, Scope::View) => self.notes[index].after_views = true,
             (Scope::Scene, Scope::Scene) if late => self.notes[index].after_views = true,
@@ -707,23 +773,26 @@ impl Resolver {
         self.fail(Fault::TooEarly, by, &read.name.to_string(), message, help);
     }
 
-    fn ambiguous(&mut self, candidates: &[usize], what: &str, name: &str, by: &Asker) {
+    fn ambiguous(&mut self, candidates: &[usize], clash: Clash, name: Name, by: &Asker) {
         let mut names: Vec<String> = candidates.iter().map(|&i| self.notes[i].stage.clone()).collect();
-        if self.offered(name).is_some() && what.contains("providers") {
-            names.push("render".to_owned());
-        }
+        let with_renderer = clash == Clash::Providers && self.offered(name).is_some();
+        names.extend(with_renderer.then(|| Provider::Renderer.to_string()));
+        let what = match clash {
+            Clash::Providers => "has several providers",
+            Clash::Replacers => "is replaced by several stages",
+        };
         let message = format!("product `{name}` {what}: {}", names.join(", "));
         let explicit = candidates.iter().filter(|&&i| self.notes[i].explicit);
         let tables: Vec<String> = explicit.map(|&i| format!("[{}]", self.notes[i].stage)).collect();
         let help = match tables.as_slice() {
             [] => "name the one you want in a [sensor.<id>] or [annotate.<id>] table".to_owned(),
-            several if names.last().is_some_and(|name| name == "render") => {
+            several if with_renderer => {
                 format!("remove {} from the recipe: the renderer makes `{name}`", several.join(" and "))
             }
             [first, second] => format!("remove {first} or {second} from the recipe"),
             several => format!("keep one of {} in the recipe and remove the others", several.join(", ")),
         };
-        self.fail(Fault::Ambiguous, by, name, message, help).involve(names);
+        self.fail(Fault::Ambiguous, by, &name.to_string(), message, help).involve(names);
     }
 
     fn unknown(&mut self, name: &str, by: &Asker) {
@@ -777,31 +846,27 @@ impl Resolver {
             return Err(self.errors);
         }
         let mut plan = Plan::default();
-        let runs =
-            |index: usize, entries: &[PlanEntry]| entries.iter().any(|entry| entry.provider == self.notes[index].stage);
-        let active: Vec<Replacement> =
-            self.replacements.iter().filter(|(i, _)| runs(*i, &self.entries)).map(|(_, it)| *it).collect();
-        let rendered = self.entries.iter().filter(|entry| entry.provider == "render");
+        let runs = |index: usize| self.entries.iter().any(|entry| entry.provider.is(&self.notes[index].stage));
+        let active: Vec<Replacement> = self.replacements.iter().filter(|(i, _)| runs(*i)).map(|(_, it)| *it).collect();
+        let rendered = self.entries.iter().filter(|entry| entry.provider == Provider::Renderer);
         let rendered_as = |key: KeyId| {
             let parameters = key.name.parameters;
             let replacement = active.iter().find(|it| it.original.with(parameters) == key);
             replacement.map_or(key, |it| it.product.with(parameters))
         };
         plan.rendered = rendered.map(|entry| rendered_as(entry.key)).collect();
-        let is_denoised = |entry: &&PlanEntry| {
-            let of_denoiser = |note: &Note| note.is_denoiser && note.stage == entry.provider;
-            entry.key.name.parameters.objects.is_some() && self.notes.iter().any(of_denoiser)
-        };
-        plan.denoised = self.entries.iter().filter(is_denoised).map(|entry| entry.key.name.parameters).collect();
-        plan.replaced = active;
         // Entries are in dependency order, so the first entry of a producer is when it has to run.
         for entry in &self.entries {
-            let Some(index) = self.notes.iter().position(|note| note.stage == entry.provider) else { continue };
+            let Some(index) = self.notes.iter().position(|note| entry.provider.is(&note.stage)) else { continue };
             let Some(candidate) = self.candidates[index].take() else { continue };
             let note = &self.notes[index];
             let (reads, provides) = (note.reads.clone(), note.provides.clone());
             let producer = Arc::new(candidate.producer);
-            let planned = PlannedStage { stage: candidate.stage.clone(), producer, reads, provides };
+            let of_stage = self.entries.iter().filter(|other| other.provider == entry.provider);
+            let of_objects =
+                of_stage.map(|entry| entry.key.name.parameters).filter(|of| of.objects.is_some()).collect();
+            let (stage, replaces) = (candidate.stage.clone(), producer.replaces());
+            let planned = PlannedStage { stage, producer, reads, provides, replaces, of_objects };
             plan.implied.extend(candidate.implied.map(|implied| (candidate.stage, implied)));
             match (note.scope, note.after_views) {
                 (Scope::View, _) => plan.per_view.push(planned),
@@ -811,6 +876,7 @@ impl Resolver {
                 _ => plan.per_dataset.push(planned),
             }
         }
+        plan.replaced = plan.per_view.iter().flat_map(PlannedStage::replaced).collect();
         // A denoiser that replaces nothing leaves images as they are, as the recipe says.
         let is_missed = |note: &Note, left: &Candidate| {
             !matches!(left.producer, Producer::Denoiser(_)) || !note.replaces.is_empty()

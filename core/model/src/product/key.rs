@@ -232,11 +232,16 @@ impl KeyId {
 
     /// The product that a text names, with its parameters: `coverage (canvas 3)`. None if it names another.
     pub fn parse(&self, text: &str) -> Option<Self> {
-        let name = self.name.parse(text)?;
+        self.under(self.name.parse(text)?)
+    }
+
+    /// The key of a name with the parameters of rendering, if it is a name of this product and the product can have them.
+    pub fn under(&self, name: Name) -> Option<Self> {
         let RenderParameters { before_support, objects, .. } = name.parameters;
         let has_depth = self.type_id() == TypeId::of::<BitPlane>();
         let is_image = matches!(self.form(), Form::Image { .. });
-        ((has_depth || !before_support) && (is_image || objects.is_none())).then(|| self.with(name.parameters))
+        let can_have = (has_depth || !before_support) && (is_image || objects.is_none());
+        (name.base == self.name.base && can_have).then(|| self.with(name.parameters))
     }
 
     /// Meaning, frame and special values, in sentences. Links to other keys read as their names.

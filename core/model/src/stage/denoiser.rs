@@ -17,7 +17,7 @@ pub trait Denoiser: Send + Sync {
     }
     /// The rendered product that it replaces, and the key under which it reads the original.
     fn replaces(&self) -> Vec<Replacement> {
-        vec![Replacement { product: RADIANCE.id(), original: RADIANCE_NOISY.id() }]
+        vec![Replacement { product: RADIANCE.id(), original: RADIANCE_NOISY.id(), of_objects: true }]
     }
     /// Whether the files that it needs are there. Runs none of them: `check` asks, for any recipe.
     fn found(&self) -> Result<()> {

@@ -133,6 +133,9 @@ pub struct Replacement {
     pub product: KeyId,
     /// Key of the same type under which the original is kept.
     pub original: KeyId,
+    /// Whether the stage also replaces the product of [objects by themselves](crate::product::RenderParameters::objects), such as
+    /// `radiance (objects alone)`: it then runs once more, on inputs of these objects.
+    pub of_objects: bool,
 }
 
 #[cfg(test)]

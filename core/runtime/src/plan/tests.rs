@@ -67,7 +67,7 @@ impl Sensor for Filter {
         vec![PIXELS.id()]
     }
     fn replaces(&self) -> Vec<Replacement> {
-        vec![Replacement { product: PIXELS.id(), original: RAW.id() }]
+        vec![Replacement { product: PIXELS.id(), original: RAW.id(), of_objects: false }]
     }
     fn sense(&self, _: &ViewContext, _: &syntable_model::random::Stream, _: &mut Products) -> Result<()> {
         Ok(())
@@ -163,9 +163,9 @@ fn a_replaced_product_is_the_new_one_for_all_others() {
     let filter =
         || Candidate { stage: "sensor.filter".into(), producer: Producer::Sensor(Box::new(Filter)), implied: None };
     let found = plan(vec![stage("a", &[PIXELS.id()], &[A.id()]), filter()], &["a", "pixels_raw"]).expect("planned");
-    let entries: Vec<(&str, &str)> =
-        found.entries.iter().map(|entry| (entry.key.name.base, entry.provider.as_str())).collect();
-    assert_eq!(entries, [("pixels_raw", "render"), ("pixels", "sensor.filter"), ("a", "annotate.a")]);
+    let entries: Vec<String> =
+        found.entries.iter().map(|entry| format!("{} by {}", entry.key.name, entry.provider)).collect();
+    assert_eq!(entries, ["pixels_raw by render", "pixels by sensor.filter", "a by annotate.a"]);
     assert_eq!(found.rendered, [PIXELS.id()]);
     assert_eq!(found.replaced.len(), 1);
     // Nobody reads the new one: the original is what was rendered, and the filter is idle.
@@ -277,24 +277,25 @@ fn a_parameter_beyond_its_limit_is_named() {
 fn light_on_objects_is_denoised_as_that_of_the_image() {
     let found = lit(&[LIGHT_OF_ALL]).expect("planned");
     let alone = RenderParameters { objects: Some(Lighting::Alone), ..RenderParameters::IMAGE };
-    assert_eq!(found.denoised, BTreeSet::from([alone]));
+    let of_objects = |plan: &Plan| plan.per_view.iter().flat_map(|stage| stage.of_objects.clone()).collect::<Vec<_>>();
+    assert_eq!(of_objects(&found), [alone]);
     let by_framing = found.by_framing();
     assert_eq!(by_framing.keys().collect::<Vec<_>>(), [&RenderParameters::IMAGE, &alone], "the image comes first");
     // The coverage of the image says where the objects are.
     assert_eq!(names(&by_framing[&RenderParameters::IMAGE]), ["coverage", "denoise_albedo", "radiance"]);
     assert_eq!(names(&by_framing[&alone]), ["denoise_albedo", "radiance"]);
     let provider = |plan: &Plan, name: &str| {
-        plan.entries.iter().find(|entry| entry.key.name == *name).map(|entry| entry.provider.clone())
+        plan.entries.iter().find(|entry| entry.key.name == *name).map(|entry| entry.provider.to_string())
     };
     assert_eq!(provider(&found, LIGHT_OF_ALL).as_deref(), Some("denoise"));
     assert_eq!(provider(&found, "radiance_noisy (objects alone)").as_deref(), Some("render"));
     // A part has all that it is made from, and nothing that it is not.
     let part = lit(&[LIGHT_OF_ALL, "normal (objects in scene)"]).expect("planned").part([LIGHT_OF_ALL], false);
-    assert_eq!((part.by_framing(), part.denoised), (by_framing, found.denoised));
+    assert_eq!((part.by_framing(), of_objects(&part)), (by_framing, of_objects(&found)));
     let part = lit(&[LIGHT_OF_ALL, "normal (objects in scene)"]).expect("planned");
     let part = part.part(["normal (objects in scene)"], false);
     assert_eq!(names(&part.rendered), ["coverage", "normal (objects in scene)"]);
-    assert!(part.denoised.is_empty() && part.per_view.is_empty());
+    assert!(part.per_view.is_empty());
     // The original is there for who asks; labels have none.
     assert!(lit(&["radiance_noisy (objects in scene)"]).is_ok() && lit(&["normal_noisy (objects alone)"]).is_err());
     assert!(lit(&["coverage (objects alone)"]).is_err());

@@ -109,7 +109,7 @@ fn of_two_providers_the_stock_one_is_taken() {
         let source = Source::embedded("test.toml", recipe);
         recipe::load(registry, source, &Overrides::of_process(Vec::new())).map(|(recipe, _)| {
             let of = recipe.plan.entries.iter().find(|entry| entry.key.name == "thought").expect("planned");
-            of.provider.clone()
+            of.provider.to_string()
         })
     };
     // A crate is stock by its whole name, not because it is called like one.

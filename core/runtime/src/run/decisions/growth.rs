@@ -1,6 +1,6 @@
 //! What differs between the recipe that a dataset was begun with and the recipe of a run: growth, or another dataset.
 
-use crate::plan::Plan;
+use crate::plan::{Plan, Provider};
 use crate::recipe::{Recipe, without_lock};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -215,7 +215,10 @@ fn disturbed(recipe: &Recipe, growth: &Growth, changed: &BTreeSet<String>) -> Ve
     let by = |writer: &dyn Writer<Scenes>| {
         let reads: Vec<String> = writer.reads().into_iter().map(|input| input.product).collect();
         let Plan { entries, .. } = recipe.plan.part(reads.iter().map(String::as_str), false);
-        entries.into_iter().map(|entry| entry.provider).find(|provider| changed.contains(provider))
+        entries.into_iter().find_map(|entry| match entry.provider {
+            Provider::Stage(stage) => changed.contains(&stage).then_some(stage),
+            Provider::Renderer => None,
+        })
     };
     let writers = recipe.write.iter().filter(|(id, _)| stays(id));
     writers.filter_map(|(id, writer)| Some((id.clone(), by(&**writer)?))).collect()

@@ -136,7 +136,7 @@ impl Attempt<'_> {
                         none => none.insert(Atlas::of(rendered.get(COVERAGE)?)),
                     };
                     request = request.of_objects(atlas, lighting);
-                    plan.denoised.contains(&framing)
+                    plan.denoiser.as_ref().is_some_and(|stage| stage.of_objects.contains(&framing))
                 }
                 None => {
                     request = request.of(Window::canvas(&view.camera.intrinsics, framing.canvas), Bodies::All);
@@ -227,15 +227,10 @@ pub fn provided(declared: &[KeyId], made: &Products) -> Result<()> {
 
 /// Adds what a stage made. A product that another stage replaces is kept under the key of the original.
 pub fn keep(plan: &Plan, mut made: Products, products: &mut Products) -> Result<()> {
-    for replacement in &plan.replaced {
-        let image = replacement.product.name.parameters;
-        let parameters = plan.denoised.iter().copied().chain([image]);
-        for parameters in parameters.filter(|&of| plan.replaces_with(replacement, of)) {
-            let [product, original] = [replacement.product, replacement.original].map(|key| key.with(parameters));
-            // The stage that replaces a product reads the original, which is there by then.
-            if !products.contains(&original.name) {
-                made.rename(product, original)?;
-            }
+    for &[product, original] in &plan.replaced {
+        // The stage that replaces a product reads the original, which is there by then.
+        if !products.contains(&original.name) {
+            made.rename(product, original)?;
         }
     }
     products.extend(made)

@@ -9,10 +9,9 @@ use std::sync::Arc;
 use syntable_model::check::LabelCheck;
 use syntable_model::context::{ImageContext, SceneContext, ViewContext};
 use syntable_model::error::{Error, Result};
-use syntable_model::product::standard::RADIANCE;
 use syntable_model::product::{KeyId, Products, RenderParameters};
 use syntable_model::random::Stream;
-use syntable_model::stage::{Denoiser, ViewProducts};
+use syntable_model::stage::ViewProducts;
 
 /// Runs all producers of a view. What they leave out is added to `losses`.
 pub fn annotate(
@@ -26,19 +25,37 @@ pub fn annotate(
     for stage in &plan.per_view {
         let log = StageLog { log: cx.log, losses, stage: &stage.stage };
         let cx = &cx.with_log(&log);
-        let made = lend(times, stage, products, |lent| match &*stage.producer {
+        let run = |lent: &mut Products| match &*stage.producer {
             Producer::Denoiser(denoiser) => denoiser.denoise(cx, lent),
             Producer::Sensor(sensor) => sensor.sense(cx, &sensing[&stage.stage], lent),
             Producer::Image(annotator) => annotator.annotate(cx, lent),
             Producer::View(annotator) => annotator.annotate(cx, lent),
             Producer::Scene(_) | Producer::Dataset(_) => unreachable!("the plan sorts producers by scope"),
-        })?;
+        };
+        let made = lend(times, stage, products, run)?;
         keep(plan, made, products)?;
-        if let Producer::Denoiser(denoiser) = &*stage.producer {
-            plan.denoised.iter().try_for_each(|&of| denoise_objects(times, stage, &**denoiser, of, cx, products))?;
-        }
+        stage.of_objects.iter().try_for_each(|&of| run_of_objects(times, stage, run, of, products))?;
     }
     Ok(())
+}
+
+/// Runs a stage that replaces products on objects by themselves, as on the image.
+fn run_of_objects(
+    times: &Times,
+    stage: &PlannedStage,
+    run: impl FnOnce(&mut Products) -> Result<()>,
+    parameters: RenderParameters,
+    products: &mut Products,
+) -> Result<()> {
+    let own = |key: &KeyId| key.with(parameters);
+    let mut of_image = products.only(&stage.reads.iter().map(|key| own(key).name).collect::<Vec<_>>());
+    for key in &stage.reads {
+        of_image.rename(own(key), *key)?;
+    }
+    let replaced: Vec<KeyId> = stage.replaces.iter().filter(|it| it.of_objects).map(|it| it.product).collect();
+    let mut made = lend(times, stage, &of_image, run)?.only(&replaced.iter().map(|key| key.name).collect::<Vec<_>>());
+    replaced.iter().try_for_each(|key| made.rename(*key, own(key)))?;
+    products.extend(made)
 }
 
 /// Runs all producers of an image that was read: annotators that see products alone.
@@ -58,25 +75,6 @@ pub fn annotate_image(
         keep(plan, made, products)?;
     }
     Ok(())
-}
-
-/// Denoises the light on objects as that of the image.
-fn denoise_objects(
-    times: &Times,
-    stage: &PlannedStage,
-    denoiser: &dyn Denoiser,
-    parameters: RenderParameters,
-    cx: &ViewContext,
-    products: &mut Products,
-) -> Result<()> {
-    let own = |key: &KeyId| key.with(parameters);
-    let mut of_image = products.only(&stage.reads.iter().map(|key| own(key).name).collect::<Vec<_>>());
-    for key in &stage.reads {
-        of_image.rename(own(key), *key)?;
-    }
-    let mut made = lend(times, stage, &of_image, |lent| denoiser.denoise(cx, lent))?.only(&[RADIANCE.id().name]);
-    made.rename(RADIANCE.id(), own(&RADIANCE.id()))?;
-    products.extend(made)
 }
 
 /// Makes all checks on a view.
