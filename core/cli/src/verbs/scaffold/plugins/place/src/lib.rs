@@ -1,4 +1,4 @@
-//! Placer `tower`: objects above each other in the middle of the table.
+//! Placer `object_tower`: objects above each other in the middle of the table.
 
 use syntable_model::geometry::{Translation3, UnitQuaternion};
 use syntable_model::prelude::*;
@@ -7,7 +7,7 @@ use syntable_model::scene::{BodyDraft, Motion, Role};
 /// Places objects in a column above the middle of the tabletop.
 #[derive(Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct Tower {
+pub struct ObjectTower {
     /// Object pools to draw from.
     from: ObjectPools,
     /// Number of objects; 1 to 20.
@@ -20,9 +20,9 @@ fn three() -> IntDist {
     IntDist::Constant(3)
 }
 
-impl Config for Tower {
+impl Config for ObjectTower {
     type Stage = dyn Placer;
-    const KIND: &'static str = "tower";
+    const KIND: &'static str = "object_tower";
     const EXAMPLE: &'static str = "from = [\"objects\"]\ncount = 3";
     fn build(self) -> Result<Box<dyn Placer>, ConfigError> {
         self.count.within("count", 1, 20)?;
@@ -30,7 +30,7 @@ impl Config for Tower {
     }
 }
 
-impl Placer for Tower {
+impl Placer for ObjectTower {
     fn place(&self, scene: &mut SceneBuilder, context: &Context) -> Result<()> {
         let tabletop = scene.tabletop()?;
         let mut height = tabletop.height();
@@ -46,4 +46,4 @@ impl Placer for Tower {
         Ok(())
     }
 }
-register!(Tower);
+register!(ObjectTower);

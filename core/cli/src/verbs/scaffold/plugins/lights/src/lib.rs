@@ -1,4 +1,4 @@
-//! Light sampler `headlight`: light from behind the camera.
+//! Light sampler `head_light`: light from behind the camera.
 
 use syntable_model::photometry::blackbody;
 use syntable_model::prelude::*;
@@ -7,21 +7,21 @@ use syntable_model::scene::{Camera, DirectionalLight, Light};
 /// Parallel light from the camera towards the tabletop.
 #[derive(Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
-pub struct Headlight {
+pub struct HeadLight {
     /// Illuminance on a plane that faces the camera, lux, from 0 to 100,000.
     #[schemars(extend("minimum" = 0.0, "maximum" = 1e5))]
     illuminance_lx: Dist,
 }
 
-impl Default for Headlight {
+impl Default for HeadLight {
     fn default() -> Self {
         Self { illuminance_lx: Dist::Uniform(100.0, 500.0) }
     }
 }
 
-impl Config for Headlight {
+impl Config for HeadLight {
     type Stage = dyn LightSampler;
-    const KIND: &'static str = "headlight";
+    const KIND: &'static str = "head_light";
     const EXAMPLE: &'static str = "illuminance_lx = { uniform = [100, 500] }";
     fn build(self) -> Result<Box<dyn LightSampler>, ConfigError> {
         self.illuminance_lx.within("illuminance_lx", 0.0, 1e5)?;
@@ -29,7 +29,7 @@ impl Config for Headlight {
     }
 }
 
-impl LightSampler for Headlight {
+impl LightSampler for HeadLight {
     fn lights(&self, scene: &Scene, camera: &Camera, _: &Shell, context: &Context) -> Result<Vec<Light>> {
         let illuminance = self.illuminance_lx.draw(&mut context.stream.child("illuminance"));
         let position = camera.world_from_camera.translation.vector;
@@ -41,4 +41,4 @@ impl LightSampler for Headlight {
         Ok(vec![Light::Directional(light)])
     }
 }
-register!(Headlight);
+register!(HeadLight);

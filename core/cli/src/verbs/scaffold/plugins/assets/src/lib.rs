@@ -1,4 +1,4 @@
-//! Source of assets `cubes`: plain cubes, made in memory.
+//! Source of assets `plain_cubes`: plain cubes, made in memory.
 
 use std::path::Path;
 use syntable_mesh::material::default_material;
@@ -6,31 +6,31 @@ use syntable_mesh::{Model, ObjectInfo};
 use syntable_model::prelude::*;
 use syntable_model::scene::{Asset, AssetClass, Catalog, CatalogEntry, MeshData};
 
-/// Cubes of several sizes.
+/// PlainCubes of several sizes.
 #[derive(Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
-pub struct Cubes {
+pub struct PlainCubes {
     /// Edge of each cube, meters.
     #[schemars(inner(range(min = 0.001, max = 10.0)))]
     edges_m: Vec<f32>,
 }
 
-impl Default for Cubes {
+impl Default for PlainCubes {
     fn default() -> Self {
         Self { edges_m: vec![0.05, 0.08] }
     }
 }
 
-impl Config for Cubes {
+impl Config for PlainCubes {
     type Stage = dyn AssetSource;
-    const KIND: &'static str = "cubes";
+    const KIND: &'static str = "plain_cubes";
     const EXAMPLE: &'static str = "edges_m = [0.05, 0.08]";
     fn build(self) -> Result<Box<dyn AssetSource>, ConfigError> {
         Ok(Box::new(self))
     }
 }
 
-impl AssetSource for Cubes {
+impl AssetSource for PlainCubes {
     fn class(&self) -> AssetClass {
         AssetClass::Object
     }
@@ -57,4 +57,4 @@ impl AssetSource for Cubes {
         Ok(Asset::from(object))
     }
 }
-register!(Cubes);
+register!(PlainCubes);
