@@ -1,4 +1,4 @@
-//! Mesh format OFF (Object File Format), triangles only.
+//! Mesh format `off_mesh`: OFF (Object File Format), triangles only.
 
 use std::path::Path;
 use syntable_mesh::format::MeshFormat;
