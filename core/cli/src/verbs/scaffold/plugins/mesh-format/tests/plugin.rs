@@ -13,6 +13,6 @@ fn triangles_are_those_of_the_file() {
     let facts = mesh_file(&path, &Quiet).expect("sound").facts;
     assert!(facts.contains(&("triangles".into(), "4".into())), "{facts:?}");
     fs::write(&path, "OFF 3 1 0\n0 0 0 1 0").expect("writable");
-    let error = mesh_file(&path, &Quiet).err().expect("it ends early").to_string();
+    let error = mesh_file(&path, &Quiet).expect_err("it ends early").to_string();
     assert!(error.contains("sample.off") && error.contains("ends early"), "{error}");
 }
