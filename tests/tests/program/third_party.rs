@@ -304,6 +304,11 @@ fn new_plugins_are_the_sources_that_the_workspace_compiles() {
         ok(&mut cargo(&folder.path().join(name), &["metadata", "--format-version", "1", "--offline"]));
     }
     check_plugin(built, &folder.path().join("visible_area"));
+    for (slot, name) in [("verb", "validate"), ("check", "visible_masks_disjoint"), ("dataset-format", "yolo")] {
+        let output = syntable().args(["new", "plugin", name, "--slot", slot]).output().expect("runs");
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(output.status.code() == Some(2) && said.contains("already"), "{said}");
+    }
     let output = syntable().args(["new", "plugin", "my_thing", "--slot", "nothing"]).output().expect("runs");
     let said = String::from_utf8_lossy(&output.stderr).into_owned();
     assert_eq!(output.status.code(), Some(2));

@@ -226,6 +226,9 @@ fn taken(registry: &Registry, name: &str) -> Option<String> {
     match entry {
         Some(entry) => Some(format!("a kind of `{}`", entry.slot)),
         None if products(registry).iter().any(|(key, _)| key.name.base == name) => Some("a product".to_owned()),
+        None if registry.checks().iter().any(|check| check.name() == name) => Some("a check of labels".to_owned()),
+        None if registry.formats().iter().any(|format| format.name() == name) => Some("a dataset format".to_owned()),
+        None if crate::whole().find_subcommand(name).is_some() => Some("a verb of the program".to_owned()),
         None if Slot::ALL.iter().any(|slot| slot.name() == name) => Some("a section of recipes".to_owned()),
         None if crates().any(|it| it == name) => Some("a crate that the plugin needs".to_owned()),
         None => None,
