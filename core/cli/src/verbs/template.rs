@@ -273,7 +273,7 @@ mod tests {
                 let lower = text.to_lowercase();
                 assert!(!lower.contains(template.example), "{}/{path}", template.slot);
                 assert!(!text.contains(&camel_case(template.example)), "{}/{path}", template.slot);
-                assert!(!text.contains('@') || path == "recipe.toml", "{}/{path}", template.slot);
+                assert!(!text.contains("@NAME@") && !text.contains("DEPENDENCIES@"), "{}/{path}", template.slot);
             }
         }
     }
