@@ -1,7 +1,15 @@
 //! SynTable with plugins from outside.
 
-use outside as _;
+use std::process::ExitCode;
 
-fn main() -> std::process::ExitCode {
-    syntable_program::main()
+use syntable_program as _;
+
+fn main() -> ExitCode {
+    match outside::program() {
+        Ok(program) => program.run(),
+        Err(clash) => {
+            eprintln!("{clash}");
+            ExitCode::from(2)
+        }
+    }
 }

@@ -7,5 +7,6 @@ pub(crate) mod list;
 pub(crate) mod merge;
 pub(crate) mod new;
 pub(crate) mod run;
+mod template;
 pub(crate) mod validate;
 pub(crate) mod verify;

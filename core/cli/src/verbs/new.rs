@@ -1,7 +1,9 @@
 //! `syntable new`: recipes and plugins to start from.
 
 use super::list::products;
+use super::template::{TEMPLATES, Template, crates};
 use crate::{Console, Exit};
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Args, Subcommand};
 use std::fs;
 use std::path::{Component, Path, PathBuf};
@@ -30,12 +32,17 @@ enum What {
         #[arg(long, value_name = "RECIPE")]
         extends: Option<String>,
     },
-    /// Write a plugin crate with an annotator, and a binary that links it with all stock plugins.
-    #[command(after_help = "Example:
-  syntable new plugin visible_area && cd visible_area && cargo run --release -- list products")]
+    /// Write a plugin crate: a small working example, its test, and a binary that links it with all stock plugins.
+    #[command(after_help = "Examples:
+  syntable new plugin visible_area && cd visible_area && cargo run --release -- run recipe.toml --out data
+  syntable new plugin my_noise --slot sensor
+  syntable new plugin my_layout --slot dataset-format     a reader of datasets")]
     Plugin {
-        /// Name of the crate and of the annotator's kind, snake_case.
+        /// Name of the crate and of what it adds, snake_case.
         name: String,
+        /// What the plugin adds: a stage of a slot, or another thing.
+        #[arg(long, default_value = "annotate", value_parser = slots())]
+        slot: &'static Template,
         /// Output folder, which must not exist yet. Default: the name.
         #[arg(long)]
         path: Option<PathBuf>,
@@ -110,12 +117,7 @@ const KEYWORDS: [&str; 57] = [
 const SCHEMA: &str = "recipe.schema.json";
 
 const EXTENDING: &str = include_str!("scaffold/extending.toml");
-const TEST: &str = include_str!("scaffold/test.rs.txt");
 const RECIPE: &str = include_str!("scaffold/recipe.toml");
-const MANIFEST: &str = include_str!("scaffold/Cargo.toml.txt");
-const LIBRARY: &str = include_str!("scaffold/lib.rs.txt");
-const MAIN: &str = include_str!("scaffold/main.rs.txt");
-const PLUGIN_RECIPE: &str = include_str!("scaffold/plugin_recipe.toml");
 
 pub(crate) fn new(console: &Console, registry: &Registry, args: &NewArgs) -> Result<(), Exit> {
     match &args.what {
@@ -132,13 +134,11 @@ pub(crate) fn new(console: &Console, registry: &Registry, args: &NewArgs) -> Res
             let (file, schema) = (file.display(), schema.display());
             console.print(&format!("wrote {file}\nwrote {schema}\nnext: syntable run {file} --out data\n"))
         }
-        What::Plugin { name, path, syntable } => {
+        What::Plugin { name, slot, path, syntable } => {
             let folder = path.clone().unwrap_or_else(|| PathBuf::from(name));
-            plugin(registry, name, &folder, syntable.as_deref())?;
-            let folder = folder.display();
-            console.print(&format!(
-                "wrote {folder}\nnext: cd {folder} && cargo run --release -- run recipe.toml --out data\n"
-            ))
+            plugin(registry, slot, name, &folder, syntable.as_deref())?;
+            let (folder, show) = (folder.display(), slot.renamed(slot.show, name));
+            console.print(&format!("wrote {folder}\nnext: cd {folder} && cargo run --release -- {show}\n"))
         }
     }
 }
@@ -158,7 +158,20 @@ fn base(name: &str) -> Result<&'static Builtin, Error> {
     })
 }
 
-fn plugin(registry: &Registry, name: &str, folder: &Path, syntable: Option<&Path>) -> Result<(), Exit> {
+/// The values of `--slot`.
+fn slots() -> impl TypedValueParser<Value = &'static Template> {
+    let values = TEMPLATES.iter().map(|template| PossibleValue::new(template.slot).help(template.doc));
+    PossibleValuesParser::new(values)
+        .try_map(|slot| Template::find(&slot).ok_or_else(|| format!("`{slot}` has no template")))
+}
+
+fn plugin(
+    registry: &Registry,
+    template: &Template,
+    name: &str,
+    folder: &Path,
+    syntable: Option<&Path>,
+) -> Result<(), Exit> {
     let sound = name.starts_with(|c: char| c.is_ascii_lowercase())
         && name.chars().all(|c| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_');
     if !sound {
@@ -193,29 +206,10 @@ fn plugin(registry: &Registry, name: &str, folder: &Path, syntable: Option<&Path
         }
         None => Ok(format!("{:?}", env!("CARGO_PKG_VERSION"))),
     };
-    let type_name: String = name
-        .split('_')
-        .filter_map(|word| word.split_at_checked(1))
-        .map(|(first, rest)| first.to_uppercase() + rest)
-        .collect();
-    let (model, runtime, program) =
-        (dependency("core/model")?, dependency("core/runtime")?, dependency("plugins/program")?);
-    let fill = |text: &str| {
-        text.replace("@NAME@", name)
-            .replace("@KEY@", &name.to_uppercase())
-            .replace("@TYPE@", &type_name)
-            .replace("@MODEL@", &model)
-            .replace("@RUNTIME@", &runtime)
-            .replace("@PROGRAM@", &program)
-    };
-    let mut files = vec![
-        ("Cargo.toml", fill(MANIFEST)),
-        ("src/lib.rs", fill(LIBRARY)),
-        ("src/main.rs", fill(MAIN)),
-        ("tests/plugin.rs", fill(TEST)),
-        ("recipe.toml", fill(PLUGIN_RECIPE)),
-        (SCHEMA, schema_text(registry)),
-    ];
+    let mut files = template.crate_files(name, dependency)?;
+    if template.stage().is_some() {
+        files.push((SCHEMA, schema_text(registry)));
+    }
     // The versions that the program was tested with. Cargo takes out what the crate does not need.
     if let Some(lock) = sources.map(|root| root.join("Cargo.lock")).filter(|lock| lock.is_file()) {
         let text = fs::read_to_string(&lock).map_err(|error| Exit::wrong(Error::io(&lock, &error)))?;
@@ -226,15 +220,17 @@ fn plugin(registry: &Registry, name: &str, folder: &Path, syntable: Option<&Path
     draft.publish().map_err(Exit::stopped)
 }
 
-/// What already has a name that a plugin would give its crate, its annotator and its product.
+/// What already has a name that a plugin would give its crate, its kind, its product or its verb.
 fn taken(registry: &Registry, name: &str) -> Option<String> {
     let entry = registry.entries().iter().find(|entry| entry.kind == name);
-    let crates = ["serde", "schemars", "syntable_model", "syntable_runtime", "syntable_program"];
     match entry {
         Some(entry) => Some(format!("a kind of `{}`", entry.slot)),
         None if products(registry).iter().any(|(key, _)| key.name.base == name) => Some("a product".to_owned()),
+        None if registry.checks().iter().any(|check| check.name() == name) => Some("a check of labels".to_owned()),
+        None if registry.formats().iter().any(|format| format.name() == name) => Some("a dataset format".to_owned()),
+        None if crate::whole().find_subcommand(name).is_some() => Some("a verb of the program".to_owned()),
         None if Slot::ALL.iter().any(|slot| slot.name() == name) => Some("a section of recipes".to_owned()),
-        None if crates.contains(&name) => Some("a crate that the plugin needs".to_owned()),
+        None if crates().any(|it| it == name) => Some("a crate that the plugin needs".to_owned()),
         None => None,
     }
 }

@@ -1,8 +1,12 @@
-//! SynTable as a library: samples in memory by an annotator with state of its own, scores of predictions, and a report.
+//! SynTable as a library: samples in memory by an annotator with state of its own, scores of predictions with a metric of
+//! its own, and a report.
 
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
+use syntable::evaluation::Convention;
+use syntable::evaluation::image::Pair;
+use syntable::evaluation::measure::{Measure, Measurement, MetricKind};
 use syntable::model::prelude::*;
 use syntable::model::product::standard::VISIBLE_MASK;
 use syntable::model::registry::Entry;
@@ -29,6 +33,40 @@ impl ImageAnnotator for TotalArea {
     }
 }
 
+/// Share of labeled objects with fewer visible pixels than a number that the program chooses.
+#[derive(Clone, Copy)]
+struct SmallObjects(u32);
+
+impl MetricKind for SmallObjects {
+    fn name(&self) -> &str {
+        "small_objects"
+    }
+    fn doc(&self) -> &str {
+        "Share of labeled objects that are small."
+    }
+    fn build(&self, _: Convention) -> Measurement {
+        Measurement::of(*self)
+    }
+    fn owner(&self) -> &str {
+        "samples"
+    }
+}
+
+impl Measure for SmallObjects {
+    type Tally = [usize; 2];
+    fn names(&self) -> Vec<String> {
+        vec!["small_objects".into()]
+    }
+    fn tally(&self, pair: &Pair) -> [usize; 2] {
+        let small = pair.labels.iter().filter(|label| label.visible.area() < self.0);
+        [small.count(), pair.labels.len()]
+    }
+    fn values(&self, images: &[&[usize; 2]]) -> Vec<Option<f64>> {
+        let [small, all] = [0, 1].map(|of| images.iter().map(|tally| tally[of]).sum::<usize>());
+        vec![(all > 0).then(|| small as f64 / all as f64)]
+    }
+}
+
 fn main() -> std::result::Result<(), Box<dyn std::error::Error>> {
     let out = PathBuf::from(std::env::args().nth(1).ok_or("name a folder for the dataset")?);
     let views = Arc::<AtomicU32>::default();
@@ -50,7 +88,10 @@ fn main() -> std::result::Result<(), Box<dyn std::error::Error>> {
     let (pool, stop) = (Pool::new(workers::available())?, Stop::default());
     let work = Work { workers: &pool, reporter: &Quiet, stop: &stop };
     let data = || DatasetSource::new(out.join("data"));
-    let scores = evaluate(&registry, &EvaluateOptions::new(data(), data()), &work)?;
+    let more_metrics: Vec<Arc<dyn MetricKind>> = vec![Arc::new(SmallObjects(u32::MAX))];
+    let options = EvaluateOptions { more_metrics, ..EvaluateOptions::new(data(), data()) };
+    let scores = evaluate(&registry, &options, &work)?;
+    println!("small objects: {:?}", scores.score("small_objects"));
     println!("amodal F: {:?}", scores.score("amodal_overlap_f"));
     println!("report: {}", make(&registry, &ReportOptions::new(data()), &work)?.index.display());
     Ok(())
