@@ -107,7 +107,7 @@ pub fn open_file(root: &DatasetFolder, path: &Path) -> Result<Opened> {
     };
     has_masks |= objects == 0;
     let labels = if has_masks { known.offers() } else { keys![VISIBLE_BOX, CATEGORY_ID] };
-    let offers = file.offers(labels, &keys![DEPTH, LABEL_POLICY]);
+    let offers = file.offers(labels, &[DEPTH.id(), LABEL_POLICY.id()]);
     let caveats = [
         (crowds > 0, format!("annotations of crowds (`iscrowd`) are no objects: {crowds} were left out")),
         (!has_masks, "no annotation has a mask: boxes and categories are all that is known of objects".to_owned()),

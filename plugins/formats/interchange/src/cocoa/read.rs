@@ -69,7 +69,7 @@ fn open(source: &Source) -> Result<Opened> {
     let are_listed = listed.is_some() || names.is_empty();
     let info = file.info(&categories);
     let labels = read::Known::Both.offers();
-    let offers = file.offers(labels.clone(), &keys![LABEL_POLICY]);
+    let offers = file.offers(labels.clone(), &[LABEL_POLICY.id()]);
     let unlisted = "the file lists no categories: names of regions are numbered in their order, and another part of the dataset \
                     with other names has other numbers";
     let mut notes = vec![Note::caveat(POLYGONS).of(labels)];
