@@ -54,7 +54,7 @@ impl ViewAnnotator for Fragile {
         let scene = cx.scene_id.0;
         assert!(!self.panics_in.contains(&scene), "scene {scene} is too much");
         if self.stumbles_in.contains(&scene) && cx.scene.attempt == 0 {
-            return Err(Error::new("stumbled"));
+            return Err(Error::unlucky("stumbled"));
         }
         if self.silent_in.contains(&scene) {
             return Ok(());

@@ -14,7 +14,7 @@ pub fn check_outputs(outputs: &[(&str, Option<&PathBuf>)], inputs: &[&Path]) -> 
         let own = whole(path);
         let refuse = |what: String| {
             let error = Error::new(format!("{option} would {what}")).in_file(path);
-            Err(Exit::wrong(error.help(format!("name another file with {option}")).permanent()))
+            Err(Exit::wrong(error.help(format!("name another file with {option}"))))
         };
         if let Some((other, _)) = there[..number].iter().find(|(_, other)| whole(other) == own) {
             return refuse(format!("overwrite what {other} writes"));
@@ -42,7 +42,7 @@ mod tests {
     use syntable_model::registry::Registry;
     use syntable_runtime::message::Message;
     use syntable_runtime::paths::dataset_folder;
-    use syntable_runtime::run::dataset::folder::journal_path;
+    use syntable_runtime::run::dataset::layout::journal_path;
 
     #[test]
     fn what_a_command_reads_is_not_overwritten() {

@@ -30,10 +30,12 @@ pub struct Error {
 /// Who can change that an operation fails.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Cause {
-    /// Other random numbers may avoid it: the scene is tried again.
-    Chance,
     /// Every attempt and every scene would meet it: the run stops.
     Permanent,
+    /// Other random numbers may avoid it: the scene is tried again.
+    Chance,
+    /// The caller asked to stop: the same command goes on from there.
+    Stopped,
     /// The file system failed: the run stops, and the same command may succeed later.
     Io(ErrorKind),
     /// A device failed, such as a graphics card: it says nothing about the scene, so no attempt with other random numbers
@@ -57,7 +59,8 @@ pub enum Place {
 }
 
 impl Error {
-    /// An error with a message: lower case, no full stop, naming the value that is wrong.
+    /// An error with a message: lower case, no full stop, naming the value that is wrong. Every attempt at every scene would meet
+    /// it, so that a run stops; see [`unlucky`](Self::unlucky).
     pub fn new(message: impl Into<String>) -> Self {
         Self {
             message: cut(message.into()),
@@ -65,7 +68,7 @@ impl Error {
             place: None,
             help: None,
             context: Vec::new(),
-            cause: Cause::Chance,
+            cause: Cause::Permanent,
         }
     }
 
@@ -132,12 +135,29 @@ impl Error {
         matches!(self.cause, Cause::Io(kind) if !of_file(kind))
     }
 
-    /// States that every attempt at every scene would meet this error: the run stops at once.
-    pub fn permanent(mut self) -> Self {
-        if self.cause == Cause::Chance {
-            self.cause = Cause::Permanent;
+    /// Random numbers led to it, such as no place for a body: other ones may avoid it, and the scene is tried again. Code that draws
+    /// random numbers says so; all other errors are permanent.
+    pub fn unlucky(message: impl Into<String>) -> Self {
+        Self { cause: Cause::Chance, ..Self::new(message) }
+    }
+
+    /// States that random numbers led to the error, by the code that drew them. Errors of the file system and of devices stay what
+    /// they are.
+    pub fn by_chance(mut self) -> Self {
+        if self.cause == Cause::Permanent {
+            self.cause = Cause::Chance;
         }
         self
+    }
+
+    /// Work that ended because the caller asked for it.
+    pub fn stopped(message: impl Into<String>) -> Self {
+        Self { cause: Cause::Stopped, ..Self::new(message) }
+    }
+
+    /// Whether other random numbers may avoid it.
+    pub fn is_unlucky(&self) -> bool {
+        self.cause == Cause::Chance
     }
 
     /// Whether every attempt at every scene would meet this error.
@@ -295,7 +315,7 @@ mod tests {
     fn a_device_is_at_fault_whatever_says_so() {
         let (lost, small) = (Error::device("lost"), Error::exceeds_device("too large"));
         for error in [&lost, &small] {
-            let error = error.clone().help("h").context("render").permanent();
+            let error = error.clone().help("h").context("render").by_chance();
             assert!(error.is_device() && !error.is_permanent() && !error.is_io() && !error.is_transient(), "{error:?}");
             assert!(error.of_request().is_permanent());
         }

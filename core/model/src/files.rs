@@ -126,6 +126,11 @@ impl DatasetPath {
         self.0.match_indices('/').map(|(end, _)| &self.0[..end])
     }
 
+    /// The path of `inside` if this path is a folder.
+    pub fn join(&self, inside: &Self) -> Self {
+        Self(format!("{self}/{inside}"))
+    }
+
     /// The path below the folder of a dataset.
     pub fn below(&self, root: &Path) -> PathBuf {
         root.join(&self.0)

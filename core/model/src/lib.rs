@@ -96,6 +96,7 @@ pub mod registry;
 pub mod scene;
 pub mod some;
 pub mod stage;
+pub mod store;
 
 pub use inventory;
 pub use product::Key;
@@ -113,7 +114,7 @@ pub mod prelude {
     pub use crate::error::{ConfigError, Error, Result};
     pub use crate::geometry::Pose;
     pub use crate::left_out::LeftOut;
-    pub use crate::names::{AssetPath, EnvironmentPool, MaterialPool, ObjectPool, ProductName};
+    pub use crate::names::{AssetPath, EnvironmentPool, MaterialPool, ObjectPool, ProductName, SupportName};
     pub use crate::pools::{EnvironmentPools, MaterialPools, ObjectPools, Pools};
     pub use crate::product::{Key, KeyId, Mask, PerInstance, Plane, Products, Semantic, Value};
     pub use crate::random::Stream;

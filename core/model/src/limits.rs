@@ -299,15 +299,13 @@ impl Limit {
             return Ok(());
         }
         let what = format!("{width} × {height} pixels are more than the limit of {}", self.most);
-        Err(Error::new(what).help(self.remedy).permanent())
+        Err(Error::new(what).help(self.remedy))
     }
 
     /// The error of a value above the limit.
     pub fn refuse(&self, value: u64) -> Error {
         let more = if value == u64::MAX { "too many".to_owned() } else { value.to_string() };
-        Error::new(format!("{more} {} are more than the limit of {}", self.what, self.most))
-            .help(self.remedy)
-            .permanent()
+        Error::new(format!("{more} {} are more than the limit of {}", self.what, self.most)).help(self.remedy)
     }
 
     /// The limit as people read it, such as `512 MiB` or `134,217,728`.

@@ -96,6 +96,18 @@ pool!(
     "pool:environment",
     "Id of an [assets.<id>] table that gives environment maps."
 );
+name!(
+    /// Name of a [support](crate::scene::Support) that a step of `[[place]]` sets.
+    SupportName,
+    "support",
+    "Name of a support, a place that carries objects: a step of [[place]] sets it, such as `table` by the kind `table`."
+);
+
+impl SupportName {
+    /// What the name refers to.
+    pub const REFERENCE: &'static str = "support";
+}
+
 /// A file or folder named in a recipe. `${NAME}` is replaced by the environment variable; a relative path counts from
 /// the recipe file that names it. By the time a stage sees it, it is a path that can be opened.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]

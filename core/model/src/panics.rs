@@ -55,7 +55,7 @@ impl Panicked {
 pub fn unwound<T>(work: impl FnOnce() -> Result<T>) -> Result<T> {
     catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|payload| {
         let panicked = Panicked::of(payload);
-        Err(Error::new(format!("panicked{}: {}", panicked.place(), panicked.message))
+        Err(Error::unlucky(format!("panicked{}: {}", panicked.place(), panicked.message))
             .help("this is a bug of the program or of a plugin; please report it with the recipe and the file"))
     })
 }
@@ -77,8 +77,7 @@ pub fn guarded<T>(reader: &str, file: &Path, work: impl FnOnce() -> Result<T>) -
         let what = format!("{reader} failed on it: panicked{}: {}", panicked.place(), panicked.message);
         Err(Error::new(what)
             .in_file(file)
-            .help("the file is damaged or unusual, and this is a bug of the reader: write the file anew, and report the bug with it")
-            .permanent())
+            .help("the file is damaged or unusual, and this is a bug of the reader: write the file anew, and report the bug with it"))
     })
 }
 

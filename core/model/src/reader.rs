@@ -168,14 +168,12 @@ fn find(
     let root = source.path.as_path();
     let names = || formats.iter().map(|format| format.name()).collect::<Vec<_>>().join(", ");
     if !root.is_dir() && !root.is_file() {
-        return Err(Error::new("there is no such folder or file").in_file(root).of_request());
+        return Err(Error::new("there is no such folder or file").in_file(root));
     }
     if let Some(name) = format {
         let named = formats.iter().find(|it| it.name() == name).cloned();
         return named.map(|format| (format, source.clone())).ok_or_else(|| {
-            Error::new(format!("`{name}` is no format that can be read"))
-                .help(format!("these are: {}", names()))
-                .of_request()
+            Error::new(format!("`{name}` is no format that can be read")).help(format!("these are: {}", names()))
         });
     }
     // A dataset of a layout comes before what holds products under their names, wherever it is.
@@ -188,8 +186,7 @@ fn find(
             [first, second, ..] => {
                 return Err(Error::new(format!("it looks like {} and like {}", first.name(), second.name()))
                     .in_file(root)
-                    .help("name the format with --format")
-                    .of_request());
+                    .help("name the format with --format"));
             }
         }
         let entries = std::fs::read_dir(root).into_iter().flatten().flatten().map(|entry| entry.path());
@@ -207,15 +204,13 @@ fn find(
             [first, others @ ..] => {
                 return Err(Error::new(format!("there are {} datasets in it", 1 + others.len()))
                     .in_file(root)
-                    .help(format!("name one of them, such as {}", first.display()))
-                    .of_request());
+                    .help(format!("name one of them, such as {}", first.display())));
             }
         }
     }
     Err(Error::new("it looks like a dataset of no format that can be read")
         .in_file(root)
-        .help(format!("name the format with --format: {}", names()))
-        .of_request())
+        .help(format!("name the format with --format: {}", names())))
 }
 
 /// What a reader finds when it opens a dataset: plain data, and where its images come from.

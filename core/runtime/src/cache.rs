@@ -29,6 +29,11 @@ impl DiskCache {
         Self { root }
     }
 
+    /// No cache: nothing is kept.
+    pub fn none() -> Self {
+        Self { root: None }
+    }
+
     /// Where it is.
     pub fn root(&self) -> Option<&Path> {
         self.root.as_deref()

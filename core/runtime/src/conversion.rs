@@ -69,7 +69,7 @@ pub fn convert(registry: &Registry, options: &ConvertOptions, reporter: &dyn Rep
     let named = Source::new(&options.dataset).trusting(options.trust_paths);
     let (format, dataset) = registry.open_dataset(&named, options.format.as_deref())?;
     if dataset.images.is_empty() && dataset.lists_all_images && dataset.faults.is_empty() {
-        return Err(Error::new("the dataset has no image").in_file(&options.dataset).of_request());
+        return Err(Error::new("the dataset has no image").in_file(&options.dataset));
     }
     let has = products_of(registry, &dataset);
     let mut shortened = BTreeSet::new();
@@ -121,7 +121,7 @@ fn asked_writers<'a>(registry: &'a Registry, options: &ConvertOptions) -> Result
         return Err(error.help("write it as `KIND.KEY=VALUE`").of_request());
     }
     if to.iter().collect::<BTreeSet<_>>().len() < to.len() {
-        return Err(Error::new("--to names a kind twice").help("name each once").of_request());
+        return Err(Error::new("--to names a kind twice").help("name each once"));
     }
     Ok(writers)
 }
@@ -178,8 +178,7 @@ impl<'a> AskedWriter<'a> {
         let kind = self.entry.kind;
         let value = self.options.get(option).map_or_else(String::new, |value| format!("={value}"));
         Err(Error::new(format!("--set {kind}.{option}{value} needs `{product}`, which the dataset does not have"))
-            .help(format!("without this option, `{kind}` writes what the dataset has"))
-            .of_request())
+            .help(format!("without this option, `{kind}` writes what the dataset has")))
     }
 
     /// The writer without those entries of its lists, such as `include`, that need what a dataset does not have, and
@@ -212,7 +211,7 @@ impl<'a> AskedWriter<'a> {
         if !is_changed {
             return Ok((kind, self.writer));
         }
-        let error = |what: String| Error::new(format!("--to {kind}: {what}")).of_request();
+        let error = |what: String| Error::new(format!("--to {kind}: {what}"));
         let text = toml::to_string(&self.options).map_err(|it| error(it.to_string()))?;
         let constructed = self.entry.construct_str(&text).map_err(|it| match it {
             ConstructError::Form(it) => error(it.message().to_owned()),
@@ -239,7 +238,6 @@ fn writer_of(entry: &Entry, stage: Stage) -> Result<Box<dyn Writer>> {
             "--to {}: it writes scenes, with bodies, materials and lights; a dataset that was read has only images and labels",
             entry.kind
         ))
-        .help("name it in the recipe of a run")
-        .of_request()),
+        .help("name it in the recipe of a run")),
     }
 }

@@ -130,7 +130,7 @@ pub fn generate(
     });
     reporter.event(&Event::Stages { stages: times.all() });
     match options.stop.requested() {
-        Some(reason) => Err(Error::new(format!("stopped by {reason}"))),
+        Some(reason) => Err(Error::stopped(format!("stopped by {reason}"))),
         None => result.map(|()| Generated { failed, left_out: Loss::sum(maker.left_out.into_inner()) }),
     }
 }
@@ -144,8 +144,7 @@ fn products(recipe: &Recipe, options: &GenerateOptions) -> Result<Vec<String>> {
     }
     match options.products.iter().find(|name| !computed.iter().any(|key| key.name == **name)) {
         Some(name) => Err(Error::new(format!("the recipe does not compute `{name}`"))
-            .help("load the recipe with it as `wanted`, or name it in a writer; `syntable list products` shows all")
-            .of_request()),
+            .help("load the recipe with it as `wanted`, or name it in a writer; `syntable list products` shows all")),
         None => Ok(options.products.clone()),
     }
 }
@@ -306,7 +305,7 @@ impl Generator {
         let thread = thread::spawn(move || {
             generate(&recipe, &options, &*reporter, &mut |sample| {
                 // Nobody wants more once the iterator is gone.
-                sender.send(sample).map_err(|_| Error::new("the samples are no longer wanted").permanent())
+                sender.send(sample).map_err(|_| Error::new("the samples are no longer wanted"))
             })
         });
         Self { samples: Some(samples), thread: Some(thread), stop, result: Generated::default() }

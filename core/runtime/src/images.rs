@@ -66,7 +66,7 @@ pub fn each<T: Send>(
         }
     }
     match stop.requested() {
-        Some(reason) => Err(Error::new(format!("stopped by {reason}"))),
+        Some(reason) => Err(Error::stopped(format!("stopped by {reason}"))),
         None => Ok(()),
     }
 }

@@ -39,8 +39,7 @@ pub(crate) fn fits(plan: &Plan, [width, height]: [u32; 2], installed: u64) -> Re
     );
     Err(Error::new(message)
         .help("set a lower `camera.resolution`, or write fewer products (`syntable plan` lists them)")
-        .context("camera")
-        .permanent())
+        .context("camera"))
 }
 
 /// Width and height of the images of a recipe, px, if its camera states them.

@@ -1,9 +1,7 @@
 //! Paths of people, as they may be compared.
 
-use crate::run::dataset::folder::journal_path;
-use std::fs;
+use crate::run::dataset::layout::journal_path;
 use std::path::{Path, PathBuf};
-use syntable_model::error::{Error, Result};
 use syntable_model::registry::Registry;
 
 /// A path without links and detours, as far as it exists.
@@ -47,18 +45,6 @@ pub fn dataset_folder(registry: &Registry, path: &Path) -> PathBuf {
 /// Whether a path is a folder or file, or lies in it, links and detours aside; either may not be there yet.
 pub fn lies_in(path: &Path, folder: &Path) -> bool {
     whole(path).starts_with(whole(folder))
-}
-
-/// Refuses a link that leads nowhere: no folder can be made there.
-pub(crate) fn check_link(out: &Path) -> Result<()> {
-    let is_link = fs::symlink_metadata(out).is_ok_and(|entry| entry.is_symlink());
-    if is_link && !out.exists() {
-        return Err(Error::new("it is a link to what is not there")
-            .in_file(out)
-            .help("make the folder that it leads to, or choose another --out")
-            .of_request());
-    }
-    Ok(())
 }
 
 /// The folder of a run that a path is or lies in, the nearest one. The path must be [`whole`].

@@ -807,7 +807,8 @@ impl Resolver {
                 (Scope::View, _) => plan.per_view.push(planned),
                 (Scope::Scene, false) => plan.before_views.push(planned),
                 (Scope::Scene, true) => plan.after_views.push(planned),
-                (Scope::Dataset, _) => plan.per_dataset.push(planned),
+                // A stage runs at the scope of its trait: there is no other.
+                _ => plan.per_dataset.push(planned),
             }
         }
         // A denoiser that replaces nothing leaves images as they are, as the recipe says.

@@ -22,7 +22,7 @@ impl Recipe {
     /// Finds mistakes that would end a run: all of them are permanent. Native libraries are loaded.
     pub fn ready(&self) -> Result<()> {
         self.plan.ready()?;
-        self.render.devices().map_err(|error| error.context("render").permanent())?;
+        self.render.devices().map_err(|error| error.context("render"))?;
         self.checked()
     }
 
@@ -32,7 +32,7 @@ impl Recipe {
         let help =
             "it runs with all your rights: if you trust it, add --allow-libraries; else name yours by ${NAME} or --set";
         let error = Error::new(format!("the recipe brings a native library of its own: {library}"));
-        Err(error.help(help).permanent())
+        Err(error.help(help))
     }
 
     /// Refuses images that this machine's memory does not hold. What cameras of other kinds give is not known before a view.
@@ -48,7 +48,7 @@ impl Recipe {
             self.write.iter().map(|(id, writer)| (id.as_str(), &**writer)).collect();
         let mistakes = writers.iter().filter_map(|writer| unready(*writer));
         let mut mistakes = mistakes.chain(bad_paths(&crate::run::dataset_info(self), &writers, Some(&self.plan)));
-        mistakes.next().map_or(Ok(()), |(_, error)| Err(error.permanent()))
+        mistakes.next().map_or(Ok(()), |(_, error)| Err(error))
     }
 }
 

@@ -1,5 +1,7 @@
 //! What every implementation of a trait must satisfy. Each function panics with the reason.
 
+use crate::folder::{files, files_of_store};
+use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 use syntable_model::context::{ViewContext, Workers};
@@ -10,6 +12,7 @@ use syntable_model::product::{KeyId, Name, Products, Scope, Value};
 use syntable_model::registry::{ConstructError, Constructed, Entry, Stage};
 use syntable_model::scene::{InstanceId, Scene};
 use syntable_model::stage::{Bodies, Output, RenderRequest, Renderer, SceneWriter, Scenes, Window, Writer};
+use syntable_model::store::{MemStore, StoreFolder};
 
 /// A kind of stage: its example builds, its options survive writing and reading, unknown keys are refused, and
 /// everything is documented. Gives the stage of the example.
@@ -130,8 +133,8 @@ fn pixel(value: &Value, x: usize, y: usize) -> &[u8] {
     &tensor.bytes[(y * tensor.shape[1] + x) * size..][..size]
 }
 
-/// A writer: the same samples give the same files, all inside its folder, and it reads nothing else than it declares. Returns
-/// the files of the scene, by path.
+/// A writer: the same samples give the same files, on the disk and in memory, all inside its folder, and it reads nothing else
+/// than it declares. Returns the files of the scene, by path.
 pub fn writer(
     writer: &dyn Writer<Scenes>,
     cx: &ViewContext,
@@ -140,19 +143,20 @@ pub fn writer(
 ) -> Vec<(String, Vec<u8>)> {
     let reads: Vec<String> = writer.reads().into_iter().map(|input| input.product).collect();
     let lent = products.only(&reads);
-    let write = |name: &str| -> Result<Vec<(String, Vec<u8>)>> {
-        let staging = folder.join(name);
-        let output = Output::new(&staging, "test", cx.scene_id);
+    let write = |staging: StoreFolder| -> Result<()> {
+        let output = Output::new(staging, "test", cx.scene_id);
         let mut scene: Box<dyn SceneWriter<Scenes>> = writer.scene(&cx.of_scene(), output)?;
         scene.view(cx, &lent)?;
-        scene.close(&cx.of_scene(), &lent)?;
-        let mut files = Vec::new();
-        collect(&staging, &staging, &mut files);
-        files.sort();
-        Ok(files)
+        scene.close(&cx.of_scene(), &lent)
     };
-    let (first, second) = (write("first").expect("writes"), write("second").expect("writes"));
-    assert!(first == second, "it writes different files from the same samples");
+    let store = Arc::new(MemStore::default());
+    write(Arc::clone(&store).into()).expect("writes");
+    let in_memory: Vec<(String, Vec<u8>)> = files_of_store(&store).into_iter().collect();
+    let staging = folder.join("first");
+    write((&staging).into()).expect("writes");
+    let on_disk = if staging.exists() { files(&staging) } else { BTreeMap::new() };
+    let first: Vec<(String, Vec<u8>)> = on_disk.into_iter().collect();
+    assert!(first == in_memory, "it writes different files from the same samples");
     first
 }
 
@@ -164,16 +168,4 @@ fn sorted(keys: Vec<KeyId>) -> Vec<Name> {
     let mut names = names(&keys);
     names.sort_unstable();
     names
-}
-
-fn collect(folder: &Path, root: &Path, files: &mut Vec<(String, Vec<u8>)>) {
-    for entry in std::fs::read_dir(folder).into_iter().flatten() {
-        let path = entry.expect("readable").path();
-        if path.is_dir() {
-            collect(&path, root, files);
-        } else {
-            let name = path.strip_prefix(root).expect("below").to_string_lossy().into_owned();
-            files.push((name, std::fs::read(&path).expect("readable")));
-        }
-    }
 }

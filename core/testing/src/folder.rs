@@ -1,7 +1,14 @@
-//! Folders that a test wrote.
+//! Folders and stores that a test wrote.
 
 use std::collections::BTreeMap;
 use std::path::Path;
+use syntable_model::store::MemStore;
+
+/// Contents of all files of a store, by path, but for [`TIMES`].
+pub fn files_of_store(store: &MemStore) -> BTreeMap<String, Vec<u8>> {
+    let files = store.files().into_iter().filter(|(path, _)| path.as_str() != TIMES);
+    files.map(|(path, bytes)| (path.to_string(), bytes.to_vec())).collect()
+}
 
 /// How long a run took: the one file of a dataset that its recipe does not determine.
 const TIMES: &str = ".syntable/times.jsonl";

@@ -8,8 +8,8 @@ use syntable_model::geometry::{Point3, Pose, Translation3, UnitQuaternion, Vecto
 use syntable_model::prelude::*;
 use syntable_model::scene::{
     AssetRef, BodyDraft, Camera, Color, Encoding, Exposure, Intrinsics, Light, MassOrigin, MassProperties, Material,
-    MaterialOverride, Mesh, MeshData, Motion, NormalMap, Object, RectLight, Role, Scalar, SceneId, SettleReport,
-    SourceModel, SphereLight, Tabletop, Texture, TextureMapping, Transmission, ViewId, Volume, Wrap,
+    MaterialOverride, Mesh, MeshData, Moment, Motion, NormalMap, Object, RectLight, Region, Role, Scalar, SceneId,
+    SettleReport, SourceModel, SphereLight, Support, Texture, TextureMapping, Transmission, ViewId, Volume, Wrap,
 };
 
 /// The table from above one corner, 600 px of focal length: the center of a 640 × 480 image, or all of it.
@@ -25,6 +25,7 @@ pub fn view(width: u32, height: u32) -> View {
     };
     let globe = SphereLight { center: Point3::new(-1.0, -0.4, 1.9), radius: 0.1, radiance: [9000.0, 6500.0, 4000.0] };
     View {
+        moment: Moment::START,
         id: ViewId(0),
         camera: Camera::pinhole(intrinsics, world_from_camera),
         exposure: Exposure::Auto { compensation_ev: 0.0 },
@@ -54,7 +55,7 @@ pub fn scene() -> Arc<Scene> {
 pub fn scene_of(look: Look) -> Arc<Scene> {
     let mut random = Stream::root(3);
     let mut builder = SceneBuilder::default();
-    builder.tabletop = Some(Tabletop { center: [0.0, 0.0, 0.75], size: [1.2, 0.8] });
+    builder.supports = Support::new("table", Region::rectangle([0.0, 0.0, 0.75], [1.2, 0.8])).into();
     let mut add = |object: &Arc<Object>, pose: Pose, role: Role, surface: Option<MaterialOverride>| {
         let asset = AssetRef { pool: "bench".into(), name: object.name.clone() };
         builder.add(BodyDraft::new(asset, object.clone(), pose, role, Motion::Fixed).with_material_override(surface));

@@ -5,7 +5,8 @@ use syntable_model::digest::Hasher;
 use syntable_model::geometry::{Point3, Pose, Vector3, look_at};
 use syntable_model::scene::{
     AssetRef, BodyDraft, Camera, Exposure, Intrinsics, Light, MassOrigin, MassProperties, Material, Mesh, MeshData,
-    Motion, Object, Role, Scene, SceneBuilder, SceneId, SettleReport, SourceModel, SphereLight, Tabletop, View, ViewId,
+    Moment, Motion, Object, Region, Role, Scene, SceneBuilder, SceneId, SettleReport, SourceModel, SphereLight,
+    Support, View, ViewId,
 };
 use syntable_model::stage::DatasetInfo;
 
@@ -65,7 +66,7 @@ pub fn table() -> SceneBuilder {
     let mut builder = SceneBuilder::default();
     let slab = object("table", box_mesh([2.0, 2.0, 0.1]), [0.5; 3]);
     builder.add(body(slab, [0.0, 0.0, -0.05], Role::Support));
-    builder.tabletop = Some(Tabletop { center: [0.0; 3], size: [2.0, 2.0] });
+    builder.supports = Support::new("table", Region::rectangle([0.0; 3], [2.0, 2.0])).into();
     builder
 }
 
@@ -88,6 +89,7 @@ pub fn view(eye: [f64; 3], target: [f64; 3], size: [u32; 2], fov_deg: f64) -> Vi
         Intrinsics { width, height, fx: focal, fy: focal, cx: f64::from(width) / 2.0, cy: f64::from(height) / 2.0 };
     let world_from_camera = look_at(Point3::from(eye), Point3::from(target), Vector3::z());
     View {
+        moment: Moment::START,
         id: ViewId(0),
         camera: Camera::pinhole(intrinsics, world_from_camera),
         exposure: Exposure::Auto { compensation_ev: 0.0 },

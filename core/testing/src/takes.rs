@@ -13,9 +13,10 @@ use syntable_model::product::{DType, OcclusionOrder, PixelCounts, Plane, Tensor}
 use syntable_model::reader::{DatasetFormat, OpenDataset, Source};
 use syntable_model::registry::{Registry, Slot, Stage};
 use syntable_model::scene::{
-    AssetRef, BodyDraft, Camera, Exposure, Intrinsics, MassOrigin, MassProperties, Material, Mesh, MeshData, Motion,
-    Object, Role, SceneId, SettleReport, SourceModel, Tabletop, ViewId,
+    AssetRef, BodyDraft, Camera, Exposure, Intrinsics, MassOrigin, MassProperties, Material, Mesh, MeshData, Moment,
+    Motion, Object, Region, Role, SceneId, SettleReport, SourceModel, Support, ViewId,
 };
+use syntable_model::store::StoreFolder;
 
 /// Width of the images, px.
 pub const WIDTH: u32 = 64;
@@ -133,7 +134,7 @@ fn scene(id: u32, objects: usize) -> Scene {
         digest: Digest::of(b"tetra"),
     });
     let mut builder = SceneBuilder::default();
-    builder.tabletop = Some(Tabletop { center: [0.0, 0.0, 0.7], size: [1.0, 0.8] });
+    builder.supports = Support::new("table", Region::rectangle([0.0, 0.0, 0.7], [1.0, 0.8])).into();
     let mut handles = Vec::new();
     for (i, role) in [Role::Support].into_iter().chain(vec![Role::Object; objects + 1]).enumerate() {
         let asset = AssetRef { pool: "pool".into(), name: format!("lm/tetra_{i}") };
@@ -157,6 +158,7 @@ fn view(number: u32) -> View {
     };
     let world_from_camera = look_at(eye, Point3::new(0.0, 0.0, 0.7), Vector3::z());
     View {
+        moment: Moment::START,
         id: ViewId(number),
         camera: Camera::pinhole(intrinsics, world_from_camera),
         exposure: Exposure::Fixed { ev100: 1.0 },
@@ -352,17 +354,17 @@ pub fn takes() -> Vec<Take> {
 
 /// Writes scenes as the program does, in any order.
 pub fn write_scenes<'a>(
-    root: &Path,
+    root: impl Into<StoreFolder>,
     id: &str,
     writer: &dyn Writer<Scenes>,
     dataset: &DatasetInfo,
     takes: impl IntoIterator<Item = &'a Take>,
 ) -> Result<()> {
     let reads: Vec<String> = writer.reads().into_iter().map(|input| input.product).collect();
-    let log = Collected::default();
+    let (root, log) = (root.into(), Collected::default());
     for take in takes {
         let cx = DatasetContext::new(dataset, &Serial, &log).scene(&take.scene);
-        let mut scene = writer.scene(&cx, Output::new(root, id, take.scene.id))?;
+        let mut scene = writer.scene(&cx, Output::new(&root, id, take.scene.id))?;
         for (view, products) in &take.views {
             scene.view(&cx.view(view), &with_categories(dataset, &take.scene, products)?.only(&reads))?;
         }
@@ -387,13 +389,19 @@ fn with_categories(dataset: &DatasetInfo, scene: &Scene, products: &Products) ->
 }
 
 /// Ends a run with these scenes done.
-pub fn finish(root: &Path, id: &str, writer: &dyn Writer<Scenes>, dataset: &DatasetInfo, scenes: &[u32]) -> Result<()> {
+pub fn finish(
+    root: impl Into<StoreFolder>,
+    id: &str,
+    writer: &dyn Writer<Scenes>,
+    dataset: &DatasetInfo,
+    scenes: &[u32],
+) -> Result<()> {
     finish_with(root, id, writer, dataset, scenes, &Products::new())
 }
 
 /// Ends a run with these scenes done and these products of the dataset.
 pub fn finish_with(
-    root: &Path,
+    root: impl Into<StoreFolder>,
     id: &str,
     writer: &dyn Writer<Scenes>,
     dataset: &DatasetInfo,

@@ -19,6 +19,25 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
+//! A dataset can be written to any [`store`], such as memory:
+//!
+//! ```
+//! use std::sync::Arc;
+//! use syntable::store::MemStore;
+//! use syntable::{DiskCache, Quiet, RecipeRequest, Registry, RunOptions, run, verify};
+//!
+//! let request = RecipeRequest::new("builtin:quickstart")
+//!     .set("dataset.scenes", "1")
+//!     .set("dataset.views_per_scene", "1")
+//!     .set("camera.resolution", "[32, 24]");
+//! let recipe = request.load(&Registry::linked()?, &[], &Quiet)?;
+//! let store = Arc::new(MemStore::default());
+//! run(&recipe, &RunOptions::new(Arc::clone(&store), 2, DiskCache::none()), &Quiet)?;
+//! let image = store.get("data/mono/rgb/0_0.png").expect("the image of view 0 of scene 0");
+//! assert!(image.starts_with(b"\x89PNG") && verify(store, 2)?.whole());
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
 //! | verb | function |
 //! | --- | --- |
 //! | – | [`generate`], [`Generator`]: samples in memory |
@@ -75,6 +94,7 @@ pub use syntable_model as model;
 pub use syntable_model::error::Error;
 pub use syntable_model::reader::Source as DatasetSource;
 pub use syntable_model::registry::Registry;
+pub use syntable_model::store;
 pub use syntable_report::preview::{self, PreviewOptions};
 pub use syntable_report::{report, stats, view};
 pub use syntable_runtime::cache::DiskCache;

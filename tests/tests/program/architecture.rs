@@ -40,13 +40,14 @@ fn dependencies() -> BTreeMap<String, (Vec<String>, Vec<String>)> {
 #[test]
 fn plugins_depend_on_the_model_and_on_neutral_libraries() {
     /// Libraries of the core that know no stage: any plugin may use them.
-    const NEUTRAL: [&str; 6] = [
+    const NEUTRAL: [&str; 7] = [
         "syntable-simd",
         "syntable-prepare",
         "syntable-transport",
         "syntable-mesh",
         "syntable-convex",
         "syntable-formats",
+        "syntable-guided",
     ];
     let crates = dependencies();
     let ours = |names: &[String]| -> Vec<String> {
@@ -70,8 +71,6 @@ fn plugins_depend_on_the_model_and_on_neutral_libraries() {
             }
             // Tools work on runs and datasets.
             "syntable-evaluate" | "syntable-report" => vec!["syntable-model", "syntable-formats", "syntable-runtime"],
-            // The denoiser `guided` on a card is the same filter, with the same numbers.
-            "syntable-render-wgpu" => ["syntable-model", "syntable-denoise"].into_iter().chain(NEUTRAL).collect(),
             _ => std::iter::once("syntable-model").chain(NEUTRAL).collect(),
         };
         for dependency in ours(normal) {
@@ -252,6 +251,46 @@ fn every_annotator_works_with_its_defaults() {
                     .unwrap_or_else(|error| panic!("{slot}.{} has no defaults: {error:?}", entry.kind));
             }
         }
+    }
+}
+
+/// Datasets can be stored anywhere, because one file alone writes them to a file system.
+#[test]
+fn datasets_are_written_through_a_store() {
+    const WRITES: [&str; 13] = [
+        "fs::write",
+        "fs::create_dir",
+        "fs::rename",
+        "fs::remove_",
+        "fs::copy",
+        "fs::hard_link",
+        "File::create",
+        "OpenOptions",
+        "set_len",
+        "renameat",
+        "unlinkat",
+        "mkdirat",
+        "symlink",
+    ];
+    const STORES: [&str; 2] = ["core/model/src/store/file_system.rs", "core/model/src/store/inside.rs"];
+    let writers =
+        ["core/model/src/", "core/lib/formats/", "core/runtime/src/run/", "plugins/formats/", "plugins/stages/"];
+    let (mut stores, mut seen) = (0, 0);
+    for (file, code) in sources().iter().filter(|(file, _)| writers.iter().any(|folder| file.starts_with(folder))) {
+        seen += 1;
+        // `symlink_metadata` reads.
+        let code = code.replace("symlink_metadata", "").replace("is_symlink", "");
+        let found: Vec<&str> = WRITES.into_iter().filter(|call| code.contains(call)).collect();
+        match STORES.contains(&file.as_str()) {
+            true => stores += usize::from(!found.is_empty()),
+            false => assert!(found.is_empty(), "{file} writes to the file system: {found:?}"),
+        }
+    }
+    assert!(stores == STORES.len() && seen > 100, "{stores} stores among {seen} files");
+    // What works on a dataset reads it through its store, too.
+    let dataset = |file: &str| file.starts_with("core/runtime/src/run/dataset/") && !file.ends_with("/manifest.rs");
+    for (file, code) in sources().iter().filter(|(file, _)| dataset(file)) {
+        assert!(!code.contains("std::fs") && !code.contains("File::open"), "{file} reads from the file system");
     }
 }
 

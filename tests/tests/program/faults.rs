@@ -359,6 +359,7 @@ fn results_are_whole_whatever_call_is_killed_or_fails() {
     }
 }
 
+/// Kills of other commands at each call to the store are in `core/runtime/tests/run/stores.rs`.
 #[test]
 fn kills_while_overwriting_leave_no_half_of_the_old_dataset() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -388,40 +389,6 @@ fn kills_while_overwriting_leave_no_half_of_the_old_dataset() {
     };
     assert!(killed_anywhere(&command, &after_kill) > 2);
     assert_same(&whole, &data);
-}
-
-#[test]
-fn kills_while_merging_and_repairing_change_nothing() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let whole = folder.path().join("whole");
-    let scenes = ["--set", "dataset.scenes=6", "--set", "write.npy.include=[\"depth\", \"normal\"]"];
-    ok(&mut small_run(&whole, &scenes));
-    let parts: Vec<PathBuf> = ["0..2", "2..3", "3..6"]
-        .into_iter()
-        .map(|range| {
-            let part = folder.path().join(range);
-            ok(small_run(&part, &scenes).args(["--scenes", range]));
-            part
-        })
-        .collect();
-    let merged = folder.path().join("merged");
-    let command = || {
-        let mut command = syntable();
-        command.arg("merge").arg(&merged).args(&parts);
-        command
-    };
-    assert!(killed_anywhere(&command, &|| ()) > 1);
-    assert_same(&whole, &merged);
-    for (number, (name, _)) in files(&merged).into_iter().filter(|(name, _)| name.starts_with("npy/")).enumerate() {
-        if number % 5 == 0 {
-            fs::remove_file(merged.join(name)).expect("there");
-        }
-    }
-    let error = fails(syntable().arg("verify").arg(&merged), 3);
-    assert!(error.contains("--repair"), "{error}");
-    let command = || small_run(&merged, &[&scenes[..], &["--repair"]].concat());
-    assert!(killed_anywhere(&command, &|| ()) > 2);
-    assert_same(&whole, &merged);
 }
 
 #[test]
@@ -550,16 +517,20 @@ fn steps_that_do_not_go_together_are_found_at_their_lines() {
     let base = crate::support::root().join("recipes/quickstart.toml");
     for (kinds, code, says) in [
         (["room", "table", "ground"], 1, vec!["`room` and `ground` of [[place]] both set the floor", "3 |", "8 |"]),
-        (["table", "room", "table\"\nid = \"desk"], 1, vec!["`table` and `desk` of [[place]] both set the tabletop"]),
+        (
+            ["table", "room", "table\"\nid = \"desk"],
+            1,
+            vec!["`table` and `desk` of [[place]] both set the support `table`"],
+        ),
         (
             ["room", "drop_box", "table"],
             1,
-            vec!["`drop_box` of [[place]] needs the tabletop that step `table` sets", "5 |"],
+            vec!["`drop_box` of [[place]] needs the support that step `table` sets", "5 |"],
         ),
         (
             ["room", "drop_box", "drop_box"],
             1,
-            vec!["`drop_box` of [[place]] needs a tabletop, and no step", "\"table\""],
+            vec!["`drop_box` of [[place]] needs a support, and no step", "\"table\""],
         ),
         (["room", "table", "distractors"], 1, vec!["no step of [[place]] places objects", "8 |", "\"drop_box\""]),
         // A broken table is one mistake, not also a missing one.
@@ -655,7 +626,7 @@ fn mistakes_of_steps_files_and_paths_are_found_by_check() {
             ),
             vec!["`write.n` and `write.t`"],
         ),
-        ("remove=[\"place.table\"]", vec!["needs a tabletop", "[[place]] kind = \"table\""]),
+        ("remove=[\"place.table\"]", vec!["needs a support", "[[place]] kind = \"table\""]),
         ("write.t={ kind = \"template\", template = { file = \"no/such.tera\" } }", vec!["write.t", "no/such.tera"]),
         (&broken, vec!["write.t", "broken.tera:2"]),
         (&format!("{path}\"labels.txt\" }}"), vec!["write.t", "one path, `labels.txt`", "{{ scene.id | pad"]),

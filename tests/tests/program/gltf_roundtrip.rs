@@ -10,7 +10,8 @@ use syntable_model::prelude::*;
 use syntable_model::product::standard::{RADIANCE, RADIANCE_VARIANCE};
 use syntable_model::registry::{Registry, Slot, Stage};
 use syntable_model::scene::{
-    AssetRef, BodyDraft, Camera, Exposure, Intrinsics, Motion, Role, SceneId, SettleReport, Tabletop, ViewId,
+    AssetRef, BodyDraft, Camera, Exposure, Intrinsics, Moment, Motion, Region, Role, SceneId, SettleReport, Support,
+    ViewId,
 };
 use syntable_testing::workers::Threads;
 
@@ -115,6 +116,7 @@ fn view_of(json: &Json) -> View {
     let half_turn = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI);
     let at = Translation3::from(Vector3::from_row_slice(&numbers(&node["translation"])));
     View {
+        moment: Moment::START,
         id: ViewId(0),
         camera: Camera::pinhole(intrinsics, Pose::from_parts(at, turn * half_turn)),
         exposure: Exposure::Fixed { ev100: 7.0 },
@@ -143,7 +145,7 @@ fn render(folder: &Path, samples: u32) -> (Vec<f64>, Vec<f64>) {
     assert!(complaints.is_empty(), "{complaints:?}");
 
     let mut builder = SceneBuilder::default();
-    builder.tabletop = Some(Tabletop { center: [0.0; 3], size: [1.0; 2] });
+    builder.supports = Support::new("table", Region::rectangle([0.0; 3], [1.0; 2])).into();
     let asset = AssetRef { pool: "files".into(), name: "000000".into() };
     builder.add(BodyDraft::new(asset, object, Pose::identity(), Role::Object, Motion::Fixed));
     let scene = Arc::new(builder.freeze(SceneId(0), 0, SettleReport::default()).expect("a scene"));

@@ -144,6 +144,70 @@ fn check_everything(program: Program, folder: &Path) {
     assert_eq!(output.status.code(), Some(2));
 }
 
+/// A copy of the crate from outside, and the records of a JSON-lines file that a run of one of its recipes wrote.
+fn run_recipe(recipe: &str) -> (tempfile::TempDir, Vec<serde_json::Value>) {
+    let folder = tempfile::tempdir().expect("a folder");
+    copy(&root().join("tests/third-party"), folder.path());
+    ok(&mut built(folder.path(), &["run", recipe, "--out", "out"]));
+    let mut out = files(&folder.path().join("out"));
+    let lines = String::from_utf8(out.remove("jsonl.jsonl").expect("a file of records")).expect("text");
+    let records = lines.lines().map(|line| serde_json::from_str(line).expect("JSON")).collect();
+    (folder, records)
+}
+
+#[test]
+fn a_bin_from_outside_is_a_support_and_its_scene_needs_no_table() {
+    let (folder, records) = run_recipe("bins.toml");
+    let scene = records.iter().find(|record| record.get("bodies").is_some()).expect("a record of the scene");
+    assert!(scene["settle_report"]["removed"].as_array().is_some_and(Vec::is_empty), "{scene}");
+    let bodies = scene["bodies"].as_array().expect("a list");
+    let supports = bodies.iter().filter(|body| body["role"] == "support").count();
+    assert_eq!(supports, 10, "two bins of five boxes");
+    let place = |body: &serde_json::Value| [0, 1, 2].map(|k| body["world_from_body"][k][3].as_f64().expect("a number"));
+    let objects: Vec<[f64; 3]> = bodies.iter().filter(|body| body["role"] == "object").map(place).collect();
+    assert_eq!(objects.len(), 3);
+    // Inside of the bin at the origin: 0.4 m × 0.3 m, above its bottom of 2 cm, on each other at most.
+    for [x, y, z] in objects {
+        assert!(x.abs() < 0.18 && y.abs() < 0.13 && (0.035..0.2).contains(&z), "{x} {y} {z}");
+    }
+    // The camera looks at them.
+    let boxes = records.iter().find_map(|record| record.get("visible_box")).expect("a record of the view");
+    assert!(boxes.as_object().is_some_and(|boxes| !boxes.is_empty()), "{boxes}");
+    assert!(files(&folder.path().join("out")).contains_key("annotation_final.json"));
+    // Names that no step sets are found before the run, with those that exist.
+    for (set, line) in [
+        ("views.support=\"bim\"", "sets a support `bim`"),
+        ("place.drop_box.support=\"bim\"", "needs the support `bim`"),
+    ] {
+        let output = built(folder.path(), &["check", "bins.toml", "--set", set]).output().expect("runs");
+        let said = crate::support::text(&output);
+        assert_eq!(output.status.code(), Some(2), "{said}");
+        let names = "supports of the scene: `empty`, `bin`";
+        assert!([line, "did you mean `bin`?", names].iter().all(|part| said.contains(part)), "{said}");
+    }
+}
+
+#[test]
+fn a_scripted_body_moves_between_the_moments_of_two_views() {
+    let (folder, records) = run_recipe("moments.toml");
+    let views: Vec<&serde_json::Value> = records.iter().filter(|record| record.get("cuboid").is_some()).collect();
+    // 0.2 m/s for half a second. The top of the cube is 0.9 m from the camera, whose focal length is 60 px.
+    let x = |view: usize| views[view]["cuboid"]["1"]["world_from_cuboid"][0][3].as_f64().expect("a number");
+    assert!(x(0).abs() < 1e-6 && (x(1) - 0.1).abs() < 1e-6, "{} {}", x(0), x(1));
+    let expected = 60.0 * 0.1 / 0.9;
+    let shift = &views[0]["shift"]["1"];
+    let (u, v) = (shift[0].as_f64().expect("u"), shift[1].as_f64().expect("v"));
+    assert!((u - expected).abs() < 0.7 && v.abs() < 0.5, "{u} {v}");
+    assert_eq!(views[1]["shift"]["1"], serde_json::json!([0.0, 0.0]), "the last view has no next one");
+    // Optical flow knows the motion of the body: its top moves by the same, and the floor does not move.
+    let out = files(&folder.path().join("out"));
+    let flow = floats(&out["npy/flow/000000_0000.npy"]);
+    let flow: Vec<&[f32]> = flow.chunks(2).collect();
+    let top = flow.iter().filter(|flow| (f64::from(flow[0]) - expected).abs() < 1e-3 && flow[1].abs() < 1e-3).count();
+    assert!((30..60).contains(&top), "{top} pixels of the top");
+    assert!(flow.iter().filter(|flow| flow[0].abs() + flow[1].abs() < 1e-6).count() > 64 * 48 - 100);
+}
+
 #[test]
 fn a_program_without_a_command_line_has_samples_scores_and_a_report() {
     let folder = tempfile::tempdir().expect("a folder");

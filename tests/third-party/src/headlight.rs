@@ -4,7 +4,7 @@ use syntable_model::photometry::blackbody;
 use syntable_model::prelude::*;
 use syntable_model::scene::{Camera, DirectionalLight, Light};
 
-/// Parallel light from the camera towards the tabletop.
+/// Parallel light from the camera towards the scene's main support, such as the tabletop.
 #[derive(Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Headlight {
@@ -34,7 +34,7 @@ impl LightSampler for Headlight {
         let illuminance = self.illuminance_lx.draw(&mut context.stream.child("illuminance"));
         let position = camera.world_from_camera.translation.vector;
         let light = DirectionalLight {
-            towards: (position - scene.tabletop.center().coords).normalize(),
+            towards: (position - scene.support(None)?.center().coords).normalize(),
             half_angle: 1.0_f64.to_radians(),
             irradiance: blackbody(5500.0).map(|channel| channel * illuminance),
         };

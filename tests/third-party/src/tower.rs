@@ -1,15 +1,18 @@
-//! Placer `tower`: objects above each other in the middle of the table.
+//! Placer `tower`: objects above each other in the middle of a support.
 
 use syntable_model::geometry::{Translation3, UnitQuaternion};
 use syntable_model::prelude::*;
-use syntable_model::scene::{BodyDraft, Motion, Role};
+use syntable_model::scene::{BodyDraft, DropZone, Motion, Role};
 
-/// Places objects in a column above the middle of the tabletop.
+/// Places objects in a column above the middle of a support.
 #[derive(Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Tower {
     /// Object pools to draw from.
     from: ObjectPools,
+    /// Name of the support. If left out, it is the first that a step sets.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    support: Option<SupportName>,
     /// Number of objects; 1 to 20.
     #[serde(default = "three")]
     #[schemars(extend("minimum" = 1, "maximum" = 20))]
@@ -31,17 +34,26 @@ impl Config for Tower {
 }
 
 impl Placer for Tower {
+    fn parts(&self) -> Option<Vec<PartUse>> {
+        Some(vec![PartUse::Needs(Part::support(self.support.as_ref()))])
+    }
+
     fn place(&self, scene: &mut SceneBuilder, context: &Context) -> Result<()> {
-        let tabletop = scene.tabletop()?;
-        let mut height = tabletop.height();
+        let support = scene.support(self.support.as_ref())?.clone();
+        let mut height = support.height();
         // Each quantity has a stream of its own, so that one more object leaves the others as they are.
         for k in 0..self.count.draw(&mut context.stream.child("count")).max(0) as u64 {
             let (asset, object) = context.assets.draw_object(&self.from, &mut context.stream.child("asset").at(k))?;
             let bounds = object.mesh.bounds();
-            let [x, y, _] = tabletop.center;
-            let pose = Pose::from_parts(Translation3::new(x, y, height - bounds.min.z), UnitQuaternion::identity());
+            let center = support.center();
+            let pose = Pose::from_parts(
+                Translation3::new(center.x, center.y, height - bounds.min.z),
+                UnitQuaternion::identity(),
+            );
             height += bounds.size().z + 0.002;
-            scene.add(BodyDraft::new(asset, object, pose, Role::Object, Motion::Dynamic));
+            let body = BodyDraft::new(asset, object, pose, Role::Object, Motion::Dynamic);
+            // The settler keeps what stays on the support, and drops again what falls off.
+            scene.drop_body(body, DropZone { area: support.surface, support: support.clone() });
         }
         Ok(())
     }

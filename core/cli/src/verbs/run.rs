@@ -63,7 +63,7 @@ pub(crate) fn run(console: &Console, registry: &Registry, args: &RunArgs) -> Res
         )
     };
     let outcome = run_recipe(&recipe, &options, console.reporter()).map_err(|error| ended(&stop, error))?;
-    end_of(&outcome, &options.out)
+    end_of(&outcome, &options.out.name())
 }
 
 /// Ends a verb that made a dataset: with exit code 3 and the reasons, if the dataset lacks something.

@@ -82,7 +82,7 @@ pub fn open(path: &Path) -> Result<File> {
         if error.is_transient() { error } else { error.of_request() }
     })?;
     if !there.is_file() {
-        return Err(Error::new("it is not a file").in_file(path).permanent());
+        return Err(Error::new("it is not a file").in_file(path));
     }
     File::open(path).map_err(|error| Error::io(path, &error))
 }
@@ -101,7 +101,7 @@ pub fn read_at_most(file: File, limit: &Limit, path: &Path) -> Result<Vec<u8>> {
 /// Reads a text file of at most [`TEXT_BYTES`]; see [`open`].
 pub fn text(path: &Path) -> Result<String> {
     let bytes = read_at_most(open(path)?, &TEXT_BYTES, path)?;
-    String::from_utf8(bytes).map_err(|_| Error::new("it is not UTF-8 text").in_file(path).permanent())
+    String::from_utf8(bytes).map_err(|_| Error::new("it is not UTF-8 text").in_file(path))
 }
 
 /// Refuses JSON that is too long, or has too many values, to be parsed into a tree.
@@ -154,12 +154,12 @@ impl Content {
 
     /// An error of its content, which then names it.
     pub fn located(&self, error: Error) -> Error {
-        error.in_file(&self.path).permanent()
+        error.in_file(&self.path)
     }
 
     /// An error that names it.
     pub fn refuse(&self, what: impl Into<String>) -> Error {
-        Error::new(what).in_file(&self.path).permanent()
+        Error::new(what).in_file(&self.path)
     }
 
     /// An 8-bit RGB image from a PNG or JPEG file; gray becomes RGB, transparency is dropped.
@@ -302,7 +302,7 @@ impl Content {
     pub fn json(&self) -> Result<Value> {
         check_json(&self.bytes).map_err(|error| error.in_file(&self.path))?;
         let json: serde_json::Value = serde_json::from_slice(&self.bytes)
-            .map_err(|error| json::located(&error, None, &[]).in_file(&self.path).permanent())?;
+            .map_err(|error| json::located(&error, None, &[]).in_file(&self.path))?;
         Value::of(&json)
     }
 

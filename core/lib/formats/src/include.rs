@@ -182,8 +182,8 @@ pub fn write_images(
         let product = product.as_ref();
         let stem = stem(output.id(), product, name);
         let write = |value: &Value, end: &str| {
-            let bytes = encode(&Kind::of(&key, value), value)
-                .map_err(|error| error.context(format!("product `{product}`")).permanent())?;
+            let bytes =
+                encode(&Kind::of(&key, value), value).map_err(|error| error.context(format!("product `{product}`")))?;
             output.write(&format!("{stem}{end}.{extension}"), &bytes)
         };
         match products.value(product)? {

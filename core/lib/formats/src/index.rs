@@ -105,7 +105,7 @@ impl Indexed {
             Some(io::ErrorKind::FileTooLarge) => {
                 let place = field.map_or(String::new(), |field| format!("`{field}`: "));
                 let what = format!("{place}a record has more than the limit of {} bytes", RECORD_BYTES.most);
-                Error::new(what).help(RECORD_BYTES.remedy).at_line(error.line()).in_file(path).permanent()
+                Error::new(what).help(RECORD_BYTES.remedy).at_line(error.line()).in_file(path)
             }
             Some(kind) if kind != io::ErrorKind::UnexpectedEof => Error::io(path, &error.into()),
             _ => located(&error, field.as_deref(), &text_from(path, before(at.get()))).in_file(path),
@@ -169,7 +169,6 @@ impl Indexed {
             Error::new(format!("`{}[{number}]{field}`: {}", section.name(), error.inner()))
                 .in_file(&self.path)
                 .help("leave the file alone while it is read")
-                .permanent()
         })
     }
 }

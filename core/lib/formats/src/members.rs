@@ -108,7 +108,7 @@ fn list(path: &Path, most: usize, found: &mut Vec<Member>) -> Result<()> {
     let fail = |error: std::io::Error| match error.kind() {
         // That a file ends early, or is no archive, says something about the file.
         std::io::ErrorKind::UnexpectedEof | std::io::ErrorKind::Other | std::io::ErrorKind::InvalidData => {
-            Error::new(format!("not a readable tar file: {error}")).in_file(path).permanent()
+            Error::new(format!("not a readable tar file: {error}")).in_file(path)
         }
         _ => Error::io(path, &error),
     };
@@ -127,7 +127,7 @@ fn list(path: &Path, most: usize, found: &mut Vec<Member>) -> Result<()> {
         let (at, size) = (entry.raw_file_position(), entry.size());
         let member = String::from_utf8_lossy(&entry.path_bytes()).into_owned();
         if at.checked_add(size).is_none_or(|end| end > length) {
-            return Err(Error::new(format!("the tar file ends within `{member}`")).in_file(path).permanent());
+            return Err(Error::new(format!("the tar file ends within `{member}`")).in_file(path));
         }
         found.push(Member { archive: name.clone(), name: member, at, size });
     }

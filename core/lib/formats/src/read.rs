@@ -95,8 +95,7 @@ pub fn id_of(row: usize) -> Result<InstanceId> {
     match u16::try_from(row + 1) {
         Ok(id) => Ok(InstanceId(id)),
         Err(_) => Err(Error::new(format!("an image has more than {} objects", u16::MAX))
-            .help("split the image, or remove objects")
-            .permanent()),
+            .help("split the image, or remove objects")),
     }
 }
 

@@ -333,7 +333,7 @@ impl Source {
             if let Some((id, mask)) = masks.iter().find(|(_, mask)| [mask.width(), mask.height()] != size) {
                 let [width, height] = size;
                 let what = format!("the {name} mask of instance {id} has {} × {} pixels", mask.width(), mask.height());
-                return Err(Error::new(format!("{what}, the image {width} × {height}")).permanent());
+                return Err(Error::new(format!("{what}, the image {width} × {height}")));
             }
         }
         let all: BTreeSet<InstanceId> = visible.iter().chain(amodal.iter()).map(|(id, _)| id).collect();
@@ -370,7 +370,7 @@ impl Source {
 
 fn field(fields: &Fields, key: KeyId) -> Result<&Value> {
     let name = key.name.to_string();
-    fields.get(&name).ok_or_else(|| Error::new(format!("it has no field `{name}`, which others have")).permanent())
+    fields.get(&name).ok_or_else(|| Error::new(format!("it has no field `{name}`, which others have")))
 }
 
 fn unlike(key: KeyId) -> Error {
@@ -378,7 +378,7 @@ fn unlike(key: KeyId) -> Error {
         true => "no matrix of the annotated instances".to_owned(),
         false => format!("no {}", key.kind_of_value()),
     };
-    Error::new(format!("its field `{}` is {what}", key.name)).permanent()
+    Error::new(format!("its field `{}` is {what}", key.name))
 }
 
 /// Visible masks from a plane of ids: of these instances, and of those that it shows.
@@ -400,7 +400,7 @@ fn amodal_masks(bits: &Value, ids: &[InstanceId], [width, height]: [u32; 2]) -> 
         Value::Tensor(tensor) if tensor.shape == expected && tensor.dtype.size() == 1 => tensor,
         _ => {
             let what = format!("its field `amodal_bits` is no array of bytes of shape {expected:?}");
-            return Err(Error::new(what).permanent());
+            return Err(Error::new(what));
         }
     };
     let of = |plane: usize| {
@@ -446,7 +446,7 @@ fn size_of(value: &Value) -> Option<[u32; 2]> {
 
 /// Refuses images and masks of another size than the view, and such as no image has.
 fn check_sizes(fields: &Fields, keys: &[KeyId], [width, height]: [u32; 2]) -> Result<()> {
-    let refuse = |what: String| Err(Error::new(what).permanent());
+    let refuse = |what: String| Err(Error::new(what));
     IMAGE_PIXELS.check_size([width, height])?;
     let of_pixels = |key: &&KeyId| matches!(key.form().of_one(), Form::Mask | Form::Image { .. });
     for key in keys.iter().filter(of_pixels) {

@@ -361,8 +361,8 @@ mod tests {
     use syntable_model::digest::Digest;
     use syntable_model::geometry::{Translation3, UnitQuaternion, Vector3};
     use syntable_model::scene::{
-        AssetRef, BodyDraft, Color, MassOrigin, MassProperties, Mesh, MeshData, Motion, Object, Role, SceneBuilder,
-        SceneId, SettleReport, SourceModel, Tabletop,
+        AssetRef, BodyDraft, Color, MassOrigin, MassProperties, Mesh, MeshData, Motion, Object, Region, Role,
+        SceneBuilder, SceneId, SettleReport, SourceModel, Support,
     };
 
     /// A triangle with legs of 1 m along x and y.
@@ -396,7 +396,7 @@ mod tests {
         };
         let (plain, lit) = (object("plain", Vec::new()), object("lit", vec![Arc::new(emissive)]));
         let mut builder = SceneBuilder::default();
-        builder.tabletop = Some(Tabletop { center: [0.0; 3], size: [1.0; 2] });
+        builder.supports = Support::new("table", Region::rectangle([0.0; 3], [1.0; 2])).into();
         let quarter = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), std::f64::consts::FRAC_PI_2);
         for (object, x, role) in [(&plain, 0.0, Role::Object), (&lit, 2.0, Role::Object), (&plain, 5.0, Role::Support)]
         {

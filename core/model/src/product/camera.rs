@@ -37,7 +37,6 @@ impl StatedCamera {
         let unlike = |error: serde_json::Error| {
             Error::new(format!("product `{}` is not a camera: {error}", CAMERA.name()))
                 .help("it has `width`, `height` and `K`, and may have `world_from_camera`")
-                .permanent()
         };
         let json = serde_json::to_value(value).map_err(unlike)?;
         let Record { width, height, k, world_from_camera, distortion_k1_k2_p1_p2_k3 } =
@@ -67,13 +66,6 @@ impl StatedCamera {
                 "product `{}` has no `world_from_camera`: the dataset does not state the camera's pose",
                 CAMERA.name()
             ))
-            .permanent()
         })
-    }
-}
-
-impl From<&Camera> for StatedCamera {
-    fn from(camera: &Camera) -> Self {
-        Self { camera: *camera, has_pose: true }
     }
 }

@@ -1,14 +1,15 @@
 //! Typed names of products.
 
 use super::store::AnyProduct;
-use super::{BitPlane, Form, Lighting, Name, RenderParameters, Stored, Value};
+use super::{BitPlane, Form, Lighting, Name, RenderParameters, Stored, Value, ViewMoment};
 use std::any::{Any, TypeId, type_name};
 use std::fmt;
 use std::marker::PhantomData;
 use std::sync::Arc;
 
-/// How often a product is made.
+/// How often a product is made. Scopes may be added: a writer refuses a product whose scope it does not know.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+#[non_exhaustive]
 pub enum Scope {
     /// Once per dataset, when the scenes are done.
     Dataset,
@@ -202,9 +203,10 @@ impl<T: Product> Key<T> {
         self.with(RenderParameters { subpixels, ..self.id.name.parameters })
     }
 
-    /// The rendered product as the camera of the next view sees it; see [`RenderParameters::next_view`].
+    /// The rendered product as the camera of the next view sees the scene at that view's moment; see
+    /// [`RenderParameters::moment`].
     pub const fn of_next_view(self) -> Self {
-        self.with(RenderParameters { next_view: true, ..self.id.name.parameters })
+        self.with(RenderParameters { moment: ViewMoment::Next, ..self.id.name.parameters })
     }
 }
 

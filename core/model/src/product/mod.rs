@@ -34,7 +34,7 @@ pub use graph::{Graph, Layer, strong_components};
 pub use key::{Key, KeyId, LinkedKey, Product, Scope, Semantic, first_sentence, linked};
 pub use mask::Mask;
 pub use models::{ObjectModel, ObjectModels};
-pub use name::{Lighting, MAX_CANVAS, MAX_SUBPIXELS, Name, RenderParameters};
+pub use name::{Lighting, MAX_CANVAS, MAX_SUBPIXELS, Name, RenderParameters, ViewMoment};
 pub use object_images::{ObjectImage, ObjectImages};
 pub use paint::{Painted, masks_of};
 pub use plane::{BitPlane, Plane};

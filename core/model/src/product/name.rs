@@ -1,5 +1,6 @@
 //! Names of products, with the parameters of those that a renderer makes.
 
+use crate::scene::View;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::fmt;
@@ -26,11 +27,36 @@ pub struct RenderParameters {
     /// Pixels along either edge of what is one pixel of the image, up to [`MAX_SUBPIXELS`]: the camera with an image that
     /// many times as wide and high.
     pub subpixels: u32,
-    /// Whether the camera is that of the view that follows in the scene; for the last view it is its own.
-    pub next_view: bool,
+    /// When it is rendered, and by which camera.
+    pub moment: ViewMoment,
     /// If not the image: every object by itself, without what occludes it, in an
     /// [`Atlas`](crate::stage::Atlas) of windows around the objects. Camera rays then meet neither lights nor sky.
     pub objects: Option<Lighting>,
+}
+
+/// A moment relative to a view: the camera and the [moment](crate::scene::View::moment) of one of the views of its scene.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
+#[non_exhaustive]
+pub enum ViewMoment {
+    /// Those of the view itself.
+    #[default]
+    Own,
+    /// Those of the view that follows in the scene; for the last view, its own.
+    Next,
+}
+
+impl ViewMoment {
+    /// The view of this moment, given a view and the one that follows.
+    pub fn of<'v>(self, view: &'v View, next: Option<&'v View>) -> &'v View {
+        match self {
+            Self::Own => view,
+            Self::Next => next.unwrap_or(view),
+        }
+    }
+
+    const fn is_own(self) -> bool {
+        matches!(self, Self::Own)
+    }
 }
 
 /// Light on an object that is shown without what occludes it.
@@ -64,10 +90,11 @@ pub const MAX_SUBPIXELS: u32 = 8;
 
 impl RenderParameters {
     /// Those of the image.
-    pub const IMAGE: Self = Self { canvas: 1, before_support: false, subpixels: 1, next_view: false, objects: None };
+    pub const IMAGE: Self =
+        Self { canvas: 1, before_support: false, subpixels: 1, moment: ViewMoment::Own, objects: None };
 
     const fn is_valid(&self) -> bool {
-        let of_image = self.canvas == 1 && !self.before_support && self.subpixels == 1 && !self.next_view;
+        let of_image = self.canvas == 1 && !self.before_support && self.subpixels == 1 && self.moment.is_own();
         let is_canvas = self.canvas % 2 == 1 && self.canvas <= MAX_CANVAS;
         let is_divided = 1 <= self.subpixels && self.subpixels <= MAX_SUBPIXELS;
         is_canvas && is_divided && (self.objects.is_none() || of_image)
@@ -105,7 +132,7 @@ impl Name {
                     Some(("canvas", canvas)) => parameters.canvas = canvas.parse().ok()?,
                     Some(("before", "support")) => parameters.before_support = true,
                     Some(("subpixels", subpixels)) => parameters.subpixels = subpixels.parse().ok()?,
-                    Some(("next", "view")) => parameters.next_view = true,
+                    Some(("next", "view")) => parameters.moment = ViewMoment::Next,
                     _ => {
                         let lighting = Lighting::ALL.into_iter().find(|lighting| lighting.words() == word)?;
                         parameters.objects = Some(lighting);
@@ -123,12 +150,15 @@ impl Name {
 /// As `coverage`, `coverage (canvas 3, before support)`, or `radiance (objects alone)`.
 impl fmt::Display for Name {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let RenderParameters { canvas, before_support, subpixels, next_view, objects } = self.parameters;
+        let RenderParameters { canvas, before_support, subpixels, moment, objects } = self.parameters;
         let words = [
             (canvas != 1).then(|| format!("canvas {canvas}")),
             before_support.then(|| "before support".to_owned()),
             (subpixels != 1).then(|| format!("subpixels {subpixels}")),
-            next_view.then(|| "next view".to_owned()),
+            match moment {
+                ViewMoment::Own => None,
+                ViewMoment::Next => Some("next view".to_owned()),
+            },
             objects.map(|lighting| lighting.words().to_owned()),
         ];
         let words: Vec<String> = words.into_iter().flatten().collect();
@@ -163,16 +193,18 @@ mod tests {
     fn names_are_read_as_they_are_written() {
         let coverage = Name::new("coverage");
         for canvas in [1, 3, MAX_CANVAS] {
-            for (before_support, next_view) in [(false, false), (false, true), (true, false), (true, true)] {
+            let both = [ViewMoment::Own, ViewMoment::Next];
+            for (before_support, moment) in [false, true].into_iter().flat_map(|cut| both.map(|moment| (cut, moment))) {
                 for subpixels in [1, 2, MAX_SUBPIXELS] {
-                    let parameters = RenderParameters { canvas, before_support, subpixels, next_view, objects: None };
+                    let parameters = RenderParameters { canvas, before_support, subpixels, moment, objects: None };
                     let name = coverage.with(parameters);
                     assert_eq!(coverage.parse(&name.to_string()), Some(name));
                     assert!(name == *name.to_string() && (name == "coverage") == (name == coverage));
                 }
             }
         }
-        let all = RenderParameters { canvas: 3, before_support: true, subpixels: 4, next_view: true, objects: None };
+        let moment = ViewMoment::Next;
+        let all = RenderParameters { canvas: 3, before_support: true, subpixels: 4, moment, objects: None };
         assert_eq!(coverage.with(all).to_string(), "coverage (canvas 3, before support, subpixels 4, next view)");
         let radiance = Name::new("radiance");
         for (text, lighting) in

@@ -210,10 +210,10 @@ products! {
     /// Distance from the center of the camera to the first surface at the pixel center. Infinite where there is none.
     pub const DISTANCE: Key<Plane<f32>> = view("distance").semantic(Semantic::Depth).unit("m");
 
-    /// Pixels that show the table or what else objects are dropped on.
+    /// Pixels that show the bodies of supports: the table, or what else objects are dropped on.
     pub const TABLETOP_MASK: Key<Mask> = view("tabletop_mask").semantic(Semantic::Mask);
 
-    /// Pixels that show neither an object, nor a distractor, nor the table: the room, or nothing.
+    /// Pixels that show neither an object, nor a distractor, nor a support such as the table: the room, or nothing.
     pub const BACKGROUND_MASK: Key<Mask> = view("background_mask").semantic(Semantic::Mask);
 
     /// Category of the annotated object that a pixel shows, 0 where it shows none.
@@ -291,8 +291,8 @@ products! {
     /// Lights of the view.
     pub const LIGHTS: Key<Value> = view("lights").form(|| Form::Records);
 
-    /// Role, asset, materials and pose of every body of the scene, by its id in `instance`: objects, distractors, table and
-    /// room.
+    /// Role, asset, materials and pose of every body of the scene, by its id in `instance`: objects, distractors, supports
+    /// and room.
     pub const BODIES: Key<Value> = scene("bodies").form(|| Form::Records);
 
     /// Shape, surface, number and symmetries of each asset that an object of the scene is of. Meshes are in meters, object frame.

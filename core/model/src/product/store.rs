@@ -45,8 +45,7 @@ impl Products {
     pub fn put_stored(&mut self, key: KeyId, stored: InFile<'_>) -> Result<()> {
         let value = stored.of_form(&key.form());
         let decoded = value.as_deref().and_then(|value| (key.decode)(InFile { value, ..stored }));
-        let product =
-            decoded.ok_or_else(|| Error::new(format!("`{}` is not {}", key.name, key.kind_of_value())).permanent())?;
+        let product = decoded.ok_or_else(|| Error::new(format!("`{}` is not {}", key.name, key.kind_of_value())))?;
         self.store(Stored { key, product })
     }
 
@@ -55,7 +54,6 @@ impl Products {
         let stored = self.stored(&key.id.name)?;
         (&*stored.product as &dyn Any).downcast_ref().ok_or_else(|| {
             Error::new(format!("product `{}` is {}, not {}", key.name(), stored.key.type_name(), key.id().type_name()))
-                .permanent()
         })
     }
 
@@ -126,7 +124,7 @@ impl Products {
         let name = stored.key.name;
         match self.stored.insert(name, stored) {
             None => Ok(()),
-            Some(_) => Err(Error::new(format!("product `{name}` was made twice")).permanent()),
+            Some(_) => Err(Error::new(format!("product `{name}` was made twice"))),
         }
     }
 
@@ -152,7 +150,7 @@ impl Products {
             } else {
                 Error::new(format!("product `{name}` has not been made"))
             };
-            error.help("name it in `reads()` of the stage that needs it").permanent()
+            error.help("name it in `reads()` of the stage that needs it")
         })
     }
 }

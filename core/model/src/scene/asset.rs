@@ -160,7 +160,7 @@ impl Asset {
     }
 
     fn is_not(&self, wanted: AssetClass) -> Error {
-        Error::new(format!("class `{}` where `{wanted}` is wanted", self.class())).permanent()
+        Error::new(format!("class `{}` where `{wanted}` is wanted", self.class()))
     }
 }
 

@@ -1,6 +1,6 @@
 //! Bodies: assets placed in a scene.
 
-use super::{AssetRef, MassProperties, MaterialOverride, Object};
+use super::{AssetRef, MassProperties, MaterialOverride, Moment, Object, Trajectory};
 use crate::geometry::{Aabb, Pose};
 use serde::{Deserialize, Serialize};
 use std::fmt;
@@ -22,28 +22,40 @@ impl fmt::Display for InstanceId {
     }
 }
 
-/// What a body is for.
+/// What a body is for. Roles may be added: stages that treat a role specially leave all others as they are.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize)]
 #[serde(rename_all = "snake_case")]
+#[non_exhaustive]
 pub enum Role {
     /// An object to segment; annotated.
     Object,
     /// May occlude objects and lie among them; never annotated.
     Distractor,
-    /// Carries objects: the table.
+    /// Carries objects: a table, a bin, a shelf.
     Support,
     /// Floor, wall or ceiling.
     Room,
 }
 
-/// Whether physics moves a body.
+impl Role {
+    /// Whether a body is an object or a distractor. All other roles are furniture: masks `before support` end at it, and
+    /// its ids follow those of the foreground.
+    pub fn is_foreground(self) -> bool {
+        matches!(self, Self::Object | Self::Distractor)
+    }
+}
+
+/// Whether physics moves a body. Motions may be added: physics leaves a body of an unknown motion where it is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize)]
 #[serde(rename_all = "snake_case")]
+#[non_exhaustive]
 pub enum Motion {
     /// Stays where it was placed.
     Fixed,
     /// Falls and collides.
     Dynamic,
+    /// Moves by a [trajectory](Body::trajectory). To physics it is a fixed body, where it is at the start.
+    Scripted,
 }
 
 /// A body of a frozen scene or, without an id, of one under construction.
@@ -69,9 +81,8 @@ pub struct Body<Id = InstanceId> {
     pub friction: f64,
     /// Coefficient of restitution, 0 to 1; that of the settler if not set.
     pub restitution: Option<f64>,
-    /// Half extents along world x and y of the rectangle over the middle of the tabletop where the body starts anew if
-    /// it has to, meters; the whole tabletop if not set.
-    pub respawn_half_m: Option<[f64; 2]>,
+    /// Poses over time of a body that moves by a script; see [`BodyDraft::scripted`].
+    pub trajectory: Option<Arc<Trajectory>>,
     /// Number among the objects in spawn order, from 0, with gaps where objects were removed. Set by
     /// [`SceneBuilder::add`](super::SceneBuilder::add).
     pub spawn: u32,
@@ -95,7 +106,7 @@ impl BodyDraft {
             mass,
             friction,
             restitution: None,
-            respawn_half_m: None,
+            trajectory: None,
             spawn: 0,
         }
     }
@@ -103,6 +114,12 @@ impl BodyDraft {
     /// The same body with all materials replaced.
     pub fn with_material_override(self, material_override: Option<MaterialOverride>) -> Self {
         Self { material_override, ..self }
+    }
+
+    /// The same body, moved by a script.
+    pub fn scripted(self, trajectory: Trajectory) -> Self {
+        let world_from_body = trajectory.at(Moment::START);
+        Self { world_from_body, motion: Motion::Scripted, trajectory: Some(Arc::new(trajectory)), ..self }
     }
 
     pub(super) fn with_id(self, id: InstanceId) -> Body {
@@ -117,7 +134,7 @@ impl BodyDraft {
             mass,
             friction,
             restitution,
-            respawn_half_m,
+            trajectory,
             spawn,
         } = self;
         Body {
@@ -131,13 +148,23 @@ impl BodyDraft {
             mass,
             friction,
             restitution,
-            respawn_half_m,
+            trajectory,
             spawn,
         }
     }
 }
 
 impl<Id> Body<Id> {
+    /// Pose of the body frame at a moment. A body without a script has one pose.
+    pub fn pose_at(&self, moment: Moment) -> Pose {
+        self.trajectory.as_ref().map_or(self.world_from_body, |trajectory| trajectory.at(moment))
+    }
+
+    /// The body at a moment.
+    pub(super) fn at(self, moment: Moment) -> Self {
+        Self { world_from_body: self.pose_at(moment), ..self }
+    }
+
     /// Bounding box in the world, meters; exact over the corners of the mesh's box, not over its vertices.
     pub fn world_bounds(&self) -> Aabb {
         Aabb::of(self.object.mesh.bounds().corners().map(|p| self.world_from_body * p))

@@ -4,6 +4,7 @@
 //! that never changes again. A [`View`] adds camera, exposure and lights; hiding an object is a property of a render
 //! request, never of the world.
 
+mod articulation;
 mod asset;
 mod body;
 mod camera;
@@ -12,11 +13,14 @@ mod light;
 mod mass;
 mod material;
 mod mesh;
+mod moment;
 mod settled;
+mod support;
 mod symmetry;
 mod texture;
 mod topology;
 
+pub use articulation::{Articulation, Joint, JointKind, Link};
 pub use asset::{
     Asset, AssetClass, AssetRef, Catalog, CatalogEntry, ConvexPart, EXTENT_M, Keypoint, Object, SourceModel,
 };
@@ -29,14 +33,18 @@ pub use material::{
     Alpha, Clearcoat, Color, Material, MaterialOverride, NormalMap, Scalar, Sheen, TextureMapping, Transmission, Volume,
 };
 pub use mesh::{Mesh, MeshData};
+pub use moment::{Moment, Trajectory};
 pub use settled::{Placed, Settled};
+pub use support::{DropZone, Region, Support, Supports};
 pub use symmetry::{Symmetries, SymmetryAxis};
 pub use texture::{Encoding, Texture, TextureRef, UvTransform, Wrap};
 pub use topology::{Topology, weld};
 
 use crate::error::{Error, Result};
-use crate::geometry::{Aabb, Point3, Pose};
+use crate::geometry::{Aabb, Pose};
+use crate::names::SupportName;
 use serde::{Deserialize, Serialize};
+use std::sync::Arc;
 
 /// A scene's number in its dataset, from 0.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize)]
@@ -45,38 +53,6 @@ pub struct SceneId(pub u32);
 /// A view's number in its scene, from 0.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize)]
 pub struct ViewId(pub u32);
-
-/// The rectangle that objects are dropped on: level, axis-aligned in the world.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct Tabletop {
-    /// Center of the rectangle, in the world, meters; z is the height of the top.
-    pub center: [f64; 3],
-    /// Extents along world x (the paper's w) and y (the paper's l), meters.
-    pub size: [f64; 2],
-}
-
-impl Tabletop {
-    /// Center of the rectangle.
-    pub fn center(&self) -> Point3<f64> {
-        self.center.into()
-    }
-
-    /// Height of the top above the floor, meters.
-    pub fn height(&self) -> f64 {
-        self.center[2]
-    }
-
-    /// `max(w/2, l/2)`: the length that the paper's view radii are multiples of, meters.
-    pub fn half_extent(&self) -> f64 {
-        self.size[0].max(self.size[1]) / 2.0
-    }
-
-    /// Whether a point is above the top and within its width and length.
-    pub fn column_contains(&self, p: &Point3<f64>) -> bool {
-        let inside = |axis: usize| (p[axis] - self.center[axis]).abs() <= self.size[axis] / 2.0;
-        p.z >= self.center[2] && inside(0) && inside(1)
-    }
-}
 
 /// Why a body left the scene.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -115,9 +91,13 @@ pub struct SettleReport {
 #[derive(Debug, Default)]
 pub struct SceneBuilder {
     bodies: Vec<Option<BodyDraft>>,
+    /// Where bodies are dropped, by body; none for bodies whose placers do not say.
+    zones: Vec<Option<DropZone>>,
     spawned: u32,
-    /// Where objects are dropped; set by the table's placer.
-    pub tabletop: Option<Tabletop>,
+    /// The places that carry objects, set by placers.
+    pub supports: Supports,
+    /// Bodies that are parts of one mechanism.
+    pub articulations: Vec<Articulation<BodyHandle>>,
     /// Lights that belong to the scene rather than to a view.
     pub lights: Vec<Light>,
 }
@@ -130,7 +110,22 @@ impl SceneBuilder {
             self.spawned += 1;
         }
         self.bodies.push(Some(body));
+        self.zones.push(None);
         BodyHandle(self.bodies.len() - 1)
+    }
+
+    /// Adds a body that is dropped on a support.
+    pub fn drop_body(&mut self, body: BodyDraft, zone: DropZone) -> BodyHandle {
+        let handle = self.add(body);
+        self.zones[handle.0] = Some(zone);
+        handle
+    }
+
+    /// Where a body is dropped: as its placer says, or else anywhere on the main support. None if there is no support.
+    pub fn drop_zone(&self, handle: BodyHandle) -> Option<DropZone> {
+        let anywhere = |support: &Support| DropZone { support: support.clone(), area: support.surface };
+        let stated = self.zones.get(handle.0).cloned().flatten();
+        stated.or_else(|| self.supports.main().map(anywhere))
     }
 
     /// Takes a body out, if it is still there.
@@ -150,6 +145,14 @@ impl SceneBuilder {
         }
     }
 
+    /// Gives a body a trajectory, and moves it to its pose at the start.
+    pub fn set_trajectory(&mut self, handle: BodyHandle, trajectory: Trajectory) {
+        if let Some(Some(body)) = self.bodies.get_mut(handle.0) {
+            body.world_from_body = trajectory.at(Moment::START);
+            body.trajectory = Some(Arc::new(trajectory));
+        }
+    }
+
     /// Gives a body another mass, kg, distributed as its own.
     pub fn assign_mass(&mut self, handle: BodyHandle, kg: f64) {
         if let Some(Some(body)) = self.bodies.get_mut(handle.0) {
@@ -162,64 +165,71 @@ impl SceneBuilder {
         self.bodies.iter().enumerate().filter_map(|(i, body)| Some((BodyHandle(i), body.as_ref()?)))
     }
 
-    /// The tabletop, or an error for a placer or settler that needs one.
-    pub fn tabletop(&self) -> Result<Tabletop> {
-        self.tabletop.ok_or_else(|| {
-            let error = Error::new("there is no tabletop yet").permanent();
-            error.help("place a table first: [[place]] kind = \"table\"")
-        })
+    /// The support that a recipe names, or the main one; an error for a placer or settler that needs it.
+    ///
+    /// # Errors
+    /// See [`Supports::get`].
+    pub fn support(&self, name: Option<&SupportName>) -> Result<&Support> {
+        self.supports.get(name)
     }
 
-    /// Height of the lowest part of the room above the middle of the tabletop, meters; none under the open sky.
-    pub fn ceiling_height(&self) -> Option<f64> {
-        let top = self.tabletop?.center();
+    /// Height at which the space above a support ends, meters above the floor: at the lowest part of the room above its
+    /// center, or at the end of its [clear height](Support::clear_height_m). None under the open sky.
+    pub fn space_top(&self, support: &Support) -> Option<f64> {
+        [self.ceiling_height(support), support.top()].into_iter().flatten().reduce(f64::min)
+    }
+
+    /// Height of the lowest part of the room above the center of a support, meters; none under the open sky.
+    pub fn ceiling_height(&self, support: &Support) -> Option<f64> {
+        let center = support.center();
         let above = |bounds: &Aabb| {
-            bounds.min.z >= top.z && (0..2).all(|axis| (bounds.min[axis]..=bounds.max[axis]).contains(&top[axis]))
+            bounds.min.z >= center.z && (0..2).all(|axis| (bounds.min[axis]..=bounds.max[axis]).contains(&center[axis]))
         };
         let parts = self.bodies().filter(|(_, body)| body.role == Role::Room).map(|(_, body)| body.world_bounds());
         parts.filter(above).map(|bounds| bounds.min.z).reduce(f64::min)
     }
 
-    /// Whether a part of the room is below the middle of the tabletop.
-    pub fn has_floor(&self) -> bool {
-        let Some(tabletop) = self.tabletop else { return false };
-        let top = tabletop.center();
+    /// Whether a part of the room is below the center of a support.
+    pub fn has_floor(&self, support: &Support) -> bool {
+        let center = support.center();
         let below = |bounds: &Aabb| {
-            bounds.min.z < top.z && (0..2).all(|axis| (bounds.min[axis]..=bounds.max[axis]).contains(&top[axis]))
+            bounds.min.z < center.z && (0..2).all(|axis| (bounds.min[axis]..=bounds.max[axis]).contains(&center[axis]))
         };
         self.bodies().any(|(_, body)| body.role == Role::Room && below(&body.world_bounds()))
     }
 
     /// Checks the scene and fixes it: objects get the ids 1..=M in spawn order, everything else the ids after.
     pub fn freeze(self, id: SceneId, attempt: u32, settle: SettleReport) -> Result<Scene> {
-        let tabletop = self.tabletop()?;
-        let mut bodies: Vec<BodyDraft> = self.bodies.into_iter().flatten().collect();
-        bodies.sort_by_key(|body| match body.role {
-            Role::Object => 0,
-            Role::Distractor => 1,
-            Role::Support | Role::Room => 2,
-        });
+        let all = self.bodies.into_iter().enumerate();
+        let mut bodies: Vec<(BodyHandle, BodyDraft)> =
+            all.filter_map(|(number, body)| Some((BodyHandle(number), body?))).collect();
+        bodies.sort_by_key(|(_, body)| (body.role != Role::Object, !body.role.is_foreground()));
         if bodies.len() > usize::from(u16::MAX) {
             return Err(Error::new(format!("{} bodies are more than {} ids", bodies.len(), u16::MAX)));
         }
-        let bodies: Vec<Body> = (1..).zip(bodies).map(|(id, draft)| draft.with_id(InstanceId(id))).collect();
+        let ids = (1..).map(InstanceId).zip(&bodies).map(|(id, (handle, _))| (*handle, id)).collect();
+        let articulations =
+            self.articulations.into_iter().map(|articulation| articulation.frozen(&ids)).collect::<Result<_>>()?;
+        let bodies = (1..).map(InstanceId).zip(bodies).map(|(id, (_, draft))| draft.with_id(id).at(Moment::START));
+        let bodies: Vec<Body> = bodies.collect();
         for body in &bodies {
             let pose = &body.world_from_body;
             if !pose.translation.vector.iter().chain(pose.rotation.coords.iter()).all(|x| x.is_finite()) {
-                return Err(Error::new(format!("the pose of {} is not finite", body.asset)));
+                return Err(Error::unlucky(format!("the pose of {} is not finite", body.asset)));
             }
         }
         if !bodies.iter().any(|body| body.role == Role::Object) {
             return Err(nothing_left(self.spawned, &settle.removed));
         }
-        Ok(Scene { id, attempt, bodies, tabletop, lights: self.lights, settle })
+        let Self { supports, lights, .. } = self;
+        Ok(Scene { id, attempt, moment: Moment::START, bodies, supports, articulations, lights, settle })
     }
 }
 
 /// Why a scene has no object: none was placed, or all were taken out, with the reasons and how often each came.
 fn nothing_left(placed: u32, removed: &[Removal]) -> Error {
     if placed == 0 {
-        return Error::new("no step placed an object")
+        return Error::unlucky("no step placed an object")
             .help("a scene needs an annotated object: add a `drop_box` to [[place]], or raise its `count`");
     }
     // Reasons that differ in numbers only are one.
@@ -240,22 +250,27 @@ fn nothing_left(placed: u32, removed: &[Removal]) -> Error {
     });
     let said: Vec<String> = said.collect();
     let reasons = if said.is_empty() { String::new() } else { format!(": {}", said.join(", ")) };
-    Error::new(format!("no object is left on the table, of {placed} that were placed{reasons}")).help(
-        "where they fall off, drop them nearer to its middle or take larger tables; where they still move, give them \
+    Error::unlucky(format!("no object is left, of {placed} that were placed{reasons}")).help(
+        "where they fall off, drop them nearer to the middle of their support or take a larger one; where they still move, give them \
          more time in [settle]",
     )
 }
 
-/// A finished scene: written once, read by many.
-#[derive(Debug)]
+/// A finished scene: written once, read by many. It shows the bodies at one [moment](Self::moment); [`Scene::at`] gives the same
+/// scene at another.
+#[derive(Debug, Clone)]
 pub struct Scene {
     /// Number in the dataset.
     pub id: SceneId,
     /// Which attempt this is, from 0; a failed scene is tried again with the next.
     pub attempt: u32,
+    /// When the bodies have the poses that they have here.
+    pub moment: Moment,
     bodies: Vec<Body>,
-    /// Where the objects lie.
-    pub tabletop: Tabletop,
+    /// The places that carry objects.
+    pub supports: Supports,
+    /// Bodies that are parts of one mechanism. Nothing moves their joints yet.
+    pub articulations: Vec<Articulation>,
     /// Lights of all views.
     pub lights: Vec<Light>,
     /// How the objects came to rest.
@@ -274,11 +289,35 @@ impl Scene {
         &self.bodies[..count]
     }
 
-    /// The objects and distractors: everything but the table and the room. They come first.
+    /// The objects and distractors, [`Role::is_foreground`]. They come first.
     pub fn foreground(&self) -> &[Body] {
-        let furniture = |body: &Body| matches!(body.role, Role::Support | Role::Room);
-        let count = self.bodies.iter().take_while(|body| !furniture(body)).count();
+        let count = self.bodies.iter().take_while(|body| body.role.is_foreground()).count();
         &self.bodies[..count]
+    }
+
+    /// The support that a recipe names, or the main one.
+    ///
+    /// # Errors
+    /// See [`Supports::get`].
+    pub fn support(&self, name: Option<&SupportName>) -> Result<&Support> {
+        self.supports.get(name)
+    }
+
+    /// Whether a body moves by a script, so that the scene differs between moments.
+    pub fn moves(&self) -> bool {
+        self.bodies.iter().any(|body| body.trajectory.is_some())
+    }
+
+    /// The scene at a moment: the same bodies, ids and lights, with scripted bodies at their poses then. The scene itself if
+    /// nothing in it moves.
+    pub fn at(self: &Arc<Self>, moment: Moment) -> Arc<Self> {
+        if moment == self.moment || !self.moves() {
+            return Arc::clone(self);
+        }
+        let mut scene = Self::clone(self);
+        scene.moment = moment;
+        scene.bodies = scene.bodies.into_iter().map(|body| body.at(moment)).collect();
+        Arc::new(scene)
     }
 
     /// The body of an id; none for the background.
@@ -292,6 +331,8 @@ impl Scene {
 pub struct View {
     /// Number in the scene.
     pub id: ViewId,
+    /// When it is taken: it shows the [scene at](Scene::at) this moment.
+    pub moment: Moment,
     /// Intrinsics and pose.
     pub camera: Camera,
     /// How scene light becomes an image.

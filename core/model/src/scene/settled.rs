@@ -1,23 +1,39 @@
 //! What settling did to a scene, so that the scene can be had again without simulating it.
 
-use super::{BodyHandle, MassProperties, SceneBuilder, SettleReport};
+use super::{BodyDraft, BodyHandle, MassProperties, Moment, SceneBuilder, SettleReport, Trajectory};
 use crate::error::{Error, Result};
 use crate::geometry::{Pose, UnitQuaternion};
 use nalgebra::{Quaternion, Translation3};
 use serde::{Deserialize, Serialize};
+use std::sync::Arc;
 
 /// The bodies of a scene as the placers left them.
 #[derive(Debug)]
-pub struct Placed(Vec<Option<(Pose, MassProperties)>>);
+pub struct Placed(Vec<Option<PlacedBody>>);
+
+/// What a settler can change of a body.
+#[derive(Debug)]
+struct PlacedBody {
+    pose: Pose,
+    mass: MassProperties,
+    trajectory: Option<Arc<Trajectory>>,
+}
+
+impl PlacedBody {
+    fn of(body: &BodyDraft) -> Self {
+        Self { pose: body.world_from_body, mass: body.mass, trajectory: body.trajectory.clone() }
+    }
+}
 
 impl Placed {
     /// Looks at a scene before it settles.
     pub fn of(scene: &SceneBuilder) -> Self {
-        Self(scene.bodies.iter().map(|body| body.as_ref().map(|body| (body.world_from_body, body.mass))).collect())
+        Self(scene.bodies.iter().map(|body| body.as_ref().map(PlacedBody::of)).collect())
     }
 }
 
-/// The whole effect of a settler: which bodies moved where, which left, which were given another mass, and its report.
+/// The whole effect of a settler: which bodies moved where, which left, which were given another mass or a trajectory, and its
+/// report.
 ///
 /// Numbers are kept to the last bit by formats that do so for `f64`, such as TOML.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -36,6 +52,12 @@ pub struct Settled {
     /// Their masses, kg.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     masses_kg: Vec<f64>,
+    /// Bodies that were given a trajectory, by the same numbers.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    scripted: Vec<usize>,
+    /// Their trajectories: moment in seconds, then the pose as in `poses`.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    trajectories: Vec<Vec<[f64; 8]>>,
     report: SettleReport,
 }
 
@@ -52,6 +74,8 @@ impl Settled {
             poses: vec![],
             weighed: vec![],
             masses_kg: vec![],
+            scripted: vec![],
+            trajectories: vec![],
             report: report.clone(),
         };
         for (number, (before, after)) in before.0.iter().zip(&after.bodies).enumerate() {
@@ -59,12 +83,18 @@ impl Settled {
                 (None, None) => {}
                 (None, Some(_)) => return None,
                 (Some(_), None) => settled.removed.push(number),
-                (Some((before, mass)), Some(after)) => {
-                    if *mass != after.mass {
+                (Some(before), Some(after)) => {
+                    if before.mass != after.mass {
                         settled.weighed.push(number);
                         settled.masses_kg.push(after.mass.kg);
                     }
-                    let (before, after) = (numbers(before), numbers(&after.world_from_body));
+                    if let Some(trajectory) =
+                        after.trajectory.as_ref().filter(|_| before.trajectory != after.trajectory)
+                    {
+                        settled.scripted.push(number);
+                        settled.trajectories.push(trajectory.poses().iter().map(keyed_numbers).collect());
+                    }
+                    let (before, after) = (numbers(&before.pose), numbers(&after.world_from_body));
                     if before.map(f64::to_bits) != after.map(f64::to_bits) {
                         settled.moved.push(number);
                         settled.poses.push(after);
@@ -82,15 +112,20 @@ impl Settled {
         if scene.bodies.len() != self.placed
             || self.moved.len() != self.poses.len()
             || self.weighed.len() != self.masses_kg.len()
-            || !self.moved.iter().chain(&self.removed).chain(&self.weighed).all(there)
+            || self.scripted.len() != self.trajectories.len()
+            || !self.moved.iter().chain(&self.removed).chain(&self.weighed).chain(&self.scripted).all(there)
         {
-            return Err(Error::new("the settled poses are those of another scene").permanent());
+            return Err(Error::new("the settled poses are those of another scene"));
         }
         for (&number, pose) in self.moved.iter().zip(&self.poses) {
             scene.set_pose(BodyHandle(number), pose_of(pose));
         }
         for (&number, &kg) in self.weighed.iter().zip(&self.masses_kg) {
             scene.assign_mass(BodyHandle(number), kg);
+        }
+        for (&number, poses) in self.scripted.iter().zip(&self.trajectories) {
+            let poses = poses.iter().map(keyed_pose).collect::<Result<_>>()?;
+            scene.set_trajectory(BodyHandle(number), Trajectory::new(poses)?);
         }
         for &number in &self.removed {
             scene.remove(BodyHandle(number));
@@ -102,6 +137,15 @@ impl Settled {
 fn numbers(pose: &Pose) -> [f64; 7] {
     let (t, r) = (&pose.translation.vector, &pose.rotation.coords);
     [t.x, t.y, t.z, r.x, r.y, r.z, r.w]
+}
+
+fn keyed_numbers((moment, pose): &(Moment, Pose)) -> [f64; 8] {
+    let [x, y, z, i, j, k, w] = numbers(pose);
+    [moment.seconds(), x, y, z, i, j, k, w]
+}
+
+fn keyed_pose(&[seconds, x, y, z, i, j, k, w]: &[f64; 8]) -> Result<(Moment, Pose)> {
+    Ok((Moment::from_seconds(seconds)?, pose_of(&[x, y, z, i, j, k, w])))
 }
 
 /// The rotation is not normalized again: that would change its last bits.

@@ -12,6 +12,7 @@ mod atlas;
 mod camera_model;
 mod denoiser;
 mod light_sampler;
+mod output;
 mod placer;
 mod renderer;
 mod sensor;
@@ -28,7 +29,8 @@ pub use atlas::{Atlas, AtlasTile};
 pub use camera_model::CameraModel;
 pub use denoiser::Denoiser;
 pub use light_sampler::LightSampler;
-pub use placer::{PartUse, Placer};
+pub use output::{FileWriter, Finish, Output, RESERVED, check_path, is_shared, shard_path};
+pub use placer::{Part, PartUse, Placer};
 pub use renderer::{
     Bodies, DeviceClass, LabelSurface, RenderDevice, RenderRequest, RenderSession, Renderer, Tile, Window,
 };
@@ -36,9 +38,7 @@ pub use sensor::Sensor;
 pub use settler::Settler;
 pub use subject::{Images, Scenes, Subject};
 pub use view_sampler::{Shell, ViewSampler};
-pub use writer::{
-    Accepts, FileOf, Finish, Input, Output, RESERVED, SceneWriter, Writer, check_path, is_shared, shard_path,
-};
+pub use writer::{Accepts, FileOf, Input, SceneWriter, Writer};
 
 use crate::error::{Error, Result};
 use crate::product::KeyId;
@@ -121,7 +121,7 @@ impl DatasetInfo {
 
     fn no_category(&self, message: &str) -> Error {
         let known: Vec<String> = self.categories().map(|(id, name)| format!("{id} ({name})")).collect();
-        Error::new(message).help(format!("it has {}; add the category to them", known.join(", "))).permanent()
+        Error::new(message).help(format!("it has {}; add the category to them", known.join(", ")))
     }
 }
 

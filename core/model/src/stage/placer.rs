@@ -2,20 +2,17 @@
 
 use crate::context::Context;
 use crate::error::Result;
+use crate::names::SupportName;
 use crate::scene::SceneBuilder;
 
-/// Adds bodies, and what belongs to them such as the tabletop, with their initial poses. Placers run in recipe order.
+/// Adds bodies, and what belongs to them such as supports, with their initial poses. Placers run in recipe order.
 pub trait Placer: Send + Sync {
     /// Places the bodies of one scene.
     fn place(&self, scene: &mut SceneBuilder, context: &Context) -> Result<()>;
-    /// What it has to do with the tabletop, so that `check` finds steps that are missing, twice there or in the wrong
-    /// order.
-    fn tabletop(&self) -> PartUse {
-        PartUse::Unstated
-    }
-    /// The same of the floor.
-    fn floor(&self) -> PartUse {
-        PartUse::Unstated
+    /// The parts of the scene that it sets and needs, so that `check` finds steps that are missing, duplicate or in the
+    /// wrong order. None if it does not say.
+    fn parts(&self) -> Option<Vec<PartUse>> {
+        None
     }
     /// Whether it may place bodies of [`Role::Object`](crate::scene::Role::Object): a scene needs one.
     fn places_objects(&self) -> bool {
@@ -23,15 +20,30 @@ pub trait Placer: Send + Sync {
     }
 }
 
-/// What a placer has to do with a part that a scene has once.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+/// A part of a scene that one placer sets and others may need.
+#[derive(Debug, Clone, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Part {
+    /// The floor of a room or of the open ground, at z = 0.
+    Floor,
+    /// The [support](crate::scene::Support) of a name.
+    Support(String),
+    /// The main support: the first that a step sets.
+    MainSupport,
+}
+
+impl Part {
+    /// The support that a recipe names, or the main one.
+    pub fn support(name: Option<&SupportName>) -> Self {
+        name.map_or(Self::MainSupport, |name| Self::Support(name.as_str().to_owned()))
+    }
+}
+
+/// What a placer does with a part of the scene.
+#[derive(Debug, Clone, PartialEq, Eq)]
 pub enum PartUse {
-    /// It does not say.
-    Unstated,
-    /// Nothing, or whatever is there.
-    None,
-    /// It sets the part. One placer of a recipe does.
-    Sets,
+    /// It sets the part. At most one placer of a recipe does.
+    Sets(Part),
     /// It needs the part, which an earlier step has set.
-    Needs,
+    Needs(Part),
 }

@@ -118,6 +118,11 @@ impl DeviceClass {
 pub trait RenderSession: Send {
     /// Makes a scene ready.
     fn load(&mut self, scene: &Arc<Scene>, workers: &dyn Workers) -> Result<()>;
+    /// Makes the scene that was loaded last ready at another [moment](Scene::at): bodies have other poses, and nothing else
+    /// differs. A session that keeps what belongs to single objects need not override this.
+    fn pose(&mut self, scene: &Arc<Scene>, workers: &dyn Workers) -> Result<()> {
+        self.load(scene, workers)
+    }
     /// Renders a view of the scene that was loaded last, and puts exactly the wanted products into `products`.
     fn render(&mut self, request: &RenderRequest, products: &mut Products) -> Result<()>;
 }
@@ -256,7 +261,7 @@ impl Bodies<'_> {
         let mut chosen = vec![false; count];
         for id in ids {
             let body = usize::from(id.0).checked_sub(1).and_then(|index| chosen.get_mut(index));
-            let unknown = || Error::new(format!("there is no body {} to render", id.0)).permanent();
+            let unknown = || Error::new(format!("there is no body {} to render", id.0));
             *body.ok_or_else(unknown)? = true;
         }
         Ok(chosen)

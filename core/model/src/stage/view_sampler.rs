@@ -3,7 +3,7 @@
 use crate::context::Context;
 use crate::error::Result;
 use crate::geometry::{Point3, Pose};
-use crate::scene::{Scene, ViewId};
+use crate::scene::{Moment, Scene, ViewId};
 
 /// A range of distances around a point, meters: where cameras or lights can be.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -19,7 +19,16 @@ pub trait ViewSampler: Send + Sync {
     /// `world_from_camera` of one view. A pure function of scene, view and stream.
     fn pose(&self, scene: &Scene, view: ViewId, context: &Context) -> Result<Pose>;
     /// The shell that all views of a scene lie in; lights can be placed relative to it.
-    fn shell(&self, scene: &Scene) -> Shell;
+    ///
+    /// # Errors
+    /// If the scene lacks what the views are placed around.
+    fn shell(&self, scene: &Scene) -> Result<Shell>;
+    /// When a view is taken: the scene that `pose` gets, and that the view shows, is the scene at this moment. By default all
+    /// views show the scene at its start, in which nothing moves.
+    fn moment(&self, scene: &Scene, view: ViewId) -> Result<Moment> {
+        let _ = (scene, view);
+        Ok(Moment::START)
+    }
     /// How many views there are, if the number is fixed.
     fn count(&self) -> Option<u32> {
         None

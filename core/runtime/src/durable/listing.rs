@@ -1,7 +1,7 @@
 //! The list of the files that a command made in a folder.
 
 use super::disk;
-use crate::run::dataset::manifest::{Stamp, State};
+use crate::run::dataset::manifest::Stamp;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::fs;
@@ -52,7 +52,7 @@ impl Listing {
             match (self.files.get(&entry.inside), entry.kind) {
                 (_, Kind::File) if entry.inside == LISTING => {}
                 (Some(stamp), Kind::File) => {
-                    if stamp.check(&entry.path)? != State::Whole {
+                    if !stamp.is_of_file(&entry.path)? {
                         others.push(format!("{} (changed)", entry.inside));
                     }
                 }
@@ -80,8 +80,7 @@ impl Listing {
         let command = &self.made_by;
         Err(Error::new(format!("it has what `{command}` did not make: {}", named(&others)))
             .in_file(folder)
-            .help("move that away, or choose another folder; nothing was touched")
-            .of_request())
+            .help("move that away, or choose another folder; nothing was touched"))
     }
 
     /// Deletes the files of the list, and what is empty then. What else there is stays, and is an error.
@@ -114,8 +113,7 @@ impl Listing {
         if !kept.is_empty() {
             return Err(Error::new(format!("it has what `{}` did not make: {}", self.made_by, named(&kept)))
                 .in_file(folder)
-                .help("it came while the command worked and was kept: move it away, and run the command again")
-                .of_request());
+                .help("it came while the command worked and was kept: move it away, and run the command again"));
         }
         let listing = folder.join(LISTING);
         disk::remove_file(&listing).map_err(|error| Error::io(&listing, &error))?;

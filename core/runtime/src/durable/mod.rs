@@ -102,7 +102,7 @@ pub fn write_file(path: &Path, bytes: &[u8]) -> Result<()> {
 
 fn write_linked(path: &Path, bytes: &[u8], links: u32) -> Result<()> {
     let there = fs::metadata(path).ok();
-    let refuse = |what: &str| Err(Error::new(what).in_file(path).help("name another file").of_request());
+    let refuse = |what: &str| Err(Error::new(what).in_file(path).help("name another file"));
     // `/dev/stdout` may lead to a file, which what is printed goes to as well.
     let is_system = ["/dev", "/proc"].iter().any(|folder| path.starts_with(folder)) && !path.starts_with("/dev/shm");
     let is_stream = is_system || there.as_ref().is_some_and(|there| !there.is_file() && !there.is_dir());
@@ -136,7 +136,7 @@ fn write_linked(path: &Path, bytes: &[u8], links: u32) -> Result<()> {
 /// # Errors
 /// If it is there, or cannot be written.
 pub fn create_file(path: &Path, bytes: &[u8]) -> Result<()> {
-    let taken = || Error::new("it exists already").in_file(path).help("choose another path").of_request();
+    let taken = || Error::new("it exists already").in_file(path).help("choose another path");
     mend(path)?;
     if fs::symlink_metadata(path).is_ok() {
         return Err(taken());
@@ -460,7 +460,7 @@ fn place_of(place: &Path) -> Result<PathBuf> {
         place.canonicalize().map_err(|error| {
             let help = "make the folder that it leads to, or choose another --out";
             match error.kind() {
-                ErrorKind::NotFound => Error::new("it is a link to what is not there").help(help).of_request(),
+                ErrorKind::NotFound => Error::new("it is a link to what is not there").help(help),
                 _ => refused(place, &error),
             }
             .in_file(place)
@@ -469,7 +469,7 @@ fn place_of(place: &Path) -> Result<PathBuf> {
         place.to_owned()
     };
     if place.file_name().is_none() {
-        return Err(Error::new("it is no name of a folder").in_file(place).of_request());
+        return Err(Error::new("it is no name of a folder").in_file(place));
     }
     Ok(place)
 }
@@ -482,8 +482,7 @@ fn check_mount(place: &Path) -> Result<()> {
     if device(place).is_some_and(|own| device(&above(place)).is_some_and(|above| above != own)) {
         return Err(Error::new("it is a mount point, which no new folder can replace")
             .in_file(place)
-            .help("choose a folder in it")
-            .of_request());
+            .help("choose a folder in it"));
     }
     Ok(())
 }
@@ -522,8 +521,7 @@ fn check_mark(part: &Path) -> Result<()> {
         Err(error) => Err(Error::io(part, &error)),
         Ok(false) => Err(Error::new("it stands where the result is made before it gets its name")
             .in_file(part)
-            .help("move it away, or choose another path")
-            .of_request()),
+            .help("move it away, or choose another path")),
     }
 }
 
@@ -544,17 +542,13 @@ fn is_at(_: &File, path: &Path) -> bool {
 }
 
 fn busy(place: &Path) -> Error {
-    Error::new("another command is writing it")
-        .in_file(place)
-        .help("wait until that has ended, or choose another path")
-        .of_request()
+    Error::new("another command is writing it").in_file(place).help("wait until that has ended, or choose another path")
 }
 
 fn taken(place: &Path) -> Error {
     Error::new("something came there while the command worked")
         .in_file(place)
         .help("choose another path; nothing was touched")
-        .of_request()
 }
 
 /// Something of the user that is now beside the place.
@@ -562,7 +556,6 @@ fn kept(old: &Path, place: &Path) -> Error {
     Error::new(format!("it came to {} while a command worked, and was kept here", place.display()))
         .in_file(old)
         .help("move it away, and run the command again")
-        .of_request()
 }
 
 /// Whether what is new may replace what is old, which is then deleted: a file replaces a file, and a folder replaces an empty

@@ -79,7 +79,7 @@ fn stage(id: &str, reads: &[KeyId], provides: &[KeyId]) -> Candidate {
     let producer = match provides[0].scope {
         Scope::View => Producer::View(fake),
         Scope::Scene => Producer::Scene(fake),
-        Scope::Dataset => Producer::Dataset(fake),
+        _ => Producer::Dataset(fake),
     };
     Candidate { stage: format!("annotate.{id}"), producer, implied: None }
 }

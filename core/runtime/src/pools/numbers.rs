@@ -17,8 +17,7 @@ pub(super) fn number_places(pools: &mut BTreeMap<&str, Pool>, labeled: &BTreeSet
             let Some(beyond) = last.checked_add(pool.last_obj_id) else {
                 return Err(Error::new(format!("objects behind number {last} go beyond {}", u32::MAX))
                     .help("state smaller numbers with `ids` or `first_id`")
-                    .context(format!("assets.{id}"))
-                    .of_request());
+                    .context(format!("assets.{id}")));
             };
             let Selection { entries, other_parts } = &mut pool.selection;
             let all = entries.iter_mut().chain(other_parts.iter_mut().map(|(entry, _)| entry));
@@ -54,7 +53,7 @@ pub(super) fn numbers_differ(pools: &BTreeMap<&str, Pool>, labeled: &BTreeSet<St
                 u64::from(last) + 1
             ),
         };
-        return Err(Error::new(message).help(help).context(format!("assets.{id}")).of_request());
+        return Err(Error::new(message).help(help).context(format!("assets.{id}")));
     }
     Ok(())
 }

@@ -190,11 +190,11 @@ codes! {
         "Include its product in a `[write.<id>]` table, or remove the stage's table.";
     /// Steps of `[[place]]` do not go together.
     Placers = "D0026", "steps of [[place]] do not go together",
-        "A scene has one tabletop, which `table` sets, and one floor, which `room` or `ground` sets. A step sets what \
-         another one has set, or needs what no earlier step sets, or no step places objects that are annotated. Steps \
-         run in the order of the recipe.",
+        "A scene has supports, such as the tabletop that `table` sets, each with its own name, and one floor, which `room` \
+         or `ground` sets. A step sets what another one has set, or needs what no earlier step sets, or no step places \
+         objects that are annotated. Or a stage names a support that no step sets. Steps run in the order of the recipe.",
         "Remove one of two steps that set the same, or put the step that sets the part before those that need it. \
-         Without objects, add a `drop_box`.";
+         Without objects, add a `drop_box`. Correct the name of a support: the message lists those that exist.";
 }
 
 impl fmt::Display for Code {

@@ -2,7 +2,7 @@
 
 use super::schema::Schemas;
 use serde_json::Value as Json;
-use syntable_model::names::{KEY_REFERENCE, REFERENCE};
+use syntable_model::names::{KEY_REFERENCE, REFERENCE, SupportName};
 use syntable_model::registry::{Entry, Registry};
 
 /// An option of a kind.
@@ -77,6 +77,7 @@ impl<'s> Describer<'s> {
         match schema[REFERENCE].as_str() {
             Some("path") => return "path".to_owned(),
             Some("product") => return "product".to_owned(),
+            Some(SupportName::REFERENCE) => return "support".to_owned(),
             Some(other) => {
                 let class = other.trim_start_matches("pool:");
                 return format!("pool of {class}{}", if class == "environment" { " maps" } else { "s" });

@@ -16,7 +16,7 @@ use serde::Deserialize;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use syntable_model::error::{ConfigError, Error};
-use syntable_model::names::{ObjectPool, PoolName};
+use syntable_model::names::{ObjectPool, PoolName, SupportName};
 use syntable_model::options::{DisplayPath, Reference, Step, is_bare, plain_members};
 use syntable_model::pools::ObjectPools;
 use syntable_model::registry::{Choice, ConstructError, Constructed, Entry, RecipeValue, Registry, Shape, Slot, Stage};
@@ -47,6 +47,8 @@ pub(crate) struct BuiltStage<'l> {
     pub header: Span,
     /// Products that it names, with their bytes.
     pub products: Vec<(String, Span)>,
+    /// Supports that it names, with their bytes.
+    pub supports: Vec<(String, Span)>,
     /// Pools of objects that it draws from.
     pub object_pools: BTreeSet<String>,
     /// Whether there is something at every path that it names.
@@ -345,7 +347,7 @@ impl<'l> Loader<'l> {
             checked.references.iter().map(|reference| (reference.path.clone(), reference.text.clone())).collect();
         let header_span = given.header.clone();
         let mut paths = Vec::new();
-        let mut products = Vec::new();
+        let (mut products, mut supports) = (Vec::new(), Vec::new());
         let mut object_pools = BTreeSet::new();
         let (mut libraries, mut files, mut checked_paths) = (Vec::new(), Vec::new(), Vec::new());
         for reference in &checked.references {
@@ -385,6 +387,7 @@ impl<'l> Loader<'l> {
                         built.libraries.push(format!("{slot}: {option} = {:?}", reference.text));
                     }
                 }
+                SupportName::REFERENCE => supports.push((reference.text, reference.span)),
                 what => {
                     if what == "product"
                         && let Some(diagnostic) = self.renamed.product(&reference.text, &reference.span)
@@ -449,7 +452,8 @@ impl<'l> Loader<'l> {
         }
         let (id, header) = (given.id, given.header);
         let stage = Some(stage.of_scenes());
-        built.stages.push(BuiltStage { slot, id, entry, stage, options, header, products, object_pools, found });
+        let of_table = BuiltStage { slot, id, entry, stage, options, header, products, supports, object_pools, found };
+        built.stages.push(of_table);
         ok
     }
 

@@ -3,7 +3,7 @@
 //! A reader offers products as a renderer does; annotators that look at products alone derive from them what writers read.
 
 use crate::durable::{self, Draft, Standing};
-use crate::paths::{check_link, root_of, run_above};
+use crate::paths::{root_of, run_above};
 use crate::plan::{self, Candidate, Fault, Implied, Plan, Producer};
 use crate::run::dataset::loss::Loss;
 use crate::run::making::losses::Losses;
@@ -28,6 +28,7 @@ use syntable_model::reader::{OBJECTS_HAVE_PIXELS, OpenDataset, ReadImage};
 use syntable_model::registry::Registry;
 use syntable_model::scene::{InstanceId, SceneId};
 use syntable_model::stage::{Finish, ImageAnnotator, Input, ProductGroup, Writer};
+use syntable_model::store::{FsStore, StoreFolder};
 
 /// What a conversion wrote.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -76,11 +77,11 @@ pub fn convert(
         && let Some(first) = dataset.faults.first()
     {
         let why = format!("no image can be read: {}: {}", first.place, first.message);
-        return Err(Error::new(why).help("`syntable validate` lists what is wrong").of_request());
+        return Err(Error::new(why).help("`syntable validate` lists what is wrong"));
     }
     let Resolved { plan, lacking } = resolve(registry, dataset, writers)?;
     let draft = begin(out)?;
-    let part = draft.folder();
+    let part = StoreFolder::from(draft.folder());
     let pool = Pool::new(threads)?;
     let cx = DatasetContext::new(&dataset.info, &pool, &log);
     let (faults, unread, missing) = (AtomicU32::new(0), Mutex::new(BTreeMap::new()), Mutex::default());
@@ -162,25 +163,21 @@ pub fn check_place(out: &Path, source: &Path) -> Result<()> {
     let beside = root.with_file_name(out.file_name().unwrap_or_default());
     Err(Error::new(format!("it lies in {what}, {}", root.display()))
         .in_file(out)
-        .help(format!("choose a folder outside of that one, such as {}", beside.display()))
-        .of_request())
+        .help(format!("choose a folder outside of that one, such as {}", beside.display())))
 }
 
 /// Begins the folder of a conversion: new, or empty.
 fn begin(out: &Path) -> Result<Draft> {
-    check_link(out)?;
+    FsStore::new(out).check_link()?;
     if durable::standing(out)? == Standing::Free {
         return Draft::begin(out);
     }
     if out.is_file() {
-        return Err(Error::new("it is a file").in_file(out).help("choose a folder, new or empty").of_request());
+        return Err(Error::new("it is a file").in_file(out).help("choose a folder, new or empty"));
     }
     // A conversion that was killed at its very end leaves the whole dataset, and something beside it.
     let _ = durable::mend(out);
-    Err(Error::new("the folder is there and not empty")
-        .in_file(out)
-        .help("choose another folder; nothing was touched")
-        .of_request())
+    Err(Error::new("the folder is there and not empty").in_file(out).help("choose another folder; nothing was touched"))
 }
 
 /// What is computed of a dataset, and what writers do without.
@@ -238,7 +235,7 @@ fn resolve(registry: &Registry, dataset: &OpenDataset, writers: &[(String, Box<d
                 let product = first.trim_matches('`');
                 help += &format!("; choose among them, as in --set '{kind}.{option}=[\"{product}\"]'");
             }
-            Error::new(messages.join("; ")).help(help).of_request()
+            Error::new(messages.join("; ")).help(help)
         })?;
     Ok(Resolved { plan, lacking: lacking.into_iter().collect() })
 }
@@ -309,7 +306,7 @@ struct Conversion<'a> {
     dataset: &'a OpenDataset,
     writers: &'a [(String, Box<dyn Writer>)],
     plan: &'a Plan,
-    part: &'a Path,
+    part: &'a StoreFolder,
     stop: &'a Stop,
     cx: DatasetContext<'a>,
     checks: &'a [Arc<dyn LabelCheck>],
@@ -383,7 +380,7 @@ impl Conversion<'_> {
     /// Writes the images of a scene that can be read, and whether there are any.
     fn scene(&self, id: SceneId, images: &[usize]) -> Result<bool> {
         if let Some(reason) = self.stop.requested() {
-            return Err(Error::new(format!("stopped by {reason}")));
+            return Err(Error::stopped(format!("stopped by {reason}")));
         }
         let (cx, times) = (self.cx.images(id), Times::default());
         let (mut writers, mut of_scene) = (None, Products::new());

@@ -17,12 +17,12 @@ use crate::run::progress::{Event, Reporter, Warnings, count};
 use parking_lot::Mutex;
 use std::collections::BTreeSet;
 use std::ops::Range;
-use std::path::Path;
 use syntable_model::context::{DatasetContext, Log, Workers};
 use syntable_model::error::{Error, Result};
 use syntable_model::product::Products;
 use syntable_model::scene::SceneId;
 use syntable_model::stage::{DatasetInfo, Finish, Input, Scenes, Writer};
+use syntable_model::store::StoreFolder;
 
 /// Annotates the dataset and lets every writer finish that can; an error is reported when all had their turn. Of the scenes
 /// that were `wanted`, files that could not be written anew are taken away; others keep them for a later run.
@@ -152,7 +152,7 @@ pub fn annotate_and_finish(
     workers: &dyn Workers,
     folder: &Folder,
     made: &[JournalEntry],
-    staged: &Path,
+    staged: &StoreFolder,
 ) -> Ended {
     let dataset = dataset_info(recipe);
     let cx = DatasetContext::new(&dataset, workers, log);
@@ -168,7 +168,7 @@ pub fn annotate_and_finish(
             return None;
         }
         let done = scenes(&|entry| entry.writers().contains(id));
-        let finish = Finish::new(folder.root(), id, done).staged(staged);
+        let finish = Finish::new(folder.files(), id, done).staged(staged);
         let read = products.only(&reads);
         let ended = panics::quiet(|| panics::caught(&stage, || writer.finish(&cx, &read, &finish)));
         ended.err().map(|error| (id.clone(), error))
@@ -189,7 +189,7 @@ fn annotate_dataset(
     let (mut products, mut failed) = (Products::new(), Vec::<(String, Error)>::new());
     for stage in &recipe.plan.per_dataset {
         let Producer::Dataset(annotator) = &*stage.producer else { unreachable!("the plan sorts producers by scope") };
-        let mut scenes = done.iter().map(|&scene| Records::read(folder.root(), scene));
+        let mut scenes = done.iter().map(|&scene| Records::read(folder.files(), scene));
         let lacks = stage.reads.iter().find_map(|key| failed.iter().find(|(name, _)| key.name == **name));
         let made = match lacks {
             Some((_, error)) => Err(error.clone()),

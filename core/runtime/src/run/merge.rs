@@ -2,8 +2,10 @@
 
 use crate::paths::whole;
 use crate::recipe::{self, Overrides, Recipe, Source, lock_of, with_devices, without_lock};
-use crate::run::dataset::folder::{Folder, catalog_path, journal_path, manifest_path};
+use crate::run::dataset::folder::{Folder, catalog_path};
+use crate::run::dataset::foreign;
 use crate::run::dataset::journal::{Journal, JournalEntry};
+use crate::run::dataset::layout;
 use crate::run::dataset::manifest::{Manifest, Stamp, State, Written};
 use crate::run::decisions::growth;
 use crate::run::decisions::inputs;
@@ -14,13 +16,12 @@ use crate::run::{Outcome, ranges, stopping};
 use crate::workers::Pool;
 use parking_lot::Mutex;
 use std::collections::{BTreeMap, BTreeSet};
-use std::fs;
-use std::path::{Path, PathBuf};
 use std::time::Instant;
 use syntable_model::context::Log;
 use syntable_model::error::{Error, Result};
+use syntable_model::files::{DatasetPath, RESERVED};
 use syntable_model::registry::Registry;
-use syntable_model::stage::RESERVED;
+use syntable_model::store::StoreFolder;
 
 /// A part, open.
 struct Part {
@@ -32,20 +33,21 @@ struct Part {
 /// Puts the scenes of several parts into a dataset: new, or begun by an earlier call. The result is that of one run, byte
 /// for byte. Parts are not changed; their files are linked where the file system can, else copied. An error leaves what was
 /// done, and the same call goes on from there.
-pub fn merge(
+pub fn merge<P: Clone + Into<StoreFolder>>(
     registry: &Registry,
-    out: &Path,
-    parts: &[PathBuf],
+    out: impl Into<StoreFolder>,
+    parts: &[P],
     threads: usize,
     stop: &Stop,
     reporter: &dyn Reporter,
 ) -> Result<Outcome> {
     let start = Instant::now();
     let reporter = &Guarded(reporter);
-    is_apart(out, parts)?;
-    let parts: Vec<Part> = parts.iter().map(|part| open(part)).collect::<Result<_>>()?;
+    let (out, parts) = (out.into(), parts.iter().cloned().map(Into::into).collect::<Vec<StoreFolder>>());
+    is_apart(&out, &parts)?;
+    let parts: Vec<Part> = parts.into_iter().map(open).collect::<Result<_>>()?;
     let Some(first) = parts.first() else {
-        return Err(Error::new("there is no part to merge").permanent());
+        return Err(Error::new("there is no part to merge"));
     };
     for part in &parts[1..] {
         same_recipe(first, part)?;
@@ -53,10 +55,10 @@ pub fn merge(
     let recipe = load(registry, &first.recipe)?;
     ready(&recipe)?;
     let log = Warnings(reporter);
-    let folder = Folder::open(out)?;
+    let folder = Folder::open(&out)?;
     folder.recover()?;
-    let journal = Journal::open(&folder.journal())?;
-    let recipe_of_target = if folder.is_empty(&journal) { None } else { Some(recipe_of(&folder, "dataset")?) };
+    let journal = folder.journal()?;
+    let recipe_of_target = if folder.is_empty(&journal)? { None } else { Some(recipe_of(&folder, "dataset")?) };
     let begun =
         Part { entries: journal.entries().clone(), recipe: recipe_of_target.clone().unwrap_or_default(), folder };
     if recipe_of_target.is_some() {
@@ -67,7 +69,7 @@ pub fn merge(
     begun.folder.set_recipe(&resolved)?;
     let chosen = choose(&begun, &parts)?;
     reporter.event(&Event::Started {
-        out: out.display().to_string(),
+        out: out.name().display().to_string(),
         scenes: (begun.entries.len() + chosen.len()) as u32,
         views_per_scene: recipe.dataset.views_per_scene,
         resumed: begun.entries.len() as u32,
@@ -79,7 +81,7 @@ pub fn merge(
         if let Some(reason) = stop.requested() {
             let message =
                 format!("stopped by {}: {done} of {} are merged", reason, count(chosen.len() as u32, "scene"));
-            return Err(Error::new(message).help("the same command goes on from there"));
+            return Err(Error::stopped(message).help("the same command goes on from there"));
         }
         adopt(&begun.folder, &part.folder, entry, &journal)
             .map_err(|error| stopping(error).context(format!("scene {}", entry.scene)))?;
@@ -99,7 +101,7 @@ pub fn merge(
     }
     let before: u32 = begun.entries.values().map(JournalEntry::views).sum();
     reporter.event(&Event::Finished {
-        out: out.display().to_string(),
+        out: out.name().display().to_string(),
         scenes: outcome.scenes,
         failed: outcome.failed,
         images: outcome.images,
@@ -112,48 +114,47 @@ pub fn merge(
 
 /// Refuses a dataset that is also named as a part, which would be opened twice, and one inside of a part, to which its files
 /// would be foreign; and the reverse.
-fn is_apart(out: &Path, parts: &[PathBuf]) -> Result<()> {
-    let whole = whole(out);
-    let nested = |part: &&PathBuf| {
-        part.canonicalize().is_ok_and(|part| part != whole && (part.starts_with(&whole) || whole.starts_with(&part)))
-    };
-    if let Some(part) = parts.iter().find(nested) {
-        return Err(Error::new("the dataset to make and this part lie one in the other")
-            .in_file(part)
-            .help("name a folder beside the parts")
-            .of_request());
+fn is_apart(out: &StoreFolder, parts: &[StoreFolder]) -> Result<()> {
+    // Of a folder that does not exist yet, the first one above it that does tells where it will be.
+    let plain = |folder: &StoreFolder| folder.local().map_or_else(|| folder.clone(), |path| whole(&path).into());
+    let out = plain(out);
+    for part in parts {
+        let there = plain(part);
+        match (out.contains(&there), there.contains(&out)) {
+            (true, true) => {
+                return Err(Error::new("it is named as the dataset to make, and as one of its parts")
+                    .in_file(part.name())
+                    .help(format!(
+                        "leave out the part `{}` to put the others into it, which keeps its scenes, or name another folder first",
+                        part.name().display()
+                    )));
+            }
+            (false, false) => {}
+            _ => {
+                return Err(Error::new("the dataset to make and this part lie one in the other")
+                    .in_file(part.name())
+                    .help("name a folder beside the parts"));
+            }
+        }
     }
-    match parts.iter().find(|part| part.canonicalize().is_ok_and(|part| part == whole)) {
-        Some(part) => Err(Error::new("it is named as the dataset to make, and as one of its parts")
-            .in_file(part)
-            .help(format!(
-                "leave out the part `{}` to put the others into it, which keeps its scenes, or name another folder first",
-                part.display()
-            ))
-            .of_request()),
-        None => Ok(()),
-    }
+    Ok(())
 }
 
 /// The recipe of a folder that has scenes.
 fn recipe_of(folder: &Folder, what: &str) -> Result<String> {
     folder.recipe_of_scenes()?.map_err(|lost| {
         Error::new(format!("the {what} {lost}"))
-            .in_file(folder.root())
+            .in_file(folder.name())
             .help("bring it back, or run with its recipe, --out and --repair")
-            .permanent()
     })
 }
 
-fn open(path: &Path) -> Result<Part> {
-    if !path.join(RESERVED[0]).is_dir() {
-        return Err(Error::new("there is no dataset")
-            .in_file(path)
-            .help("name the folder that a run wrote")
-            .permanent());
+fn open(part: StoreFolder) -> Result<Part> {
+    if !layout::is_dataset(&part)? {
+        return Err(Error::new("there is no dataset").in_file(part.name()).help("name the folder that a run wrote"));
     }
-    let folder = Folder::read(path)?;
-    let entries = Journal::entries_of(&journal_path(path))?;
+    let folder = Folder::read(part)?;
+    let entries = Journal::entries_of(folder.files())?;
     let recipe = recipe_of(&folder, "part")?;
     catalog_paths(&folder)?;
     Ok(Part { folder, entries, recipe })
@@ -161,17 +162,15 @@ fn open(path: &Path) -> Result<Part> {
 
 /// Refuses parts of different recipes or of different inputs.
 fn same_recipe(one: &Part, other: &Part) -> Result<()> {
-    let folders = || format!("{} and {}", one.folder.root().display(), other.folder.root().display());
-    let refuse = |message: String| {
-        Err(Error::new(message).help("make all parts with one recipe and the same assets").permanent())
-    };
+    let folders = || format!("{} and {}", one.folder.name().display(), other.folder.name().display());
+    let refuse = |message: String| Err(Error::new(message).help("make all parts with one recipe and the same assets"));
     let differences = growth::differences(&one.recipe, &other.recipe);
     if !differences.is_empty() {
         return refuse(format!("{} are of different recipes:{}\n ", folders(), growth::listing(&differences)));
     }
     let (locks, mut what) = ([lock_of(&one.recipe), lock_of(&other.recipe)], Vec::new());
     if let Some(pool) = differing(&locks[0].catalogs, &locks[1].catalogs).first() {
-        let homes = [(one.folder.root(), &locks[0]), (other.folder.root(), &locks[1])];
+        let homes = [(one.folder.files(), &locks[0]), (other.folder.files(), &locks[1])];
         let how = inputs::difference(pool, homes).map(|how| format!("; from the first to the second: {how}"));
         let message = format!("the pool `{pool}` was not the same when {} were made", folders());
         return refuse(message + &how.unwrap_or_default());
@@ -222,12 +221,10 @@ fn choose<'p>(begun: &'p Part, parts: &'p [Part]) -> Result<Vec<(&'p JournalEntr
         for (&scene, entry) in &part.entries {
             match chosen.get(&scene) {
                 Some((other, whose)) if *other != entry => {
-                    let (one, two) = (whose.folder.root().display(), part.folder.root().display());
-                    return Err(Error::new(format!("scene {scene} is not the same in {one} and in {two}"))
-                        .help(
-                            "one of them is damaged, or was made by another program; `syntable verify` compares files",
-                        )
-                        .permanent());
+                    let [one, two] = [whose, part].map(|part| part.folder.name().display().to_string());
+                    return Err(Error::new(format!("scene {scene} is not the same in {one} and in {two}")).help(
+                        "one of them is damaged, or was made by another program; `syntable verify` compares files",
+                    ));
                 }
                 Some(_) => {}
                 None => drop(chosen.insert(scene, (entry, part))),
@@ -239,56 +236,51 @@ fn choose<'p>(begun: &'p Part, parts: &'p [Part]) -> Result<Vec<(&'p JournalEntr
 
 /// Puts a scene of a part into the dataset.
 pub fn adopt(folder: &Folder, part: &Folder, entry: &JournalEntry, journal: &Mutex<Journal>) -> Result<()> {
-    let damaged = |path: &Path| {
+    let files = part.files();
+    let damaged = |path: &str| {
         Error::new("the part is damaged here")
-            .in_file(path)
+            .in_file(files.name_of(path))
             .help("`syntable run --repair` with the part's recipe and folder makes the scene again")
-            .permanent()
     };
     let staged = folder.stage(entry.scene)?;
     let mut written = Written::new();
     if let Some(digest) = entry.manifest() {
-        let path = manifest_path(part.root(), entry.scene);
-        let Some((manifest, found)) = Manifest::read(&path)? else { return Err(damaged(&path)) };
+        let path = layout::manifest(entry.scene);
+        let Some((manifest, found)) = Manifest::read(files, &path)? else { return Err(damaged(&path)) };
         if found != digest {
             return Err(damaged(&path));
         }
         for (inside, stamp) in &manifest.files {
-            let (from, to) = (inside.below(part.root()), inside.below(&staged));
-            match stamp.check_in(part.root(), inside)? {
+            match stamp.check_in(files, inside)? {
                 State::Whole => {}
                 State::Linked => {
                     return Err(Error::new("it is a link, or behind one, and links of a part are not followed")
-                        .in_file(&from)
-                        .help("put the file itself there, as `cp -rL` does")
-                        .permanent());
+                        .in_file(files.name_of(inside))
+                        .help("put the file itself there, as `cp -rL` does"));
                 }
-                State::Missing | State::Damaged => return Err(damaged(&from)),
+                State::Missing | State::Damaged => return Err(damaged(inside)),
             }
-            crate::run::dataset::folder::create_parent(&to)?;
-            if fs::hard_link(&from, &to).is_err() {
-                fs::copy(&from, &to).map_err(|error| Error::io(&to, &error))?;
-            }
+            staged.copy(files, inside, inside)?;
         }
         written = manifest.writers;
     }
     let merged = folder.commit(entry.clone(), Manifest::default(), written, journal)?;
-    if merged == *entry { Ok(()) } else { Err(damaged(part.root())) }
+    if merged == *entry { Ok(()) } else { Err(damaged("")) }
 }
 
 fn catalogs(folder: &Folder, part: &Folder) -> Result<()> {
     let mut catalogs = BTreeMap::new();
     for (pool, path) in catalog_paths(part)? {
-        let text = crate::run::dataset::foreign::read(&path)?;
+        let text = foreign::read(part.files(), &path)?;
         catalogs.extend(serde_json::from_slice(&text).ok().map(|catalog| (pool, catalog)));
     }
     folder.set_catalogs(&catalogs)
 }
 
 /// Where the names of the assets of each pool are that a part locks.
-fn catalog_paths(part: &Folder) -> Result<Vec<(String, PathBuf)>> {
+fn catalog_paths(part: &Folder) -> Result<Vec<(String, DatasetPath)>> {
     let pools = lock_of(&part.recipe()?.unwrap_or_default()).catalogs.into_keys();
-    pools.map(|pool| catalog_path(part.root(), &pool).map(|path| (pool, path))).collect()
+    pools.map(|pool| catalog_path(part.files(), &pool).map(|path| (pool, path))).collect()
 }
 
 /// Refuses files that the end of a run reads and that are not what they were when the parts were made, and writers that
@@ -300,7 +292,7 @@ fn ready(recipe: &Recipe) -> Result<()> {
     for (option, path) in of_end {
         let help =
             "relative paths count from the current folder: merge in the folder of the recipe that made the parts";
-        let found = Stamp::of(path).map_err(|error| error.help(help).context(option).of_request())?;
+        let found = Stamp::of_file(path).map_err(|error| error.help(help).context(option).of_request())?;
         // A part of somebody else could name any file of this machine, and would have the merged dataset tell what is in it.
         let Some(digest) = then.get(option) else {
             return Err(Error::new("the parts do not say what was in it")
@@ -308,21 +300,19 @@ fn ready(recipe: &Recipe) -> Result<()> {
                 .help(
                     "`[lock]` of a part's recipe.toml has a digest of each such file: bring the recipe back as it was",
                 )
-                .context(option)
-                .of_request());
+                .context(option));
         };
         if *digest != found.1.to_string() {
             return Err(Error::new("it is not what it was when the parts were made")
                 .in_file(path)
                 .help(help)
-                .context(option)
-                .of_request());
+                .context(option));
         }
     }
     for (id, writer) in &recipe.write {
         let table = format!("write.{id}.");
         if !of_scenes.iter().any(|(option, _)| option.starts_with(&table)) {
-            writer.ready().map_err(|error| error.context(format!("write.{id}")).permanent())?;
+            writer.ready().map_err(|error| error.context(format!("write.{id}")))?;
         }
     }
     Ok(())
@@ -336,11 +326,11 @@ fn load(registry: &Registry, text: &str) -> Result<Recipe> {
     let overrides = Overrides { variable: &named, ..Overrides::of_process(Vec::new()) };
     let source = Source::embedded(RESERVED[1], without_lock(text));
     let (recipe, _) = recipe::load(registry, source, &overrides)
-        .map_err(|report| Error::new(format!("the recipe of the parts cannot be read:\n{report}")).permanent())?;
+        .map_err(|report| Error::new(format!("the recipe of the parts cannot be read:\n{report}")))?;
     let differences = growth::differences(text, &recipe.resolved);
     if !differences.is_empty() {
         let message = format!("the parts were made by another program:{}\n ", growth::listing(&differences));
-        return Err(Error::new(message).help("merge them with the program that made them").permanent());
+        return Err(Error::new(message).help("merge them with the program that made them"));
     }
     Ok(Recipe { resolved: text.to_owned(), ..recipe })
 }

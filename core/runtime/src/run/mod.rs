@@ -5,7 +5,7 @@
 //!
 //! | floor | holds |
 //! |---|---|
-//! | [`dataset`] | the dataset on disk: folder, journal, manifests, settled poses, recorded products, comparison with the journal |
+//! | [`dataset`] | the dataset in its store: folder, journal, manifests, settled poses, recorded products, comparison with the journal |
 //! | `decisions` | what a run may do with a folder: continue, grow, or leave it alone; the list of work |
 //! | [`making`] | scenes: attempts, the walk over a scene, sessions, the queue, writers, losses, times |
 //! | `finish` | annotators of the dataset, and the last step of writers |
@@ -39,16 +39,16 @@ use crate::workers::Pool;
 use making::scenes::Made;
 use progress::{Event, Guarded, Once, Reporter, Warnings};
 use std::ops::Range;
-use std::path::PathBuf;
 use std::time::Instant;
 use stop::Stop;
 use syntable_model::error::{Error, Result};
 use syntable_model::some::SHOWN;
+use syntable_model::store::StoreFolder;
 
 /// How to run a recipe.
 pub struct RunOptions {
-    /// The dataset's folder.
-    pub out: PathBuf,
+    /// Where the dataset is stored: a folder of this machine, or of another store, such as memory.
+    pub out: StoreFolder,
     /// Which of the recipe's scenes to make; all if not given.
     pub scenes: Option<Range<u32>>,
     /// Threads.
@@ -70,7 +70,7 @@ pub struct RunOptions {
 
 impl RunOptions {
     /// All scenes into a folder, with as many threads.
-    pub fn new(out: impl Into<PathBuf>, threads: usize, cache: DiskCache) -> Self {
+    pub fn new(out: impl Into<StoreFolder>, threads: usize, cache: DiskCache) -> Self {
         let (out, stop) = (out.into(), Stop::default());
         Self {
             out,
@@ -134,7 +134,7 @@ pub fn run(recipe: &Recipe, options: &RunOptions, reporter: &dyn Reporter) -> Re
         .map_err(stopping)?;
     let outcome = Outcome { lacking, ..outcome };
     reporter.event(&Event::Finished {
-        out: options.out.display().to_string(),
+        out: options.out.name().display().to_string(),
         scenes: outcome.scenes,
         failed: outcome.failed,
         images: outcome.images,

@@ -11,7 +11,7 @@ use crate::recipe::{CatalogLock, Parts, Recipe};
 use crate::run::dataset::loss::Loss;
 use crate::run::dataset_info;
 use crate::run::decisions::inputs;
-use crate::run::making::attempt::{Attempt, Tools};
+use crate::run::making::attempt::{Attempt, PosedSession, Tools};
 use crate::run::making::losses::Losses;
 use crate::run::making::recovery::{DEVICE_REPEATS, Recovery};
 use crate::run::making::stages::{self, annotate, run_in_scene};
@@ -25,7 +25,7 @@ use std::sync::Arc;
 use syntable_model::context::{DatasetContext, Log};
 use syntable_model::digest::{Digest, Hasher};
 use syntable_model::error::{Error, Result};
-use syntable_model::product::Products;
+use syntable_model::product::{Products, ViewMoment};
 use syntable_model::registry::Slot;
 use syntable_model::scene::{Intrinsics, Scene, SceneId, View, ViewId};
 use syntable_model::stage::{DatasetInfo, RenderSession};
@@ -224,7 +224,7 @@ impl Pass<'_> {
             run_in_scene(&self.times, &losses, stage, &cx, &[], &mut of_scene)?;
         }
         let count = self.recipe.dataset.views_per_scene;
-        let needs_next = self.plan.rendered.iter().any(|key| key.name.parameters.next_view);
+        let needs_next = self.plan.rendered.iter().any(|key| key.name.parameters.moment != ViewMoment::Own);
         for &id in views {
             tools.running()?;
             let sampled = |id: u32| attempt.view(&frozen, ViewId(id)).map(|view| smaller(view, self.width));
@@ -241,14 +241,21 @@ impl Pass<'_> {
                         self.times.of("render.load", || session.session.load(&frozen, self.pool))?;
                         session.loaded = Some(Arc::clone(&frozen));
                     }
-                    attempt.render_view(&self.plan, &mut *session.session, (&view, next.as_ref()), &mut products)
+                    let mut posed = PosedSession::new(&mut *session.session, &frozen);
+                    let rendered = attempt.render_view(&self.plan, &mut posed, (&view, next.as_ref()), &mut products);
+                    if posed.has_moved() {
+                        session.loaded = None;
+                    }
+                    rendered
                 })();
                 if let Err(error) = rendered {
                     *self.session = None;
                     return Err(error);
                 }
             }
-            let of_view = cx.view(&view).before(next.as_ref());
+            let shown = frozen.at(view.moment);
+            let of_dataset = DatasetContext::new(&self.info, self.pool, self.log).with_cache(self.cache);
+            let of_view = of_dataset.scene(&shown).view(&view).before(next.as_ref());
             let sensing = attempt.sensing(&self.plan, view.id);
             annotate(&self.times, &losses, &self.plan, &of_view, &sensing, &mut products)?;
             stages::check(&self.recipe.checks, &products).map_err(|error| error.context(format!("view {id}")))?;
@@ -317,13 +324,19 @@ fn smaller(mut view: View, width: u32) -> View {
 mod tests {
     use super::*;
     use syntable_model::geometry::{Point3, Pose};
-    use syntable_model::scene::{Camera, Exposure};
+    use syntable_model::scene::{Camera, Exposure, Moment};
 
     #[test]
     fn a_smaller_view_sees_the_same() {
         let intrinsics = Intrinsics { width: 641, height: 479, fx: 500.0, fy: 510.0, cx: 300.0, cy: 250.5 };
         let camera = Camera { intrinsics, distortion: None, lens: None, world_from_camera: Pose::identity() };
-        let view = View { id: ViewId(0), camera, exposure: Exposure::Fixed { ev100: 8.0 }, lights: Vec::new() };
+        let view = View {
+            id: ViewId(0),
+            moment: Moment::START,
+            camera,
+            exposure: Exposure::Fixed { ev100: 8.0 },
+            lights: Vec::new(),
+        };
         let small = smaller(view.clone(), 160).camera.intrinsics;
         assert_eq!((small.width, small.height), (160, 120));
         for p in [[0.1, 0.2, 1.0], [-0.3, 0.05, 0.7], [0.0, 0.0, 2.0]].map(Point3::from) {

@@ -197,18 +197,18 @@ config!(
 );
 
 macro_rules! placer {
-    ($($name:ident: $floor:ident),*) => {$(
+    ($($name:ident: $parts:expr),*) => {$(
         impl Placer for $name {
             fn place(&self, _: &mut SceneBuilder, _: &Context) -> Result<()> {
                 nothing()
             }
-            fn floor(&self) -> PartUse {
-                PartUse::$floor
+            fn parts(&self) -> Option<Vec<PartUse>> {
+                $parts
             }
         }
     )*};
 }
-placer!(Room: Sets, DropBox: None);
+placer!(Room: Some(vec![PartUse::Sets(Part::Floor)]), DropBox: None);
 
 /// Rigid-body simulation.
 #[derive(Serialize, Deserialize, JsonSchema)]
@@ -324,8 +324,8 @@ macro_rules! views {
             fn pose(&self, _: &Scene, _: ViewId, _: &Context) -> Result<Pose> {
                 nothing()
             }
-            fn shell(&self, _: &Scene) -> Shell {
-                Shell { center: [0.0; 3].into(), radius: [1.0, 1.0] }
+            fn shell(&self, _: &Scene) -> Result<Shell> {
+                Ok(Shell { center: [0.0; 3].into(), radius: [1.0, 1.0] })
             }
             fn count(&self) -> Option<u32> {
                 let count: fn(&Self) -> Option<u32> = $count;

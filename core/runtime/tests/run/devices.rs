@@ -175,7 +175,7 @@ fn a_dataset_names_the_cards_that_rendered_it() {
     run_scenes(&light, &at("third"), 1, Some(1..3)).expect("the second part elsewhere");
     let merge = |out: &str, parts: [&str; 2]| {
         let (parts, said): (Vec<PathBuf>, _) = (parts.iter().map(|part| at(part)).collect(), Said::default());
-        syntable_runtime::run::merge(&registry(), &at(out), &parts, 1, &Stop::default(), &said).expect("merges");
+        syntable_runtime::run::merge(&registry(), at(out), &parts, 1, &Stop::default(), &said).expect("merges");
         (said.contains("not rendered on the same devices, but on X1 (driver 1), X2"), devices_of(&at(out)))
     };
     assert_eq!(merge("one", ["first", "second"]), (false, vec!["X1 (driver 1)".to_owned()]));

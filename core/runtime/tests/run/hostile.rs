@@ -353,7 +353,7 @@ fn nothing_is_written_or_removed_behind_a_link() {
     let found = verify(&data, 1).expect("it only looks");
     assert!(!found.whole() && found.linked == ["lines/000000.json"], "{found:?}");
     let part = [data.clone()];
-    let error = merge(&registry(), &place.at("merged"), &part, 1, &Stop::default(), &Quiet).expect_err("a link");
+    let error = merge(&registry(), place.at("merged"), &part, 1, &Stop::default(), &Quiet).expect_err("a link");
     assert!(error.to_string().contains("links of a part are not followed"), "{error}");
     run_with(RECIPE, RunOptions { repair: true, ..options(&data, 1) }, &Quiet).expect("repaired");
     assert!(fs::symlink_metadata(&file).expect("there").is_file() && place.is_unharmed());
@@ -373,7 +373,7 @@ fn the_lock_of_a_part_names_no_file_elsewhere() {
     let lock = "\n[lock.catalogs]\n\"../../../others/000000\" = { assets = 0, digest = \"00\" }\n";
     fs::write(data.join("recipe.toml"), recipe + lock).expect("writable");
     fs::write(data.join(".syntable/finished.json"), "{\"files\":{}}").expect("writable");
-    let error = merge(&registry(), &place.at("merged"), &[data], 1, &Stop::default(), &Quiet).expect_err("elsewhere");
+    let error = merge(&registry(), place.at("merged"), &[data], 1, &Stop::default(), &Quiet).expect_err("elsewhere");
     assert!(error.to_string().contains("lock.catalogs") && place.is_unharmed(), "{error}");
     assert!(!place.at("merged").exists());
 }

@@ -118,9 +118,9 @@ impl ViewSampler for Fixed {
     fn pose(&self, _: &Scene, _: syntable_model::scene::ViewId, _: &Context) -> Result<Pose> {
         Ok(view().camera.world_from_camera)
     }
-    fn shell(&self, scene: &Scene) -> Shell {
+    fn shell(&self, scene: &Scene) -> Result<Shell> {
         assert!(!self.bends, "the shell is bent");
-        Shell { center: scene.tabletop.center(), radius: [1.0, 2.0] }
+        Ok(Shell { center: scene.support(None)?.center(), radius: [1.0, 2.0] })
     }
 }
 
@@ -273,13 +273,13 @@ impl ViewAnnotator for Thinker {
             products.get(LIGHT)?;
         }
         if self.missing || (self.missing_later && cx.scene_id.0 > 0) {
-            return Err(Error::new("the library is not there").permanent());
+            return Err(Error::new("the library is not there"));
         }
         if self.silent {
             return Ok(());
         }
         if self.stumbles && cx.scene.attempt == 0 && cx.scene_id.0 % 2 == 1 {
-            return Err(Error::new("stumbled"));
+            return Err(Error::unlucky("stumbled"));
         }
         let thought = i64::from(100 * cx.scene_id.0 + cx.view_id.0);
         let wrong = self.contradicts && cx.scene_id.0 == 1 && cx.view_id.0 == 1;
@@ -370,7 +370,7 @@ impl DatasetAnnotator for Summer {
             sum += scene?.view_values.iter().filter_map(|view| view["thought"].as_i64()).sum::<i64>();
         }
         if self.fails_at > 0 && count >= self.fails_at {
-            return Err(Error::new("the sum is too large"));
+            return Err(Error::unlucky("the sum is too large"));
         }
         products.put(TOTAL, Value::record([("scenes", count.into()), ("sum", sum.into())]))
     }

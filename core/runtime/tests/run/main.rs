@@ -8,6 +8,7 @@ mod growth;
 mod hostile;
 mod kit;
 mod preview;
+mod stores;
 mod whole;
 
 use kit::{Counters, run};

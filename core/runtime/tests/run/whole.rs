@@ -7,7 +7,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicU32;
 use syntable_model::error::Result;
-use syntable_runtime::run::dataset::folder::{Folder, journal_path};
+use syntable_runtime::run::dataset::folder::Folder;
 use syntable_runtime::run::dataset::journal::Journal;
 use syntable_runtime::run::progress::{Event, Quiet, Reporter};
 use syntable_runtime::run::stop::Stop;
@@ -581,7 +581,7 @@ fn labels_that_contradict_each_other_are_put_aside() {
     let outcome = run(&wrong, &data, 2).expect("the others are made");
     assert_eq!((outcome.scenes, outcome.failed, outcome.images), (2, 1, 4));
     // No other attempt hides it, and nothing of the scene is in the dataset.
-    let entries = Journal::entries_of(&journal_path(&data)).expect("readable");
+    let entries = Journal::entries_of(&data).expect("readable");
     let errors = &entries[&1].errors;
     let says = |what: &str| errors[0].contains(what);
     assert!(errors.len() == 1 && says("view 1: ") && says("thoughts_are_positive: a thought is -1"), "{errors:?}");

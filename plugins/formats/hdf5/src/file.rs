@@ -24,7 +24,7 @@ impl File {
     /// Adds an array in compressed chunks of whole rows.
     pub fn array(&mut self, name: &str, array: &Array) -> Result<()> {
         let element = datatype(array.descr)
-            .ok_or_else(|| Error::new(format!("HDF5 has no type for elements `{}`", array.descr)).permanent())?;
+            .ok_or_else(|| Error::new(format!("HDF5 has no type for elements `{}`", array.descr)))?;
         let size = element.type_size() as usize;
         let shape: Vec<u64> = array.shape.iter().map(|&length| length as u64).collect();
         let dataset = self.0.create_dataset(name);
@@ -54,7 +54,7 @@ impl File {
 }
 
 fn failed(error: &impl std::fmt::Display) -> Error {
-    Error::new(format!("the HDF5 file cannot be made: {error}")).permanent()
+    Error::new(format!("the HDF5 file cannot be made: {error}"))
 }
 
 /// The type of elements that NumPy names so.

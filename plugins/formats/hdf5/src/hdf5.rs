@@ -266,7 +266,6 @@ fn bodies(cx: &ImageContext, products: &Products) -> Result<Vec<Attributes>> {
         serde_json::to_value(products.get(BODIES)?).and_then(serde_json::from_value).map_err(|error| {
             Error::new(format!("product `{}` is not a list of bodies: {error}", BODIES.name()))
                 .help("let the annotator `bodies` provide it")
-                .permanent()
         })?;
     let attributes = |body: BodyView| {
         Ok(Attributes {

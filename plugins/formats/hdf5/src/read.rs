@@ -90,7 +90,7 @@ fn open(source: &Source) -> Result<Opened> {
     let all = files_of(root);
     if all.is_empty() {
         let help = "name the folder that has the files, such as 000000_0000.hdf5";
-        return Err(Error::new("it has no HDF5 files of views").in_file(root).help(help).of_request());
+        return Err(Error::new("it has no HDF5 files of views").in_file(root).help(help));
     }
     let folder = source.folder(root)?;
     read::check_inside(&folder, all.iter().map(|(_, path)| path))?;
@@ -165,9 +165,7 @@ impl View {
     }
 
     fn opened(path: &Path) -> Result<Self> {
-        let fail = |error: hdf5_pure::Error| {
-            Error::new(format!("not a readable HDF5 file: {error}")).in_file(path).permanent()
-        };
+        let fail = |error: hdf5_pure::Error| Error::new(format!("not a readable HDF5 file: {error}")).in_file(path);
         decode::open(path)?;
         // What is not asked for is not read.
         let file = File::open_streaming(path).map_err(fail)?;
@@ -253,7 +251,7 @@ impl View {
     }
 
     fn refuse(&self, name: &str, what: &str) -> Error {
-        Error::new(format!("dataset `{name}`: {what}")).in_file(&self.path).permanent()
+        Error::new(format!("dataset `{name}`: {what}")).in_file(&self.path)
     }
 
     /// A product under its own name: an array, or JSON text.

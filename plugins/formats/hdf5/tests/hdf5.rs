@@ -15,7 +15,7 @@ use syntable_model::product::{Plane, Product};
 use syntable_model::registry::{ConstructError, Registry, Slot, Stage};
 use syntable_model::scene::{
     AssetRef, BodyDraft, Camera, Distortion, Exposure, Intrinsics, MassOrigin, MassProperties, Material, Mesh,
-    MeshData, Motion, Object, Role, SceneId, SettleReport, SourceModel, Tabletop, ViewId,
+    MeshData, Moment, Motion, Object, Region, Role, SceneId, SettleReport, SourceModel, Support, ViewId,
 };
 use syntable_testing::tools::is_there;
 
@@ -61,7 +61,7 @@ fn scene() -> Scene {
         digest: Digest::of(b"tetra"),
     };
     let mut builder = SceneBuilder::default();
-    builder.tabletop = Some(Tabletop { center: [0.0; 3], size: [1.0; 2] });
+    builder.supports = Support::new("table", Region::rectangle([0.0; 3], [1.0; 2])).into();
     let asset = AssetRef { pool: "pool".into(), name: "tetra".into() };
     builder.add(BodyDraft::new(asset, Arc::new(object), Pose::identity(), Role::Object, Motion::Dynamic));
     builder.freeze(SceneId(4), 0, SettleReport::default()).expect("a scene")
@@ -76,6 +76,15 @@ fn camera() -> Camera {
 fn products() -> Products {
     let mut stream = Stream::root(6);
     let mut products = Products::new();
+    let distortion = camera().distortion.expect("distorted");
+    let ([k1, k2, k3], [p1, p2]) = (distortion.radial, distortion.tangential);
+    let stated = serde_json::json!({
+        "width": K.width,
+        "height": K.height,
+        "K": K.matrix(),
+        "distortion_k1_k2_p1_p2_k3": [k1, k2, p1, p2, k3],
+    });
+    products.put(CAMERA, Value::of(&stated).expect("plain data")).expect("first");
     // A mug, an asset of no class, the table, and an object that no pixel shows.
     let body = |id: u32, role: &str, name: &str, category: &str| {
         Value::record([
@@ -138,7 +147,13 @@ fn write(root: &Path, options: &str) -> BTreeMap<String, Vec<u8>> {
     let cx = DatasetContext::new(&dataset, &Serial, &log).scene(&scene);
     let mut open = writer.scene(&cx, Output::new(root, "h5", scene.id)).expect("opens");
     let reads: Vec<String> = writer.reads().into_iter().map(|input| input.product).collect();
-    let view = View { id: ViewId(2), camera: camera(), exposure: Exposure::Fixed { ev100: 1.0 }, lights: Vec::new() };
+    let view = View {
+        id: ViewId(2),
+        moment: Moment::START,
+        camera: camera(),
+        exposure: Exposure::Fixed { ev100: 1.0 },
+        lights: Vec::new(),
+    };
     open.view(&cx.view(&view), &products.only(&reads)).expect("written");
     open.close(&cx, &Products::new()).expect("closed");
     let files = syntable_testing::folder::files(root);

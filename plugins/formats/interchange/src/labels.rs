@@ -111,7 +111,7 @@ pub fn partial<'a>(dataset: &DatasetInfo, products: &'a Products) -> Result<Vec<
         (true, _) => (VISIBLE_MASK, VISIBLE_BOX),
         (false, true) => (AMODAL_MASK, AMODAL_BOX),
         (false, false) => {
-            return Err(Error::new("the dataset has no masks, neither `visible_mask` nor `amodal_mask`").of_request());
+            return Err(Error::new("the dataset has no masks, neither `visible_mask` nor `amodal_mask`"));
         }
     };
     let known = if is_visible { ObjectMasks::Visible } else { ObjectMasks::Amodal };
@@ -158,6 +158,5 @@ pub fn of<'a, T>(product: &'a PerInstance<T>, id: InstanceId, name: &str) -> Res
     product.get(id).ok_or_else(|| {
         Error::new(format!("instance {id} is in the masks but not in `{name}`"))
             .help("all label products must come from one annotator, or from annotators that agree")
-            .permanent()
     })
 }

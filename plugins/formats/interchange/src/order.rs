@@ -160,7 +160,6 @@ fn row(order: &OcclusionOrder, id: InstanceId) -> Result<usize> {
     order.ids().binary_search(&id).map_err(|_| {
         Error::new(format!("instance {id} is in `amodal_mask` but not in `{}`", OCCLUSION_ORDER.name()))
             .help("all label products must come from one annotator, or from annotators that agree")
-            .permanent()
     })
 }
 

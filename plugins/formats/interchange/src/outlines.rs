@@ -129,7 +129,6 @@ fn record<T: DeserializeOwned>(products: &Products, key: Key<PerInstance<Value>>
     serde_json::to_value(value).and_then(serde_json::from_value).map_err(|error| {
         Error::new(format!("`{}` of instance {id} is not what it should be: {error}", key.name()))
             .help("the annotator that provides it must give what the reference of products says")
-            .permanent()
     })
 }
 

@@ -98,8 +98,7 @@ fn only_file(folder: &Path, is_one: impl Fn(&Path) -> bool) -> Result<PathBuf> {
             );
             Err(Error::new(format!("one annotation file was expected, and there are {}", files.len()))
                 .in_file(folder)
-                .help(help)
-                .of_request())
+                .help(help))
         }
     }
 }

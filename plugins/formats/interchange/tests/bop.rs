@@ -16,9 +16,11 @@ use syntable_model::product::{BitPlane, ObjectModel, ObjectModels, Plane};
 use syntable_model::reader::OpenDataset;
 use syntable_model::registry::{Registry, Slot, Stage};
 use syntable_model::scene::{
-    AssetRef, BodyDraft, Camera, Exposure, Intrinsics, MassOrigin, MassProperties, Material, Mesh, MeshData, Motion,
-    Object, Role, SceneId, SettleReport, SourceModel, Tabletop, ViewId,
+    AssetRef, BodyDraft, Camera, Exposure, Intrinsics, MassOrigin, MassProperties, Material, Mesh, MeshData, Moment,
+    Motion, Object, Region, Role, SceneId, SettleReport, SourceModel, Support, ViewId,
 };
+use syntable_model::store::{MemStore, StoreFolder};
+use syntable_testing::folder::files_of_store;
 use syntable_testing::takes::open_dataset;
 use syntable_testing::tools::is_there;
 
@@ -230,14 +232,14 @@ fn scene(id: u32) -> Result<Scene> {
         digest: Digest::of(b"tetra"),
     };
     let mut builder = SceneBuilder::default();
-    builder.tabletop = Some(Tabletop { center: [0.0; 3], size: [1.0; 2] });
+    builder.supports = Support::new("table", Region::rectangle([0.0; 3], [1.0; 2])).into();
     let asset = AssetRef { pool: "pool".into(), name: "tetra".into() };
     builder.add(BodyDraft::new(asset, Arc::new(object), Pose::identity(), Role::Object, Motion::Dynamic));
     builder.freeze(SceneId(id), 0, SettleReport::default())
 }
 
 /// Writes the views of a scene.
-fn write_scene(root: &Path, writer: &dyn Writer, id: u32, views: &[Products]) -> Result<()> {
+fn write_scene(root: impl Into<StoreFolder>, writer: &dyn Writer, id: u32, views: &[Products]) -> Result<()> {
     let (dataset, log) = (dataset(), Collected::default());
     let scene = scene(id)?;
     let cx = DatasetContext::new(&dataset, &Serial, &log).scene(&scene);
@@ -245,7 +247,7 @@ fn write_scene(root: &Path, writer: &dyn Writer, id: u32, views: &[Products]) ->
     let reads: Vec<String> = writer.reads().into_iter().map(|input| input.product).collect();
     for (number, products) in (0..).zip(views) {
         let exposure = Exposure::Fixed { ev100: 1.0 };
-        let view = View { id: ViewId(number), camera: camera(), exposure, lights: Vec::new() };
+        let view = View { id: ViewId(number), moment: Moment::START, camera: camera(), exposure, lights: Vec::new() };
         open.view(&cx.view(&view), &products.only(&reads))?;
     }
     // All views of a scene have the same objects in it; here each has its own.
@@ -256,15 +258,15 @@ fn write_scene(root: &Path, writer: &dyn Writer, id: u32, views: &[Products]) ->
     open.close(&cx, &of_scene.only(&reads))
 }
 
-fn finish(root: &Path, writer: &dyn Writer, scenes: &[u32]) -> Result<()> {
+fn finish(root: impl Into<StoreFolder>, writer: &dyn Writer, scenes: &[u32]) -> Result<()> {
     let (dataset, log) = (dataset(), Collected::default());
     let done = Finish::new(root, "bop", scenes.iter().map(|&scene| SceneId(scene)).collect());
     writer.finish(&DatasetContext::new(&dataset, &Serial, &log), &Products::new(), &done)
 }
 
 /// Three scenes of two views; the first view of the second scene has no objects.
-fn write_all(root: &Path, options: &str) {
-    let (writer, all) = (writer(options), options.contains("all"));
+fn write_all(root: impl Into<StoreFolder>, options: &str) {
+    let (root, writer, all) = (root.into(), writer(options), options.contains("all"));
     for id in [2, 0, 1] {
         let mut stream = Stream::root(8).at(id.into());
         let mut view = |objects: usize| {
@@ -272,9 +274,9 @@ fn write_all(root: &Path, options: &str) {
             products(&objects, &mut stream, all)
         };
         let views = [view(if id == 1 { 0 } else { 14 }), view(9)];
-        write_scene(root, &*writer, id, &views).expect("written");
+        write_scene(&root, &*writer, id, &views).expect("written");
     }
-    finish(root, &*writer, &[0, 1, 2]).expect("finished");
+    finish(&root, &*writer, &[0, 1, 2]).expect("finished");
 }
 
 const ALL_OPTIONS: &str = "objects = \"all\"\nsplit = \"test\"\ndepth_scale = 0.02\nmodels = \"models_and_eval\"";
@@ -284,7 +286,7 @@ fn tar_files_have_what_the_folders_have() {
     static HERE: OnceLock<bool> = OnceLock::new();
     let folder = tempfile::tempdir().expect("a folder");
     write_all(folder.path(), ALL_OPTIONS);
-    write_all(&folder.path().join("web"), &format!("{ALL_OPTIONS}\nlayout = \"webdataset\""));
+    write_all(folder.path().join("web"), &format!("{ALL_OPTIONS}\nlayout = \"webdataset\""));
     // A scene whose images are in two tar files.
     let mut stream = Stream::root(9);
     let views: Vec<Products> = (0..3)
@@ -326,19 +328,17 @@ fn poses_masks_depths_and_counts_belong_together() {
 #[test]
 fn the_end_of_a_run_depends_on_the_scenes_alone() {
     for options in ["", ALL_OPTIONS, "layout = \"webdataset\"\nmodels = \"models\""] {
-        let written = || {
-            let folder = tempfile::tempdir().expect("a folder");
-            write_all(folder.path(), options);
-            folder
-        };
-        let (once, twice) = (written(), written());
-        // A run that had two of the scenes before.
-        finish(twice.path(), &*writer(options), &[0, 2]).expect("finished");
-        finish(twice.path(), &*writer(options), &[0, 1, 2]).expect("finished");
-        let files = |folder: &tempfile::TempDir| syntable_testing::folder::files(folder.path());
-        assert!(files(&once) == files(&twice), "{options}: files differ");
+        let (folder, store) = (tempfile::tempdir().expect("a folder"), Arc::new(MemStore::default()));
+        write_all(folder.path(), options);
+        write_all(Arc::clone(&store), options);
+        // A run that had two of the scenes before, in memory.
+        for scenes in [&[0, 2][..], &[0, 1, 2]] {
+            finish(Arc::clone(&store), &*writer(options), scenes).expect("finished");
+        }
+        let names = syntable_testing::folder::files(folder.path());
+        assert!(names == files_of_store(&store), "{options}: files differ");
         // What the writer says that it writes is there.
-        let (names, dataset) = (files(&once), dataset());
+        let dataset = dataset();
         let mut told = 0;
         for (scene, view) in [(None, None), (Some(0), None), (Some(0), Some(1))] {
             let (scene, view) = (scene.map(SceneId), view.map(ViewId));

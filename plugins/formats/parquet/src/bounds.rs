@@ -47,7 +47,7 @@ const NUM_VALUES: i16 = 1;
 const DELTAS: [i64; 2] = [6, 7];
 
 fn damaged(what: &str) -> Error {
-    Error::new(format!("not a readable Parquet file: {what}")).permanent()
+    Error::new(format!("not a readable Parquet file: {what}"))
 }
 
 /// Compares the footer with the limits: levels of the schema, and children that are there.

@@ -162,9 +162,9 @@ pub fn value(columns: &[Column], cells: &[Value]) -> Result<Value> {
             (Part::Whole | Part::Runs, value) => return Ok(value.clone()),
             (Part::Json, Value::Text(text)) => {
                 let json = serde_json::from_str::<serde_json::Value>(text);
-                return Value::of(&json.map_err(|error| {
-                    Error::new(format!("column `{}` is not JSON: {error}", column.name)).permanent()
-                })?);
+                return Value::of(
+                    &json.map_err(|error| Error::new(format!("column `{}` is not JSON: {error}", column.name)))?,
+                );
             }
             (Part::Field(_) | Part::Json, Value::Null) => {}
             (Part::Field(field), value) => record.push((field.to_owned(), square(value))),

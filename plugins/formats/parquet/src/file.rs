@@ -31,8 +31,7 @@ impl Table {
         let mut seen = BTreeSet::new();
         if let Some((name, _)) = columns.iter().find(|(name, _)| !seen.insert(name.as_str())) {
             return Err(Error::new(format!("two products have a column `{name}`"))
-                .help("write one of them with another writer")
-                .permanent());
+                .help("write one of them with another writer"));
         }
         let leaves = columns.iter().map(|(_, node)| {
             let mut leaves = Vec::new();

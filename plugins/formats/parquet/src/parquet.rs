@@ -165,8 +165,7 @@ impl ImageWriter for Parquet {
         let is_per_instance = |key: &KeyId| matches!(key.form(), Form::PerInstance(_));
         if self.rows == Rows::Instances && !scene.keys.values().any(is_per_instance) {
             return Err(Error::new("a table of instances without a product per instance has no rows")
-                .help("include one, such as `visible_box`, or write `rows = \"views\"`")
-                .permanent());
+                .help("include one, such as `visible_box`, or write `rows = \"views\"`"));
         }
         let mut table = Table::new(self.columns(&scene.keys))?;
         for view in &scene.views {

@@ -137,7 +137,7 @@ impl Table {
 }
 
 fn unreadable(path: &Path, error: &ParquetError) -> Error {
-    let error_of = Error::new(format!("not a readable Parquet file: {error}")).in_file(path).permanent();
+    let error_of = Error::new(format!("not a readable Parquet file: {error}")).in_file(path);
     match error.to_string().contains("Disabled feature") {
         true => error_of.help("write it without compression, or with snappy"),
         false => error_of,
@@ -185,7 +185,7 @@ fn open(source: &Source) -> Result<Opened> {
     let paths = tables_of(root);
     if paths.is_empty() {
         let help = "name the folder that has `instances` or `views`, or the folder of the tables";
-        return Err(Error::new("it has no tables of scenes").in_file(root).help(help).of_request());
+        return Err(Error::new("it has no tables of scenes").in_file(root).help(help));
     }
     let folder = folder_of(source, paths[0].parent().unwrap_or(root))?;
     read::check_inside(&folder, &paths)?;
@@ -298,7 +298,7 @@ impl Samples for Tables {
             is(SCENE, scene) && is(VIEW, view)
         };
         let rows: Vec<&Cells> = all.iter().filter(is_own).collect();
-        let refuse = |what: String| Error::new(what).in_file(path).permanent();
+        let refuse = |what: String| Error::new(what).in_file(path);
         let mut fields = Fields::new();
         let first = rows.first().ok_or_else(|| refuse("its rows have changed".to_owned()))?;
         for (name, columns) in products {
@@ -345,7 +345,7 @@ impl Tables {
                 });
                 Content::new(bytes.unwrap_or_default(), table.join(IMAGE))
             }
-            _ => return Err(Error::new("a row has no image").in_file(table).permanent()),
+            _ => return Err(Error::new("a row has no image").in_file(table)),
         };
         Ok(content.rgb()?.into())
     }
@@ -353,7 +353,7 @@ impl Tables {
 
 /// The values of a product by instance. Cells without a value are of no instance.
 fn of_instances(columns: &[column::Column], rows: &[&Cells]) -> Result<Value> {
-    let refuse = |what: &str| Error::new(what).permanent();
+    let refuse = |what: &str| Error::new(what);
     let mut seen = BTreeSet::new();
     let mut values = BTreeMap::new();
     for row in rows {

@@ -182,9 +182,7 @@ fn push_at(node: &Node, cell: &Value, leaves: &mut [Leaf], place: Place) -> Resu
 fn mismatch(node: &Node, cell: &Value) -> Error {
     let cell = serde_json::to_string(cell).unwrap_or_default();
     let start: String = cell.chars().take(40).collect();
-    Error::new(format!("the column holds {}, not {start}", node.name()))
-        .help("write the product with jsonl")
-        .permanent()
+    Error::new(format!("the column holds {}, not {start}", node.name())).help("write the product with jsonl")
 }
 
 impl Node {

@@ -113,7 +113,7 @@ impl Exr {
         for (product, key) in self.include.of_scope(products, scope) {
             let mut add = |value: Value, name: String| {
                 let coding = Coding::of(&Kind::of(&key, &value))
-                    .map_err(|refusal| Error::new(refusal).context(format!("product `{product}`")).permanent())?;
+                    .map_err(|refusal| Error::new(refusal).context(format!("product `{product}`")))?;
                 layers.push(ImageLayer { name, coding, value });
                 Ok(())
             };

@@ -92,7 +92,7 @@ impl Ply {
     /// The bytes of the file of a view.
     fn encode(&self, camera: &StatedCamera, products: &Products) -> Result<Vec<u8>> {
         let Value::Tensor(Tensor { shape, bytes, .. }) = products.value(self.depth.as_str())? else {
-            return Err(Error::new(format!("`{}` is not an image", self.depth.as_str())).permanent());
+            return Err(Error::new(format!("`{}` is not an image", self.depth.as_str())));
         };
         let colors = if self.colors { Some(products.get(RGB)?) } else { None };
         let instances = if self.instances { Some(products.get(INSTANCE)?) } else { None };

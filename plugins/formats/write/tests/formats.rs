@@ -7,11 +7,14 @@ use exr::prelude::f16;
 use serde_json::{Value as Json, json};
 use std::collections::BTreeMap;
 use std::path::Path;
+use std::sync::Arc;
 use syntable_model::context::{Collected, Serial};
 use syntable_model::prelude::*;
 use syntable_model::product::standard::*;
 use syntable_model::product::{Form, Name};
 use syntable_model::registry::{Slot, Stage};
+use syntable_model::store::{MemStore, StoreFolder};
+use syntable_testing::folder::files_of_store;
 
 fn read_json(path: &Path) -> Json {
     serde_json::from_slice(&std::fs::read(path).expect("there")).expect("JSON")
@@ -116,16 +119,18 @@ fn the_order_of_scenes_and_a_second_finish_change_nothing() {
         ("ply", ""),
         ("template", "per = \"dataset\"\ninclude = [\"visible_box\"]\ntemplate = \"{{ scenes | json_encode() }}\""),
     ] {
-        let (one, other) = (tempfile::tempdir().expect("a folder"), tempfile::tempdir().expect("a folder"));
+        let (one, store) = (tempfile::tempdir().expect("a folder"), Arc::new(MemStore::default()));
         let takes = write_all(one.path(), "w", kind, options);
         let (writer, dataset) = (writer(kind, options).expect("good options"), dataset(3, 3));
-        // In parts, as a run that was stopped and continued.
-        write_scenes(other.path(), "w", &*writer, &dataset, [&takes[2]]).expect("written");
-        finish(other.path(), "w", &*writer, &dataset, &[2]).expect("finished");
-        write_scenes(other.path(), "w", &*writer, &dataset, [&takes[1], &takes[0]]).expect("written");
-        finish(other.path(), "w", &*writer, &dataset, &[0, 1, 2]).expect("finished");
-        finish(other.path(), "w", &*writer, &dataset, &[0, 1, 2]).expect("finished");
-        let (one, other) = (files(one.path()), files(other.path()));
+        let other = || StoreFolder::from(Arc::clone(&store));
+        // In parts, as a run that was stopped and continued, and in memory.
+        write_scenes(other(), "w", &*writer, &dataset, [&takes[2]]).expect("written");
+        finish(other(), "w", &*writer, &dataset, &[2]).expect("finished");
+        write_scenes(other(), "w", &*writer, &dataset, [&takes[1], &takes[0]]).expect("written");
+        finish(other(), "w", &*writer, &dataset, &[0, 1, 2]).expect("finished");
+        finish(other(), "w", &*writer, &dataset, &[0, 1, 2]).expect("finished");
+        let (one, mut other) = (files(one.path()), files_of_store(&store));
+        other.retain(|path, _| !path.starts_with(".syntable/"));
         assert_eq!(one.keys().collect::<Vec<_>>(), other.keys().collect::<Vec<_>>());
         assert!(one == other, "{kind} {options}: files differ");
     }

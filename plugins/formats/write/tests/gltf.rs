@@ -89,17 +89,17 @@ fn scene() -> Scene {
     let mesh = Arc::new(crate_mesh());
     let shared = object("crate", mesh.clone(), vec![Material::plain("plain", [0.2; 3], 0.4), rich()]);
     let mut builder = SceneBuilder::default();
-    builder.tabletop = Some(Tabletop { center: [0.0, 0.0, 0.7], size: [1.0, 0.8] });
+    builder.supports = Support::new("table", Region::rectangle([0.0, 0.0, 0.7], [1.0, 0.8])).into();
     let mut add = |object: &Arc<Object>, world_from_body, role, surface| {
         let asset = AssetRef { pool: "pool".into(), name: object.name.clone() };
         let draft = BodyDraft::new(asset, object.clone(), world_from_body, role, Motion::Fixed);
-        builder.add(draft.with_material_override(surface));
+        builder.add(draft.with_material_override(surface))
     };
-    add(&shared, pose([0.3, -0.7, 2.0], [0.1, 0.2, 0.9]), Role::Object, None);
+    let lid = add(&shared, pose([0.3, -0.7, 2.0], [0.1, 0.2, 0.9]), Role::Object, None);
     add(&shared, pose([1.0, 0.0, 0.0], [-0.3, 0.1, 0.8]), Role::Object, None);
     let wood = Arc::new(Material { tile_m: 0.5, ..rich() }.with_digest());
     let boxed = TextureMapping::Box { rotation: FRAC_PI_2 as f32, offset: [0.125, 0.0] };
-    add(
+    let base = add(
         &shared,
         pose([0.0; 3], [0.0, 0.0, 0.3]),
         Role::Support,
@@ -107,7 +107,67 @@ fn scene() -> Scene {
     );
     let moved = TextureMapping::Uv(UvTransform { scale: [2.0, 4.0], rotation: 0.0, offset: [0.5, 0.0] });
     add(&shared, pose([0.0; 3], [0.0; 3]), Role::Room, Some(MaterialOverride { material: wood, mapping: moved }));
-    builder.freeze(SceneId(3), 0, SettleReport::default()).expect("a scene")
+    // Parts of one mechanism are exported as bodies, where they are.
+    let hinge = Joint {
+        parent: 0,
+        kind: JointKind::Revolute,
+        parent_from_joint: Pose::identity(),
+        axis: Vector3::x(),
+        limits: Some([0.0, 2.0]),
+        position: 0.5,
+    };
+    let link = |name: &str, body, joint| Link { name: name.into(), body, joint };
+    let links = vec![link("base", base, None), link("lid", lid, Some(hinge))];
+    builder.articulations.push(Articulation { name: "box".into(), links });
+    let scene = builder.freeze(SceneId(3), 0, SettleReport::default()).expect("a scene");
+    // Objects get the first ids, whatever the order of the links.
+    let bodies: Vec<u16> = scene.articulations[0].links.iter().map(|link| link.body.0).collect();
+    assert_eq!(bodies, [3, 1]);
+    scene
+}
+
+#[test]
+fn articulations_that_are_no_trees_are_refused() {
+    type Change<'c> = &'c dyn Fn(&mut Vec<Link<BodyHandle>>);
+    let mesh = Arc::new(crate_mesh());
+    let shared = object("crate", mesh, vec![Material::plain("plain", [0.2; 3], 0.4), rich()]);
+    let frozen = |change: Change| {
+        let mut builder = SceneBuilder::default();
+        let body = |builder: &mut SceneBuilder| {
+            let asset = AssetRef { pool: "pool".into(), name: "crate".into() };
+            builder.add(BodyDraft::new(asset, shared.clone(), Pose::identity(), Role::Object, Motion::Fixed))
+        };
+        let joint = |parent| Joint {
+            parent,
+            kind: JointKind::Prismatic,
+            parent_from_joint: Pose::identity(),
+            axis: Vector3::z(),
+            limits: None,
+            position: 0.0,
+        };
+        let names = ["base", "drawer", "handle"];
+        let joints = [None, Some(joint(0)), Some(joint(1))];
+        let mut links: Vec<Link<BodyHandle>> = (names.into_iter().zip(joints))
+            .map(|(name, joint)| Link { name: name.into(), body: body(&mut builder), joint })
+            .collect();
+        change(&mut links);
+        builder.articulations.push(Articulation { name: "cabinet".into(), links });
+        builder.freeze(SceneId(0), 0, SettleReport::default()).map_err(|error| error.to_string())
+    };
+    assert!(frozen(&|_| {}).is_ok());
+    let joint = |link: &mut Link<BodyHandle>, change: &dyn Fn(&mut Joint)| link.joint.iter_mut().for_each(change);
+    let changes: [(&str, Change); 6] = [
+        ("`drawer` has no joint", &|links| links[1].joint = None),
+        ("`drawer` comes before its parent", &|links| joint(&mut links[1], &|joint| joint.parent = 2)),
+        ("two links have the name `base`", &|links| links[2].name = "base".into()),
+        ("the joint of its link `handle`", &|links| joint(&mut links[2], &|joint| joint.axis *= 2.0)),
+        ("the joint of its link `drawer`", &|links| joint(&mut links[1], &|joint| joint.limits = Some([0.1, 0.2]))),
+        ("no link", &|links| links.clear()),
+    ];
+    for (says, change) in changes {
+        let error = frozen(change).expect_err(says);
+        assert!(error.contains(says) && error.contains("cabinet"), "{error}");
+    }
 }
 
 fn view(number: u32) -> View {
@@ -119,6 +179,7 @@ fn view(number: u32) -> View {
     let map = Arc::new(EnvironmentMap::constant([100.0; 3]));
     let towards = Vector3::new(1.0, 2.0, 2.0) / 3.0;
     View {
+        moment: Moment::START,
         id: ViewId(number),
         camera,
         exposure: Exposure::Fixed { ev100: 7.0 },

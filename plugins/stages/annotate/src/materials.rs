@@ -78,7 +78,6 @@ impl<'a> Numbered<'a> {
                         let id = u16::try_from(next).map_err(|_| {
                             Error::new(format!("the scene has more than {} materials", u16::MAX))
                                 .help("leave out `material_map` and `materials`")
-                                .permanent()
                         })?;
                         numbers.insert((name, digest.clone()), id);
                         table.push(Record { id, name, digest, bodies: Vec::new() });

@@ -1,12 +1,14 @@
 //! Where the points of an image are in the next view.
 
 use crate::keypoints::pixel;
-use syntable_model::geometry::{Point3, Rotation3};
+use std::collections::BTreeMap;
+use syntable_model::geometry::{Point3, Rotation3, Vector3};
 use syntable_model::prelude::*;
-use syntable_model::product::standard::{DEPTH, FLOW, FLOW_VISIBILITY};
-use syntable_model::scene::{Camera, Rays};
+use syntable_model::product::standard::{DEPTH, FLOW, FLOW_VISIBILITY, INSTANCE};
+use syntable_model::scene::{Body, Camera, Rays};
 
-/// Optical flow and correspondences from each view to the next one of its scene, in which nothing moves but the camera.
+/// Optical flow and correspondences from each view to the next one of its scene. The camera moves, and bodies that a placer
+/// scripts.
 ///
 /// `flow` has for every pixel the displacement (u, v) of the point that its center shows: its pixel in the next view less its
 /// own, px, distortion included, also where the next view does not show it. `flow_visibility` is 2 where the next view shows
@@ -32,7 +34,7 @@ config!(OpticalFlow => dyn ViewAnnotator, "optical_flow", "tolerance_m = 0.002")
 
 impl ViewAnnotator for OpticalFlow {
     fn reads(&self) -> Vec<KeyId> {
-        keys![DEPTH, DEPTH.of_next_view()]
+        keys![DEPTH, DEPTH.of_next_view(), INSTANCE]
     }
 
     fn provides(&self) -> Vec<KeyId> {
@@ -46,19 +48,33 @@ impl ViewAnnotator for OpticalFlow {
         let mut visibility = vec![0; depth.data().len()];
         let camera = &cx.view.camera;
         if let Some(next) = cx.next {
-            let next_from_this = next.camera.world_from_camera.inverse() * camera.world_from_camera;
-            let step = Step {
-                from: camera.rays(),
-                to: &next.camera,
-                turn: next_from_this.rotation.to_rotation_matrix(),
-                start: next_from_this.translation.vector.into(),
-                depth: next_depth,
-                tolerance_m: self.tolerance_m,
+            // A point moves with its body.
+            let step = |next_world_from_world: Pose| {
+                let next_from_this =
+                    next.camera.world_from_camera.inverse() * next_world_from_world * camera.world_from_camera;
+                Step {
+                    from: camera.rays(),
+                    to: &next.camera,
+                    turn: next_from_this.rotation.to_rotation_matrix(),
+                    start: next_from_this.translation.vector.into(),
+                    depth: next_depth,
+                    tolerance_m: self.tolerance_m,
+                }
             };
+            let motion = |body: &Body| body.pose_at(next.moment) * body.world_from_body.inverse();
+            let scripted = cx.scene.bodies().iter().filter(|body| body.trajectory.is_some());
+            let moving: BTreeMap<InstanceId, Step> = scripted.map(|body| (body.id, step(motion(body)))).collect();
+            let (ids, step) = (products.get(INSTANCE)?, step(Pose::identity()));
             let row = width as usize;
             let rows = depth.data().chunks(row).zip(flow.chunks_mut(row)).zip(visibility.chunks_mut(row));
             for (y, ((depths, flow), visibility)) in (0..).zip(rows) {
-                let [columns, rows, next_depths] = step.row(y, depths);
+                let [mut columns, mut rows, mut next_depths] = step.row(y, depths);
+                let with_motion = (0..width).filter(|_| !moving.is_empty());
+                for (x, step) in with_motion.filter_map(|x| Some((x, moving.get(ids.at(x, y))?))) {
+                    let x = x as usize;
+                    let place = step.point(x as u32, y, depths[x]);
+                    [columns[x], rows[x], next_depths[x]] = place.unwrap_or([f64::NAN; 3]);
+                }
                 for ((x, flow), (u, v)) in (0..width as i32).zip(flow).zip(columns.iter().zip(&rows)) {
                     let along = |to: f64, from: f64| if to.is_nan() { 0.0 } else { (to - (from + 0.5)) as f32 };
                     *flow = [along(*u, f64::from(x)), along(*v, f64::from(y))];
@@ -116,6 +132,14 @@ impl Step<'_> {
         [project(k.fx, x, k.cx), project(k.fy, y, k.cy), z]
     }
 
+    /// The same of the point that one pixel shows; none if it shows none or where the camera does not see it.
+    fn point(&self, x: u32, y: u32, depth: f32) -> Option<[f64; 3]> {
+        let (right, down) = self.from.at(x, y).filter(|_| depth.is_finite() && depth > 0.0)?;
+        let point = self.start + self.turn * Vector3::new(right, down, 1.0) * f64::from(depth);
+        let [u, v] = pixel(self.to, &point)?;
+        Some([u, v, point.z])
+    }
+
     /// Whether the next view shows a point, by its pixel and depth there: 2 if it does, 1 if it is hidden, 0 outside of the
     /// image.
     #[inline]
@@ -147,7 +171,6 @@ register!(OpticalFlow);
 #[cfg(test)]
 mod tests {
     use super::*;
-    use syntable_model::geometry::Vector3;
     use syntable_model::scene::{Distortion, Intrinsics};
 
     #[test]

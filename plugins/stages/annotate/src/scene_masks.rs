@@ -1,10 +1,10 @@
-//! Table, background and categories.
+//! Supports, background and categories.
 
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{BACKGROUND_MASK, CATEGORY_ID, CATEGORY_MAP, INSTANCE, TABLETOP_MASK};
 use syntable_model::scene::Role;
 
-/// Masks of the table and of the background, and the categories of what is seen. With the visible masks of objects and what
+/// Masks of the supports, such as the table, and of the background, and the categories of what is seen. With the visible masks of objects and what
 /// distractors cover they make up the image.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
@@ -24,7 +24,8 @@ impl ViewAnnotator for SceneMasks {
     fn annotate(&self, cx: &ViewContext, products: &mut Products) -> Result<()> {
         let (scene, ids) = (cx.scene, products.get(INSTANCE)?);
         let tabletop = mask_of(scene, ids, |role| role == Some(Role::Support));
-        let background = mask_of(scene, ids, |role| matches!(role, None | Some(Role::Room)));
+        let background =
+            mask_of(scene, ids, |role| role.is_none_or(|role| !role.is_foreground() && role != Role::Support));
         let categories = products.get(CATEGORY_ID)?;
         let all = 0..=scene.bodies().len() as u16;
         let category_of: Vec<u16> =

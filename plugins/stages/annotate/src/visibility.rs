@@ -52,7 +52,7 @@ impl ViewAnnotator for Visibility {
         let of = |id: InstanceId| -> Result<Value> {
             let object = usize::from(id.0) - 1;
             let (Some(all), Some(in_frame)) = (whole.get(object), inside.get(object)) else {
-                return Err(Error::new(format!("instance {id} is not in the coverage plane")).permanent());
+                return Err(Error::new(format!("instance {id} is not in the coverage plane")));
             };
             let [x, y, width, height] = all.bounds();
             let visib = visible[object];

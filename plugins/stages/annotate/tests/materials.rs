@@ -10,7 +10,7 @@ use syntable_model::prelude::*;
 use syntable_model::product::standard::{INSTANCE, MATERIAL_MAP, MATERIALS};
 use syntable_model::registry::Stage;
 use syntable_model::scene::{
-    Alpha, Material, Mesh, MeshData, Object, Role, Scalar, SceneId, SettleReport, Tabletop, Transmission,
+    Alpha, Material, Mesh, MeshData, Object, Region, Role, Scalar, SceneId, SettleReport, Support, Transmission,
 };
 use syntable_testing::scenes;
 
@@ -44,7 +44,7 @@ fn red() -> Material {
 /// The scene with a pane of that material over the right half of the board and beyond, and what a renderer says of it.
 fn scene(pane: Material) -> (Scene, View, Plane<InstanceId>) {
     let mut builder = SceneBuilder::default();
-    builder.tabletop = Some(Tabletop { center: [0.0; 3], size: [4.0; 2] });
+    builder.supports = Support::new("table", Region::rectangle([0.0; 3], [4.0; 2])).into();
     let blue = Material::plain("blue", [0.1, 0.1, 0.8], 0.5);
     let bodies = [
         (rectangle("board", [1.0, 1.0], vec![0, 1], vec![red(), blue]), [OFF_CENTER, 0.0, 0.0], Role::Object),

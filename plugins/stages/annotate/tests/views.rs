@@ -117,6 +117,7 @@ fn flow(depth: &Plane<f32>, next: Option<(Camera, Plane<f32>)>) -> (Plane<[f32; 
         None => (None, depth.clone()),
     };
     products.put(DEPTH.of_next_view(), next_depth).expect("first");
+    products.put(INSTANCE, depth.map(|_| InstanceId(1))).expect("first");
     let cx = world.of_view().before(view.as_ref());
     annotator("optical_flow", "").annotate(&cx, &mut products).expect("annotated");
     (products.get(FLOW).expect("made").clone(), products.get(FLOW_VISIBILITY).expect("made").clone())

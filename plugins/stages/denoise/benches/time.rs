@@ -5,7 +5,7 @@ mod common;
 
 use common::{Room, denoise};
 use divan::Bencher;
-use syntable_denoise::guided::Guided;
+use syntable_guided::Guided;
 use syntable_model::prelude::*;
 use syntable_testing::workers::Threads;
 

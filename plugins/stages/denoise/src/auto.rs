@@ -1,7 +1,7 @@
 //! `auto`: the best denoiser that is found.
 
-use crate::guided::Guided;
 use crate::oidn::{self, Library, Oidn};
+use syntable_guided::Guided;
 use syntable_model::prelude::*;
 use syntable_model::registry::{Choice, Choose};
 

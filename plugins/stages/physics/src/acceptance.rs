@@ -5,7 +5,7 @@ use crate::rapier::{OnViolation, Rapier, Remove};
 use crate::static_body::SupportSurface;
 use syntable_model::geometry::{Aabb, Point3, Pose, Translation3, UnitQuaternion, Vector3};
 use syntable_model::random::Stream;
-use syntable_model::scene::{Role, SettleReport, Tabletop};
+use syntable_model::scene::{DropZone, Role, SettleReport};
 
 /// A respawned body starts this far above whatever is below it, meters.
 const RESPAWN_CLEARANCE_M: f64 = 0.03;
@@ -16,22 +16,26 @@ const MAX_DURATIONS: f64 = 10.0;
 /// Name of the random stream of respawn poses. It is part of the output: another name gives other datasets.
 const RESPAWN_STREAM: &str = "drop_again";
 
-/// Where bodies are accepted.
-#[derive(Clone, Copy)]
-pub struct Place<'a> {
-    /// Bodies are respawned above it, and must be above it if those off it are removed.
-    pub tabletop: Option<Tabletop>,
-    /// What the bodies lie on.
-    pub surface: &'a SupportSurface,
+/// Where a body is accepted.
+pub struct Place {
+    /// The body is respawned above its area, and must be above its support if those off it are removed.
+    pub zone: DropZone,
     /// Height of the ceiling, meters; none under the open sky.
     pub ceiling_m: Option<f64>,
-    /// Whether there is a floor to be seen. Without one, whatever falls off the table would hang in the surroundings.
+    /// Whether there is a floor to be seen. Without one, whatever falls off the support would hang in the surroundings.
     pub has_floor: bool,
+}
+
+impl Place {
+    /// Why an object below its support is taken out.
+    fn fell_off(&self) -> String {
+        format!("fell off the {}", self.zone.support.name)
+    }
 }
 
 /// What the acceptance check must know of a body.
 pub struct BodyInfo {
-    /// Its role. Objects off the tabletop are removed, distractors only if there is no floor.
+    /// Its role. Objects off their support are removed, distractors only if there is no floor.
     pub role: Role,
     /// Number in spawn order: keys its random stream.
     pub spawn: u32,
@@ -39,8 +43,8 @@ pub struct BodyInfo {
     pub name: String,
     /// Pose at the start.
     pub start: Pose,
-    /// Half extents of the rectangle that it is respawned over, meters; the whole tabletop if not set.
-    pub respawn_half_m: Option<[f64; 2]>,
+    /// Where it is accepted; none if the scene has no support.
+    pub place: Option<Place>,
 }
 
 /// The outcome: the figures of the report, and the bodies that were removed, by index.
@@ -62,7 +66,7 @@ struct Violator {
 /// An object that was taken out because of where it was.
 struct Fallen {
     body: usize,
-    reason: &'static str,
+    reason: String,
 }
 
 /// Lets the bodies of an engine come to rest and removes those that are not accepted.
@@ -70,7 +74,8 @@ pub struct Acceptance<'a> {
     config: &'a Rapier,
     engine: &'a mut Engine,
     infos: &'a [BodyInfo],
-    place: Place<'a>,
+    /// What the bodies lie on.
+    surface: &'a SupportSurface,
     respawns: Vec<u32>,
     /// Whether a body had more time since it was last respawned.
     waited: Vec<bool>,
@@ -82,12 +87,12 @@ pub struct Acceptance<'a> {
 
 impl<'a> Acceptance<'a> {
     /// A check of bodies that have just been added.
-    pub fn new(config: &'a Rapier, engine: &'a mut Engine, infos: &'a [BodyInfo], place: Place<'a>) -> Self {
+    pub fn new(config: &'a Rapier, engine: &'a mut Engine, infos: &'a [BodyInfo], surface: &'a SupportSurface) -> Self {
         Self {
             config,
             engine,
             infos,
-            place,
+            surface,
             respawns: vec![0; infos.len()],
             waited: vec![false; infos.len()],
             removed: Vec::new(),
@@ -102,7 +107,7 @@ impl<'a> Acceptance<'a> {
         self.simulated_s = 0.0;
         off.extend(self.simulate(self.config.duration_s));
         loop {
-            off.extend(self.off_tabletop());
+            off.extend(self.off_support());
             if !off.is_empty() {
                 let respawned = self.handle_fallen(std::mem::take(&mut off), stream);
                 if respawned || (self.config.on_violation != OnViolation::Keep && self.engine.is_awake()) {
@@ -139,46 +144,44 @@ impl<'a> Acceptance<'a> {
         off
     }
 
-    /// Simulates for some time, or until all bodies sleep. Returns the objects that fell off the table meanwhile.
+    /// Simulates for some time, or until all bodies sleep. Returns the objects that fell off their supports meanwhile.
     fn simulate(&mut self, duration_s: f64) -> Vec<Fallen> {
-        let tabletop = self.place.tabletop.filter(|_| self.config.remove == Remove::OffTabletop);
-        let surface = self.place.surface;
-        // All of it is below the surface, wherever on the table it may be.
-        let is_below = |bounds: &Aabb| {
+        let (infos, surface) = (self.infos, self.surface);
+        let places: Vec<Option<&Place>> = (0..infos.len()).map(|body| self.place_to_stay(body)).collect();
+        // All of it is below the surface, wherever on the support it may be.
+        let is_below = |place: &Place, bounds: &Aabb| {
             let top = Point3::new(bounds.center().x, bounds.center().y, bounds.max.z);
-            tabletop.is_some_and(|tabletop| top.z < tabletop.height() && !surface.is_on(&tabletop, &top))
+            let region = &place.zone.support.surface;
+            top.z < region.height() && !surface.is_on(region, &top)
         };
         let mut fallen = Vec::new();
-        let leaves: Vec<bool> = (0..self.infos.len()).map(|body| self.leaves_off_tabletop(body)).collect();
-        let time = self.engine.run(duration_s, |body, bounds| leaves[body] && is_below(bounds), &mut fallen);
+        let leaves = |body: usize, bounds: &Aabb| places[body].is_some_and(|place| is_below(place, bounds));
+        let time = self.engine.run(duration_s, leaves, &mut fallen);
         self.simulated_s += time;
         self.report.simulated_s = self.report.simulated_s.max(time);
-        fallen.into_iter().map(|body| Fallen { body, reason: "fell off the table" }).collect()
+        let fell = |body: usize| Some(Fallen { body, reason: places[body]?.fell_off() });
+        fallen.into_iter().filter_map(fell).collect()
     }
 
-    /// Takes out objects whose center is off the tabletop.
-    fn off_tabletop(&mut self) -> Vec<Fallen> {
-        let (Remove::OffTabletop, Some(tabletop)) = (self.config.remove, self.place.tabletop) else {
-            return Vec::new();
-        };
+    /// Takes out objects whose center is not in the space above their support.
+    fn off_support(&mut self) -> Vec<Fallen> {
         let reason = |body: usize| {
-            let center = self.engine.center(body);
-            if self.place.ceiling_m.is_some_and(|ceiling| center.z > ceiling) {
-                Some("above the ceiling")
-            } else if self.place.surface.is_on(&tabletop, &center) {
+            let place = self.place_to_stay(body)?;
+            let (center, support) = (self.engine.center(body), &place.zone.support);
+            if place.ceiling_m.is_some_and(|ceiling| center.z > ceiling) {
+                Some("above the ceiling".to_owned())
+            } else if support.top().is_some_and(|top| center.z > top) {
+                Some(format!("above the space of the {}", support.name))
+            } else if self.surface.is_on(&support.surface, &center) {
                 None
-            } else if center.z < tabletop.height() {
-                Some("fell off the table")
+            } else if center.z < support.height() {
+                Some(place.fell_off())
             } else {
-                Some("beyond the edge of the table")
+                Some(format!("beyond the edge of the {}", support.name))
             }
         };
-        let off: Vec<Fallen> = self
-            .engine
-            .present()
-            .filter(|&body| self.leaves_off_tabletop(body) && !self.engine.is_broken(body))
-            .filter_map(|body| Some(Fallen { body, reason: reason(body)? }))
-            .collect();
+        let present = self.engine.present().filter(|&body| !self.engine.is_broken(body));
+        let off: Vec<Fallen> = present.filter_map(|body| Some(Fallen { body, reason: reason(body)? })).collect();
         off.iter().for_each(|fallen| self.engine.take(fallen.body));
         off
     }
@@ -187,14 +190,16 @@ impl<'a> Acceptance<'a> {
     fn handle_fallen(&mut self, off: Vec<Fallen>, stream: &Stream) -> bool {
         let (again, lost): (Vec<Fallen>, Vec<Fallen>) =
             off.into_iter().partition(|fallen| self.config.respawn_fallen && self.may_respawn(fallen.body));
-        self.removed.extend(lost.into_iter().map(|Fallen { body, reason }| (body, reason.to_owned())));
+        self.removed.extend(lost.into_iter().map(|Fallen { body, reason }| (body, reason)));
         again.iter().for_each(|fallen| self.respawn(fallen.body, stream));
         !again.is_empty()
     }
 
-    /// Whether a body is taken out once it is off the tabletop.
-    fn leaves_off_tabletop(&self, body: usize) -> bool {
-        self.infos[body].role == Role::Object || !self.place.has_floor
+    /// Where a body must stay, if it is taken out once it is elsewhere.
+    fn place_to_stay(&self, body: usize) -> Option<&'a Place> {
+        let BodyInfo { role, place, .. } = &self.infos[body];
+        let place = place.as_ref().filter(|_| self.config.remove == Remove::OffTabletop)?;
+        (*role == Role::Object || !place.has_floor).then_some(place)
     }
 
     fn may_respawn(&self, body: usize) -> bool {
@@ -202,6 +207,12 @@ impl<'a> Acceptance<'a> {
             && self.respawns[body] < self.config.max_respawns
             && self.simulated_s < MAX_DURATIONS * self.config.duration_s
             && !self.engine.is_broken(body)
+    }
+
+    /// What a body touches that is no other body of the simulation, in words.
+    fn furniture(&self, body: usize) -> String {
+        let support = self.infos[body].place.as_ref().map_or("table", |place| &place.zone.support.name);
+        format!("the {support} or the room")
     }
 
     /// Bodies that violate a limit, in the order of their indices.
@@ -245,7 +256,7 @@ impl<'a> Acceptance<'a> {
                 .max_by(|a, b| a.depth.total_cmp(&b.depth));
             if let Some(pair) = deepest {
                 let other = if pair.body == body { pair.other } else { Some(pair.body) };
-                let what = other.map_or("the table or the room", |other| &self.infos[other].name);
+                let what = other.map_or_else(|| self.furniture(body), |other| self.infos[other].name.clone());
                 let reason = format!("{:.1} mm deep in {what}", pair.depth * 1e3);
                 violators.push(Violator { body, reason, is_moving: false });
             }
@@ -309,12 +320,12 @@ impl<'a> Acceptance<'a> {
         Translation3::new(0.0, 0.0, lift) * pose
     }
 
-    /// Flat box to respawn a body over: where its placer drops bodies, the tabletop, or the extent of what is there.
+    /// Flat box to respawn a body over: where its placer drops bodies, or the extent of what is there.
     fn respawn_area(&self, body: usize) -> Aabb {
-        if let Some(tabletop) = self.place.tabletop {
-            let [x, y] = self.infos[body].respawn_half_m.unwrap_or(tabletop.size.map(|edge| edge / 2.0));
+        if let Some(Place { zone: DropZone { area, .. }, .. }) = &self.infos[body].place {
+            let [x, y] = area.size().map(|edge| edge / 2.0);
             let half = Vector3::new(x, y, 0.0);
-            return Aabb { min: tabletop.center() - half, max: tabletop.center() + half };
+            return Aabb { min: area.center() - half, max: area.center() + half };
         }
         let all = self.engine.present().map(|body| self.engine.bounds(body)).reduce(Aabb::union);
         all.unwrap_or(Aabb { min: Point3::origin(), max: Point3::origin() })

@@ -27,7 +27,7 @@ impl CollisionShape {
         let whole = match &parts[..] {
             [] => {
                 return Err(
-                    Error::new("no collision shape can be made of its mesh").help("check its size and its faces")
+                    Error::unlucky("no collision shape can be made of its mesh").help("check its size and its faces")
                 );
             }
             [one] => one.clone(),

@@ -1,4 +1,4 @@
-//! Settler: rigid bodies come to rest on the table (rapier3d, with a convex decomposition of its own).
+//! Settler: rigid bodies come to rest on their supports (rapier3d, with a convex decomposition of its own).
 //!
 //! The kind `rapier` takes a scene as the placers left it, lets every dynamic body fall, and returns poses at rest:
 //!
@@ -7,7 +7,7 @@
 //! 2. `static_body`: supports become convex parts too, with a thick slab under a flat tabletop; floor, walls and
 //!    ceiling become half-spaces.
 //! 3. `engine`: the simulation runs until everything sleeps or the time is over.
-//! 4. `acceptance`: bodies off the tabletop are removed or respawned. Bodies that still move get more time; those that
+//! 4. `acceptance`: bodies off their support are removed or respawned. Bodies that still move get more time; those that
 //!    move even then, or penetrate another deeper than a limit, are respawned above the pile or removed, and the rest
 //!    settles again, until no body violates a limit.
 //!

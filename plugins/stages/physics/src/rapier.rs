@@ -5,8 +5,8 @@ use syntable_model::prelude::*;
 
 /// Lets bodies fall and come to rest with the rapier3d rigid-body engine.
 ///
-/// Objects collide as convex parts. The simulation ends early when all bodies sleep. Then bodies off the tabletop are
-/// removed, and bodies that still move or penetrate another too deeply are respawned or removed, until no body violates
+/// Objects collide as convex parts. The simulation ends early when all bodies sleep. Then bodies off their support
+/// (the tabletop, or the support that their placer drops them on) are removed, and bodies that still move or penetrate another too deeply are respawned or removed, until no body violates
 /// a limit. The scene's settle report gives speeds, penetration depth, and which bodies were removed and why.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
@@ -52,7 +52,7 @@ pub struct Rapier {
     /// Which bodies are removed because of where they came to rest.
     pub(crate) remove: Remove,
     /// Whether objects that would be removed because of where they came to rest are respawned first, up to
-    /// `max_respawns` times each: nearly as many objects stay on the table as were dropped.
+    /// `max_respawns` times each: nearly as many objects stay on their support as were dropped.
     pub(crate) respawn_fallen: bool,
     /// What happens to an object that violates one of the limits below.
     pub(crate) on_violation: OnViolation,
@@ -94,7 +94,8 @@ pub enum Mass {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Remove {
-    /// Objects whose bounding-box center is below the tabletop, outside its width and length, or above the ceiling.
+    /// Objects whose bounding-box center is not in the space above their support: below its surface, outside its width and
+    /// length, or above the ceiling. The support is that on which their placer drops them, such as the tabletop.
     OffTabletop,
     /// No bodies.
     Keep,

@@ -5,12 +5,14 @@ use crate::collision_shape::CollisionShape;
 use crate::engine::Engine;
 use crate::hull_cache::{HullCache, Purpose};
 use crate::rapier::{Collision, Mass, Rapier, Remove};
-use crate::static_body::{self, SupportSurface};
+use crate::static_body::{self, SupportSurface, is_dynamic};
 use crate::units::HULL_OPTIONS;
 use syntable_model::context::{Context, Log};
 use syntable_model::error::{Error, Result};
 use syntable_model::geometry::{Point3, Pose};
-use syntable_model::scene::{BodyDraft, BodyHandle, Motion, Object, Removal, Role, SceneBuilder, SettleReport};
+use syntable_model::scene::{
+    BodyDraft, BodyHandle, DropZone, Object, Removal, Role, SceneBuilder, SettleReport, Support,
+};
 use syntable_model::stage::Settler;
 
 /// The settler of the kind `rapier`.
@@ -35,34 +37,34 @@ impl Settle {
 
 impl Settler for Settle {
     fn settle(&self, scene: &mut SceneBuilder, context: &Context) -> Result<SettleReport> {
-        let tabletop = match self.config.remove {
-            Remove::OffTabletop => Some(scene.tabletop()?),
-            Remove::Keep => scene.tabletop,
-        };
+        if self.config.remove == Remove::OffTabletop {
+            scene.support(None)?;
+        }
+        let supports = scene.supports.clone();
         for (_, body) in scene.bodies() {
             check(body, self.config.mass).map_err(|error| error.context(body.asset.to_string()))?;
         }
         if let Mass::Kg(kg) = self.config.mass {
             let dynamic: Vec<BodyHandle> =
-                scene.bodies().filter(|(_, body)| body.motion == Motion::Dynamic).map(|(handle, _)| handle).collect();
+                scene.bodies().filter(|(_, body)| is_dynamic(body)).map(|(handle, _)| handle).collect();
             dynamic.into_iter().for_each(|handle| scene.assign_mass(handle, kg));
         }
         let bodies: Vec<(BodyHandle, BodyDraft)> =
             scene.bodies().map(|(handle, body)| (handle, body.clone())).collect();
-        let is_room = |body: &BodyDraft| body.role == Role::Room && body.motion == Motion::Fixed;
+        let is_room = |body: &BodyDraft| body.role == Role::Room && !is_dynamic(body);
         let shaped: Vec<&(BodyHandle, BodyDraft)> = bodies.iter().filter(|(_, body)| !is_room(body)).collect();
-        let purpose = |body: &BodyDraft| static_body::purpose(body, tabletop.as_ref());
+        let purpose = |body: &BodyDraft| static_body::purpose(body, &supports);
         let objects: Vec<(&Object, Purpose)> = shaped.iter().map(|(_, body)| (&*body.object, purpose(body))).collect();
         let surface =
             SupportSurface::new(shaped.iter().map(|(_, body)| body).filter(|body| body.role == Role::Support));
         let shapes = self.hull_cache.shapes(&objects, context.cache, context.workers, context.log);
 
-        // Positions of objects: no wall may be between them and the table.
+        // Positions of objects: no wall may be between them and the supports.
         let inside: Vec<Point3<f64>> = bodies
             .iter()
-            .filter(|(_, body)| body.motion == Motion::Dynamic)
+            .filter(|(_, body)| is_dynamic(body))
             .map(|(_, body)| body.world_bounds().center())
-            .chain(tabletop.map(|tabletop| tabletop.center()))
+            .chain(supports.iter().map(Support::center))
             .collect();
         let mut static_bodies = Vec::new();
         for (_, body) in bodies.iter().filter(|(_, body)| is_room(body)) {
@@ -78,31 +80,30 @@ impl Settler for Settle {
         for ((handle, body), shape) in shaped.into_iter().zip(shapes) {
             let shape = shape.map_err(|error| error.context(body.asset.to_string()))?;
             self.warn_of_filled_hollows(body, purpose(body), &shape, context.log);
-            match body.motion {
-                Motion::Fixed => static_bodies.extend(static_body::support(body, &shape, tabletop.as_ref(), &surface)),
-                Motion::Dynamic => dynamic.push((*handle, body, shape)),
+            if is_dynamic(body) {
+                dynamic.push((*handle, body, shape));
+            } else {
+                static_bodies.extend(static_body::support(body, &shape, &supports, &surface));
             }
         }
         static_bodies.push(static_body::ground(0.0));
 
         let infos: Vec<BodyInfo> = dynamic
             .iter()
-            .map(|(_, body, _)| BodyInfo {
+            .map(|(handle, body, _)| BodyInfo {
                 role: body.role,
                 spawn: body.spawn,
                 name: body.asset.to_string(),
                 start: body.world_from_body,
-                respawn_half_m: body.respawn_half_m,
+                place: scene.drop_zone(*handle).map(|zone| place(scene, zone)),
             })
             .collect();
-        let place =
-            Place { tabletop, surface: &surface, ceiling_m: scene.ceiling_height(), has_floor: scene.has_floor() };
         let mut engine = Engine::new(&self.config, static_bodies);
         for (_, body, shape) in &dynamic {
             engine.add(body, shape.clone());
         }
         let (Outcome { report, removed }, poses) = engine.on_threads(self.threads, |engine| {
-            let outcome = Acceptance::new(&self.config, engine, &infos, place).run(&context.stream);
+            let outcome = Acceptance::new(&self.config, engine, &infos, &surface).run(&context.stream);
             let poses: Vec<(usize, Pose)> = engine.present().map(|body| (body, engine.pose(body))).collect();
             (outcome, poses)
         })?;
@@ -144,15 +145,21 @@ impl Settle {
     }
 }
 
+/// Where a body of a drop zone is accepted.
+fn place(scene: &SceneBuilder, zone: DropZone) -> Place {
+    let (ceiling_m, has_floor) = (scene.ceiling_height(&zone.support), scene.has_floor(&zone.support));
+    Place { zone, ceiling_m, has_floor }
+}
+
 /// Refuses bodies that cannot be simulated.
 fn check(body: &BodyDraft, mass: Mass) -> Result<()> {
     let pose = &body.world_from_body;
     if !pose.translation.vector.iter().chain(pose.rotation.coords.iter()).all(|x| x.is_finite()) {
-        return Err(Error::new("its start pose is not finite"));
+        return Err(Error::unlucky("its start pose is not finite"));
     }
     let kg = body.mass.kg;
-    if body.motion == Motion::Dynamic && mass == Mass::Real && !body.mass.is_sound() {
-        return Err(Error::new(format!("its mass is {kg} kg"))
+    if is_dynamic(body) && mass == Mass::Real && !body.mass.is_sound() {
+        return Err(Error::unlucky(format!("its mass is {kg} kg"))
             .help("give it a mass with `mass` or `properties` of its pool, or set `mass` in [settle]"));
     }
     Ok(())

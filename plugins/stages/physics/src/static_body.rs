@@ -16,7 +16,7 @@ use parry3d::query::{Ray, RayCast};
 use parry3d::shape::{Compound, HalfSpace, SharedShape, TriMesh, TriMeshFlags};
 use syntable_convex::ConvexHull;
 use syntable_model::geometry::{Aabb, Point3, Vector3};
-use syntable_model::scene::{Body, Role, Tabletop};
+use syntable_model::scene::{Body, Motion, Region, Role, Support, Supports};
 
 /// A room part is flat if its shortest edge is at most this fraction of the next longer one.
 const MAX_FLATNESS: f64 = 0.05;
@@ -24,10 +24,10 @@ const MAX_FLATNESS: f64 = 0.05;
 /// Minimum thickness of a room part that is not a half-space, meters.
 const MIN_WALL_M: f64 = 0.05;
 
-/// Thickness of the slab under a flat top, meters.
+/// Maximum thickness of the slab under a flat top, meters.
 const SLAB_M: f32 = 0.1;
 
-/// Faces within this distance of the height of the tabletop belong to it, meters.
+/// Faces within this distance of the height of a support belong to its surface, meters.
 const TOP_TOLERANCE_M: f64 = 0.001;
 
 /// A top is flat if its faces cover at least this fraction of their convex outline.
@@ -66,14 +66,14 @@ impl SupportSurface {
         Some(point.z - units::meters(hits.reduce(f32::min)?))
     }
 
-    /// Whether a point is above a tabletop, which may have a rim and recesses: within its width and length, and not below
-    /// the surface there.
-    pub fn is_on(&self, tabletop: &Tabletop, point: &Point3<f64>) -> bool {
+    /// Whether a point is above the region of a support, which may have a rim and recesses: within its outline, and not
+    /// below the surface there.
+    pub fn is_on(&self, region: &Region, point: &Point3<f64>) -> bool {
         // A ray that starts on the surface may miss it.
-        let lifted = Point3::new(point.x, point.y, point.z.max(tabletop.height()) + 0.01);
-        tabletop.column_contains(&lifted)
-            && (point.z >= tabletop.height()
-                || self.below(&lifted).is_some_and(|z| point.z >= z - SUNK_M && tabletop.height() - z <= RECESS_M))
+        let lifted = Point3::new(point.x, point.y, point.z.max(region.height()) + 0.01);
+        region.column_contains(&lifted)
+            && (point.z >= region.height()
+                || self.below(&lifted).is_some_and(|z| point.z >= z - SUNK_M && region.height() - z <= RECESS_M))
     }
 }
 
@@ -133,24 +133,24 @@ pub fn room_part<Id>(body: &Body<Id>, inside: &[Point3<f64>]) -> Option<StaticBo
     Some(StaticBody { pose: units::pose(&pose), whole: SharedShape::new(mesh), friction })
 }
 
-/// The static bodies of a support: the slab under its top, if that is flat, and its convex parts.
+/// The static bodies of a support: the slabs under its flat surfaces, if it has any, and its convex parts.
 pub fn support<Id>(
     body: &Body<Id>,
     shape: &CollisionShape,
-    tabletop: Option<&Tabletop>,
+    supports: &Supports,
     surface: &SupportSurface,
 ) -> Vec<StaticBody> {
     let friction = friction(body.friction);
     let pose = units::pose(&body.world_from_body);
-    let slab = tabletop.and_then(|tabletop| slab(body, tabletop));
+    let slabs: Vec<Slab> = supports.iter().filter_map(|support| slab(body, support, supports)).collect();
     let mut parts: Vec<SharedShape> = shape.parts.clone();
-    if slab.is_none() {
+    if slabs.is_empty() {
         parts = parts.into_iter().map(|part| backed(&part, &pose, surface).unwrap_or(part)).collect();
     }
     let mut bodies = Vec::new();
-    if let Some(slab) = slab {
+    for slab in slabs {
         parts = parts.into_iter().filter_map(|part| below_slab(part, &pose, &slab)).collect();
-        if let Some(shape) = slab.polyhedron(units::PER_METER) {
+        if let Some(shape) = slab.hull.polyhedron(units::PER_METER) {
             bodies.push(StaticBody { pose: EnginePose::IDENTITY, whole: SharedShape::new(shape), friction });
         }
     }
@@ -170,23 +170,38 @@ fn half_space(point: Point3<f64>, normal: Vector3<f64>, friction: f32) -> Static
     }
 }
 
-/// What a body is to others.
-pub fn purpose<Id>(body: &Body<Id>, tabletop: Option<&Tabletop>) -> Purpose {
-    match (body.role, tabletop) {
-        (Role::Support, Some(tabletop)) if slab(body, tabletop).is_some() => Purpose::Flat,
-        (Role::Support, Some(_)) => Purpose::Relief,
-        _ => Purpose::Body,
-    }
+/// Whether physics moves a body. Bodies of other motions, known or not, are static.
+pub fn is_dynamic<Id>(body: &Body<Id>) -> bool {
+    body.motion == Motion::Dynamic
 }
 
-/// The slab under a flat top, world frame; none if the top is not flat, not convex, or has a hole.
-fn slab<Id>(body: &Body<Id>, tabletop: &Tabletop) -> Option<ConvexHull> {
+/// What a body is to others.
+pub fn purpose<Id>(body: &Body<Id>, supports: &Supports) -> Purpose {
+    if body.role != Role::Support || supports.main().is_none() {
+        return Purpose::Body;
+    }
+    // Nothing rests beside a flat top, but the walls of a bin are beside its flat bottom.
+    let highest = body.world_bounds().max.z;
+    let is_top =
+        |support: &Support| highest <= support.height() + TOP_TOLERANCE_M && slab(body, support, supports).is_some();
+    if supports.iter().any(is_top) { Purpose::Flat } else { Purpose::Relief }
+}
+
+/// A thick board under a flat surface.
+struct Slab {
+    hull: ConvexHull,
+    thickness_m: f32,
+}
+
+/// The slab under the flat surface of a support, world frame; none if the surface is not flat, not convex, or has a hole.
+/// It ends above the space of the supports below.
+fn slab<Id>(body: &Body<Id>, support: &Support, supports: &Supports) -> Option<Slab> {
     let mesh = &body.object.mesh;
     let mut covered_area = 0.0;
     let mut corners_xy: Vec<[f64; 2]> = Vec::new();
     for triangle in 0..mesh.data().triangles.len() {
         let corners = mesh.corners(triangle).map(|p| body.world_from_body * p);
-        if corners.iter().all(|p| (p.z - tabletop.height()).abs() <= TOP_TOLERANCE_M) {
+        if corners.iter().all(|p| (p.z - support.height()).abs() <= TOP_TOLERANCE_M) {
             let [a, b, c] = corners;
             covered_area += (b - a).cross(&(c - a)).z.abs() / 2.0;
             corners_xy.extend(corners.map(|p| [p.x, p.y]));
@@ -196,10 +211,12 @@ fn slab<Id>(body: &Body<Id>, tabletop: &Tabletop) -> Option<ConvexHull> {
     if outline.len() < 3 || covered_area < MIN_COVERAGE * area(&outline) {
         return None;
     }
-    let top = tabletop.height() as f32;
+    let spaces = supports.iter().filter_map(Support::top).filter(|space| *space < support.height());
+    let thickness_m = spaces.map(|space| (support.height() - space) as f32).fold(SLAB_M, f32::min);
+    let top = support.height() as f32;
     let points: Vec<[f32; 3]> =
-        outline.iter().flat_map(|&[x, y]| [top, top - SLAB_M].map(|z| [x as f32, y as f32, z])).collect();
-    units::hull(&points)
+        outline.iter().flat_map(|&[x, y]| [top, top - thickness_m].map(|z| [x as f32, y as f32, z])).collect();
+    Some(Slab { hull: units::hull(&points)?, thickness_m })
 }
 
 /// A part of a support, extended downwards so that nothing is pressed through it; none if it is thick, or if there is
@@ -231,21 +248,22 @@ fn backed(part: &SharedShape, pose: &EnginePose, surface: &SupportSurface) -> Op
 }
 
 /// The remainder of a support's part below the slab; none if the slab covers all of it.
-fn below_slab(part: SharedShape, pose: &EnginePose, slab: &ConvexHull) -> Option<SharedShape> {
+fn below_slab(part: SharedShape, pose: &EnginePose, slab: &Slab) -> Option<SharedShape> {
+    let Slab { hull: slab, thickness_m } = slab;
     let hull = part.as_convex_polyhedron()?;
     let top = slab.points.iter().map(|p| p[2]).fold(f32::NEG_INFINITY, f32::max);
     // Points are projected to the slab's mid-height, so that only its outline counts.
-    let projected = |p: [f32; 3]| [p[0], p[1], top - SLAB_M / 2.0];
+    let projected = |p: [f32; 3]| [p[0], p[1], top - thickness_m / 2.0];
     let world: Vec<[f32; 3]> = hull.points().iter().map(|p| (*pose * *p / units::PER_METER).to_array()).collect();
     let within = |p: &[f32; 3]| slab.max_plane_distance(projected(*p)) <= 0.002;
-    if world.iter().all(|p| within(p) && p[2] >= top - SLAB_M - 0.002) {
+    if world.iter().all(|p| within(p) && p[2] >= top - thickness_m - 0.002) {
         return None;
     }
     if world.iter().all(within) {
         // A leg: cut off at half the height of the slab.
         let points: Vec<[f32; 3]> = world
             .iter()
-            .map(|p| Vector::new(p[0], p[1], p[2].min(top - SLAB_M / 2.0)) * units::PER_METER)
+            .map(|p| Vector::new(p[0], p[1], p[2].min(top - thickness_m / 2.0)) * units::PER_METER)
             .map(|p| (pose.inverse() * p / units::PER_METER).to_array())
             .collect();
         return Some(SharedShape::new(units::hull(&points)?.polyhedron(units::PER_METER)?));

@@ -289,12 +289,12 @@ fn piles_at_rest_are_carried_by_the_table() {
 #[test]
 fn the_ground_counts_where_there_is_no_floor() {
     let mut scene = SceneBuilder::default();
-    scene.tabletop = Some(Tabletop { center: [0.0; 3], size: [1.0; 2] });
+    scene.supports = Support::new("table", Region::rectangle([0.0; 3], [1.0; 2])).into();
     scene.add(dynamic(&block("cube", [0.1; 3], 1.0), at(0.0, 0.0, 0.05)));
     let found = relations_of(&frozen(scene), "");
     assert_eq!(edges(&found).into_keys().collect::<Vec<_>>(), [(0, 1)]);
     let mut scene = SceneBuilder::default();
-    scene.tabletop = Some(Tabletop { center: [0.0; 3], size: [1.0; 2] });
+    scene.supports = Support::new("table", Region::rectangle([0.0; 3], [1.0; 2])).into();
     let floor = object("floor", cuboid([0.0; 3], [4.0, 4.0, 0.0]), 1.0);
     scene.add(draft(&floor, at(0.0, 0.0, 0.0), Role::Room, Motion::Fixed));
     scene.add(dynamic(&block("cube", [0.1; 3], 1.0), at(0.0, 0.0, 0.05)));

@@ -53,7 +53,7 @@ fn bodies_rest_on_a_round_table_and_not_beside_it() {
     let leg = cuboid([0.0, 0.0, 0.355], [0.1, 0.1, 0.71]);
     let mut scene = SceneBuilder::default();
     scene.add(draft(&object("round", join([disc, leg]), 9.0), at(0.0, 0.0, 0.0), Role::Support, Motion::Fixed));
-    scene.tabletop = Some(Tabletop { center: [0.0, 0.0, 0.75], size: [1.0, 1.0] });
+    scene.supports = Support::new("table", Region::rectangle([0.0, 0.0, 0.75], [1.0, 1.0])).into();
     scene.add(dynamic(&cube(), at(0.3, 0.3, 0.85)));
     scene.add(dynamic(&cube(), at(0.44, 0.44, 0.85)));
     let report = settle("", &mut scene);
@@ -121,7 +121,7 @@ fn bodies_off_the_tabletop_are_removed() {
         let mut scene = table_scene();
         let step = object("step", cuboid([0.0; 3], [0.3, 0.3, 0.1]), 1.0);
         scene.add(draft(&step, at(0.9, 0.0, 0.5), Role::Support, Motion::Fixed));
-        scene.tabletop = Some(Tabletop { center: [0.0, 0.0, TABLE_HEIGHT], size: [0.4, 0.4] });
+        scene.supports = Support::new("table", Region::rectangle([0.0, 0.0, TABLE_HEIGHT], [0.4, 0.4])).into();
         let far = object("far", cuboid([1.0, 0.0, 0.0], [CUBE; 3]), 0.2);
         let rest = TABLE_HEIGHT + f64::from(CUBE) / 2.0;
         scene.add(dynamic(&cube(), at(0.195, 0.0, rest))); // inside
@@ -247,7 +247,9 @@ fn a_respawned_body_keeps_to_its_placer() {
     let mut scene = caged_cube();
     let handle = scene.bodies().find(|(_, body)| body.role == Role::Object).expect("a cube").0;
     let body = scene.remove(handle).expect("a cube");
-    scene.add(BodyDraft { respawn_half_m: Some([0.05, 0.08]), ..body });
+    let support = scene.support(None).expect("a table").clone();
+    let area = Region::rectangle(support.center().into(), [0.1, 0.16]);
+    scene.drop_body(body, DropZone { support, area });
     let report = settle("", &mut scene);
     assert!(report.removed.is_empty() && report.respawned >= 1, "{report:?}");
     let pose = objects(&scene).next().expect("a cube").world_from_body;
@@ -321,10 +323,56 @@ fn nothing_rests_on_the_ceiling() {
     scene.add(draft(&ceiling, at(0.0, 0.0, 1.55), Role::Room, Motion::Fixed));
     scene.add(dynamic(&cube(), at(0.0, 0.0, TABLE_HEIGHT + 0.1)));
     scene.add(dynamic(&cube(), at(0.2, 0.0, 1.7)));
-    assert!(scene.ceiling_height().is_some_and(|height| (height - 1.5).abs() < 1e-6));
+    assert!(
+        scene.ceiling_height(scene.support(None).expect("a table")).is_some_and(|height| (height - 1.5).abs() < 1e-6)
+    );
     let report = settle("", &mut scene);
     let removed: Vec<(u32, &str)> = report.removed.iter().map(|r| (r.spawn, &r.reason[..])).collect();
     assert_eq!(removed, [(1, "above the ceiling")]);
+}
+
+#[test]
+fn each_body_is_judged_by_the_support_that_it_is_dropped_on() {
+    // A second support is a board of 0.4 m × 0.4 m, 0.2 m above one end of the table, with 0.3 m of space above it.
+    let settled = |board: [f64; 2], on_board: bool, options: &str| {
+        let mut scene = table_scene();
+        let plank = object("plank", cuboid([0.0; 3], [0.4, 0.4, 0.02]), 1.0);
+        scene.add(draft(&plank, at(0.3, 0.0, TABLE_HEIGHT + 0.19), Role::Support, Motion::Fixed));
+        let surface = Region::rectangle([0.3, 0.0, TABLE_HEIGHT + 0.2], [0.4, 0.4]);
+        scene.supports.add(Support::new("board", surface).with_clear_height(0.3)).expect("new");
+        let name = on_board.then(|| "board".into());
+        let support = scene.support(name.as_ref()).expect("there").clone();
+        let zone = DropZone { area: support.surface, support };
+        scene.drop_body(dynamic(&cube(), at(board[0], 0.0, TABLE_HEIGHT + board[1])), zone);
+        let report = settle(options, &mut scene);
+        report.removed.first().map(|removal| removal.reason.clone())
+    };
+    let once = "on_violation = \"remove\"";
+    assert_eq!(settled([0.3, 0.3], true, once), None, "it lies on the board");
+    assert_eq!(settled([-0.3, 0.1], true, once).as_deref(), Some("fell off the board"), "it lies on the table beside");
+    assert_eq!(settled([-0.3, 0.1], false, once), None, "where those of the table belong");
+    assert_eq!(settled([0.3, 0.1], false, once), None, "and under the board");
+    assert_eq!(settled([-0.3, 0.1], true, "respawn_fallen = true"), None, "it starts again above the board");
+}
+
+#[test]
+fn a_bin_of_one_mesh_keeps_its_walls() {
+    // Walls and floor of 0.02 m around an inside of 0.36 m × 0.26 m × 0.18 m.
+    let mut scene = SceneBuilder::default();
+    let bin = object("bin", tray([0.4, 0.3, 0.2], 0.02), 1.0);
+    scene.add(draft(&bin, at(0.0, 0.0, 0.0), Role::Support, Motion::Fixed));
+    scene.supports.add(Support::new("bin", Region::rectangle([0.0, 0.0, 0.02], [0.36, 0.26]))).expect("new");
+    // Pushed towards a wall by the cube that it falls on.
+    for (x, z) in [(0.1, 0.1), (0.12, 0.2), (-0.1, 0.1), (-0.12, 0.25)] {
+        scene.add(dynamic(&cube(), at(x, 0.05, z)));
+    }
+    let report = settle("on_violation = \"keep\"", &mut scene);
+    assert!(report.removed.is_empty() && report.deepest_penetration_m < 0.005, "{report:?}");
+    for body in objects(&scene) {
+        let bounds = body.world_bounds();
+        assert!(bounds.min.z > 0.015 && bounds.max.x < 0.185 && bounds.min.x > -0.185, "{bounds:?}");
+        assert!(bounds.max.y < 0.135 && bounds.min.y > -0.135, "{bounds:?}");
+    }
 }
 
 #[test]
@@ -408,7 +456,7 @@ fn forty_objects_are_accepted() {
 #[test]
 fn too_many_objects_on_a_tiny_tabletop_terminate() {
     let mut scene = table_scene();
-    scene.tabletop = Some(Tabletop { center: [0.0, 0.0, TABLE_HEIGHT], size: [0.12, 0.12] });
+    scene.supports = Support::new("table", Region::rectangle([0.0, 0.0, TABLE_HEIGHT], [0.12, 0.12])).into();
     drop_objects(&mut scene, &kit_objects(), 12, 5);
     let report = settle("max_respawns = 2\nduration_s = 1.0\nmax_speed_m_s = 0.0001", &mut scene);
     assert_eq!(objects(&scene).count() + report.removed.len(), 12);
@@ -652,7 +700,7 @@ fn rimmed_table() -> SceneBuilder {
     let table = join([MeshData { positions, ..rimmed }].into_iter().chain(legs));
     let mut scene = SceneBuilder::default();
     scene.add(draft(&object("rimmed", table, 20.0), at(0.0, 0.0, 0.0), Role::Support, Motion::Fixed));
-    scene.tabletop = Some(Tabletop { center: [0.0, 0.0, 0.75], size: [1.2, 0.8] });
+    scene.supports = Support::new("table", Region::rectangle([0.0, 0.0, 0.75], [1.2, 0.8])).into();
     scene
 }
 
@@ -685,7 +733,7 @@ fn a_marble_lies_on_the_bottom_of_a_dish() {
     let mut scene = SceneBuilder::default();
     let size = bowl.mesh.bounds().size();
     scene.add(draft(&bowl, at(0.0, 0.0, 0.0), Role::Support, Motion::Fixed));
-    scene.tabletop = Some(Tabletop { center: [0.0, 0.0, size.z], size: [size.x, size.y] });
+    scene.supports = Support::new("table", Region::rectangle([0.0, 0.0, size.z], [size.x, size.y])).into();
     let marble = object("marble", sphere(0.01), 0.01);
     for x in [-0.03, 0.0, 0.03] {
         scene.add(dynamic(&marble, at(x, 0.01, 0.09)));
@@ -705,7 +753,7 @@ fn a_thin_tray_is_not_pressed_through() {
     let mut scene = SceneBuilder::default();
     let thin = object("tray", tray([0.5, 0.4, 0.02], 0.001), 1.0);
     scene.add(draft(&thin, at(0.0, 0.0, 0.5), Role::Support, Motion::Fixed));
-    scene.tabletop = Some(Tabletop { center: [0.0, 0.0, 0.52], size: [0.5, 0.4] });
+    scene.supports = Support::new("table", Region::rectangle([0.0, 0.0, 0.52], [0.5, 0.4])).into();
     let weight = object("weight", cuboid([0.0; 3], [0.08; 3]), 20.0);
     let card = object("card", cuboid([0.0; 3], [0.09, 0.06, 0.001]), 0.005);
     for i in 0..3 {
@@ -772,7 +820,7 @@ fn real_tables_carry() {
         let mut scene = SceneBuilder::default();
         let pose = at(-center.x, -center.y, -bounds.min.z);
         scene.add(draft(&table, pose, Role::Support, Motion::Fixed));
-        scene.tabletop = Some(Tabletop { center: [0.0, 0.0, size.z], size: [size.x, size.y] });
+        scene.supports = Support::new("table", Region::rectangle([0.0, 0.0, size.z], [size.x, size.y])).into();
         let places = [(0.0, 0.0), (0.3, 0.3), (-0.3, 0.3), (0.3, -0.3), (-0.3, -0.3), (0.0, 0.35)];
         for (object, (x, y)) in kit_objects().iter().zip(places) {
             scene.add(dynamic(object, at(x * size.x, y * size.y, size.z + 0.1)));

@@ -1,4 +1,4 @@
-//! Clutter on the floor around the table.
+//! Clutter on the floor around a support.
 
 use crate::material::MaterialReplacement;
 use crate::oriented_box::OrientedBox;
@@ -7,7 +7,7 @@ use std::f64::consts::{FRAC_PI_2, TAU};
 use std::sync::Arc;
 use syntable_model::geometry::{Aabb, UnitQuaternion, Vector3, space_around};
 use syntable_model::prelude::*;
-use syntable_model::scene::{AssetRef, BodyDraft, Motion, Object, Role, Tabletop};
+use syntable_model::scene::{AssetRef, BodyDraft, Motion, Object, Region, Role};
 
 /// Minimum gap around a distractor, meters.
 const GAP_M: f64 = 0.005;
@@ -15,11 +15,11 @@ const GAP_M: f64 = 0.005;
 /// Maximum number of assets drawn for one distractor until one is within `size_m`.
 const MAX_DRAWS: u32 = 32;
 
-/// Places distractors on the floor around the table: static objects that are visible and cast shadows, but have no
+/// Places distractors on the floor around a support such as the table: static objects that are visible and cast shadows, but have no
 /// masks.
 ///
 /// A distractor is upright or on one of its sides, with uniform yaw and its lowest point on the floor, z = 0. Its
-/// position is uniform over the floor at a horizontal distance of `distance_m[0]` to `distance_m[1]` from the tabletop,
+/// position is uniform over the floor at a horizontal distance of `distance_m[0]` to `distance_m[1]` from the support,
 /// within the walls of the room and free of other bodies. A distractor for which no position is found is left out. For
 /// distractors on the table, use `drop_box` with `annotated = false`.
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
@@ -31,7 +31,10 @@ pub struct Distractors {
     #[serde(default = "a_few")]
     #[schemars(extend("minimum" = COUNT[0], "maximum" = COUNT[1]))]
     count: IntDist,
-    /// Minimum and maximum horizontal distance between a distractor's bounding box and the tabletop, meters.
+    /// Name of the support to place them around. If left out, it is the first that a step sets.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    support: Option<SupportName>,
+    /// Minimum and maximum horizontal distance between a distractor's bounding box and the support, meters.
     #[serde(default = "around")]
     #[schemars(inner(range(min = 0.0, max = 1000.0)))]
     distance_m: [f64; 2],
@@ -91,12 +94,8 @@ impl Config for Distractors {
 register!(Distractors);
 
 impl Placer for Distractors {
-    fn tabletop(&self) -> PartUse {
-        PartUse::Needs
-    }
-
-    fn floor(&self) -> PartUse {
-        PartUse::None
+    fn parts(&self) -> Option<Vec<PartUse>> {
+        Some(vec![PartUse::Needs(Part::support(self.support.as_ref()))])
     }
 
     fn places_objects(&self) -> bool {
@@ -104,9 +103,9 @@ impl Placer for Distractors {
     }
 
     fn place(&self, scene: &mut SceneBuilder, context: &Context) -> Result<()> {
-        let tabletop = scene.tabletop()?;
+        let surface = scene.support(self.support.as_ref())?.surface;
         let parts = scene.bodies().filter(|(_, body)| body.role == Role::Room).map(|(_, body)| body.world_bounds());
-        let room = space_around(&tabletop.center(), parts);
+        let room = space_around(&surface.center(), parts);
         let mut taken: Vec<OrientedBox> = scene
             .bodies()
             .filter(|(_, body)| body.role != Role::Room)
@@ -116,8 +115,7 @@ impl Placer for Distractors {
             let stream = context.stream.child("object").at(k);
             let Some((asset, object)) = self.asset(context, &mut stream.child("asset"))? else { continue };
             let rotation = self.rotation(&mut stream.child("rotation"));
-            let Some(pose) =
-                self.free_pose(&object, rotation, &tabletop, &room, &mut taken, &mut stream.child("place"))
+            let Some(pose) = self.free_pose(&object, rotation, &surface, &room, &mut taken, &mut stream.child("place"))
             else {
                 continue;
             };
@@ -162,7 +160,7 @@ impl Distractors {
         &self,
         object: &Object,
         rotation: UnitQuaternion<f64>,
-        tabletop: &Tabletop,
+        surface: &Region,
         room: &Aabb,
         taken: &mut Vec<OrientedBox>,
         stream: &mut Stream,
@@ -170,19 +168,16 @@ impl Distractors {
         let bounds = rotated_bounds(&object.mesh, &rotation);
         let (size, center) = (bounds.size(), bounds.center());
         let [nearest, farthest] = self.distance_m;
-        let half_range = [0, 1].map(|k| tabletop.size[k] / 2.0 + farthest + size[k] / 2.0);
+        let (edges, middle) = (surface.size(), surface.center());
+        let half_range = [0, 1].map(|k| edges[k] / 2.0 + farthest + size[k] / 2.0);
         for _ in 0..self.max_tries {
             let at: [f64; 2] = std::array::from_fn(|k| stream.uniform(-half_range[k], half_range[k]));
-            let beside = [0, 1].map(|k| (at[k].abs() - (tabletop.size[k] + size[k]) / 2.0).max(0.0));
+            let beside = [0, 1].map(|k| (at[k].abs() - (edges[k] + size[k]) / 2.0).max(0.0));
             let distance = libm::hypot(beside[0], beside[1]);
             if distance < nearest.max(1e-9) || distance > farthest {
                 continue;
             }
-            let shift = Vector3::new(
-                tabletop.center[0] + at[0] - center.x,
-                tabletop.center[1] + at[1] - center.y,
-                -bounds.min.z,
-            );
+            let shift = Vector3::new(middle.x + at[0] - center.x, middle.y + at[1] - center.y, -bounds.min.z);
             let (low, high) = (bounds.min + shift, bounds.max + shift);
             let inside = |k: usize| room.min[k] + GAP_M <= low[k] && high[k] + GAP_M <= room.max[k];
             if !(inside(0) && inside(1) && high.z <= room.max.z) {

@@ -1,11 +1,11 @@
-//! Objects that start in a box above the tabletop.
+//! Objects that start in a box above a support.
 
 use crate::material::MaterialReplacement;
 use crate::oriented_box::OrientedBox;
 use std::sync::Arc;
 use syntable_model::geometry::{Point3, UnitQuaternion, Vector3};
 use syntable_model::prelude::*;
-use syntable_model::scene::{Asset, AssetRef, BodyDraft, Motion, Object, Role, Tabletop};
+use syntable_model::scene::{Asset, AssetRef, BodyDraft, DropZone, Motion, Object, Region, Role};
 
 /// Minimum gap between the bounding boxes of any two bodies, meters.
 const GAP_M: f64 = 0.001;
@@ -13,13 +13,14 @@ const GAP_M: f64 = 0.001;
 /// Maximum number of times that the box grows for one object before the object is placed above all others.
 const MAX_GROWTHS: u32 = 16;
 
-/// Draws objects and places them in a box above the tabletop, from where the settler drops them.
+/// Draws objects and places them in a box above a support such as the tabletop, from where the settler drops them.
 ///
 /// The center of each object's bounding box is uniform in a box that is `width_factor` times as wide and long as the
-/// tabletop and starts `clearance_m` above it. Objects are numbered in the order in which they are drawn.
+/// support and starts `clearance_m` above it. Objects are numbered in the order in which they are drawn.
 ///
 /// With `overlap_free`, no two bounding boxes overlap at the start: up to `max_tries` positions are drawn per object,
-/// then the box grows upwards until the object fits. The box ends at the ceiling of the room.
+/// then the box grows upwards until the object fits. The box ends at the ceiling of the room, or where the space of the
+/// support ends.
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct DropBox {
@@ -32,7 +33,10 @@ pub struct DropBox {
     /// Whether the same asset can occur more than once in a scene.
     #[serde(default = "yes")]
     with_replacement: bool,
-    /// Height of the bottom of the box above the tabletop, meters.
+    /// Name of the support to drop on. If left out, it is the first that a step sets.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    support: Option<SupportName>,
+    /// Height of the bottom of the box above the support, meters.
     #[serde(default = "clearance")]
     #[schemars(range(min = 0.0, max = 100.0))]
     clearance_m: f64,
@@ -40,7 +44,7 @@ pub struct DropBox {
     #[serde(default = "height")]
     #[schemars(range(min = 0.0, max = 100.0))]
     height_m: f64,
-    /// Ratio of the width and length of the box to those of the tabletop: 1 in the paper, 0.6 in SynTable's released code.
+    /// Ratio of the width and length of the box to those of the support: 1 in the paper, 0.6 in SynTable's released code.
     #[serde(default = "one")]
     #[schemars(range(min = 0.0, max = 10.0))]
     width_factor: f64,
@@ -58,7 +62,7 @@ pub struct DropBox {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     material: Option<MaterialReplacement>,
     /// Whether the objects are labeled. If not, they are distractors: they fall and occlude like objects, have no
-    /// masks, and stay on the floor when they fall off the table. Without a floor they are removed then, as they are
+    /// masks, and stay on the floor when they fall off the support. Without a floor they are removed then, as they are
     /// where they are still moving in the end.
     #[serde(default = "yes")]
     annotated: bool,
@@ -136,12 +140,8 @@ impl Config for DropBox {
 register!(DropBox);
 
 impl Placer for DropBox {
-    fn tabletop(&self) -> PartUse {
-        PartUse::Needs
-    }
-
-    fn floor(&self) -> PartUse {
-        PartUse::None
+    fn parts(&self) -> Option<Vec<PartUse>> {
+        Some(vec![PartUse::Needs(Part::support(self.support.as_ref()))])
     }
 
     fn places_objects(&self) -> bool {
@@ -149,7 +149,7 @@ impl Placer for DropBox {
     }
 
     fn place(&self, scene: &mut SceneBuilder, context: &Context) -> Result<()> {
-        let tabletop = scene.tabletop()?;
+        let support = scene.support(self.support.as_ref())?.clone();
         let count = self.count.draw(&mut context.stream.child("count")) as usize;
         let once = if self.with_replacement { None } else { Some(self.distinct(count, context)?) };
         let mut taken: Vec<OrientedBox> = scene
@@ -157,7 +157,8 @@ impl Placer for DropBox {
             .filter(|(_, body)| body.role != Role::Room)
             .map(|(_, body)| OrientedBox::new(&body.object.mesh.bounds(), &body.world_from_body, GAP_M / 2.0))
             .collect();
-        let mut space = StartBox::new(self, &tabletop, scene.ceiling_height())?;
+        let zone = DropZone { area: support.surface.scaled(self.width_factor), support };
+        let mut space = StartBox::new(self, &zone, scene.space_top(&zone.support))?;
         for k in 0..once.as_ref().map_or(count, Vec::len) {
             let stream = context.stream.child("object").at(k as u64);
             let (asset, object) = match &once {
@@ -183,12 +184,12 @@ impl Placer for DropBox {
             let motion = if self.fixed { Motion::Fixed } else { Motion::Dynamic };
             let body = BodyDraft::new(asset, object, pose, role, motion).with_material_override(surface);
             let draw = |dist: &Dist, name: &str| dist.draw(&mut stream.child(name));
-            scene.add(BodyDraft {
+            let body = BodyDraft {
                 friction: self.friction.as_ref().map_or(body.friction, |dist| draw(dist, "friction")),
                 restitution: self.restitution.as_ref().map(|dist| draw(dist, "restitution")),
-                respawn_half_m: Some(space.half),
                 ..body
-            });
+            };
+            scene.drop_body(body, zone.clone());
         }
         Ok(())
     }
@@ -201,7 +202,7 @@ impl DropBox {
         let max_count = self.count.range().1;
         if max_count > all.len() as i64 {
             let message = format!("`count` can become {max_count}, but there are {} assets to draw from", all.len());
-            return Err(Error::new(message).help("set with_replacement = true, or a smaller count").permanent());
+            return Err(Error::new(message).help("set with_replacement = true, or a smaller count"));
         }
         let mut drawn = Vec::new();
         let mut last = None;
@@ -251,7 +252,7 @@ impl DropBox {
         let level = OrientedBox::new(&bounds, &pose_at(object, rotation, at), GAP_M / 2.0);
         at.z = taken.iter().map(OrientedBox::top).fold(space.low, f64::max) + level.half_height() + GAP_M;
         if at.z + level.half_height() > space.ceiling {
-            return Err(Error::new("there is no place left for it between the tabletop and the ceiling"));
+            return Err(Error::unlucky("there is no place left for it in the space above the support"));
         }
         let pose = pose_at(object, rotation, at);
         taken.push(OrientedBox::new(&bounds, &pose, GAP_M / 2.0));
@@ -275,36 +276,31 @@ impl DropRotation {
 
 /// The box of initial positions.
 struct StartBox {
-    center: Point3<f64>,
-    half: [f64; 2],
+    area: Region,
     low: f64,
     high: f64,
-    /// Height of the ceiling, meters; infinite under the open sky.
+    /// Height at which the space above the support ends, meters; infinite under the open sky.
     ceiling: f64,
 }
 
 impl StartBox {
-    fn new(options: &DropBox, tabletop: &Tabletop, ceiling: Option<f64>) -> Result<Self> {
-        let low = tabletop.height() + options.clearance_m;
+    fn new(options: &DropBox, zone: &DropZone, ceiling: Option<f64>) -> Result<Self> {
+        let low = zone.area.height() + options.clearance_m;
         let ceiling = ceiling.unwrap_or(f64::INFINITY);
         if low >= ceiling {
-            return Err(Error::new(format!(
-                "the box starts {low:.2} m above the floor, and the ceiling is at {ceiling:.2} m"
+            return Err(Error::unlucky(format!(
+                "the box starts {low:.2} m above the floor, and the space above `{}` ends at {ceiling:.2} m",
+                zone.support.name
             ))
             .help("lower `clearance_m`, or raise the height of the room"));
         }
-        Ok(Self {
-            center: tabletop.center(),
-            half: tabletop.size.map(|edge| options.width_factor * edge / 2.0),
-            low,
-            high: ceiling.min(low + options.height_m),
-            ceiling,
-        })
+        Ok(Self { area: zone.area, low, high: ceiling.min(low + options.height_m), ceiling })
     }
 
     fn draw(&self, stream: &mut Stream) -> Point3<f64> {
-        let [x, y] = self.half.map(|half| stream.uniform(-half, half));
-        Point3::new(self.center.x + x, self.center.y + y, stream.uniform(self.low, self.high))
+        let ([x, y], center) =
+            (self.area.size().map(|edge| stream.uniform(-edge / 2.0, edge / 2.0)), self.area.center());
+        Point3::new(center.x + x, center.y + y, stream.uniform(self.low, self.high))
     }
 }
 

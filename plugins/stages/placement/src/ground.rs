@@ -1,5 +1,6 @@
 //! The ground of an environment.
 
+use crate::floor_support::{FloorSupport, floor_parts};
 use crate::room::{POOL, parts, refuse_second_floor, slab};
 use std::sync::Arc;
 use syntable_model::prelude::*;
@@ -22,6 +23,9 @@ pub struct Ground {
     /// its floor in true size.
     #[schemars(extend("minimum" = HEIGHT_M[0], "maximum" = HEIGHT_M[1]))]
     projection_height_m: Dist,
+    /// Makes an area of the ground a support, for scenes without a table: `{ name = "floor", size_m = [1.5, 1.5] }`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    support: Option<FloorSupport>,
 }
 
 /// Limits of `size_m`, meters.
@@ -31,7 +35,7 @@ const HEIGHT_M: [f64; 2] = [0.1, 100.0];
 
 impl Default for Ground {
     fn default() -> Self {
-        Self { size_m: Dist::Constant(500.0), projection_height_m: Dist::Constant(1.5) }
+        Self { size_m: Dist::Constant(500.0), projection_height_m: Dist::Constant(1.5), support: None }
     }
 }
 
@@ -49,12 +53,8 @@ impl Config for Ground {
 register!(Ground);
 
 impl Placer for Ground {
-    fn tabletop(&self) -> PartUse {
-        PartUse::None
-    }
-
-    fn floor(&self) -> PartUse {
-        PartUse::Sets
+    fn parts(&self) -> Option<Vec<PartUse>> {
+        Some(floor_parts(self.support.as_ref()))
     }
 
     fn places_objects(&self) -> bool {
@@ -63,6 +63,7 @@ impl Placer for Ground {
 
     fn place(&self, scene: &mut SceneBuilder, context: &Context) -> Result<()> {
         refuse_second_floor(scene)?;
+        self.support.as_ref().map_or(Ok(()), |support| support.add_to(scene))?;
         let half = self.size_m.draw(&mut context.stream.child("size")) / 2.0;
         let height = self.projection_height_m.draw(&mut context.stream.child("height"));
         let [floor, ..] = parts([half; 2], 1.0);

@@ -1,4 +1,4 @@
-//! Placers: room, ground, table, objects that start in a box above the table, and clutter on the floor.
+//! Placers: room, ground, table, objects that start in a box above a support, and clutter on the floor.
 //!
 //! **Invariants.** Every random number comes from a named child of the stage's stream, one per surface or object, so
 //! that one object's draws do not depend on the number of another's. Poses place the center of a mesh's bounding box,
@@ -6,6 +6,7 @@
 
 mod distractors;
 mod drop_box;
+mod floor_support;
 mod ground;
 mod material;
 mod oriented_box;

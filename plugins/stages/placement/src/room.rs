@@ -1,5 +1,6 @@
 //! The room: floor, four walls and a ceiling.
 
+use crate::floor_support::{FloorSupport, floor_parts};
 use crate::material::{TEXTURE_SCALE, any_angle_deg, check_scale, draw_material, real_size};
 use crate::table::rotated_bounds;
 use std::sync::Arc;
@@ -41,6 +42,9 @@ pub struct Room {
     walls_alike: bool,
     /// Whether to leave out walls and ceiling.
     floor_only: bool,
+    /// Makes an area of the floor a support, for scenes without a table: `{ name = "floor", size_m = [1.5, 1.5] }`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    support: Option<FloorSupport>,
     /// Rotation of the textures, degrees, drawn per surface.
     texture_rotation_deg: Dist,
     /// Scale of the textures relative to their real size, 0.001 to 1000, drawn per surface.
@@ -72,6 +76,7 @@ impl Default for Room {
             material: RoomMaterials::default(),
             walls_alike: false,
             floor_only: false,
+            support: None,
             texture_rotation_deg: any_angle_deg(),
             texture_scale: real_size(),
         }
@@ -98,12 +103,8 @@ impl Config for Room {
 register!(Room);
 
 impl Placer for Room {
-    fn tabletop(&self) -> PartUse {
-        PartUse::None
-    }
-
-    fn floor(&self) -> PartUse {
-        PartUse::Sets
+    fn parts(&self) -> Option<Vec<PartUse>> {
+        Some(floor_parts(self.support.as_ref()))
     }
 
     fn places_objects(&self) -> bool {
@@ -112,6 +113,7 @@ impl Placer for Room {
 
     fn place(&self, scene: &mut SceneBuilder, context: &Context) -> Result<()> {
         refuse_second_floor(scene)?;
+        self.support.as_ref().map_or(Ok(()), |support| support.add_to(scene))?;
         let size = self.size_m.draw(&mut context.stream.child("size"));
         let length = self.length_m.as_ref().map_or(size, |length| length.draw(&mut context.stream.child("length")));
         let half = [size / 2.0, length / 2.0];
@@ -147,7 +149,7 @@ impl Placer for Room {
 pub fn refuse_second_floor(scene: &SceneBuilder) -> Result<()> {
     if scene.bodies().any(|(_, body)| body.role == Role::Room && body.asset.name == "floor") {
         let help = "keep one [[place]] of the kinds `room` and `ground`";
-        return Err(Error::new("there is a floor already").help(help).permanent());
+        return Err(Error::new("there is a floor already").help(help));
     }
     Ok(())
 }
@@ -173,7 +175,7 @@ pub fn refuse_table_through_wall(scene: &SceneBuilder) -> Result<()> {
                 "the table {table} of {x:.2} m × {y:.2} m × {z:.2} m reaches through the {} of the room",
                 wall.asset.name
             );
-            return Err(Error::new(message).help(
+            return Err(Error::unlucky(message).help(
                 "give the room a larger `size_m` or `height_m`, or the table a `longer_side_m`; if all tables of the pool are too \
                  large, look at the unit of their meshes",
             ));

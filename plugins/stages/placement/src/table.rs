@@ -6,10 +6,9 @@ use std::sync::Arc;
 use syntable_model::digest::Hasher;
 use syntable_model::geometry::{Aabb, Point3, UnitQuaternion, Vector3};
 use syntable_model::prelude::*;
-use syntable_model::scene::{BodyDraft, Mesh, Motion, Object, Role, Tabletop};
+use syntable_model::scene::{BodyDraft, Mesh, Motion, Object, Region, Role, Support};
 
-/// Draws a table, places it on the floor at the center of the room, and sets the tabletop to the top of its bounding
-/// box.
+/// Draws a table, places it on the floor at the center of the room, and makes the top of its bounding box a support.
 ///
 /// The tabletop follows the paper: w and l are the extents of the table's bounding box along world x and y, h its
 /// height. Legs and overhangs count, and a round table counts as its bounding rectangle. The box is aligned with the
@@ -41,6 +40,18 @@ pub struct Table {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("minimum" = LONGER_SIDE_M[0], "maximum" = LONGER_SIDE_M[1]))]
     longer_side_m: Option<Dist>,
+    /// Name of the tabletop among the scene's supports, for the option `support` of other stages.
+    #[serde(default = "default_support", skip_serializing_if = "is_default_support")]
+    #[schemars(length(min = 1))]
+    support: String,
+}
+
+fn default_support() -> String {
+    "table".to_owned()
+}
+
+fn is_default_support(name: &String) -> bool {
+    *name == default_support()
 }
 
 /// Limits of `longer_side_m`, meters.
@@ -66,12 +77,8 @@ impl Config for Table {
 register!(Table);
 
 impl Placer for Table {
-    fn tabletop(&self) -> PartUse {
-        PartUse::Sets
-    }
-
-    fn floor(&self) -> PartUse {
-        PartUse::None
+    fn parts(&self) -> Option<Vec<PartUse>> {
+        Some(vec![PartUse::Sets(Part::Support(self.support.clone()))])
     }
 
     fn places_objects(&self) -> bool {
@@ -79,9 +86,6 @@ impl Placer for Table {
     }
 
     fn place(&self, scene: &mut SceneBuilder, context: &Context) -> Result<()> {
-        if scene.tabletop.is_some() {
-            return Err(Error::new("there is a tabletop already").help("keep one [[place]] kind = \"table\""));
-        }
         let (asset, object) = context.assets.draw_object(&self.from, &mut context.stream.child("asset"))?;
         let yaw = self.yaw_deg.draw(&mut context.stream.child("yaw")).to_radians();
         let rotation = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), yaw);
@@ -89,7 +93,7 @@ impl Placer for Table {
         let shift = Vector3::new(-bounds.center().x, -bounds.center().y, -bounds.min.z);
         let (size, pose) = (bounds.size(), Pose::from_parts(shift.into(), rotation));
         if size.min() < 1e-6 {
-            return Err(Error::new(format!("the table {asset} is flat: its box is {size:?} m")));
+            return Err(Error::unlucky(format!("the table {asset} is flat: its box is {size:?} m")));
         }
         let material = match &self.material {
             Some(pools) if context.stream.child("keep").chance(self.material_probability) => {
@@ -99,8 +103,11 @@ impl Placer for Table {
             }
             _ => None,
         };
-        scene.tabletop = Some(Tabletop { center: [0.0, 0.0, size.z], size: [size.x, size.y] });
-        scene.add(BodyDraft::new(asset, object, pose, Role::Support, Motion::Fixed).with_material_override(material));
+        let body = BodyDraft::new(asset, object, pose, Role::Support, Motion::Fixed).with_material_override(material);
+        refuse_table_in_support(scene, &body)?;
+        let surface = Region::rectangle([0.0, 0.0, size.z], [size.x, size.y]);
+        scene.supports.add(Support::new(self.support.as_str(), surface))?;
+        scene.add(body);
         refuse_table_through_wall(scene)
     }
 }
@@ -123,6 +130,20 @@ impl Table {
         let object = Arc::unwrap_or_clone(object).transformed(Vector3::zeros(), scale)?;
         let bounds = rotated_bounds(&object.mesh, rotation);
         Ok((Arc::new(Object { digest, ..object }), bounds))
+    }
+}
+
+/// Tables stand at the center of the room, where there is room for one.
+fn refuse_table_in_support(scene: &SceneBuilder, table: &BodyDraft) -> Result<()> {
+    let bounds = table.world_bounds();
+    let overlaps = |other: &Aabb| (0..3).all(|k| bounds.min[k] < other.max[k] && bounds.max[k] > other.min[k]);
+    let mut supports = scene.bodies().map(|(_, body)| body).filter(|body| body.role == Role::Support);
+    match supports.find(|other| overlaps(&other.world_bounds())) {
+        Some(other) => {
+            let message = format!("the table {} would stand in {}", table.asset, other.asset);
+            Err(Error::new(message).help("keep one [[place]] kind = \"table\", before steps that place supports on it"))
+        }
+        None => Ok(()),
     }
 }
 

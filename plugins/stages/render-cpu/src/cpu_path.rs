@@ -172,7 +172,7 @@ impl CpuPathSession {
             .iter()
             .any(|key| [COVERAGE.id(), COVERAGE.before_support().id(), OBJECT_DEPTHS.id()].contains(key))
         {
-            return Err(Error::new("several tiles have no sets of objects").help("render them one by one").permanent());
+            return Err(Error::new("several tiles have no sets of objects").help("render them one by one"));
         }
         let cut: Vec<OnceLock<Labels>> = tiles.iter().map(|_| OnceLock::new()).collect();
         request.workers.run(tiles.len(), &|number| {
@@ -230,6 +230,13 @@ impl RenderSession for CpuPathSession {
         // The last scene is let go first, so that two are never held at once.
         self.world = None;
         self.world = Some(World::new(scene, &self.caches, workers));
+        Ok(())
+    }
+
+    fn pose(&mut self, scene: &Arc<Scene>, workers: &dyn Workers) -> Result<()> {
+        // The trees of the bodies stay alive until the new top level has them, whatever the caches keep.
+        let before = self.world.take();
+        self.world = Some(World::posed(scene, &self.caches, before.as_ref(), workers));
         Ok(())
     }
 

@@ -57,9 +57,17 @@ pub(crate) struct Passed {
 impl World {
     /// Prepares a scene, body by body over the workers.
     pub fn new(scene: &Scene, caches: &Caches, workers: &dyn Workers) -> Self {
+        Self::posed(scene, caches, None, workers)
+    }
+
+    /// Prepares a scene with the trees of another moment of it, if there is one: only the top level is built anew.
+    pub fn posed(scene: &Scene, caches: &Caches, before: Option<&Self>, workers: &dyn Workers) -> Self {
         let bodies = scene.bodies();
         let prepared = PreparedScene::new(scene, &caches.scene, workers);
         let build = |i: usize| {
+            if let Some(tree) = before.and_then(|world| world.trees.get(i)) {
+                return Arc::clone(tree);
+            }
             let object = &bodies[i].object;
             let data = object.mesh.data();
             let build = || MeshBvh::build(&data.positions, &data.triangles);

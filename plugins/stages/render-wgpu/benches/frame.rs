@@ -8,7 +8,7 @@
 use std::sync::{Arc, Barrier};
 use std::thread;
 use std::time::Instant;
-use syntable_denoise::guided::Guided;
+use syntable_guided::Guided;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{
     ALBEDO, COVERAGE, DENOISE_ALBEDO, DEPTH, INSTANCE, NORMAL, RADIANCE, RENDER_REPORT,

@@ -9,7 +9,7 @@ mod common;
 
 use common::{Card, reference, render};
 use std::time::Instant;
-use syntable_denoise::guided::Guided;
+use syntable_guided::Guided;
 use syntable_render_wgpu::Adapters;
 use syntable_testing::room;
 use syntable_testing::workers::Threads;

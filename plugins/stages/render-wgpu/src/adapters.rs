@@ -101,8 +101,7 @@ fn chosen(all: &[AdapterInfo], wanted: Option<&str>) -> Result<Vec<usize>> {
         let wanted = wanted.unwrap_or_default();
         let names = all.iter().map(|info| info.name.as_str()).collect::<Vec<_>>().join(", ");
         return Err(Error::new(format!("no graphics adapter has `{wanted}` in its name, as {WANTED} says"))
-            .help(format!("there are {names}: set {WANTED} to a part of a name, or unset it"))
-            .permanent());
+            .help(format!("there are {names}: set {WANTED} to a part of a name, or unset it")));
     };
     let alike = (0..all.len()).filter(|&number| all[number].is_like(best));
     Ok(alike.take(if best.is_hardware() { all.len() } else { 1 }).collect())
@@ -119,7 +118,6 @@ fn none(unable: &[String]) -> Error {
             "install the driver of the card, with Vulkan (Linux: the loader `libvulkan1`, too), or set `render.kind = \"cpu_path\"`; \
              `mesa-vulkan-drivers` has a program in place of a card, for tests",
         )
-        .permanent()
 }
 
 /// Bytes of the largest buffer of which the shaders can number the words.

@@ -306,8 +306,7 @@ impl Device {
         }
         let (name, mib, most) = (self.name(), bytes >> 20, self.max_buffer() >> 20);
         Err(Error::new(format!("{what} needs {mib} MiB, and a buffer of {name} holds {most}"))
-            .help("lower the resolution, or render with `cpu_path`")
-            .permanent())
+            .help("lower the resolution, or render with `cpu_path`"))
     }
 
     /// Whether it traces rays itself.

@@ -11,7 +11,7 @@ use crate::session::{Buffers, Gathered, GpuSession, World};
 use crate::tables::NONE;
 use crate::view::View;
 use std::ops::Range;
-use syntable_denoise::guided::Guided;
+use syntable_guided::Guided;
 use syntable_model::context::Workers;
 use syntable_model::error::{Error, Result};
 use syntable_model::product::standard::{
@@ -300,8 +300,7 @@ impl GpuSession {
         if width.max(height) > MOST {
             let name = self.device.name();
             return Err(Error::new(format!("{width} × {height} pixels are more than {name} lists"))
-                .help("lower the resolution, place fewer objects, or render with `cpu_path`")
-                .permanent());
+                .help("lower the resolution, place fewer objects, or render with `cpu_path`"));
         }
         let mut list = Vec::with_capacity(pixels.count as usize);
         for Tile { window, at: [x, y], .. } in &request.tiles {

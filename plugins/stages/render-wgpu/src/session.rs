@@ -390,7 +390,7 @@ fn shading_words(mesh: &syntable_prepare::ShadingMesh) -> Vec<[u32; 4]> {
 mod tests {
     use super::*;
     use crate::adapters::Adapters;
-    use syntable_denoise::guided::Guided;
+    use syntable_guided::Guided;
     use syntable_model::prelude::*;
     use syntable_model::product::standard::{
         COVERAGE, DENOISE_ALBEDO, DEPTH, INSTANCE, RADIANCE, RADIANCE_NOISY, RADIANCE_SPECULAR, RADIANCE_VARIANCE,

@@ -52,8 +52,7 @@ impl Shown {
                 (.., one, _) => {
                     let count = if one.is_none() { "no body" } else { "several bodies" };
                     return Err(Error::new(format!("one of several tiles shows {count}, at {at:?}"))
-                        .help("give each of several tiles one body")
-                        .permanent());
+                        .help("give each of several tiles one body"));
                 }
             };
             tiles.push(ShownTile { window, at, seen, alone });

@@ -8,7 +8,7 @@ use syntable_model::product::Lighting;
 use syntable_model::product::Plane;
 use syntable_model::product::standard::*;
 use syntable_model::scene::{
-    EnvironmentLight, EnvironmentMap, Light, Material, Role, Scalar, SceneId, SettleReport, Tabletop,
+    EnvironmentLight, EnvironmentMap, Light, Material, Region, Role, Scalar, SceneId, SettleReport, Support,
 };
 use syntable_model::stage::{Atlas, Bodies, Window};
 use syntable_prepare::labels::BlendedLabels;
@@ -191,7 +191,7 @@ fn white_bodies_in_even_light_are_not_seen() {
     let request = RenderRequest::new(&view, &wants, Stream::root(7), &Threads(2));
     for (metallic, roughness) in [(1.0, 0.4), (1.0, 0.0), (0.0, 0.5), (0.0, 0.1)] {
         let mut builder = SceneBuilder::default();
-        builder.tabletop = Some(Tabletop { center: [0.0; 3], size: [1.0, 1.0] });
+        builder.supports = Support::new("table", Region::rectangle([0.0; 3], [1.0, 1.0])).into();
         let mut object = (*scenes::object("cube", scenes::box_mesh([0.3; 3]), [1.0; 3])).clone();
         object.materials = vec![Arc::new(Material {
             metallic: Scalar::constant(metallic),

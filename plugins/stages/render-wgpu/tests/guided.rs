@@ -6,7 +6,7 @@ mod common;
 
 use common::{Card, FAR, Rgb, render};
 use std::sync::Arc;
-use syntable_denoise::guided::Guided;
+use syntable_guided::Guided;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::*;
 use syntable_model::product::{Lighting, Plane};

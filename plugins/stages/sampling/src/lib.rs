@@ -8,7 +8,7 @@
 //!
 //! **Invariants.** The pose and the lights of a view are functions of the scene, the view's number and the random
 //! stream. Lengths are meters. Light is photometric: an option in lux is the unoccluded illuminance that the light
-//! alone gives at the center of the tabletop, on a plane that faces a light, or on the horizontal plane for windows and
+//! alone gives at the center of a support such as the tabletop, on a plane that faces a light, or on the horizontal plane for windows and
 //! environments.
 
 pub mod camera;

@@ -95,7 +95,7 @@ pub fn evaluate(registry: &Registry, options: &EvaluateOptions, work: &Work) -> 
     let (format, truth) = predictions::open(registry, gt, options.truth_format.as_deref())?;
     check_masks(&truth, &gt.path)?;
     if truth.images.is_empty() {
-        return Err(Error::new("the dataset has no image").in_file(&gt.path).permanent());
+        return Err(Error::new("the dataset has no image").in_file(&gt.path));
     }
     let (predictions_format, predictions) = Predictions::open(
         registry,
@@ -234,7 +234,6 @@ impl Paired {
             return Err(Error::new("a prediction has no category of the ground truth")
                 .in_file(&self.predictions_at)
                 .help("predict the `category_id` that the annotation file of the ground truth has, or leave --by-category out")
-                .permanent()
                 .context(name()));
         }
         let crowds = self.truth.crowds(image).map_err(|error| error.context(name()))?;

@@ -123,8 +123,7 @@ impl Pair {
         if let Some(other) = sizes.iter().find(|size| **size != sizes[0]) {
             let [(a, b), (c, d)] = [*other, sizes[0]];
             return Err(Error::new(format!("a mask has {a} × {b} pixels, another of its image {c} × {d}"))
-                .help("predict masks of the size of the image")
-                .permanent());
+                .help("predict masks of the size of the image"));
         }
         Ok(self)
     }

@@ -86,10 +86,7 @@ impl LabelMaps {
         let [visible, amodal, occlusion] = folders(root);
         let none = || {
             let names = FOLDERS[0].join("` or `");
-            Error::new("there are no label maps")
-                .in_file(root)
-                .help(format!("PNG files in it, or in `{names}`"))
-                .of_request()
+            Error::new("there are no label maps").in_file(root).help(format!("PNG files in it, or in `{names}`"))
         };
         let maps = stems(&visible.ok_or_else(none)?)?;
         if maps.is_empty() {
@@ -102,7 +99,7 @@ impl LabelMaps {
                 let wrong = |what: &str| {
                     let help =
                         "masks are called as the label map is, with `_` and the number of the object, from 1 to 65535";
-                    Error::new(what.to_owned()).in_file(&path).help(help).of_request()
+                    Error::new(what.to_owned()).in_file(&path).help(help)
                 };
                 let (name, label) =
                     labeled(&stem).ok_or_else(|| wrong("its name does not end with the number of an object"))?;

@@ -123,8 +123,7 @@ pub fn linked(more: &[Arc<dyn MetricKind>]) -> Result<Vec<Arc<dyn MetricKind>>> 
             pair[0].owner(),
             pair[1].owner()
         ))
-        .help("link one of them only")
-        .permanent()),
+        .help("link one of them only")),
     }
 }
 
@@ -176,9 +175,9 @@ impl Measures {
         let all = linked(more)?;
         if let Some(name) = names.iter().find(|name| all.iter().all(|it| it.name() != name.as_str())) {
             let known: Vec<&str> = all.iter().map(|it| it.name()).collect();
-            return Err(Error::new(format!("there is no metric `{name}`"))
-                .help(format!("these are: {}", known.join(", ")))
-                .of_request());
+            return Err(
+                Error::new(format!("there is no metric `{name}`")).help(format!("these are: {}", known.join(", ")))
+            );
         }
         let wanted = all.iter().filter(|it| names.is_empty() || names.iter().any(|name| it.name() == name));
         Ok(Self(wanted.map(|it| it.build(convention)).collect()))

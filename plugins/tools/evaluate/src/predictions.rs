@@ -87,8 +87,7 @@ impl Predictions {
                 if own != size {
                     let ([a, b], [c, d]) = (own, size);
                     return Err(Error::new(format!("the prediction has {a} × {b} pixels, the ground truth {c} × {d}"))
-                        .help("predict masks of the size of the image")
-                        .permanent());
+                        .help("predict masks of the size of the image"));
                 }
                 for it in &mut instances {
                     (it.id, it.category) = (0, it.category.and_then(|own| categories.get(&own).copied()));
@@ -135,9 +134,9 @@ pub fn instances(
     let amodal = &products.get(AMODAL_MASK)?.0;
     let occlusion = wants.contains(&OCCLUSION_MASK.id()).then(|| products.get(OCCLUSION_MASK)).transpose()?;
     if let Some(id) = visible.keys().find(|id| !amodal.contains_key(id)) {
-        return Err(Error::new(format!("object {} has no amodal mask", id.0))
-            .help("`syntable validate` lists what is wrong")
-            .permanent());
+        return Err(
+            Error::new(format!("object {} has no amodal mask", id.0)).help("`syntable validate` lists what is wrong")
+        );
     }
     let of = |(id, amodal): (&InstanceId, &Mask)| {
         let visible = visible.get(id).cloned().unwrap_or_else(|| Mask::empty(amodal.width(), amodal.height()));
@@ -162,14 +161,13 @@ fn lacks(name: impl std::fmt::Display, path: &Path) -> Error {
     Error::new(format!("the dataset has no `{name}`"))
         .in_file(path)
         .help("evaluation needs visible masks of objects, and of labeled ones amodal masks, too")
-        .permanent()
 }
 
 /// For each image of the ground truth, the number of the predicted one.
 fn paired(path: &Path, own: &[ImageRef], (truth, images): (&Path, &[ImageRef])) -> Result<Vec<usize>> {
     let known = Names::of(images.iter().map(|it| it.name.as_str()));
     let mut pairs: Vec<Option<usize>> = vec![None; images.len()];
-    let refuse = |message: String, help: &'static str| Error::new(message).in_file(path).help(help).permanent();
+    let refuse = |message: String, help: &'static str| Error::new(message).in_file(path).help(help);
     for (number, image) in own.iter().enumerate() {
         let Some(of) = known.find(&image.name) else {
             let message = format!("image \"{}\" is not in {}", image.name, truth.display());

@@ -105,9 +105,8 @@ impl Results {
             images.iter().enumerate().filter_map(|(number, image)| Some((image.id?, number))).collect();
         elements(path, &mut |start, line, bytes| {
             let head: Head = parse(path, line, bytes)?;
-            let wrong = |message: String, help: &str| {
-                Error::new(message).in_file(path).at_line(line).help(help.to_owned()).permanent()
-            };
+            let wrong =
+                |message: String, help: &str| Error::new(message).in_file(path).at_line(line).help(help.to_owned());
             if !head.score.is_finite() {
                 return Err(wrong(format!("the score {} is no number", head.score), "leave the prediction out"));
             }
@@ -146,9 +145,8 @@ impl Results {
             let mut bytes = vec![0; place.length];
             file.seek(SeekFrom::Start(place.start)).and_then(|_| file.read_exact(&mut bytes)).map_err(fail)?;
             let prediction: Prediction = parse(&self.path, place.line, &bytes)?;
-            let instance = prediction
-                .instance(size, occluded)
-                .map_err(|error| error.in_file(&self.path).at_line(place.line).permanent())?;
+            let instance =
+                prediction.instance(size, occluded).map_err(|error| error.in_file(&self.path).at_line(place.line))?;
             Ok(Instance { score: Some(place.score), category: place.category, ..instance })
         };
         let places = &self.places[image];
@@ -194,7 +192,6 @@ fn parse<T: for<'de> Deserialize<'de>>(path: &Path, line: usize, bytes: &[u8]) -
             .in_file(path)
             .at_line(line)
             .help("a prediction is an object with `image_id`, `score` and `segmentation`")
-            .permanent()
     })
 }
 
@@ -212,7 +209,7 @@ fn elements(path: &Path, each: Each) -> Result<()> {
         let bytes = file.fill_buf().map_err(fail)?;
         if bytes.is_empty() {
             let cut = || Error::new("the list of predictions ends early").in_file(path).at_line(line);
-            return if depth == 0 { Ok(()) } else { Err(cut().help("write the file again").permanent()) };
+            return if depth == 0 { Ok(()) } else { Err(cut().help("write the file again")) };
         }
         for &byte in bytes {
             let is_between = depth == 1 && !in_text && (byte == b',' || byte == b']');

@@ -22,7 +22,6 @@ pub fn ranked_by(measures: &Measures, name: Option<&str>) -> Result<(usize, Stri
         Some(name) => place(name).ok_or_else(|| {
             Error::new(format!("there is no score `{name}` to rank images by"))
                 .help(format!("some are: {}", names.iter().take(8).cloned().collect::<Vec<_>>().join(", ")))
-                .of_request()
         })?,
         None => place(RANKED_BY).unwrap_or(0),
     };

@@ -78,7 +78,7 @@ impl Coding {
     /// The image of a file that [`encode`](Self::encode) made. Its header is compared with the limits before anything is
     /// unpacked.
     pub fn decode(&self, file: &[u8]) -> Result<Tensor> {
-        let refuse = |what: String| Error::new(what).permanent();
+        let refuse = |what: String| Error::new(what);
         check_header(file)?;
         let image =
             read().no_deep_data().largest_resolution_level().all_channels().first_valid_layer().all_attributes();
@@ -127,7 +127,7 @@ impl Coding {
 
 /// Refuses a file whose header states more than the limits, or more blocks than the file has room for.
 fn check_header(file: &[u8]) -> Result<()> {
-    let refuse = |what: String| Err(Error::new(what).permanent());
+    let refuse = |what: String| Err(Error::new(what));
     let meta = match MetaData::read_from_buffered(Cursor::new(file), false) {
         Ok(meta) => meta,
         Err(error) => return refuse(format!("not a readable EXR file: {error}")),
@@ -168,7 +168,7 @@ pub fn encode_layers(images: &[ImageLayer], precision: Precision) -> Result<Vec<
         let other = *size.get_or_insert(own);
         if other != own {
             let sizes = format!("{} × {}, not {} × {}", own.0, own.1, other.0, other.1);
-            return Err(Error::new(format!("layer `{name}` is {sizes} as the first")).permanent());
+            return Err(Error::new(format!("layer `{name}` is {sizes} as the first")));
         }
         let prefix = if name.is_empty() { String::new() } else { format!("{name}.") };
         channels.extend(coding.channels(tensor, &prefix, precision));

@@ -35,7 +35,7 @@ pub fn arrays(product: &str, key: &KeyId, value: &Value, size: [usize; 2]) -> Re
         check(&Kind::of(key, value)).map_err(Error::new)?;
         Array::of(value)
     };
-    let explain = |error: Error| error.context(format!("product `{product}`")).permanent();
+    let explain = |error: Error| error.context(format!("product `{product}`"));
     match value {
         Value::PerInstance(each) => {
             let values = if each.is_empty() {

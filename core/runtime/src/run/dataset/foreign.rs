@@ -1,31 +1,26 @@
 //! Whether a dataset may be worked on, which somebody else may have made: its own folder has no links, and its lists name
 //! files of the dataset alone. Looked at before anything is written, moved or removed.
 
-use crate::run::dataset::folder::{BIN, FINISHED, RECORD, SCENES, STAGING};
-use crate::run::dataset::inside::{is_link, linked};
+use crate::run::dataset::layout::{self, BIN, FINISHED, MARK, RECIPE, RECORD, SCENES, STAGING};
 use crate::workers::{self, Pool};
 use parking_lot::Mutex;
 use serde::Deserialize;
 use serde::de::IgnoredAny;
 use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
-use std::fs::{self, File, FileType};
-use std::io::{ErrorKind, Read};
-use std::path::Path;
+use std::io::Read;
 use syntable_model::context::{Serial, Workers};
 use syntable_model::error::{Error, Result};
-use syntable_model::files::{DatasetPath, RESERVED};
+use syntable_model::files::DatasetPath;
 use syntable_model::limits::{Limit, RUN_LIST_BYTES};
 use syntable_model::some::SHOWN;
-
-const MARK: &str = RESERVED[0];
-const RECIPE: &str = RESERVED[1];
+use syntable_model::store::{Kind as FileKind, StoreFolder};
 
 /// A list of files in the program's own folder. Its place says what it lists.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 pub struct List {
-    /// Its path, with `/` between folders.
-    pub path: String,
+    /// Its path.
+    pub path: DatasetPath,
     kind: Kind,
 }
 
@@ -133,46 +128,48 @@ const CHANGED: &str =
     "nothing was touched; no run writes that: somebody changed the dataset, and it may be made to harm";
 
 impl Odd {
-    fn into_error(self, root: &Path) -> Error {
-        Error::new(self.what).in_file(root.join(self.path)).help(CHANGED).permanent()
+    fn into_error(self, dataset: &StoreFolder) -> Error {
+        Error::new(self.what).in_file(dataset.name_of(&self.path)).help(CHANGED)
     }
 }
 
 /// Refuses a dataset whose own folder is reached by a link. Asked before it is locked.
-pub fn check_mark(root: &Path) -> Result<()> {
-    let mut found = Vec::new();
-    for path in [MARK.to_owned(), format!("{MARK}/lock")] {
-        let Ok(there) = fs::symlink_metadata(root.join(&path)) else { break };
-        let is_mark = path == MARK;
-        if (is_mark && !there.is_dir()) || (!is_mark && !there.is_file()) {
-            found.push(Odd { what: what_is(there.file_type(), is_mark), path });
-            break;
+pub fn check_mark(dataset: &StoreFolder) -> Result<()> {
+    for (path, expected) in [(MARK.to_owned(), FileKind::Folder), (layout::lock().to_string(), FileKind::File)] {
+        match dataset.look(&path)?.map(|there| there.kind) {
+            Some(kind) if kind != expected => {
+                return Err(Odd { what: what_is(kind, expected), path }.into_error(dataset));
+            }
+            Some(_) => {}
+            None => break,
         }
     }
-    found.into_iter().next().map_or(Ok(()), |odd| Err(odd.into_error(root)))
+    Ok(())
 }
 
 /// Refuses a dataset whose own folder has links, whose lists name files that are not its own, or of which a listed folder is a
 /// link. Asked when nobody else writes to it.
-pub fn check(root: &Path) -> Result<()> {
-    let mut own = own_files(root)?;
+pub fn check(dataset: &StoreFolder) -> Result<()> {
+    let mut own = own_files(dataset)?;
     if !own.odd.is_empty() {
-        return Err(own.odd.swap_remove(0).into_error(root));
+        return Err(own.odd.swap_remove(0).into_error(dataset));
     }
     let threads = workers::available().min(own.lists.len() / LISTS_PER_THREAD).min(MOST_THREADS);
     let pool = if threads > 1 { Some(Pool::new(threads)?) } else { None };
-    let (odd, mut folders) = names(root, &own.lists, pool.as_ref().map_or(&Serial, |pool| pool as &dyn Workers))?;
+    let (odd, mut folders) = names(dataset, &own.lists, pool.as_ref().map_or(&Serial, |pool| pool as &dyn Workers))?;
     if let Some(odd) = odd.into_iter().next() {
-        return Err(odd.into_error(root));
+        return Err(odd.into_error(dataset));
     }
     folders.append(&mut own.ready);
     // Of each folder with those around it.
     let each = folders.iter().flat_map(|folder| prefixes(folder));
     let all: BTreeSet<&str> = each.collect();
-    match all.into_iter().find(|folder| is_link(&root.join(folder))) {
-        Some(folder) => Err(linked(root, folder)),
-        None => Ok(()),
+    for folder in all {
+        if dataset.has_link(folder)? {
+            return Err(dataset.linked(folder));
+        }
     }
+    Ok(())
 }
 
 /// A folder and those that it is in, from the outermost one.
@@ -192,45 +189,37 @@ pub struct OwnFiles {
 }
 
 /// Looks at the program's own folder, and at the recipe beside it.
-pub fn own_files(root: &Path) -> Result<OwnFiles> {
+pub fn own_files(dataset: &StoreFolder) -> Result<OwnFiles> {
     let mut own = OwnFiles::default();
-    for path in [MARK.to_owned(), RECIPE.to_owned(), format!("{RECIPE}.part")] {
-        let Ok(there) = fs::symlink_metadata(root.join(&path)) else { continue };
-        let is_mark = path == MARK;
-        if (is_mark && there.is_dir()) || (!is_mark && there.is_file()) {
-            continue;
+    let recipes = [RECIPE.to_owned(), format!("{RECIPE}.part")].map(|path| (path, FileKind::File));
+    for (path, expected) in [(MARK.to_owned(), FileKind::Folder)].into_iter().chain(recipes) {
+        if let Some(kind) = dataset.look(&path)?.map(|there| there.kind).filter(|kind| *kind != expected) {
+            own.odd.push(Odd { what: what_is(kind, expected), path });
         }
-        own.odd.push(Odd { what: what_is(there.file_type(), is_mark), path });
     }
     if own.odd.is_empty() {
-        walk(root, MARK, &mut own)?;
+        walk(dataset, MARK, &mut own)?;
     }
     own.odd.sort_unstable();
     own.lists.sort_unstable();
     Ok(own)
 }
 
-fn walk(root: &Path, inside: &str, own: &mut OwnFiles) -> Result<()> {
-    let folder = root.join(inside);
-    let entries = match fs::read_dir(&folder) {
-        Ok(entries) => entries,
-        Err(error) if error.kind() == ErrorKind::NotFound => return Ok(()),
-        Err(error) => return Err(Error::io(&folder, &error)),
-    };
-    for entry in entries {
-        let entry = entry.map_err(|error| Error::io(&folder, &error))?;
-        let kind = entry.file_type().map_err(|error| Error::io(entry.path(), &error))?;
-        let name = entry.file_name();
-        let path = format!("{inside}/{}", name.to_string_lossy());
-        if kind.is_dir() {
-            walk(root, &path, own)?;
+fn walk(dataset: &StoreFolder, inside: &str, own: &mut OwnFiles) -> Result<()> {
+    for (name, kind) in dataset.list(inside)? {
+        let path = format!("{inside}/{name}");
+        if kind == FileKind::Folder {
+            walk(dataset, &path, own)?;
             own.ready.extend(ready_folder(&path).map(str::to_owned));
-        } else if !kind.is_file() {
-            own.odd.push(Odd { what: what_is(kind, false), path });
+        } else if kind != FileKind::File {
+            own.odd.push(Odd { what: what_is(kind, FileKind::File), path });
         } else if !may_be_staged(&path) {
             let what = "no run stages it: moved into place, it would replace a file of the program's own".to_owned();
             own.odd.push(Odd { path, what });
-        } else if let Some(kind) = Kind::at(&path) {
+        } else if let Some(kind) = Kind::at(&path)
+            // The program opens no file by another name.
+            && let Ok(path) = DatasetPath::new(path)
+        {
             own.lists.push(List { path, kind });
         }
     }
@@ -252,39 +241,35 @@ fn may_be_staged(path: &str) -> bool {
     [SCENES, "settled", "shards"].contains(&folder) || inside.is_some_and(|(_, staged)| staged == RECORD)
 }
 
-fn what_is(kind: FileType, is_folder: bool) -> String {
-    let expected = if is_folder { "a folder" } else { "a file" };
+fn what_is(kind: FileKind, expected: FileKind) -> String {
+    let expected = if expected == FileKind::Folder { "a folder" } else { "a file" };
     match kind {
-        kind if kind.is_symlink() => format!("it is a link where {expected} of the program's own was expected"),
-        kind if kind.is_dir() => "it is a folder where a file was expected".to_owned(),
-        kind if kind.is_file() => "it is a file where a folder was expected".to_owned(),
-        _ => format!("it is a device, a pipe or a socket where {expected} was expected"),
+        FileKind::Link => format!("it is a link where {expected} of the program's own was expected"),
+        FileKind::Folder => "it is a folder where a file was expected".to_owned(),
+        FileKind::File => "it is a file where a folder was expected".to_owned(),
+        FileKind::Other => format!("it is a device, a pipe or a socket where {expected} was expected"),
     }
 }
 
-/// The bytes of a list; none if it went away.
-pub fn read(path: &Path) -> Result<Vec<u8>> {
-    Ok(read_list(path)?.unwrap_or_default())
+/// The bytes of a list; none if it does not exist.
+pub fn read(dataset: &StoreFolder, path: &DatasetPath) -> Result<Vec<u8>> {
+    Ok(read_list(dataset, path)?.unwrap_or_default())
 }
 
 /// The bytes of a file that a run keeps in its dataset, if the file exists. Refuses a file larger than [`RUN_LIST_BYTES`].
-pub fn read_list(path: &Path) -> Result<Option<Vec<u8>>> {
-    read_bounded(path, &RUN_LIST_BYTES)
+pub fn read_list(dataset: &StoreFolder, path: &DatasetPath) -> Result<Option<Vec<u8>>> {
+    read_bounded(dataset, path, &RUN_LIST_BYTES)
 }
 
 /// The bytes of a file, if the file exists. Refuses a file larger than the limit.
-pub fn read_bounded(path: &Path, limit: &Limit) -> Result<Option<Vec<u8>>> {
-    let fail = |error: std::io::Error| Error::io(path, &error);
-    let file = match File::open(path) {
-        Ok(file) => file,
-        Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
-        Err(error) => return Err(fail(error)),
-    };
-    let check = |length: u64| limit.check(length).map_err(|error| error.in_file(path));
-    check(file.metadata().map_err(fail)?.len())?;
+pub fn read_bounded(dataset: &StoreFolder, path: &DatasetPath, limit: &Limit) -> Result<Option<Vec<u8>>> {
+    let Some(opened) = dataset.open(path)? else { return Ok(None) };
+    let check = |length: u64| limit.check(length).map_err(|error| error.in_file(dataset.name_of(path)));
+    check(opened.size)?;
     // The file may grow, or state no length.
     let mut bytes = Vec::new();
-    file.take(limit.most + 1).read_to_end(&mut bytes).map_err(fail)?;
+    let read = opened.take(limit.most + 1).read_to_end(&mut bytes);
+    read.map_err(|error| Error::io(dataset.name_of(path), &error))?;
     check(bytes.len() as u64)?;
     Ok(Some(bytes))
 }
@@ -297,14 +282,14 @@ const LARGE: usize = 1 << 22;
 
 /// Reads lists. Returns names that are not the dataset's, or that the program keeps for itself, in the order of the lists;
 /// and the folders of all other names.
-pub fn names(root: &Path, lists: &[List], workers: &dyn Workers) -> Result<(Vec<Odd>, BTreeSet<String>)> {
+pub fn names(dataset: &StoreFolder, lists: &[List], workers: &dyn Workers) -> Result<(Vec<Odd>, BTreeSet<String>)> {
     let found = Mutex::new((BTreeMap::new(), BTreeSet::new()));
     let large = Mutex::new(());
     workers.run(lists.len(), &|number| {
-        let path = root.join(&lists[number].path);
-        let size = fs::metadata(&path).map_or(0, |there| there.len());
+        let list = &lists[number];
+        let size = dataset.look(&list.path).ok().flatten().map_or(0, |there| there.size);
         let _alone = (size > LARGE as u64).then(|| large.lock());
-        let read = read(&path).map(|text| lists[number].look(&text));
+        let read = read(dataset, &list.path).map(|text| list.look(&text));
         let mut found = found.lock();
         match read {
             Ok((odd, folders)) => {
@@ -352,7 +337,7 @@ impl List {
     }
 
     fn odd(&self, what: String) -> Odd {
-        Odd { path: self.path.clone(), what }
+        Odd { path: self.path.to_string(), what }
     }
 }
 
@@ -405,14 +390,14 @@ mod tests {
             format!(r#"{{"entry":{entry},"stale":[".syntable/lock"],"files":5,"writers":5}}"#),
             format!(r#"[{entry},[".syntable/lock"]]"#),
         ] {
-            assert!(serde_json::from_str::<crate::run::dataset::folder::Staged>(&text).is_ok(), "{text}");
+            assert!(serde_json::from_str::<crate::run::dataset::commit::Staged>(&text).is_ok(), "{text}");
             assert_eq!(Kind::Staged.names(text.as_bytes()), [("stale", ".syntable/lock".into())], "{text}");
         }
     }
 
     #[test]
     fn of_many_bad_names_the_first_are_told_and_the_rest_counted() {
-        let list = List { path: ".syntable/scenes/000000.json".to_owned(), kind: Kind::Scene };
+        let list = List { path: layout::manifest(0), kind: Kind::Scene };
         let files: Vec<String> = (0..1000).map(|number| format!(r#""../{number:04}":0"#)).collect();
         let (odd, folders) = list.look(format!(r#"{{"files":{{"a/b/c":0,{}}}}}"#, files.join(",")).as_bytes());
         assert_eq!((odd.len(), folders), (SHOWN + 1, BTreeSet::from(["a/b".to_owned()])));
@@ -425,18 +410,18 @@ mod tests {
     fn ten_thousand_lists() {
         let folder = tempfile::tempdir().expect("a folder");
         let scenes = folder.path().join(MARK).join("scenes");
-        fs::create_dir_all(&scenes).expect("writable");
+        std::fs::create_dir_all(&scenes).expect("writable");
         let digest = syntable_model::digest::Digest::of(b"").to_string();
         for scene in 0..10_000 {
             let names = (0..60).map(|file| format!("png/product_{}/{scene}_{}.png", file % 6, file / 6));
             let names: Vec<String> = names.map(|name| format!("\"{name}\"")).collect();
             let files: Vec<String> = names.iter().map(|name| format!("{name}:[12345,\"{digest}\"]")).collect();
             let text = format!(r#"{{"files":{{{}}},"writers":{{"png":[{}]}}}}"#, files.join(","), names.join(","));
-            fs::write(scenes.join(format!("{scene:06}.json")), text).expect("writable");
+            std::fs::write(scenes.join(format!("{scene:06}.json")), text).expect("writable");
         }
         for _ in 0..3 {
             let start = std::time::Instant::now();
-            check(folder.path()).expect("sound");
+            check(&folder.path().into()).expect("sound");
             println!("{:.2} s", start.elapsed().as_secs_f64());
         }
     }

@@ -1,14 +1,15 @@
 //! The journal of a dataset: one line for every scene that is done. Only what is in the journal exists.
 
+use crate::run::dataset::layout;
 use crate::run::dataset::loss::Loss;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
-use std::fs::{self, File, OpenOptions};
-use std::io::{BufRead, BufReader, ErrorKind, Read, Write};
-use std::path::{Path, PathBuf};
+use std::io::{BufRead, BufReader, Read};
+use std::path::PathBuf;
 use syntable_model::error::{Error, Result};
 use syntable_model::limits::RUN_LIST_BYTES;
 use syntable_model::some::SHOWN;
+use syntable_model::store::{Opened, StoreFolder};
 
 /// A line of the journal: a scene that is done.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
@@ -181,43 +182,43 @@ impl JournalEntry {
     }
 }
 
-/// The journal file, appended to while a run works.
+/// The journal, to which lines are added while a run works.
 pub struct Journal {
-    path: PathBuf,
-    file: File,
+    dataset: StoreFolder,
     entries: BTreeMap<u32, JournalEntry>,
 }
 
 impl Journal {
-    /// Opens a journal, or starts one. A last line that was cut short counts as not written.
-    pub fn open(path: &Path) -> Result<Self> {
-        let fail = |error: std::io::Error| Error::io(path, &error);
-        let (entries, whole) = Self::read(path)?;
-        let file = OpenOptions::new().create(true).append(true).open(path).map_err(fail)?;
-        if whole < file.metadata().map_err(fail)?.len() {
-            file.set_len(whole).map_err(fail)?;
+    /// Opens the journal of a dataset, or starts one. A last line that was cut short counts as not written.
+    pub fn open(dataset: impl Into<StoreFolder>) -> Result<Self> {
+        let dataset = dataset.into();
+        let path = layout::journal();
+        let (entries, whole) = Self::read(&dataset)?;
+        match dataset.look(&path)? {
+            None => dataset.append(&path, &[])?,
+            Some(there) if whole < there.size => cut(&dataset, whole)?,
+            Some(_) => {}
         }
-        Ok(Self { path: path.to_owned(), file, entries })
+        Ok(Self { dataset, entries })
     }
 
     /// Reads the lines of a journal, and changes nothing.
-    pub fn entries_of(path: &Path) -> Result<BTreeMap<u32, JournalEntry>> {
-        Self::read(path).map(|(entries, _)| entries)
+    pub fn entries_of(dataset: impl Into<StoreFolder>) -> Result<BTreeMap<u32, JournalEntry>> {
+        Self::read(&dataset.into()).map(|(entries, _)| entries)
     }
 
     /// Reads the lines of a journal. Returns the entries, and the bytes of the whole lines.
-    fn read(path: &Path) -> Result<(BTreeMap<u32, JournalEntry>, u64)> {
+    fn read(dataset: &StoreFolder) -> Result<(BTreeMap<u32, JournalEntry>, u64)> {
         let mut entries = BTreeMap::new();
-        let whole = each_line(path, |number, line| {
+        let whole = each_line(dataset, |number, line| {
             let entry = line.map_err(|error| {
                 Error::new(format!("not a journal line: {error}"))
-                    .in_file(path)
+                    .in_file(dataset.name_of(&layout::journal()))
                     .at_line(number)
                     .help(
                         "`syntable run` with the dataset's recipe and --repair makes the scene of a damaged line again; if \
                          another version began it, choose another folder with --out, or delete it",
                     )
-                    .permanent()
             })?;
             entries.insert(entry.scene, entry);
             Ok(())
@@ -226,9 +227,9 @@ impl Journal {
     }
 
     /// Reads the lines of a journal that can be read, and says which ones cannot: the first [`SHOWN`], and how many more.
-    pub fn readable(path: &Path) -> Result<(BTreeMap<u32, JournalEntry>, Vec<String>)> {
+    pub fn readable(dataset: impl Into<StoreFolder>) -> Result<(BTreeMap<u32, JournalEntry>, Vec<String>)> {
         let (mut entries, mut faults, mut more) = (BTreeMap::new(), Vec::new(), 0_u64);
-        each_line(path, |number, line| {
+        each_line(&dataset.into(), |number, line| {
             match line {
                 Ok(entry) => drop(entries.insert(entry.scene, entry)),
                 Err(error) if faults.len() < SHOWN => {
@@ -245,9 +246,9 @@ impl Journal {
     }
 
     /// Takes out the lines that cannot be read, and returns how many.
-    pub fn mend(path: &Path) -> Result<usize> {
+    pub fn mend(dataset: &StoreFolder) -> Result<usize> {
         let (mut entries, mut bad) = (BTreeMap::new(), 0);
-        each_line(path, |_, line| {
+        each_line(dataset, |_, line| {
             match line {
                 Ok(entry) => drop(entries.insert(entry.scene, entry)),
                 Err(_) => bad += 1,
@@ -255,7 +256,7 @@ impl Journal {
             Ok(())
         })?;
         if bad > 0 {
-            write(path, &entries)?;
+            write(dataset, &entries)?;
         }
         Ok(bad)
     }
@@ -265,17 +266,11 @@ impl Journal {
         &self.entries
     }
 
-    /// Writes an entry down for good.
+    /// Adds a line for good.
     pub fn append(&mut self, entry: JournalEntry) -> Result<()> {
-        let fail = |error: std::io::Error| Error::io(&self.path, &error);
         let mut line = serde_json::to_string(&entry).expect("an entry is plain data");
         line.push('\n');
-        let length = self.file.metadata().map_err(fail)?.len();
-        if let Err(error) = self.file.write_all(line.as_bytes()).and_then(|()| self.file.sync_data()) {
-            // Half a line must not stay in front of the next one.
-            let _ = self.file.set_len(length);
-            return Err(fail(error));
-        }
+        self.dataset.append(&layout::journal(), line.as_bytes())?;
         self.entries.insert(entry.scene, entry);
         Ok(())
     }
@@ -296,43 +291,48 @@ impl Journal {
 
     /// Rewrites the file in scene order, whole or not at all, so that it does not tell in which order scenes ended.
     pub fn rewrite(&mut self) -> Result<()> {
-        write(&self.path, &self.entries)?;
-        self.file = OpenOptions::new().append(true).open(&self.path).map_err(|error| Error::io(&self.path, &error))?;
-        Ok(())
+        write(&self.dataset, &self.entries)
     }
 }
 
 /// Writes a journal in scene order, whole or not at all.
-fn write(path: &Path, entries: &BTreeMap<u32, JournalEntry>) -> Result<()> {
-    let fail = |error: std::io::Error| Error::io(path, &error);
-    let part = path.with_extension("jsonl.part");
-    let mut file = File::create(&part).map_err(fail)?;
-    for entry in entries.values() {
-        let line = serde_json::to_string(entry).expect("an entry is plain data");
-        writeln!(file, "{line}").map_err(fail)?;
-    }
-    file.sync_all().map_err(fail)?;
-    fs::rename(&part, path).map_err(fail)
+fn write(dataset: &StoreFolder, entries: &BTreeMap<u32, JournalEntry>) -> Result<()> {
+    let path = layout::journal();
+    dataset.put(&path, &mut |file| {
+        for entry in entries.values() {
+            let line = serde_json::to_string(entry).expect("an entry is plain data");
+            writeln!(file, "{line}").map_err(|error| Error::io(dataset.name_of(&path), &error))?;
+        }
+        Ok(())
+    })
+}
+
+/// Leaves out what follows the whole lines of a journal.
+fn cut(dataset: &StoreFolder, whole: u64) -> Result<()> {
+    let path = layout::journal();
+    let opened = dataset.open(&path)?;
+    let mut lines = opened.map(|opened| opened.take(whole));
+    dataset.put(&path, &mut |file| {
+        let copied = lines.as_mut().map_or(Ok(0), |lines| std::io::copy(lines, file));
+        copied.map(drop).map_err(|error| Error::io(dataset.name_of(&path), &error))
+    })
 }
 
 /// The lines of a journal, which need not be text, one in memory at a time.
 pub struct Lines {
-    path: PathBuf,
+    name: PathBuf,
     /// None if the journal does not exist.
-    file: Option<BufReader<File>>,
+    file: Option<BufReader<Opened>>,
     line: Vec<u8>,
     number: usize,
 }
 
 impl Lines {
-    /// Opens a journal. One that does not exist has no lines.
-    pub fn open(path: &Path) -> Result<Self> {
-        let file = match File::open(path) {
-            Ok(file) => Some(BufReader::new(file)),
-            Err(error) if error.kind() == ErrorKind::NotFound => None,
-            Err(error) => return Err(Error::io(path, &error)),
-        };
-        Ok(Self { path: path.to_owned(), file, line: Vec::new(), number: 0 })
+    /// Opens the journal of a dataset. One that does not exist has no lines.
+    pub fn open(dataset: &StoreFolder) -> Result<Self> {
+        let path = layout::journal();
+        let file = dataset.open(&path)?.map(BufReader::new);
+        Ok(Self { name: dataset.name_of(&path), file, line: Vec::new(), number: 0 })
     }
 
     /// The next line with its end, which the last line lacks if it was cut short. Refuses a line longer than
@@ -342,16 +342,19 @@ impl Lines {
         self.line.clear();
         self.number += 1;
         let read = file.take(RUN_LIST_BYTES.most + 1).read_until(b'\n', &mut self.line);
-        let read = read.map_err(|error| Error::io(&self.path, &error))?;
-        RUN_LIST_BYTES.check(read as u64).map_err(|error| error.in_file(&self.path).at_line(self.number))?;
+        let read = read.map_err(|error| Error::io(&self.name, &error))?;
+        RUN_LIST_BYTES.check(read as u64).map_err(|error| error.in_file(&self.name).at_line(self.number))?;
         Ok(Some(&*self.line).filter(|line| !line.is_empty()))
     }
 }
 
 /// Calls `each` with every whole line of a journal: its number from 1, and the entry or what is wrong with it. Returns the
 /// bytes of the whole lines; the rest was cut short.
-fn each_line(path: &Path, mut each: impl FnMut(usize, serde_json::Result<JournalEntry>) -> Result<()>) -> Result<u64> {
-    let (mut lines, mut whole) = (Lines::open(path)?, 0);
+fn each_line(
+    dataset: &StoreFolder,
+    mut each: impl FnMut(usize, serde_json::Result<JournalEntry>) -> Result<()>,
+) -> Result<u64> {
+    let (mut lines, mut whole) = (Lines::open(dataset)?, 0);
     while let Some(line) = lines.next_line()?.filter(|line| line.ends_with(b"\n")) {
         whole += line.len() as u64;
         let entry = serde_json::from_slice(line);
@@ -363,9 +366,27 @@ fn each_line(path: &Path, mut each: impl FnMut(usize, serde_json::Result<Journal
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::run::dataset::folder::finished;
+    use crate::run::dataset::ending::Finished;
     use crate::run::dataset::manifest::Manifest;
     use crate::run::making::times::RunTimes;
+    use std::fs;
+    use std::path::Path;
+    use std::sync::Arc;
+    use syntable_model::store::MemStore;
+
+    /// A dataset in memory, and the bytes of its journal.
+    fn dataset() -> (StoreFolder, Arc<MemStore>) {
+        let store = Arc::new(MemStore::default());
+        (Arc::clone(&store).into(), store)
+    }
+
+    fn bytes(store: &MemStore) -> Vec<u8> {
+        store.get(&layout::journal()).expect("there").to_vec()
+    }
+
+    fn set(store: &MemStore, bytes: &[u8]) {
+        store.insert(layout::journal(), bytes.to_vec());
+    }
 
     fn entry(scene: u32) -> JournalEntry {
         let (writers, manifest) = (vec!["png".to_owned()], "00".to_owned());
@@ -390,71 +411,68 @@ mod tests {
 
     #[test]
     fn a_cut_line_counts_as_not_written() {
-        let folder = tempfile::tempdir().expect("a folder");
-        let path = folder.path().join("journal.jsonl");
-        let mut journal = Journal::open(&path).expect("new");
+        let (dataset, store) = dataset();
+        let mut journal = Journal::open(&dataset).expect("new");
         journal.append(entry(4)).expect("written");
         journal.append(entry(1)).expect("written");
         drop(journal);
-        let whole = fs::read(&path).expect("there");
+        let whole = bytes(&store);
         for cut in 0..whole.len() {
-            fs::write(&path, &whole[..cut]).expect("writable");
-            let mut journal = Journal::open(&path).expect("readable");
+            set(&store, &whole[..cut]);
+            let mut journal = Journal::open(&dataset).expect("readable");
             let lines = whole[..cut].iter().filter(|&&byte| byte == b'\n').count();
             assert_eq!(journal.entries().len(), lines, "cut at {cut}");
             journal.append(entry(7)).expect("written");
-            assert_eq!(Journal::open(&path).expect("readable").entries().len(), lines + 1);
+            assert_eq!(Journal::open(&dataset).expect("readable").entries().len(), lines + 1);
         }
     }
 
     #[test]
     fn the_rewritten_file_does_not_tell_the_order() {
-        let folder = tempfile::tempdir().expect("a folder");
-        let write = |name: &str, order: [u32; 3]| {
-            let mut journal = Journal::open(&folder.path().join(name)).expect("new");
+        let write = |order: [u32; 3]| {
+            let (dataset, store) = dataset();
+            let mut journal = Journal::open(dataset).expect("new");
             order.into_iter().for_each(|scene| journal.append(entry(scene)).expect("written"));
             journal.rewrite().expect("written");
             journal.append(entry(9)).expect("goes on");
-            fs::read(folder.path().join(name)).expect("there")
+            bytes(&store)
         };
-        assert_eq!(write("a", [0, 1, 2]), write("b", [2, 0, 1]));
+        assert_eq!(write([0, 1, 2]), write([2, 0, 1]));
     }
 
     #[test]
     fn lines_that_cannot_be_read_are_taken_out() {
-        let folder = tempfile::tempdir().expect("a folder");
-        let path = folder.path().join("journal.jsonl");
-        let mut journal = Journal::open(&path).expect("new");
+        let (dataset, store) = dataset();
+        let mut journal = Journal::open(&dataset).expect("new");
         (0..3).for_each(|scene| journal.append(entry(scene)).expect("written"));
         drop(journal);
-        let whole = fs::read(&path).expect("there");
+        let whole = bytes(&store);
         let length = whole.len() / 3;
         // A quote, a letter that is no UTF-8 then, and the end of the first line, which joins it with the second.
         for (byte, bit, lost) in [(length, 1, vec![1]), (length + 3, 128, vec![1]), (length - 1, 1, vec![0, 1])] {
             let mut broken = whole.clone();
             broken[byte] ^= bit;
-            fs::write(&path, &broken).expect("writable");
-            let error = Journal::open(&path).err().expect("damaged").to_string();
+            set(&store, &broken);
+            let error = Journal::open(&dataset).err().expect("damaged").to_string();
             assert!(error.contains("not a journal line") && error.contains("--repair"), "{error}");
-            assert_eq!(Journal::mend(&path), Ok(1));
-            let left: Vec<u32> = Journal::entries_of(&path).expect("mended").into_keys().collect();
+            assert_eq!(Journal::mend(&dataset), Ok(1));
+            let left: Vec<u32> = Journal::entries_of(&dataset).expect("mended").into_keys().collect();
             assert_eq!(left, (0..3).filter(|scene| !lost.contains(scene)).collect::<Vec<u32>>(), "byte {byte}");
-            assert_eq!(Journal::mend(&path), Ok(0));
+            assert_eq!(Journal::mend(&dataset), Ok(0));
         }
     }
 
     #[test]
     fn damage_is_named() {
-        let folder = tempfile::tempdir().expect("a folder");
-        let path = folder.path().join("journal.jsonl");
+        let (dataset, store) = dataset();
         // The others are lines of former editions, which had no outcome, and no list of files.
         for (line, lacks) in [
             (r#"{"scene":0}"#, "attempt"),
             (r#"{"scene":0,"attempt":0,"views":2,"objects":3}"#, "outcome"),
             (r#"{"scene":0,"attempt":0,"outcome":"made","views":2,"objects":3}"#, "writers"),
         ] {
-            fs::write(&path, format!("{line}\n")).expect("writable");
-            let error = Journal::open(&path).err().expect("damaged").to_string();
+            set(&store, format!("{line}\n").as_bytes());
+            let error = Journal::open(&dataset).err().expect("damaged").to_string();
             let want = format!("journal.jsonl:1: not a journal line: missing field `{lacks}`");
             assert!(error.contains(&want) && error.contains("another version began it"), "{error}");
         }
@@ -462,10 +480,9 @@ mod tests {
 
     #[test]
     fn of_many_bad_lines_the_first_are_told_and_the_rest_counted() {
-        let folder = tempfile::tempdir().expect("a folder");
-        let path = folder.path().join("journal.jsonl");
-        fs::write(&path, "x\n".repeat(500)).expect("writable");
-        let (entries, faults) = Journal::readable(&path).expect("readable");
+        let (dataset, store) = dataset();
+        set(&store, "x\n".repeat(500).as_bytes());
+        let (entries, faults) = Journal::readable(&dataset).expect("readable");
         assert!(entries.is_empty() && faults.len() == SHOWN + 1, "{faults:?}");
         assert!(faults[0].starts_with("line 1 ") && faults[SHOWN].starts_with(&format!("{} more", 500 - SHOWN)));
     }
@@ -477,39 +494,40 @@ mod tests {
         let root = folder.path();
         let path = root.join(".syntable/journal.jsonl");
         fs::create_dir_all(root.join(".syntable/scenes")).expect("writable");
-        let mut journal = Journal::open(&path).expect("new");
+        let dataset = StoreFolder::from(root);
+        let mut journal = Journal::open(&dataset).expect("new");
         (0..3).for_each(|scene| journal.append(entry(scene)).expect("written"));
         drop(journal);
         let hole = |path: &Path| {
-            let file = OpenOptions::new().create(true).append(true).open(path).expect("writable");
+            let file = fs::OpenOptions::new().create(true).append(true).open(path).expect("writable");
             file.set_len(2 * RUN_LIST_BYTES.most).expect("a hole");
         };
         let lists =
             ["scenes/000000.json", "finished.json", "times.jsonl"].map(|name| root.join(".syntable").join(name));
         lists.iter().chain([&path]).for_each(|path| hole(path));
         let errors = [
-            Manifest::read(&lists[0]).err(),
-            finished(root).err(),
+            Manifest::read(&dataset, &layout::manifest(0)).err(),
+            Finished::of(&dataset).err(),
             RunTimes::of_dataset(root).err(),
-            crate::run::dataset::foreign::check(root).err(),
+            crate::run::dataset::foreign::check(&dataset).err(),
         ];
         let shard = root.join(".syntable/shards/@records/000000.jsonl");
-        let settled = crate::run::dataset::folder::settled_path(root, 0);
+        let settled = layout::settled(0).below(root);
         for path in [&shard, &settled] {
-            crate::run::dataset::folder::create_parent(path).expect("writable");
+            fs::create_dir_all(path.parent().expect("a folder")).expect("writable");
             hole(path);
         }
         let scene = syntable_model::scene::SceneId(0);
-        let error = crate::run::dataset::records::Records::read(root, scene).expect_err("too large").to_string();
+        let error = crate::run::dataset::records::Records::read(&dataset, scene).expect_err("too large").to_string();
         let says = ["536870912 bytes of what a run records", "limit of 268435456", "000000.jsonl", "--repair"];
         assert!(says.iter().all(|part| error.contains(part)), "{error}");
-        assert!(crate::run::dataset::settled::read(root, scene).is_none());
+        assert!(crate::run::dataset::settled::read(&dataset, scene).is_none());
         for error in errors {
             let error = error.expect("too large").to_string();
             let says = ["536870912 bytes of a file that a run keeps", "limit of 268435456", "run --repair", ".json"];
             assert!(says.iter().all(|part| error.contains(part)), "{error}");
         }
-        for error in [Journal::open(&path).err(), Journal::readable(&path).err()] {
+        for error in [Journal::open(&dataset).err(), Journal::readable(&dataset).err()] {
             let error = error.expect("too long").to_string();
             let says = ["journal.jsonl:4", "of a line of its journal", "limit of 268435456", "run --repair"];
             assert!(says.iter().all(|part| error.contains(part)), "{error}");

@@ -1,15 +1,15 @@
 //! Lists of files with their sizes and digests.
 
 use crate::run::dataset::foreign::read_list;
-use crate::run::dataset::inside::link_before;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
-use std::fs::{self, File};
+use std::fs::File;
 use std::io::ErrorKind;
 use std::path::Path;
 use syntable_model::digest::Digest;
 use syntable_model::error::{Error, Result};
 use syntable_model::files::DatasetPath;
+use syntable_model::store::{Kind, StoreFolder};
 
 /// Files by their path, relative to the dataset, with `/` between folders.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -42,10 +42,23 @@ pub enum State {
 }
 
 impl Stamp {
-    /// Reads a file.
-    pub fn of(path: &Path) -> Result<Self> {
+    /// Reads a file of a dataset.
+    pub fn of(dataset: &StoreFolder, path: &DatasetPath) -> Result<Self> {
+        let fail = |error: std::io::Error| Error::io(dataset.name_of(path), &error);
+        let opened = dataset.open(path)?.ok_or_else(|| fail(ErrorKind::NotFound.into()))?;
+        Digest::of_reader(opened).map(|(digest, size)| Self(size, digest)).map_err(fail)
+    }
+
+    /// Reads a file of this machine.
+    pub fn of_file(path: &Path) -> Result<Self> {
         let read = File::open(path).and_then(Digest::of_reader);
         read.map(|(digest, size)| Self(size, digest)).map_err(|error| Error::io(path, &error))
+    }
+
+    /// Whether a file of this machine has this stamp; reads the content only if the size is right.
+    pub fn is_of_file(&self, path: &Path) -> Result<bool> {
+        let there = std::fs::symlink_metadata(path).map_err(|error| Error::io(path, &error))?;
+        Ok(there.is_file() && there.len() == self.0 && Self::of_file(path)? == *self)
     }
 
     /// The stamp of a file with this text.
@@ -60,55 +73,50 @@ impl Stamp {
     }
 
     /// Compares a file of a dataset with its stamp; the content only if the size is right, and nothing behind a link.
-    pub fn check_in(&self, root: &Path, path: &DatasetPath) -> Result<State> {
-        match link_before(root, path) {
-            Some(_) => Ok(State::Linked),
-            None => self.check(&path.below(root)),
+    pub fn check_in(&self, dataset: &StoreFolder, path: &DatasetPath) -> Result<State> {
+        for folder in path.folders() {
+            if dataset.has_link(folder)? {
+                return Ok(State::Linked);
+            }
         }
+        self.check(dataset, path)
     }
 
     /// Compares a file with its stamp; the content only if the size is right.
-    pub fn check(&self, path: &Path) -> Result<State> {
-        match fs::symlink_metadata(path) {
-            Ok(metadata) if metadata.is_symlink() => Ok(State::Linked),
-            Ok(metadata) if metadata.is_file() && metadata.len() == self.0 => {
-                Ok(if Self::of(path)? == *self { State::Whole } else { State::Damaged })
-            }
-            Ok(_) => Ok(State::Damaged),
-            Err(error) if matches!(error.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory) => Ok(State::Missing),
-            Err(error) => Err(Error::io(path, &error)),
-        }
+    pub fn check(&self, dataset: &StoreFolder, path: &DatasetPath) -> Result<State> {
+        Ok(match dataset.look(path)? {
+            None => State::Missing,
+            Some(there) if there.kind == Kind::Link => State::Linked,
+            Some(there) if there.kind != Kind::File || there.size != self.0 => State::Damaged,
+            Some(_) if Self::of(dataset, path)? == *self => State::Whole,
+            Some(_) => State::Damaged,
+        })
     }
 }
 
 impl Manifest {
-    /// Lists the files of a folder, and brings them to disk.
-    pub fn of_tree(root: &Path) -> Result<Self> {
+    /// Lists the files of a folder, which are stored for good then.
+    pub fn of_tree(folder: &StoreFolder) -> Result<Self> {
         let mut manifest = Self::default();
-        manifest.add_tree(root, "")?;
+        manifest.add_tree(folder, "")?;
         Ok(manifest)
     }
 
-    fn add_tree(&mut self, folder: &Path, inside: &str) -> Result<()> {
-        for entry in fs::read_dir(folder).map_err(|error| Error::io(folder, &error))? {
-            let entry = entry.map_err(|error| Error::io(folder, &error))?;
-            let path = entry.path();
-            let name = entry.file_name().into_string().map_err(|name| {
-                Error::new(format!("the file name {} is not UTF-8", name.display())).in_file(folder).permanent()
-            })?;
+    fn add_tree(&mut self, folder: &StoreFolder, inside: &str) -> Result<()> {
+        for (name, kind) in folder.list(inside)? {
             let inside = if inside.is_empty() { name } else { format!("{inside}/{name}") };
-            let kind = entry.file_type().map_err(|error| Error::io(&path, &error))?;
-            if kind.is_dir() {
-                self.add_tree(&path, &inside)?;
-            } else if !kind.is_file() {
-                return Err(Error::new("a writer made what is no regular file").in_file(&path).permanent());
-            } else {
-                let name = DatasetPath::new(inside).map_err(|error| Error::new(error.to_string()).permanent())?;
-                let fail = |error: std::io::Error| Error::io(&path, &error);
-                let file = File::open(&path).map_err(fail)?;
-                let (digest, size) = Digest::of_reader(&file).map_err(fail)?;
-                file.sync_data().map_err(fail)?;
-                self.files.insert(name, Stamp(size, digest));
+            match kind {
+                Kind::Folder => self.add_tree(folder, &inside)?,
+                Kind::File => {
+                    let path = DatasetPath::new(inside).map_err(|error| Error::new(error.to_string()))?;
+                    let stamp = Stamp::of(folder, &path)?;
+                    folder.sync(&path)?;
+                    self.files.insert(path, stamp);
+                }
+                Kind::Link | Kind::Other => {
+                    let error = Error::new("a writer made what is no regular file");
+                    return Err(error.in_file(folder.name_of(&inside)));
+                }
             }
         }
         Ok(())
@@ -122,8 +130,10 @@ impl Manifest {
     }
 
     /// Reads a manifest, with its digest; none if there is no such file, or if its text is none of a manifest.
-    pub fn read(path: &Path) -> Result<Option<(Self, String)>> {
-        let Some(text) = read_list(path)?.and_then(|bytes| String::from_utf8(bytes).ok()) else { return Ok(None) };
+    pub fn read(dataset: &StoreFolder, path: &DatasetPath) -> Result<Option<(Self, String)>> {
+        let Some(text) = read_list(dataset, path)?.and_then(|bytes| String::from_utf8(bytes).ok()) else {
+            return Ok(None);
+        };
         let manifest: Option<Self> = serde_json::from_str(&text).ok();
         let Stamp(_, digest) = Stamp::of_text(&text);
         Ok(manifest.map(|manifest| (manifest, digest.to_string())))

@@ -1,11 +1,19 @@
-//! The dataset on disk: its folder, its journal, the manifests of its files, and what a run keeps for the next one.
+//! The dataset in its store: its folder, its journal, the manifests of its files, and what a run keeps for the next one.
 
+mod commit;
+mod ending;
 pub mod folder;
 pub(crate) mod foreign;
-pub(crate) mod inside;
 pub mod journal;
+pub mod layout;
+mod locking;
 pub(crate) mod loss;
 pub(crate) mod manifest;
+mod proposal;
 pub(crate) mod records;
+mod recovery;
 pub(crate) mod settled;
+mod staging;
+#[cfg(test)]
+mod tests;
 pub(crate) mod verify;

@@ -4,12 +4,12 @@ use crate::plan::Plan;
 use crate::run::dataset::foreign::read_bounded;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
-use std::path::Path;
 use syntable_model::error::{Error, Result};
 use syntable_model::limits::SCENE_RECORD_BYTES;
 use syntable_model::product::{KeyId, Products, Scope};
 use syntable_model::scene::SceneId;
 use syntable_model::stage::{Output, RecordedScene};
+use syntable_model::store::StoreFolder;
 
 /// Stands in the place of a writer's id.
 pub const OWNER: &str = "@records";
@@ -45,16 +45,17 @@ impl Records {
     }
 
     /// Reads the record of a scene.
-    pub fn read(root: &Path, scene: SceneId) -> Result<RecordedScene> {
-        let path = syntable_model::stage::shard_path(OWNER, scene)?.below(root);
+    pub fn read(dataset: &StoreFolder, scene: SceneId) -> Result<RecordedScene> {
+        let path = syntable_model::stage::shard_path(OWNER, scene)?;
+        let name = dataset.name_of(&path);
         let help = "the dataset is damaged; `syntable run --repair` makes the scene again";
-        let text = read_bounded(&path, &SCENE_RECORD_BYTES).map_err(|error| match error.help_text() {
+        let text = read_bounded(dataset, &path, &SCENE_RECORD_BYTES).map_err(|error| match error.help_text() {
             Some(_) => error,
             None => error.help(help),
         })?;
-        let text = text.ok_or_else(|| Error::new("the file is missing").in_file(&path).help(help))?;
+        let text = text.ok_or_else(|| Error::new("the file is missing").in_file(&name).help(help))?;
         let Self { scene: scene_values, views: view_values } =
-            serde_json::from_slice(&text).map_err(|error| Error::new(error.to_string()).in_file(&path).help(help))?;
+            serde_json::from_slice(&text).map_err(|error| Error::new(error.to_string()).in_file(&name).help(help))?;
         Ok(RecordedScene { scene, scene_values, view_values })
     }
 }

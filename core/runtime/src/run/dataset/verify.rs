@@ -1,18 +1,20 @@
 //! Compares a dataset with its journal: what is missing, what is damaged, what is not the dataset's.
 
-use crate::run::dataset::folder::{each_file, finished, journal_path, lock_shared, manifest_path};
+use crate::run::dataset::ending::Finished;
+use crate::run::dataset::folder::each_file;
 use crate::run::dataset::foreign::{self, Odd};
-use crate::run::dataset::inside::is_link;
 use crate::run::dataset::journal::Journal;
+use crate::run::dataset::layout::{self, MARK, RECIPE};
+use crate::run::dataset::locking::lock;
 use crate::run::dataset::manifest::{Manifest, Stamp, State};
 use crate::workers::Pool;
 use parking_lot::Mutex;
 use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
-use std::path::Path;
 use syntable_model::context::Workers;
 use syntable_model::digest::Digest;
 use syntable_model::error::{Error, Result};
-use syntable_model::files::{DatasetPath, RESERVED};
+use syntable_model::files::DatasetPath;
+use syntable_model::store::{Access, Kind, StoreFolder};
 
 /// What is wrong with a dataset.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
@@ -51,33 +53,31 @@ impl Verified {
 }
 
 /// Compares a dataset that no run is writing. Changes nothing.
-pub fn verify(root: &Path, threads: usize) -> Result<Verified> {
-    if !root.join(RESERVED[0]).is_dir() {
-        return Err(Error::new("there is no dataset")
-            .in_file(root)
-            .help("name the folder that a run wrote")
-            .permanent());
+pub fn verify(dataset: impl Into<StoreFolder>, threads: usize) -> Result<Verified> {
+    let dataset = dataset.into();
+    if !layout::is_dataset(&dataset)? {
+        return Err(Error::new("there is no dataset").in_file(dataset.name()).help("name the folder that a run wrote"));
     }
-    let _lock = lock_shared(root)?;
-    compare(root, &Pool::new(threads)?)
+    let _lock = lock(&dataset, Access::Read)?;
+    compare(&dataset, &Pool::new(threads)?)
 }
 
 /// Compares a dataset whose folder is open.
-pub(in crate::run) fn compare(root: &Path, workers: &dyn Workers) -> Result<Verified> {
-    let own = foreign::own_files(root)?;
+pub(in crate::run) fn compare(dataset: &StoreFolder, workers: &dyn Workers) -> Result<Verified> {
+    let own = foreign::own_files(dataset)?;
     if !own.odd.is_empty() {
         let mut found = Verified::default();
         found.add_odd(own.odd);
         return Ok(found);
     }
-    let entries = Journal::entries_of(&journal_path(root))?;
+    let entries = Journal::entries_of(dataset)?;
     let made: Vec<(u32, &str)> = entries.values().filter_map(|entry| Some((entry.scene, entry.manifest()?))).collect();
     let found = Mutex::new((Verified::default(), Owned::default(), Known::default()));
     let failure = Mutex::new(None);
     workers.run(made.len(), &|index| {
         let (scene, digest) = made[index];
         let mut wrong = Verified::default();
-        let done = scene_files(root, scene, digest, &mut wrong).map(|manifest| {
+        let done = scene_files(dataset, scene, digest, &mut wrong).map(|manifest| {
             let mut found = found.lock();
             found.2.add(scene, manifest.as_ref());
             found.1.extend(&manifest.unwrap_or_default());
@@ -95,27 +95,26 @@ pub(in crate::run) fn compare(root: &Path, workers: &dyn Workers) -> Result<Veri
     }
     let (mut found, mut owned, known) = found.into_inner();
     found.scenes = made.len() as u32;
-    let end = finished(root)?;
+    let end = Finished::of(dataset)?;
     owned.extend(&end.manifest);
     for (path, stamp) in &end.manifest.files {
-        found.look(root, path, stamp)?;
+        found.look(dataset, path, stamp)?;
     }
-    found.add_odd(foreign::names(root, &own.lists, workers)?.0);
-    let journal = journal_path(root);
+    found.add_odd(foreign::names(dataset, &own.lists, workers)?.0);
+    let journal = layout::journal();
     found.unfinished = match end.journal {
-        Some(digest) => !journal.exists() || Stamp::of(&journal)?.1 != digest,
+        Some(digest) => !dataset.has(&journal)? || Stamp::of(dataset, &journal)?.1 != digest,
         None => true,
     };
     if found.unfinished {
         // Before its first end a run has written the recipe, which is listed at the end.
-        owned.0.insert(key(RESERVED[1]));
+        owned.0.insert(key(RECIPE));
     }
-    let patterns = Patterns::of(root, known)?;
-    each_file(root, "", &mut |path| {
-        let full = root.join(path);
-        if is_link(&full) {
-            let to = std::fs::read_link(full).map_or_else(|_| String::new(), |to| to.to_string_lossy().into_owned());
-            found.links.push((path.to_owned(), to));
+    let patterns = Patterns::of(dataset, known)?;
+    each_file(dataset, "", &mut |path, kind| {
+        if kind == Kind::Link {
+            let there = dataset.look(path).ok().flatten();
+            found.links.push((path.to_owned(), there.and_then(|there| there.leads_to).unwrap_or_default()));
         } else if !owned.0.contains(&key(path)) {
             match patterns.scene_of(path) {
                 Some(scene) => found.unlisted.entry(scene).or_default().push(path.to_owned()),
@@ -132,32 +131,31 @@ pub(in crate::run) fn compare(root: &Path, workers: &dyn Workers) -> Result<Veri
 
 /// Compares the files of a scene, and returns what its manifest lists as far as that can be known.
 /// None if its manifest is lost.
-fn scene_files(root: &Path, scene: u32, digest: &str, wrong: &mut Verified) -> Result<Option<Manifest>> {
-    let path = manifest_path(root, scene);
-    let name = || format!("{}/scenes/{scene:06}.json", RESERVED[0]);
+fn scene_files(dataset: &StoreFolder, scene: u32, digest: &str, wrong: &mut Verified) -> Result<Option<Manifest>> {
+    let path = layout::manifest(scene);
     wrong.files += 1;
-    let manifest = match Manifest::read(&path)? {
+    let manifest = match Manifest::read(dataset, &path)? {
         Some((manifest, found)) => {
             if found != digest {
-                wrong.damaged.push(name());
+                wrong.damaged.push(path.to_string());
             }
             manifest
         }
         None => {
-            if path.exists() { &mut wrong.damaged } else { &mut wrong.missing }.push(name());
+            if dataset.has(&path)? { &mut wrong.damaged } else { &mut wrong.missing }.push(path.to_string());
             return Ok(None);
         }
     };
     for (path, stamp) in &manifest.files {
-        wrong.look(root, path, stamp)?;
+        wrong.look(dataset, path, stamp)?;
     }
     Ok(Some(manifest))
 }
 
 impl Verified {
-    fn look(&mut self, root: &Path, path: &DatasetPath, stamp: &Stamp) -> Result<()> {
+    fn look(&mut self, dataset: &StoreFolder, path: &DatasetPath, stamp: &Stamp) -> Result<()> {
         self.files += 1;
-        match stamp.check_in(root, path)? {
+        match stamp.check_in(dataset, path)? {
             State::Whole => {}
             State::Missing => self.missing.push(path.to_string()),
             State::Damaged => self.damaged.push(path.to_string()),
@@ -184,7 +182,7 @@ struct Owned(HashSet<u64>);
 
 impl Owned {
     fn extend(&mut self, manifest: &Manifest) {
-        self.0.extend(manifest.files.keys().filter(|path| !path.starts_with(RESERVED[0])).map(|path| key(path)));
+        self.0.extend(manifest.files.keys().filter(|path| !path.starts_with(MARK)).map(|path| key(path)));
     }
 }
 
@@ -217,12 +215,13 @@ struct Patterns {
 }
 
 impl Patterns {
-    fn of(root: &Path, known: Known) -> Result<Self> {
+    fn of(dataset: &StoreFolder, known: Known) -> Result<Self> {
         let Known { lost, example } = known;
         let Some((_, std::cmp::Reverse(example))) = example.filter(|_| !lost.is_empty()) else {
             return Ok(Self { lost, example: 0, numbers: None });
         };
-        let manifest = Manifest::read(&manifest_path(root, example))?.map(|(manifest, _)| manifest).unwrap_or_default();
+        let manifest =
+            Manifest::read(dataset, &layout::manifest(example))?.map(|(manifest, _)| manifest).unwrap_or_default();
         let mut all: HashMap<String, Vec<Vec<u32>>> = HashMap::new();
         for path in manifest.files.keys() {
             let (shape, numbers) = split(path);

@@ -134,7 +134,7 @@ pub fn growth(root: &Path, before: &str, recipe: &Recipe, rewrite: bool) -> Resu
     growth.writers.dedup();
     let fewer = |what: &str, [before, now]: [u32; 2], help: &str| {
         let message = format!("the dataset was begun with {before} {what}, and the recipe has {now} now");
-        Err(Error::new(message).in_file(root).help(help).permanent())
+        Err(Error::new(message).in_file(root).help(help))
     };
     if !others.is_empty() {
         let of_writers = others.iter().all(|other| table_of(&other.key).is_some_and(may_change));
@@ -147,8 +147,7 @@ pub fn growth(root: &Path, before: &str, recipe: &Recipe, rewrite: bool) -> Resu
         };
         return Err(Error::new(format!("the folder holds a dataset of another recipe:{}\n ", listing(&others)))
             .in_file(root)
-            .help(help)
-            .permanent());
+            .help(help));
     }
     if let Some(numbers @ [before, now]) = growth.scenes
         && now < before
@@ -167,8 +166,7 @@ pub fn growth(root: &Path, before: &str, recipe: &Recipe, rewrite: bool) -> Resu
         if !rewrite {
             return Err(Error::new(format!("[{stage}] was added and changes what `write.{id}` has written already"))
                 .in_file(root)
-                .help("to write its files anew, run with --rewrite; else choose another folder with --out")
-                .permanent());
+                .help("to write its files anew, run with --rewrite; else choose another folder with --out"));
         }
         growth.rewritten.insert(id);
     }

@@ -5,18 +5,18 @@ use crate::run::dataset::folder::catalog_path;
 use crate::run::dataset::foreign::read_list;
 use crate::run::dataset::manifest::Stamp;
 use std::collections::{BTreeMap, BTreeSet};
-use std::path::Path;
 use syntable_model::context::Log;
 use syntable_model::error::{Error, Result};
 use syntable_model::some::some_names;
 use syntable_model::stage::DeviceClass;
+use syntable_model::store::StoreFolder;
 
 /// Digests of the files that options of a recipe name, by the option. Folders have none.
 pub fn files(recipe: &Recipe) -> Result<BTreeMap<String, String>> {
     let files = recipe.files.iter().filter(|(_, path)| !path.is_dir());
     files
         .map(|(option, path)| {
-            let Stamp(_, digest) = Stamp::of(path).map_err(|error| error.context(option))?;
+            let Stamp(_, digest) = Stamp::of_file(path).map_err(|error| error.context(option))?;
             Ok((option.clone(), digest.to_string()))
         })
         .collect()
@@ -59,11 +59,15 @@ pub fn catalogs(names: &BTreeMap<String, Names>) -> BTreeMap<String, CatalogLock
 
 /// Refuses inputs that are not those of a lock, with what was added, removed or changed. `home` is the folder of the
 /// dataset whose lock it is, where the names of its pools' assets may be; `catalogs` are the names now.
-pub fn unchanged(then: &Lock, now: &Lock, catalogs: &BTreeMap<String, Names>, home: Option<&Path>) -> Result<()> {
+pub fn unchanged(
+    then: &Lock,
+    now: &Lock,
+    catalogs: &BTreeMap<String, Names>,
+    home: Option<&StoreFolder>,
+) -> Result<()> {
     let refuse = |message: String| {
         Err(Error::new(message)
-            .help("scenes would differ from those of then: restore it, or make a new dataset with --out, from a recipe without that entry of [lock]")
-            .permanent())
+            .help("scenes would differ from those of then: restore it, or make a new dataset with --out, from a recipe without that entry of [lock]"))
     };
     for (pool, was) in &then.catalogs {
         let Some(is) = now.catalogs.get(pool).filter(|is| *is != was) else { continue };
@@ -82,14 +86,14 @@ pub fn unchanged(then: &Lock, now: &Lock, catalogs: &BTreeMap<String, Names>, ho
 }
 
 /// What a pool offered otherwise when another dataset was begun, if both datasets store what it offered.
-pub fn difference(pool: &str, [one, other]: [(&Path, &Lock); 2]) -> Option<String> {
-    let of = |(home, lock): (&Path, &Lock)| names(home, pool, lock.catalogs.get(pool)?);
+pub fn difference(pool: &str, [one, other]: [(&StoreFolder, &Lock); 2]) -> Option<String> {
+    let of = |(home, lock): (&StoreFolder, &Lock)| names(home, pool, lock.catalogs.get(pool)?);
     Some(changes(&of(one)?, &of(other)?)).filter(|changes| !changes.is_empty())
 }
 
 /// The names that a dataset stores of a pool, if they are those of the lock.
-fn names(home: &Path, pool: &str, lock: &CatalogLock) -> Option<Names> {
-    let text = read_list(&catalog_path(home, pool).ok()?).ok()??;
+fn names(home: &StoreFolder, pool: &str, lock: &CatalogLock) -> Option<Names> {
+    let text = read_list(home, &catalog_path(home, pool).ok()?).ok()??;
     let names: Names = serde_json::from_slice(&text).ok()?;
     (CatalogLock::of(&names) == *lock).then_some(names)
 }
@@ -129,7 +133,7 @@ mod tests {
 
     #[test]
     fn what_differs_is_named() {
-        let folder = tempfile::tempdir().expect("a folder");
+        let home = StoreFolder::from(std::sync::Arc::new(syntable_model::store::MemStore::default()));
         let names = |pairs: &[(&str, &str)]| -> Names {
             let asset = |category: &str| CatalogAsset { category: category.to_owned(), obj_id: None };
             pairs.iter().map(|(name, category)| ((*name).to_owned(), asset(category))).collect()
@@ -141,19 +145,18 @@ mod tests {
             files: BTreeMap::from([("write.t.template.file".to_owned(), file.to_owned())]),
             ..Lock::default()
         };
-        let compare = |then: &Lock, home: Option<&Path>| {
+        let compare = |then: &Lock, home: Option<&StoreFolder>| {
             unchanged(then, &lock(&now, "1"), &BTreeMap::from([("p".to_owned(), now.clone())]), home)
         };
         compare(&lock(&now, "1"), None).expect("the same");
         compare(&Lock::default(), None).expect("nothing is locked");
         let error = compare(&lock(&now, "2"), None).expect_err("another file").to_string();
         assert!(error.contains("`write.t.template.file`"), "{error}");
-        let error = compare(&lock(&before, "1"), Some(folder.path())).expect_err("other names").to_string();
+        let error = compare(&lock(&before, "1"), Some(&home)).expect_err("other names").to_string();
         assert!(error.contains("`assets.p`") && error.contains("3 assets then, 3 now"), "{error}");
-        let path = catalog_path(folder.path(), "p").expect("a name");
-        std::fs::create_dir_all(path.parent().expect("a folder")).expect("writable");
-        std::fs::write(&path, serde_json::to_string(&before).expect("plain data")).expect("writable");
-        let error = compare(&lock(&before, "1"), Some(folder.path())).expect_err("other names").to_string();
+        let path = catalog_path(&home, "p").expect("a name");
+        home.write(&path, serde_json::to_string(&before).expect("plain data").as_bytes()).expect("writable");
+        let error = compare(&lock(&before, "1"), Some(&home)).expect_err("other names").to_string();
         assert!(error.contains("added `d`; removed `a`; of another category `b`"), "{error}");
     }
 }

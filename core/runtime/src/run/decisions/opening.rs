@@ -3,8 +3,9 @@
 
 use crate::pools::AssetStore;
 use crate::recipe::{CatalogNames, Lock, Recipe, lock_of, with_devices, with_lock};
-use crate::run::dataset::folder::{self, Folder};
+use crate::run::dataset::folder::Folder;
 use crate::run::dataset::journal::{Journal, JournalEntry};
+use crate::run::dataset::layout;
 use crate::run::dataset::verify;
 use crate::run::decisions::growth::{self, Growth};
 use crate::run::decisions::inputs;
@@ -16,6 +17,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 use syntable_model::context::{Log, Workers};
 use syntable_model::error::{Error, Result};
+use syntable_model::store::StoreFolder;
 
 /// A dataset that a run may begin or go on with.
 pub struct Begun<'a> {
@@ -43,8 +45,7 @@ pub fn begin<'a>(
 ) -> Result<Begun<'a>> {
     if let Some(table) = recipe.undecided.first() {
         return Err(Error::new(format!("the kind of [{table}] stands for others, and none was chosen"))
-            .help("name a kind, or load the recipe with `Overrides::for_run`")
-            .permanent());
+            .help("name a kind, or load the recipe with `Overrides::for_run`"));
     }
     recipe.ready()?;
     recipe.fits()?;
@@ -55,7 +56,7 @@ pub fn begin<'a>(
     let first = options.overwrite || options.repair || options.rewrite;
     let mut assets = first.then(|| open_pools(recipe, log)).transpose()?;
     let (folder, ahead) = open_folder(recipe, options, reporter)?;
-    let mut journal = Journal::open(&folder.journal())?;
+    let mut journal = folder.journal()?;
     if let Some(assets) = assets.as_ref().filter(|_| options.repair)
         && restore_recipe(&folder, recipe, (&files, &devices), &journal, assets)?
     {
@@ -95,7 +96,7 @@ pub fn begin<'a>(
 /// The first event of a run.
 fn started(recipe: &Recipe, options: &RunOptions, resumed: u32, images: u64) -> Event {
     Event::Started {
-        out: options.out.display().to_string(),
+        out: options.out.name().display().to_string(),
         scenes: options.scenes.clone().unwrap_or(0..recipe.dataset.scenes).len() as u32,
         views_per_scene: recipe.dataset.views_per_scene,
         resumed,
@@ -108,7 +109,7 @@ fn started(recipe: &Recipe, options: &RunOptions, resumed: u32, images: u64) -> 
 /// the new one is made.
 fn open_folder(recipe: &Recipe, options: &RunOptions, reporter: &dyn Reporter) -> Result<(Folder, Option<Ahead>)> {
     let folder = Folder::open(&options.out)?;
-    folder::remove(&folder.ahead())?;
+    folder.files().remove_all(&layout::ahead())?;
     if options.repair {
         let lines = folder.mend_journal()?;
         if lines > 0 {
@@ -120,7 +121,7 @@ fn open_folder(recipe: &Recipe, options: &RunOptions, reporter: &dyn Reporter) -
         folder.recover()?;
         return Ok((folder, None));
     }
-    let ahead = folder.has_scenes().then(|| {
+    let ahead = folder.has_scenes()?.then(|| {
         let scenes = options.scenes.clone().unwrap_or(0..recipe.dataset.scenes).len() as u64;
         reporter.event(&started(recipe, options, 0, scenes * u64::from(recipe.dataset.views_per_scene)));
         first_scene::make(recipe, options, &folder, reporter)
@@ -158,7 +159,8 @@ fn open_pools<'a>(recipe: &'a Recipe, log: &'a dyn Log) -> Result<AssetStore<'a>
     let store = AssetStore::open(recipe, log)?;
     let names = store.catalogs();
     let now = Lock { catalogs: inputs::catalogs(&names), ..Lock::default() };
-    inputs::unchanged(&recipe.lock, &now, &names, recipe.folder.as_deref())?;
+    let home = recipe.folder.as_deref().map(StoreFolder::from);
+    inputs::unchanged(&recipe.lock, &now, &names, home.as_ref())?;
     Ok(store)
 }
 
@@ -174,7 +176,7 @@ fn compare(
 ) -> Result<(String, Option<Growth>)> {
     let now = Lock { files, ..Lock::default() };
     let anew = || (with_lock(&recipe.resolved, &now), None);
-    let none_made = folder.is_empty(journal);
+    let none_made = folder.is_empty(journal)?;
     let before = match folder.recipe_of_scenes()? {
         Ok(before) => before,
         Err(_) if none_made => return Ok(anew()),
@@ -186,7 +188,7 @@ fn compare(
                      with --out, or begin anew with --overwrite"
                 }
             };
-            return Err(Error::new(format!("the dataset {what}")).in_file(folder.root()).help(help).permanent());
+            return Err(Error::new(format!("the dataset {what}")).in_file(folder.name()).help(help));
         }
     };
     if none_made && !growth::differences(&before, &recipe.resolved).is_empty() {
@@ -194,7 +196,7 @@ fn compare(
         reporter.event(&Event::Note { message });
         return Ok(anew());
     }
-    let growth = growth::growth(folder.root(), &before, recipe, options.rewrite)?;
+    let growth = growth::growth(&folder.name(), &before, recipe, options.rewrite)?;
     let mut then = lock_of(&before);
     then.files.retain(|option, _| !growth::only_finish(recipe, option));
     inputs::unchanged(&Lock { files: then.files.clone(), ..Lock::default() }, &now, &BTreeMap::new(), None)?;
@@ -215,7 +217,7 @@ fn lock_pools(
 ) -> Result<String> {
     let now = Lock { catalogs: inputs::catalogs(names), ..lock_of(resolved) };
     if !entries.is_empty() {
-        inputs::unchanged(&lock_of(resolved), &now, names, Some(folder.root()))?;
+        inputs::unchanged(&lock_of(resolved), &now, names, Some(folder.files()))?;
     }
     Ok(with_lock(resolved, &now))
 }
@@ -227,8 +229,8 @@ fn repairs(
     workers: &dyn Workers,
     reporter: &dyn Reporter,
 ) -> Result<BTreeSet<u32>> {
-    let mut found = verify::compare(folder.root(), workers)?;
-    let lost = folder.without_line(journal);
+    let mut found = verify::compare(folder.files(), workers)?;
+    let lost = folder.without_line(journal)?;
     if !lost.is_empty() {
         let lines = count(lost.len() as u32, "line");
         let message = format!("{lines} of the journal lost; made again: scenes {}", ranges(lost.iter().copied()));

@@ -8,13 +8,14 @@ use crate::run::making::times::Times;
 use crate::run::panics::caught;
 use crate::run::stop::{Stop, StopReason};
 use std::collections::BTreeMap;
+use std::sync::Arc;
 use syntable_model::context::{Cache, Context, Log, Workers};
 use syntable_model::error::{Error, Result};
 use syntable_model::limits::CANVAS_PIXELS;
 use syntable_model::product::standard::COVERAGE;
 use syntable_model::product::{KeyId, Name, Products, RenderParameters};
 use syntable_model::random::Stream;
-use syntable_model::scene::{Camera, Optics, Scene, SceneBuilder, SceneId, SettleReport, View, ViewId};
+use syntable_model::scene::{Camera, Moment, Optics, Scene, SceneBuilder, SceneId, SettleReport, View, ViewId};
 use syntable_model::stage::{Atlas, Bodies, DatasetInfo, RenderRequest, RenderSession, Window};
 
 /// What the stages of all scenes are lent.
@@ -33,7 +34,7 @@ pub struct Tools<'a> {
 impl Tools<'_> {
     /// An error once the work shall end.
     pub fn running(&self) -> Result<()> {
-        let stopped = |reason: StopReason| Err(Error::new(format!("stopped by {reason}")));
+        let stopped = |reason: StopReason| Err(Error::stopped(format!("stopped by {reason}")));
         self.stop.requested().map_or(Ok(()), stopped)
     }
 }
@@ -85,8 +86,10 @@ impl Attempt<'_> {
     }
 
     /// Samples camera and lights of a view.
-    pub fn view(&self, scene: &Scene, id: ViewId) -> Result<View> {
+    pub fn view(&self, scene: &Arc<Scene>, id: ViewId) -> Result<View> {
         let recipe = self.tools.recipe;
+        let moment = caught("views", || recipe.views.moment(scene, id))?;
+        let scene = &*scene.at(moment);
         let of_view = |stage: &str| self.stream(stage).at(u64::from(id.0));
         let world_from_camera =
             self.sample("views", of_view("views"), |context| recipe.views.pose(scene, id, context))?;
@@ -95,14 +98,14 @@ impl Attempt<'_> {
                 recipe.camera.optics(scene, &world_from_camera, context)
             })?;
         let camera = Camera { intrinsics, distortion, lens, world_from_camera };
-        let shell = caught("views", || Ok(recipe.views.shell(scene)))?;
+        let shell = caught("views", || recipe.views.shell(scene))?;
         let mut lights = scene.lights.clone();
         for (light, sampler) in &recipe.lights {
             let stage = format!("lights.{light}");
             let stream = if sampler.once_per_scene() { self.stream(&stage) } else { of_view(&stage) };
             lights.extend(self.sample(&stage, stream, |context| sampler.lights(scene, &camera, &shell, context))?);
         }
-        Ok(View { id, camera, exposure, lights })
+        Ok(View { id, moment, camera, exposure, lights })
     }
 
     /// The random numbers of the sensors of a plan.
@@ -115,7 +118,7 @@ impl Attempt<'_> {
     pub fn render_view(
         &self,
         plan: &Plan,
-        session: &mut dyn RenderSession,
+        session: &mut PosedSession,
         (view, next): (&View, Option<&View>),
         products: &mut Products,
     ) -> Result<()> {
@@ -123,6 +126,7 @@ impl Attempt<'_> {
         let mut atlas = None;
         for (framing, wants) in plan.by_framing() {
             let view = framed(view, next, framing);
+            let session = self.tools.times.of("render.load", || session.at(view.moment, self.tools.workers))?;
             let stream = self.stream("render").at(u64::from(view.id.0));
             let mut request = RenderRequest::new(&view, &wants, stream, self.tools.workers);
             let denoised = match framing.objects {
@@ -157,9 +161,38 @@ impl Attempt<'_> {
     }
 }
 
+/// A session with the moment of the scene that it is ready for.
+pub struct PosedSession<'s> {
+    session: &'s mut dyn RenderSession,
+    /// The scene that was loaded.
+    scene: &'s Arc<Scene>,
+    moment: Moment,
+}
+
+impl<'s> PosedSession<'s> {
+    /// A session that has loaded a scene.
+    pub fn new(session: &'s mut dyn RenderSession, scene: &'s Arc<Scene>) -> Self {
+        Self { session, scene, moment: scene.moment }
+    }
+
+    /// The session, ready for the scene at a moment.
+    fn at(&mut self, moment: Moment, workers: &dyn Workers) -> Result<&mut dyn RenderSession> {
+        if self.scene.moves() && moment != self.moment {
+            self.session.pose(&self.scene.at(moment), workers)?;
+            self.moment = moment;
+        }
+        Ok(self.session)
+    }
+
+    /// Whether the session is ready for another moment than that of the loaded scene.
+    pub fn has_moved(&self) -> bool {
+        self.moment != self.scene.moment
+    }
+}
+
 /// The view that products of a framing are of.
 fn framed(view: &View, next: Option<&View>, framing: RenderParameters) -> View {
-    let mut view = next.filter(|_| framing.next_view).unwrap_or(view).clone();
+    let mut view = framing.moment.of(view, next).clone();
     view.camera.intrinsics = view.camera.intrinsics.subdivided(framing.subpixels);
     view
 }
@@ -178,17 +211,16 @@ fn check_pixels([width, height]: [u32; 2], framing: RenderParameters) -> Result<
         Some(_) => ("the windows around the objects of a view".to_owned(), "place fewer objects, or set"),
     };
     Err(Error::new(format!("{what} has {width} × {height} pixels, more than the limit of {most}"))
-        .help(format!("{help} a lower resolution in [camera]"))
-        .permanent())
+        .help(format!("{help} a lower resolution in [camera]")))
 }
 
 /// Checks that a stage made what it had to, and nothing else.
 pub fn provided(declared: &[KeyId], made: &Products) -> Result<()> {
     if let Some(key) = declared.iter().find(|key| !made.contains(&key.name)) {
-        return Err(Error::new(format!("it declares to provide `{}` but did not", key.name)).permanent());
+        return Err(Error::new(format!("it declares to provide `{}` but did not", key.name)));
     }
     match made.keys().into_iter().find(|key| !declared.iter().any(|other| other.name == key.name)) {
-        Some(key) => Err(Error::new(format!("it provides `{}` without declaring it", key.name)).permanent()),
+        Some(key) => Err(Error::new(format!("it provides `{}` without declaring it", key.name))),
         None => Ok(()),
     }
 }

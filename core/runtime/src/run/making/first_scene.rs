@@ -3,8 +3,9 @@
 
 use crate::recipe::Recipe;
 use crate::run::RunOptions;
-use crate::run::dataset::folder::{Folder, remove};
+use crate::run::dataset::folder::Folder;
 use crate::run::dataset::journal::{Journal, JournalEntry};
+use crate::run::dataset::layout;
 use crate::run::decisions::opening;
 use crate::run::making::scenes;
 use crate::run::merge;
@@ -24,13 +25,13 @@ pub struct Ahead {
 pub fn make(recipe: &Recipe, options: &RunOptions, folder: &Folder, reporter: &dyn Reporter) -> Result<Ahead> {
     let message = "the old dataset is deleted when the first scene of the new one is made".to_owned();
     reporter.event(&Event::Note { message });
-    let (out, first) = (folder.ahead(), options.scenes.as_ref().map_or(0, |scenes| scenes.start));
+    let (ahead, first) = (layout::ahead(), options.scenes.as_ref().map_or(0, |scenes| scenes.start));
     let aside = RunOptions {
         scenes: Some(first..first + 1),
         stop: options.stop.clone(),
-        ..RunOptions::new(&out, options.threads, options.cache.clone())
+        ..RunOptions::new(folder.files().inner(&ahead), options.threads, options.cache.clone())
     };
-    remove(&out)?;
+    folder.files().remove_all(&ahead)?;
     let (pool, within) = (Pool::new(options.threads)?, Within(reporter));
     let log = Warnings(&within);
     let made = opening::begin(recipe, &aside, &pool, &within, &log)
@@ -43,7 +44,7 @@ pub fn make(recipe: &Recipe, options: &RunOptions, folder: &Folder, reporter: &d
     match made {
         Ok(ahead) => Ok(ahead),
         Err(error) => {
-            remove(&out)?;
+            folder.files().remove_all(&ahead)?;
             let stays = "the old dataset stays as it was";
             let help = error.help_text().map_or_else(|| stays.to_owned(), |help| format!("{stays}; {help}"));
             Err(error.help(help))
@@ -55,7 +56,8 @@ impl Ahead {
     /// Moves it into the dataset.
     pub fn adopt(self, folder: &Folder, journal: &Mutex<Journal>) -> Result<()> {
         merge::adopt(folder, &self.folder, &self.entry, journal)?;
-        remove(self.folder.root())
+        drop(self.folder);
+        folder.files().remove_all(&layout::ahead())
     }
 }
 

@@ -24,12 +24,12 @@ impl Recovery {
     pub fn of(error: &Error, repeats: u32) -> Self {
         if error.is_passing() && repeats < DEVICE_REPEATS {
             Self::Repeat
-        } else if error.is_permanent() || error.is_io() {
-            Self::Stop
+        } else if error.is_unlucky() {
+            Self::NextAttempt
         } else if error.is_device() || error.is_contradiction() {
             Self::FailScene
         } else {
-            Self::NextAttempt
+            Self::Stop
         }
     }
 }
@@ -45,8 +45,9 @@ mod tests {
             (device(), 0, Recovery::Repeat),
             (device(), DEVICE_REPEATS, Recovery::FailScene),
             (Error::contradiction("masks"), 0, Recovery::FailScene),
-            (Error::new("no room for a body"), 0, Recovery::NextAttempt),
-            (Error::new("a wrong option").permanent(), 0, Recovery::Stop),
+            (Error::unlucky("no room for a body"), 0, Recovery::NextAttempt),
+            (Error::new("a wrong option"), 0, Recovery::Stop),
+            (Error::stopped("by its caller"), 0, Recovery::Stop),
             (Error::io("data", &std::io::Error::other("full")), 0, Recovery::Stop),
         ] {
             assert_eq!(Recovery::of(&error, repeats), wanted, "{error}");

@@ -21,7 +21,6 @@ use crate::run::making::writers::Writers;
 use crate::run::panics::unwound;
 use crate::run::progress::{Event, Reporter};
 use std::collections::BTreeMap;
-use std::path::Path;
 use std::sync::Arc;
 use syntable_model::check::LabelCheck;
 use syntable_model::context::{SceneContext, ViewContext};
@@ -29,6 +28,7 @@ use syntable_model::error::{Error, Result};
 use syntable_model::product::Products;
 use syntable_model::scene::{Placed, Scene, SceneId, Settled, View};
 use syntable_model::stage::{Output, Scenes};
+use syntable_model::store::StoreFolder;
 
 /// Makes scenes.
 pub struct SceneMaker<'a> {
@@ -219,7 +219,7 @@ struct Attempt<'m, 'a> {
 }
 
 impl<'m> Attempt<'m, '_> {
-    fn run(&self, staged: &Path, stored: bool, queue: &Queue<'m>) -> Result<Attempted> {
+    fn run(&self, staged: &StoreFolder, stored: bool, queue: &Queue<'m>) -> Result<Attempted> {
         let (maker, work, times) = (self.maker, self.work, self.maker.tools.times);
         let losses = Arc::new(Losses::default());
         let scene = Arc::new(self.scene(staged, stored)?);
@@ -239,10 +239,10 @@ impl<'m> Attempt<'m, '_> {
     }
 
     /// Places the bodies, and lets them come to rest or does to them what settling did before, if that is `stored`.
-    fn scene(&self, staged: &Path, stored: bool) -> Result<Scene> {
+    fn scene(&self, staged: &StoreFolder, stored: bool) -> Result<Scene> {
         let (scene, number) = (self.core.scene, self.core.number);
         let mut builder = self.core.place()?;
-        let again = if stored { settled::read(self.maker.folder.root(), scene) } else { None };
+        let again = if stored { settled::read(self.maker.folder.files(), scene) } else { None };
         let report = match again.map(|settled| settled.apply(&mut builder)) {
             Some(Ok(report)) => report,
             _ => {

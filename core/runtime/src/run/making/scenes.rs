@@ -2,7 +2,7 @@
 
 use crate::pools::AssetStore;
 use crate::recipe::Recipe;
-use crate::run::dataset::folder::{Folder, times_path};
+use crate::run::dataset::folder::Folder;
 use crate::run::dataset::journal::{Journal, JournalEntry, Notice};
 use crate::run::decisions::opening::Begun;
 use crate::run::decisions::work_list::{Job, Task, Todo, Works};
@@ -46,7 +46,7 @@ pub fn make(recipe: &Recipe, options: &RunOptions, pool: &Pool, reporter: &dyn R
     if let Some(store) = &assets {
         folder.set_catalogs(&store.catalogs())?;
     }
-    if folder.is_empty(&journal) {
+    if folder.is_empty(&journal)? {
         folder.set_recipe(&resolved)?;
     } else {
         folder.propose_recipe(&resolved, growth.map(|growth| growth.replaced()).unwrap_or_default())?;
@@ -123,9 +123,9 @@ fn make_scenes(
             if let Some((id, error)) = writers {
                 let help = "nothing is lost: mend it, then run the same command";
                 let error = if error.help_text().is_some() { error } else { error.help(help) };
-                return Err(error
-                    .context(format!("the end of the run, tried for write.{id} after scene {}", task.scene))
-                    .permanent());
+                return Err(
+                    error.context(format!("the end of the run, tried for write.{id} after scene {}", task.scene))
+                );
             }
         }
         Ok(())
@@ -162,10 +162,10 @@ fn make_scenes(
         seconds: start.elapsed().as_secs_f64(),
         stages: times.all(),
     };
-    let noted = took.append(&times_path(folder.root()));
+    let noted = took.append(folder.files());
     if let Some(reason) = options.stop.requested() {
         let (made, all) = (made.into_inner(), tasks.len());
-        return Err(Error::new(format!("stopped by {reason}: {made} of {all} scenes are done"))
+        return Err(Error::stopped(format!("stopped by {reason}: {made} of {all} scenes are done"))
             .help("the same command goes on from there"));
     }
     // What stopped the run comes first: a full disk takes no times, either.
@@ -176,9 +176,8 @@ fn make_scenes(
         let message =
             format!("{} could not be made with what the recipe adds; nothing was written", count(without, "scene"));
         return Err(Error::new(message)
-            .in_file(folder.root())
-            .help("the warnings above say why; mend the recipe, or leave out what it adds")
-            .permanent());
+            .in_file(folder.name())
+            .help("the warnings above say why; mend the recipe, or leave out what it adds"));
     }
     for made in held {
         folder.commit(made.entry, made.kept, made.written, journal)?;

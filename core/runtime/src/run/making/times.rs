@@ -1,14 +1,13 @@
 //! How long stages work, and what a dataset remembers of it.
 
+use crate::run::dataset::{foreign, layout};
 use crate::run::panics::caught;
 use parking_lot::Mutex;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
-use std::fs::OpenOptions;
-use std::io::Write;
-use std::path::Path;
 use std::time::Instant;
-use syntable_model::error::{Error, Result};
+use syntable_model::error::Result;
+use syntable_model::store::StoreFolder;
 
 /// How often a stage worked, and how long altogether.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
@@ -36,17 +35,15 @@ pub struct RunTimes {
 }
 
 impl RunTimes {
-    /// Adds a line to a file. Of a file that cannot be written comes an error.
-    pub(in crate::run) fn append(&self, path: &Path) -> Result<()> {
+    /// Adds a line to the file of a dataset.
+    pub(in crate::run) fn append(&self, dataset: &StoreFolder) -> Result<()> {
         let line = serde_json::to_string(self).expect("plain data") + "\n";
-        let file = OpenOptions::new().create(true).append(true).open(path);
-        file.and_then(|mut file| file.write_all(line.as_bytes())).map_err(|error| Error::io(path, &error))
+        dataset.append(&layout::times(), line.as_bytes())
     }
 
     /// The lines of a dataset's file, in order; none if there is no file. A line that cannot be read is left out.
-    pub fn of_dataset(root: &Path) -> Result<Vec<Self>> {
-        let path = crate::run::dataset::folder::times_path(root);
-        let bytes = crate::run::dataset::foreign::read(&path)?;
+    pub fn of_dataset(dataset: impl Into<StoreFolder>) -> Result<Vec<Self>> {
+        let bytes = foreign::read(&dataset.into(), &layout::times())?;
         Ok(bytes.split(|byte| *byte == b'\n').filter_map(|it| serde_json::from_slice(it).ok()).collect())
     }
 }

@@ -6,7 +6,7 @@
 //! failing view, so nothing depends on the scheduling.
 
 use crate::plan::Plan;
-use crate::run::making::attempt::{self, Tools};
+use crate::run::making::attempt::{self, PosedSession, Tools};
 use crate::run::making::losses::Losses;
 use crate::run::making::queue::Queue;
 use crate::run::making::sessions::Sessions;
@@ -109,7 +109,7 @@ impl<'m> Walk<'m> {
         let after = |view: &View| views.get(view.id.0 as usize + 1).cloned();
         let follow = |view: &Arc<View>, products: Products| {
             let sensing: BTreeMap<String, Stream> = core.sensing(self.plan, view.id);
-            let (scene, line) = (Arc::clone(scene), Arc::clone(&line));
+            let (scene, line) = (scene.at(view.moment), Arc::clone(&line));
             let views = (Arc::clone(view), after(view));
             line.announce();
             queue.add(move || line.follow(self, &scene, views, products, &sensing));
@@ -127,12 +127,13 @@ impl<'m> Walk<'m> {
             }
             self.sessions.with(|session| {
                 self.tools.times.of("render.load", || session.load(scene, self.tools.workers))?;
+                let mut posed = PosedSession::new(session, scene);
                 for view in views {
                     if !next()? {
                         break;
                     }
                     let mut products = of_scene.clone();
-                    core.render_view(self.plan, session, (view, after(view).as_deref()), &mut products)?;
+                    core.render_view(self.plan, &mut posed, (view, after(view).as_deref()), &mut products)?;
                     follow(view, products);
                 }
                 Ok(())

@@ -3,11 +3,11 @@
 use crate::run::dataset::manifest::Written;
 use crate::run::making::losses::{Losses, StageLog};
 use crate::run::making::times::Times;
-use std::path::Path;
 use std::sync::Arc;
 use syntable_model::error::Result;
 use syntable_model::product::Products;
 use syntable_model::stage::{Input, Output, SceneWriter, Subject, Writer};
+use syntable_model::store::StoreFolder;
 
 /// The scene writers of a recipe, each with the names of the products that it reads.
 pub struct Writers<'m, S: Subject>(Vec<Writing<'m, S>>);
@@ -26,7 +26,7 @@ impl<'m, S: Subject> Writers<'m, S> {
     pub fn start(
         writers: impl IntoIterator<Item = &'m (String, Box<dyn Writer<S>>)>,
         cx: &S::Scene<'_>,
-        staged: &Path,
+        staged: &StoreFolder,
         (times, losses): (&'m Times, &Arc<Losses>),
     ) -> Result<Self> {
         let start = |(id, writer): &'m (String, Box<dyn Writer<S>>)| {

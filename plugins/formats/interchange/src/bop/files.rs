@@ -125,9 +125,9 @@ pub fn split_of(root: &Path) -> Result<Split> {
             (0, "a split has folders of scenes, each with a scene_gt.json, or tar files shard-000000.tar".to_owned())
         }
     };
-    <[Split; 1]>::try_from(splits).map(|[split]| split).map_err(|_| {
-        Error::new(format!("one split was expected, and there are {found}")).in_file(root).help(help).of_request()
-    })
+    <[Split; 1]>::try_from(splits)
+        .map(|[split]| split)
+        .map_err(|_| Error::new(format!("one split was expected, and there are {found}")).in_file(root).help(help))
 }
 
 /// A file as JSON.
@@ -343,7 +343,7 @@ impl Record {
     /// The masks of a member, by entry of the poses.
     fn runs(&self, member: &Member, [width, height]: [u32; 2]) -> Result<Vec<Mask>> {
         let mut masks: BTreeMap<usize, Segmentation> = json_of(member)?;
-        let refuse = |message: String| Error::new(message).in_file(member.path()).permanent();
+        let refuse = |message: String| Error::new(message).in_file(member.path());
         let mut mask = |entry: usize| {
             let missing = || refuse(format!("it has no mask of the object {entry} of {}", RECORDS[1]));
             let mask = masks.remove(&entry).ok_or_else(missing)?;
@@ -362,9 +362,7 @@ impl Record {
             Place::Sample { archive, fields } => (fields.get(field), archive.clone()),
             Place::Folder(folder) => (None, folder.path()),
         };
-        found.ok_or_else(|| {
-            Error::new(format!("the image {:06} has no {field}", self.number)).in_file(place).of_request()
-        })
+        found.ok_or_else(|| Error::new(format!("the image {:06} has no {field}", self.number)).in_file(place))
     }
 }
 

@@ -151,7 +151,7 @@ fn numbers_of(stated: BTreeMap<String, BTreeSet<Option<u64>>>, log: &dyn Log) ->
         }
         return Ok(stated.into_keys().zip(1..).collect());
     }
-    let refuse = |message: String, help: &str| Err(Error::new(message).help(help).permanent());
+    let refuse = |message: String, help: &str| Err(Error::new(message).help(help));
     let mut obj_ids = BTreeMap::new();
     let mut owners: BTreeMap<u64, String> = BTreeMap::new();
     for (asset, ids) in stated {

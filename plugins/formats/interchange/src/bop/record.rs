@@ -67,7 +67,6 @@ pub fn read<T: DeserializeOwned>(value: &Value, product: &str) -> Result<T> {
     serde_json::to_value(value).and_then(serde_json::from_value).map_err(|error| {
         Error::new(format!("product `{product}` does not have what BOP needs: {error}"))
             .help(format!("let the annotator `{product}` provide it"))
-            .permanent()
     })
 }
 

@@ -88,8 +88,7 @@ impl SceneWriter for BopScene {
         let camera: CameraView = read(products.get(CAMERA)?, CAMERA.name())?;
         if camera.distortion_k1_k2_p1_p2_k3.is_some() {
             return Err(Error::new("BOP has no cameras with lens distortion")
-                .help("leave distortion out of the camera's options, or write the dataset with another writer")
-                .permanent());
+                .help("leave distortion out of the camera's options, or write the dataset with another writer"));
         }
         let depth = products.get(DEPTH)?.map(|&depth| depth_units(depth, scale, Rounding::Nearest));
         let objects = self.config.objects.of(products)?;
@@ -140,7 +139,6 @@ impl Objects {
         let missing = |product: &str| {
             Error::new(format!("`{product}` does not describe all objects"))
                 .help(format!("set `objects = \"all\"` in the options of the annotator `{product}`, too"))
-                .permanent()
         };
         let object = |(id, [amodal, visible]): (InstanceId, [Cow<'a, Mask>; 2])| {
             let identity = infos.get(id).ok_or_else(|| missing(OBJECT_INFO.name()))?;
@@ -203,8 +201,7 @@ impl Object<'_> {
             "instance {id} has {} pixels in its amodal and {} in its visible mask, where `visibility` counts {} and {}",
             masks[0], masks[1], counted[0], counted[1]
         ))
-        .help("BOP's masks have what the table hides: make the dataset with `table_and_room = \"occlude\"` of the annotator `masks`")
-        .permanent())
+        .help("BOP's masks have what the table hides: make the dataset with `table_and_room = \"occlude\"` of the annotator `masks`"))
     }
 }
 

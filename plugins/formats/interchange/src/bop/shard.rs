@@ -4,8 +4,7 @@
 use super::model::Model;
 use super::record::ViewRecord;
 use std::collections::BTreeMap;
-use std::fs::File;
-use std::io::{BufWriter, Cursor, Read};
+use std::io::{Cursor, Read};
 use syntable_formats::encode::json_shard::push_line;
 use syntable_formats::encode::tar::{Archive, for_each_member};
 use syntable_model::digest::Digest;
@@ -42,7 +41,7 @@ pub fn key(scene: SceneId, view: ViewId) -> String {
 
 /// A shard that is being written.
 pub struct Shard {
-    archive: Archive<BufWriter<File>>,
+    archive: Archive<FileWriter>,
     views: Vec<u8>,
 }
 

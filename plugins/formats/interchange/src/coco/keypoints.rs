@@ -58,7 +58,7 @@ impl Named {
     pub fn of(products: &Products) -> Result<Self> {
         let points = |(id, value): (InstanceId, &Value)| {
             let json = serde_json::to_value(value).and_then(serde_json::from_value::<Vec<Point>>);
-            let wrong = |error| Error::new(format!("instance {id} of `{}`: {error}", KEYPOINTS.name())).permanent();
+            let wrong = |error| Error::new(format!("instance {id} of `{}`: {error}", KEYPOINTS.name()));
             Ok((id, json.map_err(wrong)?))
         };
         products.get(KEYPOINTS)?.iter().map(points).collect::<Result<_>>().map(Self)

@@ -205,7 +205,7 @@ impl Annotated for Objects {
         let of = |it: &Annotation| {
             let mask = segmentation(it)?.decode(width, height);
             let crowd = mask.map(|mask| Crowd { mask, category: file.listing.categories.id(it.category_id) });
-            Some(crowd.map_err(|error| error.context(format!("annotation {}: `segmentation`", it.id)).permanent()))
+            Some(crowd.map_err(|error| error.context(format!("annotation {}: `segmentation`", it.id))))
         };
         annotations.iter().filter(|it| is_crowd(it)).filter_map(of).collect()
     }
@@ -265,7 +265,7 @@ impl Objects {
         let fields = &annotation.extra;
         let of = |key: &str| format!("annotation {}: `{key}`", annotation.id);
         let decoded = |segmentation: &Segmentation, key: &str| {
-            segmentation.decode(width, height).map_err(|error| error.context(of(key)).permanent())
+            segmentation.decode(width, height).map_err(|error| error.context(of(key)))
         };
         let either = |named: [Named<Segmentation>; 2]| {
             let found = first(annotation, &named)?;
@@ -299,7 +299,7 @@ impl Objects {
 /// The first of some fields that is there, with its name.
 fn first<'a, T>(annotation: &Annotation, fields: &[Named<'a, T>]) -> Result<Option<(&'static str, &'a T)>> {
     for (key, field) in fields {
-        let wrong = |reason| Error::new(reason).context(format!("annotation {}: `{key}`", annotation.id)).permanent();
+        let wrong = |reason| Error::new(reason).context(format!("annotation {}: `{key}`", annotation.id));
         if let Some(value) = field.get().map_err(wrong)? {
             return Ok(Some((key, value)));
         }

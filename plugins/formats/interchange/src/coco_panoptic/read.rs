@@ -123,7 +123,7 @@ impl Things {
         let Some(annotation) = annotations.pop().filter(|_| annotations.is_empty()) else {
             let message =
                 format!("image {} has no annotation, or several: one with all of its segments is needed", frame.id);
-            return Err(Error::new(message).permanent());
+            return Err(Error::new(message));
         };
         let path = self.folder.file(&annotation.file_name)?;
         let ids = decode::rgb_of_size(&path, file.size(image))?;

@@ -111,12 +111,12 @@ impl ImageAnnotation {
 
     fn mask(&self, number: usize, (key, rle): (&str, &Rle), [width, height]: [u32; 2]) -> Result<Mask> {
         let decoded = Segmentation::Rle(rle.clone()).decode(width, height);
-        decoded.map_err(|error| error.context(self.key(number, key)).permanent())
+        decoded.map_err(|error| error.context(self.key(number, key)))
     }
 
     pub fn polygon(&self, number: usize, region: &Region, [width, height]: [u32; 2]) -> Result<Mask> {
         let decoded = Segmentation::Polygons(vec![region.segmentation.clone()]).decode(width, height);
-        decoded.map_err(|error| error.context(self.key(number, "segmentation")).permanent())
+        decoded.map_err(|error| error.context(self.key(number, "segmentation")))
     }
 
     /// Visible, amodal and occlusion mask of a region. Without occlusion there is only the polygon; else the masks are exact.

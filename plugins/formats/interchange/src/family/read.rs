@@ -94,7 +94,7 @@ impl AnnotationFile {
     /// # Errors
     /// If it has no list of them.
     pub fn categories(&self) -> Result<&[Category]> {
-        let missing = || Error::new("missing field `categories`").in_file(self.listing.file.path()).of_request();
+        let missing = || Error::new("missing field `categories`").in_file(self.listing.file.path());
         self.listing.file.categories.as_deref().ok_or_else(missing)
     }
 

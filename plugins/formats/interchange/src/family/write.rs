@@ -143,7 +143,7 @@ impl SceneFiles<'_> {
         // Formats without a place for it do not declare it.
         if products.contains(LABEL_POLICY.name()) {
             let policy = serde_json::to_value(products.get(LABEL_POLICY)?);
-            let policy = policy.map_err(|error| Error::new(error.to_string()).permanent())?;
+            let policy = policy.map_err(|error| Error::new(error.to_string()))?;
             if policy["image_frame"] == "extend" {
                 extra.insert(LABEL_POLICY.name().to_owned(), policy);
             }

@@ -141,9 +141,8 @@ impl Annotation {
             Error::new("it is missing")
                 .help("an object has `a_segm` and `i_segm`, or `segmentation` and `inmodal_seg`")
                 .context(self.key(key))
-                .permanent()
         };
         let decoded = segmentation.ok_or_else(missing)?.decode(width, height);
-        decoded.map_err(|error| error.context(self.key(key)).permanent())
+        decoded.map_err(|error| error.context(self.key(key)))
     }
 }

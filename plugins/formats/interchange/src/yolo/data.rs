@@ -34,8 +34,7 @@ pub fn masks(path: &Path) -> Result<Known> {
         Some((number, masks)) => Err(Error::new(format!("`{MASKS}` is `{masks}`"))
             .in_file(path)
             .at_line(number)
-            .help("write visible or amodal")
-            .of_request()),
+            .help("write visible or amodal")),
     }
 }
 
@@ -60,8 +59,7 @@ pub fn shape(path: &Path) -> Result<Option<Shape>> {
         _ => Err(Error::new(format!("`{TASK}` is `{task}`"))
             .in_file(path)
             .at_line(number)
-            .help("write segment, detect, obb or pose")
-            .of_request()),
+            .help("write segment, detect, obb or pose")),
     }
 }
 
@@ -73,7 +71,6 @@ pub fn names(path: &Path) -> Result<BTreeMap<u64, String>> {
             .in_file(path)
             .at_line(number)
             .help("write a list of names, or a map such as `0: mug`, a line each")
-            .of_request()
     };
     let mut lines = (1..).zip(text.lines()).filter(|(_, line)| !uncommented(line).trim().is_empty());
     let found = lines.by_ref().find_map(|(number, line)| {

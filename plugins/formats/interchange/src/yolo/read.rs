@@ -290,7 +290,7 @@ fn lines(path: &Path, stated: Option<Shape>) -> Result<Vec<Line>> {
         let refuse = |message: String| {
             let help =
                 "a line is the number of a class, then x and y of at least three points, divided by width and height";
-            Error::new(message).in_file(path).at_line(number).help(help).permanent()
+            Error::new(message).in_file(path).at_line(number).help(help)
         };
         let mut words = line.split_ascii_whitespace();
         let class = words.next().unwrap_or_default();
@@ -419,8 +419,8 @@ impl Reader {
 
     fn labels(&self, image: usize, row: usize, line: &Line, [width, height]: [u32; 2]) -> Result<Labels> {
         let at = |error: Error| match &self.images[image].labels {
-            Some(path) => error.in_file(path).at_line(line.number).permanent(),
-            None => error.permanent(),
+            Some(path) => error.in_file(path).at_line(line.number),
+            None => error,
         };
         let scale = [f64::from(width), f64::from(height)];
         let polygon = line.values.iter().enumerate().map(|(i, value)| value * scale[i % 2]).collect();

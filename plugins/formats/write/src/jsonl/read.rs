@@ -96,7 +96,7 @@ fn open(source: &Source) -> Result<Opened> {
     let path = source.path.as_path();
     let file = file_of(path).ok_or_else(|| {
         let help = "name the file, such as jsonl.jsonl";
-        Error::new("one file of JSON Lines was expected").in_file(path).help(help).of_request()
+        Error::new("one file of JSON Lines was expected").in_file(path).help(help)
     })?;
     if file != path {
         read::check_inside(&source.folder(path)?, [&file])?;

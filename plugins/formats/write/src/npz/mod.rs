@@ -120,8 +120,7 @@ impl Npz {
                         Some((_, same)) if *same == of => {}
                         Some((first, _)) => {
                             return Err(Error::new(format!("`{first}` and `{product}` are of different instances"))
-                                .help("include them in two writers of the kind npz, or write them with npy")
-                                .permanent());
+                                .help("include them in two writers of the kind npz, or write them with npy"));
                         }
                     }
                 }

@@ -41,7 +41,7 @@ fn open(source: &Source) -> Result<Opened> {
     let all = archives_of(root);
     if all.is_empty() {
         let help = "name the folder that has the archives, such as 000000_0000.npz";
-        return Err(Error::new("it has no archives of views").in_file(root).help(help).of_request());
+        return Err(Error::new("it has no archives of views").in_file(root).help(help));
     }
     read::check_inside(&folder, all.iter().map(|(_, path)| path))?;
     let mut faults = Faults::default();
@@ -90,7 +90,7 @@ impl Archive {
     fn open(path: &Path) -> Result<Self> {
         // Of an archive, what is not asked for is not read.
         let file = decode::open(path)?;
-        let refuse = |error| Error::new(format!("not a readable NumPy archive: {error}")).in_file(path).permanent();
+        let refuse = |error| Error::new(format!("not a readable NumPy archive: {error}")).in_file(path);
         let zip = guarded(LIBRARY, path, || ZipArchive::new(BufReader::new(file)).map_err(refuse))?;
         ARCHIVE_MEMBERS.check(zip.len() as u64).map_err(|error| error.in_file(path))?;
         Ok(Self { zip, path: path.to_owned() })
@@ -109,7 +109,7 @@ impl Archive {
     }
 
     fn unpacked(&mut self, name: &str, path: PathBuf) -> Result<Content> {
-        let refuse = |what: String| Error::new(what).in_file(&path).permanent();
+        let refuse = |what: String| Error::new(what).in_file(&path);
         let file = self.zip.by_name(&format!("{name}.npy"));
         let file = file.map_err(|error| refuse(format!("the archive has no such array: {error}")))?;
         let mut bytes = Vec::new();

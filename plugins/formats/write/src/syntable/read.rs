@@ -124,8 +124,7 @@ fn open(source: &Source) -> Result<Opened> {
             "an annotation file was expected at the top of the dataset, and there are {found}"
         ))
         .in_file(path)
-        .help("name one of them in place of the folder, or call it annotation_final.json")
-        .of_request());
+        .help("name one of them in place of the folder, or call it annotation_final.json"));
     };
     if !path.is_file() {
         root.file(file.file_name().unwrap_or_default())?;
@@ -323,12 +322,12 @@ impl Reader {
     fn labels(&self, image: &Image, id: InstanceId, annotation: &Annotation) -> Result<Labels> {
         let mask = |rle: &Rle, name: &str| -> Result<Mask> {
             let of = || format!("annotation {}: `{name}`", annotation.id);
-            let mask = rle.decode().map_err(|error| error.context(of()).permanent())?;
+            let mask = rle.decode().map_err(|error| error.context(of()))?;
             if (mask.width(), mask.height()) == (image.width, image.height) {
                 return Ok(mask);
             }
             let [found, expected] = [(mask.width(), mask.height()), (image.width, image.height)];
-            Err(Error::new(format!("it has the size {found:?}, its image {expected:?}")).context(of()).permanent())
+            Err(Error::new(format!("it has the size {found:?}, its image {expected:?}")).context(of()))
         };
         let visible = mask(&annotation.visible_mask, "visible_mask")?;
         // The form of the release has no other box than the visible one.
@@ -352,14 +351,11 @@ impl Reader {
         let (edge, entries) = decode::square_npy(&path)?;
         if edge != labels.len() {
             return Err(Error::new(format!("it is of {edge} objects, the image has {} annotations", labels.len()))
-                .in_file(&path)
-                .permanent());
+                .in_file(&path));
         }
         if let Some(at) = entries.iter().position(|entry| *entry != 0.0 && *entry != 1.0) {
             let (row, column) = (at / edge, at % edge);
-            return Err(Error::new(format!("row {row}, column {column} is {}, not 0 or 1", entries[at]))
-                .in_file(&path)
-                .permanent());
+            return Err(Error::new(format!("row {row}, column {column} is {}, not 0 or 1", entries[at])).in_file(&path));
         }
         // Rows of an order are in the order of ids.
         let mut rows: Vec<usize> = (0..edge).collect();

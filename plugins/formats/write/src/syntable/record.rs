@@ -100,7 +100,6 @@ impl<'a> Labels<'a> {
             product.get(id).ok_or_else(|| {
                 Error::new(format!("instance {id} is in `occlusion_order` but not in `{name}`"))
                     .help("all label products must come from one annotator, or from annotators that agree")
-                    .permanent()
             })
         }
         let hidden = |hidden: Hidden<'a>| -> Result<HiddenOfObject<'a>> {
@@ -170,11 +169,11 @@ pub fn scene(cx: &ImagesContext, products: &Products) -> Result<Option<Scene>> {
 /// If they have other fields; the message names the product.
 pub fn decoded<T: DeserializeOwned>(product: &str, value: &Value) -> Result<T> {
     let json = serde_json::to_value(value);
-    from_json(product, json.map_err(|error| Error::new(format!("product `{product}`: {error}")).permanent())?)
+    from_json(product, json.map_err(|error| Error::new(format!("product `{product}`: {error}")))?)
 }
 
 fn from_json<T: DeserializeOwned>(product: &str, json: Json) -> Result<T> {
-    serde_json::from_value(json).map_err(|error| Error::new(format!("product `{product}`: {error}")).permanent())
+    serde_json::from_value(json).map_err(|error| Error::new(format!("product `{product}`: {error}")))
 }
 
 /// The record of an annotation in the coco form, without its id and that of its image.
@@ -251,7 +250,7 @@ pub fn annotation_1(
 impl<'a> ObjectLabels<'a> {
     /// What is said of hidden parts, for a form that cannot do without.
     fn hidden(&self) -> Result<HiddenOfObject<'a>> {
-        self.hidden.ok_or_else(|| Error::new("the objects have no amodal masks").permanent())
+        self.hidden.ok_or_else(|| Error::new("the objects have no amodal masks"))
     }
 
     /// The box of the source. An object without a visible pixel has no other box than the amodal one.

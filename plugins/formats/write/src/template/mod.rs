@@ -243,7 +243,7 @@ impl Writer for TemplateWriter {
 
     fn scene(&self, cx: &ImagesContext, output: Output) -> Result<Box<dyn SceneWriter>> {
         // A file that cannot be read or parsed is reported before anything is rendered.
-        self.0.body().map_err(Error::permanent)?;
+        self.0.body()?;
         let context = self.0.context(cx.dataset, output.id());
         let scene = Map::from_iter([("scene".to_owned(), json!({ "id": cx.scene_id.0 }))]);
         Ok(Box::new(TemplateScene { templates: self.0.clone(), output, context, scene, views: Vec::new() }))
@@ -334,7 +334,7 @@ impl SceneWriter for TemplateScene {
         }
         let context = self.context.iter().chain(&self.scene).map(|(key, value)| (key.clone(), value.clone()));
         record.extend(context);
-        let (path, text) = self.templates.render(&record.into()).map_err(Error::permanent)?;
+        let (path, text) = self.templates.render(&record.into())?;
         self.output.write(&path, text.as_bytes())
     }
 
@@ -347,7 +347,7 @@ impl SceneWriter for TemplateScene {
             FilePer::View => Ok(()),
             FilePer::Scene => {
                 self.context.extend(self.scene);
-                let (path, text) = self.templates.render(&self.context.into()).map_err(Error::permanent)?;
+                let (path, text) = self.templates.render(&self.context.into())?;
                 self.output.write(&path, text.as_bytes())
             }
             FilePer::Dataset => {

@@ -2,8 +2,6 @@
 
 mod read;
 
-use std::fs::File;
-use std::io::BufWriter;
 use syntable_formats::encode::kind::Kind;
 use syntable_formats::encode::npy::{self, Arrays};
 use syntable_formats::encode::tar::Archive;
@@ -114,7 +112,7 @@ fn path(id: &str, scene: &str) -> String {
 
 struct WebdatasetScene {
     config: Webdataset,
-    archive: Archive<BufWriter<File>>,
+    archive: Archive<FileWriter>,
 }
 
 impl SceneWriter for WebdatasetScene {
@@ -146,7 +144,7 @@ impl Floats {
         size: [usize; 2],
     ) -> Result<Vec<(&'static str, Vec<u8>)>> {
         let kind = Kind::of(key, value);
-        let explain = |error: Error| error.context(format!("product `{product}`")).permanent();
+        let explain = |error: Error| error.context(format!("product `{product}`"));
         match png::Coding::of(&kind) {
             // Nothing that has a format without loss is stored with less.
             Ok(png::Coding::Depth | png::Coding::Normal | png::Coding::Color) | Err(_) => {}

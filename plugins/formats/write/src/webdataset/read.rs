@@ -54,7 +54,7 @@ fn open(source: &Source) -> Result<Opened> {
     let shards = tar_files(root);
     if shards.is_empty() {
         let help = "name the folder that has the tar files, such as webdataset-000000.tar";
-        return Err(Error::new("it has no tar files of samples").in_file(root).help(help).of_request());
+        return Err(Error::new("it has no tar files of samples").in_file(root).help(help));
     }
     read::check_inside(&folder, &shards)?;
     let mut faults = Faults::default();
@@ -86,7 +86,7 @@ impl Samples for Shards {
 /// The value of a field.
 fn value_of(product: &str, parts: &BTreeMap<&str, &Member>) -> Result<Value> {
     let Some((end, member)) = parts.iter().find(|(end, _)| **end != IDS) else {
-        return Err(Error::new(format!("its field `{product}` has ids alone")).permanent());
+        return Err(Error::new(format!("its field `{product}` has ids alone")));
     };
     let content = member.content()?;
     match *end {

@@ -187,7 +187,7 @@ fn check_objects(coverage: &BitPlane, objects: usize) -> Result<()> {
     if coverage.objects() == objects {
         return Ok(());
     }
-    Err(Error::new(format!("the coverage plane has {} objects, the scene {objects}", coverage.objects())).permanent())
+    Err(Error::new(format!("the coverage plane has {} objects, the scene {objects}", coverage.objects())))
 }
 
 register!(Masks);

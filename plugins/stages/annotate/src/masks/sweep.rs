@@ -57,8 +57,7 @@ pub fn sweep(first: &Plane<InstanceId>, coverage: &BitPlane) -> Result<Sweep> {
             "the coverage plane is {} × {}, the instance plane {width} × {height}",
             coverage.width(),
             coverage.height()
-        ))
-        .permanent());
+        )));
     }
     let mut objects = Vec::with_capacity(coverage.objects());
     for word in 0..coverage.words() {
@@ -129,7 +128,6 @@ fn disagreement(position: usize, height: usize, word: usize, visible: u64) -> Er
         position % height
     ))
     .help("the renderer must cast one ray for both planes")
-    .permanent()
 }
 
 /// For every object, the union of the covering sets over the pixels at which it is seen, without itself.

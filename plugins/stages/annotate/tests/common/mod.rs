@@ -10,8 +10,8 @@ use syntable_model::prelude::*;
 use syntable_model::product::{BitPlane, Plane, RenderParameters};
 use syntable_model::registry::{Registry, Slot, Stage};
 use syntable_model::scene::{
-    AssetRef, BodyDraft, Camera, Exposure, Intrinsics, MassOrigin, MassProperties, Material, Mesh, MeshData, Motion,
-    Object, Role, SceneId, SettleReport, SourceModel, Tabletop, ViewId,
+    AssetRef, BodyDraft, Camera, Exposure, Intrinsics, MassOrigin, MassProperties, Material, Mesh, MeshData, Moment,
+    Motion, Object, Region, Role, SceneId, SettleReport, SourceModel, Support, ViewId,
 };
 use syntable_model::stage::DatasetInfo;
 
@@ -86,7 +86,7 @@ impl World {
     pub fn of(object: Object, objects: usize) -> Self {
         let object = Arc::new(object);
         let mut builder = SceneBuilder::default();
-        builder.tabletop = Some(Tabletop { center: [0.0, 0.0, 0.7], size: [1.0, 0.8] });
+        builder.supports = Support::new("table", Region::rectangle([0.0, 0.0, 0.7], [1.0, 0.8])).into();
         let asset = AssetRef { pool: "pool".into(), name: "tetra".into() };
         let mut add = |role, x: f64| {
             let pose = Pose::translation(x, 0.0, 0.7);
@@ -99,6 +99,7 @@ impl World {
         let scene = builder.freeze(SceneId(3), 1, SettleReport::default()).expect("a scene");
         let eye = Point3::new(1.0, 0.0, 1.5);
         let view = View {
+            moment: Moment::START,
             id: ViewId(2),
             camera: Camera::pinhole(
                 Intrinsics { width: 8, height: 6, fx: 7.0, fy: 7.5, cx: 4.0, cy: 3.0 },

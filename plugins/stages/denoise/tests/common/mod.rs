@@ -3,7 +3,7 @@
 #![allow(dead_code)]
 
 use std::sync::Arc;
-use syntable_denoise::guided::Guided;
+use syntable_guided::Guided;
 use syntable_model::context::{Collected, DatasetContext, Workers};
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{RADIANCE, RADIANCE_NOISY};

@@ -3,7 +3,7 @@
 use crate::collision_shape::CollisionShape;
 use crate::engine::friction;
 use crate::hull_cache::HullCache;
-use crate::static_body::{self, StaticBody, SupportSurface};
+use crate::static_body::{self, StaticBody, SupportSurface, is_dynamic};
 use crate::units;
 use parry3d::bounding_volume::{Aabb, BoundingVolume};
 use parry3d::math::Pose as EnginePose;
@@ -12,7 +12,7 @@ use std::sync::Arc;
 use syntable_model::context::SceneContext;
 use syntable_model::error::Result;
 use syntable_model::geometry::Point3;
-use syntable_model::scene::{Body, InstanceId, Motion, Object, Role, Scene};
+use syntable_model::scene::{Body, InstanceId, Object, Role, Scene, Support};
 
 /// A body, or the ground.
 pub struct Solid {
@@ -57,8 +57,8 @@ impl Solid {
     fn new(body: &Body, parts: Vec<Part>) -> Self {
         Self {
             id: body.id,
-            is_dynamic: body.motion == Motion::Dynamic,
-            is_foreground: matches!(body.role, Role::Object | Role::Distractor),
+            is_dynamic: is_dynamic(body),
+            is_foreground: body.role.is_foreground(),
             height_m: body.world_bounds().center().z,
             friction: friction(body.friction).into(),
             bounds: bounds(&parts),
@@ -89,20 +89,20 @@ fn bounds(parts: &[Part]) -> Option<Aabb> {
 /// All bodies of a scene in the order of their ids, then the ground. One of whose mesh no shape can be made has no parts;
 /// the log is told.
 pub fn solids(cx: &SceneContext, scene: &Scene, shapes: &HullCache) -> Vec<Solid> {
-    let tabletop = Some(&scene.tabletop);
-    let is_room = |body: &Body| body.role == Role::Room && body.motion == Motion::Fixed;
+    let supports = &scene.supports;
+    let is_room = |body: &Body| body.role == Role::Room && !is_dynamic(body);
     let shaped: Vec<&Body> = scene.bodies().iter().filter(|body| !is_room(body)).collect();
     let surface = SupportSurface::new(shaped.iter().copied().filter(|body| body.role == Role::Support));
     let objects: Vec<(&Object, _)> =
-        shaped.iter().map(|body| (&*body.object, static_body::purpose(body, tabletop))).collect();
+        shaped.iter().map(|body| (&*body.object, static_body::purpose(body, supports))).collect();
     let mut found = shapes.shapes(&objects, cx.cache, cx.workers, cx.log).into_iter();
-    let inside = inside_of_room(scene.bodies(), scene.tabletop.center());
+    let inside = inside_of_room(scene);
     let mut solids = Vec::with_capacity(scene.bodies().len() + 1);
     for body in scene.bodies() {
         let parts = if is_room(body) {
             static_body::room_part(body, &inside).map_or(Vec::new(), Part::of)
         } else {
-            parts(body, found.next(), &|shape| static_body::support(body, shape, tabletop, &surface), cx)
+            parts(body, found.next(), &|shape| static_body::support(body, shape, supports, &surface), cx)
         };
         solids.push(Solid::new(body, parts));
     }
@@ -110,10 +110,10 @@ pub fn solids(cx: &SceneContext, scene: &Scene, shapes: &HullCache) -> Vec<Solid
     solids
 }
 
-/// Where objects are: no wall is between them and the table.
-fn inside_of_room(bodies: &[Body], tabletop: Point3<f64>) -> Vec<Point3<f64>> {
-    let dynamic = bodies.iter().filter(|body| body.motion == Motion::Dynamic);
-    dynamic.map(|body| body.world_bounds().center()).chain([tabletop]).collect()
+/// Where objects are: no wall is between them and the supports.
+fn inside_of_room(scene: &Scene) -> Vec<Point3<f64>> {
+    let dynamic = scene.bodies().iter().filter(|body| is_dynamic(body));
+    dynamic.map(|body| body.world_bounds().center()).chain(scene.supports.iter().map(Support::center)).collect()
 }
 
 fn parts(
@@ -123,7 +123,7 @@ fn parts(
     cx: &SceneContext,
 ) -> Vec<Part> {
     match shape {
-        Some(Ok(shape)) if body.motion == Motion::Fixed => fixed(&shape).into_iter().flat_map(Part::of).collect(),
+        Some(Ok(shape)) if !is_dynamic(body) => fixed(&shape).into_iter().flat_map(Part::of).collect(),
         Some(Ok(shape)) => {
             let pose = units::pose(&body.world_from_body);
             shape.parts.iter().map(|part| Part::new(pose, part.clone())).collect()

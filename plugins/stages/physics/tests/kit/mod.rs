@@ -255,7 +255,7 @@ pub fn table_scene() -> SceneBuilder {
     let mut scene = SceneBuilder::default();
     scene.add(draft(&floor, at(0.0, 0.0, 0.0), Role::Room, Motion::Fixed));
     scene.add(draft(&table, at(0.0, 0.0, 0.0), Role::Support, Motion::Fixed));
-    scene.tabletop = Some(Tabletop { center: [0.0, 0.0, TABLE_HEIGHT], size: [1.2, 0.8] });
+    scene.supports = Support::new("table", Region::rectangle([0.0, 0.0, TABLE_HEIGHT], [1.2, 0.8])).into();
     scene
 }
 

@@ -163,9 +163,9 @@ fn a_room_encloses_the_table_and_every_part_draws_its_own_material() {
 #[test]
 fn a_table_stands_on_the_floor_in_the_center() {
     let (scene, _) = place(&[&*table()], 1).expect("placed");
-    let top = scene.tabletop.expect("a tabletop");
-    assert!((Vector3::from(top.center) - Vector3::new(0.0, 0.0, 0.75)).norm() < 1e-6, "{top:?}");
-    assert!((top.size[0] - 1.2).abs() < 1e-6 && (top.size[1] - 0.8).abs() < 1e-6, "{top:?}");
+    let top = scene.support(None).expect("a tabletop").surface;
+    assert!((top.center().coords - Vector3::new(0.0, 0.0, 0.75)).norm() < 1e-6, "{top:?}");
+    assert!((top.size()[0] - 1.2).abs() < 1e-6 && (top.size()[1] - 0.8).abs() < 1e-6, "{top:?}");
     let (_, body) = scene.bodies().next().expect("a body");
     assert_eq!((body.role, body.motion, body.material_override.is_none()), (Role::Support, Motion::Fixed, true));
     let bounds = body.world_bounds();
@@ -173,11 +173,11 @@ fn a_table_stands_on_the_floor_in_the_center() {
     // Turned by 30°: the tabletop is the box around it.
     let rotated = placer("table", "from = [\"tables\"]\nyaw_deg = 30");
     let (scene, _) = place(&[&*rotated], 1).expect("placed");
-    let [w, l] = scene.tabletop.expect("a tabletop").size;
+    let [w, l] = scene.support(None).expect("a tabletop").surface.size();
     let (sin, cos) = 30_f64.to_radians().sin_cos();
     assert!((w - (1.2 * cos + 0.8 * sin)).abs() < 1e-6 && (l - (1.2 * sin + 0.8 * cos)).abs() < 1e-6, "{w} {l}");
     let error = place(&[&*table(), &*table()], 1).expect_err("two tables").to_string();
-    assert!(error.contains("a tabletop already"), "{error}");
+    assert!(error.contains("would stand in"), "{error}");
 }
 
 #[test]
@@ -308,9 +308,9 @@ fn objects_start_below_the_ceiling() {
         assert!(highest <= most && highest > most - 0.1, "{highest} under {height}");
     }
     let crowded = scene(1.3, "count = 400\nwidth_factor = 0.2", 1).expect_err("too many").to_string();
-    assert!(crowded.contains("between the tabletop and the ceiling") && crowded.contains("lower `count`"), "{crowded}");
+    assert!(crowded.contains("in the space above the support") && crowded.contains("lower `count`"), "{crowded}");
     let none = scene(1.0, "clearance_m = 0.5", 1).expect_err("above it").to_string();
-    assert!(none.contains("starts 1.25 m above the floor, and the ceiling is at 1.00 m"), "{none}");
+    assert!(none.contains("starts 1.25 m above the floor, and the space above `table` ends at 1.00 m"), "{none}");
 }
 
 #[test]
@@ -319,9 +319,12 @@ fn a_drop_box_hands_on_what_physics_needs() {
                    restitution = { choice = [0.1, 0.4] }\nfixed = true";
     let (scene, _) = place(&[&*table(), &*placer("drop_box", options)], 3).expect("placed");
     let bodies = objects(&scene);
-    let area = |body: &BodyDraft| body.respawn_half_m.expect("set");
-    let is_near = |[x, y]: [f64; 2]| (x - 0.3).abs() < 1e-6 && (y - 0.2).abs() < 1e-6;
-    assert!(bodies.iter().all(|body| body.motion == Motion::Fixed && is_near(area(body))));
+    let dropped = scene.bodies().filter(|(_, body)| body.role == Role::Object);
+    for zone in dropped.map(|(handle, _)| scene.drop_zone(handle).expect("a support")) {
+        let [x, y] = zone.area.size();
+        assert!(&*zone.support.name == "table" && (x - 0.6).abs() < 1e-6 && (y - 0.4).abs() < 1e-6, "{zone:?}");
+    }
+    assert!(bodies.iter().all(|body| body.motion == Motion::Fixed));
     assert!(bodies.iter().all(|body| (0.2..0.9).contains(&body.friction)));
     assert!(bodies.iter().map(|body| body.friction.to_bits()).collect::<std::collections::BTreeSet<_>>().len() == 30);
     let bouncy = bodies.iter().filter(|body| body.restitution == Some(0.4)).count();
@@ -337,16 +340,17 @@ fn a_table_can_be_scaled() {
     let (mut low, mut high) = (f64::INFINITY, 0.0_f64);
     for seed in 0..200 {
         let (scene, _) = place(&[&*sized], seed).expect("placed");
-        let tabletop = scene.tabletop.expect("a tabletop");
+        let tabletop = scene.support(None).expect("a tabletop").surface;
         let (_, body) = scene.bodies().next().expect("a table");
         let size = body.world_bounds().size();
         // 1200 × 800 × 750 mm, in all directions alike, and it stands on the floor.
         assert!(
-            (size.x - tabletop.size[0]).abs() < 1e-6 && (tabletop.size[1] / tabletop.size[0] - 2.0 / 3.0).abs() < 1e-6
+            (size.x - tabletop.size()[0]).abs() < 1e-6
+                && (tabletop.size()[1] / tabletop.size()[0] - 2.0 / 3.0).abs() < 1e-6
         );
-        assert!((tabletop.height() / tabletop.size[0] - 0.75 / 1.2).abs() < 1e-6);
+        assert!((tabletop.height() / tabletop.size()[0] - 0.75 / 1.2).abs() < 1e-6);
         assert!(body.world_bounds().min.z.abs() < 1e-6);
-        (low, high) = (low.min(tabletop.size[0]), high.max(tabletop.size[0]));
+        (low, high) = (low.min(tabletop.size()[0]), high.max(tabletop.size()[0]));
     }
     assert!((0.6..0.65).contains(&low) && (2.35..2.4).contains(&high), "{low} {high}");
 }
@@ -471,14 +475,14 @@ fn options_are_checked() {
     }
     let alone = placer("drop_box", "from = [\"small\"]");
     let error = place(&[&*alone], 1).expect_err("no table").to_string();
-    assert!(error.contains("no tabletop"), "{error}");
+    assert!(error.contains("no support"), "{error}");
 }
 
 #[test]
 fn a_ground_is_a_level_floor_that_shows_the_environment() {
     let ground = placer("ground", "size_m = 300\nprojection_height_m = 2.5");
     let (scene, warnings) = place(&[&*ground, &*table()], 3).expect("placed");
-    assert!(warnings.is_empty() && scene.has_floor());
+    assert!(warnings.is_empty() && scene.has_floor(scene.support(None).expect("a tabletop")));
     for two in [[&*ground, &*placer("room", "")], [&*placer("room", ""), &*ground]] {
         let error = place(&two, 3).expect_err("two floors");
         assert!(error.is_permanent() && error.to_string().contains("floor already"), "{error}");

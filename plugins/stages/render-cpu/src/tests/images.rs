@@ -1,6 +1,7 @@
 //! Properties of images as a whole.
 
 use super::support::*;
+use crate::CpuPathRenderer;
 use crate::path::Strategy;
 use std::sync::Arc;
 use syntable_model::context::Serial;
@@ -9,8 +10,8 @@ use syntable_model::geometry::{Point3, Vector3};
 use syntable_model::prelude::*;
 use syntable_model::product::standard::*;
 use syntable_model::scene::{
-    Alpha, Color, Encoding, Light, Material, MaterialOverride, NormalMap, RectLight, Role, Scalar, SphereLight,
-    Texture, TextureMapping, UvTransform, Wrap,
+    Alpha, Color, Encoding, Light, Material, MaterialOverride, Moment, NormalMap, RectLight, Role, Scalar, SphereLight,
+    Texture, TextureMapping, Trajectory, UvTransform, Wrap,
 };
 use syntable_transport::PathTracing;
 
@@ -87,6 +88,34 @@ pub(super) const ALL: [KeyId; 13] = [
 
 pub(super) fn bits(plane: &Plane<[f32; 3]>) -> Vec<[u32; 3]> {
     plane.data().iter().map(|p| p.map(f32::to_bits)).collect()
+}
+
+#[test]
+fn a_session_at_another_moment_is_as_one_that_loaded_it() {
+    let floor = body(&object("floor", sheet([1.5, 1.5]), matte(0.5)), at(0.0, 0.0, 0.0), Role::Support);
+    let emissive =
+        Material { emission: Color::constant([60.0, 50.0, 30.0]), ..Material::plain("emissive", [0.2; 3], 0.9) };
+    let lantern = object("lantern", cuboid([0.1, 0.1, 0.1]), emissive.with_digest());
+    let second = Moment::from_seconds(1.0).expect("finite");
+    let way = vec![(Moment::START, at(-0.3, 0.1, 0.1)), (second, at(0.3, 0.2, 0.4))];
+    let lantern = body(&lantern, at(0.0, 0.0, 0.0), Role::Object).scripted(Trajectory::new(way).expect("sound"));
+    let block = body(&object("block", cuboid([0.1; 3]), matte(0.7)), at(0.0, -0.2, 0.1), Role::Object);
+    let start = scene([lantern, block, floor]);
+    let later = start.at(second);
+    assert!(Arc::ptr_eq(&start, &start.at(Moment::START)) && later.moment == second);
+    let view = view(32, 24, 30.0, [0.7, -1.2, 1.0], [0.0, 0.1, 0.15], Vec::new());
+    let mut session = CpuPathRenderer::new(options(4, 3)).session();
+    session.load(&start, &Serial).expect("loads");
+    for moment in [&later, &start] {
+        session.pose(moment, &Serial).expect("poses");
+        let mut posed = Products::new();
+        session.render(&RenderRequest::new(&view, &ALL, Stream::root(7), &Serial), &mut posed).expect("renders");
+        let loaded = render(options(4, 3), moment, &view, &ALL);
+        assert!(bits(posed.get(RADIANCE).expect("made")) == bits(loaded.get(RADIANCE).expect("made")));
+        assert!(posed.get(INSTANCE).expect("made") == loaded.get(INSTANCE).expect("made"));
+    }
+    let [first, second] = [&start, &later].map(|scene| render(options(4, 3), scene, &view, &[DEPTH.id()]));
+    assert!(first.get(DEPTH).expect("made") != second.get(DEPTH).expect("made"), "the lantern moved");
 }
 
 #[test]

@@ -10,8 +10,8 @@ use syntable_model::geometry::{Point3, Pose, Translation3, UnitQuaternion, Vecto
 use syntable_model::prelude::*;
 use syntable_model::scene::{
     AssetRef, BodyDraft, Camera, EnvironmentLight, EnvironmentMap, Exposure, Intrinsics, Light, MassOrigin,
-    MassProperties, Material, MaterialOverride, Mesh, MeshData, Motion, Object, Role, Scalar, SceneId, SettleReport,
-    SourceModel, Tabletop, Transmission, ViewId, Volume,
+    MassProperties, Material, MaterialOverride, Mesh, MeshData, Moment, Motion, Object, Region, Role, Scalar, SceneId,
+    SettleReport, SourceModel, Support, Transmission, ViewId, Volume,
 };
 use syntable_transport::PixelFilter;
 
@@ -159,7 +159,7 @@ pub fn covered(object: &Arc<Object>, pose: Pose, role: Role, surface: MaterialOv
 /// A scene of bodies. It must hold an object.
 pub fn scene(bodies: impl IntoIterator<Item = BodyDraft>) -> Arc<Scene> {
     let mut builder = SceneBuilder::default();
-    builder.tabletop = Some(Tabletop { center: [0.0; 3], size: [1.0; 2] });
+    builder.supports = Support::new("table", Region::rectangle([0.0; 3], [1.0; 2])).into();
     bodies.into_iter().for_each(|body| {
         builder.add(body);
     });
@@ -172,7 +172,7 @@ pub fn view(width: u32, height: u32, focal: f64, eye: [f64; 3], target: [f64; 3]
         Intrinsics { width, height, fx: focal, fy: focal, cx: f64::from(width) / 2.0, cy: f64::from(height) / 2.0 };
     let world_from_camera = look_at(Point3::from(eye), Point3::from(target), Vector3::z());
     let camera = Camera::pinhole(intrinsics, world_from_camera);
-    View { id: ViewId(0), camera, exposure: Exposure::Fixed { ev100: 8.0 }, lights }
+    View { id: ViewId(0), moment: Moment::START, camera, exposure: Exposure::Fixed { ev100: 8.0 }, lights }
 }
 
 /// What most tests render.

@@ -1,8 +1,8 @@
-//! The kernels of the filter: their source, with the numbers of `syntable-denoise`, and their bindings.
+//! The kernels of the filter: their source, with the numbers of `syntable-guided`, and their bindings.
 
 use crate::constants::{Constant, declared};
 use std::num::NonZeroU64;
-use syntable_denoise::guided::tuning;
+use syntable_guided::tuning;
 use syntable_model::photometry::luminance;
 use syntable_model::product::standard::DEMODULATION_EPSILON;
 use syntable_simd::functions::FAR;

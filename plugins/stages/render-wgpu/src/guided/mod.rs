@@ -1,4 +1,4 @@
-//! The filter `guided` of `syntable-denoise` on a device: the same steps with the same numbers.
+//! The filter `guided` of `syntable-guided` on a device: the same steps with the same numbers.
 //!
 //! Kernels, from first to last: `surfaces` and `borders` write guides and light, `noise` estimates noise and clamps
 //! fireflies, `level` filters one part at one distance, `join` adds the parts up, and `average`, `brightness`, `factors` and
@@ -10,8 +10,8 @@ use crate::device::Device;
 use bytemuck::{Pod, Zeroable};
 pub(crate) use kernels::Kernels;
 use std::sync::Arc;
-use syntable_denoise::guided::Guided;
-use syntable_denoise::guided::tuning::{CELL, DIFFUSE, SPECULAR, Tuning};
+use syntable_guided::Guided;
+use syntable_guided::tuning::{CELL, DIFFUSE, SPECULAR, Tuning};
 use syntable_model::error::{Error, Result};
 
 /// Bytes between the uniforms of two dispatches.

@@ -1,7 +1,7 @@
 //! Images with all guides, and the denoiser on a card.
 
 use std::sync::Arc;
-use syntable_denoise::guided::Guided;
+use syntable_guided::Guided;
 use syntable_model::context::{Collected, DatasetContext, Workers};
 use syntable_model::prelude::*;
 use syntable_model::product::Plane;

@@ -63,10 +63,13 @@ pub struct LensOptions {
     /// blur more.
     #[schemars(extend("minimum" = F_NUMBER[0], "maximum" = F_NUMBER[1]))]
     f_number: Dist,
-    /// Distance in focus: `"tabletop"` (the default), the depth of the center of the tabletop; `"nearest_object"`, the
+    /// Distance in focus: `"tabletop"` (the default), the depth of the center of the support, such as the tabletop; `"nearest_object"`, the
     /// depth of the center of the object nearest to the camera in the image; or `{ distance_m = 0.8 }`.
     #[serde(default)]
     focus: Focus,
+    /// Name of the support that is in focus. If left out, it is the first that a step of `[[place]]` sets.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    support: Option<SupportName>,
     /// Focal length of the lens, millimeters. Required unless `intrinsics.physical` has one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 1e-3, max = 1e6))]
@@ -82,10 +85,10 @@ const DISTANCE_M: [f64; 2] = [0.001, 1e6];
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 enum Focus {
-    /// Center of the tabletop.
+    /// Center of the support.
     #[default]
     Tabletop,
-    /// Center of the nearest object in the image; of the tabletop if there is none.
+    /// Center of the nearest object in the image; of the support if there is none.
     NearestObject,
     /// Distance along the optical axis, meters, sampled per view, from 0.001 to 1,000,000.
     DistanceM(#[schemars(extend("minimum" = DISTANCE_M[0], "maximum" = DISTANCE_M[1]))] Dist),
@@ -132,10 +135,10 @@ impl LensOptions {
 impl Lens {
     /// The lens in focus for a view. `camera` has everything but the lens.
     pub fn focused(&self, scene: &Scene, camera: &Camera, context: &Context) -> Result<ThinLens> {
-        let tabletop = depth(camera, scene.tabletop.center());
+        let support = || Ok(depth(camera, scene.support(self.options.support.as_ref())?.center()));
         let distance = match &self.options.focus {
-            Focus::Tabletop => tabletop,
-            Focus::NearestObject => nearest_object(scene, camera).unwrap_or(tabletop),
+            Focus::Tabletop => support()?,
+            Focus::NearestObject => nearest_object(scene, camera).map_or_else(support, Ok)?,
             Focus::DistanceM(distance) => distance.draw(&mut context.stream.child("focus")),
         };
         if distance <= self.focal_length_m {
@@ -143,7 +146,7 @@ impl Lens {
                 "the distance in focus is {distance:.4} m, where a lens of {} mm cannot focus",
                 self.focal_length_m * 1e3
             );
-            return Err(Error::new(message).help("set lens.focus to another distance, or change the views"));
+            return Err(Error::unlucky(message).help("set lens.focus to another distance, or change the views"));
         }
         let f_number = self.options.f_number.draw(&mut context.stream.child("f_number"));
         Ok(ThinLens { aperture_radius_m: self.focal_length_m / (2.0 * f_number), focus_distance_m: distance })

@@ -1,16 +1,16 @@
-//! Points on a hemisphere above the table.
+//! Points on a hemisphere above a support.
 
 use nalgebra::{Point3, Vector3};
 use std::f64::consts::TAU;
 use syntable_model::random::Stream;
-use syntable_model::scene::Tabletop;
+use syntable_model::scene::Support;
 
 /// Elevations above the horizon that span the upper hemisphere, degrees.
 pub const HEMISPHERE_DEG: [f64; 2] = [0.0, 90.0];
 
-/// The center of the hemispheres: `offset` meters above the center of the tabletop.
-pub fn center(tabletop: &Tabletop, offset: f64) -> Point3<f64> {
-    tabletop.center() + Vector3::new(0.0, 0.0, offset)
+/// The center of the hemispheres: `offset` meters above the center of the support.
+pub fn center(support: &Support, offset: f64) -> Point3<f64> {
+    support.center() + Vector3::new(0.0, 0.0, offset)
 }
 
 /// A unit vector, uniform over the part of the upper hemisphere between two elevations in degrees.

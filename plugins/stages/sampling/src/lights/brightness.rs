@@ -23,7 +23,7 @@ pub mod limits {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Brightness {
-    /// Unoccluded illuminance at the center of the tabletop on a plane that faces the light, lux, from 0 to 10⁷.
+    /// Unoccluded illuminance at the center of the support on a plane that faces the light, lux, from 0 to 10⁷.
     IlluminanceLx(#[schemars(extend("minimum" = ILLUMINANCE_LX[0], "maximum" = ILLUMINANCE_LX[1]))] Dist),
     /// Luminance of the light's surface, nits (cd/m²), from 0 to 10¹⁰.
     LuminanceNits(#[schemars(extend("minimum" = LUMINANCE_NITS[0], "maximum" = LUMINANCE_NITS[1]))] Dist),

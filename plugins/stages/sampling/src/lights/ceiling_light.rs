@@ -8,21 +8,21 @@ use nalgebra::{Point3, Vector3};
 use std::f64::consts::PI;
 use syntable_model::photometry::{blackbody, disk_illuminance, flux_luminance, polygon_illuminance};
 use syntable_model::prelude::*;
-use syntable_model::scene::{Camera, DiskLight, Light, RectLight};
+use syntable_model::scene::{Camera, DiskLight, Light, RectLight, Support};
 
 /// Gap between a light and the ceiling, meters.
 const BELOW_CEILING_M: f64 = 0.01;
 
-/// Height above the tabletop without a ceiling and without `height_m`, meters.
+/// Height above the support without a ceiling and without `height_m`, meters.
 const WITHOUT_CEILING_M: f64 = 3.0;
 
 /// Rectangular or round lights that face down from the ceiling: one large panel, a few smaller ones, or a grid of
 /// downlights.
 ///
-/// The lights form a horizontal grid above the table, `spacing_m` apart, just below the ceiling or at `height_m`. All
+/// The lights form a horizontal grid above the support, such as the table, `spacing_m` apart, just below the ceiling or at `height_m`. All
 /// have the same luminance. `brightness.illuminance_lx` is the illuminance that all of them together give at the center
-/// of the tabletop on a plane that faces the center of the grid, by Lambert's formula for polygons, so rooms of
-/// different heights have the same light on the table.
+/// of the support on a plane that faces the center of the grid, by Lambert's formula for polygons, so rooms of
+/// different heights have the same light there.
 ///
 /// The released program uses `size_m = [15, 15]`, `height_m = 5`, `shift_m = 0` and white light, here
 /// `temperature_k = 6500`. Its intensity, uniform in 100 to 1500, is not an illuminance;
@@ -32,6 +32,9 @@ const WITHOUT_CEILING_M: f64 = 3.0;
 pub struct CeilingLight {
     /// Whether lights are sampled per `view` or once per `scene`.
     per: Per,
+    /// Name of the support that the lights are above. If left out, it is the first that a step of `[[place]]` sets.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    support: Option<SupportName>,
     /// Number of lights, from 0 to 1000.
     #[schemars(extend("minimum" = COUNT[0], "maximum" = COUNT[1]))]
     count: IntDist,
@@ -41,14 +44,14 @@ pub struct CeilingLight {
     #[schemars(inner(range(min = 0.01, max = 1000.0)))]
     size_m: [f64; 2],
     /// Height above the floor, meters, limited by the ceiling. Just below the ceiling by default, or 3 m above the
-    /// tabletop where there is no ceiling.
+    /// support where there is no ceiling.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.1, max = 1000.0))]
     height_m: Option<f64>,
     /// Distance between the centers of neighboring lights, meters.
     #[schemars(range(min = 0.0, max = 1000.0))]
     spacing_m: f64,
-    /// Largest offset of the grid from the center of the table along x and along y, meters. Offsets are uniform in
+    /// Largest offset of the grid from the center of the support along x and along y, meters. Offsets are uniform in
     /// ±`shift_m`.
     #[schemars(range(min = 0.0, max = 1000.0))]
     shift_m: f64,
@@ -78,6 +81,7 @@ impl Default for CeilingLight {
     fn default() -> Self {
         Self {
             per: Per::default(),
+            support: None,
             count: IntDist::Constant(1),
             shape: CeilingShape::Rect,
             size_m: [2.0, 2.0],
@@ -124,21 +128,22 @@ impl LightSampler for CeilingLight {
         let count = self.count.draw(&mut stream.child("count")).max(0) as usize;
         let mut shift = stream.child("shift");
         let [x, y] = [0, 1].map(|_| shift.uniform(-self.shift_m, self.shift_m));
-        let tabletop = scene.tabletop.center();
-        let height = self.height(scene);
-        if height <= tabletop.z + 0.01 {
+        let support = scene.support(self.support.as_ref())?;
+        let lit = support.center();
+        let height = self.height(scene, support);
+        if height <= lit.z + 0.01 {
             let message =
-                format!("the ceiling lights at {height:.2} m are not above the tabletop at {:.2} m", tabletop.z);
-            return Err(Error::new(message).help("make `height_m` or the room's `height_m` larger"));
+                format!("the ceiling lights at {height:.2} m are not above the {} at {:.2} m", support.name, lit.z);
+            return Err(Error::unlucky(message).help("make `height_m` or the room's `height_m` larger"));
         }
-        let grid_center = Point3::new(tabletop.x + x, tabletop.y + y, height);
+        let grid_center = Point3::new(lit.x + x, lit.y + y, height);
         let centers: Vec<Point3<f64>> =
             grid(count, self.spacing_m).into_iter().map(|[dx, dy]| grid_center + Vector3::new(dx, dy, 0.0)).collect();
         let luminance = self.brightness.draw(
             &mut stream.child("brightness"),
             |lux| {
-                let facing = (grid_center - tabletop).normalize();
-                let per_nit: f64 = centers.iter().map(|&center| self.illuminance(center, tabletop, facing)).sum();
+                let facing = (grid_center - lit).normalize();
+                let per_nit: f64 = centers.iter().map(|&center| self.illuminance(center, lit, facing)).sum();
                 lux / per_nit.max(1e-12)
             },
             |lumens| flux_luminance(lumens, self.area()),
@@ -182,15 +187,14 @@ impl CeilingLight {
     }
 
     /// Height of the lights above the floor, meters.
-    fn height(&self, scene: &Scene) -> f64 {
-        let tabletop = scene.tabletop.center();
-        // The ceiling is the lowest part of the room above the center of the table.
-        let ceiling = Some(inside(scene).max.z - BELOW_CEILING_M).filter(|height| height.is_finite());
+    fn height(&self, scene: &Scene, support: &Support) -> f64 {
+        // The ceiling is the lowest part of the room above the center of the support.
+        let ceiling = Some(inside(scene, support).max.z - BELOW_CEILING_M).filter(|height| height.is_finite());
         match (self.height_m, ceiling) {
             (Some(height), Some(ceiling)) => height.min(ceiling),
             (Some(height), None) => height,
             (None, Some(ceiling)) => ceiling,
-            (None, None) => tabletop.z + WITHOUT_CEILING_M,
+            (None, None) => support.height() + WITHOUT_CEILING_M,
         }
     }
 }

@@ -226,7 +226,7 @@ fn scale_to(lux: f64, map: &EnvironmentMap) -> Result<f64> {
     let per_unit = luminance(level_irradiance(map));
     if per_unit <= 0.0 {
         let message = format!("the environment map `{}` has no light above the horizon", map.name);
-        return Err(Error::new(message).help("remove it from its pool, or set brightness.luminance_scale"));
+        return Err(Error::unlucky(message).help("remove it from its pool, or set brightness.luminance_scale"));
     }
     Ok(lux / per_unit)
 }

@@ -1,11 +1,11 @@
-//! The free space around the table.
+//! The free space around a support.
 
 use syntable_model::geometry::{Aabb, space_around};
-use syntable_model::scene::{Role, Scene};
+use syntable_model::scene::{Role, Scene, Support};
 
-/// The inside of the room around the center of the tabletop; infinite where no wall, floor or ceiling bounds it.
-pub fn inside(scene: &Scene) -> Aabb {
+/// The inside of the room around the center of a support; infinite where no wall, floor or ceiling bounds it.
+pub fn inside(scene: &Scene, support: &Support) -> Aabb {
     let parts = scene.bodies().iter().filter(|body| body.role == Role::Room);
     let boxes = parts.map(|body| Aabb::of(body.object.mesh.bounds().corners().map(|p| body.world_from_body * p)));
-    space_around(&scene.tabletop.center(), boxes)
+    space_around(&support.center(), boxes)
 }

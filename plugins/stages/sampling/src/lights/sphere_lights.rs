@@ -13,7 +13,7 @@ use syntable_model::scene::{Camera, Light, SphereLight};
 /// Spherical lights in a hemispherical shell beyond the cameras (SynTable, "lighting").
 ///
 /// The center of a light is sampled as the paper samples viewpoints: uniform in direction over the upper hemisphere
-/// around the point `center_offset_m` above the tabletop, and uniform in distance. An illuminance E fixes the luminance
+/// around the point `center_offset_m` above the support, such as the tabletop, and uniform in distance. An illuminance E fixes the luminance
 /// L of the sphere whatever its distance d and radius r: E = π L (r/d)².
 ///
 /// The released program uses `size_m = { uniform = [0.3, 0.7] }`, mostly `count = 1` and white light, here
@@ -25,13 +25,16 @@ use syntable_model::scene::{Camera, Light, SphereLight};
 pub struct SphereLights {
     /// Whether lights are sampled per `view` or once per `scene`.
     per: Per,
+    /// Name of the support that the lights are around. If left out, it is the first that a step of `[[place]]` sets.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    support: Option<SupportName>,
     /// Number of lights, from 0 to 1000.
     #[schemars(extend("minimum" = COUNT[0], "maximum" = COUNT[1]))]
     count: IntDist,
     /// Smallest and largest distance from the center of the shell: `{ beyond_views_m = [0.1, 1.1] }`, meters beyond the
     /// farthest possible camera, or `{ meters = [1.5, 2.5] }`.
     radius: LightRadius,
-    /// Height of the center of the shell above the tabletop, meters.
+    /// Height of the center of the shell above the support, meters.
     #[schemars(range(min = 0.0, max = 100.0))]
     center_offset_m: f64,
     /// Smallest and largest elevation above the horizon, seen from the center of the shell, degrees.
@@ -85,6 +88,7 @@ impl Default for SphereLights {
     fn default() -> Self {
         Self {
             per: Per::default(),
+            support: None,
             count: IntDist::Integers(0, 2),
             radius: LightRadius::BeyondViewsM([0.1, 1.1]),
             center_offset_m: 0.2,
@@ -127,7 +131,8 @@ impl LightSampler for SphereLights {
     }
 
     fn lights(&self, scene: &Scene, _: &Camera, shell: &Shell, context: &Context) -> Result<Vec<Light>> {
-        let tabletop = scene.tabletop.center();
+        let support = scene.support(self.support.as_ref())?;
+        let lit = support.center();
         let [low, high] = self.radius.in_meters(shell);
         let count = self.count.draw(&mut context.stream.child("count"));
         let mut lights = Vec::new();
@@ -135,14 +140,15 @@ impl LightSampler for SphereLights {
             let stream = context.stream.child("light").at(i);
             let r = stream.child("distance").uniform(low, high);
             let direction = direction(self.elevation_deg, &mut stream.child("direction"));
-            let position = center(&scene.tabletop, self.center_offset_m) + r * direction;
+            let position = center(support, self.center_offset_m) + r * direction;
             let radius = self.size_m.draw(&mut stream.child("radius"));
-            let distance = (position - tabletop).norm();
+            let distance = (position - lit).norm();
             if radius >= 0.99 * distance {
                 let message = format!(
-                    "a sphere light of radius {radius:.3} m reaches the center of the tabletop, {distance:.3} m away"
+                    "a sphere light of radius {radius:.3} m reaches the center of the {}, {distance:.3} m away",
+                    support.name
                 );
-                return Err(Error::new(message).help("make `radius` larger or `size_m` smaller"));
+                return Err(Error::unlucky(message).help("make `radius` larger or `size_m` smaller"));
             }
             let luminance = self.brightness.draw(
                 &mut stream.child("brightness"),

@@ -11,7 +11,7 @@ use std::sync::Arc;
 use syntable_model::geometry::Aabb;
 use syntable_model::photometry::{blackbody, level_irradiance, luminance, polygon_illuminance};
 use syntable_model::prelude::*;
-use syntable_model::scene::{self, Body, Camera, EnvironmentLight, EnvironmentMap, Light, RectLight, Role};
+use syntable_model::scene::{self, Body, Camera, EnvironmentLight, EnvironmentMap, Light, RectLight, Role, Support};
 
 /// Gap between a window and its wall, meters.
 const BEFORE_WALL_M: f64 = 0.01;
@@ -19,7 +19,7 @@ const BEFORE_WALL_M: f64 = 0.01;
 /// Minimum distance of a window from the edges of its wall, meters.
 const MARGIN_M: f64 = 0.1;
 
-/// Illuminance on the inside of a window's frame, relative to that at the tabletop: a figure for rooms with light walls.
+/// Illuminance on the inside of a window's frame, relative to that at the support: a figure for rooms with light walls.
 const FRAME_ILLUMINANCE: f64 = 0.35;
 
 /// Reflectance of frames, linear Rec. 709: white paint, pine, oak, anthracite.
@@ -36,13 +36,16 @@ const CELLS: f64 = 48.0;
 /// All windows of a view have the same size. With `pattern = "view"` they have a frame with glazing bars, and behind them is
 /// what would be seen from a house: sky, houses, trees, ground. It is seen as from far away, so it moves with the
 /// viewer, and the sky lights the floor more than the ceiling. `brightness.illuminance_lx` is the illuminance that all
-/// windows together give at the center of the tabletop on a horizontal plane, whatever they show. Where a wall is too
+/// windows together give at the center of the support, such as the tabletop, on a horizontal plane, whatever they show. Where a wall is too
 /// short or too low, windows are fewer or smaller.
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct WindowLight {
     /// Whether windows are sampled per `view` or once per `scene`.
     per: Per,
+    /// Name of the support that the windows are around. If left out, it is the first that a step of `[[place]]` sets.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    support: Option<SupportName>,
     /// Number of walls with windows, from 0 to 4, chosen at random. With 0 there is no window, and a room is not needed.
     #[schemars(extend("minimum" = WALLS[0], "maximum" = WALLS[1]))]
     walls: IntDist,
@@ -113,7 +116,7 @@ const FRAME_M: [f64; 2] = [0.0, 1.0];
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 enum WindowBrightness {
-    /// Unoccluded illuminance that all windows together give at the center of the tabletop on a horizontal plane, lux,
+    /// Unoccluded illuminance that all windows together give at the center of the support on a horizontal plane, lux,
     /// from 0 to 10⁷.
     IlluminanceLx(#[schemars(extend("minimum" = ILLUMINANCE_LX[0], "maximum" = ILLUMINANCE_LX[1]))] Dist),
     /// Luminance of the sky in the windows, nits (cd/m²), from 0 to 10¹⁰; of a view, what an even sky would have that
@@ -125,6 +128,7 @@ impl Default for WindowLight {
     fn default() -> Self {
         Self {
             per: Per::default(),
+            support: None,
             walls: IntDist::Constant(1),
             count: IntDist::Integers(1, 3),
             width_m: Dist::Uniform(0.8, 2.0),
@@ -195,9 +199,10 @@ impl LightSampler for WindowLight {
         if wanted == 0 || nits.unwrap_or(lux) <= 0.0 {
             return Ok(Vec::new());
         }
-        let mut walls = Wall::all(&inside(scene));
+        let support = scene.support(self.support.as_ref())?;
+        let mut walls = Wall::all(&inside(scene, support));
         if walls.is_empty() {
-            return Err(no_wall(scene));
+            return Err(no_wall(scene, support));
         }
         stream.child("which").shuffle(&mut walls);
         walls.truncate(wanted);
@@ -209,12 +214,11 @@ impl LightSampler for WindowLight {
             let count = self.count.draw(&mut stream.child("count")).max(1) as usize;
             windows.extend(wall.windows(count, size, sill, spacing, &mut stream.child("place")));
         }
-        let tabletop = scene.tabletop.center();
-        let per_nit: f64 =
-            windows.iter().map(|window| polygon_illuminance(&window.corners(), tabletop, Vector3::z())).sum();
+        let lit = support.center();
+        let per_nit: f64 = windows.iter().map(|window| polygon_illuminance(&window.corners(), lit, Vector3::z())).sum();
         if nits.is_none() && per_nit <= 0.0 {
-            let message = format!("no window reaches above the tabletop at {:.2} m", tabletop.z);
-            return Err(Error::new(message).help("make `sill_m` or `height_m` larger"));
+            let message = format!("no window reaches above the {} at {:.2} m", support.name, lit.z);
+            return Err(Error::unlucky(message).help("make `sill_m` or `height_m` larger"));
         }
         let color = blackbody(draw("temperature", &self.temperature_k));
         if self.pattern == Pattern::Plain {
@@ -225,12 +229,12 @@ impl LightSampler for WindowLight {
         let view = self.view(color, context)?;
         let mut windows: Vec<_> = windows.iter().map(|window| self.glazed(window, &view, context)).collect();
         // Per unit of the view's scale, and per nit of the frames.
-        let through: f64 = windows.iter().map(|window| illuminance_of_panes(window, tabletop)).sum();
+        let through: f64 = windows.iter().map(|window| illuminance_of_panes(window, lit)).sum();
         let panes = windows.iter().flat_map(scene::WindowLight::glass);
-        let glass: f64 = panes.map(|pane| polygon_illuminance(&pane.corners(), tabletop, Vector3::z())).sum();
+        let glass: f64 = panes.map(|pane| polygon_illuminance(&pane.corners(), lit, Vector3::z())).sum();
         if nits.is_none() && through <= 0.0 {
             let message = format!("the view `{}` is dark above the horizon", view.map.name);
-            return Err(Error::new(message).help("remove it from its pool, or leave `from` out"));
+            return Err(Error::unlucky(message).help("remove it from its pool, or leave `from` out"));
         }
         // Frames reflect a part of the illuminance E: E = scale · through + of_frames · E.
         let reflectance = stream.child("frame").pick(&FRAMES).copied().unwrap_or(FRAMES[0]);
@@ -261,7 +265,7 @@ impl WindowLight {
         let open = luminance(level_irradiance(&map)) / PI;
         if open <= 0.0 {
             let message = format!("the environment map `{}` has no light above the horizon", map.name);
-            return Err(Error::new(message).help("remove it from its pool, or leave `from` out"));
+            return Err(Error::unlucky(message).help("remove it from its pool, or leave `from` out"));
         }
         Ok(EnvironmentLight { map, scale: color.map(|channel| channel / open), rotation })
     }
@@ -311,8 +315,8 @@ fn illuminance_of_panes(window: &scene::WindowLight, point: Point3<f64>) -> f64 
     sum
 }
 
-/// Why the tabletop has no wall beside it. Without walls no other draw of the scene has one either.
-fn no_wall(scene: &Scene) -> Error {
+/// Why a support has no wall beside it. Without walls no other draw of the scene has one either.
+fn no_wall(scene: &Scene, support: &Support) -> Error {
     let bounds = |body: &Body| Aabb::of(body.object.mesh.bounds().corners().map(|p| body.world_from_body * p));
     // A floor or ceiling is thinner than it is wide; a wall stands.
     let stands = |part: &Aabb| {
@@ -325,15 +329,15 @@ fn no_wall(scene: &Scene) -> Error {
         room().filter(stands).reduce(|all, wall| Aabb { min: all.min.inf(&wall.min), max: all.max.sup(&wall.max) })
     else {
         let what = if room().next().is_none() { "there is no room" } else { "the room is a floor without walls" };
-        return Error::new(format!("the scene has no wall for a window: {what}")).help(help).permanent();
+        return Error::new(format!("the scene has no wall for a window: {what}")).help(help);
     };
-    let center = scene.tabletop.center();
-    Error::new(format!(
-        "no wall is beside the tabletop: its center is at ({:.2}, {:.2}, {:.2}) m, and the walls of the room span \
+    let (name, center) = (&support.name, support.center());
+    Error::unlucky(format!(
+        "no wall is beside the support `{name}`: its center is at ({:.2}, {:.2}, {:.2}) m, and the walls of the room span \
          ({:.2}, {:.2}, {:.2}) m to ({:.2}, {:.2}, {:.2}) m",
         center.x, center.y, center.z, walls.min.x, walls.min.y, walls.min.z, walls.max.x, walls.max.y, walls.max.z
     ))
-    .help("make the table smaller or the room larger, so that the tabletop is inside")
+    .help("make the table smaller or the room larger, so that the support is inside")
 }
 
 /// The inner face of a wall.

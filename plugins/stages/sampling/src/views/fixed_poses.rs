@@ -4,7 +4,7 @@ use crate::views::look_at::rolled;
 use nalgebra::{Matrix3, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
 use syntable_model::geometry::look_at;
 use syntable_model::prelude::*;
-use syntable_model::scene::{Tabletop, ViewId};
+use syntable_model::scene::{Support, ViewId};
 
 /// Camera poses from a list, the same in every scene: view `i` takes entry `i`, and there are as many views as entries.
 ///
@@ -19,13 +19,16 @@ pub struct FixedPoses {
     /// Origin of the coordinates in `poses`; the axes are those of the world.
     #[serde(default)]
     relative_to: Origin,
+    /// Name of the support that the poses are around. If left out, it is the first that a step of `[[place]]` sets.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    support: Option<SupportName>,
 }
 
 /// Origin of listed poses.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 enum Origin {
-    /// Center of the tabletop, whose height differs between tables.
+    /// Center of the support, such as the tabletop, whose height differs between tables.
     #[default]
     TabletopCenter,
     /// Origin of the world, on the floor.
@@ -81,7 +84,7 @@ impl Config for FixedPoses {
             PoseEntry::WorldFromCamera(rows) => from_matrix(rows, &format!("poses[{i}].world_from_camera")),
         };
         let poses = self.poses.into_iter().enumerate().map(pose).collect::<Result<_, _>>()?;
-        Ok(Box::new(Listed { poses, relative_to: self.relative_to }))
+        Ok(Box::new(Listed { poses, relative_to: self.relative_to, support: self.support }))
     }
 }
 register!(FixedPoses);
@@ -132,12 +135,13 @@ fn from_matrix(rows: [[f64; 4]; 4], key: &str) -> Result<Pose, ConfigError> {
 struct Listed {
     poses: Vec<Pose>,
     relative_to: Origin,
+    support: Option<SupportName>,
 }
 
 impl Listed {
-    fn origin(&self, tabletop: &Tabletop) -> Translation3<f64> {
+    fn origin(&self, support: &Support) -> Translation3<f64> {
         match self.relative_to {
-            Origin::TabletopCenter => Translation3::from(tabletop.center().coords),
+            Origin::TabletopCenter => Translation3::from(support.center().coords),
             Origin::World => Translation3::identity(),
         }
     }
@@ -149,19 +153,19 @@ impl ViewSampler for Listed {
             Error::new(format!("view {} has no pose; {} are listed", view.0, self.poses.len()))
                 .help("set dataset.views_per_scene to the number of poses, or list more")
         })?;
-        Ok(self.origin(&scene.tabletop) * pose)
+        Ok(self.origin(scene.support(self.support.as_ref())?) * pose)
     }
 
-    /// The shell around the center of the tabletop that contains all poses.
-    fn shell(&self, scene: &Scene) -> Shell {
-        let center = scene.tabletop.center();
-        let origin = self.origin(&scene.tabletop);
+    /// The shell around the center of the support that contains all poses.
+    fn shell(&self, scene: &Scene) -> Result<Shell> {
+        let support = scene.support(self.support.as_ref())?;
+        let (center, origin) = (support.center(), self.origin(support));
         let radius = self
             .poses
             .iter()
             .map(|pose| ((origin * pose).translation.vector - center.coords).norm())
             .fold([f64::INFINITY, 0.0], |[low, high], r| [r.min(low), r.max(high)]);
-        Shell { center, radius }
+        Ok(Shell { center, radius })
     }
 
     fn count(&self) -> Option<u32> {

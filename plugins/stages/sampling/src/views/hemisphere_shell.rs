@@ -1,4 +1,4 @@
-//! The paper's views: anywhere in a hemispherical shell around the table.
+//! The paper's views: anywhere in a hemispherical shell around a support.
 
 use crate::common::bounds::check_order;
 use crate::common::shell::{HEMISPHERE_DEG, center, direction};
@@ -9,7 +9,7 @@ use syntable_model::geometry::look_at;
 use syntable_model::prelude::*;
 use syntable_model::scene::ViewId;
 
-/// Camera positions in a hemispherical shell above the table (SynTable, "viewpoints"): uniform in direction and in
+/// Camera positions in a hemispherical shell above a support such as the table (SynTable, "viewpoints"): uniform in direction and in
 /// distance, looking at the center of the tabletop.
 ///
 /// With w and l the tabletop's extents and h its height: r is uniform in 1.0 to 1.7 times max(w/2, l/2), and the
@@ -19,10 +19,13 @@ use syntable_model::scene::ViewId;
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct HemisphereShell {
+    /// Name of the support that the cameras look at. If left out, it is the first that a step of `[[place]]` sets.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    support: Option<SupportName>,
     /// Smallest and largest distance from the center of the shell: `{ of_table = [1.0, 1.7] }`, multiples of
     /// max(w/2, l/2), or `{ meters = [0.7, 1.4] }`.
     radius: ViewRadius,
-    /// Height of the center of the shell above the tabletop, meters.
+    /// Height of the center of the shell above the support, meters.
     #[schemars(range(min = 0.0, max = 100.0))]
     center_offset_m: f64,
     /// Smallest and largest elevation above the horizon, seen from the center of the shell, degrees.
@@ -37,6 +40,7 @@ pub struct HemisphereShell {
 impl Default for HemisphereShell {
     fn default() -> Self {
         Self {
+            support: None,
             radius: ViewRadius::OfTable([1.0, 1.7]),
             center_offset_m: 0.2,
             elevation_deg: HEMISPHERE_DEG,
@@ -63,16 +67,18 @@ register!(HemisphereShell);
 
 impl ViewSampler for HemisphereShell {
     fn pose(&self, scene: &Scene, _: ViewId, context: &Context) -> Result<Pose> {
-        let [low, high] = self.radius.in_meters(&scene.tabletop);
+        let support = scene.support(self.support.as_ref())?;
+        let [low, high] = self.radius.in_meters(support);
         let r = context.stream.child("radius").uniform(low, high);
         let direction = direction(self.elevation_deg, &mut context.stream.child("direction"));
-        let eye = center(&scene.tabletop, self.center_offset_m) + r * direction;
-        let target = self.look_at.point(scene, self.center_offset_m);
+        let eye = center(support, self.center_offset_m) + r * direction;
+        let target = self.look_at.point(scene, support, self.center_offset_m);
         let roll = self.roll_deg.draw(&mut context.stream.child("roll"));
         Ok(rolled(look_at(eye, target, Vector3::z()), roll))
     }
 
-    fn shell(&self, scene: &Scene) -> Shell {
-        Shell { center: center(&scene.tabletop, self.center_offset_m), radius: self.radius.in_meters(&scene.tabletop) }
+    fn shell(&self, scene: &Scene) -> Result<Shell> {
+        let support = scene.support(self.support.as_ref())?;
+        Ok(Shell { center: center(support, self.center_offset_m), radius: self.radius.in_meters(support) })
     }
 }

@@ -5,17 +5,17 @@ use nalgebra::{Point3, Vector3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use syntable_model::geometry::{Aabb, Pose};
-use syntable_model::scene::Scene;
+use syntable_model::scene::{Scene, Support};
 
 /// The point that the camera looks at.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 #[expect(clippy::enum_variant_names, reason = "the names of the choices in recipes")]
 pub enum LookAt {
-    /// Center of the tabletop.
+    /// Center of the support, such as the tabletop.
     #[default]
     TabletopCenter,
-    /// Center of the camera positions, `center_offset_m` above the tabletop.
+    /// Center of the camera positions, `center_offset_m` above the support.
     ShellCenter,
     /// Center of the bounding box of all objects.
     ObjectsCenter,
@@ -23,10 +23,10 @@ pub enum LookAt {
 
 impl LookAt {
     /// The point in the world, meters.
-    pub fn point(self, scene: &Scene, center_offset_m: f64) -> Point3<f64> {
+    pub fn point(self, scene: &Scene, support: &Support, center_offset_m: f64) -> Point3<f64> {
         match self {
-            Self::TabletopCenter => scene.tabletop.center(),
-            Self::ShellCenter => center(&scene.tabletop, center_offset_m),
+            Self::TabletopCenter => support.center(),
+            Self::ShellCenter => center(support, center_offset_m),
             Self::ObjectsCenter => {
                 let corners = scene
                     .objects()

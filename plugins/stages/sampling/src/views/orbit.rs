@@ -1,4 +1,4 @@
-//! Views evenly spaced on a circle around the table.
+//! Views evenly spaced on a circle around a support.
 
 use crate::common::shell::center;
 use crate::views::look_at::LookAt;
@@ -8,15 +8,18 @@ use syntable_model::geometry::look_at;
 use syntable_model::prelude::*;
 use syntable_model::scene::ViewId;
 
-/// Camera positions on a circle around the table: view `i` is at azimuth `start_deg + i · step_deg`, at a constant
+/// Camera positions on a circle around a support such as the table: view `i` is at azimuth `start_deg + i · step_deg`, at a constant
 /// elevation and distance. Nothing is random. With a positive step, views go counterclockwise seen from above.
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Orbit {
+    /// Name of the support that the cameras look at. If left out, it is the first that a step of `[[place]]` sets.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    support: Option<SupportName>,
     /// Distance from the center of the orbit: `{ of_table = 1.35 }`, a multiple of max(w/2, l/2), or
     /// `{ meters = 1.0 }`.
     distance: ViewDistance,
-    /// Height of the center of the orbit above the tabletop, meters.
+    /// Height of the center of the orbit above the support, meters.
     #[schemars(range(min = 0.0, max = 100.0))]
     center_offset_m: f64,
     /// Elevation above the horizon, seen from the center of the orbit, degrees.
@@ -35,6 +38,7 @@ pub struct Orbit {
 impl Default for Orbit {
     fn default() -> Self {
         Self {
+            support: None,
             distance: ViewDistance::OfTable(1.35),
             center_offset_m: 0.2,
             elevation_deg: 40.0,
@@ -59,16 +63,18 @@ register!(Orbit);
 
 impl ViewSampler for Orbit {
     fn pose(&self, scene: &Scene, view: ViewId, _: &Context) -> Result<Pose> {
-        let r = self.distance.in_meters(&scene.tabletop);
+        let support = scene.support(self.support.as_ref())?;
+        let r = self.distance.in_meters(support);
         let azimuth = (self.start_deg + self.step_deg * f64::from(view.0)).to_radians();
         let (sin, cos) = libm::sincos(self.elevation_deg.to_radians());
         let direction = Vector3::new(cos * libm::cos(azimuth), cos * libm::sin(azimuth), sin);
-        let eye = center(&scene.tabletop, self.center_offset_m) + r * direction;
-        Ok(look_at(eye, self.look_at.point(scene, self.center_offset_m), Vector3::z()))
+        let eye = center(support, self.center_offset_m) + r * direction;
+        Ok(look_at(eye, self.look_at.point(scene, support, self.center_offset_m), Vector3::z()))
     }
 
-    fn shell(&self, scene: &Scene) -> Shell {
-        let radius = [self.distance.in_meters(&scene.tabletop); 2];
-        Shell { center: center(&scene.tabletop, self.center_offset_m), radius }
+    fn shell(&self, scene: &Scene) -> Result<Shell> {
+        let support = scene.support(self.support.as_ref())?;
+        let radius = [self.distance.in_meters(support); 2];
+        Ok(Shell { center: center(support, self.center_offset_m), radius })
     }
 }

@@ -1,26 +1,26 @@
-//! Distances of cameras: multiples of the table's size, or meters.
+//! Distances of cameras: multiples of the support's size, or meters.
 
 use crate::common::bounds::check_order;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use syntable_model::error::ConfigError;
-use syntable_model::scene::Tabletop;
+use syntable_model::scene::Support;
 
 /// Smallest and largest distance of the camera.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum ViewRadius {
-    /// Multiples of half the tabletop's longer edge, max(w/2, l/2), from 0.001 to 1000.
+    /// Multiples of half the support's longer edge, max(w/2, l/2), from 0.001 to 1000.
     OfTable(#[schemars(inner(range(min = 0.001, max = 1000.0)))] [f64; 2]),
     /// Meters, from 0.001 to 1000.
     Meters(#[schemars(inner(range(min = 0.001, max = 1000.0)))] [f64; 2]),
 }
 
 impl ViewRadius {
-    /// The bounds for a table, meters.
-    pub fn in_meters(self, tabletop: &Tabletop) -> [f64; 2] {
+    /// The bounds for a support, meters.
+    pub fn in_meters(self, support: &Support) -> [f64; 2] {
         match self {
-            Self::OfTable(factors) => factors.map(|factor| factor * tabletop.half_extent()),
+            Self::OfTable(factors) => factors.map(|factor| factor * support.surface.half_extent()),
             Self::Meters(meters) => meters,
         }
     }
@@ -38,17 +38,17 @@ impl ViewRadius {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum ViewDistance {
-    /// Multiple of half the tabletop's longer edge, max(w/2, l/2), from 0.001 to 1000.
+    /// Multiple of half the support's longer edge, max(w/2, l/2), from 0.001 to 1000.
     OfTable(#[schemars(range(min = 0.001, max = 1000.0))] f64),
     /// Meters, from 0.001 to 1000.
     Meters(#[schemars(range(min = 0.001, max = 1000.0))] f64),
 }
 
 impl ViewDistance {
-    /// The distance for a table, meters.
-    pub fn in_meters(self, tabletop: &Tabletop) -> f64 {
+    /// The distance for a support, meters.
+    pub fn in_meters(self, support: &Support) -> f64 {
         match self {
-            Self::OfTable(factor) => factor * tabletop.half_extent(),
+            Self::OfTable(factor) => factor * support.surface.half_extent(),
             Self::Meters(meters) => meters,
         }
     }

@@ -21,8 +21,8 @@ fn downlights_give_the_requested_illuminance() {
             Light::Disk(disk) => sum + disk.center.coords / lights.len() as f64,
             other => panic!("{other:?}"),
         });
-        let facing = (middle - scene.tabletop.center().coords).normalize();
-        let got = total(&lights, scene.tabletop.center(), facing);
+        let facing = (middle - scene.support(None).expect("there").center().coords).normalize();
+        let got = total(&lights, scene.support(None).expect("there").center(), facing);
         assert!((got / 400.0 - 1.0).abs() < 0.02, "{options}: {got} lx from {lights:?}");
     }
     let refusal = refused(Slot::Lights, "ceiling_light", "shape = \"disk\"\nsize_m = [1.0, 2.0]");
@@ -103,7 +103,7 @@ fn room(size: [f32; 3]) -> Scene {
 fn room_around(size: [f32; 3], center: [f64; 3]) -> Scene {
     let [x, y, z] = size.map(f64::from);
     let mut scene = SceneBuilder::default();
-    scene.tabletop = Some(Tabletop { center, size: [1.4, 0.8] });
+    scene.supports = Support::new("table", Region::rectangle(center, [1.4, 0.8])).into();
     let object = scenes::object("box", scenes::box_mesh([0.1; 3]), [0.5; 3]);
     scene.add(scenes::body(object, [0.0, 0.0, 0.8], Role::Object));
     for (at, edges) in [
@@ -141,7 +141,7 @@ fn windows_are_in_the_walls_and_give_the_requested_illuminance() {
             sides[2 * axis + usize::from(normal[axis] > 0.0)] += 1;
         }
         if seed < 4 {
-            let got = total(&windows, scene.tabletop.center(), Vector3::z());
+            let got = total(&windows, scene.support(None).expect("there").center(), Vector3::z());
             assert!((got / 600.0 - 1.0).abs() < 0.02, "{got} lx from {windows:?}");
         }
     }
@@ -151,7 +151,7 @@ fn windows_are_in_the_walls_and_give_the_requested_illuminance() {
     let windows = draw(&*lights("window_light", many), &scene, 1).expect("windows");
     assert!((2..=3).contains(&windows.len()), "{windows:?}");
     let low = draw(&*lights("window_light", "sill_m = 0\nheight_m = 0.3"), &scene, 1).expect_err("low").to_string();
-    assert!(low.contains("no window reaches above the tabletop"), "{low}");
+    assert!(low.contains("no window reaches above the table"), "{low}");
     let none = draw(&*lights("window_light", ""), &super::scene(None), 1).expect_err("no wall").to_string();
     assert!(none.contains("no wall") && none.contains("environment"), "{none}");
     assert!(draw(&*lights("window_light", "walls = 0"), &scene, 1).expect("none").is_empty());
@@ -160,7 +160,7 @@ fn windows_are_in_the_walls_and_give_the_requested_illuminance() {
 #[test]
 fn windows_need_a_wall_only_where_one_is_wanted() {
     let mut open = SceneBuilder::default();
-    open.tabletop = Some(Tabletop { center: [0.0, 0.0, 0.75], size: [1.4, 0.8] });
+    open.supports = Support::new("table", Region::rectangle([0.0, 0.0, 0.75], [1.4, 0.8])).into();
     let object = scenes::object("box", scenes::box_mesh([0.1; 3]), [0.5; 3]);
     open.add(scenes::body(object, [0.0, 0.0, 0.8], Role::Object));
     let open = open.freeze(SceneId(0), 0, SettleReport::default()).expect("frozen");
@@ -195,7 +195,7 @@ fn windows_with_a_view_give_the_same_illuminance_as_plain_ones() {
     for (seed, pattern) in [(1, "view"), (2, "view"), (3, "view"), (4, "panes")] {
         let options = format!("pattern = \"{pattern}\"\nbrightness = {{ illuminance_lx = 600 }}");
         let windows = drawn(&options, seed);
-        let got = total(&windows, scene.tabletop.center(), Vector3::z());
+        let got = total(&windows, scene.support(None).expect("there").center(), Vector3::z());
         assert!((got / 600.0 - 1.0).abs() < 0.01, "{pattern}: {got} lx");
         // The same rectangles, whatever they show.
         let plain = drawn("pattern = \"plain\"\nbrightness = { illuminance_lx = 600 }", seed);
@@ -230,7 +230,7 @@ fn windows_show_maps_of_a_pool() {
     let context = Context { stream: Stream::root(3), assets: &pools, cache: &NoCache, workers: &Serial, log: &log };
     let camera = Camera::pinhole(intrinsics("").0, Pose::identity());
     let scene = room([6.0, 4.0, 2.6]);
-    let shell = views("hemisphere_shell", "").shell(&scene);
+    let shell = views("hemisphere_shell", "").shell(&scene).expect("a support");
     let drawn = |pool: &str| {
         let options = format!("from = [\"{pool}\"]\nbrightness = {{ illuminance_lx = 900 }}");
         lights("window_light", &options).lights(&scene, &camera, &shell, &context)
@@ -238,7 +238,7 @@ fn windows_show_maps_of_a_pool() {
     let windows = drawn("skies").expect("windows");
     let Light::Window(window) = &windows[0] else { panic!("{windows:?}") };
     assert!(window.view.map.name == "a" && window.view.scale[0] == window.view.scale[2], "the map keeps its hues");
-    let got = total(&windows, scene.tabletop.center(), Vector3::z());
+    let got = total(&windows, scene.support(None).expect("there").center(), Vector3::z());
     assert!((got / 900.0 - 1.0).abs() < 0.02, "{got} lx");
     let error = drawn("dark").expect_err("dark").to_string();
     assert!(error.contains("no light above the horizon"), "{error}");
@@ -260,7 +260,12 @@ fn under_skies(options: &str, seed: u64) -> Result<Vec<Light>> {
     let context = Context { stream, assets: &pools, cache: &NoCache, workers: &Serial, log: &log };
     let camera = Camera::pinhole(intrinsics("").0, Pose::identity());
     let scene = scene(None);
-    lights("environment", options).lights(&scene, &camera, &views("hemisphere_shell", "").shell(&scene), &context)
+    lights("environment", options).lights(
+        &scene,
+        &camera,
+        &views("hemisphere_shell", "").shell(&scene).expect("a support"),
+        &context,
+    )
 }
 
 #[test]
@@ -315,7 +320,7 @@ fn a_map_has_its_sun_where_it_is_brightest() {
     let camera = Camera::pinhole(intrinsics("").0, Pose::identity());
     let scene = scene(None);
     let options = "brightness = { illuminance_lx = 1000 }\nsource = { map = { from = [\"skies\"], rotation_deg = 90, sun = { ratio = 3 } } }";
-    let shell = views("hemisphere_shell", "").shell(&scene);
+    let shell = views("hemisphere_shell", "").shell(&scene).expect("a support");
     let drawn = lights("environment", options).lights(&scene, &camera, &shell, &context).expect("lights");
     let [sun @ Light::Directional(disk), sky @ Light::Environment(_)] = &drawn[..] else { panic!("{drawn:?}") };
     assert!((illuminance(sun, Point3::origin(), disk.towards) / 3000.0 - 1.0).abs() < 0.05, "{disk:?}");

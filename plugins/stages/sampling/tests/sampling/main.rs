@@ -12,7 +12,7 @@ use syntable_model::prelude::*;
 use syntable_model::registry::{Registry, Slot, Stage};
 use syntable_model::scene::{
     AssetRef, BodyDraft, Camera, EnvironmentMap, Exposure, Intrinsics, Light, MassOrigin, MassProperties, Material,
-    Mesh, MeshData, Motion, Object, Optics, Role, SceneId, SettleReport, SourceModel, Tabletop, ViewId,
+    Mesh, MeshData, Motion, Object, Optics, Region, Role, SceneId, SettleReport, SourceModel, Support, ViewId,
 };
 use syntable_sampling as _;
 use syntable_testing::assets::NoAssets;
@@ -75,7 +75,7 @@ fn sheet(half: f32) -> Arc<Object> {
 /// A tabletop of 1.4 m × 0.8 m at 0.75 m, one object, and a ceiling if one is wanted.
 fn scene(ceiling: Option<f64>) -> Scene {
     let mut scene = SceneBuilder::default();
-    scene.tabletop = Some(Tabletop { center: [0.0, 0.0, 0.75], size: [1.4, 0.8] });
+    scene.supports = Support::new("table", Region::rectangle([0.0, 0.0, 0.75], [1.4, 0.8])).into();
     let mut add = |z: f64, half: f32, role: Role| {
         let asset = AssetRef { pool: "test".into(), name: "sheet".into() };
         scene.add(BodyDraft::new(asset, sheet(half), Pose::translation(0.0, 0.0, z), role, Motion::Fixed));
@@ -161,7 +161,7 @@ fn bound(n: usize) -> f64 {
 fn paper_views_are_uniform_in_the_shell_and_look_at_the_tabletop() {
     let scene = scene(None);
     let sampler = views("hemisphere_shell", "");
-    let shell = sampler.shell(&scene);
+    let shell = sampler.shell(&scene).expect("a support");
     assert_eq!((shell.center, shell.radius), (Point3::new(0.0, 0.0, 0.95), [0.7, 0.7 * 1.7]));
     assert_eq!(sampler.count(), None);
     let (k, _) = intrinsics("");
@@ -175,7 +175,7 @@ fn paper_views_are_uniform_in_the_shell_and_look_at_the_tabletop() {
         polar.push(from_center.z / r);
         azimuth.push((from_center.y.atan2(from_center.x) / std::f64::consts::TAU).rem_euclid(1.0));
         // The center of the tabletop is seen at the principal point, and up is up.
-        let p = pose.inverse_transform_point(&scene.tabletop.center());
+        let p = pose.inverse_transform_point(&scene.support(None).expect("there").center());
         let [u, v] = k.project(&p);
         assert!(p.z > 0.0 && (u - 320.0).abs() < 1e-6 && (v - 240.0).abs() < 1e-6, "{u} {v}");
         assert!((pose * Vector3::y()).z < 1e-9 && (pose * Vector3::x()).z.abs() < 1e-9);
@@ -192,7 +192,10 @@ fn views_follow_their_options() {
     let options = "radius = { meters = [0.7, 1.4] }\nelevation_deg = [30, 60]\ncenter_offset_m = 0.1\nlook_at = \"shell_center\"\nroll_deg = 90";
     let sampler = views("hemisphere_shell", options);
     let center = Point3::new(0.0, 0.0, 0.85);
-    assert_eq!((sampler.shell(&scene).center, sampler.shell(&scene).radius), (center, [0.7, 1.4]));
+    assert_eq!(
+        (sampler.shell(&scene).expect("a support").center, sampler.shell(&scene).expect("a support").radius),
+        (center, [0.7, 1.4])
+    );
     let mut sines = Vec::new();
     for seed in 0..2000 {
         let pose = with_context(seed, |context| sampler.pose(&scene, ViewId(0), context)).expect("a pose");
@@ -211,7 +214,7 @@ fn views_follow_their_options() {
     let seen = pose.inverse_transform_point(&Point3::new(0.05, 0.05, 0.8));
     assert!(seen.z > 0.0 && seen.x.abs() < 1e-6 && seen.y.abs() < 1e-6, "{seen}");
     let released = views("hemisphere_shell", "radius = { of_table = [0.8, 1.36] }");
-    let [low, high] = released.shell(&scene).radius;
+    let [low, high] = released.shell(&scene).expect("a support").radius;
     assert!((low - 0.8 * 0.7).abs() < 1e-12 && (high - 1.7 * 0.8 * 0.7).abs() < 1e-12);
     for (options, want) in [
         ("radius = { of_table = [1.7, 1.0] }", "smaller bound first"),
@@ -235,10 +238,10 @@ fn an_orbit_goes_round() {
         let flat = 2.0 * 30_f64.to_radians().cos();
         let want = Vector3::new(flat * want[0], flat * want[1], 0.95 + 1.0);
         assert!((pose.translation.vector - want).norm() < 1e-9, "{view}: {pose}");
-        let to_table = (scene.tabletop.center().coords - want).normalize();
+        let to_table = (scene.support(None).expect("there").center().coords - want).normalize();
         assert!((pose * Vector3::z() - to_table).norm() < 1e-9);
     }
-    assert_eq!(sampler.shell(&scene).radius, [2.0, 2.0]);
+    assert_eq!(sampler.shell(&scene).expect("a support").radius, [2.0, 2.0]);
 }
 
 #[test]
@@ -263,7 +266,7 @@ fn listed_poses_are_used_unchanged() {
     let third = pose(&*sampler, 2).expect("a pose");
     assert!((third * Vector3::z() + Vector3::x()).norm() < 1e-9 && (third * Vector3::x() - Vector3::y()).norm() < 1e-9);
     assert!((third.translation.vector - Vector3::new(2.0, 3.0, 4.75)).norm() < 1e-12);
-    let shell = sampler.shell(&scene);
+    let shell = sampler.shell(&scene).expect("a support");
     assert!(
         (shell.radius[0] - 1.25_f64.sqrt()).abs() < 1e-9 && (shell.radius[1] - 29_f64.sqrt()).abs() < 1e-9,
         "{shell:?}"
@@ -308,7 +311,7 @@ fn listed_poses_are_used_unchanged() {
 fn draw(sampler: &dyn LightSampler, scene: &Scene, seed: u64) -> Result<Vec<Light>> {
     let (intrinsics, _) = intrinsics("");
     let camera = Camera::pinhole(intrinsics, Pose::identity());
-    let shell = views("hemisphere_shell", "").shell(scene);
+    let shell = views("hemisphere_shell", "").shell(scene).expect("a support");
     with_context(seed, |context| sampler.lights(scene, &camera, &shell, context))
 }
 
@@ -389,7 +392,7 @@ fn sphere_lights_give_the_requested_illuminance() {
     for seed in 0..4 {
         let lights = draw(&*sampler, &scene, seed).expect("lights");
         let [light @ Light::Sphere(sphere)] = &lights[..] else { panic!("{lights:?}") };
-        let tabletop = scene.tabletop.center();
+        let tabletop = scene.support(None).expect("there").center();
         let got = illuminance(light, tabletop, (sphere.center - tabletop).normalize());
         assert!((got / 800.0 - 1.0).abs() < 0.005, "{got} lx from {sphere:?}");
     }
@@ -415,18 +418,18 @@ fn ceiling_lights_give_the_requested_illuminance() {
             Light::Rect(rect) => sum + rect.center.coords / lights.len() as f64,
             other => panic!("{other:?}"),
         });
-        let facing = (middle - scene.tabletop.center().coords).normalize();
+        let facing = (middle - scene.support(None).expect("there").center().coords).normalize();
         let mut sum = 0.0;
         for light in &lights {
             let Light::Rect(rect) = light else { panic!("{light:?}") };
             assert!((rect.center.z - height).abs() < 1e-9 && rect.normal().z < -0.999, "{rect:?}");
-            sum += illuminance(light, scene.tabletop.center(), facing);
+            sum += illuminance(light, scene.support(None).expect("there").center(), facing);
         }
         assert!((sum / 500.0 - 1.0).abs() < 0.01, "{options}: {sum} lx");
     }
     let low =
         draw(&*lights("ceiling_light", "height_m = 0.5"), &scene(None), 1).expect_err("under the table").to_string();
-    assert!(low.contains("not above the tabletop"), "{low}");
+    assert!(low.contains("not above the table"), "{low}");
 }
 
 #[test]
@@ -482,7 +485,7 @@ fn the_released_lights_can_be_configured() {
     assert!(draw(&*none, &scene, 1).expect("lights").is_empty(), "a light of 0 lx is none");
     let engulfing = lights("sphere_lights", "count = 1\nsize_m = 5");
     let error = draw(&*engulfing, &scene, 1).expect_err("too large").to_string();
-    assert!(error.contains("reaches the center of the tabletop"), "{error}");
+    assert!(error.contains("reaches the center of the table"), "{error}");
 }
 
 #[test]

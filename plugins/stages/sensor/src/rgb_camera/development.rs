@@ -41,7 +41,6 @@ impl Development {
 fn unknown(field: &str) -> Error {
     Error::new(format!("`{}` does not tell `{field}` as the sensor `rgb_camera` does", EXPOSURE.name()))
         .help("let rgb_camera make the image, or leave out what is developed like it")
-        .permanent()
 }
 
 fn field<'a>(record: &'a Value, name: &str) -> Option<&'a Value> {

@@ -202,7 +202,7 @@ fn check_out(out: &Path, overwrite: bool) -> Result<()> {
     let refuse = |what: &str, help: &str| {
         // A report that was killed at its very end is whole, and has left something beside it.
         let _ = durable::mend(out);
-        Err(Error::new(what).in_file(out).help(help).of_request())
+        Err(Error::new(what).in_file(out).help(help))
     };
     match durable::standing(out)? {
         Standing::Made(listing) if listing.made_by == MADE_BY => match overwrite {

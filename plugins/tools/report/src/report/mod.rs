@@ -151,7 +151,7 @@ impl Report {
     ) -> Result<Self> {
         let path = source.path.as_path();
         if dataset.images.is_empty() {
-            return Err(Error::new("the dataset has no image").in_file(path).permanent());
+            return Err(Error::new("the dataset has no image").in_file(path));
         }
         let record = Record::of(source);
         let Shown { images: shown, scenes: most } = choose(&dataset);
@@ -443,7 +443,7 @@ fn wrong_page(error: &tera::Error) -> Error {
         text = format!("{text}: {inner}");
         source = inner.source();
     }
-    Error::new(format!("a page cannot be made: {text}")).permanent()
+    Error::new(format!("a page cannot be made: {text}"))
 }
 
 fn color(products: &Products) -> Result<Option<Vec<u8>>> {

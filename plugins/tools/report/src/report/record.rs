@@ -13,8 +13,8 @@ use syntable_model::product::standard::OBJECT_INFO;
 use syntable_model::product::{PerInstance, Value};
 use syntable_model::reader::{OpenDataset, Source};
 use syntable_model::stage::RESERVED;
-use syntable_runtime::run::dataset::folder::{journal_path, times_path};
 use syntable_runtime::run::dataset::journal::{Journal, JournalEntry};
+use syntable_runtime::run::dataset::layout::{journal_path, times_path};
 use syntable_runtime::run::making::times::RunTimes;
 
 /// Folders between that of a run and an annotation file, such as `coco/annotations/instances_train.json`.
@@ -101,7 +101,7 @@ impl Record {
         });
         let path = journal_path(&root);
         let (journal, faults) = find(&folder, &path)
-            .and_then(|_| Journal::readable(&path))
+            .and_then(|_| Journal::readable(&root))
             .unwrap_or_else(|error| (BTreeMap::new(), vec![error.message().to_owned()]));
         faults.into_iter().for_each(|fault| note(&path, fault));
         let path = times_path(&root);
@@ -236,7 +236,6 @@ fn find(folder: &DatasetFolder, path: &Path) -> Result<Option<PathBuf>> {
         false => {
             Error::new("it leads out of the folder through a link: if you trust this dataset, --trust-paths reads it")
                 .in_file(path)
-                .of_request()
         }
     };
     let found = folder.file(path.strip_prefix(folder.path()).unwrap_or(path)).map_err(refused)?;
@@ -248,7 +247,7 @@ fn find(folder: &DatasetFolder, path: &Path) -> Result<Option<PathBuf>> {
 
 /// Opens a file of a run, see [`find`].
 fn open(folder: &DatasetFolder, path: &Path) -> Result<File> {
-    let found = find(folder, path)?.ok_or_else(|| Error::new("no such file").in_file(path).permanent())?;
+    let found = find(folder, path)?.ok_or_else(|| Error::new("no such file").in_file(path))?;
     decode::open(&found)
 }
 
@@ -319,7 +318,7 @@ fn models(
 
 /// The JSON of a binary glTF file (glTF 2.0, section 4.4).
 fn gltf_json(folder: &DatasetFolder, path: &Path) -> Result<serde_json::Value> {
-    let refuse = |what: &str| Error::new(what).in_file(path).permanent();
+    let refuse = |what: &str| Error::new(what).in_file(path);
     let mut file = open(folder, path)?;
     let mut head = [0; 20];
     file.read_exact(&mut head).map_err(|error| Error::io(path, &error))?;

@@ -38,7 +38,6 @@ impl Scored {
                 let example = dataset.images.first().map_or(String::new(), |it| format!(", such as \"{}\"", it.name));
                 Error::new(format!("image \"{}\" is not in the dataset", image.name))
                     .help(format!("take the scores of this dataset, with images by its names{example}"))
-                    .of_request()
             })
         };
         let (scored, there) = (scores.images, dataset.images.len());

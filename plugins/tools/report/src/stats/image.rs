@@ -366,8 +366,7 @@ fn shown<'a>(
         let hidden = hidden.and_then(|it| it.get(id)).cloned().or_else(|| Some(whole?.minus(visible)));
         if amodal.is_some() && whole.is_none() {
             return Err(Error::new(format!("object {} has no amodal mask", id.0))
-                .help("`syntable validate` lists what is wrong")
-                .permanent());
+                .help("`syntable validate` lists what is wrong"));
         }
         Ok(Shown { id, visible, amodal_px: whole.unwrap_or(visible).area().into(), hidden })
     };

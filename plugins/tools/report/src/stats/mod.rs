@@ -175,13 +175,12 @@ pub fn bin_alike(all: &mut [&mut Statistics], binning: Binning) {
 /// If the dataset has no image, one cannot be read, or the work was asked to stop.
 pub fn of(dataset: &OpenDataset, options: &Options, work: &Work) -> Result<Statistics> {
     if dataset.images.is_empty() {
-        return Err(Error::new("the dataset has no image").permanent());
+        return Err(Error::new("the dataset has no image"));
     }
     let wanted = Wanted::of(dataset, options);
     if options.edges == Edges::Stored && !wanted.has(&OCCLUSION_ORDER.id()) {
         return Err(Error::new("the dataset has no `occlusion_order`")
-            .help("leave out --edges stored: the order then follows from masks")
-            .of_request());
+            .help("leave out --edges stored: the order then follows from masks"));
     }
     let has_names = wanted.has(&OBJECT_INFO.id()) || wanted.has(&OBJECT_NAME.id());
     let mut collected = Collected { has_names, ..Collected::default() };

@@ -4,11 +4,11 @@
 //! favors the dark ones; so the filtered image is too dark, by several hundredths at one or two samples. Over wide areas
 //! the mean of the noisy image is right, and the filtered one is scaled to it.
 
-use super::luminance;
-use super::tuning::{CELL_WEIGHTS, LEAST_RESTORED, MOST_RESTORED};
+use crate::luminance;
+use crate::tuning::{CELL_WEIGHTS, LEAST_RESTORED, MOST_RESTORED};
 
 /// Edge of the squares over which light is added up, px. Neighboring squares are averaged with a deviation of one square.
-const CELL: usize = super::tuning::CELL as usize;
+const CELL: usize = crate::tuning::CELL as usize;
 
 /// Light in squares, before and after.
 struct Cells {

@@ -1,7 +1,7 @@
 //! Guides: normals, the planes of pixels, ids, and albedo where bodies are mixed.
 
-use super::planes::{CHUNK, Chunk, Padded, Size, fill};
-use super::tuning::{BORDER_COLOR, BORDER_NORMAL, END, PLANE};
+use crate::planes::{CHUNK, Chunk, Padded, Size, fill};
+use crate::tuning::{BORDER_COLOR, BORDER_NORMAL, END, PLANE};
 use syntable_model::context::Workers;
 
 /// Id of the margin; no tap takes anything from what has a negative id.

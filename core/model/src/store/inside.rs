@@ -1,35 +1,36 @@
-//! Changes to the files of a dataset. They go through no link: what a link leads to belongs to somebody else.
+//! Moves and removals below a folder. They go through no link: the target of a link belongs to somebody else.
 //!
 //! On Unix every folder on the way is opened from the one before, so that nobody can put a link there in between. Elsewhere
 //! each is looked at before.
 
+use crate::error::{Error, Result};
+use crate::files::DatasetPath;
+#[cfg(not(unix))]
 use std::fs;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
-use syntable_model::error::{Error, Result};
-use syntable_model::files::DatasetPath;
 
 /// What to do about a link on the way to a file of a dataset.
-pub const LINKED: &str = "put the folder itself there: a mount keeps it on another disk, and the dataset's whole folder may be \
-                          reached by a link";
+const LINKED: &str = "put the folder itself there: a mount keeps it on another disk, and the dataset's whole folder may be \
+                      reached by a link";
 
-/// The folder of a dataset, in which files are moved and removed.
+/// A folder in which files are moved and removed.
+#[derive(Debug)]
 pub struct Inside {
     root: PathBuf,
     #[cfg(unix)]
     folder: unix::Folder,
 }
 
-/// Refuses a link where a folder of the dataset shall be.
+/// Refuses a link where a folder of the dataset must be.
 pub fn linked(root: &Path, folder: &str) -> Error {
     Error::new(format!("`{folder}` is a link: files behind links are neither written nor removed"))
         .in_file(root)
         .help(LINKED)
-        .permanent()
 }
 
 impl Inside {
-    /// Opens the folder of a dataset, which may be reached by a link.
+    /// Opens the folder, which may be reached by a link.
     pub fn open(root: &Path) -> Result<Self> {
         Ok(Self {
             root: root.to_owned(),
@@ -38,14 +39,14 @@ impl Inside {
         })
     }
 
-    /// Moves a file to a path of the dataset, whose folders are made. Replaces what is there; a link is replaced and not
-    /// followed.
+    /// Moves a file or folder to a path inside, whose folders are made. A file replaces what is there; a link is replaced and
+    /// not followed.
     pub fn put(&self, from: &Path, to: &DatasetPath) -> Result<()> {
         self.check_folders(to)?;
         self.move_here(from, to).map_err(|error| Error::io(to.below(&self.root), &error))
     }
 
-    /// Removes a file, if it is there, and the folders that are empty then. A folder of this name stays: it has files of others.
+    /// Removes a file, if it exists, and the folders that are empty then. A folder of this name stays: it has files of others.
     pub fn remove(&self, path: &DatasetPath) -> Result<()> {
         self.check_folders(path)?;
         match self.remove_here(path) {
@@ -58,7 +59,8 @@ impl Inside {
 
     /// Refuses a path of which a folder is a link.
     fn check_folders(&self, path: &DatasetPath) -> Result<()> {
-        link_before(&self.root, path).map_or(Ok(()), |folder| Err(linked(&self.root, folder)))
+        let is_link = |folder: &&str| std::fs::symlink_metadata(self.root.join(folder)).is_ok_and(|it| it.is_symlink());
+        path.folders().find(is_link).map_or(Ok(()), |folder| Err(linked(&self.root, folder)))
     }
 
     #[cfg(unix)]
@@ -108,28 +110,6 @@ impl Inside {
     }
 }
 
-/// The outermost folder of a path that is a link.
-pub fn link_before<'p>(root: &Path, path: &'p DatasetPath) -> Option<&'p str> {
-    path.folders().find(|folder| is_link(&root.join(folder)))
-}
-
-/// What stands at a path, be it a link that leads nowhere; none if nothing does.
-///
-/// # Errors
-/// If the path cannot be looked at: what may stand there must not count as gone.
-pub fn look(path: &Path) -> Result<Option<fs::Metadata>> {
-    match fs::symlink_metadata(path) {
-        Ok(there) => Ok(Some(there)),
-        Err(error) if matches!(error.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory) => Ok(None),
-        Err(error) => Err(Error::io(path, &error)),
-    }
-}
-
-/// Whether there is a link, whatever it leads to.
-pub fn is_link(path: &Path) -> bool {
-    fs::symlink_metadata(path).is_ok_and(|there| there.is_symlink())
-}
-
 #[cfg(unix)]
 mod unix {
     use rustix::fs::{AtFlags, CWD, Mode, OFlags, mkdirat, openat, renameat, unlinkat};
@@ -139,6 +119,7 @@ mod unix {
     use std::path::Path;
 
     /// A folder that is open.
+    #[derive(Debug)]
     pub struct Folder(OwnedFd);
 
     fn flags() -> OFlags {

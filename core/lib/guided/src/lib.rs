@@ -323,5 +323,3 @@ impl Input<'_> {
 fn luminance([r, g, b]: [f32; 3]) -> f32 {
     0.2126 * r + 0.7152 * g + 0.0722 * b
 }
-
-register!(Guided);

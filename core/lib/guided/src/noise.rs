@@ -1,14 +1,14 @@
 //! Noise estimation per pixel, and clamping of fireflies.
 
-use super::Signal;
-use super::guides::{Guides, falloff};
-use super::planes::{CHUNK, Chunk, Padded, Size, fill};
-use super::tuning::{FEWEST, PRIOR, SURE, Tuning};
+use crate::Signal;
+use crate::guides::{Guides, falloff};
+use crate::planes::{CHUNK, Chunk, Padded, Size, fill};
+use crate::tuning::{FEWEST, PRIOR, SURE, Tuning};
 use syntable_model::context::Workers;
 use syntable_simd::{Processor, Simd, Task};
 
 /// Radius of the window, px.
-const REACH: isize = super::tuning::REACH as isize;
+const REACH: isize = crate::tuning::REACH as isize;
 
 /// Estimates from the window.
 pub(super) struct Noise {

@@ -1,9 +1,9 @@
 //! One level of the filter: 5 × 5 taps, some pixels apart.
 
-use super::guides::{Guides, falloff};
-use super::planes::{CHUNK, Chunk, Padded, Size, fill};
-use super::tuning::Tuning;
-use super::{Signal, luminance};
+use crate::guides::{Guides, falloff};
+use crate::planes::{CHUNK, Chunk, Padded, Size, fill};
+use crate::tuning::Tuning;
+use crate::{Signal, luminance};
 use syntable_model::context::Workers;
 use syntable_simd::{Processor, Simd, Task};
 

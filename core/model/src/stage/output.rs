@@ -1,0 +1,283 @@
+//! Where writers put files: the files of a scene, and files that cover many scenes.
+
+use crate::digest::Digest;
+use crate::error::{ConfigError, Error, Result};
+use crate::files::DatasetPath;
+pub use crate::files::RESERVED;
+use crate::scene::SceneId;
+use crate::store::{Opened, StoreFolder};
+use std::collections::BTreeSet;
+use std::io::{BufReader, Read, Write};
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// Where a writer puts the files of one scene: a staging folder whose files are moved into the dataset when the scene is done.
+#[derive(Debug, Clone)]
+pub struct Output {
+    staging: StoreFolder,
+    id: String,
+    scene: SceneId,
+    /// The files that were created, shared by all clones.
+    files: Arc<Mutex<BTreeSet<DatasetPath>>>,
+}
+
+impl Output {
+    /// Output of the writer `id` for a scene. A path of this machine is a staging folder, too.
+    pub fn new(staging: impl Into<StoreFolder>, id: impl Into<String>, scene: SceneId) -> Self {
+        Self { staging: staging.into(), id: id.into(), scene, files: Arc::default() }
+    }
+
+    /// The writer's id in the recipe; the folder that generic writers write to.
+    pub fn id(&self) -> &str {
+        &self.id
+    }
+
+    /// Creates a file at a path relative to the dataset, such as `data/mono/rgb/0_0.png`. It must not exist yet. A flush
+    /// reports errors of writing; dropping the file does not.
+    pub fn create(&self, path: &str) -> Result<FileWriter> {
+        self.create_at(of_writer(path)?)
+    }
+
+    fn create_at(&self, path: DatasetPath) -> Result<FileWriter> {
+        let file = create_new(&self.staging, &path, &self.id)?;
+        self.files.lock().unwrap_or_else(PoisonError::into_inner).insert(path);
+        Ok(file)
+    }
+
+    /// Paths of the files that were created so far.
+    pub fn files(&self) -> BTreeSet<DatasetPath> {
+        self.files.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+
+    /// Writes a whole file at a path relative to the dataset.
+    pub fn write(&self, path: &str, bytes: &[u8]) -> Result<()> {
+        self.write_at(of_writer(path)?, bytes)
+    }
+
+    fn write_at(&self, path: DatasetPath, bytes: &[u8]) -> Result<()> {
+        let full = self.staging.name_of(&path);
+        let mut file = self.create_at(path)?;
+        file.write_all(bytes).and_then(|()| file.flush()).map_err(|error| Error::io(full, &error))
+    }
+
+    /// Writes this scene's shard, which [`Finish::shard`] reads back.
+    pub fn write_shard(&self, bytes: &[u8]) -> Result<()> {
+        self.write_at(shard_path(&self.id, self.scene)?, bytes)
+    }
+
+    /// Creates this scene's shard, to write it bit by bit.
+    pub fn create_shard(&self) -> Result<FileWriter> {
+        self.create_at(shard_path(&self.id, self.scene)?)
+    }
+
+    /// Writes bytes beside this scene's shard that other scenes are likely to write, too, such as the texture of an asset.
+    /// Returns their digest, by which [`Finish::shared`] reads them. A store keeps the same bytes of several scenes once, if
+    /// it can.
+    pub fn write_shared(&self, bytes: &[u8]) -> Result<Digest> {
+        let digest = Digest::of(bytes);
+        let path = shared_path(&self.id, self.scene, digest)?;
+        if !self.files().contains(&path) && !self.share(&path, bytes) {
+            self.write_at(path, bytes)?;
+        }
+        Ok(digest)
+    }
+
+    /// Shares a file with another scene that has the same bytes in the same staging folder: a conversion stages all scenes in
+    /// one. Returns whether it did.
+    fn share(&self, path: &DatasetPath, bytes: &[u8]) -> bool {
+        let share = || {
+            let (folder, _) = path.rsplit_once('/')?;
+            let (other, _) = self.staging.list(folder).ok()?.into_iter().next()?;
+            let other = DatasetPath::new(format!("{folder}/{other}")).ok()?;
+            let has_same = self.staging.read(&other).is_ok_and(|found| found.is_some_and(|found| found == bytes));
+            (has_same && self.staging.share(&self.staging, &other, path).is_ok_and(|done| done)).then_some(())
+        };
+        let is_shared = share().is_some();
+        if is_shared {
+            self.files.lock().unwrap_or_else(PoisonError::into_inner).insert(path.clone());
+        }
+        is_shared
+    }
+}
+
+/// A file that a writer fills.
+pub type FileWriter = Box<dyn Write + Send>;
+
+/// Creates a file that must not exist yet: the one rule against two files of one path in a scene, or at the end of a run.
+fn create_new(folder: &StoreFolder, path: &DatasetPath, id: &str) -> Result<FileWriter> {
+    folder.create(path)?.ok_or_else(|| {
+        Error::new(format!("`{path}` is written twice"))
+            .help(format!("two files have one path; give `write.{id}` another id, folder or path"))
+    })
+}
+
+/// What a writer can see and do at the end of a run.
+#[derive(Debug, Clone)]
+pub struct Finish {
+    dataset: StoreFolder,
+    staging: Option<StoreFolder>,
+    id: String,
+    scenes: Vec<SceneId>,
+}
+
+impl Finish {
+    /// The end of a run for the writer `id`: `scenes` are done, ascending. Files are written into the dataset, where they
+    /// replace older ones. A path of this machine is a dataset, too.
+    pub fn new(dataset: impl Into<StoreFolder>, id: impl Into<String>, scenes: Vec<SceneId>) -> Self {
+        Self { dataset: dataset.into(), staging: None, id: id.into(), scenes }
+    }
+
+    /// The same with a staging folder for the files of all writers, in which no path may be written twice.
+    pub fn staged(self, staging: impl Into<StoreFolder>) -> Self {
+        Self { staging: Some(staging.into()), ..self }
+    }
+
+    /// The writer's id in the recipe.
+    pub fn id(&self) -> &str {
+        &self.id
+    }
+
+    /// The scenes that are done, ascending.
+    pub fn scenes(&self) -> &[SceneId] {
+        &self.scenes
+    }
+
+    /// Opens the shard that this writer wrote for a scene.
+    pub fn shard(&self, scene: SceneId) -> Result<BufReader<Opened>> {
+        self.open(&shard_path(&self.id, scene)?).map(BufReader::new)
+    }
+
+    /// Reads what this writer wrote for a scene with [`Output::write_shared`].
+    ///
+    /// # Errors
+    /// If the file cannot be read, or has other bytes.
+    pub fn shared(&self, scene: SceneId, digest: Digest) -> Result<Vec<u8>> {
+        let path = shared_path(&self.id, scene, digest)?;
+        let full = self.dataset.name_of(&path);
+        let mut bytes = Vec::new();
+        self.open(&path)?.read_to_end(&mut bytes).map_err(|error| Error::io(&full, &error).help(DAMAGED))?;
+        if Digest::of(&bytes) != digest {
+            return Err(Error::new("the file has other bytes than its name says").in_file(&full).help(DAMAGED));
+        }
+        Ok(bytes)
+    }
+
+    fn open(&self, path: &DatasetPath) -> Result<Opened> {
+        let opened = self.dataset.open(path).map_err(|error| error.help(DAMAGED))?;
+        let gone = || Error::io(self.dataset.name_of(path), &std::io::ErrorKind::NotFound.into()).help(DAMAGED);
+        opened.ok_or_else(gone)
+    }
+
+    /// Writes a file of the dataset, whole or not at all.
+    pub fn write(&self, path: &str, fill: impl FnOnce(&mut dyn Write) -> Result<()>) -> Result<()> {
+        let path = of_writer(path)?;
+        let Some(staging) = &self.staging else {
+            let mut fill = Some(fill);
+            return self.dataset.put(&path, &mut |file| fill.take().map_or(Ok(()), |fill| fill(file)));
+        };
+        let mut file = create_new(staging, &path, &self.id)?;
+        let filled = fill(&mut *file)
+            .and_then(|()| file.flush().map_err(|error| Error::io(self.dataset.name_of(&path), &error)));
+        drop(file);
+        let filled = filled.and_then(|()| staging.sync(&path));
+        if filled.is_err() {
+            // The first error is the one to report.
+            let _ = staging.remove_all(&path);
+        }
+        filled
+    }
+}
+
+/// What to do about a file that the end of a run cannot read.
+const DAMAGED: &str = "the dataset is damaged; `syntable run --repair` makes the scene again";
+
+/// Path of a writer's shard of a scene.
+///
+/// # Errors
+/// If the id is no name of a folder.
+pub fn shard_path(id: &str, scene: SceneId) -> Result<DatasetPath> {
+    let path = DatasetPath::new(format!("{}/shards/{id}/{:06}.jsonl", RESERVED[0], scene.0));
+    path.map_err(|error| Error::new(error.to_string()))
+}
+
+/// Path of bytes that a writer keeps for the end of a run. Scenes that share the same bytes have files in the same folder.
+fn shared_path(id: &str, scene: SceneId, digest: Digest) -> Result<DatasetPath> {
+    let path = DatasetPath::new(format!("{}/shards/{id}/{SHARED}/{digest}/{:06}", RESERVED[0], scene.0));
+    path.map_err(|error| Error::new(error.to_string()))
+}
+
+/// Name of the folder of what scenes share, beside their shards.
+const SHARED: &str = "shared";
+
+/// Whether a path of a dataset is one of [`Output::write_shared`]: then all files of its folder have the same bytes.
+pub fn is_shared(path: &DatasetPath) -> bool {
+    let below = path.strip_prefix(RESERVED[0]).and_then(|path| path.strip_prefix("/shards/"));
+    below.is_some_and(|path| path.split('/').nth(1) == Some(SHARED))
+}
+
+/// Checks an option that names a file or folder of the dataset: a relative path that stays inside it, and is none of the
+/// program's own.
+pub fn check_path(option: &str, path: &str) -> Result<(), ConfigError> {
+    let help = "write it as `a` or `a/b`, relative to the dataset";
+    DatasetPath::of_writer(path).map(drop).map_err(|error| ConfigError::new(option, error.to_string()).help(help))
+}
+
+fn of_writer(path: &str) -> Result<DatasetPath> {
+    DatasetPath::of_writer(path).map_err(|error| Error::new(error.to_string()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::store::MemStore;
+
+    /// A dataset, a staging folder and the store that they are in.
+    fn folders() -> (Arc<MemStore>, [StoreFolder; 2]) {
+        let store = Arc::new(MemStore::default());
+        let at = |name: &str| StoreFolder::from(Arc::clone(&store)).inner(&DatasetPath::new(name).expect("a path"));
+        (Arc::clone(&store), [at("data"), at("staged")])
+    }
+
+    #[test]
+    fn a_path_is_written_once_at_the_end_of_a_run() {
+        let (store, [data, staging]) = folders();
+        let write = |id: &str, staged: bool| {
+            let finish = Finish::new(&data, id, Vec::new());
+            let finish = if staged { finish.staged(&staging) } else { finish };
+            finish.write("a/all.jsonl", |out| out.write_all(id.as_bytes()).map_err(|error| Error::io("a", &error)))
+        };
+        let text = |path: &str| store.get(path).map(|bytes| String::from_utf8_lossy(&bytes).into_owned());
+        write("a", true).expect("first");
+        let error = write("b", true).expect_err("second");
+        assert!(error.is_permanent() && error.to_string().contains("`a/all.jsonl` is written twice"), "{error}");
+        assert_eq!(text("staged/a/all.jsonl").as_deref(), Some("a"));
+        // Without a staging folder an older file is replaced.
+        write("a", false).and_then(|()| write("b", false)).expect("again");
+        assert_eq!(text("data/a/all.jsonl").as_deref(), Some("b"));
+        // A file that a writer could not fill is not there.
+        for finish in [Finish::new(&data, "a", Vec::new()), Finish::new(&data, "a", Vec::new()).staged(&staging)] {
+            finish.write("a/none", |_| Err(Error::new("no"))).expect_err("it fails");
+        }
+        assert_eq!(store.files().len(), 2);
+    }
+
+    #[test]
+    fn writers_write_inside_the_dataset() {
+        let (store, [data, staging]) = folders();
+        let output = Output::new(&staging, "w", SceneId(3));
+        let finish = Finish::new(&data, "w", Vec::new());
+        for path in ["../a", "/a", "", "a/../../b", "a\\b", "a//b", ".syntable/journal.jsonl", "recipe.toml"] {
+            assert!(output.write(path, b"x").is_err() && output.create(path).is_err(), "{path}");
+            assert!(finish.write(path, |_| Ok(())).is_err() && check_path("file", path).is_err(), "{path}");
+        }
+        assert!(output.files().is_empty() && store.files().is_empty(), "nothing was written");
+        output.write("data/rgb/0_0.png", b"x").expect("written");
+        output.write_shard(b"x").expect("written");
+        let paths: Vec<String> = store.files().keys().map(ToString::to_string).collect();
+        assert_eq!(paths, ["staged/.syntable/shards/w/000003.jsonl", "staged/data/rgb/0_0.png"]);
+        for id in ["../../../../w", "a/../b", "/w"] {
+            let output = Output::new(&staging, id, SceneId(3));
+            let finish = Finish::new(&data, id, Vec::new());
+            assert!(output.write_shard(b"x").is_err() && finish.shard(SceneId(3)).is_err(), "{id}");
+        }
+    }
+}

@@ -1,0 +1,181 @@
+//! Where a dataset is stored: a folder of this machine, memory, or an object store.
+//!
+//! A [`Store`] has few operations, which all of these can do. A run asks for no more than this:
+//!
+//! | operation | file system | object store |
+//! |---|---|---|
+//! | [`create`](Store::create) | a file that must not exist | an upload with the condition that the key is new |
+//! | [`put`](Store::put) | a temporary file, flushed to disk and renamed | one upload |
+//! | [`append`](Store::append) | a flushed write to the end of a file | an object per record; reading concatenates them, and sizes add up |
+//! | [`rename`](Store::rename) | a rename | copies within the store, then deletions |
+//! | [`share`](Store::share) | a hard link | nothing |
+//! | [`lock`](Store::lock) | a locked file | a conditional upload with a lease |
+//!
+//! No caller needs a [`rename`](Store::rename) of a folder to be atomic: what counts is decided by one [`put`](Store::put) or
+//! one [`append`](Store::append). Stages do not see a store. Writers see it through [`Output`](crate::stage::Output) and
+//! [`Finish`](crate::stage::Finish).
+
+mod file_system;
+mod inside;
+mod memory;
+mod store_folder;
+#[cfg(test)]
+mod tests;
+
+pub use file_system::FsStore;
+pub use memory::MemStore;
+pub use store_folder::StoreFolder;
+
+use crate::error::Result;
+use crate::files::DatasetPath;
+use std::any::Any;
+use std::fmt;
+use std::io::{self, Read, Seek, SeekFrom, Write};
+use std::path::{Path, PathBuf};
+
+/// Files by path. Folders exist as far as files are in them.
+///
+/// Paths are relative to the store, with `/` between folders. Errors name the whole path, as [`name_of`](Self::name_of) gives it.
+pub trait Store: Any + fmt::Debug + Send + Sync {
+    /// The whole name of a path, for messages. The empty path is the store.
+    fn name_of(&self, path: &str) -> PathBuf;
+
+    /// The folder on this machine that holds the files, if there is one.
+    fn local(&self) -> Option<&Path> {
+        None
+    }
+
+    /// Makes the store itself ready for writing, such as a folder that does not exist yet.
+    fn prepare(&self) -> Result<()> {
+        Ok(())
+    }
+
+    /// What is at a path, if anything is. Follows no link.
+    ///
+    /// # Errors
+    /// If the store does not tell: what may be there must not count as gone.
+    fn look(&self, path: &str) -> Result<Option<Found>>;
+
+    /// Names in a folder, in no order. What does not exist or is no folder has none. The empty path is the store.
+    fn list(&self, folder: &str) -> Result<Vec<(String, Kind)>>;
+
+    /// Opens a file from its beginning; none if it does not exist.
+    fn open(&self, path: &DatasetPath) -> Result<Option<Opened>>;
+
+    /// Creates a file and the folders that it is in; none if something is there already. Others see the whole file after
+    /// the writer was dropped, and may see parts of it before.
+    ///
+    /// A flush reports errors of writing. What a store can report only later, [`sync`](Self::sync) reports.
+    fn create(&self, path: &DatasetPath) -> Result<Option<Box<dyn Write + Send>>>;
+
+    /// Writes a file whole or not at all, and for good. It replaces a file that is there. `fill` writes the content once.
+    fn put(&self, path: &DatasetPath, fill: &mut Fill) -> Result<()>;
+
+    /// Adds bytes to the end of a file, for good, and creates the file if necessary. Only one owner appends at a time. If the
+    /// call fails, the file is as before; if the program ends within the call, a part of the bytes may be there.
+    fn append(&self, path: &DatasetPath, bytes: &[u8]) -> Result<()>;
+
+    /// Waits until a file that was created is stored for good.
+    fn sync(&self, path: &DatasetPath) -> Result<()>;
+
+    /// Gives a file of this store the bytes of a file of `from`, which may be the same store, without storing them again. It
+    /// replaces a file that is there. Returns whether the store could; if not, nothing changed.
+    fn share(&self, from: &dyn Store, path: &DatasetPath, to: &DatasetPath) -> Result<bool>;
+
+    /// Moves a file or a folder. A file replaces a file that is there, at once. A store may move the files of a folder one by
+    /// one. Follows no link on the way to `to`.
+    fn rename(&self, from: &DatasetPath, to: &DatasetPath) -> Result<()>;
+
+    /// Removes a file, if it exists, and the folders that are empty then. A folder of this name stays. Follows no link.
+    fn remove(&self, path: &DatasetPath) -> Result<()>;
+
+    /// Removes a file, or a folder with all in it, if it exists. Follows no link.
+    fn remove_all(&self, path: &DatasetPath) -> Result<()>;
+
+    /// Locks a file until the [`Hold`] is dropped; none if somebody else holds it. A lock to write creates the file. A lock to
+    /// read that does not exist counts as held.
+    fn lock(&self, path: &DatasetPath, access: Access) -> Result<Option<Hold>>;
+}
+
+/// Writes the content of a file.
+pub type Fill<'f> = dyn FnMut(&mut dyn Write) -> Result<()> + 'f;
+
+/// What is at a path.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Found {
+    /// File, folder, or something that no run writes.
+    pub kind: Kind,
+    /// Size of a file, bytes.
+    pub size: u64,
+    /// Where a link leads, as it says.
+    pub leads_to: Option<String>,
+}
+
+/// The kind of what is at a path.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Kind {
+    /// A regular file.
+    File,
+    /// A folder.
+    Folder,
+    /// A symbolic link of a file system, wherever it leads.
+    Link,
+    /// A device, a pipe or a socket.
+    Other,
+}
+
+/// A file that is open for reading.
+pub struct Opened {
+    /// Size when it was opened, bytes.
+    pub size: u64,
+    /// Its content. After a seek, an object store reads a range.
+    pub bytes: Box<dyn Content>,
+}
+
+/// What [`Opened`] reads.
+pub trait Content: Read + Seek + Send {}
+
+impl<C: Read + Seek + Send> Content for C {}
+
+impl Read for Opened {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        self.bytes.read(buffer)
+    }
+}
+
+impl Seek for Opened {
+    fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
+        self.bytes.seek(to)
+    }
+}
+
+impl fmt::Debug for Opened {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        f.debug_struct("Opened").field("size", &self.size).finish_non_exhaustive()
+    }
+}
+
+/// What a lock is for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Access {
+    /// Others may read, too.
+    Read,
+    /// Nobody else may read or write.
+    Write,
+}
+
+/// A lock, until it is dropped.
+pub struct Hold(#[expect(dead_code, reason = "dropped with the lock")] Box<dyn Any + Send + Sync>);
+
+impl Hold {
+    /// A lock that ends when `held` is dropped.
+    pub fn new(held: impl Any + Send + Sync) -> Self {
+        Self(Box::new(held))
+    }
+}
+
+impl fmt::Debug for Hold {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        f.write_str("Hold")
+    }
+}

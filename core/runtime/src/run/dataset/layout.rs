@@ -1,0 +1,169 @@
+//! Where a dataset keeps what the program writes for itself.
+//!
+//! ```text
+//! recipe.toml                   the resolved recipe with its inputs locked; it gives the same dataset again
+//! .syntable/lock                held while a run works
+//! .syntable/journal.jsonl       one line per scene that is done
+//! .syntable/scenes/000003.json  manifest of a scene: its files with sizes and digests
+//! .syntable/finished.json       manifest of what the end of a run wrote
+//! .syntable/catalogs/<pool>.json names, categories and numbers of the assets of a pool
+//! .syntable/settled/000003.toml result of settling, so that a scene is made again without simulating it
+//! .syntable/shards/<writer>/    input of `finish`, one file per scene
+//! .syntable/shards/<writer>/shared/<digest>/000003  the same for bytes that several scenes share
+//! .syntable/times.jsonl         working time of stages, one line per run
+//! .syntable/staging/3.part/     a scene in the making
+//! .syntable/staging/3.ready/    a scene whose files are being moved into place
+//! .syntable/quarantine/000003/  files of a scene whose labels contradict each other, and the reason
+//! .syntable/ahead/              the first scene of a dataset that will replace this one
+//! .syntable/discard/            the rest of a dataset that is being deleted
+//! ```
+
+use std::path::{Path, PathBuf};
+use syntable_model::error::{Error, Result};
+use syntable_model::files::{DatasetPath, RESERVED};
+use syntable_model::store::{Kind, StoreFolder};
+
+/// The program's own folder.
+pub const MARK: &str = RESERVED[0];
+/// Name of the resolved recipe.
+pub const RECIPE: &str = RESERVED[1];
+/// Name of the manifest of what the end of a run wrote.
+pub const FINISHED: &str = "finished.json";
+/// Name of the folder of the manifests of scenes.
+pub const SCENES: &str = "scenes";
+/// Name of the folder of scenes in the making.
+pub const STAGING: &str = "staging";
+/// Name of the folder of what is being deleted.
+pub const BIN: &str = "discard";
+/// What the end of a run reads of the scenes.
+pub const SHARDS: &str = ".syntable/shards/";
+/// What is known of a staged scene, among files that no writer can write.
+pub const RECORD: &str = ".syntable/staged.json";
+
+const JOURNAL: &str = "journal.jsonl";
+const TIMES: &str = "times.jsonl";
+
+/// A path of which all parts are names.
+pub fn known(path: &str) -> DatasetPath {
+    DatasetPath::new(path).expect("its parts are names")
+}
+
+fn own(name: &str) -> DatasetPath {
+    known(&format!("{MARK}/{name}"))
+}
+
+/// The resolved recipe.
+pub fn recipe() -> DatasetPath {
+    known(RECIPE)
+}
+
+/// The lock.
+pub fn lock() -> DatasetPath {
+    own("lock")
+}
+
+/// The journal.
+pub fn journal() -> DatasetPath {
+    own(JOURNAL)
+}
+
+/// How long the stages of runs worked.
+pub fn times() -> DatasetPath {
+    own(TIMES)
+}
+
+/// The manifest of what the end of a run wrote.
+pub fn finished() -> DatasetPath {
+    own(FINISHED)
+}
+
+/// The folder of the manifests of scenes.
+pub fn manifests() -> DatasetPath {
+    own(SCENES)
+}
+
+/// The manifest of a scene.
+pub fn manifest(scene: u32) -> DatasetPath {
+    own(&format!("{SCENES}/{scene:06}.json"))
+}
+
+/// What settling did to a scene.
+pub fn settled(scene: u32) -> DatasetPath {
+    own(&format!("settled/{scene:06}.toml"))
+}
+
+/// The names of a pool's assets.
+///
+/// # Errors
+/// If the name of the pool is none of a file: a dataset may lock any.
+pub fn catalog(pool: &str) -> Result<DatasetPath> {
+    let path = DatasetPath::new(format!("{MARK}/catalogs/{pool}.json"));
+    path.map_err(|error| Error::new(format!("`lock.catalogs` names the pool {pool:?}: {error}")))
+}
+
+/// The folder of what is staged.
+pub fn staging() -> DatasetPath {
+    own(STAGING)
+}
+
+/// A folder or file of what is staged.
+pub fn staged(name: &str) -> DatasetPath {
+    own(&format!("{STAGING}/{name}"))
+}
+
+/// The record of a scene that is ready, within its staged folder.
+pub fn record() -> DatasetPath {
+    known(RECORD)
+}
+
+/// The files of a scene whose labels contradict each other.
+pub fn quarantine(scene: u32) -> DatasetPath {
+    own(&format!("quarantine/{scene:06}"))
+}
+
+/// Where the first scene of a dataset is made that will replace this one.
+pub fn ahead() -> DatasetPath {
+    own("ahead")
+}
+
+/// The folder of what is being deleted.
+pub fn bin() -> DatasetPath {
+    own(BIN)
+}
+
+/// A file or folder of what is being deleted.
+pub fn binned(name: &str) -> DatasetPath {
+    own(&format!("{BIN}/{name}"))
+}
+
+/// What a dataset consists of beside its files and the lock, in the order in which `--overwrite` takes it away: without a
+/// journal there is no dataset.
+pub fn state() -> [DatasetPath; 10] {
+    [
+        journal(),
+        recipe(),
+        finished(),
+        manifests(),
+        own("settled"),
+        own("shards"),
+        own("catalogs"),
+        times(),
+        staging(),
+        own("quarantine"),
+    ]
+}
+
+/// Whether a folder has the program's own folder, which may be a link: that is refused when the dataset is opened.
+pub fn is_dataset(folder: &StoreFolder) -> Result<bool> {
+    Ok(folder.look(MARK)?.is_some_and(|there| matches!(there.kind, Kind::Folder | Kind::Link)))
+}
+
+/// The journal of a dataset in a folder of this machine.
+pub fn journal_path(root: &Path) -> PathBuf {
+    journal().below(root)
+}
+
+/// How long the stages of runs worked, in a dataset in a folder of this machine.
+pub fn times_path(root: &Path) -> PathBuf {
+    times().below(root)
+}

@@ -1,0 +1,100 @@
+//! Work that was interrupted is completed, and a dataset is deleted.
+
+use crate::run::dataset::commit::Staged;
+use crate::run::dataset::folder::{Folder, each_file};
+use crate::run::dataset::foreign;
+use crate::run::dataset::journal::Lines;
+use crate::run::dataset::layout::{self, FINISHED, RECIPE, SCENES};
+use crate::run::dataset::manifest::Manifest;
+use crate::run::dataset::staging::READY;
+use std::path::PathBuf;
+use syntable_model::error::{Error, Result};
+use syntable_model::files::DatasetPath;
+use syntable_model::store::Kind;
+
+impl Folder {
+    /// Finishes the scenes that were being moved into place when a run was killed, and drops half-made ones.
+    pub fn recover(&self) -> Result<()> {
+        // What a kill leaves of a file system's replacement of the recipe, the only one outside of the program's own folder.
+        self.files.remove_all(&layout::known(&format!("{RECIPE}.part")))?;
+        if !self.files.has(&layout::staging())? {
+            return Ok(());
+        }
+        let mut journal = self.journal()?;
+        for name in self.staged_names()?.into_iter().filter(|name| name.ends_with(READY)) {
+            let Ok(inside) = DatasetPath::new(name) else { continue };
+            let ready = layout::staging().join(&inside);
+            let record = foreign::read(&self.files, &ready.join(&layout::record()))?;
+            if let Ok(staged) = serde_json::from_slice::<Staged>(&record) {
+                self.publish(&ready, staged, &mut journal)?;
+            }
+        }
+        self.files.remove_all(&layout::staging())
+    }
+
+    /// Deletes the dataset: its journal first, then all that its manifests list. Returns the files that stay because they do
+    /// not belong to the dataset.
+    pub fn discard(&self) -> Result<Vec<PathBuf>> {
+        // A scene that is being moved into place is the dataset's, too; a damaged journal says nothing of it.
+        let _ = self.recover();
+        if !self.files.has(&layout::manifests())? && self.has_lines()? {
+            return Err(Error::new("another version began the dataset, and there is no list of its files")
+                .in_file(self.name())
+                .help("delete the folder yourself, or choose another one with --out; nothing was touched"));
+        }
+        self.empty_bin()?;
+        let mut left = Vec::new();
+        each_file(&self.files, "", &mut |path, _| left.push(PathBuf::from(path)))?;
+        Ok(left)
+    }
+
+    fn has_lines(&self) -> Result<bool> {
+        let made = br#""outcome":"made""#;
+        let mut lines = Lines::open(&self.files)?;
+        while let Some(line) = lines.next_line()? {
+            if line.windows(made.len()).any(|part| part == made) {
+                return Ok(true);
+            }
+        }
+        Ok(false)
+    }
+
+    /// Moves the state of a dataset into the bin, and deletes the files that its manifests list. The bin exists until all are
+    /// deleted, so that the next run completes an interrupted deletion.
+    pub(super) fn empty_bin(&self) -> Result<()> {
+        for from in layout::state() {
+            let (_, name) = from.rsplit_once('/').unwrap_or(("", &from));
+            let to = layout::binned(name);
+            match self.files.look(&from)?.map(|there| there.kind) {
+                None => {}
+                Some(_) if self.files.look(&to)?.is_none() => self.files.rename(&from, &to)?,
+                // A store that moves folders file by file was interrupted.
+                Some(Kind::Folder) => self.move_rest(&from, &to)?,
+                Some(_) => {}
+            }
+        }
+        let mut manifests: Vec<DatasetPath> = vec![layout::binned(FINISHED)];
+        let names = self.files.list(&layout::binned(SCENES))?;
+        let names = names.into_iter().map(|(name, _)| name).filter(|name| foreign::is_manifest(name));
+        manifests.extend(names.filter_map(|name| Some(layout::binned(SCENES).join(&DatasetPath::new(name).ok()?))));
+        for path in manifests {
+            let Some((manifest, _)) = Manifest::read(&self.files, &path)? else { continue };
+            manifest.files.keys().try_for_each(|path| self.files.remove(path))?;
+        }
+        self.files.remove_all(&layout::bin())
+    }
+
+    /// Moves the files of a folder that the same folder in the bin lacks.
+    fn move_rest(&self, from: &DatasetPath, to: &DatasetPath) -> Result<()> {
+        for (name, kind) in self.files.list(from)? {
+            let Ok(name) = DatasetPath::new(name) else { continue };
+            let (from, to) = (from.join(&name), to.join(&name));
+            match kind {
+                _ if self.files.look(&to)?.is_none() => self.files.rename(&from, &to)?,
+                Kind::Folder => self.move_rest(&from, &to)?,
+                _ => {}
+            }
+        }
+        Ok(())
+    }
+}
