@@ -107,9 +107,9 @@ pub struct Image {
     pub extra: Extra,
 }
 
-/// An object in an image.
+/// An object in an image, with the fields `E` of a format.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Annotation {
+pub struct Annotation<E = Extra> {
     /// Unique in the file.
     #[serde(deserialize_with = "id")]
     pub id: u64,
@@ -130,9 +130,9 @@ pub struct Annotation {
     /// `null` is 0.
     #[serde(default, deserialize_with = "flag")]
     pub iscrowd: u8,
-    /// Fields that this type does not know.
+    /// Fields beyond these.
     #[serde(flatten)]
-    pub extra: Extra,
+    pub extra: E,
 }
 
 /// An id. Some tools write whole numbers as floats, such as `1.0`.

@@ -5,7 +5,8 @@ use crate::decode::Content;
 use crate::encode::kind::Kind;
 use crate::encode::{scene_name, view_name};
 use crate::json;
-use std::collections::BTreeSet;
+use schemars::{Schema, SchemaGenerator, json_schema};
+use std::borrow::Cow;
 use syntable_model::files::DatasetFolder;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{CATEGORY_ID, CATEGORY_MAP};
@@ -14,69 +15,107 @@ use syntable_model::product::{Form, KeyId, Scope};
 /// How the name of an image ends in [`paths`]: of a product, and of one per instance.
 pub const IMAGE_ENDS: [&[&str]; 2] = [&[""], &["_0001"]];
 
-/// Refuses a list that names a product twice.
-pub fn check_unique(include: &[ProductName]) -> Result<(), ConfigError> {
-    let mut seen = BTreeSet::new();
-    match include.iter().enumerate().find(|(_, name)| !seen.insert(name.as_str())) {
-        None => Ok(()),
-        Some((i, name)) => {
-            let message = format!("`{}` is included twice", name.as_str());
-            Err(ConfigError::new(format!("include[{i}]"), message).help("remove one of them"))
-        }
+/// The option `include` of a generic writer: products by name, each once.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(transparent)]
+pub struct Included(Vec<ProductName>);
+
+impl<const N: usize> From<[&str; N]> for Included {
+    fn from(names: [&str; N]) -> Self {
+        Self(names.map(ProductName::from).to_vec())
     }
 }
 
-/// Refuses products whose name is a field of the writer's own records.
-pub fn check_free(include: &[ProductName], taken: &[&str]) -> Result<(), ConfigError> {
-    match include.iter().enumerate().find(|(_, name)| taken.contains(&name.as_str())) {
-        None => Ok(()),
-        Some((i, name)) => {
-            let message = format!("a product named `{}` has the name of a field of this writer", name.as_str());
-            Err(ConfigError::new(format!("include[{i}]"), message).help("write it with another writer, such as npy"))
-        }
+impl JsonSchema for Included {
+    fn schema_name() -> Cow<'static, str> {
+        "Included".into()
+    }
+
+    fn json_schema(generator: &mut SchemaGenerator) -> Schema {
+        json_schema!({ "type": "array", "items": generator.subschema_for::<ProductName>(), "uniqueItems": true })
+    }
+
+    fn inline_schema() -> bool {
+        true
     }
 }
 
-/// The included products of a scope, with their keys, that are there.
-pub fn of_scope<'a>(
-    include: &'a [ProductName],
-    products: &'a Products,
-    scope: Scope,
-) -> impl Iterator<Item = (&'a str, KeyId)> {
-    include.iter().filter_map(move |name| {
-        let key = products.key(name.as_str())?;
-        (key.scope == scope).then_some((name.as_str(), key))
-    })
+impl Included {
+    /// Whether it names no product.
+    pub fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+
+    /// The names.
+    pub fn names(&self) -> impl Iterator<Item = &str> {
+        self.0.iter().map(ProductName::as_str)
+    }
+
+    /// The products, as what a writer reads.
+    pub fn inputs(&self, accepts: Accepts) -> Vec<Input> {
+        Input::included(&self.0, accepts)
+    }
+
+    /// Refuses products whose name is a field of the writer's own records.
+    ///
+    /// # Errors
+    /// If one of them has such a name.
+    pub fn check_free(&self, taken: &[&str]) -> Result<(), ConfigError> {
+        match self.names().enumerate().find(|(_, name)| taken.contains(name)) {
+            None => Ok(()),
+            Some((i, name)) => {
+                let message = format!("a product named `{name}` has the name of a field of this writer");
+                Err(ConfigError::new(format!("include[{i}]"), message)
+                    .help("write it with another writer, such as npy"))
+            }
+        }
+    }
+
+    /// The products of a scope, with their keys, that are there.
+    pub fn of_scope<'a>(&'a self, products: &'a Products, scope: Scope) -> impl Iterator<Item = (&'a str, KeyId)> {
+        self.names().filter_map(move |name| {
+            let key = products.key(name)?;
+            (key.scope == scope).then_some((name, key))
+        })
+    }
+
+    /// Whether one of them has ids of categories.
+    pub fn has_category_ids(&self) -> bool {
+        self.names().any(|name| [CATEGORY_ID.name(), CATEGORY_MAP.name()].contains(&name))
+    }
+
+    /// The path of the [file of categories](CATEGORIES), if it is asked of the dataset and one of them has ids of categories.
+    pub fn categories_path(&self, of: &FileOf) -> Option<String> {
+        (of.scene.is_none() && self.has_category_ids()).then(|| categories_path(of.id))
+    }
+
+    /// Writes the [file of categories](CATEGORIES), if one of them has ids of categories.
+    ///
+    /// # Errors
+    /// If the file cannot be written.
+    pub fn write_categories(&self, dataset: &DatasetInfo, finish: &Finish) -> Result<()> {
+        if self.has_category_ids() { write_categories(dataset, finish) } else { Ok(()) }
+    }
 }
 
 /// The file of categories, beside products that have ids of them: COCO's list.
 pub const CATEGORIES: &str = "categories.json";
 
-/// The path of the file of categories, if an included product has ids of them.
-pub fn categories_path(include: &[ProductName], id: &str) -> Option<String> {
-    has_category_ids(include).then(|| format!("{id}/{CATEGORIES}"))
+/// The path of the file of categories of a writer.
+pub fn categories_path(id: &str) -> String {
+    format!("{id}/{CATEGORIES}")
 }
 
-/// Whether an included product has ids of categories.
-pub fn has_category_ids(include: &[ProductName]) -> bool {
-    let has_ids = |name: &ProductName| [CATEGORY_ID.name(), CATEGORY_MAP.name()].contains(&name.as_str());
-    include.iter().any(has_ids)
-}
-
-/// Writes the file of categories, if an included product has ids of them.
-pub fn write_categories(include: &[ProductName], dataset: &DatasetInfo, finish: &Finish) -> Result<()> {
-    match categories_path(include, finish.id()) {
-        Some(path) => write_categories_to(&path, dataset, finish),
-        None => Ok(()),
-    }
-}
-
-/// Writes the categories of the dataset to a path: all that the recipe has, so that ids have names in every part of it.
-pub fn write_categories_to(path: &str, dataset: &DatasetInfo, finish: &Finish) -> Result<()> {
+/// Writes the categories of the dataset: all that the recipe has, so that ids have names in every part of it.
+///
+/// # Errors
+/// If the file cannot be written.
+pub fn write_categories(dataset: &DatasetInfo, finish: &Finish) -> Result<()> {
+    let path = categories_path(finish.id());
     let fail = |error: serde_json::Error| Error::new(format!("cannot be written as JSON: {error}"));
     let mut text = serde_json::to_vec_pretty(&coco::categories(dataset)).map_err(fail)?;
     text.push(b'\n');
-    finish.write(path, |out| out.write_all(&text).map_err(|error| Error::io(path, &error)))
+    finish.write(&path, |out| out.write_all(&text).map_err(|error| Error::io(&path, &error)))
 }
 
 /// The categories that the file of a folder has, if there is one.
@@ -91,12 +130,24 @@ pub fn categories_in(folder: &DatasetFolder) -> Result<Option<Vec<Category>>> {
 }
 
 /// Scope and name of what a path is asked of: of a view or a scene.
-pub fn scope_and_name(of: &FileOf) -> Option<(Scope, String)> {
+fn scope_and_name(of: &FileOf) -> Option<(Scope, String)> {
     match (of.scene, of.view) {
         (Some(scene), Some(view)) => Some((Scope::View, view_name(scene, view))),
         (Some(scene), None) => Some((Scope::Scene, scene_name(scene))),
         _ => None,
     }
+}
+
+/// Path of the one file of all products of a view or a scene, by its name; none if the writer reads none of that scope.
+pub fn path_of_all(of: &FileOf, path: impl Fn(&str) -> String) -> Option<String> {
+    let (scope, name) = scope_and_name(of)?;
+    of.products.iter().any(|key| key.scope == scope).then(|| path(&name))
+}
+
+/// Height and width of an image: the shape of its arrays.
+pub fn shape(cx: &ImageContext) -> [usize; 2] {
+    let [width, height] = cx.size.map(|edge| edge as usize);
+    [height, width]
 }
 
 /// Paths of the files of the products that a writer reads: `{id}/{product}/{name}{end}.{extension}`. `ends` are those of a

@@ -17,6 +17,7 @@
 //! | [`read`] | what readers of all formats share |
 //! | [`samples`] | datasets of products by name, read back |
 //! | [`scores`] | scores of predictions, with the images that have the lowest ones |
+//! | [`writer`] | writers whose scenes share the options |
 //! | [`mod@include`] | the products that a generic writer includes, and their files |
 //!
 //! Pixel coordinates have their origin in the top left corner of the image; x points right, y points down. Boxes are
@@ -47,6 +48,7 @@ pub mod segmentation;
 pub mod shard;
 pub mod syntable;
 pub mod unkept;
+pub mod writer;
 
 /// Fields that a type does not know, in the order of the file.
 pub type Extra = serde_json::Map<String, serde_json::Value>;

@@ -256,7 +256,7 @@ impl ImageRecord for syntable::Image {
     }
 }
 
-impl AnnotationRecord for coco::Annotation {
+impl<E: DeserializeOwned> AnnotationRecord for coco::Annotation<E> {
     fn id(&self) -> u64 {
         self.id
     }

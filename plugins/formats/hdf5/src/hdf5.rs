@@ -4,7 +4,8 @@ use crate::file::File;
 use std::collections::BTreeSet;
 use syntable_formats::encode::npy::{self, Array, Arrays};
 use syntable_formats::encode::view_name;
-use syntable_formats::include;
+use syntable_formats::include::{self, Included};
+use syntable_formats::writer::ImageWriter;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{BODIES, CAMERA, DEPTH, INSTANCE, NORMAL, RGB};
 use syntable_model::product::{Plane, Product, Scope, StatedCamera};
@@ -37,9 +38,10 @@ use syntable_model::product::{Plane, Product, Scope, StatedCamera};
 #[serde(deny_unknown_fields, default)]
 pub struct Hdf5 {
     /// Datasets of BlenderProc to write.
+    #[schemars(extend("uniqueItems" = true))]
     pub datasets: Vec<Dataset>,
     /// Products of the view to write as well.
-    pub include: Vec<ProductName>,
+    pub include: Included,
 }
 
 /// A dataset of BlenderProc.
@@ -100,7 +102,7 @@ impl Dataset {
 
 impl Default for Hdf5 {
     fn default() -> Self {
-        Self { datasets: Dataset::ALL.to_vec(), include: Vec::new() }
+        Self { datasets: Dataset::ALL.to_vec(), include: Included::default() }
     }
 }
 
@@ -110,22 +112,18 @@ impl Config for Hdf5 {
     const EXAMPLE: &'static str =
         "datasets = [\"colors\", \"depth\", \"instance_segmaps\"]\ninclude = [\"camera\", \"amodal_mask\"]";
     fn build(self) -> Result<Box<dyn Writer>, ConfigError> {
-        let mut seen = BTreeSet::new();
-        if let Some(i) = self.datasets.iter().position(|dataset| !seen.insert(*dataset)) {
-            let message = format!("`{}` is listed twice", self.datasets[i].name());
-            return Err(ConfigError::new(format!("datasets[{i}]"), message).help("remove one of them"));
-        }
         if self.datasets.is_empty() && self.include.is_empty() {
             let help = "name datasets, or products in `include`";
             return Err(ConfigError::new("datasets", "there is nothing to write").help(help));
         }
-        include::check_unique(&self.include)?;
-        include::check_free(&self.include, &Dataset::ALL.map(Dataset::name))?;
-        Ok(Box::new(self))
+        self.include.check_free(&Dataset::ALL.map(Dataset::name))?;
+        Ok(self.boxed())
     }
 }
 
-impl Writer for Hdf5 {
+impl ImageWriter for Hdf5 {
+    type Scene = ();
+
     fn reads(&self) -> Vec<Input> {
         let of_view = |key: &KeyId| match key.scope {
             Scope::View => Ok(()),
@@ -135,35 +133,38 @@ impl Writer for Hdf5 {
             let of_entry = move |input: Input| Input { option: Some(format!("datasets[{place}]")), ..input };
             dataset.reads().into_iter().map(of_entry)
         });
-        datasets.chain(Input::included(&self.include, Accepts::If(of_view))).collect()
+        datasets.chain(self.include.inputs(Accepts::If(of_view))).collect()
     }
 
-    fn scene(&self, _: &ImagesContext, output: Output) -> Result<Box<dyn SceneWriter>> {
-        Ok(Box::new(Hdf5Scene { config: self.clone(), output }))
+    fn view(&self, _: &mut (), cx: &ImageContext, products: &Products, output: &Output) -> Result<()> {
+        let mut file = File::new();
+        for &dataset in &self.datasets {
+            dataset.add(&mut file, cx, products)?;
+        }
+        for (product, key) in self.include.of_scope(products, Scope::View) {
+            add_product(&mut file, product, &key, &products.value(product)?, cx)?;
+        }
+        output.write(&path(output.id(), &view_name(cx.scene_id, cx.view_id)), &file.finish()?)
     }
 
-    fn paths(&self, of: &FileOf) -> Result<Vec<String>> {
-        Ok(match (of.scene, of.view) {
+    fn paths(&self, of: &FileOf) -> Vec<String> {
+        match (of.scene, of.view) {
             (Some(scene), Some(view)) => vec![path(of.id, &view_name(scene, view))],
-            (None, None) => self.categories_path(of.id).into_iter().collect(),
+            (None, None) if self.has_category_ids() => vec![include::categories_path(of.id)],
             _ => Vec::new(),
-        })
+        }
     }
 
     fn finish(&self, cx: &DatasetContext, _: &Products, finish: &Finish) -> Result<()> {
-        match self.categories_path(finish.id()) {
-            Some(path) => include::write_categories_to(&path, cx.dataset, finish),
-            None => Ok(()),
-        }
+        if self.has_category_ids() { include::write_categories(cx.dataset, finish) } else { Ok(()) }
     }
 }
 
 impl Hdf5 {
-    /// The path of the file of categories, if files of views have ids of them.
-    fn categories_path(&self, id: &str) -> Option<String> {
+    /// Whether files of views have ids of categories.
+    fn has_category_ids(&self) -> bool {
         let of_bodies = [Dataset::CategoryIdSegmaps, Dataset::InstanceAttributeMaps];
-        let has_ids = of_bodies.iter().any(|it| self.datasets.contains(it)) || include::has_category_ids(&self.include);
-        has_ids.then(|| format!("{id}/{}", include::CATEGORIES))
+        of_bodies.iter().any(|it| self.datasets.contains(it)) || self.include.has_category_ids()
     }
 }
 
@@ -171,32 +172,9 @@ fn path(id: &str, name: &str) -> String {
     format!("{id}/{name}.hdf5")
 }
 
-struct Hdf5Scene {
-    config: Hdf5,
-    output: Output,
-}
-
-impl SceneWriter for Hdf5Scene {
-    fn view(&mut self, cx: &ImageContext, products: &Products) -> Result<()> {
-        let mut file = File::new();
-        for &dataset in &self.config.datasets {
-            dataset.add(&mut file, cx, products)?;
-        }
-        for (product, key) in include::of_scope(&self.config.include, products, Scope::View) {
-            add_product(&mut file, product, &key, &products.value(product)?, cx)?;
-        }
-        self.output.write(&path(self.output.id(), &view_name(cx.scene_id, cx.view_id)), &file.finish()?)
-    }
-
-    fn close(self: Box<Self>, _: &ImagesContext, _: &Products) -> Result<()> {
-        Ok(())
-    }
-}
-
 /// Adds a product: as arrays if it is made of numbers, else as JSON text.
 fn add_product(file: &mut File, name: &str, key: &KeyId, value: &Value, cx: &ImageContext) -> Result<()> {
-    let [width, height] = cx.size.map(|edge| edge as usize);
-    match npy::arrays_of_numbers(name, key, value, [height, width]) {
+    match npy::arrays_of_numbers(name, key, value, include::shape(cx)) {
         Some(Arrays::One(array)) => file.array(name, &array),
         Some(Arrays::PerInstance { values, ids }) => {
             file.array(name, &values)?;

@@ -215,8 +215,8 @@ fn what_is_chosen_is_read_and_nothing_else() {
     assert_eq!(reads(""), ["rgb", "depth", "camera", "normal", "instance", "bodies"]);
     for (options, want) in [
         ("datasets = []", "datasets: there is nothing to write"),
-        ("datasets = [\"depth\", \"depth\"]", "datasets[1]: `depth` is listed twice"),
-        ("include = [\"flag\", \"flag\"]", "include[1]: `flag` is included twice"),
+        ("datasets = [\"depth\", \"depth\"]", "datasets[1]: `datasets` names `depth` twice"),
+        ("include = [\"flag\", \"flag\"]", "include[1]: `include` names `flag` twice"),
         ("include = [\"depth\"]", "include[0]: a product named `depth` has the name of a field of this writer"),
     ] {
         assert_eq!(writer(options).err().expect("refused"), want);

@@ -1,4 +1,7 @@
-//! Formats of other datasets, one file or folder each, that training and evaluation code reads.
+//! Formats of other datasets, one folder each, that training and evaluation code reads.
+//!
+//! A folder has `mod.rs` with the options of the writer, `record.rs` with the types of the files' records, which `write.rs` and
+//! `read.rs` share, and `check.rs` with what contradicts records. `family` has what COCO's relatives share.
 //!
 //! | kind | writes |
 //! | --- | --- |
@@ -16,13 +19,14 @@
 //! Writers here read products alone, never the bodies of the scene, so that what a reader of another format offers can
 //! be written as well. Pixel coordinates have their origin in the top left corner of the image.
 
-mod annotation_file;
 pub mod bop;
 pub mod coco;
 pub mod coco_panoptic;
 pub mod cocoa;
 pub mod d2sa;
 mod depth;
+mod family;
+mod field;
 pub mod insta_order;
 pub mod kins;
 mod labels;

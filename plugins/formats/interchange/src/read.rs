@@ -1,18 +1,13 @@
-//! What the readers of this crate share.
+//! What the readers of this crate share: finding files, and masks from outlines.
 
-use serde_json::Value as Json;
 use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
-use syntable_formats::coco::Image;
-use syntable_formats::listing::Listing;
-use syntable_formats::read::{Labels, labels_among};
-use syntable_formats::unkept::{self, Unkept};
+use syntable_formats::read::Labels;
 use syntable_model::files::DatasetFolder;
 use syntable_model::prelude::*;
-use syntable_model::product::standard::{CATEGORY_ID, LABEL_POLICY};
 use syntable_model::product::{BBox, meeting_boxes};
-use syntable_model::reader::{Note, OBJECTS_HAVE_PIXELS, Source};
+use syntable_model::reader::{OBJECTS_HAVE_PIXELS, Source};
 
 /// What readers of polygons say of them.
 pub const POLYGONS: &str = "outlines are polygons, which say what an object covers to about a pixel at its edges";
@@ -106,71 +101,6 @@ fn only_file(folder: &Path, is_one: impl Fn(&Path) -> bool) -> Result<PathBuf> {
                 .help(help))
         }
     }
-}
-
-/// The first of these folders in which an image is, or the first.
-pub fn images_root(root: &DatasetFolder, names: &[&str], image: Option<&str>) -> DatasetFolder {
-    let has = |folder: &DatasetFolder| image.is_some_and(|image| folder.has(image));
-    let folders = || names.iter().map(|name| root.inner(name));
-    folders().find(has).or_else(|| folders().next()).unwrap_or_else(|| root.clone())
-}
-
-/// The policy of the labels that the record of an image states.
-pub fn policy(image: &Image) -> Option<&Json> {
-    image.extra.get(LABEL_POLICY.name())
-}
-
-/// Whether rates of occlusion count what is beyond the image, so that no mask has it.
-pub fn counts_beyond(image: &Image) -> bool {
-    policy(image).is_some_and(|policy| policy["image_frame"] == "extend")
-}
-
-/// Whether this program wrote a dataset.
-pub fn is_ours(info: &DatasetInfo) -> bool {
-    info.program.starts_with("syntable ")
-}
-
-/// What the file of a listing says of the dataset.
-pub fn info(listing: &Listing) -> DatasetInfo {
-    let about = &listing.file.info;
-    listing.categories.info(about.description.clone(), about.contributor.clone(), &listing.refs, String::new())
-}
-
-/// What readers of categories say of those that are in others, where ids are not kept.
-pub fn supercategories(listing: &Listing) -> Option<Note> {
-    let all = listing.file.categories.iter().flatten();
-    let names: BTreeSet<&str> = all.map(|category| category.supercategory.as_str()).collect();
-    // One for all tells nothing apart.
-    let tells = names.len() > 1 && info(listing).own_categories.is_empty();
-    let text = "of categories, names alone are read: supercategories are left out, since some ids are not kept";
-    tells.then(|| Note::caveat(text).of([CATEGORY_ID.id()]))
-}
-
-/// Counts the fields of an image's record that nobody reads.
-pub fn count_unkept(unkept: &mut Unkept, image: &Image) {
-    unkept.add(&image.extra);
-    let Image { license, date_captured, coco_url, flickr_url, .. } = image;
-    unkept.add_information("license", license.is_some());
-    for (name, text) in [("date_captured", date_captured), ("coco_url", coco_url), ("flickr_url", flickr_url)] {
-        unkept.add_information(name, text.as_ref().is_some_and(|text| !text.is_empty()));
-    }
-}
-
-/// Fields of images' records that some reader of this crate reads.
-pub const OF_IMAGES: &[&str] = &["label_policy", "depth_file_name"];
-
-/// What readers say of information that is not read, if others wrote the dataset: in ours it is always the same.
-pub fn information(listing: &Listing, of_records: &[Unkept]) -> Option<Note> {
-    let of_records = of_records.iter().flat_map(|unkept| unkept.information());
-    let all: Vec<String> = listing.information().into_iter().chain(of_records).collect();
-    unkept::note(&all).filter(|_| !is_ours(&info(listing))).map(Note::caveat)
-}
-
-/// Fields of records that may be labels and are not read, for those who read labels.
-pub fn labels_not_kept(offers: &[KeyId], of_records: &[Unkept]) -> Vec<Note> {
-    let labels = labels_among(offers);
-    let all = of_records.iter().flat_map(|unkept| unkept.labels());
-    all.map(|left_out| Note::not_kept(left_out).of(labels.clone())).collect()
 }
 
 /// The fault of an object, which the file calls `object`, without a pixel in any mask.

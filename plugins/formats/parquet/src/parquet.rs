@@ -4,8 +4,10 @@ use crate::column::{self, Column, IMAGES, OWN};
 use crate::file::Table;
 use crate::shred::Node;
 use std::collections::{BTreeMap, BTreeSet};
+use syntable_formats::coco;
 use syntable_formats::encode::{png, scene_name, view_name};
-use syntable_formats::{coco, include};
+use syntable_formats::include::Included;
+use syntable_formats::writer::ImageWriter;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::RGB;
 use syntable_model::product::{Form, Scope};
@@ -62,7 +64,7 @@ pub struct Parquet {
     /// What a row is.
     pub rows: Rows,
     /// Products to write, of the view, its instances or the scene.
-    pub include: Vec<ProductName>,
+    pub include: Included,
     /// Where the images are.
     pub images: Images,
 }
@@ -111,7 +113,7 @@ impl Default for Parquet {
             "amodal_mask",
             "camera",
         ];
-        Self { rows: Rows::Instances, include: include.map(ProductName::from).to_vec(), images: Images::Files }
+        Self { rows: Rows::Instances, include: include.into(), images: Images::Files }
     }
 }
 
@@ -121,34 +123,69 @@ impl Config for Parquet {
     const EXAMPLE: &'static str =
         "rows = \"instances\"\ninclude = [\"object_info\", \"category_id\", \"visible_box\", \"occlusion_rate\"]";
     fn build(self) -> Result<Box<dyn Writer>, ConfigError> {
-        include::check_unique(&self.include)?;
-        include::check_free(&self.include, &column::reserved())?;
+        self.include.check_free(&column::reserved())?;
         if (self.rows, self.images) == (Rows::Instances, Images::Embedded) {
             return Err(ConfigError::new("images", "a table of instances would have each image many times")
                 .help("write `rows = \"views\"`, or `images = \"files\"`"));
         }
-        Ok(Box::new(self))
+        Ok(self.boxed())
     }
 }
 
-impl Writer for Parquet {
+impl ImageWriter for Parquet {
+    type Scene = SceneRows;
+
     fn reads(&self) -> Vec<Input> {
         let rgb = (self.images != Images::None).then(|| Input::of(RGB));
-        rgb.into_iter().chain(Input::included(&self.include, Accepts::If(column::accept))).collect()
+        rgb.into_iter().chain(self.include.inputs(Accepts::If(column::accept))).collect()
     }
 
-    fn scene(&self, _: &ImagesContext, output: Output) -> Result<Box<dyn SceneWriter>> {
-        Ok(Box::new(ParquetScene { config: self.clone(), output, views: Vec::new(), keys: BTreeMap::new() }))
+    fn view(&self, scene: &mut SceneRows, cx: &ImageContext, products: &Products, output: &Output) -> Result<()> {
+        let name = view_name(cx.scene_id, cx.view_id);
+        let image = self.image(&name, products, output)?;
+        let (mut cells, mut instances) = (BTreeMap::new(), BTreeSet::new());
+        for (product, key) in self.include.of_scope(products, Scope::View) {
+            let own = Cells::of(product, &key, products, cx.dataset)?;
+            if let Cells::PerInstance(cells) = &own {
+                instances.extend(cells.keys());
+            }
+            cells.insert(product.to_owned(), own);
+            scene.keys.insert(product.to_owned(), key);
+        }
+        scene.views.push(ViewRows { view: cx.view_id.0, size: cx.size, image, instances, cells });
+        Ok(())
     }
 
-    fn paths(&self, of: &FileOf) -> Result<Vec<String>> {
-        Ok(match (of.scene, of.view) {
+    fn close(&self, mut scene: SceneRows, cx: &ImagesContext, products: &Products, output: &Output) -> Result<()> {
+        let mut of_scene = BTreeMap::new();
+        for (product, key) in self.include.of_scope(products, Scope::Scene) {
+            of_scene.insert(product.to_owned(), Cells::of(product, &key, products, cx.dataset)?);
+            scene.keys.insert(product.to_owned(), key);
+        }
+        let is_per_instance = |key: &KeyId| matches!(key.form(), Form::PerInstance(_));
+        if self.rows == Rows::Instances && !scene.keys.values().any(is_per_instance) {
+            return Err(Error::new("a table of instances without a product per instance has no rows")
+                .help("include one, such as `visible_box`, or write `rows = \"views\"`"));
+        }
+        let mut table = Table::new(self.columns(&scene.keys))?;
+        for view in &scene.views {
+            self.push(&mut table, cx.scene_id.0, view, (&scene.keys, &of_scene))?;
+        }
+        let path = self.table_path(output.id(), &scene_name(cx.scene_id));
+        let categories = || serde_json::to_string(&coco::categories(cx.dataset));
+        let categories = self.include.has_category_ids().then(categories).transpose();
+        let categories = categories.map_err(|error| Error::new(format!("cannot be written as JSON: {error}")))?;
+        table.write(output.create(&path)?, &path, &cx.dataset.program, categories)
+    }
+
+    fn paths(&self, of: &FileOf) -> Vec<String> {
+        match (of.scene, of.view) {
             (Some(scene), Some(view)) if self.images == Images::Files => {
                 vec![format!("{}/{}", of.id, image_path(&view_name(scene, view)))]
             }
             (Some(scene), None) => vec![self.table_path(of.id, &scene_name(scene))],
             _ => Vec::new(),
-        })
+        }
     }
 }
 
@@ -163,12 +200,14 @@ fn image_path(view: &str) -> String {
     format!("images/{view}.png")
 }
 
-struct ParquetScene {
-    config: Parquet,
-    output: Output,
+/// Keys of the products of a scene and its views, by name.
+type Keys = BTreeMap<String, KeyId>;
+
+/// What a scene keeps for its table.
+#[derive(Default)]
+pub struct SceneRows {
     views: Vec<ViewRows>,
-    /// Keys of the products of the views.
-    keys: BTreeMap<String, KeyId>,
+    keys: Keys,
 }
 
 /// What a table has of a view.
@@ -222,54 +261,14 @@ impl Cells {
     }
 }
 
-impl SceneWriter for ParquetScene {
-    fn view(&mut self, cx: &ImageContext, products: &Products) -> Result<()> {
-        let name = view_name(cx.scene_id, cx.view_id);
-        let image = self.image(&name, products)?;
-        let (mut cells, mut instances) = (BTreeMap::new(), BTreeSet::new());
-        for (product, key) in include::of_scope(&self.config.include, products, Scope::View) {
-            let own = Cells::of(product, &key, products, cx.dataset)?;
-            if let Cells::PerInstance(cells) = &own {
-                instances.extend(cells.keys());
-            }
-            cells.insert(product.to_owned(), own);
-            self.keys.insert(product.to_owned(), key);
-        }
-        self.views.push(ViewRows { view: cx.view_id.0, size: cx.size, image, instances, cells });
-        Ok(())
-    }
-
-    fn close(mut self: Box<Self>, cx: &ImagesContext, products: &Products) -> Result<()> {
-        let mut of_scene = BTreeMap::new();
-        for (product, key) in include::of_scope(&self.config.include, products, Scope::Scene) {
-            of_scene.insert(product.to_owned(), Cells::of(product, &key, products, cx.dataset)?);
-            self.keys.insert(product.to_owned(), key);
-        }
-        let is_per_instance = |key: &KeyId| matches!(key.form(), Form::PerInstance(_));
-        if self.config.rows == Rows::Instances && !self.keys.values().any(is_per_instance) {
-            return Err(Error::new("a table of instances without a product per instance has no rows")
-                .help("include one, such as `visible_box`, or write `rows = \"views\"`"));
-        }
-        let mut table = Table::new(self.columns())?;
-        for view in &self.views {
-            self.push(&mut table, cx.scene_id.0, view, &of_scene)?;
-        }
-        let path = self.config.table_path(self.output.id(), &scene_name(cx.scene_id));
-        let categories = || serde_json::to_string(&coco::categories(cx.dataset));
-        let categories = include::has_category_ids(&self.config.include).then(categories).transpose();
-        let categories = categories.map_err(|error| Error::new(format!("cannot be written as JSON: {error}")))?;
-        table.write(self.output.create(&path)?, &path, &cx.dataset.program, categories)
-    }
-}
-
-impl ParquetScene {
+impl Parquet {
     /// The cell of a view's image, which is written here if it has a file.
-    fn image(&self, view: &str, products: &Products) -> Result<Value> {
+    fn image(&self, view: &str, products: &Products, output: &Output) -> Result<Value> {
         let path = image_path(view);
-        Ok(match self.config.images {
+        Ok(match self.images {
             Images::None => Value::Null,
             Images::Files => {
-                png::Image::rgb(products.get(RGB)?).write(&self.output, &format!("{}/{path}", self.output.id()))?;
+                png::Image::rgb(products.get(RGB)?).write(output, &format!("{}/{path}", output.id()))?;
                 format!("../{path}").into()
             }
             Images::Embedded => {
@@ -280,24 +279,23 @@ impl ParquetScene {
     }
 
     /// The included products that there are, in the order of the recipe.
-    fn included(&self) -> impl Iterator<Item = (&str, &KeyId)> {
-        let include = &self.config.include;
-        include.iter().filter_map(|name| Some((name.as_str(), self.keys.get(name.as_str())?)))
+    fn included<'a>(&'a self, keys: &'a Keys) -> impl Iterator<Item = (&'a str, &'a KeyId)> {
+        self.include.names().filter_map(|name| Some((name, keys.get(name)?)))
     }
 
     /// Names and types of the columns, in the order of the cells of [`push`](Self::push).
-    fn columns(&self) -> Vec<(String, Node)> {
-        let per_view = self.config.rows == Rows::Views;
+    fn columns(&self, keys: &Keys) -> Vec<(String, Node)> {
+        let per_view = self.rows == Rows::Views;
         let of_instances = |node: Node| if per_view { Node::list(node) } else { node };
         let own =
             OWN.map(|name| (name.to_owned(), if name == "instance" { of_instances(Node::Int) } else { Node::Int }));
         let [file, image] = IMAGES.map(str::to_owned);
-        let image = match self.config.images {
+        let image = match self.images {
             Images::None => None,
             Images::Files => Some((file, Node::Text)),
             Images::Embedded => Some((image, column::image())),
         };
-        let products = self.included().flat_map(|(_, key)| {
+        let products = self.included(keys).flat_map(|(_, key)| {
             let is_list = matches!(key.form(), Form::PerInstance(_));
             let typed = move |Column { name, node, .. }| (name, if is_list { of_instances(node) } else { node });
             column::columns(key).into_iter().map(typed)
@@ -306,20 +304,26 @@ impl ParquetScene {
     }
 
     /// Adds the rows of a view.
-    fn push(&self, table: &mut Table, scene: u32, rows: &ViewRows, of_scene: &BTreeMap<String, Cells>) -> Result<()> {
+    fn push(
+        &self,
+        table: &mut Table,
+        scene: u32,
+        rows: &ViewRows,
+        (keys, of_scene): (&Keys, &BTreeMap<String, Cells>),
+    ) -> Result<()> {
         let products = || {
-            self.included().filter_map(|(name, key)| {
+            self.included(keys).filter_map(|(name, key)| {
                 let cells = rows.cells.get(name).or_else(|| of_scene.get(name))?;
                 Some((0..column::columns(key).len()).map(move |column| (cells, column)))
             })
         };
         let own = |instance: Value| {
             let [width, height] = rows.size.map(Value::from);
-            let image = (self.config.images != Images::None).then(|| rows.image.clone());
+            let image = (self.images != Images::None).then(|| rows.image.clone());
             [scene.into(), rows.view.into(), instance, width, height].into_iter().chain(image)
         };
         let id = |id: InstanceId| Value::from(u32::from(id.0));
-        match self.config.rows {
+        match self.rows {
             Rows::Instances => rows.instances.iter().try_for_each(|&instance| {
                 let cells = products().flatten().map(|(cells, column)| cells.of_instance(instance, column));
                 table.push(own(id(instance)).chain(cells))

@@ -172,7 +172,7 @@ fn what_a_table_cannot_have_is_refused() {
     let own = "has the name of a field of this writer";
     for (options, says) in [
         ("images = \"embedded\"", "images: a table of instances would have each image many times"),
-        ("include = [\"camera\", \"camera\"]", "include[1]: `camera` is included twice"),
+        ("include = [\"camera\", \"camera\"]", "include[1]: `include` names `camera` twice"),
         ("include = [\"view\"]", own),
         ("include = [\"asset\"]", own),
         ("include = [\"image_file\"]", own),

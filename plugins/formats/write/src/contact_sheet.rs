@@ -2,6 +2,7 @@
 
 use syntable_formats::draw::{self, Canvas};
 use syntable_formats::encode::png::{Image, Samples};
+use syntable_formats::writer::ImageWriter;
 use syntable_model::prelude::*;
 use syntable_model::product::Plane;
 use syntable_model::product::standard::{AMODAL_MASK, DEPTH, OCCLUSION_MASK, RGB, VISIBLE_MASK};
@@ -49,9 +50,18 @@ impl Default for ContactSheet {
     }
 }
 
-config!(ContactSheet => dyn Writer, "contact_sheet", "panels = [\"rgb\", \"visible\", \"occlusion\"]\npanel_width_px = 320");
+impl Config for ContactSheet {
+    type Stage = dyn Writer;
+    const KIND: &'static str = "contact_sheet";
+    const EXAMPLE: &'static str = "panels = [\"rgb\", \"visible\", \"occlusion\"]\npanel_width_px = 320";
+    fn build(self) -> Result<Box<dyn Writer>, ConfigError> {
+        Ok(self.boxed())
+    }
+}
 
-impl Writer for ContactSheet {
+impl ImageWriter for ContactSheet {
+    type Scene = Rows;
+
     fn reads(&self) -> Vec<Input> {
         let mut inputs = Vec::new();
         for panel in &self.panels {
@@ -65,15 +75,27 @@ impl Writer for ContactSheet {
         inputs
     }
 
-    fn scene(&self, cx: &ImagesContext, output: Output) -> Result<Box<dyn SceneWriter>> {
-        let (config, scene) = (self.clone(), cx.scene_id.0);
-        Ok(Box::new(Sheets { config, output, scene, written: 0, rows: Vec::new() }))
+    fn view(&self, sheet: &mut Rows, cx: &ImageContext, products: &Products, output: &Output) -> Result<()> {
+        let [image_width, _] = cx.size;
+        let width = self.panel_width_px.min(image_width);
+        let panels =
+            self.panels.iter().map(|panel| Ok(draw::shrink(&panel.draw(products, image_width, width)?, width)));
+        let panels = panels.collect::<Result<Vec<_>>>()?;
+        sheet.rows.push(Canvas::beside(&panels));
+        if sheet.rows.len() as u32 == self.views_per_sheet {
+            sheet.write(cx.scene_id.0, output)?;
+        }
+        Ok(())
     }
 
-    fn paths(&self, of: &FileOf) -> Result<Vec<String>> {
-        let (Some(scene), None) = (of.scene, of.view) else { return Ok(Vec::new()) };
+    fn close(&self, mut sheet: Rows, cx: &ImagesContext, _: &Products, output: &Output) -> Result<()> {
+        if sheet.rows.is_empty() { Ok(()) } else { sheet.write(cx.scene_id.0, output) }
+    }
+
+    fn paths(&self, of: &FileOf) -> Vec<String> {
+        let (Some(scene), None) = (of.scene, of.view) else { return Vec::new() };
         let sheets = of.dataset.views_per_scene.div_ceil(self.views_per_sheet).min(MOST_PATHS);
-        Ok((0..sheets).map(|sheet| sheet_path(of.id, scene.0, sheet)).collect())
+        (0..sheets).map(|sheet| sheet_path(of.id, scene.0, sheet)).collect()
     }
 }
 
@@ -84,41 +106,22 @@ fn sheet_path(id: &str, scene: u32, sheet: u32) -> String {
     format!("{id}/{scene:06}_{sheet:02}.png")
 }
 
-struct Sheets {
-    config: ContactSheet,
-    output: Output,
-    scene: u32,
+/// What a scene keeps between its views.
+#[derive(Default)]
+pub struct Rows {
+    /// Number of sheets that are written.
     written: u32,
     /// Rows of the current sheet.
     rows: Vec<Canvas>,
 }
 
-impl SceneWriter for Sheets {
-    fn view(&mut self, cx: &ImageContext, products: &Products) -> Result<()> {
-        let [image_width, _] = cx.size;
-        let width = self.config.panel_width_px.min(image_width);
-        let panels =
-            self.config.panels.iter().map(|panel| Ok(draw::shrink(&panel.draw(products, image_width, width)?, width)));
-        let panels = panels.collect::<Result<Vec<_>>>()?;
-        self.rows.push(Canvas::beside(&panels));
-        if self.rows.len() as u32 == self.config.views_per_sheet {
-            self.write_sheet()?;
-        }
-        Ok(())
-    }
-
-    fn close(mut self: Box<Self>, _: &ImagesContext, _: &Products) -> Result<()> {
-        if self.rows.is_empty() { Ok(()) } else { self.write_sheet() }
-    }
-}
-
-impl Sheets {
-    fn write_sheet(&mut self) -> Result<()> {
+impl Rows {
+    fn write(&mut self, scene: u32, output: &Output) -> Result<()> {
         let sheet = Canvas::below(&std::mem::take(&mut self.rows));
-        let path = sheet_path(self.output.id(), self.scene, self.written);
+        let path = sheet_path(output.id(), scene, self.written);
         self.written += 1;
         let (width, height) = (sheet.width(), sheet.height());
-        Image { width, height, samples: Samples::Rgb8(sheet.data().as_flattened().to_vec()) }.write(&self.output, &path)
+        Image { width, height, samples: Samples::Rgb8(sheet.data().as_flattened().to_vec()) }.write(output, &path)
     }
 }
 

@@ -1,9 +1,10 @@
 //! OpenEXR files of float images.
 
-use crate::include;
 use syntable_formats::encode::exr::{Coding, ImageLayer, Precision, encode_layers};
 use syntable_formats::encode::kind::{Kind, accepts};
 use syntable_formats::encode::{scene_name, view_name};
+use syntable_formats::include::{self, Included};
+use syntable_formats::writer::ImageWriter;
 use syntable_model::prelude::*;
 use syntable_model::product::Scope;
 
@@ -37,7 +38,7 @@ use syntable_model::product::Scope;
 pub struct Exr {
     /// Products to write.
     #[schemars(length(min = 1))]
-    pub include: Vec<ProductName>,
+    pub include: Included,
     /// Stores all images as 16-bit floats: about half the size, 11 significant bits, and values above 65504 become
     /// infinite.
     pub half: bool,
@@ -47,7 +48,7 @@ pub struct Exr {
 
 impl Default for Exr {
     fn default() -> Self {
-        Self { include: vec!["radiance".into()], half: false, layers: false }
+        Self { include: ["radiance"].into(), half: false, layers: false }
     }
 }
 
@@ -56,27 +57,30 @@ impl Config for Exr {
     const KIND: &'static str = "exr";
     const EXAMPLE: &'static str = "include = [\"radiance\", \"depth\", \"normal\"]\nhalf = false";
     fn build(self) -> Result<Box<dyn Writer>, ConfigError> {
-        include::check_unique(&self.include)?;
-        Ok(Box::new(self))
+        Ok(self.boxed())
     }
 }
 
-impl Writer for Exr {
+impl ImageWriter for Exr {
+    type Scene = ();
+
     fn reads(&self) -> Vec<Input> {
-        Input::included(&self.include, Accepts::If(|key| accepts(key, Coding::of)))
+        self.include.inputs(Accepts::If(|key| accepts(key, Coding::of)))
     }
 
-    fn scene(&self, _: &ImagesContext, output: Output) -> Result<Box<dyn SceneWriter>> {
-        Ok(Box::new(ExrScene { config: self.clone(), output }))
+    fn view(&self, _: &mut (), cx: &ImageContext, products: &Products, output: &Output) -> Result<()> {
+        self.write(Scope::View, &view_name(cx.scene_id, cx.view_id), products, output)
     }
 
-    fn paths(&self, of: &FileOf) -> Result<Vec<String>> {
-        if !self.layers {
-            return Ok(include::paths(of, "exr", include::IMAGE_ENDS));
+    fn close(&self, (): (), cx: &ImagesContext, products: &Products, output: &Output) -> Result<()> {
+        self.write(Scope::Scene, &scene_name(cx.scene_id), products, output)
+    }
+
+    fn paths(&self, of: &FileOf) -> Vec<String> {
+        match self.layers {
+            true => include::path_of_all(of, |name| layers_path(of.id, name)).into_iter().collect(),
+            false => include::paths(of, "exr", include::IMAGE_ENDS),
         }
-        let scope_and_name = include::scope_and_name(of);
-        let of_any = |(scope, _): &(Scope, String)| of.products.iter().any(|key| key.scope == *scope);
-        Ok(scope_and_name.filter(of_any).map(|(_, name)| layers_path(of.id, &name)).into_iter().collect())
     }
 }
 
@@ -84,37 +88,29 @@ fn layers_path(id: &str, name: &str) -> String {
     format!("{id}/{name}.exr")
 }
 
-struct ExrScene {
-    config: Exr,
-    output: Output,
-}
-
-impl SceneWriter for ExrScene {
-    fn view(&mut self, cx: &ImageContext, products: &Products) -> Result<()> {
-        self.write(Scope::View, &view_name(cx.scene_id, cx.view_id), products)
-    }
-
-    fn close(self: Box<Self>, cx: &ImagesContext, products: &Products) -> Result<()> {
-        self.write(Scope::Scene, &scene_name(cx.scene_id), products)
-    }
-}
-
-impl ExrScene {
-    fn write(&self, scope: Scope, name: &str, products: &Products) -> Result<()> {
-        let precision = if self.config.half { Precision::Half } else { Precision::Float };
-        if self.config.layers {
-            return self.write_layers(scope, name, products, precision);
+impl Exr {
+    fn write(&self, scope: Scope, name: &str, products: &Products, output: &Output) -> Result<()> {
+        let precision = if self.half { Precision::Half } else { Precision::Float };
+        if self.layers {
+            return self.write_layers(scope, name, products, output, precision);
         }
-        let images = include::of_scope(&self.config.include, products, scope);
-        include::write_images(images, &self.output, "exr", name, products, |kind, value| {
+        let images = self.include.of_scope(products, scope);
+        include::write_images(images, output, "exr", name, products, |kind, value| {
             Coding::of(kind).map_err(Error::new)?.encode(value, precision)
         })
     }
 
     /// Writes the images of a scope as layers of one file, if there are any.
-    fn write_layers(&self, scope: Scope, name: &str, products: &Products, precision: Precision) -> Result<()> {
+    fn write_layers(
+        &self,
+        scope: Scope,
+        name: &str,
+        products: &Products,
+        output: &Output,
+        precision: Precision,
+    ) -> Result<()> {
         let mut layers = Vec::new();
-        for (product, key) in include::of_scope(&self.config.include, products, scope) {
+        for (product, key) in self.include.of_scope(products, scope) {
             let mut add = |value: Value, name: String| {
                 let coding = Coding::of(&Kind::of(&key, &value))
                     .map_err(|refusal| Error::new(refusal).context(format!("product `{product}`")))?;
@@ -133,7 +129,7 @@ impl ExrScene {
         }
         match layers.is_empty() {
             true => Ok(()),
-            false => self.output.write(&layers_path(self.output.id(), name), &encode_layers(&layers, precision)?),
+            false => output.write(&layers_path(output.id(), name), &encode_layers(&layers, precision)?),
         }
     }
 }

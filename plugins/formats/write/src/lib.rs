@@ -32,5 +32,3 @@ pub mod png;
 pub mod syntable;
 pub mod template;
 pub mod webdataset;
-
-use syntable_formats::include;

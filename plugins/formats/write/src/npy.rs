@@ -1,9 +1,10 @@
 //! NumPy files of numeric arrays.
 
-use crate::include;
 use syntable_formats::encode::kind::accepts;
 use syntable_formats::encode::npy::{self, Array, Arrays};
 use syntable_formats::encode::{scene_name, view_name};
+use syntable_formats::include::{self, Included};
+use syntable_formats::writer::ImageWriter;
 use syntable_model::prelude::*;
 use syntable_model::product::Scope;
 
@@ -29,12 +30,12 @@ const IDS_END: &str = "_ids";
 pub struct Npy {
     /// Products to write.
     #[schemars(length(min = 1))]
-    pub include: Vec<ProductName>,
+    pub include: Included,
 }
 
 impl Default for Npy {
     fn default() -> Self {
-        Self { include: vec!["depth".into(), "instance".into(), "occlusion_order".into()] }
+        Self { include: ["depth", "instance", "occlusion_order"].into() }
     }
 }
 
@@ -43,53 +44,41 @@ impl Config for Npy {
     const KIND: &'static str = "npy";
     const EXAMPLE: &'static str = "include = [\"depth\", \"amodal_mask\", \"occlusion_order\"]";
     fn build(self) -> Result<Box<dyn Writer>, ConfigError> {
-        include::check_unique(&self.include)?;
-        Ok(Box::new(self))
+        Ok(self.boxed())
     }
 }
 
-impl Writer for Npy {
+impl ImageWriter for Npy {
+    type Scene = ();
+
     fn reads(&self) -> Vec<Input> {
-        Input::included(&self.include, Accepts::If(|key| accepts(key, npy::check)))
+        self.include.inputs(Accepts::If(|key| accepts(key, npy::check)))
     }
 
-    fn scene(&self, _: &ImagesContext, output: Output) -> Result<Box<dyn SceneWriter>> {
-        Ok(Box::new(NpyScene { include: self.include.clone(), output }))
+    fn view(&self, _: &mut (), cx: &ImageContext, products: &Products, output: &Output) -> Result<()> {
+        self.write(Scope::View, &view_name(cx.scene_id, cx.view_id), products, output, include::shape(cx))
     }
 
-    fn paths(&self, of: &FileOf) -> Result<Vec<String>> {
-        let categories = include::categories_path(&self.include, of.id).filter(|_| of.scene.is_none());
-        Ok(include::paths(of, "npy", [&[""], &["", IDS_END]]).into_iter().chain(categories).collect())
+    fn close(&self, (): (), cx: &ImagesContext, products: &Products, output: &Output) -> Result<()> {
+        self.write(Scope::Scene, &scene_name(cx.scene_id), products, output, [0, 0])
+    }
+
+    fn paths(&self, of: &FileOf) -> Vec<String> {
+        let arrays = include::paths(of, "npy", [&[""], &["", IDS_END]]);
+        arrays.into_iter().chain(self.include.categories_path(of)).collect()
     }
 
     fn finish(&self, cx: &DatasetContext, _: &Products, finish: &Finish) -> Result<()> {
-        include::write_categories(&self.include, cx.dataset, finish)
+        self.include.write_categories(cx.dataset, finish)
     }
 }
 
-struct NpyScene {
-    include: Vec<ProductName>,
-    output: Output,
-}
-
-impl SceneWriter for NpyScene {
-    fn view(&mut self, cx: &ImageContext, products: &Products) -> Result<()> {
-        let [width, height] = cx.size.map(|edge| edge as usize);
-        let size = [height, width];
-        self.write(Scope::View, &view_name(cx.scene_id, cx.view_id), products, size)
-    }
-
-    fn close(self: Box<Self>, cx: &ImagesContext, products: &Products) -> Result<()> {
-        self.write(Scope::Scene, &scene_name(cx.scene_id), products, [0, 0])
-    }
-}
-
-impl NpyScene {
+impl Npy {
     /// Writes the products of a scope; `size` is the height and width of an image without instances.
-    fn write(&self, scope: Scope, name: &str, products: &Products, size: [usize; 2]) -> Result<()> {
-        for (product, key) in include::of_scope(&self.include, products, scope) {
-            let stem = include::stem(self.output.id(), product, name);
-            let save = |array: Array, end: &str| self.output.write(&format!("{stem}{end}.npy"), &array.encode());
+    fn write(&self, scope: Scope, name: &str, products: &Products, output: &Output, size: [usize; 2]) -> Result<()> {
+        for (product, key) in self.include.of_scope(products, scope) {
+            let stem = include::stem(output.id(), product, name);
+            let save = |array: Array, end: &str| output.write(&format!("{stem}{end}.npy"), &array.encode());
             match npy::arrays(product, &key, &products.value(product)?, size)? {
                 Arrays::One(array) => save(array, "")?,
                 Arrays::PerInstance { values, ids } => {

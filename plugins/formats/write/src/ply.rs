@@ -1,6 +1,7 @@
 //! Point clouds.
 
 use syntable_formats::encode::view_name;
+use syntable_formats::writer::ImageWriter;
 use syntable_model::geometry::Point3;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{CAMERA, DEPTH, INSTANCE, RGB};
@@ -46,9 +47,18 @@ impl Default for Ply {
     }
 }
 
-config!(Ply => dyn Writer, "ply", "depth = \"depth\"\nframe = \"camera\"");
+impl Config for Ply {
+    type Stage = dyn Writer;
+    const KIND: &'static str = "ply";
+    const EXAMPLE: &'static str = "depth = \"depth\"\nframe = \"camera\"";
+    fn build(self) -> Result<Box<dyn Writer>, ConfigError> {
+        Ok(self.boxed())
+    }
+}
 
-impl Writer for Ply {
+impl ImageWriter for Ply {
+    type Scene = ();
+
     fn reads(&self) -> Vec<Input> {
         let depth = Input {
             product: self.depth.as_str().to_owned(),
@@ -61,36 +71,21 @@ impl Writer for Ply {
         std::iter::once(depth).chain(others).collect()
     }
 
-    fn scene(&self, _: &ImagesContext, output: Output) -> Result<Box<dyn SceneWriter>> {
-        Ok(Box::new(PlyScene { config: self.clone(), output }))
+    fn view(&self, _: &mut (), cx: &ImageContext, products: &Products, output: &Output) -> Result<()> {
+        let path = path(output.id(), &view_name(cx.scene_id, cx.view_id));
+        output.write(&path, &self.encode(&StatedCamera::of(products.get(CAMERA)?)?, products)?)
     }
 
-    fn paths(&self, of: &FileOf) -> Result<Vec<String>> {
-        Ok(match (of.scene, of.view) {
+    fn paths(&self, of: &FileOf) -> Vec<String> {
+        match (of.scene, of.view) {
             (Some(scene), Some(view)) => vec![path(of.id, &view_name(scene, view))],
             _ => Vec::new(),
-        })
+        }
     }
 }
 
 fn path(id: &str, name: &str) -> String {
     format!("{id}/{name}.ply")
-}
-
-struct PlyScene {
-    config: Ply,
-    output: Output,
-}
-
-impl SceneWriter for PlyScene {
-    fn view(&mut self, cx: &ImageContext, products: &Products) -> Result<()> {
-        let path = path(self.output.id(), &view_name(cx.scene_id, cx.view_id));
-        self.output.write(&path, &self.config.encode(&StatedCamera::of(products.get(CAMERA)?)?, products)?)
-    }
-
-    fn close(self: Box<Self>, _: &ImagesContext, _: &Products) -> Result<()> {
-        Ok(())
-    }
 }
 
 impl Ply {

@@ -1,9 +1,10 @@
 //! PNG files of images and masks.
 
-use crate::include;
 use syntable_formats::encode::kind::accepts;
 use syntable_formats::encode::png::Coding;
 use syntable_formats::encode::{scene_name, view_name};
+use syntable_formats::include::{self, Included};
+use syntable_formats::writer::ImageWriter;
 use syntable_model::prelude::*;
 use syntable_model::product::{DType, Scope, Tensor};
 
@@ -34,7 +35,7 @@ use syntable_model::product::{DType, Scope, Tensor};
 pub struct Png {
     /// Products to write.
     #[schemars(length(min = 1))]
-    pub include: Vec<ProductName>,
+    pub include: Included,
     /// Step of a depth image, mm. Depths beyond 65535 steps are stored as 65535: 1 mm reaches 65.5 m, 0.1 mm reaches
     /// 6.55 m.
     #[schemars(range(min = 0.001, max = 1000.0))]
@@ -47,7 +48,7 @@ pub struct Png {
 
 impl Default for Png {
     fn default() -> Self {
-        Self { include: vec!["rgb".into()], depth_scale_mm: 1.0, crop: false }
+        Self { include: ["rgb"].into(), depth_scale_mm: 1.0, crop: false }
     }
 }
 
@@ -56,52 +57,41 @@ impl Config for Png {
     const KIND: &'static str = "png";
     const EXAMPLE: &'static str = "include = [\"rgb\", \"depth\", \"visible_mask\"]";
     fn build(self) -> Result<Box<dyn Writer>, ConfigError> {
-        include::check_unique(&self.include)?;
-        Ok(Box::new(self))
+        Ok(self.boxed())
     }
 }
 
-impl Writer for Png {
+impl ImageWriter for Png {
+    type Scene = ();
+
     fn reads(&self) -> Vec<Input> {
-        Input::included(&self.include, Accepts::If(|key| accepts(key, Coding::of)))
+        self.include.inputs(Accepts::If(|key| accepts(key, Coding::of)))
     }
 
-    fn scene(&self, _: &ImagesContext, output: Output) -> Result<Box<dyn SceneWriter>> {
-        Ok(Box::new(PngScene { config: self.clone(), output }))
+    fn view(&self, _: &mut (), cx: &ImageContext, products: &Products, output: &Output) -> Result<()> {
+        self.write(Scope::View, &view_name(cx.scene_id, cx.view_id), products, output)
     }
 
-    fn paths(&self, of: &FileOf) -> Result<Vec<String>> {
-        let categories = include::categories_path(&self.include, of.id).filter(|_| of.scene.is_none());
-        Ok(include::paths(of, "png", include::IMAGE_ENDS).into_iter().chain(categories).collect())
+    fn close(&self, (): (), cx: &ImagesContext, products: &Products, output: &Output) -> Result<()> {
+        self.write(Scope::Scene, &scene_name(cx.scene_id), products, output)
+    }
+
+    fn paths(&self, of: &FileOf) -> Vec<String> {
+        include::paths(of, "png", include::IMAGE_ENDS).into_iter().chain(self.include.categories_path(of)).collect()
     }
 
     fn finish(&self, cx: &DatasetContext, _: &Products, finish: &Finish) -> Result<()> {
-        include::write_categories(&self.include, cx.dataset, finish)
+        self.include.write_categories(cx.dataset, finish)
     }
 }
 
-struct PngScene {
-    config: Png,
-    output: Output,
-}
-
-impl SceneWriter for PngScene {
-    fn view(&mut self, cx: &ImageContext, products: &Products) -> Result<()> {
-        self.write(Scope::View, &view_name(cx.scene_id, cx.view_id), products)
-    }
-
-    fn close(self: Box<Self>, cx: &ImagesContext, products: &Products) -> Result<()> {
-        self.write(Scope::Scene, &scene_name(cx.scene_id), products)
-    }
-}
-
-impl PngScene {
-    fn write(&self, scope: Scope, name: &str, products: &Products) -> Result<()> {
-        let images = include::of_scope(&self.config.include, products, scope);
-        include::write_images(images, &self.output, "png", name, products, |kind, value| {
-            let cut = if self.config.crop { cropped(value) } else { None };
+impl Png {
+    fn write(&self, scope: Scope, name: &str, products: &Products, output: &Output) -> Result<()> {
+        let images = self.include.of_scope(products, scope);
+        include::write_images(images, output, "png", name, products, |kind, value| {
+            let cut = if self.crop { cropped(value) } else { None };
             let value = cut.as_ref().unwrap_or(value);
-            Coding::of(kind).map_err(Error::new)?.image(value, self.config.depth_scale_mm)?.encode()
+            Coding::of(kind).map_err(Error::new)?.image(value, self.depth_scale_mm)?.encode()
         })
     }
 }

@@ -52,8 +52,8 @@ fn every_kind_conforms() {
 #[test]
 fn wrong_options_are_refused() {
     for (kind, options, want) in [
-        ("png", "include = [\"rgb\", \"rgb\"]", "include[1]: `rgb` is included twice"),
-        ("exr", "include = [\"depth\", \"depth\"]", "include[1]: `depth` is included twice"),
+        ("png", "include = [\"rgb\", \"rgb\"]", "include[1]: `include` names `rgb` twice"),
+        ("exr", "include = [\"depth\", \"depth\"]", "include[1]: `include` names `depth` twice"),
         ("npz", "include = [\"ids\"]", "include[0]: a product named `ids` has the name of a field of this writer"),
         ("jsonl", "include = [\"view\"]", "include[0]: a product named `view` has the name of a field of this writer"),
         ("syntable", "annotation_file = \"a/b.json\"", "annotation_file: `a/b.json` is not a file name"),

@@ -5,7 +5,7 @@ use super::scene::{Entries, json as line};
 use super::shard::{self, key};
 use super::surface::Surface;
 use super::{Bop, Layout, Models};
-use crate::annotation_file;
+use crate::family::write as family;
 use serde_json::json;
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::Write;
@@ -309,7 +309,7 @@ fn write_scene(
                 ..Category::default()
             };
             let categories: Vec<_> = by_number(obj_ids).into_iter().map(category).collect();
-            file.header(&annotation_file::info(dataset), &[annotation_file::license()], &categories)?;
+            file.header(&family::info(dataset), &[family::license()], &categories)?;
             file.images(|images| views.iter().try_for_each(|view| images.record(&image(view))))?;
             file.annotations(|annotations| {
                 let shown = views.iter().flat_map(|view| view.objects.iter().map(move |object| (view, object)));

@@ -11,7 +11,7 @@ mod scene;
 mod shard;
 mod surface;
 
-use crate::annotation_file::check_split;
+use crate::family::write::check_split;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{
     AMODAL_MASK, CAMERA, COVERAGE, DEPTH, INSTANCE, OBJECT_INFO, OBJECT_MODELS, RGB, VISIBILITY, VISIBLE_MASK,

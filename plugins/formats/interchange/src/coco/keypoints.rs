@@ -1,6 +1,7 @@
 //! Keypoints of annotations.
 
-use serde_json::{Value as Json, json};
+use super::Fields;
+use serde_json::json;
 use std::collections::BTreeMap;
 use syntable_formats::Extra;
 use syntable_model::prelude::*;
@@ -16,12 +17,7 @@ pub fn check_names(names: &[String]) -> Result<(), ConfigError> {
             ConfigError::new("keypoints", "a name is empty").help("write names of points of the objects' files")
         );
     }
-    match (1..names.len()).find(|&i| names[..i].contains(&names[i])) {
-        Some(i) => {
-            Err(ConfigError::new("keypoints", format!("`{}` is there twice", names[i])).help("write each name once"))
-        }
-        None => Ok(()),
-    }
+    Ok(())
 }
 
 /// Checks the option `skeleton`.
@@ -43,11 +39,7 @@ pub fn check_skeleton(names: &[String], skeleton: &[[String; 2]]) -> Result<(), 
 pub fn of_category(names: &[String], skeleton: &[[String; 2]]) -> Extra {
     let place = |name: &String| names.iter().position(|other| other == name).map_or(0, |place| place + 1);
     let limbs: Vec<[usize; 2]> = skeleton.iter().map(|limb| [place(&limb[0]), place(&limb[1])]).collect();
-    fields(json!({ "keypoints": names, "skeleton": limbs }))
-}
-
-fn fields(json: Json) -> Extra {
-    json.as_object().cloned().unwrap_or_default()
+    Extra::from_iter([("keypoints".to_owned(), json!(names)), ("skeleton".to_owned(), json!(limbs))])
 }
 
 /// The keypoints of all objects of a view.
@@ -72,8 +64,8 @@ impl Named {
         products.get(KEYPOINTS)?.iter().map(points).collect::<Result<_>>().map(Self)
     }
 
-    /// The fields of an object's annotation.
-    pub fn fields(&self, id: InstanceId, names: &[String]) -> Extra {
+    /// Fills the fields of an object's annotation.
+    pub fn fill(&self, id: InstanceId, names: &[String], fields: &mut Fields) {
         let points = self.0.get(&id).map_or(&[][..], Vec::as_slice);
         let labeled = |name: &String| {
             let point = points.iter().find(|point| point.name == *name && point.visibility > 0)?;
@@ -84,7 +76,7 @@ impl Named {
             Some(([x, y], visibility)) => [json!(x), json!(y), json!(visibility)],
             None => [json!(0), json!(0), json!(0)],
         };
-        let triples: Vec<Json> = found.iter().flat_map(triple).collect();
-        fields(json!({ "keypoints": triples, "num_keypoints": found.iter().flatten().count() }))
+        fields.keypoints = Some(found.iter().flat_map(triple).collect());
+        fields.num_keypoints = Some(found.iter().flatten().count());
     }
 }

@@ -1,7 +1,8 @@
 //! Reads D2SA's layout: COCO's, with keys of its own.
 
 use super::FILE;
-use crate::coco::read::{FOLDER, open_file};
+use crate::coco::open_file;
+use crate::family::read::FOLDER;
 use crate::read::{is_dataset, name_starts, root_and_file};
 use syntable_model::reader::Format;
 

@@ -8,6 +8,7 @@ use crate::labels::{self, Label};
 use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
 use syntable_formats::encode::png::Image;
+use syntable_formats::writer::ImageWriter;
 use syntable_model::prelude::*;
 use syntable_model::product::Painted;
 use syntable_model::product::standard::RGB;
@@ -44,38 +45,28 @@ pub struct OsdAmodal {
     pub depth: DepthSource,
 }
 
-config!(OsdAmodal => dyn Writer, "osd_amodal", "depth = \"rendered\"");
+impl Config for OsdAmodal {
+    type Stage = dyn Writer;
+    const KIND: &'static str = "osd_amodal";
+    const EXAMPLE: &'static str = "depth = \"rendered\"";
+    fn build(self) -> Result<Box<dyn Writer>, ConfigError> {
+        Ok(self.boxed())
+    }
+}
 
 /// Name of a view: no name ends in another, whatever the number of scenes and views.
 fn name(scene: SceneId, view: ViewId) -> String {
     format!("s{:06}v{:04}", scene.0, view.0)
 }
 
-impl Writer for OsdAmodal {
+impl ImageWriter for OsdAmodal {
+    type Scene = ();
+
     fn reads(&self) -> Vec<Input> {
         [Input::of(RGB), self.depth.input()].into_iter().chain(labels::inputs()).collect()
     }
 
-    fn scene(&self, _: &ImagesContext, output: Output) -> Result<Box<dyn SceneWriter>> {
-        Ok(Box::new(OsdScene { depth: self.depth, output }))
-    }
-
-    fn paths(&self, of: &FileOf) -> Result<Vec<String>> {
-        let (Some(scene), Some(view)) = (of.scene, of.view) else { return Ok(Vec::new()) };
-        let name = name(scene, view);
-        let images = IMAGES.iter().map(|folder| format!("{}/{folder}/{name}.png", of.id));
-        let masks = MASKS.iter().map(|folder| format!("{}/{folder}/{name}_1.png", of.id));
-        Ok(images.chain(masks).collect())
-    }
-}
-
-struct OsdScene {
-    depth: DepthSource,
-    output: Output,
-}
-
-impl SceneWriter for OsdScene {
-    fn view(&mut self, cx: &ImageContext, products: &Products) -> Result<()> {
+    fn view(&self, _: &mut (), cx: &ImageContext, products: &Products, output: &Output) -> Result<()> {
         let mut labels = Masks::Visible.shown(cx.log, labels::labels(cx.dataset, products)?);
         if labels.is_empty() {
             return Ok(());
@@ -87,7 +78,7 @@ impl SceneWriter for OsdScene {
         let shown: BTreeSet<InstanceId> = painted.shown().collect();
         labels.retain(|label| shown.contains(&label.id));
         let write = |folder: &str, image: Image, end: &str| {
-            image.write(&self.output, &format!("{}/{folder}/{name}{end}.png", self.output.id()))
+            image.write(output, &format!("{}/{folder}/{name}{end}.png", output.id()))
         };
         let images = [Image::rgb(rgb), self.depth.image(products)?, label_image(&painted, &labels)?];
         IMAGES.into_iter().zip(images).try_for_each(|(folder, image)| write(folder, image, ""))?;
@@ -103,8 +94,12 @@ impl SceneWriter for OsdScene {
         })
     }
 
-    fn close(self: Box<Self>, _: &ImagesContext, _: &Products) -> Result<()> {
-        Ok(())
+    fn paths(&self, of: &FileOf) -> Vec<String> {
+        let (Some(scene), Some(view)) = (of.scene, of.view) else { return Vec::new() };
+        let name = name(scene, view);
+        let images = IMAGES.iter().map(|folder| format!("{}/{folder}/{name}.png", of.id));
+        let masks = MASKS.iter().map(|folder| format!("{}/{folder}/{name}_1.png", of.id));
+        images.chain(masks).collect()
     }
 }
 

@@ -3,13 +3,14 @@
 mod data;
 mod read;
 
-use crate::annotation_file::{check_split, image_name};
 use crate::coco::Masks;
+use crate::family::write::{check_split, image_name};
 use crate::labels;
 use crate::outlines::{self, Ring, outline_key, rotated_box_key};
 use std::fmt::Write as _;
 use syntable_formats::encode::png::Image;
 use syntable_formats::encode::view_name;
+use syntable_formats::writer::ImageWriter;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::RGB;
 use syntable_model::scene::{SceneId, ViewId};
@@ -71,7 +72,7 @@ impl Config for Yolo {
     const EXAMPLE: &'static str = "task = \"segment\"\nmasks = \"amodal\"";
     fn build(self) -> Result<Box<dyn Writer>, ConfigError> {
         check_split(&self.split)?;
-        Ok(Box::new(self))
+        Ok(self.boxed())
     }
 }
 
@@ -106,7 +107,9 @@ const MASKS: &str = "masks";
 /// Its value for whole objects; what is visible needs no statement.
 const AMODAL: &str = "amodal";
 
-impl Writer for Yolo {
+impl ImageWriter for Yolo {
+    type Scene = ();
+
     fn reads(&self) -> Vec<Input> {
         let points = match self.task {
             YoloTask::Segment => outline_key(self.masks),
@@ -119,17 +122,28 @@ impl Writer for Yolo {
         [Input::of(RGB), Input::of(points)].into_iter().chain(labels).collect()
     }
 
-    fn scene(&self, _: &ImagesContext, output: Output) -> Result<Box<dyn SceneWriter>> {
-        Ok(Box::new(YoloScene { config: self.clone(), output }))
+    fn view(&self, _: &mut (), cx: &ImageContext, products: &Products, output: &Output) -> Result<()> {
+        let (rgb, scene, view) = (products.get(RGB)?, cx.scene_id, cx.view_id);
+        Image::rgb(rgb).write(output, &format!("{}/{}", output.id(), self.image_path(scene, view)))?;
+        let size = [rgb.width(), rgb.height()].map(f64::from);
+        let mut text = String::new();
+        let labels = self.masks.shown_partial(cx.log, labels::partial(cx.dataset, products)?, false);
+        if self.task == YoloTask::Segment {
+            outlines::report_holes(cx.log, products, self.masks, labels.iter().map(|label| label.id))?;
+        }
+        for label in &labels {
+            text += &line(cx.dataset.category(label.category)?.0, &self.points(products, label.id, size)?, size);
+        }
+        output.write(&format!("{}/{}", output.id(), self.label_path(scene, view)), text.as_bytes())
     }
 
-    fn paths(&self, of: &FileOf) -> Result<Vec<String>> {
+    fn paths(&self, of: &FileOf) -> Vec<String> {
         let paths = match (of.scene, of.view) {
             (Some(scene), Some(view)) => vec![self.image_path(scene, view), self.label_path(scene, view)],
             (None, None) => vec![DATA.to_owned()],
             _ => Vec::new(),
         };
-        Ok(paths.into_iter().map(|path| format!("{}/{path}", of.id)).collect())
+        paths.into_iter().map(|path| format!("{}/{path}", of.id)).collect()
     }
 
     fn finish(&self, cx: &DatasetContext, _: &Products, finish: &Finish) -> Result<()> {
@@ -152,33 +166,6 @@ fn data_yaml(config: &Yolo, dataset: &DatasetInfo) -> String {
         text += &format!("  {class}: {}\n", quoted(name));
     }
     text
-}
-
-struct YoloScene {
-    config: Yolo,
-    output: Output,
-}
-
-impl SceneWriter for YoloScene {
-    fn view(&mut self, cx: &ImageContext, products: &Products) -> Result<()> {
-        let Self { config, output } = self;
-        let (rgb, scene, view) = (products.get(RGB)?, cx.scene_id, cx.view_id);
-        Image::rgb(rgb).write(output, &format!("{}/{}", output.id(), config.image_path(scene, view)))?;
-        let size = [rgb.width(), rgb.height()].map(f64::from);
-        let mut text = String::new();
-        let labels = config.masks.shown_partial(cx.log, labels::partial(cx.dataset, products)?, false);
-        if config.task == YoloTask::Segment {
-            outlines::report_holes(cx.log, products, config.masks, labels.iter().map(|label| label.id))?;
-        }
-        for label in &labels {
-            text += &line(cx.dataset.category(label.category)?.0, &config.points(products, label.id, size)?, size);
-        }
-        output.write(&format!("{}/{}", output.id(), config.label_path(scene, view)), text.as_bytes())
-    }
-
-    fn close(self: Box<Self>, _: &ImagesContext, _: &Products) -> Result<()> {
-        Ok(())
-    }
 }
 
 /// The line of an object. Six decimals are a thousandth of a pixel.

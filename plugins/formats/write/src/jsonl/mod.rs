@@ -2,10 +2,11 @@
 
 mod read;
 
-use crate::include;
 use serde_json::{Map, Value as Json};
 use std::collections::BTreeSet;
 use syntable_formats::encode::json_shard;
+use syntable_formats::include::Included;
+use syntable_formats::writer::ImageWriter;
 use syntable_model::prelude::*;
 use syntable_model::product::{Name, Scope};
 
@@ -28,7 +29,7 @@ use syntable_model::product::{Name, Scope};
 pub struct Jsonl {
     /// Products to write.
     #[schemars(length(min = 1))]
-    pub include: Vec<ProductName>,
+    pub include: Included,
     /// What a line covers.
     pub per: LinePer,
     /// Path of the file, relative to the dataset; `{id}.jsonl` if left out.
@@ -49,7 +50,7 @@ pub enum LinePer {
 impl Default for Jsonl {
     fn default() -> Self {
         let include = ["camera", "object_info", "visible_box", "amodal_box", "occlusion_rate"];
-        Self { include: include.map(ProductName::from).to_vec(), per: LinePer::View, file: None }
+        Self { include: include.into(), per: LinePer::View, file: None }
     }
 }
 
@@ -58,30 +59,64 @@ impl Config for Jsonl {
     const KIND: &'static str = "jsonl";
     const EXAMPLE: &'static str = "include = [\"camera\", \"object_info\", \"occlusion_rate\"]\nper = \"view\"";
     fn build(self) -> Result<Box<dyn Writer>, ConfigError> {
-        include::check_unique(&self.include)?;
-        include::check_free(&self.include, &["scene", "view", "views"])?;
+        self.include.check_free(&["scene", "view", "views"])?;
         self.file.as_ref().map_or(Ok(()), |file| check_path("file", file))?;
-        Ok(Box::new(self))
+        Ok(self.boxed())
     }
 }
 
-impl Writer for Jsonl {
+impl ImageWriter for Jsonl {
+    type Scene = Lines;
+
     fn reads(&self) -> Vec<Input> {
-        Input::included(&self.include, Accepts::Any)
+        self.include.inputs(Accepts::Any)
     }
 
-    fn scene(&self, _: &ImagesContext, output: Output) -> Result<Box<dyn SceneWriter>> {
-        Ok(Box::new(JsonlScene {
-            config: self.clone(),
-            output,
-            lines: Vec::new(),
-            written: BTreeSet::new(),
-            views: Vec::new(),
-        }))
+    fn view(&self, scene: &mut Lines, cx: &ImageContext, products: &Products, _: &Output) -> Result<()> {
+        let include = &self.include;
+        let mut record = Map::from_iter([("view".to_owned(), cx.view_id.0.into())]);
+        match self.per {
+            LinePer::View => {
+                record = Map::from_iter([("scene".to_owned(), cx.scene_id.0.into())].into_iter().chain(record));
+                // What is known before the views is in each line, in the order of `include`.
+                for key in include.names().filter_map(|name| products.key(name)) {
+                    scene.written.insert(key.name);
+                    let name = key.name.to_string();
+                    let value = encoded(products, &name)?;
+                    record.insert(name, value);
+                }
+                json_shard::push_line(&mut scene.lines, &record)
+            }
+            LinePer::Scene => {
+                record.extend(json(include, products, Scope::View)?);
+                scene.views.push(record.into());
+                Ok(())
+            }
+        }
     }
 
-    fn paths(&self, of: &FileOf) -> Result<Vec<String>> {
-        Ok(if of.scene.is_none() { vec![self.path(of.id)] } else { Vec::new() })
+    fn close(&self, mut scene: Lines, cx: &ImagesContext, products: &Products, output: &Output) -> Result<()> {
+        let mut line = Map::from_iter([("scene".to_owned(), cx.scene_id.0.into())]);
+        let mut of_scene = json(&self.include, products, Scope::Scene)?;
+        match self.per {
+            LinePer::Scene => {
+                line.extend(of_scene);
+                line.insert("views".into(), scene.views.into());
+                json_shard::push_line(&mut scene.lines, &line)?;
+            }
+            LinePer::View => {
+                of_scene.retain(|name, _| !scene.written.iter().any(|written| written == name));
+                if !of_scene.is_empty() {
+                    line.extend(of_scene);
+                    json_shard::push_line(&mut scene.lines, &line)?;
+                }
+            }
+        }
+        output.write_shard(&scene.lines)
+    }
+
+    fn paths(&self, of: &FileOf) -> Vec<String> {
+        if of.scene.is_none() { vec![self.path(of.id)] } else { Vec::new() }
     }
 
     fn finish_options(&self) -> &'static [&'static str] {
@@ -106,9 +141,9 @@ impl Jsonl {
     }
 }
 
-struct JsonlScene {
-    config: Jsonl,
-    output: Output,
+/// What a scene keeps between its views.
+#[derive(Default)]
+pub struct Lines {
     /// Finished lines of the shard.
     lines: Vec<u8>,
     /// The products of the scene that the lines of the views have.
@@ -117,56 +152,9 @@ struct JsonlScene {
     views: Vec<Json>,
 }
 
-impl SceneWriter for JsonlScene {
-    fn view(&mut self, cx: &ImageContext, products: &Products) -> Result<()> {
-        let include = &self.config.include;
-        let mut record = Map::from_iter([("view".to_owned(), cx.view_id.0.into())]);
-        match self.config.per {
-            LinePer::View => {
-                record = Map::from_iter([("scene".to_owned(), cx.scene_id.0.into())].into_iter().chain(record));
-                // What is known before the views is in each line, in the order of `include`.
-                for key in include.iter().filter_map(|name| products.key(name.as_str())) {
-                    self.written.insert(key.name);
-                    let name = key.name.to_string();
-                    let value = encoded(products, &name)?;
-                    record.insert(name, value);
-                }
-                json_shard::push_line(&mut self.lines, &record)
-            }
-            LinePer::Scene => {
-                record.extend(json(include, products, Scope::View)?);
-                self.views.push(record.into());
-                Ok(())
-            }
-        }
-    }
-
-    fn close(mut self: Box<Self>, cx: &ImagesContext, products: &Products) -> Result<()> {
-        let mut line = Map::from_iter([("scene".to_owned(), cx.scene_id.0.into())]);
-        let mut of_scene = json(&self.config.include, products, Scope::Scene)?;
-        match self.config.per {
-            LinePer::Scene => {
-                line.extend(of_scene);
-                line.insert("views".into(), self.views.into());
-                json_shard::push_line(&mut self.lines, &line)?;
-            }
-            LinePer::View => {
-                of_scene.retain(|name, _| !self.written.iter().any(|written| written == name));
-                if !of_scene.is_empty() {
-                    line.extend(of_scene);
-                    json_shard::push_line(&mut self.lines, &line)?;
-                }
-            }
-        }
-        self.output.write_shard(&self.lines)
-    }
-}
-
 /// The included products of a scope by name.
-fn json(include: &[ProductName], products: &Products, scope: Scope) -> Result<Map<String, Json>> {
-    include::of_scope(include, products, scope)
-        .map(|(name, _)| Ok((name.to_owned(), encoded(products, name)?)))
-        .collect()
+fn json(include: &Included, products: &Products, scope: Scope) -> Result<Map<String, Json>> {
+    include.of_scope(products, scope).map(|(name, _)| Ok((name.to_owned(), encoded(products, name)?))).collect()
 }
 
 /// A product as JSON.

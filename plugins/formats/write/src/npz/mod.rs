@@ -2,10 +2,11 @@
 
 mod read;
 
-use crate::include;
 use syntable_formats::encode::kind::accepts;
 use syntable_formats::encode::npy::{self, Array, Arrays};
 use syntable_formats::encode::{npz, scene_name, view_name};
+use syntable_formats::include::{self, Included};
+use syntable_formats::writer::ImageWriter;
 use syntable_model::prelude::*;
 use syntable_model::product::Scope;
 
@@ -43,7 +44,7 @@ const IDS: &str = "ids";
 pub struct Npz {
     /// Products to write.
     #[schemars(length(min = 1))]
-    pub include: Vec<ProductName>,
+    pub include: Included,
     /// Whether to compress the arrays. Labels shrink to a few percent; images and depth hardly, and load more slowly.
     pub compress: bool,
 }
@@ -60,7 +61,7 @@ impl Default for Npz {
             "category_id",
             "occlusion_order",
         ];
-        Self { include: include.map(ProductName::from).to_vec(), compress: true }
+        Self { include: include.into(), compress: true }
     }
 }
 
@@ -70,32 +71,33 @@ impl Config for Npz {
     const EXAMPLE: &'static str =
         "include = [\"rgb\", \"visible_ids\", \"amodal_bits\", \"category_id\", \"occlusion_order\"]";
     fn build(self) -> Result<Box<dyn Writer>, ConfigError> {
-        include::check_unique(&self.include)?;
-        include::check_free(&self.include, &[IDS])?;
-        Ok(Box::new(self))
+        self.include.check_free(&[IDS])?;
+        Ok(self.boxed())
     }
 }
 
-impl Writer for Npz {
+impl ImageWriter for Npz {
+    type Scene = ();
+
     fn reads(&self) -> Vec<Input> {
-        Input::included(&self.include, Accepts::If(|key| accepts(key, npy::check)))
+        self.include.inputs(Accepts::If(|key| accepts(key, npy::check)))
     }
 
-    fn scene(&self, _: &ImagesContext, output: Output) -> Result<Box<dyn SceneWriter>> {
-        Ok(Box::new(NpzScene { config: self.clone(), output }))
+    fn view(&self, _: &mut (), cx: &ImageContext, products: &Products, output: &Output) -> Result<()> {
+        self.write(Scope::View, &view_name(cx.scene_id, cx.view_id), products, output, include::shape(cx))
     }
 
-    fn paths(&self, of: &FileOf) -> Result<Vec<String>> {
-        if of.scene.is_none() {
-            return Ok(include::categories_path(&self.include, of.id).into_iter().collect());
-        }
-        let scope_and_name = include::scope_and_name(of);
-        let of_any = |(scope, _): &(Scope, String)| of.products.iter().any(|key| key.scope == *scope);
-        Ok(scope_and_name.filter(of_any).map(|(_, name)| archive_path(of.id, &name)).into_iter().collect())
+    fn close(&self, (): (), cx: &ImagesContext, products: &Products, output: &Output) -> Result<()> {
+        self.write(Scope::Scene, &scene_name(cx.scene_id), products, output, [0, 0])
+    }
+
+    fn paths(&self, of: &FileOf) -> Vec<String> {
+        let archive = include::path_of_all(of, |name| archive_path(of.id, name));
+        archive.into_iter().chain(self.include.categories_path(of)).collect()
     }
 
     fn finish(&self, cx: &DatasetContext, _: &Products, finish: &Finish) -> Result<()> {
-        include::write_categories(&self.include, cx.dataset, finish)
+        self.include.write_categories(cx.dataset, finish)
     }
 }
 
@@ -103,29 +105,12 @@ fn archive_path(id: &str, name: &str) -> String {
     format!("{id}/{name}.npz")
 }
 
-struct NpzScene {
-    config: Npz,
-    output: Output,
-}
-
-impl SceneWriter for NpzScene {
-    fn view(&mut self, cx: &ImageContext, products: &Products) -> Result<()> {
-        let [width, height] = cx.size.map(|edge| edge as usize);
-        let size = [height, width];
-        self.write(Scope::View, &view_name(cx.scene_id, cx.view_id), products, size)
-    }
-
-    fn close(self: Box<Self>, cx: &ImagesContext, products: &Products) -> Result<()> {
-        self.write(Scope::Scene, &scene_name(cx.scene_id), products, [0, 0])
-    }
-}
-
-impl NpzScene {
+impl Npz {
     /// Writes the products of a scope, if there are any; `size` is the height and width of an image without instances.
-    fn write(&self, scope: Scope, name: &str, products: &Products, size: [usize; 2]) -> Result<()> {
+    fn write(&self, scope: Scope, name: &str, products: &Products, output: &Output, size: [usize; 2]) -> Result<()> {
         let mut archive: Vec<(&str, Array)> = Vec::new();
         let mut ids: Option<(&str, Array)> = None;
-        for (product, key) in include::of_scope(&self.config.include, products, scope) {
+        for (product, key) in self.include.of_scope(products, scope) {
             match npy::arrays(product, &key, &products.value(product)?, size)? {
                 Arrays::One(array) => archive.push((product, array)),
                 Arrays::PerInstance { values, ids: of } => {
@@ -145,8 +130,8 @@ impl NpzScene {
             return Ok(());
         }
         archive.extend(ids.map(|(_, ids)| (IDS, ids)));
-        let bytes = npz::encode(archive.iter().map(|(name, array)| (*name, array)), self.config.compress)?;
-        self.output.write(&archive_path(self.output.id(), name), &bytes)
+        let bytes = npz::encode(archive.iter().map(|(name, array)| (*name, array)), self.compress)?;
+        output.write(&archive_path(output.id(), name), &bytes)
     }
 }
 

@@ -12,6 +12,7 @@ use syntable_formats::encode::npy::Array;
 use syntable_formats::encode::png::{Image, Rounding, depth_units};
 use syntable_formats::shard;
 use syntable_formats::syntable::{depth_path, occlusion_order_path, rgb_path};
+use syntable_formats::writer::ImageWriter;
 use syntable_model::prelude::*;
 use syntable_model::product::OcclusionOrder;
 use syntable_model::product::standard::{
@@ -118,11 +119,14 @@ impl Config for SynTable {
         if !self.folder.is_empty() {
             check_path("folder", &self.folder)?;
         }
-        Ok(Box::new(self))
+        Ok(self.boxed())
     }
 }
 
-impl Writer for SynTable {
+impl ImageWriter for SynTable {
+    /// The shard.
+    type Scene = Vec<u8>;
+
     fn reads(&self) -> Vec<Input> {
         let mut inputs = vec![Input::of(RGB), Input::of(VISIBLE_MASK), Input::of(VISIBLE_BOX)];
         let of_all = [
@@ -152,12 +156,52 @@ impl Writer for SynTable {
         inputs
     }
 
-    fn scene(&self, _: &ImagesContext, output: Output) -> Result<Box<dyn SceneWriter>> {
-        Ok(Box::new(SynTableScene { config: self.clone(), output, lines: Vec::new() }))
+    fn view(&self, lines: &mut Vec<u8>, cx: &ImageContext, products: &Products, output: &Output) -> Result<()> {
+        let (scene, view) = (cx.scene_id.0, cx.view_id.0);
+        Image::rgb(products.get(RGB)?).write(output, &self.path(&rgb_path(scene, view)))?;
+        let rounding = match self.compat {
+            Compat::Coco => Rounding::Truncate,
+            Compat::Syntable1 => Rounding::TruncateSingle,
+        };
+        if let Some(depth) = products.optional(DEPTH)? {
+            let depth = depth.map(|&depth| depth_units(depth, 1.0, rounding));
+            Image::gray16(&depth).write(output, &self.path(&depth_path(scene, view)))?;
+        }
+        let labels = Labels::of(products)?.annotated_by(self.compat);
+        if let Some(order) = labels.order {
+            let matrix = order_matrix(order, labels.ids());
+            output.write(&self.path(&occlusion_order_path(scene, view)), &matrix.encode())?;
+        }
+        if self.debug_masks {
+            debug::write(self, output, cx, products, &labels, &view_stem(scene, view))?;
+        }
+
+        let image = match self.compat {
+            Compat::Coco => record::image(cx, products, &labels)?,
+            Compat::Syntable1 => record::image_1(cx, products)?,
+        };
+        shard::push_image(lines, labels.ids().len(), &image)?;
+        labels.ids().iter().try_for_each(|&id| match self.compat {
+            Compat::Coco => {
+                shard::push_annotation(lines, &record::annotation(cx.dataset, products, &labels, id, self.bbox)?)
+            }
+            Compat::Syntable1 => {
+                shard::push_annotation(lines, &record::annotation_1(products, &labels, id, self.bbox)?)
+            }
+        })
     }
 
-    fn paths(&self, of: &FileOf) -> Result<Vec<String>> {
-        Ok(match (of.scene, of.view) {
+    fn close(&self, mut lines: Vec<u8>, cx: &ImagesContext, products: &Products, output: &Output) -> Result<()> {
+        if self.compat == Compat::Coco
+            && let Some(scene) = record::scene(cx, products)?
+        {
+            shard::push_scene(&mut lines, &scene)?;
+        }
+        output.write_shard(&lines)
+    }
+
+    fn paths(&self, of: &FileOf) -> Vec<String> {
+        match (of.scene, of.view) {
             (Some(scene), Some(view)) => {
                 let paths = [rgb_path, depth_path, occlusion_order_path].map(|path| path(scene.0, view.0));
                 let debug = debug::paths(&view_stem(scene.0, view.0));
@@ -166,7 +210,7 @@ impl Writer for SynTable {
             }
             (None, None) => vec![self.path(&self.annotation_file), self.path(RECIPE)],
             _ => Vec::new(),
-        })
+        }
     }
 
     fn finish_options(&self) -> &'static [&'static str] {
@@ -190,60 +234,6 @@ impl SynTable {
 /// Name of a view in the files for debugging.
 fn view_stem(scene: u32, view: u32) -> String {
     format!("{scene}_{view}")
-}
-
-struct SynTableScene {
-    config: SynTable,
-    output: Output,
-    lines: Vec<u8>,
-}
-
-impl SceneWriter for SynTableScene {
-    fn view(&mut self, cx: &ImageContext, products: &Products) -> Result<()> {
-        let Self { config, output, lines } = self;
-        let (scene, view) = (cx.scene_id.0, cx.view_id.0);
-        Image::rgb(products.get(RGB)?).write(output, &config.path(&rgb_path(scene, view)))?;
-        let rounding = match config.compat {
-            Compat::Coco => Rounding::Truncate,
-            Compat::Syntable1 => Rounding::TruncateSingle,
-        };
-        if let Some(depth) = products.optional(DEPTH)? {
-            let depth = depth.map(|&depth| depth_units(depth, 1.0, rounding));
-            Image::gray16(&depth).write(output, &config.path(&depth_path(scene, view)))?;
-        }
-        let labels = Labels::of(products)?.annotated_by(config.compat);
-        if let Some(order) = labels.order {
-            let matrix = order_matrix(order, labels.ids());
-            output.write(&config.path(&occlusion_order_path(scene, view)), &matrix.encode())?;
-        }
-        if config.debug_masks {
-            debug::write(config, output, cx, products, &labels, &view_stem(scene, view))?;
-        }
-
-        let image = match config.compat {
-            Compat::Coco => record::image(cx, products, &labels)?,
-            Compat::Syntable1 => record::image_1(cx, products)?,
-        };
-        shard::push_image(lines, labels.ids().len(), &image)?;
-        labels.ids().iter().try_for_each(|&id| match config.compat {
-            Compat::Coco => {
-                shard::push_annotation(lines, &record::annotation(cx.dataset, products, &labels, id, config.bbox)?)
-            }
-            Compat::Syntable1 => {
-                shard::push_annotation(lines, &record::annotation_1(products, &labels, id, config.bbox)?)
-            }
-        })
-    }
-
-    fn close(self: Box<Self>, cx: &ImagesContext, products: &Products) -> Result<()> {
-        let Self { config, output, mut lines } = *self;
-        if config.compat == Compat::Coco
-            && let Some(scene) = record::scene(cx, products)?
-        {
-            shard::push_scene(&mut lines, &scene)?;
-        }
-        output.write_shard(&lines)
-    }
 }
 
 /// The occlusion order over the annotated instances.

@@ -7,13 +7,13 @@ mod names;
 
 pub use engine::{Fault, Template};
 
-use crate::include;
 use crate::jsonl::encoded;
 use names::Shape;
 use serde_json::{Map, Value as Json, json};
 use std::collections::BTreeMap;
 use std::sync::{Arc, OnceLock};
 use syntable_formats::encode::json_shard;
+use syntable_formats::include::Included;
 use syntable_model::files::read_small;
 use syntable_model::prelude::*;
 use syntable_model::product::Scope;
@@ -48,7 +48,7 @@ use syntable_model::product::Scope;
 pub struct TextTemplate {
     /// Products that the template uses.
     #[serde(default)]
-    pub include: Vec<ProductName>,
+    pub include: Included,
     /// What a file covers.
     #[serde(default)]
     pub per: FilePer,
@@ -107,8 +107,7 @@ template = """
 {% endfor %}""""#;
 
     fn build(self) -> Result<Box<dyn Writer>, ConfigError> {
-        include::check_unique(&self.include)?;
-        include::check_free(&self.include, &["dataset", "scene", "view", "scenes", "views", "writer"])?;
+        self.include.check_free(&["dataset", "scene", "view", "scenes", "views", "writer"])?;
         let invalid = |key: &str, fault: Fault| {
             let line = fault.line.map_or(String::new(), |line| format!("line {line} of the template: "));
             ConfigError::new(key, format!("{line}{}", fault.message))
@@ -130,7 +129,7 @@ template = """
 impl TextTemplate {
     /// What is known of the contexts before a run. A product may be of the view, the scene or the dataset.
     fn shape(&self) -> BTreeMap<String, Shape> {
-        let products = || self.include.iter().map(|name| (name.as_str().to_owned(), Shape::Any));
+        let products = || self.include.names().map(|name| (name.to_owned(), Shape::Any));
         let own = |fields: Vec<(&str, Shape)>| {
             let fields = fields.into_iter().map(|(name, shape)| (name.to_owned(), shape));
             products().chain(fields).collect::<BTreeMap<_, _>>()
@@ -239,7 +238,7 @@ struct TemplateWriter(Arc<Templates>);
 
 impl Writer for TemplateWriter {
     fn reads(&self) -> Vec<Input> {
-        Input::included(&self.0.config.include, Accepts::Any)
+        self.0.config.include.inputs(Accepts::Any)
     }
 
     fn scene(&self, cx: &ImagesContext, output: Output) -> Result<Box<dyn SceneWriter>> {
@@ -263,7 +262,7 @@ impl Writer for TemplateWriter {
         };
         // What a path makes of products is not known before the run.
         let text = config.path.as_deref().unwrap_or_default();
-        if covers != config.per || config.include.iter().any(|name| text.contains(name.as_str())) {
+        if covers != config.per || config.include.names().any(|name| text.contains(name)) {
             return Ok(Vec::new());
         }
         let mut context = self.0.context(of.dataset, of.id);
@@ -299,7 +298,7 @@ impl Writer for TemplateWriter {
         })?;
         let mut context = self.0.context(cx.dataset, finish.id());
         context.insert("scenes".to_owned(), scenes.into());
-        for (name, _) in include::of_scope(&self.0.config.include, products, Scope::Dataset) {
+        for (name, _) in self.0.config.include.of_scope(products, Scope::Dataset) {
             context.insert(name.to_owned(), encoded(products, name)?);
         }
         let (path, text) = self.0.render(&context.into())?;
@@ -323,10 +322,10 @@ impl SceneWriter for TemplateScene {
         let per_view = self.templates.config.per == FilePer::View;
         let mut record = Map::from_iter([("view".to_owned(), json!({ "id": cx.view_id.0 }))]);
         let include = &self.templates.config.include;
-        for (name, _) in include::of_scope(include, products, Scope::View) {
+        for (name, _) in include.of_scope(products, Scope::View) {
             record.insert(name.to_owned(), encoded(products, name)?);
         }
-        for (name, _) in include::of_scope(include, products, Scope::Scene) {
+        for (name, _) in include.of_scope(products, Scope::Scene) {
             self.scene.insert(name.to_owned(), encoded(products, name)?);
         }
         if !per_view {
@@ -340,7 +339,7 @@ impl SceneWriter for TemplateScene {
     }
 
     fn close(mut self: Box<Self>, _: &ImagesContext, products: &Products) -> Result<()> {
-        for (name, _) in include::of_scope(&self.templates.config.include, products, Scope::Scene) {
+        for (name, _) in self.templates.config.include.of_scope(products, Scope::Scene) {
             self.scene.insert(name.to_owned(), encoded(products, name)?);
         }
         self.scene.insert("views".to_owned(), self.views.into());

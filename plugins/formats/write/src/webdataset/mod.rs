@@ -2,11 +2,11 @@
 
 mod read;
 
-use crate::include;
 use syntable_formats::encode::kind::Kind;
 use syntable_formats::encode::npy::{self, Arrays};
 use syntable_formats::encode::tar::Archive;
 use syntable_formats::encode::{exr, json_shard, png, scene_name, view_name};
+use syntable_formats::include::{self, Included};
 use syntable_model::prelude::*;
 use syntable_model::product::Scope;
 
@@ -37,7 +37,7 @@ use syntable_model::product::Scope;
 pub struct Webdataset {
     /// Products of the view to write.
     #[schemars(length(min = 1))]
-    pub include: Vec<ProductName>,
+    pub include: Included,
     /// Format of float images.
     pub floats: Floats,
 }
@@ -65,7 +65,7 @@ impl Default for Webdataset {
             "occlusion_order",
             "camera",
         ];
-        Self { include: include.map(ProductName::from).to_vec(), floats: Floats::Npy }
+        Self { include: include.into(), floats: Floats::Npy }
     }
 }
 
@@ -75,7 +75,6 @@ impl Config for Webdataset {
     const EXAMPLE: &'static str =
         "include = [\"rgb\", \"depth\", \"visible_ids\", \"amodal_bits\", \"category_id\", \"camera\"]";
     fn build(self) -> Result<Box<dyn Writer>, ConfigError> {
-        include::check_unique(&self.include)?;
         Ok(Box::new(self))
     }
 }
@@ -86,7 +85,7 @@ impl Writer for Webdataset {
             Scope::View => Ok(()),
             _ => Err("a sample is a view; write it with jsonl".to_owned()),
         };
-        Input::included(&self.include, Accepts::If(of_view))
+        self.include.inputs(Accepts::If(of_view))
     }
 
     fn scene(&self, cx: &ImagesContext, output: Output) -> Result<Box<dyn SceneWriter>> {
@@ -98,13 +97,12 @@ impl Writer for Webdataset {
     fn paths(&self, of: &FileOf) -> Result<Vec<String>> {
         Ok(match (of.scene, of.view) {
             (Some(scene), None) => vec![path(of.id, &scene_name(scene))],
-            (None, _) => include::categories_path(&self.include, of.id).into_iter().collect(),
-            _ => Vec::new(),
+            _ => self.include.categories_path(of).into_iter().collect(),
         })
     }
 
     fn finish(&self, cx: &DatasetContext, _: &Products, finish: &Finish) -> Result<()> {
-        include::write_categories(&self.include, cx.dataset, finish)
+        self.include.write_categories(cx.dataset, finish)
     }
 }
 
@@ -119,10 +117,9 @@ struct WebdatasetScene {
 
 impl SceneWriter for WebdatasetScene {
     fn view(&mut self, cx: &ImageContext, products: &Products) -> Result<()> {
-        let [width, height] = cx.size.map(|edge| edge as usize);
-        let size = [height, width];
+        let size = include::shape(cx);
         let sample = view_name(cx.scene_id, cx.view_id);
-        for (product, key) in include::of_scope(&self.config.include, products, Scope::View) {
+        for (product, key) in self.config.include.of_scope(products, Scope::View) {
             let fields = self.config.floats.fields(product, &key, &products.value(product)?, size)?;
             fields
                 .iter()

@@ -1,31 +1,105 @@
-//! What the formats of COCO's family share: an image per view, a shard per scene, and one annotation file for the
-//! dataset.
+//! What writers of COCO's family share: an image per view, a shard per scene, and one annotation file for the dataset.
 
 use serde::Serialize;
 use syntable_formats::Extra;
-use syntable_formats::coco::{Category, Image as ImageRecord, Info, License};
+use syntable_formats::coco::{Category, Image as ImageRecord, Info, License, categories};
 use syntable_formats::dataset::{DatasetWriter, Layout};
 use syntable_formats::encode::png::Image;
 use syntable_formats::encode::view_name;
 use syntable_formats::shard::{self, Line, for_each_line};
+use syntable_formats::writer::ImageWriter;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{LABEL_POLICY, RGB};
 use syntable_model::scene::{SceneId, ViewId};
 
 /// Folder of the images inside the writer's folder.
-const IMAGES: &str = "images";
+pub const IMAGES: &str = "images";
 
 /// File name of a view's image.
 pub fn image_name(scene: SceneId, view: ViewId) -> String {
     format!("{}.png", view_name(scene, view))
 }
 
-/// Paths of a writer of one image per view and of files of the dataset, which are relative to the writer's folder.
-pub fn paths(of: &FileOf, files: &[String]) -> Vec<String> {
-    match (of.scene, of.view) {
-        (Some(scene), Some(view)) => vec![format!("{}/{IMAGES}/{}", of.id, image_name(scene, view))],
-        (None, None) => files.iter().map(|file| format!("{}/{file}", of.id)).collect(),
-        _ => Vec::new(),
+/// A writer of a format of COCO's family. The formats differ in their records and in the names of their files.
+pub trait Family: Send + Sync + Sized + 'static {
+    /// The products that it reads.
+    fn reads(&self) -> Vec<Input>;
+
+    /// The annotation file, as all paths here inside the writer's folder.
+    fn file(&self) -> String;
+
+    /// All files of the dataset.
+    fn files(&self) -> Vec<String> {
+        vec![self.file()]
+    }
+
+    /// The files of a view, given the file name of its image.
+    fn files_of_view(&self, image: &str) -> Vec<String> {
+        vec![format!("{IMAGES}/{image}")]
+    }
+
+    /// Writes the files of a view, and the records of its annotations.
+    fn view(&self, cx: &ImageContext, products: &Products, files: &mut SceneFiles) -> Result<()>;
+
+    /// The categories of the annotation file.
+    fn categories(&self, dataset: &DatasetInfo) -> Vec<Category> {
+        categories(dataset)
+    }
+
+    /// Which images the annotation file lists.
+    fn listed(&self) -> Listed {
+        Listed::All
+    }
+
+    /// Options that the files of the dataset alone depend on.
+    fn finish_options(&self) -> &'static [&'static str] {
+        &["split"]
+    }
+
+    /// Writes the files of the dataset.
+    fn finish(&self, cx: &DatasetContext, finish: &Finish) -> Result<()> {
+        merge(cx, finish, &self.file(), &self.categories(cx.dataset), self.listed())
+    }
+
+    /// The writer.
+    fn writer(self) -> Box<dyn Writer> {
+        FamilyWriter(self).boxed()
+    }
+}
+
+struct FamilyWriter<F>(F);
+
+impl<F: Family> ImageWriter for FamilyWriter<F> {
+    /// The shard.
+    type Scene = Vec<u8>;
+
+    fn reads(&self) -> Vec<Input> {
+        self.0.reads()
+    }
+
+    fn view(&self, shard: &mut Vec<u8>, cx: &ImageContext, products: &Products, output: &Output) -> Result<()> {
+        self.0.view(cx, products, &mut SceneFiles { output, shard })
+    }
+
+    fn close(&self, shard: Vec<u8>, _: &ImagesContext, _: &Products, output: &Output) -> Result<()> {
+        output.write_shard(&shard)
+    }
+
+    fn finish(&self, cx: &DatasetContext, _: &Products, finish: &Finish) -> Result<()> {
+        self.0.finish(cx, finish)
+    }
+
+    fn paths(&self, of: &FileOf) -> Vec<String> {
+        let files = match (of.scene, of.view) {
+            (Some(scene), Some(view)) => self.0.files_of_view(&image_name(scene, view)),
+            (None, None) => self.0.files(),
+            _ => Vec::new(),
+        };
+        files.into_iter().map(|file| format!("{}/{file}", of.id)).collect()
+    }
+
+    fn finish_options(&self) -> &'static [&'static str] {
+        self.0.finish_options()
     }
 }
 
@@ -44,17 +118,12 @@ pub fn check_split(split: &str) -> Result<(), ConfigError> {
 }
 
 /// The files of a scene: images, and the records of the annotation file in the shard.
-pub struct SceneFiles {
-    output: Output,
-    shard: Vec<u8>,
+pub struct SceneFiles<'a> {
+    output: &'a Output,
+    shard: &'a mut Vec<u8>,
 }
 
-impl SceneFiles {
-    /// Starts a scene.
-    pub fn new(output: Output) -> Self {
-        Self { output, shard: Vec::new() }
-    }
-
+impl SceneFiles<'_> {
     /// Writes the image of a view, and its record, which `annotations` records of annotations follow.
     pub fn image(&mut self, cx: &ImageContext, products: &Products, annotations: usize) -> Result<()> {
         let name = image_name(cx.scene_id, cx.view_id);
@@ -84,27 +153,22 @@ impl SceneFiles {
         let (width, height) = (rgb.width(), rgb.height());
         let license = Some(license().id);
         let record = ImageRecord { file_name: name, width, height, license, extra, ..ImageRecord::default() };
-        shard::push_image(&mut self.shard, annotations, &record)
+        shard::push_image(self.shard, annotations, &record)
     }
 
     /// Writes a PNG file at a path inside the writer's folder.
     pub fn png(&self, path: &str, image: &Image) -> Result<()> {
-        image.write(&self.output, &format!("{}/{path}", self.output.id()))
+        image.write(self.output, &format!("{}/{path}", self.output.id()))
     }
 
     /// Adds the record of an annotation. Its `id` and `image_id` must be the first fields, and 0.
     pub fn annotation(&mut self, record: &impl Serialize) -> Result<()> {
-        shard::push_annotation(&mut self.shard, record)
+        shard::push_annotation(self.shard, record)
     }
 
     /// Adds a record of the view that is no annotation.
     pub fn of_view(&mut self, record: &impl Serialize) -> Result<()> {
-        shard::push_view(&mut self.shard, record)
-    }
-
-    /// Ends the scene.
-    pub fn close(self) -> Result<()> {
-        self.output.write_shard(&self.shard)
+        shard::push_view(self.shard, record)
     }
 }
 
@@ -123,23 +187,14 @@ impl Listed {
     }
 }
 
-/// Writes the annotation file `file`, a path inside the writer's folder, from the shards of all scenes. It has no
-/// section of categories if there are none.
-pub fn merge(
-    cx: &DatasetContext,
-    finish: &Finish,
-    file: &str,
-    categories: Option<&[Category]>,
-    listed: Listed,
-) -> Result<()> {
+/// Writes the annotation file `file`, a path inside the writer's folder, from the shards of all scenes.
+pub fn merge(cx: &DatasetContext, finish: &Finish, file: &str, categories: &[Category], listed: Listed) -> Result<()> {
     let path = format!("{}/{file}", finish.id());
     finish.write(&path, |out| {
         let mut file = DatasetWriter::new(out, &path, Layout::Lines)?;
         file.section("info", &info(cx.dataset))?;
         file.section("licenses", &[license()])?;
-        if let Some(categories) = categories {
-            file.section("categories", &categories)?;
-        }
+        file.section("categories", &categories)?;
         file.images(|images| {
             for_each_line(cx.dataset, finish, |id, line| match line {
                 Line::Image { annotations, record } if listed.lists(annotations) => images.raw(&record.numbered(id)),

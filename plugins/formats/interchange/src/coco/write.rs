@@ -1,0 +1,96 @@
+//! Writes COCO's layout.
+
+use super::keypoints::{self, Named};
+use super::{Coco, Masks};
+use crate::family::write::{Family, SceneFiles, policy};
+use crate::labels::{self, Label, ObjectMasks, Partial};
+use syntable_formats::coco::{Category, categories};
+use syntable_model::prelude::*;
+use syntable_model::product::standard::{KEYPOINTS, RGB};
+
+/// Path of the annotation file.
+pub fn file(split: &str) -> String {
+    format!("annotations/instances_{split}.json")
+}
+
+impl Family for Coco {
+    fn reads(&self) -> Vec<Input> {
+        let keypoints = (!self.keypoints.is_empty()).then(|| Input::of(KEYPOINTS));
+        [Input::of(RGB), policy()].into_iter().chain(labels::either_inputs(self.masks)).chain(keypoints).collect()
+    }
+
+    fn file(&self) -> String {
+        file(&self.split)
+    }
+
+    fn view(&self, cx: &ImageContext, products: &Products, files: &mut SceneFiles) -> Result<()> {
+        let labels = self.masks.shown_partial(cx.log, labels::partial(cx.dataset, products)?, true);
+        files.image(cx, products, labels.len())?;
+        let named = if self.keypoints.is_empty() { None } else { Some(Named::of(products)?) };
+        labels.iter().try_for_each(|label| {
+            let mut annotation = self.masks.annotation(label);
+            if let Some(named) = &named {
+                named.fill(label.id, &self.keypoints, &mut annotation.extra);
+            }
+            files.annotation(&annotation)
+        })
+    }
+
+    fn categories(&self, dataset: &DatasetInfo) -> Vec<Category> {
+        let mut categories = categories(dataset);
+        if !self.keypoints.is_empty() {
+            let extra = keypoints::of_category(&self.keypoints, &self.skeleton);
+            categories.iter_mut().for_each(|category| category.extra = extra.clone());
+        }
+        categories
+    }
+}
+
+impl Masks {
+    /// The mask of an object.
+    pub(crate) fn of<'a>(self, label: &Label<'a>) -> &'a Mask {
+        match self {
+            Self::Visible => label.visible,
+            Self::Amodal => label.amodal,
+        }
+    }
+
+    /// The labels of the objects whose mask is not empty, for a format that stores amodal masks. Objects that are left out are
+    /// reported.
+    pub(crate) fn shown<'a>(self, log: &dyn Log, labels: Vec<Label<'a>>) -> Vec<Label<'a>> {
+        let whole = labels.iter().map(|label| Partial::from(*label)).collect::<Vec<_>>();
+        report_left_out(log, &whole, |label| self.shown_of(label), true);
+        labels.into_iter().filter(|label| !self.of(label).is_empty()).collect()
+    }
+
+    /// The same for labels that need not have both kinds of masks, and a format that stores amodal masks or not.
+    pub(crate) fn shown_partial<'a>(
+        self,
+        log: &dyn Log,
+        mut labels: Vec<Partial<'a>>,
+        stores_amodal: bool,
+    ) -> Vec<Partial<'a>> {
+        report_left_out(log, &labels, |label| self.shown_of(label), stores_amodal);
+        labels.retain(|label| !self.shown_of(label).is_empty());
+        labels
+    }
+}
+
+/// Reports objects that are left out since their mask is empty: those without any pixel, and if the format stores amodal masks,
+/// those whose amodal mask it loses.
+fn report_left_out<'a>(
+    log: &dyn Log,
+    labels: &[Partial<'a>],
+    mask: impl Fn(&Partial<'a>) -> &'a Mask,
+    stores_amodal: bool,
+) {
+    let is_hidden = |label: &&Partial| matches!(label.masks, ObjectMasks::All(all) if !all.amodal.is_empty());
+    let left_out: Vec<&Partial> = labels.iter().filter(|label| mask(label).is_empty()).collect();
+    let hidden = left_out.iter().copied().filter(is_hidden).count();
+    log.left_out(&LeftOut::without_pixels(left_out.len() - hidden, labels.len()));
+    if stores_amodal {
+        let what = "objects are left out with their amodal masks: no pixel of them is visible";
+        let help = "the writer `d2sa`, and `coco` with `masks = \"amodal\"`, keep such objects";
+        log.left_out(&LeftOut::new(hidden, labels.len(), what).help(help));
+    }
+}

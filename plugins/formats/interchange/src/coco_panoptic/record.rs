@@ -1,0 +1,53 @@
+//! The records of the annotation file of COCO's panoptic segmentation.
+
+use syntable_formats::Extra;
+use syntable_formats::listing::AnnotationRecord;
+use syntable_model::prelude::*;
+
+/// How names of annotation files begin.
+pub const FILE: &str = "panoptic_";
+
+/// What the stuff is called that is all pixels without an object.
+pub const BACKGROUND_NAME: &str = "background";
+
+/// Id of the pixels of no segment.
+pub const VOID: u32 = 0;
+
+/// The annotation of an image. `N` is the type of numbers of pixels: whole ones are written, and others have fractions.
+#[derive(Serialize, Deserialize)]
+pub struct ImageAnnotation<N = f64> {
+    /// Fields that are not read, such as our `id`.
+    #[serde(flatten)]
+    pub extra: Extra,
+    pub image_id: u64,
+    pub file_name: String,
+    pub segments_info: Vec<Segment<N>>,
+}
+
+/// A thing, or stuff. Its id is R + 256 · G + 256² · B of its pixels.
+#[derive(Serialize, Deserialize)]
+pub struct Segment<N = f64> {
+    pub id: u32,
+    pub category_id: u64,
+    pub area: N,
+    pub bbox: [N; 4],
+    #[serde(default)]
+    pub iscrowd: u8,
+    /// Fields that are not read.
+    #[serde(flatten)]
+    pub extra: Extra,
+}
+
+impl AnnotationRecord for ImageAnnotation {
+    fn id(&self) -> u64 {
+        self.image_id
+    }
+
+    fn image(&self) -> u64 {
+        self.image_id
+    }
+
+    fn category(&self) -> Option<u64> {
+        None
+    }
+}

@@ -1,0 +1,107 @@
+//! Writes COCO's layout for panoptic segmentation.
+
+use super::CocoPanoptic;
+use super::record::{BACKGROUND_NAME, FILE, ImageAnnotation, Segment};
+use crate::coco::Masks;
+use crate::family::write::{Family, IMAGES, SceneFiles, image_name};
+use crate::labels::{self, Partial};
+use std::collections::BTreeSet;
+use syntable_formats::Extra;
+use syntable_formats::coco::{Category, categories};
+use syntable_formats::encode::png::{Image, Samples};
+use syntable_model::prelude::*;
+use syntable_model::product::Painted;
+use syntable_model::product::standard::RGB;
+
+/// Id of the segment of the background, beyond all ids of objects.
+const BACKGROUND: u32 = 1 << 16;
+
+impl CocoPanoptic {
+    /// Folder of the segments' images inside the writer's folder, which panopticapi derives from the annotation file.
+    fn folder(&self) -> String {
+        format!("annotations/{FILE}{}", self.split)
+    }
+}
+
+impl Family for CocoPanoptic {
+    fn reads(&self) -> Vec<Input> {
+        std::iter::once(Input::of(RGB)).chain(labels::visible_inputs()).collect()
+    }
+
+    fn file(&self) -> String {
+        format!("{}.json", self.folder())
+    }
+
+    fn files_of_view(&self, image: &str) -> Vec<String> {
+        vec![format!("{IMAGES}/{image}"), format!("{}/{image}", self.folder())]
+    }
+
+    fn finish_options(&self) -> &'static [&'static str] {
+        // The split is in the names of files of views.
+        &[]
+    }
+
+    fn categories(&self, dataset: &DatasetInfo) -> Vec<Category> {
+        with_background(dataset)
+    }
+
+    fn view(&self, cx: &ImageContext, products: &Products, files: &mut SceneFiles) -> Result<()> {
+        let rgb = products.get(RGB)?;
+        let labels = Masks::Visible.shown_partial(cx.log, labels::partial(cx.dataset, products)?, false);
+        let painted = Painted::new([rgb.width(), rgb.height()], labels.iter().map(|label| (label.id, visible(label))));
+        painted.left_out().for_each(|left_out| cx.log.left_out(&left_out));
+        let name = image_name(cx.scene_id, cx.view_id);
+        files.png(&format!("{}/{name}", self.folder()), &id_image(&painted.ids))?;
+        files.image(cx, products, 1)?;
+        let segments_info = segments(&painted, background_category(cx.dataset), &labels);
+        let extra = Extra::from_iter([("id".to_owned(), 0.into())]);
+        files.annotation(&ImageAnnotation { extra, image_id: 0, file_name: name, segments_info })
+    }
+}
+
+/// The categories of things, and that of the background after them.
+fn with_background(dataset: &DatasetInfo) -> Vec<Category> {
+    let of = |mut category: Category, isthing: u8| {
+        category.extra.insert("isthing".into(), isthing.into());
+        category
+    };
+    let id = background_category(dataset);
+    let background = Category { id, name: BACKGROUND_NAME.into(), ..Category::default() };
+    categories(dataset).into_iter().map(|thing| of(thing, 1)).chain([of(background, 0)]).collect()
+}
+
+fn background_category(dataset: &DatasetInfo) -> u64 {
+    dataset.categories().map(|(id, _)| u64::from(id)).max().unwrap_or_default() + 1
+}
+
+fn visible<'a>(label: &Partial<'a>) -> &'a Mask {
+    Masks::Visible.shown_of(label)
+}
+
+/// The segments of an image: objects of which it shows pixels, then the background if a pixel shows it.
+fn segments(painted: &Painted, background: u64, labels: &[Partial]) -> Vec<Segment<i64>> {
+    let shown: BTreeSet<InstanceId> = painted.shown().collect();
+    let things = labels.iter().filter(|label| shown.contains(&label.id));
+    let thing =
+        |label: &Partial| segment(label.id.0.into(), label.category.into(), &painted.mask(label.id, visible(label)));
+    let ids = &painted.ids;
+    let rest = Mask::from_fn(ids.width(), ids.height(), |x, y| *ids.at(x, y) == InstanceId::default());
+    let stuff = (!rest.is_empty()).then(|| segment(BACKGROUND, background, &rest));
+    things.map(thing).chain(stuff).collect()
+}
+
+/// The image whose pixels say the ids of their segments.
+fn id_image(ids: &Plane<InstanceId>) -> Image {
+    let segment = |id: &InstanceId| if *id == InstanceId::default() { BACKGROUND } else { id.0.into() };
+    let color = |id: &InstanceId| <[u8; 3]>::try_from(&segment(id).to_le_bytes()[..3]).expect("three of four bytes");
+    Image {
+        width: ids.width(),
+        height: ids.height(),
+        samples: Samples::Rgb8(ids.data().iter().flat_map(color).collect()),
+    }
+}
+
+fn segment(id: u32, category_id: u64, mask: &Mask) -> Segment<i64> {
+    let bbox = <[i32; 4]>::from(mask.bbox()).map(i64::from);
+    Segment { id, category_id, area: mask.area().into(), bbox, iscrowd: 0, extra: Extra::new() }
+}

@@ -1,0 +1,73 @@
+//! Writes COCO-Amodal.
+
+use super::Cocoa;
+use super::record::{FILE, ImageAnnotation, Region};
+use crate::coco::Masks;
+use crate::family::write::{Family, Listed, SceneFiles, image_name, policy};
+use crate::labels::{self, Label};
+use crate::order::{self, Order};
+use crate::outlines;
+use syntable_formats::Extra;
+use syntable_formats::segmentation::Rle;
+use syntable_model::prelude::*;
+use syntable_model::product::standard::{AMODAL_OUTLINE, RGB};
+
+impl Family for Cocoa {
+    fn reads(&self) -> Vec<Input> {
+        let own = [Input::of(RGB), Input::of(AMODAL_OUTLINE), policy()];
+        own.into_iter().chain(order::inputs()).chain(labels::inputs()).collect()
+    }
+
+    fn file(&self) -> String {
+        format!("annotations/{FILE}{}.json", self.split)
+    }
+
+    fn listed(&self) -> Listed {
+        Listed::Annotated
+    }
+
+    fn view(&self, cx: &ImageContext, products: &Products, files: &mut SceneFiles) -> Result<()> {
+        let labels = Masks::Amodal.shown(cx.log, labels::labels(cx.dataset, products)?);
+        outlines::report_holes(cx.log, products, Masks::Amodal, labels.iter().map(|label| label.id))?;
+        let order = Order::of(products, &labels)?;
+        let sorted = order.front_to_back();
+        let region = |(at, &i): (usize, &usize)| region(cx.dataset, products, at + 1, &labels[i]);
+        let regions = sorted.iter().enumerate().map(region).collect::<Result<Vec<_>>>()?;
+        files.image(cx, products, usize::from(!regions.is_empty()))?;
+        if regions.is_empty() {
+            return Ok(());
+        }
+        let (url, author) = (image_name(cx.scene_id, cx.view_id), cx.dataset.program.as_str());
+        files.annotation(&ImageAnnotation {
+            id: 0,
+            image_id: 0,
+            extra: Extra::from_iter([("url".to_owned(), url.into()), ("author".to_owned(), author.into())]),
+            size: Some(regions.len()),
+            depth_constraint: constraints(&order, &sorted).join(","),
+            regions,
+        })
+    }
+}
+
+fn region(dataset: &DatasetInfo, products: &Products, order: usize, label: &Label) -> Result<Region> {
+    let is_occluded = !label.occlusion.is_empty();
+    let mask = |mask: &Mask| is_occluded.then(|| Rle::encode(mask));
+    Ok(Region {
+        segmentation: outlines::ring(products, Masks::Amodal, label.id)?.into_flattened(),
+        name: dataset.category(label.category)?.1.to_owned(),
+        area: Some(label.amodal.area().into()),
+        is_stuff: 0,
+        occlude_rate: Some(label.rate),
+        order: Some(order),
+        visible_mask: mask(label.visible),
+        invisible_mask: mask(label.occlusion),
+        extra: Extra::new(),
+    })
+}
+
+/// The pairs `i-j` of places in `sorted`, from 1, of which the first occludes the second.
+fn constraints(order: &Order, sorted: &[usize]) -> Vec<String> {
+    let pairs = (0..sorted.len()).flat_map(|i| (i + 1..sorted.len()).map(move |j| (i, j)));
+    let occluding = pairs.filter(|&(i, j)| order.occludes(sorted[i], sorted[j]));
+    occluding.map(|(i, j)| format!("{}-{}", i + 1, j + 1)).collect()
+}

@@ -1,0 +1,38 @@
+//! The records of D2SA's annotation file.
+
+use crate::field::Field;
+use syntable_formats::segmentation::Rle;
+use syntable_model::prelude::*;
+
+/// How the name of the annotation file begins.
+pub const FILE: &str = "D2S_amodal_";
+
+/// An object, in the order of its fields that is written. The reader of `coco` reads it as [`Fields`](crate::coco::Fields).
+#[derive(Serialize)]
+pub struct Annotation {
+    pub id: u64,
+    pub image_id: u64,
+    pub category_id: u32,
+    pub iscrowd: bool,
+    pub area: f64,
+    pub bbox: [f64; 4],
+    pub segmentation: Rle,
+    pub visible_mask: Rle,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub invisible_mask: Option<Rle>,
+    pub occlude_rate: f64,
+    pub occl_depth: usize,
+    pub amodal_region: Region,
+}
+
+/// The whole object, with its place from the front, from 1.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Region {
+    pub name: Field<String>,
+    pub area: Field<f64>,
+    #[serde(rename = "isStuff")]
+    pub is_stuff: Field<u8>,
+    pub bbox: Field<[f64; 4]>,
+    pub order: Field<u64>,
+}

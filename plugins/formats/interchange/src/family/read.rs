@@ -1,0 +1,245 @@
+//! What readers of COCO's family share: the annotation file, its images, and what of it nobody reads.
+
+use crate::read::is_in;
+use serde::de::IgnoredAny;
+use serde_json::Value as Json;
+use std::collections::BTreeSet;
+use std::path::Path;
+use syntable_formats::coco::{Category, Image};
+use syntable_formats::decode;
+use syntable_formats::index::Record;
+use syntable_formats::listing::{AnnotationRecord, Listing};
+use syntable_formats::read::{Categories, labels_among};
+use syntable_formats::unkept::{self, Unkept};
+use syntable_model::files::DatasetFolder;
+use syntable_model::prelude::*;
+use syntable_model::product::standard::{CATEGORY_ID, DEPTH, LABEL_POLICY, RGB};
+use syntable_model::reader::{Crowd, ImageSource, Note, Opened, ReadImage};
+
+/// Folder of the annotation file.
+pub const FOLDER: &str = "annotations";
+
+/// Key of the depth image of an image, in whole millimeters, beside its `file_name`: UOAIS-Sim's.
+pub const DEPTH_FILE: &str = "depth_file_name";
+/// Millimeters per step of such a depth image.
+const DEPTH_UNIT_MM: f64 = 1.0;
+
+/// Fields of images' records that some reader of the family reads.
+const OF_IMAGES: &[&str] = &["label_policy", DEPTH_FILE];
+
+/// A broken rule: its name, and what breaks it.
+pub type Fault = (&'static str, String);
+
+/// What a format of the family says of the objects in images.
+pub trait Annotated: Send + Sync + 'static {
+    /// Puts those labels of an image that are wanted.
+    fn put(&self, file: &AnnotationFile, image: usize, wants: &[KeyId], products: &mut Products) -> Result<()>;
+
+    /// As [`ImageSource::crowds`].
+    fn crowds(&self, file: &AnnotationFile, image: usize) -> Result<Vec<Crowd>> {
+        let _ = (file, image);
+        Ok(Vec::new())
+    }
+
+    /// As [`ImageSource::image_faults`].
+    fn faults(&self, file: &AnnotationFile, image: usize) -> Vec<Fault>;
+}
+
+/// An annotation file of COCO's structure, and the folder of its images.
+pub struct AnnotationFile {
+    /// Its records.
+    pub listing: Listing,
+    /// The folder that image names count from.
+    images_root: DatasetFolder,
+    /// Whether every image has a depth image.
+    has_depth: bool,
+    /// Whether every image says the policy of its labels.
+    has_policy: bool,
+    /// Fields that are not read, of images and then of each kind of record of the format.
+    unkept: Vec<Unkept>,
+}
+
+impl AnnotationFile {
+    /// Opens a file of a dataset whose images are in one of `folders`. `records` names the kinds of records of the format, in the
+    /// plural, each with the fields in its `extra` that are read; `each` sees every annotation, and counts those records.
+    pub fn open<A: AnnotationRecord>(
+        root: &DatasetFolder,
+        file: &Path,
+        folders: &[&str],
+        records: &[(&'static str, &'static [&'static str])],
+        each: &mut dyn FnMut(&A, &mut [Unkept]),
+    ) -> Result<Self> {
+        let (mut has_depth, mut has_policy) = (true, true);
+        let of_records = [("images", OF_IMAGES)].iter().chain(records).map(|(of, read)| Unkept::new(of, read));
+        let mut unkept: Vec<Unkept> = of_records.collect();
+        let listing = Listing::open(file, &mut |record: &Record<Image, A, IgnoredAny>| match record {
+            Record::Annotation(annotation) => each(annotation, &mut unkept[1..]),
+            Record::Image(image) => {
+                count_unkept(&mut unkept[0], image);
+                has_depth &= depth_file(image).is_some();
+                has_policy &= policy(image).is_some();
+            }
+            Record::Scene(_) => {}
+        })?;
+        let [has_depth, has_policy] = [has_depth, has_policy].map(|has| has && !listing.images.is_empty());
+        let first = listing.images.first().map(|image| image.frame.file_name.as_str());
+        let has = |folder: &DatasetFolder| first.is_some_and(|image| folder.has(image));
+        let inner = || folders.iter().map(|name| root.inner(name));
+        let images_root = inner().find(has).or_else(|| inner().next()).unwrap_or_else(|| root.clone());
+        Ok(Self { listing, images_root, has_depth, has_policy, unkept })
+    }
+
+    /// The categories that it lists.
+    ///
+    /// # Errors
+    /// If it has no list of them.
+    pub fn categories(&self) -> Result<&[Category]> {
+        let missing = || Error::new("missing field `categories`").in_file(self.listing.file.path());
+        self.listing.file.categories.as_deref().ok_or_else(missing)
+    }
+
+    /// What it says of the dataset.
+    pub fn info(&self, categories: &Categories) -> DatasetInfo {
+        let about = &self.listing.file.info;
+        categories.info(about.description.clone(), about.contributor.clone(), &self.listing.refs, String::new())
+    }
+
+    /// Whether this program wrote it.
+    pub fn is_ours(&self) -> bool {
+        self.listing.file.info.contributor.starts_with("syntable ")
+    }
+
+    /// What images have: labels, color, and those of `others` that every image has, of depth and the policy of labels.
+    pub fn offers(&mut self, labels: Vec<KeyId>, others: &[KeyId]) -> Vec<KeyId> {
+        self.has_depth &= others.contains(&DEPTH.id());
+        self.has_policy &= others.contains(&LABEL_POLICY.id());
+        let others = [(true, RGB.id()), (self.has_depth, DEPTH.id()), (self.has_policy, LABEL_POLICY.id())];
+        labels.into_iter().chain(others.into_iter().filter(|it| it.0).map(|it| it.1)).collect()
+    }
+
+    /// What readers of categories say of those that are in others, where ids are not kept.
+    pub fn supercategories(&self) -> Option<Note> {
+        let all = self.listing.file.categories.iter().flatten();
+        let names: BTreeSet<&str> = all.map(|category| category.supercategory.as_str()).collect();
+        // One for all tells nothing apart.
+        let tells = names.len() > 1 && self.info(&self.listing.categories).own_categories.is_empty();
+        let text = "of categories, names alone are read: supercategories are left out, since some ids are not kept";
+        tells.then(|| Note::caveat(text).of([CATEGORY_ID.id()]))
+    }
+
+    /// What is not read: information, if others wrote the dataset, since in ours it is always the same; and fields that may be
+    /// labels, for those who read labels.
+    pub fn not_kept(&self, offers: &[KeyId]) -> Vec<Note> {
+        let of_records = self.unkept.iter().flat_map(Unkept::information);
+        let all: Vec<String> = self.listing.information().into_iter().chain(of_records).collect();
+        let information = unkept::note(&all).filter(|_| !self.is_ours()).map(Note::caveat);
+        let labels = labels_among(offers);
+        let not_kept = self.unkept.iter().flat_map(Unkept::labels);
+        information.into_iter().chain(not_kept.map(|it| Note::not_kept(it).of(labels.clone()))).collect()
+    }
+
+    /// The dataset, with what the listing says of it before `notes`.
+    pub fn opened(self, info: DatasetInfo, offers: Vec<KeyId>, notes: Vec<Note>, annotated: impl Annotated) -> Opened {
+        let Self { listing, images_root, has_depth, has_policy, unkept } = self;
+        let mut opened = listing.opened(info, offers, |listing| Reader {
+            file: Self { listing, images_root, has_depth, has_policy, unkept },
+            annotated,
+        });
+        opened.notes.extend(notes);
+        opened
+    }
+
+    /// Width and height of an image, px.
+    pub fn size(&self, image: usize) -> [u32; 2] {
+        let frame = &self.listing.images[image].frame;
+        [frame.width, frame.height]
+    }
+
+    /// Whether rates of occlusion of an image count what is beyond it, so that no mask has it.
+    pub fn counts_beyond(&self, image: usize) -> Result<bool> {
+        let extends = |image: &Image| policy(image).is_some_and(|policy| policy["image_frame"] == "extend");
+        Ok(self.has_policy && extends(&self.listing.image(image)?))
+    }
+
+    /// Puts what is wanted of color, depth and the policy of labels.
+    fn put_images(&self, image: usize, wants: &[KeyId], products: &mut Products) -> Result<()> {
+        let size = self.size(image);
+        if wants.contains(&RGB.id()) {
+            let path = self.images_root.file(&self.listing.images[image].frame.file_name)?;
+            products.put(RGB, decode::rgb_of_size(&path, size)?)?;
+        }
+        let wanted = |has: bool, key: KeyId| has && wants.contains(&key);
+        let (depth, policy) = (wanted(self.has_depth, DEPTH.id()), wanted(self.has_policy, LABEL_POLICY.id()));
+        if depth || policy {
+            let record: Image = self.listing.image(image)?;
+            if depth {
+                let path = self.images_root.file(depth_file(&record).unwrap_or_default())?;
+                products.put(DEPTH, decode::depth_of_size(&path, DEPTH_UNIT_MM, size)?)?;
+            }
+            if policy {
+                products.put(LABEL_POLICY, Value::of(&record.extra[LABEL_POLICY.name()])?)?;
+            }
+        }
+        Ok(())
+    }
+}
+
+struct Reader<A> {
+    file: AnnotationFile,
+    annotated: A,
+}
+
+impl<A: Annotated> ImageSource for Reader<A> {
+    fn read(&self, image: usize, wants: &[KeyId]) -> Result<ReadImage> {
+        let mut products = Products::new();
+        if !labels_among(wants).is_empty() {
+            self.annotated.put(&self.file, image, wants, &mut products)?;
+        }
+        self.file.put_images(image, wants, &mut products)?;
+        Ok(ReadImage::new(self.file.size(image), products))
+    }
+
+    fn crowds(&self, image: usize) -> Result<Vec<Crowd>> {
+        self.annotated.crowds(&self.file, image)
+    }
+
+    fn image_faults(&self, image: usize) -> Vec<Fault> {
+        self.annotated.faults(&self.file, image)
+    }
+}
+
+/// The folders beside `annotations` in which images may be, as COCO and others call them: `images`, and names with the split.
+pub fn image_folders(file: &Path) -> [String; 5] {
+    let split = file.file_stem().and_then(|stem| stem.to_str()?.rsplit('_').next()).unwrap_or_default();
+    ["images".into(), split.into(), format!("{split}2017"), format!("{split}2014"), ".".into()]
+}
+
+/// Annotations that are no objects, such as crowds, for those who read labels.
+pub fn not_objects(offers: &[KeyId], count: usize, of: usize, what: &'static str) -> Note {
+    Note::not_objects(LeftOut::new(count, of, what)).of(labels_among(offers))
+}
+
+/// The folder beside the file in which the file's own folders are.
+pub fn beside(root: DatasetFolder, file: &Path) -> DatasetFolder {
+    if is_in(file, FOLDER) { root.inner(FOLDER) } else { root }
+}
+
+/// The policy of the labels that the record of an image states.
+fn policy(image: &Image) -> Option<&Json> {
+    image.extra.get(LABEL_POLICY.name())
+}
+
+/// Path of the depth image of an image.
+fn depth_file(image: &Image) -> Option<&str> {
+    image.extra.get(DEPTH_FILE)?.as_str()
+}
+
+/// Counts the fields of an image's record that nobody reads.
+fn count_unkept(unkept: &mut Unkept, image: &Image) {
+    unkept.add(&image.extra);
+    let Image { license, date_captured, coco_url, flickr_url, .. } = image;
+    unkept.add_information("license", license.is_some());
+    for (name, text) in [("date_captured", date_captured), ("coco_url", coco_url), ("flickr_url", flickr_url)] {
+        unkept.add_information(name, text.as_ref().is_some_and(|text| !text.is_empty()));
+    }
+}

@@ -1,0 +1,88 @@
+//! Fields of records that others may write otherwise.
+
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+use serde_json::Value as Json;
+
+/// A field that may be missing, or have a value of another type: that is an error for those who read the field, and not for
+/// those who open the file. `null` is missing.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub enum Field<T> {
+    /// There is none.
+    #[default]
+    Missing,
+    /// Its value.
+    Is(T),
+    /// Why its value is none.
+    Other(String),
+}
+
+impl<T> Field<T> {
+    /// Whether there is no such field.
+    pub fn is_missing(&self) -> bool {
+        matches!(self, Self::Missing)
+    }
+
+    /// Its value; none if it has none of this type.
+    pub fn value(&self) -> Option<&T> {
+        if let Self::Is(value) = self { Some(value) } else { None }
+    }
+
+    /// Its value, if it is there.
+    ///
+    /// # Errors
+    /// The reason, if its value is of another type.
+    pub fn get(&self) -> Result<Option<&T>, &str> {
+        match self {
+            Self::Missing => Ok(None),
+            Self::Is(value) => Ok(Some(value)),
+            Self::Other(reason) => Err(reason),
+        }
+    }
+}
+
+impl<T> From<T> for Field<T> {
+    fn from(value: T) -> Self {
+        Self::Is(value)
+    }
+}
+
+impl<'de, T: for<'a> Deserialize<'a>> Deserialize<'de> for Field<T> {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let json = Json::deserialize(deserializer)?;
+        Ok(match json.is_null() {
+            true => Self::Missing,
+            false => serde_json::from_value(json).map_or_else(|error| Self::Other(error.to_string()), Self::Is),
+        })
+    }
+}
+
+impl<T: Serialize> Serialize for Field<T> {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        self.value().serialize(serializer)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[derive(Debug, PartialEq, Default, Deserialize, Serialize)]
+    #[serde(default)]
+    struct Record {
+        #[serde(skip_serializing_if = "Field::is_missing")]
+        order: Field<u64>,
+    }
+
+    #[test]
+    fn values_of_other_types_are_errors_of_those_who_read_them() {
+        let order = |text: &str| serde_json::from_str::<Record>(text).expect("opens").order;
+        assert_eq!(order("{}"), Field::Missing);
+        assert_eq!(order(r#"{"order":null}"#), Field::Missing);
+        assert_eq!(order(r#"{"order":3}"#).get(), Ok(Some(&3)));
+        let odd = order(r#"{"order":[3]}"#);
+        assert!(!odd.is_missing() && odd.value().is_none());
+        assert!(odd.get().is_err_and(|reason| reason.contains("expected u64")), "{odd:?}");
+        let written = |order| serde_json::to_string(&Record { order }).expect("JSON");
+        assert_eq!([written(Field::Missing), written(7.into())], ["{}", r#"{"order":7}"#]);
+    }
+}

@@ -1,0 +1,50 @@
+//! InstaOrder.
+
+mod record;
+mod write;
+
+pub(crate) use record::FILE;
+
+use crate::family::write::{Family, check_split};
+use syntable_model::prelude::*;
+
+/// Writes InstaOrder's orders of occlusion and depth, beside COCO's instances.
+///
+/// # What it does
+///
+/// `instances_{split}.json` is the file that the writer `coco` writes with visible masks. Each record of
+/// `InstaOrder_{split}.json` is an image with at least two visible objects: `instance_ids` are ids of annotations
+/// there, and numbers in an `order` count them from 0. `occlusion` has the pairs of the occlusion order: `a<b` if a
+/// occludes b, `a<b & b<a` if each occludes the other. `depth` has all pairs: `a<b` if a is nearer, by the mean depth
+/// of what the image shows of it, or `a=b`; `overlap` says whether the two ranges of these depths do. `count` is 2
+/// throughout, as where InstaOrder's annotators agree at once. InstaOrder's reader wants a split named `train2017` or
+/// `val2017`.
+///
+/// # Output
+///
+/// - `{id}/images/{scene:06}_{view:04}.png`: 8-bit RGB.
+/// - `{id}/annotations/instances_{split}.json` and `{id}/annotations/InstaOrder_{split}.json`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct InstaOrder {
+    /// Name of the split in the annotation files' names.
+    pub split: String,
+}
+
+impl Default for InstaOrder {
+    fn default() -> Self {
+        Self { split: "train2017".into() }
+    }
+}
+
+impl Config for InstaOrder {
+    type Stage = dyn Writer;
+    const KIND: &'static str = "insta_order";
+    const EXAMPLE: &'static str = "split = \"train2017\"";
+    fn build(self) -> Result<Box<dyn Writer>, ConfigError> {
+        check_split(&self.split)?;
+        Ok(self.writer())
+    }
+}
+
+register!(InstaOrder);

@@ -1,0 +1,125 @@
+//! Writes KINS' layout, in its form of 2019 or of 2020.
+
+use super::record::Annotation;
+use super::{Kins, KinsVersion};
+use crate::coco::Masks;
+use crate::family::write::{Family, SceneFiles};
+use crate::labels::{self, Label};
+use crate::order::{self, Order};
+use crate::outlines;
+use syntable_formats::segmentation::{Rle, Segmentation};
+use syntable_model::prelude::*;
+use syntable_model::product::BBox;
+use syntable_model::product::standard::{AMODAL_OUTLINE, RGB, VISIBLE_OUTLINE};
+
+impl Family for Kins {
+    fn reads(&self) -> Vec<Input> {
+        let mut inputs = vec![Input::of(RGB), Input::of(AMODAL_OUTLINE)];
+        if self.version == KinsVersion::V2020 {
+            inputs.push(Input::of(VISIBLE_OUTLINE));
+            inputs.extend(order::inputs());
+        }
+        inputs.extend(labels::inputs());
+        inputs
+    }
+
+    fn file(&self) -> String {
+        match self.version {
+            KinsVersion::V2019 => format!("instances_{}.json", self.split),
+            KinsVersion::V2020 => format!("update_{}_2020.json", self.split),
+        }
+    }
+
+    fn view(&self, cx: &ImageContext, products: &Products, files: &mut SceneFiles) -> Result<()> {
+        let labels = Masks::Visible.shown(cx.log, labels::labels(cx.dataset, products)?);
+        let polygons: &[Masks] = match self.version {
+            KinsVersion::V2019 => &[Masks::Amodal],
+            KinsVersion::V2020 => &[Masks::Amodal, Masks::Visible],
+        };
+        for masks in polygons {
+            outlines::report_holes(cx.log, products, *masks, labels.iter().map(|label| label.id))?;
+        }
+        files.image(cx, products, labels.len())?;
+        match self.version {
+            KinsVersion::V2019 => {
+                labels.iter().try_for_each(|label| files.annotation(&annotation_2019(products, label)?))
+            }
+            KinsVersion::V2020 => {
+                let places = places(&Order::of(products, &labels)?, &groups(&labels));
+                labels
+                    .iter()
+                    .zip(places)
+                    .try_for_each(|(label, place)| files.annotation(&annotation_2020(products, label, place)?))
+            }
+        }
+    }
+}
+
+fn numbers(bbox: BBox) -> [i64; 4] {
+    <[i32; 4]>::from(bbox).map(i64::from)
+}
+
+fn annotation_2019(products: &Products, label: &Label) -> Result<Annotation<i64>> {
+    let amodal = Segmentation::Polygons(vec![outlines::ring(products, Masks::Amodal, label.id)?.into_flattened()]);
+    Ok(Annotation {
+        category_id: label.category.into(),
+        area: Some(label.amodal.area().into()),
+        segmentation: Some(amodal),
+        bbox: Some(numbers(label.amodal_box)),
+        inmodal_seg: Some(Segmentation::Rle(Rle::encode(label.visible))),
+        inmodal_bbox: Some(numbers(label.visible_box)),
+        ..Annotation::default()
+    })
+}
+
+fn annotation_2020(products: &Products, label: &Label, place: Place) -> Result<Annotation<i64>> {
+    let amodal = Segmentation::Polygons(vec![outlines::ring(products, Masks::Amodal, label.id)?.into_flattened()]);
+    Ok(Annotation {
+        category_id: label.category.into(),
+        a_segm: Some(amodal),
+        a_bbox: Some(numbers(label.amodal_box)),
+        a_area: Some(label.amodal.area().into()),
+        i_segm: Some(Segmentation::Polygons(outlines::polygons(products, Masks::Visible, label.id)?)),
+        i_bbox: Some(numbers(label.visible_box)),
+        i_area: Some(label.visible.area().into()),
+        a_hole_area: Some(outlines::hole_area(products, Masks::Amodal, label.id, label.amodal)?.into()),
+        i_hole_area: Some(outlines::hole_area(products, Masks::Visible, label.id, label.visible)?.into()),
+        oco_id: Some(place.group as u64),
+        ico_id: Some(place.order as u64),
+        ..Annotation::default()
+    })
+}
+
+/// Group of overlapping objects, and place in it from the front; both 0 for an object by itself.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct Place {
+    group: usize,
+    order: usize,
+}
+
+/// The places of objects, given the first object of the group of each.
+fn places(order: &Order, groups: &[usize]) -> Vec<Place> {
+    let layers = order.layers(&order.front_to_back());
+    let is_alone = |first: usize| groups.iter().filter(|&&group| group == first).count() == 1;
+    let shared: Vec<usize> =
+        groups.iter().enumerate().filter(|&(i, &first)| i == first && !is_alone(first)).map(|(i, _)| i).collect();
+    let place = |(first, layer): (&usize, usize)| match shared.binary_search(first) {
+        Ok(at) => Place { group: at + 1, order: layer + 1 },
+        Err(_) => Place { group: 0, order: 0 },
+    };
+    groups.iter().zip(layers).map(place).collect()
+}
+
+/// The first object of the group of each: objects whose amodal masks overlap, directly or through others.
+fn groups(labels: &[Label]) -> Vec<usize> {
+    let mut groups: Vec<usize> = (0..labels.len()).collect();
+    for j in 0..labels.len() {
+        for i in 0..j {
+            if groups[i] != groups[j] && !labels[i].amodal.and(labels[j].amodal).is_empty() {
+                let (kept, gone) = (groups[i].min(groups[j]), groups[i].max(groups[j]));
+                groups.iter_mut().filter(|group| **group == gone).for_each(|group| *group = kept);
+            }
+        }
+    }
+    groups
+}

@@ -1,0 +1,64 @@
+//! UOAIS-Sim. The reader of `coco` reads it.
+
+mod record;
+mod write;
+
+pub(crate) use record::FILE;
+
+use crate::depth::DepthSource;
+use crate::family::read::FOLDER;
+use crate::family::write::{Family, check_split};
+use syntable_model::prelude::*;
+
+/// Writes the layout of UOAIS-Sim, from which UOAIS-Net is trained.
+///
+/// # What it does
+///
+/// The folder `{id}` takes the place of `datasets/UOAIS-Sim`. The annotation file has what UOAIS-Net's loader reads,
+/// and nothing else: `segmentation` (amodal), `visible_mask` and `occluded_mask` are compressed run lengths, `bbox` and
+/// `area` those of the amodal mask, `occluded_rate` is the hidden fraction of it. The one category is `object` (1).
+/// Image ids are `scene · views_per_scene + view + 1`.
+///
+/// **Images must have 640 × 480 pixels** for UOAIS-Net's default recipe: it distorts depth as an image of this size,
+/// and loading fails with any other. Its range of depth, `DEPTH_RANGE`, must be set to that of the dataset, such as 250
+/// to 2500 mm.
+///
+/// # Output
+///
+/// - `{id}/{split}/rgb/{scene:06}_{view:04}.png`: 8-bit RGB.
+/// - `{id}/{split}/depth/{scene:06}_{view:04}.png`: 16-bit depth along the optical axis, whole millimeters; 0 where
+///   there is none.
+/// - `{id}/annotations/coco_anns_uoais_sim_{split}.json`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Uoais {
+    /// `train` or `val`: folder of the images, and part of the annotation file's name.
+    pub split: String,
+    /// Depth that is written.
+    pub depth: DepthSource,
+    /// Leaves images without annotations out of the annotation file: UOAIS-Net's evaluation fails at them. Their image
+    /// files are written all the same.
+    pub skip_empty_images: bool,
+}
+
+impl Default for Uoais {
+    fn default() -> Self {
+        Self { split: "train".into(), depth: DepthSource::default(), skip_empty_images: true }
+    }
+}
+
+impl Config for Uoais {
+    type Stage = dyn Writer;
+    const KIND: &'static str = "uoais";
+    const EXAMPLE: &'static str = "split = \"train\"\nskip_empty_images = true";
+    fn build(self) -> Result<Box<dyn Writer>, ConfigError> {
+        check_split(&self.split)?;
+        if self.split == FOLDER {
+            let message = format!("`{FOLDER}` is the folder of the annotation file");
+            return Err(ConfigError::new("split", message).help("write `train` or `val`"));
+        }
+        Ok(self.writer())
+    }
+}
+
+register!(Uoais);

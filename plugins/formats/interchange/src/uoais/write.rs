@@ -1,0 +1,59 @@
+//! Writes UOAIS-Sim's layout.
+
+use super::Uoais;
+use super::record::{Annotation, CATEGORY, FILE};
+use crate::coco::Masks;
+use crate::family::read::{DEPTH_FILE, FOLDER};
+use crate::family::write::{Family, Listed, SceneFiles, image_name, policy};
+use crate::labels;
+use syntable_formats::Extra;
+use syntable_formats::coco::Category;
+use syntable_formats::read::SUPERCATEGORY;
+use syntable_model::prelude::*;
+use syntable_model::product::standard::RGB;
+
+/// Path of the color image, relative to the folder of the split.
+fn rgb_path(image: &str) -> String {
+    format!("rgb/{image}")
+}
+
+/// Path of the depth image, relative to the folder of the split.
+fn depth_path(image: &str) -> String {
+    format!("depth/{image}")
+}
+
+impl Family for Uoais {
+    fn reads(&self) -> Vec<Input> {
+        [Input::of(RGB), self.depth.input(), policy()].into_iter().chain(labels::inputs()).collect()
+    }
+
+    fn file(&self) -> String {
+        format!("{FOLDER}/{FILE}{}.json", self.split)
+    }
+
+    fn files_of_view(&self, image: &str) -> Vec<String> {
+        [rgb_path(image), depth_path(image)].map(|path| format!("{}/{path}", self.split)).to_vec()
+    }
+
+    fn finish_options(&self) -> &'static [&'static str] {
+        &["skip_empty_images"]
+    }
+
+    fn categories(&self, _: &DatasetInfo) -> Vec<Category> {
+        let (name, supercategory) = ("object".into(), SUPERCATEGORY.into());
+        vec![Category { id: CATEGORY, name, supercategory, ..Category::default() }]
+    }
+
+    fn listed(&self) -> Listed {
+        if self.skip_empty_images { Listed::Annotated } else { Listed::All }
+    }
+
+    fn view(&self, cx: &ImageContext, products: &Products, files: &mut SceneFiles) -> Result<()> {
+        let image = image_name(cx.scene_id, cx.view_id);
+        files.png(&format!("{}/{}", self.split, depth_path(&image)), &self.depth.image(products)?)?;
+        let labels = Masks::Amodal.shown(cx.log, labels::labels(cx.dataset, products)?);
+        let extra = Extra::from_iter([(DEPTH_FILE.to_owned(), depth_path(&image).into())]);
+        files.image_in(&self.split, rgb_path(&image), products, labels.len(), extra)?;
+        labels.iter().try_for_each(|label| files.annotation(&Annotation::of(label)))
+    }
+}
