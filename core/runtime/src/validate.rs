@@ -197,7 +197,7 @@ pub fn validate(dataset: &OpenDataset, checks: &[Arc<dyn LabelCheck>], threads: 
     let categories = dataset.info.categories().filter(has_name).map(category).collect();
     let found = Mutex::new((vec![0_u32; checks.len()], BTreeSet::new(), Numbers { categories, ..Numbers::default() }));
     Pool::new(threads)?.run(dataset.images.len(), &|image| {
-        let (products, mut faults) = read(dataset, image, &offers);
+        let (products, mut faults) = read(dataset, image, offers);
         let made: Vec<bool> = checks.iter().map(|check| check.applies(&products)).collect();
         faults.extend(checks.iter().flat_map(|check| of_image(check, &products)));
         faults.extend(dataset.image_faults(image).into_iter().map(|(check, message)| (check.to_owned(), message)));

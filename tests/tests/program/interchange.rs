@@ -59,7 +59,7 @@ fn masks(root: &Path, format: &str) -> Masks {
     let offers_amodal = dataset.offers.contains(&AMODAL_MASK.id());
     let wants = &dataset.offers;
     let of = |(number, image): (usize, &reader::ImageRef)| {
-        let products = dataset.read(number, &wants).expect("readable").products;
+        let products = dataset.read(number, wants).expect("readable").products;
         let all = |key: Key<PerInstance<Mask>>| {
             let masks = products.get(key).expect("offered");
             masks.iter().map(|(_, mask)| mask.counts().to_vec()).collect::<Vec<_>>()
@@ -572,7 +572,7 @@ fn every_writer_gives_a_thing_the_same_number() {
             }
             let offers = &dataset.offers;
             for image in 0..dataset.images.len() {
-                let products = dataset.read(image, &offers).expect("readable").products;
+                let products = dataset.read(image, offers).expect("readable").products;
                 let infos = products.optional(OBJECT_INFO).expect("declared");
                 for (_, info) in infos.into_iter().flat_map(|infos| infos.iter()) {
                     let info = serde_json::to_value(info).expect("plain data");

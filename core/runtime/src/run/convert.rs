@@ -140,7 +140,7 @@ pub fn not_listed(dataset: &OpenDataset) -> Vec<String> {
 /// Names of the products that a dataset has, or that annotators make of them.
 pub fn products_of(registry: &Registry, dataset: &OpenDataset) -> BTreeSet<String> {
     let offers = &dataset.offers;
-    can_be_had(&offers, &parts_of_all(registry, &offers))
+    can_be_had(offers, &parts_of_all(registry, offers))
 }
 
 /// Refuses a folder inside of the dataset that is read or of a run's: readers would take what is there for a part of these, and a
@@ -189,8 +189,8 @@ struct Resolved {
 /// Plans what the writers read from what the dataset has.
 fn resolve(registry: &Registry, dataset: &OpenDataset, writers: &[(String, Box<dyn Writer>)]) -> Result<Resolved> {
     let offers = &dataset.offers;
-    let parts = parts_of_all(registry, &offers);
-    let has = can_be_had(&offers, &parts);
+    let parts = parts_of_all(registry, offers);
+    let has = can_be_had(offers, &parts);
     let (mut wants, mut lacking) = (Vec::new(), BTreeSet::new());
     for (id, writer) in writers {
         let (without, reads): (Vec<Input>, Vec<Input>) =

@@ -471,7 +471,7 @@ fn what_is_wrong_with_tar_files_is_found() {
         let reader = opened(folder.path());
         let wants = &reader.offers;
         let opening = reader.all_faults().into_iter().map(|it| format!("{} {}: {}", it.check, it.place, it.message));
-        let images = (0..reader.images.len()).filter_map(|image| Some(reader.read(image, &wants).err()?.to_string()));
+        let images = (0..reader.images.len()).filter_map(|image| Some(reader.read(image, wants).err()?.to_string()));
         opening.chain(images).collect()
     };
     assert!(said(&written()).is_empty(), "{:?}", said(&written()));

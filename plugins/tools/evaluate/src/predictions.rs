@@ -33,7 +33,7 @@ pub fn open(registry: &Registry, source: &Source, format: Option<&str>) -> Resul
 pub enum Predictions {
     /// Those that a dataset has as labels; for each image of the ground truth, the number of its own; its categories in the
     /// ground truth.
-    Dataset(OpenDataset, Vec<usize>, BTreeMap<u32, u32>),
+    Dataset(Box<OpenDataset>, Vec<usize>, BTreeMap<u32, u32>),
     /// Those of a result file.
     Results(Results),
 }
@@ -70,7 +70,7 @@ impl Predictions {
         let named: BTreeMap<&str, u32> = truth.1.info.categories().map(|(id, name)| (name, id)).collect();
         let own = dataset.info.categories().filter_map(|(id, name)| Some((id, *named.get(name)?)));
         let categories = own.collect();
-        Ok((format, Self::Dataset(dataset, pairs, categories)))
+        Ok((format, Self::Dataset(Box::new(dataset), pairs, categories)))
     }
 
     /// The predictions of an image of the ground truth of `[width, height]` pixels: those that count, and others with lower
