@@ -189,7 +189,7 @@ pub fn open(name: String, mut contents: Contents, samples: Box<dyn Samples>) -> 
     let Contents { images, fields, faults, categories: listed, named, leaves_out_empty, .. } = contents;
     let refuses_unknown = listed.is_some();
     let category_ids = Some(categories.ids());
-    let source = Source { refuses_unknown, samples, categories, keys, visible, amodal, annotated, known };
+    let source = SampleSource { refuses_unknown, samples, categories, keys, visible, amodal, annotated, known };
     let follow = source.follow();
     let is_known = |name: &&String| source.keys.iter().any(|key| key.name == **name);
     let others: Vec<String> = fields.iter().filter(|name| !is_known(name)).map(|name| format!("`{name}`")).collect();
@@ -256,7 +256,7 @@ fn stored<'a>(value: &'a Value, ids: &'a [InstanceId]) -> Stored<'a> {
     Stored { value, ids, missing: f64::NAN }
 }
 
-struct Source {
+struct SampleSource {
     /// Whether a list has all categories, so that others are a fault.
     refuses_unknown: bool,
     samples: Box<dyn Samples>,
@@ -272,7 +272,7 @@ struct Source {
     known: Option<Known>,
 }
 
-impl Source {
+impl SampleSource {
     /// Products that follow from those that samples have.
     fn follow(&self) -> Vec<KeyId> {
         let mut all = self.known.map(Known::offers).unwrap_or_default();
@@ -353,7 +353,7 @@ impl Source {
     }
 }
 
-impl Source {
+impl SampleSource {
     /// The category of an object in a dataset that is written from this one.
     fn category_of(&self, own: Option<u32>) -> u32 {
         self.categories.id(own.map_or(read::BACKGROUND, u64::from))
@@ -476,7 +476,7 @@ fn instances_of(value: &Value) -> Option<Vec<InstanceId>> {
     Some(ids)
 }
 
-impl ImageSource for Source {
+impl ImageSource for SampleSource {
     fn image_faults(&self, image: usize) -> Vec<(&'static str, String)> {
         if !self.keys.contains(&CATEGORY_ID.id()) || !self.refuses_unknown {
             return Vec::new();

@@ -17,7 +17,7 @@ pub struct StatedCamera {
 
 /// The entries of the product `camera` that are read.
 #[derive(Deserialize)]
-struct Record {
+struct CameraRecord {
     width: u32,
     height: u32,
     #[serde(rename = "K")]
@@ -39,7 +39,7 @@ impl StatedCamera {
                 .help("it has `width`, `height` and `K`, and may have `world_from_camera`")
         };
         let json = serde_json::to_value(value).map_err(unlike)?;
-        let Record { width, height, k, world_from_camera, distortion_k1_k2_p1_p2_k3 } =
+        let CameraRecord { width, height, k, world_from_camera, distortion_k1_k2_p1_p2_k3 } =
             serde_json::from_value(json).map_err(unlike)?;
         let [[fx, _, cx], [_, fy, cy], _] = k;
         let distortion = distortion_k1_k2_p1_p2_k3

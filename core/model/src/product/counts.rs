@@ -20,7 +20,7 @@ pub struct PixelCounts {
 }
 
 #[derive(Serialize)]
-struct Record {
+struct CountsRecord {
     px_count_all: u64,
     px_count_in_frame: u64,
     px_count_valid: u64,
@@ -35,7 +35,7 @@ impl PixelCounts {
     /// The counts with what follows from them.
     pub fn record(&self) -> Result<Value> {
         let share = |part: u64| if self.all == 0 { 0.0 } else { part as f64 / self.all as f64 };
-        Value::of(&Record {
+        Value::of(&CountsRecord {
             px_count_all: self.all,
             px_count_in_frame: self.in_frame,
             px_count_valid: self.valid,

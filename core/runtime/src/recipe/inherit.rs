@@ -89,9 +89,10 @@ pub(crate) fn gather<'a>(
         Some(path) => Some(identity(&overrides.current_folder.join(path))),
         None => source.name.starts_with(builtin::PREFIX).then(|| PathBuf::from(&source.name)),
     };
-    let mut reader = Reader { overrides, sources, nodes: Vec::new(), syntax: Vec::new(), damage: Damage::default() };
+    let mut reader =
+        TreeReader { overrides, sources, nodes: Vec::new(), syntax: Vec::new(), damage: Damage::default() };
     let root = reader.visit(file, identity, &mut Vec::new(), diagnostics);
-    let Reader { nodes, syntax, damage, .. } = reader;
+    let TreeReader { nodes, syntax, damage, .. } = reader;
     Graph { nodes, root, overrides: read_overrides(overrides, sources), syntax, damage, sources, schemas }
 }
 
@@ -114,7 +115,7 @@ fn read_overrides<'a>(overrides: &Overrides, sources: &'a Sources) -> Vec<Overri
     lines.collect()
 }
 
-struct Reader<'r, 'a> {
+struct TreeReader<'r, 'a> {
     overrides: &'r Overrides<'r>,
     sources: &'a Sources,
     nodes: Vec<Node<'a>>,
@@ -122,7 +123,7 @@ struct Reader<'r, 'a> {
     damage: Damage,
 }
 
-impl<'a> Reader<'_, 'a> {
+impl<'a> TreeReader<'_, 'a> {
     /// Parses a file and visits what it extends. `parents` leads from the root to this file.
     fn visit(
         &mut self,

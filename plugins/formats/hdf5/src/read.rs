@@ -83,7 +83,7 @@ impl Attributes {
 }
 
 /// The files of the views.
-struct Files(Vec<PathBuf>);
+struct ViewFiles(Vec<PathBuf>);
 
 fn open(source: &Source) -> Result<Opened> {
     let root = source.path.as_path();
@@ -128,10 +128,10 @@ fn open(source: &Source) -> Result<Opened> {
     let named = names.into_iter().filter(|_| are_named).map(|(id, name): (u32, String)| (id.into(), name)).collect();
     let categories = include::categories_in(&folder)?;
     let contents = Contents { images, fields, faults, categories, named, of_shown, leaves_out_empty: false };
-    Ok(samples::open(read::name_of(root), contents, Box::new(Files(paths))))
+    Ok(samples::open(read::name_of(root), contents, Box::new(ViewFiles(paths))))
 }
 
-impl Samples for Files {
+impl Samples for ViewFiles {
     fn read(&self, image: usize, wanted: &BTreeSet<&str>) -> Result<Fields> {
         let view = View::open(&self.0[image])?;
         let own = view.fields().into_iter().filter(|name| wanted.contains(name.as_str()));

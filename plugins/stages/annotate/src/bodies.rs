@@ -25,14 +25,14 @@ impl SceneAnnotator for Bodies {
     }
 
     fn annotate(&self, cx: &SceneContext, _: &[ViewProducts], products: &mut Products) -> Result<()> {
-        let bodies = cx.scene.bodies().iter().map(|body| Value::of(&Record::from(body))).collect::<Result<_>>()?;
+        let bodies = cx.scene.bodies().iter().map(|body| Value::of(&BodyRecord::from(body))).collect::<Result<_>>()?;
         products.put(BODIES, Value::List(bodies))
     }
 }
 
 /// An entry of the product `bodies`.
 #[derive(Serialize)]
-struct Record<'a> {
+struct BodyRecord<'a> {
     id: u16,
     role: Role,
     pool: &'a str,
@@ -43,7 +43,7 @@ struct Record<'a> {
     world_from_body: [[f64; 4]; 4],
 }
 
-impl<'a> From<&'a Body> for Record<'a> {
+impl<'a> From<&'a Body> for BodyRecord<'a> {
     fn from(body: &'a Body) -> Self {
         let own = || body.object.materials.iter().map(|material| material.name.as_str()).collect();
         Self {

@@ -50,7 +50,7 @@ impl SceneAnnotator for Look {
 
     fn annotate(&self, cx: &SceneContext, _: &[ViewProducts], products: &mut Products) -> Result<()> {
         let prepared = PreparedScene::new(cx.scene, &self.cache, cx.workers);
-        let record = |(index, body): (usize, &Body)| Value::of(&Record::new(body, index, &prepared));
+        let record = |(index, body): (usize, &Body)| Value::of(&MaterialStatisticsRecord::new(body, index, &prepared));
         let records = cx.scene.bodies().iter().enumerate().map(record).collect::<Result<_>>()?;
         products.put(MATERIAL_STATISTICS, Value::List(records))
     }
@@ -58,7 +58,7 @@ impl SceneAnnotator for Look {
 
 /// An entry of the product `material_statistics`.
 #[derive(Serialize)]
-struct Record<'a> {
+struct MaterialStatisticsRecord<'a> {
     id: u16,
     #[serde(flatten)]
     whole: Surface,
@@ -99,7 +99,7 @@ impl Surface {
     }
 }
 
-impl<'a> Record<'a> {
+impl<'a> MaterialStatisticsRecord<'a> {
     fn new(body: &'a Body, index: usize, scene: &PreparedScene) -> Self {
         let mesh = &body.object.mesh;
         let mut names: Vec<&str> = match &body.material_override {

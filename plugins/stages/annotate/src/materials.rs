@@ -38,7 +38,7 @@ impl SceneAnnotator for Materials {
 
 /// An entry of the product `materials`.
 #[derive(Debug, Serialize)]
-struct Record<'a> {
+struct MaterialRecord<'a> {
     id: u16,
     name: &'a str,
     digest: String,
@@ -47,7 +47,7 @@ struct Record<'a> {
 
 /// Ids of the materials of a scene.
 pub(crate) struct Numbered<'a> {
-    table: Vec<Record<'a>>,
+    table: Vec<MaterialRecord<'a>>,
     pub(crate) of_bodies: Vec<OfSlots>,
 }
 
@@ -62,7 +62,7 @@ pub(crate) struct OfSlots {
 impl<'a> Numbered<'a> {
     pub(crate) fn new(scene: &'a Scene) -> Result<Self> {
         let mut numbers: BTreeMap<(&str, String), u16> = BTreeMap::new();
-        let mut table: Vec<Record> = Vec::new();
+        let mut table: Vec<MaterialRecord> = Vec::new();
         let mut of_bodies = Vec::new();
         for body in scene.bodies() {
             let materials = materials(body);
@@ -80,7 +80,7 @@ impl<'a> Numbered<'a> {
                                 .help("leave out `material_map` and `materials`")
                         })?;
                         numbers.insert((name, digest.clone()), id);
-                        table.push(Record { id, name, digest, bodies: Vec::new() });
+                        table.push(MaterialRecord { id, name, digest, bodies: Vec::new() });
                         id
                     }
                 };

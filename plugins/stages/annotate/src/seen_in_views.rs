@@ -36,7 +36,7 @@ impl SceneAnnotator for SeenInViews {
             let best = views.iter().copied().min_by(|a, b| a.1.total_cmp(&b.1).then(a.0.cmp(&b.0)));
             let (best_view, least_occlusion_rate) = best.unzip();
             let views = views.into_iter().map(|(view, _)| view).collect();
-            Value::of(&Record { id: id.0, views, best_view, least_occlusion_rate })
+            Value::of(&SeenRecord { id: id.0, views, best_view, least_occlusion_rate })
         };
         let records = seen.into_iter().map(record).collect::<Result<_>>()?;
         products.put(SEEN_IN_VIEWS, Value::List(records))
@@ -45,7 +45,7 @@ impl SceneAnnotator for SeenInViews {
 
 /// An entry of the product `seen_in_views`.
 #[derive(Serialize)]
-struct Record {
+struct SeenRecord {
     id: u16,
     views: Vec<u32>,
     best_view: Option<u32>,

@@ -23,7 +23,7 @@ const FOLDERS: [[&str; 2]; 3] =
 /// A folder of label maps.
 #[derive(Debug)]
 pub struct LabelMaps {
-    images: Vec<Files>,
+    images: Vec<LabelFiles>,
     is_amodal: bool,
     /// Whether there is a folder of occlusion masks; an object without one is not occluded then.
     says_occlusion: bool,
@@ -31,7 +31,7 @@ pub struct LabelMaps {
 
 /// Files of an image.
 #[derive(Debug)]
-struct Files {
+struct LabelFiles {
     visible: PathBuf,
     /// Amodal and occlusion masks by objects.
     masks: [BTreeMap<u16, PathBuf>; 2],
@@ -117,7 +117,7 @@ impl LabelMaps {
             id: None,
         });
         let refs: Vec<ImageRef> = refs.collect();
-        let files = |(name, visible): (&String, &PathBuf)| Files {
+        let files = |(name, visible): (&String, &PathBuf)| LabelFiles {
             visible: visible.clone(),
             masks: masks.remove(name.as_str()).unwrap_or_default(),
         };

@@ -68,7 +68,7 @@ impl Kind {
     fn names(self, text: &[u8]) -> Vec<(&'static str, Cow<'_, str>)> {
         match self {
             Self::Scene | Self::Finished => {
-                let Files { files, writers } = serde_json::from_slice(text).unwrap_or_default();
+                let ListedFiles { files, writers } = serde_json::from_slice(text).unwrap_or_default();
                 let files = files.into_keys().map(|Name(path)| ("files", path));
                 files.chain(writers.into_values().flatten().map(|Name(path)| ("writers", path))).collect()
             }
@@ -98,7 +98,7 @@ struct Name<'a>(#[serde(borrow)] Cow<'a, str>);
 
 /// As [`Manifest`](crate::run::dataset::manifest::Manifest).
 #[derive(Default, Deserialize)]
-struct Files<'a> {
+struct ListedFiles<'a> {
     #[serde(borrow)]
     files: BTreeMap<Name<'a>, IgnoredAny>,
     #[serde(borrow, default)]

@@ -226,7 +226,7 @@ impl<'m> Attempt<'m, '_> {
         let walk = maker.walk(work);
         let start = |cx: &SceneContext| {
             let writers = Writers::start(work.writers.iter().copied(), cx, staged, (times, &losses))?;
-            Ok(Files { writers, records: Records::default(), seen: Seen::default(), plan: &work.plan, times })
+            Ok(SceneSink { writers, records: Records::default(), seen: Seen::default(), plan: &work.plan, times })
         };
         let (files, products) = walk.scene(&self.core, &scene, &losses, queue, start)?;
         let mut written = files.writers.close(&walk.context(&scene), &products)?;
@@ -259,7 +259,7 @@ impl<'m> Attempt<'m, '_> {
 }
 
 /// Writes the views of a scene, and keeps what the journal and the annotators of the dataset want of them.
-struct Files<'m> {
+struct SceneSink<'m> {
     writers: Writers<'m, Scenes>,
     records: Records,
     seen: Seen,
@@ -267,7 +267,7 @@ struct Files<'m> {
     times: &'m Times,
 }
 
-impl Sink for Files<'_> {
+impl Sink for SceneSink<'_> {
     fn view(&mut self, cx: &ViewContext, view: &Arc<View>, products: &Products) -> Result<()> {
         self.writers.view(cx, products)?;
         self.times.of("records", || self.records.view(self.plan, products))?;

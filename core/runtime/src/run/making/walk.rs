@@ -84,7 +84,7 @@ impl<'m> Walk<'m> {
         let views: Vec<Arc<View>> = (0..self.dataset.views_per_scene)
             .map(|number| core.view(scene, ViewId(number)).map(Arc::new))
             .collect::<Result<_>>()?;
-        let line = Arc::new(Line::new(start(&cx)?, losses));
+        let line = Arc::new(ViewLine::new(start(&cx)?, losses));
         let (sink, kept) = self.render(core, scene, &views, line, (&products, queue))?;
         for stage in &self.plan.after_views {
             let reads: Vec<Name> = stage.reads.iter().map(|key| key.name).collect();
@@ -103,7 +103,7 @@ impl<'m> Walk<'m> {
         core: &attempt::Attempt<'m>,
         scene: &Arc<Scene>,
         views: &[Arc<View>],
-        line: Arc<Line<S>>,
+        line: Arc<ViewLine<S>>,
         (of_scene, queue): (&Products, &Queue<'m>),
     ) -> Result<(S, Vec<ViewProducts>)> {
         let after = |view: &View| views.get(view.id.0 as usize + 1).cloned();
@@ -148,13 +148,13 @@ impl<'m> Walk<'m> {
 }
 
 /// The views of a scene on their way from the renderer to the sink: annotated at once, taken in order.
-struct Line<S> {
+struct ViewLine<S> {
     losses: Arc<Losses>,
-    state: Mutex<LineState<S>>,
+    state: Mutex<ViewLineState<S>>,
     moved: Condvar,
 }
 
-struct LineState<S> {
+struct ViewLineState<S> {
     /// Views that were handed over.
     announced: u32,
     /// The next view to take.
@@ -167,9 +167,9 @@ struct LineState<S> {
     kept: Vec<ViewProducts>,
 }
 
-impl<S: Sink> Line<S> {
+impl<S: Sink> ViewLine<S> {
     fn new(sink: S, losses: &Arc<Losses>) -> Self {
-        let state = LineState { announced: 0, next: 0, failure: None, sink: Some(sink), kept: Vec::new() };
+        let state = ViewLineState { announced: 0, next: 0, failure: None, sink: Some(sink), kept: Vec::new() };
         Self { losses: Arc::clone(losses), state: Mutex::new(state), moved: Condvar::new() }
     }
 

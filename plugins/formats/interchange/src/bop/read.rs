@@ -31,7 +31,7 @@ syntable_model::register_format!(Format {
     crate_name: env!("CARGO_PKG_NAME"),
 });
 
-struct Reader {
+struct BopSource {
     categories: read::Categories,
     refs: Vec<ImageRef>,
     images: Vec<Record>,
@@ -90,7 +90,7 @@ fn open(source: &Source) -> Result<Opened> {
     let notes = numbers.caveat().map(|text| Note::caveat(text).of([CATEGORY_ID.id()])).into_iter().collect();
     let category_ids = categories.ids().into_iter().filter(|(own, _)| numbers.known.contains(own)).collect();
     let source =
-        Reader { categories, refs: refs.clone(), images, names, bounds, models, meshes, of_scenes, camera, coco };
+        BopSource { categories, refs: refs.clone(), images, names, bounds, models, meshes, of_scenes, camera, coco };
     Ok(Opened {
         faults: faults.into_inner(),
         derived: keys![OCCLUSION_MASK],
@@ -172,7 +172,7 @@ pub fn symmetries_of(model: &BTreeMap<String, Json>) -> std::result::Result<Symm
     serde_json::from_value(Json::Object(fields.collect())).map_err(|error| error.to_string())
 }
 
-impl ImageSource for Reader {
+impl ImageSource for BopSource {
     fn other_faults(&self) -> Vec<DatasetFault> {
         let mut faults = Faults::default();
         if let Some(models) = &self.models {
@@ -274,7 +274,7 @@ impl Record {
     }
 }
 
-impl Reader {
+impl BopSource {
     /// A camera that other images of the scene contradict.
     fn fault_of_camera_pose(&self, image: usize) -> Option<Fault> {
         let scene = self.refs[image].scene;

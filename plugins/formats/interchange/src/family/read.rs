@@ -141,7 +141,7 @@ impl AnnotationFile {
     /// The dataset, with what the listing says of it before `notes`.
     pub fn opened(self, info: DatasetInfo, offers: Vec<KeyId>, notes: Vec<Note>, annotated: impl Annotated) -> Opened {
         let Self { listing, images_root, has_depth, has_policy, unkept } = self;
-        let mut opened = listing.opened(info, offers, |listing| Reader {
+        let mut opened = listing.opened(info, offers, |listing| FamilySource {
             file: Self { listing, images_root, has_depth, has_policy, unkept },
             annotated,
         });
@@ -184,12 +184,12 @@ impl AnnotationFile {
     }
 }
 
-struct Reader<A> {
+struct FamilySource<A> {
     file: AnnotationFile,
     annotated: A,
 }
 
-impl<A: Annotated> ImageSource for Reader<A> {
+impl<A: Annotated> ImageSource for FamilySource<A> {
     fn read(&self, image: usize, wants: &[KeyId]) -> Result<ReadImage> {
         let mut products = Products::new();
         if !labels_among(wants).is_empty() {

@@ -25,7 +25,7 @@ syntable_model::register_format!(Format {
 /// Millimeters per step of depth images.
 const STEP_MM: f64 = 1.0;
 
-struct Reader {
+struct OsdSource {
     root: DatasetFolder,
     images: Vec<Named>,
 }
@@ -92,7 +92,7 @@ fn open(source: &Source) -> Result<Opened> {
     let info = Categories::default().info(name, String::new(), &refs, String::new());
     let mut offers = read::Known::Both.offers();
     offers.extend(keys![RGB, DEPTH]);
-    Ok(Opened { faults: faults.into_inner(), ..Opened::new(info, refs, offers, Reader { root, images }) })
+    Ok(Opened { faults: faults.into_inner(), ..Opened::new(info, refs, offers, OsdSource { root, images }) })
 }
 
 /// Names of the PNG files of a folder, without their ends.
@@ -121,7 +121,7 @@ fn place_of(name: &str) -> Option<(u32, u32)> {
     Some((scene.parse().ok()?, view.parse().ok()?))
 }
 
-impl ImageSource for Reader {
+impl ImageSource for OsdSource {
     fn image_faults(&self, image: usize) -> Vec<(&'static str, String)> {
         let of = &self.images[image];
         let shown = self.path(IMAGES[2], &of.name).and_then(|path| decode::gray(&path));
@@ -152,7 +152,7 @@ impl ImageSource for Reader {
     }
 }
 
-impl Reader {
+impl OsdSource {
     fn path(&self, folder: &str, name: &str) -> Result<PathBuf> {
         self.root.inner(folder).file(format!("{name}.png"))
     }

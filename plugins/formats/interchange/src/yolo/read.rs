@@ -48,7 +48,7 @@ const CLASSES: &str = "classes.txt";
 /// Folders above that of images in which the description of the dataset may be.
 const ABOVE: usize = 3;
 
-struct Reader {
+struct YoloSource {
     categories: Categories,
     /// Numbers of the classes that have names.
     classes: BTreeSet<u64>,
@@ -87,13 +87,13 @@ pub enum Shape {
 const BOX: usize = 4;
 
 /// A line of a label file.
-struct Line {
+struct LabelLine {
     number: usize,
     class: u64,
     values: Vec<f64>,
 }
 
-impl Line {
+impl LabelLine {
     fn is_box(&self) -> bool {
         self.values.len() == BOX
     }
@@ -259,7 +259,7 @@ fn open(source: &Source) -> Result<Opened> {
     let ids = classes.iter().copied().map(id).collect();
     let unlisted = read::unlisted(&ids, &format!("`{DATA}`")).filter(|_| names_file.is_none());
     notes.extend(unlisted.map(caveat));
-    let source = Reader { categories, classes, names_file, images, shape, known };
+    let source = YoloSource { categories, classes, names_file, images, shape, known };
     Ok(Opened {
         faults: faults.into_inner(),
         derived: keys![OCCLUSION_MASK],
@@ -281,7 +281,7 @@ fn names_beside_labels(labels: &DatasetFolder) -> Result<Option<BTreeMap<u64, St
 }
 
 /// The lines of a label file of a dataset of which this is said.
-fn lines(path: &Path, stated: Option<Shape>) -> Result<Vec<Line>> {
+fn lines(path: &Path, stated: Option<Shape>) -> Result<Vec<LabelLine>> {
     let text = decode::text(path).map_err(|error| match path.is_file() {
         true => error,
         false => error.help("put a text file in its place, or remove it if the image has no objects"),
@@ -312,7 +312,7 @@ fn lines(path: &Path, stated: Option<Shape>) -> Result<Vec<Line>> {
         if !is_known {
             return Err(refuse(format!("a class and {} numbers are no points", values.len())));
         }
-        Ok(Line { number, class, values })
+        Ok(LabelLine { number, class, values })
     };
     (1..).zip(text.lines()).filter(|(_, line)| !line.trim().is_empty()).map(line).collect()
 }
@@ -352,7 +352,7 @@ impl Shape {
     }
 }
 
-impl ImageSource for Reader {
+impl ImageSource for YoloSource {
     fn image_faults(&self, image: usize) -> Vec<(&'static str, String)> {
         let Ok(lines) = self.lines(image) else { return Vec::new() };
         let mut faults = Vec::new();
@@ -396,7 +396,7 @@ impl ImageSource for Reader {
                     read::put(&labels, None, wants, &mut products)?;
                 }
                 Shape::Boxes | Shape::RotatedBoxes | Shape::Poses => {
-                    let of = |(row, line): (usize, &Line)| Ok((read::id_of(row)?, self.category(line)));
+                    let of = |(row, line): (usize, &LabelLine)| Ok((read::id_of(row)?, self.category(line)));
                     products.put(CATEGORY_ID, lines.iter().enumerate().map(of).collect::<Result<_>>()?)?;
                 }
             }
@@ -408,16 +408,16 @@ impl ImageSource for Reader {
     }
 }
 
-impl Reader {
-    fn lines(&self, image: usize) -> Result<Vec<Line>> {
+impl YoloSource {
+    fn lines(&self, image: usize) -> Result<Vec<LabelLine>> {
         self.images[image].labels.as_ref().map_or_else(|| Ok(Vec::new()), |path| lines(path, Some(self.shape)))
     }
 
-    fn category(&self, line: &Line) -> u32 {
+    fn category(&self, line: &LabelLine) -> u32 {
         self.categories.id(line.class.saturating_add(1))
     }
 
-    fn labels(&self, image: usize, row: usize, line: &Line, [width, height]: [u32; 2]) -> Result<Labels> {
+    fn labels(&self, image: usize, row: usize, line: &LabelLine, [width, height]: [u32; 2]) -> Result<Labels> {
         let at = |error: Error| match &self.images[image].labels {
             Some(path) => error.in_file(path).at_line(line.number),
             None => error,

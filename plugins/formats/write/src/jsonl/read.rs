@@ -71,12 +71,12 @@ fn starts_as_one(path: &Path) -> bool {
 /// Where a view is: its line, and its place in the line of a scene.
 #[derive(Clone, Copy)]
 struct Place {
-    line: Line,
+    line: JsonLine,
     of_scene: Option<usize>,
 }
 
 #[derive(Clone, Copy, PartialEq)]
-struct Line {
+struct JsonLine {
     number: usize,
     at: u64,
     length: u64,
@@ -87,9 +87,9 @@ struct Lines {
     /// The scene of each image, and where it is.
     places: Vec<(u32, Place)>,
     /// Lines that have products of scenes alone.
-    scenes: BTreeMap<u32, Line>,
+    scenes: BTreeMap<u32, JsonLine>,
     /// Lines that were read last: of a scene, they have many views.
-    latest: Latest<Line, Fields>,
+    latest: Latest<JsonLine, Fields>,
 }
 
 fn open(source: &Source) -> Result<Opened> {
@@ -119,7 +119,7 @@ impl Lines {
             if length == 0 {
                 break;
             }
-            let line = Line { number, at, length };
+            let line = JsonLine { number, at, length };
             at += length;
             let place = || format!("line {number}");
             if length == TEXT_BYTES.most && text.last() != Some(&b'\n') {
@@ -196,7 +196,7 @@ impl Lines {
         Ok(fields)
     }
 
-    fn line(&self, line: Line) -> Result<Fields> {
+    fn line(&self, line: JsonLine) -> Result<Fields> {
         let fail = |error: std::io::Error| Error::io(&self.path, &error);
         let mut file = File::open(&self.path).map_err(fail)?;
         let mut bytes = vec![0; line.length as usize];

@@ -31,7 +31,7 @@ syntable_model::register_format!(Format {
 });
 
 /// A dataset that is open.
-struct Reader {
+struct SynTableSource {
     root: DatasetFolder,
     listing: Listing,
     /// Numbers of the records of the scenes of images, as far as they have any.
@@ -153,7 +153,8 @@ fn open(source: &Source) -> Result<Opened> {
     let offers = offers(&listing, has, scenes.iter().all(Option::is_some));
     let mut derived = keys![VISIBILITY];
     derived.extend((!has.occlusion).then_some(OCCLUSION_MASK.id()));
-    let opened = listing.opened(info, offers, |listing| Reader { root, listing, scenes, is_amodal: has.amodal });
+    let opened =
+        listing.opened(info, offers, |listing| SynTableSource { root, listing, scenes, is_amodal: has.amodal });
     let within_image = Note::caveat(read::WITHIN_IMAGE).of([VISIBILITY.id()]);
     let notes = std::iter::once(within_image).chain(opened.notes).collect();
     Ok(Opened { derived, notes, ..opened })
@@ -182,12 +183,12 @@ fn offers(listing: &Listing, has: Has, has_bodies: bool) -> Vec<KeyId> {
 }
 
 /// An image with its annotations, in the order of the file.
-struct Shown {
+struct ShownImage {
     image: Image,
     annotations: Vec<Annotation>,
 }
 
-impl ImageSource for Reader {
+impl ImageSource for SynTableSource {
     fn image_faults(&self, image: usize) -> Vec<(&'static str, String)> {
         let Ok(shown) = self.shown(image) else { return Vec::new() };
         let stated = shown.stated_ids();
@@ -293,7 +294,7 @@ fn faults_of_numbers(annotation: &Annotation, labels: &Labels) -> Vec<(&'static 
     faults
 }
 
-impl Shown {
+impl ShownImage {
     /// The ids that annotations state of their objects.
     fn stated_ids(&self) -> Vec<Option<u64>> {
         self.annotations.iter().map(|annotation| annotation.instance_id.map(u64::from)).collect()
@@ -312,11 +313,11 @@ impl Shown {
     }
 }
 
-impl Reader {
-    fn shown(&self, image: usize) -> Result<Shown> {
+impl SynTableSource {
+    fn shown(&self, image: usize) -> Result<ShownImage> {
         let mut annotations: Vec<Annotation> = self.listing.annotations(image)?;
         annotations.retain(|annotation| annotation.category_id != BACKGROUND);
-        Ok(Shown { image: self.listing.image(image)?, annotations })
+        Ok(ShownImage { image: self.listing.image(image)?, annotations })
     }
 
     fn labels(&self, image: &Image, id: InstanceId, annotation: &Annotation) -> Result<Labels> {

@@ -164,7 +164,7 @@ impl Wanted {
 }
 
 /// An object that an image shows, with all that its masks say.
-struct Shown<'a> {
+struct ShownObject<'a> {
     id: InstanceId,
     visible: &'a Mask,
     amodal_px: u64,
@@ -277,9 +277,9 @@ impl Tally {
         Ok(())
     }
 
-    fn occlusion(&mut self, shown: &[Shown], stored: Option<&OcclusionOrder>, options: &Options) {
-        let area = |it: &Shown| it.hidden.as_ref().map_or(0, |hidden| u64::from(hidden.area()));
-        let rate = |it: &Shown| if it.amodal_px == 0 { 0.0 } else { area(it) as f64 / it.amodal_px as f64 };
+    fn occlusion(&mut self, shown: &[ShownObject], stored: Option<&OcclusionOrder>, options: &Options) {
+        let area = |it: &ShownObject| it.hidden.as_ref().map_or(0, |hidden| u64::from(hidden.area()));
+        let rate = |it: &ShownObject| if it.amodal_px == 0 { 0.0 } else { area(it) as f64 / it.amodal_px as f64 };
         let rates: Vec<f64> = shown.iter().map(rate).collect();
         let (occluded_px, amodal_px) = (shown.iter().map(area).sum(), shown.iter().map(|it| it.amodal_px).sum());
         let order = match (options.edges, stored) {
@@ -359,7 +359,7 @@ impl Tally {
 fn shown<'a>(
     products: &'a Products,
     visible: &'a syntable_model::product::PerInstance<Mask>,
-) -> Result<Vec<Shown<'a>>> {
+) -> Result<Vec<ShownObject<'a>>> {
     let (amodal, hidden) = (products.optional(AMODAL_MASK)?, products.optional(OCCLUSION_MASK)?);
     let of = |(id, visible): (InstanceId, &'a Mask)| {
         let whole = amodal.and_then(|it| it.get(id));
@@ -368,13 +368,13 @@ fn shown<'a>(
             return Err(Error::new(format!("object {} has no amodal mask", id.0))
                 .help("`syntable validate` lists what is wrong"));
         }
-        Ok(Shown { id, visible, amodal_px: whole.unwrap_or(visible).area().into(), hidden })
+        Ok(ShownObject { id, visible, amodal_px: whole.unwrap_or(visible).area().into(), hidden })
     };
     visible.iter().filter(|(_, mask)| !mask.is_empty()).map(of).collect()
 }
 
 /// Who occludes whom, by a rule for a visible and an occlusion mask.
-fn order(shown: &[Shown], occludes: impl Fn(&Mask, &Mask) -> bool) -> OcclusionOrder {
+fn order(shown: &[ShownObject], occludes: impl Fn(&Mask, &Mask) -> bool) -> OcclusionOrder {
     order_by(&shown.iter().map(|it| (it.id, it.visible, it.hidden.as_ref())).collect::<Vec<_>>(), occludes)
 }
 
@@ -384,7 +384,7 @@ fn exceeds(visible: &Mask, hidden: &Mask) -> bool {
 }
 
 /// The order among some of its objects.
-fn restricted(order: &OcclusionOrder, shown: &[Shown]) -> OcclusionOrder {
+fn restricted(order: &OcclusionOrder, shown: &[ShownObject]) -> OcclusionOrder {
     let rows: Vec<Option<usize>> = shown.iter().map(|it| order.ids().iter().position(|id| *id == it.id)).collect();
     let mut part = OcclusionOrder::new(shown.iter().map(|it| it.id).collect());
     for (i, row) in rows.iter().enumerate() {
