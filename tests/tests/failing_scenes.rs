@@ -215,7 +215,7 @@ fn what_left_the_table_is_counted_by_reason() {
     let says =
         "of 6 that were placed: 3 fell off the table, 2 such as: still moving at 0.12 m/s, 1 1.0 mm deep in p/cube";
     assert!(text.contains(says), "{text}");
-    assert!(left(2, &[]).contains("no object is left on the table, of 2 that were placed ("), "{}", left(2, &[]));
+    assert!(left(2, &[]).contains("no object is left, of 2 that were placed ("), "{}", left(2, &[]));
     let none = left(0, &[]);
     assert!(none.contains("no step placed an object") && none.contains("drop_box"), "{none}");
 }

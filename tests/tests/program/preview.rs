@@ -171,7 +171,7 @@ fn a_scene_that_fails_is_told_in_its_cell() {
     let mut command =
         preview(&root().join("recipes/quickstart.toml"), &["--set", "place.objects.clearance_m=5.0", "--out"]);
     let said = fails(command.arg(&out), 3);
-    assert!(said.contains("the ceiling is at 3.00 m") && said.contains("1 scene failed"), "{said}");
+    assert!(said.contains("the space above `table` ends at 3.00 m") && said.contains("1 scene failed"), "{said}");
     let sheet = image(&out);
     assert_eq!(sheet.dimensions(), (3 * 6 + 2 * 48, 2 * 6 + 15 + 36));
     assert!(sheet.pixels().filter(|pixel| pixel.0 == [255, 150, 130]).count() > 50, "the cells say nothing");

@@ -3,7 +3,7 @@
 //! | kind | method |
 //! | --- | --- |
 //! | [`none`] | leaves images as they are rendered; the default |
-//! | [`guided`](syntable_guided) | edge-avoiding filter, guided by albedo, normals, depth and ids |
+//! | [`guided`] | edge-avoiding filter, guided by albedo, normals, depth and ids |
 //! | [`oidn`] | Open Image Denoise, loaded at run time if the user has it |
 //! | [`auto`] | `oidn` where it is found, else `guided` |
 //!
@@ -11,7 +11,6 @@
 //! library is opened when the first image is denoised, never by `check` or `plan`.
 
 pub mod auto;
+pub mod guided;
 pub mod none;
 pub mod oidn;
-
-syntable_model::register!(syntable_guided::Guided);

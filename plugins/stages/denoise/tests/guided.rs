@@ -3,6 +3,7 @@
 mod common;
 
 use common::{Room, denoise, luminance};
+use syntable_denoise as _;
 use syntable_guided::Guided;
 use syntable_model::context::{Serial, Workers};
 use syntable_model::prelude::*;

@@ -126,7 +126,7 @@ impl Attempt<'_> {
         let mut atlas = None;
         for (framing, wants) in plan.by_framing() {
             let view = framed(view, next, framing);
-            let session = self.tools.times.of("render.load", || session.at(view.moment, self.tools.workers))?;
+            let session = session.at(view.moment, &self.tools)?;
             let stream = self.stream("render").at(u64::from(view.id.0));
             let mut request = RenderRequest::new(&view, &wants, stream, self.tools.workers);
             let denoised = match framing.objects {
@@ -176,9 +176,10 @@ impl<'s> PosedSession<'s> {
     }
 
     /// The session, ready for the scene at a moment.
-    fn at(&mut self, moment: Moment, workers: &dyn Workers) -> Result<&mut dyn RenderSession> {
+    fn at(&mut self, moment: Moment, tools: &Tools) -> Result<&mut dyn RenderSession> {
         if self.scene.moves() && moment != self.moment {
-            self.session.pose(&self.scene.at(moment), workers)?;
+            let scene = self.scene.at(moment);
+            tools.times.of("render.load", || self.session.pose(&scene, tools.workers))?;
             self.moment = moment;
         }
         Ok(self.session)
