@@ -5,7 +5,7 @@
 //! its own manifest, and the end of a run those of `finished.json`. Any other file that is there already stays, and the scene
 //! or writer that wants its path is refused. A file that no manifest lists does not belong to the dataset and is never touched.
 //!
-//! **Strangers.** Somebody else may have made the dataset. Lists name files by [`DatasetPath`](syntable_model::files::DatasetPath)s,
+//! **Strangers.** Somebody else may have made the dataset. Lists name files by [`DatasetPath`]s,
 //! which stay inside. The store moves and removes files without following links. Before anything changes, `foreign` looks at all
 //! lists and at the program's own folder.
 //!
