@@ -14,7 +14,7 @@ use crate::stage::DatasetInfo;
 use std::collections::BTreeMap;
 use std::ops::Deref;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 /// A format of datasets that can be read. Crates register a [`Format`]; a program may add a format with state of its own
 /// ([`Registry::with_formats`]).
@@ -357,6 +357,8 @@ pub struct OpenDataset {
     /// The reader's name in messages.
     reader: String,
     root: PathBuf,
+    /// All faults, once somebody has asked.
+    faults: OnceLock<Vec<DatasetFault>>,
 }
 
 impl OpenDataset {
@@ -366,7 +368,7 @@ impl OpenDataset {
     /// Those of the function; a panic in it is one, too.
     pub fn open(reader: &str, source: &Source, open: impl FnOnce() -> Result<Opened>) -> Result<Self> {
         let (reader, root) = (format!("the reader of {reader}"), source.path.clone());
-        Ok(Self { opened: guarded(&reader, &root, open)?, reader, root })
+        Ok(Self { opened: guarded(&reader, &root, open)?, reader, root, faults: OnceLock::new() })
     }
 
     /// Reads an image; see [`ImageSource::read`].
@@ -391,8 +393,13 @@ impl OpenDataset {
         found.unwrap_or_else(|error| vec![("readable", error.to_string())])
     }
 
-    /// What is wrong with the dataset beyond single images. It may read many files; [`Opened::faults`] has what opening shows.
-    pub fn all_faults(&self) -> Vec<DatasetFault> {
+    /// What is wrong with the dataset beyond single images. The first call may read many files; [`Opened::faults`] has what opening
+    /// shows.
+    pub fn all_faults(&self) -> &[DatasetFault] {
+        self.faults.get_or_init(|| self.find_faults())
+    }
+
+    fn find_faults(&self) -> Vec<DatasetFault> {
         let others = guarded(&self.reader, &self.root, || Ok(self.opened.source.other_faults()));
         let others = others.unwrap_or_else(|error| {
             let place = self.root.display().to_string();

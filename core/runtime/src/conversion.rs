@@ -3,7 +3,7 @@
 use crate::left_out::LeftOutReport;
 use crate::run::progress::{Reporter, count};
 use crate::run::stop::Stop;
-use crate::run::{Converted, check_place, convert as convert_dataset, products_of};
+use crate::run::{Converted, check_images, check_place, convert_dataset, products_of};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 use syntable_model::error::{Error, Result};
@@ -68,9 +68,7 @@ pub fn convert(registry: &Registry, options: &ConvertOptions, reporter: &dyn Rep
     check_place(&options.out, &options.dataset)?;
     let named = Source::new(&options.dataset).trusting(options.trust_paths);
     let (format, dataset) = registry.open_dataset(&named, options.format.as_deref())?;
-    if dataset.images.is_empty() && dataset.lists_all_images && dataset.faults.is_empty() {
-        return Err(Error::new("the dataset has no image").in_file(&options.dataset));
-    }
+    check_images(&dataset, &options.dataset)?;
     let has = products_of(registry, &dataset);
     let mut shortened = BTreeSet::new();
     writers.iter().try_for_each(|writer| writer.check_given(&has))?;

@@ -5,7 +5,7 @@ use crate::error::{ConfigError, Error, Result};
 use crate::files::DatasetPath;
 pub use crate::files::RESERVED;
 use crate::scene::SceneId;
-use crate::store::{Opened, StoreFolder};
+use crate::store::{StoreFolder, StoredFile};
 use std::collections::BTreeSet;
 use std::io::{BufReader, Read, Write};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -142,7 +142,7 @@ impl Finish {
     }
 
     /// Opens the shard that this writer wrote for a scene.
-    pub fn shard(&self, scene: SceneId) -> Result<BufReader<Opened>> {
+    pub fn shard(&self, scene: SceneId) -> Result<BufReader<StoredFile>> {
         self.open(&shard_path(&self.id, scene)?).map(BufReader::new)
     }
 
@@ -161,7 +161,7 @@ impl Finish {
         Ok(bytes)
     }
 
-    fn open(&self, path: &DatasetPath) -> Result<Opened> {
+    fn open(&self, path: &DatasetPath) -> Result<StoredFile> {
         let opened = self.dataset.open(path).map_err(|error| error.help(DAMAGED))?;
         let gone = || Error::io(self.dataset.name_of(path), &std::io::ErrorKind::NotFound.into()).help(DAMAGED);
         opened.ok_or_else(gone)

@@ -3,7 +3,7 @@
 use crate::error::{Error, Result};
 use crate::files::DatasetPath;
 use crate::store::inside::Inside;
-use crate::store::{Access, Fill, Found, Hold, Kind, Opened, Store};
+use crate::store::{Access, Fill, Found, Hold, Kind, Store, StoredFile};
 #[cfg(unix)]
 use rustix::fs::OFlags;
 use std::fs::{self, File, FileType, OpenOptions, TryLockError};
@@ -108,11 +108,11 @@ impl Store for FsStore {
         entries.map(entry).collect()
     }
 
-    fn open(&self, path: &DatasetPath) -> Result<Option<Opened>> {
+    fn open(&self, path: &DatasetPath) -> Result<Option<StoredFile>> {
         let full = path.below(&self.root);
         let opened = File::open(&full).and_then(|file| Ok((file.metadata()?.len(), file)));
         match opened {
-            Ok((size, file)) => Ok(Some(Opened { size, bytes: Box::new(file) })),
+            Ok((size, file)) => Ok(Some(StoredFile { size, bytes: Box::new(file) })),
             Err(error) if error.kind() == ErrorKind::NotFound => Ok(None),
             Err(error) => Err(Error::io(full, &error)),
         }

@@ -2,7 +2,7 @@
 
 use crate::error::{Error, Result};
 use crate::files::DatasetPath;
-use crate::store::{Access, Fill, Found, Hold, Kind, Opened, Store};
+use crate::store::{Access, Fill, Found, Hold, Kind, Store, StoredFile};
 use parking_lot::Mutex;
 use std::any::Any;
 use std::collections::BTreeMap;
@@ -99,9 +99,9 @@ impl Store for MemStore {
         Ok(names.into_iter().map(|(name, kind)| (name.to_owned(), kind)).collect())
     }
 
-    fn open(&self, path: &DatasetPath) -> Result<Option<Opened>> {
+    fn open(&self, path: &DatasetPath) -> Result<Option<StoredFile>> {
         let bytes = self.files.lock().get(path).map(Arc::clone);
-        Ok(bytes.map(|bytes| Opened { size: bytes.len() as u64, bytes: Box::new(Cursor::new(Shared(bytes))) }))
+        Ok(bytes.map(|bytes| StoredFile { size: bytes.len() as u64, bytes: Box::new(Cursor::new(Shared(bytes))) }))
     }
 
     fn create(&self, path: &DatasetPath) -> Result<Option<Box<dyn Write + Send>>> {

@@ -60,7 +60,7 @@ pub trait Store: Any + fmt::Debug + Send + Sync {
     fn list(&self, folder: &str) -> Result<Vec<(String, Kind)>>;
 
     /// Opens a file from its beginning; none if it does not exist.
-    fn open(&self, path: &DatasetPath) -> Result<Option<Opened>>;
+    fn open(&self, path: &DatasetPath) -> Result<Option<StoredFile>>;
 
     /// Creates a file and the folders that it is in; none if something is there already. Others see the whole file after
     /// the writer was dropped, and may see parts of it before.
@@ -125,33 +125,33 @@ pub enum Kind {
 }
 
 /// A file that is open for reading.
-pub struct Opened {
+pub struct StoredFile {
     /// Size when it was opened, bytes.
     pub size: u64,
     /// Its content. After a seek, an object store reads a range.
     pub bytes: Box<dyn Content>,
 }
 
-/// What [`Opened`] reads.
+/// What [`StoredFile`] reads.
 pub trait Content: Read + Seek + Send {}
 
 impl<C: Read + Seek + Send> Content for C {}
 
-impl Read for Opened {
+impl Read for StoredFile {
     fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
         self.bytes.read(buffer)
     }
 }
 
-impl Seek for Opened {
+impl Seek for StoredFile {
     fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
         self.bytes.seek(to)
     }
 }
 
-impl fmt::Debug for Opened {
+impl fmt::Debug for StoredFile {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
-        f.debug_struct("Opened").field("size", &self.size).finish_non_exhaustive()
+        f.debug_struct("StoredFile").field("size", &self.size).finish_non_exhaustive()
     }
 }
 

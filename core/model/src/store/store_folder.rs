@@ -3,7 +3,7 @@
 use crate::error::{Error, Result};
 use crate::files::DatasetPath;
 use crate::store::inside::linked;
-use crate::store::{Access, Fill, Found, FsStore, Hold, Kind, Opened, Store};
+use crate::store::{Access, Fill, Found, FsStore, Hold, Kind, Store, StoredFile};
 use std::io::{self, Read, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -90,7 +90,7 @@ impl StoreFolder {
     }
 
     /// Opens a file; see [`Store::open`].
-    pub fn open(&self, path: &DatasetPath) -> Result<Option<Opened>> {
+    pub fn open(&self, path: &DatasetPath) -> Result<Option<StoredFile>> {
         self.store.open(&self.whole(path))
     }
 

@@ -61,9 +61,25 @@ pub struct Converted {
     pub parts_left_out: Vec<String>,
 }
 
+/// Refuses a dataset without images, but for formats that leave out images without objects. `place` is where it is.
+///
+/// # Errors
+/// With what hides the images, if opening showed it.
+pub fn check_images(dataset: &OpenDataset, place: &Path) -> Result<()> {
+    match dataset.faults.first() {
+        _ if !dataset.images.is_empty() => Ok(()),
+        Some(first) => {
+            let why = format!("no image can be read: {}: {}", first.place, first.message);
+            Err(Error::new(why).help("`syntable validate` lists what is wrong"))
+        }
+        None if dataset.lists_all_images => Err(Error::new("the dataset has no image").in_file(place)),
+        None => Ok(()),
+    }
+}
+
 /// Writes a dataset with some writers into a folder, which must be new or empty. It appears there when all is written; an
 /// error leaves nothing. Images that cannot be read are left out; if no image can, that is an error.
-pub fn convert(
+pub fn convert_dataset(
     registry: &Registry,
     dataset: &OpenDataset,
     writers: &[(String, Box<dyn Writer>)],
@@ -73,12 +89,6 @@ pub fn convert(
 ) -> Result<Converted> {
     let guarded = Guarded(reporter);
     let log = Warnings(&guarded);
-    if dataset.images.is_empty()
-        && let Some(first) = dataset.faults.first()
-    {
-        let why = format!("no image can be read: {}: {}", first.place, first.message);
-        return Err(Error::new(why).help("`syntable validate` lists what is wrong"));
-    }
     let Resolved { plan, lacking } = resolve(registry, dataset, writers)?;
     let draft = begin(out)?;
     let part = StoreFolder::from(draft.folder());

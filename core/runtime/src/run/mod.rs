@@ -24,7 +24,7 @@ pub mod progress;
 mod scene_range;
 pub mod stop;
 
-pub use convert::{Converted, check_place, convert, not_listed, products_of};
+pub use convert::{Converted, check_images, check_place, convert_dataset, not_listed, products_of};
 pub use dataset::loss::Loss;
 pub use dataset::verify::{Verified, verify};
 pub(crate) use decisions::inputs::files as files_of;

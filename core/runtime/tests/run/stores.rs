@@ -8,7 +8,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use syntable_model::error::{Error, Result};
 use syntable_model::files::DatasetPath;
-use syntable_model::store::{Access, Fill, Found, Hold, Kind, MemStore, Opened, Store, StoreFolder};
+use syntable_model::store::{Access, Fill, Found, Hold, Kind, MemStore, Store, StoreFolder, StoredFile};
 use syntable_runtime::cache::DiskCache;
 use syntable_runtime::run::progress::Quiet;
 use syntable_runtime::run::stop::Stop;
@@ -200,7 +200,7 @@ impl Store for FaultStore {
         self.whole(folder, || self.inner.list(folder))
     }
 
-    fn open(&self, path: &DatasetPath) -> Result<Option<Opened>> {
+    fn open(&self, path: &DatasetPath) -> Result<Option<StoredFile>> {
         self.whole(path, || self.inner.open(path))
     }
 

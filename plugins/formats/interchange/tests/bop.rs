@@ -470,7 +470,7 @@ fn what_is_wrong_with_tar_files_is_found() {
     let said = |folder: &tempfile::TempDir| -> Vec<String> {
         let reader = opened(folder.path());
         let wants = &reader.offers;
-        let opening = reader.all_faults().into_iter().map(|it| format!("{} {}: {}", it.check, it.place, it.message));
+        let opening = reader.all_faults().iter().map(|it| format!("{} {}: {}", it.check, it.place, it.message));
         let images = (0..reader.images.len()).filter_map(|image| Some(reader.read(image, wants).err()?.to_string()));
         opening.chain(images).collect()
     };

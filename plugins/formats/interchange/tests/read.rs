@@ -204,7 +204,7 @@ fn files_of_others_are_read() {
         }
         let (format, read) =
             open_dataset(&folder.path().join(at), None).unwrap_or_else(|error| panic!("{kind}: {error}"));
-        assert_eq!((format.name(), read.all_faults()), (kind, Vec::new()));
+        assert_eq!((format.name(), read.all_faults()), (kind, &[][..]));
         let truth: Vec<Vec<True>> =
             serde_json::from_slice(&fs::read(folder.path().join("truth.json")).expect("there")).expect("JSON");
         assert_eq!(read.images.len(), truth.len(), "{kind}");
@@ -974,7 +974,7 @@ fn one_of_several_is_named() {
         assert!(error.contains("there are 2"), "{kind}: {error}");
         for path in [&first, &second] {
             let (format, read) = open_dataset(path, None).unwrap_or_else(|error| panic!("{kind}: {error}"));
-            assert_eq!((format.name(), read.all_faults()), (kind, Vec::new()));
+            assert_eq!((format.name(), read.all_faults()), (kind, &[][..]));
             read.read(0, &read.offers).unwrap_or_else(|error| panic!("{kind}: {error}"));
         }
     }

@@ -133,7 +133,7 @@ fn said(root: &Path, kind: &str) -> Vec<String> {
         Err(error) => return vec![error.to_string()],
     };
     let wants = &read.offers;
-    let faults = read.all_faults().into_iter().map(|fault| format!("{}: {}", fault.place, fault.message));
+    let faults = read.all_faults().iter().map(|fault| format!("{}: {}", fault.place, fault.message));
     let errors = (0..read.images.len()).filter_map(|image| Some(read.read(image, wants).err()?.to_string()));
     faults.chain(errors).collect()
 }

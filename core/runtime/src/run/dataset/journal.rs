@@ -9,7 +9,7 @@ use std::path::PathBuf;
 use syntable_model::error::{Error, Result};
 use syntable_model::limits::RUN_LIST_BYTES;
 use syntable_model::some::SHOWN;
-use syntable_model::store::{Opened, StoreFolder};
+use syntable_model::store::{StoreFolder, StoredFile};
 
 /// A line of the journal: a scene that is done.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
@@ -322,7 +322,7 @@ fn cut(dataset: &StoreFolder, whole: u64) -> Result<()> {
 pub struct Lines {
     name: PathBuf,
     /// None if the journal does not exist.
-    file: Option<BufReader<Opened>>,
+    file: Option<BufReader<StoredFile>>,
     line: Vec<u8>,
     number: usize,
 }

@@ -290,11 +290,11 @@ fn unread(report: &Report) -> Vec<Unread> {
 
 /// What the checks found in shown images that were read whole, and in the dataset.
 fn faults(report: &Report) -> Vec<Fault> {
-    let of_dataset = report.dataset.all_faults().into_iter().map(|fault| Fault {
+    let of_dataset = report.dataset.all_faults().iter().map(|fault| Fault {
         place: None,
-        name: fault.place,
+        name: fault.place.clone(),
         check: fault.check.to_owned(),
-        message: fault.message,
+        message: fault.message.clone(),
     });
     let of_images = report.faults.lock();
     let of_images = of_images.iter().flat_map(|(place, faults)| {
