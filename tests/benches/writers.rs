@@ -19,8 +19,8 @@ use syntable_model::registry::{Entry, Registry};
 use syntable_model::scene::{Role, Scene};
 use syntable_model::stage::{RenderRequest, RenderSession};
 use syntable_program as _;
+use syntable_recipe::{Overrides, Source};
 use syntable_runtime::cache::DiskCache;
-use syntable_runtime::recipe::{self, Overrides, Source};
 use syntable_runtime::run::RunOptions;
 use syntable_runtime::run::progress::{Event, Reporter};
 use syntable_testing::scenes;
@@ -176,7 +176,7 @@ fn run(recipe: &str, threads: usize, out: &Path) -> f64 {
     let own = [Entry::of::<Keep>("bench", "0"), Entry::of::<Replay>("bench", "0"), Entry::of::<Boxes>("bench", "0")];
     let registry = Registry::new(linked.entries().iter().cloned().chain(own)).expect("no clash");
     let (recipe, _) =
-        recipe::load(&registry, Source::embedded("bench.toml", recipe), &Overrides::of_process(Vec::new()))
+        syntable_recipe::load(&registry, Source::embedded("bench.toml", recipe), &Overrides::of_process(Vec::new()))
             .unwrap_or_else(|report| panic!("{report}"));
     let options = RunOptions::new(out, threads, DiskCache::new(out.join("../cache")));
     let start = Instant::now();

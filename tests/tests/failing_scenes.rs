@@ -10,8 +10,8 @@ use syntable_model::product::standard::VISIBLE_MASK;
 use syntable_model::registry::Registry;
 use syntable_model::scene::{AssetRef, Removal, Role, SceneId, SettleReport};
 use syntable_program as _;
+use syntable_recipe::{Overrides, Source};
 use syntable_runtime::cache::DiskCache;
-use syntable_runtime::recipe::{self, Overrides, Source};
 use syntable_runtime::run::progress::{Event, Reporter};
 use syntable_runtime::run::{Outcome, RunOptions, run};
 use syntable_testing::folder::files;
@@ -89,7 +89,7 @@ fn attempt(out: &Path, set: &[(&str, &str)]) -> (Result<Outcome>, Vec<Event>) {
         .collect();
     changes.push(("dataset.scenes".into(), "4".into()));
     changes.push(("write.jsonl.include".into(), "[\"fragile\"]".into()));
-    let (recipe, _) = recipe::load(&registry, source, &Overrides::of_process(changes)).expect("a good recipe");
+    let (recipe, _) = syntable_recipe::load(&registry, source, &Overrides::of_process(changes)).expect("a good recipe");
     let options = RunOptions::new(out, 2, DiskCache::new(root().join("target/test-cache")));
     let events = Events::default();
     let outcome = run(&recipe, &options, &events);

@@ -10,7 +10,7 @@ pub use clap;
 pub use outputs::check_outputs;
 pub use signals::{ended, on_signals};
 pub use syntable_model::inventory;
-pub use syntable_runtime::message::Message;
+pub use syntable_recipe::message::Message;
 pub use verb::{CliVerb, Topic, Verb};
 pub use verbs::list::products;
 
@@ -23,8 +23,8 @@ use std::process::ExitCode;
 use std::sync::Arc;
 use syntable_model::error::Error;
 use syntable_model::registry::Registry;
+use syntable_recipe::{Diagnostic, Overrides, Recipe, RecipeRequest, Report, Source};
 use syntable_runtime::left_out::LeftOutReport;
-use syntable_runtime::recipe::{self, Diagnostic, Overrides, Recipe, RecipeRequest, Report, Source};
 use syntable_runtime::run::progress::Reporter;
 use verbs::{check, convert, doctor, list, merge, new, run, validate, verify};
 
@@ -359,7 +359,7 @@ impl Console {
             BuiltIn::Check(args) => check::check(self, registry, &args),
             BuiltIn::Plan(args) => run::plan(self, registry, &args),
             BuiltIn::List(args) => list::list(self, registry, &args),
-            BuiltIn::Schema => self.print(&recipe::schema_text(registry)),
+            BuiltIn::Schema => self.print(&syntable_recipe::schema_text(registry)),
             BuiltIn::New(args) => new::new(self, registry, &args),
             BuiltIn::Doctor => doctor::doctor(self, registry),
             BuiltIn::Completions { shell } => {
@@ -391,13 +391,13 @@ impl Console {
     /// Loads and plans a recipe with its changes; warnings are printed, errors come back.
     fn load(&self, registry: &Registry, args: &RecipeArgs) -> Result<Recipe, Exit> {
         let (source, overrides) = args.read()?;
-        self.loaded(recipe::load(registry, source, &overrides))
+        self.loaded(syntable_recipe::load(registry, source, &overrides))
     }
 
     /// The same, with kinds that stand for others replaced by what this machine has.
     fn load_for_run(&self, registry: &Registry, args: &RecipeArgs) -> Result<Recipe, Exit> {
         let (source, overrides) = args.read()?;
-        self.loaded(recipe::load(registry, source, &overrides.for_run()))
+        self.loaded(syntable_recipe::load(registry, source, &overrides.for_run()))
     }
 
     /// Prints the warnings of a recipe that was loaded; the mistakes of one that cannot be run come back.

@@ -40,7 +40,7 @@ pub fn check_outputs(outputs: &[(&str, Option<&PathBuf>)], inputs: &[&Path]) -> 
 mod tests {
     use super::*;
     use syntable_model::registry::Registry;
-    use syntable_runtime::message::Message;
+    use syntable_recipe::message::Message;
     use syntable_runtime::paths::dataset_folder;
     use syntable_runtime::run::dataset::layout::journal_path;
 

@@ -5,7 +5,7 @@ use parking_lot::Mutex;
 use std::collections::BTreeMap;
 use std::io::{IsTerminal, Write};
 use std::time::{Duration, Instant};
-use syntable_runtime::message::Message;
+use syntable_recipe::message::Message;
 use syntable_runtime::run::progress::{Event, LogLine, Reporter, clock, count};
 
 /// One JSON object per line on standard error.

@@ -6,6 +6,7 @@
 use std::fmt;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
+use syntable_toml_schema::{DisplayPath, Finding};
 
 /// Shorthand for results of this crate and of stages.
 pub type Result<T, E = Error> = std::result::Result<T, E>;
@@ -289,6 +290,13 @@ impl ConfigError {
     pub fn help(mut self, help: impl Into<String>) -> Self {
         self.help = Some(help.into());
         self
+    }
+}
+
+impl From<Finding> for ConfigError {
+    fn from(finding: Finding) -> Self {
+        let help = finding.help();
+        Self { key: DisplayPath(&finding.path).to_string(), message: finding.message, help }
     }
 }
 

@@ -85,7 +85,6 @@ pub mod intern;
 pub mod left_out;
 pub mod limits;
 pub mod names;
-pub mod options;
 pub mod panics;
 pub mod photometry;
 pub mod pools;

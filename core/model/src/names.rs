@@ -6,12 +6,6 @@ use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 
-/// Schema keyword that marks what a text refers to.
-pub const REFERENCE: &str = "x-syntable-ref";
-
-/// Schema keyword that marks what the keys of a table refer to.
-pub const KEY_REFERENCE: &str = "x-syntable-key-ref";
-
 /// A type of names of pools.
 pub trait PoolName: From<String> + JsonSchema {
     /// What the name refers to, such as `pool:object`.

@@ -1,10 +1,11 @@
 //! Pools that a stage draws from, as a recipe names them.
 
-use crate::names::{EnvironmentPool, KEY_REFERENCE, MaterialPool, ObjectPool, PoolName};
+use crate::names::{EnvironmentPool, MaterialPool, ObjectPool, PoolName};
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::{Deserialize, Serialize, Serializer};
 use std::borrow::Cow;
 use std::collections::BTreeMap;
+use syntable_toml_schema::KEY_REFERENCE;
 
 /// Maximum weight of a pool.
 const MAX_WEIGHT: f64 = 1e9;

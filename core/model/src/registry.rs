@@ -18,6 +18,8 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 use std::fmt;
 use std::sync::Arc;
+use syntable_toml_schema::{SchemaBuilder, SpannedValue, Validator, spanned_members, unsupported};
+use toml::de::DeValue;
 
 /// The options of one kind of stage, as a recipe gives them.
 ///
@@ -206,7 +208,7 @@ pub trait InSlot {
 }
 
 /// A spanned value of a recipe, as the TOML parser gives it.
-pub type RecipeValue<'a> = toml::Spanned<toml::de::DeValue<'a>>;
+pub type RecipeValue<'a> = SpannedValue<'a>;
 
 /// A stage, and its options with every default filled in.
 pub struct Constructed {
@@ -375,8 +377,7 @@ impl Entry {
 
     /// Builds the stage from a table without `kind`. Refuses what the schema refuses.
     pub fn construct(&self, table: RecipeValue<'_>) -> Result<Constructed, ConstructError> {
-        crate::options::check(self.kind, |generator| self.schema(generator), &table)
-            .map_err(ConstructError::Invalid)?;
+        check_schema(self, &table).map_err(ConstructError::Invalid)?;
         self.construct_validated(table)
     }
 
@@ -394,6 +395,22 @@ impl Entry {
         let span = table.span();
         self.construct(toml::Spanned::new(span, toml::de::DeValue::Table(table.into_inner())))
     }
+}
+
+/// Refuses a table that the schema of a kind refuses, naming the first mistake.
+fn check_schema(entry: &Entry, table: &RecipeValue) -> Result<(), ConfigError> {
+    let kind = entry.kind;
+    let mut builder = SchemaBuilder::default();
+    let schema = builder.add(|generator| entry.schema(generator));
+    let definitions = builder.definitions();
+    if let Some(fault) = unsupported(&schema, &definitions).into_iter().next() {
+        return Err(ConfigError::new("", format!("the schema of `{kind}` has {fault}")));
+    }
+    let DeValue::Table(members) = table.get_ref() else {
+        return Err(ConfigError::new("", format!("`{kind}` must be a table")));
+    };
+    let outcome = Validator { definitions: &definitions }.table(kind, spanned_members(members), table.span(), &schema);
+    outcome.findings.into_iter().next().map_or(Ok(()), |finding| Err(finding.into()))
 }
 
 fn construct<C: Config>(table: RecipeValue<'_>) -> Result<Constructed, ConstructError> {

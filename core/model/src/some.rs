@@ -1,6 +1,7 @@
 //! Some of many things in a message: the first few, and how many more there are.
 
 use std::fmt::Display;
+pub use syntable_toml_schema::{first_sentence, listing};
 
 /// Number of things that a message names.
 pub const SHOWN: usize = 10;

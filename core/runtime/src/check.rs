@@ -1,12 +1,12 @@
 //! What can be known of a recipe and its assets without rendering.
 
 use crate::pools::{self, AssetStore};
-use crate::recipe::{self, Checked, Diagnostic, Overrides, Recipe, Report, Source};
 use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
 use syntable_model::context::{Assets, Log};
 use syntable_model::error::{Error, Result};
 use syntable_model::registry::Registry;
 use syntable_model::scene::{AssetRef, CatalogEntry};
+use syntable_recipe::{Checked, Diagnostic, Overrides, Recipe, Report, Source};
 
 /// Loads and plans a recipe, and finds every mistake that a run would find before it renders: wrong keys and values, missing
 /// files, products that nobody provides, and pools that cannot be opened. Returns the recipe and its warnings.
@@ -19,7 +19,7 @@ pub fn check(
     overrides: Overrides,
     log: &dyn Log,
 ) -> std::result::Result<(Recipe, Vec<Diagnostic>), Report> {
-    let Checked { recipe, pools } = recipe::checked(registry, source, &overrides.with_existing_paths());
+    let Checked { recipe, pools } = syntable_recipe::checked(registry, source, &overrides.with_existing_paths());
     recipe.map_err(|report| Report { other: pools::open(&pools, log).err().map(Box::new), ..report })
 }
 

@@ -2,9 +2,7 @@
 
 use crate::cache::DiskCache;
 use crate::pools::{AssetStore, RecordingAssets};
-use crate::recipe::Recipe;
 use crate::run::dataset::loss::Loss;
-use crate::run::dataset_info;
 use crate::run::making::attempt::{Attempt, Tools};
 use crate::run::making::losses::Losses;
 use crate::run::making::queue::Queue;
@@ -26,6 +24,7 @@ use syntable_model::context::{SceneContext, ViewContext};
 use syntable_model::error::{Error, Result};
 use syntable_model::product::{KeyId, Products, Scope};
 use syntable_model::scene::{Scene, SceneId, View};
+use syntable_recipe::Recipe;
 
 /// Samples that wait for a caller of [`Generator`], beside the scenes that are in flight.
 const WAITING: usize = 1;
@@ -34,7 +33,7 @@ const WAITING: usize = 1;
 #[derive(Clone)]
 pub struct GenerateOptions {
     /// Names of the products that a sample has, such as `rgb` and `amodal_mask`; all that the recipe computes if empty. The
-    /// recipe must have been loaded with them as [`wanted`](crate::recipe::RecipeRequest::load), or have a writer of them.
+    /// recipe must have been loaded with them as [`wanted`](syntable_recipe::RecipeRequest::load), or have a writer of them.
     pub products: Vec<String>,
     /// Scenes; all of the recipe if none.
     pub scenes: Option<Range<u32>>,
@@ -98,7 +97,7 @@ pub fn generate(
     let (assets, times) = (AssetStore::open(recipe, &log)?, Times::default());
     let in_flight = scenes_in_flight(recipe, options.threads, scenes.len());
     let sessions = Sessions::open(&*recipe.render, in_flight)?;
-    let (dataset, stop) = (dataset_info(recipe), options.stop.nested());
+    let (dataset, stop) = (recipe.dataset_info(), options.stop.nested());
     let tools =
         Tools { recipe, assets: &assets, cache: &options.cache, workers: &pool, log: &log, times: &times, stop: &stop };
     let walk = Walk { tools, sessions: &sessions, checks: &recipe.checks, reporter, dataset: &dataset, plan: &plan };

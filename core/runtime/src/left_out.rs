@@ -1,6 +1,5 @@
 //! The one rule for what a function leaves out of its result: it is named, and the verb ends with exit code 3.
 
-use crate::message::Message;
 use crate::run::progress::count;
 use crate::run::{Loss, not_listed};
 use std::path::Path;
@@ -8,6 +7,7 @@ use syntable_model::error::Error;
 use syntable_model::left_out::LeftOut;
 use syntable_model::reader::OpenDataset;
 use syntable_model::some::SHOWN;
+use syntable_recipe::message::Message;
 
 /// What a function left out of its result, for people.
 #[derive(Debug, Clone, Default)]

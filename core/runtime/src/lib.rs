@@ -1,4 +1,5 @@
-//! Recipes, plans, runs and the command line of SynTable. Of plugins, only those that add a verb depend on this crate.
+//! What is done with a loaded recipe and with datasets: pools, runs, previews, samples in memory, validation, conversion. These are
+//! functions that print nothing. Of plugins, only tools depend on this crate.
 
 pub mod cache;
 pub mod check;
@@ -7,13 +8,8 @@ pub mod durable;
 pub mod generate;
 pub mod images;
 pub mod left_out;
-pub mod memory;
-pub mod message;
 pub mod paths;
-pub mod plan;
 pub mod pools;
-mod ready;
-pub mod recipe;
 pub mod run;
 pub mod validate;
 pub mod workers;

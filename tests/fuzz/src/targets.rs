@@ -10,7 +10,7 @@ use syntable_model::inspect;
 use syntable_model::product::{Mask, Products, Stored, Value, linked};
 use syntable_model::registry::Registry;
 use syntable_model::scene::InstanceId;
-use syntable_runtime::recipe::{self, Overrides};
+use syntable_recipe::Overrides;
 
 /// Feeds one input to a reader. It panics where the reader is wrong.
 pub type Target = fn(&[u8]);
@@ -126,7 +126,7 @@ pub fn recipe(input: &[u8]) {
         choose: false,
         wanted: Vec::new(),
     };
-    let _ = recipe::load(&registry, recipe::Source::embedded("fuzz", text(input)), &overrides);
+    let _ = syntable_recipe::load(&registry, syntable_recipe::Source::embedded("fuzz", text(input)), &overrides);
 }
 
 /// Annotation files of other programs: COCO's and SynTable's, from text to masks.

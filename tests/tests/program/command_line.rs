@@ -4,7 +4,7 @@ use crate::support::{fails, ok, root, small_run, syntable};
 use std::process::Stdio;
 use syntable_model::registry::Registry;
 use syntable_program as _;
-use syntable_runtime::recipe::{self, Overrides, Source};
+use syntable_recipe::{Overrides, Source};
 
 #[test]
 fn list_names_kinds_crates_and_products() {
@@ -56,7 +56,7 @@ fn check_finds_every_mistake_at_once() {
     // What the library shows is what is printed, byte for byte.
     let registry = Registry::linked().expect("no clash");
     let source = Source::read(&file).expect("readable");
-    let report = recipe::load(&registry, source, &Overrides::of_process(Vec::new())).err().expect("refused");
+    let report = syntable_recipe::load(&registry, source, &Overrides::of_process(Vec::new())).err().expect("refused");
     assert_eq!(error, report.to_string());
     assert!(ok(syntable().args(["check", "recipes/quickstart.toml"])).contains("no mistake found"));
 }
@@ -140,10 +140,10 @@ fn list_shows_the_options_of_a_kind() {
     assert!(fails(syntable().args(["list", "drop_bix"]), 2).contains("did you mean drop_box"));
     // Every kind has its page, with all of its options.
     let registry = Registry::linked().expect("no clash");
-    let schema = recipe::schema(&registry);
+    let schema = syntable_recipe::schema(&registry);
     for entry in registry.entries() {
         let name = format!("{}.{}", entry.slot, entry.kind);
-        let options = recipe::options_of(&registry, entry);
+        let options = syntable_recipe::options_of(&registry, entry);
         for option in schema["definitions"][&name]["properties"].as_object().expect("options").keys() {
             let known = option == "kind" || option == "id" || options.iter().any(|known| known.path == *option);
             assert!(known, "{name} does not show {option}");

@@ -11,7 +11,6 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use syntable_model::registry::{Entry, Registry, Shape, Slot};
 use syntable_program as _;
-use syntable_runtime::recipe;
 use syntable_testing::tools::skip_slow_tool;
 
 /// Starts all servers that are there.
@@ -69,8 +68,9 @@ impl Drop for Table {
 fn workspace() -> (tempfile::TempDir, Value) {
     let folder = tempfile::tempdir().expect("a folder");
     let registry = Registry::linked().expect("no clash");
-    std::fs::write(folder.path().join("recipe.schema.json"), recipe::schema_text(&registry)).expect("writable");
-    (folder, recipe::schema(&registry))
+    std::fs::write(folder.path().join("recipe.schema.json"), syntable_recipe::schema_text(&registry))
+        .expect("writable");
+    (folder, syntable_recipe::schema(&registry))
 }
 
 fn labels(found: &[(String, String)]) -> Vec<&str> {

@@ -9,18 +9,19 @@ use std::fs;
 use std::path::Path;
 use syntable_cli as cli;
 use syntable_mesh::format::{ImageDecoder, ImageFormats, MeshFormats};
-use syntable_model::product::{KeyId, first_sentence};
+use syntable_model::product::KeyId;
 use syntable_model::registry::{Entry, Registry, Shape, Slot, Stage};
 use syntable_model::scene::AssetClass;
+use syntable_model::some::first_sentence;
 use syntable_program as _;
-use syntable_runtime::plan::Producer;
-use syntable_runtime::recipe::{self, Code, Overrides, Source};
+use syntable_recipe::plan::Producer;
+use syntable_recipe::{Code, Overrides, Source};
 use syntable_runtime::run;
 
 /// All generated files: path from the root of the checkout, and content.
 fn generated() -> BTreeMap<String, String> {
     let registry = Registry::linked().expect("no clash");
-    let schema = recipe::schema(&registry);
+    let schema = syntable_recipe::schema(&registry);
     let reference = Reference::of(&schema);
     let journal = schemars::generate::SchemaSettings::draft07()
         .into_generator()
@@ -31,7 +32,7 @@ fn generated() -> BTreeMap<String, String> {
     let log = serde_json::to_string_pretty(&log).expect("plain data");
     let mut files = BTreeMap::from([
         ("schemas/log.schema.json".to_owned(), log + "\n"),
-        ("schemas/recipe.schema.json".to_owned(), recipe::schema_text(&registry)),
+        ("schemas/recipe.schema.json".to_owned(), syntable_recipe::schema_text(&registry)),
         ("schemas/journal.schema.json".to_owned(), journal + "\n"),
         ("book/src/reference/recipe.md".to_owned(), reference.recipe_page()),
         ("book/src/reference/values.md".to_owned(), reference.values_page()),
@@ -674,7 +675,7 @@ fn diagnosed(registry: &Registry, text: &str) -> (Vec<Code>, String) {
         choose: false,
         wanted: Vec::new(),
     };
-    let found = match recipe::load(registry, Source::file("my.toml", text), &overrides) {
+    let found = match syntable_recipe::load(registry, Source::file("my.toml", text), &overrides) {
         Ok((_, warnings)) => warnings,
         Err(report) => report.diagnostics,
     };

@@ -8,11 +8,12 @@ use serde_json::json;
 use std::path::{Path, PathBuf};
 use syntable_mesh::format::{ImageFormats, MeshFormats};
 use syntable_model::error::{Error, Result};
-use syntable_model::product::{KeyId, first_sentence};
+use syntable_model::product::KeyId;
 use syntable_model::registry::{Entry, Registry, Slot};
-use syntable_runtime::plan::{available, table_within};
+use syntable_model::some::first_sentence;
+use syntable_recipe::plan::{available, table_within};
+use syntable_recipe::{BUILTINS, description_of, nearest, options_of};
 use syntable_runtime::pools::{AssetStore, ListedAsset};
-use syntable_runtime::recipe::{self, BUILTINS, description_of, nearest, options_of};
 
 #[derive(Args)]
 pub(crate) struct ListArgs {
@@ -94,7 +95,7 @@ fn assets(console: &Console, registry: &Registry, args: &ListArgs, path: &Path) 
     let log = PrintedLog(console);
     let of_run = RecipeArgs { recipe: Some(path.to_owned()), set: args.set.clone(), seed: None, views: None };
     let (source, overrides) = of_run.read()?;
-    let recipe = recipe::load(registry, source, &overrides.with_existing_paths());
+    let recipe = syntable_recipe::load(registry, source, &overrides.with_existing_paths());
     let recipe = console.loaded(recipe)?;
     let store = AssetStore::open(&recipe, &log).map_err(Exit::wrong)?;
     let listing = store.listing();

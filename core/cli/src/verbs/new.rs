@@ -9,8 +9,8 @@ use std::fs;
 use std::path::{Component, Path, PathBuf};
 use syntable_model::error::Error;
 use syntable_model::registry::{Registry, Slot};
+use syntable_recipe::{BUILTINS, Builtin, schema_text};
 use syntable_runtime::durable::{self, Draft};
-use syntable_runtime::recipe::{BUILTINS, Builtin, schema_text};
 
 #[derive(Args)]
 pub(crate) struct NewArgs {

@@ -6,11 +6,11 @@ use clap::Args;
 use std::path::{Path, PathBuf};
 use syntable_model::error::Error;
 use syntable_model::registry::Registry;
+use syntable_recipe::Recipe;
 use syntable_runtime::cache::DiskCache;
-use syntable_runtime::recipe::Recipe;
 use syntable_runtime::run::progress::count;
 use syntable_runtime::run::{Outcome, RunOptions, SceneRange, run as run_recipe};
-use syntable_runtime::{memory, workers};
+use syntable_runtime::workers;
 
 #[derive(Args)]
 pub(crate) struct RunArgs {
@@ -109,7 +109,7 @@ pub(crate) fn plan(console: &Console, registry: &Registry, args: &RecipeArgs) ->
 
 /// The largest size of the images that are written, which is known before anything is rendered: that of their numbers.
 fn disk(recipe: &Recipe, images: u64) -> String {
-    let Some(bytes) = memory::stored_bytes_per_view(recipe) else { return String::new() };
+    let Some(bytes) = recipe.stored_bytes_per_view() else { return String::new() };
     let size = |bytes: u64| match bytes as f64 / f64::from(1 << 20) {
         mebibytes if mebibytes < 1024.0 => format!("{mebibytes:.1} MiB"),
         mebibytes => format!("{:.1} GiB", mebibytes / 1024.0),

@@ -259,7 +259,7 @@ impl KeyId {
 
     /// First sentence of [`doc`](Self::doc), without its full stop.
     pub fn summary(&self) -> String {
-        first_sentence(&self.doc())
+        crate::some::first_sentence(&self.doc())
     }
 
     /// Identity of the product's type.
@@ -302,15 +302,6 @@ impl KeyId {
             semantic => format!("{} ({semantic})", self.form()),
         }
     }
-}
-
-/// First sentence of a description, on one line, without its full stop.
-pub fn first_sentence(text: &str) -> String {
-    let text = text.split("\n\n").next().unwrap_or_default().split_whitespace().collect::<Vec<_>>().join(" ");
-    // A full stop before a capital ends a sentence; that of `Rec. 709` does not.
-    let ends = |&(at, _): &(usize, &str)| text[at + 2..].starts_with(|c: char| c.is_uppercase() || c == '`');
-    let end = text.match_indices(". ").find(ends).map_or(text.len(), |(at, _)| at);
-    text[..end].trim_end_matches('.').to_owned()
 }
 
 impl PartialEq for KeyId {

@@ -31,7 +31,7 @@ pub use depths::{ObjectDepths, ObjectRun};
 pub use extent::{Extent, extents};
 pub use form::Form;
 pub use graph::{Graph, Layer, strong_components};
-pub use key::{Key, KeyId, LinkedKey, Product, Scope, Semantic, first_sentence, linked};
+pub use key::{Key, KeyId, LinkedKey, Product, Scope, Semantic, linked};
 pub use mask::Mask;
 pub use models::{ObjectModel, ObjectModels};
 pub use name::{Lighting, MAX_CANVAS, MAX_SUBPIXELS, Name, RenderParameters, ViewMoment};

@@ -1,7 +1,6 @@
 //! One asset of a pool: what the source gives, with the options of the pool applied.
 
 use super::Pool;
-use crate::recipe::{CatalogAsset, CatalogNames, Center, Mass};
 use std::sync::Arc;
 use syntable_mesh::mass::estimate_kg;
 use syntable_mesh::size::doubt;
@@ -10,6 +9,7 @@ use syntable_model::digest::Hasher;
 use syntable_model::error::{Error, Result};
 use syntable_model::geometry::{Point3, Vector3};
 use syntable_model::scene::{Asset, CatalogEntry, MassOrigin, Material, Object, Topology};
+use syntable_recipe::{CatalogAsset, CatalogNames, Center, Mass};
 
 /// Minimum mass of an object, kg.
 const MIN_KG: f64 = 1e-4;

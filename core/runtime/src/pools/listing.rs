@@ -1,10 +1,10 @@
 //! The assets of a recipe and how likely each is drawn.
 
 use super::{AssetStore, Pool};
-use crate::recipe::Part;
 use serde::ser::{Serialize, SerializeMap, SerializeStruct, Serializer};
 use std::collections::BTreeMap;
 use syntable_model::scene::{AssetClass, AssetRef, CatalogEntry};
+use syntable_recipe::Part;
 
 /// An asset of a pool, as its catalog knows it. Serialized, it is the record of `syntable list assets RECIPE --json`: `pool`,
 /// `name`, `class`, `category`, `obj_id`, `part`, `license`, and `draws`, a table of probabilities by option.

@@ -9,9 +9,6 @@ mod loaded;
 mod numbers;
 mod open;
 
-use crate::recipe::{
-    CatalogNames, Draw, Numbering, ObjectProperties, OnBadAsset, PartSizes, PoolOptions, Recipe, Selection,
-};
 use crate::run::panics::unwound;
 pub use listing::{Chance, ListedAsset};
 use loaded::InUse;
@@ -26,6 +23,9 @@ use syntable_model::context::{Assets, Collected, Log};
 use syntable_model::error::{Error, Result};
 use syntable_model::scene::{Asset, AssetRef, CatalogEntry};
 use syntable_model::stage::AssetSource;
+use syntable_recipe::{
+    CatalogNames, Draw, Numbering, ObjectProperties, OnBadAsset, PartSizes, PoolOptions, Recipe, Selection,
+};
 
 /// What a lock and a journal say instead of a digest of an asset that was drawn, could not be used and was passed over.
 pub const BAD: &str = "bad";

@@ -1,9 +1,9 @@
 //! Numbers of objects over all pools of a recipe.
 
 use super::Pool;
-use crate::recipe::{Numbering, Selection};
 use std::collections::{BTreeMap, BTreeSet};
 use syntable_model::error::{Error, Result};
+use syntable_recipe::{Numbering, Selection};
 
 /// Moves numbers that are places behind those that are stated and those of other pools: first pools with objects that labels
 /// describe, then others, each by id. Numbers depend on what pools hold, never on what is taken or drawn of them.

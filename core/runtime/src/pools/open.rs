@@ -1,20 +1,20 @@
 //! Opening pools: catalogs are made, numbered and selected from, and nothing is loaded.
 
 use super::Pool;
-use crate::recipe::{self, Numbering, PoolOptions, Selection};
 use std::collections::BTreeMap;
 use std::time::Duration;
 use syntable_model::context::{Collected, Log};
 use syntable_model::error::{Error, Result};
 use syntable_model::scene::{AssetClass, CatalogEntry};
 use syntable_model::stage::AssetSource;
+use syntable_recipe::{Numbering, PoolOptions, Selection};
 
 /// Pauses before a source that the file system failed is asked again.
 const RETRIES: [Duration; 3] = [Duration::from_millis(20), Duration::from_millis(150), Duration::from_millis(600)];
 
 /// Opens pools. The error names all that cannot be opened.
 pub(crate) fn open<'a>(
-    assets: &'a BTreeMap<String, recipe::Pool>,
+    assets: &'a BTreeMap<String, syntable_recipe::Pool>,
     log: &dyn Log,
 ) -> Result<BTreeMap<&'a str, Pool<'a>>> {
     let mut pools = BTreeMap::new();
@@ -52,7 +52,7 @@ struct Numbered {
 
 impl<'a> Pool<'a> {
     /// Opens the pool `id`.
-    fn open(id: &str, pool: &'a recipe::Pool, log: &dyn Log) -> Result<Self> {
+    fn open(id: &str, pool: &'a syntable_recipe::Pool, log: &dyn Log) -> Result<Self> {
         let (source, options, of_pool) = (&*pool.source, &pool.options, OfPool { id, log });
         let catalog = catalog_of(source, log)?;
         let found = catalog.len();

@@ -2,12 +2,12 @@
 
 use super::loaded::cache;
 use super::*;
-use crate::recipe::{Mass, Scale};
 use std::collections::BTreeSet;
 use std::time::Duration;
 use syntable_model::scene::{
     AssetClass, Catalog, EnvironmentMap, MassOrigin, Material, Object, Scalar, Transmission, Volume,
 };
+use syntable_recipe::{Mass, Scale};
 use syntable_testing::scenes::{box_mesh, object};
 
 struct Nothing;

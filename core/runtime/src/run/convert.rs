@@ -4,7 +4,6 @@
 
 use crate::durable::{self, Draft, Standing};
 use crate::paths::{root_of, run_above};
-use crate::plan::{self, Candidate, Fault, Implied, Plan, Producer};
 use crate::run::dataset::loss::Loss;
 use crate::run::making::losses::Losses;
 use crate::run::making::stages::annotate_image;
@@ -29,6 +28,7 @@ use syntable_model::registry::Registry;
 use syntable_model::scene::{InstanceId, SceneId};
 use syntable_model::stage::{Finish, ImageAnnotator, Input, ProductGroup, Writer};
 use syntable_model::store::{FsStore, StoreFolder};
+use syntable_recipe::plan::{self, Candidate, Fault, Implied, Plan, Producer};
 
 /// What a conversion wrote.
 #[derive(Debug, Clone, PartialEq, Eq)]

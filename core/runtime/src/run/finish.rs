@@ -1,8 +1,6 @@
 //! The end of a run: annotators of the dataset, and writers that finish.
 
-use crate::plan::Producer;
 use crate::pools::BAD;
-use crate::recipe::{Lock, Recipe, with_lock, without_lock};
 use crate::run::Outcome;
 use crate::run::dataset::folder::Folder;
 use crate::run::dataset::journal::{Journal, JournalEntry, Notice};
@@ -21,8 +19,10 @@ use syntable_model::context::{DatasetContext, Log, Workers};
 use syntable_model::error::{Error, Result};
 use syntable_model::product::Products;
 use syntable_model::scene::SceneId;
-use syntable_model::stage::{DatasetInfo, Finish, Input, Scenes, Writer};
+use syntable_model::stage::{Finish, Input, Scenes, Writer};
 use syntable_model::store::StoreFolder;
+use syntable_recipe::plan::Producer;
+use syntable_recipe::{Lock, Recipe, with_lock};
 
 /// Annotates the dataset and lets every writer finish that can; an error is reported when all had their turn. Of the scenes
 /// that were `wanted`, files that could not be written anew are taken away; others keep them for a later run.
@@ -154,7 +154,7 @@ pub fn annotate_and_finish(
     made: &[JournalEntry],
     staged: &StoreFolder,
 ) -> Ended {
-    let dataset = dataset_info(recipe);
+    let dataset = recipe.dataset_info();
     let cx = DatasetContext::new(&dataset, workers, log);
     let recorded = records::names(&recipe.plan);
     let scenes = |has: &dyn Fn(&JournalEntry) -> bool| -> Vec<SceneId> {
@@ -200,20 +200,4 @@ fn annotate_dataset(
         }
     }
     (products, failed)
-}
-
-/// What stages may know of the dataset of a recipe.
-pub fn dataset_info(recipe: &Recipe) -> DatasetInfo {
-    let classes: BTreeSet<&String> = recipe.assets.values().flat_map(|pool| pool.options.classes.keys()).collect();
-    DatasetInfo {
-        name: recipe.dataset.name.clone(),
-        seed: recipe.dataset.seed,
-        scenes: recipe.dataset.scenes,
-        views_per_scene: recipe.dataset.views_per_scene,
-        recipe: without_lock(&recipe.resolved),
-        program: concat!("syntable ", env!("CARGO_PKG_VERSION")).to_owned(),
-        classes: classes.into_iter().filter(|class| *class != DatasetInfo::OBJECT.1).cloned().collect(),
-        own_categories: Vec::new(),
-        label_surface: recipe.render.label_surface(),
-    }
 }

@@ -1,7 +1,6 @@
 //! One dataset of parts that were made elsewhere, from one recipe.
 
 use crate::paths::whole;
-use crate::recipe::{self, Overrides, Recipe, Source, lock_of, with_devices, without_lock};
 use crate::run::dataset::folder::{Folder, catalog_path};
 use crate::run::dataset::foreign;
 use crate::run::dataset::journal::{Journal, JournalEntry};
@@ -22,6 +21,7 @@ use syntable_model::error::{Error, Result};
 use syntable_model::files::{DatasetPath, RESERVED};
 use syntable_model::registry::Registry;
 use syntable_model::store::StoreFolder;
+use syntable_recipe::{Overrides, Recipe, Source, lock_of, with_devices, without_lock};
 
 /// A part, open.
 struct Part {
@@ -325,7 +325,7 @@ fn load(registry: &Registry, text: &str) -> Result<Recipe> {
         |name: &str| std::env::var(name).ok().filter(|value| !value.is_empty()).or_else(|| Some(name.to_owned()));
     let overrides = Overrides { variable: &named, ..Overrides::of_process(Vec::new()) };
     let source = Source::embedded(RESERVED[1], without_lock(text));
-    let (recipe, _) = recipe::load(registry, source, &overrides)
+    let (recipe, _) = syntable_recipe::load(registry, source, &overrides)
         .map_err(|report| Error::new(format!("the recipe of the parts cannot be read:\n{report}")))?;
     let differences = growth::differences(text, &recipe.resolved);
     if !differences.is_empty() {

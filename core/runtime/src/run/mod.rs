@@ -27,14 +27,11 @@ pub mod stop;
 pub use convert::{Converted, check_images, check_place, convert_dataset, not_listed, products_of};
 pub use dataset::loss::Loss;
 pub use dataset::verify::{Verified, verify};
-pub(crate) use decisions::inputs::files as files_of;
-pub(crate) use finish::dataset_info;
 pub use merge::merge;
 pub use scene_range::SceneRange;
 
 use crate::cache::DiskCache;
 use crate::left_out::LeftOutReport;
-use crate::recipe::Recipe;
 use crate::workers::Pool;
 use making::scenes::Made;
 use progress::{Event, Guarded, Once, Reporter, Warnings};
@@ -44,6 +41,7 @@ use stop::Stop;
 use syntable_model::error::{Error, Result};
 use syntable_model::some::SHOWN;
 use syntable_model::store::StoreFolder;
+use syntable_recipe::Recipe;
 
 /// How to run a recipe.
 pub struct RunOptions {

@@ -5,11 +5,8 @@
 //! whose pools, placers and settler are the same. [`Pass::key`] says which images are.
 
 use crate::cache::DiskCache;
-use crate::plan::Plan;
 use crate::pools::{AssetStore, Loaded, RecordingAssets};
-use crate::recipe::{CatalogLock, Parts, Recipe};
 use crate::run::dataset::loss::Loss;
-use crate::run::dataset_info;
 use crate::run::decisions::inputs;
 use crate::run::making::attempt::{Attempt, PosedSession, Tools};
 use crate::run::making::losses::Losses;
@@ -29,6 +26,8 @@ use syntable_model::product::{Products, ViewMoment};
 use syntable_model::registry::Slot;
 use syntable_model::scene::{Intrinsics, Scene, SceneId, View, ViewId};
 use syntable_model::stage::{DatasetInfo, RenderSession};
+use syntable_recipe::plan::Plan;
+use syntable_recipe::{CatalogLock, Parts, Recipe};
 
 /// Slots that a scene at rest follows from.
 const OF_SCENE: [Slot; 3] = [Slot::Assets, Slot::Place, Slot::Settle];
@@ -65,7 +64,7 @@ struct Composed {
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Wanted {
     /// Names of products of the view. The recipe must have been loaded with them as
-    /// [`wanted`](crate::recipe::Overrides::wanted).
+    /// [`wanted`](syntable_recipe::Overrides::wanted).
     pub products: Vec<String>,
     /// Maximum width of images, px: a larger image is rendered with fewer pixels, and shows the same.
     pub width: u32,
@@ -129,7 +128,7 @@ impl Previewer {
             recipe,
             assets,
             plan,
-            info: dataset_info(recipe),
+            info: recipe.dataset_info(),
             width: wanted.width,
             render: parts.get(Slot::Render.name()),
             keys: (scene_key, image_key),

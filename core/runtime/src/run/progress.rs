@@ -1,6 +1,5 @@
 //! The events of a run, and who listens to them.
 
-use crate::message::{Level, Message, Record};
 use crate::run::making::times::Worked;
 use parking_lot::Mutex;
 use serde::Serialize;
@@ -9,6 +8,7 @@ use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::time::Duration;
 use syntable_model::context::{Log, Steps};
 use syntable_model::error::Error;
+use syntable_recipe::message::{Level, Message, Record};
 
 /// Something that happened: one line of `--log-format json`.
 #[derive(Debug, Clone, Serialize, schemars::JsonSchema)]

@@ -5,7 +5,7 @@ use crate::kit::{CHOSEN, Counters, fail_next, failures_left, options, put_card, 
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use syntable_model::error::Error;
-use syntable_runtime::recipe::{self, Overrides, Recipe, Report, Source, lock_of};
+use syntable_recipe::{Overrides, Recipe, Report, Source, lock_of};
 use syntable_runtime::run::RunOptions;
 use syntable_runtime::run::dataset::journal::JournalEntry;
 use syntable_runtime::run::progress::{Event, Quiet, Reporter};
@@ -167,7 +167,7 @@ fn a_dataset_names_the_cards_that_rendered_it() {
     assert!(devices.len() == 2 && !said.contains(other));
     // A recipe that was resolved on another card says so; its new dataset names the card of its own.
     let (out, source) = (at("again"), Source::read(at("first/recipe.toml")).expect("there"));
-    let (resolved, _) = recipe::load(&registry(), source, &Overrides::of_process(Vec::new()))
+    let (resolved, _) = syntable_recipe::load(&registry(), source, &Overrides::of_process(Vec::new()))
         .unwrap_or_else(|report| panic!("{report}"));
     let said = Said::default();
     syntable_runtime::run::run(&resolved, &options(&out, 1), &said).expect("runs");
@@ -191,7 +191,8 @@ fn a_chosen_kind_is_that_of_the_dataset() {
     let load = |for_run: bool| -> Result<Recipe, Report> {
         let overrides = Overrides::of_process(Vec::new());
         let overrides = if for_run { overrides.for_run() } else { overrides };
-        recipe::load(&registry(), Source::embedded("test.toml", either.as_str()), &overrides).map(|loaded| loaded.0)
+        syntable_recipe::load(&registry(), Source::embedded("test.toml", either.as_str()), &overrides)
+            .map(|loaded| loaded.0)
     };
     let go =
         |recipe: &Recipe, reporter: &dyn Reporter| syntable_runtime::run::run(recipe, &options(&chosen, 1), reporter);

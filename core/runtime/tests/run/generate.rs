@@ -3,15 +3,16 @@
 use crate::kit::{THOUGHT, TRACK, registry, run};
 use std::sync::Arc;
 use syntable_model::product::Value;
+use syntable_recipe::{Overrides, Recipe, Source};
 use syntable_runtime::cache::DiskCache;
 use syntable_runtime::generate::{GenerateOptions, Generated, Generator, Sample, generate};
-use syntable_runtime::recipe::{self, Overrides, Recipe, Source};
 use syntable_runtime::run::progress::Quiet;
 use syntable_testing::folder::files;
 
 fn load(stages: &str) -> Recipe {
     let text = format!("{}{stages}[write.lines]\ninclude = [\"thought\", \"track\"]\n", head(5, 3));
-    let loaded = recipe::load(&registry(), Source::embedded("test.toml", &text), &Overrides::of_process(Vec::new()));
+    let loaded =
+        syntable_recipe::load(&registry(), Source::embedded("test.toml", &text), &Overrides::of_process(Vec::new()));
     loaded.unwrap_or_else(|report| panic!("{report}")).0
 }
 
@@ -69,7 +70,8 @@ fn samples_leave_out_what_a_run_leaves_out() {
     let folder = tempfile::tempdir().expect("a folder");
     let text = format!("{}[write.lines]\ninclude = [\"glance\"]\n", head(3, 2));
     let outcome = run(&text, folder.path(), 1).expect("run");
-    let loaded = recipe::load(&registry(), Source::embedded("test.toml", &text), &Overrides::of_process(Vec::new()));
+    let loaded =
+        syntable_recipe::load(&registry(), Source::embedded("test.toml", &text), &Overrides::of_process(Vec::new()));
     let recipe = loaded.unwrap_or_else(|report| panic!("{report}")).0;
     let all = GenerateOptions { products: Vec::new(), ..options(3) };
     let result = generate(&recipe, &all, &Quiet, &mut |_| Ok(())).expect("made");
@@ -97,8 +99,11 @@ fn samples_end_when_nobody_wants_more() {
     // More scenes than could be made in the time of the test.
     let recipe = |scenes| {
         let text = format!("{}[write.lines]\ninclude = [\"thought\", \"track\"]\n", head(scenes, 2));
-        let loaded =
-            recipe::load(&registry(), Source::embedded("test.toml", &text), &Overrides::of_process(Vec::new()));
+        let loaded = syntable_recipe::load(
+            &registry(),
+            Source::embedded("test.toml", &text),
+            &Overrides::of_process(Vec::new()),
+        );
         Arc::new(loaded.unwrap_or_else(|report| panic!("{report}")).0)
     };
     let mut generator = Generator::start(recipe(1_000_000), options(2), Arc::new(Quiet));

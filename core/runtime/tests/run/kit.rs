@@ -15,8 +15,8 @@ use syntable_model::stage::{
     Accepts, DatasetAnnotator, DeviceClass, Finish, Input, Output, RecordedScene, RenderDevice, RenderRequest,
     RenderSession, Replacement, SceneAnnotator, SceneWriter, ViewProducts,
 };
+use syntable_recipe::{Overrides, Source};
 use syntable_runtime::cache::DiskCache;
-use syntable_runtime::recipe::{self, Overrides, Source};
 use syntable_runtime::run::progress::{Event, Quiet, Reporter};
 use syntable_runtime::run::{Outcome, RunOptions};
 use syntable_testing::scenes;
@@ -472,7 +472,7 @@ pub fn options(out: &Path, threads: usize) -> RunOptions {
 /// Runs a recipe with options.
 pub fn run_with(recipe: &str, options: RunOptions, reporter: &dyn Reporter) -> Result<Outcome> {
     let source = Source::embedded("test.toml", recipe);
-    let (recipe, _) = recipe::load(&registry(), source, &Overrides::of_process(Vec::new()))
+    let (recipe, _) = syntable_recipe::load(&registry(), source, &Overrides::of_process(Vec::new()))
         .unwrap_or_else(|report| panic!("{report}"));
     syntable_runtime::run::run(&recipe, &options, reporter)
 }

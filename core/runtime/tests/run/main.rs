@@ -14,7 +14,7 @@ mod whole;
 use kit::{Counters, run};
 use std::time::{Duration, Instant};
 use syntable_model::registry::Registry;
-use syntable_runtime::recipe::{self, Overrides, Source};
+use syntable_recipe::{Overrides, Source};
 use syntable_testing::folder::files;
 
 /// Scenes and views of each, and how long a scene takes to compose, a view to render and a view to annotate, ms.
@@ -107,7 +107,7 @@ fn of_two_providers_the_stock_one_is_taken() {
          [[place]]\nkind = \"boxes\"\n[render]\nkind = \"sleeper\"\n[write.lines]\ninclude = [\"thought\"]\n";
     let load = |registry: &Registry| {
         let source = Source::embedded("test.toml", recipe);
-        recipe::load(registry, source, &Overrides::of_process(Vec::new())).map(|(recipe, _)| {
+        syntable_recipe::load(registry, source, &Overrides::of_process(Vec::new())).map(|(recipe, _)| {
             let of = recipe.plan.entries.iter().find(|entry| entry.key.name == "thought").expect("planned");
             of.provider.to_string()
         })

@@ -2,8 +2,8 @@
 
 use crate::kit::{GLANCE, THOUGHT, options, registry, run_with};
 use syntable_model::stage::Input;
+use syntable_recipe::{Overrides, Source};
 use syntable_runtime::cache::DiskCache;
-use syntable_runtime::recipe::{self, Overrides, Source};
 use syntable_runtime::run::preview::{Previewer, Wanted};
 use syntable_runtime::run::progress::{Quiet, Warnings};
 use syntable_runtime::run::stop::Stop;
@@ -20,7 +20,7 @@ fn a_preview_leaves_out_what_a_run_leaves_out() {
     let products = ["glance", "thought"].map(str::to_owned).to_vec();
     let wanted = [Input::of(GLANCE), Input::of(THOUGHT)].to_vec();
     let overrides = Overrides { wanted, ..Overrides::of_process(Vec::new()) };
-    let (recipe, _) = recipe::load(&registry(), Source::embedded("test.toml", recipe), &overrides)
+    let (recipe, _) = syntable_recipe::load(&registry(), Source::embedded("test.toml", recipe), &overrides)
         .unwrap_or_else(|report| panic!("{report}"));
     let mut previewer = Previewer::new(1, DiskCache::new(folder.path().join("../cache"))).expect("threads");
     previewer.set(recipe).expect("sound");

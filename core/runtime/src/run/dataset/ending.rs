@@ -1,6 +1,5 @@
 //! What the end of a run wrote moves into the dataset.
 
-use crate::recipe::without_assets;
 use crate::run::dataset::commit::{LEAVE, taken};
 use crate::run::dataset::folder::Folder;
 use crate::run::dataset::foreign;
@@ -14,6 +13,7 @@ use syntable_model::digest::Digest;
 use syntable_model::error::Result;
 use syntable_model::files::DatasetPath;
 use syntable_model::store::{Kind, StoreFolder};
+use syntable_recipe::without_assets;
 
 /// What the end of a run wrote.
 #[derive(Debug, Default, Serialize, Deserialize)]

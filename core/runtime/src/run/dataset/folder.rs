@@ -20,7 +20,6 @@
 //! | `proposal.rs` | the recipe of the dataset, and one that will become it |
 //! | `recovery.rs` | interrupted work is completed; a dataset is deleted |
 
-use crate::recipe::CatalogNames;
 use crate::run::dataset::foreign;
 use crate::run::dataset::journal::{Journal, JournalEntry};
 use crate::run::dataset::layout::{self, MARK, RECIPE, SHARDS};
@@ -33,6 +32,7 @@ use std::path::PathBuf;
 use syntable_model::error::{Error, Result};
 use syntable_model::files::DatasetPath;
 use syntable_model::store::{Access, Hold, Kind, StoreFolder};
+use syntable_recipe::CatalogNames;
 
 /// An open dataset folder. No other run can open it meanwhile.
 pub struct Folder {

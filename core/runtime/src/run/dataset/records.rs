@@ -1,6 +1,5 @@
 //! The recorded products of scenes that are done: what the annotators of the dataset read, in this run or a later one.
 
-use crate::plan::Plan;
 use crate::run::dataset::foreign::read_bounded;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -10,6 +9,7 @@ use syntable_model::product::{KeyId, Products, Scope};
 use syntable_model::scene::SceneId;
 use syntable_model::stage::{Output, RecordedScene};
 use syntable_model::store::StoreFolder;
+use syntable_recipe::plan::Plan;
 
 /// Stands in the place of a writer's id.
 pub const OWNER: &str = "@records";

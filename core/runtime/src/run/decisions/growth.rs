@@ -1,13 +1,13 @@
 //! What differs between the recipe that a dataset was begun with and the recipe of a run: growth, or another dataset.
 
-use crate::plan::{Plan, Provider};
-use crate::recipe::{Recipe, without_lock};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use syntable_model::error::{Error, Result};
 use syntable_model::registry::{Shape, Slot};
 use syntable_model::some::{and_more, first_of};
 use syntable_model::stage::{Scenes, Writer};
+use syntable_recipe::plan::{Plan, Provider};
+use syntable_recipe::{Recipe, without_lock};
 
 /// How a dataset grows.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]

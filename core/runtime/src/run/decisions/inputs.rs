@@ -1,26 +1,14 @@
 //! The inputs of a dataset, compared with what they were: pools, and files that options name.
 
-use crate::recipe::{CatalogAsset, CatalogLock, CatalogNames as Names, Lock, Recipe};
 use crate::run::dataset::folder::catalog_path;
 use crate::run::dataset::foreign::read_list;
-use crate::run::dataset::manifest::Stamp;
 use std::collections::{BTreeMap, BTreeSet};
 use syntable_model::context::Log;
 use syntable_model::error::{Error, Result};
 use syntable_model::some::some_names;
 use syntable_model::stage::DeviceClass;
 use syntable_model::store::StoreFolder;
-
-/// Digests of the files that options of a recipe name, by the option. Folders have none.
-pub fn files(recipe: &Recipe) -> Result<BTreeMap<String, String>> {
-    let files = recipe.files.iter().filter(|(_, path)| !path.is_dir());
-    files
-        .map(|(option, path)| {
-            let Stamp(_, digest) = Stamp::of_file(path).map_err(|error| error.context(option))?;
-            Ok((option.clone(), digest.to_string()))
-        })
-        .collect()
-}
+use syntable_recipe::{CatalogAsset, CatalogLock, CatalogNames as Names, Lock, Recipe};
 
 /// The devices that render what a recipe wants, if others may round otherwise.
 pub fn devices(recipe: &Recipe) -> Result<BTreeSet<String>> {

@@ -2,7 +2,6 @@
 //! to do.
 
 use crate::pools::AssetStore;
-use crate::recipe::{CatalogNames, Lock, Recipe, lock_of, with_devices, with_lock};
 use crate::run::dataset::folder::Folder;
 use crate::run::dataset::journal::{Journal, JournalEntry};
 use crate::run::dataset::layout;
@@ -18,6 +17,7 @@ use std::path::PathBuf;
 use syntable_model::context::{Log, Workers};
 use syntable_model::error::{Error, Result};
 use syntable_model::store::StoreFolder;
+use syntable_recipe::{CatalogNames, Lock, Recipe, lock_of, with_devices, with_lock};
 
 /// A dataset that a run may begin or go on with.
 pub struct Begun<'a> {
@@ -50,7 +50,7 @@ pub fn begin<'a>(
     recipe.ready()?;
     recipe.fits()?;
     let devices = inputs::devices(recipe)?;
-    let files = inputs::files(recipe)?;
+    let files = recipe.file_digests()?;
     inputs::unchanged(&recipe.lock, &Lock { files: files.clone(), ..Lock::default() }, &BTreeMap::new(), None)?;
     // Nothing is deleted or repaired for a run whose assets cannot be found, or are not those that the recipe was resolved with.
     let first = options.overwrite || options.repair || options.rewrite;

@@ -1,7 +1,5 @@
 //! What there is to do: for each scene, the whole or what it lacks.
 
-use crate::plan::Plan;
-use crate::recipe::Recipe;
 use crate::run::dataset::journal::{Journal, JournalEntry};
 use crate::run::dataset::manifest::Manifest;
 use crate::run::dataset::records::{self, OWNER};
@@ -9,6 +7,8 @@ use crate::run::decisions::growth::Growth;
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 use syntable_model::stage::{DatasetInfo, Input, Scenes, Writer};
+use syntable_recipe::Recipe;
+use syntable_recipe::plan::Plan;
 
 /// What is made of a scene.
 pub struct Work<'a> {
@@ -130,7 +130,7 @@ impl<'a> Works<'a> {
 }
 
 fn work<'a>(recipe: &'a Recipe, views: u32, lacks: Option<&(Vec<String>, bool)>) -> Work<'a> {
-    let dataset = DatasetInfo { views_per_scene: views, ..crate::run::dataset_info(recipe) };
+    let dataset = DatasetInfo { views_per_scene: views, ..recipe.dataset_info() };
     let Some((lacks, records)) = lacks else {
         return Work { dataset, plan: recipe.plan.clone().on(&*recipe.render), writers: recipe.write.iter().collect() };
     };

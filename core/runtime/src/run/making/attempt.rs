@@ -1,9 +1,7 @@
 //! One attempt at a scene: what its stages are lent, and the random numbers that they draw. Runs compose and render
 //! scenes by it, and so do previews.
 
-use crate::plan::{Plan, Producer};
 use crate::pools::{AssetStore, RecordingAssets};
-use crate::recipe::Recipe;
 use crate::run::making::times::Times;
 use crate::run::panics::caught;
 use crate::run::stop::{Stop, StopReason};
@@ -17,6 +15,8 @@ use syntable_model::product::{KeyId, Name, Products, RenderParameters};
 use syntable_model::random::Stream;
 use syntable_model::scene::{Camera, Moment, Optics, Scene, SceneBuilder, SceneId, SettleReport, View, ViewId};
 use syntable_model::stage::{Atlas, Bodies, DatasetInfo, RenderRequest, RenderSession, Window};
+use syntable_recipe::Recipe;
+use syntable_recipe::plan::{Plan, Producer};
 
 /// What the stages of all scenes are lent.
 #[derive(Clone, Copy)]

@@ -1,7 +1,6 @@
 //! The first scene of a dataset that shall take the place of another one, made before that is deleted: a recipe may have
 //! mistakes that show only when a scene is made.
 
-use crate::recipe::Recipe;
 use crate::run::RunOptions;
 use crate::run::dataset::folder::Folder;
 use crate::run::dataset::journal::{Journal, JournalEntry};
@@ -13,6 +12,7 @@ use crate::run::progress::{Event, Reporter, Warnings, count};
 use crate::workers::Pool;
 use parking_lot::Mutex;
 use syntable_model::error::{Error, Result};
+use syntable_recipe::Recipe;
 
 /// A scene in a folder of its own.
 pub struct Ahead {

@@ -1,6 +1,5 @@
 //! One scene of a run: composed, walked over and written, with its attempts.
 
-use crate::plan::Plan;
 use crate::pools::RecordingAssets;
 use crate::run::dataset::folder::Folder;
 use crate::run::dataset::journal::{JournalEntry, SceneOutcome};
@@ -29,6 +28,7 @@ use syntable_model::product::Products;
 use syntable_model::scene::{Placed, Scene, SceneId, Settled, View};
 use syntable_model::stage::{Output, Scenes};
 use syntable_model::store::StoreFolder;
+use syntable_recipe::plan::Plan;
 
 /// Makes scenes.
 pub struct SceneMaker<'a> {

@@ -1,7 +1,6 @@
 //! Making scenes: several in flight, each committed when it is done.
 
 use crate::pools::AssetStore;
-use crate::recipe::Recipe;
 use crate::run::dataset::folder::Folder;
 use crate::run::dataset::journal::{Journal, JournalEntry, Notice};
 use crate::run::decisions::opening::Begun;
@@ -22,6 +21,7 @@ use std::sync::atomic::{AtomicBool, AtomicU32, AtomicUsize, Ordering};
 use std::time::Instant;
 use syntable_model::context::Log;
 use syntable_model::error::{Error, Result};
+use syntable_recipe::Recipe;
 
 /// A dataset with the scenes that a run made.
 pub struct Made {

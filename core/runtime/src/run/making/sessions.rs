@@ -1,10 +1,10 @@
 //! Render sessions, lent to one scene at a time, for loading and rendering only.
 
-use crate::recipe::Recipe;
 use crate::run::panics::caught;
 use parking_lot::{Condvar, Mutex};
 use syntable_model::error::{Error, Result};
 use syntable_model::stage::{RenderSession, Renderer};
+use syntable_recipe::Recipe;
 
 /// As many sessions as there are scenes in flight, or fewer if there are fewer devices.
 pub struct Sessions<'a> {

@@ -1,6 +1,5 @@
 //! Runs the stages of a plan on products: each is lent what it reads, and must give what it provides.
 
-use crate::plan::{Plan, PlannedStage, Producer};
 use crate::run::making::attempt::{keep, provided};
 use crate::run::making::losses::{Losses, StageLog};
 use crate::run::making::times::Times;
@@ -12,6 +11,7 @@ use syntable_model::error::{Error, Result};
 use syntable_model::product::{KeyId, Products, RenderParameters};
 use syntable_model::random::Stream;
 use syntable_model::stage::ViewProducts;
+use syntable_recipe::plan::{Plan, PlannedStage, Producer};
 
 /// Runs all producers of a view. What they leave out is added to `losses`.
 pub fn annotate(

@@ -5,7 +5,6 @@
 //! and checked while the next view is rendered. The sink gets views in order, and the error of a walk is the error of its first
 //! failing view, so nothing depends on the scheduling.
 
-use crate::plan::Plan;
 use crate::run::making::attempt::{self, PosedSession, Tools};
 use crate::run::making::losses::Losses;
 use crate::run::making::queue::Queue;
@@ -23,6 +22,7 @@ use syntable_model::product::{Name, Products, Scope};
 use syntable_model::random::Stream;
 use syntable_model::scene::{Scene, View, ViewId};
 use syntable_model::stage::{DatasetInfo, ViewProducts};
+use syntable_recipe::plan::Plan;
 
 /// The event of a scene that is done.
 pub fn scene_event(scene: &Scene) -> Event {

@@ -8,8 +8,8 @@ use std::error::Error as _;
 use std::io::{self, Write};
 use syntable_model::error::{Error, Result};
 use syntable_model::limits::{TEMPLATE_RANGE, TEMPLATE_TEXT};
-use syntable_model::options::listing;
 use syntable_model::panics::unwound;
+use syntable_model::some::listing;
 use tera::{Context, Tera};
 
 /// A parsed template.

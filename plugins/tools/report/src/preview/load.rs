@@ -8,9 +8,9 @@ use std::time::SystemTime;
 use syntable_model::context::Log;
 use syntable_model::error::Error;
 use syntable_model::registry::{Registry, Slot};
+use syntable_recipe::message::Message;
+use syntable_recipe::{Diagnostic, Overrides, Recipe, RecipeRequest};
 use syntable_runtime::check::check;
-use syntable_runtime::message::Message;
-use syntable_runtime::recipe::{Diagnostic, Overrides, Recipe, RecipeRequest};
 
 /// The denoiser of a preview of a recipe that has none.
 const DENOISER: &str = "guided";

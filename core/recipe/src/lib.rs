@@ -1,0 +1,54 @@
+//! From TOML text to stages and a plan: recipes, their diagnostics, their schema, and their resolved form.
+//!
+//! ```text
+//! text ──► merge ──► tables ──► plan ──► Recipe + resolved text
+//!   │        │         │         │
+//!   └────────┴─────────┴─────────┴── every mistake of every table becomes a Diagnostic
+//! ```
+//!
+//! - [`text`] parses files into spanned trees and words the messages about them.
+//! - [`merge`] joins a recipe with those that it extends, with overrides and variables, into one tree.
+//! - [`tables`] validates each table of the tree against its schema and builds its stage.
+//! - [`plan`] resolves which stage computes each product that somebody wants.
+//! - [`schema`] generates the JSON Schema for editors, which the loader validates against, too.
+//!
+//! [`load()`] passes through these in this order and returns a [`Recipe`] with warnings, or a [`Report`] of all mistakes.
+//!
+//! **Invariants.** Files are opened through [`Overrides`] only, and no asset is touched. Each file is parsed once and
+//! each table validated once. A value keeps its file and bytes however recipes are merged. One bad table never hides the
+//! mistakes of another. Loading the text in [`Recipe::resolved`] gives the same text.
+
+mod load;
+mod merge;
+mod parts;
+pub mod plan;
+mod recipe;
+mod request;
+mod resolved;
+mod schema;
+mod tables;
+mod text;
+mod writer_paths;
+
+pub use load::{Checked, checked, load};
+pub use merge::overrides::Overrides;
+pub use parts::Parts;
+pub use recipe::Recipe;
+pub use request::RecipeRequest;
+pub use resolved::{lock_of, with_devices, with_lock, without_assets, without_lock};
+pub use schema::describe::{OptionInfo, description_of, options_of};
+pub use schema::editor::{editor_schema, schema_text};
+pub use schema::kinds::schema;
+pub use schema::lints::lints;
+pub use tables::dataset::{CatalogAsset, CatalogLock, CatalogNames, Dataset, Lock, OnBadAsset};
+pub use tables::ids::ObjectIds;
+pub use tables::numbering::Numbering;
+pub use tables::pool::{Center, Mass, ObjectProperties, Part, PartSizes, Pool, PoolOptions, Scale, Selection, Split};
+pub use tables::stages::Draw;
+pub use text::code::Code;
+pub use text::diagnostic::{Diagnostic, Label, Severity};
+pub use text::message;
+pub use text::origin::{BUILTINS, Builtin, Source};
+pub use text::report::Report;
+pub use text::source::SourceFile;
+pub use text::suggest::nearest;

@@ -1,0 +1,105 @@
+//! What of a recipe is as it was in an earlier one, so that stages and what they hold in memory are kept.
+
+use crate::recipe::Recipe;
+use std::collections::BTreeMap;
+use std::sync::Arc;
+use syntable_model::digest::{Digest, Hasher};
+use syntable_model::error::Result;
+use syntable_model::registry::{Shape, Slot};
+
+/// Digests of the stages of a recipe, by slot and id as errors name them: `render`, `place.objects`. Equal digests mean
+/// the same kind, the same options, and the same content of the files that options name.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Parts(Vec<(Slot, String, Digest)>);
+
+impl Parts {
+    /// The parts of a recipe, slot by slot in the order in which stages run. An error is that of a file.
+    pub fn of(recipe: &Recipe) -> Result<Self> {
+        let (resolved, files) = (recipe.resolved.parse::<toml::Table>().unwrap_or_default(), recipe.file_digests()?);
+        let digest = |part: &str, options: &toml::Value| {
+            let prefix = format!("{part}.");
+            let own = files.iter().filter(|(option, _)| option.starts_with(&prefix));
+            let hasher = Hasher::new("stage of a recipe").text(&options.to_string());
+            own.fold(hasher, |hasher, (option, digest)| hasher.text(option).text(digest)).finish()
+        };
+        let mut parts = Vec::new();
+        for slot in Slot::ALL {
+            let Some(value) = resolved.get(slot.name()) else { continue };
+            let mut add = |id: Option<&str>, options: &toml::Value| {
+                let part = id.map_or_else(|| slot.name().to_owned(), |id| format!("{slot}.{id}"));
+                let digest = digest(&part, options);
+                parts.push((slot, part, digest));
+            };
+            match (slot.shape(), value) {
+                (Shape::Keyed, toml::Value::Table(stages)) => {
+                    stages.iter().for_each(|(id, options)| add(Some(id), options));
+                }
+                (Shape::List, toml::Value::Array(stages)) => {
+                    stages.iter().for_each(|options| add(options.get("id").and_then(toml::Value::as_str), options));
+                }
+                _ => add(None, value),
+            }
+        }
+        Ok(Self(parts))
+    }
+
+    /// Adds the parts of some slots to a digest, with their names and in their order.
+    pub fn hash(&self, hasher: Hasher, slots: &[Slot]) -> Hasher {
+        let parts = self.0.iter().filter(|(slot, ..)| slots.contains(slot));
+        parts.fold(hasher, |hasher, (_, part, digest)| hasher.text(part).digest(*digest))
+    }
+
+    /// The digest of a part.
+    pub fn get(&self, part: &str) -> Option<Digest> {
+        self.0.iter().find(|(_, other, _)| other == part).map(|(.., digest)| *digest)
+    }
+
+    /// Whether a part is in both, and the same.
+    pub fn agree(&self, other: &Self, part: &str) -> bool {
+        self.get(part).is_some_and(|digest| other.get(part) == Some(digest))
+    }
+}
+
+impl Recipe {
+    /// Takes the stages of an earlier recipe that are the same in both: a stage never changes after it was built, but
+    /// holds what it loaded and computed.
+    pub fn keep_stages(&mut self, earlier: Self, is_same: impl Fn(&str) -> bool) {
+        fn listed<T>(own: &mut [(String, T)], earlier: Vec<(String, T)>, is_same: impl Fn(&str) -> bool) {
+            for (id, stage) in earlier.into_iter().filter(|(id, _)| is_same(id)) {
+                if let Some((_, own)) = own.iter_mut().find(|(other, _)| *other == id) {
+                    *own = stage;
+                }
+            }
+        }
+        let in_slot = |slot: Slot| {
+            let is_same = &is_same;
+            move |id: &str| is_same(&format!("{slot}.{id}"))
+        };
+        let pools = earlier.assets.into_iter().filter(|(id, _)| in_slot(Slot::Assets)(id));
+        self.assets.extend(pools);
+        listed(&mut self.place, earlier.place, in_slot(Slot::Place));
+        listed(&mut self.lights, earlier.lights, in_slot(Slot::Lights));
+        let one = |slot: Slot| is_same(slot.name());
+        if one(Slot::Settle) {
+            self.settle = earlier.settle;
+        }
+        if one(Slot::Camera) {
+            self.camera = earlier.camera;
+        }
+        if one(Slot::Views) {
+            self.views = earlier.views;
+        }
+        if one(Slot::Render) {
+            self.render = earlier.render;
+        }
+        let before: BTreeMap<String, _> = (earlier.plan.stages())
+            .filter(|stage| is_same(&stage.stage))
+            .map(|stage| (stage.stage.clone(), Arc::clone(&stage.producer)))
+            .collect();
+        for stage in self.plan.stages_mut() {
+            if let Some(producer) = before.get(&stage.stage) {
+                stage.producer = Arc::clone(producer);
+            }
+        }
+    }
+}

@@ -1,0 +1,76 @@
+//! What the images of a view take at least, and the memory that the machine has: a run that cannot hold one view is refused before it begins.
+
+use super::Plan;
+use syntable_model::error::{Error, Result};
+use syntable_model::product::{Form, KeyId, Scope};
+
+/// Bytes per pixel that a renderer keeps while it renders: sums and squares of radiance, and rays.
+const RENDERER: u64 = 48;
+
+/// Bytes of main memory and swap of the machine; none if that is not known.
+pub(crate) fn installed() -> Option<u64> {
+    let text = std::fs::read_to_string("/proc/meminfo").ok()?;
+    let kib = |name: &str| -> Option<u64> {
+        let line = text.lines().find(|line| line.starts_with(name))?;
+        line.split_whitespace().nth(1)?.parse().ok()
+    };
+    Some(1024 * (kib("MemTotal:")? + kib("SwapTotal:").unwrap_or(0)))
+}
+
+/// Refuses views of `[width, height]` pixels whose products are more than `installed` bytes, all of which are there at once
+/// when the view is written.
+///
+/// # Errors
+/// If one view of one scene does not fit.
+pub(crate) fn fits(plan: &Plan, [width, height]: [u32; 2], installed: u64) -> Result<()> {
+    let pixels = u64::from(width) * u64::from(height);
+    let products: u64 = plan.entries.iter().map(|entry| bytes_per_pixel(&entry.key)).sum();
+    let needed = pixels.saturating_mul(RENDERER + products);
+    if needed <= installed {
+        return Ok(());
+    }
+    let gib = |bytes: u64| bytes as f64 / f64::from(1 << 30);
+    let message = format!(
+        "a view of {width} × {height} pixels takes {:.0} GiB of memory or more, and this machine has {:.0} GiB",
+        gib(needed),
+        gib(installed)
+    );
+    Err(Error::new(message)
+        .help("set a lower `camera.resolution`, or write fewer products (`syntable plan` lists them)")
+        .context("camera"))
+}
+
+/// Bytes that an image of a view has per pixel of the view; 0 of a product that is no image, whose size depends on the scene.
+pub(crate) fn bytes_per_pixel(key: &KeyId) -> u64 {
+    match key.form() {
+        Form::Image { dtype, channels } if key.scope == Scope::View => {
+            let edge = u64::from(key.name.parameters.canvas) * u64::from(key.name.parameters.subpixels);
+            edge * edge * channels.unwrap_or(1) as u64 * dtype.size() as u64
+        }
+        _ => 0,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::plan::{PlanEntry, Provider};
+    use syntable_model::product::RenderParameters;
+    use syntable_model::product::standard::{DEPTH, INSTANCE, NORMAL, RGB};
+
+    #[test]
+    fn views_that_no_memory_holds_are_refused() {
+        let keys = [DEPTH.id(), NORMAL.id(), RGB.id(), INSTANCE.id()];
+        assert_eq!(keys.each_ref().map(bytes_per_pixel), [4, 12, 3, 2]);
+        let entry = |key| PlanEntry { key, provider: Provider::Renderer, wanted_by: Vec::new() };
+        let mut plan = Plan { entries: keys.into_iter().map(entry).collect(), ..Plan::default() };
+        // 1000 × 500 pixels of 48 + 21 bytes.
+        assert!(fits(&plan, [1000, 500], 34_500_000).is_ok());
+        let error = fits(&plan, [1000, 500], 34_499_999).expect_err("one byte too few").to_string();
+        assert!(error.contains("1000 × 500") && error.contains("`camera.resolution`"), "{error}");
+        // Of an image three times as wide and high, each with 2 × 2 sub-pixels.
+        let wide = RenderParameters { canvas: 3, subpixels: 2, ..RenderParameters::IMAGE };
+        plan.entries.push(entry(DEPTH.id().with(wide)));
+        assert!(fits(&plan, [1000, 500], 106_500_000).is_ok() && fits(&plan, [1000, 500], 106_499_999).is_err());
+    }
+}

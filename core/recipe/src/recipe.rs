@@ -1,0 +1,145 @@
+//! A loaded recipe, and what can be known of its run beforehand.
+
+use crate::plan::{Plan, memory};
+use crate::resolved::without_lock;
+use crate::tables::dataset::{Dataset, Lock};
+use crate::tables::pool::Pool;
+use crate::tables::stages::Draw;
+use crate::writer_paths::{bad_paths, unready};
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs::File;
+use std::path::PathBuf;
+use std::sync::Arc;
+use syntable_model::check::LabelCheck;
+use syntable_model::digest::Digest;
+use syntable_model::error::{Error, Result};
+use syntable_model::registry::Slot;
+use syntable_model::stage::{
+    CameraModel, DatasetInfo, LightSampler, Placer, Renderer, Scenes, Settler, ViewSampler, Writer,
+};
+
+/// A loaded recipe, ready to be planned and run.
+pub struct Recipe {
+    /// Name, seed and size of the dataset.
+    pub dataset: Dataset,
+    /// The pools, by id.
+    pub assets: BTreeMap<String, Pool>,
+    /// The placers with their ids, in the order in which they run.
+    pub place: Vec<(String, Box<dyn Placer>)>,
+    /// The settler.
+    pub settle: Box<dyn Settler>,
+    /// The camera.
+    pub camera: Box<dyn CameraModel>,
+    /// The view sampler.
+    pub views: Box<dyn ViewSampler>,
+    /// The light samplers with their ids, in the recipe's order.
+    pub lights: Vec<(String, Box<dyn LightSampler>)>,
+    /// The renderer.
+    pub render: Box<dyn Renderer>,
+    /// The writers, by id.
+    pub write: Vec<(String, Box<dyn Writer<Scenes>>)>,
+    /// What is computed for the writers, with the denoiser, the sensors and the annotators.
+    pub plan: Plan,
+    /// The whole recipe as TOML: every default filled in, every kind named, nothing inherited, with the versions that
+    /// made it. Loading it gives the same text.
+    pub resolved: String,
+    /// What the inputs must be; empty unless the recipe is a resolved one.
+    pub lock: Lock,
+    /// Files that options of stages name, beside assets and libraries, by the option: their content matters.
+    pub files: Vec<(String, PathBuf)>,
+    /// Options of stages that name pools, in the order of the slots.
+    pub draws: Vec<Draw>,
+    /// What must hold in every view that is made.
+    pub checks: Vec<Arc<dyn LabelCheck>>,
+    /// Pools from which placers draw objects that labels describe.
+    pub labeled_pools: BTreeSet<String>,
+    /// The folder of the recipe's file, if it has one.
+    pub folder: Option<PathBuf>,
+    /// Kinds that were chosen for this machine, for people: one line each.
+    pub choices: Vec<String>,
+    /// Tables whose kind stands for others and was not chosen yet: such a recipe can be planned, not run.
+    pub undecided: Vec<String>,
+    /// Native libraries that the recipe names by a path beside itself: code of whoever wrote the recipe.
+    pub libraries: Vec<String>,
+}
+
+impl Recipe {
+    /// Finds mistakes that would end a run: all of them are permanent. Native libraries are loaded.
+    pub fn ready(&self) -> Result<()> {
+        self.plan.ready()?;
+        self.render.devices().map_err(|error| error.context("render"))?;
+        self.checked()
+    }
+
+    /// Refuses a recipe that brings native libraries of its own, unless they are allowed.
+    pub fn trusted(&self, allow_libraries: bool) -> Result<()> {
+        let Some(library) = self.libraries.first().filter(|_| !allow_libraries) else { return Ok(()) };
+        let help =
+            "it runs with all your rights: if you trust it, add --allow-libraries; else name yours by ${NAME} or --set";
+        let error = Error::new(format!("the recipe brings a native library of its own: {library}"));
+        Err(error.help(help))
+    }
+
+    /// Refuses images that this machine's memory does not hold. What cameras of other kinds give is not known before a view.
+    pub fn fits(&self) -> Result<()> {
+        match self.resolution().zip(memory::installed()) {
+            Some((size, installed)) => memory::fits(&self.plan, size, installed),
+            None => Ok(()),
+        }
+    }
+
+    fn checked(&self) -> Result<()> {
+        let writers: Vec<(&str, &dyn Writer<Scenes>)> =
+            self.write.iter().map(|(id, writer)| (id.as_str(), &**writer)).collect();
+        let mistakes = writers.iter().filter_map(|writer| unready(*writer));
+        let mut mistakes = mistakes.chain(bad_paths(&self.dataset_info(), &writers, Some(&self.plan)));
+        mistakes.next().map_or(Ok(()), |(_, error)| Err(error))
+    }
+
+    /// Width and height of the images, px, if the camera states them.
+    pub fn resolution(&self) -> Option<[u32; 2]> {
+        let resolved: toml::Table = self.resolved.parse().ok()?;
+        resolved.get(Slot::Camera.name())?.get("resolution")?.clone().try_into().ok()
+    }
+
+    /// Bytes of the images that writers store of each view, before compression; none if the size of images is not known before a
+    /// view. Masks and records, whose size follows the number of objects, come on top.
+    pub fn stored_bytes_per_view(&self) -> Option<u64> {
+        let [width, height] = self.resolution()?;
+        let bytes = self.plan.entries.iter().map(|entry| {
+            let writers = entry.wanted_by.iter().filter(|stage| stage.starts_with("write.")).count() as u64;
+            writers * memory::bytes_per_pixel(&entry.key)
+        });
+        Some(u64::from(width) * u64::from(height) * bytes.sum::<u64>())
+    }
+
+    /// Digests of the files that options name, by the option. Folders have none.
+    ///
+    /// # Errors
+    /// If a file cannot be read.
+    pub fn file_digests(&self) -> Result<BTreeMap<String, String>> {
+        let files = self.files.iter().filter(|(_, path)| !path.is_dir());
+        let digest = |(option, path): &(String, PathBuf)| {
+            let read = File::open(path).and_then(Digest::of_reader);
+            let (digest, _) = read.map_err(|error| Error::io(path, &error).context(option))?;
+            Ok((option.clone(), digest.to_string()))
+        };
+        files.map(digest).collect()
+    }
+
+    /// What stages may know of the dataset.
+    pub fn dataset_info(&self) -> DatasetInfo {
+        let classes: BTreeSet<&String> = self.assets.values().flat_map(|pool| pool.options.classes.keys()).collect();
+        DatasetInfo {
+            name: self.dataset.name.clone(),
+            seed: self.dataset.seed,
+            scenes: self.dataset.scenes,
+            views_per_scene: self.dataset.views_per_scene,
+            recipe: without_lock(&self.resolved),
+            program: concat!("syntable ", env!("CARGO_PKG_VERSION")).to_owned(),
+            classes: classes.into_iter().filter(|class| *class != DatasetInfo::OBJECT.1).cloned().collect(),
+            own_categories: Vec::new(),
+            label_surface: self.render.label_surface(),
+        }
+    }
+}

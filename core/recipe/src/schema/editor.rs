@@ -1,0 +1,188 @@
+//! The schema of recipes in the form that editors' TOML servers complete, hover and validate with.
+//!
+//! It accepts what [`schema`](crate::schema::kinds()) accepts. The servers of taplo and tombi shape it:
+//!
+//! - taplo completes without end under an `allOf`. So `{ description, allOf: [$ref] }`, which is how an option of a named
+//!   type is written, becomes that type with the option's own words.
+//! - taplo looks up what is inside an array one level too deep: at `[[place]]` it asks for the items of an item. So what
+//!   arrays of recipes hold says that its own items are the same. The keyword says nothing about tables and strings.
+//! - Names of products are listed with their meanings, and any other name is accepted as well: products have parameters,
+//!   and a stage can provide more with other options.
+//! - tombi shows nothing for an integer where a number is asked for, unless integers are listed, too.
+//! - Limits of a distribution are limits of all numbers in it.
+//! - tombi completes from those members of an `anyOf` that accept the table as it stands, half-written. So `anyOf` lists a
+//!   draft of each kind, a definition that asks for nothing; the chain of `if` refers to the kinds themselves.
+
+use crate::plan::available;
+use crate::schema::kinds::schema;
+use serde_json::{Map, Value as Json, json};
+use syntable_model::registry::{Registry, Shape, Slot};
+use syntable_toml_schema::REFERENCE;
+
+/// How references to definitions begin.
+const DEFINITIONS: &str = "#/definitions/";
+
+/// Keywords that limit a number.
+const LIMITS: [&str; 4] = ["minimum", "maximum", "exclusiveMinimum", "exclusiveMaximum"];
+
+/// The JSON Schema of recipes for editors. Equal registries give equal schemas, key order included.
+pub fn editor_schema(registry: &Registry) -> Json {
+    let mut schema = schema(registry);
+    let definitions = schema["definitions"].as_object().cloned().unwrap_or_default();
+    let products: Vec<Json> = available(registry)
+        .into_iter()
+        .map(|(key, _)| {
+            let (name, meaning) = (key.name.to_string(), key.summary());
+            // taplo shows the `main` words of every product, and those of the one that is written.
+            let docs = json!({ "docs": { "main": "", "constValue": meaning } });
+            json!({ "const": name, "description": meaning, "x-taplo": docs })
+        })
+        .collect();
+    let editor = Editor { definitions: &definitions, products: &products };
+    editor.rewrite(&mut schema);
+    for slot in Slot::ALL.into_iter().filter(|slot| slot.shape() == Shape::List) {
+        let same = json!({ "$ref": format!("{DEFINITIONS}{slot}") });
+        schema["definitions"][slot.name()]["items"] = same;
+    }
+    list_drafts(&mut schema);
+    drop_unused(&mut schema);
+    schema
+}
+
+/// The schema for editors as it is committed and printed: indented, ending in a newline.
+pub fn schema_text(registry: &Registry) -> String {
+    format!("{:#}\n", editor_schema(registry))
+}
+
+/// Replaces the kinds under `anyOf` of every slot by drafts of them.
+fn list_drafts(schema: &mut Json) {
+    let mut drafts = Map::new();
+    let Some(definitions) = schema["definitions"].as_object_mut() else { return };
+    for slot in Slot::ALL {
+        let kinds = definitions.get_mut(slot.name()).and_then(|stage| stage["anyOf"].as_array_mut());
+        for reference in kinds.into_iter().flatten() {
+            let Some(name) = reference["$ref"].as_str().and_then(|target| target.strip_prefix(DEFINITIONS)) else {
+                continue;
+            };
+            let name = name.to_owned();
+            *reference = json!({ "$ref": format!("{DEFINITIONS}{name}.draft") });
+            drafts.insert(name, Json::Null);
+        }
+    }
+    for (name, draft) in &mut drafts {
+        *draft = definitions.get(name).cloned().unwrap_or_default();
+        for (option, value) in draft["properties"].as_object_mut().into_iter().flatten() {
+            let whole = value.clone();
+            relax(value);
+            if *value == whole {
+                *value = json!({ "$ref": format!("{DEFINITIONS}{name}/properties/{option}") });
+            }
+        }
+        draft["additionalProperties"] = true.into();
+    }
+    definitions.extend(drafts.into_iter().map(|(name, draft)| (format!("{name}.draft"), draft)));
+}
+
+/// Takes from a schema what a half-written value breaks.
+fn relax(schema: &mut Json) {
+    match schema {
+        Json::Object(object) => {
+            object.retain(|key, _| !["minProperties", "minItems", "minLength", "required"].contains(&key.as_str()));
+            if object.get("additionalProperties") == Some(&Json::Bool(false)) {
+                object.insert("additionalProperties".into(), true.into());
+            }
+            if let Some(forms) = object.shift_remove("oneOf") {
+                object.insert("anyOf".into(), forms);
+            }
+            object.values_mut().for_each(relax);
+        }
+        Json::Array(items) => items.iter_mut().for_each(relax),
+        _ => {}
+    }
+}
+
+/// Removes definitions that nothing refers to any more.
+fn drop_unused(schema: &mut Json) {
+    loop {
+        let text = schema.to_string();
+        let Some(definitions) = schema["definitions"].as_object_mut() else { return };
+        let before = definitions.len();
+        let used = |name: &str| ['"', '/'].iter().any(|end| text.contains(&format!("{DEFINITIONS}{name}{end}")));
+        definitions.retain(|name, _| used(name));
+        if definitions.len() == before {
+            return;
+        }
+    }
+}
+
+struct Editor<'s> {
+    definitions: &'s Map<String, Json>,
+    /// One schema per product that the program can make.
+    products: &'s [Json],
+}
+
+impl Editor<'_> {
+    fn rewrite(&self, schema: &mut Json) {
+        match schema {
+            Json::Object(object) => {
+                describe_form(object);
+                self.inline(object);
+                if object.get(REFERENCE).and_then(Json::as_str) == Some("product") {
+                    self.name_products(object);
+                }
+                match object.get_mut("type") {
+                    Some(Json::Array(types)) if types.contains(&"number".into()) => types.push("integer".into()),
+                    Some(one) if one == "number" => *one = json!(["number", "integer"]),
+                    _ => {}
+                }
+                object.values_mut().for_each(|value| self.rewrite(value));
+            }
+            Json::Array(items) => items.iter_mut().for_each(|item| self.rewrite(item)),
+            _ => {}
+        }
+    }
+
+    /// Replaces an `allOf` of one reference by what it refers to; the schema's own keywords win.
+    fn inline(&self, schema: &mut Map<String, Json>) {
+        let Some([only]) = schema.get("allOf").and_then(Json::as_array).map(Vec::as_slice) else { return };
+        let Some(name) = only["$ref"].as_str().and_then(|target| target.strip_prefix(DEFINITIONS)) else { return };
+        let Some(mut target) = self.definitions.get(name).and_then(Json::as_object).cloned() else { return };
+        schema.shift_remove("allOf");
+        for form in target.get_mut("properties").and_then(Json::as_object_mut).into_iter().flat_map(Map::values_mut) {
+            limit(form, schema);
+        }
+        target.append(schema);
+        *schema = target;
+        self.inline(schema);
+    }
+
+    fn name_products(&self, schema: &mut Map<String, Json>) {
+        let mut any_of = self.products.to_vec();
+        any_of.push(json!({ "type": "string" }));
+        schema.insert("anyOf".into(), any_of.into());
+        schema.insert("items".into(), json!({ "$ref": "#/definitions/ProductName" }));
+    }
+}
+
+/// The only option of a form, such as `{ illuminance_lx = 500 }`, means what the form means.
+fn describe_form(form: &mut Map<String, Json>) {
+    let Some(meaning) = form.get("description").cloned() else { return };
+    let properties =
+        form.get_mut("properties").and_then(Json::as_object_mut).filter(|properties| properties.len() == 1);
+    for option in properties.into_iter().flat_map(Map::values_mut).filter_map(Json::as_object_mut) {
+        option.entry("description").or_insert_with(|| meaning.clone());
+    }
+}
+
+/// Gives the numbers of a form of a distribution the limits of the option.
+fn limit(form: &mut Json, option: &Map<String, Json>) {
+    let limits = || LIMITS.iter().filter_map(|key| Some(((*key).to_owned(), option.get(*key)?.clone())));
+    let is_number = |schema: &Json| matches!(schema["type"].as_str(), Some("number" | "integer"));
+    if is_number(&form["items"]) {
+        form["items"].as_object_mut().into_iter().for_each(|items| items.extend(limits()));
+    }
+    for bound in ["min", "max"] {
+        let bound = form.pointer_mut(&format!("/properties/{bound}"));
+        bound.and_then(Json::as_object_mut).into_iter().for_each(|bound| bound.extend(limits()));
+    }
+}

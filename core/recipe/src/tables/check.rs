@@ -1,0 +1,156 @@
+//! Turns what the validator of options finds into diagnostics: codes, labels, suggestions and new names of options.
+
+use crate::text::code::Code;
+use crate::text::diagnostic::DiagnosticBuilder;
+use crate::text::source::Span;
+use crate::text::suggest::{did_you_mean, listing, nearest};
+use serde_json::Value as Json;
+use std::collections::BTreeSet;
+use syntable_model::registry::RecipeValue;
+use syntable_toml_schema::{
+    Finding, Outcome, Problem, Reference, Step, TomlNode, TomlType, Validator, spanned_members,
+};
+use toml::de::DeTable;
+
+/// Old and new paths of options of one table.
+pub(crate) type Renamed<'r> = &'r [(&'r str, &'r str)];
+
+/// What a check of one table found.
+#[derive(Debug, Default)]
+pub(crate) struct Checked {
+    pub diagnostics: Vec<DiagnosticBuilder>,
+    pub references: Vec<Reference>,
+    /// Options of the table that are wrong, or inside of which something is.
+    pub wrong: BTreeSet<String>,
+}
+
+/// Checks a table of options. `owner` names it in messages; `header` is where missing keys are reported.
+pub(crate) fn options(
+    validator: Validator,
+    owner: &str,
+    table: &DeTable,
+    header: &Span,
+    schema: &Json,
+    renamed: &[Renamed],
+) -> Checked {
+    let Outcome { findings, references } = validator.table(owner, spanned_members(table), header.clone(), schema);
+    let wrong = findings.iter().filter_map(|finding| match finding.path.first() {
+        Some(Step::Key(key)) => Some(key.clone()),
+        _ => None,
+    });
+    let wrong = wrong.collect();
+    let new_name = |path: &[Step]| {
+        let old = dotted(path);
+        renamed.iter().flat_map(|table| table.iter()).find(|(from, _)| *from == old).map(|(_, to)| *to)
+    };
+    // A misspelled or renamed key is one mistake, not also a missing one.
+    let meant: BTreeSet<String> = findings
+        .iter()
+        .filter_map(|finding| match &finding.problem {
+            Problem::UnknownKey { key, known, .. } => match new_name(&finding.path) {
+                Some(new) => Some(new.to_owned()),
+                None => {
+                    let near = nearest(key, known.iter().map(String::as_str))?;
+                    let parents = &finding.path[..finding.path.len() - 1];
+                    Some(dotted(&[parents, &[Step::Key(near.to_owned())]].concat()))
+                }
+            },
+            _ => None,
+        })
+        .collect();
+    let diagnostics = findings
+        .into_iter()
+        .filter(|finding| {
+            !matches!(finding.problem, Problem::MissingKey { .. }) || !meant.contains(&dotted(&finding.path))
+        })
+        .map(|finding| match (&finding.problem, new_name(&finding.path)) {
+            (Problem::UnknownKey { .. }, Some(new)) => renamed_key(owner, finding.span, &dotted(&finding.path), new),
+            _ => diagnostic(finding),
+        })
+        .collect();
+    Checked { diagnostics, references, wrong }
+}
+
+/// The diagnostic for a key that has another name now.
+pub(crate) fn renamed_key(owner: &str, span: Span, old: &str, new: &str) -> DiagnosticBuilder {
+    // The label stands at the last word of the old path: in the same table the new word is enough.
+    let beside = old.rsplit_once('.').and_then(|(table, _)| new.strip_prefix(table)?.strip_prefix('.'));
+    DiagnosticBuilder::error(Code::Renamed, span, format!("`{old}` of `{owner}` is called `{new}` now"))
+        .label(format!("write `{}`", beside.unwrap_or(new)))
+}
+
+/// The keys of a path, without indices of arrays.
+fn dotted(path: &[Step]) -> String {
+    let keys = path.iter().filter_map(|step| match step {
+        Step::Key(key) => Some(key.as_str()),
+        Step::Index(_) => None,
+    });
+    keys.collect::<Vec<_>>().join(".")
+}
+
+fn diagnostic(finding: Finding) -> DiagnosticBuilder {
+    let error = |code| DiagnosticBuilder::error(code, finding.span, finding.message);
+    let names = |names: &[String]| listing(names.iter().map(String::as_str));
+    match finding.problem {
+        Problem::WrongType { wanted, found, text } => error(Code::WrongType).label(type_label(wanted, found, &text)),
+        Problem::OutOfRange { allowed } => error(Code::OutOfRange).label(allowed),
+        Problem::UnknownChoice { text, choices, forms } => {
+            let diagnostic = error(Code::UnknownChoice)
+                .label(did_you_mean(&text, choices.iter().map(String::as_str)))
+                .help(format!("one of {}", names(&choices)));
+            if forms.is_empty() {
+                diagnostic
+            } else {
+                diagnostic.help(format!("or a table with one of {}", names(&forms)))
+            }
+        }
+        Problem::Repeated { first } => error(Code::InvalidValue).also(first, "first here"),
+        Problem::UnknownKey { key, known, form } => error(Code::UnknownKey)
+            .label(did_you_mean(&key, known.iter().map(String::as_str)))
+            .help(match (known.is_empty(), form) {
+                (true, _) => "it has no options".to_owned(),
+                (false, true) => format!("one of {}", names(&known)),
+                (false, false) => format!("its options are {}", names(&known)),
+            }),
+        Problem::MissingKey { key, meaning, choices } => {
+            let diagnostic = error(Code::MissingKey).label(format!("add `{key} = …`"));
+            match meaning {
+                Some(meaning) => diagnostic.help(format!("{key}: {meaning}")),
+                None if choices.is_empty() => diagnostic,
+                None => diagnostic.help(format!("one of {}", names(&choices))),
+            }
+        }
+        Problem::NotOneForm { forms } if forms.is_empty() => error(Code::InvalidValue),
+        Problem::NotOneForm { forms } => error(Code::InvalidValue).help(format!("one of {}", names(&forms))),
+    }
+}
+
+/// Describes a value of the wrong type and how to write it, if the value says so.
+fn type_label(wanted: Option<TomlType>, found: TomlType, text: &str) -> String {
+    let this = match found {
+        TomlType::Boolean => format!("this is {text}"),
+        other => format!("this is {}", other.with_article()),
+    };
+    match (wanted, found) {
+        (Some(TomlType::Integer), TomlType::Float) => {
+            let whole = text.parse::<f64>().ok().filter(|number| number.fract() == 0.0 && number.abs() < 1e15);
+            whole.map_or(this, |number| format!("write {number}"))
+        }
+        (Some(TomlType::String), TomlType::Datetime | TomlType::Integer | TomlType::Float | TomlType::Boolean) => {
+            format!("{this}; put it in quotes")
+        }
+        (Some(TomlType::Integer | TomlType::Float), TomlType::String) if text.trim().parse::<f64>().is_ok() => {
+            format!("{this}; write it without quotes")
+        }
+        (Some(TomlType::Boolean), TomlType::String) if text == "true" || text == "false" => {
+            format!("{this}; write it without quotes")
+        }
+        (Some(TomlType::Array), _) => format!("{this}; put it in `[ ]` for an array of one"),
+        _ => this,
+    }
+}
+
+/// The type of a parsed value, with its article.
+pub(crate) fn type_of(value: &RecipeValue) -> &'static str {
+    value.view().of_type().with_article()
+}

@@ -1,0 +1,9 @@
+//! The tables of the merged tree: each validated and built into a stage, a pool or a section.
+
+pub(crate) mod check;
+pub(crate) mod dataset;
+pub(crate) mod ids;
+pub(crate) mod numbering;
+pub(crate) mod placers;
+pub(crate) mod pool;
+pub(crate) mod stages;
