@@ -44,7 +44,7 @@ pub use tables::dataset::{CatalogAsset, CatalogLock, CatalogNames, Dataset, Lock
 pub use tables::ids::ObjectIds;
 pub use tables::numbering::Numbering;
 pub use tables::pool::{Center, Mass, ObjectProperties, Part, PartSizes, Pool, PoolOptions, Scale, Selection, Split};
-pub use tables::stages::Draw;
+pub use tables::references::Draw;
 pub use text::code::Code;
 pub use text::diagnostic::{Diagnostic, Label, Severity};
 pub use text::message;

@@ -4,7 +4,7 @@ use crate::plan::{Plan, memory};
 use crate::resolved::without_lock;
 use crate::tables::dataset::{Dataset, Lock};
 use crate::tables::pool::Pool;
-use crate::tables::stages::Draw;
+use crate::tables::references::Draw;
 use crate::writer_paths::{bad_paths, unready};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::File;

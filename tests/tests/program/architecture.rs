@@ -8,7 +8,7 @@ use syntable_model::registry::{Registry, Slot};
 use syntable_program as _;
 
 /// Folders of the crates in `core` and `plugins`, in whatever room.
-fn crate_folders() -> Vec<PathBuf> {
+pub fn crate_folders() -> Vec<PathBuf> {
     fn walk(folder: &Path, found: &mut Vec<PathBuf>) {
         if folder.join("Cargo.toml").is_file() {
             return found.push(folder.to_owned());

@@ -18,6 +18,7 @@ mod generated;
 mod gltf_roundtrip;
 mod gpu;
 mod growth;
+mod imports;
 mod interchange;
 mod labels;
 mod memory;

@@ -3,7 +3,11 @@
 pub(crate) mod check;
 pub(crate) mod dataset;
 pub(crate) mod ids;
+pub(crate) mod loader;
 pub(crate) mod numbering;
 pub(crate) mod placers;
 pub(crate) mod pool;
+pub(crate) mod references;
+pub(crate) mod refusals;
+pub(crate) mod slot_tables;
 pub(crate) mod stages;

@@ -1,0 +1,18 @@
+//! What the tables of a recipe are read with.
+
+use crate::merge::overrides::Overrides;
+use crate::merge::renamed::RenamedNames;
+use crate::merge::variables::PathRules;
+use crate::schema::kinds::Schemas;
+use crate::text::source::Sources;
+use syntable_model::registry::Registry;
+
+/// Builds the stages of one recipe.
+pub(crate) struct Loader<'l> {
+    pub registry: &'l Registry,
+    pub schemas: &'l Schemas,
+    pub overrides: &'l Overrides<'l>,
+    pub sources: &'l Sources,
+    pub renamed: &'l RenamedNames<'l>,
+    pub paths: PathRules,
+}

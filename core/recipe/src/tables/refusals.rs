@@ -1,0 +1,169 @@
+//! Builds the stage of a table, and reports every option that it refuses.
+
+use crate::tables::loader::Loader;
+use crate::tables::pool::PoolOptions;
+use crate::tables::slot_tables::StageTable;
+use crate::text::code::Code;
+use crate::text::diagnostic::DiagnosticBuilder;
+use crate::text::key_path;
+use crate::text::source::Span;
+use serde::Deserialize;
+use std::collections::{BTreeMap, BTreeSet};
+use syntable_model::error::ConfigError;
+use syntable_model::registry::{ConstructError, Constructed, Entry, RecipeValue, Slot};
+use syntable_toml_schema::Step;
+use toml::Spanned;
+use toml::de::{DeTable, DeValue, ValueDeserializer};
+
+impl Loader<'_> {
+    /// Builds the stage, and the options of its pool if it is a source of assets.
+    pub fn construct(
+        &self,
+        entry: &Entry,
+        given: &StageTable,
+        pools: &mut BTreeMap<String, PoolOptions>,
+        diagnostics: &mut Vec<DiagnosticBuilder>,
+    ) -> Option<Constructed> {
+        let table = |own| Spanned::new(given.header.clone(), DeValue::Table(self.split(given, own)));
+        let options = match given.slot {
+            Slot::Assets => pool_options(table(false)).map(Some),
+            _ => Ok(None),
+        };
+        match options.and_then(|options| Ok((options, entry.construct_validated(table(true))?))) {
+            Ok((options, constructed)) => {
+                pools.extend(options.map(|options| (given.id.clone(), options)));
+                Some(constructed)
+            }
+            Err(_) => {
+                self.refusals(entry, given, &BTreeSet::new(), diagnostics);
+                None
+            }
+        }
+    }
+
+    /// Reports what a stage, and the pool of a source of assets, refuse of their options beside those that are known to be
+    /// wrong.
+    pub fn refusals(
+        &self,
+        entry: &Entry,
+        given: &StageTable,
+        wrong: &BTreeSet<String>,
+        diagnostics: &mut Vec<DiagnosticBuilder>,
+    ) {
+        let own = self.split(given, true);
+        refusals(&|table| entry.construct_validated(table).map(drop), given, own, wrong.clone(), diagnostics);
+        if given.slot == Slot::Assets {
+            let pool = self.split(given, false);
+            refusals(&|table| pool_options(table).map(drop), given, pool, wrong.clone(), diagnostics);
+        }
+    }
+
+    /// The options of the stage itself, or those of its pool.
+    fn split<'a>(&self, given: &StageTable<'a>, own: bool) -> DeTable<'a> {
+        let of_pool = |name: &str| given.slot == Slot::Assets && self.schemas.is_pool_option(name);
+        given.table.clone().into_iter().filter(|(key, _)| of_pool(key.get_ref()) != own).collect()
+    }
+}
+
+/// Reads and checks the options of a pool.
+fn pool_options(table: RecipeValue) -> Result<PoolOptions, ConstructError> {
+    let mut options = PoolOptions::deserialize(ValueDeserializer::from(table)).map_err(ConstructError::Form)?;
+    options.validate().map_err(ConstructError::Invalid)?;
+    options.state_defaults();
+    Ok(options)
+}
+
+/// Reports what a stage refuses of its options beside those that are known to be `wrong`, one after the other. If there are
+/// wrong ones, what is about an option that is not given, or speaks of a wrong one, may follow from them and is left out.
+fn refusals(
+    build: &dyn Fn(RecipeValue) -> Result<(), ConstructError>,
+    given: &StageTable,
+    mut rest: DeTable,
+    mut wrong: BTreeSet<String>,
+    diagnostics: &mut Vec<DiagnosticBuilder>,
+) {
+    wrong.iter().for_each(|option| drop(rest.remove(option.as_str())));
+    while let Err(error) = build(Spanned::new(given.header.clone(), DeValue::Table(rest.clone()))) {
+        let (option, said) = match &error {
+            // A value that cannot be read is wrong whatever the others are.
+            ConstructError::Form(error) => (error.span().and_then(|span| option_at(&rest, &span)), String::new()),
+            ConstructError::Invalid(invalid) => {
+                let said = format!("{} {}", invalid.message, invalid.help.as_deref().unwrap_or_default());
+                (first_key(&key_path::steps(&invalid.key)), said)
+            }
+        };
+        let option = option.filter(|option| rest.remove(option.as_str()).is_some());
+        let mut words = said.split(|letter: char| !letter.is_alphanumeric() && letter != '_');
+        let follows = !wrong.is_empty() && option.is_none() || words.any(|word| wrong.contains(word));
+        if !follows {
+            diagnostics.push(refusal(error, given));
+        }
+        match option {
+            Some(option) => drop(wrong.insert(option)),
+            None => break,
+        }
+    }
+}
+
+/// The option that a path leads into.
+pub(crate) fn first_key(path: &[Step]) -> Option<String> {
+    match path.first()? {
+        Step::Key(option) => Some(option.clone()),
+        Step::Index(_) => None,
+    }
+}
+
+/// The option whose value has these bytes.
+fn option_at(table: &DeTable, span: &Span) -> Option<String> {
+    let within = |outer: Span| outer.start <= span.start && span.end <= outer.end;
+    table.iter().find(|(_, value)| within(value.span())).map(|(key, _)| key.get_ref().clone().into_owned())
+}
+
+/// The diagnostic for options that a stage refuses.
+fn refusal(error: ConstructError, given: &StageTable) -> DiagnosticBuilder {
+    match error {
+        ConstructError::Form(error) => malformed(&error, &given.header),
+        ConstructError::Invalid(invalid) => refused(invalid, given),
+    }
+}
+
+/// The diagnostic for a table that passes the schema but cannot be read.
+fn malformed(error: &toml::de::Error, header: &Span) -> DiagnosticBuilder {
+    DiagnosticBuilder::error(Code::InvalidValue, error.span().unwrap_or(header.clone()), error.message().trim_end())
+}
+
+/// The diagnostic for a value that a stage refuses.
+fn refused(invalid: ConfigError, given: &StageTable) -> DiagnosticBuilder {
+    let steps = key_path::steps(&invalid.key);
+    let span = place(&given.table, &steps);
+    let is_default = span.is_none() && !steps.is_empty();
+    let diagnostic =
+        DiagnosticBuilder::error(Code::InvalidValue, span.unwrap_or(given.header.clone()), invalid.message);
+    let diagnostic = if is_default {
+        diagnostic.label(format!("about `{}`, which has its default", invalid.key))
+    } else {
+        diagnostic
+    };
+    match invalid.help {
+        Some(help) => diagnostic.help(help),
+        None => diagnostic,
+    }
+}
+
+/// Bytes of the value at a path, or of the nearest value around it; none if the table has not even the first key.
+fn place(table: &DeTable, steps: &[Step]) -> Option<Span> {
+    let [Step::Key(first), rest @ ..] = steps else { return None };
+    let mut value = table.get(first.as_str())?;
+    for step in rest {
+        let next = match (value.get_ref(), step) {
+            (DeValue::Table(table), Step::Key(key)) => table.get(key.as_str()),
+            (DeValue::Array(items), Step::Index(index)) => items.get(*index),
+            _ => None,
+        };
+        match next {
+            Some(next) => value = next,
+            None => break,
+        }
+    }
+    Some(value.span())
+}
