@@ -44,7 +44,7 @@ use crate::error::{Error, Result};
 use crate::product::KeyId;
 
 /// What every stage may know of the dataset.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct DatasetInfo {
     /// `dataset.name` of the recipe.
     pub name: String,

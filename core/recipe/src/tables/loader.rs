@@ -8,8 +8,8 @@ use crate::text::source::Sources;
 use syntable_model::registry::Registry;
 
 /// Builds the stages of one recipe.
-pub(crate) struct Loader<'l> {
-    pub registry: &'l Registry,
+pub(crate) struct Loader<'l, 'r> {
+    pub registry: &'r Registry,
     pub schemas: &'l Schemas,
     pub overrides: &'l Overrides<'l>,
     pub sources: &'l Sources,

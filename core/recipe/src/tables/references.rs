@@ -120,7 +120,7 @@ impl StageReferences {
     }
 }
 
-impl Loader<'_> {
+impl Loader<'_, '_> {
     /// What the options of a stage refer to. Paths are put into the table as they are opened.
     pub fn references(
         &self,

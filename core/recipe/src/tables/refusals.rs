@@ -15,7 +15,7 @@ use syntable_toml_schema::Step;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue, ValueDeserializer};
 
-impl Loader<'_> {
+impl Loader<'_, '_> {
     /// Builds the stage, and the options of its pool if it is a source of assets.
     pub fn construct(
         &self,

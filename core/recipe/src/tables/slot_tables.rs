@@ -61,7 +61,7 @@ impl StageTable<'_> {
     }
 }
 
-impl<'l> Loader<'l> {
+impl<'r> Loader<'_, 'r> {
     /// The tables of a slot; none if the section is missing or broken.
     pub fn tables<'a>(
         &self,
@@ -169,7 +169,7 @@ impl<'l> Loader<'l> {
     }
 
     /// Takes `kind` off a table and finds its entry.
-    pub fn kind(&self, given: &mut StageTable, diagnostics: &mut Vec<DiagnosticBuilder>) -> Option<&'l Entry> {
+    pub fn kind(&self, given: &mut StageTable, diagnostics: &mut Vec<DiagnosticBuilder>) -> Option<&'r Entry> {
         let slot = given.slot;
         let kinds = || self.registry.of_slot(slot).map(|entry| entry.kind);
         let keyed = slot.shape() == Shape::Keyed;

@@ -18,10 +18,10 @@ use syntable_toml_schema::{DisplayPath, Step};
 use toml::de::DeTable;
 
 /// A built stage.
-pub(crate) struct BuiltStage<'l> {
+pub(crate) struct BuiltStage<'r> {
     pub slot: Slot,
     pub id: String,
-    pub entry: &'l Entry,
+    pub entry: &'r Entry,
     /// The stage; taken by the plan if it makes products from products.
     pub stage: Option<Stage>,
     /// All options, paths in portable form.
@@ -40,8 +40,8 @@ pub(crate) struct BuiltStage<'l> {
 
 /// All stages that could be built.
 #[derive(Default)]
-pub(crate) struct Built<'l> {
-    pub stages: Vec<BuiltStage<'l>>,
+pub(crate) struct Built<'r> {
+    pub stages: Vec<BuiltStage<'r>>,
     /// Options of the pools, by id.
     pub pools: BTreeMap<String, PoolOptions>,
     /// Paths that options of other stages name, by the option.
@@ -75,9 +75,9 @@ impl Built<'_> {
     }
 }
 
-impl<'l> Loader<'l> {
+impl<'r> Loader<'_, 'r> {
     /// Builds all stages of the tree and reports all mistakes.
-    pub fn build(&self, tree: &mut DeTable, diagnostics: &mut Vec<DiagnosticBuilder>) -> Built<'l> {
+    pub fn build(&self, tree: &mut DeTable, diagnostics: &mut Vec<DiagnosticBuilder>) -> Built<'r> {
         let (mut built, mut names) = (Built::default(), PoolNames::default());
         for slot in Slot::ALL {
             let Some(tables) = self.tables(slot, tree, diagnostics) else {
@@ -99,7 +99,7 @@ impl<'l> Loader<'l> {
     fn stage(
         &self,
         mut given: StageTable,
-        built: &mut Built<'l>,
+        built: &mut Built<'r>,
         names: &mut PoolNames,
         diagnostics: &mut Vec<DiagnosticBuilder>,
     ) -> bool {
@@ -171,11 +171,11 @@ impl<'l> Loader<'l> {
     /// The kind that another one stands for on this machine.
     fn chosen(
         &self,
-        entry: &'l Entry,
+        entry: &'r Entry,
         given: &StageTable,
-        built: &mut Built<'l>,
+        built: &mut Built<'r>,
         diagnostics: &mut Vec<DiagnosticBuilder>,
-    ) -> Option<&'l Entry> {
+    ) -> Option<&'r Entry> {
         let Some(choose) = entry.choose else { return Some(entry) };
         let (slot, table) = (given.slot, given.name());
         if !self.overrides.choose {
