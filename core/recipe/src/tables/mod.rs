@@ -1,5 +1,6 @@
 //! The tables of the merged tree: each validated and built into a stage, a pool or a section.
 
+pub(crate) mod asset_names;
 pub(crate) mod check;
 pub(crate) mod dataset;
 pub(crate) mod ids;
@@ -11,4 +12,5 @@ pub(crate) mod references;
 pub(crate) mod refusals;
 pub(crate) mod sections;
 pub(crate) mod slot_tables;
+pub(crate) mod split;
 pub(crate) mod stages;

@@ -1,6 +1,7 @@
 //! The numbers of the objects of a pool.
 
-use crate::tables::pool::{PoolOptions, names_of};
+use crate::tables::asset_names::names_of;
+use crate::tables::pool::PoolOptions;
 use std::collections::{BTreeMap, BTreeSet};
 use syntable_model::context::Log;
 use syntable_model::error::{Error, Result};

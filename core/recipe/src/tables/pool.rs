@@ -1,20 +1,19 @@
 //! Options that every pool of assets has, whatever its source: which assets it holds, and how objects are scaled,
 //! centered and weighed.
 
+use crate::tables::asset_names::{class_of, names_of, names_of_list, of_key, patterns, warn_of_unknown};
 use crate::tables::ids::ObjectIds;
+use crate::tables::split::{PartSizes, SMALL_PART, Split, SplitPart};
 use crate::text::suggest::did_you_mean;
 use glob::Pattern;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
-use std::fmt;
 use syntable_model::context::Log;
-use syntable_model::digest::Hasher;
 use syntable_model::error::{ConfigError, Error, Result};
 use syntable_model::files::read_small;
 use syntable_model::names::AssetPath;
 use syntable_model::scene::{AssetClass, CatalogEntry};
-use syntable_model::some::some_of;
 use syntable_model::stage::{AssetLimits, AssetSource};
 use syntable_toml_schema::{DisplayPath, Step};
 
@@ -229,216 +228,13 @@ pub enum Center {
     None,
 }
 
-/// One part of a split of a pool into training, validation and test assets.
-///
-/// The sizes of the parts are fractions, counts or lists of names; what is neither for validation nor for the test is for
-/// training. Pools with the same split but different parts share no asset.
-///
-/// Fractions: the part of an asset depends on its name and the seed alone, so it does not change when assets are added or
-/// removed; the parts of a small pool can be far from the fractions. Counts are exact: they count the assets that `include`,
-/// `exclude` and the lists of the pool leave, in a random order of the seed, so all recipes of a split need the same ones.
-/// Lists name the assets.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct Split {
-    /// The part to keep.
-    pub part: Part,
-    /// Approximate fraction of the assets for validation; 0.1 if the split has neither counts nor lists.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schemars(range(min = 0, max = 1))]
-    pub val_fraction: Option<f64>,
-    /// Approximate fraction of the assets for the final test.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schemars(range(min = 0, max = 1))]
-    pub test_fraction: Option<f64>,
-    /// Number of assets for validation.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub val_count: Option<u32>,
-    /// Number of assets for the final test.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub test_count: Option<u32>,
-    /// Text file of the names of the assets for validation, one per line; `#` starts a comment.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schemars(extend("x-syntable-ref" = "file"))]
-    pub val_list: Option<AssetPath>,
-    /// Text file of the names of the assets for the final test, one per line; `#` starts a comment.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schemars(extend("x-syntable-ref" = "file"))]
-    pub test_list: Option<AssetPath>,
-    /// Seed of fractions and counts.
-    #[serde(default)]
-    #[schemars(range(max = 9_223_372_036_854_775_807_u64))]
-    pub seed: u64,
-}
-
-/// Fraction of the assets for validation, if a split gives neither it nor counts nor lists.
-const DEFAULT_VAL_FRACTION: f64 = 0.1;
-
-/// A part with fewer assets raises a warning: scores on so few shapes are scores of these shapes.
-const SMALL_PART: usize = 5;
-
-/// A part of a split.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum Part {
-    /// For training.
-    Train,
-    /// For validation.
-    Val,
-    /// For the final test.
-    Test,
-}
-
-impl fmt::Display for Part {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Train => "train",
-            Self::Val => "val",
-            Self::Test => "test",
-        })
-    }
-}
-
-/// How a split gives the sizes of its parts.
-enum Sizes<'s> {
-    Fractions { val: f64, test: f64 },
-    Counts { val: usize, test: usize },
-    Lists { val: Option<&'s AssetPath>, test: Option<&'s AssetPath> },
-}
-
-impl Split {
-    /// The sizes, which are all fractions, all counts or all lists.
-    fn sizes(&self) -> std::result::Result<Sizes<'_>, ConfigError> {
-        let given = [
-            ("val_fraction", self.val_fraction.is_some()),
-            ("test_fraction", self.test_fraction.is_some()),
-            ("val_count", self.val_count.is_some()),
-            ("test_count", self.test_count.is_some()),
-            ("val_list", self.val_list.is_some()),
-            ("test_list", self.test_list.is_some()),
-        ];
-        let given: Vec<&str> = given.into_iter().filter(|(_, is_given)| *is_given).map(|(name, _)| name).collect();
-        let way = |name: &str| name.split_once('_').map(|(_, way)| way.to_owned());
-        if let Some(other) = given.iter().find(|name| way(name) != way(given[0])) {
-            let message = format!("`{}` and `{other}` give sizes in two ways", given[0]);
-            return Err(ConfigError::new(format!("split.{other}"), message)
-                .help("give fractions, counts or lists for both parts"));
-        }
-        Ok(match given.first().and_then(|name| way(name)).as_deref() {
-            Some("count") => {
-                let count = |count: Option<u32>| count.unwrap_or(0) as usize;
-                Sizes::Counts { val: count(self.val_count), test: count(self.test_count) }
-            }
-            Some("list") => Sizes::Lists { val: self.val_list.as_ref(), test: self.test_list.as_ref() },
-            _ => {
-                let [val, test] =
-                    [self.val_fraction.unwrap_or(DEFAULT_VAL_FRACTION), self.test_fraction.unwrap_or(0.0)];
-                if val + test > 1.0 {
-                    let message = format!("`val_fraction` {val} and `test_fraction` {test} add up to more than 1");
-                    let refused = ConfigError::new("split", message);
-                    return Err(match self.val_fraction {
-                        Some(_) => refused,
-                        None => refused.help(format!("`val_fraction` is {DEFAULT_VAL_FRACTION} unless it is given")),
-                    });
-                }
-                Sizes::Fractions { val, test }
-            }
-        })
-    }
-
-    /// States the fractions that hold, so that a resolved recipe has them.
-    fn state_defaults(&mut self) {
-        if let Ok(Sizes::Fractions { val, test }) = self.sizes() {
-            (self.val_fraction, self.test_fraction) = (Some(val), Some(test));
-        }
-    }
-
-    /// A number of the name and the seed, uniform over all 64-bit numbers.
-    fn hash(&self, name: &str) -> u64 {
-        Hasher::new("split").bytes(&self.seed.to_le_bytes()).text(name).finish().short()
-    }
-
-    /// The part of each name. Reads the lists, and warns of names that they alone have.
-    fn parts(&self, names: &[&str], log: &dyn Log) -> Result<Vec<Part>> {
-        match self.sizes().map_err(of_key)? {
-            Sizes::Fractions { val, test } => {
-                let part = |name: &&str| match (self.hash(name) >> 11) as f64 / (1_u64 << 53) as f64 {
-                    at if at < test => Part::Test,
-                    at if at < test + val => Part::Val,
-                    _ => Part::Train,
-                };
-                Ok(names.iter().map(part).collect())
-            }
-            Sizes::Counts { val, test } => {
-                if val.saturating_add(test) > names.len() {
-                    let message = format!(
-                        "split: {val} assets for validation and {test} for the test are more than the pool's {}",
-                        names.len()
-                    );
-                    return Err(Error::new(message).help("lower `val_count` or `test_count`, or select more assets"));
-                }
-                let mut order: Vec<usize> = (0..names.len()).collect();
-                order.sort_by_key(|&index| (self.hash(names[index]), names[index]));
-                let mut parts = vec![Part::Train; names.len()];
-                order.iter().take(test).for_each(|&index| parts[index] = Part::Test);
-                order.iter().skip(test).take(val).for_each(|&index| parts[index] = Part::Val);
-                Ok(parts)
-            }
-            Sizes::Lists { val, test } => {
-                let read = |key: &str, list: Option<&AssetPath>| -> Result<BTreeSet<String>> {
-                    let Some(list) = list else { return Ok(BTreeSet::new()) };
-                    let listed = names_of_list(list)?;
-                    let known: BTreeSet<&str> = names.iter().copied().collect();
-                    warn_of_unknown(&format!("split.{key}"), list, &listed, &known, names, log);
-                    Ok(listed)
-                };
-                let (val, test) = (read("val_list", val)?, read("test_list", test)?);
-                if let Some(twice) = val.intersection(&test).next() {
-                    let message = format!("split: `{twice}` is in `val_list` and in `test_list`");
-                    return Err(Error::new(message).help("an asset is of one part: take it out of one list"));
-                }
-                let part = |name: &&str| match () {
-                    () if test.contains(*name) => Part::Test,
-                    () if val.contains(*name) => Part::Val,
-                    () => Part::Train,
-                };
-                Ok(names.iter().map(part).collect())
-            }
-        }
-    }
-}
-
 /// The entries of a source that a pool takes.
 #[derive(Debug, Default)]
 pub struct Selection {
     /// What stages draw from, in the order of the source.
     pub entries: Vec<CatalogEntry>,
     /// The other parts of the split, in the order of the source; empty without a split.
-    pub other_parts: Vec<(CatalogEntry, Part)>,
-}
-
-/// Number of assets of each part of a split.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct PartSizes {
-    /// The part that the pool keeps.
-    pub part: Part,
-    /// Number of assets for training, validation and the test.
-    pub sizes: [usize; 3],
-}
-
-impl PartSizes {
-    /// Number of assets of the part that the pool keeps.
-    pub fn kept(&self) -> usize {
-        self.sizes[self.part as usize]
-    }
-}
-
-impl fmt::Display for PartSizes {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let [train, val, test] = self.sizes;
-        let (kept, all) = (self.kept(), train + val + test);
-        write!(f, "{kept} of {all} assets, part `{}` (train {train}, val {val}, test {test})", self.part)
-    }
+    pub other_parts: Vec<(CatalogEntry, SplitPart)>,
 }
 
 impl PoolOptions {
@@ -604,85 +400,6 @@ impl PoolOptions {
     }
 }
 
-/// Warns of names of a list that no asset has.
-fn warn_of_unknown(
-    key: &str,
-    list: &AssetPath,
-    listed: &BTreeSet<String>,
-    known: &BTreeSet<&str>,
-    names: &[&str],
-    log: &dyn Log,
-) {
-    let unknown: Vec<&str> = listed.iter().map(String::as_str).filter(|name| !known.contains(name)).collect();
-    if unknown.is_empty() {
-        return;
-    }
-    let message = format!("{key}: the pool has no asset of these names: {}", some_of(unknown));
-    log.warn(&Error::new(message).in_file(list.path()).help(look_of(names.to_vec())));
-}
-
-/// What the names of a source's assets look like.
-pub(super) fn names_of(entries: &[CatalogEntry]) -> String {
-    look_of(entries.iter().map(|entry| entry.name.as_str()).collect())
-}
-
-/// What names look like.
-fn look_of(mut names: Vec<&str>) -> String {
-    names.sort_unstable();
-    let first: Vec<String> = names.iter().take(3).map(|name| format!("`{name}`")).collect();
-    format!(
-        "there are {} names such as {}; a dataset has all of a pool in .syntable/catalogs/<pool>.json",
-        names.len(),
-        first.join(", ")
-    )
-}
-
-/// A refused value as an error.
-fn of_key(invalid: ConfigError) -> Error {
-    Error::new(format!("{}: {}", invalid.key, invalid.message))
-}
-
-/// The class whose patterns match a name.
-fn class_of<'c>(classes: &[(&'c str, Vec<Pattern>)], name: &str) -> Result<Option<&'c str>> {
-    let mut of = classes.iter().flat_map(|(class, patterns)| patterns.iter().map(move |pattern| (*class, pattern)));
-    let mut of = of.by_ref().filter(|(_, pattern)| pattern.matches(name));
-    let Some((class, pattern)) = of.next() else { return Ok(None) };
-    match of.find(|(other, _)| *other != class) {
-        None => Ok(Some(class)),
-        Some((other, other_pattern)) => Err(Error::new(format!(
-            "`{name}` is of two classes: `{pattern}` of `{class}` and `{other_pattern}` of `{other}` match it"
-        ))
-        .help("narrow one of the patterns under `classes`")),
-    }
-}
-
-fn names_of_list(list: &AssetPath) -> Result<BTreeSet<String>> {
-    let bytes = read_small(list.path()).map_err(|error| Error::io(list.path(), &error))?;
-    let text = String::from_utf8(bytes).map_err(|error| {
-        Error::new("the list of names is not UTF-8 text")
-            .in_file(list.path())
-            .at_byte(error.utf8_error().valid_up_to() as u64)
-    })?;
-    let names = text.trim_start_matches('\u{feff}').lines().map(|line| line.split('#').next().unwrap_or("").trim());
-    Ok(names.filter(|name| !name.is_empty()).map(str::to_owned).collect())
-}
-
-/// Compiles patterns of names. A pattern matches a whole name; `*` and `?` match `/`, too.
-fn patterns(option: &str, patterns: &[String]) -> std::result::Result<Vec<Pattern>, ConfigError> {
-    let compile = |(index, pattern): (usize, &String)| {
-        // `**` would have a meaning for folders.
-        let mut plain = pattern.clone();
-        while plain.contains("**") {
-            plain = plain.replace("**", "*");
-        }
-        Pattern::new(&plain).map_err(|error| {
-            ConfigError::new(format!("{option}[{index}]"), format!("\"{pattern}\" is not a pattern: {}", error.msg))
-                .help("`*` matches any characters, `?` one, `[ab]` one of several; `[*]` matches a `*`")
-        })
-    };
-    patterns.iter().enumerate().map(compile).collect()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -735,7 +452,7 @@ mod tests {
         names.into_iter().map(|name| CatalogEntry::new(name, "")).collect()
     }
 
-    fn split(part: Part) -> Split {
+    fn split(part: SplitPart) -> Split {
         Split {
             part,
             val_fraction: None,
@@ -768,7 +485,7 @@ mod tests {
         };
         for seed in 0..20 {
             let of = |part| kept(Split { val_count: Some(5), test_count: Some(2), seed, ..split(part) });
-            let parts = [Part::Train, Part::Val, Part::Test].map(of);
+            let parts = [SplitPart::Train, SplitPart::Val, SplitPart::Test].map(of);
             assert_eq!(parts.each_ref().map(|(names, _)| names.len()), [5, 5, 2], "seed {seed}");
             let mut all: Vec<&String> = parts.iter().flat_map(|(names, _)| names).collect();
             all.sort();
@@ -777,11 +494,11 @@ mod tests {
             let want = "2 of 12 assets, part `test` (train 5, val 5, test 2): fewer than 5";
             assert!(parts[2].1[0].starts_with(want), "{}", parts[2].1[0]);
         }
-        let val = || Split { val_list: Some(AssetPath(list.clone())), ..split(Part::Val) };
+        let val = || Split { val_list: Some(AssetPath(list.clone())), ..split(SplitPart::Val) };
         let (listed, warnings) = kept(val());
         assert_eq!(listed, ["mug_03", "mug_07"]);
         assert!(warnings[0].contains("split.val_list: the pool has no asset of these names: no_such"), "{warnings:?}");
-        let (rest, _) = kept(Split { part: Part::Train, ..val() });
+        let (rest, _) = kept(Split { part: SplitPart::Train, ..val() });
         assert!(rest.len() == 10 && !rest.contains(&"mug_03".to_owned()));
         // What contradicts itself is refused.
         let refused = |split: Split| {
@@ -794,7 +511,7 @@ mod tests {
         };
         let mixed = refused(Split { val_count: Some(3), ..val() });
         assert_eq!(mixed, "`val_count` and `val_list` give sizes in two ways");
-        let many = refused(Split { val_count: Some(9), test_count: Some(4), ..split(Part::Val) });
+        let many = refused(Split { val_count: Some(9), test_count: Some(4), ..split(SplitPart::Val) });
         assert!(many.contains("9 assets for validation and 4 for the test are more than the pool's 12"), "{many}");
         let twice = refused(Split { test_list: Some(AssetPath(list.clone())), ..val() });
         assert!(twice.contains("`mug_03` is in `val_list` and in `test_list`"), "{twice}");
@@ -807,7 +524,7 @@ mod tests {
             let split = Split { val_fraction: Some(0.2), test_fraction: Some(0.1), seed, ..split(part) };
             selected(PoolOptions { split: Some(split), ..Default::default() }, names.clone()).0.entries
         };
-        let parts = [Part::Train, Part::Val, Part::Test].map(|part| select(part, 0));
+        let parts = [SplitPart::Train, SplitPart::Val, SplitPart::Test].map(|part| select(part, 0));
         let mut all: Vec<String> = parts.iter().flatten().map(|entry| entry.name.clone()).collect();
         all.sort();
         assert_eq!(all, names);
@@ -815,7 +532,7 @@ mod tests {
         for (part, expected) in parts.iter().zip([2800_usize, 800, 400]) {
             assert!(part.len().abs_diff(expected) < 145, "{} of {expected}", part.len());
         }
-        assert_ne!(select(Part::Val, 0), select(Part::Val, 1));
+        assert_ne!(select(SplitPart::Val, 0), select(SplitPart::Val, 1));
     }
 
     #[test]

@@ -4,7 +4,7 @@ use super::{AssetStore, Pool};
 use serde::ser::{Serialize, SerializeMap, SerializeStruct, Serializer};
 use std::collections::BTreeMap;
 use syntable_model::scene::{AssetClass, AssetRef, CatalogEntry};
-use syntable_recipe::Part;
+use syntable_recipe::SplitPart;
 
 /// An asset of a pool, as its catalog knows it. Serialized, it is the record of `syntable list assets RECIPE --json`: `pool`,
 /// `name`, `class`, `category`, `obj_id`, `part`, `license`, and `draws`, a table of probabilities by option.
@@ -19,7 +19,7 @@ pub struct ListedAsset {
     /// Number of an object in every dataset of the recipe; none of materials and environment maps.
     pub obj_id: Option<u32>,
     /// The part that the asset belongs to; none if the pool has no split.
-    pub part: Option<Part>,
+    pub part: Option<SplitPart>,
     /// License as the pool or its source states it; none if neither does.
     pub license: Option<String>,
     /// The options that can draw the asset, in the order of the recipe. Empty for an asset of another part than the one that
