@@ -1,6 +1,6 @@
 //! Loads a recipe: reads all texts, builds all tables, reports all mistakes.
 
-use crate::merge::inherit::{self, Damage};
+use crate::merge::graph::{self, Damage};
 use crate::merge::overrides::Overrides;
 use crate::merge::renamed::{RENAMED, RenamedNames};
 use crate::merge::variables::{self, PathRules};
@@ -83,7 +83,7 @@ impl<'r> ReadRecipe<'r> {
         let mut diagnostics = Vec::new();
         let folder = source.path.as_deref().and_then(Path::parent).map(Path::to_owned);
         let schemas = Schemas::of(registry);
-        let graph = inherit::gather(source, overrides, &sources, &schemas, &mut diagnostics);
+        let graph = graph::gather(source, overrides, &sources, &schemas, &mut diagnostics);
         let incomplete = !diagnostics.is_empty();
         let (mut tree, mut damage) = graph.merge(&mut diagnostics);
         damage.keys_lost |= incomplete;

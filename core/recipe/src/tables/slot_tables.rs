@@ -1,6 +1,6 @@
 //! The tables of each slot, and the kind of each table.
 
-use crate::merge::inherit::list_ids;
+use crate::merge::edit::list_ids;
 use crate::tables::check;
 use crate::tables::loader::Loader;
 use crate::text::code::Code;
