@@ -30,10 +30,10 @@ impl Reporter for JsonLines {
 /// For people: a progress line on a terminal, and plain lines.
 pub struct Human {
     bar: Option<ProgressBar>,
-    state: Mutex<State>,
+    state: Mutex<ProgressState>,
 }
 
-struct State {
+struct ProgressState {
     start: Instant,
     said: Instant,
     /// When a step of long work was said.
@@ -59,7 +59,7 @@ impl Human {
             bar
         });
         let now = Instant::now();
-        let state = State {
+        let state = ProgressState {
             start: now,
             said: now,
             worked: None,
@@ -85,7 +85,7 @@ fn print_line(line: &str) {
     let _ = writeln!(std::io::stderr(), "{line}");
 }
 
-impl State {
+impl ProgressState {
     fn pace(&self) -> String {
         let seconds = self.start.elapsed().as_secs_f64();
         let scenes = format!("scene {}/{}", self.scenes, self.scenes_total);

@@ -111,9 +111,9 @@ impl Conversion {
     }
 }
 
-fn asked_writers<'a>(registry: &'a Registry, options: &ConvertOptions) -> Result<Vec<AskedWriter<'a>>> {
+fn asked_writers<'a>(registry: &'a Registry, options: &ConvertOptions) -> Result<Vec<RequestedWriter<'a>>> {
     let ConvertOptions { to, set, .. } = options;
-    let writers: Vec<_> = to.iter().map(|kind| AskedWriter::new(registry, kind, set)).collect::<Result<_>>()?;
+    let writers: Vec<_> = to.iter().map(|kind| RequestedWriter::new(registry, kind, set)).collect::<Result<_>>()?;
     if let Some(set) = set.iter().find(|set| !to.iter().any(|kind| option_of(set, kind).is_some())) {
         let error = Error::new(format!("--set {set}: it names no writer of --to"));
         return Err(error.help("write it as `KIND.KEY=VALUE`").of_request());
@@ -130,7 +130,7 @@ fn option_of<'a>(set: &'a str, kind: &str) -> Option<&'a str> {
 }
 
 /// A writer of `--to`.
-struct AskedWriter<'a> {
+struct RequestedWriter<'a> {
     entry: &'a Entry,
     options: toml::Table,
     /// Names of the options that `--set` gives.
@@ -138,7 +138,7 @@ struct AskedWriter<'a> {
     writer: Box<dyn Writer>,
 }
 
-impl<'a> AskedWriter<'a> {
+impl<'a> RequestedWriter<'a> {
     fn new(registry: &'a Registry, kind: &str, set: &[String]) -> Result<Self> {
         Self::constructed(registry, kind, set).map_err(Error::of_request)
     }

@@ -10,7 +10,7 @@ use syntable_model::error::{Error, Result};
 
 /// Who works on images, who hears of it, and who may end it.
 #[derive(Clone, Copy)]
-pub struct Work<'a> {
+pub struct ImageWork<'a> {
     /// The threads.
     pub workers: &'a dyn Workers,
     /// Hears of progress.
@@ -31,7 +31,7 @@ const AHEAD: usize = 64;
 /// # Errors
 /// The error of the first image that has one, or that the work was asked to stop.
 pub fn each<T: Send>(
-    Work { workers, reporter, stop }: &Work,
+    ImageWork { workers, reporter, stop }: &ImageWork,
     done: &str,
     images: usize,
     image: &(dyn Fn(usize) -> Result<T> + Sync),
@@ -81,7 +81,7 @@ mod tests {
     fn results_come_in_order_and_the_first_error_ends_it() {
         for threads in [1, 3] {
             let (pool, stop) = (Pool::new(threads).expect("threads"), Stop::default());
-            let work = Work { workers: &pool, reporter: &Quiet, stop: &stop };
+            let work = ImageWork { workers: &pool, reporter: &Quiet, stop: &stop };
             let mut taken = Vec::new();
             let square = |image: usize| Ok(image * image);
             each(&work, "squared", 500, &square, &mut |image, it| taken.push((image, it))).expect("squares");

@@ -26,12 +26,12 @@ pub struct Validated {
     /// Images of the dataset.
     pub images: u32,
     /// The checks, by name.
-    pub checks: Vec<Checked>,
+    pub checks: Vec<CheckResult>,
     /// What is wrong, by check and place.
     pub faults: Vec<FaultAt>,
     /// Numbers of its categories and objects, to compare with those of other datasets.
     #[serde(skip)]
-    pub numbers: Numbers,
+    pub numbers: NumberNames,
 }
 
 /// A dataset that was found by its path and checked.
@@ -74,17 +74,17 @@ pub fn differences(all: &[ValidatedDataset]) -> Vec<FaultAt> {
 
 /// Numbers of the categories and objects of a dataset, with their names.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
-pub struct Numbers {
+pub struct NumberNames {
     /// Names of categories by id.
-    categories: Names,
+    categories: NamesByNumber,
     /// Names of objects by `obj_id`, without their pools.
-    objects: Names,
+    objects: NamesByNumber,
 }
 
 /// Names by number. Where models of several sources are told apart by name alone, a number has several.
-type Names = BTreeMap<u64, BTreeSet<String>>;
+type NamesByNumber = BTreeMap<u64, BTreeSet<String>>;
 
-impl Numbers {
+impl NumberNames {
     /// Notes what the records of an image's objects state.
     fn note_objects(&mut self, products: &Products) {
         let Ok(Some(infos)) = products.optional(OBJECT_INFO) else { return };
@@ -156,7 +156,7 @@ impl Numbers {
 }
 
 /// The numbers of each name, ascending.
-fn numbers_by_name(names: &Names) -> BTreeMap<&str, Vec<u64>> {
+fn numbers_by_name(names: &NamesByNumber) -> BTreeMap<&str, Vec<u64>> {
     let mut numbers: BTreeMap<&str, Vec<u64>> = BTreeMap::new();
     for (id, name) in names.iter().flat_map(|(id, names)| names.iter().map(move |name| (*id, name.as_str()))) {
         numbers.entry(name).or_default().push(id);
@@ -166,7 +166,7 @@ fn numbers_by_name(names: &Names) -> BTreeMap<&str, Vec<u64>> {
 
 /// A check that was made.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
-pub struct Checked {
+pub struct CheckResult {
     /// Its name.
     pub check: String,
     /// What holds in a sound dataset.
@@ -195,7 +195,8 @@ pub fn validate(dataset: &OpenDataset, checks: &[Arc<dyn LabelCheck>], threads: 
     // What is called after its number may have a name in another dataset.
     let has_name = |(id, name): &(u32, &str)| !is_unnamed((*id).into(), name);
     let categories = dataset.info.categories().filter(has_name).map(category).collect();
-    let found = Mutex::new((vec![0_u32; checks.len()], BTreeSet::new(), Numbers { categories, ..Numbers::default() }));
+    let found =
+        Mutex::new((vec![0_u32; checks.len()], BTreeSet::new(), NumberNames { categories, ..NumberNames::default() }));
     Pool::new(threads)?.run(dataset.images.len(), &|image| {
         let (products, mut faults) = read(dataset, image, offers);
         let made: Vec<bool> = checks.iter().map(|check| check.applies(&products)).collect();
@@ -217,19 +218,19 @@ pub fn validate(dataset: &OpenDataset, checks: &[Arc<dyn LabelCheck>], threads: 
     faults.extend(dataset.all_faults().iter().map(FaultAt::from));
     let of = |name: &str| faults.iter().filter(|fault| fault.check == name).count() as u32;
     let images = dataset.images.len() as u32;
-    let checked = |name: &str, says: &str, images| Checked {
+    let checked = |name: &str, says: &str, images| CheckResult {
         check: name.to_owned(),
         says: says.to_owned(),
         images,
         faults: of(name),
     };
-    let mut all: Vec<Checked> =
+    let mut all: Vec<CheckResult> =
         checks.iter().zip(counts).map(|(check, count)| checked(check.name(), check.doc(), Some(count))).collect();
     all.push(checked(READABLE, CAN_BE_READ, Some(images)));
     // Rules of the format, which a reader names when they are broken.
     let known: BTreeSet<&str> = all.iter().map(|it| it.check.as_str()).collect();
     let broken: BTreeSet<&str> = faults.iter().map(|fault| fault.check.as_str()).collect();
-    let more: Vec<Checked> =
+    let more: Vec<CheckResult> =
         broken.difference(&known).map(|name| checked(name, "Records fit together.", None)).collect();
     all.extend(more);
     Ok(Validated { images, checks: all, faults: faults.into_iter().collect(), numbers })
@@ -268,8 +269,8 @@ impl Validated {
     pub fn unreadable(place: String, error: &Error) -> Self {
         let check = READABLE.to_owned();
         let message = error.help_text().map_or_else(|| error.to_string(), |help| format!("{error}; {help}"));
-        let checks = vec![Checked { check: check.clone(), says: CAN_BE_READ.to_owned(), images: None, faults: 1 }];
-        Self { images: 0, checks, faults: vec![FaultAt { check, place, message }], numbers: Numbers::default() }
+        let checks = vec![CheckResult { check: check.clone(), says: CAN_BE_READ.to_owned(), images: None, faults: 1 }];
+        Self { images: 0, checks, faults: vec![FaultAt { check, place, message }], numbers: NumberNames::default() }
     }
 
     /// The faults of each check in turn, so that a few show all that is wrong: at most `most`.
@@ -298,18 +299,18 @@ mod tests {
     #[test]
     fn numbers_of_two_datasets_are_compared_both_ways() {
         let names = |pairs: &[(u64, &str)]| {
-            let mut names = Names::new();
+            let mut names = NamesByNumber::new();
             pairs.iter().for_each(|(id, name)| {
                 names.entry(*id).or_default().insert((*name).to_owned());
             });
             names
         };
-        let numbers = |categories: &[(u64, &str)], objects: &[(u64, &str)]| Numbers {
+        let numbers = |categories: &[(u64, &str)], objects: &[(u64, &str)]| NumberNames {
             categories: names(categories),
             objects: names(objects),
         };
         let train = numbers(&[(1, "object"), (2, "bowl"), (3, "mug")], &[(5, "can"), (6, "cat"), (9, "cat")]);
-        let compare = |other: &Numbers| -> Vec<String> {
+        let compare = |other: &NumberNames| -> Vec<String> {
             train.differences(other, ["train", "val"]).into_iter().map(|fault| fault.message).collect()
         };
         assert!(compare(&train).is_empty());
@@ -340,13 +341,13 @@ mod tests {
                 Value::Record(fields.map(|(field, value)| (field.to_owned(), value)).to_vec())
             };
             let infos = (1..).map(InstanceId).zip(objects.iter().map(info)).collect();
-            let (mut products, mut numbers) = (Products::new(), Numbers::default());
+            let (mut products, mut numbers) = (Products::new(), NumberNames::default());
             products.put(OBJECT_INFO, infos).expect("a new product");
             numbers.note_objects(&products);
             numbers
         };
         let named = numbers(&[(8, "ycb/bowl"), (9, "ycb/mug")]);
-        let compare = |other: &Numbers| named.differences(other, ["train", "val"]).len();
+        let compare = |other: &NumberNames| named.differences(other, ["train", "val"]).len();
         assert_eq!(compare(&numbers(&[(8, "obj_000008"), (9, "mug")])), 0);
         assert_eq!(compare(&numbers(&[(8, "obj_000009"), (9, "mug")])), 1);
     }

@@ -1,7 +1,7 @@
 //! `syntable new`: recipes and plugins to start from.
 
 use super::list::products;
-use super::template::{TEMPLATES, Template, crates};
+use super::template::{CrateTemplate, TEMPLATES, crates};
 use crate::{Console, Exit};
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Args, Subcommand};
@@ -42,7 +42,7 @@ enum What {
         name: String,
         /// What the plugin adds: a stage of a slot, or another thing.
         #[arg(long, default_value = "annotate", value_parser = slots())]
-        slot: &'static Template,
+        slot: &'static CrateTemplate,
         /// Output folder, which must not exist yet. Default: the name.
         #[arg(long)]
         path: Option<PathBuf>,
@@ -159,15 +159,15 @@ fn base(name: &str) -> Result<&'static Builtin, Error> {
 }
 
 /// The values of `--slot`.
-fn slots() -> impl TypedValueParser<Value = &'static Template> {
+fn slots() -> impl TypedValueParser<Value = &'static CrateTemplate> {
     let values = TEMPLATES.iter().map(|template| PossibleValue::new(template.slot).help(template.doc));
     PossibleValuesParser::new(values)
-        .try_map(|slot| Template::find(&slot).ok_or_else(|| format!("`{slot}` has no template")))
+        .try_map(|slot| CrateTemplate::find(&slot).ok_or_else(|| format!("`{slot}` has no template")))
 }
 
 fn plugin(
     registry: &Registry,
-    template: &Template,
+    template: &CrateTemplate,
     name: &str,
     folder: &Path,
     syntable: Option<&Path>,

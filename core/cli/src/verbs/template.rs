@@ -6,7 +6,7 @@
 use syntable_model::registry::Slot;
 
 /// A crate to start from.
-pub(super) struct Template {
+pub(super) struct CrateTemplate {
     /// What users write after `--slot`: a slot of recipes, or another thing that crates add.
     pub slot: &'static str,
     /// Name of the crate and of what it adds, in the files. It occurs in snake case, in camel case and in capitals.
@@ -93,7 +93,7 @@ macro_rules! files {
 /// A stage with a recipe.
 macro_rules! stage {
     ($slot:literal, $example:literal, $doc:literal $(, crates: $crates:expr)? $(, tests: $tests:expr)?) => {
-        Template {
+        CrateTemplate {
             slot: $slot,
             example: $example,
             doc: $doc,
@@ -109,7 +109,7 @@ macro_rules! stage {
 /// Anything else, without a recipe.
 macro_rules! other {
     ($slot:literal, $example:literal, $doc:literal, [$($file:literal),*], $crates:expr, $tests:expr, $show:literal) => {
-        Template {
+        CrateTemplate {
             slot: $slot,
             example: $example,
             doc: $doc,
@@ -133,7 +133,7 @@ macro_rules! first {
 }
 
 /// All templates: the slots in the order of the pipeline, then the rest.
-pub(super) const TEMPLATES: &[Template] = &[
+pub(super) const TEMPLATES: &[CrateTemplate] = &[
     stage!("assets", "plain_cubes", "a source of assets", crates: &[Mesh, Model, Program, Schemars, Serde]),
     stage!("place", "object_tower", "a placer of bodies"),
     stage!("settle", "straight_drop", "a settler of bodies"),
@@ -191,7 +191,7 @@ const MAIN: &str = include_str!("scaffold/plugin_main.rs.txt");
 const SAMPLES: &str = include_str!("scaffold/plugin_samples.rs");
 const RULES: &str = include_str!("scaffold/plugin_rules.rs");
 
-impl Template {
+impl CrateTemplate {
     /// The template of a value of `--slot`.
     pub fn find(slot: &str) -> Option<&'static Self> {
         TEMPLATES.iter().find(|template| template.slot == slot)
@@ -261,7 +261,7 @@ mod tests {
     #[test]
     fn every_slot_has_a_template() {
         for slot in Slot::ALL {
-            assert!(Template::find(slot.name()).is_some_and(|template| template.stage() == Some(slot)), "{slot}");
+            assert!(CrateTemplate::find(slot.name()).is_some_and(|template| template.stage() == Some(slot)), "{slot}");
         }
     }
 

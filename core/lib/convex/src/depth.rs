@@ -6,7 +6,7 @@
 //! The penetration depth of two compounds is the largest over pairs of their parts. The minimum translation of the
 //! unions can be longer.
 
-use crate::polytope::{Face, GridPoint, GridPolytope, directions};
+use crate::polytope::{GridPoint, GridPolytope, HullFace, directions};
 use parry3d::bounding_volume::BoundingVolume;
 use parry3d::math::{Pose, Vector};
 use parry3d::query;
@@ -98,7 +98,7 @@ where
     let mut polytope = GridPolytope::new(&initial)?;
     initial.into_iter().for_each(|point| drop(polytope.insert(point)));
     // Distance from the origin, which is inside, to the plane of a face.
-    let depth_of = |face: &Face| -face.distance([0; 3]);
+    let depth_of = |face: &HullFace| -face.distance([0; 3]);
     for _ in 0..MAX_ITERATIONS {
         let nearest = polytope.faces.iter().min_by(|a, b| depth_of(a).total_cmp(&depth_of(b)))?;
         let (depth, normal) = (depth_of(nearest), unit_vector(nearest.normal()));

@@ -1,6 +1,6 @@
 //! Convex hulls that never fail on finite input.
 
-use crate::polytope::{Face, GridPoint, GridPolytope, directions, dot};
+use crate::polytope::{GridPoint, GridPolytope, HullFace, directions, dot};
 use parry3d::math::Vector;
 use parry3d::shape::ConvexPolyhedron;
 use std::collections::BTreeSet;
@@ -92,8 +92,8 @@ impl ConvexHull {
         }
         let tolerance = f64::from(options.tolerance / pitch);
         // Each point outside is assigned to the face that it is farthest from, until that face is removed.
-        let assign = |cell: GridPoint, faces: &mut [Face]| {
-            let distance = |face: &Face| face.distance(cell);
+        let assign = |cell: GridPoint, faces: &mut [HullFace]| {
+            let distance = |face: &HullFace| face.distance(cell);
             let farthest = faces.iter_mut().max_by(|a, b| distance(a).total_cmp(&distance(b)));
             if let Some(face) = farthest.filter(|face| distance(face) > tolerance) {
                 face.outside.push(cell);

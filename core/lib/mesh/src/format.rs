@@ -5,7 +5,7 @@
 //! collect them in a fixed order and refuse two formats that claim the same name or extension.
 
 use crate::Model;
-use crate::image::Image;
+use crate::image::DecodedImage;
 use crate::limits::Budget;
 use crate::root::AssetRoot;
 use crate::scan::extension;
@@ -152,7 +152,7 @@ impl MeshFormats {
 #[derive(Debug, Clone, Copy)]
 pub enum ImageDecoder {
     /// 8 bits per channel, for textures.
-    Texture(fn(&[u8], &Budget) -> Result<Image>),
+    Texture(fn(&[u8], &Budget) -> Result<DecodedImage>),
     /// Linear radiance, for environment maps. The map needs no name.
     Radiance(fn(&[u8], &Budget) -> Result<EnvironmentMap>),
 }
@@ -243,7 +243,7 @@ impl ImageFormats {
     }
 
     /// Decodes an image for a texture.
-    pub fn decode_texture(&self, bytes: &[u8], budget: &Budget) -> Result<Image> {
+    pub fn decode_texture(&self, bytes: &[u8], budget: &Budget) -> Result<DecodedImage> {
         let known = || {
             let names = self.0.iter().filter(|format| format.is_texture()).map(|format| format.name);
             format!("texture formats are {}", enumerate(names, "and"))
@@ -418,7 +418,7 @@ mod tests {
     #[test]
     fn images_are_known_by_their_content() {
         let texture =
-            |_: &[u8], _: &Budget| Ok(Image { width: 1, height: 1, texels: vec![1, 2, 3, 4], kind: "T".into() });
+            |_: &[u8], _: &Budget| Ok(DecodedImage { width: 1, height: 1, texels: vec![1, 2, 3, 4], kind: "T".into() });
         let radiance = |_: &[u8], _: &Budget| EnvironmentMap::new("", 1, 1, vec![[1.0; 3]]);
         let formats = ImageFormats::new([
             ImageFormat::new("T", &["t"], |b| b.starts_with(b"T"), ImageDecoder::Texture(texture)),

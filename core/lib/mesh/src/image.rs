@@ -13,7 +13,7 @@ pub const MAX_SIDE: u64 = 16_384;
 
 /// An 8-bit RGBA image, row 0 at the top.
 #[derive(Debug, Clone)]
-pub struct Image {
+pub struct DecodedImage {
     /// Width, pixels.
     pub width: u32,
     /// Height, pixels.
@@ -24,7 +24,7 @@ pub struct Image {
     pub kind: String,
 }
 
-impl Image {
+impl DecodedImage {
     /// Reads a file of any registered format. Errors name it.
     pub fn read(root: &AssetRoot, path: &Path) -> Result<Self> {
         Self::decode(&root.read(path)?, root.budget()).map_err(|error| error.in_file(path))

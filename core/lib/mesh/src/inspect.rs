@@ -3,7 +3,7 @@
 //! A mesh is loaded as a source would load it, and its extent is checked with no scale applied.
 
 use crate::format::{ImageFormats, MeshFormats, Unit};
-use crate::image::Image;
+use crate::image::DecodedImage;
 use crate::root::AssetRoot;
 use crate::scan::{extension, name_of};
 use crate::{ObjectInfo, environment, size};
@@ -108,11 +108,11 @@ pub fn image_file(path: &Path, _: &dyn Log) -> Result<Inspection> {
     if ImageFormats::linked()?.radiance_extensions().contains(&extension(path).as_str()) {
         environment::read(&root, path).map(|map| describe_environment(&map))
     } else {
-        Image::read(&root, path).map(|image| describe_image(&image))
+        DecodedImage::read(&root, path).map(|image| describe_image(&image))
     }
 }
 
-fn describe_image(image: &Image) -> Inspection {
+fn describe_image(image: &DecodedImage) -> Inspection {
     Inspection::default()
         .fact("size", format!("{} x {}", image.width, image.height))
         .fact("kind", &image.kind)

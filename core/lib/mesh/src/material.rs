@@ -1,6 +1,6 @@
 //! Materials that readers fall back to.
 
-use crate::image::Image;
+use crate::image::DecodedImage;
 use std::sync::Arc;
 use syntable_model::color::srgb_to_linear;
 use syntable_model::scene::{Alpha, Color, Encoding, Material, Scalar, Texture};
@@ -52,7 +52,7 @@ pub fn full_alpha(texture: &Texture) -> Option<(Texture, f32)> {
     for texel in texels.chunks_exact_mut(4) {
         texel[3] = ((u32::from(texel[3]) * 255 + u32::from(largest) / 2) / u32::from(largest)) as u8;
     }
-    let image = Image { width: texture.width, height: texture.height, texels, kind: String::new() };
+    let image = DecodedImage { width: texture.width, height: texture.height, texels, kind: String::new() };
     Some((image.into_texture(texture.encoding, texture.wrap), f32::from(largest) / 255.0))
 }
 
@@ -106,7 +106,7 @@ mod tests {
     fn the_mean_is_linear() {
         assert!(untextured(&Material::plain("a", [1.0; 3], 0.5)).is_none());
         let texels = vec![255, 0, 188, 255, 0, 0, 188, 255];
-        let image = Image { width: 2, height: 1, texels, kind: String::new() };
+        let image = DecodedImage { width: 2, height: 1, texels, kind: String::new() };
         let mut material = Material::plain("a", [0.5, 1.0, 1.0], 0.5);
         let texture = image.into_texture(Encoding::Srgb, [Wrap::Repeat; 2]);
         material.base_color.texture = Color::texture(Arc::new(texture)).texture;
@@ -118,7 +118,7 @@ mod tests {
     fn alpha_that_is_nowhere_half_belongs_into_the_factor() {
         let with = |alphas: [u8; 2]| {
             let texels = alphas.map(|alpha| [200, 100, 50, alpha]).concat();
-            let image = Image { width: 2, height: 1, texels, kind: String::new() };
+            let image = DecodedImage { width: 2, height: 1, texels, kind: String::new() };
             let mut material = Material::plain("glass", [1.0; 3], 0.5);
             material.base_color = Color::texture(Arc::new(image.into_texture(Encoding::Srgb, [Wrap::Repeat; 2])));
             blend(&mut material, 0.5);
@@ -140,7 +140,7 @@ mod tests {
     #[test]
     fn every_layer_is_flattened() {
         let texels = vec![255, 0, 188, 255, 0, 0, 188, 0];
-        let image = Image { width: 2, height: 1, texels, kind: String::new() };
+        let image = DecodedImage { width: 2, height: 1, texels, kind: String::new() };
         let texture = Arc::new(image.into_texture(Encoding::Srgb, [Wrap::Repeat; 2]));
         let mut material = Material::plain("a", [1.0; 3], 0.5);
         material.alpha = Alpha::Blend { factor: 0.5 };

@@ -29,7 +29,7 @@ impl Model {
     /// Repairs the mesh and makes the object, in the unit of the model, which should be the meter. Errors and warnings
     /// name `file`. The extent is not checked here: a pool may scale the object first.
     pub fn into_object(self, info: ObjectInfo, file: &Path, log: &dyn Log) -> Result<(Object, Topology)> {
-        let log = InFile { file, log };
+        let log = ObjectLog { file, log };
         let Self { mesh, materials } = self;
         if materials.is_empty() {
             return Err(Error::new("the model has no material").in_file(file));
@@ -76,12 +76,12 @@ impl Model {
 }
 
 /// A log that names a file in warnings that name none.
-struct InFile<'a> {
+struct ObjectLog<'a> {
     file: &'a Path,
     log: &'a dyn Log,
 }
 
-impl Log for InFile<'_> {
+impl Log for ObjectLog<'_> {
     fn warn(&self, warning: &Error) {
         self.log.warn(&warning.clone().in_file(self.file));
     }

@@ -21,14 +21,14 @@ const MAX_PARTS: usize = 16;
 
 /// What a name in a file means.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Found {
+pub struct ResolvedName {
     /// An existing file or folder of the root.
     pub path: PathBuf,
     /// A warning where it has another name than was written; without file and line.
     pub note: Option<Error>,
 }
 
-impl Found {
+impl ResolvedName {
     /// The path, after a warning if it has another name than was written.
     pub fn noted(self, warn: impl FnOnce(Error)) -> PathBuf {
         if let Some(note) = self.note {
@@ -93,7 +93,7 @@ impl AssetRoot {
     /// often those of another machine, so that after the name as it is written these are tried, with a note: backslashes as
     /// separators, the last parts of an absolute path or of one that leaves the root, the base name alone, and letters in
     /// another case. Whatever is found lies below the root.
-    pub fn find(&self, from: &Path, name: &str) -> Result<Option<Found>> {
+    pub fn find(&self, from: &Path, name: &str) -> Result<Option<ResolvedName>> {
         let shown = shorten(name);
         let refusal =
             |why: &str| Error::new(format!("`{shown}` {why}")).help("an asset may name files of its own folder only");
@@ -112,7 +112,7 @@ impl AssetRoot {
             let written = [Some(name), Some(portable.as_str()).filter(|portable| *portable != name)];
             for spelling in written.into_iter().flatten() {
                 match self.resolve(&from.join(spelling), &refuse) {
-                    Ok(Some(path)) => return Ok(Some(Found { path, note: None })),
+                    Ok(Some(path)) => return Ok(Some(ResolvedName { path, note: None })),
                     Ok(None) => {}
                     Err(error) => refused = Some(error),
                 }
@@ -126,7 +126,7 @@ impl AssetRoot {
                 let instead = path.strip_prefix(&self.shown).unwrap_or(&path).display();
                 let note = Error::new(format!("there is no `{shown}`; `{instead}` is read"))
                     .help("correct the name in the file, as other programs may not find it");
-                return Ok(Some(Found { path, note: Some(note) }));
+                return Ok(Some(ResolvedName { path, note: Some(note) }));
             }
         }
         refused.map_or(Ok(None), Err)

@@ -10,7 +10,7 @@ const MAX_ENTRIES: usize = 1_000_000;
 
 /// Names in a folder.
 #[derive(Debug, Default, Clone, PartialEq, Eq)]
-pub struct Listing {
+pub struct FolderNames {
     /// Folders, sorted by name.
     pub folders: Vec<String>,
     /// Everything else, sorted by name.
@@ -20,9 +20,9 @@ pub struct Listing {
 }
 
 /// Lists a folder. Hidden names and names that are not UTF-8 are skipped; links are followed.
-pub fn list(folder: &Path) -> Result<Listing> {
+pub fn list(folder: &Path) -> Result<FolderNames> {
     let io = |error: std::io::Error| Error::io(folder, &error);
-    let mut listing = Listing::default();
+    let mut listing = FolderNames::default();
     for (count, entry) in fs::read_dir(folder).map_err(io)?.enumerate() {
         if count >= MAX_ENTRIES {
             return Err(Error::new(format!("more than {MAX_ENTRIES} entries")).in_file(folder));
@@ -54,7 +54,7 @@ pub fn walk(root: &AssetRoot, depth: usize, wanted: &dyn Fn(&Path) -> bool) -> R
     let mut open = vec![(PathBuf::new(), 0)];
     let mut seen = 0;
     while let Some((folder, level)) = open.pop() {
-        let Listing { folders, files, linked } = list(&root.folder().join(&folder))?;
+        let FolderNames { folders, files, linked } = list(&root.folder().join(&folder))?;
         seen += folders.len() + files.len();
         if seen > MAX_ENTRIES {
             return Err(Error::new(format!("more than {MAX_ENTRIES} entries")).in_file(root.folder()));

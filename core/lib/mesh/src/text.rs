@@ -4,7 +4,7 @@ use std::borrow::Cow;
 use syntable_model::error::{Error, Result};
 
 /// A line of text with its number, from 1; of a continued line the number of its first part.
-pub struct Line<'a> {
+pub struct TextLine<'a> {
     /// Number of the line.
     pub number: usize,
     /// Its text without the line end.
@@ -15,7 +15,7 @@ pub struct Line<'a> {
 
 /// Splits bytes into lines. Line ends are LF or CRLF, a byte-order mark is skipped, and a backslash at the end of
 /// a line joins the next one. Bytes that are not UTF-8 become replacement characters.
-pub fn lines(bytes: &[u8]) -> impl Iterator<Item = Line<'_>> {
+pub fn lines(bytes: &[u8]) -> impl Iterator<Item = TextLine<'_>> {
     let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
     let mut rest = bytes;
     let mut number = 0;
@@ -43,7 +43,7 @@ pub fn lines(bytes: &[u8]) -> impl Iterator<Item = Line<'_>> {
                         Some(joined) => Cow::Owned(joined + &end),
                         None => end,
                     };
-                    return Some(Line { number: first, text, last });
+                    return Some(TextLine { number: first, text, last });
                 }
             }
         }

@@ -16,7 +16,7 @@ const CAPACITY: u64 = 256 << 20;
 ///
 /// A value that several threads ask for is made once: the others wait for it. A value larger than the limit is handed
 /// out, but not kept.
-pub struct AssetCache<T: Send + Sync>(Cache<Digest, (Arc<T>, u64), Bytes>);
+pub struct AssetCache<T: Send + Sync>(Cache<Digest, (Arc<T>, u64), ByteWeigher>);
 
 impl<T: Send + Sync> AssetCache<T> {
     /// Keeps up to `capacity` bytes.
@@ -28,7 +28,7 @@ impl<T: Send + Sync> AssetCache<T> {
             .shards(1)
             .build()
             .expect("all options are set");
-        Self(Cache::with_options(options, Bytes, DefaultHashBuilder::default(), DefaultLifecycle::default()))
+        Self(Cache::with_options(options, ByteWeigher, DefaultHashBuilder::default(), DefaultLifecycle::default()))
     }
 
     /// The value of a digest, made with `make` if it is not kept. `size` gives its bytes.
@@ -47,9 +47,9 @@ impl<T: Send + Sync> AssetCache<T> {
 
 /// Weighs values by their bytes.
 #[derive(Clone)]
-struct Bytes;
+struct ByteWeigher;
 
-impl<T> Weighter<Digest, (Arc<T>, u64)> for Bytes {
+impl<T> Weighter<Digest, (Arc<T>, u64)> for ByteWeigher {
     fn weight(&self, _: &Digest, (_, bytes): &(Arc<T>, u64)) -> u64 {
         // Values of weight 0 would never be evicted.
         (*bytes).max(1)

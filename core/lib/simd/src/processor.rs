@@ -23,10 +23,10 @@ pub trait Task {
 
 /// The instruction set that tasks run on: a capability that only detection makes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Processor(Level);
+pub struct Processor(InstructionSet);
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Level {
+enum InstructionSet {
     Portable,
     #[cfg(target_arch = "x86_64")]
     Avx2(avx2::Token),
@@ -37,22 +37,22 @@ impl Processor {
     pub fn detect() -> Self {
         #[cfg(target_arch = "x86_64")]
         if let Some(token) = avx2::Token::detect() {
-            return Self(Level::Avx2(token));
+            return Self(InstructionSet::Avx2(token));
         }
         Self::portable()
     }
 
     /// Plain Rust, which every processor runs.
     pub const fn portable() -> Self {
-        Self(Level::Portable)
+        Self(InstructionSet::Portable)
     }
 
     /// Name of the instruction set, such as `AVX2 + FMA` or `portable`.
     pub fn name(self) -> &'static str {
         match self.0 {
-            Level::Portable => "portable",
+            InstructionSet::Portable => "portable",
             #[cfg(target_arch = "x86_64")]
-            Level::Avx2(_) => "AVX2 + FMA",
+            InstructionSet::Avx2(_) => "AVX2 + FMA",
         }
     }
 
@@ -60,9 +60,9 @@ impl Processor {
     #[inline]
     pub fn run<T: Task>(self, task: T) -> T::Output {
         match self.0 {
-            Level::Portable => task.run::<Scalar>(),
+            InstructionSet::Portable => task.run::<Scalar>(),
             #[cfg(target_arch = "x86_64")]
-            Level::Avx2(token) => token.run(task),
+            InstructionSet::Avx2(token) => token.run(task),
         }
     }
 }

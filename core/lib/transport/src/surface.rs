@@ -31,7 +31,7 @@ pub struct Surface {
 }
 
 /// The normals at a hit.
-struct Frame {
+struct HitNormals {
     /// Unit normal of the triangle, out of the body.
     outward: Vec3,
     /// 1 if the ray comes from there, else −1.
@@ -72,7 +72,7 @@ pub fn surface(
     let material = scene.material(body, triangle);
     let textures = &scene.materials.textures[..];
 
-    let Frame { outward, side, face, mut normal, is_smooth: mut is_perturbed } = frame(scene, point, along);
+    let HitNormals { outward, side, face, mut normal, is_smooth: mut is_perturbed } = frame(scene, point, along);
     let mut position = origin + along * t;
     // Back onto the plane of the triangle, so that the error left does not grow with the distance.
     position = position + outward * (triangle.plane + outward.dot(body.translation) - outward.dot(position));
@@ -142,7 +142,7 @@ pub fn transmittance_of_pane(scene: &PreparedScene, point: &SurfacePoint, origin
 
 /// The normals of a point, towards the origin of a ray along `along`.
 #[inline(always)]
-fn frame(scene: &PreparedScene, point: &SurfacePoint, along: Vec3) -> Frame {
+fn frame(scene: &PreparedScene, point: &SurfacePoint, along: Vec3) -> HitNormals {
     let (body, triangle) = scene.at(point);
     let outward = body.direction_to_world(triangle.normal);
     let side = if outward.dot(along) > 0.0 { -1.0 } else { 1.0 };
@@ -154,7 +154,7 @@ fn frame(scene: &PreparedScene, point: &SurfacePoint, along: Vec3) -> Frame {
         let smooth = a * wa + b * wb + c * wc;
         normal = body.direction_to_world(smooth * side).normalized_or(face);
     }
-    Frame { outward, side, face, normal, is_smooth: triangle.smooth }
+    HitNormals { outward, side, face, normal, is_smooth: triangle.smooth }
 }
 
 /// Moves a shading normal to the side of the face, so that the viewer is above its horizon.

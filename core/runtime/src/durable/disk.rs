@@ -181,7 +181,7 @@ pub mod faults {
 
     /// What happens at a call.
     #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-    pub enum Fault {
+    pub enum InjectedFault {
         /// The program is killed before the call.
         Kill,
         /// The call fails with an error of the system.
@@ -190,7 +190,7 @@ pub mod faults {
 
     thread_local! {
         static CALLS: Cell<u32> = const { Cell::new(0) };
-        static PLAN: Cell<Option<(u32, Fault)>> = const { Cell::new(None) };
+        static PLAN: Cell<Option<(u32, InjectedFault)>> = const { Cell::new(None) };
         static KILLED: Cell<bool> = const { Cell::new(false) };
         static EXCHANGES: Cell<bool> = const { Cell::new(true) };
         static MEANWHILE: Cell<Option<Box<dyn FnOnce()>>> = const { Cell::new(None) };
@@ -198,7 +198,7 @@ pub mod faults {
 
     /// Runs some work with a fault at the given call, counted from 0. Returns what the work returned, unless it was killed,
     /// and the number of calls.
-    pub fn with<T>(plan: Option<(u32, Fault)>, work: impl FnOnce() -> T) -> (Option<T>, u32) {
+    pub fn with<T>(plan: Option<(u32, InjectedFault)>, work: impl FnOnce() -> T) -> (Option<T>, u32) {
         CALLS.set(0);
         KILLED.set(false);
         PLAN.set(plan);
@@ -243,12 +243,12 @@ pub mod faults {
         let call = CALLS.get();
         CALLS.set(call + 1);
         match PLAN.get() {
-            Some((at, Fault::Kill)) if at == call => {
+            Some((at, InjectedFault::Kill)) if at == call => {
                 KILLED.set(true);
                 // No message: the hook for panics is not asked.
                 std::panic::resume_unwind(Box::new("killed"))
             }
-            Some((at, Fault::Error(code))) if at == call => Err(io::Error::from_raw_os_error(code)),
+            Some((at, InjectedFault::Error(code))) if at == call => Err(io::Error::from_raw_os_error(code)),
             _ => Ok(()),
         }
     }

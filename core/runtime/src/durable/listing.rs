@@ -16,14 +16,14 @@ const NAMED: usize = 5;
 
 /// The files that a command made in a folder. Only these are ever deleted.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Listing {
+pub struct FileListing {
     /// The command, such as `syntable report`.
     pub made_by: String,
     /// Size and digest of each file, by its path with `/` between folders.
     pub(crate) files: BTreeMap<String, Stamp>,
 }
 
-impl Listing {
+impl FileListing {
     /// Reads the list of a folder; none if the folder has no list that this program wrote.
     pub fn read(folder: &Path) -> Result<Option<Self>> {
         let path = folder.join(LISTING);
@@ -50,19 +50,19 @@ impl Listing {
         let mut others = Vec::new();
         walk(folder, &mut |entry| {
             match (self.files.get(&entry.inside), entry.kind) {
-                (_, Kind::File) if entry.inside == LISTING => {}
-                (Some(stamp), Kind::File) => {
+                (_, EntryKind::File) if entry.inside == LISTING => {}
+                (Some(stamp), EntryKind::File) => {
                     if !stamp.is_of_file(&entry.path)? {
                         others.push(format!("{} (changed)", entry.inside));
                     }
                 }
-                (_, Kind::Empty) => {
+                (_, EntryKind::Empty) => {
                     let below = format!("{}/", entry.inside);
                     if !self.files.keys().any(|path| path.starts_with(&below)) {
                         others.push(below);
                     }
                 }
-                (_, Kind::Left) => {}
+                (_, EntryKind::Left) => {}
                 (..) => others.push(entry.inside),
             }
             Ok(())
@@ -87,19 +87,19 @@ impl Listing {
     pub(super) fn delete(&self, folder: &Path) -> Result<()> {
         let mut kept = Vec::new();
         walk(folder, &mut |entry| {
-            let Entry { path, inside, kind } = entry;
+            let FolderEntry { path, inside, kind } = entry;
             let is_listed = match self.files.get(&inside) {
-                Some(stamp) if kind == Kind::File => {
+                Some(stamp) if kind == EntryKind::File => {
                     fs::symlink_metadata(&path).map_err(|error| Error::io(&path, &error))?.len() == stamp.0
                 }
                 _ => false,
             };
             let removed = match kind {
                 // It goes last: until then the folder is known to be ours.
-                Kind::File if inside == LISTING => Ok(()),
+                EntryKind::File if inside == LISTING => Ok(()),
                 _ if is_listed => disk::remove_file(&path),
                 // Fails where something is kept.
-                Kind::Empty | Kind::Left => disk::remove_dir(&path).or_else(|error| match error.kind() {
+                EntryKind::Empty | EntryKind::Left => disk::remove_dir(&path).or_else(|error| match error.kind() {
                     ErrorKind::DirectoryNotEmpty => Ok(()),
                     _ => Err(error),
                 }),
@@ -131,15 +131,15 @@ fn named(names: &[String]) -> String {
 }
 
 /// Something in a folder.
-struct Entry {
+struct FolderEntry {
     path: PathBuf,
     /// The path from the folder, with `/` between names.
     inside: String,
-    kind: Kind,
+    kind: EntryKind,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Kind {
+enum EntryKind {
     File,
     /// A folder without entries.
     Empty,
@@ -150,8 +150,8 @@ enum Kind {
 }
 
 /// Visits all that is below a folder, in the order of names, entries of a folder before the folder. Links are not followed.
-fn walk(folder: &Path, visit: &mut dyn FnMut(Entry) -> Result<()>) -> Result<()> {
-    fn inner(folder: &Path, above: &str, visit: &mut dyn FnMut(Entry) -> Result<()>) -> Result<bool> {
+fn walk(folder: &Path, visit: &mut dyn FnMut(FolderEntry) -> Result<()>) -> Result<()> {
+    fn inner(folder: &Path, above: &str, visit: &mut dyn FnMut(FolderEntry) -> Result<()>) -> Result<bool> {
         let failed = |error: std::io::Error| Error::io(folder, &error);
         let mut entries = fs::read_dir(folder).map_err(failed)?.collect::<std::io::Result<Vec<_>>>().map_err(failed)?;
         entries.sort_by_key(fs::DirEntry::file_name);
@@ -164,15 +164,15 @@ fn walk(folder: &Path, visit: &mut dyn FnMut(Entry) -> Result<()>) -> Result<()>
             let kind = match (kind.is_dir(), kind.is_file()) {
                 (true, _) => {
                     if inner(&path, &inside, visit)? {
-                        Kind::Empty
+                        EntryKind::Empty
                     } else {
-                        Kind::Left
+                        EntryKind::Left
                     }
                 }
-                (_, true) => Kind::File,
-                _ => Kind::Odd,
+                (_, true) => EntryKind::File,
+                _ => EntryKind::Odd,
             };
-            visit(Entry { path, inside, kind })?;
+            visit(FolderEntry { path, inside, kind })?;
         }
         Ok(is_empty)
     }

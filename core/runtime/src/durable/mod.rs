@@ -12,7 +12,7 @@
 //! ```
 //!
 //! What is new is brought to disk before it gets its name, and the name before anything old is deleted. A folder that may be
-//! replaced has a [`Listing`] of its files, the last file to be written and the last to be deleted. Only listed files of the
+//! replaced has a [`FileListing`] of its files, the last file to be written and the last to be deleted. Only listed files of the
 //! listed size are deleted. A folder with anything else is refused. If something else came to the place at the last moment, it
 //! goes back there; if that fails, it stays in `OUT.part/old`.
 
@@ -21,7 +21,7 @@ mod listing;
 #[cfg(test)]
 mod tests;
 
-pub use listing::{LISTING, Listing};
+pub use listing::{FileListing, LISTING};
 
 use crate::run::dataset::manifest::Stamp;
 use parking_lot::Mutex;
@@ -57,7 +57,7 @@ pub enum Standing {
     /// Nothing, or an empty folder.
     Free,
     /// A folder that a command made.
-    Made(Listing),
+    Made(FileListing),
     /// Something else.
     Other,
 }
@@ -77,7 +77,7 @@ pub fn standing(place: &Path) -> Result<Standing> {
     if fs::read_dir(place).map_err(failed)?.next().is_none() {
         return Ok(Standing::Free);
     }
-    Ok(Listing::read(place)?.map_or(Standing::Other, Standing::Made))
+    Ok(FileListing::read(place)?.map_or(Standing::Other, Standing::Made))
 }
 
 /// Undoes or finishes what an interrupted command left beside a place.
@@ -317,7 +317,7 @@ impl Draft {
     /// If something else stands there, or cannot be brought to disk. What was there before stays. If only its deletion
     /// fails, the error says so.
     pub fn publish_listed(self, made_by: &str) -> Result<()> {
-        let listing = Listing { made_by: made_by.to_owned(), files: std::mem::take(&mut *self.files.lock()) };
+        let listing = FileListing { made_by: made_by.to_owned(), files: std::mem::take(&mut *self.files.lock()) };
         let path = self.folder().join(LISTING);
         disk::write_new(&path, listing.text().as_bytes()).map_err(|error| Error::io(&path, &error))?;
         sync_tree(&self.folder())?;
@@ -569,7 +569,7 @@ fn may_replace(new: &Path, old: &Path) -> Result<bool> {
     if fs::read_dir(old).map_err(|error| Error::io(old, &error))?.next().is_none() {
         return Ok(true);
     }
-    let made_by = |folder: &Path| Ok(Listing::read(folder)?.map(|listing| listing.made_by));
+    let made_by = |folder: &Path| Ok(FileListing::read(folder)?.map(|listing| listing.made_by));
     let old = made_by(old)?;
     Ok(old.is_some() && old == made_by(new)?)
 }
@@ -581,7 +581,7 @@ fn discard(path: &Path, unlisted: impl FnOnce(&Path) -> std::io::Result<()>) -> 
     if !there.is_dir() {
         return disk::remove_file(path).map_err(failed);
     }
-    match Listing::read(path)? {
+    match FileListing::read(path)? {
         Some(listing) => listing.delete(path),
         None => unlisted(path).map_err(failed),
     }

@@ -89,14 +89,14 @@ pub fn convert_dataset(
 ) -> Result<Converted> {
     let guarded = Guarded(reporter);
     let log = Warnings(&guarded);
-    let Resolved { plan, lacking } = resolve(registry, dataset, writers)?;
+    let ConversionPlan { plan, lacking } = resolve(registry, dataset, writers)?;
     let draft = begin(out)?;
     let part = StoreFolder::from(draft.folder());
     let pool = Pool::new(threads)?;
     let cx = DatasetContext::new(&dataset.info, &pool, &log);
     let (faults, unread, missing) = (AtomicU32::new(0), Mutex::new(BTreeMap::new()), Mutex::default());
     let losses = Arc::new(Losses::default());
-    let work = Conversion {
+    let work = ConversionWalk {
         dataset,
         writers,
         plan: &plan,
@@ -191,13 +191,17 @@ fn begin(out: &Path) -> Result<Draft> {
 }
 
 /// What is computed of a dataset, and what writers do without.
-struct Resolved {
+struct ConversionPlan {
     plan: Plan,
     lacking: Vec<String>,
 }
 
 /// Plans what the writers read from what the dataset has.
-fn resolve(registry: &Registry, dataset: &OpenDataset, writers: &[(String, Box<dyn Writer>)]) -> Result<Resolved> {
+fn resolve(
+    registry: &Registry,
+    dataset: &OpenDataset,
+    writers: &[(String, Box<dyn Writer>)],
+) -> Result<ConversionPlan> {
     let offers = &dataset.offers;
     let parts = parts_of_all(registry, offers);
     let has = can_be_had(offers, &parts);
@@ -210,7 +214,7 @@ fn resolve(registry: &Registry, dataset: &OpenDataset, writers: &[(String, Box<d
         lacking.extend(without.into_iter().map(|input| input.product).filter(lacks));
         wants.push((id.clone(), reads));
     }
-    let candidate = |(stage, part): (String, Part)| {
+    let candidate = |(stage, part): (String, AnnotatorGroup)| {
         let implied = part.implied.clone();
         Candidate { stage, producer: Producer::Image(Box::new(part)), implied }
     };
@@ -247,17 +251,17 @@ fn resolve(registry: &Registry, dataset: &OpenDataset, writers: &[(String, Box<d
             }
             Error::new(messages.join("; ")).help(help)
         })?;
-    Ok(Resolved { plan, lacking: lacking.into_iter().collect() })
+    Ok(ConversionPlan { plan, lacking: lacking.into_iter().collect() })
 }
 
 /// A group of products that an annotator provides.
-struct Part {
+struct AnnotatorGroup {
     annotator: Arc<dyn ImageAnnotator>,
     implied: Option<Implied>,
     group: ProductGroup,
 }
 
-impl ImageAnnotator for Part {
+impl ImageAnnotator for AnnotatorGroup {
     fn reads(&self) -> Vec<KeyId> {
         self.group.reads.clone()
     }
@@ -276,12 +280,12 @@ impl ImageAnnotator for Part {
 }
 
 /// The groups of all annotators; see [`parts_of`].
-fn parts_of_all(registry: &Registry, offers: &[KeyId]) -> Vec<(String, Part)> {
+fn parts_of_all(registry: &Registry, offers: &[KeyId]) -> Vec<(String, AnnotatorGroup)> {
     plan::registered(registry).into_iter().flat_map(|candidate| parts_of(candidate, offers)).collect()
 }
 
 /// The groups of an annotator that needs nothing but products, but for those that a dataset has itself.
-fn parts_of(candidate: Candidate, offers: &[KeyId]) -> Vec<(String, Part)> {
+fn parts_of(candidate: Candidate, offers: &[KeyId]) -> Vec<(String, AnnotatorGroup)> {
     let Producer::Image(annotator) = candidate.producer else { return Vec::new() };
     let annotator: Arc<dyn ImageAnnotator> = annotator.into();
     let groups = annotator.groups();
@@ -291,13 +295,13 @@ fn parts_of(candidate: Candidate, offers: &[KeyId]) -> Vec<(String, Part)> {
         let names: Vec<String> = group.provides.iter().map(|key| key.name.to_string()).collect();
         let stage = &candidate.stage;
         let stage = if is_whole { stage.clone() } else { format!("{stage} ({})", names.join(", ")) };
-        (stage, Part { annotator: Arc::clone(&annotator), implied: candidate.implied.clone(), group })
+        (stage, AnnotatorGroup { annotator: Arc::clone(&annotator), implied: candidate.implied.clone(), group })
     };
     groups.into_iter().filter(is_new).map(part).collect()
 }
 
 /// Names of the products that a dataset has, or that follow from them.
-fn can_be_had(offers: &[KeyId], parts: &[(String, Part)]) -> BTreeSet<String> {
+fn can_be_had(offers: &[KeyId], parts: &[(String, AnnotatorGroup)]) -> BTreeSet<String> {
     let name = |key: &KeyId| key.name.to_string();
     let mut has: BTreeSet<String> = offers.iter().map(name).collect();
     loop {
@@ -312,7 +316,7 @@ fn can_be_had(offers: &[KeyId], parts: &[(String, Part)]) -> BTreeSet<String> {
     }
 }
 
-struct Conversion<'a> {
+struct ConversionWalk<'a> {
     dataset: &'a OpenDataset,
     writers: &'a [(String, Box<dyn Writer>)],
     plan: &'a Plan,
@@ -351,7 +355,7 @@ impl Missing {
     }
 }
 
-impl Conversion<'_> {
+impl ConversionWalk<'_> {
     /// Writes all scenes, and returns them in order.
     fn scenes(&self) -> Result<Vec<SceneId>> {
         let mut images: BTreeMap<SceneId, Vec<usize>> = BTreeMap::new();

@@ -6,7 +6,7 @@ use crate::run::dataset::folder::{Folder, catalog_path};
 use crate::run::dataset::foreign;
 use crate::run::dataset::journal::{Journal, JournalEntry};
 use crate::run::dataset::layout;
-use crate::run::dataset::manifest::{Manifest, Stamp, State, Written};
+use crate::run::dataset::manifest::{FileState, Manifest, Stamp, Written};
 use crate::run::decisions::growth;
 use crate::run::decisions::inputs;
 use crate::run::finish;
@@ -24,7 +24,7 @@ use syntable_model::registry::Registry;
 use syntable_model::store::StoreFolder;
 
 /// A part, open.
-struct Part {
+struct MergePart {
     folder: Folder,
     entries: BTreeMap<u32, JournalEntry>,
     recipe: String,
@@ -45,7 +45,7 @@ pub fn merge<P: Clone + Into<StoreFolder>>(
     let reporter = &Guarded(reporter);
     let (out, parts) = (out.into(), parts.iter().cloned().map(Into::into).collect::<Vec<StoreFolder>>());
     is_apart(&out, &parts)?;
-    let parts: Vec<Part> = parts.into_iter().map(open).collect::<Result<_>>()?;
+    let parts: Vec<MergePart> = parts.into_iter().map(open).collect::<Result<_>>()?;
     let Some(first) = parts.first() else {
         return Err(Error::new("there is no part to merge"));
     };
@@ -60,7 +60,7 @@ pub fn merge<P: Clone + Into<StoreFolder>>(
     let journal = folder.journal()?;
     let recipe_of_target = if folder.is_empty(&journal)? { None } else { Some(recipe_of(&folder, "dataset")?) };
     let begun =
-        Part { entries: journal.entries().clone(), recipe: recipe_of_target.clone().unwrap_or_default(), folder };
+        MergePart { entries: journal.entries().clone(), recipe: recipe_of_target.clone().unwrap_or_default(), folder };
     if recipe_of_target.is_some() {
         same_recipe(&begun, first)?;
     }
@@ -149,7 +149,7 @@ fn recipe_of(folder: &Folder, what: &str) -> Result<String> {
     })
 }
 
-fn open(part: StoreFolder) -> Result<Part> {
+fn open(part: StoreFolder) -> Result<MergePart> {
     if !layout::is_dataset(&part)? {
         return Err(Error::new("there is no dataset").in_file(part.name()).help("name the folder that a run wrote"));
     }
@@ -157,11 +157,11 @@ fn open(part: StoreFolder) -> Result<Part> {
     let entries = Journal::entries_of(folder.files())?;
     let recipe = recipe_of(&folder, "part")?;
     catalog_paths(&folder)?;
-    Ok(Part { folder, entries, recipe })
+    Ok(MergePart { folder, entries, recipe })
 }
 
 /// Refuses parts of different recipes or of different inputs.
-fn same_recipe(one: &Part, other: &Part) -> Result<()> {
+fn same_recipe(one: &MergePart, other: &MergePart) -> Result<()> {
     let folders = || format!("{} and {}", one.folder.name().display(), other.folder.name().display());
     let refuse = |message: String| Err(Error::new(message).help("make all parts with one recipe and the same assets"));
     let differences = growth::differences(&one.recipe, &other.recipe);
@@ -191,7 +191,7 @@ fn same_recipe(one: &Part, other: &Part) -> Result<()> {
 }
 
 /// The devices that rendered any part. Warns if parts were rendered on different ones.
-fn devices<'p>(parts: impl Iterator<Item = &'p Part>, log: &dyn Log) -> BTreeSet<String> {
+fn devices<'p>(parts: impl Iterator<Item = &'p MergePart>, log: &dyn Log) -> BTreeSet<String> {
     let mut all: Vec<BTreeSet<String>> = parts.map(|part| lock_of(&part.recipe).devices).collect();
     all.retain(|devices| !devices.is_empty());
     if all.windows(2).any(|pair| pair[0] != pair[1]) {
@@ -214,8 +214,8 @@ fn differing<T: PartialEq>(one: &BTreeMap<String, T>, other: &BTreeMap<String, T
 }
 
 /// The scenes that are not merged yet, each with a part that has it. A scene in several parts must be the same in all.
-fn choose<'p>(begun: &'p Part, parts: &'p [Part]) -> Result<Vec<(&'p JournalEntry, &'p Part)>> {
-    let mut chosen: BTreeMap<u32, (&JournalEntry, &Part)> =
+fn choose<'p>(begun: &'p MergePart, parts: &'p [MergePart]) -> Result<Vec<(&'p JournalEntry, &'p MergePart)>> {
+    let mut chosen: BTreeMap<u32, (&JournalEntry, &MergePart)> =
         begun.entries.iter().map(|(&scene, entry)| (scene, (entry, begun))).collect();
     for part in parts {
         for (&scene, entry) in &part.entries {
@@ -252,13 +252,13 @@ pub fn adopt(folder: &Folder, part: &Folder, entry: &JournalEntry, journal: &Mut
         }
         for (inside, stamp) in &manifest.files {
             match stamp.check_in(files, inside)? {
-                State::Whole => {}
-                State::Linked => {
+                FileState::Whole => {}
+                FileState::Linked => {
                     return Err(Error::new("it is a link, or behind one, and links of a part are not followed")
                         .in_file(files.name_of(inside))
                         .help("put the file itself there, as `cp -rL` does"));
                 }
-                State::Missing | State::Damaged => return Err(damaged(inside)),
+                FileState::Missing | FileState::Damaged => return Err(damaged(inside)),
             }
             staged.copy(files, inside, inside)?;
         }

@@ -6,7 +6,7 @@ use syntable_cli::clap::{Arg, ArgAction, ArgMatches, Command, value_parser};
 use syntable_cli::{Console, Exit, Message, Verb, amount, ended, on_signals};
 use syntable_model::registry::Registry;
 use syntable_report::report::make::{ReportOptions, make};
-use syntable_runtime::images::Work;
+use syntable_runtime::images::ImageWork;
 use syntable_runtime::workers::Pool;
 
 syntable_cli::register_verb!(Verb { command, run, crate_name: env!("CARGO_PKG_NAME") });
@@ -62,7 +62,7 @@ fn run(console: &Console, registry: &Registry, arguments: &ArgMatches) -> Result
         labels_only: arguments.get_flag("labels-only"),
     };
     let (pool, stop) = (Pool::new(arguments::threads_of(arguments)).map_err(Exit::stopped)?, on_signals()?);
-    let work = Work { workers: &pool, reporter: console.reporter(), stop: &stop };
+    let work = ImageWork { workers: &pool, reporter: console.reporter(), stop: &stop };
     let made = make(registry, &options, &work).map_err(|error| ended(&stop, error))?;
     made.notes.into_iter().for_each(|note| console.say(&Message::Warning(note)));
     let others = match made.images_not_chosen {

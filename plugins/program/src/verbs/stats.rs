@@ -8,9 +8,9 @@ use syntable_model::reader::Source;
 use syntable_model::registry::Registry;
 use syntable_report::stats::distribution::Binning;
 use syntable_report::stats::duplicates::LEVELS;
-use syntable_report::stats::{Edges, Options, compare, table};
+use syntable_report::stats::{Edges, StatisticsOptions, compare, table};
 use syntable_runtime::durable::write_file;
-use syntable_runtime::images::Work;
+use syntable_runtime::images::ImageWork;
 use syntable_runtime::paths::dataset_folder;
 use syntable_runtime::workers::Pool;
 
@@ -72,7 +72,7 @@ fn command() -> Command {
 
 fn run(console: &Console, registry: &Registry, arguments: &ArgMatches) -> Result<(), Exit> {
     let text = |name: &str| arguments.get_one::<String>(name).map(String::as_str);
-    let options = Options {
+    let options = StatisticsOptions {
         images: !arguments.get_flag("labels-only"),
         edges: match text("edges") {
             Some("iou") => Edges::Iou,
@@ -89,7 +89,7 @@ fn run(console: &Console, registry: &Registry, arguments: &ArgMatches) -> Result
     check_outputs(&[("--csv", arguments.get_one("csv"))], &read)?;
     let sources: Vec<Source> = datasets.iter().map(|path| arguments::source(path, arguments)).collect();
     let (pool, stop) = (Pool::new(arguments::threads_of(arguments)).map_err(Exit::stopped)?, on_signals()?);
-    let work = Work { workers: &pool, reporter: console.reporter(), stop: &stop };
+    let work = ImageWork { workers: &pool, reporter: console.reporter(), stop: &stop };
     let found = compare(registry, &sources, text("format"), &options, &work).map_err(|error| ended(&stop, error))?;
     if let Some(file) = arguments.get_one::<PathBuf>("csv") {
         write_file(file, table::csv(&found.datasets).as_bytes()).map_err(Exit::stopped)?;

@@ -17,7 +17,7 @@ const MAX_DURATIONS: f64 = 10.0;
 const RESPAWN_STREAM: &str = "drop_again";
 
 /// Where a body is accepted.
-pub struct Place {
+pub struct AcceptanceRegion {
     /// The body is respawned above its area, and must be above its support if those off it are removed.
     pub zone: DropZone,
     /// Height of the ceiling, meters; none under the open sky.
@@ -26,7 +26,7 @@ pub struct Place {
     pub has_floor: bool,
 }
 
-impl Place {
+impl AcceptanceRegion {
     /// Why an object below its support is taken out.
     fn fell_off(&self) -> String {
         format!("fell off the {}", self.zone.support.name)
@@ -44,11 +44,11 @@ pub struct BodyInfo {
     /// Pose at the start.
     pub start: Pose,
     /// Where it is accepted; none if the scene has no support.
-    pub place: Option<Place>,
+    pub place: Option<AcceptanceRegion>,
 }
 
 /// The outcome: the figures of the report, and the bodies that were removed, by index.
-pub struct Outcome {
+pub struct AcceptanceOutcome {
     /// Everything but `removed`.
     pub report: SettleReport,
     /// Removed bodies and the reason of each.
@@ -102,7 +102,7 @@ impl<'a> Acceptance<'a> {
     }
 
     /// Simulates and checks, again and again, until no body violates a limit.
-    pub fn run(mut self, stream: &Stream) -> Outcome {
+    pub fn run(mut self, stream: &Stream) -> AcceptanceOutcome {
         let mut off = self.pour();
         self.simulated_s = 0.0;
         off.extend(self.simulate(self.config.duration_s));
@@ -147,9 +147,9 @@ impl<'a> Acceptance<'a> {
     /// Simulates for some time, or until all bodies sleep. Returns the objects that fell off their supports meanwhile.
     fn simulate(&mut self, duration_s: f64) -> Vec<Fallen> {
         let (infos, surface) = (self.infos, self.surface);
-        let places: Vec<Option<&Place>> = (0..infos.len()).map(|body| self.place_to_stay(body)).collect();
+        let places: Vec<Option<&AcceptanceRegion>> = (0..infos.len()).map(|body| self.place_to_stay(body)).collect();
         // All of it is below the surface, wherever on the support it may be.
-        let is_below = |place: &Place, bounds: &Aabb| {
+        let is_below = |place: &AcceptanceRegion, bounds: &Aabb| {
             let top = Point3::new(bounds.center().x, bounds.center().y, bounds.max.z);
             let region = &place.zone.support.surface;
             top.z < region.height() && !surface.is_on(region, &top)
@@ -196,7 +196,7 @@ impl<'a> Acceptance<'a> {
     }
 
     /// Where a body must stay, if it is taken out once it is elsewhere.
-    fn place_to_stay(&self, body: usize) -> Option<&'a Place> {
+    fn place_to_stay(&self, body: usize) -> Option<&'a AcceptanceRegion> {
         let BodyInfo { role, place, .. } = &self.infos[body];
         let place = place.as_ref().filter(|_| self.config.remove == Remove::OffTabletop)?;
         (*role == Role::Object || !place.has_floor).then_some(place)
@@ -322,7 +322,7 @@ impl<'a> Acceptance<'a> {
 
     /// Flat box to respawn a body over: where its placer drops bodies, or the extent of what is there.
     fn respawn_area(&self, body: usize) -> Aabb {
-        if let Some(Place { zone: DropZone { area, .. }, .. }) = &self.infos[body].place {
+        if let Some(AcceptanceRegion { zone: DropZone { area, .. }, .. }) = &self.infos[body].place {
             let [x, y] = area.size().map(|edge| edge / 2.0);
             let half = Vector3::new(x, y, 0.0);
             return Aabb { min: area.center() - half, max: area.center() + half };
@@ -331,13 +331,13 @@ impl<'a> Acceptance<'a> {
         all.unwrap_or(Aabb { min: Point3::origin(), max: Point3::origin() })
     }
 
-    fn finish(mut self, overlaps: &[Overlap]) -> Outcome {
+    fn finish(mut self, overlaps: &[Overlap]) -> AcceptanceOutcome {
         for body in self.engine.present() {
             let (speed, angular_speed) = self.engine.speeds(body);
             self.report.residual_speed_m_s = self.report.residual_speed_m_s.max(speed);
             self.report.residual_angular_speed_rad_s = self.report.residual_angular_speed_rad_s.max(angular_speed);
         }
         self.report.deepest_penetration_m = overlaps.iter().map(|overlap| overlap.depth).fold(0.0, f64::max);
-        Outcome { report: self.report, removed: self.removed }
+        AcceptanceOutcome { report: self.report, removed: self.removed }
     }
 }

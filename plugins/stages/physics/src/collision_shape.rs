@@ -1,6 +1,6 @@
 //! The collision shape of one object, in engine units.
 
-use crate::decompose::Parts;
+use crate::decompose::ConvexParts;
 use crate::units;
 use parry3d::math::Pose;
 use parry3d::shape::{Compound, SharedShape};
@@ -21,7 +21,7 @@ pub struct CollisionShape {
 
 impl CollisionShape {
     /// Builds the shape from hulls in meters. Fails if there is none.
-    pub fn new(Parts { hulls, deviation_m }: &Parts) -> Result<Self> {
+    pub fn new(ConvexParts { hulls, deviation_m }: &ConvexParts) -> Result<Self> {
         let parts: Vec<SharedShape> =
             hulls.iter().filter_map(|hull| Some(SharedShape::new(hull.polyhedron(units::PER_METER)?))).collect();
         let whole = match &parts[..] {

@@ -76,7 +76,7 @@ pub enum Method {
 
 /// Convex parts of a mesh.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Parts {
+pub struct ConvexParts {
     /// Their hulls, body frame, meters; empty if no point is finite.
     pub hulls: Vec<ConvexHull>,
     /// Largest deviation of a part from the mesh, meters.
@@ -84,8 +84,8 @@ pub struct Parts {
 }
 
 /// Computes the convex parts of a mesh.
-pub fn convex_parts(mesh: &Mesh, method: Method) -> Parts {
-    let surface = Surface::new(mesh);
+pub fn convex_parts(mesh: &Mesh, method: Method) -> ConvexParts {
+    let surface = ReferenceSurface::new(mesh);
     match method {
         Method::Cuts { max_deviation_m, max_parts } => cuts(mesh, &surface, max_deviation_m, max_parts),
         Method::Hull => {
@@ -95,13 +95,13 @@ pub fn convex_parts(mesh: &Mesh, method: Method) -> Parts {
             let deviation =
                 |hull: &ConvexHull| Piece::of_hull(hull.clone()).deviation(&surface, HULL_PRECISION_M, f32::INFINITY).0;
             let deviation_m = hulls.iter().map(deviation).fold(0.0, f32::max);
-            Parts { hulls, deviation_m }
+            ConvexParts { hulls, deviation_m }
         }
     }
 }
 
 /// Convex parts by cuts.
-fn cuts(mesh: &Mesh, surface: &Surface, bound: f32, max_parts: usize) -> Parts {
+fn cuts(mesh: &Mesh, surface: &ReferenceSurface, bound: f32, max_parts: usize) -> ConvexParts {
     let data = mesh.data();
     let corners = |t: &[u32; 3]| {
         let [a, b, c] = t.map(|i| Vector::from(data.positions[i as usize]));
@@ -110,7 +110,7 @@ fn cuts(mesh: &Mesh, surface: &Surface, bound: f32, max_parts: usize) -> Parts {
     let triangles: Vec<Triangle> = data.triangles.iter().map(corners).collect();
     let notches = notches(&triangles);
     let Some(whole) = Piece::new(triangles, notches, bound, surface) else {
-        return Parts { hulls: Vec::new(), deviation_m: 0.0 };
+        return ConvexParts { hulls: Vec::new(), deviation_m: 0.0 };
     };
     let size = (whole.high - whole.low).max_element();
     let mut open = vec![whole];
@@ -136,11 +136,11 @@ fn cuts(mesh: &Mesh, surface: &Surface, bound: f32, max_parts: usize) -> Parts {
         wider *= 1.25;
     }
     let deviation_m = done.iter().map(|piece| piece.deviation).fold(0.0, f32::max);
-    Parts { hulls: done.into_iter().map(|piece| piece.hull).collect(), deviation_m }
+    ConvexParts { hulls: done.into_iter().map(|piece| piece.hull).collect(), deviation_m }
 }
 
 /// The whole mesh, to measure against.
-struct Surface {
+struct ReferenceSurface {
     mesh: Option<TriMesh>,
     /// Whether the faces look inwards.
     is_inverted: bool,
@@ -148,7 +148,7 @@ struct Surface {
     is_open: bool,
 }
 
-impl Surface {
+impl ReferenceSurface {
     fn new(mesh: &Mesh) -> Self {
         let data = mesh.data();
         let topology = Topology::of(mesh);
@@ -259,7 +259,7 @@ struct Piece {
 
 impl Piece {
     /// None if no corner is finite.
-    fn new(triangles: Vec<Triangle>, notches: Vec<Notch>, bound: f32, surface: &Surface) -> Option<Self> {
+    fn new(triangles: Vec<Triangle>, notches: Vec<Notch>, bound: f32, surface: &ReferenceSurface) -> Option<Self> {
         let points: Vec<[f32; 3]> = triangles.iter().flatten().map(Vector::to_array).collect();
         let hull = units::hull(&points)?;
         let low = triangles.iter().flatten().fold(Vector::splat(f32::INFINITY), |low, p| low.min(*p));
@@ -279,7 +279,7 @@ impl Piece {
 
     /// The largest distance of its hull from the mesh, outside of the solid, and where; any above `enough`, if there is
     /// one. Distances below the bound are not told apart.
-    fn deviation(&self, surface: &Surface, bound: f32, enough: f32) -> (f32, Vector) {
+    fn deviation(&self, surface: &ReferenceSurface, bound: f32, enough: f32) -> (f32, Vector) {
         let size = (self.high - self.low).max_element();
         let finest = bound.max(FINEST * size);
         let mut found = (0.0, self.low);
@@ -310,7 +310,7 @@ impl Piece {
     }
 
     /// The pieces on the two sides of the best cut; none if it cannot be cut.
-    fn cut(&self, bound: f32, surface: &Surface) -> Option<[Self; 2]> {
+    fn cut(&self, bound: f32, surface: &ReferenceSurface) -> Option<[Self; 2]> {
         let (axis, at) = self.notched_plane().or_else(|| self.best_plane())?;
         let [one, two] = halves(&self.triangles, axis, at);
         let notches = |side: usize| self.notches.iter().filter_map(|notch| notch.halves(axis, at)[side]).collect();
@@ -387,7 +387,7 @@ impl Piece {
     }
 
     /// The two as one, if that keeps within a bound.
-    fn joined(&self, other: &Self, bound: f32, surface: &Surface) -> Option<Self> {
+    fn joined(&self, other: &Self, bound: f32, surface: &ReferenceSurface) -> Option<Self> {
         let points = [&self.hull.points[..], &other.hull.points[..]].concat();
         if Self::of_hull(units::hull(&points)?).deviation(surface, bound, bound).0 > bound {
             return None;
@@ -404,7 +404,7 @@ impl Piece {
 }
 
 /// Joins neighbors as long as the bound holds, those first whose joint hull adds the least volume.
-fn join(pieces: &mut Vec<Piece>, bound: f32, surface: &Surface) {
+fn join(pieces: &mut Vec<Piece>, bound: f32, surface: &ReferenceSurface) {
     let mut names: Vec<u64> = (0..pieces.len() as u64).collect();
     let mut next = pieces.len() as u64;
     let mut refused: BTreeSet<[u64; 2]> = BTreeSet::new();
@@ -603,7 +603,7 @@ mod tests {
             let hull = convex_parts(&mesh, Method::Hull);
             assert_eq!(hull.hulls.len(), 1, "{name}");
             for bound in [0.003, 0.008] {
-                let Parts { hulls: parts, deviation_m } =
+                let ConvexParts { hulls: parts, deviation_m } =
                     convex_parts(&mesh, Method::Cuts { max_deviation_m: bound, max_parts: 128 });
                 let is_full = parts.iter().any(|part| part.points.len() >= HULL_OPTIONS.max_vertices);
                 let limit = if is_full { 0.001 } else { HULL_OPTIONS.tolerance + ROUNDING };
@@ -668,7 +668,7 @@ mod tests {
         assert!(objects.len() >= 5, "{} objects", objects.len());
         for object in objects {
             let start = std::time::Instant::now();
-            let Parts { hulls: parts, deviation_m } = convex_parts(&object.mesh, DEFAULT);
+            let ConvexParts { hulls: parts, deviation_m } = convex_parts(&object.mesh, DEFAULT);
             let seconds = start.elapsed().as_secs_f64();
             let missed = max_distance(object.mesh.data(), &parts);
             let vertices: Vec<usize> = parts.iter().map(|part| part.points.len()).collect();

@@ -314,7 +314,7 @@ mod tests {
     use syntable_model::random::Stream;
 
     fn shape_of(hull: syntable_convex::ConvexHull) -> CollisionShape {
-        CollisionShape::new(&crate::decompose::Parts { hulls: vec![hull], deviation_m: 0.0 }).expect("a shape")
+        CollisionShape::new(&crate::decompose::ConvexParts { hulls: vec![hull], deviation_m: 0.0 }).expect("a shape")
     }
 
     fn falling(config: &Rapier, count: usize) -> Engine {

@@ -1,7 +1,7 @@
 //! Collision shapes by object: computed once, kept in memory up to a number of shapes, and on disk by mesh digest.
 
 use crate::collision_shape::CollisionShape;
-use crate::decompose::{DECOMPOSITION_VERSION, Method, Parts, convex_parts};
+use crate::decompose::{ConvexParts, DECOMPOSITION_VERSION, Method, convex_parts};
 use crate::rapier::{Collision, Rapier};
 use crate::{hull_codec, units};
 use quick_cache::sync::Cache as MemoryCache;
@@ -123,14 +123,14 @@ impl HullCache {
             cached_parts(&object.mesh, self.method(purpose), cache, tell)
         } else {
             // The source vouches for them.
-            Parts { hulls, deviation_m: 0.0 }
+            ConvexParts { hulls, deviation_m: 0.0 }
         };
         CollisionShape::new(&parts).map(Arc::new)
     }
 }
 
 /// The convex parts of a mesh, from the cache or computed; calls `tell` before the latter.
-fn cached_parts(mesh: &Mesh, method: Method, cache: &dyn Cache, tell: &dyn Fn()) -> Parts {
+fn cached_parts(mesh: &Mesh, method: Method, cache: &dyn Cache, tell: &dyn Fn()) -> ConvexParts {
     let key = mesh_key(mesh, method);
     // Cached and computed parts are the same to the bit, since both have gone through the codec.
     cache.get("convex-parts", key).and_then(|bytes| hull_codec::decode(&bytes)).unwrap_or_else(|| {
@@ -189,8 +189,8 @@ mod tests {
 
     /// What it is told of the steps of each piece of work, when that is done.
     #[derive(Default)]
-    struct Told(Mutex<Vec<Option<String>>>);
-    impl Log for Told {
+    struct RecordedSteps(Mutex<Vec<Option<String>>>);
+    impl Log for RecordedSteps {
         fn warn(&self, _: &Error) {}
         fn during(&self, steps: &Steps, work: &mut dyn FnMut()) {
             assert_eq!(steps.latest(), None);
@@ -201,8 +201,8 @@ mod tests {
 
     /// Counts look-ups on disk: one per computed shape.
     #[derive(Default)]
-    struct Counting(AtomicUsize);
-    impl Cache for Counting {
+    struct CountingCache(AtomicUsize);
+    impl Cache for CountingCache {
         fn get(&self, _: &str, _: Digest) -> Option<Vec<u8>> {
             self.0.fetch_add(1, Ordering::Relaxed);
             // Long enough for the other threads to ask for the same shape.
@@ -212,8 +212,8 @@ mod tests {
         fn put(&self, _: &str, _: Digest, _: &[u8]) {}
     }
 
-    struct Threads;
-    impl Workers for Threads {
+    struct TestWorkers;
+    impl Workers for TestWorkers {
         fn threads(&self) -> usize {
             8
         }
@@ -228,9 +228,9 @@ mod tests {
         let slab = kit::object("slab", kit::cuboid([0.0; 3], [0.1, 0.1, 0.02]), 1.0);
         let objects: Vec<(&Object, Purpose)> =
             (0..8).map(|i| (if i % 2 == 0 { &*cube } else { &*slab }, Purpose::Body)).collect();
-        let (shapes, disk) = (HullCache::new(&Rapier::default()), Counting::default());
+        let (shapes, disk) = (HullCache::new(&Rapier::default()), CountingCache::default());
         let found: Vec<_> = shapes
-            .shapes(&objects, &disk, &Threads, &Told::default())
+            .shapes(&objects, &disk, &TestWorkers, &RecordedSteps::default())
             .into_iter()
             .map(|s| s.expect("a shape"))
             .collect();
@@ -244,7 +244,7 @@ mod tests {
     fn who_waits_is_told_what_is_decomposed() {
         let cube = kit::object("cube", kit::cuboid([0.0; 3], [0.1; 3]), 1.0);
         let slab = kit::object("slab", kit::cuboid([0.0; 3], [0.1, 0.1, 0.02]), 1.0);
-        let (shapes, told) = (HullCache::new(&Rapier::default()), Told::default());
+        let (shapes, told) = (HullCache::new(&Rapier::default()), RecordedSteps::default());
         let one: [(&Object, Purpose); 2] = [(&cube, Purpose::Body), (&cube, Purpose::Body)];
         let two: [(&Object, Purpose); 3] = [(&slab, Purpose::Flat), (&cube, Purpose::Body), (&slab, Purpose::Body)];
         for objects in [&one[..], &two, &two] {

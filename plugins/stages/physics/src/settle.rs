@@ -1,6 +1,6 @@
 //! The stage: moves the bodies of a scene to their poses at rest.
 
-use crate::acceptance::{Acceptance, BodyInfo, Outcome, Place};
+use crate::acceptance::{Acceptance, AcceptanceOutcome, AcceptanceRegion, BodyInfo};
 use crate::collision_shape::CollisionShape;
 use crate::engine::Engine;
 use crate::hull_cache::{HullCache, Purpose};
@@ -102,7 +102,7 @@ impl Settler for Settle {
         for (_, body, shape) in &dynamic {
             engine.add(body, shape.clone());
         }
-        let (Outcome { report, removed }, poses) = engine.on_threads(self.threads, |engine| {
+        let (AcceptanceOutcome { report, removed }, poses) = engine.on_threads(self.threads, |engine| {
             let outcome = Acceptance::new(&self.config, engine, &infos, &surface).run(&context.stream);
             let poses: Vec<(usize, Pose)> = engine.present().map(|body| (body, engine.pose(body))).collect();
             (outcome, poses)
@@ -146,9 +146,9 @@ impl Settle {
 }
 
 /// Where a body of a drop zone is accepted.
-fn place(scene: &SceneBuilder, zone: DropZone) -> Place {
+fn place(scene: &SceneBuilder, zone: DropZone) -> AcceptanceRegion {
     let (ceiling_m, has_floor) = (scene.ceiling_height(&zone.support), scene.has_floor(&zone.support));
-    Place { zone, ceiling_m, has_floor }
+    AcceptanceRegion { zone, ceiling_m, has_floor }
 }
 
 /// Refuses bodies that cannot be simulated.

@@ -185,16 +185,16 @@ pub fn refuse_table_through_wall(scene: &SceneBuilder) -> Result<()> {
 }
 
 /// A part of the room and its bounding box, world frame.
-pub struct Part {
+pub struct RoomPart {
     pub name: &'static str,
     pub bounds: Aabb,
 }
 
 /// The six parts, the floor first, around an inner box of half edges `half`. They touch and do not overlap.
-pub fn parts(half: [f64; 2], height: f64) -> [Part; 6] {
+pub fn parts(half: [f64; 2], height: f64) -> [RoomPart; 6] {
     let [x, y] = half;
     let [outer_x, outer_y] = half.map(|half| half + THICKNESS_M);
-    let part = |name, low: [f64; 3], high: [f64; 3]| Part {
+    let part = |name, low: [f64; 3], high: [f64; 3]| RoomPart {
         name,
         bounds: Aabb { min: Point3::from(low), max: Point3::from(high) },
     };
@@ -221,7 +221,7 @@ fn cuts(half: f64) -> Vec<f64> {
 }
 
 /// A box centered at the origin with texture coordinates in meters.
-pub fn slab(part: &Part, material: Material) -> Result<Object> {
+pub fn slab(part: &RoomPart, material: Material) -> Result<Object> {
     let half = part.bounds.size() / 2.0;
     let mut data = MeshData::default();
     for axis in 0..3 {

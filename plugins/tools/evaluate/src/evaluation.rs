@@ -1,10 +1,10 @@
 //! Scores predictions against a dataset: from paths and options to scores, tables and the worst images.
 
 use crate::categories::ByCategory;
-use crate::image::{Instance, Occluded, Pair};
+use crate::image::{ImagePair, MaskedObject, Occluded};
 use crate::measure::{Measurement, Measures, MetricKind, Tally};
 use crate::predictions::{self, Predictions, check_masks, instances};
-use crate::table::{Score, Scored, Table};
+use crate::table::{EvaluatedImage, EvaluationTable, Score};
 use crate::{Convention, bootstrap, worst};
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -12,7 +12,7 @@ use syntable_formats::scores::{ScoredImage, Scores};
 use syntable_model::error::{Error, Result};
 use syntable_model::reader::{OpenDataset, Source};
 use syntable_model::registry::Registry;
-use syntable_runtime::images::{Work, each};
+use syntable_runtime::images::{ImageWork, each};
 use syntable_runtime::left_out::LeftOutReport;
 
 /// What is scored, and how.
@@ -74,7 +74,7 @@ pub struct Evaluation {
     /// The formats that ground truth and predictions were read as.
     pub formats: [&'static str; 2],
     convention: Convention,
-    images: Vec<Scored>,
+    images: Vec<EvaluatedImage>,
     scores: Vec<Score>,
     has_intervals: bool,
     categories: Vec<String>,
@@ -85,7 +85,7 @@ pub struct Evaluation {
 ///
 /// # Errors
 /// If a name is wrong, masks that the metrics need are missing, a file cannot be read, or the work was asked to stop.
-pub fn evaluate(registry: &Registry, options: &EvaluateOptions, work: &Work) -> Result<Evaluation> {
+pub fn evaluate(registry: &Registry, options: &EvaluateOptions, work: &ImageWork) -> Result<Evaluation> {
     let EvaluateOptions { truth: gt, predictions: pred, .. } = options;
     let mut measures = Measures::named(&options.metrics, &options.more_metrics, options.convention)?;
     if options.by_category && !options.metrics.is_empty() && !options.metrics.iter().any(|name| name == "coco") {
@@ -148,8 +148,8 @@ impl Evaluation {
     }
 
     /// The scores as text and JSON.
-    pub fn table(&self) -> Table<'_> {
-        Table {
+    pub fn table(&self) -> EvaluationTable<'_> {
+        EvaluationTable {
             images: &self.images,
             convention: self.convention,
             measures: &self.pair.measures,
@@ -173,7 +173,7 @@ impl Evaluation {
     ///
     /// # Errors
     /// If a file cannot be read, or the work was asked to stop.
-    pub fn with_worst(&self, most: usize, work: &Work) -> Result<Scores> {
+    pub fn with_worst(&self, most: usize, work: &ImageWork) -> Result<Scores> {
         let lowest = worst::lowest(&self.pair.measures, &self.images, self.rank.0, most);
         let mut found: Vec<ScoredImage> = Vec::with_capacity(lowest.len());
         let image = |place: usize| self.pair.scored_image(lowest[place]);
@@ -194,7 +194,7 @@ impl Evaluation {
 
 /// What is kept of the images, by their numbers in the annotation file as far as they have some: the order in which COCO's tools
 /// rank equal scores.
-fn ranked<'a>(truth: &OpenDataset, images: &'a [Scored]) -> Vec<&'a Tally> {
+fn ranked<'a>(truth: &OpenDataset, images: &'a [EvaluatedImage]) -> Vec<&'a Tally> {
     let mut order: Vec<usize> = (0..images.len()).collect();
     order.sort_by_key(|image| truth.images[*image].id);
     order.into_iter().map(|image| &images[image].tally).collect()
@@ -212,10 +212,10 @@ struct Paired {
 }
 
 impl Paired {
-    fn scored(&self, image: usize) -> Result<Scored> {
+    fn scored(&self, image: usize) -> Result<EvaluatedImage> {
         let (pair, _) = self.pair(image)?;
         let (objects, predictions) = (pair.labels.len(), pair.predictions.len());
-        Ok(Scored { objects, predictions, tally: self.measures.tally(&pair) })
+        Ok(EvaluatedImage { objects, predictions, tally: self.measures.tally(&pair) })
     }
 
     fn scored_image(&self, image: usize) -> Result<ScoredImage> {
@@ -224,10 +224,10 @@ impl Paired {
     }
 
     /// Labels and predictions of an image, and its size.
-    fn pair(&self, image: usize) -> Result<(Pair, [u32; 2])> {
+    fn pair(&self, image: usize) -> Result<(ImagePair, [u32; 2])> {
         let name = || format!("image \"{}\"", self.truth.images[image].name);
         let (labels, size) =
-            instances(&self.truth, image, Instance::labeled_with).map_err(|error| error.context(name()))?;
+            instances(&self.truth, image, MaskedObject::labeled_with).map_err(|error| error.context(name()))?;
         let predictions = self.predictions.instances(image, size, self.occluded);
         let [likely, unlikely] = predictions.map_err(|error| error.in_file(&self.predictions_at).context(name()))?;
         if self.needs_category && likely.iter().chain(&unlikely).any(|it| it.category.is_none()) {
@@ -237,7 +237,7 @@ impl Paired {
                 .context(name()));
         }
         let crowds = self.truth.crowds(image).map_err(|error| error.context(name()))?;
-        let pair = Pair::new(labels, likely).and_then(|pair| pair.with(unlikely, crowds));
+        let pair = ImagePair::new(labels, likely).and_then(|pair| pair.with(unlikely, crowds));
         Ok((pair.map_err(|error| error.in_file(&self.predictions_at).context(name()))?, size))
     }
 }

@@ -11,7 +11,7 @@ pub const OCCLUDED_FROM: f64 = 0.05;
 
 /// An object with its masks.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Instance {
+pub struct MaskedObject {
     /// The object without occluders, within the image.
     pub amodal: Mask,
     /// What the image shows of it.
@@ -49,7 +49,7 @@ impl Occluded {
     }
 }
 
-impl Instance {
+impl MaskedObject {
     /// A labeled object: occluded if any pixel is hidden.
     pub fn labeled(amodal: Mask, visible: Mask) -> Self {
         Self::labeled_with(amodal, visible, None)
@@ -85,25 +85,25 @@ pub type Pairs = Vec<(usize, usize)>;
 
 /// What an image shows, and what was predicted of it.
 #[derive(Debug, Clone, Default)]
-pub struct Pair {
+pub struct ImagePair {
     /// The labels.
-    pub labels: Vec<Instance>,
+    pub labels: Vec<MaskedObject>,
     /// The predictions that count, by falling score.
-    pub predictions: Vec<Instance>,
+    pub predictions: Vec<MaskedObject>,
     /// Further ones whose scores are too low to count, by falling score, for metrics that rank predictions.
-    pub unlikely: Vec<Instance>,
+    pub unlikely: Vec<MaskedObject>,
     /// Regions with objects that labels do not tell apart.
     pub crowds: Vec<Crowd>,
     matched: OnceLock<Pairs>,
     painted: OnceLock<([Vec<Mask>; 2], Pairs)>,
 }
 
-impl Pair {
+impl ImagePair {
     /// Labels and predictions of one image.
     ///
     /// # Errors
     /// If masks differ in size.
-    pub fn new(labels: Vec<Instance>, predictions: Vec<Instance>) -> Result<Self> {
+    pub fn new(labels: Vec<MaskedObject>, predictions: Vec<MaskedObject>) -> Result<Self> {
         Self { labels, predictions, ..Self::default() }.checked()
     }
 
@@ -111,7 +111,7 @@ impl Pair {
     ///
     /// # Errors
     /// If masks differ in size.
-    pub fn with(self, unlikely: Vec<Instance>, crowds: Vec<Crowd>) -> Result<Self> {
+    pub fn with(self, unlikely: Vec<MaskedObject>, crowds: Vec<Crowd>) -> Result<Self> {
         Self { unlikely, crowds, ..self }.checked()
     }
 
@@ -145,7 +145,7 @@ impl Pair {
 }
 
 /// Visible masks as a label map has them: painted in order, later ones over earlier ones. What is covered is none.
-pub fn painted(instances: &[Instance]) -> Vec<Mask> {
+pub fn painted(instances: &[MaskedObject]) -> Vec<Mask> {
     let mut shown: Vec<Mask> = Vec::new();
     for instance in instances {
         shown.iter_mut().filter(|it| it.shared_area(&instance.visible) > 0).for_each(|mask| {

@@ -3,7 +3,7 @@
 //! As in the reference there is no gate: min(objects, predictions) pairs come out, also ones without a common pixel. Of equal
 //! sums the pairs are those whose list, by object, is the lexicographically lowest.
 
-use crate::image::{Instance, Pairs};
+use crate::image::{MaskedObject, Pairs};
 use syntable_model::product::Mask;
 
 /// An F of 1 as an integer, so that equal sums are equal.
@@ -16,7 +16,7 @@ pub fn f_of(a: &Mask, b: &Mask) -> f64 {
 }
 
 /// Labels and predictions matched by one of their masks, by label.
-pub fn by_masks(labels: &[Instance], predictions: &[Instance], of: impl Fn(&Instance) -> &Mask) -> Pairs {
+pub fn by_masks(labels: &[MaskedObject], predictions: &[MaskedObject], of: impl Fn(&MaskedObject) -> &Mask) -> Pairs {
     pairs_of(&labels.iter().map(&of).collect::<Vec<_>>(), &predictions.iter().map(&of).collect::<Vec<_>>())
 }
 

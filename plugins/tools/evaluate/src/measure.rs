@@ -1,7 +1,7 @@
 //! Metrics, and how a crate adds one.
 
 use crate::Convention;
-use crate::image::Pair;
+use crate::image::ImagePair;
 use std::any::Any;
 use std::sync::Arc;
 use syntable_model::error::{Error, Result};
@@ -47,7 +47,7 @@ pub trait Measure: Send + Sync + 'static {
     /// Names of the scores, in snake case.
     fn names(&self) -> Vec<String>;
     /// What an image adds.
-    fn tally(&self, pair: &Pair) -> Self::Tally;
+    fn tally(&self, pair: &ImagePair) -> Self::Tally;
     /// The scores of these images in the order of their names, as fractions; none where nothing was to be counted. An image
     /// may be there more than once: intervals come from such samples.
     fn values(&self, images: &[&Self::Tally]) -> Vec<Option<f64>>;
@@ -141,7 +141,7 @@ type Kept = Box<dyn Any + Send + Sync>;
 
 trait Erased: Send + Sync {
     fn names(&self) -> Vec<String>;
-    fn tally(&self, pair: &Pair) -> Kept;
+    fn tally(&self, pair: &ImagePair) -> Kept;
     fn values(&self, images: &mut dyn Iterator<Item = &Kept>) -> Vec<Option<f64>>;
 }
 
@@ -150,7 +150,7 @@ impl<M: Measure> Erased for M {
         Measure::names(self)
     }
 
-    fn tally(&self, pair: &Pair) -> Kept {
+    fn tally(&self, pair: &ImagePair) -> Kept {
         Box::new(Measure::tally(self, pair))
     }
 
@@ -195,7 +195,7 @@ impl Measures {
     }
 
     /// What an image adds.
-    pub fn tally(&self, pair: &Pair) -> Tally {
+    pub fn tally(&self, pair: &ImagePair) -> Tally {
         Tally(self.0.iter().map(|it| it.0.tally(pair)).collect())
     }
 
@@ -232,7 +232,7 @@ pub struct Ratios<const N: usize> {
     /// Names of its scores.
     pub names: [&'static str; N],
     /// What an image adds to each.
-    pub of: fn(&Pair) -> [Ratio; N],
+    pub of: fn(&ImagePair) -> [Ratio; N],
 }
 
 impl<const N: usize> Measure for Ratios<N> {
@@ -242,7 +242,7 @@ impl<const N: usize> Measure for Ratios<N> {
         self.names.map(str::to_owned).to_vec()
     }
 
-    fn tally(&self, pair: &Pair) -> [Ratio; N] {
+    fn tally(&self, pair: &ImagePair) -> [Ratio; N] {
         (self.of)(pair)
     }
 

@@ -1,9 +1,9 @@
 //! Where labels and predictions come from: a dataset of any format that can be read, label maps, or a result file.
 
-use crate::image::{Instance, Occluded};
+use crate::image::{MaskedObject, Occluded};
 use crate::label_maps::{self, LabelMaps};
-use crate::names::Names;
-use crate::results::Results;
+use crate::names::ImageNames;
+use crate::results::ResultFile;
 use std::collections::BTreeMap;
 use std::path::Path;
 use syntable_model::error::{Error, Result};
@@ -35,7 +35,7 @@ pub enum Predictions {
     /// ground truth.
     Dataset(Box<OpenDataset>, Vec<usize>, BTreeMap<u32, u32>),
     /// Those of a result file.
-    Results(Results),
+    Results(ResultFile),
 }
 
 impl Predictions {
@@ -51,8 +51,8 @@ impl Predictions {
         truth: (&Path, &OpenDataset),
     ) -> Result<(&'static str, Self)> {
         let path = source.path.as_path();
-        if format.is_none() && Results::is_one(path) {
-            return Ok(("results", Self::Results(Results::open(path, least, truth.0, truth.1)?)));
+        if format.is_none() && ResultFile::is_one(path) {
+            return Ok(("results", Self::Results(ResultFile::open(path, least, truth.0, truth.1)?)));
         }
         let found = open(registry, source, format);
         let (format, dataset) = match found {
@@ -78,11 +78,11 @@ impl Predictions {
     ///
     /// # Errors
     /// If they cannot be read, or are of another size.
-    pub fn instances(&self, image: usize, size: [u32; 2], occluded: Occluded) -> Result<[Vec<Instance>; 2]> {
+    pub fn instances(&self, image: usize, size: [u32; 2], occluded: Occluded) -> Result<[Vec<MaskedObject>; 2]> {
         match self {
             Self::Dataset(dataset, pairs, categories) => {
                 let least = occluded.least(says_occlusion(dataset));
-                let make = |amodal, visible, occlusion| Instance::predicted_from(least, amodal, visible, occlusion);
+                let make = |amodal, visible, occlusion| MaskedObject::predicted_from(least, amodal, visible, occlusion);
                 let (mut instances, own) = instances(dataset, pairs[image], make)?;
                 if own != size {
                     let ([a, b], [c, d]) = (own, size);
@@ -113,8 +113,8 @@ fn says_occlusion(dataset: &OpenDataset) -> bool {
 pub fn instances(
     dataset: &OpenDataset,
     image: usize,
-    make: impl Fn(Mask, Mask, Option<Mask>) -> Instance,
-) -> Result<(Vec<Instance>, [u32; 2])> {
+    make: impl Fn(Mask, Mask, Option<Mask>) -> MaskedObject,
+) -> Result<(Vec<MaskedObject>, [u32; 2])> {
     let offers = &dataset.offers;
     let wants = [VISIBLE_MASK.id(), AMODAL_MASK.id(), CATEGORY_ID.id()];
     let mut wants: Vec<_> = wants.into_iter().filter(|key| offers.contains(key)).collect();
@@ -123,9 +123,9 @@ pub fn instances(
     let ReadImage { size, products, .. } = dataset.read(image, &wants)?;
     let visible = &products.get(VISIBLE_MASK)?.0;
     let categories = products.optional(CATEGORY_ID)?;
-    let named = |id: InstanceId, instance: Instance| {
+    let named = |id: InstanceId, instance: MaskedObject| {
         let category = categories.and_then(|of| of.get(id)).copied();
-        Instance { id: id.0, category, ..instance }
+        MaskedObject { id: id.0, category, ..instance }
     };
     if !wants.contains(&AMODAL_MASK.id()) {
         let of = |(id, mask): (&InstanceId, &Mask)| named(*id, make(mask.clone(), mask.clone(), None));
@@ -165,7 +165,7 @@ fn lacks(name: impl std::fmt::Display, path: &Path) -> Error {
 
 /// For each image of the ground truth, the number of the predicted one.
 fn paired(path: &Path, own: &[ImageRef], (truth, images): (&Path, &[ImageRef])) -> Result<Vec<usize>> {
-    let known = Names::of(images.iter().map(|it| it.name.as_str()));
+    let known = ImageNames::of(images.iter().map(|it| it.name.as_str()));
     let mut pairs: Vec<Option<usize>> = vec![None; images.len()];
     let refuse = |message: String, help: &'static str| Error::new(message).in_file(path).help(help);
     for (number, image) in own.iter().enumerate() {

@@ -1,6 +1,6 @@
 //! Panoptic quality and mean IoU.
 
-use crate::image::Pair;
+use crate::image::ImagePair;
 use crate::measure::{Measurement, Metric, Ratio, Ratios};
 use crate::register_metric;
 use syntable_model::product::Mask;
@@ -31,7 +31,7 @@ fn iou(a: &Mask, b: &Mask) -> f64 {
     if both == 0.0 { 0.0 } else { both / (f64::from(a.area()) + f64::from(b.area()) - both) }
 }
 
-fn panoptic(pair: &Pair) -> [Ratio; 3] {
+fn panoptic(pair: &ImagePair) -> [Ratio; 3] {
     let ([labels, predictions], _) = pair.painted();
     let boxes: Vec<_> = labels.iter().map(Mask::bbox).collect();
     let (mut sum, mut hits, mut spurious) = (0.0, 0, 0);
@@ -60,7 +60,7 @@ fn is_in_crowds(prediction: &Mask, labels: &[Mask], crowds: &[Crowd]) -> bool {
     f64::from(inside.area()) > IN_CROWDS_ABOVE * f64::from(prediction.area())
 }
 
-fn miou(pair: &Pair) -> [Ratio; 2] {
+fn miou(pair: &ImagePair) -> [Ratio; 2] {
     let amodal = pair.matched().iter().map(|&(i, j)| (&pair.labels[i].amodal, &pair.predictions[j].amodal));
     let (masks, pairs) = pair.painted();
     let visible = pairs.iter().map(|&(i, j)| (&masks[0][i], &masks[1][j]));

@@ -1,9 +1,9 @@
 //! The images with the lowest scores, with their predictions.
 
-use crate::image::Pair;
+use crate::image::ImagePair;
 use crate::matching::f_of;
 use crate::measure::Measures;
-use crate::table::Scored;
+use crate::table::EvaluatedImage;
 use std::cmp::Ordering;
 use syntable_formats::scores::{PredictedObject, ScoredImage};
 use syntable_model::error::{Error, Result};
@@ -29,8 +29,8 @@ pub fn ranked_by(measures: &Measures, name: Option<&str>) -> Result<(usize, Stri
 }
 
 /// The images with the lowest scores, lowest first; of equal ones, the first. Those without the score are left out.
-pub fn lowest(measures: &Measures, images: &[Scored], score: usize, most: usize) -> Vec<usize> {
-    let value = |image: &Scored| measures.values(&[&image.tally]).get(score).copied().flatten();
+pub fn lowest(measures: &Measures, images: &[EvaluatedImage], score: usize, most: usize) -> Vec<usize> {
+    let value = |image: &EvaluatedImage| measures.values(&[&image.tally]).get(score).copied().flatten();
     let mut found: Vec<(usize, f64)> =
         images.iter().enumerate().filter_map(|(index, image)| Some((index, value(image)?))).collect();
     found.sort_by(|a, b| a.1.partial_cmp(&b.1).unwrap_or(Ordering::Equal).then(a.0.cmp(&b.0)));
@@ -38,7 +38,7 @@ pub fn lowest(measures: &Measures, images: &[Scored], score: usize, most: usize)
 }
 
 /// An image with its scores and predictions.
-pub fn scored(measures: &Measures, name: &str, size: [u32; 2], pair: &Pair) -> ScoredImage {
+pub fn scored(measures: &Measures, name: &str, size: [u32; 2], pair: &ImagePair) -> ScoredImage {
     let values = measures.names().into_iter().zip(measures.values(&[&measures.tally(pair)]));
     let scores = values.filter_map(|(name, value)| Some((name, 100.0 * value?))).collect();
     let mut objects: Vec<PredictedObject> = pair

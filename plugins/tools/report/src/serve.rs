@@ -255,14 +255,14 @@ fn reason(status: u16) -> &'static str {
 
 /// The head of a request.
 #[derive(Debug, Clone, PartialEq, Eq)]
-struct Head {
+struct RequestHead {
     method: String,
     target: String,
     hosts: Vec<String>,
     cookies: Vec<String>,
 }
 
-impl Head {
+impl RequestHead {
     /// Reads it from a connection; the answer if it is none that can be read, and nothing if the client is gone or slow.
     fn read(stream: &mut TcpStream) -> Option<std::result::Result<Self, Response>> {
         let (mut bytes, mut part) = (Vec::new(), [0; 1 << 10]);
@@ -356,7 +356,7 @@ impl Server {
                 if open.load(Ordering::Acquire) < MAX_CONNECTIONS {
                     match self.listener.accept() {
                         Ok((stream, _)) => {
-                            let held = Held::one(open);
+                            let held = OpenConnection::one(open);
                             let answer = move || {
                                 let _held = held;
                                 self.answer(stream, changes, handler, waiting);
@@ -391,7 +391,7 @@ impl Server {
         if limits.and_then(|()| stream.set_write_timeout(Some(CLIENT))).is_err() {
             return;
         }
-        let Some(head) = Head::read(&mut stream) else { return };
+        let Some(head) = RequestHead::read(&mut stream) else { return };
         let wants_body = !head.as_ref().is_ok_and(|head| head.method == "HEAD");
         let from = Client { stream, wants_body };
         let (asked, cookie) = match head.and_then(|head| self.accepted(&head)) {
@@ -423,7 +423,7 @@ impl Server {
     }
 
     /// What is asked for, if the request may be answered, and the cookie that the browser shall keep.
-    fn accepted(&self, head: &Head) -> std::result::Result<(Request, Option<String>), Response> {
+    fn accepted(&self, head: &RequestHead) -> std::result::Result<(Request, Option<String>), Response> {
         if !["GET", "HEAD"].contains(&head.method.as_str()) {
             return Err(Response::failed(405, "only GET and HEAD are answered\n"));
         }
@@ -457,16 +457,16 @@ impl Server {
 }
 
 /// A connection that is open; it counts until it is dropped.
-struct Held<'a>(&'a AtomicUsize);
+struct OpenConnection<'a>(&'a AtomicUsize);
 
-impl<'a> Held<'a> {
+impl<'a> OpenConnection<'a> {
     fn one(open: &'a AtomicUsize) -> Self {
         open.fetch_add(1, Ordering::AcqRel);
         Self(open)
     }
 }
 
-impl Drop for Held<'_> {
+impl Drop for OpenConnection<'_> {
     fn drop(&mut self) {
         self.0.fetch_sub(1, Ordering::AcqRel);
     }

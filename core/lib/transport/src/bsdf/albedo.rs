@@ -58,7 +58,7 @@ impl<T: Real> Row<T> {
 
     /// At a cosine in [0, 1].
     #[inline(always)]
-    pub fn at(&self, table: &Table, mu: T) -> Albedo<T> {
+    pub fn at(&self, table: &AlbedoTable, mu: T) -> Albedo<T> {
         let (column, weight) = cell(mu);
         let index = self.row.times(T::Int::splat(CELLS as u32)).plus(column);
         let [a, b, c, d, e, f, g, h] = T::lookup(&table.directional, index);
@@ -69,7 +69,7 @@ impl<T: Real> Row<T> {
 
     /// The cosine-weighted mean.
     #[inline(always)]
-    pub fn mean(&self, table: &Table) -> Albedo<T> {
+    pub fn mean(&self, table: &AlbedoTable) -> Albedo<T> {
         let [a, b, c, d, ..] = T::lookup(&table.mean, self.row);
         Albedo { facing: a, grazing: b }.lerp(Albedo { facing: c, grazing: d }, self.weight)
     }
@@ -79,14 +79,14 @@ impl<T: Real> Row<T> {
 /// interpolated table. Every cell holds (facing, grazing) at its corners: at the lower cosine, at the higher; both again
 /// at the higher roughness.
 #[derive(Debug)]
-pub struct Table {
+pub struct AlbedoTable {
     directional: Vec<[f32; 8]>,
     mean: Vec<[f32; 8]>,
 }
 
 /// The table, made at first use.
-pub fn table() -> &'static Table {
-    static TABLE: LazyLock<Table> = LazyLock::new(Table::new);
+pub fn table() -> &'static AlbedoTable {
+    static TABLE: LazyLock<AlbedoTable> = LazyLock::new(AlbedoTable::new);
     &TABLE
 }
 
@@ -99,7 +99,7 @@ pub fn cell<T: Real>(x: T) -> (T::Int, T) {
     (i, x - i.signed_to_real())
 }
 
-impl Table {
+impl AlbedoTable {
     /// Cells by roughness, then by cosine: (facing, grazing) at the lower cosine and at the higher, and both again at the
     /// higher roughness.
     pub fn directional(&self) -> &[[f32; 8]] {

@@ -25,7 +25,7 @@ mod tests;
 pub mod transmission;
 
 use crate::options::Dielectrics;
-pub use albedo::{Table, table};
+pub use albedo::{AlbedoTable, table};
 pub use coating::{CLEARCOAT_F0, CoatingParameters, clearcoat_albedo, sheen_albedo};
 pub use layered::{LayerInputs, Layered, Lobe};
 pub use sheen::sheen_table;
@@ -62,7 +62,7 @@ pub struct BsdfParameters<T = f32> {
 /// surface on both sides.
 #[derive(Clone, Copy, Debug)]
 pub struct Bsdf<T: Real = f32> {
-    table: &'static Table,
+    table: &'static AlbedoTable,
     wo: Vec3<T>,
     ggx: Ggx<T>,
     row: Row<T>,
@@ -127,7 +127,12 @@ pub fn multiple_reflectance<T: Real>(f0: T, f90: T, mean_albedo: T) -> T {
 impl<T: Real> Bsdf<T> {
     /// `wo` is unit length with z > 0.
     #[inline(always)]
-    pub fn new(parameters: &BsdfParameters<T>, wo: Vec3<T>, table: &'static Table, dielectrics: Dielectrics) -> Self {
+    pub fn new(
+        parameters: &BsdfParameters<T>,
+        wo: Vec3<T>,
+        table: &'static AlbedoTable,
+        dielectrics: Dielectrics,
+    ) -> Self {
         let BsdfParameters { base_color, roughness, metallic, dielectric_f0 } = *parameters;
         let row = Row::new(roughness);
         let (own, mean) = (row.at(table, wo.z), row.mean(table));

@@ -3,7 +3,7 @@
 use crate::run::dataset::folder::Folder;
 use crate::run::dataset::journal::{Journal, JournalEntry, SceneOutcome};
 use crate::run::dataset::layout::{self, MARK, RECORD};
-use crate::run::dataset::manifest::{Manifest, Stamp, State, Written};
+use crate::run::dataset::manifest::{FileState, Manifest, Stamp, Written};
 use crate::run::dataset::staging::{READY, part};
 use parking_lot::Mutex;
 use serde::{Deserialize, Serialize};
@@ -171,7 +171,9 @@ impl Folder {
         others.sort_unstable_by(|a, b| b.cmp(a));
         for other in others.iter().filter(|other| *other != name).take(SHARE_TRIES) {
             let Ok(other) = DatasetPath::new(format!("{folder}/{other}")) else { continue };
-            if stamp.check_in(&self.files, &other)? == State::Whole && self.files.share(&self.files, &other, staged)? {
+            if stamp.check_in(&self.files, &other)? == FileState::Whole
+                && self.files.share(&self.files, &other, staged)?
+            {
                 break;
             }
         }

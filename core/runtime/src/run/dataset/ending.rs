@@ -6,7 +6,7 @@ use crate::run::dataset::folder::Folder;
 use crate::run::dataset::foreign;
 use crate::run::dataset::journal::Journal;
 use crate::run::dataset::layout::{self, RECIPE};
-use crate::run::dataset::manifest::{Manifest, Stamp, State};
+use crate::run::dataset::manifest::{FileState, Manifest, Stamp};
 use crate::run::dataset::staging::FINISH;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
@@ -75,7 +75,7 @@ impl Folder {
                 continue;
             }
             let owners = self.owners(&[&path])?;
-            let is_whole = || Ok(stamp.check(&self.files, &path)? == State::Whole);
+            let is_whole = || Ok(stamp.check(&self.files, &path)? == FileState::Whole);
             let claimed = there.kind == Kind::File && ((repair && lost) || is_whole()?);
             if owners.is_empty() && claimed {
                 continue;

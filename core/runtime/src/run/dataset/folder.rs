@@ -25,7 +25,7 @@ use crate::run::dataset::foreign;
 use crate::run::dataset::journal::{Journal, JournalEntry};
 use crate::run::dataset::layout::{self, MARK, RECIPE, SHARDS};
 use crate::run::dataset::locking::lock;
-use crate::run::dataset::manifest::{Manifest, State};
+use crate::run::dataset::manifest::{FileState, Manifest};
 use crate::run::dataset::proposal::Proposed;
 use parking_lot::Mutex;
 use std::collections::BTreeMap;
@@ -155,7 +155,7 @@ impl Folder {
     pub fn check_shards(&self, entry: &JournalEntry) -> Result<()> {
         let manifest = self.manifest_of(entry)?;
         for (inside, stamp) in manifest.files.iter().filter(|(inside, _)| inside.starts_with(SHARDS)) {
-            if stamp.check_in(&self.files, inside)? != State::Whole {
+            if stamp.check_in(&self.files, inside)? != FileState::Whole {
                 return Err(self.damaged(entry, inside));
             }
         }

@@ -21,12 +21,12 @@ use syntable_model::store::{Kind as FileKind, StoreFolder};
 pub struct List {
     /// Its path.
     pub path: DatasetPath,
-    kind: Kind,
+    kind: ListKind,
 }
 
 /// What a list lists.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-enum Kind {
+enum ListKind {
     /// The files of a scene.
     Scene,
     /// What the end of a run wrote.
@@ -35,7 +35,7 @@ enum Kind {
     Staged,
 }
 
-impl Kind {
+impl ListKind {
     /// What a file of the program's own folder lists, if the program reads it as a list.
     fn at(path: &str) -> Option<Self> {
         let inside = path.strip_prefix(MARK)?.strip_prefix('/')?;
@@ -69,12 +69,12 @@ impl Kind {
         match self {
             Self::Scene | Self::Finished => {
                 let ListedFiles { files, writers } = serde_json::from_slice(text).unwrap_or_default();
-                let files = files.into_keys().map(|Name(path)| ("files", path));
-                files.chain(writers.into_values().flatten().map(|Name(path)| ("writers", path))).collect()
+                let files = files.into_keys().map(|ListedPath(path)| ("files", path));
+                files.chain(writers.into_values().flatten().map(|ListedPath(path)| ("writers", path))).collect()
             }
             Self::Staged => {
                 let Stale { stale, .. } = serde_json::from_slice(text).unwrap_or_default();
-                stale.into_iter().map(|Name(path)| ("stale", path)).collect()
+                stale.into_iter().map(|ListedPath(path)| ("stale", path)).collect()
             }
         }
     }
@@ -94,15 +94,15 @@ fn in_ready(inside: &str) -> Option<(&str, &str)> {
 /// A path in a list.
 #[derive(PartialEq, Eq, PartialOrd, Ord, Deserialize)]
 #[serde(transparent)]
-struct Name<'a>(#[serde(borrow)] Cow<'a, str>);
+struct ListedPath<'a>(#[serde(borrow)] Cow<'a, str>);
 
 /// As [`Manifest`](crate::run::dataset::manifest::Manifest).
 #[derive(Default, Deserialize)]
 struct ListedFiles<'a> {
     #[serde(borrow)]
-    files: BTreeMap<Name<'a>, IgnoredAny>,
+    files: BTreeMap<ListedPath<'a>, IgnoredAny>,
     #[serde(borrow, default)]
-    writers: BTreeMap<Name<'a>, Vec<Name<'a>>>,
+    writers: BTreeMap<ListedPath<'a>, Vec<ListedPath<'a>>>,
 }
 
 /// As the record of a staged scene.
@@ -111,7 +111,7 @@ struct Stale<'a> {
     #[serde(rename = "entry")]
     _entry: IgnoredAny,
     #[serde(borrow)]
-    stale: Vec<Name<'a>>,
+    stale: Vec<ListedPath<'a>>,
 }
 
 /// Something in a dataset that may not be there.
@@ -216,7 +216,7 @@ fn walk(dataset: &StoreFolder, inside: &str, own: &mut OwnFiles) -> Result<()> {
         } else if !may_be_staged(&path) {
             let what = "no run stages it: moved into place, it would replace a file of the program's own".to_owned();
             own.odd.push(Odd { path, what });
-        } else if let Some(kind) = Kind::at(&path)
+        } else if let Some(kind) = ListKind::at(&path)
             // The program opens no file by another name.
             && let Ok(path) = DatasetPath::new(path)
         {
@@ -348,12 +348,12 @@ mod tests {
     #[test]
     fn lists_are_known_by_their_place() {
         for (path, kind) in [
-            (".syntable/finished.json", Some(Kind::Finished)),
-            (".syntable/scenes/000003.json", Some(Kind::Scene)),
-            (".syntable/discard/finished.json", Some(Kind::Finished)),
-            (".syntable/discard/scenes/000003.json", Some(Kind::Scene)),
-            (".syntable/staging/3.ready/.syntable/staged.json", Some(Kind::Staged)),
-            (".syntable/staging/3.ready/.syntable/scenes/000003.json", Some(Kind::Scene)),
+            (".syntable/finished.json", Some(ListKind::Finished)),
+            (".syntable/scenes/000003.json", Some(ListKind::Scene)),
+            (".syntable/discard/finished.json", Some(ListKind::Finished)),
+            (".syntable/discard/scenes/000003.json", Some(ListKind::Scene)),
+            (".syntable/staging/3.ready/.syntable/staged.json", Some(ListKind::Staged)),
+            (".syntable/staging/3.ready/.syntable/scenes/000003.json", Some(ListKind::Scene)),
             // Files of a writer whose id is `scenes`, or which writes `finished.json`.
             (".syntable/staging/3.ready/scenes/000003.json", None),
             (".syntable/staging/3.ready/finished.json", None),
@@ -367,7 +367,7 @@ mod tests {
             (".syntable/staged.json", None),
             ("scenes/000003.json", None),
         ] {
-            assert_eq!(Kind::at(path), kind, "{path}");
+            assert_eq!(ListKind::at(path), kind, "{path}");
         }
     }
 
@@ -384,20 +384,20 @@ mod tests {
             format!(r#"[{file},{{}}]"#),
         ] {
             assert!(serde_json::from_str::<crate::run::dataset::manifest::Manifest>(&text).is_ok(), "{text}");
-            assert_eq!(Kind::Scene.names(text.as_bytes()), [("files", ".syntable/lock".into())], "{text}");
+            assert_eq!(ListKind::Scene.names(text.as_bytes()), [("files", ".syntable/lock".into())], "{text}");
         }
         for text in [
             format!(r#"{{"entry":{entry},"stale":[".syntable/lock"],"files":5,"writers":5}}"#),
             format!(r#"[{entry},[".syntable/lock"]]"#),
         ] {
             assert!(serde_json::from_str::<crate::run::dataset::commit::Staged>(&text).is_ok(), "{text}");
-            assert_eq!(Kind::Staged.names(text.as_bytes()), [("stale", ".syntable/lock".into())], "{text}");
+            assert_eq!(ListKind::Staged.names(text.as_bytes()), [("stale", ".syntable/lock".into())], "{text}");
         }
     }
 
     #[test]
     fn of_many_bad_names_the_first_are_told_and_the_rest_counted() {
-        let list = List { path: layout::manifest(0), kind: Kind::Scene };
+        let list = List { path: layout::manifest(0), kind: ListKind::Scene };
         let files: Vec<String> = (0..1000).map(|number| format!(r#""../{number:04}":0"#)).collect();
         let (odd, folders) = list.look(format!(r#"{{"files":{{"a/b/c":0,{}}}}}"#, files.join(",")).as_bytes());
         assert_eq!((odd.len(), folders), (SHOWN + 1, BTreeSet::from(["a/b".to_owned()])));

@@ -30,7 +30,7 @@ pub struct Stamp(pub u64, pub Digest);
 
 /// The state of a file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum State {
+pub enum FileState {
     /// As it was written.
     Whole,
     /// Not there.
@@ -73,23 +73,23 @@ impl Stamp {
     }
 
     /// Compares a file of a dataset with its stamp; the content only if the size is right, and nothing behind a link.
-    pub fn check_in(&self, dataset: &StoreFolder, path: &DatasetPath) -> Result<State> {
+    pub fn check_in(&self, dataset: &StoreFolder, path: &DatasetPath) -> Result<FileState> {
         for folder in path.folders() {
             if dataset.has_link(folder)? {
-                return Ok(State::Linked);
+                return Ok(FileState::Linked);
             }
         }
         self.check(dataset, path)
     }
 
     /// Compares a file with its stamp; the content only if the size is right.
-    pub fn check(&self, dataset: &StoreFolder, path: &DatasetPath) -> Result<State> {
+    pub fn check(&self, dataset: &StoreFolder, path: &DatasetPath) -> Result<FileState> {
         Ok(match dataset.look(path)? {
-            None => State::Missing,
-            Some(there) if there.kind == Kind::Link => State::Linked,
-            Some(there) if there.kind != Kind::File || there.size != self.0 => State::Damaged,
-            Some(_) if Self::of(dataset, path)? == *self => State::Whole,
-            Some(_) => State::Damaged,
+            None => FileState::Missing,
+            Some(there) if there.kind == Kind::Link => FileState::Linked,
+            Some(there) if there.kind != Kind::File || there.size != self.0 => FileState::Damaged,
+            Some(_) if Self::of(dataset, path)? == *self => FileState::Whole,
+            Some(_) => FileState::Damaged,
         })
     }
 }

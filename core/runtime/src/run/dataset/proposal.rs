@@ -5,7 +5,7 @@ use crate::run::dataset::folder::Folder;
 use crate::run::dataset::foreign;
 use crate::run::dataset::journal::Journal;
 use crate::run::dataset::layout::{self, RECIPE};
-use crate::run::dataset::manifest::{Stamp, State};
+use crate::run::dataset::manifest::{FileState, Stamp};
 use std::collections::BTreeSet;
 use syntable_model::error::Result;
 
@@ -94,7 +94,7 @@ impl Folder {
         let path = layout::recipe();
         let mut finished = self.finished()?;
         let Some(stamp) = finished.manifest.files.get(RECIPE).copied() else { return Ok(false) };
-        if finished.recipe != Some(digest_of_recipe(text)) || stamp.check(&self.files, &path)? == State::Whole {
+        if finished.recipe != Some(digest_of_recipe(text)) || stamp.check(&self.files, &path)? == FileState::Whole {
             return Ok(false);
         }
         self.files.write(&path, text.as_bytes())?;

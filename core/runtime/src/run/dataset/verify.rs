@@ -6,7 +6,7 @@ use crate::run::dataset::foreign::{self, Odd};
 use crate::run::dataset::journal::Journal;
 use crate::run::dataset::layout::{self, MARK, RECIPE};
 use crate::run::dataset::locking::lock;
-use crate::run::dataset::manifest::{Manifest, Stamp, State};
+use crate::run::dataset::manifest::{FileState, Manifest, Stamp};
 use crate::workers::Pool;
 use parking_lot::Mutex;
 use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
@@ -72,7 +72,7 @@ pub(in crate::run) fn compare(dataset: &StoreFolder, workers: &dyn Workers) -> R
     }
     let entries = Journal::entries_of(dataset)?;
     let made: Vec<(u32, &str)> = entries.values().filter_map(|entry| Some((entry.scene, entry.manifest()?))).collect();
-    let found = Mutex::new((Verified::default(), Owned::default(), Known::default()));
+    let found = Mutex::new((Verified::default(), Owned::default(), ManifestScenes::default()));
     let failure = Mutex::new(None);
     workers.run(made.len(), &|index| {
         let (scene, digest) = made[index];
@@ -156,10 +156,10 @@ impl Verified {
     fn look(&mut self, dataset: &StoreFolder, path: &DatasetPath, stamp: &Stamp) -> Result<()> {
         self.files += 1;
         match stamp.check_in(dataset, path)? {
-            State::Whole => {}
-            State::Missing => self.missing.push(path.to_string()),
-            State::Damaged => self.damaged.push(path.to_string()),
-            State::Linked => self.linked.push(path.to_string()),
+            FileState::Whole => {}
+            FileState::Missing => self.missing.push(path.to_string()),
+            FileState::Damaged => self.damaged.push(path.to_string()),
+            FileState::Linked => self.linked.push(path.to_string()),
         }
         Ok(())
     }
@@ -188,14 +188,14 @@ impl Owned {
 
 /// Which scenes have a manifest.
 #[derive(Default)]
-struct Known {
+struct ManifestScenes {
     /// Scenes whose manifests are lost.
     lost: BTreeSet<u32>,
     /// Number of files of the scene that has most, and that scene; the first of several.
     example: Option<(usize, std::cmp::Reverse<u32>)>,
 }
 
-impl Known {
+impl ManifestScenes {
     fn add(&mut self, scene: u32, manifest: Option<&Manifest>) {
         match manifest {
             Some(manifest) => self.example = self.example.max(Some((manifest.files.len(), std::cmp::Reverse(scene)))),
@@ -215,8 +215,8 @@ struct Patterns {
 }
 
 impl Patterns {
-    fn of(dataset: &StoreFolder, known: Known) -> Result<Self> {
-        let Known { lost, example } = known;
+    fn of(dataset: &StoreFolder, known: ManifestScenes) -> Result<Self> {
+        let ManifestScenes { lost, example } = known;
         let Some((_, std::cmp::Reverse(example))) = example.filter(|_| !lost.is_empty()) else {
             return Ok(Self { lost, example: 0, numbers: None });
         };

@@ -6,8 +6,8 @@
 //! library, so that nothing is read from outside the asset's folder and nothing is allocated unchecked.
 
 use super::{InFile, within};
-use buffers::Buffers;
-use container::Opened;
+use buffers::GltfBuffers;
+use container::GltfFile;
 use gltf::json::{Index, Root};
 use materials::Materials;
 use nodes::Instance;
@@ -74,13 +74,13 @@ pub fn read(root: &AssetRoot, file: &Path, log: &dyn Log) -> Result<Model> {
     let path = root.locate(file)?;
     let at = |error: Error| error.in_file(&path);
     let bytes = root.read(&path)?;
-    let Opened { document, binary, animated } = container::open(&bytes, root.budget()).map_err(at)?;
+    let GltfFile { document, binary, animated } = container::open(&bytes, root.budget()).map_err(at)?;
     check_extensions(&document, &path, log).map_err(at)?;
     if animated {
         log.warn(&at(Error::new("animations are not read; the object has its default pose")));
     }
     let folder = file.parent().unwrap_or(Path::new(""));
-    let mut buffers = Buffers::new(&document, binary, root, folder, &path, log);
+    let mut buffers = GltfBuffers::new(&document, binary, root, folder, &path, log);
     bake(&document, &mut buffers, &path, log).map_err(at)
 }
 
@@ -123,7 +123,7 @@ fn key(instance: &Instance) -> ShapeKey {
     (instance.mesh.value(), weights.iter().map(|weight| weight.to_bits()).collect(), skinned)
 }
 
-fn bake(document: &Root, buffers: &mut Buffers<'_>, path: &Path, log: &dyn Log) -> Result<Model> {
+fn bake(document: &Root, buffers: &mut GltfBuffers<'_>, path: &Path, log: &dyn Log) -> Result<Model> {
     let instances = nodes::instances(document, buffers)?;
     let mut materials = Materials::new(document, path, log);
     // Every primitive is read once for each shape, however often it is placed. The sum is checked before anything is

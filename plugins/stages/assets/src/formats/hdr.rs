@@ -12,9 +12,9 @@ const MAGIC: &[u8] = b"#?";
 
 /// Decodes a file in memory.
 pub fn decode(bytes: &[u8], budget: &Budget) -> Result<EnvironmentMap> {
-    let mut input = Input { bytes, at: 0 };
-    let header = Header::read(&mut input, budget)?;
-    let Header { width, height, .. } = header;
+    let mut input = HdrInput { bytes, at: 0 };
+    let header = HdrHeader::read(&mut input, budget)?;
+    let HdrHeader { width, height, .. } = header;
     let mut texels: Vec<[f32; 3]> = Vec::new();
     let mut row = Vec::with_capacity(width);
     for y in 0..height {
@@ -46,7 +46,7 @@ fn radiance([r, g, b, e]: [u8; 4]) -> [f32; 3] {
     [r, g, b].map(|mantissa| (f64::from(mantissa) * scale) as f32)
 }
 
-struct Header {
+struct HdrHeader {
     width: usize,
     height: usize,
     bottom_up: bool,
@@ -54,8 +54,8 @@ struct Header {
     exposure: f32,
 }
 
-impl Header {
-    fn read(input: &mut Input<'_>, budget: &Budget) -> Result<Self> {
+impl HdrHeader {
+    fn read(input: &mut HdrInput<'_>, budget: &Budget) -> Result<Self> {
         let mut exposure = 1.0_f32;
         for number in 1.. {
             let Some(line) = input.line() else {
@@ -96,12 +96,12 @@ impl Header {
     }
 }
 
-struct Input<'a> {
+struct HdrInput<'a> {
     bytes: &'a [u8],
     at: usize,
 }
 
-impl<'a> Input<'a> {
+impl<'a> HdrInput<'a> {
     /// A header line; none at the end of the file, or if it is no text.
     fn line(&mut self) -> Option<&'a str> {
         let rest = self.bytes.get(self.at..)?;
@@ -117,7 +117,7 @@ impl<'a> Input<'a> {
     }
 }
 
-fn read_row(input: &mut Input<'_>, width: usize, row: &mut Vec<[u8; 4]>) -> Result<(), &'static str> {
+fn read_row(input: &mut HdrInput<'_>, width: usize, row: &mut Vec<[u8; 4]>) -> Result<(), &'static str> {
     let start: [u8; 4] = input.take()?;
     let coded = start[0] == 2 && start[1] == 2 && start[2] < 128;
     if !(8..32_768).contains(&width) || !coded {
@@ -152,7 +152,7 @@ fn read_row(input: &mut Input<'_>, width: usize, row: &mut Vec<[u8; 4]>) -> Resu
 
 /// Flat texels, where (1, 1, 1, n) repeats the last one n times and more such follow with higher digits.
 fn read_old_row(
-    input: &mut Input<'_>,
+    input: &mut HdrInput<'_>,
     start: [u8; 4],
     width: usize,
     row: &mut Vec<[u8; 4]>,

@@ -2,7 +2,7 @@
 
 use super::raster;
 use syntable_mesh::format::{ImageDecoder, ImageFormat};
-use syntable_mesh::image::Image;
+use syntable_mesh::image::DecodedImage;
 use syntable_mesh::limits::Budget;
 use syntable_model::error::{Error, Result};
 
@@ -10,7 +10,7 @@ use syntable_model::error::{Error, Result};
 const MAGIC: &[u8] = &[0xff, 0xd8, 0xff];
 
 /// Decodes a file in memory.
-pub fn decode(bytes: &[u8], budget: &Budget) -> Result<Image> {
+pub fn decode(bytes: &[u8], budget: &Budget) -> Result<DecodedImage> {
     check_end(bytes)?;
     raster::decode("JPEG", image::ImageFormat::Jpeg, bytes, budget)
 }

@@ -6,7 +6,7 @@
 //!
 //! `Kd` and `Ke` are linear Rec. 709, as Blender reads and writes them; images are sRGB-encoded.
 
-use syntable_mesh::text::{Line, finite, lines, shorten};
+use syntable_mesh::text::{TextLine, finite, lines, shorten};
 use syntable_model::error::{Error, Result};
 
 /// One `newmtl` block.
@@ -84,7 +84,7 @@ pub fn parse(bytes: &[u8]) -> Result<Vec<MtlMaterial>> {
     Ok(materials)
 }
 
-fn statement(line: &Line<'_>, materials: &mut Vec<MtlMaterial>) -> Result<()> {
+fn statement(line: &TextLine<'_>, materials: &mut Vec<MtlMaterial>) -> Result<()> {
     let text = line.text.trim();
     let (key, rest) = text.split_once(char::is_whitespace).unwrap_or((text, ""));
     let rest = rest.trim();

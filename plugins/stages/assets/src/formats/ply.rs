@@ -9,15 +9,15 @@
 
 use crate::formats::InFile;
 use crate::sources::bop_models::guess_unit;
-use body::Rows;
+use body::PlyRows;
 use color::{ColorColumns, decode, range};
-use header::{Element, Header};
+use header::{Element, PlyHeader};
 use std::collections::HashMap;
 use std::path::Path;
 use std::sync::Arc;
 use syntable_mesh::Model;
 use syntable_mesh::format::MeshFormat;
-use syntable_mesh::image::Image;
+use syntable_mesh::image::DecodedImage;
 use syntable_mesh::limits::Budget;
 use syntable_mesh::material::default_material;
 use syntable_mesh::paint::{VertexAlpha, blend_by_vertex, hide_colors_under_textures};
@@ -39,7 +39,7 @@ const LIST_LIMIT: usize = 1 << 20;
 pub fn read(root: &AssetRoot, file: &Path, log: &dyn Log) -> Result<Model> {
     let path = root.locate(file)?;
     let at = |error: Error| error.in_file(&path);
-    let Parsed { mesh, alphas, corners, textures, longer_rows, notes } =
+    let PlyMesh { mesh, alphas, corners, textures, longer_rows, notes } =
         parse(&root.read(&path)?, root.budget()).map_err(at)?;
     if let Some((line, count)) = longer_rows {
         let message = format!("{count} rows have more numbers than the header names; the others are ignored");
@@ -69,7 +69,7 @@ pub fn read(root: &AssetRoot, file: &Path, log: &dyn Log) -> Result<Model> {
             }
             Some(image) => {
                 let image = image.noted(|note| log.warn(&at(note)));
-                Some(Arc::new(Image::read(root, &image)?.into_texture(Encoding::Srgb, [Wrap::Repeat; 2])))
+                Some(Arc::new(DecodedImage::read(root, &image)?.into_texture(Encoding::Srgb, [Wrap::Repeat; 2])))
             }
             None => {
                 log.warn(&at(Error::new(format!("no texture `{shown}`; a constant color is used"))));
@@ -99,7 +99,7 @@ pub fn read(root: &AssetRoot, file: &Path, log: &dyn Log) -> Result<Model> {
 }
 
 /// What a file holds.
-pub struct Parsed {
+pub struct PlyMesh {
     /// The mesh.
     pub mesh: MeshData,
     /// Opacities of the vertices; empty if none are stated.
@@ -115,9 +115,9 @@ pub struct Parsed {
 }
 
 /// Parses a file in memory.
-pub fn parse(bytes: &[u8], budget: &Budget) -> Result<Parsed> {
-    let header = Header::parse(bytes)?;
-    let mut rows = Rows::new(&header, bytes);
+pub fn parse(bytes: &[u8], budget: &Budget) -> Result<PlyMesh> {
+    let header = PlyHeader::parse(bytes)?;
+    let mut rows = PlyRows::new(&header, bytes);
     let mut vertices = None;
     let mut faces = None;
     let mut notes = Vec::new();
@@ -160,7 +160,7 @@ pub fn parse(bytes: &[u8], budget: &Budget) -> Result<Parsed> {
     let corners = std::mem::take(&mut faces.corners);
     let (mesh, alphas) = faces.onto(mesh, alphas);
     let mesh = MeshData { slots, ..mesh };
-    Ok(Parsed { mesh, alphas, corners, notes, textures, longer_rows: rows.longer() })
+    Ok(PlyMesh { mesh, alphas, corners, notes, textures, longer_rows: rows.longer() })
 }
 
 /// Vertices without faces.
@@ -170,7 +170,12 @@ struct Vertices {
     alphas: Vec<f32>,
 }
 
-fn read_vertices(element: &Element, rows: &mut Rows<'_>, budget: &Budget, notes: &mut Vec<String>) -> Result<Vertices> {
+fn read_vertices(
+    element: &Element,
+    rows: &mut PlyRows<'_>,
+    budget: &Budget,
+    notes: &mut Vec<String>,
+) -> Result<Vertices> {
     budget.vertices(element.count)?;
     let find = |names: &[&str]| element.properties.iter().position(|p| names.contains(&p.name.as_str()));
     let mut position = [0; 3];
@@ -226,7 +231,7 @@ fn read_vertices(element: &Element, rows: &mut Rows<'_>, budget: &Budget, notes:
 
 /// Triangles, and what faces state of their corners.
 #[derive(Default)]
-struct Faces {
+struct PlyFaces {
     triangles: Vec<[u32; 3]>,
     corner_uvs: Vec<[[f32; 2]; 3]>,
     /// Linear colors and opacities of the corners.
@@ -237,11 +242,11 @@ struct Faces {
 
 fn read_faces(
     element: &Element,
-    rows: &mut Rows<'_>,
+    rows: &mut PlyRows<'_>,
     vertices: Option<&Vertices>,
     budget: &Budget,
     notes: &mut Vec<String>,
-) -> Result<Faces> {
+) -> Result<PlyFaces> {
     budget.triangles(element.count)?;
     let positions = &vertices.ok_or_else(|| Error::new("faces come before the vertices"))?.mesh.positions;
     let list =
@@ -251,7 +256,7 @@ fn read_faces(
     let (uvs_at, wedge_at) = (list(&["texcoord"]), list(&["color"]));
     let texture_at = element.properties.iter().position(|p| p.list.is_none() && p.name == "texnumber");
     let color = ColorColumns::of(element, rows.is_text(), wedge_at, notes);
-    let mut faces = Faces::default();
+    let mut faces = PlyFaces::default();
     let (mut indices, mut uvs, mut wedge, mut other) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
     let mut outline = Vec::new();
     let mut values = vec![0.0; element.properties.len()];
@@ -323,7 +328,7 @@ fn read_faces(
     Ok(faces)
 }
 
-impl Faces {
+impl PlyFaces {
     /// Material slots: the numbers of textures, where faces have different ones. A number that no texture has is a slot of
     /// its own.
     fn slots(&self, textures: usize) -> Vec<u16> {

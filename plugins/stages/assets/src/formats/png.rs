@@ -3,7 +3,7 @@
 use super::raster;
 use std::borrow::Cow;
 use syntable_mesh::format::{ImageDecoder, ImageFormat};
-use syntable_mesh::image::Image;
+use syntable_mesh::image::DecodedImage;
 use syntable_mesh::limits::Budget;
 use syntable_model::error::{Error, Result};
 
@@ -14,7 +14,7 @@ const MAGIC: &[u8] = b"\x89PNG\r\n\x1a\n";
 const UNREAD: [&[u8; 4]; 3] = [b"iCCP", b"zTXt", b"iTXt"];
 
 /// Decodes a file in memory.
-pub fn decode(bytes: &[u8], budget: &Budget) -> Result<Image> {
+pub fn decode(bytes: &[u8], budget: &Budget) -> Result<DecodedImage> {
     raster::decode("PNG", image::ImageFormat::Png, &readable(bytes)?, budget)
 }
 

@@ -35,7 +35,7 @@ pub fn read(root: &AssetRoot, file: &Path, log: &dyn Log) -> Result<Model> {
     let path = root.locate(file)?;
     let bytes = root.read(&path)?;
     let log = InFile { log, path: &path };
-    let Parsed { corners, colors, opacity } =
+    let StlMesh { corners, colors, opacity } =
         parse(&bytes, root.budget(), &log).map_err(|error| error.in_file(&path))?;
     let mut mesh = merge(&corners);
     if colors.is_empty() {
@@ -54,7 +54,7 @@ pub fn read(root: &AssetRoot, file: &Path, log: &dyn Log) -> Result<Model> {
 }
 
 /// What a file holds.
-struct Parsed {
+struct StlMesh {
     /// All corners in order, three per triangle.
     corners: Vec<[f32; 3]>,
     /// Linear colors of the triangles; empty if the file states none.
@@ -63,7 +63,7 @@ struct Parsed {
     opacity: f32,
 }
 
-impl Parsed {
+impl StlMesh {
     fn new(corners: Vec<[f32; 3]>) -> Result<Self> {
         if corners.is_empty() {
             Err(Error::new("no faces"))
@@ -73,7 +73,7 @@ impl Parsed {
     }
 }
 
-fn parse(bytes: &[u8], budget: &Budget, log: &dyn Log) -> Result<Parsed> {
+fn parse(bytes: &[u8], budget: &Budget, log: &dyn Log) -> Result<StlMesh> {
     // Binary files may begin with `solid` too, but have zero bytes: at the latest in their number of triangles.
     let head = &bytes[..bytes.len().min(HEADER + TRIANGLE)];
     let text =
@@ -97,7 +97,7 @@ fn parse(bytes: &[u8], budget: &Budget, log: &dyn Log) -> Result<Parsed> {
     }
 }
 
-fn binary(bytes: &[u8], count: usize, budget: &Budget, log: &dyn Log) -> Result<Parsed> {
+fn binary(bytes: &[u8], count: usize, budget: &Budget, log: &dyn Log) -> Result<StlMesh> {
     budget.triangles(count)?;
     let mut corners = Vec::with_capacity(3 * count);
     let mut attributes = Vec::with_capacity(count);
@@ -113,13 +113,13 @@ fn binary(bytes: &[u8], count: usize, budget: &Budget, log: &dyn Log) -> Result<
         }
         attributes.push(u16::from_le_bytes([triangle[48], triangle[49]]));
     }
-    let mut parsed = Parsed::new(corners)?;
+    let mut parsed = StlMesh::new(corners)?;
     color(&mut parsed, &bytes[..HEADER_TEXT], &attributes, log);
     Ok(parsed)
 }
 
 /// Reads the colors of a binary file from its header and the attribute bytes of its triangles.
-fn color(parsed: &mut Parsed, header: &[u8], attributes: &[u16], log: &dyn Log) {
+fn color(parsed: &mut StlMesh, header: &[u8], attributes: &[u16], log: &dyn Log) {
     let behind = |key: &[u8]| -> Option<[u8; 4]> {
         let at = header.windows(key.len()).position(|window| window == key)? + key.len();
         header.get(at..at + 4)?.try_into().ok()
@@ -158,7 +158,7 @@ fn color(parsed: &mut Parsed, header: &[u8], attributes: &[u16], log: &dyn Log) 
     }
 }
 
-fn ascii(bytes: &[u8], budget: &Budget) -> Result<Parsed> {
+fn ascii(bytes: &[u8], budget: &Budget) -> Result<StlMesh> {
     let mut corners = Vec::new();
     // The color of the part, that of the current facet, and those of all.
     let mut part: Option<[f64; 3]> = None;
@@ -217,7 +217,7 @@ fn ascii(bytes: &[u8], budget: &Budget) -> Result<Parsed> {
     if !ended || of_loop != 0 {
         return Err(Error::new("the text ends without `endsolid`").at_line(last).help("the file is cut short"));
     }
-    let mut parsed = Parsed::new(corners)?;
+    let mut parsed = StlMesh::new(corners)?;
     if colors.iter().any(Option::is_some) {
         let full = full_intensity(colors.iter().flatten().flatten().copied());
         let plain = default_material(false).base_color.factor;

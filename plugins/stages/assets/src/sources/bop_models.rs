@@ -238,7 +238,7 @@ pub(crate) fn load(root: &AssetRoot, folder: &Path, model: &str, info: ObjectInf
     let mut object = with_keypoints(object, root, &file)?;
     let mut info = read_info(&root.folder().join(folder))?.unwrap_or_default();
     let stated = model_id(&format!("{model}.ply")).and_then(|id| info.remove(&id));
-    let Some(ModelInfo { bounds: stated, symmetries }) = stated else { return Ok(object) };
+    let Some(BopModelInfo { bounds: stated, symmetries }) = stated else { return Ok(object) };
     let found = object.mesh.bounds();
     let apart = (found.min - stated.min).norm().max((found.max - stated.max).norm());
     if apart > TOLERANCE * stated.diagonal() {
@@ -264,7 +264,7 @@ fn sizes(bounds: &Aabb) -> String {
 }
 
 /// What `models_info.json` says of a model.
-pub(crate) struct ModelInfo {
+pub(crate) struct BopModelInfo {
     /// Box of the mesh, meters.
     bounds: Aabb,
     /// Its symmetries, or what is wrong with them.
@@ -272,13 +272,13 @@ pub(crate) struct ModelInfo {
 }
 
 /// What `models_info.json` says of all models by number; none if there is no such file.
-pub(crate) fn read_info(folder: &Path) -> Result<Option<BTreeMap<u64, ModelInfo>>> {
+pub(crate) fn read_info(folder: &Path) -> Result<Option<BTreeMap<u64, BopModelInfo>>> {
     let path = folder.join(INFO);
     if exists(&path)? { parse_info(&path).map(Some) } else { Ok(None) }
 }
 
 /// Reads a file like `models_info.json`.
-pub(crate) fn parse_info(path: &Path) -> Result<BTreeMap<u64, ModelInfo>> {
+pub(crate) fn parse_info(path: &Path) -> Result<BTreeMap<u64, BopModelInfo>> {
     let bytes = read_file(path)?;
     let wrong = |message: String| Error::new(message).in_file(path);
     let json: Value = serde_json::from_slice(&bytes)
@@ -302,7 +302,7 @@ pub(crate) fn parse_info(path: &Path) -> Result<BTreeMap<u64, ModelInfo>> {
         let min = Point3::from(min.map(|x| x * MILLIMETER_M));
         let max = Point3::from([0, 1, 2].map(|i| min[i] + size[i] * MILLIMETER_M));
         let symmetries = Symmetries::deserialize(value).map_err(|error| error.to_string());
-        info.insert(id, ModelInfo { bounds: Aabb { min, max }, symmetries });
+        info.insert(id, BopModelInfo { bounds: Aabb { min, max }, symmetries });
     }
     Ok(info)
 }

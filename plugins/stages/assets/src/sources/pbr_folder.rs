@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use syntable_mesh::format::ImageFormats;
-use syntable_mesh::image::Image;
+use syntable_mesh::image::DecodedImage;
 use syntable_mesh::root::{AssetRoot, is_dir};
 use syntable_mesh::scan::{list, root_name};
 use syntable_model::prelude::*;
@@ -181,7 +181,7 @@ pub(crate) fn read(root: &AssetRoot, name: &str, log: &dyn Log) -> Result<Materi
             let message = format!("{} {} maps; `{}` is used", others.len() + 1, map.name(), file.display());
             log.warn(&Error::new(message).in_file(folder));
         }
-        let mut image = Image::read(root, &root.locate(file)?)?;
+        let mut image = DecodedImage::read(root, &root.locate(file)?)?;
         if map == Map::NormalDx {
             image.flip_green();
         }

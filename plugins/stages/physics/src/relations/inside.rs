@@ -1,7 +1,7 @@
 //! What lies in what.
 
 use super::solid::Solid;
-use super::support::Support;
+use super::support::SupportRelation;
 use crate::units;
 use parry3d::math::Vector;
 use serde::Serialize;
@@ -18,14 +18,14 @@ const QUARTERS: [f32; 2] = [0.585_410_2, 0.138_196_6];
 
 /// An entry of the product `inside`.
 #[derive(Serialize)]
-pub struct Inside {
+pub struct InsideEntry {
     id: u16,
     container: u16,
     fraction: f64,
 }
 
 /// Objects and distractors in a body that carries them.
-pub fn inside(scene: &Scene, solids: &[Solid], support: &Support) -> Vec<Inside> {
+pub fn inside(scene: &Scene, solids: &[Solid], support: &SupportRelation) -> Vec<InsideEntry> {
     let mut found = Vec::new();
     let can_hold = |index: &usize| scene.body(solids[*index].id).is_some_and(|body| body.role != Role::Room);
     for container in (0..solids.len()).filter(can_hold) {
@@ -37,7 +37,7 @@ pub fn inside(scene: &Scene, solids: &[Solid], support: &Support) -> Vec<Inside>
         for object in carried {
             let fraction = hull.fraction_of(&solids[object]);
             if fraction >= MIN_FRACTION {
-                found.push(Inside { id: solids[object].id.0, container: solids[container].id.0, fraction });
+                found.push(InsideEntry { id: solids[object].id.0, container: solids[container].id.0, fraction });
             }
         }
     }

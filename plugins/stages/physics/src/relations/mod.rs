@@ -11,7 +11,7 @@ use crate::rapier::{Collision, Rapier};
 use contact::Contact;
 use force::{Forces, Moving};
 use solid::Solid;
-use support::Support;
+use support::SupportRelation;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{CONTACTS, INSIDE, REMOVAL_ORDER, SUPPORT_GRAPH};
 
@@ -94,7 +94,7 @@ impl SceneAnnotator for Relate {
         let contacts = contact::contacts(&solids, self.margin_m);
         let moving: Vec<Option<Moving>> = solids.iter().map(|solid| Moving::of(solid, scene)).collect();
         let forces = Forces::new(&moving, &contacts);
-        let support = Support::new(&solids, &moving, &contacts, &forces);
+        let support = SupportRelation::new(&solids, &moving, &contacts, &forces);
         let records = contacts.iter().zip(&forces.of_points);
         let records = records.map(|(contact, forces)| Value::of(&ContactView::new(contact, forces, &solids)));
         products.put(CONTACTS, Value::List(records.collect::<Result<_>>()?))?;

@@ -96,7 +96,7 @@ enum Focus {
 
 /// A lens with a known focal length.
 #[derive(Debug)]
-pub struct Lens {
+pub struct FocusedLens {
     options: LensOptions,
     focal_length_m: f64,
 }
@@ -112,7 +112,7 @@ pub enum FocalLength {
 
 impl LensOptions {
     /// The lens for a camera.
-    pub fn lens(self, camera: FocalLength) -> Result<Lens, ConfigError> {
+    pub fn lens(self, camera: FocalLength) -> Result<FocusedLens, ConfigError> {
         self.f_number.within("lens.f_number", F_NUMBER[0], F_NUMBER[1])?;
         if let Focus::DistanceM(distance) = &self.focus {
             distance.within("lens.focus.distance_m", DISTANCE_M[0], DISTANCE_M[1])?;
@@ -128,11 +128,11 @@ impl LensOptions {
                 return Err(ConfigError::new("lens", message).help("add focal_length_mm to `lens`"));
             }
         };
-        Ok(Lens { options: self, focal_length_m: millimeters / 1e3 })
+        Ok(FocusedLens { options: self, focal_length_m: millimeters / 1e3 })
     }
 }
 
-impl Lens {
+impl FocusedLens {
     /// The lens in focus for a view. `camera` has everything but the lens.
     pub fn focused(&self, scene: &Scene, camera: &Camera, context: &Context) -> Result<ThinLens> {
         let support = || Ok(depth(camera, scene.support(self.options.support.as_ref())?.center()));

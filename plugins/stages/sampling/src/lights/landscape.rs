@@ -31,22 +31,24 @@ pub fn landscape(stream: &Stream) -> Result<EnvironmentMap> {
     let landscape = Landscape::new(stream);
     let [width, height] = SIZE;
     // Upright features are drawn in the tangent of the elevation; the rows at the poles stay finite.
-    let rows: Vec<Row> = (0..height).map(|y| Row::new(PI * (0.5 - (f64::from(y) + 0.5) / f64::from(height)))).collect();
-    let columns: Vec<Column> = (0..width).map(|x| landscape.column((f64::from(x) + 0.5) / f64::from(width))).collect();
-    let texel = |row: &Row, column: &Column| landscape.texel(row, column).map(|x| x as f32);
+    let rows: Vec<MapRow> =
+        (0..height).map(|y| MapRow::new(PI * (0.5 - (f64::from(y) + 0.5) / f64::from(height)))).collect();
+    let columns: Vec<MapColumn> =
+        (0..width).map(|x| landscape.column((f64::from(x) + 0.5) / f64::from(width))).collect();
+    let texel = |row: &MapRow, column: &MapColumn| landscape.texel(row, column).map(|x| x as f32);
     let texels = rows.iter().flat_map(|row| columns.iter().map(move |column| texel(row, column))).collect();
     EnvironmentMap::new("landscape", width, height, texels)
 }
 
 /// A row of the map.
-struct Row {
+struct MapRow {
     elevation: f64,
     tangent: f64,
     /// Change of the tangent to the next row.
     step: f64,
 }
 
-impl Row {
+impl MapRow {
     fn new(elevation: f64) -> Self {
         let tangent = libm::tan(elevation);
         Self { elevation, tangent, step: (1.0 + tangent * tangent) * PI / f64::from(SIZE[1]) }
@@ -63,7 +65,7 @@ enum Feature {
 }
 
 /// A part of a layer: from the end of the one before to `end`, in turns.
-struct Segment {
+struct LandscapeSegment {
     start: f64,
     end: f64,
     /// Height, as tangent of the elevation; below the horizon where nothing stands.
@@ -72,17 +74,17 @@ struct Segment {
 }
 
 /// Features at one distance.
-struct Layer {
-    segments: Vec<Segment>,
+struct LandscapeLayer {
+    segments: Vec<LandscapeSegment>,
     /// Tangent of the elevation of their feet, negative.
     foot: f64,
     /// Fraction of the light that the air between adds.
     haze: f64,
-    noise: Noise,
+    noise: ValueNoise,
 }
 
 /// A column of the map.
-struct Column {
+struct MapColumn {
     /// Azimuth, turns.
     turn: f64,
     /// Sine and cosine of it.
@@ -105,8 +107,8 @@ struct Landscape {
     /// Distance at which the ground changes, meters.
     border_m: f64,
     /// The nearest layer first.
-    layers: [Layer; 2],
-    noise: Noise,
+    layers: [LandscapeLayer; 2],
+    noise: ValueNoise,
 }
 
 impl Landscape {
@@ -125,21 +127,21 @@ impl Landscape {
             near: pick(&mut draw, &GROUND),
             far: pick(&mut draw, &GROUND),
             border_m: draw.uniform(4.0, 15.0),
-            noise: Noise(stream.child("noise").seed()),
+            noise: ValueNoise(stream.child("noise").seed()),
             layers: layers.map(|(distance_m, haze, density, name)| {
-                Layer::new(&stream.child(name), eye_m, distance_m, haze, density, town)
+                LandscapeLayer::new(&stream.child(name), eye_m, distance_m, haze, density, town)
             }),
         }
     }
 
-    fn column(&self, u: f64) -> Column {
+    fn column(&self, u: f64) -> MapColumn {
         let turn = 1.0 - u;
         let (sin, cos) = libm::sincos(turn * TAU);
         let hills = self.hills[0] + self.hills[1] * self.noise.around(turn, 7, 0, 3);
-        Column { turn, toward: [cos, sin], hills, features: [0, 1].map(|i| self.layers[i].at(turn)) }
+        MapColumn { turn, toward: [cos, sin], hills, features: [0, 1].map(|i| self.layers[i].at(turn)) }
     }
 
-    fn texel(&self, row: &Row, column: &Column) -> [f64; 3] {
+    fn texel(&self, row: &MapRow, column: &MapColumn) -> [f64; 3] {
         let mut color = match row.tangent > 0.0 {
             true => self.sky(row, column),
             false => self.ground(row, column),
@@ -170,7 +172,7 @@ impl Landscape {
         mix([0.98 * overcast, overcast, 1.03 * overcast], blue.map(|c| c * clear), self.clear)
     }
 
-    fn sky(&self, row: &Row, column: &Column) -> [f64; 3] {
+    fn sky(&self, row: &MapRow, column: &MapColumn) -> [f64; 3] {
         let sine = libm::sin(row.elevation);
         let color = self.sky_color(sine);
         // Clouds are a level sheet.
@@ -181,7 +183,7 @@ impl Landscape {
         mix(color, [1.35, 1.35, 1.38].map(|c| c * (1.15 - 0.5 * sheet)), 0.85 * cloud * (sine * 8.0).min(1.0))
     }
 
-    fn ground(&self, row: &Row, column: &Column) -> [f64; 3] {
+    fn ground(&self, row: &MapRow, column: &MapColumn) -> [f64; 3] {
         let distance = self.eye_m / (-row.tangent).max(1e-3);
         let at = column.toward.map(|c| c * distance);
         // What is finer than a texel is left out.
@@ -195,7 +197,7 @@ impl Landscape {
     }
 }
 
-impl Layer {
+impl LandscapeLayer {
     fn new(stream: &Stream, eye_m: f64, distance_m: f64, haze: f64, density: f64, town: f64) -> Self {
         let mut draw = stream.clone();
         let mut segments = Vec::new();
@@ -216,7 +218,7 @@ impl Layer {
                 false => Feature::Foliage(color),
             };
             if draw.chance(density) {
-                segments.push(Segment { start, end, top, feature });
+                segments.push(LandscapeSegment { start, end, top, feature });
             }
             start = end;
         }
@@ -225,7 +227,7 @@ impl Layer {
             segment.start /= start;
             segment.end /= start;
         }
-        Self { segments, foot: -eye_m / distance_m, haze, noise: Noise(stream.child("leaves").seed()) }
+        Self { segments, foot: -eye_m / distance_m, haze, noise: ValueNoise(stream.child("leaves").seed()) }
     }
 
     /// What stands at an azimuth, the tangent of the elevation of its top, and the distance from its side as a tangent.
@@ -245,7 +247,7 @@ impl Layer {
         Some((segment.feature, top, along))
     }
 
-    fn color(&self, feature: &Feature, row: &Row, column: &Column, top: f64, along: f64) -> [f64; 3] {
+    fn color(&self, feature: &Feature, row: &MapRow, column: &MapColumn, top: f64, along: f64) -> [f64; 3] {
         match *feature {
             Feature::House { color, storey, bay, glass } => {
                 let (below, bays) = ((top - row.tangent) / storey, along / bay);
@@ -266,9 +268,9 @@ impl Layer {
 }
 
 /// Value noise in [0, 1].
-struct Noise(u64);
+struct ValueNoise(u64);
 
-impl Noise {
+impl ValueNoise {
     fn lattice(&self, x: i64, y: i64) -> f64 {
         let mut h =
             self.0 ^ (x as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ (y as u64).wrapping_mul(0xc2b2_ae3d_27d4_eb4f);

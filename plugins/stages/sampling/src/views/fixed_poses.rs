@@ -84,7 +84,7 @@ impl Config for FixedPoses {
             PoseEntry::WorldFromCamera(rows) => from_matrix(rows, &format!("poses[{i}].world_from_camera")),
         };
         let poses = self.poses.into_iter().enumerate().map(pose).collect::<Result<_, _>>()?;
-        Ok(Box::new(Listed { poses, relative_to: self.relative_to, support: self.support }))
+        Ok(Box::new(ListedPoses { poses, relative_to: self.relative_to, support: self.support }))
     }
 }
 register!(FixedPoses);
@@ -132,13 +132,13 @@ fn from_matrix(rows: [[f64; 4]; 4], key: &str) -> Result<Pose, ConfigError> {
     Ok(Pose::from_parts(Translation3::new(rows[0][3], rows[1][3], rows[2][3]), rotation))
 }
 
-struct Listed {
+struct ListedPoses {
     poses: Vec<Pose>,
     relative_to: Origin,
     support: Option<SupportName>,
 }
 
-impl Listed {
+impl ListedPoses {
     fn origin(&self, support: &Support) -> Translation3<f64> {
         match self.relative_to {
             Origin::TabletopCenter => Translation3::from(support.center().coords),
@@ -147,7 +147,7 @@ impl Listed {
     }
 }
 
-impl ViewSampler for Listed {
+impl ViewSampler for ListedPoses {
     fn pose(&self, scene: &Scene, view: ViewId, _: &Context) -> Result<Pose> {
         let pose = self.poses.get(view.0 as usize).ok_or_else(|| {
             Error::new(format!("view {} has no pose; {} are listed", view.0, self.poses.len()))

@@ -1,7 +1,7 @@
 //! Loading a recipe as a preview wants it: few samples, denoised, with the products that are shown.
 
 use super::sheet;
-use super::watch::Files;
+use super::watch::WatchedFiles;
 use std::cell::RefCell;
 use std::path::Path;
 use std::time::SystemTime;
@@ -31,16 +31,16 @@ pub struct Wishes {
 }
 
 /// A recipe with its warnings, or all that is wrong with it; and the files that were read.
-pub struct Loaded {
+pub struct LoadedRecipe {
     /// The recipe.
     pub recipe: Result<(Recipe, Vec<Diagnostic>), Vec<Message>>,
     /// The recipe's files, as they were read.
-    pub files: Files,
+    pub files: WatchedFiles,
 }
 
 impl Wishes {
     /// Loads the recipe.
-    pub fn load(&self, registry: &Registry, log: &dyn Log) -> Loaded {
+    pub fn load(&self, registry: &Registry, log: &dyn Log) -> LoadedRecipe {
         let since = SystemTime::now();
         let mut loaded = self.load_with(registry, Vec::new(), log);
         if let Ok((recipe, _)) = &loaded.recipe {
@@ -74,14 +74,14 @@ impl Wishes {
         changes
     }
 
-    fn load_with(&self, registry: &Registry, more: Vec<(String, String)>, log: &dyn Log) -> Loaded {
-        let files = RefCell::new(Files::default());
+    fn load_with(&self, registry: &Registry, more: Vec<(String, String)>, log: &dyn Log) -> LoadedRecipe {
+        let files = RefCell::new(WatchedFiles::default());
         if let Some(path) = &self.recipe.recipe {
             files.borrow_mut().expect(path);
         }
         let (source, mut base) = match self.recipe.read() {
             Ok(read) => read,
-            Err(error) => return Loaded { recipe: Err(of_error(error)), files: files.into_inner() },
+            Err(error) => return LoadedRecipe { recipe: Err(of_error(error)), files: files.into_inner() },
         };
         if let Some(path) = &source.path {
             files.borrow_mut().read(path, source.text.as_bytes());
@@ -98,7 +98,7 @@ impl Wishes {
         };
         let overrides = Overrides { read: &read, ..base };
         let recipe = check(registry, source, overrides.for_run(), log);
-        Loaded { recipe: recipe.map_err(|report| report.messages()), files: files.into_inner() }
+        LoadedRecipe { recipe: recipe.map_err(|report| report.messages()), files: files.into_inner() }
     }
 }
 

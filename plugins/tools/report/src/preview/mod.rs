@@ -18,4 +18,4 @@ mod text;
 mod watch;
 
 pub use session::{Preview, PreviewOptions};
-pub use studio::Ended;
+pub use studio::PassEnd;

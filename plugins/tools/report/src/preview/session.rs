@@ -1,9 +1,9 @@
 //! A preview with the places where it is shown: made once, or again after every save.
 
 use super::load::Wishes;
-use super::page::{Page, png_of};
+use super::page::{PreviewPage, png_of};
 use super::sheet;
-use super::studio::{Ended, News, Shown, Studio};
+use super::studio::{News, PassEnd, PreviewStudio, StudioOutput};
 use super::watch::Watch;
 use crate::serve::Server;
 use std::path::{Path, PathBuf};
@@ -62,9 +62,9 @@ impl PreviewOptions {
 
 /// A preview of a recipe, which keeps what the next sheet can use.
 pub struct Preview<'a> {
-    studio: Studio<'a>,
+    studio: PreviewStudio<'a>,
     out: Option<PathBuf>,
-    page: Option<(Server, Page)>,
+    page: Option<(Server, PreviewPage)>,
 }
 
 impl<'a> Preview<'a> {
@@ -81,8 +81,8 @@ impl<'a> Preview<'a> {
             return Err(error.help("name another file with --out, or remove this one").of_request());
         }
         let wishes = Wishes { recipe, samples, labels, allow_libraries };
-        let studio = Studio::new(reporter, registry, (wishes, scenes, width), threads)?;
-        let page = serve.map(Server::bind).transpose()?.map(|server| (server, Page::default()));
+        let studio = PreviewStudio::new(reporter, registry, (wishes, scenes, width), threads)?;
+        let page = serve.map(Server::bind).transpose()?.map(|server| (server, PreviewPage::default()));
         Ok(Self { studio, out, page })
     }
 
@@ -96,12 +96,12 @@ impl<'a> Preview<'a> {
     ///
     /// # Errors
     /// If the sheet cannot be drawn or written.
-    pub fn once(&mut self, stop: &Stop) -> Result<Ended> {
+    pub fn once(&mut self, stop: &Stop) -> Result<PassEnd> {
         let out = self.out.as_deref();
         // Until all of its images are made, the sheet of before stays.
         let mut show = |news: &News| match news.shown {
-            Shown::Sheet(_) if !news.is_busy => store(out, &png_of(news.shown)?),
-            Shown::Sheet(_) | Shown::Mistakes(_) => Ok(()),
+            StudioOutput::Sheet(_) if !news.is_busy => store(out, &png_of(news.shown)?),
+            StudioOutput::Sheet(_) | StudioOutput::Mistakes(_) => Ok(()),
         };
         self.studio.pass(&Watch::default(), stop, &mut show)
     }
@@ -129,7 +129,7 @@ impl<'a> Preview<'a> {
             while !stop.is_requested() {
                 let work = watch.begin();
                 let ended = studio.pass(&watch, &work, &mut show)?;
-                watch.wait((ended == Ended::Mistaken).then_some(AGAIN), stop);
+                watch.wait((ended == PassEnd::Mistaken).then_some(AGAIN), stop);
             }
             Ok(())
         })

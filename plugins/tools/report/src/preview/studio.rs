@@ -1,8 +1,8 @@
 //! Making what a recipe changes, image by image: what stays the same is kept.
 
-use super::load::{self, Loaded, Wishes};
-use super::sheet::{self, Cell, Sheet};
-use super::watch::{Files, Watch};
+use super::load::{self, LoadedRecipe, Wishes};
+use super::sheet::{self, Sheet, SheetCell};
+use super::watch::{Watch, WatchedFiles};
 use parking_lot::Mutex;
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
@@ -34,7 +34,7 @@ const MAX_PIXELS: u64 = 1 << 27;
 
 /// What is shown.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Shown {
+pub enum StudioOutput {
     /// Images, and how many of them are made.
     Sheet(Sheet),
     /// What is wrong with the recipe.
@@ -44,7 +44,7 @@ pub enum Shown {
 /// Something to show, with what was said of it.
 pub struct News<'a> {
     /// What is shown.
-    pub shown: &'a Shown,
+    pub shown: &'a StudioOutput,
     /// Name of the dataset, once a recipe was loaded.
     pub name: &'a str,
     /// Warnings, one per line as they are printed.
@@ -55,7 +55,7 @@ pub struct News<'a> {
 
 /// How a pass ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Ended {
+pub enum PassEnd {
     /// With all images that could be made.
     Done {
         /// Scenes that failed.
@@ -70,17 +70,17 @@ pub enum Ended {
 }
 
 /// Makes sheets of a recipe, and keeps what the next one can use.
-pub struct Studio<'a> {
+pub struct PreviewStudio<'a> {
     reporter: &'a dyn Reporter,
     registry: &'a Registry,
     wishes: Wishes,
     scenes: Option<SceneRange>,
     width: u32,
     previewer: Previewer,
-    images: Images,
+    images: ImageCache,
     /// What was shown last, to be shown until something newer is there.
     sheet: Option<Sheet>,
-    files: Files,
+    files: WatchedFiles,
     /// Mistakes that were told.
     told: Option<String>,
     name: String,
@@ -88,12 +88,12 @@ pub struct Studio<'a> {
 
 /// Images by what they follow from, the oldest first.
 #[derive(Default)]
-struct Images {
+struct ImageCache {
     all: BTreeMap<Digest, Arc<Plane<Color>>>,
     order: VecDeque<Digest>,
 }
 
-impl Images {
+impl ImageCache {
     fn add(&mut self, key: Digest, image: Arc<Plane<Color>>, most: usize) {
         if self.all.insert(key, image).is_none() {
             self.order.push_back(key);
@@ -113,7 +113,7 @@ impl Images {
     }
 }
 
-impl<'a> Studio<'a> {
+impl<'a> PreviewStudio<'a> {
     /// Nothing made yet.
     pub fn new(
         reporter: &'a dyn Reporter,
@@ -128,9 +128,9 @@ impl<'a> Studio<'a> {
             scenes,
             width,
             previewer: Previewer::new(threads, DiskCache::of_user())?,
-            images: Images::default(),
+            images: ImageCache::default(),
             sheet: None,
-            files: Files::default(),
+            files: WatchedFiles::default(),
             told: None,
             name: String::new(),
         })
@@ -138,10 +138,10 @@ impl<'a> Studio<'a> {
 
     /// Loads the recipe and makes what is new in it. `show` is called whenever there is something to show; its error ends
     /// the pass.
-    pub fn pass(&mut self, watch: &Watch, stop: &Stop, show: &mut dyn FnMut(&News) -> Result<()>) -> Result<Ended> {
+    pub fn pass(&mut self, watch: &Watch, stop: &Stop, show: &mut dyn FnMut(&News) -> Result<()>) -> Result<PassEnd> {
         let start = Instant::now();
         let doubts = Collected::default();
-        let Loaded { recipe, mut files } = self.wishes.load(self.registry, &doubts);
+        let LoadedRecipe { recipe, mut files } = self.wishes.load(self.registry, &doubts);
         let doubts: Vec<Message> = doubts.merged().into_iter().map(Message::Warning).collect();
         if recipe.is_err() {
             files.add_all(&self.files);
@@ -163,7 +163,7 @@ impl<'a> Studio<'a> {
             let error = Error::new(format!("a sheet of {cells} images of {} pixels across is too large", expected[0]));
             return self.mistaken(&load::of_error(error.help("lower --width, or show fewer scenes or views")), show);
         }
-        let said = Said { reporter: self.reporter, warnings: Mutex::default() };
+        let said = WarningRecorder { reporter: self.reporter, warnings: Mutex::default() };
         let log = Warnings(&said);
         self.name.clone_from(&recipe.dataset.name);
         for warning in doubts.into_iter().chain(warnings.into_iter().map(Message::Diagnostic)) {
@@ -189,18 +189,18 @@ impl<'a> Studio<'a> {
             .collect();
         let before = self.sheet.take();
         let cells = keys.iter().enumerate().map(|(index, key)| match self.images.all.get(key) {
-            Some(image) => Cell::Image { image: Arc::clone(image), is_current: true },
+            Some(image) => SheetCell::Image { image: Arc::clone(image), is_current: true },
             None => outdated(before.as_ref(), (scenes[index / columns], views[index % columns])),
         });
         let sheet = Sheet { cells: cells.collect(), scenes: scenes.clone(), views: views.clone(), expected };
-        let missing = |cell: &Cell| !matches!(cell, Cell::Image { is_current: true, .. });
+        let missing = |cell: &SheetCell| !matches!(cell, SheetCell::Image { is_current: true, .. });
         let todo: Vec<Vec<u32>> = (sheet.cells.chunks(columns))
             .map(|row| row.iter().zip(&views).filter(|(cell, _)| missing(cell)).map(|(_, &view)| view).collect())
             .collect();
         let is_busy = todo.iter().any(|views| !views.is_empty());
-        let mut shown = Shown::Sheet(sheet);
+        let mut shown = StudioOutput::Sheet(sheet);
         let (images, name) = (&mut self.images, self.name.as_str());
-        let mut tell = |shown: &Shown, is_busy: bool| {
+        let mut tell = |shown: &StudioOutput, is_busy: bool| {
             let warnings = said.warnings.lock().clone();
             show(&News { shown, name, warnings: &warnings, is_busy })
         };
@@ -217,7 +217,7 @@ impl<'a> Studio<'a> {
                 let drawn = sheet::cell(products, panels > 1).and_then(|image| {
                     let (index, image) = (of(view), Arc::new(image));
                     images.add(keys[index], Arc::clone(&image), KEPT + keys.len());
-                    put(&mut shown, index, Cell::Image { image, is_current: true });
+                    put(&mut shown, index, SheetCell::Image { image, is_current: true });
                     made += 1;
                     tell(&shown, true)
                 });
@@ -230,7 +230,7 @@ impl<'a> Studio<'a> {
                 failed += 1;
                 for &view in missing {
                     images.remove(&keys[of(view)]);
-                    put(&mut shown, of(view), Cell::Failed(error.to_string()));
+                    put(&mut shown, of(view), SheetCell::Failed(error.to_string()));
                 }
             }
         }
@@ -239,29 +239,29 @@ impl<'a> Studio<'a> {
         if result.is_ok() && !stop.is_requested() && is_busy {
             result = tell(&shown, false);
         }
-        if let Shown::Sheet(sheet) = shown {
+        if let StudioOutput::Sheet(sheet) = shown {
             self.sheet = Some(sheet);
         }
         result?;
         if stop.is_requested() {
-            return Ok(Ended::Stopped);
+            return Ok(PassEnd::Stopped);
         }
         let message =
             format!("{} of {} made in {:.1} s", made, count(keys.len() as u32, "image"), start.elapsed().as_secs_f64());
         self.reporter.event(&Event::Note { message });
-        Ok(Ended::Done { failed, is_lossy: !losses.is_empty() })
+        Ok(PassEnd::Done { failed, is_lossy: !losses.is_empty() })
     }
 
     /// Shows what is wrong with a recipe, unless that is what was shown last.
-    fn mistaken(&mut self, messages: &[Message], show: &mut dyn FnMut(&News) -> Result<()>) -> Result<Ended> {
+    fn mistaken(&mut self, messages: &[Message], show: &mut dyn FnMut(&News) -> Result<()>) -> Result<PassEnd> {
         let text = load::said(messages);
         if self.told.as_ref() != Some(&text) {
             messages.iter().for_each(|message| self.reporter.message(message));
-            let shown = Shown::Mistakes(text.clone());
+            let shown = StudioOutput::Mistakes(text.clone());
             show(&News { shown: &shown, name: &self.name, warnings: &[], is_busy: false })?;
             self.told = Some(text);
         }
-        Ok(Ended::Mistaken)
+        Ok(PassEnd::Mistaken)
     }
 }
 
@@ -282,31 +282,31 @@ fn shown_of(recipe: &Recipe, scenes: Option<SceneRange>, views: Option<u32>) -> 
 }
 
 /// What was shown of a view before, as no longer current.
-fn outdated(before: Option<&Sheet>, (scene, view): (u32, u32)) -> Cell {
+fn outdated(before: Option<&Sheet>, (scene, view): (u32, u32)) -> SheetCell {
     let found = before.and_then(|sheet| {
         let row = sheet.scenes.iter().position(|&other| other == scene)?;
         let column = sheet.views.iter().position(|&other| other == view)?;
         sheet.cells.get(row * sheet.views.len() + column)
     });
     match found {
-        Some(Cell::Image { image, .. }) => Cell::Image { image: Arc::clone(image), is_current: false },
-        _ => Cell::Waiting,
+        Some(SheetCell::Image { image, .. }) => SheetCell::Image { image: Arc::clone(image), is_current: false },
+        _ => SheetCell::Waiting,
     }
 }
 
-fn put(shown: &mut Shown, index: usize, cell: Cell) {
-    if let Shown::Sheet(sheet) = shown {
+fn put(shown: &mut StudioOutput, index: usize, cell: SheetCell) {
+    if let StudioOutput::Sheet(sheet) = shown {
         sheet.cells[index] = cell;
     }
 }
 
 /// A reporter that remembers warnings, for the page.
-struct Said<'a> {
+struct WarningRecorder<'a> {
     reporter: &'a dyn Reporter,
     warnings: Mutex<Vec<String>>,
 }
 
-impl Reporter for Said<'_> {
+impl Reporter for WarningRecorder<'_> {
     fn event(&self, event: &Event) {
         if let Event::Message(record) = event
             && record.level == Level::Warning

@@ -27,28 +27,28 @@ const SMALL: u64 = 1 << 20;
 
 /// Files with what is known of their content.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
-pub struct Files(BTreeMap<PathBuf, Known>);
+pub struct WatchedFiles(BTreeMap<PathBuf, FileStamp>);
 
 /// What is known of a file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-struct Known {
+struct FileStamp {
     /// Digest of the content; none of a file that could not be read.
     content: Option<Digest>,
     /// Size and time of the last change, of a large file.
     stamp: Option<(u64, SystemTime)>,
 }
 
-impl Files {
+impl WatchedFiles {
     /// A file that was read, with the bytes that were in it then.
     pub fn read(&mut self, path: &Path, bytes: &[u8]) {
         // The same digest as that of a file that is read again.
         let content = Digest::of_reader(bytes).ok().map(|(digest, _)| digest);
-        self.0.insert(path.to_owned(), Known { content, stamp: None });
+        self.0.insert(path.to_owned(), FileStamp { content, stamp: None });
     }
 
     /// A file that could not be read.
     pub fn expect(&mut self, path: &Path) {
-        self.0.entry(path.to_owned()).or_insert(Known { content: None, stamp: None });
+        self.0.entry(path.to_owned()).or_insert(FileStamp { content: None, stamp: None });
     }
 
     /// A file that was read since some time, with the content that it has now; one that was written since then counts as
@@ -57,7 +57,7 @@ impl Files {
         if !path.is_dir() && !self.0.contains_key(path) {
             let written = path.metadata().and_then(|metadata| metadata.modified());
             let is_late = written.is_ok_and(|at| at + TICK >= since && at <= SystemTime::now());
-            let known = if is_late { Known { content: None, stamp: None } } else { look(path, None) };
+            let known = if is_late { FileStamp { content: None, stamp: None } } else { look(path, None) };
             self.0.insert(path.to_owned(), known);
         }
     }
@@ -89,8 +89,8 @@ impl Files {
 }
 
 /// What a file is now. What is known of a large one holds as long as its size and time do.
-fn look(path: &Path, known: Option<&Known>) -> Known {
-    let nothing = Known { content: None, stamp: None };
+fn look(path: &Path, known: Option<&FileStamp>) -> FileStamp {
+    let nothing = FileStamp { content: None, stamp: None };
     let Ok(metadata) = path.metadata() else { return nothing };
     if !metadata.is_file() {
         return nothing;
@@ -101,19 +101,19 @@ fn look(path: &Path, known: Option<&Known>) -> Known {
         return *known;
     }
     let content = File::open(path).and_then(Digest::of_reader).ok().map(|(digest, _)| digest);
-    Known { content, stamp }
+    FileStamp { content, stamp }
 }
 
 /// Files that are watched, while work that follows from them is done or waits.
 #[derive(Default)]
 pub struct Watch {
-    state: Mutex<State>,
+    state: Mutex<PreviewState>,
     told: Condvar,
 }
 
 #[derive(Default)]
-struct State {
-    files: Files,
+struct PreviewState {
+    files: WatchedFiles,
     has_changed: bool,
     /// Ends the work that a change makes useless.
     work: Stop,
@@ -123,12 +123,12 @@ impl Watch {
     /// States that work begins on files that are about to be read. A change from now on ends it.
     pub fn begin(&self) -> Stop {
         let mut state = self.state.lock();
-        *state = State::default();
+        *state = PreviewState::default();
         state.work.clone()
     }
 
     /// States what was read.
-    pub fn set(&self, files: Files) {
+    pub fn set(&self, files: WatchedFiles) {
         self.state.lock().files = files;
     }
 
@@ -195,7 +195,7 @@ mod tests {
         thread::scope(|scope| {
             scope.spawn(|| watch.run(&stop));
             let work = watch.begin();
-            let mut files = Files::default();
+            let mut files = WatchedFiles::default();
             files.read(&path, b"a = 1\n");
             watch.set(files);
             act(&path);
@@ -238,11 +238,11 @@ mod tests {
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("recipe.toml");
         fs::write(&path, "old").expect("written");
-        let mut files = Files::default();
+        let mut files = WatchedFiles::default();
         files.read(&path, b"read before that");
         assert!(files.changed(&mut BTreeMap::new()));
         // A file that was missing comes.
-        let mut files = Files::default();
+        let mut files = WatchedFiles::default();
         let other = folder.path().join("other.toml");
         files.expect(&other);
         assert!(!files.changed(&mut BTreeMap::new()));
@@ -256,7 +256,7 @@ mod tests {
         let path = folder.path().join("points.json");
         let since = SystemTime::now() - Duration::from_secs(1);
         fs::write(&path, "new").expect("written");
-        let mut files = Files::default();
+        let mut files = WatchedFiles::default();
         files.add(&path, since);
         assert!(files.changed(&mut BTreeMap::new()));
     }
@@ -270,7 +270,7 @@ mod tests {
         let since = SystemTime::now();
         let file = File::options().write(true).open(&path).expect("there");
         file.set_modified(since - Duration::from_millis(10)).expect("a time");
-        let mut files = Files::default();
+        let mut files = WatchedFiles::default();
         files.add(&path, since);
         assert!(files.changed(&mut BTreeMap::new()));
     }
@@ -280,7 +280,7 @@ mod tests {
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("list.txt");
         fs::write(&path, vec![1; 2 << 20]).expect("written");
-        let mut files = Files::default();
+        let mut files = WatchedFiles::default();
         // What a clock of coarse ticks says is past.
         let later = SystemTime::now() + Duration::from_secs(1);
         files.add(&path, later);

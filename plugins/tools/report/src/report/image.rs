@@ -29,16 +29,16 @@ pub struct ImageView {
     /// Least and greatest depth, m; none without depths.
     pub depth_m: Option<[f32; 2]>,
     /// Its objects, in the order of their ids.
-    pub objects: Vec<ObjectView>,
+    pub objects: Vec<ImageObject>,
     /// Who occludes whom; none if that is not known.
-    pub graph: Option<GraphView>,
+    pub graph: Option<OcclusionGraphView>,
     /// What is wrong with it: the check, and a sentence.
     pub faults: Vec<[String; 2]>,
 }
 
 /// An object in an image. Masks are run lengths as in COCO files.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
-pub struct ObjectView {
+pub struct ImageObject {
     /// Its id.
     pub id: u16,
     /// Whether no pixel of it is seen.
@@ -69,7 +69,7 @@ pub struct ObjectView {
 
 /// The occlusion graph of an image, by ids of objects.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
-pub struct GraphView {
+pub struct OcclusionGraphView {
     /// Occluder and occludee.
     pub edges: Vec<[u16; 2]>,
     /// Sets of objects that occlude each other, directly or through others of the set.
@@ -80,7 +80,7 @@ pub struct GraphView {
 
 /// What a gallery tells of an image.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct ImageRow {
+pub struct GalleryRow {
     /// What the dataset calls it.
     pub name: String,
     /// Its scene and view.
@@ -133,10 +133,10 @@ pub fn read(
         let read = read.map_err(|error| error.context(format!("image \"{}\"", of.name)))?;
         (read.size, read.products)
     };
-    let mut objects: BTreeMap<InstanceId, ObjectView> = BTreeMap::new();
+    let mut objects: BTreeMap<InstanceId, ImageObject> = BTreeMap::new();
     // Of amodal masks alone nobody knows what is hidden.
     let has_visible = offers.contains(&VISIBLE_MASK.id());
-    let mut put = Objects { products: &products, objects: &mut objects };
+    let mut put = ObjectCollector { products: &products, objects: &mut objects };
     put.each(VISIBLE_MASK, |object, mask: &Mask| {
         object.is_hidden = mask.is_empty();
         object.visible = (!mask.is_empty()).then(|| mask.to_coco());
@@ -165,7 +165,7 @@ pub fn read(
             let named = |sets: Vec<Vec<usize>>| {
                 sets.iter().map(|set| set.iter().map(|&node| ids[node].0).collect()).collect::<Vec<Vec<u16>>>()
             };
-            Some(GraphView {
+            Some(OcclusionGraphView {
                 edges: graph.edges().map(|(i, j)| [ids[i].0, ids[j].0]).collect(),
                 cycles: named(graph.cycles()),
                 depth_layers: named(graph.depth_layers()),
@@ -214,19 +214,19 @@ fn read_all(
     (size, all)
 }
 
-struct Objects<'a> {
+struct ObjectCollector<'a> {
     products: &'a Products,
-    objects: &'a mut BTreeMap<InstanceId, ObjectView>,
+    objects: &'a mut BTreeMap<InstanceId, ImageObject>,
 }
 
-impl Objects<'_> {
-    fn each<T>(&mut self, key: Key<PerInstance<T>>, mut put: impl FnMut(&mut ObjectView, &T)) -> Result<()>
+impl ObjectCollector<'_> {
+    fn each<T>(&mut self, key: Key<PerInstance<T>>, mut put: impl FnMut(&mut ImageObject, &T)) -> Result<()>
     where
         PerInstance<T>: Product,
     {
         let Some(values) = self.products.optional(key)? else { return Ok(()) };
         for (id, value) in values.iter() {
-            let new = || ObjectView { id: id.0, ..ObjectView::default() };
+            let new = || ImageObject { id: id.0, ..ImageObject::default() };
             put(self.objects.entry(id).or_insert_with(new), value);
         }
         Ok(())
@@ -235,9 +235,9 @@ impl Objects<'_> {
 
 impl ImageView {
     /// What a gallery tells of it.
-    pub fn row(&self) -> ImageRow {
+    pub fn row(&self) -> GalleryRow {
         let rates = self.objects.iter().filter_map(|object| object.rate);
-        ImageRow {
+        GalleryRow {
             name: self.name.clone(),
             place: [self.scene, self.view],
             size: self.size,

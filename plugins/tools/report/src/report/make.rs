@@ -2,9 +2,9 @@
 
 use super::overview::{MOST_OCCLUDED, MOST_WORST, by_occlusion};
 use super::record::run_of;
-use super::scored::Scored;
-use super::{Counted, Report, Shown};
-use crate::stats::{self, Options, Statistics};
+use super::scored::ReportScores;
+use super::{DatasetReport, ReportSelection, StatisticsProgress};
+use crate::stats::{self, DatasetStatistics, StatisticsOptions};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use syntable_model::digest::{Digest, Hasher};
@@ -13,7 +13,7 @@ use syntable_model::left_out::LeftOut;
 use syntable_model::reader::{self, Source};
 use syntable_model::registry::Registry;
 use syntable_runtime::durable::{self, Draft, Standing};
-use syntable_runtime::images::{Work, each};
+use syntable_runtime::images::{ImageWork, each};
 use syntable_runtime::left_out::LeftOutReport;
 use syntable_runtime::paths::{dataset_folder, lies_in};
 use syntable_runtime::run::check_place;
@@ -76,7 +76,7 @@ pub struct MadeReport {
 ///
 /// # Errors
 /// If the dataset cannot be opened, the folder is not free, a file cannot be written, or the work was asked to stop.
-pub fn make(registry: &Registry, options: &ReportOptions, work: &Work) -> Result<MadeReport> {
+pub fn make(registry: &Registry, options: &ReportOptions, work: &ImageWork) -> Result<MadeReport> {
     let ReportOptions { dataset: source, scores, .. } = options;
     let dataset = &source.path;
     let out = options.out.clone().map_or_else(|| beside(registry, dataset), Ok).map_err(Error::of_request)?;
@@ -90,26 +90,26 @@ pub fn make(registry: &Registry, options: &ReportOptions, work: &Work) -> Result
     check_place(&out, dataset)?;
     check_out(&out, options.overwrite)?;
     let (format, opened) = registry.open_dataset(source, options.format.as_deref())?;
-    let scored = scores.as_ref().map(|file| Scored::open(file, &opened)).transpose()?;
-    let counting = Options { images: !options.labels_only, ..Options::default() };
+    let scored = scores.as_ref().map(|file| ReportScores::open(file, &opened)).transpose()?;
+    let counting = StatisticsOptions { images: !options.labels_only, ..StatisticsOptions::default() };
     let mut incomplete = Vec::new();
     let counted = match stats::of(&opened, &counting, work) {
-        Ok(statistics) => Counted::Done(Box::new(statistics)),
+        Ok(statistics) => StatisticsProgress::Done(Box::new(statistics)),
         Err(error) if work.stop.is_requested() => return Err(error),
         Err(error) => {
             let error = error.in_file(dataset);
             incomplete
                 .push(Error::new(format!("no statistics: {error}")).help("`syntable validate` lists what is wrong"));
-            Counted::Failed(error.to_string())
+            StatisticsProgress::Failed(error.to_string())
         }
     };
-    let worst = scored.as_ref().map_or(&[][..], Scored::images);
+    let worst = scored.as_ref().map_or(&[][..], ReportScores::images);
     let (most_worst, most) = (worst.len(), options.images);
-    let chosen = |of: &reader::OpenDataset| Shown {
+    let chosen = |of: &reader::OpenDataset| ReportSelection {
         images: choose(of.images.len(), most, statistics(&counted), worst),
         scenes: Some(options.scenes),
     };
-    let mut report = Report::of(registry, opened, format.name(), source, chosen)?;
+    let mut report = DatasetReport::of(registry, opened, format.name(), source, chosen)?;
     if let Some(scored) = scored {
         report = report.with_scores(scored);
     }
@@ -139,7 +139,12 @@ pub fn make(registry: &Registry, options: &ReportOptions, work: &Work) -> Result
 }
 
 /// What is not on the pages: images and other parts that cannot be read, and the statistics.
-fn left_out(report: &Report, unread: Vec<String>, incomplete: Vec<Error>, not_objects: Vec<LeftOut>) -> LeftOutReport {
+fn left_out(
+    report: &DatasetReport,
+    unread: Vec<String>,
+    incomplete: Vec<Error>,
+    not_objects: Vec<LeftOut>,
+) -> LeftOutReport {
     let lost = report.lost();
     let mut parts = Vec::new();
     for (reasons, one) in [(unread.len(), "image"), (lost.len(), "other part")] {
@@ -156,15 +161,15 @@ fn left_out(report: &Report, unread: Vec<String>, incomplete: Vec<Error>, not_ob
     left_out
 }
 
-fn statistics(counted: &Counted) -> Option<&Statistics> {
+fn statistics(counted: &StatisticsProgress) -> Option<&DatasetStatistics> {
     match counted {
-        Counted::Done(statistics) => Some(statistics),
+        StatisticsProgress::Done(statistics) => Some(statistics),
         _ => None,
     }
 }
 
 /// Images to show, ascending: those with the worst scores, the most occluded ones, and others at even distances.
-pub fn choose(all: usize, most: usize, statistics: Option<&Statistics>, worst: &[usize]) -> Vec<usize> {
+pub fn choose(all: usize, most: usize, statistics: Option<&DatasetStatistics>, worst: &[usize]) -> Vec<usize> {
     if most >= all {
         return (0..all).collect();
     }
@@ -219,8 +224,8 @@ fn check_out(out: &Path, overwrite: bool) -> Result<()> {
 /// Writes all files of a report into a folder.
 ///
 /// # Errors
-/// If one cannot be written, or the work was asked to stop. What of the dataset cannot be read is left out, see [`Report::unread`] and [`Report::lost`].
-pub fn write(report: &Report, draft: &Draft, work: &Work) -> Result<()> {
+/// If one cannot be written, or the work was asked to stop. What of the dataset cannot be read is left out, see [`DatasetReport::unread`] and [`DatasetReport::lost`].
+pub fn write(report: &DatasetReport, draft: &Draft, work: &ImageWork) -> Result<()> {
     report.gather_licenses();
     let mut edition = Some(Hasher::new("edition of a report"));
     let mut add = |digest: Digest| edition = edition.take().map(|it| it.digest(digest));

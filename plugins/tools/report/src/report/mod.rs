@@ -1,6 +1,6 @@
 //! Pages that show a dataset: what it is, its numbers, its images with their labels, its scenes in space.
 //!
-//! A report is a function from paths to files ([`Report::file`]). `syntable report` asks for all of them and writes a folder,
+//! A report is a function from paths to files ([`DatasetReport::file`]). `syntable report` asks for all of them and writes a folder,
 //! `syntable view` for what a browser wants to see. Pages work without a server: what would be fetched is a script that calls
 //! `put` with a value, and a page loads the few that it shows.
 //!
@@ -24,13 +24,13 @@ mod plot;
 pub mod record;
 pub mod scored;
 
-use crate::stats::Statistics;
+use crate::stats::DatasetStatistics;
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
-use image::{ImageRow, ImageView};
+use image::{GalleryRow, ImageView};
 use parking_lot::Mutex;
-use record::{Licenses, Record};
-use scored::Scored;
+use record::{DatasetRecord, Licenses};
+use scored::ReportScores;
 use serde::Serialize;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -81,7 +81,7 @@ const PAGES: [(&str, &str); 4] = [
 ];
 
 /// The pages of a dataset.
-pub struct Report {
+pub struct DatasetReport {
     dataset: OpenDataset,
     /// What it was read as.
     format: &'static str,
@@ -89,7 +89,7 @@ pub struct Report {
     path: String,
     /// What must hold in every image.
     checks: Vec<Arc<dyn LabelCheck>>,
-    record: Record,
+    record: DatasetRecord,
     /// Images that the pages show, ascending.
     shown: Vec<usize>,
     /// Scenes with a model that the pages show.
@@ -99,43 +99,43 @@ pub struct Report {
     /// Gathered from labels when somebody asks, which takes a while.
     licenses: OnceLock<(Licenses, Vec<String>)>,
     /// Scores of predictions, if some are shown.
-    scored: Option<Scored>,
+    scored: Option<ReportScores>,
     /// What tells a report that was written from another one at its place.
     edition: OnceLock<String>,
     pages: Tera,
     /// What was read of shown images.
-    rows: Vec<Mutex<Option<ImageRow>>>,
+    rows: Vec<Mutex<Option<GalleryRow>>>,
     /// What checks found in shown images, by place; nothing of those that were not checked.
     faults: Mutex<BTreeMap<usize, Vec<[String; 2]>>>,
     /// The numbers of the dataset, once they are counted.
-    statistics: Mutex<Counted>,
+    statistics: Mutex<StatisticsProgress>,
 }
 
 /// How far the statistics are.
-pub enum Counted {
+pub enum StatisticsProgress {
     /// They are counted, and a sentence that says how far.
     Working(String),
     /// They cannot be had, and why.
     Failed(String),
     /// They are there.
-    Done(Box<Statistics>),
+    Done(Box<DatasetStatistics>),
 }
 
 /// What pages show of a dataset.
-pub struct Shown {
+pub struct ReportSelection {
     /// Images, ascending.
     pub images: Vec<usize>,
     /// Most scenes in space; all if not given.
     pub scenes: Option<usize>,
 }
 
-impl Report {
+impl DatasetReport {
     /// Opens a dataset. `choose` says what of it is shown.
     pub fn open(
         registry: &Registry,
         source: &Source,
         format: Option<&str>,
-        choose: impl FnOnce(&OpenDataset) -> Shown,
+        choose: impl FnOnce(&OpenDataset) -> ReportSelection,
     ) -> Result<Self> {
         let (format, dataset) = registry.open_dataset(source, format)?;
         Self::of(registry, dataset, format.name(), source, choose)
@@ -147,19 +147,19 @@ impl Report {
         dataset: OpenDataset,
         format: &'static str,
         source: &Source,
-        choose: impl FnOnce(&OpenDataset) -> Shown,
+        choose: impl FnOnce(&OpenDataset) -> ReportSelection,
     ) -> Result<Self> {
         let path = source.path.as_path();
         if dataset.images.is_empty() {
             return Err(Error::new("the dataset has no image").in_file(path));
         }
-        let record = Record::of(source);
-        let Shown { images: shown, scenes: most } = choose(&dataset);
+        let record = DatasetRecord::of(source);
+        let ReportSelection { images: shown, scenes: most } = choose(&dataset);
         let scenes: Vec<u32> = record.models.keys().copied().take(most.unwrap_or(usize::MAX)).collect();
         let mut pages = Tera::default();
         pages.add_raw_templates(SHARED.into_iter().chain(PAGES)).map_err(|error| wrong_page(&error))?;
         let rows = shown.iter().map(|_| Mutex::new(None)).collect();
-        let statistics = Mutex::new(Counted::Working("nothing is counted yet".to_owned()));
+        let statistics = Mutex::new(StatisticsProgress::Working("nothing is counted yet".to_owned()));
         let path = path.display().to_string();
         Ok(Self {
             dataset,
@@ -186,7 +186,7 @@ impl Report {
     }
 
     /// Shows predictions, too.
-    pub fn with_scores(self, scored: Scored) -> Self {
+    pub fn with_scores(self, scored: ReportScores) -> Self {
         Self { scored: Some(scored), ..self }
     }
 
@@ -212,13 +212,13 @@ impl Report {
     }
 
     /// Puts the statistics, or how far they are.
-    pub fn put_statistics(&self, counted: Counted) {
+    pub fn put_statistics(&self, counted: StatisticsProgress) {
         *self.statistics.lock() = counted;
     }
 
     /// Whether the statistics are there, or cannot be had.
     pub fn is_counted(&self) -> bool {
-        !matches!(&*self.statistics.lock(), Counted::Working(_))
+        !matches!(&*self.statistics.lock(), StatisticsProgress::Working(_))
     }
 
     /// Number of images that are shown.
@@ -350,7 +350,7 @@ impl Report {
         WholeView { image: view, has_scene: self.scenes().contains(&view.scene), predicted }
     }
 
-    fn row(&self, place: usize) -> Result<ImageRow> {
+    fn row(&self, place: usize) -> Result<GalleryRow> {
         let mut row = self.rows[place].lock();
         if let Some(row) = &*row {
             return Ok(row.clone());
@@ -367,7 +367,7 @@ impl Report {
         if first >= self.shown.len() {
             return Ok(None);
         }
-        let rows: Vec<ImageRow> =
+        let rows: Vec<GalleryRow> =
             (first..self.shown.len().min(first + PER_PAGE)).map(|place| self.row(place)).collect::<Result<_>>()?;
         Ok(Some(self.put(&format!("rows/{page}"), &rows)))
     }

@@ -24,7 +24,7 @@ const MAX_JSON: u32 = 64 << 20;
 
 /// What is known of how a dataset was made. Of a dataset of another program that is little.
 #[derive(Debug, Default)]
-pub struct Record {
+pub struct DatasetRecord {
     /// The folder of the run; none if no run made the dataset.
     folder: Option<DatasetFolder>,
     /// The resolved recipe; empty if there is none.
@@ -70,7 +70,7 @@ pub struct LicenseCount {
 /// Licenses by `pool/name`; of materials, whose pool a glTF file does not say, by `/name`.
 pub type Licenses = BTreeMap<String, String>;
 
-impl Record {
+impl DatasetRecord {
     /// Reads what the folder of a run has; nothing of a folder that no run made.
     pub fn of(dataset: &Source) -> Self {
         let opened = run_of(&dataset.path).and_then(|root| match root {

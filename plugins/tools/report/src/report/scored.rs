@@ -9,7 +9,7 @@ use syntable_model::reader::OpenDataset;
 
 /// Scores of a dataset's predictions.
 #[derive(Debug)]
-pub struct Scored {
+pub struct ReportScores {
     scores: Scores,
     /// Images with predictions by their index in the dataset, worst first.
     images: Vec<usize>,
@@ -17,7 +17,7 @@ pub struct Scored {
     places: BTreeMap<usize, usize>,
 }
 
-impl Scored {
+impl ReportScores {
     /// Reads a file of scores of this dataset.
     ///
     /// # Errors

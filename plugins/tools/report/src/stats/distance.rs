@@ -1,12 +1,12 @@
 //! How far apart the distributions of two datasets are.
 
-use super::Statistics;
+use super::DatasetStatistics;
 use super::distribution::Distribution;
 use serde::Serialize;
 
 /// Distances between a quantity of two datasets.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Distance {
+pub struct DistributionDistance {
     /// Name of the quantity, or `layer`.
     pub name: &'static str,
     /// Unit of `wasserstein_1`; empty for numbers.
@@ -20,21 +20,26 @@ pub struct Distance {
 
 /// Distances between all that both datasets have values of. Their histograms have the same bins, see
 /// [`bin_alike`](super::bin_alike).
-pub fn distances(a: &Statistics, b: &Statistics) -> Vec<Distance> {
-    let pair = |a: &Distribution| -> Option<Distance> {
+pub fn distances(a: &DatasetStatistics, b: &DatasetStatistics) -> Vec<DistributionDistance> {
+    let pair = |a: &Distribution| -> Option<DistributionDistance> {
         let b = b.distribution(a.quantity())?;
         let about = a.quantity().about();
-        Some(Distance {
+        Some(DistributionDistance {
             name: about.name,
             unit: about.unit,
             wasserstein_1: Some(wasserstein_1(a, b)?),
             jensen_shannon: jensen_shannon(&a.histogram(), &b.histogram())?,
         })
     };
-    let mut all: Vec<Distance> = a.distributions.iter().filter_map(pair).collect();
+    let mut all: Vec<DistributionDistance> = a.distributions.iter().filter_map(pair).collect();
     let layers = a.layers.zip(b.layers);
     let layers = layers.and_then(|(a, b)| jensen_shannon(&a.counts(), &b.counts()));
-    all.extend(layers.map(|jensen_shannon| Distance { name: "layer", unit: "", wasserstein_1: None, jensen_shannon }));
+    all.extend(layers.map(|jensen_shannon| DistributionDistance {
+        name: "layer",
+        unit: "",
+        wasserstein_1: None,
+        jensen_shannon,
+    }));
     all
 }
 

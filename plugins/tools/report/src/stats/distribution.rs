@@ -142,7 +142,7 @@ pub fn bin(distributions: &mut [&mut Distribution], binning: Binning) {
 impl Serialize for Distribution {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         #[derive(serde::Serialize)]
-        struct View<'a> {
+        struct DistributionJson<'a> {
             name: &'static str,
             title: &'static str,
             unit: &'static str,
@@ -157,7 +157,7 @@ impl Serialize for Distribution {
         }
         let about = self.quantity.about();
         let (min, max) = self.range.map(|[low, high]| (low, high)).unzip();
-        View {
+        DistributionJson {
             name: about.name,
             title: about.title,
             unit: about.unit,

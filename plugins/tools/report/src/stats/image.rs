@@ -2,7 +2,7 @@
 
 use super::duplicates::{Thumbnail, luma};
 use super::quantity::Quantity;
-use super::{Edges, Options};
+use super::{Edges, StatisticsOptions};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use syntable_formats::read::{occludes, order_by};
@@ -79,12 +79,12 @@ pub struct OcclusionRow {
     /// Layers from front to back.
     pub depth_layers: u32,
     /// Objects by their layers.
-    pub layers: Layers,
+    pub layers: LayerCounts,
 }
 
 /// Numbers of objects by their layers in the occlusion graph.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
-pub struct Layers {
+pub struct LayerCounts {
     /// Objects that nothing occludes.
     pub top: u64,
     /// Objects that occlude and are occluded.
@@ -93,7 +93,7 @@ pub struct Layers {
     pub bottom: u64,
 }
 
-impl Layers {
+impl LayerCounts {
     /// Top, intermediate and bottom.
     pub fn counts(&self) -> [u64; 3] {
         [self.top, self.intermediate, self.bottom]
@@ -108,7 +108,7 @@ impl Layers {
 }
 
 /// What an image adds to a dataset.
-pub(super) struct Tally {
+pub(super) struct ImageTally {
     pub row: ImageRow,
     /// Values of quantities, but for depths.
     pub values: Vec<(Quantity, f64)>,
@@ -139,12 +139,12 @@ pub(super) struct Depths {
 
 /// What is read of each image.
 #[derive(Debug, Clone)]
-pub(super) struct Wanted {
+pub(super) struct ImageInputs {
     pub keys: Vec<KeyId>,
 }
 
-impl Wanted {
-    pub fn of(dataset: &OpenDataset, options: &Options) -> Self {
+impl ImageInputs {
+    pub fn of(dataset: &OpenDataset, options: &StatisticsOptions) -> Self {
         let mut keys = syntable_model::keys![VISIBLE_MASK, AMODAL_MASK, OCCLUSION_MASK, CATEGORY_ID];
         keys.extend(syntable_model::keys![OBJECT_NAME, OBJECT_INFO]);
         if options.edges == Edges::Stored {
@@ -175,20 +175,25 @@ struct ShownObject<'a> {
 /// What is known of an object beyond its masks, in the formats that say it.
 #[derive(Default, Deserialize)]
 #[serde(default)]
-struct Info {
+struct ObjectDetails {
     asset: String,
     bounds_m: Option<[[f64; 3]; 2]>,
     camera_from_object: Option<[[f64; 4]; 4]>,
 }
 
 /// Reads an image and counts what it has.
-pub(super) fn tally(dataset: &OpenDataset, image: usize, wanted: &Wanted, options: &Options) -> Result<Tally> {
+pub(super) fn tally(
+    dataset: &OpenDataset,
+    image: usize,
+    wanted: &ImageInputs,
+    options: &StatisticsOptions,
+) -> Result<ImageTally> {
     let at = &dataset.images[image];
     let of = |error: Error| error.context(format!("image \"{}\"", at.name));
     let read = dataset.read(image, &wanted.keys);
     let ReadImage { products, left_out, .. } =
         read.map_err(|error| of(without_images(error, dataset, image, wanted)))?;
-    let mut tally = Tally {
+    let mut tally = ImageTally {
         row: ImageRow {
             name: at.name.clone(),
             id: at.id,
@@ -223,7 +228,7 @@ pub(super) fn tally(dataset: &OpenDataset, image: usize, wanted: &Wanted, option
 }
 
 /// An error with the way out, if the image can be read without its files of color and depth.
-fn without_images(error: Error, dataset: &OpenDataset, image: usize, wanted: &Wanted) -> Error {
+fn without_images(error: Error, dataset: &OpenDataset, image: usize, wanted: &ImageInputs) -> Error {
     let labels: Vec<KeyId> = wanted.keys.iter().filter(|key| ![RGB.id(), DEPTH.id()].contains(key)).copied().collect();
     if labels.len() < wanted.keys.len() && dataset.read(image, &labels).is_ok() {
         return error.help("--labels-only counts what labels say, without reading images");
@@ -231,8 +236,8 @@ fn without_images(error: Error, dataset: &OpenDataset, image: usize, wanted: &Wa
     error
 }
 
-impl Tally {
-    fn objects(&mut self, products: &Products, options: &Options) -> Result<()> {
+impl ImageTally {
+    fn objects(&mut self, products: &Products, options: &StatisticsOptions) -> Result<()> {
         let categories = products.optional(CATEGORY_ID)?;
         let ids: Vec<InstanceId> = match products.optional(VISIBLE_MASK)? {
             Some(visible) => {
@@ -258,7 +263,7 @@ impl Tally {
             let info = infos.and_then(|infos| infos.get(id));
             let info = info.and_then(|info| serde_json::to_value(info).ok());
             // A foreign record of another form says nothing.
-            let info: Info = info.and_then(|info| serde_json::from_value(info).ok()).unwrap_or_default();
+            let info: ObjectDetails = info.and_then(|info| serde_json::from_value(info).ok()).unwrap_or_default();
             let name = Some(&info.asset).filter(|it| !it.is_empty()).or_else(|| names?.get(id));
             self.assets.extend(name.filter(|it| !it.is_empty()).cloned());
             if let Some([low, high]) = info.bounds_m {
@@ -277,7 +282,7 @@ impl Tally {
         Ok(())
     }
 
-    fn occlusion(&mut self, shown: &[ShownObject], stored: Option<&OcclusionOrder>, options: &Options) {
+    fn occlusion(&mut self, shown: &[ShownObject], stored: Option<&OcclusionOrder>, options: &StatisticsOptions) {
         let area = |it: &ShownObject| it.hidden.as_ref().map_or(0, |hidden| u64::from(hidden.area()));
         let rate = |it: &ShownObject| if it.amodal_px == 0 { 0.0 } else { area(it) as f64 / it.amodal_px as f64 };
         let rates: Vec<f64> = shown.iter().map(rate).collect();
@@ -288,7 +293,7 @@ impl Tally {
             _ => order(shown, occludes),
         };
         let graph = Graph::new(&order);
-        let mut layers = Layers::default();
+        let mut layers = LayerCounts::default();
         for node in 0..shown.len() {
             match graph.layer(node) {
                 Layer::Top => layers.top += 1,

@@ -22,8 +22,8 @@ pub mod table;
 
 use distribution::{Binning, Distribution, bin};
 use duplicates::{Duplicates, LEVELS, Thumbnail};
-pub use image::{ImageRow, Layers, OcclusionRow};
-use image::{Tally, Wanted, tally};
+use image::{ImageInputs, ImageTally, tally};
+pub use image::{ImageRow, LayerCounts, OcclusionRow};
 use quantity::Quantity;
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -36,7 +36,7 @@ use syntable_model::product::standard::{
 use syntable_model::reader::{OpenDataset, Source};
 use syntable_model::registry::Registry;
 use syntable_model::stage::DatasetInfo;
-use syntable_runtime::images::{Work, each};
+use syntable_runtime::images::{ImageWork, each};
 use syntable_runtime::left_out::LeftOutReport;
 use syntable_runtime::run::progress::Event;
 use table::Described;
@@ -46,7 +46,7 @@ const MANY_IMAGES: usize = 5000;
 
 /// How a dataset is counted.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Options {
+pub struct StatisticsOptions {
     /// Whether color images and depth are read: they take most of the time.
     pub images: bool,
     /// What makes an edge of the occlusion graph.
@@ -59,7 +59,7 @@ pub struct Options {
     pub binning: Binning,
 }
 
-impl Default for Options {
+impl Default for StatisticsOptions {
     fn default() -> Self {
         Self { images: true, edges: Edges::Pixels, prefixes: false, levels: LEVELS, binning: Binning::Fixed }
     }
@@ -78,13 +78,13 @@ pub enum Edges {
 
 /// A dataset in numbers. What is none is not known of its format, or was left out: `unknown` says which.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Statistics {
+pub struct DatasetStatistics {
     /// Its name.
     pub name: String,
     /// Its row of Table 1, and what goes with it.
     pub totals: Totals,
     /// Objects by their layers in the occlusion graph.
-    pub layers: Option<Layers>,
+    pub layers: Option<LayerCounts>,
     /// Its distributions, in the order of [`Quantity::ALL`]; those without values are left out.
     pub distributions: Vec<Distribution>,
     /// How often each asset is seen, most often first.
@@ -153,7 +153,7 @@ pub struct AssetCount {
     pub scenes: u64,
 }
 
-impl Statistics {
+impl DatasetStatistics {
     /// The values of a quantity, if the dataset has some.
     pub fn distribution(&self, quantity: Quantity) -> Option<&Distribution> {
         self.distributions.iter().find(|it| it.quantity() == quantity)
@@ -161,7 +161,7 @@ impl Statistics {
 }
 
 /// Gives the histograms of several datasets the same bins.
-pub fn bin_alike(all: &mut [&mut Statistics], binning: Binning) {
+pub fn bin_alike(all: &mut [&mut DatasetStatistics], binning: Binning) {
     for quantity in Quantity::ALL {
         let of = all.iter_mut().flat_map(|it| &mut it.distributions).filter(|it| it.quantity() == quantity);
         bin(&mut of.collect::<Vec<_>>(), binning);
@@ -173,17 +173,17 @@ pub fn bin_alike(all: &mut [&mut Statistics], binning: Binning) {
 ///
 /// # Errors
 /// If the dataset has no image, one cannot be read, or the work was asked to stop.
-pub fn of(dataset: &OpenDataset, options: &Options, work: &Work) -> Result<Statistics> {
+pub fn of(dataset: &OpenDataset, options: &StatisticsOptions, work: &ImageWork) -> Result<DatasetStatistics> {
     if dataset.images.is_empty() {
         return Err(Error::new("the dataset has no image"));
     }
-    let wanted = Wanted::of(dataset, options);
+    let wanted = ImageInputs::of(dataset, options);
     if options.edges == Edges::Stored && !wanted.has(&OCCLUSION_ORDER.id()) {
         return Err(Error::new("the dataset has no `occlusion_order`")
             .help("leave out --edges stored: the order then follows from masks"));
     }
     let has_names = wanted.has(&OBJECT_INFO.id()) || wanted.has(&OBJECT_NAME.id());
-    let mut collected = Collected { has_names, ..Collected::default() };
+    let mut collected = RunningStatistics { has_names, ..RunningStatistics::default() };
     let image = |image: usize| tally(dataset, image, &wanted, options);
     each(work, "counted", dataset.images.len(), &image, &mut |_, it| collected.add(it))?;
     let duplicates = wanted.has(&RGB.id()).then(|| {
@@ -218,8 +218,8 @@ pub fn compare(
     registry: &Registry,
     sources: &[Source],
     format: Option<&str>,
-    options: &Options,
-    work: &Work,
+    options: &StatisticsOptions,
+    work: &ImageWork,
 ) -> Result<Comparison> {
     let mut compared = Comparison { datasets: Vec::new(), left_out: LeftOutReport::default() };
     for source in sources {
@@ -235,7 +235,12 @@ pub fn compare(
 }
 
 /// What is not known of a dataset, and why.
-fn unknown(of: &Statistics, dataset: &OpenDataset, wanted: &Wanted, options: &Options) -> Vec<String> {
+fn unknown(
+    of: &DatasetStatistics,
+    dataset: &OpenDataset,
+    wanted: &ImageInputs,
+    options: &StatisticsOptions,
+) -> Vec<String> {
     let offers = &dataset.offers;
     let says = |quantity| of.distribution(quantity).is_some();
     let is_empty = of.totals.visible_instances == 0;
@@ -257,7 +262,7 @@ fn unknown(of: &Statistics, dataset: &OpenDataset, wanted: &Wanted, options: &Op
 
 /// What was counted so far.
 #[derive(Default)]
-struct Collected {
+struct RunningStatistics {
     images: Vec<ImageRow>,
     thumbnails: Vec<Thumbnail>,
     distributions: BTreeMap<Quantity, Distribution>,
@@ -268,9 +273,9 @@ struct Collected {
     left_out: Vec<LeftOut>,
 }
 
-impl Collected {
+impl RunningStatistics {
     /// Adds the next image.
-    fn add(&mut self, tally: Tally) {
+    fn add(&mut self, tally: ImageTally) {
         let scene = tally.row.scene;
         self.left_out.extend(tally.left_out.into_iter().filter(|it| it.of > 0));
         tally.values.into_iter().for_each(|(quantity, value)| self.of(quantity).add(value));
@@ -322,7 +327,7 @@ impl Collected {
         found
     }
 
-    fn finish(self, info: &DatasetInfo, near_duplicates: Option<Duplicates>) -> Statistics {
+    fn finish(self, info: &DatasetInfo, near_duplicates: Option<Duplicates>) -> DatasetStatistics {
         let sum = |of: fn(&ImageRow) -> u64| self.images.iter().map(of).sum::<u64>();
         let occlusion = |of: fn(&OcclusionRow) -> u64| {
             // Either all images have it or none.
@@ -363,7 +368,7 @@ impl Collected {
         assets.sort_by(|a, b| b.instances.cmp(&a.instances).then_with(|| a.name.cmp(&b.name)));
         let class = |id: u32| Some(info.categories().find(|(other, _)| *other == id)?.1.to_owned());
         let classes = self.categories.into_iter().filter(|_| !info.classes.is_empty());
-        Statistics {
+        DatasetStatistics {
             name: info.name.clone(),
             totals,
             layers: layers.flatten(),

@@ -1,10 +1,10 @@
 //! Statistics as text, JSON and CSV.
 
-use super::distance::{Distance, distances};
+use super::distance::{DistributionDistance, distances};
 use super::distribution::Distribution;
 use super::image::ImageRow;
 use super::quantity::Quantity;
-use super::{AssetCount, Statistics};
+use super::{AssetCount, DatasetStatistics};
 use serde::Serialize;
 use std::fmt::Write as _;
 use syntable_runtime::run::progress::count;
@@ -18,7 +18,7 @@ pub struct Described {
     pub format: &'static str,
     /// What was counted.
     #[serde(flatten)]
-    pub statistics: Statistics,
+    pub statistics: DatasetStatistics,
 }
 
 /// How far a dataset is from the first one.
@@ -29,7 +29,7 @@ pub struct Apart {
     /// Path of the other.
     pub to: String,
     /// Distances of what both have.
-    pub quantities: Vec<Distance>,
+    pub quantities: Vec<DistributionDistance>,
 }
 
 /// Distances of all datasets from the first one. Their histograms have the same bins.
@@ -53,11 +53,12 @@ const GROUPS: usize = 5;
 /// All of it as a JSON object.
 pub fn json(all: &[Described]) -> String {
     #[derive(Serialize)]
-    struct View<'a> {
+    struct StatisticsJson<'a> {
         datasets: &'a [Described],
         distances: Vec<Apart>,
     }
-    let mut text = serde_json::to_string_pretty(&View { datasets: all, distances: apart(all) }).expect("plain data");
+    let mut text =
+        serde_json::to_string_pretty(&StatisticsJson { datasets: all, distances: apart(all) }).expect("plain data");
     text.push('\n');
     text
 }
@@ -297,13 +298,13 @@ fn shows(images: u64) -> String {
 }
 
 /// Columns of the CSV file after the dataset: name and value.
-type Column = (&'static str, fn(&ImageRow) -> String);
+type CsvColumn = (&'static str, fn(&ImageRow) -> String);
 
 fn cell<T: ToString>(value: Option<T>) -> String {
     value.map_or_else(String::new, |value| value.to_string())
 }
 
-const COLUMNS: &[Column] = &[
+const COLUMNS: &[CsvColumn] = &[
     ("image", |it| quoted(&it.name)),
     ("id", |it| cell(it.id)),
     ("scene", |it| it.scene.to_string()),

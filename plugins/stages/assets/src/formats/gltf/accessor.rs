@@ -1,6 +1,6 @@
 //! Accessors: typed numbers in buffers, with every bound checked before anything is allocated.
 
-use super::buffers::Buffers;
+use super::buffers::GltfBuffers;
 use super::get;
 use crate::formats::within;
 use gltf::json::accessor::{Accessor, ComponentType, Type};
@@ -24,7 +24,7 @@ struct Layout {
 /// become fractions.
 pub fn vectors<const N: usize>(
     document: &Root,
-    buffers: &mut Buffers<'_>,
+    buffers: &mut GltfBuffers<'_>,
     index: Index<Accessor>,
     select: Option<&[u32]>,
     what: &str,
@@ -37,7 +37,7 @@ pub fn vectors<const N: usize>(
 }
 
 /// Reads indices: unsigned integers.
-pub fn indices(document: &Root, buffers: &mut Buffers<'_>, index: Index<Accessor>) -> Result<Vec<u32>> {
+pub fn indices(document: &Root, buffers: &mut GltfBuffers<'_>, index: Index<Accessor>) -> Result<Vec<u32>> {
     let name = || format!("accessor {} (indices)", index.value());
     let accessor = get(&document.accessors, index, "accessor")?;
     if !matches!(component(accessor)?, ComponentType::U8 | ComponentType::U16 | ComponentType::U32) {
@@ -48,7 +48,7 @@ pub fn indices(document: &Root, buffers: &mut Buffers<'_>, index: Index<Accessor
 }
 
 /// Number of elements of an accessor, which its buffer view holds if they have as many components as are wanted.
-pub fn count(document: &Root, buffers: &mut Buffers<'_>, index: Index<Accessor>, components: usize) -> Result<u64> {
+pub fn count(document: &Root, buffers: &mut GltfBuffers<'_>, index: Index<Accessor>, components: usize) -> Result<u64> {
     let accessor = get(&document.accessors, index, "accessor")?;
     let count = accessor.count.0;
     let size = component(accessor)?.size() * components;
@@ -114,7 +114,7 @@ fn component(accessor: &Accessor) -> Result<ComponentType> {
 
 fn read<T: Clone + Zero>(
     document: &Root,
-    buffers: &mut Buffers<'_>,
+    buffers: &mut GltfBuffers<'_>,
     index: Index<Accessor>,
     components: usize,
     select: Option<&[u32]>,

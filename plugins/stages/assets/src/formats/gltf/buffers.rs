@@ -1,7 +1,7 @@
 //! Buffers, views into them, and images: what a document names, resolved and checked.
 
 use super::get;
-use super::meshopt::Packed;
+use super::meshopt::CompressedView;
 use crate::formats::within;
 use base64::alphabet;
 use base64::engine::{DecodePaddingMode, Engine, GeneralPurpose, GeneralPurposeConfig};
@@ -9,7 +9,7 @@ use gltf::json::{self, Index, Root};
 use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::path::Path;
-use syntable_mesh::image::Image;
+use syntable_mesh::image::DecodedImage;
 use syntable_mesh::limits::Budget;
 use syntable_mesh::root::AssetRoot;
 use syntable_model::context::Log;
@@ -19,7 +19,7 @@ use syntable_model::error::{Error, Result};
 const MESHOPT: &str = "EXT_meshopt_compression";
 
 /// Data outside the JSON, loaded on demand.
-pub struct Buffers<'a> {
+pub struct GltfBuffers<'a> {
     document: &'a Root,
     binary: Option<&'a [u8]>,
     root: &'a AssetRoot,
@@ -31,7 +31,7 @@ pub struct Buffers<'a> {
     unpacked: BTreeMap<usize, Vec<u8>>,
 }
 
-impl<'a> Buffers<'a> {
+impl<'a> GltfBuffers<'a> {
     /// Data of a document in a folder, relative to the root; `binary` is the chunk of a GLB, `file` for messages.
     pub fn new(
         document: &'a Root,
@@ -55,7 +55,7 @@ impl<'a> Buffers<'a> {
         let packed = view.extensions.as_ref().and_then(|extensions| extensions.others.get(MESHOPT));
         if let Some(packed) = packed {
             let within = |error| within(error, format!("buffer view {} ({MESHOPT})", index.value()));
-            let packed = Packed::deserialize(packed).map_err(|error| within(Error::new(error.to_string())))?;
+            let packed = CompressedView::deserialize(packed).map_err(|error| within(Error::new(error.to_string())))?;
             if !self.unpacked.contains_key(&index.value()) {
                 let bytes = self.unpack(&packed).map_err(within)?;
                 self.unpacked.insert(index.value(), bytes);
@@ -77,7 +77,7 @@ impl<'a> Buffers<'a> {
         }
     }
 
-    fn unpack(&mut self, packed: &Packed) -> Result<Vec<u8>> {
+    fn unpack(&mut self, packed: &CompressedView) -> Result<Vec<u8>> {
         self.budget().bytes(packed.unpacked_bytes()?)?;
         let bytes = self.buffer(Index::new(packed.buffer))?;
         let end = packed.byte_offset.checked_add(packed.byte_length).filter(|&end| end <= bytes.len() as u64);
@@ -117,7 +117,7 @@ impl<'a> Buffers<'a> {
     }
 
     /// An image; none if its file is missing.
-    pub fn image(&mut self, index: Index<json::Image>) -> Result<Option<Image>> {
+    pub fn image(&mut self, index: Index<json::Image>) -> Result<Option<DecodedImage>> {
         let image = get(&self.document.images, index, "image")?;
         let what = format!("image {}", index.value());
         match (&image.uri, image.buffer_view) {
@@ -128,12 +128,12 @@ impl<'a> Buffers<'a> {
                 let named = |error: Error| {
                     if uri.starts_with("data:") { within(error, &what) } else { error.in_file(self.folder_of(uri)) }
                 };
-                Image::decode(&bytes, self.budget()).map(Some).map_err(named)
+                DecodedImage::decode(&bytes, self.budget()).map(Some).map_err(named)
             }
             (None, Some(view)) => {
                 let budget = self.budget();
                 let (bytes, _) = self.view(view).map_err(|error| within(error, &what))?;
-                Image::decode(bytes, budget).map(Some).map_err(|error| within(error, &what))
+                DecodedImage::decode(bytes, budget).map(Some).map_err(|error| within(error, &what))
             }
             (None, None) => Err(Error::new(format!("{what} has neither a file nor a buffer view"))),
         }

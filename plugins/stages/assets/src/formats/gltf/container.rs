@@ -12,7 +12,7 @@ const MAX_DEPTH: usize = 100;
 const VALUE_BYTES: u64 = 100;
 
 /// A parsed file.
-pub struct Opened<'a> {
+pub struct GltfFile<'a> {
     /// The document, without animations and `extras`.
     pub document: Root,
     /// The binary chunk of a GLB.
@@ -22,7 +22,7 @@ pub struct Opened<'a> {
 }
 
 /// Parses a file in memory.
-pub fn open<'a>(bytes: &'a [u8], budget: &Budget) -> Result<Opened<'a>> {
+pub fn open<'a>(bytes: &'a [u8], budget: &Budget) -> Result<GltfFile<'a>> {
     let (text, binary) = if bytes.starts_with(b"glTF") { split(bytes)? } else { (bytes, None) };
     let values = check_depth(text)?;
     budget.bytes(text.len() as u64 + values * VALUE_BYTES)?;
@@ -37,7 +37,7 @@ pub fn open<'a>(bytes: &'a [u8], budget: &Budget) -> Result<Opened<'a>> {
         let (path, inner) = (error.path().to_string(), error.inner());
         Error::new(format!("not sound glTF JSON: `{}`: {inner}", shorten(&path)))
     })?;
-    Ok(Opened { document, binary, animated })
+    Ok(GltfFile { document, binary, animated })
 }
 
 /// Takes out what is valid but means nothing to a still object, and what the library would refuse: `extras`, which may be

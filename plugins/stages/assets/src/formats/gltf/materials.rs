@@ -3,9 +3,9 @@
 //! The core, `KHR_materials_ior` and `KHR_materials_emissive_strength` are read here, other extensions in [`layers`](
 //! super::layers) and [`specular_glossiness`](super::specular_glossiness).
 
-use super::buffers::Buffers;
+use super::buffers::GltfBuffers;
 use super::get;
-use super::layers::Layers;
+use super::layers::MaterialLayers;
 use super::specular_glossiness::{Factors, SpecularGlossinessJson, convert};
 use super::uses::{Use, of_info, of_normal};
 use crate::formats::within;
@@ -29,7 +29,7 @@ use syntable_model::scene::{
 type JsonMaterial = json::Material;
 
 /// Textures of diffuse color and of specular color and glossiness, and the bits of their factors.
-type Converted = (Option<Digest>, Option<Digest>, [u32; 7]);
+type SpecularTextureKey = (Option<Digest>, Option<Digest>, [u32; 7]);
 
 /// Materials by slot, in the order in which primitives name them.
 pub struct Materials<'a> {
@@ -43,7 +43,7 @@ pub struct Materials<'a> {
     known: BTreeMap<(Option<usize>, bool), u16>,
     textures: BTreeMap<(usize, bool, [u8; 2]), Option<Arc<Texture>>>,
     /// Base color, and roughness with metalness, of converted textures.
-    converted: BTreeMap<Converted, [Arc<Texture>; 2]>,
+    converted: BTreeMap<SpecularTextureKey, [Arc<Texture>; 2]>,
 }
 
 impl<'a> Materials<'a> {
@@ -91,7 +91,7 @@ impl<'a> Materials<'a> {
             return Ok(None);
         };
         let material = get(&self.document.materials, index, "material")?;
-        let (pbr, layers) = (&material.pbr_metallic_roughness, Layers::of(material)?);
+        let (pbr, layers) = (&material.pbr_metallic_roughness, MaterialLayers::of(material)?);
         let base = match &layers.specular_glossiness {
             Some(older) => [&older.diffuse_texture, &older.specular_glossiness_texture],
             None => [&pbr.base_color_texture, &pbr.metallic_roughness_texture],
@@ -126,7 +126,7 @@ impl<'a> Materials<'a> {
     }
 
     /// Builds the materials of all slots.
-    pub fn into_slots(mut self, buffers: &mut Buffers<'_>) -> Result<Vec<Material>> {
+    pub fn into_slots(mut self, buffers: &mut GltfBuffers<'_>) -> Result<Vec<Material>> {
         let slots = std::mem::take(&mut self.slots);
         let mut built = Vec::with_capacity(slots.len());
         for (index, uvs, triangles) in slots {
@@ -152,8 +152,8 @@ impl<'a> Materials<'a> {
         Ok(built)
     }
 
-    fn build(&mut self, json: &JsonMaterial, index: usize, buffers: &mut Buffers<'_>) -> Result<Material> {
-        let layers = Layers::of(json)?;
+    fn build(&mut self, json: &JsonMaterial, index: usize, buffers: &mut GltfBuffers<'_>) -> Result<Material> {
+        let layers = MaterialLayers::of(json)?;
         let name = json.name.clone().unwrap_or_else(|| format!("material {index}"));
         let mut material = Material::plain(name, [1.0; 3], 1.0);
         let alpha = match &layers.specular_glossiness {
@@ -193,7 +193,7 @@ impl<'a> Materials<'a> {
         &mut self,
         material: &mut Material,
         pbr: &json::material::PbrMetallicRoughness,
-        buffers: &mut Buffers<'_>,
+        buffers: &mut GltfBuffers<'_>,
     ) -> Result<f32> {
         let [r, g, b, alpha] = pbr.base_color_factor.0;
         material.base_color = Color {
@@ -214,7 +214,7 @@ impl<'a> Materials<'a> {
         &mut self,
         material: &mut Material,
         older: &SpecularGlossinessJson,
-        buffers: &mut Buffers<'_>,
+        buffers: &mut GltfBuffers<'_>,
     ) -> Result<f32> {
         let [r, g, b, alpha] = older.diffuse_factor;
         let factors = Factors {
@@ -258,7 +258,7 @@ impl<'a> Materials<'a> {
         factors: &Factors,
         [diffuse, gloss]: [Option<&Texture>; 2],
         wrap: [Wrap; 2],
-        buffers: &Buffers<'_>,
+        buffers: &GltfBuffers<'_>,
     ) -> Result<[Arc<Texture>; 2]> {
         let ([a, b, c], [d, e, f]) = (factors.diffuse, factors.specular);
         let bits = [a, b, c, d, e, f, factors.glossiness].map(f32::to_bits);
@@ -274,7 +274,7 @@ impl<'a> Materials<'a> {
     }
 
     /// What extensions change of the base. Where the model cannot show it, the nearest that it can, with a warning.
-    fn modify_base(&mut self, material: &mut Material, layers: &Layers) {
+    fn modify_base(&mut self, material: &mut Material, layers: &MaterialLayers) {
         if layers.unlit {
             // The extension's own advice to programs that light everything.
             material.metallic = Scalar::constant(0.0);
@@ -302,7 +302,12 @@ impl<'a> Materials<'a> {
         }
     }
 
-    fn layers(&mut self, material: &mut Material, layers: &Layers, buffers: &mut Buffers<'_>) -> Result<()> {
+    fn layers(
+        &mut self,
+        material: &mut Material,
+        layers: &MaterialLayers,
+        buffers: &mut GltfBuffers<'_>,
+    ) -> Result<()> {
         if let Some(coat) = layers.clearcoat.as_ref().filter(|coat| coat.clearcoat_factor > 0.0) {
             material.clearcoat = Some(Clearcoat {
                 strength: self.scalar(coat.clearcoat_factor, &coat.clearcoat_texture, 0, buffers)?,
@@ -345,7 +350,7 @@ impl<'a> Materials<'a> {
         factor: f32,
         texture: &Option<Info>,
         channel: u8,
-        buffers: &mut Buffers<'_>,
+        buffers: &mut GltfBuffers<'_>,
     ) -> Result<Scalar> {
         let texture = self.info(texture, Encoding::Linear, buffers)?;
         Ok(Scalar { factor: unit(factor), texture: texture.map(|texture| (texture, channel)) })
@@ -354,7 +359,7 @@ impl<'a> Materials<'a> {
     fn normal(
         &mut self,
         normal: &Option<json::material::NormalTexture>,
-        buffers: &mut Buffers<'_>,
+        buffers: &mut GltfBuffers<'_>,
     ) -> Result<Option<NormalMap>> {
         let Some(normal) = normal else { return Ok(None) };
         let map = self.texture(&of_normal(normal)?, Encoding::Linear, buffers)?;
@@ -365,7 +370,7 @@ impl<'a> Materials<'a> {
         &mut self,
         info: &Option<Info>,
         encoding: Encoding,
-        buffers: &mut Buffers<'_>,
+        buffers: &mut GltfBuffers<'_>,
     ) -> Result<Option<TextureRef>> {
         match info {
             Some(info) => self.texture(&of_info(info), encoding, buffers),
@@ -388,7 +393,7 @@ impl<'a> Materials<'a> {
     }
 
     /// Loads a texture. A missing file is a warning and gives none.
-    fn texture(&mut self, used: &Use, encoding: Encoding, buffers: &mut Buffers<'_>) -> Result<Option<TextureRef>> {
+    fn texture(&mut self, used: &Use, encoding: Encoding, buffers: &mut GltfBuffers<'_>) -> Result<Option<TextureRef>> {
         let texture = get(&self.document.textures, used.texture, "texture")?;
         let source = self.source(texture, used.texture)?;
         let wrap = match texture.sampler {

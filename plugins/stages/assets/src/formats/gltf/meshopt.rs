@@ -12,7 +12,7 @@ const MAX_STRIDE: usize = 256;
 /// The extension of a buffer view.
 #[derive(Deserialize)]
 #[serde(rename_all = "camelCase")]
-pub struct Packed {
+pub struct CompressedView {
     /// The buffer with the packed bytes.
     pub buffer: u32,
     /// Offset of the packed bytes.
@@ -26,7 +26,7 @@ pub struct Packed {
     pub count: u64,
     mode: Mode,
     #[serde(default)]
-    filter: Filter,
+    filter: MeshoptFilter,
 }
 
 #[derive(Deserialize, Clone, Copy, PartialEq)]
@@ -39,7 +39,7 @@ enum Mode {
 
 #[derive(Deserialize, Clone, Copy, Default, PartialEq)]
 #[serde(rename_all = "UPPERCASE")]
-enum Filter {
+enum MeshoptFilter {
     #[default]
     None,
     Octahedral,
@@ -47,17 +47,17 @@ enum Filter {
     Exponential,
 }
 
-impl Packed {
+impl CompressedView {
     /// Number of unpacked bytes. Refuses sizes of elements that the mode does not have.
     pub fn unpacked_bytes(&self) -> Result<u64> {
         let stride = self.byte_stride;
         let fits = match (self.mode, self.filter) {
-            (Mode::Attributes, Filter::None | Filter::Exponential) => {
+            (Mode::Attributes, MeshoptFilter::None | MeshoptFilter::Exponential) => {
                 stride.is_multiple_of(4) && (4..=MAX_STRIDE).contains(&stride)
             }
-            (Mode::Attributes, Filter::Octahedral) => matches!(stride, 4 | 8),
-            (Mode::Attributes, Filter::Quaternion) => stride == 8,
-            (Mode::Triangles | Mode::Indices, Filter::None) => matches!(stride, 2 | 4),
+            (Mode::Attributes, MeshoptFilter::Octahedral) => matches!(stride, 4 | 8),
+            (Mode::Attributes, MeshoptFilter::Quaternion) => stride == 8,
+            (Mode::Triangles | Mode::Indices, MeshoptFilter::None) => matches!(stride, 2 | 4),
             _ => false,
         };
         if !fits {
@@ -78,20 +78,20 @@ impl Packed {
             Mode::Indices => numbers(indices(packed, count)?, self.byte_stride),
         };
         match self.filter {
-            Filter::None => {}
-            Filter::Octahedral if self.byte_stride == 4 => {
+            MeshoptFilter::None => {}
+            MeshoptFilter::Octahedral if self.byte_stride == 4 => {
                 for row in bytes.chunks_exact_mut(4) {
                     let [x, y, one] = [row[0], row[1], row[2]].map(|byte| f32::from(byte as i8));
                     let normal = octahedral(x, y, one).map(|x| (x * 127.0).round() as i8 as u8);
                     row[..3].copy_from_slice(&normal);
                 }
             }
-            Filter::Octahedral => words(&mut bytes, |[x, y, one, other]| {
+            MeshoptFilter::Octahedral => words(&mut bytes, |[x, y, one, other]| {
                 let [x, y, z] = octahedral(f32::from(x), f32::from(y), f32::from(one));
                 [x, y, z].map(snorm16).into_iter().chain([other]).collect()
             }),
-            Filter::Quaternion => words(&mut bytes, |row| quaternion(row).to_vec()),
-            Filter::Exponential => {
+            MeshoptFilter::Quaternion => words(&mut bytes, |row| quaternion(row).to_vec()),
+            MeshoptFilter::Exponential => {
                 for word in bytes.chunks_exact_mut(4) {
                     let bits = i32::from_le_bytes(std::array::from_fn(|i| word[i]));
                     let value = f64::from(bits << 8 >> 8) * 2.0_f64.powi(bits >> 24);
@@ -376,13 +376,13 @@ mod tests {
     /// Streams that meshoptimizer's encoder made, with what its own decoder makes of them.
     const STREAMS: &str = include_str!("meshopt_streams.json");
 
-    fn cases() -> Vec<(String, Packed, Vec<u8>, Vec<u8>)> {
+    fn cases() -> Vec<(String, CompressedView, Vec<u8>, Vec<u8>)> {
         let cases: Vec<Value> = serde_json::from_str(STREAMS).expect("sound");
         let bytes = |case: &Value, key: &str| STANDARD.decode(case[key].as_str().expect("text")).expect("base64");
         let case = |case: Value| {
             let (packed, unpacked) = (bytes(&case, "packed"), bytes(&case, "unpacked"));
             let name = case["name"].as_str().expect("text").to_owned();
-            let view = Packed {
+            let view = CompressedView {
                 buffer: 0,
                 byte_offset: 0,
                 byte_length: packed.len() as u64,
@@ -403,7 +403,7 @@ mod tests {
         for (name, view, packed, want) in cases {
             assert_eq!(view.unpacked_bytes().expect(&name), want.len() as u64);
             let got = view.unpack(&packed).unwrap_or_else(|error| panic!("{name}: {error}"));
-            if view.filter == Filter::None || view.filter == Filter::Exponential {
+            if view.filter == MeshoptFilter::None || view.filter == MeshoptFilter::Exponential {
                 assert_eq!(got, want, "{name}");
                 continue;
             }
@@ -432,7 +432,7 @@ mod tests {
                 damaged[at] = stream.below(256) as u8;
                 let _ = view.unpack(&damaged);
             }
-            let many = Packed { count: 3_000_000_000, ..view };
+            let many = CompressedView { count: 3_000_000_000, ..view };
             assert!(many.unpack(&packed).is_err(), "{name}");
         }
     }

@@ -1,7 +1,7 @@
 //! The node tree: the transform of every mesh.
 
 use super::accessor::{count, vectors};
-use super::buffers::Buffers;
+use super::buffers::GltfBuffers;
 use super::get;
 use super::primitive::{Primitive, Shape};
 use crate::formats::within;
@@ -97,7 +97,7 @@ impl Instance {
 }
 
 /// All meshes of the first scene: the one that the file names, or else its first, or else all nodes.
-pub fn instances(document: &Root, buffers: &mut Buffers<'_>) -> Result<Vec<Instance>> {
+pub fn instances(document: &Root, buffers: &mut GltfBuffers<'_>) -> Result<Vec<Instance>> {
     let parents = parents(document);
     let roots: Vec<Index<Node>> = match (document.scene, document.scenes.first()) {
         (Some(scene), _) => get(&document.scenes, scene, "scene")?.nodes.clone(),
@@ -178,7 +178,7 @@ fn transform(translation: [f32; 3], rotation: [f32; 4], scale: [f32; 3]) -> Matr
 }
 
 /// Transforms of the copies that a node places: one, unless the node has instances.
-fn copies(document: &Root, buffers: &mut Buffers<'_>, node: &Node) -> Result<Vec<Matrix4<f64>>> {
+fn copies(document: &Root, buffers: &mut GltfBuffers<'_>, node: &Node) -> Result<Vec<Matrix4<f64>>> {
     #[derive(Deserialize)]
     struct Instancing {
         attributes: Attributes,
@@ -208,7 +208,7 @@ fn copies(document: &Root, buffers: &mut Buffers<'_>, node: &Node) -> Result<Vec
     buffers.budget().bytes(total.saturating_mul(size_of::<Instance>() as u64))?;
     fn rows<const N: usize>(
         document: &Root,
-        buffers: &mut Buffers<'_>,
+        buffers: &mut GltfBuffers<'_>,
         accessor: Option<u32>,
     ) -> Result<Vec<[f32; N]>> {
         accessor.map_or(Ok(Vec::new()), |index| vectors(document, buffers, Index::new(index), None, INSTANCING))
@@ -229,7 +229,7 @@ fn copies(document: &Root, buffers: &mut Buffers<'_>, node: &Node) -> Result<Vec
 /// The transforms from a skinned mesh to the body by joint. The node that places the mesh has no part in it.
 fn pose(
     document: &Root,
-    buffers: &mut Buffers<'_>,
+    buffers: &mut GltfBuffers<'_>,
     skin: Index<Skin>,
     parents: &[Option<usize>],
 ) -> Result<Rc<[Matrix4<f64>]>> {

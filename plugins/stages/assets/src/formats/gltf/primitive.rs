@@ -1,7 +1,7 @@
 //! Primitives: the arrays of one mesh part.
 
 use super::accessor::{self, indices, is_float, is_normalized, vectors, width};
-use super::buffers::Buffers;
+use super::buffers::GltfBuffers;
 use super::get;
 use super::materials::{Materials, unit};
 use gltf::json::accessor::Accessor;
@@ -47,7 +47,7 @@ impl Primitive {
     /// Reads a primitive; none if it has points or lines. `placed` is the number of triangles that the model has already.
     pub fn read(
         document: &Root,
-        buffers: &mut Buffers<'_>,
+        buffers: &mut GltfBuffers<'_>,
         primitive: &JsonPrimitive,
         materials: &mut Materials<'_>,
         shape: Shape<'_>,

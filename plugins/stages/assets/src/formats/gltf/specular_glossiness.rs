@@ -11,7 +11,7 @@
 
 use gltf::json::texture::Info;
 use serde::Deserialize;
-use syntable_mesh::image::{Image, MAX_SIDE};
+use syntable_mesh::image::{DecodedImage, MAX_SIDE};
 use syntable_mesh::limits::Budget;
 use syntable_model::color::srgb_to_linear;
 use syntable_model::error::Result;
@@ -82,7 +82,12 @@ pub struct Factors {
 impl Factors {
     /// The images of the base color, sRGB-encoded with the alpha of the diffuse texture, and of roughness (green) and
     /// metalness (blue). The textures are sRGB-encoded; glossiness is the alpha of the second.
-    pub fn apply(&self, diffuse: Option<&Texture>, gloss: Option<&Texture>, budget: &Budget) -> Result<[Image; 2]> {
+    pub fn apply(
+        &self,
+        diffuse: Option<&Texture>,
+        gloss: Option<&Texture>,
+        budget: &Budget,
+    ) -> Result<[DecodedImage; 2]> {
         let size = |side: fn(&Texture) -> u32| diffuse.map_or(1, side).max(gloss.map_or(1, side));
         let (width, height) = (size(|texture| texture.width), size(|texture| texture.height));
         let bytes = width as usize * height as usize * 4;
@@ -112,7 +117,7 @@ impl Factors {
             base.extend([encode(r), encode(g), encode(b), color[3]]);
             rest.extend([0, (roughness * 255.0).round() as u8, (metallic * 255.0).round() as u8, 255]);
         }
-        Ok([base, rest].map(|texels| Image { width, height, texels, kind: String::new() }))
+        Ok([base, rest].map(|texels| DecodedImage { width, height, texels, kind: String::new() }))
     }
 }
 

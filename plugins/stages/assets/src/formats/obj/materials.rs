@@ -7,10 +7,10 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use syntable_mesh::Model;
-use syntable_mesh::image::Image;
+use syntable_mesh::image::DecodedImage;
 use syntable_mesh::material::{blend, default_material, mean, untextured};
 use syntable_mesh::paint::{VertexAlpha, blend_by_vertex, full_intensity, hide_colors_under_textures};
-use syntable_mesh::root::{AssetRoot, Found};
+use syntable_mesh::root::{AssetRoot, ResolvedName};
 use syntable_mesh::text::shorten;
 use syntable_model::context::Log;
 use syntable_model::error::{Error, Result};
@@ -30,7 +30,7 @@ const DEFAULT_ROUGHNESS: f32 = 0.5;
 pub(super) fn attach(parsed: ParsedObj, root: &AssetRoot, folder: &Path, file: &Path, log: &dyn Log) -> Result<Model> {
     let ParsedObj { mesh, colored: has_color, alphas, libraries, uses, .. } = parsed;
     let (images, textures, black, unread) = Default::default();
-    let mut loader = Loader { root, folder: folder.to_owned(), file, log, images, textures, black, unread };
+    let mut loader = MtlLoader { root, folder: folder.to_owned(), file, log, images, textures, black, unread };
     // Whether faces of a slot have vertex colors.
     let mut painted = vec![false; uses.len()];
     if !has_color.is_empty() {
@@ -100,7 +100,7 @@ pub(super) fn attach(parsed: ParsedObj, root: &AssetRoot, folder: &Path, file: &
     Ok(model)
 }
 
-struct Loader<'a> {
+struct MtlLoader<'a> {
     root: &'a AssetRoot,
     folder: PathBuf,
     file: &'a Path,
@@ -114,7 +114,7 @@ struct Loader<'a> {
     unread: BTreeMap<(PathBuf, String), (String, usize, usize)>,
 }
 
-impl Loader<'_> {
+impl MtlLoader<'_> {
     fn warn(&self, message: String, file: &Path, line: usize) {
         self.log.warn(&Error::new(message).in_file(file).at_line(line));
     }
@@ -130,7 +130,7 @@ impl Loader<'_> {
         let mut missing = false;
         for (name, line) in names {
             let at = |error: Error| error.in_file(self.file).at_line(*line);
-            let noted = |found: Found| found.noted(|note| self.log.warn(&at(note)));
+            let noted = |found: ResolvedName| found.noted(|note| self.log.warn(&at(note)));
             // The statement may hold one name with blanks or several names.
             let mut paths = Vec::new();
             match self.root.find(&self.folder, name).map_err(at)? {
@@ -175,7 +175,7 @@ impl Loader<'_> {
             if self.folder == Path::new("") && name.starts_with("..") {
                 continue;
             }
-            if let Some(Found { path, note: None }) = self.root.find(&self.folder, name)? {
+            if let Some(ResolvedName { path, note: None }) = self.root.find(&self.folder, name)? {
                 let texture = self.texture(&path, Encoding::Srgb, false)?;
                 let mut material = default_material(false);
                 material.base_color = Color::texture(texture);
@@ -366,7 +366,7 @@ impl Loader<'_> {
             return Ok(texture.clone());
         }
         let wrap = if clamp { Wrap::Clamp } else { Wrap::Repeat };
-        let texture = Arc::new(Image::read(self.root, path)?.into_texture(encoding, [wrap; 2]));
+        let texture = Arc::new(DecodedImage::read(self.root, path)?.into_texture(encoding, [wrap; 2]));
         self.textures.insert(key, texture.clone());
         Ok(texture)
     }

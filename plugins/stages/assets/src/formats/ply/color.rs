@@ -1,6 +1,6 @@
 //! Colors of the rows of a PLY file: which columns state them, and what their numbers mean.
 
-use super::header::{Element, Scalar, is_signed_byte};
+use super::header::{Element, PlyScalar, is_signed_byte};
 use std::ops::Range;
 use syntable_mesh::paint::linear_of_display;
 use syntable_mesh::text::shorten;
@@ -18,16 +18,16 @@ pub enum ColorColumns {
     /// A column for each of red, green and blue, and perhaps for alpha.
     Channels { rgb: [usize; 3], alpha: Option<usize> },
     /// One column of 32 bits, `rgb` or `rgba`, as the Point Cloud Library packs colors: 0xAARRGGBB.
-    Packed(Packed),
+    Packed(PackedColor),
 }
 
 /// A column that packs the channels of a color into 32 bits.
-pub struct Packed {
+pub struct PackedColor {
     at: usize,
     /// Whether the highest byte is an opacity: in `rgba`, and not in `rgb`.
     has_alpha: bool,
     /// Type of the column.
-    scalar: Scalar,
+    scalar: PlyScalar,
     is_text: bool,
 }
 
@@ -43,7 +43,7 @@ impl ColorColumns {
         let found = CHANNELS.map(find);
         let packed = ["rgb", "rgba"].into_iter().find_map(|name| {
             let at = find(&[name]).filter(|&at| properties[at].scalar.size() >= 4)?;
-            Some(Packed { at, has_alpha: name == "rgba", scalar: properties[at].scalar, is_text })
+            Some(PackedColor { at, has_alpha: name == "rgba", scalar: properties[at].scalar, is_text })
         });
         let columns = match (corners, found, packed) {
             (Some(_), ..) => None,
@@ -77,9 +77,9 @@ impl ColorColumns {
 
     /// The type as which a column is read. The bits of a packed color in a binary file are read as a whole number: many are
     /// no number as a float, and a conversion would change them.
-    pub fn read_as(columns: Option<&Self>, at: usize, stated: Scalar) -> Scalar {
+    pub fn read_as(columns: Option<&Self>, at: usize, stated: PlyScalar) -> PlyScalar {
         match columns {
-            Some(Self::Packed(packed)) if packed.at == at && packed.is_binary_float() => Scalar::U32,
+            Some(Self::Packed(packed)) if packed.at == at && packed.is_binary_float() => PlyScalar::U32,
             _ => stated,
         }
     }
@@ -119,19 +119,19 @@ impl ColorColumns {
     }
 }
 
-impl Packed {
+impl PackedColor {
     fn is_binary_float(&self) -> bool {
-        self.scalar == Scalar::F32 && !self.is_text
+        self.scalar == PlyScalar::F32 && !self.is_text
     }
 
     /// The bytes of a number as it was read: red, green, blue and alpha.
     fn bytes(&self, value: f64) -> [f32; 4] {
         let is_whole = value.fract() == 0.0 && (1.0..=f64::from(u32::MAX)).contains(&value);
         let word = match self.scalar {
-            Scalar::F32 if self.is_text && !value.is_finite() => return [f32::NAN; 4],
-            Scalar::F32 if self.is_text => (value as f32).to_bits(),
-            Scalar::F64 if !value.is_finite() => return [f32::NAN; 4],
-            Scalar::F64 if !is_whole => (value as f32).to_bits(),
+            PlyScalar::F32 if self.is_text && !value.is_finite() => return [f32::NAN; 4],
+            PlyScalar::F32 if self.is_text => (value as f32).to_bits(),
+            PlyScalar::F64 if !value.is_finite() => return [f32::NAN; 4],
+            PlyScalar::F64 if !is_whole => (value as f32).to_bits(),
             // Signed integers wrap.
             _ => value as i64 as u32,
         };
@@ -145,7 +145,7 @@ impl Packed {
         let value =
             |&[r, g, b, alpha]: &[f32; 4]| f32::from_bits(u32::from_be_bytes([alpha, r, g, b].map(|x| x as u8)));
         let is_number = |x: f32| x.fract() == 0.0 && (0.0..=16_777_215.0).contains(&x);
-        if self.scalar == Scalar::F32
+        if self.scalar == PlyScalar::F32
             && colors.iter().filter(|color| color[0].is_finite()).all(|it| is_number(value(it)))
         {
             for color in colors.iter_mut().filter(|color| color[0].is_finite()) {
@@ -187,7 +187,7 @@ pub fn decode<'a>(
 }
 
 /// The number of full intensity in some channels of colors, which have one type. Signed bytes are mended first.
-pub fn range(scalar: Scalar, colors: &mut [[f32; 4]], channels: Range<usize>) -> f64 {
+pub fn range(scalar: PlyScalar, colors: &mut [[f32; 4]], channels: Range<usize>) -> f64 {
     let wraps = scalar.wraps(colors.iter().flat_map(|color| &color[channels.clone()]).copied());
     for x in colors.iter_mut().flat_map(|color| &mut color[channels.clone()]) {
         if wraps && is_signed_byte(*x) && *x < 0.0 {
