@@ -1,5 +1,6 @@
 //! The command line of SynTable. Only this crate prints; every verb is a page of arguments over a function of the library.
 
+mod flags;
 mod outputs;
 mod progress;
 mod signals;

@@ -1,5 +1,6 @@
 //! Shows the events of a run: on a terminal, as plain lines, or as JSON lines.
 
+use crate::flags::with_flags;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use parking_lot::Mutex;
 use std::collections::BTreeMap;
@@ -22,8 +23,7 @@ impl Reporter for JsonLines {
         let elapsed_s = (self.0.elapsed().as_secs_f64() * 1000.0).round() / 1000.0;
         let line = LogLine { elapsed_s, event: std::borrow::Cow::Borrowed(event) };
         let line = serde_json::to_string(&line).expect("events are plain data");
-        // A closed pipe must not end the run.
-        let _ = writeln!(std::io::stderr(), "{line}");
+        print_line(&line);
     }
 }
 
@@ -80,9 +80,9 @@ impl Human {
     }
 }
 
-/// Prints a line on standard error. A reader that has gone away must not stop a run.
+/// Prints a line on standard error, with flags for the options that it names. A closed pipe must not stop a run.
 fn print_line(line: &str) {
-    let _ = writeln!(std::io::stderr(), "{line}");
+    let _ = writeln!(std::io::stderr(), "{}", with_flags(line));
 }
 
 impl ProgressState {

@@ -1,4 +1,4 @@
-//! The list of the files that a command made in a folder.
+//! The list of files that a command created in a folder.
 
 use super::disk;
 use crate::run::dataset::manifest::Stamp;
@@ -11,10 +11,10 @@ use syntable_model::error::{Error, Result};
 
 /// Name of the list in the folder.
 pub const LISTING: &str = ".syntable-files";
-/// Number of files that an error names.
+/// Maximum number of files that an error names.
 const NAMED: usize = 5;
 
-/// The files that a command made in a folder. Only these are ever deleted.
+/// The files that a command created in a folder. Commands delete no other file.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct FileListing {
     /// The command, such as `syntable report`.
@@ -24,7 +24,7 @@ pub struct FileListing {
 }
 
 impl FileListing {
-    /// Reads the list of a folder; none if the folder has no list that this program wrote.
+    /// Reads the list of a folder. Returns `None` if the folder has no list of this program.
     pub fn read(folder: &Path) -> Result<Option<Self>> {
         let path = folder.join(LISTING);
         match fs::symlink_metadata(&path) {
@@ -44,7 +44,7 @@ impl FileListing {
         serde_json::to_string_pretty(self).expect("a list is plain data") + "\n"
     }
 
-    /// Names of what is in a folder beside the unchanged files of the list, in order: added and changed files, and empty
+    /// Names, in order, of all entries of a folder except unchanged listed files: new files, changed files, and empty
     /// folders.
     pub fn others(&self, folder: &Path) -> Result<Vec<String>> {
         let mut others = Vec::new();
@@ -71,19 +71,19 @@ impl FileListing {
         Ok(others)
     }
 
-    /// Refuses a folder with files that the command did not make.
+    /// Refuses a folder with files that the command did not create.
     pub fn check(&self, folder: &Path) -> Result<()> {
         let others = self.others(folder)?;
         if others.is_empty() {
             return Ok(());
         }
         let command = &self.made_by;
-        Err(Error::new(format!("it has what `{command}` did not make: {}", named(&others)))
+        Err(Error::new(format!("the folder has files that `{command}` did not create: {}", named(&others)))
             .in_file(folder)
-            .help("move that away, or choose another folder; nothing was touched"))
+            .help("move them away, or choose another folder; no file was changed"))
     }
 
-    /// Deletes the files of the list, and what is empty then. What else there is stays, and is an error.
+    /// Deletes the listed files, then empty folders. Other files stay, and are an error.
     pub(super) fn delete(&self, folder: &Path) -> Result<()> {
         let mut kept = Vec::new();
         walk(folder, &mut |entry| {
@@ -95,10 +95,10 @@ impl FileListing {
                 _ => false,
             };
             let removed = match kind {
-                // It goes last: until then the folder is known to be ours.
+                // The list goes last: until then, it identifies the folder as ours.
                 EntryKind::File if inside == LISTING => Ok(()),
                 _ if is_listed => disk::remove_file(&path),
-                // Fails where something is kept.
+                // Fails for a folder with files that stay.
                 EntryKind::Empty | EntryKind::Left => disk::remove_dir(&path).or_else(|error| match error.kind() {
                     ErrorKind::DirectoryNotEmpty => Ok(()),
                     _ => Err(error),
@@ -111,9 +111,9 @@ impl FileListing {
             removed.map_err(|error| Error::io(&path, &error))
         })?;
         if !kept.is_empty() {
-            return Err(Error::new(format!("it has what `{}` did not make: {}", self.made_by, named(&kept)))
+            return Err(Error::new(format!("the folder has files that `{}` did not create: {}", self.made_by, named(&kept)))
                 .in_file(folder)
-                .help("it came while the command worked and was kept: move it away, and run the command again"));
+                .help("they appeared while the command worked, and were kept: move them away, and run the command again"));
         }
         let listing = folder.join(LISTING);
         disk::remove_file(&listing).map_err(|error| Error::io(&listing, &error))?;
@@ -121,7 +121,7 @@ impl FileListing {
     }
 }
 
-/// Some names, and how many more there are.
+/// The first few names, and the number of the others.
 fn named(names: &[String]) -> String {
     let some = names.iter().take(NAMED).map(String::as_str).collect::<Vec<_>>().join(", ");
     match names.len().saturating_sub(NAMED) {
@@ -130,10 +130,10 @@ fn named(names: &[String]) -> String {
     }
 }
 
-/// Something in a folder.
+/// An entry of a folder.
 struct FolderEntry {
     path: PathBuf,
-    /// The path from the folder, with `/` between names.
+    /// Path relative to the folder, with `/` between names.
     inside: String,
     kind: EntryKind,
 }
@@ -141,15 +141,15 @@ struct FolderEntry {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum EntryKind {
     File,
-    /// A folder without entries.
+    /// An empty folder.
     Empty,
-    /// A folder, after its entries.
+    /// A folder, visited after its entries.
     Left,
-    /// A link, a pipe, a device.
+    /// A link, a pipe or a device.
     Odd,
 }
 
-/// Visits all that is below a folder, in the order of names, entries of a folder before the folder. Links are not followed.
+/// Visits all entries below a folder in the order of their names, each folder after its entries. Does not follow links.
 fn walk(folder: &Path, visit: &mut dyn FnMut(FolderEntry) -> Result<()>) -> Result<()> {
     fn inner(folder: &Path, above: &str, visit: &mut dyn FnMut(FolderEntry) -> Result<()>) -> Result<bool> {
         let failed = |error: std::io::Error| Error::io(folder, &error);
