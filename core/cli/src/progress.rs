@@ -36,7 +36,7 @@ pub struct Human {
 struct ProgressState {
     start: Instant,
     said: Instant,
-    /// When a step of long work was said.
+    /// Time of the last message about a long step.
     worked: Option<Instant>,
     images: u64,
     total: u64,
@@ -47,7 +47,7 @@ struct ProgressState {
 }
 
 impl Human {
-    /// A progress line if `terminal`, else a plain line now and then.
+    /// Shows a progress line if `terminal`, else a line of text from time to time.
     pub fn new(terminal: bool) -> Self {
         let bar = terminal.then(|| {
             let bar = ProgressBar::with_draw_target(None, ProgressDrawTarget::stderr());
@@ -106,14 +106,14 @@ impl Reporter for Human {
     fn event(&self, event: &Event) {
         let mut state = self.state.lock();
         match event {
-            // Previews have no end to count towards.
+            // Previews have no total.
             Event::Image { .. } | Event::Scene { .. } if state.total == 0 => {}
             Event::Started { out, scenes, views_per_scene, resumed, images, threads } => {
                 (state.start, state.images, state.scenes) = (Instant::now(), 0, 0);
                 state.unfinished.clear();
                 state.scenes_total = scenes - resumed;
                 state.total = *images;
-                let done = if *resumed > 0 { format!(", {resumed} of them done before") } else { String::new() };
+                let done = if *resumed > 0 { format!(", {resumed} of them finished before") } else { String::new() };
                 let (scenes, views) = (count(*scenes, "scene"), count(*views_per_scene, "view"));
                 self.say(&format!("{scenes} × {views}{done}, {} → {out}", count(*threads as u32, "thread")));
                 if let Some(bar) = &self.bar {
@@ -148,7 +148,7 @@ impl Reporter for Human {
                 }
             }
             Event::Attempt { scene, attempt, error, last } => {
-                // The images of an attempt that fails are not in the dataset.
+                // The dataset does not get the images of a failed attempt.
                 state.images = state.images.saturating_sub(state.unfinished.remove(scene).unwrap_or(0));
                 let then = if *last { "given up" } else { "trying again" };
                 self.say(&format!("warning: scene {scene}, attempt {attempt}: {error}; {then}"));

@@ -1,27 +1,27 @@
-//! What `syntable new plugin` can start: one template per slot, and one for everything else that a crate can add.
+//! Templates of `syntable new plugin`: one per slot, and one for every other kind of extension.
 //!
-//! A template is the folder of a crate that compiles as it is, under the name of its example. The workspace compiles and tests
+//! A template is the folder of a crate that compiles under the name of its example. The workspace compiles and tests
 //! these files as parts of `tests/third-party`, and the book shows them.
 
 use syntable_model::registry::Slot;
 
-/// A crate to start from.
+/// A template of a crate.
 pub(super) struct CrateTemplate {
-    /// What users write after `--slot`: a slot of recipes, or another thing that crates add.
+    /// Value of `--slot`: a slot of recipes, or another kind of extension.
     pub slot: &'static str,
-    /// Name of the crate and of what it adds, in the files. It occurs in snake case, in camel case and in capitals.
+    /// Name of the crate and of its addition, in the files: in snake case, in camel case and in capitals.
     pub example: &'static str,
-    /// What it adds, for the list of templates.
+    /// The addition, for the list of templates.
     pub doc: &'static str,
-    /// Files by their paths in the crate.
+    /// Files by their path in the crate.
     pub files: &'static [(&'static str, &'static str)],
     /// Crates that the library needs.
     crates: &'static [Crate],
-    /// Further crates that the tests need.
+    /// Additional crates for the tests.
     test_crates: &'static [Crate],
     /// Whether the tests make samples of `recipe.toml`.
     has_recipe: bool,
-    /// Arguments of the program that show the plugin at work.
+    /// Arguments of the program that demonstrate the plugin.
     pub show: &'static str,
 }
 
@@ -58,7 +58,7 @@ impl Crate {
         }
     }
 
-    /// Its folder in the sources of the program, or the version and features of a crate of others.
+    /// Folder of the crate in the sources of the program, or version and features of a third-party crate.
     fn place(self) -> Result<&'static str, &'static str> {
         match self {
             Cli => Ok("core/cli"),
@@ -79,7 +79,7 @@ pub(super) fn crates() -> impl Iterator<Item = String> {
     Crate::ALL.into_iter().map(|it| it.name().replace('-', "_"))
 }
 
-/// The files of a template: those of every one, and more by name.
+/// The files of a template: the files of every template, and further ones by name.
 macro_rules! files {
     ($folder:literal $(, $more:literal)*) => {
         &[
@@ -106,7 +106,7 @@ macro_rules! stage {
     };
 }
 
-/// Anything else, without a recipe.
+/// Any other extension, without a recipe.
 macro_rules! other {
     ($slot:literal, $example:literal, $doc:literal, [$($file:literal),*], $crates:expr, $tests:expr, $show:literal) => {
         CrateTemplate {
@@ -192,20 +192,21 @@ const SAMPLES: &str = include_str!("scaffold/plugin_samples.rs");
 const RULES: &str = include_str!("scaffold/plugin_rules.rs");
 
 impl CrateTemplate {
-    /// The template of a value of `--slot`.
+    /// The template for a value of `--slot`.
     pub fn find(slot: &str) -> Option<&'static Self> {
         TEMPLATES.iter().find(|template| template.slot == slot)
     }
 
-    /// The slot that its stage takes, if it is a stage.
+    /// The slot of the template's stage, if it has one.
     pub fn stage(&self) -> Option<Slot> {
         Slot::ALL.into_iter().find(|slot| slot.name() == self.slot)
     }
 
-    /// The files of a crate of this name. `dependency` gives the value of a dependency on a crate of the program, by its folder.
+    /// The files of a crate with this name. `dependency` returns the value of a dependency on a crate of the program,
+    /// by its folder.
     ///
     /// # Errors
-    /// Those of `dependency`.
+    /// Errors of `dependency`.
     pub fn crate_files<E>(
         &self,
         name: &str,
@@ -237,7 +238,7 @@ impl CrateTemplate {
         Ok([("Cargo.toml", manifest), ("src/main.rs", main)].into_iter().chain(own).collect())
     }
 
-    /// A text with another name in the place of the example's.
+    /// A text with another name instead of the example's name.
     pub fn renamed(&self, text: &str, name: &str) -> String {
         text.replace(self.example, name)
             .replace(&camel_case(self.example), &camel_case(name))

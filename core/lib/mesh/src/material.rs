@@ -1,17 +1,17 @@
-//! Materials that readers fall back to.
+//! Default materials and replacements for readers.
 
 use crate::image::DecodedImage;
 use std::sync::Arc;
 use syntable_model::color::srgb_to_linear;
 use syntable_model::scene::{Alpha, Color, Encoding, Material, Scalar, Texture};
 
-/// The material of surfaces that name none, matt: light gray, or white where vertices have colors of their own.
+/// The matt material of surfaces without a material: light gray, or white for meshes with vertex colors.
 pub fn default_material(vertex_colors: bool) -> Material {
     Material::plain("default", if vertex_colors { [1.0; 3] } else { [0.6; 3] }, 0.5)
 }
 
-/// The material with every texture replaced by its mean; none if it has no texture. Blended alpha becomes
-/// its mean, masked alpha becomes opaque. For faces without texture coordinates.
+/// The material with every texture replaced by its mean; `None` if it has no texture. Blended alpha becomes its mean,
+/// and masked alpha becomes opaque. For faces without texture coordinates.
 pub fn untextured(material: &Material) -> Option<Material> {
     material.textures().next()?;
     let mut flat = material.clone();
@@ -40,9 +40,9 @@ pub fn untextured(material: &Material) -> Option<Material> {
     Some(flat.with_digest())
 }
 
-/// The texture of a blended material with its alpha scaled up to one, and the largest alpha that it had. A texture that is
-/// nowhere half opaque says how transparent the material is, and no shape: its alpha belongs into the factor. None if
-/// some texel is half opaque, or all are clear.
+/// The texture of a blended material with its alpha scaled up to one, and its largest alpha before. A texture that is
+/// nowhere half opaque states the transparency of the material, not a shape, so its alpha belongs into the factor.
+/// `None` if a texel is half opaque, or all are clear.
 pub fn full_alpha(texture: &Texture) -> Option<(Texture, f32)> {
     let largest = texture.texels.chunks_exact(4).map(|texel| texel[3]).max().filter(|&largest| largest > 0)?;
     if largest >= 128 {
@@ -85,7 +85,7 @@ pub fn mean(texture: &Texture) -> [f32; 3] {
     [0, 1, 2].map(|channel| mean_of(texture, channel))
 }
 
-/// Mean of one channel, linear; alpha always is.
+/// Mean of one channel, linear. Alpha is always linear.
 fn mean_of(texture: &Texture, channel: u8) -> f32 {
     let encoded = texture.encoding == Encoding::Srgb && channel < 3;
     let decode: Vec<f64> = (0..=255_u8)
@@ -130,7 +130,7 @@ mod tests {
         assert_eq!(with([10, 200]), ([10, 200], 0.5));
         let (texels, factor) = with([51, 102]);
         assert_eq!(texels, [128, 255]);
-        // The product is what it was.
+        // The product is unchanged.
         for (texel, was) in texels.into_iter().zip([51.0, 102.0]) {
             assert!((f64::from(texel) / 255.0 * f64::from(factor) - was / 255.0 * 0.5).abs() < 1e-3);
         }

@@ -3,13 +3,13 @@
 use std::borrow::Cow;
 use syntable_model::error::{Error, Result};
 
-/// A line of text with its number, from 1; of a continued line the number of its first part.
+/// A line of text. A continued line has the number of its first part.
 pub struct TextLine<'a> {
-    /// Number of the line.
+    /// Number of the line, from 1.
     pub number: usize,
     /// Its text without the line end.
     pub text: Cow<'a, str>,
-    /// Whether the file ends with it, without a line end.
+    /// Whether the line ends the file without a line end.
     pub last: bool,
 }
 
@@ -50,7 +50,7 @@ pub fn lines(bytes: &[u8]) -> impl Iterator<Item = TextLine<'_>> {
     })
 }
 
-/// A finite number that single precision can hold.
+/// Parses a finite number that fits single precision.
 pub fn finite(token: &str, what: &str) -> Result<f32> {
     match token.parse::<f32>() {
         Ok(number) if number.is_finite() => Ok(number),

@@ -16,7 +16,7 @@ pub trait Task {
     /// Result.
     type Output;
 
-    /// Runs the task. Mark implementations and what they call `#[inline(always)]`: a function that is not inlined, such
+    /// Runs the task. Mark implementations and their callees `#[inline(always)]`: a function that is not inlined, such
     /// as some closures, is compiled without the instruction set.
     fn run<S: Simd>(self) -> Self::Output;
 }
@@ -67,7 +67,7 @@ impl Processor {
     }
 }
 
-/// Asks for the cache line at an address; a hint, without effect on results. Any address will do.
+/// Prefetches the cache line at any address. A hint without effect on results.
 #[inline(always)]
 pub fn prefetch<T>(address: *const T) {
     #[cfg(target_arch = "x86_64")]
@@ -124,7 +124,7 @@ mod avx2 {
             fn with_avx2<T: Task>(task: T) -> T::Output {
                 task.run::<Avx2>()
             }
-            // SAFETY: the token says that the processor has both.
+            // SAFETY: the token proves that the processor has both.
             unsafe { with_avx2(task) }
         }
     }

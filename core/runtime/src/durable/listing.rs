@@ -111,9 +111,13 @@ impl FileListing {
             removed.map_err(|error| Error::io(&path, &error))
         })?;
         if !kept.is_empty() {
-            return Err(Error::new(format!("the folder has files that `{}` did not create: {}", self.made_by, named(&kept)))
-                .in_file(folder)
-                .help("they appeared while the command worked, and were kept: move them away, and run the command again"));
+            return Err(Error::new(format!(
+                "the folder has files that `{}` did not create: {}",
+                self.made_by,
+                named(&kept)
+            ))
+            .in_file(folder)
+            .help("they appeared while the command worked, and were kept: move them away, and run the command again"));
         }
         let listing = folder.join(LISTING);
         disk::remove_file(&listing).map_err(|error| Error::io(&listing, &error))?;

@@ -115,7 +115,11 @@ fn write_linked(path: &Path, bytes: &[u8], links: u32) -> Result<()> {
         None if path.is_symlink() => {
             let target = fs::read_link(path).map_err(|error| refused(path, &error))?;
             let target = path.parent().unwrap_or(Path::new("")).join(target);
-            return if links == 0 { refuse("its links lead to a missing file") } else { write_linked(&target, bytes, links - 1) };
+            return if links == 0 {
+                refuse("its links lead to a missing file")
+            } else {
+                write_linked(&target, bytes, links - 1)
+            };
         }
         _ => {}
     }
@@ -543,7 +547,9 @@ fn is_at(_: &File, path: &Path) -> bool {
 }
 
 fn busy(place: &Path) -> Error {
-    Error::new("another command is writing it").in_file(place).help("wait until that command ends, or choose another path")
+    Error::new("another command is writing it")
+        .in_file(place)
+        .help("wait until that command ends, or choose another path")
 }
 
 fn taken(place: &Path) -> Error {

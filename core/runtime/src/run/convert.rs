@@ -168,8 +168,7 @@ pub fn check_place(out: &Path, source: &Path) -> Result<()> {
         Err(_) => absolute.ancestors().skip(1).find_map(|above| above.canonicalize().ok()),
     };
     let Some(place) = place else { return Ok(()) };
-    let in_dataset =
-        root_of(source).filter(|root| place.starts_with(root)).map(|root| (root, "the source dataset"));
+    let in_dataset = root_of(source).filter(|root| place.starts_with(root)).map(|root| (root, "the source dataset"));
     let in_run = run_above(&place).map(|root| (root, "the folder of a run"));
     let Some((root, what)) = in_dataset.or(in_run) else { return Ok(()) };
     let beside = root.with_file_name(out.file_name().unwrap_or_default());
@@ -221,38 +220,39 @@ fn resolve(
         Candidate { stage, producer: Producer::Image(Box::new(part)), implied }
     };
     let implied = parts.into_iter().map(candidate).collect();
-    let plan =
-        plan::resolve(offers.clone(), Vec::new(), implied, &wants).map_err(|errors| {
-            let is_unknown = |error: &&plan::PlanError| error.fault == Fault::Unknown;
-            let mut messages: Vec<String> = Vec::new();
-            for (id, _) in writers {
-                let stage = format!("write.{id}");
-                let missing = errors.iter().filter(is_unknown).filter(|error| error.stage == stage);
-                let missing: Vec<String> = missing.map(|error| format!("`{}`", error.product)).collect();
-                if !missing.is_empty() {
-                    messages.push(format!("{stage} reads {}, which the dataset lacks", missing.join(", ")));
-                }
+    let plan = plan::resolve(offers.clone(), Vec::new(), implied, &wants).map_err(|errors| {
+        let is_unknown = |error: &&plan::PlanError| error.fault == Fault::Unknown;
+        let mut messages: Vec<String> = Vec::new();
+        for (id, _) in writers {
+            let stage = format!("write.{id}");
+            let missing = errors.iter().filter(is_unknown).filter(|error| error.stage == stage);
+            let missing: Vec<String> = missing.map(|error| format!("`{}`", error.product)).collect();
+            if !missing.is_empty() {
+                messages.push(format!("{stage} reads {}, which the dataset lacks", missing.join(", ")));
             }
-            messages.extend(errors.iter().filter(|error| !is_unknown(error)).map(|error| error.message.clone()));
-            if messages.is_empty() {
-                // Products that an annotator would derive from missing ones.
-                messages.extend(errors.iter().map(|error| {
-                    format!("{} reads `{}`, which the dataset lacks", error.stage, error.product)
-                }));
-            }
-            let has: Vec<String> = offers.iter().map(|key| format!("`{}`", key.name)).collect();
-            let mut help = format!("the dataset has {}", has.join(", "));
-            // An entry such as `include[0]`.
-            let named = errors.iter().filter(is_unknown).find_map(|error| {
-                let option = error.option.as_ref()?.split('[').next().filter(|option| *option == "include")?;
-                Some((error.stage.strip_prefix("write.")?, option))
-            });
-            if let (Some((kind, option)), Some(first)) = (named, has.first()) {
-                let product = first.trim_matches('`');
-                help += &format!("; choose among them, for instance with `options.set` '{kind}.{option}=[\"{product}\"]'");
-            }
-            Error::new(messages.join("; ")).help(help)
-        })?;
+        }
+        messages.extend(errors.iter().filter(|error| !is_unknown(error)).map(|error| error.message.clone()));
+        if messages.is_empty() {
+            // Products that an annotator would derive from missing ones.
+            messages.extend(
+                errors
+                    .iter()
+                    .map(|error| format!("{} reads `{}`, which the dataset lacks", error.stage, error.product)),
+            );
+        }
+        let has: Vec<String> = offers.iter().map(|key| format!("`{}`", key.name)).collect();
+        let mut help = format!("the dataset has {}", has.join(", "));
+        // An entry such as `include[0]`.
+        let named = errors.iter().filter(is_unknown).find_map(|error| {
+            let option = error.option.as_ref()?.split('[').next().filter(|option| *option == "include")?;
+            Some((error.stage.strip_prefix("write.")?, option))
+        });
+        if let (Some((kind, option)), Some(first)) = (named, has.first()) {
+            let product = first.trim_matches('`');
+            help += &format!("; choose among them, for instance with `options.set` '{kind}.{option}=[\"{product}\"]'");
+        }
+        Error::new(messages.join("; ")).help(help)
+    })?;
     Ok(ConversionPlan { plan, lacking: lacking.into_iter().collect() })
 }
 

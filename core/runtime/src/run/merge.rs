@@ -151,7 +151,9 @@ fn recipe_of(folder: &Folder, what: &str) -> Result<String> {
 
 fn open(part: StoreFolder) -> Result<MergePart> {
     if !layout::is_dataset(&part)? {
-        return Err(Error::new("no dataset in this folder").in_file(part.name()).help("name the output folder of a run"));
+        return Err(Error::new("no dataset in this folder")
+            .in_file(part.name())
+            .help("name the output folder of a run"));
     }
     let folder = Folder::read(part)?;
     let entries = Journal::entries_of(folder.files())?;
@@ -298,9 +300,7 @@ fn ready(recipe: &Recipe) -> Result<()> {
         let Some(digest) = then.get(option) else {
             return Err(Error::new("the parts have no digest of this file")
                 .in_file(path)
-                .help(
-                    "restore `[lock]` in the recipe.toml of the parts, which has a digest of each such file",
-                )
+                .help("restore `[lock]` in the recipe.toml of the parts, which has a digest of each such file")
                 .context(option));
         };
         if *digest != found.1.to_string() {

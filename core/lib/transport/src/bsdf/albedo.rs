@@ -1,8 +1,8 @@
 //! Directional albedo of the GGX lobe, tabulated at first use.
 //!
-//! With Schlick's Fresnel term the albedo is linear in the reflectance at normal incidence:
-//! `E(μ) = f₀ · facing(μ) + grazing(μ)`. With f₀ = 1 it is the albedo of a perfect rough mirror without multiple
-//! scattering, less than one by what Smith's model loses.
+//! With Schlick's Fresnel term, the albedo is linear in the reflectance at normal incidence: `E(μ) = f₀ · facing(μ) +
+//! grazing(μ)`. With f₀ = 1, it is the albedo of a perfect rough mirror without multiple scattering, below one because
+//! Smith's model loses energy.
 
 use super::ggx::{self, Ggx};
 use std::sync::LazyLock;
@@ -84,7 +84,7 @@ pub struct AlbedoTable {
     mean: Vec<[f32; 8]>,
 }
 
-/// The table, made at first use.
+/// The table, computed at first use.
 pub fn table() -> &'static AlbedoTable {
     static TABLE: LazyLock<AlbedoTable> = LazyLock::new(AlbedoTable::new);
     &TABLE
@@ -138,7 +138,7 @@ impl AlbedoTable {
     }
 }
 
-/// Albedo of the lobe: what multiplies the reflectance at normal incidence, and what is added.
+/// Albedo of the lobe: the factor of the reflectance at normal incidence, and the constant term.
 fn integrate(alpha: f32, mu: f32) -> [f32; 2] {
     let wo = vec3(at_least(1.0 - mu * mu, 0.0).sqrt(), 0.0, mu);
     let ggx = Ggx::new(alpha, wo);
@@ -175,7 +175,7 @@ mod tests {
         assert!((mean.white() - 1.0).abs() < 0.01);
         // Schlick's mean over the hemisphere is 1/21.
         assert!((mean.grazing - 1.0 / 21.0).abs() < 2e-3, "{mean:?}");
-        // Rough ones, by quadrature.
+        // Rough surfaces, by quadrature.
         for (roughness, mu) in [(1.0, 1.0), (0.7, 0.4)] {
             let want = quadrature(f64::from(roughness * roughness), f64::from(mu));
             assert!((white(roughness, mu) - want).abs() < 3e-3, "{} not {want}", white(roughness, mu));

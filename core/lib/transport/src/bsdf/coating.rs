@@ -1,7 +1,8 @@
-//! What clearcoat and sheen fibers take from the layers below them.
+//! Attenuation of the lower layers by clearcoat and sheen.
 //!
-//! A coating with albedo V(μ) lets `1 − max(V(μₒ), V(μᵢ))` through to a glossy lobe, which is reciprocal and never gives more
-//! than is left. Below clearcoat, diffuse light is weighted by `(1 − V(μₒ)) (1 − V(μᵢ)) / (1 − V̄)`, which keeps all of it.
+//! A coating with albedo V(μ) transmits `1 − max(V(μₒ), V(μᵢ))` to a glossy lobe, which is reciprocal and never exceeds
+//! the remaining energy. Below clearcoat, diffuse light has the weight `(1 − V(μₒ)) (1 − V(μᵢ)) / (1 − V̄)`, which
+//! conserves all of it.
 
 use super::albedo::{AlbedoTable, Row};
 use super::sheen::SheenRow;
@@ -58,7 +59,7 @@ impl<T: Real> CoatingAttenuation<T> {
         }
     }
 
-    /// What is left of glossy and of diffuse light from `mu_i`.
+    /// Remaining fractions of glossy and of diffuse light from `mu_i`.
     #[inline(always)]
     pub fn factors(&self, mu_i: T) -> [T; 2] {
         let coat = self.coat.albedo(self.coat_row.at(self.table, mu_i)) * self.parameters.clearcoat;

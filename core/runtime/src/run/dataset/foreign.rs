@@ -215,7 +215,8 @@ fn walk(dataset: &StoreFolder, inside: &str, own: &mut OwnFiles) -> Result<()> {
         } else if kind != FileKind::File {
             own.odd.push(Odd { what: what_is(kind, FileKind::File), path });
         } else if !may_be_staged(&path) {
-            let what = "no run stages this file: moved into place, it would replace one of the program's own files".to_owned();
+            let what =
+                "no run stages this file: moved into place, it would replace one of the program's own files".to_owned();
             own.odd.push(Odd { path, what });
         } else if let Some(kind) = ListKind::at(&path)
             // The program opens no file by another name.

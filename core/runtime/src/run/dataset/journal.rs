@@ -102,9 +102,7 @@ impl Notice {
                 "the camera may be outside the room or inside an object: check [views], the sizes in [[place]] and \
                  [[lights]]"
             }
-            Self::White => {
-                "the view is overexposed: check the intensity of [[lights]] and the exposure in [camera]"
-            }
+            Self::White => "the view is overexposed: check the intensity of [[lights]] and the exposure in [camera]",
             Self::Unlabeled => {
                 "the camera may be outside the room, look past the objects or be behind an object: check [views] and \
                  the sizes in [[place]]"

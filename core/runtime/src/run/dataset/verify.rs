@@ -56,7 +56,9 @@ impl Verified {
 pub fn verify(dataset: impl Into<StoreFolder>, threads: usize) -> Result<Verified> {
     let dataset = dataset.into();
     if !layout::is_dataset(&dataset)? {
-        return Err(Error::new("no dataset in this folder").in_file(dataset.name()).help("name the output folder of a run"));
+        return Err(Error::new("no dataset in this folder")
+            .in_file(dataset.name())
+            .help("name the output folder of a run"));
     }
     let _lock = lock(&dataset, Access::Read)?;
     compare(&dataset, &Pool::new(threads)?)

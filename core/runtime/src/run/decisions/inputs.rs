@@ -37,8 +37,7 @@ pub fn emulated(recipe: &Recipe) -> Result<Option<String>> {
         return Ok(None);
     }
     let program = recipe.render.devices()?.into_iter().find(|device| device.class == DeviceClass::Emulated);
-    Ok(program
-        .map(|device| format!("no graphics card: {} emulates one, which is slower than `cpu_path`", device.name)))
+    Ok(program.map(|device| format!("no graphics card: {} emulates one, which is slower than `cpu_path`", device.name)))
 }
 
 /// Warns if the devices differ from those that rendered the existing scenes.
@@ -73,7 +72,9 @@ pub fn unchanged(
         let Some(is) = now.catalogs.get(pool).filter(|is| *is != was) else { continue };
         let what = match home.and_then(|home| names(home, pool, was)) {
             Some(before) => changes(&before, &catalogs[pool]),
-            None => format!("{} assets before, {} now, or different names, categories or numbers", was.assets, is.assets),
+            None => {
+                format!("{} assets before, {} now, or different names, categories or numbers", was.assets, is.assets)
+            }
         };
         return refuse(format!("the pool `assets.{pool}` has changed since the dataset began: {what}"));
     }

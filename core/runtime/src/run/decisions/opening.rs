@@ -134,8 +134,10 @@ fn open_folder(recipe: &Recipe, options: &RunOptions, reporter: &dyn Reporter) -
 fn tell_foreign(reporter: &dyn Reporter, left: &[PathBuf]) {
     if let Some(first) = left.first() {
         let files = count(left.len() as u32, "file");
-        let message =
-            format!("{files} in the folder, such as {}, stay because no manifest of the dataset lists them", first.display());
+        let message = format!(
+            "{files} in the folder, such as {}, stay because no manifest of the dataset lists them",
+            first.display()
+        );
         reporter.event(&Event::Note { message });
     }
 }
