@@ -23,7 +23,7 @@ syntable_cli::register_topic!(Topic { name: "metrics", rows });
 
 /// The metrics, for `syntable list`.
 fn rows() -> Result<Vec<[String; 3]>> {
-    let headings = ["metric", "crate", "what it is"].map(str::to_owned);
+    let headings = ["metric", "crate", "description"].map(str::to_owned);
     let row = |it: Arc<dyn MetricKind>| [it.name(), it.owner(), it.doc()].map(str::to_owned);
     Ok(std::iter::once(headings).chain(linked(&[])?.into_iter().map(row)).collect())
 }
@@ -167,8 +167,8 @@ fn run(console: &Console, registry: &Registry, arguments: &ArgMatches) -> std::r
         let most = arguments.get_one::<usize>("worst").copied().unwrap_or(usize::MAX);
         let scores = found.with_worst(most, &work).map_err(|error| ended(&stop, error))?;
         if options.rank_by.is_none() && found.ranked_by() != worst::RANKED_BY {
-            let error = Error::new(format!("the worst images are those of the lowest `{}`", found.ranked_by()));
-            let help = format!("--metrics leaves `{}` out; --worst-by chooses another score", worst::RANKED_BY);
+            let error = Error::new(format!("the worst images have the lowest `{}`", found.ranked_by()));
+            let help = format!("--metrics omits `{}`; --worst-by chooses another score", worst::RANKED_BY);
             console.say(&Message::Warning(error.help(help)));
         }
         write_file(file, scores.text().as_bytes()).map_err(Exit::stopped)?;
@@ -178,7 +178,7 @@ fn run(console: &Console, registry: &Registry, arguments: &ArgMatches) -> std::r
         true => format!("{:#}\n", table.json()),
         false => format!("{}read as: {format} and {pred_format}\n", table.text()),
     })?;
-    Exit::if_left_out(found.left_out(), gt, "`syntable validate` lists all that is wrong")
+    Exit::if_left_out(found.left_out(), gt, "`syntable validate` lists all faults")
 }
 
 /// A score that can be compared with others.

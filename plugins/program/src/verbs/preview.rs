@@ -100,7 +100,7 @@ fn run(console: &Console, registry: &Registry, arguments: &ArgMatches) -> Result
         PassEnd::Done { failed, is_lossy } => {
             console.print(&places)?;
             let failed = (failed > 0).then(|| format!("{} failed", count(failed, "scene")));
-            let lossy = is_lossy.then(|| "stages left labels out: the warnings above name them".to_owned());
+            let lossy = is_lossy.then(|| "stages omitted labels: see the warnings above".to_owned());
             let messages: Vec<Message> =
                 failed.into_iter().chain(lossy).map(|what| Message::Error(Error::new(what))).collect();
             if messages.is_empty() { Ok(()) } else { Err(Exit { code: 3, messages }) }

@@ -35,7 +35,7 @@ fn command() -> Command {
                 .help("Maximum scenes in 3-D, or `all`: the first scenes that the writer `gltf` wrote"),
         )
         .arg(flag("labels-only").action(ArgAction::SetTrue).help(
-            "Read only labels, which is faster. Leaves out brightness, depth and near-duplicate views",
+            "Read only labels, which is faster. Omits brightness, depth and near-duplicate views",
         ))
         .arg(arguments::threads("Worker threads. Default: all cores. The report does not depend on their number"))
         .after_help(
@@ -77,5 +77,5 @@ fn run(console: &Console, registry: &Registry, arguments: &ArgMatches) -> Result
         made.all_images,
         made.scenes,
     ))?;
-    Exit::if_left_out(made.left_out, &dataset, "`syntable validate` lists all that is wrong")
+    Exit::if_left_out(made.left_out, &dataset, "`syntable validate` lists all faults")
 }

@@ -35,7 +35,7 @@ fn command() -> Command {
         )
         .arg(arguments::trust_paths())
         .arg(flag("labels-only").action(ArgAction::SetTrue).help(
-            "Read only labels, since images take most of the time. Leaves out brightness, depth and near-duplicate views",
+            "Read only labels, since images take most of the time. Omits brightness, depth and near-duplicate views",
         ))
         .arg(flag("edges").value_parser(["pixels", "iou", "stored"]).default_value("pixels").help(
             "Rule for \"object i occludes j\". `pixels`: a hidden pixel of j shows i. `iou`: the IoU of i's visible and \
@@ -73,7 +73,7 @@ fn command() -> Command {
 fn run(console: &Console, registry: &Registry, arguments: &ArgMatches) -> Result<(), Exit> {
     let text = |name: &str| arguments.get_one::<String>(name).map(String::as_str);
     let options = StatisticsOptions {
-        images: !arguments.get_flag("labels-only"),
+        labels_only: arguments.get_flag("labels-only"),
         edges: match text("edges") {
             Some("iou") => Edges::Iou,
             Some("stored") => Edges::Stored,
@@ -96,5 +96,5 @@ fn run(console: &Console, registry: &Registry, arguments: &ArgMatches) -> Result
     }
     let is_json = arguments.get_flag("json");
     console.print(&if is_json { table::json(&found.datasets) } else { table::text(&found.datasets) })?;
-    Exit::if_left_out(found.left_out, read[0], "`syntable validate` lists all that is wrong")
+    Exit::if_left_out(found.left_out, read[0], "`syntable validate` lists all faults")
 }

@@ -1,6 +1,6 @@
-//! COCO's average precision and recall category by category, with the numbers of pycocotools where it looks at categories
-//! (`useCats = 1`): a prediction is compared with the labels of its category alone, and at most [`MOST`](crate::coco::MOST) of an
-//! image and a category count.
+//! COCO's average precision and recall by category, equal to pycocotools with `useCats = 1`: a prediction is compared
+//! only with labels of its category, and at most [`MOST`](crate::coco::MOST) predictions per image and category are
+//! used.
 
 use crate::coco::{ComparedObjects, KINDS, KindTally, SCORES, values};
 use crate::image::{ImagePair, MaskedObject};
@@ -44,7 +44,7 @@ fn word(name: &str) -> String {
     if parts.is_empty() { "unnamed".to_owned() } else { parts.join("_") }
 }
 
-/// What is kept of an image, by category.
+/// Tally of an image by category.
 pub struct OfCategories(BTreeMap<u32, [KindTally; KINDS.len()]>);
 
 impl Measure for ByCategory {
@@ -75,7 +75,7 @@ impl Measure for ByCategory {
         let mut each = vec![[None; KINDS.len()]; self.categories.len()];
         for kind in 0..KINDS.len() {
             let mut sums = [(0.0, 0); SCORES.len()];
-            // Without scores there is no order, nor one of the categories in which nothing was predicted.
+            // Without scores, predictions have no order, and neither do categories without predictions.
             let is_unranked = images.iter().flat_map(|it| it.0.values()).any(|kinds| kinds[kind].is_unranked);
             for (of, (category, _)) in each.iter_mut().zip(&self.categories) {
                 let tallies: Vec<&KindTally> =

@@ -1,7 +1,7 @@
-//! COCO's average precision and recall, with the numbers of pycocotools where it ignores categories (`useCats = 0`).
+//! COCO's average precision and recall, equal to pycocotools with `useCats = 0`.
 //!
-//! Boxes are those around masks, and areas those of masks. Predictions are ranked by score; of equal scores, the earlier image
-//! and then the earlier prediction comes first.
+//! Boxes and areas are computed from masks. Predictions are ranked by score. Of equal scores, the earlier image comes
+//! first, then the earlier prediction.
 
 use crate::image::{ImagePair, MaskedObject};
 use crate::measure::{Measure, Measurement, Metric};
@@ -24,7 +24,7 @@ pub const AREAS: [[u32; 2]; 4] = [[0, u32::MAX], [0, 1024], [1024, 9216], [9216,
 pub(crate) const SCORES: [&str; 12] =
     ["ap", "ap50", "ap75", "aps", "apm", "apl", "ar1", "ar10", "ar100", "ars", "arm", "arl"];
 
-/// A kind of shapes: what they are called, which mask of an instance it is, and whether its box is compared in its place.
+/// A kind of masks: its name, the mask of an instance, and whether the mask's box is compared instead.
 pub(crate) struct MaskKind {
     pub(crate) name: &'static str,
     of: fn(&MaskedObject) -> &Mask,
@@ -45,14 +45,14 @@ pub fn names() -> ([&'static str; 4], [&'static str; 12]) {
 
 register_metric!(Metric {
     name: "coco",
-    doc: "COCO's AP and AR of amodal and visible masks and their boxes, whatever the class; needs scores.",
+    doc: "COCO's AP and AR of amodal and visible masks and their boxes, regardless of class; needs scores.",
     build: |_| Measurement::of(CocoMetric),
     crate_name: env!("CARGO_PKG_NAME"),
 });
 
 struct CocoMetric;
 
-/// What is kept of an image, for a kind.
+/// Tally of an image for one kind.
 #[derive(Default)]
 pub(crate) struct KindTally {
     /// Number of labels by area.
@@ -99,10 +99,10 @@ pub(crate) struct ComparedObjects<'a> {
     pub(crate) ranked: Vec<&'a MaskedObject>,
 }
 
-/// What is kept of an image, for all kinds.
+/// Tally of an image for all kinds.
 struct CocoTally([KindTally; KINDS.len()]);
 
-/// A shape with what is asked of it.
+/// A mask with its box and attributes.
 struct ComparedShape<'a> {
     mask: &'a Mask,
     bbox: BBox,
@@ -134,7 +134,7 @@ impl MaskKind {
             let is_within = |shape: &ComparedShape| (limits[0]..=limits[1]).contains(&shape.area);
             let is_ignored: Vec<bool> = labels.iter().map(|it| it.is_crowd || !is_within(it)).collect();
             count[area] = is_ignored.iter().filter(|it| !**it).count() as u32;
-            // What counts comes first.
+            // Labels that are not ignored come first.
             let mut order: Vec<usize> = (0..labels.len()).collect();
             order.sort_by_key(|label| is_ignored[*label]);
             for threshold in 0..THRESHOLDS {
@@ -186,8 +186,8 @@ fn iou_of(threshold: usize) -> f64 {
     if threshold + 1 == THRESHOLDS { last } else { threshold as f64 * step + first }
 }
 
-/// The label that a prediction takes: of those that count, the one that it overlaps most, else of those that are ignored. Of
-/// equal overlaps, the last one.
+/// The label that a prediction matches: the label with the largest overlap among those that are not ignored, else among
+/// the ignored ones. Of equal overlaps, the last label.
 fn best(
     overlaps: &[f64],
     labels: &[ComparedShape],

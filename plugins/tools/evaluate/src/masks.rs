@@ -1,4 +1,4 @@
-//! Overlap and Boundary P, R, F and F@.75: means over images, each by itself.
+//! Overlap and Boundary P, R, F and F@.75: means over images.
 
 use crate::boundary::Boundary;
 use crate::image::{ImagePair, MaskedObject};
@@ -7,7 +7,7 @@ use crate::measure::{Measure, Measurement, Metric, Ratio, quotients};
 use crate::{Convention, register_metric};
 use syntable_model::product::Mask;
 
-/// F that a pair must exceed to count in F@.75.
+/// F that a pair must exceed for F@.75.
 pub const DETECTED_ABOVE: f64 = 0.75;
 
 /// Seven scores of a kind of masks.
@@ -17,7 +17,7 @@ pub struct MaskScores {
     pub overlap: [f64; 3],
     /// Precision, recall and F of boundaries.
     pub boundary: [f64; 3],
-    /// Share of the objects whose pair has an F above 0.75.
+    /// Fraction of the objects whose pair has an F above 0.75.
     pub f75: f64,
     /// Number of labeled masks.
     pub objects: usize,
@@ -90,7 +90,7 @@ macro_rules! register_masks {
 register_masks! {
     "amodal", amodal, "Overlap and Boundary P, R, F and F@.75 of amodal masks.";
     "visible", visible, "Overlap and Boundary P, R, F and F@.75 of visible masks, painted into label maps.";
-    "invisible", invisible, "Overlap and Boundary P, R, F and F@.75 of occlusion masks of objects that are occluded.";
+    "invisible", invisible, "Overlap and Boundary P, R, F and F@.75 of occlusion masks of occluded objects.";
 }
 
 /// The scores of amodal masks.
@@ -99,13 +99,14 @@ pub fn amodal(pair: &ImagePair) -> MaskScores {
     of_masks(&of(&pair.labels), &of(&pair.predictions), pair.matched())
 }
 
-/// The scores of visible masks, painted into label maps and matched by themselves.
+/// Scores of visible masks, painted into label maps and matched separately.
 pub fn visible(pair: &ImagePair) -> MaskScores {
     let (masks, pairs) = pair.painted();
     of_masks(&masks[0], &masks[1], pairs)
 }
 
-/// The scores of occlusion masks of the pairs that are occluded in both; all of either count in denominators.
+/// Scores of the occlusion masks of pairs that are occluded in both. Denominators include objects that are occluded in
+/// either.
 pub fn invisible(pair: &ImagePair) -> MaskScores {
     let mut index = [Vec::new(), Vec::new()];
     let mut masks = [Vec::new(), Vec::new()];
@@ -144,7 +145,7 @@ pub fn of_masks(labels: &[Mask], predictions: &[Mask], pairs: &[(usize, usize)])
     }
 }
 
-/// Precision, recall and F of hits and totals. Unlike in the reference, whose mean becomes NaN, 0 of 0 is 1.
+/// Precision, recall and F from hits and totals. 0 of 0 is 1; in the reference, it makes the mean NaN.
 fn prf(precision: (usize, usize), recall: (usize, usize)) -> [f64; 3] {
     let [p, r] = [precision, recall].map(|(hits, of)| if of == 0 { 1.0 } else { hits as f64 / of as f64 });
     [p, r, harmonic(p, r)]

@@ -1,7 +1,8 @@
-//! Which prediction stands for which object: the assignment with the greatest sum of F.
+//! Matches predictions to objects: the assignment with the greatest sum of F.
 //!
-//! As in the reference there is no gate: min(objects, predictions) pairs come out, also ones without a common pixel. Of equal
-//! sums the pairs are those whose list, by object, is the lexicographically lowest.
+//! As in the reference, pairs need no minimum F: the result has min(objects, predictions) pairs, even pairs without a
+//! common pixel. Of assignments with equal sums, the result is the one whose list of pairs, by object, is
+//! lexicographically lowest.
 
 use crate::image::{MaskedObject, Pairs};
 use syntable_model::product::Mask;
@@ -47,7 +48,7 @@ pub fn assign(scores: &[Vec<f64>], columns: usize) -> Vec<(usize, usize)> {
 
 /// The Hungarian method on a square of integers: the row of each column, and of each row the columns that an optimum may take.
 fn solve(edge: usize, cost: impl Fn(usize, usize) -> i64) -> (Vec<usize>, Vec<Vec<bool>>) {
-    // Column `edge` is where each new row starts.
+    // Column `edge` is the start of each new row.
     let (mut of_rows, mut of_columns) = (vec![0_i64; edge], vec![0_i64; edge + 1]);
     let mut owner: Vec<Option<usize>> = vec![None; edge + 1];
     for row in 0..edge {

@@ -2,14 +2,15 @@
 
 use std::collections::BTreeMap;
 
-/// What of names must be equal, strictest first: all; all but the extension; the file's name without folder and extension.
+/// Parts of names to compare, strictest first: the whole name; the name without extension; the file's name without
+/// folder and extension.
 const PARTS: [fn(&str) -> &str; 3] = [|name| name, without_extension, stem];
 
-/// Names of images. A name that is none of them means the only one that is equal without its extension, or without folder and
+/// Names of images. An unknown name matches the only image whose name is equal without extension, or without folder and
 /// extension.
 #[derive(Debug)]
 pub struct ImageNames {
-    /// Images by parts of their names; none where several have the same.
+    /// Images by parts of their names; `None` for a part that several images share.
     images: [BTreeMap<String, Option<usize>>; PARTS.len()],
 }
 

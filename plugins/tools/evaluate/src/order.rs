@@ -1,4 +1,4 @@
-//! Who occludes whom.
+//! Occlusion order: which object occludes which.
 
 use crate::image::{ImagePair, MaskedObject};
 use crate::measure::{Measurement, Metric, Ratio, Ratios};
@@ -52,7 +52,7 @@ fn syntable(pair: &ImagePair) -> [Ratio; 5] {
     ]
 }
 
-/// Edges among the labeled objects alone: predictions that are of none have none. 0 of 0 is 1.
+/// Edges among labeled objects only. Unmatched predictions have no edges. 0 of 0 is 1.
 fn insta_order(pair: &ImagePair) -> [Ratio; 3] {
     if pair.labels.len() < 2 {
         return [Ratio::default(); 3];
@@ -75,7 +75,8 @@ fn of_labels(pair: &ImagePair, predicted: &OcclusionMatrix) -> OcclusionMatrix {
     order(own.len(), |i, j| own[i].zip(own[j]).is_some_and(|(i, j)| predicted[i][j]))
 }
 
-/// Of two objects the one in front has 1, the other −1; both 0 if neither or each occludes the other.
+/// Compares pairs of objects: the object in front has 1, the other −1; both have 0 if neither or each occludes the
+/// other.
 fn deocclusion(pair: &ImagePair) -> [Ratio; 2] {
     let (truth, predicted) = (paper(&pair.labels), paper(&pair.predictions));
     let sign = |order: &OcclusionMatrix, i: usize, j: usize| i8::from(order[i][j]) - i8::from(order[j][i]);
@@ -94,10 +95,10 @@ fn deocclusion(pair: &ImagePair) -> [Ratio; 2] {
     [Ratio::micro(equal[0], n * n.saturating_sub(1)), Ratio::micro(equal[1], ordered)]
 }
 
-/// Who (row) occludes whom (column).
+/// Whether object i (row) occludes object j (column).
 type OcclusionMatrix = Vec<Vec<bool>>;
 
-/// Ordered pairs of matched objects of which both say the same, if what they say counts.
+/// Numbers of ordered pairs of matched objects with equal values in both matrices, among selected pairs.
 fn equal(
     matched: &[(usize, usize)],
     truth: &OcclusionMatrix,

@@ -8,13 +8,13 @@ use syntable_model::reader::Crowd;
 
 /// IoU that a pair of segments must exceed.
 const MATCHED_ABOVE: f64 = 0.5;
-/// Share of a segment in crowds above which it is no false one.
+/// Fraction of a segment in crowds above which it is not a false positive.
 const IN_CROWDS_ABOVE: f64 = 0.5;
 
 register_metric!(
     Metric {
         name: "panoptic",
-        doc: "Panoptic quality, SQ and RQ of visible masks, painted into label maps, whatever the class.",
+        doc: "Panoptic quality, SQ and RQ of visible masks, painted into label maps, regardless of class.",
         build: |_| Measurement::of(Ratios { names: ["pq", "sq", "rq"], of: panoptic }),
         crate_name: env!("CARGO_PKG_NAME"),
     },
@@ -52,7 +52,7 @@ fn panoptic(pair: &ImagePair) -> [Ratio; 3] {
     [Ratio { part: sum, whole }, Ratio { part: sum, whole: hits }, Ratio { part: hits, whole }]
 }
 
-/// Whether a segment is for the most part in crowds, where there are no labels.
+/// Whether most of a segment is in crowds, where objects have no labels.
 fn is_in_crowds(prediction: &Mask, labels: &[Mask], crowds: &[Crowd]) -> bool {
     let Some(first) = crowds.first() else { return false };
     let all = crowds[1..].iter().fold(first.mask.clone(), |all, it| all.or(&it.mask));

@@ -1,6 +1,6 @@
 //! Result files as detectors write them: a JSON list of predictions, one object each.
 //!
-//! In memory is only where each prediction is in the file, and its image and score.
+//! Memory holds only the position of each prediction in the file, its image and its score.
 
 use crate::coco::MOST;
 use crate::image::{MaskedObject, Occluded};
@@ -16,20 +16,20 @@ use syntable_formats::segmentation::Segmentation;
 use syntable_model::error::{Error, Result};
 use syntable_model::reader::OpenDataset;
 
-/// A prediction. Keys beyond these and those of [`PredictionHead`], such as `bbox`, are not looked at.
+/// A prediction. Other keys than these and those of [`PredictionHead`], such as `bbox`, are ignored.
 #[derive(Debug, Deserialize)]
 struct Prediction {
     /// Visible mask.
     segmentation: Segmentation,
     /// Amodal mask; without it, the visible and the occlusion mask together.
     amodal_segmentation: Option<Segmentation>,
-    /// Occlusion mask; without it, what the amodal mask has beyond the visible one.
+    /// Occlusion mask. Without it, the amodal mask minus the visible one.
     occlusion_segmentation: Option<Segmentation>,
-    /// Whether the object is occluded, if the detector says so; else its masks do.
+    /// Whether the object is occluded, if the detector states it; otherwise it follows from the masks.
     occluded: Option<bool>,
 }
 
-/// What is kept of a prediction.
+/// Part of a prediction that stays in memory.
 #[derive(Debug, Deserialize)]
 struct PredictionHead {
     /// The image: its `id` in the annotation file of the ground truth, or its name.
@@ -56,14 +56,14 @@ impl<'de> Deserialize<'de> for ImageId {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> std::result::Result<Self, D::Error> {
         match serde_json::Value::deserialize(deserializer)? {
             serde_json::Value::String(name) => Ok(Self::Name(name)),
-            id => coco::id(&id)
-                .map(Self::Number)
-                .map_err(|_| D::Error::custom(format!("`image_id` is {id}, and not an id or the name of an image"))),
+            id => coco::id(&id).map(Self::Number).map_err(|_| {
+                D::Error::custom(format!("`image_id` is {id}, which is neither an id nor the name of an image"))
+            }),
         }
     }
 }
 
-/// Where a prediction is in the file.
+/// Position of a prediction in the file.
 #[derive(Debug, Clone, Copy)]
 struct PredictionLocation {
     start: u64,
@@ -78,9 +78,9 @@ struct PredictionLocation {
 #[derive(Debug)]
 pub struct ResultFile {
     path: PathBuf,
-    /// Least score of predictions that count.
+    /// Minimum score of predictions.
     least: f64,
-    /// Predictions of each image of the ground truth, by falling score; of equal ones, the earlier first.
+    /// Predictions of each image of the ground truth, by falling score; of equal scores, the earlier comes first.
     places: Vec<Vec<PredictionLocation>>,
 }
 
@@ -92,11 +92,11 @@ impl ResultFile {
         path.is_file() && first == Some(b'[')
     }
 
-    /// Opens a file with predictions for these images of a dataset. Those with a lower score than `least` do not
-    /// count.
+    /// Opens a file with predictions for these images of a dataset. Predictions with a lower score than `least` are
+    /// separate.
     ///
     /// # Errors
-    /// If it is no list of predictions, or one is of no image of the dataset.
+    /// If the file is not a list of predictions, or a prediction belongs to no image of the dataset.
     pub fn open(path: &Path, least: f64, truth: &Path, dataset: &OpenDataset) -> Result<Self> {
         let images = &dataset.images;
         let mut places: Vec<Vec<PredictionLocation>> = vec![Vec::new(); images.len()];
@@ -108,7 +108,7 @@ impl ResultFile {
             let wrong =
                 |message: String, help: &str| Error::new(message).in_file(path).at_line(line).help(help.to_owned());
             if !head.score.is_finite() {
-                return Err(wrong(format!("the score {} is no number", head.score), "leave the prediction out"));
+                return Err(wrong(format!("the score {} is not a number", head.score), "leave the prediction out"));
             }
             let image = match &head.image_id {
                 ImageId::Name(name) => names.find(name),
@@ -123,7 +123,7 @@ impl ResultFile {
                 let help = format!(
                     "`image_id` is the `id` of an image in the annotation file of the ground truth, or its name{example}"
                 );
-                return Err(wrong(format!("`image_id` {id} is no image of {}", truth.display()), &help));
+                return Err(wrong(format!("`image_id` {id} is not an image of {}", truth.display()), &help));
             };
             let category = head.category_id.and_then(|own| dataset.category(own));
             places[image].push(PredictionLocation { start, length: bytes.len(), line, score: head.score, category });
@@ -133,8 +133,8 @@ impl ResultFile {
         Ok(Self { path: path.to_owned(), least, places })
     }
 
-    /// The predictions of an image of `[width, height]` pixels: those that count, and those with lower scores that rankings look
-    /// at, whatever the category or by category.
+    /// Predictions for an image with `[width, height]` pixels: those with sufficient scores, and those with lower
+    /// scores that rankings use, over all categories or by category.
     ///
     /// # Errors
     /// If the file cannot be read, or a mask is damaged or of another size.
@@ -168,7 +168,7 @@ impl Prediction {
     fn instance(&self, [width, height]: [u32; 2], occluded: Occluded) -> Result<MaskedObject> {
         let decode = |key: &str, of: &Segmentation| {
             let named = |error: Error| {
-                let help = error.help_text().unwrap_or("predict masks of the size of the image").to_owned();
+                let help = error.help_text().unwrap_or("predict masks with the size of the image").to_owned();
                 Error::new(format!("`{key}` of an image {width} × {height}: {}", error.message())).help(help)
             };
             of.decode(width, height).map_err(named)
@@ -198,7 +198,7 @@ fn parse<T: for<'de> Deserialize<'de>>(path: &Path, line: usize, bytes: &[u8]) -
 /// Takes an element of a JSON list: its first byte, its line and its text.
 type ElementVisitor<'a> = &'a mut dyn FnMut(u64, usize, &[u8]) -> Result<()>;
 
-/// Gives each element of a JSON list to `each`.
+/// Passes each element of a JSON list to `each`.
 fn elements(path: &Path, each: ElementVisitor) -> Result<()> {
     let fail = |error: std::io::Error| Error::io(path, &error);
     let mut file = BufReader::new(File::open(path).map_err(fail)?);
@@ -251,6 +251,6 @@ mod tests {
         assert!(matches!(&named.image_id, ImageId::Name(name) if name == "a.png") && named.category_id.is_none());
         assert_eq!(head(r#""image_id": 3"#).expect("an id").category_id, None);
         let error = head(r#""image_id": 3.5"#).expect_err("no id").to_string();
-        assert!(error.contains("`image_id` is 3.5, and not an id"), "{error}");
+        assert!(error.contains("`image_id` is 3.5, which is neither an id"), "{error}");
     }
 }

@@ -31,7 +31,7 @@ pub fn bins() -> Vec<String> {
 
 struct Strata;
 
-/// What an image adds to the scores of each bin.
+/// Contribution of an image to the scores of each bin.
 type Tally = [[Ratio; SCORES.len()]; BINS];
 
 impl Measure for Strata {
@@ -45,7 +45,7 @@ impl Measure for Strata {
         let mut own = vec![None; pair.labels.len()];
         pair.matched().iter().for_each(|&(label, prediction)| own[label] = Some(&pair.predictions[prediction]));
         let mut tally = [[Ratio::default(); SCORES.len()]; BINS];
-        // Every object counts in one bin of either kind, and by all of them is the share.
+        // Every object is in one bin of either kind, and the total is the fraction of all.
         tally.iter_mut().for_each(|of| of[0].whole = pair.labels.len() as f64);
         for (label, own) in pair.labels.iter().zip(own) {
             let f =
@@ -75,7 +75,7 @@ fn rate_bin(label: &MaskedObject) -> usize {
 }
 
 fn size_bin(label: &MaskedObject) -> Option<usize> {
-    // At a limit of two sizes, the smaller one counts.
+    // At the limit between two sizes, the smaller one applies.
     let size = AREAS[1..].iter().position(|[_, most]| label.amodal.area() <= *most)?;
     Some(RATES + size)
 }

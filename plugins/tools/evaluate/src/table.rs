@@ -10,9 +10,9 @@ use syntable_formats::scores::{ScoreTable, Scores};
 pub struct EvaluatedImage {
     /// Number of labeled objects.
     pub objects: usize,
-    /// Number of predictions that count.
+    /// Number of predictions with sufficient scores.
     pub predictions: usize,
-    /// What the metrics keep of it.
+    /// Tallies of the metrics.
     pub tally: Tally,
 }
 
@@ -21,9 +21,9 @@ pub struct EvaluatedImage {
 pub struct Score {
     /// Its name, in snake case.
     pub name: String,
-    /// Its value as a fraction; none where nothing was to be counted.
+    /// Value as a fraction; `None` if it is undefined.
     pub value: Option<f64>,
-    /// Its confidence interval, if one was asked for.
+    /// Confidence interval, if requested.
     pub interval: Option<[f64; 2]>,
 }
 
@@ -37,15 +37,15 @@ pub struct EvaluationTable<'a> {
     pub measures: &'a Measures,
     /// Their scores.
     pub scores: Vec<Score>,
-    /// Whether intervals were asked for.
+    /// Whether intervals were requested.
     pub has_intervals: bool,
-    /// Words of categories in names of scores, if these were asked for.
+    /// Suffixes for categories in names of scores, if scores by category were requested.
     pub categories: Vec<String>,
 }
 
 /// Scores side by side.
 struct ScoreBlock {
-    /// What stands above headings: each above as many.
+    /// Headings above the column headings, with the number of columns that each spans.
     above: Vec<(&'static str, usize)>,
     /// Heading of the labels of rows.
     what: &'static str,
@@ -198,7 +198,7 @@ impl EvaluationTable<'_> {
         blocks(&self.categories).iter().map(table).filter(|table| !table.rows.is_empty()).collect()
     }
 
-    /// A table of those of its scores that there are.
+    /// A table of the defined scores of a block.
     fn block(&self, block: &ScoreBlock) -> String {
         let rows = self.rows(block);
         if rows.is_empty() {
@@ -263,7 +263,7 @@ impl EvaluationTable<'_> {
         out
     }
 
-    /// A line for each image, named by `name`. A score is empty where nothing was to be counted.
+    /// A line per image, with its name from `name`. An undefined score is empty.
     pub fn csv<'n>(&self, name: impl Fn(usize) -> &'n str) -> String {
         let mut out = "image,objects,predictions".to_owned();
         self.scores.iter().for_each(|score| out += &format!(",{}", score.name));

@@ -8,27 +8,29 @@ use std::cmp::Ordering;
 use syntable_formats::scores::{PredictedObject, ScoredImage};
 use syntable_model::error::{Error, Result};
 
-/// Score by which images are ranked if nothing is said; the first one that there is without it.
+/// Default score that ranks images. If it is missing, the first score does.
 pub const RANKED_BY: &str = "amodal_overlap_f";
 
 /// The place and the name of the score by which images are ranked.
 ///
 /// # Errors
-/// If there is none of the name.
+/// If no score has this name.
 pub fn ranked_by(measures: &Measures, name: Option<&str>) -> Result<(usize, String)> {
     let names = measures.names();
     let place = |name: &str| names.iter().position(|it| it == name);
     let found = match name {
         Some(name) => place(name).ok_or_else(|| {
-            Error::new(format!("there is no score `{name}` to rank images by"))
-                .help(format!("some are: {}", names.iter().take(8).cloned().collect::<Vec<_>>().join(", ")))
+            Error::new(format!("unknown score `{name}` to rank images by")).help(format!(
+                "scores are, for example, {}",
+                names.iter().take(8).cloned().collect::<Vec<_>>().join(", ")
+            ))
         })?,
         None => place(RANKED_BY).unwrap_or(0),
     };
     Ok((found, names.get(found).cloned().unwrap_or_default()))
 }
 
-/// The images with the lowest scores, lowest first; of equal ones, the first. Those without the score are left out.
+/// The images with the lowest scores, lowest first; of equal scores, the first image. Omits images without the score.
 pub fn lowest(measures: &Measures, images: &[EvaluatedImage], score: usize, most: usize) -> Vec<usize> {
     let value = |image: &EvaluatedImage| measures.values(&[&image.tally]).get(score).copied().flatten();
     let mut found: Vec<(usize, f64)> =

@@ -1,4 +1,4 @@
-//! The pages of a dataset, made when a browser asks for them.
+//! The pages of a dataset, made on request of a browser.
 
 use crate::report::scored::ReportScores;
 use crate::report::{DatasetReport, ReportSelection, StatisticsProgress};
@@ -14,18 +14,18 @@ use syntable_runtime::images::ImageWork;
 use syntable_runtime::run::progress::{Event, Reporter};
 use syntable_runtime::run::stop::Stop;
 
-/// A dataset whose pages a server of this machine shows. Nothing is written.
+/// A dataset whose pages a local server shows. Writes no files.
 pub struct Viewer {
     report: DatasetReport,
     server: Server,
 }
 
 impl Viewer {
-    /// Opens a dataset, with scores of predictions if a file of them is given, and listens on a port of the loopback address; 0 is
-    /// any free one.
+    /// Opens a dataset, with scores of predictions if a file is given, and listens on a port of the loopback address; 0
+    /// selects any free port.
     ///
     /// # Errors
-    /// If the dataset or the file cannot be read, or the port cannot be had.
+    /// If the dataset or the file cannot be read, or the port is unavailable.
     pub fn open(
         registry: &Registry,
         source: &Source,
@@ -42,12 +42,12 @@ impl Viewer {
         Ok(Self { report, server: Server::bind(port)? })
     }
 
-    /// Address of the first page. Whoever has it can read all pages.
+    /// Address of the first page. It gives access to all pages.
     pub fn url(&self) -> String {
         self.server.url()
     }
 
-    /// Answers browsers until it shall stop, and counts the statistics meanwhile.
+    /// Answers browsers until the work must stop, and counts the statistics meanwhile.
     pub fn run(&self, workers: &(dyn Workers + Sync), stop: &Stop) {
         thread::scope(|scope| {
             scope.spawn(|| self.count(workers, stop));
@@ -78,7 +78,7 @@ impl Reporter for StatisticsReporter<'_> {
     }
 }
 
-/// The file that a request asks for.
+/// The file for a request.
 pub fn answer(report: &DatasetReport, request: &Request) -> Response {
     let path = request.path.trim_start_matches('/');
     let path = if path.is_empty() { "index.html" } else { path };

@@ -309,7 +309,7 @@ fn depth_distance_size_and_brightness() {
     assert_eq!(found.images.iter().map(|it| it.duplicates).collect::<Vec<_>>(), [Some(0), None, Some(0)]);
     let strict = paper.statistics(&StatisticsOptions { levels: 2, ..StatisticsOptions::default() }, 1);
     assert_eq!(strict.near_duplicates.expect("images").views, 0);
-    let labels = paper.statistics(&StatisticsOptions { images: false, ..StatisticsOptions::default() }, 1);
+    let labels = paper.statistics(&StatisticsOptions { labels_only: true, ..StatisticsOptions::default() }, 1);
     assert!(labels.near_duplicates.is_none() && labels.distribution(Quantity::Depth).is_none());
     assert!(labels.unknown.iter().any(|it| it.contains("left out")), "{:?}", labels.unknown);
 }

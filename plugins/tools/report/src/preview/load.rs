@@ -12,12 +12,12 @@ use syntable_runtime::check::check;
 use syntable_runtime::message::Message;
 use syntable_runtime::recipe::{Diagnostic, Overrides, Recipe, RecipeRequest};
 
-/// The denoiser of a preview of a recipe that has none.
+/// The preview's denoiser for recipes without one.
 const DENOISER: &str = "guided";
-/// The kind of the recipes that have none.
+/// The kind of `denoise` in recipes without a denoiser.
 const NO_DENOISER: &str = "none";
 
-/// What a preview changes in a recipe.
+/// Changes of a preview to a recipe.
 #[derive(Debug, Clone)]
 pub struct Wishes {
     /// The recipe and the user's own changes.
@@ -26,7 +26,7 @@ pub struct Wishes {
     pub samples: u32,
     /// Whether labels are shown beside the images.
     pub labels: bool,
-    /// Whether native libraries are loaded that the recipe names by a path beside itself.
+    /// Whether to load native libraries that the recipe names by a relative path.
     pub allow_libraries: bool,
 }
 
@@ -58,7 +58,7 @@ impl Wishes {
         loaded
     }
 
-    /// What makes a recipe fast that is sound, as `--set` takes it. Renderers without samples are left as they are.
+    /// Changes that make a valid recipe fast, in the form of `--set`. Renderers without samples stay unchanged.
     fn changes(&self, registry: &Registry, recipe: &Recipe) -> Vec<(String, String)> {
         let resolved: toml::Table = recipe.resolved.parse().unwrap_or_default();
         let option = |slot: Slot, option: &str| resolved.get(slot.name()).and_then(|table| table.get(option));

@@ -1,4 +1,4 @@
-//! The sheet in the browser: a page that follows what is made.
+//! The sheet in the browser: a page that follows the progress of rendering.
 
 use super::sheet::{self, SheetCell};
 use super::studio::{News, StudioOutput};
@@ -13,25 +13,25 @@ const PAGE: &str = include_str!("page.html");
 const STYLE: &str = include_str!("page.css");
 const SCRIPT: &str = include_str!("page.js");
 
-/// What the page shows.
+/// Content of the page.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
 struct PreviewState {
-    /// Counts what was shown.
+    /// Number of the content's version.
     version: u64,
     title: String,
     status: String,
-    /// What is wrong with the recipe, as `check` words it; empty if nothing is.
+    /// Errors of the recipe, as `check` prints them; empty without errors.
     mistakes: String,
     warnings: String,
     /// The image in words.
     alt: String,
 }
 
-/// What the page shows, and the image.
+/// Content of the page, and the image.
 #[derive(Default)]
 pub struct PreviewPage {
     shown: Mutex<(PreviewState, Vec<u8>)>,
-    /// Tells browsers of news.
+    /// Notifies browsers of changes.
     pub changes: Changes,
 }
 
@@ -39,7 +39,7 @@ impl PreviewPage {
     /// Shows something new; `png` is the sheet.
     pub fn show(&self, news: &News, png: &[u8]) {
         let mut shown = self.shown.lock();
-        // The version is told once the state is there: both wait for each other by the lock.
+        // The lock makes browsers see the new version only together with the new content.
         let state = PreviewState { version: self.changes.version() + 1, ..state(news) };
         *shown = (state, png.to_vec());
         self.changes.publish();
@@ -81,7 +81,7 @@ fn state(news: &News) -> PreviewState {
     match news.shown {
         StudioOutput::Mistakes(text) => PreviewState {
             mistakes: text.clone(),
-            status: "the recipe has mistakes: mend and save it".to_owned(),
+            status: "the recipe has errors: fix and save it".to_owned(),
             ..state
         },
         StudioOutput::Sheet(sheet) => {
@@ -104,7 +104,7 @@ fn state(news: &News) -> PreviewState {
     }
 }
 
-/// The image of what is shown.
+/// The current sheet as PNG.
 pub fn png_of(shown: &StudioOutput) -> Result<Vec<u8>> {
     match shown {
         StudioOutput::Sheet(sheet) => sheet::png(&sheet.draw()),

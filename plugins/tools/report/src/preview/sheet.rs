@@ -1,4 +1,4 @@
-//! The contact sheet: a row per scene, a column per view, with captions. A cell that has no image says why.
+//! The contact sheet: a row per scene, a column per view, with captions. A cell without an image states the reason.
 
 use super::text::{self, CHARACTER, LINE};
 use std::sync::Arc;
@@ -18,7 +18,7 @@ const COLUMNS: usize = 120;
 /// Maximum number of lines of a text.
 const MAX_LINES: usize = 200;
 
-/// What tells a sheet from the images of others, as a text of its file.
+/// Text field of the PNG file that identifies a sheet.
 const MARK: (&str, &str) = ("Software", "syntable preview");
 /// Bytes at the start of a file within which the mark is.
 const MARKED: usize = 256;
@@ -29,7 +29,7 @@ const CAPTION: Color = [190; 3];
 const OUTDATED: Color = [120; 3];
 const MISTAKE: Color = [255, 150, 130];
 
-/// What is shown of a view.
+/// Cell of a view.
 #[derive(Debug, Clone, PartialEq)]
 pub enum SheetCell {
     /// Nothing yet.
@@ -41,7 +41,7 @@ pub enum SheetCell {
         /// Whether nothing that it follows from has changed.
         is_current: bool,
     },
-    /// Why there is none.
+    /// The reason for a missing image.
     Failed(String),
 }
 
@@ -64,7 +64,7 @@ pub fn inputs(labels: bool) -> Vec<Input> {
     std::iter::once(Input::of(RGB)).chain(labels.then(masks).into_iter().flatten()).collect()
 }
 
-/// Draws a view: the image, and with `labels` beside it visible masks, and amodal outlines with what is occluded.
+/// Draws a view: the image and, with `labels`, next to it visible masks and amodal outlines with occluded parts.
 pub fn cell(products: &Products, labels: bool) -> Result<Plane<Color>> {
     let rgb = products.get(RGB)?;
     if !labels {
@@ -146,7 +146,7 @@ fn put(sheet: &mut Plane<Color>, cell: &SheetCell, caption: &str, [x, y]: [u32; 
     }
 }
 
-/// A sheet that says what is wrong with a recipe, in place of its images.
+/// A sheet with the errors of a recipe instead of images.
 pub fn mistakes(said: &str) -> Plane<Color> {
     let lines = text::wrapped(said, COLUMNS);
     let rows = lines.len().min(MAX_LINES);
@@ -156,7 +156,7 @@ pub fn mistakes(said: &str) -> Plane<Color> {
     sheet
 }
 
-/// Writes lines, or as many as there is room for; the last one then says how many are missing.
+/// Writes the lines that fit. The last line then states the number of missing lines.
 fn write_lines(panel: &mut Plane<Color>, lines: &[String], rows: usize) {
     let left_out = if lines.len() > rows { lines.len() - rows + 1 } else { 0 };
     let shown = lines.len() - left_out;
@@ -166,12 +166,12 @@ fn write_lines(panel: &mut Plane<Color>, lines: &[String], rows: usize) {
     }
 }
 
-/// Encodes a sheet as PNG: the same pixels give the same bytes.
+/// Encodes a sheet as PNG. Equal pixels give equal bytes.
 pub fn png(sheet: &Plane<Color>) -> Result<Vec<u8>> {
     Image::rgb(sheet).encode_with(&[MARK])
 }
 
-/// Whether bytes are those of a sheet.
+/// Whether bytes are a sheet.
 pub fn is_png(bytes: &[u8]) -> bool {
     let (keyword, text) = MARK;
     let chunk = [b"tEXt", keyword.as_bytes(), b"\0", text.as_bytes()].concat();
@@ -194,7 +194,7 @@ mod tests {
     #[test]
     fn cells_lie_in_a_grid_below_their_captions() {
         let drawn = sheet(vec![image(90, 40, 200), image(80, 50, 201), SheetCell::Waiting, image(10, 10, 202)]).draw();
-        // Columns of 90 and 80 pixels; rows of 50 and, for what is waited for, 40 pixels.
+        // Columns of 90 and 80 pixels; rows of 50 pixels and, for waiting cells, of 40 pixels.
         assert_eq!((drawn.width(), drawn.height()), (3 * GAP + 170, 3 * GAP + 2 * LINE + 90));
         let at = |x: u32, y: u32| drawn.at(x, y)[0];
         assert_eq!(at(GAP, GAP + LINE), 200);

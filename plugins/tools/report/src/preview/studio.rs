@@ -1,4 +1,4 @@
-//! Making what a recipe changes, image by image: what stays the same is kept.
+//! Renders the changes of a recipe, image by image, and keeps unchanged images.
 
 use super::load::{self, LoadedRecipe, Wishes};
 use super::sheet::{self, Sheet, SheetCell};
@@ -21,42 +21,42 @@ use syntable_runtime::run::preview::{Previewer, Wanted};
 use syntable_runtime::run::progress::{Event, Reporter, Warnings, count};
 use syntable_runtime::run::stop::Stop;
 
-/// Scenes and views that are shown if nothing else is asked for.
+/// Default number of scenes, and of views.
 const OF_EACH: u32 = 2;
 /// Maximum number of cells of a sheet.
 const MAX_CELLS: usize = 400;
-/// Images that are kept beside those of the sheet, for recipes that come back.
+/// Number of cached images in addition to the sheet, for recipes that return to an earlier state.
 const KEPT: usize = 200;
 /// Maximum number of pixels of the images that are kept.
 const KEPT_PIXELS: usize = 1 << 26;
 /// Maximum number of pixels of a sheet.
 const MAX_PIXELS: u64 = 1 << 27;
 
-/// What is shown.
+/// Output of the preview.
 #[derive(Debug, Clone, PartialEq)]
 pub enum StudioOutput {
-    /// Images, and how many of them are made.
+    /// Images, and cells that wait for theirs.
     Sheet(Sheet),
-    /// What is wrong with the recipe.
+    /// The errors of the recipe.
     Mistakes(String),
 }
 
-/// Something to show, with what was said of it.
+/// New output, with its warnings.
 pub struct News<'a> {
-    /// What is shown.
+    /// The output.
     pub shown: &'a StudioOutput,
-    /// Name of the dataset, once a recipe was loaded.
+    /// Name of the dataset; empty before a recipe was loaded.
     pub name: &'a str,
     /// Warnings, one per line as they are printed.
     pub warnings: &'a [String],
-    /// Whether there is more to come.
+    /// Whether more output follows.
     pub is_busy: bool,
 }
 
 /// How a pass ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum PassEnd {
-    /// With all images that could be made.
+    /// All possible images are finished.
     Done {
         /// Scenes that failed.
         failed: u32,
@@ -65,11 +65,11 @@ pub enum PassEnd {
     },
     /// The recipe has mistakes.
     Mistaken,
-    /// It was asked to end.
+    /// The caller stopped it.
     Stopped,
 }
 
-/// Makes sheets of a recipe, and keeps what the next one can use.
+/// Renders sheets of a recipe, with a cache for the next sheets.
 pub struct PreviewStudio<'a> {
     reporter: &'a dyn Reporter,
     registry: &'a Registry,
@@ -78,15 +78,15 @@ pub struct PreviewStudio<'a> {
     width: u32,
     previewer: Previewer,
     images: ImageCache,
-    /// What was shown last, to be shown until something newer is there.
+    /// The last sheet, shown until a newer one exists.
     sheet: Option<Sheet>,
     files: WatchedFiles,
-    /// Mistakes that were told.
+    /// The last errors that were shown.
     told: Option<String>,
     name: String,
 }
 
-/// Images by what they follow from, the oldest first.
+/// Images by the digest of their inputs, the oldest first.
 #[derive(Default)]
 struct ImageCache {
     all: BTreeMap<Digest, Arc<Plane<Color>>>,
@@ -106,7 +106,7 @@ impl ImageCache {
         }
     }
 
-    /// Forgets an image that turned out to be of an attempt that failed.
+    /// Removes an image of a failed attempt.
     fn remove(&mut self, key: &Digest) {
         self.all.remove(key);
         self.order.retain(|other| other != key);
@@ -114,7 +114,7 @@ impl ImageCache {
 }
 
 impl<'a> PreviewStudio<'a> {
-    /// Nothing made yet.
+    /// A studio without images.
     pub fn new(
         reporter: &'a dyn Reporter,
         registry: &'a Registry,
@@ -136,8 +136,7 @@ impl<'a> PreviewStudio<'a> {
         })
     }
 
-    /// Loads the recipe and makes what is new in it. `show` is called whenever there is something to show; its error ends
-    /// the pass.
+    /// Loads the recipe and renders its changes. Calls `show` for every new output; an error of `show` ends the pass.
     pub fn pass(&mut self, watch: &Watch, stop: &Stop, show: &mut dyn FnMut(&News) -> Result<()>) -> Result<PassEnd> {
         let start = Instant::now();
         let doubts = Collected::default();
@@ -161,7 +160,10 @@ impl<'a> PreviewStudio<'a> {
         let cells = scenes.len() as u64 * views.len() as u64;
         if cells * expected.map(u64::from).iter().product::<u64>() > MAX_PIXELS {
             let error = Error::new(format!("a sheet of {cells} images of {} pixels across is too large", expected[0]));
-            return self.mistaken(&load::of_error(error.help("lower --width, or show fewer scenes or views")), show);
+            return self.mistaken(
+                &load::of_error(error.help("lower the width of images, or show fewer scenes or views")),
+                show,
+            );
         }
         let said = WarningRecorder { reporter: self.reporter, warnings: Mutex::default() };
         let log = Warnings(&said);
@@ -204,7 +206,7 @@ impl<'a> PreviewStudio<'a> {
             let warnings = said.warnings.lock().clone();
             show(&News { shown, name, warnings: &warnings, is_busy })
         };
-        // What is there already is shown at once, and what is not yet there as such.
+        // Cached images are shown at once, and missing ones as waiting.
         let mut result = tell(&shown, is_busy);
         let (mut failed, mut made) = (0, 0);
         for (row, missing) in todo.iter().enumerate().filter(|(_, views)| !views.is_empty()) {
@@ -252,7 +254,7 @@ impl<'a> PreviewStudio<'a> {
         Ok(PassEnd::Done { failed, is_lossy: !losses.is_empty() })
     }
 
-    /// Shows what is wrong with a recipe, unless that is what was shown last.
+    /// Shows the errors of a recipe, unless they were shown last.
     fn mistaken(&mut self, messages: &[Message], show: &mut dyn FnMut(&News) -> Result<()>) -> Result<PassEnd> {
         let text = load::said(messages);
         if self.told.as_ref() != Some(&text) {
@@ -275,13 +277,13 @@ fn shown_of(recipe: &Recipe, scenes: Option<SceneRange>, views: Option<u32>) -> 
     let views = 0..views.unwrap_or_else(|| dataset.views_per_scene.min(OF_EACH));
     let cells = scenes.len() * views.len();
     if cells > MAX_CELLS {
-        return Err(Error::new(format!("a sheet of {cells} images is more than {MAX_CELLS}"))
-            .help("show fewer with --scenes and --views"));
+        return Err(Error::new(format!("a sheet of {cells} images exceeds the limit of {MAX_CELLS}"))
+            .help("show fewer scenes or views"));
     }
     Ok((scenes.collect(), views.collect()))
 }
 
-/// What was shown of a view before, as no longer current.
+/// The earlier cell of a view, marked as outdated.
 fn outdated(before: Option<&Sheet>, (scene, view): (u32, u32)) -> SheetCell {
     let found = before.and_then(|sheet| {
         let row = sheet.scenes.iter().position(|&other| other == scene)?;

@@ -1,9 +1,9 @@
 //! Waiting for a save.
 //!
-//! Files are looked at many times per second: that works on every file system, network folders included, follows
-//! editors that save by renaming, and needs no package; a recipe is few small files. What counts is content: a save
-//! without a change is none. A file is taken as changed when it is the same in two looks, and as gone when it stays so
-//! for a while.
+//! Files are polled many times per second. Polling works on every file system, including network folders, follows
+//! editors that save by renaming, and needs no package; a recipe has few small files. Only content matters: a save
+//! without a change is ignored. A file has changed if two polls in a row find the same new content, and is gone if it
+//! stays missing for a while.
 
 use parking_lot::{Condvar, Mutex};
 use std::collections::BTreeMap;
@@ -22,17 +22,18 @@ const SETTLED: Duration = Duration::from_millis(15);
 const GONE: Duration = Duration::from_millis(500);
 /// By how much the times of files may lag behind the clock: file systems take them from a clock of coarse ticks.
 const TICK: Duration = Duration::from_millis(40);
-/// Files up to this size are read at every look; of larger ones, size and time of the last change are compared first.
+/// Size up to which files are read at every poll, bytes. For larger files, size and modification time are compared
+/// first.
 const SMALL: u64 = 1 << 20;
 
-/// Files with what is known of their content.
+/// Files with their last known content.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct WatchedFiles(BTreeMap<PathBuf, FileStamp>);
 
-/// What is known of a file.
+/// Last known state of a file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 struct FileStamp {
-    /// Digest of the content; none of a file that could not be read.
+    /// Digest of the content; `None` for an unreadable file.
     content: Option<Digest>,
     /// Size and time of the last change, of a large file.
     stamp: Option<(u64, SystemTime)>,
@@ -41,7 +42,7 @@ struct FileStamp {
 impl WatchedFiles {
     /// A file that was read, with the bytes that were in it then.
     pub fn read(&mut self, path: &Path, bytes: &[u8]) {
-        // The same digest as that of a file that is read again.
+        // The same digest as for a file that is read again.
         let content = Digest::of_reader(bytes).ok().map(|(digest, _)| digest);
         self.0.insert(path.to_owned(), FileStamp { content, stamp: None });
     }
@@ -51,8 +52,8 @@ impl WatchedFiles {
         self.0.entry(path.to_owned()).or_insert(FileStamp { content: None, stamp: None });
     }
 
-    /// A file that was read since some time, with the content that it has now; one that was written since then counts as
-    /// changed, because nobody knows which content was read. Folders are left out.
+    /// Adds a file that was read after `since`, with its present content. A file that was written after `since` counts
+    /// as changed, because the content that was read is unknown. Folders are ignored.
     pub fn add(&mut self, path: &Path, since: SystemTime) {
         if !path.is_dir() && !self.0.contains_key(path) {
             let written = path.metadata().and_then(|metadata| metadata.modified());
@@ -69,7 +70,7 @@ impl WatchedFiles {
         }
     }
 
-    /// Whether a file is not what it was, as two looks agree.
+    /// Whether a file has changed, according to two polls in a row.
     fn changed(&mut self, gone: &mut BTreeMap<PathBuf, Instant>) -> bool {
         self.0.iter_mut().any(|(path, known)| {
             let now = look(path, Some(known));
@@ -88,7 +89,7 @@ impl WatchedFiles {
     }
 }
 
-/// What a file is now. What is known of a large one holds as long as its size and time do.
+/// State of a file now. The known digest of a large file remains valid while size and time are unchanged.
 fn look(path: &Path, known: Option<&FileStamp>) -> FileStamp {
     let nothing = FileStamp { content: None, stamp: None };
     let Ok(metadata) = path.metadata() else { return nothing };

@@ -1,4 +1,4 @@
-//! What the pages know of an image: its objects with their masks, and who occludes whom.
+//! Data of an image for the pages: its objects with their masks, and the occlusion order.
 
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -16,7 +16,7 @@ use syntable_model::scene::InstanceId;
 /// An image of a dataset as the pages show it.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ImageView {
-    /// What the dataset calls it.
+    /// Name in the dataset.
     pub name: String,
     /// Its scene.
     pub scene: u32,
@@ -24,15 +24,15 @@ pub struct ImageView {
     pub view: u32,
     /// Width and height, px.
     pub size: [u32; 2],
-    /// Whether there is a color image.
+    /// Whether the image has a color image.
     pub has_image: bool,
-    /// Least and greatest depth, m; none without depths.
+    /// Minimum and maximum depth, m; `None` without depths.
     pub depth_m: Option<[f32; 2]>,
     /// Its objects, in the order of their ids.
     pub objects: Vec<ImageObject>,
-    /// Who occludes whom; none if that is not known.
+    /// Occlusion graph; `None` if the order is unknown.
     pub graph: Option<OcclusionGraphView>,
-    /// What is wrong with it: the check, and a sentence.
+    /// Faults: the check, and a sentence.
     pub faults: Vec<[String; 2]>,
 }
 
@@ -52,13 +52,13 @@ pub struct ImageObject {
     pub rate: Option<f64>,
     /// Layer in the occlusion graph.
     pub layer: Option<&'static str>,
-    /// Visible mask; none if it is empty.
+    /// Visible mask; `None` if it is empty.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub visible: Option<String>,
     /// Amodal mask.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub amodal: Option<String>,
-    /// Occlusion mask; none if it is empty.
+    /// Occlusion mask; `None` if it is empty.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub hidden: Option<String>,
     /// Box of the visible mask: x, y, width, height.
@@ -78,18 +78,18 @@ pub struct OcclusionGraphView {
     pub depth_layers: Vec<Vec<u16>>,
 }
 
-/// What a gallery tells of an image.
+/// Data of an image in the gallery.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct GalleryRow {
-    /// What the dataset calls it.
+    /// Name in the dataset.
     pub name: String,
     /// Its scene and view.
     pub place: [u32; 2],
     /// Width and height, px.
     pub size: [u32; 2],
-    /// Objects of which a pixel is seen.
+    /// Number of objects with a visible pixel.
     pub objects: usize,
-    /// Whether there is a color image.
+    /// Whether the image has a color image.
     pub has_image: bool,
     /// Greatest occlusion rate of an object.
     pub most: Option<f64>,
@@ -97,10 +97,10 @@ pub struct GalleryRow {
     pub faults: usize,
 }
 
-/// The check that fails where something of an image cannot be read.
+/// Name of the check that fails if part of an image is unreadable.
 pub const READABLE: &str = "readable";
 
-/// What is read of each image.
+/// Products to read of each image.
 fn wants(offers: &[KeyId]) -> Vec<KeyId> {
     let own = syntable_model::keys![
         VISIBLE_MASK,
@@ -116,7 +116,7 @@ fn wants(offers: &[KeyId]) -> Vec<KeyId> {
     own.into_iter().filter(|key| offers.contains(key)).collect()
 }
 
-/// Reads an image: what the pages know of it, and with `whole` all that the checks look at, its color and its depth.
+/// Reads an image: data for the pages and, with `whole`, all inputs of the checks, color and depth.
 pub fn read(
     dataset: &OpenDataset,
     checks: &[Arc<dyn LabelCheck>],
@@ -134,7 +134,7 @@ pub fn read(
         (read.size, read.products)
     };
     let mut objects: BTreeMap<InstanceId, ImageObject> = BTreeMap::new();
-    // Of amodal masks alone nobody knows what is hidden.
+    // Amodal masks alone do not tell which pixels are hidden.
     let has_visible = offers.contains(&VISIBLE_MASK.id());
     let mut put = ObjectCollector { products: &products, objects: &mut objects };
     put.each(VISIBLE_MASK, |object, mask: &Mask| {
@@ -187,7 +187,7 @@ pub fn read(
     Ok((ImageView { name, scene, view, size, has_image, depth_m, objects, graph, faults }, products))
 }
 
-/// All that can be read of an image. What cannot be read is a fault.
+/// All readable products of an image. An unreadable product is a fault.
 fn read_all(
     dataset: &OpenDataset,
     image: usize,
@@ -234,7 +234,7 @@ impl ObjectCollector<'_> {
 }
 
 impl ImageView {
-    /// What a gallery tells of it.
+    /// Data of the image in the gallery.
     pub fn row(&self) -> GalleryRow {
         let rates = self.objects.iter().filter_map(|object| object.rate);
         GalleryRow {

@@ -1,4 +1,4 @@
-//! What the overview says: the dataset's card, its numbers, views to look at, failed scenes, times.
+//! Content of the overview: the dataset's card, its statistics, selected views, failed scenes, times.
 
 use super::plot::{grouped, histogram};
 use super::record::PoolView;
@@ -20,7 +20,7 @@ pub const MOST_WORST: usize = 24;
 /// Faults that are listed.
 const FAULTS: usize = 24;
 
-/// What the template `index.html` shows.
+/// Data of the template `index.html`.
 #[derive(Serialize)]
 pub struct Overview {
     facts: Vec<Fact>,
@@ -34,13 +34,13 @@ pub struct Overview {
     recipe: String,
     sample: Vec<ImageCard>,
     occluded: Vec<ImageCard>,
-    /// Images of which something cannot be read.
+    /// Images with unreadable parts.
     unread: Vec<Unread>,
     faults: Vec<FaultRow>,
     more_faults: usize,
     checked: usize,
     failed: Vec<SceneRow>,
-    /// What beside images cannot be read.
+    /// Other unreadable data.
     damaged: Vec<String>,
     scores: Option<ScoresView>,
     has_journal: bool,
@@ -50,14 +50,14 @@ pub struct Overview {
     left_out: Option<String>,
 }
 
-/// A name and what is known under it.
+/// A name and its value.
 #[derive(Serialize)]
 struct Fact {
     name: String,
     value: String,
 }
 
-/// Scores of predictions, and the images with the worst ones.
+/// Scores of predictions, and the worst images.
 #[derive(Serialize)]
 struct ScoresView {
     says: String,
@@ -87,7 +87,7 @@ struct FaultRow {
     message: String,
 }
 
-/// An image of which something cannot be read.
+/// An image with unreadable parts.
 #[derive(Serialize)]
 struct Unread {
     place: usize,
@@ -113,7 +113,7 @@ struct StageRow {
     percent: f64,
 }
 
-/// Gathers what the overview says.
+/// Collects the content of the overview.
 pub fn of(report: &DatasetReport) -> Result<Overview> {
     let record = &report.record;
     let counted = report.statistics.lock();
@@ -133,7 +133,7 @@ pub fn of(report: &DatasetReport) -> Result<Overview> {
     let (shown, all) = (report.shown.len(), report.dataset.images.len());
     let left_out = (shown < all).then(|| {
         format!(
-            "Images and labels of {} of {} views are in this report: the most occluded ones, and others at even distances. The \
+            "Images and labels of {} of {} views are in this report: the most occluded ones, and others at even intervals. The \
              numbers are those of all views.",
             grouped(&shown.to_string()),
             grouped(&all.to_string())
@@ -204,7 +204,7 @@ fn facts(report: &DatasetReport, devices: &BTreeSet<String>) -> Vec<Fact> {
     facts.into_iter().map(|(name, value)| Fact { name: name.to_owned(), value }).collect()
 }
 
-/// The row of Table 1, and what goes with it.
+/// The row of Table 1, and related numbers.
 fn cells(of: &DatasetStatistics) -> Vec<Fact> {
     let whole = |number: u64| grouped(&number.to_string());
     let maybe = |number: Option<u64>| number.map_or_else(|| "–".to_owned(), whole);
@@ -254,7 +254,7 @@ fn card(report: &DatasetReport, place: usize, says: String) -> ImageCard {
     ImageCard { place, on: "", image, name: base.to_owned(), says }
 }
 
-/// The scores, and those of the worst images that are shown.
+/// The scores, and the worst images among the shown ones.
 fn scores(report: &DatasetReport, scored: &ReportScores) -> ScoresView {
     let worst = scored.images().iter().filter_map(|image| {
         let place = report.shown.binary_search(image).ok()?;
@@ -288,7 +288,7 @@ fn unread(report: &DatasetReport) -> Vec<Unread> {
     unread.map(|(place, reasons)| Unread { place, name: name(place), reasons: reasons.join("; ") }).collect()
 }
 
-/// What the checks found in shown images that were read whole, and in the dataset.
+/// Faults of the shown images that were checked, and of the dataset.
 fn faults(report: &DatasetReport) -> Vec<FaultRow> {
     let of_dataset = report.dataset.all_faults().iter().map(|fault| FaultRow {
         place: None,

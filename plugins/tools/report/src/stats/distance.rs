@@ -14,7 +14,7 @@ pub struct DistributionDistance {
     /// Wasserstein-1 distance: the mean way by which values move from one distribution to the other, in `unit`, to a step of the
     /// quantity. None for layers, which are no numbers.
     pub wasserstein_1: Option<f64>,
-    /// Jensen-Shannon divergence of the histograms, in bits: 0 for equal ones, 1 for those without a common bin.
+    /// Jensen-Shannon divergence of the histograms, in bits: 0 for equal ones, 1 for disjoint ones.
     pub jensen_shannon: f64,
 }
 
@@ -43,13 +43,13 @@ pub fn distances(a: &DatasetStatistics, b: &DatasetStatistics) -> Vec<Distributi
     all
 }
 
-/// The area between two distribution functions, ∫ |F(x) − G(x)| dx, which is the Wasserstein-1 distance on a line (Vallender
-/// 1974). None if one has no values.
+/// The area between two distribution functions, ∫ |F(x) − G(x)| dx, which is the Wasserstein-1 distance on a line
+/// (Vallender 1974). `None` if one has no values.
 pub fn wasserstein_1(a: &Distribution, b: &Distribution) -> Option<f64> {
     if a.n() == 0 || b.n() == 0 {
         return None;
     }
-    // Values are in whole steps, so that equal ones are equal.
+    // Values are in whole steps, so equal values compare as equal.
     let mut changes: Vec<(f64, f64)> = Vec::new();
     changes.extend(a.counts().map(|(value, count)| (value, count as f64 / a.n() as f64)));
     changes.extend(b.counts().map(|(value, count)| (value, -(count as f64) / b.n() as f64)));
@@ -63,8 +63,8 @@ pub fn wasserstein_1(a: &Distribution, b: &Distribution) -> Option<f64> {
     Some(area)
 }
 
-/// The Jensen-Shannon divergence of two histograms with the same bins, in bits (Lin 1991): the mean of their relative entropies
-/// to the mean of both. None if one is empty.
+/// The Jensen-Shannon divergence of two histograms with the same bins, in bits (Lin 1991): the mean of their relative
+/// entropies to their mean. `None` if one is empty.
 pub fn jensen_shannon(a: &[u64], b: &[u64]) -> Option<f64> {
     let total = |counts: &[u64]| Some(counts.iter().sum::<u64>()).filter(|sum| *sum > 0).map(|sum| sum as f64);
     let (whole_a, whole_b) = (total(a)?, total(b)?);

@@ -1,4 +1,4 @@
-//! What is kept of an image.
+//! Statistics of one image.
 
 use super::duplicates::{Thumbnail, luma};
 use super::quantity::Quantity;
@@ -17,14 +17,14 @@ use syntable_model::scene::InstanceId;
 
 /// IoU of a visible and an occlusion mask above which some of the authors' notebooks have an edge.
 const LEAST_IOU: f64 = 0.1;
-/// Depths, distances and sizes from here on count as none, m: no such thing is on a table.
+/// Limit of plausible depths, distances and sizes, m. Larger values are ignored, since no table scene has them.
 const FAR_M: f64 = 10_000.0;
-/// Steps of depth that have a number each; farther ones, which few images have, are listed.
+/// Number of depth steps with a counter each. Larger depths, which few images have, are counted in a map.
 const NEAR_STEPS: usize = 10_000;
 /// Part of a step by which a depth in single precision may fall short of a whole number of them.
 const DEPTH_ROUNDING: f64 = 1e-3;
 
-/// What is known of an image: a line of the CSV file.
+/// Statistics of an image: a line of the CSV file.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ImageRow {
     /// Its name in the dataset.
@@ -37,13 +37,13 @@ pub struct ImageRow {
     pub view: u32,
     /// Objects that it shows.
     pub objects: u32,
-    /// Annotated objects that it does not show. They count nowhere else.
+    /// Annotated objects without a visible pixel. No other number includes them.
     pub hidden_objects: u32,
-    /// Who occludes whom; none without amodal masks.
+    /// Occlusion order; `None` without amodal masks.
     pub occlusion: Option<OcclusionRow>,
     /// Mean depth of its pixels, m.
     pub mean_depth_m: Option<f64>,
-    /// Mean distance of its objects from the camera, m; none without objects.
+    /// Mean distance of the objects from the camera, m; `None` without objects.
     pub mean_distance_m: Option<f64>,
     /// Mean luma in [0, 1].
     pub brightness: Option<f64>,
@@ -54,17 +54,17 @@ pub struct ImageRow {
 /// Occlusion in an image. Objects that it does not show are not in it.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct OcclusionRow {
-    /// Objects of which another one hides a pixel or more.
+    /// Objects with at least one hidden pixel.
     pub occluded: u32,
     /// Sum of the areas of occlusion masks, px.
     pub occluded_px: u64,
     /// Sum of the areas of amodal masks, px.
     pub amodal_px: u64,
-    /// Occlusion rate weighted by pixels: `occluded_px` / `amodal_px`; none without objects.
+    /// Occlusion rate weighted by pixels: `occluded_px` / `amodal_px`; `None` without objects.
     pub rate: Option<f64>,
-    /// Mean of the objects' occlusion rates; none without objects.
+    /// Mean of the objects' occlusion rates; `None` without objects.
     pub mean_rate: Option<f64>,
-    /// Greatest occlusion rate of an object; none without objects.
+    /// Maximum occlusion rate of an object; `None` without objects.
     pub max_rate: Option<f64>,
     /// Edges "i occludes j".
     pub edges: u32,
@@ -72,7 +72,7 @@ pub struct OcclusionRow {
     pub mutual_pairs: u32,
     /// Sets of objects that occlude each other, directly or through others of the set.
     pub cycles: u32,
-    /// Weakly connected components, an object by itself being one.
+    /// Weakly connected components, including isolated objects.
     pub components: u32,
     /// Objects of the largest one.
     pub largest_component: u32,
@@ -99,7 +99,7 @@ impl LayerCounts {
         [self.top, self.intermediate, self.bottom]
     }
 
-    /// Adds those of another image.
+    /// Adds the counts of another image.
     pub fn add(&mut self, other: Self) {
         self.top += other.top;
         self.intermediate += other.intermediate;
@@ -107,12 +107,12 @@ impl LayerCounts {
     }
 }
 
-/// What an image adds to a dataset.
+/// Contribution of an image to the dataset's statistics.
 pub(super) struct ImageTally {
     pub row: ImageRow,
-    /// Values of quantities, but for depths.
+    /// Values of quantities, without depths.
     pub values: Vec<(Quantity, f64)>,
-    /// Depths of its pixels; none without depths.
+    /// Depths of the pixels; `None` without depths.
     pub depths: Option<Depths>,
     /// Names of the assets of objects that it shows.
     pub assets: Vec<String>,
@@ -121,15 +121,15 @@ pub(super) struct ImageTally {
     /// Sums of the objects' rates, and of those that are occluded.
     pub rates: f64,
     pub thumbnail: Option<Thumbnail>,
-    /// Annotations that are not given as objects.
+    /// Annotations that are not objects.
     pub left_out: Vec<LeftOut>,
 }
 
 /// Depths of the pixels of an image.
 pub(super) struct Depths {
-    /// Numbers of pixels by whole steps of depth, of near ones.
+    /// Numbers of pixels by whole steps of depth, for near pixels.
     pub near: Vec<u64>,
-    /// The same of far ones.
+    /// Numbers of pixels by whole steps of depth, for far pixels.
     pub far: BTreeMap<usize, u64>,
     /// Sum of the depths, m.
     pub sum: f64,
@@ -137,7 +137,7 @@ pub(super) struct Depths {
     pub range: [f64; 2],
 }
 
-/// What is read of each image.
+/// Products to read of each image.
 #[derive(Debug, Clone)]
 pub(super) struct ImageInputs {
     pub keys: Vec<KeyId>,
@@ -150,7 +150,7 @@ impl ImageInputs {
         if options.edges == Edges::Stored {
             keys.push(OCCLUSION_ORDER.id());
         }
-        if options.images {
+        if !options.labels_only {
             keys.extend(syntable_model::keys![RGB, DEPTH]);
         }
         let offers = &dataset.offers;
@@ -163,7 +163,7 @@ impl ImageInputs {
     }
 }
 
-/// An object that an image shows, with all that its masks say.
+/// An object with visible pixels, and values from its masks.
 struct ShownObject<'a> {
     id: InstanceId,
     visible: &'a Mask,
@@ -172,7 +172,7 @@ struct ShownObject<'a> {
     hidden: Option<Mask>,
 }
 
-/// What is known of an object beyond its masks, in the formats that say it.
+/// Attributes of an object other than its masks, in formats that store them.
 #[derive(Default, Deserialize)]
 #[serde(default)]
 struct ObjectDetails {
@@ -181,7 +181,7 @@ struct ObjectDetails {
     camera_from_object: Option<[[f64; 4]; 4]>,
 }
 
-/// Reads an image and counts what it has.
+/// Reads an image and counts its content.
 pub(super) fn tally(
     dataset: &OpenDataset,
     image: usize,
@@ -231,7 +231,7 @@ pub(super) fn tally(
 fn without_images(error: Error, dataset: &OpenDataset, image: usize, wanted: &ImageInputs) -> Error {
     let labels: Vec<KeyId> = wanted.keys.iter().filter(|key| ![RGB.id(), DEPTH.id()].contains(key)).copied().collect();
     if labels.len() < wanted.keys.len() && dataset.read(image, &labels).is_ok() {
-        return error.help("--labels-only counts what labels say, without reading images");
+        return error.help("`options.labels_only` reads no images, and counts labels only");
     }
     error
 }
@@ -262,7 +262,7 @@ impl ImageTally {
         for id in ids {
             let info = infos.and_then(|infos| infos.get(id));
             let info = info.and_then(|info| serde_json::to_value(info).ok());
-            // A foreign record of another form says nothing.
+            // A foreign record of another form is ignored.
             let info: ObjectDetails = info.and_then(|info| serde_json::from_value(info).ok()).unwrap_or_default();
             let name = Some(&info.asset).filter(|it| !it.is_empty()).or_else(|| names?.get(id));
             self.assets.extend(name.filter(|it| !it.is_empty()).cloned());
@@ -370,15 +370,16 @@ fn shown<'a>(
         let whole = amodal.and_then(|it| it.get(id));
         let hidden = hidden.and_then(|it| it.get(id)).cloned().or_else(|| Some(whole?.minus(visible)));
         if amodal.is_some() && whole.is_none() {
-            return Err(Error::new(format!("object {} has no amodal mask", id.0))
-                .help("`syntable validate` lists what is wrong"));
+            return Err(
+                Error::new(format!("object {} has no amodal mask", id.0)).help("`syntable validate` lists all faults")
+            );
         }
         Ok(ShownObject { id, visible, amodal_px: whole.unwrap_or(visible).area().into(), hidden })
     };
     visible.iter().filter(|(_, mask)| !mask.is_empty()).map(of).collect()
 }
 
-/// Who occludes whom, by a rule for a visible and an occlusion mask.
+/// Occlusion order, by a rule for a visible and an occlusion mask.
 fn order(shown: &[ShownObject], occludes: impl Fn(&Mask, &Mask) -> bool) -> OcclusionOrder {
     order_by(&shown.iter().map(|it| (it.id, it.visible, it.hidden.as_ref())).collect::<Vec<_>>(), occludes)
 }
