@@ -10,19 +10,19 @@ use syntable_model::scene::{DropZone, Role, SettleReport};
 /// A respawned body starts this far above whatever is below it, meters.
 const RESPAWN_CLEARANCE_M: f64 = 0.03;
 
-/// After this many times `duration_s` of simulated time since all bodies have started, no body is respawned any more.
+/// After this multiple of `duration_s` of simulated time since all bodies have started, bodies are no longer respawned.
 const MAX_DURATIONS: f64 = 10.0;
 
-/// Name of the random stream of respawn poses. It is part of the output: another name gives other datasets.
+/// Name of the random stream of respawn poses. The name affects the output: another name gives other datasets.
 const RESPAWN_STREAM: &str = "drop_again";
 
-/// Where a body is accepted.
+/// Region in which a body is accepted.
 pub struct AcceptanceRegion {
     /// The body is respawned above its area, and must be above its support if those off it are removed.
     pub zone: DropZone,
-    /// Height of the ceiling, meters; none under the open sky.
+    /// Height of the ceiling, meters; `None` under the open sky.
     pub ceiling_m: Option<f64>,
-    /// Whether there is a floor to be seen. Without one, whatever falls off the support would hang in the surroundings.
+    /// Whether the scene has a visible floor. Without one, a body that fell off the support would hang in the air.
     pub has_floor: bool,
 }
 
@@ -33,9 +33,9 @@ impl AcceptanceRegion {
     }
 }
 
-/// What the acceptance check must know of a body.
+/// Properties of a body that the acceptance check needs.
 pub struct BodyInfo {
-    /// Its role. Objects off their support are removed, distractors only if there is no floor.
+    /// Role. Objects off their support are removed; distractors only without a floor.
     pub role: Role,
     /// Number in spawn order: keys its random stream.
     pub spawn: u32,
@@ -43,7 +43,7 @@ pub struct BodyInfo {
     pub name: String,
     /// Pose at the start.
     pub start: Pose,
-    /// Where it is accepted; none if the scene has no support.
+    /// Region in which the body is accepted; `None` if the scene has no support.
     pub place: Option<AcceptanceRegion>,
 }
 
@@ -59,22 +59,22 @@ pub struct AcceptanceOutcome {
 struct Violator {
     body: usize,
     reason: String,
-    /// Whether it may come to rest if it gets more time.
+    /// Whether the body may come to rest with more time.
     is_moving: bool,
 }
 
-/// An object that was taken out because of where it was.
+/// An object that was taken out because of its position.
 struct Fallen {
     body: usize,
     reason: String,
 }
 
-/// Lets the bodies of an engine come to rest and removes those that are not accepted.
+/// Lets the bodies of an engine come to rest, and removes bodies that are not accepted.
 pub struct Acceptance<'a> {
     config: &'a Rapier,
     engine: &'a mut Engine,
     infos: &'a [BodyInfo],
-    /// What the bodies lie on.
+    /// Surface that carries the bodies.
     surface: &'a SupportSurface,
     respawns: Vec<u32>,
     /// Whether a body had more time since it was last respawned.
@@ -129,7 +129,7 @@ impl<'a> Acceptance<'a> {
         }
     }
 
-    /// Lets the bodies start one after another in the order in which they were placed, if they are poured. Returns those
+    /// Pours the bodies, if requested: they start one after another in the order of their placement. Returns the bodies
     /// that fell off meanwhile.
     fn pour(&mut self) -> Vec<Fallen> {
         let Some(interval_s) = self.config.pour_interval_s else { return Vec::new() };
@@ -163,7 +163,7 @@ impl<'a> Acceptance<'a> {
         fallen.into_iter().filter_map(fell).collect()
     }
 
-    /// Takes out objects whose center is not in the space above their support.
+    /// Takes out objects whose center is outside the space above their support.
     fn off_support(&mut self) -> Vec<Fallen> {
         let reason = |body: usize| {
             let place = self.place_to_stay(body)?;
@@ -195,7 +195,7 @@ impl<'a> Acceptance<'a> {
         !again.is_empty()
     }
 
-    /// Where a body must stay, if it is taken out once it is elsewhere.
+    /// Region in which a body must stay, if it is taken out elsewhere.
     fn place_to_stay(&self, body: usize) -> Option<&'a AcceptanceRegion> {
         let BodyInfo { role, place, .. } = &self.infos[body];
         let place = place.as_ref().filter(|_| self.config.remove == Remove::OffTabletop)?;
@@ -209,7 +209,7 @@ impl<'a> Acceptance<'a> {
             && !self.engine.is_broken(body)
     }
 
-    /// What a body touches that is no other body of the simulation, in words.
+    /// Static surroundings that a body touches, in words.
     fn furniture(&self, body: usize) -> String {
         let support = self.infos[body].place.as_ref().map_or("table", |place| &place.zone.support.name);
         format!("the {support} or the room")
@@ -232,7 +232,7 @@ impl<'a> Acceptance<'a> {
             violators.push(Violator { body, reason, is_moving });
         }
         let is_violator = |violators: &[Violator], body: usize| violators.iter().any(|violator| violator.body == body);
-        // Of two penetrating bodies only one has to go: the one with more such pairs, else the upper one.
+        // One body of each penetrating pair must go: the one with more such pairs, else the upper one.
         let mut pairs: Vec<&Overlap> =
             overlaps.iter().filter(|overlap| overlap.depth > self.config.max_penetration_m).collect();
         loop {
@@ -265,7 +265,7 @@ impl<'a> Acceptance<'a> {
         violators
     }
 
-    /// Gives violators that move more time, and respawns the others, or removes them if they have used up their respawns.
+    /// Gives moving violators more time, and respawns the others, or removes those without remaining respawns.
     fn handle(&mut self, violators: Vec<Violator>, stream: &Stream) {
         let in_time = self.simulated_s < MAX_DURATIONS * self.config.duration_s;
         let mut respawned = Vec::new();
@@ -283,7 +283,7 @@ impl<'a> Acceptance<'a> {
         respawned.into_iter().for_each(|body| self.respawn(body, stream));
     }
 
-    /// Lets a body that was taken out start anew.
+    /// Starts a body again that was taken out.
     fn respawn(&mut self, body: usize, stream: &Stream) {
         self.respawns[body] += 1;
         self.waited[body] = false;
@@ -294,8 +294,8 @@ impl<'a> Acceptance<'a> {
         self.engine.put(body, &pose);
     }
 
-    /// A pose over where the body's placer drops bodies, clear of everything that is there. Its rotation is that of the
-    /// start, turned about the vertical, which leaves the distributions of placers as they are.
+    /// A pose in the body's drop area, clear of all bodies. Its rotation is the start rotation, turned about the
+    /// vertical, which preserves the distributions of placers.
     fn respawn_pose(&self, body: usize, mut stream: Stream) -> Pose {
         let yaw = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), stream.uniform(0.0, std::f64::consts::TAU));
         let rotated = Pose::from_parts(Translation3::identity(), yaw * self.infos[body].start.rotation);
@@ -320,7 +320,7 @@ impl<'a> Acceptance<'a> {
         Translation3::new(0.0, 0.0, lift) * pose
     }
 
-    /// Flat box to respawn a body over: where its placer drops bodies, or the extent of what is there.
+    /// Flat box above which a body respawns: the drop area of its placer, or the extent of all bodies.
     fn respawn_area(&self, body: usize) -> Aabb {
         if let Some(AcceptanceRegion { zone: DropZone { area, .. }, .. }) = &self.infos[body].place {
             let [x, y] = area.size().map(|edge| edge / 2.0);

@@ -15,12 +15,12 @@ pub struct CollisionShape {
     pub whole: SharedShape,
     /// How far the parts may be from the mesh in its hollows, meters.
     pub deviation_m: f32,
-    /// Whether the log has been told that this is too far.
+    /// Whether the excessive deviation was reported.
     told: AtomicBool,
 }
 
 impl CollisionShape {
-    /// Builds the shape from hulls in meters. Fails if there is none.
+    /// Builds the shape from hulls in meters. Fails without hulls.
     pub fn new(ConvexParts { hulls, deviation_m }: &ConvexParts) -> Result<Self> {
         let parts: Vec<SharedShape> =
             hulls.iter().filter_map(|hull| Some(SharedShape::new(hull.polyhedron(units::PER_METER)?))).collect();

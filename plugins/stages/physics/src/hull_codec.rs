@@ -17,7 +17,7 @@ pub fn encode(parts: &ConvexParts) -> Vec<u8> {
     words.into_iter().flat_map(u32::to_le_bytes).collect()
 }
 
-/// Decodes parts. None if [`encode`] did not write the bytes: truncated, of another version, or damaged.
+/// Decodes parts. Returns `None` for bytes that [`encode`] did not write: truncated, of another version, or damaged.
 pub fn decode(bytes: &[u8]) -> Option<ConvexParts> {
     let (chunks, rest) = bytes.as_chunks::<4>();
     if !rest.is_empty() {

@@ -129,7 +129,7 @@ impl Settler for Settle {
 }
 
 impl Settle {
-    /// Warns once of an object whose convex parts fill more of its hollows than they may.
+    /// Warns once about an object whose convex parts fill its hollows more than permitted.
     fn warn_of_filled_hollows(&self, body: &BodyDraft, purpose: Purpose, shape: &CollisionShape, log: &dyn Log) {
         let (bound, is) = (f64::from(purpose.max_deviation_m(&self.config)), f64::from(shape.deviation_m));
         // Within the tolerance of hulls.
@@ -145,7 +145,7 @@ impl Settle {
     }
 }
 
-/// Where a body of a drop zone is accepted.
+/// Region in which a body of a drop zone is accepted.
 fn place(scene: &SceneBuilder, zone: DropZone) -> AcceptanceRegion {
     let (ceiling_m, has_floor) = (scene.ceiling_height(&zone.support), scene.has_floor(&zone.support));
     AcceptanceRegion { zone, ceiling_m, has_floor }

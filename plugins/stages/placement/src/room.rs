@@ -157,7 +157,7 @@ pub fn refuse_second_floor(scene: &SceneBuilder) -> Result<()> {
 /// How far a table may reach into a wall, meters: real tables and rooms of one size touch.
 const INTO_WALL_M: f64 = 1e-3;
 
-/// A table that is larger than its room would stand in several rooms at once. Another attempt may draw a smaller one.
+/// Refuses a table that is larger than its room. Another attempt may draw a smaller one.
 pub fn refuse_table_through_wall(scene: &SceneBuilder) -> Result<()> {
     let of = |role| scene.bodies().map(|(_, body)| body).filter(move |body| body.role == role);
     for table in of(Role::Support) {
@@ -166,7 +166,7 @@ pub fn refuse_table_through_wall(scene: &SceneBuilder) -> Result<()> {
         let [low, high] = [bounds.min, bounds.max].map(|corner| corner + pose.translation.vector);
         let depth = |wall: &Aabb, k: usize| high[k].min(wall.max[k]) - low[k].max(wall.min[k]);
         let through = |wall: &Aabb| (0..3).all(|k| depth(wall, k) > INTO_WALL_M);
-        // The table stands on the floor; a room of another placer may be one mesh around it.
+        // The table stands on the floor; the room of another placer may be a single mesh around it.
         let mut walls = of(Role::Room).filter(|part| part.asset.pool == POOL && part.asset.name != "floor");
         if let Some(wall) = walls.find(|part| through(&part.world_bounds())) {
             let [x, y, z] = [0, 1, 2].map(|k| high[k] - low[k]);
@@ -211,9 +211,9 @@ pub fn parts(half: [f64; 2], height: f64) -> [RoomPart; 6] {
 /// Half length of an edge from which on a sheet is cut, meters.
 const LARGE_M: f64 = 20.0;
 
-/// Coordinates at which an edge is cut, its ends included: a large one 1 m from the center, and twice as far each time.
-/// Where a ray hits a triangle is known to within a fraction of the triangle's size; near the table that has to be less
-/// than the distance that rays start off a surface, or they meet it again and light is lost.
+/// Coordinates at which an edge is cut, including its ends: 1 m from the center, and then at twice the distance each
+/// time. The position of a hit is known to within a fraction of the triangle's size. Near the table, this error must be
+/// smaller than the offset of rays from a surface; otherwise, rays hit their own surface and light is lost.
 fn cuts(half: f64) -> Vec<f64> {
     let doubled = std::iter::successors(Some(1.0), |at| Some(at * 2.0)).take_while(|at| *at < 0.75 * half);
     let outwards: Vec<f64> = doubled.filter(|_| half > LARGE_M).chain([half]).collect();

@@ -20,7 +20,7 @@ pub struct Contact {
     pub solids: [usize; 2],
     /// Friction coefficient between them.
     pub friction: f64,
-    /// Where they touch; at least one.
+    /// Points of contact; at least one.
     pub points: Vec<ContactPoint>,
 }
 
@@ -35,7 +35,7 @@ pub struct ContactPoint {
 }
 
 impl ContactPoint {
-    /// Whether another part touches at the same point, as where parts meet.
+    /// Whether another part touches at the same point, such as where two parts meet.
     fn is_same_as(&self, other: &Self) -> bool {
         (self.at - other.at).norm() < SAME_POINT_M && self.normal.dot(&other.normal) > SAME_NORMAL_COS
     }
@@ -54,8 +54,8 @@ impl Contact {
     }
 }
 
-/// All contacts of solids that can move, ascending by ids. The ground counts where a body touches no other part of the
-/// scene that is fixed.
+/// All contacts of movable solids, ascending by ids. The ground is included where a body touches no fixed part of the
+/// scene.
 pub fn contacts(solids: &[Solid], margin_m: f64) -> Vec<Contact> {
     // The ground has the lowest id, and is the last solid.
     let mut order: Vec<usize> = (0..solids.len()).collect();

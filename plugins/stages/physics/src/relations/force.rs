@@ -35,11 +35,11 @@ pub struct Moving {
 }
 
 impl Moving {
-    /// The body of a solid; none if it is fixed or has no shape.
+    /// The body of a solid; `None` if it is fixed or has no shape.
     pub fn of(solid: &Solid, scene: &Scene) -> Option<Self> {
         let body = scene.body(solid.id).filter(|_| solid.is_dynamic && !solid.parts.is_empty())?;
         let rotation = body.world_from_body.rotation.to_rotation_matrix();
-        // A body that only stands there need not have a mass.
+        // A fixed body may have no mass.
         let kg = if body.mass.is_sound() { body.mass.kg } else { 1.0 };
         let bounds = body.object.mesh.bounds();
         let (center, specific) = if body.mass.is_sound() {
@@ -59,7 +59,7 @@ impl Moving {
     }
 }
 
-/// Forces at points of contact, and what they leave of gravity.
+/// Contact forces, and the remaining acceleration by gravity.
 pub struct Forces {
     /// For each contact, the forces of the first solid on the second at its points.
     pub of_points: Vec<Vec<Force>>,
@@ -92,7 +92,7 @@ struct ContactProblem {
 }
 
 impl Forces {
-    /// Solves for the forces between solids, of which those that are `moving` can accelerate.
+    /// Solves for the forces between solids. Only `moving` solids can accelerate.
     pub fn new(moving: &[Option<Moving>], contacts: &[Contact]) -> Self {
         let mut accelerations: Vec<Acceleration> = moving
             .iter()
@@ -157,7 +157,7 @@ impl ContactProblem {
     fn solve(&mut self, moving: &[Option<Moving>], accelerations: &mut [Acceleration]) -> f64 {
         let wanted = self.wanted(accelerations, 0).max(0.0);
         let mut change = self.set(0, wanted, moving, accelerations);
-        // Both tangents at once, so that friction has the same bound in all directions.
+        // Both tangents at once, so that the bound of friction is the same in all directions.
         let tangential = [1, 2].map(|row| self.wanted(accelerations, row));
         let norm = (tangential[0] * tangential[0] + tangential[1] * tangential[1]).sqrt();
         let bound = self.friction * self.force[0];

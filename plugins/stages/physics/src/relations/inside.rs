@@ -1,4 +1,4 @@
-//! What lies in what.
+//! Containment: objects inside others.
 
 use super::solid::Solid;
 use super::support::SupportRelation;
@@ -12,8 +12,8 @@ use syntable_model::scene::{Role, Scene};
 /// An object is in a container that holds at least this fraction of its volume.
 const MIN_FRACTION: f64 = 0.5;
 
-/// Points of a tetrahedron that stand for a quarter of its volume each: weight of the nearest corner, and of the others.
-/// The points of the rule of degree 2 (Hammer and Stroud, 1956).
+/// Points of a tetrahedron that represent a quarter of its volume each: weight of the nearest corner, and weight of the
+/// others. These are the points of the rule of degree 2 (Hammer and Stroud, 1956).
 const QUARTERS: [f32; 2] = [0.585_410_2, 0.138_196_6];
 
 /// An entry of the product `inside`.
@@ -58,8 +58,8 @@ impl Hull {
         Some(Self { hull, body_from_world: body.world_from_body.inverse() })
     }
 
-    /// The fraction of a solid's volume that is within: each convex part is cut into tetrahedra about its middle, and each
-    /// tetrahedron counts by the quarters that are within.
+    /// The fraction of a solid's volume inside: each convex part is cut into tetrahedra about its center, and each
+    /// tetrahedron contributes the quarters whose points are inside.
     fn fraction_of(&self, solid: &Solid) -> f64 {
         let (mut within, mut all) = (0.0, 0.0);
         for part in &solid.parts {

@@ -16,7 +16,7 @@ use syntable_model::scene::{Body, InstanceId, Object, Role, Scene, Support};
 
 /// A body, or the ground.
 pub struct Solid {
-    /// Its id; that of the background for the ground.
+    /// Id of the body; the background's id for the ground.
     pub id: InstanceId,
     /// Whether forces move it.
     pub is_dynamic: bool,
@@ -28,7 +28,7 @@ pub struct Solid {
     pub friction: f64,
     /// Its parts in the world.
     pub parts: Vec<SolidPart>,
-    /// Box around the parts, engine units; none without parts.
+    /// Bounding box of the parts, engine units; `None` without parts.
     pub bounds: Option<Aabb>,
 }
 
@@ -86,8 +86,8 @@ fn bounds(parts: &[SolidPart]) -> Option<Aabb> {
     parts.iter().map(|part| part.bounds).reduce(|one, other| one.merged(&other))
 }
 
-/// All bodies of a scene in the order of their ids, then the ground. One of whose mesh no shape can be made has no parts;
-/// the log is told.
+/// All bodies of a scene in the order of their ids, then the ground. A body whose mesh allows no collision shape has no
+/// parts, and causes a warning.
 pub fn solids(cx: &SceneContext, scene: &Scene, shapes: &HullCache) -> Vec<Solid> {
     let supports = &scene.supports;
     let is_room = |body: &Body| body.role == Role::Room && !is_dynamic(body);
@@ -110,7 +110,7 @@ pub fn solids(cx: &SceneContext, scene: &Scene, shapes: &HullCache) -> Vec<Solid
     solids
 }
 
-/// Where objects are: no wall is between them and the supports.
+/// Positions of objects, which no wall separates from the supports.
 fn inside_of_room(scene: &Scene) -> Vec<Point3<f64>> {
     let dynamic = scene.bodies().iter().filter(|body| is_dynamic(body));
     dynamic.map(|body| body.world_bounds().center()).chain(scene.supports.iter().map(Support::center)).collect()

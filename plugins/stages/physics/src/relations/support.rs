@@ -1,4 +1,4 @@
-//! Who carries whom.
+//! Support: which body carries which.
 
 use super::contact::Contact;
 use super::force::{Force, Forces, Moving};
@@ -11,11 +11,11 @@ const MIN_SHARE: f64 = 0.01;
 /// A body that accelerates more is not at rest, m/s².
 const MOVING_M_S2: f64 = 0.5;
 
-/// Who carries whom in a scene, by indices of solids.
+/// Support in a scene, by indices of solids.
 pub struct SupportRelation {
     /// Supporter, supported, and the upward force, N.
     edges: Vec<(usize, usize, f64)>,
-    /// Whether a path of edges leads from the solid of a row to that of a column.
+    /// Whether a path of edges leads from the solid of a row to the solid of a column.
     path: Vec<bool>,
     solids: usize,
 }
@@ -75,7 +75,7 @@ impl SupportRelation {
         let n = solids.len();
         let mut path = vec![false; n * n];
         edges.iter().for_each(|&(supporter, supported, _)| path[supporter * n + supported] = true);
-        // Warshall's closure: paths whose inner nodes are at most `via`.
+        // Warshall's closure: paths with inner nodes up to `via`.
         for via in 0..n {
             for from in (0..n).filter(|&from| from != via) {
                 if path[from * n + via] {

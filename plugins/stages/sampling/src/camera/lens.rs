@@ -88,7 +88,7 @@ enum Focus {
     /// Center of the support.
     #[default]
     Tabletop,
-    /// Center of the nearest object in the image; of the support if there is none.
+    /// Center of the nearest object in the image, or of the support without an object.
     NearestObject,
     /// Distance along the optical axis, meters, sampled per view, from 0.001 to 1,000,000.
     DistanceM(#[schemars(extend("minimum" = DISTANCE_M[0], "maximum" = DISTANCE_M[1]))] Dist),
@@ -101,12 +101,12 @@ pub struct FocusedLens {
     focal_length_m: f64,
 }
 
-/// The focal length that the intrinsics give, millimeters.
+/// The focal length according to the intrinsics, millimeters.
 #[derive(Debug, Clone, Copy)]
 pub enum FocalLength {
-    /// That of `intrinsics.physical`.
+    /// The focal length of `intrinsics.physical`.
     Physical(f64),
-    /// The intrinsics, of this form, give angles only.
+    /// Intrinsics of this form state angles only.
     Unknown(&'static str),
 }
 

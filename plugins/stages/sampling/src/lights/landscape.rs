@@ -1,11 +1,11 @@
-//! What is seen through windows: sky over a skyline of houses and trees, hills behind it, level ground before it.
+//! The view through windows: sky over a skyline of houses and trees, hills behind it, level ground before it.
 
 use std::f64::consts::{PI, TAU};
 use syntable_model::error::Result;
 use syntable_model::random::Stream;
 use syntable_model::scene::EnvironmentMap;
 
-/// Size of the map, texels: a third of a degree each, for what is behind a window is out of focus.
+/// Size of the map, texels: a third of a degree each, since the view behind a window is out of focus.
 const SIZE: [u32; 2] = [1024, 512];
 
 /// Irradiance of upright surfaces and of the ground, relative to π times the luminance of the sky.
@@ -26,7 +26,7 @@ const FOLIAGE: [[f64; 3]; 4] = [[0.045, 0.075, 0.022], [0.07, 0.095, 0.03], [0.0
 const GROUND: [[f64; 3]; 5] =
     [[0.06, 0.10, 0.03], [0.15, 0.135, 0.06], [0.09, 0.09, 0.092], [0.23, 0.21, 0.19], [0.2, 0.18, 0.15]];
 
-/// A map of a made-up landscape. The mean luminance of its upper half is about one.
+/// A map of a synthetic landscape. The mean luminance of its upper half is about one.
 pub fn landscape(stream: &Stream) -> Result<EnvironmentMap> {
     let landscape = Landscape::new(stream);
     let [width, height] = SIZE;
@@ -55,7 +55,7 @@ impl MapRow {
     }
 }
 
-/// What stands in a direction.
+/// A feature in a direction.
 #[derive(Clone, Copy)]
 enum Feature {
     /// A house with storeys and windows of these angular sizes, tangents.
@@ -64,11 +64,11 @@ enum Feature {
     Foliage([f64; 3]),
 }
 
-/// A part of a layer: from the end of the one before to `end`, in turns.
+/// A segment of a layer: from the end of the previous segment to `end`, in turns.
 struct LandscapeSegment {
     start: f64,
     end: f64,
-    /// Height, as tangent of the elevation; below the horizon where nothing stands.
+    /// Height as the tangent of the elevation; below the horizon for an empty segment.
     top: f64,
     feature: Feature,
 }
@@ -91,7 +91,7 @@ struct MapColumn {
     toward: [f64; 2],
     /// Tangent of the elevation of the hills.
     hills: f64,
-    /// Per layer: what stands there, and the tangent of the elevation of its top.
+    /// Per layer: the feature, and the tangent of the elevation of its top.
     features: [Option<(Feature, f64, f64)>; 2],
 }
 
@@ -165,7 +165,7 @@ impl Landscape {
 
     /// Radiance of the sky without clouds at the sine of an elevation.
     fn sky_color(&self, sine: f64) -> [f64; 3] {
-        // Overcast skies are brightest in the zenith (CIE), clear ones, away from the sun, near the horizon.
+        // Overcast skies are brightest at the zenith (CIE); clear skies, away from the sun, near the horizon.
         let overcast = 1.25 * (1.0 + 2.0 * sine) / 3.0 + 0.25;
         let clear = 0.45 + 1.1 * libm::exp(-4.0 * sine);
         let blue = mix([0.6, 0.9, 1.75], [0.93, 1.0, 1.1], libm::exp(-5.0 * sine));
@@ -186,7 +186,7 @@ impl Landscape {
     fn ground(&self, row: &MapRow, column: &MapColumn) -> [f64; 3] {
         let distance = self.eye_m / (-row.tangent).max(1e-3);
         let at = column.toward.map(|c| c * distance);
-        // What is finer than a texel is left out.
+        // Omits details finer than a texel.
         let sharp = (6.0 / distance).min(1.0);
         let patches = self.noise.fractal(at.map(|x| x / 5.0), 3);
         let grain = 1.0 + 0.35 * sharp * (self.noise.fractal(at.map(|x| x * 1.5), 2) - 0.5);
@@ -222,7 +222,7 @@ impl LandscapeLayer {
             }
             start = end;
         }
-        // The last one ends where the first begins.
+        // The last segment ends where the first begins.
         for segment in &mut segments {
             segment.start /= start;
             segment.end /= start;
@@ -230,7 +230,7 @@ impl LandscapeLayer {
         Self { segments, foot: -eye_m / distance_m, haze, noise: ValueNoise(stream.child("leaves").seed()) }
     }
 
-    /// What stands at an azimuth, the tangent of the elevation of its top, and the distance from its side as a tangent.
+    /// The feature at an azimuth, the tangent of the elevation of its top, and the distance from its side as a tangent.
     fn at(&self, turn: f64) -> Option<(Feature, f64, f64)> {
         let segment = self.segments.iter().find(|segment| (segment.start..segment.end).contains(&turn))?;
         let along = (turn - segment.start) * TAU;
@@ -299,7 +299,7 @@ impl ValueNoise {
         sum / weights
     }
 
-    /// Octaves of noise around a circle, the first with `count` points; `row` tells lines apart.
+    /// Octaves of noise around a circle, the first with `count` points; `row` distinguishes lines.
     fn around(&self, turn: f64, count: i64, row: i64, octaves: u32) -> f64 {
         let (mut sum, mut weights, mut count) = (0.0, 0.0, count);
         for octave in 0..octaves {

@@ -1,4 +1,4 @@
-//! Views whose poses are listed in the recipe.
+//! Views with poses from the recipe.
 
 use crate::views::look_at::rolled;
 use nalgebra::{Matrix3, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
@@ -6,7 +6,8 @@ use syntable_model::geometry::look_at;
 use syntable_model::prelude::*;
 use syntable_model::scene::{Support, ViewId};
 
-/// Camera poses from a list, the same in every scene: view `i` takes entry `i`, and there are as many views as entries.
+/// Camera poses from a list, the same in every scene: view `i` takes entry `i`, and the number of views equals the
+/// number of entries.
 ///
 /// An entry is `{ look_at = { eye_m = [x, y, z], target_m = [x, y, z] } }` or
 /// `{ world_from_camera = [[..], [..], [..], [..]] }`.
@@ -16,7 +17,7 @@ pub struct FixedPoses {
     /// Poses of the views, in order; at least one.
     #[schemars(length(min = 1))]
     poses: Vec<PoseEntry>,
-    /// Origin of the coordinates in `poses`; the axes are those of the world.
+    /// Origin of the coordinates in `poses`, along the world's axes.
     #[serde(default)]
     relative_to: Origin,
     /// Name of the support that the poses are around. If left out, it is the first that a step of `[[place]]` sets.
