@@ -20,7 +20,7 @@ pub fn decode(bytes: &[u8], budget: &Budget) -> Result<DecodedImage> {
 fn check_end(bytes: &[u8]) -> Result<()> {
     let last = |marker: u8| bytes.windows(2).rposition(|pair| pair == [0xff, marker]);
     match (last(0xda), last(0xd9)) {
-        (None, _) => Err(Error::new("not a sound JPEG: it has no image data")),
+        (None, _) => Err(Error::new("not a valid JPEG: the file has no image data")),
         (Some(scan), Some(end)) if end > scan => Ok(()),
         _ => Err(Error::new(format!("the JPEG is cut short after {} bytes", bytes.len()))),
     }

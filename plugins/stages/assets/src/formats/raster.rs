@@ -8,7 +8,7 @@ use syntable_model::error::{Error, Result};
 
 /// Decodes an image to RGBA. Palettes and gray become color, 16 bits become 8, CMYK becomes RGB as Adobe stores it.
 pub(super) fn decode(name: &str, format: ImageFormat, bytes: &[u8], budget: &Budget) -> Result<DecodedImage> {
-    let broken = |error: image::ImageError| Error::new(format!("not a sound {name}: {error}"));
+    let broken = |error: image::ImageError| Error::new(format!("not a valid {name}: {error}"));
     let mut reader = ImageReader::with_format(Cursor::new(bytes), format);
     // The size is checked below; the decoders check their own buffers against this limit.
     let mut limits = Limits::default();

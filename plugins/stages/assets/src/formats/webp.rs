@@ -8,7 +8,7 @@ use syntable_model::error::{Error, Result};
 
 /// Decodes a file in memory.
 pub fn decode(bytes: &[u8], budget: &Budget) -> Result<DecodedImage> {
-    // The decoder takes what is missing of the last chunk for zeros.
+    // The decoder replaces missing bytes of the last chunk by zeros.
     let stated = bytes.get(4..8).and_then(|size| size.try_into().ok()).map_or(u32::MAX, u32::from_le_bytes);
     if (bytes.len() as u64) < u64::from(stated) + 8 {
         return Err(Error::new(format!("the WebP is cut short after {} bytes", bytes.len())));

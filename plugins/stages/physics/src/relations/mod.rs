@@ -46,12 +46,12 @@ use syntable_model::product::standard::{CONTACTS, INSIDE, REMOVAL_ORDER, SUPPORT
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Relations {
-    /// Largest distance of two shapes that touch, meters.
+    /// Maximum distance of two touching shapes, meters.
     #[schemars(range(min = 0.0, max = 0.02))]
     margin_m: f64,
-    /// Collision shape of objects and supports. Use the value of `settle`.
+    /// Collision shape of objects and supports. Should equal the option of `settle`.
     collision: Collision,
-    /// Maximum distance of convex parts from the mesh in its hollows, meters. Use the value of `settle`.
+    /// Maximum distance of convex parts from the mesh in its hollows, meters. Should equal the option of `settle`.
     #[schemars(range(min = 0.001, max = 1.0))]
     max_deviation_m: f64,
 }

@@ -1,4 +1,4 @@
-//! Buffers, views into them, and images: what a document names, resolved and checked.
+//! Buffers, buffer views and images of a document, resolved and checked.
 
 use super::get;
 use super::meshopt::CompressedView;
@@ -44,7 +44,7 @@ impl<'a> GltfBuffers<'a> {
         Self { document, binary, root, folder, file, log, loaded: BTreeMap::new(), unpacked: BTreeMap::new() }
     }
 
-    /// What the asset may still take.
+    /// The asset's remaining budget.
     pub fn budget(&self) -> &'a Budget {
         self.root.budget()
     }
@@ -84,7 +84,7 @@ impl<'a> GltfBuffers<'a> {
         match end {
             Some(end) => packed.unpack(&bytes[packed.byte_offset as usize..end as usize]),
             None => Err(Error::new(format!(
-                "it reaches from byte {} over {} bytes, but buffer {} has {}",
+                "the view reaches from byte {} over {} bytes, but buffer {} has {}",
                 packed.byte_offset,
                 packed.byte_length,
                 packed.buffer,
@@ -99,7 +99,10 @@ impl<'a> GltfBuffers<'a> {
         if buffer.uri.is_some() && !self.loaded.contains_key(&number) {
             let bytes = self.resolve(buffer.uri.as_deref().unwrap_or_default(), &format!("buffer {number}"))?;
             let bytes = bytes.ok_or_else(|| {
-                Error::new(format!("no file `{}` of buffer {number}", shown(buffer.uri.as_deref().unwrap_or_default())))
+                Error::new(format!(
+                    "buffer {number} refers to the missing file `{}`",
+                    shown(buffer.uri.as_deref().unwrap_or_default())
+                ))
             })?;
             self.loaded.insert(number, bytes);
         }
@@ -116,7 +119,7 @@ impl<'a> GltfBuffers<'a> {
         })
     }
 
-    /// An image; none if its file is missing.
+    /// An image; `None` if its file is missing.
     pub fn image(&mut self, index: Index<json::Image>) -> Result<Option<DecodedImage>> {
         let image = get(&self.document.images, index, "image")?;
         let what = format!("image {}", index.value());
@@ -143,13 +146,13 @@ impl<'a> GltfBuffers<'a> {
         self.root.folder().join(self.folder).join(percent_decode(uri))
     }
 
-    /// Bytes of a data URI or of a file inside the asset's folder; none if there is no such file.
+    /// Bytes of a data URI, or of a file inside the asset's folder; `None` if the file is missing.
     fn resolve(&self, uri: &str, what: &str) -> Result<Option<Vec<u8>>> {
         let named = |error: Error| within(error, what);
         if let Some(data) = uri.strip_prefix("data:") {
-            let (head, body) = data.split_once(',').ok_or_else(|| named(Error::new("a data URI without data")))?;
+            let (head, body) = data.split_once(',').ok_or_else(|| named(Error::new("the data URI has no data")))?;
             if !head.ends_with(";base64") {
-                return Err(named(Error::new("a data URI that is not base64")));
+                return Err(named(Error::new("the data URI is not encoded in base64")));
             }
             self.budget().bytes(body.len() as u64).map_err(named)?;
             return decode_base64(body).map(Some).map_err(named);

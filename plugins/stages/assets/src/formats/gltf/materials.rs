@@ -84,8 +84,8 @@ impl<'a> Materials<'a> {
         Ok(slot)
     }
 
-    /// The set of texture coordinates that a material uses; none if it has no texture. Where textures use several sets,
-    /// that of the base color counts, after a warning.
+    /// The set of texture coordinates that a material uses; `None` without a texture. If textures use several sets, the
+    /// base color's set applies to all, with a warning.
     pub fn uv_set(&mut self, material: Option<Index<JsonMaterial>>) -> Result<Option<u32>> {
         let Some(index) = material else {
             return Ok(None);
@@ -112,7 +112,7 @@ impl<'a> Materials<'a> {
         Ok(sets.first().copied())
     }
 
-    /// What the opacity of vertex colors means for each slot.
+    /// Effect of vertex opacity for each slot.
     pub fn vertex_alpha(&self) -> Vec<VertexAlpha> {
         let meaning = |material: Option<Index<JsonMaterial>>| match material
             .and_then(|index| self.document.materials.get(index.value()))?
@@ -131,7 +131,7 @@ impl<'a> Materials<'a> {
         let mut built = Vec::with_capacity(slots.len());
         for (index, uvs, triangles) in slots {
             let Some(index) = index else {
-                // White and rough as the standard has it, but no metal: nobody who leaves out a material means that.
+                // White and rough, as in the standard, but not metallic: no author who omits a material wants metal.
                 built.push(Material::plain("default", [1.0; 3], 1.0));
                 continue;
             };
@@ -228,7 +228,7 @@ impl<'a> Materials<'a> {
             && (diffuse.transform != gloss.transform || diffuse.texture.wrap != gloss.texture.wrap)
         {
             self.warn(
-                "the textures of a KHR_materials_pbrSpecularGlossiness lie differently; both lie as the diffuse color does",
+                "the textures of a KHR_materials_pbrSpecularGlossiness have different transforms; both use that of the diffuse color",
             );
         }
         material.roughness = Scalar::constant(1.0 - factors.glossiness);
@@ -252,7 +252,7 @@ impl<'a> Materials<'a> {
         Ok(alpha)
     }
 
-    /// Textures of the base color and of roughness with metalness; converted once.
+    /// Textures of the base color and of roughness with metalness, converted once.
     fn converted(
         &mut self,
         factors: &Factors,
@@ -273,7 +273,7 @@ impl<'a> Materials<'a> {
         Ok(textures)
     }
 
-    /// What extensions change of the base. Where the model cannot show it, the nearest that it can, with a warning.
+    /// Changes of the base by extensions. Unsupported changes become the nearest supported ones, with a warning.
     fn modify_base(&mut self, material: &mut Material, layers: &MaterialLayers) {
         if layers.unlit {
             // The extension's own advice to programs that light everything.
@@ -288,7 +288,9 @@ impl<'a> Materials<'a> {
             let bends = material.transmission.as_ref().is_some_and(|glass| glass.volume.is_some());
             let ior = specular.ior(material.ior);
             if specular.is_approximate() || (bends && (ior - material.ior).abs() > 1e-4) {
-                self.warn("of KHR_materials_specular the strength of the reflection is read, by its factors alone");
+                self.warn(
+                    "only the factors of KHR_materials_specular are supported, for the strength of the reflection",
+                );
             }
             if !bends {
                 material.ior = ior;
@@ -298,7 +300,7 @@ impl<'a> Materials<'a> {
             if material.roughness.texture.is_none() && !anisotropy.is_textured() {
                 material.roughness.factor = anisotropy.roughness(material.roughness.factor);
             }
-            self.warn("stretched highlights (KHR_materials_anisotropy) are shown as round ones");
+            self.warn("stretched highlights (KHR_materials_anisotropy) become round ones");
         }
     }
 
@@ -388,11 +390,11 @@ impl<'a> Materials<'a> {
         match webp.and_then(|source| u32::try_from(source).ok()) {
             Some(source) => Ok(Index::new(source)),
             None => Err(Error::new(format!("texture {} has no image as PNG, JPEG or WebP", index.value()))
-                .help("KTX2 is not read; convert the file: `gltf-transform ktxdecompress in.glb out.glb`")),
+                .help("KTX2 is not supported; convert the file: `gltf-transform ktxdecompress in.glb out.glb`")),
         }
     }
 
-    /// Loads a texture. A missing file is a warning and gives none.
+    /// Loads a texture. A missing file causes a warning, and returns `None`.
     fn texture(&mut self, used: &Use, encoding: Encoding, buffers: &mut GltfBuffers<'_>) -> Result<Option<TextureRef>> {
         let texture = get(&self.document.textures, used.texture, "texture")?;
         let source = self.source(texture, used.texture)?;

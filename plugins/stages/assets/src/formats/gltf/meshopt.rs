@@ -1,7 +1,6 @@
 //! `EXT_meshopt_compression`: buffer views that are packed by the codecs of meshoptimizer, after the extension's appendices.
 //!
-//! What is read is checked against the packed bytes at every step; a stream that ends early, or that has bytes left, is
-//! refused.
+//! Every read is checked against the packed bytes. A stream that ends early or has excess bytes is refused.
 
 use serde::Deserialize;
 use syntable_model::error::{Error, Result};
@@ -20,7 +19,7 @@ pub struct CompressedView {
     pub byte_offset: u64,
     /// Number of packed bytes.
     pub byte_length: u64,
-    /// Size of an element once unpacked, bytes.
+    /// Size of an unpacked element, bytes.
     pub byte_stride: usize,
     /// Number of elements.
     pub count: u64,
@@ -61,15 +60,13 @@ impl CompressedView {
             _ => false,
         };
         if !fits {
-            return Err(Error::new(format!(
-                "packed elements of {stride} bytes, which their mode and filter do not have"
-            )));
+            return Err(Error::new(format!("packed elements of {stride} bytes do not fit their mode and filter")));
         }
         let bytes = self.count.checked_mul(stride as u64);
         bytes.ok_or_else(|| Error::new(format!("{} packed elements are too many", self.count)))
     }
 
-    /// Unpacks. The caller has asked the budget for [`unpacked_bytes`](Self::unpacked_bytes).
+    /// Unpacks the elements. The caller has reserved [`unpacked_bytes`](Self::unpacked_bytes) in the budget.
     pub fn unpack(&self, packed: &[u8]) -> Result<Vec<u8>> {
         let count = usize::try_from(self.count).map_err(|_| Error::new("too many packed elements"))?;
         let mut bytes = match self.mode {
@@ -113,8 +110,10 @@ impl<'a> Stream<'a> {
     fn open(packed: &'a [u8], header: u8, tail: usize) -> Result<(Self, &'a [u8])> {
         let Some((&first, rest)) = packed.split_first() else { return Err(ends()) };
         if first != header {
-            return Err(Error::new(format!("a packed stream of the unknown kind {first:#04x}; {header:#04x} is read"))
-                .help("convert the file: `gltf-transform copy in.glb out.glb`"));
+            return Err(Error::new(format!(
+                "unknown kind {first:#04x} of a packed stream; only {header:#04x} is supported"
+            ))
+            .help("convert the file: `gltf-transform copy in.glb out.glb`"));
         }
         let middle = rest.len().checked_sub(tail).ok_or_else(ends)?;
         let (bytes, tail) = rest.split_at(middle);
@@ -141,13 +140,13 @@ impl<'a> Stream<'a> {
                 return Ok(value);
             }
         }
-        Err(Error::new("a packed number of more than five bytes"))
+        Err(Error::new("a packed number has more than five bytes"))
     }
 
     fn finish(self) -> Result<()> {
         match self.bytes.len() {
             0 => Ok(()),
-            left => Err(Error::new(format!("{left} packed bytes are left over"))),
+            left => Err(Error::new(format!("{left} excess packed bytes"))),
         }
     }
 }
@@ -156,7 +155,7 @@ fn ends() -> Error {
     Error::new("the packed bytes end early").help("the file is cut short or damaged")
 }
 
-/// Elements whose bytes were packed one plane after the other, as differences from the element before.
+/// Elements whose bytes were packed plane by plane, as differences from the previous element.
 fn attributes(packed: &[u8], count: usize, stride: usize) -> Result<Vec<u8>> {
     let (mut stream, tail) = Stream::open(packed, 0xa0, stride.max(32))?;
     // The stream has two bits at least for each byte of sixteen elements.
@@ -237,11 +236,11 @@ fn fresh(next: &mut u32) -> u32 {
     next.wrapping_sub(1)
 }
 
-/// Corners of triangles, most of which continue an edge that was seen lately.
+/// Corners of triangles. Most triangles share a recent edge.
 fn triangles(packed: &[u8], count: usize) -> Result<Vec<u32>> {
     let (mut stream, table) = Stream::open(packed, 0xe1, 16)?;
     if !count.is_multiple_of(3) {
-        return Err(Error::new(format!("{count} packed corners are no whole number of triangles")));
+        return Err(Error::new(format!("{count} packed corners are not a multiple of three")));
     }
     let codes = stream.take(count / 3)?;
     let mut corners = Vec::with_capacity(count);
@@ -341,7 +340,7 @@ fn snorm16(x: f32) -> i16 {
     (x * 32_767.0).round() as i16
 }
 
-/// A unit vector from the faces of an octahedron unfolded to a square; `one` is the integer that stands for 1.
+/// A unit vector from the unfolded faces of an octahedron; `one` is the integer that represents 1.
 fn octahedral(x: f32, y: f32, one: f32) -> [f32; 3] {
     let (mut x, mut y) = (x / one, y / one);
     let z = 1.0 - x.abs() - y.abs();
@@ -353,7 +352,7 @@ fn octahedral(x: f32, y: f32, one: f32) -> [f32; 3] {
     [x, y, z].map(|part| part / length)
 }
 
-/// A quaternion whose largest component was left out; its number is in the lowest two bits of the fourth.
+/// A quaternion without its largest component, whose number is in the lowest two bits of the fourth value.
 fn quaternion([x, y, z, scale]: [i16; 4]) -> [i16; 4] {
     let one = f32::from(scale | 3);
     let [x, y, z] = [x, y, z].map(|part| f32::from(part) / one * std::f32::consts::FRAC_1_SQRT_2);
@@ -373,7 +372,7 @@ mod tests {
     use base64::engine::general_purpose::STANDARD;
     use serde_json::Value;
 
-    /// Streams that meshoptimizer's encoder made, with what its own decoder makes of them.
+    /// Streams by meshoptimizer's encoder, with the results of its own decoder.
     const STREAMS: &str = include_str!("meshopt_streams.json");
 
     fn cases() -> Vec<(String, CompressedView, Vec<u8>, Vec<u8>)> {

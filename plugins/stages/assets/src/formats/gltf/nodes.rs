@@ -63,7 +63,7 @@ pub struct Instance {
     pub node: usize,
     /// Weights of the morph targets.
     weights: Rc<[f32]>,
-    /// Where it is without a skin.
+    /// Placement without a skin.
     placement: Placement,
     /// From the mesh's frame to the body's by joint, if a skin poses it.
     skin: Option<Rc<[Matrix4<f64>]>>,
@@ -75,7 +75,7 @@ impl Instance {
         Shape { weights: &self.weights, skinned: self.skin.is_some() }
     }
 
-    /// The placement of a vertex: of the whole mesh, or the mean of those of its joints by their weights.
+    /// The placement of a vertex: of the whole mesh, or the weighted mean of its joints' placements.
     pub fn placement(&self, primitive: &Primitive, vertex: usize) -> Result<Placement> {
         let Some(joints) = &self.skin else { return Ok(self.placement) };
         let (mut sum, mut total) = (Matrix4::zeros(), 0.0);
@@ -96,7 +96,7 @@ impl Instance {
     }
 }
 
-/// All meshes of the first scene: the one that the file names, or else its first, or else all nodes.
+/// All meshes of the first scene: the default scene of the file, or else its first scene, or else all nodes.
 pub fn instances(document: &Root, buffers: &mut GltfBuffers<'_>) -> Result<Vec<Instance>> {
     let parents = parents(document);
     let roots: Vec<Index<Node>> = match (document.scene, document.scenes.first()) {
@@ -201,7 +201,7 @@ fn copies(document: &Root, buffers: &mut GltfBuffers<'_>, node: &Node) -> Result
         let found = count(document, buffers, Index::new(accessor), components)?;
         let first = *total.get_or_insert(found);
         if found != first {
-            return Err(Error::new(format!("{INSTANCING} has {first} and {found} instances")));
+            return Err(Error::new(format!("{INSTANCING} has attributes of {first} and of {found} instances")));
         }
     }
     let Some(total) = total else { return Ok(vec![Matrix4::identity()]) };
@@ -245,7 +245,7 @@ fn pose(
         get(&document.nodes, joint, "node").map_err(within_skin)?;
         let mut world = Matrix4::identity();
         let mut node = Some(joint.value());
-        // A cycle of parents is no longer than all nodes.
+        // A cycle of parents has at most all nodes.
         for _ in 0..=document.nodes.len() {
             let Some(at) = node else { break };
             world = local(&document.nodes[at]) * world;

@@ -1,13 +1,13 @@
 //! `KHR_materials_pbrSpecularGlossiness`: materials by diffuse color, specular color and glossiness, as metallic-roughness.
 //!
-//! With D the diffuse color times 1 minus the largest channel of the specular color S, and with b the base color and m the
-//! metalness, both models reflect the same if `D = 0.96 b (1 - m)` and `S = 0.04 (1 - m) + b m`. Without b this is
-//! `0.04 m² + (D / 0.96 + S - 0.08) m + 0.04 - S = 0`, where D and S count by their perceived brightness: m is the larger
-//! root, and 0 where S is below 0.04, less than any dielectric reflects. Of the base colors of the two equations, that of
-//! S has the weight m². Roughness is 1 minus glossiness.
+//! Let D be the diffuse color times 1 minus the largest channel of the specular color S, b the base color, and m the
+//! metalness. Both models reflect the same if `D = 0.96 b (1 - m)` and `S = 0.04 (1 - m) + b m`. Eliminating b gives
+//! `0.04 m² + (D / 0.96 + S - 0.08) m + 0.04 - S = 0`, where perceived brightness represents D and S. m is the larger
+//! root, and 0 if S is below 0.04, less than any dielectric reflects. The two equations give two base colors; the one
+//! from S has the weight m². Roughness is 1 minus glossiness.
 //!
-//! Textures are converted texel by texel, factors included, to the larger of their widths and of their heights; of a
-//! smaller one the nearest texel counts.
+//! Textures are converted texel by texel, including factors, at the larger of their widths and of their heights, with
+//! the nearest texel of the smaller one.
 
 use gltf::json::texture::Info;
 use serde::Deserialize;
@@ -71,7 +71,7 @@ fn brightness([r, g, b]: [f64; 3]) -> f64 {
     (0.299 * r * r + 0.587 * g * g + 0.114 * b * b).sqrt()
 }
 
-/// What textures are multiplied by; in [0, 1].
+/// Factors of the textures, in [0, 1].
 #[derive(Clone, Copy)]
 pub struct Factors {
     pub diffuse: [f32; 3],
@@ -144,7 +144,8 @@ mod tests {
 
     #[test]
     fn metalness_satisfies_both_models() {
-        // Found by bisection: what a base color with the diffuse part reflects at normal incidence grows with metalness.
+        // By bisection: the reflectance at normal incidence of a base color with this diffuse part grows with
+        // metalness.
         for (diffuse, specular) in [([0.5, 0.1, 0.2], [0.2, 0.25, 0.1]), ([0.02, 0.3, 0.9], [0.06, 0.05, 0.07])] {
             let rest = 1.0 - specular.into_iter().fold(0.0, f64::max);
             let (d, s) = (rest * brightness(diffuse), brightness(specular));

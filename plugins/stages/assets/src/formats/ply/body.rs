@@ -13,7 +13,7 @@ pub struct PlyRows<'a> {
     /// In text: the number of the next line, and the rest of the current one.
     line: usize,
     rest: &'a [u8],
-    /// The first line with more numbers than the header names, and how many there are.
+    /// The first line with more numbers than the header declares, and the number of such lines.
     longer: Option<(usize, usize)>,
 }
 
@@ -28,7 +28,7 @@ impl<'a> PlyRows<'a> {
         self.encoding == PlyEncoding::Ascii
     }
 
-    /// Refuses an element whose rows exceed the rest of the file, before anything is allocated for them.
+    /// Refuses an element whose rows exceed the rest of the file, before allocating memory for them.
     pub fn check_size(&self, element: &Element) -> Result<()> {
         let row: usize = match self.encoding {
             // Each number takes at least a digit and a separator; the last line may lack its end.
@@ -105,13 +105,13 @@ impl<'a> PlyRows<'a> {
         let number = |word: &[u8]| std::str::from_utf8(word).is_ok_and(|word| word.parse::<f64>().is_ok());
         if let Some(word) = words.find(|word| !number(word)) {
             let word = String::from_utf8_lossy(word);
-            return Err(self.place(Error::new(format!("`{}` is left over at the end of the row", shorten(&word)))));
+            return Err(self.place(Error::new(format!("excess `{}` at the end of the row", shorten(&word)))));
         }
         self.longer.get_or_insert((self.line.saturating_sub(1), 0)).1 += 1;
         Ok(())
     }
 
-    /// The first line with more numbers than the header names, and how many such lines there are.
+    /// The first line with more numbers than the header declares, and the number of such lines.
     pub fn longer(&self) -> Option<(usize, usize)> {
         self.longer
     }
@@ -161,13 +161,13 @@ impl<'a> PlyRows<'a> {
         };
         if !(count >= 0.0 && count.fract() == 0.0 && count * size as f64 <= left as f64) {
             return Err(self.place(
-                Error::new(format!("a list of {count} items, but {left} bytes are left"))
+                Error::new(format!("a list has {count} items, but only {left} bytes are left"))
                     .help("the file is cut short or damaged"),
             ));
         }
         if count > most as f64 {
             return Err(self.place(
-                Error::new(format!("a list of {count} items is longer than the limit of {most}"))
+                Error::new(format!("a list of {count} items exceeds the limit of {most}"))
                     .help("triangulate the mesh; for faces, the pool's `limits.triangles` raises the limit"),
             ));
         }

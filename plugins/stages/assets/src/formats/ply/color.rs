@@ -61,7 +61,7 @@ impl ColorColumns {
             if found.iter().all(Option::is_some) { Vec::new() } else { found.into_iter().flatten().collect() };
         if let Some(&at) = incomplete.first() {
             let name = shorten(&properties[at].name);
-            notes.push(format!("`{name}` of element `{of}` is no color without the other two of red, green and blue"));
+            notes.push(format!("`{name}` of element `{of}` is ignored, because a color needs red, green and blue"));
         }
         let unread: Vec<String> = (0..properties.len())
             .filter(|at| !read.contains(at) && !incomplete.contains(at) && names_color(&properties[*at].name))
@@ -70,7 +70,7 @@ impl ColorColumns {
         if !unread.is_empty() {
             let more = if unread.len() > NAMED { ", …" } else { "" };
             let named = unread[..unread.len().min(NAMED)].join(", ");
-            notes.push(format!("colors of element `{of}` that are not read: {named}{more}"));
+            notes.push(format!("unsupported colors of element `{of}`: {named}{more}"));
         }
         columns
     }
@@ -167,7 +167,8 @@ fn names_color(name: &str) -> bool {
     words.iter().any(|word| name.contains(word)) || name.split(['_', '.', '-']).any(|part| channels.contains(&part))
 }
 
-/// Colors as they are written become linear ones in [0, 1], and opacities in [0, 1]. The types are those of red and alpha.
+/// Converts colors as written to linear colors in [0, 1], and opacities to [0, 1]. The types are those of red and
+/// alpha.
 pub fn decode<'a>(
     colors: impl Iterator<Item = &'a mut [f32; 4]>,
     [full, opaque]: [f64; 2],
@@ -182,7 +183,7 @@ pub fn decode<'a>(
         *color = [r, g, b, if alpha.is_finite() { (alpha / opaque).clamp(0.0, 1.0) as f32 } else { 1.0 }];
     }
     if missing > 0 {
-        notes.push(format!("{missing} colors of {of} are not finite; such a channel counts as white"));
+        notes.push(format!("{missing} colors of {of} are not finite; such channels become white"));
     }
 }
 

@@ -50,7 +50,7 @@ impl PlyScalar {
             "uint" | "uint32" => Self::U32,
             "float" | "float32" => Self::F32,
             "double" | "float64" => Self::F64,
-            _ => return Err(Error::new(format!("`{}` is not a type of number", shorten(name)))),
+            _ => return Err(Error::new(format!("`{}` is not a number type", shorten(name)))),
         })
     }
 
@@ -78,8 +78,8 @@ impl PlyScalar {
         }
     }
 
-    /// Whether negative numbers in colors of this type are bytes above 127 that were written as signed ones. Wider integers
-    /// are such bytes only if all of them fit into a signed byte; floats never are.
+    /// Whether negative numbers in colors of this type are bytes above 127 that were written as signed bytes. For wider
+    /// integers, all of them must fit a signed byte; floats never qualify.
     pub fn wraps(self, mut values: impl Iterator<Item = f32>) -> bool {
         match self {
             Self::F32 | Self::F64 => false,
@@ -101,7 +101,7 @@ pub struct Property {
     pub name: String,
     /// Type of the number, or of the items of a list.
     pub scalar: PlyScalar,
-    /// Type of a list's length; none if it is one number.
+    /// Type of a list's length; `None` for a single number.
     pub list: Option<PlyScalar>,
 }
 
@@ -135,7 +135,7 @@ impl PlyHeader {
     /// Parses the header of a file in memory.
     pub fn parse(bytes: &[u8]) -> Result<Self> {
         if !(bytes.starts_with(b"ply\n") || bytes.starts_with(b"ply\r")) {
-            return Err(Error::new("not a PLY file: it does not begin with `ply`"));
+            return Err(Error::new("not a PLY file: the first line is not `ply`"));
         }
         let mut encoding = None;
         let mut header =
@@ -176,7 +176,7 @@ impl PlyHeader {
                     _ => return Err(Error::new(format!("`{}` is not a format", shorten(name)))),
                 });
                 if version != "1.0" {
-                    return Err(Error::new(format!("version `{}` is not read; 1.0 is", shorten(version))));
+                    return Err(Error::new(format!("version `{}` is not supported, only 1.0", shorten(version))));
                 }
             }
             ["element", name, count] => {
@@ -188,7 +188,7 @@ impl PlyHeader {
             ["property", "list", length, scalar, name] => {
                 let length = PlyScalar::parse(length)?;
                 if matches!(length, PlyScalar::F32 | PlyScalar::F64) {
-                    return Err(Error::new(format!("the length of list `{}` is no whole number", shorten(name))));
+                    return Err(Error::new(format!("the length of list `{}` is not an integer", shorten(name))));
                 }
                 self.property(Property {
                     name: name.to_owned(),
@@ -201,7 +201,7 @@ impl PlyHeader {
             }
             _ => {
                 return Err(Error::new(format!("`{}` is not a header statement", shorten(line)))
-                    .help("is the header's `end_header` missing?"));
+                    .help("check that `end_header` ends the header"));
             }
         }
         Ok(())
