@@ -1,5 +1,7 @@
-//! The command line of SynTable. Only this crate prints; every verb is a page of arguments over a function of the library.
+//! The command line of SynTable. Only this crate prints. Every verb parses arguments and calls a function of the
+//! library.
 
+mod flags;
 mod outputs;
 mod progress;
 mod signals;
@@ -128,7 +130,7 @@ enum BuiltIn {
     },
 }
 
-/// A recipe and changes to it, as all verbs take them: [`Args::augment_args`] adds them to a command.
+/// A recipe and changes to it, shared by all verbs that take one: [`Args::augment_args`] adds them to a command.
 #[derive(Debug, Clone, Args)]
 pub struct RecipeArgs {
     /// Recipe file, or `builtin:NAME` for a built-in recipe (see `syntable list recipes`). Default:
@@ -145,28 +147,28 @@ pub struct RecipeArgs {
     pub views: Option<u32>,
 }
 
-/// Ends a verb that did not work.
+/// End of a verb with an exit code other than 0.
 pub struct Exit {
     /// The exit code of the process.
     pub code: u8,
-    /// What to print.
+    /// Messages to print.
     pub messages: Vec<Message>,
 }
 
 impl Exit {
-    /// The recipe, an option or an asset is wrong; nothing was made.
+    /// The recipe, an option or an asset is wrong, and the verb made nothing.
     pub fn wrong(error: Error) -> Self {
         Self { code: 2, messages: vec![Message::Error(error)] }
     }
 
-    /// Work stopped early; what was done is kept. An error that the request itself is at fault for is
+    /// Work stopped early, and finished work is kept. A permanent error is an error of the request, as in
     /// [`wrong`](Self::wrong).
     pub fn stopped(error: Error) -> Self {
         let code = if error.is_permanent() { 2 } else { 1 };
         Self { code, messages: vec![Message::Error(error)] }
     }
 
-    /// Exit code 1 for a result that cannot be printed. A reader that has gone away is no error.
+    /// Exit code 1 for a result that cannot be printed. A closed pipe is not an error.
     fn if_not_printed(error: &std::io::Error) -> Result<(), Self> {
         match error.kind() {
             std::io::ErrorKind::BrokenPipe => Ok(()),
@@ -174,10 +176,10 @@ impl Exit {
         }
     }
 
-    /// Exit code 3 with what a verb left out of its result. `file` and `help` say where to look.
+    /// Exit code 3 with the data that a verb omitted from its result. `file` and `help` tell the reader where to look.
     ///
     /// # Errors
-    /// If anything was left out.
+    /// If the verb omitted anything.
     pub fn if_left_out(left_out: LeftOutReport, file: &Path, help: &str) -> Result<(), Self> {
         match left_out.messages(file, help) {
             messages if messages.is_empty() => Ok(()),
@@ -186,16 +188,16 @@ impl Exit {
     }
 }
 
-/// Help of `--trust-paths`, which verbs have that read datasets.
+/// Help of `--trust-paths`, a flag of all verbs that read datasets.
 pub const TRUST_PATHS: &str =
     "Also read files outside the dataset's folder if its paths or links lead there. Only for datasets that you trust";
 
-/// The number of threads that an option gives, or all cores.
+/// The requested number of threads, or else the number of cores.
 pub fn threads(asked: Option<u16>) -> usize {
     asked.map_or_else(syntable_runtime::workers::available, usize::from)
 }
 
-/// A number from 1 on, or `all`, as options of verbs take it.
+/// Parses a number from 1 on, or `all`.
 pub fn amount(text: &str) -> std::result::Result<usize, String> {
     match text {
         "all" => Ok(usize::MAX),
@@ -221,14 +223,14 @@ pub fn main() -> ExitCode {
     }
 }
 
-/// A program with a command line: a registry, and verbs beside those of this crate.
+/// A program with a command line: a registry, and verbs in addition to the verbs of this crate.
 pub struct Program {
     registry: Registry,
     verbs: Vec<Arc<dyn CliVerb>>,
 }
 
 impl Program {
-    /// All that the linked crates register.
+    /// Everything that the linked crates register.
     ///
     /// # Errors
     /// If two crates register one name.
@@ -236,12 +238,12 @@ impl Program {
         Ok(Self { registry: Registry::linked()?, verbs: verb::linked() })
     }
 
-    /// The same with another registry, such as the linked one with kinds that have state of the program.
+    /// The program with another registry, such as the linked one with kinds that have state of the program.
     pub fn with_registry(self, registry: Registry) -> Self {
         Self { registry, ..self }
     }
 
-    /// The same with one more verb.
+    /// The program with another verb.
     pub fn with_verb(mut self, verb: Arc<dyn CliVerb>) -> Self {
         self.verbs.push(verb);
         self
@@ -255,7 +257,7 @@ impl Program {
         };
         let matches = match command.try_get_matches() {
             Ok(matches) => matches,
-            // Help and the version are results, too.
+            // Help and version are results, too.
             Err(page) if !page.use_stderr() => return ended_with(&Console::new(LogFormat::Human), page_printed(&page)),
             Err(error) => error.exit(),
         };
@@ -273,7 +275,7 @@ impl Program {
     }
 }
 
-/// The exit code of a verb, whose messages are printed.
+/// Prints the messages of a finished verb, and returns its exit code.
 fn ended_with(console: &Console, done: Result<(), Exit>) -> ExitCode {
     match done {
         Ok(()) => ExitCode::SUCCESS,
@@ -284,7 +286,7 @@ fn ended_with(console: &Console, done: Result<(), Exit>) -> ExitCode {
     }
 }
 
-/// The end of a program whose crates do not go together.
+/// Ends a program whose crates clash.
 fn refused(clash: String) -> ExitCode {
     Console::new(LogFormat::Human).say(&Message::Error(Error::new(clash)));
     ExitCode::from(2)
@@ -299,7 +301,7 @@ fn page_printed(page: &clap::Error) -> Result<(), Exit> {
 /// Verbs by name.
 type Verbs = BTreeMap<String, Arc<dyn CliVerb>>;
 
-/// The whole command line: the verbs of this crate, and others.
+/// The whole command line: the verbs of this crate, and the given ones.
 fn command(verbs: &[Arc<dyn CliVerb>]) -> Result<(clap::Command, Verbs), String> {
     let mut command = Cli::command();
     command.build();
@@ -313,7 +315,7 @@ fn whole() -> clap::Command {
     command(&verb::linked()).map_or_else(|_| Cli::command(), |(command, _)| command)
 }
 
-/// The program's help as text, verb by verb, for the reference page.
+/// Help of the program as text, verb by verb, for the reference page.
 pub fn help_pages() -> Vec<(String, String)> {
     let mut root = whole().term_width(100);
     root.build();
@@ -324,12 +326,12 @@ pub fn help_pages() -> Vec<(String, String)> {
     pages
 }
 
-/// Whether a command line, the program's name first, is one that the program understands; if not, what is wrong with it.
+/// Parses a command line, with the program's name first. The error is the message of the parser.
 pub fn understands(words: &[String]) -> Result<(), String> {
     whole().try_get_matches_from(words).map(drop).map_err(|error| error.to_string())
 }
 
-/// Where results and messages go: the one place that prints.
+/// Output of results and messages. Nothing else prints.
 pub struct Console {
     reporter: Box<dyn Reporter>,
     format: LogFormat,
@@ -370,12 +372,12 @@ impl Console {
         }
     }
 
-    /// Columns of the terminal that results are printed to; none if they go elsewhere.
+    /// Number of columns of the terminal; `None` if results do not go to a terminal.
     pub fn width(&self) -> Option<usize> {
         terminal_size::terminal_size_of(std::io::stdout()).map(|(width, _)| usize::from(width.0).max(40))
     }
 
-    /// Prints a result. A reader that has gone away is no error.
+    /// Prints a result. A closed pipe is not an error.
     pub fn print(&self, text: &str) -> Result<(), Exit> {
         match std::io::stdout().write_all(text.as_bytes()) {
             Err(error) => Exit::if_not_printed(&error),
@@ -388,19 +390,19 @@ impl Console {
         self.reporter.message(message);
     }
 
-    /// Loads and plans a recipe with its changes; warnings are printed, errors come back.
+    /// Loads and plans a recipe with its changes. Prints warnings, and returns errors.
     fn load(&self, registry: &Registry, args: &RecipeArgs) -> Result<Recipe, Exit> {
         let (source, overrides) = args.read()?;
         self.loaded(syntable_recipe::load(registry, source, &overrides))
     }
 
-    /// The same, with kinds that stand for others replaced by what this machine has.
+    /// Like [`load`](Self::load), but replaces placeholder kinds by kinds that this machine supports.
     fn load_for_run(&self, registry: &Registry, args: &RecipeArgs) -> Result<Recipe, Exit> {
         let (source, overrides) = args.read()?;
         self.loaded(syntable_recipe::load(registry, source, &overrides.for_run()))
     }
 
-    /// Prints the warnings of a recipe that was loaded; the mistakes of one that cannot be run come back.
+    /// Prints the warnings of a loaded recipe, or returns the errors of one that cannot run.
     fn loaded(&self, loaded: Result<(Recipe, Vec<Diagnostic>), Report>) -> Result<Recipe, Exit> {
         match loaded {
             Ok((recipe, warnings)) => {
@@ -410,7 +412,7 @@ impl Console {
             Err(report) => {
                 let messages = match self.format {
                     LogFormat::Human => report.messages(),
-                    // Every line is about one mistake: nobody counts for a program.
+                    // Each line is one error. Programs need no line with their number.
                     LogFormat::Json => report.mistakes().collect(),
                 };
                 Err(Exit { code: 2, messages })
@@ -420,13 +422,13 @@ impl Console {
 }
 
 impl RecipeArgs {
-    /// The recipe and its changes, as functions of the library take them.
+    /// The recipe and its changes as an argument of library functions.
     pub fn request(&self) -> RecipeRequest {
         let Self { recipe, set, seed, views } = self.clone();
         RecipeRequest { recipe, set, seed, views }
     }
 
-    /// The recipe's text, and the changes to it.
+    /// The text of the recipe, and its changes.
     pub fn read(&self) -> Result<(Source, Overrides<'static>), Exit> {
         self.request().read().map_err(Exit::wrong)
     }

@@ -1,12 +1,12 @@
-//! Files that verbs write beside what they read.
+//! Checks of output files against the inputs of a verb.
 
 use crate::Exit;
 use std::path::{Path, PathBuf};
 use syntable_model::error::Error;
 use syntable_runtime::paths::{lies_in, run_above, whole};
 
-/// Refuses files that would replace what a command reads, each other, or files of a run. `outputs` are files with the options that
-/// name them; `inputs` are files, and folders in which nothing is to be written.
+/// Refuses output files that would replace an input, another output, or a file of a run. `outputs` are files with their
+/// flags; `inputs` are files, and folders that must not receive files.
 pub fn check_outputs(outputs: &[(&str, Option<&PathBuf>)], inputs: &[&Path]) -> Result<(), Exit> {
     let there: Vec<(&str, &Path)> =
         outputs.iter().filter_map(|(option, path)| path.map(|path| (*option, path.as_path()))).collect();
@@ -17,7 +17,7 @@ pub fn check_outputs(outputs: &[(&str, Option<&PathBuf>)], inputs: &[&Path]) -> 
             Err(Exit::wrong(error.help(format!("name another file with {option}"))))
         };
         if let Some((other, _)) = there[..number].iter().find(|(_, other)| whole(other) == own) {
-            return refuse(format!("overwrite what {other} writes"));
+            return refuse(format!("overwrite the file of {other}"));
         }
         if let Some(run) = own.parent().and_then(run_above) {
             return refuse(format!("write into the folder of a run, {}", run.display()));
@@ -26,9 +26,9 @@ pub fn check_outputs(outputs: &[(&str, Option<&PathBuf>)], inputs: &[&Path]) -> 
             if lies_in(path, input) {
                 let is_file = input.is_file();
                 return refuse(if is_file {
-                    "overwrite what the command reads".to_owned()
+                    "overwrite an input of the command".to_owned()
                 } else {
-                    format!("write into {}, which the command reads", input.display())
+                    format!("write into {}, an input of the command", input.display())
                 });
             }
         }
@@ -71,18 +71,18 @@ mod tests {
         for (path, says) in [
             (at("data/labels.json"), "--save would write into"),
             (at("data/new.json"), "--save would write into"),
-            (at("data/../pred.json"), "--save would overwrite what the command reads"),
+            (at("data/../pred.json"), "--save would overwrite an input of the command"),
             (at("run/annotation_final.json"), "--save would write into the folder of a run"),
             (at("run/images/sheet.png"), "--save would write into the folder of a run"),
         ] {
             let message = said(&[("--save", Some(&path))]);
             assert!(message.contains(says) && message.contains("another file"), "{message}");
         }
-        // A folder is that of a dataset; a file that is in none stands for itself.
+        // Inside a dataset, a file stands for the dataset's folder; any other file stands for itself.
         for named in ["data", "data/labels.json"] {
             assert_eq!(whole(&dataset_folder(&Registry::default(), &at(named))), whole(&at(named)), "{named}");
         }
         let message = said(&[("--csv", Some(&fine)), ("--save", Some(&other))]);
-        assert!(message.contains("overwrite what --csv writes"), "{message}");
+        assert!(message.contains("overwrite the file of --csv"), "{message}");
     }
 }

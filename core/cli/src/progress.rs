@@ -1,5 +1,6 @@
 //! Shows the events of a run: on a terminal, as plain lines, or as JSON lines.
 
+use crate::flags::with_flags;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use parking_lot::Mutex;
 use std::collections::BTreeMap;
@@ -22,21 +23,20 @@ impl Reporter for JsonLines {
         let elapsed_s = (self.0.elapsed().as_secs_f64() * 1000.0).round() / 1000.0;
         let line = LogLine { elapsed_s, event: std::borrow::Cow::Borrowed(event) };
         let line = serde_json::to_string(&line).expect("events are plain data");
-        // A closed pipe must not end the run.
-        let _ = writeln!(std::io::stderr(), "{line}");
+        print_line(&line);
     }
 }
 
 /// For people: a progress line on a terminal, and plain lines.
 pub struct Human {
     bar: Option<ProgressBar>,
-    state: Mutex<State>,
+    state: Mutex<ProgressState>,
 }
 
-struct State {
+struct ProgressState {
     start: Instant,
     said: Instant,
-    /// When a step of long work was said.
+    /// Time of the last message about a long step.
     worked: Option<Instant>,
     images: u64,
     total: u64,
@@ -47,7 +47,7 @@ struct State {
 }
 
 impl Human {
-    /// A progress line if `terminal`, else a plain line now and then.
+    /// Shows a progress line if `terminal`, else a line of text from time to time.
     pub fn new(terminal: bool) -> Self {
         let bar = terminal.then(|| {
             let bar = ProgressBar::with_draw_target(None, ProgressDrawTarget::stderr());
@@ -59,7 +59,7 @@ impl Human {
             bar
         });
         let now = Instant::now();
-        let state = State {
+        let state = ProgressState {
             start: now,
             said: now,
             worked: None,
@@ -80,12 +80,12 @@ impl Human {
     }
 }
 
-/// Prints a line on standard error. A reader that has gone away must not stop a run.
+/// Prints a line on standard error, with flags for the options that it names. A closed pipe must not stop a run.
 fn print_line(line: &str) {
-    let _ = writeln!(std::io::stderr(), "{line}");
+    let _ = writeln!(std::io::stderr(), "{}", with_flags(line));
 }
 
-impl State {
+impl ProgressState {
     fn pace(&self) -> String {
         let seconds = self.start.elapsed().as_secs_f64();
         let scenes = format!("scene {}/{}", self.scenes, self.scenes_total);
@@ -106,14 +106,14 @@ impl Reporter for Human {
     fn event(&self, event: &Event) {
         let mut state = self.state.lock();
         match event {
-            // Previews have no end to count towards.
+            // Previews have no total.
             Event::Image { .. } | Event::Scene { .. } if state.total == 0 => {}
             Event::Started { out, scenes, views_per_scene, resumed, images, threads } => {
                 (state.start, state.images, state.scenes) = (Instant::now(), 0, 0);
                 state.unfinished.clear();
                 state.scenes_total = scenes - resumed;
                 state.total = *images;
-                let done = if *resumed > 0 { format!(", {resumed} of them done before") } else { String::new() };
+                let done = if *resumed > 0 { format!(", {resumed} of them finished before") } else { String::new() };
                 let (scenes, views) = (count(*scenes, "scene"), count(*views_per_scene, "view"));
                 self.say(&format!("{scenes} × {views}{done}, {} → {out}", count(*threads as u32, "thread")));
                 if let Some(bar) = &self.bar {
@@ -148,7 +148,7 @@ impl Reporter for Human {
                 }
             }
             Event::Attempt { scene, attempt, error, last } => {
-                // The images of an attempt that fails are not in the dataset.
+                // The dataset does not get the images of a failed attempt.
                 state.images = state.images.saturating_sub(state.unfinished.remove(scene).unwrap_or(0));
                 let then = if *last { "given up" } else { "trying again" };
                 self.say(&format!("warning: scene {scene}, attempt {attempt}: {error}; {then}"));

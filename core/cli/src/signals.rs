@@ -9,7 +9,8 @@ use std::sync::atomic::AtomicBool;
 use syntable_model::error::Error;
 use syntable_runtime::run::stop::{Stop, StopReason};
 
-/// A handle that SIGINT and SIGTERM use. A second signal ends the process at once, with 128 plus its number.
+/// A stop handle that SIGINT and SIGTERM trigger. A second signal ends the process at once, with exit code 128 plus its
+/// number.
 ///
 /// # Errors
 /// If the operating system refuses the handlers.
@@ -29,7 +30,8 @@ fn handled() -> io::Result<Stop> {
     Ok(stop)
 }
 
-/// The exit of a verb that ended early: by a signal, by a mistake of the user, or by what the same command may overcome.
+/// The exit of a verb that ended early: because of a signal, a user error, or an error that the same command may
+/// overcome.
 pub fn ended(stop: &Stop, error: Error) -> Exit {
     match stop.requested() {
         Some(StopReason::Signal(signal)) => Exit { code: 128_u8.saturating_add(signal), ..Exit::stopped(error) },

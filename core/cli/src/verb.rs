@@ -7,17 +7,17 @@ use std::sync::Arc;
 use syntable_model::inventory;
 use syntable_model::registry::Registry;
 
-/// A verb of the command line. Crates register a [`Verb`]; a program may add one with state of its own
+/// A verb of the command line. Crates register a [`Verb`]; a program can add one with state
 /// ([`Program::with_verb`](crate::Program::with_verb)).
 pub trait CliVerb: Send + Sync {
-    /// Its name, help, arguments and examples.
+    /// Name, help, arguments and examples.
     fn command(&self) -> Command;
-    /// Runs it. Results go to [`Console::print`], messages to [`Console::say`].
+    /// Runs the verb. It passes results to [`Console::print`] and messages to [`Console::say`].
     ///
     /// # Errors
-    /// End the program with their exit code.
+    /// Ends the program with the exit code of the error.
     fn run(&self, console: &Console, registry: &Registry, arguments: &ArgMatches) -> Result<(), Exit>;
-    /// The crate or program that has it, for messages.
+    /// The crate or program that provides the verb, for messages.
     fn owner(&self) -> &str;
 }
 
@@ -41,9 +41,9 @@ pub trait CliVerb: Send + Sync {
 /// ```
 #[derive(Clone, Copy)]
 pub struct Verb {
-    /// Its name, help, arguments and examples.
+    /// Name, help, arguments and examples.
     pub command: fn() -> Command,
-    /// Runs it. Results go to [`Console::print`], messages to [`Console::say`].
+    /// Runs the verb. It passes results to [`Console::print`] and messages to [`Console::say`].
     pub run: fn(&Console, &Registry, &ArgMatches) -> Result<(), Exit>,
     /// Crate that registers it.
     pub crate_name: &'static str,
@@ -73,13 +73,13 @@ macro_rules! register_verb {
     )+};
 }
 
-/// What `syntable list` shows under a name of a crate's own, such as the metrics of an evaluation. Registered with
+/// A list of `syntable list` that a crate adds, such as the metrics of an evaluation. Registered with
 /// [`register_topic!`](crate::register_topic).
 #[derive(Clone, Copy)]
 pub struct Topic {
-    /// What users write: `syntable list metrics`.
+    /// Name of the list, as in `syntable list metrics`.
     pub name: &'static str,
-    /// Rows of a table, the first with headings: name, crate, what it is.
+    /// Rows of a table, headings first: name, crate, description.
     pub rows: fn() -> syntable_model::error::Result<Vec<[String; 3]>>,
 }
 
@@ -108,7 +108,7 @@ pub(crate) fn linked() -> Vec<Arc<dyn CliVerb>> {
 /// The verbs by name.
 ///
 /// # Errors
-/// If one is called like another or like a verb of `own`: both crates.
+/// Names both crates if a verb has the name of another verb or of a verb of `own`.
 pub(crate) fn by_name(verbs: &[Arc<dyn CliVerb>], own: &Command) -> Result<BTreeMap<String, Arc<dyn CliVerb>>, String> {
     let mut sorted: Vec<(String, &Arc<dyn CliVerb>)> =
         verbs.iter().map(|verb| (verb.command().get_name().to_owned(), verb)).collect();

@@ -1,4 +1,4 @@
-//! Writes a dataset of any format in other formats, from names of kinds and options to the result.
+//! Converts a dataset of any format to other formats, given names of writer kinds and options.
 
 use crate::left_out::LeftOutReport;
 use crate::run::progress::{Reporter, count};
@@ -12,28 +12,28 @@ use syntable_model::registry::{ConstructError, Entry, Registry, Slot, Stage};
 use syntable_model::some::SHOWN;
 use syntable_model::stage::Writer;
 
-/// What to convert, and how.
+/// Source, target formats and options of a conversion.
 pub struct ConvertOptions {
-    /// Folder of the dataset, or its annotation file where there are several.
+    /// Folder of the dataset, or its annotation file if the folder has several.
     pub dataset: PathBuf,
-    /// Format of the dataset; none for the one that it looks like.
+    /// Format of the dataset; `None` detects it.
     pub format: Option<String>,
-    /// Whether files outside of the dataset's folder are read that its files name.
+    /// Whether to read files outside the dataset's folder that the dataset refers to.
     pub trust_paths: bool,
-    /// Kinds of writers, each once.
+    /// Kinds of writers, each at most once.
     pub to: Vec<String>,
-    /// Options of writers as `KIND.KEY=VALUE`. The value is TOML.
+    /// Options of writers as `KIND.KEY=VALUE`, with the value in TOML.
     pub set: Vec<String>,
-    /// Folder to write to: new, or empty.
+    /// Output folder: new, or empty.
     pub out: PathBuf,
-    /// Threads.
+    /// Number of threads.
     pub threads: usize,
-    /// Asks the conversion to end early.
+    /// Ends the conversion early on request.
     pub stop: Stop,
 }
 
 impl ConvertOptions {
-    /// A dataset to kinds of writers with their default options.
+    /// Converts a dataset with writers of these kinds and their default options.
     pub fn new(dataset: impl Into<PathBuf>, to: &[&str], out: impl Into<PathBuf>) -> Self {
         Self {
             dataset: dataset.into(),
@@ -48,21 +48,21 @@ impl ConvertOptions {
     }
 }
 
-/// A conversion that is done.
+/// Result of a finished conversion.
 pub struct Conversion {
-    /// The format that the dataset was read as.
+    /// Format of the source dataset.
     pub format: &'static str,
-    /// What was written, and what was left out.
+    /// Number of written images, and the data that the result omits.
     pub converted: Converted,
-    /// Products that lists such as `include` name by default and the dataset does not have: the lists were shortened.
+    /// Products that lists such as `include` name by default and that the dataset lacks. The lists were shortened.
     pub shortened: BTreeSet<String>,
 }
 
 /// Converts a dataset.
 ///
 /// # Errors
-/// If the request is wrong, the dataset cannot be opened, or nothing can be written. Images that cannot be read are left out:
-/// see [`Conversion::left_out`].
+/// If the request is invalid, the dataset cannot be opened, or nothing can be written. Unreadable images are not
+/// errors: [`Conversion::left_out`] lists them.
 pub fn convert(registry: &Registry, options: &ConvertOptions, reporter: &dyn Reporter) -> Result<Conversion> {
     let writers = asked_writers(registry, options)?;
     check_place(&options.out, &options.dataset)?;
@@ -80,12 +80,12 @@ pub fn convert(registry: &Registry, options: &ConvertOptions, reporter: &dyn Rep
 }
 
 impl Conversion {
-    /// Products that the formats can store and the dataset does not have.
+    /// Products that the formats can store and the dataset lacks.
     pub fn lacking(&self) -> BTreeSet<&str> {
         self.shortened.iter().chain(&self.converted.lacking).map(String::as_str).collect()
     }
 
-    /// Images, files, annotations and parts of labels that are not in the result.
+    /// Images, files, annotations and parts of labels that the result omits.
     pub fn left_out(&self) -> LeftOutReport {
         let it = &self.converted;
         let mut report = LeftOutReport::default();
@@ -95,7 +95,7 @@ impl Conversion {
             let what: Vec<String> = unreadable.iter().map(|(reasons, one)| count(reasons.len() as u32, one)).collect();
             let reasons = unreadable.iter().flat_map(|(reasons, _)| reasons.iter().take(SHOWN));
             let reasons = reasons.map(|reason| Error::new(reason.clone()));
-            report.add(format!("{} left out: they cannot be read", what.join(" and ")), reasons);
+            report.add(format!("{} left out because they cannot be read", what.join(" and ")), reasons);
         }
         report.annotations(&it.not_objects);
         if !it.not_kept.is_empty() {
@@ -111,34 +111,34 @@ impl Conversion {
     }
 }
 
-fn asked_writers<'a>(registry: &'a Registry, options: &ConvertOptions) -> Result<Vec<AskedWriter<'a>>> {
+fn asked_writers<'a>(registry: &'a Registry, options: &ConvertOptions) -> Result<Vec<RequestedWriter<'a>>> {
     let ConvertOptions { to, set, .. } = options;
-    let writers: Vec<_> = to.iter().map(|kind| AskedWriter::new(registry, kind, set)).collect::<Result<_>>()?;
+    let writers: Vec<_> = to.iter().map(|kind| RequestedWriter::new(registry, kind, set)).collect::<Result<_>>()?;
     if let Some(set) = set.iter().find(|set| !to.iter().any(|kind| option_of(set, kind).is_some())) {
-        let error = Error::new(format!("--set {set}: it names no writer of --to"));
+        let error = Error::new(format!("`options.set` {set}: no writer of `options.to` has this name"));
         return Err(error.help("write it as `KIND.KEY=VALUE`").of_request());
     }
     if to.iter().collect::<BTreeSet<_>>().len() < to.len() {
-        return Err(Error::new("--to names a kind twice").help("name each once"));
+        return Err(Error::new("`options.to` repeats a kind").help("name each once"));
     }
     Ok(writers)
 }
 
-/// The text after `KIND.` in an option of a kind.
+/// The text after `KIND.` in an option for this kind.
 fn option_of<'a>(set: &'a str, kind: &str) -> Option<&'a str> {
     set.strip_prefix(kind)?.strip_prefix('.')
 }
 
-/// A writer of `--to`.
-struct AskedWriter<'a> {
+/// A writer that [`ConvertOptions::to`] requests.
+struct RequestedWriter<'a> {
     entry: &'a Entry,
     options: toml::Table,
-    /// Names of the options that `--set` gives.
+    /// Names of the options that [`ConvertOptions::set`] sets.
     given: BTreeSet<String>,
     writer: Box<dyn Writer>,
 }
 
-impl<'a> AskedWriter<'a> {
+impl<'a> RequestedWriter<'a> {
     fn new(registry: &'a Registry, kind: &str, set: &[String]) -> Result<Self> {
         Self::constructed(registry, kind, set).map_err(Error::of_request)
     }
@@ -146,8 +146,8 @@ impl<'a> AskedWriter<'a> {
     fn constructed(registry: &'a Registry, kind: &str, set: &[String]) -> Result<Self> {
         let Some(entry) = registry.find(Slot::Write, kind) else {
             let kinds: Vec<&str> = registry.of_slot(Slot::Write).map(|entry| entry.kind).collect();
-            return Err(Error::new(format!("--to {kind}: it is no kind of writer"))
-                .help(format!("the kinds are: {}", kinds.join(", "))));
+            return Err(Error::new(format!("`options.to` {kind}: unknown kind of writer"))
+                .help(format!("available kinds: {}", kinds.join(", "))));
         };
         let given: Vec<&str> = set.iter().filter_map(|set| option_of(set, kind)).collect();
         let key = |option: &str| option.split(['=', '.']).next().unwrap_or_default().trim().to_owned();
@@ -156,7 +156,7 @@ impl<'a> AskedWriter<'a> {
         let constructed = entry.construct_str(&text).map_err(|error| match error {
             ConstructError::Form(error) => refuse(format!("--set {kind}: {}", error.message())),
             ConstructError::Invalid(invalid) => {
-                // As it was written, with the value.
+                // The text as given, with the value.
                 let name = invalid.key.split(['.', '[']).next().unwrap_or_default();
                 let as_given = given.iter().find(|option| key(option) == name).copied().unwrap_or(&invalid.key);
                 refuse(format!("--set {kind}.{as_given}: {}", invalid.message))
@@ -167,7 +167,7 @@ impl<'a> AskedWriter<'a> {
         Ok(Self { entry, options: constructed.options, given, writer })
     }
 
-    /// Refuses an option that `--set` gives and that the writer could follow only with a product that the dataset does not have.
+    /// Refuses an option of [`ConvertOptions::set`] that requires a product that the dataset lacks.
     fn check_given(&self, has: &BTreeSet<String>) -> Result<()> {
         let reads = self.writer.reads();
         let lacking = reads.iter().filter(|input| input.is_optional && !has.contains(&input.product));
@@ -175,12 +175,12 @@ impl<'a> AskedWriter<'a> {
         let Some((option, product)) = asked.find(|(option, _)| self.given.contains(*option)) else { return Ok(()) };
         let kind = self.entry.kind;
         let value = self.options.get(option).map_or_else(String::new, |value| format!("={value}"));
-        Err(Error::new(format!("--set {kind}.{option}{value} needs `{product}`, which the dataset does not have"))
-            .help(format!("without this option, `{kind}` writes what the dataset has")))
+        Err(Error::new(format!("`options.set` {kind}.{option}{value} needs `{product}`, which the dataset lacks"))
+            .help(format!("leave the option out: `{kind}` then writes the products of the dataset")))
     }
 
-    /// The writer without those entries of its lists, such as `include`, that need what a dataset does not have, and
-    /// their products. A list that `--set` gives stays as it is, and one of which nothing would be left.
+    /// Removes the entries of lists such as `include` whose products the dataset lacks, and returns the writer with the
+    /// removed products. A list that the caller set stays as it is, and so does a list that would become empty.
     fn without_missing(
         mut self,
         has: &BTreeSet<String>,
@@ -219,7 +219,7 @@ impl<'a> AskedWriter<'a> {
     }
 }
 
-/// The name of a list and a place in it: `include[3]`.
+/// The name of a list and an index: `include[3]`.
 fn entry_of(option: &str) -> Option<(&str, usize)> {
     let (list, place) = option.strip_suffix(']')?.split_once('[')?;
     Some((list, place.parse().ok()?))
@@ -228,14 +228,14 @@ fn entry_of(option: &str) -> Option<(&str, usize)> {
 /// The stage as a writer of images.
 ///
 /// # Errors
-/// If it writes scenes: a dataset that was read has none.
+/// If the writer writes scenes, which a dataset from files lacks.
 fn writer_of(entry: &Entry, stage: Stage) -> Result<Box<dyn Writer>> {
     match stage {
         Stage::Write(writer) => Ok(writer),
         _ => Err(Error::new(format!(
-            "--to {}: it writes scenes, with bodies, materials and lights; a dataset that was read has only images and labels",
+            "`options.to` {}: this writer stores bodies, materials and lights of scenes; a dataset from files has only images and labels",
             entry.kind
         ))
-        .help("name it in the recipe of a run")),
+        .help("add it to the recipe of a run instead")),
     }
 }

@@ -1,4 +1,4 @@
-//! Work on every image of a dataset that is read.
+//! Work on every image of a dataset from files.
 
 use crate::run::progress::{Event, Reporter};
 use crate::run::stop::Stop;
@@ -8,30 +8,31 @@ use std::time::{Duration, Instant};
 use syntable_model::context::Workers;
 use syntable_model::error::{Error, Result};
 
-/// Who works on images, who hears of it, and who may end it.
+/// The threads, the listener and the stop handle of work on images.
 #[derive(Clone, Copy)]
-pub struct Work<'a> {
-    /// The threads.
+pub struct ImageWork<'a> {
+    /// Threads that do the work.
     pub workers: &'a dyn Workers,
-    /// Hears of progress.
+    /// Receives progress.
     pub reporter: &'a dyn Reporter,
-    /// Asks the work to end early.
+    /// Ends the work early on request.
     pub stop: &'a Stop,
 }
 
-/// How often the number of images that are done is told.
+/// Minimum interval between progress events.
 const PATIENCE: Duration = Duration::from_secs(1);
 
-/// Images per thread whose results are held until all of them are there.
+/// Maximum number of results per thread that wait for earlier images.
 const AHEAD: usize = 64;
 
-/// Does work on images in parallel, and takes the results in the order of the images, some dozens at a time: so what `take` adds
-/// up depends on no thread, and memory does not grow with the dataset. `done` says what was done to them, such as `scored`.
+/// Processes images in parallel and passes the results to `take` in the order of the images, in chunks of bounded size.
+/// The sums of `take` therefore do not depend on threads, and memory does not grow with the dataset. `done` is the
+/// participle for progress events, such as `scored`.
 ///
 /// # Errors
-/// The error of the first image that has one, or that the work was asked to stop.
+/// The error of the first image that fails, or an error if the work was stopped.
 pub fn each<T: Send>(
-    Work { workers, reporter, stop }: &Work,
+    ImageWork { workers, reporter, stop }: &ImageWork,
     done: &str,
     images: usize,
     image: &(dyn Fn(usize) -> Result<T> + Sync),
@@ -60,7 +61,7 @@ pub fn each<T: Send>(
         for (place, result) in (first..).zip(results) {
             match result.into_inner() {
                 Some(result) => take(place, result?),
-                // Nothing after an image that was not worked on is complete.
+                // Results after an unprocessed image are incomplete.
                 None => break,
             }
         }
@@ -81,7 +82,7 @@ mod tests {
     fn results_come_in_order_and_the_first_error_ends_it() {
         for threads in [1, 3] {
             let (pool, stop) = (Pool::new(threads).expect("threads"), Stop::default());
-            let work = Work { workers: &pool, reporter: &Quiet, stop: &stop };
+            let work = ImageWork { workers: &pool, reporter: &Quiet, stop: &stop };
             let mut taken = Vec::new();
             let square = |image: usize| Ok(image * image);
             each(&work, "squared", 500, &square, &mut |image, it| taken.push((image, it))).expect("squares");

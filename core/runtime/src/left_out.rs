@@ -1,4 +1,4 @@
-//! The one rule for what a function leaves out of its result: it is named, and the verb ends with exit code 3.
+//! The one rule for omitted data: a function lists what its result omits, and the verb ends with exit code 3.
 
 use crate::run::progress::count;
 use crate::run::{Loss, not_listed};
@@ -9,7 +9,7 @@ use syntable_model::reader::OpenDataset;
 use syntable_model::some::SHOWN;
 use syntable_recipe::message::Message;
 
-/// What a function left out of its result, for people.
+/// Data that a function omitted from its result, for people to read.
 #[derive(Debug, Clone, Default)]
 pub struct LeftOutReport {
     warnings: Vec<Error>,
@@ -17,23 +17,23 @@ pub struct LeftOutReport {
 }
 
 impl LeftOutReport {
-    /// Adds what was left out, in words such as `3 images left out: they cannot be read`, with a warning for each thing or for
-    /// some of many.
+    /// Adds omitted data: a summary such as `3 images left out because they cannot be read`, and a warning for each
+    /// item or for the first few.
     pub fn add(&mut self, summary: String, warnings: impl IntoIterator<Item = Error>) {
         self.warnings.extend(warnings);
         self.summaries.push(summary);
     }
 
-    /// Adds images that a dataset does not list, since files that hold or name them cannot be read.
+    /// Adds images that the dataset does not list because files that hold or name them cannot be read.
     pub fn unlisted(&mut self, dataset: &OpenDataset) {
         let lost: Vec<String> = not_listed(dataset);
         if !lost.is_empty() {
-            let summary = format!("{} left out: they cannot be read", count(lost.len() as u32, "part"));
+            let summary = format!("{} left out because they cannot be read", count(lost.len() as u32, "part"));
             self.add(summary, lost.into_iter().take(SHOWN).map(Error::new));
         }
     }
 
-    /// Adds annotations that are not read as objects.
+    /// Adds annotations that the reader did not turn into objects.
     pub fn annotations(&mut self, not_objects: &[LeftOut]) {
         let some: Vec<&LeftOut> = not_objects.iter().filter(|it| it.count > 0).collect();
         if !some.is_empty() {
@@ -43,17 +43,18 @@ impl LeftOutReport {
         }
     }
 
-    /// Adds what stages left out of images.
+    /// Adds data that stages omitted from images.
     pub fn losses(&mut self, losses: &[Loss]) {
         if !losses.is_empty() {
             let mut stages: Vec<&str> = losses.iter().map(|loss| loss.stage.as_str()).collect();
             stages.dedup();
-            let summary = format!("labels are not written whole by {}", stages.join(", "));
+            let summary = format!("labels are written incompletely by {}", stages.join(", "));
             self.add(summary, losses.iter().map(Loss::warning));
         }
     }
 
-    /// The warnings, then one error that sums them up; nothing if nothing was left out. `help` says where to look.
+    /// The warnings, then one error with all summaries; empty if nothing was omitted. `help` tells the reader where to
+    /// look.
     pub fn messages(self, file: &Path, help: &str) -> Vec<Message> {
         let Self { warnings, summaries } = self;
         let error = Error::new(summaries.join("; ")).in_file(file).help(help);
@@ -61,7 +62,7 @@ impl LeftOutReport {
         warnings.into_iter().map(Message::Warning).chain(error).collect()
     }
 
-    /// Whether nothing was left out.
+    /// Whether the result is complete.
     pub fn is_empty(&self) -> bool {
         self.summaries.is_empty()
     }

@@ -1,4 +1,4 @@
-//! Checks of datasets that are there, in any format that can be read.
+//! Checks of existing datasets in any readable format.
 
 use crate::workers::Pool;
 use parking_lot::Mutex;
@@ -13,42 +13,43 @@ use syntable_model::product::{KeyId, Products, Value};
 use syntable_model::reader::{DatasetFault, OpenDataset, Source, is_unnamed};
 use syntable_model::registry::Registry;
 
-/// Name of the check that datasets give things the same numbers.
+/// Name of the check that datasets agree on the ids of categories and objects.
 const NUMBERS_AGREE: &str = "numbers_agree";
-/// Name of the check that files and records can be read.
+/// Name of the check that files and records are readable.
 const READABLE: &str = "readable";
-/// What that check says.
-const CAN_BE_READ: &str = "Files are there, and files and records can be read.";
+/// Description of that check.
+const CAN_BE_READ: &str = "Files exist, and files and records are readable.";
 
-/// What is known of a dataset after all checks.
+/// Result of all checks of a dataset.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Validated {
-    /// Images of the dataset.
+    /// Number of images of the dataset.
     pub images: u32,
     /// The checks, by name.
-    pub checks: Vec<Checked>,
-    /// What is wrong, by check and place.
+    pub checks: Vec<CheckResult>,
+    /// Faults, by check and place.
     pub faults: Vec<FaultAt>,
-    /// Numbers of its categories and objects, to compare with those of other datasets.
+    /// Ids of its categories and objects, to compare with other datasets.
     #[serde(skip)]
-    pub numbers: Numbers,
+    pub numbers: NumberNames,
 }
 
-/// A dataset that was found by its path and checked.
+/// A dataset that was found by its path, and checked.
 #[derive(Debug, Clone)]
 pub struct ValidatedDataset {
-    /// The dataset as it was named.
+    /// The path as the caller gave it.
     pub dataset: String,
-    /// The format that it was read as.
+    /// Format of the dataset.
     pub format: &'static str,
-    /// What was found.
+    /// Result of the checks.
     pub found: Validated,
 }
 
-/// Finds a dataset, opens it and checks all of it on `threads` threads. A dataset that cannot be opened is one with a fault.
+/// Finds a dataset, opens it and checks it on `threads` threads. For a dataset that cannot be opened, the result has a
+/// fault.
 ///
 /// # Errors
-/// If there is no dataset, its format is not known, or a file system or device fails.
+/// If the path has no dataset, its format is unknown, or a file system or device fails.
 pub fn validate_path(
     registry: &Registry,
     named: &Source,
@@ -64,7 +65,8 @@ pub fn validate_path(
     Ok(ValidatedDataset { dataset: named.path.display().to_string(), format: format.name(), found })
 }
 
-/// Where datasets give a number to different things, or a thing different numbers. Each dataset is compared with all before it.
+/// Contradictory ids: an id with different names, or a name with different ids. Compares each dataset with all before
+/// it.
 pub fn differences(all: &[ValidatedDataset]) -> Vec<FaultAt> {
     let pairs = all.iter().enumerate().flat_map(|(at, other)| all[..at].iter().map(move |one| (one, other)));
     pairs
@@ -72,20 +74,20 @@ pub fn differences(all: &[ValidatedDataset]) -> Vec<FaultAt> {
         .collect()
 }
 
-/// Numbers of the categories and objects of a dataset, with their names.
+/// Names of the categories and objects of a dataset, by id.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
-pub struct Numbers {
+pub struct NumberNames {
     /// Names of categories by id.
-    categories: Names,
+    categories: NamesByNumber,
     /// Names of objects by `obj_id`, without their pools.
-    objects: Names,
+    objects: NamesByNumber,
 }
 
-/// Names by number. Where models of several sources are told apart by name alone, a number has several.
-type Names = BTreeMap<u64, BTreeSet<String>>;
+/// Names by id. An id has several names if models of several sources differ by name alone.
+type NamesByNumber = BTreeMap<u64, BTreeSet<String>>;
 
-impl Numbers {
-    /// Notes what the records of an image's objects state.
+impl NumberNames {
+    /// Records the ids in the records of an image's objects.
     fn note_objects(&mut self, products: &Products) {
         let Ok(Some(infos)) = products.optional(OBJECT_INFO) else { return };
         for (_, info) in infos.iter() {
@@ -100,7 +102,7 @@ impl Numbers {
                 Some(Value::Text(text)) => Some(text.as_str()),
                 _ => None,
             };
-            // Some formats have the pool and the name in one.
+            // Some formats store pool and name as one text.
             let of_asset = || text("asset").map(|asset| asset.split_once('/').map_or(asset, |(_, name)| name));
             let named = id.zip(text("name").or_else(of_asset));
             if let Some((id, name)) = named.filter(|(id, name)| !is_unnamed(*id, name)) {
@@ -109,12 +111,12 @@ impl Numbers {
         }
     }
 
-    /// Whether the dataset states no number of a category or an object by name.
+    /// Whether the dataset states no id of a named category or object.
     pub fn is_empty(&self) -> bool {
         self.categories.is_empty() && self.objects.is_empty()
     }
 
-    /// Where two datasets, which are called so, give a number to different things, or a thing different numbers.
+    /// Contradictory ids of two datasets with these names: an id with different names, or a name with different ids.
     pub fn differences(&self, other: &Self, [one, two]: [&str; 2]) -> Vec<FaultAt> {
         let mut faults = Vec::new();
         for (what, number, here, there) in [
@@ -141,7 +143,7 @@ impl Numbers {
                     let of =
                         |numbers: &BTreeMap<&str, Vec<u64>>| numbers.get(name.as_str()).cloned().unwrap_or_default();
                     let [own, others] = [of(&own_numbers), of(&other_numbers)];
-                    // Several pools may have an object of one name: the first number speaks.
+                    // Several pools may have an object of one name. The first id stands for them.
                     let are_apart = own.first() == Some(id) && !own.iter().any(|id| others.contains(id));
                     if let Some(other) = others.first().filter(|_| are_apart) {
                         faults.push(fault(format!(
@@ -155,8 +157,8 @@ impl Numbers {
     }
 }
 
-/// The numbers of each name, ascending.
-fn numbers_by_name(names: &Names) -> BTreeMap<&str, Vec<u64>> {
+/// The ids of each name, ascending.
+fn numbers_by_name(names: &NamesByNumber) -> BTreeMap<&str, Vec<u64>> {
     let mut numbers: BTreeMap<&str, Vec<u64>> = BTreeMap::new();
     for (id, name) in names.iter().flat_map(|(id, names)| names.iter().map(move |name| (*id, name.as_str()))) {
         numbers.entry(name).or_default().push(id);
@@ -164,38 +166,39 @@ fn numbers_by_name(names: &Names) -> BTreeMap<&str, Vec<u64>> {
     numbers
 }
 
-/// A check that was made.
+/// A check, and its result.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
-pub struct Checked {
-    /// Its name.
+pub struct CheckResult {
+    /// Name of the check.
     pub check: String,
-    /// What holds in a sound dataset.
+    /// The statement that holds in a correct dataset.
     pub says: String,
-    /// Images in which all that it looks at is there; none for a check of the dataset as a whole.
+    /// Number of images that have all inputs of the check; `None` for a check of the dataset as a whole.
     pub images: Option<u32>,
     /// Number of faults.
     pub faults: u32,
 }
 
-/// Something that is wrong.
+/// A fault.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 pub struct FaultAt {
     /// Name of the check.
     pub check: String,
-    /// Where: an image, an annotation, a file.
+    /// Location: an image, an annotation or a file.
     pub place: String,
-    /// What is wrong.
+    /// The fault in words.
     pub message: String,
 }
 
-/// Reads all images of a dataset and makes all checks on each.
+/// Reads all images of a dataset and runs all checks on each.
 pub fn validate(dataset: &OpenDataset, checks: &[Arc<dyn LabelCheck>], threads: usize) -> Result<Validated> {
     let offers = &dataset.offers;
     let category = |(id, name): (u32, &str)| (u64::from(id), BTreeSet::from([name.to_owned()]));
-    // What is called after its number may have a name in another dataset.
+    // Names that merely repeat the id may differ between datasets.
     let has_name = |(id, name): &(u32, &str)| !is_unnamed((*id).into(), name);
     let categories = dataset.info.categories().filter(has_name).map(category).collect();
-    let found = Mutex::new((vec![0_u32; checks.len()], BTreeSet::new(), Numbers { categories, ..Numbers::default() }));
+    let found =
+        Mutex::new((vec![0_u32; checks.len()], BTreeSet::new(), NumberNames { categories, ..NumberNames::default() }));
     Pool::new(threads)?.run(dataset.images.len(), &|image| {
         let (products, mut faults) = read(dataset, image, offers);
         let made: Vec<bool> = checks.iter().map(|check| check.applies(&products)).collect();
@@ -217,25 +220,25 @@ pub fn validate(dataset: &OpenDataset, checks: &[Arc<dyn LabelCheck>], threads: 
     faults.extend(dataset.all_faults().iter().map(FaultAt::from));
     let of = |name: &str| faults.iter().filter(|fault| fault.check == name).count() as u32;
     let images = dataset.images.len() as u32;
-    let checked = |name: &str, says: &str, images| Checked {
+    let checked = |name: &str, says: &str, images| CheckResult {
         check: name.to_owned(),
         says: says.to_owned(),
         images,
         faults: of(name),
     };
-    let mut all: Vec<Checked> =
+    let mut all: Vec<CheckResult> =
         checks.iter().zip(counts).map(|(check, count)| checked(check.name(), check.doc(), Some(count))).collect();
     all.push(checked(READABLE, CAN_BE_READ, Some(images)));
-    // Rules of the format, which a reader names when they are broken.
+    // Rules of the format, which a reader names when a file breaks them.
     let known: BTreeSet<&str> = all.iter().map(|it| it.check.as_str()).collect();
     let broken: BTreeSet<&str> = faults.iter().map(|fault| fault.check.as_str()).collect();
-    let more: Vec<Checked> =
+    let more: Vec<CheckResult> =
         broken.difference(&known).map(|name| checked(name, "Records fit together.", None)).collect();
     all.extend(more);
     Ok(Validated { images, checks: all, faults: faults.into_iter().collect(), numbers })
 }
 
-/// The products of an image that can be read, and why others cannot.
+/// The readable products of an image, and the errors of the others.
 fn read(dataset: &OpenDataset, image: usize, wants: &[KeyId]) -> (Products, Vec<(String, String)>) {
     match dataset.read(image, wants) {
         Ok(read) => (read.products, Vec::new()),
@@ -264,17 +267,17 @@ impl From<&DatasetFault> for FaultAt {
 }
 
 impl Validated {
-    /// What is known of a dataset that cannot be opened: why.
+    /// The result for a dataset that cannot be opened: its error.
     pub fn unreadable(place: String, error: &Error) -> Self {
         let check = READABLE.to_owned();
         let message = error.help_text().map_or_else(|| error.to_string(), |help| format!("{error}; {help}"));
-        let checks = vec![Checked { check: check.clone(), says: CAN_BE_READ.to_owned(), images: None, faults: 1 }];
-        Self { images: 0, checks, faults: vec![FaultAt { check, place, message }], numbers: Numbers::default() }
+        let checks = vec![CheckResult { check: check.clone(), says: CAN_BE_READ.to_owned(), images: None, faults: 1 }];
+        Self { images: 0, checks, faults: vec![FaultAt { check, place, message }], numbers: NumberNames::default() }
     }
 
-    /// The faults of each check in turn, so that a few show all that is wrong: at most `most`.
+    /// At most `most` faults, in turn from each check, so that a short list shows every kind.
     pub fn some_of_each(&self, most: usize) -> Vec<&FaultAt> {
-        // They are ordered by check.
+        // Faults are sorted by check.
         let of_checks = self.faults.chunk_by(|a, b| a.check == b.check);
         let mut turns: Vec<(usize, &FaultAt)> = of_checks.flat_map(|faults| faults.iter().enumerate()).collect();
         turns.sort_by_key(|(turn, _)| *turn);
@@ -284,7 +287,7 @@ impl Validated {
         shown
     }
 
-    /// Whether nothing is wrong.
+    /// Whether no check found a fault.
     pub fn is_sound(&self) -> bool {
         self.faults.is_empty()
     }
@@ -298,22 +301,22 @@ mod tests {
     #[test]
     fn numbers_of_two_datasets_are_compared_both_ways() {
         let names = |pairs: &[(u64, &str)]| {
-            let mut names = Names::new();
+            let mut names = NamesByNumber::new();
             pairs.iter().for_each(|(id, name)| {
                 names.entry(*id).or_default().insert((*name).to_owned());
             });
             names
         };
-        let numbers = |categories: &[(u64, &str)], objects: &[(u64, &str)]| Numbers {
+        let numbers = |categories: &[(u64, &str)], objects: &[(u64, &str)]| NumberNames {
             categories: names(categories),
             objects: names(objects),
         };
         let train = numbers(&[(1, "object"), (2, "bowl"), (3, "mug")], &[(5, "can"), (6, "cat"), (9, "cat")]);
-        let compare = |other: &Numbers| -> Vec<String> {
+        let compare = |other: &NumberNames| -> Vec<String> {
             train.differences(other, ["train", "val"]).into_iter().map(|fault| fault.message).collect()
         };
         assert!(compare(&train).is_empty());
-        // What only one of them has is no contradiction, and neither is one of two objects of a name.
+        // A name or id that only one dataset has is no contradiction, nor is an id of two objects with one name.
         assert!(compare(&numbers(&[(3, "mug"), (4, "pan")], &[(9, "cat"), (7, "duck")])).is_empty());
         assert_eq!(
             compare(&numbers(&[(1, "object"), (2, "mug")], &[(5, "duck"), (7, "cat")])),
@@ -324,9 +327,9 @@ mod tests {
                 "object `cat` has the `obj_id` 6 in train, and 7 in val",
             ]
         );
-        // A number of two objects is none of one of them.
+        // An id of two objects does not identify either.
         assert!(compare(&numbers(&[], &[(5, "can"), (5, "duck")])).is_empty());
-        // BOP's categories are its objects: they are said once.
+        // BOP's categories are its objects, so they are reported once.
         let [one, two] =
             [["a/can", "can"], ["b/cat", "cat"]].map(|[category, object]| numbers(&[(1, category)], &[(1, object)]));
         assert_eq!(one.differences(&two, ["a", "b"]).len(), 1);
@@ -340,13 +343,13 @@ mod tests {
                 Value::Record(fields.map(|(field, value)| (field.to_owned(), value)).to_vec())
             };
             let infos = (1..).map(InstanceId).zip(objects.iter().map(info)).collect();
-            let (mut products, mut numbers) = (Products::new(), Numbers::default());
+            let (mut products, mut numbers) = (Products::new(), NumberNames::default());
             products.put(OBJECT_INFO, infos).expect("a new product");
             numbers.note_objects(&products);
             numbers
         };
         let named = numbers(&[(8, "ycb/bowl"), (9, "ycb/mug")]);
-        let compare = |other: &Numbers| named.differences(other, ["train", "val"]).len();
+        let compare = |other: &NumberNames| named.differences(other, ["train", "val"]).len();
         assert_eq!(compare(&numbers(&[(8, "obj_000008"), (9, "mug")])), 0);
         assert_eq!(compare(&numbers(&[(8, "obj_000009"), (9, "mug")])), 1);
     }

@@ -1,5 +1,5 @@
-//! The stock program: all stock plugins, and the verbs of evaluation, statistics, reports and previews beside those of
-//! [`syntable_cli`]. A program with plugins of its own calls [`main`], too:
+//! The stock program: all stock plugins, the verbs of [`syntable_cli`], and the verbs of evaluation, statistics,
+//! reports and previews. A program with its own plugins calls [`main`], too:
 //!
 //! ```ignore
 //! use my_annotators as _; // naming the crate is what links it

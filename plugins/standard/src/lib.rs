@@ -102,7 +102,7 @@ pub use syntable_runtime::cache::DiskCache;
 pub use syntable_runtime::check::{check, check_assets};
 pub use syntable_runtime::conversion::{Conversion, ConvertOptions, convert};
 pub use syntable_runtime::generate::{GenerateOptions, Generated, Generator, Sample, generate};
-pub use syntable_runtime::images::Work;
+pub use syntable_runtime::images::ImageWork;
 pub use syntable_runtime::left_out::LeftOutReport;
 pub use syntable_runtime::run::progress::{Event, Quiet, Reporter};
 pub use syntable_runtime::run::stop::Stop;

@@ -29,7 +29,7 @@ pub(crate) fn check(console: &Console, registry: &Registry, args: &CheckArgs) ->
     }
 }
 
-/// A log whose warnings the console prints.
+/// A log that prints its warnings on the console.
 pub(crate) struct PrintedLog<'a>(pub &'a Console);
 
 impl Log for PrintedLog<'_> {
@@ -38,14 +38,14 @@ impl Log for PrintedLog<'_> {
     }
 }
 
-/// Everything that can be known without rendering: the text, the plan, and what the pools hold.
+/// Checks everything that needs no rendering: the text, the plan, and the pools.
 fn recipe(console: &Console, registry: &Registry, args: &CheckArgs) -> Result<(), Exit> {
     let log = PrintedLog(console);
     let (source, overrides) = args.recipe.read()?;
     let recipe = console.loaded(check::check(registry, source, overrides, &log))?;
     let assets = AssetStore::open(&recipe, &log).map_err(Exit::wrong)?;
     let products = recipe.plan.entries.len();
-    let mut out = format!("{}: no mistake found; {products} products are computed\n", recipe.dataset.name);
+    let mut out = format!("{}: no errors; the recipe computes {products} products\n", recipe.dataset.name);
     if let Some(wanted) = &args.assets {
         console.print(&out)?;
         return all_assets(console, &assets, wanted.as_deref());
@@ -57,7 +57,7 @@ fn recipe(console: &Console, registry: &Registry, args: &CheckArgs) -> Result<()
     console.print(&out)
 }
 
-/// Loads all assets of the pools, or of one. The log names what is wrong with the bad ones; the error counts them.
+/// Loads all assets of the pools, or of one pool. The log names the faults of bad assets, and the error counts these.
 fn all_assets(console: &Console, assets: &AssetStore<'_>, wanted: Option<&str>) -> Result<(), Exit> {
     let pools: Vec<&str> = match wanted {
         Some(pool) => vec![pool],
@@ -74,9 +74,10 @@ fn all_assets(console: &Console, assets: &AssetStore<'_>, wanted: Option<&str>) 
     }
     match bad {
         0 => Ok(()),
-        _ => Err(Exit::wrong(Error::new(format!("{bad} of {all} assets are bad")).help(
-            "mend them, or leave them out with `exclude`; a run leaves them out unless `on_bad_asset = \"fail\"`",
-        ))),
+        _ => Err(Exit::wrong(
+            Error::new(format!("{bad} of {all} assets are bad"))
+                .help("repair them, or omit them with `exclude`; a run skips them unless `on_bad_asset = \"fail\"`"),
+        )),
     }
 }
 

@@ -44,17 +44,17 @@ pub(crate) fn convert(console: &Console, registry: &Registry, args: ConvertArgs)
     }
     let lacking = Vec::from_iter(done.lacking());
     if !lacking.is_empty() {
-        out += &format!("not in the dataset, and left out: {}\n", lacking.join(", "));
+        out += &format!("missing in the dataset, and therefore omitted: {}\n", lacking.join(", "));
     }
     if converted.faults > 0 {
         let faults = count(converted.faults, "fault");
-        let warning = Error::new(format!("{faults} in what was read: what was written may have them, too"))
+        let warning = Error::new(format!("{faults} in the source dataset: the result may have them, too"))
             .in_file(&options.dataset)
-            .help("`syntable validate` lists what is wrong");
+            .help("`syntable validate` lists all faults");
         console.say(&Message::Warning(warning));
     }
     converted.caveats.iter().for_each(|caveat| out += &format!("note: {caveat}\n"));
     console.print(&out)?;
-    let help = "the warnings above name it; `syntable validate` lists what is wrong with the dataset";
+    let help = "see the warnings above; `syntable validate` lists all faults of the dataset";
     Exit::if_left_out(done.left_out(), &options.dataset, help)
 }

@@ -29,7 +29,7 @@ pub(crate) fn doctor(console: &Console, registry: &Registry) -> Result<(), Exit>
         "cache",
         match cache.root() {
             Some(root) if works => root.display().to_string(),
-            Some(root) => format!("{} (cannot be written: set SYNTABLE_CACHE to a folder that can)", root.display()),
+            Some(root) => format!("{} (read-only: set SYNTABLE_CACHE to a writable folder)", root.display()),
             None => "none (HOME is not set: set SYNTABLE_CACHE to a folder)".to_owned(),
         },
     );

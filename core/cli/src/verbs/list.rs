@@ -63,7 +63,7 @@ pub(crate) fn list(console: &Console, registry: &Registry, args: &ListArgs) -> s
         let what = what.unwrap_or_default();
         let own = topics().into_iter().map(|topic| topic.name);
         let names = own.chain(Slot::ALL.map(Slot::name)).collect::<Vec<_>>().join(", ");
-        let error = Error::new(format!("there is nothing to list under `{what}`"));
+        let error = Error::new(format!("no kind or list has the name `{what}`"));
         let near = nearest(what, registry.entries().iter().map(|entry| entry.kind));
         let near = near.map_or_else(String::new, |near| format!("did you mean {near}? "));
         return Err(Exit::wrong(error.help(format!("{near}write a kind, products, recipes, formats, {names}"))));
@@ -90,7 +90,7 @@ pub(crate) fn list(console: &Console, registry: &Registry, args: &ListArgs) -> s
     console.print(&out)
 }
 
-/// The assets of a recipe's pools: part, license, and how likely each option that draws takes each.
+/// The assets of a recipe's pools: part, license, and the probability that each drawing option selects it.
 fn assets(console: &Console, registry: &Registry, args: &ListArgs, path: &Path) -> std::result::Result<(), Exit> {
     let log = PrintedLog(console);
     let of_run = RecipeArgs { recipe: Some(path.to_owned()), set: args.set.clone(), seed: None, views: None };
@@ -140,7 +140,7 @@ pub fn summary(entry: &Entry) -> String {
     first_sentence(schema.get("description").and_then(|text| text.as_str()).unwrap_or_default())
 }
 
-/// All products of the linked plugins with their default options, and who makes them.
+/// All products of the linked plugins with default options, and their providers.
 pub fn products(registry: &Registry) -> Vec<(KeyId, String)> {
     available(registry).into_iter().map(|(key, providers)| (key, providers.join(", "))).collect()
 }
@@ -151,7 +151,7 @@ fn is_named(entry: &Entry, what: &str) -> bool {
     (what == entry.kind && !is_slot) || what.split_once('.') == Some((entry.slot.name(), entry.kind))
 }
 
-/// What a kind does, and its options.
+/// The description and the options of a kind.
 fn kind_page(registry: &Registry, entry: &Entry, width: Option<usize>) -> String {
     let mut out = format!("{}.{} ({} {})\n\n", entry.slot, entry.kind, entry.crate_name, entry.crate_version);
     out += &description_of(registry, entry);
@@ -171,7 +171,7 @@ fn kind_page(registry: &Registry, entry: &Entry, width: Option<usize>) -> String
     out
 }
 
-/// The recipes in the program.
+/// The built-in recipes.
 fn recipes_table(width: Option<usize>) -> String {
     let mut rows = vec![["recipe", "what it makes"].map(str::to_owned)];
     rows.extend(BUILTINS.iter().map(|builtin| [format!("builtin:{}", builtin.name), builtin.summary()]));

@@ -1,7 +1,7 @@
-//! `syntable new`: recipes and plugins to start from.
+//! `syntable new`: starts recipes and plugins.
 
 use super::list::products;
-use super::template::{TEMPLATES, Template, crates};
+use super::template::{CrateTemplate, TEMPLATES, crates};
 use crate::{Console, Exit};
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Args, Subcommand};
@@ -40,9 +40,9 @@ enum What {
     Plugin {
         /// Name of the crate and of what it adds, snake_case.
         name: String,
-        /// What the plugin adds: a stage of a slot, or another thing.
+        /// What the plugin adds: a stage of a slot, or another extension.
         #[arg(long, default_value = "annotate", value_parser = slots())]
-        slot: &'static Template,
+        slot: &'static CrateTemplate,
         /// Output folder, which must not exist yet. Default: the name.
         #[arg(long)]
         path: Option<PathBuf>,
@@ -52,7 +52,7 @@ enum What {
     },
 }
 
-/// Words that cannot name a crate: Rust's keywords, and the crates that every program has.
+/// Words that cannot name a crate: Rust's keywords, and the crates of every program.
 const KEYWORDS: [&str; 57] = [
     "abstract",
     "alloc",
@@ -143,7 +143,7 @@ pub(crate) fn new(console: &Console, registry: &Registry, args: &NewArgs) -> Res
     }
 }
 
-/// The recipe of the program that `--extends` names; a file is not one.
+/// The built-in recipe that `--extends` names. A file is refused.
 fn base(name: &str) -> Result<&'static Builtin, Error> {
     let short = name.strip_prefix("builtin:").unwrap_or(name);
     Builtin::find(short).map_err(|error| {
@@ -151,23 +151,23 @@ fn base(name: &str) -> Result<&'static Builtin, Error> {
             return error;
         }
         let names: Vec<&str> = BUILTINS.iter().map(|builtin| builtin.name).collect();
-        Error::new(format!("--extends takes a recipe of the program, and `{name}` is a file")).help(format!(
-            "the recipes of the program are {}; to extend a file, write a recipe that begins with: extends = \"{name}\"",
+        Error::new(format!("--extends takes a built-in recipe, but `{name}` is a file")).help(format!(
+            "built-in recipes: {}; to extend a file, write a recipe that begins with: extends = \"{name}\"",
             names.join(", ")
         ))
     })
 }
 
 /// The values of `--slot`.
-fn slots() -> impl TypedValueParser<Value = &'static Template> {
+fn slots() -> impl TypedValueParser<Value = &'static CrateTemplate> {
     let values = TEMPLATES.iter().map(|template| PossibleValue::new(template.slot).help(template.doc));
     PossibleValuesParser::new(values)
-        .try_map(|slot| Template::find(&slot).ok_or_else(|| format!("`{slot}` has no template")))
+        .try_map(|slot| CrateTemplate::find(&slot).ok_or_else(|| format!("`{slot}` has no template")))
 }
 
 fn plugin(
     registry: &Registry,
-    template: &Template,
+    template: &CrateTemplate,
     name: &str,
     folder: &Path,
     syntable: Option<&Path>,
@@ -176,30 +176,30 @@ fn plugin(
         && name.chars().all(|c| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_');
     if !sound {
         return Err(Exit::wrong(
-            Error::new(format!("`{name}` is not snake_case"))
-                .help("use small letters, digits and _, with a letter first"),
+            Error::new(format!("`{name}` is not in snake_case"))
+                .help("use lower-case letters, digits and _, starting with a letter"),
         ));
     }
     if KEYWORDS.contains(&name) {
         return Err(Exit::wrong(
-            Error::new(format!("`{name}` is a word of Rust or one of its crates")).help("choose another name"),
+            Error::new(format!("`{name}` is a Rust keyword or a standard crate")).help("choose another name"),
         ));
     }
     if let Some(taken) = taken(registry, name) {
-        return Err(Exit::wrong(Error::new(format!("`{name}` is {taken} already")).help("choose another name")));
+        return Err(Exit::wrong(Error::new(format!("`{name}` is already {taken}")).help("choose another name")));
     }
     if folder.exists() {
-        // A call that was killed at its very end leaves the whole folder, and something beside it.
+        // A call that was killed in its last step leaves the whole folder and a temporary file.
         let _ = durable::mend(folder);
-        return Err(Exit::wrong(Error::new("it exists already").in_file(folder).help("choose another --path")));
+        return Err(Exit::wrong(Error::new("the folder exists").in_file(folder).help("choose another --path")));
     }
-    // A binary built from a checkout knows where that is; otherwise the published crates of this version serve.
+    // A binary built from a checkout knows its path; any other binary depends on the published crates of its version.
     let built_from = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
     let sources = syntable.map(Path::to_owned).or_else(|| built_from.join("core/model").is_dir().then_some(built_from));
     let whole = |path: &Path| path.canonicalize().map_err(|error| Exit::wrong(Error::io(path, &error)));
     let own = syntable_runtime::paths::whole(&std::path::absolute(folder).unwrap_or_else(|_| folder.to_owned()));
     let dependency = |crate_folder: &str| match &sources {
-        // A relative path, so that the two folders can move together.
+        // A relative path lets the two folders move together.
         Some(root) => {
             let path = relative(&own, &whole(&root.join(crate_folder))?);
             Ok(format!("{{ path = {:?} }}", path.display().to_string()))
@@ -210,7 +210,7 @@ fn plugin(
     if template.stage().is_some() {
         files.push((SCHEMA, schema_text(registry)));
     }
-    // The versions that the program was tested with. Cargo takes out what the crate does not need.
+    // The versions that the program was tested with. Cargo removes unneeded ones.
     if let Some(lock) = sources.map(|root| root.join("Cargo.lock")).filter(|lock| lock.is_file()) {
         let text = fs::read_to_string(&lock).map_err(|error| Exit::wrong(Error::io(&lock, &error)))?;
         files.push(("Cargo.lock", text));
@@ -220,7 +220,7 @@ fn plugin(
     draft.publish().map_err(Exit::stopped)
 }
 
-/// What already has a name that a plugin would give its crate, its kind, its product or its verb.
+/// Describes the existing item whose name the plugin's crate, kind, product or verb would repeat.
 fn taken(registry: &Registry, name: &str) -> Option<String> {
     let entry = registry.entries().iter().find(|entry| entry.kind == name);
     match entry {
@@ -235,21 +235,21 @@ fn taken(registry: &Registry, name: &str) -> Option<String> {
     }
 }
 
-/// The way from one absolute folder to another.
+/// The relative path between two absolute folders.
 fn relative(from: &Path, to: &Path) -> PathBuf {
     let shared = from.components().zip(to.components()).take_while(|(a, b)| a == b).count();
     let up = from.components().skip(shared).map(|_| Component::ParentDir);
     up.chain(to.components().skip(shared)).collect()
 }
 
-/// Writes the schema of this program, over that of an earlier one.
+/// Writes the schema of this program, replacing that of an earlier version.
 fn write_schema(registry: &Registry, folder: &Path) -> Result<PathBuf, Exit> {
     let path = folder.join(SCHEMA);
     let ours = |text: &str| text.contains("\"title\": \"SynTable recipe\"");
     match fs::read_to_string(&path) {
-        Ok(text) if !ours(&text) => {
-            Err(Exit::wrong(Error::new("it is another schema").in_file(&path).help("choose another folder")))
-        }
+        Ok(text) if !ours(&text) => Err(Exit::wrong(
+            Error::new("the file is not a schema of SynTable recipes").in_file(&path).help("choose another folder"),
+        )),
         _ => {
             durable::write_file(&path, schema_text(registry).as_bytes()).map_err(Exit::stopped)?;
             Ok(path)
@@ -257,7 +257,7 @@ fn write_schema(registry: &Registry, folder: &Path) -> Result<PathBuf, Exit> {
     }
 }
 
-/// Writes a file that must not be there yet, in a folder that is made if need be.
+/// Writes a new file, and creates its folder.
 fn create(path: &Path, text: &str) -> Result<(), Exit> {
     if let Some(parent) = path.parent() {
         fs::create_dir_all(parent).map_err(|error| Exit::wrong(Error::io(path, &error)))?;

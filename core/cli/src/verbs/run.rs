@@ -66,20 +66,20 @@ pub(crate) fn run(console: &Console, registry: &Registry, args: &RunArgs) -> Res
     end_of(&outcome, &options.out.name())
 }
 
-/// Ends a verb that made a dataset: with exit code 3 and the reasons, if the dataset lacks something.
+/// Ends a verb that made a dataset: exit code 3 and the reasons if the dataset is incomplete.
 pub(crate) fn end_of(outcome: &Outcome, out: &Path) -> Result<(), Exit> {
     let failed = (outcome.failed > 0).then(|| {
         Error::new(format!("{} failed", count(outcome.failed, "scene")))
             .in_file(out.join(".syntable/journal.jsonl"))
-            .help("the journal says why; --retry-failed tries them again")
+            .help("the journal has the reasons; --retry-failed tries them again")
     });
     let lacking = (outcome.lacking > 0).then(|| {
         Error::new(format!(
-            "{} could not be made with what the recipe adds, or again, and stay as they were",
+            "{} could not be repaired or extended, and stay as they were",
             count(outcome.lacking, "scene")
         ))
         .in_file(out)
-        .help("the warnings above say why; the same command tries them again")
+        .help("the warnings above have the reasons; the same command tries again")
     });
     let missing = (outcome.missing > 0).then(|| {
         Error::new(format!("{} of the recipe missing", count(outcome.missing, "scene")))
@@ -87,8 +87,8 @@ pub(crate) fn end_of(outcome: &Outcome, out: &Path) -> Result<(), Exit> {
             .help("the warning above names them")
     });
     let mut messages: Vec<Message> = [failed, lacking, missing].into_iter().flatten().map(Message::Error).collect();
-    let help = "the warnings above name it; of bad assets, `syntable check --assets` says what is wrong, and `exclude` leaves \
-                them out";
+    let help = "see the warnings above; `syntable check --assets` lists the faults of bad assets, and `exclude` omits \
+                them";
     messages.extend(outcome.left_out().messages(out, help));
     if messages.is_empty() { Ok(()) } else { Err(Exit { code: 3, messages }) }
 }
@@ -107,7 +107,7 @@ pub(crate) fn plan(console: &Console, registry: &Registry, args: &RecipeArgs) ->
     ))
 }
 
-/// The largest size of the images that are written, which is known before anything is rendered: that of their numbers.
+/// Upper bound on the size of the written images before rendering: the size of their uncompressed numbers.
 fn disk(recipe: &Recipe, images: u64) -> String {
     let Some(bytes) = recipe.stored_bytes_per_view() else { return String::new() };
     let size = |bytes: u64| match bytes as f64 / f64::from(1 << 20) {
@@ -115,7 +115,7 @@ fn disk(recipe: &Recipe, images: u64) -> String {
         mebibytes => format!("{:.1} GiB", mebibytes / 1024.0),
     };
     format!(
-        "disk: images take at most {} per view, {} in all, and less where files are compressed; masks and records, which follow \
+        "disk: images take at most {} per view, {} in all, less with compression; masks and records, which follow \
          the number of objects, come on top\ntime: unknown before a scene is made: run one (--scenes 0) and multiply\n",
         size(bytes),
         size(bytes * images)

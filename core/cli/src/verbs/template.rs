@@ -1,27 +1,27 @@
-//! What `syntable new plugin` can start: one template per slot, and one for everything else that a crate can add.
+//! Templates of `syntable new plugin`: one per slot, and one for every other kind of extension.
 //!
-//! A template is the folder of a crate that compiles as it is, under the name of its example. The workspace compiles and tests
+//! A template is the folder of a crate that compiles under the name of its example. The workspace compiles and tests
 //! these files as parts of `tests/third-party`, and the book shows them.
 
 use syntable_model::registry::Slot;
 
-/// A crate to start from.
-pub(super) struct Template {
-    /// What users write after `--slot`: a slot of recipes, or another thing that crates add.
+/// A template of a crate.
+pub(super) struct CrateTemplate {
+    /// Value of `--slot`: a slot of recipes, or another kind of extension.
     pub slot: &'static str,
-    /// Name of the crate and of what it adds, in the files. It occurs in snake case, in camel case and in capitals.
+    /// Name of the crate and of its addition, in the files: in snake case, in camel case and in capitals.
     pub example: &'static str,
-    /// What it adds, for the list of templates.
+    /// The addition, for the list of templates.
     pub doc: &'static str,
-    /// Files by their paths in the crate.
+    /// Files by their path in the crate.
     pub files: &'static [(&'static str, &'static str)],
     /// Crates that the library needs.
     crates: &'static [Crate],
-    /// Further crates that the tests need.
+    /// Additional crates for the tests.
     test_crates: &'static [Crate],
     /// Whether the tests make samples of `recipe.toml`.
     has_recipe: bool,
-    /// Arguments of the program that show the plugin at work.
+    /// Arguments of the program that demonstrate the plugin.
     pub show: &'static str,
 }
 
@@ -58,7 +58,7 @@ impl Crate {
         }
     }
 
-    /// Its folder in the sources of the program, or the version and features of a crate of others.
+    /// Folder of the crate in the sources of the program, or version and features of a third-party crate.
     fn place(self) -> Result<&'static str, &'static str> {
         match self {
             Cli => Ok("core/cli"),
@@ -79,7 +79,7 @@ pub(super) fn crates() -> impl Iterator<Item = String> {
     Crate::ALL.into_iter().map(|it| it.name().replace('-', "_"))
 }
 
-/// The files of a template: those of every one, and more by name.
+/// The files of a template: the files of every template, and further ones by name.
 macro_rules! files {
     ($folder:literal $(, $more:literal)*) => {
         &[
@@ -93,7 +93,7 @@ macro_rules! files {
 /// A stage with a recipe.
 macro_rules! stage {
     ($slot:literal, $example:literal, $doc:literal $(, crates: $crates:expr)? $(, tests: $tests:expr)?) => {
-        Template {
+        CrateTemplate {
             slot: $slot,
             example: $example,
             doc: $doc,
@@ -106,10 +106,10 @@ macro_rules! stage {
     };
 }
 
-/// Anything else, without a recipe.
+/// Any other extension, without a recipe.
 macro_rules! other {
     ($slot:literal, $example:literal, $doc:literal, [$($file:literal),*], $crates:expr, $tests:expr, $show:literal) => {
-        Template {
+        CrateTemplate {
             slot: $slot,
             example: $example,
             doc: $doc,
@@ -133,7 +133,7 @@ macro_rules! first {
 }
 
 /// All templates: the slots in the order of the pipeline, then the rest.
-pub(super) const TEMPLATES: &[Template] = &[
+pub(super) const TEMPLATES: &[CrateTemplate] = &[
     stage!("assets", "plain_cubes", "a source of assets", crates: &[Mesh, Model, Program, Schemars, Serde]),
     stage!("place", "object_tower", "a placer of bodies"),
     stage!("settle", "straight_drop", "a settler of bodies"),
@@ -191,21 +191,22 @@ const MAIN: &str = include_str!("scaffold/plugin_main.rs.txt");
 const SAMPLES: &str = include_str!("scaffold/plugin_samples.rs");
 const RULES: &str = include_str!("scaffold/plugin_rules.rs");
 
-impl Template {
-    /// The template of a value of `--slot`.
+impl CrateTemplate {
+    /// The template for a value of `--slot`.
     pub fn find(slot: &str) -> Option<&'static Self> {
         TEMPLATES.iter().find(|template| template.slot == slot)
     }
 
-    /// The slot that its stage takes, if it is a stage.
+    /// The slot of the template's stage, if it has one.
     pub fn stage(&self) -> Option<Slot> {
         Slot::ALL.into_iter().find(|slot| slot.name() == self.slot)
     }
 
-    /// The files of a crate of this name. `dependency` gives the value of a dependency on a crate of the program, by its folder.
+    /// The files of a crate with this name. `dependency` returns the value of a dependency on a crate of the program,
+    /// by its folder.
     ///
     /// # Errors
-    /// Those of `dependency`.
+    /// Errors of `dependency`.
     pub fn crate_files<E>(
         &self,
         name: &str,
@@ -237,7 +238,7 @@ impl Template {
         Ok([("Cargo.toml", manifest), ("src/main.rs", main)].into_iter().chain(own).collect())
     }
 
-    /// A text with another name in the place of the example's.
+    /// A text with another name instead of the example's name.
     pub fn renamed(&self, text: &str, name: &str) -> String {
         text.replace(self.example, name)
             .replace(&camel_case(self.example), &camel_case(name))
@@ -261,7 +262,7 @@ mod tests {
     #[test]
     fn every_slot_has_a_template() {
         for slot in Slot::ALL {
-            assert!(Template::find(slot.name()).is_some_and(|template| template.stage() == Some(slot)), "{slot}");
+            assert!(CrateTemplate::find(slot.name()).is_some_and(|template| template.stage() == Some(slot)), "{slot}");
         }
     }
 

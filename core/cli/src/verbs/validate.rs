@@ -16,7 +16,7 @@ const ROWS: usize = 30;
 
 #[derive(Args)]
 pub(crate) struct ValidateArgs {
-    /// Folders of datasets, or their annotation files if a folder has several. For two or more datasets, the numbers of
+    /// Folders of datasets, or their annotation files if a folder has several. For two or more datasets, the ids of
     /// categories and objects are compared, too.
     #[arg(required = true, value_name = "DATASET")]
     datasets: Vec<PathBuf>,
@@ -30,11 +30,11 @@ pub(crate) struct ValidateArgs {
     json: bool,
 }
 
-/// What was found of several datasets.
+/// Results for several datasets.
 #[derive(Serialize)]
 struct ValidatedAll<'a> {
     datasets: Vec<ValidatedAt<'a>>,
-    /// Where their numbers differ.
+    /// Contradictory ids of categories and objects.
     differences: &'a [FaultAt],
 }
 
@@ -80,8 +80,8 @@ pub(crate) fn validate(console: &Console, registry: &Registry, args: &ValidateAr
         })
         .collect();
     if !differences.is_empty() {
-        let message = format!("numbers of the datasets differ in {}", count(differences.len() as u32, "place"));
-        let help = "state numbers with `ids` or `first_id` of the pools, and give all recipes the same `classes`";
+        let message = format!("ids of the datasets differ in {}", count(differences.len() as u32, "place"));
+        let help = "set ids with `ids` or `first_id` of the pools, and give all recipes the same `classes`";
         errors.push(Message::Error(Error::new(message).help(help)));
     }
     match errors.is_empty() {
@@ -90,7 +90,7 @@ pub(crate) fn validate(console: &Console, registry: &Registry, args: &ValidateAr
     }
 }
 
-/// What was found of a dataset, for people.
+/// Results for a dataset as a table.
 fn table(found: &Validated, format: &str) -> String {
     let width = found.checks.iter().map(|it| it.check.len()).max().unwrap_or(0);
     let mut out = format!("{:width$}  images  faults\n", "check");
@@ -111,7 +111,7 @@ fn table(found: &Validated, format: &str) -> String {
     out + &format!("\n{}, read as {format}: {faults}\n", count(found.images, "image"))
 }
 
-/// Where datasets differ, for people. `silent` are those without numbers.
+/// Differences between datasets as a table. `silent` are datasets without ids.
 fn comparison(datasets: usize, silent: &[&str], differences: &[FaultAt]) -> String {
     let mut out = String::new();
     for difference in differences.iter().take(ROWS) {
@@ -121,11 +121,11 @@ fn comparison(datasets: usize, silent: &[&str], differences: &[FaultAt]) -> Stri
         out += &format!("\nand {} more; --json lists all\n", differences.len() - ROWS);
     }
     for dataset in silent {
-        out += &format!("\n{dataset} states no numbers of categories or objects: nothing of it is compared\n");
+        out += &format!("\n{dataset} has no ids of categories or objects, and is not compared\n");
     }
     let compared = datasets - silent.len();
     if differences.is_empty() && compared > 1 {
-        out += &format!("\n{compared} datasets: categories and objects have the same numbers\n");
+        out += &format!("\n{compared} datasets: categories and objects have the same ids\n");
     }
     out
 }

@@ -49,15 +49,17 @@ pub(crate) fn verify(console: &Console, args: &VerifyArgs) -> Result<(), Exit> {
         return Ok(());
     }
     let error = if !found.outside.is_empty() {
-        Error::new("the dataset names what is not its own").help("do not run or merge it: somebody changed it")
+        Error::new("the dataset lists foreign files")
+            .help("do not run or merge it: another person or program changed it")
     } else if !found.linked.is_empty() {
-        Error::new(format!("{} links, or behind links: not compared", count(found.linked.len() as u32, "file"))).help(
-            "put the files themselves there, as `cp -rL` does, or let `syntable run` with --repair make them again",
+        Error::new(format!("{} not compared, because of links", count(found.linked.len() as u32, "file"))).help(
+            "replace the links by their files, as `cp -rL` does, or let `syntable run --repair` make the files again",
         )
     } else if found.missing.is_empty() && found.damaged.is_empty() {
-        Error::new("the last run did not end").help("run the same command once more")
+        Error::new("the last run did not end").help("run the same command again")
     } else {
-        Error::new("the dataset is not what was written").help("`syntable run` with --repair makes the scenes again")
+        Error::new("the files differ from those that the run wrote")
+            .help("`syntable run --repair` makes the scenes again")
     };
     Err(Exit { code: 3, messages: vec![Message::Error(error.in_file(&args.dataset))] })
 }

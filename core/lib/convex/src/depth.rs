@@ -6,7 +6,7 @@
 //! The penetration depth of two compounds is the largest over pairs of their parts. The minimum translation of the
 //! unions can be longer.
 
-use crate::polytope::{Face, GridPoint, GridPolytope, directions};
+use crate::polytope::{GridPoint, GridPolytope, HullFace, directions};
 use parry3d::bounding_volume::BoundingVolume;
 use parry3d::math::{Pose, Vector};
 use parry3d::query;
@@ -15,7 +15,7 @@ use parry3d::shape::{Compound, HalfSpace, Shape, SupportMap};
 /// Grid steps from the origin to the farthest point of a Minkowski difference.
 const STEPS: f32 = (1 << 19) as f32;
 
-/// The boundary has been reached when the polytope grows by at most this much, grid steps.
+/// The polytope has reached the boundary when it grows by at most this distance, grid steps.
 const CONVERGED: f64 = 2.0;
 
 /// Maximum number of vertices that are added to the polytope.
@@ -23,7 +23,7 @@ const MAX_ITERATIONS: usize = 200;
 
 /// Penetration depth of two shapes, in their unit; 0 if they do not touch.
 ///
-/// Convex shapes, half-spaces and compounds of them are measured. A triangle mesh has no interior: its depth is that
+/// Supports convex shapes, half-spaces and compounds of these. A triangle mesh has no interior: its depth is the depth
 /// of parry's contact.
 pub fn penetration_depth(pose1: &Pose, shape1: &dyn Shape, pose2: &Pose, shape2: &dyn Shape) -> f32 {
     match (shape1.as_shape::<Compound>(), shape2.as_shape::<Compound>()) {
@@ -75,14 +75,14 @@ fn of_parts(pose1: &Pose, shape1: &dyn Shape, pose2: &Pose, shape2: &dyn Shape) 
 /// The shortest translation that separates two intersecting convex shapes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MinimumTranslation {
-    /// Its length.
+    /// Length of the translation.
     pub depth: f32,
-    /// Its direction: unit vector from the first to the second shape. Moving the second shape by `depth · normal`
-    /// separates them.
+    /// Unit vector from the first to the second shape. Moving the second shape by `depth · normal` separates the
+    /// shapes.
     pub normal: Vector,
 }
 
-/// The minimum translation vector of two convex shapes; None if they are separated.
+/// The minimum translation vector of two convex shapes; `None` if they are apart.
 pub fn minimum_translation<A, B>(pose1: &Pose, shape1: &A, pose2: &Pose, shape2: &B) -> Option<MinimumTranslation>
 where
     A: SupportMap + ?Sized,
@@ -98,7 +98,7 @@ where
     let mut polytope = GridPolytope::new(&initial)?;
     initial.into_iter().for_each(|point| drop(polytope.insert(point)));
     // Distance from the origin, which is inside, to the plane of a face.
-    let depth_of = |face: &Face| -face.distance([0; 3]);
+    let depth_of = |face: &HullFace| -face.distance([0; 3]);
     for _ in 0..MAX_ITERATIONS {
         let nearest = polytope.faces.iter().min_by(|a, b| depth_of(a).total_cmp(&depth_of(b)))?;
         let (depth, normal) = (depth_of(nearest), unit_vector(nearest.normal()));

@@ -1,6 +1,6 @@
 //! Convex hulls that never fail on finite input.
 
-use crate::polytope::{Face, GridPoint, GridPolytope, directions, dot};
+use crate::polytope::{GridPoint, GridPolytope, HullFace, directions, dot};
 use parry3d::math::Vector;
 use parry3d::shape::ConvexPolyhedron;
 use std::collections::BTreeSet;
@@ -12,16 +12,16 @@ const MAX_STEPS: f32 = (1 << 20) as f32;
 /// Accuracy of hulls. Lengths are in the unit of the points.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct HullOptions {
-    /// Minimum thickness. Thinner inputs are extruded to it, half on either side.
+    /// Minimum thickness. Thinner inputs are extruded to it, half to either side.
     pub min_thickness: f32,
-    /// A hull may leave out points that are outside of it by up to this distance.
+    /// Maximum distance of an input point outside the hull.
     pub tolerance: f32,
     /// Maximum number of vertices. When it is reached, points may be farther outside than `tolerance`.
     pub max_vertices: usize,
     /// Grid pitch. A power of two keeps grid points exact in f32.
     pub grid: f32,
-    /// Factor from the unit of the points to that of the physics engine. A hull that does not close up as a
-    /// [`ConvexPolyhedron`] at this scale is replaced by its bounding box.
+    /// Factor from the unit of the points to the unit of the physics engine. If a hull does not close up as a
+    /// [`ConvexPolyhedron`] at this scale, its bounding box replaces it.
     pub engine_scale: f32,
 }
 
@@ -41,8 +41,8 @@ pub struct ConvexHull {
 }
 
 impl ConvexHull {
-    /// Computes the convex hull of the finite ones among some points, simplified and thickened as the options say.
-    /// None if no point is finite.
+    /// Computes the convex hull of the finite points, simplified and thickened according to the options. Returns `None`
+    /// if no point is finite.
     pub fn new(points: &[[f32; 3]], options: &HullOptions) -> Option<Self> {
         let finite: Vec<[f32; 3]> = points.iter().copied().filter(|p| p.iter().all(|x| x.is_finite())).collect();
         let first = finite.first()?;
@@ -51,7 +51,7 @@ impl ConvexHull {
         Self::of_solid(&thick, options).or_else(|| Self::of_solid(&frame.bounding_box(&thick), options))
     }
 
-    /// Converts the hull, scaled, to a parry shape. None if parry rejects the triangles.
+    /// Scales the hull and converts it to a parry shape. Returns `None` if parry rejects the triangles.
     pub fn polyhedron(&self, scale: f32) -> Option<ConvexPolyhedron> {
         let points = self.points.iter().map(|&p| Vector::from(p) * scale).collect();
         catch_unwind(AssertUnwindSafe(|| ConvexPolyhedron::from_convex_mesh(points, &self.triangles))).ok().flatten()
@@ -74,8 +74,9 @@ impl ConvexHull {
         self.triangles.iter().filter_map(distance).fold(f64::NEG_INFINITY, f64::max) as f32
     }
 
-    /// The hull of points that span a volume: starts with the extreme points along some directions, then always adds
-    /// the point that is farthest outside (Quickhull, stopped early; Barber, Dobkin and Huhdanpaa, ACM TOMS 22, 1996).
+    /// The hull of points that span a volume. It starts with the extreme points along some directions, and then adds
+    /// the point that is farthest outside, again and again (Quickhull, stopped early; Barber, Dobkin and Huhdanpaa, ACM
+    /// TOMS 22, 1996).
     fn of_solid(points: &[[f32; 3]], options: &HullOptions) -> Option<Self> {
         let largest = points.iter().flatten().fold(0.0_f32, |largest, x| largest.max(x.abs()));
         let pitch = if largest < options.grid * MAX_STEPS {
@@ -83,7 +84,7 @@ impl ConvexHull {
         } else {
             libm::exp2f(libm::log2f(largest / MAX_STEPS).ceil())
         };
-        // Sorted and unique, so that neither the order of points nor duplicates matter.
+        // Sorted and unique, so that the order of points and duplicates do not matter.
         let cells: BTreeSet<GridPoint> = points.iter().map(|p| p.map(|x| (x / pitch).round() as i64)).collect();
         let cells: Vec<GridPoint> = cells.into_iter().collect();
         let mut polytope = GridPolytope::new(&cells)?;
@@ -91,9 +92,9 @@ impl ConvexHull {
             polytope.insert(*cells.iter().max_by_key(|p| dot(direction, **p))?);
         }
         let tolerance = f64::from(options.tolerance / pitch);
-        // Each point outside is assigned to the face that it is farthest from, until that face is removed.
-        let assign = |cell: GridPoint, faces: &mut [Face]| {
-            let distance = |face: &Face| face.distance(cell);
+        // Each outside point belongs to the face that it is farthest from, until that face is removed.
+        let assign = |cell: GridPoint, faces: &mut [HullFace]| {
+            let distance = |face: &HullFace| face.distance(cell);
             let farthest = faces.iter_mut().max_by(|a, b| distance(a).total_cmp(&distance(b)));
             if let Some(face) = farthest.filter(|face| distance(face) > tolerance) {
                 face.outside.push(cell);

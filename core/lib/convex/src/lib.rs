@@ -8,9 +8,9 @@
 //!   fails on finite input: flat and tiny inputs are thickened, and hulls of many points are simplified.
 //! - [`penetration_depth`] and [`minimum_translation`]: the expanding polytope algorithm (EPA; van den Bergen, GDC
 //!   2001) on an integer grid. With rounded arithmetic, a sphere that grazes a slab can come out decimeters deep.
-//! - [`PolyhedronContacts`]: contact manifolds by clipping whole faces against each other, as a query dispatcher to be
-//!   chained before parry's own. Parry looks at four vertices of each face, so that a can rests on a sliver of its
-//!   round bottom, tilts and never falls asleep.
+//! - [`PolyhedronContacts`]: contact manifolds by clipping whole faces against each other, as a query dispatcher in
+//!   front of parry's own. Parry uses four vertices of each face, so a can rests on a sliver of its round bottom, tilts
+//!   and never falls asleep.
 //!
 //! **Accuracy.** A hull vertex is an input point rounded to the grid. No input point is outside the plane of a face by
 //! more than [`HullOptions::tolerance`], unless [`HullOptions::max_vertices`] was reached. Penetration depth is exact up
@@ -31,7 +31,7 @@ pub use depth::{MinimumTranslation, minimum_translation, penetration_depth, sepa
 pub use hull::{ConvexHull, HullOptions};
 pub use manifold::{ContactPoint, Contacts, PolyhedronContacts, polyhedron_contacts};
 
-/// Version of the hull algorithm: part of the key under which hulls may be cached.
+/// Version of the hull algorithm: part of the key of cached hulls.
 ///
-/// Raised whenever the same points and options give another hull; a test pins the hulls of this version.
+/// The version rises whenever the same points and options give another hull; a test pins the hulls of this version.
 pub const HULL_VERSION: u32 = 1;

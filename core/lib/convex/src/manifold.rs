@@ -1,10 +1,10 @@
 //! Contact manifolds of convex polyhedra.
 //!
-//! Parry's generator considers four vertices of a face, the first four: on the round bottom of a can they span a
-//! sliver, so that the can rests on one side only, tilts, and never falls asleep. Here whole faces are clipped against
-//! each other, and the result is reduced to the four points that matter (as in Bullet and Box2D). The normal comes
-//! from the Gilbert-Johnson-Keerthi (GJK) and expanding polytope algorithms of parry. For intersecting bodies it is
-//! verified, and replaced by that of [`minimum_translation`] where it is wrong.
+//! Parry's generator uses the first four vertices of a face. On the round bottom of a can, they span a sliver, so the
+//! can rests on one side only, tilts, and never falls asleep. Here, whole faces are clipped against each other, and the
+//! result is reduced to the four points that matter (as in Bullet and Box2D). The normal comes from the
+//! Gilbert-Johnson-Keerthi (GJK) and expanding polytope algorithms of parry. For intersecting bodies, it is verified,
+//! and the normal of [`minimum_translation`] replaces it where it is wrong.
 
 use crate::depth::{minimum_translation, separation_along};
 use parry3d::math::{Pose, Vector};
@@ -17,7 +17,7 @@ use parry3d::query::{
 use parry3d::shape::{ConvexPolyhedron, HalfSpace, PackedFeatureId, Shape};
 
 /// Contacts are recomputed when the normals have rotated against each other by more than this, cos 0.2°. With 1°, round
-/// bodies go on rocking.
+/// bodies keep rocking.
 const MAX_ROTATION_COS: f32 = 0.999_994;
 
 /// Contacts are recomputed when they have slid by more than this, meters.
@@ -26,20 +26,20 @@ const MAX_SLIDE_M: f32 = 0.001;
 /// Impulses are carried over to new contacts within this distance, meters.
 const MATCH_DISTANCE_M: f32 = 0.002;
 
-/// A face takes part as a whole if its normal is this close to the contact normal, cos 20°.
+/// A whole face takes part if its normal is this close to the contact normal, cos 20°.
 const MIN_FACE_COS: f32 = 0.94;
 
-/// The normal of the last step is kept unless another is better by more than this, meters.
+/// The normal of the last step stays unless another is better by more than this, meters.
 const NORMAL_HYSTERESIS_M: f32 = 5e-5;
 
-/// Points that do not touch yet take part as far as the surfaces open no steeper than this, as a tangent: 14°.
+/// Points that do not touch yet take part while the surfaces diverge by at most this slope: 14°.
 const MAX_SLOPE: f32 = 0.25;
 
-/// Query dispatcher for contacts of polyhedra with polyhedra and half-spaces. Everything else is unsupported, to be
-/// handled by the next dispatcher of the chain.
+/// Query dispatcher for contacts of polyhedra with polyhedra and half-spaces. Other pairs are unsupported, and the next
+/// dispatcher of the chain handles them.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PolyhedronContacts {
-    /// Units of the shapes per meter: the tolerances are physical lengths.
+    /// Units of the shapes per meter. The tolerances are physical lengths.
     pub units_per_meter: f32,
 }
 

@@ -10,11 +10,11 @@ pub struct GridPolytope {
     /// All points inserted so far. Early ones may be inside the current polytope.
     pub points: Vec<GridPoint>,
     /// Triangular faces.
-    pub faces: Vec<Face>,
+    pub faces: Vec<HullFace>,
 }
 
 /// A triangle of a [`GridPolytope`].
-pub struct Face {
+pub struct HullFace {
     /// Indices of its vertices, counterclockwise seen from outside.
     pub vertices: [usize; 3],
     /// Points assigned to this face that are known to be outside its plane.
@@ -23,7 +23,7 @@ pub struct Face {
     offset: f64,
 }
 
-impl Face {
+impl HullFace {
     fn new(vertices: [usize; 3], points: &[GridPoint]) -> Self {
         let [a, b, c] = vertices.map(|i| points[i]);
         let cross = cross(sub(b, a), sub(c, a)).map(|x| x as f64);
@@ -61,20 +61,20 @@ impl GridPolytope {
             _ => [[0, 1, 2], [1, 0, 3], [2, 1, 3], [0, 2, 3]],
         };
         let points = vec![a, b, c, d];
-        Some(Self { faces: faces.map(|face| Face::new(face, &points)).into(), points })
+        Some(Self { faces: faces.map(|face| HullFace::new(face, &points)).into(), points })
     }
 
     /// Inserts a point if it is outside. Returns the faces that were removed and the index of the first new face; all
     /// faces from there on are new. None if the point is not outside.
-    pub fn insert(&mut self, p: GridPoint) -> Option<(Vec<Face>, usize)> {
-        let orientation = |face: &Face| orient3d(face.vertices.map(|i| self.points[i]), p);
+    pub fn insert(&mut self, p: GridPoint) -> Option<(Vec<HullFace>, usize)> {
+        let orientation = |face: &HullFace| orient3d(face.vertices.map(|i| self.points[i]), p);
         let orientations: Vec<i128> = self.faces.iter().map(orientation).collect();
         if orientations.iter().all(|&orientation| orientation <= 0) {
             return None;
         }
         // Faces coplanar with the point are replaced too, so that no face ever has zero area.
         let mut orientations = orientations.into_iter();
-        let (visible, kept): (Vec<Face>, Vec<Face>) = std::mem::take(&mut self.faces)
+        let (visible, kept): (Vec<HullFace>, Vec<HullFace>) = std::mem::take(&mut self.faces)
             .into_iter()
             .partition(|_| orientations.next().is_some_and(|orientation| orientation >= 0));
         let edges: BTreeSet<(usize, usize)> =
@@ -83,7 +83,7 @@ impl GridPolytope {
         self.faces = kept;
         let (first_new, apex) = (self.faces.len(), self.points.len() - 1);
         for &(a, b) in edges.iter().filter(|(a, b)| !edges.contains(&(*b, *a))) {
-            self.faces.push(Face::new([a, b, apex], &self.points));
+            self.faces.push(HullFace::new([a, b, apex], &self.points));
         }
         Some((visible, first_new))
     }
@@ -126,7 +126,7 @@ mod tests {
             let points: Vec<GridPoint> = (0..200).map(|_| [0; 3].map(|_| stream.integer(-size, size))).collect();
             let mut polytope = GridPolytope::new(&points).expect("a polytope");
             points.iter().for_each(|&p| drop(polytope.insert(p)));
-            let orientation = |face: &Face, p: GridPoint| orient3d(face.vertices.map(|i| polytope.points[i]), p);
+            let orientation = |face: &HullFace, p: GridPoint| orient3d(face.vertices.map(|i| polytope.points[i]), p);
             for face in &polytope.faces {
                 assert!(points.iter().all(|&p| orientation(face, p) <= 0), "{size}: a point is outside");
                 assert!(points.iter().all(|&p| face.distance(p) < 1e-6), "{size}: a point is outside the plane");

@@ -146,12 +146,12 @@ fn hulls_of_degenerate_points_agree_with_brute_force() {
 }
 
 /// A hull with its exact geometry for exhaustive search.
-struct Body {
+struct HullCase {
     hull: ConvexHull,
     shape: ConvexPolyhedron,
 }
 
-impl Body {
+impl HullCase {
     fn new(points: &[[f32; 3]]) -> Self {
         let hull = ConvexHull::new(points, &OPTIONS).expect("a hull");
         Self { shape: hull.polyhedron(1.0).expect("closed"), hull }
@@ -195,7 +195,7 @@ fn overlap(one: &[Vector3<f64>], two: &[Vector3<f64>], normal: Vector3<f64>) -> 
 
 /// The exact penetration depth of two polytopes, 0 if separated: the least overlap along all normals of their Minkowski
 /// difference, which are normals of faces and cross products of edges.
-fn exact_depth(one: &Body, pose1: &Pose, two: &Body, pose2: &Pose) -> f64 {
+fn exact_depth(one: &HullCase, pose1: &Pose, two: &HullCase, pose2: &Pose) -> f64 {
     let (points1, points2) = (one.points(pose1), two.points(pose2));
     let edges2 = two.edges(pose2);
     let crosses = one.edges(pose1).into_iter().flat_map(|a| edges2.iter().map(move |b| a.cross(b)).collect::<Vec<_>>());
@@ -207,13 +207,13 @@ fn exact_depth(one: &Body, pose1: &Pose, two: &Body, pose2: &Pose) -> f64 {
 
 /// Figures of a comparison: pairs that intersect, and those of them where parry gives the exact depth.
 #[derive(Debug, Default)]
-struct Tally {
+struct DepthTally {
     intersecting: u32,
     parry_exact: u32,
 }
 
 /// Compares depth and normal of a pair with exhaustive search and with parry.
-fn compare(one: &Body, pose1: &Pose, two: &Body, pose2: &Pose, tally: &mut Tally) {
+fn compare(one: &HullCase, pose1: &Pose, two: &HullCase, pose2: &Pose, tally: &mut DepthTally) {
     let exact = exact_depth(one, pose1, two, pose2);
     let (points1, points2) = (one.points(pose1), two.points(pose2));
     let extent = points1.iter().chain(&points2).map(|p| (p - points1[0]).norm()).fold(0.0, f64::max);
@@ -247,7 +247,7 @@ fn depths_and_normals_of_random_polytopes_agree_with_exhaustive_search_and_parry
     let mut stream = Stream::root(13);
     let body = |stream: &mut Stream| {
         let size = stream.uniform(0.2, 1.0);
-        Body::new(&match stream.integer(0, 4) {
+        HullCase::new(&match stream.integer(0, 4) {
             0 => on_sphere(stream, 24, size / 2.0),
             1 => in_box(stream, 40, [size, 0.3 * size, 0.6 * size]),
             2 => prism(0.4 * size as f32, size as f32, 24),
@@ -255,7 +255,7 @@ fn depths_and_normals_of_random_polytopes_agree_with_exhaustive_search_and_parry
             _ => cuboid([size as f32, 0.02, 0.02]),
         })
     };
-    let mut tally = Tally::default();
+    let mut tally = DepthTally::default();
     for _ in 0..400 {
         let (one, two) = (body(&mut stream), body(&mut stream));
         let anywhere = Vector::from(<[f64; 3]>::from(direction(&mut stream)).map(|x| x as f32));
@@ -290,16 +290,16 @@ fn depths_of_degenerate_pairs_are_exact() {
         ("apart", &slab, &can, at(2.0, -1.0, 0.751), 0.0),
     ];
     for (name, one, two, pose, expected) in cases {
-        let (one, two) = (Body::new(one), Body::new(two));
+        let (one, two) = (HullCase::new(one), HullCase::new(two));
         let exact = exact_depth(&one, &Pose::IDENTITY, &two, &pose);
         assert!((exact - expected).abs() < 2e-5, "{name}: exhaustive search gives {exact}, not {expected}");
         let mut stream = Stream::root(14);
         for _ in 0..5 {
             let world = Pose::from_parts(Vector::new(0.3, -0.2, 0.1), rotation(&mut stream));
-            compare(&one, &world, &two, &(world * pose), &mut Tally::default());
-            compare(&two, &(world * pose), &one, &world, &mut Tally::default());
+            compare(&one, &world, &two, &(world * pose), &mut DepthTally::default());
+            compare(&two, &(world * pose), &one, &world, &mut DepthTally::default());
         }
-        compare(&one, &Pose::IDENTITY, &two, &pose, &mut Tally::default());
+        compare(&one, &Pose::IDENTITY, &two, &pose, &mut DepthTally::default());
     }
 }
 
@@ -309,7 +309,7 @@ fn contacts_of_resting_boxes_agree_with_parry() {
     for _ in 0..200 {
         let size = |stream: &mut Stream| [0; 3].map(|_| stream.uniform(0.3, 1.5) as f32);
         let (size1, size2) = (size(&mut stream), size(&mut stream));
-        let (one, two) = (Body::new(&cuboid(size1)), Body::new(&cuboid(size2)));
+        let (one, two) = (HullCase::new(&cuboid(size1)), HullCase::new(&cuboid(size2)));
         // Tilted by up to 3°, and 0.1 % to 1 % deep or apart.
         let (axis, angle) = (direction(&mut stream), stream.uniform(0.0, 0.05));
         let tilt = nalgebra::UnitQuaternion::from_axis_angle(&nalgebra::Unit::new_normalize(axis), angle);

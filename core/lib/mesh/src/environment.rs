@@ -10,7 +10,7 @@ use syntable_model::scene::EnvironmentMap;
 /// Maximum width and height, pixels.
 pub const MAX_SIDE: u64 = 32_768;
 
-/// Reads a file of any registered format. Errors name it; the map has the name of the file.
+/// Reads a file of any registered format. Errors name the file, and the map gets the file's name.
 pub fn read(root: &AssetRoot, path: &Path) -> Result<EnvironmentMap> {
     let mut map = decode(&root.read(path)?, root.budget()).map_err(|error| error.in_file(path))?;
     map.name = path.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default();

@@ -5,7 +5,7 @@
 //! collect them in a fixed order and refuse two formats that claim the same name or extension.
 
 use crate::Model;
-use crate::image::Image;
+use crate::image::DecodedImage;
 use crate::limits::Budget;
 use crate::root::AssetRoot;
 use crate::scan::extension;
@@ -44,7 +44,7 @@ pub struct MeshFormat {
     pub read: ReadMesh,
     /// Whether files state which axis is up. If not, the option `up` of `mesh_folder` applies.
     pub states_up_axis: bool,
-    /// Of one mesh in several formats the one of highest preference is read; ties go by name.
+    /// If a mesh exists in several formats, the format of highest preference is read; ties go by name.
     pub preference: u32,
     /// Guesses the unit of a file that states none, for `check --asset`. Sources ask the recipe instead.
     pub guess_unit: fn(&Path, &Model) -> Unit,
@@ -53,7 +53,7 @@ pub struct MeshFormat {
 }
 
 impl MeshFormat {
-    /// A format whose files do not state their axes, are taken to be in meters, and have preference 0.
+    /// A format with files that do not state their axes and are in meters, with preference 0.
     pub const fn new(name: &'static str, extensions: &'static [&'static str], read: ReadMesh) -> Self {
         Self {
             name,
@@ -121,7 +121,7 @@ impl MeshFormats {
         self.0.iter()
     }
 
-    /// All extensions, those of the preferred format first.
+    /// All extensions, starting with the preferred format.
     pub fn extensions(&self) -> Vec<&'static str> {
         self.0.iter().flat_map(|format| format.extensions).copied().collect()
     }
@@ -148,11 +148,11 @@ impl MeshFormats {
     }
 }
 
-/// What an image format decodes to.
+/// Decoder of an image format.
 #[derive(Debug, Clone, Copy)]
 pub enum ImageDecoder {
     /// 8 bits per channel, for textures.
-    Texture(fn(&[u8], &Budget) -> Result<Image>),
+    Texture(fn(&[u8], &Budget) -> Result<DecodedImage>),
     /// Linear radiance, for environment maps. The map needs no name.
     Radiance(fn(&[u8], &Budget) -> Result<EnvironmentMap>),
 }
@@ -164,11 +164,11 @@ pub struct ImageFormat {
     pub name: &'static str,
     /// Extensions of its files: lower case, without the dot. Folders are scanned by extension.
     pub extensions: &'static [&'static str],
-    /// Whether bytes are an image of this format, judged by the first of them.
+    /// Whether the first bytes of a file identify this format.
     pub matches: fn(&[u8]) -> bool,
-    /// Decodes a file in memory. It takes the image from the budget ([`Budget::image`]) before it allocates.
+    /// Decodes a file in memory. The decoder reserves the image in the budget ([`Budget::image`]) before it allocates.
     pub decode: ImageDecoder,
-    /// Of one image in several formats the one of highest preference is read; ties go by name.
+    /// If an image exists in several formats, the format of highest preference is read; ties go by name.
     pub preference: u32,
     /// The crate that registered it.
     pub crate_name: &'static str,
@@ -232,18 +232,18 @@ impl ImageFormats {
         self.0.iter()
     }
 
-    /// Extensions of texture formats, those of the preferred format first.
+    /// Extensions of texture formats, starting with the preferred format.
     pub fn texture_extensions(&self) -> Vec<&'static str> {
         self.0.iter().filter(|format| format.is_texture()).flat_map(|format| format.extensions).copied().collect()
     }
 
-    /// Extensions of environment map formats, those of the preferred format first.
+    /// Extensions of environment map formats, starting with the preferred format.
     pub fn radiance_extensions(&self) -> Vec<&'static str> {
         self.0.iter().filter(|format| !format.is_texture()).flat_map(|format| format.extensions).copied().collect()
     }
 
     /// Decodes an image for a texture.
-    pub fn decode_texture(&self, bytes: &[u8], budget: &Budget) -> Result<Image> {
+    pub fn decode_texture(&self, bytes: &[u8], budget: &Budget) -> Result<DecodedImage> {
         let known = || {
             let names = self.0.iter().filter(|format| format.is_texture()).map(|format| format.name);
             format!("texture formats are {}", enumerate(names, "and"))
@@ -274,7 +274,7 @@ impl ImageFormats {
     }
 }
 
-/// What a format claims for itself.
+/// Names and extensions of a format, for clashes.
 struct Claim {
     name: &'static str,
     extensions: &'static [&'static str],
@@ -309,7 +309,7 @@ fn check(claims: impl Iterator<Item = Claim>) -> Result<()> {
                     "two crates register {clash}: {} for {} and {} for {}",
                     first.crate_name, first.name, second.crate_name, second.name
                 ))
-                .help("link one of them only"));
+                .help("link only one of them"));
             }
         }
     }
@@ -407,7 +407,7 @@ mod tests {
         };
         check(
             vec![mesh("One", &["xyz", "abc"], "crate-one"), mesh("Two", &["def", "abc"], "crate-two")],
-            "two crates register the extension `.abc`: crate-one for One and crate-two for Two (link one of them only)",
+            "two crates register the extension `.abc`: crate-one for One and crate-two for Two (link only one of them)",
         );
         check(vec![mesh("One", &["a"], "crate-one"), mesh("One", &["b"], "crate-two")], "the format name `One`");
         check(vec![mesh("One", &["OBJ"], "crate-one")], "format `One` of crate crate-one has the extension `OBJ`");
@@ -418,7 +418,7 @@ mod tests {
     #[test]
     fn images_are_known_by_their_content() {
         let texture =
-            |_: &[u8], _: &Budget| Ok(Image { width: 1, height: 1, texels: vec![1, 2, 3, 4], kind: "T".into() });
+            |_: &[u8], _: &Budget| Ok(DecodedImage { width: 1, height: 1, texels: vec![1, 2, 3, 4], kind: "T".into() });
         let radiance = |_: &[u8], _: &Budget| EnvironmentMap::new("", 1, 1, vec![[1.0; 3]]);
         let formats = ImageFormats::new([
             ImageFormat::new("T", &["t"], |b| b.starts_with(b"T"), ImageDecoder::Texture(texture)),

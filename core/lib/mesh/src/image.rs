@@ -1,4 +1,4 @@
-//! Images for textures: 8 bits per channel, recognized by their content and never by their name.
+//! Images for textures: 8 bits per channel, identified by their content, not by their name.
 
 use crate::format::ImageFormats;
 use crate::limits::Budget;
@@ -13,7 +13,7 @@ pub const MAX_SIDE: u64 = 16_384;
 
 /// An 8-bit RGBA image, row 0 at the top.
 #[derive(Debug, Clone)]
-pub struct Image {
+pub struct DecodedImage {
     /// Width, pixels.
     pub width: u32,
     /// Height, pixels.
@@ -24,8 +24,8 @@ pub struct Image {
     pub kind: String,
 }
 
-impl Image {
-    /// Reads a file of any registered format. Errors name it.
+impl DecodedImage {
+    /// Reads a file of any registered format. Errors name the file.
     pub fn read(root: &AssetRoot, path: &Path) -> Result<Self> {
         Self::decode(&root.read(path)?, root.budget()).map_err(|error| error.in_file(path))
     }
@@ -59,7 +59,7 @@ impl Image {
         self.texels.chunks_exact(4).any(|texel| texel[3] != 255)
     }
 
-    /// Makes the texture.
+    /// Converts the image to a texture.
     pub fn into_texture(self, encoding: Encoding, wrap: [Wrap; 2]) -> Texture {
         let Self { width, height, texels, .. } = self;
         let digest = Hasher::new("texture")

@@ -1,9 +1,9 @@
-//! How `syntable check --asset PATH` reports meshes and images.
+//! Reports of `syntable check --asset PATH` on meshes and images.
 //!
-//! A mesh is loaded as a source would load it, and its extent is checked with no scale applied.
+//! A mesh is loaded as a source would load it, and its extent is checked without a scale.
 
 use crate::format::{ImageFormats, MeshFormats, Unit};
-use crate::image::Image;
+use crate::image::DecodedImage;
 use crate::root::AssetRoot;
 use crate::scan::{extension, name_of};
 use crate::{ObjectInfo, environment, size};
@@ -13,11 +13,11 @@ use syntable_model::error::{Error, Result};
 use syntable_model::inspect::Inspection;
 use syntable_model::scene::{EnvironmentMap, MassOrigin, MassProperties, Object, Topology};
 
-/// A mesh of more separate parts probably holds several objects.
+/// A mesh with more separate parts probably has several objects.
 const MAX_PARTS: usize = 2;
 
-/// Inspects a mesh file by its path alone. It may name files of its own folder; in the layout of Google Scanned
-/// Objects, `<name>/meshes/model.obj` beside `<name>/materials`, of the object's folder.
+/// Inspects a mesh file, given its path alone. The file may refer to files of its own folder; in the layout of Google
+/// Scanned Objects, `<name>/meshes/model.obj` beside `<name>/materials`, to files of the object's folder.
 pub fn mesh_file(path: &Path, log: &dyn Log) -> Result<Inspection> {
     let folder = folder_of(path);
     let above = folder.parent().filter(|above| *above != Path::new(""));
@@ -98,7 +98,7 @@ fn yes_no(yes: bool) -> &'static str {
     if yes { "yes" } else { "no" }
 }
 
-/// Inspects an image file: a texture or an environment map, as its extension says.
+/// Inspects an image file: a texture or an environment map, depending on its extension.
 pub fn image_file(path: &Path, _: &dyn Log) -> Result<Inspection> {
     let folder = folder_of(path);
     if !folder.is_dir() {
@@ -108,11 +108,11 @@ pub fn image_file(path: &Path, _: &dyn Log) -> Result<Inspection> {
     if ImageFormats::linked()?.radiance_extensions().contains(&extension(path).as_str()) {
         environment::read(&root, path).map(|map| describe_environment(&map))
     } else {
-        Image::read(&root, path).map(|image| describe_image(&image))
+        DecodedImage::read(&root, path).map(|image| describe_image(&image))
     }
 }
 
-fn describe_image(image: &Image) -> Inspection {
+fn describe_image(image: &DecodedImage) -> Inspection {
     Inspection::default()
         .fact("size", format!("{} x {}", image.width, image.height))
         .fact("kind", &image.kind)

@@ -1,10 +1,10 @@
-//! What asset sources that read files share, from the path in a recipe to the finished object.
+//! Shared code of asset sources that read files, from the path in a recipe to the finished object.
 //!
 //! - [`root`] resolves the file names that assets contain and keeps them inside the asset's folder; [`scan`] lists
 //!   folders in a fixed order; [`text`] and [`polygon`] help readers of text formats and of polygons.
-//! - A reader produces a [`Model`]: triangles and materials as the file gives them; [`paint`] helps it with colors by
-//!   vertex and by face. [`repair`] makes the mesh sound, and [`Model::into_object`] turns it into the object that pools
-//!   hand out. [`mass`] estimates its mass.
+//! - A reader produces a [`Model`]: triangles and materials as the file states them; [`paint`] helps with colors by
+//!   vertex and by face. [`repair`] makes the mesh valid, and [`Model::into_object`] turns it into an object for pools.
+//!   [`mass`] estimates its mass.
 //! - [`format`](mod@format) holds the registries of mesh and image formats. A crate adds a format with
 //!   [`register_mesh_format!`] or [`register_image_format!`]; `mesh_folder`, textures, environment maps and
 //!   `syntable check --asset` then read it.

@@ -1,14 +1,14 @@
-//! What one asset may take, counted while it is read.
+//! Limits on the resources of one asset, checked while it is read.
 //!
-//! Readers ask the [`Budget`] of their [`AssetRoot`](crate::root::AssetRoot) before they allocate; a small file that
-//! unfolds to much is refused then, with the limit and the option that changes it.
+//! Readers ask the [`Budget`] of their [`AssetRoot`](crate::root::AssetRoot) before they allocate. A small file that
+//! unfolds to a huge asset is therefore refused, and the error names the limit and the option that changes it.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 use syntable_model::error::{Error, Result};
 use syntable_model::limits::IMAGE_PIXELS;
 use syntable_model::stage::AssetLimits;
 
-/// Counts what one asset takes against its limits.
+/// Used and permitted resources of one asset.
 #[derive(Debug, Default)]
 pub struct Budget {
     limits: AssetLimits,
@@ -17,21 +17,21 @@ pub struct Budget {
 }
 
 impl Budget {
-    /// Nothing taken yet.
+    /// A budget that is unused.
     pub fn new(limits: AssetLimits) -> Self {
         Self { limits, ..Self::default() }
     }
 
-    /// Takes bytes of a file, or of what is decoded from it.
+    /// Reserves bytes of a file or of its decoded content.
     pub fn bytes(&self, count: u64) -> Result<()> {
         let limit = self.limits.megabytes;
         match take(&self.bytes, count, limit.saturating_mul(1_000_000)) {
             Some(()) => Ok(()),
-            None => Err(over("its files and what they hold", "megabytes", limit, "make the files smaller")),
+            None => Err(over("its files and their decoded content", "megabytes", limit, "make the files smaller")),
         }
     }
 
-    /// Takes an image. Refuses one without pixels, or of more than `max_side` pixels along a side.
+    /// Reserves an image. Refuses an image without pixels, or with more than `max_side` pixels along a side.
     pub fn image(&self, width: u64, height: u64, max_side: u64) -> Result<()> {
         if width == 0 || height == 0 {
             return Err(Error::new(format!("an image of {width} x {height} pixels is empty")));
@@ -57,7 +57,7 @@ impl Budget {
         }
     }
 
-    /// Refuses a mesh of more triangles in total. Nothing is counted.
+    /// Refuses a mesh with more triangles in total. Reserves nothing.
     pub fn triangles(&self, total: usize) -> Result<()> {
         match total as u64 <= self.limits.triangles {
             true => Ok(()),
@@ -65,30 +65,30 @@ impl Budget {
         }
     }
 
-    /// Number of triangles that a mesh may have besides those that it has.
+    /// Number of triangles that the mesh may still get.
     pub fn triangles_left(&self, total: usize) -> usize {
         usize::try_from(self.limits.triangles).unwrap_or(usize::MAX).saturating_sub(total)
     }
 
-    /// Refuses a mesh of more vertices in total than its triangles can use. Nothing is counted.
+    /// Refuses a mesh with more vertices in total than its triangles can use. Reserves nothing.
     pub fn vertices(&self, total: usize) -> Result<()> {
         self.triangles(total.div_ceil(3))
     }
 
-    /// Maximum number of bytes that an image of this asset takes in a decoder.
+    /// Maximum number of bytes of an image of this asset in a decoder.
     pub fn image_bytes(&self) -> u64 {
         self.limits.megapixels.saturating_mul(1_000_000).min(IMAGE_PIXELS.most).saturating_mul(8)
     }
 }
 
-/// Adds to what is taken, unless that is over the limit.
+/// Adds to the used amount, unless the sum exceeds the limit.
 fn take(taken: &AtomicU64, count: u64, limit: u64) -> Option<()> {
     let add = |taken: u64| taken.checked_add(count).filter(|&sum| sum <= limit);
     taken.fetch_update(Ordering::Relaxed, Ordering::Relaxed, add).ok().map(|_| ())
 }
 
 fn over(what: &str, unit: &str, limit: u64, or: &str) -> Error {
-    Error::new(format!("the asset is too large: {what} would take more than the limit of {limit} {unit}"))
+    Error::new(format!("the asset is too large: {what} would exceed the limit of {limit} {unit}"))
         .help(format!("raise the pool's `limits = {{ {unit} = {limit} }}`, or {or}"))
 }
 

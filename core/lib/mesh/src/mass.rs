@@ -1,4 +1,4 @@
-//! The mass of objects whose source states none.
+//! Mass of objects whose source states none.
 
 use std::ops::RangeInclusive;
 

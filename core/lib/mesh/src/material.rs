@@ -1,17 +1,17 @@
-//! Materials that readers fall back to.
+//! Default materials and replacements for readers.
 
-use crate::image::Image;
+use crate::image::DecodedImage;
 use std::sync::Arc;
 use syntable_model::color::srgb_to_linear;
 use syntable_model::scene::{Alpha, Color, Encoding, Material, Scalar, Texture};
 
-/// The material of surfaces that name none, matt: light gray, or white where vertices have colors of their own.
+/// The matt material of surfaces without a material: light gray, or white for meshes with vertex colors.
 pub fn default_material(vertex_colors: bool) -> Material {
     Material::plain("default", if vertex_colors { [1.0; 3] } else { [0.6; 3] }, 0.5)
 }
 
-/// The material with every texture replaced by its mean; none if it has no texture. Blended alpha becomes
-/// its mean, masked alpha becomes opaque. For faces without texture coordinates.
+/// The material with every texture replaced by its mean; `None` if it has no texture. Blended alpha becomes its mean,
+/// and masked alpha becomes opaque. For faces without texture coordinates.
 pub fn untextured(material: &Material) -> Option<Material> {
     material.textures().next()?;
     let mut flat = material.clone();
@@ -40,9 +40,9 @@ pub fn untextured(material: &Material) -> Option<Material> {
     Some(flat.with_digest())
 }
 
-/// The texture of a blended material with its alpha scaled up to one, and the largest alpha that it had. A texture that is
-/// nowhere half opaque says how transparent the material is, and no shape: its alpha belongs into the factor. None if
-/// some texel is half opaque, or all are clear.
+/// The texture of a blended material with its alpha scaled up to one, and its largest alpha before. A texture that is
+/// nowhere half opaque states the transparency of the material, not a shape, so its alpha belongs into the factor.
+/// `None` if a texel is half opaque, or all are clear.
 pub fn full_alpha(texture: &Texture) -> Option<(Texture, f32)> {
     let largest = texture.texels.chunks_exact(4).map(|texel| texel[3]).max().filter(|&largest| largest > 0)?;
     if largest >= 128 {
@@ -52,7 +52,7 @@ pub fn full_alpha(texture: &Texture) -> Option<(Texture, f32)> {
     for texel in texels.chunks_exact_mut(4) {
         texel[3] = ((u32::from(texel[3]) * 255 + u32::from(largest) / 2) / u32::from(largest)) as u8;
     }
-    let image = Image { width: texture.width, height: texture.height, texels, kind: String::new() };
+    let image = DecodedImage { width: texture.width, height: texture.height, texels, kind: String::new() };
     Some((image.into_texture(texture.encoding, texture.wrap), f32::from(largest) / 255.0))
 }
 
@@ -85,7 +85,7 @@ pub fn mean(texture: &Texture) -> [f32; 3] {
     [0, 1, 2].map(|channel| mean_of(texture, channel))
 }
 
-/// Mean of one channel, linear; alpha always is.
+/// Mean of one channel, linear. Alpha is always linear.
 fn mean_of(texture: &Texture, channel: u8) -> f32 {
     let encoded = texture.encoding == Encoding::Srgb && channel < 3;
     let decode: Vec<f64> = (0..=255_u8)
@@ -106,7 +106,7 @@ mod tests {
     fn the_mean_is_linear() {
         assert!(untextured(&Material::plain("a", [1.0; 3], 0.5)).is_none());
         let texels = vec![255, 0, 188, 255, 0, 0, 188, 255];
-        let image = Image { width: 2, height: 1, texels, kind: String::new() };
+        let image = DecodedImage { width: 2, height: 1, texels, kind: String::new() };
         let mut material = Material::plain("a", [0.5, 1.0, 1.0], 0.5);
         let texture = image.into_texture(Encoding::Srgb, [Wrap::Repeat; 2]);
         material.base_color.texture = Color::texture(Arc::new(texture)).texture;
@@ -118,7 +118,7 @@ mod tests {
     fn alpha_that_is_nowhere_half_belongs_into_the_factor() {
         let with = |alphas: [u8; 2]| {
             let texels = alphas.map(|alpha| [200, 100, 50, alpha]).concat();
-            let image = Image { width: 2, height: 1, texels, kind: String::new() };
+            let image = DecodedImage { width: 2, height: 1, texels, kind: String::new() };
             let mut material = Material::plain("glass", [1.0; 3], 0.5);
             material.base_color = Color::texture(Arc::new(image.into_texture(Encoding::Srgb, [Wrap::Repeat; 2])));
             blend(&mut material, 0.5);
@@ -130,7 +130,7 @@ mod tests {
         assert_eq!(with([10, 200]), ([10, 200], 0.5));
         let (texels, factor) = with([51, 102]);
         assert_eq!(texels, [128, 255]);
-        // The product is what it was.
+        // The product is unchanged.
         for (texel, was) in texels.into_iter().zip([51.0, 102.0]) {
             assert!((f64::from(texel) / 255.0 * f64::from(factor) - was / 255.0 * 0.5).abs() < 1e-3);
         }
@@ -140,7 +140,7 @@ mod tests {
     #[test]
     fn every_layer_is_flattened() {
         let texels = vec![255, 0, 188, 255, 0, 0, 188, 0];
-        let image = Image { width: 2, height: 1, texels, kind: String::new() };
+        let image = DecodedImage { width: 2, height: 1, texels, kind: String::new() };
         let texture = Arc::new(image.into_texture(Encoding::Srgb, [Wrap::Repeat; 2]));
         let mut material = Material::plain("a", [1.0; 3], 0.5);
         material.alpha = Alpha::Blend { factor: 0.5 };

@@ -2,7 +2,7 @@
 
 use syntable_model::scene::{Material, MeshData};
 
-/// A mesh and its materials as a file gives them: not repaired, weighed or checked.
+/// A mesh and its materials as a file states them: not repaired, weighed or checked.
 #[derive(Debug, Clone)]
 pub struct Model {
     /// The mesh, z up, in the file's unit.

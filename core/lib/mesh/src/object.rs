@@ -1,4 +1,4 @@
-//! From a model as read to an object that can be placed: repaired, weighed, with a digest.
+//! Converts a model to an object that placers can use: repaired, weighed, with a digest.
 
 use crate::mass::estimate_kg;
 use crate::repair::repair;
@@ -14,7 +14,7 @@ use syntable_model::scene::{Alpha, MassOrigin, MassProperties, Material, Object,
 /// Coulomb friction coefficient between dry household materials.
 pub const FRICTION: f64 = 0.5;
 
-/// What a source knows about an object besides its file.
+/// Information on an object that its file does not contain.
 #[derive(Debug, Clone, Default)]
 pub struct ObjectInfo {
     /// Name within the source.
@@ -27,9 +27,9 @@ pub struct ObjectInfo {
 
 impl Model {
     /// Repairs the mesh and makes the object, in the unit of the model, which should be the meter. Errors and warnings
-    /// name `file`. The extent is not checked here: a pool may scale the object first.
+    /// name `file`. The extent is not checked here, because a pool may scale the object first.
     pub fn into_object(self, info: ObjectInfo, file: &Path, log: &dyn Log) -> Result<(Object, Topology)> {
-        let log = InFile { file, log };
+        let log = ObjectLog { file, log };
         let Self { mesh, materials } = self;
         if materials.is_empty() {
             return Err(Error::new("the model has no material").in_file(file));
@@ -42,9 +42,10 @@ impl Model {
                 && factor < 0.5
             {
                 let (name, percent) = (shorten(&material.name), (factor * 100.0).round());
-                let message = format!("`{name}` covers {percent} % of what is behind it; for labels it is a body");
+                let message =
+                    format!("`{name}` covers {percent} % of the background behind it, but labels treat it as opaque");
                 log.warn(
-                    &Error::new(message).help("the renderer's `blended_labels = \"coverage\"` leaves it out of labels"),
+                    &Error::new(message).help("the renderer's `blended_labels = \"coverage\"` omits it from labels"),
                 );
             }
         }
@@ -75,13 +76,13 @@ impl Model {
     }
 }
 
-/// A log that names a file in warnings that name none.
-struct InFile<'a> {
+/// A log that adds a file to warnings without one.
+struct ObjectLog<'a> {
     file: &'a Path,
     log: &'a dyn Log,
 }
 
-impl Log for InFile<'_> {
+impl Log for ObjectLog<'_> {
     fn warn(&self, warning: &Error) {
         self.log.warn(&warning.clone().in_file(self.file));
     }

@@ -1,4 +1,4 @@
-//! Colors and opacities that files state by vertex, by corner or by face.
+//! Colors and opacities of vertices, corners and faces.
 
 use crate::Model;
 use std::collections::{BTreeMap, BTreeSet, HashMap};
@@ -7,15 +7,15 @@ use syntable_model::context::Log;
 use syntable_model::error::Error;
 use syntable_model::scene::{Alpha, Material, MeshData};
 
-/// Number of opacities that faces may have before they are rounded to [`STEPS`] of them: each is a material of its own.
+/// Maximum number of different face opacities. More are rounded to [`STEPS`], because each needs its own material.
 const MAX_OPACITIES: usize = 32;
-/// Steps that opacities are rounded to.
+/// Number of steps of rounded opacities.
 const STEPS: f32 = 16.0;
 
-/// The number that means full intensity, where a format leaves it open whether colors are fractions, bytes or words.
+/// The number for full intensity in formats that do not state whether colors are fractions, bytes or words.
 ///
-/// Numbers up to 1 are fractions. So are numbers up to 2 that are not whole: rounding, or light above white. Others are
-/// bytes up to 255 and 16-bit words up to 65535. Negative numbers and those that are not finite do not count.
+/// Numbers up to 1 are fractions. So are fractional numbers up to 2: rounding errors, or light above white. Others are
+/// bytes up to 255 and 16-bit words up to 65535. Negative and non-finite numbers are ignored.
 pub fn full_intensity(values: impl IntoIterator<Item = f64>) -> f64 {
     let (mut largest, mut whole) = (0.0_f64, true);
     for value in values.into_iter().filter(|value| value.is_finite() && *value > 0.0) {
@@ -30,14 +30,14 @@ pub fn full_intensity(values: impl IntoIterator<Item = f64>) -> f64 {
     }
 }
 
-/// A display color as a file states it, sRGB-encoded with a given full intensity, as linear Rec. 709. A channel that is
-/// not finite counts as full intensity.
+/// Converts a display color, sRGB-encoded with a given full intensity, to linear Rec. 709. A non-finite channel becomes
+/// full intensity.
 pub fn linear_of_display(color: [f64; 3], full: f64) -> [f32; 3] {
     color.map(|x| srgb_to_linear(if x.is_finite() { (x / full).clamp(0.0, 1.0) as f32 } else { 1.0 }))
 }
 
-/// Sets the linear color and the opacity of every corner, by triangle and number of the corner. A vertex whose corners differ
-/// is split; vertices come in the order in which triangles use them. Returns their opacities.
+/// Sets the linear color and the opacity of every corner, by triangle and number of the corner. Splits a vertex whose
+/// corners differ; vertices follow the order in which triangles use them. Returns their opacities.
 pub fn paint_corners(mesh: &mut MeshData, color: impl Fn(usize, usize) -> [f32; 4]) -> Vec<f32> {
     let mut painted = MeshData { slots: std::mem::take(&mut mesh.slots), ..MeshData::default() };
     let mut alphas = Vec::new();
@@ -61,13 +61,13 @@ pub fn paint_corners(mesh: &mut MeshData, color: impl Fn(usize, usize) -> [f32; 
     alphas
 }
 
-/// Applies the rule that a texture hides other colors, as programs that show OBJ and PLY do: faces with a texture lose the
-/// colors of their vertices or corners, and a warning without a file says so if these are not white. Returns the opacities of
-/// the vertices; empty if all are opaque.
+/// Applies the rule that a texture hides other colors, as viewers of OBJ and PLY do: faces with a texture lose the
+/// colors of their vertices or corners. A warning without a file reports colors that are not white. Returns the
+/// opacities of the vertices; empty if all are opaque.
 ///
-/// `alphas` are the opacities of the vertices, or empty. `corners` are the linear colors and opacities by triangle and corner;
-/// they apply only if the vertices have no colors. `textured` says of each triangle whether it has a texture. In glTF the
-/// texture multiplies vertex colors instead, and STL has no textures.
+/// `alphas` are the opacities of the vertices, or empty. `corners` are the linear colors and opacities by triangle and
+/// corner; they apply only if the vertices have no colors. `textured` states which triangles have a texture. In glTF,
+/// the texture multiplies vertex colors instead, and STL has no textures.
 pub fn hide_colors_under_textures(
     mesh: &mut MeshData,
     alphas: Vec<f32>,
@@ -88,7 +88,7 @@ pub fn hide_colors_under_textures(
     };
     let hidden = (0..triangles.len()).any(|t| textured[t] && (0..3).any(|k| stated(t, k) != [1.0; 4]));
     if hidden {
-        log.warn(&Error::new("a texture hides the colors of vertices or faces where it is; they are not read there"));
+        log.warn(&Error::new("a texture hides the colors of vertices or faces below it; these colors are ignored"));
     } else if by_vertex {
         mesh.colors = colors;
         return alphas;
@@ -99,20 +99,20 @@ pub fn hide_colors_under_textures(
     paint_corners(mesh, |t, k| if textured[t] { [1.0; 4] } else { stated(t, k) })
 }
 
-/// What the opacity of a vertex means for a material.
+/// Effect of a vertex's opacity on a material.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum VertexAlpha {
-    /// Nothing.
+    /// No effect.
     Ignored,
-    /// It multiplies the alpha that the cutoff of a masked material is compared with.
+    /// It multiplies the alpha that a masked material compares with its cutoff.
     Masks,
     /// It blends.
     Blends,
 }
 
-/// Puts the opacities of vertices, in [0, 1], into the materials: those of faces of equal opacity exactly, others by the
-/// mean of their corners. Faces that this makes invisible are dropped, unless it is all of them: then the materials stay as
-/// they are, as programs write 0 for an unknown opacity. `meaning` says by slot what opacity does. Warnings name no file.
+/// Applies the opacities of vertices, in [0, 1], to the materials: exactly for faces of equal opacity, else as the mean
+/// of the corners. Drops faces that become invisible. If all would, the materials stay unchanged, because programs
+/// write 0 for an unknown opacity. `meaning` states the effect of opacity by slot. Warnings name no file.
 pub fn blend_by_vertex(model: &mut Model, alphas: &[f32], meaning: impl Fn(usize) -> VertexAlpha, log: &dyn Log) {
     let Model { mesh, materials } = model;
     let slots: Vec<u16> = (0..mesh.triangles.len()).map(|t| mesh.slots.get(t).copied().unwrap_or(0)).collect();
@@ -129,20 +129,20 @@ pub fn blend_by_vertex(model: &mut Model, alphas: &[f32], meaning: impl Fn(usize
         return;
     }
     if corners.as_flattened().iter().all(|&alpha| alpha <= 0.0) {
-        log.warn(&Error::new("all vertex colors have alpha 0 and would be invisible; they are taken as opaque"));
+        log.warn(&Error::new("all vertex colors have alpha 0 and would be invisible; they are treated as opaque"));
         return;
     }
     let varying = corners.iter().filter(|[a, b, c]| a != b || b != c).count();
     let mut opacities: Vec<f32> =
         corners.iter().map(|&[a, b, c]| if a == b && b == c { a } else { (a + b + c) / 3.0 }).collect();
-    // Rounding comes later: it does not decide what is visible.
+    // Rounding comes later, so it does not decide what is visible.
     let visible: Vec<bool> = opacities
         .iter()
         .zip(&slots)
         .map(|(&alpha, &slot)| is_visible(&materials[usize::from(slot)], alpha, meaning(slot.into())))
         .collect();
     if !visible.contains(&true) {
-        let message = "all faces would be invisible by the alpha of their vertex colors; it is not read";
+        let message = "the alpha of the vertex colors would make all faces invisible, and is ignored";
         log.warn(&Error::new(message));
         return;
     }
@@ -152,10 +152,10 @@ pub fn blend_by_vertex(model: &mut Model, alphas: &[f32], meaning: impl Fn(usize
     }
     if varying > 0 {
         let message =
-            format!("the alpha of vertex colors varies within {varying} faces; each has the mean of its corners");
+            format!("the alpha of vertex colors varies within {varying} faces; each face gets the mean of its corners");
         log.warn(&Error::new(message));
     }
-    // The slot of every old slot and opacity; none if there are too many materials.
+    // New slot by old slot and opacity; `None` if there are too many materials.
     let mut known: BTreeMap<(u16, u32), Option<u16>> = BTreeMap::new();
     let invisible = visible.iter().filter(|&&visible| !visible).count();
     let mut unchanged = 0;
@@ -180,18 +180,19 @@ pub fn blend_by_vertex(model: &mut Model, alphas: &[f32], meaning: impl Fn(usize
         mesh.slots.push(new.unwrap_or(slot));
     }
     if unchanged > 0 {
-        let message =
-            format!("the alpha of vertex colors is not read for {unchanged} faces: there are 65536 materials");
+        let message = format!(
+            "the alpha of vertex colors is ignored for {unchanged} faces, because the mesh has 65536 materials"
+        );
         log.warn(&Error::new(message));
     }
     if invisible > 0 {
         log.warn(&Error::new(format!(
-            "{invisible} faces are invisible by the alpha of their vertex colors and were dropped"
+            "the alpha of the vertex colors makes {invisible} faces invisible; they were dropped"
         )));
     }
 }
 
-/// Whether anything of a material is visible where vertices have an opacity.
+/// Whether any part of a material is visible at a given vertex opacity.
 fn is_visible(material: &Material, alpha: f32, meaning: VertexAlpha) -> bool {
     match (meaning, material.alpha) {
         _ if alpha >= 1.0 => true,
@@ -202,7 +203,7 @@ fn is_visible(material: &Material, alpha: f32, meaning: VertexAlpha) -> bool {
     }
 }
 
-/// A material where vertices have an opacity that leaves it visible.
+/// A material with a vertex opacity that leaves it visible.
 fn with_opacity(material: &Material, alpha: f32, meaning: VertexAlpha) -> Material {
     let mut changed = material.clone();
     changed.alpha = match (meaning, material.alpha) {
@@ -315,7 +316,7 @@ mod tests {
         check([0.5; 4], opaque, VertexAlpha::Blends, &[half; 2], &[]);
         check([0.5; 4], opaque, VertexAlpha::Ignored, &[opaque; 2], &[]);
         check([0.5; 4], half, VertexAlpha::Blends, &[Alpha::Blend { factor: 0.25 }; 2], &[]);
-        check([0.0; 4], opaque, VertexAlpha::Blends, &[opaque; 2], &["taken as opaque"]);
+        check([0.0; 4], opaque, VertexAlpha::Blends, &[opaque; 2], &["treated as opaque"]);
         // (0 + 0.75 + 0.75) / 3 is a half.
         check(
             [0.0, 0.75, 0.75, 0.75],
@@ -329,11 +330,11 @@ mod tests {
             half,
             VertexAlpha::Blends,
             &[Alpha::Blend { factor: 0.5 / 3.0 }],
-            &["within 1", "1 faces are invisible"],
+            &["within 1", "1 faces invisible"],
         );
         let mask = |cutoff| Alpha::Mask { cutoff };
         check([0.8; 4], mask(0.4), VertexAlpha::Masks, &[mask(0.5); 2], &[]);
-        check([0.3; 4], mask(0.5), VertexAlpha::Masks, &[mask(0.5); 2], &["all faces would be invisible"]);
+        check([0.3; 4], mask(0.5), VertexAlpha::Masks, &[mask(0.5); 2], &["all faces invisible"]);
         check(
             [1.0, 0.2, 0.2, 0.2],
             mask(0.4),
@@ -343,7 +344,7 @@ mod tests {
         );
     }
 
-    /// Faces of one opacity each, and the materials of those that are left.
+    /// Faces with one opacity each, and the materials of the remaining faces.
     fn blended(alphas: &[f32], material: Alpha, meaning: VertexAlpha) -> Vec<Alpha> {
         let mesh = MeshData {
             positions: vec![[0.0; 3]; 3 * alphas.len()],

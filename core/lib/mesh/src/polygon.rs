@@ -6,11 +6,11 @@ use syntable_model::error::{Error, Result};
 /// Maximum number of corners of a concave face: ear clipping takes quadratic time.
 pub const MAX_CONCAVE_CORNERS: usize = 1024;
 
-/// Triangles of a polygon as indices into its corners, wound as the polygon is.
+/// Triangles of a polygon as indices into its corners, with the winding of the polygon.
 ///
-/// Convex polygons become fans around corner 0, so that quads split as other programs split them. Concave ones lose
-/// their ears one by one. Corners need not lie in one plane exactly: they are flattened along the polygon's mean
-/// normal (Newell). A polygon without area becomes a fan.
+/// Convex polygons become fans around corner 0, so quads split as in other programs. Concave polygons lose their ears
+/// one by one. Corners need not lie in one plane exactly: they are projected along the polygon's mean normal (Newell).
+/// A polygon without area becomes a fan.
 pub fn triangulate(corners: &[[f32; 3]]) -> Result<Vec<[usize; 3]>> {
     let n = corners.len();
     let fan = || (2..n).map(|i| [0, i - 1, i]).collect();
@@ -35,7 +35,7 @@ pub fn triangulate(corners: &[[f32; 3]]) -> Result<Vec<[usize; 3]>> {
     }
     if n > MAX_CONCAVE_CORNERS {
         return Err(Error::new(format!(
-            "a concave face with {n} corners; at most {MAX_CONCAVE_CORNERS} are triangulated"
+            "a concave face has {n} corners, more than the limit of {MAX_CONCAVE_CORNERS}"
         ))
         .help("triangulate the mesh before use"));
     }
@@ -50,7 +50,7 @@ fn cut_ears(flat: &[[f64; 2]]) -> Vec<[usize; 3]> {
     while left.len() > 3 {
         let k = left.len();
         let [a, b, c] = [left[(at + k - 1) % k], left[at % k], left[(at + 1) % k]];
-        // A polygon that crosses itself may have no ear; then the corner at hand is cut as it is.
+        // A self-intersecting polygon may have no ear; the current corner is then cut.
         if tried >= k || is_ear(flat, &left, [a, b, c]) {
             triangles.push([a, b, c]);
             left.remove(at % k);
@@ -90,7 +90,7 @@ mod tests {
         (b - a).cross(&(c - a)) / 2.0
     }
 
-    /// All triangles must face the polygon's way and their areas must add up to its own: then they tile it.
+    /// All triangles must have the polygon's orientation, and their areas must sum to its area: then they tile it.
     fn check(corners: &[[f32; 3]], normal: Vector3<f64>) {
         let triangles = triangulate(corners).expect("triangulates");
         assert_eq!(triangles.len(), corners.len() - 2);

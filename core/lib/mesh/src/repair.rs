@@ -12,14 +12,15 @@ use syntable_model::context::Log;
 use syntable_model::error::{Error, Result};
 use syntable_model::scene::{Mesh, MeshData, Topology, weld};
 
-/// Minimum height of a face relative to its longest edge; below, single precision cannot tell its area from zero.
+/// Minimum height of a face relative to its longest edge. Below it, single precision cannot distinguish its area from
+/// zero.
 const MIN_HEIGHT: f64 = 1e-7;
-/// Minimum thickness of a mesh relative to its width; below, it counts as flat.
+/// Minimum thickness of a mesh relative to its width. Below it, the mesh is flat.
 const MIN_THICKNESS: f64 = 1e-5;
 
 /// Repairs a mesh. Warnings report every change that a user should know about.
 pub fn repair(data: MeshData, log: &dyn Log) -> Result<(Mesh, Topology)> {
-    // Indices and positions are checked first, so that what follows can rely on them.
+    // Indices and positions are checked first, because the following steps rely on them.
     let mut data = Mesh::new(data)?.into_data();
     if let Some(i) = data.uvs.iter().position(|uv| !uv.iter().all(|x| x.is_finite())) {
         return Err(Error::new(format!("non-finite texture coordinate of vertex {i}")));
@@ -70,7 +71,7 @@ fn drop_faces(data: &mut MeshData, log: &dyn Log) -> Result<()> {
         .collect();
     let degenerate = keep.iter().filter(|keep| !**keep).count();
     if degenerate == total {
-        return Err(Error::new(format!("no face with area among {total}")));
+        return Err(Error::new(format!("none of the {total} faces has area")));
     }
     // Two faces are duplicates if they visit the same positions in the same cyclic order.
     let mut order: Vec<([u32; 3], u32)> = (0..total as u32)
@@ -144,7 +145,7 @@ fn drop_unused_vertices(data: &mut MeshData) {
     }
 }
 
-/// Normalizes normals. One that is zero or not finite becomes the area-weighted mean of the normals of its faces.
+/// Normalizes normals. A zero or non-finite normal becomes the area-weighted mean of its faces' normals.
 fn repair_normals(data: &mut MeshData) {
     let unit = |normal: Vector3<f64>| normal.try_normalize(1e-12).filter(|n| n.iter().all(|x| x.is_finite()));
     let mut missing = false;
@@ -270,11 +271,11 @@ mod tests {
         check(with_flat, Ok((12, &["3 of 15 faces have no area"])));
         let with_turned = |data: &mut MeshData| data.triangles.extend([[4, 6, 0], [6, 0, 4]]);
         check(with_turned, Ok((12, &["2 of 14 faces are duplicates"])));
-        check(|data| data.positions.fill([1.0; 3]), Err("no face with area among 12"));
+        check(|data| data.positions.fill([1.0; 3]), Err("none of the 12 faces has area"));
         let collinear = |data: &mut MeshData| {
             data.positions.iter_mut().for_each(|p| *p = [p[0] * 0.1 + p[1] * 0.2 + p[2] * 0.7; 3])
         };
-        check(collinear, Err("no face with area"));
+        check(collinear, Err("faces has area"));
     }
 
     #[test]

@@ -1,9 +1,9 @@
-//! Files inside an asset's folder, and nothing outside it.
+//! Access to files inside an asset's folder only.
 //!
 //! Assets name other files: an OBJ its material library, a material its images, a glTF its buffers. Such names are
-//! untrusted, and often those of the machine that wrote them. Every name is resolved here: of absolute paths and of
-//! names that leave the folder by `..` only the last parts count, inside the folder; network addresses are refused;
-//! links are followed by the file system and refused if they lead out. A refused file is never opened.
+//! untrusted, and often come from another machine. This module resolves every name. Of an absolute path, and of a name
+//! that leaves the folder by `..`, only the last parts are used, inside the folder. Network addresses are refused. The
+//! file system follows links, and links that lead outside are refused. A refused file is never opened.
 
 use crate::limits::Budget;
 use crate::scan::list;
@@ -16,20 +16,20 @@ use syntable_model::error::{Error, Result};
 use syntable_model::limits::LIST_BYTES;
 use syntable_model::stage::AssetLimits;
 
-/// Maximum number of parts of a path that are looked for inside the root.
+/// Maximum number of trailing parts of a path to look for inside the root.
 const MAX_PARTS: usize = 16;
 
-/// What a name in a file means.
+/// A resolved name.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Found {
+pub struct ResolvedName {
     /// An existing file or folder of the root.
     pub path: PathBuf,
-    /// A warning where it has another name than was written; without file and line.
+    /// A warning if the name differs from the name in the file; without file and line.
     pub note: Option<Error>,
 }
 
-impl Found {
-    /// The path, after a warning if it has another name than was written.
+impl ResolvedName {
+    /// The path, after a warning if its name differs.
     pub fn noted(self, warn: impl FnOnce(Error)) -> PathBuf {
         if let Some(note) = self.note {
             warn(note);
@@ -41,43 +41,43 @@ impl Found {
 /// A folder that an asset may read from.
 #[derive(Debug, Clone)]
 pub struct AssetRoot {
-    /// As the user wrote it; used in messages.
+    /// Path as the user wrote it, for messages.
     shown: PathBuf,
-    /// With links resolved.
+    /// Path with links resolved.
     canonical: PathBuf,
-    /// What was read so far, by all copies of this root.
+    /// Budget that all copies of this root share.
     budget: Arc<Budget>,
 }
 
 impl AssetRoot {
-    /// Opens a folder. The error says that it is missing, or no folder.
+    /// Opens a folder. The error distinguishes a missing folder from a file.
     pub fn open(folder: &Path) -> Result<Self> {
         let canonical = match fs::canonicalize(folder) {
             Ok(canonical) => canonical,
             Err(error) if is_absence(&error) => {
                 return Err(Error::new("no such folder")
                     .in_file(folder)
-                    .help("check `root`; a relative path counts from the recipe's folder"));
+                    .help("check `root`; a relative path starts from the recipe's folder"));
             }
             Err(error) => return Err(Error::io(folder, &error)),
         };
         if !is_dir(&canonical)? {
-            return Err(Error::new("not a folder").in_file(folder).help("`root` names a folder of assets"));
+            return Err(Error::new("not a folder").in_file(folder).help("`root` must name a folder of assets"));
         }
         Ok(Self { shown: folder.to_owned(), canonical, budget: Arc::default() })
     }
 
-    /// The same folder for one asset that may take that much. Without it the limits are the default ones.
+    /// The same folder, for one asset with these limits. Without this, default limits apply.
     pub fn within(self, limits: AssetLimits) -> Self {
         Self { budget: Arc::new(Budget::new(limits)), ..self }
     }
 
-    /// What the asset may still take. Readers ask it before they allocate.
+    /// The remaining budget. Readers ask it before they allocate.
     pub fn budget(&self) -> &Budget {
         &self.budget
     }
 
-    /// Reads a whole file of the asset: regular, not empty, within its limits. The error names it.
+    /// Reads a whole file of the asset: regular, not empty, within its limits. Errors name the file.
     pub fn read(&self, path: &Path) -> Result<Vec<u8>> {
         read(path, &|bytes| self.budget.bytes(bytes))
     }
@@ -87,32 +87,32 @@ impl AssetRoot {
         &self.shown
     }
 
-    /// Resolves a name that was found in a file of folder `from`, a path relative to this root.
+    /// Resolves a name from a file in folder `from`, a path relative to this root.
     ///
-    /// Returns an existing file or folder, or none if there is nothing of that name. An error refuses the name. Names are
-    /// often those of another machine, so that after the name as it is written these are tried, with a note: backslashes as
-    /// separators, the last parts of an absolute path or of one that leaves the root, the base name alone, and letters in
-    /// another case. Whatever is found lies below the root.
-    pub fn find(&self, from: &Path, name: &str) -> Result<Option<Found>> {
+    /// Returns an existing file or folder, or `None` if nothing has that name. An error refuses the name. Names often
+    /// come from another machine. After the name as written, these are tried, with a note: backslashes as separators,
+    /// the last parts of an absolute path or of a path that leaves the root, the base name alone, and other letter
+    /// case. Every result is below the root.
+    pub fn find(&self, from: &Path, name: &str) -> Result<Option<ResolvedName>> {
         let shown = shorten(name);
         let refusal =
-            |why: &str| Error::new(format!("`{shown}` {why}")).help("an asset may name files of its own folder only");
+            |why: &str| Error::new(format!("`{shown}` {why}")).help("an asset may name only files of its own folder");
         let refuse = |why: &str| Err(refusal(why));
         if name.is_empty() || name.contains('\0') {
             return Err(refusal("is not a file name"));
         }
         if has_scheme(name) {
-            return Err(refusal("is an address, which is never opened"));
+            return Err(refusal("is a network address, which is never opened"));
         }
         let portable = name.replace('\\', "/");
         let absolute = portable.starts_with('/') || has_drive(&portable);
         let mut refused = None;
         if !absolute {
-            // A backslash may also be a letter of a name, as where a program of Unix unpacked an archive of Windows.
+            // A backslash may also be part of a name, for instance if a Unix program unpacked a Windows archive.
             let written = [Some(name), Some(portable.as_str()).filter(|portable| *portable != name)];
             for spelling in written.into_iter().flatten() {
                 match self.resolve(&from.join(spelling), &refuse) {
-                    Ok(Some(path)) => return Ok(Some(Found { path, note: None })),
+                    Ok(Some(path)) => return Ok(Some(ResolvedName { path, note: None })),
                     Ok(None) => {}
                     Err(error) => refused = Some(error),
                 }
@@ -121,18 +121,18 @@ impl AssetRoot {
         let path = if has_drive(&portable) { &portable[2..] } else { &portable };
         let parts: Vec<&str> = path.split('/').filter(|part| !matches!(*part, "" | "." | "..")).collect();
         for first in parts.len().saturating_sub(MAX_PARTS)..parts.len() {
-            // The name as it is written was tried; here its letters may differ in case.
+            // The name as written was tried before; now the letter case may differ.
             if let Some(path) = self.in_any_case(from, &parts[first..])? {
                 let instead = path.strip_prefix(&self.shown).unwrap_or(&path).display();
-                let note = Error::new(format!("there is no `{shown}`; `{instead}` is read"))
-                    .help("correct the name in the file, as other programs may not find it");
-                return Ok(Some(Found { path, note: Some(note) }));
+                let note = Error::new(format!("`{shown}` is missing; reading `{instead}`"))
+                    .help("correct the name in the file, because other programs may not find it");
+                return Ok(Some(ResolvedName { path, note: Some(note) }));
             }
         }
         refused.map_or(Ok(None), Err)
     }
 
-    /// An existing path of folder `from` with these parts, in whatever case; of several the first in order.
+    /// An existing path in folder `from` with these parts in any letter case; the first of several.
     fn in_any_case(&self, from: &Path, parts: &[&str]) -> Result<Option<PathBuf>> {
         let refuse = |_: &str| Ok(None);
         let mut inside = from.to_owned();
@@ -157,8 +157,8 @@ impl AssetRoot {
         self.resolve(&inside, &refuse)
     }
 
-    /// The path of a file or folder of this root that the program itself found, relative to it. Names are taken as they
-    /// are; links are followed as in [`find`](Self::find).
+    /// The path of a file or folder of this root that the program itself found, relative to the root. Names must match
+    /// exactly; links are followed as in [`find`](Self::find).
     pub fn locate(&self, inside: &Path) -> Result<PathBuf> {
         let refuse = |why: &str| Err(Error::new(why).in_file(self.shown.join(inside)));
         self.resolve(inside, &refuse)?.ok_or_else(|| Error::new("no such file").in_file(self.shown.join(inside)))
@@ -185,7 +185,7 @@ impl AssetRoot {
     }
 }
 
-/// Reads a whole file that belongs to no asset: regular, not empty, at most [`LIST_BYTES`]. The error names it.
+/// Reads a whole file that belongs to no asset: regular, not empty, at most [`LIST_BYTES`]. Errors name the file.
 pub fn read_file(path: &Path) -> Result<Vec<u8>> {
     read(path, &|bytes| LIST_BYTES.check(bytes))
 }
@@ -195,7 +195,7 @@ fn read(path: &Path, allow: &dyn Fn(u64) -> Result<()>) -> Result<Vec<u8>> {
     let io = |error: std::io::Error| {
         if is_absence(&error) { Error::new("no such file").in_file(path) } else { Error::io(path, &error) }
     };
-    // The kind is looked up before opening: opening a pipe would wait for ever.
+    // The kind is checked before opening, because opening a pipe would wait forever.
     let metadata = fs::metadata(path).map_err(io)?;
     if metadata.is_dir() {
         return wrong("is a directory, not a file".into());
@@ -212,13 +212,13 @@ fn read(path: &Path, allow: &dyn Fn(u64) -> Result<()>) -> Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// Whether there is a file or folder. A device or network that fails is an error, not an absence: the asset would be left
-/// out in silence.
+/// Whether a file or folder exists. A failing device or network is an error, because the asset would otherwise be
+/// omitted silently.
 pub fn exists(path: &Path) -> Result<bool> {
     metadata(path).map(|metadata| metadata.is_some())
 }
 
-/// Whether there is a folder, with the same care.
+/// Whether a folder exists, with the same errors.
 pub fn is_dir(path: &Path) -> Result<bool> {
     metadata(path).map(|metadata| metadata.is_some_and(|metadata| metadata.is_dir()))
 }
@@ -235,12 +235,12 @@ fn is_absence(error: &std::io::Error) -> bool {
     matches!(error.kind(), std::io::ErrorKind::NotFound | std::io::ErrorKind::NotADirectory)
 }
 
-/// Whether a name begins with the drive of another system, like `C:`.
+/// Whether a name begins with a drive letter, such as `C:`.
 fn has_drive(name: &str) -> bool {
     matches!(name.as_bytes(), [letter, b':', ..] if letter.is_ascii_alphabetic())
 }
 
-/// Whether a name begins like `http:`; one letter is a drive.
+/// Whether a name begins with a scheme, such as `http:`. One letter is a drive.
 fn has_scheme(name: &str) -> bool {
     name.split_once(':').is_some_and(|(scheme, _)| {
         scheme.len() > 1

@@ -1,4 +1,4 @@
-//! Listing of folders, in the same order on every system.
+//! Folder listings, in the same order on every system.
 
 use crate::root::{AssetRoot, is_dir};
 use std::fs;
@@ -10,7 +10,7 @@ const MAX_ENTRIES: usize = 1_000_000;
 
 /// Names in a folder.
 #[derive(Debug, Default, Clone, PartialEq, Eq)]
-pub struct Listing {
+pub struct FolderNames {
     /// Folders, sorted by name.
     pub folders: Vec<String>,
     /// Everything else, sorted by name.
@@ -20,9 +20,9 @@ pub struct Listing {
 }
 
 /// Lists a folder. Hidden names and names that are not UTF-8 are skipped; links are followed.
-pub fn list(folder: &Path) -> Result<Listing> {
+pub fn list(folder: &Path) -> Result<FolderNames> {
     let io = |error: std::io::Error| Error::io(folder, &error);
-    let mut listing = Listing::default();
+    let mut listing = FolderNames::default();
     for (count, entry) in fs::read_dir(folder).map_err(io)?.enumerate() {
         if count >= MAX_ENTRIES {
             return Err(Error::new(format!("more than {MAX_ENTRIES} entries")).in_file(folder));
@@ -47,14 +47,14 @@ pub fn list(folder: &Path) -> Result<Listing> {
     Ok(listing)
 }
 
-/// All files below a root, at most `depth` folders deep, that pass a test; paths relative to the root, sorted. Linked folders
-/// are not entered: they could form cycles.
+/// All files below a root, at most `depth` folders deep, that pass a test; sorted paths relative to the root. Linked
+/// folders are not entered, because they could form cycles.
 pub fn walk(root: &AssetRoot, depth: usize, wanted: &dyn Fn(&Path) -> bool) -> Result<Vec<PathBuf>> {
     let mut found = Vec::new();
     let mut open = vec![(PathBuf::new(), 0)];
     let mut seen = 0;
     while let Some((folder, level)) = open.pop() {
-        let Listing { folders, files, linked } = list(&root.folder().join(&folder))?;
+        let FolderNames { folders, files, linked } = list(&root.folder().join(&folder))?;
         seen += folders.len() + files.len();
         if seen > MAX_ENTRIES {
             return Err(Error::new(format!("more than {MAX_ENTRIES} entries")).in_file(root.folder()));
@@ -74,7 +74,7 @@ pub fn name_of(path: &Path) -> String {
     path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default()
 }
 
-/// Name of a root folder, also where it is written as `.` or `..`.
+/// Name of a root folder, even if the path is `.` or `..`.
 pub fn root_name(folder: &Path) -> String {
     match name_of(folder) {
         name if name.is_empty() => folder.canonicalize().map(|path| name_of(&path)).unwrap_or_default(),
@@ -82,7 +82,7 @@ pub fn root_name(folder: &Path) -> String {
     }
 }
 
-/// The extension in lower case, without the dot; empty if there is none.
+/// Extension in lower case, without the dot; empty without an extension.
 pub fn extension(path: &Path) -> String {
     path.extension().map(|extension| extension.to_string_lossy().to_ascii_lowercase()).unwrap_or_default()
 }

@@ -1,18 +1,18 @@
-//! Sizes that objects on a table have, to tell files in another unit than the meter.
+//! Likely sizes of tabletop objects, to detect files in another unit than the meter.
 
 use std::ops::RangeInclusive;
 use syntable_model::error::Error;
 
 /// Length of the longest side of likely objects, tables included, meters.
 pub const LIKELY_M: RangeInclusive<f64> = 0.005..=2.0;
-/// The length that a suggested unit or scale comes nearest to, meters: that of a mug or a box of tea.
+/// Target length for suggested units and scales, meters: a mug or a box of tea.
 const TYPICAL_M: f64 = 0.15;
 /// Units that files are in instead of meters, with their length in meters.
 const UNITS: [(&str, f64); 2] = [("cm", 0.01), ("mm", 0.001)];
-/// Scales of what is too small.
+/// Scales for objects that are too small.
 const SCALES: [f64; 3] = [10.0, 100.0, 1000.0];
 
-/// A warning about an object whose longest side is unlikely, with the unit or the scale that would fit; none if it is
+/// A warning about an object with an unlikely longest side, with a unit or scale that would fit; `None` if the side is
 /// likely.
 pub fn doubt(longest_m: f64) -> Option<Error> {
     if LIKELY_M.contains(&longest_m) {
@@ -20,7 +20,7 @@ pub fn doubt(longest_m: f64) -> Option<Error> {
     }
     let apart = |factor: f64| libm::log(longest_m * factor / TYPICAL_M).abs();
     let nearest = |factors: &[f64]| factors.iter().copied().min_by(|&a, &b| apart(a).total_cmp(&apart(b)));
-    let stated = "`units = \"m\"` states that it is right";
+    let stated = "`units = \"m\"` confirms the size";
     Some(if longest_m > *LIKELY_M.end() {
         let factor = nearest(&UNITS.map(|(_, factor)| factor)).unwrap_or(1.0);
         let unit = UNITS.iter().find(|(_, known)| *known == factor).map_or("m", |(unit, _)| unit);

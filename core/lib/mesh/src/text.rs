@@ -3,19 +3,19 @@
 use std::borrow::Cow;
 use syntable_model::error::{Error, Result};
 
-/// A line of text with its number, from 1; of a continued line the number of its first part.
-pub struct Line<'a> {
-    /// Number of the line.
+/// A line of text. A continued line has the number of its first part.
+pub struct TextLine<'a> {
+    /// Number of the line, from 1.
     pub number: usize,
     /// Its text without the line end.
     pub text: Cow<'a, str>,
-    /// Whether the file ends with it, without a line end.
+    /// Whether the line ends the file without a line end.
     pub last: bool,
 }
 
 /// Splits bytes into lines. Line ends are LF or CRLF, a byte-order mark is skipped, and a backslash at the end of
 /// a line joins the next one. Bytes that are not UTF-8 become replacement characters.
-pub fn lines(bytes: &[u8]) -> impl Iterator<Item = Line<'_>> {
+pub fn lines(bytes: &[u8]) -> impl Iterator<Item = TextLine<'_>> {
     let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
     let mut rest = bytes;
     let mut number = 0;
@@ -43,14 +43,14 @@ pub fn lines(bytes: &[u8]) -> impl Iterator<Item = Line<'_>> {
                         Some(joined) => Cow::Owned(joined + &end),
                         None => end,
                     };
-                    return Some(Line { number: first, text, last });
+                    return Some(TextLine { number: first, text, last });
                 }
             }
         }
     })
 }
 
-/// A finite number that single precision can hold.
+/// Parses a finite number that fits single precision.
 pub fn finite(token: &str, what: &str) -> Result<f32> {
     match token.parse::<f32>() {
         Ok(number) if number.is_finite() => Ok(number),

@@ -1,4 +1,4 @@
-//! Caches of what depends on a single asset, shared by all scenes and sessions of a renderer.
+//! Caches of data that depend on a single asset, shared by all scenes and sessions of a renderer.
 
 use crate::environment::EnvironmentDistribution;
 use crate::mesh::ShadingMesh;
@@ -9,14 +9,14 @@ use std::sync::Arc;
 use syntable_model::digest::Digest;
 use syntable_model::scene::{EnvironmentMap, Object, Texture};
 
-/// Bytes of meshes, of textures and of environments that are kept though no scene uses them.
+/// Capacity of the caches of meshes, textures and environment maps that no scene uses, bytes.
 const CAPACITY: u64 = 256 << 20;
 
-/// Values by the digest of their asset, with a limit on the bytes kept.
+/// Values by the digest of their asset, with a limit on the total size.
 ///
-/// A value that several threads ask for is made once: the others wait for it. A value larger than the limit is handed
-/// out, but not kept.
-pub struct AssetCache<T: Send + Sync>(Cache<Digest, (Arc<T>, u64), Bytes>);
+/// If several threads request a value, one computes it and the others wait. A value larger than the limit is returned,
+/// but not kept.
+pub struct AssetCache<T: Send + Sync>(Cache<Digest, (Arc<T>, u64), ByteWeigher>);
 
 impl<T: Send + Sync> AssetCache<T> {
     /// Keeps up to `capacity` bytes.
@@ -24,14 +24,14 @@ impl<T: Send + Sync> AssetCache<T> {
         let options = OptionsBuilder::new()
             .estimated_items_capacity(1024)
             .weight_capacity(capacity)
-            // The limit is divided among the shards: only one shard keeps large values.
+            // The limit is divided among the shards, and only a single shard can keep large values.
             .shards(1)
             .build()
             .expect("all options are set");
-        Self(Cache::with_options(options, Bytes, DefaultHashBuilder::default(), DefaultLifecycle::default()))
+        Self(Cache::with_options(options, ByteWeigher, DefaultHashBuilder::default(), DefaultLifecycle::default()))
     }
 
-    /// The value of a digest, made with `make` if it is not kept. `size` gives its bytes.
+    /// The value of a digest, computed by `make` if it is missing. `size` returns its size, bytes.
     pub fn get(&self, digest: Digest, make: impl FnOnce() -> T, size: impl FnOnce(&T) -> usize) -> Arc<T> {
         let made = self.0.get_or_insert_with(&digest, || {
             let value = make();
@@ -47,16 +47,16 @@ impl<T: Send + Sync> AssetCache<T> {
 
 /// Weighs values by their bytes.
 #[derive(Clone)]
-struct Bytes;
+struct ByteWeigher;
 
-impl<T> Weighter<Digest, (Arc<T>, u64)> for Bytes {
+impl<T> Weighter<Digest, (Arc<T>, u64)> for ByteWeigher {
     fn weight(&self, _: &Digest, (_, bytes): &(Arc<T>, u64)) -> u64 {
         // Values of weight 0 would never be evicted.
         (*bytes).max(1)
     }
 }
 
-/// The caches of a renderer; its sessions share it.
+/// The caches of a renderer, shared by its sessions.
 pub struct SceneCache {
     meshes: AssetCache<ShadingMesh>,
     textures: AssetCache<MipTexture>,
@@ -74,7 +74,7 @@ impl Default for SceneCache {
 }
 
 impl SceneCache {
-    /// The light of an environment map.
+    /// The light distribution of an environment map.
     pub fn environment(&self, map: &Arc<EnvironmentMap>) -> Arc<EnvironmentDistribution> {
         self.environments.get(map.digest, || EnvironmentDistribution::new(map), EnvironmentDistribution::size)
     }

@@ -1,4 +1,4 @@
-//! Emissive bodies: their triangles as lights, sampled by area in proportion to what they emit.
+//! Emissive bodies: their triangles as lights, sampled in proportion to area times luminance.
 
 use std::f32::consts::PI;
 use syntable_simd::{Rgb, Vec3};
@@ -48,7 +48,7 @@ pub struct EmitterPoint {
 }
 
 impl EmissiveBody {
-    /// `None` if nothing emits. `count` is the number of triangles of the mesh.
+    /// Builds the emitter. Returns `None` without emission. `count` is the number of triangles of the mesh.
     pub fn new(instance: u32, triangles: Vec<EmissiveTriangle>, count: usize) -> Option<Self> {
         let area = |t: &EmissiveTriangle| {
             let [a, b, c] = t.corners;
@@ -102,7 +102,7 @@ impl EmissiveBody {
         }
     }
 
-    /// Density of sampling a point of per triangle, per square meter.
+    /// Density of sampling a point of this triangle, per square meter.
     #[inline]
     pub fn density(&self, primitive: u32) -> f32 {
         self.densities[primitive as usize]
@@ -118,7 +118,7 @@ impl EmissiveBody {
         &self.sums
     }
 
-    /// Center and radius of a sphere around it, world, meters.
+    /// Center and radius of a bounding sphere, world, meters.
     pub fn sphere(&self) -> (Vec3, f32) {
         (self.center, self.radius)
     }
@@ -128,14 +128,14 @@ impl EmissiveBody {
         self.power
     }
 
-    /// An estimate of the irradiance at a point, unshadowed: never 0 where there may be some.
+    /// An estimate of the unshadowed irradiance at a point; above 0 wherever the irradiance may be.
     #[inline]
     pub fn importance(&self, p: Vec3, n: Vec3) -> f32 {
         let to = self.center - p;
         let distance2 = to.dot(to);
         let nearest = distance2.max(0.25 * self.radius * self.radius).max(1e-12);
         let cosine = (n.dot(to) / nearest.sqrt() + self.radius / nearest.sqrt()).clamp(0.0, 1.0);
-        // A closed convex body shows a quarter of its surface on the average.
+        // A closed convex body shows a quarter of its surface on average.
         (0.25 * self.power / nearest).min(PI * self.power / (self.radius * self.radius).max(1e-12)) * cosine
     }
 }

@@ -1,4 +1,4 @@
-//! Light of environment maps: look-ups, and tables for sampling in proportion to it.
+//! Light of environment maps: look-ups, and tables for importance sampling.
 
 use std::sync::Arc;
 use syntable_model::scene::EnvironmentMap;
@@ -18,7 +18,7 @@ pub struct EnvironmentDistribution {
 }
 
 impl EnvironmentDistribution {
-    /// Weighs every texel by its luminance times its solid angle.
+    /// Weights every texel by its luminance times its solid angle.
     pub fn new(map: &Arc<EnvironmentMap>) -> Self {
         let (width, height) = (map.width() as usize, map.height() as usize);
         let mut rows = Vec::with_capacity(height);
@@ -64,12 +64,12 @@ impl EnvironmentDistribution {
         &self.texels
     }
 
-    /// Bytes held.
+    /// Size, bytes.
     pub fn size(&self) -> usize {
         self.map.texels().len() * 12 + (self.rows.len() + self.texels.len()) * 4
     }
 
-    /// Samples a point of the unit square, v downwards; also gives its density over the square.
+    /// Samples a point of the unit square, v downwards. Returns the point and its density over the square.
     #[inline]
     pub fn sample(&self, [u, v]: [f32; 2]) -> ([f32; 2], f32) {
         let width = self.map.width() as usize;
@@ -123,7 +123,7 @@ fn ring(y: usize, height: usize) -> f64 {
     edge(y) - edge(y + 1)
 }
 
-/// The entry that a number in [0, 1) selects, the position in it, and its probability.
+/// The entry that a number in [0, 1) selects, the position within it, and its probability.
 #[inline]
 fn select(sums: &[f32], u: f32) -> (usize, f32, f32) {
     let i = sums.partition_point(|&sum| sum <= u).min(sums.len() - 1);
@@ -143,7 +143,7 @@ mod tests {
 
     #[test]
     fn densities_are_those_of_luminance_per_solid_angle() {
-        // One bright texel of 4 × 2: its fraction of the light is 9 / (9 + 7), for rows have equal solid angles.
+        // One bright texel of 4 × 2: its fraction of the light is 9 / (9 + 7), since both rows have equal solid angles.
         let texels = (0..8).map(|i| if i == 6 { [9.0; 3] } else { [1.0; 3] }).collect();
         let map = Arc::new(EnvironmentMap::new("test", 4, 2, texels).expect("sound"));
         let distribution = EnvironmentDistribution::new(&map);

@@ -1,19 +1,18 @@
-//! What every renderer needs of a scene, whatever it runs on.
+//! Scene data for every renderer, on any device.
 //!
 //! [`PreparedScene`] turns a frozen scene into tables: [shading meshes](ShadingMesh), [materials](MaterialTable) with
-//! numbered textures, placed bodies and [emissive triangles](EmissiveBody). [`LightTable`] checks and converts the lights of
-//! a view, [`EnvironmentDistribution`] holds the light of an environment map for importance sampling, [`Sampler`] the
-//! low-discrepancy numbers of paths, [`labels`] the policy that all label renderers share. A [`SceneCache`] keeps between
-//! scenes what depends on a single asset.
+//! numbered textures, placed bodies and [emissive triangles](EmissiveBody). [`LightTable`] checks and converts the
+//! lights of a view, [`EnvironmentDistribution`] holds the light of an environment map for importance sampling,
+//! [`Sampler`] provides the low-discrepancy numbers of paths, and [`labels`] the policy of all label renderers. A
+//! [`SceneCache`] keeps data of single assets between scenes.
 //!
-//! Tables are vectors of plain structs that refer to each other by number and hold no pointers, so that a GPU renderer can
-//! pack each into its own layout. Methods that look a table up are the reference of what a shader does, and what the CPU
-//! renderer runs.
+//! Tables are vectors of plain structs that refer to each other by index, so a GPU renderer can pack each into its own
+//! layout. The methods that read a table are the reference for shaders, and the code of the CPU renderer.
 //!
 //! **Units and frames.** Meters; radiance in nits, linear Rec. 709; meshes in the body frame, everything else in the world
 //! frame. Texture coordinates have v upwards.
 //!
-//! **Invariant.** Everything is a pure function of the scene: threads and caches change nothing.
+//! **Invariant.** Every table is a pure function of the scene. Threads and caches change nothing.
 
 mod cache;
 mod emitter;

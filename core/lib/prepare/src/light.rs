@@ -10,7 +10,7 @@ use syntable_model::scene::{self, DirectionalLight, EnvironmentLight, Environmen
 use syntable_simd::functions::{acos, atan2_turns, sin_cos_turns};
 use syntable_simd::{Basis, Rgb, Vec3, vec3};
 
-/// Lights of a view. Lights without radiance are left out. Emissive bodies are lights too, but belong to the scene.
+/// Lights of a view, without lights that have no radiance. Emissive bodies are lights too, but belong to the scene.
 #[derive(Clone, Debug, Default)]
 pub struct LightTable {
     /// Lights with a shape.
@@ -21,7 +21,7 @@ pub struct LightTable {
     pub windows: Vec<WindowPattern>,
 }
 
-/// Number of a window that is none.
+/// Index for a light without a window.
 pub const NO_WINDOW: u32 = u32::MAX;
 
 /// A light with a shape, world.
@@ -63,7 +63,7 @@ pub struct RectLight {
     pub normal: Vec3,
     /// Half lengths of the edges along `x` and `y`, meters.
     pub half: [f32; 2],
-    /// Nits; of a window an estimate of the mean, for selecting lights.
+    /// Nits. For a window, an estimate of the mean, for selecting lights.
     pub radiance: Rgb,
     /// Luminance of the radiance, nits.
     pub luminance: f32,
@@ -71,13 +71,13 @@ pub struct RectLight {
     pub window: u32,
 }
 
-/// What a window shows.
+/// Pattern of a window.
 #[derive(Clone, Debug)]
 pub struct WindowPattern {
-    /// Extents of the panes along the edges x and y of the rectangle, meters from the center: a point is in a pane if
-    /// both of its coordinates are in one.
+    /// Extents of the panes along the edges x and y of the rectangle, meters from the center. A point is in a pane if
+    /// both of its coordinates are in such an extent.
     pub spans: [Vec<[f32; 2]>; 2],
-    /// What is behind the panes.
+    /// Map behind the panes.
     pub view: PlacedMap,
     /// Radiance elsewhere, nits.
     pub frame_radiance: Rgb,
@@ -99,7 +99,7 @@ pub struct DiskLight {
     pub luminance: f32,
 }
 
-/// A light infinitely far away. One direction at a time.
+/// A light infinitely far away.
 #[derive(Clone, Debug)]
 pub enum DistantLight {
     /// A round patch of constant radiance, such as the sun.
@@ -129,7 +129,7 @@ pub struct ConeLight {
 pub struct PlacedMap {
     /// The map.
     pub map: Arc<EnvironmentMap>,
-    /// Nits of a texel of one.
+    /// Radiance of a texel of value one, nits.
     pub scale: Rgb,
     /// Sine and cosine of the rotation about world z.
     pub rotation: (f32, f32),
@@ -140,17 +140,17 @@ pub struct PlacedMap {
 pub struct PlacedEnvironment {
     /// The map in the world.
     pub placed: PlacedMap,
-    /// Its distribution, for sampling.
+    /// Distribution of the map, for sampling.
     pub distribution: Arc<EnvironmentDistribution>,
     /// Mean luminance over all directions, nits.
     pub luminance: f32,
 }
 
 impl LightTable {
-    /// Checks and converts.
+    /// Checks and converts lights.
     ///
     /// # Errors
-    /// If a light is not sound; the error names its number.
+    /// If a light is invalid. The error names its number.
     pub fn new(lights: &[scene::Light], cache: &SceneCache) -> Result<Self> {
         let mut table = Self::default();
         for (number, light) in lights.iter().enumerate() {
@@ -188,7 +188,7 @@ impl LightTable {
                 return Ok(());
             }
             scene::Light::Window(light) => {
-                // A window that shows nothing is black: it still hides what is behind it.
+                // A window without a map is black, and still hides the background.
                 let (rect, pattern) = window(light, self.windows.len() as u32)?;
                 self.windows.push(pattern);
                 self.area.push(AreaLight::Rect(rect));
@@ -213,7 +213,7 @@ impl AreaLight {
 }
 
 impl DistantLight {
-    /// Samples a direction; also gives its density per steradian.
+    /// Samples a direction. Returns its density per steradian, too.
     #[inline]
     pub fn sample(&self, uv: [f32; 2]) -> (Vec3, f32) {
         match self {
@@ -308,9 +308,10 @@ pub struct ProjectedEnvironment {
 }
 
 impl ProjectedEnvironment {
-    /// The environment maps of a view; none if it has none, or if far lights leave a level plane dark.
+    /// The environment maps of a view; `None` without maps, or if distant lights leave a horizontal plane dark.
     ///
-    /// Albedo `ρ = π L / E` makes a diffuse surface with the irradiance E of all far lights have the radiance L.
+    /// With the albedo `ρ = π L / E`, a diffuse surface under the irradiance E of all distant lights has the radiance
+    /// L.
     pub fn new(lights: &[scene::Light], table: &LightTable) -> Option<Self> {
         let mut sum = [0.0; 3];
         for light in lights {
@@ -331,7 +332,7 @@ impl ProjectedEnvironment {
                 DistantLight::Cone(_) => None,
             })
             .collect();
-        // Light of low color temperature has no blue at all.
+        // Light of low color temperature may have no blue.
         let is_lit = sum.iter().any(|&e| e > 1e-12);
         let per_nit = color(sum.map(|e| if e > 1e-12 { std::f64::consts::PI / e } else { 0.0 }));
         (is_lit && !maps.is_empty()).then_some(Self { maps, per_nit })
@@ -347,7 +348,7 @@ impl ProjectedEnvironment {
         self.per_nit
     }
 
-    /// Albedo of a point that is seen from a height above the world's origin, meters.
+    /// Albedo of a point, seen from a height above the world's origin, meters.
     #[inline(never)]
     pub fn albedo(&self, height: f32, point: Vec3) -> Rgb {
         let direction = (point - vec3(0.0, 0.0, height)).normalized_or(vec3(0.0, 0.0, -1.0));
@@ -356,7 +357,7 @@ impl ProjectedEnvironment {
     }
 }
 
-/// A density over the unit square of a map as one per steradian: dω = 2π² sin θ du dv.
+/// Converts a density over the unit square of a map to one per steradian: dω = 2π² sin θ du dv.
 #[inline]
 fn per_steradian(density: f32, sin_theta: f32) -> f32 {
     density / (TAU * PI * sin_theta.max(1e-6))
@@ -381,14 +382,14 @@ fn check_radiance(radiance: [f64; 3]) -> Result<()> {
     if radiance.iter().all(|&x| x >= 0.0 && (x as f32).is_finite()) {
         return Ok(());
     }
-    Err(Error::new(format!("a radiance of {radiance:?} nits")).help("radiance is finite and not negative"))
+    Err(Error::new(format!("a radiance of {radiance:?} nits")).help("give it a finite, non-negative radiance"))
 }
 
 fn window(light: &scene::WindowLight, number: u32) -> Result<(RectLight, WindowPattern)> {
     let widths = [light.frame_m, light.bar_m];
     if !widths.iter().all(|width| (0.0..f64::INFINITY).contains(width)) || light.panes.iter().any(|&n| n > 1000) {
         let message = format!("a window of {:?} panes, frame and bars of {widths:?} m", light.panes);
-        return Err(Error::new(message).help("give it up to 1000 panes a side and widths from 0"));
+        return Err(Error::new(message).help("give it at most 1000 panes per side, and non-negative widths"));
     }
     let mut rect = rect(&light.rect([0.0; 3]))?;
     let spans = [0, 1].map(|axis| light.spans(axis).iter().map(|span| span.map(|x| x as f32)).collect::<Vec<_>>());
@@ -401,7 +402,7 @@ fn window(light: &scene::WindowLight, number: u32) -> Result<(RectLight, WindowP
     Ok((rect, WindowPattern { spans, view, frame_radiance }))
 }
 
-/// Length of all spans.
+/// Total length of the spans.
 fn covered(spans: &[[f32; 2]]) -> f32 {
     spans.iter().map(|[low, high]| high - low).sum()
 }
@@ -453,7 +454,7 @@ fn directional(light: &DirectionalLight) -> Result<DistantLight> {
             "a distant light towards {:?} of half angle {}",
             light.towards, light.half_angle
         ))
-        .help("give it a direction of length 1 and a half angle of 0.00001 to 1.5 radians"));
+        .help("give it a direction of length 1 and a half angle from 0.00001 to 1.5 radians"));
     }
     let half = libm::sin(0.5 * light.half_angle);
     Ok(DistantLight::Cone(ConeLight {
@@ -473,7 +474,7 @@ fn environment(light: &EnvironmentLight, cache: &SceneCache) -> Result<PlacedEnv
 
 fn placed(light: &EnvironmentLight) -> Result<PlacedMap> {
     if !light.rotation.is_finite() {
-        return Err(Error::new(format!("an environment rotated by {}", light.rotation)).help("give a finite angle"));
+        return Err(Error::new(format!("an environment rotated by {}", light.rotation)).help("give it a finite angle"));
     }
     let turns = light.rotation / std::f64::consts::TAU;
     Ok(PlacedMap {
@@ -525,14 +526,14 @@ mod tests {
 
     #[test]
     fn an_environment_is_rotated_about_z_counter_clockwise() {
-        // The center column looks along +x: of four columns the second ends there.
+        // The center column looks along +x, where the second of four columns ends.
         let texels = (0..8).map(|i| if i % 4 == 1 { [8.0; 3] } else { [0.0; 3] }).collect();
         let map = Arc::new(EnvironmentMap::new("test", 4, 2, texels).expect("sound"));
         let toward = |turns: f64| {
             let (sin, cos) = (turns * std::f64::consts::TAU).sin_cos();
             vec3(cos as f32, sin as f32, 0.0)
         };
-        // Columns go round clockwise seen from above: the middle of the second is at an eighth turn.
+        // Seen from above, columns advance clockwise: the middle of the second is at an eighth of a turn.
         for rotation in [0.0, 0.25, 0.6] {
             let light =
                 EnvironmentLight { map: map.clone(), scale: [2.0; 3], rotation: rotation * std::f64::consts::TAU };

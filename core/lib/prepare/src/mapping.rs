@@ -4,7 +4,7 @@ use syntable_model::scene::UvTransform;
 use syntable_simd::functions::{log2_rough, sin_cos_turns};
 use syntable_simd::{Vec3, max};
 
-/// Where texture coordinates come from.
+/// Source of texture coordinates.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Mapping {
     /// The mesh.
@@ -40,7 +40,7 @@ pub struct TextureCoordinates {
 }
 
 impl UvAffine {
-    /// Matrix of a transform. Values that are not finite count as the identity's.
+    /// Matrix of a transform. The identity's values replace non-finite values.
     pub fn new(t: &UvTransform) -> Self {
         let sane = |x: f32, or: f32| if x.is_finite() { x } else { or };
         let [su, sv] = t.scale.map(|s| sane(s, 1.0));
@@ -59,7 +59,8 @@ impl UvAffine {
         [a * u + b * v + self.offset[0], c * u + d * v + self.offset[1]]
     }
 
-    /// Tangent frame (along u, along v) of the new coordinates from that of the old ones, up to length.
+    /// Tangent frame (along u, along v) of the new coordinates, computed from the frame of the old ones; length is
+    /// arbitrary.
     #[inline(always)]
     pub fn tangent_frame(&self, tangent: Vec3, bitangent: Vec3) -> (Vec3, Vec3) {
         let [[a, b], [c, d]] = self.m;
@@ -70,14 +71,14 @@ impl UvAffine {
 }
 
 impl Mapping {
-    /// Coordinates by the mesh, for a look-up that is `width_m` meters wide.
+    /// Coordinates of the mesh, for a look-up that is `width_m` meters wide.
     #[inline(always)]
     pub fn by_uv(affine: &UvAffine, uv: [f32; 2], uv_per_m: f32, width_m: f32) -> TextureCoordinates {
         let log2_width = log2_rough(max(uv_per_m * width_m, 1e-20)) + affine.log2_scale;
         TextureCoordinates { uv: affine.apply(uv), log2_width }
     }
 
-    /// Coordinates by the box, from a point and face normal in the body's frame.
+    /// Coordinates of the box projection, from a point and a face normal in the body's frame.
     #[inline(always)]
     pub fn by_box(per_m: f32, transform: &UvAffine, p: Vec3, normal: Vec3, width_m: f32) -> TextureCoordinates {
         let (u, v) = BoxSide::frame(normal);
@@ -85,7 +86,7 @@ impl Mapping {
         TextureCoordinates { uv, log2_width: log2_rough(max(per_m * width_m, 1e-20)) }
     }
 
-    /// Tangent frame of the coordinates, body frame, from that of the mesh or the box.
+    /// Tangent frame of the coordinates in the body's frame, from the frame of the mesh or the box.
     #[inline(always)]
     pub fn frame(&self, tangent: Vec3, bitangent: Vec3) -> (Vec3, Vec3) {
         match self {
@@ -95,7 +96,7 @@ impl Mapping {
     }
 }
 
-/// Side of a box that a face is on: the dominant axis of its normal.
+/// Side of the box for a face: the dominant axis of the face's normal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BoxSide(u8);
 
@@ -103,7 +104,7 @@ impl BoxSide {
     /// Number of sides.
     pub const COUNT: usize = 6;
 
-    /// The side of a face with this normal, of any length. Of equal components z comes before x, and x before y.
+    /// The side for a face normal of any length. If components are equal, z comes before x, and x before y.
     #[inline(always)]
     pub fn of([x, y, z]: [f64; 3]) -> Self {
         let (ax, ay, az) = (x.abs(), y.abs(), z.abs());
@@ -123,7 +124,7 @@ impl BoxSide {
         usize::from(self.0)
     }
 
-    /// Unit vectors along which u and v grow, body frame: textures are upright and never mirrored seen from outside.
+    /// Unit vectors of increasing u and v, body frame. Seen from outside, textures are upright and never mirrored.
     #[inline(always)]
     pub fn axes<F: From<i8>>(self) -> [[F; 3]; 2] {
         const AXES: [[[i8; 3]; 2]; BoxSide::COUNT] = [

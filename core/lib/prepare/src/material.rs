@@ -1,4 +1,4 @@
-//! Materials flattened into tables: factors, numbered textures, and how textures are placed on the body.
+//! Materials as tables: factors, numbered textures, and the placement of textures on the body.
 
 use crate::cache::SceneCache;
 use crate::labels::{BlendedLabels, GLASS};
@@ -11,13 +11,14 @@ use syntable_model::scene::{self, Texture, TextureMapping, TextureRef, UvTransfo
 use syntable_simd::Rgb;
 use syntable_simd::functions::{exp2, log2};
 
-/// Number of a texture that is none.
+/// Index for a missing texture.
 pub const NO_TEXTURE: u32 = u32::MAX;
 
-/// Number of layers that are none.
+/// Index for missing layers.
 pub const NO_LAYERS: u32 = u32::MAX;
 
-/// Maximum perceptual roughness of a pane: what blurs light by less than a third of a degree passes it straight.
+/// Maximum perceptual roughness of a pane. Such a surface deflects light by less than a third of a degree, so light
+/// passes straight.
 pub const PANE_ROUGHNESS: f32 = 0.05;
 
 /// A texture and its placement in the coordinates of the material's mapping.
@@ -64,7 +65,7 @@ pub struct NormalInput {
     pub texture: TextureBinding,
 }
 
-/// A material on a body. Values out of range are brought into it.
+/// A material of a body, with values clamped to their ranges.
 #[derive(Clone, Copy, Debug)]
 pub struct Material {
     /// Diffuse albedo of a dielectric, reflectance of a metal at normal incidence.
@@ -89,7 +90,7 @@ pub struct Material {
     pub projection_height: Option<f32>,
 }
 
-/// Layers above the base, and transmission. A factor of 0 leaves a layer out.
+/// Layers above the base, and transmission. A layer with factor 0 has no effect.
 #[derive(Clone, Copy, Debug)]
 #[repr(C)]
 pub struct MaterialLayers {
@@ -118,9 +119,9 @@ pub struct MaterialLayers {
 pub enum AlphaMode {
     /// Ignored.
     Opaque,
-    /// There is no surface below the cutoff.
+    /// The surface does not exist below the cutoff.
     Mask(f32),
-    /// There is a surface with this probability, times the texture's alpha.
+    /// The surface exists with this probability, times the texture's alpha.
     Blend(f32),
 }
 
@@ -129,7 +130,7 @@ pub enum AlphaMode {
 pub struct MaterialTable {
     /// Materials, body by body in the order of their slots.
     pub materials: Vec<Material>,
-    /// Layers of those materials that have any.
+    /// Layers of the materials that have any.
     pub layers: Vec<MaterialLayers>,
     /// Textures; materials with equal textures share one.
     pub textures: Vec<Arc<MipTexture>>,
@@ -137,19 +138,19 @@ pub struct MaterialTable {
     pub has_projections: bool,
 }
 
-/// Binary logarithm of a footprint that reads the finest texels.
+/// Base-2 logarithm of a footprint that reads the finest texels.
 pub const FINEST: f32 = -100.0;
 
 /// Builds a [`MaterialTable`].
 pub(crate) struct TableBuilder<'a> {
     table: MaterialTable,
     numbers: BTreeMap<Digest, u32>,
-    /// Textures that are loaded already, whether or not the cache keeps them.
+    /// Textures that this builder has loaded, even if the cache dropped them.
     loaded: BTreeMap<Digest, Arc<MipTexture>>,
     cache: &'a SceneCache,
 }
 
-/// A number in [0, 1]; NaN counts as 0.
+/// A number clamped to [0, 1]; NaN becomes 0.
 fn unit(x: f32) -> f32 {
     if x > 0.0 { x.min(1.0) } else { 0.0 }
 }
@@ -162,7 +163,7 @@ impl TextureBinding {
         level_bias: 0.0,
     };
 
-    /// Whether there is a texture.
+    /// Whether the binding has a texture.
     #[inline(always)]
     pub fn is_some(&self) -> bool {
         self.texture != NO_TEXTURE
@@ -171,7 +172,7 @@ impl TextureBinding {
     /// Linear color at texture coordinates of the mapping.
     ///
     /// # Panics
-    /// If there is no texture.
+    /// Without a texture.
     #[inline(always)]
     pub fn color(&self, textures: &[Arc<MipTexture>], at: TextureCoordinates) -> Rgb {
         textures[self.texture as usize].color(self.transform.apply(at.uv), at.log2_width + self.level_bias)
@@ -180,7 +181,7 @@ impl TextureBinding {
     /// One linear channel at texture coordinates of the mapping.
     ///
     /// # Panics
-    /// If there is no texture.
+    /// Without a texture.
     #[inline(always)]
     pub fn channel(&self, textures: &[Arc<MipTexture>], at: TextureCoordinates, channel: u8) -> f32 {
         let texture = &textures[self.texture as usize];
@@ -200,7 +201,7 @@ impl ColorInput {
 }
 
 impl ScalarInput {
-    /// The same number everywhere.
+    /// A constant number.
     const fn constant(factor: f32) -> Self {
         Self { factor, channel: 0, texture: TextureBinding::NONE }
     }
@@ -220,7 +221,7 @@ impl NormalInput {
 }
 
 impl Material {
-    /// Whether nothing of it depends on texture coordinates.
+    /// Whether the material is independent of texture coordinates.
     #[inline(always)]
     pub fn is_untextured(&self) -> bool {
         !self.base_color.texture.is_some()
@@ -231,20 +232,20 @@ impl Material {
             && self.layers == NO_LAYERS
     }
 
-    /// Whether it has a clearcoat, sheen or transmission.
+    /// Whether the material has a clearcoat, sheen or transmission.
     #[inline(always)]
     pub fn is_layered(&self) -> bool {
         self.layers != NO_LAYERS
     }
 
-    /// Whether it emits light.
+    /// Whether the material emits light.
     #[inline]
     pub fn is_emissive(&self) -> bool {
         !self.emission.factor.is_black()
     }
 
-    /// Whether there is a surface at a point, by its finest texels. Where it covers in part, it is there if `u` in [0, 1) is
-    /// below the coverage.
+    /// Whether the surface exists at a point, according to its finest texels. Where coverage is partial, it exists if
+    /// `u` in [0, 1) is below the coverage.
     #[inline]
     pub fn is_solid(&self, textures: &[Arc<MipTexture>], uv: [f32; 2], u: f32) -> bool {
         match self.alpha {
@@ -254,7 +255,7 @@ impl Material {
         }
     }
 
-    /// Whether there is a surface at a point for labels, by its alpha.
+    /// Whether the surface exists at a point for labels, according to its alpha.
     pub fn is_labeled(&self, textures: &[Arc<MipTexture>], uv: [f32; 2], blended: BlendedLabels) -> bool {
         match (self.alpha, blended) {
             (AlphaMode::Opaque, _) => true,
@@ -276,13 +277,13 @@ impl Material {
 }
 
 impl MaterialLayers {
-    /// Fraction of the light that enters the surface and is transmitted; metals transmit none.
+    /// Fraction of the entering light that is transmitted; 0 for metals.
     #[inline(always)]
     pub fn transmitted_fraction(&self, textures: &[Arc<MipTexture>], at: TextureCoordinates, metallic: f32) -> f32 {
         self.transmission.at(textures, at) * (1.0 - metallic)
     }
 
-    /// Fraction of the light that is left after a distance in the medium, meters.
+    /// Fraction of the light that remains after a distance in the medium, meters.
     #[inline]
     pub fn transmittance(&self, distance: f32) -> Rgb {
         self.absorption.map(|k| exp2(k * distance * -std::f32::consts::LOG2_E))
@@ -301,7 +302,8 @@ impl MaterialTable {
         self.layers(material).is_some_and(|layers| layers.transmission.factor > 0.0)
     }
 
-    /// Whether a material is glass at a point, by its finest texels: it transmits one half or more of the light that enters.
+    /// Whether a material is glass at a point, according to its finest texels: it transmits at least one half of the
+    /// entering light.
     pub fn is_glass(&self, material: &Material, uv: [f32; 2]) -> bool {
         let at = TextureCoordinates { uv, log2_width: FINEST };
         self.layers(material).is_some_and(|layers| {
@@ -309,16 +311,16 @@ impl MaterialTable {
         })
     }
 
-    /// Layers of a material that has panes somewhere: thin and smooth, so that they transmit light straight.
+    /// Layers of a material with panes: thin and smooth parts that transmit light straight.
     #[inline(always)]
     pub fn pane(&self, material: &Material) -> Option<&MaterialLayers> {
         let smooth = material.roughness.texture.is_some() || material.roughness.factor <= PANE_ROUGHNESS;
         let thin = |layers: &&MaterialLayers| layers.transmission.factor > 0.0 && layers.has_volume == 0;
-        // Reflectance at a pane is that of its shading normal, which a map would make depend on the footprint.
+        // The reflectance of a pane follows its shading normal, which a normal map would make depend on the footprint.
         self.layers(material).filter(thin).filter(|_| smooth && !material.normal.texture.is_some())
     }
 
-    /// Whether a point of a material with panes is one, by its finest texels.
+    /// Whether a point of a material with panes is a pane, according to its finest texels.
     #[inline]
     pub fn is_pane(&self, material: &Material, at: TextureCoordinates) -> bool {
         let at = TextureCoordinates { log2_width: -100.0, ..at };
@@ -337,7 +339,7 @@ impl<'a> TableBuilder<'a> {
         Self { table: MaterialTable::default(), numbers: BTreeMap::new(), loaded, cache }
     }
 
-    /// The table.
+    /// Returns the table.
     pub fn finish(self) -> MaterialTable {
         self.table
     }
@@ -357,7 +359,7 @@ impl<'a> TableBuilder<'a> {
         self.table.materials.last().is_some_and(|material| self.table.pane(material).is_some())
     }
 
-    /// Adds a material; returns it.
+    /// Adds a material, and returns it.
     pub fn push(&mut self, material: &scene::Material, mapping: TextureMapping) -> &Material {
         let ior = if material.ior.is_finite() && material.ior >= 1.0 { material.ior } else { 1.5 };
         let emission = material.emission.factor.map(|x| if x > 0.0 && x.is_finite() { x } else { 0.0 });
@@ -523,7 +525,7 @@ mod tests {
         let blend = with(Alpha::Blend { factor: 0.5 }, half());
         assert!(solid(&blend, 0.25) && !solid(&blend, 0.26));
         assert_eq!(with(Alpha::Blend { factor: 1.0 }, None).0.alpha, AlphaMode::Opaque);
-        // For labels by coverage one half is a surface, less is none; by shape only the texels count.
+        // For labels by coverage, alpha of one half is a surface, and less is none. By shape, only the texels count.
         let quarter = || Some(texture("quarter", [255, 255, 255, 64]));
         for (alpha, texture, by_shape, by_coverage) in [
             (Alpha::Blend { factor: 0.5 }, None, true, true),

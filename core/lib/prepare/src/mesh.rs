@@ -1,9 +1,9 @@
-//! What shading needs of a mesh, gathered by triangle so that a hit touches one cache line; and tangents.
+//! Shading data of a mesh, grouped by triangle so that a hit reads one cache line; and tangents.
 
 use syntable_model::scene::Mesh;
 use syntable_simd::{Vec3, vec3};
 
-/// A mesh ready to be shaded, shared by all bodies of the same asset. Its tables are indexed by triangle.
+/// A mesh with shading data, shared by all bodies of the same asset. Its tables are indexed by triangle.
 #[derive(Debug)]
 pub struct ShadingMesh {
     /// Triangles, in the order of the mesh.
@@ -26,7 +26,7 @@ pub struct ShadingTriangle {
     pub normals: [u32; 3],
     /// Texture coordinates at the corners.
     pub uvs: [[f32; 2]; 3],
-    /// Length in (u, v) of a meter on the surface: square root of the ratio of areas.
+    /// Length in (u, v) of one meter on the surface: square root of the ratio of areas.
     pub uv_per_m: f32,
     /// Material slot.
     pub slot: u16,
@@ -50,7 +50,7 @@ impl ShadingMesh {
         Self { tangents: tangents(mesh), triangles, colors }
     }
 
-    /// Bytes held.
+    /// Size, bytes.
     pub fn size(&self) -> usize {
         size_of_val(&self.triangles[..]) + size_of_val(&self.tangents[..]) + size_of_val(&self.colors[..])
     }
@@ -91,7 +91,7 @@ fn triangle(mesh: &Mesh, t: usize) -> ShadingTriangle {
     let uv_area = signed_uv_area(uvs);
     let normals = corners.map(|i| {
         let own = data.normals.get(i as usize).map_or(normal, |&n| Vec3::from(n).normalized_or(normal));
-        // A corner's normal points to the same side as the face, whatever the file's winding.
+        // A corner's normal points to the same side as the face, whatever the file's winding order is.
         pack_unit(if own.dot(normal) < 0.0 { -own } else { own })
     });
     let flat = pack_unit(normal);
@@ -118,16 +118,16 @@ pub fn is_mirrored(uvs: [[f32; 2]; 3]) -> bool {
     signed_uv_area(uvs) < 0.0
 }
 
-/// Sums of the directions of increasing u over the faces around every vertex, weighted by area: once over the faces that
-/// show the texture as it is, once over those that mirror it.
+/// Area-weighted sums of the directions of increasing u over the faces around every vertex: one sum for faces that show
+/// the texture upright, one for faces that mirror it.
 pub struct VertexTangents(Vec<[[f64; 3]; 2]>);
 
 impl VertexTangents {
-    /// Sums up the faces of a mesh. Texture coordinates have v upwards; vertices are split where texture coordinates are,
-    /// so that seams stay sharp. Faces without area, on the surface or in (u, v), count for nothing.
+    /// Sums up the faces of a mesh. Texture coordinates have v upwards. Vertices are split where texture coordinates
+    /// are, so seams stay sharp. Faces without area, on the surface or in (u, v), have no weight.
     ///
     /// # Panics
-    /// If an index is not below the number of positions and of texture coordinates.
+    /// If an index is out of range of the positions or the texture coordinates.
     pub fn new(positions: &[[f32; 3]], uvs: &[[f32; 2]], triangles: &[[u32; 3]]) -> Self {
         let mut sums = vec![[[0.0_f64; 3]; 2]; positions.len()];
         for &triangle in triangles {
@@ -135,7 +135,7 @@ impl VertexTangents {
             let signed = signed_uv_area(uvs);
             let [e1, e2] = edges(positions, triangle);
             let [a, b, c] = uvs.map(|p| f64::from(p[1]));
-            // ∂p/∂u up to a positive factor, as long as the face's area.
+            // ∂p/∂u up to a positive factor, with a length proportional to the face's area.
             let along: [f64; 3] = std::array::from_fn(|i| (e1[i] * (c - a) - e2[i] * (b - a)) * signed.signum());
             let length = dot(along, along).sqrt();
             let normal = cross(e1, e2);
@@ -150,13 +150,14 @@ impl VertexTangents {
         Self(sums)
     }
 
-    /// Direction of increasing u at a vertex, of any length, for its faces of one handedness; null if there is none.
+    /// Direction of increasing u at a vertex, of any length, for its faces of one handedness; the null vector without
+    /// such faces.
     pub fn at(&self, vertex: u32, mirrored: bool) -> [f64; 3] {
         self.0[vertex as usize][usize::from(mirrored)]
     }
 }
 
-/// Packed unit tangents at the corners of every triangle; x where there is none.
+/// Packed unit tangents at the corners of every triangle; x where the direction is undefined.
 fn tangents(mesh: &Mesh) -> Vec<[u32; 3]> {
     let data = mesh.data();
     if data.uvs.is_empty() {

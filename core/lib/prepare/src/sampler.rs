@@ -1,19 +1,20 @@
 //! Owen-scrambled Sobol' points, two dimensions at a time.
 //!
-//! A path asks for pairs of numbers; every pair is a (0, 2)-sequence over the samples of a block of pixels, shuffled and
-//! scrambled on its own (Burley, "Practical Hash-based Owen Scrambling", JCGT 2020), so that pairs are independent of
-//! each other while each is spread as evenly as possible. Within a block, samples are numbered pixel after pixel along a
+//! A path requests pairs of numbers. Every pair is a (0, 2)-sequence over the samples of a block of pixels, shuffled
+//! and scrambled independently (Burley, "Practical Hash-based Owen Scrambling", JCGT 2020), so pairs are independent of
+//! each other, and each is spread as evenly as possible. Within a block, samples are numbered pixel by pixel along a
 //! Morton curve (Ahmed and Wonka, "Screen-Space Blue-Noise Diffusion of Monte Carlo Sampling Error via Hierarchical
-//! Ordering of Pixels", SIGGRAPH Asia 2020): not only a pixel's samples are spread evenly, but also those of 2 × 2, 4 × 4,
-//! 8 × 8 pixels, so that errors of neighbors cancel, for the eye and for denoisers. Later pairs are plain hashes: noise
-//! there is hardly noticed, and hashes cost less. Everything is a pure function of (seed, pixel, sample, pair).
+//! Ordering of Pixels", SIGGRAPH Asia 2020). Therefore, not only the samples of a pixel are spread evenly, but also
+//! those of 2 × 2, 4 × 4 and 8 × 8 pixels, and errors of neighbors cancel, both for the eye and for denoisers. Later
+//! pairs are plain hashes, which cost less, and whose noise is hardly visible. Every number is a pure function of
+//! (seed, pixel, sample, pair).
 
 use syntable_simd::Int;
 
 /// The same in WGSL.
 pub const SAMPLER_WGSL: &str = include_str!("sampler.wgsl");
 
-/// Pairs that are Sobol' points; later ones are hashes.
+/// Number of pairs that are Sobol' points. Later pairs are hashes.
 pub const SOBOL_PAIRS: u32 = 12;
 
 /// Assigns sample numbers to the pixels of an image.
@@ -27,7 +28,7 @@ pub struct SampleOrder {
 }
 
 impl SampleOrder {
-    /// An order for images of up to `samples` per pixel.
+    /// An order for images with up to `samples` per pixel.
     pub fn new(seed: u64, samples: u32) -> Self {
         let sample_bits = samples.max(1).next_power_of_two().trailing_zeros();
         Self { seed, sample_bits, block_bits: (30_u32.saturating_sub(sample_bits) / 2).min(8) }
@@ -38,7 +39,7 @@ impl SampleOrder {
         self.seed
     }
 
-    /// Base-2 logarithm of the numbers of samples per pixel.
+    /// Base-2 logarithm of the number of samples per pixel.
     pub fn sample_bits(&self) -> u32 {
         self.sample_bits
     }
@@ -48,7 +49,7 @@ impl SampleOrder {
         self.block_bits
     }
 
-    /// Seed of the pixel's block and number of the pixel's first sample; its other samples follow.
+    /// Seed of the pixel's block, and number of the pixel's first sample. Its other samples follow.
     pub fn pixel(&self, x: u32, y: u32) -> (u32, u32) {
         let block = |c: u32| u64::from(c >> self.block_bits);
         let inside = |c: u32| spread(c & ((1 << self.block_bits) - 1));
@@ -66,7 +67,7 @@ fn spread(x: u32) -> u32 {
     (x | x << 1) & 0x5555
 }
 
-/// Numbers of a path: those of one sample of a pixel.
+/// Random numbers of a path, for one sample of a pixel.
 #[derive(Clone, Copy, Debug)]
 pub struct Sampler<I = u32> {
     /// Seed of the block of pixels.

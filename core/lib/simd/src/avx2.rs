@@ -431,7 +431,7 @@ mod tests {
         Processor::detect() != Processor::portable()
     }
 
-    /// Every operation on eight lanes gives the bits of the operation on one.
+    /// Every operation on eight lanes gives the same bits as on a single number.
     #[test]
     fn lanes_agree_with_single_numbers() {
         if !available() {

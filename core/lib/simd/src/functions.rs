@@ -1,15 +1,15 @@
 //! Elementary functions from IEEE basic operations alone.
 //!
-//! The standard library's `sin` and `acos` come from the platform's mathematics library, whose last bits differ from
-//! one system to the next. These give the same bits everywhere, to a few units in the last place, and are faster.
+//! The standard library's `sin` and `acos` come from the platform's mathematics library, whose last bits differ between
+//! systems. These functions give the same bits everywhere, to a few units in the last place, and are faster.
 
 use crate::{Int, Real, at_least, at_most};
 use std::f32::consts::{FRAC_PI_2, FRAC_PI_4, PI};
 
-/// Stands for infinity on graphics cards: shaders count larger numbers as infinite.
+/// Represents infinity on graphics cards: shaders treat larger numbers as infinite.
 pub const FAR: f32 = 3.0e38;
 
-/// The same in WGSL, with what shaders need of vectors.
+/// The same functions in WGSL, with the vector functions of shaders.
 pub const WGSL: &str = include_str!("functions.wgsl");
 
 /// The whole number at or below, for |x| < 2³¹.
@@ -24,7 +24,7 @@ pub fn floor(x: f32) -> (i32, f32) {
 #[inline(always)]
 pub fn sin_cos_turns<T: Real>(turns: T) -> (T, T) {
     let quarters = turns * 4.0_f32;
-    // To the nearest quarter, by truncation of a number made positive or pushed away from zero.
+    // Rounds to the nearest quarter turn: shifts away from zero, then truncates.
     let quadrant = (quarters + T::splat(0.5).copysign(quarters)).truncate();
     let x = (quarters - quadrant.signed_to_real()) * FRAC_PI_2;
     let x2 = x * x;
@@ -33,12 +33,12 @@ pub fn sin_cos_turns<T: Real>(turns: T) -> (T, T) {
         + 1.0_f32;
     let odd = (quadrant & T::Int::splat(1)).equals(T::Int::splat(1));
     let (s, c) = (T::select(odd, cos, sin), T::select(odd, sin, cos));
-    // The sign bits: sine's is bit 1 of the quadrant, cosine's that of the next quadrant.
+    // The sign bits: bit 1 of the quadrant for the sine, bit 1 of the next quadrant for the cosine.
     let flip = |v: T, quadrant: T::Int| T::from_bits(v.bits() ^ ((quadrant & T::Int::splat(2)) << 30));
     (flip(s, quadrant), flip(c, quadrant.plus(T::Int::splat(1))))
 }
 
-/// Arc cosine; arguments beyond ±1 count as ±1. (Abramowitz and Stegun 4.4.46.)
+/// Arc cosine; clamps arguments to ±1. (Abramowitz and Stegun 4.4.46.)
 #[inline(always)]
 pub fn acos<T: Real>(x: T) -> T {
     let a = at_most(x.abs(), 1.0);

@@ -8,8 +8,8 @@
 //! [`Processor::run`] started after the instruction set was detected, so none of their safe methods can execute an
 //! instruction that the processor lacks. Detection is in `processor.rs` and nowhere else.
 //!
-//! **Invariant.** Every operation is an IEEE operation of one lane on its own, rounded once, and fused only where
-//! [`Wide::mul_add`] asks for it. So all instruction sets give the same bits.
+//! **Invariant.** Every operation is an IEEE operation on one lane, rounded once, and fused only in [`Wide::mul_add`].
+//! So all instruction sets give the same bits.
 
 #[cfg(target_arch = "x86_64")]
 mod avx2;

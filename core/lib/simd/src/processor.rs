@@ -16,17 +16,17 @@ pub trait Task {
     /// Result.
     type Output;
 
-    /// Runs the task. Mark implementations and what they call `#[inline(always)]`: a function that is not inlined, such
+    /// Runs the task. Mark implementations and their callees `#[inline(always)]`: a function that is not inlined, such
     /// as some closures, is compiled without the instruction set.
     fn run<S: Simd>(self) -> Self::Output;
 }
 
 /// The instruction set that tasks run on: a capability that only detection makes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Processor(Level);
+pub struct Processor(InstructionSet);
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Level {
+enum InstructionSet {
     Portable,
     #[cfg(target_arch = "x86_64")]
     Avx2(avx2::Token),
@@ -37,22 +37,22 @@ impl Processor {
     pub fn detect() -> Self {
         #[cfg(target_arch = "x86_64")]
         if let Some(token) = avx2::Token::detect() {
-            return Self(Level::Avx2(token));
+            return Self(InstructionSet::Avx2(token));
         }
         Self::portable()
     }
 
     /// Plain Rust, which every processor runs.
     pub const fn portable() -> Self {
-        Self(Level::Portable)
+        Self(InstructionSet::Portable)
     }
 
     /// Name of the instruction set, such as `AVX2 + FMA` or `portable`.
     pub fn name(self) -> &'static str {
         match self.0 {
-            Level::Portable => "portable",
+            InstructionSet::Portable => "portable",
             #[cfg(target_arch = "x86_64")]
-            Level::Avx2(_) => "AVX2 + FMA",
+            InstructionSet::Avx2(_) => "AVX2 + FMA",
         }
     }
 
@@ -60,14 +60,14 @@ impl Processor {
     #[inline]
     pub fn run<T: Task>(self, task: T) -> T::Output {
         match self.0 {
-            Level::Portable => task.run::<Scalar>(),
+            InstructionSet::Portable => task.run::<Scalar>(),
             #[cfg(target_arch = "x86_64")]
-            Level::Avx2(token) => token.run(task),
+            InstructionSet::Avx2(token) => token.run(task),
         }
     }
 }
 
-/// Asks for the cache line at an address; a hint, without effect on results. Any address will do.
+/// Prefetches the cache line at any address. A hint without effect on results.
 #[inline(always)]
 pub fn prefetch<T>(address: *const T) {
     #[cfg(target_arch = "x86_64")]
@@ -124,7 +124,7 @@ mod avx2 {
             fn with_avx2<T: Task>(task: T) -> T::Output {
                 task.run::<Avx2>()
             }
-            // SAFETY: the token says that the processor has both.
+            // SAFETY: the token proves that the processor has both.
             unsafe { with_avx2(task) }
         }
     }

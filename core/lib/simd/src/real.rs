@@ -32,8 +32,8 @@ pub trait Real:
     fn load(from: &[f32]) -> Self;
     /// Stores to the front of a slice.
     fn store(self, to: &mut [f32]);
-    /// Stores the lanes of `mask`, compacted, to the front of a slice with room for all lanes. What follows the selected
-    /// lanes is unspecified.
+    /// Stores the lanes of `mask`, compacted, to the front of a slice with room for all lanes. The rest of the slice is
+    /// unspecified.
     fn compress(self, mask: Self::Mask, to: &mut [f32]);
     /// Square root.
     fn sqrt(self) -> Self;

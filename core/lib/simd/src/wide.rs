@@ -10,8 +10,8 @@ pub struct Column(pub [f32; WIDTH]);
 
 /// Eight lanes of `f32` arithmetic.
 ///
-/// `min` and `max` follow the x86 rule: the second operand wins unless the comparison holds, so a NaN in either gives the
-/// second.
+/// `min` and `max` follow the x86 rule: they return the second operand unless the comparison holds, so also if either
+/// operand is NaN.
 pub trait Wide: Copy {
     /// Eight numbers, or eight all-ones/all-zeros masks.
     type V: Copy;

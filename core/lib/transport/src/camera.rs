@@ -9,14 +9,14 @@ use syntable_simd::{Vec3, vec3};
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C)]
 pub struct Ray {
-    /// Where it starts, meters.
+    /// Origin, meters.
     pub origin: [f32; 3],
-    /// Where it goes.
+    /// Direction.
     pub direction: [f32; 3],
 }
 
-/// A camera ready to give rays. Without distortion they are affine in the pixel coordinates; computed in f64 and
-/// rounded once.
+/// A camera that generates rays. Without distortion, rays are affine in the pixel coordinates; they are computed in f64
+/// and rounded once.
 #[derive(Clone, Debug)]
 pub struct RayCamera {
     origin: Vec3,
@@ -37,8 +37,8 @@ pub struct RayCamera {
 #[derive(Clone, Debug)]
 struct Warp {
     camera: Camera,
-    /// Direction in the camera's frame with z = 1 at every pixel's corners, row by row, one more than pixels per row.
-    /// Not a number where the lens sees nothing.
+    /// Directions in the camera's frame with z = 1 at the corners of all pixels, row by row, one more than pixels per
+    /// row. NaN outside the lens's field of view.
     corners: Vec<[f32; 2]>,
     window: Window,
 }
@@ -81,8 +81,7 @@ impl RayCamera {
     }
 
     /// The ray through (u, v), px from the top-left corner of the image, from the center of the lens. The direction
-    /// advances one meter along the optical axis, so that distances are depths. None where the distortion has no
-    /// inverse.
+    /// advances one meter along the optical axis, so distances are depths. `None` where the distortion has no inverse.
     #[inline]
     pub fn ray(&self, u: f64, v: f64) -> Option<Ray> {
         let d = match &self.warp {
@@ -92,19 +91,19 @@ impl RayCamera {
         Some(Ray { origin: self.origin.array(), direction: [d.x as f32, d.y as f32, d.z as f32] })
     }
 
-    /// Where rays start without a lens.
+    /// Origin of all rays of a pinhole.
     pub fn origin(&self) -> Vec3 {
         self.origin
     }
 
-    /// Direction of [`Self::ray`] at a pixel's top-left corner, as if there were no distortion.
+    /// Direction of [`Self::ray`] at a pixel's top-left corner, ignoring distortion.
     #[inline]
     pub fn corner(&self, x: i32, y: i32) -> Vec3 {
         let d = self.corner + self.along_u * f64::from(x) + self.along_v * f64::from(y);
         vec3(d.x as f32, d.y as f32, d.z as f32)
     }
 
-    /// How the direction of [`Self::ray`] changes with u and with v, a pixel, as if there were no distortion.
+    /// Derivatives of the direction of [`Self::ray`] by u and v, per pixel, ignoring distortion.
     pub fn slopes(&self) -> [Vec3; 2] {
         [self.along_u, self.along_v].map(|d| vec3(d.x as f32, d.y as f32, d.z as f32))
     }
@@ -114,8 +113,8 @@ impl RayCamera {
         self.warp.is_some()
     }
 
-    /// The distorted direction at a place within a pixel of the window, between those of its corners; none where the
-    /// lens sees nothing.
+    /// The distorted direction at a position within a pixel of the window, interpolated between the pixel's corners;
+    /// `None` outside the lens's field of view.
     #[inline]
     pub fn warped(&self, x: i32, y: i32, [u, v]: [f32; 2]) -> Option<Vec3> {
         let warp = self.warp.as_ref()?;
@@ -133,8 +132,8 @@ impl RayCamera {
         (x.is_finite() && y.is_finite()).then(|| right * x + down * y + forward)
     }
 
-    /// Directions in the camera's frame with z = 1 at the corners of the window's pixels, row by row, one more than pixels
-    /// per row; not a number where the lens sees nothing. None without distortion.
+    /// Directions in the camera's frame with z = 1 at the corners of the window's pixels, row by row, one more than
+    /// pixels per row; NaN outside the lens's field of view. `None` without distortion.
     pub fn warped_corners(&self) -> Option<&[[f32; 2]]> {
         self.warp.as_ref().map(|warp| &warp.corners[..])
     }

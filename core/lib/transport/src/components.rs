@@ -12,26 +12,26 @@ pub enum Light {
     /// All of it.
     #[default]
     All,
-    /// That of at most one reflection.
+    /// Light after at most one reflection.
     Direct,
-    /// The same, as if nothing cast a shadow. Emitters alone are sampled: what a reflected ray meets would hide lights.
+    /// The same without shadows. Only emitters are sampled, because a hit of a reflected ray would hide lights.
     Unshadowed,
 }
 
 /// Products that are components of light.
 const OFFERED: [KeyId; 3] = [RADIANCE_DIRECT.id(), RADIANCE_INDIRECT.id(), RADIANCE_UNSHADOWED.id()];
 
-/// Products that [`render`] adds to those of a renderer.
+/// Products that [`render`] adds to the products of a renderer.
 pub fn offers() -> impl Iterator<Item = KeyId> {
     OFFERED.into_iter()
 }
 
 /// Renders a view, and the components of its light that the request wants.
 ///
-/// `trace` renders a request with some light; `whole` is what it calls all light before a denoiser.
+/// Renders a request. `trace` renders one component of light; `whole` is its key for all light before a denoiser.
 ///
 /// # Errors
-/// Those of `trace`.
+/// Errors of `trace`.
 pub fn render(
     request: &RenderRequest,
     whole: Key<Plane<[f32; 3]>>,

@@ -18,11 +18,11 @@ use syntable_model::stage::{Tile, Window};
 /// Edge of the squares of pixels that are one job, and that stop together.
 const SQUARE: i32 = 16;
 
-/// Samples of the first round where squares may stop early: enough to know how noisy they are.
+/// Samples of the first round if squares may stop early: enough to estimate their noise.
 const FIRST_ROUND: u32 = 16;
 
-/// Samples of the guides of pixels that are unlike their neighbors, on top of those that also find light; with as many
-/// of these, guides are clean without.
+/// Additional samples of the guides of pixels that differ from their neighbors. With this many path samples, guides are
+/// clean without additional ones.
 pub const GUIDE_SAMPLES: u32 = 8;
 
 /// Neighbors differ from this difference of base color or normal on.
@@ -31,8 +31,8 @@ pub const DIFFERENT: f32 = 0.1;
 /// A firefly is brighter than the median of the 5 × 5 pixels around it by this factor, as one sees it in an image.
 const FIREFLY: f64 = 3.0;
 
-/// The standard error of a firefly is at least this fraction of its luminance: one or two samples made it. What is bright
-/// by itself, such as a highlight or a light, has a smaller one.
+/// Minimum standard error of a firefly, as a fraction of its luminance: one or two samples cause it. Truly bright
+/// pixels, such as highlights and lights, have a smaller error.
 const FIREFLY_ERROR: f64 = 0.5;
 
 /// Limits on samples and time.
@@ -40,7 +40,7 @@ const FIREFLY_ERROR: f64 = 0.5;
 pub struct Budget {
     /// Maximum samples per pixel.
     pub samples: u32,
-    /// Squares whose relative error is below this stop early.
+    /// Relative error below which squares stop early.
     pub noise: Option<f64>,
     /// No round starts that would end later than this many seconds after the start, as the last one took.
     pub seconds: Option<f64>,
@@ -73,7 +73,7 @@ pub fn place([left, top, right, _]: [i32; 4], pixel: u16) -> (i32, i32) {
     (left + pixel % (right - left), top + pixel / (right - left))
 }
 
-/// Counts of paths and rays.
+/// Numbers of paths and rays.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Statistics {
     /// Paths started.
@@ -85,7 +85,7 @@ pub struct Statistics {
 }
 
 impl Statistics {
-    /// Adds other counts.
+    /// Adds other numbers.
     pub fn add(&mut self, other: &Self) {
         self.paths += other.paths;
         self.rays += other.rays;
@@ -93,11 +93,11 @@ impl Statistics {
     }
 }
 
-/// What traces the samples of an image.
+/// Traces the samples of an image.
 pub trait Tracer {
     /// Whether guides are gathered with the light.
     fn has_guides(&self) -> bool;
-    /// Adds samples to the sums of squares. The tasks are of different squares, and have as many samples.
+    /// Adds samples to the sums of squares. All tasks have different squares and the same number of samples.
     fn trace(&self, tasks: Vec<Task>, workers: &dyn Workers) -> Result<Statistics>;
     /// Adds samples of the guides alone; `samples` of them are planned per pixel.
     fn trace_guides(&self, samples: u32, tasks: Vec<Task>, workers: &dyn Workers) -> Result<()>;
@@ -107,11 +107,11 @@ pub trait Tracer {
 pub struct Film {
     size: [u32; 2],
     tiles: Vec<TileFilm>,
-    /// Counts so far.
+    /// Numbers so far.
     pub statistics: Statistics,
 }
 
-/// What is traced of a tile.
+/// Film of a tile.
 struct TileFilm {
     window: Window,
     /// Column and row of the window in the image.
@@ -157,10 +157,10 @@ impl Film {
         wants.iter().any(|want| OF_GUIDES.contains(want))
     }
 
-    /// Puts those of the wanted products that a film has.
+    /// Stores the wanted products of this film.
     ///
     /// # Errors
-    /// If one is there already.
+    /// If a product exists already.
     pub fn put(&self, wants: &[KeyId], camera: &RayCamera, workers: &dyn Workers, frame: &mut Products) -> Result<()> {
         for &want in wants {
             if want == RADIANCE.id() {
@@ -197,7 +197,7 @@ impl Film {
     /// Renders the tiles of an image of a width and height.
     ///
     /// # Errors
-    /// Those of the tracer.
+    /// Errors of the tracer.
     pub fn trace(
         tracer: &impl Tracer,
         size: [u32; 2],
@@ -216,7 +216,7 @@ impl Film {
                 (_, 0) => FIRST_ROUND.min(budget.samples),
                 _ => (2 * from).min(budget.samples),
             };
-            // What is left of the time decides; the clock is asked for nothing else.
+            // The clock is read only to compare the time with the budget.
             let elapsed = started.elapsed().as_secs_f64();
             let predicted = if from == 0 { 0.0 } else { elapsed * f64::from(to) / f64::from(from) };
             let to = match budget.seconds {
@@ -259,8 +259,8 @@ impl Film {
         Ok(())
     }
 
-    /// Gives more samples of the guides to the pixels that have few and are unlike a neighbor: there most of what
-    /// denoisers know would be noise, and a ray for guides alone costs a small part of a path.
+    /// Adds samples of the guides to pixels that have few and differ from a neighbor. Denoisers would see mostly noise
+    /// there, and a ray for guides alone costs a small part of a path.
     fn clean_guides(&mut self, tracer: &impl Tracer, workers: &dyn Workers) -> Result<()> {
         let chosen: Vec<Vec<Vec<u16>>> = self.tiles.iter().map(|film| film.unclean(workers)).collect();
         let mut tasks = Vec::new();
@@ -277,10 +277,10 @@ impl Film {
         tracer.trace_guides(GUIDE_SAMPLES, tasks, workers)
     }
 
-    /// Marks the squares whose error is small as done; true if all are.
+    /// Marks squares with small error as finished. Returns whether all are.
     ///
-    /// The error of a square is the mean over its pixels of the luminance's standard error over the luminance, where a
-    /// tenth of the image's mean is added to the latter, so that darkness need not be cleaner than it can be seen.
+    /// The error of a square is the mean over its pixels of standard error over luminance. A tenth of the image's mean
+    /// is added to the luminance, because noise in dark areas is hard to see.
     fn stop_quiet_squares(&mut self, noise: f64) -> bool {
         let mean_of = |sums: &PixelSums| luminance(sums.radiance) / f64::from(sums.samples.max(1));
         let mut squares: Vec<&mut Square> =
@@ -300,7 +300,7 @@ impl Film {
         all
     }
 
-    /// A plane of one value per pixel; `zero` where there is no tile.
+    /// A plane of one value per pixel; `zero` outside the tiles.
     pub fn plane<T: Copy + Send>(
         &self,
         workers: &dyn Workers,
@@ -325,7 +325,7 @@ impl Film {
         self.plane(workers, [0.0; 3], |sums| sums.radiance.map(|x| (x / f64::from(sums.samples.max(1))) as f32))
     }
 
-    /// Counts of rays, samples and fireflies, and the relative error.
+    /// Numbers of rays, samples and fireflies, and the relative error.
     pub fn report(&self, workers: &dyn Workers) -> Value {
         let samples = self.plane(workers, 0_u32, |sums| sums.samples);
         let count = |least: bool| {
@@ -352,7 +352,7 @@ impl TileFilm {
         Self { window, at, squares: squares.map(square).collect() }
     }
 
-    /// For each square, the pixels whose guides are too few, and unlike those of a neighbor.
+    /// For each square, the pixels with too few guide samples that differ from a neighbor.
     fn unclean(&self, workers: &dyn Workers) -> Vec<Vec<u16>> {
         let albedo = self.plane(workers, [0.0; 3], PixelSums::mean_albedo);
         let normal = self.plane(workers, [0.0; 3], PixelSums::mean_normal);
@@ -364,7 +364,7 @@ impl TileFilm {
                 let (x, y) = place(square.area, *pixel);
                 let (x, y) = ((x - window.x) as usize, (y - window.y) as usize);
                 let sums = &square.sums[usize::from(*pixel)];
-                // Paths that glass reflected tell nothing.
+                // Paths that glass reflected carry no information.
                 let reflected = sums.guide_samples < sums.samples;
                 sums.guide_samples < GUIDE_SAMPLES
                     && (reflected || [&albedo, &normal].iter().any(|guide| differs_from_neighbors(guide, x, y)))
@@ -402,8 +402,8 @@ impl TileFilm {
     }
 }
 
-/// The product [`RENDER_REPORT`] of an image: counts of rays, fewest and most samples of a pixel, fireflies, and the
-/// relative error.
+/// The product [`RENDER_REPORT`] of an image: numbers of rays, minimum and maximum number of samples of a pixel, number
+/// of fireflies, and relative error.
 pub fn report(
     radiance: &Plane<[f32; 3]>,
     variance: &Plane<f32>,
@@ -422,7 +422,7 @@ pub fn report(
         ("samples_max", samples_max.into()),
         ("fireflies", fireflies(radiance, &error).into()),
     ];
-    // A single sample says nothing of its error.
+    // A single sample has no error estimate.
     if relative.is_finite() {
         record.push(("relative_error", relative.into()));
     }
@@ -438,8 +438,8 @@ fn differs_from_neighbors(guide: &Plane<[f32; 3]>, x: usize, y: usize) -> bool {
     around.any(|there| (0..3).any(|c| (here[c] - there[c]).abs() > DIFFERENT))
 }
 
-/// Number of pixels that are far brighter than their surroundings by chance: `error` is the standard error of the
-/// luminance. An image of a single sample has none, since nothing is known of its error.
+/// Number of pixels that are far brighter than their surroundings by chance. `error` is the standard error of the
+/// luminance. An image with one sample per pixel has no fireflies, because it has no error estimate.
 fn fireflies(radiance: &Plane<[f32; 3]>, error: &Plane<f64>) -> u32 {
     let (width, height) = (radiance.width() as usize, radiance.height() as usize);
     let y: Vec<f64> = radiance.data().iter().map(|pixel| luminance(pixel.map(f64::from))).collect();
@@ -469,7 +469,7 @@ mod tests {
         };
         assert_eq!(at(&[(0, 0), (4, 3)], 0.9), 2);
         assert_eq!(at(&[(4, 3), (5, 3)], 0.9), 2, "side by side");
-        assert_eq!(at(&[(4, 3), (5, 3)], 0.1), 0, "a light of two pixels is none");
+        assert_eq!(at(&[(4, 3), (5, 3)], 0.1), 0, "a light of two pixels is not a firefly");
         assert_eq!(at(&[(4, 3)], f64::NAN), 0, "one sample");
         assert_eq!(at(&[], 0.9), 0);
     }

@@ -21,7 +21,7 @@ pub struct LayerSample {
     pub coating: CoatingParameters,
     /// Index of refraction of the inside.
     pub ior: f32,
-    /// Whether the clearcoat was selected, which may have a normal map of its own.
+    /// Whether the clearcoat, which can have its own normal map, was selected.
     pub is_clearcoat: bool,
 }
 
@@ -41,7 +41,8 @@ pub fn base_parameters(
     }
 }
 
-/// Selects the layer that a path scatters from with `u` in [0, 1); `cosine` is that of its direction with the normal.
+/// Selects the layer that scatters a path, with `u` in [0, 1). `cosine` is the cosine between the path's direction and
+/// the normal.
 #[inline(always)]
 pub fn sample_layer(
     table: &MaterialTable,
@@ -125,8 +126,8 @@ pub fn normal_map<'a>(table: &'a MaterialTable, material: &'a Material, is_clear
     input.texture.is_some().then_some(input)
 }
 
-/// The normal of a map, given the frame of the mapping's coordinates around the unit normal `n`; and per axis the variance
-/// of slopes that are too fine for the look-up.
+/// The normal of a map, given the frame of the mapping's coordinates around the unit normal `n`, and per axis the
+/// variance of slopes that are too fine for the look-up.
 #[inline]
 pub fn mapped_normal(
     textures: &[Arc<MipTexture>],

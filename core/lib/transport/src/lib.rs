@@ -1,9 +1,9 @@
-//! What path tracers share, whatever they run on.
+//! Shared code of path tracers, on any device.
 //!
-//! [`PathTracing`] are their options, [`RayCamera`] gives the rays of a camera, [`surface`] the surface at a hit, [`bsdf`]
-//! how it scatters light, [`light`] samples the lights of a view, [`path`] has numbers of paths, [`film`] makes an image of samples, and [`components`] parts its
-//! light. All of it computes
-//! in lanes of [`syntable_simd`], one or eight at a time, and is the reference of what a shader does.
+//! [`PathTracing`] has their options, [`RayCamera`] the rays of a camera, [`surface`] the surface at a hit, [`bsdf`]
+//! its scattering, [`light`] the sampling of a view's lights, [`path`] constants of paths, [`film`] the image of
+//! samples, and [`components`] the components of its light. All of it computes in lanes of [`syntable_simd`], one or
+//! eight at a time, and is the reference for shaders.
 //!
 //! **Units and frames.** Meters and nits, in the world frame; scattering is in a local frame with z along the shading
 //! normal.

@@ -25,16 +25,16 @@ pub struct PathTracing {
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub max_indirect_luminance_nits: Option<f64>,
     /// Minimum perceptual roughness of surfaces after the first rough bounce (path-space regularization, Kaplanyan and
-    /// Dachsbacher, 2013). 0.3 or so blurs caustics, which are fireflies otherwise, without losing light; what the camera
-    /// sees directly or in mirrors is unchanged. 0 disables it.
+    /// Dachsbacher, 2013). About 0.3 blurs caustics, which otherwise become fireflies, without losing light; directly
+    /// visible surfaces and mirror images stay unchanged. 0 disables it.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub regularize: f64,
     /// How dielectrics divide light between gloss and color.
     pub dielectrics: Dielectrics,
-    /// Reconstruction filter: how much the light counts that falls around the center of a pixel.
+    /// Reconstruction filter: the weight of light by its distance from the center of a pixel.
     pub pixel_filter: PixelFilter,
-    /// Noise below which a tile of 16 × 16 pixels gets no more samples: the ratio of standard error to luminance, such as
-    /// 0.02. `samples_per_pixel` is then the maximum. Without it, all pixels get as many.
+    /// Noise below which a tile of 16 × 16 pixels gets no more samples: the ratio of standard error to luminance, such
+    /// as 0.02. `samples_per_pixel` is then the maximum. Without it, all pixels get the same number of samples.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(extend("exclusiveMinimum" = 0, "maximum" = 1))]
     pub noise: Option<f64>,
@@ -44,12 +44,12 @@ pub struct PathTracing {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub time_s: Option<f64>,
-    /// Which surface labels are of where one can be seen through: `shape` (the default) the first one, glass included; what
-    /// blends by alpha (glTF `BLEND`, MTL `d`) is there wherever the alpha of its texture is one half or more, however
-    /// transparent the material is as a whole. `coverage` the first one that covers one half or more of what is behind it by its
-    /// alpha; glass does. `opaque` the first opaque one: what transmits one half or more of the light that enters is not there
-    /// either, so that an object of glass has no mask and hides nothing, and an object behind it is seen. `label_policy` says
-    /// which it was.
+    /// The surface that labels show where light passes through another. `shape` (the default): the first surface,
+    /// including glass. A surface that blends by alpha (glTF `BLEND`, MTL `d`) exists wherever the alpha of its texture
+    /// is at least one half, however transparent the material is overall. `coverage`: the first surface whose alpha
+    /// covers at least one half of the background; this includes glass. `opaque`: the first opaque surface. A surface
+    /// that transmits at least one half of the entering light does not exist either, so an object of glass has no mask
+    /// and hides nothing, and objects behind it are visible. The product `label_policy` states the choice.
     pub blended_labels: BlendedLabels,
 }
 
@@ -57,17 +57,17 @@ pub struct PathTracing {
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Dielectrics {
-    /// Light crosses the surface on its way in and out, and what microfacets reflect more than once is kept: white
+    /// Light crosses the surface on its way in and out, and multiple reflections between microfacets are kept: white
     /// reflects all light (Kulla and Conty, 2017).
     #[default]
     EnergyConserving,
-    /// The plain mix of glTF 2.0, appendix B.2: the Fresnel term of the half vector, once, and no multiple scattering. As
-    /// viewers of glTF show it: light 10° above a smooth surface gives a half more.
+    /// The plain mix of glTF 2.0, appendix B.2: the Fresnel term of the half vector, once, and no multiple scattering.
+    /// Matches viewers of glTF: light 10° above a smooth surface is 1.5 times as bright.
     Gltf,
 }
 
-/// Reconstruction filter of pixels. Every pixel draws the positions of its own paths from it, so that the noise of
-/// neighbors is independent, as denoisers need it (Shirley, 1991).
+/// Reconstruction filter of pixels. Each pixel draws the positions of its own paths from the filter, so the noise of
+/// neighbors is independent, as denoisers require (Shirley, 1991).
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum PixelFilter {
@@ -95,7 +95,7 @@ impl Default for PathTracing {
     }
 }
 
-/// Defines a kind's options as those of path tracing, with the kind's documentation.
+/// Defines a kind with the options of path tracing and its own documentation.
 #[macro_export]
 macro_rules! path_tracing_kind {
     ($(#[doc = $doc:literal])* $name:ident) => {
@@ -120,7 +120,7 @@ macro_rules! path_tracing_kind {
     };
 }
 
-/// What the options say of how light is gathered, as paths read it.
+/// Options for light transport, as paths read them.
 #[derive(Clone, Copy, Debug)]
 pub struct Settings {
     /// Planned samples per pixel; more of them read textures at finer levels.
@@ -142,7 +142,7 @@ pub struct Settings {
 }
 
 impl PathTracing {
-    /// What paths read of the options, if they gather some light.
+    /// Options for paths that gather this component of light.
     pub fn settings(&self, light: Light) -> Settings {
         Settings {
             samples: self.samples_per_pixel,
@@ -159,8 +159,8 @@ impl PathTracing {
         }
     }
 
-    /// Limits on samples and time. Every component of light has the limit of time for itself, and as many samples in all of
-    /// its pixels.
+    /// Limits on samples and time. Every component of light has the whole time limit, and the same number of samples in
+    /// all of its pixels.
     pub fn budget(&self, light: Light) -> Budget {
         match light {
             Light::All => Budget { samples: self.samples_per_pixel, noise: self.noise, seconds: self.time_s },
@@ -170,7 +170,7 @@ impl PathTracing {
         }
     }
 
-    /// One line on what a view costs, for `syntable plan`.
+    /// The cost of a view in one line, for `syntable plan`.
     pub fn cost(&self) -> String {
         let Self { samples_per_pixel, max_bounces, .. } = self;
         format!(

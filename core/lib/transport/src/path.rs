@@ -3,8 +3,8 @@
 /// A light is visible if nothing is closer by more than this fraction of its distance: lights may be flat on a ceiling.
 pub const TOUCHING: f32 = 1e-4;
 
-/// Sampler pair of the position in the aperture; pair 0 is that of the position in the pixel, later ones are those of
-/// lights and directions by turns.
+/// Sampler pair of the position in the aperture. Pair 0 is the position in the pixel; later pairs alternate between
+/// lights and directions.
 pub const LENS: u32 = 1;
 
 /// Sampler dimension for layer selection; those below are Russian roulette's.
@@ -19,25 +19,25 @@ pub const ALPHA_OF_SAMPLE: u32 = 0x9e37_79b1;
 /// Factor of the bounce in it, counted from 1.
 pub const ALPHA_OF_BOUNCE: u32 = 0x85eb_ca77;
 
-/// What is added to the bounce for a shadow ray.
+/// Offset of the bounce number for a shadow ray.
 pub const ALPHA_OF_SHADOW: u32 = 0x1000;
 
 /// Number of mirrors and surfaces of glass that denoising guides look through: two tumblers have eight.
 pub const GUIDE_BOUNCES: u32 = 8;
 
-/// Least albedo of what guides see in mirrors or through glass: reflectance of a dielectric at normal incidence.
+/// Minimum albedo of guides in mirrors or through glass: reflectance of a dielectric at normal incidence.
 pub const GLOSS: f32 = 0.04;
 
 /// Growth of a path's cone after a diffuse bounce, meters per meter: textures seen by bounced light are read coarsely,
 /// which keeps their mean and removes their noise.
 pub const DIFFUSE_SPREAD: f32 = 0.25;
 
-/// Distance behind a pane from which on the next surface counts, meters, and per meter to the pane.
+/// Minimum distance between a pane and the next surface, meters, and per meter to the pane.
 pub const PAST: f32 = 1e-5;
 
 /// Least probability of reflection and of passage at the first surfaces of glass that a camera sees: their highlights are
 /// as bright as they are improbable, and both images are to have samples.
 pub const SPLIT: [f32; 2] = [0.25, 0.15];
 
-/// A bounce counts as rough from this α on.
+/// Minimum α of a rough bounce.
 pub const ROUGH: f32 = 0.1;

@@ -103,7 +103,7 @@ impl PixelSums {
         self.normal.iter_mut().zip(normal).for_each(|(sum, value)| *sum += value);
     }
 
-    /// Share of the samples whose camera ray met a body.
+    /// Fraction of the samples whose camera ray met a body.
     pub fn opacity(&self) -> f32 {
         self.hits as f32 / self.samples.max(1) as f32
     }
@@ -124,7 +124,8 @@ impl PixelSums {
     }
 }
 
-/// Estimated variance of a mean, from the samples' sum and that of their squares; infinite for a single one.
+/// Estimated variance of a mean, from the sum of the samples and the sum of their squares; infinite for a single
+/// sample.
 fn variance(sum: f64, square: f64, samples: u32) -> f64 {
     let n = f64::from(samples);
     let mean = sum / n;

@@ -1,4 +1,4 @@
-//! The surface at a hit: position, normals, the selected layer, what it emits.
+//! The surface at a hit: position, normals, the selected layer, and emission.
 
 use crate::bsdf::{Lobe, pane_transmittance};
 use crate::layer::{LayerSample, base_parameters, mapped_normal, normal_map, sample_layer};
@@ -20,7 +20,7 @@ pub struct Surface {
     pub layer: LayerSample,
     /// Whether the ray came through the body's interior medium.
     pub inside: bool,
-    /// Whether it is a pane: light that it transmits goes straight on.
+    /// Whether the surface is a pane, which transmits light straight.
     pub is_pane: bool,
     /// Transmittance of the interior medium along the ray.
     pub transmittance: Rgb,
@@ -31,16 +31,16 @@ pub struct Surface {
 }
 
 /// The normals at a hit.
-struct Frame {
+struct HitNormals {
     /// Unit normal of the triangle, out of the body.
     outward: Vec3,
-    /// 1 if the ray comes from there, else −1.
+    /// 1 if the ray comes from the outward side, else −1.
     side: f32,
     /// As [`Surface::face`].
     face: Vec3,
     /// Interpolated normal, on the same side.
     normal: Vec3,
-    /// Whether `normal` is that of a smooth mesh.
+    /// Whether `normal` comes from a smooth mesh.
     is_smooth: bool,
 }
 
@@ -54,8 +54,8 @@ impl Surface {
     }
 }
 
-/// The surface at a point that a ray hits. `along` is the ray's unit direction, `width` that of its cone at the hit, meters; `u` in [0, 1)
-/// selects one of the layers. `projection` is for materials that show the environment.
+/// The surface at a point that a ray hits. `along` is the ray's unit direction, `width` the width of its cone at the
+/// hit, meters; `u` in [0, 1) selects one of the layers. `projection` is for materials that show the environment.
 #[inline(always)]
 #[expect(clippy::too_many_arguments, reason = "the ray in parts, as batches hold it")]
 pub fn surface(
@@ -72,7 +72,7 @@ pub fn surface(
     let material = scene.material(body, triangle);
     let textures = &scene.materials.textures[..];
 
-    let Frame { outward, side, face, mut normal, is_smooth: mut is_perturbed } = frame(scene, point, along);
+    let HitNormals { outward, side, face, mut normal, is_smooth: mut is_perturbed } = frame(scene, point, along);
     let mut position = origin + along * t;
     // Back onto the plane of the triangle, so that the error left does not grow with the distance.
     position = position + outward * (triangle.plane + outward.dot(body.translation) - outward.dot(position));
@@ -93,7 +93,7 @@ pub fn surface(
         (normal, variance) = mapped_normal(textures, map, at, frame, normal);
         is_perturbed = true;
         if variance > 0.0 {
-            // Bumps that are too fine to be resolved make the surface rougher by their variance.
+            // Bumps below the resolution roughen the surface by their variance.
             let alpha = layer.parameters.roughness * layer.parameters.roughness;
             layer.parameters.roughness = min((alpha * alpha + 2.0 * variance).sqrt().sqrt(), 1.0);
         }
@@ -122,8 +122,7 @@ pub fn surface(
     }
 }
 
-/// Fraction of the light that a pane transmits along a ray: the mean of what its layers do to paths. Black for other
-/// surfaces.
+/// Fraction of the light that a pane transmits along a ray: the mean over its layers. Black for other surfaces.
 pub fn transmittance_of_pane(scene: &PreparedScene, point: &SurfacePoint, origin: Vec3, along: Vec3, t: f32) -> Rgb {
     let (body, triangle) = scene.at(point);
     let material = scene.material(body, triangle);
@@ -142,7 +141,7 @@ pub fn transmittance_of_pane(scene: &PreparedScene, point: &SurfacePoint, origin
 
 /// The normals of a point, towards the origin of a ray along `along`.
 #[inline(always)]
-fn frame(scene: &PreparedScene, point: &SurfacePoint, along: Vec3) -> Frame {
+fn frame(scene: &PreparedScene, point: &SurfacePoint, along: Vec3) -> HitNormals {
     let (body, triangle) = scene.at(point);
     let outward = body.direction_to_world(triangle.normal);
     let side = if outward.dot(along) > 0.0 { -1.0 } else { 1.0 };
@@ -154,7 +153,7 @@ fn frame(scene: &PreparedScene, point: &SurfacePoint, along: Vec3) -> Frame {
         let smooth = a * wa + b * wb + c * wc;
         normal = body.direction_to_world(smooth * side).normalized_or(face);
     }
-    Frame { outward, side, face, normal, is_smooth: triangle.smooth }
+    HitNormals { outward, side, face, normal, is_smooth: triangle.smooth }
 }
 
 /// Moves a shading normal to the side of the face, so that the viewer is above its horizon.

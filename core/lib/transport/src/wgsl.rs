@@ -1,9 +1,10 @@
-//! The same functions for GPUs, in WGSL. Each file lies beside the Rust that it mirrors, and each function is tested against it
-//! (`plugins/stages/render-wgpu/tests/functions`).
+//! The same functions for GPUs, in WGSL. Each file is next to the Rust code that it mirrors, and each function is
+//! tested against it (`plugins/stages/render-wgpu/tests/functions`).
 //!
-//! They refer to each other, and to two things of the renderer: a function `lobe_table(at: u32) -> vec4<f32>` gives entries of
-//! [`table`](crate::bsdf::table) and [`sheen_table`](crate::bsdf::sheen_table), the cells by halves, then the halves of the
-//! means, then those of sheen; a constant `PLAIN_DIELECTRICS` says which of [`Dielectrics`](crate::Dielectrics) is meant.
+//! The files use each other, and two items of the renderer: a function `lobe_table(at: u32) -> vec4<f32>` returns
+//! entries of [`table`](crate::bsdf::table) and [`sheen_table`](crate::bsdf::sheen_table): the cells by halves, then
+//! the halves of the means, then the halves of the sheen table. A constant `PLAIN_DIELECTRICS` selects one of
+//! [`Dielectrics`](crate::Dielectrics).
 
 /// Elementary functions and vectors.
 pub const FUNCTIONS: &str = syntable_simd::functions::WGSL;
@@ -17,7 +18,7 @@ pub const ALBEDO: &str = include_str!("bsdf/albedo.wgsl");
 pub const BSDF: &str = include_str!("bsdf/bsdf.wgsl");
 /// Sheen fibers.
 pub const SHEEN: &str = include_str!("bsdf/sheen.wgsl");
-/// What layers take from those below.
+/// Attenuation by upper layers.
 pub const COATING: &str = include_str!("bsdf/coating.wgsl");
 /// Interfaces and thin sheets.
 pub const TRANSMISSION: &str = include_str!("bsdf/transmission.wgsl");

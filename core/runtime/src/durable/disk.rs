@@ -1,14 +1,14 @@
-//! The calls that change the file system. In tests each of them is a point at which the program is killed or the call fails.
+//! Calls that change the file system. In tests, each call can fail or kill the program.
 
 use std::fs::{self, File, Permissions};
 use std::io::{self, ErrorKind, Write};
 use std::path::Path;
 
-/// Unit tests lose no power: they count syncs, and do not wait for them.
+/// Unit tests never lose power: they count syncs without waiting for them.
 const IS_TEST: bool = cfg!(test);
 
-/// Whether something has a path, be it a link that leads nowhere. A path that cannot be looked at is an error: what stands
-/// there must not count as gone.
+/// Whether a path exists, even as a link with a missing target. An unreadable path is an error, because its file must
+/// not count as missing.
 pub fn is_there(path: &Path) -> io::Result<bool> {
     point()?;
     match fs::symlink_metadata(path) {
@@ -28,7 +28,7 @@ pub fn create_dir_all(path: &Path) -> io::Result<()> {
     fs::create_dir_all(path)
 }
 
-/// Opens a file to lock it; makes an empty one where there is none.
+/// Opens a file to lock it, and creates it empty if it is missing.
 pub fn open_lock(path: &Path) -> io::Result<File> {
     point()?;
     File::options().read(true).write(true).create(true).truncate(false).open(path)
@@ -39,7 +39,7 @@ pub fn write(mut file: &File, bytes: &[u8]) -> io::Result<()> {
     file.write_all(bytes)
 }
 
-/// Writes a file that must not be there yet.
+/// Writes a new file. Fails if the path exists.
 pub fn write_new(path: &Path, bytes: &[u8]) -> io::Result<()> {
     point()?;
     let file = File::create_new(path)?;
@@ -51,17 +51,17 @@ pub fn set_permissions(path: &Path, permissions: Permissions) -> io::Result<()> 
     fs::set_permissions(path, permissions)
 }
 
-/// Brings a file to disk.
+/// Syncs a file to disk.
 pub fn sync_file(path: &Path) -> io::Result<()> {
     point()?;
     if IS_TEST {
         return Ok(());
     }
-    // Windows syncs only what is open for writing.
+    // Windows syncs only files that are open for writing.
     File::options().read(true).write(cfg!(windows)).open(path)?.sync_all()
 }
 
-/// Brings the entries of a folder to disk, where the system can.
+/// Syncs the entries of a folder to disk, on systems that can.
 pub fn sync_folder(path: &Path) -> io::Result<()> {
     point()?;
     if IS_TEST || cfg!(windows) {
@@ -78,13 +78,13 @@ pub fn rename(from: &Path, to: &Path) -> io::Result<()> {
     fs::rename(from, to)
 }
 
-/// Gives a file a second name.
+/// Creates a hard link to a file.
 pub fn link(file: &Path, name: &Path) -> io::Result<()> {
     point()?;
     fs::hard_link(file, name)
 }
 
-/// Lets two files or folders take each other's place in one step. Returns false where the system cannot.
+/// Exchanges two files or folders in one step. Returns `false` on systems that cannot.
 #[cfg(target_os = "linux")]
 pub fn exchange(one: &Path, other: &Path) -> io::Result<bool> {
     use rustix::fs::{CWD, RenameFlags, renameat_with};
@@ -100,13 +100,13 @@ pub fn exchange(one: &Path, other: &Path) -> io::Result<bool> {
     }
 }
 
-/// Lets two files or folders take each other's place in one step. Returns false where the system cannot.
+/// Exchanges two files or folders in one step. Returns `false` on systems that cannot.
 #[cfg(not(target_os = "linux"))]
 pub fn exchange(_: &Path, _: &Path) -> io::Result<bool> {
     Ok(false)
 }
 
-/// Renames a file to a name that is free: fails where something has that name.
+/// Renames a file to an unused name. Fails if the name is in use.
 #[cfg(target_os = "linux")]
 pub fn rename_new(from: &Path, to: &Path) -> io::Result<()> {
     use rustix::fs::{CWD, RenameFlags, renameat_with};
@@ -122,7 +122,7 @@ pub fn rename_new(from: &Path, to: &Path) -> io::Result<()> {
     }
 }
 
-/// Renames a file. The system cannot refuse a name that is taken.
+/// Renames a file. The system cannot refuse a name in use.
 #[cfg(not(target_os = "linux"))]
 pub fn rename_new(from: &Path, to: &Path) -> io::Result<()> {
     rename(from, to)
@@ -157,7 +157,7 @@ pub use real::is_killed;
 use real::point;
 
 #[cfg(not(test))]
-#[allow(clippy::unnecessary_wraps, reason = "tests let it fail")]
+#[allow(clippy::unnecessary_wraps, reason = "tests make it fail")]
 mod real {
     pub fn point() -> std::io::Result<()> {
         Ok(())
@@ -173,32 +173,32 @@ mod real {
     }
 }
 
-/// Faults of this thread's calls.
+/// Injected faults of this thread's calls.
 #[cfg(test)]
 pub mod faults {
     use std::cell::Cell;
     use std::io;
 
-    /// What happens at a call.
+    /// The fault at a call.
     #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-    pub enum Fault {
-        /// The program is killed before the call.
+    pub enum InjectedFault {
+        /// The program dies before the call.
         Kill,
-        /// The call fails with an error of the system.
+        /// The call fails with this error number of the system.
         Error(i32),
     }
 
     thread_local! {
         static CALLS: Cell<u32> = const { Cell::new(0) };
-        static PLAN: Cell<Option<(u32, Fault)>> = const { Cell::new(None) };
+        static PLAN: Cell<Option<(u32, InjectedFault)>> = const { Cell::new(None) };
         static KILLED: Cell<bool> = const { Cell::new(false) };
         static EXCHANGES: Cell<bool> = const { Cell::new(true) };
         static MEANWHILE: Cell<Option<Box<dyn FnOnce()>>> = const { Cell::new(None) };
     }
 
-    /// Runs some work with a fault at the given call, counted from 0. Returns what the work returned, unless it was killed,
-    /// and the number of calls.
-    pub fn with<T>(plan: Option<(u32, Fault)>, work: impl FnOnce() -> T) -> (Option<T>, u32) {
+    /// Runs work with a fault at the given call, counted from 0. Returns the number of calls and, unless the work was
+    /// killed, its result.
+    pub fn with<T>(plan: Option<(u32, InjectedFault)>, work: impl FnOnce() -> T) -> (Option<T>, u32) {
         CALLS.set(0);
         KILLED.set(false);
         PLAN.set(plan);
@@ -212,17 +212,17 @@ pub mod faults {
         }
     }
 
-    /// Sets what a user does once, just before the next exchange or rename to a free name.
+    /// Sets an action of another user, which runs once just before the next exchange or rename to an unused name.
     pub fn set_meanwhile(action: impl FnOnce() + 'static) {
         MEANWHILE.set(Some(Box::new(action)));
     }
 
-    /// Whether the action of [`set_meanwhile`] still has to run; forgets it.
+    /// Removes the action of [`set_meanwhile`], and returns whether it had not run yet.
     pub fn take_meanwhile() -> bool {
         MEANWHILE.take().is_some()
     }
 
-    /// Whether the system can exchange two files, and refuse to rename over one.
+    /// Sets whether the system can exchange two files and can refuse to rename over an existing one.
     pub fn set_exchanges(can: bool) {
         EXCHANGES.set(can);
     }
@@ -234,7 +234,7 @@ pub mod faults {
         EXCHANGES.get()
     }
 
-    /// Whether the program is dead: nothing that is dropped may tidy up.
+    /// Whether the program is dead. Destructors of a dead program must not clean up.
     pub fn is_killed() -> bool {
         KILLED.get()
     }
@@ -243,12 +243,12 @@ pub mod faults {
         let call = CALLS.get();
         CALLS.set(call + 1);
         match PLAN.get() {
-            Some((at, Fault::Kill)) if at == call => {
+            Some((at, InjectedFault::Kill)) if at == call => {
                 KILLED.set(true);
-                // No message: the hook for panics is not asked.
+                // `resume_unwind` prints no message, because it skips the panic hook.
                 std::panic::resume_unwind(Box::new("killed"))
             }
-            Some((at, Fault::Error(code))) if at == call => Err(io::Error::from_raw_os_error(code)),
+            Some((at, InjectedFault::Error(code))) if at == call => Err(io::Error::from_raw_os_error(code)),
             _ => Ok(()),
         }
     }

@@ -1,4 +1,4 @@
-//! The list of the files that a command made in a folder.
+//! The list of files that a command created in a folder.
 
 use super::disk;
 use crate::run::dataset::manifest::Stamp;
@@ -11,20 +11,20 @@ use syntable_model::error::{Error, Result};
 
 /// Name of the list in the folder.
 pub const LISTING: &str = ".syntable-files";
-/// Number of files that an error names.
+/// Maximum number of files that an error names.
 const NAMED: usize = 5;
 
-/// The files that a command made in a folder. Only these are ever deleted.
+/// The files that a command created in a folder. Commands delete no other file.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Listing {
+pub struct FileListing {
     /// The command, such as `syntable report`.
     pub made_by: String,
     /// Size and digest of each file, by its path with `/` between folders.
     pub(crate) files: BTreeMap<String, Stamp>,
 }
 
-impl Listing {
-    /// Reads the list of a folder; none if the folder has no list that this program wrote.
+impl FileListing {
+    /// Reads the list of a folder. Returns `None` if the folder has no list of this program.
     pub fn read(folder: &Path) -> Result<Option<Self>> {
         let path = folder.join(LISTING);
         match fs::symlink_metadata(&path) {
@@ -44,25 +44,25 @@ impl Listing {
         serde_json::to_string_pretty(self).expect("a list is plain data") + "\n"
     }
 
-    /// Names of what is in a folder beside the unchanged files of the list, in order: added and changed files, and empty
+    /// Names, in order, of all entries of a folder except unchanged listed files: new files, changed files, and empty
     /// folders.
     pub fn others(&self, folder: &Path) -> Result<Vec<String>> {
         let mut others = Vec::new();
         walk(folder, &mut |entry| {
             match (self.files.get(&entry.inside), entry.kind) {
-                (_, Kind::File) if entry.inside == LISTING => {}
-                (Some(stamp), Kind::File) => {
+                (_, EntryKind::File) if entry.inside == LISTING => {}
+                (Some(stamp), EntryKind::File) => {
                     if !stamp.is_of_file(&entry.path)? {
                         others.push(format!("{} (changed)", entry.inside));
                     }
                 }
-                (_, Kind::Empty) => {
+                (_, EntryKind::Empty) => {
                     let below = format!("{}/", entry.inside);
                     if !self.files.keys().any(|path| path.starts_with(&below)) {
                         others.push(below);
                     }
                 }
-                (_, Kind::Left) => {}
+                (_, EntryKind::Left) => {}
                 (..) => others.push(entry.inside),
             }
             Ok(())
@@ -71,35 +71,35 @@ impl Listing {
         Ok(others)
     }
 
-    /// Refuses a folder with files that the command did not make.
+    /// Refuses a folder with files that the command did not create.
     pub fn check(&self, folder: &Path) -> Result<()> {
         let others = self.others(folder)?;
         if others.is_empty() {
             return Ok(());
         }
         let command = &self.made_by;
-        Err(Error::new(format!("it has what `{command}` did not make: {}", named(&others)))
+        Err(Error::new(format!("the folder has files that `{command}` did not create: {}", named(&others)))
             .in_file(folder)
-            .help("move that away, or choose another folder; nothing was touched"))
+            .help("move them away, or choose another folder; no file was changed"))
     }
 
-    /// Deletes the files of the list, and what is empty then. What else there is stays, and is an error.
+    /// Deletes the listed files, then empty folders. Other files stay, and are an error.
     pub(super) fn delete(&self, folder: &Path) -> Result<()> {
         let mut kept = Vec::new();
         walk(folder, &mut |entry| {
-            let Entry { path, inside, kind } = entry;
+            let FolderEntry { path, inside, kind } = entry;
             let is_listed = match self.files.get(&inside) {
-                Some(stamp) if kind == Kind::File => {
+                Some(stamp) if kind == EntryKind::File => {
                     fs::symlink_metadata(&path).map_err(|error| Error::io(&path, &error))?.len() == stamp.0
                 }
                 _ => false,
             };
             let removed = match kind {
-                // It goes last: until then the folder is known to be ours.
-                Kind::File if inside == LISTING => Ok(()),
+                // The list goes last: until then, it identifies the folder as ours.
+                EntryKind::File if inside == LISTING => Ok(()),
                 _ if is_listed => disk::remove_file(&path),
-                // Fails where something is kept.
-                Kind::Empty | Kind::Left => disk::remove_dir(&path).or_else(|error| match error.kind() {
+                // Fails for a folder with files that stay.
+                EntryKind::Empty | EntryKind::Left => disk::remove_dir(&path).or_else(|error| match error.kind() {
                     ErrorKind::DirectoryNotEmpty => Ok(()),
                     _ => Err(error),
                 }),
@@ -111,9 +111,13 @@ impl Listing {
             removed.map_err(|error| Error::io(&path, &error))
         })?;
         if !kept.is_empty() {
-            return Err(Error::new(format!("it has what `{}` did not make: {}", self.made_by, named(&kept)))
-                .in_file(folder)
-                .help("it came while the command worked and was kept: move it away, and run the command again"));
+            return Err(Error::new(format!(
+                "the folder has files that `{}` did not create: {}",
+                self.made_by,
+                named(&kept)
+            ))
+            .in_file(folder)
+            .help("they appeared while the command worked, and were kept: move them away, and run the command again"));
         }
         let listing = folder.join(LISTING);
         disk::remove_file(&listing).map_err(|error| Error::io(&listing, &error))?;
@@ -121,7 +125,7 @@ impl Listing {
     }
 }
 
-/// Some names, and how many more there are.
+/// The first few names, and the number of the others.
 fn named(names: &[String]) -> String {
     let some = names.iter().take(NAMED).map(String::as_str).collect::<Vec<_>>().join(", ");
     match names.len().saturating_sub(NAMED) {
@@ -130,28 +134,28 @@ fn named(names: &[String]) -> String {
     }
 }
 
-/// Something in a folder.
-struct Entry {
+/// An entry of a folder.
+struct FolderEntry {
     path: PathBuf,
-    /// The path from the folder, with `/` between names.
+    /// Path relative to the folder, with `/` between names.
     inside: String,
-    kind: Kind,
+    kind: EntryKind,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Kind {
+enum EntryKind {
     File,
-    /// A folder without entries.
+    /// An empty folder.
     Empty,
-    /// A folder, after its entries.
+    /// A folder, visited after its entries.
     Left,
-    /// A link, a pipe, a device.
+    /// A link, a pipe or a device.
     Odd,
 }
 
-/// Visits all that is below a folder, in the order of names, entries of a folder before the folder. Links are not followed.
-fn walk(folder: &Path, visit: &mut dyn FnMut(Entry) -> Result<()>) -> Result<()> {
-    fn inner(folder: &Path, above: &str, visit: &mut dyn FnMut(Entry) -> Result<()>) -> Result<bool> {
+/// Visits all entries below a folder in the order of their names, each folder after its entries. Does not follow links.
+fn walk(folder: &Path, visit: &mut dyn FnMut(FolderEntry) -> Result<()>) -> Result<()> {
+    fn inner(folder: &Path, above: &str, visit: &mut dyn FnMut(FolderEntry) -> Result<()>) -> Result<bool> {
         let failed = |error: std::io::Error| Error::io(folder, &error);
         let mut entries = fs::read_dir(folder).map_err(failed)?.collect::<std::io::Result<Vec<_>>>().map_err(failed)?;
         entries.sort_by_key(fs::DirEntry::file_name);
@@ -164,15 +168,15 @@ fn walk(folder: &Path, visit: &mut dyn FnMut(Entry) -> Result<()>) -> Result<()>
             let kind = match (kind.is_dir(), kind.is_file()) {
                 (true, _) => {
                     if inner(&path, &inside, visit)? {
-                        Kind::Empty
+                        EntryKind::Empty
                     } else {
-                        Kind::Left
+                        EntryKind::Left
                     }
                 }
-                (_, true) => Kind::File,
-                _ => Kind::Odd,
+                (_, true) => EntryKind::File,
+                _ => EntryKind::Odd,
             };
-            visit(Entry { path, inside, kind })?;
+            visit(FolderEntry { path, inside, kind })?;
         }
         Ok(is_empty)
     }

@@ -1,27 +1,27 @@
-//! Files and folders that take their place whole.
+//! Atomic replacement of files and folders.
 //!
-//! Whatever kills a command, and whatever call fails, a place has what was there before or all of what is new, and the same
-//! command mends what is left beside it. All verbs write through here; the folder of a run has rules of its own, see
+//! If a kill or a failing call interrupts a command, the target has either its old content or all of its new content,
+//! and the same command cleans up. All verbs write through this module. The folder of a run has its own rules, see
 //! [`run::folder`](crate::run::dataset::folder).
 //!
 //! ```text
-//! OUT                          the place
+//! OUT                          the target
 //! OUT.part/.syntable-part      the mark: this program works here, or was killed. Locked while it works
-//! OUT.part/new                 the new file or folder while it is made; it never stood at the place
-//! OUT.part/old                 what is exchanged with the place: the finished file or folder, then what was there before
+//! OUT.part/new                 the unfinished new file or folder; never at the target
+//! OUT.part/old                 exchanged with the target: first the finished new content, then the old content
 //! ```
 //!
-//! What is new is brought to disk before it gets its name, and the name before anything old is deleted. A folder that may be
-//! replaced has a [`Listing`] of its files, the last file to be written and the last to be deleted. Only listed files of the
-//! listed size are deleted. A folder with anything else is refused. If something else came to the place at the last moment, it
-//! goes back there; if that fails, it stays in `OUT.part/old`.
+//! New content is synced to disk before it gets its name, and the name is synced before old content is deleted. A
+//! replaceable folder has a [`FileListing`] of its files, which is written last and deleted last. Only listed files of
+//! the listed size are deleted, and a folder with any other file is refused. If another program creates something at
+//! the target at the last moment, it is moved back there; if that fails, it stays in `OUT.part/old`.
 
 mod disk;
 mod listing;
 #[cfg(test)]
 mod tests;
 
-pub use listing::{LISTING, Listing};
+pub use listing::{FileListing, LISTING};
 
 use crate::run::dataset::manifest::Stamp;
 use parking_lot::Mutex;
@@ -34,38 +34,38 @@ use std::time::{Duration, Instant};
 use syntable_model::digest::Digest;
 use syntable_model::error::{Error, Result};
 
-/// Name of the mark in the folder beside a place.
+/// Name of the mark in the folder beside the target.
 const MARK: &str = ".syntable-part";
 /// Content of the mark.
 const MARK_TEXT: &str = "A command of syntable works here, or was interrupted. The same command clears this folder.\n";
-/// What is being made.
+/// Name of the unfinished new content.
 const NEW: &str = "new";
-/// What stood at the place.
+/// Name of the old content.
 const OLD: &str = "old";
-/// Bytes of the longest name to which `.part` is appended.
+/// Maximum length of a name that can take the suffix `.part`, bytes.
 const LONGEST: usize = 250;
-/// How long a file waits for another command that writes it.
+/// Maximum time that a file waits for another command that writes it.
 const PATIENCE: Duration = Duration::from_secs(10);
-/// Number of threads that bring files to disk: file systems do many at the price of few.
+/// Number of threads that sync files: many syncs at once take little longer than one.
 const SYNCS: usize = 8;
-/// Number of links to files that are not there yet that are followed.
+/// Maximum number of links to missing files in a row.
 const LINKS: u32 = 8;
 
-/// What stands at a place.
+/// Content of a target.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Standing {
     /// Nothing, or an empty folder.
     Free,
-    /// A folder that a command made.
-    Made(Listing),
-    /// Something else.
+    /// A folder that a command created.
+    Made(FileListing),
+    /// Any other content.
     Other,
 }
 
-/// Looks at a place.
+/// Inspects a target.
 ///
 /// # Errors
-/// If it cannot be read.
+/// If the target is unreadable.
 pub fn standing(place: &Path) -> Result<Standing> {
     let failed = |error: std::io::Error| refused(place, &error);
     match fs::metadata(place) {
@@ -77,13 +77,13 @@ pub fn standing(place: &Path) -> Result<Standing> {
     if fs::read_dir(place).map_err(failed)?.next().is_none() {
         return Ok(Standing::Free);
     }
-    Ok(Listing::read(place)?.map_or(Standing::Other, Standing::Made))
+    Ok(FileListing::read(place)?.map_or(Standing::Other, Standing::Made))
 }
 
-/// Undoes or finishes what an interrupted command left beside a place.
+/// Rolls back or completes the work of an interrupted command beside a target.
 ///
 /// # Errors
-/// If another command works there, if something else has that name, or if the file system fails.
+/// If another command works there, if a foreign file or folder has that name, or if the file system fails.
 pub fn mend(place: &Path) -> Result<()> {
     let place = place_of(place)?;
     match fs::symlink_metadata(part_of(&place)) {
@@ -92,10 +92,10 @@ pub fn mend(place: &Path) -> Result<()> {
     }
 }
 
-/// Writes a file, over one that is there. Links lead to the file, and permissions stay. Devices and pipes take what is written.
+/// Writes or overwrites a file. Follows links, and keeps permissions. Devices and pipes receive the bytes.
 ///
 /// # Errors
-/// If it cannot be written. A path that no try can write, such as a folder, is a mistake of the request.
+/// If the file cannot be written. A path that can never be written, such as a folder, is an error of the request.
 pub fn write_file(path: &Path, bytes: &[u8]) -> Result<()> {
     write_linked(path, bytes, LINKS)
 }
@@ -103,19 +103,23 @@ pub fn write_file(path: &Path, bytes: &[u8]) -> Result<()> {
 fn write_linked(path: &Path, bytes: &[u8], links: u32) -> Result<()> {
     let there = fs::metadata(path).ok();
     let refuse = |what: &str| Err(Error::new(what).in_file(path).help("name another file"));
-    // `/dev/stdout` may lead to a file, which what is printed goes to as well.
+    // `/dev/stdout` may lead to a file, which also receives printed output.
     let is_system = ["/dev", "/proc"].iter().any(|folder| path.starts_with(folder)) && !path.starts_with("/dev/shm");
     let is_stream = is_system || there.as_ref().is_some_and(|there| !there.is_file() && !there.is_dir());
     if is_stream {
         return fs::write(path, bytes).map_err(|error| refused(path, &error));
     }
     match &there {
-        Some(there) if there.is_dir() => return refuse("it is a folder"),
-        Some(there) if there.permissions().readonly() => return refuse("it is read-only"),
+        Some(there) if there.is_dir() => return refuse("the path is a folder"),
+        Some(there) if there.permissions().readonly() => return refuse("the file is read-only"),
         None if path.is_symlink() => {
             let target = fs::read_link(path).map_err(|error| refused(path, &error))?;
             let target = path.parent().unwrap_or(Path::new("")).join(target);
-            return if links == 0 { refuse("its links lead nowhere") } else { write_linked(&target, bytes, links - 1) };
+            return if links == 0 {
+                refuse("its links lead to a missing file")
+            } else {
+                write_linked(&target, bytes, links - 1)
+            };
         }
         _ => {}
     }
@@ -128,15 +132,16 @@ fn write_linked(path: &Path, bytes: &[u8], links: u32) -> Result<()> {
     draft.publish_over(there.is_some())
 }
 
-/// Writes a file that must not be there yet.
+/// Writes a new file.
 ///
-/// A file that comes to the path meanwhile is kept, and is an error. The exception is a file system without hard links on
-/// which the system cannot refuse to rename over a file (`RENAME_NOREPLACE` of Linux): there, such a file is replaced.
+/// A file that another program creates meanwhile is kept, and is an error. The exception is a file system without hard
+/// links on a system that cannot refuse to rename over a file (`RENAME_NOREPLACE` of Linux): there, such a file is
+/// replaced.
 ///
 /// # Errors
-/// If it is there, or cannot be written.
+/// If the path exists or cannot be written.
 pub fn create_file(path: &Path, bytes: &[u8]) -> Result<()> {
-    let taken = || Error::new("it exists already").in_file(path).help("choose another path");
+    let taken = || Error::new("the path already exists").in_file(path).help("choose another path");
     mend(path)?;
     if fs::symlink_metadata(path).is_ok() {
         return Err(taken());
@@ -145,7 +150,7 @@ pub fn create_file(path: &Path, bytes: &[u8]) -> Result<()> {
     let new = draft.folder();
     disk::write_new(&new, bytes).map_err(|error| refused(&draft.place, &error))?;
     disk::sync_file(&new).map_err(|error| Error::io(&draft.place, &error))?;
-    // A link never replaces a file that has come meanwhile. Where the file system has no links, a name is moved.
+    // A link never replaces a file that appeared meanwhile. A file system without links renames the file instead.
     let named = disk::link(&new, path).or_else(|error| match error.kind() {
         ErrorKind::AlreadyExists => Err(error),
         _ => disk::rename_new(&new, path),
@@ -157,30 +162,30 @@ pub fn create_file(path: &Path, bytes: &[u8]) -> Result<()> {
     }
 }
 
-/// An error of the file system at a path that the command names. Those that say that the path is wrong are mistakes of the request.
+/// A file-system error at a path of the command. Errors that blame the path are errors of the request.
 fn refused(path: &Path, error: &std::io::Error) -> Error {
     let failed = Error::io(path, error);
-    // What exists already is a file where a folder is needed.
+    // `AlreadyExists` is a file at the path of a needed folder.
     let is_denied =
         matches!(error.kind(), ErrorKind::PermissionDenied | ErrorKind::ReadOnlyFilesystem | ErrorKind::AlreadyExists);
     if is_denied || !failed.is_transient() { failed.help("name another path").of_request() } else { failed }
 }
 
-/// A file or folder in the making, beside its place. Dropped, it leaves nothing.
+/// An unfinished file or folder beside its target. Dropping it leaves nothing.
 pub struct Draft {
     place: PathBuf,
     part: PathBuf,
-    /// What was written with [`write`](Self::write).
+    /// Files written with [`write`](Self::write).
     files: Mutex<BTreeMap<String, Stamp>>,
-    /// Held as long as the command works.
+    /// Lock, held while the command works.
     lock: Option<File>,
 }
 
 impl Draft {
-    /// Begins a folder. What an interrupted command left is cleared. The folders above the place are made.
+    /// Begins a folder: cleans up after an interrupted command, and creates the parent folders.
     ///
     /// # Errors
-    /// If the place has no name or is a mount point, if another command works there, or if the file system fails.
+    /// If the target has no name or is a mount point, if another command works there, or if the file system fails.
     pub fn begin(place: &Path) -> Result<Self> {
         let place = place_of(place)?;
         if let Some(above) = place.parent().filter(|above| !above.as_os_str().is_empty()) {
@@ -193,9 +198,9 @@ impl Draft {
         Ok(draft)
     }
 
-    /// Begins a file; waits for another command that writes it.
+    /// Begins a file, and waits for another command that writes it.
     fn of_file(path: &Path) -> Result<Self> {
-        // A link leads to what is replaced.
+        // The replaced file is the target of the link.
         let path = path.canonicalize().unwrap_or_else(|_| path.to_owned());
         let start = Instant::now();
         loop {
@@ -211,11 +216,11 @@ impl Draft {
         Self::lock(&place)?.ok_or_else(|| busy(&place))?.mended()
     }
 
-    /// Makes the folder beside a place, or takes over one that was left; none if another command holds it.
+    /// Creates the folder beside a target, or takes over an abandoned one. Returns `None` if another command holds it.
     fn lock(place: &Path) -> Result<Option<Self>> {
         let part = part_of(place);
         let mark = part.join(MARK);
-        // The folder beside a place has a shorter name than one that is too long, and could be made.
+        // The name of a target can be too long although the shorter name of the folder beside it is valid.
         match fs::symlink_metadata(place) {
             Err(error) if error.kind() != ErrorKind::NotFound => return Err(refused(place, &error)),
             _ => {}
@@ -249,7 +254,7 @@ impl Draft {
         }
     }
 
-    /// Clears what an interrupted command left.
+    /// Cleans up after an interrupted command.
     fn mended(self) -> Result<Self> {
         self.mend()?;
         Ok(self)
@@ -269,23 +274,23 @@ impl Draft {
             }
         }
         if is_there(&new)? {
-            // A folder without a list was never at the place, and all in it is ours.
+            // A folder without a list was never at the target, so all of it is ours.
             discard(&new, disk::remove_dir_all)?;
         }
         Ok(())
     }
 
-    /// The folder in which files are made.
+    /// The folder in which files are created.
     pub fn folder(&self) -> PathBuf {
         self.part.join(NEW)
     }
 
-    /// The place, without links.
+    /// The target, without links.
     pub fn place(&self) -> &Path {
         &self.place
     }
 
-    /// Writes a file of the folder, once, by its path with `/` between folders, and lists it.
+    /// Writes a new file of the folder, by its path with `/` between folders, and lists it.
     ///
     /// # Errors
     /// If it cannot be written.
@@ -298,10 +303,10 @@ impl Draft {
         Ok(())
     }
 
-    /// Gives the folder its name, which must be free or that of an empty folder.
+    /// Gives the folder its name. The target must be unused or an empty folder.
     ///
     /// # Errors
-    /// If something stands there, or cannot be brought to disk. What was there before stays.
+    /// If the target has other content, or the sync fails. The old content stays.
     pub fn publish(self) -> Result<()> {
         sync_tree(&self.folder())?;
         if standing(&self.place)? != Standing::Free {
@@ -310,14 +315,14 @@ impl Draft {
         self.publish_over(false)
     }
 
-    /// Lists the files that were written, and lets the folder take the place of one that the same command made before, or of
-    /// nothing. The files of the one before are deleted.
+    /// Lists the written files, and moves the folder to the target, which is unused or has a folder by the same
+    /// command. Deletes the files of that older folder.
     ///
     /// # Errors
-    /// If something else stands there, or cannot be brought to disk. What was there before stays. If only its deletion
-    /// fails, the error says so.
+    /// If the target has other content, or the sync fails. The old content stays. If only its deletion fails, the error
+    /// says so.
     pub fn publish_listed(self, made_by: &str) -> Result<()> {
-        let listing = Listing { made_by: made_by.to_owned(), files: std::mem::take(&mut *self.files.lock()) };
+        let listing = FileListing { made_by: made_by.to_owned(), files: std::mem::take(&mut *self.files.lock()) };
         let path = self.folder().join(LISTING);
         disk::write_new(&path, listing.text().as_bytes()).map_err(|error| Error::io(&path, &error))?;
         sync_tree(&self.folder())?;
@@ -332,7 +337,7 @@ impl Draft {
         self.publish_over(replaces)
     }
 
-    /// Puts what is new into its place, brings that to disk, and deletes what was there before.
+    /// Moves the new content to the target, syncs it, and deletes the old content.
     fn publish_over(self, replaces: bool) -> Result<()> {
         let (new, place) = (self.folder(), self.place.clone());
         let failed = |error: std::io::Error| Error::io(&place, &error);
@@ -356,20 +361,20 @@ impl Draft {
         self.tidy()
     }
 
-    /// Clears what is beside the place, which is whole.
+    /// Cleans up beside the target, which is complete.
     fn tidy(mut self) -> Result<()> {
         let tidied = self.mend().and_then(|()| self.end());
         tidied.map_err(|error| {
-            error.context(format!("{} is written, but not all beside it is cleared", self.place.display()))
+            error.context(format!("{} is written, but its temporary files remain", self.place.display()))
         })
     }
 
-    /// Exchanges what is new with what stands at the place. An error leaves what stood there.
+    /// Exchanges the new content with the content of the target. After an error, the old content stays.
     fn replace(&self) -> Result<()> {
         let (new, old, place) = (self.folder(), self.part.join(OLD), &self.place);
         let failed = |error: std::io::Error| Error::io(place, &error);
         let sync = || disk::sync_folder(&above(place)).and_then(|()| disk::sync_folder(&self.part));
-        // A kill after the exchange must leave what stood at the place under a name that nobody deletes unseen.
+        // After the exchange, a kill must leave the old content under a name that no command deletes unseen.
         disk::rename(&new, &old).map_err(failed)?;
         let exchanged = disk::sync_folder(&self.part).and_then(|()| disk::exchange(&old, place));
         if !matches!(exchanged, Ok(true)) {
@@ -378,7 +383,7 @@ impl Draft {
         if exchanged.map_err(failed)? {
             let back = || -> std::io::Result<()> {
                 disk::exchange(&old, place)?;
-                // Otherwise the user has moved something once more: it stays.
+                // Otherwise, the user has moved something again, and it stays.
                 if may_replace(&old, &old).unwrap_or(false) { disk::rename(&old, &new) } else { Ok(()) }
             };
             return match may_replace(place, &old) {
@@ -393,7 +398,7 @@ impl Draft {
             };
         }
         if new.is_file() {
-            // One step for files, on any system. A name that is not on disk yet is one of two whole files.
+            // One step for files, on any system. A name that is not synced yet belongs to one of two complete files.
             return disk::rename(&new, place).and_then(|()| sync()).map_err(failed);
         }
         disk::rename(place, &old).map_err(failed)?;
@@ -415,13 +420,13 @@ impl Draft {
         })
     }
 
-    /// Removes the mark, and the folder beside the place.
+    /// Removes the mark and the folder beside the target.
     fn end(&mut self) -> Result<()> {
         let mark = self.part.join(MARK);
         disk::remove_file(&mark).map_err(|error| Error::io(&mark, &error))?;
         self.lock = None;
         match disk::remove_dir(&self.part) {
-            // Another command has come meanwhile.
+            // Another command has begun meanwhile.
             Err(error) if matches!(error.kind(), ErrorKind::DirectoryNotEmpty | ErrorKind::NotFound) => Ok(()),
             removed => removed.map_err(|error| Error::io(&self.part, &error)),
         }
@@ -437,7 +442,7 @@ impl Drop for Draft {
     }
 }
 
-/// The folder beside a place in which the command works.
+/// The work folder beside a target.
 fn part_of(place: &Path) -> PathBuf {
     let mut name = place.file_name().unwrap_or_default().to_owned();
     if name.len() > LONGEST {
@@ -447,20 +452,20 @@ fn part_of(place: &Path) -> PathBuf {
     place.with_file_name(name)
 }
 
-/// The folder that a path is in.
+/// The parent folder of a path.
 fn above(path: &Path) -> PathBuf {
     let above = path.parent().filter(|above| !above.as_os_str().is_empty());
     above.unwrap_or(Path::new(".")).to_owned()
 }
 
-/// A place without links at its end.
+/// A target with the link at its end resolved.
 fn place_of(place: &Path) -> Result<PathBuf> {
     let is_link = place.is_symlink();
     let place = if is_link {
         place.canonicalize().map_err(|error| {
-            let help = "make the folder that it leads to, or choose another --out";
+            let help = "create the folder that the link leads to, or choose another output folder";
             match error.kind() {
-                ErrorKind::NotFound => Error::new("it is a link to what is not there").help(help),
+                ErrorKind::NotFound => Error::new("the path is a link to a missing folder").help(help),
                 _ => refused(place, &error),
             }
             .in_file(place)
@@ -469,20 +474,20 @@ fn place_of(place: &Path) -> Result<PathBuf> {
         place.to_owned()
     };
     if place.file_name().is_none() {
-        return Err(Error::new("it is no name of a folder").in_file(place));
+        return Err(Error::new("the path does not name a folder").in_file(place));
     }
     Ok(place)
 }
 
-/// Refuses a folder that cannot get another name, before work is done.
+/// Refuses a folder that cannot be renamed, before any work is done.
 #[cfg(unix)]
 fn check_mount(place: &Path) -> Result<()> {
     use std::os::unix::fs::MetadataExt;
     let device = |path: &Path| fs::metadata(path).ok().map(|there| there.dev());
     if device(place).is_some_and(|own| device(&above(place)).is_some_and(|above| above != own)) {
-        return Err(Error::new("it is a mount point, which no new folder can replace")
+        return Err(Error::new("the path is a mount point, which cannot be replaced")
             .in_file(place)
-            .help("choose a folder in it"));
+            .help("choose a folder inside it"));
     }
     Ok(())
 }
@@ -492,16 +497,16 @@ fn check_mount(_: &Path) -> Result<()> {
     Ok(())
 }
 
-/// Refuses a folder beside a place that this program did not make.
+/// Refuses a work folder that this program did not create.
 fn check_mark(part: &Path) -> Result<()> {
     let is_mark = |path: &Path| {
         match fs::symlink_metadata(path) {
-            // A kill may have cut it.
+            // A kill may have cut the mark short.
             Ok(it) if it.is_file() && it.len() <= MARK_TEXT.len() as u64 => {
                 fs::read(path).is_ok_and(|text| MARK_TEXT.as_bytes().starts_with(&text))
             }
             Ok(_) => false,
-            // The command that worked here has just removed it.
+            // The command that worked here has just removed the mark.
             Err(error) => error.kind() == ErrorKind::NotFound,
         }
     };
@@ -516,16 +521,16 @@ fn check_mark(part: &Path) -> Result<()> {
     };
     match is_ours() {
         Ok(true) => Ok(()),
-        // The command that worked here has just ended, or removes its mark.
+        // The command that worked here has just ended, or is removing its mark.
         Err(error) if error.kind() == ErrorKind::NotFound => Ok(()),
         Err(error) => Err(Error::io(part, &error)),
-        Ok(false) => Err(Error::new("it stands where the result is made before it gets its name")
+        Ok(false) => Err(Error::new("a foreign file has the name of the staging folder")
             .in_file(part)
-            .help("move it away, or choose another path")),
+            .help("move it away, or choose another output path")),
     }
 }
 
-/// Whether an open file is the one that has a path.
+/// Whether an open file is the file at a path.
 #[cfg(unix)]
 fn is_at(file: &File, path: &Path) -> bool {
     use std::os::unix::fs::MetadataExt;
@@ -542,24 +547,26 @@ fn is_at(_: &File, path: &Path) -> bool {
 }
 
 fn busy(place: &Path) -> Error {
-    Error::new("another command is writing it").in_file(place).help("wait until that has ended, or choose another path")
+    Error::new("another command is writing it")
+        .in_file(place)
+        .help("wait until that command ends, or choose another path")
 }
 
 fn taken(place: &Path) -> Error {
-    Error::new("something came there while the command worked")
+    Error::new("another program created this path while the command worked")
         .in_file(place)
-        .help("choose another path; nothing was touched")
+        .help("choose another path; no file was changed")
 }
 
-/// Something of the user that is now beside the place.
+/// The error for content of the user that is now beside the target.
 fn kept(old: &Path, place: &Path) -> Error {
-    Error::new(format!("it came to {} while a command worked, and was kept here", place.display()))
+    Error::new(format!("this appeared at {} while a command worked, and was moved here", place.display()))
         .in_file(old)
         .help("move it away, and run the command again")
 }
 
-/// Whether what is new may replace what is old, which is then deleted: a file replaces a file, and a folder replaces an empty
-/// folder or one that the same command made. Links are neither.
+/// Whether new content may replace and delete the old: a file replaces a file, and a folder replaces an empty folder or
+/// one that the same command created. Links are neither.
 fn may_replace(new: &Path, old: &Path) -> Result<bool> {
     let kind = |path: &Path| fs::symlink_metadata(path).map_err(|error| Error::io(path, &error));
     let (is_new, is_old) = (kind(new)?, kind(old)?);
@@ -569,19 +576,20 @@ fn may_replace(new: &Path, old: &Path) -> Result<bool> {
     if fs::read_dir(old).map_err(|error| Error::io(old, &error))?.next().is_none() {
         return Ok(true);
     }
-    let made_by = |folder: &Path| Ok(Listing::read(folder)?.map(|listing| listing.made_by));
+    let made_by = |folder: &Path| Ok(FileListing::read(folder)?.map(|listing| listing.made_by));
     let old = made_by(old)?;
     Ok(old.is_some() && old == made_by(new)?)
 }
 
-/// Deletes what is beside a place: listed files of a folder that has a list. `unlisted` deletes a folder without one.
+/// Deletes the content beside a target: the listed files of a folder with a list. `unlisted` deletes a folder without
+/// one.
 fn discard(path: &Path, unlisted: impl FnOnce(&Path) -> std::io::Result<()>) -> Result<()> {
     let failed = |error: std::io::Error| Error::io(path, &error);
     let there = fs::symlink_metadata(path).map_err(failed)?;
     if !there.is_dir() {
         return disk::remove_file(path).map_err(failed);
     }
-    match Listing::read(path)? {
+    match FileListing::read(path)? {
         Some(listing) => listing.delete(path),
         None => unlisted(path).map_err(failed),
     }
@@ -591,7 +599,7 @@ fn sync(folder: &Path) -> Result<()> {
     disk::sync_folder(folder).map_err(|error| Error::io(folder, &error))
 }
 
-/// Brings all files of a folder to disk, then the folders.
+/// Syncs all files of a folder to disk, then the folders.
 fn sync_tree(folder: &Path) -> Result<()> {
     let (mut files, mut folders) = (Vec::new(), vec![folder.to_owned()]);
     let mut next = 0;
@@ -620,7 +628,7 @@ fn sync_tree(folder: &Path) -> Result<()> {
                     while let Some(path) = files.get(taken.fetch_add(1, Ordering::Relaxed)) {
                         if let Err(error) = sync_file(path) {
                             failed.lock().insert(path.clone(), error);
-                            // The others need not be tried.
+                            // After an error, the other files need no sync.
                             taken.store(files.len(), Ordering::Relaxed);
                         }
                     }

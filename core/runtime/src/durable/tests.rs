@@ -1,6 +1,6 @@
 //! Files and folders that replace others, killed and failed at every call.
 
-use super::disk::faults::{self, Fault};
+use super::disk::faults::{self, InjectedFault};
 use super::*;
 use std::collections::BTreeSet;
 
@@ -68,7 +68,7 @@ fn a_folder_is_the_old_or_the_new_one_whatever_call_is_killed() {
             if is_there {
                 make(&place, "one").expect("made");
             }
-            let (done, calls) = faults::with(Some((call, Fault::Kill)), || make(&place, "two"));
+            let (done, calls) = faults::with(Some((call, InjectedFault::Kill)), || make(&place, "two"));
             let found = made(&place);
             assert!(found.is_some() || !is_there || !can_exchange, "call {call}: the place is empty");
             seen.insert(found);
@@ -95,7 +95,7 @@ fn a_call_that_fails_leaves_the_old_folder_or_says_that_the_new_one_is_there() {
             let place = home.path().join("out");
             faults::set_exchanges(can_exchange);
             make(&place, "one").expect("made");
-            let (done, calls) = faults::with(Some((call, Fault::Error(code))), || make(&place, "two"));
+            let (done, calls) = faults::with(Some((call, InjectedFault::Error(code))), || make(&place, "two"));
             let done = done.expect("nothing kills it");
             let wanted = match &done {
                 Ok(()) => "two",
@@ -120,9 +120,12 @@ fn a_call_that_fails_leaves_the_old_folder_or_says_that_the_new_one_is_there() {
 
 #[test]
 fn a_file_is_the_old_or_the_new_one_whatever_call_is_killed_or_fails() {
-    for (fault, can_exchange) in
-        [(Fault::Kill, true), (Fault::Kill, false), (Fault::Error(EIO), true), (Fault::Error(EIO), false)]
-    {
+    for (fault, can_exchange) in [
+        (InjectedFault::Kill, true),
+        (InjectedFault::Kill, false),
+        (InjectedFault::Error(EIO), true),
+        (InjectedFault::Error(EIO), false),
+    ] {
         for before in ["one", ""] {
             for call in 0.. {
                 let home = folder();
@@ -159,7 +162,7 @@ fn a_file_that_must_be_new_is_whole_or_not_there() {
     for call in 0.. {
         let home = folder();
         let path = home.path().join("recipe.toml");
-        let (done, _) = faults::with(Some((call, Fault::Kill)), || create_file(&path, b"one"));
+        let (done, _) = faults::with(Some((call, InjectedFault::Kill)), || create_file(&path, b"one"));
         assert!(["one", ""].contains(&fs::read_to_string(&path).unwrap_or_default().as_str()), "call {call}");
         let was_there = path.exists();
         let again = create_file(&path, b"one");
@@ -214,7 +217,7 @@ fn a_folder_of_a_stranger_is_not_ours_whatever_it_is_called() {
     fs::write(place.join("thesis.tex"), "precious").expect("writable");
     let own = Stamp::of_bytes(b"precious");
     let of =
-        |path: &str| Listing { made_by: "syntable test".to_owned(), files: [(path.to_owned(), own)].into() }.text();
+        |path: &str| FileListing { made_by: "syntable test".to_owned(), files: [(path.to_owned(), own)].into() }.text();
     for text in [String::new(), "{}".to_owned(), of("../thesis.tex"), of("/etc/passwd")] {
         fs::write(place.join(LISTING), &text).expect("writable");
         assert_eq!(standing(&place), Ok(Standing::Other), "{text}");
@@ -260,7 +263,7 @@ fn a_folder_that_comes_at_the_last_moment_is_never_deleted() {
                 fs::create_dir(&there).expect("made");
                 fs::write(there.join("thesis.tex"), "precious").expect("writable");
             });
-            let (done, calls) = faults::with(Some((call, Fault::Kill)), || write(&place, "two"));
+            let (done, calls) = faults::with(Some((call, InjectedFault::Kill)), || write(&place, "two"));
             if faults::take_meanwhile() {
                 continue;
             }
@@ -294,7 +297,7 @@ fn a_file_that_comes_before_a_new_one_has_its_name_is_kept() {
         let path = home.path().join("recipe.toml");
         let there = path.clone();
         faults::set_meanwhile(move || fs::write(there, "mine").expect("writable"));
-        let (done, calls) = faults::with(Some((call, Fault::Error(1))), || create_file(&path, b"one"));
+        let (done, calls) = faults::with(Some((call, InjectedFault::Error(1))), || create_file(&path, b"one"));
         // The action runs if the link fails: the file is then renamed.
         if !faults::take_meanwhile() {
             let error = done.expect("nothing kills it").expect_err("a file came").to_string();

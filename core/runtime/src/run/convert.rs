@@ -1,6 +1,7 @@
-//! Datasets of one format written in others.
+//! Conversion of datasets between formats.
 //!
-//! A reader offers products as a renderer does; annotators that look at products alone derive from them what writers read.
+//! A reader offers products like a renderer. Annotators whose inputs are products alone derive the products that
+//! writers read.
 
 use crate::durable::{self, Draft, Standing};
 use crate::paths::{root_of, run_above};
@@ -30,55 +31,56 @@ use syntable_model::stage::{Finish, ImageAnnotator, Input, ProductGroup, Writer}
 use syntable_model::store::{FsStore, StoreFolder};
 use syntable_recipe::plan::{self, Candidate, Fault, Implied, Plan, Producer};
 
-/// What a conversion wrote.
+/// Result of a conversion.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Converted {
-    /// Scenes of the dataset.
+    /// Number of scenes of the dataset.
     pub scenes: u32,
-    /// Images that were written.
+    /// Number of written images.
     pub images: u32,
-    /// Products of the dataset that no writer reads: they are lost.
+    /// Products of the dataset that no writer reads. They are lost.
     pub lost: Vec<String>,
-    /// Products that writers can do without and the dataset does not have.
+    /// Optional inputs of writers that the dataset lacks.
     pub lacking: Vec<String>,
-    /// In what those that are read say less than those of a run.
+    /// Differences in meaning between the products of the dataset and the same products of a run.
     pub caveats: Vec<String>,
-    /// Number of faults in what was read and was not left out, as far as reading it shows them; `syntable validate` lists all.
+    /// Number of faults that reading found in data that was kept; `syntable validate` lists all faults.
     pub faults: u32,
-    /// What stages left out of images: pixels, outlines, objects.
+    /// Data that stages omitted from images: pixels, outlines, objects.
     pub losses: Vec<Loss>,
-    /// Objects without pixels, by image, if a writer left out such objects.
+    /// Objects without pixels, by image, if a writer omitted such objects.
     pub without_pixels: Vec<String>,
-    /// Annotations of the dataset that are not read as objects.
+    /// Annotations of the dataset that the reader did not turn into objects.
     pub not_objects: Vec<LeftOut>,
-    /// Fields with labels that no product holds, such as keypoints: they are lost.
+    /// Label fields that no product holds, such as keypoints. They are lost.
     pub not_kept: Vec<LeftOut>,
-    /// Images that cannot be read and were left out, each with the reason, in order.
+    /// Unreadable images, which the result omits, with reasons, in order.
     pub left_out: Vec<String>,
-    /// What hides images from the list of the dataset: files that cannot be read, or that are missing, each with the reason.
+    /// Unreadable or missing files that hide images from the dataset's list, with reasons.
     pub not_listed: Vec<String>,
-    /// Files beside images, such as meshes, that cannot be read and were left out, each with the reason.
+    /// Unreadable files beside images, such as meshes, which the result omits, with reasons.
     pub parts_left_out: Vec<String>,
 }
 
-/// Refuses a dataset without images, but for formats that leave out images without objects. `place` is where it is.
+/// Refuses a dataset without images, unless its format omits images without objects. `place` is the dataset's path.
 ///
 /// # Errors
-/// With what hides the images, if opening showed it.
+/// Names the file that hides the images, if opening the dataset found one.
 pub fn check_images(dataset: &OpenDataset, place: &Path) -> Result<()> {
     match dataset.faults.first() {
         _ if !dataset.images.is_empty() => Ok(()),
         Some(first) => {
             let why = format!("no image can be read: {}: {}", first.place, first.message);
-            Err(Error::new(why).help("`syntable validate` lists what is wrong"))
+            Err(Error::new(why).help("`syntable validate` lists all faults"))
         }
         None if dataset.lists_all_images => Err(Error::new("the dataset has no image").in_file(place)),
         None => Ok(()),
     }
 }
 
-/// Writes a dataset with some writers into a folder, which must be new or empty. It appears there when all is written; an
-/// error leaves nothing. Images that cannot be read are left out; if no image can, that is an error.
+/// Writes a dataset with these writers into a folder, which must be new or empty. The folder appears when all files are
+/// complete; after an error, no folder remains. Unreadable images are omitted. If no image is readable, the conversion
+/// fails.
 pub fn convert_dataset(
     registry: &Registry,
     dataset: &OpenDataset,
@@ -89,14 +91,14 @@ pub fn convert_dataset(
 ) -> Result<Converted> {
     let guarded = Guarded(reporter);
     let log = Warnings(&guarded);
-    let Resolved { plan, lacking } = resolve(registry, dataset, writers)?;
+    let ConversionPlan { plan, lacking } = resolve(registry, dataset, writers)?;
     let draft = begin(out)?;
     let part = StoreFolder::from(draft.folder());
     let pool = Pool::new(threads)?;
     let cx = DatasetContext::new(&dataset.info, &pool, &log);
     let (faults, unread, missing) = (AtomicU32::new(0), Mutex::new(BTreeMap::new()), Mutex::default());
     let losses = Arc::new(Losses::default());
-    let work = Conversion {
+    let work = ConversionWalk {
         dataset,
         writers,
         plan: &plan,
@@ -141,63 +143,66 @@ pub fn convert_dataset(
     })
 }
 
-/// What hides images from the list of a dataset: files that cannot be read, or that are missing, each with the reason.
+/// Unreadable or missing files that hide images from the list of a dataset, with reasons.
 pub fn not_listed(dataset: &OpenDataset) -> Vec<String> {
     let lost = dataset.faults.iter().filter(|fault| fault.is_lost);
     lost.map(|fault| format!("{}: {}", fault.place, fault.message)).collect()
 }
 
-/// Names of the products that a dataset has, or that annotators make of them.
+/// Names of the products that a dataset has or that annotators derive from them.
 pub fn products_of(registry: &Registry, dataset: &OpenDataset) -> BTreeSet<String> {
     let offers = &dataset.offers;
     can_be_had(offers, &parts_of_all(registry, offers))
 }
 
-/// Refuses a folder inside of the dataset that is read or of a run's: readers would take what is there for a part of these, and a
-/// run would neither list nor keep it.
+/// Refuses an output folder inside the source dataset or inside a run's folder: readers would take its files for a part
+/// of that dataset, and the run would neither list nor keep them.
 ///
 /// # Errors
-/// With both folders and a better place.
+/// Names both folders, and suggests another.
 pub fn check_place(out: &Path, source: &Path) -> Result<()> {
     let absolute = std::path::absolute(out).map_err(|error| Error::io(out, &error))?;
-    // What is there may be a link. What is not there has its place in the first folder above it that is.
+    // The folder may be a link. A missing folder belongs to its first existing ancestor.
     let place = match absolute.canonicalize() {
         Ok(out) => out.parent().map(Path::to_owned),
         Err(_) => absolute.ancestors().skip(1).find_map(|above| above.canonicalize().ok()),
     };
     let Some(place) = place else { return Ok(()) };
-    let in_dataset =
-        root_of(source).filter(|root| place.starts_with(root)).map(|root| (root, "the dataset that is read"));
+    let in_dataset = root_of(source).filter(|root| place.starts_with(root)).map(|root| (root, "the source dataset"));
     let in_run = run_above(&place).map(|root| (root, "the folder of a run"));
     let Some((root, what)) = in_dataset.or(in_run) else { return Ok(()) };
     let beside = root.with_file_name(out.file_name().unwrap_or_default());
-    Err(Error::new(format!("it lies in {what}, {}", root.display()))
+    Err(Error::new(format!("the output folder is inside {what}, {}", root.display()))
         .in_file(out)
-        .help(format!("choose a folder outside of that one, such as {}", beside.display())))
+        .help(format!("choose a folder outside, such as {}", beside.display())))
 }
 
-/// Begins the folder of a conversion: new, or empty.
+/// Begins the output folder, which must be new or empty.
 fn begin(out: &Path) -> Result<Draft> {
     FsStore::new(out).check_link()?;
     if durable::standing(out)? == Standing::Free {
         return Draft::begin(out);
     }
     if out.is_file() {
-        return Err(Error::new("it is a file").in_file(out).help("choose a folder, new or empty"));
+        return Err(Error::new("the output folder is a file").in_file(out).help("choose a new or empty folder"));
     }
-    // A conversion that was killed at its very end leaves the whole dataset, and something beside it.
+    // A conversion that was killed in its last step leaves the whole dataset and a temporary file.
     let _ = durable::mend(out);
-    Err(Error::new("the folder is there and not empty").in_file(out).help("choose another folder; nothing was touched"))
+    Err(Error::new("the output folder is not empty").in_file(out).help("choose another folder; no file was changed"))
 }
 
-/// What is computed of a dataset, and what writers do without.
-struct Resolved {
+/// Derived products, and the products that writers do without.
+struct ConversionPlan {
     plan: Plan,
     lacking: Vec<String>,
 }
 
-/// Plans what the writers read from what the dataset has.
-fn resolve(registry: &Registry, dataset: &OpenDataset, writers: &[(String, Box<dyn Writer>)]) -> Result<Resolved> {
+/// Plans how to derive the products that the writers read.
+fn resolve(
+    registry: &Registry,
+    dataset: &OpenDataset,
+    writers: &[(String, Box<dyn Writer>)],
+) -> Result<ConversionPlan> {
     let offers = &dataset.offers;
     let parts = parts_of_all(registry, offers);
     let has = can_be_had(offers, &parts);
@@ -205,59 +210,60 @@ fn resolve(registry: &Registry, dataset: &OpenDataset, writers: &[(String, Box<d
     for (id, writer) in writers {
         let (without, reads): (Vec<Input>, Vec<Input>) =
             writer.reads().into_iter().partition(|input| input.is_optional && !has.contains(&input.product));
-        // What renderers alone know, no dataset says; masks say what it is for.
+        // Only renderers know these products. Masks state what they are good for.
         let lacks = |product: &String| *product != *COVERAGE.name();
         lacking.extend(without.into_iter().map(|input| input.product).filter(lacks));
         wants.push((id.clone(), reads));
     }
-    let candidate = |(stage, part): (String, Part)| {
+    let candidate = |(stage, part): (String, AnnotatorGroup)| {
         let implied = part.implied.clone();
         Candidate { stage, producer: Producer::Image(Box::new(part)), implied }
     };
     let implied = parts.into_iter().map(candidate).collect();
-    let plan =
-        plan::resolve(offers.clone(), Vec::new(), implied, &wants).map_err(|errors| {
-            let is_unknown = |error: &&plan::PlanError| error.fault == Fault::Unknown;
-            let mut messages: Vec<String> = Vec::new();
-            for (id, _) in writers {
-                let stage = format!("write.{id}");
-                let missing = errors.iter().filter(is_unknown).filter(|error| error.stage == stage);
-                let missing: Vec<String> = missing.map(|error| format!("`{}`", error.product)).collect();
-                if !missing.is_empty() {
-                    messages.push(format!("{stage} reads {}, which the dataset does not have", missing.join(", ")));
-                }
+    let plan = plan::resolve(offers.clone(), Vec::new(), implied, &wants).map_err(|errors| {
+        let is_unknown = |error: &&plan::PlanError| error.fault == Fault::Unknown;
+        let mut messages: Vec<String> = Vec::new();
+        for (id, _) in writers {
+            let stage = format!("write.{id}");
+            let missing = errors.iter().filter(is_unknown).filter(|error| error.stage == stage);
+            let missing: Vec<String> = missing.map(|error| format!("`{}`", error.product)).collect();
+            if !missing.is_empty() {
+                messages.push(format!("{stage} reads {}, which the dataset lacks", missing.join(", ")));
             }
-            messages.extend(errors.iter().filter(|error| !is_unknown(error)).map(|error| error.message.clone()));
-            if messages.is_empty() {
-                // What an annotator would make of products that are not there.
-                messages.extend(errors.iter().map(|error| {
-                    format!("{} reads `{}`, which the dataset does not have", error.stage, error.product)
-                }));
-            }
-            let has: Vec<String> = offers.iter().map(|key| format!("`{}`", key.name)).collect();
-            let mut help = format!("the dataset has {}", has.join(", "));
-            // Such as `include[0]`.
-            let named = errors.iter().filter(is_unknown).find_map(|error| {
-                let option = error.option.as_ref()?.split('[').next().filter(|option| *option == "include")?;
-                Some((error.stage.strip_prefix("write.")?, option))
-            });
-            if let (Some((kind, option)), Some(first)) = (named, has.first()) {
-                let product = first.trim_matches('`');
-                help += &format!("; choose among them, as in --set '{kind}.{option}=[\"{product}\"]'");
-            }
-            Error::new(messages.join("; ")).help(help)
-        })?;
-    Ok(Resolved { plan, lacking: lacking.into_iter().collect() })
+        }
+        messages.extend(errors.iter().filter(|error| !is_unknown(error)).map(|error| error.message.clone()));
+        if messages.is_empty() {
+            // Products that an annotator would derive from missing ones.
+            messages.extend(
+                errors
+                    .iter()
+                    .map(|error| format!("{} reads `{}`, which the dataset lacks", error.stage, error.product)),
+            );
+        }
+        let has: Vec<String> = offers.iter().map(|key| format!("`{}`", key.name)).collect();
+        let mut help = format!("the dataset has {}", has.join(", "));
+        // An entry such as `include[0]`.
+        let named = errors.iter().filter(is_unknown).find_map(|error| {
+            let option = error.option.as_ref()?.split('[').next().filter(|option| *option == "include")?;
+            Some((error.stage.strip_prefix("write.")?, option))
+        });
+        if let (Some((kind, option)), Some(first)) = (named, has.first()) {
+            let product = first.trim_matches('`');
+            help += &format!("; choose among them, for instance with `options.set` '{kind}.{option}=[\"{product}\"]'");
+        }
+        Error::new(messages.join("; ")).help(help)
+    })?;
+    Ok(ConversionPlan { plan, lacking: lacking.into_iter().collect() })
 }
 
 /// A group of products that an annotator provides.
-struct Part {
+struct AnnotatorGroup {
     annotator: Arc<dyn ImageAnnotator>,
     implied: Option<Implied>,
     group: ProductGroup,
 }
 
-impl ImageAnnotator for Part {
+impl ImageAnnotator for AnnotatorGroup {
     fn reads(&self) -> Vec<KeyId> {
         self.group.reads.clone()
     }
@@ -267,7 +273,7 @@ impl ImageAnnotator for Part {
     }
 
     fn annotate(&self, cx: &ImageContext, products: &mut Products) -> Result<()> {
-        // To the annotator, the rest of what it reads is not there.
+        // The annotator does not see its other inputs.
         let lent = products.only(&self.annotator.reads().iter().map(|key| key.name).collect::<Vec<_>>());
         let mut filled = lent.clone();
         self.annotator.annotate(cx, &mut filled)?;
@@ -276,12 +282,12 @@ impl ImageAnnotator for Part {
 }
 
 /// The groups of all annotators; see [`parts_of`].
-fn parts_of_all(registry: &Registry, offers: &[KeyId]) -> Vec<(String, Part)> {
+fn parts_of_all(registry: &Registry, offers: &[KeyId]) -> Vec<(String, AnnotatorGroup)> {
     plan::registered(registry).into_iter().flat_map(|candidate| parts_of(candidate, offers)).collect()
 }
 
-/// The groups of an annotator that needs nothing but products, but for those that a dataset has itself.
-fn parts_of(candidate: Candidate, offers: &[KeyId]) -> Vec<(String, Part)> {
+/// The groups of an annotator whose only inputs are products, without the groups that the dataset has.
+fn parts_of(candidate: Candidate, offers: &[KeyId]) -> Vec<(String, AnnotatorGroup)> {
     let Producer::Image(annotator) = candidate.producer else { return Vec::new() };
     let annotator: Arc<dyn ImageAnnotator> = annotator.into();
     let groups = annotator.groups();
@@ -291,13 +297,13 @@ fn parts_of(candidate: Candidate, offers: &[KeyId]) -> Vec<(String, Part)> {
         let names: Vec<String> = group.provides.iter().map(|key| key.name.to_string()).collect();
         let stage = &candidate.stage;
         let stage = if is_whole { stage.clone() } else { format!("{stage} ({})", names.join(", ")) };
-        (stage, Part { annotator: Arc::clone(&annotator), implied: candidate.implied.clone(), group })
+        (stage, AnnotatorGroup { annotator: Arc::clone(&annotator), implied: candidate.implied.clone(), group })
     };
     groups.into_iter().filter(is_new).map(part).collect()
 }
 
-/// Names of the products that a dataset has, or that follow from them.
-fn can_be_had(offers: &[KeyId], parts: &[(String, Part)]) -> BTreeSet<String> {
+/// Names of the products that a dataset has or that follow from them.
+fn can_be_had(offers: &[KeyId], parts: &[(String, AnnotatorGroup)]) -> BTreeSet<String> {
     let name = |key: &KeyId| key.name.to_string();
     let mut has: BTreeSet<String> = offers.iter().map(name).collect();
     loop {
@@ -312,7 +318,7 @@ fn can_be_had(offers: &[KeyId], parts: &[(String, Part)]) -> BTreeSet<String> {
     }
 }
 
-struct Conversion<'a> {
+struct ConversionWalk<'a> {
     dataset: &'a OpenDataset,
     writers: &'a [(String, Box<dyn Writer>)],
     plan: &'a Plan,
@@ -320,20 +326,20 @@ struct Conversion<'a> {
     stop: &'a Stop,
     cx: DatasetContext<'a>,
     checks: &'a [Arc<dyn LabelCheck>],
-    /// Number of faults of images: of their records, and those that the checks found.
+    /// Number of faults in images: faults of their records, and faults that the checks found.
     faults: &'a AtomicU32,
     losses: &'a Arc<Losses>,
-    /// Why images could not be read.
+    /// Reasons why images could not be read.
     unread: &'a Mutex<BTreeMap<usize, Error>>,
     missing: &'a Mutex<Missing>,
 }
 
-/// What images that were read lack.
+/// Omitted parts of images that were read.
 #[derive(Default)]
 struct Missing {
-    /// Annotations that are not given as objects, by image.
+    /// Annotations that are not objects, by image.
     annotations: BTreeMap<usize, Vec<LeftOut>>,
-    /// Why parts of products are missing, each reason once.
+    /// Reasons for missing parts of products, without repetition.
     parts: BTreeSet<String>,
     /// Objects without pixels, by image.
     without_pixels: BTreeMap<usize, Vec<String>>,
@@ -351,7 +357,7 @@ impl Missing {
     }
 }
 
-impl Conversion<'_> {
+impl ConversionWalk<'_> {
     /// Writes all scenes, and returns them in order.
     fn scenes(&self) -> Result<Vec<SceneId>> {
         let mut images: BTreeMap<SceneId, Vec<usize>> = BTreeMap::new();
@@ -370,7 +376,7 @@ impl Conversion<'_> {
                 Ok(false) => {}
                 Err(error) => {
                     let mut failure = failure.lock();
-                    // The first failing scene speaks for all.
+                    // The first failing scene stands for all.
                     if failure.as_ref().is_none_or(|(first, _)| index < *first) {
                         *failure = Some((index, error));
                     }
@@ -387,7 +393,7 @@ impl Conversion<'_> {
         }
     }
 
-    /// Writes the images of a scene that can be read, and whether there are any.
+    /// Writes the readable images of a scene. Returns whether it has any.
     fn scene(&self, id: SceneId, images: &[usize]) -> Result<bool> {
         if let Some(reason) = self.stop.requested() {
             return Err(Error::stopped(format!("stopped by {reason}")));
@@ -437,7 +443,7 @@ impl Conversion<'_> {
     }
 }
 
-/// The objects of an image without pixels, in the words of the reader if it names them, else by their ids.
+/// The objects of an image without pixels: in the words of the reader if it names them, else by id.
 fn objects_without_pixels(faults: &[(&'static str, String)], products: &Products) -> Vec<String> {
     let named = faults.iter().filter(|(check, _)| *check == OBJECTS_HAVE_PIXELS).map(|(_, message)| message.clone());
     let named: Vec<String> = named.collect();
@@ -451,8 +457,8 @@ fn objects_without_pixels(faults: &[(&'static str, String)], products: &Products
     ids.into_iter().filter(is_empty).map(|id| format!("instance {id} has no pixels")).collect()
 }
 
-/// What a writer is lent of an image. One that reads the plane of ids, and not the masks that it was painted from, gets the boxes
-/// of the pixels that objects have in the plane: where masks overlap, these are smaller.
+/// The products that a writer gets for an image. A writer that reads the plane of ids, and not the masks behind it,
+/// gets the boxes of the objects' pixels in that plane: where masks overlap, these are smaller.
 fn lent(products: &Products, reads: &[String]) -> Result<Products> {
     let reads_it = |name: &str| reads.iter().any(|read| read == name);
     let is_painted = products.contains(VISIBLE_MASK.name()) && reads_it(VISIBLE_IDS.name());
@@ -474,7 +480,7 @@ fn lent(products: &Products, reads: &[String]) -> Result<Products> {
         }
         None => BBox::default(),
     };
-    // A box that is not that of the mask comes from the dataset, and stays what it is.
+    // A box that differs from the mask's box comes from the dataset, and stays unchanged.
     let of_mask = |id: InstanceId, own: &BBox| masks.get(id).is_some_and(|mask| mask.bbox() == *own);
     let boxes = products.get(VISIBLE_BOX)?.map(|id, own| if of_mask(id, own) { painted(id) } else { *own });
     let others: Vec<&str> = reads.iter().map(String::as_str).filter(|name| *name != VISIBLE_BOX.name()).collect();
@@ -484,7 +490,7 @@ fn lent(products: &Products, reads: &[String]) -> Result<Products> {
 }
 
 impl Converted {
-    /// What was written, in words.
+    /// The written scenes and images in words.
     pub fn text(&self) -> String {
         format!("{} of {} written", count(self.images, "image"), count(self.scenes, "scene"))
     }

@@ -1,4 +1,4 @@
-//! The end of a run: annotators of the dataset, and writers that finish.
+//! The end of a run: dataset annotators, and the last step of writers.
 
 use crate::pools::BAD;
 use crate::run::Outcome;
@@ -24,8 +24,9 @@ use syntable_model::store::StoreFolder;
 use syntable_recipe::plan::Producer;
 use syntable_recipe::{Lock, Recipe, with_lock};
 
-/// Annotates the dataset and lets every writer finish that can; an error is reported when all had their turn. Of the scenes
-/// that were `wanted`, files that could not be written anew are taken away; others keep them for a later run.
+/// Annotates the dataset and runs the last step of every writer. Reports an error only after all writers had their
+/// turn. Removes stale files of the `wanted` scenes that could not be written again; other scenes keep such files for a
+/// later run.
 pub fn end(
     recipe: &Recipe,
     reporter: &dyn Reporter,
@@ -42,7 +43,7 @@ pub fn end(
     let waiting = take_strays(recipe, folder, &before, wanted, &journal)?;
     if waiting > 0 {
         let message = format!(
-            "{} keep files of other options, which the files of the dataset leave out: run without --scenes to write them anew",
+            "{} keep files of other options, which the dataset's files omit: run without `options.scenes` to write them again",
             count(waiting, "scene")
         );
         reporter.event(&Event::Note { message });
@@ -71,10 +72,10 @@ pub fn end(
     })
 }
 
-/// Views like that are few if they are less than one in as many.
+/// Views are few if they are less than one in this number.
 const FEW: u32 = 10;
 
-/// Counts the scenes and the views that are odd. A few views that may be meant are no reason for a warning.
+/// Warns about anomalies of scenes and views. A few anomalous views may be intended, and cause no warning.
 fn tell_at_the_end(made: &[JournalEntry], reporter: &dyn Reporter) {
     let log = Warnings(reporter);
     let all: u32 = made.iter().map(JournalEntry::views).sum();
@@ -101,7 +102,7 @@ fn tell_at_the_end(made: &[JournalEntry], reporter: &dyn Reporter) {
     }
 }
 
-/// Compares what the end of a run reads of the scenes with what was written: lines that are gone would be missed by nobody.
+/// Compares the scenes' records with the written lines, because no later step would notice a missing line.
 fn check_shards(folder: &Folder, workers: &dyn Workers, made: &[JournalEntry]) -> Result<()> {
     let failure = Mutex::new(None);
     workers.run(made.len(), &|index| {
@@ -112,8 +113,8 @@ fn check_shards(folder: &Folder, workers: &dyn Workers, made: &[JournalEntry]) -
     failure.into_inner().map_or(Ok(()), Err)
 }
 
-/// Takes away files of scenes whose writers the recipe has no more, or that were `wanted` and could not be written anew.
-/// Returns the number of scenes that wait to be written anew.
+/// Removes files of writers that left the recipe, and files of `wanted` scenes that could not be written again. Returns
+/// the number of scenes that still wait to be written again.
 fn take_strays(
     recipe: &Recipe,
     folder: &Folder,
@@ -137,15 +138,15 @@ fn take_strays(
     Ok(waiting)
 }
 
-/// What went wrong at the end of a run.
+/// Errors at the end of a run.
 pub struct Ended {
-    /// The first writer that could not finish, and why.
+    /// The first writer that could not finish, and its error.
     pub writers: Option<(String, Error)>,
-    /// Why the first annotator of the dataset failed. Writers that read its products were not asked to finish.
+    /// Error of the first dataset annotator that failed. Writers that read its products did not finish.
     pub annotators: Option<Error>,
 }
 
-/// Annotates the dataset of some scenes and lets every writer finish into a staging folder whose products are there.
+/// Annotates the dataset of some scenes, and finishes every writer whose products exist into a staging folder.
 pub fn annotate_and_finish(
     recipe: &Recipe,
     log: &dyn Log,
@@ -173,13 +174,13 @@ pub fn annotate_and_finish(
         let ended = panics::quiet(|| panics::caught(&stage, || writer.finish(&cx, &read, &finish)));
         ended.err().map(|error| (id.clone(), error))
     };
-    // Every writer has its turn, whatever becomes of the others.
+    // Every writer gets its turn, even after an error.
     let writers: Vec<(String, Error)> = recipe.write.iter().filter_map(one).collect();
     Ended { writers: writers.into_iter().next(), annotators: failed.into_iter().next().map(|(_, error)| error) }
 }
 
-/// Runs the annotators of the dataset on the records of the scenes that are done. Returns what they made, and in the order
-/// of the plan the products that could not be made, each with the reason.
+/// Runs the dataset annotators on the records of the finished scenes. Returns their products, and the products that
+/// failed, in the order of the plan, with reasons.
 fn annotate_dataset(
     recipe: &Recipe,
     cx: &DatasetContext,

@@ -1,11 +1,11 @@
-//! One dataset of parts that were made elsewhere, from one recipe.
+//! Merges parts of a dataset, made elsewhere from one recipe, into one dataset.
 
 use crate::paths::whole;
 use crate::run::dataset::folder::{Folder, catalog_path};
 use crate::run::dataset::foreign;
 use crate::run::dataset::journal::{Journal, JournalEntry};
 use crate::run::dataset::layout;
-use crate::run::dataset::manifest::{Manifest, Stamp, State, Written};
+use crate::run::dataset::manifest::{FileState, Manifest, Stamp, Written};
 use crate::run::decisions::growth;
 use crate::run::decisions::inputs;
 use crate::run::finish;
@@ -23,16 +23,16 @@ use syntable_model::registry::Registry;
 use syntable_model::store::StoreFolder;
 use syntable_recipe::{Overrides, Recipe, Source, lock_of, with_devices, without_lock};
 
-/// A part, open.
-struct Part {
+/// An open part.
+struct MergePart {
     folder: Folder,
     entries: BTreeMap<u32, JournalEntry>,
     recipe: String,
 }
 
-/// Puts the scenes of several parts into a dataset: new, or begun by an earlier call. The result is that of one run, byte
-/// for byte. Parts are not changed; their files are linked where the file system can, else copied. An error leaves what was
-/// done, and the same call goes on from there.
+/// Merges the scenes of several parts into a dataset, which is new or was begun by an earlier call. The result equals
+/// the dataset of one run, byte for byte. The parts stay unchanged: their files are hard links where the file system
+/// allows it, else copies. After an error, the same call continues.
 pub fn merge<P: Clone + Into<StoreFolder>>(
     registry: &Registry,
     out: impl Into<StoreFolder>,
@@ -45,9 +45,9 @@ pub fn merge<P: Clone + Into<StoreFolder>>(
     let reporter = &Guarded(reporter);
     let (out, parts) = (out.into(), parts.iter().cloned().map(Into::into).collect::<Vec<StoreFolder>>());
     is_apart(&out, &parts)?;
-    let parts: Vec<Part> = parts.into_iter().map(open).collect::<Result<_>>()?;
+    let parts: Vec<MergePart> = parts.into_iter().map(open).collect::<Result<_>>()?;
     let Some(first) = parts.first() else {
-        return Err(Error::new("there is no part to merge"));
+        return Err(Error::new("no part to merge"));
     };
     for part in &parts[1..] {
         same_recipe(first, part)?;
@@ -60,7 +60,7 @@ pub fn merge<P: Clone + Into<StoreFolder>>(
     let journal = folder.journal()?;
     let recipe_of_target = if folder.is_empty(&journal)? { None } else { Some(recipe_of(&folder, "dataset")?) };
     let begun =
-        Part { entries: journal.entries().clone(), recipe: recipe_of_target.clone().unwrap_or_default(), folder };
+        MergePart { entries: journal.entries().clone(), recipe: recipe_of_target.clone().unwrap_or_default(), folder };
     if recipe_of_target.is_some() {
         same_recipe(&begun, first)?;
     }
@@ -81,7 +81,7 @@ pub fn merge<P: Clone + Into<StoreFolder>>(
         if let Some(reason) = stop.requested() {
             let message =
                 format!("stopped by {}: {done} of {} are merged", reason, count(chosen.len() as u32, "scene"));
-            return Err(Error::stopped(message).help("the same command goes on from there"));
+            return Err(Error::stopped(message).help("the same command continues from there"));
         }
         adopt(&begun.folder, &part.folder, entry, &journal)
             .map_err(|error| stopping(error).context(format!("scene {}", entry.scene)))?;
@@ -95,8 +95,8 @@ pub fn merge<P: Clone + Into<StoreFolder>>(
     let missing = lacks.len() as u32;
     if missing > 0 {
         let all = count(recipe.dataset.scenes, "scene");
-        let message = format!("{missing} of {all} of the recipe are in no part: {}", ranges(lacks.into_iter()));
-        let help = "merge the parts that have them into the same folder, or let `syntable run` with the recipe and --out make them";
+        let message = format!("no part has {missing} of the recipe's {all}: {}", ranges(lacks.into_iter()));
+        let help = "merge parts with these scenes into the same folder, or make the scenes with `syntable run`, the recipe and `options.out`";
         log.warn(&Error::new(message).help(help));
     }
     let before: u32 = begun.entries.values().map(JournalEntry::views).sum();
@@ -112,67 +112,69 @@ pub fn merge<P: Clone + Into<StoreFolder>>(
     Ok(Outcome { missing, ..outcome })
 }
 
-/// Refuses a dataset that is also named as a part, which would be opened twice, and one inside of a part, to which its files
-/// would be foreign; and the reverse.
+/// Refuses a dataset that is also named as a part, since it would be opened twice, and folders inside each other, since
+/// the files of one would be foreign to the other.
 fn is_apart(out: &StoreFolder, parts: &[StoreFolder]) -> Result<()> {
-    // Of a folder that does not exist yet, the first one above it that does tells where it will be.
+    // A missing folder belongs to its first existing ancestor.
     let plain = |folder: &StoreFolder| folder.local().map_or_else(|| folder.clone(), |path| whole(&path).into());
     let out = plain(out);
     for part in parts {
         let there = plain(part);
         match (out.contains(&there), there.contains(&out)) {
             (true, true) => {
-                return Err(Error::new("it is named as the dataset to make, and as one of its parts")
+                return Err(Error::new("this folder is both the output and a part")
                     .in_file(part.name())
                     .help(format!(
-                        "leave out the part `{}` to put the others into it, which keeps its scenes, or name another folder first",
+                        "to merge the other parts into it, leave out the part `{}`: its scenes are kept; else name another output folder",
                         part.name().display()
                     )));
             }
             (false, false) => {}
             _ => {
-                return Err(Error::new("the dataset to make and this part lie one in the other")
+                return Err(Error::new("output folder and part overlap")
                     .in_file(part.name())
-                    .help("name a folder beside the parts"));
+                    .help("choose an output folder beside the parts"));
             }
         }
     }
     Ok(())
 }
 
-/// The recipe of a folder that has scenes.
+/// The recipe of a folder with scenes.
 fn recipe_of(folder: &Folder, what: &str) -> Result<String> {
     folder.recipe_of_scenes()?.map_err(|lost| {
         Error::new(format!("the {what} {lost}"))
             .in_file(folder.name())
-            .help("bring it back, or run with its recipe, --out and --repair")
+            .help("restore the file, or run with its recipe, `options.out` and `options.repair`")
     })
 }
 
-fn open(part: StoreFolder) -> Result<Part> {
+fn open(part: StoreFolder) -> Result<MergePart> {
     if !layout::is_dataset(&part)? {
-        return Err(Error::new("there is no dataset").in_file(part.name()).help("name the folder that a run wrote"));
+        return Err(Error::new("no dataset in this folder")
+            .in_file(part.name())
+            .help("name the output folder of a run"));
     }
     let folder = Folder::read(part)?;
     let entries = Journal::entries_of(folder.files())?;
     let recipe = recipe_of(&folder, "part")?;
     catalog_paths(&folder)?;
-    Ok(Part { folder, entries, recipe })
+    Ok(MergePart { folder, entries, recipe })
 }
 
-/// Refuses parts of different recipes or of different inputs.
-fn same_recipe(one: &Part, other: &Part) -> Result<()> {
+/// Refuses parts of different recipes or inputs.
+fn same_recipe(one: &MergePart, other: &MergePart) -> Result<()> {
     let folders = || format!("{} and {}", one.folder.name().display(), other.folder.name().display());
-    let refuse = |message: String| Err(Error::new(message).help("make all parts with one recipe and the same assets"));
+    let refuse = |message: String| Err(Error::new(message).help("make all parts from one recipe and the same assets"));
     let differences = growth::differences(&one.recipe, &other.recipe);
     if !differences.is_empty() {
-        return refuse(format!("{} are of different recipes:{}\n ", folders(), growth::listing(&differences)));
+        return refuse(format!("{} have different recipes:{}\n ", folders(), growth::listing(&differences)));
     }
     let (locks, mut what) = ([lock_of(&one.recipe), lock_of(&other.recipe)], Vec::new());
     if let Some(pool) = differing(&locks[0].catalogs, &locks[1].catalogs).first() {
         let homes = [(one.folder.files(), &locks[0]), (other.folder.files(), &locks[1])];
         let how = inputs::difference(pool, homes).map(|how| format!("; from the first to the second: {how}"));
-        let message = format!("the pool `{pool}` was not the same when {} were made", folders());
+        let message = format!("the pool `{pool}` differed when {} were made", folders());
         return refuse(message + &how.unwrap_or_default());
     }
     what.extend(
@@ -185,27 +187,27 @@ fn same_recipe(one: &Part, other: &Part) -> Result<()> {
     });
     what.extend(differing(&assets, &others).into_iter().map(|asset| format!("the asset {asset}")));
     match what.first() {
-        Some(first) => refuse(format!("{first} was not the same when {} were made", folders())),
+        Some(first) => refuse(format!("{first} differed when {} were made", folders())),
         None => Ok(()),
     }
 }
 
-/// The devices that rendered any part. Warns if parts were rendered on different ones.
-fn devices<'p>(parts: impl Iterator<Item = &'p Part>, log: &dyn Log) -> BTreeSet<String> {
+/// The devices that rendered the parts. Warns if they differ.
+fn devices<'p>(parts: impl Iterator<Item = &'p MergePart>, log: &dyn Log) -> BTreeSet<String> {
     let mut all: Vec<BTreeSet<String>> = parts.map(|part| lock_of(&part.recipe).devices).collect();
     all.retain(|devices| !devices.is_empty());
     if all.windows(2).any(|pair| pair[0] != pair[1]) {
         let names: BTreeSet<&str> = all.iter().flatten().map(String::as_str).collect();
         let names: Vec<&str> = names.into_iter().collect();
         log.warn(
-            &Error::new(format!("the parts were not rendered on the same devices, but on {}", names.join(", ")))
+            &Error::new(format!("different devices rendered the parts: {}", names.join(", ")))
                 .help("images may differ by rounding; `cpu_path` gives the same bytes on every machine"),
         );
     }
     all.into_iter().flatten().collect()
 }
 
-/// Keys that both have, with different values.
+/// Keys of both maps with different values.
 fn differing<T: PartialEq>(one: &BTreeMap<String, T>, other: &BTreeMap<String, T>) -> Vec<String> {
     one.iter()
         .filter(|(key, value)| other.get(*key).is_some_and(|other| other != *value))
@@ -213,17 +215,17 @@ fn differing<T: PartialEq>(one: &BTreeMap<String, T>, other: &BTreeMap<String, T
         .collect()
 }
 
-/// The scenes that are not merged yet, each with a part that has it. A scene in several parts must be the same in all.
-fn choose<'p>(begun: &'p Part, parts: &'p [Part]) -> Result<Vec<(&'p JournalEntry, &'p Part)>> {
-    let mut chosen: BTreeMap<u32, (&JournalEntry, &Part)> =
+/// The scenes that are not merged yet, each with a part that has it. All parts with a scene must agree on it.
+fn choose<'p>(begun: &'p MergePart, parts: &'p [MergePart]) -> Result<Vec<(&'p JournalEntry, &'p MergePart)>> {
+    let mut chosen: BTreeMap<u32, (&JournalEntry, &MergePart)> =
         begun.entries.iter().map(|(&scene, entry)| (scene, (entry, begun))).collect();
     for part in parts {
         for (&scene, entry) in &part.entries {
             match chosen.get(&scene) {
                 Some((other, whose)) if *other != entry => {
                     let [one, two] = [whose, part].map(|part| part.folder.name().display().to_string());
-                    return Err(Error::new(format!("scene {scene} is not the same in {one} and in {two}")).help(
-                        "one of them is damaged, or was made by another program; `syntable verify` compares files",
+                    return Err(Error::new(format!("scene {scene} differs between {one} and {two}")).help(
+                        "one of them is damaged or comes from another version; `syntable verify` compares the files of each",
                     ));
                 }
                 Some(_) => {}
@@ -234,11 +236,11 @@ fn choose<'p>(begun: &'p Part, parts: &'p [Part]) -> Result<Vec<(&'p JournalEntr
     Ok(chosen.into_values().filter(|(_, part)| !std::ptr::eq(*part, begun)).collect())
 }
 
-/// Puts a scene of a part into the dataset.
+/// Copies a scene of a part into the dataset.
 pub fn adopt(folder: &Folder, part: &Folder, entry: &JournalEntry, journal: &Mutex<Journal>) -> Result<()> {
     let files = part.files();
     let damaged = |path: &str| {
-        Error::new("the part is damaged here")
+        Error::new("this file of the part is damaged")
             .in_file(files.name_of(path))
             .help("`syntable run --repair` with the part's recipe and folder makes the scene again")
     };
@@ -252,13 +254,13 @@ pub fn adopt(folder: &Folder, part: &Folder, entry: &JournalEntry, journal: &Mut
         }
         for (inside, stamp) in &manifest.files {
             match stamp.check_in(files, inside)? {
-                State::Whole => {}
-                State::Linked => {
-                    return Err(Error::new("it is a link, or behind one, and links of a part are not followed")
+                FileState::Whole => {}
+                FileState::Linked => {
+                    return Err(Error::new("the path leads through a link, and `merge` follows no links in parts")
                         .in_file(files.name_of(inside))
-                        .help("put the file itself there, as `cp -rL` does"));
+                        .help("replace the link by the file, as `cp -rL` does"));
                 }
-                State::Missing | State::Damaged => return Err(damaged(inside)),
+                FileState::Missing | FileState::Damaged => return Err(damaged(inside)),
             }
             staged.copy(files, inside, inside)?;
         }
@@ -277,14 +279,14 @@ fn catalogs(folder: &Folder, part: &Folder) -> Result<()> {
     folder.set_catalogs(&catalogs)
 }
 
-/// Where the names of the assets of each pool are that a part locks.
+/// Files with the assets' names of each pool that a part locks.
 fn catalog_paths(part: &Folder) -> Result<Vec<(String, DatasetPath)>> {
     let pools = lock_of(&part.recipe()?.unwrap_or_default()).catalogs.into_keys();
     pools.map(|pool| catalog_path(part.files(), &pool).map(|path| (pool, path))).collect()
 }
 
-/// Refuses files that the end of a run reads and that are not what they were when the parts were made, and writers that
-/// lack something. What only the scenes read may be elsewhere.
+/// Refuses changed files that the end of a run reads, and writers with unmet needs. Files that only scenes read may be
+/// elsewhere.
 fn ready(recipe: &Recipe) -> Result<()> {
     let then = lock_of(&recipe.resolved).files;
     let (of_end, of_scenes): (Vec<_>, Vec<_>) =
@@ -293,17 +295,16 @@ fn ready(recipe: &Recipe) -> Result<()> {
         let help =
             "relative paths count from the current folder: merge in the folder of the recipe that made the parts";
         let found = Stamp::of_file(path).map_err(|error| error.help(help).context(option).of_request())?;
-        // A part of somebody else could name any file of this machine, and would have the merged dataset tell what is in it.
+        // A part from another person could name any file of this machine, and the merged dataset would reveal its
+        // content.
         let Some(digest) = then.get(option) else {
-            return Err(Error::new("the parts do not say what was in it")
+            return Err(Error::new("the parts have no digest of this file")
                 .in_file(path)
-                .help(
-                    "`[lock]` of a part's recipe.toml has a digest of each such file: bring the recipe back as it was",
-                )
+                .help("restore `[lock]` in the recipe.toml of the parts, which has a digest of each such file")
                 .context(option));
         };
         if *digest != found.1.to_string() {
-            return Err(Error::new("it is not what it was when the parts were made")
+            return Err(Error::new("the file has changed since the parts were made")
                 .in_file(path)
                 .help(help)
                 .context(option));
@@ -318,8 +319,8 @@ fn ready(recipe: &Recipe) -> Result<()> {
     Ok(())
 }
 
-/// The recipe of the parts. Its assets are not needed, and neither is what the environment says of them; files that writers
-/// read at the end count from the current folder.
+/// Loads the recipe of the parts. It needs neither their assets nor environment variables. Paths of files that writers
+/// read at the end are relative to the current folder.
 fn load(registry: &Registry, text: &str) -> Result<Recipe> {
     let named =
         |name: &str| std::env::var(name).ok().filter(|value| !value.is_empty()).or_else(|| Some(name.to_owned()));
@@ -329,8 +330,8 @@ fn load(registry: &Registry, text: &str) -> Result<Recipe> {
         .map_err(|report| Error::new(format!("the recipe of the parts cannot be read:\n{report}")))?;
     let differences = growth::differences(text, &recipe.resolved);
     if !differences.is_empty() {
-        let message = format!("the parts were made by another program:{}\n ", growth::listing(&differences));
-        return Err(Error::new(message).help("merge them with the program that made them"));
+        let message = format!("another version of the program made the parts:{}\n ", growth::listing(&differences));
+        return Err(Error::new(message).help("merge them with that version"));
     }
     Ok(Recipe { resolved: text.to_owned(), ..recipe })
 }

@@ -1,12 +1,12 @@
-//! A run, and what works on the dataset that it makes.
+//! Runs a recipe, and works on the resulting dataset.
 //!
-//! An image is a pure function of recipe, seed, scene and view: streams are named after stage, scene, attempt and view, results do
-//! not depend on threads or order, and a scene's files appear together with its journal line.
+//! An image is a pure function of recipe, seed, scene and view: random streams are named by stage, scene, attempt and
+//! view, results do not depend on threads or order, and a scene's files appear together with its journal line.
 //!
 //! | floor | holds |
 //! |---|---|
 //! | [`dataset`] | the dataset in its store: folder, journal, manifests, settled poses, recorded products, comparison with the journal |
-//! | `decisions` | what a run may do with a folder: continue, grow, or leave it alone; the list of work |
+//! | `decisions` | permitted changes to a folder: continue it, grow it, or leave it unchanged; the list of work |
 //! | [`making`] | scenes: attempts, the walk over a scene, sessions, the queue, writers, losses, times |
 //! | `finish` | annotators of the dataset, and the last step of writers |
 //! | `merge`, `convert`, [`preview`] | one dataset of several parts; a dataset in other formats; single views without a dataset |
@@ -43,31 +43,31 @@ use syntable_model::some::SHOWN;
 use syntable_model::store::StoreFolder;
 use syntable_recipe::Recipe;
 
-/// How to run a recipe.
+/// Options of a run.
 pub struct RunOptions {
-    /// Where the dataset is stored: a folder of this machine, or of another store, such as memory.
+    /// Where to store the dataset: a folder of this machine, or of another store such as memory.
     pub out: StoreFolder,
-    /// Which of the recipe's scenes to make; all if not given.
+    /// Scenes of the recipe to make; `None` makes all.
     pub scenes: Option<Range<u32>>,
-    /// Threads.
+    /// Number of threads.
     pub threads: usize,
-    /// Delete a dataset that is there.
+    /// Delete an existing dataset.
     pub overwrite: bool,
-    /// Try scenes again that failed in an earlier run.
+    /// Retry scenes that failed in an earlier run.
     pub retry_failed: bool,
-    /// Compare all files with the journal first, and make the scenes again whose files are missing or damaged.
+    /// Compare all files with the journal first, and make scenes with missing or damaged files again.
     pub repair: bool,
-    /// Write the files of writers anew that have other options than then, or annotators with other options, and take away
-    /// those of writers that are there no more.
+    /// Write the files of writers again whose options, or whose annotators' options, have changed, and remove the files
+    /// of writers that left the recipe.
     pub rewrite: bool,
-    /// Results kept between runs.
+    /// Cache of results that later runs can use.
     pub cache: DiskCache,
-    /// Asks the run to end early.
+    /// Ends the run early on request.
     pub stop: Stop,
 }
 
 impl RunOptions {
-    /// All scenes into a folder, with as many threads.
+    /// Options to make all scenes in a folder with this number of threads.
     pub fn new(out: impl Into<StoreFolder>, threads: usize, cache: DiskCache) -> Self {
         let (out, stop) = (out.into(), Stop::default());
         Self {
@@ -84,41 +84,41 @@ impl RunOptions {
     }
 }
 
-/// What a run did.
+/// Result of a run.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Outcome {
-    /// Scenes in the dataset, failed ones not counted.
+    /// Number of scenes in the dataset, without failed scenes.
     pub scenes: u32,
-    /// Scenes that failed.
+    /// Number of failed scenes.
     pub failed: u32,
-    /// Scenes in the dataset that could not be given what a grown recipe adds, or could not be repaired: they are as they
-    /// were.
+    /// Number of scenes in the dataset that could not be repaired, or could not get the additions of a grown recipe.
+    /// They stay as they were.
     pub lacking: u32,
-    /// Scenes of the recipe that none of the merged parts has; 0 after a run.
+    /// Number of the recipe's scenes that no merged part has; 0 after a run.
     pub missing: u32,
-    /// Images in the dataset.
+    /// Number of images in the dataset.
     pub images: u32,
-    /// Assets that could not be used and were passed over, as `pool/name`, sorted.
+    /// Unusable assets that were skipped, as `pool/name`, sorted.
     pub bad_assets: Vec<String>,
-    /// What stages left out of the scenes of the dataset.
+    /// Data that stages omitted from the scenes of the dataset.
     pub left_out: Vec<Loss>,
 }
 
 impl Outcome {
-    /// Assets that were passed over, and parts of labels that writers could not store. Failed scenes are not among them.
+    /// Skipped assets, and parts of labels that writers could not store. Failed scenes are not included.
     pub fn left_out(&self) -> LeftOutReport {
         let mut report = LeftOutReport::default();
         if !self.bad_assets.is_empty() {
             let bad =
                 self.bad_assets.iter().take(SHOWN).map(|asset| Error::new(format!("asset {asset} cannot be used")));
-            report.add(format!("{} passed over", progress::count(self.bad_assets.len() as u32, "bad asset")), bad);
+            report.add(format!("{} skipped", progress::count(self.bad_assets.len() as u32, "bad asset")), bad);
         }
         report.losses(&self.left_out);
         report
     }
 }
 
-/// Runs a recipe. An error means that the run stopped early; what was done stays, and the same call goes on from there.
+/// Runs a recipe. After an error, finished work remains, and the same call continues.
 pub fn run(recipe: &Recipe, options: &RunOptions, reporter: &dyn Reporter) -> Result<Outcome> {
     let start = Instant::now();
     let guarded = Guarded(reporter);
@@ -143,19 +143,19 @@ pub fn run(recipe: &Recipe, options: &RunOptions, reporter: &dyn Reporter) -> Re
     Ok(outcome)
 }
 
-/// An error that ends the run. One of the file system or of a device can be mended from outside.
+/// Adds help to an error that ends a run. The user can fix errors of the file system or a device.
 fn stopping(error: Error) -> Error {
     if error.is_io() && error.help_text().is_none() {
-        error.help("the dataset so far is whole: make room, or mend the disk or folder, then run the same command")
+        error.help("finished scenes are kept: free disk space, or repair the disk or folder, then run the same command")
     } else if error.is_device() {
         let own = error.help_text().map_or_else(String::new, |help| format!("; {help}"));
-        error.help(format!("the dataset keeps all that it had, and the same command goes on from there{own}"))
+        error.help(format!("finished scenes are kept, and the same command continues from there{own}"))
     } else {
         error
     }
 }
 
-/// Ascending numbers of scenes in words: `0..3, 7`, where `0..3` leaves out 3.
+/// Ascending scene numbers as text: `0..3, 7`, where `0..3` excludes 3.
 fn ranges(scenes: impl Iterator<Item = u32>) -> String {
     let mut runs: Vec<Range<u32>> = Vec::new();
     for scene in scenes {

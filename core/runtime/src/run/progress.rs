@@ -1,4 +1,4 @@
-//! The events of a run, and who listens to them.
+//! Events of a run, and their reporters.
 
 use crate::run::making::times::Worked;
 use parking_lot::Mutex;
@@ -10,100 +10,100 @@ use syntable_model::context::{Log, Steps};
 use syntable_model::error::Error;
 use syntable_recipe::message::{Level, Message, Record};
 
-/// Something that happened: one line of `--log-format json`.
+/// An event: one line of `--log-format json`.
 #[derive(Debug, Clone, Serialize, schemars::JsonSchema)]
 #[serde(tag = "event", rename_all = "snake_case")]
 pub enum Event {
     /// The run begins.
     Started {
-        /// Where the dataset is written.
+        /// Path of the dataset.
         out: String,
-        /// Scenes that this run is to make.
+        /// Scenes that this run must make.
         scenes: u32,
-        /// Views of each.
+        /// Views per scene.
         views_per_scene: u32,
-        /// Scenes of this run that were done before.
+        /// Scenes of this run that were finished before.
         resumed: u32,
-        /// Images that this run is to make, or whose files a new writer lacks.
+        /// Images that this run must make, or whose files a new writer must write.
         images: u64,
-        /// Threads.
+        /// Number of threads.
         threads: usize,
     },
     /// An image was rendered and annotated.
     Image {
-        /// Its scene.
+        /// Scene of the image.
         scene: u32,
-        /// Its view.
+        /// View of the image.
         view: u32,
     },
-    /// A part of a scene takes longer than a second, such as the convex decomposition of a pool's meshes when they are first
-    /// used. At most one a second.
+    /// A step of a scene takes longer than a second, such as the first convex decomposition of a pool's meshes. At most
+    /// one event per second.
     Working {
-        /// The step that it is at.
+        /// The current step.
         step: String,
     },
     /// A scene is done.
     Scene {
-        /// The scene.
+        /// Number of the scene.
         scene: u32,
-        /// Objects that are left on the table.
+        /// Objects that remain on the table.
         objects: u32,
         /// Objects that were removed while the scene settled.
         removed: u32,
     },
-    /// An attempt at a scene failed. It comes again, with the same number, if its device failed.
+    /// An attempt at a scene failed. If a device failed, the same attempt follows again.
     Attempt {
-        /// The scene.
+        /// Number of the scene.
         scene: u32,
-        /// The attempt, from 0.
+        /// Number of the attempt, from 0.
         attempt: u32,
-        /// Why.
+        /// The error.
         error: String,
-        /// Whether it was the last.
+        /// Whether no other attempt follows.
         last: bool,
     },
     /// A diagnostic of a recipe, an error or a warning.
     Message(Record),
-    /// Something to know that is no warning: a dataset grows, or was compared with its journal.
+    /// Information that is not a warning: a dataset grows, or was compared with its journal.
     Note {
-        /// What.
+        /// The text.
         message: String,
     },
-    /// How long the stages of the scenes worked. Comes when all scenes are made.
+    /// Times of the stages over all scenes. Follows the last scene.
     Stages {
-        /// By stage, such as `place.objects`, `settle`, `render`, `annotate.masks`, `checks` or `write.syntable`.
+        /// Times by stage, such as `place.objects`, `settle`, `render`, `annotate.masks`, `checks` or `write.syntable`.
         stages: BTreeMap<String, Worked>,
     },
     /// The run ends.
     Finished {
-        /// Where the dataset is.
+        /// Path of the dataset.
         out: String,
-        /// Scenes in the dataset.
+        /// Number of scenes in the dataset.
         scenes: u32,
-        /// Scenes that failed.
+        /// Number of failed scenes.
         failed: u32,
-        /// Images in the dataset.
+        /// Number of images in the dataset.
         images: u32,
-        /// Images that this run made.
+        /// Number of images that this run made.
         made: u32,
-        /// Scenes that were there and got the files of new writers.
+        /// Number of existing scenes that got the files of new writers.
         grown: u32,
-        /// How long the run took, s.
+        /// Duration of the run, s.
         seconds: f64,
     },
 }
 
 /// Shows events.
 pub trait Reporter: Send + Sync {
-    /// Shows one event. Events come from several threads.
+    /// Shows one event. Several threads may call this.
     fn event(&self, event: &Event);
-    /// Shows an error, a warning or a diagnostic. A reporter for people may render it; by default it is an event.
+    /// Shows an error, a warning or a diagnostic. A reporter for people may format it; the default sends an event.
     fn message(&self, message: &Message) {
         self.event(&Event::Message(Record::from(message)));
     }
 }
 
-/// A reporter that cannot fail what it reports on: where showing an event panics, the event is lost.
+/// Protects work from its reporter: if showing an event panics, only the event is lost.
 pub struct Guarded<'a>(pub &'a dyn Reporter);
 impl Reporter for Guarded<'_> {
     fn event(&self, event: &Event) {
@@ -114,14 +114,14 @@ impl Reporter for Guarded<'_> {
     }
 }
 
-/// Number of messages that are remembered; what comes so late is about single scenes.
+/// Number of remembered messages. Later messages concern single scenes.
 const REMEMBERED: usize = 1000;
 
-/// A reporter that is told each warning and error once.
+/// Passes each warning and error on once.
 pub struct Once<'a>(&'a dyn Reporter, Mutex<BTreeSet<String>>);
 
 impl<'a> Once<'a> {
-    /// Nothing was told yet.
+    /// Starts with no message seen.
     pub fn new(reporter: &'a dyn Reporter) -> Self {
         Self(reporter, Mutex::default())
     }
@@ -152,17 +152,17 @@ impl Log for Quiet {
     fn warn(&self, _: &Error) {}
 }
 
-/// One line of the log: an event, and when it happened.
+/// One line of the log: an event with its time.
 #[derive(Debug, Serialize, schemars::JsonSchema)]
 pub struct LogLine<'a> {
     /// Seconds since the program started.
     pub elapsed_s: f64,
-    /// What happened.
+    /// The event.
     #[serde(flatten)]
     pub event: std::borrow::Cow<'a, Event>,
 }
 
-/// A number with its noun: `1 scene`, `2 scenes`.
+/// A number and its noun: `1 scene`, `2 scenes`.
 pub fn count(number: u32, what: &str) -> String {
     format!("{number} {what}{}", if number == 1 { "" } else { "s" })
 }
@@ -177,10 +177,10 @@ pub fn clock(duration: Duration) -> String {
     }
 }
 
-/// A log that turns warnings into events, and steps of work that takes long.
+/// A log that reports warnings, and long steps of work, as events.
 pub struct Warnings<'a>(pub &'a dyn Reporter);
 
-/// How long work may take before it is told, and how often.
+/// Minimum duration of reported work, and minimum interval between reports.
 const PATIENCE: Duration = Duration::from_secs(1);
 
 impl Log for Warnings<'_> {
@@ -203,7 +203,7 @@ impl Log for Warnings<'_> {
                     told = latest;
                 }
             });
-            // A panic of the work drops it, too.
+            // A panic of the work drops this guard, too.
             let _done = done;
             work();
         });
@@ -238,7 +238,7 @@ mod tests {
         };
         work(&[("quick", 0.1)]);
         assert!(heard.0.lock().is_empty());
-        // Each is told once, however long it takes.
+        // Each is reported once, whatever its duration.
         work(&[("first", 0.3), ("second", 2.2), ("third", 1.0)]);
         assert_eq!(*heard.0.lock(), ["second", "third"]);
     }

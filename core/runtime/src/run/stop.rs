@@ -1,4 +1,4 @@
-//! Ends work early, at the wish of a library caller or of a signal.
+//! Early end of work, on request of a library caller or a signal.
 
 use std::fmt;
 use std::sync::Arc;
@@ -6,43 +6,43 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::thread;
 use std::time::Duration;
 
-/// Stored when a caller cancels: no number of a signal.
+/// Value of the flag after [`Stop::cancel`]. No signal has this number.
 const CANCELLED: usize = 1 << 16;
 
-/// How often a waiting thread looks. Handlers of signals can store a number, and wake nobody.
+/// Polling interval of a waiting thread. A signal handler can store a number, but cannot wake a thread.
 const LOOK: Duration = Duration::from_millis(50);
 
 /// A handle that ends work early. Clones share it.
 ///
-/// A run that is asked to stop begins no scene, drops the scenes in the making, and keeps all that is done.
+/// A run that is asked to stop starts no scene, drops unfinished scenes, and keeps finished ones.
 #[derive(Debug, Clone, Default)]
 pub struct Stop {
     own: Arc<AtomicUsize>,
-    /// Flags that end this one, too.
+    /// Flags that also end this work.
     outer: Vec<Arc<AtomicUsize>>,
 }
 
-/// Who asked for the end.
+/// Origin of a request to stop.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum StopReason {
-    /// A caller of the library, by [`Stop::cancel`].
+    /// A caller of the library called [`Stop::cancel`].
     Cancelled,
-    /// A signal of the operating system.
+    /// The operating system sent this signal.
     Signal(u8),
 }
 
 impl Stop {
-    /// Asks for the end.
+    /// Requests the end of the work.
     pub fn cancel(&self) {
         self.own.store(CANCELLED, Ordering::SeqCst);
     }
 
-    /// A handle for a part of the work: this one ends it, too, and the part can end alone.
+    /// A handle for a part of the work: this handle ends the part, too, but the part can also end alone.
     pub fn nested(&self) -> Self {
         Self { own: Arc::default(), outer: self.outer.iter().chain([&self.own]).cloned().collect() }
     }
 
-    /// Why the work shall end; none while it shall go on.
+    /// The reason to stop, or `None` while the work may continue.
     pub fn requested(&self) -> Option<StopReason> {
         let reason = |flag: &Arc<AtomicUsize>| match flag.load(Ordering::SeqCst) {
             0 => None,
@@ -52,19 +52,19 @@ impl Stop {
         self.outer.iter().chain([&self.own]).find_map(reason)
     }
 
-    /// Whether the work shall end.
+    /// Whether the work must stop.
     pub fn is_requested(&self) -> bool {
         self.requested().is_some()
     }
 
-    /// Waits until the work shall end.
+    /// Blocks until the work must stop.
     pub fn wait(&self) {
         while !self.is_requested() {
             thread::sleep(LOOK);
         }
     }
 
-    /// The shared flag, for handlers of signals, which store the signal's number in it.
+    /// The shared flag for signal handlers, which store the signal's number in it.
     pub fn flag(&self) -> Arc<AtomicUsize> {
         Arc::clone(&self.own)
     }
@@ -74,7 +74,7 @@ impl fmt::Display for StopReason {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Cancelled => f.write_str("its caller"),
-            // The numbers of POSIX.
+            // Signal numbers of POSIX.
             Self::Signal(2) => f.write_str("SIGINT"),
             Self::Signal(15) => f.write_str("SIGTERM"),
             Self::Signal(other) => write!(f, "signal {other}"),

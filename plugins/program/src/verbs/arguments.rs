@@ -27,7 +27,7 @@ pub fn trust_paths() -> Arg {
     Arg::new("trust-paths").long("trust-paths").action(ArgAction::SetTrue).help(TRUST_PATHS)
 }
 
-/// The dataset of a path, with the reach that was asked for.
+/// The dataset at a path, with the requested access to files outside.
 pub fn source(path: &Path, arguments: &ArgMatches) -> Source {
     Source::new(path).trusting(arguments.get_flag("trust-paths"))
 }
@@ -46,7 +46,7 @@ pub fn threads(help: &'static str) -> Arg {
     Arg::new("threads").long("threads").value_name("N").value_parser(value_parser!(u16).range(1..=1024)).help(help)
 }
 
-/// The number of threads that was asked for, or all cores.
+/// The requested number of threads, or else the number of cores.
 pub fn threads_of(arguments: &ArgMatches) -> usize {
     syntable_cli::threads(arguments.get_one("threads").copied())
 }

@@ -8,13 +8,13 @@ use syntable_cli::{
 };
 use syntable_evaluate::image::Occluded;
 use syntable_evaluate::measure::{MetricKind, linked};
-use syntable_evaluate::results::Results;
+use syntable_evaluate::results::ResultFile;
 use syntable_evaluate::{Convention, EvaluateOptions, evaluate, worst};
 use syntable_model::error::{Error, Result};
 use syntable_model::reader::Source;
 use syntable_model::registry::Registry;
 use syntable_runtime::durable::write_file;
-use syntable_runtime::images::Work;
+use syntable_runtime::images::ImageWork;
 use syntable_runtime::paths::dataset_folder;
 use syntable_runtime::workers::Pool;
 
@@ -23,7 +23,7 @@ syntable_cli::register_topic!(Topic { name: "metrics", rows });
 
 /// The metrics, for `syntable list`.
 fn rows() -> Result<Vec<[String; 3]>> {
-    let headings = ["metric", "crate", "what it is"].map(str::to_owned);
+    let headings = ["metric", "crate", "description"].map(str::to_owned);
     let row = |it: Arc<dyn MetricKind>| [it.name(), it.owner(), it.doc()].map(str::to_owned);
     Ok(std::iter::once(headings).chain(linked(&[])?.into_iter().map(row)).collect())
 }
@@ -137,7 +137,7 @@ fn run(console: &Console, registry: &Registry, arguments: &ArgMatches) -> std::r
     let (Some(gt), Some(pred)) = (path("gt"), path("pred")) else { return Ok(()) };
     let read = [
         dataset_folder(registry, gt),
-        if Results::is_one(pred) { pred.clone() } else { dataset_folder(registry, pred) },
+        if ResultFile::is_one(pred) { pred.clone() } else { dataset_folder(registry, pred) },
     ];
     check_outputs(&[("--csv", path("csv")), ("--save", path("save"))], &read.each_ref().map(PathBuf::as_path))?;
     let is_paper = text("convention").is_some_and(|name| name == Convention::Paper.name());
@@ -158,7 +158,7 @@ fn run(console: &Console, registry: &Registry, arguments: &ArgMatches) -> std::r
     };
     let pool = Pool::new(threads(arguments.get_one("threads").copied())).map_err(Exit::stopped)?;
     let stop = on_signals()?;
-    let work = Work { workers: &pool, reporter: console.reporter(), stop: &stop };
+    let work = ImageWork { workers: &pool, reporter: console.reporter(), stop: &stop };
     let found = evaluate(registry, &options, &work).map_err(|error| ended(&stop, error))?;
     if let Some(file) = path("csv") {
         write_file(file, found.csv().as_bytes()).map_err(Exit::stopped)?;
@@ -167,8 +167,8 @@ fn run(console: &Console, registry: &Registry, arguments: &ArgMatches) -> std::r
         let most = arguments.get_one::<usize>("worst").copied().unwrap_or(usize::MAX);
         let scores = found.with_worst(most, &work).map_err(|error| ended(&stop, error))?;
         if options.rank_by.is_none() && found.ranked_by() != worst::RANKED_BY {
-            let error = Error::new(format!("the worst images are those of the lowest `{}`", found.ranked_by()));
-            let help = format!("--metrics leaves `{}` out; --worst-by chooses another score", worst::RANKED_BY);
+            let error = Error::new(format!("the worst images have the lowest `{}`", found.ranked_by()));
+            let help = format!("--metrics omits `{}`; --worst-by chooses another score", worst::RANKED_BY);
             console.say(&Message::Warning(error.help(help)));
         }
         write_file(file, scores.text().as_bytes()).map_err(Exit::stopped)?;
@@ -178,7 +178,7 @@ fn run(console: &Console, registry: &Registry, arguments: &ArgMatches) -> std::r
         true => format!("{:#}\n", table.json()),
         false => format!("{}read as: {format} and {pred_format}\n", table.text()),
     })?;
-    Exit::if_left_out(found.left_out(), gt, "`syntable validate` lists all that is wrong")
+    Exit::if_left_out(found.left_out(), gt, "`syntable validate` lists all faults")
 }
 
 /// A score that can be compared with others.

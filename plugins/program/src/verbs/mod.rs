@@ -1,4 +1,4 @@
-//! The verbs of evaluation, statistics, reports and previews: arguments, and what is printed.
+//! The verbs of evaluation, statistics, reports and previews: arguments and printed results.
 
 mod arguments;
 mod eval;

@@ -5,7 +5,7 @@ use syntable_cli::clap::{Arg, ArgAction, ArgMatches, Args, Command, FromArgMatch
 use syntable_cli::{Console, Exit, Message, RecipeArgs, Verb, check_outputs, ended, on_signals, threads};
 use syntable_model::error::Error;
 use syntable_model::registry::Registry;
-use syntable_report::preview::{Ended, Preview, PreviewOptions};
+use syntable_report::preview::{PassEnd, Preview, PreviewOptions};
 use syntable_runtime::run::SceneRange;
 use syntable_runtime::run::progress::count;
 
@@ -97,16 +97,16 @@ fn run(console: &Console, registry: &Registry, arguments: &ArgMatches) -> Result
         return preview.watch(&stop).map_err(Exit::stopped);
     }
     match preview.once(&stop).map_err(Exit::stopped)? {
-        Ended::Done { failed, is_lossy } => {
+        PassEnd::Done { failed, is_lossy } => {
             console.print(&places)?;
             let failed = (failed > 0).then(|| format!("{} failed", count(failed, "scene")));
-            let lossy = is_lossy.then(|| "stages left labels out: the warnings above name them".to_owned());
+            let lossy = is_lossy.then(|| "stages omitted labels: see the warnings above".to_owned());
             let messages: Vec<Message> =
                 failed.into_iter().chain(lossy).map(|what| Message::Error(Error::new(what))).collect();
             if messages.is_empty() { Ok(()) } else { Err(Exit { code: 3, messages }) }
         }
-        Ended::Mistaken => Err(Exit { code: 2, messages: Vec::new() }),
-        Ended::Stopped => {
+        PassEnd::Mistaken => Err(Exit { code: 2, messages: Vec::new() }),
+        PassEnd::Stopped => {
             let reason = stop.requested().map(|reason| format!(" by {reason}")).unwrap_or_default();
             Err(ended(&stop, Error::new(format!("stopped{reason}"))))
         }

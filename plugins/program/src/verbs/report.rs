@@ -6,7 +6,7 @@ use syntable_cli::clap::{Arg, ArgAction, ArgMatches, Command, value_parser};
 use syntable_cli::{Console, Exit, Message, Verb, amount, ended, on_signals};
 use syntable_model::registry::Registry;
 use syntable_report::report::make::{ReportOptions, make};
-use syntable_runtime::images::Work;
+use syntable_runtime::images::ImageWork;
 use syntable_runtime::workers::Pool;
 
 syntable_cli::register_verb!(Verb { command, run, crate_name: env!("CARGO_PKG_NAME") });
@@ -35,7 +35,7 @@ fn command() -> Command {
                 .help("Maximum scenes in 3-D, or `all`: the first scenes that the writer `gltf` wrote"),
         )
         .arg(flag("labels-only").action(ArgAction::SetTrue).help(
-            "Read only labels, which is faster. Leaves out brightness, depth and near-duplicate views",
+            "Read only labels, which is faster. Omits brightness, depth and near-duplicate views",
         ))
         .arg(arguments::threads("Worker threads. Default: all cores. The report does not depend on their number"))
         .after_help(
@@ -62,7 +62,7 @@ fn run(console: &Console, registry: &Registry, arguments: &ArgMatches) -> Result
         labels_only: arguments.get_flag("labels-only"),
     };
     let (pool, stop) = (Pool::new(arguments::threads_of(arguments)).map_err(Exit::stopped)?, on_signals()?);
-    let work = Work { workers: &pool, reporter: console.reporter(), stop: &stop };
+    let work = ImageWork { workers: &pool, reporter: console.reporter(), stop: &stop };
     let made = make(registry, &options, &work).map_err(|error| ended(&stop, error))?;
     made.notes.into_iter().for_each(|note| console.say(&Message::Warning(note)));
     let others = match made.images_not_chosen {
@@ -77,5 +77,5 @@ fn run(console: &Console, registry: &Registry, arguments: &ArgMatches) -> Result
         made.all_images,
         made.scenes,
     ))?;
-    Exit::if_left_out(made.left_out, &dataset, "`syntable validate` lists all that is wrong")
+    Exit::if_left_out(made.left_out, &dataset, "`syntable validate` lists all faults")
 }

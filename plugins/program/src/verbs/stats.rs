@@ -8,9 +8,9 @@ use syntable_model::reader::Source;
 use syntable_model::registry::Registry;
 use syntable_report::stats::distribution::Binning;
 use syntable_report::stats::duplicates::LEVELS;
-use syntable_report::stats::{Edges, Options, compare, table};
+use syntable_report::stats::{Edges, StatisticsOptions, compare, table};
 use syntable_runtime::durable::write_file;
-use syntable_runtime::images::Work;
+use syntable_runtime::images::ImageWork;
 use syntable_runtime::paths::dataset_folder;
 use syntable_runtime::workers::Pool;
 
@@ -35,7 +35,7 @@ fn command() -> Command {
         )
         .arg(arguments::trust_paths())
         .arg(flag("labels-only").action(ArgAction::SetTrue).help(
-            "Read only labels, since images take most of the time. Leaves out brightness, depth and near-duplicate views",
+            "Read only labels, since images take most of the time. Omits brightness, depth and near-duplicate views",
         ))
         .arg(flag("edges").value_parser(["pixels", "iou", "stored"]).default_value("pixels").help(
             "Rule for \"object i occludes j\". `pixels`: a hidden pixel of j shows i. `iou`: the IoU of i's visible and \
@@ -72,8 +72,8 @@ fn command() -> Command {
 
 fn run(console: &Console, registry: &Registry, arguments: &ArgMatches) -> Result<(), Exit> {
     let text = |name: &str| arguments.get_one::<String>(name).map(String::as_str);
-    let options = Options {
-        images: !arguments.get_flag("labels-only"),
+    let options = StatisticsOptions {
+        labels_only: arguments.get_flag("labels-only"),
         edges: match text("edges") {
             Some("iou") => Edges::Iou,
             Some("stored") => Edges::Stored,
@@ -89,12 +89,12 @@ fn run(console: &Console, registry: &Registry, arguments: &ArgMatches) -> Result
     check_outputs(&[("--csv", arguments.get_one("csv"))], &read)?;
     let sources: Vec<Source> = datasets.iter().map(|path| arguments::source(path, arguments)).collect();
     let (pool, stop) = (Pool::new(arguments::threads_of(arguments)).map_err(Exit::stopped)?, on_signals()?);
-    let work = Work { workers: &pool, reporter: console.reporter(), stop: &stop };
+    let work = ImageWork { workers: &pool, reporter: console.reporter(), stop: &stop };
     let found = compare(registry, &sources, text("format"), &options, &work).map_err(|error| ended(&stop, error))?;
     if let Some(file) = arguments.get_one::<PathBuf>("csv") {
         write_file(file, table::csv(&found.datasets).as_bytes()).map_err(Exit::stopped)?;
     }
     let is_json = arguments.get_flag("json");
     console.print(&if is_json { table::json(&found.datasets) } else { table::text(&found.datasets) })?;
-    Exit::if_left_out(found.left_out, read[0], "`syntable validate` lists all that is wrong")
+    Exit::if_left_out(found.left_out, read[0], "`syntable validate` lists all faults")
 }

@@ -40,7 +40,7 @@ fn run(console: &Console, registry: &Registry, arguments: &ArgMatches) -> Result
     let (stop, pool) = (on_signals()?, Pool::new(arguments::threads_of(arguments)).map_err(Exit::stopped)?);
     console.print(&format!("{}\n", viewer.url()))?;
     let serving = stop.clone();
-    // When the process ends, nobody waits for the rest of the count, or for a browser that takes no more of an answer.
+    // When the process ends, the remaining statistics and slow browsers do not matter.
     thread::spawn(move || viewer.run(&pool, &serving));
     stop.wait();
     Ok(())

@@ -105,7 +105,7 @@ fn inspect_bop(path: &Path, log: &dyn Log) -> Result<Inspection> {
     let mut found = Inspection::default().fact("models", models.len());
     for model in models.values() {
         let info = ObjectInfo { name: model.clone(), ..ObjectInfo::default() };
-        // Each model is an asset with limits of its own.
+        // Each model is an asset with its own limits.
         let root = AssetRoot::open(&folder)?;
         let object = bop_models::load(&root, Path::new(""), model, info, log)?;
         object.check_extent().map_err(|error| error.in_file(folder.join(format!("{model}.ply"))))?;
@@ -118,7 +118,7 @@ fn inspect_bop(path: &Path, log: &dyn Log) -> Result<Inspection> {
 
 fn inspect_json(path: &Path, _: &dyn Log) -> Result<Inspection> {
     let json: serde_json::Value = serde_json::from_slice(&read_file(path)?)
-        .map_err(|error| Error::new(format!("not sound JSON: {error}")).in_file(path).at_line(error.line().max(1)))?;
+        .map_err(|error| Error::new(format!("invalid JSON: {error}")).in_file(path).at_line(error.line().max(1)))?;
     let holds = match &json {
         serde_json::Value::Object(table) => format!("a table of {} keys", table.len()),
         serde_json::Value::Array(items) => format!("a list of {} items", items.len()),

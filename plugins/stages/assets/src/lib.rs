@@ -1,6 +1,6 @@
 //! Asset sources that read files: objects, materials and environment maps of many formats and collections.
 //!
-//! - [`sources`]: what a recipe's `[assets.<pool>]` can name, one kind per module.
+//! - [`sources`]: kinds for a recipe's `[assets.<pool>]`, one per module.
 //! - [`formats`]: readers, one format per module. They register with [`syntable_mesh`], where other crates add theirs.
 //! - `inspect`: folders and files beyond single meshes and images that `syntable check --asset PATH` can look at.
 //!

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use syntable_assets as _;
 use syntable_mesh::Model;
 use syntable_mesh::format::{ImageDecoder, ImageFormat, ImageFormats, MeshFormat, MeshFormats};
-use syntable_mesh::image::Image;
+use syntable_mesh::image::DecodedImage;
 use syntable_mesh::limits::Budget;
 use syntable_mesh::material::default_material;
 use syntable_mesh::root::AssetRoot;
@@ -36,10 +36,10 @@ fn read_cuboid(root: &AssetRoot, file: &Path, _: &dyn Log) -> Result<Model> {
 }
 
 /// One pixel: `FLAT` and its color.
-fn decode_flat(bytes: &[u8], _: &Budget) -> Result<Image> {
+fn decode_flat(bytes: &[u8], _: &Budget) -> Result<DecodedImage> {
     match bytes {
         [b'F', b'L', b'A', b'T', r, g, b] => {
-            Ok(Image { width: 1, height: 1, texels: vec![*r, *g, *b, 255], kind: "Flat".into() })
+            Ok(DecodedImage { width: 1, height: 1, texels: vec![*r, *g, *b, 255], kind: "Flat".into() })
         }
         _ => Err(Error::new("not a sound Flat image")),
     }

@@ -1,6 +1,6 @@
 //! `household`: everyday objects of 26 families.
 
-use crate::family::{Model, ObjectFamily};
+use crate::family::{HouseholdModel, ObjectFamily};
 use crate::material::{LICENSE, MaterialCache};
 use crate::variants::{check_families, parse_name, variant_catalog};
 use std::sync::Arc;
@@ -81,8 +81,8 @@ impl AssetSource for HouseholdSource {
 }
 
 /// The object of a model.
-pub(crate) fn object(name: &str, category: &str, model: Model) -> Result<Object> {
-    let Model { shape, materials, mass_kg, friction, crease_deg } = model;
+pub(crate) fn object(name: &str, category: &str, model: HouseholdModel) -> Result<Object> {
+    let HouseholdModel { shape, materials, mass_kg, friction, crease_deg } = model;
     let (moments, to_center) = (shape.moments(), -shape.bounds().center().coords);
     let distribution = if shape.is_mixed() { MassDistribution::Parts } else { MassDistribution::Volume };
     let (mesh, parts) = shape.finish(crease_deg)?;

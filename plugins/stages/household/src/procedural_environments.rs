@@ -13,7 +13,7 @@ mod temperature;
 use crate::material::LICENSE;
 use crate::variants::{check_families, parse_name, variant_catalog};
 use sky::{Sky, Weather};
-use studio::Studio;
+use studio::StudioRoom;
 use syntable_model::prelude::*;
 use syntable_model::scene::{Asset, AssetClass, Catalog, EnvironmentMap};
 
@@ -86,7 +86,7 @@ impl EnvironmentFamily {
             Self::CloudySky => Weather::Cloudy,
             Self::OvercastSky => Weather::Overcast,
             Self::SunsetSky => Weather::Sunset,
-            Self::Studio => return Studio::draw(stream).map(name, width),
+            Self::Studio => return StudioRoom::draw(stream).map(name, width),
         };
         Sky::draw(weather, stream).map(name, width)
     }

@@ -1,9 +1,9 @@
 //! `procedural_tables`: tables of six designs.
 
-use crate::family::Model;
+use crate::family::HouseholdModel;
 use crate::household::object;
-use crate::material::{Finish, LICENSE, MaterialCache, MaterialFamily, hsv, vivid};
-use crate::shape::{Lathe, Outline, Shape, SlotMapping, rounded_box};
+use crate::material::{LICENSE, MaterialCache, MaterialFamily, SurfaceFinish, hsv, vivid};
+use crate::shape::{Lathe, Profile, SlotMapping, SolidShape, rounded_box};
 use crate::variants::{check_families, parse_name, variant_catalog};
 use std::sync::Arc;
 use syntable_model::prelude::*;
@@ -106,7 +106,7 @@ impl AssetSource for TableSource {
         let (design, variant) =
             parse_name(name, &self.config.designs, |design| design.name(), self.config.variants_per_design)?;
         let stream = Stream::root(self.config.seed).child("tables").child(design.name()).at(u64::from(variant));
-        let mut model = Builder::new(&stream, &self.materials).table(design);
+        let mut model = TableBuilder::new(&stream, &self.materials).table(design);
         model.friction = 0.6;
         object(name, "table", model).map(Asset::from)
     }
@@ -117,13 +117,13 @@ const TOP: u16 = 0;
 const FRAME: u16 = 1;
 const TRIM: u16 = 2;
 
-struct Builder {
+struct TableBuilder {
     form: Stream,
     materials: Vec<Arc<Material>>,
-    shape: Shape,
+    shape: SolidShape,
 }
 
-impl Builder {
+impl TableBuilder {
     fn new(stream: &Stream, materials: &MaterialCache) -> Self {
         let mut appearance = stream.child("paint");
         let mut surface = |families: &[MaterialFamily]| {
@@ -136,8 +136,8 @@ impl Builder {
         let frame = if appearance.chance(0.35) { top.clone() } else { frame };
         let color =
             if appearance.chance(0.7) { hsv(0.0, 0.0, appearance.uniform(0.05, 0.9)) } else { vivid(&mut appearance) };
-        let trim = Arc::new(Finish::plain(color, 0.35, 0.0).named("trim"));
-        Self { form: stream.child("form"), materials: vec![top, frame, trim], shape: Shape::default() }
+        let trim = Arc::new(SurfaceFinish::plain(color, 0.35, 0.0).named("trim"));
+        Self { form: stream.child("form"), materials: vec![top, frame, trim], shape: SolidShape::default() }
     }
 
     fn uniform(&mut self, low: f64, high: f64) -> f64 {
@@ -154,7 +154,7 @@ impl Builder {
     }
 
     /// Adds a solid; its texture is scaled in meters, along its longest edge.
-    fn join(&mut self, slot: u16, solid: Shape) {
+    fn join(&mut self, slot: u16, solid: SolidShape) {
         let tile = self.materials[usize::from(slot)].tile_m;
         let size = solid.bounds().size();
         let density = if self.materials[usize::from(slot)].metallic.factor > 0.5 { 1600.0 } else { 680.0 };
@@ -162,7 +162,7 @@ impl Builder {
         self.shape = std::mem::take(&mut self.shape).and(solid);
     }
 
-    fn table(mut self, design: TableDesign) -> Model {
+    fn table(mut self, design: TableDesign) -> HouseholdModel {
         match design {
             TableDesign::Coffee => self.coffee(),
             TableDesign::Desk => self.desk(),
@@ -172,7 +172,7 @@ impl Builder {
             TableDesign::Trestle => self.trestle(),
         }
         let mass_kg = self.shape.moments().total;
-        Model { shape: self.shape, materials: self.materials, mass_kg, friction: 0.6, crease_deg: 38.0 }
+        HouseholdModel { shape: self.shape, materials: self.materials, mass_kg, friction: 0.6, crease_deg: 38.0 }
     }
 
     /// A rectangular top of half sizes; gives the height of its underside.
@@ -263,7 +263,7 @@ impl Builder {
         let (r, h) = (self.uniform(0.36, 0.6), self.uniform(0.7, 0.78));
         let thick = self.uniform(0.02, 0.04);
         let top = SlotMapping::fit(TOP);
-        let disc = Outline::at(0.0, h - thick)
+        let disc = Profile::at(0.0, h - thick)
             .to(r, h - thick, top)
             .round(0.3 * thick)
             .to(r, h, top)
@@ -273,7 +273,7 @@ impl Builder {
         let (column, foot, low) = (self.uniform(0.03, 0.06), r * self.uniform(0.5, 0.68), self.uniform(0.02, 0.035));
         let under = h - thick;
         let mapping = SlotMapping::fit(FRAME);
-        let stand = Outline::at(0.0, 0.0)
+        let stand = Profile::at(0.0, 0.0)
             .to(foot, 0.0, mapping)
             .to(foot, low, mapping)
             .round(0.01)

@@ -3,7 +3,7 @@
 use std::f64::consts::{PI, TAU};
 use syntable_household::procedural_environments::EnvironmentFamily;
 use syntable_household::procedural_environments::sky::{Sky, Weather};
-use syntable_household::procedural_environments::studio::Studio;
+use syntable_household::procedural_environments::studio::StudioRoom;
 use syntable_model::geometry::Vector3;
 use syntable_model::photometry::luminance;
 use syntable_model::random::Stream;
@@ -45,7 +45,7 @@ fn skies_give_the_illuminance_that_they_state() {
         }
     }
     for variant in 0..3 {
-        let studio = Studio::draw(&Stream::root(7).at(variant));
+        let studio = StudioRoom::draw(&Stream::root(7).at(variant));
         let got = illuminance(&studio.map("studio", 256).expect("a map"), 1.0);
         assert!((got / studio.illuminance_lx - 1.0).abs() < 5e-3, "{studio:?}: {got} lx");
     }

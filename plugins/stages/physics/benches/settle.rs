@@ -28,7 +28,7 @@ fn cpu_s() -> Option<f64> {
 
 fn table(name: &str, objects: &[Arc<Object>], options: &str, seeds: u64) {
     println!("{COUNT} of {} {name}, options [{options}]", objects.len());
-    let (settler, cache) = (settler(options), Memory::default());
+    let (settler, cache) = (settler(options), MemoryCache::default());
     // The parts are made once, outside the clock.
     let start = std::time::Instant::now();
     let mut all = table_scene();
@@ -68,7 +68,7 @@ fn table(name: &str, objects: &[Arc<Object>], options: &str, seeds: u64) {
 }
 
 fn bench(bencher: divan::Bencher, settler: &dyn Settler, objects: &[Arc<Object>]) {
-    let cache = Memory::default();
+    let cache = MemoryCache::default();
     settle_with(settler, &mut scene(objects, 0), &cache).expect("settles");
     bencher
         .with_inputs(|| scene(objects, 0))

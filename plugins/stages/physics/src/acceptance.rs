@@ -10,32 +10,32 @@ use syntable_model::scene::{DropZone, Role, SettleReport};
 /// A respawned body starts this far above whatever is below it, meters.
 const RESPAWN_CLEARANCE_M: f64 = 0.03;
 
-/// After this many times `duration_s` of simulated time since all bodies have started, no body is respawned any more.
+/// After this multiple of `duration_s` of simulated time since all bodies have started, bodies are no longer respawned.
 const MAX_DURATIONS: f64 = 10.0;
 
-/// Name of the random stream of respawn poses. It is part of the output: another name gives other datasets.
+/// Name of the random stream of respawn poses. The name affects the output: another name gives other datasets.
 const RESPAWN_STREAM: &str = "drop_again";
 
-/// Where a body is accepted.
-pub struct Place {
+/// Region in which a body is accepted.
+pub struct AcceptanceRegion {
     /// The body is respawned above its area, and must be above its support if those off it are removed.
     pub zone: DropZone,
-    /// Height of the ceiling, meters; none under the open sky.
+    /// Height of the ceiling, meters; `None` under the open sky.
     pub ceiling_m: Option<f64>,
-    /// Whether there is a floor to be seen. Without one, whatever falls off the support would hang in the surroundings.
+    /// Whether the scene has a visible floor. Without one, a body that fell off the support would hang in the air.
     pub has_floor: bool,
 }
 
-impl Place {
+impl AcceptanceRegion {
     /// Why an object below its support is taken out.
     fn fell_off(&self) -> String {
         format!("fell off the {}", self.zone.support.name)
     }
 }
 
-/// What the acceptance check must know of a body.
+/// Properties of a body that the acceptance check needs.
 pub struct BodyInfo {
-    /// Its role. Objects off their support are removed, distractors only if there is no floor.
+    /// Role. Objects off their support are removed; distractors only without a floor.
     pub role: Role,
     /// Number in spawn order: keys its random stream.
     pub spawn: u32,
@@ -43,12 +43,12 @@ pub struct BodyInfo {
     pub name: String,
     /// Pose at the start.
     pub start: Pose,
-    /// Where it is accepted; none if the scene has no support.
-    pub place: Option<Place>,
+    /// Region in which the body is accepted; `None` if the scene has no support.
+    pub place: Option<AcceptanceRegion>,
 }
 
 /// The outcome: the figures of the report, and the bodies that were removed, by index.
-pub struct Outcome {
+pub struct AcceptanceOutcome {
     /// Everything but `removed`.
     pub report: SettleReport,
     /// Removed bodies and the reason of each.
@@ -59,22 +59,22 @@ pub struct Outcome {
 struct Violator {
     body: usize,
     reason: String,
-    /// Whether it may come to rest if it gets more time.
+    /// Whether the body may come to rest with more time.
     is_moving: bool,
 }
 
-/// An object that was taken out because of where it was.
+/// An object that was taken out because of its position.
 struct Fallen {
     body: usize,
     reason: String,
 }
 
-/// Lets the bodies of an engine come to rest and removes those that are not accepted.
+/// Lets the bodies of an engine come to rest, and removes bodies that are not accepted.
 pub struct Acceptance<'a> {
     config: &'a Rapier,
     engine: &'a mut Engine,
     infos: &'a [BodyInfo],
-    /// What the bodies lie on.
+    /// Surface that carries the bodies.
     surface: &'a SupportSurface,
     respawns: Vec<u32>,
     /// Whether a body had more time since it was last respawned.
@@ -102,7 +102,7 @@ impl<'a> Acceptance<'a> {
     }
 
     /// Simulates and checks, again and again, until no body violates a limit.
-    pub fn run(mut self, stream: &Stream) -> Outcome {
+    pub fn run(mut self, stream: &Stream) -> AcceptanceOutcome {
         let mut off = self.pour();
         self.simulated_s = 0.0;
         off.extend(self.simulate(self.config.duration_s));
@@ -129,7 +129,7 @@ impl<'a> Acceptance<'a> {
         }
     }
 
-    /// Lets the bodies start one after another in the order in which they were placed, if they are poured. Returns those
+    /// Pours the bodies, if requested: they start one after another in the order of their placement. Returns the bodies
     /// that fell off meanwhile.
     fn pour(&mut self) -> Vec<Fallen> {
         let Some(interval_s) = self.config.pour_interval_s else { return Vec::new() };
@@ -147,9 +147,9 @@ impl<'a> Acceptance<'a> {
     /// Simulates for some time, or until all bodies sleep. Returns the objects that fell off their supports meanwhile.
     fn simulate(&mut self, duration_s: f64) -> Vec<Fallen> {
         let (infos, surface) = (self.infos, self.surface);
-        let places: Vec<Option<&Place>> = (0..infos.len()).map(|body| self.place_to_stay(body)).collect();
+        let places: Vec<Option<&AcceptanceRegion>> = (0..infos.len()).map(|body| self.place_to_stay(body)).collect();
         // All of it is below the surface, wherever on the support it may be.
-        let is_below = |place: &Place, bounds: &Aabb| {
+        let is_below = |place: &AcceptanceRegion, bounds: &Aabb| {
             let top = Point3::new(bounds.center().x, bounds.center().y, bounds.max.z);
             let region = &place.zone.support.surface;
             top.z < region.height() && !surface.is_on(region, &top)
@@ -163,7 +163,7 @@ impl<'a> Acceptance<'a> {
         fallen.into_iter().filter_map(fell).collect()
     }
 
-    /// Takes out objects whose center is not in the space above their support.
+    /// Takes out objects whose center is outside the space above their support.
     fn off_support(&mut self) -> Vec<Fallen> {
         let reason = |body: usize| {
             let place = self.place_to_stay(body)?;
@@ -195,8 +195,8 @@ impl<'a> Acceptance<'a> {
         !again.is_empty()
     }
 
-    /// Where a body must stay, if it is taken out once it is elsewhere.
-    fn place_to_stay(&self, body: usize) -> Option<&'a Place> {
+    /// Region in which a body must stay, if it is taken out elsewhere.
+    fn place_to_stay(&self, body: usize) -> Option<&'a AcceptanceRegion> {
         let BodyInfo { role, place, .. } = &self.infos[body];
         let place = place.as_ref().filter(|_| self.config.remove == Remove::OffTabletop)?;
         (*role == Role::Object || !place.has_floor).then_some(place)
@@ -209,7 +209,7 @@ impl<'a> Acceptance<'a> {
             && !self.engine.is_broken(body)
     }
 
-    /// What a body touches that is no other body of the simulation, in words.
+    /// Static surroundings that a body touches, in words.
     fn furniture(&self, body: usize) -> String {
         let support = self.infos[body].place.as_ref().map_or("table", |place| &place.zone.support.name);
         format!("the {support} or the room")
@@ -232,7 +232,7 @@ impl<'a> Acceptance<'a> {
             violators.push(Violator { body, reason, is_moving });
         }
         let is_violator = |violators: &[Violator], body: usize| violators.iter().any(|violator| violator.body == body);
-        // Of two penetrating bodies only one has to go: the one with more such pairs, else the upper one.
+        // One body of each penetrating pair must go: the one with more such pairs, else the upper one.
         let mut pairs: Vec<&Overlap> =
             overlaps.iter().filter(|overlap| overlap.depth > self.config.max_penetration_m).collect();
         loop {
@@ -265,7 +265,7 @@ impl<'a> Acceptance<'a> {
         violators
     }
 
-    /// Gives violators that move more time, and respawns the others, or removes them if they have used up their respawns.
+    /// Gives moving violators more time, and respawns the others, or removes those without remaining respawns.
     fn handle(&mut self, violators: Vec<Violator>, stream: &Stream) {
         let in_time = self.simulated_s < MAX_DURATIONS * self.config.duration_s;
         let mut respawned = Vec::new();
@@ -283,7 +283,7 @@ impl<'a> Acceptance<'a> {
         respawned.into_iter().for_each(|body| self.respawn(body, stream));
     }
 
-    /// Lets a body that was taken out start anew.
+    /// Starts a body again that was taken out.
     fn respawn(&mut self, body: usize, stream: &Stream) {
         self.respawns[body] += 1;
         self.waited[body] = false;
@@ -294,8 +294,8 @@ impl<'a> Acceptance<'a> {
         self.engine.put(body, &pose);
     }
 
-    /// A pose over where the body's placer drops bodies, clear of everything that is there. Its rotation is that of the
-    /// start, turned about the vertical, which leaves the distributions of placers as they are.
+    /// A pose in the body's drop area, clear of all bodies. Its rotation is the start rotation, turned about the
+    /// vertical, which preserves the distributions of placers.
     fn respawn_pose(&self, body: usize, mut stream: Stream) -> Pose {
         let yaw = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), stream.uniform(0.0, std::f64::consts::TAU));
         let rotated = Pose::from_parts(Translation3::identity(), yaw * self.infos[body].start.rotation);
@@ -320,9 +320,9 @@ impl<'a> Acceptance<'a> {
         Translation3::new(0.0, 0.0, lift) * pose
     }
 
-    /// Flat box to respawn a body over: where its placer drops bodies, or the extent of what is there.
+    /// Flat box above which a body respawns: the drop area of its placer, or the extent of all bodies.
     fn respawn_area(&self, body: usize) -> Aabb {
-        if let Some(Place { zone: DropZone { area, .. }, .. }) = &self.infos[body].place {
+        if let Some(AcceptanceRegion { zone: DropZone { area, .. }, .. }) = &self.infos[body].place {
             let [x, y] = area.size().map(|edge| edge / 2.0);
             let half = Vector3::new(x, y, 0.0);
             return Aabb { min: area.center() - half, max: area.center() + half };
@@ -331,13 +331,13 @@ impl<'a> Acceptance<'a> {
         all.unwrap_or(Aabb { min: Point3::origin(), max: Point3::origin() })
     }
 
-    fn finish(mut self, overlaps: &[Overlap]) -> Outcome {
+    fn finish(mut self, overlaps: &[Overlap]) -> AcceptanceOutcome {
         for body in self.engine.present() {
             let (speed, angular_speed) = self.engine.speeds(body);
             self.report.residual_speed_m_s = self.report.residual_speed_m_s.max(speed);
             self.report.residual_angular_speed_rad_s = self.report.residual_angular_speed_rad_s.max(angular_speed);
         }
         self.report.deepest_penetration_m = overlaps.iter().map(|overlap| overlap.depth).fold(0.0, f64::max);
-        Outcome { report: self.report, removed: self.removed }
+        AcceptanceOutcome { report: self.report, removed: self.removed }
     }
 }

@@ -1,6 +1,6 @@
 //! The collision shape of one object, in engine units.
 
-use crate::decompose::Parts;
+use crate::decompose::ConvexParts;
 use crate::units;
 use parry3d::math::Pose;
 use parry3d::shape::{Compound, SharedShape};
@@ -15,13 +15,13 @@ pub struct CollisionShape {
     pub whole: SharedShape,
     /// How far the parts may be from the mesh in its hollows, meters.
     pub deviation_m: f32,
-    /// Whether the log has been told that this is too far.
+    /// Whether the excessive deviation was reported.
     told: AtomicBool,
 }
 
 impl CollisionShape {
-    /// Builds the shape from hulls in meters. Fails if there is none.
-    pub fn new(Parts { hulls, deviation_m }: &Parts) -> Result<Self> {
+    /// Builds the shape from hulls in meters. Fails without hulls.
+    pub fn new(ConvexParts { hulls, deviation_m }: &ConvexParts) -> Result<Self> {
         let parts: Vec<SharedShape> =
             hulls.iter().filter_map(|hull| Some(SharedShape::new(hull.polyhedron(units::PER_METER)?))).collect();
         let whole = match &parts[..] {

@@ -1,13 +1,13 @@
 //! Convex decomposition of triangle meshes: cuts by planes with a bound, or one convex hull.
 //!
-//! **What is bounded.** The deviation of a part is the largest distance of a point of its hull, outside of the solid, from
-//! the mesh. It is how far above the mesh something can rest, and how much narrower than the mesh a hollow can be.
+//! **Bound.** The deviation of a part is the largest distance from the mesh of a point of its hull that is outside the
+//! solid. It bounds the height above the mesh at which a body can rest, and the narrowing of hollows.
 //!
-//! **Cuts by planes.** The piece with the largest deviation is cut by a plane across an axis. A plane that holds a good
-//! part of the piece's concave edges goes first: it takes them away, and a shape with flat sides, such as a tray, falls
-//! into its boards (Chazelle 1984). Among others it is the one that leaves the least volume after one more cut of either
-//! side. Then neighbors are joined as long as the bound holds. A part is the hull of the surface in it, so that the parts
-//! together cover the mesh.
+//! **Cuts by planes.** A plane across an axis cuts the piece with the largest deviation. A plane that contains a large
+//! part of the piece's concave edges comes first: it removes these edges, and a shape with flat sides, such as a tray,
+//! splits into its boards (Chazelle 1984). Otherwise, the plane is the one that leaves the least volume after one more
+//! cut of either side. Then neighbors are joined while the bound holds. A part is the hull of the surface in its piece,
+//! so the parts together cover the mesh.
 
 use crate::units;
 use parry3d::math::Vector;
@@ -17,8 +17,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use syntable_convex::{ConvexHull, HullOptions};
 use syntable_model::scene::{Mesh, Topology};
 
-/// Version of the decomposition: part of the key of cached parts. Raised whenever the same mesh and options give other
-/// parts; a test pins the parts of this version.
+/// Version of the decomposition: part of the key of cached parts. It rises whenever the same mesh and options give
+/// other parts; a test pins the parts of this version.
 pub const DECOMPOSITION_VERSION: u32 = 4;
 
 /// Pieces are not cut thinner, meters.
@@ -30,13 +30,13 @@ const FRACTIONS: [f32; 3] = [0.5, 0.25, 0.75];
 /// Number of planes per axis that faces of a piece lie in and that are tried as cuts.
 const FLAT_CUTS: usize = 4;
 
-/// Cuts in the plane of faces are preferred: they are the borders of what is convex.
+/// Cost factor of cuts in the plane of faces, which often border convex regions.
 const FLAT_COST: f32 = 0.9;
 
 /// Coordinates of faces in one plane agree to this, meters.
 const FLAT_M: f32 = 1e-4;
 
-/// Edges with a smaller angle between their faces count as smooth, radians.
+/// Minimum angle between the faces at a sharp edge, radians.
 const MIN_FOLD: f32 = 0.05;
 
 /// A plane with at least this fraction of a piece's concave edges, by length times angle, is cut along.
@@ -54,7 +54,7 @@ const FINEST: f32 = 0.01;
 /// The deviation of a single hull is measured to this, meters.
 const HULL_PRECISION_M: f32 = 0.003;
 
-/// A mesh with fewer open edges per face counts as closed: one ray tells inside from outside.
+/// Maximum ratio of open edges to faces of a closed mesh, for which one ray distinguishes inside from outside.
 const MAX_OPEN: f64 = 0.02;
 
 /// Along no axis, so that a ray runs along few faces.
@@ -65,7 +65,7 @@ const RAY: Vector = Vector::new(0.182_574_19, 0.365_148_37, 0.912_870_9);
 pub enum Method {
     /// One hull of all vertices.
     Hull,
-    /// Cuts by planes, as far as a bound asks for.
+    /// Cuts by planes until the bound holds.
     Cuts {
         /// Bound of the deviation, meters.
         max_deviation_m: f32,
@@ -76,7 +76,7 @@ pub enum Method {
 
 /// Convex parts of a mesh.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Parts {
+pub struct ConvexParts {
     /// Their hulls, body frame, meters; empty if no point is finite.
     pub hulls: Vec<ConvexHull>,
     /// Largest deviation of a part from the mesh, meters.
@@ -84,8 +84,8 @@ pub struct Parts {
 }
 
 /// Computes the convex parts of a mesh.
-pub fn convex_parts(mesh: &Mesh, method: Method) -> Parts {
-    let surface = Surface::new(mesh);
+pub fn convex_parts(mesh: &Mesh, method: Method) -> ConvexParts {
+    let surface = ReferenceSurface::new(mesh);
     match method {
         Method::Cuts { max_deviation_m, max_parts } => cuts(mesh, &surface, max_deviation_m, max_parts),
         Method::Hull => {
@@ -95,13 +95,13 @@ pub fn convex_parts(mesh: &Mesh, method: Method) -> Parts {
             let deviation =
                 |hull: &ConvexHull| Piece::of_hull(hull.clone()).deviation(&surface, HULL_PRECISION_M, f32::INFINITY).0;
             let deviation_m = hulls.iter().map(deviation).fold(0.0, f32::max);
-            Parts { hulls, deviation_m }
+            ConvexParts { hulls, deviation_m }
         }
     }
 }
 
 /// Convex parts by cuts.
-fn cuts(mesh: &Mesh, surface: &Surface, bound: f32, max_parts: usize) -> Parts {
+fn cuts(mesh: &Mesh, surface: &ReferenceSurface, bound: f32, max_parts: usize) -> ConvexParts {
     let data = mesh.data();
     let corners = |t: &[u32; 3]| {
         let [a, b, c] = t.map(|i| Vector::from(data.positions[i as usize]));
@@ -110,7 +110,7 @@ fn cuts(mesh: &Mesh, surface: &Surface, bound: f32, max_parts: usize) -> Parts {
     let triangles: Vec<Triangle> = data.triangles.iter().map(corners).collect();
     let notches = notches(&triangles);
     let Some(whole) = Piece::new(triangles, notches, bound, surface) else {
-        return Parts { hulls: Vec::new(), deviation_m: 0.0 };
+        return ConvexParts { hulls: Vec::new(), deviation_m: 0.0 };
     };
     let size = (whole.high - whole.low).max_element();
     let mut open = vec![whole];
@@ -136,19 +136,19 @@ fn cuts(mesh: &Mesh, surface: &Surface, bound: f32, max_parts: usize) -> Parts {
         wider *= 1.25;
     }
     let deviation_m = done.iter().map(|piece| piece.deviation).fold(0.0, f32::max);
-    Parts { hulls: done.into_iter().map(|piece| piece.hull).collect(), deviation_m }
+    ConvexParts { hulls: done.into_iter().map(|piece| piece.hull).collect(), deviation_m }
 }
 
 /// The whole mesh, to measure against.
-struct Surface {
+struct ReferenceSurface {
     mesh: Option<TriMesh>,
     /// Whether the faces look inwards.
     is_inverted: bool,
-    /// Whether there are holes, through which a ray from the inside may leave.
+    /// Whether the mesh has holes, through which a ray from the inside may leave.
     is_open: bool,
 }
 
-impl Surface {
+impl ReferenceSurface {
     fn new(mesh: &Mesh) -> Self {
         let data = mesh.data();
         let topology = Topology::of(mesh);
@@ -172,7 +172,7 @@ impl Surface {
         let Some(mesh) = &self.mesh else { return true };
         let gets_out = |direction: Vector| {
             let hit = mesh.cast_local_ray_and_get_normal(&Ray::new(point, direction), f32::MAX, true);
-            // Parry says 0 for the side that a triangle's normal points to.
+            // Parry numbers the side of a triangle with its normal 0.
             hit.is_none_or(|hit| (hit.feature == FeatureId::Face(0)) != self.is_inverted)
         };
         if !self.is_open {
@@ -185,7 +185,7 @@ impl Surface {
 
 type Triangle = [Vector; 3];
 
-/// A concave edge, or what is left of one.
+/// A concave edge, or a remaining part of one.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Notch {
     ends: [Vector; 2],
@@ -198,13 +198,13 @@ impl Notch {
         (self.ends[1] - self.ends[0]).length() * self.fold
     }
 
-    /// Position of the plane across an axis that the edge lies in, in steps of `FLAT_M`.
+    /// Position of a plane across an axis that contains the edge, in steps of `FLAT_M`.
     fn plane(&self, axis: usize) -> Option<i64> {
         let [p, q] = self.ends.map(|end| end[axis]);
         ((p - q).abs() < FLAT_M).then(|| (p / FLAT_M).round() as i64)
     }
 
-    /// What is below and above a plane across an axis. What lies in the plane is no longer concave.
+    /// The parts below and above a plane across an axis. An edge in the plane is no longer concave.
     fn halves(&self, axis: usize, at: f32) -> [Option<Self>; 2] {
         let [p, q] = self.ends;
         if (p[axis] - at).abs().max((q[axis] - at).abs()) <= FLAT_M {
@@ -253,13 +253,13 @@ struct Piece {
     low: Vector,
     high: Vector,
     deviation: f32,
-    /// Where the deviation is largest.
+    /// Point of the largest deviation.
     worst: Vector,
 }
 
 impl Piece {
-    /// None if no corner is finite.
-    fn new(triangles: Vec<Triangle>, notches: Vec<Notch>, bound: f32, surface: &Surface) -> Option<Self> {
+    /// `None` if no corner is finite.
+    fn new(triangles: Vec<Triangle>, notches: Vec<Notch>, bound: f32, surface: &ReferenceSurface) -> Option<Self> {
         let points: Vec<[f32; 3]> = triangles.iter().flatten().map(Vector::to_array).collect();
         let hull = units::hull(&points)?;
         let low = triangles.iter().flatten().fold(Vector::splat(f32::INFINITY), |low, p| low.min(*p));
@@ -269,7 +269,7 @@ impl Piece {
         Some(piece)
     }
 
-    /// A part of which the hull alone is known.
+    /// A part with a known hull only.
     fn of_hull(hull: ConvexHull) -> Self {
         let points = || hull.points.iter().map(|&p| Vector::from(p));
         let low = points().fold(Vector::splat(f32::INFINITY), |low, p| low.min(p));
@@ -277,15 +277,15 @@ impl Piece {
         Self { triangles: Vec::new(), notches: Vec::new(), hull, low, high, deviation: 0.0, worst: low }
     }
 
-    /// The largest distance of its hull from the mesh, outside of the solid, and where; any above `enough`, if there is
-    /// one. Distances below the bound are not told apart.
-    fn deviation(&self, surface: &Surface, bound: f32, enough: f32) -> (f32, Vector) {
+    /// The largest distance of the hull from the mesh outside the solid, and its point. Returns any distance above
+    /// `enough` if one exists. Distances below the bound are not distinguished.
+    fn deviation(&self, surface: &ReferenceSurface, bound: f32, enough: f32) -> (f32, Vector) {
         let size = (self.high - self.low).max_element();
         let finest = bound.max(FINEST * size);
         let mut found = (0.0, self.low);
         let mut level: Vec<Triangle> =
             self.hull.triangles.iter().map(|t| t.map(|i| Vector::from(self.hull.points[i as usize]))).collect();
-        // Level by level, so that what is far is found before what is near is looked at closely.
+        // Level by level, so that distant points are found before near ones are refined.
         while !level.is_empty() {
             let mut next = Vec::new();
             for [a, b, c] in level {
@@ -298,7 +298,7 @@ impl Piece {
                         return found;
                     }
                 }
-                // Distances change by no more than the way between two points.
+                // Between two points, the distance changes by at most their distance.
                 if distance + radius > found.0.max(bound) && radius > finest {
                     let [ab, bc, ca] = [(a + b) / 2.0, (b + c) / 2.0, (c + a) / 2.0];
                     next.extend([[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]]);
@@ -309,8 +309,8 @@ impl Piece {
         found
     }
 
-    /// The pieces on the two sides of the best cut; none if it cannot be cut.
-    fn cut(&self, bound: f32, surface: &Surface) -> Option<[Self; 2]> {
+    /// The pieces on the two sides of the best cut; `None` if no cut is possible.
+    fn cut(&self, bound: f32, surface: &ReferenceSurface) -> Option<[Self; 2]> {
         let (axis, at) = self.notched_plane().or_else(|| self.best_plane())?;
         let [one, two] = halves(&self.triangles, axis, at);
         let notches = |side: usize| self.notches.iter().filter_map(|notch| notch.halves(axis, at)[side]).collect();
@@ -353,7 +353,7 @@ impl Piece {
                     continue;
                 }
                 let off_center = (2.0 * at - low - high).abs() / (high - low);
-                // Among equals, the one that leaves less now, then the one that is nearer to the middle.
+                // Of equal cuts, the one with less volume now, then the one nearer to the middle.
                 let cost = |side: &Vec<Triangle>| volume_cut_again(side) + 0.02 * volume(side);
                 let cost = sides.iter().map(cost).sum::<f32>() * factor * (1.0 + 0.02 * off_center);
                 if best.is_none_or(|(least, ..)| cost < least) {
@@ -364,7 +364,7 @@ impl Piece {
         best.map(|(_, axis, at)| (axis, at))
     }
 
-    /// Where to try a cut across an axis, and a factor of its cost.
+    /// Candidate positions of a cut across an axis, with cost factors.
     fn positions(&self, axis: usize) -> Vec<(f32, f32)> {
         let (low, high) = (self.low[axis], self.high[axis]);
         let mut positions: Vec<(f32, f32)> =
@@ -387,7 +387,7 @@ impl Piece {
     }
 
     /// The two as one, if that keeps within a bound.
-    fn joined(&self, other: &Self, bound: f32, surface: &Surface) -> Option<Self> {
+    fn joined(&self, other: &Self, bound: f32, surface: &ReferenceSurface) -> Option<Self> {
         let points = [&self.hull.points[..], &other.hull.points[..]].concat();
         if Self::of_hull(units::hull(&points)?).deviation(surface, bound, bound).0 > bound {
             return None;
@@ -403,8 +403,8 @@ impl Piece {
     }
 }
 
-/// Joins neighbors as long as the bound holds, those first whose joint hull adds the least volume.
-fn join(pieces: &mut Vec<Piece>, bound: f32, surface: &Surface) {
+/// Joins neighbors while the bound holds, first those whose joint hull adds the least volume.
+fn join(pieces: &mut Vec<Piece>, bound: f32, surface: &ReferenceSurface) {
     let mut names: Vec<u64> = (0..pieces.len() as u64).collect();
     let mut next = pieces.len() as u64;
     let mut refused: BTreeSet<[u64; 2]> = BTreeSet::new();
@@ -556,8 +556,8 @@ mod tests {
         hull.triangles.iter().filter_map(plane).collect()
     }
 
-    /// Largest height above the mesh at which a thin needle from above rests on the parts, over a grid, meters: what the
-    /// deviation bounds, by brute force.
+    /// Largest height above the mesh at which a thin needle from above rests on the parts, over a grid, meters. The
+    /// deviation bounds it; this is brute force.
     fn hover(mesh: &Mesh, parts: &[ConvexHull]) -> f32 {
         let points: Vec<Vector> = mesh.data().positions.iter().map(|&p| Vector::from(p)).collect();
         let surface = TriMesh::new(points, mesh.data().triangles.clone()).expect("a mesh");
@@ -569,7 +569,7 @@ mod tests {
                 let at = |n: i32, axis: usize| low[axis] + (f64::from(n) + 0.5) / 60.0 * (high[axis] - low[axis]);
                 let from = Vector::new(at(i, 0) as f32, at(k, 1) as f32, high.z as f32 + 0.01);
                 let Some(depth) = surface.cast_local_ray(&Ray::new(from, -Vector::Z), 10.0, true) else { continue };
-                // Where the line enters a hull and leaves it.
+                // Points where the line enters and leaves a hull.
                 let highest = all.iter().filter_map(|planes| {
                     let (mut enter, mut leave) = (0.0_f32, f32::INFINITY);
                     for (normal, offset) in planes {
@@ -586,7 +586,7 @@ mod tests {
                     }
                     (enter < leave).then_some(enter)
                 });
-                // How far the mesh is from where the needle rests, whatever the slope.
+                // Distance between the mesh and the needle's resting point, for any slope.
                 let rest = highest.fold(f32::INFINITY, f32::min);
                 if rest < depth {
                     worst = worst.max(surface.distance_to_local_point(from - Vector::Z * rest, false));
@@ -603,7 +603,7 @@ mod tests {
             let hull = convex_parts(&mesh, Method::Hull);
             assert_eq!(hull.hulls.len(), 1, "{name}");
             for bound in [0.003, 0.008] {
-                let Parts { hulls: parts, deviation_m } =
+                let ConvexParts { hulls: parts, deviation_m } =
                     convex_parts(&mesh, Method::Cuts { max_deviation_m: bound, max_parts: 128 });
                 let is_full = parts.iter().any(|part| part.points.len() >= HULL_OPTIONS.max_vertices);
                 let limit = if is_full { 0.001 } else { HULL_OPTIONS.tolerance + ROUNDING };
@@ -623,7 +623,7 @@ mod tests {
 
     #[test]
     fn a_box_without_a_bottom_stays_full() {
-        // An open mesh: most rays from the inside meet an inner side, so that what they come from is no hollow.
+        // An open mesh: most rays from the inside hit an inner side, so their origins are not hollows.
         let whole = kit::cuboid([0.0; 3], [0.1, 0.2, 0.3]);
         let triangles =
             whole.triangles.iter().copied().filter(|t| t.iter().any(|&i| whole.positions[i as usize][2] > 0.0));
@@ -658,7 +658,7 @@ mod tests {
 
     #[test]
     fn real_objects_are_covered() {
-        // At most seven of each folder. None of them needs all of its parts.
+        // At most seven of each folder. None needs all of its parts.
         let objects = kit::assets().into_iter().flat_map(|root| {
             let objects = kit::real_objects(&root);
             let step = objects.len().div_ceil(7).max(1);
@@ -668,7 +668,7 @@ mod tests {
         assert!(objects.len() >= 5, "{} objects", objects.len());
         for object in objects {
             let start = std::time::Instant::now();
-            let Parts { hulls: parts, deviation_m } = convex_parts(&object.mesh, DEFAULT);
+            let ConvexParts { hulls: parts, deviation_m } = convex_parts(&object.mesh, DEFAULT);
             let seconds = start.elapsed().as_secs_f64();
             let missed = max_distance(object.mesh.data(), &parts);
             let vertices: Vec<usize> = parts.iter().map(|part| part.points.len()).collect();

@@ -1,14 +1,14 @@
-//! The rigid-body engine, as this crate uses it: bodies in, poses and measurements out.
+//! The rigid-body engine for this crate: bodies in, poses and measurements out.
 //!
 //! Settings that differ from rapier's defaults, each measured on 24 piles of 40 scanned objects:
 //! - tolerances for bodies of decimeters (`length_unit = 0.1`): a sixth of the penetration;
 //! - one collider per convex part, not one compound per body: merging the contacts of a compound's parts leaves a few
 //!   bodies in every pile jittering forever, while single colliders let all of them fall asleep;
 //! - contacts twice as stiff (60 Hz), and recomputed after 1 mm of motion rather than 5: half as many deep
+//! - contacts twice as stiff (60 Hz), and recomputed after 1 mm of motion instead of 5 mm: half as many deep
 //!   penetrations;
-//! - rolling resistance, which rapier has none of: without it, some round bodies go on rocking on the faces of their
-//!   shapes, and some piles take several times as long;
-//! - speculative contacts up to 2 cm ahead of a moving body, instead of continuous collision detection, which recomputes
+//! - rolling resistance, which rapier lacks: without it, some round bodies keep rocking on the faces of their shapes,
+//!   and some piles take several times as long;
 //!   the mass properties of every part at each step and takes twice as long.
 
 use crate::collision_shape::CollisionShape;
@@ -31,8 +31,8 @@ use syntable_model::scene::{BodyDraft, MassProperties as BodyMass};
 /// Minimum distance ahead of a moving body at which contacts are predicted, meters.
 const SPECULATIVE_M: f64 = 0.02;
 
-/// A body that has fallen one meter; what is ahead of it within a time step is predicted, so that it does not pass
-/// through, m/s.
+/// Speed of a body after a fall of one meter, m/s. Contacts within a time step at this speed are predicted, so that
+/// bodies do not tunnel.
 const FALLING_M_S: f64 = 4.5;
 
 /// Bodies that are faster fall rather than roll, m/s.
@@ -63,7 +63,7 @@ pub struct DynamicBody {
 pub struct Overlap {
     /// The dynamic body with the smaller index.
     pub body: usize,
-    /// The other dynamic body; none for a support or a part of the room.
+    /// The other dynamic body; `None` for a support or a part of the room.
     pub other: Option<usize>,
     /// Penetration depth, meters.
     pub depth: f64,
@@ -138,8 +138,8 @@ impl Engine {
         self.put(self.bodies.len() - 1, &body.world_from_body);
     }
 
-    /// The torque of rolling resistance is the coefficient times weight and radius. The radius is that of a ball with the
-    /// body's mean moment of inertia, 2/5 m r².
+    /// The torque of rolling resistance is the coefficient times weight and radius, with the radius of a ball that has
+    /// the body's mean moment of inertia, 2/5 m r².
     fn rolling_deceleration(&self, mass: &BodyMass) -> f32 {
         let radius = (mass.inertia().trace() / 3.0 / mass.kg / 0.4).sqrt();
         let deceleration = self.rolling_m_s2 / (0.4 * radius);
@@ -194,8 +194,8 @@ impl Engine {
         }
     }
 
-    /// Simulates until everything sleeps or `duration_s` is over. Returns the simulated time, s. Bodies that
-    /// `has_fallen` says of, by index and bounding box, are taken out on the way, and their indices are added to `fallen`.
+    /// Simulates until all bodies sleep or `duration_s` is over. Returns the simulated time, s. Takes out bodies for
+    /// which `has_fallen` returns `true`, given index and bounding box, and adds their indices to `fallen`.
     pub fn run(&mut self, duration_s: f64, has_fallen: impl Fn(usize, &Aabb) -> bool, fallen: &mut Vec<usize>) -> f64 {
         let steps = (duration_s / self.step_s).ceil() as usize;
         for step in 1..=steps {
@@ -253,7 +253,7 @@ impl Engine {
         })
     }
 
-    /// All pairs of penetrating bodies, in order; the deepest static body counts for all of them.
+    /// All pairs of penetrating bodies, in order. The deepest static body represents all static ones.
     pub fn overlaps(&self) -> Vec<Overlap> {
         let with_bounds = |body: usize| {
             let pose = self.engine_pose(body);
@@ -314,7 +314,7 @@ mod tests {
     use syntable_model::random::Stream;
 
     fn shape_of(hull: syntable_convex::ConvexHull) -> CollisionShape {
-        CollisionShape::new(&crate::decompose::Parts { hulls: vec![hull], deviation_m: 0.0 }).expect("a shape")
+        CollisionShape::new(&crate::decompose::ConvexParts { hulls: vec![hull], deviation_m: 0.0 }).expect("a shape")
     }
 
     fn falling(config: &Rapier, count: usize) -> Engine {
@@ -358,7 +358,7 @@ mod tests {
         let mut engine = falling(&Rapier::default(), 3);
         // Before the first step the engine has not computed any masses.
         engine.step();
-        // Free fall gives the potential energy m g h back as kinetic energy.
+        // In free fall, the potential energy m g h becomes kinetic energy.
         let height = |body: usize| {
             engine.bodies[body].rigid.map_or(0.0, |r| units::meters(engine.world.bodies[r].center_of_mass().z))
         };

@@ -1,7 +1,7 @@
-//! Collision shapes by object: computed once, kept in memory up to a number of shapes, and on disk by mesh digest.
+//! Collision shapes by object: computed once, cached in memory up to a maximum number, and on disk by mesh digest.
 
 use crate::collision_shape::CollisionShape;
-use crate::decompose::{DECOMPOSITION_VERSION, Method, Parts, convex_parts};
+use crate::decompose::{ConvexParts, DECOMPOSITION_VERSION, Method, convex_parts};
 use crate::rapier::{Collision, Rapier};
 use crate::{hull_codec, units};
 use quick_cache::sync::Cache as MemoryCache;
@@ -21,14 +21,14 @@ const RELIEF_DEVIATION_M: f32 = 0.001;
 /// Maximum number of parts of a support that is not flat.
 const RELIEF_PARTS: usize = 512;
 
-/// Maximum deviation of a flat support, meters: nothing stays below its top. A size drawn for every scene makes it a new
-/// mesh, so that it has to be quick.
+/// Maximum deviation of a flat support, meters, since no body stays below its top. A size that is drawn per scene
+/// creates a new mesh each time, so decomposition must be fast.
 const FLAT_DEVIATION_M: f32 = 0.03;
 
-/// What a body is to others.
+/// Use of a body's collision shape.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Purpose {
-    /// It moves, is an object that is fixed, or a support of nothing that is asked to stay on it.
+    /// The body moves, is a fixed object, or is a support without bodies that must stay on it.
     Body,
     /// A support with a flat top.
     Flat,
@@ -50,7 +50,7 @@ impl Purpose {
 /// Maximum number of shapes kept in memory.
 const CAPACITY: usize = 512;
 
-/// Computes collision shapes and keeps them. Threads that ask for the same shape at once wait for one computation.
+/// Computes and caches collision shapes. Threads that need the same shape wait for one computation.
 pub struct HullCache {
     config: Rapier,
     shapes: MemoryCache<Digest, Result<Arc<CollisionShape>>>,
@@ -73,7 +73,8 @@ impl HullCache {
         }
     }
 
-    /// The shapes of some objects, in their order. Missing ones are computed on all workers; who waits is told which.
+    /// The shapes of some objects, in their order. All workers compute missing ones, and waiting callers see the
+    /// progress.
     pub fn shapes(
         &self,
         objects: &[(&Object, Purpose)],
@@ -123,14 +124,14 @@ impl HullCache {
             cached_parts(&object.mesh, self.method(purpose), cache, tell)
         } else {
             // The source vouches for them.
-            Parts { hulls, deviation_m: 0.0 }
+            ConvexParts { hulls, deviation_m: 0.0 }
         };
         CollisionShape::new(&parts).map(Arc::new)
     }
 }
 
-/// The convex parts of a mesh, from the cache or computed; calls `tell` before the latter.
-fn cached_parts(mesh: &Mesh, method: Method, cache: &dyn Cache, tell: &dyn Fn()) -> Parts {
+/// The convex parts of a mesh, cached or computed. Calls `tell` before a computation.
+fn cached_parts(mesh: &Mesh, method: Method, cache: &dyn Cache, tell: &dyn Fn()) -> ConvexParts {
     let key = mesh_key(mesh, method);
     // Cached and computed parts are the same to the bit, since both have gone through the codec.
     cache.get("convex-parts", key).and_then(|bytes| hull_codec::decode(&bytes)).unwrap_or_else(|| {
@@ -187,10 +188,10 @@ mod tests {
     use syntable_model::context::{NoCache, Serial};
     use syntable_model::error::Error;
 
-    /// What it is told of the steps of each piece of work, when that is done.
+    /// The reported steps of each piece of work, recorded at its end.
     #[derive(Default)]
-    struct Told(Mutex<Vec<Option<String>>>);
-    impl Log for Told {
+    struct RecordedSteps(Mutex<Vec<Option<String>>>);
+    impl Log for RecordedSteps {
         fn warn(&self, _: &Error) {}
         fn during(&self, steps: &Steps, work: &mut dyn FnMut()) {
             assert_eq!(steps.latest(), None);
@@ -199,21 +200,21 @@ mod tests {
         }
     }
 
-    /// Counts look-ups on disk: one per computed shape.
+    /// Counts disk look-ups: one per computed shape.
     #[derive(Default)]
-    struct Counting(AtomicUsize);
-    impl Cache for Counting {
+    struct CountingCache(AtomicUsize);
+    impl Cache for CountingCache {
         fn get(&self, _: &str, _: Digest) -> Option<Vec<u8>> {
             self.0.fetch_add(1, Ordering::Relaxed);
-            // Long enough for the other threads to ask for the same shape.
+            // Long enough for the other threads to request the same shape.
             std::thread::sleep(std::time::Duration::from_millis(50));
             None
         }
         fn put(&self, _: &str, _: Digest, _: &[u8]) {}
     }
 
-    struct Threads;
-    impl Workers for Threads {
+    struct TestWorkers;
+    impl Workers for TestWorkers {
         fn threads(&self) -> usize {
             8
         }
@@ -228,9 +229,9 @@ mod tests {
         let slab = kit::object("slab", kit::cuboid([0.0; 3], [0.1, 0.1, 0.02]), 1.0);
         let objects: Vec<(&Object, Purpose)> =
             (0..8).map(|i| (if i % 2 == 0 { &*cube } else { &*slab }, Purpose::Body)).collect();
-        let (shapes, disk) = (HullCache::new(&Rapier::default()), Counting::default());
+        let (shapes, disk) = (HullCache::new(&Rapier::default()), CountingCache::default());
         let found: Vec<_> = shapes
-            .shapes(&objects, &disk, &Threads, &Told::default())
+            .shapes(&objects, &disk, &TestWorkers, &RecordedSteps::default())
             .into_iter()
             .map(|s| s.expect("a shape"))
             .collect();
@@ -244,13 +245,13 @@ mod tests {
     fn who_waits_is_told_what_is_decomposed() {
         let cube = kit::object("cube", kit::cuboid([0.0; 3], [0.1; 3]), 1.0);
         let slab = kit::object("slab", kit::cuboid([0.0; 3], [0.1, 0.1, 0.02]), 1.0);
-        let (shapes, told) = (HullCache::new(&Rapier::default()), Told::default());
+        let (shapes, told) = (HullCache::new(&Rapier::default()), RecordedSteps::default());
         let one: [(&Object, Purpose); 2] = [(&cube, Purpose::Body), (&cube, Purpose::Body)];
         let two: [(&Object, Purpose); 3] = [(&slab, Purpose::Flat), (&cube, Purpose::Body), (&slab, Purpose::Body)];
         for objects in [&one[..], &two, &two] {
             shapes.shapes(objects, &NoCache, &Serial, &told);
         }
-        // The last shapes are all known: there is nothing to wait for.
+        // All of the last shapes are cached, so no step is reported.
         let told = told.0.into_inner().expect("no panic");
         let steps = ["decomposing `cube` into convex parts (1 of 1)", "decomposing `slab` into convex parts (2 of 2)"];
         assert_eq!(told, steps.map(|step| Some(step.to_owned())));

@@ -1,13 +1,13 @@
 //! Binary format of cached convex parts. Floats keep their bits.
 
-use crate::decompose::Parts;
+use crate::decompose::ConvexParts;
 use syntable_convex::ConvexHull;
 
 const MAGIC: u32 = u32::from_le_bytes(*b"cvx2");
 
 /// Encodes parts: magic, number of parts and their deviation; then per part the numbers of vertices and triangles, 3 f32 per vertex and
 /// 3 u32 per triangle; all little-endian.
-pub fn encode(parts: &Parts) -> Vec<u8> {
+pub fn encode(parts: &ConvexParts) -> Vec<u8> {
     let mut words = vec![MAGIC, parts.hulls.len() as u32, parts.deviation_m.to_bits()];
     for part in &parts.hulls {
         words.extend([part.points.len() as u32, part.triangles.len() as u32]);
@@ -17,8 +17,8 @@ pub fn encode(parts: &Parts) -> Vec<u8> {
     words.into_iter().flat_map(u32::to_le_bytes).collect()
 }
 
-/// Decodes parts. None if [`encode`] did not write the bytes: truncated, of another version, or damaged.
-pub fn decode(bytes: &[u8]) -> Option<Parts> {
+/// Decodes parts. Returns `None` for bytes that [`encode`] did not write: truncated, of another version, or damaged.
+pub fn decode(bytes: &[u8]) -> Option<ConvexParts> {
     let (chunks, rest) = bytes.as_chunks::<4>();
     if !rest.is_empty() {
         return None;
@@ -47,7 +47,7 @@ pub fn decode(bytes: &[u8]) -> Option<Parts> {
         hulls.push(part);
     }
     let is_valid = !hulls.is_empty() && deviation_m.is_finite() && words.next().is_none();
-    is_valid.then_some(Parts { hulls, deviation_m })
+    is_valid.then_some(ConvexParts { hulls, deviation_m })
 }
 
 #[cfg(test)]
@@ -60,7 +60,7 @@ mod tests {
         let cube: Vec<[f32; 3]> =
             (0..8).map(|i| [0, 1, 2].map(|axis| if i >> axis & 1 == 0 { -0.1 } else { 1.0 / 3.0 })).collect();
         let hulls = vec![units::hull(&cube).expect("a hull"), units::hull(&cube[..5]).expect("a hull")];
-        let parts = Parts { hulls, deviation_m: 0.1 + 0.2 };
+        let parts = ConvexParts { hulls, deviation_m: 0.1 + 0.2 };
         let bytes = encode(&parts);
         let back = decode(&bytes).expect("reads back");
         assert_eq!(encode(&back), bytes);

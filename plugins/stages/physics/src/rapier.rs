@@ -5,9 +5,10 @@ use syntable_model::prelude::*;
 
 /// Lets bodies fall and come to rest with the rapier3d rigid-body engine.
 ///
-/// Objects collide as convex parts. The simulation ends early when all bodies sleep. Then bodies off their support
-/// (the tabletop, or the support that their placer drops them on) are removed, and bodies that still move or penetrate another too deeply are respawned or removed, until no body violates
-/// a limit. The scene's settle report gives speeds, penetration depth, and which bodies were removed and why.
+/// Objects collide as convex parts. The simulation ends early when all bodies sleep. Bodies off their support (the
+/// tabletop, or the support of their drop zone) are then removed. Bodies that still move or penetrate another too
+/// deeply are respawned or removed, until no body violates a limit. The scene's settle report lists speeds, penetration
+/// depth, and the removed bodies with reasons.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Rapier {
@@ -23,9 +24,9 @@ pub struct Rapier {
     pub(crate) gravity_m_s2: f64,
     /// Collision shape of objects and supports.
     pub(crate) collision: Collision,
-    /// How far convex parts may be from the mesh in its hollows, meters, for `collision = "decomposition"`: what lies in a
-    /// mug is at most this far above its bottom. Lower values give more parts. Supports have bounds of their own: 1 mm and up
-    /// to 512 parts with a rim or recesses, 30 mm below a flat top, where nothing stays.
+    /// Maximum distance of convex parts from the mesh in its hollows, meters, for `collision = "decomposition"`: an
+    /// object in a mug is at most this far above the mug's bottom. Lower values give more parts. Supports have their
+    /// own bounds: 1 mm and up to 512 parts with a rim or recesses, 30 mm below a flat top, where no object stays.
     #[schemars(range(min = 0.001, max = 1.0))]
     pub(crate) max_deviation_m: f64,
     /// Maximum number of convex parts per object, for `collision = "decomposition"`. An object that needs more to keep to
@@ -34,7 +35,7 @@ pub struct Rapier {
     pub(crate) max_parts: u32,
     /// Mass of dynamic bodies: `"real"` for the object's own, or `{ kg = 1.0 }` for the same mass for all.
     pub(crate) mass: Mass,
-    /// Coefficient of restitution: 0 is inelastic, 1 fully elastic. A placer can give its objects another.
+    /// Coefficient of restitution: 0 is inelastic, 1 fully elastic. A placer can override it for its objects.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub(crate) restitution: f64,
     /// Damping of angular velocity, 1/s.
@@ -44,17 +45,17 @@ pub struct Rapier {
     /// objects on wood have about 0.01, on cloth more. It slows the rotation of every body below 0.5 m/s.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub(crate) rolling_resistance: f64,
-    /// Pours the bodies: they start one after another in the order in which they were placed, this many seconds apart, above
-    /// what is already there. Without it all start at once.
+    /// Pours the bodies: they start one after another in the order of their placement, this many seconds apart, above
+    /// the earlier ones. Without it, all start at once.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.01, max = 10.0))]
     pub(crate) pour_interval_s: Option<f64>,
-    /// Which bodies are removed because of where they came to rest.
+    /// Bodies to remove because of their final position.
     pub(crate) remove: Remove,
-    /// Whether objects that would be removed because of where they came to rest are respawned first, up to
-    /// `max_respawns` times each: nearly as many objects stay on their support as were dropped.
+    /// Whether to respawn objects before removing them because of their final position, up to `max_respawns` times
+    /// each. Nearly all dropped objects then stay on their support.
     pub(crate) respawn_fallen: bool,
-    /// What happens to an object that violates one of the limits below.
+    /// Treatment of an object that violates one of the limits below.
     pub(crate) on_violation: OnViolation,
     /// Maximum number of times that one object is respawned before it is removed.
     #[schemars(range(max = 20))]
@@ -90,23 +91,23 @@ pub enum Mass {
     Kg(#[schemars(range(min = 0.001, max = 1000.0))] f64),
 }
 
-/// Which bodies are removed because of where they came to rest.
+/// Bodies to remove because of their final position.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Remove {
-    /// Objects whose bounding-box center is not in the space above their support: below its surface, outside its width and
-    /// length, or above the ceiling. The support is that on which their placer drops them, such as the tabletop.
+    /// Objects whose bounding-box center is outside the space above their support: below its surface, outside its width
+    /// and length, or above the ceiling. The support is the one of their drop zone, such as the tabletop.
     OffTabletop,
     /// No bodies.
     Keep,
 }
 
-/// What happens to an object that violates a limit. One that only moves gets `duration_s` more time first.
+/// Treatment of an object that violates a limit. An object that only moves gets `duration_s` more time first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum OnViolation {
-    /// It is respawned above the pile, in its start orientation turned about the vertical; after `max_respawns` times it
-    /// is removed. Distractors are removed at once.
+    /// The object is respawned above the pile, in its start orientation turned about the vertical, and removed after
+    /// `max_respawns` respawns. Distractors are removed at once.
     Respawn,
     /// It is removed.
     Remove,
@@ -180,7 +181,7 @@ mod tests {
             "collision = \"convex_hull\"\nmass = { kg = 1.0 }\non_violation = \"keep\"\ntime_step_s = 0.016666666666666666",
         ] {
             let built = ENTRY.construct_str(text).unwrap_or_else(|error| panic!("{text}: {error:?}"));
-            // What is written back reads back the same.
+            // Serialized options parse to the same options.
             let again = ENTRY.construct_str(&built.options.to_string()).expect("reads back");
             assert_eq!(built.options, again.options);
         }

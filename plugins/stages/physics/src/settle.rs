@@ -1,6 +1,6 @@
 //! The stage: moves the bodies of a scene to their poses at rest.
 
-use crate::acceptance::{Acceptance, BodyInfo, Outcome, Place};
+use crate::acceptance::{Acceptance, AcceptanceOutcome, AcceptanceRegion, BodyInfo};
 use crate::collision_shape::CollisionShape;
 use crate::engine::Engine;
 use crate::hull_cache::{HullCache, Purpose};
@@ -102,7 +102,7 @@ impl Settler for Settle {
         for (_, body, shape) in &dynamic {
             engine.add(body, shape.clone());
         }
-        let (Outcome { report, removed }, poses) = engine.on_threads(self.threads, |engine| {
+        let (AcceptanceOutcome { report, removed }, poses) = engine.on_threads(self.threads, |engine| {
             let outcome = Acceptance::new(&self.config, engine, &infos, &surface).run(&context.stream);
             let poses: Vec<(usize, Pose)> = engine.present().map(|body| (body, engine.pose(body))).collect();
             (outcome, poses)
@@ -129,7 +129,7 @@ impl Settler for Settle {
 }
 
 impl Settle {
-    /// Warns once of an object whose convex parts fill more of its hollows than they may.
+    /// Warns once about an object whose convex parts fill its hollows more than permitted.
     fn warn_of_filled_hollows(&self, body: &BodyDraft, purpose: Purpose, shape: &CollisionShape, log: &dyn Log) {
         let (bound, is) = (f64::from(purpose.max_deviation_m(&self.config)), f64::from(shape.deviation_m));
         // Within the tolerance of hulls.
@@ -145,10 +145,10 @@ impl Settle {
     }
 }
 
-/// Where a body of a drop zone is accepted.
-fn place(scene: &SceneBuilder, zone: DropZone) -> Place {
+/// Region in which a body of a drop zone is accepted.
+fn place(scene: &SceneBuilder, zone: DropZone) -> AcceptanceRegion {
     let (ceiling_m, has_floor) = (scene.ceiling_height(&zone.support), scene.has_floor(&zone.support));
-    Place { zone, ceiling_m, has_floor }
+    AcceptanceRegion { zone, ceiling_m, has_floor }
 }
 
 /// Refuses bodies that cannot be simulated.

@@ -1,11 +1,11 @@
 //! Static bodies: supports, and floor, walls and ceiling.
 //!
-//! - A part of the room that is flat becomes a half-space behind the face towards the objects, so that nothing tunnels
-//!   through. If there are objects on both sides, it becomes a box.
-//! - The ground, z = 0, is always a half-space, whether there is a floor or not.
-//! - A support becomes convex parts as objects do; one with a rim or recesses, parts that keep to its mesh. Thin ones are
-//!   extended downwards, where nothing is below them. Under a flat top, a thick slab with the outline of the top replaces
-//!   thin boards: the minimum translation of a body pressed into it is always upwards.
+//! - A flat part of the room becomes a half-space behind the face towards the objects, so that no body tunnels through.
+//!   With objects on both sides, it becomes a box.
+//! - The ground, z = 0, is always a half-space, with or without a floor.
+//! - A support becomes convex parts, like an object. The parts of a support with a rim or recesses keep close to its
+//!   mesh. Thin parts are extended downwards if nothing is below them. Under a flat top, a thick slab with the outline
+//!   of the top replaces thin boards, so that the minimum translation of a body pressed into it always points upwards.
 
 use crate::collision_shape::CollisionShape;
 use crate::engine::friction;
@@ -39,14 +39,15 @@ const BACKING_M: f32 = 0.03;
 /// Something this far below a part of a support is within it, meters.
 const RECESS_M: f64 = 0.2;
 
-/// A body whose center is this far below the surface of a recess lies in it: heavy ones press thin ones into it, meters.
+/// Maximum depth of a body's center below the surface of a recess that holds it, meters. Heavy bodies press thin ones
+/// into it.
 const SUNK_M: f64 = 0.005;
 
 /// The upper surface of the supports, by position.
 pub struct SupportSurface(Vec<TriMesh>);
 
 impl SupportSurface {
-    /// That of some bodies.
+    /// The surface of some bodies.
     pub fn new<'a, Id: 'a>(supports: impl Iterator<Item = &'a Body<Id>>) -> Self {
         let mesh = |body: &Body<Id>| {
             let data = body.object.mesh.data();
@@ -58,7 +59,7 @@ impl SupportSurface {
 
     /// Height of the highest support at or below a point, meters.
     pub fn below(&self, point: &Point3<f64>) -> Option<f64> {
-        // A ray that meets an edge may miss both of its faces: there are three, side by side.
+        // A ray that hits an edge may miss both of its faces, so three rays run side by side.
         let rays = [[0.0, 0.0], [1.3e-5, 0.7e-5], [-0.9e-5, 1.1e-5]]
             .map(|[x, y]| Ray::new(units::point(&(point + Vector3::new(x, y, 0.0))), -Vector::Z));
         let hits =
@@ -102,7 +103,8 @@ pub fn ground(height: f64) -> StaticBody {
     half_space(Point3::new(0.0, 0.0, height), Vector3::z(), 0.5)
 }
 
-/// A part of the room. `inside` are positions of objects: none may be behind it. None if it has no usable shape.
+/// A part of the room. `inside` are positions of objects, and none may be behind the part. `None` if it has no usable
+/// shape.
 pub fn room_part<Id>(body: &Body<Id>, inside: &[Point3<f64>]) -> Option<StaticBody> {
     let bounds = body.object.mesh.bounds();
     let (size, center) = (bounds.size(), bounds.center());
@@ -175,7 +177,7 @@ pub fn is_dynamic<Id>(body: &Body<Id>) -> bool {
     body.motion == Motion::Dynamic
 }
 
-/// What a body is to others.
+/// Use of a body's collision shape.
 pub fn purpose<Id>(body: &Body<Id>, supports: &Supports) -> Purpose {
     if body.role != Role::Support || supports.main().is_none() {
         return Purpose::Body;
@@ -193,8 +195,8 @@ struct Slab {
     thickness_m: f32,
 }
 
-/// The slab under the flat surface of a support, world frame; none if the surface is not flat, not convex, or has a hole.
-/// It ends above the space of the supports below.
+/// The slab under the flat surface of a support, world frame; `None` if the surface is not flat, not convex, or has a
+/// hole. The slab ends above the space of the supports below.
 fn slab<Id>(body: &Body<Id>, support: &Support, supports: &Supports) -> Option<Slab> {
     let mesh = &body.object.mesh;
     let mut covered_area = 0.0;
@@ -219,8 +221,8 @@ fn slab<Id>(body: &Body<Id>, support: &Support, supports: &Supports) -> Option<S
     Some(Slab { hull: units::hull(&points)?, thickness_m })
 }
 
-/// A part of a support, extended downwards so that nothing is pressed through it; none if it is thick, or if there is
-/// more of a support below it: that may be a recess.
+/// A part of a support, extended downwards so that no body is pressed through it; `None` if the part is thick, or if
+/// more of a support is below it, which may form a recess.
 fn backed(part: &SharedShape, pose: &EnginePose, surface: &SupportSurface) -> Option<SharedShape> {
     let hull = part.as_convex_polyhedron()?;
     let world: Vec<Vector> = hull.points().iter().map(|p| *pose * *p).collect();
@@ -247,12 +249,12 @@ fn backed(part: &SharedShape, pose: &EnginePose, surface: &SupportSurface) -> Op
     Some(SharedShape::new(units::hull(&points)?.polyhedron(units::PER_METER)?))
 }
 
-/// The remainder of a support's part below the slab; none if the slab covers all of it.
+/// The remainder of a support's part below the slab; `None` if the slab covers all of it.
 fn below_slab(part: SharedShape, pose: &EnginePose, slab: &Slab) -> Option<SharedShape> {
     let Slab { hull: slab, thickness_m } = slab;
     let hull = part.as_convex_polyhedron()?;
     let top = slab.points.iter().map(|p| p[2]).fold(f32::NEG_INFINITY, f32::max);
-    // Points are projected to the slab's mid-height, so that only its outline counts.
+    // Points are projected to the slab's mid-height, so that only the outline of the slab matters.
     let projected = |p: [f32; 3]| [p[0], p[1], top - thickness_m / 2.0];
     let world: Vec<[f32; 3]> = hull.points().iter().map(|p| (*pose * *p / units::PER_METER).to_array()).collect();
     let within = |p: &[f32; 3]| slab.max_plane_distance(projected(*p)) <= 0.002;

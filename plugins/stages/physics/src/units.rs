@@ -1,7 +1,7 @@
 //! Lengths inside the engine are in eighths of a meter.
 //!
-//! The engine's geometry code compares with absolute thresholds that suit bodies of about one unit: with meters,
-//! edges shorter than 2 cm count as parallel, and the expanding polytope algorithm fails at contacts of cutlery.
+//! The engine's geometry code uses absolute thresholds for bodies of about one unit. In meters, edges shorter than 2 cm
+//! would be parallel, and the expanding polytope algorithm would fail at contacts of cutlery.
 
 use parry3d::bounding_volume::Aabb;
 use parry3d::mass_properties::MassProperties as EngineMass;
@@ -16,7 +16,7 @@ pub const PER_METER: f32 = 8.0;
 /// Accuracy of all collision hulls, which are in meters.
 pub const HULL_OPTIONS: HullOptions = HullOptions { engine_scale: PER_METER, ..HullOptions::METERS };
 
-/// The convex hull of points, meters; none if no point is finite.
+/// The convex hull of points, meters; `None` if no point is finite.
 pub fn hull(points: &[[f32; 3]]) -> Option<ConvexHull> {
     ConvexHull::new(points, &HULL_OPTIONS)
 }

@@ -476,7 +476,7 @@ fn the_same_on_any_thread_and_with_any_cache() {
     assert_ne!(wanted[0].0, wanted[1].0);
 
     // A cold cache, then a warm one with a new settler, then one that keeps shapes in memory.
-    let cache = Memory::default();
+    let cache = MemoryCache::default();
     assert_eq!(settled(&*settler(""), &cache, 1), wanted[0]);
     assert_eq!(*cache.hits.lock().expect("a lock"), 0);
     let shared = settler("");

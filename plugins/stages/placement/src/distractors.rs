@@ -132,7 +132,7 @@ impl Placer for Distractors {
 }
 
 impl Distractors {
-    /// Draws an asset within `size_m`; none if too many draws fail.
+    /// Draws an asset within `size_m`; `None` if too many draws fail.
     fn asset(&self, context: &Context, stream: &mut Stream) -> Result<Option<(AssetRef, Arc<Object>)>> {
         for _ in 0..MAX_DRAWS {
             let (asset, object) = context.assets.draw_object(&self.from, stream)?;
@@ -155,7 +155,8 @@ impl Distractors {
         yaw * UnitQuaternion::from_axis_angle(&axis, angle)
     }
 
-    /// Finds a pose on the floor whose box overlaps none of `taken`, and adds its box to them; none after `max_tries`.
+    /// Finds a pose on the floor whose box overlaps none of `taken`, and adds its box to them; `None` after
+    /// `max_tries`.
     fn free_pose(
         &self,
         object: &Object,

@@ -19,8 +19,8 @@ const MAX_GROWTHS: u32 = 16;
 /// support and starts `clearance_m` above it. Objects are numbered in the order in which they are drawn.
 ///
 /// With `overlap_free`, no two bounding boxes overlap at the start: up to `max_tries` positions are drawn per object,
-/// then the box grows upwards until the object fits. The box ends at the ceiling of the room, or where the space of the
-/// support ends.
+/// then the box grows upwards until the object fits. The box ends at the ceiling of the room, or at the upper end of
+/// the support's space.
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct DropBox {
@@ -44,7 +44,7 @@ pub struct DropBox {
     #[serde(default = "height")]
     #[schemars(range(min = 0.0, max = 100.0))]
     height_m: f64,
-    /// Ratio of the width and length of the box to those of the support: 1 in the paper, 0.6 in SynTable's released code.
+    /// Ratio of the width and length of the box to the support's: 1 in the paper, 0.6 in SynTable's released code.
     #[serde(default = "one")]
     #[schemars(range(min = 0.0, max = 10.0))]
     width_factor: f64,
@@ -61,19 +61,19 @@ pub struct DropBox {
     /// Replaces the material of some objects, such as `{ from = "materials", probability = 0.2 }`. Shape and mass stay.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     material: Option<MaterialReplacement>,
-    /// Whether the objects are labeled. If not, they are distractors: they fall and occlude like objects, have no
-    /// masks, and stay on the floor when they fall off the support. Without a floor they are removed then, as they are
-    /// where they are still moving in the end.
+    /// Whether the objects are labeled. Otherwise, they are distractors: they fall and occlude like objects, have no
+    /// masks, and stay on the floor if they fall off the support. Without a floor, they are removed in that case, and
+    /// also if they still move in the end.
     #[serde(default = "yes")]
     annotated: bool,
-    /// Whether the objects stay where they are placed, as if they were held. They are annotated all the same.
+    /// Whether the objects stay where they are placed, as if they were held. They are annotated nevertheless.
     #[serde(default)]
     fixed: bool,
-    /// Coulomb friction coefficient of each object, 0 to 10. If left out, it is that of the asset.
+    /// Coulomb friction coefficient of each object, 0 to 10. Default: the asset's.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("minimum" = FRICTION[0], "maximum" = FRICTION[1]))]
     friction: Option<Dist>,
-    /// Coefficient of restitution of each object, 0 to 1. If left out, it is that of `[settle]`.
+    /// Coefficient of restitution of each object, 0 to 1. Default: the value of `[settle]`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("minimum" = RESTITUTION[0], "maximum" = RESTITUTION[1]))]
     restitution: Option<Dist>,
@@ -118,7 +118,7 @@ fn tries() -> u32 {
     100
 }
 
-/// Limits of `count`; with `annotated`, there is at least one object.
+/// Limits of `count`. With `annotated`, the minimum is one object.
 const COUNT: [i64; 2] = [0, 10_000];
 
 impl Config for DropBox {

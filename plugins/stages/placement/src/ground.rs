@@ -8,19 +8,20 @@ use syntable_model::scene::{AssetRef, BodyDraft, Material, Motion, Role, Scalar}
 
 /// Places a level ground at z = 0 that shows the lower half of the environment map: a shadow catcher.
 ///
-/// The map is projected on it from `projection_height_m` above its center: where nothing is in the way of the light, it
-/// looks like the map, and the table's legs stand in the photograph. Table, objects and clutter cast shadows on it and get
-/// its light, and clutter that falls off the table comes to rest on it. It is a diffuse surface whose color is what it takes to
-/// reflect the map's radiance, at most all light; reflections and glare of the photograph are painted on it. Nothing is
-/// composited. Views without a light `environment` see plain gray. Labels have it as `room/floor`.
+/// The map is projected on the ground from `projection_height_m` above its center. Where nothing blocks the light, the
+/// ground looks like the map, and the table's legs stand in the photograph. Table, objects and clutter cast shadows on
+/// it and receive its light, and clutter that falls off the table comes to rest on it. The ground is a diffuse surface
+/// whose color reflects the map's radiance, limited to all incoming light; reflections and glare of the photograph are
+/// painted on it. Nothing is composited. In views without a light `environment`, the ground is plain gray. Labels name
+/// it `room/floor`.
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Ground {
     /// Edge of the square, meters; 1 to 1000. At some hundred meters its edge is at the map's horizon.
     #[schemars(extend("minimum" = SIZE_M[0], "maximum" = SIZE_M[1]))]
     size_m: Dist,
-    /// Height of the point that the map is projected from, meters; 0.1 to 100. That of the camera of a photograph shows
-    /// its floor in true size.
+    /// Height of the point that the map is projected from, meters; 0.1 to 100. The camera's height in a photograph
+    /// shows its floor in true size.
     #[schemars(extend("minimum" = HEIGHT_M[0], "maximum" = HEIGHT_M[1]))]
     projection_height_m: Dist,
     /// Makes an area of the ground a support, for scenes without a table: `{ name = "floor", size_m = [1.5, 1.5] }`.

@@ -1,8 +1,8 @@
 //! Placers: room, ground, table, objects that start in a box above a support, and clutter on the floor.
 //!
 //! **Invariants.** Every random number comes from a named child of the stage's stream, one per surface or object, so
-//! that one object's draws do not depend on the number of another's. Poses place the center of a mesh's bounding box,
-//! whatever the mesh's own origin.
+//! the draws for one object do not depend on the number of draws for another. Poses place the center of a mesh's
+//! bounding box, whatever the mesh's own origin.
 
 mod distractors;
 mod drop_box;

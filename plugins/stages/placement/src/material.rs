@@ -56,7 +56,7 @@ impl MaterialReplacement {
         check_scale("material.texture_scale", &self.texture_scale)
     }
 
-    /// Draws the material of an object; none if it keeps its own.
+    /// Draws the material of an object; `None` if it keeps its own.
     pub fn draw(&self, assets: &dyn Assets, stream: &Stream) -> Result<Option<MaterialOverride>> {
         if !stream.child("replace").chance(self.probability) {
             return Ok(None);

@@ -157,7 +157,7 @@ pub fn refuse_second_floor(scene: &SceneBuilder) -> Result<()> {
 /// How far a table may reach into a wall, meters: real tables and rooms of one size touch.
 const INTO_WALL_M: f64 = 1e-3;
 
-/// A table that is larger than its room would stand in several rooms at once. Another attempt may draw a smaller one.
+/// Refuses a table that is larger than its room. Another attempt may draw a smaller one.
 pub fn refuse_table_through_wall(scene: &SceneBuilder) -> Result<()> {
     let of = |role| scene.bodies().map(|(_, body)| body).filter(move |body| body.role == role);
     for table in of(Role::Support) {
@@ -166,7 +166,7 @@ pub fn refuse_table_through_wall(scene: &SceneBuilder) -> Result<()> {
         let [low, high] = [bounds.min, bounds.max].map(|corner| corner + pose.translation.vector);
         let depth = |wall: &Aabb, k: usize| high[k].min(wall.max[k]) - low[k].max(wall.min[k]);
         let through = |wall: &Aabb| (0..3).all(|k| depth(wall, k) > INTO_WALL_M);
-        // The table stands on the floor; a room of another placer may be one mesh around it.
+        // The table stands on the floor; the room of another placer may be a single mesh around it.
         let mut walls = of(Role::Room).filter(|part| part.asset.pool == POOL && part.asset.name != "floor");
         if let Some(wall) = walls.find(|part| through(&part.world_bounds())) {
             let [x, y, z] = [0, 1, 2].map(|k| high[k] - low[k]);
@@ -185,16 +185,16 @@ pub fn refuse_table_through_wall(scene: &SceneBuilder) -> Result<()> {
 }
 
 /// A part of the room and its bounding box, world frame.
-pub struct Part {
+pub struct RoomPart {
     pub name: &'static str,
     pub bounds: Aabb,
 }
 
 /// The six parts, the floor first, around an inner box of half edges `half`. They touch and do not overlap.
-pub fn parts(half: [f64; 2], height: f64) -> [Part; 6] {
+pub fn parts(half: [f64; 2], height: f64) -> [RoomPart; 6] {
     let [x, y] = half;
     let [outer_x, outer_y] = half.map(|half| half + THICKNESS_M);
-    let part = |name, low: [f64; 3], high: [f64; 3]| Part {
+    let part = |name, low: [f64; 3], high: [f64; 3]| RoomPart {
         name,
         bounds: Aabb { min: Point3::from(low), max: Point3::from(high) },
     };
@@ -211,9 +211,9 @@ pub fn parts(half: [f64; 2], height: f64) -> [Part; 6] {
 /// Half length of an edge from which on a sheet is cut, meters.
 const LARGE_M: f64 = 20.0;
 
-/// Coordinates at which an edge is cut, its ends included: a large one 1 m from the center, and twice as far each time.
-/// Where a ray hits a triangle is known to within a fraction of the triangle's size; near the table that has to be less
-/// than the distance that rays start off a surface, or they meet it again and light is lost.
+/// Coordinates at which an edge is cut, including its ends: 1 m from the center, and then at twice the distance each
+/// time. The position of a hit is known to within a fraction of the triangle's size. Near the table, this error must be
+/// smaller than the offset of rays from a surface; otherwise, rays hit their own surface and light is lost.
 fn cuts(half: f64) -> Vec<f64> {
     let doubled = std::iter::successors(Some(1.0), |at| Some(at * 2.0)).take_while(|at| *at < 0.75 * half);
     let outwards: Vec<f64> = doubled.filter(|_| half > LARGE_M).chain([half]).collect();
@@ -221,7 +221,7 @@ fn cuts(half: f64) -> Vec<f64> {
 }
 
 /// A box centered at the origin with texture coordinates in meters.
-pub fn slab(part: &Part, material: Material) -> Result<Object> {
+pub fn slab(part: &RoomPart, material: Material) -> Result<Object> {
     let half = part.bounds.size() / 2.0;
     let mut data = MeshData::default();
     for axis in 0..3 {

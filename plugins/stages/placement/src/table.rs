@@ -11,8 +11,8 @@ use syntable_model::scene::{BodyDraft, Mesh, Motion, Object, Region, Role, Suppo
 /// Draws a table, places it on the floor at the center of the room, and makes the top of its bounding box a support.
 ///
 /// The tabletop follows the paper: w and l are the extents of the table's bounding box along world x and y, h its
-/// height. Legs and overhangs count, and a round table counts as its bounding rectangle. The box is aligned with the
-/// world axes even if the table is rotated: objects that start beyond the real edge fall off.
+/// height. The box includes legs and overhangs, and a round table's bounding rectangle. It is aligned with the world
+/// axes even if the table is rotated, so objects that start beyond the real edge fall off.
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Table {
@@ -133,7 +133,7 @@ impl Table {
     }
 }
 
-/// Tables stand at the center of the room, where there is room for one.
+/// Refuses a second table: tables stand at the center of the room, which has space for one.
 fn refuse_table_in_support(scene: &SceneBuilder, table: &BodyDraft) -> Result<()> {
     let bounds = table.world_bounds();
     let overlaps = |other: &Aabb| (0..3).all(|k| bounds.min[k] < other.max[k] && bounds.max[k] > other.min[k]);

@@ -8,8 +8,8 @@ use syntable_model::random::Stream;
 /// Shares of samples below either end: 95 % are between them.
 const ENDS: [f64; 2] = [0.025, 0.975];
 
-/// For each score the interval that holds 95 % of its values in samples of images; none where no sample has a value. Draws come
-/// from the stream `bootstrap` of a seed, one of its children for each sample.
+/// For each score, the interval with the central 95 % of its values over samples of images; `None` if no sample has a
+/// value. The random stream is `bootstrap` of the seed, with one child per sample.
 pub fn intervals(
     measures: &Measures,
     images: &[&Tally],
@@ -28,7 +28,7 @@ pub fn intervals(
         }
     });
     let drawn = drawn.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner);
-    // Samples come in any order, which sorting undoes.
+    // Threads return samples in any order. Sorting removes the difference.
     (0..measures.names().len())
         .map(|score| {
             let mut values: Vec<f64> = drawn.iter().filter_map(|values| values.get(score).copied().flatten()).collect();

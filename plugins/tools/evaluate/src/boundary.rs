@@ -9,7 +9,7 @@ const TOLERANCE: f64 = 0.003;
 /// Bits of a word.
 const WORD: usize = 64;
 
-/// Radius within which boundary pixels count as the same, px.
+/// Radius within which boundary pixels match, px.
 pub fn radius(width: u32, height: u32) -> usize {
     let [width, height] = [width, height].map(f64::from);
     (TOLERANCE * (width * width + height * height).sqrt()).ceil() as usize
@@ -36,7 +36,8 @@ struct Columns {
 }
 
 impl Boundary {
-    /// Pixels that differ from that to the right, below, or both; in the last row and column from the one that is there.
+    /// Pixels that differ from the neighbor to the right, below, or both. The last row and column have only one such
+    /// neighbor.
     pub fn of(mask: &Mask) -> Self {
         let [width, height] = [mask.width(), mask.height()].map(|edge| edge as usize);
         let inside = Columns::of(mask);
@@ -73,7 +74,7 @@ impl Boundary {
         self.len
     }
 
-    /// Whether there is no pixel.
+    /// Whether the map has no pixel.
     pub fn is_empty(&self) -> bool {
         self.len == 0
     }
@@ -146,7 +147,7 @@ impl Columns {
         self.first..self.first + self.words.len() / self.stride.max(1)
     }
 
-    /// As many empty columns, and some more on either side, within an image of `width` columns.
+    /// An empty map with the same columns and some more on either side, within an image of `width` columns.
     fn widened(&self, left: usize, right: usize, width: usize) -> Self {
         let range = self.range();
         if range.is_empty() {
@@ -166,7 +167,7 @@ impl Columns {
         &mut self.words[index..index + self.stride]
     }
 
-    /// Adds bits to a column, if it is there.
+    /// Adds bits to a column, if the column exists.
     fn add(&mut self, at: usize, bits: &[u64]) {
         if self.range().contains(&at) {
             self.column_mut(at).iter_mut().zip(bits).for_each(|(word, more)| *word |= more);
@@ -190,12 +191,12 @@ fn fill(words: &mut [u64], top: usize, bottom: usize) {
     }
 }
 
-/// A word of a column whose pixels moved up by one.
+/// A word of a column, shifted up by one pixel.
 fn up(column: &[u64], index: usize) -> u64 {
     column[index] >> 1 | column.get(index + 1).map_or(0, |next| next << (WORD - 1))
 }
 
-/// A word of a column whose pixels moved down by one.
+/// A word of a column, shifted down by one pixel.
 fn down(column: &[u64], index: usize) -> u64 {
     column[index] << 1 | index.checked_sub(1).map_or(0, |before| column[before] >> (WORD - 1))
 }

@@ -1,9 +1,9 @@
-//! COCO's average precision and recall category by category, with the numbers of pycocotools where it looks at categories
-//! (`useCats = 1`): a prediction is compared with the labels of its category alone, and at most [`MOST`](crate::coco::MOST) of an
-//! image and a category count.
+//! COCO's average precision and recall by category, equal to pycocotools with `useCats = 1`: a prediction is compared
+//! only with labels of its category, and at most [`MOST`](crate::coco::MOST) predictions per image and category are
+//! used.
 
-use crate::coco::{KINDS, Objects, SCORES, Tally, values};
-use crate::image::{Instance, Pair};
+use crate::coco::{ComparedObjects, KINDS, KindTally, SCORES, values};
+use crate::image::{ImagePair, MaskedObject};
 use crate::measure::Measure;
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -44,8 +44,8 @@ fn word(name: &str) -> String {
     if parts.is_empty() { "unnamed".to_owned() } else { parts.join("_") }
 }
 
-/// What is kept of an image, by category.
-pub struct OfCategories(BTreeMap<u32, [Tally; KINDS.len()]>);
+/// Tally of an image by category.
+pub struct OfCategories(BTreeMap<u32, [KindTally; KINDS.len()]>);
 
 impl Measure for ByCategory {
     type Tally = OfCategories;
@@ -56,13 +56,13 @@ impl Measure for ByCategory {
         means.chain(self.words().flat_map(of)).collect()
     }
 
-    fn tally(&self, pair: &Pair) -> OfCategories {
+    fn tally(&self, pair: &ImagePair) -> OfCategories {
         let predictions = || pair.predictions.iter().chain(&pair.unlikely);
-        let of = |it: &Instance| it.category;
+        let of = |it: &MaskedObject| it.category;
         let found =
             pair.labels.iter().chain(predictions()).filter_map(of).chain(pair.crowds.iter().map(|it| it.category));
         let found: BTreeSet<u32> = found.collect();
-        let objects = |category: u32| Objects {
+        let objects = |category: u32| ComparedObjects {
             labels: pair.labels.iter().filter(|it| it.category == Some(category)).collect(),
             crowds: pair.crowds.iter().filter(|it| it.category == category).collect(),
             ranked: predictions().filter(|it| it.category == Some(category)).collect(),
@@ -75,10 +75,11 @@ impl Measure for ByCategory {
         let mut each = vec![[None; KINDS.len()]; self.categories.len()];
         for kind in 0..KINDS.len() {
             let mut sums = [(0.0, 0); SCORES.len()];
-            // Without scores there is no order, nor one of the categories in which nothing was predicted.
+            // Without scores, predictions have no order, and neither do categories without predictions.
             let is_unranked = images.iter().flat_map(|it| it.0.values()).any(|kinds| kinds[kind].is_unranked);
             for (of, (category, _)) in each.iter_mut().zip(&self.categories) {
-                let tallies: Vec<&Tally> = images.iter().filter_map(|it| Some(&it.0.get(category)?[kind])).collect();
+                let tallies: Vec<&KindTally> =
+                    images.iter().filter_map(|it| Some(&it.0.get(category)?[kind])).collect();
                 let scores = if is_unranked { [None; SCORES.len()] } else { values(&tallies) };
                 of[kind] = scores[0];
                 for (sum, score) in sums.iter_mut().zip(scores) {

@@ -1,9 +1,9 @@
-//! COCO's average precision and recall, with the numbers of pycocotools where it ignores categories (`useCats = 0`).
+//! COCO's average precision and recall, equal to pycocotools with `useCats = 0`.
 //!
-//! Boxes are those around masks, and areas those of masks. Predictions are ranked by score; of equal scores, the earlier image
-//! and then the earlier prediction comes first.
+//! Boxes and areas are computed from masks. Predictions are ranked by score. Of equal scores, the earlier image comes
+//! first, then the earlier prediction.
 
-use crate::image::{Instance, Pair};
+use crate::image::{ImagePair, MaskedObject};
 use crate::measure::{Measure, Measurement, Metric};
 use crate::register_metric;
 use syntable_model::product::{BBox, Mask};
@@ -24,18 +24,18 @@ pub const AREAS: [[u32; 2]; 4] = [[0, u32::MAX], [0, 1024], [1024, 9216], [9216,
 pub(crate) const SCORES: [&str; 12] =
     ["ap", "ap50", "ap75", "aps", "apm", "apl", "ar1", "ar10", "ar100", "ars", "arm", "arl"];
 
-/// A kind of shapes: what they are called, which mask of an instance it is, and whether its box is compared in its place.
-pub(crate) struct Kind {
+/// A kind of masks: its name, the mask of an instance, and whether the mask's box is compared instead.
+pub(crate) struct MaskKind {
     pub(crate) name: &'static str,
-    of: fn(&Instance) -> &Mask,
+    of: fn(&MaskedObject) -> &Mask,
     is_box: bool,
 }
 
-pub(crate) const KINDS: [Kind; 4] = [
-    Kind { name: "amodal_mask", of: |it| &it.amodal, is_box: false },
-    Kind { name: "amodal_box", of: |it| &it.amodal, is_box: true },
-    Kind { name: "visible_mask", of: |it| &it.visible, is_box: false },
-    Kind { name: "visible_box", of: |it| &it.visible, is_box: true },
+pub(crate) const KINDS: [MaskKind; 4] = [
+    MaskKind { name: "amodal_mask", of: |it| &it.amodal, is_box: false },
+    MaskKind { name: "amodal_box", of: |it| &it.amodal, is_box: true },
+    MaskKind { name: "visible_mask", of: |it| &it.visible, is_box: false },
+    MaskKind { name: "visible_box", of: |it| &it.visible, is_box: true },
 ];
 
 /// Names of the kinds, and of the scores of each.
@@ -45,95 +45,96 @@ pub fn names() -> ([&'static str; 4], [&'static str; 12]) {
 
 register_metric!(Metric {
     name: "coco",
-    doc: "COCO's AP and AR of amodal and visible masks and their boxes, whatever the class; needs scores.",
-    build: |_| Measurement::of(Coco),
+    doc: "COCO's AP and AR of amodal and visible masks and their boxes, regardless of class; needs scores.",
+    build: |_| Measurement::of(CocoMetric),
     crate_name: env!("CARGO_PKG_NAME"),
 });
 
-struct Coco;
+struct CocoMetric;
 
-/// What is kept of an image, for a kind.
+/// Tally of an image for one kind.
 #[derive(Default)]
-pub(crate) struct Tally {
+pub(crate) struct KindTally {
     /// Number of labels by area.
     labels: [u32; AREAS.len()],
     /// Predictions by falling score.
-    found: Vec<Found>,
+    found: Vec<RankedPrediction>,
     /// Whether a prediction has no score.
     pub(super) is_unranked: bool,
 }
 
 /// A prediction: bits of thresholds by area.
-struct Found {
+struct RankedPrediction {
     score: f64,
     is_matched: [u16; AREAS.len()],
     is_ignored: [u16; AREAS.len()],
 }
 
-impl Measure for Coco {
-    type Tally = Of;
+impl Measure for CocoMetric {
+    type Tally = CocoTally;
 
     fn names(&self) -> Vec<String> {
         KINDS.iter().flat_map(|kind| SCORES.map(|score| format!("{}_{score}", kind.name))).collect()
     }
 
-    fn tally(&self, pair: &Pair) -> Of {
-        let objects = Objects {
+    fn tally(&self, pair: &ImagePair) -> CocoTally {
+        let objects = ComparedObjects {
             labels: pair.labels.iter().collect(),
             crowds: pair.crowds.iter().collect(),
             ranked: pair.predictions.iter().chain(&pair.unlikely).collect(),
         };
-        Of(KINDS.map(|kind| kind.tally(&objects)))
+        CocoTally(KINDS.map(|kind| kind.tally(&objects)))
     }
 
-    fn values(&self, images: &[&Of]) -> Vec<Option<f64>> {
+    fn values(&self, images: &[&CocoTally]) -> Vec<Option<f64>> {
         (0..KINDS.len()).flat_map(|kind| values(&images.iter().map(|it| &it.0[kind]).collect::<Vec<_>>())).collect()
     }
 }
 
 /// Objects of an image that are compared with each other.
-pub(crate) struct Objects<'a> {
-    pub(crate) labels: Vec<&'a Instance>,
+pub(crate) struct ComparedObjects<'a> {
+    pub(crate) labels: Vec<&'a MaskedObject>,
     pub(crate) crowds: Vec<&'a Crowd>,
     /// Predictions by falling score.
-    pub(crate) ranked: Vec<&'a Instance>,
+    pub(crate) ranked: Vec<&'a MaskedObject>,
 }
 
-/// What is kept of an image, for all kinds.
-struct Of([Tally; KINDS.len()]);
+/// Tally of an image for all kinds.
+struct CocoTally([KindTally; KINDS.len()]);
 
-/// A shape with what is asked of it.
-struct Shape<'a> {
+/// A mask with its box and attributes.
+struct ComparedShape<'a> {
     mask: &'a Mask,
     bbox: BBox,
     area: u32,
     is_crowd: bool,
 }
 
-impl<'a> Shape<'a> {
+impl<'a> ComparedShape<'a> {
     fn new(mask: &'a Mask, is_crowd: bool) -> Self {
         Self { mask, bbox: mask.bbox(), area: mask.area(), is_crowd }
     }
 }
 
-impl Kind {
-    pub(crate) fn tally(&self, objects: &Objects) -> Tally {
+impl MaskKind {
+    pub(crate) fn tally(&self, objects: &ComparedObjects) -> KindTally {
         let shown = objects.labels.iter().map(|it| (self.of)(it)).filter(|mask| !mask.is_empty());
-        let crowds = objects.crowds.iter().map(|it| Shape::new(&it.mask, true));
-        let labels: Vec<Shape> = shown.map(|mask| Shape::new(mask, false)).chain(crowds).collect();
+        let crowds = objects.crowds.iter().map(|it| ComparedShape::new(&it.mask, true));
+        let labels: Vec<ComparedShape> = shown.map(|mask| ComparedShape::new(mask, false)).chain(crowds).collect();
         let ranked = || objects.ranked.iter();
-        let predictions: Vec<Shape> = ranked().take(MOST).map(|it| Shape::new((self.of)(it), false)).collect();
+        let predictions: Vec<ComparedShape> =
+            ranked().take(MOST).map(|it| ComparedShape::new((self.of)(it), false)).collect();
         let overlaps: Vec<Vec<f64>> =
             predictions.iter().map(|it| labels.iter().map(|label| self.overlap(it, label)).collect()).collect();
         let scores = ranked().map(|it| it.score.unwrap_or(0.0));
-        let mut found: Vec<Found> =
-            scores.take(MOST).map(|score| Found { score, is_matched: [0; 4], is_ignored: [0; 4] }).collect();
+        let mut found: Vec<RankedPrediction> =
+            scores.take(MOST).map(|score| RankedPrediction { score, is_matched: [0; 4], is_ignored: [0; 4] }).collect();
         let mut count = [0; AREAS.len()];
         for (area, limits) in AREAS.iter().enumerate() {
-            let is_within = |shape: &Shape| (limits[0]..=limits[1]).contains(&shape.area);
+            let is_within = |shape: &ComparedShape| (limits[0]..=limits[1]).contains(&shape.area);
             let is_ignored: Vec<bool> = labels.iter().map(|it| it.is_crowd || !is_within(it)).collect();
             count[area] = is_ignored.iter().filter(|it| !**it).count() as u32;
-            // What counts comes first.
+            // Labels that are not ignored come first.
             let mut order: Vec<usize> = (0..labels.len()).collect();
             order.sort_by_key(|label| is_ignored[*label]);
             for threshold in 0..THRESHOLDS {
@@ -151,15 +152,15 @@ impl Kind {
                 }
             }
         }
-        Tally { labels: count, found, is_unranked: ranked().any(|it| it.score.is_none()) }
+        KindTally { labels: count, found, is_unranked: ranked().any(|it| it.score.is_none()) }
     }
 
     /// IoU; with a crowd, the share of the prediction that is in it.
-    fn overlap(&self, prediction: &Shape, label: &Shape) -> f64 {
+    fn overlap(&self, prediction: &ComparedShape, label: &ComparedShape) -> f64 {
         if !prediction.bbox.meets(&label.bbox) {
             return 0.0;
         }
-        let area = |it: &Shape| {
+        let area = |it: &ComparedShape| {
             if self.is_box { f64::from(it.bbox.width) * f64::from(it.bbox.height) } else { f64::from(it.area) }
         };
         let both = if self.is_box {
@@ -185,11 +186,11 @@ fn iou_of(threshold: usize) -> f64 {
     if threshold + 1 == THRESHOLDS { last } else { threshold as f64 * step + first }
 }
 
-/// The label that a prediction takes: of those that count, the one that it overlaps most, else of those that are ignored. Of
-/// equal overlaps, the last one.
+/// The label that a prediction matches: the label with the largest overlap among those that are not ignored, else among
+/// the ignored ones. Of equal overlaps, the last label.
 fn best(
     overlaps: &[f64],
-    labels: &[Shape],
+    labels: &[ComparedShape],
     order: &[usize],
     is_ignored: &[bool],
     is_taken: &[bool],
@@ -212,7 +213,7 @@ fn best(
 }
 
 /// The scores of a kind.
-pub(crate) fn values(images: &[&Tally]) -> [Option<f64>; SCORES.len()] {
+pub(crate) fn values(images: &[&KindTally]) -> [Option<f64>; SCORES.len()] {
     if images.iter().any(|it| it.is_unranked) {
         return [None; SCORES.len()];
     }
@@ -244,12 +245,12 @@ struct Curves {
 }
 
 impl Curves {
-    fn of(images: &[&Tally], area: usize, limit: usize) -> Self {
+    fn of(images: &[&KindTally], area: usize, limit: usize) -> Self {
         let labels: u32 = images.iter().map(|it| it.labels[area]).sum();
         if labels == 0 {
             return Self::default();
         }
-        let mut ranked: Vec<&Found> = images.iter().flat_map(|it| it.found.iter().take(limit)).collect();
+        let mut ranked: Vec<&RankedPrediction> = images.iter().flat_map(|it| it.found.iter().take(limit)).collect();
         ranked.sort_by(|a, b| b.score.total_cmp(&a.score));
         let mut curves = Self::default();
         for threshold in 0..THRESHOLDS {
@@ -274,7 +275,7 @@ fn mean(values: &[f64]) -> Option<f64> {
 }
 
 /// Mean precision over recalls, and the greatest recall.
-fn curve(ranked: &[&Found], area: usize, bit: u16, labels: f64) -> (f64, f64) {
+fn curve(ranked: &[&RankedPrediction], area: usize, bit: u16, labels: f64) -> (f64, f64) {
     let (mut hits, mut misses) = (0.0, 0.0);
     let mut points: Vec<[f64; 2]> = Vec::with_capacity(ranked.len());
     for found in ranked {

@@ -1,10 +1,10 @@
 //! Scores predictions against a dataset: from paths and options to scores, tables and the worst images.
 
 use crate::categories::ByCategory;
-use crate::image::{Instance, Occluded, Pair};
+use crate::image::{ImagePair, MaskedObject, Occluded};
 use crate::measure::{Measurement, Measures, MetricKind, Tally};
 use crate::predictions::{self, Predictions, check_masks, instances};
-use crate::table::{Score, Scored, Table};
+use crate::table::{EvaluatedImage, EvaluationTable, Score};
 use crate::{Convention, bootstrap, worst};
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -12,37 +12,37 @@ use syntable_formats::scores::{ScoredImage, Scores};
 use syntable_model::error::{Error, Result};
 use syntable_model::reader::{OpenDataset, Source};
 use syntable_model::registry::Registry;
-use syntable_runtime::images::{Work, each};
+use syntable_runtime::images::{ImageWork, each};
 use syntable_runtime::left_out::LeftOutReport;
 
-/// What is scored, and how.
+/// Inputs and options of an evaluation.
 #[derive(Clone)]
 pub struct EvaluateOptions {
     /// Ground truth: a dataset of any format that can be read, or a folder of label maps.
     pub truth: Source,
-    /// Its format; none for the one that it looks like.
+    /// Format of the ground truth; `None` detects it.
     pub truth_format: Option<String>,
     /// Predictions: a dataset or label maps of the same images, or a result file.
     pub predictions: Source,
-    /// Format of predictions that are a dataset; none for the one that they look like.
+    /// Format of the predictions if they are a dataset; `None` detects it.
     pub predictions_format: Option<String>,
-    /// Minimum confidence of predictions. Predictions of a dataset have none, and COCO's scores take all.
+    /// Minimum confidence of predictions. Ignored for predictions of a dataset, which have none, and for COCO's scores.
     pub min_score: f64,
-    /// From which occlusion rate on a prediction counts as occluded.
+    /// Minimum occlusion rate of a prediction that counts as occluded.
     pub occluded: Occluded,
     /// How images are combined.
     pub convention: Convention,
     /// Names of metrics; all if empty.
     pub metrics: Vec<String>,
-    /// Metrics beside those of linked crates.
+    /// Metrics in addition to those of linked crates.
     pub more_metrics: Vec<Arc<dyn MetricKind>>,
     /// Whether COCO's scores with categories are added.
     pub by_category: bool,
-    /// Number of samples of the images for 95 % confidence intervals; none for no intervals.
+    /// Number of samples of the images for 95 % confidence intervals; `None` computes no intervals.
     pub bootstrap: Option<u32>,
     /// Seed of these samples.
     pub seed: u64,
-    /// Score that ranks the worst images; none for [`worst::RANKED_BY`] or the first score without it.
+    /// Score that ranks the worst images; `None` uses [`worst::RANKED_BY`], or else the first score.
     pub rank_by: Option<String>,
 }
 
@@ -67,14 +67,13 @@ impl EvaluateOptions {
     }
 }
 
-/// Predictions that were scored. It keeps what the metrics tally of each image, and reads masks again when it is asked for the
-/// worst images.
+/// Evaluated predictions. Holds the metrics' tally of each image, and reads masks again for the worst images.
 pub struct Evaluation {
     pair: Paired,
     /// The formats that ground truth and predictions were read as.
     pub formats: [&'static str; 2],
     convention: Convention,
-    images: Vec<Scored>,
+    images: Vec<EvaluatedImage>,
     scores: Vec<Score>,
     has_intervals: bool,
     categories: Vec<String>,
@@ -84,13 +83,13 @@ pub struct Evaluation {
 /// Scores predictions.
 ///
 /// # Errors
-/// If a name is wrong, masks that the metrics need are missing, a file cannot be read, or the work was asked to stop.
-pub fn evaluate(registry: &Registry, options: &EvaluateOptions, work: &Work) -> Result<Evaluation> {
+/// If a name is unknown, masks that the metrics need are missing, a file cannot be read, or the work was stopped.
+pub fn evaluate(registry: &Registry, options: &EvaluateOptions, work: &ImageWork) -> Result<Evaluation> {
     let EvaluateOptions { truth: gt, predictions: pred, .. } = options;
     let mut measures = Measures::named(&options.metrics, &options.more_metrics, options.convention)?;
     if options.by_category && !options.metrics.is_empty() && !options.metrics.iter().any(|name| name == "coco") {
-        let error = Error::new("--by-category adds to the metric `coco`, which --metrics leaves out");
-        return Err(error.help("name `coco` with --metrics, too, or leave --by-category out").of_request());
+        let error = Error::new("`options.by_category` adds to the metric `coco`, which `options.metrics` omits");
+        return Err(error.help("add `coco` to `options.metrics`, or leave `options.by_category` out").of_request());
     }
     let (format, truth) = predictions::open(registry, gt, options.truth_format.as_deref())?;
     check_masks(&truth, &gt.path)?;
@@ -142,14 +141,14 @@ impl Evaluation {
         &self.scores
     }
 
-    /// A score of the dataset by name, as a fraction; none if nothing was to be counted or the metrics have no such score.
+    /// A score of the dataset by name, as a fraction; `None` if it is undefined, or unknown to the metrics.
     pub fn score(&self, name: &str) -> Option<f64> {
         self.scores.iter().find(|it| it.name == name)?.value
     }
 
     /// The scores as text and JSON.
-    pub fn table(&self) -> Table<'_> {
-        Table {
+    pub fn table(&self) -> EvaluationTable<'_> {
+        EvaluationTable {
             images: &self.images,
             convention: self.convention,
             measures: &self.pair.measures,
@@ -172,8 +171,8 @@ impl Evaluation {
     /// All scores, and at most `most` worst images with their predictions: what `syntable report --scores` shows.
     ///
     /// # Errors
-    /// If a file cannot be read, or the work was asked to stop.
-    pub fn with_worst(&self, most: usize, work: &Work) -> Result<Scores> {
+    /// If a file cannot be read, or the work was stopped.
+    pub fn with_worst(&self, most: usize, work: &ImageWork) -> Result<Scores> {
         let lowest = worst::lowest(&self.pair.measures, &self.images, self.rank.0, most);
         let mut found: Vec<ScoredImage> = Vec::with_capacity(lowest.len());
         let image = |place: usize| self.pair.scored_image(lowest[place]);
@@ -192,9 +191,9 @@ impl Evaluation {
     }
 }
 
-/// What is kept of the images, by their numbers in the annotation file as far as they have some: the order in which COCO's tools
-/// rank equal scores.
-fn ranked<'a>(truth: &OpenDataset, images: &'a [Scored]) -> Vec<&'a Tally> {
+/// Tallies of the images in the order of their ids in the annotation file, if they have ids: the order in which COCO's
+/// tools rank equal scores.
+fn ranked<'a>(truth: &OpenDataset, images: &'a [EvaluatedImage]) -> Vec<&'a Tally> {
     let mut order: Vec<usize> = (0..images.len()).collect();
     order.sort_by_key(|image| truth.images[*image].id);
     order.into_iter().map(|image| &images[image].tally).collect()
@@ -212,10 +211,10 @@ struct Paired {
 }
 
 impl Paired {
-    fn scored(&self, image: usize) -> Result<Scored> {
+    fn scored(&self, image: usize) -> Result<EvaluatedImage> {
         let (pair, _) = self.pair(image)?;
         let (objects, predictions) = (pair.labels.len(), pair.predictions.len());
-        Ok(Scored { objects, predictions, tally: self.measures.tally(&pair) })
+        Ok(EvaluatedImage { objects, predictions, tally: self.measures.tally(&pair) })
     }
 
     fn scored_image(&self, image: usize) -> Result<ScoredImage> {
@@ -224,20 +223,22 @@ impl Paired {
     }
 
     /// Labels and predictions of an image, and its size.
-    fn pair(&self, image: usize) -> Result<(Pair, [u32; 2])> {
+    fn pair(&self, image: usize) -> Result<(ImagePair, [u32; 2])> {
         let name = || format!("image \"{}\"", self.truth.images[image].name);
         let (labels, size) =
-            instances(&self.truth, image, Instance::labeled_with).map_err(|error| error.context(name()))?;
+            instances(&self.truth, image, MaskedObject::labeled_with).map_err(|error| error.context(name()))?;
         let predictions = self.predictions.instances(image, size, self.occluded);
         let [likely, unlikely] = predictions.map_err(|error| error.in_file(&self.predictions_at).context(name()))?;
         if self.needs_category && likely.iter().chain(&unlikely).any(|it| it.category.is_none()) {
-            return Err(Error::new("a prediction has no category of the ground truth")
+            return Err(Error::new("a prediction has a category that the ground truth lacks")
                 .in_file(&self.predictions_at)
-                .help("predict the `category_id` that the annotation file of the ground truth has, or leave --by-category out")
+                .help(
+                    "predict a `category_id` of the ground truth's annotation file, or leave `options.by_category` out",
+                )
                 .context(name()));
         }
         let crowds = self.truth.crowds(image).map_err(|error| error.context(name()))?;
-        let pair = Pair::new(labels, likely).and_then(|pair| pair.with(unlikely, crowds));
+        let pair = ImagePair::new(labels, likely).and_then(|pair| pair.with(unlikely, crowds));
         Ok((pair.map_err(|error| error.in_file(&self.predictions_at).context(name()))?, size))
     }
 }

@@ -6,21 +6,21 @@ use syntable_model::error::{Error, Result};
 use syntable_model::product::Mask;
 use syntable_model::reader::Crowd;
 
-/// Least occlusion rate of a predicted object that counts as occluded.
+/// Minimum occlusion rate of a predicted object that counts as occluded.
 pub const OCCLUDED_FROM: f64 = 0.05;
 
 /// An object with its masks.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Instance {
+pub struct MaskedObject {
     /// The object without occluders, within the image.
     pub amodal: Mask,
-    /// What the image shows of it.
+    /// Visible part of the object.
     pub visible: Mask,
-    /// What others hide of it.
+    /// Hidden part of the object.
     pub occlusion: Mask,
-    /// Whether it counts as occluded.
+    /// Whether the object counts as occluded.
     pub is_occluded: bool,
-    /// Confidence of a prediction, if the detector says it.
+    /// Confidence of a prediction, if the detector states it.
     pub score: Option<f64>,
     /// Id of a labeled object in its image; 0 of a prediction.
     pub id: u16,
@@ -28,18 +28,18 @@ pub struct Instance {
     pub category: Option<u32>,
 }
 
-/// When predictions count as occluded.
+/// Rule for occluded predictions.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Occluded {
-    /// Where predictions say which pixels are hidden, as an occlusion mask of a result file or a dataset does: those of which
-    /// any pixel is. Others from [`OCCLUDED_FROM`] on, as in the reference.
+    /// A prediction with an explicit occlusion mask is occluded if the mask has a pixel. Other predictions are occluded
+    /// from [`OCCLUDED_FROM`] on, as in the reference.
     AsSaid,
     /// From this occlusion rate on.
     From(f64),
 }
 
 impl Occluded {
-    /// The least occlusion rate of a prediction that says, or does not say, which pixels are hidden.
+    /// Minimum occlusion rate of an occluded prediction, with or without an explicit occlusion mask.
     pub fn least(self, says: bool) -> f64 {
         match self {
             Self::AsSaid if says => 0.0,
@@ -49,13 +49,13 @@ impl Occluded {
     }
 }
 
-impl Instance {
+impl MaskedObject {
     /// A labeled object: occluded if any pixel is hidden.
     pub fn labeled(amodal: Mask, visible: Mask) -> Self {
         Self::labeled_with(amodal, visible, None)
     }
 
-    /// A labeled object whose occlusion mask is known; without one, it follows from the others.
+    /// A labeled object with its occlusion mask; without one, the mask is computed from the others.
     pub fn labeled_with(amodal: Mask, visible: Mask, occlusion: Option<Mask>) -> Self {
         Self::predicted_from(0.0, amodal, visible, occlusion)
     }
@@ -65,8 +65,8 @@ impl Instance {
         Self::predicted_from(OCCLUDED_FROM, amodal, visible, None)
     }
 
-    /// A predicted object, occluded if any pixel is hidden and the rate is at least `least`. Without an occlusion mask, that
-    /// follows from the others.
+    /// A predicted object, occluded if any pixel is hidden and the rate is at least `least`. Without an occlusion mask,
+    /// the mask is computed from the others.
     pub fn predicted_from(least: f64, amodal: Mask, visible: Mask, occlusion: Option<Mask>) -> Self {
         let occlusion = occlusion.unwrap_or_else(|| differ(&amodal, &visible));
         let is_occluded = f64::from(occlusion.area()) >= least * f64::from(amodal.area());
@@ -83,35 +83,35 @@ fn differ(amodal: &Mask, visible: &Mask) -> Mask {
 /// Pairs (label, prediction).
 pub type Pairs = Vec<(usize, usize)>;
 
-/// What an image shows, and what was predicted of it.
+/// Labels and predictions of an image.
 #[derive(Debug, Clone, Default)]
-pub struct Pair {
+pub struct ImagePair {
     /// The labels.
-    pub labels: Vec<Instance>,
-    /// The predictions that count, by falling score.
-    pub predictions: Vec<Instance>,
-    /// Further ones whose scores are too low to count, by falling score, for metrics that rank predictions.
-    pub unlikely: Vec<Instance>,
-    /// Regions with objects that labels do not tell apart.
+    pub labels: Vec<MaskedObject>,
+    /// Predictions with sufficient scores, by falling score.
+    pub predictions: Vec<MaskedObject>,
+    /// Predictions with lower scores, by falling score, for metrics that rank predictions.
+    pub unlikely: Vec<MaskedObject>,
+    /// Regions with objects that labels do not separate.
     pub crowds: Vec<Crowd>,
     matched: OnceLock<Pairs>,
     painted: OnceLock<([Vec<Mask>; 2], Pairs)>,
 }
 
-impl Pair {
+impl ImagePair {
     /// Labels and predictions of one image.
     ///
     /// # Errors
     /// If masks differ in size.
-    pub fn new(labels: Vec<Instance>, predictions: Vec<Instance>) -> Result<Self> {
+    pub fn new(labels: Vec<MaskedObject>, predictions: Vec<MaskedObject>) -> Result<Self> {
         Self { labels, predictions, ..Self::default() }.checked()
     }
 
-    /// Adds what ranks predictions asks for: predictions with low scores, and crowds.
+    /// Adds inputs of ranking metrics: predictions with low scores, and crowds.
     ///
     /// # Errors
     /// If masks differ in size.
-    pub fn with(self, unlikely: Vec<Instance>, crowds: Vec<Crowd>) -> Result<Self> {
+    pub fn with(self, unlikely: Vec<MaskedObject>, crowds: Vec<Crowd>) -> Result<Self> {
         Self { unlikely, crowds, ..self }.checked()
     }
 
@@ -122,18 +122,20 @@ impl Pair {
         let sizes: Vec<(u32, u32)> = masks.map(|mask| (mask.width(), mask.height())).collect();
         if let Some(other) = sizes.iter().find(|size| **size != sizes[0]) {
             let [(a, b), (c, d)] = [*other, sizes[0]];
-            return Err(Error::new(format!("a mask has {a} × {b} pixels, another of its image {c} × {d}"))
-                .help("predict masks of the size of the image"));
+            return Err(Error::new(format!(
+                "a mask has {a} × {b} pixels, but another mask of the image has {c} × {d}"
+            ))
+            .help("predict masks with the size of the image"));
         }
         Ok(self)
     }
 
-    /// Labels and predictions that stand for each other by their amodal masks, by label.
+    /// Matched pairs of labels and predictions by their amodal masks, by label.
     pub fn matched(&self) -> &[(usize, usize)] {
         self.matched.get_or_init(|| by_masks(&self.labels, &self.predictions, |it| &it.amodal))
     }
 
-    /// Visible masks of labels and of predictions as label maps have them, and which of them stand for each other.
+    /// Visible masks of labels and of predictions, painted into label maps, and their matched pairs.
     pub fn painted(&self) -> (&[Vec<Mask>; 2], &[(usize, usize)]) {
         let (masks, pairs) = self.painted.get_or_init(|| {
             let masks = [painted(&self.labels), painted(&self.predictions)];
@@ -144,8 +146,9 @@ impl Pair {
     }
 }
 
-/// Visible masks as a label map has them: painted in order, later ones over earlier ones. What is covered is none.
-pub fn painted(instances: &[Instance]) -> Vec<Mask> {
+/// Visible masks painted into a label map in order, later ones over earlier ones. A covered pixel belongs to the last
+/// mask.
+pub fn painted(instances: &[MaskedObject]) -> Vec<Mask> {
     let mut shown: Vec<Mask> = Vec::new();
     for instance in instances {
         shown.iter_mut().filter(|it| it.shared_area(&instance.visible) > 0).for_each(|mask| {

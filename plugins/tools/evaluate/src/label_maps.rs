@@ -1,5 +1,5 @@
-//! Folders of label maps: PNG files whose pixels are numbers of objects, with amodal and occlusion masks of single objects
-//! beside them, as OSD-Amodal's evaluation names them or shorter.
+//! Folders of label maps: PNG files with object numbers as pixels, and next to them amodal and occlusion masks of
+//! single objects, with the folder names of OSD-Amodal's evaluation or shorter ones.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -13,7 +13,7 @@ use syntable_model::reader::{ImageRef, ImageSource, Opened, ReadImage, Source};
 use syntable_model::scene::{InstanceId, SceneId, ViewId};
 use syntable_model::stage::DatasetInfo;
 
-/// What users call it.
+/// Name of the format for users.
 pub const NAME: &str = "label_maps";
 
 /// Names of the folders of label maps, of amodal masks and of occlusion masks.
@@ -25,7 +25,7 @@ const FOLDERS: [[&str; 2]; 3] =
 pub struct LabelMaps {
     images: Vec<LabelFiles>,
     is_amodal: bool,
-    /// Whether there is a folder of occlusion masks; an object without one is not occluded then.
+    /// Whether a folder of occlusion masks exists. An object without a mask in it is not occluded.
     says_occlusion: bool,
 }
 
@@ -37,7 +37,7 @@ struct LabelFiles {
     masks: [BTreeMap<u16, PathBuf>; 2],
 }
 
-/// The folders that are there: a folder of PNG files alone has label maps itself.
+/// The existing folders. A folder with only PNG files has label maps itself.
 fn folders(root: &Path) -> [Option<PathBuf>; 3] {
     let [visible, amodal, occlusion] =
         FOLDERS.map(|names| names.iter().map(|name| root.join(name)).find(|folder| folder.is_dir()));
@@ -86,7 +86,9 @@ impl LabelMaps {
         let [visible, amodal, occlusion] = folders(root);
         let none = || {
             let names = FOLDERS[0].join("` or `");
-            Error::new("there are no label maps").in_file(root).help(format!("PNG files in it, or in `{names}`"))
+            Error::new("no label maps in this folder")
+                .in_file(root)
+                .help(format!("put PNG files into it, or into `{names}`"))
         };
         let maps = stems(&visible.ok_or_else(none)?)?;
         if maps.is_empty() {
@@ -97,15 +99,14 @@ impl LabelMaps {
         for (which, folder) in [amodal, occlusion].into_iter().enumerate() {
             for (stem, path) in folder.map_or_else(|| Ok(BTreeMap::new()), |folder| stems(&folder))? {
                 let wrong = |what: &str| {
-                    let help =
-                        "masks are called as the label map is, with `_` and the number of the object, from 1 to 65535";
+                    let help = "name a mask like its label map, plus `_` and the number of the object, from 1 to 65535";
                     Error::new(what.to_owned()).in_file(&path).help(help)
                 };
                 let (name, label) =
-                    labeled(&stem).ok_or_else(|| wrong("its name does not end with the number of an object"))?;
-                let (name, _) = maps.get_key_value(name).ok_or_else(|| wrong("there is no label map of its image"))?;
+                    labeled(&stem).ok_or_else(|| wrong("the name does not end with the number of an object"))?;
+                let (name, _) = maps.get_key_value(name).ok_or_else(|| wrong("its image has no label map"))?;
                 if masks.entry(name).or_default()[which].insert(label, path.clone()).is_some() {
-                    return Err(wrong("another mask is of the same object"));
+                    return Err(wrong("the object has another mask"));
                 }
             }
         }

@@ -20,7 +20,7 @@
 //! | [`table`] | scores as text, JSON and CSV |
 //! | [`worst`] | the images with the lowest scores, with their predictions, for reports |
 //!
-//! Of an image is kept what the metrics tally of it ([`measure::Measure`]), and nothing else.
+//! The evaluation keeps only the metrics' tally of each image ([`measure::Measure`]).
 
 pub mod bootstrap;
 pub mod boundary;
@@ -45,12 +45,12 @@ pub mod worst;
 pub use evaluation::{EvaluateOptions, Evaluation, evaluate};
 pub use syntable_model::inventory;
 
-/// Whose way it is to combine images, where the paper's text and the released code differ.
+/// Aggregation convention, where the paper's text and the released code differ.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Convention {
     /// As the code does: F and F@.75 are means over images.
     Release,
-    /// As the text says: F is the harmonic mean of mean precision and recall, F@.75 a share of all objects.
+    /// As in the paper's text: F is the harmonic mean of mean precision and recall, F@.75 a fraction of all objects.
     Paper,
 }
 

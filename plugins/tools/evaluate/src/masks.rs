@@ -1,49 +1,49 @@
-//! Overlap and Boundary P, R, F and F@.75: means over images, each by itself.
+//! Overlap and Boundary P, R, F and F@.75: means over images.
 
 use crate::boundary::Boundary;
-use crate::image::{Instance, Pair};
+use crate::image::{ImagePair, MaskedObject};
 use crate::matching::f_of;
 use crate::measure::{Measure, Measurement, Metric, Ratio, quotients};
 use crate::{Convention, register_metric};
 use syntable_model::product::Mask;
 
-/// F that a pair must exceed to count in F@.75.
+/// F that a pair must exceed for F@.75.
 pub const DETECTED_ABOVE: f64 = 0.75;
 
 /// Seven scores of a kind of masks.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Scores {
+pub struct MaskScores {
     /// Precision, recall and F of areas.
     pub overlap: [f64; 3],
     /// Precision, recall and F of boundaries.
     pub boundary: [f64; 3],
-    /// Share of the objects whose pair has an F above 0.75.
+    /// Fraction of the objects whose pair has an F above 0.75.
     pub f75: f64,
     /// Number of labeled masks.
     pub objects: usize,
 }
 
-impl Scores {
+impl MaskScores {
     fn all(p: f64, r: f64, f: f64, objects: usize) -> Self {
         Self { overlap: [p, r, f], boundary: [p, r, f], f75: f, objects }
     }
 }
 
 /// A kind of masks.
-struct Masks {
+struct MaskMetric {
     names: [&'static str; 7],
-    of: fn(&Pair) -> Scores,
+    of: fn(&ImagePair) -> MaskScores,
     convention: Convention,
 }
 
-impl Measure for Masks {
+impl Measure for MaskMetric {
     type Tally = [Ratio; 7];
 
     fn names(&self) -> Vec<String> {
         self.names.map(str::to_owned).to_vec()
     }
 
-    fn tally(&self, pair: &Pair) -> [Ratio; 7] {
+    fn tally(&self, pair: &ImagePair) -> [Ratio; 7] {
         let scores = (self.of)(pair);
         let weight = match self.convention {
             Convention::Release => 1.0,
@@ -69,7 +69,7 @@ macro_rules! register_masks {
         register_metric!($(Metric {
             name: $kind,
             doc: $doc,
-            build: |convention| Measurement::of(Masks {
+            build: |convention| Measurement::of(MaskMetric {
                 names: [
                     concat!($kind, "_overlap_p"),
                     concat!($kind, "_overlap_r"),
@@ -90,23 +90,24 @@ macro_rules! register_masks {
 register_masks! {
     "amodal", amodal, "Overlap and Boundary P, R, F and F@.75 of amodal masks.";
     "visible", visible, "Overlap and Boundary P, R, F and F@.75 of visible masks, painted into label maps.";
-    "invisible", invisible, "Overlap and Boundary P, R, F and F@.75 of occlusion masks of objects that are occluded.";
+    "invisible", invisible, "Overlap and Boundary P, R, F and F@.75 of occlusion masks of occluded objects.";
 }
 
 /// The scores of amodal masks.
-pub fn amodal(pair: &Pair) -> Scores {
-    let of = |of: &[Instance]| of.iter().map(|it| it.amodal.clone()).collect::<Vec<_>>();
+pub fn amodal(pair: &ImagePair) -> MaskScores {
+    let of = |of: &[MaskedObject]| of.iter().map(|it| it.amodal.clone()).collect::<Vec<_>>();
     of_masks(&of(&pair.labels), &of(&pair.predictions), pair.matched())
 }
 
-/// The scores of visible masks, painted into label maps and matched by themselves.
-pub fn visible(pair: &Pair) -> Scores {
+/// Scores of visible masks, painted into label maps and matched separately.
+pub fn visible(pair: &ImagePair) -> MaskScores {
     let (masks, pairs) = pair.painted();
     of_masks(&masks[0], &masks[1], pairs)
 }
 
-/// The scores of occlusion masks of the pairs that are occluded in both; all of either count in denominators.
-pub fn invisible(pair: &Pair) -> Scores {
+/// Scores of the occlusion masks of pairs that are occluded in both. Denominators include objects that are occluded in
+/// either.
+pub fn invisible(pair: &ImagePair) -> MaskScores {
     let mut index = [Vec::new(), Vec::new()];
     let mut masks = [Vec::new(), Vec::new()];
     for (side, instances) in [&pair.labels, &pair.predictions].into_iter().enumerate() {
@@ -120,11 +121,11 @@ pub fn invisible(pair: &Pair) -> Scores {
 }
 
 /// The scores of masks with these pairs.
-pub fn of_masks(labels: &[Mask], predictions: &[Mask], pairs: &[(usize, usize)]) -> Scores {
+pub fn of_masks(labels: &[Mask], predictions: &[Mask], pairs: &[(usize, usize)]) -> MaskScores {
     match (labels.is_empty(), predictions.is_empty()) {
-        (true, true) => return Scores::all(1.0, 1.0, 1.0, 0),
-        (false, true) => return Scores::all(1.0, 0.0, 0.0, labels.len()),
-        (true, false) => return Scores::all(0.0, 1.0, 0.0, 0),
+        (true, true) => return MaskScores::all(1.0, 1.0, 1.0, 0),
+        (false, true) => return MaskScores::all(1.0, 0.0, 0.0, labels.len()),
+        (true, false) => return MaskScores::all(0.0, 1.0, 0.0, 0),
         (false, false) => {}
     }
     let area = |masks: &[Mask]| masks.iter().map(|mask| u64::from(mask.area())).sum::<u64>() as usize;
@@ -136,7 +137,7 @@ pub fn of_masks(labels: &[Mask], predictions: &[Mask], pairs: &[(usize, usize)])
         pairs.iter().map(of).sum()
     };
     let detected = pairs.iter().filter(|&&(i, j)| f_of(&labels[i], &predictions[j]) > DETECTED_ABOVE).count();
-    Scores {
+    MaskScores {
         overlap: prf((both, area(predictions)), (both, area(labels))),
         boundary: prf((hits(1, 0), length(1)), (hits(0, 1), length(0))),
         f75: detected as f64 / labels.len() as f64,
@@ -144,7 +145,7 @@ pub fn of_masks(labels: &[Mask], predictions: &[Mask], pairs: &[(usize, usize)])
     }
 }
 
-/// Precision, recall and F of hits and totals. Unlike in the reference, whose mean becomes NaN, 0 of 0 is 1.
+/// Precision, recall and F from hits and totals. 0 of 0 is 1; in the reference, it makes the mean NaN.
 fn prf(precision: (usize, usize), recall: (usize, usize)) -> [f64; 3] {
     let [p, r] = [precision, recall].map(|(hits, of)| if of == 0 { 1.0 } else { hits as f64 / of as f64 });
     [p, r, harmonic(p, r)]

@@ -1,9 +1,10 @@
-//! Which prediction stands for which object: the assignment with the greatest sum of F.
+//! Matches predictions to objects: the assignment with the greatest sum of F.
 //!
-//! As in the reference there is no gate: min(objects, predictions) pairs come out, also ones without a common pixel. Of equal
-//! sums the pairs are those whose list, by object, is the lexicographically lowest.
+//! As in the reference, pairs need no minimum F: the result has min(objects, predictions) pairs, even pairs without a
+//! common pixel. Of assignments with equal sums, the result is the one whose list of pairs, by object, is
+//! lexicographically lowest.
 
-use crate::image::{Instance, Pairs};
+use crate::image::{MaskedObject, Pairs};
 use syntable_model::product::Mask;
 
 /// An F of 1 as an integer, so that equal sums are equal.
@@ -16,7 +17,7 @@ pub fn f_of(a: &Mask, b: &Mask) -> f64 {
 }
 
 /// Labels and predictions matched by one of their masks, by label.
-pub fn by_masks(labels: &[Instance], predictions: &[Instance], of: impl Fn(&Instance) -> &Mask) -> Pairs {
+pub fn by_masks(labels: &[MaskedObject], predictions: &[MaskedObject], of: impl Fn(&MaskedObject) -> &Mask) -> Pairs {
     pairs_of(&labels.iter().map(&of).collect::<Vec<_>>(), &predictions.iter().map(&of).collect::<Vec<_>>())
 }
 
@@ -47,7 +48,7 @@ pub fn assign(scores: &[Vec<f64>], columns: usize) -> Vec<(usize, usize)> {
 
 /// The Hungarian method on a square of integers: the row of each column, and of each row the columns that an optimum may take.
 fn solve(edge: usize, cost: impl Fn(usize, usize) -> i64) -> (Vec<usize>, Vec<Vec<bool>>) {
-    // Column `edge` is where each new row starts.
+    // Column `edge` is the start of each new row.
     let (mut of_rows, mut of_columns) = (vec![0_i64; edge], vec![0_i64; edge + 1]);
     let mut owner: Vec<Option<usize>> = vec![None; edge + 1];
     for row in 0..edge {

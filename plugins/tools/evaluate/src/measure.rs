@@ -1,13 +1,13 @@
 //! Metrics, and how a crate adds one.
 
 use crate::Convention;
-use crate::image::Pair;
+use crate::image::ImagePair;
 use std::any::Any;
 use std::sync::Arc;
 use syntable_model::error::{Error, Result};
 use syntable_model::inventory;
 
-/// Scores of predictions: what an image adds to them, and what they are over all images.
+/// Scores of predictions: the tally of an image, and the scores of all images.
 ///
 /// ```
 /// use syntable_evaluate::image::Pair;
@@ -42,23 +42,23 @@ use syntable_model::inventory;
 /// # fn main() {}
 /// ```
 pub trait Measure: Send + Sync + 'static {
-    /// What is kept of an image.
+    /// Tally of an image.
     type Tally: Send + Sync;
     /// Names of the scores, in snake case.
     fn names(&self) -> Vec<String>;
-    /// What an image adds.
-    fn tally(&self, pair: &Pair) -> Self::Tally;
-    /// The scores of these images in the order of their names, as fractions; none where nothing was to be counted. An image
-    /// may be there more than once: intervals come from such samples.
+    /// Tallies an image.
+    fn tally(&self, pair: &ImagePair) -> Self::Tally;
+    /// Scores of these images, in the order of their names, as fractions; `None` where a score is undefined. An image
+    /// may occur more than once, because intervals come from such samples.
     fn values(&self, images: &[&Self::Tally]) -> Vec<Option<f64>>;
 }
 
-/// A metric by name. Crates register a [`Metric`]; a program may add one with state of its own
+/// A metric by name. Crates register a [`Metric`]; a program can add one with state
 /// ([`EvaluateOptions::more_metrics`](crate::EvaluateOptions::more_metrics)).
 pub trait MetricKind: Send + Sync {
     /// Its name, as users write it, in snake case.
     fn name(&self) -> &str;
-    /// What it is, in one sentence.
+    /// Description in one sentence.
     fn doc(&self) -> &str;
     /// Makes it for a convention of adding up images.
     fn build(&self, convention: Convention) -> Measurement;
@@ -71,7 +71,7 @@ pub trait MetricKind: Send + Sync {
 pub struct Metric {
     /// Its name, as users write it, in snake case.
     pub name: &'static str,
-    /// What it is, in one sentence.
+    /// Description in one sentence.
     pub doc: &'static str,
     /// Makes it.
     pub build: fn(Convention) -> Measurement,
@@ -123,7 +123,7 @@ pub fn linked(more: &[Arc<dyn MetricKind>]) -> Result<Vec<Arc<dyn MetricKind>>> 
             pair[0].owner(),
             pair[1].owner()
         ))
-        .help("link one of them only")),
+        .help("link only one of them")),
     }
 }
 
@@ -141,7 +141,7 @@ type Kept = Box<dyn Any + Send + Sync>;
 
 trait Erased: Send + Sync {
     fn names(&self) -> Vec<String>;
-    fn tally(&self, pair: &Pair) -> Kept;
+    fn tally(&self, pair: &ImagePair) -> Kept;
     fn values(&self, images: &mut dyn Iterator<Item = &Kept>) -> Vec<Option<f64>>;
 }
 
@@ -150,7 +150,7 @@ impl<M: Measure> Erased for M {
         Measure::names(self)
     }
 
-    fn tally(&self, pair: &Pair) -> Kept {
+    fn tally(&self, pair: &ImagePair) -> Kept {
         Box::new(Measure::tally(self, pair))
     }
 
@@ -160,23 +160,23 @@ impl<M: Measure> Erased for M {
     }
 }
 
-/// The metrics that were asked for.
+/// The requested metrics.
 pub struct Measures(Vec<Measurement>);
 
-/// What these metrics keep of an image.
+/// Tallies of these metrics for an image.
 pub struct Tally(Vec<Kept>);
 
 impl Measures {
-    /// Metrics by their names, among those of crates and `more`; all if there are no names.
+    /// Metrics by name, among those of crates and `more`; all of them if `names` is empty.
     ///
     /// # Errors
-    /// If there is none of a name.
+    /// If a name is unknown.
     pub fn named(names: &[String], more: &[Arc<dyn MetricKind>], convention: Convention) -> Result<Self> {
         let all = linked(more)?;
         if let Some(name) = names.iter().find(|name| all.iter().all(|it| it.name() != name.as_str())) {
             let known: Vec<&str> = all.iter().map(|it| it.name()).collect();
             return Err(
-                Error::new(format!("there is no metric `{name}`")).help(format!("these are: {}", known.join(", ")))
+                Error::new(format!("unknown metric `{name}`")).help(format!("available metrics: {}", known.join(", ")))
             );
         }
         let wanted = all.iter().filter(|it| names.is_empty() || names.iter().any(|name| it.name() == name));
@@ -194,8 +194,8 @@ impl Measures {
         self.0.iter().flat_map(|it| it.0.names()).collect()
     }
 
-    /// What an image adds.
-    pub fn tally(&self, pair: &Pair) -> Tally {
+    /// Tallies an image.
+    pub fn tally(&self, pair: &ImagePair) -> Tally {
         Tally(self.0.iter().map(|it| it.0.tally(pair)).collect())
     }
 
@@ -206,12 +206,12 @@ impl Measures {
     }
 }
 
-/// What an image adds to a score that is the sum of `part` over the sum of `whole`.
+/// Contribution of an image to a score that is the sum of `part` over the sum of `whole`.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Ratio {
-    /// What counts.
+    /// Numerator.
     pub part: f64,
-    /// Out of what. 1 in scores that are means over images, 0 where an image says nothing.
+    /// Denominator: 1 in scores that are means over images, 0 for an image without a value.
     pub whole: f64,
 }
 
@@ -221,7 +221,7 @@ impl Ratio {
         Self { part: value, whole: 1.0 }
     }
 
-    /// Counts that are summed over all images first.
+    /// A ratio of counts, which are summed over all images first.
     pub fn micro(part: usize, whole: usize) -> Self {
         Self { part: part as f64, whole: whole as f64 }
     }
@@ -231,8 +231,8 @@ impl Ratio {
 pub struct Ratios<const N: usize> {
     /// Names of its scores.
     pub names: [&'static str; N],
-    /// What an image adds to each.
-    pub of: fn(&Pair) -> [Ratio; N],
+    /// Contribution of an image to each score.
+    pub of: fn(&ImagePair) -> [Ratio; N],
 }
 
 impl<const N: usize> Measure for Ratios<N> {
@@ -242,7 +242,7 @@ impl<const N: usize> Measure for Ratios<N> {
         self.names.map(str::to_owned).to_vec()
     }
 
-    fn tally(&self, pair: &Pair) -> [Ratio; N] {
+    fn tally(&self, pair: &ImagePair) -> [Ratio; N] {
         (self.of)(pair)
     }
 

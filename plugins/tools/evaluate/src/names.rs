@@ -2,18 +2,19 @@
 
 use std::collections::BTreeMap;
 
-/// What of names must be equal, strictest first: all; all but the extension; the file's name without folder and extension.
+/// Parts of names to compare, strictest first: the whole name; the name without extension; the file's name without
+/// folder and extension.
 const PARTS: [fn(&str) -> &str; 3] = [|name| name, without_extension, stem];
 
-/// Names of images. A name that is none of them means the only one that is equal without its extension, or without folder and
+/// Names of images. An unknown name matches the only image whose name is equal without extension, or without folder and
 /// extension.
 #[derive(Debug)]
-pub struct Names {
-    /// Images by parts of their names; none where several have the same.
+pub struct ImageNames {
+    /// Images by parts of their names; `None` for a part that several images share.
     images: [BTreeMap<String, Option<usize>>; PARTS.len()],
 }
 
-impl Names {
+impl ImageNames {
     /// Images by their numbers.
     pub fn of<'a>(names: impl Iterator<Item = &'a str> + Clone) -> Self {
         let images = PARTS.map(|part| {
@@ -49,7 +50,7 @@ mod tests {
     #[test]
     fn the_strictest_part_that_is_known_decides() {
         let names = ["a/1.png", "b/1.png", "b/2.x.png", "b/2.png", ".png", "c/3"];
-        let found = Names::of(names.into_iter());
+        let found = ImageNames::of(names.into_iter());
         for (image, name) in names.iter().enumerate() {
             assert_eq!(found.find(name), Some(image), "{name}");
         }

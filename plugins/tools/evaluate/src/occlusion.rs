@@ -1,6 +1,6 @@
 //! Whether objects are occluded: sums over all images of the dataset.
 
-use crate::image::Pair;
+use crate::image::ImagePair;
 use crate::measure::{Measurement, Metric, Ratio, Ratios};
 use crate::register_metric;
 
@@ -11,7 +11,7 @@ register_metric!(Metric {
     crate_name: env!("CARGO_PKG_NAME"),
 });
 
-fn score(pair: &Pair) -> [Ratio; 2] {
+fn score(pair: &ImagePair) -> [Ratio; 2] {
     let (labels, predictions, matched) = (&pair.labels, &pair.predictions, pair.matched());
     let agree = matched.iter().filter(|&&(i, j)| labels[i].is_occluded == predictions[j].is_occluded).count();
     // F_O is the harmonic mean of agree / predictions and agree / labels.

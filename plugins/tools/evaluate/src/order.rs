@@ -1,6 +1,6 @@
-//! Who occludes whom.
+//! Occlusion order: which object occludes which.
 
-use crate::image::{Instance, Pair};
+use crate::image::{ImagePair, MaskedObject};
 use crate::measure::{Measurement, Metric, Ratio, Ratios};
 use crate::register_metric;
 use syntable_formats::read::{occludes, order_by};
@@ -37,7 +37,7 @@ register_metric!(
     },
 );
 
-fn syntable(pair: &Pair) -> [Ratio; 5] {
+fn syntable(pair: &ImagePair) -> [Ratio; 5] {
     let (labels, predictions, matched) = (&pair.labels, &pair.predictions, pair.matched());
     let pairs = labels.len() * labels.len().saturating_sub(1);
     let (truth, predicted) = (paper(labels), paper(predictions));
@@ -52,8 +52,8 @@ fn syntable(pair: &Pair) -> [Ratio; 5] {
     ]
 }
 
-/// Edges among the labeled objects alone: predictions that are of none have none. 0 of 0 is 1.
-fn insta_order(pair: &Pair) -> [Ratio; 3] {
+/// Edges among labeled objects only. Unmatched predictions have no edges. 0 of 0 is 1.
+fn insta_order(pair: &ImagePair) -> [Ratio; 3] {
     if pair.labels.len() < 2 {
         return [Ratio::default(); 3];
     }
@@ -69,16 +69,17 @@ fn insta_order(pair: &Pair) -> [Ratio; 3] {
 }
 
 /// An order of predictions as one of the labels that they are matched with.
-fn of_labels(pair: &Pair, predicted: &Order) -> Order {
+fn of_labels(pair: &ImagePair, predicted: &OcclusionMatrix) -> OcclusionMatrix {
     let mut own = vec![None; pair.labels.len()];
     pair.matched().iter().for_each(|&(label, prediction)| own[label] = Some(prediction));
     order(own.len(), |i, j| own[i].zip(own[j]).is_some_and(|(i, j)| predicted[i][j]))
 }
 
-/// Of two objects the one in front has 1, the other −1; both 0 if neither or each occludes the other.
-fn deocclusion(pair: &Pair) -> [Ratio; 2] {
+/// Compares pairs of objects: the object in front has 1, the other −1; both have 0 if neither or each occludes the
+/// other.
+fn deocclusion(pair: &ImagePair) -> [Ratio; 2] {
     let (truth, predicted) = (paper(&pair.labels), paper(&pair.predictions));
-    let sign = |order: &Order, i: usize, j: usize| i8::from(order[i][j]) - i8::from(order[j][i]);
+    let sign = |order: &OcclusionMatrix, i: usize, j: usize| i8::from(order[i][j]) - i8::from(order[j][i]);
     let n = pair.labels.len();
     let ordered = (0..n).flat_map(|i| (0..n).map(move |j| (i, j))).filter(|&(i, j)| sign(&truth, i, j) != 0).count();
     let mut equal = [0; 2];
@@ -94,21 +95,26 @@ fn deocclusion(pair: &Pair) -> [Ratio; 2] {
     [Ratio::micro(equal[0], n * n.saturating_sub(1)), Ratio::micro(equal[1], ordered)]
 }
 
-/// Who (row) occludes whom (column).
-type Order = Vec<Vec<bool>>;
+/// Whether object i (row) occludes object j (column).
+type OcclusionMatrix = Vec<Vec<bool>>;
 
-/// Ordered pairs of matched objects of which both say the same, if what they say counts.
-fn equal(matched: &[(usize, usize)], truth: &Order, predicted: &Order, counts: fn(bool) -> bool) -> usize {
+/// Numbers of ordered pairs of matched objects with equal values in both matrices, among selected pairs.
+fn equal(
+    matched: &[(usize, usize)],
+    truth: &OcclusionMatrix,
+    predicted: &OcclusionMatrix,
+    counts: fn(bool) -> bool,
+) -> usize {
     let all = matched.iter().flat_map(|a| matched.iter().map(move |b| (a, b))).filter(|(a, b)| a != b);
     all.filter(|((i, p), (j, q))| truth[*i][*j] == predicted[*p][*q] && counts(truth[*i][*j])).count()
 }
 
-fn order(n: usize, occludes: impl Fn(usize, usize) -> bool) -> Order {
+fn order(n: usize, occludes: impl Fn(usize, usize) -> bool) -> OcclusionMatrix {
     (0..n).map(|i| (0..n).map(|j| i != j && occludes(i, j)).collect()).collect()
 }
 
 /// The paper's Algorithm 1: the visible mask of one meets the occlusion mask of the other.
-pub fn paper(all: &[Instance]) -> Order {
+pub fn paper(all: &[MaskedObject]) -> OcclusionMatrix {
     // By place: predictions have no ids.
     let objects = all.iter().enumerate().map(|(at, it)| (InstanceId(at as u16), &it.visible, Some(&it.occlusion)));
     let found = order_by(&objects.collect::<Vec<_>>(), occludes);
@@ -116,12 +122,12 @@ pub fn paper(all: &[Instance]) -> Order {
 }
 
 /// Edges of predictions as the release has them.
-fn iou(all: &[Instance]) -> Order {
+fn iou(all: &[MaskedObject]) -> OcclusionMatrix {
     order(all.len(), |i, j| exceeds(&all[i].visible, &all[j].occlusion))
 }
 
 /// Edges of labels as the release has them: every visible mask is the union of all, so that rows are equal.
-fn release(all: &[Instance]) -> Order {
+fn release(all: &[MaskedObject]) -> OcclusionMatrix {
     let Some(first) = all.first() else { return Vec::new() };
     let union = all[1..].iter().fold(first.visible.clone(), |union, it| union.or(&it.visible));
     let is_hidden: Vec<bool> = all.iter().map(|it| exceeds(&union, &it.occlusion)).collect();

@@ -1,9 +1,9 @@
-//! Where labels and predictions come from: a dataset of any format that can be read, label maps, or a result file.
+//! Sources of labels and predictions: a dataset in any readable format, label maps, or a result file.
 
-use crate::image::{Instance, Occluded};
+use crate::image::{MaskedObject, Occluded};
 use crate::label_maps::{self, LabelMaps};
-use crate::names::Names;
-use crate::results::Results;
+use crate::names::ImageNames;
+use crate::results::ResultFile;
 use std::collections::BTreeMap;
 use std::path::Path;
 use syntable_model::error::{Error, Result};
@@ -13,7 +13,7 @@ use syntable_model::reader::{ImageRef, OpenDataset, ReadImage, Source};
 use syntable_model::registry::Registry;
 use syntable_model::scene::InstanceId;
 
-/// Opens a dataset or a folder of label maps, and says what it was read as.
+/// Opens a dataset or a folder of label maps. Returns its format, too.
 ///
 /// # Errors
 /// If it cannot be read.
@@ -31,15 +31,14 @@ pub fn open(registry: &Registry, source: &Source, format: Option<&str>) -> Resul
 
 /// Predictions for the images of a dataset.
 pub enum Predictions {
-    /// Those that a dataset has as labels; for each image of the ground truth, the number of its own; its categories in the
-    /// ground truth.
+    /// The labels of a dataset; its image for each image of the ground truth; its categories in the ground truth.
     Dataset(Box<OpenDataset>, Vec<usize>, BTreeMap<u32, u32>),
-    /// Those of a result file.
-    Results(Results),
+    /// A result file.
+    Results(ResultFile),
 }
 
 impl Predictions {
-    /// Opens predictions for the images of a dataset, and says what they were read as.
+    /// Opens predictions for the images of a dataset. Returns their format, too.
     ///
     /// # Errors
     /// If they cannot be read, or are not of these images.
@@ -51,8 +50,8 @@ impl Predictions {
         truth: (&Path, &OpenDataset),
     ) -> Result<(&'static str, Self)> {
         let path = source.path.as_path();
-        if format.is_none() && Results::is_one(path) {
-            return Ok(("results", Self::Results(Results::open(path, least, truth.0, truth.1)?)));
+        if format.is_none() && ResultFile::is_one(path) {
+            return Ok(("results", Self::Results(ResultFile::open(path, least, truth.0, truth.1)?)));
         }
         let found = open(registry, source, format);
         let (format, dataset) = match found {
@@ -66,28 +65,28 @@ impl Predictions {
             return Err(lacks(VISIBLE_MASK.id().name, path));
         }
         let pairs = paired(path, &dataset.images, (truth.0, &truth.1.images))?;
-        // Categories of two datasets are the same where their names are.
+        // Categories of two datasets are equal if their names are.
         let named: BTreeMap<&str, u32> = truth.1.info.categories().map(|(id, name)| (name, id)).collect();
         let own = dataset.info.categories().filter_map(|(id, name)| Some((id, *named.get(name)?)));
         let categories = own.collect();
         Ok((format, Self::Dataset(Box::new(dataset), pairs, categories)))
     }
 
-    /// The predictions of an image of the ground truth of `[width, height]` pixels: those that count, and others with lower
-    /// scores.
+    /// Predictions for an image of the ground truth with `[width, height]` pixels: those with sufficient scores, and
+    /// the others.
     ///
     /// # Errors
     /// If they cannot be read, or are of another size.
-    pub fn instances(&self, image: usize, size: [u32; 2], occluded: Occluded) -> Result<[Vec<Instance>; 2]> {
+    pub fn instances(&self, image: usize, size: [u32; 2], occluded: Occluded) -> Result<[Vec<MaskedObject>; 2]> {
         match self {
             Self::Dataset(dataset, pairs, categories) => {
                 let least = occluded.least(says_occlusion(dataset));
-                let make = |amodal, visible, occlusion| Instance::predicted_from(least, amodal, visible, occlusion);
+                let make = |amodal, visible, occlusion| MaskedObject::predicted_from(least, amodal, visible, occlusion);
                 let (mut instances, own) = instances(dataset, pairs[image], make)?;
                 if own != size {
                     let ([a, b], [c, d]) = (own, size);
                     return Err(Error::new(format!("the prediction has {a} × {b} pixels, the ground truth {c} × {d}"))
-                        .help("predict masks of the size of the image"));
+                        .help("predict masks with the size of the image"));
                 }
                 for it in &mut instances {
                     (it.id, it.category) = (0, it.category.and_then(|own| categories.get(&own).copied()));
@@ -99,33 +98,33 @@ impl Predictions {
     }
 }
 
-/// Whether a dataset itself says which pixels of its objects are hidden, by masks that do not follow from others.
+/// Whether a dataset has explicit masks of hidden pixels, which do not follow from other masks.
 fn says_occlusion(dataset: &OpenDataset) -> bool {
     let key = OCCLUSION_MASK.id();
     dataset.offers.contains(&key) && !dataset.derived.contains(&key)
 }
 
-/// The objects of an image in the order of their ids, and `[width, height]` of the image. `make` takes amodal, visible and
-/// occlusion mask. In a dataset without amodal masks, they are the visible ones.
+/// The objects of an image in the order of their ids, and `[width, height]` of the image. `make` gets the amodal,
+/// visible and occlusion masks. In a dataset without amodal masks, the amodal masks are the visible ones.
 ///
 /// # Errors
 /// If the image cannot be read, or an object has no amodal mask and others have.
 pub fn instances(
     dataset: &OpenDataset,
     image: usize,
-    make: impl Fn(Mask, Mask, Option<Mask>) -> Instance,
-) -> Result<(Vec<Instance>, [u32; 2])> {
+    make: impl Fn(Mask, Mask, Option<Mask>) -> MaskedObject,
+) -> Result<(Vec<MaskedObject>, [u32; 2])> {
     let offers = &dataset.offers;
     let wants = [VISIBLE_MASK.id(), AMODAL_MASK.id(), CATEGORY_ID.id()];
     let mut wants: Vec<_> = wants.into_iter().filter(|key| offers.contains(key)).collect();
-    // Where a dataset does not state it, it follows from the other two here, as in a result file.
+    // Without an explicit occlusion mask, it is computed from the other two, as for a result file.
     wants.extend(says_occlusion(dataset).then_some(OCCLUSION_MASK.id()));
     let ReadImage { size, products, .. } = dataset.read(image, &wants)?;
     let visible = &products.get(VISIBLE_MASK)?.0;
     let categories = products.optional(CATEGORY_ID)?;
-    let named = |id: InstanceId, instance: Instance| {
+    let named = |id: InstanceId, instance: MaskedObject| {
         let category = categories.and_then(|of| of.get(id)).copied();
-        Instance { id: id.0, category, ..instance }
+        MaskedObject { id: id.0, category, ..instance }
     };
     if !wants.contains(&AMODAL_MASK.id()) {
         let of = |(id, mask): (&InstanceId, &Mask)| named(*id, make(mask.clone(), mask.clone(), None));
@@ -135,7 +134,7 @@ pub fn instances(
     let occlusion = wants.contains(&OCCLUSION_MASK.id()).then(|| products.get(OCCLUSION_MASK)).transpose()?;
     if let Some(id) = visible.keys().find(|id| !amodal.contains_key(id)) {
         return Err(
-            Error::new(format!("object {} has no amodal mask", id.0)).help("`syntable validate` lists what is wrong")
+            Error::new(format!("object {} has no amodal mask", id.0)).help("`syntable validate` lists all faults")
         );
     }
     let of = |(id, amodal): (&InstanceId, &Mask)| {
@@ -148,7 +147,7 @@ pub fn instances(
 /// Refuses a dataset without amodal or visible masks.
 ///
 /// # Errors
-/// If it has none.
+/// If it lacks a mask that evaluation needs.
 pub fn check_masks(dataset: &OpenDataset, path: &Path) -> Result<()> {
     let offers = &dataset.offers;
     match [AMODAL_MASK.id(), VISIBLE_MASK.id()].into_iter().find(|key| !offers.contains(key)) {
@@ -160,22 +159,22 @@ pub fn check_masks(dataset: &OpenDataset, path: &Path) -> Result<()> {
 fn lacks(name: impl std::fmt::Display, path: &Path) -> Error {
     Error::new(format!("the dataset has no `{name}`"))
         .in_file(path)
-        .help("evaluation needs visible masks of objects, and of labeled ones amodal masks, too")
+        .help("evaluation needs visible masks, and for the ground truth amodal masks, too")
 }
 
 /// For each image of the ground truth, the number of the predicted one.
 fn paired(path: &Path, own: &[ImageRef], (truth, images): (&Path, &[ImageRef])) -> Result<Vec<usize>> {
-    let known = Names::of(images.iter().map(|it| it.name.as_str()));
+    let known = ImageNames::of(images.iter().map(|it| it.name.as_str()));
     let mut pairs: Vec<Option<usize>> = vec![None; images.len()];
     let refuse = |message: String, help: &'static str| Error::new(message).in_file(path).help(help);
     for (number, image) in own.iter().enumerate() {
         let Some(of) = known.find(&image.name) else {
             let message = format!("image \"{}\" is not in {}", image.name, truth.display());
-            return Err(refuse(message, "predictions call their images as the ground truth does; leave others out"));
+            return Err(refuse(message, "use the image names of the ground truth, and leave other images out"));
         };
         if let Some(other) = pairs[of].replace(number) {
             let message = format!(
-                "images \"{}\" and \"{}\" are both of image \"{}\" of {}",
+                "images \"{}\" and \"{}\" both match image \"{}\" of {}",
                 own[other].name,
                 image.name,
                 images[of].name,

@@ -1,6 +1,6 @@
 //! Panoptic quality and mean IoU.
 
-use crate::image::Pair;
+use crate::image::ImagePair;
 use crate::measure::{Measurement, Metric, Ratio, Ratios};
 use crate::register_metric;
 use syntable_model::product::Mask;
@@ -8,13 +8,13 @@ use syntable_model::reader::Crowd;
 
 /// IoU that a pair of segments must exceed.
 const MATCHED_ABOVE: f64 = 0.5;
-/// Share of a segment in crowds above which it is no false one.
+/// Fraction of a segment in crowds above which it is not a false positive.
 const IN_CROWDS_ABOVE: f64 = 0.5;
 
 register_metric!(
     Metric {
         name: "panoptic",
-        doc: "Panoptic quality, SQ and RQ of visible masks, painted into label maps, whatever the class.",
+        doc: "Panoptic quality, SQ and RQ of visible masks, painted into label maps, regardless of class.",
         build: |_| Measurement::of(Ratios { names: ["pq", "sq", "rq"], of: panoptic }),
         crate_name: env!("CARGO_PKG_NAME"),
     },
@@ -31,7 +31,7 @@ fn iou(a: &Mask, b: &Mask) -> f64 {
     if both == 0.0 { 0.0 } else { both / (f64::from(a.area()) + f64::from(b.area()) - both) }
 }
 
-fn panoptic(pair: &Pair) -> [Ratio; 3] {
+fn panoptic(pair: &ImagePair) -> [Ratio; 3] {
     let ([labels, predictions], _) = pair.painted();
     let boxes: Vec<_> = labels.iter().map(Mask::bbox).collect();
     let (mut sum, mut hits, mut spurious) = (0.0, 0, 0);
@@ -52,7 +52,7 @@ fn panoptic(pair: &Pair) -> [Ratio; 3] {
     [Ratio { part: sum, whole }, Ratio { part: sum, whole: hits }, Ratio { part: hits, whole }]
 }
 
-/// Whether a segment is for the most part in crowds, where there are no labels.
+/// Whether most of a segment is in crowds, where objects have no labels.
 fn is_in_crowds(prediction: &Mask, labels: &[Mask], crowds: &[Crowd]) -> bool {
     let Some(first) = crowds.first() else { return false };
     let all = crowds[1..].iter().fold(first.mask.clone(), |all, it| all.or(&it.mask));
@@ -60,7 +60,7 @@ fn is_in_crowds(prediction: &Mask, labels: &[Mask], crowds: &[Crowd]) -> bool {
     f64::from(inside.area()) > IN_CROWDS_ABOVE * f64::from(prediction.area())
 }
 
-fn miou(pair: &Pair) -> [Ratio; 2] {
+fn miou(pair: &ImagePair) -> [Ratio; 2] {
     let amodal = pair.matched().iter().map(|&(i, j)| (&pair.labels[i].amodal, &pair.predictions[j].amodal));
     let (masks, pairs) = pair.painted();
     let visible = pairs.iter().map(|&(i, j)| (&masks[0][i], &masks[1][j]));

@@ -1,10 +1,10 @@
 //! Result files as detectors write them: a JSON list of predictions, one object each.
 //!
-//! In memory is only where each prediction is in the file, and its image and score.
+//! Memory holds only the position of each prediction in the file, its image and its score.
 
 use crate::coco::MOST;
-use crate::image::{Instance, Occluded};
-use crate::names::Names;
+use crate::image::{MaskedObject, Occluded};
+use crate::names::ImageNames;
 use serde::de::Error as _;
 use serde::{Deserialize, Deserializer};
 use std::collections::BTreeMap;
@@ -16,22 +16,22 @@ use syntable_formats::segmentation::Segmentation;
 use syntable_model::error::{Error, Result};
 use syntable_model::reader::OpenDataset;
 
-/// A prediction. Keys beyond these and those of [`Head`], such as `bbox`, are not looked at.
+/// A prediction. Other keys than these and those of [`PredictionHead`], such as `bbox`, are ignored.
 #[derive(Debug, Deserialize)]
 struct Prediction {
     /// Visible mask.
     segmentation: Segmentation,
     /// Amodal mask; without it, the visible and the occlusion mask together.
     amodal_segmentation: Option<Segmentation>,
-    /// Occlusion mask; without it, what the amodal mask has beyond the visible one.
+    /// Occlusion mask. Without it, the amodal mask minus the visible one.
     occlusion_segmentation: Option<Segmentation>,
-    /// Whether the object is occluded, if the detector says so; else its masks do.
+    /// Whether the object is occluded, if the detector states it; otherwise it follows from the masks.
     occluded: Option<bool>,
 }
 
-/// What is kept of a prediction.
+/// Part of a prediction that stays in memory.
 #[derive(Debug, Deserialize)]
-struct Head {
+struct PredictionHead {
     /// The image: its `id` in the annotation file of the ground truth, or its name.
     image_id: ImageId,
     /// Confidence of the detector.
@@ -56,16 +56,16 @@ impl<'de> Deserialize<'de> for ImageId {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> std::result::Result<Self, D::Error> {
         match serde_json::Value::deserialize(deserializer)? {
             serde_json::Value::String(name) => Ok(Self::Name(name)),
-            id => coco::id(&id)
-                .map(Self::Number)
-                .map_err(|_| D::Error::custom(format!("`image_id` is {id}, and not an id or the name of an image"))),
+            id => coco::id(&id).map(Self::Number).map_err(|_| {
+                D::Error::custom(format!("`image_id` is {id}, which is neither an id nor the name of an image"))
+            }),
         }
     }
 }
 
-/// Where a prediction is in the file.
+/// Position of a prediction in the file.
 #[derive(Debug, Clone, Copy)]
-struct Place {
+struct PredictionLocation {
     start: u64,
     length: usize,
     line: usize,
@@ -76,15 +76,15 @@ struct Place {
 
 /// A result file.
 #[derive(Debug)]
-pub struct Results {
+pub struct ResultFile {
     path: PathBuf,
-    /// Least score of predictions that count.
+    /// Minimum score of predictions.
     least: f64,
-    /// Predictions of each image of the ground truth, by falling score; of equal ones, the earlier first.
-    places: Vec<Vec<Place>>,
+    /// Predictions of each image of the ground truth, by falling score; of equal scores, the earlier comes first.
+    places: Vec<Vec<PredictionLocation>>,
 }
 
-impl Results {
+impl ResultFile {
     /// Whether a file is a JSON list.
     pub fn is_one(path: &Path) -> bool {
         let Ok(file) = File::open(path) else { return false };
@@ -92,23 +92,23 @@ impl Results {
         path.is_file() && first == Some(b'[')
     }
 
-    /// Opens a file with predictions for these images of a dataset. Those with a lower score than `least` do not
-    /// count.
+    /// Opens a file with predictions for these images of a dataset. Predictions with a lower score than `least` are
+    /// separate.
     ///
     /// # Errors
-    /// If it is no list of predictions, or one is of no image of the dataset.
+    /// If the file is not a list of predictions, or a prediction belongs to no image of the dataset.
     pub fn open(path: &Path, least: f64, truth: &Path, dataset: &OpenDataset) -> Result<Self> {
         let images = &dataset.images;
-        let mut places: Vec<Vec<Place>> = vec![Vec::new(); images.len()];
-        let names = Names::of(images.iter().map(|it| it.name.as_str()));
+        let mut places: Vec<Vec<PredictionLocation>> = vec![Vec::new(); images.len()];
+        let names = ImageNames::of(images.iter().map(|it| it.name.as_str()));
         let numbers: BTreeMap<u64, usize> =
             images.iter().enumerate().filter_map(|(number, image)| Some((image.id?, number))).collect();
         elements(path, &mut |start, line, bytes| {
-            let head: Head = parse(path, line, bytes)?;
+            let head: PredictionHead = parse(path, line, bytes)?;
             let wrong =
                 |message: String, help: &str| Error::new(message).in_file(path).at_line(line).help(help.to_owned());
             if !head.score.is_finite() {
-                return Err(wrong(format!("the score {} is no number", head.score), "leave the prediction out"));
+                return Err(wrong(format!("the score {} is not a number", head.score), "leave the prediction out"));
             }
             let image = match &head.image_id {
                 ImageId::Name(name) => names.find(name),
@@ -123,41 +123,41 @@ impl Results {
                 let help = format!(
                     "`image_id` is the `id` of an image in the annotation file of the ground truth, or its name{example}"
                 );
-                return Err(wrong(format!("`image_id` {id} is no image of {}", truth.display()), &help));
+                return Err(wrong(format!("`image_id` {id} is not an image of {}", truth.display()), &help));
             };
             let category = head.category_id.and_then(|own| dataset.category(own));
-            places[image].push(Place { start, length: bytes.len(), line, score: head.score, category });
+            places[image].push(PredictionLocation { start, length: bytes.len(), line, score: head.score, category });
             Ok(())
         })?;
         places.iter_mut().for_each(|of| of.sort_by(|a, b| b.score.total_cmp(&a.score)));
         Ok(Self { path: path.to_owned(), least, places })
     }
 
-    /// The predictions of an image of `[width, height]` pixels: those that count, and those with lower scores that rankings look
-    /// at, whatever the category or by category.
+    /// Predictions for an image with `[width, height]` pixels: those with sufficient scores, and those with lower
+    /// scores that rankings use, over all categories or by category.
     ///
     /// # Errors
     /// If the file cannot be read, or a mask is damaged or of another size.
-    pub fn instances(&self, image: usize, size: [u32; 2], occluded: Occluded) -> Result<[Vec<Instance>; 2]> {
+    pub fn instances(&self, image: usize, size: [u32; 2], occluded: Occluded) -> Result<[Vec<MaskedObject>; 2]> {
         let fail = |error: std::io::Error| Error::io(&self.path, &error);
         let mut file = File::open(&self.path).map_err(fail)?;
-        let read = |place: &Place| {
+        let read = |place: &PredictionLocation| {
             let mut bytes = vec![0; place.length];
             file.seek(SeekFrom::Start(place.start)).and_then(|_| file.read_exact(&mut bytes)).map_err(fail)?;
             let prediction: Prediction = parse(&self.path, place.line, &bytes)?;
             let instance =
                 prediction.instance(size, occluded).map_err(|error| error.in_file(&self.path).at_line(place.line))?;
-            Ok(Instance { score: Some(place.score), category: place.category, ..instance })
+            Ok(MaskedObject { score: Some(place.score), category: place.category, ..instance })
         };
         let places = &self.places[image];
         let kept = places.partition_point(|place| place.score >= self.least);
         let mut ranks: BTreeMap<Option<u32>, usize> = BTreeMap::new();
-        let mut is_ranked = |(index, place): (usize, &Place)| {
+        let mut is_ranked = |(index, place): (usize, &PredictionLocation)| {
             let rank = ranks.entry(place.category).or_default();
             *rank += 1;
             (index < kept.max(MOST) || *rank <= MOST).then_some(*place)
         };
-        let read_all: Vec<Place> = places.iter().enumerate().filter_map(&mut is_ranked).collect();
+        let read_all: Vec<PredictionLocation> = places.iter().enumerate().filter_map(&mut is_ranked).collect();
         let mut likely = read_all.iter().map(read).collect::<Result<Vec<_>>>()?;
         let unlikely = likely.split_off(kept);
         Ok([likely, unlikely])
@@ -165,10 +165,10 @@ impl Results {
 }
 
 impl Prediction {
-    fn instance(&self, [width, height]: [u32; 2], occluded: Occluded) -> Result<Instance> {
+    fn instance(&self, [width, height]: [u32; 2], occluded: Occluded) -> Result<MaskedObject> {
         let decode = |key: &str, of: &Segmentation| {
             let named = |error: Error| {
-                let help = error.help_text().unwrap_or("predict masks of the size of the image").to_owned();
+                let help = error.help_text().unwrap_or("predict masks with the size of the image").to_owned();
                 Error::new(format!("`{key}` of an image {width} × {height}: {}", error.message())).help(help)
             };
             of.decode(width, height).map_err(named)
@@ -179,8 +179,8 @@ impl Prediction {
         let occlusion = optional("occlusion_segmentation", &self.occlusion_segmentation)?;
         let amodal = amodal.unwrap_or_else(|| occlusion.as_ref().map_or(visible.clone(), |hidden| visible.or(hidden)));
         let least = occluded.least(occlusion.is_some());
-        let instance = Instance::predicted_from(least, amodal, visible, occlusion);
-        Ok(Instance { is_occluded: self.occluded.unwrap_or(instance.is_occluded), ..instance })
+        let instance = MaskedObject::predicted_from(least, amodal, visible, occlusion);
+        Ok(MaskedObject { is_occluded: self.occluded.unwrap_or(instance.is_occluded), ..instance })
     }
 }
 
@@ -196,10 +196,10 @@ fn parse<T: for<'de> Deserialize<'de>>(path: &Path, line: usize, bytes: &[u8]) -
 }
 
 /// Takes an element of a JSON list: its first byte, its line and its text.
-type Each<'a> = &'a mut dyn FnMut(u64, usize, &[u8]) -> Result<()>;
+type ElementVisitor<'a> = &'a mut dyn FnMut(u64, usize, &[u8]) -> Result<()>;
 
-/// Gives each element of a JSON list to `each`.
-fn elements(path: &Path, each: Each) -> Result<()> {
+/// Passes each element of a JSON list to `each`.
+fn elements(path: &Path, each: ElementVisitor) -> Result<()> {
     let fail = |error: std::io::Error| Error::io(path, &error);
     let mut file = BufReader::new(File::open(path).map_err(fail)?);
     let (mut depth, mut in_text, mut is_escaped) = (0_usize, false, false);
@@ -244,13 +244,13 @@ mod tests {
 
     #[test]
     fn ids_may_be_whole_floats() {
-        let head = |ids: &str| serde_json::from_str::<Head>(&format!("{{{ids}, \"score\": 0.5}}"));
+        let head = |ids: &str| serde_json::from_str::<PredictionHead>(&format!("{{{ids}, \"score\": 0.5}}"));
         let both = head(r#""image_id": 3.0, "category_id": 7.0"#).expect("ids");
         assert!(matches!(both.image_id, ImageId::Number(3)) && both.category_id == Some(7));
         let named = head(r#""image_id": "a.png", "category_id": "mug""#).expect("a name");
         assert!(matches!(&named.image_id, ImageId::Name(name) if name == "a.png") && named.category_id.is_none());
         assert_eq!(head(r#""image_id": 3"#).expect("an id").category_id, None);
         let error = head(r#""image_id": 3.5"#).expect_err("no id").to_string();
-        assert!(error.contains("`image_id` is 3.5, and not an id"), "{error}");
+        assert!(error.contains("`image_id` is 3.5, which is neither an id"), "{error}");
     }
 }

@@ -1,7 +1,7 @@
 //! Scores of labeled objects by how much of them is hidden, and by their size: sums over all images.
 
 use crate::coco::AREAS;
-use crate::image::{Instance, Pair};
+use crate::image::{ImagePair, MaskedObject};
 use crate::masks::DETECTED_ABOVE;
 use crate::matching::f_of;
 use crate::measure::{Measure, Measurement, Metric, Ratio, quotients};
@@ -31,7 +31,7 @@ pub fn bins() -> Vec<String> {
 
 struct Strata;
 
-/// What an image adds to the scores of each bin.
+/// Contribution of an image to the scores of each bin.
 type Tally = [[Ratio; SCORES.len()]; BINS];
 
 impl Measure for Strata {
@@ -41,14 +41,15 @@ impl Measure for Strata {
         bins().iter().flat_map(|bin| SCORES.map(|score| format!("{bin}_{score}"))).collect()
     }
 
-    fn tally(&self, pair: &Pair) -> Tally {
+    fn tally(&self, pair: &ImagePair) -> Tally {
         let mut own = vec![None; pair.labels.len()];
         pair.matched().iter().for_each(|&(label, prediction)| own[label] = Some(&pair.predictions[prediction]));
         let mut tally = [[Ratio::default(); SCORES.len()]; BINS];
-        // Every object counts in one bin of either kind, and by all of them is the share.
+        // Every object is in one bin of either kind, and the total is the fraction of all.
         tally.iter_mut().for_each(|of| of[0].whole = pair.labels.len() as f64);
         for (label, own) in pair.labels.iter().zip(own) {
-            let f = |of: fn(&Instance) -> &syntable_model::product::Mask| own.map_or(0.0, |it| f_of(of(label), of(it)));
+            let f =
+                |of: fn(&MaskedObject) -> &syntable_model::product::Mask| own.map_or(0.0, |it| f_of(of(label), of(it)));
             let (amodal, visible) = (f(|it| &it.amodal), f(|it| &it.visible));
             for bin in [Some(rate_bin(label)), size_bin(label)].into_iter().flatten() {
                 let [share, rest @ ..] = &mut tally[bin];
@@ -68,13 +69,13 @@ impl Measure for Strata {
     }
 }
 
-fn rate_bin(label: &Instance) -> usize {
+fn rate_bin(label: &MaskedObject) -> usize {
     let (hidden, all) = (u64::from(label.occlusion.area()), u64::from(label.amodal.area()).max(1));
     ((RATES as u64 * hidden / all) as usize).min(RATES - 1)
 }
 
-fn size_bin(label: &Instance) -> Option<usize> {
-    // At a limit of two sizes, the smaller one counts.
+fn size_bin(label: &MaskedObject) -> Option<usize> {
+    // At the limit between two sizes, the smaller one applies.
     let size = AREAS[1..].iter().position(|[_, most]| label.amodal.area() <= *most)?;
     Some(RATES + size)
 }

@@ -7,12 +7,12 @@ use std::fmt::Write as _;
 use syntable_formats::scores::{ScoreTable, Scores};
 
 /// An image that was scored.
-pub struct Scored {
+pub struct EvaluatedImage {
     /// Number of labeled objects.
     pub objects: usize,
-    /// Number of predictions that count.
+    /// Number of predictions with sufficient scores.
     pub predictions: usize,
-    /// What the metrics keep of it.
+    /// Tallies of the metrics.
     pub tally: Tally,
 }
 
@@ -21,31 +21,31 @@ pub struct Scored {
 pub struct Score {
     /// Its name, in snake case.
     pub name: String,
-    /// Its value as a fraction; none where nothing was to be counted.
+    /// Value as a fraction; `None` if it is undefined.
     pub value: Option<f64>,
-    /// Its confidence interval, if one was asked for.
+    /// Confidence interval, if requested.
     pub interval: Option<[f64; 2]>,
 }
 
 /// A dataset that was scored.
-pub struct Table<'a> {
+pub struct EvaluationTable<'a> {
     /// Its images, in order.
-    pub images: &'a [Scored],
+    pub images: &'a [EvaluatedImage],
     /// How they were combined.
     pub convention: Convention,
     /// The metrics.
     pub measures: &'a Measures,
     /// Their scores.
     pub scores: Vec<Score>,
-    /// Whether intervals were asked for.
+    /// Whether intervals were requested.
     pub has_intervals: bool,
-    /// Words of categories in names of scores, if these were asked for.
+    /// Suffixes for categories in names of scores, if scores by category were requested.
     pub categories: Vec<String>,
 }
 
 /// Scores side by side.
-struct Block {
-    /// What stands above headings: each above as many.
+struct ScoreBlock {
+    /// Headings above the column headings, with the number of columns that each spans.
     above: Vec<(&'static str, usize)>,
     /// Heading of the labels of rows.
     what: &'static str,
@@ -71,7 +71,7 @@ const OCCLUSION: [(&str, &str); 7] = [
 const COLUMN: usize = 6;
 
 /// The scores that have places in tables; others follow in a list.
-fn blocks(words: &[String]) -> Vec<Block> {
+fn blocks(words: &[String]) -> Vec<ScoreBlock> {
     let columns = ["overlap_p", "overlap_r", "overlap_f", "boundary_p", "boundary_r", "boundary_f", "f75"];
     let row = |kind: &str, columns: &[&str]| {
         let rate = kind.strip_prefix("occluded_").map(|rate| rate.replace('_', "–"));
@@ -83,35 +83,35 @@ fn blocks(words: &[String]) -> Vec<Block> {
     let heading = |score: &str| format!("{}{}", score[..2].to_uppercase(), &score[2..]);
     let of_categories = |kind: &str| scores.map(|score| format!("{}_{kind}_{score}", categories::MEAN)).to_vec();
     vec![
-        Block {
+        ScoreBlock {
             above: vec![("overlap", 3), ("boundary", 3)],
             what: "masks",
             headings: owned(&["P", "R", "F", "P", "R", "F", "F@.75"]),
             rows: ["amodal", "visible", "invisible"].map(|kind| row(kind, &columns)).to_vec(),
             is_sparse: false,
         },
-        Block {
+        ScoreBlock {
             above: Vec::new(),
             is_sparse: false,
             what: "",
             headings: OCCLUSION.iter().map(|it| it.1.to_owned()).collect(),
             rows: vec![(String::new(), OCCLUSION.iter().map(|it| it.0.to_owned()).collect())],
         },
-        Block {
+        ScoreBlock {
             above: Vec::new(),
             is_sparse: false,
             what: "shapes",
             headings: scores.map(heading).to_vec(),
             rows: kinds.iter().map(|kind| row(kind, &scores)).collect(),
         },
-        Block {
+        ScoreBlock {
             above: Vec::new(),
             is_sparse: false,
             what: "by category",
             headings: scores.map(heading).to_vec(),
             rows: kinds.iter().map(|kind| (row(kind, &scores).0, of_categories(kind))).collect(),
         },
-        Block {
+        ScoreBlock {
             above: vec![("AP", kinds.len())],
             is_sparse: true,
             what: "category",
@@ -121,7 +121,7 @@ fn blocks(words: &[String]) -> Vec<Block> {
                 .map(|word| (word.clone(), kinds.map(|kind| format!("{word}_{kind}_ap")).to_vec()))
                 .collect(),
         },
-        Block {
+        ScoreBlock {
             above: Vec::new(),
             is_sparse: false,
             what: "occluded, %",
@@ -131,8 +131,8 @@ fn blocks(words: &[String]) -> Vec<Block> {
     ]
 }
 
-impl Table<'_> {
-    fn sum(&self, of: fn(&Scored) -> usize) -> usize {
+impl EvaluationTable<'_> {
+    fn sum(&self, of: fn(&EvaluatedImage) -> usize) -> usize {
         self.images.iter().map(of).sum()
     }
 
@@ -176,7 +176,7 @@ impl Table<'_> {
     }
 
     /// The rows of a block that have scores.
-    fn rows<'b>(&self, block: &'b Block) -> Vec<&'b (String, Vec<String>)> {
+    fn rows<'b>(&self, block: &'b ScoreBlock) -> Vec<&'b (String, Vec<String>)> {
         let has = |name: &String| self.score(name).is_some_and(|it| !block.is_sparse || it.value.is_some());
         block.rows.iter().filter(|(_, names)| names.iter().any(has)).collect()
     }
@@ -184,7 +184,7 @@ impl Table<'_> {
     /// All tables, in percent.
     pub fn tables(&self) -> Vec<ScoreTable> {
         let percent = |name: &String| Some(100.0 * self.score(name)?.value?);
-        let table = |block: &Block| {
+        let table = |block: &ScoreBlock| {
             let above = block.above.iter().flat_map(|&(above, count)| std::iter::repeat_n(above, count));
             let headings = block.headings.iter().zip(above.map(Some).chain(std::iter::repeat(None)));
             let headings =
@@ -198,8 +198,8 @@ impl Table<'_> {
         blocks(&self.categories).iter().map(table).filter(|table| !table.rows.is_empty()).collect()
     }
 
-    /// A table of those of its scores that there are.
-    fn block(&self, block: &Block) -> String {
+    /// A table of the defined scores of a block.
+    fn block(&self, block: &ScoreBlock) -> String {
         let rows = self.rows(block);
         if rows.is_empty() {
             return String::new();
@@ -263,7 +263,7 @@ impl Table<'_> {
         out
     }
 
-    /// A line for each image, named by `name`. A score is empty where nothing was to be counted.
+    /// A line per image, with its name from `name`. An undefined score is empty.
     pub fn csv<'n>(&self, name: impl Fn(usize) -> &'n str) -> String {
         let mut out = "image,objects,predictions".to_owned();
         self.scores.iter().for_each(|score| out += &format!(",{}", score.name));

@@ -1,36 +1,38 @@
 //! The images with the lowest scores, with their predictions.
 
-use crate::image::Pair;
+use crate::image::ImagePair;
 use crate::matching::f_of;
 use crate::measure::Measures;
-use crate::table::Scored;
+use crate::table::EvaluatedImage;
 use std::cmp::Ordering;
 use syntable_formats::scores::{PredictedObject, ScoredImage};
 use syntable_model::error::{Error, Result};
 
-/// Score by which images are ranked if nothing is said; the first one that there is without it.
+/// Default score that ranks images. If it is missing, the first score does.
 pub const RANKED_BY: &str = "amodal_overlap_f";
 
 /// The place and the name of the score by which images are ranked.
 ///
 /// # Errors
-/// If there is none of the name.
+/// If no score has this name.
 pub fn ranked_by(measures: &Measures, name: Option<&str>) -> Result<(usize, String)> {
     let names = measures.names();
     let place = |name: &str| names.iter().position(|it| it == name);
     let found = match name {
         Some(name) => place(name).ok_or_else(|| {
-            Error::new(format!("there is no score `{name}` to rank images by"))
-                .help(format!("some are: {}", names.iter().take(8).cloned().collect::<Vec<_>>().join(", ")))
+            Error::new(format!("unknown score `{name}` to rank images by")).help(format!(
+                "scores are, for example, {}",
+                names.iter().take(8).cloned().collect::<Vec<_>>().join(", ")
+            ))
         })?,
         None => place(RANKED_BY).unwrap_or(0),
     };
     Ok((found, names.get(found).cloned().unwrap_or_default()))
 }
 
-/// The images with the lowest scores, lowest first; of equal ones, the first. Those without the score are left out.
-pub fn lowest(measures: &Measures, images: &[Scored], score: usize, most: usize) -> Vec<usize> {
-    let value = |image: &Scored| measures.values(&[&image.tally]).get(score).copied().flatten();
+/// The images with the lowest scores, lowest first; of equal scores, the first image. Omits images without the score.
+pub fn lowest(measures: &Measures, images: &[EvaluatedImage], score: usize, most: usize) -> Vec<usize> {
+    let value = |image: &EvaluatedImage| measures.values(&[&image.tally]).get(score).copied().flatten();
     let mut found: Vec<(usize, f64)> =
         images.iter().enumerate().filter_map(|(index, image)| Some((index, value(image)?))).collect();
     found.sort_by(|a, b| a.1.partial_cmp(&b.1).unwrap_or(Ordering::Equal).then(a.0.cmp(&b.0)));
@@ -38,7 +40,7 @@ pub fn lowest(measures: &Measures, images: &[Scored], score: usize, most: usize)
 }
 
 /// An image with its scores and predictions.
-pub fn scored(measures: &Measures, name: &str, size: [u32; 2], pair: &Pair) -> ScoredImage {
+pub fn scored(measures: &Measures, name: &str, size: [u32; 2], pair: &ImagePair) -> ScoredImage {
     let values = measures.names().into_iter().zip(measures.values(&[&measures.tally(pair)]));
     let scores = values.filter_map(|(name, value)| Some((name, 100.0 * value?))).collect();
     let mut objects: Vec<PredictedObject> = pair

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 use syntable_evaluate::boundary::{Boundary, radius};
-use syntable_evaluate::image::{Instance, Pair};
+use syntable_evaluate::image::{ImagePair, MaskedObject};
 use syntable_evaluate::measure::{Measure, Measurement, Measures, Metric, Tally, linked};
 use syntable_evaluate::{Convention, bootstrap, register_metric};
 use syntable_model::context::Workers;
@@ -15,7 +15,7 @@ fn rect([width, height]: [u32; 2], [x0, x1]: [u32; 2], [y0, y1]: [u32; 2]) -> Ma
     Mask::from_fn(width, height, |x, y| (x0..=x1).contains(&x) && (y0..=y1).contains(&y))
 }
 
-fn values(pairs: &[Pair], names: &[&str]) -> BTreeMap<String, Option<f64>> {
+fn values(pairs: &[ImagePair], names: &[&str]) -> BTreeMap<String, Option<f64>> {
     let names: Vec<String> = names.iter().map(|name| (*name).to_owned()).collect();
     let measures = Measures::named(&names, &[], Convention::Release).expect("metrics");
     let tallies: Vec<Tally> = pairs.iter().map(|pair| measures.tally(pair)).collect();
@@ -29,12 +29,12 @@ fn assert_values(found: &BTreeMap<String, Option<f64>>, wanted: &[(&str, f64)]) 
     }
 }
 
-fn seen(mask: Mask) -> Instance {
-    Instance::labeled(mask.clone(), mask)
+fn seen(mask: Mask) -> MaskedObject {
+    MaskedObject::labeled(mask.clone(), mask)
 }
 
 /// Three objects in a row, each in front of the next; `orders` says which of neighbors is in front.
-fn row(fronts: [bool; 2]) -> Vec<Instance> {
+fn row(fronts: [bool; 2]) -> Vec<MaskedObject> {
     let size = [13, 5];
     let amodal = [rect(size, [1, 3], [1, 3]), rect(size, [3, 6], [1, 3]), rect(size, [6, 9], [3, 4])];
     let mut visible = amodal.clone();
@@ -42,13 +42,13 @@ fn row(fronts: [bool; 2]) -> Vec<Instance> {
         let (front, back) = if is_front { (first, first + 1) } else { (first + 1, first) };
         visible[back] = visible[back].minus(&amodal[front]);
     }
-    amodal.into_iter().zip(visible).map(|(amodal, visible)| Instance::labeled(amodal, visible)).collect()
+    amodal.into_iter().zip(visible).map(|(amodal, visible)| MaskedObject::labeled(amodal, visible)).collect()
 }
 
 #[test]
 fn orders_of_others() {
-    let of = |predictions: Vec<Instance>| {
-        let pair = Pair::new(row([true, true]), predictions).expect("one size");
+    let of = |predictions: Vec<MaskedObject>| {
+        let pair = ImagePair::new(row([true, true]), predictions).expect("one size");
         values(&[pair], &["insta_order", "deocclusion"])
     };
     let same =
@@ -82,8 +82,8 @@ fn orders_of_others() {
     assert_values(&of(Vec::new()), &[("insta_order_r", 0.0), ("insta_order_p", 1.0), ("insta_order_f1", 0.0)]);
     // A single object has no order, and its image counts in no mean.
     let lone = || vec![seen(rect([13, 5], [1, 3], [1, 3]))];
-    let pairs =
-        [Pair::new(lone(), lone()), Pair::new(row([true, true]), row([true, false]))].map(|it| it.expect("one"));
+    let pairs = [ImagePair::new(lone(), lone()), ImagePair::new(row([true, true]), row([true, false]))]
+        .map(|it| it.expect("one"));
     assert_values(&values(&pairs, &["insta_order"]), &[("insta_order_f1", 0.5)]);
     assert_eq!(values(&pairs[..1], &["insta_order", "deocclusion"]).values().flatten().count(), 0);
 }
@@ -100,7 +100,7 @@ fn panoptic_quality_and_mean_iou() {
     ];
     let of = |crowds: Vec<Mask>| {
         let crowds = crowds.into_iter().map(|mask| Crowd { mask, category: 1 }).collect();
-        let pair = Pair::new(labels.clone(), predictions.clone()).and_then(|pair| pair.with(Vec::new(), crowds));
+        let pair = ImagePair::new(labels.clone(), predictions.clone()).and_then(|pair| pair.with(Vec::new(), crowds));
         values(&[pair.expect("one size")], &["panoptic", "miou"])
     };
     let half = of(vec![rect(size, [16, 18], [6, 7])]);
@@ -108,8 +108,8 @@ fn panoptic_quality_and_mean_iou() {
     // 12 + 8 pixels of pairs, and the third pair has none in common.
     assert_values(&half, &[("amodal_miou", 20.0 / (16.0 + 16.0 + 28.0)), ("visible_miou", 20.0 / 60.0)]);
     assert_values(&of(vec![rect(size, [16, 18], [6, 8])]), &[("pq", 0.75 / 2.5), ("rq", 1.0 / 2.5)]);
-    let lone = |labels: &[Instance], predictions: &[Instance]| {
-        values(&[Pair::new(labels.to_vec(), predictions.to_vec()).expect("one size")], &["panoptic", "miou"])
+    let lone = |labels: &[MaskedObject], predictions: &[MaskedObject]| {
+        values(&[ImagePair::new(labels.to_vec(), predictions.to_vec()).expect("one size")], &["panoptic", "miou"])
     };
     assert_values(&lone(&[], &[]), &[("amodal_miou", 1.0)]);
     assert_eq!(lone(&[], &[])["pq"], None);
@@ -122,12 +122,12 @@ fn objects_by_rate_and_size() {
     // Hidden: nothing, one half, nine tenths; areas 100, 1024 (both small) and 10,000.
     let amodal = [rect(size, [0, 9], [0, 9]), rect(size, [20, 51], [20, 51]), rect(size, [90, 189], [90, 189])];
     let visible = [amodal[0].clone(), rect(size, [20, 35], [20, 51]), rect(size, [90, 99], [90, 189])];
-    let labels: Vec<Instance> =
-        amodal.iter().zip(&visible).map(|(a, v)| Instance::labeled(a.clone(), v.clone())).collect();
+    let labels: Vec<MaskedObject> =
+        amodal.iter().zip(&visible).map(|(a, v)| MaskedObject::labeled(a.clone(), v.clone())).collect();
     // The first is found, the second only in its upper half, the last is missing.
     let half = rect(size, [20, 51], [20, 35]);
-    let predictions = vec![labels[0].clone(), Instance::labeled(half.clone(), half)];
-    let found = values(&[Pair::new(labels, predictions).expect("one size")], &["strata"]);
+    let predictions = vec![labels[0].clone(), MaskedObject::labeled(half.clone(), half)];
+    let found = values(&[ImagePair::new(labels, predictions).expect("one size")], &["strata"]);
     let third = 1.0 / 3.0;
     assert_values(
         &found,
@@ -205,10 +205,10 @@ impl Workers for InTurn {
 fn intervals_are_those_of_theory() {
     let size = [40, 40];
     let mut stream = Stream::root(11);
-    let pairs: Vec<Pair> = (0..400)
+    let pairs: Vec<ImagePair> = (0..400)
         .map(|_| {
             let rows = stream.integer(0, 39) as u32;
-            Pair::new(vec![seen(rect(size, [0, 39], [0, 39]))], vec![seen(rect(size, [0, 39], [0, rows]))])
+            ImagePair::new(vec![seen(rect(size, [0, 39], [0, 39]))], vec![seen(rect(size, [0, 39], [0, rows]))])
                 .expect("one size")
         })
         .collect();
@@ -243,7 +243,7 @@ impl Measure for Surplus {
         vec!["surplus".into()]
     }
 
-    fn tally(&self, pair: &Pair) -> [usize; 2] {
+    fn tally(&self, pair: &ImagePair) -> [usize; 2] {
         [pair.predictions.len(), pair.labels.len()]
     }
 
@@ -263,7 +263,7 @@ register_metric!(Metric {
 #[test]
 fn a_crate_adds_a_metric() {
     let mask = seen(rect([8, 6], [1, 3], [1, 3]));
-    let pair = Pair::new(vec![mask.clone(), mask.clone()], vec![mask]).expect("one size");
+    let pair = ImagePair::new(vec![mask.clone(), mask.clone()], vec![mask]).expect("one size");
     assert_eq!(values(&[pair], &["surplus"]), BTreeMap::from([("surplus".to_owned(), Some(0.5))]));
     assert!(linked(&[]).expect("names differ").iter().any(|metric| metric.name() == "surplus"));
     let error = Measures::named(&["mask_ap".into()], &[], Convention::Release).err().expect("unknown").to_string();

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use syntable_evaluate::Convention;
 use syntable_evaluate::boundary::{Boundary, radius};
-use syntable_evaluate::image::{Instance, Pair};
+use syntable_evaluate::image::{ImagePair, MaskedObject};
 use syntable_evaluate::matching::assign;
 use syntable_evaluate::measure::{Measures, Tally};
 use syntable_model::product::Mask;
@@ -13,7 +13,7 @@ fn rect([width, height]: [u32; 2], [x0, x1]: [u32; 2], [y0, y1]: [u32; 2]) -> Ma
     Mask::from_fn(width, height, |x, y| (x0..=x1).contains(&x) && (y0..=y1).contains(&y))
 }
 
-fn values(pairs: &[Pair]) -> BTreeMap<String, f64> {
+fn values(pairs: &[ImagePair]) -> BTreeMap<String, f64> {
     let measures = Measures::named(&[], &[], Convention::Release).expect("metrics");
     let tallies: Vec<Tally> = pairs.iter().map(|pair| measures.tally(pair)).collect();
     let values = measures.values(&tallies.iter().collect::<Vec<_>>());
@@ -26,21 +26,22 @@ fn check(found: &BTreeMap<String, f64>, wanted: &[(&str, f64)]) {
     }
 }
 
-fn whole(mask: Mask, of: fn(Mask, Mask) -> Instance) -> Instance {
+fn whole(mask: Mask, of: fn(Mask, Mask) -> MaskedObject) -> MaskedObject {
     of(mask.clone(), mask)
 }
 
-fn second() -> Pair {
+fn second() -> ImagePair {
     let size = [10, 6];
     let [a1, a2, a3] = [rect(size, [1, 4], [1, 4]), rect(size, [3, 8], [1, 3]), rect(size, [7, 8], [4, 5])];
     let labels = vec![
-        whole(a1.clone(), Instance::labeled),
-        Instance::labeled(a2.clone(), a2.minus(&a1)),
-        whole(a3, Instance::labeled),
+        whole(a1.clone(), MaskedObject::labeled),
+        MaskedObject::labeled(a2.clone(), a2.minus(&a1)),
+        whole(a3, MaskedObject::labeled),
     ];
     let [p1, p2] = [rect(size, [1, 4], [1, 3]), rect(size, [4, 8], [1, 3])];
-    let predictions = vec![whole(p1.clone(), Instance::predicted), Instance::predicted(p2.clone(), p2.minus(&p1))];
-    Pair::new(labels, predictions).expect("one size")
+    let predictions =
+        vec![whole(p1.clone(), MaskedObject::predicted), MaskedObject::predicted(p2.clone(), p2.minus(&p1))];
+    ImagePair::new(labels, predictions).expect("one size")
 }
 
 #[test]
@@ -55,9 +56,9 @@ fn label_maps() {
         [b.near(&a), a.near(&b)]
     };
     assert_eq!([near(0, 0), near(1, 1), near(1, 0), near(1, 2)], [[14, 14], [14, 16], [4, 4], [4, 4]]);
-    let pair = Pair::new(
-        labels.into_iter().map(|mask| whole(mask, Instance::labeled)).collect(),
-        predictions.into_iter().map(|mask| whole(mask, Instance::predicted)).collect(),
+    let pair = ImagePair::new(
+        labels.into_iter().map(|mask| whole(mask, MaskedObject::labeled)).collect(),
+        predictions.into_iter().map(|mask| whole(mask, MaskedObject::predicted)).collect(),
     );
     check(
         &values(&[pair.expect("one size")]),
@@ -108,8 +109,8 @@ fn stacks_of_amodal_masks() {
 
 #[test]
 fn means_over_images() {
-    let lone = whole(rect([10, 6], [1, 4], [1, 3]), Instance::labeled);
-    let pairs = [second(), Pair::new(vec![lone], Vec::new()).expect("one size")];
+    let lone = whole(rect([10, 6], [1, 4], [1, 3]), MaskedObject::labeled);
+    let pairs = [second(), ImagePair::new(vec![lone], Vec::new()).expect("one size")];
     check(
         &values(&pairs),
         &[
@@ -129,20 +130,22 @@ fn means_over_images() {
 fn occlusion_order() {
     let size = [13, 5];
     let [a1, a2, a3] = [rect(size, [1, 3], [1, 3]), rect(size, [3, 6], [1, 3]), rect(size, [6, 9], [3, 4])];
-    let all = |of: fn(Mask, Mask) -> Instance| {
+    let all = |of: fn(Mask, Mask) -> MaskedObject| {
         [of(a1.clone(), a1.clone()), of(a2.clone(), a2.minus(&a1)), of(a3.clone(), a3.minus(&a2))]
     };
-    let labels = all(Instance::labeled);
-    let perfect = all(Instance::predicted);
+    let labels = all(MaskedObject::labeled);
+    let perfect = all(MaskedObject::predicted);
     let mut swapped = perfect.clone();
-    swapped[0] = Instance::predicted(a1.clone(), a1.minus(&a2));
-    swapped[1] = Instance::predicted(a2.clone(), a2.clone());
-    let of = |predictions: &[Instance]| values(&[Pair::new(labels.to_vec(), predictions.to_vec()).expect("one size")]);
+    swapped[0] = MaskedObject::predicted(a1.clone(), a1.minus(&a2));
+    swapped[1] = MaskedObject::predicted(a2.clone(), a2.clone());
+    let of = |predictions: &[MaskedObject]| {
+        values(&[ImagePair::new(labels.to_vec(), predictions.to_vec()).expect("one size")])
+    };
     check(&of(&perfect), &[("acc_oo", 1.0), ("acc_oo_release", 0.666667), ("edge_p", 1.0), ("edge_f1", 1.0)]);
     check(&of(&perfect[..2]), &[("acc_oo", 0.333333), ("acc_oo_release", 0.333333), ("edge_r", 0.5)]);
     check(&of(&swapped), &[("acc_oo", 0.666667), ("acc_oo_release", 0.5)]);
     // Who never predicts occlusion is right about two thirds of the pairs, and finds no edge.
-    let never = [&a1, &a2, &a3].map(|mask| whole(mask.clone(), Instance::predicted));
+    let never = [&a1, &a2, &a3].map(|mask| whole(mask.clone(), MaskedObject::predicted));
     check(&of(&never), &[("acc_oo", 0.666667), ("edge_r", 0.0), ("edge_f1", 0.0)]);
 }
 
@@ -203,9 +206,9 @@ fn by_trial(scores: &[Vec<f64>], columns: usize) -> Vec<(usize, usize)> {
 
 #[test]
 fn nothing_labeled_predicted_or_to_be_seen() {
-    let some = |of: fn(Mask, Mask) -> Instance| vec![whole(rect([8, 6], [1, 3], [1, 3]), of)];
-    let all = |of: fn(Mask, Mask) -> Instance| vec![whole(rect([8, 6], [0, 7], [0, 5]), of)];
-    let (labeled, predicted) = (Instance::labeled, Instance::predicted);
+    let some = |of: fn(Mask, Mask) -> MaskedObject| vec![whole(rect([8, 6], [1, 3], [1, 3]), of)];
+    let all = |of: fn(Mask, Mask) -> MaskedObject| vec![whole(rect([8, 6], [0, 7], [0, 5]), of)];
+    let (labeled, predicted) = (MaskedObject::labeled, MaskedObject::predicted);
     for (labels, predictions, [p, r, f]) in [
         (vec![], vec![], [1.0, 1.0, 1.0]),
         (some(labeled), vec![], [1.0, 0.0, 0.0]),
@@ -213,7 +216,7 @@ fn nothing_labeled_predicted_or_to_be_seen() {
         // No boundary at all: not a number in the reference.
         (all(labeled), all(predicted), [1.0, 1.0, 1.0]),
     ] {
-        let found = values(&[Pair::new(labels, predictions).expect("one size")]);
+        let found = values(&[ImagePair::new(labels, predictions).expect("one size")]);
         for kind in ["amodal", "visible"] {
             for measure in ["overlap", "boundary"] {
                 let of = |score: &str| found[format!("{kind}_{measure}_{score}").as_str()];
@@ -230,20 +233,20 @@ fn nothing_labeled_predicted_or_to_be_seen() {
 #[test]
 fn later_predictions_are_painted_over_earlier_ones() {
     let size = [10, 4];
-    let of = |masks: &[[u32; 2]], make: fn(Mask, Mask) -> Instance| -> Vec<Instance> {
+    let of = |masks: &[[u32; 2]], make: fn(Mask, Mask) -> MaskedObject| -> Vec<MaskedObject> {
         masks.iter().map(|columns| whole(rect(size, *columns, [0, 3]), make)).collect()
     };
-    let labels = of(&[[0, 2], [3, 8]], Instance::labeled);
+    let labels = of(&[[0, 2], [3, 8]], MaskedObject::labeled);
     // The last but one disappears below the last.
-    let predictions = of(&[[0, 5], [4, 7], [3, 8]], Instance::predicted);
-    let found = values(&[Pair::new(labels, predictions).expect("one size")]);
+    let predictions = of(&[[0, 5], [4, 7], [3, 8]], MaskedObject::predicted);
+    let found = values(&[ImagePair::new(labels, predictions).expect("one size")]);
     check(&found, &[("visible_overlap_p", 1.0), ("visible_overlap_r", 1.0), ("visible_f75", 1.0)]);
     check(&found, &[("amodal_overlap_p", 9.0 / 16.0)]);
 }
 
 #[test]
 fn masks_of_another_size_are_refused() {
-    let [small, large] = [[8, 6], [8, 7]].map(|size| vec![whole(rect(size, [1, 2], [1, 2]), Instance::predicted)]);
-    let error = Pair::new(small, large).expect_err("two sizes").to_string();
+    let [small, large] = [[8, 6], [8, 7]].map(|size| vec![whole(rect(size, [1, 2], [1, 2]), MaskedObject::predicted)]);
+    let error = ImagePair::new(small, large).expect_err("two sizes").to_string();
     assert!(error.contains("8 × 7") && error.contains("8 × 6"), "{error}");
 }

@@ -1,4 +1,4 @@
-//! What a dataset is: its numbers, and pages that show it.
+//! Statistics of datasets, and pages that show them.
 //!
 //! | module | holds |
 //! | --- | --- |

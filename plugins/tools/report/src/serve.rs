@@ -1,15 +1,15 @@
-//! Pages for the browser of one user: a server that nobody else can read.
+//! A server of pages for the browser of one user. Other users cannot read them.
 //!
-//! It listens on the loopback address alone, answers GET and HEAD, and refuses requests whose `Host` is another name:
-//! a page from elsewhere whose name is made to mean this machine (DNS rebinding) reads nothing.
+//! The server listens only on the loopback address, answers GET and HEAD, and refuses requests with a foreign `Host`. A
+//! foreign page whose name resolves to this machine (DNS rebinding) therefore reads nothing.
 //!
 //! All users and programs of the machine can connect, so the [address](Server::url) has a random token, and nothing is
 //! answered without it but a page that says so. The first page sets it as a cookie, which the browser sends for what the
 //! pages load. Browsers send cookies to all ports of a machine, so to servers of other users, too: each server therefore has
 //! a path of its own that nobody can guess, and its cookie is sent below that path alone.
 //!
-//! Pages learn of changes by [`CHANGES`]: `GET /changes?after=3` is answered with `{"version": 4}` once there is a
-//! version after 3, or after [`PATIENCE`] with the version that is there. Requests that wait hold no thread.
+//! Pages learn of changes through [`CHANGES`]: the server answers `GET /changes?after=3` with `{"version": 4}` once a
+//! version after 3 exists, or after [`PATIENCE`] with the current version. Waiting requests hold no thread.
 
 use parking_lot::{Condvar, Mutex};
 use std::hint::black_box;
@@ -23,25 +23,26 @@ use std::time::{Duration, Instant};
 use syntable_model::error::{Error, Result};
 use syntable_runtime::run::stop::Stop;
 
-/// Path where pages wait for the next version; no handler is asked for it.
+/// Path where pages wait for the next version. No handler sees it.
 pub const CHANGES: &str = "/changes";
-/// How long a request waits for a version. Browsers give up later than that.
+/// Maximum time that a request waits for a version. Browsers time out later.
 const PATIENCE: Duration = Duration::from_secs(25);
-/// Maximum number of requests that wait; the one that waited longest is answered when there are more.
+/// Maximum number of waiting requests. Beyond it, the one that has waited longest is answered.
 const MAX_WAITING: usize = 64;
-/// Maximum number of connections that are answered at once; others wait.
+/// Maximum number of simultaneous connections. Others wait.
 const MAX_CONNECTIONS: usize = 64;
 /// Maximum number of bytes of the head of a request.
 const MAX_HEAD: usize = 16 << 10;
-/// How long a client may take to ask, and to take a part of the answer.
+/// Time limit for a client to send its request, and to receive a part of the answer.
 const CLIENT: Duration = Duration::from_secs(10);
-/// How long what a refused client still sends is read.
+/// Maximum time to read the remaining input of a refused client.
 const LINGER: Duration = Duration::from_secs(1);
 /// How often the server looks for connections, and for the signal to stop.
 const LOOK: Duration = Duration::from_millis(10);
 /// Names of this machine that a `Host` header may have.
 const HOSTS: [&str; 3] = ["localhost", "127.0.0.1", "[::1]"];
-/// What a page may load and run: files of this server, and images that its scripts make. Nothing in the page itself runs.
+/// Permitted resources of a page: files of this server, and images that its scripts create. Nothing in the page itself
+/// runs.
 const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data: blob:; \
                       connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
 /// Name of the token in the address and of the cookie.
@@ -59,7 +60,7 @@ pub struct Request {
 }
 
 impl Request {
-    /// Reads the target of a request line; none if it is no path, or not encoded as one.
+    /// Parses the target of a request line. Returns `None` if it is not a properly encoded path.
     fn parse(target: &str) -> Option<Self> {
         let (path, query) = target.split_once('?').unwrap_or((target, ""));
         let path = decoded(path, false)?;
@@ -82,7 +83,7 @@ impl Request {
     }
 }
 
-/// Undoes percent-encoding, and in queries `+` for a space; none if the text is not encoded right.
+/// Decodes percent-encoding, and in queries `+` as a space. Returns `None` if the encoding is invalid.
 fn decoded(text: &str, is_query: bool) -> Option<String> {
     let mut bytes = text.bytes();
     let mut out = Vec::with_capacity(text.len());
@@ -99,7 +100,7 @@ fn decoded(text: &str, is_query: bool) -> Option<String> {
     String::from_utf8(out).ok()
 }
 
-/// What is sent back.
+/// An answer of the server.
 pub struct Response {
     status: u16,
     content_type: &'static str,
@@ -131,9 +132,9 @@ impl Response {
         Self::bytes(content_type("json"), value.to_string())
     }
 
-    /// 404: nothing is there.
+    /// 404: nothing is at this path.
     pub fn missing() -> Self {
-        Self::failed(404, "nothing is here\n")
+        Self::failed(404, "nothing is at this path\n")
     }
 
     /// An error with a text.
@@ -160,12 +161,12 @@ pub fn content_type(extension: &str) -> &'static str {
     }
 }
 
-/// The version of what pages show. They wait for the next one.
+/// Version of the pages' content. Pages wait for the next one.
 #[derive(Debug, Clone, Default)]
 pub struct Changes(Arc<(Mutex<u64>, Condvar)>);
 
 impl Changes {
-    /// States that there is something new, and gives its version: 1, 2, ….
+    /// Announces new content, and returns its version: 1, 2, ….
     pub fn publish(&self) -> u64 {
         let mut version = self.0.0.lock();
         *version += 1;
@@ -173,12 +174,12 @@ impl Changes {
         *version
     }
 
-    /// The version that is there; 0 before the first.
+    /// The current version; 0 before the first.
     pub fn version(&self) -> u64 {
         *self.0.0.lock()
     }
 
-    /// Waits until there is another version than `known`, not much longer than the given time.
+    /// Waits for another version than `known`, not much longer than the given time.
     fn wait(&self, known: u64, time: Duration) -> u64 {
         let mut version = self.0.0.lock();
         if *version == known {
@@ -188,22 +189,22 @@ impl Changes {
     }
 }
 
-/// A request that waits for a version after the one that it knows.
+/// A request that waits for a version after the one it knows.
 struct Waiting {
     from: Client,
     after: u64,
     until: Instant,
 }
 
-/// A connection that has asked for something.
+/// A connection that has sent a request.
 struct Client {
     stream: TcpStream,
     wants_body: bool,
 }
 
 impl Client {
-    /// Sends the answer and ends the connection: one that stays open would hold a thread. Whoever has gone away misses
-    /// nothing.
+    /// Sends the answer and ends the connection, because an open one would hold a thread. A client that has gone away
+    /// is ignored.
     fn send(self, response: Response) {
         let Self { mut stream, wants_body } = self;
         let Response { status, content_type, length, body, cookie } = response;
@@ -255,14 +256,14 @@ fn reason(status: u16) -> &'static str {
 
 /// The head of a request.
 #[derive(Debug, Clone, PartialEq, Eq)]
-struct Head {
+struct RequestHead {
     method: String,
     target: String,
     hosts: Vec<String>,
     cookies: Vec<String>,
 }
 
-impl Head {
+impl RequestHead {
     /// Reads it from a connection; the answer if it is none that can be read, and nothing if the client is gone or slow.
     fn read(stream: &mut TcpStream) -> Option<std::result::Result<Self, Response>> {
         let (mut bytes, mut part) = (Vec::new(), [0; 1 << 10]);
@@ -280,7 +281,7 @@ impl Head {
         None
     }
 
-    /// Reads it from the bytes that have come; nothing if more must come.
+    /// Parses the bytes so far. Returns `None` if more are needed.
     fn parse(bytes: &[u8]) -> Option<std::result::Result<Self, Response>> {
         let mut fields = [httparse::EMPTY_HEADER; 64];
         let mut request = httparse::Request::new(&mut fields);
@@ -309,7 +310,7 @@ pub struct Server {
     address: SocketAddr,
     /// First part of all paths, with slashes around it.
     own: String,
-    /// What a request must know.
+    /// Secret that a request must carry.
     token: String,
 }
 
@@ -317,7 +318,7 @@ pub struct Server {
 fn random<const BYTES: usize>() -> Result<String> {
     let mut bytes = [0; BYTES];
     getrandom::fill(&mut bytes)
-        .map_err(|error| Error::new(format!("the system has no random numbers for the address: {error}")))?;
+        .map_err(|error| Error::new(format!("the system provides no random numbers for the address: {error}")))?;
     Ok(bytes.iter().map(|byte| format!("{byte:02x}")).collect())
 }
 
@@ -332,7 +333,7 @@ impl Server {
     pub fn bind(port: u16) -> Result<Self> {
         let refused = |error: std::io::Error| {
             let error = Error::new(format!("port {port} of 127.0.0.1: {error}"));
-            error.help("another program may listen there; --port 0 takes any free one").of_request()
+            error.help("another program may use it; port 0 selects any free port").of_request()
         };
         let listener = TcpListener::bind(SocketAddr::new(IpAddr::V4(Ipv4Addr::LOCALHOST), port)).map_err(refused)?;
         let address = listener.local_addr().map_err(refused)?;
@@ -340,7 +341,7 @@ impl Server {
         Ok(Self { listener, address, own: format!("/{}/", random::<8>()?), token: random::<16>()? })
     }
 
-    /// Address of the first page, such as `http://127.0.0.1:8000/5d0c…/?token=91af…`. Whoever has it can read all pages.
+    /// Address of the first page, such as `http://127.0.0.1:8000/5d0c…/?token=91af…`. It gives access to all pages.
     pub fn url(&self) -> String {
         format!("http://{}{}?{TOKEN}={}", self.address, self.own, self.token)
     }
@@ -352,11 +353,11 @@ impl Server {
             let (waiting, open) = (&waiting, &open);
             let mut version = changes.version();
             while !stop.is_requested() {
-                // The system keeps the connections that come while too many are open.
+                // The system queues connections that arrive while too many are open.
                 if open.load(Ordering::Acquire) < MAX_CONNECTIONS {
                     match self.listener.accept() {
                         Ok((stream, _)) => {
-                            let held = Held::one(open);
+                            let held = OpenConnection::one(open);
                             let answer = move || {
                                 let _held = held;
                                 self.answer(stream, changes, handler, waiting);
@@ -367,7 +368,7 @@ impl Server {
                             }
                         }
                         Err(error) if error.kind() == ErrorKind::WouldBlock => {}
-                        // A connection that was given up, or too many open files.
+                        // An aborted connection, or too many open files.
                         Err(_) => thread::sleep(LOOK),
                     }
                 }
@@ -391,7 +392,7 @@ impl Server {
         if limits.and_then(|()| stream.set_write_timeout(Some(CLIENT))).is_err() {
             return;
         }
-        let Some(head) = Head::read(&mut stream) else { return };
+        let Some(head) = RequestHead::read(&mut stream) else { return };
         let wants_body = !head.as_ref().is_ok_and(|head| head.method == "HEAD");
         let from = Client { stream, wants_body };
         let (asked, cookie) = match head.and_then(|head| self.accepted(&head)) {
@@ -399,7 +400,7 @@ impl Server {
             Err(refused) => return from.send(refused),
         };
         if asked.path == CHANGES {
-            // Without a number the answer is the version that is there.
+            // Without a number, the answer is the current version.
             let after = asked.query("after").and_then(|after| after.parse().ok());
             let mut waiting = waiting.lock();
             let version = changes.version();
@@ -422,10 +423,10 @@ impl Server {
         from.send(Response { cookie, ..answer });
     }
 
-    /// What is asked for, if the request may be answered, and the cookie that the browser shall keep.
-    fn accepted(&self, head: &Head) -> std::result::Result<(Request, Option<String>), Response> {
+    /// The path of a permitted request, and the cookie for the browser.
+    fn accepted(&self, head: &RequestHead) -> std::result::Result<(Request, Option<String>), Response> {
         if !["GET", "HEAD"].contains(&head.method.as_str()) {
-            return Err(Response::failed(405, "only GET and HEAD are answered\n"));
+            return Err(Response::failed(405, "only GET and HEAD are supported\n"));
         }
         if !matches!(head.hosts.as_slice(), [host] if self.is_own(host)) {
             let text = format!("this server answers to http://{}/ only\n", self.address);
@@ -448,7 +449,7 @@ impl Server {
         Ok((Request { path: format!("/{inside}"), query }, by_address.then_some(cookie)))
     }
 
-    /// Whether a `Host` header means this server by a name of its own.
+    /// Whether a `Host` header names this server.
     fn is_own(&self, host: &str) -> bool {
         let port = format!(":{}", self.address.port());
         let name = host.strip_suffix(port.as_str()).unwrap_or(host).to_ascii_lowercase();
@@ -456,17 +457,17 @@ impl Server {
     }
 }
 
-/// A connection that is open; it counts until it is dropped.
-struct Held<'a>(&'a AtomicUsize);
+/// An open connection. It counts until it is dropped.
+struct OpenConnection<'a>(&'a AtomicUsize);
 
-impl<'a> Held<'a> {
+impl<'a> OpenConnection<'a> {
     fn one(open: &'a AtomicUsize) -> Self {
         open.fetch_add(1, Ordering::AcqRel);
         Self(open)
     }
 }
 
-impl Drop for Held<'_> {
+impl Drop for OpenConnection<'_> {
     fn drop(&mut self) {
         self.0.fetch_sub(1, Ordering::AcqRel);
     }
@@ -479,7 +480,7 @@ fn release(waiting: &mut Vec<Waiting>, version: u64, now: Instant) {
     }
 }
 
-/// Tells a page which version is there.
+/// An answer with the current version.
 fn told(version: u64) -> Response {
     Response::json(&serde_json::json!({ "version": version }))
 }
@@ -488,7 +489,7 @@ fn told(version: u64) -> Response {
 mod tests {
     use super::*;
 
-    /// Runs a server whose pages say what was asked for, while `test` asks.
+    /// Runs a server whose pages repeat the request, while `test` sends requests.
     fn serving(test: impl FnOnce(&Server, &Changes)) {
         let (server, stop, changes) = (Server::bind(0).expect("a port"), Stop::default(), Changes::default());
         thread::scope(|scope| {
@@ -512,8 +513,8 @@ mod tests {
         format!("Cookie: theme=dark; {TOKEN}={}", server.token)
     }
 
-    /// Sends the lines of a request of one who knows the token, and gives all that comes back: head and body. A path in the
-    /// first line is one of the server's own.
+    /// Sends the lines of a request with the token, and returns the answer: head and body. A path in the first line is
+    /// below the server's path.
     fn raw(server: &Server, lines: &[&str]) -> (String, Vec<u8>) {
         let first = lines[0].replacen(" /", &format!(" {}", server.own), 1);
         let cookie = cookie(server);
@@ -595,7 +596,7 @@ mod tests {
             };
             let (own, token) = (server.own.as_str(), server.token.as_str());
             assert!(own.len() == 18 && token.len() == 32, "{}", server.url());
-            // The address gives the first page, and the cookie that all others need.
+            // The address opens the first page, which sets the cookie for all others.
             let address = server.url();
             let target = &address[address.find(own).expect("its path")..];
             let (code, head, _) = of(target, &[]);
@@ -608,7 +609,7 @@ mod tests {
                 assert_eq!(of(&inner(path), &["Cookie: a=b", &cookie]).0, 200, "{path}");
             }
             assert!(!of(&inner("a"), &[&cookie]).1.contains("Set-Cookie"));
-            // Everybody else gets one page, whatever there is.
+            // All other requests get one page, whatever their target.
             let wrong = format!("Cookie: token={}", "0".repeat(token.len()));
             let short = format!("Cookie: token={}", &token[1..]);
             let other = cookie.replace("token=", "other=");
@@ -712,7 +713,7 @@ mod tests {
                 stream.read_to_string(&mut text).expect("answered");
                 assert!(text.ends_with(r#"{"version":1}"#), "{text}");
             }
-            // What a page missed is there at once.
+            // A page gets a missed version at once.
             assert_eq!(get(server, "/changes?after=0").1, r#"{"version":1}"#);
         });
     }
@@ -756,7 +757,7 @@ mod tests {
     fn connections_that_come_together_and_stay_open_are_all_answered() {
         serving(|server, _| {
             for _ in 0..50 {
-                // As a browser does: six at once, which it would use again.
+                // Like a browser: six connections at once, to be used again.
                 let streams: Vec<TcpStream> = (0..6)
                     .map(|_| {
                         let mut stream = TcpStream::connect(server.address).expect("listens");
@@ -798,6 +799,6 @@ mod tests {
     fn a_port_that_is_taken_is_an_error_with_a_remedy() {
         let first = Server::bind(0).expect("a port");
         let error = Server::bind(first.address.port()).err().expect("it is taken").to_string();
-        assert!(error.contains(&format!("port {} of 127.0.0.1", first.address.port())) && error.contains("--port 0"));
+        assert!(error.contains(&format!("port {} of 127.0.0.1", first.address.port())) && error.contains("port 0"));
     }
 }

@@ -1,31 +1,31 @@
-//! The pages of a dataset, made when a browser asks for them.
+//! The pages of a dataset, made on request of a browser.
 
-use crate::report::scored::Scored;
-use crate::report::{Counted, Report, Shown};
+use crate::report::scored::ReportScores;
+use crate::report::{DatasetReport, ReportSelection, StatisticsProgress};
 use crate::serve::{Changes, Request, Response, Server, content_type};
-use crate::stats::{self, Options};
+use crate::stats::{self, StatisticsOptions};
 use std::path::Path;
 use std::thread;
 use syntable_model::context::Workers;
 use syntable_model::error::Result;
 use syntable_model::reader::{OpenDataset, Source};
 use syntable_model::registry::Registry;
-use syntable_runtime::images::Work;
+use syntable_runtime::images::ImageWork;
 use syntable_runtime::run::progress::{Event, Reporter};
 use syntable_runtime::run::stop::Stop;
 
-/// A dataset whose pages a server of this machine shows. Nothing is written.
+/// A dataset whose pages a local server shows. Writes no files.
 pub struct Viewer {
-    report: Report,
+    report: DatasetReport,
     server: Server,
 }
 
 impl Viewer {
-    /// Opens a dataset, with scores of predictions if a file of them is given, and listens on a port of the loopback address; 0 is
-    /// any free one.
+    /// Opens a dataset, with scores of predictions if a file is given, and listens on a port of the loopback address; 0
+    /// selects any free port.
     ///
     /// # Errors
-    /// If the dataset or the file cannot be read, or the port cannot be had.
+    /// If the dataset or the file cannot be read, or the port is unavailable.
     pub fn open(
         registry: &Registry,
         source: &Source,
@@ -33,21 +33,21 @@ impl Viewer {
         scores: Option<&Path>,
         port: u16,
     ) -> Result<Self> {
-        let all = |of: &OpenDataset| Shown { images: (0..of.images.len()).collect(), scenes: None };
-        let mut report = Report::open(registry, source, format, all)?;
+        let all = |of: &OpenDataset| ReportSelection { images: (0..of.images.len()).collect(), scenes: None };
+        let mut report = DatasetReport::open(registry, source, format, all)?;
         if let Some(file) = scores {
-            let scored = Scored::open(file, report.dataset())?;
+            let scored = ReportScores::open(file, report.dataset())?;
             report = report.with_scores(scored);
         }
         Ok(Self { report, server: Server::bind(port)? })
     }
 
-    /// Address of the first page. Whoever has it can read all pages.
+    /// Address of the first page. It gives access to all pages.
     pub fn url(&self) -> String {
         self.server.url()
     }
 
-    /// Answers browsers until it shall stop, and counts the statistics meanwhile.
+    /// Answers browsers until the work must stop, and counts the statistics meanwhile.
     pub fn run(&self, workers: &(dyn Workers + Sync), stop: &Stop) {
         thread::scope(|scope| {
             scope.spawn(|| self.count(workers, stop));
@@ -56,30 +56,30 @@ impl Viewer {
     }
 
     fn count(&self, workers: &dyn Workers, stop: &Stop) {
-        let told = Told(&self.report);
+        let told = StatisticsReporter(&self.report);
         self.report.gather_licenses();
-        let work = Work { workers, reporter: &told, stop };
-        let counted = match stats::of(self.report.dataset(), &Options::default(), &work) {
-            Ok(statistics) => Counted::Done(Box::new(statistics)),
-            Err(error) => Counted::Failed(error.in_file(self.report.path()).to_string()),
+        let work = ImageWork { workers, reporter: &told, stop };
+        let counted = match stats::of(self.report.dataset(), &StatisticsOptions::default(), &work) {
+            Ok(statistics) => StatisticsProgress::Done(Box::new(statistics)),
+            Err(error) => StatisticsProgress::Failed(error.in_file(self.report.path()).to_string()),
         };
         self.report.put_statistics(counted);
     }
 }
 
 /// Keeps how far the statistics are for the page that waits for them.
-struct Told<'a>(&'a Report);
+struct StatisticsReporter<'a>(&'a DatasetReport);
 
-impl Reporter for Told<'_> {
+impl Reporter for StatisticsReporter<'_> {
     fn event(&self, event: &Event) {
         if let Event::Working { step } = event {
-            self.0.put_statistics(Counted::Working(step.clone()));
+            self.0.put_statistics(StatisticsProgress::Working(step.clone()));
         }
     }
 }
 
-/// The file that a request asks for.
-pub fn answer(report: &Report, request: &Request) -> Response {
+/// The file for a request.
+pub fn answer(report: &DatasetReport, request: &Request) -> Response {
     let path = request.path.trim_start_matches('/');
     let path = if path.is_empty() { "index.html" } else { path };
     match report.file(path) {

@@ -11,12 +11,12 @@ use syntable_model::registry::Registry;
 use syntable_model::scene::{InstanceId, SceneId, ViewId};
 use syntable_model::stage::DatasetInfo;
 use syntable_report::report::make::{MADE_BY, write};
-use syntable_report::report::{Counted, Report, Shown};
+use syntable_report::report::{DatasetReport, ReportSelection, StatisticsProgress};
 use syntable_report::serve::Request;
-use syntable_report::stats::{self, Options};
+use syntable_report::stats::{self, StatisticsOptions};
 use syntable_report::view::answer;
 use syntable_runtime::durable::Draft;
-use syntable_runtime::images::Work;
+use syntable_runtime::images::ImageWork;
 use syntable_runtime::run::progress::Quiet;
 use syntable_runtime::run::stop::Stop;
 use syntable_runtime::workers::Pool;
@@ -27,7 +27,7 @@ const MARKUP: &str = "<script>alert('1')</script>\"&";
 const SIZE: [u32; 2] = [12, 8];
 
 /// Images of two objects: the first hides the left half of the second.
-struct Memory {
+struct MemoryReader {
     info: DatasetInfo,
     images: Vec<ImageRef>,
     /// An image whose color cannot be read.
@@ -36,7 +36,7 @@ struct Memory {
     has_hidden: bool,
 }
 
-impl Memory {
+impl MemoryReader {
     fn new(images: u32) -> Self {
         let image = |number: u32| ImageRef {
             scene: SceneId(number / 4),
@@ -60,7 +60,7 @@ fn mask(columns: std::ops::Range<u32>) -> Mask {
     Mask::from_fn(SIZE[0], SIZE[1], |x, y| columns.contains(&x) && (2..6).contains(&y))
 }
 
-impl ImageSource for Memory {
+impl ImageSource for MemoryReader {
     fn read(&self, image: usize, wants: &[KeyId]) -> Result<ReadImage> {
         let labels = |id: u16, visible: Mask, amodal: Mask| Labels {
             id: InstanceId(id),
@@ -97,29 +97,31 @@ impl ImageSource for Memory {
     }
 }
 
-fn report(memory: Memory, shown: Vec<usize>) -> Report {
+fn report(memory: MemoryReader, shown: Vec<usize>) -> DatasetReport {
     let (pool, dataset) = (Pool::new(2).expect("threads"), memory.open());
     let counted = match stats::of(
         &dataset,
-        &Options::default(),
-        &Work { workers: &pool, reporter: &Quiet, stop: &Stop::default() },
+        &StatisticsOptions::default(),
+        &ImageWork { workers: &pool, reporter: &Quiet, stop: &Stop::default() },
     ) {
-        Ok(statistics) => Counted::Done(Box::new(statistics)),
-        Err(error) => Counted::Failed(error.to_string()),
+        Ok(statistics) => StatisticsProgress::Done(Box::new(statistics)),
+        Err(error) => StatisticsProgress::Failed(error.to_string()),
     };
     let source = Source::new("nowhere/a <b> dataset");
-    let report =
-        Report::of(&Registry::default(), dataset, "memory", &source, |_| Shown { images: shown, scenes: None });
+    let report = DatasetReport::of(&Registry::default(), dataset, "memory", &source, |_| ReportSelection {
+        images: shown,
+        scenes: None,
+    });
     let report = report.unwrap_or_else(|error| panic!("{error}"));
     report.put_statistics(counted);
     report
 }
 
-fn written(report: &Report, threads: usize) -> BTreeMap<String, Vec<u8>> {
+fn written(report: &DatasetReport, threads: usize) -> BTreeMap<String, Vec<u8>> {
     let folder = tempfile::tempdir().expect("a folder");
     let (pool, out) = (Pool::new(threads).expect("threads"), folder.path().join("out"));
     let draft = Draft::begin(&out).expect("a folder");
-    let written = write(report, &draft, &Work { workers: &pool, reporter: &Quiet, stop: &Stop::default() })
+    let written = write(report, &draft, &ImageWork { workers: &pool, reporter: &Quiet, stop: &Stop::default() })
         .and_then(|()| draft.publish_listed(MADE_BY));
     written.unwrap_or_else(|error| panic!("{error}"));
     files(&out)
@@ -131,7 +133,7 @@ fn text(bytes: &[u8]) -> &str {
 
 #[test]
 fn names_are_never_markup() {
-    let all = written(&report(Memory::new(5), (0..5).collect()), 2);
+    let all = written(&report(MemoryReader::new(5), (0..5).collect()), 2);
     let pages: Vec<&String> = all.keys().filter(|path| path.ends_with(".html")).collect();
     assert_eq!(pages.len(), 4, "{pages:?}");
     for (path, bytes) in all.iter().filter(|(path, _)| path.ends_with(".html")) {
@@ -152,7 +154,7 @@ fn names_are_never_markup() {
 
 #[test]
 fn the_report_does_not_depend_on_threads_or_time() {
-    let once = |threads| written(&report(Memory::new(70), (0..70).collect()), threads);
+    let once = |threads| written(&report(MemoryReader::new(70), (0..70).collect()), threads);
     let (a, b) = (once(1), once(3));
     assert_eq!(a.keys().collect::<Vec<_>>(), b.keys().collect::<Vec<_>>());
     for (path, bytes) in &a {
@@ -165,8 +167,8 @@ fn the_report_does_not_depend_on_threads_or_time() {
 #[test]
 fn what_is_written_is_what_is_served() {
     let shown = vec![0, 2, 5];
-    let of_folder = written(&report(Memory::new(8), shown.clone()), 2);
-    let served = report(Memory::new(8), shown);
+    let of_folder = written(&report(MemoryReader::new(8), shown.clone()), 2);
+    let served = report(MemoryReader::new(8), shown);
     let page = text(&of_folder["index.html"]);
     // Pages of a folder name its edition in addresses, and are the same else.
     let edition = page.split("style.css?").nth(1).and_then(|rest| rest.split('"').next()).expect("an edition");
@@ -182,7 +184,7 @@ fn what_is_written_is_what_is_served() {
         }
     }
     // Another image, and every file has another address.
-    let other = written(&report(Memory { broken: Some(0), ..Memory::new(8) }, vec![0, 2, 5]), 2);
+    let other = written(&report(MemoryReader { broken: Some(0), ..MemoryReader::new(8) }, vec![0, 2, 5]), 2);
     assert!(!text(&other["gallery.html"]).contains(edition));
     assert!(page.contains("3 of 8 views are in this report"), "{page}");
 }
@@ -190,7 +192,7 @@ fn what_is_written_is_what_is_served() {
 /// The order, the layers and the rates of a scene that is worked out on paper.
 #[test]
 fn an_image_has_its_masks_and_its_graph() {
-    let report = report(Memory::new(1), vec![0]);
+    let report = report(MemoryReader::new(1), vec![0]);
     let file = report.file("data/view/000/000000.js").expect("readable").expect("there");
     let json = text(&file).trim_start_matches("syntable.put(\"view/000/000000\", ").trim_end_matches(");\n");
     let view: serde_json::Value = serde_json::from_str(json).expect("JSON");
@@ -208,12 +210,12 @@ fn an_image_has_its_masks_and_its_graph() {
 /// The gallery counts the objects that are seen, as the statistics do.
 #[test]
 fn hidden_objects_are_told_from_those_that_are_seen() {
-    let memory = || Memory { has_hidden: true, ..Memory::new(1) };
+    let memory = || MemoryReader { has_hidden: true, ..MemoryReader::new(1) };
     let pool = Pool::new(1).expect("threads");
     let counted = stats::of(
         &memory().open(),
-        &Options::default(),
-        &Work { workers: &pool, reporter: &Quiet, stop: &Stop::default() },
+        &StatisticsOptions::default(),
+        &ImageWork { workers: &pool, reporter: &Quiet, stop: &Stop::default() },
     )
     .expect("counted");
     let report = report(memory(), vec![0]);
@@ -234,7 +236,7 @@ fn hidden_objects_are_told_from_those_that_are_seen() {
 
 #[test]
 fn no_path_leads_out() {
-    let report = report(Memory::new(3), vec![0, 1]);
+    let report = report(MemoryReader::new(3), vec![0, 1]);
     let status = |path: &str| answer(&report, &Request { path: path.to_owned(), query: Vec::new() }).status();
     for path in
         ["/", "/index.html", "/data/rows/0.js", "/image/000/000001.jpg", "/depth/000/000000.jpg", "/page/view.js"]
@@ -267,7 +269,7 @@ fn no_path_leads_out() {
 
 #[test]
 fn what_cannot_be_read_is_named_and_the_rest_is_shown() {
-    let report = report(Memory { broken: Some(1), ..Memory::new(3) }, vec![0, 1, 2]);
+    let report = report(MemoryReader { broken: Some(1), ..MemoryReader::new(3) }, vec![0, 1, 2]);
     let all = written(&report, 2);
     let unread = report.unread();
     assert!(unread.len() == 1 && unread[0].contains("1.png\": the file is not there"), "{unread:?}");
@@ -282,9 +284,9 @@ fn what_cannot_be_read_is_named_and_the_rest_is_shown() {
 
 #[test]
 fn a_dataset_without_an_image_has_no_report() {
-    let report = Report::of(&Registry::default(), Memory::new(0).open(), "memory", &Source::new("x"), |_| Shown {
-        images: Vec::new(),
-        scenes: None,
-    });
+    let report =
+        DatasetReport::of(&Registry::default(), MemoryReader::new(0).open(), "memory", &Source::new("x"), |_| {
+            ReportSelection { images: Vec::new(), scenes: None }
+        });
     assert!(report.err().is_some_and(|error| error.to_string().contains("no image")));
 }

@@ -13,8 +13,8 @@ use syntable_report::stats::distance::{distances, jensen_shannon, wasserstein_1}
 use syntable_report::stats::distribution::{Binning, Distribution};
 use syntable_report::stats::quantity::Quantity;
 use syntable_report::stats::table::{Described, csv, json, text};
-use syntable_report::stats::{Edges, Layers, Options, Statistics, bin_alike, of};
-use syntable_runtime::images::Work;
+use syntable_report::stats::{DatasetStatistics, Edges, LayerCounts, StatisticsOptions, bin_alike, of};
+use syntable_runtime::images::ImageWork;
 use syntable_runtime::run::progress::Quiet;
 use syntable_runtime::run::stop::Stop;
 use syntable_runtime::workers::Pool;
@@ -76,11 +76,11 @@ impl Paper {
         OpenDataset::open("paper", &Source::new("paper"), opened).expect("opens")
     }
 
-    fn statistics(&self, options: &Options, threads: usize) -> Statistics {
+    fn statistics(&self, options: &StatisticsOptions, threads: usize) -> DatasetStatistics {
         of(
             &self.open(),
             options,
-            &Work { workers: &Pool::new(threads).expect("threads"), reporter: &Quiet, stop: &Stop::default() },
+            &ImageWork { workers: &Pool::new(threads).expect("threads"), reporter: &Quiet, stop: &Stop::default() },
         )
         .unwrap_or_else(|error| panic!("{error}"))
     }
@@ -152,12 +152,12 @@ fn with_edges(objects: u32, edges: &[(u32, u32)]) -> Vec<Object> {
     (0..objects).map(of).collect()
 }
 
-fn histogram(of: &Statistics, quantity: Quantity) -> BTreeMap<String, u64> {
+fn histogram(of: &DatasetStatistics, quantity: Quantity) -> BTreeMap<String, u64> {
     let of = of.distribution(quantity).expect("values");
     of.edges().iter().map(|edge| format!("{edge:.4}")).zip(of.histogram()).filter(|it| it.1 > 0).collect()
 }
 
-fn values(of: &Statistics, quantity: Quantity) -> Vec<(f64, u64)> {
+fn values(of: &DatasetStatistics, quantity: Quantity) -> Vec<(f64, u64)> {
     of.distribution(quantity).map_or_else(Vec::new, |it| it.counts().collect())
 }
 
@@ -170,7 +170,7 @@ fn two_boxes_on_paper() {
     // 4 px in front of 16 px, of which 2 are hidden; an image with one box, and an empty one.
     let paper =
         Paper::new(vec![(0, stacked(&[[3, 3, 2, 2], [4, 3, 4, 4]])), (0, stacked(&[[0, 0, 5, 2]])), (1, Vec::new())]);
-    let found = paper.statistics(&Options::default(), 2);
+    let found = paper.statistics(&StatisticsOptions::default(), 2);
     let of = found.totals;
     assert_eq!((of.images, of.empty_images, of.scenes, of.objects), (3, 1, 2, Some(1)));
     assert_eq!((of.visible_instances, of.occluded_instances, of.hidden_instances), (3, Some(1), 0));
@@ -187,7 +187,7 @@ fn two_boxes_on_paper() {
     assert_eq!(values(&found, Quantity::ComponentSize), [(1.0, 1), (2.0, 1)]);
     assert_eq!(values(&found, Quantity::ComponentsPerView), [(0.0, 1), (1.0, 2)]);
     assert_eq!(values(&found, Quantity::ObjectArea), [(4.0, 1), (10.0, 1), (16.0, 1)]);
-    assert_eq!(found.layers, Some(Layers { top: 2, intermediate: 0, bottom: 1 }));
+    assert_eq!(found.layers, Some(LayerCounts { top: 2, intermediate: 0, bottom: 1 }));
     let asset = &found.assets.as_ref().expect("names")[0];
     assert_eq!((asset.name.as_str(), asset.instances, asset.views, asset.scenes), ("box", 3, 2, 1));
     let row = found.images[0].occlusion.expect("amodal masks");
@@ -204,7 +204,7 @@ fn graphs_on_paper() {
         (0, with_edges(5, &[(0, 1), (1, 2), (2, 0), (2, 3)])),
         (0, with_edges(3, &[(0, 1), (1, 0)])),
     ]);
-    let found = paper.statistics(&Options::default(), 1);
+    let found = paper.statistics(&StatisticsOptions::default(), 1);
     let of = found.totals;
     assert_eq!((of.edges, of.mutual_pairs, of.cyclic_views), (Some(10), Some(1), Some(2)));
     assert_eq!(values(&found, Quantity::ComponentSize), [(1.0, 3), (2.0, 2), (3.0, 1), (4.0, 1)]);
@@ -214,25 +214,31 @@ fn graphs_on_paper() {
     assert_eq!(rows.iter().map(|row| row.largest_component).collect::<Vec<_>>(), [3, 4, 2]);
     // The longest path of the first has two edges; a cycle is one layer.
     assert_eq!(rows.iter().map(|row| row.depth_layers).collect::<Vec<_>>(), [3, 2, 1]);
-    assert_eq!(found.layers, Some(Layers { top: 5, intermediate: 6, bottom: 3 }));
+    assert_eq!(found.layers, Some(LayerCounts { top: 5, intermediate: 6, bottom: 3 }));
 }
 
 #[test]
 fn conventions_of_the_authors() {
     let edges = [(0, 1), (1, 2), (0, 2), (3, 4)];
     let mut paper = Paper::new(vec![(0, with_edges(6, &edges))]);
-    let with = |paper: &Paper, options: Options| paper.statistics(&options, 1);
+    let with = |paper: &Paper, options: StatisticsOptions| paper.statistics(&options, 1);
     // Prefixes of 1 to 6 objects: {1}, {2}, {3}, {3, 1}, {3, 2}, {3, 2, 1}.
-    let prefixes = with(&paper, Options { prefixes: true, ..Options::default() });
+    let prefixes = with(&paper, StatisticsOptions { prefixes: true, ..StatisticsOptions::default() });
     assert_eq!(values(&prefixes, Quantity::ComponentSize), [(1.0, 3), (2.0, 3), (3.0, 4)]);
     assert_eq!(values(&prefixes, Quantity::ComponentsPerView), [(1.0, 3), (2.0, 2), (3.0, 1)]);
     assert_eq!(prefixes.images[0].occlusion.expect("masks").components, 3);
     // One pixel of 18 is an IoU below 0.1; of a rod that hides 6 of the 18 it is above.
-    assert_eq!(with(&paper, Options { edges: Edges::Iou, ..Options::default() }).totals.edges, Some(0));
+    assert_eq!(
+        with(&paper, StatisticsOptions { edges: Edges::Iou, ..StatisticsOptions::default() }).totals.edges,
+        Some(0)
+    );
     let overlap = Paper::new(vec![(0, stacked(&[[0, 0, 6, 3], [0, 0, 9, 4]]))]);
-    assert_eq!(with(&overlap, Options { edges: Edges::Iou, ..Options::default() }).totals.edges, Some(1));
+    assert_eq!(
+        with(&overlap, StatisticsOptions { edges: Edges::Iou, ..StatisticsOptions::default() }).totals.edges,
+        Some(1)
+    );
     // Ten bins from the least to the greatest rate: 0, and 1/19 and 2/20 of rods that one or two hide.
-    let equal = with(&paper, Options { binning: Binning::Equal, ..Options::default() });
+    let equal = with(&paper, StatisticsOptions { binning: Binning::Equal, ..StatisticsOptions::default() });
     let rates = equal.distribution(Quantity::OcclusionRate).expect("rates");
     assert_eq!((rates.edges()[0], rates.edges()[10]), (0.0, 0.1));
     assert_eq!(rates.histogram(), [3, 0, 0, 0, 0, 2, 0, 0, 0, 1]);
@@ -240,7 +246,7 @@ fn conventions_of_the_authors() {
     let mut order = OcclusionOrder::new((1..=6).map(InstanceId).collect());
     order.set(5, 0);
     paper.orders = vec![order];
-    let stored = with(&paper, Options { edges: Edges::Stored, ..Options::default() });
+    let stored = with(&paper, StatisticsOptions { edges: Edges::Stored, ..StatisticsOptions::default() });
     assert_eq!((stored.totals.edges, stored.totals.occluded_instances), (Some(1), Some(3)));
 }
 
@@ -248,7 +254,7 @@ fn conventions_of_the_authors() {
 fn hidden_objects_count_by_themselves() {
     let mut objects = stacked(&[[2, 2, 6, 6], [3, 3, 2, 2], [6, 2, 4, 2]]);
     objects[1].name = "hidden";
-    let found = Paper::new(vec![(0, objects)]).statistics(&Options::default(), 1);
+    let found = Paper::new(vec![(0, objects)]).statistics(&StatisticsOptions::default(), 1);
     let of = found.totals;
     assert_eq!((of.visible_instances, of.hidden_instances, of.occluded_instances), (2, 1, Some(1)));
     near(of.average_occlusion_rate, 4.0 / 44.0);
@@ -256,7 +262,7 @@ fn hidden_objects_count_by_themselves() {
     assert!(text(&[described(found)]).contains("shows no pixel, left out everywhere: 1"));
 }
 
-fn described(statistics: Statistics) -> Described {
+fn described(statistics: DatasetStatistics) -> Described {
     Described { dataset: "paper".into(), format: "paper", statistics }
 }
 
@@ -264,7 +270,7 @@ fn described(statistics: Statistics) -> Described {
 fn what_a_format_lacks_is_said() {
     let mut paper = Paper::new(vec![(0, stacked(&[[3, 3, 2, 2], [4, 3, 4, 4]]))]);
     paper.visible_alone = true;
-    let found = paper.statistics(&Options::default(), 1);
+    let found = paper.statistics(&StatisticsOptions::default(), 1);
     assert_eq!((found.totals.visible_instances, found.totals.occluded_instances, found.layers), (2, None, None));
     assert_eq!(found.totals.average_occlusion_rate, None);
     assert_eq!(values(&found, Quantity::ObjectArea), [(4.0, 1), (14.0, 1)]);
@@ -284,7 +290,7 @@ fn depth_distance_size_and_brightness() {
     paper.rgb = vec![gray(51), gray(102), gray(54)];
     let depth = |left: f32| Plane::from_fn(SIZE[0], SIZE[1], move |x, _| if x < 5 { left } else { 2.37 });
     paper.depth = vec![depth(f32::INFINITY), depth(0.0), depth(0.5)];
-    let found = paper.statistics(&Options::default(), 2);
+    let found = paper.statistics(&StatisticsOptions::default(), 2);
     near(found.distribution(Quantity::ObjectDistance).and_then(Distribution::mean), 5.0);
     near(found.distribution(Quantity::ObjectSize).and_then(Distribution::mean), 0.4);
     near(found.images[0].mean_distance_m, 5.0);
@@ -301,9 +307,9 @@ fn depth_distance_size_and_brightness() {
     assert_eq!((duplicates.views, duplicates.redundant, duplicates.groups_in_scene), (2, 1, 0));
     assert_eq!(duplicates.groups, [["0", "2"]]);
     assert_eq!(found.images.iter().map(|it| it.duplicates).collect::<Vec<_>>(), [Some(0), None, Some(0)]);
-    let strict = paper.statistics(&Options { levels: 2, ..Options::default() }, 1);
+    let strict = paper.statistics(&StatisticsOptions { levels: 2, ..StatisticsOptions::default() }, 1);
     assert_eq!(strict.near_duplicates.expect("images").views, 0);
-    let labels = paper.statistics(&Options { images: false, ..Options::default() }, 1);
+    let labels = paper.statistics(&StatisticsOptions { labels_only: true, ..StatisticsOptions::default() }, 1);
     assert!(labels.near_duplicates.is_none() && labels.distribution(Quantity::Depth).is_none());
     assert!(labels.unknown.iter().any(|it| it.contains("left out")), "{:?}", labels.unknown);
 }
@@ -334,7 +340,7 @@ fn random(stream: &mut Stream, images: u32) -> Paper {
 #[test]
 fn random_labels_are_counted_as_pixel_by_pixel() {
     let paper = random(&mut Stream::root(11), 120);
-    let found = paper.statistics(&Options::default(), 3);
+    let found = paper.statistics(&StatisticsOptions::default(), 3);
     let (mut rates, mut sizes, mut layers, mut edges, mut cyclic) = (Vec::new(), Vec::new(), [0; 3], 0, 0);
     let (mut hidden_px, mut amodal_px, mut occluded, mut unseen) = (0, 0, 0, 0);
     for (image, row) in paper.images.iter().zip(&found.images) {
@@ -418,7 +424,7 @@ fn threads_change_nothing() {
     let mut stream = Stream::root(4);
     let mut level = || stream.uniform(0.0, 60.0) as u8;
     paper.rgb = (0..300).map(|_| [level(); 3]).map(|color| Plane::from_fn(SIZE[0], SIZE[1], |_, _| color)).collect();
-    let of = |threads| [described(paper.statistics(&Options::default(), threads))];
+    let of = |threads| [described(paper.statistics(&StatisticsOptions::default(), threads))];
     let (one, four) = (of(1), of(4));
     assert_eq!((json(&one), text(&one), csv(&one)), (json(&four), text(&four), csv(&four)));
     assert!(json(&one).contains("\"groups_in_scene\""));
@@ -459,10 +465,11 @@ fn distances_by_other_means() {
 
 #[test]
 fn datasets_side_by_side() {
-    let one = Paper::new(vec![(0, stacked(&[[3, 3, 2, 2], [4, 3, 4, 4]]))]).statistics(&Options::default(), 1);
+    let one =
+        Paper::new(vec![(0, stacked(&[[3, 3, 2, 2], [4, 3, 4, 4]]))]).statistics(&StatisticsOptions::default(), 1);
     let mut paper = Paper::new(vec![(0, stacked(&[[0, 0, 5, 2]])), (0, stacked(&[[0, 0, 5, 2]]))]);
     paper.depth = vec![Plane::from_fn(SIZE[0], SIZE[1], |_, _| 1.0); 2];
-    let mut all = [described(one), described(paper.statistics(&Options::default(), 1))];
+    let mut all = [described(one), described(paper.statistics(&StatisticsOptions::default(), 1))];
     bin_alike(&mut all.iter_mut().map(|it| &mut it.statistics).collect::<Vec<_>>(), Binning::Fixed);
     let [one, two] = &all;
     let found = distances(&one.statistics, &two.statistics);
@@ -485,7 +492,7 @@ fn datasets_side_by_side() {
 #[test]
 fn an_empty_dataset_is_refused() {
     let (pool, stop) = (Pool::new(1).expect("a thread"), Stop::default());
-    let work = Work { workers: &pool, reporter: &Quiet, stop: &stop };
-    let error = of(&Paper::new(Vec::new()).open(), &Options::default(), &work);
+    let work = ImageWork { workers: &pool, reporter: &Quiet, stop: &stop };
+    let error = of(&Paper::new(Vec::new()).open(), &StatisticsOptions::default(), &work);
     assert_eq!(error.expect_err("no image").to_string(), "the dataset has no image");
 }

@@ -5,14 +5,14 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
 use syntable::evaluation::Convention;
-use syntable::evaluation::image::Pair;
+use syntable::evaluation::image::ImagePair;
 use syntable::evaluation::measure::{Measure, Measurement, MetricKind};
 use syntable::model::prelude::*;
 use syntable::model::product::standard::VISIBLE_MASK;
 use syntable::model::registry::Entry;
 use syntable::report::make::{ReportOptions, make};
 use syntable::{DatasetSource, DiskCache, EvaluateOptions, GenerateOptions, Pool, Quiet, RecipeRequest, Registry};
-use syntable::{RunOptions, Stop, Work, evaluate, generate, run, workers};
+use syntable::{ImageWork, RunOptions, Stop, evaluate, generate, run, workers};
 
 const AREA: Key<Value> = Key::view("total_area", "Pixels of all objects together.");
 
@@ -57,7 +57,7 @@ impl Measure for SmallObjects {
     fn names(&self) -> Vec<String> {
         vec!["small_objects".into()]
     }
-    fn tally(&self, pair: &Pair) -> [usize; 2] {
+    fn tally(&self, pair: &ImagePair) -> [usize; 2] {
         let small = pair.labels.iter().filter(|label| label.visible.area() < self.0);
         [small.count(), pair.labels.len()]
     }
@@ -86,7 +86,7 @@ fn main() -> std::result::Result<(), Box<dyn std::error::Error>> {
     println!("views annotated: {}", views.load(Ordering::Relaxed));
     run(&recipe, &RunOptions::new(out.join("data"), workers::available(), DiskCache::of_user()), &Quiet)?;
     let (pool, stop) = (Pool::new(workers::available())?, Stop::default());
-    let work = Work { workers: &pool, reporter: &Quiet, stop: &stop };
+    let work = ImageWork { workers: &pool, reporter: &Quiet, stop: &stop };
     let data = || DatasetSource::new(out.join("data"));
     let more_metrics: Vec<Arc<dyn MetricKind>> = vec![Arc::new(SmallObjects(u32::MAX))];
     let options = EvaluateOptions { more_metrics, ..EvaluateOptions::new(data(), data()) };

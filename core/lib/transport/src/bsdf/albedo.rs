@@ -1,8 +1,8 @@
 //! Directional albedo of the GGX lobe, tabulated at first use.
 //!
-//! With Schlick's Fresnel term the albedo is linear in the reflectance at normal incidence:
-//! `E(μ) = f₀ · facing(μ) + grazing(μ)`. With f₀ = 1 it is the albedo of a perfect rough mirror without multiple
-//! scattering, less than one by what Smith's model loses.
+//! With Schlick's Fresnel term, the albedo is linear in the reflectance at normal incidence: `E(μ) = f₀ · facing(μ) +
+//! grazing(μ)`. With f₀ = 1, it is the albedo of a perfect rough mirror without multiple scattering, below one because
+//! Smith's model loses energy.
 
 use super::ggx::{self, Ggx};
 use std::sync::LazyLock;
@@ -58,7 +58,7 @@ impl<T: Real> Row<T> {
 
     /// At a cosine in [0, 1].
     #[inline(always)]
-    pub fn at(&self, table: &Table, mu: T) -> Albedo<T> {
+    pub fn at(&self, table: &AlbedoTable, mu: T) -> Albedo<T> {
         let (column, weight) = cell(mu);
         let index = self.row.times(T::Int::splat(CELLS as u32)).plus(column);
         let [a, b, c, d, e, f, g, h] = T::lookup(&table.directional, index);
@@ -69,7 +69,7 @@ impl<T: Real> Row<T> {
 
     /// The cosine-weighted mean.
     #[inline(always)]
-    pub fn mean(&self, table: &Table) -> Albedo<T> {
+    pub fn mean(&self, table: &AlbedoTable) -> Albedo<T> {
         let [a, b, c, d, ..] = T::lookup(&table.mean, self.row);
         Albedo { facing: a, grazing: b }.lerp(Albedo { facing: c, grazing: d }, self.weight)
     }
@@ -79,14 +79,14 @@ impl<T: Real> Row<T> {
 /// interpolated table. Every cell holds (facing, grazing) at its corners: at the lower cosine, at the higher; both again
 /// at the higher roughness.
 #[derive(Debug)]
-pub struct Table {
+pub struct AlbedoTable {
     directional: Vec<[f32; 8]>,
     mean: Vec<[f32; 8]>,
 }
 
-/// The table, made at first use.
-pub fn table() -> &'static Table {
-    static TABLE: LazyLock<Table> = LazyLock::new(Table::new);
+/// The table, computed at first use.
+pub fn table() -> &'static AlbedoTable {
+    static TABLE: LazyLock<AlbedoTable> = LazyLock::new(AlbedoTable::new);
     &TABLE
 }
 
@@ -99,7 +99,7 @@ pub fn cell<T: Real>(x: T) -> (T::Int, T) {
     (i, x - i.signed_to_real())
 }
 
-impl Table {
+impl AlbedoTable {
     /// Cells by roughness, then by cosine: (facing, grazing) at the lower cosine and at the higher, and both again at the
     /// higher roughness.
     pub fn directional(&self) -> &[[f32; 8]] {
@@ -138,7 +138,7 @@ impl Table {
     }
 }
 
-/// Albedo of the lobe: what multiplies the reflectance at normal incidence, and what is added.
+/// Albedo of the lobe: the factor of the reflectance at normal incidence, and the constant term.
 fn integrate(alpha: f32, mu: f32) -> [f32; 2] {
     let wo = vec3(at_least(1.0 - mu * mu, 0.0).sqrt(), 0.0, mu);
     let ggx = Ggx::new(alpha, wo);
@@ -175,7 +175,7 @@ mod tests {
         assert!((mean.white() - 1.0).abs() < 0.01);
         // Schlick's mean over the hemisphere is 1/21.
         assert!((mean.grazing - 1.0 / 21.0).abs() < 2e-3, "{mean:?}");
-        // Rough ones, by quadrature.
+        // Rough surfaces, by quadrature.
         for (roughness, mu) in [(1.0, 1.0), (0.7, 0.4)] {
             let want = quadrature(f64::from(roughness * roughness), f64::from(mu));
             assert!((white(roughness, mu) - want).abs() < 3e-3, "{} not {want}", white(roughness, mu));

@@ -1,9 +1,10 @@
-//! What clearcoat and sheen fibers take from the layers below them.
+//! Attenuation of the lower layers by clearcoat and sheen.
 //!
-//! A coating with albedo V(μ) lets `1 − max(V(μₒ), V(μᵢ))` through to a glossy lobe, which is reciprocal and never gives more
-//! than is left. Below clearcoat, diffuse light is weighted by `(1 − V(μₒ)) (1 − V(μᵢ)) / (1 − V̄)`, which keeps all of it.
+//! A coating with albedo V(μ) transmits `1 − max(V(μₒ), V(μᵢ))` to a glossy lobe, which is reciprocal and never exceeds
+//! the remaining energy. Below clearcoat, diffuse light has the weight `(1 − V(μₒ)) (1 − V(μᵢ)) / (1 − V̄)`, which
+//! conserves all of it.
 
-use super::albedo::{Row, Table};
+use super::albedo::{AlbedoTable, Row};
 use super::sheen::SheenRow;
 use super::{Interface, multiple_reflectance};
 use syntable_simd::{Real, at_least, complement, inverse, max};
@@ -28,7 +29,7 @@ pub struct CoatingParameters<T = f32> {
 #[derive(Clone, Copy, Debug)]
 pub struct CoatingAttenuation<T: Real = f32> {
     parameters: CoatingParameters<T>,
-    table: &'static Table,
+    table: &'static AlbedoTable,
     coat_row: Row<T>,
     coat: Interface<T>,
     coat_own: T,
@@ -40,7 +41,7 @@ pub struct CoatingAttenuation<T: Real = f32> {
 impl<T: Real> CoatingAttenuation<T> {
     /// `mu_o` is the cosine of the outgoing direction, above 0.
     #[inline(always)]
-    pub fn new(parameters: CoatingParameters<T>, mu_o: T, table: &'static Table) -> Self {
+    pub fn new(parameters: CoatingParameters<T>, mu_o: T, table: &'static AlbedoTable) -> Self {
         let coat_row = Row::new(parameters.clearcoat_roughness);
         let mean = coat_row.mean(table);
         let (f0, f90) = (T::splat(CLEARCOAT_F0), T::splat(1.0));
@@ -58,7 +59,7 @@ impl<T: Real> CoatingAttenuation<T> {
         }
     }
 
-    /// What is left of glossy and of diffuse light from `mu_i`.
+    /// Remaining fractions of glossy and of diffuse light from `mu_i`.
     #[inline(always)]
     pub fn factors(&self, mu_i: T) -> [T; 2] {
         let coat = self.coat.albedo(self.coat_row.at(self.table, mu_i)) * self.parameters.clearcoat;
@@ -70,7 +71,7 @@ impl<T: Real> CoatingAttenuation<T> {
 
 /// Albedo of full clearcoat seen from a direction.
 #[inline(always)]
-pub fn clearcoat_albedo(roughness: f32, mu: f32, table: &'static Table) -> f32 {
+pub fn clearcoat_albedo(roughness: f32, mu: f32, table: &'static AlbedoTable) -> f32 {
     CoatingAttenuation::new(
         CoatingParameters { clearcoat: 1.0, clearcoat_roughness: roughness, ..CoatingParameters::default() },
         mu,

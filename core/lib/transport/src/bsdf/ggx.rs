@@ -9,20 +9,20 @@ use syntable_simd::{Vec3, vec3};
 /// Smallest α: rougher than a mirror by an angle too small to see, but within the range of `f32`.
 pub const MIN_ALPHA: f32 = 1e-3;
 
-/// Quotients' divisors below this count as this.
+/// Lower bound of divisors.
 const SMALL: f32 = 1e-6;
 
-/// The distribution at one roughness, with what all incoming directions share for one outgoing direction.
+/// The distribution at one roughness, with the terms for one outgoing direction that all incoming directions share.
 #[derive(Clone, Copy, Debug)]
 pub struct Ggx<T> {
     wo: Vec3<T>,
     alpha: T,
     alpha2: T,
-    /// √(α² + (1 − α²) μₒ²): what masking is made of.
+    /// √(α² + (1 − α²) μₒ²), a term of the masking function.
     stretch: T,
     /// Fraction of the cap of visible normals below the horizon that can reflect upwards.
     bound: T,
-    /// Factor of the density that makes it that of sampled directions.
+    /// Factor from the density of normals to the density of sampled directions.
     per_density: T,
 }
 
@@ -64,7 +64,7 @@ impl<T: Real> Ggx<T> {
         let (sin, cos) = sin_cos_turns(u);
         let h = vec3(r * cos + standard.x, r * sin + standard.y, z + standard.z);
         let h = vec3(h.x * self.alpha, h.y * self.alpha, h.z);
-        // The cap's edge gives no normal at all: then straight up.
+        // At the cap's edge, the sum has no direction; the normal is then straight up.
         let square = h.dot(h);
         let sound = square.gt(T::splat(1e-30));
         let h = h * inverse(T::select(sound, square, T::splat(1.0)).sqrt());

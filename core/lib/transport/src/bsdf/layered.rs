@@ -17,7 +17,7 @@ pub enum Lobe {
     Refraction = 3,
 }
 
-/// Which layer was drawn, by lane, and what else there is to know of it.
+/// Sampled layer of each lane, with its parameters.
 pub struct LayerInputs<T> {
     /// Number of the [`Lobe`].
     pub lobe: T,
@@ -58,14 +58,15 @@ impl<T: Real> Layered<T> {
         }
     }
 
-    /// BSDF times cosine of the drawn layer, and its density. Passage has none: lights are found through it by chance.
+    /// BSDF times cosine of the sampled layer, and its density. Transmission has no density: only BSDF sampling finds
+    /// lights through it.
     #[inline(always)]
     pub fn evaluate(&self, bsdf: &Bsdf<T>, wi: Vec3<T>) -> (Rgb<T>, T) {
         let ([glossy, matte], pdf) = self.lobes(bsdf, wi);
         (glossy + matte, pdf)
     }
 
-    /// The same, what is glossy and what is diffuse apart. Sheen fibers are diffuse.
+    /// Like [`evaluate`](Self::evaluate), with glossy and diffuse parts separate. Sheen is diffuse.
     #[inline(always)]
     pub fn lobes(&self, bsdf: &Bsdf<T>, wi: Vec3<T>) -> ([Rgb<T>; 2], T) {
         let ([glossy, matte], mut pdf) = bsdf.lobes(wi);
@@ -74,7 +75,7 @@ impl<T: Real> Layered<T> {
         let black = Vec3::all(T::splat(0.0));
         if self.is_sheen.any() {
             let (sheen, density) = self.sheen.evaluate(wi);
-            // Clearcoat over sheen fibers; what the sheen fibers themselves take is no coating for them.
+            // Clearcoat over sheen. The sheen lobe does not attenuate itself.
             matte = Vec3::select(self.is_sheen, self.color * (sheen * glossy_left), matte);
             glossy = Vec3::select(self.is_sheen, black, glossy);
             pdf = T::select(self.is_sheen, density, pdf);
@@ -107,7 +108,7 @@ impl<T: Real> Layered<T> {
                 valid: mine & transmitted.valid | !mine & scattered.valid,
                 wi: Vec3::select(mine, transmitted.wi, wi),
                 weight: Vec3::select(mine, transmitted.weight, scattered.weight),
-                // No other strategy finds what is beyond.
+                // No other strategy finds lights behind the surface.
                 pdf: T::select(mine, T::splat(f32::INFINITY), pdf),
                 specular: specular | mine,
                 transmitted: mine & transmitted.wi.z.lt(T::splat(0.0)),

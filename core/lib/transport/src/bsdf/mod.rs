@@ -1,4 +1,4 @@
-//! How a surface scatters light: glTF 2.0's metallic-roughness model, made exactly energy-conserving.
+//! Scattering at surfaces: glTF 2.0's metallic-roughness model, made exactly energy-conserving.
 //!
 //! Three lobes, all reciprocal:
 //! - **specular**: GGX with height-correlated Smith masking and Schlick's Fresnel term;
@@ -25,7 +25,7 @@ mod tests;
 pub mod transmission;
 
 use crate::options::Dielectrics;
-pub use albedo::{Table, table};
+pub use albedo::{AlbedoTable, table};
 pub use coating::{CLEARCOAT_F0, CoatingParameters, clearcoat_albedo, sheen_albedo};
 pub use layered::{LayerInputs, Layered, Lobe};
 pub use sheen::sheen_table;
@@ -62,7 +62,7 @@ pub struct BsdfParameters<T = f32> {
 /// surface on both sides.
 #[derive(Clone, Copy, Debug)]
 pub struct Bsdf<T: Real = f32> {
-    table: &'static Table,
+    table: &'static AlbedoTable,
     wo: Vec3<T>,
     ggx: Ggx<T>,
     row: Row<T>,
@@ -82,9 +82,9 @@ pub struct Bsdf<T: Real = f32> {
 /// A sampled direction.
 #[derive(Clone, Copy, Debug)]
 pub struct BsdfSample<T: Real> {
-    /// Whether there is one.
+    /// Whether the sample is valid.
     pub valid: T::Mask,
-    /// Where it goes, local.
+    /// Incoming direction, local.
     pub wi: Vec3<T>,
     /// BSDF times cosine over density.
     pub weight: Rgb<T>,
@@ -94,7 +94,7 @@ pub struct BsdfSample<T: Real> {
     pub specular: T::Mask,
     /// Whether it continues on the other side of the surface.
     pub transmitted: T::Mask,
-    /// Whether glass reflected what it might have transmitted.
+    /// Whether glass reflected light that it could also have transmitted.
     pub reflected: T::Mask,
 }
 
@@ -105,7 +105,7 @@ pub struct Interface<T> {
     pub f0: T,
     /// Reflectance at grazing incidence.
     pub f90: T,
-    /// Reflectance of what is reflected more than once.
+    /// Reflectance of light after several reflections.
     pub multiple: T,
 }
 
@@ -127,7 +127,12 @@ pub fn multiple_reflectance<T: Real>(f0: T, f90: T, mean_albedo: T) -> T {
 impl<T: Real> Bsdf<T> {
     /// `wo` is unit length with z > 0.
     #[inline(always)]
-    pub fn new(parameters: &BsdfParameters<T>, wo: Vec3<T>, table: &'static Table, dielectrics: Dielectrics) -> Self {
+    pub fn new(
+        parameters: &BsdfParameters<T>,
+        wo: Vec3<T>,
+        table: &'static AlbedoTable,
+        dielectrics: Dielectrics,
+    ) -> Self {
         let BsdfParameters { base_color, roughness, metallic, dielectric_f0 } = *parameters;
         let row = Row::new(roughness);
         let (own, mean) = (row.at(table, wo.z), row.mean(table));
@@ -206,7 +211,7 @@ impl<T: Real> Bsdf<T> {
         (glossy + matte, pdf)
     }
 
-    /// Samples a direction, which may point into the surface; also gives whether the specular lobe was sampled.
+    /// Samples a direction, which may point into the surface. Returns whether it sampled the specular lobe, too.
     #[inline(always)]
     pub fn direction(&self, [u, v]: [T; 2]) -> (Vec3<T>, T::Mask) {
         let probability = self.specular_probability;

@@ -1,8 +1,8 @@
 //! Sheen fibers that stand off a cloth: the distribution of Estevez and Kulla ("Production Friendly Microfacet Sheen BRDF",
 //! 2017) with the visibility of Neubelt and Pettineo (2013), as glTF's KHR_materials_sheen has it.
 //!
-//! At grazing angles and low roughness the lobe as published reflects more than it receives; it is then divided by its
-//! albedo, the larger of both directions', so that it stays reciprocal and never gives more than it gets.
+//! At grazing angles and low roughness, the published lobe reflects more than it receives. It is then divided by the
+//! larger of its two directions' albedos, so that it stays reciprocal and never creates energy.
 
 use super::albedo::{CELLS, cell};
 use std::f32::consts::{FRAC_1_PI, TAU};
@@ -96,7 +96,7 @@ impl<T: Real> SheenRow<T> {
     }
 }
 
-/// Albedo of the published lobe at the corners of cells of roughness and cosine, made at first use.
+/// Albedo of the published lobe at the corners of cells of roughness and cosine, computed at first use.
 static TABLE: LazyLock<Vec<[f32; 8]>> = LazyLock::new(|| {
     let grid = |i: usize| i as f32 / CELLS as f32;
     let rows: Vec<Vec<f32>> = (0..=CELLS)

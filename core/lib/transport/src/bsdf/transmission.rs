@@ -1,12 +1,12 @@
 //! Light that transmitted a surface: a rough dielectric interface (Walter et al., EGSR 2007) or a thin sheet.
 //!
-//! What is carried along a path is radiance over the squared index of its medium, which refraction leaves unchanged, so
-//! that no factor appears at interfaces.
+//! A path carries radiance over the squared index of its medium. Refraction leaves this quantity unchanged, so
+//! interfaces need no factor.
 //!
-//! Smith's model takes what leaves a facet and meets another one for lost: a third of white light that crosses a body of
-//! roughness 0.6. Here that light keeps the direction in which it left the first facet, or its mirror image if that
-//! points to the wrong side, and nothing is lost; the price is that the lobe is not reciprocal by that fraction. Light only
-//! ever comes through transmission from sampled directions, so that no density is needed.
+//! Smith's model loses light that leaves a facet and meets another: a third of white light that crosses a body of
+//! roughness 0.6. Here, that light keeps its direction after the first facet, or its mirror image if that direction
+//! points to the wrong side, so no energy is lost. The price is that the lobe is not reciprocal by that fraction. Light
+//! arrives through transmission only from sampled directions, so it needs no density.
 
 use super::ggx;
 use syntable_simd::functions::sin_cos_turns;
@@ -22,16 +22,16 @@ pub struct Transmission<T: Real = f32> {
     eta: T,
     /// Whether the other side is near again: a thin sheet, which light transmitted without being refracted.
     thin_walled: T::Mask,
-    /// What passing light is multiplied by.
+    /// Factor of transmitted light.
     tint: Rgb<T>,
 }
 
 /// A sampled direction, on either side.
 #[derive(Clone, Copy, Debug)]
 pub struct TransmissionSample<T: Real> {
-    /// Whether there is one.
+    /// Whether the sample is valid.
     pub valid: T::Mask,
-    /// Where it goes, local.
+    /// Incoming direction, local.
     pub wi: Vec3<T>,
     /// BSDF times cosine over density.
     pub weight: Rgb<T>,
@@ -46,8 +46,8 @@ impl<T: Real> Transmission<T> {
         Self { wo, alpha: at_least(roughness * roughness, ggx::MIN_ALPHA), eta, thin_walled, tint }
     }
 
-    /// Samples a microfacet from the visible normals, then reflection or passage by the Fresnel reflectance; `random`
-    /// decides. Where both are possible, each has at least the probability `least`, up to one half.
+    /// Samples a microfacet from the visible normals; `random` then selects reflection or transmission by the Fresnel
+    /// reflectance. Where both are possible, each has at least the probability `least`, up to one half.
     #[inline(always)]
     pub fn sample(&self, [u, v]: [T; 2], random: T, least: T) -> TransmissionSample<T> {
         let one = T::splat(1.0);
@@ -84,7 +84,7 @@ impl<T: Real> Transmission<T> {
     }
 }
 
-/// Reflectance of a thin sheet, whose two faces reflect light between them for ever: F + (1 − F)² F / (1 − F²).
+/// Reflectance of a thin sheet with all reflections between its two faces: F + (1 − F)² F / (1 − F²).
 #[inline(always)]
 pub fn of_two_faces<T: Real>(fresnel: T) -> T {
     fresnel * 2.0_f32 / (fresnel + 1.0_f32)

@@ -1,13 +1,13 @@
 //! The lights of a view: selecting one, sampling it, intersecting it.
 //!
-//! There are three sorts. Area lights are opaque where they emit: a path that hits one ends there, and it occludes what is
-//! behind it; the back of a rectangle or disk is invisible. Emissive bodies are hit as bodies. Distant lights are hit by
-//! rays that hit nothing else.
+//! Lights have three types. Area lights are opaque where they emit: a path that hits one ends there, and the light
+//! occludes the background; the back of a rectangle or disk is invisible. Emissive bodies are hit as bodies. Distant
+//! lights are hit by rays that hit nothing else.
 //!
 //! A light is selected in proportion to an estimate of its unshadowed irradiance at the point.
 //!
-//! A window is a rectangle whose radiance depends on where and from where it is seen. It is sampled and hit as any rectangle,
-//! uniformly in solid angle from near: its density does not know the pattern, whose contrast is small.
+//! A window is a rectangle whose radiance depends on position and direction. It is sampled and hit like any rectangle,
+//! uniformly in solid angle from near. Its density ignores the pattern, whose contrast is small.
 
 mod disk;
 mod rect;
@@ -37,11 +37,11 @@ pub struct LightSample<T: Real> {
     pub distance: T,
     /// Density per steradian.
     pub pdf: T,
-    /// Whether there is such a direction.
+    /// Whether the sample is valid.
     pub valid: T::Mask,
 }
 
-/// Where a ray hits a light.
+/// Hit of a ray on a light.
 #[derive(Clone, Copy, Debug)]
 pub struct LightHit<T: Real> {
     /// Whether it hits one.
@@ -61,9 +61,9 @@ pub struct Shape<'a>(pub &'a AreaLight);
 pub struct Lights<'a> {
     table: LightTable,
     emitters: &'a [EmissiveBody],
-    /// For what an emissive body emits at a point.
+    /// Scene with the emission of bodies.
     scene: Option<&'a PreparedScene>,
-    /// For surfaces that show the environment; none if there is no such surface, or no environment.
+    /// Environment for surfaces that show it; `None` without such a surface or without an environment.
     pub projection: Option<ProjectedEnvironment>,
 }
 
@@ -92,18 +92,18 @@ impl Lights<'_> {
         self.table.area.len() + self.emitters.len() + self.table.distant.len()
     }
 
-    /// Whether there is no light.
+    /// Whether the view has no light.
     pub fn is_empty(&self) -> bool {
         self.count() == 0
     }
 
-    /// Whether there are distant lights.
+    /// Whether the view has distant lights.
     #[inline(always)]
     pub fn has_distant(&self) -> bool {
         !self.table.distant.is_empty()
     }
 
-    /// Importance of a light; the only light's is one. (No closures here or where this is called: they would not be
+    /// Importance of a light; 1 for a single light. (No closures in this function or its callers: they would not be
     /// compiled for the processor's lanes.)
     #[inline(always)]
     fn importance<T: Real>(&self, light: usize, p: Vec3<T>, n: Vec3<T>) -> T {
@@ -119,7 +119,7 @@ impl Lights<'_> {
         T::load(&out)
     }
 
-    /// Importance of a light that is no shape; they count from 0.
+    /// Importance of a light without a shape, numbered from 0.
     #[inline(never)]
     fn importance_by_lane(&self, light: usize, p: &Lanes, n: &Lanes, out: &mut [f32]) {
         for (lane, out) in out.iter_mut().enumerate() {
@@ -130,8 +130,8 @@ impl Lights<'_> {
         }
     }
 
-    /// Samples a light for a point with unit normal `n`, in proportion to what it could give there unshadowed. Also
-    /// gives the light's radiance; that of a window is black in directions below the horizon of the normal.
+    /// Samples a light for a point with unit normal `n`, in proportion to its potential unshadowed contribution.
+    /// Returns the light's radiance, too, which for a window is black in directions below the horizon of the normal.
     #[inline(always)]
     pub fn sample<T: Real>(&self, p: Vec3<T>, n: Vec3<T>, [mut u, v]: [T; 2]) -> (LightSample<T>, Rgb<T>) {
         let (zero, one) = (T::splat(0.0), T::splat(1.0));
@@ -162,7 +162,7 @@ impl Lights<'_> {
                 let own = shape.sample(p, [u, v]);
                 let emitted = match light {
                     AreaLight::Rect(rect) if rect.window != NO_WINDOW => {
-                        // What is below the horizon of the point gives it nothing.
+                        // Light from below the point's horizon has no effect.
                         let useful = mine & own.valid & n.dot(own.direction).gt(zero);
                         self.window_radiance(rect, p, own.direction, own.distance, useful.to_bits())
                     }
@@ -255,7 +255,7 @@ impl Lights<'_> {
         out.load()
     }
 
-    /// Density with which [`Self::sample`] finds the direction of a hit on a shape. Also gives the light's radiance.
+    /// Density with which [`Self::sample`] finds the direction of a hit on a shape. Returns the light's radiance, too.
     #[inline(always)]
     pub fn pdf<T: Real>(&self, p: Vec3<T>, n: Vec3<T>, direction: Vec3<T>, hit: &LightHit<T>) -> (T, Rgb<T>) {
         let zero = T::splat(0.0);
@@ -281,8 +281,8 @@ impl Lights<'_> {
         (pdf * inverse(total.larger(T::splat(f32::MIN_POSITIVE))), radiance)
     }
 
-    /// Density with which [`Self::sample`] finds a point of a body that emits, at a distance from `p` with normal `n`; `cos`
-    /// is that of the ray with the triangle's normal.
+    /// Density with which [`Self::sample`] finds a point of an emissive body, at a distance from `p` with normal `n`;
+    /// `cos` is the cosine between the ray and the triangle's normal.
     pub fn body_pdf(&self, p: Vec3, n: Vec3, point: &SurfacePoint, distance: f32, cos: f32) -> f32 {
         let Some(number) = self.emitters.iter().position(|emitter| emitter.instance == point.instance) else {
             return 0.0;
@@ -327,7 +327,7 @@ impl Lights<'_> {
         first
     }
 
-    /// Whether a light occludes what is at distance `to`, which may be a light itself.
+    /// Whether a light occludes a target at distance `to`. The target may be a light itself.
     #[inline(always)]
     pub fn occlude<T: Real>(&self, origin: Vec3<T>, direction: Vec3<T>, to: T) -> T::Mask {
         if !self.table.area.is_empty() && self.count() > 1 {

@@ -1,4 +1,5 @@
-//! Rectangle lights: near ones sampled uniformly in solid angle (Ureña, Fajardo and King, EGSR 2013), far ones by area.
+//! Rectangle lights: near ones are sampled uniformly in solid angle (Ureña, Fajardo and King, EGSR 2013), far ones by
+//! area.
 
 use super::LightSample;
 use std::f32::consts::{FRAC_1_PI, PI};
@@ -132,7 +133,7 @@ impl Rect<'_> {
         let reach = (a * a + b * b).sqrt();
         let per_distance = inverse(distance2.sqrt());
         let cosine = at_least(at_most((n.dot(to) + reach) * per_distance, 1.0), 0.0);
-        // Area times cosine over squared distance; close up, no more than the whole hemisphere.
+        // Area times cosine over squared distance; close up, at most the whole hemisphere.
         let form_factor = at_most(height * (self.area() * FRAC_1_PI) * per_distance / distance2, 1.0);
         at_least(form_factor, 0.0) * cosine * (PI * self.luminance)
     }

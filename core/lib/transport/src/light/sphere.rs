@@ -21,7 +21,7 @@ impl Deref for Sphere<'_> {
     }
 }
 
-/// What a point sees of a sphere.
+/// Cone of directions from a point to a sphere.
 struct Cone<T: Real> {
     /// Unit vector to the center.
     axis: Vec3<T>,
@@ -71,7 +71,7 @@ impl Sphere<'_> {
         inverse(self.cone(p).height * TAU)
     }
 
-    /// Distance to the surface, from outside or from within; infinite if there is none.
+    /// Distance to the surface, from outside or from inside; infinite without a hit.
     #[inline(always)]
     pub fn intersect<T: Real>(&self, origin: Vec3<T>, direction: Vec3<T>) -> T {
         let to_center = Vec3::broadcast(self.center) - origin;

@@ -1,9 +1,9 @@
-//! A staged scene moves into the dataset.
+//! Moves a staged scene into the dataset.
 
 use crate::run::dataset::folder::Folder;
 use crate::run::dataset::journal::{Journal, JournalEntry, SceneOutcome};
 use crate::run::dataset::layout::{self, MARK, RECORD};
-use crate::run::dataset::manifest::{Manifest, Stamp, State, Written};
+use crate::run::dataset::manifest::{FileState, Manifest, Stamp, Written};
 use crate::run::dataset::staging::{READY, part};
 use parking_lot::Mutex;
 use serde::{Deserialize, Serialize};
@@ -14,10 +14,10 @@ use syntable_model::files::DatasetPath;
 use syntable_model::stage::is_shared;
 use syntable_model::store::{Kind, StoreFolder};
 
-/// Number of scenes whose file is compared and shared before a scene keeps a file of its own.
+/// Maximum number of files to compare and share before a scene keeps its own copy.
 const SHARE_TRIES: usize = 4;
 
-/// A staged scene: its line of the journal, and files of the scene that it no longer has.
+/// A staged scene: its journal line, and the files that it replaces.
 #[derive(Serialize, Deserialize)]
 pub(in crate::run) struct Staged {
     pub(super) entry: JournalEntry,
@@ -25,12 +25,12 @@ pub(in crate::run) struct Staged {
 }
 
 impl Folder {
-    /// Moves the files of a staged scene into place and writes its line. Interrupted anywhere, the next
-    /// [`recover`](Self::recover) either finishes the job or finds nothing of the scene.
+    /// Moves the files of a staged scene into place and writes its journal line. If this is interrupted anywhere, the
+    /// next [`recover`](Self::recover) either finishes the move or finds nothing of the scene.
     ///
-    /// Files that the scene had before are replaced; `kept` stay beside the new ones, all others are deleted. `written` has the
-    /// writers of the new ones. A file that is not the scene's is a permanent error. The entry that is returned has the
-    /// manifest's digest.
+    /// Replaces the scene's earlier files: `kept` stay beside the new ones, all others are deleted. `written` lists the
+    /// writers of the new files. A file that does not belong to the scene is a permanent error. The returned entry has
+    /// the manifest's digest.
     pub fn commit(
         &self,
         mut entry: JournalEntry,
@@ -54,8 +54,8 @@ impl Folder {
         manifest.writers.extend(written);
         for (path, stamp) in &new.files {
             if manifest.files.insert(path.clone(), *stamp).is_some() && !path.starts_with(MARK) {
-                return Err(Error::new(format!("`{path}` is written twice"))
-                    .help("two writers have one path; give one of them another id, folder or path"));
+                return Err(Error::new(format!("two writers write `{path}`"))
+                    .help("give one of them another id, folder or path"));
             }
         }
         stale.files.retain(|path, _| !manifest.has(path));
@@ -73,14 +73,14 @@ impl Folder {
         if !entry.failed() {
             self.files.rename(&part, &ready)?;
         }
-        // A scene that has its record is published even by the next run, so its recipe comes first.
+        // From its record on, even the next run publishes the scene, so the recipe comes first.
         self.accept_recipe(&mut journal)?;
         self.files.inner(&ready).write(&layout::record(), text.as_bytes())?;
         self.publish(&ready, record, &mut journal)?;
         Ok(entry)
     }
 
-    /// Refuses new files of a scene at places that are not its `own`. `present` is its line of the journal.
+    /// Refuses new files of a scene at existing paths outside its `own`. `present` is its journal line.
     fn check_places(&self, new: &Manifest, own: &Manifest, present: Option<&JournalEntry>) -> Result<()> {
         let mut clashes: Vec<&str> = Vec::new();
         for path in new.files.keys().filter(|path| !own.has(path) && !path.starts_with(MARK)) {
@@ -95,7 +95,7 @@ impl Folder {
         if clashes.is_empty() {
             return Ok(());
         }
-        // The files of a scene whose manifest is lost are its own if no other manifest has them.
+        // If the manifest is lost, the scene owns every file that no other manifest lists.
         let present = present.and_then(JournalEntry::manifest);
         let lost = present.is_some_and(|digest| own.text().1 != digest);
         let owners = self.owners(&clashes)?;
@@ -105,7 +105,7 @@ impl Folder {
         }
     }
 
-    /// A file where one of these paths has a folder, unless it is one of `own`, which goes. A link is an error.
+    /// A file where one of these paths needs a folder, unless it is one of `own`, which is removed. A link is an error.
     pub(super) fn file_in_the_way<'p>(
         &self,
         paths: impl Iterator<Item = &'p DatasetPath>,
@@ -122,10 +122,10 @@ impl Folder {
         Ok(None)
     }
 
-    /// Moves the files of a scene that is ready into place, and writes its line. The record is the last to go, so that an
-    /// interrupted move can be resumed.
+    /// Moves the files of a ready scene into place and writes its line. The record goes last, so an interrupted move
+    /// can be resumed.
     pub(super) fn publish(&self, ready: &DatasetPath, staged: Staged, journal: &mut Journal) -> Result<()> {
-        // What goes may be where a folder of new files must be.
+        // A file to remove may be where new files need a folder.
         staged.stale.iter().try_for_each(|path| self.files.remove(path))?;
         self.move_files(ready, Some(RECORD))?;
         if journal.entries().get(&staged.entry.scene) != Some(&staged.entry) {
@@ -134,7 +134,7 @@ impl Folder {
         self.files.remove_all(ready)
     }
 
-    /// Moves the files of a staged folder to the same places in the dataset, replacing what is there; `keep` stays.
+    /// Moves the files of a staged folder to the same paths in the dataset, replacing existing files; `keep` stays.
     pub(super) fn move_files(&self, staged: &DatasetPath, keep: Option<&str>) -> Result<()> {
         let mut paths: Vec<String> = Vec::new();
         each_staged(&self.files.inner(staged), "", &mut paths)?;
@@ -149,11 +149,11 @@ impl Folder {
         Ok(())
     }
 
-    /// Lets a staged file share the bytes of another scene's file, so that the store has them once. A store that cannot share
-    /// keeps the staged file: the bytes are the same.
+    /// Shares the bytes of another scene's file with a staged one, so that the store has them once. A store that cannot
+    /// share keeps the staged file, whose bytes are the same.
     fn share(&self, staged: &DatasetPath, to: &DatasetPath) -> Result<()> {
         let (folder, name) = to.rsplit_once('/').expect("a shared file is in a folder");
-        // A file that this run has shared or put there is not read again: the end of the run compares all of them.
+        // A file that this run has shared or written is not read again: the end of the run compares all of them.
         let known = self.shared.lock().get(folder).cloned();
         let size = |path: &DatasetPath| {
             let found = self.files.look(path).ok().flatten();
@@ -167,11 +167,13 @@ impl Folder {
         let stamp = Stamp::of(&self.files, staged)?;
         let mut others: Vec<String> =
             self.files.list(folder).unwrap_or_default().into_iter().map(|(name, _)| name).collect();
-        // Of many scenes the last ones: a file that has as many links as the file system allows is among the first.
+        // The last of many scenes: the first files may have as many links as the file system allows.
         others.sort_unstable_by(|a, b| b.cmp(a));
         for other in others.iter().filter(|other| *other != name).take(SHARE_TRIES) {
             let Ok(other) = DatasetPath::new(format!("{folder}/{other}")) else { continue };
-            if stamp.check_in(&self.files, &other)? == State::Whole && self.files.share(&self.files, &other, staged)? {
+            if stamp.check_in(&self.files, &other)? == FileState::Whole
+                && self.files.share(&self.files, &other, staged)?
+            {
                 break;
             }
         }
@@ -194,14 +196,14 @@ fn each_staged(staged: &StoreFolder, inside: &str, paths: &mut Vec<String>) -> R
     Ok(())
 }
 
-/// What to do about a file that belongs to nobody.
+/// Remedy for a file that no manifest lists.
 pub(super) const LEAVE: &str = "move it away, or choose another folder";
 
-/// Says whose file is where another one must be written; `help` is for one that no manifest lists.
+/// The error for a path whose file belongs to `owner`. `help` is the remedy if no manifest lists the file.
 pub(super) fn taken(path: &str, owner: Option<&String>, help: &str) -> Error {
     let (owner, help) = match owner {
-        Some(owner) => (format!("is {owner}"), "two files have one path: give the writer another id, folder or path"),
-        None => ("is there already and does not belong to the dataset".to_owned(), help),
+        Some(owner) => (format!("is {owner}"), "give the writer another id, folder or path"),
+        None => ("exists and does not belong to the dataset".to_owned(), help),
     };
     Error::new(format!("`{path}` {owner}")).help(help)
 }

@@ -1,11 +1,11 @@
-//! What the end of a run wrote moves into the dataset.
+//! Moves the results of a run's end into the dataset.
 
 use crate::run::dataset::commit::{LEAVE, taken};
 use crate::run::dataset::folder::Folder;
 use crate::run::dataset::foreign;
 use crate::run::dataset::journal::Journal;
 use crate::run::dataset::layout::{self, RECIPE};
-use crate::run::dataset::manifest::{Manifest, Stamp, State};
+use crate::run::dataset::manifest::{FileState, Manifest, Stamp};
 use crate::run::dataset::staging::FINISH;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
@@ -15,13 +15,13 @@ use syntable_model::files::DatasetPath;
 use syntable_model::store::{Kind, StoreFolder};
 use syntable_recipe::without_assets;
 
-/// What the end of a run wrote.
+/// Results of a run's end.
 #[derive(Debug, Default, Serialize, Deserialize)]
 pub struct Finished {
-    /// Digest of the journal that the files were written for; none if a writer failed.
+    /// Digest of the journal that the files belong to; `None` if a writer failed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub journal: Option<Digest>,
-    /// Digest of the recipe but for the assets that it locks, by which it is recognized if the file is lost.
+    /// Digest of the recipe without its locked assets. It identifies the recipe if the file is lost.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub recipe: Option<Digest>,
     /// The files.
@@ -30,24 +30,24 @@ pub struct Finished {
 }
 
 impl Finished {
-    /// What the end of the last run in a dataset wrote; nothing if the list cannot be read.
+    /// Results of the end of the dataset's last run; empty if the list is unreadable.
     pub fn of(dataset: &StoreFolder) -> Result<Self> {
         let bytes = foreign::read(dataset, &layout::finished())?;
         Ok(serde_json::from_slice(&bytes).unwrap_or_default())
     }
 }
 
-/// The digest by which a recipe is recognized: of all but the assets that it locks.
+/// Digest that identifies a recipe: all of it except the locked assets.
 pub(super) fn digest_of_recipe(text: &str) -> Digest {
     Digest::of(without_assets(text).as_bytes())
 }
 
-/// What to do about a file that belongs to nobody, where the list of what the end of a run wrote may be lost.
-const CLAIM: &str = "if an earlier run wrote it, run the same command with --repair, which replaces it; else move it away, or \
+/// Remedy for a file of unknown origin, if the list of the last run's results may be lost.
+const CLAIM: &str = "if an earlier run wrote it, run again with `options.repair`, which replaces it; else move it away, or \
                      choose another folder";
 
 impl Folder {
-    /// What the end of the last run wrote.
+    /// Results of the end of the last run.
     pub fn finished(&self) -> Result<Finished> {
         Finished::of(&self.files)
     }
@@ -57,12 +57,13 @@ impl Folder {
         self.files.write(&layout::finished(), text.as_bytes())
     }
 
-    /// Moves what the end of a run staged into place. A file that is not of an earlier end is not replaced: the error names its
-    /// owner. Without `complete`, a writer failed, and the files that it wrote earlier stay.
+    /// Moves the staged results of a run's end into place. Replaces only files of an earlier end; for any other file,
+    /// the error names its owner. Without `complete`, a writer failed, and its earlier files stay.
     ///
-    /// What an earlier end wrote is what `finished.json` lists. The list has the recipe from the first end on. A list without it
-    /// may be a lost one. With `repair`, a file that no scene lists, at a path that a writer has just written, is then taken for
-    /// that writer's. A file of the same bytes is always taken for it, since nothing is lost.
+    /// `finished.json` lists the files of earlier ends. From the first end on, it also lists the recipe, so a list
+    /// without the recipe may be a lost one. With `repair`, a writer then adopts a file that no scene lists and that
+    /// has the path of a file it has just written. It always adopts a file with the same bytes, since this loses
+    /// nothing.
     pub fn publish_finish(&self, resolved: &str, journal: &mut Journal, complete: bool, repair: bool) -> Result<()> {
         let folder = layout::staged(FINISH);
         let old = self.finished()?.manifest;
@@ -75,7 +76,7 @@ impl Folder {
                 continue;
             }
             let owners = self.owners(&[&path])?;
-            let is_whole = || Ok(stamp.check(&self.files, &path)? == State::Whole);
+            let is_whole = || Ok(stamp.check(&self.files, &path)? == FileState::Whole);
             let claimed = there.kind == Kind::File && ((repair && lost) || is_whole()?);
             if owners.is_empty() && claimed {
                 continue;
@@ -87,7 +88,7 @@ impl Folder {
         if let Some(path) = self.file_in_the_way(new.files.keys(), &old)? {
             return Err(taken(&path, self.owners(&[&path])?.get(&path), LEAVE));
         }
-        // Both are listed until all are moved, so that an interrupted move leaves no file that belongs to nobody.
+        // Both are listed until all are moved, so an interrupted move leaves no unlisted file.
         let mut both = old.clone();
         both.files.extend(new.files.clone());
         self.set_finished(&Finished { journal: None, recipe: self.finished()?.recipe, manifest: both })?;

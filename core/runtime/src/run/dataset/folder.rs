@@ -1,30 +1,31 @@
 //! The dataset's folder, open for a run.
 //!
-//! **Ownership.** A line of the journal has the digest of the scene's manifest, and the manifest has the digests of its
-//! files: the journal vouches for every byte. A file of the dataset is in exactly one manifest. A scene may replace files of
-//! its own manifest, and the end of a run those of `finished.json`. Any other file that is there already stays, and the scene
-//! or writer that wants its path is refused. A file that no manifest lists does not belong to the dataset and is never touched.
+//! **Ownership.** A journal line has the digest of its scene's manifest, and the manifest has the digests of its files,
+//! so the journal covers every byte. Each file of the dataset is in exactly one manifest. A scene may replace the files
+//! of its own manifest, and the end of a run the files of `finished.json`. Any other existing file stays, and a scene
+//! or writer that needs its path is refused. Files that no manifest lists do not belong to the dataset and are never
+//! changed.
 //!
-//! **Strangers.** Somebody else may have made the dataset. Lists name files by [`DatasetPath`]s,
-//! which stay inside. The store moves and removes files without following links. Before anything changes, `foreign` looks at all
-//! lists and at the program's own folder.
+//! **Foreign datasets.** Another person may have made the dataset. Lists name files by [`DatasetPath`]s, which stay
+//! inside the folder. The store moves and removes files without following links. Before any change, `foreign` checks
+//! all lists and the program's own folder.
 //!
-//! **Order.** A scene is done when its record is in its staged folder. Moving its files and writing its line can be resumed.
-//! `finished.json` names the digest of the journal that it was written for, which distinguishes an interrupted run from one that
-//! ended.
+//! **Order.** A scene is finished when its record is in its staged folder. Moving its files and writing its line can be
+//! resumed. `finished.json` has the digest of its journal, which distinguishes an interrupted run from a complete one.
 //!
 //! | file | does |
 //! |---|---|
-//! | `layout.rs`, `locking.rs`, `foreign.rs` | paths; locks; checks of a dataset that a stranger may have made |
-//! | `staging.rs`, `commit.rs`, `ending.rs` | files in the making; a scene moves into place; what the end of a run wrote moves into place |
-//! | `proposal.rs` | the recipe of the dataset, and one that will become it |
-//! | `recovery.rs` | interrupted work is completed; a dataset is deleted |
+//! | `layout.rs`, `locking.rs`, `foreign.rs` | paths; locks; checks of a dataset from another person |
+//! | `staging.rs`, `commit.rs`, `ending.rs` | unfinished files; moving a scene into place; moving the results of a
+//! run's end into place |
+//! | `proposal.rs` | the recipe of the dataset, and a recipe that will replace it |
+//! | `recovery.rs` | completion of interrupted work; deletion of a dataset |
 
 use crate::run::dataset::foreign;
 use crate::run::dataset::journal::{Journal, JournalEntry};
 use crate::run::dataset::layout::{self, MARK, RECIPE, SHARDS};
 use crate::run::dataset::locking::lock;
-use crate::run::dataset::manifest::{Manifest, State};
+use crate::run::dataset::manifest::{FileState, Manifest};
 use crate::run::dataset::proposal::Proposed;
 use parking_lot::Mutex;
 use std::collections::BTreeMap;
@@ -34,29 +35,30 @@ use syntable_model::files::DatasetPath;
 use syntable_model::store::{Access, Hold, Kind, StoreFolder};
 use syntable_recipe::CatalogNames;
 
-/// An open dataset folder. No other run can open it meanwhile.
+/// An open dataset folder. It is locked against other runs.
 pub struct Folder {
     pub(super) files: StoreFolder,
-    /// The recipe that becomes the dataset's with the first scene that is made by it.
+    /// The recipe that replaces the dataset's recipe with the first scene made from it.
     pub(super) proposed: Mutex<Option<Proposed>>,
-    /// A file of each folder of files that scenes share, which this run has put there.
+    /// A file of each folder of shared files that this run has put there.
     pub(super) shared: Mutex<BTreeMap<String, DatasetPath>>,
     _lock: Hold,
 }
 
 impl Folder {
-    /// Opens a folder that is new, empty, or holds a dataset. A deletion that was interrupted is finished.
+    /// Opens a folder that is new, empty, or has a dataset. Completes an interrupted deletion.
     ///
     /// # Errors
-    /// If another run works there, or the dataset names files or has links that lead elsewhere; then nothing was touched.
+    /// If another run works there, or the dataset names files outside or has links that lead outside; no file was
+    /// changed then.
     pub fn open(dataset: impl Into<StoreFolder>) -> Result<Self> {
         let dataset = dataset.into();
         dataset.prepare()?;
-        // What is wrong with a link is said when it is locked.
+        // Locking reports errors about links.
         if !layout::is_dataset(&dataset)? && !dataset.list("")?.is_empty() {
-            return Err(Error::new("the folder is not empty and holds no dataset")
+            return Err(Error::new("the folder is not empty and has no dataset")
                 .in_file(dataset.name())
-                .help("choose another folder; nothing was touched"));
+                .help("choose another folder; no file was changed"));
         }
         let folder = Self::locked(dataset, Access::Write)?;
         if folder.files.has(&layout::bin())? {
@@ -65,7 +67,7 @@ impl Folder {
         Ok(folder)
     }
 
-    /// Opens a dataset to read it. It may lie where nothing can be written, unless there is something to recover.
+    /// Opens a dataset to read it. The folder may be read-only, unless interrupted work must be completed.
     pub fn read(dataset: impl Into<StoreFolder>) -> Result<Self> {
         let dataset = dataset.into();
         let folder = Self::locked(dataset.clone(), Access::Read)?;
@@ -104,7 +106,7 @@ impl Folder {
         self.listed_scenes().map(|scenes| !scenes.is_empty())
     }
 
-    /// Whether no scene was made, be there failed ones or none.
+    /// Whether the dataset has no finished scene; failed scenes do not count.
     pub fn is_empty(&self, journal: &Journal) -> Result<bool> {
         Ok(journal.entries().values().all(JournalEntry::failed) && !self.has_scenes()?)
     }
@@ -118,25 +120,25 @@ impl Folder {
         Ok(())
     }
 
-    /// The manifest of a scene, if it can be read.
+    /// The manifest of a scene, if it is readable.
     pub fn manifest(&self, scene: u32) -> Result<Option<Manifest>> {
         Ok(Manifest::read(&self.files, &layout::manifest(scene))?.map(|(manifest, _)| manifest))
     }
 
-    /// Takes lines that cannot be read out of the journal, and returns how many. A journal without manifests of scenes is
-    /// that of another version and stays.
+    /// Removes unreadable lines from the journal, and returns their number. A journal without manifests of scenes comes
+    /// from another version, and stays.
     pub fn mend_journal(&self) -> Result<usize> {
         if self.files.has(&layout::manifests())? { Journal::mend(&self.files) } else { Ok(0) }
     }
 
-    /// Scenes that have a manifest and no line of the journal: their lines are lost.
+    /// Scenes with a manifest but without a journal line, because their lines are lost.
     pub fn without_line(&self, journal: &Journal) -> Result<Vec<u32>> {
         let mut scenes = self.listed_scenes()?;
         scenes.retain(|scene| !journal.entries().contains_key(scene));
         Ok(scenes)
     }
 
-    /// Scenes that have a manifest, ascending.
+    /// Scenes with a manifest, ascending.
     pub(super) fn listed_scenes(&self) -> Result<Vec<u32>> {
         let names = self.files.list(&layout::manifests())?.into_iter();
         let mut scenes: Vec<u32> = names.filter_map(|(name, _)| name.strip_suffix(".json")?.parse().ok()).collect();
@@ -144,18 +146,18 @@ impl Folder {
         Ok(scenes)
     }
 
-    /// The manifest of a scene that is done: the one that the journal names.
+    /// The manifest of a finished scene: the one that the journal names.
     pub fn manifest_of(&self, entry: &JournalEntry) -> Result<Manifest> {
         let path = layout::manifest(entry.scene);
         let read = Manifest::read(&self.files, &path)?.filter(|(_, digest)| entry.manifest() == Some(digest));
         read.map(|(manifest, _)| manifest).ok_or_else(|| self.damaged(entry, &path))
     }
 
-    /// Compares the shards of a scene with its manifest, and that with the journal.
+    /// Compares the shards of a scene with its manifest, and the manifest with the journal.
     pub fn check_shards(&self, entry: &JournalEntry) -> Result<()> {
         let manifest = self.manifest_of(entry)?;
         for (inside, stamp) in manifest.files.iter().filter(|(inside, _)| inside.starts_with(SHARDS)) {
-            if stamp.check_in(&self.files, inside)? != State::Whole {
+            if stamp.check_in(&self.files, inside)? != FileState::Whole {
                 return Err(self.damaged(entry, inside));
             }
         }
@@ -165,10 +167,10 @@ impl Folder {
     fn damaged(&self, entry: &JournalEntry, path: &DatasetPath) -> Error {
         Error::new(format!("a file of scene {} is missing or damaged", entry.scene))
             .in_file(self.files.name_of(path))
-            .help("run the same command with --repair: it makes the scene again")
+            .help("run again with `options.repair`, which makes the scene again")
     }
 
-    /// Whose files these are, for those that a manifest lists.
+    /// The owners of these files, for files that a manifest lists.
     pub(super) fn owners(&self, paths: &[&str]) -> Result<BTreeMap<String, String>> {
         let mut owners = BTreeMap::new();
         let mut add = |manifest: &Manifest, owner: &str| {
@@ -185,15 +187,15 @@ impl Folder {
     }
 }
 
-/// Where a dataset has the names of a pool's assets.
+/// Path of the file with the names of a pool's assets.
 ///
 /// # Errors
-/// If the name of the pool is none of a file: a dataset may lock any.
+/// If the name of the pool is not a valid file name. A foreign dataset may lock any name.
 pub fn catalog_path(dataset: &StoreFolder, pool: &str) -> Result<DatasetPath> {
     layout::catalog(pool).map_err(|error| error.in_file(dataset.name_of(RECIPE)))
 }
 
-/// Calls `each` with every file below a dataset's folder that is not in the program's own folder, by its relative path.
+/// Calls `each` with the relative path of every file of a dataset outside the program's own folder.
 pub fn each_file(dataset: &StoreFolder, inside: &str, each: &mut dyn FnMut(&str, Kind)) -> Result<()> {
     for (name, kind) in dataset.list(inside)? {
         let inside = if inside.is_empty() { name } else { format!("{inside}/{name}") };

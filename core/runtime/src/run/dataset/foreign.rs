@@ -1,5 +1,5 @@
-//! Whether a dataset may be worked on, which somebody else may have made: its own folder has no links, and its lists name
-//! files of the dataset alone. Looked at before anything is written, moved or removed.
+//! Checks whether a dataset from another person is safe to work on: its own folder has no links, and its lists name
+//! only files of the dataset. This runs before any file is written, moved or removed.
 
 use crate::run::dataset::layout::{self, BIN, FINISHED, MARK, RECIPE, RECORD, SCENES, STAGING};
 use crate::workers::{self, Pool};
@@ -16,34 +16,34 @@ use syntable_model::limits::{Limit, RUN_LIST_BYTES};
 use syntable_model::some::SHOWN;
 use syntable_model::store::{Kind as FileKind, StoreFolder};
 
-/// A list of files in the program's own folder. Its place says what it lists.
+/// A list of files in the program's own folder. Its path determines its kind.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 pub struct List {
-    /// Its path.
+    /// Path of the list.
     pub path: DatasetPath,
-    kind: Kind,
+    kind: ListKind,
 }
 
-/// What a list lists.
+/// Kind of a list.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-enum Kind {
+enum ListKind {
     /// The files of a scene.
     Scene,
-    /// What the end of a run wrote.
+    /// The results of a run's end.
     Finished,
-    /// Files that a staged scene replaces.
+    /// The files that a staged scene replaces.
     Staged,
 }
 
-impl Kind {
-    /// What a file of the program's own folder lists, if the program reads it as a list.
+impl ListKind {
+    /// The kind of the list at a path of the program's own folder, if the program reads this file as a list.
     fn at(path: &str) -> Option<Self> {
         let inside = path.strip_prefix(MARK)?.strip_prefix('/')?;
         if let Some((_, staged)) = in_ready(inside) {
-            // Moved into place, it is a list where it lies then.
+            // Once moved into place, the file is a list at its new path.
             return if staged == RECORD { Some(Self::Staged) } else { Self::at(staged) };
         }
-        // A deletion keeps the lists until it ends.
+        // A deletion keeps the lists until its end.
         let inside = inside.strip_prefix(BIN).and_then(|binned| binned.strip_prefix('/')).unwrap_or(inside);
         match inside.split_once('/') {
             None => (inside == FINISHED).then_some(Self::Finished),
@@ -53,8 +53,8 @@ impl Kind {
         }
     }
 
-    /// Whether a list may name a path that the program keeps for itself: shards and settled poses of a scene, the manifest of
-    /// a scene that a staged one replaces, and the recipe where the end of a run wrote it.
+    /// Whether a list may name a path that is reserved for the program: shards and settled poses of a scene, the
+    /// manifest of a scene that a staged scene replaces, and the recipe in the results of a run's end.
     fn may_name(self, path: &DatasetPath) -> bool {
         let is_below = |folder: &str| path.strip_prefix(MARK).is_some_and(|path| path.starts_with(folder));
         is_below("/settled/")
@@ -63,29 +63,30 @@ impl Kind {
             || (self == Self::Finished && path.as_str() == RECIPE)
     }
 
-    /// The paths in the text of a list, each with its key; none if the text is damaged. Every text that the program reads as
-    /// a list of this kind is read here, too: both types have the same fields, and these take any text as a path.
+    /// The paths in the text of a list, each with its key; empty if the text is damaged. This parser reads every text
+    /// that the program reads as a list of this kind: both types have the same fields, and these fields take any text
+    /// as a path.
     fn names(self, text: &[u8]) -> Vec<(&'static str, Cow<'_, str>)> {
         match self {
             Self::Scene | Self::Finished => {
                 let ListedFiles { files, writers } = serde_json::from_slice(text).unwrap_or_default();
-                let files = files.into_keys().map(|Name(path)| ("files", path));
-                files.chain(writers.into_values().flatten().map(|Name(path)| ("writers", path))).collect()
+                let files = files.into_keys().map(|ListedPath(path)| ("files", path));
+                files.chain(writers.into_values().flatten().map(|ListedPath(path)| ("writers", path))).collect()
             }
             Self::Staged => {
                 let Stale { stale, .. } = serde_json::from_slice(text).unwrap_or_default();
-                stale.into_iter().map(|Name(path)| ("stale", path)).collect()
+                stale.into_iter().map(|ListedPath(path)| ("stale", path)).collect()
             }
         }
     }
 }
 
-/// Whether a file among the manifests of scenes is one.
+/// Whether a file in the folder of manifests is a manifest.
 pub fn is_manifest(name: &str) -> bool {
     name.ends_with(".json")
 }
 
-/// The number of a staged scene that is being moved into place, and the rest of a path in it.
+/// The number of a staged scene that is moving into place, and the rest of a path in it.
 fn in_ready(inside: &str) -> Option<(&str, &str)> {
     let (name, rest) = inside.strip_prefix(STAGING)?.strip_prefix('/')?.split_once('/')?;
     Some((name.strip_suffix(".ready")?, rest))
@@ -94,38 +95,38 @@ fn in_ready(inside: &str) -> Option<(&str, &str)> {
 /// A path in a list.
 #[derive(PartialEq, Eq, PartialOrd, Ord, Deserialize)]
 #[serde(transparent)]
-struct Name<'a>(#[serde(borrow)] Cow<'a, str>);
+struct ListedPath<'a>(#[serde(borrow)] Cow<'a, str>);
 
-/// As [`Manifest`](crate::run::dataset::manifest::Manifest).
+/// Same fields as [`Manifest`](crate::run::dataset::manifest::Manifest).
 #[derive(Default, Deserialize)]
 struct ListedFiles<'a> {
     #[serde(borrow)]
-    files: BTreeMap<Name<'a>, IgnoredAny>,
+    files: BTreeMap<ListedPath<'a>, IgnoredAny>,
     #[serde(borrow, default)]
-    writers: BTreeMap<Name<'a>, Vec<Name<'a>>>,
+    writers: BTreeMap<ListedPath<'a>, Vec<ListedPath<'a>>>,
 }
 
-/// As the record of a staged scene.
+/// Same fields as the record of a staged scene.
 #[derive(Default, Deserialize)]
 struct Stale<'a> {
     #[serde(rename = "entry")]
     _entry: IgnoredAny,
     #[serde(borrow)]
-    stale: Vec<Name<'a>>,
+    stale: Vec<ListedPath<'a>>,
 }
 
-/// Something in a dataset that may not be there.
+/// An entry that a dataset must not have.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Odd {
-    /// Its path, with `/` between folders.
+    /// Path, with `/` between folders.
     pub path: String,
-    /// What is odd about it.
+    /// Description of the fault.
     pub what: String,
 }
 
-/// What to do about a dataset that somebody has changed.
+/// Remedy for a dataset that another person has changed.
 const CHANGED: &str =
-    "nothing was touched; no run writes that: somebody changed the dataset, and it may be made to harm";
+    "no file was changed; no run writes this, so another person or program changed the dataset, perhaps to do harm";
 
 impl Odd {
     fn into_error(self, dataset: &StoreFolder) -> Error {
@@ -133,7 +134,7 @@ impl Odd {
     }
 }
 
-/// Refuses a dataset whose own folder is reached by a link. Asked before it is locked.
+/// Refuses a dataset whose own folder is behind a link. Runs before the dataset is locked.
 pub fn check_mark(dataset: &StoreFolder) -> Result<()> {
     for (path, expected) in [(MARK.to_owned(), FileKind::Folder), (layout::lock().to_string(), FileKind::File)] {
         match dataset.look(&path)?.map(|there| there.kind) {
@@ -147,8 +148,8 @@ pub fn check_mark(dataset: &StoreFolder) -> Result<()> {
     Ok(())
 }
 
-/// Refuses a dataset whose own folder has links, whose lists name files that are not its own, or of which a listed folder is a
-/// link. Asked when nobody else writes to it.
+/// Refuses a dataset whose own folder has links, whose lists name foreign files, or with a listed folder that is a
+/// link. Runs while no other program writes the dataset.
 pub fn check(dataset: &StoreFolder) -> Result<()> {
     let mut own = own_files(dataset)?;
     if !own.odd.is_empty() {
@@ -161,7 +162,7 @@ pub fn check(dataset: &StoreFolder) -> Result<()> {
         return Err(odd.into_error(dataset));
     }
     folders.append(&mut own.ready);
-    // Of each folder with those around it.
+    // Each folder with its ancestors.
     let each = folders.iter().flat_map(|folder| prefixes(folder));
     let all: BTreeSet<&str> = each.collect();
     for folder in all {
@@ -172,23 +173,23 @@ pub fn check(dataset: &StoreFolder) -> Result<()> {
     Ok(())
 }
 
-/// A folder and those that it is in, from the outermost one.
+/// A folder and its ancestors, from the outermost one.
 fn prefixes(folder: &str) -> impl Iterator<Item = &str> {
     folder.match_indices('/').map(|(end, _)| &folder[..end]).chain([folder])
 }
 
-/// What is in the program's own folder of a dataset.
+/// Content of the program's own folder of a dataset.
 #[derive(Default)]
 pub struct OwnFiles {
-    /// What is neither a file nor a folder, sorted.
+    /// Entries that are neither files nor folders, sorted.
     pub odd: Vec<Odd>,
-    /// Lists of files, sorted by their paths.
+    /// Lists of files, sorted by path.
     pub lists: Vec<List>,
-    /// Folders of the dataset that files of staged scenes are moved to.
+    /// Folders of the dataset that receive files of staged scenes.
     ready: BTreeSet<String>,
 }
 
-/// Looks at the program's own folder, and at the recipe beside it.
+/// Reads the program's own folder, and the recipe beside it.
 pub fn own_files(dataset: &StoreFolder) -> Result<OwnFiles> {
     let mut own = OwnFiles::default();
     let recipes = [RECIPE.to_owned(), format!("{RECIPE}.part")].map(|path| (path, FileKind::File));
@@ -214,9 +215,10 @@ fn walk(dataset: &StoreFolder, inside: &str, own: &mut OwnFiles) -> Result<()> {
         } else if kind != FileKind::File {
             own.odd.push(Odd { what: what_is(kind, FileKind::File), path });
         } else if !may_be_staged(&path) {
-            let what = "no run stages it: moved into place, it would replace a file of the program's own".to_owned();
+            let what =
+                "no run stages this file: moved into place, it would replace one of the program's own files".to_owned();
             own.odd.push(Odd { path, what });
-        } else if let Some(kind) = Kind::at(&path)
+        } else if let Some(kind) = ListKind::at(&path)
             // The program opens no file by another name.
             && let Ok(path) = DatasetPath::new(path)
         {
@@ -226,14 +228,14 @@ fn walk(dataset: &StoreFolder, inside: &str, own: &mut OwnFiles) -> Result<()> {
     Ok(())
 }
 
-/// The folder of the dataset that one of a staged scene becomes.
+/// The folder of the dataset that a folder of a staged scene becomes.
 fn ready_folder(path: &str) -> Option<&str> {
     let (_, folder) = in_ready(path.strip_prefix(MARK)?.strip_prefix('/')?)?;
     Some(folder).filter(|folder| !folder.starts_with(MARK))
 }
 
-/// Whether a file of the program's own folder may be moved into place with a staged scene, if it would be: the manifest of
-/// the scene, what settling did, and shards.
+/// Whether a file of the program's own folder may move into place with a staged scene: the scene's manifest, the result
+/// of settling, and shards.
 fn may_be_staged(path: &str) -> bool {
     let inside = path.strip_prefix(MARK).and_then(|inside| inside.strip_prefix('/')).and_then(in_ready);
     let Some(own) = inside.and_then(|(_, staged)| staged.strip_prefix(MARK)?.strip_prefix('/')) else { return true };
@@ -244,19 +246,19 @@ fn may_be_staged(path: &str) -> bool {
 fn what_is(kind: FileKind, expected: FileKind) -> String {
     let expected = if expected == FileKind::Folder { "a folder" } else { "a file" };
     match kind {
-        FileKind::Link => format!("it is a link where {expected} of the program's own was expected"),
-        FileKind::Folder => "it is a folder where a file was expected".to_owned(),
-        FileKind::File => "it is a file where a folder was expected".to_owned(),
-        FileKind::Other => format!("it is a device, a pipe or a socket where {expected} was expected"),
+        FileKind::Link => format!("a link, where the program expected {expected} of its own"),
+        FileKind::Folder => "a folder, where a file was expected".to_owned(),
+        FileKind::File => "a file, where a folder was expected".to_owned(),
+        FileKind::Other => format!("a device, a pipe or a socket, where {expected} was expected"),
     }
 }
 
-/// The bytes of a list; none if it does not exist.
+/// The bytes of a list; empty if it does not exist.
 pub fn read(dataset: &StoreFolder, path: &DatasetPath) -> Result<Vec<u8>> {
     Ok(read_list(dataset, path)?.unwrap_or_default())
 }
 
-/// The bytes of a file that a run keeps in its dataset, if the file exists. Refuses a file larger than [`RUN_LIST_BYTES`].
+/// The bytes of a file that a run keeps in its dataset, if it exists. Refuses a file larger than [`RUN_LIST_BYTES`].
 pub fn read_list(dataset: &StoreFolder, path: &DatasetPath) -> Result<Option<Vec<u8>>> {
     read_bounded(dataset, path, &RUN_LIST_BYTES)
 }
@@ -266,7 +268,7 @@ pub fn read_bounded(dataset: &StoreFolder, path: &DatasetPath, limit: &Limit) ->
     let Some(opened) = dataset.open(path)? else { return Ok(None) };
     let check = |length: u64| limit.check(length).map_err(|error| error.in_file(dataset.name_of(path)));
     check(opened.size)?;
-    // The file may grow, or state no length.
+    // The file may grow, or may state no length.
     let mut bytes = Vec::new();
     let read = opened.take(limit.most + 1).read_to_end(&mut bytes);
     read.map_err(|error| Error::io(dataset.name_of(path), &error))?;
@@ -274,14 +276,13 @@ pub fn read_bounded(dataset: &StoreFolder, path: &DatasetPath, limit: &Limit) ->
     Ok(Some(bytes))
 }
 
-/// Lists from which on another thread is worth its start, and the most threads: lists are small, and disks do no more at once.
+/// Number of lists per thread. More threads do not pay: lists are small, and disks are the limit.
 const LISTS_PER_THREAD: usize = 64;
 const MOST_THREADS: usize = 8;
-/// Lists that are larger are read one after the other, bytes: together they would take more memory than one may.
+/// Size above which lists are read one after the other, bytes. Together they would exceed the memory limit of one.
 const LARGE: usize = 1 << 22;
 
-/// Reads lists. Returns names that are not the dataset's, or that the program keeps for itself, in the order of the lists;
-/// and the folders of all other names.
+/// Reads lists. Returns foreign or reserved names in the order of the lists, and the folders of all other names.
 pub fn names(dataset: &StoreFolder, lists: &[List], workers: &dyn Workers) -> Result<(Vec<Odd>, BTreeSet<String>)> {
     let found = Mutex::new((BTreeMap::new(), BTreeSet::new()));
     let large = Mutex::new(());
@@ -307,12 +308,12 @@ pub fn names(dataset: &StoreFolder, lists: &[List], workers: &dyn Workers) -> Re
 }
 
 impl List {
-    /// What is odd about the names of a list, at most [`SHOWN`] and how many more there are; and the folders of the others.
+    /// The foreign names of a list, at most [`SHOWN`] and the number of others, and the folders of the remaining names.
     fn look(&self, text: &[u8]) -> (Vec<Odd>, BTreeSet<String>) {
         let (mut odd, mut more, mut folders) = (Vec::new(), 0_u64, BTreeSet::new());
         let mut add = |key: &str, why: String| match odd.len() {
             SHOWN.. => more += 1,
-            _ => odd.push(self.odd(format!("`{key}` names a file that is not the dataset's: {why}"))),
+            _ => odd.push(self.odd(format!("`{key}` names a file outside the dataset: {why}"))),
         };
         // Files of one folder follow each other.
         let mut last = String::new();
@@ -320,7 +321,7 @@ impl List {
             match DatasetPath::new(name.into_owned()) {
                 Err(error) => add(key, error.to_string()),
                 Ok(path) if path.is_reserved() && !self.kind.may_name(&path) => {
-                    add(key, format!("`{path}` is a path that the program keeps for itself, and that no list has"));
+                    add(key, format!("`{path}` is reserved for the program, and no list may have it"));
                 }
                 Ok(path) => {
                     if let Some((folder, _)) = path.rsplit_once('/').filter(|(folder, _)| *folder != last) {
@@ -331,7 +332,7 @@ impl List {
             }
         }
         if more > 0 {
-            odd.push(self.odd(format!("{more} more of its names are not the dataset's")));
+            odd.push(self.odd(format!("{more} more names are outside the dataset")));
         }
         (odd, folders)
     }
@@ -348,13 +349,13 @@ mod tests {
     #[test]
     fn lists_are_known_by_their_place() {
         for (path, kind) in [
-            (".syntable/finished.json", Some(Kind::Finished)),
-            (".syntable/scenes/000003.json", Some(Kind::Scene)),
-            (".syntable/discard/finished.json", Some(Kind::Finished)),
-            (".syntable/discard/scenes/000003.json", Some(Kind::Scene)),
-            (".syntable/staging/3.ready/.syntable/staged.json", Some(Kind::Staged)),
-            (".syntable/staging/3.ready/.syntable/scenes/000003.json", Some(Kind::Scene)),
-            // Files of a writer whose id is `scenes`, or which writes `finished.json`.
+            (".syntable/finished.json", Some(ListKind::Finished)),
+            (".syntable/scenes/000003.json", Some(ListKind::Scene)),
+            (".syntable/discard/finished.json", Some(ListKind::Finished)),
+            (".syntable/discard/scenes/000003.json", Some(ListKind::Scene)),
+            (".syntable/staging/3.ready/.syntable/staged.json", Some(ListKind::Staged)),
+            (".syntable/staging/3.ready/.syntable/scenes/000003.json", Some(ListKind::Scene)),
+            // Files of a writer with the id `scenes`, or with a file `finished.json`.
             (".syntable/staging/3.ready/scenes/000003.json", None),
             (".syntable/staging/3.ready/finished.json", None),
             (".syntable/staging/3.part/.syntable/staged.json", None),
@@ -367,11 +368,11 @@ mod tests {
             (".syntable/staged.json", None),
             ("scenes/000003.json", None),
         ] {
-            assert_eq!(Kind::at(path), kind, "{path}");
+            assert_eq!(ListKind::at(path), kind, "{path}");
         }
     }
 
-    /// A text that the program reads as a list may not hide its names behind fields that the program ignores.
+    /// A text that the program reads as a list must not hide its names behind fields that the program ignores.
     #[test]
     fn names_are_read_from_every_text_that_counts_as_a_list() {
         let digest = syntable_model::digest::Digest::of(b"").to_string();
@@ -384,27 +385,27 @@ mod tests {
             format!(r#"[{file},{{}}]"#),
         ] {
             assert!(serde_json::from_str::<crate::run::dataset::manifest::Manifest>(&text).is_ok(), "{text}");
-            assert_eq!(Kind::Scene.names(text.as_bytes()), [("files", ".syntable/lock".into())], "{text}");
+            assert_eq!(ListKind::Scene.names(text.as_bytes()), [("files", ".syntable/lock".into())], "{text}");
         }
         for text in [
             format!(r#"{{"entry":{entry},"stale":[".syntable/lock"],"files":5,"writers":5}}"#),
             format!(r#"[{entry},[".syntable/lock"]]"#),
         ] {
             assert!(serde_json::from_str::<crate::run::dataset::commit::Staged>(&text).is_ok(), "{text}");
-            assert_eq!(Kind::Staged.names(text.as_bytes()), [("stale", ".syntable/lock".into())], "{text}");
+            assert_eq!(ListKind::Staged.names(text.as_bytes()), [("stale", ".syntable/lock".into())], "{text}");
         }
     }
 
     #[test]
     fn of_many_bad_names_the_first_are_told_and_the_rest_counted() {
-        let list = List { path: layout::manifest(0), kind: Kind::Scene };
+        let list = List { path: layout::manifest(0), kind: ListKind::Scene };
         let files: Vec<String> = (0..1000).map(|number| format!(r#""../{number:04}":0"#)).collect();
         let (odd, folders) = list.look(format!(r#"{{"files":{{"a/b/c":0,{}}}}}"#, files.join(",")).as_bytes());
         assert_eq!((odd.len(), folders), (SHOWN + 1, BTreeSet::from(["a/b".to_owned()])));
         assert!(odd[0].what.contains("`../0000`") && odd[SHOWN].what.contains(&format!("{} more", 1000 - SHOWN)));
     }
 
-    /// Opens a dataset with lists of 10,000 scenes of 60 files, and prints how long the lists take.
+    /// Opens a dataset with lists of 10,000 scenes with 60 files each, and prints the time that the lists take.
     #[test]
     #[ignore = "measures: cargo test --release -p syntable-runtime --lib ten_thousand -- --ignored --nocapture"]
     fn ten_thousand_lists() {

@@ -1,4 +1,4 @@
-//! The journal of a dataset: one line for every scene that is done. Only what is in the journal exists.
+//! The journal of a dataset: one line per finished scene. A scene without a line does not exist.
 
 use crate::run::dataset::layout;
 use crate::run::dataset::loss::Loss;
@@ -11,62 +11,62 @@ use syntable_model::limits::RUN_LIST_BYTES;
 use syntable_model::some::SHOWN;
 use syntable_model::store::{StoreFolder, StoredFile};
 
-/// A line of the journal: a scene that is done.
+/// A line of the journal: a finished scene.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct JournalEntry {
     /// Number of the scene.
     pub scene: u32,
-    /// The attempt that counts, from 0; the last one if the scene failed.
+    /// The successful attempt, from 0; the last attempt if the scene failed.
     pub attempt: u32,
-    /// What came of the scene.
+    /// Outcome of the scene.
     #[serde(flatten)]
     pub outcome: SceneOutcome,
-    /// What is odd about the scene as a whole.
+    /// Anomalies of the scene as a whole.
     #[serde(default, skip_serializing_if = "BTreeSet::is_empty")]
     pub notices: BTreeSet<Notice>,
-    /// What is odd about some of its views and not about all: their numbers, ascending.
+    /// Anomalies of some but not all views, with the numbers of these views, ascending.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub odd_views: BTreeMap<Notice, Vec<u32>>,
-    /// What stages left out of its images, by stage.
+    /// Data that stages omitted from the scene's images, by stage.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub left_out: Vec<Loss>,
-    /// Messages of the attempts that failed, in order.
+    /// Messages of the failed attempts, in order.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub errors: Vec<String>,
-    /// Digests of all assets that were drawn for the scene, by `pool/name`; `bad` for one that could not be used.
+    /// Digests of all assets that were drawn for the scene, by `pool/name`; `bad` for an unusable asset.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub assets: BTreeMap<String, String>,
 }
 
-/// What came of a scene that is done.
+/// Outcome of a finished scene.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(tag = "outcome", rename_all = "snake_case")]
 pub enum SceneOutcome {
     /// The scene is in the dataset.
     Made {
-        /// Number of views that were written.
+        /// Number of written views.
         views: u32,
         /// Number of objects in the scene after settling.
         objects: u32,
-        /// Ids of the writers that wrote it, sorted.
+        /// Ids of the writers of the scene, sorted.
         writers: Vec<String>,
-        /// Products that were recorded of it for the annotators of the dataset, sorted.
+        /// Products that were recorded for the annotators of the dataset, sorted.
         #[serde(default, skip_serializing_if = "Vec::is_empty")]
         recorded: Vec<String>,
-        /// Digest of the list of its files, `.syntable/scenes/<scene>.json`.
+        /// Digest of the scene's list of files, `.syntable/scenes/<scene>.json`.
         manifest: String,
     },
-    /// All attempts failed, or a device did; the dataset has no file of the scene.
+    /// All attempts failed, or a device failed. The dataset has no file of the scene.
     Failed,
 }
 
-/// Something odd about a scene, which may be what was meant.
+/// An anomaly of a scene, which may be intended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Notice {
     /// All images are black.
     Black,
-    /// All images are white: overexposed but for at most 1 % of their pixels.
+    /// All images are white: at least 99 % of their pixels are overexposed.
     White,
     /// No view has a light, and no material emits any.
     Unlit,
@@ -75,56 +75,54 @@ pub enum Notice {
 }
 
 impl Notice {
-    /// What it says of a scene.
+    /// Message about a scene.
     pub fn text(self) -> &'static str {
         match self {
             Self::Black => "all images are black",
             Self::White => "all images are white",
-            Self::Unlit => "there is no light: no view has a light, and no material emits any",
+            Self::Unlit => "no light: no view has a light, and no material emits light",
             Self::Unlabeled => "no object has a visible pixel in any view",
         }
     }
 
-    /// What it says of one of several views.
+    /// Message about one of several views.
     pub fn text_of_view(self) -> &'static str {
         match self {
             Self::Black => "the image is black",
             Self::White => "the image is white",
-            Self::Unlit => "there is no light",
+            Self::Unlit => "no light",
             Self::Unlabeled => "no object has a visible pixel",
         }
     }
 
-    /// Where to look if it is about some views.
+    /// Remedy if some views have it.
     pub fn help_of_view(self) -> &'static str {
         match self {
             Self::Black | Self::Unlit => {
-                "the camera may be outside of the room or inside of something: look at [views], at the sizes in [[place]] and \
-                 at [[lights]]"
+                "the camera may be outside the room or inside an object: check [views], the sizes in [[place]] and \
+                 [[lights]]"
             }
-            Self::White => {
-                "the view is overexposed: look at the intensity of [[lights]] and at the exposure in [camera]"
-            }
+            Self::White => "the view is overexposed: check the intensity of [[lights]] and the exposure in [camera]",
             Self::Unlabeled => {
-                "the camera may be outside of the room, look past the objects or stand behind something: look at [views] and \
-                 at the sizes in [[place]]"
+                "the camera may be outside the room, look past the objects or be behind an object: check [views] and \
+                 the sizes in [[place]]"
             }
         }
     }
 
-    /// Whether a view like that among others may be meant: a camera may look past all objects, but no image is black for
-    /// nothing.
+    /// Whether a few such views may be intended: a camera may look past all objects, but a black image always has a
+    /// cause.
     pub fn may_be_meant(self) -> bool {
         self == Self::Unlabeled
     }
 
-    /// Where to look.
+    /// Remedy.
     pub fn help(self) -> &'static str {
         match self {
-            Self::Black => "look at [[lights]], at the exposure in [camera], and at what stands before the camera",
-            Self::White => "lower the intensity of [[lights]], or look at the exposure in [camera]",
+            Self::Black => "check [[lights]], the exposure in [camera], and objects right in front of the camera",
+            Self::White => "lower the intensity of [[lights]], or check the exposure in [camera]",
             Self::Unlit => "add a [[lights]] table",
-            Self::Unlabeled => "look at [views], and at what hides the table",
+            Self::Unlabeled => "check [views], and objects that may hide the table",
         }
     }
 }
@@ -151,8 +149,8 @@ impl JournalEntry {
         }
     }
 
-    /// The line of a scene whose files of some writers are written anew, or taken away. What was recorded for annotators of
-    /// the dataset is recorded anew: they may be others now.
+    /// The line of a scene without the writers `anew`, whose files are written again or removed. Records for dataset
+    /// annotators are dropped too, because the annotators may have changed.
     pub fn without(&self, anew: &BTreeSet<String>) -> Self {
         let mut entry = self.clone();
         if let SceneOutcome::Made { writers, recorded, .. } = &mut entry.outcome
@@ -182,14 +180,14 @@ impl JournalEntry {
     }
 }
 
-/// The journal, to which lines are added while a run works.
+/// The journal. A run appends lines to it.
 pub struct Journal {
     dataset: StoreFolder,
     entries: BTreeMap<u32, JournalEntry>,
 }
 
 impl Journal {
-    /// Opens the journal of a dataset, or starts one. A last line that was cut short counts as not written.
+    /// Opens the journal of a dataset, or starts one. A truncated last line is ignored.
     pub fn open(dataset: impl Into<StoreFolder>) -> Result<Self> {
         let dataset = dataset.into();
         let path = layout::journal();
@@ -202,12 +200,12 @@ impl Journal {
         Ok(Self { dataset, entries })
     }
 
-    /// Reads the lines of a journal, and changes nothing.
+    /// Reads the lines of a journal, without changing it.
     pub fn entries_of(dataset: impl Into<StoreFolder>) -> Result<BTreeMap<u32, JournalEntry>> {
         Self::read(&dataset.into()).map(|(entries, _)| entries)
     }
 
-    /// Reads the lines of a journal. Returns the entries, and the bytes of the whole lines.
+    /// Reads the lines of a journal. Returns the entries, and the size of the complete lines, bytes.
     fn read(dataset: &StoreFolder) -> Result<(BTreeMap<u32, JournalEntry>, u64)> {
         let mut entries = BTreeMap::new();
         let whole = each_line(dataset, |number, line| {
@@ -216,8 +214,8 @@ impl Journal {
                     .in_file(dataset.name_of(&layout::journal()))
                     .at_line(number)
                     .help(
-                        "`syntable run` with the dataset's recipe and --repair makes the scene of a damaged line again; if \
-                         another version began it, choose another folder with --out, or delete it",
+                        "`syntable run` with the dataset's recipe and `--repair` makes the scene of a damaged line again; if \
+                         another version began the dataset, choose another folder with `options.out`, or delete this one",
                     )
             })?;
             entries.insert(entry.scene, entry);
@@ -226,26 +224,27 @@ impl Journal {
         Ok((entries, whole))
     }
 
-    /// Reads the lines of a journal that can be read, and says which ones cannot: the first [`SHOWN`], and how many more.
+    /// Reads the readable lines of a journal, and describes the others: the first [`SHOWN`], and the number of the
+    /// rest.
     pub fn readable(dataset: impl Into<StoreFolder>) -> Result<(BTreeMap<u32, JournalEntry>, Vec<String>)> {
         let (mut entries, mut faults, mut more) = (BTreeMap::new(), Vec::new(), 0_u64);
         each_line(&dataset.into(), |number, line| {
             match line {
                 Ok(entry) => drop(entries.insert(entry.scene, entry)),
                 Err(error) if faults.len() < SHOWN => {
-                    faults.push(format!("line {number} is no journal line: {error}"));
+                    faults.push(format!("line {number} is not a journal line: {error}"));
                 }
                 Err(_) => more += 1,
             }
             Ok(())
         })?;
         if more > 0 {
-            faults.push(format!("{more} more lines are no journal lines"));
+            faults.push(format!("{more} more lines are not journal lines"));
         }
         Ok((entries, faults))
     }
 
-    /// Takes out the lines that cannot be read, and returns how many.
+    /// Removes unreadable lines, and returns their number.
     pub fn mend(dataset: &StoreFolder) -> Result<usize> {
         let (mut entries, mut bad) = (BTreeMap::new(), 0);
         each_line(dataset, |_, line| {
@@ -261,12 +260,12 @@ impl Journal {
         Ok(bad)
     }
 
-    /// The scenes that are done, ascending.
+    /// The finished scenes, ascending.
     pub fn entries(&self) -> &BTreeMap<u32, JournalEntry> {
         &self.entries
     }
 
-    /// Adds a line for good.
+    /// Appends a line, and syncs it.
     pub fn append(&mut self, entry: JournalEntry) -> Result<()> {
         let mut line = serde_json::to_string(&entry).expect("an entry is plain data");
         line.push('\n');
@@ -275,12 +274,12 @@ impl Journal {
         Ok(())
     }
 
-    /// Forgets the scenes that failed, so that they are tried again; for good once the file is written.
+    /// Removes failed scenes, so that they are tried again. Takes effect on disk when the file is written.
     pub fn forget_failed(&mut self) {
         self.entries.retain(|_, entry| !entry.failed());
     }
 
-    /// Takes writers out of the lines of all scenes, whole or not at all.
+    /// Removes writers from the lines of all scenes, atomically.
     pub fn forget_writers(&mut self, writers: &BTreeSet<String>) -> Result<()> {
         if writers.is_empty() {
             return Ok(());
@@ -289,13 +288,13 @@ impl Journal {
         self.rewrite()
     }
 
-    /// Rewrites the file in scene order, whole or not at all, so that it does not tell in which order scenes ended.
+    /// Rewrites the file in scene order, atomically, so that it does not depend on the order in which scenes ended.
     pub fn rewrite(&mut self) -> Result<()> {
         write(&self.dataset, &self.entries)
     }
 }
 
-/// Writes a journal in scene order, whole or not at all.
+/// Writes a journal in scene order, atomically.
 fn write(dataset: &StoreFolder, entries: &BTreeMap<u32, JournalEntry>) -> Result<()> {
     let path = layout::journal();
     dataset.put(&path, &mut |file| {
@@ -307,7 +306,7 @@ fn write(dataset: &StoreFolder, entries: &BTreeMap<u32, JournalEntry>) -> Result
     })
 }
 
-/// Leaves out what follows the whole lines of a journal.
+/// Removes a truncated last line.
 fn cut(dataset: &StoreFolder, whole: u64) -> Result<()> {
     let path = layout::journal();
     let opened = dataset.open(&path)?;
@@ -318,24 +317,24 @@ fn cut(dataset: &StoreFolder, whole: u64) -> Result<()> {
     })
 }
 
-/// The lines of a journal, which need not be text, one in memory at a time.
+/// The lines of a journal, as bytes, one in memory at a time.
 pub struct Lines {
     name: PathBuf,
-    /// None if the journal does not exist.
+    /// `None` if the journal does not exist.
     file: Option<BufReader<StoredFile>>,
     line: Vec<u8>,
     number: usize,
 }
 
 impl Lines {
-    /// Opens the journal of a dataset. One that does not exist has no lines.
+    /// Opens the journal of a dataset. A missing journal has no lines.
     pub fn open(dataset: &StoreFolder) -> Result<Self> {
         let path = layout::journal();
         let file = dataset.open(&path)?.map(BufReader::new);
         Ok(Self { name: dataset.name_of(&path), file, line: Vec::new(), number: 0 })
     }
 
-    /// The next line with its end, which the last line lacks if it was cut short. Refuses a line longer than
+    /// The next line with its line end, which a truncated last line lacks. Refuses a line longer than
     /// [`RUN_LIST_BYTES`].
     pub fn next_line(&mut self) -> Result<Option<&[u8]>> {
         let Some(file) = &mut self.file else { return Ok(None) };
@@ -348,8 +347,8 @@ impl Lines {
     }
 }
 
-/// Calls `each` with every whole line of a journal: its number from 1, and the entry or what is wrong with it. Returns the
-/// bytes of the whole lines; the rest was cut short.
+/// Calls `each` with every complete line of a journal: its number from 1, and its entry or error. Returns the size of
+/// the complete lines, bytes.
 fn each_line(
     dataset: &StoreFolder,
     mut each: impl FnMut(usize, serde_json::Result<JournalEntry>) -> Result<()>,
@@ -448,7 +447,8 @@ mod tests {
         drop(journal);
         let whole = bytes(&store);
         let length = whole.len() / 3;
-        // A quote, a letter that is no UTF-8 then, and the end of the first line, which joins it with the second.
+        // A quote, a byte that makes the text invalid UTF-8, and the end of the first line, which joins it with the
+        // second.
         for (byte, bit, lost) in [(length, 1, vec![1]), (length + 3, 128, vec![1]), (length - 1, 1, vec![0, 1])] {
             let mut broken = whole.clone();
             broken[byte] ^= bit;
@@ -465,7 +465,7 @@ mod tests {
     #[test]
     fn damage_is_named() {
         let (dataset, store) = dataset();
-        // The others are lines of former editions, which had no outcome, and no list of files.
+        // The others are lines of earlier versions, without an outcome or a list of files.
         for (line, lacks) in [
             (r#"{"scene":0}"#, "attempt"),
             (r#"{"scene":0,"attempt":0,"views":2,"objects":3}"#, "outcome"),

@@ -1,4 +1,4 @@
-//! Where a dataset keeps what the program writes for itself.
+//! Paths of the files that the program keeps in a dataset.
 //!
 //! ```text
 //! recipe.toml                   the resolved recipe with its inputs locked; it gives the same dataset again
@@ -11,8 +11,8 @@
 //! .syntable/shards/<writer>/    input of `finish`, one file per scene
 //! .syntable/shards/<writer>/shared/<digest>/000003  the same for bytes that several scenes share
 //! .syntable/times.jsonl         working time of stages, one line per run
-//! .syntable/staging/3.part/     a scene in the making
-//! .syntable/staging/3.ready/    a scene whose files are being moved into place
+//! .syntable/staging/3.part/     an unfinished scene
+//! .syntable/staging/3.ready/    a scene whose files are moving into place
 //! .syntable/quarantine/000003/  files of a scene whose labels contradict each other, and the reason
 //! .syntable/ahead/              the first scene of a dataset that will replace this one
 //! .syntable/discard/            the rest of a dataset that is being deleted
@@ -27,23 +27,23 @@ use syntable_model::store::{Kind, StoreFolder};
 pub const MARK: &str = RESERVED[0];
 /// Name of the resolved recipe.
 pub const RECIPE: &str = RESERVED[1];
-/// Name of the manifest of what the end of a run wrote.
+/// Name of the manifest of the results of a run's end.
 pub const FINISHED: &str = "finished.json";
 /// Name of the folder of the manifests of scenes.
 pub const SCENES: &str = "scenes";
-/// Name of the folder of scenes in the making.
+/// Name of the folder of unfinished scenes.
 pub const STAGING: &str = "staging";
-/// Name of the folder of what is being deleted.
+/// Name of the folder of files that are being deleted.
 pub const BIN: &str = "discard";
-/// What the end of a run reads of the scenes.
+/// Folder of the scenes' files that the end of a run reads.
 pub const SHARDS: &str = ".syntable/shards/";
-/// What is known of a staged scene, among files that no writer can write.
+/// Record of a staged scene, at a path that no writer can write.
 pub const RECORD: &str = ".syntable/staged.json";
 
 const JOURNAL: &str = "journal.jsonl";
 const TIMES: &str = "times.jsonl";
 
-/// A path of which all parts are names.
+/// A path with valid names.
 pub fn known(path: &str) -> DatasetPath {
     DatasetPath::new(path).expect("its parts are names")
 }
@@ -67,12 +67,12 @@ pub fn journal() -> DatasetPath {
     own(JOURNAL)
 }
 
-/// How long the stages of runs worked.
+/// The working times of stages.
 pub fn times() -> DatasetPath {
     own(TIMES)
 }
 
-/// The manifest of what the end of a run wrote.
+/// The manifest of the results of a run's end.
 pub fn finished() -> DatasetPath {
     own(FINISHED)
 }
@@ -87,7 +87,7 @@ pub fn manifest(scene: u32) -> DatasetPath {
     own(&format!("{SCENES}/{scene:06}.json"))
 }
 
-/// What settling did to a scene.
+/// The result of settling a scene.
 pub fn settled(scene: u32) -> DatasetPath {
     own(&format!("settled/{scene:06}.toml"))
 }
@@ -95,23 +95,23 @@ pub fn settled(scene: u32) -> DatasetPath {
 /// The names of a pool's assets.
 ///
 /// # Errors
-/// If the name of the pool is none of a file: a dataset may lock any.
+/// If the name of the pool is not a valid file name. A foreign dataset may lock any name.
 pub fn catalog(pool: &str) -> Result<DatasetPath> {
     let path = DatasetPath::new(format!("{MARK}/catalogs/{pool}.json"));
     path.map_err(|error| Error::new(format!("`lock.catalogs` names the pool {pool:?}: {error}")))
 }
 
-/// The folder of what is staged.
+/// The folder of staged files.
 pub fn staging() -> DatasetPath {
     own(STAGING)
 }
 
-/// A folder or file of what is staged.
+/// A staged folder or file.
 pub fn staged(name: &str) -> DatasetPath {
     own(&format!("{STAGING}/{name}"))
 }
 
-/// The record of a scene that is ready, within its staged folder.
+/// The record of a ready scene, within its staged folder.
 pub fn record() -> DatasetPath {
     known(RECORD)
 }
@@ -121,23 +121,23 @@ pub fn quarantine(scene: u32) -> DatasetPath {
     own(&format!("quarantine/{scene:06}"))
 }
 
-/// Where the first scene of a dataset is made that will replace this one.
+/// The folder for the first scene of a dataset that will replace this one.
 pub fn ahead() -> DatasetPath {
     own("ahead")
 }
 
-/// The folder of what is being deleted.
+/// The folder of files that are being deleted.
 pub fn bin() -> DatasetPath {
     own(BIN)
 }
 
-/// A file or folder of what is being deleted.
+/// A file or folder that is being deleted.
 pub fn binned(name: &str) -> DatasetPath {
     own(&format!("{BIN}/{name}"))
 }
 
-/// What a dataset consists of beside its files and the lock, in the order in which `--overwrite` takes it away: without a
-/// journal there is no dataset.
+/// The state of a dataset without its files and the lock, in the order in which `--overwrite` removes it. A folder
+/// without a journal is no dataset.
 pub fn state() -> [DatasetPath; 10] {
     [
         journal(),
@@ -153,17 +153,17 @@ pub fn state() -> [DatasetPath; 10] {
     ]
 }
 
-/// Whether a folder has the program's own folder, which may be a link: that is refused when the dataset is opened.
+/// Whether a folder has the program's own folder, even as a link. Opening the dataset refuses a link.
 pub fn is_dataset(folder: &StoreFolder) -> Result<bool> {
     Ok(folder.look(MARK)?.is_some_and(|there| matches!(there.kind, Kind::Folder | Kind::Link)))
 }
 
-/// The journal of a dataset in a folder of this machine.
+/// The journal of a dataset on this machine.
 pub fn journal_path(root: &Path) -> PathBuf {
     journal().below(root)
 }
 
-/// How long the stages of runs worked, in a dataset in a folder of this machine.
+/// The working times of stages, in a dataset on this machine.
 pub fn times_path(root: &Path) -> PathBuf {
     times().below(root)
 }

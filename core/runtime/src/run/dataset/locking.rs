@@ -1,11 +1,11 @@
-//! Who may write a dataset, and who may read it meanwhile.
+//! Locks of datasets for writers and readers.
 
 use crate::run::dataset::foreign;
 use crate::run::dataset::layout;
 use syntable_model::error::{Error, Result};
 use syntable_model::store::{Access, Hold, StoreFolder};
 
-/// Locks a dataset for a run, or for those who read it while no run writes.
+/// Locks a dataset for a run, or for readers while no run writes.
 ///
 /// # Errors
 /// If another run works there, or the lock is behind a link.

@@ -1,24 +1,24 @@
-//! The record of what stages left out of images.
+//! Records of data that stages omitted from images.
 
 use crate::run::progress::count;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use syntable_model::error::Error;
 
-/// What stages left out of images, of one kind: a line of a verb's summary.
+/// Data of one kind that a stage omitted from images: a line of a verb's summary.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct Loss {
     /// The stage, such as `annotate.label_arrays` or `write.coco_panoptic`.
     pub stage: String,
-    /// What it happened to and why, after the numbers: `objects lost pixels …`.
+    /// The affected data and the reason, after the numbers: `objects lost pixels …`.
     pub what: String,
-    /// How many.
+    /// Number of affected items.
     pub count: u64,
-    /// Of how many in these images.
+    /// Number of all items in the affected images.
     pub of: u64,
-    /// Number of images that something was left out of; the others count nowhere.
+    /// Number of affected images.
     pub images: u32,
-    /// What the user can do.
+    /// Remedy.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub help: Option<String>,
 }
@@ -34,7 +34,7 @@ impl Loss {
         }
     }
 
-    /// Adds up those of the same stage that say the same.
+    /// Sums losses with the same stage and text.
     pub fn sum(all: impl IntoIterator<Item = Self>) -> Vec<Self> {
         let mut sums: BTreeMap<(String, String), Self> = BTreeMap::new();
         for loss in all {

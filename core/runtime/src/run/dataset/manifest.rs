@@ -16,7 +16,7 @@ use syntable_model::store::{Kind, StoreFolder};
 pub struct Manifest {
     /// Size and digest of each file.
     pub files: BTreeMap<DatasetPath, Stamp>,
-    /// Of a scene, whose they are, but for what settling did.
+    /// The owning scene of each file, except the result of settling.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub writers: Written,
 }
@@ -30,14 +30,14 @@ pub struct Stamp(pub u64, pub Digest);
 
 /// The state of a file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum State {
-    /// As it was written.
+pub enum FileState {
+    /// Unchanged.
     Whole,
-    /// Not there.
+    /// Missing.
     Missing,
-    /// Of another size or content.
+    /// Different size or content.
     Damaged,
-    /// A link, or behind one: not looked at.
+    /// A link, or behind one, and therefore not compared.
     Linked,
 }
 
@@ -55,7 +55,7 @@ impl Stamp {
         read.map(|(digest, size)| Self(size, digest)).map_err(|error| Error::io(path, &error))
     }
 
-    /// Whether a file of this machine has this stamp; reads the content only if the size is right.
+    /// Whether a file of this machine has this stamp. Reads the content only if the size matches.
     pub fn is_of_file(&self, path: &Path) -> Result<bool> {
         let there = std::fs::symlink_metadata(path).map_err(|error| Error::io(path, &error))?;
         Ok(there.is_file() && there.len() == self.0 && Self::of_file(path)? == *self)
@@ -72,30 +72,31 @@ impl Stamp {
         Self(size, digest)
     }
 
-    /// Compares a file of a dataset with its stamp; the content only if the size is right, and nothing behind a link.
-    pub fn check_in(&self, dataset: &StoreFolder, path: &DatasetPath) -> Result<State> {
+    /// Compares a file of a dataset with its stamp. Reads the content only if the size matches, and never through a
+    /// link.
+    pub fn check_in(&self, dataset: &StoreFolder, path: &DatasetPath) -> Result<FileState> {
         for folder in path.folders() {
             if dataset.has_link(folder)? {
-                return Ok(State::Linked);
+                return Ok(FileState::Linked);
             }
         }
         self.check(dataset, path)
     }
 
-    /// Compares a file with its stamp; the content only if the size is right.
-    pub fn check(&self, dataset: &StoreFolder, path: &DatasetPath) -> Result<State> {
+    /// Compares a file with its stamp. Reads the content only if the size matches.
+    pub fn check(&self, dataset: &StoreFolder, path: &DatasetPath) -> Result<FileState> {
         Ok(match dataset.look(path)? {
-            None => State::Missing,
-            Some(there) if there.kind == Kind::Link => State::Linked,
-            Some(there) if there.kind != Kind::File || there.size != self.0 => State::Damaged,
-            Some(_) if Self::of(dataset, path)? == *self => State::Whole,
-            Some(_) => State::Damaged,
+            None => FileState::Missing,
+            Some(there) if there.kind == Kind::Link => FileState::Linked,
+            Some(there) if there.kind != Kind::File || there.size != self.0 => FileState::Damaged,
+            Some(_) if Self::of(dataset, path)? == *self => FileState::Whole,
+            Some(_) => FileState::Damaged,
         })
     }
 }
 
 impl Manifest {
-    /// Lists the files of a folder, which are stored for good then.
+    /// Lists the files of a folder, and syncs them to disk.
     pub fn of_tree(folder: &StoreFolder) -> Result<Self> {
         let mut manifest = Self::default();
         manifest.add_tree(folder, "")?;
@@ -114,7 +115,7 @@ impl Manifest {
                     self.files.insert(path, stamp);
                 }
                 Kind::Link | Kind::Other => {
-                    let error = Error::new("a writer made what is no regular file");
+                    let error = Error::new("a writer created an entry that is not a regular file");
                     return Err(error.in_file(folder.name_of(&inside)));
                 }
             }
@@ -129,7 +130,7 @@ impl Manifest {
         (text, digest.to_string())
     }
 
-    /// Reads a manifest, with its digest; none if there is no such file, or if its text is none of a manifest.
+    /// Reads a manifest, with its digest. Returns `None` if the file is missing or not a manifest.
     pub fn read(dataset: &StoreFolder, path: &DatasetPath) -> Result<Option<(Self, String)>> {
         let Some(text) = read_list(dataset, path)?.and_then(|bytes| String::from_utf8(bytes).ok()) else {
             return Ok(None);
@@ -139,7 +140,7 @@ impl Manifest {
         Ok(manifest.map(|manifest| (manifest, digest.to_string())))
     }
 
-    /// Without the files of writers that do not stay.
+    /// The manifest without the files of writers that do not stay.
     pub fn only(&self, stays: impl Fn(&str) -> bool) -> Self {
         let mut kept = self.clone();
         kept.writers.retain(|id, _| stays(id));
@@ -149,7 +150,7 @@ impl Manifest {
         kept
     }
 
-    /// Whether it lists a file.
+    /// Whether the manifest lists a file.
     pub fn has(&self, path: &str) -> bool {
         self.files.contains_key(path)
     }

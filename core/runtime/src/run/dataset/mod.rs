@@ -1,4 +1,4 @@
-//! The dataset in its store: its folder, its journal, the manifests of its files, and what a run keeps for the next one.
+//! A dataset in its store: its folder, its journal, the manifests of its files, and data for later runs.
 
 mod commit;
 mod ending;

@@ -1,4 +1,4 @@
-//! The recorded products of scenes that are done: what the annotators of the dataset read, in this run or a later one.
+//! Recorded products of finished scenes, which dataset annotators read in this run or a later one.
 
 use crate::run::dataset::foreign::read_bounded;
 use serde::{Deserialize, Serialize};
@@ -11,12 +11,12 @@ use syntable_model::stage::{Output, RecordedScene};
 use syntable_model::store::StoreFolder;
 use syntable_recipe::plan::Plan;
 
-/// Stands in the place of a writer's id.
+/// Owner of the records' shards, instead of a writer's id.
 pub const OWNER: &str = "@records";
 
 type Values = BTreeMap<String, serde_json::Value>;
 
-/// What is recorded of a scene.
+/// Recorded products of a scene.
 #[derive(Debug, Default, Serialize, Deserialize)]
 pub struct Records {
     scene: Values,
@@ -32,14 +32,14 @@ impl Records {
         Ok(())
     }
 
-    /// Writes the record of a scene that is done, if anybody reads it.
+    /// Writes the records of a finished scene, if any stage reads them.
     pub fn write(mut self, plan: &Plan, products: &Products, output: &Output) -> Result<()> {
         if plan.per_dataset.is_empty() {
             return Ok(());
         }
         self.scene = values(&plan.recorded(Scope::Scene), products)?;
         let text = serde_json::to_vec(&self).expect("values are plain data");
-        // What is written can be read.
+        // Text that is written can be read.
         SCENE_RECORD_BYTES.check(text.len() as u64)?;
         output.write_shard(&text)
     }

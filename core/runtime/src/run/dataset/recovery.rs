@@ -1,4 +1,4 @@
-//! Work that was interrupted is completed, and a dataset is deleted.
+//! Completes interrupted work, and deletes datasets.
 
 use crate::run::dataset::commit::Staged;
 use crate::run::dataset::folder::{Folder, each_file};
@@ -13,9 +13,9 @@ use syntable_model::files::DatasetPath;
 use syntable_model::store::Kind;
 
 impl Folder {
-    /// Finishes the scenes that were being moved into place when a run was killed, and drops half-made ones.
+    /// Finishes moving scenes whose move was interrupted, and drops unfinished ones.
     pub fn recover(&self) -> Result<()> {
-        // What a kill leaves of a file system's replacement of the recipe, the only one outside of the program's own folder.
+        // Remains of a killed replacement of the recipe, the only one outside the program's own folder.
         self.files.remove_all(&layout::known(&format!("{RECIPE}.part")))?;
         if !self.files.has(&layout::staging())? {
             return Ok(());
@@ -32,15 +32,15 @@ impl Folder {
         self.files.remove_all(&layout::staging())
     }
 
-    /// Deletes the dataset: its journal first, then all that its manifests list. Returns the files that stay because they do
-    /// not belong to the dataset.
+    /// Deletes the dataset: its journal first, then all files in its manifests. Returns the files that stay because
+    /// they do not belong to the dataset.
     pub fn discard(&self) -> Result<Vec<PathBuf>> {
-        // A scene that is being moved into place is the dataset's, too; a damaged journal says nothing of it.
+        // A scene that is moving into place belongs to the dataset, too; a damaged journal says nothing about it.
         let _ = self.recover();
         if !self.files.has(&layout::manifests())? && self.has_lines()? {
-            return Err(Error::new("another version began the dataset, and there is no list of its files")
+            return Err(Error::new("another version began the dataset, and it has no list of its files")
                 .in_file(self.name())
-                .help("delete the folder yourself, or choose another one with --out; nothing was touched"));
+                .help("delete the folder yourself, or choose another one with `options.out`; no file was changed"));
         }
         self.empty_bin()?;
         let mut left = Vec::new();
@@ -59,8 +59,8 @@ impl Folder {
         Ok(false)
     }
 
-    /// Moves the state of a dataset into the bin, and deletes the files that its manifests list. The bin exists until all are
-    /// deleted, so that the next run completes an interrupted deletion.
+    /// Moves the state of a dataset into the bin, and deletes the files in its manifests. The bin exists until all are
+    /// deleted, so the next run completes an interrupted deletion.
     pub(super) fn empty_bin(&self) -> Result<()> {
         for from in layout::state() {
             let (_, name) = from.rsplit_once('/').unwrap_or(("", &from));
@@ -84,7 +84,7 @@ impl Folder {
         self.files.remove_all(&layout::bin())
     }
 
-    /// Moves the files of a folder that the same folder in the bin lacks.
+    /// Moves the files of a folder that its counterpart in the bin lacks.
     fn move_rest(&self, from: &DatasetPath, to: &DatasetPath) -> Result<()> {
         for (name, kind) in self.files.list(from)? {
             let Ok(name) = DatasetPath::new(name) else { continue };

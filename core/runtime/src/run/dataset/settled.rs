@@ -1,4 +1,4 @@
-//! What settling did to a scene, stored with the dataset. TOML keeps every bit of a number.
+//! The result of settling a scene, stored with the dataset. TOML keeps every bit of a number.
 
 use crate::run::dataset::foreign::read_list;
 use crate::run::dataset::layout;
@@ -6,13 +6,13 @@ use syntable_model::error::Result;
 use syntable_model::scene::{SceneId, Settled};
 use syntable_model::store::StoreFolder;
 
-/// Writes what settling did to a staged scene.
+/// Writes the result of settling for a staged scene.
 pub fn write(staged: &StoreFolder, scene: SceneId, settled: &Settled) -> Result<()> {
     let text = toml::to_string(settled).expect("poses and numbers are plain data");
     staged.write(&layout::settled(scene.0), text.as_bytes())
 }
 
-/// What settling did to a scene of a dataset; none if that is not stored, not readable, or larger than a run writes.
+/// The result of settling a scene of a dataset; `None` if it is missing, unreadable, or larger than a run writes.
 pub fn read(dataset: &StoreFolder, scene: SceneId) -> Option<Settled> {
     let text = read_list(dataset, &layout::settled(scene.0)).ok()??;
     toml::from_slice(&text).ok()

@@ -1,4 +1,4 @@
-//! Files in the making: scenes, and what the end of a run writes.
+//! Unfinished files: scenes, and the results of a run's end.
 
 use crate::run::dataset::folder::Folder;
 use crate::run::dataset::layout;
@@ -6,36 +6,36 @@ use std::path::PathBuf;
 use syntable_model::error::Result;
 use syntable_model::store::StoreFolder;
 
-/// Ending of the name of a staged scene whose files are being moved into place.
+/// Suffix of a staged scene whose files are moving into place.
 pub(super) const READY: &str = ".ready";
 
-/// Name of the folder of a scene in the making.
+/// Name of the folder of an unfinished scene.
 pub(super) fn part(scene: u32) -> String {
     format!("{scene}.part")
 }
 
-/// Name of the folder of what the end of a run writes.
+/// Name of the folder for the results of a run's end.
 pub(super) const FINISH: &str = "finish";
-/// Name of the folder in which the end of a run is tried.
+/// Name of the folder for a rehearsal of the end of a run.
 const TRIAL: &str = "trial";
 
 impl Folder {
-    /// An empty folder to make a scene in.
+    /// An empty folder for a scene.
     pub fn stage(&self, scene: u32) -> Result<StoreFolder> {
         self.fresh(&part(scene))
     }
 
-    /// An empty folder for what the end of a run writes.
+    /// An empty folder for the results of a run's end.
     pub fn stage_finish(&self) -> Result<StoreFolder> {
         self.fresh(FINISH)
     }
 
-    /// An empty folder to try the end of a run in.
+    /// An empty folder for a rehearsal of the end of a run.
     pub fn stage_trial(&self) -> Result<StoreFolder> {
         self.fresh(TRIAL)
     }
 
-    /// Throws away what the end of a run wrote when it was tried.
+    /// Deletes the results of a rehearsal.
     pub fn drop_trial(&self) -> Result<()> {
         self.files.remove_all(&layout::staged(TRIAL))
     }
@@ -46,7 +46,7 @@ impl Folder {
         Ok(self.files.inner(&folder))
     }
 
-    /// Drops all that is staged but scenes that are ready.
+    /// Drops all staged files except ready scenes.
     pub fn drop_parts(&self) -> Result<()> {
         let (ready, parts): (Vec<String>, Vec<String>) =
             self.staged_names()?.into_iter().partition(|name| name.ends_with(READY));
@@ -59,7 +59,7 @@ impl Folder {
         self.files.remove_all(&layout::staged(&part(scene)))
     }
 
-    /// Puts a staged scene aside, with what is wrong with it, and returns the name of its folder.
+    /// Moves a staged scene to quarantine with a text of its faults, and returns the name of its folder there.
     pub fn quarantine(&self, scene: u32, faults: &str) -> Result<PathBuf> {
         let (part, aside) = (layout::staged(&part(scene)), layout::quarantine(scene));
         self.files.remove_all(&aside)?;
@@ -70,7 +70,7 @@ impl Folder {
         Ok(self.files.name_of(&aside))
     }
 
-    /// Names of what is staged, sorted.
+    /// Names of the entries in the staging folder, sorted.
     pub(super) fn staged_names(&self) -> Result<Vec<String>> {
         let mut names: Vec<String> = self.files.list(&layout::staging())?.into_iter().map(|(name, _)| name).collect();
         names.sort_unstable();

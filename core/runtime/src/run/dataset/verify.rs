@@ -1,4 +1,4 @@
-//! Compares a dataset with its journal: what is missing, what is damaged, what is not the dataset's.
+//! Compares a dataset with its journal, and lists missing, damaged and foreign files.
 
 use crate::run::dataset::ending::Finished;
 use crate::run::dataset::folder::each_file;
@@ -6,7 +6,7 @@ use crate::run::dataset::foreign::{self, Odd};
 use crate::run::dataset::journal::Journal;
 use crate::run::dataset::layout::{self, MARK, RECIPE};
 use crate::run::dataset::locking::lock;
-use crate::run::dataset::manifest::{Manifest, Stamp, State};
+use crate::run::dataset::manifest::{FileState, Manifest, Stamp};
 use crate::workers::Pool;
 use parking_lot::Mutex;
 use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
@@ -16,53 +16,55 @@ use syntable_model::error::{Error, Result};
 use syntable_model::files::DatasetPath;
 use syntable_model::store::{Access, Kind, StoreFolder};
 
-/// What is wrong with a dataset.
+/// Result of comparing a dataset.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Verified {
-    /// Scenes that are done, failed ones not counted.
+    /// Number of finished scenes, without failed ones.
     pub scenes: u32,
-    /// Files that were compared.
+    /// Number of compared files.
     pub files: u64,
-    /// Files that are not there, sorted.
+    /// Missing files, sorted.
     pub missing: Vec<String>,
-    /// Files of another size or content, sorted.
+    /// Files of different size or content, sorted.
     pub damaged: Vec<String>,
-    /// Files of scenes whose manifests are lost, by scene, as far as the paths of another scene tell; sorted.
+    /// Files of scenes with lost manifests, by scene, where the paths of another scene identify them; sorted.
     pub unlisted: BTreeMap<u32, Vec<String>>,
     /// Other files that no manifest lists, sorted.
     pub foreign: Vec<String>,
-    /// Links in the folder, and where each leads, sorted.
+    /// Links in the folder with their targets, sorted.
     pub links: Vec<(String, String)>,
-    /// Files that manifests list and that are links, or behind one: they were not compared; sorted.
+    /// Listed files that are links or behind one, and were therefore not compared, sorted.
     pub linked: Vec<String>,
-    /// Lists that name what is not the dataset's, and what in the program's own folder is none of its files; with the reason,
-    /// sorted. If the program's own folder has links, nothing was compared.
+    /// Lists with foreign names, and foreign entries of the program's own folder, with reasons, sorted. If the
+    /// program's own folder has links, nothing was compared.
     pub outside: Vec<(String, String)>,
-    /// Scenes that have a missing or damaged file.
+    /// Scenes with a missing or damaged file.
     pub bad_scenes: BTreeSet<u32>,
-    /// Whether a run has begun or gone on, and did not end.
+    /// Whether the last run did not end.
     pub unfinished: bool,
 }
 
 impl Verified {
-    /// Whether every file is as it was written, and all runs ended.
+    /// Whether every file is unchanged, and all runs ended.
     pub fn whole(&self) -> bool {
         let lists = [&self.missing, &self.damaged, &self.linked];
         lists.iter().all(|list| list.is_empty()) && self.outside.is_empty() && !self.unfinished
     }
 }
 
-/// Compares a dataset that no run is writing. Changes nothing.
+/// Compares a dataset, without changing it. No run may be writing it.
 pub fn verify(dataset: impl Into<StoreFolder>, threads: usize) -> Result<Verified> {
     let dataset = dataset.into();
     if !layout::is_dataset(&dataset)? {
-        return Err(Error::new("there is no dataset").in_file(dataset.name()).help("name the folder that a run wrote"));
+        return Err(Error::new("no dataset in this folder")
+            .in_file(dataset.name())
+            .help("name the output folder of a run"));
     }
     let _lock = lock(&dataset, Access::Read)?;
     compare(&dataset, &Pool::new(threads)?)
 }
 
-/// Compares a dataset whose folder is open.
+/// Compares a dataset with an open folder.
 pub(in crate::run) fn compare(dataset: &StoreFolder, workers: &dyn Workers) -> Result<Verified> {
     let own = foreign::own_files(dataset)?;
     if !own.odd.is_empty() {
@@ -72,7 +74,7 @@ pub(in crate::run) fn compare(dataset: &StoreFolder, workers: &dyn Workers) -> R
     }
     let entries = Journal::entries_of(dataset)?;
     let made: Vec<(u32, &str)> = entries.values().filter_map(|entry| Some((entry.scene, entry.manifest()?))).collect();
-    let found = Mutex::new((Verified::default(), Owned::default(), Known::default()));
+    let found = Mutex::new((Verified::default(), Owned::default(), ManifestScenes::default()));
     let failure = Mutex::new(None);
     workers.run(made.len(), &|index| {
         let (scene, digest) = made[index];
@@ -107,7 +109,7 @@ pub(in crate::run) fn compare(dataset: &StoreFolder, workers: &dyn Workers) -> R
         None => true,
     };
     if found.unfinished {
-        // Before its first end a run has written the recipe, which is listed at the end.
+        // Before its first end, a run has written the recipe, which the end lists.
         owned.0.insert(key(RECIPE));
     }
     let patterns = Patterns::of(dataset, known)?;
@@ -129,8 +131,8 @@ pub(in crate::run) fn compare(dataset: &StoreFolder, workers: &dyn Workers) -> R
     Ok(found)
 }
 
-/// Compares the files of a scene, and returns what its manifest lists as far as that can be known.
-/// None if its manifest is lost.
+/// Compares the files of a scene, and returns its manifest's files as far as they are known; `None` if its manifest is
+/// lost.
 fn scene_files(dataset: &StoreFolder, scene: u32, digest: &str, wrong: &mut Verified) -> Result<Option<Manifest>> {
     let path = layout::manifest(scene);
     wrong.files += 1;
@@ -156,10 +158,10 @@ impl Verified {
     fn look(&mut self, dataset: &StoreFolder, path: &DatasetPath, stamp: &Stamp) -> Result<()> {
         self.files += 1;
         match stamp.check_in(dataset, path)? {
-            State::Whole => {}
-            State::Missing => self.missing.push(path.to_string()),
-            State::Damaged => self.damaged.push(path.to_string()),
-            State::Linked => self.linked.push(path.to_string()),
+            FileState::Whole => {}
+            FileState::Missing => self.missing.push(path.to_string()),
+            FileState::Damaged => self.damaged.push(path.to_string()),
+            FileState::Linked => self.linked.push(path.to_string()),
         }
         Ok(())
     }
@@ -176,7 +178,7 @@ impl Verified {
     }
 }
 
-/// The files that manifests list, by digests of their paths: a dataset may have millions.
+/// Digests of the paths of all listed files. A dataset may have millions of files.
 #[derive(Default)]
 struct Owned(HashSet<u64>);
 
@@ -186,16 +188,16 @@ impl Owned {
     }
 }
 
-/// Which scenes have a manifest.
+/// Scenes by the state of their manifests.
 #[derive(Default)]
-struct Known {
-    /// Scenes whose manifests are lost.
+struct ManifestScenes {
+    /// Scenes with lost manifests.
     lost: BTreeSet<u32>,
-    /// Number of files of the scene that has most, and that scene; the first of several.
+    /// Number of files of the largest scene, and that scene; the first of several.
     example: Option<(usize, std::cmp::Reverse<u32>)>,
 }
 
-impl Known {
+impl ManifestScenes {
     fn add(&mut self, scene: u32, manifest: Option<&Manifest>) {
         match manifest {
             Some(manifest) => self.example = self.example.max(Some((manifest.files.len(), std::cmp::Reverse(scene)))),
@@ -204,19 +206,19 @@ impl Known {
     }
 }
 
-/// Tells of which scene a file is that no manifest lists, by the paths of the files of another scene: its number stands
-/// where theirs has that of their scene. Without another scene, any number in the path counts.
+/// Identifies the scene of an unlisted file by the paths of another scene: the position of that scene's number in its
+/// paths. Without another scene, any number in the path counts.
 struct Patterns {
     lost: BTreeSet<u32>,
-    /// The scene whose files are the examples.
+    /// The scene with the example paths.
     example: u32,
-    /// Numbers in the paths of its files, by the path without its numbers; none if there is no such scene.
+    /// Numbers in the paths of its files, by the path without numbers; `None` without such a scene.
     numbers: Option<HashMap<String, Vec<Vec<u32>>>>,
 }
 
 impl Patterns {
-    fn of(dataset: &StoreFolder, known: Known) -> Result<Self> {
-        let Known { lost, example } = known;
+    fn of(dataset: &StoreFolder, known: ManifestScenes) -> Result<Self> {
+        let ManifestScenes { lost, example } = known;
         let Some((_, std::cmp::Reverse(example))) = example.filter(|_| !lost.is_empty()) else {
             return Ok(Self { lost, example: 0, numbers: None });
         };
@@ -247,7 +249,7 @@ impl Patterns {
     }
 }
 
-/// A path with `#` for each number, and the numbers; one beyond 32 bits counts as the largest.
+/// A path with `#` for each number, and the numbers; a number beyond 32 bits becomes the largest.
 fn split(path: &str) -> (String, Vec<u32>) {
     let (mut shape, mut numbers) = (String::new(), Vec::new());
     let mut rest = path;

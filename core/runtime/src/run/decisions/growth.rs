@@ -1,4 +1,4 @@
-//! What differs between the recipe that a dataset was begun with and the recipe of a run: growth, or another dataset.
+//! Differences between a dataset's recipe and the recipe of a run: growth, or another dataset.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -9,31 +9,31 @@ use syntable_model::stage::{Scenes, Writer};
 use syntable_recipe::plan::{Plan, Provider};
 use syntable_recipe::{Recipe, without_lock};
 
-/// How a dataset grows.
+/// Growth of a dataset.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Growth {
-    /// Number of scenes before and now.
+    /// Number of scenes, before and now.
     pub scenes: Option<[u32; 2]>,
     /// Number of views of new scenes, before and now.
     pub views: Option<[u32; 2]>,
-    /// Ids of writers that were added.
+    /// Ids of new writers.
     pub writers: Vec<String>,
-    /// Options that only the end of a run reads, and that changed.
+    /// Changed options that only the end of a run reads.
     pub finish: Vec<String>,
-    /// Whether any stage was added that makes or writes products.
+    /// Whether the recipe has a new stage that provides or writes products.
     pub adds: bool,
-    /// Ids of writers whose files are written anew, since they or annotators that they read have other options.
+    /// Ids of writers whose files are written again, because their options or their annotators' options have changed.
     pub rewritten: BTreeSet<String>,
-    /// Ids of writers that are there no more.
+    /// Ids of writers that left the recipe.
     pub gone: BTreeSet<String>,
 }
 
-/// A key that differs.
+/// A key with different values.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Difference {
     /// Path of the key.
     pub key: String,
-    /// Values before and now; none where the key is missing.
+    /// Values before and now; `None` if the key is missing.
     pub values: [Option<String>; 2],
 }
 
@@ -47,13 +47,13 @@ impl std::fmt::Display for Difference {
     }
 }
 
-/// The keys in which two resolved recipes differ, locks of inputs aside.
+/// The keys in which two resolved recipes differ, without the locks of inputs.
 pub fn differences(before: &str, now: &str) -> Vec<Difference> {
     let (mut before, mut now) = (keys_of(before), keys_of(now));
     let tables =
         [&before, &now].map(|keys| keys.keys().filter_map(|key| keyed_table(key)).map(str::to_owned).collect());
     let [had, has]: [BTreeSet<String>; 2] = tables;
-    // A table that only one of them has is one difference.
+    // A table that only one recipe has is one difference.
     for (keys, table) in had.difference(&has).map(|it| (0, it)).chain(has.difference(&had).map(|it| (1, it))) {
         let keys = if keys == 0 { &mut before } else { &mut now };
         let kind = keys.get(&format!("{table}.kind")).cloned().unwrap_or_default();
@@ -91,15 +91,15 @@ fn keys_of(text: &str) -> BTreeMap<String, String> {
     keys
 }
 
-/// Lists differences on lines of their own.
+/// Lists differences, one per line.
 pub fn listing(differences: &[Difference]) -> String {
     let (first, more) = first_of(differences);
     let lines: String = first.iter().map(|it| format!("\n  {it}")).collect();
     if more == 0 { lines } else { format!("{lines}\n {}", and_more(more)) }
 }
 
-/// Compares the recipe of a dataset with that of a run. With `rewrite`, files of writers may be written anew. An error says
-/// why the run cannot go on with the dataset.
+/// Compares the recipes of a dataset and of a run. `rewrite` permits writing the files of writers again. The error
+/// explains why the run cannot continue the dataset.
 pub fn growth(root: &Path, before: &str, recipe: &Recipe, rewrite: bool) -> Result<Growth> {
     let differences = differences(before, &recipe.resolved);
     let mut growth = Growth::default();
@@ -115,7 +115,7 @@ pub fn growth(root: &Path, before: &str, recipe: &Recipe, rewrite: bool) -> Resu
         match key.as_str() {
             "dataset.scenes" if numbers().is_some() => growth.scenes = numbers(),
             "dataset.views_per_scene" if numbers().is_some() => growth.views = numbers(),
-            // A crate that is new, or of which no stage is left, which its tables say as well.
+            // Crates that became used or unused, which the tables of their stages show as well.
             key if key.starts_with("lock.plugins.") && (values[0].is_none() || values[1].is_none()) => {}
             key => match table_of(key) {
                 Some(table) if !had.contains(table) => {
@@ -133,40 +133,40 @@ pub fn growth(root: &Path, before: &str, recipe: &Recipe, rewrite: bool) -> Resu
     }
     growth.writers.dedup();
     let fewer = |what: &str, [before, now]: [u32; 2], help: &str| {
-        let message = format!("the dataset was begun with {before} {what}, and the recipe has {now} now");
+        let message = format!("the dataset has {before} {what}, but the recipe has {now}");
         Err(Error::new(message).in_file(root).help(help))
     };
     if !others.is_empty() {
         let of_writers = others.iter().all(|other| table_of(&other.key).is_some_and(may_change));
         let help = match of_writers {
             true => {
-                "to write the files of these writers anew, or to take them away, run with --rewrite; else choose another \
-                 folder with --out"
+                "to write the files of these writers again, or to remove them, run with `options.rewrite`; else choose another \
+                 folder with `options.out`"
             }
-            false => "choose another folder with --out, or delete the old dataset with --overwrite",
+            false => "choose another folder with `options.out`, or delete the old dataset with `options.overwrite`",
         };
-        return Err(Error::new(format!("the folder holds a dataset of another recipe:{}\n ", listing(&others)))
+        return Err(Error::new(format!("the folder has a dataset of another recipe:{}\n ", listing(&others)))
             .in_file(root)
             .help(help));
     }
     if let Some(numbers @ [before, now]) = growth.scenes
         && now < before
     {
-        return fewer("scenes", numbers, "a dataset can grow; to make a part of its scenes, use --scenes");
+        return fewer("scenes", numbers, "a dataset can only grow; to make some of its scenes, use `options.scenes`");
     }
     if let Some(numbers @ [before, now]) = growth.views
         && now < before
     {
-        let help = "new scenes can have more views, not fewer; make another dataset with --out";
+        let help = "new scenes can have more views, not fewer; make another dataset with `options.out`";
         return fewer("views per scene", numbers, help);
     }
     growth.rewritten = changed.iter().filter_map(|table| Some(table.strip_prefix("write.")?.to_owned())).collect();
     added.append(&mut changed);
     for (id, stage) in disturbed(recipe, &growth, &added) {
         if !rewrite {
-            return Err(Error::new(format!("[{stage}] was added and changes what `write.{id}` has written already"))
+            return Err(Error::new(format!("[{stage}] is new and changes existing files of `write.{id}`"))
                 .in_file(root)
-                .help("to write its files anew, run with --rewrite; else choose another folder with --out"));
+                .help("to write these files again, run with `options.rewrite`; else choose another folder with `options.out`"));
         }
         growth.rewritten.insert(id);
     }
@@ -176,8 +176,8 @@ pub fn growth(root: &Path, before: &str, recipe: &Recipe, rewrite: bool) -> Resu
     Ok(growth)
 }
 
-/// Whether the files of a dataset may be written anew after a change of the table: it is that of a writer, or of what it
-/// may be alone to read.
+/// Whether files can be written again after a change of this table: it is the table of a writer, or of an annotator
+/// that only writers may read.
 fn may_change(table: &str) -> bool {
     [Slot::Write, Slot::Annotate]
         .iter()
@@ -193,12 +193,12 @@ fn keyed_table(key: &str) -> Option<&str> {
     keyed.then(|| &key[..end])
 }
 
-/// The same for stages that make or write products.
+/// The table of a stage that provides or writes products.
 fn table_of(key: &str) -> Option<&str> {
     keyed_table(key).filter(|table| !table.starts_with(Slot::Assets.name()))
 }
 
-/// Whether a key is an option of a writer that the end of a run alone reads.
+/// Whether a key is an option of a writer that only the end of a run reads.
 pub fn only_finish(recipe: &Recipe, key: &str) -> bool {
     let Some((table, id)) = table_of(key).and_then(|table| Some((table, table.strip_prefix("write.")?))) else {
         return false;
@@ -208,8 +208,8 @@ pub fn only_finish(recipe: &Recipe, key: &str) -> bool {
     writer.finish_options().contains(&option)
 }
 
-/// Writers that are neither new nor changed, of which a stage that was added or changed makes a product; with one such stage.
-/// The files that are there were written without it.
+/// Unchanged writers that read a product of a new or changed stage, each with one such stage. Their existing files lack
+/// its effect.
 fn disturbed(recipe: &Recipe, growth: &Growth, changed: &BTreeSet<String>) -> Vec<(String, String)> {
     let stays = |id: &String| !growth.writers.contains(id) && !growth.rewritten.contains(id);
     let by = |writer: &dyn Writer<Scenes>| {
@@ -225,7 +225,7 @@ fn disturbed(recipe: &Recipe, growth: &Growth, changed: &BTreeSet<String>) -> Ve
 }
 
 impl Growth {
-    /// Ids of writers whose files are written anew or taken away.
+    /// Ids of writers whose files are written again or removed.
     pub fn replaced(&self) -> BTreeSet<String> {
         self.rewritten.union(&self.gone).cloned().collect()
     }
@@ -235,7 +235,7 @@ impl Growth {
         *self == Self::default()
     }
 
-    /// What grows, in words.
+    /// The growth in words.
     pub fn text(&self) -> String {
         let mut parts = Vec::new();
         if let Some([before, now]) = self.scenes {
@@ -246,10 +246,10 @@ impl Growth {
         }
         if !self.writers.is_empty() {
             let names: Vec<String> = self.writers.iter().map(|id| format!("`write.{id}`")).collect();
-            parts.push(format!("by the files of {}, for scenes that are done, too", names.join(" and ")));
+            parts.push(format!("by the files of {}, also for finished scenes", names.join(" and ")));
         }
         let mut sentences = Vec::new();
-        for (writers, what) in [(&self.rewritten, "written anew"), (&self.gone, "taken away")] {
+        for (writers, what) in [(&self.rewritten, "written again"), (&self.gone, "removed")] {
             if !writers.is_empty() {
                 let names: Vec<String> = writers.iter().map(|id| format!("`write.{id}`")).collect();
                 sentences.push(format!("the files of {} are {what}", names.join(" and ")));
@@ -259,7 +259,7 @@ impl Growth {
             sentences.push(format!("the dataset grows {}", parts.join("; ")));
         }
         if !self.finish.is_empty() {
-            sentences.push(format!("its end is written anew, with another {}", self.finish.join(", ")));
+            sentences.push(format!("the last step of writers runs again, with another {}", self.finish.join(", ")));
         }
         sentences.join("; ")
     }

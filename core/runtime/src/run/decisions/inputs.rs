@@ -1,4 +1,4 @@
-//! The inputs of a dataset, compared with what they were: pools, and files that options name.
+//! Compares the inputs of a dataset with their locked state: pools, and files that options name.
 
 use crate::run::dataset::folder::catalog_path;
 use crate::run::dataset::foreign::read_list;
@@ -10,7 +10,7 @@ use syntable_model::stage::DeviceClass;
 use syntable_model::store::StoreFolder;
 use syntable_recipe::{CatalogAsset, CatalogLock, CatalogNames as Names, Lock, Recipe};
 
-/// The devices that render what a recipe wants, if others may round otherwise.
+/// The devices that would render a recipe, if other devices may round differently.
 pub fn devices(recipe: &Recipe) -> Result<BTreeSet<String>> {
     if recipe.plan.rendered.is_empty() {
         return Ok(BTreeSet::new());
@@ -19,34 +19,33 @@ pub fn devices(recipe: &Recipe) -> Result<BTreeSet<String>> {
     Ok(devices.filter(|device| device.class.rounds()).map(|device| device.name).collect())
 }
 
-/// Says that a program renders in place of a card, if so.
+/// A message if a program emulates the graphics card.
 pub fn emulated(recipe: &Recipe) -> Result<Option<String>> {
     if recipe.plan.rendered.is_empty() {
         return Ok(None);
     }
     let program = recipe.render.devices()?.into_iter().find(|device| device.class == DeviceClass::Emulated);
-    Ok(program
-        .map(|device| format!("there is no graphics card: {} renders, which is slower than `cpu_path`", device.name)))
+    Ok(program.map(|device| format!("no graphics card: {} emulates one, which is slower than `cpu_path`", device.name)))
 }
 
-/// Warns if scenes are to be rendered on other devices than those of then.
+/// Warns if the devices differ from those that rendered the existing scenes.
 pub fn tell_of_devices(then: [&BTreeSet<String>; 2], now: &BTreeSet<String>, log: &dyn Log) {
     let list = |names: &BTreeSet<String>| names.iter().cloned().collect::<Vec<_>>().join(", ");
     if let Some(then) = then.into_iter().find(|then| !then.is_empty() && !now.is_empty() && !now.is_subset(then)) {
         log.warn(
-            &Error::new(format!("the dataset was begun on {}, and goes on on {}", list(then), list(now)))
+            &Error::new(format!("other devices render now: {} before, {} now", list(then), list(now)))
                 .help("images may differ by rounding; `cpu_path` gives the same bytes on every machine"),
         );
     }
 }
 
-/// What pools offer.
+/// Contents of pools.
 pub fn catalogs(names: &BTreeMap<String, Names>) -> BTreeMap<String, CatalogLock> {
     names.iter().map(|(pool, names)| (pool.clone(), CatalogLock::of(names))).collect()
 }
 
-/// Refuses inputs that are not those of a lock, with what was added, removed or changed. `home` is the folder of the
-/// dataset whose lock it is, where the names of its pools' assets may be; `catalogs` are the names now.
+/// Refuses inputs that differ from a lock, and lists the additions, removals and changes. `home` is the folder of the
+/// lock's dataset, which may store the names of the pools' assets; `catalogs` are the current names.
 pub fn unchanged(
     then: &Lock,
     now: &Lock,
@@ -55,31 +54,33 @@ pub fn unchanged(
 ) -> Result<()> {
     let refuse = |message: String| {
         Err(Error::new(message)
-            .help("scenes would differ from those of then: restore it, or make a new dataset with --out, from a recipe without that entry of [lock]"))
+            .help("new scenes would differ from existing ones: restore the input, or make a new dataset with `options.out`, from a recipe without that entry of [lock]"))
     };
     for (pool, was) in &then.catalogs {
         let Some(is) = now.catalogs.get(pool).filter(|is| *is != was) else { continue };
         let what = match home.and_then(|home| names(home, pool, was)) {
             Some(before) => changes(&before, &catalogs[pool]),
-            None => format!("{} assets then, {} now, or other names, categories or numbers", was.assets, is.assets),
+            None => {
+                format!("{} assets before, {} now, or different names, categories or numbers", was.assets, is.assets)
+            }
         };
-        return refuse(format!("the pool `assets.{pool}` is not what it was when the dataset was begun: {what}"));
+        return refuse(format!("the pool `assets.{pool}` has changed since the dataset began: {what}"));
     }
     for (option, was) in &then.files {
         if now.files.get(option).is_some_and(|is| is != was) {
-            return refuse(format!("the file of `{option}` is not what it was when the dataset was begun"));
+            return refuse(format!("the file of `{option}` has changed since the dataset began"));
         }
     }
     Ok(())
 }
 
-/// What a pool offered otherwise when another dataset was begun, if both datasets store what it offered.
+/// The difference between a pool's contents in two datasets, if both store them.
 pub fn difference(pool: &str, [one, other]: [(&StoreFolder, &Lock); 2]) -> Option<String> {
     let of = |(home, lock): (&StoreFolder, &Lock)| names(home, pool, lock.catalogs.get(pool)?);
     Some(changes(&of(one)?, &of(other)?)).filter(|changes| !changes.is_empty())
 }
 
-/// The names that a dataset stores of a pool, if they are those of the lock.
+/// The names that a dataset stores for a pool, if they match the lock.
 fn names(home: &StoreFolder, pool: &str, lock: &CatalogLock) -> Option<Names> {
     let text = read_list(home, &catalog_path(home, pool).ok()?).ok()??;
     let names: Names = serde_json::from_slice(&text).ok()?;
@@ -104,13 +105,13 @@ fn changes(before: &Names, now: &Names) -> String {
         let was = before.get(*name).and_then(|asset| asset.obj_id);
         let taken = now.iter().find(|(_, asset)| was.is_some() && asset.obj_id == was);
         let taken = taken.map_or_else(String::new, |(other, _)| format!("; {} is `{other}` now", number(before, name)));
-        format!("such as `{name}`, which was {} and is {}{taken}", number(before, name), number(now, name))
+        format!("such as `{name}`, which was {} and is now {}{taken}", number(before, name), number(now, name))
     });
     let parts = [
         list("added", added),
         list("removed", removed),
-        list("of another category", other_categories),
-        list("of another number", other_numbers).zip(first).map(|(all, first)| format!("{all}, {first}")),
+        list("with another category", other_categories),
+        list("with another number", other_numbers).zip(first).map(|(all, first)| format!("{all}, {first}")),
     ];
     parts.into_iter().flatten().collect::<Vec<_>>().join("; ")
 }
@@ -141,10 +142,10 @@ mod tests {
         let error = compare(&lock(&now, "2"), None).expect_err("another file").to_string();
         assert!(error.contains("`write.t.template.file`"), "{error}");
         let error = compare(&lock(&before, "1"), Some(&home)).expect_err("other names").to_string();
-        assert!(error.contains("`assets.p`") && error.contains("3 assets then, 3 now"), "{error}");
+        assert!(error.contains("`assets.p`") && error.contains("3 assets before, 3 now"), "{error}");
         let path = catalog_path(&home, "p").expect("a name");
         home.write(&path, serde_json::to_string(&before).expect("plain data").as_bytes()).expect("writable");
         let error = compare(&lock(&before, "1"), Some(&home)).expect_err("other names").to_string();
-        assert!(error.contains("added `d`; removed `a`; of another category `b`"), "{error}");
+        assert!(error.contains("added `d`; removed `a`; with another category `b`"), "{error}");
     }
 }

@@ -1,4 +1,5 @@
-//! What a run may do with the folder that it finds: continue a dataset, let it grow, or leave it alone; and the work that follows.
+//! Decides what a run may do with an existing folder: continue its dataset, grow it, or leave it unchanged; and lists
+//! the resulting work.
 
 pub(crate) mod growth;
 pub(crate) mod inputs;

@@ -1,5 +1,5 @@
-//! Before anything changes: whether a run may go on with the folder, which recipe the dataset has then, and what there is
-//! to do.
+//! Decides, before any change, whether a run may continue a folder, which recipe the dataset then has, and the work to
+//! do.
 
 use crate::pools::AssetStore;
 use crate::run::dataset::folder::Folder;
@@ -19,23 +19,23 @@ use syntable_model::error::{Error, Result};
 use syntable_model::store::StoreFolder;
 use syntable_recipe::{CatalogNames, Lock, Recipe, lock_of, with_devices, with_lock};
 
-/// A dataset that a run may begin or go on with.
+/// A dataset that a run may begin or continue.
 pub struct Begun<'a> {
     pub folder: Folder,
     pub journal: Journal,
-    /// The recipe that it has once a scene is made: resolved, with the inputs that are locked so far.
+    /// Recipe of the dataset once a scene is made: resolved, with the inputs locked so far.
     pub resolved: String,
-    /// How it grows; none if the recipe takes the place of one by which no scene was made.
+    /// Growth of the dataset; `None` if the recipe replaces one that has made no scene.
     pub growth: Option<Growth>,
     pub todo: Todo,
     /// The pools, if they were needed or will be.
     pub assets: Option<AssetStore<'a>>,
-    /// The first scene, if it was made aside.
+    /// The first scene, if it was made in a separate folder.
     pub ahead: Option<Ahead>,
 }
 
-/// Opens the folder of a run, repaired or emptied as the options ask, and compares all that was there before with all that
-/// is now. An error leaves the dataset as it was, but for what was repaired.
+/// Opens the folder of a run, repairs or empties it as the options ask, and compares its dataset with the recipe. After
+/// an error, the dataset is unchanged except for repairs.
 pub fn begin<'a>(
     recipe: &'a Recipe,
     options: &RunOptions,
@@ -44,7 +44,7 @@ pub fn begin<'a>(
     log: &'a dyn Log,
 ) -> Result<Begun<'a>> {
     if let Some(table) = recipe.undecided.first() {
-        return Err(Error::new(format!("the kind of [{table}] stands for others, and none was chosen"))
+        return Err(Error::new(format!("the kind of [{table}] is a placeholder for other kinds, and none was chosen"))
             .help("name a kind, or load the recipe with `Overrides::for_run`"));
     }
     recipe.ready()?;
@@ -52,7 +52,7 @@ pub fn begin<'a>(
     let devices = inputs::devices(recipe)?;
     let files = recipe.file_digests()?;
     inputs::unchanged(&recipe.lock, &Lock { files: files.clone(), ..Lock::default() }, &BTreeMap::new(), None)?;
-    // Nothing is deleted or repaired for a run whose assets cannot be found, or are not those that the recipe was resolved with.
+    // A run with missing or changed assets must not delete or repair anything.
     let first = options.overwrite || options.repair || options.rewrite;
     let mut assets = first.then(|| open_pools(recipe, log)).transpose()?;
     let (folder, ahead) = open_folder(recipe, options, reporter)?;
@@ -105,15 +105,15 @@ fn started(recipe: &Recipe, options: &RunOptions, resumed: u32, images: u64) -> 
     }
 }
 
-/// Opens the folder, and does to it what the options ask. A dataset that is overwritten is deleted once the first scene of
-/// the new one is made.
+/// Opens the folder, and applies the options to it. A dataset to overwrite is deleted once the first scene of the new
+/// one is finished.
 fn open_folder(recipe: &Recipe, options: &RunOptions, reporter: &dyn Reporter) -> Result<(Folder, Option<Ahead>)> {
     let folder = Folder::open(&options.out)?;
     folder.files().remove_all(&layout::ahead())?;
     if options.repair {
         let lines = folder.mend_journal()?;
         if lines > 0 {
-            let message = format!("{} of the journal cannot be read, and taken out", count(lines as u32, "line"));
+            let message = format!("{} of the journal are unreadable, and removed", count(lines as u32, "line"));
             reporter.event(&Event::Note { message });
         }
     }
@@ -134,13 +134,15 @@ fn open_folder(recipe: &Recipe, options: &RunOptions, reporter: &dyn Reporter) -
 fn tell_foreign(reporter: &dyn Reporter, left: &[PathBuf]) {
     if let Some(first) = left.first() {
         let files = count(left.len() as u32, "file");
-        let message =
-            format!("{files} in the folder, such as {}, stay: no manifest of the dataset lists them", first.display());
+        let message = format!(
+            "{files} in the folder, such as {}, stay because no manifest of the dataset lists them",
+            first.display()
+        );
         reporter.event(&Event::Note { message });
     }
 }
 
-/// Writes the recipe of the folder again if it is lost, and this is certainly the one.
+/// Writes the recipe of the folder again if it is lost and this recipe certainly equals it.
 fn restore_recipe(
     folder: &Folder,
     recipe: &Recipe,
@@ -154,7 +156,7 @@ fn restore_recipe(
     folder.restore_recipe(&with_devices(&with_lock(&recipe.resolved, &lock), devices))
 }
 
-/// Opens the pools of a recipe, which must offer what they offered when the recipe was resolved.
+/// Opens the pools of a recipe, whose contents must match the resolved recipe.
 fn open_pools<'a>(recipe: &'a Recipe, log: &'a dyn Log) -> Result<AssetStore<'a>> {
     let store = AssetStore::open(recipe, log)?;
     let names = store.catalogs();
@@ -164,8 +166,8 @@ fn open_pools<'a>(recipe: &'a Recipe, log: &'a dyn Log) -> Result<AssetStore<'a>
     Ok(store)
 }
 
-/// Compares the recipe of the folder with that of the run, and the files that options name. Returns the recipe with what is
-/// locked, and how the dataset grows; none if the recipe takes the place of one by which no scene was made.
+/// Compares the recipes of the folder and of the run, and the files in options. Returns the recipe with its locks, and
+/// the growth of the dataset; `None` if the recipe replaces one that has made no scene.
 fn compare(
     folder: &Folder,
     recipe: &Recipe,
@@ -182,17 +184,17 @@ fn compare(
         Err(_) if none_made => return Ok(anew()),
         Err(what) => {
             let help = match options.repair {
-                false => "bring it back, or run with its recipe and --repair",
+                false => "restore the file, or run with its recipe and `options.repair`",
                 true => {
-                    "this recipe is not certainly the one that it was begun with: bring recipe.toml back, choose another folder \
-                     with --out, or begin anew with --overwrite"
+                    "this recipe may differ from the dataset's recipe: restore recipe.toml, choose another folder \
+                     with `options.out`, or replace the dataset with `options.overwrite`"
                 }
             };
             return Err(Error::new(format!("the dataset {what}")).in_file(folder.name()).help(help));
         }
     };
     if none_made && !growth::differences(&before, &recipe.resolved).is_empty() {
-        let message = "no scene was made by the recipe of the folder; it is replaced".to_owned();
+        let message = "the recipe of the folder has made no scene, and is replaced".to_owned();
         reporter.event(&Event::Note { message });
         return Ok(anew());
     }
@@ -203,12 +205,11 @@ fn compare(
     if !growth.is_none() {
         reporter.event(&Event::Note { message: growth.text() });
     }
-    // What a resolved recipe locks stays locked.
+    // Locks of a resolved recipe stay.
     Ok((with_lock(&recipe.resolved, &Lock { files: now.files, ..then }), Some(growth)))
 }
 
-/// Compares what the pools offer with what they offered when the dataset was begun. Returns the recipe with that locked,
-/// and changes nothing.
+/// Compares the pools with their state when the dataset began. Returns the recipe with locked pools. Changes no file.
 fn lock_pools(
     folder: &Folder,
     names: &BTreeMap<String, CatalogNames>,
@@ -222,7 +223,7 @@ fn lock_pools(
     Ok(with_lock(resolved, &now))
 }
 
-/// Scenes whose files are missing or damaged, or whose lines of the journal are lost.
+/// Scenes with missing or damaged files, or with lost journal lines.
 fn repairs(
     folder: &Folder,
     journal: &Journal,
@@ -233,18 +234,18 @@ fn repairs(
     let lost = folder.without_line(journal)?;
     if !lost.is_empty() {
         let lines = count(lost.len() as u32, "line");
-        let message = format!("{lines} of the journal lost; made again: scenes {}", ranges(lost.iter().copied()));
+        let message = format!("{lines} of the journal lost; making scenes {} again", ranges(lost.iter().copied()));
         reporter.event(&Event::Note { message });
     }
     let wrong = found.missing.len() + found.damaged.len();
     let message = match wrong {
-        0 => format!("{} compared, all as they were written", count(found.files as u32, "file")),
+        0 => format!("{} compared, all unchanged", count(found.files as u32, "file")),
         _ => format!(
             "{} missing, {} damaged; made again: {}",
             count(found.missing.len() as u32, "file"),
             found.damaged.len(),
             match found.bad_scenes.len() {
-                0 => "what the end of a run writes".to_owned(),
+                0 => "results of the run's end".to_owned(),
                 scenes => count(scenes as u32, "scene"),
             }
         ),

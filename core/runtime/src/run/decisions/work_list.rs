@@ -1,4 +1,4 @@
-//! What there is to do: for each scene, the whole or what it lacks.
+//! The work to do: for each scene, all of it or its missing parts.
 
 use crate::run::dataset::journal::{Journal, JournalEntry};
 use crate::run::dataset::manifest::Manifest;
@@ -10,40 +10,40 @@ use syntable_model::stage::{DatasetInfo, Input, Scenes, Writer};
 use syntable_recipe::Recipe;
 use syntable_recipe::plan::Plan;
 
-/// What is made of a scene.
+/// Parts of a scene to make.
 pub struct Work<'a> {
-    /// The dataset, with the number of views of the scene.
+    /// Information on the dataset, with the scene's number of views.
     pub dataset: DatasetInfo,
-    /// What is computed.
+    /// Plan of the computation.
     pub plan: Plan,
-    /// Who writes.
+    /// Writers of the scene.
     pub writers: Vec<&'a (String, Box<dyn Writer<Scenes>>)>,
 }
 
 /// A scene to make.
 pub struct Task<'a> {
-    /// The scene.
+    /// Number of the scene.
     pub scene: u32,
     /// Whether the dataset has it.
     pub is_present: bool,
-    /// What is made of a new scene, or of one that is made again.
+    /// Work for a new scene, or for a scene that is made again.
     pub whole: &'a Work<'a>,
-    /// The scene as it is in the dataset, if it only gets what it lacks, and what that is.
+    /// The existing scene and its missing parts, if only these are made.
     pub extend: Option<(&'a JournalEntry, &'a Work<'a>)>,
 }
 
-/// What there is to do for each scene.
+/// The work for each scene.
 pub struct Todo {
     pub scenes: BTreeMap<u32, Job>,
-    /// Whether the recipe adds stages to those by which scenes were made.
+    /// Whether the recipe adds stages to the recipe that made the existing scenes.
     pub adds: bool,
 }
 
-/// What there is to do for a scene.
+/// The work for a scene.
 pub struct Job {
-    /// Its line of the journal, if it is in the dataset; without the writers whose files are written anew.
+    /// Its journal line, if it is in the dataset, without the writers whose files are written again.
     pub present: Option<JournalEntry>,
-    /// What it lacks.
+    /// Its missing parts.
     pub lacks: Lacks,
 }
 
@@ -55,7 +55,7 @@ impl Job {
 }
 
 impl Todo {
-    /// What there is to do for the scenes that are `wanted`, and for those that are damaged.
+    /// The work for `wanted` and damaged scenes.
     pub fn of(
         recipe: &Recipe,
         journal: &Journal,
@@ -84,14 +84,14 @@ impl Todo {
         }
     }
 
-    /// Number of images that it takes.
+    /// Number of images to make.
     pub fn images(&self, recipe: &Recipe) -> u64 {
         self.scenes.values().map(|job| u64::from(job.views(recipe))).sum()
     }
 }
 
-/// The files of a scene that stay when it gets what it lacks: not those of writers that its line does not name, which have
-/// other options now, or are gone.
+/// The files of a scene that stay when it gets its missing parts. Files of writers that its line does not name go,
+/// because the writers' options have changed or the writers are gone.
 pub fn kept(files: &Manifest, entry: &JournalEntry, plan: &Plan) -> Manifest {
     files.only(|id| match id {
         OWNER => !plan.per_dataset.is_empty(),
@@ -99,10 +99,11 @@ pub fn kept(files: &Manifest, entry: &JournalEntry, plan: &Plan) -> Manifest {
     })
 }
 
-/// What a scene lacks: ids of writers, and whether its products must be recorded anew; none if it is made as a whole.
+/// Missing parts of a scene: ids of writers, and whether its products must be recorded again; `None` if the whole scene
+/// is made.
 pub type Lacks = Option<(Vec<String>, bool)>;
 
-/// What is made of scenes: the whole, or what some lack; once for all scenes that are alike.
+/// Plans for scenes: for whole scenes, and for missing parts. Scenes with the same work share one.
 pub struct Works<'a> {
     recipe: &'a Recipe,
     works: BTreeMap<(u32, Lacks), Work<'a>>,

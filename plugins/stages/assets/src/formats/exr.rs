@@ -16,21 +16,17 @@ pub const MAGIC: &[u8] = &[0x76, 0x2f, 0x31, 0x01];
 
 /// Decodes a file in memory: the first layer with R, G and B, or with Y alone. Other channels are not unpacked.
 pub fn decode(bytes: &[u8], budget: &Budget) -> Result<EnvironmentMap> {
-    let broken = |error: exr::error::Error| Error::new(format!("not a sound OpenEXR: {error}"));
+    let broken = |error: exr::error::Error| Error::new(format!("not a valid OpenEXR: {error}"));
     let meta = MetaData::read_from_buffered(Cursor::new(bytes), false).map_err(broken)?;
     for header in &meta.headers {
         // The file stores an offset of eight bytes for every chunk.
         if header.chunk_count > bytes.len() / 8 {
-            return Err(Error::new(format!(
-                "{} chunks are more than {} bytes can hold",
-                header.chunk_count,
-                bytes.len()
-            )));
+            return Err(Error::new(format!("{} chunks do not fit into {} bytes", header.chunk_count, bytes.len())));
         }
     }
     let mut layers = meta.headers.iter().map(|header| (header, color_channels(header)));
     let Some((_, Ok(channels))) = layers.find(|(_, channels)| channels.is_ok()) else {
-        let none = || Error::new("not a sound OpenEXR: it has no layer");
+        let none = || Error::new("not a valid OpenEXR: the file has no layer");
         return Err(meta.headers.first().and_then(|first| color_channels(first).err()).unwrap_or_else(none));
     };
     if let Some(size) = meta.headers.iter().map(|header| header.layer_size).max_by_key(|size| size.area()) {
@@ -78,7 +74,7 @@ pub fn decode(bytes: &[u8], budget: &Budget) -> Result<EnvironmentMap> {
     };
     let (width, texels) = image.map_err(broken)?;
     if width == 0 || texels.len() % width != 0 {
-        return Err(Error::new("not a sound OpenEXR: its layer has no pixels"));
+        return Err(Error::new("not a valid OpenEXR: its layer has no pixels"));
     }
     let height = texels.len() / width;
     EnvironmentMap::new("", width as u32, height as u32, texels)
@@ -94,8 +90,8 @@ fn color_channels(header: &Header) -> Result<[Text; 3]> {
         _ => {
             let names: Vec<String> = list.iter().take(8).map(|channel| shorten(&channel.name.to_string())).collect();
             let more = if list.len() > names.len() { " and more" } else { "" };
-            return Err(Error::new(format!("channels {}{more} hold no color", names.join(", ")))
-                .help("a map has R, G and B, or Y alone"));
+            return Err(Error::new(format!("channels {}{more} are not colors", names.join(", ")))
+                .help("save the map with channels R, G and B, or Y alone"));
         }
     };
     for channel in list {
@@ -103,7 +99,7 @@ fn color_channels(header: &Header) -> Result<[Text; 3]> {
         if channel.sampling != Vec2(1, 1) {
             let name = shorten(&channel.name.to_string());
             return Err(
-                Error::new(format!("channel {name} is subsampled, which is not read")).help("save the map as RGB")
+                Error::new(format!("channel {name} is subsampled, which is not supported")).help("save the map as RGB")
             );
         }
     }

@@ -1,13 +1,13 @@
 //! glTF 2.0, text and binary: all nodes of a scene baked into one mesh.
 //!
-//! Meshes are placed by their nodes' transforms, instances are expanded, y up becomes z up. Skins and morph targets have
-//! the pose that nodes and weights give them; animations are not read. An unknown extension that the file requires is an error; others are ignored, with a
-//! warning where they change the appearance. The buffers and images that a file names are resolved here, not by the
-//! library, so that nothing is read from outside the asset's folder and nothing is allocated unchecked.
+//! Node transforms place meshes, instances are expanded, and y up becomes z up. Skins and morph targets take the pose
+//! of nodes and weights; animations are ignored. An unknown extension that the file requires is an error; others are
+//! ignored, with a warning if they change the appearance. This module, not the library, resolves the buffers and images
+//! that a file names, so no file outside the asset's folder is read, and no memory is allocated unchecked.
 
 use super::{InFile, within};
-use buffers::Buffers;
-use container::Opened;
+use buffers::GltfBuffers;
+use container::GltfFile;
 use gltf::json::{Index, Root};
 use materials::Materials;
 use nodes::Instance;
@@ -74,13 +74,13 @@ pub fn read(root: &AssetRoot, file: &Path, log: &dyn Log) -> Result<Model> {
     let path = root.locate(file)?;
     let at = |error: Error| error.in_file(&path);
     let bytes = root.read(&path)?;
-    let Opened { document, binary, animated } = container::open(&bytes, root.budget()).map_err(at)?;
+    let GltfFile { document, binary, animated } = container::open(&bytes, root.budget()).map_err(at)?;
     check_extensions(&document, &path, log).map_err(at)?;
     if animated {
-        log.warn(&at(Error::new("animations are not read; the object has its default pose")));
+        log.warn(&at(Error::new("animations are not supported; the object takes its default pose")));
     }
     let folder = file.parent().unwrap_or(Path::new(""));
-    let mut buffers = Buffers::new(&document, binary, root, folder, &path, log);
+    let mut buffers = GltfBuffers::new(&document, binary, root, folder, &path, log);
     bake(&document, &mut buffers, &path, log).map_err(at)
 }
 
@@ -88,12 +88,13 @@ fn check_extensions(document: &Root, path: &Path, log: &dyn Log) -> Result<()> {
     let unknown = |name: &&String| !READ.contains(&name.as_str());
     if let Some(name) = document.extensions_required.iter().find(unknown) {
         let help = ENCODED.iter().find(|(known, _)| known == name).map(|(_, help)| *help);
-        return Err(Error::new(format!("the file requires the extension `{}`, which is not read", shorten(name)))
+        return Err(Error::new(format!("the file requires the extension `{}`, which is not supported", shorten(name)))
             .help(help.unwrap_or("export it without that extension")));
     }
-    // What is encoded, and not required, is there in another form, too.
+    // Encoded data of an optional extension also exist in plain form.
     if document.extensions_used.iter().any(|name| name == "KHR_materials_variants") {
-        let message = "material variants (KHR_materials_variants) are not read; the object has its default materials";
+        let message =
+            "material variants (KHR_materials_variants) are not supported; the object gets its default materials";
         log.warn(&Error::new(message).in_file(path));
     }
     let ignored = document.extensions_used.iter().filter(unknown);
@@ -112,10 +113,10 @@ fn check_extensions(document: &Root, path: &Path, log: &dyn Log) -> Result<()> {
 fn get<'a, T>(items: &'a [T], index: Index<T>, what: &str) -> Result<&'a T> {
     items
         .get(index.value())
-        .ok_or_else(|| Error::new(format!("{what} {} is named, but there are {}", index.value(), items.len())))
+        .ok_or_else(|| Error::new(format!("the file refers to {what} {}, but has {}", index.value(), items.len())))
 }
 
-/// What shapes a mesh: its index, the bits of its weights, and whether a skin poses it.
+/// The inputs of a mesh's shape: its index, the bits of its weights, and whether a skin poses it.
 type ShapeKey = (usize, Vec<u32>, bool);
 
 fn key(instance: &Instance) -> ShapeKey {
@@ -123,11 +124,10 @@ fn key(instance: &Instance) -> ShapeKey {
     (instance.mesh.value(), weights.iter().map(|weight| weight.to_bits()).collect(), skinned)
 }
 
-fn bake(document: &Root, buffers: &mut Buffers<'_>, path: &Path, log: &dyn Log) -> Result<Model> {
+fn bake(document: &Root, buffers: &mut GltfBuffers<'_>, path: &Path, log: &dyn Log) -> Result<Model> {
     let instances = nodes::instances(document, buffers)?;
     let mut materials = Materials::new(document, path, log);
-    // Every primitive is read once for each shape, however often it is placed. The sum is checked before anything is
-    // placed.
+    // Every primitive is read once per shape, however often it is placed. The sum is checked before any is placed.
     let mut primitives: BTreeMap<ShapeKey, Vec<Primitive>> = BTreeMap::new();
     let (mut vertices, mut triangles) = (0, 0);
     for instance in &instances {
@@ -155,7 +155,7 @@ fn bake(document: &Root, buffers: &mut Buffers<'_>, path: &Path, log: &dyn Log) 
         buffers.budget().vertices(vertices)?;
     }
     if triangles == 0 {
-        return Err(Error::new("no faces").help("is there a scene with a mesh of triangles?"));
+        return Err(Error::new("no faces").help("check that the scene has a mesh of triangles"));
     }
 
     let has = |part: fn(&Primitive) -> bool| primitives.values().flatten().any(part);
@@ -211,7 +211,7 @@ fn bake(document: &Root, buffers: &mut Buffers<'_>, path: &Path, log: &dyn Log) 
         !primitive.alphas.is_empty() && meaning[usize::from(primitive.slot)] == VertexAlpha::Ignored
     };
     if primitives.values().flatten().any(is_ignored) {
-        materials.warn("the alpha of COLOR_0 is not read where `alphaMode` is OPAQUE, as the standard says");
+        materials.warn("the alpha of COLOR_0 is ignored where `alphaMode` is OPAQUE, as the standard requires");
     }
     let mut model = Model { mesh, materials: materials.into_slots(buffers)? };
     let log = InFile { log, path };

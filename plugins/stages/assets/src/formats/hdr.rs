@@ -12,9 +12,9 @@ const MAGIC: &[u8] = b"#?";
 
 /// Decodes a file in memory.
 pub fn decode(bytes: &[u8], budget: &Budget) -> Result<EnvironmentMap> {
-    let mut input = Input { bytes, at: 0 };
-    let header = Header::read(&mut input, budget)?;
-    let Header { width, height, .. } = header;
+    let mut input = HdrInput { bytes, at: 0 };
+    let header = HdrHeader::read(&mut input, budget)?;
+    let HdrHeader { width, height, .. } = header;
     let mut texels: Vec<[f32; 3]> = Vec::new();
     let mut row = Vec::with_capacity(width);
     for y in 0..height {
@@ -46,7 +46,7 @@ fn radiance([r, g, b, e]: [u8; 4]) -> [f32; 3] {
     [r, g, b].map(|mantissa| (f64::from(mantissa) * scale) as f32)
 }
 
-struct Header {
+struct HdrHeader {
     width: usize,
     height: usize,
     bottom_up: bool,
@@ -54,18 +54,18 @@ struct Header {
     exposure: f32,
 }
 
-impl Header {
-    fn read(input: &mut Input<'_>, budget: &Budget) -> Result<Self> {
+impl HdrHeader {
+    fn read(input: &mut HdrInput<'_>, budget: &Budget) -> Result<Self> {
         let mut exposure = 1.0_f32;
         for number in 1.. {
             let Some(line) = input.line() else {
-                return Err(Error::new("the header has no end").help("the file is cut short or no Radiance HDR"));
+                return Err(Error::new("the header has no end").help("the file is cut short or not a Radiance HDR"));
             };
             let line = line.trim_ascii();
             let wrong = |message: String| Err(Error::new(message).at_line(number));
             if let Some(format) = line.strip_prefix("FORMAT=") {
                 if format != "32-bit_rle_rgbe" {
-                    return wrong(format!("format `{}` is not read; 32-bit_rle_rgbe is", shorten(format)));
+                    return wrong(format!("format `{}` is not supported, only 32-bit_rle_rgbe", shorten(format)));
                 }
             } else if let Some(value) = line.strip_prefix("EXPOSURE=") {
                 // Stored values were multiplied by every exposure of the header.
@@ -78,7 +78,7 @@ impl Header {
             }
         }
         if !exposure.is_normal() {
-            return Err(Error::new(format!("the exposures multiply to {exposure}")));
+            return Err(Error::new(format!("the product of the exposures is {exposure}")));
         }
         let line = input.line().unwrap_or_default();
         let wrong = || {
@@ -96,13 +96,13 @@ impl Header {
     }
 }
 
-struct Input<'a> {
+struct HdrInput<'a> {
     bytes: &'a [u8],
     at: usize,
 }
 
-impl<'a> Input<'a> {
-    /// A header line; none at the end of the file, or if it is no text.
+impl<'a> HdrInput<'a> {
+    /// A header line; `None` at the end of the file, or if it is not text.
     fn line(&mut self) -> Option<&'a str> {
         let rest = self.bytes.get(self.at..)?;
         let end = rest.iter().position(|&b| b == b'\n')?;
@@ -117,14 +117,14 @@ impl<'a> Input<'a> {
     }
 }
 
-fn read_row(input: &mut Input<'_>, width: usize, row: &mut Vec<[u8; 4]>) -> Result<(), &'static str> {
+fn read_row(input: &mut HdrInput<'_>, width: usize, row: &mut Vec<[u8; 4]>) -> Result<(), &'static str> {
     let start: [u8; 4] = input.take()?;
     let coded = start[0] == 2 && start[1] == 2 && start[2] < 128;
     if !(8..32_768).contains(&width) || !coded {
         return read_old_row(input, start, width, row);
     }
     if usize::from(start[2]) << 8 | usize::from(start[3]) != width {
-        return Err("has another width than the header");
+        return Err("has a different width than the header");
     }
     row.resize(width, [0; 4]);
     for channel in 0..4 {
@@ -150,9 +150,9 @@ fn read_row(input: &mut Input<'_>, width: usize, row: &mut Vec<[u8; 4]>) -> Resu
     Ok(())
 }
 
-/// Flat texels, where (1, 1, 1, n) repeats the last one n times and more such follow with higher digits.
+/// Flat texels. (1, 1, 1, n) repeats the last texel n times; further such texels add higher digits.
 fn read_old_row(
-    input: &mut Input<'_>,
+    input: &mut HdrInput<'_>,
     start: [u8; 4],
     width: usize,
     row: &mut Vec<[u8; 4]>,
@@ -224,7 +224,7 @@ mod tests {
         let last = [1.0, 1.0, 0.0];
         check("-Y 1 +X 8", &new, Ok(&[red, red, red, red, red, red, red, last]));
         check("-Y 1 +X 8", &new[..10], Err("row 0 of 1 ends"));
-        check("-Y 1 +X 9", &new, Err("another width"));
+        check("-Y 1 +X 9", &new, Err("different width"));
         check("-Y 1 +X 8", &[2, 2, 0, 8, 137, 1], Err("does not fit"));
         check("-Y 1 +X 4", &[1, 1, 1, 3], Err("begins with a repetition"));
     }
@@ -236,7 +236,7 @@ mod tests {
             assert!(error.contains(want), "{error}");
         };
         check(b"#?RADIANCE\n", "has no end");
-        check(b"#?RADIANCE\nFORMAT=32-bit_rle_xyze\n\n-Y 1 +X 1\n1234", "xyze` is not read");
+        check(b"#?RADIANCE\nFORMAT=32-bit_rle_xyze\n\n-Y 1 +X 1\n1234", "xyze` is not supported");
         check(b"#?RADIANCE\nEXPOSURE=0\n\n-Y 1 +X 1\n1234", "exposure `0`");
         let bright = decode(b"#?RGBE\nEXPOSURE=2\nEXPOSURE= 2\n\n-Y 1 +X 1\n\x80\x80\x80\x81", &Budget::default())
             .expect("sound");

@@ -2,7 +2,7 @@
 
 use super::raster;
 use syntable_mesh::format::{ImageDecoder, ImageFormat};
-use syntable_mesh::image::Image;
+use syntable_mesh::image::DecodedImage;
 use syntable_mesh::limits::Budget;
 use syntable_model::error::{Error, Result};
 
@@ -10,7 +10,7 @@ use syntable_model::error::{Error, Result};
 const MAGIC: &[u8] = &[0xff, 0xd8, 0xff];
 
 /// Decodes a file in memory.
-pub fn decode(bytes: &[u8], budget: &Budget) -> Result<Image> {
+pub fn decode(bytes: &[u8], budget: &Budget) -> Result<DecodedImage> {
     check_end(bytes)?;
     raster::decode("JPEG", image::ImageFormat::Jpeg, bytes, budget)
 }
@@ -20,7 +20,7 @@ pub fn decode(bytes: &[u8], budget: &Budget) -> Result<Image> {
 fn check_end(bytes: &[u8]) -> Result<()> {
     let last = |marker: u8| bytes.windows(2).rposition(|pair| pair == [0xff, marker]);
     match (last(0xda), last(0xd9)) {
-        (None, _) => Err(Error::new("not a sound JPEG: it has no image data")),
+        (None, _) => Err(Error::new("not a valid JPEG: the file has no image data")),
         (Some(scan), Some(end)) if end > scan => Ok(()),
         _ => Err(Error::new(format!("the JPEG is cut short after {} bytes", bytes.len()))),
     }

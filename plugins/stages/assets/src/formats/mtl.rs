@@ -6,7 +6,7 @@
 //!
 //! `Kd` and `Ke` are linear Rec. 709, as Blender reads and writes them; images are sRGB-encoded.
 
-use syntable_mesh::text::{Line, finite, lines, shorten};
+use syntable_mesh::text::{TextLine, finite, lines, shorten};
 use syntable_model::error::{Error, Result};
 
 /// One `newmtl` block.
@@ -28,7 +28,7 @@ pub struct MtlMaterial {
     pub ior: Option<f32>,
     /// `d`, the opacity, and the line.
     pub opacity: Option<(f32, usize)>,
-    /// `Tr`, one minus that, and the line. If both are given, `d` counts: programs disagree on `Tr`.
+    /// `Tr`, which is one minus `d`, and its line. If both are given, `d` applies, because programs disagree on `Tr`.
     pub transparency: Option<(f32, usize)>,
     /// `Pr`, perceptual roughness.
     pub roughness: Option<f32>,
@@ -67,7 +67,7 @@ pub struct MtlMap {
     pub clamp: bool,
     /// `-bm`
     pub strength: f32,
-    /// `-imfchan`, as an index into RGBA, where it names one channel.
+    /// `-imfchan`, as an index into RGBA, if it names a single channel.
     pub channel: Option<u8>,
     /// `-colorspace` names linear numbers.
     pub linear: bool,
@@ -84,7 +84,7 @@ pub fn parse(bytes: &[u8]) -> Result<Vec<MtlMaterial>> {
     Ok(materials)
 }
 
-fn statement(line: &Line<'_>, materials: &mut Vec<MtlMaterial>) -> Result<()> {
+fn statement(line: &TextLine<'_>, materials: &mut Vec<MtlMaterial>) -> Result<()> {
     let text = line.text.trim();
     let (key, rest) = text.split_once(char::is_whitespace).unwrap_or((text, ""));
     let rest = rest.trim();
@@ -150,7 +150,7 @@ fn number(text: &str) -> Result<f32> {
     finite(text.split_whitespace().next().unwrap_or_default(), "number")
 }
 
-/// One gray number or three, or three of CIE XYZ; none for a `spectral` color, which is in a file of its own.
+/// One gray number, or three of RGB or CIE XYZ; `None` for a `spectral` color, whose data are in another file.
 fn color(text: &str) -> Result<Option<[f32; 3]>> {
     let (xyz, text) = match word(text) {
         ("spectral", _) => return Ok(None),
@@ -191,7 +191,7 @@ fn map(text: &str, line: usize) -> Result<MtlMap> {
     let mut rest = text;
     while rest.starts_with('-') {
         let (option, mut after) = word(rest);
-        // Maximum number of arguments; numeric options take as many numbers as follow.
+        // Maximum number of arguments. Numeric options take all numbers that follow.
         let (words, numeric) = match option {
             "-s" | "-o" | "-t" => (3, true),
             "-mm" => (2, true),
@@ -229,7 +229,7 @@ fn map(text: &str, line: usize) -> Result<MtlMap> {
     }
     map.name = rest.trim_matches('"').to_owned();
     if map.name.is_empty() {
-        return Err(Error::new("a texture without a file name"));
+        return Err(Error::new("the texture has no file name"));
     }
     Ok(map)
 }
@@ -302,7 +302,7 @@ mod tests {
         for (text, want) in [
             ("Kd 1 x 1", "`x`"),
             ("Kd 1 2", "not a color"),
-            ("map_Kd", "without a file name"),
+            ("map_Kd", "has no file name"),
             ("\u{1}\u{2}", "not a material"),
         ] {
             let error = parse(format!("newmtl a\n\n{text}").as_bytes()).expect_err(text);

@@ -1,12 +1,11 @@
 //! Wavefront OBJ: positions, texture coordinates, normals, vertex colors and faces with materials.
 //!
-//! Curves, points, lines, groups and smoothing are ignored. The material library and its textures are searched
-//! beside the file; in the layout of Google Scanned Objects, where `meshes/model.mtl` names images that lie in
-//! `materials/textures/`, there too. A mesh with texture coordinates and no library takes the image `texture.png` there.
+//! Curves, points, lines, groups and smoothing are ignored. The material library and its textures are looked up next to
+//! the file; in the layout of Google Scanned Objects, where `meshes/model.mtl` names images in `materials/textures/`,
+//! also there. A mesh with texture coordinates and without a library uses the image `texture.png` in that folder.
 //!
-//! Vertex colors are sRGB-encoded: behind the coordinates of a vertex, in [0, 1] or in [0, 255], or as ZBrush writes them,
-//! in comments `#MRGB` of eight hexadecimal digits a vertex. They multiply the color of the material; a texture goes before
-//! them.
+//! Vertex colors are sRGB-encoded: after the coordinates of a vertex, in [0, 1] or in [0, 255], or in ZBrush's comments
+//! `#MRGB` of eight hexadecimal digits per vertex. They multiply the color of the material; a texture overrides them.
 
 use std::collections::{BTreeSet, HashMap};
 use std::path::Path;
@@ -41,20 +40,20 @@ pub fn read(root: &AssetRoot, file: &Path, log: &dyn Log) -> Result<Model> {
     materials::attach(parsed, root, folder, &path, log)
 }
 
-/// What the text holds, before materials are looked up.
+/// Content of the text, before materials are looked up.
 #[derive(Debug, Default)]
 pub struct ParsedObj {
     /// Arrays; slots are indices into `uses`. The color of a vertex without one is white.
     pub mesh: MeshData,
     /// Whether a vertex has a color; empty if none has.
     pub colored: Vec<bool>,
-    /// Opacities of the vertices; empty if none are stated.
+    /// Opacities of the vertices; empty if the file has none.
     pub alphas: Vec<f32>,
-    /// What is stated and not read, and the line.
+    /// Ignored statements with their lines.
     pub notes: Vec<(String, usize)>,
     /// Names of `mtllib` with their lines.
     pub libraries: Vec<(String, usize)>,
-    /// Line of the first corner whose normal does not exist, and how many such corners there are.
+    /// Line of the first corner with a missing normal, and the number of such corners.
     pub missing_normals: Option<(usize, usize)>,
     /// Material of every slot: its name (empty before any `usemtl`), the line of its first `usemtl`, and whether its
     /// faces have texture coordinates.
@@ -98,11 +97,11 @@ struct Parser<'a> {
     /// Line of the last face.
     last_face: usize,
     positions: Vec<[f32; 3]>,
-    /// Colors and opacities as written; NaN where there are none. No longer than the positions.
+    /// Colors and opacities as written; NaN for vertices without. At most as many as positions.
     colors: Vec<[f32; 4]>,
     /// Colors in comments of ZBrush.
     polypaint: Vec<[u8; 3]>,
-    /// The first line with a color that is not finite, and how many there are.
+    /// Line of the first non-finite color, and the number of such colors.
     wrong_colors: Option<(usize, usize)>,
     /// The first line that maps a texture without a material.
     usemap: Option<usize>,
@@ -179,10 +178,11 @@ impl<'a> Parser<'a> {
                 Ok(())
             }
             "vn" => {
-                // A normal that is not finite counts as missing, as scanners write it; the repair computes it from the faces.
+                // A non-finite normal counts as missing, since scanners write them; the repair computes it from the
+                // faces.
                 let mut words = rest.split_ascii_whitespace();
                 let mut number = || -> Result<f32> {
-                    let word = words.next().ok_or_else(|| Error::new("a normal with fewer than 3 coordinates"))?;
+                    let word = words.next().ok_or_else(|| Error::new("a normal has fewer than 3 coordinates"))?;
                     word.parse().map_err(|_| Error::new(format!("`{}` is not a number", shorten(word))))
                 };
                 self.budget.vertices(self.normals.len() + 1)?;
@@ -207,7 +207,7 @@ impl<'a> Parser<'a> {
             // Groups, points, lines, curves and extensions of other programs.
             _ if key.bytes().all(|b| b.is_ascii_alphanumeric() || b == b'_') => Ok(()),
             _ if key.contains(|c: char| c.is_control() || c == char::REPLACEMENT_CHARACTER) => {
-                Err(Error::new("not text").help("is it an OBJ file?"))
+                Err(Error::new("not text").help("check that this is an OBJ file"))
             }
             _ => Err(Error::new(format!("`{}` is not an OBJ statement", shorten(key)))),
         }
@@ -219,8 +219,8 @@ impl<'a> Parser<'a> {
         let text = words.by_ref().take(3).map(|token| finite(token, "vertex")).collect::<Result<Vec<_>>>()?;
         let [x, y, z] = text[..] else {
             return Err(match text.len() {
-                0 => Error::new("a vertex with no coordinates; it needs 3"),
-                count => Error::new(format!("a vertex with {count} coordinates")),
+                0 => Error::new("a vertex has no coordinates instead of 3"),
+                count => Error::new(format!("a vertex has {count} coordinates")),
             });
         };
         let mut color = [f32::NAN; 4];
@@ -270,7 +270,7 @@ impl<'a> Parser<'a> {
             face.push(corner);
         }
         if face.len() < 3 {
-            return Err(Error::new(format!("a face with {} corners; it needs three", face.len())));
+            return Err(Error::new(format!("a face has {} corners, fewer than three", face.len())));
         }
         let textured = face.iter().all(|corner| corner[1] != NONE);
         let slot = self.slot(textured)?;
@@ -291,7 +291,7 @@ impl<'a> Parser<'a> {
         Ok(())
     }
 
-    /// `v`, `v/vt`, `v//vn` or `v/vt/vn`; what is empty is left out, as in `v//` and `v/vt/`.
+    /// `v`, `v/vt`, `v//vn` or `v/vt/vn`. Empty parts count as missing, as in `v//` and `v/vt/`.
     fn corner(&self, token: &str) -> Result<Corner> {
         let wrong = || not_a_corner(token);
         let mut parts = token.split('/');
@@ -309,14 +309,14 @@ impl<'a> Parser<'a> {
         let resolve = |index: Option<i64>, count: usize, what: &str| match index {
             None => Ok(NONE),
             Some(index) => resolve(index, count).ok_or_else(|| {
-                Error::new(format!("{what} index {index} in `{}`, but there are {count} so far", shorten(token)))
-                    .help("indices count from 1, or back from -1")
+                Error::new(format!("{what} index {index} in `{}`, but only {count} so far", shorten(token)))
+                    .help("indices start at 1, or count back from -1")
             }),
         };
         Ok([
             resolve(position, self.positions.len(), "vertex")?,
             resolve(uv, self.uvs.len(), "texture coordinate")?,
-            // The caller counts missing ones.
+            // The caller counts missing normals.
             resolve(normal, self.normals.len(), "normal").unwrap_or(NONE - 1),
         ])
     }
@@ -342,16 +342,16 @@ impl<'a> Parser<'a> {
     fn finish(mut self) -> Result<ParsedObj> {
         if self.triangles.is_empty() {
             return Err(match self.positions.len() {
-                0 => Error::new("no vertices and no faces").help("is it an OBJ file?"),
-                count => Error::new(format!("no faces, though {count} vertices")),
+                0 => Error::new("no vertices and no faces").help("check that this is an OBJ file"),
+                count => Error::new(format!("no faces, only {count} vertices")),
             });
         }
         let mut notes = Vec::new();
         if let Some((line, count)) = self.wrong_colors {
-            notes.push((format!("{count} vertex colors are not finite; such a channel counts as white"), line));
+            notes.push((format!("{count} vertex colors are not finite; such channels become white"), line));
         }
         if let Some(line) = self.usemap {
-            notes.push(("`usemap` is not read; `map_Kd` of a material is".into(), line));
+            notes.push(("`usemap` is not supported; use `map_Kd` of a material".into(), line));
         }
         if self.colors.is_empty() {
             let colors = self.polypaint.iter().take(self.positions.len());
@@ -414,7 +414,7 @@ fn numbers<const LEAST: usize, const MAX: usize>(text: &str, what: &str) -> Resu
         count += 1;
     }
     if count == 0 {
-        return Err(Error::new(format!("a {what} with no coordinates; it needs {LEAST}")));
+        return Err(Error::new(format!("a {what} has no coordinates instead of {LEAST}")));
     }
     Ok((values, count))
 }

@@ -1,23 +1,24 @@
 //! PLY, text and binary in both byte orders: vertices, normals, colors, texture coordinates and polygons.
 //!
-//! Elements and properties that have no meaning here are ignored. Images are named by comments `TextureFile`, as MeshLab and
-//! BOP write them; the property `texnumber` of faces says which of several a face has.
+//! Unknown elements and properties are ignored. Comments `TextureFile` name images, as MeshLab and BOP write them; the
+//! property `texnumber` of faces selects one of several.
 //!
-//! Colors are sRGB-encoded, in a column per channel or packed into one, by vertex, by corner (the list `color` of MeshLab's faces) or by face. Their type does not say
-//! what full intensity is: [`full_intensity`](syntable_mesh::paint::full_intensity) finds it for all types but `uchar`. A texture goes before colors by
-//! vertex, those before colors by corner and by face, as other programs show them.
+//! Colors are sRGB-encoded, in a column per channel or packed into one, by vertex, by corner (the list `color` of
+//! MeshLab's faces) or by face. Their type does not determine full intensity:
+//! [`full_intensity`](syntable_mesh::paint::full_intensity) finds it for all types except `uchar`. As in other
+//! programs, a texture overrides colors by vertex, and these override colors by corner and by face.
 
 use crate::formats::InFile;
 use crate::sources::bop_models::guess_unit;
-use body::Rows;
+use body::PlyRows;
 use color::{ColorColumns, decode, range};
-use header::{Element, Header};
+use header::{Element, PlyHeader};
 use std::collections::HashMap;
 use std::path::Path;
 use std::sync::Arc;
 use syntable_mesh::Model;
 use syntable_mesh::format::MeshFormat;
-use syntable_mesh::image::Image;
+use syntable_mesh::image::DecodedImage;
 use syntable_mesh::limits::Budget;
 use syntable_mesh::material::default_material;
 use syntable_mesh::paint::{VertexAlpha, blend_by_vertex, hide_colors_under_textures};
@@ -39,10 +40,10 @@ const LIST_LIMIT: usize = 1 << 20;
 pub fn read(root: &AssetRoot, file: &Path, log: &dyn Log) -> Result<Model> {
     let path = root.locate(file)?;
     let at = |error: Error| error.in_file(&path);
-    let Parsed { mesh, alphas, corners, textures, longer_rows, notes } =
+    let PlyMesh { mesh, alphas, corners, textures, longer_rows, notes } =
         parse(&root.read(&path)?, root.budget()).map_err(at)?;
     if let Some((line, count)) = longer_rows {
-        let message = format!("{count} rows have more numbers than the header names; the others are ignored");
+        let message = format!("{count} rows have more numbers than the header declares; the excess is ignored");
         log.warn(&at(Error::new(message)).at_line(line));
     }
     for note in notes {
@@ -51,7 +52,7 @@ pub fn read(root: &AssetRoot, file: &Path, log: &dyn Log) -> Result<Model> {
     let mut model = Model { mesh, materials: Vec::new() };
     let used = if textures.len() > 1 && model.mesh.slots.is_empty() {
         log.warn(&at(Error::new(format!(
-            "{} textures are named, but faces have no `texnumber`; the first is used",
+            "the file names {} textures, but faces have no `texnumber`; using the first",
             textures.len()
         ))));
         1
@@ -64,15 +65,15 @@ pub fn read(root: &AssetRoot, file: &Path, log: &dyn Log) -> Result<Model> {
         let shown = shorten(name);
         images.push(match root.find(folder, name).map_err(at)? {
             Some(_) if model.mesh.uvs.is_empty() => {
-                log.warn(&at(Error::new(format!("no texture coordinates for `{shown}`; a constant color is used"))));
+                log.warn(&at(Error::new(format!("no texture coordinates for `{shown}`; using a constant color"))));
                 None
             }
             Some(image) => {
                 let image = image.noted(|note| log.warn(&at(note)));
-                Some(Arc::new(Image::read(root, &image)?.into_texture(Encoding::Srgb, [Wrap::Repeat; 2])))
+                Some(Arc::new(DecodedImage::read(root, &image)?.into_texture(Encoding::Srgb, [Wrap::Repeat; 2])))
             }
             None => {
-                log.warn(&at(Error::new(format!("no texture `{shown}`; a constant color is used"))));
+                log.warn(&at(Error::new(format!("texture `{shown}` is missing; using a constant color"))));
                 None
             }
         });
@@ -98,26 +99,26 @@ pub fn read(root: &AssetRoot, file: &Path, log: &dyn Log) -> Result<Model> {
     Ok(model)
 }
 
-/// What a file holds.
-pub struct Parsed {
+/// Content of a file.
+pub struct PlyMesh {
     /// The mesh.
     pub mesh: MeshData,
-    /// Opacities of the vertices; empty if none are stated.
+    /// Opacities of the vertices; empty if the file has none.
     pub alphas: Vec<f32>,
-    /// Linear colors and opacities of the corners of triangles, where vertices have none; empty if none are stated.
+    /// Linear colors and opacities of triangles' corners, if vertices have none; empty if the file has none.
     pub corners: Vec<[[f32; 4]; 3]>,
-    /// What is stated and not read.
+    /// Ignored content.
     pub notes: Vec<String>,
     /// Names of textures.
     pub textures: Vec<String>,
-    /// In text: the first line with more numbers than the header names, and how many such lines there are.
+    /// In text files: the first line with more numbers than the header declares, and the number of such lines.
     pub longer_rows: Option<(usize, usize)>,
 }
 
 /// Parses a file in memory.
-pub fn parse(bytes: &[u8], budget: &Budget) -> Result<Parsed> {
-    let header = Header::parse(bytes)?;
-    let mut rows = Rows::new(&header, bytes);
+pub fn parse(bytes: &[u8], budget: &Budget) -> Result<PlyMesh> {
+    let header = PlyHeader::parse(bytes)?;
+    let mut rows = PlyRows::new(&header, bytes);
     let mut vertices = None;
     let mut faces = None;
     let mut notes = Vec::new();
@@ -131,10 +132,14 @@ pub fn parse(bytes: &[u8], budget: &Budget) -> Result<Parsed> {
             _ => {
                 match element.name.as_str() {
                     _ if element.count == 0 => {}
-                    "material" => notes.push("the colors of its element `material` are not read".into()),
+                    "material" => notes.push("the colors of the element `material` are not supported".into()),
                     name @ ("vertex" | "face" | "tristrips") => {
-                        let why = if name == "tristrips" { "faces are" } else { "the first element of this name is" };
-                        notes.push(format!("{} rows of an element `{name}` are not read: {why}", element.count));
+                        let why = if name == "tristrips" {
+                            "faces are read"
+                        } else {
+                            "only the first element of this name is read"
+                        };
+                        notes.push(format!("{} rows of an element `{name}` are ignored: {why}", element.count));
                     }
                     _ => {}
                 }
@@ -146,13 +151,13 @@ pub fn parse(bytes: &[u8], budget: &Budget) -> Result<Parsed> {
     let mut faces = faces.ok_or_else(|| {
         let has_strips = header.elements.iter().any(|element| element.name == "tristrips" && element.count > 0);
         let error = Error::new("no faces");
-        if has_strips { error.help("its triangle strips are not read: save it with faces") } else { error }
+        if has_strips { error.help("triangle strips are not supported: save the mesh with faces") } else { error }
     })?;
     if faces.triangles.is_empty() {
         return Err(Error::new("no faces"));
     }
     if !mesh.colors.is_empty() && !faces.corners.is_empty() {
-        notes.push("vertices and faces have colors; those of the vertices are read".into());
+        notes.push("vertices and faces have colors; using the colors of the vertices".into());
         faces.corners = Vec::new();
     }
     let textures = header.textures;
@@ -160,17 +165,22 @@ pub fn parse(bytes: &[u8], budget: &Budget) -> Result<Parsed> {
     let corners = std::mem::take(&mut faces.corners);
     let (mesh, alphas) = faces.onto(mesh, alphas);
     let mesh = MeshData { slots, ..mesh };
-    Ok(Parsed { mesh, alphas, corners, notes, textures, longer_rows: rows.longer() })
+    Ok(PlyMesh { mesh, alphas, corners, notes, textures, longer_rows: rows.longer() })
 }
 
 /// Vertices without faces.
 struct Vertices {
     mesh: MeshData,
-    /// Opacities; empty if none are stated.
+    /// Opacities; empty if the file has none.
     alphas: Vec<f32>,
 }
 
-fn read_vertices(element: &Element, rows: &mut Rows<'_>, budget: &Budget, notes: &mut Vec<String>) -> Result<Vertices> {
+fn read_vertices(
+    element: &Element,
+    rows: &mut PlyRows<'_>,
+    budget: &Budget,
+    notes: &mut Vec<String>,
+) -> Result<Vertices> {
     budget.vertices(element.count)?;
     let find = |names: &[&str]| element.properties.iter().position(|p| names.contains(&p.name.as_str()));
     let mut position = [0; 3];
@@ -182,7 +192,7 @@ fn read_vertices(element: &Element, rows: &mut Rows<'_>, budget: &Budget, notes:
     let color = ColorColumns::of(element, rows.is_text(), None, notes);
     let uv = find(&["texture_u", "u", "s"]).zip(find(&["texture_v", "v", "t"]));
 
-    // The size was checked: there are at least two bytes for every number.
+    // The size was checked: every number has at least two bytes.
     let mut mesh = MeshData { positions: Vec::with_capacity(element.count), ..MeshData::default() };
     let mut colors = Vec::new();
     let mut values = vec![0.0; element.properties.len()];
@@ -226,7 +236,7 @@ fn read_vertices(element: &Element, rows: &mut Rows<'_>, budget: &Budget, notes:
 
 /// Triangles, and what faces state of their corners.
 #[derive(Default)]
-struct Faces {
+struct PlyFaces {
     triangles: Vec<[u32; 3]>,
     corner_uvs: Vec<[[f32; 2]; 3]>,
     /// Linear colors and opacities of the corners.
@@ -237,11 +247,11 @@ struct Faces {
 
 fn read_faces(
     element: &Element,
-    rows: &mut Rows<'_>,
+    rows: &mut PlyRows<'_>,
     vertices: Option<&Vertices>,
     budget: &Budget,
     notes: &mut Vec<String>,
-) -> Result<Faces> {
+) -> Result<PlyFaces> {
     budget.triangles(element.count)?;
     let positions = &vertices.ok_or_else(|| Error::new("faces come before the vertices"))?.mesh.positions;
     let list =
@@ -251,7 +261,7 @@ fn read_faces(
     let (uvs_at, wedge_at) = (list(&["texcoord"]), list(&["color"]));
     let texture_at = element.properties.iter().position(|p| p.list.is_none() && p.name == "texnumber");
     let color = ColorColumns::of(element, rows.is_text(), wedge_at, notes);
-    let mut faces = Faces::default();
+    let mut faces = PlyFaces::default();
     let (mut indices, mut uvs, mut wedge, mut other) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
     let mut outline = Vec::new();
     let mut values = vec![0.0; element.properties.len()];
@@ -277,10 +287,10 @@ fn read_faces(
         }
         rows.end()?;
         if indices.len() < 3 {
-            return Err(rows.place(Error::new(format!("face {row} has {} corners; it needs three", indices.len()))));
+            return Err(rows.place(Error::new(format!("face {row} has {} corners, fewer than three", indices.len()))));
         }
         if let Some(index) = indices.iter().find(|&&i| !(i >= 0.0 && i < positions.len() as f64 && i.fract() == 0.0)) {
-            let message = format!("face {row} has index {index}, but there are {} vertices", positions.len());
+            let message = format!("face {row} has index {index}, but the mesh has {} vertices", positions.len());
             return Err(rows.place(Error::new(message)));
         }
         outline.clear();
@@ -314,7 +324,7 @@ fn read_faces(
         let full = range(element.properties[at].scalar, faces.corners.as_flattened_mut(), 0..4);
         decode(faces.corners.iter_mut().flatten(), [full; 2], "corners", &mut Vec::new());
         if without_color > 0 {
-            notes.push(format!("{without_color} faces have no colors for their corners; they are white"));
+            notes.push(format!("{without_color} faces have no colors for their corners, and become white"));
         }
     } else if let Some(columns) = &color {
         columns.decode(element, &mut by_face, "faces", notes);
@@ -323,9 +333,8 @@ fn read_faces(
     Ok(faces)
 }
 
-impl Faces {
-    /// Material slots: the numbers of textures, where faces have different ones. A number that no texture has is a slot of
-    /// its own.
+impl PlyFaces {
+    /// Material slots: numbers of textures, if faces have different ones. A number without a texture gets its own slot.
     fn slots(&self, textures: usize) -> Vec<u16> {
         let slot = |&number: &f64| {
             let known = number >= 0.0 && number < textures as f64;
@@ -335,7 +344,8 @@ impl Faces {
         if slots.iter().all(|&slot| slot == 0) && textures < 2 { Vec::new() } else { slots }
     }
 
-    /// Joins faces and vertices; a vertex with several texture coordinates is split. Also gives the opacities of vertices.
+    /// Joins faces and vertices. Splits a vertex with several texture coordinates. Returns the opacities of vertices,
+    /// too.
     fn onto(self, mut mesh: MeshData, alphas: Vec<f32>) -> (MeshData, Vec<f32>) {
         mesh.triangles = self.triangles;
         if self.corner_uvs.is_empty() {

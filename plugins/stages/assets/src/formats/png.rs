@@ -3,26 +3,27 @@
 use super::raster;
 use std::borrow::Cow;
 use syntable_mesh::format::{ImageDecoder, ImageFormat};
-use syntable_mesh::image::Image;
+use syntable_mesh::image::DecodedImage;
 use syntable_mesh::limits::Budget;
 use syntable_model::error::{Error, Result};
 
 /// First bytes of every PNG file.
 const MAGIC: &[u8] = b"\x89PNG\r\n\x1a\n";
 
-/// Chunks that the decoder unfolds and nobody reads: a color profile, and texts. A few bytes of them can take a gigabyte.
+/// Chunks that the decoder would decompress without any use: a color profile, and texts. A few bytes of them can take a
+/// gigabyte.
 const UNREAD: [&[u8; 4]; 3] = [b"iCCP", b"zTXt", b"iTXt"];
 
 /// Decodes a file in memory.
-pub fn decode(bytes: &[u8], budget: &Budget) -> Result<Image> {
+pub fn decode(bytes: &[u8], budget: &Budget) -> Result<DecodedImage> {
     raster::decode("PNG", image::ImageFormat::Png, &readable(bytes)?, budget)
 }
 
-/// The file without the chunks before its pixels that nobody reads. Refuses a palette whose length is not a multiple of three
-/// (PNG, section 11.2.2): the decoder panics on it.
+/// The file without these chunks before its pixels. Refuses a palette whose length is not a multiple of three (PNG,
+/// section 11.2.2), because the decoder panics on it.
 fn readable(bytes: &[u8]) -> Result<Cow<'_, [u8]>> {
     let mut rest = bytes.get(MAGIC.len()..).unwrap_or_default();
-    // What is kept, and the beginning of what is not yet decided.
+    // Kept bytes, and the start of the undecided ones.
     let (mut kept, mut from) = (Vec::new(), 0);
     while let Some((head, body)) = rest.split_first_chunk::<8>() {
         let [a, b, c, d, kind @ ..] = *head;
@@ -30,10 +31,10 @@ fn readable(bytes: &[u8]) -> Result<Cow<'_, [u8]>> {
         let start = bytes.len() - rest.len();
         match &kind {
             b"PLTE" if length % 3 != 0 => {
-                let message = format!("not a sound PNG: its palette has {length} bytes, not a multiple of three");
+                let message = format!("not a valid PNG: its palette has {length} bytes, not a multiple of three");
                 return Err(Error::new(message).help("export the image again, best without a palette"));
             }
-            // No palette comes after the pixels.
+            // A palette cannot follow the pixels.
             b"IDAT" => break,
             _ => {}
         }
@@ -60,7 +61,7 @@ syntable_mesh::register_image_format!(
 mod tests {
     use super::*;
 
-    /// A chunk with a checksum that nobody looks at.
+    /// A chunk with a checksum that is never checked.
     fn chunk(kind: &[u8; 4], body: &[u8]) -> Vec<u8> {
         [&(body.len() as u32).to_be_bytes()[..], kind, body, &[0; 4]].concat()
     }
@@ -72,7 +73,7 @@ mod tests {
         let error = decode(&file(49), &Budget::default()).expect_err("refused").to_string();
         assert!(error.contains("its palette has 49 bytes, not a multiple of three"), "{error}");
         assert!(readable(&file(48)).is_ok());
-        // What is cut short, or longer than the file, is left to the decoder.
+        // The decoder handles a truncated chunk, and one longer than the file.
         let whole = file(48);
         assert!((0..whole.len()).all(|end| readable(&whole[..end]).is_ok()));
         assert!(readable(&[MAGIC, b"\xff\xff\xff\xfftEXt"].concat()).is_ok());

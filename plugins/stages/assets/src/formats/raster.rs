@@ -2,13 +2,13 @@
 
 use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
 use std::io::Cursor;
-use syntable_mesh::image::{Image, MAX_SIDE};
+use syntable_mesh::image::{DecodedImage, MAX_SIDE};
 use syntable_mesh::limits::Budget;
 use syntable_model::error::{Error, Result};
 
 /// Decodes an image to RGBA. Palettes and gray become color, 16 bits become 8, CMYK becomes RGB as Adobe stores it.
-pub(super) fn decode(name: &str, format: ImageFormat, bytes: &[u8], budget: &Budget) -> Result<Image> {
-    let broken = |error: image::ImageError| Error::new(format!("not a sound {name}: {error}"));
+pub(super) fn decode(name: &str, format: ImageFormat, bytes: &[u8], budget: &Budget) -> Result<DecodedImage> {
+    let broken = |error: image::ImageError| Error::new(format!("not a valid {name}: {error}"));
     let mut reader = ImageReader::with_format(Cursor::new(bytes), format);
     // The size is checked below; the decoders check their own buffers against this limit.
     let mut limits = Limits::default();
@@ -19,5 +19,5 @@ pub(super) fn decode(name: &str, format: ImageFormat, bytes: &[u8], budget: &Bud
     budget.image(width.into(), height.into(), MAX_SIDE)?;
     let kind = format!("{name} {:?}", decoder.original_color_type());
     let image = DynamicImage::from_decoder(decoder).map_err(broken)?;
-    Ok(Image { width, height, texels: image.into_rgba8().into_raw(), kind })
+    Ok(DecodedImage { width, height, texels: image.into_rgba8().into_raw(), kind })
 }

@@ -1,13 +1,15 @@
 //! STL, binary and text. The format has no unit and no axes; equal corners are merged.
 //!
-//! Colors are conventions of single programs. In binary files the two attribute bytes of a triangle hold 5 bits a channel:
+//! Colors are conventions of single programs. In binary files, the two attribute bytes of a triangle hold 5 bits per
+//! channel:
 //!
-//! - VisCAM and SolidView: red in bits 10 to 14, green in 5 to 9, blue in 0 to 4; bit 15 says that the color counts.
-//! - Magics: the header has `COLOR=` and four bytes RGBA for the whole part, perhaps `MATERIAL=` with diffuse,
-//!   specular and ambient colors, which goes before it. Red is in bits 0 to 4, blue in bits 10 to 14, and bit 15 says that
-//!   the triangle has the color of the part.
+//! - VisCAM and SolidView: red in bits 10 to 14, green in 5 to 9, blue in 0 to 4; bit 15 marks a valid color.
+//! - Magics: the header has `COLOR=` and four bytes RGBA for the whole part, or `MATERIAL=` with diffuse, specular and
+//!   ambient colors, which overrides it. Red is in bits 0 to 4, blue in bits 10 to 14, and bit 15 marks a triangle with
+//!   the color of the part.
 //!
-//! In text, a line `color r g b` within a facet colors that facet, before any facet the whole part. All are sRGB-encoded.
+//! In text, a line `color r g b` within a facet colors that facet; before any facet, it colors the whole part. All
+//! colors are sRGB-encoded.
 
 use super::InFile;
 use std::path::Path;
@@ -35,7 +37,7 @@ pub fn read(root: &AssetRoot, file: &Path, log: &dyn Log) -> Result<Model> {
     let path = root.locate(file)?;
     let bytes = root.read(&path)?;
     let log = InFile { log, path: &path };
-    let Parsed { corners, colors, opacity } =
+    let StlMesh { corners, colors, opacity } =
         parse(&bytes, root.budget(), &log).map_err(|error| error.in_file(&path))?;
     let mut mesh = merge(&corners);
     if colors.is_empty() {
@@ -53,17 +55,17 @@ pub fn read(root: &AssetRoot, file: &Path, log: &dyn Log) -> Result<Model> {
     Ok(Model { mesh, materials: vec![material] })
 }
 
-/// What a file holds.
-struct Parsed {
+/// Content of a file.
+struct StlMesh {
     /// All corners in order, three per triangle.
     corners: Vec<[f32; 3]>,
     /// Linear colors of the triangles; empty if the file states none.
     colors: Vec<[f32; 3]>,
-    /// Opacity of the whole part; 0 counts as unknown.
+    /// Opacity of the whole part; 0 means unknown.
     opacity: f32,
 }
 
-impl Parsed {
+impl StlMesh {
     fn new(corners: Vec<[f32; 3]>) -> Result<Self> {
         if corners.is_empty() {
             Err(Error::new("no faces"))
@@ -73,7 +75,7 @@ impl Parsed {
     }
 }
 
-fn parse(bytes: &[u8], budget: &Budget, log: &dyn Log) -> Result<Parsed> {
+fn parse(bytes: &[u8], budget: &Budget, log: &dyn Log) -> Result<StlMesh> {
     // Binary files may begin with `solid` too, but have zero bytes: at the latest in their number of triangles.
     let head = &bytes[..bytes.len().min(HEADER + TRIANGLE)];
     let text =
@@ -92,12 +94,12 @@ fn parse(bytes: &[u8], budget: &Budget, log: &dyn Log) -> Result<Parsed> {
             HEADER + TRIANGLE * count,
             bytes.len()
         ))
-        .help("the file is cut short, or no STL")),
+        .help("the file is cut short, or not an STL")),
         None => Err(Error::new(format!("not an STL file: {} bytes", bytes.len()))),
     }
 }
 
-fn binary(bytes: &[u8], count: usize, budget: &Budget, log: &dyn Log) -> Result<Parsed> {
+fn binary(bytes: &[u8], count: usize, budget: &Budget, log: &dyn Log) -> Result<StlMesh> {
     budget.triangles(count)?;
     let mut corners = Vec::with_capacity(3 * count);
     let mut attributes = Vec::with_capacity(count);
@@ -113,13 +115,13 @@ fn binary(bytes: &[u8], count: usize, budget: &Budget, log: &dyn Log) -> Result<
         }
         attributes.push(u16::from_le_bytes([triangle[48], triangle[49]]));
     }
-    let mut parsed = Parsed::new(corners)?;
+    let mut parsed = StlMesh::new(corners)?;
     color(&mut parsed, &bytes[..HEADER_TEXT], &attributes, log);
     Ok(parsed)
 }
 
 /// Reads the colors of a binary file from its header and the attribute bytes of its triangles.
-fn color(parsed: &mut Parsed, header: &[u8], attributes: &[u16], log: &dyn Log) {
+fn color(parsed: &mut StlMesh, header: &[u8], attributes: &[u16], log: &dyn Log) {
     let behind = |key: &[u8]| -> Option<[u8; 4]> {
         let at = header.windows(key.len()).position(|window| window == key)? + key.len();
         header.get(at..at + 4)?.try_into().ok()
@@ -150,7 +152,7 @@ fn color(parsed: &mut Parsed, header: &[u8], attributes: &[u16], log: &dyn Log) 
         let other = attributes.iter().filter(|&&attribute| attribute != 0).count();
         if other > 0 {
             let message =
-                format!("the attribute bytes of {other} triangles are no colors that are known; the mesh is gray");
+                format!("the attribute bytes of {other} triangles are not a known color format; the mesh is gray");
             let help =
                 "colors have bit 15 set, as VisCAM and SolidView write them, or `COLOR=` in the header, as Magics does";
             log.warn(&Error::new(message).help(help));
@@ -158,9 +160,9 @@ fn color(parsed: &mut Parsed, header: &[u8], attributes: &[u16], log: &dyn Log) 
     }
 }
 
-fn ascii(bytes: &[u8], budget: &Budget) -> Result<Parsed> {
+fn ascii(bytes: &[u8], budget: &Budget) -> Result<StlMesh> {
     let mut corners = Vec::new();
-    // The color of the part, that of the current facet, and those of all.
+    // The color of the part, of the current facet, and of all facets.
     let mut part: Option<[f64; 3]> = None;
     let mut own: Option<[f64; 3]> = None;
     let mut colors: Vec<Option<[f64; 3]>> = Vec::new();
@@ -179,7 +181,7 @@ fn ascii(bytes: &[u8], budget: &Budget) -> Result<Parsed> {
                 let numbers =
                     words.take(4).map(|word| finite(word, "vertex")).collect::<Result<Vec<_>>>().map_err(at)?;
                 let [x, y, z] = numbers[..] else {
-                    return Err(at(Error::new(format!("a vertex with {} coordinates", numbers.len()))));
+                    return Err(at(Error::new(format!("a vertex has {} coordinates", numbers.len()))));
                 };
                 corners.push([x, y, z]);
                 of_loop += 1;
@@ -187,7 +189,7 @@ fn ascii(bytes: &[u8], budget: &Budget) -> Result<Parsed> {
             }
             "endloop" => {
                 if of_loop != 3 {
-                    return Err(at(Error::new(format!("a facet with {of_loop} corners"))));
+                    return Err(at(Error::new(format!("a facet has {of_loop} corners"))));
                 }
                 of_loop = 0;
                 budget.triangles(corners.len() / 3)?;
@@ -198,7 +200,7 @@ fn ascii(bytes: &[u8], budget: &Budget) -> Result<Parsed> {
                     words.take(3).map(|word| finite(word, "color").map(f64::from)).collect::<Result<Vec<_>>>();
                 let numbers = numbers.map_err(at)?;
                 let [r, g, b] = numbers[..] else {
-                    return Err(at(Error::new(format!("a color with {} channels", numbers.len()))));
+                    return Err(at(Error::new(format!("a color has {} channels", numbers.len()))));
                 };
                 *(if in_facet { &mut own } else { &mut part }) = Some([r, g, b]);
                 // It may follow the loop that it colors.
@@ -217,7 +219,7 @@ fn ascii(bytes: &[u8], budget: &Budget) -> Result<Parsed> {
     if !ended || of_loop != 0 {
         return Err(Error::new("the text ends without `endsolid`").at_line(last).help("the file is cut short"));
     }
-    let mut parsed = Parsed::new(corners)?;
+    let mut parsed = StlMesh::new(corners)?;
     if colors.iter().any(Option::is_some) {
         let full = full_intensity(colors.iter().flatten().flatten().copied());
         let plain = default_material(false).base_color.factor;
@@ -298,7 +300,7 @@ mod tests {
         nan[96..100].copy_from_slice(&f32::NAN.to_le_bytes());
         check(&nan, "non-finite vertex");
         check(TEXT.replace("1e0", "1e99").as_bytes(), "non-finite vertex: `1e99`");
-        check(TEXT.replace("  vertex 1e0 0 0\n", "").as_bytes(), "a facet with 2 corners");
+        check(TEXT.replace("  vertex 1e0 0 0\n", "").as_bytes(), "a facet has 2 corners");
         check(&TEXT.as_bytes()[..120], "ends without `endsolid`");
         check(b"solid x\nendsolid x\n", "no faces");
     }

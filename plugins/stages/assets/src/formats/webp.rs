@@ -2,13 +2,13 @@
 
 use super::raster;
 use syntable_mesh::format::{ImageDecoder, ImageFormat};
-use syntable_mesh::image::Image;
+use syntable_mesh::image::DecodedImage;
 use syntable_mesh::limits::Budget;
 use syntable_model::error::{Error, Result};
 
 /// Decodes a file in memory.
-pub fn decode(bytes: &[u8], budget: &Budget) -> Result<Image> {
-    // The decoder takes what is missing of the last chunk for zeros.
+pub fn decode(bytes: &[u8], budget: &Budget) -> Result<DecodedImage> {
+    // The decoder replaces missing bytes of the last chunk by zeros.
     let stated = bytes.get(4..8).and_then(|size| size.try_into().ok()).map_or(u32::MAX, u32::from_le_bytes);
     if (bytes.len() as u64) < u64::from(stated) + 8 {
         return Err(Error::new(format!("the WebP is cut short after {} bytes", bytes.len())));

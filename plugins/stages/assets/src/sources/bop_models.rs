@@ -22,9 +22,9 @@ use syntable_model::stage::AssetLimits;
 /// Mesh files of other names or formats beside them, such as `obj_000001.glb`, are left out, and a warning names them: the
 /// formats differ in units and axes, and so would the poses of the benchmark.
 ///
-/// Objects keep the numbers of their files: `obj_000005.ply` has the `obj_id` 5. Models of several datasets may have one
-/// number; where a writer needs numbers, use one dataset per pool and recipe, or number them with the pool's `ids` or
-/// `first_id`. Symmetries of `models_info.json` go with the objects to the writer `bop`.
+/// Objects keep the numbers of their files: `obj_000005.ply` has the `obj_id` 5. Models of several datasets may share a
+/// number. If a writer needs unique numbers, use one dataset per pool and recipe, or set numbers with the pool's `ids`
+/// or `first_id`. The writer `bop` gets the symmetries of `models_info.json`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct BopModels {
@@ -33,7 +33,7 @@ pub struct BopModels {
     /// Folder of the meshes within each dataset, such as `models` or T-LESS's `models_cad`.
     #[serde(default = "models_folder")]
     models_folder: String,
-    /// Datasets that are excluded, such as `ycbv` where YCB objects are kept for testing.
+    /// Datasets to exclude, such as `ycbv` to keep YCB objects for testing.
     #[serde(default)]
     exclude_datasets: Vec<String>,
     #[serde(skip)]
@@ -58,7 +58,7 @@ impl Config for BopModels {
     fn build(self) -> Result<Box<dyn AssetSource>, ConfigError> {
         let folder = &self.models_folder;
         if folder.is_empty() || folder.contains(['/', '\\']) || folder.starts_with('.') {
-            return Err(ConfigError::new("models_folder", format!("`{folder}` is not the name of one folder")));
+            return Err(ConfigError::new("models_folder", format!("`{folder}` is not the name of a single folder")));
         }
         Ok(Box::new(self))
     }
@@ -79,9 +79,9 @@ impl AssetSource for BopModels {
         let unknown = self.exclude_datasets.iter().find(|name| !datasets.contains_key(*name));
         if let Some(name) = unknown {
             log.warn(
-                &Error::new(format!("exclude_datasets names `{name}`, which is not there"))
+                &Error::new(format!("exclude_datasets names `{name}`, which does not exist"))
                     .in_file(root.folder())
-                    .help(format!("there are: {}", datasets.keys().cloned().collect::<Vec<_>>().join(", "))),
+                    .help(format!("existing datasets: {}", datasets.keys().cloned().collect::<Vec<_>>().join(", "))),
             );
         }
         let mut entries = Vec::new();
@@ -149,7 +149,7 @@ impl BopModels {
 
     /// Folders of models, of datasets that are not excluded, without a file that is named as in BOP.
     fn without_models(&self, root: &AssetRoot, datasets: &BTreeMap<String, PathBuf>) -> Result<Vec<PathBuf>> {
-        // The root is itself a dataset, or its folder of models.
+        // The root itself is a dataset, or its folder of models.
         if datasets.values().any(|folder| folder.components().count() < 2) {
             return Ok(Vec::new());
         }
@@ -185,7 +185,7 @@ fn warn_of_others(folder: &Path, models: &BTreeMap<u64, String>, log: &dyn Log) 
     let count = others.len();
     let files = if count == 1 { "mesh file is" } else { "mesh files are" };
     log.warn(
-        &Error::new(format!("{count} {files} not named `obj_NNNNNN.ply` and left out: {names}{more}"))
+        &Error::new(format!("{count} {files} not named `obj_NNNNNN.ply` and skipped: {names}{more}"))
             .in_file(folder)
             .help("save each as PLY in millimeters under its number, or read the folder with the kind `mesh_folder`"),
     );
@@ -200,8 +200,8 @@ pub(crate) fn is_models(folder: &Path) -> Result<bool> {
     Ok(is_dir(folder)? && list(folder)?.files.iter().any(|name| model_id(name).is_some()))
 }
 
-/// The unit of a PLY file that states none: the millimeter for a file named as in BOP, or for one that would be larger
-/// than any object in meters but not in millimeters.
+/// The unit of a PLY file that states none: the millimeter for a file named as in BOP, or for a mesh that would be
+/// larger than any object in meters, but not in millimeters.
 pub(crate) fn guess_unit(file: &Path, model: &Model) -> Unit {
     let extent = model.extent();
     let named = model_id(&name_of(file)).is_some();
@@ -225,12 +225,12 @@ pub(crate) fn models_in(folder: &Path) -> Result<BTreeMap<u64, String>> {
 }
 
 pub(crate) fn missing_model(folder: &Path, id: u64) -> Error {
-    Error::new(format!("{INFO} names object {id}, but there is no such file"))
+    Error::new(format!("{INFO} names object {id}, but its file is missing"))
         .in_file(folder.join(format!("obj_{id:06}.ply")))
-        .help(format!("add the model, or take the object out of {INFO}"))
+        .help(format!("add the model, or remove the object from {INFO}"))
 }
 
-/// Loads a model of a folder relative to the root, and compares it with what `models_info.json` says of it.
+/// Loads a model of a folder relative to the root, and compares it with `models_info.json`.
 pub(crate) fn load(root: &AssetRoot, folder: &Path, model: &str, info: ObjectInfo, log: &dyn Log) -> Result<Object> {
     let file = folder.join(format!("{model}.ply"));
     let path = root.folder().join(&file);
@@ -238,20 +238,20 @@ pub(crate) fn load(root: &AssetRoot, folder: &Path, model: &str, info: ObjectInf
     let mut object = with_keypoints(object, root, &file)?;
     let mut info = read_info(&root.folder().join(folder))?.unwrap_or_default();
     let stated = model_id(&format!("{model}.ply")).and_then(|id| info.remove(&id));
-    let Some(ModelInfo { bounds: stated, symmetries }) = stated else { return Ok(object) };
+    let Some(BopModelInfo { bounds: stated, symmetries }) = stated else { return Ok(object) };
     let found = object.mesh.bounds();
     let apart = (found.min - stated.min).norm().max((found.max - stated.max).norm());
     if apart > TOLERANCE * stated.diagonal() {
         log.warn(
-            &Error::new(format!("the mesh is {} mm, but {INFO} says {} mm", sizes(&found), sizes(&stated)))
+            &Error::new(format!("the mesh is {} mm, but {INFO} states {} mm", sizes(&found), sizes(&stated)))
                 .in_file(path)
-                .help("is the mesh in millimeters?"),
+                .help("check that the mesh is in millimeters"),
         );
     }
     match symmetries {
         Ok(symmetries) => object.model.symmetries = symmetries,
         Err(problem) => log.warn(
-            &Error::new(format!("the symmetries of {model} are left out: {problem}"))
+            &Error::new(format!("the symmetries of {model} are ignored: {problem}"))
                 .in_file(root.folder().join(folder).join(INFO))
                 .help("see the BOP format of models_info.json"),
         ),
@@ -263,26 +263,26 @@ fn sizes(bounds: &Aabb) -> String {
     bounds.size().iter().map(|x| format!("{:.1}", x / MILLIMETER_M)).collect::<Vec<_>>().join(" x ")
 }
 
-/// What `models_info.json` says of a model.
-pub(crate) struct ModelInfo {
+/// Entry of a model in `models_info.json`.
+pub(crate) struct BopModelInfo {
     /// Box of the mesh, meters.
     bounds: Aabb,
-    /// Its symmetries, or what is wrong with them.
+    /// Symmetries, or their fault.
     symmetries: std::result::Result<Symmetries, String>,
 }
 
-/// What `models_info.json` says of all models by number; none if there is no such file.
-pub(crate) fn read_info(folder: &Path) -> Result<Option<BTreeMap<u64, ModelInfo>>> {
+/// Entries of `models_info.json` by number; `None` without the file.
+pub(crate) fn read_info(folder: &Path) -> Result<Option<BTreeMap<u64, BopModelInfo>>> {
     let path = folder.join(INFO);
     if exists(&path)? { parse_info(&path).map(Some) } else { Ok(None) }
 }
 
 /// Reads a file like `models_info.json`.
-pub(crate) fn parse_info(path: &Path) -> Result<BTreeMap<u64, ModelInfo>> {
+pub(crate) fn parse_info(path: &Path) -> Result<BTreeMap<u64, BopModelInfo>> {
     let bytes = read_file(path)?;
     let wrong = |message: String| Error::new(message).in_file(path);
     let json: Value = serde_json::from_slice(&bytes)
-        .map_err(|error| wrong(format!("not sound JSON: {error}")).at_line(error.line().max(1)))?;
+        .map_err(|error| wrong(format!("invalid JSON: {error}")).at_line(error.line().max(1)))?;
     let Value::Object(objects) = json else {
         return Err(wrong("not a table of objects".into()));
     };
@@ -302,7 +302,7 @@ pub(crate) fn parse_info(path: &Path) -> Result<BTreeMap<u64, ModelInfo>> {
         let min = Point3::from(min.map(|x| x * MILLIMETER_M));
         let max = Point3::from([0, 1, 2].map(|i| min[i] + size[i] * MILLIMETER_M));
         let symmetries = Symmetries::deserialize(value).map_err(|error| error.to_string());
-        info.insert(id, ModelInfo { bounds: Aabb { min, max }, symmetries });
+        info.insert(id, BopModelInfo { bounds: Aabb { min, max }, symmetries });
     }
     Ok(info)
 }

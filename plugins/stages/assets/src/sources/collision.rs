@@ -1,17 +1,18 @@
-//! Which meshes of a pool are collision meshes, judged by their names and by the other meshes of the pool.
+//! Identifies the collision meshes of a pool by their names and by the other meshes of the pool.
 //!
-//! Simulators keep a simplified mesh for physics beside the one that is rendered. No standard names it, so three rules
-//! decide, in this order:
+//! Simulators keep a simplified mesh for physics next to the rendered one. No standard names it, so three rules decide,
+//! in this order:
 //!
-//! 1. **Folder.** A folder named after collisions (`collision`, `collisions_mesh`, `vhacd`) holds nothing else. One with a
-//!    name that may mean something else (`convex`, `physics`, `hulls`) does so only beside the rendered mesh. Neither does
-//!    where each folder beside it holds an object under the same file name: `hull/model` beside `mug/model` and `cup/model`.
-//! 2. **Sibling.** A mesh whose name less such a word is the name of another mesh of the same object:
-//!    `cup_hull_0` beside `cup`, `collision_geometry` beside `visual_geometry`. A name of such words alone belongs to the mesh
-//!    of its folder: `collision` and `convex_hull` beside `textured`.
-//! 3. **Name.** A word that means nothing else, after the first word of the name: `mug_vhacd`, `part_collision_3`.
+//! 1. **Folder.** A folder named after collisions (`collision`, `collisions_mesh`, `vhacd`) has only collision meshes.
+//!   A folder with an ambiguous name (`convex`, `physics`, `hulls`) has them only next to the rendered mesh. The rule
+//!   does not apply if each sibling folder has an object under the same file name: `hull/model` next to `mug/model` and
+//!   `cup/model`.
+//! 2. **Sibling.** Without such a word, the name equals the name of another mesh of the same object: `cup_hull_0` next
+//!   to `cup`, `collision_geometry` next to `visual_geometry`. A name with only such words belongs to the mesh of its
+//!   folder: `collision` and `convex_hull` next to `textured`.
+//! 3. **Name.** An unambiguous word occurs after the first word of the name: `mug_vhacd`, `part_collision_3`.
 //!
-//! So `convex_mirror`, `hull` and `collision_course_game` are objects unless rule 2 finds what they belong to.
+//! So `convex_mirror`, `hull` and `collision_course_game` are objects unless rule 2 finds their objects.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
@@ -69,7 +70,7 @@ const LIKELY: [&str; 30] = [
     "untextured",
 ];
 
-/// Words that say no more than that something is a mesh.
+/// Words that only say that a file is a mesh.
 const GENERIC: [&str; 20] = [
     "mesh",
     "meshes",
@@ -100,13 +101,13 @@ const VISUAL: [&str; 9] = ["visual", "visuals", "vis", "render", "rendered", "te
 const TELLING: [&str; 10] =
     ["coll", "colls", "cvx", "chull", "convexhull", "decomp", "decomposed", "decomposition", "acd", "physx"];
 
-/// Extensions of files that are not read, but tell that another file is the collision mesh of what they hold.
+/// Extensions of unsupported mesh files. Such a file still shows that another file is its collision mesh.
 pub const UNREAD: [&str; 10] = ["dae", "fbx", "usd", "usda", "usdc", "usdz", "blend", "msh", "3ds", "wrl"];
 
 /// Extensions that tools leave inside names, such as `mug.obj.convex.stl`.
 const EXTENSIONS: [&str; 7] = ["obj", "stl", "ply", "glb", "gltf", "dae", "off"];
 
-/// Why a mesh is a collision mesh, with the word or the folder that tells.
+/// The rule that identifies a collision mesh, with its word or folder.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Rule {
     /// Its folder is named after collisions.
@@ -128,7 +129,7 @@ pub enum Rule {
 }
 
 impl Rule {
-    /// Whether only a word tells, so that the mesh may be an object of its own.
+    /// Whether only a word identifies the mesh, which may be a separate object.
     pub fn is_alone(&self) -> bool {
         matches!(self, Self::Folder { alone: true, .. } | Self::Name { alone: true, .. })
     }
@@ -138,7 +139,7 @@ impl fmt::Display for Rule {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Folder { name, .. } => write!(f, "folder `{name}`"),
-            Self::Sibling(word) => write!(f, "beside a mesh without `{word}`"),
+            Self::Sibling(word) => write!(f, "next to a mesh without `{word}`"),
             Self::Name { word, .. } => write!(f, "word `{word}`"),
         }
     }
@@ -154,7 +155,7 @@ enum Kind {
     Other,
 }
 
-/// What a word means; numbers behind it do not count, as in `hull3`.
+/// The kind of a word. Trailing numbers are ignored, as in `hull3`.
 fn kind(word: &str) -> Kind {
     let letters = word.trim_end_matches(|c: char| c.is_ascii_digit());
     match letters {
@@ -205,12 +206,12 @@ fn without_number(name: &[String]) -> Vec<String> {
     name[..last.map_or(0, |last| last + 1)].to_vec()
 }
 
-/// What the name of a folder says of the meshes in it.
+/// Statement of a folder's name about its meshes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Says {
     /// They are collision meshes; whether the name means nothing else.
     Collision { certain: bool },
-    /// They are the rendered ones, or just meshes: `visual`, `meshes`.
+    /// Rendered meshes, or any meshes: `visual`, `meshes`.
     Meshes { visual: bool },
     /// It is the name of an object or a category.
     Nothing,
@@ -236,8 +237,8 @@ fn has_number(word: &str) -> bool {
     word.ends_with(|c: char| c.is_ascii_digit())
 }
 
-/// The folders that are named by a word of collisions and hold an object: `hull/model` where `mug/model` and `cup/model`
-/// are beside it, but neither a rendered mesh of the folder above nor a folder of rendered meshes.
+/// Folders that are named by a collision word but hold an object: `hull/model` next to `mug/model` and `cup/model`,
+/// without a rendered mesh in the folder above or a folder of rendered meshes.
 fn homes_with_such_names(meshes: &[&Path]) -> BTreeSet<PathBuf> {
     let such = |home: &&Path| {
         home.file_name().is_some_and(|name| matches!(says(&name.to_string_lossy()), Says::Collision { .. }))
@@ -306,7 +307,7 @@ fn homes_with_such_names(meshes: &[&Path]) -> BTreeSet<PathBuf> {
 
 /// A mesh of the pool by its path without the extension.
 struct Named {
-    /// Folder of the object: that of the mesh, less folders that say what kind of mesh they hold.
+    /// Folder of the object: the mesh's folder, without folders that name a kind of mesh.
     object: PathBuf,
     /// The first folder that is named after collisions, and whether its name means nothing else.
     folder: Option<(String, bool)>,
@@ -317,7 +318,7 @@ struct Named {
 }
 
 impl Named {
-    /// Folders among `homes` hold an object, whatever their names say.
+    /// Folders among `homes` hold an object, whatever their names.
     fn new(stem: &Path, homes: &BTreeSet<PathBuf>) -> Self {
         let mut named = Self {
             object: PathBuf::new(),
@@ -345,12 +346,12 @@ impl Named {
         named
     }
 
-    /// Whether neither its name nor its folder tells of collisions.
+    /// Whether neither name nor folder indicates a collision mesh.
     fn is_plain(&self) -> bool {
         self.folder.is_none() && !self.kinds.iter().any(|&kind| is_collision(kind))
     }
 
-    /// Whether its name says no more than that it is the mesh of its folder: `model`, `textured`, `visual_geometry`.
+    /// Whether the name only says that it is the mesh of its folder: `model`, `textured`, `visual_geometry`.
     fn is_main(&self) -> bool {
         let says_nothing = |kind: &Kind| matches!(kind, Kind::Generic | Kind::Visual | Kind::Number);
         self.is_plain() && self.kinds.iter().all(says_nothing) && self.kinds.iter().any(|kind| *kind != Kind::Number)
@@ -372,8 +373,8 @@ impl Named {
         words.map(|(word, _)| word.clone()).collect()
     }
 
-    /// What its name may be less the words of collisions: also less the numbers and generic words behind them, less the
-    /// numbers at its end, and less the last of these words alone.
+    /// Candidates for the name without collision words: also without the numbers and generic words after them, without
+    /// trailing numbers, and with only the last of these words removed.
     fn bases(&self) -> Vec<Vec<String>> {
         let mut without_tail = Vec::new();
         let mut behind = false;
@@ -395,14 +396,14 @@ impl Named {
     }
 }
 
-/// What the pool has, by the folder of an object.
+/// Content of an object's folder in the pool.
 #[derive(Default)]
 struct Folder {
     /// Names of its meshes, also less their visual words and the numbers of their parts, and the meshes that have them.
     names: BTreeMap<Vec<String>, BTreeSet<usize>>,
     /// Number of meshes that neither names nor folders make collision meshes.
     plain: usize,
-    /// How many of these have names that say nothing else.
+    /// Number of meshes with purely generic names.
     mains: usize,
     /// Whether such a name has a number: `object_01` is one of several objects, or of several parts.
     is_series: bool,
@@ -411,7 +412,7 @@ struct Folder {
 }
 
 impl Folder {
-    /// Whether it has the mesh of an object under a name that says nothing else.
+    /// Whether the folder has the mesh of an object under a purely generic name.
     fn has_main(&self) -> bool {
         self.mains > 0 && !self.is_series
     }
@@ -442,7 +443,7 @@ pub fn rules<'a>(stems: impl Iterator<Item = &'a Path>, others: impl Iterator<It
             let without: Vec<_> = names.iter().map(|name| without_number(name)).collect();
             names.extend(without);
         }
-        // What is in a folder named after collisions is not rendered.
+        // Files in a folder named after collisions are not rendered.
         for name in names.into_iter().filter(|_| mesh.folder.is_none()) {
             folder.names.entry(name).or_default().insert(at);
         }
@@ -528,7 +529,7 @@ fn rule(
         let alone = !is_beside && !mesh.bases().iter().any(|name| objects.contains(name));
         return certain.map(|at| Rule::Name { word: mesh.words[at].clone(), alone });
     }
-    // In the folder of one object, whose mesh has no name of its own.
+    // In the folder of one object, whose mesh has no specific name.
     (first > 0 && folder.is_one_object()).then_some(Rule::Sibling(word))
 }
 
@@ -545,7 +546,7 @@ pub fn describe(rules: &[Rule]) -> String {
     };
     let parts = [
         (
-            "beside a mesh of the same name without",
+            "next to a mesh of the same name without",
             of(|rule| if let Rule::Sibling(word) = rule { Some(word) } else { None }),
         ),
         ("in folders named", of(|rule| if let Rule::Folder { name, .. } = rule { Some(name) } else { None })),
@@ -646,7 +647,7 @@ mod tests {
         check(&["boat/boat", "boat/hull", "boat/mast"], &[]);
         check(&["lens/convex", "lens/concave"], &[]);
         check(&["physics/pendulum", "hulls/tanker", "mugs/a", "x"], &[]);
-        // One name that says nothing makes no object of a pool: neither a numbered one nor one among others.
+        // A purely generic name does not make the pool one object: neither a numbered name nor one among others.
         check(&["object_01", "ship_hull", "lens_convex", "hull", "physics"], &[]);
         check(&["obj_000001", "brass_col"], &[]);
         check(&["obj_000001", "obj_000002", "obj3", "physics/pendulum", "lens_convex"], &[]);
@@ -679,7 +680,7 @@ mod tests {
             kept.retain(|path| !path.starts_with("mug/"));
             check(&kept, &[]);
         }
-        // Such an object with collision meshes of its own.
+        // Such an object with its own collision meshes.
         check(
             &["a/model", "b/model", "hull/model", "s/a/visual/m", "s/b/visual/m", "s/hull/visual/m"],
             &["a/collision/model", "hull/collision/model", "hull/model_collision_0", "s/hull/collision/m"],
@@ -694,7 +695,8 @@ mod tests {
         check(&["pan/visual/pan"], &["pan/collisions_mesh/pan", "pan/hulls/pan"]);
         check(&["pan/meshes/pan", "pan/lod/pan", "pan/low/pan"], &["pan/collision/pan", "pan/hull/pan"]);
         check(&["pan/pan/model", "pan/lod/model", "pan/low/model"], &["pan/collision/model"]);
-        // One other folder, or the same objects in each, makes no objects of folders whose names mean nothing else.
+        // A single other folder, or the same objects in each folder, do not make objects of folders with purely
+        // collision names.
         check(&["a/original/model"], &["a/collision/model"]);
         check(&["original/a/m", "original/b/m", "low/a/m", "low/b/m"], &["collision/a/m", "collision/b/m"]);
     }
@@ -718,7 +720,7 @@ mod tests {
         let rules: Vec<Rule> = rules(stems.iter().map(Path::new), std::iter::empty()).into_iter().flatten().collect();
         assert_eq!(
             describe(&rules),
-            "2 beside a mesh of the same name without `hull`; 1 in folders named `collision`; 1 by the word `vhacd`"
+            "2 next to a mesh of the same name without `hull`; 1 in folders named `collision`; 1 by the word `vhacd`"
         );
     }
 }

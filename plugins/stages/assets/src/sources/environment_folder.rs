@@ -11,8 +11,9 @@ use syntable_model::stage::AssetLimits;
 /// Environment maps anywhere below a folder: equirectangular images of linear radiance with Rec. 709 primaries, in
 /// Radiance HDR (`.hdr`), OpenEXR (`.exr`) or a format that a plugin registers.
 ///
-/// A map's name is its path without the extension; its category is the folder above. The center column looks along the
-/// world's +x, the first row up. Such files rarely say what one unit is in nits: the light that uses a map scales it.
+/// A map's name is its path without the extension; its category is the folder above. The center column shows the
+/// world's +x direction, and the first row is up. Such files rarely state their unit in nits: the light that uses a map
+/// scales it.
 #[derive(Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct EnvironmentFolder {

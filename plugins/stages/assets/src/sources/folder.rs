@@ -37,7 +37,7 @@ impl FileIndex {
         Ok(Catalog { entries })
     }
 
-    /// The file of an asset. Scans the folder if no catalog was made before.
+    /// The file of an asset. Scans the folder if the catalog does not exist yet.
     pub fn file(&self, name: &str, find: impl FnOnce() -> Result<Files>) -> Result<Option<PathBuf>> {
         match self.0.get() {
             Some(files) => Ok(files.get(name).cloned()),
@@ -65,7 +65,7 @@ pub fn catalog_of_folders(
 }
 
 /// All files below a root with one of the extensions, by path without extension: the same path in several formats is
-/// one asset. Its files come in the order of the extensions.
+/// one asset. Its files are in the order of the extensions.
 pub fn by_stem(root: &AssetRoot, extensions: &[&str]) -> Result<BTreeMap<PathBuf, Vec<PathBuf>>> {
     let mut stems: BTreeMap<PathBuf, Vec<PathBuf>> = BTreeMap::new();
     for file in walk(root, DEPTH, &|path| extensions.contains(&extension(path).as_str()))? {
@@ -79,8 +79,8 @@ pub fn by_stem(root: &AssetRoot, extensions: &[&str]) -> Result<BTreeMap<PathBuf
     Ok(stems)
 }
 
-/// Takes the collision meshes out of the meshes of a root, with one warning that counts them by rule and another one for
-/// those that may be objects. An error if no other mesh is left.
+/// Removes collision meshes from the meshes of a root, with one warning that counts them by rule, and another for those
+/// that may be objects. An error if no other mesh remains.
 pub fn leave_out_collision_meshes(
     meshes: &mut BTreeMap<PathBuf, Vec<PathBuf>>,
     root: &AssetRoot,
@@ -100,22 +100,25 @@ pub fn leave_out_collision_meshes(
     let rules: Vec<Rule> = left_out.iter().map(|(_, rule)| rule.clone()).collect();
     let by_rule = format!("{} ({})", collision::describe(&rules), shown(left_out.iter()));
     let message = match rules.len() {
-        1 => format!("1 collision mesh is left out: {by_rule}"),
-        count => format!("{count} collision meshes are left out: {by_rule}"),
+        1 => format!("skipped 1 collision mesh: {by_rule}"),
+        count => format!("skipped {count} collision meshes: {by_rule}"),
     };
     let note = Error::new(message).in_file(root.folder().join(first));
-    let help = "`collision_meshes = \"include\"` in the pool makes objects of them";
+    let help = "set `collision_meshes = \"include\"` in the pool to use them as objects";
     if meshes.is_empty() {
-        return Err(Error::new(format!("no mesh but collision meshes: {by_rule}")).in_file(root.folder()).help(help));
+        return Err(Error::new(format!("the folder has only collision meshes: {by_rule}"))
+            .in_file(root.folder())
+            .help(help));
     }
     log.warn(&note.help(help));
     let alone: Vec<&(PathBuf, Rule)> = left_out.iter().filter(|(_, rule)| rule.is_alone()).collect();
     if let Some((first, _)) = alone.first() {
-        let what = if alone.len() == 1 { "1 mesh is".to_owned() } else { format!("{} meshes are", alone.len()) };
+        let what = if alone.len() == 1 { "1 mesh".to_owned() } else { format!("{} meshes", alone.len()) };
         let names = shown(alone.into_iter());
-        let message =
-            format!("{what} left out by a word alone, with no rendered mesh beside; objects may be missing: {names}");
-        let help = "`collision_meshes = \"include\"` in the pool makes objects of all meshes; its `include` and `exclude` then \
+        let message = format!(
+            "skipped {what} because of a word in the name, without a rendered mesh next to it; objects may be missing: {names}"
+        );
+        let help = "`collision_meshes = \"include\"` in the pool uses all meshes as objects; its `include` and `exclude` then \
                     choose among them";
         log.warn(&Error::new(message).in_file(root.folder().join(first)).help(help));
     }
@@ -129,17 +132,17 @@ fn shown<'a>(left_out: impl ExactSizeIterator<Item = &'a (PathBuf, Rule)>) -> St
     names.collect::<Vec<_>>().join(", ") + more
 }
 
-/// Adds an asset whose name is `path`, with the first of its files; warns about the others, and about an asset that cannot be
-/// added because another one has its name.
+/// Adds an asset named `path`, with the first of its files. Warns about further files, and about an asset whose name is
+/// taken.
 pub fn add_asset(assets: &mut Files, path: &Path, files: &[PathBuf], root: &AssetRoot, log: &dyn Log) {
     let name = path.to_string_lossy().replace(std::path::MAIN_SEPARATOR, "/");
     let [first, others @ ..] = files else { return };
     if let Some(other) = assets.get(&name) {
-        let message = format!("it is left out: `{}` has the name `{name}`, too", other.display());
+        let message = format!("skipped: `{}` also has the name `{name}`", other.display());
         return log.warn(&Error::new(message).in_file(root.folder().join(first)).help("rename one of them"));
     }
     for other in others {
-        let message = format!("`{name}` has several files; `{}` is read", first.display());
+        let message = format!("`{name}` has several files; using `{}`", first.display());
         log.warn(&Error::new(message).in_file(root.folder().join(other)));
     }
     assets.insert(name, first.clone());

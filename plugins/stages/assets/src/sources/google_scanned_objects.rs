@@ -12,8 +12,8 @@ use syntable_model::stage::AssetLimits;
 
 /// Objects of Google Scanned Objects (Downs et al., ICRA 2022), as downloaded: one folder per object with
 /// `meshes/model.obj`, `meshes/model.mtl` and `materials/textures/texture.png`; or as repackaged for simulators, with
-/// `model.obj` and `texture.png` in the object's folder itself. Meters, z up. The category is the first one of
-/// `metadata.pbtxt`, where that file is.
+/// `model.obj` and `texture.png` in the object's folder itself. Meters, z up. The category is the first category of
+/// `metadata.pbtxt`, if the file exists.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct GoogleScannedObjects {
@@ -28,7 +28,7 @@ const LICENSE: &str = "CC-BY-4.0";
 
 /// Paths of the mesh inside an object's folder: as downloaded, and repackaged.
 const MESHES: [&str; 2] = ["meshes/model.obj", "model.obj"];
-/// Category where none is known.
+/// Default category.
 const CATEGORY: &str = "google_scanned_objects";
 
 config!(GoogleScannedObjects => dyn AssetSource, "google_scanned_objects", "root = \"${ASSETS}/gso\"");

@@ -14,7 +14,7 @@ use syntable_model::error::{Error, Result};
 use syntable_model::geometry::Point3;
 use syntable_model::scene::{Keypoint, Object};
 
-/// What the file's name has in place of the mesh's extension.
+/// Suffix of the file, instead of the mesh's extension.
 const EXTENSION: &str = "keypoints.json";
 
 /// Maximum number of points of an object.
@@ -23,7 +23,8 @@ const MAX_POINTS: usize = 1000;
 /// A point is at most this far from the box of the mesh, as a multiple of the box's diagonal.
 const MAX_DISTANCE: f64 = 1.0;
 
-/// The object with the keypoints beside its mesh, a path relative to the root; as it is if there are none.
+/// Adds the keypoints next to an object's mesh, a path relative to the root. Without keypoints, the object stays
+/// unchanged.
 pub fn with_keypoints(object: Object, root: &AssetRoot, mesh: &Path) -> Result<Object> {
     let file = mesh.with_extension(EXTENSION);
     if !exists(&root.folder().join(&file))? {
@@ -36,9 +37,9 @@ pub fn with_keypoints(object: Object, root: &AssetRoot, mesh: &Path) -> Result<O
 
 fn parse(bytes: &[u8], object: &Object) -> Result<Vec<Keypoint>> {
     let json: Value = serde_json::from_slice(bytes)
-        .map_err(|error| Error::new(format!("not sound JSON: {error}")).at_line(error.line().max(1)))?;
+        .map_err(|error| Error::new(format!("invalid JSON: {error}")).at_line(error.line().max(1)))?;
     let points = field(&json, "", "keypoints", &["keypoints"])?;
-    let points = points.as_array().ok_or_else(|| wrong("keypoints", points, "is no list of points"))?;
+    let points = points.as_array().ok_or_else(|| wrong("keypoints", points, "is not a list of points"))?;
     if points.len() > MAX_POINTS {
         return Err(Error::new(format!("`keypoints` has {} points, more than {MAX_POINTS}", points.len())));
     }
@@ -47,7 +48,7 @@ fn parse(bytes: &[u8], object: &Object) -> Result<Vec<Keypoint>> {
         let keypoint = keypoint(point, &format!("keypoints[{i}]"), object)?;
         if keypoints.iter().any(|other| other.name == keypoint.name) {
             let name = shorten(&keypoint.name);
-            return Err(Error::new(format!("`keypoints[{i}].name`: there are two points `{name}`")));
+            return Err(Error::new(format!("`keypoints[{i}].name`: two points have the name `{name}`")));
         }
         keypoints.push(keypoint);
     }
@@ -58,12 +59,12 @@ fn keypoint(json: &Value, at: &str, object: &Object) -> Result<Keypoint> {
     const FIELDS: [&str; 2] = ["name", "point"];
     let name = field(json, at, "name", &FIELDS)?;
     let text = name.as_str().filter(|name| !name.trim().is_empty());
-    let text = text.ok_or_else(|| wrong(&format!("{at}.name"), name, "is no name"))?;
+    let text = text.ok_or_else(|| wrong(&format!("{at}.name"), name, "is not a name"))?;
     let point = field(json, at, "point", &FIELDS)?;
     let numbers: Option<Vec<f64>> = point.as_array().and_then(|list| list.iter().map(Value::as_f64).collect());
     let numbers: Option<[f64; 3]> = numbers.and_then(|numbers| numbers.try_into().ok());
     let key = format!("{at}.point");
-    let found = Point3::from(numbers.ok_or_else(|| wrong(&key, point, "is no point: three numbers x, y, z"))?);
+    let found = Point3::from(numbers.ok_or_else(|| wrong(&key, point, "is not a point: write three numbers x, y, z"))?);
     let bounds = object.mesh.bounds();
     let beyond = |axis: usize| (bounds.min[axis] - found[axis]).max(found[axis] - bounds.max[axis]).max(0.0);
     let distance = (0..3).map(|axis| beyond(axis) * beyond(axis)).sum::<f64>().sqrt();
@@ -72,13 +73,13 @@ fn keypoint(json: &Value, at: &str, object: &Object) -> Result<Keypoint> {
         return Ok(Keypoint { name: text.to_owned(), point: found });
     }
     Err(wrong(&key, point, &format!("is far from the object, whose box is {:.3?} to {:.3?}", bounds.min, bounds.max))
-        .help("points are in the frame and unit of the mesh, z up"))
+        .help("write points in the frame and unit of the mesh, z up"))
 }
 
 /// A field of a table that has these fields alone.
 fn field<'a>(json: &'a Value, at: &str, name: &str, fields: &[&str]) -> Result<&'a Value> {
     let shown = if at.is_empty() { "the file" } else { at };
-    let table = json.as_object().ok_or_else(|| wrong(shown, json, "is no table"))?;
+    let table = json.as_object().ok_or_else(|| wrong(shown, json, "is not a table"))?;
     if let Some(other) = table.keys().find(|key| !fields.contains(&key.as_str())) {
         let message = format!("`{shown}` has an unknown field `{}`", shorten(other));
         return Err(Error::new(message).help(format!("fields are `{}`", fields.join("`, `"))));

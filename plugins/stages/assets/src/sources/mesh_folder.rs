@@ -14,12 +14,13 @@ use syntable_model::stage::AssetLimits;
 /// Meshes anywhere below a folder: OBJ with MTL, glTF, GLB, PLY, STL and all formats that plugins register, in meters.
 /// The pool's `units` converts other units.
 ///
-/// An asset's name is its path without the extension, or that of its folder where that holds no other mesh; its category
-/// is the folder above. Of one mesh in several formats the one with most information is read: glTF, then OBJ, PLY, STL.
+/// An asset's name is its path without the extension, or the name of its folder if the folder has no other mesh; its
+/// category is the folder above. If a mesh exists in several formats, the format with the most information is read:
+/// glTF, then OBJ, PLY, STL.
 ///
-/// Collision meshes that simulators keep beside a model are left out, with a note that counts them: meshes in a folder
-/// `collision`, meshes whose name less a word such as `col`, `hull` or `convex` is that of another mesh, and meshes with a
-/// word such as `vhacd` in their name.
+/// Collision meshes, which simulators keep next to a model, are skipped with a warning that counts them: meshes in a
+/// folder `collision`, meshes whose name without a word such as `col`, `hull` or `convex` is the name of another mesh,
+/// and meshes with a word such as `vhacd` in their name.
 ///
 /// A file `<mesh>.keypoints.json` beside a mesh names points of it: `{"keypoints": [{"name": "rim", "point": [0, 0, 0.1]}]}`,
 /// in the frame and unit of the mesh as it is read, z up. So it is for every kind of source that reads objects from files.
@@ -31,7 +32,7 @@ pub struct MeshFolder {
     /// Which axis points up in formats that do not state it, such as OBJ, PLY and STL. glTF is y up by its standard.
     #[serde(default)]
     up: Up,
-    /// What happens to collision meshes.
+    /// Treatment of collision meshes.
     #[serde(default)]
     collision_meshes: CollisionMeshes,
     #[serde(skip)]
@@ -51,7 +52,7 @@ pub enum Up {
     Y,
 }
 
-/// What happens to meshes that are collision meshes by their names.
+/// Treatment of meshes that are collision meshes according to their names.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum CollisionMeshes {
@@ -117,7 +118,8 @@ fn find(root: &AssetRoot, formats: &MeshFormats, collision: CollisionMeshes, log
         _ => stem.to_owned(),
     };
     let mut names: Vec<PathBuf> = meshes.keys().map(|stem| short(stem)).collect();
-    // Where a name is also another mesh's name, both keep their whole path, which may in turn be the short name of a third.
+    // If a short name is also the name of another mesh, both keep their whole path, which may in turn be the short name
+    // of a third.
     loop {
         let mut uses: BTreeMap<&Path, usize> = BTreeMap::new();
         for name in &names {
@@ -197,10 +199,10 @@ mod tests {
         assert_eq!(got, want);
         let warnings: Vec<String> = log.warnings().iter().map(ToString::to_string).collect();
         assert_eq!(warnings.len(), 2, "{warnings:?}");
-        let said = "4 collision meshes are left out: 3 beside a mesh of the same name without `col2`, `collision`, `vhacd`; \
+        let said = "skipped 4 collision meshes: 3 next to a mesh of the same name without `col2`, `collision`, `vhacd`; \
                     1 in folders named `collision`";
         assert!(warnings[0].contains(said), "{warnings:?}");
-        let named = "(`duck/Model-VHACD.obj`: beside a mesh without `vhacd`, `duck/model_col2.stl`: beside a mesh without \
+        let named = "(`duck/Model-VHACD.obj`: next to a mesh without `vhacd`, `duck/model_col2.stl`: next to a mesh without \
                      `col2`, `duck/model_collision_0.obj`: beside a mesh without `collision`, `jar/collision/part.obj`: folder \
                      `collision`)";
         assert!(warnings[0].contains(named), "{warnings:?}");
@@ -223,8 +225,8 @@ mod tests {
         assert_eq!(find(&root, &formats, CollisionMeshes::Exclude, &log).expect("scans").len(), 1);
         let warnings: Vec<String> = log.warnings().iter().map(ToString::to_string).collect();
         assert_eq!(warnings.len(), 2, "{warnings:?}");
-        assert!(warnings[0].contains("`mug_hull_5.obj`: beside a mesh without `hull`, …)"), "{warnings:?}");
-        let said = "2 meshes are left out by a word alone, with no rendered mesh beside; objects may be missing: \
+        assert!(warnings[0].contains("`mug_hull_5.obj`: next to a mesh without `hull`, …)"), "{warnings:?}");
+        let said = "skipped 2 meshes because of a word in the name, without a rendered mesh next to it; objects may be missing: \
                     `brand/collision/game_box.obj`: folder `collision`, `large_hadron_collider.obj`: word `collider`";
         assert!(warnings[1].contains(said), "{warnings:?}");
         assert!(warnings[1].contains("collision_meshes = \"include\""), "{warnings:?}");
@@ -238,7 +240,7 @@ mod tests {
         let (root, log) = (AssetRoot::open(folder.path()).expect("opens"), Collected::default());
         let formats = MeshFormats::linked().expect("no clash");
         let error = find(&root, &formats, CollisionMeshes::Exclude, &log).expect_err("nothing is left").to_string();
-        assert!(error.contains("no mesh but collision meshes: 1 in folders named `coacd`"), "{error}");
+        assert!(error.contains("only collision meshes: 1 in folders named `coacd`"), "{error}");
         assert!(error.contains("collision_meshes = \"include\""), "{error}");
         assert_eq!(find(&root, &formats, CollisionMeshes::Include, &log).expect("scans").len(), 1);
         // The rendered mesh is in a format that is not read.
@@ -246,6 +248,6 @@ mod tests {
             std::fs::write(folder.path().join(file), "x").expect("file");
         }
         let error = find(&root, &formats, CollisionMeshes::Exclude, &log).expect_err("nothing is left").to_string();
-        assert!(error.contains("1 beside a mesh of the same name without `coll`"), "{error}");
+        assert!(error.contains("1 next to a mesh of the same name without `coll`"), "{error}");
     }
 }

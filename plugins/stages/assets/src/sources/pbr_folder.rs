@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use syntable_mesh::format::ImageFormats;
-use syntable_mesh::image::Image;
+use syntable_mesh::image::DecodedImage;
 use syntable_mesh::root::{AssetRoot, is_dir};
 use syntable_mesh::scan::{list, root_name};
 use syntable_model::prelude::*;
@@ -81,7 +81,7 @@ impl AssetSource for PbrFolder {
     }
 }
 
-/// What a texture of a material encodes.
+/// Type of a material's texture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Map {
     /// Base color.
@@ -178,10 +178,10 @@ pub(crate) fn read(root: &AssetRoot, name: &str, log: &dyn Log) -> Result<Materi
             return Ok(None);
         };
         if !others.is_empty() {
-            let message = format!("{} {} maps; `{}` is used", others.len() + 1, map.name(), file.display());
+            let message = format!("{} {} maps; using `{}`", others.len() + 1, map.name(), file.display());
             log.warn(&Error::new(message).in_file(folder));
         }
-        let mut image = Image::read(root, &root.locate(file)?)?;
+        let mut image = DecodedImage::read(root, &root.locate(file)?)?;
         if map == Map::NormalDx {
             image.flip_green();
         }
@@ -190,7 +190,7 @@ pub(crate) fn read(root: &AssetRoot, name: &str, log: &dyn Log) -> Result<Materi
     };
     let color = texture(Map::Color, Encoding::Srgb)?.ok_or_else(|| {
         let there: Vec<&str> = maps.keys().map(|map| map.name()).collect();
-        Error::new(format!("no color map; there is only: {}", there.join(", ")))
+        Error::new(format!("no color map, only: {}", there.join(", ")))
             .in_file(folder)
             .help("a material needs an image such as `<name>_Color.jpg` or `<name>_diff_1k.jpg`")
     })?;
@@ -215,7 +215,7 @@ pub(crate) fn read(root: &AssetRoot, name: &str, log: &dyn Log) -> Result<Materi
         let sizes: Vec<String> =
             sizes.iter().map(|(map, width, height)| format!("{} {width} x {height}", map.name())).collect();
         log.warn(
-            &Error::new(format!("maps differ in size: {}; each is sampled by itself", sizes.join(", ")))
+            &Error::new(format!("maps differ in size: {}; each is sampled at its own size", sizes.join(", ")))
                 .in_file(folder),
         );
     }

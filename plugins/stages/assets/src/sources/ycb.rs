@@ -12,8 +12,8 @@ use syntable_model::scene::{Asset, AssetClass, Catalog};
 use syntable_model::stage::AssetLimits;
 
 /// Objects of the YCB Object and Model Set (Calli et al., 2015), as downloaded: one folder per object with
-/// `google_16k/textured.obj` beside its texture; or as in YCB-Video, with `textured.obj` or `textured_simple*.obj` in the
-/// object's folder itself. Meters, z up. The origins lie outside of the objects; let the pool center them.
+/// `google_16k/textured.obj` next to its texture; or as in YCB-Video, with `textured.obj` or `textured_simple*.obj` in
+/// the object's folder itself. Meters, z up. The origins are outside the objects; let the pool center them.
 ///
 /// Objects have the masses that the authors weighed.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -28,7 +28,7 @@ pub struct Ycb {
     limits: AssetLimits,
 }
 
-/// The reconstructions that come with YCB.
+/// The reconstructions of YCB.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub enum Reconstruction {
     /// Google's scanner, 16 thousand triangles.
@@ -122,9 +122,9 @@ pub(crate) fn mesh_in(folder: &Path, reconstruction: Reconstruction) -> Result<O
     Ok(None)
 }
 
-/// Masses in grams, by the number and letter that names begin with: Calli et al., Benchmarking in Manipulation Research,
-/// IEEE Robotics & Automation Magazine, 2015, table 2. Sets of many pieces, whose single masses it does not tell, are left
-/// out, and so are objects whose mass could not be verified.
+/// Masses in grams, by the number and letter at the start of a name: Calli et al., Benchmarking in Manipulation
+/// Research, IEEE Robotics & Automation Magazine, 2015, table 2. Sets of several pieces, for which the table has no
+/// single masses, are omitted, and so are objects whose mass could not be verified.
 const MASSES_G: [(&str, f64); 52] = [
     ("001", 205.0),
     ("002", 414.0),

@@ -163,11 +163,11 @@ fn odd_inputs_load_as_what_they_are() {
 
 #[test]
 fn odd_images_have_the_right_colors() {
-    use syntable_mesh::image::Image;
+    use syntable_mesh::image::DecodedImage;
     use syntable_mesh::root::AssetRoot;
     let folder = fixtures().join("broken");
     let mean = |name: &str| {
-        let image = Image::read(
+        let image = DecodedImage::read(
             &AssetRoot::open(&folder).expect("opens"),
             &folder.join(name).join("materials/textures/texture.png"),
         )

@@ -1,12 +1,12 @@
 //! Fruit.
 
-use super::{Draw, Model, ellipse};
+use super::{FamilyContext, HouseholdModel, ellipse};
 use crate::material::{hsv, skin};
-use crate::shape::{Lathe, Outline, SlotMapping, Sweep, sweep};
+use crate::shape::{Lathe, Profile, SlotMapping, SweepPath, sweep};
 use nalgebra::{Point3, Vector3};
 use std::f64::consts::PI;
 
-pub fn apple(draw: &mut Draw) -> Model {
+pub fn apple(draw: &mut FamilyContext) -> HouseholdModel {
     let r = draw.uniform(0.033, 0.044);
     let tall = draw.uniform(0.86, 1.02);
     let (top, bottom) = (draw.uniform(0.22, 0.34), draw.uniform(0.12, 0.22));
@@ -20,7 +20,7 @@ pub fn apple(draw: &mut Draw) -> Model {
         [if i == 0 || i == steps { 0.0 } else { r * radius }, r * z]
     };
     let first = point(0);
-    let outline = (1..=steps).fold(Outline::at(first[0], first[1]), |outline, i| {
+    let outline = (1..=steps).fold(Profile::at(first[0], first[1]), |outline, i| {
         let [radius, z] = point(i);
         outline.to(radius, z, SlotMapping::fit(0))
     });
@@ -36,7 +36,7 @@ pub fn apple(draw: &mut Draw) -> Model {
         .map(|i| f64::from(i) / 4.0)
         .map(|t| Point3::new(lean * t * t, 0.0, base - 0.003 + draw_length(r) * t))
         .collect();
-    let stem = sweep(&Sweep::along(&stem, Vector3::y()), &ellipse(0.0012, 0.0012, 8), SlotMapping::fit(1), 4);
+    let stem = sweep(&SweepPath::along(&stem, Vector3::y()), &ellipse(0.0012, 0.0012, 8), SlotMapping::fit(1), 4);
     let mass = body.volume() * draw.uniform(780.0, 870.0);
     let hue = *draw.appearance.pick(&[0.0, 0.01, 0.25, 0.16, 0.98]).unwrap_or(&0.0);
     let base = hsv(
@@ -47,14 +47,14 @@ pub fn apple(draw: &mut Draw) -> Model {
     let blush = hsv(draw.appearance.uniform(-0.02, 0.14), 0.75, draw.appearance.uniform(0.4, 0.8));
     let texture = skin(&mut draw.appearance, base, blush, hsv(0.12, 0.6, 0.35));
     let materials = vec![draw.printed(texture, [0.25, 0.45]), draw.plain("stem", hsv(0.08, 0.6, 0.22), 0.8)];
-    Model::new(body.and(stem), materials, mass).friction(0.45)
+    HouseholdModel::new(body.and(stem), materials, mass).friction(0.45)
 }
 
 fn draw_length(r: f64) -> f64 {
     0.003 + 0.42 * r
 }
 
-pub fn banana(draw: &mut Draw) -> Model {
+pub fn banana(draw: &mut FamilyContext) -> HouseholdModel {
     let length = draw.uniform(0.15, 0.2);
     let r = draw.uniform(0.0145, 0.0185);
     let bend = draw.uniform(0.9, 1.5);
@@ -67,7 +67,7 @@ pub fn banana(draw: &mut Draw) -> Model {
         })
         .collect();
     // A stalk, a swelling body and a short tip.
-    let girth = Sweep::along(&path, Vector3::z()).scaled(|t| {
+    let girth = SweepPath::along(&path, Vector3::z()).scaled(|t| {
         let body =
             libm::pow(((t - 0.1) / 0.12).clamp(0.0, 1.0), 0.6) * libm::pow(((0.985 - t) / 0.17).clamp(0.0, 1.0), 0.55);
         let factor = 0.28 + 0.72 * body;
@@ -89,5 +89,5 @@ pub fn banana(draw: &mut Draw) -> Model {
     let blush = hsv(0.21 - 0.1 * ripe, 0.7, 0.75);
     let texture = skin(&mut draw.appearance, base, blush, hsv(0.09, 0.6, 0.2));
     let materials = vec![draw.printed(texture, [0.4, 0.6])];
-    Model::new(shape, materials, mass).friction(0.5)
+    HouseholdModel::new(shape, materials, mass).friction(0.5)
 }

@@ -1,9 +1,9 @@
 //! Drinking glasses: hollow solids of clear or tinted glass.
 
 use super::vessel::{Hollow, curve};
-use super::{Draw, Model, density};
-use crate::material::{LICENSE, Rgb, hsv, linear, mix};
-use crate::shape::{Cell, Lathe, Outline, SlotMapping};
+use super::{FamilyContext, HouseholdModel, density};
+use crate::material::{LICENSE, SrgbColor, hsv, linear, mix};
+use crate::shape::{Lathe, Profile, SlotMapping, WallCell};
 use std::sync::Arc;
 use syntable_model::random::Stream;
 use syntable_model::scene::{Color, Material, Scalar, Transmission, Volume};
@@ -14,7 +14,7 @@ const GLASS: SlotMapping = SlotMapping::fit(0);
 const TINT_M: f32 = 0.02;
 
 /// A transmissive solid with a tinted interior medium.
-pub fn clear_solid(name: &str, tint: Rgb, ior: f64, roughness: f64) -> Arc<Material> {
+pub fn clear_solid(name: &str, tint: SrgbColor, ior: f64, roughness: f64) -> Arc<Material> {
     let volume = Volume { attenuation_color: linear(tint), attenuation_distance_m: TINT_M };
     let transmission = Transmission { fraction: Scalar::constant(1.0), volume: Some(volume) };
     let material = Material {
@@ -38,17 +38,17 @@ pub fn glass(stream: &mut Stream) -> Arc<Material> {
     clear_solid("glass", tint, stream.uniform(1.48, 1.56), roughness)
 }
 
-pub fn drinking_glass(draw: &mut Draw) -> Model {
+pub fn drinking_glass(draw: &mut FamilyContext) -> HouseholdModel {
     let wine = draw.form.chance(0.35);
     let shape = if wine { stemmed(draw) } else { tumbler(draw) };
     let mass = shape.volume() * density::GLASS;
     let material = glass(&mut draw.appearance);
     // A tumbler has a slot for its inside.
     let materials = if wine { vec![material] } else { vec![material.clone(), material] };
-    Model::new(shape, materials, mass).friction(0.4)
+    HouseholdModel::new(shape, materials, mass).friction(0.4)
 }
 
-fn tumbler(draw: &mut Draw) -> super::Shape {
+fn tumbler(draw: &mut FamilyContext) -> super::SolidShape {
     let (r, h) = (draw.uniform(0.031, 0.043), draw.uniform(0.08, 0.15));
     let foot = r * draw.uniform(0.75, 1.0);
     let wall = draw.uniform(0.0016, 0.0028);
@@ -58,7 +58,7 @@ fn tumbler(draw: &mut Draw) -> super::Shape {
 }
 
 /// A bowl on a stem on a foot.
-fn stemmed(draw: &mut Draw) -> super::Shape {
+fn stemmed(draw: &mut FamilyContext) -> super::SolidShape {
     let (foot, stem) = (draw.uniform(0.03, 0.037), draw.uniform(0.0035, 0.005));
     let (low, depth) = (draw.uniform(0.055, 0.095), draw.uniform(0.075, 0.11));
     let (belly, rim) = (draw.uniform(0.042, 0.054), draw.uniform(0.028, 0.036));
@@ -69,7 +69,7 @@ fn stemmed(draw: &mut Draw) -> super::Shape {
         [[0.0, low + base], [belly - 1.5 * wall, low + base], [belly - wall, low + 0.5 * depth], [rim - wall, high]],
         9,
     );
-    let mut outline = Outline::at(0.0, 0.0).to(foot, 0.0, GLASS).to(foot, 0.0022, GLASS).round(0.001).curve(
+    let mut outline = Profile::at(0.0, 0.0).to(foot, 0.0, GLASS).to(foot, 0.0022, GLASS).round(0.001).curve(
         [0.4 * foot, 0.004],
         [stem, 0.006],
         [stem, 0.022],
@@ -87,9 +87,10 @@ fn stemmed(draw: &mut Draw) -> super::Shape {
         }
     }
     // The bottom of the bowl is full up to where the inside begins to rise.
-    let cell = |from: usize, to: usize| -> Cell { [&outside[from..=to], &inside[from..=to]].concat() };
-    let bottom: Cell = [&outside[..=2], &inside[..=1], &[[0.0, low]]].concat();
-    let plate: Cell = vec![[0.0, 0.0], [foot, 0.0], [foot, 0.0022], [0.45 * foot, 0.004], [stem, 0.008], [0.0, 0.008]];
-    let shaft: Cell = vec![[0.0, 0.006], [stem, 0.006], [stem, low], [0.0, low]];
+    let cell = |from: usize, to: usize| -> WallCell { [&outside[from..=to], &inside[from..=to]].concat() };
+    let bottom: WallCell = [&outside[..=2], &inside[..=1], &[[0.0, low]]].concat();
+    let plate: WallCell =
+        vec![[0.0, 0.0], [foot, 0.0], [foot, 0.0022], [0.45 * foot, 0.004], [stem, 0.008], [0.0, 0.008]];
+    let shaft: WallCell = vec![[0.0, 0.006], [stem, 0.006], [stem, low], [0.0, low]];
     Lathe::new(&outline).segments(48).hollow(&[cell(1, 5), cell(5, 9)], &[bottom, plate, shaft], 12)
 }

@@ -1,14 +1,14 @@
 //! Books, toys and small objects of the household.
 
-use super::{Draw, Model, density};
+use super::{FamilyContext, HouseholdModel, density};
 use crate::material::{
-    Finish, MaterialFamily, ball as ball_print, book as book_print, hsv, remote as remote_print, vivid,
+    MaterialFamily, SurfaceFinish, ball as ball_print, book as book_print, hsv, remote as remote_print, vivid,
 };
-use crate::shape::{Lathe, Outline, SlotMapping, extrude, rounded_box, rounded_polygon, star};
+use crate::shape::{Lathe, Profile, SlotMapping, extrude, rounded_box, rounded_polygon, star};
 use std::f64::consts::PI;
 use std::sync::Arc;
 
-pub fn book(draw: &mut Draw) -> Model {
+pub fn book(draw: &mut FamilyContext) -> HouseholdModel {
     let width = draw.uniform(0.11, 0.2);
     let height = width * draw.uniform(1.3, 1.55);
     let thick = draw.uniform(0.012, 0.045);
@@ -39,35 +39,35 @@ pub fn book(draw: &mut Draw) -> Model {
     let shape = shape.without_parts().with_part(bounds.corners().to_vec());
     let mass = width * height * thick * density::PAPER * draw.uniform(0.85, 1.1);
     let page = draw.materials.get(MaterialFamily::Cardboard, 6);
-    let paper = Finish::plain(hsv(0.12, draw.appearance.uniform(0.04, 0.16), 0.88), 0.9, 0.0).detailed(&page);
+    let paper = SurfaceFinish::plain(hsv(0.12, draw.appearance.uniform(0.04, 0.16), 0.88), 0.9, 0.0).detailed(&page);
     let materials = vec![draw.printed(texture, [0.25, 0.6]), Arc::new(paper.named("pages"))];
-    Model::new(shape, materials, mass).friction(0.4)
+    HouseholdModel::new(shape, materials, mass).friction(0.4)
 }
 
-pub fn ball(draw: &mut Draw) -> Model {
+pub fn ball(draw: &mut FamilyContext) -> HouseholdModel {
     // Table tennis, golf, tennis, rubber, soft: radius and mass at that radius.
     const BALLS: [[f64; 2]; 5] = [[0.02, 0.0027], [0.0213, 0.046], [0.033, 0.058], [0.045, 0.09], [0.06, 0.13]];
     let [usual, mass] = *draw.form.pick(&BALLS).unwrap_or(&BALLS[2]);
     let factor = draw.uniform(0.95, 1.08);
     let r = usual * factor;
     let steps = 24;
-    let outline = (1..=steps).fold(Outline::at(0.0, -r), |outline, i| {
+    let outline = (1..=steps).fold(Profile::at(0.0, -r), |outline, i| {
         let (sin, cos) = libm::sincos(PI * f64::from(i) / f64::from(steps));
         outline.to(if i == steps { 0.0 } else { r * sin }, -r * cos, SlotMapping::fit(0))
     });
     let shape = Lathe::new(&outline).segments(48).solid();
     let texture = ball_print(&mut draw.appearance);
-    let material = Finish::printed(texture, draw.appearance.uniform(0.2, 0.8));
+    let material = SurfaceFinish::printed(texture, draw.appearance.uniform(0.2, 0.8));
     let material = if draw.appearance.chance(0.5) {
         let detail = draw.material(MaterialFamily::Leather);
         material.detailed(&detail)
     } else {
         material
     };
-    Model::new(shape, vec![Arc::new(material.named("ball"))], mass * factor * factor).friction(0.6)
+    HouseholdModel::new(shape, vec![Arc::new(material.named("ball"))], mass * factor * factor).friction(0.6)
 }
 
-pub fn block(draw: &mut Draw) -> Model {
+pub fn block(draw: &mut FamilyContext) -> HouseholdModel {
     let edge = draw.uniform(0.028, 0.042);
     let grain = SlotMapping::tile(0, 0.35);
     let bevel = 0.0012;
@@ -78,7 +78,7 @@ pub fn block(draw: &mut Draw) -> Model {
         2 => {
             let (r, h) = (0.5 * edge, edge * draw.uniform(0.8, 2.0));
             let outline =
-                Outline::at(0.0, 0.0).to(r, 0.0, grain).round(0.0015).to(r, h, grain).round(0.0015).to(0.0, h, grain);
+                Profile::at(0.0, 0.0).to(r, 0.0, grain).round(0.0015).to(r, h, grain).round(0.0015).to(0.0, h, grain);
             Lathe::new(&outline).segments(48).solid()
         }
         3 => {
@@ -109,12 +109,16 @@ pub fn block(draw: &mut Draw) -> Model {
     } else {
         let color = vivid(&mut draw.appearance);
         let detail = draw.material(MaterialFamily::Timber);
-        Arc::new(Finish::plain(color, draw.appearance.uniform(0.25, 0.55), 0.0).detailed(&detail).named("painted wood"))
+        Arc::new(
+            SurfaceFinish::plain(color, draw.appearance.uniform(0.25, 0.55), 0.0)
+                .detailed(&detail)
+                .named("painted wood"),
+        )
     };
-    Model::new(shape, vec![material], mass).friction(0.5)
+    HouseholdModel::new(shape, vec![material], mass).friction(0.5)
 }
 
-pub fn sponge(draw: &mut Draw) -> Model {
+pub fn sponge(draw: &mut FamilyContext) -> HouseholdModel {
     let size = [draw.uniform(0.085, 0.115), draw.uniform(0.06, 0.075), draw.uniform(0.02, 0.035)];
     let rough = draw.uniform(0.006, 0.009);
     let foam = rounded_box(size, 0.004, 2, |_| SlotMapping::tile(0, 0.12));
@@ -126,12 +130,12 @@ pub fn sponge(draw: &mut Draw) -> Model {
     let fibers = draw.materials.get(MaterialFamily::Carpet, 6);
     let color = vivid(&mut draw.appearance);
     let pad_color = hsv(draw.appearance.uniform(0.25, 0.62), 0.7, draw.appearance.uniform(0.2, 0.45));
-    let foam_material = Finish::plain(color, 0.95, 0.0).detailed(&detail).named("foam");
-    let pad_material = Finish::plain(pad_color, 0.95, 0.0).detailed(&fibers).named("scourer");
-    Model::new(shape, vec![Arc::new(foam_material), Arc::new(pad_material)], mass).friction(0.7)
+    let foam_material = SurfaceFinish::plain(color, 0.95, 0.0).detailed(&detail).named("foam");
+    let pad_material = SurfaceFinish::plain(pad_color, 0.95, 0.0).detailed(&fibers).named("scourer");
+    HouseholdModel::new(shape, vec![Arc::new(foam_material), Arc::new(pad_material)], mass).friction(0.7)
 }
 
-pub fn remote(draw: &mut Draw) -> Model {
+pub fn remote(draw: &mut FamilyContext) -> HouseholdModel {
     let (width, length, h) = (draw.uniform(0.036, 0.052), draw.uniform(0.13, 0.21), draw.uniform(0.015, 0.024));
     let taper = draw.uniform(0.0, 0.12);
     let mapping = |side: usize| if side == 5 { SlotMapping::fit(0) } else { SlotMapping::tile(1, 0.1) };
@@ -144,5 +148,5 @@ pub fn remote(draw: &mut Draw) -> Model {
     let texture = remote_print(&mut draw.appearance, length / width);
     let color = hsv(draw.appearance.unit(), 0.05, draw.appearance.uniform(0.06, 0.25));
     let materials = vec![draw.printed(texture, [0.35, 0.6]), draw.plastic_of("case", color)];
-    Model::new(shape, materials, mass).friction(0.45)
+    HouseholdModel::new(shape, materials, mass).friction(0.45)
 }

@@ -8,8 +8,8 @@ mod packaging;
 mod tools;
 mod vessel;
 
-use crate::material::{Finish, MaterialCache, MaterialFamily, Rgb, hsv};
-use crate::shape::Shape;
+use crate::material::{MaterialCache, MaterialFamily, SrgbColor, SurfaceFinish, hsv};
+use crate::shape::SolidShape;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -139,8 +139,8 @@ impl ObjectFamily {
     }
 
     /// Models one variant.
-    pub fn model(self, stream: &Stream, materials: &MaterialCache) -> Model {
-        let draw = &mut Draw { form: stream.child("form"), appearance: stream.child("paint"), materials };
+    pub fn model(self, stream: &Stream, materials: &MaterialCache) -> HouseholdModel {
+        let draw = &mut FamilyContext { form: stream.child("form"), appearance: stream.child("paint"), materials };
         match self {
             Self::Apple => food::apple(draw),
             Self::Ball => home::ball(draw),
@@ -173,9 +173,9 @@ impl ObjectFamily {
 }
 
 /// A modeled object.
-pub struct Model {
+pub struct HouseholdModel {
     /// Its solid, upright, z up.
-    pub shape: Shape,
+    pub shape: SolidShape,
     /// Materials by slot.
     pub materials: Vec<Arc<Material>>,
     /// Mass, kg, spread over the closed surfaces of the shape in proportion to their volumes and densities.
@@ -186,8 +186,8 @@ pub struct Model {
     pub crease_deg: f64,
 }
 
-impl Model {
-    fn new(shape: Shape, materials: Vec<Arc<Material>>, mass_kg: f64) -> Self {
+impl HouseholdModel {
+    fn new(shape: SolidShape, materials: Vec<Arc<Material>>, mass_kg: f64) -> Self {
         Self { shape, materials, mass_kg, friction: 0.5, crease_deg: 38.0 }
     }
 
@@ -197,7 +197,7 @@ impl Model {
 }
 
 /// The random streams and materials that a family draws from.
-struct Draw<'a> {
+struct FamilyContext<'a> {
     /// Sizes and shapes.
     form: Stream,
     /// Colors and prints.
@@ -205,7 +205,7 @@ struct Draw<'a> {
     materials: &'a MaterialCache,
 }
 
-impl Draw<'_> {
+impl FamilyContext<'_> {
     fn uniform(&mut self, low: f64, high: f64) -> f64 {
         self.form.uniform(low, high)
     }
@@ -225,21 +225,21 @@ impl Draw<'_> {
     fn polished(&mut self, name: &str) -> Arc<Material> {
         let tone = self.appearance.uniform(0.7, 0.92);
         let gloss = self.appearance.uniform(0.08, 0.3);
-        Arc::new(Finish::plain(hsv(0.12, self.appearance.uniform(0.0, 0.06), tone), gloss, 1.0).named(name))
+        Arc::new(SurfaceFinish::plain(hsv(0.12, self.appearance.uniform(0.0, 0.06), tone), gloss, 1.0).named(name))
     }
 
     /// Plastic of a color.
-    fn plastic_of(&mut self, name: &str, color: Rgb) -> Arc<Material> {
+    fn plastic_of(&mut self, name: &str, color: SrgbColor) -> Arc<Material> {
         let detail = self.material(MaterialFamily::Plastic);
-        Arc::new(Finish::plain(color, self.appearance.uniform(0.2, 0.55), 0.0).detailed(&detail).named(name))
+        Arc::new(SurfaceFinish::plain(color, self.appearance.uniform(0.2, 0.55), 0.0).detailed(&detail).named(name))
     }
 
     fn printed(&mut self, texture: Arc<Texture>, gloss: [f64; 2]) -> Arc<Material> {
-        Arc::new(Finish::printed(texture, self.appearance.uniform(gloss[0], gloss[1])).named("print"))
+        Arc::new(SurfaceFinish::printed(texture, self.appearance.uniform(gloss[0], gloss[1])).named("print"))
     }
 
-    fn plain(&mut self, name: &str, color: Rgb, roughness: f64) -> Arc<Material> {
-        Arc::new(Finish::plain(color, roughness, 0.0).named(name))
+    fn plain(&mut self, name: &str, color: SrgbColor, roughness: f64) -> Arc<Material> {
+        Arc::new(SurfaceFinish::plain(color, roughness, 0.0).named(name))
     }
 }
 

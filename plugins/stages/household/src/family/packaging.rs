@@ -1,9 +1,9 @@
 //! Packages: cartons, cans, bottles, jars, tubes. All are closed and full, or partly so.
 
 use super::glass::clear_solid;
-use super::{Draw, Model};
+use super::{FamilyContext, HouseholdModel};
 use crate::material::{carton as carton_print, hsv, label, mix, shade, vivid};
-use crate::shape::{Lathe, Outline, SlotMapping, loft, rounded_box};
+use crate::shape::{Lathe, Profile, SlotMapping, loft, rounded_box};
 use nalgebra::Point3;
 use std::f64::consts::TAU;
 
@@ -23,7 +23,7 @@ const CARTONS: [[f64; 3]; 8] = [
     [0.095, 0.06, 0.032],
 ];
 
-pub fn carton(draw: &mut Draw) -> Model {
+pub fn carton(draw: &mut FamilyContext) -> HouseholdModel {
     let usual = *draw.form.pick(&CARTONS).unwrap_or(&CARTONS[0]);
     let size = usual.map(|edge| edge * draw.uniform(0.85, 1.12));
     let edge = draw.uniform(0.0012, 0.0025);
@@ -31,17 +31,17 @@ pub fn carton(draw: &mut Draw) -> Model {
     let shape = rounded_box(size, edge, 2, |side| SlotMapping::fit(side as u16)).in_atlas(&rects);
     let mass = size.iter().product::<f64>() * draw.uniform(160.0, 420.0);
     let material = draw.printed(texture, [0.3, 0.6]);
-    Model::new(shape, vec![material], mass).friction(0.45)
+    HouseholdModel::new(shape, vec![material], mass).friction(0.45)
 }
 
-pub fn can(draw: &mut Draw) -> Model {
+pub fn can(draw: &mut FamilyContext) -> HouseholdModel {
     // Drink, food, fish, spread, spray: radius and height.
     const CANS: [[f64; 2]; 5] = [[0.033, 0.12], [0.037, 0.11], [0.042, 0.036], [0.05, 0.075], [0.027, 0.15]];
     let kind = draw.form.below(5) as usize;
     let [r, h] = CANS[kind].map(|x| x * draw.uniform(0.92, 1.08));
     let neck = if kind == 0 || kind == 4 { 0.8 } else { 1.0 };
     let (rim, dip) = (0.0015, draw.uniform(0.002, 0.0035));
-    let mut outline = Outline::at(0.0, dip)
+    let mut outline = Profile::at(0.0, dip)
         .to(0.75 * neck * r, dip, END)
         .to((neck * r - rim).min(0.97 * r - rim), 0.0, END)
         .to((neck * r).min(0.985 * r), 0.0, END)
@@ -67,10 +67,10 @@ pub fn can(draw: &mut Draw) -> Model {
     let texture = label(&mut draw.appearance, TAU * r / (h - 2.0 * shoulder));
     let materials = vec![draw.printed(texture, [0.12, 0.45]), draw.metal()];
     let mass = shape.volume() * draw.uniform(820.0, 1120.0);
-    Model::new(shape, materials, mass).friction(0.35)
+    HouseholdModel::new(shape, materials, mass).friction(0.35)
 }
 
-pub fn bottle(draw: &mut Draw) -> Model {
+pub fn bottle(draw: &mut FamilyContext) -> HouseholdModel {
     let (r, h) = (draw.uniform(0.026, 0.042), draw.uniform(0.15, 0.29));
     let neck = draw.uniform(0.010, 0.014).min(0.45 * r);
     let shoulder = h * draw.uniform(0.58, 0.74);
@@ -79,7 +79,7 @@ pub fn bottle(draw: &mut Draw) -> Model {
     let waist = if draw.form.chance(0.3) { draw.uniform(0.86, 0.95) } else { 1.0 };
     let cap = neck + draw.uniform(0.0015, 0.003);
     let cap_low = h - draw.uniform(0.012, 0.025).min(0.6 * (h - throat));
-    let outline = Outline::at(0.0, 0.0)
+    let outline = Profile::at(0.0, 0.0)
         .to(0.93 * r, 0.0, END)
         .to(r, 0.07 * r, END)
         .round(0.1 * r)
@@ -115,15 +115,15 @@ pub fn bottle(draw: &mut Draw) -> Model {
     let materials = vec![print, body, draw.plastic_of("cap", cap_color)];
     // From nearly empty to full.
     let mass = shape.volume() * draw.uniform(130.0, 1000.0);
-    Model::new(shape, materials, mass).friction(0.35)
+    HouseholdModel::new(shape, materials, mass).friction(0.35)
 }
 
-pub fn jar(draw: &mut Draw) -> Model {
+pub fn jar(draw: &mut FamilyContext) -> HouseholdModel {
     let (r, h) = (draw.uniform(0.03, 0.048), draw.uniform(0.07, 0.15));
     let lid = draw.uniform(0.012, 0.018);
     let mouth = r * draw.uniform(0.78, 0.95);
     let shoulder = h - lid - draw.uniform(0.008, 0.014);
-    let outline = Outline::at(0.0, 0.0)
+    let outline = Profile::at(0.0, 0.0)
         .to(r, 0.0, END)
         .round(0.005)
         .to(r, 0.12 * h, END)
@@ -145,10 +145,10 @@ pub fn jar(draw: &mut Draw) -> Model {
     let lid_material = if draw.appearance.chance(0.5) { draw.metal() } else { draw.plain("lid", lid_color, 0.3) };
     let materials = vec![draw.printed(texture, [0.25, 0.55]), draw.plain("glass", content, 0.05), lid_material];
     let mass = shape.volume() * draw.uniform(950.0, 1350.0);
-    Model::new(shape, materials, mass).friction(0.35)
+    HouseholdModel::new(shape, materials, mass).friction(0.35)
 }
 
-pub fn tube(draw: &mut Draw) -> Model {
+pub fn tube(draw: &mut FamilyContext) -> HouseholdModel {
     let (r, length) = (draw.uniform(0.014, 0.021), draw.uniform(0.1, 0.17));
     // From round at the neck to a flat seam, lying along y with the seam level.
     let n = 32;
@@ -168,7 +168,7 @@ pub fn tube(draw: &mut Draw) -> Model {
     let body = loft(&rings, SlotMapping::fit(0), 16);
     let cap = r * draw.uniform(0.62, 0.95);
     let depth = draw.uniform(0.014, 0.028);
-    let outline = Outline::at(0.0, -0.002).to(cap, -0.002, CAP).to(cap, depth, CAP).round(0.002).to(0.0, depth, CAP);
+    let outline = Profile::at(0.0, -0.002).to(cap, -0.002, CAP).to(cap, depth, CAP).round(0.002).to(0.0, depth, CAP);
     // The lathe's z becomes y.
     let cap = Lathe::new(&outline).segments(32).solid().rotated(0, -90.0);
     let cap = {
@@ -184,5 +184,5 @@ pub fn tube(draw: &mut Draw) -> Model {
         draw.plain("seam", shade(cap_color, 0.8), 0.4),
         draw.plastic_of("cap", cap_color),
     ];
-    Model::new(shape, materials, mass).friction(0.45)
+    HouseholdModel::new(shape, materials, mass).friction(0.45)
 }

@@ -1,16 +1,16 @@
 //! Tools and stationery, lying along x.
 
-use super::{Draw, Model, density, ellipse};
+use super::{FamilyContext, HouseholdModel, density, ellipse};
 use crate::material::{MaterialFamily, hsv, shade, vivid};
-use crate::shape::{Lathe, Outline, SlotMapping, Sweep, extrude, loft, rounded_box, sweep};
+use crate::shape::{Lathe, Profile, SlotMapping, SweepPath, extrude, loft, rounded_box, sweep};
 use nalgebra::{Point3, Vector3};
 use std::f64::consts::{PI, TAU};
 
-pub fn hammer(draw: &mut Draw) -> Model {
+pub fn hammer(draw: &mut FamilyContext) -> HouseholdModel {
     let length = draw.uniform(0.24, 0.33);
     let size = draw.uniform(0.85, 1.12);
     let path: Vec<Point3<f64>> = (0..=16).map(|i| Point3::new(length * f64::from(i) / 16.0, 0.0, 0.0)).collect();
-    let grip = Sweep::along(&path, Vector3::z()).scaled(|t| {
+    let grip = SweepPath::along(&path, Vector3::z()).scaled(|t| {
         let end = (t / 0.02).min(1.0).sqrt().max(0.7);
         let swell = 1.0 - 0.28 * libm::sin(PI * (t - 0.1).clamp(0.0, 0.8) / 0.8);
         [end * swell, end * swell]
@@ -19,7 +19,7 @@ pub fn hammer(draw: &mut Draw) -> Model {
     // The head lies across the handle's end: block, neck and face to one side, claw to the other.
     let x = length - 0.006;
     let block = rounded_box([0.026 * size, 0.036 * size, 0.026 * size], 0.003, 2, |_| SlotMapping::tile(1, 0.15));
-    let face = Outline::at(0.0, 0.0)
+    let face = Profile::at(0.0, 0.0)
         .to(0.0095 * size, 0.0, SlotMapping::tile(1, 0.15))
         .to(0.0095 * size, 0.018 * size, SlotMapping::tile(1, 0.15))
         .round(0.004)
@@ -40,7 +40,7 @@ pub fn hammer(draw: &mut Draw) -> Model {
             Point3::new(x - droop, -0.012 * size - reach * t, 0.0)
         })
         .collect();
-    let taper = Sweep::along(&claw, Vector3::z()).scaled(|t| {
+    let taper = SweepPath::along(&claw, Vector3::z()).scaled(|t| {
         if ball {
             let round = (1.0 - t).min(0.2) / 0.2;
             [0.75 * round.sqrt().max(0.25), 0.75 * round.sqrt().max(0.25)]
@@ -62,14 +62,14 @@ pub fn hammer(draw: &mut Draw) -> Model {
         draw.plastic_of("grip", shade(color, 0.7))
     };
     let materials = vec![grip, draw.metal()];
-    Model::new(shape, materials, mass).friction(0.45)
+    HouseholdModel::new(shape, materials, mass).friction(0.45)
 }
 
-pub fn screwdriver(draw: &mut Draw) -> Model {
+pub fn screwdriver(draw: &mut FamilyContext) -> HouseholdModel {
     let (grip, r) = (draw.uniform(0.075, 0.115), draw.uniform(0.0115, 0.0165));
     let (shaft, s) = (draw.uniform(0.075, 0.15), draw.uniform(0.0025, 0.004));
     let grip_slot = SlotMapping::tile(0, 0.1);
-    let outline = Outline::at(0.0, 0.0)
+    let outline = Profile::at(0.0, 0.0)
         .to(0.6 * r, 0.0, grip_slot)
         .round(0.15 * r)
         .to(r, 0.5 * r, grip_slot)
@@ -113,10 +113,10 @@ pub fn screwdriver(draw: &mut Draw) -> Model {
     let mass = shape.moments().total;
     let color = vivid(&mut draw.appearance);
     let materials = vec![draw.plastic_of("grip", color), draw.polished("steel")];
-    Model::new(shape.rotated(1, 90.0), materials, mass).friction(0.45)
+    HouseholdModel::new(shape.rotated(1, 90.0), materials, mass).friction(0.45)
 }
 
-pub fn wrench(draw: &mut Draw) -> Model {
+pub fn wrench(draw: &mut FamilyContext) -> HouseholdModel {
     let length = draw.uniform(0.12, 0.21);
     let thick = draw.uniform(0.0048, 0.0075);
     let heads = [length * draw.uniform(0.085, 0.1), length * draw.uniform(0.07, 0.085)];
@@ -154,15 +154,15 @@ pub fn wrench(draw: &mut Draw) -> Model {
     let shape = extrude(&outline, [0.0, thick], 0.0006, SlotMapping::tile(0, 0.2), SlotMapping::tile(0, 0.2));
     let mass = shape.volume() * density::STEEL;
     let materials = vec![draw.metal()];
-    Model::new(shape, materials, mass).friction(0.35)
+    HouseholdModel::new(shape, materials, mass).friction(0.35)
 }
 
-pub fn tape(draw: &mut Draw) -> Model {
+pub fn tape(draw: &mut FamilyContext) -> HouseholdModel {
     let outer = draw.uniform(0.032, 0.056);
     let (inner, h) = (outer * draw.uniform(0.58, 0.76), draw.uniform(0.012, 0.05));
     let core = 0.0025;
     let (tape, paper) = (SlotMapping::tile(0, 0.1), SlotMapping::tile(1, 0.1));
-    let outline = Outline::at(inner, 0.0)
+    let outline = Profile::at(inner, 0.0)
         .to(inner + core, 0.0, paper)
         .to(outer, 0.0, tape)
         .round(0.0005)
@@ -177,14 +177,14 @@ pub fn tape(draw: &mut Draw) -> Model {
     let brown = draw.appearance.chance(0.4);
     let color = if brown { hsv(0.09, 0.5, draw.appearance.uniform(0.4, 0.7)) } else { vivid(&mut draw.appearance) };
     let materials = vec![draw.plain("tape", color, 0.3), draw.material(MaterialFamily::Cardboard)];
-    Model::new(shape, materials, mass).friction(0.5)
+    HouseholdModel::new(shape, materials, mass).friction(0.5)
 }
 
-pub fn marker(draw: &mut Draw) -> Model {
+pub fn marker(draw: &mut FamilyContext) -> HouseholdModel {
     let (length, r) = (draw.uniform(0.115, 0.142), draw.uniform(0.0058, 0.0092));
     let cap = length * draw.uniform(0.28, 0.4);
     let (body, lid) = (SlotMapping::fit(0), SlotMapping::tile(1, 0.1));
-    let outline = Outline::at(0.0, 0.0)
+    let outline = Profile::at(0.0, 0.0)
         .to(0.85 * r, 0.0, lid)
         .round(0.0012)
         .to(0.92 * r, 0.006, lid)
@@ -205,5 +205,5 @@ pub fn marker(draw: &mut Draw) -> Model {
     let texture = crate::material::label(&mut draw.appearance, TAU * r / (length - cap));
     let color = vivid(&mut draw.appearance);
     let materials = vec![draw.printed(texture, [0.25, 0.5]), draw.plastic_of("cap", color)];
-    Model::new(shape.and(clip).rotated(1, 90.0), materials, mass).friction(0.45)
+    HouseholdModel::new(shape.and(clip).rotated(1, 90.0), materials, mass).friction(0.45)
 }

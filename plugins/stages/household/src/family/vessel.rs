@@ -1,8 +1,8 @@
 //! Crockery and pans: hollow solids, open at the top. Their collision parts leave the cavity free.
 
-use super::{Draw, Model, density, ellipse};
-use crate::material::{Finish, MaterialFamily, bands, hsv, shade, vivid};
-use crate::shape::{Cell, Lathe, Outline, Shape, SlotMapping, Sweep, sweep};
+use super::{FamilyContext, HouseholdModel, density, ellipse};
+use crate::material::{MaterialFamily, SurfaceFinish, bands, hsv, shade, vivid};
+use crate::shape::{Lathe, Profile, SlotMapping, SolidShape, SweepPath, WallCell, sweep};
 use nalgebra::{Point3, Vector3};
 use std::sync::Arc;
 use syntable_model::scene::Material;
@@ -25,9 +25,9 @@ const OUTSIDE: SlotMapping = SlotMapping::fit(0);
 const INSIDE: SlotMapping = SlotMapping::fit(1);
 
 impl Hollow {
-    pub(super) fn shape(&self) -> Shape {
+    pub(super) fn shape(&self) -> SolidShape {
         let inside = self.inside();
-        let mut outline = Outline::at(0.0, 0.0).to(self.outside[0][0], 0.0, INSIDE).round(0.35 * self.wall);
+        let mut outline = Profile::at(0.0, 0.0).to(self.outside[0][0], 0.0, INSIDE).round(0.35 * self.wall);
         for (i, p) in self.outside.iter().enumerate().skip(1) {
             outline = outline.to(p[0], p[1], OUTSIDE);
             if i + 1 == self.outside.len() {
@@ -47,10 +47,10 @@ impl Hollow {
             above = p;
         }
         outline = outline.to(above[0], self.bottom, INSIDE).round(1.2 * self.wall).to(0.0, self.bottom, INSIDE);
-        let floor: Cell = [[0.0, 0.0], self.outside[0], [above[0], self.bottom], [0.0, self.bottom]].to_vec();
+        let floor: WallCell = [[0.0, 0.0], self.outside[0], [above[0], self.bottom], [0.0, self.bottom]].to_vec();
         let last = self.outside.len() - 1;
         let cuts: Vec<usize> = (0..=self.cells).map(|i| i * last / self.cells).collect();
-        let cells: Vec<Cell> =
+        let cells: Vec<WallCell> =
             cuts.windows(2).map(|cut| [&self.outside[cut[0]..=cut[1]], &inside[cut[0]..=cut[1]]].concat()).collect();
         Lathe::new(&outline).segments(48).hollow(&cells, &[floor], self.sectors)
     }
@@ -86,7 +86,7 @@ pub(super) fn curve(p: [[f64; 2]; 4], steps: usize) -> Vec<[f64; 2]> {
 }
 
 /// A decorated outside and a matching plain inside.
-fn glazed(draw: &mut Draw) -> Vec<Arc<Material>> {
+fn glazed(draw: &mut FamilyContext) -> Vec<Arc<Material>> {
     let outside = draw.printed_crockery();
     let inside = match draw.appearance.below(3) {
         0 => hsv(0.1, 0.05, 0.93),
@@ -94,21 +94,21 @@ fn glazed(draw: &mut Draw) -> Vec<Arc<Material>> {
         _ => hsv(0.1, 0.12, draw.appearance.uniform(0.5, 0.9)),
     };
     let gloss = draw.appearance.uniform(0.06, 0.25);
-    vec![outside, Arc::new(Finish::plain(inside, BODY, 0.0).glazed(gloss).named("glaze"))]
+    vec![outside, Arc::new(SurfaceFinish::plain(inside, BODY, 0.0).glazed(gloss).named("glaze"))]
 }
 
-impl Draw<'_> {
+impl FamilyContext<'_> {
     fn printed_crockery(&mut self) -> Arc<Material> {
         if self.appearance.chance(0.2) {
             return self.material(MaterialFamily::Ceramic);
         }
         let texture = bands(&mut self.appearance);
         let gloss = self.appearance.uniform(0.06, 0.25);
-        Arc::new(Finish::printed(texture, BODY).glazed(gloss).named("print"))
+        Arc::new(SurfaceFinish::printed(texture, BODY).glazed(gloss).named("print"))
     }
 }
 
-pub fn mug(draw: &mut Draw) -> Model {
+pub fn mug(draw: &mut FamilyContext) -> HouseholdModel {
     let (r, h) = (draw.uniform(0.036, 0.047), draw.uniform(0.078, 0.115));
     let (foot, belly) = (r * draw.uniform(0.78, 1.0), r * draw.uniform(0.95, 1.08));
     let wall = draw.uniform(0.0032, 0.0048);
@@ -133,13 +133,13 @@ pub fn mug(draw: &mut Draw) -> Model {
         })
         .collect();
     let (thick, broad) = (draw.uniform(0.0035, 0.005), draw.uniform(0.005, 0.0085));
-    let handle = sweep(&Sweep::along(&path, Vector3::y()), &ellipse(thick, broad, 12), INSIDE, 4);
+    let handle = sweep(&SweepPath::along(&path, Vector3::y()), &ellipse(thick, broad, 12), INSIDE, 4);
     let volume = shape.volume() + 0.95 * handle.volume();
     let materials = glazed(draw);
-    Model::new(shape.and(handle), materials, volume * density::CERAMIC).friction(0.45)
+    HouseholdModel::new(shape.and(handle), materials, volume * density::CERAMIC).friction(0.45)
 }
 
-pub fn cup(draw: &mut Draw) -> Model {
+pub fn cup(draw: &mut FamilyContext) -> HouseholdModel {
     let (r, h) = (draw.uniform(0.032, 0.045), draw.uniform(0.075, 0.15));
     let foot = r * draw.uniform(0.65, 0.95);
     let kind = draw.form.below(3);
@@ -155,10 +155,10 @@ pub fn cup(draw: &mut Draw) -> Model {
         _ => (glazed(draw), density::CERAMIC),
     };
     let mass = shape.volume() * rho;
-    Model::new(shape, materials, mass).friction(0.45)
+    HouseholdModel::new(shape, materials, mass).friction(0.45)
 }
 
-pub fn bowl(draw: &mut Draw) -> Model {
+pub fn bowl(draw: &mut FamilyContext) -> HouseholdModel {
     let (r, foot) = (draw.uniform(0.06, 0.095), draw.uniform(0.45, 0.65));
     let h = r * draw.uniform(0.6, 0.9);
     let wall = draw.uniform(0.0032, 0.005);
@@ -171,10 +171,10 @@ pub fn bowl(draw: &mut Draw) -> Model {
         (glazed(draw), density::CERAMIC)
     };
     let mass = shape.volume() * rho;
-    Model::new(shape, materials, mass).friction(0.45)
+    HouseholdModel::new(shape, materials, mass).friction(0.45)
 }
 
-pub fn plate(draw: &mut Draw) -> Model {
+pub fn plate(draw: &mut FamilyContext) -> HouseholdModel {
     let (r, foot) = (draw.uniform(0.085, 0.14), draw.uniform(0.55, 0.66));
     let h = draw.uniform(0.018, 0.03);
     let wall = draw.uniform(0.004, 0.0058);
@@ -185,10 +185,10 @@ pub fn plate(draw: &mut Draw) -> Model {
     // The decorated side of a plate is its inside.
     materials.swap(0, 1);
     let mass = shape.volume() * density::CERAMIC;
-    Model::new(shape, materials, mass).friction(0.45)
+    HouseholdModel::new(shape, materials, mass).friction(0.45)
 }
 
-pub fn pan(draw: &mut Draw) -> Model {
+pub fn pan(draw: &mut FamilyContext) -> HouseholdModel {
     let (r, h) = (draw.uniform(0.085, 0.13), draw.uniform(0.032, 0.05));
     let wall = draw.uniform(0.0022, 0.0032);
     let foot = draw.uniform(0.78, 0.88) * r;
@@ -203,7 +203,7 @@ pub fn pan(draw: &mut Draw) -> Model {
         })
         .collect();
     let width = draw.uniform(0.009, 0.013);
-    let grip = Sweep::along(&path, Vector3::y()).scaled(|t| {
+    let grip = SweepPath::along(&path, Vector3::y()).scaled(|t| {
         let swell = if t < 0.25 { 0.55 + 1.2 * t } else { 0.85 + 0.2 * (t - 0.25) };
         let end = (1.0 - t).min(0.08) / 0.08;
         [swell * (0.5 + 0.5 * end), swell * (0.5 + 0.5 * end)]
@@ -220,5 +220,5 @@ pub fn pan(draw: &mut Draw) -> Model {
         draw.plain("enamel", color, 0.2)
     };
     let materials = vec![outer, draw.plain("coating", coat, 0.35), draw.plastic_of("grip", hsv(0.0, 0.0, 0.08))];
-    Model::new(shape, materials, mass).friction(0.4)
+    HouseholdModel::new(shape, materials, mass).friction(0.4)
 }

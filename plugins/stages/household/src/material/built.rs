@@ -1,12 +1,12 @@
 //! Materials of walls and floors.
 
 use super::Bake;
-use super::color::{Rgb, hsv, mix, shade};
-use super::field::{Field, smoothstep};
+use super::color::{SrgbColor, hsv, mix, shade};
+use super::field::{ScalarField, smoothstep};
 use syntable_model::random::Stream;
 
 /// A random muted color.
-fn wall_color(stream: &mut Stream) -> Rgb {
+fn wall_color(stream: &mut Stream) -> SrgbColor {
     let pale = stream.chance(0.7);
     let (hue, saturation) = (stream.unit(), stream.uniform(0.0, if pale { 0.18 } else { 0.5 }));
     hsv(hue, saturation, if pale { stream.uniform(0.72, 0.93) } else { stream.uniform(0.35, 0.75) })
@@ -15,10 +15,10 @@ fn wall_color(stream: &mut Stream) -> Rgb {
 /// Concrete, 1 to 2 m per tile.
 pub fn concrete(stream: &mut Stream, size: usize) -> Bake {
     let base = hsv(stream.uniform(0.05, 0.6), stream.uniform(0.0, 0.08), stream.uniform(0.38, 0.7));
-    let clouds = Field::fractal(size, [3, 3], 6, 0.6, stream);
-    let stains = Field::fractal(size, [2, 2], 3, 0.5, stream);
-    let sand = Field::noise(size, [size / 2, size / 2], stream);
-    let [near, _, id] = Field::cells(size, size / 20, 1.0, stream);
+    let clouds = ScalarField::fractal(size, [3, 3], 6, 0.6, stream);
+    let stains = ScalarField::fractal(size, [2, 2], 3, 0.5, stream);
+    let sand = ScalarField::noise(size, [size / 2, size / 2], stream);
+    let [near, _, id] = ScalarField::cells(size, size / 20, 1.0, stream);
     let pits = near.zip(&id, |d, i| if i < 0.25 { 1.0 - smoothstep(0.05 + 0.3 * i, 0.09 + 0.4 * i, d) } else { 0.0 });
     let rough = stream.uniform(0.6, 0.9) as f32;
     let color = (0..size * size).map(|i| {
@@ -37,14 +37,14 @@ pub fn concrete(stream: &mut Stream, size: usize) -> Bake {
 /// Troweled plaster, 0.8 to 1.5 m per tile.
 pub fn plaster(stream: &mut Stream, size: usize) -> Bake {
     let base = wall_color(stream);
-    let [dx, dy] = [0, 1].map(|_| Field::fractal(size, [4, 4], 4, 0.5, stream));
-    let strokes = Field::fractal(size, [10, 26], 4, 0.55, stream).warped(&dx, &dy, size as f32 * 0.06);
-    let clouds = Field::fractal(size, [2, 3], 4, 0.5, stream);
+    let [dx, dy] = [0, 1].map(|_| ScalarField::fractal(size, [4, 4], 4, 0.5, stream));
+    let strokes = ScalarField::fractal(size, [10, 26], 4, 0.55, stream).warped(&dx, &dy, size as f32 * 0.06);
+    let clouds = ScalarField::fractal(size, [2, 3], 4, 0.5, stream);
     let relief = stream.uniform(0.8, 2.5) as f32;
     let color = strokes.values().iter().zip(clouds.values()).map(|(&s, &c)| shade(base, 1.0 + 0.035 * s + 0.035 * c));
     Bake {
         color: color.collect(),
-        roughness: Field::constant(size, stream.uniform(0.75, 0.95) as f32),
+        roughness: ScalarField::constant(size, stream.uniform(0.75, 0.95) as f32),
         height: strokes.map(|s| relief * s),
         metallic: 0.0,
         tile_m: stream.uniform(0.8, 1.5) as f32,
@@ -54,8 +54,8 @@ pub fn plaster(stream: &mut Stream, size: usize) -> Bake {
 /// Rolled wall paint, 0.4 to 0.7 m per tile.
 pub fn painted_wall(stream: &mut Stream, size: usize) -> Bake {
     let base = wall_color(stream);
-    let peel = Field::fractal(size, [size / 8, size / 8], 2, 0.5, stream);
-    let drift = Field::fractal(size, [2, 2], 3, 0.5, stream);
+    let peel = ScalarField::fractal(size, [size / 8, size / 8], 2, 0.5, stream);
+    let drift = ScalarField::fractal(size, [2, 2], 3, 0.5, stream);
     let relief = stream.uniform(0.15, 0.6) as f32;
     let sheen = stream.uniform(0.45, 0.9) as f32;
     Bake {
@@ -86,7 +86,7 @@ pub fn tiles(stream: &mut Stream, size: usize) -> Bake {
     let grout = stream.uniform(0.002, 0.005) / edge_m;
     let spread = stream.uniform(0.0, 0.12) as f32;
     let gloss = stream.uniform(0.08, 0.45) as f32;
-    let clouds = Field::fractal(size, [4, 4], 5, 0.6, stream);
+    let clouds = ScalarField::fractal(size, [4, 4], 5, 0.6, stream);
     let tone: Vec<f32> = (0..count * count).map(|_| stream.uniform(-1.0, 1.0) as f32).collect();
     let tilt: Vec<[f32; 2]> =
         (0..count * count).map(|_| [0, 1].map(|_| stream.uniform(-0.008, 0.008) as f32)).collect();
@@ -110,7 +110,7 @@ pub fn brick(stream: &mut Stream, size: usize) -> Bake {
     let mortar = hsv(0.1, 0.06, stream.uniform(0.45, 0.8));
     let count = [4, 12];
     let spread = stream.uniform(0.04, 0.16) as f32;
-    let clouds = Field::fractal(size, [12, 12], 5, 0.65, stream);
+    let clouds = ScalarField::fractal(size, [12, 12], 5, 0.65, stream);
     let tone: Vec<f32> = (0..count[0] * count[1]).map(|_| stream.uniform(-1.0, 1.0) as f32).collect();
     let joint = stream.uniform(0.03, 0.05) as f32;
     courses(size, count, 0.5, joint, |cell, inside, _, i| {
@@ -123,7 +123,7 @@ pub fn brick(stream: &mut Stream, size: usize) -> Bake {
 }
 
 struct Courses {
-    color: Vec<Rgb>,
+    color: Vec<SrgbColor>,
     roughness: Vec<f32>,
     height: Vec<f32>,
 }
@@ -136,7 +136,7 @@ fn courses(
     count: [usize; 2],
     shift: f32,
     joint: f32,
-    shade: impl Fn([usize; 2], f32, [f32; 2], usize) -> (Rgb, f32, f32),
+    shade: impl Fn([usize; 2], f32, [f32; 2], usize) -> (SrgbColor, f32, f32),
 ) -> Courses {
     let texel = count[0] as f32 / size as f32;
     let aspect = count[0] as f32 / count[1] as f32;
@@ -162,7 +162,7 @@ fn courses(
 
 impl Courses {
     fn bake(self, size: usize, tile_m: f32) -> Bake {
-        let [roughness, height] = [self.roughness, self.height].map(|values| Field::of(size, values));
+        let [roughness, height] = [self.roughness, self.height].map(|values| ScalarField::of(size, values));
         Bake { color: self.color, roughness, height, metallic: 0.0, tile_m }
     }
 }

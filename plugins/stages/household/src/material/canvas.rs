@@ -1,6 +1,6 @@
 //! A print: shapes drawn over each other with soft edges.
 
-use super::color::Rgb;
+use super::color::SrgbColor;
 use super::{byte, lettering, texture};
 use std::sync::Arc;
 use syntable_model::random::Stream;
@@ -11,15 +11,15 @@ const LETTER_STEP: f32 = 0.78;
 const LETTER_GAP: f32 = 0.26;
 
 /// An image under construction. Positions are in texels, x to the right, y down.
-pub struct Canvas {
+pub struct MaterialCanvas {
     width: usize,
     height: usize,
-    texels: Vec<Rgb>,
+    texels: Vec<SrgbColor>,
 }
 
-impl Canvas {
+impl MaterialCanvas {
     /// A canvas of one color.
-    pub fn new(width: usize, height: usize, color: Rgb) -> Self {
+    pub fn new(width: usize, height: usize, color: SrgbColor) -> Self {
         Self { width, height, texels: vec![color; width * height] }
     }
 
@@ -35,7 +35,7 @@ impl Canvas {
     }
 
     /// Replaces every texel by a function of its column, row and color.
-    pub fn map(&mut self, f: impl Fn(usize, usize, Rgb) -> Rgb) {
+    pub fn map(&mut self, f: impl Fn(usize, usize, SrgbColor) -> SrgbColor) {
         for (i, texel) in self.texels.iter_mut().enumerate() {
             *texel = f(i % self.width, i / self.width, *texel);
         }
@@ -43,7 +43,7 @@ impl Canvas {
 
     /// Paints where a signed distance in texels is below zero, within the box `[x0, y0, x1, y1]`. Columns beyond the
     /// left or right edge wrap around.
-    pub fn fill(&mut self, [x0, y0, x1, y1]: [f32; 4], color: Rgb, distance: impl Fn(f32, f32) -> f32) {
+    pub fn fill(&mut self, [x0, y0, x1, y1]: [f32; 4], color: SrgbColor, distance: impl Fn(f32, f32) -> f32) {
         let rows = (y0.floor().max(0.0) as usize)..(y1.ceil().clamp(0.0, self.height as f32) as usize);
         let columns = (x0.floor() as isize)..(x1.ceil() as isize);
         for y in rows {
@@ -58,7 +58,7 @@ impl Canvas {
     }
 
     /// A rectangle `[x0, y0, x1, y1]` with rounded corners.
-    pub fn rect(&mut self, r: [f32; 4], radius: f32, color: Rgb) {
+    pub fn rect(&mut self, r: [f32; 4], radius: f32, color: SrgbColor) {
         let [cx, cy] = [(r[0] + r[2]) / 2.0, (r[1] + r[3]) / 2.0];
         let [hx, hy] = [(r[2] - r[0]) / 2.0, (r[3] - r[1]) / 2.0];
         let radius = radius.min(hx).min(hy).max(0.0);
@@ -69,14 +69,14 @@ impl Canvas {
     }
 
     /// An ellipse.
-    pub fn ellipse(&mut self, [cx, cy]: [f32; 2], [rx, ry]: [f32; 2], color: Rgb) {
+    pub fn ellipse(&mut self, [cx, cy]: [f32; 2], [rx, ry]: [f32; 2], color: SrgbColor) {
         self.fill([cx - rx - 1.0, cy - ry - 1.0, cx + rx + 1.0, cy + ry + 1.0], color, |x, y| {
             (libm::hypotf((x - cx) / rx, (y - cy) / ry) - 1.0) * rx.min(ry)
         });
     }
 
     /// A circular ring.
-    pub fn ring(&mut self, [cx, cy]: [f32; 2], radius: f32, width: f32, color: Rgb) {
+    pub fn ring(&mut self, [cx, cy]: [f32; 2], radius: f32, width: f32, color: SrgbColor) {
         let reach = radius + width;
         self.fill([cx - reach, cy - reach, cx + reach, cy + reach], color, |x, y| {
             (libm::hypotf(x - cx, y - cy) - radius).abs() - width / 2.0
@@ -84,7 +84,7 @@ impl Canvas {
     }
 
     /// A star with pointed tips.
-    pub fn star(&mut self, [cx, cy]: [f32; 2], radius: f32, tips: usize, depth: f32, color: Rgb) {
+    pub fn star(&mut self, [cx, cy]: [f32; 2], radius: f32, tips: usize, depth: f32, color: SrgbColor) {
         self.fill([cx - radius, cy - radius, cx + radius, cy + radius], color, |x, y| {
             let angle = libm::atan2f(y - cy, x - cx) * tips as f32 / std::f32::consts::TAU;
             let zigzag = 2.0 * (angle - angle.floor() - 0.5).abs();
@@ -93,7 +93,7 @@ impl Canvas {
     }
 
     /// A line with round ends.
-    pub fn line(&mut self, a: [f32; 2], b: [f32; 2], width: f32, color: Rgb) {
+    pub fn line(&mut self, a: [f32; 2], b: [f32; 2], width: f32, color: SrgbColor) {
         let reach = width / 2.0 + 1.0;
         let bounds = [a[0].min(b[0]) - reach, a[1].min(b[1]) - reach, a[0].max(b[0]) + reach, a[1].max(b[1]) + reach];
         let [dx, dy] = [b[0] - a[0], b[1] - a[1]];
@@ -105,7 +105,7 @@ impl Canvas {
     }
 
     /// Diagonal stripes in a rectangle.
-    pub fn stripes(&mut self, r: [f32; 4], slope: f32, period: f32, duty: f32, color: Rgb) {
+    pub fn stripes(&mut self, r: [f32; 4], slope: f32, period: f32, duty: f32, color: SrgbColor) {
         let steep = (1.0 + slope * slope).sqrt();
         self.fill(r, color, |x, y| {
             let phase = ((x + slope * y) / period).rem_euclid(1.0);
@@ -114,7 +114,7 @@ impl Canvas {
     }
 
     /// A word of a height, centered at a point; smaller if it would be wider than `width`.
-    pub fn word(&mut self, stream: &mut Stream, center: [f32; 2], height: f32, width: f32, color: Rgb) {
+    pub fn word(&mut self, stream: &mut Stream, center: [f32; 2], height: f32, width: f32, color: SrgbColor) {
         let word = lettering::word(stream);
         let weight = stream.uniform(0.11, 0.19) as f32;
         let height = height.min(width / (LETTER_STEP * word.len() as f32));
@@ -122,12 +122,12 @@ impl Canvas {
     }
 
     /// Any one letter of a height, centered at a point.
-    pub fn letter(&mut self, stream: &mut Stream, center: [f32; 2], height: f32, color: Rgb) {
+    pub fn letter(&mut self, stream: &mut Stream, center: [f32; 2], height: f32, color: SrgbColor) {
         let first = stream.below(lettering::ALPHABET.len() as u64) as usize;
         self.letters(&lettering::ALPHABET[first..=first], center, height, 0.15 * height, color);
     }
 
-    fn letters(&mut self, text: &str, [x, y]: [f32; 2], height: f32, weight: f32, color: Rgb) {
+    fn letters(&mut self, text: &str, [x, y]: [f32; 2], height: f32, weight: f32, color: SrgbColor) {
         let start = x - (text.len() as f32 * LETTER_STEP - LETTER_GAP) * height / 2.0;
         for (i, letter) in text.chars().enumerate() {
             let left = start + i as f32 * LETTER_STEP * height;
@@ -140,7 +140,7 @@ impl Canvas {
     }
 
     /// Lines of small print in a rectangle.
-    pub fn small_print(&mut self, stream: &mut Stream, r: [f32; 4], line: f32, color: Rgb) {
+    pub fn small_print(&mut self, stream: &mut Stream, r: [f32; 4], line: f32, color: SrgbColor) {
         let mut y = r[1];
         while y + line <= r[3] {
             let mut x = r[0];

@@ -4,26 +4,26 @@ use syntable_model::color::srgb_to_linear;
 use syntable_model::random::Stream;
 
 /// sRGB, each channel in [0, 1].
-pub type Rgb = [f32; 3];
+pub type SrgbColor = [f32; 3];
 
 /// Decodes sRGB to linear Rec. 709.
-pub fn linear(color: Rgb) -> [f32; 3] {
+pub fn linear(color: SrgbColor) -> [f32; 3] {
     color.map(srgb_to_linear)
 }
 
 /// Interpolates from `a` at 0 to `b` at 1, clamped.
-pub fn mix(a: Rgb, b: Rgb, t: f32) -> Rgb {
+pub fn mix(a: SrgbColor, b: SrgbColor, t: f32) -> SrgbColor {
     let t = t.clamp(0.0, 1.0);
     std::array::from_fn(|i| a[i] + (b[i] - a[i]) * t)
 }
 
 /// Multiplies by a brightness factor, clamped.
-pub fn shade(color: Rgb, factor: f32) -> Rgb {
+pub fn shade(color: SrgbColor, factor: f32) -> SrgbColor {
     color.map(|c| (c * factor).clamp(0.0, 1.0))
 }
 
 /// Hue in turns, saturation and value in [0, 1].
-pub fn hsv(hue: f64, saturation: f64, value: f64) -> Rgb {
+pub fn hsv(hue: f64, saturation: f64, value: f64) -> SrgbColor {
     [5.0, 3.0, 1.0].map(|n| {
         let k = (n + hue.rem_euclid(1.0) * 6.0) % 6.0;
         (value - value * saturation * k.min(4.0 - k).clamp(0.0, 1.0)) as f32
@@ -31,13 +31,13 @@ pub fn hsv(hue: f64, saturation: f64, value: f64) -> Rgb {
 }
 
 /// A random saturated color.
-pub fn vivid(stream: &mut Stream) -> Rgb {
+pub fn vivid(stream: &mut Stream) -> SrgbColor {
     let (hue, saturation, value) = (stream.unit(), stream.uniform(0.55, 0.95), stream.uniform(0.45, 0.9));
     hsv(hue, saturation, value)
 }
 
 /// Background, main, accent and ink of a print. Ink reads well on the background.
-pub fn palette(stream: &mut Stream) -> [Rgb; 4] {
+pub fn palette(stream: &mut Stream) -> [SrgbColor; 4] {
     let hue = stream.unit();
     let turn = *stream.pick(&[0.5, 0.33, 0.42, 0.08, 0.58]).unwrap_or(&0.5);
     let main = hsv(hue, stream.uniform(0.6, 0.95), stream.uniform(0.45, 0.85));

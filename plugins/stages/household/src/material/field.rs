@@ -4,12 +4,12 @@ use syntable_model::random::Stream;
 
 /// A scalar field on a square grid that wraps around at all edges.
 #[derive(Debug, Clone)]
-pub struct Field {
+pub struct ScalarField {
     size: usize,
     values: Vec<f32>,
 }
 
-impl Field {
+impl ScalarField {
     /// A constant field.
     pub fn constant(size: usize, value: f32) -> Self {
         Self { size, values: vec![value; size * size] }
@@ -202,19 +202,19 @@ mod tests {
 
     #[test]
     fn a_slope_tilts_the_normal_away_from_the_rise() {
-        let bump = Field::from_fn(64, |x, _| 8.0 * (-((x - 0.5) * 8.0).powi(2)).exp());
+        let bump = ScalarField::from_fn(64, |x, _| 8.0 * (-((x - 0.5) * 8.0).powi(2)).exp());
         let map = bump.normal_map();
         let at = |x: usize| &map[4 * (32 * 64 + x)..][..3];
         assert!(at(24)[0] < 110, "left of the bump the normal points left: {:?}", at(24));
         assert!(at(40)[0] > 145, "right of it to the right: {:?}", at(40));
-        let rise = Field::from_fn(64, |_, y| 8.0 * (-((y - 0.5) * 8.0).powi(2)).exp()).normal_map();
+        let rise = ScalarField::from_fn(64, |_, y| 8.0 * (-((y - 0.5) * 8.0).powi(2)).exp()).normal_map();
         assert!(rise[4 * (24 * 64 + 5) + 1] > 145, "above the bump the normal points up");
     }
 
     #[test]
     fn cells_agree_with_brute_force() {
         let n = 5;
-        let [first, second, _] = Field::cells(40, n, 1.0, &mut Stream::root(3));
+        let [first, second, _] = ScalarField::cells(40, n, 1.0, &mut Stream::root(3));
         let mut stream = Stream::root(3);
         let mut draw = || (f64::from(stream.next_u32()) / 4_294_967_296.0) as f32;
         let points: Vec<[f32; 2]> = (0..n * n)

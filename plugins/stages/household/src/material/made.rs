@@ -1,12 +1,12 @@
 //! Metal, plastic, lacquer, board, paper and glaze.
 
 use super::Bake;
-use super::color::{Rgb, hsv, mix, shade};
-use super::field::{Field, smoothstep};
+use super::color::{SrgbColor, hsv, mix, shade};
+use super::field::{ScalarField, smoothstep};
 use syntable_model::random::Stream;
 
 /// Reflectance of some metals at normal incidence, sRGB: steel, aluminum, brass, copper, dark steel, gold.
-const METALS: [Rgb; 6] = [
+const METALS: [SrgbColor; 6] = [
     [0.77, 0.75, 0.73],
     [0.91, 0.92, 0.92],
     [0.89, 0.79, 0.54],
@@ -15,7 +15,7 @@ const METALS: [Rgb; 6] = [
     [0.95, 0.83, 0.53],
 ];
 
-fn metal_color(stream: &mut Stream) -> Rgb {
+fn metal_color(stream: &mut Stream) -> SrgbColor {
     let metal = *stream.pick(&METALS).unwrap_or(&METALS[0]);
     shade(metal, stream.uniform(0.85, 1.02) as f32)
 }
@@ -23,8 +23,8 @@ fn metal_color(stream: &mut Stream) -> Rgb {
 /// Brushed metal along x, 0.2 to 0.5 m per tile.
 pub fn brushed_metal(stream: &mut Stream, size: usize) -> Bake {
     let base = metal_color(stream);
-    let coarse = Field::fractal(size, [3, size / 6], 2, 0.7, stream);
-    let fine = Field::noise(size, [12, size], stream);
+    let coarse = ScalarField::fractal(size, [3, size / 6], 2, 0.7, stream);
+    let fine = ScalarField::noise(size, [12, size], stream);
     let gloss = stream.uniform(0.22, 0.42) as f32;
     let line = coarse.zip(&fine, |c, f| 0.6 * c + 0.5 * f);
     Bake {
@@ -39,9 +39,9 @@ pub fn brushed_metal(stream: &mut Stream, size: usize) -> Bake {
 /// Plain metal with smudges and hairline scratches, 0.3 to 0.6 m per tile.
 pub fn metal(stream: &mut Stream, size: usize) -> Bake {
     let base = metal_color(stream);
-    let smudge = Field::fractal(size, [4, 4], 5, 0.55, stream);
-    let [dx, dy] = [0, 1].map(|_| Field::noise(size, [3, 3], stream));
-    let scratch = Field::fractal(size, [2, size / 5], 2, 0.8, stream).warped(&dx, &dy, size as f32 * 0.15);
+    let smudge = ScalarField::fractal(size, [4, 4], 5, 0.55, stream);
+    let [dx, dy] = [0, 1].map(|_| ScalarField::noise(size, [3, 3], stream));
+    let scratch = ScalarField::fractal(size, [2, size / 5], 2, 0.8, stream).warped(&dx, &dy, size as f32 * 0.15);
     let scratch = scratch.map(|s| smoothstep(0.85, 1.0, s));
     let gloss = stream.uniform(0.1, 0.35) as f32;
     Bake {
@@ -58,7 +58,7 @@ pub fn plastic(stream: &mut Stream, size: usize) -> Bake {
     let neutral = stream.chance(0.4);
     let saturation = if neutral { stream.uniform(0.0, 0.08) } else { stream.uniform(0.4, 0.95) };
     let base = hsv(stream.unit(), saturation, stream.uniform(if neutral { 0.08 } else { 0.35 }, 0.9));
-    let grain = Field::fractal(size, [size / 7, size / 7], 2, 0.6, stream);
+    let grain = ScalarField::fractal(size, [size / 7, size / 7], 2, 0.6, stream);
     let relief = if stream.chance(0.5) { stream.uniform(0.2, 0.9) as f32 } else { 0.0 };
     let gloss = stream.uniform(0.12, 0.5) as f32 + 0.1 * relief;
     Bake {
@@ -77,9 +77,9 @@ pub fn cardboard(stream: &mut Stream, size: usize) -> Bake {
     } else {
         hsv(0.1, 0.05, stream.uniform(0.5, 0.85))
     };
-    let fibers = Field::fractal(size, [size / 6, size / 3], 2, 0.7, stream);
-    let clouds = Field::fractal(size, [4, 4], 4, 0.6, stream);
-    let [near, _, id] = Field::cells(size, size / 9, 1.0, stream);
+    let fibers = ScalarField::fractal(size, [size / 6, size / 3], 2, 0.7, stream);
+    let clouds = ScalarField::fractal(size, [4, 4], 4, 0.6, stream);
+    let [near, _, id] = ScalarField::cells(size, size / 9, 1.0, stream);
     let flutes = stream.integer(40, 70) as f32;
     let relief = stream.uniform(0.0, 0.35) as f32;
     let dark = shade(base, 0.7);
@@ -88,7 +88,7 @@ pub fn cardboard(stream: &mut Stream, size: usize) -> Bake {
         mix(shade(base, 1.0 + 0.05 * fibers.values()[i] + 0.04 * clouds.values()[i]), dark, 0.7 * speck)
     });
     let mut i = 0;
-    let height = Field::from_fn(size, |x, _| {
+    let height = ScalarField::from_fn(size, |x, _| {
         i += 1;
         relief * libm::sinf(std::f32::consts::TAU * flutes * x) + 0.3 * fibers.values()[i - 1]
     });
@@ -110,8 +110,8 @@ pub fn ceramic(stream: &mut Stream, size: usize) -> Bake {
     };
     let speckle = if stream.chance(0.5) { stream.uniform(0.3, 0.8) as f32 } else { 0.0 };
     let ink = hsv(0.07, 0.5, 0.25);
-    let [near, _, id] = Field::cells(size, size / 12, 1.0, stream);
-    let clouds = Field::fractal(size, [3, 3], 4, 0.5, stream);
+    let [near, _, id] = ScalarField::cells(size, size / 12, 1.0, stream);
+    let clouds = ScalarField::fractal(size, [3, 3], 4, 0.5, stream);
     // The glaze is the clearcoat; the body below is rough.
     let gloss = stream.uniform(0.35, 0.6) as f32;
     let color = (0..size * size).map(|i| {
@@ -135,8 +135,8 @@ pub fn lacquer(stream: &mut Stream, size: usize) -> Bake {
     let saturation = if neutral { stream.uniform(0.0, 0.06) } else { stream.uniform(0.5, 0.95) };
     let base = hsv(stream.unit(), saturation, stream.uniform(if neutral { 0.06 } else { 0.25 }, 0.85));
     let flakes = if stream.chance(0.5) { stream.uniform(0.4, 1.0) as f32 } else { 0.0 };
-    let peel = Field::fractal(size, [size / 16, size / 16], 2, 0.5, stream);
-    let [_, _, id] = Field::cells(size, size / 2, 1.0, stream);
+    let peel = ScalarField::fractal(size, [size / 16, size / 16], 2, 0.5, stream);
+    let [_, _, id] = ScalarField::cells(size, size / 2, 1.0, stream);
     let pale = mix(base, [0.95; 3], 0.35);
     let gloss = stream.uniform(0.35, 0.5) as f32;
     Bake {
@@ -156,9 +156,9 @@ pub fn paper(stream: &mut Stream, size: usize) -> Bake {
         _ => hsv(stream.uniform(0.08, 0.16), stream.uniform(0.0, 0.08), stream.uniform(0.86, 0.95)),
     };
     let tile = stream.uniform(0.15, 0.3);
-    let fibers = Field::fractal(size, [size / 4, size / 5], 2, 0.7, stream);
-    let clouds = Field::fractal(size, [6, 6], 4, 0.6, stream);
-    let crumple = Field::fractal(size, [5, 5], 3, 0.5, stream);
+    let fibers = ScalarField::fractal(size, [size / 4, size / 5], 2, 0.7, stream);
+    let clouds = ScalarField::fractal(size, [6, 6], 4, 0.6, stream);
+    let crumple = ScalarField::fractal(size, [5, 5], 3, 0.5, stream);
     let folds = if stream.chance(0.4) { stream.uniform(1.0, 4.0) as f32 } else { 0.2 };
     let style = stream.below(4);
     // Rules 5 to 9 mm apart, a whole number of them to a tile.
@@ -179,7 +179,7 @@ pub fn paper(stream: &mut Stream, size: usize) -> Bake {
         mix(shade(base, 1.0 + 0.02 * fibers.values()[i] + 0.015 * clouds.values()[i]), ink, 0.6 * mark)
     });
     let mut i = 0;
-    let height = Field::from_fn(size, |_, y| {
+    let height = ScalarField::from_fn(size, |_, y| {
         i += 1;
         let laid = if style == 2 { 0.12 * libm::sinf(std::f32::consts::TAU * 4.0 * rules * y) } else { 0.0 };
         0.15 * fibers.values()[i - 1] + folds * crumple.values()[i - 1] + laid

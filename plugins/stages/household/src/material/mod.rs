@@ -1,7 +1,7 @@
 //! Procedural surfaces and prints, baked to textures.
 //!
 //! A [`Bake`] holds color, roughness and height on a grid that tiles; it becomes a material of two textures: color
-//! with roughness in the alpha channel, and a normal map; clearcoat and sheen are added on top. A [`Canvas`] is a
+//! with roughness in the alpha channel, and a normal map; clearcoat and sheen are added on top. A [`MaterialCanvas`] is a
 //! print: an image drawn from shapes.
 //!
 //! **Invariants.** All draws come from the stream handed in; equal streams give equal bytes. Colors are chosen and
@@ -21,10 +21,10 @@ mod print;
 mod woven;
 
 pub use cache::MaterialCache;
-pub use canvas::Canvas;
-pub use color::{Rgb, hsv, linear, mix, shade, vivid};
+pub use canvas::MaterialCanvas;
+pub use color::{SrgbColor, hsv, linear, mix, shade, vivid};
 pub use family::{MaterialFamily, Surface};
-pub use field::Field;
+pub use field::ScalarField;
 pub use print::{ball, bands, book, carton, label, remote, skin};
 
 use std::sync::Arc;
@@ -56,11 +56,11 @@ pub fn texture(width: usize, height: usize, texels: Vec<u8>, encoding: Encoding,
 /// A surface on a square grid that tiles.
 pub struct Bake {
     /// Color, sRGB in [0, 1], row 0 at the top.
-    pub color: Vec<Rgb>,
+    pub color: Vec<SrgbColor>,
     /// Perceptual roughness.
-    pub roughness: Field,
+    pub roughness: ScalarField,
     /// Height, in texels; only its slope counts.
-    pub height: Field,
+    pub height: ScalarField,
     /// 0 or 1.
     pub metallic: f32,
     /// Edge of one tile, meters.
@@ -78,7 +78,7 @@ impl Bake {
         }
         let color = texture(n, n, texels, Encoding::Srgb, Wrap::Repeat);
         let normal = texture(n, n, self.height.normal_map(), Encoding::Linear, Wrap::Repeat);
-        Finish {
+        SurfaceFinish {
             base_color: Color::texture(color.clone()),
             roughness: Scalar::texture(color, 3),
             metallic: self.metallic,
@@ -92,7 +92,7 @@ impl Bake {
 }
 
 /// The parts of a material that procedural surfaces set.
-pub struct Finish {
+pub struct SurfaceFinish {
     /// Color.
     pub base_color: Color,
     /// Perceptual roughness.
@@ -109,9 +109,9 @@ pub struct Finish {
     pub clearcoat: Option<f64>,
 }
 
-impl Finish {
+impl SurfaceFinish {
     /// A constant color, sRGB.
-    pub fn plain(color: Rgb, roughness: f64, metallic: f32) -> Self {
+    pub fn plain(color: SrgbColor, roughness: f64, metallic: f32) -> Self {
         Self {
             base_color: Color::constant(linear(color)),
             roughness: Scalar::constant(roughness as f32),

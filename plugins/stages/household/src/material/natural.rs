@@ -1,13 +1,13 @@
 //! Wood, stone and leather.
 
 use super::Bake;
-use super::color::{Rgb, hsv, mix, shade};
-use super::field::{Field, smoothstep};
+use super::color::{SrgbColor, hsv, mix, shade};
+use super::field::{ScalarField, smoothstep};
 use std::f32::consts::TAU;
 use syntable_model::random::Stream;
 
 /// Dark and light wood of some species, sRGB.
-const SPECIES: [[Rgb; 2]; 8] = [
+const SPECIES: [[SrgbColor; 2]; 8] = [
     [[0.62, 0.45, 0.27], [0.84, 0.69, 0.48]], // pine
     [[0.47, 0.32, 0.18], [0.71, 0.54, 0.35]], // oak
     [[0.22, 0.14, 0.09], [0.43, 0.29, 0.19]], // walnut
@@ -19,14 +19,14 @@ const SPECIES: [[Rgb; 2]; 8] = [
 ];
 
 /// Grain of wood along x: a darkness in [0, 1] and fibers in [-1, 1].
-fn grain(stream: &mut Stream, size: usize, rings: i64) -> [Field; 2] {
-    let bend = Field::fractal(size, [2, 5], 4, 0.5, stream);
-    let fibers = Field::fractal(size, [6, 110], 2, 0.6, stream);
-    let streaks = Field::fractal(size, [2, 28], 3, 0.6, stream);
+fn grain(stream: &mut Stream, size: usize, rings: i64) -> [ScalarField; 2] {
+    let bend = ScalarField::fractal(size, [2, 5], 4, 0.5, stream);
+    let fibers = ScalarField::fractal(size, [6, 110], 2, 0.6, stream);
+    let streaks = ScalarField::fractal(size, [2, 28], 3, 0.6, stream);
     // The rings swerve by several of their widths: a plank is not cut along the trunk.
     let wave = stream.uniform(0.04, 0.12) as f32 * rings as f32;
     let mut i = 0;
-    let darkness = Field::from_fn(size, |_, y| {
+    let darkness = ScalarField::from_fn(size, |_, y| {
         let phase = rings as f32 * y + wave * bend.values()[i];
         i += 1;
         0.5 + 0.5 * libm::sinf(TAU * phase)
@@ -36,7 +36,7 @@ fn grain(stream: &mut Stream, size: usize, rings: i64) -> [Field; 2] {
     [darkness.zip(&fibers, |t, f| (t + 0.12 * f).clamp(0.0, 1.0)), fibers]
 }
 
-fn wood_colors(stream: &mut Stream) -> [Rgb; 2] {
+fn wood_colors(stream: &mut Stream) -> [SrgbColor; 2] {
     let species = *stream.pick(&SPECIES).unwrap_or(&SPECIES[0]);
     let factor = stream.uniform(0.88, 1.1) as f32;
     species.map(|color| shade(color, factor))
@@ -90,8 +90,8 @@ pub fn boards(stream: &mut Stream, size: usize) -> Bake {
     }
     Bake {
         color,
-        roughness: Field::of(size, roughness),
-        height: Field::of(size, height),
+        roughness: ScalarField::of(size, roughness),
+        height: ScalarField::of(size, height),
         metallic: 0.0,
         tile_m: stream.uniform(0.9, 1.2) as f32,
     }
@@ -106,12 +106,12 @@ pub fn marble(stream: &mut Stream, size: usize) -> Bake {
     } else {
         (hsv(hue, stream.uniform(0.1, 0.5), stream.uniform(0.1, 0.35)), hsv(hue, 0.1, stream.uniform(0.6, 0.9)))
     };
-    let [dx, dy] = [0, 1].map(|_| Field::fractal(size, [3, 3], 4, 0.55, stream));
+    let [dx, dy] = [0, 1].map(|_| ScalarField::fractal(size, [3, 3], 4, 0.55, stream));
     let amount = size as f32 * stream.uniform(0.05, 0.12) as f32;
     let thin = stream.uniform(14.0, 30.0) as f32;
-    let veins = Field::fractal(size, [3, 4], 3, 0.5, stream).warped(&dx, &dy, amount);
-    let fine = Field::fractal(size, [7, 7], 2, 0.5, stream).warped(&dy, &dx, amount);
-    let clouds = Field::fractal(size, [4, 4], 4, 0.5, stream);
+    let veins = ScalarField::fractal(size, [3, 4], 3, 0.5, stream).warped(&dx, &dy, amount);
+    let fine = ScalarField::fractal(size, [7, 7], 2, 0.5, stream).warped(&dy, &dx, amount);
+    let clouds = ScalarField::fractal(size, [4, 4], 4, 0.5, stream);
     let gloss = stream.uniform(0.06, 0.3) as f32;
     let strength = stream.uniform(0.5, 0.95) as f32;
     let mark = veins
@@ -121,7 +121,7 @@ pub fn marble(stream: &mut Stream, size: usize) -> Bake {
     Bake {
         color: mark.values().iter().map(|&t| mix(ground, vein, t)).collect(),
         roughness: mark.clone().map(|t| gloss + 0.06 * t),
-        height: Field::constant(size, 0.0),
+        height: ScalarField::constant(size, 0.0),
         metallic: 0.0,
         tile_m: stream.uniform(0.6, 1.2) as f32,
     }
@@ -134,9 +134,9 @@ pub fn granite(stream: &mut Stream, size: usize) -> Bake {
     let pale = mix(base, [0.92, 0.9, 0.88], 0.4);
     let dark = shade(base, stream.uniform(0.3, 0.6) as f32);
     let tint = mix(base, hsv(hue, stream.uniform(0.2, 0.5), stream.uniform(0.35, 0.75)), 0.6);
-    let [_, _, coarse] = Field::cells(size, size / 12, 1.0, stream);
-    let [_, _, fine] = Field::cells(size, size / 5, 1.0, stream);
-    let drift = Field::fractal(size, [5, 5], 4, 0.6, stream);
+    let [_, _, coarse] = ScalarField::cells(size, size / 12, 1.0, stream);
+    let [_, _, fine] = ScalarField::cells(size, size / 5, 1.0, stream);
+    let drift = ScalarField::fractal(size, [5, 5], 4, 0.6, stream);
     let gloss = stream.uniform(0.06, 0.25) as f32;
     let color = coarse.values().iter().zip(fine.values()).zip(drift.values()).map(|((&a, &b), &d)| {
         let grain = match a + 0.2 * d {
@@ -154,7 +154,7 @@ pub fn granite(stream: &mut Stream, size: usize) -> Bake {
     Bake {
         color: color.collect(),
         roughness: fine.clone().map(|b| gloss + 0.1 * b),
-        height: Field::constant(size, 0.0),
+        height: ScalarField::constant(size, 0.0),
         metallic: 0.0,
         tile_m: stream.uniform(0.15, 0.25) as f32,
     }
@@ -167,12 +167,12 @@ pub fn leather(stream: &mut Stream, size: usize) -> Bake {
     } else {
         hsv(stream.unit(), stream.uniform(0.0, 0.6), stream.uniform(0.1, 0.75))
     };
-    let [first, second, id] = Field::cells(size, size / 11, 0.9, stream);
-    let [dx, dy] = [0, 1].map(|_| Field::fractal(size, [8, 8], 3, 0.5, stream));
-    let wear = Field::fractal(size, [4, 4], 4, 0.55, stream);
+    let [first, second, id] = ScalarField::cells(size, size / 11, 0.9, stream);
+    let [dx, dy] = [0, 1].map(|_| ScalarField::fractal(size, [8, 8], 3, 0.5, stream));
+    let wear = ScalarField::fractal(size, [4, 4], 4, 0.55, stream);
     let gloss = stream.uniform(0.35, 0.6) as f32;
     let pebble = second.zip(&first, |b, a| smoothstep(0.0, 0.45, b - a)).warped(&dx, &dy, 3.0);
-    let tone: Vec<Rgb> = pebble
+    let tone: Vec<SrgbColor> = pebble
         .values()
         .iter()
         .zip(wear.values())

@@ -1,20 +1,20 @@
 //! Prints for packages, books, balls and crockery: every variant has its own design.
 
-use super::color::{Rgb, hsv, mix, palette, shade, vivid};
-use super::{Canvas, Field};
+use super::color::{SrgbColor, hsv, mix, palette, shade, vivid};
+use super::{MaterialCanvas, ScalarField};
 use std::sync::Arc;
 use syntable_model::random::Stream;
 use syntable_model::scene::{Texture, Wrap};
 
 /// A rectangle in texture coordinates: u0, v0 (lower left), u1, v1.
-pub type Rect = [f64; 4];
+pub type UvRect = [f64; 4];
 
 /// Longest edge of a print, texels.
 const LONGEST: f64 = 512.0;
 
 /// The design that the panels of one package have in common.
 struct Design {
-    colors: [Rgb; 4],
+    colors: [SrgbColor; 4],
     layout: u64,
     emblem: u64,
     seed: Stream,
@@ -27,7 +27,7 @@ impl Design {
     }
 
     /// The show side: ground, brand, emblem, some small print.
-    fn front(&self, canvas: &mut Canvas, r: [f32; 4], stream: &mut Stream) {
+    fn front(&self, canvas: &mut MaterialCanvas, r: [f32; 4], stream: &mut Stream) {
         let [_, main, accent, ink] = self.colors;
         let [w, h] = [r[2] - r[0], r[3] - r[1]];
         let x = (r[0] + r[2]) / 2.0;
@@ -53,7 +53,7 @@ impl Design {
         }
     }
 
-    fn ground(&self, canvas: &mut Canvas, r: [f32; 4]) {
+    fn ground(&self, canvas: &mut MaterialCanvas, r: [f32; 4]) {
         let [background, main, accent, _] = self.colors;
         let [w, h] = [r[2] - r[0], r[3] - r[1]];
         canvas.rect(r, 0.0, background);
@@ -76,7 +76,7 @@ impl Design {
         }
     }
 
-    fn emblem(&self, canvas: &mut Canvas, c: [f32; 2], r: f32, color: Rgb) {
+    fn emblem(&self, canvas: &mut MaterialCanvas, c: [f32; 2], r: f32, color: SrgbColor) {
         let [background, main, _, ink] = self.colors;
         match self.emblem {
             0 => {
@@ -115,7 +115,7 @@ impl Design {
     }
 
     /// The side with facts: a table, small print, a bar code.
-    fn facts(&self, canvas: &mut Canvas, r: [f32; 4], stream: &mut Stream) {
+    fn facts(&self, canvas: &mut MaterialCanvas, r: [f32; 4], stream: &mut Stream) {
         let [background, main, _, ink] = self.colors;
         let [w, h] = [r[2] - r[0], r[3] - r[1]];
         canvas.rect(r, 0.0, background);
@@ -137,7 +137,7 @@ impl Design {
     }
 
     /// A narrow side: brand alone.
-    fn side(&self, canvas: &mut Canvas, r: [f32; 4], stream: &mut Stream) {
+    fn side(&self, canvas: &mut MaterialCanvas, r: [f32; 4], stream: &mut Stream) {
         let [w, h] = [r[2] - r[0], r[3] - r[1]];
         let c = [(r[0] + r[2]) / 2.0, (r[1] + r[3]) / 2.0];
         self.ground(canvas, r);
@@ -154,13 +154,14 @@ impl Design {
 
 /// The unfolded walls and lids of a carton of `[x, y, z]` meters, and the texture rectangle of each side: -x, +x, -y, +y,
 /// -z, +z.
-pub fn carton(stream: &mut Stream, [sx, sy, sz]: [f64; 3]) -> (Arc<Texture>, [Rect; 6]) {
+pub fn carton(stream: &mut Stream, [sx, sy, sz]: [f64; 3]) -> (Arc<Texture>, [UvRect; 6]) {
     // In a row: front (-y), right (+x), back (+y), left (-x); top above and bottom below the front.
     let (width, height) = (2.0 * (sx + sy), sz + 2.0 * sy);
     let scale = LONGEST / f64::max(width, height);
     let texels = |meters: f64| (meters * scale) as f32;
     let design = Design::new(stream);
-    let mut canvas = Canvas::new((width * scale).ceil() as usize, (height * scale).ceil() as usize, design.colors[0]);
+    let mut canvas =
+        MaterialCanvas::new((width * scale).ceil() as usize, (height * scale).ceil() as usize, design.colors[0]);
     let columns = [0.0, sx, sx + sy, 2.0 * sx + sy, width];
     let wall = |i: usize| [texels(columns[i]), texels(sy), texels(columns[i + 1]), texels(sy + sz)];
     let rects = [
@@ -198,7 +199,7 @@ pub fn label(stream: &mut Stream, aspect: f64) -> Arc<Texture> {
     let width = LONGEST;
     let height = (width / aspect).clamp(96.0, 384.0);
     let design = Design::new(stream);
-    let mut canvas = Canvas::new(width as usize, height as usize, design.colors[0]);
+    let mut canvas = MaterialCanvas::new(width as usize, height as usize, design.colors[0]);
     let [w, h] = canvas.size();
     design.ground(&mut canvas, [0.0, 0.0, w, h]);
     if stream.chance(0.3) {
@@ -224,7 +225,7 @@ pub fn bands(stream: &mut Stream) -> Arc<Texture> {
         _ => hsv(stream.unit(), stream.uniform(0.1, 0.3), stream.uniform(0.75, 0.95)),
     };
     let [main, other] = [vivid(stream), vivid(stream)];
-    let mut canvas = Canvas::new(384, 256, glaze);
+    let mut canvas = MaterialCanvas::new(384, 256, glaze);
     let [w, h] = canvas.size();
     match stream.below(5) {
         0 => {}
@@ -266,12 +267,12 @@ pub fn bands(stream: &mut Stream) -> Arc<Texture> {
 }
 
 /// The cover of a book of `[width, height, thickness]` meters, and the texture rectangles: front, spine, back.
-pub fn book(stream: &mut Stream, [width, height, thickness]: [f64; 3]) -> (Arc<Texture>, [Rect; 3]) {
+pub fn book(stream: &mut Stream, [width, height, thickness]: [f64; 3]) -> (Arc<Texture>, [UvRect; 3]) {
     let total = 2.0 * width + thickness;
     let scale = LONGEST / f64::max(total, height);
     let design = Design::new(stream);
     let [w, h] = [(total * scale).ceil(), (height * scale).ceil()];
-    let mut canvas = Canvas::new(w as usize, h as usize, design.colors[0]);
+    let mut canvas = MaterialCanvas::new(w as usize, h as usize, design.colors[0]);
     let [a, b, c] = [width, width + thickness, total].map(|x| (x * scale) as f32);
     let h32 = h as f32;
     design.front(&mut canvas, [b, 0.0, c, h32], stream);
@@ -295,7 +296,7 @@ pub fn remote(stream: &mut Stream, aspect: f64) -> Arc<Texture> {
     let light = hsv(stream.unit(), 0.05, stream.uniform(0.6, 0.9));
     let (body, key) = if stream.chance(0.75) { (dark, light) } else { (light, dark) };
     let width = 128.0;
-    let mut canvas = Canvas::new(128, (width * aspect).min(768.0) as usize, body);
+    let mut canvas = MaterialCanvas::new(128, (width * aspect).min(768.0) as usize, body);
     let h = canvas.size()[1];
     canvas.ellipse([0.22 * width as f32, 0.06 * h], [8.0; 2], [0.8, 0.1, 0.08]);
     let wheel = stream.chance(0.6);
@@ -322,7 +323,7 @@ pub fn remote(stream: &mut Stream, aspect: f64) -> Arc<Texture> {
 /// A ball: panels, stripes or dots; u around, v from pole to pole.
 pub fn ball(stream: &mut Stream) -> Arc<Texture> {
     let [background, main, accent, ink] = palette(stream);
-    let mut canvas = Canvas::new(384, 192, background);
+    let mut canvas = MaterialCanvas::new(384, 192, background);
     let [w, h] = canvas.size();
     match stream.below(4) {
         0 => {
@@ -360,15 +361,15 @@ pub fn ball(stream: &mut Stream) -> Arc<Texture> {
 }
 
 /// The skin of a fruit: u around, v from end to end; `tip` is the color of both ends.
-pub fn skin(stream: &mut Stream, base: Rgb, blush: Rgb, tip: Rgb) -> Arc<Texture> {
+pub fn skin(stream: &mut Stream, base: SrgbColor, blush: SrgbColor, tip: SrgbColor) -> Arc<Texture> {
     let size = 256;
-    let streaks = Field::fractal(size, [24, 3], 3, 0.6, stream);
-    let clouds = Field::fractal(size, [3, 2], 4, 0.6, stream);
-    let [near, _, id] = Field::cells(size, 24, 1.0, stream);
+    let streaks = ScalarField::fractal(size, [24, 3], 3, 0.6, stream);
+    let clouds = ScalarField::fractal(size, [3, 2], 4, 0.6, stream);
+    let [near, _, id] = ScalarField::cells(size, 24, 1.0, stream);
     let bias = stream.uniform(-0.3, 0.5) as f32;
     let spots = stream.uniform(0.0, 0.25) as f32;
     let spot = mix(shade(base, 1.25), tip, stream.unit() as f32);
-    let mut canvas = Canvas::new(size, size, base);
+    let mut canvas = MaterialCanvas::new(size, size, base);
     canvas.map(|x, y, _| {
         let i = y * size + x;
         let v = y as f32 / size as f32;

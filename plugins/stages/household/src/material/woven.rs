@@ -1,8 +1,8 @@
 //! Cloth, velvet and carpet.
 
 use super::Bake;
-use super::color::{Rgb, hsv, mix, palette, shade};
-use super::field::Field;
+use super::color::{SrgbColor, hsv, mix, palette, shade};
+use super::field::ScalarField;
 use std::f32::consts::PI;
 use syntable_model::random::Stream;
 
@@ -29,7 +29,7 @@ pub fn fabric(stream: &mut Stream, size: usize) -> Bake {
     let threads = (size / 4).max(4) / 4 * 4;
     let weave = *stream.pick(&[Weave::Plain, Weave::Twill, Weave::Basket]).unwrap_or(&Weave::Plain);
     let [background, main, accent, _] = palette(stream);
-    let stripes = |stream: &mut Stream| -> Vec<Rgb> {
+    let stripes = |stream: &mut Stream| -> Vec<SrgbColor> {
         let period = threads / *stream.pick(&[1_usize, 2, 4]).unwrap_or(&1);
         let [a, b] = [stream.uniform(0.2, 0.6), stream.uniform(0.65, 0.95)].map(|t| (t * period as f64) as usize);
         (0..threads)
@@ -47,7 +47,7 @@ pub fn fabric(stream: &mut Stream, size: usize) -> Bake {
         2 => (stripes(stream), plain),
         _ => (stripes(stream), stripes(stream)),
     };
-    let slub = Field::fractal(size, [threads / 2, threads / 2], 3, 0.6, stream);
+    let slub = ScalarField::fractal(size, [threads / 2, threads / 2], 3, 0.6, stream);
     let mut height = Vec::with_capacity(size * size);
     let mut color = Vec::with_capacity(size * size);
     for y in 0..size {
@@ -68,8 +68,8 @@ pub fn fabric(stream: &mut Stream, size: usize) -> Bake {
     }
     Bake {
         color,
-        roughness: Field::constant(size, stream.uniform(0.8, 0.98) as f32),
-        height: Field::of(size, height),
+        roughness: ScalarField::constant(size, stream.uniform(0.8, 0.98) as f32),
+        height: ScalarField::of(size, height),
         metallic: 0.0,
         tile_m: stream.uniform(0.06, 0.12) as f32,
     }
@@ -79,8 +79,8 @@ pub fn fabric(stream: &mut Stream, size: usize) -> Bake {
 pub fn carpet(stream: &mut Stream, size: usize) -> Bake {
     let base = hsv(stream.unit(), stream.uniform(0.05, 0.55), stream.uniform(0.2, 0.7));
     let other = mix(hsv(stream.unit(), 0.4, stream.uniform(0.3, 0.8)), base, 0.4);
-    let [near, _, id] = Field::cells(size, size / 5, 1.0, stream);
-    let wear = Field::fractal(size, [3, 3], 4, 0.6, stream);
+    let [near, _, id] = ScalarField::cells(size, size / 5, 1.0, stream);
+    let wear = ScalarField::fractal(size, [3, 3], 4, 0.6, stream);
     let pattern = stream.below(5);
     let count = *stream.pick(&[2.0_f32, 3.0, 4.0]).unwrap_or(&2.0);
     let marked = |x: f32, y: f32| -> bool {
@@ -100,7 +100,7 @@ pub fn carpet(stream: &mut Stream, size: usize) -> Bake {
     });
     Bake {
         color: color.collect(),
-        roughness: Field::constant(size, 1.0),
+        roughness: ScalarField::constant(size, 1.0),
         height: tuft.zip(&id, |t, i| 3.0 * t + 1.2 * i),
         metallic: 0.0,
         tile_m: stream.uniform(0.5, 1.0) as f32,
@@ -110,8 +110,8 @@ pub fn carpet(stream: &mut Stream, size: usize) -> Bake {
 /// Velvet, 0.3 to 0.6 m per tile: dark at the base, its pile brushed in patches.
 pub fn velvet(stream: &mut Stream, size: usize) -> Bake {
     let base = hsv(stream.unit(), stream.uniform(0.3, 0.85), stream.uniform(0.12, 0.5));
-    let strokes = Field::fractal(size, [4, 9], 4, 0.55, stream);
-    let pile = Field::fractal(size, [size / 4, size / 4], 2, 0.6, stream);
+    let strokes = ScalarField::fractal(size, [4, 9], 4, 0.55, stream);
+    let pile = ScalarField::fractal(size, [size / 4, size / 4], 2, 0.6, stream);
     Bake {
         color: strokes
             .values()
@@ -119,7 +119,7 @@ pub fn velvet(stream: &mut Stream, size: usize) -> Bake {
             .zip(pile.values())
             .map(|(&s, &p)| shade(base, 1.0 + 0.18 * s + 0.08 * p))
             .collect(),
-        roughness: Field::constant(size, stream.uniform(0.85, 1.0) as f32),
+        roughness: ScalarField::constant(size, stream.uniform(0.85, 1.0) as f32),
         height: strokes.zip(&pile, |s, p| 3.0 * s + 0.6 * p),
         metallic: 0.0,
         tile_m: stream.uniform(0.3, 0.6) as f32,

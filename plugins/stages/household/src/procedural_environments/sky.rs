@@ -18,7 +18,7 @@
 
 use super::raster::Raster;
 use super::temperature::daylight_color;
-use crate::material::Field;
+use crate::material::ScalarField;
 use std::f64::consts::{FRAC_PI_2, PI};
 use syntable_model::error::Result;
 use syntable_model::geometry::Vector3;
@@ -197,12 +197,12 @@ impl Sky {
         1e6 / mired
     }
 
-    fn cloud_coverage(&self) -> Field {
+    fn cloud_coverage(&self) -> ScalarField {
         let mut stream = self.clouds.clone();
         if self.cover <= 0.0 {
-            return Field::constant(1, 0.0);
+            return ScalarField::constant(1, 0.0);
         }
-        let noise = Field::fractal(CLOUD_TEXELS, [4, 5], 6, 0.55, &mut stream);
+        let noise = ScalarField::fractal(CLOUD_TEXELS, [4, 5], 6, 0.55, &mut stream);
         // The threshold that leaves the wanted cover.
         let mut sorted = noise.values().to_vec();
         sorted.sort_by(f32::total_cmp);
@@ -215,7 +215,7 @@ impl Sky {
     }
 
     /// Cloud coverage in a direction: the coverage map on a level sheet that bends down towards the horizon.
-    fn cloud_at(&self, clouds: &Field, direction: &Vector3<f64>) -> f64 {
+    fn cloud_at(&self, clouds: &ScalarField, direction: &Vector3<f64>) -> f64 {
         if direction.z <= 0.0 || clouds.size() == 1 {
             return 0.0;
         }

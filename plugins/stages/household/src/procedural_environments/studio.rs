@@ -13,7 +13,7 @@ use syntable_model::scene::EnvironmentMap;
 
 /// A room with softboxes.
 #[derive(Debug, Clone)]
-pub struct Studio {
+pub struct StudioRoom {
     /// Half of the room's edges, along x, y and z.
     pub half: [f64; 3],
     /// Color of walls, floor and ceiling, linear Rec. 709.
@@ -43,7 +43,7 @@ pub struct Softbox {
     pub kelvin: f64,
 }
 
-impl Studio {
+impl StudioRoom {
     /// A random studio: one softbox above, one to three around.
     pub fn draw(stream: &Stream) -> Self {
         let mut draw = stream.child("studio");

@@ -7,9 +7,9 @@ use syntable_model::photometry::{blackbody, luminance};
 const STEPS: usize = 128;
 const MIRED: [f64; 2] = [33.0, 650.0];
 
-struct Table(Vec<[f64; 3]>);
+struct TemperatureTable(Vec<[f64; 3]>);
 
-impl Table {
+impl TemperatureTable {
     fn of(color: impl Fn(f64) -> [f64; 3]) -> Self {
         let mired = |i: usize| MIRED[0] + (MIRED[1] - MIRED[0]) * i as f64 / (STEPS - 1) as f64;
         Self((0..STEPS).map(|i| color(1e6 / mired(i))).collect())
@@ -31,15 +31,15 @@ fn mix(a: [f64; 3], b: [f64; 3], t: f64) -> [f64; 3] {
 
 /// Color of a black body from 1540 K to 30,000 K, clamped beyond.
 pub fn blackbody_color(kelvin: f64) -> [f64; 3] {
-    static TABLE: LazyLock<Table> = LazyLock::new(|| Table::of(blackbody));
+    static TABLE: LazyLock<TemperatureTable> = LazyLock::new(|| TemperatureTable::of(blackbody));
     TABLE.look_up(kelvin)
 }
 
 /// Color of daylight, a little greener than a black body: the CIE's daylight locus (CIE 15:2004, section 3.1) from
 /// 5000 K to 25,000 K, clamped beyond, black bodies below 4000 K and a blend of both between.
 pub fn daylight_color(kelvin: f64) -> [f64; 3] {
-    static TABLE: LazyLock<Table> = LazyLock::new(|| {
-        Table::of(|kelvin| match kelvin {
+    static TABLE: LazyLock<TemperatureTable> = LazyLock::new(|| {
+        TemperatureTable::of(|kelvin| match kelvin {
             k if k < 4000.0 => blackbody(k),
             k => mix(blackbody(k.min(25_000.0)), daylight(k.min(25_000.0)), ((k - 4000.0) / 1000.0).min(1.0)),
         })

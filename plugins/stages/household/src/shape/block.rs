@@ -1,6 +1,6 @@
 //! Boxes with rounded edges.
 
-use super::{Point3, Shape, SlotMapping, Uv, Vector3};
+use super::{Point3, SlotMapping, SolidShape, Uv, Vector3};
 use std::collections::BTreeMap;
 use std::f64::consts::FRAC_PI_4;
 
@@ -8,12 +8,12 @@ use std::f64::consts::FRAC_PI_4;
 ///
 /// `mapping` gives the mapping of each side: 0, 1 for -x, +x; 2, 3 for -y, +y; 4, 5 for -z, +z. With [`Uv::Fit`] the side's
 /// texture stands upright, seen from outside (z up on the four walls, y up on bottom and top).
-pub fn rounded_box(size: [f64; 3], radius: f64, steps: usize, mapping: impl Fn(usize) -> SlotMapping) -> Shape {
+pub fn rounded_box(size: [f64; 3], radius: f64, steps: usize, mapping: impl Fn(usize) -> SlotMapping) -> SolidShape {
     let half = size.map(|s| s / 2.0);
     let radius = radius.min(half[0]).min(half[1]).min(half[2]);
     let steps = if radius > 0.0 { steps } else { 0 };
     let last = 2 * steps + 1;
-    let mut shape = Shape::default();
+    let mut shape = SolidShape::default();
     let mut known: BTreeMap<[usize; 3], u32> = BTreeMap::new();
     for side in 0..6 {
         let (axis, up) = (side / 2, side % 2 == 1);
@@ -27,7 +27,7 @@ pub fn rounded_box(size: [f64; 3], radius: f64, steps: usize, mapping: impl Fn(u
             _ => (0, 1, false),
         };
         let mapping = mapping(side);
-        let mut corner = |shape: &mut Shape, i: usize, j: usize| -> (u32, [f64; 2]) {
+        let mut corner = |shape: &mut SolidShape, i: usize, j: usize| -> (u32, [f64; 2]) {
             let mut grid = [0; 3];
             grid[axis] = if up { last } else { 0 };
             grid[u_axis] = if u_flip { last - i } else { i };

@@ -1,18 +1,24 @@
 //! Polygons extruded along z, with an exact convex decomposition.
 
 use super::outline::arc;
-use super::{Point3, Shape, SlotMapping, Uv};
+use super::{Point3, SlotMapping, SolidShape, Uv};
 
-type Point = [f64; 2];
+type PlanePoint = [f64; 2];
 
 /// A simple polygon, counter-clockwise, between heights `[bottom, top]`, with edges beveled by `bevel` meters.
 /// Collision parts are the polygon's triangles, merged while they stay convex (Hertel and Mehlhorn).
-pub fn extrude(outline: &[Point], [bottom, top]: [f64; 2], bevel: f64, caps: SlotMapping, sides: SlotMapping) -> Shape {
+pub fn extrude(
+    outline: &[PlanePoint],
+    [bottom, top]: [f64; 2],
+    bevel: f64,
+    caps: SlotMapping,
+    sides: SlotMapping,
+) -> SolidShape {
     let n = outline.len();
-    let mut shape = Shape::default();
+    let mut shape = SolidShape::default();
     let soft = inset(outline, 0.3 * bevel);
     let narrow = inset(outline, bevel);
-    let levels: Vec<(&[Point], f64)> = if bevel > 0.0 {
+    let levels: Vec<(&[PlanePoint], f64)> = if bevel > 0.0 {
         vec![
             (&narrow, bottom),
             (&soft, bottom + 0.3 * bevel),
@@ -71,17 +77,17 @@ pub fn extrude(outline: &[Point], [bottom, top]: [f64; 2], bevel: f64, caps: Slo
 }
 
 /// A polygon with rounded corners.
-pub fn rounded_polygon(outline: &[Point], radius: f64) -> Vec<Point> {
+pub fn rounded_polygon(outline: &[PlanePoint], radius: f64) -> Vec<PlanePoint> {
     let n = outline.len();
     (0..n).flat_map(|i| arc(outline[(i + n - 1) % n], outline[i], outline[(i + 1) % n], radius)).collect()
 }
 
 /// Moves every edge inwards; for distances small against the edges.
-fn inset(outline: &[Point], distance: f64) -> Vec<Point> {
+fn inset(outline: &[PlanePoint], distance: f64) -> Vec<PlanePoint> {
     let n = outline.len();
     (0..n)
         .map(|i| {
-            let normal = |a: Point, b: Point| {
+            let normal = |a: PlanePoint, b: PlanePoint| {
                 let length = libm::hypot(b[0] - a[0], b[1] - a[1]).max(1e-12);
                 [-(b[1] - a[1]) / length, (b[0] - a[0]) / length]
             };
@@ -96,7 +102,7 @@ fn inset(outline: &[Point], distance: f64) -> Vec<Point> {
 }
 
 /// A star or rosette with `tips` tips between two radii.
-pub fn star(tips: usize, inner: f64, outer: f64) -> Vec<Point> {
+pub fn star(tips: usize, inner: f64, outer: f64) -> Vec<PlanePoint> {
     (0..2 * tips)
         .map(|i| {
             let r = if i % 2 == 0 { outer } else { inner };
@@ -106,12 +112,12 @@ pub fn star(tips: usize, inner: f64, outer: f64) -> Vec<Point> {
         .collect()
 }
 
-fn turn(a: Point, b: Point, c: Point) -> f64 {
+fn turn(a: PlanePoint, b: PlanePoint, c: PlanePoint) -> f64 {
     (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
 }
 
 /// Ear clipping; quadratic, for outlines of a few dozen corners.
-fn triangulate(outline: &[Point]) -> Vec<[usize; 3]> {
+fn triangulate(outline: &[PlanePoint]) -> Vec<[usize; 3]> {
     let mut left: Vec<usize> = (0..outline.len()).collect();
     let mut triangles = Vec::new();
     while left.len() > 3 {
@@ -119,7 +125,7 @@ fn triangulate(outline: &[Point]) -> Vec<[usize; 3]> {
         let ears = (0..n).filter_map(|i| {
             let ear @ [a, b, c] = [left[(i + n - 1) % n], left[i], left[(i + 1) % n]];
             let [pa, pb, pc] = ear.map(|i| outline[i]);
-            let covers = |p: Point| turn(pa, pb, p) >= 0.0 && turn(pb, pc, p) >= 0.0 && turn(pc, pa, p) >= 0.0;
+            let covers = |p: PlanePoint| turn(pa, pb, p) >= 0.0 && turn(pb, pc, p) >= 0.0 && turn(pc, pa, p) >= 0.0;
             let area = turn(pa, pb, pc);
             let free = left.iter().filter(|&&k| k != a && k != b && k != c).all(|&k| !covers(outline[k]));
             // The roundest ear first: area over squared length of the cut.
@@ -137,7 +143,7 @@ fn triangulate(outline: &[Point]) -> Vec<[usize; 3]> {
 }
 
 /// Merges neighbors while the union stays convex.
-fn convex_pieces(outline: &[Point], triangles: Vec<[usize; 3]>) -> Vec<Vec<usize>> {
+fn convex_pieces(outline: &[PlanePoint], triangles: Vec<[usize; 3]>) -> Vec<Vec<usize>> {
     let mut pieces: Vec<Vec<usize>> = triangles.into_iter().map(|t| t.to_vec()).collect();
     'again: loop {
         for i in 0..pieces.len() {
@@ -154,7 +160,7 @@ fn convex_pieces(outline: &[Point], triangles: Vec<[usize; 3]>) -> Vec<Vec<usize
 }
 
 /// The union of two counter-clockwise polygons that share an edge, if it is convex.
-fn join(outline: &[Point], a: &[usize], b: &[usize]) -> Option<Vec<usize>> {
+fn join(outline: &[PlanePoint], a: &[usize], b: &[usize]) -> Option<Vec<usize>> {
     let edge = |polygon: &[usize], i: usize| (polygon[i], polygon[(i + 1) % polygon.len()]);
     for i in 0..a.len() {
         let (from, to) = edge(a, i);
@@ -172,7 +178,7 @@ fn join(outline: &[Point], a: &[usize], b: &[usize]) -> Option<Vec<usize>> {
 mod tests {
     use super::*;
 
-    fn area(outline: &[Point], polygon: &[usize]) -> f64 {
+    fn area(outline: &[PlanePoint], polygon: &[usize]) -> f64 {
         (1..polygon.len() - 1)
             .map(|i| turn(outline[polygon[0]], outline[polygon[i]], outline[polygon[i + 1]]) / 2.0)
             .sum()

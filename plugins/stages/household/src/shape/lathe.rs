@@ -1,12 +1,12 @@
 //! Solids of revolution about z.
 
-use super::{Outline, Point3, Shape, SlotMapping, Uv};
+use super::{Point3, Profile, SlotMapping, SolidShape, Uv};
 use std::f64::consts::TAU;
 
 /// A convex polygon of (radius, height) nodes: one cell of a hollow solid's wall.
-pub type Cell = Vec<[f64; 2]>;
+pub type WallCell = Vec<[f64; 2]>;
 
-/// Revolves an [`Outline`] about z.
+/// Revolves an [`Profile`] about z.
 pub struct Lathe {
     points: Vec<([f64; 2], SlotMapping)>,
     closed: bool,
@@ -15,7 +15,7 @@ pub struct Lathe {
 
 impl Lathe {
     /// Starts from an outline: from the axis to the axis, or a loop.
-    pub fn new(outline: &Outline) -> Self {
+    pub fn new(outline: &Profile) -> Self {
         Self { points: outline.points(), closed: outline.is_closed(), segments: 48 }
     }
 
@@ -26,9 +26,9 @@ impl Lathe {
     }
 
     /// The surface without collision parts.
-    pub fn surface(&self) -> Shape {
-        let mut shape = Shape::default();
-        let rings: Vec<Ring> = self.points.iter().map(|&(rz, _)| self.ring(&mut shape, rz)).collect();
+    pub fn surface(&self) -> SolidShape {
+        let mut shape = SolidShape::default();
+        let rings: Vec<LatheRing> = self.points.iter().map(|&(rz, _)| self.ring(&mut shape, rz)).collect();
         let widest = self.points.iter().map(|(rz, _)| rz[0]).fold(0.0, f64::max);
         let count = self.points.len();
         let mut run = (SlotMapping::fit(0), 0.0, 0.0);
@@ -62,13 +62,13 @@ impl Lathe {
     }
 
     /// The surface, with the hull of everything as its collision part.
-    pub fn solid(&self) -> Shape {
+    pub fn solid(&self) -> SolidShape {
         let hull = revolved(&self.points.iter().map(|(rz, _)| *rz).collect::<Vec<_>>(), self.segments);
         self.surface().with_part(hull)
     }
 
     /// The surface, with one collision part for what the outline has in each band of heights `[low, high]`.
-    pub fn banded(&self, bands: &[[f64; 2]]) -> Shape {
+    pub fn banded(&self, bands: &[[f64; 2]]) -> SolidShape {
         bands.iter().fold(self.surface(), |shape, &band| {
             let inside = self.clipped(band);
             if inside.is_empty() { shape } else { shape.with_part(revolved(&inside, self.segments)) }
@@ -91,7 +91,7 @@ impl Lathe {
     }
 
     /// The surface of a hollow solid: `cells` are revolved in `sectors` steps, `discs` all around.
-    pub fn hollow(&self, cells: &[Cell], discs: &[Cell], sectors: usize) -> Shape {
+    pub fn hollow(&self, cells: &[WallCell], discs: &[WallCell], sectors: usize) -> SolidShape {
         let mut shape = self.surface();
         for cell in discs {
             shape = shape.with_part(revolved(cell, self.segments));
@@ -118,11 +118,11 @@ impl Lathe {
             .sum()
     }
 
-    fn ring(&self, shape: &mut Shape, [r, z]: [f64; 2]) -> Ring {
+    fn ring(&self, shape: &mut SolidShape, [r, z]: [f64; 2]) -> LatheRing {
         if r <= 0.0 {
-            return Ring::Pole(shape.point(Point3::new(0.0, 0.0, z)));
+            return LatheRing::Pole(shape.point(Point3::new(0.0, 0.0, z)));
         }
-        Ring::Circle(
+        LatheRing::Circle(
             (0..self.segments)
                 .map(|j| {
                     let (sin, cos) = libm::sincos(TAU * j as f64 / self.segments as f64);
@@ -134,8 +134,8 @@ impl Lathe {
 
     fn band(
         &self,
-        shape: &mut Shape,
-        rings: [&Ring; 2],
+        shape: &mut SolidShape,
+        rings: [&LatheRing; 2],
         rz: [[f64; 2]; 2],
         v: [f64; 2],
         repeats: f64,
@@ -152,11 +152,11 @@ impl Lathe {
             };
             let at = |end: usize, step: usize| rings[end].index((j + step) % self.segments);
             match rings {
-                [Ring::Pole(_), Ring::Pole(_)] => {}
-                [Ring::Pole(_), _] => {
+                [LatheRing::Pole(_), LatheRing::Pole(_)] => {}
+                [LatheRing::Pole(_), _] => {
                     shape.triangle([at(0, 0), at(1, 1), at(1, 0)], [uv(0, 0.5), uv(1, 1.0), uv(1, 0.0)], mapping.slot);
                 }
-                [_, Ring::Pole(_)] => {
+                [_, LatheRing::Pole(_)] => {
                     shape.triangle([at(0, 0), at(0, 1), at(1, 0)], [uv(0, 0.0), uv(0, 1.0), uv(1, 0.5)], mapping.slot);
                 }
                 _ => shape.quad(
@@ -169,12 +169,12 @@ impl Lathe {
     }
 }
 
-enum Ring {
+enum LatheRing {
     Pole(u32),
     Circle(Vec<u32>),
 }
 
-impl Ring {
+impl LatheRing {
     fn index(&self, j: usize) -> u32 {
         match self {
             Self::Pole(index) => *index,

@@ -1,12 +1,12 @@
 //! Lofts over rings of points, and sections swept along curves.
 
-use super::{Point3, Shape, SlotMapping, Uv, Vector3};
+use super::{Point3, SlotMapping, SolidShape, Uv, Vector3};
 
 /// A closed loft over rings of equally many points. Every ring runs counter-clockwise seen from the next one's side.
 /// The ends are closed by fans around their centroids. Collision parts are the hulls of `per_part + 1` neighboring
 /// rings.
-pub fn loft(rings: &[Vec<Point3<f64>>], mapping: SlotMapping, per_part: usize) -> Shape {
-    let mut shape = Shape::default();
+pub fn loft(rings: &[Vec<Point3<f64>>], mapping: SlotMapping, per_part: usize) -> SolidShape {
+    let mut shape = SolidShape::default();
     let indices: Vec<Vec<u32>> = rings.iter().map(|ring| ring.iter().map(|&p| shape.point(p)).collect()).collect();
     let around = lengths(&rings[rings.len() / 2], true);
     let spine: Vec<Point3<f64>> = rings.iter().map(|ring| centroid(ring)).collect();
@@ -50,13 +50,13 @@ pub fn loft(rings: &[Vec<Point3<f64>>], mapping: SlotMapping, per_part: usize) -
 }
 
 /// A planar curve with a scale of the section at each of its points.
-pub struct Sweep {
+pub struct SweepPath {
     path: Vec<Point3<f64>>,
     scale: Vec<[f64; 2]>,
     normal: Vector3<f64>,
 }
 
-impl Sweep {
+impl SweepPath {
     /// Along a curve that lies in a plane with unit `normal`; a straight one takes any normal at right angles.
     pub fn along(path: &[Point3<f64>], normal: Vector3<f64>) -> Self {
         Self { path: path.to_vec(), scale: vec![[1.0; 2]; path.len()], normal }
@@ -72,7 +72,7 @@ impl Sweep {
 
 /// A section swept along a curve. The section's first coordinate lies in the curve's plane, to the right of `normal ×
 /// tangent`; its second along the plane's normal; it runs counter-clockwise.
-pub fn sweep(sweep: &Sweep, section: &[[f64; 2]], mapping: SlotMapping, per_part: usize) -> Shape {
+pub fn sweep(sweep: &SweepPath, section: &[[f64; 2]], mapping: SlotMapping, per_part: usize) -> SolidShape {
     let last = sweep.path.len() - 1;
     let rings: Vec<Vec<Point3<f64>>> = (0..=last)
         .map(|i| {

@@ -1,7 +1,7 @@
 //! Modeling of closed solids with exact collision parts.
 //!
-//! A [`Shape`] is a set of shared points and triangles that carry their own texture coordinates. Sharing points makes
-//! closed surfaces closed by construction; [`Shape::finish`] then splits vertices at texture seams and at creases.
+//! A [`SolidShape`] is a set of shared points and triangles that carry their own texture coordinates. Sharing points makes
+//! closed surfaces closed by construction; [`SolidShape::finish`] then splits vertices at texture seams and at creases.
 //!
 //! **Invariants.** Every primitive is a closed surface with outward normals; a shape of several is a union of
 //! closed surfaces. Collision parts are point sets whose hulls together cover the surface.
@@ -14,9 +14,9 @@ mod outline;
 
 pub use block::rounded_box;
 pub use extrude::{extrude, rounded_polygon, star};
-pub use lathe::{Cell, Lathe, revolved};
-pub use loft::{Sweep, loft, sweep};
-pub use outline::Outline;
+pub use lathe::{Lathe, WallCell, revolved};
+pub use loft::{SweepPath, loft, sweep};
+pub use outline::Profile;
 
 use std::collections::BTreeMap;
 use syntable_model::error::Result;
@@ -61,7 +61,7 @@ impl SlotMapping {
 }
 
 #[derive(Debug, Clone)]
-struct Face {
+struct ShapeFace {
     corners: [u32; 3],
     uv: [[f64; 2]; 3],
     slot: u16,
@@ -71,13 +71,13 @@ struct Face {
 
 /// A closed solid, or a union of closed solids, under construction. Meters.
 #[derive(Debug, Clone, Default)]
-pub struct Shape {
+pub struct SolidShape {
     points: Vec<Point3<f64>>,
-    faces: Vec<Face>,
+    faces: Vec<ShapeFace>,
     parts: Vec<Vec<Point3<f64>>>,
 }
 
-impl Shape {
+impl SolidShape {
     fn point(&mut self, p: Point3<f64>) -> u32 {
         self.points.push(p);
         (self.points.len() - 1) as u32
@@ -87,7 +87,7 @@ impl Shape {
     fn triangle(&mut self, corners: [u32; 3], uv: [[f64; 2]; 3], slot: u16) {
         let [a, b, c] = corners;
         if a != b && b != c && c != a {
-            self.faces.push(Face { corners, uv, slot, density: 1.0 });
+            self.faces.push(ShapeFace { corners, uv, slot, density: 1.0 });
         }
     }
 
@@ -119,7 +119,7 @@ impl Shape {
         let offset = self.points.len() as u32;
         self.points.extend(other.points);
         self.faces.extend(
-            other.faces.into_iter().map(|face| Face { corners: face.corners.map(|index| index + offset), ..face }),
+            other.faces.into_iter().map(|face| ShapeFace { corners: face.corners.map(|index| index + offset), ..face }),
         );
         self.parts.extend(other.parts);
         self
@@ -276,13 +276,13 @@ impl Shape {
     }
 
     /// Unit normal and area of a face.
-    fn normal(&self, face: &Face) -> (Vector3<f64>, f64) {
+    fn normal(&self, face: &ShapeFace) -> (Vector3<f64>, f64) {
         let [a, b, c] = face.corners.map(|index| self.points[index as usize]);
         let cross = (b - a).cross(&(c - a));
         (cross.try_normalize(1e-30).unwrap_or_else(Vector3::z), cross.norm() / 2.0)
     }
 
-    fn angle(&self, face: &Face, corner: usize) -> f64 {
+    fn angle(&self, face: &ShapeFace, corner: usize) -> f64 {
         let [a, b, c] = std::array::from_fn(|i| self.points[face.corners[(corner + i) % 3] as usize]);
         (b - a).angle(&(c - a))
     }
@@ -299,7 +299,7 @@ mod tests {
     use std::f64::consts::PI;
 
     /// Every directed edge has exactly one partner in the other direction.
-    fn assert_closed(shape: &Shape) {
+    fn assert_closed(shape: &SolidShape) {
         let mut edges: BTreeMap<(u32, u32), i32> = BTreeMap::new();
         for face in &shape.faces {
             for i in 0..3 {
@@ -311,7 +311,7 @@ mod tests {
         }
     }
 
-    fn check(name: &str, shape: &Shape, volume: f64, tolerance: f64) {
+    fn check(name: &str, shape: &SolidShape, volume: f64, tolerance: f64) {
         assert_closed(shape);
         let got = shape.volume();
         assert!((got / volume - 1.0).abs() < tolerance, "{name}: {got} instead of {volume}");
@@ -320,16 +320,16 @@ mod tests {
     #[test]
     fn primitives_are_closed_and_have_their_closed_form_volume() {
         let mapping = SlotMapping::fit(0);
-        let cylinder = Outline::at(0.0, 0.0).to(2.0, 0.0, mapping).to(2.0, 3.0, mapping).to(0.0, 3.0, mapping);
+        let cylinder = Profile::at(0.0, 0.0).to(2.0, 0.0, mapping).to(2.0, 3.0, mapping).to(0.0, 3.0, mapping);
         check("cylinder", &Lathe::new(&cylinder).segments(200).solid(), PI * 12.0, 1e-3);
         let ball: Vec<f64> = (0..=60).map(|i| PI * f64::from(i) / 60.0).collect();
         let ball = ball
             .iter()
             .skip(1)
-            .fold(Outline::at(0.0, -1.0), |o, a| o.to(if *a > PI - 1e-3 { 0.0 } else { a.sin() }, -a.cos(), mapping));
+            .fold(Profile::at(0.0, -1.0), |o, a| o.to(if *a > PI - 1e-3 { 0.0 } else { a.sin() }, -a.cos(), mapping));
         check("ball", &Lathe::new(&ball).segments(120).solid(), 4.0 / 3.0 * PI, 2e-3);
         let ring =
-            Outline::at(2.0, 0.0).to(3.0, 0.0, mapping).to(3.0, 1.0, mapping).to(2.0, 1.0, mapping).closed(mapping);
+            Profile::at(2.0, 0.0).to(3.0, 0.0, mapping).to(3.0, 1.0, mapping).to(2.0, 1.0, mapping).closed(mapping);
         check("ring", &Lathe::new(&ring).segments(200).solid(), PI * 5.0, 1e-3);
         check("box", &rounded_box([1.0, 2.0, 3.0], 0.01, 2, |_| SlotMapping::fit(0)), 6.0, 2e-3);
         // Minkowski sum of a box and a ball: abc + 2r(ab+bc+ca) + πr²(a+b+c) + 4πr³/3.
@@ -341,14 +341,14 @@ mod tests {
         // The bevel's section takes 0.3·b·b + 0.3·0.7·b·b/2 + … off every edge; small against the whole.
         check("beveled L", &extrude(&l, [0.0, 0.5], 0.01, mapping, mapping), 2.0, 2e-3);
         let square = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]];
-        let bar = Sweep::along(&[Point3::origin(), Point3::new(3.0, 0.0, 0.0)], Vector3::y());
+        let bar = SweepPath::along(&[Point3::origin(), Point3::new(3.0, 0.0, 0.0)], Vector3::y());
         check("bar", &sweep(&bar, &square, mapping, 1), 12.0, 1e-12);
         // Pappus: a swept section has the volume area × length of the centroid's path.
         let arc: Vec<_> = (0..=90)
             .map(|i| f64::from(i).to_radians())
             .map(|a| Point3::new(5.0 * a.cos(), 0.0, 5.0 * a.sin()))
             .collect();
-        check("arc", &sweep(&Sweep::along(&arc, Vector3::y()), &square, mapping, 10), 4.0 * 5.0 * PI / 2.0, 1e-3);
+        check("arc", &sweep(&SweepPath::along(&arc, Vector3::y()), &square, mapping, 10), 4.0 * 5.0 * PI / 2.0, 1e-3);
     }
 
     #[test]

@@ -5,13 +5,13 @@ use super::SlotMapping;
 /// A line of (radius, height) nodes, meters. Seen with the radius to the right it runs counter-clockwise around the
 /// solid: outwards along the bottom, up, and back to the axis.
 #[derive(Debug, Clone)]
-pub struct Outline {
-    nodes: Vec<Node>,
+pub struct Profile {
+    nodes: Vec<ProfileNode>,
     closed: bool,
 }
 
 #[derive(Debug, Clone, Copy)]
-struct Node {
+struct ProfileNode {
     at: [f64; 2],
     /// Radius of the arc that replaces the corner.
     round: f64,
@@ -22,15 +22,15 @@ struct Node {
 /// Degrees of arc per segment of a rounded corner.
 const STEP_DEG: f64 = 22.5;
 
-impl Outline {
+impl Profile {
     /// Starts at a node.
     pub fn at(r: f64, z: f64) -> Self {
-        Self { nodes: vec![Node { at: [r, z], round: 0.0, mapping: SlotMapping::fit(0) }], closed: false }
+        Self { nodes: vec![ProfileNode { at: [r, z], round: 0.0, mapping: SlotMapping::fit(0) }], closed: false }
     }
 
     /// A straight segment.
     pub fn to(mut self, r: f64, z: f64, mapping: SlotMapping) -> Self {
-        self.nodes.push(Node { at: [r, z], round: 0.0, mapping });
+        self.nodes.push(ProfileNode { at: [r, z], round: 0.0, mapping });
         self
     }
 
@@ -52,7 +52,7 @@ impl Outline {
                 s * s * s * start[k] + 3.0 * s * s * t * c1[k] + 3.0 * s * t * t * c2[k] + t * t * t * end[k]
             });
             // The end exactly, so that it can lie on the axis.
-            self.nodes.push(Node { at: if i == steps { end } else { at }, round: 0.0, mapping });
+            self.nodes.push(ProfileNode { at: if i == steps { end } else { at }, round: 0.0, mapping });
         }
         self
     }
@@ -128,7 +128,7 @@ mod tests {
     #[test]
     fn a_rounded_corner_is_an_arc_that_touches_both_sides() {
         let mapping = SlotMapping::fit(0);
-        let outline = Outline::at(0.0, 0.0).to(2.0, 0.0, mapping).round(0.5).to(2.0, 2.0, mapping);
+        let outline = Profile::at(0.0, 0.0).to(2.0, 0.0, mapping).round(0.5).to(2.0, 2.0, mapping);
         let points: Vec<[f64; 2]> = outline.points().into_iter().map(|(p, _)| p).collect();
         assert_eq!((points[0], *points.last().expect("points")), ([0.0, 0.0], [2.0, 2.0]));
         for p in &points[1..points.len() - 1] {

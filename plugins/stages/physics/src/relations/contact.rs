@@ -1,6 +1,6 @@
 //! Points at which bodies touch.
 
-use super::solid::{Part, Solid};
+use super::solid::{Solid, SolidPart};
 use crate::units;
 use parry3d::bounding_volume::BoundingVolume;
 use parry3d::math::Vector;
@@ -20,12 +20,12 @@ pub struct Contact {
     pub solids: [usize; 2],
     /// Friction coefficient between them.
     pub friction: f64,
-    /// Where they touch; at least one.
-    pub points: Vec<Point>,
+    /// Points of contact; at least one.
+    pub points: Vec<ContactPoint>,
 }
 
 /// A point at which two solids touch.
-pub struct Point {
+pub struct ContactPoint {
     /// Halfway between the surfaces, world, meters.
     pub at: Point3<f64>,
     /// Unit vector from the first to the second.
@@ -34,8 +34,8 @@ pub struct Point {
     pub gap_m: f64,
 }
 
-impl Point {
-    /// Whether another part touches at the same point, as where parts meet.
+impl ContactPoint {
+    /// Whether another part touches at the same point, such as where two parts meet.
     fn is_same_as(&self, other: &Self) -> bool {
         (self.at - other.at).norm() < SAME_POINT_M && self.normal.dot(&other.normal) > SAME_NORMAL_COS
     }
@@ -54,8 +54,8 @@ impl Contact {
     }
 }
 
-/// All contacts of solids that can move, ascending by ids. The ground counts where a body touches no other part of the
-/// scene that is fixed.
+/// All contacts of movable solids, ascending by ids. The ground is included where a body touches no fixed part of the
+/// scene.
 pub fn contacts(solids: &[Solid], margin_m: f64) -> Vec<Contact> {
     // The ground has the lowest id, and is the last solid.
     let mut order: Vec<usize> = (0..solids.len()).collect();
@@ -100,7 +100,7 @@ fn contact(pair: [usize; 2], solids: &[Solid], margin_m: f64) -> Option<Contact>
     (!points.is_empty()).then_some(Contact { solids: pair, friction, points })
 }
 
-fn add_points(first: &Part, second: &Part, margin: f32, points: &mut Vec<Point>) {
+fn add_points(first: &SolidPart, second: &SolidPart, margin: f32, points: &mut Vec<ContactPoint>) {
     let dispatcher = PolyhedronContacts { units_per_meter: units::PER_METER }.chain(DefaultQueryDispatcher);
     let mut manifolds: Vec<ContactManifold<(), ()>> = Vec::new();
     let pos12 = first.pose.inv_mul(&second.pose);
@@ -113,7 +113,7 @@ fn add_points(first: &Part, second: &Part, margin: f32, points: &mut Vec<Point>)
         for point in manifold.points.iter().filter(|point| point.dist <= margin) {
             let at = frame * point.local_p1 + normal * (point.dist / 2.0);
             let at = at.to_array().map(units::meters).into();
-            let point = Point { at, normal: unit(normal), gap_m: units::meters(point.dist) };
+            let point = ContactPoint { at, normal: unit(normal), gap_m: units::meters(point.dist) };
             match points.iter_mut().find(|other| other.is_same_as(&point)) {
                 Some(other) => other.gap_m = other.gap_m.min(point.gap_m),
                 None => points.push(point),

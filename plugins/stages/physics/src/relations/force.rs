@@ -35,11 +35,11 @@ pub struct Moving {
 }
 
 impl Moving {
-    /// The body of a solid; none if it is fixed or has no shape.
+    /// The body of a solid; `None` if it is fixed or has no shape.
     pub fn of(solid: &Solid, scene: &Scene) -> Option<Self> {
         let body = scene.body(solid.id).filter(|_| solid.is_dynamic && !solid.parts.is_empty())?;
         let rotation = body.world_from_body.rotation.to_rotation_matrix();
-        // A body that only stands there need not have a mass.
+        // A fixed body may have no mass.
         let kg = if body.mass.is_sound() { body.mass.kg } else { 1.0 };
         let bounds = body.object.mesh.bounds();
         let (center, specific) = if body.mass.is_sound() {
@@ -59,7 +59,7 @@ impl Moving {
     }
 }
 
-/// Forces at points of contact, and what they leave of gravity.
+/// Contact forces, and the remaining acceleration by gravity.
 pub struct Forces {
     /// For each contact, the forces of the first solid on the second at its points.
     pub of_points: Vec<Vec<Force>>,
@@ -75,24 +75,24 @@ struct Acceleration {
 }
 
 /// A row of the problem: a point, and one direction at it.
-struct Row {
+struct ForceRow {
     direction: Vector3<f64>,
     /// Acceleration along the direction per force.
     response: f64,
 }
 
 /// A point with its three rows: normal and two tangents.
-struct Problem {
+struct ContactProblem {
     solids: [usize; 2],
     arms: [Vector3<f64>; 2],
-    rows: [Row; 3],
+    rows: [ForceRow; 3],
     friction: f64,
     /// Force along each row.
     force: [f64; 3],
 }
 
 impl Forces {
-    /// Solves for the forces between solids, of which those that are `moving` can accelerate.
+    /// Solves for the forces between solids. Only `moving` solids can accelerate.
     pub fn new(moving: &[Option<Moving>], contacts: &[Contact]) -> Self {
         let mut accelerations: Vec<Acceleration> = moving
             .iter()
@@ -101,10 +101,10 @@ impl Forces {
                 angular: Vector3::zeros(),
             })
             .collect();
-        let mut problems: Vec<Problem> = contacts
+        let mut problems: Vec<ContactProblem> = contacts
             .iter()
             .flat_map(|contact| {
-                contact.points.iter().map(|point| Problem::new(contact, point.at, point.normal, moving))
+                contact.points.iter().map(|point| ContactProblem::new(contact, point.at, point.normal, moving))
             })
             .collect();
         let lightest = moving.iter().flatten().map(Moving::weight_n).fold(f64::INFINITY, f64::min);
@@ -114,7 +114,7 @@ impl Forces {
                 break;
             }
         }
-        let mut solved = problems.iter().map(Problem::force);
+        let mut solved = problems.iter().map(ContactProblem::force);
         let of_points = contacts.iter().map(|contact| solved.by_ref().take(contact.points.len()).collect()).collect();
         let largest = |(body, of): (&Option<Moving>, &Acceleration)| {
             let reach = body.as_ref().map_or(0.0, |body| body.reach_m);
@@ -124,12 +124,12 @@ impl Forces {
     }
 }
 
-impl Problem {
+impl ContactProblem {
     fn new(contact: &Contact, at: Point3<f64>, normal: Vector3<f64>, moving: &[Option<Moving>]) -> Self {
         let arms = contact.solids.map(|index| moving[index].as_ref().map_or(Vector3::zeros(), |body| at - body.center));
         let least = normal.iamin();
         let tangent = normal.cross(&Vector3::ith(least, 1.0)).normalize();
-        let row = |direction: Vector3<f64>| Row {
+        let row = |direction: Vector3<f64>| ForceRow {
             direction,
             response: (0..2)
                 .filter_map(|side| {
@@ -157,7 +157,7 @@ impl Problem {
     fn solve(&mut self, moving: &[Option<Moving>], accelerations: &mut [Acceleration]) -> f64 {
         let wanted = self.wanted(accelerations, 0).max(0.0);
         let mut change = self.set(0, wanted, moving, accelerations);
-        // Both tangents at once, so that friction has the same bound in all directions.
+        // Both tangents at once, so that the bound of friction is the same in all directions.
         let tangential = [1, 2].map(|row| self.wanted(accelerations, row));
         let norm = (tangential[0] * tangential[0] + tangential[1] * tangential[1]).sqrt();
         let bound = self.friction * self.force[0];
@@ -174,7 +174,7 @@ impl Problem {
             let Acceleration { linear, angular } = accelerations[self.solids[side]];
             linear + angular.cross(&self.arms[side])
         };
-        let Row { direction, response } = &self.rows[row];
+        let ForceRow { direction, response } = &self.rows[row];
         if *response > 0.0 { self.force[row] - (of(1) - of(0)).dot(direction) / response } else { 0.0 }
     }
 

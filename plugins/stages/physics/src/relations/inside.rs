@@ -1,7 +1,7 @@
-//! What lies in what.
+//! Containment: objects inside others.
 
 use super::solid::Solid;
-use super::support::Support;
+use super::support::SupportRelation;
 use crate::units;
 use parry3d::math::Vector;
 use serde::Serialize;
@@ -12,20 +12,20 @@ use syntable_model::scene::{Role, Scene};
 /// An object is in a container that holds at least this fraction of its volume.
 const MIN_FRACTION: f64 = 0.5;
 
-/// Points of a tetrahedron that stand for a quarter of its volume each: weight of the nearest corner, and of the others.
-/// The points of the rule of degree 2 (Hammer and Stroud, 1956).
+/// Points of a tetrahedron that represent a quarter of its volume each: weight of the nearest corner, and weight of the
+/// others. These are the points of the rule of degree 2 (Hammer and Stroud, 1956).
 const QUARTERS: [f32; 2] = [0.585_410_2, 0.138_196_6];
 
 /// An entry of the product `inside`.
 #[derive(Serialize)]
-pub struct Inside {
+pub struct InsideEntry {
     id: u16,
     container: u16,
     fraction: f64,
 }
 
 /// Objects and distractors in a body that carries them.
-pub fn inside(scene: &Scene, solids: &[Solid], support: &Support) -> Vec<Inside> {
+pub fn inside(scene: &Scene, solids: &[Solid], support: &SupportRelation) -> Vec<InsideEntry> {
     let mut found = Vec::new();
     let can_hold = |index: &usize| scene.body(solids[*index].id).is_some_and(|body| body.role != Role::Room);
     for container in (0..solids.len()).filter(can_hold) {
@@ -37,7 +37,7 @@ pub fn inside(scene: &Scene, solids: &[Solid], support: &Support) -> Vec<Inside>
         for object in carried {
             let fraction = hull.fraction_of(&solids[object]);
             if fraction >= MIN_FRACTION {
-                found.push(Inside { id: solids[object].id.0, container: solids[container].id.0, fraction });
+                found.push(InsideEntry { id: solids[object].id.0, container: solids[container].id.0, fraction });
             }
         }
     }
@@ -58,8 +58,8 @@ impl Hull {
         Some(Self { hull, body_from_world: body.world_from_body.inverse() })
     }
 
-    /// The fraction of a solid's volume that is within: each convex part is cut into tetrahedra about its middle, and each
-    /// tetrahedron counts by the quarters that are within.
+    /// The fraction of a solid's volume inside: each convex part is cut into tetrahedra about its center, and each
+    /// tetrahedron contributes the quarters whose points are inside.
     fn fraction_of(&self, solid: &Solid) -> f64 {
         let (mut within, mut all) = (0.0, 0.0);
         for part in &solid.parts {

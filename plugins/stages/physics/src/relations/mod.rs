@@ -1,4 +1,4 @@
-//! How the bodies of a scene are related: who touches, carries and holds whom.
+//! Relations between the bodies of a scene: contact, support, containment.
 
 mod contact;
 mod force;
@@ -11,44 +11,47 @@ use crate::rapier::{Collision, Rapier};
 use contact::Contact;
 use force::{Forces, Moving};
 use solid::Solid;
-use support::Support;
+use support::SupportRelation;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{CONTACTS, INSIDE, REMOVAL_ORDER, SUPPORT_GRAPH};
 
-/// Contacts, support, containers and a safe order of removal, from the poses of the scene as it is rendered: whether it
-/// settled now, in an earlier run, or not at all. Shapes are those of the simulation. Ids are those of `instance`; 0 is the
-/// ground, the level z = 0, where a body touches it and no floor.
+/// Contacts, support, containers and a safe order of removal, from the poses of the rendered scene, whether it settled
+/// now, in an earlier run, or not at all. Shapes are the shapes of the simulation. Ids are those of `instance`; 0 is
+/// the ground, the level z = 0, where a body touches it and no floor.
 ///
-/// Forces are those of the first instant: bodies at rest under gravity (9.81 m/s²) with Coulomb friction and no adhesion,
-/// where nothing moves into another. A body that they do not hold has an `acceleration_m_s2`. Where more points touch than
-/// equilibrium decides, such as under a chair with four legs, their shares are one of many solutions.
+/// Forces are forces at the first instant: bodies at rest under gravity (9.81 m/s²) with Coulomb friction and without
+/// adhesion, where no body moves into another. A body that these forces do not hold has an `acceleration_m_s2`. If a
+/// body has more contact points than equilibrium determines, such as a chair with four legs, the distribution of force
+/// is one of many solutions.
 ///
-/// `contacts` lists pairs of bodies, at least one of which can move, whose shapes are at most `margin_m` apart: `ids`, the
-/// lower one first; `gap_m`, negative where they overlap; `normal_world` from the first to the second, the mean of those of
-/// the points; `force_world_n` that the first exerts on the second; and the `points`, at most four per pair of convex parts,
-/// each with `point_world_m`, `normal_world`, `gap_m` and `force_world_n`.
+/// `contacts` lists pairs of bodies, at least one of them movable, whose shapes are at most `margin_m` apart. Each pair
+/// has `ids`, the lower one first; `gap_m`, negative for overlaps; `normal_world` from the first to the second body,
+/// the mean over the points; `force_world_n`, the force of the first on the second body; and `points`, at most four per
+/// pair of convex parts, each with `point_world_m`, `normal_world`, `gap_m` and `force_world_n`.
 ///
-/// `support_graph` says who carries whom, by these forces: an edge from `supporter` to `supported` where the force between
-/// them has an upward part, `force_n`, of at least 1 % of the weight of the supported body; `share` is that part over this
-/// weight, above 1 where it carries others. `roots` are the fixed bodies that carry something, `cycles` sets of bodies that
-/// carry each other, `floating` those that nothing carries, and `moving` those that would start to move, with their
-/// acceleration: that of the center of mass or of the farthest corner, whichever is larger, above 0.5 m/s².
+/// `support_graph` follows from these forces. An edge from `supporter` to `supported` means that the force between them
+/// has an upward part, `force_n`, of at least 1 % of the weight of the supported body; `share` is the ratio of this
+/// part to the weight, above 1 if the body carries others. `roots` are the fixed bodies that carry a body, `cycles`
+/// sets of bodies that carry each other, `floating` the bodies without support, and `moving` the bodies that would
+/// start to move, with their acceleration: of the center of mass or of the farthest corner, whichever is larger, above
+/// 0.5 m/s².
 ///
-/// `inside` lists objects `id` of whose volume at least half, `fraction`, is within the convex hull of a `container` that
-/// carries them, directly or through others: a spoon in a mug, not a book on a box.
+/// `inside` lists objects: at least half of the volume of object `id`, `fraction`, is within the convex hull of a
+/// `container` that carries it, directly or through others. A spoon in a mug is listed, a book on a box is not.
 ///
-/// `removal_order` has an `order` of all objects and distractors in which none is taken away while it carries another one
-/// that is still there; of several that can go, the higher comes first, by the center of its box, then the lower id. In a
-/// cycle the one goes that carries fewest of those still there; `forced` lists these with what they `carry` then.
+/// `removal_order` has an `order` of all objects and distractors, in which no body is removed while it carries a
+/// remaining one. If several bodies can go, the highest goes first, by the center of its box, then the lowest id. In a
+/// cycle, the body goes that carries the fewest remaining ones; `forced` lists these bodies with the bodies that they
+/// `carry` then.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Relations {
-    /// Largest distance of two shapes that touch, meters.
+    /// Maximum distance of two touching shapes, meters.
     #[schemars(range(min = 0.0, max = 0.02))]
     margin_m: f64,
-    /// Collision shape of objects and supports: that of `settle`.
+    /// Collision shape of objects and supports. Should equal the option of `settle`.
     collision: Collision,
-    /// How far convex parts may be from the mesh in its hollows, meters: that of `settle`.
+    /// Maximum distance of convex parts from the mesh in its hollows, meters. Should equal the option of `settle`.
     #[schemars(range(min = 0.001, max = 1.0))]
     max_deviation_m: f64,
 }
@@ -94,7 +97,7 @@ impl SceneAnnotator for Relate {
         let contacts = contact::contacts(&solids, self.margin_m);
         let moving: Vec<Option<Moving>> = solids.iter().map(|solid| Moving::of(solid, scene)).collect();
         let forces = Forces::new(&moving, &contacts);
-        let support = Support::new(&solids, &moving, &contacts, &forces);
+        let support = SupportRelation::new(&solids, &moving, &contacts, &forces);
         let records = contacts.iter().zip(&forces.of_points);
         let records = records.map(|(contact, forces)| Value::of(&ContactView::new(contact, forces, &solids)));
         products.put(CONTACTS, Value::List(records.collect::<Result<_>>()?))?;

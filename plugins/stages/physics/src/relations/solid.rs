@@ -16,7 +16,7 @@ use syntable_model::scene::{Body, InstanceId, Object, Role, Scene, Support};
 
 /// A body, or the ground.
 pub struct Solid {
-    /// Its id; that of the background for the ground.
+    /// Id of the body; the background's id for the ground.
     pub id: InstanceId,
     /// Whether forces move it.
     pub is_dynamic: bool,
@@ -27,13 +27,13 @@ pub struct Solid {
     /// Coulomb friction coefficient.
     pub friction: f64,
     /// Its parts in the world.
-    pub parts: Vec<Part>,
-    /// Box around the parts, engine units; none without parts.
+    pub parts: Vec<SolidPart>,
+    /// Bounding box of the parts, engine units; `None` without parts.
     pub bounds: Option<Aabb>,
 }
 
 /// A part of a solid.
-pub struct Part {
+pub struct SolidPart {
     /// Pose in the world, engine units.
     pub pose: EnginePose,
     /// Its shape, engine units: convex, a half-space or a mesh.
@@ -42,7 +42,7 @@ pub struct Part {
     pub bounds: Aabb,
 }
 
-impl Part {
+impl SolidPart {
     fn new(pose: EnginePose, shape: SharedShape) -> Self {
         let bounds = shape.compute_aabb(&pose);
         Self { pose, shape, bounds }
@@ -54,7 +54,7 @@ impl Part {
 }
 
 impl Solid {
-    fn new(body: &Body, parts: Vec<Part>) -> Self {
+    fn new(body: &Body, parts: Vec<SolidPart>) -> Self {
         Self {
             id: body.id,
             is_dynamic: is_dynamic(body),
@@ -69,7 +69,7 @@ impl Solid {
     fn ground() -> Self {
         let ground = static_body::ground(0.0);
         let friction = ground.friction.into();
-        let parts = Part::of(ground);
+        let parts = SolidPart::of(ground);
         Self {
             id: InstanceId::BACKGROUND,
             is_dynamic: false,
@@ -82,12 +82,12 @@ impl Solid {
     }
 }
 
-fn bounds(parts: &[Part]) -> Option<Aabb> {
+fn bounds(parts: &[SolidPart]) -> Option<Aabb> {
     parts.iter().map(|part| part.bounds).reduce(|one, other| one.merged(&other))
 }
 
-/// All bodies of a scene in the order of their ids, then the ground. One of whose mesh no shape can be made has no parts;
-/// the log is told.
+/// All bodies of a scene in the order of their ids, then the ground. A body whose mesh allows no collision shape has no
+/// parts, and causes a warning.
 pub fn solids(cx: &SceneContext, scene: &Scene, shapes: &HullCache) -> Vec<Solid> {
     let supports = &scene.supports;
     let is_room = |body: &Body| body.role == Role::Room && !is_dynamic(body);
@@ -100,7 +100,7 @@ pub fn solids(cx: &SceneContext, scene: &Scene, shapes: &HullCache) -> Vec<Solid
     let mut solids = Vec::with_capacity(scene.bodies().len() + 1);
     for body in scene.bodies() {
         let parts = if is_room(body) {
-            static_body::room_part(body, &inside).map_or(Vec::new(), Part::of)
+            static_body::room_part(body, &inside).map_or(Vec::new(), SolidPart::of)
         } else {
             parts(body, found.next(), &|shape| static_body::support(body, shape, supports, &surface), cx)
         };
@@ -110,7 +110,7 @@ pub fn solids(cx: &SceneContext, scene: &Scene, shapes: &HullCache) -> Vec<Solid
     solids
 }
 
-/// Where objects are: no wall is between them and the supports.
+/// Positions of objects, which no wall separates from the supports.
 fn inside_of_room(scene: &Scene) -> Vec<Point3<f64>> {
     let dynamic = scene.bodies().iter().filter(|body| is_dynamic(body));
     dynamic.map(|body| body.world_bounds().center()).chain(scene.supports.iter().map(Support::center)).collect()
@@ -121,12 +121,12 @@ fn parts(
     shape: Option<Result<Arc<CollisionShape>>>,
     fixed: &dyn Fn(&CollisionShape) -> Vec<StaticBody>,
     cx: &SceneContext,
-) -> Vec<Part> {
+) -> Vec<SolidPart> {
     match shape {
-        Some(Ok(shape)) if !is_dynamic(body) => fixed(&shape).into_iter().flat_map(Part::of).collect(),
+        Some(Ok(shape)) if !is_dynamic(body) => fixed(&shape).into_iter().flat_map(SolidPart::of).collect(),
         Some(Ok(shape)) => {
             let pose = units::pose(&body.world_from_body);
-            shape.parts.iter().map(|part| Part::new(pose, part.clone())).collect()
+            shape.parts.iter().map(|part| SolidPart::new(pose, part.clone())).collect()
         }
         Some(Err(error)) => {
             cx.log.warn(&error.context(body.asset.to_string()));

@@ -1,4 +1,4 @@
-//! Who carries whom.
+//! Support: which body carries which.
 
 use super::contact::Contact;
 use super::force::{Force, Forces, Moving};
@@ -11,18 +11,18 @@ const MIN_SHARE: f64 = 0.01;
 /// A body that accelerates more is not at rest, m/s².
 const MOVING_M_S2: f64 = 0.5;
 
-/// Who carries whom in a scene, by indices of solids.
-pub struct Support {
+/// Support in a scene, by indices of solids.
+pub struct SupportRelation {
     /// Supporter, supported, and the upward force, N.
     edges: Vec<(usize, usize, f64)>,
-    /// Whether a path of edges leads from the solid of a row to that of a column.
+    /// Whether a path of edges leads from the solid of a row to the solid of a column.
     path: Vec<bool>,
     solids: usize,
 }
 
 /// The product `support_graph`.
 #[derive(Serialize)]
-pub struct GraphView {
+pub struct SupportGraphView {
     edges: Vec<EdgeView>,
     roots: Vec<u16>,
     cycles: Vec<Vec<u16>>,
@@ -60,7 +60,7 @@ struct ForcedView {
     carries: Vec<u16>,
 }
 
-impl Support {
+impl SupportRelation {
     /// By the forces between solids.
     pub fn new(solids: &[Solid], moving: &[Option<Moving>], contacts: &[Contact], forces: &Forces) -> Self {
         let edge = |(contact, forces): (&Contact, &Vec<Force>)| {
@@ -75,7 +75,7 @@ impl Support {
         let n = solids.len();
         let mut path = vec![false; n * n];
         edges.iter().for_each(|&(supporter, supported, _)| path[supporter * n + supported] = true);
-        // Warshall's closure: paths whose inner nodes are at most `via`.
+        // Warshall's closure: paths with inner nodes up to `via`.
         for via in 0..n {
             for from in (0..n).filter(|&from| from != via) {
                 if path[from * n + via] {
@@ -92,7 +92,7 @@ impl Support {
     }
 
     /// The graph with ids.
-    pub fn graph(&self, solids: &[Solid], moving: &[Option<Moving>], forces: &Forces) -> GraphView {
+    pub fn graph(&self, solids: &[Solid], moving: &[Option<Moving>], forces: &Forces) -> SupportGraphView {
         let id = |index: usize| solids[index].id.0;
         let is_fixed = |index: &usize| moving[*index].is_none();
         let mut roots: Vec<u16> = self.edges.iter().map(|edge| edge.0).filter(is_fixed).map(id).collect();
@@ -102,7 +102,7 @@ impl Support {
         let is_carried = |body: usize| self.edges.iter().any(|edge| edge.1 == body);
         let share =
             |supported: usize, force: f64| moving[supported].as_ref().map_or(0.0, |body| force / body.weight_n());
-        GraphView {
+        SupportGraphView {
             edges: (self.edges.iter())
                 .map(|&(supporter, supported, force_n)| EdgeView {
                     supporter: id(supporter),

@@ -309,12 +309,12 @@ fn build<C: Config>(options: &str) -> Box<dyn Settler> {
 
 /// A cache in memory that counts its hits.
 #[derive(Default)]
-pub struct Memory {
+pub struct MemoryCache {
     pub entries: Mutex<BTreeMap<(String, Digest), Vec<u8>>>,
     pub hits: Mutex<usize>,
 }
 
-impl Cache for Memory {
+impl Cache for MemoryCache {
     fn get(&self, purpose: &str, key: Digest) -> Option<Vec<u8>> {
         let found = self.entries.lock().expect("a lock").get(&(purpose.to_owned(), key)).cloned();
         *self.hits.lock().expect("a lock") += usize::from(found.is_some());

@@ -31,9 +31,9 @@ fn refused(kind: &str, options: &str) -> String {
 }
 
 /// Boxes named by their edges in millimeters, off center, and materials named by number.
-struct Pools(BTreeMap<&'static str, Vec<CatalogEntry>>);
+struct TestPools(BTreeMap<&'static str, Vec<CatalogEntry>>);
 
-impl Pools {
+impl TestPools {
     fn new() -> Self {
         let entries = |names: &[&str]| names.iter().map(|name| CatalogEntry::new(*name, "box")).collect();
         Self(BTreeMap::from([
@@ -45,7 +45,7 @@ impl Pools {
     }
 }
 
-impl Assets for Pools {
+impl Assets for TestPools {
     fn entries(&self, pool: &str) -> Result<&[CatalogEntry]> {
         self.0.get(pool).map(Vec::as_slice).ok_or_else(|| Error::new(format!("no pool {pool}")))
     }
@@ -85,7 +85,7 @@ impl Assets for Pools {
 }
 
 fn place(placers: &[&dyn Placer], seed: u64) -> Result<(SceneBuilder, Vec<Error>)> {
-    let pools = Pools::new();
+    let pools = TestPools::new();
     let log = Collected::default();
     let mut scene = SceneBuilder::default();
     for (i, placer) in (0..).zip(placers) {

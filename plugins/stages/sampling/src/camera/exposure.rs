@@ -19,7 +19,7 @@ impl Default for ExposureOption {
 
 #[derive(Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
-enum Tagged {
+enum TaggedExposure {
     Auto(Auto),
     Ev100(f64),
 }
@@ -35,21 +35,21 @@ impl Serialize for ExposureOption {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         match self.0 {
             Exposure::Auto { compensation_ev: 0.0 } => serializer.serialize_str("auto"),
-            Exposure::Auto { compensation_ev } => Tagged::Auto(Auto { compensation_ev }).serialize(serializer),
-            Exposure::Fixed { ev100 } => Tagged::Ev100(ev100).serialize(serializer),
+            Exposure::Auto { compensation_ev } => TaggedExposure::Auto(Auto { compensation_ev }).serialize(serializer),
+            Exposure::Fixed { ev100 } => TaggedExposure::Ev100(ev100).serialize(serializer),
         }
     }
 }
 
 impl<'de> Deserialize<'de> for ExposureOption {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        deserializer.deserialize_any(TextOrTable)
+        deserializer.deserialize_any(ExposureVisitor)
     }
 }
 
-struct TextOrTable;
+struct ExposureVisitor;
 
-impl<'de> Visitor<'de> for TextOrTable {
+impl<'de> Visitor<'de> for ExposureVisitor {
     type Value = ExposureOption;
 
     fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -64,10 +64,10 @@ impl<'de> Visitor<'de> for TextOrTable {
     }
 
     fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<ExposureOption, A::Error> {
-        let tagged = Tagged::deserialize(serde::de::value::MapAccessDeserializer::new(map))?;
+        let tagged = TaggedExposure::deserialize(serde::de::value::MapAccessDeserializer::new(map))?;
         Ok(ExposureOption(match tagged {
-            Tagged::Auto(Auto { compensation_ev }) => Exposure::Auto { compensation_ev },
-            Tagged::Ev100(ev100) => Exposure::Fixed { ev100 },
+            TaggedExposure::Auto(Auto { compensation_ev }) => Exposure::Auto { compensation_ev },
+            TaggedExposure::Ev100(ev100) => Exposure::Fixed { ev100 },
         }))
     }
 }

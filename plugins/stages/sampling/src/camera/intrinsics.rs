@@ -1,4 +1,4 @@
-//! Intrinsics of the pinhole camera, given in one of three ways.
+//! Intrinsics of the pinhole camera, in one of three forms.
 
 use crate::camera::lens::FocalLength;
 use schemars::JsonSchema;
@@ -74,7 +74,7 @@ impl IntrinsicsOption {
         }
     }
 
-    /// The focal length in millimeters, where the intrinsics have one.
+    /// The focal length in millimeters, if the intrinsics state one.
     pub fn focal_length(self) -> FocalLength {
         match self {
             Self::Physical(camera) => FocalLength::Physical(camera.focal_length_mm),

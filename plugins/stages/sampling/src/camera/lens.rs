@@ -88,7 +88,7 @@ enum Focus {
     /// Center of the support.
     #[default]
     Tabletop,
-    /// Center of the nearest object in the image; of the support if there is none.
+    /// Center of the nearest object in the image, or of the support without an object.
     NearestObject,
     /// Distance along the optical axis, meters, sampled per view, from 0.001 to 1,000,000.
     DistanceM(#[schemars(extend("minimum" = DISTANCE_M[0], "maximum" = DISTANCE_M[1]))] Dist),
@@ -96,23 +96,23 @@ enum Focus {
 
 /// A lens with a known focal length.
 #[derive(Debug)]
-pub struct Lens {
+pub struct FocusedLens {
     options: LensOptions,
     focal_length_m: f64,
 }
 
-/// The focal length that the intrinsics give, millimeters.
+/// The focal length according to the intrinsics, millimeters.
 #[derive(Debug, Clone, Copy)]
 pub enum FocalLength {
-    /// That of `intrinsics.physical`.
+    /// The focal length of `intrinsics.physical`.
     Physical(f64),
-    /// The intrinsics, of this form, give angles only.
+    /// Intrinsics of this form state angles only.
     Unknown(&'static str),
 }
 
 impl LensOptions {
     /// The lens for a camera.
-    pub fn lens(self, camera: FocalLength) -> Result<Lens, ConfigError> {
+    pub fn lens(self, camera: FocalLength) -> Result<FocusedLens, ConfigError> {
         self.f_number.within("lens.f_number", F_NUMBER[0], F_NUMBER[1])?;
         if let Focus::DistanceM(distance) = &self.focus {
             distance.within("lens.focus.distance_m", DISTANCE_M[0], DISTANCE_M[1])?;
@@ -128,11 +128,11 @@ impl LensOptions {
                 return Err(ConfigError::new("lens", message).help("add focal_length_mm to `lens`"));
             }
         };
-        Ok(Lens { options: self, focal_length_m: millimeters / 1e3 })
+        Ok(FocusedLens { options: self, focal_length_m: millimeters / 1e3 })
     }
 }
 
-impl Lens {
+impl FocusedLens {
     /// The lens in focus for a view. `camera` has everything but the lens.
     pub fn focused(&self, scene: &Scene, camera: &Camera, context: &Context) -> Result<ThinLens> {
         let support = || Ok(depth(camera, scene.support(self.options.support.as_ref())?.center()));

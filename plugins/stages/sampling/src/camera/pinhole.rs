@@ -2,7 +2,7 @@
 
 use crate::camera::exposure::ExposureOption;
 use crate::camera::intrinsics::IntrinsicsOption;
-use crate::camera::lens::{DistortionOptions, Lens, LensOptions};
+use crate::camera::lens::{DistortionOptions, FocusedLens, LensOptions};
 use syntable_model::geometry::Pose;
 use syntable_model::prelude::*;
 use syntable_model::scene::{Camera, Distortion, Exposure, Intrinsics, Optics};
@@ -60,19 +60,19 @@ impl Config for Pinhole {
         let intrinsics = self.intrinsics.intrinsics(self.resolution);
         let distortion = self.distortion.map(|options| options.distortion(intrinsics)).transpose()?;
         let lens = self.lens.map(|lens| lens.lens(self.intrinsics.focal_length())).transpose()?;
-        Ok(Box::new(Model { intrinsics, distortion, lens, exposure: self.exposure.0 }))
+        Ok(Box::new(PinholeModel { intrinsics, distortion, lens, exposure: self.exposure.0 }))
     }
 }
 register!(Pinhole);
 
-struct Model {
+struct PinholeModel {
     intrinsics: Intrinsics,
     distortion: Option<Distortion>,
-    lens: Option<Lens>,
+    lens: Option<FocusedLens>,
     exposure: Exposure,
 }
 
-impl CameraModel for Model {
+impl CameraModel for PinholeModel {
     fn optics(&self, scene: &Scene, world_from_camera: &Pose, context: &Context) -> Result<Optics> {
         let Self { intrinsics, distortion, exposure, .. } = *self;
         let camera = Camera { intrinsics, distortion, lens: None, world_from_camera: *world_from_camera };

@@ -1,4 +1,4 @@
-//! What several samplers share.
+//! Shared code of samplers.
 
 pub mod bounds;
 pub mod shell;

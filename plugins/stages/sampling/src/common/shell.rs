@@ -15,8 +15,8 @@ pub fn center(support: &Support, offset: f64) -> Point3<f64> {
 
 /// A unit vector, uniform over the part of the upper hemisphere between two elevations in degrees.
 ///
-/// The paper's formula: azimuth 2πu, polar angle acos(1 − v), where `1 − v` = sin(elevation) is uniform; the whole
-/// hemisphere has v in [0, 1).
+/// The paper's formula: azimuth 2πu, polar angle acos(1 − v), where `1 − v` = sin(elevation) is uniform. For the whole
+/// hemisphere, v is in [0, 1).
 pub fn direction(elevation_deg: [f64; 2], stream: &mut Stream) -> Vector3<f64> {
     let (u, v) = (stream.unit(), stream.unit());
     let [low, high] = elevation_deg.map(|degrees| libm::sin(degrees.to_radians()));

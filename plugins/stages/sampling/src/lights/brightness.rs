@@ -42,7 +42,7 @@ impl Brightness {
         dist.within(key, low, high)
     }
 
-    /// Draws a luminance, nits, given the conversions from lux and from lumens.
+    /// Draws a luminance, nits, using these conversions from lux and from lumens.
     pub fn draw(
         &self,
         stream: &mut Stream,

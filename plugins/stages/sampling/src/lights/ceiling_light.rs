@@ -19,10 +19,10 @@ const WITHOUT_CEILING_M: f64 = 3.0;
 /// Rectangular or round lights that face down from the ceiling: one large panel, a few smaller ones, or a grid of
 /// downlights.
 ///
-/// The lights form a horizontal grid above the support, such as the table, `spacing_m` apart, just below the ceiling or at `height_m`. All
-/// have the same luminance. `brightness.illuminance_lx` is the illuminance that all of them together give at the center
-/// of the support on a plane that faces the center of the grid, by Lambert's formula for polygons, so rooms of
-/// different heights have the same light there.
+/// The lights form a horizontal grid above the support, such as the table, `spacing_m` apart, just below the ceiling or
+/// at `height_m`. All have the same luminance. `brightness.illuminance_lx` is the illuminance of all lights together at
+/// the center of the support on a plane that faces the center of the grid, by Lambert's formula for polygons, so rooms
+/// of different heights have the same light there.
 ///
 /// The released program uses `size_m = [15, 15]`, `height_m = 5`, `shift_m = 0` and white light, here
 /// `temperature_k = 6500`. Its intensity, uniform in 100 to 1500, is not an illuminance;
@@ -43,8 +43,8 @@ pub struct CeilingLight {
     /// Extent of each light along world x and y, meters; for a disk, its diameter twice.
     #[schemars(inner(range(min = 0.01, max = 1000.0)))]
     size_m: [f64; 2],
-    /// Height above the floor, meters, limited by the ceiling. Just below the ceiling by default, or 3 m above the
-    /// support where there is no ceiling.
+    /// Height above the floor, meters, limited by the ceiling. Default: just below the ceiling, or 3 m above the
+    /// support without a ceiling.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.1, max = 1000.0))]
     height_m: Option<f64>,

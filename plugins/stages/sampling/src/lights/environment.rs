@@ -17,14 +17,14 @@ use syntable_model::scene::{Camera, DirectionalLight, EnvironmentLight, Environm
 pub struct Environment {
     /// Whether the light is sampled per `view` or once per `scene`.
     per: Per,
-    /// Where the light comes from: `{ map = { from = ["skies"] } }`, or `{ constant = {} }`, the same radiance from
-    /// everywhere.
+    /// Source of the light: `{ map = { from = ["skies"] } }`, or `{ constant = {} }` for the same radiance from all
+    /// directions.
     source: Source,
     /// Brightness: `{ illuminance_lx = 5000 }`, or `{ luminance_scale = 1 }` for maps in absolute units.
     brightness: EnvironmentBrightness,
 }
 
-/// Where the light of an environment comes from.
+/// Source of the light of an environment.
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 enum Source {
@@ -218,7 +218,7 @@ impl LightSampler for Environment {
     }
 }
 
-/// Nits of a texel of value 1 at which a map gives an illuminance on a horizontal plane.
+/// Radiance, nits, of a texel of value 1 for which a map has this illuminance on a horizontal plane.
 fn scale_to(lux: f64, map: &EnvironmentMap) -> Result<f64> {
     if lux <= 0.0 {
         return Ok(0.0);

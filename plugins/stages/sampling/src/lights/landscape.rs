@@ -1,11 +1,11 @@
-//! What is seen through windows: sky over a skyline of houses and trees, hills behind it, level ground before it.
+//! The view through windows: sky over a skyline of houses and trees, hills behind it, level ground before it.
 
 use std::f64::consts::{PI, TAU};
 use syntable_model::error::Result;
 use syntable_model::random::Stream;
 use syntable_model::scene::EnvironmentMap;
 
-/// Size of the map, texels: a third of a degree each, for what is behind a window is out of focus.
+/// Size of the map, texels: a third of a degree each, since the view behind a window is out of focus.
 const SIZE: [u32; 2] = [1024, 512];
 
 /// Irradiance of upright surfaces and of the ground, relative to π times the luminance of the sky.
@@ -26,34 +26,36 @@ const FOLIAGE: [[f64; 3]; 4] = [[0.045, 0.075, 0.022], [0.07, 0.095, 0.03], [0.0
 const GROUND: [[f64; 3]; 5] =
     [[0.06, 0.10, 0.03], [0.15, 0.135, 0.06], [0.09, 0.09, 0.092], [0.23, 0.21, 0.19], [0.2, 0.18, 0.15]];
 
-/// A map of a made-up landscape. The mean luminance of its upper half is about one.
+/// A map of a synthetic landscape. The mean luminance of its upper half is about one.
 pub fn landscape(stream: &Stream) -> Result<EnvironmentMap> {
     let landscape = Landscape::new(stream);
     let [width, height] = SIZE;
     // Upright features are drawn in the tangent of the elevation; the rows at the poles stay finite.
-    let rows: Vec<Row> = (0..height).map(|y| Row::new(PI * (0.5 - (f64::from(y) + 0.5) / f64::from(height)))).collect();
-    let columns: Vec<Column> = (0..width).map(|x| landscape.column((f64::from(x) + 0.5) / f64::from(width))).collect();
-    let texel = |row: &Row, column: &Column| landscape.texel(row, column).map(|x| x as f32);
+    let rows: Vec<MapRow> =
+        (0..height).map(|y| MapRow::new(PI * (0.5 - (f64::from(y) + 0.5) / f64::from(height)))).collect();
+    let columns: Vec<MapColumn> =
+        (0..width).map(|x| landscape.column((f64::from(x) + 0.5) / f64::from(width))).collect();
+    let texel = |row: &MapRow, column: &MapColumn| landscape.texel(row, column).map(|x| x as f32);
     let texels = rows.iter().flat_map(|row| columns.iter().map(move |column| texel(row, column))).collect();
     EnvironmentMap::new("landscape", width, height, texels)
 }
 
 /// A row of the map.
-struct Row {
+struct MapRow {
     elevation: f64,
     tangent: f64,
     /// Change of the tangent to the next row.
     step: f64,
 }
 
-impl Row {
+impl MapRow {
     fn new(elevation: f64) -> Self {
         let tangent = libm::tan(elevation);
         Self { elevation, tangent, step: (1.0 + tangent * tangent) * PI / f64::from(SIZE[1]) }
     }
 }
 
-/// What stands in a direction.
+/// A feature in a direction.
 #[derive(Clone, Copy)]
 enum Feature {
     /// A house with storeys and windows of these angular sizes, tangents.
@@ -62,34 +64,34 @@ enum Feature {
     Foliage([f64; 3]),
 }
 
-/// A part of a layer: from the end of the one before to `end`, in turns.
-struct Segment {
+/// A segment of a layer: from the end of the previous segment to `end`, in turns.
+struct LandscapeSegment {
     start: f64,
     end: f64,
-    /// Height, as tangent of the elevation; below the horizon where nothing stands.
+    /// Height as the tangent of the elevation; below the horizon for an empty segment.
     top: f64,
     feature: Feature,
 }
 
 /// Features at one distance.
-struct Layer {
-    segments: Vec<Segment>,
+struct LandscapeLayer {
+    segments: Vec<LandscapeSegment>,
     /// Tangent of the elevation of their feet, negative.
     foot: f64,
     /// Fraction of the light that the air between adds.
     haze: f64,
-    noise: Noise,
+    noise: ValueNoise,
 }
 
 /// A column of the map.
-struct Column {
+struct MapColumn {
     /// Azimuth, turns.
     turn: f64,
     /// Sine and cosine of it.
     toward: [f64; 2],
     /// Tangent of the elevation of the hills.
     hills: f64,
-    /// Per layer: what stands there, and the tangent of the elevation of its top.
+    /// Per layer: the feature, and the tangent of the elevation of its top.
     features: [Option<(Feature, f64, f64)>; 2],
 }
 
@@ -105,8 +107,8 @@ struct Landscape {
     /// Distance at which the ground changes, meters.
     border_m: f64,
     /// The nearest layer first.
-    layers: [Layer; 2],
-    noise: Noise,
+    layers: [LandscapeLayer; 2],
+    noise: ValueNoise,
 }
 
 impl Landscape {
@@ -125,21 +127,21 @@ impl Landscape {
             near: pick(&mut draw, &GROUND),
             far: pick(&mut draw, &GROUND),
             border_m: draw.uniform(4.0, 15.0),
-            noise: Noise(stream.child("noise").seed()),
+            noise: ValueNoise(stream.child("noise").seed()),
             layers: layers.map(|(distance_m, haze, density, name)| {
-                Layer::new(&stream.child(name), eye_m, distance_m, haze, density, town)
+                LandscapeLayer::new(&stream.child(name), eye_m, distance_m, haze, density, town)
             }),
         }
     }
 
-    fn column(&self, u: f64) -> Column {
+    fn column(&self, u: f64) -> MapColumn {
         let turn = 1.0 - u;
         let (sin, cos) = libm::sincos(turn * TAU);
         let hills = self.hills[0] + self.hills[1] * self.noise.around(turn, 7, 0, 3);
-        Column { turn, toward: [cos, sin], hills, features: [0, 1].map(|i| self.layers[i].at(turn)) }
+        MapColumn { turn, toward: [cos, sin], hills, features: [0, 1].map(|i| self.layers[i].at(turn)) }
     }
 
-    fn texel(&self, row: &Row, column: &Column) -> [f64; 3] {
+    fn texel(&self, row: &MapRow, column: &MapColumn) -> [f64; 3] {
         let mut color = match row.tangent > 0.0 {
             true => self.sky(row, column),
             false => self.ground(row, column),
@@ -163,14 +165,14 @@ impl Landscape {
 
     /// Radiance of the sky without clouds at the sine of an elevation.
     fn sky_color(&self, sine: f64) -> [f64; 3] {
-        // Overcast skies are brightest in the zenith (CIE), clear ones, away from the sun, near the horizon.
+        // Overcast skies are brightest at the zenith (CIE); clear skies, away from the sun, near the horizon.
         let overcast = 1.25 * (1.0 + 2.0 * sine) / 3.0 + 0.25;
         let clear = 0.45 + 1.1 * libm::exp(-4.0 * sine);
         let blue = mix([0.6, 0.9, 1.75], [0.93, 1.0, 1.1], libm::exp(-5.0 * sine));
         mix([0.98 * overcast, overcast, 1.03 * overcast], blue.map(|c| c * clear), self.clear)
     }
 
-    fn sky(&self, row: &Row, column: &Column) -> [f64; 3] {
+    fn sky(&self, row: &MapRow, column: &MapColumn) -> [f64; 3] {
         let sine = libm::sin(row.elevation);
         let color = self.sky_color(sine);
         // Clouds are a level sheet.
@@ -181,10 +183,10 @@ impl Landscape {
         mix(color, [1.35, 1.35, 1.38].map(|c| c * (1.15 - 0.5 * sheet)), 0.85 * cloud * (sine * 8.0).min(1.0))
     }
 
-    fn ground(&self, row: &Row, column: &Column) -> [f64; 3] {
+    fn ground(&self, row: &MapRow, column: &MapColumn) -> [f64; 3] {
         let distance = self.eye_m / (-row.tangent).max(1e-3);
         let at = column.toward.map(|c| c * distance);
-        // What is finer than a texel is left out.
+        // Omits details finer than a texel.
         let sharp = (6.0 / distance).min(1.0);
         let patches = self.noise.fractal(at.map(|x| x / 5.0), 3);
         let grain = 1.0 + 0.35 * sharp * (self.noise.fractal(at.map(|x| x * 1.5), 2) - 0.5);
@@ -195,7 +197,7 @@ impl Landscape {
     }
 }
 
-impl Layer {
+impl LandscapeLayer {
     fn new(stream: &Stream, eye_m: f64, distance_m: f64, haze: f64, density: f64, town: f64) -> Self {
         let mut draw = stream.clone();
         let mut segments = Vec::new();
@@ -216,19 +218,19 @@ impl Layer {
                 false => Feature::Foliage(color),
             };
             if draw.chance(density) {
-                segments.push(Segment { start, end, top, feature });
+                segments.push(LandscapeSegment { start, end, top, feature });
             }
             start = end;
         }
-        // The last one ends where the first begins.
+        // The last segment ends where the first begins.
         for segment in &mut segments {
             segment.start /= start;
             segment.end /= start;
         }
-        Self { segments, foot: -eye_m / distance_m, haze, noise: Noise(stream.child("leaves").seed()) }
+        Self { segments, foot: -eye_m / distance_m, haze, noise: ValueNoise(stream.child("leaves").seed()) }
     }
 
-    /// What stands at an azimuth, the tangent of the elevation of its top, and the distance from its side as a tangent.
+    /// The feature at an azimuth, the tangent of the elevation of its top, and the distance from its side as a tangent.
     fn at(&self, turn: f64) -> Option<(Feature, f64, f64)> {
         let segment = self.segments.iter().find(|segment| (segment.start..segment.end).contains(&turn))?;
         let along = (turn - segment.start) * TAU;
@@ -245,7 +247,7 @@ impl Layer {
         Some((segment.feature, top, along))
     }
 
-    fn color(&self, feature: &Feature, row: &Row, column: &Column, top: f64, along: f64) -> [f64; 3] {
+    fn color(&self, feature: &Feature, row: &MapRow, column: &MapColumn, top: f64, along: f64) -> [f64; 3] {
         match *feature {
             Feature::House { color, storey, bay, glass } => {
                 let (below, bays) = ((top - row.tangent) / storey, along / bay);
@@ -266,9 +268,9 @@ impl Layer {
 }
 
 /// Value noise in [0, 1].
-struct Noise(u64);
+struct ValueNoise(u64);
 
-impl Noise {
+impl ValueNoise {
     fn lattice(&self, x: i64, y: i64) -> f64 {
         let mut h =
             self.0 ^ (x as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ (y as u64).wrapping_mul(0xc2b2_ae3d_27d4_eb4f);
@@ -297,7 +299,7 @@ impl Noise {
         sum / weights
     }
 
-    /// Octaves of noise around a circle, the first with `count` points; `row` tells lines apart.
+    /// Octaves of noise around a circle, the first with `count` points; `row` distinguishes lines.
     fn around(&self, turn: f64, count: i64, row: i64, octaves: u32) -> f64 {
         let (mut sum, mut weights, mut count) = (0.0, 0.0, count);
         for octave in 0..octaves {

@@ -3,7 +3,7 @@
 use syntable_model::geometry::{Aabb, space_around};
 use syntable_model::scene::{Role, Scene, Support};
 
-/// The inside of the room around the center of a support; infinite where no wall, floor or ceiling bounds it.
+/// The inside of the room around the center of a support; infinite in directions without a wall, floor or ceiling.
 pub fn inside(scene: &Scene, support: &Support) -> Aabb {
     let parts = scene.bodies().iter().filter(|body| body.role == Role::Room);
     let boxes = parts.map(|body| Aabb::of(body.object.mesh.bounds().corners().map(|p| body.world_from_body * p)));

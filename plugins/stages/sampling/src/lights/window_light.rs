@@ -25,19 +25,19 @@ const FRAME_ILLUMINANCE: f64 = 0.35;
 /// Reflectance of frames, linear Rec. 709: white paint, pine, oak, anthracite.
 const FRAMES: [[f64; 3]; 4] = [[0.75, 0.74, 0.71], [0.45, 0.29, 0.14], [0.2, 0.11, 0.05], [0.05, 0.05, 0.055]];
 
-/// Frame and bars cover no more than this fraction of a window's shorter side, or of a pane.
+/// Maximum fraction of a window's shorter side, or of a pane, that frame and bars cover.
 const MAX_FRAME: f64 = 0.2;
 
-/// A window is divided by this number along each side to sum up what its view gives.
+/// Number of cells along each side of a window for the sum over its view.
 const CELLS: f64 = 48.0;
 
 /// Daylight through windows in a row, just in front of a wall of the room.
 ///
-/// All windows of a view have the same size. With `pattern = "view"` they have a frame with glazing bars, and behind them is
-/// what would be seen from a house: sky, houses, trees, ground. It is seen as from far away, so it moves with the
-/// viewer, and the sky lights the floor more than the ceiling. `brightness.illuminance_lx` is the illuminance that all
-/// windows together give at the center of the support, such as the tabletop, on a horizontal plane, whatever they show. Where a wall is too
-/// short or too low, windows are fewer or smaller.
+/// All windows of a view have the same size. With `pattern = "view"`, they have a frame with glazing bars and a view
+/// behind them, as from a house: sky, houses, trees, ground. The view is far away, so it moves with the viewer, and the
+/// sky lights the floor more than the ceiling. `brightness.illuminance_lx` is the illuminance of all windows together
+/// at the center of the support, such as the tabletop, on a horizontal plane, whatever their pattern. Where a wall is
+/// too short or too low, windows are fewer or smaller.
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct WindowLight {
@@ -46,7 +46,7 @@ pub struct WindowLight {
     /// Name of the support that the windows are around. If left out, it is the first that a step of `[[place]]` sets.
     #[serde(skip_serializing_if = "Option::is_none")]
     support: Option<SupportName>,
-    /// Number of walls with windows, from 0 to 4, chosen at random. With 0 there is no window, and a room is not needed.
+    /// Number of walls with windows, from 0 to 4, chosen at random. With 0, the scene has no window and needs no room.
     #[schemars(extend("minimum" = WALLS[0], "maximum" = WALLS[1]))]
     walls: IntDist,
     /// Number of windows in a wall, sampled per wall, from 1 to 100.
@@ -64,14 +64,15 @@ pub struct WindowLight {
     /// Gap between neighboring windows, meters, from 0 to 1000.
     #[schemars(extend("minimum" = GAP_M[0], "maximum" = GAP_M[1]))]
     spacing_m: Dist,
-    /// What the windows show.
+    /// Pattern of the windows.
     pattern: Pattern,
-    /// Pools of environment maps to be seen behind windows of `pattern = "view"`, rotated at random, such as photographs
-    /// of streets. They keep their own colors. No sun should be seen in them. Without pools the view is made up.
+    /// Pools of environment maps for the view behind windows of `pattern = "view"`, such as photographs of streets,
+    /// rotated at random. The maps keep their own colors, and should not show the sun. Without pools, the view is
+    /// synthetic.
     #[serde(skip_serializing_if = "Option::is_none")]
     from: Option<EnvironmentPools>,
-    /// Maximum edge of a pane, meters, from 0.05 to 1000: a window has as many panes side by side and above each other as
-    /// it takes.
+    /// Maximum edge of a pane, meters, from 0.05 to 1000. Larger windows have several panes side by side and above each
+    /// other.
     #[schemars(extend("minimum" = SIZE_M[0], "maximum" = SIZE_M[1]))]
     pane_m: Dist,
     /// Width of the frame, meters, from 0 to 1; at most a fifth of a window's shorter side.
@@ -88,7 +89,7 @@ pub struct WindowLight {
     brightness: WindowBrightness,
 }
 
-/// What windows show.
+/// Pattern of windows.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 enum Pattern {
@@ -116,11 +117,11 @@ const FRAME_M: [f64; 2] = [0.0, 1.0];
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 enum WindowBrightness {
-    /// Unoccluded illuminance that all windows together give at the center of the support on a horizontal plane, lux,
-    /// from 0 to 10⁷.
+    /// Unoccluded illuminance of all windows together at the center of the support on a horizontal plane, lux, from 0
+    /// to 10⁷.
     IlluminanceLx(#[schemars(extend("minimum" = ILLUMINANCE_LX[0], "maximum" = ILLUMINANCE_LX[1]))] Dist),
-    /// Luminance of the sky in the windows, nits (cd/m²), from 0 to 10¹⁰; of a view, what an even sky would have that
-    /// gives open ground as much light.
+    /// Luminance of the sky in the windows, nits (cd/m²), from 0 to 10¹⁰. For a view, the luminance of an even sky with
+    /// the same illuminance on open ground.
     LuminanceNits(#[schemars(extend("minimum" = LUMINANCE_NITS[0], "maximum" = LUMINANCE_NITS[1]))] Dist),
 }
 
@@ -251,7 +252,7 @@ impl LightSampler for WindowLight {
 }
 
 impl WindowLight {
-    /// What is behind the windows, with the illuminance π on open ground.
+    /// The view behind the windows, scaled to an illuminance of π on open ground.
     fn view(&self, color: [f64; 3], context: &Context) -> Result<EnvironmentLight> {
         let stream = context.stream.child("view");
         let (map, color, rotation) = match (self.pattern, &self.from) {
@@ -291,8 +292,8 @@ impl WindowLight {
     }
 }
 
-/// Illuminance that the panes of a window give at a point on a horizontal plane: a sum over cells, each by Lambert's
-/// formula with the view's luminance in the direction of its center.
+/// Illuminance of a window's panes at a point on a horizontal plane: a sum over cells, each by Lambert's formula with
+/// the view's luminance in the direction of the cell's center.
 fn illuminance_of_panes(window: &scene::WindowLight, point: Point3<f64>) -> f64 {
     let mut sum = 0.0;
     for pane in window.glass() {
@@ -318,7 +319,7 @@ fn illuminance_of_panes(window: &scene::WindowLight, point: Point3<f64>) -> f64 
 /// Why a support has no wall beside it. Without walls no other draw of the scene has one either.
 fn no_wall(scene: &Scene, support: &Support) -> Error {
     let bounds = |body: &Body| Aabb::of(body.object.mesh.bounds().corners().map(|p| body.world_from_body * p));
-    // A floor or ceiling is thinner than it is wide; a wall stands.
+    // A floor or ceiling is wider than it is thick; a wall is upright.
     let stands = |part: &Aabb| {
         let size = part.max - part.min;
         size.z > size.x.min(size.y)
@@ -353,7 +354,7 @@ struct Wall {
 }
 
 impl Wall {
-    /// The walls of a room. A side without a wall counts as 20 m away.
+    /// The walls of a room. A side without a wall is assumed 20 m away.
     fn all(room: &Aabb) -> Vec<Self> {
         const OPEN_M: f64 = 20.0;
         let limit = |low: f64, high: f64| match (low.is_finite(), high.is_finite()) {
@@ -383,7 +384,8 @@ impl Wall {
         walls
     }
 
-    /// A row of as many windows as fit, at least one, at a random position along the wall. Their radiance is zero.
+    /// A row with the largest possible number of windows, at least one, at a random position along the wall. Their
+    /// radiance is zero.
     fn windows(
         &self,
         count: usize,

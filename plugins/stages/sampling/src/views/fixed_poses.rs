@@ -1,4 +1,4 @@
-//! Views whose poses are listed in the recipe.
+//! Views with poses from the recipe.
 
 use crate::views::look_at::rolled;
 use nalgebra::{Matrix3, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
@@ -6,7 +6,8 @@ use syntable_model::geometry::look_at;
 use syntable_model::prelude::*;
 use syntable_model::scene::{Support, ViewId};
 
-/// Camera poses from a list, the same in every scene: view `i` takes entry `i`, and there are as many views as entries.
+/// Camera poses from a list, the same in every scene: view `i` takes entry `i`, and the number of views equals the
+/// number of entries.
 ///
 /// An entry is `{ look_at = { eye_m = [x, y, z], target_m = [x, y, z] } }` or
 /// `{ world_from_camera = [[..], [..], [..], [..]] }`.
@@ -16,7 +17,7 @@ pub struct FixedPoses {
     /// Poses of the views, in order; at least one.
     #[schemars(length(min = 1))]
     poses: Vec<PoseEntry>,
-    /// Origin of the coordinates in `poses`; the axes are those of the world.
+    /// Origin of the coordinates in `poses`, along the world's axes.
     #[serde(default)]
     relative_to: Origin,
     /// Name of the support that the poses are around. If left out, it is the first that a step of `[[place]]` sets.
@@ -84,7 +85,7 @@ impl Config for FixedPoses {
             PoseEntry::WorldFromCamera(rows) => from_matrix(rows, &format!("poses[{i}].world_from_camera")),
         };
         let poses = self.poses.into_iter().enumerate().map(pose).collect::<Result<_, _>>()?;
-        Ok(Box::new(Listed { poses, relative_to: self.relative_to, support: self.support }))
+        Ok(Box::new(ListedPoses { poses, relative_to: self.relative_to, support: self.support }))
     }
 }
 register!(FixedPoses);
@@ -132,13 +133,13 @@ fn from_matrix(rows: [[f64; 4]; 4], key: &str) -> Result<Pose, ConfigError> {
     Ok(Pose::from_parts(Translation3::new(rows[0][3], rows[1][3], rows[2][3]), rotation))
 }
 
-struct Listed {
+struct ListedPoses {
     poses: Vec<Pose>,
     relative_to: Origin,
     support: Option<SupportName>,
 }
 
-impl Listed {
+impl ListedPoses {
     fn origin(&self, support: &Support) -> Translation3<f64> {
         match self.relative_to {
             Origin::TabletopCenter => Translation3::from(support.center().coords),
@@ -147,7 +148,7 @@ impl Listed {
     }
 }
 
-impl ViewSampler for Listed {
+impl ViewSampler for ListedPoses {
     fn pose(&self, scene: &Scene, view: ViewId, _: &Context) -> Result<Pose> {
         let pose = self.poses.get(view.0 as usize).ok_or_else(|| {
             Error::new(format!("view {} has no pose; {} are listed", view.0, self.poses.len()))

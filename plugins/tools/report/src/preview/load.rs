@@ -1,7 +1,7 @@
 //! Loading a recipe as a preview wants it: few samples, denoised, with the products that are shown.
 
 use super::sheet;
-use super::watch::Files;
+use super::watch::WatchedFiles;
 use std::cell::RefCell;
 use std::path::Path;
 use std::time::SystemTime;
@@ -12,12 +12,12 @@ use syntable_recipe::message::Message;
 use syntable_recipe::{Diagnostic, Overrides, Recipe, RecipeRequest};
 use syntable_runtime::check::check;
 
-/// The denoiser of a preview of a recipe that has none.
+/// The preview's denoiser for recipes without one.
 const DENOISER: &str = "guided";
-/// The kind of the recipes that have none.
+/// The kind of `denoise` in recipes without a denoiser.
 const NO_DENOISER: &str = "none";
 
-/// What a preview changes in a recipe.
+/// Changes of a preview to a recipe.
 #[derive(Debug, Clone)]
 pub struct Wishes {
     /// The recipe and the user's own changes.
@@ -26,21 +26,21 @@ pub struct Wishes {
     pub samples: u32,
     /// Whether labels are shown beside the images.
     pub labels: bool,
-    /// Whether native libraries are loaded that the recipe names by a path beside itself.
+    /// Whether to load native libraries that the recipe names by a relative path.
     pub allow_libraries: bool,
 }
 
 /// A recipe with its warnings, or all that is wrong with it; and the files that were read.
-pub struct Loaded {
+pub struct LoadedRecipe {
     /// The recipe.
     pub recipe: Result<(Recipe, Vec<Diagnostic>), Vec<Message>>,
     /// The recipe's files, as they were read.
-    pub files: Files,
+    pub files: WatchedFiles,
 }
 
 impl Wishes {
     /// Loads the recipe.
-    pub fn load(&self, registry: &Registry, log: &dyn Log) -> Loaded {
+    pub fn load(&self, registry: &Registry, log: &dyn Log) -> LoadedRecipe {
         let since = SystemTime::now();
         let mut loaded = self.load_with(registry, Vec::new(), log);
         if let Ok((recipe, _)) = &loaded.recipe {
@@ -58,7 +58,7 @@ impl Wishes {
         loaded
     }
 
-    /// What makes a recipe fast that is sound, as `--set` takes it. Renderers without samples are left as they are.
+    /// Changes that make a valid recipe fast, in the form of `--set`. Renderers without samples stay unchanged.
     fn changes(&self, registry: &Registry, recipe: &Recipe) -> Vec<(String, String)> {
         let resolved: toml::Table = recipe.resolved.parse().unwrap_or_default();
         let option = |slot: Slot, option: &str| resolved.get(slot.name()).and_then(|table| table.get(option));
@@ -74,14 +74,14 @@ impl Wishes {
         changes
     }
 
-    fn load_with(&self, registry: &Registry, more: Vec<(String, String)>, log: &dyn Log) -> Loaded {
-        let files = RefCell::new(Files::default());
+    fn load_with(&self, registry: &Registry, more: Vec<(String, String)>, log: &dyn Log) -> LoadedRecipe {
+        let files = RefCell::new(WatchedFiles::default());
         if let Some(path) = &self.recipe.recipe {
             files.borrow_mut().expect(path);
         }
         let (source, mut base) = match self.recipe.read() {
             Ok(read) => read,
-            Err(error) => return Loaded { recipe: Err(of_error(error)), files: files.into_inner() },
+            Err(error) => return LoadedRecipe { recipe: Err(of_error(error)), files: files.into_inner() },
         };
         if let Some(path) = &source.path {
             files.borrow_mut().read(path, source.text.as_bytes());
@@ -98,7 +98,7 @@ impl Wishes {
         };
         let overrides = Overrides { read: &read, ..base };
         let recipe = check(registry, source, overrides.for_run(), log);
-        Loaded { recipe: recipe.map_err(|report| report.messages()), files: files.into_inner() }
+        LoadedRecipe { recipe: recipe.map_err(|report| report.messages()), files: files.into_inner() }
     }
 }
 

@@ -2,11 +2,11 @@
 //!
 //! | module | does |
 //! | --- | --- |
-//! | `session` | what a preview shows and where, and who runs beside whom |
-//! | `load` | loading a recipe as a preview wants it, and which files it was made of |
+//! | `session` | content and places of a preview, and its threads |
+//! | `load` | loading a recipe with the preview's changes, and the list of its files |
 //! | `watch` | waiting for a save |
-//! | `studio` | making what a recipe changes, image by image |
-//! | `sheet`, `text` | the contact sheet: images with captions, and mistakes in words |
+//! | `studio` | rendering the changes of a recipe, image by image |
+//! | `sheet`, `text` | the contact sheet: images with captions, and errors as text |
 //! | `page` | the sheet in the browser |
 
 mod load;
@@ -18,4 +18,4 @@ mod text;
 mod watch;
 
 pub use session::{Preview, PreviewOptions};
-pub use studio::Ended;
+pub use studio::PassEnd;

@@ -1,7 +1,7 @@
-//! The sheet in the browser: a page that follows what is made.
+//! The sheet in the browser: a page that follows the progress of rendering.
 
-use super::sheet::{self, Cell};
-use super::studio::{News, Shown};
+use super::sheet::{self, SheetCell};
+use super::studio::{News, StudioOutput};
 use crate::serve::{Changes, Request, Response, content_type};
 use parking_lot::Mutex;
 use serde::Serialize;
@@ -13,34 +13,34 @@ const PAGE: &str = include_str!("page.html");
 const STYLE: &str = include_str!("page.css");
 const SCRIPT: &str = include_str!("page.js");
 
-/// What the page shows.
+/// Content of the page.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
-struct State {
-    /// Counts what was shown.
+struct PreviewState {
+    /// Number of the content's version.
     version: u64,
     title: String,
     status: String,
-    /// What is wrong with the recipe, as `check` words it; empty if nothing is.
+    /// Errors of the recipe, as `check` prints them; empty without errors.
     mistakes: String,
     warnings: String,
     /// The image in words.
     alt: String,
 }
 
-/// What the page shows, and the image.
+/// Content of the page, and the image.
 #[derive(Default)]
-pub struct Page {
-    shown: Mutex<(State, Vec<u8>)>,
-    /// Tells browsers of news.
+pub struct PreviewPage {
+    shown: Mutex<(PreviewState, Vec<u8>)>,
+    /// Notifies browsers of changes.
     pub changes: Changes,
 }
 
-impl Page {
+impl PreviewPage {
     /// Shows something new; `png` is the sheet.
     pub fn show(&self, news: &News, png: &[u8]) {
         let mut shown = self.shown.lock();
-        // The version is told once the state is there: both wait for each other by the lock.
-        let state = State { version: self.changes.version() + 1, ..state(news) };
+        // The lock makes browsers see the new version only together with the new content.
+        let state = PreviewState { version: self.changes.version() + 1, ..state(news) };
         *shown = (state, png.to_vec());
         self.changes.publish();
     }
@@ -67,25 +67,27 @@ impl Page {
     fn html(&self) -> Result<String> {
         let mut state = self.shown.lock().0.clone();
         if state.version == 0 {
-            state = State { title: "preview".to_owned(), status: "loading the recipe".to_owned(), ..state };
+            state = PreviewState { title: "preview".to_owned(), status: "loading the recipe".to_owned(), ..state };
         }
         let context = Context::from_serialize(&state).map_err(|error| Error::new(format!("the page: {error}")))?;
         Tera::one_off(PAGE, &context, true).map_err(|error| Error::new(format!("the page: {error}")))
     }
 }
 
-fn state(news: &News) -> State {
+fn state(news: &News) -> PreviewState {
     let title = if news.name.is_empty() { "preview" } else { news.name }.to_owned();
     let warnings = news.warnings.join("\n");
-    let state = State { title, warnings, ..State::default() };
+    let state = PreviewState { title, warnings, ..PreviewState::default() };
     match news.shown {
-        Shown::Mistakes(text) => {
-            State { mistakes: text.clone(), status: "the recipe has mistakes: mend and save it".to_owned(), ..state }
-        }
-        Shown::Sheet(sheet) => {
-            let of = |wanted: fn(&Cell) -> bool| sheet.cells.iter().filter(|cell| wanted(cell)).count() as u32;
-            let made = of(|cell| matches!(cell, Cell::Image { is_current: true, .. }));
-            let failed = of(|cell| matches!(cell, Cell::Failed(_)));
+        StudioOutput::Mistakes(text) => PreviewState {
+            mistakes: text.clone(),
+            status: "the recipe has errors: fix and save it".to_owned(),
+            ..state
+        },
+        StudioOutput::Sheet(sheet) => {
+            let of = |wanted: fn(&SheetCell) -> bool| sheet.cells.iter().filter(|cell| wanted(cell)).count() as u32;
+            let made = of(|cell| matches!(cell, SheetCell::Image { is_current: true, .. }));
+            let failed = of(|cell| matches!(cell, SheetCell::Failed(_)));
             let all = count(sheet.cells.len() as u32, "image");
             let status = match (news.is_busy, failed) {
                 (true, _) => format!("rendering: {made} of {all}"),
@@ -97,16 +99,16 @@ fn state(news: &News) -> State {
                 count(sheet.scenes.len() as u32, "scene"),
                 count(sheet.views.len() as u32, "view")
             );
-            State { status, alt, ..state }
+            PreviewState { status, alt, ..state }
         }
     }
 }
 
-/// The image of what is shown.
-pub fn png_of(shown: &Shown) -> Result<Vec<u8>> {
+/// The current sheet as PNG.
+pub fn png_of(shown: &StudioOutput) -> Result<Vec<u8>> {
     match shown {
-        Shown::Sheet(sheet) => sheet::png(&sheet.draw()),
-        Shown::Mistakes(text) => sheet::png(&sheet::mistakes(text)),
+        StudioOutput::Sheet(sheet) => sheet::png(&sheet.draw()),
+        StudioOutput::Mistakes(text) => sheet::png(&sheet::mistakes(text)),
     }
 }
 
@@ -117,10 +119,10 @@ mod tests {
 
     #[test]
     fn mistakes_are_escaped_and_take_the_place_of_the_image() {
-        let page = Page::default();
+        let page = PreviewPage::default();
         let html = page.html().expect("a page");
         assert!(html.contains("loading the recipe") && html.contains("data-version=\"0\""), "{html}");
-        let shown = Shown::Mistakes("error[D0008]: unknown key `<b>&\"x\"</b>`".to_owned());
+        let shown = StudioOutput::Mistakes("error[D0008]: unknown key `<b>&\"x\"</b>`".to_owned());
         page.show(&News { shown: &shown, name: "a<b", warnings: &[], is_busy: false }, b"png");
         let html = page.html().expect("a page");
         assert!(html.contains("unknown key `&lt;b&gt;&amp;&quot;x&quot;&lt;&#x2F;b&gt;`"), "{html}");
@@ -130,8 +132,8 @@ mod tests {
 
     #[test]
     fn the_status_counts_images() {
-        let cells = vec![Cell::Waiting, Cell::Failed("no".to_owned())];
-        let shown = Shown::Sheet(Sheet { scenes: vec![0], views: vec![0, 1], cells, expected: [4, 3] });
+        let cells = vec![SheetCell::Waiting, SheetCell::Failed("no".to_owned())];
+        let shown = StudioOutput::Sheet(Sheet { scenes: vec![0], views: vec![0, 1], cells, expected: [4, 3] });
         let of = |is_busy: bool| state(&News { shown: &shown, name: "", warnings: &[], is_busy }).status;
         assert_eq!([of(true), of(false)], ["rendering: 0 of 2 images", "0 of 2 images, 1 failed"]);
     }

@@ -1,9 +1,9 @@
-//! A preview with the places where it is shown: made once, or again after every save.
+//! A preview with its file and its page, rendered once or after every save.
 
 use super::load::Wishes;
-use super::page::{Page, png_of};
+use super::page::{PreviewPage, png_of};
 use super::sheet;
-use super::studio::{Ended, News, Shown, Studio};
+use super::studio::{News, PassEnd, PreviewStudio, StudioOutput};
 use super::watch::Watch;
 use crate::serve::Server;
 use std::path::{Path, PathBuf};
@@ -17,17 +17,17 @@ use syntable_runtime::run::SceneRange;
 use syntable_runtime::run::progress::Reporter;
 use syntable_runtime::run::stop::Stop;
 
-/// What is appended to the recipe's name in the name of a sheet.
+/// Suffix of a sheet's file name, after the recipe's name.
 const ENDING: &str = "preview.png";
-/// How often a recipe with mistakes is looked at anew: files and assets that it misses may come.
+/// Interval at which a recipe with errors is loaded again, because missing files and assets may appear.
 const AGAIN: Duration = Duration::from_secs(1);
 
-/// What a preview shows, and how.
+/// Content of a preview, and options of rendering.
 #[derive(Debug, Clone)]
 pub struct PreviewOptions {
     /// The recipe, and changes to it.
     pub recipe: RecipeRequest,
-    /// Scenes to show; none for the first two.
+    /// Scenes to show; `None` shows the first two.
     pub scenes: Option<SceneRange>,
     /// Maximum number of samples per pixel. Images are denoised.
     pub samples: u32,
@@ -35,11 +35,11 @@ pub struct PreviewOptions {
     pub width: u32,
     /// Whether visible masks and amodal outlines are shown beside the images.
     pub labels: bool,
-    /// Whether native libraries are loaded that the recipe names by a path beside itself.
+    /// Whether to load native libraries that the recipe names by a relative path.
     pub allow_libraries: bool,
-    /// PNG file of the sheet; none for no file.
+    /// PNG file of the sheet; `None` writes no file.
     pub out: Option<PathBuf>,
-    /// Port of a page in the browser, 0 for any free one; none for no page.
+    /// Port of the page, 0 for any free port; `None` serves no page.
     pub serve: Option<u16>,
     /// Threads.
     pub threads: usize,
@@ -53,55 +53,56 @@ impl PreviewOptions {
         Self { recipe, scenes, samples: 4, width: 320, labels: false, allow_libraries: false, out, serve, threads }
     }
 
-    /// The file of a recipe's sheet where none is asked for: named after the recipe, in the current folder.
+    /// Default file of a recipe's sheet: named after the recipe, in the current folder.
     pub fn default_out(recipe: Option<&Path>) -> PathBuf {
         let name = recipe.and_then(Path::file_stem).and_then(|stem| stem.to_str()).unwrap_or("quickstart");
         PathBuf::from(format!("{}.{ENDING}", name.rsplit(':').next().unwrap_or(name)))
     }
 }
 
-/// A preview of a recipe, which keeps what the next sheet can use.
+/// A preview of a recipe, with a cache for its next sheets.
 pub struct Preview<'a> {
-    studio: Studio<'a>,
+    studio: PreviewStudio<'a>,
     out: Option<PathBuf>,
-    page: Option<(Server, Page)>,
+    page: Option<(Server, PreviewPage)>,
 }
 
 impl<'a> Preview<'a> {
     /// Nothing is rendered yet. Warnings and mistakes of the recipe go to the reporter.
     ///
     /// # Errors
-    /// If the file of the sheet holds anything but an image, threads cannot be started, or the port cannot be had.
+    /// If the file of the sheet exists and is not a sheet, or threads or the port are unavailable.
     pub fn new(registry: &'a Registry, options: PreviewOptions, reporter: &'a dyn Reporter) -> Result<Self> {
         let PreviewOptions { recipe, scenes, samples, width, labels, allow_libraries, out, serve, threads } = options;
         if let Some(out) = &out
             && std::fs::read(out).is_ok_and(|there| !there.is_empty() && !sheet::is_png(&there))
         {
-            let error = Error::new("--out would overwrite a file that is no sheet of a preview").in_file(out);
-            return Err(error.help("name another file with --out, or remove this one").of_request());
+            let error = Error::new("the output file exists and is not a preview sheet").in_file(out);
+            return Err(error.help("choose another file with `options.out`, or remove this one").of_request());
         }
         let wishes = Wishes { recipe, samples, labels, allow_libraries };
-        let studio = Studio::new(reporter, registry, (wishes, scenes, width), threads)?;
-        let page = serve.map(Server::bind).transpose()?.map(|server| (server, Page::default()));
+        let studio = PreviewStudio::new(reporter, registry, (wishes, scenes, width), threads)?;
+        let page = serve.map(Server::bind).transpose()?.map(|server| (server, PreviewPage::default()));
         Ok(Self { studio, out, page })
     }
 
-    /// Where the sheet is shown: the address of the page, and the file.
+    /// Places of the sheet: the address of the page, and the file.
     pub fn places(&self) -> Vec<String> {
         let page = self.page.as_ref().map(|(server, _)| server.url());
         page.into_iter().chain(self.out.as_ref().map(|out| out.display().to_string())).collect()
     }
 
-    /// Makes one sheet, which takes its place once it is whole. A recipe with mistakes leaves the file as it is.
+    /// Renders one sheet, and replaces the file when the sheet is complete. A recipe with errors leaves the file
+    /// unchanged.
     ///
     /// # Errors
     /// If the sheet cannot be drawn or written.
-    pub fn once(&mut self, stop: &Stop) -> Result<Ended> {
+    pub fn once(&mut self, stop: &Stop) -> Result<PassEnd> {
         let out = self.out.as_deref();
-        // Until all of its images are made, the sheet of before stays.
+        // The previous sheet stays until all images are finished.
         let mut show = |news: &News| match news.shown {
-            Shown::Sheet(_) if !news.is_busy => store(out, &png_of(news.shown)?),
-            Shown::Sheet(_) | Shown::Mistakes(_) => Ok(()),
+            StudioOutput::Sheet(_) if !news.is_busy => store(out, &png_of(news.shown)?),
+            StudioOutput::Sheet(_) | StudioOutput::Mistakes(_) => Ok(()),
         };
         self.studio.pass(&Watch::default(), stop, &mut show)
     }
@@ -129,14 +130,14 @@ impl<'a> Preview<'a> {
             while !stop.is_requested() {
                 let work = watch.begin();
                 let ended = studio.pass(&watch, &work, &mut show)?;
-                watch.wait((ended == Ended::Mistaken).then_some(AGAIN), stop);
+                watch.wait((ended == PassEnd::Mistaken).then_some(AGAIN), stop);
             }
             Ok(())
         })
     }
 }
 
-/// Asks for the end when it is dropped.
+/// Requests the end of work when it is dropped.
 struct End<'a>(&'a Stop);
 
 impl Drop for End<'_> {

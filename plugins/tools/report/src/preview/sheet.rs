@@ -1,4 +1,4 @@
-//! The contact sheet: a row per scene, a column per view, with captions. A cell that has no image says why.
+//! The contact sheet: a row per scene, a column per view, with captions. A cell without an image states the reason.
 
 use super::text::{self, CHARACTER, LINE};
 use std::sync::Arc;
@@ -18,7 +18,7 @@ const COLUMNS: usize = 120;
 /// Maximum number of lines of a text.
 const MAX_LINES: usize = 200;
 
-/// What tells a sheet from the images of others, as a text of its file.
+/// Text field of the PNG file that identifies a sheet.
 const MARK: (&str, &str) = ("Software", "syntable preview");
 /// Bytes at the start of a file within which the mark is.
 const MARKED: usize = 256;
@@ -29,9 +29,9 @@ const CAPTION: Color = [190; 3];
 const OUTDATED: Color = [120; 3];
 const MISTAKE: Color = [255, 150, 130];
 
-/// What is shown of a view.
+/// Cell of a view.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Cell {
+pub enum SheetCell {
     /// Nothing yet.
     Waiting,
     /// An image, and whether it is of the recipe as it is now.
@@ -41,7 +41,7 @@ pub enum Cell {
         /// Whether nothing that it follows from has changed.
         is_current: bool,
     },
-    /// Why there is none.
+    /// The reason for a missing image.
     Failed(String),
 }
 
@@ -53,7 +53,7 @@ pub struct Sheet {
     /// Numbers of the views: one column each.
     pub views: Vec<u32>,
     /// The cells, row by row.
-    pub cells: Vec<Cell>,
+    pub cells: Vec<SheetCell>,
     /// Size of a cell as long as no image is known, px.
     pub expected: [u32; 2],
 }
@@ -64,7 +64,7 @@ pub fn inputs(labels: bool) -> Vec<Input> {
     std::iter::once(Input::of(RGB)).chain(labels.then(masks).into_iter().flatten()).collect()
 }
 
-/// Draws a view: the image, and with `labels` beside it visible masks, and amodal outlines with what is occluded.
+/// Draws a view: the image and, with `labels`, next to it visible masks and amodal outlines with occluded parts.
 pub fn cell(products: &Products, labels: bool) -> Result<Plane<Color>> {
     let rgb = products.get(RGB)?;
     if !labels {
@@ -84,8 +84,8 @@ impl Sheet {
     /// Draws the sheet.
     pub fn draw(&self) -> Plane<Color> {
         let columns = self.views.len().max(1);
-        let size = |cell: &Cell| match cell {
-            Cell::Image { image, .. } => [image.width(), image.height()],
+        let size = |cell: &SheetCell| match cell {
+            SheetCell::Image { image, .. } => [image.width(), image.height()],
             _ => self.images().next().map_or(self.expected, |image| [image.width(), image.height()]),
         };
         let sizes: Vec<[u32; 2]> = self.cells.iter().map(size).collect();
@@ -113,30 +113,30 @@ impl Sheet {
 
     fn images(&self) -> impl Iterator<Item = &Arc<Plane<Color>>> {
         self.cells.iter().filter_map(|cell| match cell {
-            Cell::Image { image, .. } => Some(image),
+            SheetCell::Image { image, .. } => Some(image),
             _ => None,
         })
     }
 }
 
 /// Draws a cell below its caption.
-fn put(sheet: &mut Plane<Color>, cell: &Cell, caption: &str, [x, y]: [u32; 2], [width, height]: [u32; 2]) {
+fn put(sheet: &mut Plane<Color>, cell: &SheetCell, caption: &str, [x, y]: [u32; 2], [width, height]: [u32; 2]) {
     let fits = (width / CHARACTER) as usize;
     let mut say = |text: String, color: Color| {
         text::draw(sheet, &text.chars().take(fits).collect::<String>(), [x, y], color);
     };
     match cell {
-        Cell::Waiting => say(format!("{caption}: waiting"), OUTDATED),
-        Cell::Image { is_current: true, .. } => say(caption.to_owned(), CAPTION),
-        Cell::Image { .. } => say(format!("{caption}: before the change"), OUTDATED),
-        Cell::Failed(_) => say(format!("{caption}: failed"), MISTAKE),
+        SheetCell::Waiting => say(format!("{caption}: waiting"), OUTDATED),
+        SheetCell::Image { is_current: true, .. } => say(caption.to_owned(), CAPTION),
+        SheetCell::Image { .. } => say(format!("{caption}: before the change"), OUTDATED),
+        SheetCell::Failed(_) => say(format!("{caption}: failed"), MISTAKE),
     }
     let below = y + LINE;
     match cell {
-        Cell::Image { image, is_current: true } => draw::paste(sheet, image, x, below),
-        Cell::Image { image, .. } => draw::paste(sheet, &image.map(|pixel| pixel.map(|v| v / 2 + 12)), x, below),
-        Cell::Waiting => draw::paste(sheet, &Plane::from_fn(width, height, |_, _| EMPTY), x, below),
-        Cell::Failed(reason) => {
+        SheetCell::Image { image, is_current: true } => draw::paste(sheet, image, x, below),
+        SheetCell::Image { image, .. } => draw::paste(sheet, &image.map(|pixel| pixel.map(|v| v / 2 + 12)), x, below),
+        SheetCell::Waiting => draw::paste(sheet, &Plane::from_fn(width, height, |_, _| EMPTY), x, below),
+        SheetCell::Failed(reason) => {
             let columns = width.saturating_sub(2 * PADDING) / CHARACTER;
             let rows = height.saturating_sub(2 * PADDING) / LINE;
             let mut panel = Plane::from_fn(width, height, |_, _| EMPTY);
@@ -146,7 +146,7 @@ fn put(sheet: &mut Plane<Color>, cell: &Cell, caption: &str, [x, y]: [u32; 2], [
     }
 }
 
-/// A sheet that says what is wrong with a recipe, in place of its images.
+/// A sheet with the errors of a recipe instead of images.
 pub fn mistakes(said: &str) -> Plane<Color> {
     let lines = text::wrapped(said, COLUMNS);
     let rows = lines.len().min(MAX_LINES);
@@ -156,7 +156,7 @@ pub fn mistakes(said: &str) -> Plane<Color> {
     sheet
 }
 
-/// Writes lines, or as many as there is room for; the last one then says how many are missing.
+/// Writes the lines that fit. The last line then states the number of missing lines.
 fn write_lines(panel: &mut Plane<Color>, lines: &[String], rows: usize) {
     let left_out = if lines.len() > rows { lines.len() - rows + 1 } else { 0 };
     let shown = lines.len() - left_out;
@@ -166,12 +166,12 @@ fn write_lines(panel: &mut Plane<Color>, lines: &[String], rows: usize) {
     }
 }
 
-/// Encodes a sheet as PNG: the same pixels give the same bytes.
+/// Encodes a sheet as PNG. Equal pixels give equal bytes.
 pub fn png(sheet: &Plane<Color>) -> Result<Vec<u8>> {
     Image::rgb(sheet).encode_with(&[MARK])
 }
 
-/// Whether bytes are those of a sheet.
+/// Whether bytes are a sheet.
 pub fn is_png(bytes: &[u8]) -> bool {
     let (keyword, text) = MARK;
     let chunk = [b"tEXt", keyword.as_bytes(), b"\0", text.as_bytes()].concat();
@@ -182,19 +182,19 @@ pub fn is_png(bytes: &[u8]) -> bool {
 mod tests {
     use super::*;
 
-    fn sheet(cells: Vec<Cell>) -> Sheet {
+    fn sheet(cells: Vec<SheetCell>) -> Sheet {
         Sheet { scenes: vec![0, 1], views: vec![0, 1], cells, expected: [80, 60] }
     }
 
-    fn image(width: u32, height: u32, value: u8) -> Cell {
+    fn image(width: u32, height: u32, value: u8) -> SheetCell {
         let image = Arc::new(Plane::from_fn(width, height, |_, _| [value; 3]));
-        Cell::Image { image, is_current: true }
+        SheetCell::Image { image, is_current: true }
     }
 
     #[test]
     fn cells_lie_in_a_grid_below_their_captions() {
-        let drawn = sheet(vec![image(90, 40, 200), image(80, 50, 201), Cell::Waiting, image(10, 10, 202)]).draw();
-        // Columns of 90 and 80 pixels; rows of 50 and, for what is waited for, 40 pixels.
+        let drawn = sheet(vec![image(90, 40, 200), image(80, 50, 201), SheetCell::Waiting, image(10, 10, 202)]).draw();
+        // Columns of 90 and 80 pixels; rows of 50 pixels and, for waiting cells, of 40 pixels.
         assert_eq!((drawn.width(), drawn.height()), (3 * GAP + 170, 3 * GAP + 2 * LINE + 90));
         let at = |x: u32, y: u32| drawn.at(x, y)[0];
         assert_eq!(at(GAP, GAP + LINE), 200);
@@ -210,9 +210,9 @@ mod tests {
     #[test]
     fn what_failed_is_told_in_its_cell_and_what_is_outdated_is_dark() {
         let reason = "settle: ".to_owned() + &"the pile does not come to rest; ".repeat(40);
-        let Cell::Image { image: old, .. } = image(120, 90, 200) else { return };
-        let old = Cell::Image { image: old, is_current: false };
-        let drawn = sheet(vec![old, Cell::Failed(reason), Cell::Waiting, Cell::Waiting]).draw();
+        let SheetCell::Image { image: old, .. } = image(120, 90, 200) else { return };
+        let old = SheetCell::Image { image: old, is_current: false };
+        let drawn = sheet(vec![old, SheetCell::Failed(reason), SheetCell::Waiting, SheetCell::Waiting]).draw();
         assert_eq!(drawn.at(GAP, GAP + LINE), &[112; 3]);
         let of = |color: Color| drawn.data().iter().filter(|pixel| **pixel == color).count();
         assert!(of(MISTAKE) > 300, "{}", of(MISTAKE));

@@ -1,8 +1,8 @@
-//! Making what a recipe changes, image by image: what stays the same is kept.
+//! Renders the changes of a recipe, image by image, and keeps unchanged images.
 
-use super::load::{self, Loaded, Wishes};
-use super::sheet::{self, Cell, Sheet};
-use super::watch::{Files, Watch};
+use super::load::{self, LoadedRecipe, Wishes};
+use super::sheet::{self, Sheet, SheetCell};
+use super::watch::{Watch, WatchedFiles};
 use parking_lot::Mutex;
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
@@ -21,42 +21,42 @@ use syntable_runtime::run::preview::{Previewer, Wanted};
 use syntable_runtime::run::progress::{Event, Reporter, Warnings, count};
 use syntable_runtime::run::stop::Stop;
 
-/// Scenes and views that are shown if nothing else is asked for.
+/// Default number of scenes, and of views.
 const OF_EACH: u32 = 2;
 /// Maximum number of cells of a sheet.
 const MAX_CELLS: usize = 400;
-/// Images that are kept beside those of the sheet, for recipes that come back.
+/// Number of cached images in addition to the sheet, for recipes that return to an earlier state.
 const KEPT: usize = 200;
 /// Maximum number of pixels of the images that are kept.
 const KEPT_PIXELS: usize = 1 << 26;
 /// Maximum number of pixels of a sheet.
 const MAX_PIXELS: u64 = 1 << 27;
 
-/// What is shown.
+/// Output of the preview.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Shown {
-    /// Images, and how many of them are made.
+pub enum StudioOutput {
+    /// Images, and cells that wait for theirs.
     Sheet(Sheet),
-    /// What is wrong with the recipe.
+    /// The errors of the recipe.
     Mistakes(String),
 }
 
-/// Something to show, with what was said of it.
+/// New output, with its warnings.
 pub struct News<'a> {
-    /// What is shown.
-    pub shown: &'a Shown,
-    /// Name of the dataset, once a recipe was loaded.
+    /// The output.
+    pub shown: &'a StudioOutput,
+    /// Name of the dataset; empty before a recipe was loaded.
     pub name: &'a str,
     /// Warnings, one per line as they are printed.
     pub warnings: &'a [String],
-    /// Whether there is more to come.
+    /// Whether more output follows.
     pub is_busy: bool,
 }
 
 /// How a pass ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Ended {
-    /// With all images that could be made.
+pub enum PassEnd {
+    /// All possible images are finished.
     Done {
         /// Scenes that failed.
         failed: u32,
@@ -65,35 +65,35 @@ pub enum Ended {
     },
     /// The recipe has mistakes.
     Mistaken,
-    /// It was asked to end.
+    /// The caller stopped it.
     Stopped,
 }
 
-/// Makes sheets of a recipe, and keeps what the next one can use.
-pub struct Studio<'a> {
+/// Renders sheets of a recipe, with a cache for the next sheets.
+pub struct PreviewStudio<'a> {
     reporter: &'a dyn Reporter,
     registry: &'a Registry,
     wishes: Wishes,
     scenes: Option<SceneRange>,
     width: u32,
     previewer: Previewer,
-    images: Images,
-    /// What was shown last, to be shown until something newer is there.
+    images: ImageCache,
+    /// The last sheet, shown until a newer one exists.
     sheet: Option<Sheet>,
-    files: Files,
-    /// Mistakes that were told.
+    files: WatchedFiles,
+    /// The last errors that were shown.
     told: Option<String>,
     name: String,
 }
 
-/// Images by what they follow from, the oldest first.
+/// Images by the digest of their inputs, the oldest first.
 #[derive(Default)]
-struct Images {
+struct ImageCache {
     all: BTreeMap<Digest, Arc<Plane<Color>>>,
     order: VecDeque<Digest>,
 }
 
-impl Images {
+impl ImageCache {
     fn add(&mut self, key: Digest, image: Arc<Plane<Color>>, most: usize) {
         if self.all.insert(key, image).is_none() {
             self.order.push_back(key);
@@ -106,15 +106,15 @@ impl Images {
         }
     }
 
-    /// Forgets an image that turned out to be of an attempt that failed.
+    /// Removes an image of a failed attempt.
     fn remove(&mut self, key: &Digest) {
         self.all.remove(key);
         self.order.retain(|other| other != key);
     }
 }
 
-impl<'a> Studio<'a> {
-    /// Nothing made yet.
+impl<'a> PreviewStudio<'a> {
+    /// A studio without images.
     pub fn new(
         reporter: &'a dyn Reporter,
         registry: &'a Registry,
@@ -128,20 +128,19 @@ impl<'a> Studio<'a> {
             scenes,
             width,
             previewer: Previewer::new(threads, DiskCache::of_user())?,
-            images: Images::default(),
+            images: ImageCache::default(),
             sheet: None,
-            files: Files::default(),
+            files: WatchedFiles::default(),
             told: None,
             name: String::new(),
         })
     }
 
-    /// Loads the recipe and makes what is new in it. `show` is called whenever there is something to show; its error ends
-    /// the pass.
-    pub fn pass(&mut self, watch: &Watch, stop: &Stop, show: &mut dyn FnMut(&News) -> Result<()>) -> Result<Ended> {
+    /// Loads the recipe and renders its changes. Calls `show` for every new output; an error of `show` ends the pass.
+    pub fn pass(&mut self, watch: &Watch, stop: &Stop, show: &mut dyn FnMut(&News) -> Result<()>) -> Result<PassEnd> {
         let start = Instant::now();
         let doubts = Collected::default();
-        let Loaded { recipe, mut files } = self.wishes.load(self.registry, &doubts);
+        let LoadedRecipe { recipe, mut files } = self.wishes.load(self.registry, &doubts);
         let doubts: Vec<Message> = doubts.merged().into_iter().map(Message::Warning).collect();
         if recipe.is_err() {
             files.add_all(&self.files);
@@ -161,9 +160,12 @@ impl<'a> Studio<'a> {
         let cells = scenes.len() as u64 * views.len() as u64;
         if cells * expected.map(u64::from).iter().product::<u64>() > MAX_PIXELS {
             let error = Error::new(format!("a sheet of {cells} images of {} pixels across is too large", expected[0]));
-            return self.mistaken(&load::of_error(error.help("lower --width, or show fewer scenes or views")), show);
+            return self.mistaken(
+                &load::of_error(error.help("lower the width of images, or show fewer scenes or views")),
+                show,
+            );
         }
-        let said = Said { reporter: self.reporter, warnings: Mutex::default() };
+        let said = WarningRecorder { reporter: self.reporter, warnings: Mutex::default() };
         let log = Warnings(&said);
         self.name.clone_from(&recipe.dataset.name);
         for warning in doubts.into_iter().chain(warnings.into_iter().map(Message::Diagnostic)) {
@@ -189,22 +191,22 @@ impl<'a> Studio<'a> {
             .collect();
         let before = self.sheet.take();
         let cells = keys.iter().enumerate().map(|(index, key)| match self.images.all.get(key) {
-            Some(image) => Cell::Image { image: Arc::clone(image), is_current: true },
+            Some(image) => SheetCell::Image { image: Arc::clone(image), is_current: true },
             None => outdated(before.as_ref(), (scenes[index / columns], views[index % columns])),
         });
         let sheet = Sheet { cells: cells.collect(), scenes: scenes.clone(), views: views.clone(), expected };
-        let missing = |cell: &Cell| !matches!(cell, Cell::Image { is_current: true, .. });
+        let missing = |cell: &SheetCell| !matches!(cell, SheetCell::Image { is_current: true, .. });
         let todo: Vec<Vec<u32>> = (sheet.cells.chunks(columns))
             .map(|row| row.iter().zip(&views).filter(|(cell, _)| missing(cell)).map(|(_, &view)| view).collect())
             .collect();
         let is_busy = todo.iter().any(|views| !views.is_empty());
-        let mut shown = Shown::Sheet(sheet);
+        let mut shown = StudioOutput::Sheet(sheet);
         let (images, name) = (&mut self.images, self.name.as_str());
-        let mut tell = |shown: &Shown, is_busy: bool| {
+        let mut tell = |shown: &StudioOutput, is_busy: bool| {
             let warnings = said.warnings.lock().clone();
             show(&News { shown, name, warnings: &warnings, is_busy })
         };
-        // What is there already is shown at once, and what is not yet there as such.
+        // Cached images are shown at once, and missing ones as waiting.
         let mut result = tell(&shown, is_busy);
         let (mut failed, mut made) = (0, 0);
         for (row, missing) in todo.iter().enumerate().filter(|(_, views)| !views.is_empty()) {
@@ -217,7 +219,7 @@ impl<'a> Studio<'a> {
                 let drawn = sheet::cell(products, panels > 1).and_then(|image| {
                     let (index, image) = (of(view), Arc::new(image));
                     images.add(keys[index], Arc::clone(&image), KEPT + keys.len());
-                    put(&mut shown, index, Cell::Image { image, is_current: true });
+                    put(&mut shown, index, SheetCell::Image { image, is_current: true });
                     made += 1;
                     tell(&shown, true)
                 });
@@ -230,7 +232,7 @@ impl<'a> Studio<'a> {
                 failed += 1;
                 for &view in missing {
                     images.remove(&keys[of(view)]);
-                    put(&mut shown, of(view), Cell::Failed(error.to_string()));
+                    put(&mut shown, of(view), SheetCell::Failed(error.to_string()));
                 }
             }
         }
@@ -239,29 +241,29 @@ impl<'a> Studio<'a> {
         if result.is_ok() && !stop.is_requested() && is_busy {
             result = tell(&shown, false);
         }
-        if let Shown::Sheet(sheet) = shown {
+        if let StudioOutput::Sheet(sheet) = shown {
             self.sheet = Some(sheet);
         }
         result?;
         if stop.is_requested() {
-            return Ok(Ended::Stopped);
+            return Ok(PassEnd::Stopped);
         }
         let message =
             format!("{} of {} made in {:.1} s", made, count(keys.len() as u32, "image"), start.elapsed().as_secs_f64());
         self.reporter.event(&Event::Note { message });
-        Ok(Ended::Done { failed, is_lossy: !losses.is_empty() })
+        Ok(PassEnd::Done { failed, is_lossy: !losses.is_empty() })
     }
 
-    /// Shows what is wrong with a recipe, unless that is what was shown last.
-    fn mistaken(&mut self, messages: &[Message], show: &mut dyn FnMut(&News) -> Result<()>) -> Result<Ended> {
+    /// Shows the errors of a recipe, unless they were shown last.
+    fn mistaken(&mut self, messages: &[Message], show: &mut dyn FnMut(&News) -> Result<()>) -> Result<PassEnd> {
         let text = load::said(messages);
         if self.told.as_ref() != Some(&text) {
             messages.iter().for_each(|message| self.reporter.message(message));
-            let shown = Shown::Mistakes(text.clone());
+            let shown = StudioOutput::Mistakes(text.clone());
             show(&News { shown: &shown, name: &self.name, warnings: &[], is_busy: false })?;
             self.told = Some(text);
         }
-        Ok(Ended::Mistaken)
+        Ok(PassEnd::Mistaken)
     }
 }
 
@@ -275,38 +277,38 @@ fn shown_of(recipe: &Recipe, scenes: Option<SceneRange>, views: Option<u32>) -> 
     let views = 0..views.unwrap_or_else(|| dataset.views_per_scene.min(OF_EACH));
     let cells = scenes.len() * views.len();
     if cells > MAX_CELLS {
-        return Err(Error::new(format!("a sheet of {cells} images is more than {MAX_CELLS}"))
-            .help("show fewer with --scenes and --views"));
+        return Err(Error::new(format!("a sheet of {cells} images exceeds the limit of {MAX_CELLS}"))
+            .help("show fewer scenes or views"));
     }
     Ok((scenes.collect(), views.collect()))
 }
 
-/// What was shown of a view before, as no longer current.
-fn outdated(before: Option<&Sheet>, (scene, view): (u32, u32)) -> Cell {
+/// The earlier cell of a view, marked as outdated.
+fn outdated(before: Option<&Sheet>, (scene, view): (u32, u32)) -> SheetCell {
     let found = before.and_then(|sheet| {
         let row = sheet.scenes.iter().position(|&other| other == scene)?;
         let column = sheet.views.iter().position(|&other| other == view)?;
         sheet.cells.get(row * sheet.views.len() + column)
     });
     match found {
-        Some(Cell::Image { image, .. }) => Cell::Image { image: Arc::clone(image), is_current: false },
-        _ => Cell::Waiting,
+        Some(SheetCell::Image { image, .. }) => SheetCell::Image { image: Arc::clone(image), is_current: false },
+        _ => SheetCell::Waiting,
     }
 }
 
-fn put(shown: &mut Shown, index: usize, cell: Cell) {
-    if let Shown::Sheet(sheet) = shown {
+fn put(shown: &mut StudioOutput, index: usize, cell: SheetCell) {
+    if let StudioOutput::Sheet(sheet) = shown {
         sheet.cells[index] = cell;
     }
 }
 
 /// A reporter that remembers warnings, for the page.
-struct Said<'a> {
+struct WarningRecorder<'a> {
     reporter: &'a dyn Reporter,
     warnings: Mutex<Vec<String>>,
 }
 
-impl Reporter for Said<'_> {
+impl Reporter for WarningRecorder<'_> {
     fn event(&self, event: &Event) {
         if let Event::Message(record) = event
             && record.level == Level::Warning

@@ -17,7 +17,7 @@ pub const CHARACTER: u32 = FONT.character_size.width;
 /// Height of a line, px.
 pub const LINE: u32 = FONT.character_size.height + 2;
 
-/// Draws a line of text with its top-left corner at (x, y). What lies outside of the image is left out.
+/// Draws a line of text with its top-left corner at (x, y), clipped at the image's edges.
 pub fn draw(onto: &mut Plane<Color>, text: &str, [x, y]: [u32; 2], [r, g, b]: Color) {
     let text: String = text.chars().map(in_font).collect();
     let style = MonoTextStyle::new(&FONT, Rgb888::new(r, g, b));
@@ -27,7 +27,7 @@ pub fn draw(onto: &mut Plane<Color>, text: &str, [x, y]: [u32; 2], [r, g, b]: Co
     }
 }
 
-/// Lines of at most `columns` characters. Words that do not fit go on below, as far as the first word of their line.
+/// Lines of at most `columns` characters. Wrapped words continue below, indented like the first word of their line.
 pub fn wrapped(text: &str, columns: usize) -> Vec<String> {
     let columns = columns.max(8);
     let mut lines = Vec::new();
@@ -46,7 +46,7 @@ pub fn wrapped(text: &str, columns: usize) -> Vec<String> {
     lines
 }
 
-/// The character of the font that stands for one that it lacks.
+/// The replacement for a character that the font lacks.
 fn in_font(letter: char) -> char {
     match letter {
         '→' => '>',

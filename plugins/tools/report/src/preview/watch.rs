@@ -1,9 +1,9 @@
 //! Waiting for a save.
 //!
-//! Files are looked at many times per second: that works on every file system, network folders included, follows
-//! editors that save by renaming, and needs no package; a recipe is few small files. What counts is content: a save
-//! without a change is none. A file is taken as changed when it is the same in two looks, and as gone when it stays so
-//! for a while.
+//! Files are polled many times per second. Polling works on every file system, including network folders, follows
+//! editors that save by renaming, and needs no package; a recipe has few small files. Only content matters: a save
+//! without a change is ignored. A file has changed if two polls in a row find the same new content, and is gone if it
+//! stays missing for a while.
 
 use parking_lot::{Condvar, Mutex};
 use std::collections::BTreeMap;
@@ -22,42 +22,43 @@ const SETTLED: Duration = Duration::from_millis(15);
 const GONE: Duration = Duration::from_millis(500);
 /// By how much the times of files may lag behind the clock: file systems take them from a clock of coarse ticks.
 const TICK: Duration = Duration::from_millis(40);
-/// Files up to this size are read at every look; of larger ones, size and time of the last change are compared first.
+/// Size up to which files are read at every poll, bytes. For larger files, size and modification time are compared
+/// first.
 const SMALL: u64 = 1 << 20;
 
-/// Files with what is known of their content.
+/// Files with their last known content.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
-pub struct Files(BTreeMap<PathBuf, Known>);
+pub struct WatchedFiles(BTreeMap<PathBuf, FileStamp>);
 
-/// What is known of a file.
+/// Last known state of a file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-struct Known {
-    /// Digest of the content; none of a file that could not be read.
+struct FileStamp {
+    /// Digest of the content; `None` for an unreadable file.
     content: Option<Digest>,
     /// Size and time of the last change, of a large file.
     stamp: Option<(u64, SystemTime)>,
 }
 
-impl Files {
+impl WatchedFiles {
     /// A file that was read, with the bytes that were in it then.
     pub fn read(&mut self, path: &Path, bytes: &[u8]) {
-        // The same digest as that of a file that is read again.
+        // The same digest as for a file that is read again.
         let content = Digest::of_reader(bytes).ok().map(|(digest, _)| digest);
-        self.0.insert(path.to_owned(), Known { content, stamp: None });
+        self.0.insert(path.to_owned(), FileStamp { content, stamp: None });
     }
 
     /// A file that could not be read.
     pub fn expect(&mut self, path: &Path) {
-        self.0.entry(path.to_owned()).or_insert(Known { content: None, stamp: None });
+        self.0.entry(path.to_owned()).or_insert(FileStamp { content: None, stamp: None });
     }
 
-    /// A file that was read since some time, with the content that it has now; one that was written since then counts as
-    /// changed, because nobody knows which content was read. Folders are left out.
+    /// Adds a file that was read after `since`, with its present content. A file that was written after `since` counts
+    /// as changed, because the content that was read is unknown. Folders are ignored.
     pub fn add(&mut self, path: &Path, since: SystemTime) {
         if !path.is_dir() && !self.0.contains_key(path) {
             let written = path.metadata().and_then(|metadata| metadata.modified());
             let is_late = written.is_ok_and(|at| at + TICK >= since && at <= SystemTime::now());
-            let known = if is_late { Known { content: None, stamp: None } } else { look(path, None) };
+            let known = if is_late { FileStamp { content: None, stamp: None } } else { look(path, None) };
             self.0.insert(path.to_owned(), known);
         }
     }
@@ -69,7 +70,7 @@ impl Files {
         }
     }
 
-    /// Whether a file is not what it was, as two looks agree.
+    /// Whether a file has changed, according to two polls in a row.
     fn changed(&mut self, gone: &mut BTreeMap<PathBuf, Instant>) -> bool {
         self.0.iter_mut().any(|(path, known)| {
             let now = look(path, Some(known));
@@ -88,9 +89,9 @@ impl Files {
     }
 }
 
-/// What a file is now. What is known of a large one holds as long as its size and time do.
-fn look(path: &Path, known: Option<&Known>) -> Known {
-    let nothing = Known { content: None, stamp: None };
+/// State of a file now. The known digest of a large file remains valid while size and time are unchanged.
+fn look(path: &Path, known: Option<&FileStamp>) -> FileStamp {
+    let nothing = FileStamp { content: None, stamp: None };
     let Ok(metadata) = path.metadata() else { return nothing };
     if !metadata.is_file() {
         return nothing;
@@ -101,19 +102,19 @@ fn look(path: &Path, known: Option<&Known>) -> Known {
         return *known;
     }
     let content = File::open(path).and_then(Digest::of_reader).ok().map(|(digest, _)| digest);
-    Known { content, stamp }
+    FileStamp { content, stamp }
 }
 
 /// Files that are watched, while work that follows from them is done or waits.
 #[derive(Default)]
 pub struct Watch {
-    state: Mutex<State>,
+    state: Mutex<PreviewState>,
     told: Condvar,
 }
 
 #[derive(Default)]
-struct State {
-    files: Files,
+struct PreviewState {
+    files: WatchedFiles,
     has_changed: bool,
     /// Ends the work that a change makes useless.
     work: Stop,
@@ -123,12 +124,12 @@ impl Watch {
     /// States that work begins on files that are about to be read. A change from now on ends it.
     pub fn begin(&self) -> Stop {
         let mut state = self.state.lock();
-        *state = State::default();
+        *state = PreviewState::default();
         state.work.clone()
     }
 
     /// States what was read.
-    pub fn set(&self, files: Files) {
+    pub fn set(&self, files: WatchedFiles) {
         self.state.lock().files = files;
     }
 
@@ -195,7 +196,7 @@ mod tests {
         thread::scope(|scope| {
             scope.spawn(|| watch.run(&stop));
             let work = watch.begin();
-            let mut files = Files::default();
+            let mut files = WatchedFiles::default();
             files.read(&path, b"a = 1\n");
             watch.set(files);
             act(&path);
@@ -238,11 +239,11 @@ mod tests {
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("recipe.toml");
         fs::write(&path, "old").expect("written");
-        let mut files = Files::default();
+        let mut files = WatchedFiles::default();
         files.read(&path, b"read before that");
         assert!(files.changed(&mut BTreeMap::new()));
         // A file that was missing comes.
-        let mut files = Files::default();
+        let mut files = WatchedFiles::default();
         let other = folder.path().join("other.toml");
         files.expect(&other);
         assert!(!files.changed(&mut BTreeMap::new()));
@@ -256,7 +257,7 @@ mod tests {
         let path = folder.path().join("points.json");
         let since = SystemTime::now() - Duration::from_secs(1);
         fs::write(&path, "new").expect("written");
-        let mut files = Files::default();
+        let mut files = WatchedFiles::default();
         files.add(&path, since);
         assert!(files.changed(&mut BTreeMap::new()));
     }
@@ -270,7 +271,7 @@ mod tests {
         let since = SystemTime::now();
         let file = File::options().write(true).open(&path).expect("there");
         file.set_modified(since - Duration::from_millis(10)).expect("a time");
-        let mut files = Files::default();
+        let mut files = WatchedFiles::default();
         files.add(&path, since);
         assert!(files.changed(&mut BTreeMap::new()));
     }
@@ -280,7 +281,7 @@ mod tests {
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("list.txt");
         fs::write(&path, vec![1; 2 << 20]).expect("written");
-        let mut files = Files::default();
+        let mut files = WatchedFiles::default();
         // What a clock of coarse ticks says is past.
         let later = SystemTime::now() + Duration::from_secs(1);
         files.add(&path, later);

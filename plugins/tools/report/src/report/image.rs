@@ -1,4 +1,4 @@
-//! What the pages know of an image: its objects with their masks, and who occludes whom.
+//! Data of an image for the pages: its objects with their masks, and the occlusion order.
 
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -16,7 +16,7 @@ use syntable_model::scene::InstanceId;
 /// An image of a dataset as the pages show it.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ImageView {
-    /// What the dataset calls it.
+    /// Name in the dataset.
     pub name: String,
     /// Its scene.
     pub scene: u32,
@@ -24,21 +24,21 @@ pub struct ImageView {
     pub view: u32,
     /// Width and height, px.
     pub size: [u32; 2],
-    /// Whether there is a color image.
+    /// Whether the image has a color image.
     pub has_image: bool,
-    /// Least and greatest depth, m; none without depths.
+    /// Minimum and maximum depth, m; `None` without depths.
     pub depth_m: Option<[f32; 2]>,
     /// Its objects, in the order of their ids.
-    pub objects: Vec<ObjectView>,
-    /// Who occludes whom; none if that is not known.
-    pub graph: Option<GraphView>,
-    /// What is wrong with it: the check, and a sentence.
+    pub objects: Vec<ImageObject>,
+    /// Occlusion graph; `None` if the order is unknown.
+    pub graph: Option<OcclusionGraphView>,
+    /// Faults: the check, and a sentence.
     pub faults: Vec<[String; 2]>,
 }
 
 /// An object in an image. Masks are run lengths as in COCO files.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
-pub struct ObjectView {
+pub struct ImageObject {
     /// Its id.
     pub id: u16,
     /// Whether no pixel of it is seen.
@@ -52,13 +52,13 @@ pub struct ObjectView {
     pub rate: Option<f64>,
     /// Layer in the occlusion graph.
     pub layer: Option<&'static str>,
-    /// Visible mask; none if it is empty.
+    /// Visible mask; `None` if it is empty.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub visible: Option<String>,
     /// Amodal mask.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub amodal: Option<String>,
-    /// Occlusion mask; none if it is empty.
+    /// Occlusion mask; `None` if it is empty.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub hidden: Option<String>,
     /// Box of the visible mask: x, y, width, height.
@@ -69,7 +69,7 @@ pub struct ObjectView {
 
 /// The occlusion graph of an image, by ids of objects.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
-pub struct GraphView {
+pub struct OcclusionGraphView {
     /// Occluder and occludee.
     pub edges: Vec<[u16; 2]>,
     /// Sets of objects that occlude each other, directly or through others of the set.
@@ -78,18 +78,18 @@ pub struct GraphView {
     pub depth_layers: Vec<Vec<u16>>,
 }
 
-/// What a gallery tells of an image.
+/// Data of an image in the gallery.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct ImageRow {
-    /// What the dataset calls it.
+pub struct GalleryRow {
+    /// Name in the dataset.
     pub name: String,
     /// Its scene and view.
     pub place: [u32; 2],
     /// Width and height, px.
     pub size: [u32; 2],
-    /// Objects of which a pixel is seen.
+    /// Number of objects with a visible pixel.
     pub objects: usize,
-    /// Whether there is a color image.
+    /// Whether the image has a color image.
     pub has_image: bool,
     /// Greatest occlusion rate of an object.
     pub most: Option<f64>,
@@ -97,10 +97,10 @@ pub struct ImageRow {
     pub faults: usize,
 }
 
-/// The check that fails where something of an image cannot be read.
+/// Name of the check that fails if part of an image is unreadable.
 pub const READABLE: &str = "readable";
 
-/// What is read of each image.
+/// Products to read of each image.
 fn wants(offers: &[KeyId]) -> Vec<KeyId> {
     let own = syntable_model::keys![
         VISIBLE_MASK,
@@ -116,7 +116,7 @@ fn wants(offers: &[KeyId]) -> Vec<KeyId> {
     own.into_iter().filter(|key| offers.contains(key)).collect()
 }
 
-/// Reads an image: what the pages know of it, and with `whole` all that the checks look at, its color and its depth.
+/// Reads an image: data for the pages and, with `whole`, all inputs of the checks, color and depth.
 pub fn read(
     dataset: &OpenDataset,
     checks: &[Arc<dyn LabelCheck>],
@@ -133,10 +133,10 @@ pub fn read(
         let read = read.map_err(|error| error.context(format!("image \"{}\"", of.name)))?;
         (read.size, read.products)
     };
-    let mut objects: BTreeMap<InstanceId, ObjectView> = BTreeMap::new();
-    // Of amodal masks alone nobody knows what is hidden.
+    let mut objects: BTreeMap<InstanceId, ImageObject> = BTreeMap::new();
+    // Amodal masks alone do not tell which pixels are hidden.
     let has_visible = offers.contains(&VISIBLE_MASK.id());
-    let mut put = Objects { products: &products, objects: &mut objects };
+    let mut put = ObjectCollector { products: &products, objects: &mut objects };
     put.each(VISIBLE_MASK, |object, mask: &Mask| {
         object.is_hidden = mask.is_empty();
         object.visible = (!mask.is_empty()).then(|| mask.to_coco());
@@ -165,7 +165,7 @@ pub fn read(
             let named = |sets: Vec<Vec<usize>>| {
                 sets.iter().map(|set| set.iter().map(|&node| ids[node].0).collect()).collect::<Vec<Vec<u16>>>()
             };
-            Some(GraphView {
+            Some(OcclusionGraphView {
                 edges: graph.edges().map(|(i, j)| [ids[i].0, ids[j].0]).collect(),
                 cycles: named(graph.cycles()),
                 depth_layers: named(graph.depth_layers()),
@@ -187,7 +187,7 @@ pub fn read(
     Ok((ImageView { name, scene, view, size, has_image, depth_m, objects, graph, faults }, products))
 }
 
-/// All that can be read of an image. What cannot be read is a fault.
+/// All readable products of an image. An unreadable product is a fault.
 fn read_all(
     dataset: &OpenDataset,
     image: usize,
@@ -214,19 +214,19 @@ fn read_all(
     (size, all)
 }
 
-struct Objects<'a> {
+struct ObjectCollector<'a> {
     products: &'a Products,
-    objects: &'a mut BTreeMap<InstanceId, ObjectView>,
+    objects: &'a mut BTreeMap<InstanceId, ImageObject>,
 }
 
-impl Objects<'_> {
-    fn each<T>(&mut self, key: Key<PerInstance<T>>, mut put: impl FnMut(&mut ObjectView, &T)) -> Result<()>
+impl ObjectCollector<'_> {
+    fn each<T>(&mut self, key: Key<PerInstance<T>>, mut put: impl FnMut(&mut ImageObject, &T)) -> Result<()>
     where
         PerInstance<T>: Product,
     {
         let Some(values) = self.products.optional(key)? else { return Ok(()) };
         for (id, value) in values.iter() {
-            let new = || ObjectView { id: id.0, ..ObjectView::default() };
+            let new = || ImageObject { id: id.0, ..ImageObject::default() };
             put(self.objects.entry(id).or_insert_with(new), value);
         }
         Ok(())
@@ -234,10 +234,10 @@ impl Objects<'_> {
 }
 
 impl ImageView {
-    /// What a gallery tells of it.
-    pub fn row(&self) -> ImageRow {
+    /// Data of the image in the gallery.
+    pub fn row(&self) -> GalleryRow {
         let rates = self.objects.iter().filter_map(|object| object.rate);
-        ImageRow {
+        GalleryRow {
             name: self.name.clone(),
             place: [self.scene, self.view],
             size: self.size,

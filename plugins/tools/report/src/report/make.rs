@@ -2,9 +2,9 @@
 
 use super::overview::{MOST_OCCLUDED, MOST_WORST, by_occlusion};
 use super::record::run_of;
-use super::scored::Scored;
-use super::{Counted, Report, Shown};
-use crate::stats::{self, Options, Statistics};
+use super::scored::ReportScores;
+use super::{DatasetReport, ReportSelection, StatisticsProgress};
+use crate::stats::{self, DatasetStatistics, StatisticsOptions};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use syntable_model::digest::{Digest, Hasher};
@@ -13,29 +13,30 @@ use syntable_model::left_out::LeftOut;
 use syntable_model::reader::{self, Source};
 use syntable_model::registry::Registry;
 use syntable_runtime::durable::{self, Draft, Standing};
-use syntable_runtime::images::{Work, each};
+use syntable_runtime::images::{ImageWork, each};
 use syntable_runtime::left_out::LeftOutReport;
 use syntable_runtime::paths::{dataset_folder, lies_in};
 use syntable_runtime::run::check_place;
 use syntable_runtime::run::progress::count;
 
-/// What the list of files in a report's folder says of who made it.
+/// Creator in the list of files of a report's folder.
 pub const MADE_BY: &str = "syntable report";
 
-/// What is shown of a dataset, and where.
+/// Content and folder of a report.
 #[derive(Debug, Clone)]
 pub struct ReportOptions {
     /// The dataset, of any format that can be read.
     pub dataset: Source,
-    /// Its format; none for the one that it looks like.
+    /// Format of the dataset; `None` detects it.
     pub format: Option<String>,
-    /// Folder of the report; none for the dataset's with `-report` after its name.
+    /// Folder of the report; `None` uses the dataset's name with the suffix `-report`.
     pub out: Option<PathBuf>,
     /// Whether a report that is in the folder is replaced.
     pub overwrite: bool,
     /// Scores of predictions: what `syntable eval --save` wrote.
     pub scores: Option<PathBuf>,
-    /// Maximum number of images: the most occluded ones, and others at even distances. The numbers are always those of all.
+    /// Maximum number of images: the most occluded ones, and others at even intervals. Statistics always cover all
+    /// images.
     pub images: usize,
     /// Maximum number of scenes in space.
     pub scenes: usize,
@@ -51,7 +52,7 @@ impl ReportOptions {
     }
 }
 
-/// A report that was made.
+/// Result of making a report.
 #[derive(Debug, Clone)]
 pub struct MadeReport {
     /// Its first page.
@@ -66,50 +67,50 @@ pub struct MadeReport {
     pub images_not_chosen: usize,
     /// Scenes in space.
     pub scenes: usize,
-    /// What a reader of the report should know.
+    /// Notes for readers of the report.
     pub notes: Vec<Error>,
-    /// What of the dataset could not be read, and is not on the pages.
+    /// Unreadable parts of the dataset, which the pages omit.
     pub left_out: LeftOutReport,
 }
 
 /// Makes a report: a folder of pages, which takes its place whole or not at all.
 ///
 /// # Errors
-/// If the dataset cannot be opened, the folder is not free, a file cannot be written, or the work was asked to stop.
-pub fn make(registry: &Registry, options: &ReportOptions, work: &Work) -> Result<MadeReport> {
+/// If the dataset cannot be opened, the folder is in use, a file cannot be written, or the work was stopped.
+pub fn make(registry: &Registry, options: &ReportOptions, work: &ImageWork) -> Result<MadeReport> {
     let ReportOptions { dataset: source, scores, .. } = options;
     let dataset = &source.path;
     let out = options.out.clone().map_or_else(|| beside(registry, dataset), Ok).map_err(Error::of_request)?;
     let read = dataset_folder(registry, dataset);
     for input in [Some(&read), Some(dataset), scores.as_ref()].into_iter().flatten() {
         if lies_in(input, &out) {
-            let error = Error::new(format!("{} lies in it, and a new report would replace it", input.display()));
-            return Err(error.in_file(&out).help("choose another folder with --out").of_request());
+            let error =
+                Error::new(format!("the folder contains {}, which a new report would replace", input.display()));
+            return Err(error.in_file(&out).help("choose another folder with `options.out`").of_request());
         }
     }
     check_place(&out, dataset)?;
     check_out(&out, options.overwrite)?;
     let (format, opened) = registry.open_dataset(source, options.format.as_deref())?;
-    let scored = scores.as_ref().map(|file| Scored::open(file, &opened)).transpose()?;
-    let counting = Options { images: !options.labels_only, ..Options::default() };
+    let scored = scores.as_ref().map(|file| ReportScores::open(file, &opened)).transpose()?;
+    let counting = StatisticsOptions { labels_only: options.labels_only, ..StatisticsOptions::default() };
     let mut incomplete = Vec::new();
     let counted = match stats::of(&opened, &counting, work) {
-        Ok(statistics) => Counted::Done(Box::new(statistics)),
+        Ok(statistics) => StatisticsProgress::Done(Box::new(statistics)),
         Err(error) if work.stop.is_requested() => return Err(error),
         Err(error) => {
             let error = error.in_file(dataset);
-            incomplete
-                .push(Error::new(format!("no statistics: {error}")).help("`syntable validate` lists what is wrong"));
-            Counted::Failed(error.to_string())
+            incomplete.push(Error::new(format!("no statistics: {error}")).help("`syntable validate` lists all faults"));
+            StatisticsProgress::Failed(error.to_string())
         }
     };
-    let worst = scored.as_ref().map_or(&[][..], Scored::images);
+    let worst = scored.as_ref().map_or(&[][..], ReportScores::images);
     let (most_worst, most) = (worst.len(), options.images);
-    let chosen = |of: &reader::OpenDataset| Shown {
+    let chosen = |of: &reader::OpenDataset| ReportSelection {
         images: choose(of.images.len(), most, statistics(&counted), worst),
         scenes: Some(options.scenes),
     };
-    let mut report = Report::of(registry, opened, format.name(), source, chosen)?;
+    let mut report = DatasetReport::of(registry, opened, format.name(), source, chosen)?;
     if let Some(scored) = scored {
         report = report.with_scores(scored);
     }
@@ -138,8 +139,13 @@ pub fn make(registry: &Registry, options: &ReportOptions, work: &Work) -> Result
     })
 }
 
-/// What is not on the pages: images and other parts that cannot be read, and the statistics.
-fn left_out(report: &Report, unread: Vec<String>, incomplete: Vec<Error>, not_objects: Vec<LeftOut>) -> LeftOutReport {
+/// Data that the pages omit: unreadable images and other parts, and the statistics.
+fn left_out(
+    report: &DatasetReport,
+    unread: Vec<String>,
+    incomplete: Vec<Error>,
+    not_objects: Vec<LeftOut>,
+) -> LeftOutReport {
     let lost = report.lost();
     let mut parts = Vec::new();
     for (reasons, one) in [(unread.len(), "image"), (lost.len(), "other part")] {
@@ -149,22 +155,22 @@ fn left_out(report: &Report, unread: Vec<String>, incomplete: Vec<Error>, not_ob
     let mut left_out = LeftOutReport::default();
     if !parts.is_empty() {
         let reasons = unread.into_iter().chain(lost).map(Error::new);
-        let summary = format!("{} cannot be read: the pages lack what they say", parts.join(" and "));
+        let summary = format!("{} cannot be read, so the pages omit them", parts.join(" and "));
         left_out.add(summary, incomplete.into_iter().chain(reasons));
     }
     left_out.annotations(&not_objects);
     left_out
 }
 
-fn statistics(counted: &Counted) -> Option<&Statistics> {
+fn statistics(counted: &StatisticsProgress) -> Option<&DatasetStatistics> {
     match counted {
-        Counted::Done(statistics) => Some(statistics),
+        StatisticsProgress::Done(statistics) => Some(statistics),
         _ => None,
     }
 }
 
-/// Images to show, ascending: those with the worst scores, the most occluded ones, and others at even distances.
-pub fn choose(all: usize, most: usize, statistics: Option<&Statistics>, worst: &[usize]) -> Vec<usize> {
+/// Images to show, ascending: the images with the worst scores, the most occluded ones, and others at even intervals.
+pub fn choose(all: usize, most: usize, statistics: Option<&DatasetStatistics>, worst: &[usize]) -> Vec<usize> {
     if most >= all {
         return (0..all).collect();
     }
@@ -177,12 +183,14 @@ pub fn choose(all: usize, most: usize, statistics: Option<&Statistics>, worst: &
     chosen.into_iter().collect()
 }
 
-/// Where the report of a dataset lies if nothing is said: beside it, since what lies in the folder of a run belongs to the run.
+/// Default folder of a report: next to the dataset, because a run owns the files in its folder.
 fn beside(registry: &Registry, dataset: &Path) -> Result<PathBuf> {
     let whole = std::path::absolute(dataset).map_err(|error| Error::io(dataset, &error))?;
     let folder = &dataset_folder(registry, &whole);
     let Some(name) = folder.file_name() else {
-        return Err(Error::new("its folder has no name").in_file(dataset).help("choose one for the report with --out"));
+        return Err(Error::new("the dataset's folder has no name")
+            .in_file(dataset)
+            .help("choose a folder for the report with `options.out`"));
     };
     // Of the folder of a writer: beside the whole run.
     if let Some(run) = run_of(folder)?.filter(|run| run != folder) {
@@ -197,7 +205,7 @@ fn beside(registry: &Registry, dataset: &Path) -> Result<PathBuf> {
     Ok(if is_named { dataset.with_file_name(named) } else { folder.with_file_name(named) })
 }
 
-/// Refuses a folder in which no report can be made.
+/// Refuses a folder that cannot take a report.
 fn check_out(out: &Path, overwrite: bool) -> Result<()> {
     let refuse = |what: &str, help: &str| {
         // A report that was killed at its very end is whole, and has left something beside it.
@@ -207,11 +215,12 @@ fn check_out(out: &Path, overwrite: bool) -> Result<()> {
     match durable::standing(out)? {
         Standing::Made(listing) if listing.made_by == MADE_BY => match overwrite {
             true => listing.check(out).and_then(|()| durable::mend(out)),
-            false => refuse("there is a report", "--overwrite replaces it"),
+            false => refuse("the folder has a report", "`options.overwrite` replaces it"),
         },
-        Standing::Made(_) | Standing::Other => {
-            refuse("it is there, and no report", "choose another folder with --out; nothing was touched")
-        }
+        Standing::Made(_) | Standing::Other => refuse(
+            "the path exists and is not a report",
+            "choose another folder with `options.out`; no file was changed",
+        ),
         Standing::Free => durable::mend(out),
     }
 }
@@ -219,13 +228,14 @@ fn check_out(out: &Path, overwrite: bool) -> Result<()> {
 /// Writes all files of a report into a folder.
 ///
 /// # Errors
-/// If one cannot be written, or the work was asked to stop. What of the dataset cannot be read is left out, see [`Report::unread`] and [`Report::lost`].
-pub fn write(report: &Report, draft: &Draft, work: &Work) -> Result<()> {
+/// If a file cannot be written, or the work was stopped. Unreadable parts of the dataset are omitted, see
+/// [`DatasetReport::unread`] and [`DatasetReport::lost`].
+pub fn write(report: &DatasetReport, draft: &Draft, work: &ImageWork) -> Result<()> {
     report.gather_licenses();
     let mut edition = Some(Hasher::new("edition of a report"));
     let mut add = |digest: Digest| edition = edition.take().map(|it| it.digest(digest));
     let of_file = |path: &str, bytes: &[u8]| Hasher::new("a file").text(path).bytes(bytes).finish();
-    // Images say whether their scene is shown in space.
+    // Images state whether the report has their scene in 3-D.
     for (scene, path) in report.scene_paths() {
         match report.file(&path) {
             Ok(Some(bytes)) => {
@@ -253,7 +263,7 @@ pub fn write(report: &Report, draft: &Draft, work: &Work) -> Result<()> {
             add(of_file(&path, &bytes));
         }
     }
-    // Pages name the others with what they hold, so that a browser takes none of an earlier report.
+    // Pages refer to other files with the report's digest, so that a browser uses none from an earlier report.
     if let Some(edition) = edition {
         report.put_edition(&edition.finish());
     }
@@ -274,9 +284,9 @@ mod tests {
         assert_eq!(choose(5, 9, None, &[]), [0, 1, 2, 3, 4]);
         assert_eq!(choose(100, 4, None, &[]), [0, 25, 50, 75]);
         assert_eq!(choose(7, 3, None, &[]), [0, 2, 4]);
-        // Of the worst ones, at most one half.
+        // The worst images take at most one half.
         assert_eq!(choose(100, 4, None, &[77, 3, 50]), [0, 3, 50, 77]);
-        // As many as there are to be, whatever was taken before.
+        // The requested number, whatever images came first.
         for (all, most) in (2..20).flat_map(|all| (1..all).map(move |most| (all, most))) {
             let shown = choose(all, most, None, &[all - 1, 0, all / 2]);
             assert!(shown.len() == most && shown.is_sorted(), "{most} of {all}: {shown:?}");

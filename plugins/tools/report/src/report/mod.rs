@@ -1,8 +1,8 @@
-//! Pages that show a dataset: what it is, its numbers, its images with their labels, its scenes in space.
+//! Pages that show a dataset: its card, its statistics, its images with labels, its scenes in 3-D.
 //!
-//! A report is a function from paths to files ([`Report::file`]). `syntable report` asks for all of them and writes a folder,
-//! `syntable view` for what a browser wants to see. Pages work without a server: what would be fetched is a script that calls
-//! `put` with a value, and a page loads the few that it shows.
+//! A report is a function from paths to files ([`DatasetReport::file`]). `syntable report` writes all files into a
+//! folder, `syntable view` serves the ones that a browser requests. Pages work without a server: instead of fetching
+//! data, a page loads scripts that call `put` with a value, and only the few that it shows.
 //!
 //! | path | is |
 //! | --- | --- |
@@ -24,13 +24,13 @@ mod plot;
 pub mod record;
 pub mod scored;
 
-use crate::stats::Statistics;
+use crate::stats::DatasetStatistics;
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
-use image::{ImageRow, ImageView};
+use image::{GalleryRow, ImageView};
 use parking_lot::Mutex;
-use record::{Licenses, Record};
-use scored::Scored;
+use record::{DatasetRecord, Licenses};
+use scored::ReportScores;
 use serde::Serialize;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -51,8 +51,8 @@ const PER_PAGE: usize = 60;
 /// Files in a folder.
 const PER_FOLDER: usize = 1000;
 
-/// What pages may load and run, wherever they lie: files beside them, and images that their scripts make. Of a page that is a
-/// file, browsers do not count other files as its own, so the scheme is named.
+/// Permitted resources of pages, at any location: files next to them, and images that their scripts create. For a page
+/// from a file, browsers do not treat other files as the same origin, so the policy names the scheme.
 const POLICY: &str = "default-src 'none'; script-src 'self' file:; style-src 'self' file:; img-src 'self' file: data: blob:; \
                       base-uri 'none'; form-action 'none'";
 
@@ -68,7 +68,7 @@ const ASSETS: [(&str, &str); 8] = [
     ("page/scene.js", include_str!("page/scene.js")),
 ];
 
-/// Templates of what pages share.
+/// Shared templates of pages.
 const SHARED: [(&str, &str); 2] =
     [("base.html", include_str!("page/base.html")), ("parts.html", include_str!("page/parts.html"))];
 
@@ -81,85 +81,85 @@ const PAGES: [(&str, &str); 4] = [
 ];
 
 /// The pages of a dataset.
-pub struct Report {
+pub struct DatasetReport {
     dataset: OpenDataset,
-    /// What it was read as.
+    /// Format of the dataset.
     format: &'static str,
-    /// The path that was asked for.
+    /// Path that the user named.
     path: String,
-    /// What must hold in every image.
+    /// Checks of every image.
     checks: Vec<Arc<dyn LabelCheck>>,
-    record: Record,
+    record: DatasetRecord,
     /// Images that the pages show, ascending.
     shown: Vec<usize>,
     /// Scenes with a model that the pages show.
     scenes: Vec<u32>,
-    /// Those whose model cannot be read, with the reason.
+    /// Scenes with an unreadable model, with reasons.
     lost_scenes: Mutex<BTreeMap<u32, String>>,
-    /// Gathered from labels when somebody asks, which takes a while.
+    /// Licenses, collected from labels on first request, which takes a while.
     licenses: OnceLock<(Licenses, Vec<String>)>,
     /// Scores of predictions, if some are shown.
-    scored: Option<Scored>,
-    /// What tells a report that was written from another one at its place.
+    scored: Option<ReportScores>,
+    /// Digest that distinguishes a written report from another one at the same path.
     edition: OnceLock<String>,
     pages: Tera,
-    /// What was read of shown images.
-    rows: Vec<Mutex<Option<ImageRow>>>,
-    /// What checks found in shown images, by place; nothing of those that were not checked.
+    /// Rows of images that were shown.
+    rows: Vec<Mutex<Option<GalleryRow>>>,
+    /// Faults of shown images that were checked, by place.
     faults: Mutex<BTreeMap<usize, Vec<[String; 2]>>>,
-    /// The numbers of the dataset, once they are counted.
-    statistics: Mutex<Counted>,
+    /// The statistics, once they are complete.
+    statistics: Mutex<StatisticsProgress>,
 }
 
 /// How far the statistics are.
-pub enum Counted {
-    /// They are counted, and a sentence that says how far.
+pub enum StatisticsProgress {
+    /// Counting; the text states the progress.
     Working(String),
-    /// They cannot be had, and why.
+    /// Failed; the text states the reason.
     Failed(String),
-    /// They are there.
-    Done(Box<Statistics>),
+    /// Complete.
+    Done(Box<DatasetStatistics>),
 }
 
-/// What pages show of a dataset.
-pub struct Shown {
+/// Content of the pages.
+pub struct ReportSelection {
     /// Images, ascending.
     pub images: Vec<usize>,
-    /// Most scenes in space; all if not given.
+    /// Maximum number of scenes in 3-D; `None` for all.
     pub scenes: Option<usize>,
 }
 
-impl Report {
-    /// Opens a dataset. `choose` says what of it is shown.
+impl DatasetReport {
+    /// Opens a dataset. `choose` selects the images and scenes to show.
     pub fn open(
         registry: &Registry,
         source: &Source,
         format: Option<&str>,
-        choose: impl FnOnce(&OpenDataset) -> Shown,
+        choose: impl FnOnce(&OpenDataset) -> ReportSelection,
     ) -> Result<Self> {
         let (format, dataset) = registry.open_dataset(source, format)?;
         Self::of(registry, dataset, format.name(), source, choose)
     }
 
-    /// The pages of a dataset that is open. `source` is where it was opened, and how far links of its run may reach.
+    /// The pages of an open dataset. `source` is its location, with the permitted reach of links of its run.
     pub fn of(
         registry: &Registry,
         dataset: OpenDataset,
         format: &'static str,
         source: &Source,
-        choose: impl FnOnce(&OpenDataset) -> Shown,
+        choose: impl FnOnce(&OpenDataset) -> ReportSelection,
     ) -> Result<Self> {
         let path = source.path.as_path();
         if dataset.images.is_empty() {
             return Err(Error::new("the dataset has no image").in_file(path));
         }
-        let record = Record::of(source);
-        let Shown { images: shown, scenes: most } = choose(&dataset);
+        let record = DatasetRecord::of(source);
+        let ReportSelection { images: shown, scenes: most } = choose(&dataset);
         let scenes: Vec<u32> = record.models.keys().copied().take(most.unwrap_or(usize::MAX)).collect();
         let mut pages = Tera::default();
         pages.add_raw_templates(SHARED.into_iter().chain(PAGES)).map_err(|error| wrong_page(&error))?;
         let rows = shown.iter().map(|_| Mutex::new(None)).collect();
-        let statistics = Mutex::new(Counted::Working("nothing is counted yet".to_owned()));
+        let statistics = Mutex::new(StatisticsProgress::Working("nothing is counted yet".to_owned()));
         let path = path.display().to_string();
         Ok(Self {
             dataset,
@@ -180,13 +180,13 @@ impl Report {
         })
     }
 
-    /// The path that was asked for.
+    /// The path that the user named.
     pub fn path(&self) -> &str {
         &self.path
     }
 
     /// Shows predictions, too.
-    pub fn with_scores(self, scored: Scored) -> Self {
+    pub fn with_scores(self, scored: ReportScores) -> Self {
         Self { scored: Some(scored), ..self }
     }
 
@@ -200,7 +200,7 @@ impl Report {
         self.licenses.get_or_init(|| self.record.licenses(&self.dataset, firsts.into_iter()));
     }
 
-    /// Says what the files of the report are.
+    /// Sets the digest of the report's files.
     fn put_edition(&self, digest: &Digest) {
         let text = digest.to_string();
         self.edition.get_or_init(|| text.chars().filter(char::is_ascii_hexdigit).take(12).collect());
@@ -212,13 +212,13 @@ impl Report {
     }
 
     /// Puts the statistics, or how far they are.
-    pub fn put_statistics(&self, counted: Counted) {
+    pub fn put_statistics(&self, counted: StatisticsProgress) {
         *self.statistics.lock() = counted;
     }
 
-    /// Whether the statistics are there, or cannot be had.
+    /// Whether the statistics are complete or failed.
     pub fn is_counted(&self) -> bool {
-        !matches!(&*self.statistics.lock(), Counted::Working(_))
+        !matches!(&*self.statistics.lock(), StatisticsProgress::Working(_))
     }
 
     /// Number of images that are shown.
@@ -226,8 +226,8 @@ impl Report {
         self.shown.len()
     }
 
-    /// Images of which something cannot be read, in order, each with the reasons: sentences. Those that nobody has asked for are
-    /// not among them.
+    /// Images with unreadable parts, in order, each with its reasons as a sentence. Includes only images that were
+    /// requested.
     pub fn unread(&self) -> Vec<String> {
         self.unread_by_place()
             .into_iter()
@@ -238,7 +238,7 @@ impl Report {
             .collect()
     }
 
-    /// What cannot be read of images, by their place among those that are shown.
+    /// Reasons for unreadable parts of images, by place among the shown images.
     fn unread_by_place(&self) -> BTreeMap<usize, Vec<String>> {
         let mut unread: BTreeMap<usize, Vec<String>> = BTreeMap::new();
         for (place, faults) in &*self.faults.lock() {
@@ -249,8 +249,8 @@ impl Report {
         unread
     }
 
-    /// What beside images cannot be read and is missing on the pages: records of the run, licenses, scenes in space, and what
-    /// hides images from the list of the dataset. Sentences.
+    /// Other unreadable data that the pages omit, as sentences: records of the run, licenses, scenes in 3-D, and files
+    /// that hide images from the list of the dataset.
     pub fn lost(&self) -> Vec<String> {
         let hidden = self.dataset.faults.iter().filter(|fault| fault.is_lost);
         let hidden = hidden.map(|fault| format!("{}: {}", fault.place, fault.message));
@@ -265,7 +265,7 @@ impl Report {
         self.scenes.iter().copied().filter(|scene| !lost.contains_key(scene)).collect()
     }
 
-    /// Leaves out a scene whose model cannot be read.
+    /// Omits a scene with an unreadable model.
     fn lose_scene(&self, scene: u32, why: &Error) {
         self.lost_scenes.lock().insert(scene, format!("scene {scene} in space: {why}"));
     }
@@ -284,7 +284,7 @@ impl Report {
         Ok(files)
     }
 
-    /// Reads an image with all that the checks look at, and keeps what they found.
+    /// Reads an image with all inputs of the checks, and keeps the faults.
     fn read_whole(&self, place: usize) -> Result<(ImageView, Products)> {
         let read = image::read(&self.dataset, &self.checks, self.shown[place], true)?;
         *self.rows[place].lock() = Some(read.0.row());
@@ -292,7 +292,7 @@ impl Report {
         Ok(read)
     }
 
-    /// Paths of all files but those of single images and scenes.
+    /// Paths of all files except files of single images and scenes.
     pub fn other_paths(&self) -> Vec<String> {
         let pages = PAGES.iter().map(|(name, _)| (*name).to_owned());
         let assets = ASSETS.iter().map(|(path, _)| (*path).to_owned());
@@ -300,7 +300,7 @@ impl Report {
         pages.chain(assets).chain(rows).collect()
     }
 
-    /// A file by its path; none if the report has no such file.
+    /// A file by its path; `None` if the report has no such file.
     pub fn file(&self, path: &str) -> Result<Option<Vec<u8>>> {
         if let Some((_, text)) = ASSETS.iter().find(|(name, _)| *name == path) {
             return Ok(Some(text.as_bytes().to_vec()));
@@ -350,7 +350,7 @@ impl Report {
         WholeView { image: view, has_scene: self.scenes().contains(&view.scene), predicted }
     }
 
-    fn row(&self, place: usize) -> Result<ImageRow> {
+    fn row(&self, place: usize) -> Result<GalleryRow> {
         let mut row = self.rows[place].lock();
         if let Some(row) = &*row {
             return Ok(row.clone());
@@ -367,7 +367,7 @@ impl Report {
         if first >= self.shown.len() {
             return Ok(None);
         }
-        let rows: Vec<ImageRow> =
+        let rows: Vec<GalleryRow> =
             (first..self.shown.len().min(first + PER_PAGE)).map(|place| self.row(place)).collect::<Result<_>>()?;
         Ok(Some(self.put(&format!("rows/{page}"), &rows)))
     }
@@ -414,7 +414,7 @@ impl Report {
     }
 }
 
-/// What scripts of all pages know.
+/// Data for the scripts of all pages.
 #[derive(Serialize)]
 struct PageFacts<'a> {
     images: usize,
@@ -423,7 +423,7 @@ struct PageFacts<'a> {
     per_folder: usize,
     has_image: bool,
     has_depth: bool,
-    /// What follows `?` in the addresses of files; empty if nothing does.
+    /// Text after `?` in the addresses of files; may be empty.
     edition: &'a str,
 }
 

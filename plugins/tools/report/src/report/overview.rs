@@ -1,10 +1,10 @@
-//! What the overview says: the dataset's card, its numbers, views to look at, failed scenes, times.
+//! Content of the overview: the dataset's card, its statistics, selected views, failed scenes, times.
 
 use super::plot::{grouped, histogram};
 use super::record::PoolView;
-use super::scored::{Scored, TableView};
-use super::{Counted, Report, image_path};
-use crate::stats::{ImageRow, Statistics};
+use super::scored::{ReportScores, TableView};
+use super::{DatasetReport, StatisticsProgress, image_path};
+use crate::stats::{DatasetStatistics, ImageRow};
 use serde::Serialize;
 use std::cmp::Ordering;
 use std::collections::{BTreeMap, BTreeSet};
@@ -20,7 +20,7 @@ pub const MOST_WORST: usize = 24;
 /// Faults that are listed.
 const FAULTS: usize = 24;
 
-/// What the template `index.html` shows.
+/// Data of the template `index.html`.
 #[derive(Serialize)]
 pub struct Overview {
     facts: Vec<Fact>,
@@ -32,15 +32,15 @@ pub struct Overview {
     unknown: Vec<String>,
     pools: Vec<PoolView>,
     recipe: String,
-    sample: Vec<Card>,
-    occluded: Vec<Card>,
-    /// Images of which something cannot be read.
+    sample: Vec<ImageCard>,
+    occluded: Vec<ImageCard>,
+    /// Images with unreadable parts.
     unread: Vec<Unread>,
-    faults: Vec<Fault>,
+    faults: Vec<FaultRow>,
     more_faults: usize,
     checked: usize,
     failed: Vec<SceneRow>,
-    /// What beside images cannot be read.
+    /// Other unreadable data.
     damaged: Vec<String>,
     scores: Option<ScoresView>,
     has_journal: bool,
@@ -50,27 +50,27 @@ pub struct Overview {
     left_out: Option<String>,
 }
 
-/// A name and what is known under it.
+/// A name and its value.
 #[derive(Serialize)]
 struct Fact {
     name: String,
     value: String,
 }
 
-/// Scores of predictions, and the images with the worst ones.
+/// Scores of predictions, and the worst images.
 #[derive(Serialize)]
 struct ScoresView {
     says: String,
     tables: Vec<TableView>,
     ranked_by: String,
-    worst: Vec<Card>,
+    worst: Vec<ImageCard>,
     /// How many of the worst images the file has.
     all_worst: usize,
 }
 
 /// An image that leads to its page.
 #[derive(Serialize)]
-struct Card {
+struct ImageCard {
     place: usize,
     /// Labels that are switched on there.
     on: &'static str,
@@ -80,14 +80,14 @@ struct Card {
 }
 
 #[derive(Serialize)]
-struct Fault {
+struct FaultRow {
     place: Option<usize>,
     name: String,
     check: String,
     message: String,
 }
 
-/// An image of which something cannot be read.
+/// An image with unreadable parts.
 #[derive(Serialize)]
 struct Unread {
     place: usize,
@@ -113,14 +113,14 @@ struct StageRow {
     percent: f64,
 }
 
-/// Gathers what the overview says.
-pub fn of(report: &Report) -> Result<Overview> {
+/// Collects the content of the overview.
+pub fn of(report: &DatasetReport) -> Result<Overview> {
     let record = &report.record;
     let counted = report.statistics.lock();
     let (statistics, counting, is_counting) = match &*counted {
-        Counted::Done(statistics) => (Some(&**statistics), None, false),
-        Counted::Working(text) => (None, Some(text.clone()), true),
-        Counted::Failed(text) => (None, Some(text.clone()), false),
+        StatisticsProgress::Done(statistics) => (Some(&**statistics), None, false),
+        StatisticsProgress::Working(text) => (None, Some(text.clone()), true),
+        StatisticsProgress::Failed(text) => (None, Some(text.clone()), false),
     };
     let faults = faults(report);
     let failed = record.journal.values().filter(|entry| entry.failed() || entry.attempt > 0).map(|entry| SceneRow {
@@ -133,7 +133,7 @@ pub fn of(report: &Report) -> Result<Overview> {
     let (shown, all) = (report.shown.len(), report.dataset.images.len());
     let left_out = (shown < all).then(|| {
         format!(
-            "Images and labels of {} of {} views are in this report: the most occluded ones, and others at even distances. The \
+            "Images and labels of {} of {} views are in this report: the most occluded ones, and others at even intervals. The \
              numbers are those of all views.",
             grouped(&shown.to_string()),
             grouped(&all.to_string())
@@ -168,7 +168,7 @@ pub fn of(report: &Report) -> Result<Overview> {
     })
 }
 
-fn facts(report: &Report, devices: &BTreeSet<String>) -> Vec<Fact> {
+fn facts(report: &DatasetReport, devices: &BTreeSet<String>) -> Vec<Fact> {
     let (record, info) = (&report.record, &report.dataset.info);
     let images = &report.dataset.images;
     let scenes: BTreeSet<u32> = images.iter().map(|image| image.scene.0).collect();
@@ -204,8 +204,8 @@ fn facts(report: &Report, devices: &BTreeSet<String>) -> Vec<Fact> {
     facts.into_iter().map(|(name, value)| Fact { name: name.to_owned(), value }).collect()
 }
 
-/// The row of Table 1, and what goes with it.
-fn cells(of: &Statistics) -> Vec<Fact> {
+/// The row of Table 1, and related numbers.
+fn cells(of: &DatasetStatistics) -> Vec<Fact> {
     let whole = |number: u64| grouped(&number.to_string());
     let maybe = |number: Option<u64>| number.map_or_else(|| "–".to_owned(), whole);
     let percent = |rate: Option<f64>| rate.map_or_else(|| "–".to_owned(), |rate| format!("{:.1} %", 100.0 * rate));
@@ -224,19 +224,19 @@ fn cells(of: &Statistics) -> Vec<Fact> {
     .collect()
 }
 
-fn plots(of: &Statistics) -> Vec<String> {
+fn plots(of: &DatasetStatistics) -> Vec<String> {
     of.distributions.iter().enumerate().map(|(number, it)| histogram(it, number)).filter(|it| !it.is_empty()).collect()
 }
 
 /// Images by the pixel-weighted occlusion rate, most occluded first, by their index in the dataset.
-pub fn by_occlusion(statistics: &Statistics) -> Vec<(usize, f64)> {
+pub fn by_occlusion(statistics: &DatasetStatistics) -> Vec<(usize, f64)> {
     let rate = |(index, row): (usize, &ImageRow)| Some((index, row.occlusion.as_ref()?.rate?));
     let mut rates: Vec<(usize, f64)> = statistics.images.iter().enumerate().filter_map(rate).collect();
     rates.sort_by(|a, b| b.1.partial_cmp(&a.1).unwrap_or(Ordering::Equal).then(a.0.cmp(&b.0)));
     rates
 }
 
-fn occluded(report: &Report, statistics: &Statistics) -> Vec<Card> {
+fn occluded(report: &DatasetReport, statistics: &DatasetStatistics) -> Vec<ImageCard> {
     let shown = by_occlusion(statistics).into_iter().filter(|(_, rate)| *rate > 0.0);
     let place = |(image, rate): (usize, f64)| {
         let place = report.shown.binary_search(&image).ok()?;
@@ -245,21 +245,21 @@ fn occluded(report: &Report, statistics: &Statistics) -> Vec<Card> {
     shown.filter_map(place).take(MOST_OCCLUDED).collect()
 }
 
-fn card(report: &Report, place: usize, says: String) -> Card {
+fn card(report: &DatasetReport, place: usize, says: String) -> ImageCard {
     let image = &report.dataset.images[report.shown[place]];
     let row = report.rows[place].lock();
     let has_image = row.as_ref().map_or_else(|| report.dataset.offers.contains(&RGB.id()), |row| row.has_image);
     let base = image.name.rsplit('/').next().unwrap_or_default();
     let image = has_image.then(|| report.addressed(image_path("image", place)));
-    Card { place, on: "", image, name: base.to_owned(), says }
+    ImageCard { place, on: "", image, name: base.to_owned(), says }
 }
 
-/// The scores, and those of the worst images that are shown.
-fn scores(report: &Report, scored: &Scored) -> ScoresView {
+/// The scores, and the worst images among the shown ones.
+fn scores(report: &DatasetReport, scored: &ReportScores) -> ScoresView {
     let worst = scored.images().iter().filter_map(|image| {
         let place = report.shown.binary_search(image).ok()?;
         let says = scored.rank(*image).map_or_else(String::new, |score| format!("{score:.1}"));
-        Some(Card { on: "predicted", ..card(report, place, says) })
+        Some(ImageCard { on: "predicted", ..card(report, place, says) })
     });
     ScoresView {
         says: scored.says(),
@@ -271,7 +271,7 @@ fn scores(report: &Report, scored: &Scored) -> ScoresView {
 }
 
 /// Some images at even distances.
-fn sample(report: &Report) -> Vec<Card> {
+fn sample(report: &DatasetReport) -> Vec<ImageCard> {
     let count = report.shown.len().min(6);
     (0..count)
         .map(|number| {
@@ -282,15 +282,15 @@ fn sample(report: &Report) -> Vec<Card> {
         .collect()
 }
 
-fn unread(report: &Report) -> Vec<Unread> {
+fn unread(report: &DatasetReport) -> Vec<Unread> {
     let unread = report.unread_by_place().into_iter();
     let name = |place: usize| report.dataset.images[report.shown[place]].name.clone();
     unread.map(|(place, reasons)| Unread { place, name: name(place), reasons: reasons.join("; ") }).collect()
 }
 
-/// What the checks found in shown images that were read whole, and in the dataset.
-fn faults(report: &Report) -> Vec<Fault> {
-    let of_dataset = report.dataset.all_faults().iter().map(|fault| Fault {
+/// Faults of the shown images that were checked, and of the dataset.
+fn faults(report: &DatasetReport) -> Vec<FaultRow> {
+    let of_dataset = report.dataset.all_faults().iter().map(|fault| FaultRow {
         place: None,
         name: fault.place.clone(),
         check: fault.check.to_owned(),
@@ -299,7 +299,7 @@ fn faults(report: &Report) -> Vec<Fault> {
     let of_images = report.faults.lock();
     let of_images = of_images.iter().flat_map(|(place, faults)| {
         let name = &report.dataset.images[report.shown[*place]].name;
-        faults.iter().map(move |[check, message]| Fault {
+        faults.iter().map(move |[check, message]| FaultRow {
             place: Some(*place),
             name: name.clone(),
             check: check.clone(),
@@ -310,7 +310,7 @@ fn faults(report: &Report) -> Vec<Fault> {
 }
 
 /// The work of stages in all runs of the dataset, longest first.
-fn stages(report: &Report) -> Vec<StageRow> {
+fn stages(report: &DatasetReport) -> Vec<StageRow> {
     let mut sums: BTreeMap<&str, Worked> = BTreeMap::new();
     for (stage, worked) in report.record.times.iter().flat_map(|run| &run.stages) {
         let sum = sums.entry(stage).or_default();

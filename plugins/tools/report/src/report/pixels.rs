@@ -6,7 +6,7 @@ use syntable_model::color::linear_to_srgb;
 use syntable_model::error::{Error, Result};
 use syntable_model::product::Plane;
 
-/// Longest edge of an image, px. Larger ones are scaled down.
+/// Maximum edge of an image, px. Larger images are scaled down.
 const EDGE: u32 = 960;
 /// Quality of JPEG files, of 100.
 const QUALITY: u8 = 84;
@@ -18,7 +18,7 @@ const RAMP: [[f32; 3]; 5] =
 pub fn jpeg(image: &Plane<[u8; 3]>) -> Result<Vec<u8>> {
     let (width, height) = (image.width(), image.height());
     let bytes: Vec<u8> = image.data().iter().flatten().copied().collect();
-    let whole = RgbImage::from_raw(width, height, bytes).ok_or_else(|| Error::new("an image without pixels"))?;
+    let whole = RgbImage::from_raw(width, height, bytes).ok_or_else(|| Error::new("the image has no pixels"))?;
     let longest = width.max(height);
     let small = if longest > EDGE {
         let scaled = |edge: u32| (u64::from(edge) * u64::from(EDGE) / u64::from(longest)).max(1) as u32;
@@ -29,11 +29,11 @@ pub fn jpeg(image: &Plane<[u8; 3]>) -> Result<Vec<u8>> {
     let mut out = Vec::new();
     JpegEncoder::new_with_quality(&mut out, QUALITY)
         .encode(small.as_raw(), small.width(), small.height(), ExtendedColorType::Rgb8)
-        .map_err(|error| Error::new(format!("an image that cannot be stored as JPEG: {error}")))?;
+        .map_err(|error| Error::new(format!("the image cannot be stored as JPEG: {error}")))?;
     Ok(out)
 }
 
-/// Least and greatest depth of an image, m; none if no pixel has one.
+/// Minimum and maximum depth of an image, m; `None` if no pixel has a depth.
 pub fn range(depth: &Plane<f32>) -> Option<[f32; 2]> {
     let known = depth.data().iter().copied().filter(|depth| is_known(*depth));
     known.fold(None, |range: Option<[f32; 2]>, depth| {
@@ -46,7 +46,7 @@ fn is_known(depth: f32) -> bool {
     depth.is_finite() && depth > 0.0
 }
 
-/// Depth in colors from the nearest to the farthest; black where there is none.
+/// Depth in colors from the nearest to the farthest; black without a depth.
 pub fn colored(depth: &Plane<f32>) -> Plane<[u8; 3]> {
     let [near, far] = range(depth).unwrap_or([0.0, 1.0]);
     let scale = if far > near { 1.0 / (far - near) } else { 0.0 };

@@ -1,4 +1,4 @@
-//! Histograms as SVG. Colors are those of the page's style sheet.
+//! Histograms as SVG, in the colors of the page's style sheet.
 
 use crate::stats::distribution::Distribution;
 use std::fmt::Write;
@@ -10,7 +10,7 @@ const AREA: [f64; 4] = [46.0, 14.0, 350.0, 164.0];
 /// Most labels below the bars.
 const LABELS: usize = 8;
 
-/// The histogram of a distribution in percent of its values, with what it says in words. `number` tells ids apart.
+/// The histogram of a distribution in percent of its values, with a description in words. `number` makes ids unique.
 pub fn histogram(of: &Distribution, number: usize) -> String {
     let (about, edges, counts) = (of.quantity().about(), of.edges(), of.histogram());
     if counts.is_empty() || of.n() == 0 {
@@ -88,7 +88,7 @@ fn round_step(least: f64) -> f64 {
     [1.0, 2.0, 5.0, 10.0].map(|it| it * power).into_iter().find(|it| *it >= least * 0.999).unwrap_or(10.0 * power)
 }
 
-/// A number with as many decimals as it needs, three at most, and thousands apart.
+/// A number with the necessary decimals, at most three, and separated thousands.
 pub fn number_text(value: f64) -> String {
     let text = if value.abs() >= 100.0 { format!("{value:.0}") } else { format!("{value:.3}") };
     let text = if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.') } else { &text };
@@ -128,7 +128,7 @@ mod tests {
     use crate::stats::distribution::{Binning, bin};
     use crate::stats::quantity::Quantity;
 
-    /// A quarter of the values is in the second of ten bins, whose bar is a third as high as that of three quarters.
+    /// A quarter of the values is in the second of ten bins, whose bar is a third as high as the bar of three quarters.
     #[test]
     fn bars_are_as_high_as_their_parts() {
         let mut rates = Distribution::new(Quantity::OcclusionRate);

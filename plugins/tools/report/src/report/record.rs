@@ -1,4 +1,4 @@
-//! What the folder of a run says beyond its images: recipe, outcome of scenes, times, licenses, and glTF files.
+//! Data in the folder of a run other than images: recipe, outcome of scenes, times, licenses, and glTF files.
 
 use serde::Serialize;
 use std::collections::{BTreeMap, BTreeSet};
@@ -17,25 +17,25 @@ use syntable_runtime::run::dataset::journal::{Journal, JournalEntry};
 use syntable_runtime::run::dataset::layout::{journal_path, times_path};
 use syntable_runtime::run::making::times::RunTimes;
 
-/// Folders between that of a run and an annotation file, such as `coco/annotations/instances_train.json`.
+/// Maximum number of folders between a run and an annotation file, such as `coco/annotations/instances_train.json`.
 const WITHIN_RUN: usize = 3;
 /// Most bytes of the JSON in a glTF file.
 const MAX_JSON: u32 = 64 << 20;
 
-/// What is known of how a dataset was made. Of a dataset of another program that is little.
+/// Origin of a dataset. Mostly unknown for a dataset of another program.
 #[derive(Debug, Default)]
-pub struct Record {
-    /// The folder of the run; none if no run made the dataset.
+pub struct DatasetRecord {
+    /// The folder of the run; `None` if no run made the dataset.
     folder: Option<DatasetFolder>,
-    /// The resolved recipe; empty if there is none.
+    /// The resolved recipe; empty if unknown.
     pub recipe: String,
     /// The same as a table.
     pub table: toml::Table,
     /// The scenes of the run.
     pub journal: BTreeMap<u32, JournalEntry>,
-    /// What runs took.
+    /// Times of runs.
     pub times: Vec<RunTimes>,
-    /// What of these records cannot be read: sentences.
+    /// Unreadable records, as sentences.
     pub damaged: Vec<String>,
     /// glTF files by scene.
     pub models: BTreeMap<u32, PathBuf>,
@@ -48,18 +48,18 @@ pub struct PoolView {
     pub name: String,
     /// Kind of its source.
     pub kind: String,
-    /// Folder of its files; empty where there are none.
+    /// Folder of the files; empty without files.
     pub folder: String,
     /// Distinct assets that were used.
     pub assets: usize,
-    /// Licenses, each with the number of assets, and what is not known.
+    /// Licenses with their numbers of assets, including assets of unknown license.
     pub licenses: Vec<LicenseCount>,
 }
 
 /// How many assets have a license.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct LicenseCount {
-    /// What the asset's file or source says of it: the license, and whom to attribute.
+    /// License and attribution, from the asset's file or source.
     pub license: String,
     /// Number of assets.
     pub assets: usize,
@@ -67,11 +67,11 @@ pub struct LicenseCount {
     pub names: Vec<String>,
 }
 
-/// Licenses by `pool/name`; of materials, whose pool a glTF file does not say, by `/name`.
+/// Licenses by `pool/name`. Materials are listed as `/name`, because a glTF file does not state their pool.
 pub type Licenses = BTreeMap<String, String>;
 
-impl Record {
-    /// Reads what the folder of a run has; nothing of a folder that no run made.
+impl DatasetRecord {
+    /// Reads the records in the folder of a run; empty if no run made the folder.
     pub fn of(dataset: &Source) -> Self {
         let opened = run_of(&dataset.path).and_then(|root| match root {
             Some(root) => dataset.folder(&root).map(|folder| Some((root, folder))),
@@ -86,8 +86,9 @@ impl Record {
         let mut note = |path: &Path, what: String| damaged.push(format!("{}: {what}", path.display()));
         let path = root.join(RESERVED[1]);
         let recipe = match find(&folder, &path) {
-            Ok(Some(_)) => read_own(&folder, &path)
-                .and_then(|bytes| String::from_utf8(bytes).map_err(|_| Error::new("it is not UTF-8").in_file(&path))),
+            Ok(Some(_)) => read_own(&folder, &path).and_then(|bytes| {
+                String::from_utf8(bytes).map_err(|_| Error::new("the file is not UTF-8").in_file(&path))
+            }),
             Ok(None) => Ok(String::new()),
             Err(error) => Err(error),
         };
@@ -121,7 +122,7 @@ impl Record {
     /// Reads a file of the run.
     ///
     /// # Errors
-    /// If it is no regular file, or a link leads out of the folder of the run and the source does not allow that.
+    /// If the file is not regular, or a link leads outside the folder of the run and the source does not permit it.
     pub fn read(&self, path: &Path) -> Result<Vec<u8>> {
         read(self.folder()?, path)
     }
@@ -140,7 +141,7 @@ impl Record {
         })
     }
 
-    /// The assets that made scenes used, by pool, with what is known of their licenses.
+    /// The assets of finished scenes, by pool, with their licenses.
     pub fn pools(&self, licenses: &Licenses) -> Vec<PoolView> {
         let mut used: BTreeMap<&str, BTreeSet<&str>> = BTreeMap::new();
         let made = self.journal.values().filter(|entry| !entry.failed());
@@ -224,17 +225,17 @@ impl Record {
     }
 }
 
-/// A regular file of a run that may be read, if it is there.
+/// A regular, accessible file of a run, if it exists.
 ///
 /// # Errors
-/// If it is no regular file, such as a pipe, which would be waited for, or if a link leads out of the folder of the run and the
-/// source does not allow that.
+/// If the file is not regular, such as a pipe, which would block, or if a link leads outside the folder of the run and
+/// the source does not permit it.
 fn find(folder: &DatasetFolder, path: &Path) -> Result<Option<PathBuf>> {
     // The name is the program's own: only a link can lead out.
     let refused = |error: Error| match error.is_io() {
         true => error,
         false => {
-            Error::new("it leads out of the folder through a link: if you trust this dataset, --trust-paths reads it")
+            Error::new("a link leads outside the folder: if you trust this dataset, `options.trust_paths` permits it")
                 .in_file(path)
         }
     };
@@ -257,7 +258,7 @@ fn read(folder: &DatasetFolder, path: &Path) -> Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// Reads a file that a run keeps for itself. Refuses a file larger than [`RUN_LIST_BYTES`].
+/// Reads a file of the program's own folder. Refuses a file larger than [`RUN_LIST_BYTES`].
 fn read_own(folder: &DatasetFolder, path: &Path) -> Result<Vec<u8>> {
     let mut bytes = Vec::new();
     open(folder, path)?
@@ -268,11 +269,11 @@ fn read_own(folder: &DatasetFolder, path: &Path) -> Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// The folder of the run that made what lies at a path, if one did: writers have folders of their own in it, and formats
-/// folders in these.
+/// The folder of the run that made the file at a path, if a run did. Writers have folders inside it, and formats
+/// folders inside these.
 ///
 /// # Errors
-/// If a folder cannot be looked at: a report without the record of the run would seem to be whole.
+/// If a folder is unreadable. A report without the record of the run would otherwise look complete.
 pub fn run_of(path: &Path) -> Result<Option<PathBuf>> {
     let path = std::path::absolute(path).map_err(|error| Error::io(path, &error))?;
     for folder in path.ancestors().take(1 + WITHIN_RUN) {
@@ -287,8 +288,8 @@ pub fn run_of(path: &Path) -> Result<Option<PathBuf>> {
     Ok(None)
 }
 
-/// glTF files of whole scenes, or of the first view of each, of the first writer of the recipe that makes some. `note` is told
-/// of those that cannot be used.
+/// glTF files of whole scenes, or of the first view of each, from the recipe's first writer of such files. `note`
+/// receives the unusable ones.
 fn models(
     folder: &DatasetFolder,
     root: &Path,
@@ -324,11 +325,11 @@ fn gltf_json(folder: &DatasetFolder, path: &Path) -> Result<serde_json::Value> {
     file.read_exact(&mut head).map_err(|error| Error::io(path, &error))?;
     let length = u32::from_le_bytes([head[12], head[13], head[14], head[15]]);
     if head[..4] != *b"glTF" || head[16..] != *b"JSON" || length > MAX_JSON {
-        return Err(refuse("it is no binary glTF file"));
+        return Err(refuse("not a binary glTF file"));
     }
     let mut text = Vec::new();
     file.take(u64::from(length)).read_to_end(&mut text).map_err(|error| Error::io(path, &error))?;
-    serde_json::from_slice(&text).map_err(|error| refuse(&format!("its JSON cannot be read: {error}")))
+    serde_json::from_slice(&text).map_err(|error| refuse(&format!("the JSON cannot be read: {error}")))
 }
 
 #[cfg(all(test, unix))]
@@ -352,7 +353,10 @@ mod tests {
             read(&folder, &path).map_err(|error| error.to_string())
         };
         let refused = read(false).expect_err("it leads out");
-        assert!(refused.contains("000000.glb: it leads out") && refused.contains("--trust-paths"), "{refused}");
+        assert!(
+            refused.contains("000000.glb: a link leads outside") && refused.contains("options.trust_paths"),
+            "{refused}"
+        );
         assert_eq!(read(true).as_deref(), Ok(&b"glTF"[..]));
     }
 }

@@ -9,7 +9,7 @@ use syntable_model::reader::OpenDataset;
 
 /// Scores of a dataset's predictions.
 #[derive(Debug)]
-pub struct Scored {
+pub struct ReportScores {
     scores: Scores,
     /// Images with predictions by their index in the dataset, worst first.
     images: Vec<usize>,
@@ -17,7 +17,7 @@ pub struct Scored {
     places: BTreeMap<usize, usize>,
 }
 
-impl Scored {
+impl ReportScores {
     /// Reads a file of scores of this dataset.
     ///
     /// # Errors
@@ -29,7 +29,7 @@ impl Scored {
     /// Scores of this dataset.
     ///
     /// # Errors
-    /// If an image in them is not in the dataset, or there are others.
+    /// If the dataset lacks a scored image or has further ones.
     pub fn of(scores: Scores, dataset: &OpenDataset) -> Result<Self> {
         let named: BTreeMap<&str, usize> =
             dataset.images.iter().enumerate().map(|(index, image)| (image.name.as_str(), index)).collect();
@@ -37,13 +37,13 @@ impl Scored {
             named.get(image.name.as_str()).copied().ok_or_else(|| {
                 let example = dataset.images.first().map_or(String::new(), |it| format!(", such as \"{}\"", it.name));
                 Error::new(format!("image \"{}\" is not in the dataset", image.name))
-                    .help(format!("take the scores of this dataset, with images by its names{example}"))
+                    .help(format!("use scores of this dataset, with its image names{example}"))
             })
         };
         let (scored, there) = (scores.images, dataset.images.len());
         if scored != there {
-            let error = Error::new(format!("these are scores of {scored} images, and the dataset has {there}"));
-            return Err(error.help("take the scores of this dataset").of_request());
+            let error = Error::new(format!("the file has scores of {scored} images, but the dataset has {there}"));
+            return Err(error.help("use scores of this dataset").of_request());
         }
         let images: Vec<usize> = scores.worst.iter().map(index).collect::<Result<_>>()?;
         let places = images.iter().enumerate().map(|(place, image)| (*image, place)).collect();
@@ -55,7 +55,7 @@ impl Scored {
         &self.images
     }
 
-    /// What was predicted of an image; none if the file does not say.
+    /// Predictions for an image; `None` if the file has none.
     pub fn image(&self, image: usize) -> Option<&ScoredImage> {
         self.scores.worst.get(*self.places.get(&image)?)
     }
@@ -70,7 +70,7 @@ impl Scored {
         self.image(image)?.scores.get(&self.scores.ranked_by).copied()
     }
 
-    /// What was scored, in a sentence.
+    /// The evaluation in a sentence.
     pub fn says(&self) -> String {
         let of = &self.scores;
         format!(

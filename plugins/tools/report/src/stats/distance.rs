@@ -1,12 +1,12 @@
 //! How far apart the distributions of two datasets are.
 
-use super::Statistics;
+use super::DatasetStatistics;
 use super::distribution::Distribution;
 use serde::Serialize;
 
 /// Distances between a quantity of two datasets.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Distance {
+pub struct DistributionDistance {
     /// Name of the quantity, or `layer`.
     pub name: &'static str,
     /// Unit of `wasserstein_1`; empty for numbers.
@@ -14,37 +14,42 @@ pub struct Distance {
     /// Wasserstein-1 distance: the mean way by which values move from one distribution to the other, in `unit`, to a step of the
     /// quantity. None for layers, which are no numbers.
     pub wasserstein_1: Option<f64>,
-    /// Jensen-Shannon divergence of the histograms, in bits: 0 for equal ones, 1 for those without a common bin.
+    /// Jensen-Shannon divergence of the histograms, in bits: 0 for equal ones, 1 for disjoint ones.
     pub jensen_shannon: f64,
 }
 
 /// Distances between all that both datasets have values of. Their histograms have the same bins, see
 /// [`bin_alike`](super::bin_alike).
-pub fn distances(a: &Statistics, b: &Statistics) -> Vec<Distance> {
-    let pair = |a: &Distribution| -> Option<Distance> {
+pub fn distances(a: &DatasetStatistics, b: &DatasetStatistics) -> Vec<DistributionDistance> {
+    let pair = |a: &Distribution| -> Option<DistributionDistance> {
         let b = b.distribution(a.quantity())?;
         let about = a.quantity().about();
-        Some(Distance {
+        Some(DistributionDistance {
             name: about.name,
             unit: about.unit,
             wasserstein_1: Some(wasserstein_1(a, b)?),
             jensen_shannon: jensen_shannon(&a.histogram(), &b.histogram())?,
         })
     };
-    let mut all: Vec<Distance> = a.distributions.iter().filter_map(pair).collect();
+    let mut all: Vec<DistributionDistance> = a.distributions.iter().filter_map(pair).collect();
     let layers = a.layers.zip(b.layers);
     let layers = layers.and_then(|(a, b)| jensen_shannon(&a.counts(), &b.counts()));
-    all.extend(layers.map(|jensen_shannon| Distance { name: "layer", unit: "", wasserstein_1: None, jensen_shannon }));
+    all.extend(layers.map(|jensen_shannon| DistributionDistance {
+        name: "layer",
+        unit: "",
+        wasserstein_1: None,
+        jensen_shannon,
+    }));
     all
 }
 
-/// The area between two distribution functions, ∫ |F(x) − G(x)| dx, which is the Wasserstein-1 distance on a line (Vallender
-/// 1974). None if one has no values.
+/// The area between two distribution functions, ∫ |F(x) − G(x)| dx, which is the Wasserstein-1 distance on a line
+/// (Vallender 1974). `None` if one has no values.
 pub fn wasserstein_1(a: &Distribution, b: &Distribution) -> Option<f64> {
     if a.n() == 0 || b.n() == 0 {
         return None;
     }
-    // Values are in whole steps, so that equal ones are equal.
+    // Values are in whole steps, so equal values compare as equal.
     let mut changes: Vec<(f64, f64)> = Vec::new();
     changes.extend(a.counts().map(|(value, count)| (value, count as f64 / a.n() as f64)));
     changes.extend(b.counts().map(|(value, count)| (value, -(count as f64) / b.n() as f64)));
@@ -58,8 +63,8 @@ pub fn wasserstein_1(a: &Distribution, b: &Distribution) -> Option<f64> {
     Some(area)
 }
 
-/// The Jensen-Shannon divergence of two histograms with the same bins, in bits (Lin 1991): the mean of their relative entropies
-/// to the mean of both. None if one is empty.
+/// The Jensen-Shannon divergence of two histograms with the same bins, in bits (Lin 1991): the mean of their relative
+/// entropies to their mean. `None` if one is empty.
 pub fn jensen_shannon(a: &[u64], b: &[u64]) -> Option<f64> {
     let total = |counts: &[u64]| Some(counts.iter().sum::<u64>()).filter(|sum| *sum > 0).map(|sum| sum as f64);
     let (whole_a, whole_b) = (total(a)?, total(b)?);

@@ -1,4 +1,4 @@
-//! The values of a quantity: how often each is there, in memory that the number of values does not change.
+//! The frequencies of a quantity's values, in memory that does not grow with their number.
 
 use super::quantity::{Quantity, equal_edges};
 use serde::ser::{Serialize, Serializer};
@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 /// How histograms are binned.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Binning {
-    /// By the quantity: fixed for rates, whole numbers for counts, round widths for lengths.
+    /// Depends on the quantity: fixed for rates, whole numbers for counts, round widths for lengths.
     #[default]
     Fixed,
     /// Ten equal bins from the least value to the greatest, as in the figures of the SynTable paper.
@@ -69,17 +69,17 @@ impl Distribution {
         self.n
     }
 
-    /// Mean; none without values.
+    /// Mean; `None` without values.
     pub fn mean(&self) -> Option<f64> {
         (self.n > 0).then(|| self.sum / self.n as f64)
     }
 
-    /// Least and greatest value; none without values.
+    /// Minimum and maximum; `None` without values.
     pub fn range(&self) -> Option<[f64; 2]> {
         self.range
     }
 
-    /// Median: of an even number of values the mean of the two in the middle, each to a step; none without values.
+    /// Median, in whole steps; for an even number of values, the mean of the two middle ones. `None` without values.
     pub fn median(&self) -> Option<f64> {
         let middle = [self.ranked(self.n.checked_sub(1)? / 2)?, self.ranked(self.n / 2)?];
         Some((middle[0] + middle[1]) as f64 / 2.0 * self.quantity.about().step)
@@ -116,7 +116,7 @@ impl Distribution {
             .iter()
             .map(|edge| {
                 let steps = edge / about.step;
-                // An edge that is meant to be a whole number of steps is one.
+                // Rounds an edge that should be a whole number of steps.
                 if (steps - steps.round()).abs() < ROUNDING { steps.round() } else { steps }
             })
             .collect();
@@ -127,7 +127,7 @@ impl Distribution {
     }
 }
 
-/// Gives the histograms of one quantity in several datasets the same bins.
+/// Rebins the histograms of one quantity in several datasets to the same bins.
 pub fn bin(distributions: &mut [&mut Distribution], binning: Binning) {
     let ranges = distributions.iter().filter_map(|it| it.range);
     let Some(range) = ranges.reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1])]) else { return };
@@ -142,7 +142,7 @@ pub fn bin(distributions: &mut [&mut Distribution], binning: Binning) {
 impl Serialize for Distribution {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         #[derive(serde::Serialize)]
-        struct View<'a> {
+        struct DistributionJson<'a> {
             name: &'static str,
             title: &'static str,
             unit: &'static str,
@@ -157,7 +157,7 @@ impl Serialize for Distribution {
         }
         let about = self.quantity.about();
         let (min, max) = self.range.map(|[low, high]| (low, high)).unzip();
-        View {
+        DistributionJson {
             name: about.name,
             title: about.title,
             unit: about.unit,
@@ -187,7 +187,7 @@ mod tests {
 
     #[test]
     fn values_at_edges_are_in_the_upper_bin() {
-        // Every tenth, of areas that binary fractions do not hit, and what is a pixel below.
+        // Every tenth, for areas that binary fractions do not represent, and one pixel below.
         let at: Vec<(u32, u32)> = (0..=10).map(|tenth| (30_719 * tenth, 307_190)).collect();
         assert_eq!(rates(&at, Binning::Fixed).histogram(), [1, 1, 1, 1, 1, 1, 1, 1, 1, 2]);
         let below: Vec<(u32, u32)> = (1..=10).map(|tenth| (30_719 * tenth - 1, 307_190)).collect();

@@ -11,7 +11,7 @@ use std::sync::Mutex;
 use syntable_model::context::Workers;
 use syntable_model::product::Plane;
 
-/// Largest difference of cells of near-duplicates, of 255 levels, if nothing else is said.
+/// Default maximum difference between cells of near-duplicates, of 255 levels.
 pub const LEVELS: u8 = 5;
 
 /// Cells along either edge.
@@ -76,9 +76,9 @@ pub struct Duplicates {
     pub levels: u8,
     /// Views in groups.
     pub views: u64,
-    /// Views that could be left out: those in groups, but for one of each group.
+    /// Number of redundant views: all views in groups except one per group.
     pub redundant: u64,
-    /// Groups whose views are all of one scene.
+    /// Number of groups within a single scene.
     pub groups_in_scene: u64,
     /// Groups by their first views.
     pub groups: Vec<Vec<String>>,

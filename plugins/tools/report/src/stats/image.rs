@@ -1,8 +1,8 @@
-//! What is kept of an image.
+//! Statistics of one image.
 
 use super::duplicates::{Thumbnail, luma};
 use super::quantity::Quantity;
-use super::{Edges, Options};
+use super::{Edges, StatisticsOptions};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use syntable_formats::read::{occludes, order_by};
@@ -17,14 +17,14 @@ use syntable_model::scene::InstanceId;
 
 /// IoU of a visible and an occlusion mask above which some of the authors' notebooks have an edge.
 const LEAST_IOU: f64 = 0.1;
-/// Depths, distances and sizes from here on count as none, m: no such thing is on a table.
+/// Limit of plausible depths, distances and sizes, m. Larger values are ignored, since no table scene has them.
 const FAR_M: f64 = 10_000.0;
-/// Steps of depth that have a number each; farther ones, which few images have, are listed.
+/// Number of depth steps with a counter each. Larger depths, which few images have, are counted in a map.
 const NEAR_STEPS: usize = 10_000;
 /// Part of a step by which a depth in single precision may fall short of a whole number of them.
 const DEPTH_ROUNDING: f64 = 1e-3;
 
-/// What is known of an image: a line of the CSV file.
+/// Statistics of an image: a line of the CSV file.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ImageRow {
     /// Its name in the dataset.
@@ -37,13 +37,13 @@ pub struct ImageRow {
     pub view: u32,
     /// Objects that it shows.
     pub objects: u32,
-    /// Annotated objects that it does not show. They count nowhere else.
+    /// Annotated objects without a visible pixel. No other number includes them.
     pub hidden_objects: u32,
-    /// Who occludes whom; none without amodal masks.
+    /// Occlusion order; `None` without amodal masks.
     pub occlusion: Option<OcclusionRow>,
     /// Mean depth of its pixels, m.
     pub mean_depth_m: Option<f64>,
-    /// Mean distance of its objects from the camera, m; none without objects.
+    /// Mean distance of the objects from the camera, m; `None` without objects.
     pub mean_distance_m: Option<f64>,
     /// Mean luma in [0, 1].
     pub brightness: Option<f64>,
@@ -54,17 +54,17 @@ pub struct ImageRow {
 /// Occlusion in an image. Objects that it does not show are not in it.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct OcclusionRow {
-    /// Objects of which another one hides a pixel or more.
+    /// Objects with at least one hidden pixel.
     pub occluded: u32,
     /// Sum of the areas of occlusion masks, px.
     pub occluded_px: u64,
     /// Sum of the areas of amodal masks, px.
     pub amodal_px: u64,
-    /// Occlusion rate weighted by pixels: `occluded_px` / `amodal_px`; none without objects.
+    /// Occlusion rate weighted by pixels: `occluded_px` / `amodal_px`; `None` without objects.
     pub rate: Option<f64>,
-    /// Mean of the objects' occlusion rates; none without objects.
+    /// Mean of the objects' occlusion rates; `None` without objects.
     pub mean_rate: Option<f64>,
-    /// Greatest occlusion rate of an object; none without objects.
+    /// Maximum occlusion rate of an object; `None` without objects.
     pub max_rate: Option<f64>,
     /// Edges "i occludes j".
     pub edges: u32,
@@ -72,19 +72,19 @@ pub struct OcclusionRow {
     pub mutual_pairs: u32,
     /// Sets of objects that occlude each other, directly or through others of the set.
     pub cycles: u32,
-    /// Weakly connected components, an object by itself being one.
+    /// Weakly connected components, including isolated objects.
     pub components: u32,
     /// Objects of the largest one.
     pub largest_component: u32,
     /// Layers from front to back.
     pub depth_layers: u32,
     /// Objects by their layers.
-    pub layers: Layers,
+    pub layers: LayerCounts,
 }
 
 /// Numbers of objects by their layers in the occlusion graph.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
-pub struct Layers {
+pub struct LayerCounts {
     /// Objects that nothing occludes.
     pub top: u64,
     /// Objects that occlude and are occluded.
@@ -93,13 +93,13 @@ pub struct Layers {
     pub bottom: u64,
 }
 
-impl Layers {
+impl LayerCounts {
     /// Top, intermediate and bottom.
     pub fn counts(&self) -> [u64; 3] {
         [self.top, self.intermediate, self.bottom]
     }
 
-    /// Adds those of another image.
+    /// Adds the counts of another image.
     pub fn add(&mut self, other: Self) {
         self.top += other.top;
         self.intermediate += other.intermediate;
@@ -107,12 +107,12 @@ impl Layers {
     }
 }
 
-/// What an image adds to a dataset.
-pub(super) struct Tally {
+/// Contribution of an image to the dataset's statistics.
+pub(super) struct ImageTally {
     pub row: ImageRow,
-    /// Values of quantities, but for depths.
+    /// Values of quantities, without depths.
     pub values: Vec<(Quantity, f64)>,
-    /// Depths of its pixels; none without depths.
+    /// Depths of the pixels; `None` without depths.
     pub depths: Option<Depths>,
     /// Names of the assets of objects that it shows.
     pub assets: Vec<String>,
@@ -121,15 +121,15 @@ pub(super) struct Tally {
     /// Sums of the objects' rates, and of those that are occluded.
     pub rates: f64,
     pub thumbnail: Option<Thumbnail>,
-    /// Annotations that are not given as objects.
+    /// Annotations that are not objects.
     pub left_out: Vec<LeftOut>,
 }
 
 /// Depths of the pixels of an image.
 pub(super) struct Depths {
-    /// Numbers of pixels by whole steps of depth, of near ones.
+    /// Numbers of pixels by whole steps of depth, for near pixels.
     pub near: Vec<u64>,
-    /// The same of far ones.
+    /// Numbers of pixels by whole steps of depth, for far pixels.
     pub far: BTreeMap<usize, u64>,
     /// Sum of the depths, m.
     pub sum: f64,
@@ -137,20 +137,20 @@ pub(super) struct Depths {
     pub range: [f64; 2],
 }
 
-/// What is read of each image.
+/// Products to read of each image.
 #[derive(Debug, Clone)]
-pub(super) struct Wanted {
+pub(super) struct ImageInputs {
     pub keys: Vec<KeyId>,
 }
 
-impl Wanted {
-    pub fn of(dataset: &OpenDataset, options: &Options) -> Self {
+impl ImageInputs {
+    pub fn of(dataset: &OpenDataset, options: &StatisticsOptions) -> Self {
         let mut keys = syntable_model::keys![VISIBLE_MASK, AMODAL_MASK, OCCLUSION_MASK, CATEGORY_ID];
         keys.extend(syntable_model::keys![OBJECT_NAME, OBJECT_INFO]);
         if options.edges == Edges::Stored {
             keys.push(OCCLUSION_ORDER.id());
         }
-        if options.images {
+        if !options.labels_only {
             keys.extend(syntable_model::keys![RGB, DEPTH]);
         }
         let offers = &dataset.offers;
@@ -163,7 +163,7 @@ impl Wanted {
     }
 }
 
-/// An object that an image shows, with all that its masks say.
+/// An object with visible pixels, and values from its masks.
 struct ShownObject<'a> {
     id: InstanceId,
     visible: &'a Mask,
@@ -172,23 +172,28 @@ struct ShownObject<'a> {
     hidden: Option<Mask>,
 }
 
-/// What is known of an object beyond its masks, in the formats that say it.
+/// Attributes of an object other than its masks, in formats that store them.
 #[derive(Default, Deserialize)]
 #[serde(default)]
-struct Info {
+struct ObjectDetails {
     asset: String,
     bounds_m: Option<[[f64; 3]; 2]>,
     camera_from_object: Option<[[f64; 4]; 4]>,
 }
 
-/// Reads an image and counts what it has.
-pub(super) fn tally(dataset: &OpenDataset, image: usize, wanted: &Wanted, options: &Options) -> Result<Tally> {
+/// Reads an image and counts its content.
+pub(super) fn tally(
+    dataset: &OpenDataset,
+    image: usize,
+    wanted: &ImageInputs,
+    options: &StatisticsOptions,
+) -> Result<ImageTally> {
     let at = &dataset.images[image];
     let of = |error: Error| error.context(format!("image \"{}\"", at.name));
     let read = dataset.read(image, &wanted.keys);
     let ReadImage { products, left_out, .. } =
         read.map_err(|error| of(without_images(error, dataset, image, wanted)))?;
-    let mut tally = Tally {
+    let mut tally = ImageTally {
         row: ImageRow {
             name: at.name.clone(),
             id: at.id,
@@ -223,16 +228,16 @@ pub(super) fn tally(dataset: &OpenDataset, image: usize, wanted: &Wanted, option
 }
 
 /// An error with the way out, if the image can be read without its files of color and depth.
-fn without_images(error: Error, dataset: &OpenDataset, image: usize, wanted: &Wanted) -> Error {
+fn without_images(error: Error, dataset: &OpenDataset, image: usize, wanted: &ImageInputs) -> Error {
     let labels: Vec<KeyId> = wanted.keys.iter().filter(|key| ![RGB.id(), DEPTH.id()].contains(key)).copied().collect();
     if labels.len() < wanted.keys.len() && dataset.read(image, &labels).is_ok() {
-        return error.help("--labels-only counts what labels say, without reading images");
+        return error.help("`options.labels_only` reads no images, and counts labels only");
     }
     error
 }
 
-impl Tally {
-    fn objects(&mut self, products: &Products, options: &Options) -> Result<()> {
+impl ImageTally {
+    fn objects(&mut self, products: &Products, options: &StatisticsOptions) -> Result<()> {
         let categories = products.optional(CATEGORY_ID)?;
         let ids: Vec<InstanceId> = match products.optional(VISIBLE_MASK)? {
             Some(visible) => {
@@ -257,8 +262,8 @@ impl Tally {
         for id in ids {
             let info = infos.and_then(|infos| infos.get(id));
             let info = info.and_then(|info| serde_json::to_value(info).ok());
-            // A foreign record of another form says nothing.
-            let info: Info = info.and_then(|info| serde_json::from_value(info).ok()).unwrap_or_default();
+            // A foreign record of another form is ignored.
+            let info: ObjectDetails = info.and_then(|info| serde_json::from_value(info).ok()).unwrap_or_default();
             let name = Some(&info.asset).filter(|it| !it.is_empty()).or_else(|| names?.get(id));
             self.assets.extend(name.filter(|it| !it.is_empty()).cloned());
             if let Some([low, high]) = info.bounds_m {
@@ -277,7 +282,7 @@ impl Tally {
         Ok(())
     }
 
-    fn occlusion(&mut self, shown: &[ShownObject], stored: Option<&OcclusionOrder>, options: &Options) {
+    fn occlusion(&mut self, shown: &[ShownObject], stored: Option<&OcclusionOrder>, options: &StatisticsOptions) {
         let area = |it: &ShownObject| it.hidden.as_ref().map_or(0, |hidden| u64::from(hidden.area()));
         let rate = |it: &ShownObject| if it.amodal_px == 0 { 0.0 } else { area(it) as f64 / it.amodal_px as f64 };
         let rates: Vec<f64> = shown.iter().map(rate).collect();
@@ -288,7 +293,7 @@ impl Tally {
             _ => order(shown, occludes),
         };
         let graph = Graph::new(&order);
-        let mut layers = Layers::default();
+        let mut layers = LayerCounts::default();
         for node in 0..shown.len() {
             match graph.layer(node) {
                 Layer::Top => layers.top += 1,
@@ -365,15 +370,16 @@ fn shown<'a>(
         let whole = amodal.and_then(|it| it.get(id));
         let hidden = hidden.and_then(|it| it.get(id)).cloned().or_else(|| Some(whole?.minus(visible)));
         if amodal.is_some() && whole.is_none() {
-            return Err(Error::new(format!("object {} has no amodal mask", id.0))
-                .help("`syntable validate` lists what is wrong"));
+            return Err(
+                Error::new(format!("object {} has no amodal mask", id.0)).help("`syntable validate` lists all faults")
+            );
         }
         Ok(ShownObject { id, visible, amodal_px: whole.unwrap_or(visible).area().into(), hidden })
     };
     visible.iter().filter(|(_, mask)| !mask.is_empty()).map(of).collect()
 }
 
-/// Who occludes whom, by a rule for a visible and an occlusion mask.
+/// Occlusion order, by a rule for a visible and an occlusion mask.
 fn order(shown: &[ShownObject], occludes: impl Fn(&Mask, &Mask) -> bool) -> OcclusionOrder {
     order_by(&shown.iter().map(|it| (it.id, it.visible, it.hidden.as_ref())).collect::<Vec<_>>(), occludes)
 }

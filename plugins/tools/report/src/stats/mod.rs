@@ -1,5 +1,5 @@
-//! What a dataset is in numbers: Table 1 of the SynTable paper, distributions, near-duplicate views, and how far datasets are
-//! apart.
+//! Statistics of datasets: Table 1 of the SynTable paper, distributions, near-duplicate views, and distances between
+//! datasets.
 //!
 //! | module | holds |
 //! | --- | --- |
@@ -10,8 +10,9 @@
 //! | [`distance`] | distances between distributions |
 //! | [`table`] | all of it as text, JSON and CSV |
 //!
-//! An object counts in a view that shows a pixel of it; annotated objects without one are counted by themselves and nowhere
-//! else. Labels are those of the dataset's masks, so that a dataset has the same numbers in every format that keeps masks.
+//! A view counts the objects with a visible pixel. Annotated objects without one have a separate count, and no other
+//! number includes them. All numbers follow from the dataset's masks, so a dataset has the same numbers in every format
+//! that keeps masks.
 
 pub mod distance;
 pub mod distribution;
@@ -22,8 +23,8 @@ pub mod table;
 
 use distribution::{Binning, Distribution, bin};
 use duplicates::{Duplicates, LEVELS, Thumbnail};
-pub use image::{ImageRow, Layers, OcclusionRow};
-use image::{Tally, Wanted, tally};
+use image::{ImageInputs, ImageTally, tally};
+pub use image::{ImageRow, LayerCounts, OcclusionRow};
 use quantity::Quantity;
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -36,7 +37,7 @@ use syntable_model::product::standard::{
 use syntable_model::reader::{OpenDataset, Source};
 use syntable_model::registry::Registry;
 use syntable_model::stage::DatasetInfo;
-use syntable_runtime::images::{Work, each};
+use syntable_runtime::images::{ImageWork, each};
 use syntable_runtime::left_out::LeftOutReport;
 use syntable_runtime::run::progress::Event;
 use table::Described;
@@ -46,12 +47,13 @@ const MANY_IMAGES: usize = 5000;
 
 /// How a dataset is counted.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Options {
-    /// Whether color images and depth are read: they take most of the time.
-    pub images: bool,
-    /// What makes an edge of the occlusion graph.
+pub struct StatisticsOptions {
+    /// Whether to read labels only. Color images and depth take most of the time.
+    pub labels_only: bool,
+    /// Rule for an edge of the occlusion graph.
     pub edges: Edges,
-    /// Whether components are those of every prefix of a view's objects, as in the authors' figure, and not of all of them.
+    /// Whether to count components for every prefix of a view's objects, as in the authors' figure, instead of for all
+    /// objects.
     pub prefixes: bool,
     /// Largest difference of near-duplicate views, see [`duplicates`].
     pub levels: u8,
@@ -59,32 +61,33 @@ pub struct Options {
     pub binning: Binning,
 }
 
-impl Default for Options {
+impl Default for StatisticsOptions {
     fn default() -> Self {
-        Self { images: true, edges: Edges::Pixels, prefixes: false, levels: LEVELS, binning: Binning::Fixed }
+        Self { labels_only: false, edges: Edges::Pixels, prefixes: false, levels: LEVELS, binning: Binning::Fixed }
     }
 }
 
-/// What makes an edge "i occludes j" of the occlusion graph.
+/// Rule for an edge "i occludes j" of the occlusion graph.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Edges {
     /// A pixel of j's occlusion mask that shows i (SynTable, Algorithm 1).
     Pixels,
     /// An IoU of i's visible and j's occlusion mask above 0.1, as in some of the authors' notebooks.
     Iou,
-    /// What the dataset says.
+    /// The order that the dataset stores.
     Stored,
 }
 
-/// A dataset in numbers. What is none is not known of its format, or was left out: `unknown` says which.
+/// Statistics of a dataset. A number is `None` if the format does not have it or it was not requested; `unknown` lists
+/// the reasons.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Statistics {
+pub struct DatasetStatistics {
     /// Its name.
     pub name: String,
-    /// Its row of Table 1, and what goes with it.
+    /// The row of Table 1, and related numbers.
     pub totals: Totals,
     /// Objects by their layers in the occlusion graph.
-    pub layers: Option<Layers>,
+    pub layers: Option<LayerCounts>,
     /// Its distributions, in the order of [`Quantity::ALL`]; those without values are left out.
     pub distributions: Vec<Distribution>,
     /// How often each asset is seen, most often first.
@@ -93,11 +96,11 @@ pub struct Statistics {
     pub classes: BTreeMap<String, u64>,
     /// Views that look almost the same.
     pub near_duplicates: Option<Duplicates>,
-    /// What is not known, and why: sentences.
+    /// Unknown numbers with reasons, as sentences.
     pub unknown: Vec<String>,
-    /// In what the dataset's format says less than a run, for people.
+    /// Differences in meaning between the dataset's labels and a run's labels, for people.
     pub caveats: Vec<String>,
-    /// Annotations that are not given as objects.
+    /// Annotations that are not objects.
     #[serde(skip)]
     pub left_out: Vec<LeftOut>,
     /// Its images, in order.
@@ -105,7 +108,7 @@ pub struct Statistics {
     pub images: Vec<ImageRow>,
 }
 
-/// A dataset's row of Table 1 of the SynTable paper, and what goes with it.
+/// A dataset's row of Table 1 of the SynTable paper, and related numbers.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
 pub struct Totals {
     /// Images, also those that show no object.
@@ -118,9 +121,9 @@ pub struct Totals {
     pub scenes: u64,
     /// Pairs of an object and a view that shows a pixel of it: #VI.
     pub visible_instances: u64,
-    /// Those of which another object hides a pixel or more: #OI.
+    /// Instances with at least one hidden pixel: #OI.
     pub occluded_instances: Option<u64>,
-    /// Annotated objects of which a view shows no pixel. They count nowhere else.
+    /// Annotated objects without a visible pixel. No other number includes them.
     pub hidden_instances: u64,
     /// Sum of the areas of amodal masks, px.
     pub amodal_px: Option<u64>,
@@ -143,7 +146,7 @@ pub struct Totals {
 /// How often an asset is seen.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct AssetCount {
-    /// Its name, with its pool as far as that is known.
+    /// Name of the asset, with its pool if known.
     pub name: String,
     /// Objects that views show, views apart.
     pub instances: u64,
@@ -153,37 +156,37 @@ pub struct AssetCount {
     pub scenes: u64,
 }
 
-impl Statistics {
+impl DatasetStatistics {
     /// The values of a quantity, if the dataset has some.
     pub fn distribution(&self, quantity: Quantity) -> Option<&Distribution> {
         self.distributions.iter().find(|it| it.quantity() == quantity)
     }
 }
 
-/// Gives the histograms of several datasets the same bins.
-pub fn bin_alike(all: &mut [&mut Statistics], binning: Binning) {
+/// Rebins the histograms of several datasets to the same bins.
+pub fn bin_alike(all: &mut [&mut DatasetStatistics], binning: Binning) {
     for quantity in Quantity::ALL {
         let of = all.iter_mut().flat_map(|it| &mut it.distributions).filter(|it| it.quantity() == quantity);
         bin(&mut of.collect::<Vec<_>>(), binning);
     }
 }
 
-/// Counts what a dataset has. The numbers do not depend on threads. Of an image is kept its [`ImageRow`] and, unless images are
-/// left out, 256 bytes for near-duplicates.
+/// Counts the content of a dataset. The numbers do not depend on threads. For each image, memory holds its [`ImageRow`]
+/// and, unless images are omitted, 256 bytes for near-duplicates.
 ///
 /// # Errors
-/// If the dataset has no image, one cannot be read, or the work was asked to stop.
-pub fn of(dataset: &OpenDataset, options: &Options, work: &Work) -> Result<Statistics> {
+/// If the dataset has no image, an image cannot be read, or the work was stopped.
+pub fn of(dataset: &OpenDataset, options: &StatisticsOptions, work: &ImageWork) -> Result<DatasetStatistics> {
     if dataset.images.is_empty() {
         return Err(Error::new("the dataset has no image"));
     }
-    let wanted = Wanted::of(dataset, options);
+    let wanted = ImageInputs::of(dataset, options);
     if options.edges == Edges::Stored && !wanted.has(&OCCLUSION_ORDER.id()) {
         return Err(Error::new("the dataset has no `occlusion_order`")
-            .help("leave out --edges stored: the order then follows from masks"));
+            .help("set `options.edges` to another rule, which computes the order from masks"));
     }
     let has_names = wanted.has(&OBJECT_INFO.id()) || wanted.has(&OBJECT_NAME.id());
-    let mut collected = Collected { has_names, ..Collected::default() };
+    let mut collected = RunningStatistics { has_names, ..RunningStatistics::default() };
     let image = |image: usize| tally(dataset, image, &wanted, options);
     each(work, "counted", dataset.images.len(), &image, &mut |_, it| collected.add(it))?;
     let duplicates = wanted.has(&RGB.id()).then(|| {
@@ -206,20 +209,20 @@ pub fn of(dataset: &OpenDataset, options: &Options, work: &Work) -> Result<Stati
 pub struct Comparison {
     /// The datasets, in the order in which they were named. Their histograms have the same bins.
     pub datasets: Vec<Described>,
-    /// What could not be read, or is not counted.
+    /// Unreadable and omitted data.
     pub left_out: LeftOutReport,
 }
 
-/// Opens datasets and counts what they have. [`table`] shows them as text, JSON and CSV.
+/// Opens datasets and counts their content. [`table`] shows the numbers as text, JSON and CSV.
 ///
 /// # Errors
-/// If a dataset cannot be opened, has no image, or has one that cannot be read, or the work was asked to stop.
+/// If a dataset cannot be opened, has no image or an unreadable one, or the work was stopped.
 pub fn compare(
     registry: &Registry,
     sources: &[Source],
     format: Option<&str>,
-    options: &Options,
-    work: &Work,
+    options: &StatisticsOptions,
+    work: &ImageWork,
 ) -> Result<Comparison> {
     let mut compared = Comparison { datasets: Vec::new(), left_out: LeftOutReport::default() };
     for source in sources {
@@ -234,8 +237,13 @@ pub fn compare(
     Ok(compared)
 }
 
-/// What is not known of a dataset, and why.
-fn unknown(of: &Statistics, dataset: &OpenDataset, wanted: &Wanted, options: &Options) -> Vec<String> {
+/// Unknown numbers of a dataset, with reasons.
+fn unknown(
+    of: &DatasetStatistics,
+    dataset: &OpenDataset,
+    wanted: &ImageInputs,
+    options: &StatisticsOptions,
+) -> Vec<String> {
     let offers = &dataset.offers;
     let says = |quantity| of.distribution(quantity).is_some();
     let is_empty = of.totals.visible_instances == 0;
@@ -243,21 +251,21 @@ fn unknown(of: &Statistics, dataset: &OpenDataset, wanted: &Wanted, options: &Op
         (!wanted.has(&VISIBLE_MASK.id()), "objects have no masks: areas, occlusion and its order are unknown"),
         (
             wanted.has(&VISIBLE_MASK.id()) && !wanted.has(&AMODAL_MASK.id()),
-            "objects have no amodal masks: occlusion and its order are unknown, areas are those of visible masks",
+            "objects have no amodal masks: occlusion and its order are unknown, areas are areas of visible masks",
         ),
-        (of.assets.is_none(), "objects have no names: how many there are and how often each is seen is unknown"),
+        (of.assets.is_none(), "objects have no names: their number and their frequencies are unknown"),
         (!is_empty && !says(Quantity::ObjectSize), "objects have no boxes in space: sizes in meters are unknown"),
         (!is_empty && !says(Quantity::ObjectDistance), "objects have no poses: distances from the camera are unknown"),
-        (options.images && !offers.contains(&DEPTH.id()), "there are no depth images"),
-        (options.images && !offers.contains(&RGB.id()), "there are no color images: brightness is unknown"),
-        (!options.images, "images were left out: brightness, depth and near-duplicate views"),
+        (!options.labels_only && !offers.contains(&DEPTH.id()), "the dataset has no depth images"),
+        (!options.labels_only && !offers.contains(&RGB.id()), "the dataset has no color images: brightness is unknown"),
+        (options.labels_only, "images were not read: brightness, depth and near-duplicate views are unknown"),
     ];
     lacks.into_iter().filter(|it| it.0).map(|it| it.1.to_owned()).collect()
 }
 
-/// What was counted so far.
+/// Statistics so far.
 #[derive(Default)]
-struct Collected {
+struct RunningStatistics {
     images: Vec<ImageRow>,
     thumbnails: Vec<Thumbnail>,
     distributions: BTreeMap<Quantity, Distribution>,
@@ -268,9 +276,9 @@ struct Collected {
     left_out: Vec<LeftOut>,
 }
 
-impl Collected {
+impl RunningStatistics {
     /// Adds the next image.
-    fn add(&mut self, tally: Tally) {
+    fn add(&mut self, tally: ImageTally) {
         let scene = tally.row.scene;
         self.left_out.extend(tally.left_out.into_iter().filter(|it| it.of > 0));
         tally.values.into_iter().for_each(|(quantity, value)| self.of(quantity).add(value));
@@ -322,7 +330,7 @@ impl Collected {
         found
     }
 
-    fn finish(self, info: &DatasetInfo, near_duplicates: Option<Duplicates>) -> Statistics {
+    fn finish(self, info: &DatasetInfo, near_duplicates: Option<Duplicates>) -> DatasetStatistics {
         let sum = |of: fn(&ImageRow) -> u64| self.images.iter().map(of).sum::<u64>();
         let occlusion = |of: fn(&OcclusionRow) -> u64| {
             // Either all images have it or none.
@@ -363,7 +371,7 @@ impl Collected {
         assets.sort_by(|a, b| b.instances.cmp(&a.instances).then_with(|| a.name.cmp(&b.name)));
         let class = |id: u32| Some(info.categories().find(|(other, _)| *other == id)?.1.to_owned());
         let classes = self.categories.into_iter().filter(|_| !info.classes.is_empty());
-        Statistics {
+        DatasetStatistics {
             name: info.name.clone(),
             totals,
             layers: layers.flatten(),

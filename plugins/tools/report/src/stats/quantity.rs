@@ -1,4 +1,4 @@
-//! What is counted: the quantities of a dataset, with their units and bins.
+//! The counted quantities of a dataset, with their units and bins.
 
 /// A quantity that a dataset has many values of.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -13,11 +13,11 @@ pub enum Quantity {
     ComponentsPerView,
     /// Layers of a view's occlusion graph from front to back.
     DepthLayers,
-    /// Amodal area of an object in a view; visible area where there are no amodal masks.
+    /// Amodal area of an object in a view; visible area without amodal masks.
     ObjectArea,
     /// Longest edge of an object's box in space.
     ObjectSize,
-    /// Distance from the camera to the center of an object's box, or its origin where the box is unknown.
+    /// Distance from the camera to the center of an object's box, or to the object's origin if the box is unknown.
     ObjectDistance,
     /// Depth of a pixel.
     Depth,
@@ -30,7 +30,7 @@ pub enum Quantity {
 pub enum Bins {
     /// Ten from 0 to 1.
     Tenths,
-    /// One for each number, or for a few where they reach far.
+    /// One bin for each integer, or for a few if the range is large.
     Integers,
     /// From each power of two to the next.
     Octaves,
@@ -38,7 +38,7 @@ pub enum Bins {
     Round,
 }
 
-/// What is known of a quantity.
+/// Properties of a quantity.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct About {
     /// Its name in JSON.
@@ -47,7 +47,7 @@ pub struct About {
     pub title: &'static str,
     /// Its unit; empty for numbers.
     pub unit: &'static str,
-    /// What has a value of it.
+    /// The counted item.
     pub per: &'static str,
     /// Values are kept in whole steps of this size, rounded down; mean and range are exact.
     pub step: f64,
@@ -75,7 +75,7 @@ impl Quantity {
         Self::Brightness,
     ];
 
-    /// What is known of it.
+    /// Properties of the quantity.
     pub fn about(self) -> About {
         let about = |name, title, unit, per, step, bins| About { name, title, unit, per, step, bins };
         match self {
@@ -121,7 +121,8 @@ fn round_width(length: f64, most: f64, least: f64) -> f64 {
     let mut exponent = -9;
     loop {
         for factor in [1.0, 2.0, 5.0] {
-            // Dividing by a power of ten gives the decimal fraction that is written; multiplying by a negative one does not.
+            // Division by a power of ten gives the decimal fraction as written; multiplication by a negative power does
+            // not.
             let power = 10_f64.powi(i32::abs(exponent));
             let width = if exponent < 0 { factor / power } else { factor * power };
             if width >= least && (length <= width * (most - 1.0) || exponent > 30) {

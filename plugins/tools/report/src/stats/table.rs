@@ -1,10 +1,10 @@
 //! Statistics as text, JSON and CSV.
 
-use super::distance::{Distance, distances};
+use super::distance::{DistributionDistance, distances};
 use super::distribution::Distribution;
 use super::image::ImageRow;
 use super::quantity::Quantity;
-use super::{AssetCount, Statistics};
+use super::{AssetCount, DatasetStatistics};
 use serde::Serialize;
 use std::fmt::Write as _;
 use syntable_runtime::run::progress::count;
@@ -14,11 +14,11 @@ use syntable_runtime::run::progress::count;
 pub struct Described {
     /// Its path.
     pub dataset: String,
-    /// What it was read as.
+    /// Format of the dataset.
     pub format: &'static str,
-    /// What was counted.
+    /// The statistics.
     #[serde(flatten)]
-    pub statistics: Statistics,
+    pub statistics: DatasetStatistics,
 }
 
 /// How far a dataset is from the first one.
@@ -28,8 +28,8 @@ pub struct Apart {
     pub from: String,
     /// Path of the other.
     pub to: String,
-    /// Distances of what both have.
-    pub quantities: Vec<Distance>,
+    /// Distances of quantities that both datasets have.
+    pub quantities: Vec<DistributionDistance>,
 }
 
 /// Distances of all datasets from the first one. Their histograms have the same bins.
@@ -43,7 +43,7 @@ pub fn apart(all: &[Described]) -> Vec<Apart> {
     others.iter().map(of).collect()
 }
 
-/// Assets that are listed for people: so many of the most and of the least frequent.
+/// Number of most frequent and of least frequent assets to list for people.
 const ASSETS: usize = 5;
 /// Length of the bar of all values.
 const BAR: f64 = 40.0;
@@ -53,11 +53,12 @@ const GROUPS: usize = 5;
 /// All of it as a JSON object.
 pub fn json(all: &[Described]) -> String {
     #[derive(Serialize)]
-    struct View<'a> {
+    struct StatisticsJson<'a> {
         datasets: &'a [Described],
         distances: Vec<Apart>,
     }
-    let mut text = serde_json::to_string_pretty(&View { datasets: all, distances: apart(all) }).expect("plain data");
+    let mut text =
+        serde_json::to_string_pretty(&StatisticsJson { datasets: all, distances: apart(all) }).expect("plain data");
     text.push('\n');
     text
 }
@@ -128,7 +129,7 @@ fn table_1(all: &[Described]) -> String {
     columns(&rows)
 }
 
-/// Number of decimals that tell the steps of a quantity apart, at most three.
+/// Number of decimals that distinguish the steps of a quantity, at most three.
 fn decimals(quantity: Quantity) -> usize {
     match quantity.about().step {
         step if step >= 1.0 => 0,
@@ -197,7 +198,7 @@ fn histogram(all: &[Described], quantity: Quantity) -> String {
     format!("\n{lines}")
 }
 
-/// What bins are called: their values if these are whole numbers, else their edges.
+/// Names of bins: their values if these are integers, else their edges.
 fn labels(quantity: Quantity, edges: &[f64]) -> Vec<String> {
     let has_values = quantity.about().step >= 1.0 && edges.iter().all(|edge| edge.fract() == 0.0);
     let of = |ends: &[f64]| match (ends, has_values) {
@@ -239,7 +240,7 @@ fn distances_text(of: &Apart) -> String {
     format!("\ndistance of {} from {}\n{}", of.to, of.from, columns(&rows))
 }
 
-/// What else is known of a dataset, and what is not.
+/// Further facts on a dataset, and unknown numbers.
 fn notes(it: &Described) -> String {
     let of = &it.statistics;
     let mut out = format!("\n{}, read as {}\n", it.dataset, it.format);
@@ -251,10 +252,10 @@ fn notes(it: &Described) -> String {
     }
     if of.totals.hidden_instances > 0 {
         let hidden = of.totals.hidden_instances;
-        say(format!("annotated objects of which their view shows no pixel, left out everywhere: {hidden}"));
+        say(format!("annotated objects without a visible pixel, not counted elsewhere: {hidden}"));
     }
     if of.totals.scenes == of.totals.images && of.totals.images > 1 {
-        say("each image is a scene by itself: the dataset has one view of each, or its format knows no scenes"
+        say("each image is a separate scene: the dataset has one view per scene, or its format has no scenes"
             .to_owned());
     }
     if let Some(found) = &of.near_duplicates {
@@ -270,7 +271,7 @@ fn notes(it: &Described) -> String {
             say(format!("  {}{more}", group.iter().take(3).cloned().collect::<Vec<_>>().join(", ")));
         }
         if found.groups.len() > GROUPS {
-            say("  the others are in the output of --json".to_owned());
+            say("  the JSON output lists the others".to_owned());
         }
     }
     if let Some(assets) = of.assets.as_ref().filter(|assets| !assets.is_empty()) {
@@ -297,13 +298,13 @@ fn shows(images: u64) -> String {
 }
 
 /// Columns of the CSV file after the dataset: name and value.
-type Column = (&'static str, fn(&ImageRow) -> String);
+type CsvColumn = (&'static str, fn(&ImageRow) -> String);
 
 fn cell<T: ToString>(value: Option<T>) -> String {
     value.map_or_else(String::new, |value| value.to_string())
 }
 
-const COLUMNS: &[Column] = &[
+const COLUMNS: &[CsvColumn] = &[
     ("image", |it| quoted(&it.name)),
     ("id", |it| cell(it.id)),
     ("scene", |it| it.scene.to_string()),
@@ -335,7 +336,7 @@ fn quoted(text: &str) -> String {
     format!("\"{}\"", text.replace('"', "\"\""))
 }
 
-/// A line for each image. What is not known is empty.
+/// A line per image. Unknown values are empty.
 pub fn csv(all: &[Described]) -> String {
     let mut out = "dataset".to_owned();
     COLUMNS.iter().for_each(|(name, _)| out += &format!(",{name}"));

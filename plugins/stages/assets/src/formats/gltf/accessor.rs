@@ -1,6 +1,6 @@
 //! Accessors: typed numbers in buffers, with every bound checked before anything is allocated.
 
-use super::buffers::Buffers;
+use super::buffers::GltfBuffers;
 use super::get;
 use crate::formats::within;
 use gltf::json::accessor::{Accessor, ComponentType, Type};
@@ -20,11 +20,11 @@ struct Layout {
     count: usize,
 }
 
-/// Reads vectors of `N` numbers: all, or those of the elements in `select`, which exist. Integers of a normalized accessor
+/// Reads vectors of `N` numbers: all elements, or the existing elements in `select`. Integers of a normalized accessor
 /// become fractions.
 pub fn vectors<const N: usize>(
     document: &Root,
-    buffers: &mut Buffers<'_>,
+    buffers: &mut GltfBuffers<'_>,
     index: Index<Accessor>,
     select: Option<&[u32]>,
     what: &str,
@@ -37,7 +37,7 @@ pub fn vectors<const N: usize>(
 }
 
 /// Reads indices: unsigned integers.
-pub fn indices(document: &Root, buffers: &mut Buffers<'_>, index: Index<Accessor>) -> Result<Vec<u32>> {
+pub fn indices(document: &Root, buffers: &mut GltfBuffers<'_>, index: Index<Accessor>) -> Result<Vec<u32>> {
     let name = || format!("accessor {} (indices)", index.value());
     let accessor = get(&document.accessors, index, "accessor")?;
     if !matches!(component(accessor)?, ComponentType::U8 | ComponentType::U16 | ComponentType::U32) {
@@ -47,8 +47,9 @@ pub fn indices(document: &Root, buffers: &mut Buffers<'_>, index: Index<Accessor
         .map_err(|error| within(error, name()))
 }
 
-/// Number of elements of an accessor, which its buffer view holds if they have as many components as are wanted.
-pub fn count(document: &Root, buffers: &mut Buffers<'_>, index: Index<Accessor>, components: usize) -> Result<u64> {
+/// Number of elements of an accessor. Checks that the buffer view holds them if each has the given number of
+/// components.
+pub fn count(document: &Root, buffers: &mut GltfBuffers<'_>, index: Index<Accessor>, components: usize) -> Result<u64> {
     let accessor = get(&document.accessors, index, "accessor")?;
     let count = accessor.count.0;
     let size = component(accessor)?.size() * components;
@@ -90,7 +91,7 @@ pub fn width(document: &Root, index: Index<Accessor>) -> Result<usize> {
         Checked::Valid(Type::Vec3) => Ok(3),
         Checked::Valid(Type::Vec4) => Ok(4),
         Checked::Valid(Type::Mat4) => Ok(16),
-        Checked::Valid(_) => Err(Error::new(format!("accessor {} holds matrices", index.value()))),
+        Checked::Valid(_) => Err(Error::new(format!("accessor {} has matrices, not vectors", index.value()))),
         Checked::Invalid => Err(Error::new(format!("accessor {} has an unknown type", index.value()))),
     }
 }
@@ -100,7 +101,7 @@ pub fn is_float(document: &Root, index: Index<Accessor>) -> Result<bool> {
     Ok(component(get(&document.accessors, index, "accessor")?)? == ComponentType::F32)
 }
 
-/// Whether whole numbers of an accessor stand for fractions.
+/// Whether integers of an accessor represent fractions.
 pub fn is_normalized(document: &Root, index: Index<Accessor>) -> Result<bool> {
     Ok(get(&document.accessors, index, "accessor")?.normalized)
 }
@@ -114,7 +115,7 @@ fn component(accessor: &Accessor) -> Result<ComponentType> {
 
 fn read<T: Clone + Zero>(
     document: &Root,
-    buffers: &mut Buffers<'_>,
+    buffers: &mut GltfBuffers<'_>,
     index: Index<Accessor>,
     components: usize,
     select: Option<&[u32]>,
@@ -122,7 +123,7 @@ fn read<T: Clone + Zero>(
 ) -> Result<Vec<T>> {
     let accessor = get(&document.accessors, index, "accessor")?;
     if width(document, index)? != components {
-        return Err(Error::new(format!("{} numbers an element, but {components} are wanted", width(document, index)?)));
+        return Err(Error::new(format!("{} numbers per element instead of {components}", width(document, index)?)));
     }
     let component = component(accessor)?;
     let size = component.size() * components;
@@ -133,7 +134,7 @@ fn read<T: Clone + Zero>(
         Ok(Layout { component, normalized: accessor.normalized, offset, stride, count })
     };
     let count = accessor.count.0;
-    // A sparse accessor is read as a whole, and what is wanted of it then.
+    // A sparse accessor is read as a whole before elements are selected.
     let part = select.filter(|_| accessor.sparse.is_none());
     let wanted = part.map_or(count, |part| part.len() as u64).saturating_mul(size_of::<T>() as u64);
     let budget = buffers.budget();

@@ -1,7 +1,7 @@
-//! Buffers, views into them, and images: what a document names, resolved and checked.
+//! Buffers, buffer views and images of a document, resolved and checked.
 
 use super::get;
-use super::meshopt::Packed;
+use super::meshopt::CompressedView;
 use crate::formats::within;
 use base64::alphabet;
 use base64::engine::{DecodePaddingMode, Engine, GeneralPurpose, GeneralPurposeConfig};
@@ -9,7 +9,7 @@ use gltf::json::{self, Index, Root};
 use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::path::Path;
-use syntable_mesh::image::Image;
+use syntable_mesh::image::DecodedImage;
 use syntable_mesh::limits::Budget;
 use syntable_mesh::root::AssetRoot;
 use syntable_model::context::Log;
@@ -19,7 +19,7 @@ use syntable_model::error::{Error, Result};
 const MESHOPT: &str = "EXT_meshopt_compression";
 
 /// Data outside the JSON, loaded on demand.
-pub struct Buffers<'a> {
+pub struct GltfBuffers<'a> {
     document: &'a Root,
     binary: Option<&'a [u8]>,
     root: &'a AssetRoot,
@@ -31,7 +31,7 @@ pub struct Buffers<'a> {
     unpacked: BTreeMap<usize, Vec<u8>>,
 }
 
-impl<'a> Buffers<'a> {
+impl<'a> GltfBuffers<'a> {
     /// Data of a document in a folder, relative to the root; `binary` is the chunk of a GLB, `file` for messages.
     pub fn new(
         document: &'a Root,
@@ -44,7 +44,7 @@ impl<'a> Buffers<'a> {
         Self { document, binary, root, folder, file, log, loaded: BTreeMap::new(), unpacked: BTreeMap::new() }
     }
 
-    /// What the asset may still take.
+    /// The asset's remaining budget.
     pub fn budget(&self) -> &'a Budget {
         self.root.budget()
     }
@@ -55,7 +55,7 @@ impl<'a> Buffers<'a> {
         let packed = view.extensions.as_ref().and_then(|extensions| extensions.others.get(MESHOPT));
         if let Some(packed) = packed {
             let within = |error| within(error, format!("buffer view {} ({MESHOPT})", index.value()));
-            let packed = Packed::deserialize(packed).map_err(|error| within(Error::new(error.to_string())))?;
+            let packed = CompressedView::deserialize(packed).map_err(|error| within(Error::new(error.to_string())))?;
             if !self.unpacked.contains_key(&index.value()) {
                 let bytes = self.unpack(&packed).map_err(within)?;
                 self.unpacked.insert(index.value(), bytes);
@@ -77,14 +77,14 @@ impl<'a> Buffers<'a> {
         }
     }
 
-    fn unpack(&mut self, packed: &Packed) -> Result<Vec<u8>> {
+    fn unpack(&mut self, packed: &CompressedView) -> Result<Vec<u8>> {
         self.budget().bytes(packed.unpacked_bytes()?)?;
         let bytes = self.buffer(Index::new(packed.buffer))?;
         let end = packed.byte_offset.checked_add(packed.byte_length).filter(|&end| end <= bytes.len() as u64);
         match end {
             Some(end) => packed.unpack(&bytes[packed.byte_offset as usize..end as usize]),
             None => Err(Error::new(format!(
-                "it reaches from byte {} over {} bytes, but buffer {} has {}",
+                "the view reaches from byte {} over {} bytes, but buffer {} has {}",
                 packed.byte_offset,
                 packed.byte_length,
                 packed.buffer,
@@ -99,7 +99,10 @@ impl<'a> Buffers<'a> {
         if buffer.uri.is_some() && !self.loaded.contains_key(&number) {
             let bytes = self.resolve(buffer.uri.as_deref().unwrap_or_default(), &format!("buffer {number}"))?;
             let bytes = bytes.ok_or_else(|| {
-                Error::new(format!("no file `{}` of buffer {number}", shown(buffer.uri.as_deref().unwrap_or_default())))
+                Error::new(format!(
+                    "buffer {number} refers to the missing file `{}`",
+                    shown(buffer.uri.as_deref().unwrap_or_default())
+                ))
             })?;
             self.loaded.insert(number, bytes);
         }
@@ -116,8 +119,8 @@ impl<'a> Buffers<'a> {
         })
     }
 
-    /// An image; none if its file is missing.
-    pub fn image(&mut self, index: Index<json::Image>) -> Result<Option<Image>> {
+    /// An image; `None` if its file is missing.
+    pub fn image(&mut self, index: Index<json::Image>) -> Result<Option<DecodedImage>> {
         let image = get(&self.document.images, index, "image")?;
         let what = format!("image {}", index.value());
         match (&image.uri, image.buffer_view) {
@@ -128,12 +131,12 @@ impl<'a> Buffers<'a> {
                 let named = |error: Error| {
                     if uri.starts_with("data:") { within(error, &what) } else { error.in_file(self.folder_of(uri)) }
                 };
-                Image::decode(&bytes, self.budget()).map(Some).map_err(named)
+                DecodedImage::decode(&bytes, self.budget()).map(Some).map_err(named)
             }
             (None, Some(view)) => {
                 let budget = self.budget();
                 let (bytes, _) = self.view(view).map_err(|error| within(error, &what))?;
-                Image::decode(bytes, budget).map(Some).map_err(|error| within(error, &what))
+                DecodedImage::decode(bytes, budget).map(Some).map_err(|error| within(error, &what))
             }
             (None, None) => Err(Error::new(format!("{what} has neither a file nor a buffer view"))),
         }
@@ -143,13 +146,13 @@ impl<'a> Buffers<'a> {
         self.root.folder().join(self.folder).join(percent_decode(uri))
     }
 
-    /// Bytes of a data URI or of a file inside the asset's folder; none if there is no such file.
+    /// Bytes of a data URI, or of a file inside the asset's folder; `None` if the file is missing.
     fn resolve(&self, uri: &str, what: &str) -> Result<Option<Vec<u8>>> {
         let named = |error: Error| within(error, what);
         if let Some(data) = uri.strip_prefix("data:") {
-            let (head, body) = data.split_once(',').ok_or_else(|| named(Error::new("a data URI without data")))?;
+            let (head, body) = data.split_once(',').ok_or_else(|| named(Error::new("the data URI has no data")))?;
             if !head.ends_with(";base64") {
-                return Err(named(Error::new("a data URI that is not base64")));
+                return Err(named(Error::new("the data URI is not encoded in base64")));
             }
             self.budget().bytes(body.len() as u64).map_err(named)?;
             return decode_base64(body).map(Some).map_err(named);

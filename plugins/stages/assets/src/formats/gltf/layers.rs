@@ -1,5 +1,5 @@
-//! Material extensions: clearcoat, sheen, transmission and volume; and of specular, anisotropy and unlit what the model can
-//! show.
+//! Material extensions: clearcoat, sheen, transmission and volume, and the supported parts of specular, anisotropy and
+//! unlit.
 //!
 //! `KHR_materials_clearcoat` stores its factor in red and its roughness in green, `KHR_materials_sheen` its color in the
 //! color channels and its roughness in alpha, `KHR_materials_transmission` its factor in red. Of
@@ -21,7 +21,7 @@ use syntable_model::scene::Volume;
 
 /// The layers of a material besides its base, and what modifies or replaces the base.
 #[derive(Default)]
-pub struct Layers {
+pub struct MaterialLayers {
     pub clearcoat: Option<ClearcoatJson>,
     pub sheen: Option<SheenJson>,
     pub transmission: Option<TransmissionJson>,
@@ -55,8 +55,8 @@ impl Default for SpecularJson {
 }
 
 impl SpecularJson {
-    /// The index of refraction whose surface reflects as much at normal incidence as one of index `ior` times the factors.
-    /// A color counts by its luminance.
+    /// The index of refraction with the same reflectance at normal incidence as index `ior` times the factors. A color
+    /// contributes its luminance.
     pub fn ior(&self, ior: f32) -> f32 {
         let [r, g, b] = self.specular_color_factor.map(|x| x.max(0.0));
         let tint = 0.2126 * r + 0.7152 * g + 0.0722 * b;
@@ -145,7 +145,7 @@ impl Default for VolumeJson {
     }
 }
 
-impl Layers {
+impl MaterialLayers {
     /// The layers of a material.
     pub fn of(material: &json::Material) -> Result<Self> {
         let Some(extensions) = &material.extensions else {
@@ -180,7 +180,7 @@ impl Layers {
         Ok(uses)
     }
 
-    /// The interior medium; none for a thin wall. A distance that is not positive is ignored.
+    /// The interior medium; `None` for a thin wall. Ignores a distance that is not positive.
     pub fn medium(&self) -> Option<Volume> {
         let volume = self.volume.as_ref().filter(|volume| volume.thickness_factor > 0.0)?;
         Some(Volume {

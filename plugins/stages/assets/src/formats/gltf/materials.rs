@@ -3,9 +3,9 @@
 //! The core, `KHR_materials_ior` and `KHR_materials_emissive_strength` are read here, other extensions in [`layers`](
 //! super::layers) and [`specular_glossiness`](super::specular_glossiness).
 
-use super::buffers::Buffers;
+use super::buffers::GltfBuffers;
 use super::get;
-use super::layers::Layers;
+use super::layers::MaterialLayers;
 use super::specular_glossiness::{Factors, SpecularGlossinessJson, convert};
 use super::uses::{Use, of_info, of_normal};
 use crate::formats::within;
@@ -29,7 +29,7 @@ use syntable_model::scene::{
 type JsonMaterial = json::Material;
 
 /// Textures of diffuse color and of specular color and glossiness, and the bits of their factors.
-type Converted = (Option<Digest>, Option<Digest>, [u32; 7]);
+type SpecularTextureKey = (Option<Digest>, Option<Digest>, [u32; 7]);
 
 /// Materials by slot, in the order in which primitives name them.
 pub struct Materials<'a> {
@@ -43,7 +43,7 @@ pub struct Materials<'a> {
     known: BTreeMap<(Option<usize>, bool), u16>,
     textures: BTreeMap<(usize, bool, [u8; 2]), Option<Arc<Texture>>>,
     /// Base color, and roughness with metalness, of converted textures.
-    converted: BTreeMap<Converted, [Arc<Texture>; 2]>,
+    converted: BTreeMap<SpecularTextureKey, [Arc<Texture>; 2]>,
 }
 
 impl<'a> Materials<'a> {
@@ -84,14 +84,14 @@ impl<'a> Materials<'a> {
         Ok(slot)
     }
 
-    /// The set of texture coordinates that a material uses; none if it has no texture. Where textures use several sets,
-    /// that of the base color counts, after a warning.
+    /// The set of texture coordinates that a material uses; `None` without a texture. If textures use several sets, the
+    /// base color's set applies to all, with a warning.
     pub fn uv_set(&mut self, material: Option<Index<JsonMaterial>>) -> Result<Option<u32>> {
         let Some(index) = material else {
             return Ok(None);
         };
         let material = get(&self.document.materials, index, "material")?;
-        let (pbr, layers) = (&material.pbr_metallic_roughness, Layers::of(material)?);
+        let (pbr, layers) = (&material.pbr_metallic_roughness, MaterialLayers::of(material)?);
         let base = match &layers.specular_glossiness {
             Some(older) => [&older.diffuse_texture, &older.specular_glossiness_texture],
             None => [&pbr.base_color_texture, &pbr.metallic_roughness_texture],
@@ -112,7 +112,7 @@ impl<'a> Materials<'a> {
         Ok(sets.first().copied())
     }
 
-    /// What the opacity of vertex colors means for each slot.
+    /// Effect of vertex opacity for each slot.
     pub fn vertex_alpha(&self) -> Vec<VertexAlpha> {
         let meaning = |material: Option<Index<JsonMaterial>>| match material
             .and_then(|index| self.document.materials.get(index.value()))?
@@ -126,12 +126,12 @@ impl<'a> Materials<'a> {
     }
 
     /// Builds the materials of all slots.
-    pub fn into_slots(mut self, buffers: &mut Buffers<'_>) -> Result<Vec<Material>> {
+    pub fn into_slots(mut self, buffers: &mut GltfBuffers<'_>) -> Result<Vec<Material>> {
         let slots = std::mem::take(&mut self.slots);
         let mut built = Vec::with_capacity(slots.len());
         for (index, uvs, triangles) in slots {
             let Some(index) = index else {
-                // White and rough as the standard has it, but no metal: nobody who leaves out a material means that.
+                // White and rough, as in the standard, but not metallic: no author who omits a material wants metal.
                 built.push(Material::plain("default", [1.0; 3], 1.0));
                 continue;
             };
@@ -152,8 +152,8 @@ impl<'a> Materials<'a> {
         Ok(built)
     }
 
-    fn build(&mut self, json: &JsonMaterial, index: usize, buffers: &mut Buffers<'_>) -> Result<Material> {
-        let layers = Layers::of(json)?;
+    fn build(&mut self, json: &JsonMaterial, index: usize, buffers: &mut GltfBuffers<'_>) -> Result<Material> {
+        let layers = MaterialLayers::of(json)?;
         let name = json.name.clone().unwrap_or_else(|| format!("material {index}"));
         let mut material = Material::plain(name, [1.0; 3], 1.0);
         let alpha = match &layers.specular_glossiness {
@@ -193,7 +193,7 @@ impl<'a> Materials<'a> {
         &mut self,
         material: &mut Material,
         pbr: &json::material::PbrMetallicRoughness,
-        buffers: &mut Buffers<'_>,
+        buffers: &mut GltfBuffers<'_>,
     ) -> Result<f32> {
         let [r, g, b, alpha] = pbr.base_color_factor.0;
         material.base_color = Color {
@@ -214,7 +214,7 @@ impl<'a> Materials<'a> {
         &mut self,
         material: &mut Material,
         older: &SpecularGlossinessJson,
-        buffers: &mut Buffers<'_>,
+        buffers: &mut GltfBuffers<'_>,
     ) -> Result<f32> {
         let [r, g, b, alpha] = older.diffuse_factor;
         let factors = Factors {
@@ -228,7 +228,7 @@ impl<'a> Materials<'a> {
             && (diffuse.transform != gloss.transform || diffuse.texture.wrap != gloss.texture.wrap)
         {
             self.warn(
-                "the textures of a KHR_materials_pbrSpecularGlossiness lie differently; both lie as the diffuse color does",
+                "the textures of a KHR_materials_pbrSpecularGlossiness have different transforms; both use that of the diffuse color",
             );
         }
         material.roughness = Scalar::constant(1.0 - factors.glossiness);
@@ -252,13 +252,13 @@ impl<'a> Materials<'a> {
         Ok(alpha)
     }
 
-    /// Textures of the base color and of roughness with metalness; converted once.
+    /// Textures of the base color and of roughness with metalness, converted once.
     fn converted(
         &mut self,
         factors: &Factors,
         [diffuse, gloss]: [Option<&Texture>; 2],
         wrap: [Wrap; 2],
-        buffers: &Buffers<'_>,
+        buffers: &GltfBuffers<'_>,
     ) -> Result<[Arc<Texture>; 2]> {
         let ([a, b, c], [d, e, f]) = (factors.diffuse, factors.specular);
         let bits = [a, b, c, d, e, f, factors.glossiness].map(f32::to_bits);
@@ -273,8 +273,8 @@ impl<'a> Materials<'a> {
         Ok(textures)
     }
 
-    /// What extensions change of the base. Where the model cannot show it, the nearest that it can, with a warning.
-    fn modify_base(&mut self, material: &mut Material, layers: &Layers) {
+    /// Changes of the base by extensions. Unsupported changes become the nearest supported ones, with a warning.
+    fn modify_base(&mut self, material: &mut Material, layers: &MaterialLayers) {
         if layers.unlit {
             // The extension's own advice to programs that light everything.
             material.metallic = Scalar::constant(0.0);
@@ -288,7 +288,9 @@ impl<'a> Materials<'a> {
             let bends = material.transmission.as_ref().is_some_and(|glass| glass.volume.is_some());
             let ior = specular.ior(material.ior);
             if specular.is_approximate() || (bends && (ior - material.ior).abs() > 1e-4) {
-                self.warn("of KHR_materials_specular the strength of the reflection is read, by its factors alone");
+                self.warn(
+                    "only the factors of KHR_materials_specular are supported, for the strength of the reflection",
+                );
             }
             if !bends {
                 material.ior = ior;
@@ -298,11 +300,16 @@ impl<'a> Materials<'a> {
             if material.roughness.texture.is_none() && !anisotropy.is_textured() {
                 material.roughness.factor = anisotropy.roughness(material.roughness.factor);
             }
-            self.warn("stretched highlights (KHR_materials_anisotropy) are shown as round ones");
+            self.warn("stretched highlights (KHR_materials_anisotropy) become round ones");
         }
     }
 
-    fn layers(&mut self, material: &mut Material, layers: &Layers, buffers: &mut Buffers<'_>) -> Result<()> {
+    fn layers(
+        &mut self,
+        material: &mut Material,
+        layers: &MaterialLayers,
+        buffers: &mut GltfBuffers<'_>,
+    ) -> Result<()> {
         if let Some(coat) = layers.clearcoat.as_ref().filter(|coat| coat.clearcoat_factor > 0.0) {
             material.clearcoat = Some(Clearcoat {
                 strength: self.scalar(coat.clearcoat_factor, &coat.clearcoat_texture, 0, buffers)?,
@@ -345,7 +352,7 @@ impl<'a> Materials<'a> {
         factor: f32,
         texture: &Option<Info>,
         channel: u8,
-        buffers: &mut Buffers<'_>,
+        buffers: &mut GltfBuffers<'_>,
     ) -> Result<Scalar> {
         let texture = self.info(texture, Encoding::Linear, buffers)?;
         Ok(Scalar { factor: unit(factor), texture: texture.map(|texture| (texture, channel)) })
@@ -354,7 +361,7 @@ impl<'a> Materials<'a> {
     fn normal(
         &mut self,
         normal: &Option<json::material::NormalTexture>,
-        buffers: &mut Buffers<'_>,
+        buffers: &mut GltfBuffers<'_>,
     ) -> Result<Option<NormalMap>> {
         let Some(normal) = normal else { return Ok(None) };
         let map = self.texture(&of_normal(normal)?, Encoding::Linear, buffers)?;
@@ -365,7 +372,7 @@ impl<'a> Materials<'a> {
         &mut self,
         info: &Option<Info>,
         encoding: Encoding,
-        buffers: &mut Buffers<'_>,
+        buffers: &mut GltfBuffers<'_>,
     ) -> Result<Option<TextureRef>> {
         match info {
             Some(info) => self.texture(&of_info(info), encoding, buffers),
@@ -383,12 +390,12 @@ impl<'a> Materials<'a> {
         match webp.and_then(|source| u32::try_from(source).ok()) {
             Some(source) => Ok(Index::new(source)),
             None => Err(Error::new(format!("texture {} has no image as PNG, JPEG or WebP", index.value()))
-                .help("KTX2 is not read; convert the file: `gltf-transform ktxdecompress in.glb out.glb`")),
+                .help("KTX2 is not supported; convert the file: `gltf-transform ktxdecompress in.glb out.glb`")),
         }
     }
 
-    /// Loads a texture. A missing file is a warning and gives none.
-    fn texture(&mut self, used: &Use, encoding: Encoding, buffers: &mut Buffers<'_>) -> Result<Option<TextureRef>> {
+    /// Loads a texture. A missing file causes a warning, and returns `None`.
+    fn texture(&mut self, used: &Use, encoding: Encoding, buffers: &mut GltfBuffers<'_>) -> Result<Option<TextureRef>> {
         let texture = get(&self.document.textures, used.texture, "texture")?;
         let source = self.source(texture, used.texture)?;
         let wrap = match texture.sampler {

@@ -1,7 +1,6 @@
 //! `EXT_meshopt_compression`: buffer views that are packed by the codecs of meshoptimizer, after the extension's appendices.
 //!
-//! What is read is checked against the packed bytes at every step; a stream that ends early, or that has bytes left, is
-//! refused.
+//! Every read is checked against the packed bytes. A stream that ends early or has excess bytes is refused.
 
 use serde::Deserialize;
 use syntable_model::error::{Error, Result};
@@ -12,7 +11,7 @@ const MAX_STRIDE: usize = 256;
 /// The extension of a buffer view.
 #[derive(Deserialize)]
 #[serde(rename_all = "camelCase")]
-pub struct Packed {
+pub struct CompressedView {
     /// The buffer with the packed bytes.
     pub buffer: u32,
     /// Offset of the packed bytes.
@@ -20,13 +19,13 @@ pub struct Packed {
     pub byte_offset: u64,
     /// Number of packed bytes.
     pub byte_length: u64,
-    /// Size of an element once unpacked, bytes.
+    /// Size of an unpacked element, bytes.
     pub byte_stride: usize,
     /// Number of elements.
     pub count: u64,
     mode: Mode,
     #[serde(default)]
-    filter: Filter,
+    filter: MeshoptFilter,
 }
 
 #[derive(Deserialize, Clone, Copy, PartialEq)]
@@ -39,7 +38,7 @@ enum Mode {
 
 #[derive(Deserialize, Clone, Copy, Default, PartialEq)]
 #[serde(rename_all = "UPPERCASE")]
-enum Filter {
+enum MeshoptFilter {
     #[default]
     None,
     Octahedral,
@@ -47,29 +46,27 @@ enum Filter {
     Exponential,
 }
 
-impl Packed {
+impl CompressedView {
     /// Number of unpacked bytes. Refuses sizes of elements that the mode does not have.
     pub fn unpacked_bytes(&self) -> Result<u64> {
         let stride = self.byte_stride;
         let fits = match (self.mode, self.filter) {
-            (Mode::Attributes, Filter::None | Filter::Exponential) => {
+            (Mode::Attributes, MeshoptFilter::None | MeshoptFilter::Exponential) => {
                 stride.is_multiple_of(4) && (4..=MAX_STRIDE).contains(&stride)
             }
-            (Mode::Attributes, Filter::Octahedral) => matches!(stride, 4 | 8),
-            (Mode::Attributes, Filter::Quaternion) => stride == 8,
-            (Mode::Triangles | Mode::Indices, Filter::None) => matches!(stride, 2 | 4),
+            (Mode::Attributes, MeshoptFilter::Octahedral) => matches!(stride, 4 | 8),
+            (Mode::Attributes, MeshoptFilter::Quaternion) => stride == 8,
+            (Mode::Triangles | Mode::Indices, MeshoptFilter::None) => matches!(stride, 2 | 4),
             _ => false,
         };
         if !fits {
-            return Err(Error::new(format!(
-                "packed elements of {stride} bytes, which their mode and filter do not have"
-            )));
+            return Err(Error::new(format!("packed elements of {stride} bytes do not fit their mode and filter")));
         }
         let bytes = self.count.checked_mul(stride as u64);
         bytes.ok_or_else(|| Error::new(format!("{} packed elements are too many", self.count)))
     }
 
-    /// Unpacks. The caller has asked the budget for [`unpacked_bytes`](Self::unpacked_bytes).
+    /// Unpacks the elements. The caller has reserved [`unpacked_bytes`](Self::unpacked_bytes) in the budget.
     pub fn unpack(&self, packed: &[u8]) -> Result<Vec<u8>> {
         let count = usize::try_from(self.count).map_err(|_| Error::new("too many packed elements"))?;
         let mut bytes = match self.mode {
@@ -78,20 +75,20 @@ impl Packed {
             Mode::Indices => numbers(indices(packed, count)?, self.byte_stride),
         };
         match self.filter {
-            Filter::None => {}
-            Filter::Octahedral if self.byte_stride == 4 => {
+            MeshoptFilter::None => {}
+            MeshoptFilter::Octahedral if self.byte_stride == 4 => {
                 for row in bytes.chunks_exact_mut(4) {
                     let [x, y, one] = [row[0], row[1], row[2]].map(|byte| f32::from(byte as i8));
                     let normal = octahedral(x, y, one).map(|x| (x * 127.0).round() as i8 as u8);
                     row[..3].copy_from_slice(&normal);
                 }
             }
-            Filter::Octahedral => words(&mut bytes, |[x, y, one, other]| {
+            MeshoptFilter::Octahedral => words(&mut bytes, |[x, y, one, other]| {
                 let [x, y, z] = octahedral(f32::from(x), f32::from(y), f32::from(one));
                 [x, y, z].map(snorm16).into_iter().chain([other]).collect()
             }),
-            Filter::Quaternion => words(&mut bytes, |row| quaternion(row).to_vec()),
-            Filter::Exponential => {
+            MeshoptFilter::Quaternion => words(&mut bytes, |row| quaternion(row).to_vec()),
+            MeshoptFilter::Exponential => {
                 for word in bytes.chunks_exact_mut(4) {
                     let bits = i32::from_le_bytes(std::array::from_fn(|i| word[i]));
                     let value = f64::from(bits << 8 >> 8) * 2.0_f64.powi(bits >> 24);
@@ -113,8 +110,10 @@ impl<'a> Stream<'a> {
     fn open(packed: &'a [u8], header: u8, tail: usize) -> Result<(Self, &'a [u8])> {
         let Some((&first, rest)) = packed.split_first() else { return Err(ends()) };
         if first != header {
-            return Err(Error::new(format!("a packed stream of the unknown kind {first:#04x}; {header:#04x} is read"))
-                .help("convert the file: `gltf-transform copy in.glb out.glb`"));
+            return Err(Error::new(format!(
+                "unknown kind {first:#04x} of a packed stream; only {header:#04x} is supported"
+            ))
+            .help("convert the file: `gltf-transform copy in.glb out.glb`"));
         }
         let middle = rest.len().checked_sub(tail).ok_or_else(ends)?;
         let (bytes, tail) = rest.split_at(middle);
@@ -141,13 +140,13 @@ impl<'a> Stream<'a> {
                 return Ok(value);
             }
         }
-        Err(Error::new("a packed number of more than five bytes"))
+        Err(Error::new("a packed number has more than five bytes"))
     }
 
     fn finish(self) -> Result<()> {
         match self.bytes.len() {
             0 => Ok(()),
-            left => Err(Error::new(format!("{left} packed bytes are left over"))),
+            left => Err(Error::new(format!("{left} excess packed bytes"))),
         }
     }
 }
@@ -156,7 +155,7 @@ fn ends() -> Error {
     Error::new("the packed bytes end early").help("the file is cut short or damaged")
 }
 
-/// Elements whose bytes were packed one plane after the other, as differences from the element before.
+/// Elements whose bytes were packed plane by plane, as differences from the previous element.
 fn attributes(packed: &[u8], count: usize, stride: usize) -> Result<Vec<u8>> {
     let (mut stream, tail) = Stream::open(packed, 0xa0, stride.max(32))?;
     // The stream has two bits at least for each byte of sixteen elements.
@@ -237,11 +236,11 @@ fn fresh(next: &mut u32) -> u32 {
     next.wrapping_sub(1)
 }
 
-/// Corners of triangles, most of which continue an edge that was seen lately.
+/// Corners of triangles. Most triangles share a recent edge.
 fn triangles(packed: &[u8], count: usize) -> Result<Vec<u32>> {
     let (mut stream, table) = Stream::open(packed, 0xe1, 16)?;
     if !count.is_multiple_of(3) {
-        return Err(Error::new(format!("{count} packed corners are no whole number of triangles")));
+        return Err(Error::new(format!("{count} packed corners are not a multiple of three")));
     }
     let codes = stream.take(count / 3)?;
     let mut corners = Vec::with_capacity(count);
@@ -341,7 +340,7 @@ fn snorm16(x: f32) -> i16 {
     (x * 32_767.0).round() as i16
 }
 
-/// A unit vector from the faces of an octahedron unfolded to a square; `one` is the integer that stands for 1.
+/// A unit vector from the unfolded faces of an octahedron; `one` is the integer that represents 1.
 fn octahedral(x: f32, y: f32, one: f32) -> [f32; 3] {
     let (mut x, mut y) = (x / one, y / one);
     let z = 1.0 - x.abs() - y.abs();
@@ -353,7 +352,7 @@ fn octahedral(x: f32, y: f32, one: f32) -> [f32; 3] {
     [x, y, z].map(|part| part / length)
 }
 
-/// A quaternion whose largest component was left out; its number is in the lowest two bits of the fourth.
+/// A quaternion without its largest component, whose number is in the lowest two bits of the fourth value.
 fn quaternion([x, y, z, scale]: [i16; 4]) -> [i16; 4] {
     let one = f32::from(scale | 3);
     let [x, y, z] = [x, y, z].map(|part| f32::from(part) / one * std::f32::consts::FRAC_1_SQRT_2);
@@ -373,16 +372,16 @@ mod tests {
     use base64::engine::general_purpose::STANDARD;
     use serde_json::Value;
 
-    /// Streams that meshoptimizer's encoder made, with what its own decoder makes of them.
+    /// Streams by meshoptimizer's encoder, with the results of its own decoder.
     const STREAMS: &str = include_str!("meshopt_streams.json");
 
-    fn cases() -> Vec<(String, Packed, Vec<u8>, Vec<u8>)> {
+    fn cases() -> Vec<(String, CompressedView, Vec<u8>, Vec<u8>)> {
         let cases: Vec<Value> = serde_json::from_str(STREAMS).expect("sound");
         let bytes = |case: &Value, key: &str| STANDARD.decode(case[key].as_str().expect("text")).expect("base64");
         let case = |case: Value| {
             let (packed, unpacked) = (bytes(&case, "packed"), bytes(&case, "unpacked"));
             let name = case["name"].as_str().expect("text").to_owned();
-            let view = Packed {
+            let view = CompressedView {
                 buffer: 0,
                 byte_offset: 0,
                 byte_length: packed.len() as u64,
@@ -403,7 +402,7 @@ mod tests {
         for (name, view, packed, want) in cases {
             assert_eq!(view.unpacked_bytes().expect(&name), want.len() as u64);
             let got = view.unpack(&packed).unwrap_or_else(|error| panic!("{name}: {error}"));
-            if view.filter == Filter::None || view.filter == Filter::Exponential {
+            if view.filter == MeshoptFilter::None || view.filter == MeshoptFilter::Exponential {
                 assert_eq!(got, want, "{name}");
                 continue;
             }
@@ -432,7 +431,7 @@ mod tests {
                 damaged[at] = stream.below(256) as u8;
                 let _ = view.unpack(&damaged);
             }
-            let many = Packed { count: 3_000_000_000, ..view };
+            let many = CompressedView { count: 3_000_000_000, ..view };
             assert!(many.unpack(&packed).is_err(), "{name}");
         }
     }

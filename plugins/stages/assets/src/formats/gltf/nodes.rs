@@ -1,7 +1,7 @@
 //! The node tree: the transform of every mesh.
 
 use super::accessor::{count, vectors};
-use super::buffers::Buffers;
+use super::buffers::GltfBuffers;
 use super::get;
 use super::primitive::{Primitive, Shape};
 use crate::formats::within;
@@ -63,7 +63,7 @@ pub struct Instance {
     pub node: usize,
     /// Weights of the morph targets.
     weights: Rc<[f32]>,
-    /// Where it is without a skin.
+    /// Placement without a skin.
     placement: Placement,
     /// From the mesh's frame to the body's by joint, if a skin poses it.
     skin: Option<Rc<[Matrix4<f64>]>>,
@@ -75,7 +75,7 @@ impl Instance {
         Shape { weights: &self.weights, skinned: self.skin.is_some() }
     }
 
-    /// The placement of a vertex: of the whole mesh, or the mean of those of its joints by their weights.
+    /// The placement of a vertex: of the whole mesh, or the weighted mean of its joints' placements.
     pub fn placement(&self, primitive: &Primitive, vertex: usize) -> Result<Placement> {
         let Some(joints) = &self.skin else { return Ok(self.placement) };
         let (mut sum, mut total) = (Matrix4::zeros(), 0.0);
@@ -96,8 +96,8 @@ impl Instance {
     }
 }
 
-/// All meshes of the first scene: the one that the file names, or else its first, or else all nodes.
-pub fn instances(document: &Root, buffers: &mut Buffers<'_>) -> Result<Vec<Instance>> {
+/// All meshes of the first scene: the default scene of the file, or else its first scene, or else all nodes.
+pub fn instances(document: &Root, buffers: &mut GltfBuffers<'_>) -> Result<Vec<Instance>> {
     let parents = parents(document);
     let roots: Vec<Index<Node>> = match (document.scene, document.scenes.first()) {
         (Some(scene), _) => get(&document.scenes, scene, "scene")?.nodes.clone(),
@@ -178,7 +178,7 @@ fn transform(translation: [f32; 3], rotation: [f32; 4], scale: [f32; 3]) -> Matr
 }
 
 /// Transforms of the copies that a node places: one, unless the node has instances.
-fn copies(document: &Root, buffers: &mut Buffers<'_>, node: &Node) -> Result<Vec<Matrix4<f64>>> {
+fn copies(document: &Root, buffers: &mut GltfBuffers<'_>, node: &Node) -> Result<Vec<Matrix4<f64>>> {
     #[derive(Deserialize)]
     struct Instancing {
         attributes: Attributes,
@@ -201,14 +201,14 @@ fn copies(document: &Root, buffers: &mut Buffers<'_>, node: &Node) -> Result<Vec
         let found = count(document, buffers, Index::new(accessor), components)?;
         let first = *total.get_or_insert(found);
         if found != first {
-            return Err(Error::new(format!("{INSTANCING} has {first} and {found} instances")));
+            return Err(Error::new(format!("{INSTANCING} has attributes of {first} and of {found} instances")));
         }
     }
     let Some(total) = total else { return Ok(vec![Matrix4::identity()]) };
     buffers.budget().bytes(total.saturating_mul(size_of::<Instance>() as u64))?;
     fn rows<const N: usize>(
         document: &Root,
-        buffers: &mut Buffers<'_>,
+        buffers: &mut GltfBuffers<'_>,
         accessor: Option<u32>,
     ) -> Result<Vec<[f32; N]>> {
         accessor.map_or(Ok(Vec::new()), |index| vectors(document, buffers, Index::new(index), None, INSTANCING))
@@ -229,7 +229,7 @@ fn copies(document: &Root, buffers: &mut Buffers<'_>, node: &Node) -> Result<Vec
 /// The transforms from a skinned mesh to the body by joint. The node that places the mesh has no part in it.
 fn pose(
     document: &Root,
-    buffers: &mut Buffers<'_>,
+    buffers: &mut GltfBuffers<'_>,
     skin: Index<Skin>,
     parents: &[Option<usize>],
 ) -> Result<Rc<[Matrix4<f64>]>> {
@@ -245,7 +245,7 @@ fn pose(
         get(&document.nodes, joint, "node").map_err(within_skin)?;
         let mut world = Matrix4::identity();
         let mut node = Some(joint.value());
-        // A cycle of parents is no longer than all nodes.
+        // A cycle of parents has at most all nodes.
         for _ in 0..=document.nodes.len() {
             let Some(at) = node else { break };
             world = local(&document.nodes[at]) * world;

@@ -1,7 +1,7 @@
 //! Primitives: the arrays of one mesh part.
 
 use super::accessor::{self, indices, is_float, is_normalized, vectors, width};
-use super::buffers::Buffers;
+use super::buffers::GltfBuffers;
 use super::get;
 use super::materials::{Materials, unit};
 use gltf::json::accessor::Accessor;
@@ -14,7 +14,7 @@ use syntable_model::error::{Error, Result};
 /// How far above 1 a color may be by rounding.
 const ROUNDING: f64 = 1e-3;
 
-/// Arrays in the mesh's own frame. Empty ones are absent.
+/// Arrays in the mesh's own frame. Missing arrays are empty.
 pub struct Primitive {
     /// Positions `[V]`.
     pub positions: Vec<[f32; 3]>,
@@ -37,17 +37,17 @@ pub struct Primitive {
 /// How a node shapes the mesh that it places.
 #[derive(Clone, Copy)]
 pub struct Shape<'a> {
-    /// Weights of the morph targets; missing ones are zero.
+    /// Weights of the morph targets. Missing weights are zero.
     pub weights: &'a [f32],
     /// Whether a skin poses it.
     pub skinned: bool,
 }
 
 impl Primitive {
-    /// Reads a primitive; none if it has points or lines. `placed` is the number of triangles that the model has already.
+    /// Reads a primitive; `None` for points and lines. `placed` is the number of triangles of the model so far.
     pub fn read(
         document: &Root,
-        buffers: &mut Buffers<'_>,
+        buffers: &mut GltfBuffers<'_>,
         primitive: &JsonPrimitive,
         materials: &mut Materials<'_>,
         shape: Shape<'_>,
@@ -77,7 +77,7 @@ impl Primitive {
             }
         };
         if let Some(index) = corners.iter().find(|&&index| u64::from(index) >= count) {
-            return Err(Error::new(format!("index {index}, but there are {count} vertices")));
+            return Err(Error::new(format!("index {index}, but only {count} vertices")));
         }
         // Of arrays that many primitives share, each takes the vertices that it uses.
         let (corners, used) = if (corners.len() as u64) < count { compact(corners) } else { (corners, None) };
@@ -106,7 +106,7 @@ impl Primitive {
             }
             None => Vec::new(),
         };
-        // glTF counts v downwards from the top of the image.
+        // glTF has v downwards from the top of the image.
         uvs.iter_mut().for_each(|uv| uv[1] = 1.0 - uv[1]);
         let mut colors = Vec::new();
         let mut alphas = Vec::new();
@@ -125,11 +125,11 @@ impl Primitive {
             // Floats that are not whole are no bytes, however large: light above white.
             if is_float && rgb().any(|x| x > 0.0 && x.is_finite() && x.fract() != 0.0) {
                 if rgb().any(|x| x > 1.0 + ROUNDING) {
-                    materials.warn("COLOR_0 has numbers above 1; they are read as 1");
+                    materials.warn("COLOR_0 has numbers above 1, which are clamped to 1");
                 }
             } else if full > 1.0 || !(is_float || is_normalized(document, index)?) {
                 let full = full.max(255.0);
-                materials.warn(&format!("COLOR_0 is not normalized; it is read as 0 to {full}"));
+                materials.warn(&format!("COLOR_0 is not normalized; its range is taken as 0 to {full}"));
                 // Floats may state bytes beside an opacity that is a fraction.
                 let has_alpha = width(document, index)? == 4 && !(is_float && read.iter().all(|color| color[3] <= 1.0));
                 for color in &mut read {
@@ -143,7 +143,7 @@ impl Primitive {
             }
         }
         if attribute(Semantic::Colors(1)).is_some() {
-            materials.warn("COLOR_1 is not read: COLOR_0 colors the mesh");
+            materials.warn("COLOR_1 is ignored: COLOR_0 colors the mesh");
         }
         for (target, &weight) in primitive.targets.iter().flatten().zip(shape.weights) {
             if weight == 0.0 {
@@ -193,7 +193,7 @@ fn compact(corners: Vec<u32>) -> (Vec<u32>, Option<Vec<u32>>) {
 
 fn assemble(mode: Mode, corners: &[u32]) -> Result<Vec<[u32; 3]>> {
     if mode == Mode::Triangles && !corners.len().is_multiple_of(3) {
-        return Err(Error::new(format!("{} corners are no whole number of triangles", corners.len())));
+        return Err(Error::new(format!("{} corners are not a multiple of three", corners.len())));
     }
     let triangles: Vec<[u32; 3]> = match mode {
         Mode::TriangleStrip => corners

@@ -1,17 +1,17 @@
 //! `KHR_materials_pbrSpecularGlossiness`: materials by diffuse color, specular color and glossiness, as metallic-roughness.
 //!
-//! With D the diffuse color times 1 minus the largest channel of the specular color S, and with b the base color and m the
-//! metalness, both models reflect the same if `D = 0.96 b (1 - m)` and `S = 0.04 (1 - m) + b m`. Without b this is
-//! `0.04 m² + (D / 0.96 + S - 0.08) m + 0.04 - S = 0`, where D and S count by their perceived brightness: m is the larger
-//! root, and 0 where S is below 0.04, less than any dielectric reflects. Of the base colors of the two equations, that of
-//! S has the weight m². Roughness is 1 minus glossiness.
+//! Let D be the diffuse color times 1 minus the largest channel of the specular color S, b the base color, and m the
+//! metalness. Both models reflect the same if `D = 0.96 b (1 - m)` and `S = 0.04 (1 - m) + b m`. Eliminating b gives
+//! `0.04 m² + (D / 0.96 + S - 0.08) m + 0.04 - S = 0`, where perceived brightness represents D and S. m is the larger
+//! root, and 0 if S is below 0.04, less than any dielectric reflects. The two equations give two base colors; the one
+//! from S has the weight m². Roughness is 1 minus glossiness.
 //!
-//! Textures are converted texel by texel, factors included, to the larger of their widths and of their heights; of a
-//! smaller one the nearest texel counts.
+//! Textures are converted texel by texel, including factors, at the larger of their widths and of their heights, with
+//! the nearest texel of the smaller one.
 
 use gltf::json::texture::Info;
 use serde::Deserialize;
-use syntable_mesh::image::{Image, MAX_SIDE};
+use syntable_mesh::image::{DecodedImage, MAX_SIDE};
 use syntable_mesh::limits::Budget;
 use syntable_model::color::srgb_to_linear;
 use syntable_model::error::Result;
@@ -71,7 +71,7 @@ fn brightness([r, g, b]: [f64; 3]) -> f64 {
     (0.299 * r * r + 0.587 * g * g + 0.114 * b * b).sqrt()
 }
 
-/// What textures are multiplied by; in [0, 1].
+/// Factors of the textures, in [0, 1].
 #[derive(Clone, Copy)]
 pub struct Factors {
     pub diffuse: [f32; 3],
@@ -82,7 +82,12 @@ pub struct Factors {
 impl Factors {
     /// The images of the base color, sRGB-encoded with the alpha of the diffuse texture, and of roughness (green) and
     /// metalness (blue). The textures are sRGB-encoded; glossiness is the alpha of the second.
-    pub fn apply(&self, diffuse: Option<&Texture>, gloss: Option<&Texture>, budget: &Budget) -> Result<[Image; 2]> {
+    pub fn apply(
+        &self,
+        diffuse: Option<&Texture>,
+        gloss: Option<&Texture>,
+        budget: &Budget,
+    ) -> Result<[DecodedImage; 2]> {
         let size = |side: fn(&Texture) -> u32| diffuse.map_or(1, side).max(gloss.map_or(1, side));
         let (width, height) = (size(|texture| texture.width), size(|texture| texture.height));
         let bytes = width as usize * height as usize * 4;
@@ -112,7 +117,7 @@ impl Factors {
             base.extend([encode(r), encode(g), encode(b), color[3]]);
             rest.extend([0, (roughness * 255.0).round() as u8, (metallic * 255.0).round() as u8, 255]);
         }
-        Ok([base, rest].map(|texels| Image { width, height, texels, kind: String::new() }))
+        Ok([base, rest].map(|texels| DecodedImage { width, height, texels, kind: String::new() }))
     }
 }
 
@@ -139,7 +144,8 @@ mod tests {
 
     #[test]
     fn metalness_satisfies_both_models() {
-        // Found by bisection: what a base color with the diffuse part reflects at normal incidence grows with metalness.
+        // By bisection: the reflectance at normal incidence of a base color with this diffuse part grows with
+        // metalness.
         for (diffuse, specular) in [([0.5, 0.1, 0.2], [0.2, 0.25, 0.1]), ([0.02, 0.3, 0.9], [0.06, 0.05, 0.07])] {
             let rest = 1.0 - specular.into_iter().fold(0.0, f64::max);
             let (d, s) = (rest * brightness(diffuse), brightness(specular));

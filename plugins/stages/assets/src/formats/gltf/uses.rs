@@ -45,7 +45,7 @@ fn of(texture: Index<json::Texture>, set: u32, transform: Option<&TextureTransfo
     }
 }
 
-/// A transform of KHR_texture_transform, where v points down, as one where v points up.
+/// Converts a transform of KHR_texture_transform from v downwards to v upwards.
 ///
 /// There `u' = c·sx·u + s·sy·v + ox` and `v' = -s·sx·u + c·sy·v + oy`, counter-clockwise in the image;
 /// with `v = 1 - V` the same rotation stays, and the offset becomes `(ox + s·sy, 1 - oy - c·sy)`.

@@ -7,10 +7,10 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use syntable_mesh::Model;
-use syntable_mesh::image::Image;
+use syntable_mesh::image::DecodedImage;
 use syntable_mesh::material::{blend, default_material, mean, untextured};
 use syntable_mesh::paint::{VertexAlpha, blend_by_vertex, full_intensity, hide_colors_under_textures};
-use syntable_mesh::root::{AssetRoot, Found};
+use syntable_mesh::root::{AssetRoot, ResolvedName};
 use syntable_mesh::text::shorten;
 use syntable_model::context::Log;
 use syntable_model::error::{Error, Result};
@@ -30,7 +30,7 @@ const DEFAULT_ROUGHNESS: f32 = 0.5;
 pub(super) fn attach(parsed: ParsedObj, root: &AssetRoot, folder: &Path, file: &Path, log: &dyn Log) -> Result<Model> {
     let ParsedObj { mesh, colored: has_color, alphas, libraries, uses, .. } = parsed;
     let (images, textures, black, unread) = Default::default();
-    let mut loader = Loader { root, folder: folder.to_owned(), file, log, images, textures, black, unread };
+    let mut loader = MtlLoader { root, folder: folder.to_owned(), file, log, images, textures, black, unread };
     // Whether faces of a slot have vertex colors.
     let mut painted = vec![false; uses.len()];
     if !has_color.is_empty() {
@@ -88,7 +88,7 @@ pub(super) fn attach(parsed: ParsedObj, root: &AssetRoot, folder: &Path, file: &
     if let Some((first, count)) = unknown.filter(|_| !explained) {
         let others = if count > 1 { format!(" and {} others", count - 1) } else { String::new() };
         let message =
-            format!("no material `{}`{others} in the library; the default material is used", shorten(&first.name));
+            format!("the library has no material `{}`{others}; using the default material", shorten(&first.name));
         log.warn(&Error::new(message).in_file(file).at_line(first.line));
     }
     let mut model = Model { mesh, materials };
@@ -100,26 +100,27 @@ pub(super) fn attach(parsed: ParsedObj, root: &AssetRoot, folder: &Path, file: &
     Ok(model)
 }
 
-struct Loader<'a> {
+struct MtlLoader<'a> {
     root: &'a AssetRoot,
     folder: PathBuf,
     file: &'a Path,
     log: &'a dyn Log,
-    /// Files by name as written, once looked up.
+    /// Files by name as written, after a look-up.
     images: BTreeMap<String, Option<PathBuf>>,
     textures: BTreeMap<(PathBuf, bool, bool), Arc<Texture>>,
-    /// Lines of the first `Kd` that is black beside a texture, or beside vertex colors, and how many there are.
+    /// Lines of the first black `Kd` with a texture, or with vertex colors, and the numbers of such lines.
     black: [Option<(PathBuf, usize, usize)>; 2],
-    /// Statements of a library that are not read, by their key: the first, its line, and how many there are.
+    /// Unsupported statements of a library, by key: the first, its line, and their number.
     unread: BTreeMap<(PathBuf, String), (String, usize, usize)>,
 }
 
-impl Loader<'_> {
+impl MtlLoader<'_> {
     fn warn(&self, message: String, file: &Path, line: usize) {
         self.log.warn(&Error::new(message).in_file(file).at_line(line));
     }
 
-    /// All materials by name with the path of their library; the first of a name counts. None if a library is missing.
+    /// All materials by name with the path of their library; the first of a name applies. `None` if a library is
+    /// missing.
     fn libraries(
         &self,
         names: &[(String, usize)],
@@ -130,7 +131,7 @@ impl Loader<'_> {
         let mut missing = false;
         for (name, line) in names {
             let at = |error: Error| error.in_file(self.file).at_line(*line);
-            let noted = |found: Found| found.noted(|note| self.log.warn(&at(note)));
+            let noted = |found: ResolvedName| found.noted(|note| self.log.warn(&at(note)));
             // The statement may hold one name with blanks or several names.
             let mut paths = Vec::new();
             match self.root.find(&self.folder, name).map_err(at)? {
@@ -145,7 +146,7 @@ impl Loader<'_> {
                                 if !colored {
                                     let name = shorten(name);
                                     self.warn(
-                                        format!("no material library `{name}`; default materials are used"),
+                                        format!("material library `{name}` is missing; using default materials"),
                                         self.file,
                                         *line,
                                     );
@@ -171,11 +172,11 @@ impl Loader<'_> {
     /// The material of a scanned object without a library: its one image.
     fn scanned_material(&mut self) -> Result<Option<Material>> {
         for name in SCAN_TEXTURES {
-            // The folder of textures of a scan is beside that of its mesh, and not outside of the root.
+            // A scan's folder of textures is next to its mesh folder, and inside the root.
             if self.folder == Path::new("") && name.starts_with("..") {
                 continue;
             }
-            if let Some(Found { path, note: None }) = self.root.find(&self.folder, name)? {
+            if let Some(ResolvedName { path, note: None }) = self.root.find(&self.folder, name)? {
                 let texture = self.texture(&path, Encoding::Srgb, false)?;
                 let mut material = default_material(false);
                 material.base_color = Color::texture(texture);
@@ -185,16 +186,16 @@ impl Loader<'_> {
         Ok(None)
     }
 
-    /// Notes that faces come before any `usemtl`, and which material they have.
+    /// Warns about faces before any `usemtl`, naming their material.
     fn without_usemtl(&self, used: &MaterialUse, only: Option<&MtlMaterial>) {
         let has = match only {
             Some(material) => format!("`{}`, the only material of the library", shorten(&material.name)),
             None => "the default material".into(),
         };
-        self.warn(format!("{} faces have no `usemtl`; they have {has}", used.triangles), self.file, used.line);
+        self.warn(format!("{} faces have no `usemtl`; they get {has}", used.triangles), self.file, used.line);
     }
 
-    /// Keeps what a material states and what is not read of it, for one note by kind of statement.
+    /// Remembers unsupported statements of a material, for one warning per kind.
     fn note_unread(&mut self, from: &MtlMaterial, library: &Path) {
         let ambient = from.ambient.iter().filter(|_| from.diffuse.is_none() && from.diffuse_map.is_none());
         let has_image = from.diffuse_map.is_some();
@@ -211,8 +212,8 @@ impl Loader<'_> {
 
     fn tell_unread(&mut self) {
         let what = [
-            "`Kd` is black beside `map_Kd`, which would hide the texture; its colors are read as they are",
-            "`Kd` is black, which would hide the vertex colors; they are read as they are",
+            "`Kd` is black next to `map_Kd`, which would hide the texture; ignoring `Kd`",
+            "`Kd` is black, which would hide the vertex colors; ignoring `Kd`",
         ];
         for (black, what) in std::mem::take(&mut self.black).into_iter().zip(what) {
             if let Some((library, line, count)) = black {
@@ -223,18 +224,18 @@ impl Loader<'_> {
         for ((library, key), (text, line, count)) in std::mem::take(&mut self.unread) {
             let why = match key.as_str() {
                 "ks" | "map_ks" => "highlights are white",
-                "tf" => "light that passes a surface has its `Kd`",
+                "tf" => "transmitted light takes the color `Kd`",
                 "ka" | "map_ka" => "the color is `Kd` or `map_Kd`",
-                "kd" | "ke" => "spectra are in files of their own; write red, green and blue",
-                "-mm" => "the range of the texture stays as it is",
+                "kd" | "ke" => "spectra are in other files; write red, green and blue",
+                "-mm" => "the range of the texture stays unchanged",
                 _ => "the appearance may differ",
             };
             let all = if count > 1 { format!(" ({count} statements)") } else { String::new() };
-            self.warn(format!("`{}` is not read{all}: {why}", shorten(&text)), &library, line);
+            self.warn(format!("`{}` is not supported{all}: {why}", shorten(&text)), &library, line);
         }
     }
 
-    /// `Kd` as a color in [0, 1]; none if it says nothing: it is not stated, or black beside a texture or vertex colors.
+    /// `Kd` as a color in [0, 1]; `None` if it is missing, or black with a texture or vertex colors.
     fn diffuse(&mut self, from: &MtlMaterial, library: &Path, painted: bool) -> Option<[f32; 3]> {
         let (kd, line) = (from.diffuse?, from.diffuse_line);
         if kd == [0.0; 3] && (from.diffuse_map.is_some() || painted) {
@@ -245,7 +246,7 @@ impl Loader<'_> {
         let full = full_intensity(kd.map(f64::from));
         if full > 1.0 {
             let name = shorten(&from.name);
-            self.warn(format!("`Kd` of `{name}` is above 1; it is read as 0 to {full}"), library, line);
+            self.warn(format!("`Kd` of `{name}` is above 1; its range is taken as 0 to {full}"), library, line);
         }
         Some(kd.map(|x| unit((f64::from(x) / full) as f32)))
     }
@@ -271,13 +272,14 @@ impl Loader<'_> {
                 if opacity.name == map.name && material.base_color.texture.is_some() {
                     material.alpha = Alpha::Mask { cutoff: 0.5 };
                 } else {
-                    let what = format!("opacity map `{}` is not read; alpha of `map_Kd` is", shorten(&opacity.name));
+                    let what =
+                        format!("opacity map `{}` is not supported; use the alpha of `map_Kd`", shorten(&opacity.name));
                     self.warn(what, library, opacity.line);
                 }
             }
         }
         if let (None, Some(opacity)) = (&from.diffuse_map, &from.opacity_map) {
-            let what = format!("opacity map `{}` is not read; alpha of `map_Kd` is", shorten(&opacity.name));
+            let what = format!("opacity map `{}` is not supported; use the alpha of `map_Kd`", shorten(&opacity.name));
             self.warn(what, library, opacity.line);
         }
         self.blend(&mut material, from, library);
@@ -312,7 +314,8 @@ impl Loader<'_> {
                 if surely || looks_like_normals(&texture.texture) {
                     material.normal = Some(NormalMap { map: texture, strength: map.strength });
                 } else {
-                    let what = format!("`{}` is a height map, which is not read; a normal map is", shorten(&map.name));
+                    let what =
+                        format!("`{}` is a height map, which is not supported; use a normal map", shorten(&map.name));
                     self.warn(what, library, map.line);
                 }
             }
@@ -328,12 +331,12 @@ impl Loader<'_> {
         if opacity > 0.0 {
             blend(material, opacity);
         } else {
-            let what = format!("material `{}` would be invisible; it is taken as opaque", shorten(&from.name));
+            let what = format!("material `{}` would be invisible; it is treated as opaque", shorten(&from.name));
             self.warn(what, library, line);
         }
     }
 
-    /// Loads a texture. A missing file is a warning and gives none.
+    /// Loads a texture. A missing file causes a warning, and returns `None`.
     fn map(&mut self, map: &MtlMap, library: &Path, encoding: Encoding) -> Result<Option<TextureRef>> {
         let Some(path) = self.image(map, library)? else { return Ok(None) };
         let texture = self.texture(&path, encoding, map.clamp)?;
@@ -341,7 +344,7 @@ impl Loader<'_> {
         Ok(Some(TextureRef { texture, transform }))
     }
 
-    /// The file of a texture, looked up and warned about once.
+    /// The file of a texture, looked up with one warning at most.
     fn image(&mut self, map: &MtlMap, library: &Path) -> Result<Option<PathBuf>> {
         if let Some(known) = self.images.get(&map.name) {
             return Ok(known.clone());
@@ -354,7 +357,7 @@ impl Loader<'_> {
         let path = found.map(|found| found.noted(|note| self.log.warn(&at(note))));
         if path.is_none() {
             let name = shorten(&map.name);
-            self.warn(format!("no texture `{name}`; a constant color is used"), library, map.line);
+            self.warn(format!("texture `{name}` is missing; using a constant color"), library, map.line);
         }
         self.images.insert(map.name.clone(), path.clone());
         Ok(path)
@@ -366,7 +369,7 @@ impl Loader<'_> {
             return Ok(texture.clone());
         }
         let wrap = if clamp { Wrap::Clamp } else { Wrap::Repeat };
-        let texture = Arc::new(Image::read(self.root, path)?.into_texture(encoding, [wrap; 2]));
+        let texture = Arc::new(DecodedImage::read(self.root, path)?.into_texture(encoding, [wrap; 2]));
         self.textures.insert(key, texture.clone());
         Ok(texture)
     }
@@ -392,7 +395,7 @@ fn unit(x: f32) -> f32 {
     x.clamp(0.0, 1.0)
 }
 
-/// The GGX roughness whose highlight is as wide as Blinn and Phong's with an exponent: α² = 2 / (n + 2), r = √α
+/// The GGX roughness whose highlight is as wide as Blinn and Phong's with this exponent: α² = 2 / (n + 2), r = √α
 /// (Walter et al. 2007, section 5.1).
 fn phong_roughness(exponent: f32) -> f32 {
     (2.0 / (exponent.max(0.0) + 2.0)).sqrt().sqrt()

@@ -1,38 +1,38 @@
 //! The body of a PLY file, row by row, number by number.
 
-use super::header::{Element, Encoding, Header, Scalar};
+use super::header::{Element, PlyEncoding, PlyHeader, PlyScalar};
 use syntable_mesh::text::shorten;
 use syntable_model::error::{Error, Result};
 
 /// A position in the body.
-pub struct Rows<'a> {
-    encoding: Encoding,
+pub struct PlyRows<'a> {
+    encoding: PlyEncoding,
     bytes: &'a [u8],
     /// Next byte.
     at: usize,
     /// In text: the number of the next line, and the rest of the current one.
     line: usize,
     rest: &'a [u8],
-    /// The first line with more numbers than the header names, and how many there are.
+    /// The first line with more numbers than the header declares, and the number of such lines.
     longer: Option<(usize, usize)>,
 }
 
-impl<'a> Rows<'a> {
+impl<'a> PlyRows<'a> {
     /// The start of the body.
-    pub fn new(header: &Header, bytes: &'a [u8]) -> Self {
+    pub fn new(header: &PlyHeader, bytes: &'a [u8]) -> Self {
         Self { encoding: header.encoding, bytes, at: header.body, line: header.body_line, rest: &[], longer: None }
     }
 
     /// Whether the body is text.
     pub fn is_text(&self) -> bool {
-        self.encoding == Encoding::Ascii
+        self.encoding == PlyEncoding::Ascii
     }
 
-    /// Refuses an element whose rows exceed the rest of the file, before anything is allocated for them.
+    /// Refuses an element whose rows exceed the rest of the file, before allocating memory for them.
     pub fn check_size(&self, element: &Element) -> Result<()> {
         let row: usize = match self.encoding {
             // Each number takes at least a digit and a separator; the last line may lack its end.
-            Encoding::Ascii => 2 * element.properties.len().max(1),
+            PlyEncoding::Ascii => 2 * element.properties.len().max(1),
             _ => element
                 .properties
                 .iter()
@@ -47,7 +47,7 @@ impl<'a> Rows<'a> {
                 .sum(),
         };
         let (need, left) = (element.count as u128 * row as u128, self.bytes.len() - self.at);
-        let slack = usize::from(self.encoding == Encoding::Ascii);
+        let slack = usize::from(self.encoding == PlyEncoding::Ascii);
         // Rows without properties take no bytes, but time.
         if need > (left + slack) as u128 || (row == 0 && element.count > left) {
             return Err(Error::new(format!(
@@ -64,14 +64,14 @@ impl<'a> Rows<'a> {
     /// Adds the current line or byte to an error.
     pub fn place(&self, error: Error) -> Error {
         match self.encoding {
-            Encoding::Ascii => error.at_line(self.line.saturating_sub(1)),
+            PlyEncoding::Ascii => error.at_line(self.line.saturating_sub(1)),
             _ => error.at_byte(self.at as u64),
         }
     }
 
     /// Starts a row.
     pub fn begin(&mut self, element: &Element, row: usize) -> Result<()> {
-        if self.encoding != Encoding::Ascii {
+        if self.encoding != PlyEncoding::Ascii {
             return Ok(());
         }
         loop {
@@ -105,20 +105,20 @@ impl<'a> Rows<'a> {
         let number = |word: &[u8]| std::str::from_utf8(word).is_ok_and(|word| word.parse::<f64>().is_ok());
         if let Some(word) = words.find(|word| !number(word)) {
             let word = String::from_utf8_lossy(word);
-            return Err(self.place(Error::new(format!("`{}` is left over at the end of the row", shorten(&word)))));
+            return Err(self.place(Error::new(format!("excess `{}` at the end of the row", shorten(&word)))));
         }
         self.longer.get_or_insert((self.line.saturating_sub(1), 0)).1 += 1;
         Ok(())
     }
 
-    /// The first line with more numbers than the header names, and how many such lines there are.
+    /// The first line with more numbers than the header declares, and the number of such lines.
     pub fn longer(&self) -> Option<(usize, usize)> {
         self.longer
     }
 
     /// Reads a number.
-    pub fn number(&mut self, scalar: Scalar) -> Result<f64> {
-        if self.encoding == Encoding::Ascii {
+    pub fn number(&mut self, scalar: PlyScalar) -> Result<f64> {
+        if self.encoding == PlyEncoding::Ascii {
             let end = self.rest.iter().position(u8::is_ascii_whitespace).unwrap_or(self.rest.len());
             let (word, rest) = self.rest.split_at(end);
             self.rest = rest.trim_ascii_start();
@@ -131,7 +131,7 @@ impl<'a> Rows<'a> {
                 })
             });
         }
-        let big = self.encoding == Encoding::BigEndian;
+        let big = self.encoding == PlyEncoding::BigEndian;
         macro_rules! number {
             ($type:ty) => {{
                 let bytes = self.take()?;
@@ -139,35 +139,35 @@ impl<'a> Rows<'a> {
             }};
         }
         Ok(match scalar {
-            Scalar::I8 => number!(i8),
-            Scalar::U8 => number!(u8),
-            Scalar::I16 => number!(i16),
-            Scalar::U16 => number!(u16),
-            Scalar::I32 => number!(i32),
-            Scalar::U32 => number!(u32),
-            Scalar::F32 => number!(f32),
-            Scalar::F64 => number!(f64),
+            PlyScalar::I8 => number!(i8),
+            PlyScalar::U8 => number!(u8),
+            PlyScalar::I16 => number!(i16),
+            PlyScalar::U16 => number!(u16),
+            PlyScalar::I32 => number!(i32),
+            PlyScalar::U32 => number!(u32),
+            PlyScalar::F32 => number!(f32),
+            PlyScalar::F64 => number!(f64),
         })
     }
 
     /// Reads a list of at most `most` items into a buffer. Its length is checked before the buffer grows, against the bytes
     /// left, too.
-    pub fn list(&mut self, length: Scalar, scalar: Scalar, into: &mut Vec<f64>, most: usize) -> Result<()> {
+    pub fn list(&mut self, length: PlyScalar, scalar: PlyScalar, into: &mut Vec<f64>, most: usize) -> Result<()> {
         into.clear();
         let count = self.number(length)?;
         let (left, size) = match self.encoding {
-            Encoding::Ascii => (self.rest.len() + 1, 2),
+            PlyEncoding::Ascii => (self.rest.len() + 1, 2),
             _ => (self.bytes.len() - self.at, scalar.size()),
         };
         if !(count >= 0.0 && count.fract() == 0.0 && count * size as f64 <= left as f64) {
             return Err(self.place(
-                Error::new(format!("a list of {count} items, but {left} bytes are left"))
+                Error::new(format!("a list has {count} items, but only {left} bytes are left"))
                     .help("the file is cut short or damaged"),
             ));
         }
         if count > most as f64 {
             return Err(self.place(
-                Error::new(format!("a list of {count} items is longer than the limit of {most}"))
+                Error::new(format!("a list of {count} items exceeds the limit of {most}"))
                     .help("triangulate the mesh; for faces, the pool's `limits.triangles` raises the limit"),
             ));
         }
@@ -180,7 +180,7 @@ impl<'a> Rows<'a> {
     /// Skips an element.
     pub fn skip(&mut self, element: &Element) -> Result<()> {
         // Rows without numbers take no bytes.
-        if self.encoding != Encoding::Ascii && element.properties.is_empty() {
+        if self.encoding != PlyEncoding::Ascii && element.properties.is_empty() {
             return Ok(());
         }
         let mut items = Vec::new();

@@ -1,6 +1,6 @@
 //! Colors of the rows of a PLY file: which columns state them, and what their numbers mean.
 
-use super::header::{Element, Scalar, is_signed_byte};
+use super::header::{Element, PlyScalar, is_signed_byte};
 use std::ops::Range;
 use syntable_mesh::paint::linear_of_display;
 use syntable_mesh::text::shorten;
@@ -18,16 +18,16 @@ pub enum ColorColumns {
     /// A column for each of red, green and blue, and perhaps for alpha.
     Channels { rgb: [usize; 3], alpha: Option<usize> },
     /// One column of 32 bits, `rgb` or `rgba`, as the Point Cloud Library packs colors: 0xAARRGGBB.
-    Packed(Packed),
+    Packed(PackedColor),
 }
 
 /// A column that packs the channels of a color into 32 bits.
-pub struct Packed {
+pub struct PackedColor {
     at: usize,
     /// Whether the highest byte is an opacity: in `rgba`, and not in `rgb`.
     has_alpha: bool,
     /// Type of the column.
-    scalar: Scalar,
+    scalar: PlyScalar,
     is_text: bool,
 }
 
@@ -43,7 +43,7 @@ impl ColorColumns {
         let found = CHANNELS.map(find);
         let packed = ["rgb", "rgba"].into_iter().find_map(|name| {
             let at = find(&[name]).filter(|&at| properties[at].scalar.size() >= 4)?;
-            Some(Packed { at, has_alpha: name == "rgba", scalar: properties[at].scalar, is_text })
+            Some(PackedColor { at, has_alpha: name == "rgba", scalar: properties[at].scalar, is_text })
         });
         let columns = match (corners, found, packed) {
             (Some(_), ..) => None,
@@ -61,7 +61,7 @@ impl ColorColumns {
             if found.iter().all(Option::is_some) { Vec::new() } else { found.into_iter().flatten().collect() };
         if let Some(&at) = incomplete.first() {
             let name = shorten(&properties[at].name);
-            notes.push(format!("`{name}` of element `{of}` is no color without the other two of red, green and blue"));
+            notes.push(format!("`{name}` of element `{of}` is ignored, because a color needs red, green and blue"));
         }
         let unread: Vec<String> = (0..properties.len())
             .filter(|at| !read.contains(at) && !incomplete.contains(at) && names_color(&properties[*at].name))
@@ -70,16 +70,16 @@ impl ColorColumns {
         if !unread.is_empty() {
             let more = if unread.len() > NAMED { ", …" } else { "" };
             let named = unread[..unread.len().min(NAMED)].join(", ");
-            notes.push(format!("colors of element `{of}` that are not read: {named}{more}"));
+            notes.push(format!("unsupported colors of element `{of}`: {named}{more}"));
         }
         columns
     }
 
     /// The type as which a column is read. The bits of a packed color in a binary file are read as a whole number: many are
     /// no number as a float, and a conversion would change them.
-    pub fn read_as(columns: Option<&Self>, at: usize, stated: Scalar) -> Scalar {
+    pub fn read_as(columns: Option<&Self>, at: usize, stated: PlyScalar) -> PlyScalar {
         match columns {
-            Some(Self::Packed(packed)) if packed.at == at && packed.is_binary_float() => Scalar::U32,
+            Some(Self::Packed(packed)) if packed.at == at && packed.is_binary_float() => PlyScalar::U32,
             _ => stated,
         }
     }
@@ -119,19 +119,19 @@ impl ColorColumns {
     }
 }
 
-impl Packed {
+impl PackedColor {
     fn is_binary_float(&self) -> bool {
-        self.scalar == Scalar::F32 && !self.is_text
+        self.scalar == PlyScalar::F32 && !self.is_text
     }
 
     /// The bytes of a number as it was read: red, green, blue and alpha.
     fn bytes(&self, value: f64) -> [f32; 4] {
         let is_whole = value.fract() == 0.0 && (1.0..=f64::from(u32::MAX)).contains(&value);
         let word = match self.scalar {
-            Scalar::F32 if self.is_text && !value.is_finite() => return [f32::NAN; 4],
-            Scalar::F32 if self.is_text => (value as f32).to_bits(),
-            Scalar::F64 if !value.is_finite() => return [f32::NAN; 4],
-            Scalar::F64 if !is_whole => (value as f32).to_bits(),
+            PlyScalar::F32 if self.is_text && !value.is_finite() => return [f32::NAN; 4],
+            PlyScalar::F32 if self.is_text => (value as f32).to_bits(),
+            PlyScalar::F64 if !value.is_finite() => return [f32::NAN; 4],
+            PlyScalar::F64 if !is_whole => (value as f32).to_bits(),
             // Signed integers wrap.
             _ => value as i64 as u32,
         };
@@ -145,7 +145,7 @@ impl Packed {
         let value =
             |&[r, g, b, alpha]: &[f32; 4]| f32::from_bits(u32::from_be_bytes([alpha, r, g, b].map(|x| x as u8)));
         let is_number = |x: f32| x.fract() == 0.0 && (0.0..=16_777_215.0).contains(&x);
-        if self.scalar == Scalar::F32
+        if self.scalar == PlyScalar::F32
             && colors.iter().filter(|color| color[0].is_finite()).all(|it| is_number(value(it)))
         {
             for color in colors.iter_mut().filter(|color| color[0].is_finite()) {
@@ -167,7 +167,8 @@ fn names_color(name: &str) -> bool {
     words.iter().any(|word| name.contains(word)) || name.split(['_', '.', '-']).any(|part| channels.contains(&part))
 }
 
-/// Colors as they are written become linear ones in [0, 1], and opacities in [0, 1]. The types are those of red and alpha.
+/// Converts colors as written to linear colors in [0, 1], and opacities to [0, 1]. The types are those of red and
+/// alpha.
 pub fn decode<'a>(
     colors: impl Iterator<Item = &'a mut [f32; 4]>,
     [full, opaque]: [f64; 2],
@@ -182,12 +183,12 @@ pub fn decode<'a>(
         *color = [r, g, b, if alpha.is_finite() { (alpha / opaque).clamp(0.0, 1.0) as f32 } else { 1.0 }];
     }
     if missing > 0 {
-        notes.push(format!("{missing} colors of {of} are not finite; such a channel counts as white"));
+        notes.push(format!("{missing} colors of {of} are not finite; such channels become white"));
     }
 }
 
 /// The number of full intensity in some channels of colors, which have one type. Signed bytes are mended first.
-pub fn range(scalar: Scalar, colors: &mut [[f32; 4]], channels: Range<usize>) -> f64 {
+pub fn range(scalar: PlyScalar, colors: &mut [[f32; 4]], channels: Range<usize>) -> f64 {
     let wraps = scalar.wraps(colors.iter().flat_map(|color| &color[channels.clone()]).copied());
     for x in colors.iter_mut().flat_map(|color| &mut color[channels.clone()]) {
         if wraps && is_signed_byte(*x) && *x < 0.0 {

@@ -9,7 +9,7 @@ const MAX_HEADER: usize = 1 << 20;
 
 /// Encoding of the body.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Encoding {
+pub enum PlyEncoding {
     /// Text, one row per line.
     Ascii,
     /// Binary, least significant byte first.
@@ -20,7 +20,7 @@ pub enum Encoding {
 
 /// A type of number.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Scalar {
+pub enum PlyScalar {
     /// `char`, `int8`
     I8,
     /// `uchar`, `uint8`
@@ -39,7 +39,7 @@ pub enum Scalar {
     F64,
 }
 
-impl Scalar {
+impl PlyScalar {
     fn parse(name: &str) -> Result<Self> {
         Ok(match name {
             "char" | "int8" => Self::I8,
@@ -50,7 +50,7 @@ impl Scalar {
             "uint" | "uint32" => Self::U32,
             "float" | "float32" => Self::F32,
             "double" | "float64" => Self::F64,
-            _ => return Err(Error::new(format!("`{}` is not a type of number", shorten(name)))),
+            _ => return Err(Error::new(format!("`{}` is not a number type", shorten(name)))),
         })
     }
 
@@ -78,8 +78,8 @@ impl Scalar {
         }
     }
 
-    /// Whether negative numbers in colors of this type are bytes above 127 that were written as signed ones. Wider integers
-    /// are such bytes only if all of them fit into a signed byte; floats never are.
+    /// Whether negative numbers in colors of this type are bytes above 127 that were written as signed bytes. For wider
+    /// integers, all of them must fit a signed byte; floats never qualify.
     pub fn wraps(self, mut values: impl Iterator<Item = f32>) -> bool {
         match self {
             Self::F32 | Self::F64 => false,
@@ -100,9 +100,9 @@ pub struct Property {
     /// Its name.
     pub name: String,
     /// Type of the number, or of the items of a list.
-    pub scalar: Scalar,
-    /// Type of a list's length; none if it is one number.
-    pub list: Option<Scalar>,
+    pub scalar: PlyScalar,
+    /// Type of a list's length; `None` for a single number.
+    pub list: Option<PlyScalar>,
 }
 
 /// An element: a table of the file.
@@ -118,9 +118,9 @@ pub struct Element {
 
 /// A parsed header.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Header {
+pub struct PlyHeader {
     /// Encoding of the body.
-    pub encoding: Encoding,
+    pub encoding: PlyEncoding,
     /// Tables in order.
     pub elements: Vec<Element>,
     /// Names after `comment TextureFile`.
@@ -131,15 +131,15 @@ pub struct Header {
     pub body_line: usize,
 }
 
-impl Header {
+impl PlyHeader {
     /// Parses the header of a file in memory.
     pub fn parse(bytes: &[u8]) -> Result<Self> {
         if !(bytes.starts_with(b"ply\n") || bytes.starts_with(b"ply\r")) {
-            return Err(Error::new("not a PLY file: it does not begin with `ply`"));
+            return Err(Error::new("not a PLY file: the first line is not `ply`"));
         }
         let mut encoding = None;
         let mut header =
-            Self { encoding: Encoding::Ascii, elements: Vec::new(), textures: Vec::new(), body: 0, body_line: 0 };
+            Self { encoding: PlyEncoding::Ascii, elements: Vec::new(), textures: Vec::new(), body: 0, body_line: 0 };
         let mut at = 0;
         for number in 1.. {
             let rest = &bytes[at..];
@@ -159,7 +159,7 @@ impl Header {
         Ok(header)
     }
 
-    fn statement(&mut self, line: &str, encoding: &mut Option<Encoding>) -> Result<()> {
+    fn statement(&mut self, line: &str, encoding: &mut Option<PlyEncoding>) -> Result<()> {
         let words: Vec<&str> = line.split_ascii_whitespace().collect();
         match words[..] {
             [] | ["ply"] | ["obj_info", ..] => {}
@@ -170,13 +170,13 @@ impl Header {
             ["comment", ..] => {}
             ["format", name, version] => {
                 *encoding = Some(match name {
-                    "ascii" => Encoding::Ascii,
-                    "binary_little_endian" => Encoding::LittleEndian,
-                    "binary_big_endian" => Encoding::BigEndian,
+                    "ascii" => PlyEncoding::Ascii,
+                    "binary_little_endian" => PlyEncoding::LittleEndian,
+                    "binary_big_endian" => PlyEncoding::BigEndian,
                     _ => return Err(Error::new(format!("`{}` is not a format", shorten(name)))),
                 });
                 if version != "1.0" {
-                    return Err(Error::new(format!("version `{}` is not read; 1.0 is", shorten(version))));
+                    return Err(Error::new(format!("version `{}` is not supported, only 1.0", shorten(version))));
                 }
             }
             ["element", name, count] => {
@@ -186,18 +186,22 @@ impl Header {
                 self.elements.push(Element { name: name.to_owned(), count, properties: Vec::new() });
             }
             ["property", "list", length, scalar, name] => {
-                let length = Scalar::parse(length)?;
-                if matches!(length, Scalar::F32 | Scalar::F64) {
-                    return Err(Error::new(format!("the length of list `{}` is no whole number", shorten(name))));
+                let length = PlyScalar::parse(length)?;
+                if matches!(length, PlyScalar::F32 | PlyScalar::F64) {
+                    return Err(Error::new(format!("the length of list `{}` is not an integer", shorten(name))));
                 }
-                self.property(Property { name: name.to_owned(), scalar: Scalar::parse(scalar)?, list: Some(length) })?;
+                self.property(Property {
+                    name: name.to_owned(),
+                    scalar: PlyScalar::parse(scalar)?,
+                    list: Some(length),
+                })?;
             }
             ["property", scalar, name] => {
-                self.property(Property { name: name.to_owned(), scalar: Scalar::parse(scalar)?, list: None })?;
+                self.property(Property { name: name.to_owned(), scalar: PlyScalar::parse(scalar)?, list: None })?;
             }
             _ => {
                 return Err(Error::new(format!("`{}` is not a header statement", shorten(line)))
-                    .help("is the header's `end_header` missing?"));
+                    .help("check that `end_header` ends the header"));
             }
         }
         Ok(())

@@ -1,7 +1,7 @@
 //! Image format `plain_ppm`: plain PPM, a text format for RGB images.
 
 use syntable_mesh::format::{ImageDecoder, ImageFormat};
-use syntable_mesh::image::{Image, MAX_SIDE};
+use syntable_mesh::image::{DecodedImage, MAX_SIDE};
 use syntable_mesh::limits::Budget;
 use syntable_mesh::register_image_format;
 use syntable_model::error::{Error, Result};
@@ -18,7 +18,7 @@ register_image_format!(ImageFormat::new(
 ///
 /// # Errors
 /// If the file is damaged, or larger than the budget.
-pub fn decode(bytes: &[u8], budget: &Budget) -> Result<Image> {
+pub fn decode(bytes: &[u8], budget: &Budget) -> Result<DecodedImage> {
     let text = String::from_utf8_lossy(bytes);
     let lines = text.lines().map(|line| line.split('#').next().unwrap_or_default());
     let mut words = lines.flat_map(str::split_ascii_whitespace).skip(1);
@@ -40,5 +40,5 @@ pub fn decode(bytes: &[u8], budget: &Budget) -> Result<Image> {
         }
         texels.push(255);
     }
-    Ok(Image { width, height, texels, kind: "plain PPM Rgb8".into() })
+    Ok(DecodedImage { width, height, texels, kind: "plain PPM Rgb8".into() })
 }

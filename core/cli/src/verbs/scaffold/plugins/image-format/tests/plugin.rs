@@ -1,12 +1,12 @@
 // The program decodes the format by its first bytes, and refuses damaged files.
 
 use plain_ppm as _;
-use syntable_mesh::image::Image;
+use syntable_mesh::image::DecodedImage;
 use syntable_mesh::limits::Budget;
 
 #[test]
 fn pixels_are_those_of_the_file() {
-    let decode = |text: &str| Image::decode(text.as_bytes(), &Budget::default());
+    let decode = |text: &str| DecodedImage::decode(text.as_bytes(), &Budget::default());
     let image = decode(include_str!("../sample.ppm")).expect("sound");
     assert_eq!((image.width, image.height), (2, 2));
     assert_eq!(image.texels[..8], [200, 30, 30, 255, 30, 200, 30, 255]);

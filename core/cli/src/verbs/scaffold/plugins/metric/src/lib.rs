@@ -1,6 +1,6 @@
 //! Metric `count_error`: by how many objects the number of predictions is wrong.
 
-use syntable_evaluate::image::Pair;
+use syntable_evaluate::image::ImagePair;
 use syntable_evaluate::measure::{Measure, Measurement, Metric};
 
 /// Mean over the images of the absolute difference between the numbers of predictions and of labels.
@@ -14,7 +14,7 @@ impl Measure for CountError {
         vec!["count_error".into()]
     }
 
-    fn tally(&self, pair: &Pair) -> usize {
+    fn tally(&self, pair: &ImagePair) -> usize {
         pair.predictions.len().abs_diff(pair.labels.len())
     }
 
