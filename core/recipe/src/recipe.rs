@@ -113,7 +113,7 @@ impl Recipe {
         Some(u64::from(width) * u64::from(height) * bytes.sum::<u64>())
     }
 
-    /// Digests of the files that options name, by the option. Folders have none.
+    /// Digests of the files that options name, by option. Folders have no digest.
     ///
     /// # Errors
     /// If a file cannot be read.
@@ -127,7 +127,7 @@ impl Recipe {
         files.map(digest).collect()
     }
 
-    /// What stages may know of the dataset.
+    /// Information on the dataset that stages may use.
     pub fn dataset_info(&self) -> DatasetInfo {
         let classes: BTreeSet<&String> = self.assets.values().flat_map(|pool| pool.options.classes.keys()).collect();
         DatasetInfo {
