@@ -1,7 +1,6 @@
 //! The graphics adapters of a machine, and which of them render.
 
-use crate::device::STORAGE_BUFFERS;
-use crate::queries::{self, RayQueries};
+use crate::layout::STORAGE_BUFFERS;
 use std::cmp::Reverse;
 use std::fmt;
 use std::sync::LazyLock;
@@ -11,6 +10,44 @@ use syntable_model::stage::{DeviceClass, RenderDevice};
 /// Environment variable with a part of the name of the adapter to use, in upper or lower case; the one that other programs
 /// with wgpu read.
 const WANTED: &str = "WGPU_ADAPTER_NAME";
+
+/// Environment variable that asks for ray queries by `1`; without it the shaders walk. Off by default, as wgpu calls its
+/// interface experimental and queries now and then round otherwise.
+pub(crate) const SWITCH: &str = "SYNTABLE_RAY_QUERIES";
+
+/// Whether a device traces rays by queries.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum RayQueries {
+    /// It has none, or not by Vulkan.
+    Absent,
+    /// It has them, and the environment variable `SYNTABLE_RAY_QUERIES` does not ask for them.
+    Off,
+    /// It does.
+    Used,
+}
+
+impl RayQueries {
+    /// Whether an adapter traces rays by queries, if they are wanted.
+    pub fn of(adapter: &wgpu::Adapter, are_wanted: bool) -> Self {
+        // Of Vulkan alone: there was nothing to test those of Metal and DirectX on.
+        let is_there = adapter.get_info().backend == wgpu::Backend::Vulkan
+            && adapter.features().contains(wgpu::Features::EXPERIMENTAL_RAY_QUERY)
+            && adapter.limits().max_acceleration_structures_per_shader_stage > 0;
+        match (is_there, are_wanted) {
+            (false, _) => Self::Absent,
+            (true, false) => Self::Off,
+            (true, true) => Self::Used,
+        }
+    }
+
+    /// Why they are not used though they are there.
+    pub fn excuse(self) -> Option<String> {
+        match self {
+            Self::Absent | Self::Used => None,
+            Self::Off => Some(format!("its ray queries are off; {SWITCH}=1 turns them on")),
+        }
+    }
+}
 
 /// What a graphics adapter is.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -159,7 +196,7 @@ pub struct Adapters {
 impl Adapters {
     /// Looks for adapters. They trace rays by queries where they can and `SYNTABLE_RAY_QUERIES` is 1.
     pub fn find() -> Self {
-        Self::with_ray_queries(std::env::var_os(queries::SWITCH).is_some_and(|value| value == "1"))
+        Self::with_ray_queries(std::env::var_os(SWITCH).is_some_and(|value| value == "1"))
     }
 
     /// The same, whatever the environment says of ray queries.

@@ -1,10 +1,10 @@
 //! A device: its limits, its kernels, and how its errors reach the caller.
 
-use crate::adapters::{AdapterInfo, Adapters, required_limits};
+use crate::adapters::{AdapterInfo, Adapters, RayQueries, required_limits};
 use crate::constants::declared;
-use crate::queries::RayQueries;
-use crate::tables::{BODY_SIZE, EMITTER_SIZE, NONE};
-use crate::{guided, passes, planes, trees, view};
+use crate::guided::kernels::Kernels as GuidedKernels;
+use crate::layout::{self, BODY_SIZE, EMITTER_SIZE, NONE, STORAGE_BUFFERS};
+use crate::{planes, trees};
 use bytemuck::Pod;
 use parking_lot::Mutex;
 use std::collections::HashMap;
@@ -39,14 +39,8 @@ const SHADERS: &[&[&str]] = &[
 /// Longest time that a session waits for what it has submitted.
 const PATIENCE: Duration = Duration::from_secs(120);
 
-/// Storage buffers of the bind group; WebGPU promises eight.
-pub const STORAGE_BUFFERS: u32 = 8;
-
 /// Binding of what ray queries trace.
 const QUERIED: u32 = 10;
-
-/// Bytes between two uniforms of a pass in their buffer.
-pub const PASS_STRIDE: u64 = 256;
 
 /// An entry point of the shaders.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -115,7 +109,7 @@ pub struct Device {
     poll_panics: Mutex<bool>,
     /// The first error. It stays: what buffers hold since then is not known.
     failure: Arc<OnceLock<String>>,
-    guided: OnceLock<Arc<guided::Kernels>>,
+    guided: OnceLock<Arc<GuidedKernels>>,
 }
 
 /// What the shaders know by name, in WGSL.
@@ -128,21 +122,21 @@ fn constants() -> String {
         ("STACK", trees::STACK.into()),
         ("DEEP_STACK", trees::DEEP_STACK.into()),
         ("EMITTER_SIZE", EMITTER_SIZE.into()),
-        ("WARPED", view::WARPED.into()),
-        ("TENT", view::TENT.into()),
-        ("BLENDED_BY_COVERAGE", view::BLENDED_BY_COVERAGE.into()),
-        ("ONLY_GUIDES", view::ONLY_GUIDES.into()),
-        ("WITHOUT_BACKGROUND", view::WITHOUT_BACKGROUND.into()),
-        ("WITHOUT_SHADOWS", view::WITHOUT_SHADOWS.into()),
+        ("WARPED", layout::WARPED.into()),
+        ("TENT", layout::TENT.into()),
+        ("BLENDED_BY_COVERAGE", layout::BLENDED_BY_COVERAGE.into()),
+        ("ONLY_GUIDES", layout::ONLY_GUIDES.into()),
+        ("WITHOUT_BACKGROUND", layout::WITHOUT_BACKGROUND.into()),
+        ("WITHOUT_SHADOWS", layout::WITHOUT_SHADOWS.into()),
         ("GUIDE_BOUNCES", path::GUIDE_BOUNCES.into()),
-        ("LABELS_THROUGH_GLASS", view::LABELS_THROUGH_GLASS.into()),
-        ("SHADOW_COUNTERS", passes::SHADOW_COUNTERS.into()),
-        ("RAYS_COUNTED", passes::RAYS_COUNTED.into()),
-        ("SHADOWS_COUNTED", passes::SHADOWS_COUNTED.into()),
-        ("CHOSEN", passes::CHOSEN.into()),
-        ("GROUPS", passes::GROUPS_COUNTED.into()),
-        ("GROUP", (passes::GROUP as u32).into()),
-        ("ROW", (passes::GROUPS_ALONG_X * passes::GROUP as u32).into()),
+        ("LABELS_THROUGH_GLASS", layout::LABELS_THROUGH_GLASS.into()),
+        ("SHADOW_COUNTERS", layout::SHADOW_COUNTERS.into()),
+        ("RAYS_COUNTED", layout::RAYS_COUNTED.into()),
+        ("SHADOWS_COUNTED", layout::SHADOWS_COUNTED.into()),
+        ("CHOSEN", layout::CHOSEN.into()),
+        ("GROUPS", layout::GROUPS_COUNTED.into()),
+        ("GROUP", (layout::GROUP as u32).into()),
+        ("ROW", (layout::GROUPS_ALONG_X * layout::GROUP as u32).into()),
         ("SUMS_OF_LIGHT", (planes::SUMS[0] as u32).into()),
         ("SUMS_WITH_GUIDES", (planes::SUMS[1] as u32).into()),
         ("SUM_SAMPLES", planes::SUM_SAMPLES.into()),
@@ -188,7 +182,7 @@ pub struct Bindings<'a> {
     pub storage: [&'a wgpu::Buffer; STORAGE_BUFFERS as usize],
     /// Uniforms of the view.
     pub view: &'a wgpu::Buffer,
-    /// Uniforms of passes, [`PASS_STRIDE`] apart.
+    /// Uniforms of passes, [`PASS_STRIDE`](layout::PASS_STRIDE) apart.
     pub passes: &'a wgpu::Buffer,
     /// What ray queries trace, on a device that has them.
     pub queried: Option<&'a wgpu::Tlas>,
@@ -430,7 +424,7 @@ impl Device {
         let pass = wgpu::BufferBinding {
             buffer: bindings.passes,
             offset: 0,
-            size: NonZeroU64::new(size_of::<view::Pass>() as u64),
+            size: NonZeroU64::new(size_of::<layout::Pass>() as u64),
         };
         let entries: Vec<_> = (bindings.storage.iter().enumerate())
             .map(|(binding, buffer)| entry(binding, buffer.as_entire_binding()))
@@ -615,7 +609,7 @@ impl Device {
     }
 
     /// The kernels of the denoiser, compiled at first use.
-    pub(crate) fn guided(&self) -> Arc<guided::Kernels> {
-        self.guided.get_or_init(|| Arc::new(guided::Kernels::new(&self.device))).clone()
+    pub(crate) fn guided(&self) -> Arc<GuidedKernels> {
+        self.guided.get_or_init(|| Arc::new(GuidedKernels::new(&self.device))).clone()
     }
 }

@@ -1,15 +1,14 @@
 //! Frames that need no decision on this side: labels, light and the denoised image in one go, read once.
 
 use crate::device::Kernel;
-use crate::guided::{GuidedFilter, PIXELS_OF_A_PATH, Sections};
-use crate::passes::{COUNTERS, GROUP, Passes, Pixels, first_counters, groups, rays_of};
+use crate::guided::{GuidedFilter, PIXELS_OF_A_PATH, Sections, guided_of};
+use crate::layout::{COUNTERS, GROUP, NONE, View, first_counters, groups, rays_of};
+use crate::passes::{Passes, Pixels};
 use crate::planes::{
     AT_ALBEDO, AT_DEMODULATED, AT_DEMODULATED_VARIANCE, AT_DEPTH, AT_INSTANCE, AT_NORMAL, AT_OPACITY, AT_RADIANCE,
     AT_SPECULAR, AT_SPECULAR_VARIANCE, COLORS, LabelSections, NUMBERS, color, make_all, number, sums,
 };
 use crate::session::{Buffers, Gathered, GpuSession, World};
-use crate::tables::NONE;
-use crate::view::View;
 use std::ops::Range;
 use syntable_guided::Guided;
 use syntable_model::context::Workers;
@@ -18,7 +17,7 @@ use syntable_model::product::standard::{
     DENOISER, DEPTH, INSTANCE, OPACITY, RADIANCE, RADIANCE_NOISY, RADIANCE_VARIANCE, RENDER_REPORT,
 };
 use syntable_model::product::{Key, KeyId, Plane, Products};
-use syntable_model::stage::{Denoiser, RenderRequest, Tile, Window};
+use syntable_model::stage::{RenderRequest, Tile, Window};
 use syntable_transport::film::{self, Film, GUIDE_SAMPLES, Statistics};
 
 /// What a frame consists of, and where it lies on the device.
@@ -325,11 +324,6 @@ impl GpuSession {
         self.device.write(&self.buffers.queues, 4 * u64::from(tile_map), bytemuck::cast_slice(map.data()));
         Ok((pixels, tile_map))
     }
-}
-
-/// The denoiser, if it is the one that runs on devices.
-pub fn guided_of(denoiser: Option<&dyn Denoiser>) -> Option<&Guided> {
-    denoiser.and_then(|denoiser| denoiser.as_any()?.downcast_ref())
 }
 
 /// Where the filter finds its planes.

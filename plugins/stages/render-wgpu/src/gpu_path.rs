@@ -2,7 +2,7 @@
 
 use crate::adapters::Adapters;
 use crate::device::Device;
-use crate::frame::guided_of;
+use crate::guided::guided_of;
 use crate::session::{Caches, GpuSession};
 use parking_lot::Mutex;
 use std::sync::{Arc, OnceLock};

@@ -4,11 +4,12 @@
 //! functions from `syntable-transport`, as `cpu_path` does.
 //!
 //! - `trees`: what rays walk; `queries`: what cards trace themselves
-//! - `tables`, `arena`: how scenes lie in buffers; `constants`: what shaders know by name
+//! - `layout`: what both sides of the bus agree on; `tables`, `arena`: how scenes lie in buffers; `constants`: what shaders know by name
 //! - `adapters`: the cards of a machine, and those that render; `device`: kernels and errors
 //! - `tiles`: what a request shows; `view`: the tables of a view
 //! - `passes`: paths over the pixels of an image; `planes`: what becomes of them
-//! - `frame`, `rounds`: images in one go, and in rounds; `session`: a scene on a device; `gpu_path`: the stage
+//! - `session`: a scene on a device; `frame`, `rounds`: images in one go, and in rounds; `rendering`: the choice between them
+//! - `gpu_path`: the stage
 //! - `guided`: the denoiser of that name on the images that are rendered here
 //! - `shaders`: the kernels; what of them depends on no buffer lies beside the Rust that it mirrors
 //!
@@ -22,9 +23,11 @@ mod device;
 mod frame;
 mod gpu_path;
 mod guided;
+mod layout;
 mod passes;
 mod planes;
 mod queries;
+mod rendering;
 mod rounds;
 mod session;
 mod tables;
@@ -34,8 +37,7 @@ mod tiles;
 mod trees;
 mod view;
 
-pub use adapters::{AdapterInfo, Adapters};
+pub use adapters::{AdapterInfo, Adapters, RayQueries};
 pub use device::Device;
 pub use gpu_path::{GpuPath, GpuPathRenderer};
 pub use guided::{GuidedFilter, Sections};
-pub use queries::RayQueries;

@@ -1,15 +1,12 @@
 //! Passes of paths over the pixels of an image.
 
-use crate::device::{Kernel, PASS_STRIDE};
+use crate::device::Kernel;
+use crate::layout::{COUNTERS, GROUP, GROUPS_COUNTED, ONLY_GUIDES, PASS_STRIDE, Pass, View, groups};
 use crate::session::{Gathered, GpuSession, World};
-use crate::view::{ONLY_GUIDES, Pass, View};
 use std::ops::Range;
 use std::sync::Arc;
 use syntable_model::error::Result;
 use syntable_transport::path::GUIDE_BOUNCES;
-
-/// Threads of a group of most kernels.
-pub const GROUP: u64 = 64;
 
 /// Bounces that are submitted at once, before the device is asked whether any path is left.
 const BOUNCES_AT_ONCE: u32 = 16;
@@ -17,28 +14,6 @@ const BOUNCES_AT_ONCE: u32 = 16;
 /// Paths whose first bounces are submitted one by one, and how many of them.
 const MANY_PATHS: u64 = 1 << 22;
 const LONG_BOUNCES: u32 = 4;
-
-/// Bounces that have counters; recipes have 256 at most.
-const BOUNCES_COUNTED: u32 = 512;
-
-/// Where the counters of `path.wgsl` are: paths that are left after each bounce come first, then shadow rays.
-pub const SHADOW_COUNTERS: u32 = BOUNCES_COUNTED;
-
-/// Rays of all passes, and shadow rays: the lower and the upper half.
-pub const RAYS_COUNTED: u32 = 2 * BOUNCES_COUNTED;
-pub const SHADOWS_COUNTED: u32 = RAYS_COUNTED + 2;
-
-/// Pixels that were chosen for more samples of the guides.
-pub const CHOSEN: u32 = RAYS_COUNTED + 4;
-
-/// Numbers of groups, bounce after bounce: three words for paths that go on, three for shadow rays.
-pub const GROUPS_COUNTED: u32 = RAYS_COUNTED + 8;
-
-/// Words of all counters.
-pub const COUNTERS: u64 = (GROUPS_COUNTED + 6 * BOUNCES_COUNTED) as u64;
-
-/// Groups along x of dispatches of more than these; the shaders number threads by it.
-pub const GROUPS_ALONG_X: u32 = 256;
 
 /// Which pixels are traced: those of a list in the queues.
 #[derive(Clone, Copy, Debug)]
@@ -66,23 +41,6 @@ enum Groups {
     Known([u32; 2]),
     /// Those that the device counted, at an offset in the buffer of groups.
     Counted(u64),
-}
-
-/// Counters as a view starts.
-pub fn first_counters() -> Vec<u32> {
-    let mut counters = vec![0; COUNTERS as usize];
-    for groups in counters[GROUPS_COUNTED as usize..].chunks_exact_mut(3) {
-        (groups[0], groups[2]) = (GROUPS_ALONG_X, 1);
-    }
-    counters
-}
-
-/// Rays and shadow rays that were counted.
-pub fn rays_of(counters: &[u32]) -> [u64; 2] {
-    [0, 2].map(|half| {
-        let at = RAYS_COUNTED as usize + half;
-        u64::from(counters[at]) | u64::from(counters[at + 1]) << 32
-    })
 }
 
 /// Records and submits passes.
@@ -229,11 +187,4 @@ impl<'a> Passes<'a> {
         encoder.copy_buffer_to_buffer(&buffers.counters, 0, &buffers.readable, 0, 4 * COUNTERS);
         device.read(encoder, &buffers.readable, COUNTERS, <[u32]>::to_vec)
     }
-}
-
-/// Groups along x and y for a number of threads.
-pub fn groups(threads: u64, group: u64) -> [u32; 2] {
-    let along_x = u64::from(GROUPS_ALONG_X);
-    let count = threads.div_ceil(group).max(1);
-    [count.min(along_x) as u32, count.div_ceil(along_x) as u32]
 }

@@ -1,7 +1,6 @@
 //! Where the planes of an image are on the device, and what becomes of them on this side.
 
-use crate::tables::NONE;
-use crate::view::View;
+use crate::layout::{NONE, View};
 use std::sync::OnceLock;
 use syntable_model::context::Workers;
 use syntable_model::error::Result;

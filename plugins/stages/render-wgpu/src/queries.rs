@@ -10,46 +10,8 @@ use syntable_model::digest::Digest;
 use syntable_model::error::Result;
 use syntable_prepare::PreparedBody;
 
-/// Environment variable that asks for ray queries by `1`; without it the shaders walk. Off by default, as wgpu calls its
-/// interface experimental and queries now and then round otherwise.
-pub const SWITCH: &str = "SYNTABLE_RAY_QUERIES";
-
 /// Bytes of a corner of a triangle in the geometry.
 const CORNER: u64 = 16;
-
-/// Whether a device traces rays by queries.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum RayQueries {
-    /// It has none, or not by Vulkan.
-    Absent,
-    /// It has them, and the environment variable `SYNTABLE_RAY_QUERIES` does not ask for them.
-    Off,
-    /// It does.
-    Used,
-}
-
-impl RayQueries {
-    /// Whether an adapter traces rays by queries, if they are wanted.
-    pub fn of(adapter: &wgpu::Adapter, are_wanted: bool) -> Self {
-        // Of Vulkan alone: there was nothing to test those of Metal and DirectX on.
-        let is_there = adapter.get_info().backend == wgpu::Backend::Vulkan
-            && adapter.features().contains(wgpu::Features::EXPERIMENTAL_RAY_QUERY)
-            && adapter.limits().max_acceleration_structures_per_shader_stage > 0;
-        match (is_there, are_wanted) {
-            (false, _) => Self::Absent,
-            (true, false) => Self::Off,
-            (true, true) => Self::Used,
-        }
-    }
-
-    /// Why they are not used though they are there.
-    pub fn excuse(self) -> Option<String> {
-        match self {
-            Self::Absent | Self::Used => None,
-            Self::Off => Some(format!("its ray queries are off; {SWITCH}=1 turns them on")),
-        }
-    }
-}
 
 /// A body of a scene: the digest of its object, and where its triangles are.
 pub struct QueriedBody<'a> {
@@ -163,7 +125,7 @@ impl Device {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::adapters::Adapters;
+    use crate::adapters::{Adapters, RayQueries, SWITCH};
     use crate::device::Variant;
     use crate::session::GpuSession;
     use crate::tests::soups::scene;

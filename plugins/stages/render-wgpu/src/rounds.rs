@@ -1,9 +1,9 @@
 //! Frames in rounds, where noise or time decides on samples: sums go to this side after every round.
 
-use crate::passes::{COUNTERS, Passes, Pixels, first_counters, rays_of};
+use crate::layout::{COUNTERS, ONLY_GUIDES, View, first_counters, rays_of};
+use crate::passes::{Passes, Pixels};
 use crate::planes::{SUM_DEMODULATED, SUM_GUIDES, SUM_SAMPLES, SUM_SPECULAR, SUMS, sums};
 use crate::session::{Gathered, GpuSession, World};
-use crate::view::{ONLY_GUIDES, View};
 use parking_lot::Mutex;
 use syntable_model::context::Workers;
 use syntable_model::error::Result;

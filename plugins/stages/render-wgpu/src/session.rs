@@ -1,29 +1,25 @@
 //! A scene on a device, and the rendering of its views.
 
 use crate::arena::{Arena, Asset};
-use crate::device::{Bindings, Device, PASS_STRIDE, Variant};
-use crate::frame::guided_of;
+use crate::device::{Bindings, Device, Variant};
 use crate::guided::GuidedFilter;
-use crate::passes::{COUNTERS, GROUP};
+use crate::layout::{COUNTERS, GROUP, PASS_STRIDE, View};
 use crate::planes::PLANE_WORDS;
 use crate::queries::{QueriedBody, Structures};
-use crate::tiles::Shown;
 use crate::trees::{MeshTree, NODE_SIZE, STACK, TopLevel};
-use crate::view::{Parts, View};
 use std::sync::{Arc, OnceLock};
 use syntable_model::context::Workers;
 use syntable_model::digest::Digest;
-use syntable_model::error::{Error, Result};
-use syntable_model::product::Products;
-use syntable_model::product::standard::{OPACITY, RADIANCE, RADIANCE_NOISY};
+use syntable_model::error::Result;
+use syntable_model::product::standard::OPACITY;
 use syntable_model::scene::Scene;
 use syntable_model::stage::{Bodies, RenderRequest};
 use syntable_prepare::labels::BlendedLabels;
-use syntable_prepare::{AssetCache, Bounds, LightTable, PreparedScene, SceneCache};
-use syntable_transport::components::{self, Light};
-use syntable_transport::film::{GUIDE_SAMPLES, Statistics};
+use syntable_prepare::{AssetCache, Bounds, PreparedScene, SceneCache};
+use syntable_transport::components::Light;
+use syntable_transport::film::GUIDE_SAMPLES;
 use syntable_transport::path::GUIDE_BOUNCES;
-use syntable_transport::{Dielectrics, PathTracing, RayCamera};
+use syntable_transport::{Dielectrics, PathTracing};
 
 /// Bytes of trees that are kept on this side though no scene uses them.
 const CAPACITY: u64 = 256 << 20;
@@ -101,7 +97,8 @@ pub struct GpuSession {
     /// What the paths of the image in progress gather.
     pub light: Light,
     pub caches: Arc<Caches>,
-    world: Option<World>,
+    /// The scene that was loaded.
+    pub world: Option<World>,
     pub geometry: Arena,
     pub shading: Arena,
     pub images: Arena,
@@ -221,30 +218,6 @@ impl GpuSession {
         }
         self.world = Some(World { scene: prepared, bodies });
         self.device.check()
-    }
-
-    /// Renders the wanted products of a view.
-    pub fn render(&mut self, request: &RenderRequest, frame: &mut Products) -> Result<Statistics> {
-        let not_loaded = || Error::new("no scene was loaded before rendering").help("call `load` first");
-        let world = self.world.take().ok_or_else(not_loaded)?;
-        let whole = if guided_of(request.denoiser).is_some() { RADIANCE_NOISY } else { RADIANCE };
-        let rendered = components::render(request, whole, frame, |light, request, frame| {
-            self.light = light;
-            self.render_world(&world, request, frame)
-        });
-        self.world = Some(world);
-        rendered
-    }
-
-    fn render_world(&mut self, world: &World, request: &RenderRequest, frame: &mut Products) -> Result<Statistics> {
-        let shown = Shown::of(request, world.bodies.len())?;
-        let camera = RayCamera::new(&request.view.camera, shown.around());
-        let lights = LightTable::new(&request.view.lights, &self.caches.scene)?;
-        let views = self.upload(&Parts { world, request, camera: &camera, lights: &lights, shown: &shown })?;
-        match self.options.budget(self.light).is_fixed() {
-            true => self.frame(world, request, views, frame),
-            false => self.rounds(world, request, views, &camera, frame),
-        }
     }
 
     /// Makes a buffer at least so large.

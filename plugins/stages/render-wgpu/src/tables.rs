@@ -1,6 +1,7 @@
 //! Tables of a scene and of a view, as the shaders read them: entries of four words, section after section.
 
 use crate::arena::Place;
+use crate::layout::{BODY_SIZE, BodyPlace, NONE};
 use std::sync::Arc;
 use syntable_model::scene::{Encoding, EnvironmentMap, Wrap};
 use syntable_model::stage::Window;
@@ -13,15 +14,6 @@ use syntable_simd::Vec3;
 use syntable_simd::functions::FAR;
 use syntable_transport::RayCamera;
 use syntable_transport::bsdf::{sheen_table, table};
-
-/// Stands for what is not there.
-pub const NONE: u32 = u32::MAX;
-
-/// Entries of a body in `scene.wgsl`.
-pub const BODY_SIZE: u32 = 5;
-
-/// Entries of a body that emits.
-pub const EMITTER_SIZE: u32 = 2;
 
 /// Entries, appended section by section.
 #[derive(Clone, Debug, Default)]
@@ -38,23 +30,6 @@ pub struct TilePlace {
     pub all: u32,
     /// Root of the top level of what camera rays meet.
     pub seen: u32,
-}
-
-/// Where a body's meshes are.
-#[derive(Clone, Copy, Debug)]
-pub struct BodyPlace {
-    /// Root of its tree.
-    pub root: u32,
-    /// First triangle of its tree.
-    pub triangles: u32,
-    /// Largest absolute coordinate of its mesh.
-    pub reach: f32,
-    /// Its shading triangles.
-    pub shading: u32,
-    /// Its tangents, or [`NONE`].
-    pub tangents: u32,
-    /// Its vertex colors, or [`NONE`].
-    pub colors: u32,
 }
 
 /// Where environments lie among the images.

@@ -11,7 +11,7 @@
 //! five vectors are a column of the matrix, body from world, with the word [`BODY`] where nodes have their exponents; the rows
 //! of its rotation, each with one of the root of the tree, its first triangle, its reach; and the body's number and flags.
 
-use crate::tables::BodyPlace;
+use crate::layout::BodyPlace;
 use syntable_prepare::{BinaryTree, Bounds, PreparedBody, TreeNode};
 use syntable_simd::Vec3;
 use syntable_simd::functions::FAR;

@@ -1,11 +1,14 @@
 //! The tables and uniforms of a view.
 
 use crate::arena::{Arena, Asset, Place};
+use crate::layout::{
+    BLENDED_BY_COVERAGE, BodyPlace, EMITTER_SIZE, LABELS_THROUGH_GLASS, NONE, ONLY_GUIDES, TENT, View, WARPED,
+    WITHOUT_BACKGROUND, WITHOUT_SHADOWS,
+};
 use crate::session::{GpuSession, World, body_nodes_at};
-use crate::tables::{BodyPlace, EMITTER_SIZE, EnvironmentPlaces, NONE, Tables, TilePlace};
+use crate::tables::{EnvironmentPlaces, Tables, TilePlace};
 use crate::tiles::{SeenBodies, Shown};
 use crate::trees::{MeshTree, TopLevel, body_node};
-use bytemuck::{Pod, Zeroable};
 use std::sync::Arc;
 use syntable_model::digest::{Digest, Hasher};
 use syntable_model::error::Result;
@@ -20,89 +23,6 @@ use syntable_simd::Vec3;
 use syntable_simd::functions::FAR;
 use syntable_transport::film::{GUIDE_SAMPLES, guide_seed};
 use syntable_transport::{Lens, PixelFilter, RayCamera, Settings};
-
-/// Flags of a view in `scene.wgsl`.
-pub const WARPED: u32 = 1;
-pub const TENT: u32 = 2;
-pub const BLENDED_BY_COVERAGE: u32 = 4;
-pub const ONLY_GUIDES: u32 = 8;
-pub const WITHOUT_BACKGROUND: u32 = 16;
-pub const WITHOUT_SHADOWS: u32 = 32;
-pub const LABELS_THROUGH_GLASS: u32 = 64;
-
-/// `View` in `scene.wgsl`.
-#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
-#[repr(C)]
-pub struct View {
-    pub window: [i32; 4],
-    pub origin: [f32; 4],
-    pub corner: [f32; 4],
-    pub along_u: [f32; 4],
-    pub along_v: [f32; 4],
-    pub right: [f32; 4],
-    pub down: [f32; 4],
-    pub rows: [[f32; 4]; 3],
-    pub bodies: u32,
-    pub materials: u32,
-    pub layers: u32,
-    pub textures: u32,
-    pub lobes: u32,
-    pub decode: u32,
-    pub area_lights: u32,
-    pub windows: u32,
-    pub emitters: u32,
-    pub distant_lights: u32,
-    pub projection: u32,
-    pub blocks: u32,
-    pub warp: u32,
-    pub area_count: u32,
-    pub emitter_count: u32,
-    pub distant_count: u32,
-    pub objects: u32,
-    pub foreground: u32,
-    pub top_level: u32,
-    pub seen: u32,
-    pub reach: f32,
-    pub sample_bits: u32,
-    pub block_bits: u32,
-    pub block_columns: u32,
-    pub flags: u32,
-    pub max_bounces: u32,
-    pub roulette_from: u32,
-    pub capacity: u32,
-    pub words: u32,
-    pub depth_at: u32,
-    pub instance_at: u32,
-    pub normal_at: u32,
-    pub albedo_at: u32,
-    pub coverage_at: u32,
-    pub before_at: u32,
-    pub sums_at: u32,
-    pub object_depths_at: u32,
-    pub around_width: u32,
-    pub around_height: u32,
-    pub tiles: u32,
-    pub tile_map: u32,
-    pub body_nodes: u32,
-    pub unused: [u32; 2],
-}
-
-/// Uniforms are read in vectors.
-const _: () = assert!(size_of::<View>().is_multiple_of(16));
-
-/// `Pass` in `scene.wgsl`.
-#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
-#[repr(C)]
-pub struct Pass {
-    pub first_pixel: u32,
-    pub pixels: u32,
-    pub first_sample: u32,
-    pub samples: u32,
-    pub bounce: u32,
-    pub list: u32,
-    pub is_chosen: u32,
-    pub unused: u32,
-}
 
 /// What tables and uniforms are made of.
 pub struct Parts<'a> {

@@ -4,15 +4,16 @@
 //! fireflies, `level` filters one part at one distance, `join` adds the parts up, and `average`, `brightness`, `factors` and
 //! `restore` give the image its energy back. Sums are added in one order, so that the same device makes the same bytes.
 
-mod kernels;
+pub(crate) mod kernels;
 
 use crate::device::Device;
+use crate::guided::kernels::Kernels;
 use bytemuck::{Pod, Zeroable};
-pub(crate) use kernels::Kernels;
 use std::sync::Arc;
 use syntable_guided::Guided;
 use syntable_guided::tuning::{CELL, DIFFUSE, SPECULAR, Tuning};
 use syntable_model::error::{Error, Result};
+use syntable_model::stage::Denoiser;
 
 /// Bytes between the uniforms of two dispatches.
 const STRIDE: usize = 256;
@@ -22,6 +23,11 @@ const GROUP: u32 = 8;
 
 /// A plane that is not there.
 const NONE: u32 = u32::MAX;
+
+/// The denoiser, if it is the one that runs on devices.
+pub fn guided_of(denoiser: Option<&dyn Denoiser>) -> Option<&Guided> {
+    denoiser.and_then(|denoiser| denoiser.as_any()?.downcast_ref())
+}
 
 /// Where the planes of an image are in a buffer of 32-bit words: the first word of each.
 ///

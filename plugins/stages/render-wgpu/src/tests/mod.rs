@@ -12,9 +12,8 @@ mod walk;
 
 use crate::adapters::Adapters;
 use crate::device::{Device, Variant};
-use crate::passes::{GROUP, groups};
+use crate::layout::{GROUP, Pass, groups};
 use crate::session::GpuSession;
-use crate::view::Pass;
 use std::sync::Arc;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::DEPTH;

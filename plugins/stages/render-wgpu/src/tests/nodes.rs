@@ -6,10 +6,9 @@
 use super::{call_beside, session, show};
 use crate::arena::Asset;
 use crate::device::Variant;
-use crate::passes::{GROUP, groups};
+use crate::layout::{GROUP, Pass, groups};
 use crate::session::GpuSession;
 use crate::trees::MeshTree;
-use crate::view::Pass;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use syntable_model::digest::Digest;
