@@ -1,7 +1,7 @@
 //! The acceptance check: which bodies violate a limit at rest, and what happens to them.
 
 use crate::engine::{Engine, Overlap};
-use crate::rapier::{OnViolation, Rapier, Remove};
+use crate::options::{OnViolation, Rapier, Remove};
 use crate::static_body::SupportSurface;
 use syntable_model::geometry::{Aabb, Point3, Pose, Translation3, UnitQuaternion, Vector3};
 use syntable_model::random::Stream;

@@ -12,9 +12,10 @@
 //!   the mass properties of every part at each step and takes twice as long.
 
 use crate::collision_shape::CollisionShape;
-use crate::rapier::Rapier;
+use crate::options::Rapier;
 use crate::static_body::StaticBody;
 use crate::units;
+use crate::units::friction;
 use parry3d::bounding_volume::BoundingVolume;
 use parry3d::mass_properties::MassProperties;
 use parry3d::math::{Pose as EnginePose, Vector};
@@ -298,11 +299,6 @@ impl Engine {
             })
             .sum()
     }
-}
-
-/// Clamps a friction coefficient to 0–10; 0.5 if it is not finite.
-pub fn friction(coefficient: f64) -> f32 {
-    if coefficient.is_finite() { coefficient.clamp(0.0, 10.0) as f32 } else { 0.5 }
 }
 
 #[cfg(test)]

@@ -2,7 +2,7 @@
 
 use crate::collision_shape::CollisionShape;
 use crate::decompose::{ConvexParts, DECOMPOSITION_VERSION, Method, convex_parts};
-use crate::rapier::{Collision, Rapier};
+use crate::options::{Collision, Rapier};
 use crate::{hull_codec, units};
 use quick_cache::sync::Cache as MemoryCache;
 use std::collections::BTreeSet;

@@ -33,6 +33,7 @@ mod engine;
 mod hull_cache;
 mod hull_codec;
 mod none;
+mod options;
 mod rapier;
 mod relations;
 mod settle;
@@ -40,7 +41,7 @@ mod static_body;
 mod units;
 
 pub use none::NoPhysics;
-pub use rapier::{Collision, Mass, OnViolation, Rapier, Remove};
+pub use options::{Collision, Mass, OnViolation, Rapier, Remove};
 pub use relations::Relations;
 
 #[cfg(test)]

@@ -4,7 +4,7 @@ use crate::acceptance::{Acceptance, AcceptanceOutcome, AcceptanceRegion, BodyInf
 use crate::collision_shape::CollisionShape;
 use crate::engine::Engine;
 use crate::hull_cache::{HullCache, Purpose};
-use crate::rapier::{Collision, Mass, Rapier, Remove};
+use crate::options::{Collision, Mass, Rapier, Remove};
 use crate::static_body::{self, SupportSurface, is_dynamic};
 use crate::units::HULL_OPTIONS;
 use syntable_model::context::{Context, Log};

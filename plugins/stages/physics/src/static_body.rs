@@ -8,9 +8,9 @@
 //!   of the top replaces thin boards, so that the minimum translation of a body pressed into it always points upwards.
 
 use crate::collision_shape::CollisionShape;
-use crate::engine::friction;
 use crate::hull_cache::Purpose;
 use crate::units;
+use crate::units::friction;
 use parry3d::math::{Pose as EnginePose, Rotation, Vector};
 use parry3d::query::{Ray, RayCast};
 use parry3d::shape::{Compound, HalfSpace, SharedShape, TriMesh, TriMeshFlags};

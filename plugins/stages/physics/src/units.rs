@@ -73,6 +73,11 @@ pub fn aabb_of(aabb: &Aabb) -> syntable_model::geometry::Aabb {
     syntable_model::geometry::Aabb { min: point(aabb.mins), max: point(aabb.maxs) }
 }
 
+/// Clamps a friction coefficient to 0–10; 0.5 if it is not finite.
+pub fn friction(coefficient: f64) -> f32 {
+    if coefficient.is_finite() { coefficient.clamp(0.0, 10.0) as f32 } else { 0.5 }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

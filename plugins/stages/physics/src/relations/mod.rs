@@ -7,7 +7,7 @@ mod solid;
 mod support;
 
 use crate::hull_cache::HullCache;
-use crate::rapier::{Collision, Rapier};
+use crate::options::{Collision, Rapier};
 use contact::Contact;
 use force::{Forces, Moving};
 use solid::Solid;

@@ -1,10 +1,10 @@
 //! The bodies of a frozen scene as collision shapes.
 
 use crate::collision_shape::CollisionShape;
-use crate::engine::friction;
 use crate::hull_cache::HullCache;
 use crate::static_body::{self, StaticBody, SupportSurface, is_dynamic};
 use crate::units;
+use crate::units::friction;
 use parry3d::bounding_volume::{Aabb, BoundingVolume};
 use parry3d::math::Pose as EnginePose;
 use parry3d::shape::SharedShape;
