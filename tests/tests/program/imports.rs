@@ -75,7 +75,8 @@ fn named_paths(code: &str) -> Vec<(String, bool)> {
             let end = rest[at..]
                 .find(|c: char| !(c.is_alphanumeric() || c == '_' || c == ':'))
                 .map_or(rest.len(), |n| at + n);
-            let fresh = !rest[..at].ends_with(|c: char| c.is_alphanumeric() || c == '_' || c == ':');
+            // `$crate::` in a macro is of the crate that expands it.
+            let fresh = !rest[..at].ends_with(|c: char| c.is_alphanumeric() || "_:$".contains(c));
             if fresh {
                 found.push((rest[at..end].trim_end_matches(':').to_owned(), false));
             }

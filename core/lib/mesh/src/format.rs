@@ -209,6 +209,18 @@ impl ImageFormat {
 
 inventory::collect!(ImageFormat);
 
+impl DecodedImage {
+    /// Reads a file of any registered format. Errors name the file.
+    pub fn read(root: &AssetRoot, path: &Path) -> Result<Self> {
+        Self::decode(&root.read(path)?, root.budget()).map_err(|error| error.in_file(path))
+    }
+
+    /// Decodes an image of any registered format.
+    pub fn decode(bytes: &[u8], budget: &Budget) -> Result<Self> {
+        ImageFormats::linked()?.decode_texture(bytes, budget)
+    }
+}
+
 /// All image formats of a program, by falling preference.
 #[derive(Debug, Clone, Default)]
 pub struct ImageFormats(Vec<ImageFormat>);

@@ -1,11 +1,6 @@
 //! Images for textures: 8 bits per channel, identified by their content, not by their name.
 
-use crate::format::ImageFormats;
-use crate::limits::Budget;
-use crate::root::AssetRoot;
-use std::path::Path;
 use syntable_model::digest::Hasher;
-use syntable_model::error::Result;
 use syntable_model::scene::{Encoding, Texture, Wrap};
 
 /// Maximum width and height, pixels.
@@ -25,16 +20,6 @@ pub struct DecodedImage {
 }
 
 impl DecodedImage {
-    /// Reads a file of any registered format. Errors name the file.
-    pub fn read(root: &AssetRoot, path: &Path) -> Result<Self> {
-        Self::decode(&root.read(path)?, root.budget()).map_err(|error| error.in_file(path))
-    }
-
-    /// Decodes an image of any registered format.
-    pub fn decode(bytes: &[u8], budget: &Budget) -> Result<Self> {
-        ImageFormats::linked()?.decode_texture(bytes, budget)
-    }
-
     /// Inverts the green channel: converts normal maps between the DirectX and the OpenGL convention.
     pub fn flip_green(&mut self) {
         for texel in self.texels.chunks_exact_mut(4) {

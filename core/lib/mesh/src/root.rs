@@ -6,7 +6,7 @@
 //! file system follows links, and links that lead outside are refused. A refused file is never opened.
 
 use crate::limits::Budget;
-use crate::scan::list;
+use crate::scan::{is_dir, list, metadata};
 use crate::text::shorten;
 use std::fs;
 use std::io::Read;
@@ -216,19 +216,6 @@ fn read(path: &Path, allow: &dyn Fn(u64) -> Result<()>) -> Result<Vec<u8>> {
 /// omitted silently.
 pub fn exists(path: &Path) -> Result<bool> {
     metadata(path).map(|metadata| metadata.is_some())
-}
-
-/// Whether a folder exists, with the same errors.
-pub fn is_dir(path: &Path) -> Result<bool> {
-    metadata(path).map(|metadata| metadata.is_some_and(|metadata| metadata.is_dir()))
-}
-
-fn metadata(path: &Path) -> Result<Option<fs::Metadata>> {
-    match fs::metadata(path).map_err(|error| Error::io(path, &error)) {
-        Ok(metadata) => Ok(Some(metadata)),
-        Err(error) if error.is_transient() => Err(error),
-        Err(_) => Ok(None),
-    }
 }
 
 fn is_absence(error: &std::io::Error) -> bool {

@@ -1,6 +1,5 @@
 //! Folder listings, in the same order on every system.
 
-use crate::root::{AssetRoot, is_dir};
 use std::fs;
 use std::path::{Path, PathBuf};
 use syntable_model::error::{Error, Result};
@@ -17,6 +16,20 @@ pub struct FolderNames {
     pub files: Vec<String>,
     /// The folders that are symbolic links.
     pub linked: Vec<String>,
+}
+
+/// Whether a folder exists. An error is that of a file system that failed, not of a missing path.
+pub fn is_dir(path: &Path) -> Result<bool> {
+    metadata(path).map(|metadata| metadata.is_some_and(|metadata| metadata.is_dir()))
+}
+
+/// What the file system knows of a path, if it exists.
+pub(crate) fn metadata(path: &Path) -> Result<Option<fs::Metadata>> {
+    match fs::metadata(path).map_err(|error| Error::io(path, &error)) {
+        Ok(metadata) => Ok(Some(metadata)),
+        Err(error) if error.is_transient() => Err(error),
+        Err(_) => Ok(None),
+    }
 }
 
 /// Lists a folder. Hidden names and names that are not UTF-8 are skipped; links are followed.
@@ -49,15 +62,15 @@ pub fn list(folder: &Path) -> Result<FolderNames> {
 
 /// All files below a root, at most `depth` folders deep, that pass a test; sorted paths relative to the root. Linked
 /// folders are not entered, because they could form cycles.
-pub fn walk(root: &AssetRoot, depth: usize, wanted: &dyn Fn(&Path) -> bool) -> Result<Vec<PathBuf>> {
+pub fn walk(root: &Path, depth: usize, wanted: &dyn Fn(&Path) -> bool) -> Result<Vec<PathBuf>> {
     let mut found = Vec::new();
     let mut open = vec![(PathBuf::new(), 0)];
     let mut seen = 0;
     while let Some((folder, level)) = open.pop() {
-        let FolderNames { folders, files, linked } = list(&root.folder().join(&folder))?;
+        let FolderNames { folders, files, linked } = list(&root.join(&folder))?;
         seen += folders.len() + files.len();
         if seen > MAX_ENTRIES {
-            return Err(Error::new(format!("more than {MAX_ENTRIES} entries")).in_file(root.folder()));
+            return Err(Error::new(format!("more than {MAX_ENTRIES} entries")).in_file(root));
         }
         found.extend(files.iter().map(|name| folder.join(name)).filter(|path| wanted(path)));
         if level < depth {

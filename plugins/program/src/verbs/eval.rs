@@ -6,7 +6,7 @@ use syntable_cli::clap::{Arg, ArgAction, ArgMatches, Command, value_parser};
 use syntable_cli::{
     Console, Exit, Message, TRUST_PATHS, Topic, Verb, amount, check_outputs, ended, on_signals, threads,
 };
-use syntable_evaluate::image::Occluded;
+use syntable_evaluate::masked_object::Occluded;
 use syntable_evaluate::measure::{MetricKind, linked};
 use syntable_evaluate::results::ResultFile;
 use syntable_evaluate::{Convention, EvaluateOptions, evaluate, worst};

@@ -7,6 +7,7 @@
 //! **Choices.** A missing image or material library is a warning, and a constant color takes its place; a broken one is
 //! an error. A name that leads out of the asset's folder is an error, and is never opened.
 
+mod bop_files;
 pub mod formats;
 mod inspect;
 pub mod sources;

@@ -1,8 +1,8 @@
 //! Clutter on the floor around a support.
 
+use crate::bounds::rotated_bounds;
 use crate::material::MaterialReplacement;
 use crate::oriented_box::OrientedBox;
-use crate::table::rotated_bounds;
 use std::f64::consts::{FRAC_PI_2, TAU};
 use std::sync::Arc;
 use syntable_model::geometry::{Aabb, UnitQuaternion, Vector3, space_around};

@@ -4,6 +4,7 @@
 //! the draws for one object do not depend on the number of draws for another. Poses place the center of a mesh's
 //! bounding box, whatever the mesh's own origin.
 
+mod bounds;
 mod distractors;
 mod drop_box;
 mod floor_support;

@@ -1,8 +1,8 @@
 //! The room: floor, four walls and a ceiling.
 
+use crate::bounds::rotated_bounds;
 use crate::floor_support::{FloorSupport, floor_parts};
 use crate::material::{TEXTURE_SCALE, any_angle_deg, check_scale, draw_material, real_size};
-use crate::table::rotated_bounds;
 use std::sync::Arc;
 use syntable_model::digest::Hasher;
 use syntable_model::geometry::{Aabb, Point3};

@@ -1,12 +1,13 @@
 //! The table that objects are dropped on.
 
+use crate::bounds::rotated_bounds;
 use crate::material::{TEXTURE_SCALE, always, any_angle_deg, check_scale, draw_material, real_size};
 use crate::room::refuse_table_through_wall;
 use std::sync::Arc;
 use syntable_model::digest::Hasher;
-use syntable_model::geometry::{Aabb, Point3, UnitQuaternion, Vector3};
+use syntable_model::geometry::{Aabb, UnitQuaternion, Vector3};
 use syntable_model::prelude::*;
-use syntable_model::scene::{BodyDraft, Mesh, Motion, Object, Region, Role, Support};
+use syntable_model::scene::{BodyDraft, Motion, Object, Region, Role, Support};
 
 /// Draws a table, places it on the floor at the center of the room, and makes the top of its bounding box a support.
 ///
@@ -145,16 +146,4 @@ fn refuse_table_in_support(scene: &SceneBuilder, table: &BodyDraft) -> Result<()
         }
         None => Ok(()),
     }
-}
-
-/// Axis-aligned bounding box of the vertices of a rotated mesh.
-pub fn rotated_bounds(mesh: &Mesh, rotation: &UnitQuaternion<f64>) -> Aabb {
-    if rotation.angle() == 0.0 {
-        return mesh.bounds();
-    }
-    let data = mesh.data();
-    Aabb::of(data.triangles.iter().flatten().map(|&index| {
-        let [x, y, z] = data.positions[index as usize].map(f64::from);
-        rotation * Point3::new(x, y, z)
-    }))
 }

@@ -3,7 +3,8 @@
 //! used.
 
 use crate::coco::{ComparedObjects, KINDS, KindTally, SCORES, values};
-use crate::image::{ImagePair, MaskedObject};
+use crate::image::ImagePair;
+use crate::masked_object::MaskedObject;
 use crate::measure::Measure;
 use std::collections::{BTreeMap, BTreeSet};
 

@@ -3,7 +3,8 @@
 //! Boxes and areas are computed from masks. Predictions are ranked by score. Of equal scores, the earlier image comes
 //! first, then the earlier prediction.
 
-use crate::image::{ImagePair, MaskedObject};
+use crate::image::ImagePair;
+use crate::masked_object::MaskedObject;
 use crate::measure::{Measure, Measurement, Metric};
 use crate::register_metric;
 use syntable_model::product::{BBox, Mask};

@@ -1,7 +1,8 @@
 //! Scores predictions against a dataset: from paths and options to scores, tables and the worst images.
 
 use crate::categories::ByCategory;
-use crate::image::{ImagePair, MaskedObject, Occluded};
+use crate::image::ImagePair;
+use crate::masked_object::{MaskedObject, Occluded};
 use crate::measure::{Measurement, Measures, MetricKind, Tally};
 use crate::predictions::{self, Predictions, check_masks, instances};
 use crate::table::{EvaluatedImage, EvaluationTable, Score};

@@ -29,6 +29,7 @@ pub mod coco;
 mod evaluation;
 pub mod image;
 pub mod label_maps;
+pub mod masked_object;
 pub mod masks;
 pub mod matching;
 pub mod measure;

@@ -1,7 +1,8 @@
 //! Overlap and Boundary P, R, F and F@.75: means over images.
 
 use crate::boundary::Boundary;
-use crate::image::{ImagePair, MaskedObject};
+use crate::image::ImagePair;
+use crate::masked_object::MaskedObject;
 use crate::matching::f_of;
 use crate::measure::{Measure, Measurement, Metric, Ratio, quotients};
 use crate::{Convention, register_metric};

@@ -4,8 +4,11 @@
 //! common pixel. Of assignments with equal sums, the result is the one whose list of pairs, by object, is
 //! lexicographically lowest.
 
-use crate::image::{MaskedObject, Pairs};
+use crate::masked_object::MaskedObject;
 use syntable_model::product::Mask;
+
+/// Pairs (label, prediction).
+pub type Pairs = Vec<(usize, usize)>;
 
 /// An F of 1 as an integer, so that equal sums are equal.
 const UNIT: f64 = (1_u64 << 40) as f64;

@@ -1,6 +1,7 @@
 //! Occlusion order: which object occludes which.
 
-use crate::image::{ImagePair, MaskedObject};
+use crate::image::ImagePair;
+use crate::masked_object::MaskedObject;
 use crate::measure::{Measurement, Metric, Ratio, Ratios};
 use crate::register_metric;
 use syntable_formats::read::{occludes, order_by};

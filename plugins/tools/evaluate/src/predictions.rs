@@ -1,7 +1,7 @@
 //! Sources of labels and predictions: a dataset in any readable format, label maps, or a result file.
 
-use crate::image::{MaskedObject, Occluded};
 use crate::label_maps::{self, LabelMaps};
+use crate::masked_object::{MaskedObject, Occluded};
 use crate::names::ImageNames;
 use crate::results::ResultFile;
 use std::collections::BTreeMap;

@@ -3,7 +3,7 @@
 //! Memory holds only the position of each prediction in the file, its image and its score.
 
 use crate::coco::MOST;
-use crate::image::{MaskedObject, Occluded};
+use crate::masked_object::{MaskedObject, Occluded};
 use crate::names::ImageNames;
 use serde::de::Error as _;
 use serde::{Deserialize, Deserializer};

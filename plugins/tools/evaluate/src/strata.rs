@@ -1,7 +1,8 @@
 //! Scores of labeled objects by how much of them is hidden, and by their size: sums over all images.
 
 use crate::coco::AREAS;
-use crate::image::{ImagePair, MaskedObject};
+use crate::image::ImagePair;
+use crate::masked_object::MaskedObject;
 use crate::masks::DETECTED_ABOVE;
 use crate::matching::f_of;
 use crate::measure::{Measure, Measurement, Metric, Ratio, quotients};

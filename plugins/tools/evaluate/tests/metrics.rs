@@ -2,7 +2,8 @@
 
 use std::collections::BTreeMap;
 use syntable_evaluate::boundary::{Boundary, radius};
-use syntable_evaluate::image::{ImagePair, MaskedObject};
+use syntable_evaluate::image::ImagePair;
+use syntable_evaluate::masked_object::MaskedObject;
 use syntable_evaluate::measure::{Measure, Measurement, Measures, Metric, Tally, linked};
 use syntable_evaluate::{Convention, bootstrap, register_metric};
 use syntable_model::context::Workers;

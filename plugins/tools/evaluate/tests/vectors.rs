@@ -3,7 +3,8 @@
 use std::collections::BTreeMap;
 use syntable_evaluate::Convention;
 use syntable_evaluate::boundary::{Boundary, radius};
-use syntable_evaluate::image::{ImagePair, MaskedObject};
+use syntable_evaluate::image::ImagePair;
+use syntable_evaluate::masked_object::MaskedObject;
 use syntable_evaluate::matching::assign;
 use syntable_evaluate::measure::{Measures, Tally};
 use syntable_model::product::Mask;

@@ -8,8 +8,8 @@
 //! [`full_intensity`](syntable_mesh::paint::full_intensity) finds it for all types except `uchar`. As in other
 //! programs, a texture overrides colors by vertex, and these override colors by corner and by face.
 
+use crate::bop_files::guess_unit;
 use crate::formats::InFile;
-use crate::sources::bop_models::guess_unit;
 use body::PlyRows;
 use color::{ColorColumns, decode, range};
 use header::{Element, PlyHeader};

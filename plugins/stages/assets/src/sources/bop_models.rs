@@ -2,17 +2,18 @@
 
 use super::keypoints::with_keypoints;
 use super::nothing_found;
+use crate::bop_files::{MILLIMETER_M, model_id};
 use crate::formats::ply;
 use serde_json::Value;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use syntable_mesh::format::{MeshFormats, Unit};
-use syntable_mesh::root::{AssetRoot, exists, is_dir, read_file};
-use syntable_mesh::scan::{list, name_of};
-use syntable_mesh::{Model, ObjectInfo};
+use syntable_mesh::ObjectInfo;
+use syntable_mesh::format::MeshFormats;
+use syntable_mesh::root::{AssetRoot, exists, read_file};
+use syntable_mesh::scan::{is_dir, list, name_of};
 use syntable_model::geometry::{Aabb, Point3};
 use syntable_model::prelude::*;
-use syntable_model::scene::{Asset, AssetClass, Catalog, CatalogEntry, EXTENT_M, Object, Symmetries};
+use syntable_model::scene::{Asset, AssetClass, Catalog, CatalogEntry, Object, Symmetries};
 use syntable_model::stage::AssetLimits;
 
 /// Models of BOP datasets (Hodaň et al.): `<dataset>/models/obj_000001.ply` and so on, in millimeters, with vertex
@@ -44,8 +45,6 @@ fn models_folder() -> String {
     "models".into()
 }
 
-/// Meters per millimeter, the unit of BOP.
-pub(crate) const MILLIMETER_M: f64 = 1e-3;
 /// The file with the models' boxes.
 pub(crate) const INFO: &str = "models_info.json";
 /// Maximum distance of a box from the stated one, as a fraction of its diagonal.
@@ -198,24 +197,6 @@ pub(crate) fn is_models(folder: &Path) -> Result<bool> {
         return Ok(true);
     }
     Ok(is_dir(folder)? && list(folder)?.files.iter().any(|name| model_id(name).is_some()))
-}
-
-/// The unit of a PLY file that states none: the millimeter for a file named as in BOP, or for a mesh that would be
-/// larger than any object in meters, but not in millimeters.
-pub(crate) fn guess_unit(file: &Path, model: &Model) -> Unit {
-    let extent = model.extent();
-    let named = model_id(&name_of(file)).is_some();
-    if named || (extent > *EXTENT_M.end() && extent * MILLIMETER_M <= *EXTENT_M.end()) {
-        Unit { name: "millimeter, as in BOP", meters: MILLIMETER_M }
-    } else {
-        Unit::METER
-    }
-}
-
-/// The number in `obj_000001.ply`.
-pub(crate) fn model_id(file: &str) -> Option<u64> {
-    let digits = file.strip_prefix("obj_")?.strip_suffix(".ply")?;
-    (digits.len() == 6 && digits.bytes().all(|b| b.is_ascii_digit())).then(|| digits.parse().ok()).flatten()
 }
 
 /// Models of a folder by number, with their names.

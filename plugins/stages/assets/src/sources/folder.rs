@@ -68,7 +68,7 @@ pub fn catalog_of_folders(
 /// one asset. Its files are in the order of the extensions.
 pub fn by_stem(root: &AssetRoot, extensions: &[&str]) -> Result<BTreeMap<PathBuf, Vec<PathBuf>>> {
     let mut stems: BTreeMap<PathBuf, Vec<PathBuf>> = BTreeMap::new();
-    for file in walk(root, DEPTH, &|path| extensions.contains(&extension(path).as_str()))? {
+    for file in walk(root.folder(), DEPTH, &|path| extensions.contains(&extension(path).as_str()))? {
         stems.entry(file.with_extension("")).or_default().push(file);
     }
     let rank = |file: &PathBuf| extensions.iter().position(|known| *known == extension(file));

@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use syntable_mesh::format::ImageFormats;
 use syntable_mesh::image::DecodedImage;
-use syntable_mesh::root::{AssetRoot, is_dir};
-use syntable_mesh::scan::{list, root_name};
+use syntable_mesh::root::AssetRoot;
+use syntable_mesh::scan::{is_dir, list, root_name};
 use syntable_model::prelude::*;
 use syntable_model::scene::{
     Asset, AssetClass, Catalog, CatalogEntry, Color, Encoding, Material, NormalMap, Scalar, Texture, Wrap,

@@ -1,6 +1,7 @@
 //! The families of procedural surfaces.
 
-use super::{Bake, built, layers, made, natural, woven};
+use super::layers::{add_clearcoat, add_sheen};
+use super::{Bake, built, made, natural, woven};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use syntable_model::random::Stream;
@@ -169,7 +170,29 @@ impl MaterialFamily {
             Self::Wood => natural::boards,
         };
         let mut material = bake(&mut stream.clone(), size).material(name);
-        layers::add(self, &mut material, &mut stream.child("coat"));
+        add_layers(self, &mut material, &mut stream.child("coat"));
         material.with_digest()
+    }
+}
+
+/// Adds the clearcoat or sheen of a family to a baked material.
+fn add_layers(family: MaterialFamily, material: &mut Material, stream: &mut Stream) {
+    match family {
+        // Half of the furniture and a third of the floors have a clearcoat, satin or high gloss.
+        MaterialFamily::Timber if stream.chance(0.5) => add_clearcoat(material, stream.uniform(0.04, 0.3), false),
+        MaterialFamily::Wood if stream.chance(0.35) => add_clearcoat(material, stream.uniform(0.08, 0.35), true),
+        MaterialFamily::Ceramic => add_clearcoat(material, stream.uniform(0.02, 0.12), true),
+        MaterialFamily::Lacquer => add_clearcoat(material, stream.uniform(0.02, 0.08), false),
+        MaterialFamily::Leather if stream.chance(0.2) => add_clearcoat(material, stream.uniform(0.08, 0.25), true),
+        MaterialFamily::Fabric => {
+            add_sheen(material, stream.uniform(0.15, 0.5), stream.uniform(0.3, 0.8), stream.uniform(0.35, 0.7));
+        }
+        MaterialFamily::Carpet => {
+            add_sheen(material, stream.uniform(0.2, 0.5), stream.uniform(0.2, 0.6), stream.uniform(0.6, 0.9));
+        }
+        MaterialFamily::Velvet => {
+            add_sheen(material, stream.uniform(0.6, 1.0), stream.uniform(0.15, 0.5), stream.uniform(0.2, 0.4));
+        }
+        _ => {}
     }
 }

@@ -1,8 +1,6 @@
 //! Clearcoat and sheen over baked textures.
 
-use super::MaterialFamily;
 use super::color::mix;
-use syntable_model::random::Stream;
 use syntable_model::scene::{Clearcoat, Color, Encoding, Material, Scalar, Sheen};
 
 /// Adds a clearcoat that follows the normal map below, or is smooth.
@@ -15,35 +13,13 @@ pub fn add_clearcoat(material: &mut Material, roughness: f64, follows: bool) {
 }
 
 /// Adds sheen of a color between the surface's own and white.
-fn add_sheen(material: &mut Material, strength: f64, whiteness: f64, roughness: f64) {
+pub fn add_sheen(material: &mut Material, strength: f64, whiteness: f64, roughness: f64) {
     let own = mean_color(material);
     let tint = mix(own, [1.0; 3], whiteness as f32);
     material.sheen = Some(Sheen {
         color: Color::constant(tint.map(|channel| channel * strength as f32)),
         roughness: Scalar::constant(roughness as f32),
     });
-}
-
-/// Adds the clearcoat or sheen of a family to a baked material.
-pub fn add(family: MaterialFamily, material: &mut Material, stream: &mut Stream) {
-    match family {
-        // Half of the furniture and a third of the floors have a clearcoat, satin or high gloss.
-        MaterialFamily::Timber if stream.chance(0.5) => add_clearcoat(material, stream.uniform(0.04, 0.3), false),
-        MaterialFamily::Wood if stream.chance(0.35) => add_clearcoat(material, stream.uniform(0.08, 0.35), true),
-        MaterialFamily::Ceramic => add_clearcoat(material, stream.uniform(0.02, 0.12), true),
-        MaterialFamily::Lacquer => add_clearcoat(material, stream.uniform(0.02, 0.08), false),
-        MaterialFamily::Leather if stream.chance(0.2) => add_clearcoat(material, stream.uniform(0.08, 0.25), true),
-        MaterialFamily::Fabric => {
-            add_sheen(material, stream.uniform(0.15, 0.5), stream.uniform(0.3, 0.8), stream.uniform(0.35, 0.7));
-        }
-        MaterialFamily::Carpet => {
-            add_sheen(material, stream.uniform(0.2, 0.5), stream.uniform(0.2, 0.6), stream.uniform(0.6, 0.9));
-        }
-        MaterialFamily::Velvet => {
-            add_sheen(material, stream.uniform(0.6, 1.0), stream.uniform(0.15, 0.5), stream.uniform(0.2, 0.4));
-        }
-        _ => {}
-    }
 }
 
 /// Mean of the base color, linear; of every 7th texel, which is enough for a tint.

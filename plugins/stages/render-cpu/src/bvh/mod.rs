@@ -6,6 +6,7 @@
 //! precomputes, `walk` the traversal and triangle test, `query` the questions, `frustum` what rules out
 //! boxes for a whole tile.
 
+mod axes;
 mod build;
 mod frustum;
 mod mesh;

@@ -10,6 +10,53 @@ use super::{
 };
 use syntable_simd::{Simd, Task, Wide};
 
+impl SceneBvh {
+    /// The first hit of a ray.
+    #[inline]
+    pub fn closest(&self, ray: &Ray, from: f32, to: f32) -> Option<Hit> {
+        self.closest_where(ray, from, to, |_| true)
+    }
+
+    /// The first hit that `keep` lets through; the place for alpha tests. `keep` may be called for
+    /// hits farther than the answer, in any order.
+    #[inline]
+    pub fn closest_where(&self, ray: &Ray, from: f32, to: f32, keep: impl Fn(&Hit) -> bool) -> Option<Hit> {
+        self.processor.run(Closest { scene: self, ray, from: forward(from), to, keep })
+    }
+
+    /// Whether anything is in the way: a shadow ray.
+    #[inline]
+    pub fn any(&self, ray: &Ray, from: f32, to: f32) -> bool {
+        self.any_where(ray, from, to, |_| true)
+    }
+
+    /// Whether anything that `keep` lets through is in the way.
+    #[inline]
+    pub fn any_where(&self, ray: &Ray, from: f32, to: f32, keep: impl Fn(&Hit) -> bool) -> bool {
+        self.processor.run(Any { scene: self, ray, from: forward(from), to, keep })
+    }
+
+    /// Calls `visit` with the first hit in each instance, at any depth behind the others, in no
+    /// particular order of instances.
+    #[inline]
+    pub fn all_instances(&self, ray: &Ray, from: f32, to: f32, visit: impl FnMut(Hit)) {
+        self.processor.run(All { scene: self, ray, from: forward(from), to, visit });
+    }
+
+    /// [`Self::all_instances`] for every ray of a tile: `visit` also gets the ray's position in
+    /// `rays`. A little faster than ray by ray when the rays share an origin and are close together.
+    #[inline]
+    pub fn all_instances_tile(&self, rays: &[Ray], from: f32, to: f32, visit: impl FnMut(usize, Hit)) {
+        self.processor.run(Tile { scene: self, rays, from: forward(from), to, visit });
+    }
+}
+
+/// Rays go forward only. Also turns NaN and -0 into 0.
+#[inline(always)]
+fn forward(from: f32) -> f32 {
+    if from > 0.0 { from } else { 0.0 }
+}
+
 /// First hit that `keep` accepts.
 pub(super) struct Closest<'a, F> {
     pub scene: &'a SceneBvh,

@@ -1,6 +1,6 @@
 //! What a walk precomputes about a ray, once per frame of reference.
 
-use super::{Ray, walk::each_axis, wide::Column};
+use super::{Ray, axes::each_axis, wide::Column};
 use syntable_simd::Wide;
 
 /// Half-width of the error band put around every box, as a multiple of the largest coordinate in

@@ -11,32 +11,11 @@
 //! skipped when nothing in it could win; and equal distances go to the lower number.
 
 use super::{
+    axes::each_axis,
     ray::{Shear, Slabs},
     wide::{Block, Column, Leaf, Link, Node, Nodes, STACK, WIDTH},
 };
 use syntable_simd::{Wide, prefetch};
-
-/// `[f(0), f(1), f(2)]`, written out: a closure would be compiled without the CPU features of the
-/// function around it, and then not be inlined.
-macro_rules! each_axis {
-    ($a:ident => $body:expr) => {
-        [
-            {
-                let $a = 0_usize;
-                $body
-            },
-            {
-                let $a = 1_usize;
-                $body
-            },
-            {
-                let $a = 2_usize;
-                $body
-            },
-        ]
-    };
-}
-pub(super) use each_axis;
 
 /// What one lane of a leaf reports.
 #[derive(Clone, Copy, Debug)]

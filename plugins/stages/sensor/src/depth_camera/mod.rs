@@ -1,12 +1,13 @@
 //! From clean depth to what a depth camera measures.
 
+mod model;
 mod models;
 mod parameters;
 mod stereo;
 mod surface;
 mod time_of_flight;
 
-pub use models::Model;
+pub use model::Model;
 pub use parameters::{Common, DepthCamera, Principle, Stereo, StereoParameters, TimeOfFlight, TimeOfFlightParameters};
 
 use crate::image_filter::{filled, normal_field, normal_pair};

@@ -1,6 +1,6 @@
 //! Parameters of depth cameras, each declared once: as a value, and as the option that overrides it.
 
-use super::models::Model;
+use super::model::Model;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use syntable_model::dist::Dist;

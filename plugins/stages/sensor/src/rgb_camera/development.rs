@@ -1,6 +1,7 @@
 //! How an image was developed, read back from what was recorded of it.
 
-use super::tone::{Developer, Tone};
+use super::developer::Developer;
+use super::tone::Tone;
 use syntable_model::error::{Error, Result};
 use syntable_model::product::Value;
 use syntable_model::product::standard::EXPOSURE;

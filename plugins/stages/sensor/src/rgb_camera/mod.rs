@@ -1,20 +1,25 @@
 //! From radiance to an 8-bit image.
 
 mod agx;
+mod curve;
+mod developer;
 mod development;
 mod jpeg;
 mod lens;
 mod meter;
 mod noise;
+mod sigmoid;
 mod tone;
 mod white_balance;
 
+pub use curve::Curve;
+pub use developer::Developer;
 pub use development::Development;
 pub use jpeg::Jpeg;
 pub use lens::{Blur, ChromaticAberration, Vignetting};
 pub use meter::{ev100_of, white_nits};
 pub use noise::Noise;
-pub use tone::{Curve, Developer, Tone};
+pub use tone::Tone;
 pub use white_balance::WhiteBalance;
 
 use crate::image_filter::filled;

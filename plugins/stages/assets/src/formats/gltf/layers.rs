@@ -7,7 +7,6 @@
 //! definition, so node scales do not apply. Its thickness is for rasterizers; only zero matters here: the surface is then
 //! thin-walled.
 
-use super::materials::unit;
 use super::specular_glossiness::SpecularGlossinessJson;
 use super::uses::{Use, of_info, of_normal};
 use crate::formats::within;
@@ -194,4 +193,9 @@ fn parse<T: DeserializeOwned>(extensions: &json::extensions::material::Material,
     let json = extensions.others.get(name);
     let parsed = json.map(|json| serde_json::from_value(json.clone())).transpose();
     parsed.map_err(|error| within(Error::new(error.to_string()), name))
+}
+
+/// Clamps to [0, 1]; NaN becomes 0.
+pub fn unit(x: f32) -> f32 {
+    if x > 0.0 { x.min(1.0) } else { 0.0 }
 }

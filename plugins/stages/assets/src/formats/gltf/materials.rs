@@ -5,7 +5,7 @@
 
 use super::buffers::GltfBuffers;
 use super::get;
-use super::layers::MaterialLayers;
+use super::layers::{MaterialLayers, unit};
 use super::specular_glossiness::{Factors, SpecularGlossinessJson, convert};
 use super::uses::{Use, of_info, of_normal};
 use crate::formats::within;
@@ -432,9 +432,4 @@ fn wrap(mode: Checked<WrappingMode>) -> Result<Wrap> {
         Checked::Valid(WrappingMode::ClampToEdge) => Ok(Wrap::Clamp),
         Checked::Invalid => Err(Error::new("a sampler with an unknown wrap mode")),
     }
-}
-
-/// Clamps to [0, 1]; NaN becomes 0.
-pub fn unit(x: f32) -> f32 {
-    if x > 0.0 { x.min(1.0) } else { 0.0 }
 }

@@ -3,7 +3,8 @@
 use super::accessor::{self, indices, is_float, is_normalized, vectors, width};
 use super::buffers::GltfBuffers;
 use super::get;
-use super::materials::{Materials, unit};
+use super::layers::unit;
+use super::materials::Materials;
 use gltf::json::accessor::Accessor;
 use gltf::json::mesh::{Mode, Primitive as JsonPrimitive, Semantic};
 use gltf::json::validation::Checked;

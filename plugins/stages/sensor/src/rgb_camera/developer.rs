@@ -1,0 +1,38 @@
+//! Radiance to codes, by the tone that a recipe names.
+
+use super::agx::Agx;
+use super::curve::Curve;
+use super::tone::Tone;
+
+/// Converts radiance into 8-bit codes, for a given white.
+pub struct Developer {
+    codes: Codes,
+    gains: [f32; 3],
+}
+
+enum Codes {
+    /// One curve applied to each channel.
+    Curve(Box<Curve>),
+    /// A curve in a reduced gamut.
+    Agx(Box<Agx>),
+}
+
+impl Developer {
+    /// The developer of a tone, for a white in nits and gains of the channels.
+    pub fn new(tone: Tone, white: f64, gains: [f32; 3]) -> Self {
+        let codes = match tone {
+            Tone::Agx => Codes::Agx(Box::new(Agx::new(white))),
+            tone => Codes::Curve(Box::new(Curve::new(tone, white))),
+        };
+        Self { codes, gains }
+    }
+
+    /// The codes of a color in nits.
+    pub fn code(&self, nits: [f32; 3]) -> [u8; 3] {
+        let nits = std::array::from_fn(|c| nits[c] * self.gains[c]);
+        match &self.codes {
+            Codes::Curve(curve) => nits.map(|nits| curve.code(nits)),
+            Codes::Agx(agx) => agx.code(nits),
+        }
+    }
+}

@@ -1,0 +1,77 @@
+//! An object with its masks, labeled or predicted.
+
+use syntable_model::product::Mask;
+
+/// Minimum occlusion rate of a predicted object that counts as occluded.
+pub const OCCLUDED_FROM: f64 = 0.05;
+
+/// An object with its masks.
+#[derive(Debug, Clone, PartialEq)]
+pub struct MaskedObject {
+    /// The object without occluders, within the image.
+    pub amodal: Mask,
+    /// Visible part of the object.
+    pub visible: Mask,
+    /// Hidden part of the object.
+    pub occlusion: Mask,
+    /// Whether the object counts as occluded.
+    pub is_occluded: bool,
+    /// Confidence of a prediction, if the detector states it.
+    pub score: Option<f64>,
+    /// Id of a labeled object in its image; 0 of a prediction.
+    pub id: u16,
+    /// Id of its category in the ground truth, if it is known.
+    pub category: Option<u32>,
+}
+
+/// Rule for occluded predictions.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Occluded {
+    /// A prediction with an explicit occlusion mask is occluded if the mask has a pixel. Other predictions are occluded
+    /// from [`OCCLUDED_FROM`] on, as in the reference.
+    AsSaid,
+    /// From this occlusion rate on.
+    From(f64),
+}
+
+impl Occluded {
+    /// Minimum occlusion rate of an occluded prediction, with or without an explicit occlusion mask.
+    pub fn least(self, says: bool) -> f64 {
+        match self {
+            Self::AsSaid if says => 0.0,
+            Self::AsSaid => OCCLUDED_FROM,
+            Self::From(rate) => rate,
+        }
+    }
+}
+
+impl MaskedObject {
+    /// A labeled object: occluded if any pixel is hidden.
+    pub fn labeled(amodal: Mask, visible: Mask) -> Self {
+        Self::labeled_with(amodal, visible, None)
+    }
+
+    /// A labeled object with its occlusion mask; without one, the mask is computed from the others.
+    pub fn labeled_with(amodal: Mask, visible: Mask, occlusion: Option<Mask>) -> Self {
+        Self::predicted_from(0.0, amodal, visible, occlusion)
+    }
+
+    /// A predicted object: occluded if its rate is at least [`OCCLUDED_FROM`].
+    pub fn predicted(amodal: Mask, visible: Mask) -> Self {
+        Self::predicted_from(OCCLUDED_FROM, amodal, visible, None)
+    }
+
+    /// A predicted object, occluded if any pixel is hidden and the rate is at least `least`. Without an occlusion mask,
+    /// the mask is computed from the others.
+    pub fn predicted_from(least: f64, amodal: Mask, visible: Mask, occlusion: Option<Mask>) -> Self {
+        let occlusion = occlusion.unwrap_or_else(|| differ(&amodal, &visible));
+        let is_occluded = f64::from(occlusion.area()) >= least * f64::from(amodal.area());
+        let is_occluded = is_occluded && !occlusion.is_empty();
+        Self { is_occluded, amodal, visible, occlusion, score: None, id: 0, category: None }
+    }
+}
+
+/// Pixels of exactly one of two masks: the occlusion mask as the reference makes it.
+fn differ(amodal: &Mask, visible: &Mask) -> Mask {
+    amodal.minus(visible).or(&visible.minus(amodal))
+}
