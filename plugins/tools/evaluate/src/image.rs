@@ -81,7 +81,7 @@ fn differ(amodal: &Mask, visible: &Mask) -> Mask {
 }
 
 /// Pairs (label, prediction).
-pub type Pairs = Vec<(usize, usize)>;
+pub type MatchedPairs = Vec<(usize, usize)>;
 
 /// Labels and predictions of an image.
 #[derive(Debug, Clone, Default)]
@@ -94,8 +94,8 @@ pub struct ImagePair {
     pub unlikely: Vec<MaskedObject>,
     /// Regions with objects that labels do not separate.
     pub crowds: Vec<Crowd>,
-    matched: OnceLock<Pairs>,
-    painted: OnceLock<([Vec<Mask>; 2], Pairs)>,
+    matched: OnceLock<MatchedPairs>,
+    painted: OnceLock<([Vec<Mask>; 2], MatchedPairs)>,
 }
 
 impl ImagePair {

@@ -4,7 +4,7 @@
 //! common pixel. Of assignments with equal sums, the result is the one whose list of pairs, by object, is
 //! lexicographically lowest.
 
-use crate::image::{MaskedObject, Pairs};
+use crate::image::{MaskedObject, MatchedPairs};
 use syntable_model::product::Mask;
 
 /// An F of 1 as an integer, so that equal sums are equal.
@@ -17,12 +17,16 @@ pub fn f_of(a: &Mask, b: &Mask) -> f64 {
 }
 
 /// Labels and predictions matched by one of their masks, by label.
-pub fn by_masks(labels: &[MaskedObject], predictions: &[MaskedObject], of: impl Fn(&MaskedObject) -> &Mask) -> Pairs {
+pub fn by_masks(
+    labels: &[MaskedObject],
+    predictions: &[MaskedObject],
+    of: impl Fn(&MaskedObject) -> &Mask,
+) -> MatchedPairs {
     pairs_of(&labels.iter().map(&of).collect::<Vec<_>>(), &predictions.iter().map(&of).collect::<Vec<_>>())
 }
 
 /// Masks matched with others, by the first.
-pub fn pairs_of(labels: &[&Mask], predictions: &[&Mask]) -> Pairs {
+pub fn pairs_of(labels: &[&Mask], predictions: &[&Mask]) -> MatchedPairs {
     let boxes = [labels, predictions].map(|masks| masks.iter().map(|mask| mask.bbox()).collect::<Vec<_>>());
     let score = |i: usize, j: usize| {
         if boxes[0][i].meets(&boxes[1][j]) { f_of(labels[i], predictions[j]) } else { 0.0 }
