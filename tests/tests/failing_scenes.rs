@@ -13,7 +13,7 @@ use syntable_program as _;
 use syntable_recipe::{Overrides, Source};
 use syntable_runtime::cache::DiskCache;
 use syntable_runtime::run::progress::{Event, Reporter};
-use syntable_runtime::run::{Outcome, RunOptions, run};
+use syntable_runtime::run::{RunOptions, RunOutcome, run};
 use syntable_testing::folder::files;
 use syntable_testing::scenes;
 
@@ -73,12 +73,12 @@ impl Reporter for Events {
     }
 }
 
-fn small(out: &Path, set: &[(&str, &str)]) -> (Outcome, Vec<Event>) {
+fn small(out: &Path, set: &[(&str, &str)]) -> (RunOutcome, Vec<Event>) {
     let (outcome, events) = attempt(out, set);
     (outcome.expect("the run ends well"), events)
 }
 
-fn attempt(out: &Path, set: &[(&str, &str)]) -> (Result<Outcome>, Vec<Event>) {
+fn attempt(out: &Path, set: &[(&str, &str)]) -> (Result<RunOutcome>, Vec<Event>) {
     let registry = Registry::linked().expect("no clash");
     let source = Source::read(root().join("recipes/quickstart.toml")).expect("there");
     let mut changes: Vec<(String, String)> = SMALL
@@ -103,7 +103,7 @@ fn a_panic_costs_one_scene_and_shifts_none() {
     let (outcome, _) = small(&good, &[]);
     assert_eq!(
         outcome,
-        Outcome {
+        RunOutcome {
             scenes: 4,
             failed: 0,
             lacking: 0,
@@ -116,7 +116,7 @@ fn a_panic_costs_one_scene_and_shifts_none() {
     let (outcome, events) = small(&bad, &[("annotate.fragile.panics_in", "[1]")]);
     assert_eq!(
         outcome,
-        Outcome {
+        RunOutcome {
             scenes: 3,
             failed: 1,
             lacking: 0,
@@ -150,7 +150,7 @@ fn the_next_attempt_may_do_better() {
     let (outcome, events) = small(folder.path(), &[("annotate.fragile.stumbles_in", "[2]")]);
     assert_eq!(
         outcome,
-        Outcome {
+        RunOutcome {
             scenes: 4,
             failed: 0,
             lacking: 0,

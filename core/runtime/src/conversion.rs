@@ -95,7 +95,7 @@ impl Conversion {
             let what: Vec<String> = unreadable.iter().map(|(reasons, one)| count(reasons.len() as u32, one)).collect();
             let reasons = unreadable.iter().flat_map(|(reasons, _)| reasons.iter().take(SHOWN));
             let reasons = reasons.map(|reason| Error::new(reason.clone()));
-            report.add(format!("{} left out because they cannot be read", what.join(" and ")), reasons);
+            report.add(format!("{} left out as unreadable", what.join(" and ")), reasons);
         }
         report.annotations(&it.not_objects);
         if !it.not_kept.is_empty() {

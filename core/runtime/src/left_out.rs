@@ -17,7 +17,7 @@ pub struct LeftOutReport {
 }
 
 impl LeftOutReport {
-    /// Adds omitted data: a summary such as `3 images left out because they cannot be read`, and a warning for each
+    /// Adds omitted data: a summary such as `3 images left out as unreadable`, and a warning for each
     /// item or for the first few.
     pub fn add(&mut self, summary: String, warnings: impl IntoIterator<Item = Error>) {
         self.warnings.extend(warnings);
@@ -28,7 +28,7 @@ impl LeftOutReport {
     pub fn unlisted(&mut self, dataset: &OpenDataset) {
         let lost: Vec<String> = not_listed(dataset);
         if !lost.is_empty() {
-            let summary = format!("{} left out because they cannot be read", count(lost.len() as u32, "part"));
+            let summary = format!("{} left out as unreadable", count(lost.len() as u32, "part"));
             self.add(summary, lost.into_iter().take(SHOWN).map(Error::new));
         }
     }

@@ -106,6 +106,6 @@ pub use syntable_runtime::images::ImageWork;
 pub use syntable_runtime::left_out::LeftOutReport;
 pub use syntable_runtime::run::progress::{Event, Quiet, Reporter};
 pub use syntable_runtime::run::stop::Stop;
-pub use syntable_runtime::run::{Outcome, RunOptions, Verified, merge, run, verify};
+pub use syntable_runtime::run::{RunOptions, RunOutcome, Verified, merge, run, verify};
 pub use syntable_runtime::validate::{ValidatedDataset, validate_path as validate};
 pub use syntable_runtime::workers::{self, Pool};

@@ -192,7 +192,7 @@ fn a_new_recipe_brings_the_schema_of_the_program() {
     // A schema of something else stays.
     std::fs::write(folder.path().join("recipe.schema.json"), "{}").expect("writable");
     let error = fails(syntable().args(["new", "recipe"]).arg(folder.path().join("third.toml")), 2);
-    assert!(error.contains("it is another schema"), "{error}");
+    assert!(error.contains("the file is not a schema of SynTable recipes"), "{error}");
     for name in ["camera", "rgb", "self", "core", "serde"] {
         let error = fails(syntable().args(["new", "plugin", name, "--path"]).arg(folder.path().join(name)), 2);
         assert!(error.contains("choose another name") && !folder.path().join(name).exists(), "{name}: {error}");

@@ -320,18 +320,19 @@ fn folders_inside_of_other_datasets_are_refused() {
     fs::create_dir_all(path("run/coco")).expect("writable");
     fs::write(path("run/.syntable/journal.jsonl"), "").expect("writable");
     for (from, out, root, what) in [
-        (path("foreign"), "foreign/out", "foreign", "the dataset that is read"),
-        (path("foreign"), "foreign/not/there/out", "foreign", "the dataset that is read"),
-        (file.clone(), "foreign/out", "foreign", "the dataset that is read"),
-        (file, "foreign/annotations/out", "foreign", "the dataset that is read"),
+        (path("foreign"), "foreign/out", "foreign", "the source dataset"),
+        (path("foreign"), "foreign/not/there/out", "foreign", "the source dataset"),
+        (file.clone(), "foreign/out", "foreign", "the source dataset"),
+        (file, "foreign/annotations/out", "foreign", "the source dataset"),
         (path("foreign"), "run/out", "run", "the folder of a run"),
         (path("foreign"), "run/coco", "run", "the folder of a run"),
         (path("foreign"), "run/not/there", "run", "the folder of a run"),
     ] {
         let said = fails(&mut convert(&from, "coco", &path(out)), 2);
-        let parts = [path(out).display().to_string(), format!("it lies in {what}, {}", path(root).display())];
+        let parts =
+            [path(out).display().to_string(), format!("the output folder is inside {what}, {}", path(root).display())];
         assert!(parts.iter().all(|part| said.contains(part.as_str())), "{said}");
-        assert!(said.contains("choose a folder outside of that one, such as ") && !path(out).join("coco").exists());
+        assert!(said.contains("choose a folder outside, such as ") && !path(out).join("coco").exists());
     }
     ok(&mut convert(&path("foreign"), "coco", &path("foreign out")));
     // The folder of the annotation file stands for the dataset around it, and pages have the same rule as datasets.
@@ -347,7 +348,7 @@ fn folders_inside_of_other_datasets_are_refused() {
         assert!(fails(&mut stats, 2).contains("--csv would write into"));
         for verb in [&mut convert(from, "coco", &out), syntable().arg("report").arg(from).arg("--out").arg(&out)] {
             let said = fails(verb, 2);
-            assert!(said.contains("it lies in the dataset that is read, ") && !out.exists(), "{said}");
+            assert!(said.contains("the output folder is inside the source dataset, ") && !out.exists(), "{said}");
         }
     }
 }
@@ -420,7 +421,7 @@ fn holes_that_polygons_fill_are_counted() {
     ] {
         let said = fails(convert(&path("ring"), to, &path("lossy")).args(["--set", set]), 3);
         assert_eq!((says(&said, "visible"), says(&said, "amodal")), (visible, amodal), "{set}: {said}");
-        assert!(said.contains(&format!("labels are not written whole by write.{to}")), "{said}");
+        assert!(said.contains(&format!("labels are written incompletely by write.{to}")), "{said}");
         fs::remove_dir_all(path("lossy")).expect("there");
     }
     // Rotated boxes are around the mask, and the others store masks.
@@ -440,7 +441,7 @@ fn options_that_the_dataset_cannot_meet_are_refused() {
     for (have, lack) in [("visible", "amodal"), ("amodal", "visible")] {
         let masks = |masks: &str| ["--set".to_owned(), format!("coco.masks=\"{masks}\"")];
         let said = fails(convert(&path(have), "coco", &path("out")).args(masks(lack)), 2);
-        let want = format!("--set coco.masks=\"{lack}\" needs `{lack}_mask`, which the dataset does not have");
+        let want = format!("--set coco.masks=\"{lack}\" needs `{lack}_mask`, which the dataset lacks");
         assert!(said.contains(&want) && !path("out").exists(), "{said}");
         for options in [&masks(have)[..], &[]] {
             ok(convert(&path(have), "coco", &path("out")).args(options));
@@ -599,7 +600,7 @@ fn images_that_a_dataset_hides_are_named() {
     for mut verb in [convert(&path("foreign"), "coco", &path("out")), stats] {
         let said = fails(&mut verb, 3);
         assert!(said.contains("more/0_0.png: it is view 0 of scene 0"), "{said}");
-        assert!(said.contains("1 part left out: they cannot be read"), "{said}");
+        assert!(said.contains("1 part left out as unreadable"), "{said}");
     }
 }
 
@@ -642,13 +643,13 @@ fn amodal_masks_alone_are_no_visible_ones() {
     assert_same(&coco, &folder.path().join("again"));
     // What needs visible masks is refused.
     let said = fails(&mut convert(&coco, "coco_panoptic", &folder.path().join("panoptic")), 2);
-    assert!(said.contains("reads `visible_mask`, `visible_box`, which the dataset does not have"), "{said}");
+    assert!(said.contains("reads `visible_mask`, `visible_box`, which the dataset lacks"), "{said}");
     let said = ok(&mut convert(&coco, "npz", &folder.path().join("arrays")));
     assert!(said.contains("left out: depth, occlusion_order, visible_box, visible_ids"), "{said}");
     assert!(whole == masks(&folder.path().join("arrays")));
     let mut given = convert(&coco, "npz", &folder.path().join("given"));
     let said = fails(given.args(["--set", "npz.include=[\"depth\", \"visible_box\", \"amodal_box\"]"]), 2);
-    assert!(said.contains("reads `depth`, `visible_box`, which the dataset does not have"), "{said}");
+    assert!(said.contains("reads `depth`, `visible_box`, which the dataset lacks"), "{said}");
     assert!(said.contains("as in --set 'npz.include=[\"category_id\"]'"), "{said}");
     // Objects overlap: taken for what is visible, they would be at fault.
     let file = yolo.join("data.yaml");

@@ -187,19 +187,19 @@ fn the_worst_images_are_saved_with_their_predictions() {
     let eval =
         |more: &[&str]| fails(syntable().arg("eval").arg("--gt").arg(data()).arg("--pred").arg(&pred).args(more), 2);
     let said = eval(&["--save", &save, "--worst-by", "f"]);
-    assert!(said.contains("there is no score `f` to rank images by"), "{said}");
+    assert!(said.contains("unknown score `f` to rank images by"), "{said}");
     let nowhere = folder.path().join("none/scores.json").display().to_string();
     assert!(eval(&["--save", &nowhere]).contains("scores.json"));
     // What is read or written otherwise is not overwritten.
     let said = eval(&["--save", &pred.display().to_string()]);
-    assert!(said.contains("--save would overwrite what the command reads"), "{said}");
+    assert!(said.contains("--save would overwrite an input of the command"), "{said}");
     let said = eval(&["--save", &save, "--csv", &save]);
-    assert!(said.contains("--save would overwrite what --csv writes"), "{said}");
+    assert!(said.contains("--save would overwrite the file of --csv"), "{said}");
     // Categories that are not those of the ground truth are named.
     predicted[0]["category_id"] = json!(999);
     let pred = write(folder.path(), &predicted);
     let said = fails(syntable().arg("eval").arg("--gt").arg(data()).arg("--pred").arg(&pred).arg("--by-category"), 2);
-    assert!(said.contains("a prediction has no category of the ground truth"), "{said}");
+    assert!(said.contains("a prediction has a category that the ground truth lacks"), "{said}");
 }
 
 #[test]
@@ -316,7 +316,7 @@ fn objects_of_bop_are_categories() {
         eval
     };
     let said = fails(&mut eval(&results), 2);
-    assert!(said.contains("a prediction has no category of the ground truth"), "{said}");
+    assert!(said.contains("a prediction has a category that the ground truth lacks"), "{said}");
     predicted.retain(|it| it["category_id"] != 17);
     let file = folder.path().join("known.json");
     fs::write(&file, Value::from(predicted).to_string()).expect("writable");
@@ -468,7 +468,7 @@ fn label_maps_are_read_as_either_side() {
     fs::remove_file(osd.join("annotation/more.png")).expect("writable");
     fs::rename(&image, osd.join("annotation/more.png")).expect("writable");
     let said = eval(&data(), &osd);
-    assert!(said.contains(&format!("{named}_")) && said.contains("there is no label map of its image"), "{said}");
+    assert!(said.contains(&format!("{named}_")) && said.contains("its image has no label map"), "{said}");
     fs::rename(osd.join("annotation/more.png"), &image).expect("writable");
     // Objects without an occlusion mask are not occluded, unless there is no folder of them.
     let hidden = osd.join("occlusion_annotation");
@@ -478,7 +478,7 @@ fn label_maps_are_read_as_either_side() {
     assert_eq!(scores(&osd, &any)["scores"]["edge_r"], json!(0.0));
     write_png(&osd.join("occlusion_annotation/other_3.png"), [4, 2], png::BitDepth::Eight, &[255; 8]);
     let said = eval(&data(), &osd);
-    assert!(said.contains("other_3.png") && said.contains("there is no label map of its image"), "{said}");
+    assert!(said.contains("other_3.png") && said.contains("its image has no label map"), "{said}");
 }
 
 /// OSD-Amodal's folders are labels; those of them that its evaluation compares are predictions.

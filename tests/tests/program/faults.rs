@@ -227,7 +227,7 @@ fn a_bad_asset_that_was_mended_is_another_asset() {
     fs::write(&mesh, bad).expect("writable");
     // Enough draws that each scene meets it.
     let scenes = ["--set", "dataset.scenes=3", "--set", "place[2].count=12"];
-    // What was passed over is named.
+    // What was skipped is named.
     fails(&mut run(&recipe, &whole, &scenes), 3);
     fails(run(&recipe, &data, &scenes).args(["--scenes", "0..2"]), 3);
     fs::write(&mesh, good).expect("writable");
@@ -395,9 +395,7 @@ fn kills_while_overwriting_leave_no_half_of_the_old_dataset() {
 fn what_is_odd_about_scenes_is_told_once_and_at_the_end() {
     let folder = tempfile::tempdir().expect("a folder");
     let said = text(&small_run(folder.path(), &["--set", "lights=[]", "--threads", "1"]).output().expect("starts"));
-    for word in
-        ["scene 0: all images are black", "2 of 2 scenes: all images are black", "there is no light", "[[lights]]"]
-    {
+    for word in ["scene 0: all images are black", "2 of 2 scenes: all images are black", "no light", "[[lights]]"] {
         assert!(said.contains(word), "{word} is not in\n{said}");
     }
     assert!(!said.contains("scene 1: all images"), "{said}");

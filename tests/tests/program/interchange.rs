@@ -606,7 +606,7 @@ fn every_writer_gives_a_thing_the_same_number() {
             .arg("validate")
             .args(["train", "val"].map(|part| path(part).join(inside)))
             .args(["--format", format]));
-        assert!(said.contains("2 datasets: categories and objects have the same numbers"), "{inside}: {said}");
+        assert!(said.contains("2 datasets: categories and objects have the same ids"), "{inside}: {said}");
     }
     assert!(categories > 30 && objects > 30, "{categories} {objects}");
     // Another numbering is found.

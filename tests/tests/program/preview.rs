@@ -123,7 +123,7 @@ fn mistakes_are_told_as_check_tells_them() {
     assert!(!out.exists());
     // A sheet never takes the place of the recipe, or of what is no sheet.
     let said = fails(syntable().arg("preview").arg(&recipe).arg("--out").arg(&recipe), 2);
-    assert!(said.contains("--out would overwrite what the command reads"), "{said}");
+    assert!(said.contains("--out would overwrite an input of the command"), "{said}");
     fs::write(&out, "mine").expect("written");
     let said = fails(syntable().arg("preview").arg(&recipe).arg("--out").arg(&out), 2);
     assert!(
@@ -145,7 +145,7 @@ fn a_sheet_never_takes_the_place_of_an_asset() {
     let before = fs::read(&texture).expect("readable");
     let refused = |recipe: &Path, more: &[&str]| {
         let said = fails(preview(recipe, &["--views", "1"]).args(more).arg("--out").arg(&texture), 2);
-        assert!(said.contains("--out would overwrite a file that is no sheet of a preview"), "{said}");
+        assert!(said.contains("the output file exists and is not a preview sheet"), "{said}");
         assert!(fs::read(&texture).expect("readable") == before);
     };
     refused(&recipe, &[]);

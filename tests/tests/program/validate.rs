@@ -386,7 +386,7 @@ fn datasets_without_amodal_masks_are_converted() {
     assert_eq!(masks("coco of yolo"), want);
     // Polygons around amodal masks need such masks.
     let said = fails(convert("plain", "yolo", "refused").args(["--set", "yolo.masks=\"amodal\""]), 2);
-    assert!(said.contains("`amodal_mask`, ") && said.contains("which the dataset does not have"), "{said}");
+    assert!(said.contains("`amodal_mask`, ") && said.contains("which the dataset lacks"), "{said}");
 }
 
 #[test]
@@ -405,9 +405,9 @@ fn a_request_that_cannot_succeed_is_at_fault() {
     {
         std::os::unix::fs::symlink(path("nowhere"), path("link")).expect("a link");
         let said = fails(&mut convert(&path("link")), 2);
-        assert!(said.contains("link: it is a link to what is not there"), "{said}");
+        assert!(said.contains("link: the path is a link to a missing folder"), "{said}");
         let said = fails(syntable().args(["run", "builtin:quickstart", "--out"]).arg(path("link")), 2);
-        assert!(said.contains("it is a link to what is not there"), "{said}");
+        assert!(said.contains("the path is a link to a missing folder"), "{said}");
     }
     // A missing image stays missing; a file names the dataset as its folder does.
     let away = path("a.png");

@@ -9,7 +9,7 @@ use syntable_model::registry::Registry;
 use syntable_recipe::Recipe;
 use syntable_runtime::cache::DiskCache;
 use syntable_runtime::run::progress::count;
-use syntable_runtime::run::{Outcome, RunOptions, SceneRange, run as run_recipe};
+use syntable_runtime::run::{RunOptions, RunOutcome, SceneRange, run as run_recipe};
 use syntable_runtime::workers;
 
 #[derive(Args)]
@@ -67,7 +67,7 @@ pub(crate) fn run(console: &Console, registry: &Registry, args: &RunArgs) -> Res
 }
 
 /// Ends a verb that made a dataset: exit code 3 and the reasons if the dataset is incomplete.
-pub(crate) fn end_of(outcome: &Outcome, out: &Path) -> Result<(), Exit> {
+pub(crate) fn end_of(outcome: &RunOutcome, out: &Path) -> Result<(), Exit> {
     let failed = (outcome.failed > 0).then(|| {
         Error::new(format!("{} failed", count(outcome.failed, "scene")))
             .in_file(out.join(".syntable/journal.jsonl"))

@@ -31,7 +31,7 @@ impl Budget {
         }
     }
 
-    /// Reserves an image. Refuses an image without pixels, or with more than `max_side` pixels along a side.
+    /// Reserves an image. Refuses the image has no pixels, or with more than `max_side` pixels along a side.
     pub fn image(&self, width: u64, height: u64, max_side: u64) -> Result<()> {
         if width == 0 || height == 0 {
             return Err(Error::new(format!("an image of {width} x {height} pixels is empty")));

@@ -60,7 +60,7 @@ impl Processor {
     #[inline]
     pub fn run<T: Task>(self, task: T) -> T::Output {
         match self.0 {
-            InstructionSet::Portable => task.run::<Scalar>(),
+            InstructionSet::Portable => task.run::<ScalarCode>(),
             #[cfg(target_arch = "x86_64")]
             InstructionSet::Avx2(token) => token.run(task),
         }
@@ -81,9 +81,9 @@ pub fn prefetch<T>(address: *const T) {
 }
 
 /// Plain Rust.
-enum Scalar {}
+enum ScalarCode {}
 
-impl Simd for Scalar {
+impl Simd for ScalarCode {
     type Real = f32;
     type Wide = Portable;
 }
@@ -91,7 +91,7 @@ impl Simd for Scalar {
 mod sealed {
     /// Keeps other crates from making instruction sets.
     pub trait Sealed {}
-    impl Sealed for super::Scalar {}
+    impl Sealed for super::ScalarCode {}
     #[cfg(target_arch = "x86_64")]
     impl Sealed for super::avx2::Avx2 {}
 }

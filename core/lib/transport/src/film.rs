@@ -37,7 +37,7 @@ const FIREFLY_ERROR: f64 = 0.5;
 
 /// Limits on samples and time.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Budget {
+pub struct SampleBudget {
     /// Maximum samples per pixel.
     pub samples: u32,
     /// Relative error below which squares stop early.
@@ -46,7 +46,7 @@ pub struct Budget {
     pub seconds: Option<f64>,
 }
 
-impl Budget {
+impl SampleBudget {
     /// Whether all pixels get the same number of samples.
     pub fn is_fixed(&self) -> bool {
         self.noise.is_none() && self.seconds.is_none()
@@ -202,7 +202,7 @@ impl Film {
         tracer: &impl Tracer,
         size: [u32; 2],
         tiles: &[Tile],
-        budget: &Budget,
+        budget: &SampleBudget,
         workers: &dyn Workers,
     ) -> Result<Self> {
         let tiles = tiles.iter().map(TileFilm::new).collect();

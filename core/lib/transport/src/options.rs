@@ -1,7 +1,7 @@
 //! Options that all path tracers have.
 
 use crate::components::Light;
-use crate::film::Budget;
+use crate::film::SampleBudget;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use syntable_prepare::labels::BlendedLabels;
@@ -161,11 +161,11 @@ impl PathTracing {
 
     /// Limits on samples and time. Every component of light has the whole time limit, and the same number of samples in
     /// all of its pixels.
-    pub fn budget(&self, light: Light) -> Budget {
+    pub fn budget(&self, light: Light) -> SampleBudget {
         match light {
-            Light::All => Budget { samples: self.samples_per_pixel, noise: self.noise, seconds: self.time_s },
+            Light::All => SampleBudget { samples: self.samples_per_pixel, noise: self.noise, seconds: self.time_s },
             Light::Direct | Light::Unshadowed => {
-                Budget { samples: self.samples_per_pixel, noise: None, seconds: self.time_s }
+                SampleBudget { samples: self.samples_per_pixel, noise: None, seconds: self.time_s }
             }
         }
     }

@@ -301,7 +301,7 @@ fn a_file_that_comes_before_a_new_one_has_its_name_is_kept() {
         // The action runs if the link fails: the file is then renamed.
         if !faults::take_meanwhile() {
             let error = done.expect("nothing kills it").expect_err("a file came").to_string();
-            assert!(error.contains("it exists already"), "{error}");
+            assert!(error.contains("the path already exists"), "{error}");
             assert_eq!(texts(home.path()), [("recipe.toml".to_owned(), "mine".to_owned())].into());
             came += 1;
         }
@@ -381,5 +381,8 @@ fn links_and_permissions_stay() {
     assert_eq!(mode("there"), 0o600);
     std::fs::set_permissions(at("there"), PermissionsExt::from_mode(0o400)).expect("permitted");
     let error = write_file(&at("there"), b"three").expect_err("read-only").to_string();
-    assert!(error.contains("it is read-only") && std::fs::read(at("there")).expect("readable") == b"two", "{error}");
+    assert!(
+        error.contains("the file is read-only") && std::fs::read(at("there")).expect("readable") == b"two",
+        "{error}"
+    );
 }

@@ -1,7 +1,7 @@
 //! The end of a run: dataset annotators, and the last step of writers.
 
 use crate::pools::BAD;
-use crate::run::Outcome;
+use crate::run::RunOutcome;
 use crate::run::dataset::folder::Folder;
 use crate::run::dataset::journal::{Journal, JournalEntry, Notice};
 use crate::run::dataset::loss::Loss;
@@ -35,7 +35,7 @@ pub fn end(
     journal: Journal,
     resolved: &str,
     (repair, wanted): (bool, &Range<u32>),
-) -> Result<Outcome> {
+) -> Result<RunOutcome> {
     let log = &Warnings(reporter);
     let journal = Mutex::new(journal);
     let before = journal.lock().entries().values().filter(|entry| !entry.failed()).cloned().collect::<Vec<_>>();
@@ -61,7 +61,7 @@ pub fn end(
     tell_at_the_end(&made, reporter);
     let all_assets = entries.iter().flat_map(|entry| &entry.assets);
     let bad: BTreeSet<&String> = all_assets.filter(|(_, digest)| *digest == BAD).map(|(name, _)| name).collect();
-    Ok(Outcome {
+    Ok(RunOutcome {
         bad_assets: bad.into_iter().cloned().collect(),
         scenes: made.len() as u32,
         failed: (entries.len() - made.len()) as u32,

@@ -11,7 +11,7 @@ use crate::run::decisions::inputs;
 use crate::run::finish;
 use crate::run::progress::{Event, Guarded, Reporter, Warnings, count};
 use crate::run::stop::Stop;
-use crate::run::{Outcome, ranges, stopping};
+use crate::run::{RunOutcome, ranges, stopping};
 use crate::workers::Pool;
 use parking_lot::Mutex;
 use std::collections::{BTreeMap, BTreeSet};
@@ -40,7 +40,7 @@ pub fn merge<P: Clone + Into<StoreFolder>>(
     threads: usize,
     stop: &Stop,
     reporter: &dyn Reporter,
-) -> Result<Outcome> {
+) -> Result<RunOutcome> {
     let start = Instant::now();
     let reporter = &Guarded(reporter);
     let (out, parts) = (out.into(), parts.iter().cloned().map(Into::into).collect::<Vec<StoreFolder>>());
@@ -109,7 +109,7 @@ pub fn merge<P: Clone + Into<StoreFolder>>(
         grown: 0,
         seconds: start.elapsed().as_secs_f64(),
     });
-    Ok(Outcome { missing, ..outcome })
+    Ok(RunOutcome { missing, ..outcome })
 }
 
 /// Refuses a dataset that is also named as a part, since it would be opened twice, and folders inside each other, since

@@ -86,7 +86,7 @@ impl RunOptions {
 
 /// Result of a run.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Outcome {
+pub struct RunOutcome {
     /// Number of scenes in the dataset, without failed scenes.
     pub scenes: u32,
     /// Number of failed scenes.
@@ -104,7 +104,7 @@ pub struct Outcome {
     pub left_out: Vec<Loss>,
 }
 
-impl Outcome {
+impl RunOutcome {
     /// Skipped assets, and parts of labels that writers could not store. Failed scenes are not included.
     pub fn left_out(&self) -> LeftOutReport {
         let mut report = LeftOutReport::default();
@@ -119,7 +119,7 @@ impl Outcome {
 }
 
 /// Runs a recipe. After an error, finished work remains, and the same call continues.
-pub fn run(recipe: &Recipe, options: &RunOptions, reporter: &dyn Reporter) -> Result<Outcome> {
+pub fn run(recipe: &Recipe, options: &RunOptions, reporter: &dyn Reporter) -> Result<RunOutcome> {
     let start = Instant::now();
     let guarded = Guarded(reporter);
     let reporter = &Once::new(&guarded);
@@ -130,7 +130,7 @@ pub fn run(recipe: &Recipe, options: &RunOptions, reporter: &dyn Reporter) -> Re
         making::scenes::make(recipe, options, &pool, reporter, begun)?;
     let outcome = finish::end(recipe, reporter, &pool, &folder, journal, &resolved, (options.repair, &wanted))
         .map_err(stopping)?;
-    let outcome = Outcome { lacking, ..outcome };
+    let outcome = RunOutcome { lacking, ..outcome };
     reporter.event(&Event::Finished {
         out: options.out.name().display().to_string(),
         scenes: outcome.scenes,

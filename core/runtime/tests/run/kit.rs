@@ -18,7 +18,7 @@ use syntable_model::stage::{
 use syntable_recipe::{Overrides, Source};
 use syntable_runtime::cache::DiskCache;
 use syntable_runtime::run::progress::{Event, Quiet, Reporter};
-use syntable_runtime::run::{Outcome, RunOptions};
+use syntable_runtime::run::{RunOptions, RunOutcome};
 use syntable_testing::scenes;
 
 products! {
@@ -455,12 +455,12 @@ pub fn rivals(thinker: &'static str, echo: &'static str) -> Registry {
 }
 
 /// Runs a recipe of these kinds.
-pub fn run(recipe: &str, out: &Path, threads: usize) -> Result<Outcome> {
+pub fn run(recipe: &str, out: &Path, threads: usize) -> Result<RunOutcome> {
     run_scenes(recipe, out, threads, None)
 }
 
 /// Runs some scenes of a recipe.
-pub fn run_scenes(recipe: &str, out: &Path, threads: usize, scenes: Option<Range<u32>>) -> Result<Outcome> {
+pub fn run_scenes(recipe: &str, out: &Path, threads: usize, scenes: Option<Range<u32>>) -> Result<RunOutcome> {
     run_with(recipe, RunOptions { scenes, ..options(out, threads) }, &Quiet)
 }
 
@@ -470,7 +470,7 @@ pub fn options(out: &Path, threads: usize) -> RunOptions {
 }
 
 /// Runs a recipe with options.
-pub fn run_with(recipe: &str, options: RunOptions, reporter: &dyn Reporter) -> Result<Outcome> {
+pub fn run_with(recipe: &str, options: RunOptions, reporter: &dyn Reporter) -> Result<RunOutcome> {
     let source = Source::embedded("test.toml", recipe);
     let (recipe, _) = syntable_recipe::load(&registry(), source, &Overrides::of_process(Vec::new()))
         .unwrap_or_else(|report| panic!("{report}"));

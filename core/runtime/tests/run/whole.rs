@@ -11,7 +11,7 @@ use syntable_runtime::run::dataset::folder::Folder;
 use syntable_runtime::run::dataset::journal::Journal;
 use syntable_runtime::run::progress::{Event, Quiet, Reporter};
 use syntable_runtime::run::stop::Stop;
-use syntable_runtime::run::{Outcome, RunOptions, merge, verify};
+use syntable_runtime::run::{RunOptions, RunOutcome, merge, verify};
 use syntable_testing::folder::files;
 
 const RECIPE: &str = "[dataset]\nscenes = 4\nviews_per_scene = 2\nname = \"whole\"\n\
@@ -129,7 +129,7 @@ fn only_damaged_scenes_are_made_again() {
 }
 
 /// Stops a call at its first event, at its second, and so on, until it comes to its end. Returns how often it stopped.
-fn stopped_anywhere(call: &dyn Fn(&Stop, &dyn Reporter) -> Result<Outcome>, check: &dyn Fn()) -> u32 {
+fn stopped_anywhere(call: &dyn Fn(&Stop, &dyn Reporter) -> Result<RunOutcome>, check: &dyn Fn()) -> u32 {
     for number in 0.. {
         let stop = Stop::default();
         let reporter = AtEvent { number, act: &|| stop.cancel(), seen: AtomicU32::new(0) };
@@ -234,7 +234,7 @@ fn parts_that_do_not_belong_together_are_refused() {
     let error = merge(&[&ours[0], &other]);
     assert!(error.contains("different recipes") && error.contains("dataset.name: \"whole\" -> \"other\""), "{error}");
     let nothing = folder.path().join("nothing");
-    assert!(merge(&[&ours[0], &nothing]).contains("there is no dataset"));
+    assert!(merge(&[&ours[0], &nothing]).contains("no dataset in this folder"));
     // The dataset as one of its parts, by another name.
     let again = ours[0].join("../part-0");
     let error =
@@ -497,7 +497,7 @@ fn a_lost_list_of_what_the_end_wrote_is_had_again() {
     fs::write(&end, "cut sho").expect("writable");
     for _ in 0..2 {
         let error = run(RECIPE, &data, 1).expect_err("whose is it?").to_string();
-        assert!(error.contains("`lines/dataset.json` is there already") && error.contains("--repair"), "{error}");
+        assert!(error.contains("`lines/dataset.json` exists") && error.contains("--repair"), "{error}");
         assert_eq!(fs::read_to_string(&end).ok().as_deref(), Some("cut sho"));
     }
     repair(RECIPE).expect("taken for the dataset's");
@@ -507,7 +507,7 @@ fn a_lost_list_of_what_the_end_wrote_is_had_again() {
     fs::write(data.join("lines/mine.json"), "mine").expect("writable");
     for _ in 0..2 {
         let error = repair(&other).expect_err("not the dataset's").to_string();
-        assert!(error.contains("`lines/mine.json` is there already") && !error.contains("--repair"), "{error}");
+        assert!(error.contains("`lines/mine.json` exists") && !error.contains("--repair"), "{error}");
     }
     assert_eq!(fs::read_to_string(data.join("lines/mine.json")).ok().as_deref(), Some("mine"));
 }
@@ -561,7 +561,7 @@ fn forgotten_parts_are_told() {
         told.text()
     };
     let text = merged(&parts);
-    assert!(text.contains("6 of 9 scenes of the recipe are in no part: 0, 3..6, 7..9"), "{text}");
+    assert!(text.contains("no part has 6 of the recipe's 9 scenes: 0, 3..6, 7..9"), "{text}");
     assert!(text.contains("merge the parts that have them"), "{text}");
     assert!(merged(&[part("c", 0..1), part("d", 3..6)]).contains("in no part: 7..9\""));
     assert!(!merged(&[part("e", 7..9)]).contains("in no part"));

@@ -41,7 +41,7 @@ fn decode_flat(bytes: &[u8], _: &Budget) -> Result<DecodedImage> {
         [b'F', b'L', b'A', b'T', r, g, b] => {
             Ok(DecodedImage { width: 1, height: 1, texels: vec![*r, *g, *b, 255], kind: "Flat".into() })
         }
-        _ => Err(Error::new("not a sound Flat image")),
+        _ => Err(Error::new("not a valid Flat image")),
     }
 }
 
@@ -92,7 +92,7 @@ fn mesh_folder_reads_a_foreign_mesh_format() {
     let names: Vec<&str> = catalog.entries.iter().map(|entry| entry.name.as_str()).collect();
     assert_eq!(names, ["bad", "box", "sub/a", "sub/b"]);
     // STL states a higher preference than the foreign format.
-    assert!(log.warnings()[0].to_string().contains("b.cuboid: `sub/b` has several files; `sub/b.stl` is read"));
+    assert!(log.warnings()[0].to_string().contains("b.cuboid: `sub/b` has several files; using `sub/b.stl`"));
 
     let size = |object: &Object| <[f64; 3]>::from(object.mesh.bounds().size()).map(|x| (x * 1e3).round());
     let found = object(&*meshes, "box");

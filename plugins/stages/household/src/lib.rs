@@ -4,8 +4,8 @@
 //! [`procedural_environments`]. Objects and tables are modeled with [`shape`] and textured with [`material`];
 //! [`family`] holds the object families.
 //!
-//! **Invariants.** A variant is a function of seed, family and number: not of what was loaded before, nor of the
-//! families or the number of variants selected. Meshes are unions of closed surfaces with outward normals.
+//! **Invariants.** A variant depends only on seed, family and number, not on earlier loads, on the selected families,
+//! or on the number of selected variants. Meshes are unions of closed surfaces with outward normals.
 
 pub mod family;
 pub mod household;

@@ -2,7 +2,7 @@
 //!
 //! [`sky`] computes daylight, [`studio`] rooms lit by softboxes.
 //!
-//! **Invariants.** The illuminance on a horizontal plane under the open map is the one that the description states, to
+//! **Invariants.** The illuminance on a horizontal plane under the open map equals the value in the description, up to
 //! the resolution of the map.
 
 mod raster;
@@ -20,12 +20,12 @@ use syntable_model::scene::{Asset, AssetClass, Catalog, EnvironmentMap};
 /// Procedural environment maps, in nits: daylight by the CIE standard general sky (ISO 15469:2004), and
 /// studios. No download is needed.
 ///
-/// Names are `<family>_<variant>`, such as `clear_sky_0003`. A variant depends on seed, family and number alone.
-/// On a level plane, clear and hazy skies give 8,700 to 15,600 lx, cloudy ones 12,000 to 41,000 lx, overcast ones 5,700 to
-/// 19,400 lx, sunsets 3,300 to 6,600 lx and studios 500 to 3,000 lx.
+/// Names are `<family>_<variant>`, such as `clear_sky_0003`. A variant depends only on seed, family and number. The
+/// illuminance on a horizontal plane is 8,700 to 15,600 lx for clear and hazy skies, 12,000 to 41,000 lx for cloudy
+/// ones, 5,700 to 19,400 lx for overcast ones, 3,300 to 6,600 lx for sunsets and 500 to 3,000 lx for studios.
 ///
-/// The sun's disc is not in the maps, only the bright sky around it, above the map's +x: a directional light gives its
-/// shadows.
+/// The maps do not contain the sun's disc, only the bright sky around it, above the map's +x. Add a directional light
+/// for the sun's shadows.
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct ProceduralEnvironments {
@@ -78,7 +78,7 @@ impl EnvironmentFamily {
         }
     }
 
-    /// A variant, made from a stream of its own.
+    /// A variant, drawn from its own stream.
     pub fn map(self, stream: &Stream, name: &str, width: u32) -> Result<EnvironmentMap> {
         let weather = match self {
             Self::ClearSky => Weather::Clear,

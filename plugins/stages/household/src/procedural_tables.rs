@@ -106,7 +106,7 @@ impl AssetSource for TableSource {
         let (design, variant) =
             parse_name(name, &self.config.designs, |design| design.name(), self.config.variants_per_design)?;
         let stream = Stream::root(self.config.seed).child("tables").child(design.name()).at(u64::from(variant));
-        let mut model = TableBuilder::new(&stream, &self.materials).table(design);
+        let mut model = TabletopBuilder::new(&stream, &self.materials).table(design);
         model.friction = 0.6;
         object(name, "table", model).map(Asset::from)
     }
@@ -117,13 +117,13 @@ const TOP: u16 = 0;
 const FRAME: u16 = 1;
 const TRIM: u16 = 2;
 
-struct TableBuilder {
+struct TabletopBuilder {
     form: Stream,
     materials: Vec<Arc<Material>>,
     shape: SolidShape,
 }
 
-impl TableBuilder {
+impl TabletopBuilder {
     fn new(stream: &Stream, materials: &MaterialCache) -> Self {
         let mut appearance = stream.child("paint");
         let mut surface = |families: &[MaterialFamily]| {
@@ -175,7 +175,7 @@ impl TableBuilder {
         HouseholdModel { shape: self.shape, materials: self.materials, mass_kg, friction: 0.6, crease_deg: 38.0 }
     }
 
-    /// A rectangular top of half sizes; gives the height of its underside.
+    /// A rectangular top with these half sizes. Returns the height of its underside.
     fn top(&mut self, [a, b]: [f64; 2], h: f64, thick: f64) -> f64 {
         self.board(TOP, [-a, -b, h - thick], [a, b, h]);
         h - thick

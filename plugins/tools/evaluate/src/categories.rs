@@ -4,7 +4,6 @@
 
 use crate::coco::{ComparedObjects, KINDS, KindTally, SCORES, values};
 use crate::image::ImagePair;
-use crate::masked_object::MaskedObject;
 use crate::measure::Measure;
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -38,6 +37,11 @@ impl ByCategory {
     }
 }
 
+/// Names of a category's average precisions, one per kind of mask.
+fn average_precisions(word: &str) -> [String; KINDS.len()] {
+    KINDS.map(|kind| format!("{word}_{}_{}", kind.name, SCORES[0]))
+}
+
 /// A name in snake case.
 fn word(name: &str) -> String {
     let parts = name.split(|letter: char| !letter.is_alphanumeric()).filter(|part| !part.is_empty());
@@ -53,15 +57,13 @@ impl Measure for ByCategory {
 
     fn names(&self) -> Vec<String> {
         let means = KINDS.iter().flat_map(|kind| SCORES.map(|score| format!("{MEAN}_{}_{score}", kind.name)));
-        let of = |word: &str| KINDS.map(|kind| format!("{word}_{}_{}", kind.name, SCORES[0]));
-        means.chain(self.words().flat_map(of)).collect()
+        means.chain(self.words().flat_map(average_precisions)).collect()
     }
 
     fn tally(&self, pair: &ImagePair) -> OfCategories {
         let predictions = || pair.predictions.iter().chain(&pair.unlikely);
-        let of = |it: &MaskedObject| it.category;
-        let found =
-            pair.labels.iter().chain(predictions()).filter_map(of).chain(pair.crowds.iter().map(|it| it.category));
+        let objects = pair.labels.iter().chain(predictions());
+        let found = objects.filter_map(|it| it.category).chain(pair.crowds.iter().map(|it| it.category));
         let found: BTreeSet<u32> = found.collect();
         let objects = |category: u32| ComparedObjects {
             labels: pair.labels.iter().filter(|it| it.category == Some(category)).collect(),

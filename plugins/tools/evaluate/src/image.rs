@@ -1,7 +1,7 @@
 //! The objects of an image, labeled and predicted.
 
 use crate::masked_object::MaskedObject;
-use crate::matching::{Pairs, by_masks, pairs_of};
+use crate::matching::{MatchedPairs, by_masks, pairs_of};
 use std::sync::OnceLock;
 use syntable_model::error::{Error, Result};
 use syntable_model::product::Mask;
@@ -18,8 +18,8 @@ pub struct ImagePair {
     pub unlikely: Vec<MaskedObject>,
     /// Regions with objects that labels do not separate.
     pub crowds: Vec<Crowd>,
-    matched: OnceLock<Pairs>,
-    painted: OnceLock<([Vec<Mask>; 2], Pairs)>,
+    matched: OnceLock<MatchedPairs>,
+    painted: OnceLock<([Vec<Mask>; 2], MatchedPairs)>,
 }
 
 impl ImagePair {

@@ -96,8 +96,11 @@ register_masks! {
 
 /// The scores of amodal masks.
 pub fn amodal(pair: &ImagePair) -> MaskScores {
-    let of = |of: &[MaskedObject]| of.iter().map(|it| it.amodal.clone()).collect::<Vec<_>>();
-    of_masks(&of(&pair.labels), &of(&pair.predictions), pair.matched())
+    of_masks(&amodal_masks(&pair.labels), &amodal_masks(&pair.predictions), pair.matched())
+}
+
+fn amodal_masks(objects: &[MaskedObject]) -> Vec<Mask> {
+    objects.iter().map(|object| object.amodal.clone()).collect()
 }
 
 /// Scores of visible masks, painted into label maps and matched separately.

@@ -8,7 +8,7 @@ use crate::masked_object::MaskedObject;
 use syntable_model::product::Mask;
 
 /// Pairs (label, prediction).
-pub type Pairs = Vec<(usize, usize)>;
+pub type MatchedPairs = Vec<(usize, usize)>;
 
 /// An F of 1 as an integer, so that equal sums are equal.
 const UNIT: f64 = (1_u64 << 40) as f64;
@@ -20,12 +20,16 @@ pub fn f_of(a: &Mask, b: &Mask) -> f64 {
 }
 
 /// Labels and predictions matched by one of their masks, by label.
-pub fn by_masks(labels: &[MaskedObject], predictions: &[MaskedObject], of: impl Fn(&MaskedObject) -> &Mask) -> Pairs {
+pub fn by_masks(
+    labels: &[MaskedObject],
+    predictions: &[MaskedObject],
+    of: impl Fn(&MaskedObject) -> &Mask,
+) -> MatchedPairs {
     pairs_of(&labels.iter().map(&of).collect::<Vec<_>>(), &predictions.iter().map(&of).collect::<Vec<_>>())
 }
 
 /// Masks matched with others, by the first.
-pub fn pairs_of(labels: &[&Mask], predictions: &[&Mask]) -> Pairs {
+pub fn pairs_of(labels: &[&Mask], predictions: &[&Mask]) -> MatchedPairs {
     let boxes = [labels, predictions].map(|masks| masks.iter().map(|mask| mask.bbox()).collect::<Vec<_>>());
     let score = |i: usize, j: usize| {
         if boxes[0][i].meets(&boxes[1][j]) { f_of(labels[i], predictions[j]) } else { 0.0 }

@@ -21,7 +21,7 @@ use syntable_runtime::workers::Pool;
 
 /// An object: amodal and visible mask as images of a label set on paper.
 #[derive(Clone)]
-struct Object {
+struct LabelObject {
     amodal: Mask,
     visible: Mask,
     name: &'static str,
@@ -32,7 +32,7 @@ struct Object {
 struct Paper {
     info: DatasetInfo,
     refs: Vec<ImageRef>,
-    images: Vec<Vec<Object>>,
+    images: Vec<Vec<LabelObject>>,
     orders: Vec<OcclusionOrder>,
     rgb: Vec<Plane<[u8; 3]>>,
     depth: Vec<Plane<f32>>,
@@ -43,7 +43,7 @@ struct Paper {
 const SIZE: [u32; 2] = [20, 16];
 
 impl Paper {
-    fn new(images: Vec<(u32, Vec<Object>)>) -> Self {
+    fn new(images: Vec<(u32, Vec<LabelObject>)>) -> Self {
         let mut paper = Self {
             info: read::Categories::default().info("paper".into(), String::new(), &[], String::new()),
             refs: Vec::new(),
@@ -130,24 +130,24 @@ fn rect([x, y, width, height]: [u32; 4]) -> Mask {
 }
 
 /// Rectangles from front to back: each hides those behind it.
-fn stacked(shapes: &[[u32; 4]]) -> Vec<Object> {
+fn stacked(shapes: &[[u32; 4]]) -> Vec<LabelObject> {
     let mut front = Mask::empty(SIZE[0], SIZE[1]);
     let of = |shape: &[u32; 4]| {
         let amodal = rect(*shape);
         let visible = amodal.minus(&front);
         front = front.or(&amodal);
-        Object { amodal, visible, name: "box" }
+        LabelObject { amodal, visible, name: "box" }
     };
     shapes.iter().map(of).collect()
 }
 
 /// Objects of 18 visible pixels, a row each, and for each edge (i, j) one pixel of i that hides j.
-fn with_edges(objects: u32, edges: &[(u32, u32)]) -> Vec<Object> {
+fn with_edges(objects: u32, edges: &[(u32, u32)]) -> Vec<LabelObject> {
     let row = |it: u32| rect([0, it, 18, 1]);
     let of = |it: u32| {
         let occluders = edges.iter().filter(|edge| edge.1 == it);
         let amodal = occluders.fold(row(it), |whole, (front, _)| whole.or(&rect([it, *front, 1, 1])));
-        Object { amodal, visible: row(it), name: "rod" }
+        LabelObject { amodal, visible: row(it), name: "rod" }
     };
     (0..objects).map(of).collect()
 }
@@ -329,7 +329,7 @@ fn random(stream: &mut Stream, images: u32) -> Paper {
         let objects = (0..n).map(|j| {
             let others = (0..n).filter(|i| front[i * n + j]);
             let visible = others.fold(shapes[j].clone(), |seen, i| seen.minus(&shapes[i]));
-            Object { amodal: shapes[j].clone(), visible, name: NAMES[j % 4] }
+            LabelObject { amodal: shapes[j].clone(), visible, name: NAMES[j % 4] }
         });
         (number / 3, objects.collect())
     };
@@ -409,7 +409,7 @@ fn random_labels_are_counted_as_pixel_by_pixel() {
     let wanted: Vec<_> = by_size.into_iter().map(|(size, count)| (size as f64, count)).collect();
     assert_eq!(values(&found, Quantity::ComponentSize), wanted);
     for asset in found.assets.expect("names") {
-        let seen = |image: &&Vec<Object>| image.iter().any(|it| it.name == asset.name && !it.visible.is_empty());
+        let seen = |image: &&Vec<LabelObject>| image.iter().any(|it| it.name == asset.name && !it.visible.is_empty());
         assert_eq!(asset.views as usize, paper.images.iter().filter(seen).count(), "{}", asset.name);
         let mut scenes: Vec<u32> =
             paper.refs.iter().zip(&paper.images).filter(|it| seen(&it.1)).map(|it| it.0.scene.0).collect();

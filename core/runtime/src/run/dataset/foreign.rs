@@ -18,7 +18,7 @@ use syntable_model::store::{Kind as FileKind, StoreFolder};
 
 /// A list of files in the program's own folder. Its path determines its kind.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
-pub struct List {
+pub struct FileList {
     /// Path of the list.
     pub path: DatasetPath,
     kind: ListKind,
@@ -117,7 +117,7 @@ struct Stale<'a> {
 
 /// An entry that a dataset must not have.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
-pub struct Odd {
+pub struct StrayFile {
     /// Path, with `/` between folders.
     pub path: String,
     /// Description of the fault.
@@ -128,7 +128,7 @@ pub struct Odd {
 const CHANGED: &str =
     "no file was changed; no run writes this, so another person or program changed the dataset, perhaps to do harm";
 
-impl Odd {
+impl StrayFile {
     fn into_error(self, dataset: &StoreFolder) -> Error {
         Error::new(self.what).in_file(dataset.name_of(&self.path)).help(CHANGED)
     }
@@ -139,7 +139,7 @@ pub fn check_mark(dataset: &StoreFolder) -> Result<()> {
     for (path, expected) in [(MARK.to_owned(), FileKind::Folder), (layout::lock().to_string(), FileKind::File)] {
         match dataset.look(&path)?.map(|there| there.kind) {
             Some(kind) if kind != expected => {
-                return Err(Odd { what: what_is(kind, expected), path }.into_error(dataset));
+                return Err(StrayFile { what: what_is(kind, expected), path }.into_error(dataset));
             }
             Some(_) => {}
             None => break,
@@ -182,9 +182,9 @@ fn prefixes(folder: &str) -> impl Iterator<Item = &str> {
 #[derive(Default)]
 pub struct OwnFiles {
     /// Entries that are neither files nor folders, sorted.
-    pub odd: Vec<Odd>,
+    pub odd: Vec<StrayFile>,
     /// Lists of files, sorted by path.
-    pub lists: Vec<List>,
+    pub lists: Vec<FileList>,
     /// Folders of the dataset that receive files of staged scenes.
     ready: BTreeSet<String>,
 }
@@ -195,7 +195,7 @@ pub fn own_files(dataset: &StoreFolder) -> Result<OwnFiles> {
     let recipes = [RECIPE.to_owned(), format!("{RECIPE}.part")].map(|path| (path, FileKind::File));
     for (path, expected) in [(MARK.to_owned(), FileKind::Folder)].into_iter().chain(recipes) {
         if let Some(kind) = dataset.look(&path)?.map(|there| there.kind).filter(|kind| *kind != expected) {
-            own.odd.push(Odd { what: what_is(kind, expected), path });
+            own.odd.push(StrayFile { what: what_is(kind, expected), path });
         }
     }
     if own.odd.is_empty() {
@@ -213,16 +213,16 @@ fn walk(dataset: &StoreFolder, inside: &str, own: &mut OwnFiles) -> Result<()> {
             walk(dataset, &path, own)?;
             own.ready.extend(ready_folder(&path).map(str::to_owned));
         } else if kind != FileKind::File {
-            own.odd.push(Odd { what: what_is(kind, FileKind::File), path });
+            own.odd.push(StrayFile { what: what_is(kind, FileKind::File), path });
         } else if !may_be_staged(&path) {
             let what =
                 "no run stages this file: moved into place, it would replace one of the program's own files".to_owned();
-            own.odd.push(Odd { path, what });
+            own.odd.push(StrayFile { path, what });
         } else if let Some(kind) = ListKind::at(&path)
             // The program opens no file by another name.
             && let Ok(path) = DatasetPath::new(path)
         {
-            own.lists.push(List { path, kind });
+            own.lists.push(FileList { path, kind });
         }
     }
     Ok(())
@@ -283,7 +283,11 @@ const MOST_THREADS: usize = 8;
 const LARGE: usize = 1 << 22;
 
 /// Reads lists. Returns foreign or reserved names in the order of the lists, and the folders of all other names.
-pub fn names(dataset: &StoreFolder, lists: &[List], workers: &dyn Workers) -> Result<(Vec<Odd>, BTreeSet<String>)> {
+pub fn names(
+    dataset: &StoreFolder,
+    lists: &[FileList],
+    workers: &dyn Workers,
+) -> Result<(Vec<StrayFile>, BTreeSet<String>)> {
     let found = Mutex::new((BTreeMap::new(), BTreeSet::new()));
     let large = Mutex::new(());
     workers.run(lists.len(), &|number| {
@@ -303,13 +307,13 @@ pub fn names(dataset: &StoreFolder, lists: &[List], workers: &dyn Workers) -> Re
         }
     });
     let (odd, folders) = found.into_inner();
-    let odd: Vec<Vec<Odd>> = odd.into_values().collect::<Result<_>>()?;
+    let odd: Vec<Vec<StrayFile>> = odd.into_values().collect::<Result<_>>()?;
     Ok((odd.concat(), folders))
 }
 
-impl List {
+impl FileList {
     /// The foreign names of a list, at most [`SHOWN`] and the number of others, and the folders of the remaining names.
-    fn look(&self, text: &[u8]) -> (Vec<Odd>, BTreeSet<String>) {
+    fn look(&self, text: &[u8]) -> (Vec<StrayFile>, BTreeSet<String>) {
         let (mut odd, mut more, mut folders) = (Vec::new(), 0_u64, BTreeSet::new());
         let mut add = |key: &str, why: String| match odd.len() {
             SHOWN.. => more += 1,
@@ -337,8 +341,8 @@ impl List {
         (odd, folders)
     }
 
-    fn odd(&self, what: String) -> Odd {
-        Odd { path: self.path.to_string(), what }
+    fn odd(&self, what: String) -> StrayFile {
+        StrayFile { path: self.path.to_string(), what }
     }
 }
 
@@ -398,7 +402,7 @@ mod tests {
 
     #[test]
     fn of_many_bad_names_the_first_are_told_and_the_rest_counted() {
-        let list = List { path: layout::manifest(0), kind: ListKind::Scene };
+        let list = FileList { path: layout::manifest(0), kind: ListKind::Scene };
         let files: Vec<String> = (0..1000).map(|number| format!(r#""../{number:04}":0"#)).collect();
         let (odd, folders) = list.look(format!(r#"{{"files":{{"a/b/c":0,{}}}}}"#, files.join(",")).as_bytes());
         assert_eq!((odd.len(), folders), (SHOWN + 1, BTreeSet::from(["a/b".to_owned()])));

@@ -318,7 +318,7 @@ fn cut(dataset: &StoreFolder, whole: u64) -> Result<()> {
 }
 
 /// The lines of a journal, as bytes, one in memory at a time.
-pub struct Lines {
+pub struct JournalLines {
     name: PathBuf,
     /// `None` if the journal does not exist.
     file: Option<BufReader<StoredFile>>,
@@ -326,7 +326,7 @@ pub struct Lines {
     number: usize,
 }
 
-impl Lines {
+impl JournalLines {
     /// Opens the journal of a dataset. A missing journal has no lines.
     pub fn open(dataset: &StoreFolder) -> Result<Self> {
         let path = layout::journal();
@@ -353,7 +353,7 @@ fn each_line(
     dataset: &StoreFolder,
     mut each: impl FnMut(usize, serde_json::Result<JournalEntry>) -> Result<()>,
 ) -> Result<u64> {
-    let (mut lines, mut whole) = (Lines::open(dataset)?, 0);
+    let (mut lines, mut whole) = (JournalLines::open(dataset)?, 0);
     while let Some(line) = lines.next_line()?.filter(|line| line.ends_with(b"\n")) {
         whole += line.len() as u64;
         let entry = serde_json::from_slice(line);

@@ -3,7 +3,7 @@
 use crate::run::dataset::commit::Staged;
 use crate::run::dataset::folder::{Folder, each_file};
 use crate::run::dataset::foreign;
-use crate::run::dataset::journal::Lines;
+use crate::run::dataset::journal::JournalLines;
 use crate::run::dataset::layout::{self, FINISHED, RECIPE, SCENES};
 use crate::run::dataset::manifest::Manifest;
 use crate::run::dataset::staging::READY;
@@ -50,7 +50,7 @@ impl Folder {
 
     fn has_lines(&self) -> Result<bool> {
         let made = br#""outcome":"made""#;
-        let mut lines = Lines::open(&self.files)?;
+        let mut lines = JournalLines::open(&self.files)?;
         while let Some(line) = lines.next_line()? {
             if line.windows(made.len()).any(|part| part == made) {
                 return Ok(true);

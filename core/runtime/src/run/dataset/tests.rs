@@ -154,7 +154,7 @@ fn a_file_has_one_owner() {
         assert!(error.contains("does not belong to the dataset"), "{error}");
         assert_eq!(text(&open, "notes.txt").as_deref(), Some("mine"));
         let error = commit(&open, 4, &[("notes.txt/4", "4")]).expect_err("in the way").to_string();
-        assert!(error.contains("`notes.txt` is there already"), "{error}");
+        assert!(error.contains("`notes.txt` exists"), "{error}");
         // The end of a run may replace what an earlier end wrote, and nothing else.
         let mut journal = open.journal().expect("there");
         for (name, content, whose) in [

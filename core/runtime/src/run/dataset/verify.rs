@@ -2,7 +2,7 @@
 
 use crate::run::dataset::ending::Finished;
 use crate::run::dataset::folder::each_file;
-use crate::run::dataset::foreign::{self, Odd};
+use crate::run::dataset::foreign::{self, StrayFile};
 use crate::run::dataset::journal::Journal;
 use crate::run::dataset::layout::{self, MARK, RECIPE};
 use crate::run::dataset::locking::lock;
@@ -166,8 +166,8 @@ impl Verified {
         Ok(())
     }
 
-    fn add_odd(&mut self, odd: Vec<Odd>) {
-        self.outside.extend(odd.into_iter().map(|Odd { path, what }| (path, what)));
+    fn add_odd(&mut self, odd: Vec<StrayFile>) {
+        self.outside.extend(odd.into_iter().map(|StrayFile { path, what }| (path, what)));
     }
 
     fn add(&mut self, other: Self) {

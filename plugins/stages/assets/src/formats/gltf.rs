@@ -5,13 +5,13 @@
 //! ignored, with a warning if they change the appearance. This module, not the library, resolves the buffers and images
 //! that a file names, so no file outside the asset's folder is read, and no memory is allocated unchecked.
 
-use super::{InFile, within};
+use super::{FormatLog, within};
 use buffers::GltfBuffers;
 use container::GltfFile;
 use gltf::json::{Index, Root};
-use materials::Materials;
-use nodes::Instance;
-use primitive::{Primitive, Shape};
+use materials::GltfMaterials;
+use nodes::MeshInstance;
+use primitive::{Deformation, PrimitiveArrays};
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
 use std::path::Path;
@@ -119,16 +119,16 @@ fn get<'a, T>(items: &'a [T], index: Index<T>, what: &str) -> Result<&'a T> {
 /// The inputs of a mesh's shape: its index, the bits of its weights, and whether a skin poses it.
 type ShapeKey = (usize, Vec<u32>, bool);
 
-fn key(instance: &Instance) -> ShapeKey {
-    let Shape { weights, skinned } = instance.shape();
+fn key(instance: &MeshInstance) -> ShapeKey {
+    let Deformation { weights, skinned } = instance.shape();
     (instance.mesh.value(), weights.iter().map(|weight| weight.to_bits()).collect(), skinned)
 }
 
 fn bake(document: &Root, buffers: &mut GltfBuffers<'_>, path: &Path, log: &dyn Log) -> Result<Model> {
     let instances = nodes::instances(document, buffers)?;
-    let mut materials = Materials::new(document, path, log);
+    let mut materials = GltfMaterials::new(document, path, log);
     // Every primitive is read once per shape, however often it is placed. The sum is checked before any is placed.
-    let mut primitives: BTreeMap<ShapeKey, Vec<Primitive>> = BTreeMap::new();
+    let mut primitives: BTreeMap<ShapeKey, Vec<PrimitiveArrays>> = BTreeMap::new();
     let (mut vertices, mut triangles) = (0, 0);
     for instance in &instances {
         let mesh = get(&document.meshes, instance.mesh, "mesh")?;
@@ -138,7 +138,8 @@ fn bake(document: &Root, buffers: &mut GltfBuffers<'_>, path: &Path, log: &dyn L
             Entry::Vacant(entry) => {
                 let (mut found, mut placed) = (Vec::new(), triangles);
                 for (i, primitive) in mesh.primitives.iter().enumerate() {
-                    let read = Primitive::read(document, buffers, primitive, &mut materials, instance.shape(), placed);
+                    let read =
+                        PrimitiveArrays::read(document, buffers, primitive, &mut materials, instance.shape(), placed);
                     if let Some(read) = read.map_err(|error| within(error, format!("mesh {index}, primitive {i}")))? {
                         placed += read.triangles.len();
                         found.push(read);
@@ -158,7 +159,7 @@ fn bake(document: &Root, buffers: &mut GltfBuffers<'_>, path: &Path, log: &dyn L
         return Err(Error::new("no faces").help("check that the scene has a mesh of triangles"));
     }
 
-    let has = |part: fn(&Primitive) -> bool| primitives.values().flatten().any(part);
+    let has = |part: fn(&PrimitiveArrays) -> bool| primitives.values().flatten().any(part);
     let (normals, uvs, colors) =
         (has(|p| !p.normals.is_empty()), has(|p| !p.uvs.is_empty()), has(|p| !p.colors.is_empty()));
     let mut mesh = MeshData::default();
@@ -207,14 +208,14 @@ fn bake(document: &Root, buffers: &mut GltfBuffers<'_>, path: &Path, log: &dyn L
         }
     }
     let meaning = materials.vertex_alpha();
-    let is_ignored = |primitive: &Primitive| {
+    let is_ignored = |primitive: &PrimitiveArrays| {
         !primitive.alphas.is_empty() && meaning[usize::from(primitive.slot)] == VertexAlpha::Ignored
     };
     if primitives.values().flatten().any(is_ignored) {
         materials.warn("the alpha of COLOR_0 is ignored where `alphaMode` is OPAQUE, as the standard requires");
     }
     let mut model = Model { mesh, materials: materials.into_slots(buffers)? };
-    let log = InFile { log, path };
+    let log = FormatLog { log, path };
     blend_by_vertex(&mut model, &alphas, |slot| meaning.get(slot).copied().unwrap_or(VertexAlpha::Ignored), &log);
     Ok(model)
 }

@@ -20,12 +20,12 @@ use syntable_model::context::Log;
 use syntable_model::error::{Error, Place};
 
 /// A log that names a file in warnings.
-struct InFile<'a> {
+struct FormatLog<'a> {
     log: &'a dyn Log,
     path: &'a Path,
 }
 
-impl Log for InFile<'_> {
+impl Log for FormatLog<'_> {
     fn warn(&self, warning: &Error) {
         self.log.warn(&warning.clone().in_file(self.path));
     }

@@ -9,7 +9,7 @@
 //! programs, a texture overrides colors by vertex, and these override colors by corner and by face.
 
 use crate::bop_files::guess_unit;
-use crate::formats::InFile;
+use crate::formats::FormatLog;
 use body::PlyRows;
 use color::{ColorColumns, decode, range};
 use header::{Element, PlyHeader};
@@ -82,7 +82,7 @@ pub fn read(root: &AssetRoot, file: &Path, log: &dyn Log) -> Result<Model> {
     let textured: Vec<bool> =
         (0..model.mesh.triangles.len()).map(|t| images.get(slot(t)).is_some_and(Option::is_some)).collect();
     let slots = (0..textured.len()).map(slot).max().unwrap_or(0) + 1;
-    let in_file = InFile { log, path: &path };
+    let in_file = FormatLog { log, path: &path };
     let alphas = hide_colors_under_textures(&mut model.mesh, alphas, &corners, &textured, &in_file);
     let default = default_material(!model.mesh.colors.is_empty());
     model.materials = (0..slots)

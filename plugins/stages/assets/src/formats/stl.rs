@@ -11,7 +11,7 @@
 //! In text, a line `color r g b` within a facet colors that facet; before any facet, it colors the whole part. All
 //! colors are sRGB-encoded.
 
-use super::InFile;
+use super::FormatLog;
 use std::path::Path;
 use syntable_mesh::Model;
 use syntable_mesh::format::MeshFormat;
@@ -36,7 +36,7 @@ const HEADER_TEXT: usize = 80;
 pub fn read(root: &AssetRoot, file: &Path, log: &dyn Log) -> Result<Model> {
     let path = root.locate(file)?;
     let bytes = root.read(&path)?;
-    let log = InFile { log, path: &path };
+    let log = FormatLog { log, path: &path };
     let StlMesh { corners, colors, opacity } =
         parse(&bytes, root.budget(), &log).map_err(|error| error.in_file(&path))?;
     let mut mesh = merge(&corners);

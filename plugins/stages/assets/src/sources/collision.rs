@@ -146,7 +146,7 @@ impl fmt::Display for Rule {
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Kind {
+enum NameKind {
     Certain,
     Likely,
     Generic,
@@ -156,20 +156,20 @@ enum Kind {
 }
 
 /// The kind of a word. Trailing numbers are ignored, as in `hull3`.
-fn kind(word: &str) -> Kind {
+fn kind(word: &str) -> NameKind {
     let letters = word.trim_end_matches(|c: char| c.is_ascii_digit());
     match letters {
-        "" => Kind::Number,
-        _ if CERTAIN.contains(&letters) => Kind::Certain,
-        _ if LIKELY.contains(&letters) => Kind::Likely,
-        _ if GENERIC.contains(&letters) => Kind::Generic,
-        _ if VISUAL.contains(&letters) => Kind::Visual,
-        _ => Kind::Other,
+        "" => NameKind::Number,
+        _ if CERTAIN.contains(&letters) => NameKind::Certain,
+        _ if LIKELY.contains(&letters) => NameKind::Likely,
+        _ if GENERIC.contains(&letters) => NameKind::Generic,
+        _ if VISUAL.contains(&letters) => NameKind::Visual,
+        _ => NameKind::Other,
     }
 }
 
-fn is_collision(kind: Kind) -> bool {
-    matches!(kind, Kind::Certain | Kind::Likely)
+fn is_collision(kind: NameKind) -> bool {
+    matches!(kind, NameKind::Certain | NameKind::Likely)
 }
 
 /// The words of a name in lower case: `MugCollision`, `mug-collision` and `mug.collision` have the same. Extensions
@@ -202,7 +202,7 @@ fn words(name: &str) -> Vec<String> {
 
 /// A name less the numbers at its end.
 fn without_number(name: &[String]) -> Vec<String> {
-    let last = name.iter().rposition(|word| kind(word) != Kind::Number);
+    let last = name.iter().rposition(|word| kind(word) != NameKind::Number);
     name[..last.map_or(0, |last| last + 1)].to_vec()
 }
 
@@ -218,16 +218,16 @@ enum Says {
 }
 
 fn says(folder: &str) -> Says {
-    let kinds: Vec<Kind> = words(folder).iter().map(|word| kind(word)).collect();
+    let kinds: Vec<NameKind> = words(folder).iter().map(|word| kind(word)).collect();
     let (only, any) = (
-        |known: &dyn Fn(Kind) -> bool| !kinds.is_empty() && kinds.iter().all(|&kind| known(kind)),
-        |known: &dyn Fn(Kind) -> bool| kinds.iter().any(|&kind| known(kind)),
+        |known: &dyn Fn(NameKind) -> bool| !kinds.is_empty() && kinds.iter().all(|&kind| known(kind)),
+        |known: &dyn Fn(NameKind) -> bool| kinds.iter().any(|&kind| known(kind)),
     );
-    let plain = |kind| matches!(kind, Kind::Generic | Kind::Number);
+    let plain = |kind| matches!(kind, NameKind::Generic | NameKind::Number);
     if only(&|kind| is_collision(kind) || plain(kind)) && any(&is_collision) {
-        Says::Collision { certain: any(&|kind| kind == Kind::Certain) }
-    } else if only(&|kind| kind == Kind::Visual || plain(kind)) && !only(&|kind| kind == Kind::Number) {
-        Says::Meshes { visual: any(&|kind| kind == Kind::Visual) }
+        Says::Collision { certain: any(&|kind| kind == NameKind::Certain) }
+    } else if only(&|kind| kind == NameKind::Visual || plain(kind)) && !only(&|kind| kind == NameKind::Number) {
+        Says::Meshes { visual: any(&|kind| kind == NameKind::Visual) }
     } else {
         Says::Nothing
     }
@@ -247,18 +247,18 @@ fn homes_with_such_names(meshes: &[&Path]) -> BTreeSet<PathBuf> {
         meshes.iter().flat_map(|mesh| mesh.ancestors().skip(1)).filter(such).filter_map(Path::parent).collect();
     // Plain meshes by the folder above, the folder, and the path below that.
     let mut trees: BTreeMap<&Path, BTreeMap<&str, BTreeSet<&Path>>> = BTreeMap::new();
-    let mut in_folder: BTreeMap<&Path, Vec<Named>> = BTreeMap::new();
+    let mut in_folder: BTreeMap<&Path, Vec<PoolMesh>> = BTreeMap::new();
     for &mesh in meshes {
         let folder = mesh.parent().unwrap_or(Path::new(""));
         if above.contains(folder) {
-            in_folder.entry(folder).or_default().push(Named::new(mesh, &BTreeSet::new()));
+            in_folder.entry(folder).or_default().push(PoolMesh::new(mesh, &BTreeSet::new()));
         }
         for home in folder.ancestors() {
             let (Some(parent), Some(name)) = (home.parent(), home.file_name().and_then(|name| name.to_str())) else {
                 continue;
             };
             let Ok(below) = mesh.strip_prefix(home) else { continue };
-            if above.contains(parent) && Named::new(below, &BTreeSet::new()).is_plain() {
+            if above.contains(parent) && PoolMesh::new(below, &BTreeSet::new()).is_plain() {
                 trees.entry(parent).or_default().entry(name).or_default().insert(below);
             }
         }
@@ -286,12 +286,13 @@ fn homes_with_such_names(meshes: &[&Path]) -> BTreeSet<PathBuf> {
                 beside += usize::from(!both.is_empty());
                 shared.extend(both);
             }
-            let names: Vec<Named> = shared.iter().map(|path| Named::new(path, &BTreeSet::new())).collect();
+            let names: Vec<PoolMesh> = shared.iter().map(|path| PoolMesh::new(path, &BTreeSet::new())).collect();
             let files: BTreeSet<Vec<String>> = names.iter().map(|name| without_number(&name.words)).collect();
             let in_folders: BTreeSet<_> = shared.iter().map(|path| path.parent()).collect();
             // Trees with the same objects, as `original/a/model`, `original/b/model` and `collision/a/model`, are no objects.
-            let is_one = (files.len() == 1 || names.iter().any(Named::is_main)) && (!certain || in_folders.len() == 1);
-            let of_above = |mesh: &Named| {
+            let is_one =
+                (files.len() == 1 || names.iter().any(PoolMesh::is_main)) && (!certain || in_folders.len() == 1);
+            let of_above = |mesh: &PoolMesh| {
                 let is_same = files.contains(&without_number(&mesh.words));
                 is_same || (mesh.is_main() && !mesh.is_numbered()) || mesh.is_named_after_folder()
             };
@@ -306,18 +307,18 @@ fn homes_with_such_names(meshes: &[&Path]) -> BTreeSet<PathBuf> {
 }
 
 /// A mesh of the pool by its path without the extension.
-struct Named {
+struct PoolMesh {
     /// Folder of the object: the mesh's folder, without folders that name a kind of mesh.
     object: PathBuf,
     /// The first folder that is named after collisions, and whether its name means nothing else.
     folder: Option<(String, bool)>,
     words: Vec<String>,
-    kinds: Vec<Kind>,
+    kinds: Vec<NameKind>,
     /// Whether a folder is named after visual meshes.
     in_visual_folder: bool,
 }
 
-impl Named {
+impl PoolMesh {
     /// Folders among `homes` hold an object, whatever their names.
     fn new(stem: &Path, homes: &BTreeSet<PathBuf>) -> Self {
         let mut named = Self {
@@ -353,8 +354,10 @@ impl Named {
 
     /// Whether the name only says that it is the mesh of its folder: `model`, `textured`, `visual_geometry`.
     fn is_main(&self) -> bool {
-        let says_nothing = |kind: &Kind| matches!(kind, Kind::Generic | Kind::Visual | Kind::Number);
-        self.is_plain() && self.kinds.iter().all(says_nothing) && self.kinds.iter().any(|kind| *kind != Kind::Number)
+        let says_nothing = |kind: &NameKind| matches!(kind, NameKind::Generic | NameKind::Visual | NameKind::Number);
+        self.is_plain()
+            && self.kinds.iter().all(says_nothing)
+            && self.kinds.iter().any(|kind| *kind != NameKind::Number)
     }
 
     /// Whether its name has a number, as a word or at the end of one.
@@ -365,10 +368,10 @@ impl Named {
     /// Whether it is named after the folder of its object.
     fn is_named_after_folder(&self) -> bool {
         let folder = self.object.file_name().map(|name| words(&name.to_string_lossy()));
-        self.is_plain() && folder.is_some_and(|folder| folder == self.without(|kind| kind == Kind::Visual))
+        self.is_plain() && folder.is_some_and(|folder| folder == self.without(|kind| kind == NameKind::Visual))
     }
 
-    fn without(&self, dropped: impl Fn(Kind) -> bool) -> Vec<String> {
+    fn without(&self, dropped: impl Fn(NameKind) -> bool) -> Vec<String> {
         let words = self.words.iter().zip(&self.kinds).filter(|(_, kind)| !dropped(**kind));
         words.map(|(word, _)| word.clone()).collect()
     }
@@ -379,7 +382,7 @@ impl Named {
         let mut without_tail = Vec::new();
         let mut behind = false;
         for (word, &kind) in self.words.iter().zip(&self.kinds) {
-            behind = is_collision(kind) || (behind && matches!(kind, Kind::Generic | Kind::Number));
+            behind = is_collision(kind) || (behind && matches!(kind, NameKind::Generic | NameKind::Number));
             if !behind {
                 without_tail.push(word.clone());
             }
@@ -398,7 +401,7 @@ impl Named {
 
 /// Content of an object's folder in the pool.
 #[derive(Default)]
-struct Folder {
+struct ObjectFolder {
     /// Names of its meshes, also less their visual words and the numbers of their parts, and the meshes that have them.
     names: BTreeMap<Vec<String>, BTreeSet<usize>>,
     /// Number of meshes that neither names nor folders make collision meshes.
@@ -411,7 +414,7 @@ struct Folder {
     has_visual_folder: bool,
 }
 
-impl Folder {
+impl ObjectFolder {
     /// Whether the folder has the mesh of an object under a purely generic name.
     fn has_main(&self) -> bool {
         self.mains > 0 && !self.is_series
@@ -433,11 +436,11 @@ pub fn rules<'a>(stems: impl Iterator<Item = &'a Path>, others: impl Iterator<It
     let count = paths.len();
     paths.extend(others);
     let such_homes = homes_with_such_names(&paths);
-    let meshes: Vec<Named> = paths.iter().map(|path| Named::new(path, &such_homes)).collect();
-    let mut folders: BTreeMap<&Path, Folder> = BTreeMap::new();
+    let meshes: Vec<PoolMesh> = paths.iter().map(|path| PoolMesh::new(path, &such_homes)).collect();
+    let mut folders: BTreeMap<&Path, ObjectFolder> = BTreeMap::new();
     for (at, mesh) in meshes.iter().enumerate() {
         let folder = folders.entry(&mesh.object).or_default();
-        let mut names = vec![mesh.words.clone(), mesh.without(|kind| kind == Kind::Visual)];
+        let mut names = vec![mesh.words.clone(), mesh.without(|kind| kind == NameKind::Visual)];
         // Parts of one rendered mesh are numbered.
         if mesh.is_plain() {
             let without: Vec<_> = names.iter().map(|name| without_number(name)).collect();
@@ -463,7 +466,7 @@ pub fn rules<'a>(stems: impl Iterator<Item = &'a Path>, others: impl Iterator<It
     for mesh in meshes.iter().filter(|mesh| mesh.is_plain()) {
         objects.extend(mesh.object.iter().map(|folder| words(&folder.to_string_lossy())));
         if !mesh.is_main() {
-            objects.insert(mesh.without(|kind| kind == Kind::Visual));
+            objects.insert(mesh.without(|kind| kind == NameKind::Visual));
         }
     }
     let meshes = meshes.iter().enumerate().take(count);
@@ -472,12 +475,12 @@ pub fn rules<'a>(stems: impl Iterator<Item = &'a Path>, others: impl Iterator<It
 
 fn rule(
     at: usize,
-    mesh: &Named,
-    folders: &BTreeMap<&Path, Folder>,
+    mesh: &PoolMesh,
+    folders: &BTreeMap<&Path, ObjectFolder>,
     homes: &Homes<'_>,
     objects: &BTreeSet<Vec<String>>,
 ) -> Option<Rule> {
-    let none = Folder::default();
+    let none = ObjectFolder::default();
     let folder = folders.get(mesh.object.as_path()).unwrap_or(&none);
     let has = |folder: &Path, name: &[String]| {
         let meshes = folders.get(folder).and_then(|folder| folder.names.get(name));
@@ -509,22 +512,22 @@ fn rule(
     if mesh.bases().iter().any(|base| has_sibling(base)) {
         return Some(Rule::Sibling(word));
     }
-    let certain = mesh.kinds.iter().position(|&kind| kind == Kind::Certain);
+    let certain = mesh.kinds.iter().position(|&kind| kind == NameKind::Certain);
     let says_nothing_else =
-        mesh.kinds.iter().all(|&kind| is_collision(kind) || matches!(kind, Kind::Generic | Kind::Number));
+        mesh.kinds.iter().all(|&kind| is_collision(kind) || matches!(kind, NameKind::Generic | NameKind::Number));
     if says_nothing_else {
         if certain.is_some() {
             return Some(if folder.plain > 0 { Rule::Sibling(word) } else { Rule::Name { word, alone: true } });
         }
         // `boat/hull` beside `boat/boat` may be a part of the boat, and `lens/convex` beside `lens/concave` a lens.
         let after_folder = folder.has_named_after && mesh.words != ["hull"];
-        let is_numbered = mesh.kinds.contains(&Kind::Number) || has_number(&word);
+        let is_numbered = mesh.kinds.contains(&NameKind::Number) || has_number(&word);
         let telling = mesh.words.iter().any(|word| TELLING.contains(&word.as_str()));
         let several = mesh.kinds.iter().filter(|&&kind| is_collision(kind)).count() > 1;
         let of_the_only_one = folder.plain == 1 && (is_numbered || telling || several);
         return (folder.is_one_object() || after_folder || of_the_only_one).then_some(Rule::Sibling(word));
     }
-    if mesh.kinds.iter().skip(1).any(|&kind| kind == Kind::Certain) {
+    if mesh.kinds.iter().skip(1).any(|&kind| kind == NameKind::Certain) {
         let is_beside = folder.is_one_object() || folder.has_named_after || folder.has_visual_folder;
         let alone = !is_beside && !mesh.bases().iter().any(|name| objects.contains(name));
         return certain.map(|at| Rule::Name { word: mesh.words[at].clone(), alone });

@@ -1,6 +1,6 @@
 //! `environment_folder`: any folder of environment maps.
 
-use super::folder::{FileIndex, Files, add_asset, by_stem};
+use super::folder::{AssetFiles, FileIndex, add_asset, by_stem};
 use syntable_mesh::environment;
 use syntable_mesh::format::ImageFormats;
 use syntable_mesh::root::AssetRoot;
@@ -57,8 +57,8 @@ impl AssetSource for EnvironmentFolder {
 }
 
 /// All maps by name. Of one map in several formats the preferred one is read.
-fn find(root: &AssetRoot, log: &dyn Log) -> Result<Files> {
-    let mut assets = Files::new();
+fn find(root: &AssetRoot, log: &dyn Log) -> Result<AssetFiles> {
+    let mut assets = AssetFiles::new();
     for (stem, files) in by_stem(root, &ImageFormats::linked()?.radiance_extensions())? {
         add_asset(&mut assets, &stem, &files, root, log);
     }

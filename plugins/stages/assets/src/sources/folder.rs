@@ -19,15 +19,15 @@ const DEPTH: usize = 8;
 const SHOWN: usize = 8;
 
 /// Assets by name, their paths relative to the root.
-pub type Files = BTreeMap<String, PathBuf>;
+pub type AssetFiles = BTreeMap<String, PathBuf>;
 
 /// The files that the catalog found, for the assets that are loaded later.
 #[derive(Debug, Default)]
-pub struct FileIndex(OnceLock<Files>);
+pub struct FileIndex(OnceLock<AssetFiles>);
 
 impl FileIndex {
     /// Makes the catalog of files, which must not be empty, and stores them.
-    pub fn catalog(&self, root: &AssetRoot, files: Files, looked_for: &str) -> Result<Catalog> {
+    pub fn catalog(&self, root: &AssetRoot, files: AssetFiles, looked_for: &str) -> Result<Catalog> {
         if files.is_empty() {
             return Err(nothing_found(root, looked_for));
         }
@@ -38,7 +38,7 @@ impl FileIndex {
     }
 
     /// The file of an asset. Scans the folder if the catalog does not exist yet.
-    pub fn file(&self, name: &str, find: impl FnOnce() -> Result<Files>) -> Result<Option<PathBuf>> {
+    pub fn file(&self, name: &str, find: impl FnOnce() -> Result<AssetFiles>) -> Result<Option<PathBuf>> {
         match self.0.get() {
             Some(files) => Ok(files.get(name).cloned()),
             None => Ok(find()?.remove(name)),
@@ -134,7 +134,7 @@ fn shown<'a>(left_out: impl ExactSizeIterator<Item = &'a (PathBuf, Rule)>) -> St
 
 /// Adds an asset named `path`, with the first of its files. Warns about further files, and about an asset whose name is
 /// taken.
-pub fn add_asset(assets: &mut Files, path: &Path, files: &[PathBuf], root: &AssetRoot, log: &dyn Log) {
+pub fn add_asset(assets: &mut AssetFiles, path: &Path, files: &[PathBuf], root: &AssetRoot, log: &dyn Log) {
     let name = path.to_string_lossy().replace(std::path::MAIN_SEPARATOR, "/");
     let [first, others @ ..] = files else { return };
     if let Some(other) = assets.get(&name) {

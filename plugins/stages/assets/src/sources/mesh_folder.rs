@@ -1,6 +1,6 @@
 //! `mesh_folder`: any folder of meshes.
 
-use super::folder::{FileIndex, Files, add_asset, by_stem, category, leave_out_collision_meshes};
+use super::folder::{AssetFiles, FileIndex, add_asset, by_stem, category, leave_out_collision_meshes};
 use super::keypoints::with_keypoints;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -104,7 +104,7 @@ impl AssetSource for MeshFolder {
 }
 
 /// All meshes by name.
-fn find(root: &AssetRoot, formats: &MeshFormats, collision: CollisionMeshes, log: &dyn Log) -> Result<Files> {
+fn find(root: &AssetRoot, formats: &MeshFormats, collision: CollisionMeshes, log: &dyn Log) -> Result<AssetFiles> {
     let mut meshes = by_stem(root, &formats.extensions())?;
     if collision == CollisionMeshes::Exclude {
         leave_out_collision_meshes(&mut meshes, root, log)?;
@@ -133,7 +133,7 @@ fn find(root: &AssetRoot, formats: &MeshFormats, collision: CollisionMeshes, log
             name.clone_from(stem);
         }
     }
-    let mut assets = Files::new();
+    let mut assets = AssetFiles::new();
     for (name, files) in names.iter().zip(meshes.values()) {
         add_asset(&mut assets, name, files, root, log);
     }
@@ -203,7 +203,7 @@ mod tests {
                     1 in folders named `collision`";
         assert!(warnings[0].contains(said), "{warnings:?}");
         let named = "(`duck/Model-VHACD.obj`: next to a mesh without `vhacd`, `duck/model_col2.stl`: next to a mesh without \
-                     `col2`, `duck/model_collision_0.obj`: beside a mesh without `collision`, `jar/collision/part.obj`: folder \
+                     `col2`, `duck/model_collision_0.obj`: next to a mesh without `collision`, `jar/collision/part.obj`: folder \
                      `collision`)";
         assert!(warnings[0].contains(named), "{warnings:?}");
         let all = find(&root, &formats, CollisionMeshes::Include, &log).expect("scans");

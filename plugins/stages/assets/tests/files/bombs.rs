@@ -100,7 +100,8 @@ fn the_pixels_of_all_textures_count_together() {
     write(folder.path(), "x.obj", text);
     write(folder.path(), "model.mtl", format!("newmtl skin\n{library}"));
     let limits = |megapixels| AssetLimits { megapixels, ..AssetLimits::default() };
-    let says = "0.png: the asset is too large: with 256 x 256 pixels, its images would take more than the limit of 1 megapixels";
+    let says =
+        "0.png: the asset is too large: with 256 x 256 pixels, its images would exceed the limit of 1 megapixels";
     refused("mesh_folder", folder.path(), limits(1), says.trim_start_matches("0.png: "), 6 << 20);
     assert!(
         load_within("mesh_folder", folder.path(), limits(2)).0.is_ok(),
@@ -152,7 +153,7 @@ fn a_face_of_very_many_corners_is_refused_as_it_is_read() {
         "mesh_folder",
         folder.path(),
         limits,
-        "a list of 300000 items is longer than the limit of 1002",
+        "a list of 300000 items exceeds the limit of 1002",
         bytes.len() + (1 << 20),
     );
 }

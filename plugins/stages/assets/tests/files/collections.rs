@@ -84,7 +84,7 @@ fn meshes_that_are_not_named_as_in_bop_are_counted() {
     write(folder.path(), "set/models/obj_2.ply", "");
     let (names, said) = catalog("set/models");
     assert_eq!((names, said.len()), (only.clone(), 1), "{said:?}");
-    assert!(said[0].contains("1 mesh file is not named `obj_NNNNNN.ply` and left out: `obj_2.ply`"), "{said:?}");
+    assert!(said[0].contains("1 mesh file is not named `obj_NNNNNN.ply` and skipped: `obj_2.ply`"), "{said:?}");
     for name in ["obj_000003.glb", "cup.obj", "mug.stl"] {
         write(folder.path(), &format!("set/models/{name}"), "");
     }
@@ -104,10 +104,10 @@ fn bad_keypoints_are_refused_by_key() {
     write(folder.path(), "mug.obj", obj(1.0));
     let source = source_of("mesh_folder", folder.path(), "");
     for (text, says) in [
-        ("{", "not sound JSON"),
-        ("[]", "`the file` = [] is no table"),
+        ("{", "invalid JSON"),
+        ("[]", "`the file` = [] is not a table"),
         ("{}", "`the file` has no `keypoints`"),
-        (r#"{"keypoints": 3}"#, "`keypoints` = 3 is no list of points"),
+        (r#"{"keypoints": 3}"#, "`keypoints` = 3 is not a list of points"),
         (r#"{"keypoints": [], "skeleton": []}"#, "unknown field `skeleton`"),
         (r#"{"keypoints": [{"name": "a", "point": [0, 0]}]}"#, "`keypoints[0].point` = [0,0] is no point"),
         (r#"{"keypoints": [{"name": "a", "point": [0, 0, "z"]}]}"#, "`keypoints[0].point` = "),
@@ -117,11 +117,11 @@ fn bad_keypoints_are_refused_by_key() {
         ),
         (r#"{"keypoints": [{"name": "a", "point": [0, 0, 1e400]}]}"#, "mug.keypoints.json"),
         (r#"{"keypoints": [{"point": [0, 0, 0]}]}"#, "`keypoints[0]` has no `name`"),
-        (r#"{"keypoints": [{"name": "", "point": [0, 0, 0]}]}"#, "`keypoints[0].name` = \"\" is no name"),
+        (r#"{"keypoints": [{"name": "", "point": [0, 0, 0]}]}"#, "`keypoints[0].name` = \"\" is not a name"),
         (r#"{"keypoints": [{"name": "a", "point": [0, 0, 0], "seen": 1}]}"#, "unknown field `seen`"),
         (
             r#"{"keypoints": [{"name": "a", "point": [0, 0, 0]}, {"name": "a", "point": [0, 0, 0]}]}"#,
-            "`keypoints[1].name`: there are two points `a`",
+            "`keypoints[1].name`: two points have the name `a`",
         ),
     ] {
         write(folder.path(), "mug.keypoints.json", text);
@@ -154,7 +154,7 @@ fn environment_maps() {
     // Means of 0…63, 0…31 and one quarter.
     assert_eq!(fact(&found, "mean radiance"), format!("{:.3}", (31.5 + 15.5 + 0.25) / 3.0));
     let bytes = fs::read(&path).expect("reads");
-    check_file("x.exr", &bytes[..bytes.len() / 2], "cut short", Reject("not a sound OpenEXR"));
+    check_file("x.exr", &bytes[..bytes.len() / 2], "cut short", Reject("not a valid OpenEXR"));
     exr::prelude::write_rgb_file(&path, 4, 2, |x, _| (f32::INFINITY * x as f32, 0.0, 0.0)).expect("writes");
     check(folder.path(), "x.exr", "not finite", &Reject("non-finite radiance"));
 }
@@ -222,7 +222,7 @@ fn material_folders() {
     write(root, "packed/textures/packed_nor_dx_1k.png", encode(dx.into(), ImageFormat::Png));
     check(root, "Only", "color alone", &Accept);
     check(root, "Mix", "two sizes", &Warn("color 8 x 8, roughness 4 x 4"));
-    check(root, "Bare", "no color", &Reject("Bare: no color map; there is only: roughness"));
+    check(root, "Bare", "no color", &Reject("Bare: no color map, only: roughness"));
     check(root, "packed", "packed", &Accept);
     let source = source_of("pbr_folder", root, "tile_m = 0.7");
     let names: Vec<String> =
@@ -280,25 +280,20 @@ fn bop_folders() {
         ([0.005, 0.0, 0.0], [-1.0, 0.0, 0.0, 0.002])
     );
     write(&models, "models_info.json", with(r#""symmetries_discrete": [[1, 2]]"#));
-    check(
-        folder.path(),
-        "set",
-        "a matrix of two",
-        &Warn("the symmetries of obj_000001 are left out: invalid length 2"),
-    );
+    check(folder.path(), "set", "a matrix of two", &Warn("the symmetries of obj_000001 are ignored: invalid length 2"));
     write(&models, "models_info.json", info(1, 0.1));
     check(
         folder.path(),
         "set",
         "another size",
-        &Warn("the mesh is 60.0 x 80.0 x 100.0 mm, but models_info.json says 60.0 x 80.0 x 0.1 mm"),
+        &Warn("the mesh is 60.0 x 80.0 x 100.0 mm, but models_info.json states 60.0 x 80.0 x 0.1 mm"),
     );
     write(&models, "models_info.json", info(77, 100.0));
     check(folder.path(), "set", "no such model", &Reject("obj_000077.ply"));
     source.catalog(&log).expect("a catalog");
     assert!(log.warnings().iter().any(|warning| warning.to_string().contains("obj_000077.ply")));
     for (text, says) in [
-        (r#"{"1": {"diameter": 172.06, "min_x":"#, "models_info.json:1: not sound JSON"),
+        (r#"{"1": {"diameter": 172.06, "min_x":"#, "models_info.json:1: invalid JSON"),
         ("[]", "not a table of objects"),
         (r#"{"one": {}}"#, "`one` is not an object's number"),
         (r#"{"1": {"diameter": "wide"}}"#, "object 1 has no number `diameter`"),

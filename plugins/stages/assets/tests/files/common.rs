@@ -57,7 +57,7 @@ pub fn source_of(kind: &str, root: &Path, more: &str) -> Box<dyn AssetSource> {
 }
 
 /// Counts what the current thread allocates, so that a test can tell whether a small file asks for much memory.
-struct Counting;
+struct CountingAllocator;
 
 #[derive(Clone, Copy)]
 struct Counts {
@@ -78,7 +78,7 @@ fn count(bytes: isize) {
 }
 
 // SAFETY: all calls go to the system's allocator unchanged.
-unsafe impl std::alloc::GlobalAlloc for Counting {
+unsafe impl std::alloc::GlobalAlloc for CountingAllocator {
     unsafe fn alloc(&self, layout: std::alloc::Layout) -> *mut u8 {
         count(layout.size() as isize);
         // SAFETY: as the caller promises.
@@ -104,7 +104,7 @@ unsafe impl std::alloc::GlobalAlloc for Counting {
 }
 
 #[global_allocator]
-static ALLOCATOR: Counting = Counting;
+static ALLOCATOR: CountingAllocator = CountingAllocator;
 
 /// Runs something; also gives the most bytes that it held at once.
 pub fn peak<T>(run: impl FnOnce() -> T) -> (T, usize) {

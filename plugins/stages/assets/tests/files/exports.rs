@@ -155,7 +155,7 @@ fn valid_details_that_few_files_have() {
         "x.gltf",
         wrong,
         "a wrong type",
-        Reject("x.gltf: not sound glTF JSON: `meshes[0].primitives[0].attributes"),
+        Reject("x.gltf: invalid glTF JSON: `meshes[0].primitives[0].attributes"),
     );
 }
 
@@ -301,7 +301,10 @@ fn thin_glass_of_old_files_is_told_to_be_a_body() {
     };
     let (alpha, said) = glass(0.25);
     assert_eq!(alpha, Alpha::Blend { factor: 0.25 });
-    assert!(said.contains("x.gltf: `pane` covers 25 % of what is behind it; for labels it is a body"), "{said}");
+    assert!(
+        said.contains("x.gltf: `pane` covers 25 % of the background behind it, but labels treat it as opaque"),
+        "{said}"
+    );
     assert_eq!(glass(0.5), (Alpha::Blend { factor: 0.5 }, String::new()));
 }
 

@@ -54,7 +54,7 @@ fn ply_files() {
     check(
         ply_ascii().replace("4 0 1 3 2", "4 0 1 3 300").as_bytes(),
         "index",
-        Reject("x.ply:19: face 0 has index 300, but there are 8 vertices"),
+        Reject("x.ply:19: face 0 has index 300, but the mesh has 8 vertices"),
     );
     check(ply_ascii().replace("4 0 1 3 2", "4 0 1 3 -1").as_bytes(), "negative index", Reject("face 0 has index -1"));
     check(ply_ascii().replace("4 0 1 3 2", "2 0 1").as_bytes(), "two corners", Reject("face 0 has 2 corners"));
@@ -86,12 +86,12 @@ fn gltf_files() {
     };
     check("", "", "plain", Accept);
     check(r#""version": "2.0""#, r#""version": "1.0""#, "version 1", Reject("glTF version `1.0`"));
-    check(r#""scene": 0"#, r#""scene": 7"#, "scene", Reject("scene 7 is named, but there are 1"));
+    check(r#""scene": 0"#, r#""scene": 7"#, "scene", Reject("the file refers to scene 7, but has 1"));
     check(
         r#""nodes": [{ "mesh": 0 }]"#,
         r#""nodes": [{ "mesh": 3 }]"#,
         "mesh",
-        Reject("mesh 3 is named, but there are 1"),
+        Reject("the file refers to mesh 3, but has 1"),
     );
     check(
         r#""nodes": [{ "mesh": 0 }]"#,
@@ -115,7 +115,7 @@ fn gltf_files() {
         r#""nodes": [{ "mesh": 0 }]"#,
         r#""nodes": [{ "mesh": 0, "scale": [0, 0, 0] }]"#,
         "no scale",
-        Reject("no face with area"),
+        Reject("faces has area"),
     );
     check(
         r#""nodes": [{ "mesh": 0 }]"#,
@@ -160,10 +160,10 @@ fn gltf_files() {
         r#""count": 8, "type": "VEC3""#,
         r#""count": 7, "type": "VEC3""#,
         "index",
-        Reject("index 7, but there are 7 vertices"),
+        Reject("index 7, but only 7 vertices"),
     );
     check(r#""componentType": 5126"#, r#""componentType": 99"#, "type of number", Reject("an unknown type of number"));
-    check(r#""type": "SCALAR""#, r#""type": "VEC2""#, "width", Reject("2 numbers an element, but 1 are wanted"));
+    check(r#""type": "SCALAR""#, r#""type": "VEC2""#, "width", Reject("2 numbers per element instead of 1"));
     check(
         r#""scene": 0"#,
         r#""scene": 0, "extensionsRequired": ["EXT_not_real"]"#,
@@ -177,7 +177,7 @@ fn gltf_files() {
         Warn("EXT_not_real"),
     );
     check(r#""scene": 0"#, r#""scene": 0, "extensionsRequired": ["KHR_mesh_quantization"]"#, "quantized", Accept);
-    check("] }", "", "cut JSON", Reject("not sound glTF JSON"));
+    check("] }", "", "cut JSON", Reject("invalid glTF JSON"));
     check(";base64,", ",", "another coding", Reject("not base64"));
     check(";base64,", ";base64,?", "wrong base64", Reject("not valid base64"));
     let deep = format!(r#"{{"asset":{{"version":"2.0"}},"extras":{}{}}}"#, "[".repeat(20_000), "]".repeat(20_000));
@@ -188,7 +188,7 @@ fn gltf_files() {
         ("none.bin", "no file `none.bin`"),
         ("../../secret.bin", "leaves the asset's folder"),
         ("%2e%2e/secret.bin", "leaves the asset's folder"),
-        ("/etc/passwd", "no file `/etc/passwd` of buffer 0"),
+        ("/etc/passwd", "buffer 0 refers to the missing file `/etc/passwd`"),
         ("http://example.invalid/box.bin", "is an address"),
         ("file:///etc/passwd", "is an address"),
         ("..\\\\secret.bin", "leaves the asset's folder"),
@@ -214,7 +214,7 @@ fn glb_files() {
     let check = |bytes: &[u8], case: &str, want: Want<'_>| check_file("x.glb", bytes, case, want);
     check(&sound, "plain", Accept);
     check(&sound[..sound.len() - 60], "cut short", Reject("not a valid GLB: its header says"));
-    check(&sound[..10], "a stump", Reject("it ends after 10 bytes"));
+    check(&sound[..10], "a stump", Reject("the file ends after 10 bytes"));
     let with = |at: usize, bytes: &[u8]| {
         let mut changed = sound.clone();
         changed[at..at + bytes.len()].copy_from_slice(bytes);

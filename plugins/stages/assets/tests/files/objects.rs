@@ -59,7 +59,7 @@ fn obj_text() {
         (
             "cut in a vertex",
             &text(&|t| t[..t.find("v 0.03").expect("a vertex")].to_owned() + "v 0.03 0.1"),
-            Reject("a vertex with 2 coordinates"),
+            Reject("a vertex has 2 coordinates"),
         ),
         (
             "not a number",
@@ -95,7 +95,7 @@ fn obj_text() {
         (
             "one point",
             &text(&|t| t.replace("0.03", "0").replace("0.04", "0").replace("0.1", "0")),
-            Reject("no face with area among 12"),
+            Reject("none of the 12 faces has area"),
         ),
         (
             "millimeters",
@@ -220,7 +220,7 @@ fn materials_and_textures() {
         (
             "absolute",
             &mtl("newmtl skin\nmap_Kd /etc/passwd\n"),
-            Warn("model.mtl:2: no texture `/etc/passwd`; a constant color is used"),
+            Warn("model.mtl:2: texture `/etc/passwd` is missing; using a constant color"),
         ),
         (
             "backslashes",
@@ -253,8 +253,8 @@ fn materials_and_textures() {
         ("16 bits", &image(encode(gray.into_luma16().into(), ImageFormat::Png)), Accept),
         ("a JPEG named PNG", &image(jpeg.clone()), Accept),
         ("a JPEG cut short", &image(cut(&jpeg)), Reject("texture.png: the JPEG is cut short")),
-        ("cut short", &image(cut(&png())), Reject("texture.png: not a sound PNG")),
-        ("a wrong checksum", &image(flipped(png(), data)), Reject("texture.png: not a sound PNG")),
+        ("cut short", &image(cut(&png())), Reject("texture.png: not a valid PNG")),
+        ("a wrong checksum", &image(flipped(png(), data)), Reject("texture.png: not a valid PNG")),
         (
             "65000 pixels a side",
             &image(png_of_size(65_000, 65_000)),

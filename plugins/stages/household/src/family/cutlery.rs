@@ -119,7 +119,7 @@ pub fn fork(draw: &mut FamilyContext) -> HouseholdModel {
         let path: Vec<Point3<f64>> = (0..=8)
             .map(|i| {
                 let t = f64::from(i) / 8.0;
-                // The outer tines root a little deeper, where the palm is still broad.
+                // The outer tines start a little deeper, where the palm is still broad.
                 let along = palm * 0.97 + (head - palm * 0.97) * t;
                 Point3::new(handle.length + along, y, z(along / head))
             })

@@ -86,7 +86,7 @@ fn stemmed(draw: &mut FamilyContext) -> super::SolidShape {
             outline = outline.round(0.4 * wall);
         }
     }
-    // The bottom of the bowl is full up to where the inside begins to rise.
+    // The bottom of the bowl is solid up to where the inside begins to rise.
     let cell = |from: usize, to: usize| -> WallCell { [&outside[from..=to], &inside[from..=to]].concat() };
     let bottom: WallCell = [&outside[..=2], &inside[..=1], &[[0.0, low]]].concat();
     let plate: WallCell =

@@ -16,7 +16,7 @@ pub fn hammer(draw: &mut FamilyContext) -> HouseholdModel {
         [end * swell, end * swell]
     });
     let handle = sweep(&grip, &ellipse(0.0165 * size, 0.0115 * size, 20), SlotMapping::tile(0, 0.25), 4);
-    // The head lies across the handle's end: block, neck and face to one side, claw to the other.
+    // The head is across the handle's end: block, neck and face to one side, claw to the other.
     let x = length - 0.006;
     let block = rounded_box([0.026 * size, 0.036 * size, 0.026 * size], 0.003, 2, |_| SlotMapping::tile(1, 0.15));
     let face = Profile::at(0.0, 0.0)

@@ -53,7 +53,7 @@ pub enum MaterialFamily {
     Wood,
 }
 
-/// A surface of a scene, by which materials it has in the world.
+/// A surface of a scene, which selects families of suitable materials.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Surface {
@@ -67,7 +67,7 @@ pub enum Surface {
     Ground,
     /// A table with its legs.
     Table,
-    /// A thing of daily use.
+    /// An everyday object.
     Object,
 }
 

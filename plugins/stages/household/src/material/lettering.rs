@@ -2,7 +2,7 @@
 
 use syntable_model::random::Stream;
 
-/// What packages and books say.
+/// Words on packages and books.
 const WORDS: [&str; 56] = [
     "ALMONDS",
     "ALPINE",

@@ -4,8 +4,8 @@
 //! with roughness in the alpha channel, and a normal map; clearcoat and sheen are added on top. A [`MaterialCanvas`] is a
 //! print: an image drawn from shapes.
 //!
-//! **Invariants.** All draws come from the stream handed in; equal streams give equal bytes. Colors are chosen and
-//! mixed in sRGB, as they are stored.
+//! **Invariants.** All random draws come from the given stream, so equal streams give equal bytes. Colors are chosen
+//! and mixed in sRGB, the stored encoding.
 
 mod built;
 mod cache;
@@ -59,7 +59,7 @@ pub struct Bake {
     pub color: Vec<SrgbColor>,
     /// Perceptual roughness.
     pub roughness: ScalarField,
-    /// Height, in texels; only its slope counts.
+    /// Height, in texels. Only its slope matters.
     pub height: ScalarField,
     /// 0 or 1.
     pub metallic: f32,
@@ -99,13 +99,13 @@ pub struct SurfaceFinish {
     pub roughness: Scalar,
     /// 0 or 1.
     pub metallic: f32,
-    /// Normal map, if any.
+    /// Normal map.
     pub normal: Option<NormalMap>,
     /// Edge of one tile, meters.
     pub tile_m: f32,
     /// Index of refraction.
     pub ior: f32,
-    /// Roughness of a clearcoat, if any.
+    /// Roughness of a clearcoat; `None` without one.
     pub clearcoat: Option<f64>,
 }
 

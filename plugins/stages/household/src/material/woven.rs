@@ -6,7 +6,7 @@ use super::field::ScalarField;
 use std::f32::consts::PI;
 use syntable_model::random::Stream;
 
-/// Which thread lies on top where thread `x` of the warp crosses thread `y` of the weft.
+/// Weave pattern: determines the top thread where thread `x` of the warp crosses thread `y` of the weft.
 #[derive(Clone, Copy)]
 enum Weave {
     Plain,

@@ -1,20 +1,20 @@
 //! Daylight by the CIE standard general sky.
 //!
-//! The luminance follows ISO 15469:2004 (CIE S 011/E:2003, after Kittler, Perez and Darula): relative to the zenith it
-//! is `f(χ) φ(Z) / (f(Z_s) φ(0))`, where Z is the direction's angle from the zenith, χ that from the sun and Z_s the
-//! sun's from the zenith; `φ(Z) = 1 + a exp(b / cos Z)` and `f(χ) = 1 + c (exp(d χ) - exp(d π/2)) + e cos² χ`.
+//! The luminance follows ISO 15469:2004 (CIE S 011/E:2003, after Kittler, Perez and Darula). Relative to the zenith, it
+//! is `f(χ) φ(Z) / (f(Z_s) φ(0))`, where Z is the angle between the direction and the zenith, χ the angle between the
+//! direction and the sun, and Z_s the angle between the sun and the zenith; `φ(Z) = 1 + a exp(b / cos Z)` and `f(χ) = 1
+//! + c (exp(d χ) - exp(d π/2)) + e cos² χ`.
 //!
-//! The illuminance on a level plane follows Gillette, Pierpoint and Treado (Journal of the IES 13, 1984), as the IES
-//! recommends: `A + B sin^C h` klx at a solar elevation h, with (0.8, 15.5, 1/2) for clear, (0.3, 45, 1) for partly
-//! cloudy and (0.3, 21, 1) for overcast skies. It is that of the sky alone.
+//! The illuminance on a horizontal plane follows Gillette, Pierpoint and Treado (Journal of the IES 13, 1984), as the
+//! IES recommends: `A + B sin^C h` klx at a solar elevation h, with (0.8, 15.5, 1/2) for clear, (0.3, 45, 1) for partly
+//! cloudy and (0.3, 21, 1) for overcast skies. This is the illuminance of the sky without the sun.
 //!
 //! The color of blue sky follows Takagi et al. (SIGGRAPH 1990): `6500 + 1.1985e8 / L^1.2` kelvin at L nits. Clouds have
 //! one temperature. Temperatures become colors of the CIE daylight locus. The warm sky around a low sun and the clouds' shapes are
 //! models of our own.
 //!
-//! **The sun.** Its disc is not in the map, but the bright sky around it is: add a directional light
-//! for its shadows. The sun stands over the center column, the map's +x. Below the horizon is level ground
-//! lit by the sky.
+//! **The sun.** The map does not contain the sun's disc, only the bright sky around it. Add a directional light for the
+//! sun's shadows. The sun is above the center column, the map's +x. Below the horizon is level ground lit by the sky.
 
 use super::raster::Raster;
 use super::temperature::daylight_color;
@@ -183,8 +183,8 @@ impl Sky {
         })
     }
 
-    /// Color temperature in a direction, where the cloudless sky has a luminance in nits and clouds cover a fraction of the sky.
-    /// Temperatures are mixed by their reciprocals.
+    /// Color temperature in a direction, for a cloudless sky with a luminance in nits and clouds that cover a fraction
+    /// of the sky. Temperatures are mixed by their reciprocals.
     fn kelvin(&self, direction: &Vector3<f64>, nits: f64, cover: f64) -> f64 {
         let blue = if self.blue { 6500.0 + 1.1985e8 / libm::pow(nits.max(1.0), 1.2) } else { self.cloud_kelvin };
         let mut mired = (1.0 - cover) * 1e6 / blue.min(25_000.0) + cover * 1e6 / self.cloud_kelvin;

@@ -1,7 +1,7 @@
 //! Rooms without windows, lit by softboxes: as for product photography.
 //!
-//! The map is that of a rectangular room seen from its center: matte walls, lit by indirect light, with
-//! emissive rectangles on ceiling and walls. It is scaled so that a level plane has the stated illuminance.
+//! The map shows a rectangular room from its center: matte walls in indirect light, with emissive rectangles on ceiling
+//! and walls. It is scaled so that a horizontal plane has the stated illuminance.
 
 use super::raster::Raster;
 use super::temperature::blackbody_color;
@@ -18,7 +18,7 @@ pub struct StudioRoom {
     pub half: [f64; 3],
     /// Color of walls, floor and ceiling, linear Rec. 709.
     pub walls: [f64; 3],
-    /// Luminance of the walls, relative to that of a softbox of brightness one.
+    /// Luminance of the walls, relative to a softbox of brightness one.
     pub ambient: f64,
     /// The softboxes.
     pub softboxes: Vec<Softbox>,
@@ -87,7 +87,7 @@ impl StudioRoom {
         raster.map(name, &luminances, |i| colors[i].map(|c| c / relative[i].max(1e-12)))
     }
 
-    /// What is seen in a direction from the room's center, relative.
+    /// Relative radiance in a direction from the room's center.
     fn radiance(&self, direction: &Vector3<f64>) -> [f64; 3] {
         // The first face along the direction, and the position on it.
         let distance = |axis: usize| self.half[axis] / direction[axis].abs().max(1e-12);

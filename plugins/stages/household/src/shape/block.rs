@@ -6,8 +6,8 @@ use std::f64::consts::FRAC_PI_4;
 
 /// A box of outer `size` around the origin with edges of `radius`, each in `steps` pieces of a quarter circle's half.
 ///
-/// `mapping` gives the mapping of each side: 0, 1 for -x, +x; 2, 3 for -y, +y; 4, 5 for -z, +z. With [`Uv::Fit`] the side's
-/// texture stands upright, seen from outside (z up on the four walls, y up on bottom and top).
+/// `mapping` returns the mapping of each side: 0, 1 for -x, +x; 2, 3 for -y, +y; 4, 5 for -z, +z. With [`Uv::Fit`], the
+/// side's texture is upright, seen from outside (z up on the four walls, y up on bottom and top).
 pub fn rounded_box(size: [f64; 3], radius: f64, steps: usize, mapping: impl Fn(usize) -> SlotMapping) -> SolidShape {
     let half = size.map(|s| s / 2.0);
     let radius = radius.min(half[0]).min(half[1]).min(half[2]);

@@ -67,7 +67,7 @@ impl Lathe {
         self.surface().with_part(hull)
     }
 
-    /// The surface, with one collision part for what the outline has in each band of heights `[low, high]`.
+    /// The surface, with one collision part for the outline in each band of heights `[low, high]`.
     pub fn banded(&self, bands: &[[f64; 2]]) -> SolidShape {
         bands.iter().fold(self.surface(), |shape, &band| {
             let inside = self.clipped(band);
@@ -75,7 +75,7 @@ impl Lathe {
         })
     }
 
-    /// The outline's points between two heights, and where it crosses them.
+    /// The outline's points between two heights, and its crossings with them.
     fn clipped(&self, [low, high]: [f64; 2]) -> Vec<[f64; 2]> {
         let mut inside: Vec<[f64; 2]> =
             self.points.iter().map(|(rz, _)| *rz).filter(|rz| (low..=high).contains(&rz[1])).collect();
@@ -183,7 +183,7 @@ impl LatheRing {
     }
 }
 
-/// Points of an outline revolved about z, for the hull of a convex band: 24 around, so that the hull lies within 1 % of
+/// Points of an outline revolved about z, for the hull of a convex band: 24 around, so that the hull is within 1 % of
 /// the radius of the solid, or half of the segments of a finer one.
 pub fn revolved(outline: &[[f64; 2]], segments: usize) -> Vec<Point3<f64>> {
     let around = if segments.is_multiple_of(24) { (segments / 2).max(24) } else { segments.min(32) };

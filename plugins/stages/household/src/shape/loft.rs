@@ -57,12 +57,12 @@ pub struct SweepPath {
 }
 
 impl SweepPath {
-    /// Along a curve that lies in a plane with unit `normal`; a straight one takes any normal at right angles.
+    /// A path along a curve in a plane with unit `normal`. A straight path takes any perpendicular normal.
     pub fn along(path: &[Point3<f64>], normal: Vector3<f64>) -> Self {
         Self { path: path.to_vec(), scale: vec![[1.0; 2]; path.len()], normal }
     }
 
-    /// Scales the section: `scale(t)` gives factors in the plane and along its normal, `t` in [0, 1] by number.
+    /// Scales the section: `scale(t)` returns factors in the plane and along its normal, with `t` in [0, 1] by number.
     pub fn scaled(mut self, scale: impl Fn(f64) -> [f64; 2]) -> Self {
         let last = (self.path.len() - 1).max(1) as f64;
         self.scale = (0..self.path.len()).map(|i| scale(i as f64 / last)).collect();
@@ -70,8 +70,8 @@ impl SweepPath {
     }
 }
 
-/// A section swept along a curve. The section's first coordinate lies in the curve's plane, to the right of `normal ×
-/// tangent`; its second along the plane's normal; it runs counter-clockwise.
+/// A section swept along a curve. The section's first coordinate is in the curve's plane, to the right of `normal ×
+/// tangent`; its second is along the plane's normal. The section runs counterclockwise.
 pub fn sweep(sweep: &SweepPath, section: &[[f64; 2]], mapping: SlotMapping, per_part: usize) -> SolidShape {
     let last = sweep.path.len() - 1;
     let rings: Vec<Vec<Point3<f64>>> = (0..=last)

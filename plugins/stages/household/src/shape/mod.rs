@@ -3,8 +3,8 @@
 //! A [`SolidShape`] is a set of shared points and triangles that carry their own texture coordinates. Sharing points makes
 //! closed surfaces closed by construction; [`SolidShape::finish`] then splits vertices at texture seams and at creases.
 //!
-//! **Invariants.** Every primitive is a closed surface with outward normals; a shape of several is a union of
-//! closed surfaces. Collision parts are point sets whose hulls together cover the surface.
+//! **Invariants.** Every primitive is a closed surface with outward normals; a combined shape is a union of closed
+//! surfaces. Collision parts are point sets whose hulls together cover the surface.
 
 mod block;
 mod extrude;
@@ -26,7 +26,7 @@ use syntable_model::scene::{ConvexPart, Mesh, MeshData, Moments};
 /// How texture coordinates are assigned to a run of surface.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Uv {
-    /// The texture once: u around, v along.
+    /// The texture exactly once: u around, v along.
     Fit,
     /// Repeated tiles of this edge length, meters.
     Tile(f64),
@@ -44,7 +44,7 @@ pub struct SlotMapping {
 }
 
 impl SlotMapping {
-    /// A material slot with the texture once.
+    /// A material slot that shows the texture exactly once.
     pub const fn fit(slot: u16) -> Self {
         Self { slot, uv: Uv::Fit }
     }
@@ -108,7 +108,7 @@ impl SolidShape {
         self
     }
 
-    /// Removes all collision parts, where another shape covers this one.
+    /// Removes all collision parts, for a shape inside another one.
     pub fn without_parts(mut self) -> Self {
         self.parts.clear();
         self
@@ -166,7 +166,7 @@ impl SolidShape {
             .sum()
     }
 
-    /// Gives all closed surfaces so far a density, kg/m³. Those that were given none have one in proportion to 1.
+    /// Gives all closed surfaces so far a density, kg/m³. Surfaces without a density have the relative density 1.
     pub fn dense(mut self, density: f64) -> Self {
         self.faces.iter_mut().for_each(|face| face.density = density);
         self
@@ -177,7 +177,7 @@ impl SolidShape {
         self.faces.windows(2).any(|pair| pair[0].density != pair[1].density)
     }
 
-    /// Moments of its mass about its own origin; where closed parts overlap, the overlap counts twice.
+    /// Moments of the mass about the shape's origin; where closed parts overlap, the overlap counts twice.
     pub fn moments(&self) -> Moments {
         let mut moments = Moments::ZERO;
         for face in &self.faces {
@@ -210,7 +210,7 @@ impl SolidShape {
         self
     }
 
-    /// Rotates the texture of one slot by 90°: what was to the right points down.
+    /// Rotates the texture of one slot by 90°: its right edge becomes the bottom.
     pub fn rotated_uv(mut self, slot: u16) -> Self {
         for face in self.faces.iter_mut().filter(|face| face.slot == slot) {
             face.uv = face.uv.map(|[u, v]| [v, 1.0 - u]);

@@ -101,7 +101,7 @@ pub(super) fn arc(a: [f64; 2], b: [f64; 2], c: [f64; 2], radius: f64) -> Vec<[f6
     let tangent = (radius / libm::tan(half)).min(0.49 * length_a).min(0.49 * length_c);
     let radius = tangent * libm::tan(half);
     let steps = ((turn.to_degrees() / STEP_DEG).ceil() as usize).max(1);
-    // The center lies on the bisector.
+    // The center is on the bisector.
     let bisector = [to_a[0] + to_c[0], to_a[1] + to_c[1]];
     let norm = libm::hypot(bisector[0], bisector[1]);
     let center: [f64; 2] = std::array::from_fn(|k| b[k] + bisector[k] / norm * radius / libm::sin(half));

@@ -21,11 +21,11 @@ pub struct Contact {
     /// Friction coefficient between them.
     pub friction: f64,
     /// Points of contact; at least one.
-    pub points: Vec<ContactPoint>,
+    pub points: Vec<TouchPoint>,
 }
 
 /// A point at which two solids touch.
-pub struct ContactPoint {
+pub struct TouchPoint {
     /// Halfway between the surfaces, world, meters.
     pub at: Point3<f64>,
     /// Unit vector from the first to the second.
@@ -34,7 +34,7 @@ pub struct ContactPoint {
     pub gap_m: f64,
 }
 
-impl ContactPoint {
+impl TouchPoint {
     /// Whether another part touches at the same point, such as where two parts meet.
     fn is_same_as(&self, other: &Self) -> bool {
         (self.at - other.at).norm() < SAME_POINT_M && self.normal.dot(&other.normal) > SAME_NORMAL_COS
@@ -100,7 +100,7 @@ fn contact(pair: [usize; 2], solids: &[Solid], margin_m: f64) -> Option<Contact>
     (!points.is_empty()).then_some(Contact { solids: pair, friction, points })
 }
 
-fn add_points(first: &SolidPart, second: &SolidPart, margin: f32, points: &mut Vec<ContactPoint>) {
+fn add_points(first: &SolidPart, second: &SolidPart, margin: f32, points: &mut Vec<TouchPoint>) {
     let dispatcher = PolyhedronContacts { units_per_meter: units::PER_METER }.chain(DefaultQueryDispatcher);
     let mut manifolds: Vec<ContactManifold<(), ()>> = Vec::new();
     let pos12 = first.pose.inv_mul(&second.pose);
@@ -113,7 +113,7 @@ fn add_points(first: &SolidPart, second: &SolidPart, margin: f32, points: &mut V
         for point in manifold.points.iter().filter(|point| point.dist <= margin) {
             let at = frame * point.local_p1 + normal * (point.dist / 2.0);
             let at = at.to_array().map(units::meters).into();
-            let point = ContactPoint { at, normal: unit(normal), gap_m: units::meters(point.dist) };
+            let point = TouchPoint { at, normal: unit(normal), gap_m: units::meters(point.dist) };
             match points.iter_mut().find(|other| other.is_same_as(&point)) {
                 Some(other) => other.gap_m = other.gap_m.min(point.gap_m),
                 None => points.push(point),

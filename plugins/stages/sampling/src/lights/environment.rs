@@ -19,7 +19,7 @@ pub struct Environment {
     per: Per,
     /// Source of the light: `{ map = { from = ["skies"] } }`, or `{ constant = {} }` for the same radiance from all
     /// directions.
-    source: Source,
+    source: LightSource,
     /// Brightness: `{ illuminance_lx = 5000 }`, or `{ luminance_scale = 1 }` for maps in absolute units.
     brightness: EnvironmentBrightness,
 }
@@ -27,14 +27,14 @@ pub struct Environment {
 /// Source of the light of an environment.
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
-enum Source {
+enum LightSource {
     /// An environment map from a pool.
     Map(MapSource),
     /// The same radiance from every direction.
     Constant(ConstantSource),
 }
 
-impl Default for Source {
+impl Default for LightSource {
     fn default() -> Self {
         Self::Constant(ConstantSource::default())
     }
@@ -146,8 +146,8 @@ impl Config for Environment {
 
     fn build(self) -> Result<Box<dyn LightSampler>, ConfigError> {
         match &self.source {
-            Source::Map(map) => map.check()?,
-            Source::Constant(constant) => {
+            LightSource::Map(map) => map.check()?,
+            LightSource::Constant(constant) => {
                 check_temperature("source.constant.temperature_k", &constant.temperature_k)?;
             }
         }
@@ -183,11 +183,11 @@ impl LightSampler for Environment {
     fn lights(&self, _: &Scene, _: &Camera, _: &Shell, context: &Context) -> Result<Vec<Light>> {
         let draw = |name: &str, dist: &Dist| dist.draw(&mut context.stream.child(name));
         let (map, color, rotation, sun) = match &self.source {
-            Source::Constant(constant) => {
+            LightSource::Constant(constant) => {
                 let color = blackbody(draw("temperature", &constant.temperature_k));
                 (Arc::new(EnvironmentMap::constant([1.0; 3])), color, 0.0, None)
             }
-            Source::Map(source) => {
+            LightSource::Map(source) => {
                 let (_, map) = context.assets.draw_environment(&source.from, &mut context.stream.child("asset"))?;
                 (map, [1.0; 3], draw("rotation", &source.rotation_deg).to_radians(), source.sun.as_ref())
             }

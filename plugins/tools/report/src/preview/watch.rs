@@ -108,12 +108,12 @@ fn look(path: &Path, known: Option<&FileStamp>) -> FileStamp {
 /// Files that are watched, while work that follows from them is done or waits.
 #[derive(Default)]
 pub struct Watch {
-    state: Mutex<PreviewState>,
+    state: Mutex<WatchState>,
     told: Condvar,
 }
 
 #[derive(Default)]
-struct PreviewState {
+struct WatchState {
     files: WatchedFiles,
     has_changed: bool,
     /// Ends the work that a change makes useless.
@@ -124,7 +124,7 @@ impl Watch {
     /// States that work begins on files that are about to be read. A change from now on ends it.
     pub fn begin(&self) -> Stop {
         let mut state = self.state.lock();
-        *state = PreviewState::default();
+        *state = WatchState::default();
         state.work.clone()
     }
 

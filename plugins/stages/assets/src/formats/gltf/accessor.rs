@@ -12,7 +12,7 @@ use syntable_model::error::{Error, Result};
 const MAX_ZEROS: u64 = 1 << 20;
 
 /// Layout of elements in a view.
-struct Layout {
+struct ElementLayout {
     component: ComponentType,
     normalized: bool,
     offset: usize,
@@ -119,7 +119,7 @@ fn read<T: Clone + Zero>(
     index: Index<Accessor>,
     components: usize,
     select: Option<&[u32]>,
-    element: impl Fn(&Layout, &[u8], usize) -> T,
+    element: impl Fn(&ElementLayout, &[u8], usize) -> T,
 ) -> Result<Vec<T>> {
     let accessor = get(&document.accessors, index, "accessor")?;
     if width(document, index)? != components {
@@ -127,11 +127,11 @@ fn read<T: Clone + Zero>(
     }
     let component = component(accessor)?;
     let size = component.size() * components;
-    let layout = |stride: Option<usize>, offset: u64, count: u64, bytes: usize| -> Result<Layout> {
+    let layout = |stride: Option<usize>, offset: u64, count: u64, bytes: usize| -> Result<ElementLayout> {
         let stride = stride.unwrap_or(size).max(size);
         check_bounds(stride, offset, count, size, bytes)?;
         let (offset, count) = (offset as usize, count as usize);
-        Ok(Layout { component, normalized: accessor.normalized, offset, stride, count })
+        Ok(ElementLayout { component, normalized: accessor.normalized, offset, stride, count })
     };
     let count = accessor.count.0;
     // A sparse accessor is read as a whole before elements are selected.
@@ -168,8 +168,13 @@ fn read<T: Clone + Zero>(
         if u128::from(offset) + new.len() as u128 * size as u128 > bytes.len() as u128 {
             return Err(Error::new(format!("{} sparse indices need more than {} bytes", new.len(), bytes.len())));
         }
-        let at =
-            Layout { component: kind.0, normalized: false, offset: offset as usize, stride: size, count: new.len() };
+        let at = ElementLayout {
+            component: kind.0,
+            normalized: false,
+            offset: offset as usize,
+            stride: size,
+            count: new.len(),
+        };
         for (i, value) in new.into_iter().enumerate() {
             let target = number(&at, bytes, at.offset + i * at.stride) as usize;
             let count = values.len();
@@ -200,7 +205,7 @@ impl Zero for u32 {
 }
 
 /// Reads one number; the caller has checked the bounds.
-fn number(layout: &Layout, bytes: &[u8], at: usize) -> f64 {
+fn number(layout: &ElementLayout, bytes: &[u8], at: usize) -> f64 {
     macro_rules! number {
         ($type:ty, $size:literal) => {
             f64::from(<$type>::from_le_bytes(std::array::from_fn::<u8, $size, _>(|i| bytes[at + i])))

@@ -20,7 +20,7 @@ use syntable_model::scene::Volume;
 
 /// The layers of a material besides its base, and what modifies or replaces the base.
 #[derive(Default)]
-pub struct MaterialLayers {
+pub struct ExtensionLayers {
     pub clearcoat: Option<ClearcoatJson>,
     pub sheen: Option<SheenJson>,
     pub transmission: Option<TransmissionJson>,
@@ -144,7 +144,7 @@ impl Default for VolumeJson {
     }
 }
 
-impl MaterialLayers {
+impl ExtensionLayers {
     /// The layers of a material.
     pub fn of(material: &json::Material) -> Result<Self> {
         let Some(extensions) = &material.extensions else {

@@ -5,7 +5,7 @@
 
 use super::buffers::GltfBuffers;
 use super::get;
-use super::layers::{MaterialLayers, unit};
+use super::layers::{ExtensionLayers, unit};
 use super::specular_glossiness::{Factors, SpecularGlossinessJson, convert};
 use super::uses::{Use, of_info, of_normal};
 use crate::formats::within;
@@ -32,7 +32,7 @@ type JsonMaterial = json::Material;
 type SpecularTextureKey = (Option<Digest>, Option<Digest>, [u32; 7]);
 
 /// Materials by slot, in the order in which primitives name them.
-pub struct Materials<'a> {
+pub struct GltfMaterials<'a> {
     document: &'a Root,
     path: &'a Path,
     log: &'a dyn Log,
@@ -46,7 +46,7 @@ pub struct Materials<'a> {
     converted: BTreeMap<SpecularTextureKey, [Arc<Texture>; 2]>,
 }
 
-impl<'a> Materials<'a> {
+impl<'a> GltfMaterials<'a> {
     /// Materials of a document; the path is for messages.
     pub fn new(document: &'a Root, path: &'a Path, log: &'a dyn Log) -> Self {
         Self {
@@ -91,7 +91,7 @@ impl<'a> Materials<'a> {
             return Ok(None);
         };
         let material = get(&self.document.materials, index, "material")?;
-        let (pbr, layers) = (&material.pbr_metallic_roughness, MaterialLayers::of(material)?);
+        let (pbr, layers) = (&material.pbr_metallic_roughness, ExtensionLayers::of(material)?);
         let base = match &layers.specular_glossiness {
             Some(older) => [&older.diffuse_texture, &older.specular_glossiness_texture],
             None => [&pbr.base_color_texture, &pbr.metallic_roughness_texture],
@@ -153,7 +153,7 @@ impl<'a> Materials<'a> {
     }
 
     fn build(&mut self, json: &JsonMaterial, index: usize, buffers: &mut GltfBuffers<'_>) -> Result<Material> {
-        let layers = MaterialLayers::of(json)?;
+        let layers = ExtensionLayers::of(json)?;
         let name = json.name.clone().unwrap_or_else(|| format!("material {index}"));
         let mut material = Material::plain(name, [1.0; 3], 1.0);
         let alpha = match &layers.specular_glossiness {
@@ -274,7 +274,7 @@ impl<'a> Materials<'a> {
     }
 
     /// Changes of the base by extensions. Unsupported changes become the nearest supported ones, with a warning.
-    fn modify_base(&mut self, material: &mut Material, layers: &MaterialLayers) {
+    fn modify_base(&mut self, material: &mut Material, layers: &ExtensionLayers) {
         if layers.unlit {
             // The extension's own advice to programs that light everything.
             material.metallic = Scalar::constant(0.0);
@@ -307,7 +307,7 @@ impl<'a> Materials<'a> {
     fn layers(
         &mut self,
         material: &mut Material,
-        layers: &MaterialLayers,
+        layers: &ExtensionLayers,
         buffers: &mut GltfBuffers<'_>,
     ) -> Result<()> {
         if let Some(coat) = layers.clearcoat.as_ref().filter(|coat| coat.clearcoat_factor > 0.0) {

@@ -101,11 +101,11 @@ impl CompressedView {
 }
 
 /// Bytes that are read one after the other.
-struct Stream<'a> {
+struct ByteStream<'a> {
     bytes: &'a [u8],
 }
 
-impl<'a> Stream<'a> {
+impl<'a> ByteStream<'a> {
     /// A stream with a header byte, without it and a tail; and the tail.
     fn open(packed: &'a [u8], header: u8, tail: usize) -> Result<(Self, &'a [u8])> {
         let Some((&first, rest)) = packed.split_first() else { return Err(ends()) };
@@ -157,7 +157,7 @@ fn ends() -> Error {
 
 /// Elements whose bytes were packed plane by plane, as differences from the previous element.
 fn attributes(packed: &[u8], count: usize, stride: usize) -> Result<Vec<u8>> {
-    let (mut stream, tail) = Stream::open(packed, 0xa0, stride.max(32))?;
+    let (mut stream, tail) = ByteStream::open(packed, 0xa0, stride.max(32))?;
     // The stream has two bits at least for each byte of sixteen elements.
     if count.div_ceil(16).div_ceil(4).saturating_mul(stride) > stream.bytes.len() {
         return Err(ends());
@@ -184,7 +184,7 @@ fn attributes(packed: &[u8], count: usize, stride: usize) -> Result<Vec<u8>> {
     Ok(elements)
 }
 
-impl Stream<'_> {
+impl ByteStream<'_> {
     /// Sixteen differences of one byte: all zero, of two or four bits with exceptions after them, or plain.
     fn deltas(&mut self, mode: u8, into: &mut [u8]) -> Result<()> {
         let bits = match mode {
@@ -238,7 +238,7 @@ fn fresh(next: &mut u32) -> u32 {
 
 /// Corners of triangles. Most triangles share a recent edge.
 fn triangles(packed: &[u8], count: usize) -> Result<Vec<u32>> {
-    let (mut stream, table) = Stream::open(packed, 0xe1, 16)?;
+    let (mut stream, table) = ByteStream::open(packed, 0xe1, 16)?;
     if !count.is_multiple_of(3) {
         return Err(Error::new(format!("{count} packed corners are not a multiple of three")));
     }
@@ -246,7 +246,7 @@ fn triangles(packed: &[u8], count: usize) -> Result<Vec<u32>> {
     let mut corners = Vec::with_capacity(count);
     let (mut edges, mut vertices) = (Recent::<[u32; 2]>::new(), Recent::<u32>::new());
     let (mut next, mut last) = (0_u32, 0_u32);
-    let explicit = |stream: &mut Stream<'_>, last: &mut u32| -> Result<u32> {
+    let explicit = |stream: &mut ByteStream<'_>, last: &mut u32| -> Result<u32> {
         let value = stream.varint()?;
         *last = last.wrapping_add(value >> 1 ^ (value & 1).wrapping_neg());
         Ok(*last)
@@ -306,7 +306,7 @@ fn triangles(packed: &[u8], count: usize) -> Result<Vec<u32>> {
 
 /// Indices as differences from one of two running values.
 fn indices(packed: &[u8], count: usize) -> Result<Vec<u32>> {
-    let (mut stream, _) = Stream::open(packed, 0xd1, 4)?;
+    let (mut stream, _) = ByteStream::open(packed, 0xd1, 4)?;
     if count > stream.bytes.len() {
         return Err(ends());
     }

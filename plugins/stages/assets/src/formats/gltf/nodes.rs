@@ -3,7 +3,7 @@
 use super::accessor::{count, vectors};
 use super::buffers::GltfBuffers;
 use super::get;
-use super::primitive::{Primitive, Shape};
+use super::primitive::{Deformation, PrimitiveArrays};
 use crate::formats::within;
 use gltf::json::mesh::Mesh;
 use gltf::json::scene::Node;
@@ -56,7 +56,7 @@ impl Placement {
 }
 
 /// A mesh placed by a node.
-pub struct Instance {
+pub struct MeshInstance {
     /// The mesh.
     pub mesh: Index<Mesh>,
     /// Number of the node.
@@ -69,14 +69,14 @@ pub struct Instance {
     skin: Option<Rc<[Matrix4<f64>]>>,
 }
 
-impl Instance {
+impl MeshInstance {
     /// How the mesh is shaped.
-    pub fn shape(&self) -> Shape<'_> {
-        Shape { weights: &self.weights, skinned: self.skin.is_some() }
+    pub fn shape(&self) -> Deformation<'_> {
+        Deformation { weights: &self.weights, skinned: self.skin.is_some() }
     }
 
     /// The placement of a vertex: of the whole mesh, or the weighted mean of its joints' placements.
-    pub fn placement(&self, primitive: &Primitive, vertex: usize) -> Result<Placement> {
+    pub fn placement(&self, primitive: &PrimitiveArrays, vertex: usize) -> Result<Placement> {
         let Some(joints) = &self.skin else { return Ok(self.placement) };
         let (mut sum, mut total) = (Matrix4::zeros(), 0.0);
         for set in &primitive.influences {
@@ -97,7 +97,7 @@ impl Instance {
 }
 
 /// All meshes of the first scene: the default scene of the file, or else its first scene, or else all nodes.
-pub fn instances(document: &Root, buffers: &mut GltfBuffers<'_>) -> Result<Vec<Instance>> {
+pub fn instances(document: &Root, buffers: &mut GltfBuffers<'_>) -> Result<Vec<MeshInstance>> {
     let parents = parents(document);
     let roots: Vec<Index<Node>> = match (document.scene, document.scenes.first()) {
         (Some(scene), _) => get(&document.scenes, scene, "scene")?.nodes.clone(),
@@ -130,7 +130,7 @@ pub fn instances(document: &Root, buffers: &mut GltfBuffers<'_>) -> Result<Vec<I
             for copy in copies(document, buffers, node).map_err(within_node)? {
                 let placement = Placement::new(body_from_node * copy);
                 let (weights, skin) = (weights.clone(), skin.clone());
-                instances.push(Instance { mesh, node: index.value(), weights, placement, skin });
+                instances.push(MeshInstance { mesh, node: index.value(), weights, placement, skin });
             }
         }
         stack.extend(node.children.iter().flatten().rev().map(|&child| (child, body_from_node)));
@@ -181,11 +181,11 @@ fn transform(translation: [f32; 3], rotation: [f32; 4], scale: [f32; 3]) -> Matr
 fn copies(document: &Root, buffers: &mut GltfBuffers<'_>, node: &Node) -> Result<Vec<Matrix4<f64>>> {
     #[derive(Deserialize)]
     struct Instancing {
-        attributes: Attributes,
+        attributes: InstancingAttributes,
     }
     #[derive(Deserialize)]
     #[serde(rename_all = "UPPERCASE")]
-    struct Attributes {
+    struct InstancingAttributes {
         translation: Option<u32>,
         rotation: Option<u32>,
         scale: Option<u32>,
@@ -193,7 +193,7 @@ fn copies(document: &Root, buffers: &mut GltfBuffers<'_>, node: &Node) -> Result
     let Some(json) = node.extensions.as_ref().and_then(|extensions| extensions.others.get(INSTANCING)) else {
         return Ok(vec![Matrix4::identity()]);
     };
-    let Instancing { attributes: Attributes { translation, rotation, scale } } =
+    let Instancing { attributes: InstancingAttributes { translation, rotation, scale } } =
         Instancing::deserialize(json).map_err(|error| within(Error::new(error.to_string()), INSTANCING))?;
     let mut total = None;
     for (accessor, components) in [(translation, 3), (rotation, 4), (scale, 3)] {
@@ -205,7 +205,7 @@ fn copies(document: &Root, buffers: &mut GltfBuffers<'_>, node: &Node) -> Result
         }
     }
     let Some(total) = total else { return Ok(vec![Matrix4::identity()]) };
-    buffers.budget().bytes(total.saturating_mul(size_of::<Instance>() as u64))?;
+    buffers.budget().bytes(total.saturating_mul(size_of::<MeshInstance>() as u64))?;
     fn rows<const N: usize>(
         document: &Root,
         buffers: &mut GltfBuffers<'_>,

@@ -4,7 +4,7 @@ use super::accessor::{self, indices, is_float, is_normalized, vectors, width};
 use super::buffers::GltfBuffers;
 use super::get;
 use super::layers::unit;
-use super::materials::Materials;
+use super::materials::GltfMaterials;
 use gltf::json::accessor::Accessor;
 use gltf::json::mesh::{Mode, Primitive as JsonPrimitive, Semantic};
 use gltf::json::validation::Checked;
@@ -16,7 +16,7 @@ use syntable_model::error::{Error, Result};
 const ROUNDING: f64 = 1e-3;
 
 /// Arrays in the mesh's own frame. Missing arrays are empty.
-pub struct Primitive {
+pub struct PrimitiveArrays {
     /// Positions `[V]`.
     pub positions: Vec<[f32; 3]>,
     /// Normals `[V]`.
@@ -37,21 +37,21 @@ pub struct Primitive {
 
 /// How a node shapes the mesh that it places.
 #[derive(Clone, Copy)]
-pub struct Shape<'a> {
+pub struct Deformation<'a> {
     /// Weights of the morph targets. Missing weights are zero.
     pub weights: &'a [f32],
     /// Whether a skin poses it.
     pub skinned: bool,
 }
 
-impl Primitive {
+impl PrimitiveArrays {
     /// Reads a primitive; `None` for points and lines. `placed` is the number of triangles of the model so far.
     pub fn read(
         document: &Root,
         buffers: &mut GltfBuffers<'_>,
         primitive: &JsonPrimitive,
-        materials: &mut Materials<'_>,
-        shape: Shape<'_>,
+        materials: &mut GltfMaterials<'_>,
+        shape: Deformation<'_>,
         placed: usize,
     ) -> Result<Option<Self>> {
         let mode = match primitive.mode {

@@ -1,7 +1,7 @@
 //! Materials by slot from the material libraries of an OBJ.
 
 use super::{MaterialUse, ParsedObj};
-use crate::formats::InFile;
+use crate::formats::FormatLog;
 use crate::formats::mtl::{self, MtlMap, MtlMaterial};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -92,7 +92,7 @@ pub(super) fn attach(parsed: ParsedObj, root: &AssetRoot, folder: &Path, file: &
         log.warn(&Error::new(message).in_file(file).at_line(first.line));
     }
     let mut model = Model { mesh, materials };
-    let log = InFile { log, path: file };
+    let log = FormatLog { log, path: file };
     let has_texture = |&slot: &u16| model.materials[usize::from(slot)].base_color.texture.is_some();
     let textured: Vec<bool> = model.mesh.slots.iter().map(has_texture).collect();
     let alphas = hide_colors_under_textures(&mut model.mesh, alphas, &[], &textured, &log);

@@ -2,7 +2,8 @@
 
 use count_error as _;
 use syntable::evaluation::Convention;
-use syntable::evaluation::image::{MaskedObject, ImagePair};
+use syntable::evaluation::image::ImagePair;
+use syntable::evaluation::masked_object::MaskedObject;
 use syntable::evaluation::measure::{Measures, Tally};
 use syntable::model::product::Mask;
 
