@@ -9,8 +9,8 @@ use crate::error::ConfigError;
 use crate::intern::intern;
 use crate::reader::{DatasetFormat, Format};
 use crate::stage::{
-    AssetSource, CameraModel, DatasetAnnotator, Denoiser, ImageAnnotator, LightSampler, Placer, Renderer,
-    SceneAnnotator, Scenes, Sensor, Settler, ViewAnnotator, ViewSampler, Writer,
+    AssetSource, CameraModel, DatasetAnnotator, Denoiser, FrameAnnotator, ImageAnnotator, LightSampler, Placer,
+    Renderer, SceneAnnotator, Scenes, Sensor, Settler, ViewAnnotator, ViewSampler, Writer,
 };
 use schemars::{JsonSchema, Schema, SchemaGenerator};
 use serde::de::DeserializeOwned;
@@ -158,8 +158,8 @@ slots! {
         "Simulates camera effects on rendered images; a table is needed only to set options.": Sensor(Sensor);
     Annotate = "annotate", Keyed, optional, default [],
         "Provides annotations; a table is needed only to set options.":
-        AnnotateImage(ImageAnnotator), AnnotateView(ViewAnnotator), AnnotateScene(SceneAnnotator),
-        AnnotateDataset(DatasetAnnotator);
+        AnnotateImage(ImageAnnotator), AnnotateView(ViewAnnotator), AnnotateFrame(FrameAnnotator),
+        AnnotateScene(SceneAnnotator), AnnotateDataset(DatasetAnnotator);
     Write = "write", Keyed, required, default [],
         "Writes files; what the writers include is what is computed.": Write(Writer), WriteScenes(Writer<Scenes>);
 }

@@ -477,7 +477,7 @@ fn shown(entry: &Entry) -> String {
 fn output(entry: &Entry) -> String {
     let stage =
         entry.construct_str("").or_else(|_| entry.construct_str(entry.example)).expect("the example builds").stage;
-    let keys = |keys: Vec<KeyId>| list(keys.into_iter().map(|key| format!("`{}`", key.name)), "and");
+    let keys = |keys: Vec<KeyId>| list(keys.into_iter().map(|key| format!("`{key}`")), "and");
     match Producer::of(stage.of_scenes()) {
         Ok(producer) => {
             let mut line = format!("**Provides** {} per {}", keys(producer.provides()), producer.scope());
@@ -485,7 +485,7 @@ fn output(entry: &Entry) -> String {
                 let _ = write!(line, ", from {}", keys(producer.reads()));
             }
             for replacement in producer.replaces() {
-                let (product, original) = (replacement.product.name, replacement.original.name);
+                let (product, original) = (replacement.product, replacement.original);
                 let _ = write!(line, "; replaces `{product}`, and the original is kept as `{original}`");
             }
             line + "."
@@ -607,12 +607,12 @@ fn products(registry: &Registry) -> String {
     );
     let products = cli::products(registry);
     for (key, provider) in &products {
-        let (name, kind) = (key.name, key.kind_of_value());
+        let (name, kind) = (key, key.kind_of_value());
         let unit = if key.unit.is_empty() { "" } else { key.unit };
         let _ = writeln!(page, "| [`{name}`](#{name}) | {kind} | {unit} | {} | {provider} |", key.scope);
     }
     for (key, _) in &products {
-        let _ = write!(page, "\n## `{}`\n\n{}\n", key.name, key.doc());
+        let _ = write!(page, "\n## `{key}`\n\n{}\n", key.doc());
     }
     page
 }

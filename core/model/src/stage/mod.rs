@@ -22,7 +22,8 @@ mod view_sampler;
 mod writer;
 
 pub use annotator::{
-    DatasetAnnotator, ImageAnnotator, ProductGroup, RecordedScene, SceneAnnotator, ViewAnnotator, ViewProducts,
+    DatasetAnnotator, FrameAnnotator, ImageAnnotator, ProductGroup, RecordedScene, SceneAnnotator, ViewAnnotator,
+    ViewProducts,
 };
 pub use asset_source::{AssetLimits, AssetSource};
 pub use atlas::{Atlas, AtlasTile};
@@ -125,16 +126,16 @@ impl DatasetInfo {
     }
 }
 
-/// A product that a stage replaces: readers of `product` get the new one, and the stage itself reads the original under
-/// the key `original`, as anybody else can.
+/// A product that a stage replaces. All other stages that read `product` get the new one. The original stays available under
+/// the key `original`, by which the stage itself reads it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Replacement {
     /// The product, which the stage provides anew.
     pub product: KeyId,
     /// Key of the same type under which the original is kept.
     pub original: KeyId,
-    /// Whether the stage also replaces the product of [objects by themselves](crate::product::RenderParameters::objects), such as
-    /// `radiance (objects alone)`: it then runs once more, on inputs of these objects.
+    /// Whether the stage also replaces the product of [single objects](crate::product::Framing::objects), such as `radiance
+    /// (objects alone)`. It then runs once more, on inputs of these objects.
     pub of_objects: bool,
 }
 

@@ -102,7 +102,7 @@ pub enum Accepts {
 impl Input {
     /// A product that the writer knows, of exactly its type.
     pub fn of<T: Product>(key: Key<T>) -> Self {
-        Self { product: key.id().name.to_string(), accepts: Accepts::Type(key.id()), option: None, is_optional: false }
+        Self { product: key.id().to_string(), accepts: Accepts::Type(key.id()), option: None, is_optional: false }
     }
 
     /// A product by name, whatever its type.

@@ -4,7 +4,7 @@
 
 use crate::durable::{self, Draft, Standing};
 use crate::paths::{root_of, run_above};
-use crate::plan::{self, Candidate, Fault, Implied, Plan, Producer};
+use crate::plan::{self, Candidate, Implied, Plan, PlanFault, Producer};
 use crate::run::dataset::loss::Loss;
 use crate::run::making::losses::Losses;
 use crate::run::making::stages::annotate_image;
@@ -114,13 +114,13 @@ pub fn convert_dataset(
     let unread = unread.into_inner();
     let Missing { annotations, parts, without_pixels } = missing.into_inner();
     let not_objects = dataset.not_objects(&plan.rendered);
-    let read: Vec<String> = plan.entries.iter().map(|entry| entry.key.name.to_string()).collect();
+    let read: Vec<String> = plan.entries.iter().map(|entry| entry.key.to_string()).collect();
     let derived = &dataset.derived;
-    let is_read = |key: &KeyId| read.contains(&key.name.to_string());
+    let is_read = |key: &KeyId| read.contains(&key.to_string());
     let alike = &dataset.alike;
     let said_otherwise = |key: &KeyId| alike.iter().any(|pair| pair.contains(key) && pair.iter().any(is_read));
     let stored = dataset.offers.iter().filter(|key| !derived.contains(key));
-    let lost = stored.filter(|key| !is_read(key) && !said_otherwise(key)).map(|key| key.name.to_string());
+    let lost = stored.filter(|key| !is_read(key) && !said_otherwise(key)).map(|key| key.to_string());
     let losses = losses.all();
     let are_left_out = losses.iter().any(|loss| LeftOut::is_without_pixels(&loss.what));
     let without_pixels = without_pixels.into_values().filter(|_| are_left_out).flatten();
@@ -217,7 +217,7 @@ fn resolve(registry: &Registry, dataset: &OpenDataset, writers: &[(String, Box<d
     let implied = parts.into_iter().map(candidate).collect();
     let plan =
         plan::resolve(offers.clone(), Vec::new(), implied, &wants).map_err(|errors| {
-            let is_unknown = |error: &&plan::PlanError| error.fault == Fault::Unknown;
+            let is_unknown = |error: &&plan::PlanError| error.fault == PlanFault::Unknown;
             let mut messages: Vec<String> = Vec::new();
             for (id, _) in writers {
                 let stage = format!("write.{id}");
@@ -234,7 +234,7 @@ fn resolve(registry: &Registry, dataset: &OpenDataset, writers: &[(String, Box<d
                     format!("{} reads `{}`, which the dataset does not have", error.stage, error.product)
                 }));
             }
-            let has: Vec<String> = offers.iter().map(|key| format!("`{}`", key.name)).collect();
+            let has: Vec<String> = offers.iter().map(|key| format!("`{key}`")).collect();
             let mut help = format!("the dataset has {}", has.join(", "));
             // Such as `include[0]`.
             let named = errors.iter().filter(is_unknown).find_map(|error| {
@@ -268,7 +268,7 @@ impl ImageAnnotator for Part {
 
     fn annotate(&self, cx: &ImageContext, products: &mut Products) -> Result<()> {
         // To the annotator, the rest of what it reads is not there.
-        let lent = products.only(&self.annotator.reads().iter().map(|key| key.name).collect::<Vec<_>>());
+        let lent = products.only(&self.annotator.reads());
         let mut filled = lent.clone();
         self.annotator.annotate(cx, &mut filled)?;
         products.extend(filled.without(&lent))
@@ -286,9 +286,11 @@ fn parts_of(candidate: Candidate, offers: &[KeyId]) -> Vec<(String, Part)> {
     let annotator: Arc<dyn ImageAnnotator> = annotator.into();
     let groups = annotator.groups();
     let is_whole = groups.len() == 1;
-    let is_new = |group: &ProductGroup| !group.provides.iter().any(|key| offers.iter().any(|it| it.name == key.name));
+    let is_new = |group: &ProductGroup| {
+        !group.provides.iter().any(|key| offers.iter().any(|it| it.product_id() == key.product_id()))
+    };
     let part = |group: ProductGroup| {
-        let names: Vec<String> = group.provides.iter().map(|key| key.name.to_string()).collect();
+        let names: Vec<String> = group.provides.iter().map(|key| key.to_string()).collect();
         let stage = &candidate.stage;
         let stage = if is_whole { stage.clone() } else { format!("{stage} ({})", names.join(", ")) };
         (stage, Part { annotator: Arc::clone(&annotator), implied: candidate.implied.clone(), group })
@@ -298,7 +300,7 @@ fn parts_of(candidate: Candidate, offers: &[KeyId]) -> Vec<(String, Part)> {
 
 /// Names of the products that a dataset has, or that follow from them.
 fn can_be_had(offers: &[KeyId], parts: &[(String, Part)]) -> BTreeSet<String> {
-    let name = |key: &KeyId| key.name.to_string();
+    let name = |key: &KeyId| key.to_string();
     let mut has: BTreeSet<String> = offers.iter().map(name).collect();
     loop {
         let groups = parts.iter().map(|(_, part)| &part.group);
@@ -421,8 +423,7 @@ impl Conversion<'_> {
             if let Some(writers) = &mut writers {
                 writers.view_of(&cx_of_view, |reads| lent(&products, reads)).map_err(of)?;
             }
-            let known: Vec<_> =
-                products.keys().into_iter().filter(|key| key.scope == Scope::Scene).map(|key| key.name).collect();
+            let known: Vec<KeyId> = products.keys().into_iter().filter(|key| key.scope == Scope::Scene).collect();
             of_scene = products.only(&known);
         }
         writers.map_or(Ok(false), |writers| writers.close(&cx, &of_scene).map(|_| true))

@@ -1,4 +1,4 @@
-//! Making scenes: several in flight, each committed when it is done.
+//! Making scenes: several in flight, each committed when it is finished.
 
 use crate::pools::AssetStore;
 use crate::recipe::Recipe;
@@ -9,7 +9,8 @@ use crate::run::decisions::work_list::{Job, Task, Todo, Works};
 use crate::run::finish::{Ended, annotate_and_finish};
 use crate::run::making::attempt::Tools;
 use crate::run::making::queue::Queue;
-use crate::run::making::scene::{self, SceneMaker};
+use crate::run::making::recovery::Recovery;
+use crate::run::making::scene::{MadeScene, SceneMaker};
 use crate::run::making::sessions::{Sessions, scenes_in_flight};
 use crate::run::making::times::{RunTimes, Times};
 use crate::run::panics;
@@ -24,7 +25,7 @@ use syntable_model::context::Log;
 use syntable_model::error::{Error, Result};
 
 /// A dataset with the scenes that a run made.
-pub struct Made {
+pub struct MadeScenes {
     pub folder: Folder,
     pub journal: Journal,
     /// The resolved recipe with what is locked.
@@ -38,7 +39,13 @@ pub struct Made {
 }
 
 /// Makes the scenes of a run. From here on the dataset changes.
-pub fn make(recipe: &Recipe, options: &RunOptions, pool: &Pool, reporter: &dyn Reporter, begun: Begun) -> Result<Made> {
+pub fn make(
+    recipe: &Recipe,
+    options: &RunOptions,
+    pool: &Pool,
+    reporter: &dyn Reporter,
+    begun: Begun,
+) -> Result<MadeScenes> {
     let Begun { folder, mut journal, resolved, growth, todo, assets, ahead } = begun;
     if growth.is_none() {
         journal.rewrite()?;
@@ -72,7 +79,7 @@ pub fn make(recipe: &Recipe, options: &RunOptions, pool: &Pool, reporter: &dyn R
     let new = made_ahead + whole.filter_map(|(scene, _)| entry_of(scene)).map(JournalEntry::views).sum::<u32>();
     let changed = |(scene, job): &(&u32, &Job)| job.lacks.is_some() && entry_of(scene) != job.present.as_ref();
     let grown = todo.scenes.iter().filter(changed).count() as u32;
-    Ok(Made { folder, journal, resolved, new, grown, lacking })
+    Ok(MadeScenes { folder, journal, resolved, new, grown, lacking })
 }
 
 /// Returns how many scenes stay as they were.
@@ -100,7 +107,7 @@ fn make_scenes(
     let cache = &options.cache;
     let tools = Tools { recipe, assets, cache, workers: pool, log: &log, times: &times, stop: &options.stop };
     let maker = SceneMaker { tools, reporter, folder, sessions: &sessions, checks: &recipe.checks };
-    let one = |task: &Task, made: Option<scene::Made>| -> Result<()> {
+    let one = |task: &Task, made: Option<MadeScene>| -> Result<()> {
         let Some(made) = made else {
             lacking.fetch_add(1, Ordering::Relaxed);
             return Ok(());
@@ -117,7 +124,7 @@ fn make_scenes(
             let Ended { writers, annotators } = annotate_and_finish(recipe, &log, pool, folder, &[entry], &trial);
             folder.drop_trial()?;
             // An annotator of the dataset may need more scenes than one.
-            if let Some(error) = annotators.filter(|error| error.is_permanent() || error.is_io()) {
+            if let Some(error) = annotators.filter(|error| Recovery::of(error) == Recovery::Stop) {
                 return Err(error);
             }
             if let Some((id, error)) = writers {
