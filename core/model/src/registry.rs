@@ -53,8 +53,9 @@ pub struct Choice {
     pub reason: String,
 }
 
-/// How often a slot occurs in a recipe.
+/// How often a slot occurs in a recipe. Shapes may be added.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Shape {
     /// One table.
     One,
@@ -178,6 +179,23 @@ impl Slot {
     /// How often it occurs.
     pub const fn shape(self) -> Shape {
         self.spec().shape
+    }
+
+    /// Name of one of its stages in messages and random streams: `render`, `place.objects`, `write.png`.
+    pub fn stage_name(self, id: &str) -> String {
+        match self.shape() {
+            Shape::One => self.name().to_owned(),
+            Shape::List | Shape::Keyed => format!("{self}.{id}"),
+        }
+    }
+
+    /// Header of the table of one of its stages in a recipe: `[render]`, `[[place]]`, `[write.png]`.
+    pub fn header(self, id: &str) -> String {
+        match self.shape() {
+            Shape::One => format!("[{self}]"),
+            Shape::List => format!("[[{self}]]"),
+            Shape::Keyed => format!("[{self}.{id}]"),
+        }
     }
 }
 

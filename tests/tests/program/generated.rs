@@ -303,7 +303,7 @@ impl<'s> Reference<'s> {
                 "An array of tables, in order. `kind` chooses among the kinds below; `id` names the step and seeds its \
                  random numbers (default: the kind).\n"
             }
-            Shape::Keyed => {
+            _ => {
                 "Tables by id. The id is the kind, unless `kind` says otherwise: then the id can be any word that is \
                  not a kind.\n"
             }
@@ -345,9 +345,8 @@ impl<'s> Reference<'s> {
         section += "\n### Options\n";
         section += if options.is_empty() { "\nNone.\n" } else { &options };
         let header = match entry.slot.shape() {
-            Shape::One => format!("[{}]\nkind = \"{}\"", entry.slot, entry.kind),
-            Shape::List => format!("[[{}]]\nkind = \"{}\"", entry.slot, entry.kind),
-            Shape::Keyed => format!("[{}.{}]", entry.slot, entry.kind),
+            Shape::Keyed => entry.slot.header(entry.kind),
+            _ => format!("{}\nkind = \"{}\"", entry.slot.header(entry.kind), entry.kind),
         };
         let example = format!("{header}\n{}", entry.example.trim());
         let _ = write!(section, "\n### Example\n\n```toml\n{}\n```\n", example.trim());
@@ -506,11 +505,7 @@ fn output(entry: &Entry) -> String {
 }
 
 fn header(slot: Slot) -> String {
-    match slot.shape() {
-        Shape::One => format!("`[{slot}]`"),
-        Shape::List => format!("`[[{slot}]]`"),
-        Shape::Keyed => format!("`[{slot}.<id>]`"),
-    }
+    format!("`{}`", slot.header("<id>"))
 }
 
 fn text(schema: &Value) -> String {

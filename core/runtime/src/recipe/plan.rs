@@ -8,7 +8,7 @@ use super::suggest::{did_you_mean, listing};
 use crate::plan::{Candidate, Plan, PlanError, PlanFault, Producer, registered, resolve};
 use std::collections::BTreeSet;
 use syntable_model::product::KeyId;
-use syntable_model::registry::{Registry, Shape, Slot, Stage};
+use syntable_model::registry::{Registry, Slot, Stage};
 use syntable_model::stage::Input;
 
 /// Who wants products that no writer reads.
@@ -77,10 +77,7 @@ pub(crate) fn plan(
 
 /// What a stage is called in messages: `render`, `write.png`.
 pub(crate) fn part(stage: &BuiltStage) -> String {
-    match stage.slot.shape() {
-        Shape::One => stage.slot.to_string(),
-        Shape::List | Shape::Keyed => format!("{}.{}", stage.slot, stage.id),
-    }
+    stage.slot.stage_name(&stage.id)
 }
 
 /// Products that some kind provides in a slot of which a stage could not be built.

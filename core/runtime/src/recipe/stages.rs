@@ -168,15 +168,15 @@ impl<'l> Loader<'l> {
             let (wanted, write) = match slot.shape() {
                 Shape::One => ("a table", format!("write [{slot}] and its options below")),
                 Shape::List => ("an array of tables", format!("write [[{slot}]], once for every step")),
-                Shape::Keyed => ("a table of tables", format!("write [{slot}.<id>], once for every id")),
+                _ => ("a table of tables", format!("write [{slot}.<id>], once for every id")),
             };
             DiagnosticBuilder::error(Code::WrongType, span.clone(), format!("`{slot}` must be {wanted}"))
                 .label(format!("this is {}", check::type_of(found)))
                 .help(write)
         };
         let fits = match slot.shape() {
-            Shape::One | Shape::Keyed => value.get_ref().is_table(),
             Shape::List => value.get_ref().is_array(),
+            _ => value.get_ref().is_table(),
         };
         if !fits {
             diagnostics.push(wrong(&value));
@@ -291,10 +291,10 @@ impl<'l> Loader<'l> {
             return Some(tables);
         }
         let kinds: Vec<&str> = self.registry.of_slot(slot).map(|entry| entry.kind).collect();
-        let (header, example) = match slot.shape() {
-            Shape::One => (format!("[{slot}]"), format!("[{slot}] with kind = …")),
-            Shape::List => (format!("[[{slot}]]"), format!("[[{slot}]] with kind = …")),
-            Shape::Keyed => (format!("[{slot}.<id>]"), format!("[{slot}.{}]", kinds.first().unwrap_or(&"<id>"))),
+        let header = slot.header("<id>");
+        let example = match slot.shape() {
+            Shape::Keyed => slot.header(kinds.first().unwrap_or(&"<id>")),
+            _ => format!("{header} with kind = …"),
         };
         diagnostics.push(
             DiagnosticBuilder::error(Code::MissingSection, NOWHERE, format!("a recipe needs `{header}`"))
@@ -441,7 +441,7 @@ impl<'l> Loader<'l> {
         for (steps, path) in paths {
             // The catalog of a pool says what its folders and lists amount to, and a denoiser's library is a program.
             if !matches!(slot, Slot::Assets | Slot::Denoise) {
-                let table = if slot.shape() == Shape::One { slot.to_string() } else { format!("{slot}.{}", given.id) };
+                let table = slot.stage_name(&given.id);
                 built.files.push((format!("{table}.{}", DisplayPath(&steps)), path.path.clone()));
             }
             if let Some(toml::Value::String(text)) = at_mut(&mut options, &steps)
@@ -467,7 +467,7 @@ impl<'l> Loader<'l> {
     ) -> Option<&'l Entry> {
         let Some(choose) = entry.choose else { return Some(entry) };
         let slot = given.slot;
-        let table = if slot.shape() == Shape::One { slot.to_string() } else { format!("{slot}.{}", given.id) };
+        let table = slot.stage_name(&given.id);
         if !self.overrides.choose {
             built.undecided.push(table);
             return Some(entry);
@@ -529,10 +529,7 @@ impl<'l> Loader<'l> {
                 _ => false,
             };
             let path = if is_part { above } else { &reference.path };
-            let stage = match given.slot.shape() {
-                Shape::One => given.slot.to_string(),
-                _ => format!("{}.{}", given.slot, given.id),
-            };
+            let stage = given.slot.stage_name(&given.id);
             let option = format!("{stage}.{}", DisplayPath(path));
             let pools = at(options, path).and_then(|value| ObjectPools::deserialize(value.clone()).ok());
             if let Some(pools) = pools.filter(|_| draws.iter().all(|draw| draw.option != option)) {
@@ -585,7 +582,7 @@ impl<'l> Loader<'l> {
                 (self.default_kinds(slot).next().unwrap_or_default().to_owned(), given.header.clone())
             }
             None => {
-                let header = if slot.shape() == Shape::List { format!("[[{slot}]]") } else { format!("[{slot}]") };
+                let header = slot.header("<id>");
                 let diagnostic = DiagnosticBuilder::error(
                     Code::MissingKey,
                     given.header.clone(),

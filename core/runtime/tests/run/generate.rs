@@ -71,7 +71,7 @@ fn samples_are_what_a_run_writes() {
 fn a_product_of_a_moment_comes_with_each_view_at_it() {
     let folder = tempfile::tempdir().expect("a folder");
     let text = format!(
-        "{}[views]\nviews_per_second = 2\n[annotate.clock]\ntally = 21\n[write.lines]\ninclude = [\"tick\"]\n",
+        "{}[views]\nkind = \"hemisphere_shell\"\nviews_per_second = 2\n[annotate.clock]\ntally = 21\n[write.lines]\ninclude = [\"tick\"]\n",
         head(2, 5)
     );
     let ticks = [0.0, 0.0, 1.0, 1.0, 2.0];

@@ -25,7 +25,7 @@ use syntable_model::check::LabelCheck;
 use syntable_model::context::{SceneContext, ViewContext};
 use syntable_model::error::{Error, Result};
 use syntable_model::product::Products;
-use syntable_model::scene::{Placed, Scene, SceneId, Settled, View};
+use syntable_model::scene::{PlacedBodies, Scene, SceneId, Settled, View};
 use syntable_model::stage::{Output, Scenes};
 use syntable_model::store::StoreFolder;
 
@@ -140,7 +140,7 @@ impl<'a> SceneMaker<'a> {
         let report = match again.map(|settled| settled.apply(&mut builder)) {
             Some(Ok(report)) => report,
             _ => {
-                let placed = Placed::of(&builder);
+                let placed = PlacedBodies::of(&builder);
                 let report = attempt.settle(&mut builder)?;
                 if let Some(settled) = Settled::between(&placed, &builder, &report) {
                     settled::write(staged, scene, &settled)?;
