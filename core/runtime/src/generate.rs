@@ -43,7 +43,7 @@ pub struct GenerateOptions {
     pub threads: usize,
     /// Costly results, kept between runs.
     pub cache: DiskCache,
-    /// Asks the work to end early.
+    /// Handle to end the work early.
     pub stop: Stop,
 }
 
@@ -296,7 +296,7 @@ impl Generator {
         Self { samples: Some(samples), thread: Some(thread), stop, result: Generated::default() }
     }
 
-    /// Scenes that failed, and what stages left out; complete once the iterator has ended.
+    /// The failed scenes, and what stages left out. Complete after the last sample.
     pub fn result(&self) -> &Generated {
         &self.result
     }

@@ -1,4 +1,4 @@
-//! The one resolver: who provides which product, and what has to be computed for the writers of a recipe.
+//! The resolver: the provider of each product, and the products that the writers of a recipe need.
 //!
 //! The renderer or a stage of the recipe provides a product, or else the one registered sensor or annotator that provides it
 //! with its default options. A stage may replace a product: all other stages then read the new one, and the original keeps a
@@ -148,7 +148,7 @@ impl PlannedStage {
     }
 }
 
-/// Who provides a product.
+/// The provider of a product.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Provider {
     /// The renderer.
@@ -177,16 +177,16 @@ impl fmt::Display for Provider {
 pub struct PlanEntry {
     /// The product.
     pub key: KeyId,
-    /// Who computes it.
+    /// Its provider.
     pub provider: Provider,
     /// The stages that read it, such as `write.png`.
     pub wanted_by: Vec<String>,
 }
 
-/// What a run computes, in order.
+/// The products and stages of a run, in order.
 #[derive(Clone, Default)]
 pub struct Plan {
-    /// Products that the renderer makes for every view, under the keys that the renderer offers.
+    /// Products that the renderer makes for each view, under the keys that the renderer offers.
     pub rendered: Vec<KeyId>,
     /// Pairs of keys: a product that a stage replaces, and the key under which the original is kept.
     pub replaced: Vec<[KeyId; 2]>,
@@ -224,7 +224,7 @@ pub struct Idle {
 pub struct PlanError {
     /// The kind of mistake.
     pub fault: PlanFault,
-    /// The table of the stage that asks, such as `write.png`.
+    /// The table of the stage that reads the product, such as `write.png`.
     pub stage: String,
     /// The option of that stage that names the product, if one does.
     pub option: Option<String>,
@@ -259,7 +259,7 @@ pub enum PlanFault {
     WrongType,
     /// A writer cannot store the product.
     NotStorable,
-    /// A stage reads what is known only later.
+    /// A stage reads a product that is made later.
     TooEarly,
 }
 
@@ -485,11 +485,19 @@ impl Plan {
         framings
     }
 
-    /// Products that annotators of the dataset read, and that come [with each view](Scope::comes_with_view) or with the scene.
-    /// Each scene's record has them.
-    pub fn recorded(&self, with_view: bool) -> Vec<KeyId> {
+    /// Products of each view and its moment that annotators of the dataset read. Each scene's record has them.
+    pub fn recorded_of_views(&self) -> Vec<KeyId> {
+        self.recorded(Scope::comes_with_view)
+    }
+
+    /// Products of the scene that annotators of the dataset read. Each scene's record has them.
+    pub fn recorded_of_scene(&self) -> Vec<KeyId> {
+        self.recorded(|scope| scope == Scope::Scene)
+    }
+
+    fn recorded(&self, is_recorded: impl Fn(Scope) -> bool) -> Vec<KeyId> {
         let mut keys: Vec<KeyId> = self.per_dataset.iter().flat_map(|stage| stage.reads.iter().copied()).collect();
-        keys.retain(|key| key.scope != Scope::Dataset && key.scope.comes_with_view() == with_view);
+        keys.retain(|key| is_recorded(key.scope));
         keys.sort_by_key(KeyId::product_id);
         keys.dedup_by_key(|key| key.product_id());
         keys
@@ -567,7 +575,7 @@ struct Asker<'a> {
 struct Resolver {
     offers: Vec<KeyId>,
     candidates: Vec<Option<Candidate>>,
-    /// What the candidates read and provide, and when they run.
+    /// The inputs and outputs of the candidates, and when they run.
     traits: Vec<CandidateTraits>,
     /// Index of the candidate that replaces a product, and the replacement.
     replacements: Vec<(usize, Replacement)>,
@@ -705,7 +713,7 @@ impl Resolver {
         self.offered(id).is_some() || !self.sources(id).is_empty()
     }
 
-    /// The candidates that make a product anew.
+    /// The candidates that make a product without replacing it.
     fn sources(&self, id: ProductId) -> Vec<usize> {
         let replaces = |i: usize| self.traits[i].replaces.iter().any(|it| it.product.product_id() == id);
         let provides = |i: usize| self.traits[i].provides.iter().any(|key| key.product_id() == id);
@@ -834,12 +842,14 @@ impl Resolver {
         known.sort_unstable();
         known.dedup();
         let message = format!("{} reads product `{name}`, which nothing provides", by.stage);
-        let known = known.into_iter().map(str::to_owned).collect();
         let is_offered = |product: &str| self.offers.iter().any(|key| key.product == product);
         let help = match name.split_once(" (") {
             Some((product, _)) if is_offered(product) => {
                 // Words that are a framing are none of this product.
                 parse_product(name).err().unwrap_or(FramingError::Words).to_string()
+            }
+            Some((product, _)) if known.contains(&product) => {
+                format!("`{product}` is not a rendered product: write it without parentheses")
             }
             _ => "`syntable list products` shows all products of the linked plugins".to_owned(),
         };
@@ -847,7 +857,7 @@ impl Resolver {
         if let Some(error) =
             self.errors.iter_mut().find(|error| error.product == name && error.fault == PlanFault::Unknown)
         {
-            error.known = known;
+            error.known = known.into_iter().map(str::to_owned).collect();
         }
     }
 

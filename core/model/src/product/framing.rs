@@ -184,8 +184,8 @@ impl fmt::Display for FramingError {
             Self::Words => write!(
                 f,
                 "a rendered product may have `(canvas 3)`, up to {MAX_CANVAS}, `(subpixels 2)`, up to {MAX_SUBPIXELS}, and \
-                 `(next view)`, in this order and joined by commas; or, with one value per pixel, `(objects alone)` or \
-                 `(objects in scene)`"
+                 `(next view)`, in this order and joined by commas; a product with one value per pixel may have `(objects \
+                 alone)` or `(objects in scene)` instead"
             ),
         }
     }

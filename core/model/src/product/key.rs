@@ -40,19 +40,19 @@ impl fmt::Display for Scope {
     }
 }
 
-/// What the numbers of a product mean, beyond their type: how a writer that has never heard of the product shows it.
+/// The meaning of a product's numbers, beyond their type. A writer that does not know the product shows it by its meaning.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum Semantic {
     /// A color: floats are linear Rec. 709, 8-bit integers are sRGB-encoded.
     Color,
-    /// A distance along the optical axis; 0 or infinite where there is none.
+    /// A distance along the optical axis. 0 or infinite in pixels without a surface.
     Depth,
-    /// A unit vector of the camera frame (x right, y down, z forward); zero where there is none.
+    /// A unit vector of the camera frame (x right, y down, z forward). Zero in pixels without a surface.
     Normal,
     /// Ids; 0 stands for none.
     Label,
-    /// Pixels that are in or out.
+    /// Pixels inside or outside of a region.
     Mask,
     /// Anything else: numbers, records, text.
     Data,
@@ -75,22 +75,22 @@ impl fmt::Display for Semantic {
 pub trait Product: Any + Send + Sync {
     /// The generic encoding, for writers that do not know the type.
     fn encode(&self) -> Value;
-    /// What [`encode`](Self::encode) gives, as far as the type says: a writer that cannot store it is refused before
-    /// anything is rendered.
+    /// The form of the [encoding](Self::encode), as far as it follows from the type. A writer that cannot store this form is refused
+    /// before anything is rendered.
     fn form() -> Form
     where
         Self: Sized,
     {
         Form::Any
     }
-    /// Whether [`decode`](Self::decode) reads what files have of it.
+    /// Whether [`decode`](Self::decode) reads the product from files.
     fn is_decoded() -> bool
     where
         Self: Sized,
     {
         false
     }
-    /// The product that a file has; none if the value is of another type.
+    /// The product from the value in a file. `None` if the value has another type.
     fn decode(stored: Stored<'_>) -> Option<Self>
     where
         Self: Sized,
@@ -100,7 +100,7 @@ pub trait Product: Any + Send + Sync {
     }
 }
 
-/// The name of a product of type `T`. Made as a constant, best by [`products!`](crate::products):
+/// The key of a product of type `T`: a constant, best declared with [`products!`](crate::products).
 ///
 /// ```
 /// use syntable_model::product::{Key, PerInstance};
@@ -124,7 +124,7 @@ pub struct KeyId {
     pub framing: Framing,
     /// How often it is made.
     pub scope: Scope,
-    /// What its numbers mean.
+    /// The meaning of its numbers.
     pub semantic: Semantic,
     /// Unit of its numbers, such as `m` or `nit`; empty if they have none.
     pub unit: &'static str,
@@ -137,17 +137,17 @@ pub struct KeyId {
 }
 
 impl<T: Product> Key<T> {
-    /// A product of every view.
+    /// A product of each view.
     pub const fn view(name: &'static str, doc: &'static str) -> Self {
         Self::new(name, Scope::View, doc)
     }
 
-    /// A product of every moment of a scene at which there is a view.
+    /// A product of each moment of a scene that has a view.
     pub const fn frame(name: &'static str, doc: &'static str) -> Self {
         Self::new(name, Scope::Frame, doc)
     }
 
-    /// A product of every scene.
+    /// A product of each scene.
     pub const fn scene(name: &'static str, doc: &'static str) -> Self {
         Self::new(name, Scope::Scene, doc)
     }
@@ -174,19 +174,19 @@ impl<T: Product> Key<T> {
         Self { id, of: PhantomData }
     }
 
-    /// States what the numbers mean; [`Semantic::Data`] if left out.
+    /// Sets the meaning of the numbers. Without it, it is [`Semantic::Data`].
     pub const fn semantic(mut self, semantic: Semantic) -> Self {
         self.id.semantic = semantic;
         self
     }
 
-    /// States the unit of the numbers.
+    /// Sets the unit of the numbers.
     pub const fn unit(mut self, unit: &'static str) -> Self {
         self.id.unit = unit;
         self
     }
 
-    /// States the form of the encoding, where the type does not: `view("camera").form(|| Form::Record)`.
+    /// Sets the form of the encoding, if the type leaves it open: `view("camera").form(|| Form::Record)`.
     pub const fn form(mut self, form: fn() -> Form) -> Self {
         self.id.form = form;
         self
@@ -291,12 +291,12 @@ impl KeyId {
         (self.type_id)()
     }
 
-    /// What the product's encoding looks like.
+    /// The form of the product's encoding.
     pub fn form(&self) -> Form {
         (self.form)()
     }
 
-    /// Whether a product of this type is made of what files have of it; see [`Product::decode`].
+    /// Whether products of this type can be read from files; see [`Product::decode`].
     pub fn is_decoded(&self) -> bool {
         (self.is_decoded)()
     }
@@ -319,7 +319,7 @@ impl KeyId {
         out + &word
     }
 
-    /// What kind of value it is, for messages: `f32 image of 3 channels (normal)`.
+    /// The kind of its value, for messages: `f32 image of 3 channels (normal)`.
     pub fn kind_of_value(&self) -> String {
         match self.semantic {
             Semantic::Data => self.form().to_string(),

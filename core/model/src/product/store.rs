@@ -6,7 +6,7 @@ use std::any::Any;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// A write-once store of products. Copies share what they hold.
+/// A write-once store of products. Copies share the products.
 #[derive(Clone, Default)]
 pub struct Products {
     stored: BTreeMap<ProductId, StoredProduct>,
@@ -35,12 +35,18 @@ impl Products {
         Self::default()
     }
 
-    /// Stores a product. It must not be there yet.
+    /// Stores a product.
+    ///
+    /// # Errors
+    /// If the store has it already.
     pub fn put<T: Product>(&mut self, key: Key<T>, product: T) -> Result<()> {
         self.store(StoredProduct { key: key.id(), product: Arc::new(product) })
     }
 
-    /// Stores the product that a file has. The error says that it is of another type.
+    /// Stores a product from the value in a file.
+    ///
+    /// # Errors
+    /// If the value has another type.
     pub fn put_stored(&mut self, key: KeyId, stored: InFile<'_>) -> Result<()> {
         let value = stored.of_form(&key.form());
         let decoded = value.as_deref().and_then(|value| (key.decode)(InFile { value, ..stored }));
@@ -48,7 +54,10 @@ impl Products {
         self.store(StoredProduct { key, product })
     }
 
-    /// A product. The error says whether it is missing, undeclared, or of another type.
+    /// A product.
+    ///
+    /// # Errors
+    /// If it is missing, undeclared, or of another type.
     pub fn get<T: Product>(&self, key: Key<T>) -> Result<&T> {
         let stored = self.stored(&key.id)?;
         (&*stored.product as &dyn Any).downcast_ref().ok_or_else(|| {
@@ -76,12 +85,12 @@ impl Products {
         self.find(product).is_some()
     }
 
-    /// The keys of all products that are there, by name.
+    /// The keys of all products, by name.
     pub fn keys(&self) -> Vec<KeyId> {
         self.stored.values().map(|stored| stored.key).collect()
     }
 
-    /// Some of the products. A stage is lent these, so it can read only what it declares.
+    /// A copy with some of the products. Stages get such a copy, so they can read only what they declare.
     pub fn only<P: ProductRef>(&self, products: &[P]) -> Self {
         let of_store = |product: &P| self.find(product).map(|stored| (stored.key.product_id(), stored.clone()));
         Self {
@@ -103,8 +112,7 @@ impl Products {
         Ok(())
     }
 
-    /// Removes the products that another store also holds. If this store began as a copy of `lent`, those that were put since
-    /// then remain.
+    /// Removes the products that another store also has. In a copy of `lent`, the products that were put later remain.
     pub fn without(mut self, lent: &Self) -> Self {
         self.stored.retain(|id, _| !lent.stored.contains_key(id));
         self

@@ -145,7 +145,7 @@ fn scene_annotators_run_before_or_after_the_views() {
     let found = plan(stages(), &["d"]).expect("planned");
     assert_eq!(order(&found), ["a", "tracks", "of_tracks", "all"]);
     assert_eq!((found.before_views.len(), found.after_views.len(), found.per_dataset.len()), (0, 2, 1));
-    assert_eq!((found.recorded(false), found.recorded(true)), (vec![T.id()], vec![A.id()]));
+    assert_eq!((found.recorded_of_scene(), found.recorded_of_views()), (vec![T.id()], vec![A.id()]));
     let mut early = stages();
     early.push(stage("early", &[S.id()], &[B.id()]));
     refused(early, &["b"], PlanFault::TooEarly, "after the views");
@@ -174,7 +174,7 @@ fn frame_annotators_run_between_the_scene_and_its_views() {
     let sizes = [&found.before_views, &found.per_frame, &found.per_view, &found.after_views].map(Vec::len);
     assert_eq!(sizes, [1, 2, 1, 1]);
     // A record has the products of a moment with each view at it.
-    assert_eq!((found.recorded(false), found.recorded(true)), (vec![T.id()], vec![G.id()]));
+    assert_eq!((found.recorded_of_scene(), found.recorded_of_views()), (vec![T.id()], vec![G.id()]));
     // A scene that lacks `a` needs no annotator after its views.
     assert_eq!(order(&found.part(["a"], false)), ["scene", "frame", "of_frame", "a"]);
     // A moment is over when its views are rendered, and the scene when all are.
@@ -311,6 +311,7 @@ fn a_framing_beyond_its_limit_is_named() {
         ("normal (canvas 11, next view)", "`canvas 11` is out of range"),
         ("normal (canvas three)", "a rendered product may have `(canvas 3)`, up to 9, `(subpixels 2)`, up to 8"),
         ("abnormal (canvas 4)", "`syntable list products`"),
+        ("denoiser (canvas 3)", "`denoiser` is not a rendered product"),
     ] {
         let errors = lit(&[name]).err().expect("refused");
         assert!(errors.iter().any(|error| error.help.starts_with(help)), "{name}: {errors:?}");

@@ -1,8 +1,8 @@
-//! Single views of a recipe that changes: made one after the other, in memory, without a dataset.
+//! Single views of a recipe that changes, made one after the other in memory, without a dataset.
 //!
-//! An image is a pure function of recipe, seed, scene and view, so a [`Previewer`] keeps all that another recipe cannot
-//! change: stages with the same options and what they hold (loaded assets, collision shapes, trees), and scenes at rest
-//! whose pools, placers and settler are the same. [`Pass::key`] says which images are.
+//! An image is a pure function of recipe, seed, scene and view. A [`Previewer`] therefore keeps everything that a changed recipe
+//! has in common with the earlier one: stages with the same options and their data (loaded assets, collision shapes, trees), and
+//! scenes at rest with the same pools, placers and settler. Images with equal [`Pass::key`] are equal.
 
 use crate::cache::DiskCache;
 use crate::plan::Plan;
@@ -31,13 +31,13 @@ use syntable_model::registry::Slot;
 use syntable_model::scene::{Intrinsics, Scene, SceneId, View, ViewId};
 use syntable_model::stage::{DatasetInfo, RenderSession};
 
-/// Slots that a scene at rest follows from.
+/// Slots that determine a scene at rest.
 const OF_SCENE: [Slot; 3] = [Slot::Assets, Slot::Place, Slot::Settle];
-/// Slots that an image follows from, beside those of its scene.
+/// Slots that determine an image, besides those of its scene.
 const OF_IMAGE: [Slot; 7] =
     [Slot::Camera, Slot::Views, Slot::Lights, Slot::Render, Slot::Denoise, Slot::Sensor, Slot::Annotate];
 
-/// Makes views, and keeps what the next recipe may use.
+/// Makes views, and keeps stages and scenes for the next recipe.
 pub struct Previewer {
     pool: Pool,
     cache: DiskCache,
@@ -65,15 +65,14 @@ struct Composed {
 /// The requested form of every view.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Wanted {
-    /// Names of products of the view. The recipe must have been loaded with them as
-    /// [`wanted`](crate::recipe::Overrides::wanted).
+    /// Names of products of the view. The recipe must be loaded with them as [`wanted`](crate::recipe::Overrides::wanted).
     pub products: Vec<String>,
-    /// Maximum width of images, px: a larger image is rendered with fewer pixels, and shows the same.
+    /// Maximum width of images, px. A larger image is rendered with fewer pixels, and shows the same.
     pub width: u32,
 }
 
 impl Previewer {
-    /// Nothing made yet.
+    /// A previewer without a recipe.
     pub fn new(threads: usize, cache: DiskCache) -> Result<Self> {
         Ok(Self {
             pool: Pool::new(threads)?,
@@ -86,7 +85,7 @@ impl Previewer {
         })
     }
 
-    /// Takes a recipe in place of the one before. What is the same in both is kept.
+    /// Replaces the recipe. Keeps the stages and scenes that are the same in both.
     pub fn set(&mut self, mut recipe: Recipe) -> Result<()> {
         let parts = Parts::of(&recipe)?;
         if let Some((earlier, before)) = self.current.take() {
@@ -99,7 +98,7 @@ impl Previewer {
         Ok(())
     }
 
-    /// Begins to make views of the recipe: opens its pools.
+    /// Opens the pools of the recipe, to make views of it.
     pub fn pass<'p>(
         &'p mut self,
         wanted: &Wanted,
@@ -153,7 +152,7 @@ pub struct Pass<'p> {
     losses: Vec<Loss>,
 }
 
-/// What all attempts of a pass share.
+/// The inputs of all attempts of a pass.
 struct PassSource<'p> {
     recipe: &'p Recipe,
     assets: AssetStore<'p>,
@@ -161,7 +160,7 @@ struct PassSource<'p> {
     info: DatasetInfo,
     width: u32,
     render: Option<Digest>,
-    /// Digests of all that scenes and images follow from, except their numbers.
+    /// Digests of everything that determines scenes and images, except their numbers.
     keys: (Digest, Digest),
     pool: &'p Pool,
     cache: &'p DiskCache,
@@ -172,7 +171,7 @@ struct PassSource<'p> {
 }
 
 impl Pass<'_> {
-    /// Digest of all that a view of a scene follows from: equal keys have equal products.
+    /// Digest of everything that determines a view of a scene. Equal keys have equal products.
     pub fn key(&self, scene: u32, view: u32) -> Digest {
         let numbers = Hasher::new("view of a preview").digest(self.source.keys.1);
         numbers.number(f64::from(scene)).number(f64::from(view)).finish()
@@ -299,7 +298,7 @@ impl PassSource<'_> {
     }
 }
 
-/// The session of the renderer, opened if there is none.
+/// The session of the renderer, opened if necessary.
 fn opened<'s>(
     session: &'s mut Option<PreviewSession>,
     recipe: &Recipe,
@@ -342,7 +341,7 @@ fn compose(
     made
 }
 
-/// A view with at most as many pixels along its width, which sees the same.
+/// A view with a limited width in pixels, which sees the same.
 fn smaller(mut view: View, width: u32) -> View {
     let Intrinsics { width: w, height: h, fx, fy, cx, cy } = view.camera.intrinsics;
     if w > width {

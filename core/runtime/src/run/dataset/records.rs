@@ -27,7 +27,7 @@ impl Records {
     /// Records a view.
     pub fn view(&mut self, plan: &Plan, products: &Products) -> Result<()> {
         if !plan.per_dataset.is_empty() {
-            self.views.push(values(&plan.recorded(true), products)?);
+            self.views.push(values(&plan.recorded_of_views(), products)?);
         }
         Ok(())
     }
@@ -37,7 +37,7 @@ impl Records {
         if plan.per_dataset.is_empty() {
             return Ok(());
         }
-        self.scene = values(&plan.recorded(false), products)?;
+        self.scene = values(&plan.recorded_of_scene(), products)?;
         let text = serde_json::to_vec(&self).expect("values are plain data");
         // What is written can be read.
         SCENE_RECORD_BYTES.check(text.len() as u64)?;
@@ -62,7 +62,7 @@ impl Records {
 
 /// Names of the products that a plan records of a scene, sorted.
 pub fn names(plan: &Plan) -> Vec<String> {
-    let keys = plan.recorded(false).into_iter().chain(plan.recorded(true));
+    let keys = plan.recorded_of_scene().into_iter().chain(plan.recorded_of_views());
     let mut names: Vec<String> = keys.map(|key| key.to_string()).collect();
     names.sort_unstable();
     names

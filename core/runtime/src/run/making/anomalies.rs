@@ -12,11 +12,11 @@ const DARKER: usize = 100;
 /// Looks for anomalies in the views of a scene.
 #[derive(Debug, Default)]
 pub struct AnomalyScan {
-    /// Number of views with an image, and those whose image is black or white.
+    /// Number of views with an image, and the numbers of views with a black or white image.
     images: usize,
     black: Vec<u32>,
     white: Vec<u32>,
-    /// Number of views with masks, and those in which no mask has a pixel.
+    /// Number of views with masks, and the numbers of views whose masks are all empty.
     masks: usize,
     unlabeled: Vec<u32>,
     /// Whether a view has a light.

@@ -184,7 +184,7 @@ impl<'s> PosedSession<'s> {
         Ok(self.session)
     }
 
-    /// Whether the session was left at another moment than that of the loaded scene.
+    /// Whether the session shows another moment than it had after loading.
     pub fn has_moved(&self) -> bool {
         self.moment != self.scene.moment
     }

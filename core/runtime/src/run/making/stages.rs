@@ -118,8 +118,10 @@ pub fn run_in_frame(
     products.extend(made)
 }
 
-/// Gives a producer the products that it declares to read. Returns the products that it made, which are those that it declares to
-/// provide.
+/// Gives a producer the products that it reads, and returns the products that it made.
+///
+/// # Errors
+/// If the producer fails, or makes other products than it declares.
 pub fn lend(
     times: &Times,
     stage: &PlannedStage,
