@@ -29,7 +29,7 @@ pub trait LabelCheck: Send + Sync {
 impl dyn LabelCheck + '_ {
     /// Whether all that it looks at is there.
     pub fn applies(&self, products: &Products) -> bool {
-        self.reads().iter().all(|key| products.contains(&key.name)) && self.finds_subject(products)
+        self.reads().iter().all(|key| products.contains(key)) && self.finds_subject(products)
     }
 
     /// What does not hold in a view; nothing where a product is missing.

@@ -5,6 +5,7 @@
 //! | | of a scene that the program made | of any dataset |
 //! |---|---|---|
 //! | each view | [`ViewContext`] | [`ImageContext`] |
+//! | each moment | [`FrameContext`] | |
 //! | each scene | [`SceneContext`] | [`ImagesContext`] |
 //! | the dataset | | [`DatasetContext`] |
 //!
@@ -17,7 +18,9 @@ use crate::left_out::LeftOut;
 use crate::names::PoolName;
 use crate::pools::{EnvironmentPools, MaterialPools, ObjectPools, Pools};
 use crate::random::Stream;
-use crate::scene::{Asset, AssetRef, CatalogEntry, EnvironmentMap, Material, Object, Scene, SceneId, View, ViewId};
+use crate::scene::{
+    Asset, AssetRef, CatalogEntry, EnvironmentMap, Material, Moment, Object, Scene, SceneId, View, ViewId,
+};
 use crate::stage::DatasetInfo;
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
@@ -63,6 +66,17 @@ pub struct SceneContext<'a> {
     images: ImagesContext<'a>,
     /// Bodies, materials and what surrounds them.
     pub scene: &'a Scene,
+}
+
+/// What is lent to a stage that runs once per moment of a scene that the program made.
+#[derive(Clone, Copy)]
+#[non_exhaustive]
+pub struct FrameContext<'a> {
+    images: ImagesContext<'a>,
+    /// Bodies at the moment, materials and surroundings.
+    pub scene: &'a Scene,
+    /// The moment of the views that share the products.
+    pub moment: Moment,
 }
 
 /// What is lent to a stage for an image, whether the program rendered the image or read it from a dataset.
@@ -141,6 +155,11 @@ impl<'a> SceneContext<'a> {
         ViewContext { image: self.images.image(view.id, [k.width, k.height]), scene: self.scene, view, next: None }
     }
 
+    /// The context of a moment, [at which](Scene::at) the scene is.
+    pub fn frame(self, moment: Moment) -> FrameContext<'a> {
+        FrameContext { images: self.images, scene: self.scene, moment }
+    }
+
     /// The same with another log.
     pub fn with_log(self, log: &'a dyn Log) -> Self {
         Self { images: self.images.with_log(log), ..self }
@@ -148,6 +167,21 @@ impl<'a> SceneContext<'a> {
 }
 
 impl<'a> Deref for SceneContext<'a> {
+    type Target = ImagesContext<'a>;
+
+    fn deref(&self) -> &ImagesContext<'a> {
+        &self.images
+    }
+}
+
+impl<'a> FrameContext<'a> {
+    /// The same with another log.
+    pub fn with_log(self, log: &'a dyn Log) -> Self {
+        Self { images: self.images.with_log(log), ..self }
+    }
+}
+
+impl<'a> Deref for FrameContext<'a> {
     type Target = ImagesContext<'a>;
 
     fn deref(&self) -> &ImagesContext<'a> {

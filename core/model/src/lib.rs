@@ -108,7 +108,9 @@ macro_rules! keys {
 
 /// What nearly every plugin needs.
 pub mod prelude {
-    pub use crate::context::{Context, DatasetContext, ImageContext, ImagesContext, Log, SceneContext, ViewContext};
+    pub use crate::context::{
+        Context, DatasetContext, FrameContext, ImageContext, ImagesContext, Log, SceneContext, ViewContext,
+    };
     pub use crate::dist::{Dist, IntDist};
     pub use crate::error::{ConfigError, Error, Result};
     pub use crate::geometry::Pose;

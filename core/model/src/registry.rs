@@ -9,8 +9,8 @@ use crate::error::ConfigError;
 use crate::intern::intern;
 use crate::reader::{DatasetFormat, Format};
 use crate::stage::{
-    AssetSource, CameraModel, DatasetAnnotator, Denoiser, ImageAnnotator, LightSampler, Placer, Renderer,
-    SceneAnnotator, Scenes, Sensor, Settler, ViewAnnotator, ViewSampler, Writer,
+    AssetSource, CameraModel, DatasetAnnotator, Denoiser, FrameAnnotator, ImageAnnotator, LightSampler, Placer,
+    Renderer, SceneAnnotator, Scenes, Sensor, Settler, ViewAnnotator, ViewSampler, Writer,
 };
 use schemars::{JsonSchema, Schema, SchemaGenerator};
 use serde::de::DeserializeOwned;
@@ -55,8 +55,9 @@ pub struct Choice {
     pub reason: String,
 }
 
-/// How often a slot occurs in a recipe.
+/// How often a slot occurs in a recipe. Shapes may be added.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Shape {
     /// One table.
     One,
@@ -160,8 +161,8 @@ slots! {
         "Simulates camera effects on rendered images; a table is needed only to set options.": Sensor(Sensor);
     Annotate = "annotate", Keyed, optional, default [],
         "Provides annotations; a table is needed only to set options.":
-        AnnotateImage(ImageAnnotator), AnnotateView(ViewAnnotator), AnnotateScene(SceneAnnotator),
-        AnnotateDataset(DatasetAnnotator);
+        AnnotateImage(ImageAnnotator), AnnotateView(ViewAnnotator), AnnotateFrame(FrameAnnotator),
+        AnnotateScene(SceneAnnotator), AnnotateDataset(DatasetAnnotator);
     Write = "write", Keyed, required, default [],
         "Writes files; what the writers include is what is computed.": Write(Writer), WriteScenes(Writer<Scenes>);
 }
@@ -180,6 +181,23 @@ impl Slot {
     /// How often it occurs.
     pub const fn shape(self) -> Shape {
         self.spec().shape
+    }
+
+    /// Name of one of its stages in messages and random streams: `render`, `place.objects`, `write.png`.
+    pub fn stage_name(self, id: &str) -> String {
+        match self.shape() {
+            Shape::One => self.name().to_owned(),
+            Shape::List | Shape::Keyed => format!("{self}.{id}"),
+        }
+    }
+
+    /// Header of the table of one of its stages in a recipe: `[render]`, `[[place]]`, `[write.png]`.
+    pub fn header(self, id: &str) -> String {
+        match self.shape() {
+            Shape::One => format!("[{self}]"),
+            Shape::List => format!("[[{self}]]"),
+            Shape::Keyed => format!("[{self}.{id}]"),
+        }
     }
 }
 

@@ -45,7 +45,7 @@ pub(crate) fn write(dataset: &toml::Table, stages: &[ResolvedStage], inputs: &Lo
                 let list = document.entry(name).or_insert_with(|| Item::ArrayOfTables(ArrayOfTables::new()));
                 list.as_array_of_tables_mut().into_iter().for_each(|list| list.push(options.clone()));
             }
-            Shape::Keyed => {
+            _ => {
                 parent(&mut document, name).insert(&stage.id, Item::Table(options));
             }
         }

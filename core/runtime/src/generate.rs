@@ -1,4 +1,4 @@
-//! Samples in memory: the views of a recipe's scenes with the products that a program wants, and no files.
+//! Samples in memory: the views of a recipe's scenes with the products that a program asks for, without files.
 
 use crate::cache::DiskCache;
 use crate::pools::{AssetStore, RecordingAssets};
@@ -6,10 +6,10 @@ use crate::run::dataset::loss::Loss;
 use crate::run::making::attempt::{Attempt, Tools};
 use crate::run::making::losses::Losses;
 use crate::run::making::queue::Queue;
-use crate::run::making::recovery::Recovery;
+use crate::run::making::recovery::SceneAttempts;
 use crate::run::making::sessions::{Sessions, scenes_in_flight};
 use crate::run::making::times::Times;
-use crate::run::making::walk::{Sink, Walk, scene_event};
+use crate::run::making::walk::{SceneWalk, ViewSink, scene_event};
 use crate::run::panics;
 use crate::run::progress::{Event, Guarded, Once, Reporter, Warnings};
 use crate::run::stop::Stop;
@@ -26,22 +26,23 @@ use syntable_model::product::{KeyId, Products, Scope};
 use syntable_model::scene::{Scene, SceneId, View};
 use syntable_recipe::Recipe;
 
-/// Samples that wait for a caller of [`Generator`], beside the scenes that are in flight.
+/// Number of samples that wait for the caller of a [`Generator`], besides the scenes in flight.
 const WAITING: usize = 1;
 
-/// Which samples are made, and how.
+/// Which samples to make, and how.
 #[derive(Clone)]
 pub struct GenerateOptions {
-    /// Names of the products that a sample has, such as `rgb` and `amodal_mask`; all that the recipe computes if empty. The
-    /// recipe must have been loaded with them as [`wanted`](syntable_recipe::RecipeRequest::load), or have a writer of them.
+    /// Names of the products of a sample, such as `rgb` and `amodal_mask`. If empty, samples have all products that the recipe
+    /// computes. A writer of the recipe must read the products, or the recipe must be loaded with them as
+    /// [`wanted`](syntable_recipe::RecipeRequest::load).
     pub products: Vec<String>,
-    /// Scenes; all of the recipe if none.
+    /// Numbers of the scenes. `None` for all scenes of the recipe.
     pub scenes: Option<Range<u32>>,
-    /// Threads. The samples do not depend on it.
+    /// Number of threads. The samples do not depend on it.
     pub threads: usize,
-    /// Results kept between runs.
+    /// Costly results, kept between runs.
     pub cache: DiskCache,
-    /// Asks the work to end early.
+    /// Handle to end the work early.
     pub stop: Stop,
 }
 
@@ -60,23 +61,23 @@ pub struct Sample {
     pub scene: Arc<Scene>,
     /// Camera, exposure and lights.
     pub view: Arc<View>,
-    /// The products that were asked for, of the view and of its scene.
+    /// The requested products, of the view, its moment and its scene.
     pub products: Products,
 }
 
-/// What a call of [`generate`] came to.
+/// The result of [`generate`].
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Generated {
-    /// Scenes that failed in all attempts, ascending.
+    /// Numbers of the scenes that failed, ascending.
     pub failed: Vec<u32>,
-    /// What stages left out of the images of the other scenes.
+    /// What stages left out of the samples.
     pub left_out: Vec<Loss>,
 }
 
-/// Makes samples and hands them over in order of scenes and views. A few scenes are made ahead, in parallel; their samples wait
-/// until it is their turn.
+/// Makes samples, and passes them to `take` in the order of scenes and views. Several scenes are made in parallel, and their
+/// samples wait for their turn.
 ///
-/// A scene that fails in all attempts has no samples: the reporter hears of it, and the result names it.
+/// A scene that fails has no samples. The reporter gets an event, and the result has the scene's number.
 ///
 /// # Errors
 /// If the recipe cannot be run, a product is not computed, `take` refuses a sample, or the work was asked to stop.
@@ -100,9 +101,10 @@ pub fn generate(
     let (dataset, stop) = (recipe.dataset_info(), options.stop.nested());
     let tools =
         Tools { recipe, assets: &assets, cache: &options.cache, workers: &pool, log: &log, times: &times, stop: &stop };
-    let walk = Walk { tools, sessions: &sessions, checks: &recipe.checks, reporter, dataset: &dataset, plan: &plan };
-    let maker = Maker { walk, names: &names, left_out: Mutex::default() };
-    let order = Order::new(scenes.start, scenes.len().min(in_flight) as u32);
+    let walk =
+        SceneWalk { tools, sessions: &sessions, checks: &recipe.checks, reporter, dataset: &dataset, plan: &plan };
+    let maker = SampleMaker { walk, names: &names, left_out: Mutex::default() };
+    let order = SceneOrder::new(scenes.start, scenes.len().min(in_flight) as u32);
     let mut failed = Vec::new();
     let result = panics::quiet(|| {
         thread::scope(|threads| {
@@ -116,7 +118,7 @@ pub fn generate(
                 });
             }
             drop(queue);
-            // Whatever ends the loop, the threads end, too.
+            // The threads end with the loop, however it ends.
             let _closed = Closing(&order, &stop);
             for scene in scenes.clone() {
                 match order.take(scene)? {
@@ -139,9 +141,9 @@ fn products(recipe: &Recipe, options: &GenerateOptions) -> Result<Vec<String>> {
     let computed: Vec<&KeyId> =
         recipe.plan.entries.iter().map(|entry| &entry.key).filter(|key| key.scope != Scope::Dataset).collect();
     if options.products.is_empty() {
-        return Ok(computed.into_iter().map(|key| key.name.to_string()).collect());
+        return Ok(computed.into_iter().map(|key| key.to_string()).collect());
     }
-    match options.products.iter().find(|name| !computed.iter().any(|key| key.name == **name)) {
+    match options.products.iter().find(|name| !computed.iter().any(|key| key.is(name))) {
         Some(name) => Err(Error::new(format!("the recipe does not compute `{name}`"))
             .help("load the recipe with it as `wanted`, or name it in a writer; `syntable list products` shows all")),
         None => Ok(options.products.clone()),
@@ -149,55 +151,37 @@ fn products(recipe: &Recipe, options: &GenerateOptions) -> Result<Vec<String>> {
 }
 
 /// Makes the samples of scenes.
-struct Maker<'a> {
-    walk: Walk<'a>,
+struct SampleMaker<'a> {
+    walk: SceneWalk<'a>,
     names: &'a [String],
     left_out: Mutex<Vec<Loss>>,
 }
 
-impl<'a> Maker<'a> {
-    /// The samples of a scene; none if it fails in all attempts. An error stops the work.
-    fn scene(&self, scene: u32, queue: &Queue<'a>) -> Result<Option<Vec<Sample>>> {
-        let attempts = self.walk.tools.recipe.dataset.max_attempts.max(1);
-        let (mut number, mut repeats) = (0, 0);
-        loop {
-            let error = match panics::unwound(|| self.attempt(scene, number, queue)) {
-                Ok(samples) => return Ok(Some(samples)),
-                Err(error) => error,
-            };
-            self.walk.tools.running()?;
-            self.walk.tools.assets.refused()?;
-            let recovery = Recovery::of(&error, repeats);
-            let last = match recovery {
-                Recovery::Stop => return Err(error.context(format!("scene {scene}"))),
-                Recovery::FailScene => true,
-                Recovery::Repeat => false,
-                Recovery::NextAttempt => number + 1 == attempts,
-            };
-            let event = Event::Attempt { scene, attempt: number, error: error.to_string(), last };
-            self.walk.reporter.event(&event);
-            if last {
-                return Ok(None);
-            }
-            (number, repeats) = if recovery == Recovery::Repeat { (number, repeats + 1) } else { (number + 1, 0) };
-        }
+impl<'a> SampleMaker<'a> {
+    /// The samples of a scene. `None` if the scene fails. An error stops the work.
+    fn scene(&self, scene: u32, queue: &Queue<'a>) -> SceneSamples {
+        let SceneWalk { tools, reporter, .. } = self.walk;
+        let attempts = SceneAttempts { tools, reporter, scene, first: 0, is_present: false };
+        let attempts = attempts.make(|number| self.attempt(scene, number, queue), Ok);
+        Ok(attempts.map_err(|error| error.context(format!("scene {scene}")))?.made)
     }
 
     fn attempt(&self, scene: u32, number: u32, queue: &Queue<'a>) -> Result<Vec<Sample>> {
-        let Walk { tools, dataset, reporter, .. } = self.walk;
+        let SceneWalk { tools, dataset, reporter, .. } = self.walk;
         let assets = RecordingAssets::new(tools.assets);
         let attempt = Attempt { tools, dataset, scene: SceneId(scene), number, assets };
         let mut builder = attempt.place()?;
         let report = attempt.settle(&mut builder)?;
         let frozen = Arc::new(builder.freeze(attempt.scene, number, report)?);
         let losses = Arc::new(Losses::default());
-        let start =
-            |_: &SceneContext| Ok(Samples { scene: Arc::clone(&frozen), names: self.names.to_vec(), all: Vec::new() });
-        let (samples, of_scene) = self.walk.scene(&attempt, &frozen, &losses, queue, start)?;
+        let start = |_: &SceneContext| {
+            Ok(SampleSink { scene: Arc::clone(&frozen), names: self.names.to_vec(), all: Vec::new() })
+        };
+        let (sink, of_scene) = self.walk.scene(&attempt, &frozen, &losses, queue, start)?;
         self.left_out.lock().extend(losses.all());
         reporter.event(&scene_event(&frozen));
         let of_scene = of_scene.only(self.names);
-        let mut samples = samples.all;
+        let mut samples = sink.all;
         for sample in &mut samples {
             sample.products.extend(of_scene.clone().without(&sample.products))?;
         }
@@ -206,13 +190,13 @@ impl<'a> Maker<'a> {
 }
 
 /// Keeps the views of a scene.
-struct Samples {
+struct SampleSink {
     scene: Arc<Scene>,
     names: Vec<String>,
     all: Vec<Sample>,
 }
 
-impl Sink for Samples {
+impl ViewSink for SampleSink {
     fn view(&mut self, _: &ViewContext, view: &Arc<View>, products: &Products) -> Result<()> {
         let (scene, view) = (Arc::clone(&self.scene), Arc::clone(view));
         self.all.push(Sample { scene, view, products: products.only(&self.names) });
@@ -220,31 +204,32 @@ impl Sink for Samples {
     }
 }
 
-/// What came of a scene.
+/// The samples of a scene. `None` if the scene failed.
 type SceneSamples = Result<Option<Vec<Sample>>>;
 
-/// Scenes that are made in any order, and taken in theirs. Nobody begins a scene that is too far ahead.
-struct Order {
-    state: Mutex<OrderState>,
+/// Scenes that are made in any order and taken in theirs. No scene begins too far ahead of the next one to take.
+struct SceneOrder {
+    state: Mutex<SceneOrderState>,
     moved: Condvar,
     ahead: u32,
 }
 
-struct OrderState {
-    /// The next scene to begin, and the next one to be taken.
+struct SceneOrderState {
+    /// The next scene to begin.
     next: u32,
+    /// The next scene to take.
     taken: u32,
     done: BTreeMap<u32, SceneSamples>,
     is_closed: bool,
 }
 
-impl Order {
+impl SceneOrder {
     fn new(first: u32, ahead: u32) -> Self {
-        let state = OrderState { next: first, taken: first, done: BTreeMap::new(), is_closed: false };
+        let state = SceneOrderState { next: first, taken: first, done: BTreeMap::new(), is_closed: false };
         Self { state: Mutex::new(state), moved: Condvar::new(), ahead }
     }
 
-    /// The next scene to make; none if there is no more.
+    /// The next scene to make. `None` after the last one.
     fn begin(&self, end: u32) -> Option<u32> {
         let mut state = self.state.lock();
         while !state.is_closed && state.next < end && state.next >= state.taken.saturating_add(self.ahead) {
@@ -275,8 +260,8 @@ impl Order {
     }
 }
 
-/// Begins no more scenes when it is dropped, and gives up those in the making.
-struct Closing<'a>(&'a Order, &'a Stop);
+/// On drop, lets no further scene begin, and stops the scenes in the making.
+struct Closing<'a>(&'a SceneOrder, &'a Stop);
 
 impl Drop for Closing<'_> {
     fn drop(&mut self) {
@@ -310,7 +295,7 @@ impl Generator {
         Self { samples: Some(samples), thread: Some(thread), stop, result: Generated::default() }
     }
 
-    /// Scenes that failed, and what stages left out; complete once the iterator has ended.
+    /// The failed scenes, and what stages left out. Complete after the last sample.
     pub fn result(&self) -> &Generated {
         &self.result
     }

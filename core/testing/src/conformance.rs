@@ -7,8 +7,8 @@ use std::sync::Arc;
 use syntable_model::context::{ViewContext, Workers};
 use syntable_model::error::Result;
 use syntable_model::keys;
-use syntable_model::product::standard::{ALBEDO, COVERAGE, DEPTH, INSTANCE, NORMAL, RADIANCE};
-use syntable_model::product::{KeyId, Name, Products, Scope, Value};
+use syntable_model::product::standard::{ALBEDO, COVERAGE, COVERAGE_BEFORE_SUPPORT, DEPTH, INSTANCE, NORMAL, RADIANCE};
+use syntable_model::product::{KeyId, ProductId, Products, Scope, Value};
 use syntable_model::registry::{ConstructError, Constructed, Entry, Stage};
 use syntable_model::scene::{InstanceId, Scene};
 use syntable_model::stage::{Bodies, Output, RenderRequest, Renderer, SceneWriter, Scenes, Window, Writer};
@@ -41,29 +41,37 @@ pub fn entry(entry: &Entry) -> Constructed {
     constructed
 }
 
-/// An annotator of images or views, as a stage; see [`producer`].
+/// An annotator of images, views or moments, as a stage; see [`producer`].
 ///
 /// # Panics
 /// If it is another stage, or at fault.
 pub fn annotator(stage: &Stage, cx: &ViewContext, products: &Products) -> Products {
     match stage {
-        Stage::AnnotateImage(it) => producer(&it.reads(), &it.provides(), products, |lent| it.annotate(cx, lent)),
-        Stage::AnnotateView(it) => producer(&it.reads(), &it.provides(), products, |lent| it.annotate(cx, lent)),
-        _ => panic!("no annotator of images or views"),
+        Stage::AnnotateImage(it) => {
+            producer(&it.reads(), (Scope::View, &it.provides()), products, |lent| it.annotate(cx, lent))
+        }
+        Stage::AnnotateView(it) => {
+            producer(&it.reads(), (Scope::View, &it.provides()), products, |lent| it.annotate(cx, lent))
+        }
+        Stage::AnnotateFrame(it) => {
+            let cx = cx.of_scene().frame(cx.view.moment);
+            producer(&it.reads(), (Scope::Frame, &it.provides()), products, |lent| it.annotate(&cx, lent))
+        }
+        _ => panic!("no annotator of images, views or moments"),
     }
 }
 
-/// A producer of views: it provides what it declares, reads nothing else than it declares, and gives the same twice. Returns what
-/// it made.
+/// A producer of a scope: it provides what it declares, reads nothing else than it declares, and gives the same twice. Returns the
+/// products that it made.
 fn producer(
     reads: &[KeyId],
-    provided: &[KeyId],
+    (scope, provided): (Scope, &[KeyId]),
     products: &Products,
     annotate: impl Fn(&mut Products) -> Result<()>,
 ) -> Products {
     assert!(!provided.is_empty(), "it provides nothing");
-    assert!(provided.iter().all(|key| key.scope == Scope::View), "it provides products that are not of views");
-    let lent = products.only(&names(reads));
+    assert!(provided.iter().all(|key| key.scope == scope), "it provides products of another scope");
+    let lent = products.only(reads);
     let make = || {
         let mut filled = lent.clone();
         annotate(&mut filled).expect("annotates");
@@ -71,7 +79,7 @@ fn producer(
     };
     let made = make();
     assert_eq!(sorted(made.keys()), sorted(provided.to_vec()), "it makes other products than it declares");
-    let values = |products: &Products| provided.iter().map(|key| products.value(&key.name).ok()).collect::<Vec<_>>();
+    let values = |products: &Products| provided.iter().map(|key| products.value(key).ok()).collect::<Vec<_>>();
     assert_eq!(values(&made), values(&make()), "it gives different products from the same");
     made
 }
@@ -86,13 +94,10 @@ pub fn renderer(renderer: &dyn Renderer, scene: &Arc<Scene>, request: &RenderReq
         let request = RenderRequest::new(request.view, wants, request.stream.clone(), workers);
         session.render(&request.of(window, bodies), &mut products).expect("renders");
         assert_eq!(sorted(products.keys()), sorted(wants.to_vec()), "it makes other products than wanted");
-        wants.iter().map(|key| products.value(&key.name).expect("made")).collect::<Vec<_>>()
+        wants.iter().map(|key| products.value(key).expect("made")).collect::<Vec<_>>()
     };
     let image = Window::of(&request.view.camera.intrinsics);
-    let mut offers = renderer.offers();
-    if offers.contains(&COVERAGE.id()) {
-        offers.push(COVERAGE.before_support().id());
-    }
+    let offers = renderer.offers();
     let all = render(&offers, threads[0], image, Bodies::All);
     for &workers in threads {
         let again = render(&offers, workers, image, Bodies::All);
@@ -100,7 +105,7 @@ pub fn renderer(renderer: &dyn Renderer, scene: &Arc<Scene>, request: &RenderReq
     }
     for (key, value) in offers.iter().zip(&all) {
         let alone = render(&[*key], threads[0], image, Bodies::All);
-        assert!(&alone[0] == value, "`{}` differs when it is made alone", key.name);
+        assert!(&alone[0] == value, "`{}` differs when it is made alone", key);
     }
     let ids: Vec<InstanceId> = scene.bodies().iter().map(|body| body.id).collect();
     for bodies in [Bodies::Only(&ids), Bodies::Seen(&ids)] {
@@ -108,7 +113,7 @@ pub fn renderer(renderer: &dyn Renderer, scene: &Arc<Scene>, request: &RenderReq
     }
     let window = Window { x: image.width as i32 / 3, y: -3, width: image.width, height: image.height };
     // What depends on neighbors may differ at the edges of a window.
-    let pixels: Vec<KeyId> = keys![RADIANCE, DEPTH, INSTANCE, COVERAGE, COVERAGE.before_support(), NORMAL, ALBEDO]
+    let pixels: Vec<KeyId> = keys![RADIANCE, DEPTH, INSTANCE, COVERAGE, COVERAGE_BEFORE_SUPPORT, NORMAL, ALBEDO]
         .into_iter()
         .filter(|key| offers.contains(key))
         .collect();
@@ -120,7 +125,7 @@ pub fn renderer(renderer: &dyn Renderer, scene: &Arc<Scene>, request: &RenderReq
                 let (x_image, y_image) = ((x + window.x) as usize, y as usize);
                 let (part, whole) =
                     (pixel(&part, x as usize, (y - window.y) as usize), pixel(&whole, x_image, y_image));
-                assert!(part == whole, "`{}` differs in a window at ({x_image}, {y_image})", key.name);
+                assert!(part == whole, "`{}` differs in a window at ({x_image}, {y_image})", key);
             }
         }
     }
@@ -160,12 +165,8 @@ pub fn writer(
     first
 }
 
-fn names(keys: &[KeyId]) -> Vec<Name> {
-    keys.iter().map(|key| key.name).collect()
-}
-
-fn sorted(keys: Vec<KeyId>) -> Vec<Name> {
-    let mut names = names(&keys);
-    names.sort_unstable();
-    names
+fn sorted(keys: Vec<KeyId>) -> Vec<ProductId> {
+    let mut ids: Vec<ProductId> = keys.iter().map(KeyId::product_id).collect();
+    ids.sort_unstable();
+    ids
 }

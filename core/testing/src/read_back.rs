@@ -49,7 +49,7 @@ pub fn assert_products(
             let found = seen.products;
             assert_eq!(read.image_faults(index), []);
             for key in offers {
-                let name = key.name.to_string();
+                let name = key.to_string();
                 // What a format computes is compared where it is tested.
                 if !products.contains(&name) {
                     continue;

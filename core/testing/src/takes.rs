@@ -382,8 +382,8 @@ fn with_categories(dataset: &DatasetInfo, scene: &Scene, products: &Products) ->
         class => Ok((id, class)),
     };
     let categories = before.iter().map(of_object).collect::<Result<_>>()?;
-    let names = products.keys().into_iter().map(|key| key.name);
-    let mut all = products.only(&names.filter(|name| *name != *CATEGORY_ID.name()).collect::<Vec<_>>());
+    let others = products.keys().into_iter().filter(|key| *key != CATEGORY_ID.id());
+    let mut all = products.only(&others.collect::<Vec<_>>());
     all.put(CATEGORY_ID, categories)?;
     Ok(all)
 }

@@ -165,7 +165,7 @@ pub fn product(input: &[u8]) {
             let stored = Stored { value: &value, ids: &ids, missing: f64::INFINITY };
             if products.put_stored(key, stored).is_ok() {
                 // What is taken for a product is one.
-                let _ = products.value(&key.name.to_string()).expect("there");
+                let _ = products.value(&key.to_string()).expect("there");
             }
         }
     }

@@ -9,7 +9,7 @@ use crate::support::{root, skip};
 use serde_json::Value;
 use std::collections::BTreeMap;
 use std::path::Path;
-use syntable_model::registry::{Entry, Registry, Shape, Slot};
+use syntable_model::registry::{Entry, Registry, Slot};
 use syntable_program as _;
 use syntable_testing::tools::skip_slow_tool;
 
@@ -103,11 +103,7 @@ fn every_kind_completes_and_hovers() {
                 let place = format!("{slot}.{kind}");
                 let options = schema["definitions"][&place]["properties"].as_object().expect("options");
                 let wanted: Vec<String> = options.keys().filter(|name| *name != "kind").cloned().collect();
-                let header = match slot.shape() {
-                    Shape::One => format!("[{slot}]\nkind = \"{kind}\"\n"),
-                    Shape::List => format!("[[{slot}]]\nkind = \"{kind}\"\n"),
-                    Shape::Keyed => format!("[{slot}.mine]\nkind = \"{kind}\"\n"),
-                };
+                let header = format!("{}\nkind = \"{kind}\"\n", slot.header("mine"));
                 let text = format!("{DIRECTIVE}{header}|\n");
                 let found = server.completions(&documents.uri(), &text, &wanted);
                 let offered = labels(&found);

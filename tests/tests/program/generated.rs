@@ -304,7 +304,7 @@ impl<'s> Reference<'s> {
                 "An array of tables, in order. `kind` chooses among the kinds below; `id` names the step and seeds its \
                  random numbers (default: the kind).\n"
             }
-            Shape::Keyed => {
+            _ => {
                 "Tables by id. The id is the kind, unless `kind` says otherwise: then the id can be any word that is \
                  not a kind.\n"
             }
@@ -346,9 +346,8 @@ impl<'s> Reference<'s> {
         section += "\n### Options\n";
         section += if options.is_empty() { "\nNone.\n" } else { &options };
         let header = match entry.slot.shape() {
-            Shape::One => format!("[{}]\nkind = \"{}\"", entry.slot, entry.kind),
-            Shape::List => format!("[[{}]]\nkind = \"{}\"", entry.slot, entry.kind),
-            Shape::Keyed => format!("[{}.{}]", entry.slot, entry.kind),
+            Shape::Keyed => entry.slot.header(entry.kind),
+            _ => format!("{}\nkind = \"{}\"", entry.slot.header(entry.kind), entry.kind),
         };
         let example = format!("{header}\n{}", entry.example.trim());
         let _ = write!(section, "\n### Example\n\n```toml\n{}\n```\n", example.trim());
@@ -478,7 +477,7 @@ fn shown(entry: &Entry) -> String {
 fn output(entry: &Entry) -> String {
     let stage =
         entry.construct_str("").or_else(|_| entry.construct_str(entry.example)).expect("the example builds").stage;
-    let keys = |keys: Vec<KeyId>| list(keys.into_iter().map(|key| format!("`{}`", key.name)), "and");
+    let keys = |keys: Vec<KeyId>| list(keys.into_iter().map(|key| format!("`{key}`")), "and");
     match Producer::of(stage.of_scenes()) {
         Ok(producer) => {
             let mut line = format!("**Provides** {} per {}", keys(producer.provides()), producer.scope());
@@ -486,7 +485,7 @@ fn output(entry: &Entry) -> String {
                 let _ = write!(line, ", from {}", keys(producer.reads()));
             }
             for replacement in producer.replaces() {
-                let (product, original) = (replacement.product.name, replacement.original.name);
+                let (product, original) = (replacement.product, replacement.original);
                 let _ = write!(line, "; replaces `{product}`, and the original is kept as `{original}`");
             }
             line + "."
@@ -507,11 +506,7 @@ fn output(entry: &Entry) -> String {
 }
 
 fn header(slot: Slot) -> String {
-    match slot.shape() {
-        Shape::One => format!("`[{slot}]`"),
-        Shape::List => format!("`[[{slot}]]`"),
-        Shape::Keyed => format!("`[{slot}.<id>]`"),
-    }
+    format!("`{}`", slot.header("<id>"))
 }
 
 fn text(schema: &Value) -> String {
@@ -608,12 +603,12 @@ fn products(registry: &Registry) -> String {
     );
     let products = cli::products(registry);
     for (key, provider) in &products {
-        let (name, kind) = (key.name, key.kind_of_value());
+        let (name, kind) = (key, key.kind_of_value());
         let unit = if key.unit.is_empty() { "" } else { key.unit };
         let _ = writeln!(page, "| [`{name}`](#{name}) | {kind} | {unit} | {} | {provider} |", key.scope);
     }
     for (key, _) in &products {
-        let _ = write!(page, "\n## `{}`\n\n{}\n", key.name, key.doc());
+        let _ = write!(page, "\n## `{key}`\n\n{}\n", key.doc());
     }
     page
 }

@@ -197,7 +197,7 @@ fn assert_same_products(one: &Path, other: &Path) {
     for image in 0..one.images.len() {
         let [a, b] = [&one, &other].map(|it| it.read(image, &it.offers).expect("readable").products);
         for key in &one.offers {
-            let name = key.name.to_string();
+            let name = key.to_string();
             assert!(a.value(&name).expect("there") == b.value(&name).expect("there"), "{name} of image {image}");
         }
     }

@@ -183,10 +183,10 @@ fn check_everything(program: Program, folder: &Path) {
 }
 
 /// A copy of the crate from outside, and the records of a JSON-lines file that a run of one of its recipes wrote.
-fn run_recipe(recipe: &str) -> (tempfile::TempDir, Vec<serde_json::Value>) {
+fn run_recipe(recipe: &str, more: &[&str]) -> (tempfile::TempDir, Vec<serde_json::Value>) {
     let folder = tempfile::tempdir().expect("a folder");
     copy(&root().join("tests/third-party"), folder.path());
-    ok(&mut built(folder.path(), &["run", recipe, "--out", "out"]));
+    ok(&mut built(folder.path(), &[&["run", recipe, "--out", "out"], more].concat()));
     let mut out = files(&folder.path().join("out"));
     let lines = String::from_utf8(out.remove("jsonl.jsonl").expect("a file of records")).expect("text");
     let records = lines.lines().map(|line| serde_json::from_str(line).expect("JSON")).collect();
@@ -195,7 +195,7 @@ fn run_recipe(recipe: &str) -> (tempfile::TempDir, Vec<serde_json::Value>) {
 
 #[test]
 fn a_bin_from_outside_is_a_support_and_its_scene_needs_no_table() {
-    let (folder, records) = run_recipe("bins.toml");
+    let (folder, records) = run_recipe("bins.toml", &[]);
     let scene = records.iter().find(|record| record.get("bodies").is_some()).expect("a record of the scene");
     assert!(scene["settle_report"]["removed"].as_array().is_some_and(Vec::is_empty), "{scene}");
     let bodies = scene["bodies"].as_array().expect("a list");
@@ -227,7 +227,7 @@ fn a_bin_from_outside_is_a_support_and_its_scene_needs_no_table() {
 
 #[test]
 fn a_scripted_body_moves_between_the_moments_of_two_views() {
-    let (folder, records) = run_recipe("moments.toml");
+    let (folder, records) = run_recipe("moments.toml", &[]);
     let views: Vec<&serde_json::Value> = records.iter().filter(|record| record.get("cuboid").is_some()).collect();
     // 0.2 m/s for half a second. The top of the cube is 0.9 m from the camera, whose focal length is 60 px.
     let x = |view: usize| views[view]["cuboid"]["1"]["world_from_cuboid"][0][3].as_f64().expect("a number");
@@ -244,6 +244,29 @@ fn a_scripted_body_moves_between_the_moments_of_two_views() {
     let top = flow.iter().filter(|flow| (f64::from(flow[0]) - expected).abs() < 1e-3 && flow[1].abs() < 1e-3).count();
     assert!((30..60).contains(&top), "{top} pixels of the top");
     assert!(flow.iter().filter(|flow| flow[0].abs() + flow[1].abs() < 1e-6).count() > 64 * 48 - 100);
+}
+
+#[test]
+fn a_product_of_a_moment_is_made_once_for_all_views_at_it() {
+    for (interval_s, moments) in [("0.5", 2), ("0", 1)] {
+        let interval = format!("views.interval_s={interval_s}");
+        let more = ["--set", &interval, "--set", "dataset.views_per_scene=4", "--set", "place.slider.duration_s=0.5"];
+        let (folder, records) = run_recipe("moments.toml", &more);
+        let x = |view: &serde_json::Value| view["object_positions"]["1"][0].as_f64();
+        let found: Vec<f64> = records.iter().filter_map(x).collect();
+        // The cube slides 0.1 m until the second view, and rests then.
+        let way = if moments == 1 { 0.0 } else { 0.1 };
+        let expected = [0.0, way, way, way];
+        assert!(found.len() == 4 && found.iter().zip(expected).all(|(x, at)| (x - at).abs() < 1e-6), "{found:?}");
+        let travel = records.iter().find_map(|record| record["travel"]["1"].as_f64()).expect("a record of the scene");
+        assert!((travel - way).abs() < 1e-6, "{travel}");
+        let times = std::fs::read(folder.path().join("out/.syntable/times.jsonl")).expect("times of the run");
+        let times: serde_json::Value = serde_json::from_slice(&times).expect("one line");
+        let calls = if moments == 1 { 1 } else { 4 };
+        assert_eq!(times["stages"]["annotate.object_positions"]["calls"], calls, "{times}");
+        // The views at a moment are still made one by one.
+        assert_eq!(times["stages"]["annotate.optical_flow"]["calls"], 4, "{times}");
+    }
 }
 
 #[test]

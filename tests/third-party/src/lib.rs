@@ -6,12 +6,14 @@ mod at_run_time;
 mod centroid;
 mod headroom;
 mod mean_area;
+mod object_positions;
 mod open_bin;
 mod rival_boxes;
 mod seen_in;
 mod shift;
 mod slider;
 mod time_lapse;
+mod travel;
 
 pub use at_run_time::program;
 

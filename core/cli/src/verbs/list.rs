@@ -181,7 +181,7 @@ fn recipes_table(width: Option<usize>) -> String {
 fn products_table(registry: &Registry, width: Option<usize>) -> String {
     let mut rows = vec![["product", "kind of value", "per", "provider", "meaning"].map(str::to_owned)];
     for (key, provider) in products(registry) {
-        rows.push([key.name.to_string(), key.kind_of_value(), key.scope.to_string(), provider, key.summary()]);
+        rows.push([key.to_string(), key.kind_of_value(), key.scope.to_string(), provider, key.summary()]);
     }
     table_within(&rows, width)
 }

@@ -225,7 +225,7 @@ fn taken(registry: &Registry, name: &str) -> Option<String> {
     let entry = registry.entries().iter().find(|entry| entry.kind == name);
     match entry {
         Some(entry) => Some(format!("a kind of `{}`", entry.slot)),
-        None if products(registry).iter().any(|(key, _)| key.name.base == name) => Some("a product".to_owned()),
+        None if products(registry).iter().any(|(key, _)| key.product == name) => Some("a product".to_owned()),
         None if registry.checks().iter().any(|check| check.name() == name) => Some("a check of labels".to_owned()),
         None if registry.formats().iter().any(|format| format.name() == name) => Some("a dataset format".to_owned()),
         None if crate::whole().find_subcommand(name).is_some() => Some("a verb of the program".to_owned()),

@@ -71,11 +71,11 @@ impl Included {
         }
     }
 
-    /// The products of a scope, with their keys, that are there.
+    /// The products of a scope, with their keys, that are there. Products of a moment count as products of each view at it.
     pub fn of_scope<'a>(&'a self, products: &'a Products, scope: Scope) -> impl Iterator<Item = (&'a str, KeyId)> {
         self.names().filter_map(move |name| {
             let key = products.key(name)?;
-            (key.scope == scope).then_some((name, key))
+            is_stored_with(&key, scope).then_some((name, key))
         })
     }
 
@@ -129,7 +129,12 @@ pub fn categories_in(folder: &DatasetFolder) -> Result<Option<Vec<Category>>> {
     categories.map(Some).map_err(|error| json::located(&error, None, &[]).in_file(&path).of_request())
 }
 
-/// Scope and name of what a path is asked of: of a view or a scene.
+/// Whether a product is in the files of views, of scenes or of the dataset.
+fn is_stored_with(key: &KeyId, scope: Scope) -> bool {
+    if scope == Scope::View { key.scope.comes_with_view() } else { key.scope == scope }
+}
+
+/// Scope and name of the view or scene of a path.
 fn scope_and_name(of: &FileOf) -> Option<(Scope, String)> {
     match (of.scene, of.view) {
         (Some(scene), Some(view)) => Some((Scope::View, view_name(scene, view))),
@@ -141,7 +146,7 @@ fn scope_and_name(of: &FileOf) -> Option<(Scope, String)> {
 /// Path of the one file of all products of a view or a scene, by its name; none if the writer reads none of that scope.
 pub fn path_of_all(of: &FileOf, path: impl Fn(&str) -> String) -> Option<String> {
     let (scope, name) = scope_and_name(of)?;
-    of.products.iter().any(|key| key.scope == scope).then(|| path(&name))
+    of.products.iter().any(|key| is_stored_with(key, scope)).then(|| path(&name))
 }
 
 /// Height and width of an image: the shape of its arrays.
@@ -154,9 +159,9 @@ pub fn shape(cx: &ImageContext) -> [usize; 2] {
 /// product and of one per instance, which has a file of the first instance at least.
 pub fn paths(of: &FileOf, extension: &str, ends: [&[&str]; 2]) -> Vec<String> {
     let Some((scope, name)) = scope_and_name(of) else { return Vec::new() };
-    let own = of.products.iter().filter(|key| key.scope == scope);
+    let own = of.products.iter().filter(|key| is_stored_with(key, scope));
     own.flat_map(|key| {
-        let stem = stem(of.id, &key.name.to_string(), &name);
+        let stem = stem(of.id, &key.to_string(), &name);
         let per_instance = matches!(key.form(), Form::PerInstance(_));
         ends[usize::from(per_instance)].iter().map(move |end| format!("{stem}{end}.{extension}"))
     })

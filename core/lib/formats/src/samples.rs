@@ -115,7 +115,7 @@ const OF_ANNOTATED: [KeyId; 7] = [
 
 /// Whether a product has a value for each instance.
 pub fn is_per_instance(product: &str) -> bool {
-    linked().iter().any(|key| key.name == *product && matches!(key.form(), Form::PerInstance(_)))
+    linked().iter().any(|key| key.is(product) && matches!(key.form(), Form::PerInstance(_)))
 }
 
 /// The values of instances from one array, whose first axis are the instances. An error is the reason.
@@ -157,10 +157,10 @@ fn ids_of(ids: &Tensor) -> Result<Vec<InstanceId>, String> {
 
 /// Opens a dataset of samples. `name` is what it is called.
 pub fn open(name: String, mut contents: Contents, samples: Box<dyn Samples>) -> Opened {
-    let of_view = |key: &KeyId| matches!(key.scope, Scope::View | Scope::Scene) && key.is_decoded();
+    let of_view = |key: &KeyId| (key.scope == Scope::Scene || key.scope.comes_with_view()) && key.is_decoded();
     let mut keys: Vec<KeyId> =
-        linked().into_iter().filter(|key| of_view(key) && contents.fields.contains(&key.name.to_string())).collect();
-    let of_all = |key: &KeyId| keys.contains(key) && !contents.of_shown.contains(&key.name.to_string());
+        linked().into_iter().filter(|key| of_view(key) && contents.fields.contains(&key.to_string())).collect();
+    let of_all = |key: &KeyId| keys.contains(key) && !contents.of_shown.contains(&key.to_string());
     let annotated = OF_ANNOTATED.into_iter().find(of_all);
     let has_categories = of_all(&CATEGORY_ID.id());
     // Rows and bits do not say of which instances they are.
@@ -191,7 +191,7 @@ pub fn open(name: String, mut contents: Contents, samples: Box<dyn Samples>) -> 
     let category_ids = Some(categories.ids());
     let source = SampleSource { refuses_unknown, samples, categories, keys, visible, amodal, annotated, known };
     let follow = source.follow();
-    let is_known = |name: &&String| source.keys.iter().any(|key| key.name == **name);
+    let is_known = |name: &&String| source.keys.iter().any(|key| key.is(name));
     let others: Vec<String> = fields.iter().filter(|name| !is_known(name)).map(|name| format!("`{name}`")).collect();
     let mut notes = Vec::new();
     if !others.is_empty() {
@@ -292,7 +292,7 @@ impl SampleSource {
     /// Width and height of an image; zeros if nothing says them, as of an image of masks alone in which there is none.
     fn size(&self, image: usize, fields: &Fields) -> [u32; 2] {
         let read = |key: KeyId| -> Option<[u32; 2]> {
-            let name = key.name.to_string();
+            let name = key.to_string();
             match fields.get(&name) {
                 Some(value) => size_of(value),
                 None => {
@@ -369,7 +369,7 @@ impl SampleSource {
 }
 
 fn field(fields: &Fields, key: KeyId) -> Result<&Value> {
-    let name = key.name.to_string();
+    let name = key.to_string();
     fields.get(&name).ok_or_else(|| Error::new(format!("it has no field `{name}`, which others have")))
 }
 
@@ -378,7 +378,7 @@ fn unlike(key: KeyId) -> Error {
         true => "no matrix of the annotated instances".to_owned(),
         false => format!("no {}", key.kind_of_value()),
     };
-    Error::new(format!("its field `{}` is {what}", key.name))
+    Error::new(format!("its field `{key}` is {what}"))
 }
 
 /// Visible masks from a plane of ids: of these instances, and of those that it shows.
@@ -450,14 +450,14 @@ fn check_sizes(fields: &Fields, keys: &[KeyId], [width, height]: [u32; 2]) -> Re
     IMAGE_PIXELS.check_size([width, height])?;
     let of_pixels = |key: &&KeyId| matches!(key.form().of_one(), Form::Mask | Form::Image { .. });
     for key in keys.iter().filter(of_pixels) {
-        let Some(value) = fields.get(&key.name.to_string()) else { continue };
+        let Some(value) = fields.get(&key.to_string()) else { continue };
         let each: Vec<&Value> = match value {
             Value::PerInstance(each) => each.values().collect(),
             Value::Record(each) if instances_of(value).is_some() => each.iter().map(|(_, value)| value).collect(),
             value => vec![value],
         };
         if let Some([w, h]) = each.into_iter().filter_map(size_of).find(|size| *size != [width, height]) {
-            return refuse(format!("its field `{}` has {w} × {h} pixels, the image {width} × {height}", key.name));
+            return refuse(format!("its field `{key}` has {w} × {h} pixels, the image {width} × {height}"));
         }
     }
     Ok(())
@@ -501,7 +501,7 @@ impl ImageSource for SampleSource {
         let needs_ids = [OCCLUSION_ORDER.id(), CATEGORY_ID.id()];
         let has_rows = own.iter().any(|key| needs_ids.contains(key)) || !follow.is_empty();
         read.extend(self.annotated.filter(|_| has_rows));
-        let names: Vec<String> = read.iter().map(|key| key.name.to_string()).collect();
+        let names: Vec<String> = read.iter().map(|key| key.to_string()).collect();
         let fields = self.samples.read(image, &names.iter().map(String::as_str).collect())?;
         let ids = match self.annotated.filter(|_| has_rows) {
             Some(key) => Some(instances_of(field(&fields, key)?).ok_or_else(|| unlike(key))?),

@@ -67,7 +67,7 @@ pub fn render(
     if wants(RADIANCE_UNSHADOWED) {
         made.put(RADIANCE_UNSHADOWED, alone(Light::Unshadowed)?)?;
     }
-    let wanted: Vec<_> = request.wants.iter().map(|key| key.name).collect();
+    let wanted: Vec<_> = request.wants.iter().map(|key| key.product_id()).collect();
     frame.extend(made.only(&wanted))?;
     Ok(statistics)
 }

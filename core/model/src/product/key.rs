@@ -1,22 +1,32 @@
 //! Typed names of products.
 
 use super::store::AnyProduct;
-use super::{BitPlane, Form, Lighting, Name, RenderParameters, Stored, Value, ViewMoment};
+use super::{Form, Framing, Lighting, ProductId, ProductRef, Stored, Value};
 use std::any::{Any, TypeId, type_name};
 use std::fmt;
 use std::marker::PhantomData;
 use std::sync::Arc;
 
-/// How often a product is made. Scopes may be added: a writer refuses a product whose scope it does not know.
+/// How often a product is made, from seldom to often. Scopes may be added: a writer refuses a product whose scope it does not
+/// know.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 #[non_exhaustive]
 pub enum Scope {
-    /// Once per dataset, when the scenes are done.
+    /// Once per dataset, after all scenes.
     Dataset,
     /// Once per scene.
     Scene,
+    /// Once per moment of a scene. All views at this moment share the product.
+    Frame,
     /// Once per view.
     View,
+}
+
+impl Scope {
+    /// Whether each view comes with a product of this scope: its own, or that of its moment. Writers store both alike.
+    pub fn comes_with_view(self) -> bool {
+        matches!(self, Self::Frame | Self::View)
+    }
 }
 
 impl fmt::Display for Scope {
@@ -24,24 +34,25 @@ impl fmt::Display for Scope {
         f.write_str(match self {
             Self::Dataset => "dataset",
             Self::Scene => "scene",
+            Self::Frame => "frame",
             Self::View => "view",
         })
     }
 }
 
-/// What the numbers of a product mean, beyond their type: how a writer that has never heard of the product shows it.
+/// The meaning of a product's numbers, beyond their type. A writer that does not know the product shows it by its meaning.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum Semantic {
     /// A color: floats are linear Rec. 709, 8-bit integers are sRGB-encoded.
     Color,
-    /// A distance along the optical axis; 0 or infinite where there is none.
+    /// A distance along the optical axis. 0 or infinite in pixels without a surface.
     Depth,
-    /// A unit vector of the camera frame (x right, y down, z forward); zero where there is none.
+    /// A unit vector of the camera frame (x right, y down, z forward). Zero in pixels without a surface.
     Normal,
     /// Ids; 0 stands for none.
     Label,
-    /// Pixels that are in or out.
+    /// Pixels inside or outside of a region.
     Mask,
     /// Anything else: numbers, records, text.
     Data,
@@ -64,22 +75,22 @@ impl fmt::Display for Semantic {
 pub trait Product: Any + Send + Sync {
     /// The generic encoding, for writers that do not know the type.
     fn encode(&self) -> Value;
-    /// What [`encode`](Self::encode) gives, as far as the type says: a writer that cannot store it is refused before
-    /// anything is rendered.
+    /// The form of the [encoding](Self::encode), as far as it follows from the type. A writer that cannot store this form is refused
+    /// before anything is rendered.
     fn form() -> Form
     where
         Self: Sized,
     {
         Form::Any
     }
-    /// Whether [`decode`](Self::decode) reads what files have of it.
+    /// Whether [`decode`](Self::decode) reads the product from files.
     fn is_decoded() -> bool
     where
         Self: Sized,
     {
         false
     }
-    /// The product that a file has; none if the value is of another type.
+    /// The product from the value in a file. `None` if the value has another type.
     fn decode(stored: Stored<'_>) -> Option<Self>
     where
         Self: Sized,
@@ -89,7 +100,7 @@ pub trait Product: Any + Send + Sync {
     }
 }
 
-/// The name of a product of type `T`. Made as a constant, best by [`products!`](crate::products):
+/// The key of a product of type `T`: a constant, best declared with [`products!`](crate::products).
 ///
 /// ```
 /// use syntable_model::product::{Key, PerInstance};
@@ -104,14 +115,16 @@ pub struct Key<T> {
     of: PhantomData<fn() -> T>,
 }
 
-/// A key without its type: name, scope, meaning, and the type's identity.
+/// A key without its type: the product, its framing, scope and meaning, and the type's identity.
 #[derive(Clone, Copy)]
 pub struct KeyId {
-    /// Name in recipes and files, snake_case, unique among all plugins; with the parameters of a rendered product.
-    pub name: Name,
+    /// Name of the product in recipes and files, snake_case, unique among all plugins.
+    pub product: &'static str,
+    /// How a rendered product is framed. All other products have [`Framing::IMAGE`].
+    pub framing: Framing,
     /// How often it is made.
     pub scope: Scope,
-    /// What its numbers mean.
+    /// The meaning of its numbers.
     pub semantic: Semantic,
     /// Unit of its numbers, such as `m` or `nit`; empty if they have none.
     pub unit: &'static str,
@@ -124,12 +137,17 @@ pub struct KeyId {
 }
 
 impl<T: Product> Key<T> {
-    /// A product of every view.
+    /// A product of each view.
     pub const fn view(name: &'static str, doc: &'static str) -> Self {
         Self::new(name, Scope::View, doc)
     }
 
-    /// A product of every scene.
+    /// A product of each moment of a scene that has a view.
+    pub const fn frame(name: &'static str, doc: &'static str) -> Self {
+        Self::new(name, Scope::Frame, doc)
+    }
+
+    /// A product of each scene.
     pub const fn scene(name: &'static str, doc: &'static str) -> Self {
         Self::new(name, Scope::Scene, doc)
     }
@@ -141,7 +159,8 @@ impl<T: Product> Key<T> {
 
     const fn new(name: &'static str, scope: Scope, doc: &'static str) -> Self {
         let id = KeyId {
-            name: Name::new(name),
+            product: name,
+            framing: Framing::IMAGE,
             scope,
             semantic: Semantic::Data,
             unit: "",
@@ -155,19 +174,19 @@ impl<T: Product> Key<T> {
         Self { id, of: PhantomData }
     }
 
-    /// States what the numbers mean; [`Semantic::Data`] if left out.
+    /// Sets the meaning of the numbers. Without it, it is [`Semantic::Data`].
     pub const fn semantic(mut self, semantic: Semantic) -> Self {
         self.id.semantic = semantic;
         self
     }
 
-    /// States the unit of the numbers.
+    /// Sets the unit of the numbers.
     pub const fn unit(mut self, unit: &'static str) -> Self {
         self.id.unit = unit;
         self
     }
 
-    /// States the form of the encoding, where the type does not: `view("camera").form(|| Form::Record)`.
+    /// Sets the form of the encoding, if the type leaves it open: `view("camera").form(|| Form::Record)`.
     pub const fn form(mut self, form: fn() -> Form) -> Self {
         self.id.form = form;
         self
@@ -178,42 +197,34 @@ impl<T: Product> Key<T> {
         self.id
     }
 
-    /// The name, without parameters of rendering.
+    /// The name of the product, without framing.
     pub const fn name(&self) -> &'static str {
-        self.id.name.base
+        self.id.product
     }
 
-    /// The rendered product with other parameters.
-    pub const fn with(self, parameters: RenderParameters) -> Self {
-        Self { id: self.id.with(parameters), of: PhantomData }
+    /// The rendered product with another framing.
+    pub const fn framed(self, framing: Framing) -> Self {
+        Self { id: self.id.framed(framing), of: PhantomData }
     }
 
-    /// The rendered product on a larger canvas; see [`RenderParameters::canvas`].
+    /// The rendered product on a larger canvas; see [`Framing::canvas`].
     pub const fn on_canvas(self, canvas: u32) -> Self {
-        self.with(RenderParameters { canvas, ..self.id.name.parameters })
+        self.framed(self.id.framing.on_canvas(canvas))
     }
 
-    /// The rendered product of every object by itself; see [`RenderParameters::objects`].
-    pub const fn of_objects(self, lighting: Lighting) -> Self {
-        self.with(RenderParameters { objects: Some(lighting), ..RenderParameters::IMAGE })
-    }
-
-    /// The rendered product with several pixels per pixel of the image; see [`RenderParameters::subpixels`].
+    /// The rendered product with several pixels per pixel of the image; see [`Framing::subpixels`].
     pub const fn in_subpixels(self, subpixels: u32) -> Self {
-        self.with(RenderParameters { subpixels, ..self.id.name.parameters })
+        self.framed(self.id.framing.in_subpixels(subpixels))
     }
 
-    /// The rendered product as the camera of the next view sees the scene at that view's moment; see
-    /// [`RenderParameters::moment`].
+    /// The rendered product as the camera of the next view sees the scene at that view's moment.
     pub const fn of_next_view(self) -> Self {
-        self.with(RenderParameters { moment: ViewMoment::Next, ..self.id.name.parameters })
+        self.framed(self.id.framing.of_next_view())
     }
-}
 
-impl Key<BitPlane> {
-    /// The objects in front of the first support or room part alone; see [`RenderParameters::before_support`].
-    pub const fn before_support(self) -> Self {
-        self.with(RenderParameters { before_support: true, ..self.id.name.parameters })
+    /// The rendered product of each object by itself; see [`Framing::objects`].
+    pub const fn of_objects(self, lighting: Lighting) -> Self {
+        self.framed(Framing::of_objects(lighting))
     }
 }
 
@@ -225,23 +236,36 @@ impl<T> Clone for Key<T> {
 impl<T> Copy for Key<T> {}
 
 impl KeyId {
-    /// The rendered product with other parameters.
-    pub const fn with(self, parameters: RenderParameters) -> Self {
-        Self { name: self.name.with(parameters), ..self }
+    /// Identity of the product: its name and framing.
+    pub const fn product_id(&self) -> ProductId {
+        ProductId { product: self.product, framing: self.framing }
     }
 
-    /// The product that a text names, with its parameters: `coverage (canvas 3)`. None if it names another.
+    /// The product with another framing.
+    pub const fn framed(self, framing: Framing) -> Self {
+        Self { framing, ..self }
+    }
+
+    /// The key of this product for an identity. `None` if that is another product, or if this product cannot be framed so: only
+    /// images are of single objects.
+    pub fn of(&self, id: ProductId) -> Option<Self> {
+        self.framed_as(id.product, id.framing)
+    }
+
+    /// The key of this product for the text of a recipe, such as `coverage (canvas 3)`. `None` as in [`of`](Self::of).
     pub fn parse(&self, text: &str) -> Option<Self> {
-        self.under(self.name.parse(text)?)
+        let (product, framing) = text.parts()?;
+        self.framed_as(product, framing)
     }
 
-    /// The key of a name with the parameters of rendering, if it is a name of this product and the product can have them.
-    pub fn under(&self, name: Name) -> Option<Self> {
-        let RenderParameters { before_support, objects, .. } = name.parameters;
-        let has_depth = self.type_id() == TypeId::of::<BitPlane>();
-        let is_image = matches!(self.form(), Form::Image { .. });
-        let can_have = (has_depth || !before_support) && (is_image || objects.is_none());
-        (name.base == self.name.base && can_have).then(|| self.with(name.parameters))
+    fn framed_as(&self, product: &str, framing: Framing) -> Option<Self> {
+        let can_be = framing.objects().is_none() || matches!(self.form(), Form::Image { .. });
+        (product == self.product && can_be).then(|| self.framed(framing))
+    }
+
+    /// Whether a text of a recipe or a file means exactly this product, framing included.
+    pub fn is(&self, text: &str) -> bool {
+        text.parts() == self.parts()
     }
 
     /// Meaning, frame and special values, in sentences. Links to other keys read as their names.
@@ -267,12 +291,12 @@ impl KeyId {
         (self.type_id)()
     }
 
-    /// What the product's encoding looks like.
+    /// The form of the product's encoding.
     pub fn form(&self) -> Form {
         (self.form)()
     }
 
-    /// Whether a product of this type is made of what files have of it; see [`Product::decode`].
+    /// Whether products of this type can be read from files; see [`Product::decode`].
     pub fn is_decoded(&self) -> bool {
         (self.is_decoded)()
     }
@@ -295,7 +319,7 @@ impl KeyId {
         out + &word
     }
 
-    /// What kind of value it is, for messages: `f32 image of 3 channels (normal)`.
+    /// The kind of its value, for messages: `f32 image of 3 channels (normal)`.
     pub fn kind_of_value(&self) -> String {
         match self.semantic {
             Semantic::Data => self.form().to_string(),
@@ -306,14 +330,21 @@ impl KeyId {
 
 impl PartialEq for KeyId {
     fn eq(&self, other: &Self) -> bool {
-        self.name == other.name && self.scope == other.scope && self.type_id() == other.type_id()
+        self.product_id() == other.product_id() && self.scope == other.scope && self.type_id() == other.type_id()
     }
 }
 impl Eq for KeyId {}
 
+/// As in recipes: `coverage (canvas 3)`.
+impl fmt::Display for KeyId {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.product_id().fmt(f)
+    }
+}
+
 impl fmt::Debug for KeyId {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}: {}", self.name, self.type_name())
+        write!(f, "{self}: {}", self.type_name())
     }
 }
 
@@ -325,8 +356,8 @@ inventory::collect!(LinkedKey);
 /// The keys of all linked crates, by name; one of each name.
 pub fn linked() -> Vec<KeyId> {
     let mut keys: Vec<KeyId> = inventory::iter::<LinkedKey>.into_iter().map(|key| key.0).collect();
-    keys.sort_by_key(|key| (key.name, key.type_name()));
-    keys.dedup_by_key(|key| key.name);
+    keys.sort_by_key(|key| (key.product_id(), key.type_name()));
+    keys.dedup_by_key(|key| key.product_id());
     keys
 }
 
@@ -347,12 +378,14 @@ macro_rules! products {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::product::Plane;
+    use crate::product::{PerInstance, Plane};
 
     products! {
         /// Light, see [`OTHER`]: in
         /// two lines of Rec. 709. More.
         const LIGHT: Key<Plane<[f32; 3]>> = view("light").semantic(Semantic::Color).unit("nit");
+        /// Pixels.
+        const AREA: Key<PerInstance<u32>> = view("area");
     }
 
     #[test]
@@ -363,5 +396,20 @@ mod tests {
         assert_eq!(key.kind_of_value(), "f32 image of 3 channels (color)");
         assert_eq!((key.unit, key.scope), ("nit", Scope::View));
         assert_eq!(key.type_name(), "Plane<[f32; 3]>");
+    }
+
+    #[test]
+    fn a_text_gives_the_key_with_its_framing() {
+        let key = LIGHT.id();
+        for framed in [LIGHT, LIGHT.on_canvas(3).of_next_view(), LIGHT.of_objects(Lighting::Alone)] {
+            let text = framed.id().to_string();
+            assert!(framed.id().is(&text) && key.parse(&text) == Some(framed.id()), "{text}");
+            assert_eq!(key.is(&text), framed.id() == key);
+        }
+        for wrong in ["lights", "ligh", "light (canvas 2)", "light (canvas 3", "dark (canvas 3)"] {
+            assert!(key.parse(wrong).is_none() && !key.is(wrong), "{wrong}");
+        }
+        // Only images show objects one by one.
+        assert!(AREA.id().parse("area (canvas 3)").is_some() && AREA.id().parse("area (objects alone)").is_none());
     }
 }

@@ -232,7 +232,7 @@ impl Mask {
     fn merge(&self, other: &Self, f: impl Fn(bool, bool) -> bool) -> Self {
         assert_eq!((self.width, self.height), (other.width, other.height), "masks of one image");
         let mut runs = Runs::new();
-        let (mut a, mut b) = (Cursor::new(&self.counts), Cursor::new(&other.counts));
+        let (mut a, mut b) = (RunCursor::new(&self.counts), RunCursor::new(&other.counts));
         let mut position = 0;
         while let (Some(x), Some(y)) = (a.end(), b.end()) {
             runs.set(position, f(a.value(), b.value()));
@@ -392,13 +392,13 @@ impl Bits {
 }
 
 /// Walks over the runs of a mask.
-struct Cursor<'a> {
+struct RunCursor<'a> {
     counts: &'a [u32],
     run: usize,
     end: u32,
 }
 
-impl<'a> Cursor<'a> {
+impl<'a> RunCursor<'a> {
     fn new(counts: &'a [u32]) -> Self {
         let mut cursor = Self { counts, run: 0, end: counts.first().copied().unwrap_or(0) };
         cursor.skip_to(0);

@@ -1,9 +1,9 @@
-//! Products: the values of a view, scene or dataset that renderers offer, annotators provide and writers read.
+//! Products: the values of a view, frame, scene or dataset that renderers offer, annotators provide and writers read.
 //!
-//! A [`Key`] names a product, its type, its [`Semantic`] and its unit; [`Products`] holds those of one view. Every
-//! product has one generic encoding, [`Value`], whose [`Form`] is known from the type, so that a generic writer can
-//! store an annotation it has never heard of, and refuses one that it cannot store before anything is rendered. [`Stored`] is
-//! the way back.
+//! A [`Key`] states the name, type, [`Scope`], [`Semantic`] and unit of a product, and the [`Framing`] of a rendered one.
+//! [`Products`] holds the products of one view. Every product has one generic encoding, [`Value`], whose [`Form`] follows from
+//! the type. A generic writer can therefore store products that it does not know, and refuses those that it cannot store before
+//! anything is rendered. [`Stored`] is the way back from files.
 
 mod camera;
 mod counts;
@@ -11,11 +11,12 @@ mod decode;
 mod depths;
 mod extent;
 mod form;
+mod framing;
 mod graph;
+mod id;
 mod key;
 mod mask;
 mod models;
-mod name;
 mod object_images;
 mod paint;
 mod plane;
@@ -30,11 +31,12 @@ pub use decode::Stored;
 pub use depths::{ObjectDepths, ObjectRun};
 pub use extent::{Extent, extents};
 pub use form::Form;
+pub use framing::{Framing, FramingError, Lighting, MAX_CANVAS, MAX_SUBPIXELS, ViewMoment};
 pub use graph::{Graph, Layer, strong_components};
+pub use id::{ProductId, ProductRef, parse_product};
 pub use key::{Key, KeyId, LinkedKey, Product, Scope, Semantic, linked};
 pub use mask::Mask;
 pub use models::{ObjectModel, ObjectModels};
-pub use name::{Lighting, MAX_CANVAS, MAX_SUBPIXELS, Name, RenderParameters, ViewMoment};
 pub use object_images::{ObjectImage, ObjectImages};
 pub use paint::{Painted, masks_of};
 pub use plane::{BitPlane, Plane};

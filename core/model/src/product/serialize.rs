@@ -40,18 +40,18 @@ impl serde::ser::Error for Failure {
     }
 }
 
-type Outcome = Result<Value, Failure>;
+type ValueResult = Result<Value, Failure>;
 
 struct ToValue;
 
-/// Elements of a list, and the variant that it is the data of.
+/// Elements of a list so far, and the variant that has the list as its data.
 struct Elements {
     variant: Option<&'static str>,
     values: Vec<Value>,
 }
 
-/// Fields of a record, the key of a map entry whose value is to follow, and the variant that it is the data of.
-struct Fields {
+/// Fields of a record so far, the key of a map entry whose value follows, and the variant that has the record as its data.
+struct RecordFields {
     variant: Option<&'static str>,
     fields: Vec<(String, Value)>,
     key: Option<String>,
@@ -74,7 +74,7 @@ impl Elements {
     }
 }
 
-impl Fields {
+impl RecordFields {
     fn new(variant: Option<&'static str>, length: usize) -> Self {
         Self { variant, fields: Vec::with_capacity(length), key: None }
     }
@@ -101,7 +101,7 @@ fn tagged(variant: Option<&'static str>, value: Value) -> Value {
     }
 }
 
-fn integer<N: fmt::Display + Copy>(number: N) -> Outcome
+fn integer<N: fmt::Display + Copy>(number: N) -> ValueResult
 where
     i64: TryFrom<N>,
     u64: TryFrom<N>,
@@ -117,74 +117,74 @@ impl serde::Serializer for ToValue {
     type SerializeTuple = Elements;
     type SerializeTupleStruct = Elements;
     type SerializeTupleVariant = Elements;
-    type SerializeMap = Fields;
-    type SerializeStruct = Fields;
-    type SerializeStructVariant = Fields;
+    type SerializeMap = RecordFields;
+    type SerializeStruct = RecordFields;
+    type SerializeStructVariant = RecordFields;
 
-    fn serialize_bool(self, value: bool) -> Outcome {
+    fn serialize_bool(self, value: bool) -> ValueResult {
         Ok(Value::Bool(value))
     }
-    fn serialize_i8(self, value: i8) -> Outcome {
+    fn serialize_i8(self, value: i8) -> ValueResult {
         Ok(Value::Int(value.into()))
     }
-    fn serialize_i16(self, value: i16) -> Outcome {
+    fn serialize_i16(self, value: i16) -> ValueResult {
         Ok(Value::Int(value.into()))
     }
-    fn serialize_i32(self, value: i32) -> Outcome {
+    fn serialize_i32(self, value: i32) -> ValueResult {
         Ok(Value::Int(value.into()))
     }
-    fn serialize_i64(self, value: i64) -> Outcome {
+    fn serialize_i64(self, value: i64) -> ValueResult {
         Ok(Value::Int(value))
     }
-    fn serialize_i128(self, value: i128) -> Outcome {
+    fn serialize_i128(self, value: i128) -> ValueResult {
         integer(value)
     }
-    fn serialize_u8(self, value: u8) -> Outcome {
+    fn serialize_u8(self, value: u8) -> ValueResult {
         Ok(Value::Int(value.into()))
     }
-    fn serialize_u16(self, value: u16) -> Outcome {
+    fn serialize_u16(self, value: u16) -> ValueResult {
         Ok(Value::Int(value.into()))
     }
-    fn serialize_u32(self, value: u32) -> Outcome {
+    fn serialize_u32(self, value: u32) -> ValueResult {
         Ok(Value::Int(value.into()))
     }
-    fn serialize_u64(self, value: u64) -> Outcome {
+    fn serialize_u64(self, value: u64) -> ValueResult {
         integer(value)
     }
-    fn serialize_u128(self, value: u128) -> Outcome {
+    fn serialize_u128(self, value: u128) -> ValueResult {
         integer(value)
     }
-    fn serialize_f32(self, value: f32) -> Outcome {
+    fn serialize_f32(self, value: f32) -> ValueResult {
         Ok(Value::Float(value.into()))
     }
-    fn serialize_f64(self, value: f64) -> Outcome {
+    fn serialize_f64(self, value: f64) -> ValueResult {
         Ok(Value::Float(value))
     }
-    fn serialize_char(self, value: char) -> Outcome {
+    fn serialize_char(self, value: char) -> ValueResult {
         Ok(Value::Text(value.into()))
     }
-    fn serialize_str(self, value: &str) -> Outcome {
+    fn serialize_str(self, value: &str) -> ValueResult {
         Ok(Value::Text(value.to_owned()))
     }
-    fn serialize_bytes(self, value: &[u8]) -> Outcome {
+    fn serialize_bytes(self, value: &[u8]) -> ValueResult {
         Ok(Value::Bytes(value.to_vec()))
     }
-    fn serialize_none(self) -> Outcome {
+    fn serialize_none(self) -> ValueResult {
         Ok(Value::Null)
     }
-    fn serialize_some<T: Serialize + ?Sized>(self, value: &T) -> Outcome {
+    fn serialize_some<T: Serialize + ?Sized>(self, value: &T) -> ValueResult {
         value.serialize(self)
     }
-    fn serialize_unit(self) -> Outcome {
+    fn serialize_unit(self) -> ValueResult {
         self.serialize_none()
     }
-    fn serialize_unit_struct(self, _: &'static str) -> Outcome {
+    fn serialize_unit_struct(self, _: &'static str) -> ValueResult {
         self.serialize_none()
     }
-    fn serialize_unit_variant(self, _: &'static str, _: u32, variant: &'static str) -> Outcome {
+    fn serialize_unit_variant(self, _: &'static str, _: u32, variant: &'static str) -> ValueResult {
         self.serialize_str(variant)
     }
-    fn serialize_newtype_struct<T: Serialize + ?Sized>(self, _: &'static str, value: &T) -> Outcome {
+    fn serialize_newtype_struct<T: Serialize + ?Sized>(self, _: &'static str, value: &T) -> ValueResult {
         value.serialize(self)
     }
     fn serialize_newtype_variant<T: Serialize + ?Sized>(
@@ -193,8 +193,8 @@ impl serde::Serializer for ToValue {
         _: u32,
         variant: &'static str,
         value: &T,
-    ) -> Outcome {
-        let mut fields = Fields::new(None, 1);
+    ) -> ValueResult {
+        let mut fields = RecordFields::new(None, 1);
         fields.push(variant.to_owned(), value)?;
         Ok(fields.finish())
     }
@@ -216,11 +216,11 @@ impl serde::Serializer for ToValue {
     ) -> Result<Elements, Failure> {
         Ok(Elements::new(Some(variant), Some(length)))
     }
-    fn serialize_map(self, length: Option<usize>) -> Result<Fields, Failure> {
-        Ok(Fields::new(None, length.unwrap_or(0)))
+    fn serialize_map(self, length: Option<usize>) -> Result<RecordFields, Failure> {
+        Ok(RecordFields::new(None, length.unwrap_or(0)))
     }
-    fn serialize_struct(self, _: &'static str, length: usize) -> Result<Fields, Failure> {
-        Ok(Fields::new(None, length))
+    fn serialize_struct(self, _: &'static str, length: usize) -> Result<RecordFields, Failure> {
+        Ok(RecordFields::new(None, length))
     }
     fn serialize_struct_variant(
         self,
@@ -228,8 +228,8 @@ impl serde::Serializer for ToValue {
         _: u32,
         variant: &'static str,
         length: usize,
-    ) -> Result<Fields, Failure> {
-        Ok(Fields::new(Some(variant), length))
+    ) -> Result<RecordFields, Failure> {
+        Ok(RecordFields::new(Some(variant), length))
     }
 }
 
@@ -241,7 +241,7 @@ macro_rules! elements {
             fn $push<T: Serialize + ?Sized>(&mut self, value: &T) -> Result<(), Failure> {
                 self.push(value)
             }
-            fn end(self) -> Outcome {
+            fn end(self) -> ValueResult {
                 Ok(self.finish())
             }
         }
@@ -254,13 +254,13 @@ elements! {
 
 macro_rules! fields {
     ($($part:ident),*) => {$(
-        impl $part for Fields {
+        impl $part for RecordFields {
             type Ok = Value;
             type Error = Failure;
             fn serialize_field<T: Serialize + ?Sized>(&mut self, name: &'static str, value: &T) -> Result<(), Failure> {
                 self.push(name.to_owned(), value)
             }
-            fn end(self) -> Outcome {
+            fn end(self) -> ValueResult {
                 Ok(self.finish())
             }
         }
@@ -268,7 +268,7 @@ macro_rules! fields {
 }
 fields!(SerializeStruct, SerializeStructVariant);
 
-impl SerializeMap for Fields {
+impl SerializeMap for RecordFields {
     type Ok = Value;
     type Error = Failure;
     fn serialize_key<T: Serialize + ?Sized>(&mut self, key: &T) -> Result<(), Failure> {
@@ -286,7 +286,7 @@ impl SerializeMap for Fields {
         let key = self.key.take().ok_or_else(|| Failure(Error::new("a map value without a key")))?;
         self.push(key, value)
     }
-    fn end(self) -> Outcome {
+    fn end(self) -> ValueResult {
         Ok(self.finish())
     }
 }
@@ -298,7 +298,7 @@ mod tests {
 
     #[derive(Serialize)]
     #[serde(rename_all = "snake_case")]
-    enum Shape {
+    enum Figure {
         Plain,
         Round(f64),
         Pair(i32, i32),
@@ -315,14 +315,14 @@ mod tests {
     struct Wrapper(&'static str);
 
     #[derive(Serialize)]
-    struct All {
+    struct Everything {
         zebra: bool,
         apple: i16,
         letter: char,
         name: Wrapper,
         #[serde(flatten)]
         inner: Inner,
-        shapes: Vec<Shape>,
+        shapes: Vec<Figure>,
         tuple: (u32, &'static str),
         given: Option<f64>,
         #[serde(skip_serializing_if = "Option::is_none")]
@@ -331,18 +331,18 @@ mod tests {
         by_name: BTreeMap<String, Vec<i64>>,
     }
 
-    fn all() -> All {
-        All {
+    fn all() -> Everything {
+        Everything {
             zebra: true,
             apple: -3,
             letter: 'λ',
             name: Wrapper("mug"),
             inner: Inner { first: 7, second: [0.1, -2.5] },
             shapes: vec![
-                Shape::Plain,
-                Shape::Round(1.5),
-                Shape::Pair(1, -1),
-                Shape::Boxed { width: 0.25, tall: false },
+                Figure::Plain,
+                Figure::Round(1.5),
+                Figure::Pair(1, -1),
+                Figure::Boxed { width: 0.25, tall: false },
             ],
             tuple: (4_000_000_000, "x"),
             given: Some(3.0),

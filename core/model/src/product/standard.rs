@@ -42,10 +42,12 @@ products! {
     pub const INSTANCE: Key<Plane<InstanceId>> = view("instance").semantic(Semantic::Label);
 
     /// Objects on the ray through the pixel center at any depth, as a bit set: bit `i` stands for instance `i + 1`.
-    /// `coverage (before support)` has those in front of the first support or room part alone, `coverage (canvas 3)` shows a
-    /// canvas three times as wide and high with the image in its center, `coverage (subpixels 4)` four pixels along either edge
-    /// of one of the image.
+    /// `coverage (canvas 3)` shows a canvas three times as wide and high with the image in its center, `coverage (subpixels 4)`
+    /// has four pixels along each edge of a pixel of the image.
     pub const COVERAGE: Key<BitPlane> = view("coverage");
+
+    /// The objects of [`COVERAGE`] that are in front of the first support or room part on the ray.
+    pub const COVERAGE_BEFORE_SUPPORT: Key<BitPlane> = view("coverage_before_support");
 
     /// Objects on the ray through the pixel center at any depth, from front to back, each with the depth of its first
     /// surface along the optical axis. The objects are those of [`COVERAGE`].
@@ -305,8 +307,9 @@ products! {
 /// Products that had another name, as (old, new).
 pub const RENAMED: &[(&str, &str)] = &[
     ("albedo_mean", "denoise_albedo"),
-    ("coverage_before_support", "coverage (before support)"),
-    ("coverage_before_support_wide", "coverage (canvas 3, before support)"),
+    ("coverage (before support)", "coverage_before_support"),
+    ("coverage (canvas 3, before support)", "coverage_before_support (canvas 3)"),
+    ("coverage_before_support_wide", "coverage_before_support (canvas 3)"),
     ("coverage_wide", "coverage (canvas 3)"),
     ("normal_mean", "denoise_normal"),
     ("radiance_gloss", "radiance_specular"),

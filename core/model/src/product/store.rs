@@ -1,21 +1,20 @@
-//! The products of one view, scene or dataset.
+//! The products of one view, frame, scene or dataset.
 
-use super::{Key, KeyId, Name, Product, Stored as InFile, Value};
+use super::{Key, KeyId, Product, ProductId, ProductRef, Stored as InFile, Value};
 use crate::error::{Error, Result};
 use std::any::Any;
 use std::collections::BTreeMap;
-use std::fmt::Display;
 use std::sync::Arc;
 
-/// A write-once store of products. Copies share what they hold.
+/// A write-once store of products. Copies share the products.
 #[derive(Clone, Default)]
 pub struct Products {
-    stored: BTreeMap<Name, Stored>,
+    stored: BTreeMap<ProductId, StoredProduct>,
     declared: Option<Vec<String>>,
 }
 
 #[derive(Clone)]
-struct Stored {
+struct StoredProduct {
     key: KeyId,
     product: Arc<dyn AnyProduct>,
 }
@@ -36,119 +35,113 @@ impl Products {
         Self::default()
     }
 
-    /// Stores a product. It must not be there yet.
+    /// Stores a product.
+    ///
+    /// # Errors
+    /// If the store has it already.
     pub fn put<T: Product>(&mut self, key: Key<T>, product: T) -> Result<()> {
-        self.store(Stored { key: key.id(), product: Arc::new(product) })
+        self.store(StoredProduct { key: key.id(), product: Arc::new(product) })
     }
 
-    /// Stores the product that a file has. The error says that it is of another type.
+    /// Stores a product from the value in a file.
+    ///
+    /// # Errors
+    /// If the value has another type.
     pub fn put_stored(&mut self, key: KeyId, stored: InFile<'_>) -> Result<()> {
         let value = stored.of_form(&key.form());
         let decoded = value.as_deref().and_then(|value| (key.decode)(InFile { value, ..stored }));
-        let product = decoded.ok_or_else(|| Error::new(format!("`{}` is not {}", key.name, key.kind_of_value())))?;
-        self.store(Stored { key, product })
+        let product = decoded.ok_or_else(|| Error::new(format!("`{key}` is not {}", key.kind_of_value())))?;
+        self.store(StoredProduct { key, product })
     }
 
-    /// A product. The error says whether it is missing, undeclared, or of another type.
+    /// A product.
+    ///
+    /// # Errors
+    /// If it is missing, undeclared, or of another type.
     pub fn get<T: Product>(&self, key: Key<T>) -> Result<&T> {
-        let stored = self.stored(&key.id.name)?;
+        let stored = self.stored(&key.id)?;
         (&*stored.product as &dyn Any).downcast_ref().ok_or_else(|| {
-            Error::new(format!("product `{}` is {}, not {}", key.name(), stored.key.type_name(), key.id().type_name()))
+            Error::new(format!("product `{}` is {}, not {}", key.id, stored.key.type_name(), key.id.type_name()))
         })
     }
 
-    /// The same of a product that need not be there, as an [optional input](crate::stage::Input::optional).
+    /// A product that may be missing, as an [optional input](crate::stage::Input::optional).
     pub fn optional<T: Product>(&self, key: Key<T>) -> Result<Option<&T>> {
-        if self.contains(&key.id.name) || self.is_undeclared(key.name()) { self.get(key).map(Some) } else { Ok(None) }
+        if self.contains(&key.id) || self.is_undeclared(&key.id) { self.get(key).map(Some) } else { Ok(None) }
     }
 
-    /// The generic encoding of a product, by name.
-    pub fn value<N: Display + ?Sized>(&self, name: &N) -> Result<Value>
-    where
-        Name: PartialEq<N>,
-    {
-        Ok(self.stored(name)?.product.encode())
+    /// The generic encoding of a product.
+    pub fn value<P: ProductRef + ?Sized>(&self, product: &P) -> Result<Value> {
+        Ok(self.stored(product)?.product.encode())
     }
 
-    /// The key of a product, by name.
-    pub fn key<N: ?Sized>(&self, name: &N) -> Option<KeyId>
-    where
-        Name: PartialEq<N>,
-    {
-        self.find(name).map(|stored| stored.key)
+    /// The key of a product, if it is there.
+    pub fn key<P: ProductRef + ?Sized>(&self, product: &P) -> Option<KeyId> {
+        self.find(product).map(|stored| stored.key)
     }
 
     /// Whether a product is there.
-    pub fn contains<N: ?Sized>(&self, name: &N) -> bool
-    where
-        Name: PartialEq<N>,
-    {
-        self.find(name).is_some()
+    pub fn contains<P: ProductRef + ?Sized>(&self, product: &P) -> bool {
+        self.find(product).is_some()
     }
 
-    /// The keys of all products that are there, by name.
+    /// The keys of all products, by name.
     pub fn keys(&self) -> Vec<KeyId> {
         self.stored.values().map(|stored| stored.key).collect()
     }
 
-    /// The products of some names, and no others: what a stage is lent, so that what it declares is all it can read.
-    pub fn only<N: Display>(&self, names: &[N]) -> Self
-    where
-        Name: PartialEq<N>,
-    {
-        let declared = names.iter().map(N::to_string).collect();
-        let stored = self.stored.iter().filter(|(name, _)| names.iter().any(|other| **name == *other));
-        Self { stored: stored.map(|(name, stored)| (*name, stored.clone())).collect(), declared: Some(declared) }
+    /// A copy with some of the products. Stages get such a copy, so they can read only what they declare.
+    pub fn only<P: ProductRef>(&self, products: &[P]) -> Self {
+        let of_store = |product: &P| self.find(product).map(|stored| (stored.key.product_id(), stored.clone()));
+        Self {
+            stored: products.iter().filter_map(of_store).collect(),
+            declared: Some(products.iter().map(P::to_string).collect()),
+        }
     }
 
-    /// Takes over the products of another store that are not here yet, and refuses those that are.
+    /// Moves all products of another store into this one. Refuses a product that is here already.
     pub fn extend(&mut self, other: Self) -> Result<()> {
         other.stored.into_values().try_for_each(|stored| self.store(stored))
     }
 
-    /// Takes a product out of this store, under another key of the same type.
+    /// Stores a product, if it is there, under another key of the same type instead.
     pub fn rename(&mut self, from: KeyId, to: KeyId) -> Result<()> {
-        if let Some(stored) = self.stored.remove(&from.name) {
-            self.store(Stored { key: to, ..stored })?;
+        if let Some(stored) = self.stored.remove(&from.product_id()) {
+            self.store(StoredProduct { key: to, ..stored })?;
         }
         Ok(())
     }
 
-    /// Removes the products that another store holds too: what is left was put since `lent` was copied.
+    /// Removes the products that another store also has. In a copy of `lent`, the products that were put later remain.
     pub fn without(mut self, lent: &Self) -> Self {
-        self.stored.retain(|name, _| !lent.stored.contains_key(name));
+        self.stored.retain(|id, _| !lent.stored.contains_key(id));
         self
     }
 
-    fn store(&mut self, stored: Stored) -> Result<()> {
-        let name = stored.key.name;
-        match self.stored.insert(name, stored) {
+    fn store(&mut self, stored: StoredProduct) -> Result<()> {
+        let key = stored.key;
+        match self.stored.insert(key.product_id(), stored) {
             None => Ok(()),
-            Some(_) => Err(Error::new(format!("product `{name}` was made twice"))),
+            Some(_) => Err(Error::new(format!("product `{key}` was made twice"))),
         }
     }
 
-    fn find<N: ?Sized>(&self, name: &N) -> Option<&Stored>
-    where
-        Name: PartialEq<N>,
-    {
-        self.stored.iter().find(|(other, _)| **other == *name).map(|(_, stored)| stored)
+    fn find<P: ProductRef + ?Sized>(&self, product: &P) -> Option<&StoredProduct> {
+        let parts = product.parts()?;
+        self.stored.iter().find(|(id, _)| (id.product, id.framing) == parts).map(|(_, stored)| stored)
     }
 
-    fn is_undeclared(&self, name: &str) -> bool {
-        self.declared.as_ref().is_some_and(|declared| !declared.iter().any(|other| other == name))
+    fn is_undeclared<P: ProductRef + ?Sized>(&self, product: &P) -> bool {
+        let is = |other: &String| other.parts() == product.parts();
+        self.declared.as_ref().is_some_and(|declared| !declared.iter().any(is))
     }
 
-    fn stored<N: Display + ?Sized>(&self, name: &N) -> Result<&Stored>
-    where
-        Name: PartialEq<N>,
-    {
-        self.find(name).ok_or_else(|| {
-            let name = name.to_string();
-            let error = if self.is_undeclared(&name) {
-                Error::new(format!("product `{name}` is read but not declared"))
+    fn stored<P: ProductRef + ?Sized>(&self, product: &P) -> Result<&StoredProduct> {
+        self.find(product).ok_or_else(|| {
+            let error = if self.is_undeclared(product) {
+                Error::new(format!("product `{product}` is read but not declared"))
             } else {
-                Error::new(format!("product `{name}` has not been made"))
+                Error::new(format!("product `{product}` has not been made"))
             };
             error.help("name it in `reads()` of the stage that needs it")
         })
@@ -174,7 +167,7 @@ mod tests {
         assert!(products.get(A).is_ok() && products.get(B).is_ok());
         let error = products.get(WRONG_A).expect_err("type").to_string();
         assert_eq!(error, "product `a` is PerInstance<u32>, not PerInstance<f64>");
-        assert_eq!(products.keys().iter().map(|key| key.name).collect::<Vec<_>>(), ["a", "b"]);
+        assert_eq!(products.keys(), [A.id(), B.id()]);
     }
 
     #[test]
@@ -183,6 +176,8 @@ mod tests {
         products.put(A, PerInstance::default()).expect("first");
         let lent = products.only(&["b"]);
         assert!(lent.get(A).expect_err("not lent").to_string().contains("not declared"));
+        let canvas = lent.get(B.on_canvas(3)).expect_err("another framing").to_string();
+        assert!(canvas.contains("`b (canvas 3)` is read but not declared"), "{canvas}");
         assert!(lent.get(B).expect_err("missing").to_string().contains("has not been made"));
         assert!(lent.optional(A).expect_err("not lent").to_string().contains("not declared"));
         assert!(lent.optional(B).expect("lent").is_none());

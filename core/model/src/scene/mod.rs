@@ -34,7 +34,7 @@ pub use material::{
 };
 pub use mesh::{Mesh, MeshData};
 pub use moment::{Moment, Trajectory};
-pub use settled::{Placed, Settled};
+pub use settled::{PlacedBodies, Settled};
 pub use support::{DropZone, Region, Support, Supports};
 pub use symmetry::{Symmetries, SymmetryAxis};
 pub use texture::{Encoding, Texture, TextureRef, UvTransform, Wrap};

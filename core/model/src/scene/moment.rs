@@ -4,11 +4,28 @@ use crate::error::{Error, Result};
 use crate::geometry::{Pose, UnitQuaternion};
 use nalgebra::{Quaternion, Translation3};
 use serde::Serialize;
+use std::cmp::Ordering;
 
-/// A moment of a scene, in seconds after the bodies have come to rest.
-#[derive(Debug, Clone, Copy, Default, PartialEq, PartialOrd, Serialize)]
+/// A moment of a scene, in seconds after the bodies have come to rest. Always finite.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
 #[serde(transparent)]
 pub struct Moment(f64);
+
+// The number is finite.
+impl Eq for Moment {}
+
+impl Ord for Moment {
+    fn cmp(&self, other: &Self) -> Ordering {
+        // There is one zero, so this agrees with `==`.
+        self.0.total_cmp(&other.0)
+    }
+}
+
+impl PartialOrd for Moment {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
 
 impl Moment {
     /// When the bodies have come to rest. A scene in which nothing moves has no other moment.
@@ -20,7 +37,8 @@ impl Moment {
     /// If the time is not finite.
     pub fn from_seconds(seconds: f64) -> Result<Self> {
         match seconds.is_finite() {
-            true => Ok(Self(seconds)),
+            // Of the two zeros, the positive one.
+            true => Ok(Self(seconds + 0.0)),
             false => Err(Error::new(format!("{seconds} s is not a moment"))),
         }
     }
@@ -40,7 +58,7 @@ impl Trajectory {
     /// A trajectory through poses in the order of their moments.
     ///
     /// # Errors
-    /// If there is no pose, a pose is not finite, or a moment is not after the one before; permanent.
+    /// If there is no pose, a pose is not finite, or a moment is not after the previous one.
     pub fn new(poses: Vec<(Moment, Pose)>) -> Result<Self> {
         let is_finite = |pose: &Pose| {
             pose.translation.vector.iter().chain(pose.rotation.coords.iter()).all(|number| number.is_finite())
@@ -130,6 +148,7 @@ mod tests {
     #[test]
     fn a_trajectory_has_ordered_moments_and_finite_poses() {
         assert!(Trajectory::new(vec![]).is_err() && Moment::from_seconds(f64::NAN).is_err());
+        assert_eq!(at(-0.0).cmp(&Moment::START), Ordering::Equal);
         for second in [(at(0.0), pose(0.0, 0.0)), (at(-1.0), pose(0.0, 0.0)), (at(1.0), pose(f64::INFINITY, 0.0))] {
             assert!(Trajectory::new(vec![(at(0.0), pose(0.0, 0.0)), second]).expect_err("wrong").is_permanent());
         }

@@ -9,7 +9,7 @@ use std::sync::Arc;
 
 /// The bodies of a scene as the placers left them.
 #[derive(Debug)]
-pub struct Placed(Vec<Option<PlacedBody>>);
+pub struct PlacedBodies(Vec<Option<PlacedBody>>);
 
 /// What a settler can change of a body.
 #[derive(Debug)]
@@ -25,7 +25,7 @@ impl PlacedBody {
     }
 }
 
-impl Placed {
+impl PlacedBodies {
     /// Looks at a scene before it settles.
     pub fn of(scene: &SceneBuilder) -> Self {
         Self(scene.bodies.iter().map(|body| body.as_ref().map(PlacedBody::of)).collect())
@@ -63,7 +63,7 @@ pub struct Settled {
 
 impl Settled {
     /// Compares a scene with what it was before it settled. None if bodies were added, which cannot be done again.
-    pub fn between(before: &Placed, after: &SceneBuilder, report: &SettleReport) -> Option<Self> {
+    pub fn between(before: &PlacedBodies, after: &SceneBuilder, report: &SettleReport) -> Option<Self> {
         if before.0.len() != after.bodies.len() {
             return None;
         }

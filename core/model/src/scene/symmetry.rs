@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 /// They are read and written as BOP's `models_info.json` has them: `symmetries_discrete`, 4 × 4 matrices row by row, and
 /// `symmetries_continuous`, each with `axis` and `offset`; lengths in millimeters. Reading refuses what is no rigid motion.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
-#[serde(try_from = "InFile", into = "InFile")]
+#[serde(try_from = "SymmetriesInFile", into = "SymmetriesInFile")]
 pub struct Symmetries {
     /// 4 × 4 matrices, row by row; translations in meters. The identity is not listed.
     pub discrete: Vec<[[f64; 4]; 4]>,
@@ -47,7 +47,7 @@ const TOLERANCE: f64 = 1e-3;
 
 /// The form in files.
 #[derive(Clone, Default, Serialize, Deserialize)]
-struct InFile {
+struct SymmetriesInFile {
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     symmetries_discrete: Vec<[f64; 16]>,
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
@@ -61,10 +61,10 @@ struct AxisInFile {
     offset: [f64; 3],
 }
 
-impl TryFrom<InFile> for Symmetries {
+impl TryFrom<SymmetriesInFile> for Symmetries {
     type Error = String;
 
-    fn try_from(file: InFile) -> Result<Self, String> {
+    fn try_from(file: SymmetriesInFile) -> Result<Self, String> {
         let discrete = (0..).zip(file.symmetries_discrete).map(|(number, entries)| {
             let mut motion: [[f64; 4]; 4] = std::array::from_fn(|row| std::array::from_fn(|i| entries[4 * row + i]));
             if !is_rigid(&motion) {
@@ -84,7 +84,7 @@ impl TryFrom<InFile> for Symmetries {
     }
 }
 
-impl From<Symmetries> for InFile {
+impl From<Symmetries> for SymmetriesInFile {
     fn from(symmetries: Symmetries) -> Self {
         let mm = |m: f64| (m * MM * STEPS).round() / STEPS;
         let entries = |motion: [[f64; 4]; 4]| {

@@ -5,11 +5,11 @@ use crate::product::{BitPlane, Plane, extents};
 use crate::scene::InstanceId;
 use std::cmp::Reverse;
 
-/// Pixels around an object's silhouette that its window has as well: samples reach one pixel beyond their own.
+/// Pixels that a window has beyond its object on each side: samples reach one pixel beyond their own.
 const MARGIN: u32 = 2;
 
-/// One window of the image for every object that covers any of it, side by side. Rendered products of
-/// [objects](crate::product::RenderParameters::objects) are laid out so.
+/// One window of the image for each object that covers a part of it, packed side by side: the layout of rendered products of
+/// [single objects](crate::product::Framing::objects).
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Atlas {
     /// Width and height, px; never 0, and no wider than the image.
@@ -23,15 +23,15 @@ pub struct Atlas {
 pub struct AtlasTile {
     /// The object.
     pub id: InstanceId,
-    /// Where it is on the image, and a little around.
+    /// The pixels of the image that it shows: the object and a margin.
     pub window: Window,
     /// Column and row of the window's first pixel in the atlas.
     pub at: [u32; 2],
 }
 
 impl Atlas {
-    /// The atlas of a view, which its [`COVERAGE`](crate::product::standard::COVERAGE) says. Windows are on shelves, the
-    /// highest first.
+    /// The atlas of a view with this [`COVERAGE`](crate::product::standard::COVERAGE). Windows stand in rows, the highest
+    /// first.
     pub fn of(coverage: &BitPlane) -> Self {
         let [right, bottom] = [coverage.width(), coverage.height()];
         let grown = |[x, y, width, height]: [u32; 4]| {

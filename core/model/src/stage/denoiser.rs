@@ -7,7 +7,7 @@ use crate::product::standard::{DENOISER, RADIANCE, RADIANCE_NOISY};
 use crate::product::{KeyId, Products};
 use std::any::Any;
 
-/// Makes an image of few samples look like one of many. Runs once per view, before sensors and annotators.
+/// Removes the noise of an image with few samples. Runs once per view, before sensors and annotators.
 pub trait Denoiser: Send + Sync {
     /// The products that it reads: the noisy image and its guides.
     fn reads(&self) -> Vec<KeyId>;
@@ -19,20 +19,22 @@ pub trait Denoiser: Send + Sync {
     fn replaces(&self) -> Vec<Replacement> {
         vec![Replacement { product: RADIANCE.id(), original: RADIANCE_NOISY.id(), of_objects: true }]
     }
-    /// Whether the files that it needs are there. Runs none of them: `check` asks, for any recipe.
+    /// Checks that the files that it needs exist. Loads none of them, because `check` calls it for any recipe.
     fn found(&self) -> Result<()> {
         Ok(())
     }
-    /// Whether it can run here: an error if something that it needs from outside the program is missing. Asked before
-    /// the first scene.
+    /// Checks that it can run on this machine. Called before the first scene.
+    ///
+    /// # Errors
+    /// If it lacks something from outside the program.
     fn ready(&self) -> Result<()> {
         Ok(())
     }
-    /// The denoiser with its options, so that a renderer knows one that it runs itself; `None` if no renderer does.
+    /// The denoiser with its options, for renderers that may run it themselves. `None` if no renderer can.
     fn as_any(&self) -> Option<&dyn Any> {
         None
     }
-    /// Denoises one view: puts what it provides into `products`, which holds what it reads. The result must not depend on
-    /// the number of threads.
+    /// Denoises one view: puts all that it provides into `products`, which holds what it reads. The result must not depend on the
+    /// number of threads.
     fn denoise(&self, cx: &ViewContext, products: &mut Products) -> Result<()>;
 }

@@ -3,8 +3,8 @@
 //! asset sources → placers → settler → per view: view sampler, camera, light samplers, renderer, denoiser → sensors →
 //! annotators → writers.
 //!
-//! All traits are object-safe and take `&self`: a stage never changes after it was built, and what a run needs to
-//! remember lives in values that it returns. Randomness is handed in.
+//! All traits are object-safe and take `&self`. A stage never changes after its construction, and returns the state that a run must
+//! remember. It receives its random numbers.
 
 mod annotator;
 mod asset_source;
@@ -22,7 +22,8 @@ mod view_sampler;
 mod writer;
 
 pub use annotator::{
-    DatasetAnnotator, ImageAnnotator, ProductGroup, RecordedScene, SceneAnnotator, ViewAnnotator, ViewProducts,
+    DatasetAnnotator, FrameAnnotator, ImageAnnotator, ProductGroup, RecordedScene, SceneAnnotator, ViewAnnotator,
+    ViewProducts,
 };
 pub use asset_source::{AssetLimits, AssetSource};
 pub use atlas::{Atlas, AtlasTile};
@@ -43,7 +44,7 @@ pub use writer::{Accepts, FileOf, Input, SceneWriter, Writer};
 use crate::error::{Error, Result};
 use crate::product::KeyId;
 
-/// What every stage may know of the dataset.
+/// Facts about the dataset that every stage may know.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct DatasetInfo {
     /// `dataset.name` of the recipe.
@@ -52,8 +53,8 @@ pub struct DatasetInfo {
     pub seed: u64,
     /// `dataset.scenes`.
     pub scenes: u32,
-    /// `dataset.views_per_scene`; in what belongs to one scene, the number of its views. A dataset that has grown may have
-    /// fewer in its first scenes.
+    /// `dataset.views_per_scene`, or the number of views of the scene at hand: the first scenes of a grown dataset may have
+    /// fewer.
     pub views_per_scene: u32,
     /// Text of the resolved recipe, without the digests of its inputs.
     pub recipe: String,
@@ -61,9 +62,9 @@ pub struct DatasetInfo {
     pub program: String,
     /// Names of the classes of the recipe's pools, sorted, without `object`.
     pub classes: Vec<String>,
-    /// The categories of a dataset that was read and has ids, ascending; empty where they follow from `classes`.
+    /// The categories of a dataset that was read and has ids, ascending. Empty if they follow from `classes`.
     pub own_categories: Vec<OwnCategory>,
-    /// Which surface labels are of, as the renderer makes them.
+    /// Which surface the labels of the renderer describe.
     pub label_surface: LabelSurface,
 }
 
@@ -74,16 +75,16 @@ pub struct OwnCategory {
     pub id: u32,
     /// Such as `mug`.
     pub name: String,
-    /// That of COCO's files, such as `kitchen`; empty if there is none.
+    /// COCO's supercategory, such as `kitchen`. Empty if it has none.
     pub supercategory: String,
 }
 
 impl DatasetInfo {
-    /// Category of the objects of no class, which every dataset has: its id and its name.
+    /// Id and name of the category of objects without a class. Every dataset has it.
     pub const OBJECT: (u32, &'static str) = (1, "object");
 
-    /// Ids and names of the categories of annotation files: its own, or else [`OBJECT`](Self::OBJECT), then the classes, in
-    /// the order of their names, from 2. Those of a run depend on the recipe alone, and not on the assets that are drawn.
+    /// Ids and names of the categories of annotation files: the dataset's own, or else [`OBJECT`](Self::OBJECT) and then the classes
+    /// by name, from 2. In a run they depend only on the recipe, not on the drawn assets.
     pub fn categories(&self) -> impl Iterator<Item = (u32, &str)> {
         let own = self.own_categories.iter().map(|own| (own.id, own.name.as_str()));
         let of_classes = std::iter::once(Self::OBJECT)
@@ -92,10 +93,10 @@ impl DatasetInfo {
         own.chain(of_classes)
     }
 
-    /// Id of the category of an object in annotation files: that of its class, else that of `object`.
+    /// Id of the category of an object in annotation files: the category of its class, or else `object`.
     ///
     /// # Errors
-    /// If the dataset has categories of its own, and neither of these is among them.
+    /// If the dataset has its own categories, and neither is among them.
     pub fn category_id(&self, class: &str) -> Result<u32> {
         let of = |name: &str| self.categories().find(|(_, other)| *other == name).map(|(id, _)| id);
         of(class).or_else(|| of(Self::OBJECT.1)).ok_or_else(|| {
@@ -103,17 +104,17 @@ impl DatasetInfo {
         })
     }
 
-    /// The place of a category among [`categories`](Self::categories), from 0, and its name.
+    /// Index of a category in [`categories`](Self::categories), from 0, and its name.
     ///
     /// # Errors
-    /// If the dataset has no category of this id.
+    /// If the dataset has no category with this id.
     pub fn category(&self, id: u32) -> Result<(usize, &str)> {
         let mut places = self.categories().enumerate();
         let found = places.find(|(_, (other, _))| *other == id).map(|(place, (_, name))| (place, name));
         found.ok_or_else(|| self.no_category(&format!("category {id} of an object is none of the dataset's")))
     }
 
-    /// The supercategory of a category; none if the dataset names none.
+    /// The supercategory of a category, if it has one.
     pub fn supercategory(&self, id: u32) -> Option<&str> {
         let own = self.own_categories.iter().find(|own| own.id == id)?;
         Some(own.supercategory.as_str()).filter(|name| !name.is_empty())
@@ -125,16 +126,16 @@ impl DatasetInfo {
     }
 }
 
-/// A product that a stage replaces: readers of `product` get the new one, and the stage itself reads the original under
-/// the key `original`, as anybody else can.
+/// A product that a stage replaces. All other stages that read `product` get the new one. The original stays available under
+/// the key `original`, by which the stage itself reads it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Replacement {
     /// The product, which the stage provides anew.
     pub product: KeyId,
     /// Key of the same type under which the original is kept.
     pub original: KeyId,
-    /// Whether the stage also replaces the product of [objects by themselves](crate::product::RenderParameters::objects), such as
-    /// `radiance (objects alone)`: it then runs once more, on inputs of these objects.
+    /// Whether the stage also replaces the product of [single objects](crate::product::Framing::objects), such as `radiance
+    /// (objects alone)`. It then runs once more, on inputs of these objects.
     pub of_objects: bool,
 }
 

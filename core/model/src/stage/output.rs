@@ -110,7 +110,7 @@ fn create_new(folder: &StoreFolder, path: &DatasetPath, id: &str) -> Result<File
     })
 }
 
-/// What a writer can see and do at the end of a run.
+/// Access of a writer to the dataset at the end of a run.
 #[derive(Debug, Clone)]
 pub struct Finish {
     dataset: StoreFolder,
@@ -146,7 +146,7 @@ impl Finish {
         self.open(&shard_path(&self.id, scene)?).map(BufReader::new)
     }
 
-    /// Reads what this writer wrote for a scene with [`Output::write_shared`].
+    /// Reads bytes that this writer stored for a scene with [`Output::write_shared`].
     ///
     /// # Errors
     /// If the file cannot be read, or has other bytes.
@@ -187,7 +187,7 @@ impl Finish {
     }
 }
 
-/// What to do about a file that the end of a run cannot read.
+/// The remedy for a file that the end of a run cannot read.
 const DAMAGED: &str = "the dataset is damaged; `syntable run --repair` makes the scene again";
 
 /// Path of a writer's shard of a scene.
@@ -205,7 +205,7 @@ fn shared_path(id: &str, scene: SceneId, digest: Digest) -> Result<DatasetPath> 
     path.map_err(|error| Error::new(error.to_string()))
 }
 
-/// Name of the folder of what scenes share, beside their shards.
+/// Name of the folder with bytes that scenes share, beside their shards.
 const SHARED: &str = "shared";
 
 /// Whether a path of a dataset is one of [`Output::write_shared`]: then all files of its folder have the same bytes.

@@ -8,11 +8,11 @@ use crate::scene::{InstanceId, Intrinsics, Scene, View};
 use crate::stage::{Atlas, AtlasTile, Denoiser};
 use std::sync::Arc;
 
-/// A way of rendering. It offers products; the plan asks for those that somebody wants.
+/// A way of rendering. It offers products, and the plan requests those that a stage reads.
 pub trait Renderer: Send + Sync {
-    /// The products it can make.
+    /// The products that it can make.
     fn offers(&self) -> Vec<KeyId>;
-    /// How many sessions may be open at once: the number of devices, or none if there is no limit.
+    /// Maximum number of open sessions: the number of devices. `None` if there is no limit.
     fn max_sessions(&self) -> Option<usize> {
         None
     }
@@ -23,36 +23,37 @@ pub trait Renderer: Send + Sync {
     fn devices(&self) -> Result<Vec<RenderDevice>> {
         Ok(vec![RenderDevice::new("the processor", DeviceClass::Processor)])
     }
-    /// Devices of this machine that it does not render on, with the reasons, for people.
+    /// Devices of this machine that it does not use, each with the reason, for people.
     fn unused_devices(&self) -> Vec<String> {
         Vec::new()
     }
-    /// Whether its sessions run a denoiser themselves, where the image is. Then a request names it, and may want what it
-    /// provides and reads.
+    /// Whether its sessions run this denoiser themselves, on the device that has the image. Requests then name the denoiser, and
+    /// may want its outputs and inputs.
     fn denoises(&self, denoiser: &dyn Denoiser) -> bool {
         let _ = denoiser;
         false
     }
     /// Opens a session. `index` counts from 0 and chooses the device.
     fn open(&self, index: usize) -> Result<Box<dyn RenderSession>>;
-    /// Which surface of a ray its labels are of, where some can be seen through.
+    /// Which surface on a ray its labels describe, if some surfaces are transparent.
     fn label_surface(&self) -> LabelSurface {
         LabelSurface::First
     }
-    /// One line on what a view costs, for `syntable plan`.
+    /// One line about the cost of a view, for `syntable plan`.
     fn cost(&self) -> String;
 }
 
-/// Which surface of a ray depth, ids, masks and other labels are of, where some can be seen through.
+/// Which surface on a ray depth, ids, masks and other labels describe, if some surfaces are transparent.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum LabelSurface {
-    /// The first one that is there, glass included. A texture's alpha says where it is, how transparent the material is as a
-    /// whole says nothing.
+    /// The first surface, glass included. The alpha of a texture decides where the surface is; the transparency of the whole
+    /// material does not matter.
     #[default]
     First,
-    /// The first one that covers one half or more of what is behind it by its alpha; glass does.
+    /// The first surface whose alpha covers at least half of the background. Glass does.
     AlphaThreshold,
-    /// The first opaque one: it covers one half or more, and less than half of the light that enters passes it.
+    /// The first opaque surface: its alpha covers at least half of the background, and it transmits less than half of the
+    /// light.
     FirstOpaque,
 }
 
@@ -83,9 +84,9 @@ impl LabelSurface {
 pub struct RenderDevice {
     /// One line for people and for the dataset: what it is, its driver with the version, and the interface.
     pub name: String,
-    /// What sort it is of.
+    /// Its class.
     pub class: DeviceClass,
-    /// What it can hold, for people; empty where nothing bounds it.
+    /// Its limits, for people. Empty if it has none.
     pub limits: String,
 }
 
@@ -96,14 +97,14 @@ impl RenderDevice {
     }
 }
 
-/// A sort of devices.
+/// A class of devices.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum DeviceClass {
-    /// The processor: the bytes of images are the same on every machine.
+    /// The processor. Images have the same bytes on every machine.
     Processor,
-    /// A card: images of another card or driver may differ by rounding.
+    /// A graphics card. Images of different cards or drivers may differ by rounding.
     Card,
-    /// A program in place of a card, for tests.
+    /// A program that emulates a graphics card, for tests.
     Emulated,
 }
 
@@ -114,16 +115,16 @@ impl DeviceClass {
     }
 }
 
-/// A renderer at work; used by one thread at a time, for one scene after another.
+/// A renderer at work. One thread at a time uses it, for one scene after another.
 pub trait RenderSession: Send {
-    /// Makes a scene ready.
+    /// Prepares a scene.
     fn load(&mut self, scene: &Arc<Scene>, workers: &dyn Workers) -> Result<()>;
-    /// Makes the scene that was loaded last ready at another [moment](Scene::at): bodies have other poses, and nothing else
-    /// differs. A session that keeps what belongs to single objects need not override this.
+    /// Prepares the loaded scene at another [moment](Scene::at). Only poses of bodies differ. By default, this loads the scene
+    /// again, which is enough for a session that caches the data of objects.
     fn pose(&mut self, scene: &Arc<Scene>, workers: &dyn Workers) -> Result<()> {
         self.load(scene, workers)
     }
-    /// Renders a view of the scene that was loaded last, and puts exactly the wanted products into `products`.
+    /// Renders a view of the loaded scene, and puts exactly the wanted products into `products`.
     fn render(&mut self, request: &RenderRequest, products: &mut Products) -> Result<()>;
 }
 
@@ -133,22 +134,22 @@ pub trait RenderSession: Send {
 pub struct RenderRequest<'a> {
     /// Camera and lights.
     pub view: &'a View,
-    /// The products to make, all among those offered. Their parameters are those of the image: the tiles say what to
-    /// render.
+    /// The products to make, all offered by the renderer. Their framing is [`Framing::IMAGE`](crate::product::Framing::IMAGE),
+    /// because the tiles state what to render.
     pub wants: &'a [KeyId],
     /// Width and height of the products, px.
     pub size: [u32; 2],
-    /// What the products show, and where. Tiles do not overlap. Pixels of no tile are 0, and their depth is infinite. With
-    /// several tiles only products of one value per pixel are wanted.
+    /// The parts of the products. Tiles do not overlap. Pixels outside of all tiles are 0, and their depth is infinite. Requests
+    /// with several tiles want only products with one value per pixel.
     pub tiles: Vec<Tile<'a>>,
-    /// Whether camera rays meet lights and sky. Without, the radiance is that of bodies alone, premultiplied by
-    /// [`OPACITY`](crate::product::standard::OPACITY); mirrors and glass show lights all the same.
+    /// Whether camera rays hit lights and sky. If not, the radiance is that of bodies, premultiplied by
+    /// [`OPACITY`](crate::product::standard::OPACITY). Mirrors and glass still show lights.
     pub background: bool,
     /// Seed of the sampling.
     pub stream: Stream,
     /// Threads to spread the pixels over.
     pub workers: &'a dyn Workers,
-    /// A denoiser that the renderer runs itself, [`Renderer::denoises`].
+    /// The denoiser, if the renderer runs it itself; see [`Renderer::denoises`].
     pub denoiser: Option<&'a dyn Denoiser>,
 }
 
@@ -161,12 +162,12 @@ impl<'a> RenderRequest<'a> {
         Self { view, wants, size, tiles, background: true, stream, workers, denoiser: None }
     }
 
-    /// A window and the bodies in it instead.
+    /// Replaces the image by a window and the bodies in it.
     pub fn of(self, window: Window, bodies: Bodies<'a>) -> Self {
         Self { size: [window.width, window.height], tiles: vec![Tile { window, at: [0, 0], bodies }], ..self }
     }
 
-    /// Every object of an atlas by itself instead, without background.
+    /// Replaces the image by each object of an atlas by itself, without background.
     pub fn of_objects(self, atlas: &'a Atlas, lighting: Lighting) -> Self {
         let tile = |tile: &'a AtlasTile| {
             let body = std::slice::from_ref(&tile.id);
@@ -179,7 +180,7 @@ impl<'a> RenderRequest<'a> {
         Self { size: atlas.size, tiles: atlas.tiles.iter().map(tile).collect(), background: false, ..self }
     }
 
-    /// The only tile, if it is all that the products show.
+    /// The only tile, if it fills the products.
     pub fn only_tile(&self) -> Option<&Tile<'a>> {
         match &self.tiles[..] {
             [tile] if [tile.window.width, tile.window.height] == self.size => Some(tile),
@@ -193,23 +194,22 @@ impl<'a> RenderRequest<'a> {
     }
 }
 
-/// A part of what is rendered: a window, with the bodies that take part in it.
+/// A part of a request: a window, and the bodies to render in it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Tile<'a> {
     /// Pixels to render.
     pub window: Window,
     /// Column and row of its first pixel in the products.
     pub at: [u32; 2],
-    /// Bodies that take part.
+    /// Bodies to render.
     pub bodies: Bodies<'a>,
 }
 
-/// A rectangle of pixels on the camera's image plane, px from the top-left corner of the image. It may reach beyond the
-/// image on every side: the canvas then shows what the camera does not.
+/// A rectangle of pixels on the camera's image plane, px from the top-left corner of the image. It may extend beyond the image on
+/// every side.
 ///
-/// A pixel has the same values in every window that it lies in, by itself or among other tiles, whatever the size of the window: labels always, light
-/// where the number of samples does not depend on noise or time. Products that look at neighboring pixels, such as
-/// denoising guides, may differ at the edges.
+/// A pixel has the same values in all windows and tiles that contain it: labels always, light if the number of samples does not
+/// depend on noise or time. Products that depend on neighboring pixels, such as denoising guides, may differ at the edges.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Window {
     /// Column of the left edge; negative left of the image.
@@ -252,10 +252,10 @@ impl Window {
 }
 
 impl Bodies<'_> {
-    /// For every body of a scene of `count`, whether it is one of these.
+    /// For each body of a scene with `count` bodies, whether it is one of these.
     ///
     /// # Errors
-    /// If there is no body of an id; permanent.
+    /// If the scene has no body with one of the ids.
     pub fn chosen(&self, count: usize) -> Result<Vec<bool>> {
         let (Self::Only(ids) | Self::Seen(ids)) = *self else { return Ok(vec![true; count]) };
         let mut chosen = vec![false; count];
@@ -268,14 +268,14 @@ impl Bodies<'_> {
     }
 }
 
-/// Bodies that take part in a rendering.
+/// Bodies to render.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Bodies<'a> {
     /// The whole scene.
     All,
-    /// These alone, as if there were no others: what an object looks like by itself, under the lights of the view.
+    /// Only these bodies, as if there were no others: the appearance of an object by itself, under the lights of the view.
     Only(&'a [InstanceId]),
-    /// Camera rays meet these alone; the others still cast shadows and reflect light, and mirrors show them: what an
-    /// object looks like in its place, without what occludes it.
+    /// Camera rays hit only these bodies. The others still cast shadows and reflect light, and mirrors show them: the appearance of
+    /// an object in its place, without the bodies in front of it.
     Seen(&'a [InstanceId]),
 }

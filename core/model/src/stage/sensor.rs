@@ -1,4 +1,4 @@
-//! Simulates what a real camera makes of rendered images and depth.
+//! Simulates the effects of real cameras on images and depth.
 
 use super::Replacement;
 use crate::context::ViewContext;
@@ -6,9 +6,8 @@ use crate::error::Result;
 use crate::product::{KeyId, Products};
 use crate::random::Stream;
 
-/// Reads rendered products and provides what a sensor would give: noisy, blurred, quantized. Runs once per view, after
-/// the denoiser. Unlike an annotator it is given random numbers; labels are made from what was rendered, never from
-/// what was sensed.
+/// Makes noisy, blurred or quantized products from rendered ones, as a sensor would. Runs once per view, after the denoiser. A
+/// sensor gets random numbers, and an annotator does not: labels depend on rendered products, never on sensed ones.
 pub trait Sensor: Send + Sync {
     /// The products that it reads.
     fn reads(&self) -> Vec<KeyId>;
@@ -18,7 +17,7 @@ pub trait Sensor: Send + Sync {
     fn replaces(&self) -> Vec<Replacement> {
         Vec::new()
     }
-    /// Makes all that it provides and puts it into `products`, which holds what it reads. `stream` belongs to this sensor,
-    /// scene, view and attempt.
+    /// Puts all that it provides into `products`, which holds what it reads. `stream` is the random stream of this sensor, scene,
+    /// view and attempt.
     fn sense(&self, cx: &ViewContext, stream: &Stream, products: &mut Products) -> Result<()>;
 }

@@ -1,19 +1,19 @@
-//! What a writer writes: images alone, or scenes.
+//! The subject of a writer: images, or scenes.
 
 use crate::context::{DatasetContext, ImageContext, ImagesContext, Log, SceneContext, ViewContext};
 use crate::error::Result;
 use crate::product::Products;
 use crate::stage::{FileOf, Finish, Input, Output, SceneWriter, Writer};
 
-/// What a writer writes, [`Images`] or [`Scenes`]: it sets the contexts that the writer gets.
+/// The subject of a writer, [`Images`] or [`Scenes`]. It sets the contexts that the writer gets.
 pub trait Subject: 'static {
     /// The context of each view.
     type View<'a>: Copy;
     /// The context of each scene.
     type Scene<'a>: Copy;
-    /// What a view's context says of the image.
+    /// The image of a view's context.
     fn image<'s, 'a>(cx: &'s Self::View<'a>) -> &'s ImageContext<'a>;
-    /// What a scene's context says of its images.
+    /// The images of a scene's context.
     fn images<'s, 'a>(cx: &'s Self::Scene<'a>) -> &'s ImagesContext<'a>;
     /// A view's context with another log.
     fn view_with_log<'s>(cx: &'s Self::View<'_>, log: &'s dyn Log) -> Self::View<'s>;
@@ -21,7 +21,7 @@ pub trait Subject: 'static {
     fn scene_with_log<'s>(cx: &'s Self::Scene<'_>, log: &'s dyn Log) -> Self::Scene<'s>;
 }
 
-/// Images with their labels, of scenes that the program made and of datasets that it read.
+/// Images with their labels, from scenes that the program made or datasets that it read.
 pub enum Images {}
 
 impl Subject for Images {
@@ -70,22 +70,22 @@ impl Subject for Scenes {
 }
 
 impl dyn Writer {
-    /// The same writer, for scenes that the program made: it still sees their images and labels alone.
+    /// The same writer for scenes that the program made. It still gets only their images and labels.
     pub fn of_scenes(self: Box<Self>) -> Box<dyn Writer<Scenes>> {
-        Box::new(OfImages(self))
+        Box::new(ImageWriterOfScenes(self))
     }
 }
 
-/// A writer of images, or the part of it that is at work on a scene.
-struct OfImages<W>(W);
+/// A writer of images, or its writer of one scene.
+struct ImageWriterOfScenes<W>(W);
 
-impl Writer<Scenes> for OfImages<Box<dyn Writer>> {
+impl Writer<Scenes> for ImageWriterOfScenes<Box<dyn Writer>> {
     fn reads(&self) -> Vec<Input> {
         self.0.reads()
     }
 
     fn scene(&self, cx: &SceneContext, output: Output) -> Result<Box<dyn SceneWriter<Scenes>>> {
-        Ok(Box::new(OfImages(self.0.scene(cx, output)?)))
+        Ok(Box::new(ImageWriterOfScenes(self.0.scene(cx, output)?)))
     }
 
     fn finish(&self, cx: &DatasetContext, products: &Products, finish: &Finish) -> Result<()> {
@@ -109,7 +109,7 @@ impl Writer<Scenes> for OfImages<Box<dyn Writer>> {
     }
 }
 
-impl SceneWriter<Scenes> for OfImages<Box<dyn SceneWriter>> {
+impl SceneWriter<Scenes> for ImageWriterOfScenes<Box<dyn SceneWriter>> {
     fn view(&mut self, cx: &ViewContext, products: &Products) -> Result<()> {
         self.0.view(cx, products)
     }

@@ -18,18 +18,18 @@ pub struct Shell {
 pub trait ViewSampler: Send + Sync {
     /// `world_from_camera` of one view. A pure function of scene, view and stream.
     fn pose(&self, scene: &Scene, view: ViewId, context: &Context) -> Result<Pose>;
-    /// The shell that all views of a scene lie in; lights can be placed relative to it.
+    /// The shell that contains all cameras of a scene. Lights can be placed relative to it.
     ///
     /// # Errors
-    /// If the scene lacks what the views are placed around.
+    /// If the scene lacks the support that the cameras look at.
     fn shell(&self, scene: &Scene) -> Result<Shell>;
-    /// When a view is taken: the scene that `pose` gets, and that the view shows, is the scene at this moment. By default all
-    /// views show the scene at its start, in which nothing moves.
+    /// The moment of a view. `pose` gets the scene at this moment, and the view shows it. By default, all views show the scene at its
+    /// start.
     fn moment(&self, scene: &Scene, view: ViewId) -> Result<Moment> {
         let _ = (scene, view);
         Ok(Moment::START)
     }
-    /// How many views there are, if the number is fixed.
+    /// Number of views, if it is fixed.
     fn count(&self) -> Option<u32> {
         None
     }

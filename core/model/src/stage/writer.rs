@@ -8,48 +8,46 @@ use crate::scene::{SceneId, ViewId};
 use crate::stage::subject::{Images, Subject};
 use crate::stage::{DatasetInfo, Finish, Output};
 
-/// A file format. The files of a scene appear in the dataset when the whole scene is done; a file that covers many
-/// scenes is written in `finish`, from per-scene shards.
+/// A file format. The files of a scene appear in the dataset when the whole scene is done. `finish` writes files that cover many
+/// scenes, from a shard per scene.
 ///
-/// A `Writer` writes images and labels. It sees products alone, so it writes datasets that were read, too. A `Writer<Scenes>` sees
-/// bodies, materials, cameras and lights as well: it writes scenes that the program made.
+/// A `Writer` gets only products, so it also writes datasets that were read. A `Writer<Scenes>` also gets bodies, materials, cameras
+/// and lights, so it writes only scenes that the program made.
 pub trait Writer<S: Subject = Images>: Send + Sync {
-    /// The products that it reads, each with the kinds of value that it can store. It is lent these and no others.
+    /// The products that it reads, each with the kinds of value that it can store. It gets only these.
     fn reads(&self) -> Vec<Input>;
     /// Starts a scene. Dropping the scene writer without closing it abandons the scene.
     fn scene(&self, cx: &S::Scene<'_>, output: Output) -> Result<Box<dyn SceneWriter<S>>>;
-    /// Writes what covers many scenes. Called at the end of every run, with all scenes that are done and the products of
-    /// the dataset that it reads; called again, it writes the same files.
+    /// Writes the files that cover many scenes. Every run calls it at its end, with all finished scenes and with the products of
+    /// the dataset that the writer reads. A second call writes the same files.
     ///
-    /// It is also tried when the first scene of a run is done, and then writes to a folder that is thrown away: a mistake
-    /// that shows here shows early.
+    /// To find mistakes early, a run also calls it after its first scene, and deletes the files.
     fn finish(&self, cx: &DatasetContext, products: &Products, finish: &Finish) -> Result<()> {
         let _ = (cx, products, finish);
         Ok(())
     }
-    /// Whether its files tell objects apart by their numbers (`obj_id`): a recipe with two objects of one number is refused then.
+    /// Whether its files identify objects by their numbers (`obj_id`). If so, a recipe with two objects of one number is refused.
     fn needs_obj_ids(&self) -> bool {
         false
     }
-    /// Checks what it needs beside its options, such as files that they name. Called by `check` and before a run.
+    /// Checks what it needs besides its options, such as files that they name. Called by `check` and before a run.
     fn ready(&self) -> Result<()> {
         Ok(())
     }
-    /// The paths, relative to the dataset, that it will write for a view, for a scene or for the dataset, as far as they
-    /// can be told before a run. `check` refuses those that two scenes, views or writers share, and those of which one is a
-    /// folder of another.
+    /// The paths, relative to the dataset, of its files for a view, a scene or the dataset, as far as they are known before a run.
+    /// `check` refuses paths that two scenes, views or writers share, and a path inside of another file.
     fn paths(&self, of: &FileOf) -> Result<Vec<String>> {
         let _ = of;
         Ok(Vec::new())
     }
-    /// Names of the options that [`finish`](Self::finish) alone reads. They may change in a recipe while its dataset is
-    /// made, because the files of the scenes do not depend on them.
+    /// Names of the options that only [`finish`](Self::finish) reads. They may change while the dataset is unfinished, because the
+    /// files of scenes do not depend on them.
     fn finish_options(&self) -> &'static [&'static str] {
         &[]
     }
 }
 
-/// What a file is of: a view, if there are a scene and a view; a scene, if there is a scene alone; else the dataset.
+/// The view, scene or dataset of a file: a view if both numbers are there, a scene if only its number is.
 #[derive(Debug, Clone, Copy)]
 pub struct FileOf<'a> {
     /// The dataset.
@@ -60,16 +58,16 @@ pub struct FileOf<'a> {
     pub scene: Option<SceneId>,
     /// The view.
     pub view: Option<ViewId>,
-    /// The products that the writer reads, as far as the recipe can be planned.
+    /// The products that the writer reads. Empty if the recipe has no plan.
     pub products: &'a [KeyId],
 }
 
 /// A writer at work on one scene.
 pub trait SceneWriter<S: Subject = Images>: Send {
-    /// Writes one view. Views come in order. `products` holds what the writer reads of the view, and of the scene as far
-    /// as it is known before the views.
+    /// Writes one view. Views come in order. `products` holds what the writer reads of the view, of its moment, and of the scene
+    /// before its views.
     fn view(&mut self, cx: &S::View<'_>, products: &Products) -> Result<()>;
-    /// Ends the scene. `products` holds all that the writer reads of the scene.
+    /// Ends the scene. `products` holds all products of the scene that the writer reads.
     fn close(self: Box<Self>, cx: &S::Scene<'_>, products: &Products) -> Result<()>;
 }
 
@@ -82,7 +80,7 @@ pub struct Input {
     pub accepts: Accepts,
     /// The writer's option that names the product, such as `include[2]`, for diagnostics.
     pub option: Option<String>,
-    /// Whether the writer does without it where a dataset that was read lacks it. A run always makes it.
+    /// Whether the writer can do without it if a dataset that was read lacks it. A run always makes it.
     pub is_optional: bool,
 }
 
@@ -94,15 +92,15 @@ pub enum Accepts {
     Any,
     /// A product of exactly this key's type.
     Type(KeyId),
-    /// A product that the function does not refuse. The refusal is a reason and a remedy, such as `a PNG file has no
-    /// channel for 32-bit floats; write it with exr or npy`.
+    /// A product that the function accepts. Its error has a reason and a remedy, such as `a PNG file has no channel for 32-bit
+    /// floats; write it with exr or npy`.
     If(fn(&KeyId) -> Result<(), String>),
 }
 
 impl Input {
     /// A product that the writer knows, of exactly its type.
     pub fn of<T: Product>(key: Key<T>) -> Self {
-        Self { product: key.id().name.to_string(), accepts: Accepts::Type(key.id()), option: None, is_optional: false }
+        Self { product: key.id().to_string(), accepts: Accepts::Type(key.id()), option: None, is_optional: false }
     }
 
     /// A product by name, whatever its type.
@@ -110,8 +108,8 @@ impl Input {
         Self { product: product.into(), accepts: Accepts::Any, option: None, is_optional: false }
     }
 
-    /// The same for a product that a dataset that was read may lack: then the writer leaves out what it would say, and finds
-    /// it with [`Products::optional`].
+    /// The same for a product that a dataset may lack. The writer gets it from [`Products::optional`], and leaves out its labels
+    /// if it is missing.
     pub fn optional(self) -> Self {
         Self { is_optional: true, ..self }
     }

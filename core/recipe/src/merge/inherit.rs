@@ -167,11 +167,11 @@ impl<'a> Graph<'a> {
                 Some(old) => {
                     let slot = Slot::ALL.into_iter().find(|slot| slot.name() == key.get_ref().as_ref());
                     match slot.map(|slot| (slot, slot.shape())) {
-                        Some((slot, Shape::Keyed)) => {
-                            merge_tables(old, value, &|id, old, new| self.merge_stages(slot, id, old, new))
-                        }
                         Some((slot, Shape::One)) => self.merge_stages(slot, "", old, value),
                         Some((_, Shape::List)) => value,
+                        Some((slot, _)) => {
+                            merge_tables(old, value, &|id, old, new| self.merge_stages(slot, id, old, new))
+                        }
                         None if key.get_ref() == "dataset" => merge_tables(old, value, &|_, _, new| new),
                         None => value,
                     }

@@ -2,7 +2,7 @@
 
 use super::Plan;
 use syntable_model::error::{Error, Result};
-use syntable_model::product::{Form, KeyId, Scope};
+use syntable_model::product::{Form, KeyId};
 
 /// Bytes per pixel that a renderer keeps while it renders: sums and squares of radiance, and rays.
 const RENDERER: u64 = 48;
@@ -43,8 +43,8 @@ pub(crate) fn fits(plan: &Plan, [width, height]: [u32; 2], installed: u64) -> Re
 /// Bytes that an image of a view has per pixel of the view; 0 of a product that is no image, whose size depends on the scene.
 pub(crate) fn bytes_per_pixel(key: &KeyId) -> u64 {
     match key.form() {
-        Form::Image { dtype, channels } if key.scope == Scope::View => {
-            let edge = u64::from(key.name.parameters.canvas) * u64::from(key.name.parameters.subpixels);
+        Form::Image { dtype, channels } if key.scope.comes_with_view() => {
+            let edge = u64::from(key.framing.pixels_per_edge());
             edge * edge * channels.unwrap_or(1) as u64 * dtype.size() as u64
         }
         _ => 0,
@@ -55,7 +55,7 @@ pub(crate) fn bytes_per_pixel(key: &KeyId) -> u64 {
 mod tests {
     use super::*;
     use crate::plan::{PlanEntry, Provider};
-    use syntable_model::product::RenderParameters;
+    use syntable_model::product::Framing;
     use syntable_model::product::standard::{DEPTH, INSTANCE, NORMAL, RGB};
 
     #[test]
@@ -69,8 +69,8 @@ mod tests {
         let error = fits(&plan, [1000, 500], 34_499_999).expect_err("one byte too few").to_string();
         assert!(error.contains("1000 × 500") && error.contains("`camera.resolution`"), "{error}");
         // Of an image three times as wide and high, each with 2 × 2 sub-pixels.
-        let wide = RenderParameters { canvas: 3, subpixels: 2, ..RenderParameters::IMAGE };
-        plan.entries.push(entry(DEPTH.id().with(wide)));
+        let wide = Framing::IMAGE.on_canvas(3).in_subpixels(2);
+        plan.entries.push(entry(DEPTH.id().framed(wide)));
         assert!(fits(&plan, [1000, 500], 106_500_000).is_ok() && fits(&plan, [1000, 500], 106_499_999).is_err());
     }
 }

@@ -1,6 +1,6 @@
 //! Plans what a recipe computes, with errors that point into the recipe.
 
-use crate::plan::{Candidate, Fault, Plan, PlanError, Producer, registered, resolve};
+use crate::plan::{Candidate, Plan, PlanError, PlanFault, Producer, registered, resolve};
 use crate::tables::stages::{Built, BuiltStage};
 use crate::text::code::Code;
 use crate::text::diagnostic::DiagnosticBuilder;
@@ -8,7 +8,7 @@ use crate::text::source::{NOWHERE, Span};
 use crate::text::suggest::{did_you_mean, listing};
 use std::collections::BTreeSet;
 use syntable_model::product::KeyId;
-use syntable_model::registry::{Registry, Shape, Slot, Stage};
+use syntable_model::registry::{Registry, Slot, Stage};
 use syntable_model::stage::Input;
 
 /// Who wants products that no writer reads.
@@ -58,7 +58,7 @@ pub(crate) fn plan(
                 if stage.header == NOWHERE {
                     return None;
                 }
-                let names: Vec<&str> = idle.provides.iter().map(|key| key.name.base).collect();
+                let names: Vec<&str> = idle.provides.iter().map(|key| key.product).collect();
                 let message = format!("{} is not computed: no writer reads what it provides", idle.stage);
                 let help = format!("include {} in a [write.<id>] table", names.join(" or "));
                 Some(DiagnosticBuilder::warning(Code::IdleStage, stage.header.clone(), message).help(help))
@@ -68,7 +68,7 @@ pub(crate) fn plan(
         Err(mut errors) => {
             // What a stage that could not be built would have provided is no mistake of those that name it.
             let lost = of_failed(registry, built);
-            errors.retain(|error| error.fault != Fault::Unknown || !lost.contains(&error.product));
+            errors.retain(|error| error.fault != PlanFault::Unknown || !lost.contains(&error.product));
             diagnostics.extend(errors.iter().map(|error| diagnostic(error, built, &elsewhere)));
             None
         }
@@ -77,10 +77,7 @@ pub(crate) fn plan(
 
 /// What a stage is called in messages: `render`, `write.png`.
 pub(crate) fn part(stage: &BuiltStage) -> String {
-    match stage.slot.shape() {
-        Shape::One => stage.slot.to_string(),
-        Shape::List | Shape::Keyed => format!("{}.{}", stage.slot, stage.id),
-    }
+    stage.slot.stage_name(&stage.id)
 }
 
 /// Products that some kind provides in a slot of which a stage could not be built.
@@ -93,7 +90,7 @@ fn of_failed(registry: &Registry, built: &Built) -> BTreeSet<String> {
                 continue;
             };
             let originals = producer.replaces().into_iter().map(|replacement| replacement.original);
-            products.extend(producer.provides().into_iter().chain(originals).map(|key| key.name.to_string()));
+            products.extend(producer.provides().into_iter().chain(originals).map(|key| key.to_string()));
         }
     }
     products
@@ -108,7 +105,7 @@ fn offered_by_others(registry: &Registry) -> Vec<(KeyId, &'static str)> {
                 continue;
             };
             for key in renderer.offers() {
-                if !offers.iter().any(|(other, _)| other.name == key.name) {
+                if !offers.iter().any(|(other, _)| other.product_id() == key.product_id()) {
                     offers.push((key, entry.kind));
                 }
             }
@@ -127,7 +124,7 @@ fn diagnostic(error: &PlanError, built: &Built, elsewhere: &[(KeyId, &'static st
         _ => format!("{} reads it", error.stage),
     };
     let code = match error.fault {
-        Fault::Unknown => {
+        PlanFault::Unknown => {
             let diagnostic =
                 DiagnosticBuilder::error(Code::UnknownProduct, span, format!("unknown product `{}`", error.product));
             let known: Vec<&str> = error.known.iter().map(String::as_str).collect();
@@ -135,11 +132,11 @@ fn diagnostic(error: &PlanError, built: &Built, elsewhere: &[(KeyId, &'static st
                 Some(_) => did_you_mean(&error.product, known.iter().copied()),
                 None => default(),
             });
-            // The name is known, and its parameters are wrong.
+            // The product is known, and its framing is wrong.
             if error.product.split_once(" (").is_some_and(|(base, _)| error.known.iter().any(|known| known == base)) {
                 return diagnostic.help(error.help.clone());
             }
-            return match elsewhere.iter().find(|(key, _)| key.name == error.product) {
+            return match elsewhere.iter().find(|(key, _)| key.is(&error.product)) {
                 Some((_, kind)) => {
                     diagnostic.label(format!("offered by the renderer `{kind}`, which this recipe does not use"))
                 }
@@ -151,8 +148,8 @@ fn diagnostic(error: &PlanError, built: &Built, elsewhere: &[(KeyId, &'static st
                     .help("if a plugin of yours provides it, check that its crate is named in your binary's main.rs"),
             };
         }
-        Fault::NotStorable => Code::NotStorable,
-        Fault::Ambiguous | Fault::Cycle | Fault::WrongType | Fault::TooEarly => Code::Plan,
+        PlanFault::NotStorable => Code::NotStorable,
+        PlanFault::Ambiguous | PlanFault::Cycle | PlanFault::WrongType | PlanFault::TooEarly => Code::Plan,
     };
     // Stages of the recipe that cannot go together are the place of the mistake, rather than who asks for the product.
     let mut involved: Vec<Span> = Vec::new();

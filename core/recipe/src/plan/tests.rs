@@ -1,5 +1,5 @@
 use super::*;
-use syntable_model::context::{DatasetContext, SceneContext, ViewContext};
+use syntable_model::context::{DatasetContext, FrameContext, SceneContext, ViewContext};
 use syntable_model::error::Result;
 use syntable_model::product::{Key, Lighting, PerInstance, Products, standard};
 use syntable_model::stage::{Accepts, RecordedScene, ViewProducts};
@@ -11,12 +11,14 @@ const A: Key<PerInstance<u32>> = Key::view("a", "");
 const B: Key<PerInstance<u32>> = Key::view("b", "");
 const S: Key<PerInstance<u32>> = Key::scene("s", "");
 const T: Key<PerInstance<u32>> = Key::scene("t", "");
+const F: Key<PerInstance<u32>> = Key::frame("f", "");
+const G: Key<PerInstance<u32>> = Key::frame("g", "");
 const D: Key<PerInstance<u32>> = Key::dataset("d", "");
 
-/// A stage of any scope that is only planned with.
-struct Fake(Vec<KeyId>, Vec<KeyId>);
+/// A stage of any scope that never runs.
+struct PlannedOnly(Vec<KeyId>, Vec<KeyId>);
 
-impl ViewAnnotator for Fake {
+impl ViewAnnotator for PlannedOnly {
     fn reads(&self) -> Vec<KeyId> {
         self.0.clone()
     }
@@ -28,7 +30,19 @@ impl ViewAnnotator for Fake {
     }
 }
 
-impl SceneAnnotator for Fake {
+impl FrameAnnotator for PlannedOnly {
+    fn reads(&self) -> Vec<KeyId> {
+        self.0.clone()
+    }
+    fn provides(&self) -> Vec<KeyId> {
+        self.1.clone()
+    }
+    fn annotate(&self, _: &FrameContext, _: &mut Products) -> Result<()> {
+        Ok(())
+    }
+}
+
+impl SceneAnnotator for PlannedOnly {
     fn reads(&self) -> Vec<KeyId> {
         self.0.clone()
     }
@@ -40,7 +54,7 @@ impl SceneAnnotator for Fake {
     }
 }
 
-impl DatasetAnnotator for Fake {
+impl DatasetAnnotator for PlannedOnly {
     fn reads(&self) -> Vec<KeyId> {
         self.0.clone()
     }
@@ -58,8 +72,8 @@ impl DatasetAnnotator for Fake {
 }
 
 /// Replaces `pixels`.
-struct Filter;
-impl Sensor for Filter {
+struct PixelFilter;
+impl Sensor for PixelFilter {
     fn reads(&self) -> Vec<KeyId> {
         vec![RAW.id()]
     }
@@ -75,9 +89,10 @@ impl Sensor for Filter {
 }
 
 fn stage(id: &str, reads: &[KeyId], provides: &[KeyId]) -> Candidate {
-    let fake = Box::new(Fake(reads.to_vec(), provides.to_vec()));
+    let fake = Box::new(PlannedOnly(reads.to_vec(), provides.to_vec()));
     let producer = match provides[0].scope {
         Scope::View => Producer::View(fake),
+        Scope::Frame => Producer::Frame(fake),
         Scope::Scene => Producer::Scene(fake),
         _ => Producer::Dataset(fake),
     };
@@ -94,7 +109,7 @@ fn order(plan: &Plan) -> Vec<&str> {
     plan.stages().map(|stage| stage.stage.trim_start_matches("annotate.")).collect()
 }
 
-fn refused(stages: Vec<Candidate>, wants: &[&str], fault: Fault, message: &str) {
+fn refused(stages: Vec<Candidate>, wants: &[&str], fault: PlanFault, message: &str) {
     let errors = plan(stages, wants).err().unwrap_or_else(|| panic!("planned, but wanted: {message}"));
     let found = errors
         .iter()
@@ -130,17 +145,43 @@ fn scene_annotators_run_before_or_after_the_views() {
     let found = plan(stages(), &["d"]).expect("planned");
     assert_eq!(order(&found), ["a", "tracks", "of_tracks", "all"]);
     assert_eq!((found.before_views.len(), found.after_views.len(), found.per_dataset.len()), (0, 2, 1));
-    let recorded = |scope| found.recorded(scope).iter().map(|key| key.name.base).collect::<Vec<_>>();
-    assert_eq!((recorded(Scope::Scene), recorded(Scope::View)), (vec!["t"], vec!["a"]));
+    assert_eq!((found.recorded_of_scene(), found.recorded_of_views()), (vec![T.id()], vec![A.id()]));
     let mut early = stages();
     early.push(stage("early", &[S.id()], &[B.id()]));
-    refused(early, &["b"], Fault::TooEarly, "after the views");
+    refused(early, &["b"], PlanFault::TooEarly, "after the views");
     refused(
         vec![stage("early", &[D.id()], &[B.id()]), stage("d", &[], &[D.id()])],
         &["b"],
-        Fault::TooEarly,
+        PlanFault::TooEarly,
         "all scenes",
     );
+}
+
+#[test]
+fn frame_annotators_run_between_the_scene_and_its_views() {
+    let stages = || {
+        vec![
+            stage("a", &[G.id(), S.id(), PIXELS.id()], &[A.id()]),
+            stage("of_frame", &[F.id(), S.id()], &[G.id()]),
+            stage("frame", &[], &[F.id()]),
+            stage("scene", &[], &[S.id()]),
+            stage("of_frames", &[F.id()], &[T.id()]),
+            stage("all", &[G.id(), T.id()], &[D.id()]),
+        ]
+    };
+    let found = plan(stages(), &["a", "t", "d", "f"]).expect("planned");
+    assert_eq!(order(&found), ["scene", "frame", "of_frame", "a", "of_frames", "all"]);
+    let sizes = [&found.before_views, &found.per_frame, &found.per_view, &found.after_views].map(Vec::len);
+    assert_eq!(sizes, [1, 2, 1, 1]);
+    // A record has the products of a moment with each view at it.
+    assert_eq!((found.recorded_of_scene(), found.recorded_of_views()), (vec![T.id()], vec![G.id()]));
+    // A scene that lacks `a` needs no annotator after its views.
+    assert_eq!(order(&found.part(["a"], false)), ["scene", "frame", "of_frame", "a"]);
+    // A moment is over when its views are rendered, and the scene when all are.
+    let early = vec![stage("early", &[PIXELS.id()], &[F.id()])];
+    refused(early, &["f"], PlanFault::TooEarly, "known only in each view");
+    let early = vec![stage("early", &[T.id()], &[G.id()]), stage("frame", &[], &[F.id()]), stages().remove(4)];
+    refused(early, &["g"], PlanFault::TooEarly, "after the views");
 }
 
 #[test]
@@ -150,21 +191,24 @@ fn a_rendered_product_is_wanted_on_several_canvases() {
     let found = plan(stages, &["a", "b", "pixels (canvas 5)"]).expect("planned");
     assert_eq!(found.rendered, [PIXELS.id(), wide.id(), PIXELS.on_canvas(5).id()]);
     let by_framing = found.by_framing();
-    assert_eq!(by_framing.keys().map(|framing| framing.canvas).collect::<Vec<_>>(), [1, 3, 5]);
+    assert_eq!(by_framing.keys().map(|framing| framing.canvas()).collect::<Vec<_>>(), [1, 3, 5]);
     assert!(by_framing.values().all(|wants| *wants == [PIXELS.id()]), "the renderer is asked for what it offers");
     let known = |name| format!("reads product `{name}`, which nothing provides");
-    for wrong in ["pixels (canvas 2)", "pixels (before support)", "a (canvas 3)"] {
-        refused(vec![stage("a", &[], &[A.id()])], &[wrong], Fault::Unknown, &known(wrong));
+    for wrong in ["pixels (canvas 2)", "pixels (before support)", "pixels (objects alone)", "a (canvas 3)"] {
+        refused(vec![stage("a", &[], &[A.id()])], &[wrong], PlanFault::Unknown, &known(wrong));
     }
 }
 
 #[test]
 fn a_replaced_product_is_the_new_one_for_all_others() {
-    let filter =
-        || Candidate { stage: "sensor.filter".into(), producer: Producer::Sensor(Box::new(Filter)), implied: None };
+    let filter = || Candidate {
+        stage: "sensor.filter".into(),
+        producer: Producer::Sensor(Box::new(PixelFilter)),
+        implied: None,
+    };
     let found = plan(vec![stage("a", &[PIXELS.id()], &[A.id()]), filter()], &["a", "pixels_raw"]).expect("planned");
     let entries: Vec<String> =
-        found.entries.iter().map(|entry| format!("{} by {}", entry.key.name, entry.provider)).collect();
+        found.entries.iter().map(|entry| format!("{} by {}", entry.key, entry.provider)).collect();
     assert_eq!(entries, ["pixels_raw by render", "pixels by sensor.filter", "a by annotate.a"]);
     assert_eq!(found.rendered, [PIXELS.id()]);
     assert_eq!(found.replaced.len(), 1);
@@ -174,33 +218,33 @@ fn a_replaced_product_is_the_new_one_for_all_others() {
     refused(
         vec![filter(), Candidate { stage: "sensor.other".into(), ..filter() }],
         &["pixels"],
-        Fault::Ambiguous,
+        PlanFault::Ambiguous,
         "replaced by several",
     );
 }
 
 #[test]
 fn gaps_ambiguities_and_cycles_are_refused() {
-    refused(vec![], &["pixel"], Fault::Unknown, "nothing provides");
+    refused(vec![], &["pixel"], PlanFault::Unknown, "nothing provides");
     assert_eq!(plan(vec![], &["pixel"]).err().expect("refused")[0].known, ["pixels"]);
     let (x, y) = (|| stage("x", &[], &[A.id()]), || stage("y", &[], &[A.id()]));
-    refused(vec![x(), y()], &["a"], Fault::Ambiguous, "annotate.x, annotate.y");
-    refused(vec![stage("x", &[], &[PIXELS.id()])], &["pixels"], Fault::Ambiguous, "annotate.x, render");
+    refused(vec![x(), y()], &["a"], PlanFault::Ambiguous, "annotate.x, annotate.y");
+    refused(vec![stage("x", &[], &[PIXELS.id()])], &["pixels"], PlanFault::Ambiguous, "annotate.x, render");
     let circle = vec![stage("x", &[B.id()], &[A.id()]), stage("y", &[A.id()], &[B.id()])];
-    refused(circle, &["a"], Fault::Cycle, "annotate.x → annotate.y → annotate.x");
-    refused(vec![stage("x", &[WRONG_PIXELS.id()], &[A.id()])], &["a"], Fault::WrongType, "as PerInstance<f64>");
+    refused(circle, &["a"], PlanFault::Cycle, "annotate.x → annotate.y → annotate.x");
+    refused(vec![stage("x", &[WRONG_PIXELS.id()], &[A.id()])], &["a"], PlanFault::WrongType, "as PerInstance<f64>");
 }
 
 #[test]
 fn an_ambiguity_is_resolved_by_what_its_help_says() {
     let of = |id: &str| stage(id, &[], &[A.id()]);
     let (x, y, z) = ("[annotate.x]", "[annotate.y]", "[annotate.z]");
-    refused(vec![of("x"), of("y")], &["a"], Fault::Ambiguous, &format!("remove {x} or {y} from the recipe"));
+    refused(vec![of("x"), of("y")], &["a"], PlanFault::Ambiguous, &format!("remove {x} or {y} from the recipe"));
     let three = format!("keep one of {x}, {y}, {z} in the recipe");
-    refused(vec![of("x"), of("y"), of("z")], &["a"], Fault::Ambiguous, &three);
+    refused(vec![of("x"), of("y"), of("z")], &["a"], PlanFault::Ambiguous, &three);
     let rendered = stage("x", &[], &[PIXELS.id()]);
     let renderer = format!("remove {x} from the recipe: the renderer makes `pixels`");
-    refused(vec![rendered], &["pixels"], Fault::Ambiguous, &renderer);
+    refused(vec![rendered], &["pixels"], PlanFault::Ambiguous, &renderer);
 }
 
 #[test]
@@ -211,7 +255,7 @@ fn a_writer_refuses_what_it_cannot_store() {
     assert!(check(Accepts::Type(PIXELS.id())).is_none());
     for accepts in [Accepts::Type(WRONG_PIXELS.id()), Accepts::If(|_| Err("no".into()))] {
         let errors = check(accepts).expect("refused");
-        assert_eq!((errors[0].fault, errors[0].stage.as_str()), (Fault::NotStorable, "write.w"));
+        assert_eq!((errors[0].fault, errors[0].stage.as_str()), (PlanFault::NotStorable, "write.w"));
         assert_eq!(errors[0].option.as_deref(), Some("include[0]"));
     }
 }
@@ -254,19 +298,20 @@ fn lit(wants: &[&str]) -> std::result::Result<Plan, Vec<PlanError>> {
 }
 
 fn names(keys: &[KeyId]) -> Vec<String> {
-    let names: BTreeSet<String> = keys.iter().map(|key| key.name.to_string()).collect();
+    let names: BTreeSet<String> = keys.iter().map(|key| key.to_string()).collect();
     names.into_iter().collect()
 }
 
 #[test]
-fn a_parameter_beyond_its_limit_is_named() {
+fn a_framing_beyond_its_limit_is_named() {
     for (name, help) in [
-        ("coverage (subpixels 9)", "`subpixels 9` is out of range: they are 2 to 8"),
-        ("coverage (canvas 3, subpixels 1)", "`subpixels 1` is out of range: they are 2 to 8"),
+        ("coverage (subpixels 9)", "`subpixels 9` is out of range: a pixel has 2 to 8"),
+        ("coverage (canvas 3, subpixels 1)", "`subpixels 1` is out of range: a pixel has 2 to 8"),
         ("normal (canvas 4)", "`canvas 4` is out of range: a canvas is an odd number from 3 to 9"),
         ("normal (canvas 11, next view)", "`canvas 11` is out of range"),
         ("normal (canvas three)", "a rendered product may have `(canvas 3)`, up to 9, `(subpixels 2)`, up to 8"),
         ("abnormal (canvas 4)", "`syntable list products`"),
+        ("denoiser (canvas 3)", "`denoiser` is not a rendered product"),
     ] {
         let errors = lit(&[name]).err().expect("refused");
         assert!(errors.iter().any(|error| error.help.starts_with(help)), "{name}: {errors:?}");
@@ -276,16 +321,16 @@ fn a_parameter_beyond_its_limit_is_named() {
 #[test]
 fn light_on_objects_is_denoised_as_that_of_the_image() {
     let found = lit(&[LIGHT_OF_ALL]).expect("planned");
-    let alone = RenderParameters { objects: Some(Lighting::Alone), ..RenderParameters::IMAGE };
+    let alone = Framing::of_objects(Lighting::Alone);
     let of_objects = |plan: &Plan| plan.per_view.iter().flat_map(|stage| stage.of_objects.clone()).collect::<Vec<_>>();
     assert_eq!(of_objects(&found), [alone]);
     let by_framing = found.by_framing();
-    assert_eq!(by_framing.keys().collect::<Vec<_>>(), [&RenderParameters::IMAGE, &alone], "the image comes first");
+    assert_eq!(by_framing.keys().collect::<Vec<_>>(), [&Framing::IMAGE, &alone], "the image comes first");
     // The coverage of the image says where the objects are.
-    assert_eq!(names(&by_framing[&RenderParameters::IMAGE]), ["coverage", "denoise_albedo", "radiance"]);
+    assert_eq!(names(&by_framing[&Framing::IMAGE]), ["coverage", "denoise_albedo", "radiance"]);
     assert_eq!(names(&by_framing[&alone]), ["denoise_albedo", "radiance"]);
     let provider = |plan: &Plan, name: &str| {
-        plan.entries.iter().find(|entry| entry.key.name == *name).map(|entry| entry.provider.to_string())
+        plan.entries.iter().find(|entry| entry.key.is(name)).map(|entry| entry.provider.to_string())
     };
     assert_eq!(provider(&found, LIGHT_OF_ALL).as_deref(), Some("denoise"));
     assert_eq!(provider(&found, "radiance_noisy (objects alone)").as_deref(), Some("render"));

@@ -6,7 +6,7 @@
 //!   type is written, becomes that type with the option's own words.
 //! - taplo looks up what is inside an array one level too deep: at `[[place]]` it asks for the items of an item. So what
 //!   arrays of recipes hold says that its own items are the same. The keyword says nothing about tables and strings.
-//! - Names of products are listed with their meanings, and any other name is accepted as well: products have parameters,
+//! - Names of products are listed with their meanings, and any other name is accepted as well: rendered products have a framing,
 //!   and a stage can provide more with other options.
 //! - tombi shows nothing for an integer where a number is asked for, unless integers are listed, too.
 //! - Limits of a distribution are limits of all numbers in it.
@@ -32,7 +32,7 @@ pub fn editor_schema(registry: &Registry) -> Json {
     let products: Vec<Json> = available(registry)
         .into_iter()
         .map(|(key, _)| {
-            let (name, meaning) = (key.name.to_string(), key.summary());
+            let (name, meaning) = (key.to_string(), key.summary());
             // taplo shows the `main` words of every product, and those of the one that is written.
             let docs = json!({ "docs": { "main": "", "constValue": meaning } });
             json!({ "const": name, "description": meaning, "x-taplo": docs })

@@ -308,7 +308,7 @@ fn section_schema(registry: &Registry, slot: Slot) -> Json {
     match slot.shape() {
         Shape::One => stage,
         Shape::List => json!({ "description": slot.doc(), "type": "array", "items": stage }),
-        Shape::Keyed => {
+        _ => {
             let known: Map<String, Json> =
                 registry.of_slot(slot).map(|entry| (entry.kind.to_owned(), kind_reference(entry))).collect();
             let other = other_than(&known.keys().map(String::as_str).collect::<Vec<_>>());
@@ -361,7 +361,7 @@ fn whole(registry: &Registry, schemas: &Schemas) -> Json {
         let constraint = match slot.shape() {
             Shape::One => stage,
             Shape::List => json!({ "items": stage }),
-            Shape::Keyed => {
+            _ => {
                 let known: Map<String, Json> = registry
                     .of_slot(slot)
                     .map(|entry| {

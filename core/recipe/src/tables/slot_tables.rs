@@ -34,10 +34,7 @@ pub(crate) struct StageTable<'a> {
 impl StageTable<'_> {
     /// Its name in messages and in the list of files: `render`, `place.objects`.
     pub fn name(&self) -> String {
-        match self.slot.shape() {
-            Shape::One => self.slot.to_string(),
-            _ => format!("{}.{}", self.slot, self.id),
-        }
+        self.slot.stage_name(&self.id)
     }
 
     /// Bytes of the id, or of the table where the recipe does not give one.
@@ -90,7 +87,7 @@ impl<'r> Loader<'_, 'r> {
                 let (wanted, write) = match shape {
                     Shape::One => ("a table", format!("write [{slot}] and its options below")),
                     Shape::List => ("an array of tables", format!("write [[{slot}]], once for every step")),
-                    Shape::Keyed => ("a table of tables", format!("write [{slot}.<id>], once for every id")),
+                    _ => ("a table of tables", format!("write [{slot}.<id>], once for every id")),
                 };
                 let message = format!("`{slot}` must be {wanted}");
                 let diagnostic = DiagnosticBuilder::error(Code::WrongType, header, message);
@@ -155,10 +152,10 @@ impl<'r> Loader<'_, 'r> {
             return Some(tables);
         }
         let kinds: Vec<&str> = self.registry.of_slot(slot).map(|entry| entry.kind).collect();
-        let (header, example) = match slot.shape() {
-            Shape::One => (format!("[{slot}]"), format!("[{slot}] with kind = …")),
-            Shape::List => (format!("[[{slot}]]"), format!("[[{slot}]] with kind = …")),
-            Shape::Keyed => (format!("[{slot}.<id>]"), format!("[{slot}.{}]", kinds.first().unwrap_or(&"<id>"))),
+        let header = slot.header("<id>");
+        let example = match slot.shape() {
+            Shape::Keyed => slot.header(kinds.first().unwrap_or(&"<id>")),
+            _ => format!("{header} with kind = …"),
         };
         diagnostics.push(
             DiagnosticBuilder::error(Code::MissingSection, NOWHERE, format!("a recipe needs `{header}`"))
@@ -193,7 +190,7 @@ impl<'r> Loader<'_, 'r> {
                 (self.default_kinds(slot).next().unwrap_or_default().to_owned(), given.header.clone())
             }
             None => {
-                let header = if slot.shape() == Shape::List { format!("[[{slot}]]") } else { format!("[{slot}]") };
+                let header = slot.header("<id>");
                 let diagnostic = DiagnosticBuilder::error(
                     Code::MissingKey,
                     given.header.clone(),

@@ -29,7 +29,7 @@ use syntable_model::registry::Registry;
 use syntable_model::scene::{InstanceId, SceneId};
 use syntable_model::stage::{Finish, ImageAnnotator, Input, ProductGroup, Writer};
 use syntable_model::store::{FsStore, StoreFolder};
-use syntable_recipe::plan::{self, Candidate, Fault, Implied, Plan, Producer};
+use syntable_recipe::plan::{self, Candidate, Implied, Plan, PlanFault, Producer};
 
 /// Result of a conversion.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -116,13 +116,13 @@ pub fn convert_dataset(
     let unread = unread.into_inner();
     let Missing { annotations, parts, without_pixels } = missing.into_inner();
     let not_objects = dataset.not_objects(&plan.rendered);
-    let read: Vec<String> = plan.entries.iter().map(|entry| entry.key.name.to_string()).collect();
+    let read: Vec<String> = plan.entries.iter().map(|entry| entry.key.to_string()).collect();
     let derived = &dataset.derived;
-    let is_read = |key: &KeyId| read.contains(&key.name.to_string());
+    let is_read = |key: &KeyId| read.contains(&key.to_string());
     let alike = &dataset.alike;
     let said_otherwise = |key: &KeyId| alike.iter().any(|pair| pair.contains(key) && pair.iter().any(is_read));
     let stored = dataset.offers.iter().filter(|key| !derived.contains(key));
-    let lost = stored.filter(|key| !is_read(key) && !said_otherwise(key)).map(|key| key.name.to_string());
+    let lost = stored.filter(|key| !is_read(key) && !said_otherwise(key)).map(|key| key.to_string());
     let losses = losses.all();
     let are_left_out = losses.iter().any(|loss| LeftOut::is_without_pixels(&loss.what));
     let without_pixels = without_pixels.into_values().filter(|_| are_left_out).flatten();
@@ -221,7 +221,7 @@ fn resolve(
     };
     let implied = parts.into_iter().map(candidate).collect();
     let plan = plan::resolve(offers.clone(), Vec::new(), implied, &wants).map_err(|errors| {
-        let is_unknown = |error: &&plan::PlanError| error.fault == Fault::Unknown;
+        let is_unknown = |error: &&plan::PlanError| error.fault == PlanFault::Unknown;
         let mut messages: Vec<String> = Vec::new();
         for (id, _) in writers {
             let stage = format!("write.{id}");
@@ -240,7 +240,7 @@ fn resolve(
                     .map(|error| format!("{} reads `{}`, which the dataset lacks", error.stage, error.product)),
             );
         }
-        let has: Vec<String> = offers.iter().map(|key| format!("`{}`", key.name)).collect();
+        let has: Vec<String> = offers.iter().map(|key| format!("`{key}`")).collect();
         let mut help = format!("the dataset has {}", has.join(", "));
         // An entry such as `include[0]`.
         let named = errors.iter().filter(is_unknown).find_map(|error| {
@@ -274,7 +274,7 @@ impl ImageAnnotator for AnnotatorGroup {
 
     fn annotate(&self, cx: &ImageContext, products: &mut Products) -> Result<()> {
         // The annotator does not see its other inputs.
-        let lent = products.only(&self.annotator.reads().iter().map(|key| key.name).collect::<Vec<_>>());
+        let lent = products.only(&self.annotator.reads());
         let mut filled = lent.clone();
         self.annotator.annotate(cx, &mut filled)?;
         products.extend(filled.without(&lent))
@@ -292,9 +292,11 @@ fn parts_of(candidate: Candidate, offers: &[KeyId]) -> Vec<(String, AnnotatorGro
     let annotator: Arc<dyn ImageAnnotator> = annotator.into();
     let groups = annotator.groups();
     let is_whole = groups.len() == 1;
-    let is_new = |group: &ProductGroup| !group.provides.iter().any(|key| offers.iter().any(|it| it.name == key.name));
+    let is_new = |group: &ProductGroup| {
+        !group.provides.iter().any(|key| offers.iter().any(|it| it.product_id() == key.product_id()))
+    };
     let part = |group: ProductGroup| {
-        let names: Vec<String> = group.provides.iter().map(|key| key.name.to_string()).collect();
+        let names: Vec<String> = group.provides.iter().map(|key| key.to_string()).collect();
         let stage = &candidate.stage;
         let stage = if is_whole { stage.clone() } else { format!("{stage} ({})", names.join(", ")) };
         (stage, AnnotatorGroup { annotator: Arc::clone(&annotator), implied: candidate.implied.clone(), group })
@@ -304,7 +306,7 @@ fn parts_of(candidate: Candidate, offers: &[KeyId]) -> Vec<(String, AnnotatorGro
 
 /// Names of the products that a dataset has or that follow from them.
 fn can_be_had(offers: &[KeyId], parts: &[(String, AnnotatorGroup)]) -> BTreeSet<String> {
-    let name = |key: &KeyId| key.name.to_string();
+    let name = |key: &KeyId| key.to_string();
     let mut has: BTreeSet<String> = offers.iter().map(name).collect();
     loop {
         let groups = parts.iter().map(|(_, part)| &part.group);
@@ -427,8 +429,7 @@ impl ConversionWalk<'_> {
             if let Some(writers) = &mut writers {
                 writers.view_of(&cx_of_view, |reads| lent(&products, reads)).map_err(of)?;
             }
-            let known: Vec<_> =
-                products.keys().into_iter().filter(|key| key.scope == Scope::Scene).map(|key| key.name).collect();
+            let known: Vec<KeyId> = products.keys().into_iter().filter(|key| key.scope == Scope::Scene).collect();
             of_scene = products.only(&known);
         }
         writers.map_or(Ok(false), |writers| writers.close(&cx, &of_scene).map(|_| true))

@@ -191,13 +191,13 @@ fn annotate_dataset(
     for stage in &recipe.plan.per_dataset {
         let Producer::Dataset(annotator) = &*stage.producer else { unreachable!("the plan sorts producers by scope") };
         let mut scenes = done.iter().map(|&scene| Records::read(folder.files(), scene));
-        let lacks = stage.reads.iter().find_map(|key| failed.iter().find(|(name, _)| key.name == **name));
+        let lacks = stage.reads.iter().find_map(|key| failed.iter().find(|(name, _)| key.is(name)));
         let made = match lacks {
             Some((_, error)) => Err(error.clone()),
             None => lend(&Times::default(), stage, &products, |lent| annotator.annotate(cx, &mut scenes, lent)),
         };
         if let Err(error) = made.and_then(|made| products.extend(made)) {
-            failed.extend(stage.provides.iter().map(|key| (key.name.to_string(), error.clone())));
+            failed.extend(stage.provides.iter().map(|key| (key.to_string(), error.clone())));
         }
     }
     (products, failed)

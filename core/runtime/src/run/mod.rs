@@ -33,7 +33,7 @@ pub use scene_range::SceneRange;
 use crate::cache::DiskCache;
 use crate::left_out::LeftOutReport;
 use crate::workers::Pool;
-use making::scenes::Made;
+use making::scenes::MadeScenes;
 use progress::{Event, Guarded, Once, Reporter, Warnings};
 use std::ops::Range;
 use std::time::Instant;
@@ -126,7 +126,7 @@ pub fn run(recipe: &Recipe, options: &RunOptions, reporter: &dyn Reporter) -> Re
     let (pool, log) = (Pool::new(options.threads)?, Warnings(reporter));
     let wanted = options.scenes.clone().unwrap_or(0..u32::MAX);
     let begun = decisions::opening::begin(recipe, options, &pool, reporter, &log)?;
-    let Made { folder, journal, resolved, new, grown, lacking } =
+    let MadeScenes { folder, journal, resolved, new, grown, lacking } =
         making::scenes::make(recipe, options, &pool, reporter, begun)?;
     let outcome = finish::end(recipe, reporter, &pool, &folder, journal, &resolved, (options.repair, &wanted))
         .map_err(stopping)?;

@@ -1,16 +1,17 @@
-//! Single views of a recipe that changes: made one after the other, in memory, without a dataset.
+//! Single views of a recipe that changes, made one after the other in memory, without a dataset.
 //!
-//! An image is a pure function of recipe, seed, scene and view, so a [`Previewer`] keeps all that another recipe cannot
-//! change: stages with the same options and what they hold (loaded assets, collision shapes, trees), and scenes at rest
-//! whose pools, placers and settler are the same. [`Pass::key`] says which images are.
+//! An image is a pure function of recipe, seed, scene and view. A [`Previewer`] therefore keeps everything that a changed recipe
+//! has in common with the earlier one: stages with the same options and their data (loaded assets, collision shapes, trees), and
+//! scenes at rest with the same pools, placers and settler. Images with equal [`Pass::key`] are equal.
 
 use crate::cache::DiskCache;
 use crate::pools::{AssetStore, Loaded, RecordingAssets};
 use crate::run::dataset::loss::Loss;
 use crate::run::decisions::inputs;
 use crate::run::making::attempt::{Attempt, PosedSession, Tools};
+use crate::run::making::frames::Frames;
 use crate::run::making::losses::Losses;
-use crate::run::making::recovery::{DEVICE_REPEATS, Recovery};
+use crate::run::making::recovery::{Attempts, Recovery, SceneAttempts};
 use crate::run::making::stages::{self, annotate, run_in_scene};
 use crate::run::making::times::Times;
 use crate::run::panics;
@@ -29,49 +30,48 @@ use syntable_model::stage::{DatasetInfo, RenderSession};
 use syntable_recipe::plan::Plan;
 use syntable_recipe::{CatalogLock, Parts, Recipe};
 
-/// Slots that a scene at rest follows from.
+/// Slots that determine a scene at rest.
 const OF_SCENE: [Slot; 3] = [Slot::Assets, Slot::Place, Slot::Settle];
-/// Slots that an image follows from, beside those of its scene.
+/// Slots that determine an image, besides those of its scene.
 const OF_IMAGE: [Slot; 7] =
     [Slot::Camera, Slot::Views, Slot::Lights, Slot::Render, Slot::Denoise, Slot::Sensor, Slot::Annotate];
 
-/// Makes views, and keeps what the next recipe may use.
+/// Makes views, and keeps stages and scenes for the next recipe.
 pub struct Previewer {
     pool: Pool,
     cache: DiskCache,
     current: Option<(Recipe, Parts)>,
     loaded: Arc<Loaded>,
-    session: Option<Session>,
+    session: Option<PreviewSession>,
     composed: BTreeMap<u32, Composed>,
-    /// What was said of this machine.
+    /// Notes about this machine that were reported.
     noted: BTreeSet<String>,
 }
 
-/// An open session, and what it has loaded.
-struct Session {
+/// An open session, and the scene that it has loaded.
+struct PreviewSession {
     render: Option<Digest>,
     session: Box<dyn RenderSession>,
     loaded: Option<Arc<Scene>>,
 }
 
-/// What came of the attempts to compose a scene.
+/// The results of the attempts to compose a scene.
 struct Composed {
     key: Digest,
     attempts: BTreeMap<u32, Result<Arc<Scene>>>,
 }
 
-/// What is wanted of every view.
+/// The requested form of every view.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Wanted {
-    /// Names of products of the view. The recipe must have been loaded with them as
-    /// [`wanted`](syntable_recipe::Overrides::wanted).
+    /// Names of products of the view. The recipe must be loaded with them as [`wanted`](syntable_recipe::Overrides::wanted).
     pub products: Vec<String>,
-    /// Maximum width of images, px: a larger image is rendered with fewer pixels, and shows the same.
+    /// Maximum width of images, px. A larger image is rendered with fewer pixels, and shows the same.
     pub width: u32,
 }
 
 impl Previewer {
-    /// Nothing made yet.
+    /// A previewer without a recipe.
     pub fn new(threads: usize, cache: DiskCache) -> Result<Self> {
         Ok(Self {
             pool: Pool::new(threads)?,
@@ -84,7 +84,7 @@ impl Previewer {
         })
     }
 
-    /// Takes a recipe in place of the one before. What is the same in both is kept.
+    /// Replaces the recipe. Keeps the stages and scenes that are the same in both.
     pub fn set(&mut self, mut recipe: Recipe) -> Result<()> {
         let parts = Parts::of(&recipe)?;
         if let Some((earlier, before)) = self.current.take() {
@@ -97,7 +97,7 @@ impl Previewer {
         Ok(())
     }
 
-    /// Begins to make views of the recipe: opens its pools.
+    /// Opens the pools of the recipe, to make views of it.
     pub fn pass<'p>(
         &'p mut self,
         wanted: &Wanted,
@@ -124,7 +124,7 @@ impl Previewer {
         let hasher = wanted.products.iter().fold(hasher, |hasher, product| hasher.text(product));
         let image_key = parts.hash(hasher, &OF_IMAGE).finish();
         let plan = recipe.plan.part(wanted.products.iter().map(String::as_str), false).on(&*recipe.render);
-        Ok(Pass {
+        let source = PassSource {
             recipe,
             assets,
             plan,
@@ -134,78 +134,89 @@ impl Previewer {
             keys: (scene_key, image_key),
             pool: &self.pool,
             cache: &self.cache,
-            session: &mut self.session,
-            composed: &mut self.composed,
             times: Times::default(),
-            losses: Vec::new(),
             log,
             reporter,
             stop,
-        })
+        };
+        Ok(Pass { source, session: &mut self.session, composed: &mut self.composed, losses: Vec::new() })
     }
 }
 
 /// Views of one recipe in the making.
 pub struct Pass<'p> {
+    source: PassSource<'p>,
+    session: &'p mut Option<PreviewSession>,
+    composed: &'p mut BTreeMap<u32, Composed>,
+    losses: Vec<Loss>,
+}
+
+/// The inputs of all attempts of a pass.
+struct PassSource<'p> {
     recipe: &'p Recipe,
     assets: AssetStore<'p>,
     plan: Plan,
     info: DatasetInfo,
     width: u32,
     render: Option<Digest>,
-    /// What scenes and images follow from, beside their numbers.
+    /// Digests of everything that determines scenes and images, except their numbers.
     keys: (Digest, Digest),
     pool: &'p Pool,
     cache: &'p DiskCache,
-    session: &'p mut Option<Session>,
-    composed: &'p mut BTreeMap<u32, Composed>,
     times: Times,
-    losses: Vec<Loss>,
     log: &'p dyn Log,
     reporter: &'p dyn Reporter,
     stop: &'p Stop,
 }
 
 impl Pass<'_> {
-    /// Digest of all that a view of a scene follows from: equal keys have equal products.
+    /// Digest of everything that determines a view of a scene. Equal keys have equal products.
     pub fn key(&self, scene: u32, view: u32) -> Digest {
-        let numbers = Hasher::new("view of a preview").digest(self.keys.1);
+        let numbers = Hasher::new("view of a preview").digest(self.source.keys.1);
         numbers.number(f64::from(scene)).number(f64::from(view)).finish()
     }
 
-    /// Makes views of a scene in the order given, and hands over each as soon as it is made. As in a run, an attempt
-    /// that fails is followed by the next one, which begins with the first view again.
+    /// Makes views of a scene in the given order, and passes each to `each` at once. As in a run, a failed attempt is followed
+    /// by the next one, which begins with the first view again.
+    ///
+    /// # Errors
+    /// If the scene fails, or the pass was asked to stop.
     pub fn scene(&mut self, scene: u32, views: &[u32], each: &mut dyn FnMut(u32, &Products)) -> Result<()> {
-        let last = self.recipe.dataset.max_attempts.max(1) - 1;
-        let mut number = 0;
-        loop {
-            let error = match panics::quiet(|| panics::unwound(|| self.attempt(scene, number, views, each))) {
-                Ok(()) => return Ok(()),
-                Err(error) => error,
-            };
-            if self.stop.is_requested() {
-                return Err(error);
+        let Self { source, session, composed, losses } = self;
+        let attempts =
+            SceneAttempts { tools: source.tools(), reporter: source.reporter, scene, first: 0, is_present: false };
+        let mut latest = 0;
+        let attempt = |number| {
+            latest = number;
+            source.attempt((scene, number), views, session, composed, each)
+        };
+        let made = match panics::quiet(|| attempts.make(attempt, Ok)) {
+            Ok(Attempts { made: Some(of_attempt), .. }) => Ok(of_attempt),
+            Ok(Attempts { mut errors, .. }) => Err(errors.pop().unwrap_or_else(|| Error::new("the scene failed"))),
+            Err(error) => {
+                // The error ends a run, which returns it. A preview goes on.
+                if !source.stop.is_requested() {
+                    let error = error.to_string();
+                    source.reporter.event(&Event::Attempt { scene, attempt: latest, error, last: true });
+                }
+                Err(error)
             }
-            self.assets.refused()?;
-            // A session that failed is opened anew by the next pass.
-            let is_last = Recovery::of(&error, DEVICE_REPEATS) != Recovery::NextAttempt || number == last;
-            self.reporter.event(&Event::Attempt { scene, attempt: number, error: error.to_string(), last: is_last });
-            if is_last {
-                return Err(error);
-            }
-            number += 1;
-        }
+        };
+        losses.extend(made?);
+        Ok(())
     }
 
-    /// Reports how long the stages worked. Returns what they left out of the images of this pass, summed up as in a run: of
-    /// attempts that failed nothing counts.
+    /// Reports the working times of stages. Returns what stages left out of the images of this pass, summed up as in a run. Failed
+    /// attempts do not count.
     pub fn end(self) -> Vec<Loss> {
-        self.reporter.event(&Event::Stages { stages: self.times.all() });
+        self.source.reporter.event(&Event::Stages { stages: self.source.times.all() });
         Loss::sum(self.losses)
     }
+}
 
-    fn attempt(&mut self, scene: u32, number: u32, views: &[u32], each: &mut dyn FnMut(u32, &Products)) -> Result<()> {
-        let tools = Tools {
+impl PassSource<'_> {
+    fn tools(&self) -> Tools<'_> {
+        Tools {
             recipe: self.recipe,
             assets: &self.assets,
             cache: self.cache,
@@ -213,47 +224,44 @@ impl Pass<'_> {
             log: self.log,
             times: &self.times,
             stop: self.stop,
-        };
-        let recorded = RecordingAssets::new(&self.assets);
+        }
+    }
+
+    /// One attempt at some views of a scene. Returns what stages left out.
+    fn attempt(
+        &self,
+        (scene, number): (u32, u32),
+        views: &[u32],
+        session: &mut Option<PreviewSession>,
+        composed: &mut BTreeMap<u32, Composed>,
+        each: &mut dyn FnMut(u32, &Products),
+    ) -> Result<Vec<Loss>> {
+        let (tools, recorded) = (self.tools(), RecordingAssets::new(&self.assets));
         let attempt = Attempt { tools, dataset: &self.info, scene: SceneId(scene), number, assets: recorded };
-        let frozen = composed(self.composed, self.keys.0, &attempt, self.reporter)?;
-        let cx = DatasetContext::new(&self.info, self.pool, self.log).with_cache(self.cache).scene(&frozen);
+        let frozen = compose(composed, self.keys.0, &attempt, self.reporter)?;
+        let of_dataset = DatasetContext::new(&self.info, self.pool, self.log).with_cache(self.cache);
         let (mut of_scene, losses) = (Products::new(), Losses::default());
         for stage in &self.plan.before_views {
-            run_in_scene(&self.times, &losses, stage, &cx, &[], &mut of_scene)?;
+            run_in_scene(&self.times, &losses, stage, &of_dataset.scene(&frozen), &[], &mut of_scene)?;
         }
+        let mut frames = Frames::new(&self.plan, &of_scene, (&self.times, &losses));
         let count = self.recipe.dataset.views_per_scene;
-        let needs_next = self.plan.rendered.iter().any(|key| key.name.parameters.moment != ViewMoment::Own);
+        let needs_next = self.plan.rendered.iter().any(|key| key.framing.moment() != ViewMoment::Own);
         for &id in views {
             tools.running()?;
             let sampled = |id: u32| attempt.view(&frozen, ViewId(id)).map(|view| smaller(view, self.width));
             let view = sampled(id)?;
-            // Optical flow and its like see what the next camera sees.
             let next = (needs_next && id + 1 < count).then(|| sampled(id + 1)).transpose()?;
-            let mut products = of_scene.clone();
+            let shown = frozen.at(view.moment);
+            let mut products = frames.products(&of_dataset.scene(&shown), view.moment)?;
             if !self.plan.rendered.is_empty() {
-                let session = ready(self.session, self.recipe, self.render)?;
-                let rendered = (|| {
-                    // The scene is kept, so that no other one has its address.
-                    if !session.loaded.as_ref().is_some_and(|loaded| Arc::ptr_eq(loaded, &frozen)) {
-                        session.loaded = None;
-                        self.times.of("render.load", || session.session.load(&frozen, self.pool))?;
-                        session.loaded = Some(Arc::clone(&frozen));
-                    }
-                    let mut posed = PosedSession::new(&mut *session.session, &frozen);
-                    let rendered = attempt.render_view(&self.plan, &mut posed, (&view, next.as_ref()), &mut products);
-                    if posed.has_moved() {
-                        session.loaded = None;
-                    }
-                    rendered
-                })();
+                let rendered = self.render(&attempt, &frozen, (&view, next.as_ref()), session, &mut products);
                 if let Err(error) = rendered {
-                    *self.session = None;
+                    // The next attempt or pass opens a session again.
+                    *session = None;
                     return Err(error);
                 }
             }
-            let shown = frozen.at(view.moment);
-            let of_dataset = DatasetContext::new(&self.info, self.pool, self.log).with_cache(self.cache);
             let of_view = of_dataset.scene(&shown).view(&view).before(next.as_ref());
             let sensing = attempt.sensing(&self.plan, view.id);
             annotate(&self.times, &losses, &self.plan, &of_view, &sensing, &mut products)?;
@@ -261,22 +269,49 @@ impl Pass<'_> {
             each(id, &products);
             self.reporter.event(&Event::Image { scene, view: id });
         }
-        self.losses.extend(losses.all());
-        Ok(())
+        Ok(losses.all())
+    }
+
+    /// Renders a view in the session, which keeps the scene for the next view.
+    fn render(
+        &self,
+        attempt: &Attempt,
+        frozen: &Arc<Scene>,
+        views: (&View, Option<&View>),
+        session: &mut Option<PreviewSession>,
+        products: &mut Products,
+    ) -> Result<()> {
+        let session = opened(session, self.recipe, self.render)?;
+        // The session keeps the scene alive, so no other scene can have its address.
+        if !session.loaded.as_ref().is_some_and(|loaded| Arc::ptr_eq(loaded, frozen)) {
+            session.loaded = None;
+            self.times.of("render.load", || session.session.load(frozen, self.pool))?;
+            session.loaded = Some(Arc::clone(frozen));
+        }
+        let mut posed = PosedSession::new(&mut *session.session, frozen);
+        let rendered = attempt.render_view(&self.plan, &mut posed, views, products);
+        if posed.has_moved() {
+            session.loaded = None;
+        }
+        rendered
     }
 }
 
-/// The session of the renderer, opened if there is none.
-fn ready<'s>(session: &'s mut Option<Session>, recipe: &Recipe, render: Option<Digest>) -> Result<&'s mut Session> {
+/// The session of the renderer, opened if necessary.
+fn opened<'s>(
+    session: &'s mut Option<PreviewSession>,
+    recipe: &Recipe,
+    render: Option<Digest>,
+) -> Result<&'s mut PreviewSession> {
     let opened = match session.take() {
         Some(session) => session,
-        None => Session { render, session: panics::caught("render", || recipe.render.open(0))?, loaded: None },
+        None => PreviewSession { render, session: panics::caught("render", || recipe.render.open(0))?, loaded: None },
     };
     Ok(session.insert(opened))
 }
 
-/// The scene of an attempt at rest, or why it could not be composed: made once for as long as it follows from the same.
-fn composed(
+/// The scene of an attempt at rest, or the error of composing it. Both are kept as long as the key stays the same.
+fn compose(
     all: &mut BTreeMap<u32, Composed>,
     key: Digest,
     attempt: &Attempt,
@@ -298,16 +333,14 @@ fn composed(
         let (objects, removed) = (scene.objects().len() as u32, scene.settle.removed.len() as u32);
         reporter.event(&Event::Scene { scene: scene.id.0, objects, removed });
     }
-    // What stopped it from outside says nothing about the scene.
-    let is_its_own = |error: &Error| !(error.is_io() || error.is_device() || error.is_transient());
-    let stopped = attempt.tools.stop.is_requested();
-    if made.as_ref().err().is_none_or(|error| is_its_own(error) && !stopped) {
+    // Other errors come from outside, or end the attempts.
+    if made.as_ref().err().is_none_or(|error| Recovery::of(error) == Recovery::NextAttempt) {
         own.attempts.insert(attempt.number, made.clone());
     }
     made
 }
 
-/// A view with at most as many pixels along its width, which sees the same.
+/// A view with a limited width in pixels, which sees the same.
 fn smaller(mut view: View, width: u32) -> View {
     let Intrinsics { width: w, height: h, fx, fy, cx, cy } = view.camera.intrinsics;
     if w > width {

@@ -1,12 +1,15 @@
 //! Samples in memory: what a run writes, in order, and no files.
 
-use crate::kit::{THOUGHT, TRACK, registry, run};
+use crate::kit::{Counters, THOUGHT, TICK, TRACK, registry, run};
 use std::sync::Arc;
-use syntable_model::product::Value;
+use syntable_model::product::{Products, Value};
+use syntable_model::stage::Input;
 use syntable_recipe::{Overrides, Recipe, Source};
 use syntable_runtime::cache::DiskCache;
 use syntable_runtime::generate::{GenerateOptions, Generated, Generator, Sample, generate};
-use syntable_runtime::run::progress::Quiet;
+use syntable_runtime::run::preview::{Previewer, Wanted};
+use syntable_runtime::run::progress::{Quiet, Warnings};
+use syntable_runtime::run::stop::Stop;
 use syntable_testing::folder::files;
 
 fn load(stages: &str) -> Recipe {
@@ -63,6 +66,49 @@ fn samples_are_what_a_run_writes() {
     let generator = Generator::start(Arc::new(load("")), some, Arc::new(Quiet));
     let samples: Vec<_> = generator.map(|sample| told(&sample.expect("made"))).collect();
     assert_eq!(samples, wanted[3..9]);
+}
+
+#[test]
+fn a_product_of_a_moment_comes_with_each_view_at_it() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let text = format!(
+        "{}[views]\nkind = \"hemisphere_shell\"\nviews_per_second = 2\n[annotate.clock]\ntally = 21\n[write.lines]\ninclude = [\"tick\"]\n",
+        head(2, 5)
+    );
+    let ticks = [0.0, 0.0, 1.0, 1.0, 2.0];
+    run(&text, folder.path(), 2).expect("run");
+    let files = files(folder.path());
+    let written =
+        (0..5).map(|view| serde_json::from_slice(&files[&format!("lines/000001_{view:04}.json")]).expect("JSON"));
+    let written: Vec<f64> = written.map(|values: serde_json::Value| values["tick"].as_f64().expect("a time")).collect();
+    assert_eq!((written.as_slice(), Counters::ticks(21)), (&ticks[..], 2 * 3));
+    assert_eq!(files["lines/000001.json"], b"{}", "the scene has no moment");
+    let load = || {
+        let wanted = [Input::of(TICK)].to_vec();
+        let overrides = Overrides { wanted, ..Overrides::of_process(Vec::new()) };
+        let loaded = syntable_recipe::load(&registry(), Source::embedded("test.toml", text.as_str()), &overrides);
+        loaded.unwrap_or_else(|report| panic!("{report}")).0
+    };
+    let tick = |products: &Products| match products.get(TICK) {
+        Ok(Value::Float(seconds)) => *seconds,
+        other => panic!("{other:?}"),
+    };
+    let mut samples = Vec::new();
+    let products = vec!["tick".to_owned()];
+    generate(&load(), &GenerateOptions { products: products.clone(), ..options(3) }, &Quiet, &mut |sample| {
+        samples.push(tick(&sample.products));
+        Ok(())
+    })
+    .expect("made");
+    assert_eq!((samples, Counters::ticks(21)), ([ticks, ticks].concat(), 4 * 3));
+    // A preview makes some of the views, in any order.
+    let mut previewer = Previewer::new(1, DiskCache::new(folder.path().join("../cache"))).expect("threads");
+    previewer.set(load()).expect("sound");
+    let (stop, log) = (Stop::default(), Warnings(&Quiet));
+    let mut pass = previewer.pass(&Wanted { products, width: 4 }, &Quiet, &log, &stop).expect("pools");
+    let mut seen = Vec::new();
+    pass.scene(1, &[4, 1, 0], &mut |view, products| seen.push((view, tick(products)))).expect("made");
+    assert_eq!((seen, Counters::ticks(21)), (vec![(4, 2.0), (1, 0.0), (0, 0.0)], 4 * 3 + 2));
 }
 
 #[test]

@@ -10,7 +10,7 @@ use syntable_model::check::Check;
 use syntable_model::left_out::LeftOut;
 use syntable_model::prelude::*;
 use syntable_model::registry::{Choice, Choose, Entry, Registry};
-use syntable_model::scene::{Asset, AssetClass, Catalog, CatalogEntry, Optics, Role, SettleReport};
+use syntable_model::scene::{Asset, AssetClass, Catalog, CatalogEntry, Moment, Optics, Role, SettleReport, ViewId};
 use syntable_model::stage::{
     Accepts, DatasetAnnotator, DeviceClass, Finish, Input, Output, RecordedScene, RenderDevice, RenderRequest,
     RenderSession, Replacement, SceneAnnotator, SceneWriter, ViewProducts,
@@ -34,6 +34,8 @@ products! {
     pub const GLANCE: Key<Value> = scene("glance");
     /// Number of scenes, and sum of all thoughts.
     pub const TOTAL: Key<Value> = dataset("total");
+    /// The moment, in seconds.
+    pub const TICK: Key<Value> = frame("tick").unit("s");
 }
 
 fn sleep(ms: u32) {
@@ -66,13 +68,15 @@ macro_rules! kind {
 kind!(/** Places two boxes on a table. */ Boxes, Placer, "boxes", sleep_ms: u32);
 kind!(/** Lifts everything by a third of a millimeter. */ Lift, Settler, "rapier", tally: usize);
 kind!(/** A small camera. */ Small, CameraModel, "pinhole");
-kind!(/** One pose. */ Fixed, ViewSampler, "hemisphere_shell", bends: bool);
+kind!(/** One pose, and each second several views. */ Fixed, ViewSampler, "hemisphere_shell",
+    bends: bool, views_per_second: u32);
 kind!(/** Renders nothing, slowly, on one device. */ Sleeper, Renderer, "sleeper", sleep_ms: u32, tally: usize);
 kind!(/** Renders as `sleeper` does. */ Drowsy, Renderer, "drowsy", tally: usize);
 kind!(/** Doubles the light. */ Doubler, Sensor, "doubler");
 kind!(/** Thinks about each view. */ Thinker, ViewAnnotator, "thinker",
     sleep_ms: u32, panics: bool, undeclared: bool, silent: bool, missing: bool, missing_later: bool, stumbles: bool,
     contradicts: bool);
+kind!(/** Tells the time, once per moment. */ Clock, FrameAnnotator, "clock", tally: usize);
 kind!(/** Collects the thoughts of all views. */ Tracker, SceneAnnotator, "tracker");
 kind!(/** Leaves out one of three things of a scene. */ Careless, SceneAnnotator, "careless");
 kind!(/** Sums the thoughts of all scenes. */ Summer, DatasetAnnotator, "summer", fails_at: i64);
@@ -115,7 +119,10 @@ impl CameraModel for Small {
 }
 
 impl ViewSampler for Fixed {
-    fn pose(&self, _: &Scene, _: syntable_model::scene::ViewId, _: &Context) -> Result<Pose> {
+    fn moment(&self, _: &Scene, view: ViewId) -> Result<Moment> {
+        Moment::from_seconds(view.0.checked_div(self.views_per_second).unwrap_or(0).into())
+    }
+    fn pose(&self, _: &Scene, _: ViewId, _: &Context) -> Result<Pose> {
         Ok(view().camera.world_from_camera)
     }
     fn shell(&self, scene: &Scene) -> Result<Shell> {
@@ -128,6 +135,8 @@ impl ViewSampler for Fixed {
 static RENDERED: [AtomicU32; TALLIES] = [const { AtomicU32::new(0) }; TALLIES];
 /// Scenes settled, likewise.
 static SETTLED: [AtomicU32; TALLIES] = [const { AtomicU32::new(0) }; TALLIES];
+/// Moments annotated, likewise.
+static TICKS: [AtomicU32; TALLIES] = [const { AtomicU32::new(0) }; TALLIES];
 const TALLIES: usize = 24;
 
 /// Renderings of a scene that are to fail with an error, by tally and scene.
@@ -147,6 +156,9 @@ pub struct Counters;
 impl Counters {
     pub fn rendered(tally: usize) -> u32 {
         RENDERED[tally].load(Ordering::SeqCst)
+    }
+    pub fn ticks(tally: usize) -> u32 {
+        TICKS[tally].load(Ordering::SeqCst)
     }
     /// Scenes settled and views rendered.
     pub fn both(tally: usize) -> [u32; 2] {
@@ -284,6 +296,19 @@ impl ViewAnnotator for Thinker {
         let thought = i64::from(100 * cx.scene_id.0 + cx.view_id.0);
         let wrong = self.contradicts && cx.scene_id.0 == 1 && cx.view_id.0 == 1;
         products.put(THOUGHT, Value::Int(if wrong { -1 } else { thought }))
+    }
+}
+
+impl FrameAnnotator for Clock {
+    fn reads(&self) -> Vec<KeyId> {
+        Vec::new()
+    }
+    fn provides(&self) -> Vec<KeyId> {
+        keys![TICK]
+    }
+    fn annotate(&self, cx: &FrameContext, products: &mut Products) -> Result<()> {
+        TICKS[self.tally].fetch_add(1, Ordering::SeqCst);
+        products.put(TICK, Value::Float(cx.moment.seconds()))
     }
 }
 
@@ -431,7 +456,7 @@ fn text(products: &Products, keep: impl Fn(&KeyId) -> bool) -> String {
         .keys()
         .iter()
         .filter(|key| keep(key))
-        .map(|key| (key.name.to_string(), products.value(&key.name).expect("there")))
+        .map(|key| (key.to_string(), products.value(key).expect("there")))
         .collect();
     serde_json::to_string(&values).expect("plain data")
 }
@@ -441,7 +466,8 @@ pub fn registry() -> Registry {
         ($($name:ident),*) => { [$(Entry::of::<$name>("kit", "0.0.0")),*] };
     }
     let entries = entries![
-        Boxes, Lift, Small, Fixed, Sleeper, Drowsy, Either, Doubler, Thinker, Tracker, Careless, Summer, Lines, Names
+        Boxes, Lift, Small, Fixed, Sleeper, Drowsy, Either, Doubler, Thinker, Clock, Tracker, Careless, Summer, Lines,
+        Names
     ];
     Registry::new(entries).and_then(|registry| registry.with_checks([Arc::new(POSITIVE) as _])).expect("no clash")
 }

@@ -108,7 +108,7 @@ fn of_two_providers_the_stock_one_is_taken() {
     let load = |registry: &Registry| {
         let source = Source::embedded("test.toml", recipe);
         syntable_recipe::load(registry, source, &Overrides::of_process(Vec::new())).map(|(recipe, _)| {
-            let of = recipe.plan.entries.iter().find(|entry| entry.key.name == "thought").expect("planned");
+            let of = recipe.plan.entries.iter().find(|entry| entry.key.is("thought")).expect("planned");
             of.provider.to_string()
         })
     };

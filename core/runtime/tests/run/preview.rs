@@ -1,11 +1,13 @@
 //! Views without a dataset: what they have in common with a run.
 
-use crate::kit::{GLANCE, THOUGHT, options, registry, run_with};
+use crate::kit::{GLANCE, LIGHT, THOUGHT, fail_next, failures_left, options, registry, run_with};
+use std::sync::Mutex;
+use syntable_model::error::Error;
 use syntable_model::stage::Input;
 use syntable_recipe::{Overrides, Source};
 use syntable_runtime::cache::DiskCache;
 use syntable_runtime::run::preview::{Previewer, Wanted};
-use syntable_runtime::run::progress::{Quiet, Warnings};
+use syntable_runtime::run::progress::{Event, Quiet, Reporter, Warnings};
 use syntable_runtime::run::stop::Stop;
 
 #[test]
@@ -32,4 +34,52 @@ fn a_preview_leaves_out_what_a_run_leaves_out() {
     }
     assert_eq!(seen.len(), 6);
     assert_eq!(pass.end(), outcome.left_out);
+}
+
+/// Keeps the failed attempts: their numbers, and whether they were the last.
+#[derive(Default)]
+struct FailedAttempts(Mutex<Vec<(u32, bool)>>);
+
+impl Reporter for FailedAttempts {
+    fn event(&self, event: &Event) {
+        if let Event::Attempt { attempt, last, .. } = event {
+            self.0.lock().expect("attempts").push((*attempt, *last));
+        }
+    }
+}
+
+#[test]
+fn a_preview_tries_a_scene_again_as_a_run_does() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let text = "[dataset]\nscenes = 1\nviews_per_scene = 2\nname = \"shaken\"\nmax_attempts = 3\n\
+         [[place]]\nkind = \"boxes\"\n[render]\nkind = \"sleeper\"\ntally = 22\n\
+         [write.lines]\ninclude = [\"light\"]\n";
+    let overrides = Overrides { wanted: [Input::of(LIGHT)].to_vec(), ..Overrides::of_process(Vec::new()) };
+    let (recipe, _) = syntable_recipe::load(&registry(), Source::embedded("test.toml", text), &overrides)
+        .unwrap_or_else(|report| panic!("{report}"));
+    let mut previewer = Previewer::new(1, DiskCache::new(folder.path().join("../cache"))).expect("threads");
+    previewer.set(recipe).expect("sound");
+    let wanted = Wanted { products: vec!["light".to_owned()], width: 4 };
+    let lost = || Error::device("the device was lost");
+    for (error, times, attempts, is_made) in [
+        (lost(), 2, vec![(0, false), (0, false)], true),
+        (lost(), 9, vec![(0, false), (0, false), (0, true)], false),
+        (Error::unlucky("a dark corner"), 2, vec![(0, false), (1, false)], true),
+        (Error::unlucky("a dark corner"), 9, vec![(0, false), (1, false), (2, true)], false),
+        // The preview goes on, so its reporter hears of what would end a run.
+        (Error::new("a wrong option"), 9, vec![(0, true)], false),
+    ] {
+        let (failed, stop) = (FailedAttempts::default(), Stop::default());
+        let log = Warnings(&failed);
+        fail_next(22, 0, times, error.clone());
+        let mut pass = previewer.pass(&wanted, &failed, &log, &stop).expect("pools");
+        let made = pass.scene(0, &[0, 1], &mut |_, _| {});
+        drop(pass);
+        assert_eq!(
+            made.map_err(|error| error.message().to_owned()).err(),
+            (!is_made).then(|| error.message().to_owned())
+        );
+        assert_eq!(*failed.0.lock().expect("attempts"), attempts, "{error}");
+        assert_eq!(failures_left(22, 0), times - attempts.len() as u32);
+    }
 }

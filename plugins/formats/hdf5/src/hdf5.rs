@@ -125,9 +125,9 @@ impl ImageWriter for Hdf5 {
     type Scene = ();
 
     fn reads(&self) -> Vec<Input> {
-        let of_view = |key: &KeyId| match key.scope {
-            Scope::View => Ok(()),
-            _ => Err("a file of this writer has one view; write it with jsonl or npz".to_owned()),
+        let of_view = |key: &KeyId| match key.scope.comes_with_view() {
+            true => Ok(()),
+            false => Err("a file of this writer has one view; write it with jsonl or npz".to_owned()),
         };
         let datasets = self.datasets.iter().enumerate().flat_map(|(place, dataset)| {
             let of_entry = move |input: Input| Input { option: Some(format!("datasets[{place}]")), ..input };

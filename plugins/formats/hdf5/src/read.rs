@@ -206,7 +206,7 @@ impl View {
             (CATEGORY_ID.id(), has_bodies),
             (OBJECT_NAME.id(), has_bodies),
         ] {
-            fields.extend(has.then(|| key.name.to_string()));
+            fields.extend(has.then(|| key.to_string()));
         }
         // Products of the same name.
         let same = [Dataset::Depth, Dataset::Distance].into_iter().filter(|dataset| self.has(*dataset));
@@ -229,7 +229,7 @@ impl View {
             let objects = attributes.iter().filter(|body| body.is_object());
             Ok(Value::PerInstance(objects.map(|body| (body.id(), value(body))).collect()))
         };
-        let is = |key: KeyId| key.name == *name;
+        let is = |key: KeyId| key.is(name);
         if is(RGB.id()) {
             self.array(Dataset::Colors.name()).map(Value::Tensor)
         } else if is(NORMAL.id()) {

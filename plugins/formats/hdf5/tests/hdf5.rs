@@ -173,9 +173,9 @@ fn h5py_reads_the_values() {
     // The values themselves: little-endian arrays, and rays of the camera.
     let products = products();
     for key in products.keys() {
-        let value = products.value(&key.name.to_string()).expect("made");
+        let value = products.value(&key.to_string()).expect("made");
         if let Value::Tensor(tensor) = value {
-            std::fs::write(folder.path().join(format!("{}.raw", key.name)), tensor.bytes).expect("writable");
+            std::fs::write(folder.path().join(format!("{}.raw", key)), tensor.bytes).expect("writable");
         }
     }
     let ray = |x: u32, y: u32| camera().unproject(f64::from(x) + 0.5, f64::from(y) + 0.5).expect("seen").norm();

@@ -35,7 +35,7 @@ fn products_come_back_and_labels_follow() {
     let read = opened(folder.path(), "hdf5");
     let offers = &read.offers;
     for key in keys![RGB, DEPTH, NORMAL, INSTANCE, CAMERA, OCCLUSION_ORDER, OCCLUSION_MASK, AMODAL_BOX] {
-        assert!(offers.contains(&key), "{}", key.name);
+        assert!(offers.contains(&key), "{}", key);
     }
     let known = classes();
     let ids: Vec<u32> = known.categories().map(|(id, _)| id).collect();

@@ -43,7 +43,7 @@ pub struct Label<'a> {
 
 /// What formats read that can do without some of the labels: those of `needed` they cannot.
 fn inputs_needing(needed: Vec<KeyId>) -> Vec<Input> {
-    let is_needed = |input: &Input| needed.iter().any(|key| key.name == *input.product);
+    let is_needed = |input: &Input| needed.iter().any(|key| key.is(&input.product));
     inputs().into_iter().map(|input| if is_needed(&input) { input } else { input.optional() }).collect()
 }
 

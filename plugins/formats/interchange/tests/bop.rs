@@ -398,7 +398,7 @@ fn what_bop_cannot_have_is_refused() {
         error.to_string()
     };
     let without = |products: &mut Products, name: &str| {
-        let names: Vec<String> = products.keys().iter().map(|key| key.name.to_string()).collect();
+        let names: Vec<String> = products.keys().iter().map(|key| key.to_string()).collect();
         let names: Vec<String> = names.into_iter().filter(|other| other != name).collect();
         *products = products.only(&names);
     };
@@ -451,8 +451,8 @@ fn tar_files_are_read_as_folders_are() {
     for image in 0..read.images.len() {
         let [products, others] = [&read, &plain].map(|it| it.read(image, wants).expect("readable").products);
         for key in wants {
-            let [own, other] = [&products, &others].map(|it| it.value(&key.name.to_string()).expect("a value"));
-            assert!(own == other, "{} of {}", key.name, read.images[image].name);
+            let [own, other] = [&products, &others].map(|it| it.value(&key.to_string()).expect("a value"));
+            assert!(own == other, "{} of {}", key, read.images[image].name);
         }
         objects += products.get(AMODAL_MASK).expect("masks").0.len();
         assert!(read.image_faults(image).is_empty(), "{:?}", read.image_faults(image));

@@ -50,7 +50,7 @@ fn takes() -> Vec<Take> {
 
 /// Puts another value in the place of a product.
 fn replace<T: Product>(products: &mut Products, key: Key<T>, value: T) {
-    let names: Vec<String> = products.keys().iter().map(|key| key.name.to_string()).collect();
+    let names: Vec<String> = products.keys().iter().map(|key| key.to_string()).collect();
     let others: Vec<String> = names.into_iter().filter(|name| name != key.name()).collect();
     *products = products.only(&others);
     products.put(key, value).expect("free");

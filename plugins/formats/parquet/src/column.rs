@@ -103,7 +103,7 @@ pub fn accept(key: &KeyId) -> Result<(), String> {
 
 /// The columns of a product.
 pub fn columns(key: &KeyId) -> Vec<Column> {
-    let product = key.name.to_string();
+    let product = key.to_string();
     let column = |name: &str, node, part| Column { name: name.to_owned(), node, part };
     if let Some(fields) = fields(&product) {
         return fields.iter().map(|(field, node)| column(field, node(), Part::Field(field))).collect();

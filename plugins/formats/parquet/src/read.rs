@@ -268,7 +268,7 @@ fn products_of(columns: &BTreeSet<String>) -> BTreeMap<String, Vec<column::Colum
     let of = |key: KeyId| {
         let own: Vec<column::Column> =
             column::columns(&key).into_iter().filter(|column| columns.contains(&column.name)).collect();
-        (!own.is_empty() && column::accept(&key).is_ok()).then(|| (key.name.to_string(), own))
+        (!own.is_empty() && column::accept(&key).is_ok()).then(|| (key.to_string(), own))
     };
     let mut products: BTreeMap<String, Vec<column::Column>> = linked().into_iter().filter_map(of).collect();
     if columns.contains(IMAGE_FILE) || columns.contains(IMAGE) {

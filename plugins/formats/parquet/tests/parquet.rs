@@ -72,8 +72,8 @@ fn write_truth(root: &Path, scenes: &[Take]) {
             for products in [products, &scene.products] {
                 for key in products.keys() {
                     if !matches!(key.form(), syntable_model::product::Form::Image { .. }) {
-                        let value = products.value(&key.name.to_string()).expect("made");
-                        all.insert(key.name.to_string(), serde_json::to_value(value).expect("JSON"));
+                        let value = products.value(&key.to_string()).expect("made");
+                        all.insert(key.to_string(), serde_json::to_value(value).expect("JSON"));
                     }
                 }
             }

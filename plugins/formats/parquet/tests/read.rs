@@ -45,7 +45,7 @@ fn products_come_back_and_labels_follow() {
         let read = opened(folder.path(), "parquet");
         let offers = &read.offers;
         for key in keys![VISIBLE_MASK, AMODAL_BOX, OCCLUSION_MASK, OCCLUSION_ORDER, OBJECT_INFO, CATEGORY_ID] {
-            assert!(offers.contains(&key), "{options}: {}", key.name);
+            assert!(offers.contains(&key), "{options}: {}", key);
         }
         assert_eq!(offers.contains(&RGB.id()), !options.contains("none"), "{options}");
         let known = classes();

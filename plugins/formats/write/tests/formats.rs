@@ -10,8 +10,8 @@ use std::path::Path;
 use std::sync::Arc;
 use syntable_model::context::{Collected, Serial};
 use syntable_model::prelude::*;
+use syntable_model::product::Form;
 use syntable_model::product::standard::*;
-use syntable_model::product::{Form, Name};
 use syntable_model::registry::{Slot, Stage};
 use syntable_model::store::{MemStore, StoreFolder};
 use syntable_testing::folder::files_of_store;
@@ -280,8 +280,7 @@ fn categories_that_the_dataset_has_not_are_refused() {
     let (dataset, take) = (dataset(1, 1), take(0, 3, &[Crowd::Random]));
     let (view, products) = &take.views[0];
     let ids: Vec<InstanceId> = products.get(VISIBLE_MASK).expect("masks").iter().map(|(id, _)| id).collect();
-    let names: Vec<_> =
-        products.keys().into_iter().map(|key| key.name).filter(|it| *it != *CATEGORY_ID.name()).collect();
+    let names: Vec<_> = products.keys().into_iter().filter(|key| *key != CATEGORY_ID.id()).collect();
     let log = Collected::default();
     let cx = DatasetContext::new(&dataset, &Serial, &log).scene(&take.scene);
     let written = |kind: &str, options: &str, category: u32| {
@@ -480,9 +479,9 @@ fn debug_masks_of_a_dataset_that_was_read_are_made_from_its_labels() {
         panic!("a writer of images")
     };
     let reads: Vec<String> = writer.reads().into_iter().map(|input| input.product).collect();
-    let known = products.keys().into_iter().map(|key| key.name);
-    let is_kept = |name: &Name| *name != *INSTANCE.name() && *name != *OBJECT_INFO.name();
-    let lent = products.only(&known.filter(is_kept).collect::<Vec<_>>()).only(&reads);
+    let is_kept = |key: &KeyId| ![INSTANCE.id(), OBJECT_INFO.id()].contains(key);
+    let kept: Vec<KeyId> = products.keys().into_iter().filter(is_kept).collect();
+    let lent = products.only(&kept).only(&reads);
     let cx = DatasetContext::new(&dataset, &Serial, &log).images(take.scene.id);
     let mut scene = writer.scene(&cx, Output::new(folder.path(), "w", take.scene.id)).expect("starts");
     scene.view(&cx.image(view.id, [64, 48]), &lent).expect("written");
@@ -799,9 +798,9 @@ fn lines_have_the_products_of_their_scope() {
 #[test]
 fn what_a_file_cannot_hold_is_refused_by_the_key() {
     let check = |kind: &str, key: KeyId| {
-        let writer = writer(kind, &format!("include = [\"rgb\", \"{}\"]", key.name)).expect("good options");
+        let writer = writer(kind, &format!("include = [\"rgb\", \"{}\"]", key)).expect("good options");
         let input = writer.reads().pop().expect("two inputs");
-        assert_eq!((input.product.as_str(), input.option.as_deref()), (key.name.base, Some("include[1]")));
+        assert_eq!((input.product.as_str(), input.option.as_deref()), (key.product, Some("include[1]")));
         input.accepts.check(&key)
     };
     for (kind, key, want) in [
@@ -831,7 +830,7 @@ fn what_a_file_cannot_hold_is_refused_by_the_key() {
         ),
         ("npy", TOTAL.id(), "it is made once per dataset, not per view or scene; write it with jsonl or template"),
     ] {
-        assert_eq!(check(kind, key), Err(want.to_owned()), "{kind} {}", key.name);
+        assert_eq!(check(kind, key), Err(want.to_owned()), "{kind} {}", key);
     }
     for (kind, key) in [
         ("png", VISIBLE_MASK.id()),
@@ -844,7 +843,7 @@ fn what_a_file_cannot_hold_is_refused_by_the_key() {
         ("jsonl", TOTAL.id()),
         ("jsonl", OBJECT_INFO.id()),
     ] {
-        assert_eq!(check(kind, key), Ok(()), "{kind} {}", key.name);
+        assert_eq!(check(kind, key), Ok(()), "{kind} {}", key);
     }
 }
 

@@ -118,8 +118,8 @@ fn each_product_is_read_by_itself() {
     let takes = written(folder.path(), "webdataset", "");
     let read = opened(folder.path(), "webdataset");
     for key in read.offers.iter().copied() {
-        let found = read.read(1, &[key]).unwrap_or_else(|error| panic!("{}: {error}", key.name)).products;
-        let name = key.name.to_string();
+        let found = read.read(1, &[key]).unwrap_or_else(|error| panic!("{}: {error}", key)).products;
+        let name = key.to_string();
         let want = takes[0].views[1].1.value(&name).expect("written");
         assert!(found.value(&name).expect("there") == want || name == "camera" || name == "amodal_bits", "{name}");
         assert_eq!(found.keys().len(), 1, "{name}");
@@ -204,7 +204,7 @@ fn orders_and_bits_need_the_instances_that_they_are_of() {
         written(folder.path(), "npz", "include = [\"rgb\", \"visible_ids\", \"occlusion_order\", \"amodal_bits\"]");
     let read = opened(folder.path(), "npz");
     for key in keys![OCCLUSION_ORDER, AMODAL_BITS, AMODAL_MASK] {
-        assert!(!read.offers.contains(&key), "{}", key.name);
+        assert!(!read.offers.contains(&key), "{}", key);
     }
     let visible = first(&folder.path().join("data"), "npz", &[VISIBLE_MASK.id()]).expect("readable");
     let shown = takes[0].views[0].1.get(VISIBLE_MASK).expect("made");

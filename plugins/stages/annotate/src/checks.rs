@@ -325,8 +325,7 @@ fn take(bits: &mut [u64], range: std::ops::Range<u32>) -> u32 {
 fn rates(products: &Products) -> Result<Vec<String>> {
     let (occlusion, rates) = (products.get(OCCLUSION_MASK)?, products.get(OCCLUSION_RATE)?);
     // What lies beyond the image counts as hidden then, and no mask has it.
-    let extends =
-        products.contains(&LABEL_POLICY.id().name) && json(products, LABEL_POLICY)?["image_frame"] == "extend";
+    let extends = products.contains(&LABEL_POLICY.id()) && json(products, LABEL_POLICY)?["image_frame"] == "extend";
     each(products, AMODAL_MASK, |id, amodal| {
         let (occlusion, &rate) = (occlusion.get(id)?, rates.get(id)?);
         let ratio = if amodal.is_empty() { 0.0 } else { f64::from(occlusion.area()) / f64::from(amodal.area()) };

@@ -6,8 +6,8 @@ use common::{Rays, World, annotator};
 use proptest::prelude::*;
 use std::collections::BTreeMap;
 use syntable_model::prelude::*;
+use syntable_model::product::Value;
 use syntable_model::product::standard::*;
-use syntable_model::product::{Name, RenderParameters, Value};
 
 type Pixels = Vec<(i32, i32)>;
 
@@ -23,11 +23,12 @@ fn annotate(rays: &Rays, options: &str) -> Result<Products> {
     let mut products = Products::new();
     let annotator = annotator("masks", options);
     for key in annotator.reads() {
-        let Name { base, parameters } = key.name;
-        match base {
-            "instance" => products.put(INSTANCE, rays.instance())?,
-            "coverage" => products.put(COVERAGE.with(parameters), rays.coverage(parameters))?,
-            other => panic!("{other} is read"),
+        if key == INSTANCE.id() {
+            products.put(INSTANCE, rays.instance())?;
+        } else {
+            let framed = [COVERAGE, COVERAGE_BEFORE_SUPPORT].map(|own| own.framed(key.framing));
+            let own = framed.into_iter().find(|own| own.id() == key).unwrap_or_else(|| panic!("{key} is read"));
+            products.put(own, rays.coverage(own))?;
         }
     }
     annotator.annotate(&world.of_view(), &mut products)?;
@@ -236,21 +237,17 @@ fn planes_that_disagree_are_refused() {
     };
     let wrong = labels(&|products| {
         products.put(INSTANCE, rays.instance().map(|_| InstanceId(2))).expect("first");
-        products.put(COVERAGE, rays.coverage(RenderParameters::IMAGE)).expect("first");
+        products.put(COVERAGE, rays.coverage(COVERAGE)).expect("first");
     });
     assert!(wrong.starts_with("instance 2 is visible at pixel (0, 0) but not in the coverage plane"), "{wrong}");
     let wrong = labels(&|products| {
         products.put(INSTANCE, rays.instance()).expect("first");
-        products
-            .put(COVERAGE, Rays::new([4, 2], [0, 0], 2, |_, _| vec![1]).coverage(RenderParameters::IMAGE))
-            .expect("first");
+        products.put(COVERAGE, Rays::new([4, 2], [0, 0], 2, |_, _| vec![1]).coverage(COVERAGE)).expect("first");
     });
     assert_eq!(wrong, "the coverage plane is 4 × 2, the instance plane 4 × 3");
     let wrong = labels(&|products| {
         products.put(INSTANCE, rays.instance()).expect("first");
-        products
-            .put(COVERAGE, Rays::new([4, 3], [0, 0], 3, |_, _| vec![1]).coverage(RenderParameters::IMAGE))
-            .expect("first");
+        products.put(COVERAGE, Rays::new([4, 3], [0, 0], 3, |_, _| vec![1]).coverage(COVERAGE)).expect("first");
     });
     assert_eq!(wrong, "the coverage plane has 3 objects, the scene 2");
 }
@@ -351,12 +348,12 @@ fn label_arrays_are_those_of_the_rays() {
 #[test]
 fn only_what_is_needed_is_read() {
     let reads =
-        |options: &str| annotator("masks", options).reads().iter().map(|key| key.name.to_string()).collect::<Vec<_>>();
+        |options: &str| annotator("masks", options).reads().iter().map(|key| key.to_string()).collect::<Vec<_>>();
     assert_eq!(reads(""), ["instance", "coverage"]);
     assert_eq!(reads("image_frame = \"extend\""), ["instance", "coverage", "coverage (canvas 3)"]);
     assert_eq!(
         reads("image_frame = \"extend\"\ntable_and_room = \"clip\""),
-        ["instance", "coverage (before support)", "coverage (canvas 3, before support)"]
+        ["instance", "coverage_before_support", "coverage_before_support (canvas 3)"]
     );
 }
 

@@ -7,7 +7,7 @@ use serde_json::json;
 use syntable_model::geometry::Vector3;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::*;
-use syntable_model::product::{Lighting, ObjectDepths, RenderParameters, Scope};
+use syntable_model::product::{Lighting, ObjectDepths, Scope};
 use syntable_model::registry::Stage;
 use syntable_model::scene::{Light, RectLight, Removal, SphereLight};
 
@@ -68,9 +68,9 @@ fn every_kind_conforms() {
     let mut rendered = Products::new();
     rendered.put(INSTANCE, rays.instance()).expect("first");
     rendered.put(DEPTH, rays.instance().map(|id| f32::from(id.0))).expect("first");
-    rendered.put(COVERAGE, rays.coverage(RenderParameters::IMAGE)).expect("first");
+    rendered.put(COVERAGE, rays.coverage(COVERAGE)).expect("first");
     let canvas = COVERAGE.on_canvas(3);
-    rendered.put(canvas, rays.coverage(canvas.id().name.parameters)).expect("first");
+    rendered.put(canvas, rays.coverage(canvas)).expect("first");
     rendered.put(OBJECT_DEPTHS, ObjectDepths::from_hits(8, 6, Vec::new())).expect("first");
     let [width, height] = Atlas::of(rendered.get(COVERAGE).expect("put")).size;
     let normals = NORMAL.of_objects(Lighting::Alone);
@@ -78,7 +78,7 @@ fn every_kind_conforms() {
     rendered.put(DEPTH.of_next_view(), rays.instance().map(|_| 2.0)).expect("first");
     let fine = Rays::new([32, 24], [0, 0], 2, |x, _| if x < 16 { vec![1, 2] } else { vec![3, 2] });
     rendered.put(INSTANCE.in_subpixels(4), fine.instance()).expect("first");
-    rendered.put(COVERAGE.in_subpixels(4), fine.coverage(RenderParameters::IMAGE)).expect("first");
+    rendered.put(COVERAGE.in_subpixels(4), fine.coverage(COVERAGE)).expect("first");
     let mut labeled = rendered.clone();
     run(&world, "masks", "", &mut labeled);
     let annotated = labeled.get(AMODAL_MASK).expect("made").map(|_, _| 1_u32);
@@ -121,7 +121,7 @@ fn the_occlusion_graph_names_objects_by_their_ids() {
     });
     let mut products = Products::new();
     products.put(INSTANCE, rays.instance()).expect("first");
-    products.put(COVERAGE, rays.coverage(RenderParameters::IMAGE)).expect("first");
+    products.put(COVERAGE, rays.coverage(COVERAGE)).expect("first");
     run(&world, "masks", "", &mut products);
     run(&world, "occlusion_graph", "", &mut products);
     let layers = json!({ "1": "intermediate", "2": "top", "3": "intermediate", "4": "bottom" });
@@ -141,7 +141,7 @@ fn cuboids_are_projected_as_a_pinhole_does() {
     let rays = Rays::new([8, 6], [0, 0], 2, |_, _| vec![2]);
     let mut products = Products::new();
     products.put(INSTANCE, rays.instance()).expect("first");
-    products.put(COVERAGE, rays.coverage(RenderParameters::IMAGE)).expect("first");
+    products.put(COVERAGE, rays.coverage(COVERAGE)).expect("first");
     run(&world, "masks", "", &mut products);
     let mut labeled = products.clone();
     run(&world, "cuboids", "", &mut labeled);
@@ -190,7 +190,7 @@ fn boxes_are_tight() {
     });
     let mut products = Products::new();
     products.put(INSTANCE, rays.instance()).expect("first");
-    products.put(COVERAGE, rays.coverage(RenderParameters::IMAGE)).expect("first");
+    products.put(COVERAGE, rays.coverage(COVERAGE)).expect("first");
     run(&world, "masks", "", &mut products);
     run(&world, "boxes", "", &mut products);
     assert_eq!(json(&products, "visible_box"), json!({ "1": [2, 1, 3, 2], "2": [6, 5, 1, 1] }));
@@ -266,9 +266,9 @@ fn visibility_counts_the_pixels_of_all_rays() {
         products.put(INSTANCE, rays.instance()).expect("first");
         let depth = |id: &InstanceId| if id.0 % 2 == 1 { 1.0 } else { f32::INFINITY };
         products.put(DEPTH, rays.instance().map(depth)).expect("first");
-        products.put(COVERAGE, rays.coverage(RenderParameters::IMAGE)).expect("first");
+        products.put(COVERAGE, rays.coverage(COVERAGE)).expect("first");
         let canvas = COVERAGE.on_canvas(3);
-        products.put(canvas, rays.coverage(canvas.id().name.parameters)).expect("first");
+        products.put(canvas, rays.coverage(canvas)).expect("first");
         let mut labeled = products.clone();
         run(&world, "masks", "", &mut labeled);
         run(&world, "visibility", "", &mut labeled);
@@ -431,9 +431,9 @@ fn visibility_counts_the_rays_of_the_canvas() {
     let rays = Rays::new([8, 6], [8, 6], 2, cover);
     let mut products = Products::new();
     products.put(INSTANCE, rays.instance()).expect("first");
-    products.put(COVERAGE, rays.coverage(RenderParameters::IMAGE)).expect("first");
+    products.put(COVERAGE, rays.coverage(COVERAGE)).expect("first");
     let canvas = COVERAGE.on_canvas(3);
-    products.put(canvas, rays.coverage(canvas.id().name.parameters)).expect("first");
+    products.put(canvas, rays.coverage(canvas)).expect("first");
     // One pixel of object 1 has no depth.
     let mut depth = rays.instance().map(|id| if id.0 == 0 { f32::INFINITY } else { 1.0 });
     depth.data_mut()[8] = 0.0;
@@ -457,7 +457,7 @@ fn rendered(rays: &Rays, size: [u32; 2], objects: u16) -> (World, Products) {
     (world.view.camera.intrinsics.width, world.view.camera.intrinsics.height) = (size[0], size[1]);
     let mut products = Products::new();
     products.put(INSTANCE, rays.instance()).expect("first");
-    products.put(COVERAGE, rays.coverage(RenderParameters::IMAGE)).expect("first");
+    products.put(COVERAGE, rays.coverage(COVERAGE)).expect("first");
     let depth = |x: u32, y: u32| rays.at(x as i32, y as i32).first().map_or(f32::INFINITY, |&id| f32::from(id));
     products.put(DEPTH, Plane::from_fn(size[0], size[1], depth)).expect("first");
     let mut hits = Vec::new();

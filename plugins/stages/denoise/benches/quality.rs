@@ -120,7 +120,7 @@ fn render(scene: &Arc<Scene>, view: &View, (samples, regularize): (u32, f64), se
     // The renderer knows the noisy image as the image.
     let mut wants: Vec<KeyId> =
         wants.iter().map(|&key| if key == RADIANCE_NOISY.id() { RADIANCE.id() } else { key }).collect();
-    wants.sort_by_key(|key| key.name);
+    wants.sort_by_key(|key| key.product_id());
     wants.dedup();
     let threads = threads();
     let request = RenderRequest::new(view, &wants, Stream::root(seed), &threads);

@@ -7,7 +7,9 @@
 use std::time::Instant;
 use syntable_model::prelude::*;
 use syntable_model::product::Lighting;
-use syntable_model::product::standard::{ALBEDO, COVERAGE, DEPTH, INSTANCE, NORMAL, OPACITY, RADIANCE};
+use syntable_model::product::standard::{
+    ALBEDO, COVERAGE, COVERAGE_BEFORE_SUPPORT, DEPTH, INSTANCE, NORMAL, OPACITY, RADIANCE,
+};
 use syntable_render_cpu::CpuPathRenderer;
 use syntable_testing::room;
 use syntable_testing::workers::Threads;
@@ -63,7 +65,7 @@ fn main() {
             let labels: [(&str, &[KeyId]); 2] = [
                 (
                     "depth, instance, coverage",
-                    &[DEPTH.id(), INSTANCE.id(), COVERAGE.id(), COVERAGE.before_support().id()],
+                    &[DEPTH.id(), INSTANCE.id(), COVERAGE.id(), COVERAGE_BEFORE_SUPPORT.id()],
                 ),
                 ("normal, albedo", &[NORMAL.id(), ALBEDO.id()]),
             ];

@@ -7,7 +7,9 @@ use std::borrow::Cow;
 use std::sync::{Arc, OnceLock};
 use syntable_model::context::{Serial, Workers};
 use syntable_model::prelude::*;
-use syntable_model::product::standard::{ALBEDO, COVERAGE, DEPTH, INSTANCE, NORMAL, OBJECT_DEPTHS, RADIANCE};
+use syntable_model::product::standard::{
+    ALBEDO, COVERAGE, COVERAGE_BEFORE_SUPPORT, DEPTH, INSTANCE, NORMAL, OBJECT_DEPTHS, RADIANCE,
+};
 use syntable_model::product::{BitPlane, ObjectDepths};
 use syntable_model::stage::{Bodies, Tile, Window};
 use syntable_simd::Processor;
@@ -70,7 +72,7 @@ impl CpuPathRenderer {
 
 impl Renderer for CpuPathRenderer {
     fn offers(&self) -> Vec<KeyId> {
-        let mut keys = keys![DEPTH, INSTANCE, COVERAGE, OBJECT_DEPTHS, NORMAL, ALBEDO];
+        let mut keys = keys![DEPTH, INSTANCE, COVERAGE, COVERAGE_BEFORE_SUPPORT, OBJECT_DEPTHS, NORMAL, ALBEDO];
         keys.extend(Film::offers());
         keys.extend(components::offers());
         keys
@@ -170,7 +172,7 @@ impl CpuPathSession {
         if request
             .wants
             .iter()
-            .any(|key| [COVERAGE.id(), COVERAGE.before_support().id(), OBJECT_DEPTHS.id()].contains(key))
+            .any(|key| [COVERAGE.id(), COVERAGE_BEFORE_SUPPORT.id(), OBJECT_DEPTHS.id()].contains(key))
         {
             return Err(Error::new("several tiles have no sets of objects").help("render them one by one"));
         }
@@ -262,7 +264,7 @@ impl Labels {
             normal: color(NORMAL),
             albedo: color(ALBEDO),
             coverage: bits(COVERAGE),
-            coverage_before_support: bits(COVERAGE.before_support()),
+            coverage_before_support: bits(COVERAGE_BEFORE_SUPPORT),
             object_depths: wants(OBJECT_DEPTHS.id()).then(Vec::new),
         }
     }
@@ -299,7 +301,7 @@ impl Labels {
         one(frame, NORMAL, self.normal)?;
         one(frame, ALBEDO, self.albedo)?;
         one(frame, COVERAGE, self.coverage)?;
-        one(frame, COVERAGE.before_support(), self.coverage_before_support)?;
+        one(frame, COVERAGE_BEFORE_SUPPORT, self.coverage_before_support)?;
         let depths = self.object_depths.map(|hits| ObjectDepths::from_hits(width, height, hits));
         one(frame, OBJECT_DEPTHS, depths)
     }

@@ -11,7 +11,7 @@ use std::time::Instant;
 use syntable_guided::Guided;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{
-    ALBEDO, COVERAGE, DENOISE_ALBEDO, DEPTH, INSTANCE, NORMAL, RADIANCE, RENDER_REPORT,
+    ALBEDO, COVERAGE, COVERAGE_BEFORE_SUPPORT, DENOISE_ALBEDO, DEPTH, INSTANCE, NORMAL, RADIANCE, RENDER_REPORT,
 };
 use syntable_model::scene::Scene;
 use syntable_render_wgpu::{Adapters, GpuPathRenderer};
@@ -104,7 +104,7 @@ fn main() {
                 flying[1],
             );
             if samples == 1 {
-                let masks = [DEPTH.id(), INSTANCE.id(), COVERAGE.id(), COVERAGE.before_support().id()];
+                let masks = [DEPTH.id(), INSTANCE.id(), COVERAGE.id(), COVERAGE_BEFORE_SUPPORT.id()];
                 let (labels, _) = best(&masks, None);
                 let (shaded, _) = best(&[NORMAL.id(), ALBEDO.id()], None);
                 println!(

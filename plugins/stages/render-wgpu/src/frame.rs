@@ -170,7 +170,7 @@ impl Places {
             let (radiance, variance) = (made.get(layout.rendered())?, made.get(RADIANCE_VARIANCE)?);
             frame.put(RENDER_REPORT, film::report(radiance, variance, [layout.samples; 2], statistics))?;
         }
-        let wanted: Vec<_> = layout.wants.iter().map(|key| key.name).collect();
+        let wanted: Vec<_> = layout.wants.iter().map(|key| key.product_id()).collect();
         frame.extend(made.only(&wanted))?;
         Ok(statistics)
     }

@@ -8,7 +8,9 @@ use parking_lot::Mutex;
 use std::sync::{Arc, OnceLock};
 use syntable_model::context::Workers;
 use syntable_model::prelude::*;
-use syntable_model::product::standard::{ALBEDO, COVERAGE, DEPTH, INSTANCE, NORMAL, OBJECT_DEPTHS};
+use syntable_model::product::standard::{
+    ALBEDO, COVERAGE, COVERAGE_BEFORE_SUPPORT, DEPTH, INSTANCE, NORMAL, OBJECT_DEPTHS,
+};
 use syntable_model::stage::RenderDevice;
 use syntable_transport::components::{self, Light};
 use syntable_transport::film::Film;
@@ -86,7 +88,7 @@ impl GpuPathRenderer {
 
 impl Renderer for GpuPathRenderer {
     fn offers(&self) -> Vec<KeyId> {
-        let mut keys = keys![DEPTH, INSTANCE, COVERAGE, OBJECT_DEPTHS, NORMAL, ALBEDO];
+        let mut keys = keys![DEPTH, INSTANCE, COVERAGE, COVERAGE_BEFORE_SUPPORT, OBJECT_DEPTHS, NORMAL, ALBEDO];
         keys.extend(Film::offers());
         keys.extend(components::offers());
         keys

@@ -5,8 +5,8 @@ use std::sync::OnceLock;
 use syntable_model::context::Workers;
 use syntable_model::error::Result;
 use syntable_model::product::standard::{
-    ALBEDO, COVERAGE, DENOISE_ALBEDO, DENOISE_NORMAL, DEPTH, INSTANCE, NORMAL, OBJECT_DEPTHS, RADIANCE,
-    RADIANCE_DEMODULATED, RADIANCE_DEMODULATED_VARIANCE, RADIANCE_SPECULAR, RADIANCE_SPECULAR_VARIANCE,
+    ALBEDO, COVERAGE, COVERAGE_BEFORE_SUPPORT, DENOISE_ALBEDO, DENOISE_NORMAL, DEPTH, INSTANCE, NORMAL, OBJECT_DEPTHS,
+    RADIANCE, RADIANCE_DEMODULATED, RADIANCE_DEMODULATED_VARIANCE, RADIANCE_SPECULAR, RADIANCE_SPECULAR_VARIANCE,
     RADIANCE_VARIANCE,
 };
 use syntable_model::product::{BitPlane, Key, KeyId, ObjectDepths, Plane, Products};
@@ -92,7 +92,7 @@ impl LabelSections {
         };
         Self {
             coverage: section(COVERAGE.id(), set),
-            before: section(COVERAGE.before_support().id(), set),
+            before: section(COVERAGE_BEFORE_SUPPORT.id(), set),
             depth: section(DEPTH.id(), 1),
             instance: section(INSTANCE.id(), 1),
             normal: section(NORMAL.id(), 3),
@@ -141,7 +141,7 @@ impl LabelSections {
         };
         let (objects, set) = (self.objects, self.set);
         let mut makers: Vec<Maker> = Vec::new();
-        for (key, start) in [(COVERAGE, self.coverage), (COVERAGE.before_support(), self.before)] {
+        for (key, start) in [(COVERAGE, self.coverage), (COVERAGE_BEFORE_SUPPORT, self.before)] {
             if let Some(words) = section(key.id(), start, self.set) {
                 makers.push(Box::new(move |frame| {
                     frame.put(key, BitPlane::from_words(width, height, objects, pairs(words, set)))

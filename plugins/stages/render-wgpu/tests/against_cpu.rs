@@ -61,7 +61,7 @@ fn labels_are_the_cpus() {
     }
     let (width, height) = (480, 360);
     let view = room::view(width, height);
-    let before = COVERAGE.before_support();
+    let before = COVERAGE_BEFORE_SUPPORT;
     let wants = keys![DEPTH, INSTANCE, COVERAGE, before, OBJECT_DEPTHS, NORMAL, ALBEDO];
     let seen = [InstanceId(3), InstanceId(21)];
     let window = Window { x: -37, y: 11, width: 300, height: 200 };

@@ -226,8 +226,8 @@ fn the_denoiser_sees_what_was_rendered() {
         let (all, alone) = (render(&wants), render(&[RADIANCE.id()]));
         let on_device = all.get(RADIANCE).expect("made");
         assert_eq!(alone.get(RADIANCE).expect("made"), on_device);
-        assert!(!alone.contains(&RADIANCE_NOISY.id().name) && all.contains(&DENOISER.id().name));
-        let read: Vec<_> = guided.reads().iter().map(|key| key.name).collect();
+        assert!(!alone.contains(&RADIANCE_NOISY.id()) && all.contains(&DENOISER.id()));
+        let read: Vec<_> = guided.reads().iter().map(|key| key.product_id()).collect();
         let on_processor = reference(&guided, &all.only(&read));
         let differ = |a: [f32; 3], b: [f32; 3]| (0..3).any(|c| (a[c] - b[c]).abs() > 1e-3 * (b[c] + 1e-3));
         let count = on_device.data().iter().zip(&on_processor).filter(|&(&a, &b)| differ(a, b)).count();

@@ -62,7 +62,7 @@ impl Predictions {
             found => found?,
         };
         if !dataset.offers.contains(&VISIBLE_MASK.id()) {
-            return Err(lacks(VISIBLE_MASK.id().name, path));
+            return Err(lacks(VISIBLE_MASK.id(), path));
         }
         let pairs = paired(path, &dataset.images, (truth.0, &truth.1.images))?;
         // Categories of two datasets are equal if their names are.
@@ -152,7 +152,7 @@ pub fn check_masks(dataset: &OpenDataset, path: &Path) -> Result<()> {
     let offers = &dataset.offers;
     match [AMODAL_MASK.id(), VISIBLE_MASK.id()].into_iter().find(|key| !offers.contains(key)) {
         None => Ok(()),
-        Some(key) => Err(lacks(key.name, path)),
+        Some(key) => Err(lacks(key, path)),
     }
 }
 

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use syntable_model::error::{Error, Result};
 use syntable_model::limits::SCENE_RECORD_BYTES;
-use syntable_model::product::{KeyId, Products, Scope};
+use syntable_model::product::{KeyId, Products};
 use syntable_model::scene::SceneId;
 use syntable_model::stage::{Output, RecordedScene};
 use syntable_model::store::StoreFolder;
@@ -27,7 +27,7 @@ impl Records {
     /// Records a view.
     pub fn view(&mut self, plan: &Plan, products: &Products) -> Result<()> {
         if !plan.per_dataset.is_empty() {
-            self.views.push(values(&plan.recorded(Scope::View), products)?);
+            self.views.push(values(&plan.recorded_of_views(), products)?);
         }
         Ok(())
     }
@@ -37,7 +37,7 @@ impl Records {
         if plan.per_dataset.is_empty() {
             return Ok(());
         }
-        self.scene = values(&plan.recorded(Scope::Scene), products)?;
+        self.scene = values(&plan.recorded_of_scene(), products)?;
         let text = serde_json::to_vec(&self).expect("values are plain data");
         // Text that is written can be read.
         SCENE_RECORD_BYTES.check(text.len() as u64)?;
@@ -62,16 +62,16 @@ impl Records {
 
 /// Names of the products that a plan records of a scene, sorted.
 pub fn names(plan: &Plan) -> Vec<String> {
-    let keys = plan.recorded(Scope::Scene).into_iter().chain(plan.recorded(Scope::View));
-    let mut names: Vec<String> = keys.map(|key| key.name.to_string()).collect();
+    let keys = plan.recorded_of_scene().into_iter().chain(plan.recorded_of_views());
+    let mut names: Vec<String> = keys.map(|key| key.to_string()).collect();
     names.sort_unstable();
     names
 }
 
 fn values(keys: &[KeyId], products: &Products) -> Result<Values> {
     let value = |key: &KeyId| {
-        let encoded = serde_json::to_value(products.value(&key.name)?).expect("values are plain data");
-        Ok((key.name.to_string(), encoded))
+        let encoded = serde_json::to_value(products.value(key)?).expect("values are plain data");
+        Ok((key.to_string(), encoded))
     };
     keys.iter().map(value).collect()
 }

@@ -24,7 +24,7 @@ mod tests {
     use syntable_model::geometry::{Pose, UnitQuaternion, Vector3};
     use syntable_model::random::Stream;
     use syntable_model::scene::{
-        AssetRef, BodyDraft, Moment, Placed, Removal, Role, SceneBuilder, SettleReport, Trajectory,
+        AssetRef, BodyDraft, Moment, PlacedBodies, Removal, Role, SceneBuilder, SettleReport, Trajectory,
     };
     use syntable_testing::scenes::{body, box_mesh, object, table};
 
@@ -58,7 +58,7 @@ mod tests {
         let mut stream = Stream::root(7);
         let mut uniform = || stream.uniform(-1.0, 1.0);
         let mut scene = place();
-        let placed = Placed::of(&scene);
+        let placed = PlacedBodies::of(&scene);
         let handles: Vec<_> = scene.bodies().map(|(handle, _)| handle).collect();
         for (k, &handle) in handles.iter().enumerate().skip(1) {
             match k % 5 {

@@ -1,4 +1,4 @@
-//! What is odd about a scene: nothing to see, no light, no labels.
+//! Signs of a mistake in a scene: images that are black or white, no light, no labels.
 
 use crate::run::dataset::journal::Notice;
 use std::collections::{BTreeMap, BTreeSet};
@@ -6,41 +6,41 @@ use syntable_model::product::Products;
 use syntable_model::product::standard::{RADIANCE, RGB, VISIBLE_MASK};
 use syntable_model::scene::{Body, Material, Scene, View};
 
-/// Of an overexposed image at most one pixel in as many is darker than white: noise leaves single ones.
+/// At most one pixel in this number is darker than white in an overexposed image. Noise leaves single darker pixels.
 const DARKER: usize = 100;
 
-/// What the views of a scene showed so far.
+/// Looks for anomalies in the views of a scene.
 #[derive(Debug, Default)]
-pub struct Seen {
-    /// Number of views with an image, and those whose image is black or white.
+pub struct AnomalyScan {
+    /// Number of views with an image, and the numbers of views with a black or white image.
     images: usize,
     black: Vec<u32>,
     white: Vec<u32>,
-    /// Number of views with masks, and those in which no mask has a pixel.
+    /// Number of views with masks, and the numbers of views whose masks are all empty.
     masks: usize,
     unlabeled: Vec<u32>,
     /// Whether a view has a light.
     lights: bool,
 }
 
-/// What is odd about a scene.
+/// The anomalies of a scene.
 #[derive(Debug, Default)]
-pub struct Odd {
-    /// About the scene as a whole.
+pub struct Anomalies {
+    /// Anomalies of the scene as a whole.
     pub scene: BTreeSet<Notice>,
-    /// About some of its views: their numbers, ascending.
+    /// Anomalies of some views, with the numbers of these views, ascending.
     pub views: BTreeMap<Notice, Vec<u32>>,
-    /// What was looked at, odd or not.
+    /// All anomalies that the scan could have found.
     pub looked_at: BTreeSet<Notice>,
 }
 
-impl Seen {
+impl AnomalyScan {
     /// Looks at a view. Views come in order.
     pub fn look(&mut self, view: &View, products: &Products) {
         self.lights |= !view.lights.is_empty();
         let image = match (products.get(RGB), products.get(RADIANCE)) {
             (Ok(image), _) => {
-                // Both end where the answer is known, which in most images is at once.
+                // Both stop as soon as the answer is known.
                 let mut darker = image.data().iter().filter(|pixel| **pixel != [255; 3]);
                 let black = image.data().iter().all(|pixel| *pixel == [0; 3]);
                 Some([black, darker.nth(image.data().len() / DARKER).is_none()])
@@ -60,9 +60,9 @@ impl Seen {
         }
     }
 
-    /// What is odd.
-    pub fn odd(self, scene: &Scene) -> Odd {
-        let mut odd = Odd::default();
+    /// The anomalies of the scene with these views.
+    pub fn anomalies(self, scene: &Scene) -> Anomalies {
+        let mut odd = Anomalies::default();
         if self.images > 0 && !self.lights && !scene.bodies().iter().any(emits) {
             odd.scene.insert(Notice::Unlit);
         }

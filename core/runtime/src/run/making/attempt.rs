@@ -1,5 +1,5 @@
-//! One attempt at a scene: what its stages are lent, and the random numbers that they draw. Runs compose and render
-//! scenes by it, and so do previews.
+//! One attempt at a scene: what its stages get, and the random numbers that they draw. Runs, generators and previews compose and
+//! render scenes with it.
 
 use crate::pools::{AssetStore, RecordingAssets};
 use crate::run::making::times::Times;
@@ -11,14 +11,14 @@ use syntable_model::context::{Cache, Context, Log, Workers};
 use syntable_model::error::{Error, Result};
 use syntable_model::limits::CANVAS_PIXELS;
 use syntable_model::product::standard::COVERAGE;
-use syntable_model::product::{KeyId, Name, Products, RenderParameters};
+use syntable_model::product::{Framing, KeyId, Products};
 use syntable_model::random::Stream;
 use syntable_model::scene::{Camera, Moment, Optics, Scene, SceneBuilder, SceneId, SettleReport, View, ViewId};
 use syntable_model::stage::{Atlas, Bodies, DatasetInfo, RenderRequest, RenderSession, Window};
 use syntable_recipe::Recipe;
 use syntable_recipe::plan::{Plan, Producer};
 
-/// What the stages of all scenes are lent.
+/// What the stages of all scenes get.
 #[derive(Clone, Copy)]
 pub struct Tools<'a> {
     pub recipe: &'a Recipe,
@@ -26,20 +26,20 @@ pub struct Tools<'a> {
     pub cache: &'a dyn Cache,
     pub workers: &'a dyn Workers,
     pub log: &'a dyn Log,
-    /// How long the stages work.
+    /// Measures the working time of stages.
     pub times: &'a Times,
     pub stop: &'a Stop,
 }
 
 impl Tools<'_> {
-    /// An error once the work shall end.
+    /// An error once someone has asked the work to stop.
     pub fn running(&self) -> Result<()> {
         let stopped = |reason: StopReason| Err(Error::stopped(format!("stopped by {reason}")));
         self.stop.requested().map_or(Ok(()), stopped)
     }
 }
 
-/// One attempt at a scene, with random numbers of its own.
+/// One attempt at a scene, with its own random numbers.
 pub struct Attempt<'a> {
     pub tools: Tools<'a>,
     pub dataset: &'a DatasetInfo,
@@ -49,7 +49,7 @@ pub struct Attempt<'a> {
 }
 
 impl Attempt<'_> {
-    /// The random numbers of a stage. They are those of the dataset's name and seed, so that splits are independent.
+    /// The random numbers of a stage. They depend on the dataset's name as well as its seed, so that splits are independent.
     fn stream(&self, stage: &str) -> Stream {
         let DatasetInfo { seed, name, .. } = self.dataset;
         Stream::root(*seed).child(name).child(stage).at(u64::from(self.scene.0)).at(u64::from(self.number))
@@ -60,13 +60,13 @@ impl Attempt<'_> {
         self.sample(stage, self.stream(stage), work)
     }
 
-    /// Runs a stage that is lent random numbers and assets.
+    /// Runs a stage that draws random numbers and assets.
     fn sample<T>(&self, stage: &str, stream: Stream, work: impl FnOnce(&Context) -> Result<T>) -> Result<T> {
         self.tools.running()?;
         let Tools { cache, workers, log, .. } = self.tools;
         let context = Context { stream, assets: &self.assets, cache, workers, log };
         let result = self.tools.times.of(stage, || work(&context));
-        // An error of an asset that must stop the run comes before the errors that follow from it.
+        // A refused asset stops the work, and causes other errors.
         self.tools.assets.refused()?;
         result
     }
@@ -114,7 +114,7 @@ impl Attempt<'_> {
         sensors.map(|it| (it.stage.clone(), self.stream(&it.stage).at(u64::from(view.0)))).collect()
     }
 
-    /// Renders what a plan wants of a view; the next one is that of optical flow.
+    /// Renders the products of a plan for a view. Some products show the next view, such as those for optical flow.
     pub fn render_view(
         &self,
         plan: &Plan,
@@ -125,11 +125,11 @@ impl Attempt<'_> {
         let mut rendered = Products::new();
         let mut atlas = None;
         for (framing, wants) in plan.by_framing() {
-            let view = framed(view, next, framing);
+            let view = framing.view(view, next);
             let session = session.at(view.moment, &self.tools)?;
             let stream = self.stream("render").at(u64::from(view.id.0));
             let mut request = RenderRequest::new(&view, &wants, stream, self.tools.workers);
-            let denoised = match framing.objects {
+            let denoised = match framing.objects() {
                 Some(lighting) => {
                     let atlas = match &mut atlas {
                         Some(atlas) => atlas,
@@ -139,8 +139,8 @@ impl Attempt<'_> {
                     plan.denoiser.as_ref().is_some_and(|stage| stage.of_objects.contains(&framing))
                 }
                 None => {
-                    request = request.of(Window::canvas(&view.camera.intrinsics, framing.canvas), Bodies::All);
-                    framing == RenderParameters::IMAGE
+                    request = request.of(Window::canvas(&view.camera.intrinsics, framing.canvas()), Bodies::All);
+                    framing == Framing::IMAGE
                 }
             };
             check_pixels(request.size, framing)?;
@@ -152,8 +152,7 @@ impl Attempt<'_> {
             self.tools.times.of("render", || session.render(&request, &mut made))?;
             provided(&wants, &made).map_err(|error| error.context("render"))?;
             for key in wants {
-                let before_support = key.name.parameters.before_support;
-                made.rename(key, key.with(RenderParameters { before_support, ..framing }))?;
+                made.rename(key, key.framed(framing))?;
             }
             rendered.extend(made)?;
         }
@@ -161,21 +160,21 @@ impl Attempt<'_> {
     }
 }
 
-/// A session with the moment of the scene that it is ready for.
+/// A session that has loaded a scene, and the moment of the scene that it shows.
 pub struct PosedSession<'s> {
     session: &'s mut dyn RenderSession,
-    /// The scene that was loaded.
+    /// The loaded scene.
     scene: &'s Arc<Scene>,
     moment: Moment,
 }
 
 impl<'s> PosedSession<'s> {
-    /// A session that has loaded a scene.
+    /// Wraps a session that has loaded a scene.
     pub fn new(session: &'s mut dyn RenderSession, scene: &'s Arc<Scene>) -> Self {
         Self { session, scene, moment: scene.moment }
     }
 
-    /// The session, ready for the scene at a moment.
+    /// The session, prepared for the scene at a moment.
     fn at(&mut self, moment: Moment, tools: &Tools) -> Result<&mut dyn RenderSession> {
         if self.scene.moves() && moment != self.moment {
             let scene = self.scene.at(moment);
@@ -185,52 +184,43 @@ impl<'s> PosedSession<'s> {
         Ok(self.session)
     }
 
-    /// Whether the session is ready for another moment than that of the loaded scene.
+    /// Whether the session shows another moment than it had after loading.
     pub fn has_moved(&self) -> bool {
         self.moment != self.scene.moment
     }
 }
 
-/// The view that products of a framing are of.
-fn framed(view: &View, next: Option<&View>, framing: RenderParameters) -> View {
-    let mut view = framing.moment.of(view, next).clone();
-    view.camera.intrinsics = view.camera.intrinsics.subdivided(framing.subpixels);
-    view
-}
-
 /// Refuses a canvas or an atlas that no memory can hold.
-fn check_pixels([width, height]: [u32; 2], framing: RenderParameters) -> Result<()> {
+fn check_pixels([width, height]: [u32; 2], framing: Framing) -> Result<()> {
     let most = CANVAS_PIXELS.most;
     if u64::from(width) * u64::from(height) <= most {
         return Ok(());
     }
-    let (what, help) = match framing.objects {
-        None => (
-            format!("`{}`", Name::new("").with(framing).to_string().trim_start()),
-            "ask for a smaller canvas or fewer sub-pixels, or set",
-        ),
+    let (what, help) = match framing.objects() {
+        None => (format!("`({framing})`"), "ask for a smaller canvas or fewer sub-pixels, or set"),
         Some(_) => ("the windows around the objects of a view".to_owned(), "place fewer objects, or set"),
     };
     Err(Error::new(format!("{what} has {width} × {height} pixels, more than the limit of {most}"))
         .help(format!("{help} a lower resolution in [camera]")))
 }
 
-/// Checks that a stage made what it had to, and nothing else.
+/// Checks that a stage made all products that it declares, and no others.
 pub fn provided(declared: &[KeyId], made: &Products) -> Result<()> {
-    if let Some(key) = declared.iter().find(|key| !made.contains(&key.name)) {
-        return Err(Error::new(format!("it declares to provide `{}` but did not", key.name)));
+    if let Some(key) = declared.iter().find(|key| !made.contains(*key)) {
+        return Err(Error::new(format!("it declares to provide `{key}` but did not")));
     }
-    match made.keys().into_iter().find(|key| !declared.iter().any(|other| other.name == key.name)) {
-        Some(key) => Err(Error::new(format!("it provides `{}` without declaring it", key.name))),
+    let is_declared = |key: &KeyId| declared.iter().any(|other| other.product_id() == key.product_id());
+    match made.keys().into_iter().find(|key| !is_declared(key)) {
+        Some(key) => Err(Error::new(format!("it provides `{key}` without declaring it"))),
         None => Ok(()),
     }
 }
 
-/// Adds what a stage made. A product that another stage replaces is kept under the key of the original.
+/// Adds the products of a stage. A product that another stage replaces is kept under the key of the original.
 pub fn keep(plan: &Plan, mut made: Products, products: &mut Products) -> Result<()> {
     for &[product, original] in &plan.replaced {
-        // The stage that replaces a product reads the original, which is there by then.
-        if !products.contains(&original.name) {
+        // The stage that replaces a product runs after the original was kept.
+        if !products.contains(&original) {
             made.rename(product, original)?;
         }
     }

@@ -1,5 +1,5 @@
-//! The first scene of a dataset that shall take the place of another one, made before that is deleted: a recipe may have
-//! mistakes that show only when a scene is made.
+//! The first scene of a dataset that replaces another one. It is made before the old dataset is deleted, because some mistakes of a
+//! recipe show only then.
 
 use crate::run::RunOptions;
 use crate::run::dataset::folder::Folder;
@@ -14,14 +14,17 @@ use parking_lot::Mutex;
 use syntable_model::error::{Error, Result};
 use syntable_recipe::Recipe;
 
-/// A scene in a folder of its own.
+/// The first scene, in its own folder.
 pub struct Ahead {
     folder: Folder,
-    /// Its line of the journal.
+    /// The line of the scene in the journal.
     pub entry: JournalEntry,
 }
 
-/// Makes the first scene of a run aside. An error says that the dataset of the folder stays.
+/// Makes the first scene of a run in its own folder.
+///
+/// # Errors
+/// If the scene fails. The old dataset then stays.
 pub fn make(recipe: &Recipe, options: &RunOptions, folder: &Folder, reporter: &dyn Reporter) -> Result<Ahead> {
     let message = "the old dataset is deleted when the first scene of the new one is made".to_owned();
     reporter.event(&Event::Note { message });
@@ -61,7 +64,7 @@ impl Ahead {
     }
 }
 
-/// Passes on what is told of the scene, and nothing of the run that makes it.
+/// Passes on the events of the scene, and no events of its run.
 struct Within<'r>(&'r dyn Reporter);
 
 impl Reporter for Within<'_> {

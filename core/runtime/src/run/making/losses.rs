@@ -1,4 +1,4 @@
-//! What stages leave out of images, added up.
+//! Labels that stages leave out of images, added up.
 
 use crate::run::dataset::loss::Loss;
 use parking_lot::Mutex;
@@ -7,7 +7,7 @@ use syntable_model::context::{Log, Steps};
 use syntable_model::error::Error;
 use syntable_model::left_out::LeftOut;
 
-/// What stages left out so far. Sums do not depend on the order of images.
+/// Sums of what stages left out so far. They do not depend on the order of images.
 #[derive(Debug, Default)]
 pub struct Losses(Mutex<BTreeMap<(String, String), Loss>>);
 
@@ -35,7 +35,7 @@ impl Losses {
     }
 }
 
-/// A log that adds up what a stage leaves out. Warnings go on to another log.
+/// A log that adds up what a stage leaves out, and passes warnings on to another log.
 pub(in crate::run) struct StageLog<'a> {
     pub log: &'a dyn Log,
     pub losses: &'a Losses,

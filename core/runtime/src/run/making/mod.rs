@@ -1,9 +1,10 @@
-//! Making scenes: several in flight, each composed on a thread of its own, rendered when a session is free, and annotated and
-//! written from a bounded queue while the next view is rendered.
+//! Making scenes, several at a time. A thread composes each scene, and renders it when a session is free. A bounded queue
+//! annotates and writes each view while the next one is rendered.
 
 pub(crate) mod anomalies;
 pub(crate) mod attempt;
 pub(crate) mod first_scene;
+pub(crate) mod frames;
 pub(crate) mod losses;
 pub(crate) mod queue;
 pub(crate) mod recovery;

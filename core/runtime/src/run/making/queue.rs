@@ -5,19 +5,19 @@ use std::sync::Arc;
 use std::sync::mpsc::{SyncSender, sync_channel};
 use std::thread::Scope;
 
-type Job<'env> = Box<dyn FnOnce() + Send + 'env>;
+type QueuedJob<'env> = Box<dyn FnOnce() + Send + 'env>;
 
-/// Adds jobs to a queue; blocks while it is full. The threads end when all handles are gone.
+/// Handle that adds jobs to a queue, and blocks while the queue is full. The threads end after the last handle.
 #[derive(Clone)]
-pub struct Queue<'env>(SyncSender<Job<'env>>);
+pub struct Queue<'env>(SyncSender<QueuedJob<'env>>);
 
 impl<'env> Queue<'env> {
-    /// Starts a number of threads that work on the queue. At most `threads` jobs wait beside those that run.
+    /// Starts threads that work on the queue. As many jobs can wait as there are threads.
     pub fn start<'scope>(scope: &'scope Scope<'scope, 'env>, threads: usize) -> Self
     where
         'env: 'scope,
     {
-        let (sender, receiver) = sync_channel::<Job<'env>>(threads);
+        let (sender, receiver) = sync_channel::<QueuedJob<'env>>(threads);
         let receiver = Arc::new(Mutex::new(receiver));
         for _ in 0..threads {
             let receiver = Arc::clone(&receiver);

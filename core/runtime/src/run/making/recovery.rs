@@ -1,9 +1,13 @@
-//! What follows an error of an attempt at a scene: the one place that decides it.
+//! The attempts at a scene, and what an error means for what comes next: the same attempt again, the next attempt, the end of the
+//! scene, or the end of the work. Runs, generators and previews make their scenes with this loop.
 
-use syntable_model::error::Error;
+use crate::run::making::attempt::Tools;
+use crate::run::panics::unwound;
+use crate::run::progress::{Event, Reporter};
+use syntable_model::error::{Error, Result};
 
 /// How often an attempt is repeated whose device failed.
-pub const DEVICE_REPEATS: u32 = 2;
+const DEVICE_REPEATS: u32 = 2;
 
 /// What follows an error of an attempt at a scene.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -12,16 +16,21 @@ pub enum Recovery {
     Repeat,
     /// The next attempt, with other random numbers.
     NextAttempt,
-    /// The scene fails: its device stays away, or its labels contradict each other, and other random numbers would only hide a
-    /// stage that is wrong.
+    /// The scene fails. Either its device stays away, or its labels contradict each other. Other random numbers would only hide
+    /// the wrong stage.
     FailScene,
-    /// The work stops: the error is the same for all scenes, such as a wrong option or a full disk.
+    /// The work stops. All scenes would meet the error, such as a wrong option or a full disk.
     Stop,
 }
 
 impl Recovery {
-    /// What follows `error` in an attempt that was repeated `repeats` times before.
-    pub fn of(error: &Error, repeats: u32) -> Self {
+    /// What follows an error of an attempt that was not repeated yet.
+    pub fn of(error: &Error) -> Self {
+        Self::after(error, 0)
+    }
+
+    /// What follows an error of an attempt that was repeated `repeats` times.
+    fn after(error: &Error, repeats: u32) -> Self {
         if error.is_passing() && repeats < DEVICE_REPEATS {
             Self::Repeat
         } else if error.is_unlucky() {
@@ -30,6 +39,73 @@ impl Recovery {
             Self::FailScene
         } else {
             Self::Stop
+        }
+    }
+}
+
+/// The attempts at a scene.
+pub struct SceneAttempts<'a> {
+    pub tools: Tools<'a>,
+    pub reporter: &'a dyn Reporter,
+    pub scene: u32,
+    /// Number of the first attempt.
+    pub first: u32,
+    /// Whether a dataset has the scene already. A device that stays away then stops the work, since the scene is as good as before.
+    pub is_present: bool,
+}
+
+/// The result of the attempts at a scene.
+pub struct Attempts<T> {
+    /// What the last attempt made. `None` if the scene failed.
+    pub made: Option<T>,
+    /// Number of the last attempt.
+    pub number: u32,
+    /// Errors of the failed attempts, in order.
+    pub errors: Vec<Error>,
+}
+
+impl SceneAttempts<'_> {
+    /// Calls `attempt` with the number of each attempt until one succeeds, at least once. `set_aside` gets the error of a scene
+    /// whose labels contradict each other, and may add to it.
+    ///
+    /// # Errors
+    /// If the work shall stop.
+    pub fn make<T>(
+        &self,
+        mut attempt: impl FnMut(u32) -> Result<T>,
+        mut set_aside: impl FnMut(Error) -> Result<Error>,
+    ) -> Result<Attempts<T>> {
+        let (mut number, mut repeats, mut errors) = (self.first, 0, Vec::new());
+        loop {
+            self.tools.running()?;
+            let error = match unwound(|| attempt(number)) {
+                Ok(made) => return Ok(Attempts { made: Some(made), number, errors }),
+                Err(error) => error,
+            };
+            // A stop or a refused asset is the cause of other errors.
+            self.tools.running()?;
+            self.tools.assets.refused()?;
+            let recovery = Recovery::after(&error, repeats);
+            if recovery == Recovery::Stop || recovery == Recovery::FailScene && error.is_device() && self.is_present {
+                return Err(error);
+            }
+            let error = if error.is_contradiction() { set_aside(error)? } else { error };
+            let is_last = match recovery {
+                Recovery::Repeat => false,
+                Recovery::NextAttempt => number + 1 >= self.tools.recipe.dataset.max_attempts,
+                Recovery::FailScene | Recovery::Stop => true,
+            };
+            let event = Event::Attempt { scene: self.scene, attempt: number, error: error.to_string(), last: is_last };
+            self.reporter.event(&event);
+            if recovery == Recovery::Repeat {
+                repeats += 1;
+                continue;
+            }
+            errors.push(error);
+            if is_last {
+                return Ok(Attempts { made: None, number, errors });
+            }
+            (number, repeats) = (number + 1, 0);
         }
     }
 }
@@ -44,13 +120,14 @@ mod tests {
         for (error, repeats, wanted) in [
             (device(), 0, Recovery::Repeat),
             (device(), DEVICE_REPEATS, Recovery::FailScene),
+            (Error::exceeds_device("too large"), 0, Recovery::FailScene),
             (Error::contradiction("masks"), 0, Recovery::FailScene),
             (Error::unlucky("no room for a body"), 0, Recovery::NextAttempt),
             (Error::new("a wrong option"), 0, Recovery::Stop),
             (Error::stopped("by its caller"), 0, Recovery::Stop),
             (Error::io("data", &std::io::Error::other("full")), 0, Recovery::Stop),
         ] {
-            assert_eq!(Recovery::of(&error, repeats), wanted, "{error}");
+            assert_eq!(Recovery::after(&error, repeats), wanted, "{error}");
         }
     }
 }

@@ -1,4 +1,4 @@
-//! One scene of a run: composed, walked over and written, with its attempts.
+//! One scene of a run: its attempts, its files, and its line of the journal.
 
 use crate::pools::RecordingAssets;
 use crate::run::dataset::folder::Folder;
@@ -8,24 +8,23 @@ use crate::run::dataset::manifest::{Manifest, Written};
 use crate::run::dataset::records::{self, Records};
 use crate::run::dataset::settled;
 use crate::run::decisions::work_list::{self, Task, Work};
-use crate::run::making::anomalies::{Odd, Seen};
-use crate::run::making::attempt::{self, Tools};
+use crate::run::making::anomalies::{Anomalies, AnomalyScan};
+use crate::run::making::attempt::{Attempt, Tools};
 use crate::run::making::losses::Losses;
 use crate::run::making::queue::Queue;
-use crate::run::making::recovery::{DEVICE_REPEATS, Recovery};
+use crate::run::making::recovery::{Attempts, SceneAttempts};
 use crate::run::making::sessions::Sessions;
 use crate::run::making::times::Times;
-use crate::run::making::walk::{Sink, Walk, scene_event};
+use crate::run::making::walk::{SceneWalk, ViewSink, scene_event};
 use crate::run::making::writers::Writers;
-use crate::run::panics::unwound;
-use crate::run::progress::{Event, Reporter};
+use crate::run::progress::Reporter;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use syntable_model::check::LabelCheck;
 use syntable_model::context::{SceneContext, ViewContext};
 use syntable_model::error::{Error, Result};
 use syntable_model::product::Products;
-use syntable_model::scene::{Placed, Scene, SceneId, Settled, View};
+use syntable_model::scene::{PlacedBodies, Scene, SceneId, Settled, View};
 use syntable_model::stage::{Output, Scenes};
 use syntable_model::store::StoreFolder;
 use syntable_recipe::plan::Plan;
@@ -36,218 +35,113 @@ pub struct SceneMaker<'a> {
     pub reporter: &'a dyn Reporter,
     pub folder: &'a Folder,
     pub sessions: &'a Sessions<'a>,
-    /// What must hold in every view that is written.
+    /// Checks of every view, before it is written.
     pub checks: &'a [Arc<dyn LabelCheck>],
 }
 
-/// A scene that is made: its line of the journal, and the files of before that it keeps.
-pub struct Made {
+/// A finished scene in its staging folder: its line of the journal, its new files, and its earlier files that stay.
+pub struct MadeScene {
     pub entry: JournalEntry,
     pub kept: Manifest,
     pub written: Written,
 }
 
 impl<'a> SceneMaker<'a> {
-    /// Makes a scene in its staging folder, with as many attempts as the recipe allows. An error stops the run.
+    /// Makes a scene in its staging folder, with as many attempts as the recipe allows. Returns nothing if the scene stays as the
+    /// dataset has it, because all attempts failed.
     ///
-    /// A scene that only gets what it lacks is had from its stored outcome of settling. If what is new fails, the attempt
-    /// would have failed with it from the start: the scene is made again, by the attempts that follow. A scene that the
-    /// dataset has stays as it is if all attempts fail, and there is nothing to commit.
+    /// A scene that only lacks something is rebuilt from its stored result of settling. If the new stages fail, they would have
+    /// failed in this attempt from the start, so the next attempts make the whole scene again.
     ///
-    /// A device that fails says nothing about the scene: no attempt with other random numbers follows. A new scene fails
-    /// with the error; one that the dataset has keeps its files, and the run stops. Labels that contradict each other say
-    /// that a stage is wrong: no other attempt hides it, and what was made is put aside.
-    pub fn make<'env>(&'env self, task: &Task<'env>, queue: &Queue<'env>) -> Result<Option<Made>> {
-        let (mut errors, mut first) = (Vec::new(), 0);
-        let mut last = self.tools.recipe.dataset.max_attempts.saturating_sub(1);
-        if let Some((present, work)) = task.extend {
-            first = present.attempt;
-            errors.clone_from(&present.errors);
-            match self.attempt(task, first, (work, true), queue)? {
-                Tried::Made(mut outcome, assets) => {
-                    let written = std::mem::take(&mut outcome.written);
-                    return Ok(Some(Made {
-                        written,
-                        entry: extended(present, outcome, assets, task.whole),
-                        kept: work_list::kept(&self.folder.manifest_of(present)?, present, &task.whole.plan),
-                    }));
-                }
-                Tried::Failed(error) => {
-                    errors.push(error.to_string());
-                    if error.is_contradiction() {
-                        return Ok(None);
-                    }
-                }
+    /// # Errors
+    /// If the run shall stop.
+    pub fn make<'env>(&'env self, task: &Task<'env>, queue: &Queue<'env>) -> Result<Option<MadeScene>> {
+        let &Task { scene, is_present, whole, extend } = task;
+        let (tools, reporter) = (self.tools, self.reporter);
+        let first = extend.map_or(0, |(present, _)| present.attempt);
+        let attempts = SceneAttempts { tools, reporter, scene, first, is_present };
+        let attempt = |number: u32| match extend.filter(|_| number == first) {
+            Some((present, work)) => Ok((self.attempt(scene, number, (work, true), queue)?, Some(present))),
+            None => Ok((self.attempt(scene, number, (whole, false), queue)?, None)),
+        };
+        let Attempts { made, number, errors } = attempts.make(attempt, |error| self.aside(scene, error))?;
+        let earlier = extend.into_iter().flat_map(|(present, _)| present.errors.iter().cloned());
+        let errors: Vec<String> = earlier.chain(errors.iter().map(Error::to_string)).collect();
+        match made {
+            Some((made, Some(present))) => {
+                let kept = work_list::kept(&self.folder.manifest_of(present)?, present, &whole.plan);
+                let (written, entry) = extended(present, made, whole);
+                Ok(Some(MadeScene { entry, kept, written }))
             }
-            first += 1;
-        }
-        let kept = Manifest::default();
-        for number in first..self.tools.recipe.dataset.max_attempts {
-            match self.attempt(task, number, (task.whole, false), queue)? {
-                Tried::Made(Attempted { views, objects, odd, left_out, written }, assets) => {
-                    let outcome = outcome(views, objects, task.whole);
-                    let Odd { scene: notices, views: odd_views, .. } = odd;
-                    let (scene, attempt) = (task.scene, number);
-                    let entry = JournalEntry { scene, attempt, outcome, notices, odd_views, left_out, errors, assets };
-                    return Ok(Some(Made { entry, kept, written }));
-                }
-                Tried::Failed(error) => {
-                    errors.push(error.to_string());
-                    if error.is_device() || error.is_contradiction() {
-                        last = number;
-                        break;
-                    }
-                }
+            Some((WrittenScene { views, objects, anomalies, left_out, written, assets }, None)) => {
+                let outcome = outcome(views, objects, whole);
+                let Anomalies { scene: notices, views: odd_views, .. } = anomalies;
+                let attempt = number;
+                let entry = JournalEntry { scene, attempt, outcome, notices, odd_views, left_out, errors, assets };
+                Ok(Some(MadeScene { entry, kept: Manifest::default(), written }))
+            }
+            None if is_present => self.folder.abandon(scene).map(|()| None),
+            None => {
+                let (outcome, (notices, odd_views, left_out, assets)) = (SceneOutcome::Failed, Default::default());
+                let attempt = number;
+                let entry = JournalEntry { scene, attempt, outcome, notices, odd_views, left_out, errors, assets };
+                Ok(Some(MadeScene { entry, kept: Manifest::default(), written: Written::new() }))
             }
         }
-        if task.is_present {
-            return self.folder.abandon(task.scene).map(|()| None);
-        }
-        let (outcome, (notices, odd_views, left_out, assets)) = (SceneOutcome::Failed, Default::default());
-        let scene = task.scene;
-        let entry = JournalEntry { scene, attempt: last, outcome, notices, odd_views, left_out, errors, assets };
-        Ok(Some(Made { entry, kept, written: Written::new() }))
     }
 
-    /// One attempt at some work, from the `stored` outcome of settling if there is one. While a device fails, the same
-    /// attempt is repeated. An error stops the run.
+    /// One attempt at some work, from the `stored` result of settling if there is one.
     fn attempt<'env>(
         &'env self,
-        task: &Task<'env>,
+        scene: u32,
         number: u32,
         (work, stored): (&'env Work<'env>, bool),
         queue: &Queue<'env>,
-    ) -> Result<Tried> {
-        let scene = task.scene;
-        for repeat in 0..=DEVICE_REPEATS {
-            self.tools.running()?;
-            let staged = self.folder.stage(scene)?;
-            let assets = RecordingAssets::new(self.tools.assets);
-            let core =
-                attempt::Attempt { tools: self.tools, dataset: &work.dataset, scene: SceneId(scene), number, assets };
-            let attempt = Attempt { maker: self, work, core };
-            let error = match unwound(|| attempt.run(&staged, stored, queue)) {
-                Ok(made) => return Ok(Tried::Made(made, attempt.core.assets.into_digests())),
-                Err(error) => error,
-            };
-            self.tools.running()?;
-            // A refused asset or a full disk concerns the run, and so does what other random numbers cannot change.
-            self.tools.assets.refused()?;
-            let recovery = Recovery::of(&error, repeat);
-            // A scene that the dataset has is no worse for a device that stays away: the run stops.
-            let stops = recovery == Recovery::FailScene && error.is_device() && task.is_present;
-            if stops || recovery == Recovery::Stop {
-                return Err(error);
-            }
-            let error = if error.is_contradiction() { self.aside(scene, error)? } else { error };
-            let last = match recovery {
-                Recovery::Repeat => false,
-                Recovery::NextAttempt => number + 1 == self.tools.recipe.dataset.max_attempts,
-                Recovery::FailScene | Recovery::Stop => true,
-            };
-            self.reporter.event(&Event::Attempt { scene, attempt: number, error: error.to_string(), last });
-            if recovery != Recovery::Repeat {
-                return Ok(Tried::Failed(error));
-            }
-        }
-        unreachable!("the last repetition returns")
+    ) -> Result<WrittenScene> {
+        let staged = self.folder.stage(scene)?;
+        let assets = RecordingAssets::new(self.tools.assets);
+        let attempt = Attempt { tools: self.tools, dataset: &work.dataset, scene: SceneId(scene), number, assets };
+        let written = self.write(&attempt, work, (&staged, stored), queue)?;
+        Ok(WrittenScene { assets: attempt.assets.into_digests(), ..written })
     }
 
-    /// Puts a scene aside whose labels contradict each other.
-    fn aside(&self, scene: u32, error: Error) -> Result<Error> {
-        let folder = self.folder.quarantine(scene, &format!("{error}\n"))?;
-        let help =
-            "a stage that provides labels is wrong, and nothing of the scene was written; what was made of it is there";
-        Ok(error.in_file(folder).help(help))
-    }
-
-    fn walk<'m>(&'m self, work: &'m Work) -> Walk<'m> {
-        let Self { tools, sessions, checks, reporter, .. } = *self;
-        Walk { tools, sessions, checks, reporter, dataset: &work.dataset, plan: &work.plan }
-    }
-}
-
-/// The outcome of a scene that was made; the manifest is listed when it is committed.
-fn outcome(views: u32, objects: u32, work: &Work) -> SceneOutcome {
-    let writers = work.writers.iter().map(|(id, _)| id.clone()).collect();
-    SceneOutcome::Made { views, objects, writers, recorded: records::names(&work.plan), manifest: String::new() }
-}
-
-/// The line of a scene that got what it lacked: that of a scene that had it from the start.
-fn extended(
-    present: &JournalEntry,
-    Attempted { views, objects, odd, left_out, .. }: Attempted,
-    assets: BTreeMap<String, String>,
-    whole: &Work,
-) -> JournalEntry {
-    let mut entry = present.clone();
-    entry.outcome = outcome(views, objects, whole);
-    // What was looked at again is as it is now.
-    entry.notices.retain(|notice| !odd.looked_at.contains(notice));
-    entry.odd_views.retain(|notice, _| !odd.looked_at.contains(notice));
-    entry.notices.extend(odd.scene);
-    entry.odd_views.extend(odd.views);
-    entry.left_out.retain(|old| !left_out.iter().any(|new| new.stage == old.stage));
-    entry.left_out.extend(left_out);
-    entry.left_out.sort();
-    entry.assets.extend(assets);
-    entry
-}
-
-/// What came of an attempt.
-enum Tried {
-    /// What it gave, with the digests of the assets that it drew.
-    Made(Attempted, BTreeMap<String, String>),
-    /// Why it failed.
-    Failed(Error),
-}
-
-/// What an attempt gave.
-struct Attempted {
-    views: u32,
-    objects: u32,
-    odd: Odd,
-    left_out: Vec<Loss>,
-    written: Written,
-}
-
-/// One attempt at a scene, with what is made of it.
-struct Attempt<'m, 'a> {
-    maker: &'m SceneMaker<'a>,
-    work: &'m Work<'a>,
-    core: attempt::Attempt<'m>,
-}
-
-impl<'m> Attempt<'m, '_> {
-    fn run(&self, staged: &StoreFolder, stored: bool, queue: &Queue<'m>) -> Result<Attempted> {
-        let (maker, work, times) = (self.maker, self.work, self.maker.tools.times);
-        let losses = Arc::new(Losses::default());
-        let scene = Arc::new(self.scene(staged, stored)?);
-        let walk = maker.walk(work);
+    /// Composes the scene of an attempt, walks over it, and writes its files.
+    fn write<'env>(
+        &'env self,
+        attempt: &Attempt<'env>,
+        work: &'env Work<'env>,
+        (staged, stored): (&StoreFolder, bool),
+        queue: &Queue<'env>,
+    ) -> Result<WrittenScene> {
+        let (times, losses) = (self.tools.times, Arc::new(Losses::default()));
+        let scene = Arc::new(self.frozen(attempt, staged, stored)?);
+        let walk = self.walk(work);
         let start = |cx: &SceneContext| {
             let writers = Writers::start(work.writers.iter().copied(), cx, staged, (times, &losses))?;
-            Ok(SceneSink { writers, records: Records::default(), seen: Seen::default(), plan: &work.plan, times })
+            let (records, scan) = (Records::default(), AnomalyScan::default());
+            Ok(FileSink { writers, records, scan, plan: &work.plan, times })
         };
-        let (files, products) = walk.scene(&self.core, &scene, &losses, queue, start)?;
+        let (files, products) = walk.scene(attempt, &scene, &losses, queue, start)?;
         let mut written = files.writers.close(&walk.context(&scene), &products)?;
-        let output = Output::new(staged, records::OWNER, self.core.scene);
+        let output = Output::new(staged, records::OWNER, attempt.scene);
         times.of("records", || files.records.write(&work.plan, &products, &output))?;
         written.extend(Some((records::OWNER.to_owned(), output.files())).filter(|(_, files)| !files.is_empty()));
-        maker.reporter.event(&scene_event(&scene));
+        self.reporter.event(&scene_event(&scene));
         let (views, objects) = (work.dataset.views_per_scene, scene.objects().len() as u32);
-        Ok(Attempted { views, objects, odd: files.seen.odd(&scene), left_out: losses.all(), written })
+        let (anomalies, left_out) = (files.scan.anomalies(&scene), losses.all());
+        Ok(WrittenScene { views, objects, anomalies, left_out, written, assets: BTreeMap::new() })
     }
 
-    /// Places the bodies, and lets them come to rest or does to them what settling did before, if that is `stored`.
-    fn scene(&self, staged: &StoreFolder, stored: bool) -> Result<Scene> {
-        let (scene, number) = (self.core.scene, self.core.number);
-        let mut builder = self.core.place()?;
-        let again = if stored { settled::read(self.maker.folder.files(), scene) } else { None };
+    /// Places the bodies, and settles them, or applies the `stored` result of settling.
+    fn frozen(&self, attempt: &Attempt, staged: &StoreFolder, stored: bool) -> Result<Scene> {
+        let (scene, number) = (attempt.scene, attempt.number);
+        let mut builder = attempt.place()?;
+        let again = if stored { settled::read(self.folder.files(), scene) } else { None };
         let report = match again.map(|settled| settled.apply(&mut builder)) {
             Some(Ok(report)) => report,
             _ => {
-                let placed = Placed::of(&builder);
-                let report = self.core.settle(&mut builder)?;
+                let placed = PlacedBodies::of(&builder);
+                let report = attempt.settle(&mut builder)?;
                 if let Some(settled) = Settled::between(&placed, &builder, &report) {
                     settled::write(staged, scene, &settled)?;
                 }
@@ -256,22 +150,69 @@ impl<'m> Attempt<'m, '_> {
         };
         builder.freeze(scene, number, report)
     }
+
+    /// Moves the files of a scene whose labels contradict each other out of the dataset.
+    fn aside(&self, scene: u32, error: Error) -> Result<Error> {
+        let folder = self.folder.quarantine(scene, &format!("{error}\n"))?;
+        let help =
+            "a stage that provides labels is wrong, and nothing of the scene was written; what was made of it is there";
+        Ok(error.in_file(folder).help(help))
+    }
+
+    fn walk<'m>(&'m self, work: &'m Work) -> SceneWalk<'m> {
+        let Self { tools, sessions, checks, reporter, .. } = *self;
+        SceneWalk { tools, sessions, checks, reporter, dataset: &work.dataset, plan: &work.plan }
+    }
 }
 
-/// Writes the views of a scene, and keeps what the journal and the annotators of the dataset want of them.
-struct SceneSink<'m> {
+/// The outcome of a finished scene. The commit adds the digest of the manifest.
+fn outcome(views: u32, objects: u32, work: &Work) -> SceneOutcome {
+    let writers = work.writers.iter().map(|(id, _)| id.clone()).collect();
+    SceneOutcome::Made { views, objects, writers, recorded: records::names(&work.plan), manifest: String::new() }
+}
+
+/// The new files and the line of a scene that got what it lacked. The line equals that of a scene that had it from the start.
+fn extended(present: &JournalEntry, made: WrittenScene, whole: &Work) -> (Written, JournalEntry) {
+    let WrittenScene { views, objects, anomalies, left_out, written, assets } = made;
+    let mut entry = present.clone();
+    entry.outcome = outcome(views, objects, whole);
+    // New findings replace earlier ones.
+    entry.notices.retain(|notice| !anomalies.looked_at.contains(notice));
+    entry.odd_views.retain(|notice, _| !anomalies.looked_at.contains(notice));
+    entry.notices.extend(anomalies.scene);
+    entry.odd_views.extend(anomalies.views);
+    entry.left_out.retain(|old| !left_out.iter().any(|new| new.stage == old.stage));
+    entry.left_out.extend(left_out);
+    entry.left_out.sort();
+    entry.assets.extend(assets);
+    (written, entry)
+}
+
+/// A scene that an attempt has written.
+struct WrittenScene {
+    views: u32,
+    objects: u32,
+    anomalies: Anomalies,
+    left_out: Vec<Loss>,
+    written: Written,
+    /// Digests of the assets that it drew.
+    assets: BTreeMap<String, String>,
+}
+
+/// Writes the views of a scene, and keeps the data of the views for the journal and for annotators of the dataset.
+struct FileSink<'m> {
     writers: Writers<'m, Scenes>,
     records: Records,
-    seen: Seen,
+    scan: AnomalyScan,
     plan: &'m Plan,
     times: &'m Times,
 }
 
-impl Sink for SceneSink<'_> {
+impl ViewSink for FileSink<'_> {
     fn view(&mut self, cx: &ViewContext, view: &Arc<View>, products: &Products) -> Result<()> {
         self.writers.view(cx, products)?;
         self.times.of("records", || self.records.view(self.plan, products))?;
-        self.seen.look(view, products);
+        self.scan.look(view, products);
         Ok(())
     }
 }

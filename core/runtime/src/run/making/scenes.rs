@@ -1,4 +1,4 @@
-//! Making scenes: several in flight, each committed when it is done.
+//! Making scenes: several in flight, each committed when it is finished.
 
 use crate::pools::AssetStore;
 use crate::run::dataset::folder::Folder;
@@ -8,7 +8,8 @@ use crate::run::decisions::work_list::{Job, Task, Todo, Works};
 use crate::run::finish::{Ended, annotate_and_finish};
 use crate::run::making::attempt::Tools;
 use crate::run::making::queue::Queue;
-use crate::run::making::scene::{self, SceneMaker};
+use crate::run::making::recovery::Recovery;
+use crate::run::making::scene::{MadeScene, SceneMaker};
 use crate::run::making::sessions::{Sessions, scenes_in_flight};
 use crate::run::making::times::{RunTimes, Times};
 use crate::run::panics;
@@ -24,21 +25,27 @@ use syntable_model::error::{Error, Result};
 use syntable_recipe::Recipe;
 
 /// A dataset with the scenes that a run made.
-pub struct Made {
+pub struct MadeScenes {
     pub folder: Folder,
     pub journal: Journal,
-    /// The resolved recipe with what is locked.
+    /// The resolved recipe with its lock.
     pub resolved: String,
-    /// Number of images that are new.
+    /// Number of new images.
     pub new: u32,
-    /// Number of scenes that were there and got what they lacked.
+    /// Number of earlier scenes that were extended.
     pub grown: u32,
-    /// Number of scenes that stay as they were, since they could not be made.
+    /// Number of earlier scenes that stay as they were, because they could not be extended or repaired.
     pub lacking: u32,
 }
 
 /// Makes the scenes of a run. From here on the dataset changes.
-pub fn make(recipe: &Recipe, options: &RunOptions, pool: &Pool, reporter: &dyn Reporter, begun: Begun) -> Result<Made> {
+pub fn make(
+    recipe: &Recipe,
+    options: &RunOptions,
+    pool: &Pool,
+    reporter: &dyn Reporter,
+    begun: Begun,
+) -> Result<MadeScenes> {
     let Begun { folder, mut journal, resolved, growth, todo, assets, ahead } = begun;
     if growth.is_none() {
         journal.rewrite()?;
@@ -64,7 +71,7 @@ pub fn make(recipe: &Recipe, options: &RunOptions, pool: &Pool, reporter: &dyn R
         }
         lacking = made?;
     }
-    // A recipe by which there was no scene to make is the dataset's, too.
+    // The dataset takes the recipe even if there was no scene to make.
     folder.accept_recipe(&mut journal.lock())?;
     let journal = journal.into_inner();
     let entry_of = |scene: &u32| journal.entries().get(scene);
@@ -72,10 +79,10 @@ pub fn make(recipe: &Recipe, options: &RunOptions, pool: &Pool, reporter: &dyn R
     let new = made_ahead + whole.filter_map(|(scene, _)| entry_of(scene)).map(JournalEntry::views).sum::<u32>();
     let changed = |(scene, job): &(&u32, &Job)| job.lacks.is_some() && entry_of(scene) != job.present.as_ref();
     let grown = todo.scenes.iter().filter(changed).count() as u32;
-    Ok(Made { folder, journal, resolved, new, grown, lacking })
+    Ok(MadeScenes { folder, journal, resolved, new, grown, lacking })
 }
 
-/// Returns how many scenes stay as they were.
+/// Returns the number of scenes that stay as they were.
 fn make_scenes(
     recipe: &Recipe,
     options: &RunOptions,
@@ -93,14 +100,14 @@ fn make_scenes(
     let (next, made, lacking) = (AtomicUsize::new(0), AtomicUsize::new(0), AtomicU32::new(0));
     let (stop, tried) = (AtomicBool::new(false), AtomicBool::new(false));
     let failure: Mutex<Option<Error>> = Mutex::new(None);
-    let odd = ToldOdd::default();
-    // Scenes that failed before one was made by a recipe that adds stages: they may have failed by these.
+    let odd = ReportedNotices::default();
+    // Scenes that failed before the first success of a recipe that adds stages. The new stages may be the cause.
     let held = Mutex::new(Vec::new());
     let times = Times::default();
     let cache = &options.cache;
     let tools = Tools { recipe, assets, cache, workers: pool, log: &log, times: &times, stop: &options.stop };
     let maker = SceneMaker { tools, reporter, folder, sessions: &sessions, checks: &recipe.checks };
-    let one = |task: &Task, made: Option<scene::Made>| -> Result<()> {
+    let one = |task: &Task, made: Option<MadeScene>| -> Result<()> {
         let Some(made) = made else {
             lacking.fetch_add(1, Ordering::Relaxed);
             return Ok(());
@@ -110,14 +117,14 @@ fn make_scenes(
             return Ok(());
         }
         let entry = folder.commit(made.entry, made.kept, made.written, journal)?;
-        tell_of_scene(todo, &entry, &odd, &log);
-        // A mistake that shows at the end of a run shows after its first scene.
+        warn_of_scene(todo, &entry, &odd, &log);
+        // The trial after the first scene finds mistakes that would show at the end of the run.
         if !entry.failed() && !tried.swap(true, Ordering::SeqCst) {
             let trial = folder.stage_trial()?;
             let Ended { writers, annotators } = annotate_and_finish(recipe, &log, pool, folder, &[entry], &trial);
             folder.drop_trial()?;
             // An annotator of the dataset may need more scenes than one.
-            if let Some(error) = annotators.filter(|error| error.is_permanent() || error.is_io()) {
+            if let Some(error) = annotators.filter(|error| Recovery::of(error) == Recovery::Stop) {
                 return Err(error);
             }
             if let Some((id, error)) = writers {
@@ -168,7 +175,7 @@ fn make_scenes(
         return Err(Error::stopped(format!("stopped by {reason}: {made} of {all} scenes are done"))
             .help("the same command goes on from there"));
     }
-    // What stopped the run comes first: a full disk takes no times, either.
+    // The error that stopped the run comes first, since a full disk refuses the times as well.
     failure.into_inner().map_or(noted, Err)?;
     let (held, lacking) = (held.into_inner(), lacking.into_inner());
     let without = lacking + held.len() as u32;
@@ -185,15 +192,15 @@ fn make_scenes(
     Ok(lacking)
 }
 
-/// What was told of scenes and of single views.
+/// The notices that were reported, about scenes and about single views.
 #[derive(Default)]
-struct ToldOdd {
+struct ReportedNotices {
     scenes: Mutex<BTreeSet<Notice>>,
     views: Mutex<BTreeSet<Notice>>,
 }
 
-/// Tells what is odd about a scene, once of each sort, and whether a scene that was made again is what it was.
-fn tell_of_scene(todo: &Todo, entry: &JournalEntry, odd: &ToldOdd, log: &dyn Log) {
+/// Warns of the anomalies of a scene, once per kind, and of a scene that differs after it was made again.
+fn warn_of_scene(todo: &Todo, entry: &JournalEntry, odd: &ReportedNotices, log: &dyn Log) {
     for &notice in &entry.notices {
         if odd.scenes.lock().insert(notice) {
             log.warn(&Error::new(notice.text()).help(notice.help()).context(format!("scene {}", entry.scene)));

@@ -1,20 +1,21 @@
 //! Render sessions, lent to one scene at a time, for loading and rendering only.
 
+use crate::run::making::recovery::Recovery;
 use crate::run::panics::caught;
 use parking_lot::{Condvar, Mutex};
-use syntable_model::error::{Error, Result};
+use syntable_model::error::Result;
 use syntable_model::stage::{RenderSession, Renderer};
 use syntable_recipe::Recipe;
 
 /// As many sessions as there are scenes in flight, or fewer if there are fewer devices.
 pub struct Sessions<'a> {
     renderer: &'a dyn Renderer,
-    free: Mutex<Vec<Device>>,
+    free: Mutex<Vec<SessionSlot>>,
     returned: Condvar,
 }
 
-/// A device of the renderer, with its session if that is sound.
-struct Device {
+/// A device of the renderer, with its session unless that failed.
+struct SessionSlot {
     index: usize,
     session: Option<Box<dyn RenderSession>>,
 }
@@ -30,15 +31,15 @@ impl<'a> Sessions<'a> {
     /// Opens the sessions for a number of scenes in flight.
     pub fn open(renderer: &'a dyn Renderer, in_flight: usize) -> Result<Self> {
         let count = renderer.max_sessions().map_or(in_flight, |max| in_flight.min(max.max(1)));
-        let open = |index| Ok(Device { index, session: Some(open(renderer, index)?) });
+        let open = |index| Ok(SessionSlot { index, session: Some(open(renderer, index)?) });
         let free = (0..count).map(open).collect::<Result<_>>()?;
         Ok(Self { renderer, free: Mutex::new(free), returned: Condvar::new() })
     }
 
-    /// Waits for a session and lends it. One that fails is closed, and opened anew for the next scene. If its device
-    /// failed, so are those that nobody uses: they may share it.
+    /// Waits for a session and lends it. A session that fails is closed, and opened again for the next scene. If its device
+    /// failed, the unused sessions are closed as well, because they may share the device.
     pub fn with<T>(&self, work: impl FnOnce(&mut dyn RenderSession) -> Result<T>) -> Result<T> {
-        let Device { index, session } = {
+        let SessionSlot { index, session } = {
             let mut free = self.free.lock();
             loop {
                 match free.pop() {
@@ -55,10 +56,10 @@ impl<'a> Sessions<'a> {
             Err(error) => (None, Err(error)),
         };
         let mut free = self.free.lock();
-        if result.as_ref().is_err_and(Error::is_passing) {
+        if result.as_ref().is_err_and(|error| Recovery::of(error) == Recovery::Repeat) {
             free.iter_mut().for_each(|device| device.session = None);
         }
-        free.push(Device { index, session });
+        free.push(SessionSlot { index, session });
         drop(free);
         self.returned.notify_one();
         result
@@ -75,17 +76,18 @@ mod tests {
     use std::sync::Arc;
     use std::sync::atomic::{AtomicUsize, Ordering};
     use syntable_model::context::Workers;
+    use syntable_model::error::Error;
     use syntable_model::product::{KeyId, Products};
     use syntable_model::scene::Scene;
     use syntable_model::stage::RenderRequest;
 
     /// Two devices; `opened` counts the sessions of each.
     #[derive(Default)]
-    struct Counting {
+    struct CountingRenderer {
         opened: [AtomicUsize; 2],
     }
 
-    impl Renderer for Counting {
+    impl Renderer for CountingRenderer {
         fn offers(&self) -> Vec<KeyId> {
             Vec::new()
         }
@@ -94,16 +96,16 @@ mod tests {
         }
         fn open(&self, index: usize) -> Result<Box<dyn RenderSession>> {
             let before = self.opened[index].fetch_add(1, Ordering::SeqCst);
-            if before == 1 { Err(Error::new("the device is not back yet")) } else { Ok(Box::new(Idle)) }
+            if before == 1 { Err(Error::new("the device is not back yet")) } else { Ok(Box::new(IdleSession)) }
         }
         fn cost(&self) -> String {
             String::new()
         }
     }
 
-    struct Idle;
+    struct IdleSession;
 
-    impl RenderSession for Idle {
+    impl RenderSession for IdleSession {
         fn load(&mut self, _: &Arc<Scene>, _: &dyn Workers) -> Result<()> {
             Ok(())
         }
@@ -114,7 +116,7 @@ mod tests {
 
     #[test]
     fn a_session_that_failed_is_opened_anew() {
-        let renderer = Counting::default();
+        let renderer = CountingRenderer::default();
         let opened = || renderer.opened.each_ref().map(|count| count.load(Ordering::SeqCst));
         let sessions = Sessions::open(&renderer, 5).expect("opens");
         assert_eq!(opened(), [1, 1]);

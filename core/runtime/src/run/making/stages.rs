@@ -1,4 +1,4 @@
-//! Runs the stages of a plan on products: each is lent what it reads, and must give what it provides.
+//! Runs the stages of a plan. Each stage gets the products that it reads, and must make all that it provides.
 
 use crate::run::making::attempt::{keep, provided};
 use crate::run::making::losses::{Losses, StageLog};
@@ -6,14 +6,14 @@ use crate::run::making::times::Times;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use syntable_model::check::LabelCheck;
-use syntable_model::context::{ImageContext, SceneContext, ViewContext};
+use syntable_model::context::{FrameContext, ImageContext, SceneContext, ViewContext};
 use syntable_model::error::{Error, Result};
-use syntable_model::product::{KeyId, Products, RenderParameters};
+use syntable_model::product::{Framing, KeyId, Products};
 use syntable_model::random::Stream;
 use syntable_model::stage::ViewProducts;
 use syntable_recipe::plan::{Plan, PlannedStage, Producer};
 
-/// Runs all producers of a view. What they leave out is added to `losses`.
+/// Runs all producers of a view. Adds what they leave out to `losses`.
 pub fn annotate(
     times: &Times,
     losses: &Losses,
@@ -30,7 +30,9 @@ pub fn annotate(
             Producer::Sensor(sensor) => sensor.sense(cx, &sensing[&stage.stage], lent),
             Producer::Image(annotator) => annotator.annotate(cx, lent),
             Producer::View(annotator) => annotator.annotate(cx, lent),
-            Producer::Scene(_) | Producer::Dataset(_) => unreachable!("the plan sorts producers by scope"),
+            Producer::Frame(_) | Producer::Scene(_) | Producer::Dataset(_) => {
+                unreachable!("the plan sorts producers by scope")
+            }
         };
         let made = lend(times, stage, products, run)?;
         keep(plan, made, products)?;
@@ -39,26 +41,26 @@ pub fn annotate(
     Ok(())
 }
 
-/// Runs a stage that replaces products on objects by themselves, as on the image.
+/// Runs a stage that replaces products on images of single objects.
 fn run_of_objects(
     times: &Times,
     stage: &PlannedStage,
     run: impl FnOnce(&mut Products) -> Result<()>,
-    parameters: RenderParameters,
+    framing: Framing,
     products: &mut Products,
 ) -> Result<()> {
-    let own = |key: &KeyId| key.with(parameters);
-    let mut of_image = products.only(&stage.reads.iter().map(|key| own(key).name).collect::<Vec<_>>());
+    let own = |key: &KeyId| key.framed(framing);
+    let mut of_image = products.only(&stage.reads.iter().map(own).collect::<Vec<_>>());
     for key in &stage.reads {
         of_image.rename(own(key), *key)?;
     }
     let replaced: Vec<KeyId> = stage.replaces.iter().filter(|it| it.of_objects).map(|it| it.product).collect();
-    let mut made = lend(times, stage, &of_image, run)?.only(&replaced.iter().map(|key| key.name).collect::<Vec<_>>());
+    let mut made = lend(times, stage, &of_image, run)?.only(&replaced);
     replaced.iter().try_for_each(|key| made.rename(*key, own(key)))?;
     products.extend(made)
 }
 
-/// Runs all producers of an image that was read: annotators that see products alone.
+/// Runs all producers of an image that was read. These are annotators that need only products.
 pub fn annotate_image(
     times: &Times,
     losses: &Losses,
@@ -77,7 +79,7 @@ pub fn annotate_image(
     Ok(())
 }
 
-/// Makes all checks on a view.
+/// Applies all checks to a view.
 pub fn check(checks: &[Arc<dyn LabelCheck>], products: &Products) -> Result<()> {
     let of = |check: &Arc<dyn LabelCheck>| -> Result<Option<String>> {
         let faults = check.run(products)?;
@@ -102,14 +104,31 @@ pub fn run_in_scene(
     products.extend(made)
 }
 
-/// Lends a producer what it declares to read, and returns what it made, which is what it declares to provide.
+/// Runs an annotator of one moment of a scene.
+pub fn run_in_frame(
+    times: &Times,
+    losses: &Losses,
+    stage: &PlannedStage,
+    cx: &FrameContext,
+    products: &mut Products,
+) -> Result<()> {
+    let Producer::Frame(annotator) = &*stage.producer else { unreachable!("the plan sorts producers by scope") };
+    let log = StageLog { log: cx.log, losses, stage: &stage.stage };
+    let made = lend(times, stage, products, |lent| annotator.annotate(&cx.with_log(&log), lent))?;
+    products.extend(made)
+}
+
+/// Gives a producer the products that it reads, and returns the products that it made.
+///
+/// # Errors
+/// If the producer fails, or makes other products than it declares.
 pub fn lend(
     times: &Times,
     stage: &PlannedStage,
     products: &Products,
     make: impl FnOnce(&mut Products) -> Result<()>,
 ) -> Result<Products> {
-    let lent = products.only(&stage.reads.iter().map(|key| key.name).collect::<Vec<_>>());
+    let lent = products.only(&stage.reads);
     let mut filled = lent.clone();
     times.of(&stage.stage, || make(&mut filled))?;
     let made = filled.without(&lent);

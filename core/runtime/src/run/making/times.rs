@@ -1,4 +1,4 @@
-//! How long stages work, and what a dataset remembers of it.
+//! The working times of stages, and their record in a dataset.
 
 use crate::run::dataset::{foreign, layout};
 use crate::run::panics::caught;
@@ -9,28 +9,28 @@ use std::time::Instant;
 use syntable_model::error::Result;
 use syntable_model::store::StoreFolder;
 
-/// How often a stage worked, and how long altogether.
+/// Number of calls of a stage, and their total time.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct Worked {
     /// Calls.
     pub calls: u64,
-    /// Seconds of all calls by the clock on the wall. Calls may overlap, and a stage may use several threads.
+    /// Wall-clock seconds of all calls. Calls may overlap, and a stage may use several threads.
     pub seconds: f64,
 }
 
-/// A line of `.syntable/times.jsonl`: what a run that made scenes, or let them grow, took. The file is no part of what a recipe
-/// makes, and the only one of a dataset that differs from run to run.
+/// A line of `.syntable/times.jsonl`: the times of a run that made or extended scenes. It is the only file of a dataset that differs
+/// from run to run.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct RunTimes {
-    /// Scenes that were made or grew.
+    /// Number of scenes that were made or extended.
     pub scenes: u32,
-    /// Threads.
+    /// Number of threads.
     pub threads: usize,
-    /// What rendered, as `syntable doctor` names it.
+    /// The devices that rendered, as `syntable doctor` names them.
     pub devices: Vec<String>,
-    /// Seconds of making the scenes by the clock on the wall.
+    /// Wall-clock seconds of making the scenes.
     pub seconds: f64,
-    /// The work of stages, by stage.
+    /// The working times of stages, by stage.
     pub stages: BTreeMap<String, Worked>,
 }
 
@@ -41,19 +41,20 @@ impl RunTimes {
         dataset.append(&layout::times(), line.as_bytes())
     }
 
-    /// The lines of a dataset's file, in order; none if there is no file. A line that cannot be read is left out.
+    /// The lines of a dataset's file, in order, without unreadable ones. Empty if there is no file.
     pub fn of_dataset(dataset: impl Into<StoreFolder>) -> Result<Vec<Self>> {
         let bytes = foreign::read(&dataset.into(), &layout::times())?;
         Ok(bytes.split(|byte| *byte == b'\n').filter_map(|it| serde_json::from_slice(it).ok()).collect())
     }
 }
 
-/// The work of the stages of a run, by stage as errors name it: `place.objects`, `settle`, `render`, `annotate.masks`.
+/// The working times of the stages of a run, by the stage's name in errors: `place.objects`, `settle`, `render`,
+/// `annotate.masks`.
 #[derive(Debug, Default)]
 pub struct Times(Mutex<BTreeMap<String, Worked>>);
 
 impl Times {
-    /// Runs a stage; a panic becomes an error, and errors say where they are from.
+    /// Runs a stage. A panic becomes an error, and errors name the stage.
     pub fn of<T>(&self, stage: &str, work: impl FnOnce() -> Result<T>) -> Result<T> {
         let start = Instant::now();
         let result = caught(stage, work);
@@ -66,7 +67,7 @@ impl Times {
         result
     }
 
-    /// What was measured.
+    /// The times so far.
     pub fn all(&self) -> BTreeMap<String, Worked> {
         self.0.lock().clone()
     }

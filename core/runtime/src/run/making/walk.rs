@@ -1,11 +1,12 @@
-//! The walk over a scene: what is made of it before its views, of each view, and after them. What becomes of the products is
-//! up to a [`Sink`]: a run writes files, a generator keeps samples.
+//! The walk over a scene: annotators before its views, then of each moment and each view, and annotators after the views. A
+//! [`ViewSink`] gets the products: a run writes files, a generator keeps samples.
 //!
-//! A scene's thread borrows a render session and hands each rendered view to the queue, where it is denoised, sensed, annotated
-//! and checked while the next view is rendered. The sink gets views in order, and the error of a walk is the error of its first
-//! failing view, so nothing depends on the scheduling.
+//! A scene's thread borrows a render session and hands each rendered view to the queue, which denoises, senses, annotates and
+//! checks it while the next view is rendered. The sink gets views in order, and a walk reports the error of its first failing
+//! view, so nothing depends on the scheduling.
 
-use crate::run::making::attempt::{self, PosedSession, Tools};
+use crate::run::making::attempt::{Attempt, PosedSession, Tools};
+use crate::run::making::frames::Frames;
 use crate::run::making::losses::Losses;
 use crate::run::making::queue::Queue;
 use crate::run::making::sessions::Sessions;
@@ -18,20 +19,20 @@ use std::sync::Arc;
 use syntable_model::check::LabelCheck;
 use syntable_model::context::{DatasetContext, SceneContext, ViewContext};
 use syntable_model::error::{Error, Result};
-use syntable_model::product::{Name, Products, Scope};
+use syntable_model::product::{KeyId, Products};
 use syntable_model::random::Stream;
 use syntable_model::scene::{Scene, View, ViewId};
 use syntable_model::stage::{DatasetInfo, ViewProducts};
 use syntable_recipe::plan::Plan;
 
-/// The event of a scene that is done.
+/// The event of a finished scene.
 pub fn scene_event(scene: &Scene) -> Event {
     let (removed, objects) = (scene.settle.removed.len() as u32, scene.objects().len() as u32);
     Event::Scene { scene: scene.id.0, objects, removed }
 }
 
-/// Takes what is made of a scene.
-pub trait Sink: Send {
+/// Takes the views of a scene.
+pub trait ViewSink: Send {
     /// Takes a view with all products of the plan. Views come in order.
     ///
     /// # Errors
@@ -39,21 +40,21 @@ pub trait Sink: Send {
     fn view(&mut self, cx: &ViewContext, view: &Arc<View>, products: &Products) -> Result<()>;
 }
 
-/// What walks over scenes have in common.
+/// The walk over scenes, without the scene.
 #[derive(Clone, Copy)]
-pub struct Walk<'m> {
+pub struct SceneWalk<'m> {
     pub tools: Tools<'m>,
     pub sessions: &'m Sessions<'m>,
-    /// What must hold in every view.
+    /// Checks of every view.
     pub checks: &'m [Arc<dyn LabelCheck>],
     pub reporter: &'m dyn Reporter,
     /// The dataset, with the number of views of the scene.
     pub dataset: &'m DatasetInfo,
-    /// What is computed.
+    /// The products to compute.
     pub plan: &'m Plan,
 }
 
-impl<'m> Walk<'m> {
+impl<'m> SceneWalk<'m> {
     /// The context of a scene.
     pub fn context<'s>(&self, scene: &'s Scene) -> SceneContext<'s>
     where
@@ -63,14 +64,14 @@ impl<'m> Walk<'m> {
         DatasetContext::new(self.dataset, workers, log).with_cache(cache).scene(scene)
     }
 
-    /// Walks over a frozen scene. `start` makes the sink when the first view is to be rendered. Gives the sink, and the products
-    /// of the scene.
+    /// Walks over a frozen scene. `start` makes the sink before the first view is rendered. Returns the sink, and the products of
+    /// the scene.
     ///
     /// # Errors
     /// The error of the first view that fails, or of a stage of the scene.
-    pub fn scene<S: Sink + 'm>(
+    pub fn scene<S: ViewSink + 'm>(
         self,
-        core: &attempt::Attempt<'m>,
+        core: &Attempt<'m>,
         scene: &Arc<Scene>,
         losses: &Arc<Losses>,
         queue: &Queue<'m>,
@@ -85,26 +86,27 @@ impl<'m> Walk<'m> {
             .map(|number| core.view(scene, ViewId(number)).map(Arc::new))
             .collect::<Result<_>>()?;
         let line = Arc::new(ViewLine::new(start(&cx)?, losses));
-        let (sink, kept) = self.render(core, scene, &views, line, (&products, queue))?;
+        let frames = Frames::new(self.plan, &products, (times, losses));
+        let (sink, kept) = self.render(core, scene, &views, line, (frames, queue))?;
         for stage in &self.plan.after_views {
-            let reads: Vec<Name> = stage.reads.iter().map(|key| key.name).collect();
-            let lent: Vec<ViewProducts> = kept
-                .iter()
-                .map(|view| ViewProducts { view: Arc::clone(&view.view), products: view.products.only(&reads) })
-                .collect();
+            let lend = |it: &ViewProducts| ViewProducts {
+                view: Arc::clone(&it.view),
+                products: it.products.only(&stage.reads),
+            };
+            let lent: Vec<ViewProducts> = kept.iter().map(lend).collect();
             run_in_scene(times, losses, stage, &cx, &lent, &mut products)?;
         }
         Ok((sink, products))
     }
 
-    /// Renders the views, and sees each through to the sink. Gives the sink, and what annotators after the views read.
-    fn render<S: Sink + 'm>(
+    /// Renders the views, and brings each to the sink. Returns the sink, and the products that annotators after the views read.
+    fn render<S: ViewSink + 'm>(
         self,
-        core: &attempt::Attempt<'m>,
+        core: &Attempt<'m>,
         scene: &Arc<Scene>,
         views: &[Arc<View>],
         line: Arc<ViewLine<S>>,
-        (of_scene, queue): (&Products, &Queue<'m>),
+        (mut frames, queue): (Frames, &Queue<'m>),
     ) -> Result<(S, Vec<ViewProducts>)> {
         let after = |view: &View| views.get(view.id.0 as usize + 1).cloned();
         let follow = |view: &Arc<View>, products: Products| {
@@ -115,12 +117,13 @@ impl<'m> Walk<'m> {
             queue.add(move || line.follow(self, &scene, views, products, &sensing));
         };
         let next = || if line.has_failed() { Ok(false) } else { self.tools.running().map(|()| true) };
+        let mut before = |view: &View| frames.products(&self.context(&scene.at(view.moment)), view.moment);
         let render = || {
             if self.plan.rendered.is_empty() {
-                // Nothing of it needs an image: neither does it need a session.
+                // Without rendered products, the scene needs no session.
                 return views.iter().try_for_each(|view| {
                     if next()? {
-                        follow(view, of_scene.clone());
+                        follow(view, before(view)?);
                     }
                     Ok(())
                 });
@@ -132,22 +135,22 @@ impl<'m> Walk<'m> {
                     if !next()? {
                         break;
                     }
-                    let mut products = of_scene.clone();
+                    let mut products = before(view)?;
                     core.render_view(self.plan, &mut posed, (view, after(view).as_deref()), &mut products)?;
                     follow(view, products);
                 }
                 Ok(())
             })
         };
-        // Whatever becomes of it, views that were handed over are waited for: the sink still takes them.
+        // Even after an error, the sink takes the views that were handed over.
         let rendered = unwound(render);
-        // The first failing view speaks for the attempt; the renderer's own error is of a later one.
+        // The attempt reports the first failing view. An error of the renderer is of a later one.
         let taken = line.join()?;
         rendered.map(|()| taken)
     }
 }
 
-/// The views of a scene on their way from the renderer to the sink: annotated at once, taken in order.
+/// The views of a scene on their way from the renderer to the sink, annotated in any order and taken in theirs.
 struct ViewLine<S> {
     losses: Arc<Losses>,
     state: Mutex<ViewLineState<S>>,
@@ -155,19 +158,19 @@ struct ViewLine<S> {
 }
 
 struct ViewLineState<S> {
-    /// Views that were handed over.
+    /// Number of views that were handed over.
     announced: u32,
     /// The next view to take.
     next: u32,
     /// The error of the first failing view.
     failure: Option<Error>,
-    /// Gone once all views were taken.
+    /// `None` after the last view.
     sink: Option<S>,
-    /// What the annotators after the views read.
+    /// The products that annotators after the views read.
     kept: Vec<ViewProducts>,
 }
 
-impl<S: Sink> ViewLine<S> {
+impl<S: ViewSink> ViewLine<S> {
     fn new(sink: S, losses: &Arc<Losses>) -> Self {
         let state = ViewLineState { announced: 0, next: 0, failure: None, sink: Some(sink), kept: Vec::new() };
         Self { losses: Arc::clone(losses), state: Mutex::new(state), moved: Condvar::new() }
@@ -181,10 +184,10 @@ impl<S: Sink> ViewLine<S> {
         self.state.lock().announced += 1;
     }
 
-    /// Denoises, senses, annotates and checks a view, waits until it is its turn, and hands it to the sink.
+    /// Denoises, senses, annotates and checks a view, waits for its turn, and hands it to the sink.
     fn follow(
         &self,
-        walk: Walk,
+        walk: SceneWalk,
         scene: &Scene,
         (view, next): (Arc<View>, Option<Arc<View>>),
         mut products: Products,
@@ -217,7 +220,7 @@ impl<S: Sink> ViewLine<S> {
         self.moved.notify_all();
     }
 
-    /// Waits for all views that were handed over.
+    /// Waits until the sink has taken all views that were handed over.
     fn join(&self) -> Result<(S, Vec<ViewProducts>)> {
         let mut state = self.state.lock();
         while state.next != state.announced {
@@ -231,10 +234,10 @@ impl<S: Sink> ViewLine<S> {
     }
 }
 
-/// What annotators after the views read of a view.
+/// The products of a view and its moment that annotators after the views read.
 fn kept(plan: &Plan, view: &Arc<View>, products: &Products) -> Option<ViewProducts> {
     let reads = plan.after_views.iter().flat_map(|stage| &stage.reads);
-    let names: Vec<Name> = reads.filter(|key| key.scope == Scope::View).map(|key| key.name).collect();
-    let view = || ViewProducts { view: Arc::clone(view), products: products.only(&names) };
-    (!names.is_empty()).then(view)
+    let keys: Vec<KeyId> = reads.filter(|key| key.scope.comes_with_view()).copied().collect();
+    let view = || ViewProducts { view: Arc::clone(view), products: products.only(&keys) };
+    (!keys.is_empty()).then(view)
 }

@@ -43,7 +43,7 @@ impl<'m, S: Subject> Writers<'m, S> {
         self.view_of(cx, |reads| Ok(products.only(reads)))
     }
 
-    /// Writes a view of which each writer is lent what `lend` gives for the names of the products that it reads.
+    /// Writes a view. Each writer gets the products that `lend` returns for the names that it reads.
     pub fn view_of(&mut self, cx: &S::View<'_>, lend: impl Fn(&[String]) -> Result<Products>) -> Result<()> {
         self.0.iter_mut().try_for_each(|Writing { stage, reads, writer, times, losses, .. }| {
             let log = StageLog { log: S::image(cx).log, losses, stage };
@@ -52,7 +52,7 @@ impl<'m, S: Subject> Writers<'m, S> {
         })
     }
 
-    /// Ends the files of the scene, and says whose they are.
+    /// Ends the files of the scene. Returns them by writer.
     pub fn close(self, cx: &S::Scene<'_>, products: &Products) -> Result<Written> {
         let close = |Writing { stage, reads, writer, output, times, losses }: Writing<'m, S>| {
             let log = StageLog { log: S::images(cx).log, losses: &losses, stage: &stage };

@@ -8,7 +8,7 @@ use syntable_formats::encode::json_shard;
 use syntable_formats::include::Included;
 use syntable_formats::writer::ImageWriter;
 use syntable_model::prelude::*;
-use syntable_model::product::{Name, Scope};
+use syntable_model::product::Scope;
 
 /// Writes any products as JSON Lines.
 ///
@@ -80,8 +80,8 @@ impl ImageWriter for Jsonl {
                 record = Map::from_iter([("scene".to_owned(), cx.scene_id.0.into())].into_iter().chain(record));
                 // What is known before the views is in each line, in the order of `include`.
                 for key in include.names().filter_map(|name| products.key(name)) {
-                    scene.written.insert(key.name);
-                    let name = key.name.to_string();
+                    let name = key.to_string();
+                    scene.written.insert(name.clone());
                     let value = encoded(products, &name)?;
                     record.insert(name, value);
                 }
@@ -105,7 +105,7 @@ impl ImageWriter for Jsonl {
                 json_shard::push_line(&mut scene.lines, &line)?;
             }
             LinePer::View => {
-                of_scene.retain(|name, _| !scene.written.iter().any(|written| written == name));
+                of_scene.retain(|name, _| !scene.written.contains(name));
                 if !of_scene.is_empty() {
                     line.extend(of_scene);
                     json_shard::push_line(&mut scene.lines, &line)?;
@@ -147,7 +147,7 @@ pub struct Lines {
     /// Finished lines of the shard.
     lines: Vec<u8>,
     /// The products of the scene that the lines of the views have.
-    written: BTreeSet<Name>,
+    written: BTreeSet<String>,
     /// The views of the scene's own line.
     views: Vec<Json>,
 }

@@ -124,7 +124,7 @@ pub fn image(cx: &ImageContext, products: &Products, labels: &Labels) -> Result<
         scene_id: Some(cx.scene_id.0),
         view_id: Some(cx.view_id.0),
         instance_ids: Some(labels.ids().iter().map(|id| id.0).collect()),
-        depth_unit_mm: products.contains(&DEPTH.id().name).then_some(1),
+        depth_unit_mm: products.contains(&DEPTH.id()).then_some(1),
         camera: found(products, CAMERA)?,
         exposure: found(products, EXPOSURE)?,
         denoiser: found(products, DENOISER)?,

@@ -81,9 +81,9 @@ impl Config for Webdataset {
 
 impl Writer for Webdataset {
     fn reads(&self) -> Vec<Input> {
-        let of_view = |key: &KeyId| match key.scope {
-            Scope::View => Ok(()),
-            _ => Err("a sample is a view; write it with jsonl".to_owned()),
+        let of_view = |key: &KeyId| match key.scope.comes_with_view() {
+            true => Ok(()),
+            false => Err("a sample is a view; write it with jsonl".to_owned()),
         };
         self.include.inputs(Accepts::If(of_view))
     }

@@ -109,7 +109,7 @@ fn value_of(product: &str, parts: &BTreeMap<&str, &Member>) -> Result<Value> {
 
 /// A float image, whose channels are named after what it is.
 fn exr_of(product: &str, content: &Content) -> Result<Value> {
-    let key = linked().into_iter().find(|key| key.name == *product);
+    let key = linked().into_iter().find(|key| key.is(product));
     let coding = key.and_then(|key| exr::Coding::of(&Kind::of_key(&key)).ok());
     let coding = coding.ok_or_else(|| content.refuse(format!("`{product}` is no product of a float image")))?;
     let decoded = content.guarded("the library that decodes EXR", || coding.decode(content.bytes()));

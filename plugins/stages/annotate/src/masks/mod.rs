@@ -7,7 +7,8 @@ pub use sweep::{ObjectMasks, Sweep, area_outside, sweep};
 use crate::CANVAS;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{
-    AMODAL_MASK, COVERAGE, INSTANCE, LABEL_POLICY, OCCLUSION_MASK, OCCLUSION_ORDER, OCCLUSION_RATE, VISIBLE_MASK,
+    AMODAL_MASK, COVERAGE, COVERAGE_BEFORE_SUPPORT, INSTANCE, LABEL_POLICY, OCCLUSION_MASK, OCCLUSION_ORDER,
+    OCCLUSION_RATE, VISIBLE_MASK,
 };
 use syntable_model::product::{BitPlane, OcclusionOrder};
 
@@ -61,7 +62,7 @@ impl TableAndRoom {
     pub(crate) fn coverage(self) -> Key<BitPlane> {
         match self {
             Self::Occlude => COVERAGE,
-            Self::Clip => COVERAGE.before_support(),
+            Self::Clip => COVERAGE_BEFORE_SUPPORT,
         }
     }
 }

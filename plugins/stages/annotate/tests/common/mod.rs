@@ -7,7 +7,8 @@ use syntable_model::context::{Collected, DatasetContext, SceneContext, Serial, V
 use syntable_model::digest::Digest;
 use syntable_model::geometry::{Point3, Vector3, look_at};
 use syntable_model::prelude::*;
-use syntable_model::product::{BitPlane, Plane, RenderParameters};
+use syntable_model::product::standard::COVERAGE_BEFORE_SUPPORT;
+use syntable_model::product::{BitPlane, Key, Plane};
 use syntable_model::registry::{Registry, Slot, Stage};
 use syntable_model::scene::{
     AssetRef, BodyDraft, Camera, Exposure, Intrinsics, MassOrigin, MassProperties, Material, Mesh, MeshData, Moment,
@@ -199,8 +200,10 @@ impl Rays {
         })
     }
 
-    pub fn coverage(&self, RenderParameters { canvas, before_support, .. }: RenderParameters) -> BitPlane {
-        let [mx, my] = if canvas == 1 { [0, 0] } else { self.margin };
+    /// One of the products `coverage` and `coverage_before_support`, on the image or with the margin.
+    pub fn coverage(&self, key: Key<BitPlane>) -> BitPlane {
+        let before_support = key.name() == COVERAGE_BEFORE_SUPPORT.name();
+        let [mx, my] = if key.id().framing.canvas() == 1 { [0, 0] } else { self.margin };
         let mut plane = BitPlane::new((self.width + 2 * mx) as u32, (self.height + 2 * my) as u32, self.objects);
         for y in -my..self.height + my {
             for x in -mx..self.width + mx {

@@ -22,13 +22,13 @@ pub fn denoise(denoiser: &dyn Denoiser, products: &Products, workers: &dyn Worke
     let (dataset, scene) = (scenes::dataset(), scenes::boxes(&[([0.0, 0.0, 0.5], [1.0; 3])]));
     let (view, log) = (scenes::view([0.0, -1.0, 1.0], [0.0; 3], [8, 8], 60.0), Collected::default());
     let cx = DatasetContext::new(&dataset, workers, &log).scene(&scene).view(&view);
-    let names: Vec<_> = denoiser.reads().iter().map(|key| key.name).collect();
+    let names: Vec<_> = denoiser.reads().iter().map(|key| key.product_id()).collect();
     let lent = products.only(&names);
     let mut filled = lent.clone();
     denoiser.denoise(&cx, &mut filled)?;
     let made = filled.without(&lent);
     let mut provided = denoiser.provides();
-    provided.sort_by_key(|key| key.name);
+    provided.sort_by_key(|key| key.product_id());
     assert_eq!(made.keys(), provided, "it makes other products than it declares");
     Ok(made)
 }
@@ -48,7 +48,7 @@ impl Room {
     /// The noisy image with all guides.
     pub fn render(&self, samples_per_pixel: u32, seed: u64) -> Products {
         // What the filter reads, under the renderer's names.
-        let of_renderer = |key: KeyId| if key.name == RADIANCE_NOISY.id().name { RADIANCE.id() } else { key };
+        let of_renderer = |key: KeyId| if key == RADIANCE_NOISY.id() { RADIANCE.id() } else { key };
         let wants: Vec<KeyId> = Guided::default().reads().into_iter().map(of_renderer).collect();
         // As recipes have it: caustics converge too slowly for a reference.
         let options = PathTracing { samples_per_pixel, regularize: 0.3, ..PathTracing::default() };

@@ -11,7 +11,7 @@ use syntable_model::scene::Role;
 use syntable_model::stage::{Bodies, Window};
 use syntable_transport::PathTracing;
 
-const LABELS: [KeyId; 4] = [DEPTH.id(), INSTANCE.id(), COVERAGE.id(), COVERAGE.before_support().id()];
+const LABELS: [KeyId; 4] = [DEPTH.id(), INSTANCE.id(), COVERAGE.id(), COVERAGE_BEFORE_SUPPORT.id()];
 
 /// Depth of the first triangle of each body on the ray through (u, v), in f64 (Möller and Trumbore). None of the
 /// scenes here has an edge within 1e-6 of a pixel's center ray.
@@ -42,8 +42,7 @@ fn check(scene: &Arc<Scene>, view: &View) -> Products {
     let (width, height) = (view.camera.intrinsics.width as i32, view.camera.intrinsics.height as i32);
     let objects = scene.objects().len();
     let canvas = canvas(scene, view);
-    let (wide, wide_before) =
-        (canvas.get(COVERAGE).expect("made"), canvas.get(COVERAGE.before_support()).expect("made"));
+    let (wide, wide_before) = (canvas.get(COVERAGE).expect("made"), canvas.get(COVERAGE_BEFORE_SUPPORT).expect("made"));
     for y in -height..2 * height {
         for x in -width..2 * width {
             let (column, row) = ((x + width) as u32, (y + height) as u32);
@@ -69,7 +68,7 @@ fn check(scene: &Arc<Scene>, view: &View) -> Products {
                 // What is seen is covered, exactly.
                 if (1..=objects).contains(&usize::from(id.0)) {
                     let contains = |key: Key<BitPlane>| frame.get(key).expect("made").contains(x as u32, y as u32, id);
-                    assert!(contains(COVERAGE) && contains(COVERAGE.before_support()));
+                    assert!(contains(COVERAGE) && contains(COVERAGE_BEFORE_SUPPORT));
                 }
             }
         }
@@ -103,7 +102,7 @@ fn stacked_boxes_on_a_table() {
     let count =
         |id| (0..47).flat_map(|y| (0..61).map(move |x| (x, y))).filter(|&(x, y)| coverage.contains(x, y, id)).count();
     assert!(count(InstanceId(1)) > 200 && count(InstanceId(2)) > 80 && count(InstanceId(3)) > 5);
-    let before = frame.get(COVERAGE.before_support()).expect("made");
+    let before = frame.get(COVERAGE_BEFORE_SUPPORT).expect("made");
     assert!((0..47).all(|y| (0..61).all(|x| !before.contains(x, y, InstanceId(3)))));
 }
 
@@ -122,7 +121,7 @@ fn a_distractor_hides_and_does_not_cut() {
             pixels.iter().filter(|&&(x, y)| plane.contains(x, y, id)).count()
         };
         let visible = frame.get(INSTANCE).expect("made").data().iter().filter(|&&seen| seen == id).count();
-        [visible, covered(COVERAGE), covered(COVERAGE.before_support())]
+        [visible, covered(COVERAGE), covered(COVERAGE_BEFORE_SUPPORT)]
     };
     let [visible, covered, before] = seen(Role::Distractor);
     assert!(0 < visible && visible < covered && before == covered, "{visible} {covered} {before}");
@@ -238,7 +237,7 @@ fn of_surfaces_at_the_same_depth_the_object_is_in_front() {
     for y in 0..16 {
         for x in 0..16 {
             let covered = frame.get(COVERAGE).expect("made").contains(x, y, InstanceId(1));
-            let before = frame.get(COVERAGE.before_support()).expect("made").contains(x, y, InstanceId(1));
+            let before = frame.get(COVERAGE_BEFORE_SUPPORT).expect("made").contains(x, y, InstanceId(1));
             let visible = seen.at(x, y).0 == 1;
             assert!(!visible || (covered && before), "({x}, {y})");
             count += usize::from(covered);

@@ -19,7 +19,7 @@ const PIXELS: [KeyId; 7] = [
     DEPTH.id(),
     INSTANCE.id(),
     COVERAGE.id(),
-    COVERAGE.before_support().id(),
+    COVERAGE_BEFORE_SUPPORT.id(),
     NORMAL.id(),
 ];
 
@@ -61,7 +61,7 @@ fn windows_of_a_canvas_join_to_the_canvas() {
                         })*};
                     }
                     same!(RADIANCE, RADIANCE_VARIANCE, DEPTH, INSTANCE, NORMAL);
-                    for key in [COVERAGE, COVERAGE.before_support()] {
+                    for key in [COVERAGE, COVERAGE_BEFORE_SUPPORT] {
                         let (part, whole) = (part.get(key).expect("made"), whole.get(key).expect("made"));
                         assert_eq!(part.set(column, row), whole.set(x, y), "({x}, {y})");
                     }

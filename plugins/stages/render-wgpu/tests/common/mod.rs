@@ -118,7 +118,7 @@ pub fn reference(options: &Guided, products: &Products, workers: &dyn Workers) -
 /// The noisy image with all guides.
 pub fn render(scene: &Arc<Scene>, view: &View, samples_per_pixel: u32) -> Products {
     // What the filter reads, under the renderer's names.
-    let of_renderer = |key: KeyId| if key.name == RADIANCE_NOISY.id().name { RADIANCE.id() } else { key };
+    let of_renderer = |key: KeyId| if key == RADIANCE_NOISY.id() { RADIANCE.id() } else { key };
     let wants: Vec<KeyId> = Guided::default().reads().into_iter().map(of_renderer).collect();
     let options = PathTracing { samples_per_pixel, regularize: 0.3, ..PathTracing::default() };
     let mut session = CpuPathRenderer::new(options).session();

@@ -47,13 +47,13 @@ pub fn sense(sensor: &dyn Sensor, view: &View, mut products: Products, seed: u64
     let dataset = scenes::dataset();
     let log = Collected::default();
     let cx = DatasetContext::new(&dataset, workers, &log).scene(&scene).view(view);
-    let names: Vec<_> = sensor.reads().iter().map(|key| key.name).collect();
+    let names: Vec<_> = sensor.reads().iter().map(|key| key.product_id()).collect();
     let lent = products.only(&names);
     let mut filled = lent.clone();
     sensor.sense(&cx, &Stream::root(seed), &mut filled).expect("senses");
     let made = filled.without(&lent);
     let sorted = |mut keys: Vec<KeyId>| {
-        keys.sort_by_key(|key| key.name);
+        keys.sort_by_key(|key| key.product_id());
         keys
     };
     assert_eq!(made.keys(), sorted(sensor.provides()), "it makes other products than it declares");

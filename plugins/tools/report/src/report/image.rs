@@ -181,7 +181,7 @@ pub fn read(
         faults.extend(dataset.image_faults(image).into_iter().map(|(check, message)| [check.to_owned(), message]));
     }
     let depth_m = products.optional(DEPTH)?.and_then(super::pixels::range);
-    let has_image = if whole { products.contains(&RGB.id().name) } else { offers.contains(&RGB.id()) };
+    let has_image = if whole { products.contains(&RGB.id()) } else { offers.contains(&RGB.id()) };
     let objects = objects.into_values().collect();
     let (name, scene, view) = (of.name.clone(), of.scene.0, of.view.0);
     Ok((ImageView { name, scene, view, size, has_image, depth_m, objects, graph, faults }, products))

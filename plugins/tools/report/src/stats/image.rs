@@ -246,7 +246,7 @@ impl ImageTally {
                 let annotated = products.optional(AMODAL_MASK)?.map_or(0, |it| it.0.len()).max(visible.0.len());
                 self.row.hidden_objects = (annotated - shown.len()) as u32;
                 self.values.extend(shown.iter().map(|it| (Quantity::ObjectArea, it.amodal_px as f64)));
-                if shown.iter().all(|it| it.hidden.is_some()) && products.contains(&AMODAL_MASK.id().name) {
+                if shown.iter().all(|it| it.hidden.is_some()) && products.contains(&AMODAL_MASK.id()) {
                     self.occlusion(&shown, products.optional(OCCLUSION_ORDER)?, options);
                 }
                 shown.into_iter().map(|it| it.id).collect()
