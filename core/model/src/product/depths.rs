@@ -1,6 +1,5 @@
 //! All objects on the rays of a view, from front to back.
 
-use super::{DType, Form, Product, Tensor, Value};
 use crate::scene::InstanceId;
 
 /// For each pixel, the objects on the ray through its center with the depth of their first surface, from front to back. Of
@@ -10,8 +9,8 @@ pub struct ObjectDepths {
     width: u32,
     height: u32,
     /// Where the objects of each pixel begin, row by row, and at last where those of the last pixel end.
-    starts: Vec<u32>,
-    objects: Vec<(InstanceId, f32)>,
+    pub(super) starts: Vec<u32>,
+    pub(super) objects: Vec<(InstanceId, f32)>,
 }
 
 impl ObjectDepths {
@@ -105,27 +104,6 @@ impl<'a> ObjectRun<'a> {
     pub fn depths_from(&self, column: u32, place: usize) -> impl Iterator<Item = f32> + use<'a> {
         let pixels = self.hits[(column - self.x) as usize * self.objects..].chunks_exact(self.objects);
         pixels.map(move |hits| hits[place].1)
-    }
-}
-
-impl Product for ObjectDepths {
-    fn encode(&self) -> Value {
-        let list = |dtype, axis, bytes: Vec<u8>| {
-            let count = bytes.len() / DType::size(dtype);
-            Value::Tensor(Tensor::new(dtype, &[axis], vec![count], bytes))
-        };
-        let starts = self.starts.iter().flat_map(|start| start.to_le_bytes()).collect();
-        let ids = self.objects.iter().flat_map(|(id, _)| id.0.to_le_bytes()).collect();
-        let depths = self.objects.iter().flat_map(|(_, depth)| depth.to_le_bytes()).collect();
-        Value::record([
-            ("starts", list(DType::U32, "pixel", starts)),
-            ("ids", list(DType::U16, "hit", ids)),
-            ("depths", list(DType::F32, "hit", depths)),
-        ])
-    }
-
-    fn form() -> Form {
-        Form::Record
     }
 }
 

@@ -1,6 +1,6 @@
 //! Identities of products, and the texts that mean them in recipes and files.
 
-use super::{Framing, FramingError, KeyId};
+use super::{Framing, FramingError};
 use std::fmt;
 
 /// Identity of a product: what it is, and how it is framed. Plans and stores look products up by it.
@@ -41,12 +41,6 @@ pub trait ProductRef: fmt::Display {
 }
 
 impl ProductRef for ProductId {
-    fn parts(&self) -> Option<(&str, Framing)> {
-        Some((self.product, self.framing))
-    }
-}
-
-impl ProductRef for KeyId {
     fn parts(&self) -> Option<(&str, Framing)> {
         Some((self.product, self.framing))
     }

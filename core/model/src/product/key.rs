@@ -1,8 +1,8 @@
 //! Typed names of products.
 
-use super::store::AnyProduct;
-use super::{Form, Framing, Lighting, ProductId, ProductRef, Stored, Value};
-use std::any::{Any, TypeId, type_name};
+use super::product_trait::AnyProduct;
+use super::{Form, Framing, Lighting, Product, ProductId, ProductRef, Stored};
+use std::any::{TypeId, type_name};
 use std::fmt;
 use std::marker::PhantomData;
 use std::sync::Arc;
@@ -68,35 +68,6 @@ impl fmt::Display for Semantic {
             Self::Mask => "mask",
             Self::Data => "data",
         })
-    }
-}
-
-/// A value that can be a product.
-pub trait Product: Any + Send + Sync {
-    /// The generic encoding, for writers that do not know the type.
-    fn encode(&self) -> Value;
-    /// The form of the [encoding](Self::encode), as far as it follows from the type. A writer that cannot store this form is refused
-    /// before anything is rendered.
-    fn form() -> Form
-    where
-        Self: Sized,
-    {
-        Form::Any
-    }
-    /// Whether [`decode`](Self::decode) reads the product from files.
-    fn is_decoded() -> bool
-    where
-        Self: Sized,
-    {
-        false
-    }
-    /// The product from the value in a file. `None` if the value has another type.
-    fn decode(stored: Stored<'_>) -> Option<Self>
-    where
-        Self: Sized,
-    {
-        let _ = stored;
-        None
     }
 }
 
@@ -325,6 +296,12 @@ impl KeyId {
             Semantic::Data => self.form().to_string(),
             semantic => format!("{} ({semantic})", self.form()),
         }
+    }
+}
+
+impl ProductRef for KeyId {
+    fn parts(&self) -> Option<(&str, Framing)> {
+        Some((self.product, self.framing))
     }
 }
 

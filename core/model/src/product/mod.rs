@@ -5,6 +5,7 @@
 //! the type. A generic writer can therefore store products that it does not know, and refuses those that it cannot store before
 //! anything is rendered. [`Stored`] is the way back from files.
 
+mod bbox;
 mod camera;
 mod counts;
 mod decode;
@@ -18,13 +19,19 @@ mod key;
 mod mask;
 mod models;
 mod object_images;
+mod occlusion_order;
 mod paint;
+mod per_instance;
+mod pixel;
 mod plane;
+mod product_trait;
 mod serialize;
 pub mod standard;
 mod store;
+mod types;
 mod value;
 
+pub use bbox::{BBox, meeting_boxes};
 pub use camera::StatedCamera;
 pub use counts::PixelCounts;
 pub use decode::Stored;
@@ -34,11 +41,15 @@ pub use form::Form;
 pub use framing::{Framing, FramingError, Lighting, MAX_CANVAS, MAX_SUBPIXELS, ViewMoment};
 pub use graph::{Graph, Layer, strong_components};
 pub use id::{ProductId, ProductRef, parse_product};
-pub use key::{Key, KeyId, LinkedKey, Product, Scope, Semantic, linked};
+pub use key::{Key, KeyId, LinkedKey, Scope, Semantic, linked};
 pub use mask::Mask;
 pub use models::{ObjectModel, ObjectModels};
 pub use object_images::{ObjectImage, ObjectImages};
+pub use occlusion_order::OcclusionOrder;
 pub use paint::{Painted, masks_of};
+pub use per_instance::PerInstance;
+pub use pixel::Pixel;
 pub use plane::{BitPlane, Plane};
+pub use product_trait::Product;
 pub use store::Products;
-pub use value::{BBox, DType, OcclusionOrder, PerInstance, Pixel, Tensor, Value, meeting_boxes};
+pub use value::{DType, Tensor, Value};

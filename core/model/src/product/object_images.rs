@@ -1,6 +1,6 @@
 //! Images of objects, each cut to where the object is.
 
-use super::{Form, Mask, ObjectDepths, PerInstance, Pixel, Plane, Product, Stored, Value};
+use super::{Mask, ObjectDepths, PerInstance, Pixel, Plane};
 use crate::scene::InstanceId;
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -162,7 +162,7 @@ impl<P: Pixel> ObjectImages<P> {
         Plane::from_vec(self.width, self.height, seen)
     }
 
-    fn filled(&self, ObjectImage { x, y, pixels }: &ObjectImage<P>) -> Plane<P> {
+    pub(super) fn filled(&self, ObjectImage { x, y, pixels }: &ObjectImage<P>) -> Plane<P> {
         let mut plane = Plane::from_vec(self.width, self.height, vec![self.around; self.pixels()]);
         plane.paste([*x, *y], pixels);
         plane
@@ -173,27 +173,10 @@ impl<P: Pixel> ObjectImages<P> {
     }
 }
 
-impl<P: Pixel> Product for ObjectImages<P> {
-    fn encode(&self) -> Value {
-        Value::PerInstance(self.iter().map(|(id, image)| (id, self.filled(image).encode())).collect())
-    }
-
-    fn form() -> Form {
-        Form::PerInstance(Box::new(Plane::<P>::form()))
-    }
-
-    fn is_decoded() -> bool {
-        true
-    }
-
-    fn decode(stored: Stored<'_>) -> Option<Self> {
-        stored.object_images()
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::product::{Form, Product, Value};
 
     #[test]
     fn an_image_of_a_mask_is_its_box() {

@@ -1,5 +1,6 @@
 //! The products of one view, frame, scene or dataset.
 
+use super::product_trait::AnyProduct;
 use super::{Key, KeyId, Product, ProductId, ProductRef, Stored as InFile, Value};
 use crate::error::{Error, Result};
 use std::any::Any;
@@ -17,16 +18,6 @@ pub struct Products {
 struct StoredProduct {
     key: KeyId,
     product: Arc<dyn AnyProduct>,
-}
-
-pub trait AnyProduct: Any + Send + Sync {
-    fn encode(&self) -> Value;
-}
-
-impl<T: Product> AnyProduct for T {
-    fn encode(&self) -> Value {
-        Product::encode(self)
-    }
 }
 
 impl Products {

@@ -14,6 +14,7 @@ mod mass;
 mod material;
 mod mesh;
 mod moment;
+mod moments;
 mod settled;
 mod support;
 mod symmetry;
@@ -28,12 +29,13 @@ pub use body::{Body, BodyDraft, BodyHandle, InstanceId, Motion, Role};
 pub use camera::{Camera, Distortion, Exposure, Intrinsics, Optics, Rays, ThinLens};
 pub use environment::EnvironmentMap;
 pub use light::{DirectionalLight, DiskLight, EnvironmentLight, Light, RectLight, SphereLight, WindowLight};
-pub use mass::{MassDistribution, MassOrigin, MassProperties, Moments};
+pub use mass::{MassDistribution, MassOrigin, MassProperties};
 pub use material::{
     Alpha, Clearcoat, Color, Material, MaterialOverride, NormalMap, Scalar, Sheen, TextureMapping, Transmission, Volume,
 };
 pub use mesh::{Mesh, MeshData};
 pub use moment::{Moment, Trajectory};
+pub use moments::Moments;
 pub use settled::{PlacedBodies, Settled};
 pub use support::{DropZone, Region, Support, Supports};
 pub use symmetry::{Symmetries, SymmetryAxis};

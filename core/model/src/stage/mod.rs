@@ -11,6 +11,7 @@ mod asset_source;
 mod atlas;
 mod camera_model;
 mod denoiser;
+mod image_writer_of_scenes;
 mod light_sampler;
 mod output;
 mod placer;
@@ -19,6 +20,7 @@ mod sensor;
 mod settler;
 mod subject;
 mod view_sampler;
+mod window;
 mod writer;
 
 pub use annotator::{
@@ -32,13 +34,12 @@ pub use denoiser::Denoiser;
 pub use light_sampler::LightSampler;
 pub use output::{FileWriter, Finish, Output, RESERVED, check_path, is_shared, shard_path};
 pub use placer::{Part, PartUse, Placer};
-pub use renderer::{
-    Bodies, DeviceClass, LabelSurface, RenderDevice, RenderRequest, RenderSession, Renderer, Tile, Window,
-};
+pub use renderer::{Bodies, DeviceClass, LabelSurface, RenderDevice, RenderRequest, RenderSession, Renderer, Tile};
 pub use sensor::Sensor;
 pub use settler::Settler;
 pub use subject::{Images, Scenes, Subject};
 pub use view_sampler::{Shell, ViewSampler};
+pub use window::Window;
 pub use writer::{Accepts, FileOf, Input, SceneWriter, Writer};
 
 use crate::error::{Error, Result};
