@@ -75,8 +75,10 @@ fn named_paths(code: &str) -> Vec<(String, bool)> {
             let end = rest[at..]
                 .find(|c: char| !(c.is_alphanumeric() || c == '_' || c == ':'))
                 .map_or(rest.len(), |n| at + n);
-            // `$crate::` in a macro is of the crate that expands it.
-            let fresh = !rest[..at].ends_with(|c: char| c.is_alphanumeric() || "_:$".contains(c));
+            // `$crate::` in a macro is of the crate that expands it, and `pub(in crate::run)` names no code.
+            let before = &rest[..at];
+            let fresh =
+                !before.ends_with(|c: char| c.is_alphanumeric() || "_:$".contains(c)) && !before.ends_with("(in ");
             if fresh {
                 found.push((rest[at..end].trim_end_matches(':').to_owned(), false));
             }

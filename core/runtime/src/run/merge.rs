@@ -5,7 +5,7 @@ use crate::run::dataset::folder::{Folder, catalog_path};
 use crate::run::dataset::foreign;
 use crate::run::dataset::journal::{Journal, JournalEntry};
 use crate::run::dataset::layout;
-use crate::run::dataset::manifest::{FileState, Manifest, Stamp, Written};
+
 use crate::run::decisions::growth;
 use crate::run::decisions::inputs;
 use crate::run::finish;
@@ -83,7 +83,9 @@ pub fn merge<P: Clone + Into<StoreFolder>>(
                 format!("stopped by {}: {done} of {} are merged", reason, count(chosen.len() as u32, "scene"));
             return Err(Error::stopped(message).help("the same command continues from there"));
         }
-        adopt(&begun.folder, &part.folder, entry, &journal)
+        begun
+            .folder
+            .adopt(&part.folder, entry, &journal)
             .map_err(|error| stopping(error).context(format!("scene {}", entry.scene)))?;
     }
     catalogs(&begun.folder, &first.folder).map_err(stopping)?;
@@ -234,40 +236,6 @@ fn choose<'p>(begun: &'p MergePart, parts: &'p [MergePart]) -> Result<Vec<(&'p J
         }
     }
     Ok(chosen.into_values().filter(|(_, part)| !std::ptr::eq(*part, begun)).collect())
-}
-
-/// Copies a scene of a part into the dataset.
-pub fn adopt(folder: &Folder, part: &Folder, entry: &JournalEntry, journal: &Mutex<Journal>) -> Result<()> {
-    let files = part.files();
-    let damaged = |path: &str| {
-        Error::new("this file of the part is damaged")
-            .in_file(files.name_of(path))
-            .help("`syntable run --repair` with the part's recipe and folder makes the scene again")
-    };
-    let staged = folder.stage(entry.scene)?;
-    let mut written = Written::new();
-    if let Some(digest) = entry.manifest() {
-        let path = layout::manifest(entry.scene);
-        let Some((manifest, found)) = Manifest::read(files, &path)? else { return Err(damaged(&path)) };
-        if found != digest {
-            return Err(damaged(&path));
-        }
-        for (inside, stamp) in &manifest.files {
-            match stamp.check_in(files, inside)? {
-                FileState::Whole => {}
-                FileState::Linked => {
-                    return Err(Error::new("the path leads through a link, and `merge` follows no links in parts")
-                        .in_file(files.name_of(inside))
-                        .help("replace the link by the file, as `cp -rL` does"));
-                }
-                FileState::Missing | FileState::Damaged => return Err(damaged(inside)),
-            }
-            staged.copy(files, inside, inside)?;
-        }
-        written = manifest.writers;
-    }
-    let merged = folder.commit(entry.clone(), Manifest::default(), written, journal)?;
-    if merged == *entry { Ok(()) } else { Err(damaged("")) }
 }
 
 fn catalogs(folder: &Folder, part: &Folder) -> Result<()> {

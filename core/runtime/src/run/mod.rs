@@ -33,7 +33,9 @@ pub use scene_range::SceneRange;
 use crate::cache::DiskCache;
 use crate::left_out::LeftOutReport;
 use crate::workers::Pool;
+use decisions::opening::{self, CheckedRun};
 use making::scenes::MadeScenes;
+use making::{first_scene, scenes};
 use progress::{Event, Guarded, Once, Reporter, Warnings};
 use std::ops::Range;
 use std::time::Instant;
@@ -125,9 +127,12 @@ pub fn run(recipe: &Recipe, options: &RunOptions, reporter: &dyn Reporter) -> Re
     let reporter = &Once::new(&guarded);
     let (pool, log) = (Pool::new(options.threads)?, Warnings(reporter));
     let wanted = options.scenes.clone().unwrap_or(0..u32::MAX);
-    let begun = decisions::opening::begin(recipe, options, &pool, reporter, &log)?;
+    let checked = CheckedRun::new(recipe, options, &log)?;
+    let folder = opening::open_folder(options, reporter)?;
+    let aside = if options.overwrite { first_scene::replace(recipe, options, &folder, reporter)? } else { None };
+    let begun = checked.begin(folder, aside, &pool, reporter)?;
     let MadeScenes { folder, journal, resolved, new, grown, lacking } =
-        making::scenes::make(recipe, options, &pool, reporter, begun)?;
+        scenes::make(recipe, options, &pool, reporter, begun)?;
     let outcome = finish::end(recipe, reporter, &pool, &folder, journal, &resolved, (options.repair, &wanted))
         .map_err(stopping)?;
     let outcome = RunOutcome { lacking, ..outcome };

@@ -26,9 +26,8 @@ use crate::run::dataset::journal::{Journal, JournalEntry};
 use crate::run::dataset::layout::{self, MARK, RECIPE, SHARDS};
 use crate::run::dataset::locking::lock;
 use crate::run::dataset::manifest::{FileState, Manifest};
-use crate::run::dataset::proposal::Proposed;
 use parking_lot::Mutex;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 use syntable_model::error::{Error, Result};
 use syntable_model::files::DatasetPath;
@@ -43,6 +42,13 @@ pub struct Folder {
     /// A file of each folder of shared files that this run has put there.
     pub(super) shared: Mutex<BTreeMap<String, DatasetPath>>,
     _lock: Hold,
+}
+
+/// A recipe that the dataset may grow to.
+pub struct Proposed {
+    pub(super) recipe: String,
+    /// Writers whose files are written again or removed.
+    pub(super) replaced: BTreeSet<String>,
 }
 
 impl Folder {

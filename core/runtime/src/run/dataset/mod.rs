@@ -1,5 +1,6 @@
 //! A dataset in its store: its folder, its journal, the manifests of its files, and data for later runs.
 
+pub(crate) mod adoption;
 mod commit;
 mod ending;
 pub mod folder;

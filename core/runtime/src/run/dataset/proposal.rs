@@ -1,20 +1,13 @@
 //! The recipe of a dataset, and a recipe that will replace it.
 
 use crate::run::dataset::ending::{Finished, digest_of_recipe};
-use crate::run::dataset::folder::Folder;
+use crate::run::dataset::folder::{Folder, Proposed};
 use crate::run::dataset::foreign;
 use crate::run::dataset::journal::Journal;
 use crate::run::dataset::layout::{self, RECIPE};
 use crate::run::dataset::manifest::{FileState, Stamp};
 use std::collections::BTreeSet;
 use syntable_model::error::Result;
-
-/// A recipe that the dataset may grow to.
-pub struct Proposed {
-    recipe: String,
-    /// Writers whose files are written again or removed.
-    replaced: BTreeSet<String>,
-}
 
 impl Folder {
     /// Text of the resolved recipe, if the dataset has one.

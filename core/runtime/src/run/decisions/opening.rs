@@ -2,6 +2,7 @@
 //! do.
 
 use crate::pools::AssetStore;
+use crate::run::dataset::adoption::SceneAside;
 use crate::run::dataset::folder::Folder;
 use crate::run::dataset::journal::{Journal, JournalEntry};
 use crate::run::dataset::layout;
@@ -9,11 +10,9 @@ use crate::run::dataset::verify;
 use crate::run::decisions::growth::{self, Growth};
 use crate::run::decisions::inputs;
 use crate::run::decisions::work_list::Todo;
-use crate::run::making::first_scene::{self, Ahead};
 use crate::run::progress::{Event, Reporter, count};
 use crate::run::{RunOptions, ranges};
 use std::collections::{BTreeMap, BTreeSet};
-use std::path::PathBuf;
 use syntable_model::context::{Log, Workers};
 use syntable_model::error::{Error, Result};
 use syntable_model::store::StoreFolder;
@@ -30,71 +29,89 @@ pub struct Begun<'a> {
     pub todo: Todo,
     /// The pools, if they were needed or will be.
     pub assets: Option<AssetStore<'a>>,
-    /// The first scene, if it was made in a separate folder.
-    pub ahead: Option<Ahead>,
+    /// The first scene, if it was made before a dataset was overwritten.
+    pub aside: Option<SceneAside>,
 }
 
-/// Opens the folder of a run, repairs or empties it as the options ask, and compares its dataset with the recipe. After
-/// an error, the dataset is unchanged except for repairs.
-pub fn begin<'a>(
+/// A run whose recipe and inputs were checked, before its folder is opened.
+pub struct CheckedRun<'a, 'o> {
     recipe: &'a Recipe,
-    options: &RunOptions,
-    workers: &dyn Workers,
-    reporter: &dyn Reporter,
+    options: &'o RunOptions,
     log: &'a dyn Log,
-) -> Result<Begun<'a>> {
-    if let Some(table) = recipe.undecided.first() {
-        return Err(Error::new(format!("the kind of [{table}] is a placeholder for other kinds, and none was chosen"))
+    devices: BTreeSet<String>,
+    files: BTreeMap<String, String>,
+    assets: Option<AssetStore<'a>>,
+}
+
+impl<'a, 'o> CheckedRun<'a, 'o> {
+    /// Checks a recipe and its inputs: nothing is deleted or repaired for a run with missing or changed assets.
+    pub fn new(recipe: &'a Recipe, options: &'o RunOptions, log: &'a dyn Log) -> Result<Self> {
+        if let Some(table) = recipe.undecided.first() {
+            return Err(Error::new(format!(
+                "the kind of [{table}] is a placeholder for other kinds, and none was chosen"
+            ))
             .help("name a kind, or load the recipe with `Overrides::for_run`"));
+        }
+        recipe.ready()?;
+        recipe.fits()?;
+        let devices = inputs::devices(recipe)?;
+        let files = recipe.file_digests()?;
+        inputs::unchanged(&recipe.lock, &Lock { files: files.clone(), ..Lock::default() }, &BTreeMap::new(), None)?;
+        let changes = options.overwrite || options.repair || options.rewrite;
+        let assets = changes.then(|| open_pools(recipe, log)).transpose()?;
+        Ok(Self { recipe, options, log, devices, files, assets })
     }
-    recipe.ready()?;
-    recipe.fits()?;
-    let devices = inputs::devices(recipe)?;
-    let files = recipe.file_digests()?;
-    inputs::unchanged(&recipe.lock, &Lock { files: files.clone(), ..Lock::default() }, &BTreeMap::new(), None)?;
-    // A run with missing or changed assets must not delete or repair anything.
-    let first = options.overwrite || options.repair || options.rewrite;
-    let mut assets = first.then(|| open_pools(recipe, log)).transpose()?;
-    let (folder, ahead) = open_folder(recipe, options, reporter)?;
-    let mut journal = folder.journal()?;
-    if let Some(assets) = assets.as_ref().filter(|_| options.repair)
-        && restore_recipe(&folder, recipe, (&files, &devices), &journal, assets)?
-    {
-        reporter.event(&Event::Note { message: "recipe.toml was written again".to_owned() });
+
+    /// Compares the dataset of a folder with the recipe and its inputs, and lists the work. After an error the dataset is
+    /// unchanged, except for repairs.
+    pub fn begin(
+        self,
+        folder: Folder,
+        aside: Option<SceneAside>,
+        workers: &dyn Workers,
+        reporter: &dyn Reporter,
+    ) -> Result<Begun<'a>> {
+        let Self { recipe, options, log, devices, files, mut assets } = self;
+        let mut journal = folder.journal()?;
+        if let Some(assets) = assets.as_ref().filter(|_| options.repair)
+            && restore_recipe(&folder, recipe, (&files, &devices), &journal, assets)?
+        {
+            reporter.event(&Event::Note { message: "recipe.toml was written again".to_owned() });
+        }
+        let (mut resolved, growth) = compare(&folder, recipe, files, &journal, options, reporter)?;
+        if options.retry_failed || growth.is_none() {
+            journal.forget_failed();
+        }
+        let damaged = if options.repair { repairs(&folder, &journal, workers, reporter)? } else { BTreeSet::new() };
+        let wanted = options.scenes.clone().unwrap_or(0..recipe.dataset.scenes);
+        let mut todo = Todo::of(recipe, &journal, growth.as_ref(), wanted.clone(), damaged);
+        if let Some(aside) = &aside {
+            todo.scenes.remove(&aside.entry.scene);
+        }
+        for message in recipe.choices.iter().cloned().chain(inputs::emulated(recipe)?) {
+            reporter.event(&Event::Note { message });
+        }
+        if aside.is_none() {
+            let resumed = wanted.clone().filter(|scene| !todo.scenes.contains_key(scene)).count() as u32;
+            reporter.event(&started(recipe, options, resumed, todo.images(recipe)));
+        }
+        if !todo.scenes.is_empty() && assets.is_none() {
+            assets = Some(open_pools(recipe, log)?);
+        }
+        if let Some(store) = &assets {
+            resolved = lock_pools(&folder, &store.catalogs(), &resolved, journal.entries())?;
+        }
+        if !todo.scenes.is_empty() {
+            let before = if journal.entries().is_empty() { BTreeSet::new() } else { lock_of(&resolved).devices };
+            inputs::tell_of_devices([&recipe.lock.devices, &before], &devices, log);
+            resolved = with_devices(&resolved, &before.union(&devices).cloned().collect());
+        }
+        Ok(Begun { folder, journal, resolved, growth, todo, assets, aside })
     }
-    let (mut resolved, growth) = compare(&folder, recipe, files, &journal, options, reporter)?;
-    if options.retry_failed || growth.is_none() {
-        journal.forget_failed();
-    }
-    let damaged = if options.repair { repairs(&folder, &journal, workers, reporter)? } else { BTreeSet::new() };
-    let wanted = options.scenes.clone().unwrap_or(0..recipe.dataset.scenes);
-    let mut todo = Todo::of(recipe, &journal, growth.as_ref(), wanted.clone(), damaged);
-    if let Some(ahead) = &ahead {
-        todo.scenes.remove(&ahead.entry.scene);
-    }
-    for message in recipe.choices.iter().cloned().chain(inputs::emulated(recipe)?) {
-        reporter.event(&Event::Note { message });
-    }
-    if ahead.is_none() {
-        let resumed = wanted.clone().filter(|scene| !todo.scenes.contains_key(scene)).count() as u32;
-        reporter.event(&started(recipe, options, resumed, todo.images(recipe)));
-    }
-    if !todo.scenes.is_empty() && assets.is_none() {
-        assets = Some(open_pools(recipe, log)?);
-    }
-    if let Some(store) = &assets {
-        resolved = lock_pools(&folder, &store.catalogs(), &resolved, journal.entries())?;
-    }
-    if !todo.scenes.is_empty() {
-        let before = if journal.entries().is_empty() { BTreeSet::new() } else { lock_of(&resolved).devices };
-        inputs::tell_of_devices([&recipe.lock.devices, &before], &devices, log);
-        resolved = with_devices(&resolved, &before.union(&devices).cloned().collect());
-    }
-    Ok(Begun { folder, journal, resolved, growth, todo, assets, ahead })
 }
 
 /// The first event of a run.
-fn started(recipe: &Recipe, options: &RunOptions, resumed: u32, images: u64) -> Event {
+pub fn started(recipe: &Recipe, options: &RunOptions, resumed: u32, images: u64) -> Event {
     Event::Started {
         out: options.out.name().display().to_string(),
         scenes: options.scenes.clone().unwrap_or(0..recipe.dataset.scenes).len() as u32,
@@ -105,9 +122,8 @@ fn started(recipe: &Recipe, options: &RunOptions, resumed: u32, images: u64) -> 
     }
 }
 
-/// Opens the folder, and applies the options to it. A dataset to overwrite is deleted once the first scene of the new
-/// one is finished.
-fn open_folder(recipe: &Recipe, options: &RunOptions, reporter: &dyn Reporter) -> Result<(Folder, Option<Ahead>)> {
+/// Opens the folder of a run, and completes what an earlier run left unfinished, unless the dataset is to be overwritten.
+pub fn open_folder(options: &RunOptions, reporter: &dyn Reporter) -> Result<Folder> {
     let folder = Folder::open(&options.out)?;
     folder.files().remove_all(&layout::ahead())?;
     if options.repair {
@@ -119,27 +135,8 @@ fn open_folder(recipe: &Recipe, options: &RunOptions, reporter: &dyn Reporter) -
     }
     if !options.overwrite {
         folder.recover()?;
-        return Ok((folder, None));
     }
-    let ahead = folder.has_scenes()?.then(|| {
-        let scenes = options.scenes.clone().unwrap_or(0..recipe.dataset.scenes).len() as u64;
-        reporter.event(&started(recipe, options, 0, scenes * u64::from(recipe.dataset.views_per_scene)));
-        first_scene::make(recipe, options, &folder, reporter)
-    });
-    let ahead = ahead.transpose()?;
-    tell_foreign(reporter, &folder.discard()?);
-    Ok((folder, ahead))
-}
-
-fn tell_foreign(reporter: &dyn Reporter, left: &[PathBuf]) {
-    if let Some(first) = left.first() {
-        let files = count(left.len() as u32, "file");
-        let message = format!(
-            "{files} in the folder, such as {}, stay because no manifest of the dataset lists them",
-            first.display()
-        );
-        reporter.event(&Event::Note { message });
-    }
+    Ok(folder)
 }
 
 /// Writes the recipe of the folder again if it is lost and this recipe certainly equals it.

@@ -2,30 +2,40 @@
 //! recipe show only then.
 
 use crate::run::RunOptions;
+use crate::run::dataset::adoption::SceneAside;
 use crate::run::dataset::folder::Folder;
-use crate::run::dataset::journal::{Journal, JournalEntry};
 use crate::run::dataset::layout;
-use crate::run::decisions::opening;
+use crate::run::decisions::opening::{self, CheckedRun};
 use crate::run::making::scenes;
-use crate::run::merge;
 use crate::run::progress::{Event, Reporter, Warnings, count};
 use crate::workers::Pool;
-use parking_lot::Mutex;
+use std::path::PathBuf;
 use syntable_model::error::{Error, Result};
 use syntable_recipe::Recipe;
 
-/// The first scene, in its own folder.
-pub struct Ahead {
-    folder: Folder,
-    /// The line of the scene in the journal.
-    pub entry: JournalEntry,
-}
-
-/// Makes the first scene of a run in its own folder.
+/// Makes the first scene of a run that overwrites a dataset, and deletes the dataset. Returns the scene if there was a dataset with
+/// scenes.
 ///
 /// # Errors
 /// If the scene fails. The old dataset then stays.
-pub fn make(recipe: &Recipe, options: &RunOptions, folder: &Folder, reporter: &dyn Reporter) -> Result<Ahead> {
+pub fn replace(
+    recipe: &Recipe,
+    options: &RunOptions,
+    folder: &Folder,
+    reporter: &dyn Reporter,
+) -> Result<Option<SceneAside>> {
+    let aside = folder.has_scenes()?.then(|| {
+        let scenes = options.scenes.clone().unwrap_or(0..recipe.dataset.scenes).len() as u64;
+        reporter.event(&opening::started(recipe, options, 0, scenes * u64::from(recipe.dataset.views_per_scene)));
+        make(recipe, options, folder, reporter)
+    });
+    let aside = aside.transpose()?;
+    tell_foreign(reporter, &folder.discard()?);
+    Ok(aside)
+}
+
+/// Makes the first scene of a run in its own folder.
+fn make(recipe: &Recipe, options: &RunOptions, folder: &Folder, reporter: &dyn Reporter) -> Result<SceneAside> {
     let message = "the old dataset is deleted when the first scene of the new one is made".to_owned();
     reporter.event(&Event::Note { message });
     let (ahead, first) = (layout::ahead(), options.scenes.as_ref().map_or(0, |scenes| scenes.start));
@@ -37,13 +47,15 @@ pub fn make(recipe: &Recipe, options: &RunOptions, folder: &Folder, reporter: &d
     folder.files().remove_all(&ahead)?;
     let (pool, within) = (Pool::new(options.threads)?, Within(reporter));
     let log = Warnings(&within);
-    let made = opening::begin(recipe, &aside, &pool, &within, &log)
-        .and_then(|begun| scenes::make(recipe, &aside, &pool, &within, begun))
-        .and_then(|made| {
-            let entry = made.journal.entries().get(&first).filter(|entry| !entry.failed()).cloned();
-            let failed = || format!("scene {first} failed in {}", count(recipe.dataset.max_attempts, "attempt"));
-            entry.map(|entry| Ahead { folder: made.folder, entry }).ok_or_else(|| Error::new(failed()))
-        });
+    let begin = || {
+        let checked = CheckedRun::new(recipe, &aside, &log)?;
+        checked.begin(opening::open_folder(&aside, &within)?, None, &pool, &within)
+    };
+    let made = begin().and_then(|begun| scenes::make(recipe, &aside, &pool, &within, begun)).and_then(|made| {
+        let entry = made.journal.entries().get(&first).filter(|entry| !entry.failed()).cloned();
+        let failed = || format!("scene {first} failed in {}", count(recipe.dataset.max_attempts, "attempt"));
+        entry.map(|entry| SceneAside { folder: made.folder, entry }).ok_or_else(|| Error::new(failed()))
+    });
     match made {
         Ok(ahead) => Ok(ahead),
         Err(error) => {
@@ -55,12 +67,14 @@ pub fn make(recipe: &Recipe, options: &RunOptions, folder: &Folder, reporter: &d
     }
 }
 
-impl Ahead {
-    /// Moves it into the dataset.
-    pub fn adopt(self, folder: &Folder, journal: &Mutex<Journal>) -> Result<()> {
-        merge::adopt(folder, &self.folder, &self.entry, journal)?;
-        drop(self.folder);
-        folder.files().remove_all(&layout::ahead())
+fn tell_foreign(reporter: &dyn Reporter, left: &[PathBuf]) {
+    if let Some(first) = left.first() {
+        let files = count(left.len() as u32, "file");
+        let message = format!(
+            "{files} in the folder, such as {}, stay because no manifest of the dataset lists them",
+            first.display()
+        );
+        reporter.event(&Event::Note { message });
     }
 }
 

@@ -46,7 +46,7 @@ pub fn make(
     reporter: &dyn Reporter,
     begun: Begun,
 ) -> Result<MadeScenes> {
-    let Begun { folder, mut journal, resolved, growth, todo, assets, ahead } = begun;
+    let Begun { folder, mut journal, resolved, growth, todo, assets, aside } = begun;
     if growth.is_none() {
         journal.rewrite()?;
     }
@@ -59,8 +59,8 @@ pub fn make(
         folder.propose_recipe(&resolved, growth.map(|growth| growth.replaced()).unwrap_or_default())?;
     }
     let journal = Mutex::new(journal);
-    let made_ahead = ahead.as_ref().map_or(0, |ahead| ahead.entry.views());
-    ahead.map_or(Ok(()), |ahead| ahead.adopt(&folder, &journal))?;
+    let made_aside = aside.as_ref().map_or(0, |aside| aside.entry.views());
+    aside.map_or(Ok(()), |aside| aside.adopt(&folder, &journal))?;
     let mut lacking = 0;
     if let Some(store) = assets.filter(|_| !todo.scenes.is_empty()) {
         let drawn =
@@ -76,7 +76,7 @@ pub fn make(
     let journal = journal.into_inner();
     let entry_of = |scene: &u32| journal.entries().get(scene);
     let whole = todo.scenes.iter().filter(|(_, job)| job.lacks.is_none());
-    let new = made_ahead + whole.filter_map(|(scene, _)| entry_of(scene)).map(JournalEntry::views).sum::<u32>();
+    let new = made_aside + whole.filter_map(|(scene, _)| entry_of(scene)).map(JournalEntry::views).sum::<u32>();
     let changed = |(scene, job): &(&u32, &Job)| job.lacks.is_some() && entry_of(scene) != job.present.as_ref();
     let grown = todo.scenes.iter().filter(changed).count() as u32;
     Ok(MadeScenes { folder, journal, resolved, new, grown, lacking })

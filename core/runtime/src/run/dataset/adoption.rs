@@ -1,0 +1,61 @@
+//! A scene of another folder becomes one of the dataset: of a part to merge, or the first scene of a new dataset.
+
+use crate::run::dataset::folder::Folder;
+use crate::run::dataset::journal::{Journal, JournalEntry};
+use crate::run::dataset::layout;
+use crate::run::dataset::manifest::{FileState, Manifest, Written};
+use parking_lot::Mutex;
+use syntable_model::error::{Error, Result};
+
+impl Folder {
+    /// Copies a scene of a part into the dataset.
+    pub fn adopt(&self, part: &Self, entry: &JournalEntry, journal: &Mutex<Journal>) -> Result<()> {
+        let files = part.files();
+        let damaged = |path: &str| {
+            Error::new("this file of the part is damaged")
+                .in_file(files.name_of(path))
+                .help("`syntable run --repair` with the part's recipe and folder makes the scene again")
+        };
+        let staged = self.stage(entry.scene)?;
+        let mut written = Written::new();
+        if let Some(digest) = entry.manifest() {
+            let path = layout::manifest(entry.scene);
+            let Some((manifest, found)) = Manifest::read(files, &path)? else { return Err(damaged(&path)) };
+            if found != digest {
+                return Err(damaged(&path));
+            }
+            for (inside, stamp) in &manifest.files {
+                match stamp.check_in(files, inside)? {
+                    FileState::Whole => {}
+                    FileState::Linked => {
+                        return Err(Error::new("the path leads through a link, and `merge` follows no links in parts")
+                            .in_file(files.name_of(inside))
+                            .help("replace the link by the file, as `cp -rL` does"));
+                    }
+                    FileState::Missing | FileState::Damaged => return Err(damaged(inside)),
+                }
+                staged.copy(files, inside, inside)?;
+            }
+            written = manifest.writers;
+        }
+        let merged = self.commit(entry.clone(), Manifest::default(), written, journal)?;
+        if merged == *entry { Ok(()) } else { Err(damaged("")) }
+    }
+}
+
+/// A scene in a folder of its own, inside the dataset's.
+pub struct SceneAside {
+    /// The folder.
+    pub folder: Folder,
+    /// The line of the scene in the folder's journal.
+    pub entry: JournalEntry,
+}
+
+impl SceneAside {
+    /// Moves the scene into the dataset.
+    pub fn adopt(self, folder: &Folder, journal: &Mutex<Journal>) -> Result<()> {
+        folder.adopt(&self.folder, &self.entry, journal)?;
+        drop(self.folder);
+        folder.files().remove_all(&layout::ahead())
+    }
+}
