@@ -1,6 +1,6 @@
 //! OpenEXR files.
 
-use super::kind::{Form, Kind, Semantic, other_writer, with_article};
+use super::kind::{Form, Semantic, ValueKind, other_writer, with_article};
 use exr::meta::MetaData;
 use exr::meta::attribute::{AttributeValue, Chromaticities};
 use exr::prelude::{
@@ -24,7 +24,7 @@ pub enum Precision {
 
 /// How a product becomes the channels of an EXR file.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Coding {
+pub struct ExrCoding {
     /// Names of the channels, in the order of the product.
     pub channels: &'static [&'static str],
     /// Whether the channels are linear Rec. 709.
@@ -32,9 +32,9 @@ pub struct Coding {
     unit: &'static str,
 }
 
-impl Coding {
+impl ExrCoding {
     /// How a kind of value is stored. A refusal is a reason and a remedy.
-    pub fn of(kind: &Kind) -> Result<Self, String> {
+    pub fn of(kind: &ValueKind) -> Result<Self, String> {
         let channels = match kind.form {
             Form::Image { dtype: DType::F32 | DType::F16, channels } => channels.unwrap_or(1),
             ref form @ (Form::Image { .. } | Form::Mask) => {
@@ -151,7 +151,7 @@ pub struct ImageLayer {
     /// have plain names.
     pub name: String,
     /// How its value is stored.
-    pub coding: Coding,
+    pub coding: ExrCoding,
     /// The image.
     pub value: Value,
 }
@@ -215,7 +215,8 @@ mod tests {
             let bytes = (0..shape.iter().product()).flat_map(|at| pixel(at).to_le_bytes()).collect();
             let tensor = Tensor::new(DType::F32, axes, shape, bytes);
             let form = Form::Image { dtype: DType::F32, channels };
-            let coding = Coding::of(&Kind { form, semantic: Semantic::Normal, unit: "" }).expect("a float image");
+            let coding =
+                ExrCoding::of(&ValueKind { form, semantic: Semantic::Normal, unit: "" }).expect("a float image");
             let file = coding.encode(&Value::Tensor(tensor.clone()), Precision::Float).expect("encodes");
             assert_eq!(coding.decode(&file).expect("reads"), tensor);
             let error = coding.decode(&file[..file.len() / 2]).expect_err("cut off").to_string();
@@ -226,7 +227,7 @@ mod tests {
     #[test]
     fn units_are_ascii_in_the_header() {
         let form = Form::Image { dtype: DType::F32, channels: None };
-        let coding = Coding::of(&Kind { form, semantic: Semantic::Data, unit: "nit²" }).expect("a float image");
+        let coding = ExrCoding::of(&ValueKind { form, semantic: Semantic::Data, unit: "nit²" }).expect("a float image");
         let value = Value::Tensor(Tensor::new(DType::F32, &["y", "x"], vec![1, 1], vec![0; 4]));
         let file = coding.encode(&value, Precision::Float).expect("encodes");
         assert!(file.windows(13).any(|bytes| bytes == b"string\0\x05\0\0\0ni"), "a text of five bytes");
@@ -237,7 +238,7 @@ mod tests {
     fn channels_are_named_by_the_kind_of_value() {
         let names = |channels, semantic, unit| {
             let form = Form::Image { dtype: DType::F32, channels };
-            Coding::of(&Kind { form, semantic, unit }).expect("a float image").channels.join("")
+            ExrCoding::of(&ValueKind { form, semantic, unit }).expect("a float image").channels.join("")
         };
         assert_eq!(names(None, Semantic::Depth, "m"), "Z");
         assert_eq!(names(Some(1), Semantic::Data, ""), "Y");
@@ -259,7 +260,7 @@ mod tests {
             (Form::Mask, "an EXR file holds 16- and 32-bit float images, not a mask; write it with npy or png"),
             (Form::Record, "an EXR file holds 16- and 32-bit float images, not a record; write it with jsonl"),
         ] {
-            let refusal = Coding::of(&Kind { form, semantic: Semantic::Data, unit: "" }).expect_err("refused");
+            let refusal = ExrCoding::of(&ValueKind { form, semantic: Semantic::Data, unit: "" }).expect_err("refused");
             assert!(refusal.starts_with(want), "{refusal}");
         }
     }

@@ -97,8 +97,7 @@ pub struct ImageRow {
     pub faults: usize,
 }
 
-/// The check that fails where something of an image cannot be read.
-pub const READABLE: &str = "readable";
+pub use syntable_model::reader::READABLE;
 
 /// What is read of each image.
 fn wants(offers: &[KeyId]) -> Vec<KeyId> {
@@ -178,7 +177,7 @@ pub fn read(
             let found = check.run(&products).unwrap_or_else(|error| vec![error.to_string()]);
             faults.extend(found.into_iter().map(|message| [check.name().to_owned(), message]));
         }
-        faults.extend(dataset.image_faults(image).into_iter().map(|(check, message)| [check.to_owned(), message]));
+        faults.extend(dataset.image_faults(image).iter().map(|fault| [fault.rule.to_owned(), fault.to_string()]));
     }
     let depth_m = products.optional(DEPTH)?.and_then(super::pixels::range);
     let has_image = if whole { products.contains(&RGB.id().name) } else { offers.contains(&RGB.id()) };

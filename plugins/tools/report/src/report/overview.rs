@@ -290,11 +290,9 @@ fn unread(report: &Report) -> Vec<Unread> {
 
 /// What the checks found in shown images that were read whole, and in the dataset.
 fn faults(report: &Report) -> Vec<Fault> {
-    let of_dataset = report.dataset.all_faults().iter().map(|fault| Fault {
-        place: None,
-        name: fault.place.clone(),
-        check: fault.check.to_owned(),
-        message: fault.message.clone(),
+    let of_dataset = report.dataset.all_faults().iter().map(|fault| {
+        let [name, message] = fault.place_and_text(&report.dataset.images);
+        Fault { place: None, name, check: fault.rule.to_owned(), message }
     });
     let of_images = report.faults.lock();
     let of_images = of_images.iter().flat_map(|(place, faults)| {
