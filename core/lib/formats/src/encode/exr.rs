@@ -196,7 +196,28 @@ pub fn encode_layers(images: &[ImageLayer], precision: Precision) -> Result<Vec<
         .non_parallel()
         .to_buffered(&mut file)
         .map_err(|error| Error::new(format!("a {} × {} EXR: {error}", size.0, size.1)))?;
-    Ok(file.into_inner())
+    Ok(with_sorted_units(&file.into_inner()))
+}
+
+/// The same file with the attributes of units in the order of their names. The library writes them in the order of a hash map.
+fn with_sorted_units(file: &[u8]) -> Vec<u8> {
+    // Magic number and version precede the attributes: name, type, size and value of each, then a zero.
+    let mut end = 8;
+    let (start, mut attributes) = (&file[..end], Vec::new());
+    while file[end] != 0 {
+        let after_text = |at: usize| at + 1 + file[at..].iter().take_while(|byte| **byte != 0).count();
+        let size = after_text(after_text(end));
+        let bytes = file[size..].first_chunk().copied().map_or(0, u32::from_le_bytes);
+        let next = size + 4 + bytes as usize;
+        attributes.push(&file[end..next]);
+        end = next;
+    }
+    let is_unit = |attribute: &&[u8]| attribute.split(|byte| *byte == 0).next().is_some_and(|it| it.ends_with(b"unit"));
+    let mut units: Vec<&[u8]> = attributes.iter().copied().filter(is_unit).collect();
+    units.sort_unstable();
+    let mut units = units.into_iter();
+    let sorted = attributes.iter().filter_map(|it| if is_unit(it) { units.next() } else { Some(*it) });
+    [start].into_iter().chain(sorted).chain([&file[end..]]).flatten().copied().collect()
 }
 
 /// CIE x and y of the primaries of Rec. 709 and of its white point, D65.
@@ -205,6 +226,18 @@ const REC_709: [[f32; 2]; 4] = [[0.64, 0.33], [0.30, 0.60], [0.15, 0.06], [0.312
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn units_are_sorted() {
+        let value = Value::Tensor(Tensor::new(DType::F32, &["y", "x"], vec![1, 1], vec![0; 4]));
+        let depth = ExrCoding::of(&ValueKind { form: Form::from(&value), semantic: Semantic::Depth, unit: "m" });
+        let coding = depth.expect("an image");
+        let names = ["e", "b", "d", "a", "c", "f"].map(str::to_owned);
+        let layer = |name: String| ImageLayer { name, coding: coding.clone(), value: value.clone() };
+        let bytes = encode_layers(&names.map(layer), Precision::Float).expect("encoded");
+        let at = |name: &str| bytes.windows(6).position(|it| it == format!("{name}.unit").as_bytes()).expect("there");
+        assert!(["a", "b", "c", "d", "e", "f"].map(at).is_sorted());
+    }
 
     #[test]
     fn images_come_back() {
