@@ -9,7 +9,7 @@ use std::path::Path;
 use std::process::Command;
 use std::sync::{Arc, Mutex};
 use std::time::Instant;
-use syntable_formats::encode::png::{Image, Rounding, depth_units};
+use syntable_formats::encode::png::{PngImage, Rounding, depth_units};
 use syntable_formats::segmentation::Rle;
 use syntable_model::context::Workers;
 use syntable_model::prelude::*;
@@ -199,8 +199,8 @@ fn ms<T>(frames: &[Frame], mut call: impl FnMut(&Frame) -> T) -> f64 {
     times[times.len() / 2]
 }
 
-fn depth_image(frame: &Frame) -> Image {
-    Image::gray16(&frame.depth.map(|&depth| depth_units(depth, 1.0, Rounding::Nearest)))
+fn depth_image(frame: &Frame) -> PngImage {
+    PngImage::gray16(&frame.depth.map(|&depth| depth_units(depth, 1.0, Rounding::Nearest)))
 }
 
 /// Files of a folder and their bytes.
@@ -262,11 +262,11 @@ fn main() {
     }
 
     println!("parts, ms an image, one thread:");
-    let size = |image: &dyn Fn(&Frame) -> Image| {
+    let size = |image: &dyn Fn(&Frame) -> PngImage| {
         let sum: usize = frames.iter().map(|frame| image(frame).encode().expect("encodes").len()).sum();
         sum / frames.len()
     };
-    let rgb = |frame: &Frame| Image::rgb(&frame.rgb);
+    let rgb = |frame: &Frame| PngImage::rgb(&frame.rgb);
     let (rgb_ms, depth_ms) =
         (ms(&frames, |frame| rgb(frame).encode()), ms(&frames, |frame| depth_image(frame).encode()));
     println!("  PNG of RGB             {rgb_ms:6.2}, {} bytes", size(&rgb));

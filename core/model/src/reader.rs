@@ -1,7 +1,6 @@
 //! Datasets that are read back, in any format.
 //!
-//! A reader offers the products of each image, as a renderer does: what derives labels from labels, writes or checks them
-//! does not know where they came from. Registered with [`register_format!`](crate::register_format).
+//! A reader offers the products of each image, as a renderer does. Annotators, writers and checks do not know their origin. Registered with [`register_format!`](crate::register_format).
 
 use crate::error::{Error, Result};
 use crate::files::{DatasetFolder, Reach};
@@ -9,9 +8,10 @@ use crate::left_out::LeftOut;
 use crate::panics::guarded;
 use crate::product::{KeyId, Mask, Products};
 use crate::registry::Registry;
-use crate::scene::{SceneId, ViewId};
+use crate::scene::{InstanceId, SceneId, ViewId};
 use crate::stage::DatasetInfo;
 use std::collections::BTreeMap;
+use std::fmt;
 use std::ops::Deref;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
@@ -21,12 +21,12 @@ use std::sync::{Arc, OnceLock};
 pub trait DatasetFormat: Send + Sync {
     /// Its name, as users write it. [`intern`](crate::intern::intern) makes one at run time.
     fn name(&self) -> &'static str;
-    /// What it is, in one sentence.
+    /// Description, in one sentence.
     fn doc(&self) -> &str;
     /// Whether a folder looks like one, or a file like the annotation file of one. Callers use [`detects`](#method.detects).
     fn looks_like(&self, path: &Path) -> bool;
-    /// Reads what is known of a dataset without its images: a folder, or an annotation file of it. Names of files that the dataset has
-    /// are looked up in [`Source::folder`], so that they lead nowhere else. Callers use [`open`](#method.open).
+    /// Reads a dataset without its images: a folder, or an annotation file of it. Names of files in the dataset are looked up in
+    /// [`Source::folder`], so that they lead nowhere else. Callers use [`open`](#method.open).
     ///
     /// # Errors
     /// If there is none, or nothing of it can be read.
@@ -36,7 +36,7 @@ pub trait DatasetFormat: Send + Sync {
     fn is_generic(&self) -> bool {
         false
     }
-    /// The crate or program that has it, for messages.
+    /// The crate or program that registers it, for messages.
     fn owner(&self) -> &str;
 }
 
@@ -61,11 +61,11 @@ impl dyn DatasetFormat + '_ {
 pub struct Format {
     /// Its name, as users write it.
     pub name: &'static str,
-    /// What it is, in one sentence.
+    /// Description, in one sentence.
     pub doc: &'static str,
     /// Whether a folder looks like one; see [`DatasetFormat::looks_like`].
     pub detect: fn(&Path) -> bool,
-    /// Reads what is known of a dataset; see [`DatasetFormat::read`].
+    /// Reads a dataset without its images; see [`DatasetFormat::read`].
     pub open: fn(&Source) -> Result<Opened>,
     /// Whether it holds products under their names; see [`DatasetFormat::is_generic`].
     pub is_generic: bool,
@@ -74,6 +74,23 @@ pub struct Format {
 }
 
 inventory::collect!(Format);
+
+impl Format {
+    /// A format whose datasets have a layout of their own. [`register_format!`](crate::register_format) names the crate.
+    pub const fn new(
+        name: &'static str,
+        doc: &'static str,
+        detect: fn(&Path) -> bool,
+        open: fn(&Source) -> Result<Opened>,
+    ) -> Self {
+        Self { name, doc, detect, open, is_generic: false, crate_name: "" }
+    }
+
+    /// The same format if its datasets hold products under their names; see [`DatasetFormat::is_generic`].
+    pub const fn generic(self) -> Self {
+        Self { is_generic: true, ..self }
+    }
+}
 
 impl DatasetFormat for Format {
     fn name(&self) -> &'static str {
@@ -101,15 +118,17 @@ impl DatasetFormat for Format {
     }
 }
 
-/// Registers formats.
+/// Registers formats of the crate that calls it.
 #[macro_export]
 macro_rules! register_format {
     ($($format:expr),+ $(,)?) => {$(
-        $crate::inventory::submit! { $format }
+        $crate::inventory::submit! {
+            $crate::reader::Format { crate_name: env!("CARGO_PKG_NAME"), ..$format }
+        }
     )+};
 }
 
-/// What a user names as a dataset.
+/// The path that a user names as a dataset.
 #[derive(Debug, Clone)]
 pub struct Source {
     /// Its folder, or an annotation file of it.
@@ -208,12 +227,12 @@ fn find(
             }
         }
     }
-    Err(Error::new("it looks like a dataset of no format that can be read")
+    Err(Error::new("unrecognized dataset format")
         .in_file(root)
         .help(format!("name the format with --format: {}", names())))
 }
 
-/// What a reader finds when it opens a dataset: plain data, and where its images come from.
+/// An open dataset: plain data, and the source of its images.
 pub struct Opened {
     /// Name, number of scenes and views, classes.
     pub info: DatasetInfo,
@@ -221,24 +240,24 @@ pub struct Opened {
     pub images: Vec<ImageRef>,
     /// The products that images have.
     pub offers: Vec<KeyId>,
-    /// Those of them that follow from others: nothing is lost if nobody reads them.
+    /// Products among these that follow from others: leaving them unread loses no information.
     pub derived: Vec<KeyId>,
     /// Interchangeable products: reading either of a pair loses no information.
     pub alike: Vec<[KeyId; 2]>,
-    /// What is wrong with the dataset beyond single images, as far as opening shows it: files or records that contradict each other.
+    /// Faults of the dataset beyond single images that opening shows: files or records that contradict each other.
     pub faults: Vec<DatasetFault>,
     /// Whether images without objects are listed: a dataset without images is then at fault.
     pub lists_all_images: bool,
     /// Ids of the annotation file's categories, each with the id of the category in `info`; none if they are the same.
     pub category_ids: Option<BTreeMap<u64, u32>>,
-    /// What the products lack.
+    /// The gaps of the products.
     pub notes: Vec<Note>,
     /// Reads the images.
     pub source: Box<dyn ImageSource>,
 }
 
 impl Opened {
-    /// A dataset in which everything is as it should be: nothing is derived, at fault or missing, and all images are listed.
+    /// A dataset without derived products, faults and gaps, which lists all images.
     pub fn new(
         info: DatasetInfo,
         images: Vec<ImageRef>,
@@ -262,13 +281,13 @@ impl Opened {
 
 /// Reads the images of a dataset. Images are numbered by their place in [`Opened::images`].
 pub trait ImageSource: Send + Sync {
-    /// Reads an image: those of the wanted products that it has.
+    /// Reads the wanted products of an image that it has.
     ///
     /// # Errors
     /// If a file or record cannot be read; the message names it.
     fn read(&self, image: usize, wants: &[KeyId]) -> Result<ReadImage>;
-    /// Regions of an image in which objects are there and not told apart, such as COCO's crowds. They are no objects; a score
-    /// may neither count what is found in them nor hold it against a detector.
+    /// Regions of an image with objects that are not separated, such as COCO's crowds. They are no objects. A score ignores
+    /// detections in them.
     ///
     /// # Errors
     /// If they cannot be read.
@@ -276,13 +295,13 @@ pub trait ImageSource: Send + Sync {
         let _ = image;
         Ok(Vec::new())
     }
-    /// What is wrong with the records of an image beyond its products: names of rules, and what breaks them. What cannot
-    /// be read is skipped.
-    fn image_faults(&self, image: usize) -> Vec<(&'static str, String)> {
+    /// The rules that records of an image break, beyond its products. Records that cannot be read are skipped, and
+    /// [`DatasetFault::image`] may stay empty.
+    fn image_faults(&self, image: usize) -> Vec<DatasetFault> {
         let _ = image;
         Vec::new()
     }
-    /// What is wrong with files that images do not need, such as meshes.
+    /// Faults of files that images do not need, such as meshes.
     fn other_faults(&self) -> Vec<DatasetFault> {
         Vec::new()
     }
@@ -293,7 +312,7 @@ pub trait ImageSource: Send + Sync {
 pub struct ReadImage {
     /// Width and height, px.
     pub size: [u32; 2],
-    /// Those of the wanted products that it has.
+    /// The wanted products that it has.
     pub products: Products,
     /// Annotations of the image that are not given as objects.
     pub left_out: Vec<LeftOut>,
@@ -308,7 +327,7 @@ impl ReadImage {
     }
 }
 
-/// What the products of a dataset lack.
+/// A gap of a dataset's products.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Note {
     lack: Lack,
@@ -325,7 +344,7 @@ enum Lack {
 }
 
 impl Note {
-    /// In what products say less than those of a run, for people.
+    /// Text for people: how the products say less than those of a run.
     pub fn caveat(text: impl Into<String>) -> Self {
         Self { lack: Lack::Caveat(text.into()), concerns: None }
     }
@@ -341,7 +360,7 @@ impl Note {
         Self { lack: Lack::NotKept(left_out), concerns: None }
     }
 
-    /// The same for those who read one of these products.
+    /// The same note, for readers of one of these products only.
     pub fn of(self, products: impl IntoIterator<Item = KeyId>) -> Self {
         Self { concerns: Some(products.into_iter().collect()), ..self }
     }
@@ -357,7 +376,7 @@ pub struct OpenDataset {
     /// The reader's name in messages.
     reader: String,
     root: PathBuf,
-    /// All faults, once somebody has asked.
+    /// All faults, computed at their first use.
     faults: OnceLock<Vec<DatasetFault>>,
 }
 
@@ -387,13 +406,14 @@ impl OpenDataset {
         guarded(&self.reader, &self.root, || self.opened.source.crowds(image))
     }
 
-    /// What is wrong with the records of an image beyond its products; see [`ImageSource::image_faults`].
-    pub fn image_faults(&self, image: usize) -> Vec<(&'static str, String)> {
+    /// The rules that records of an image break, beyond its products; see [`ImageSource::image_faults`].
+    pub fn image_faults(&self, image: usize) -> Vec<DatasetFault> {
         let found = guarded(&self.reader, &self.root, || Ok(self.opened.source.image_faults(image)));
-        found.unwrap_or_else(|error| vec![("readable", error.to_string())])
+        let found = found.unwrap_or_else(|error| vec![DatasetFault::new(READABLE, error.to_string())]);
+        found.into_iter().map(|fault| DatasetFault { image: Some(image), ..fault }).collect()
     }
 
-    /// What is wrong with the dataset beyond single images. The first call may read many files; [`Opened::faults`] has what opening
+    /// Faults of the dataset beyond single images. The first call may read many files; [`Opened::faults`] has those that opening
     /// shows.
     pub fn all_faults(&self) -> &[DatasetFault] {
         self.faults.get_or_init(|| self.find_faults())
@@ -402,8 +422,7 @@ impl OpenDataset {
     fn find_faults(&self) -> Vec<DatasetFault> {
         let others = guarded(&self.reader, &self.root, || Ok(self.opened.source.other_faults()));
         let others = others.unwrap_or_else(|error| {
-            let place = self.root.display().to_string();
-            vec![DatasetFault { check: "readable", place, message: error.to_string(), is_lost: false }]
+            vec![DatasetFault::new(READABLE, error.to_string()).of(self.root.display().to_string())]
         });
         self.opened.faults.iter().cloned().chain(others).collect()
     }
@@ -416,7 +435,7 @@ impl OpenDataset {
         }
     }
 
-    /// In what products among these say less than those of a run, for people.
+    /// Texts for people: how products among these say less than those of a run.
     pub fn caveats(&self, reads: &[KeyId]) -> Vec<String> {
         self.lacks(reads, |lack| if let Lack::Caveat(text) = lack { Some(text.clone()) } else { None })
     }
@@ -451,35 +470,38 @@ pub struct ImageRef {
     pub scene: SceneId,
     /// Its view.
     pub view: ViewId,
-    /// What the dataset calls it, such as its path.
+    /// Its name in the dataset, such as its path.
     pub name: String,
     /// The number that the dataset's annotation file gives it; none in formats without such numbers.
     pub id: Option<u64>,
 }
 
-/// Name of an object, or of its category, of which a dataset has nothing but the number.
+/// Name of an object, or of its category, if a dataset has only its number.
 pub fn unnamed_object(number: u64) -> String {
     format!("obj_{number:06}")
 }
 
-/// Name of a category of which a dataset has nothing but the number.
+/// Name of a category if a dataset has only its number.
 pub fn unnamed_category(number: u64) -> String {
     format!("category_{number}")
 }
 
-/// Name of a class of YOLO of which a dataset has nothing but the number. `number` counts from 1, as ids of categories do; classes
+/// Name of a class of YOLO if a dataset has only its number. `number` counts from 1, as ids of categories do; classes
 /// count from 0.
 pub fn unnamed_class(number: u64) -> String {
     format!("class {}", number.saturating_sub(1))
 }
 
-/// Whether a name says nothing but the number of an object or a category.
+/// Whether a name is only the number of an object or a category.
 pub fn is_unnamed(number: u64, name: &str) -> bool {
     [unnamed_object, unnamed_category, unnamed_class].iter().any(|of| of(number) == name)
 }
 
-/// Name of the rule that each object has a pixel in some mask. Readers that know what their file calls an object report each
-/// object without pixels under this name, and a conversion that drops the object repeats the report.
+/// Id of the rule that files and records can be read.
+pub const READABLE: &str = "readable";
+
+/// Id of the rule that each object has a pixel in some mask. Readers that know an object's name in the file report each object
+/// without pixels under this rule, and a conversion that drops the object repeats the report.
 pub const OBJECTS_HAVE_PIXELS: &str = "objects_have_pixels";
 
 /// A region of an image with objects that are not told apart.
@@ -491,17 +513,92 @@ pub struct Crowd {
     pub category: u32,
 }
 
-/// Something that is wrong with a dataset.
+/// A rule that a dataset breaks, and where.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct DatasetFault {
-    /// The rule that is broken, in snake case, such as `unique_ids`.
-    pub check: &'static str,
-    /// Where: a file, an image or an annotation.
-    pub place: String,
-    /// What is wrong.
+    /// Id of the rule in snake case, such as `unique_ids`.
+    pub rule: &'static str,
+    /// The image whose records break the rule, as its place in [`Opened::images`]; none for the dataset as a whole.
+    pub image: Option<usize>,
+    /// The record or file that breaks the rule; none for an image as a whole.
+    pub subject: Option<FaultSubject>,
+    /// What is wrong with the subject.
     pub message: String,
-    /// Whether images are left out for it: they cannot be read, or not told apart.
+    /// Whether the reader omits images because of the fault: it cannot read them, or cannot distinguish them.
     pub is_lost: bool,
+}
+
+/// A record or file that breaks a rule. Its text is what messages call it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum FaultSubject {
+    /// An annotation, by its id in the annotation file.
+    Annotation(u64),
+    /// A category, by its id in the annotation file.
+    Category(u64),
+    /// An image, by its id in the annotation file.
+    Image(u64),
+    /// An object, by its id in the image.
+    Instance(InstanceId),
+    /// A line of a text file, from 1.
+    Line(usize),
+    /// A scene, by its number.
+    Scene(u32),
+    /// A segment of an image, by its id.
+    Segment(u32),
+    /// A file, or a part of the dataset by its name.
+    Name(String),
+}
+
+impl DatasetFault {
+    /// A fault that has neither a subject nor an image yet. The reader omits no image because of it.
+    pub fn new(rule: &'static str, message: impl Into<String>) -> Self {
+        Self { rule, image: None, subject: None, message: message.into(), is_lost: false }
+    }
+
+    /// The same fault with its subject.
+    pub fn of(self, subject: impl Into<FaultSubject>) -> Self {
+        Self { subject: Some(subject.into()), ..self }
+    }
+
+    /// Place and text for people. The place of a fault of an image is the image's name, and the text begins with the subject;
+    /// else the place is the subject.
+    pub fn place_and_text(&self, images: &[ImageRef]) -> [String; 2] {
+        match self.image {
+            Some(image) => [images[image].name.clone(), self.to_string()],
+            None => [self.subject.as_ref().map_or_else(String::new, FaultSubject::to_string), self.message.clone()],
+        }
+    }
+}
+
+/// The subject and the message.
+impl fmt::Display for DatasetFault {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        match &self.subject {
+            Some(subject) => write!(f, "{subject}: {}", self.message),
+            None => f.write_str(&self.message),
+        }
+    }
+}
+
+impl fmt::Display for FaultSubject {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        match self {
+            Self::Annotation(id) => write!(f, "annotation {id}"),
+            Self::Category(id) => write!(f, "category {id}"),
+            Self::Image(id) => write!(f, "image {id}"),
+            Self::Instance(id) => write!(f, "instance {id}"),
+            Self::Line(number) => write!(f, "line {number}"),
+            Self::Scene(id) => write!(f, "scene {id}"),
+            Self::Segment(id) => write!(f, "segment {id}"),
+            Self::Name(name) => f.write_str(name),
+        }
+    }
+}
+
+impl From<String> for FaultSubject {
+    fn from(name: String) -> Self {
+        Self::Name(name)
+    }
 }
 
 #[cfg(test)]
@@ -518,7 +615,7 @@ mod tests {
         fn other_faults(&self) -> Vec<DatasetFault> {
             panic!("faults")
         }
-        fn image_faults(&self, _: usize) -> Vec<(&'static str, String)> {
+        fn image_faults(&self, _: usize) -> Vec<DatasetFault> {
             panic!("faults of an image")
         }
         fn crowds(&self, _: usize) -> Result<Vec<Crowd>> {
@@ -566,7 +663,7 @@ mod tests {
         .expect("opens");
         says(&opened.read(3, &[]).err().expect("refused").to_string(), "image 3");
         says(&opened.all_faults()[0].message, "faults");
-        says(&opened.image_faults(0)[0].1, "faults of an image");
+        says(&opened.image_faults(0)[0].message, "faults of an image");
         says(&opened.crowds(0).expect_err("refused").to_string(), "crowds");
     }
 }

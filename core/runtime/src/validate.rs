@@ -10,14 +10,12 @@ use syntable_model::context::Workers;
 use syntable_model::error::{Error, Result};
 use syntable_model::product::standard::OBJECT_INFO;
 use syntable_model::product::{KeyId, Products, Value};
-use syntable_model::reader::{DatasetFault, OpenDataset, Source, is_unnamed};
+use syntable_model::reader::{DatasetFault, OpenDataset, READABLE, Source, is_unnamed};
 use syntable_model::registry::Registry;
 
 /// Name of the check that datasets agree on the ids of categories and objects.
 const NUMBERS_AGREE: &str = "numbers_agree";
-/// Name of the check that files and records are readable.
-const READABLE: &str = "readable";
-/// Description of that check.
+/// Description of the check [`READABLE`].
 const CAN_BE_READ: &str = "Files exist, and files and records are readable.";
 
 /// Result of all checks of a dataset.
@@ -203,7 +201,8 @@ pub fn validate(dataset: &OpenDataset, checks: &[Arc<dyn LabelCheck>], threads: 
         let (products, mut faults) = read(dataset, image, offers);
         let made: Vec<bool> = checks.iter().map(|check| check.applies(&products)).collect();
         faults.extend(checks.iter().flat_map(|check| of_image(check, &products)));
-        faults.extend(dataset.image_faults(image).into_iter().map(|(check, message)| (check.to_owned(), message)));
+        let of_records = dataset.image_faults(image);
+        let of_records = of_records.iter().map(|fault| FaultAt::of(fault, dataset));
         let place = &dataset.images[image].name;
         let mut found = found.lock();
         found.2.note_objects(&products);
@@ -211,13 +210,14 @@ pub fn validate(dataset: &OpenDataset, checks: &[Arc<dyn LabelCheck>], threads: 
             *count += u32::from(made);
         }
         found.1.extend(faults.into_iter().map(|(check, message)| FaultAt { check, place: place.clone(), message }));
+        found.1.extend(of_records);
     });
     let (counts, mut faults, numbers) = found.into_inner();
     if dataset.images.is_empty() && dataset.lists_all_images {
         let message = "the dataset has no image".to_owned();
         faults.insert(FaultAt { check: READABLE.to_owned(), place: "images".to_owned(), message });
     }
-    faults.extend(dataset.all_faults().iter().map(FaultAt::from));
+    faults.extend(dataset.all_faults().iter().map(|fault| FaultAt::of(fault, dataset)));
     let of = |name: &str| faults.iter().filter(|fault| fault.check == name).count() as u32;
     let images = dataset.images.len() as u32;
     let checked = |name: &str, says: &str, images| CheckResult {
@@ -260,9 +260,10 @@ fn of_image(check: &Arc<dyn LabelCheck>, products: &Products) -> Vec<(String, St
     messages.into_iter().map(|message| (check.name().to_owned(), message)).collect()
 }
 
-impl From<&DatasetFault> for FaultAt {
-    fn from(fault: &DatasetFault) -> Self {
-        Self { check: fault.check.to_owned(), place: fault.place.clone(), message: fault.message.clone() }
+impl FaultAt {
+    fn of(fault: &DatasetFault, dataset: &OpenDataset) -> Self {
+        let [place, message] = fault.place_and_text(&dataset.images);
+        Self { check: fault.rule.to_owned(), place, message }
     }
 }
 

@@ -1,7 +1,7 @@
 //! Tests that need a tool from outside: a Python module, a graphics adapter, a language server.
 
 use std::io::Write;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::OnceLock;
 
@@ -53,4 +53,14 @@ pub fn python_with(modules: &str, here: &OnceLock<bool>, script: &Path, argument
     assert!(output.status.success(), "{} {arguments:?}\n{}{}", script.display(), printed[0], printed[1]);
     eprint!("{}", printed[0]);
     true
+}
+
+/// A script in the folder `tests` of the crate under test, whose folder cargo makes the working directory.
+pub fn own_script(name: &str) -> PathBuf {
+    Path::new("tests").join(name)
+}
+
+/// A script in the folder `tests` of the repository.
+pub fn shared_script(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests").join(name)
 }

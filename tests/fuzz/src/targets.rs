@@ -2,8 +2,8 @@
 //! (`tests/tests/program/fuzz.rs`), and `fuzz_targets` hands these functions to libFuzzer.
 
 use std::path::PathBuf;
-use syntable_formats::dataset::Layout;
-use syntable_formats::decode::Content;
+use syntable_formats::dataset::JsonLayout;
+use syntable_formats::decode::FileContent;
 use syntable_formats::{coco, syntable};
 use syntable_model::context::Collected;
 use syntable_model::inspect;
@@ -131,7 +131,7 @@ pub fn recipe(input: &[u8]) {
 
 /// Annotation files of other programs: COCO's and SynTable's, from text to masks.
 pub fn dataset(input: &[u8]) {
-    if let Ok(dataset) = coco::Dataset::from_reader(input) {
+    if let Ok(dataset) = coco::CocoDataset::from_reader(input) {
         for annotation in &dataset.annotations {
             // Images of any size are legal, but decoding large ones takes time that finds nothing.
             let image = dataset.images.iter().find(|image| image.id == annotation.image_id);
@@ -141,10 +141,10 @@ pub fn dataset(input: &[u8]) {
             assert_eq!((mask.width(), mask.height()), (image.width, image.height));
         }
         let mut written = Vec::new();
-        dataset.write(&mut written, "fuzz.json", Layout::Lines).expect("memory takes all");
-        assert_eq!(coco::Dataset::from_reader(&written[..]).expect("what was written is read"), dataset);
+        dataset.write(&mut written, "fuzz.json", JsonLayout::Lines).expect("memory takes all");
+        assert_eq!(coco::CocoDataset::from_reader(&written[..]).expect("what was written is read"), dataset);
     }
-    if let Ok(dataset) = syntable::Dataset::from_reader(input) {
+    if let Ok(dataset) = syntable::SynTableDataset::from_reader(input) {
         for image in &dataset.images {
             let _ = image.camera();
         }
@@ -156,7 +156,7 @@ pub fn dataset(input: &[u8]) {
 
 /// Values of products that files have, arrays or JSON: each is the product of a key, or refused.
 pub fn product(input: &[u8]) {
-    let content = Content::new(input.to_vec(), "fuzz".into());
+    let content = FileContent::new(input.to_vec(), "fuzz".into());
     let values = [content.npy().map(Value::Tensor), content.json()];
     let ids = [InstanceId(1), InstanceId(2)];
     for value in values.into_iter().flatten() {

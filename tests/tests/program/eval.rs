@@ -5,7 +5,7 @@ use serde_json::{Value, json};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
-use syntable_formats::scores::Scores;
+use syntable_formats::scores::MetricScores;
 use syntable_model::product::Mask;
 
 /// The folder of a small dataset that all tests share.
@@ -160,7 +160,7 @@ fn the_worst_images_are_saved_with_their_predictions() {
     let (pred, saved) = (write(folder.path(), &predicted), folder.path().join("scores.json"));
     let save = saved.display().to_string();
     let said = scores(&pred, &["--save", &save]);
-    let found: Scores = Scores::read(&saved).expect("a file of scores");
+    let found: MetricScores = MetricScores::read(&saved).expect("a file of scores");
     let whole: Value = serde_json::from_str(&fs::read_to_string(&saved).expect("readable")).expect("JSON");
     assert_eq!((&whole["scores"], &whole["objects"]), (&said["scores"], &said["objects"]));
     assert_eq!((found.ranked_by.as_str(), found.worst.len()), ("amodal_overlap_f", images.len()));
@@ -182,7 +182,7 @@ fn the_worst_images_are_saved_with_their_predictions() {
     }
     // Fewer of them, by another score.
     scores(&pred, &["--save", &save, "--worst", "1", "--worst-by", "edge_p"]);
-    let found: Scores = Scores::read(&saved).expect("a file of scores");
+    let found: MetricScores = MetricScores::read(&saved).expect("a file of scores");
     assert_eq!((found.ranked_by.as_str(), found.worst.len()), ("edge_p", 1));
     let eval =
         |more: &[&str]| fails(syntable().arg("eval").arg("--gt").arg(data()).arg("--pred").arg(&pred).args(more), 2);

@@ -2,7 +2,7 @@
 
 use divan::{Bencher, black_box};
 use syntable_formats::encode::npy::Array;
-use syntable_formats::encode::png::Image;
+use syntable_formats::encode::png::PngImage;
 use syntable_model::prelude::*;
 use syntable_model::product::Plane;
 
@@ -23,13 +23,13 @@ fn rgb() -> Plane<[u8; 3]> {
 
 #[divan::bench]
 fn png_rgb(bencher: Bencher) {
-    let image = Image::rgb(&rgb());
+    let image = PngImage::rgb(&rgb());
     bencher.bench(|| black_box(&image).encode());
 }
 
 #[divan::bench]
 fn png_depth(bencher: Bencher) {
-    let image = Image::gray16(&Plane::from_fn(SIZE[0], SIZE[1], |x, y| {
+    let image = PngImage::gray16(&Plane::from_fn(SIZE[0], SIZE[1], |x, y| {
         (900.0 + 0.7 * f64::from(y) + 40.0 * (f64::from(x) / 50.0).sin().abs()) as u16
     }));
     bencher.bench(|| black_box(&image).encode());
@@ -38,7 +38,7 @@ fn png_depth(bencher: Bencher) {
 #[divan::bench]
 fn png_mask(bencher: Bencher) {
     let mask = Mask::from_fn(SIZE[0], SIZE[1], |x, y| x.abs_diff(300).pow(2) + y.abs_diff(200).pow(2) < 6400);
-    bencher.bench(|| Image::mask(black_box(&mask), 255).encode());
+    bencher.bench(|| PngImage::mask(black_box(&mask), 255).encode());
 }
 
 #[divan::bench]

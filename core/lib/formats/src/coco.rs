@@ -9,12 +9,12 @@ use std::fmt;
 use syntable_model::stage::DatasetInfo;
 
 /// A COCO annotation file.
-pub type Dataset = crate::dataset::Dataset<Image, Annotation>;
+pub type CocoDataset = crate::dataset::AnnotationDataset<CocoImage, CocoAnnotation>;
 
-/// What the dataset is. All fields may be missing.
+/// Name and origin of a dataset. All fields may be missing.
 #[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(default)]
-pub struct Info {
+pub struct CocoInfo {
     /// Name or description of the dataset.
     #[serde(deserialize_with = "or_default")]
     pub description: String,
@@ -53,6 +53,13 @@ pub struct License {
     pub extra: Extra,
 }
 
+impl License {
+    /// The license of all images that this program renders.
+    pub fn of_assets() -> Self {
+        Self { id: 1, name: "licenses of the assets".into(), ..Self::default() }
+    }
+}
+
 /// A category of objects.
 #[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct Category {
@@ -69,6 +76,9 @@ pub struct Category {
     pub extra: Extra,
 }
 
+/// Field of a category in panoptic annotations: 1 for things, 0 for stuff.
+pub const IS_THING: &str = "isthing";
+
 /// The categories of a dataset.
 pub fn categories(dataset: &DatasetInfo) -> Vec<Category> {
     let category = |(id, name): (u32, &str)| {
@@ -80,7 +90,7 @@ pub fn categories(dataset: &DatasetInfo) -> Vec<Category> {
 
 /// An image.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
-pub struct Image {
+pub struct CocoImage {
     /// Unique in the file.
     #[serde(deserialize_with = "id")]
     pub id: u64,
@@ -109,7 +119,7 @@ pub struct Image {
 
 /// An object in an image, with the fields `E` of a format.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Annotation<E = Extra> {
+pub struct CocoAnnotation<E = Extra> {
     /// Unique in the file.
     #[serde(deserialize_with = "id")]
     pub id: u64,
@@ -169,8 +179,11 @@ impl Visitor<'_> for Id {
     }
 }
 
-/// What a field says; nothing if it is `null`.
-fn or_default<'de, D: Deserializer<'de>, T: Deserialize<'de> + Default>(deserializer: D) -> Result<T, D::Error> {
+/// The value of a field; the default if it is `null`.
+///
+/// # Errors
+/// If the field has a value of another type.
+pub fn or_default<'de, D: Deserializer<'de>, T: Deserialize<'de> + Default>(deserializer: D) -> Result<T, D::Error> {
     Option::deserialize(deserializer).map(Option::unwrap_or_default)
 }
 

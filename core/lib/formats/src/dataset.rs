@@ -1,8 +1,8 @@
 //! Whole annotation files.
 
 use crate::Extra;
-use crate::coco::{Category, Info, License};
-use crate::json::{Counted, before, located};
+use crate::coco::{Category, CocoInfo, License};
+use crate::json::{self, CountingReader, before, located};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use serde_json::Value as Json;
@@ -14,10 +14,10 @@ use syntable_model::error::{Error, Result};
 
 /// An annotation file in memory: images of type `I`, annotations of type `A`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Dataset<I, A> {
-    /// What the dataset is.
+pub struct AnnotationDataset<I, A> {
+    /// Name and origin of the dataset.
     #[serde(default)]
-    pub info: Info,
+    pub info: CocoInfo,
     /// Licenses that images refer to.
     #[serde(default)]
     pub licenses: Vec<License>,
@@ -32,7 +32,7 @@ pub struct Dataset<I, A> {
     pub extra: Extra,
 }
 
-impl<I: DeserializeOwned, A: DeserializeOwned> Dataset<I, A> {
+impl<I: DeserializeOwned, A: DeserializeOwned> AnnotationDataset<I, A> {
     /// Reads a file.
     pub fn read(path: impl AsRef<Path>) -> Result<Self> {
         let path = path.as_ref();
@@ -50,19 +50,19 @@ impl<I: DeserializeOwned, A: DeserializeOwned> Dataset<I, A> {
     fn from_bytes(text: &[u8]) -> Result<Self> {
         let (at, until) = (Cell::new(0), Cell::new(u64::MAX));
         let from = || text.get(before(at.get()) as usize..).unwrap_or_default();
-        let mut json = serde_json::Deserializer::from_reader(Counted { from: text, at: &at, until: &until });
-        let dataset = serde_path_to_error::deserialize(&mut json).map_err(|error| {
+        let mut parser = serde_json::Deserializer::from_reader(CountingReader { from: text, at: &at, until: &until });
+        let dataset = serde_path_to_error::deserialize(&mut parser).map_err(|error| {
             let path = error.path().to_string();
             located(&error.into_inner(), if path == "." { None } else { Some(&path) }, from())
         })?;
-        json.end().map_err(|error| located(&error, None, from()))?;
+        parser.end().map_err(|error| located(&error, None, from()))?;
         Ok(dataset)
     }
 }
 
-impl<I: Serialize, A: Serialize> Dataset<I, A> {
+impl<I: Serialize, A: Serialize> AnnotationDataset<I, A> {
     /// Writes the file. `path` names it in errors.
-    pub fn write(&self, out: &mut dyn Write, path: &str, layout: Layout) -> Result<()> {
+    pub fn write(&self, out: &mut dyn Write, path: &str, layout: JsonLayout) -> Result<()> {
         let mut file = DatasetWriter::new(out, path, layout)?;
         file.header(&self.info, &self.licenses, &self.categories)?;
         file.images(|images| self.images.iter().try_for_each(|image| images.record(image)))?;
@@ -81,7 +81,7 @@ impl<I: Serialize, A: Serialize> Dataset<I, A> {
 
 /// Line breaks of an annotation file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Layout {
+pub enum JsonLayout {
     /// One record per line.
     Lines,
     /// Indented by four spaces, as Python's `json.dump(…, indent=4)` writes.
@@ -89,25 +89,25 @@ pub enum Layout {
 }
 
 /// Writes an annotation file record by record, so that memory does not grow with the dataset. Sections come in the
-/// order of [`Dataset`].
+/// order of [`AnnotationDataset`].
 pub struct DatasetWriter<'a> {
     out: &'a mut dyn Write,
     path: &'a str,
-    layout: Layout,
+    layout: JsonLayout,
     /// Whether the next section or record is the first of its kind.
     first: bool,
 }
 
 impl<'a> DatasetWriter<'a> {
     /// Starts a file. `path` names it in errors.
-    pub fn new(out: &'a mut dyn Write, path: &'a str, layout: Layout) -> Result<Self> {
+    pub fn new(out: &'a mut dyn Write, path: &'a str, layout: JsonLayout) -> Result<Self> {
         let mut file = Self { out, path, layout, first: true };
         file.put("{")?;
         Ok(file)
     }
 
     /// Writes what comes before the images.
-    pub fn header(&mut self, info: &Info, licenses: &[License], categories: &[Category]) -> Result<()> {
+    pub fn header(&mut self, info: &CocoInfo, licenses: &[License], categories: &[Category]) -> Result<()> {
         self.section("info", info)?;
         self.section("licenses", &licenses)?;
         self.section("categories", &categories)
@@ -121,12 +121,12 @@ impl<'a> DatasetWriter<'a> {
     }
 
     /// Writes the images that `fill` adds.
-    pub fn images(&mut self, fill: impl FnOnce(&mut Records) -> Result<()>) -> Result<()> {
+    pub fn images(&mut self, fill: impl FnOnce(&mut JsonRecords) -> Result<()>) -> Result<()> {
         self.list("images", fill)
     }
 
     /// Writes the annotations that `fill` adds.
-    pub fn annotations(&mut self, fill: impl FnOnce(&mut Records) -> Result<()>) -> Result<()> {
+    pub fn annotations(&mut self, fill: impl FnOnce(&mut JsonRecords) -> Result<()>) -> Result<()> {
         self.list("annotations", fill)
     }
 
@@ -136,10 +136,10 @@ impl<'a> DatasetWriter<'a> {
     }
 
     /// Writes a section of records that `fill` adds.
-    pub fn list(&mut self, name: &str, fill: impl FnOnce(&mut Records) -> Result<()>) -> Result<()> {
+    pub fn list(&mut self, name: &str, fill: impl FnOnce(&mut JsonRecords) -> Result<()>) -> Result<()> {
         self.begin(name)?;
         self.put("[")?;
-        let mut records = Records { file: self, empty: true };
+        let mut records = JsonRecords { file: self, empty: true };
         fill(&mut records)?;
         let close = if records.empty { "]" } else { "\n    ]" };
         self.put(close)
@@ -154,10 +154,10 @@ impl<'a> DatasetWriter<'a> {
     /// The JSON of a value that starts at some depth of indentation.
     fn text(&self, value: &impl Serialize, depth: usize) -> Result<String> {
         let text = match self.layout {
-            Layout::Lines => serde_json::to_string(value),
-            Layout::Indented => indented(value, depth),
+            JsonLayout::Lines => serde_json::to_string(value),
+            JsonLayout::Indented => indented(value, depth),
         };
-        text.map_err(|error| Error::new(format!("cannot be written as JSON: {error}")).in_file(self.path))
+        text.map_err(|error| json::unwritable(error).in_file(self.path))
     }
 
     fn put(&mut self, text: &str) -> Result<()> {
@@ -166,12 +166,12 @@ impl<'a> DatasetWriter<'a> {
 }
 
 /// A list of records that is being written.
-pub struct Records<'w, 'a> {
+pub struct JsonRecords<'w, 'a> {
     file: &'w mut DatasetWriter<'a>,
     empty: bool,
 }
 
-impl Records<'_, '_> {
+impl JsonRecords<'_, '_> {
     /// Adds a record.
     pub fn record(&mut self, record: &impl Serialize) -> Result<()> {
         let text = self.file.text(record, 2)?;
@@ -181,8 +181,8 @@ impl Records<'_, '_> {
     /// Adds a record that is JSON text on one line already. It is copied, and parsed only to be indented.
     pub fn raw(&mut self, record: &str) -> Result<()> {
         match self.file.layout {
-            Layout::Lines => self.put(record),
-            Layout::Indented => {
+            JsonLayout::Lines => self.put(record),
+            JsonLayout::Indented => {
                 let record: Json = serde_json::from_str(record)
                     .map_err(|error| Error::new(format!("a record is not JSON: {error}")).in_file(self.file.path))?;
                 self.record(&record)
@@ -192,7 +192,7 @@ impl Records<'_, '_> {
 
     fn put(&mut self, text: &str) -> Result<()> {
         let separator = if std::mem::take(&mut self.empty) { "" } else { "," };
-        let indent = if self.file.layout == Layout::Lines { "" } else { "        " };
+        let indent = if self.file.layout == JsonLayout::Lines { "" } else { "        " };
         self.file.put(&format!("{separator}\n{indent}{text}"))
     }
 }

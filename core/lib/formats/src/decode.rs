@@ -16,7 +16,7 @@ use zune_jpeg::zune_core::colorspace::ColorSpace;
 use zune_jpeg::zune_core::options::DecoderOptions;
 
 /// The samples of a PNG file, and how many a pixel has.
-enum Samples {
+enum DecodedSamples {
     Eight(Vec<u8>, usize),
     Sixteen(Vec<u16>, usize),
 }
@@ -31,7 +31,7 @@ const JPEG_LIBRARY: &str = "the library that decodes JPEG";
 
 /// The bytes of a file, or of a member of an archive.
 #[derive(Debug, Clone)]
-pub struct Content {
+pub struct FileContent {
     bytes: Vec<u8>,
     /// What it is called in messages.
     path: PathBuf,
@@ -41,37 +41,27 @@ pub struct Content {
 
 /// An 8-bit RGB image from a PNG or JPEG file; gray becomes RGB, transparency is dropped.
 pub fn rgb(path: &Path) -> Result<Plane<[u8; 3]>> {
-    Content::read(path)?.rgb()
+    FileContent::read(path)?.rgb()
 }
 
 /// A gray image of 8 or 16 bits from a PNG file.
 pub fn gray(path: &Path) -> Result<Plane<u16>> {
-    Content::read(path)?.gray()
-}
-
-/// [`Content::depth`] of a file.
-pub fn depth(path: &Path, unit_mm: f64) -> Result<Plane<f32>> {
-    Content::read(path)?.depth(unit_mm)
-}
-
-/// [`Content::square_npy`] of a file.
-pub fn square_npy(path: &Path) -> Result<(usize, Vec<f64>)> {
-    Content::read(path)?.square_npy()
+    FileContent::read(path)?.gray()
 }
 
 /// A color image of a file that has a record of its width and height.
 pub fn rgb_of_size(path: &Path, size: [u32; 2]) -> Result<Plane<[u8; 3]>> {
-    Content::read(path)?.stated(size).rgb()
+    FileContent::read(path)?.stated(size).rgb()
 }
 
-/// [`depth`] of a file that has a record of its width and height.
+/// Depth of a file that has a record of its width and height.
 pub fn depth_of_size(path: &Path, unit_mm: f64, size: [u32; 2]) -> Result<Plane<f32>> {
-    Content::read(path)?.stated(size).depth(unit_mm)
+    FileContent::read(path)?.stated(size).depth(unit_mm)
 }
 
 /// [`gray`] of a file that has a record of its width and height.
 pub fn gray_of_size(path: &Path, size: [u32; 2]) -> Result<Plane<u16>> {
-    Content::read(path)?.stated(size).gray()
+    FileContent::read(path)?.stated(size).gray()
 }
 
 /// Opens a file. What is no file is refused: reading a pipe would wait for ever. A file that a dataset names and does not have
@@ -114,7 +104,7 @@ pub fn check_json(text: &[u8]) -> Result<()> {
     Ok(())
 }
 
-impl Content {
+impl FileContent {
     /// Takes bytes; `path` names them in messages.
     pub fn new(bytes: Vec<u8>, path: PathBuf) -> Self {
         Self { bytes, path, stated: None }
@@ -169,11 +159,11 @@ impl Content {
         }
         let ([width, height], samples) = self.png()?;
         match samples {
-            Samples::Eight(samples, channels) => {
+            DecodedSamples::Eight(samples, channels) => {
                 let color = |pixel: &[u8]| if channels < 3 { [pixel[0]; 3] } else { [pixel[0], pixel[1], pixel[2]] };
                 Ok(Plane::from_vec(width, height, samples.chunks_exact(channels).map(color).collect()))
             }
-            Samples::Sixteen(..) => Err(self.unlike("an 8-bit image", "16-bit")),
+            DecodedSamples::Sixteen(..) => Err(self.unlike("an 8-bit image", "16-bit")),
         }
     }
 
@@ -181,11 +171,11 @@ impl Content {
     pub fn gray(&self) -> Result<Plane<u16>> {
         let ([width, height], samples) = self.png()?;
         match samples {
-            Samples::Eight(samples, 1) => {
+            DecodedSamples::Eight(samples, 1) => {
                 Ok(Plane::from_vec(width, height, samples.into_iter().map(u16::from).collect()))
             }
-            Samples::Sixteen(samples, 1) => Ok(Plane::from_vec(width, height, samples)),
-            Samples::Eight(..) | Samples::Sixteen(..) => Err(self.unlike("a gray image", "colored")),
+            DecodedSamples::Sixteen(samples, 1) => Ok(Plane::from_vec(width, height, samples)),
+            DecodedSamples::Eight(..) | DecodedSamples::Sixteen(..) => Err(self.unlike("a gray image", "colored")),
         }
     }
 
@@ -234,11 +224,11 @@ impl Content {
         Ok(Plane::from_vec(width, height, pixels))
     }
 
-    fn png(&self) -> Result<([u32; 2], Samples)> {
+    fn png(&self) -> Result<([u32; 2], DecodedSamples)> {
         guarded(PNG_LIBRARY, &self.path, || self.decode_png())
     }
 
-    fn decode_png(&self) -> Result<([u32; 2], Samples)> {
+    fn decode_png(&self) -> Result<([u32; 2], DecodedSamples)> {
         let fail = |error: png::DecodingError| self.refuse(format!("not a readable PNG file: {error}"));
         if self.bytes.is_empty() {
             return Err(self.refuse("the file is empty"));
@@ -275,9 +265,9 @@ impl Content {
         let samples = match info.bit_depth {
             BitDepth::Sixteen => {
                 let samples = buffer.as_chunks().0.iter().map(|bytes| u16::from_be_bytes(*bytes)).collect();
-                Samples::Sixteen(samples, channels)
+                DecodedSamples::Sixteen(samples, channels)
             }
-            _ => Samples::Eight(buffer, channels),
+            _ => DecodedSamples::Eight(buffer, channels),
         };
         Ok((size, samples))
     }
@@ -286,8 +276,8 @@ impl Content {
     pub fn image(&self) -> Result<Tensor> {
         let ([width, height], samples) = self.png()?;
         let (dtype, channels, bytes) = match samples {
-            Samples::Eight(samples, channels) => (DType::U8, channels, samples),
-            Samples::Sixteen(samples, channels) => {
+            DecodedSamples::Eight(samples, channels) => (DType::U8, channels, samples),
+            DecodedSamples::Sixteen(samples, channels) => {
                 (DType::U16, channels, samples.into_iter().flat_map(u16::to_le_bytes).collect())
             }
         };
@@ -390,7 +380,7 @@ mod tests {
     #[test]
     fn arrays_are_read_as_they_are_written() {
         use syntable_model::product::{Mask, Product};
-        let of = |bytes: &[u8]| Content::new(bytes.to_vec(), "a.npy".into()).npy();
+        let of = |bytes: &[u8]| FileContent::new(bytes.to_vec(), "a.npy".into()).npy();
         let values: [Value; 5] = [
             Plane::from_fn(3, 2, |x, y| [x as f32, y as f32, f32::INFINITY]).encode(),
             Mask::from_fn(4, 3, |x, y| x > y).into(),
@@ -433,7 +423,7 @@ mod tests {
             [(&b""[..], "the file is empty"), (b"hi", "it is no PNG file"), (&PNG[..], "not a readable PNG file")]
         {
             fs::write(&path, bytes).expect("written");
-            for error in [rgb(&path).err(), gray(&path).err(), depth(&path, 1.0).err()] {
+            for error in [rgb(&path).err(), gray(&path).err(), depth_of_size(&path, 1.0, [1, 1]).err()] {
                 let error = error.expect("no image").to_string();
                 assert!(error.contains(says) && error.contains("a.png"), "{error}");
             }

@@ -4,20 +4,20 @@ use syntable_model::prelude::*;
 use syntable_model::product::{PerInstance, Plane};
 
 /// An 8-bit RGB color.
-pub type Color = [u8; 3];
+pub type DrawColor = [u8; 3];
 
 /// Gap between panels, px.
 const GAP: u32 = 4;
 /// Color of the gaps.
-const BACKGROUND: Color = [24; 3];
+const BACKGROUND: DrawColor = [24; 3];
 
 /// An image composed of panels.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Canvas(Plane<Color>);
+pub struct DrawCanvas(Plane<DrawColor>);
 
-impl Canvas {
+impl DrawCanvas {
     /// Panels in a row.
-    pub fn beside(panels: &[Plane<Color>]) -> Self {
+    pub fn beside(panels: &[Plane<DrawColor>]) -> Self {
         let width = panels.iter().map(|panel| panel.width() + GAP).sum::<u32>().saturating_sub(GAP);
         let height = panels.iter().map(Plane::height).max().unwrap_or(0);
         let mut canvas = Self(Plane::from_fn(width, height, |_, _| BACKGROUND));
@@ -53,13 +53,13 @@ impl Canvas {
     }
 
     /// All pixels, row by row.
-    pub fn data(&self) -> &[Color] {
+    pub fn data(&self) -> &[DrawColor] {
         self.0.data()
     }
 }
 
 /// Puts a panel over an image, with its top-left corner at (x, y). It must fit.
-pub fn paste(onto: &mut Plane<Color>, panel: &Plane<Color>, x: u32, y: u32) {
+pub fn paste(onto: &mut Plane<DrawColor>, panel: &Plane<DrawColor>, x: u32, y: u32) {
     let (stride, width) = (onto.width() as usize, panel.width() as usize);
     for (row, pixels) in panel.data().chunks_exact(width.max(1)).enumerate() {
         let start = (y as usize + row) * stride + x as usize;
@@ -68,7 +68,7 @@ pub fn paste(onto: &mut Plane<Color>, panel: &Plane<Color>, x: u32, y: u32) {
 }
 
 /// Visible masks over the image in gray, each in the color of its instance.
-pub fn visible(rgb: &Plane<Color>, visible: &PerInstance<Mask>) -> Plane<Color> {
+pub fn visible(rgb: &Plane<DrawColor>, visible: &PerInstance<Mask>) -> Plane<DrawColor> {
     let mut plane = gray(rgb, 1.0);
     for (id, mask) in visible.iter() {
         fill(&mut plane, mask, color(id), 0.65);
@@ -78,11 +78,11 @@ pub fn visible(rgb: &Plane<Color>, visible: &PerInstance<Mask>) -> Plane<Color> 
 
 /// Outlines of the amodal masks, `line` pixels wide, over the image in gray, with the occluded parts filled.
 pub fn occlusion(
-    rgb: &Plane<Color>,
+    rgb: &Plane<DrawColor>,
     amodal: &PerInstance<Mask>,
     occluded: &PerInstance<Mask>,
     line: u32,
-) -> Plane<Color> {
+) -> Plane<DrawColor> {
     let mut plane = gray(rgb, 0.6);
     for (id, mask) in occluded.iter() {
         fill(&mut plane, mask, color(id), 0.8);
@@ -94,7 +94,7 @@ pub fn occlusion(
 }
 
 /// The color of an instance: hues a golden angle apart, so that neighboring ids differ most, in three tones.
-pub fn color(id: InstanceId) -> Color {
+pub fn color(id: InstanceId) -> DrawColor {
     const GOLDEN: f64 = 0.618_033_988_749_895;
     let n = f64::from(id.0);
     let hue = (n * GOLDEN).fract() * 6.0;
@@ -108,7 +108,7 @@ pub fn color(id: InstanceId) -> Color {
 }
 
 /// The image in gray, with its brightness multiplied by a factor.
-pub fn gray(plane: &Plane<Color>, factor: f64) -> Plane<Color> {
+pub fn gray(plane: &Plane<DrawColor>, factor: f64) -> Plane<DrawColor> {
     plane.map(|&[r, g, b]| {
         let luma = 0.2126 * f64::from(r) + 0.7152 * f64::from(g) + 0.0722 * f64::from(b);
         [(luma * factor).round() as u8; 3]
@@ -116,7 +116,7 @@ pub fn gray(plane: &Plane<Color>, factor: f64) -> Plane<Color> {
 }
 
 /// Blends a color over the pixels of a mask.
-pub fn fill(plane: &mut Plane<Color>, mask: &Mask, color: Color, opacity: f64) {
+pub fn fill(plane: &mut Plane<DrawColor>, mask: &Mask, color: DrawColor, opacity: f64) {
     let (width, height) = (plane.width() as usize, mask.height() as usize);
     for position in mask.runs().flatten() {
         let (x, y) = (position as usize / height, position as usize % height);
@@ -151,7 +151,7 @@ pub fn outline(mask: &Mask, line: u32) -> Mask {
 }
 
 /// Scales an image down to a width: each pixel is the mean of the pixels that it covers. A larger width changes nothing.
-pub fn shrink(plane: &Plane<Color>, width: u32) -> Plane<Color> {
+pub fn shrink(plane: &Plane<DrawColor>, width: u32) -> Plane<DrawColor> {
     if width >= plane.width() {
         return plane.clone();
     }
@@ -180,7 +180,7 @@ mod tests {
 
     #[test]
     fn colors_differ() {
-        let colors: Vec<Color> = (1..=40).map(|id| color(InstanceId(id))).collect();
+        let colors: Vec<DrawColor> = (1..=40).map(|id| color(InstanceId(id))).collect();
         assert_eq!(colors.iter().collect::<BTreeSet<_>>().len(), 40);
         for pair in colors.windows(2) {
             let distance: i32 = pair[0].iter().zip(pair[1]).map(|(&a, b)| (i32::from(a) - i32::from(b)).abs()).sum();
@@ -210,10 +210,10 @@ mod tests {
     #[test]
     fn panels_are_composed() {
         let panel = |width, height, value| Plane::from_fn(width, height, move |_, _| [value; 3]);
-        let row = Canvas::beside(&[panel(2, 2, 1), panel(3, 1, 2)]);
+        let row = DrawCanvas::beside(&[panel(2, 2, 1), panel(3, 1, 2)]);
         assert_eq!((row.width(), row.height()), (2 + GAP + 3, 2));
         assert_eq!((row.0.at(1, 1), row.0.at(2, 0), row.0.at(2 + GAP, 0)), (&[1; 3], &BACKGROUND, &[2; 3]));
-        let sheet = Canvas::below(&[row.clone(), row]);
+        let sheet = DrawCanvas::below(&[row.clone(), row]);
         assert_eq!((sheet.height(), *sheet.0.at(0, 2 + GAP)), (4 + GAP, [1; 3]));
     }
 }

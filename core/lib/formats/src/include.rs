@@ -1,10 +1,11 @@
 //! The products that a generic writer includes, and their files.
 
 use crate::coco::{self, Category};
-use crate::decode::Content;
-use crate::encode::kind::Kind;
+use crate::decode::FileContent;
+use crate::encode::kind::ValueKind;
 use crate::encode::{scene_name, view_name};
 use crate::json;
+use crate::writer::write_file;
 use schemars::{Schema, SchemaGenerator, json_schema};
 use std::borrow::Cow;
 use syntable_model::files::DatasetFolder;
@@ -106,16 +107,12 @@ pub fn categories_path(id: &str) -> String {
     format!("{id}/{CATEGORIES}")
 }
 
-/// Writes the categories of the dataset: all that the recipe has, so that ids have names in every part of it.
+/// Writes all categories of the recipe, so that ids have names in every part of the dataset.
 ///
 /// # Errors
 /// If the file cannot be written.
 pub fn write_categories(dataset: &DatasetInfo, finish: &Finish) -> Result<()> {
-    let path = categories_path(finish.id());
-    let fail = |error: serde_json::Error| Error::new(format!("cannot be written as JSON: {error}"));
-    let mut text = serde_json::to_vec_pretty(&coco::categories(dataset)).map_err(fail)?;
-    text.push(b'\n');
-    finish.write(&path, |out| out.write_all(&text).map_err(|error| Error::io(&path, &error)))
+    write_file(finish, &categories_path(finish.id()), &json::pretty(&coco::categories(dataset))?)
 }
 
 /// The categories that the file of a folder has, if there is one.
@@ -124,7 +121,7 @@ pub fn categories_in(folder: &DatasetFolder) -> Result<Option<Vec<Category>>> {
     if !path.is_file() {
         return Ok(None);
     }
-    let content = Content::read(&path)?;
+    let content = FileContent::read(&path)?;
     let categories = serde_json::from_slice(content.bytes());
     categories.map(Some).map_err(|error| json::located(&error, None, &[]).in_file(&path).of_request())
 }
@@ -134,7 +131,7 @@ fn is_stored_with(key: &KeyId, scope: Scope) -> bool {
     if scope == Scope::View { key.scope.comes_with_view() } else { key.scope == scope }
 }
 
-/// Scope and name of the view or scene of a path.
+/// Scope and name of the view or scene that a path belongs to.
 fn scope_and_name(of: &FileOf) -> Option<(Scope, String)> {
     match (of.scene, of.view) {
         (Some(scene), Some(view)) => Some((Scope::View, view_name(scene, view))),
@@ -143,10 +140,14 @@ fn scope_and_name(of: &FileOf) -> Option<(Scope, String)> {
     }
 }
 
-/// Path of the one file of all products of a view or a scene, by its name; none if the writer reads none of that scope.
-pub fn path_of_all(of: &FileOf, path: impl Fn(&str) -> String) -> Option<String> {
+/// Path of the one file of all products of a view or a scene; none if the writer reads none of that scope.
+pub fn path_of_all(of: &FileOf, extension: &str) -> Option<String> {
     let (scope, name) = scope_and_name(of)?;
-    of.products.iter().any(|key| is_stored_with(key, scope)).then(|| path(&name))
+    of.products.iter().any(|key| is_stored_with(key, scope)).then(|| file_of_all(of.id, &name, extension))
+}
+
+fn file_of_all(id: &str, name: &str, extension: &str) -> String {
+    format!("{id}/{name}.{extension}")
 }
 
 /// Height and width of an image: the shape of its arrays.
@@ -169,34 +170,79 @@ pub fn paths(of: &FileOf, extension: &str, ends: [&[&str]; 2]) -> Vec<String> {
 }
 
 /// Path of a product's file without its end.
-pub fn stem(id: &str, product: &str, name: &str) -> String {
+fn stem(id: &str, product: &str, name: &str) -> String {
     format!("{id}/{product}/{name}")
 }
 
-/// Writes the included images of a scope: `{id}/{product}/{name}.{extension}`, and for a product per instance
-/// `{id}/{product}/{name}_{instance:04}.{extension}`.
-pub fn write_images(
-    images: impl Iterator<Item = (impl AsRef<str>, KeyId)>,
-    output: &Output,
-    extension: &str,
-    name: &str,
-    products: &Products,
-    encode: impl Fn(&Kind, &Value) -> Result<Vec<u8>>,
-) -> Result<()> {
-    for (product, key) in images {
-        let product = product.as_ref();
-        let stem = stem(output.id(), product, name);
-        let write = |value: &Value, end: &str| {
-            let bytes =
-                encode(&Kind::of(&key, value), value).map_err(|error| error.context(format!("product `{product}`")))?;
-            output.write(&format!("{stem}{end}.{extension}"), &bytes)
-        };
-        match products.value(product)? {
-            Value::PerInstance(values) => {
-                values.iter().try_for_each(|(id, value)| write(value, &format!("_{:04}", id.0)))?;
-            }
-            value => write(&value, "")?,
-        }
+/// The included products of a view or a scene, and the output of their files.
+pub struct IncludedProducts<'a> {
+    /// The names of the products.
+    pub include: &'a Included,
+    /// The scope of the products.
+    pub scope: Scope,
+    /// All products that the writer reads.
+    pub products: &'a Products,
+    /// The output of the scene.
+    pub output: &'a Output,
+    /// Name of the view or scene in names of files.
+    pub name: String,
+    /// Height and width of the image; zeros for the products of a scene.
+    pub shape: [usize; 2],
+}
+
+impl<'a> IncludedProducts<'a> {
+    /// Gives each product with its name and key, in the order of the option.
+    ///
+    /// # Errors
+    /// If a product is missing, or those of `each`.
+    pub fn try_for_each(&self, mut each: impl FnMut(&'a str, &KeyId, Value) -> Result<()>) -> Result<()> {
+        let mut included = self.include.of_scope(self.products, self.scope);
+        included.try_for_each(|(product, key)| each(product, &key, self.products.value(product)?))
     }
-    Ok(())
+
+    /// Writes a file of a product, `{id}/{product}/{name}{end}`.
+    ///
+    /// # Errors
+    /// If the file cannot be written.
+    pub fn write(&self, product: &str, end: &str, bytes: &[u8]) -> Result<()> {
+        self.output.write(&format!("{}{end}", stem(self.output.id(), product, &self.name)), bytes)
+    }
+
+    /// Writes the one file of all products, `{id}/{name}.{extension}`.
+    ///
+    /// # Errors
+    /// If the file cannot be written.
+    pub fn write_all(&self, extension: &str, bytes: &[u8]) -> Result<()> {
+        self.output.write(&file_of_all(self.output.id(), &self.name, extension), bytes)
+    }
+
+    /// Gives each image with its kind: a product, or the value of an instance with its id.
+    ///
+    /// # Errors
+    /// If a product is missing, or those of `each`.
+    pub fn for_each_image(
+        &self,
+        mut each: impl FnMut(&'a str, Option<InstanceId>, &ValueKind, Value) -> Result<()>,
+    ) -> Result<()> {
+        self.try_for_each(|product, key, value| {
+            let mut each = |id: Option<InstanceId>, value: Value| each(product, id, &ValueKind::of(key, &value), value);
+            match value {
+                Value::PerInstance(values) => values.into_iter().try_for_each(|(id, value)| each(Some(id), value)),
+                value => each(None, value),
+            }
+        })
+    }
+
+    /// Writes a file of each image: `{id}/{product}/{name}.{extension}`, and for a product per instance
+    /// `{id}/{product}/{name}_{instance:04}.{extension}`.
+    ///
+    /// # Errors
+    /// If a product is missing or cannot be encoded, or a file cannot be written.
+    pub fn write_images(&self, extension: &str, encode: impl Fn(&ValueKind, &Value) -> Result<Vec<u8>>) -> Result<()> {
+        self.for_each_image(|product, id, kind, value| {
+            let bytes = encode(kind, &value).map_err(|error| error.context(format!("product `{product}`")))?;
+            let end = id.map_or_else(String::new, |id| format!("_{:04}", id.0));
+            self.write(product, &format!("{end}.{extension}"), &bytes)
+        })
+    }
 }

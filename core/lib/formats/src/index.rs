@@ -1,10 +1,10 @@
-//! Annotation files whose records stay in the file: in memory is only where each of them is.
+//! Annotation files whose records stay in the file. Only their places are in memory.
 //!
 //! A file is read once from end to end, record by record, and then again image by image. So memory holds eight bytes per
 //! record beside what a reader keeps of it, whatever the size of the file.
 
-use crate::coco::{Category, Info};
-use crate::json::{Counted, before, located};
+use crate::coco::{Category, CocoInfo};
+use crate::json::{CountingReader, before, located};
 use serde::de::{
     DeserializeOwned, DeserializeSeed, Deserializer, Error as _, IgnoredAny, MapAccess, SeqAccess, Visitor,
 };
@@ -22,12 +22,12 @@ const MARK: [u8; 3] = [0xef, 0xbb, 0xbf];
 /// Bytes of a file that an error looks at.
 const SHOWN: u64 = 16;
 
-/// Number of sections that nobody reads and that are named.
+/// Most unread sections whose names are kept.
 const UNREAD: usize = 16;
 
 /// A list of records of an annotation file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Section {
+pub enum RecordSection {
     /// `images`.
     Images,
     /// `annotations`.
@@ -36,7 +36,7 @@ pub enum Section {
     Scenes,
 }
 
-impl Section {
+impl RecordSection {
     const ALL: [Self; 3] = [Self::Images, Self::Annotations, Self::Scenes];
 
     /// Its name in the file.
@@ -51,7 +51,7 @@ impl Section {
 
 /// A record, while a file is opened.
 #[derive(Debug)]
-pub enum Record<I, A, S> {
+pub enum IndexedRecord<I, A, S> {
     /// Of `images`.
     Image(I),
     /// Of `annotations`.
@@ -60,15 +60,15 @@ pub enum Record<I, A, S> {
     Scene(S),
 }
 
-/// An annotation file of which only what covers the whole is in memory.
+/// An annotation file whose records are not in memory.
 #[derive(Debug)]
 pub struct Indexed {
     path: PathBuf,
-    /// What the dataset is.
-    pub info: Info,
+    /// Name and origin of the dataset.
+    pub info: CocoInfo,
     /// Categories that annotations refer to.
     pub categories: Option<Vec<Category>>,
-    /// Names of the sections that nobody reads, such as `licenses`: the first ones of many.
+    /// Names of the first unread sections, such as `licenses`.
     pub unread: Vec<String>,
     /// Of each section, where its first record may start and where each of its records ends, bytes.
     ends: [Vec<u64>; 3],
@@ -77,7 +77,7 @@ pub struct Indexed {
 impl Indexed {
     /// Opens a file whose images, annotations and scenes are of these types, and gives each record to `each`. An error names
     /// the line and the field.
-    pub fn open<I, A, S>(path: impl AsRef<Path>, each: &mut dyn FnMut(Record<I, A, S>)) -> Result<Self>
+    pub fn open<I, A, S>(path: impl AsRef<Path>, each: &mut dyn FnMut(IndexedRecord<I, A, S>)) -> Result<Self>
     where
         I: DeserializeOwned,
         A: DeserializeOwned,
@@ -93,14 +93,14 @@ impl Indexed {
         }
         let mut index = Self {
             path: path.to_owned(),
-            info: Info::default(),
+            info: CocoInfo::default(),
             categories: None,
             unread: Vec::new(),
             ends: Default::default(),
         };
-        let mut json = serde_json::Deserializer::from_reader(Counted { from: file, at: &at, until: &until });
+        let mut json = serde_json::Deserializer::from_reader(CountingReader { from: file, at: &at, until: &until });
         let mut track = serde_path_to_error::Track::new();
-        let whole = Whole { at: &at, until: &until, index: &mut index, each };
+        let whole = FileSeed { at: &at, until: &until, index: &mut index, each };
         let fail = |error: serde_json::Error, field: Option<String>| match error.io_error_kind() {
             Some(io::ErrorKind::FileTooLarge) => {
                 let place = field.map_or(String::new(), |field| format!("`{field}`: "));
@@ -125,17 +125,17 @@ impl Indexed {
     }
 
     /// Number of records of a section.
-    pub fn len(&self, section: Section) -> usize {
+    pub fn len(&self, section: RecordSection) -> usize {
         self.ends[section as usize].len().saturating_sub(1)
     }
 
     /// Whether a section has no record.
-    pub fn is_empty(&self, section: Section) -> bool {
+    pub fn is_empty(&self, section: RecordSection) -> bool {
         self.len(section) == 0
     }
 
     /// Reads these records of a section, by their numbers from 0.
-    pub fn records<T: DeserializeOwned>(&self, section: Section, numbers: &[u32]) -> Result<Vec<T>> {
+    pub fn records<T: DeserializeOwned>(&self, section: RecordSection, numbers: &[u32]) -> Result<Vec<T>> {
         let fail = |error: &io::Error| Error::io(&self.path, error);
         let mut file = File::open(&self.path).map_err(|error| fail(&error))?;
         let ends = &self.ends[section as usize];
@@ -159,7 +159,7 @@ impl Indexed {
     }
 
     /// Parses a record and the comma before it.
-    fn record<T: DeserializeOwned>(&self, section: Section, number: usize, bytes: &[u8]) -> Result<T> {
+    fn record<T: DeserializeOwned>(&self, section: RecordSection, number: usize, bytes: &[u8]) -> Result<T> {
         let is_before = |byte: &u8| byte.is_ascii_whitespace() || *byte == b',';
         let start = bytes.iter().position(|byte| !is_before(byte)).unwrap_or(bytes.len());
         let mut json = serde_json::Deserializer::from_slice(&bytes[start..]);
@@ -173,7 +173,7 @@ impl Indexed {
     }
 }
 
-/// Some bytes of a file from a place on, to say what is there; nothing where they cannot be read.
+/// Some bytes of a file from a place on, for an error; nothing if they cannot be read.
 fn text_from(path: &Path, place: u64) -> Vec<u8> {
     let mut text = Vec::new();
     let read = File::open(path).and_then(|mut file| {
@@ -184,15 +184,15 @@ fn text_from(path: &Path, place: u64) -> Vec<u8> {
 }
 
 /// Reads a file: an object with sections.
-struct Whole<'w, I, A, S> {
+struct FileSeed<'w, I, A, S> {
     at: &'w Cell<u64>,
     /// Where the parser must stop.
     until: &'w Cell<u64>,
     index: &'w mut Indexed,
-    each: &'w mut dyn FnMut(Record<I, A, S>),
+    each: &'w mut dyn FnMut(IndexedRecord<I, A, S>),
 }
 
-impl<'de, I, A, S> DeserializeSeed<'de> for Whole<'_, I, A, S>
+impl<'de, I, A, S> DeserializeSeed<'de> for FileSeed<'_, I, A, S>
 where
     I: DeserializeOwned,
     A: DeserializeOwned,
@@ -205,7 +205,7 @@ where
     }
 }
 
-impl<'de, I, A, S> Visitor<'de> for Whole<'_, I, A, S>
+impl<'de, I, A, S> Visitor<'de> for FileSeed<'_, I, A, S>
 where
     I: DeserializeOwned,
     A: DeserializeOwned,
@@ -220,9 +220,9 @@ where
     fn visit_map<M: MapAccess<'de>>(self, mut map: M) -> Result<(), M::Error> {
         let Self { at, until, index, each } = self;
         while let Some(key) = map.next_key::<String>()? {
-            let Some(section) = Section::ALL.into_iter().find(|section| section.name() == key) else {
+            let Some(section) = RecordSection::ALL.into_iter().find(|section| section.name() == key) else {
                 match key.as_str() {
-                    "info" => index.info = map.next_value::<Option<Info>>()?.unwrap_or_default(),
+                    "info" => index.info = map.next_value::<Option<CocoInfo>>()?.unwrap_or_default(),
                     "categories" => index.categories = map.next_value()?,
                     _ => {
                         map.next_value::<IgnoredAny>()?;
@@ -238,14 +238,18 @@ where
                 return Err(M::Error::duplicate_field(section.name()));
             }
             match section {
-                Section::Images => map.next_value_seed(List::of([at, until], ends, |it| each(Record::Image(it))))?,
-                Section::Annotations => {
-                    map.next_value_seed(List::of([at, until], ends, |it| each(Record::Annotation(it))))?
+                RecordSection::Images => {
+                    map.next_value_seed(ListSeed::of([at, until], ends, |it| each(IndexedRecord::Image(it))))?
                 }
-                Section::Scenes => map.next_value_seed(List::of([at, until], ends, |it| each(Record::Scene(it))))?,
+                RecordSection::Annotations => {
+                    map.next_value_seed(ListSeed::of([at, until], ends, |it| each(IndexedRecord::Annotation(it))))?
+                }
+                RecordSection::Scenes => {
+                    map.next_value_seed(ListSeed::of([at, until], ends, |it| each(IndexedRecord::Scene(it))))?
+                }
             }
         }
-        let needed = [Section::Images, Section::Annotations];
+        let needed = [RecordSection::Images, RecordSection::Annotations];
         match needed.into_iter().find(|section| index.ends[*section as usize].is_empty()) {
             Some(section) => Err(M::Error::missing_field(section.name())),
             None => Ok(()),
@@ -254,7 +258,7 @@ where
 }
 
 /// Reads a list of records, and where each ends.
-struct List<'l, T, F> {
+struct ListSeed<'l, T, F> {
     at: &'l Cell<u64>,
     until: &'l Cell<u64>,
     ends: &'l mut Vec<u64>,
@@ -262,13 +266,13 @@ struct List<'l, T, F> {
     of: PhantomData<T>,
 }
 
-impl<'l, T, F: FnMut(T)> List<'l, T, F> {
+impl<'l, T, F: FnMut(T)> ListSeed<'l, T, F> {
     fn of([at, until]: [&'l Cell<u64>; 2], ends: &'l mut Vec<u64>, each: F) -> Self {
         Self { at, until, ends, each, of: PhantomData }
     }
 }
 
-impl<'de, T: DeserializeOwned, F: FnMut(T)> DeserializeSeed<'de> for List<'_, T, F> {
+impl<'de, T: DeserializeOwned, F: FnMut(T)> DeserializeSeed<'de> for ListSeed<'_, T, F> {
     type Value = ();
 
     fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<(), D::Error> {
@@ -276,7 +280,7 @@ impl<'de, T: DeserializeOwned, F: FnMut(T)> DeserializeSeed<'de> for List<'_, T,
     }
 }
 
-impl<'de, T: DeserializeOwned, F: FnMut(T)> Visitor<'de> for List<'_, T, F> {
+impl<'de, T: DeserializeOwned, F: FnMut(T)> Visitor<'de> for ListSeed<'_, T, F> {
     type Value = ();
 
     fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {

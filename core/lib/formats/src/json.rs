@@ -1,15 +1,59 @@
-//! What JSON's parser says of a file, for people.
+//! Values as JSON, and messages of JSON's parser for people.
 
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+use serde_json::Value as Json;
 use serde_json::error::Category;
 use std::cell::Cell;
 use std::io::{self, Read};
-use syntable_model::error::Error;
+use syntable_model::error::{Error, Result};
+use syntable_model::product::Products;
 
 /// What Python's `json` writes in place of numbers that are none.
 const NO_NUMBERS: [&str; 3] = ["NaN", "-Infinity", "Infinity"];
 
 /// How many bytes before the parser's place one of [`NO_NUMBERS`] may begin: it stops up to two letters after a sign.
 const BEFORE: u64 = 3;
+
+/// A value as JSON on one line.
+///
+/// # Errors
+/// If JSON cannot hold the value.
+pub fn text(value: &impl Serialize) -> Result<String> {
+    serde_json::to_string(value).map_err(unwritable)
+}
+
+/// A value as JSON of indented lines, with a line break at the end.
+///
+/// # Errors
+/// If JSON cannot hold the value.
+pub fn pretty(value: &impl Serialize) -> Result<Vec<u8>> {
+    let mut text = serde_json::to_vec_pretty(value).map_err(unwritable)?;
+    text.push(b'\n');
+    Ok(text)
+}
+
+/// The error of a value that JSON cannot hold.
+pub fn unwritable(error: serde_json::Error) -> Error {
+    Error::new(format!("cannot be written as JSON: {error}"))
+}
+
+/// A product as JSON.
+///
+/// # Errors
+/// If it is missing, or JSON cannot hold it.
+pub fn of_product(products: &Products, name: &str) -> Result<Json> {
+    let json = serde_json::to_value(products.value(name)?);
+    json.map_err(|error| unwritable(error).context(format!("product `{name}`")))
+}
+
+/// A value, such as the record of a product, as a type with the fields that the caller reads.
+///
+/// # Errors
+/// If the fields differ.
+pub fn typed<T: DeserializeOwned>(value: &impl Serialize) -> serde_json::Result<T> {
+    serde_json::to_value(value).and_then(serde_json::from_value)
+}
 
 /// An error of the parser with its line and field. `from` is the text from the place of [`before`] on, as far as it is known.
 pub fn located(error: &serde_json::Error, field: Option<&str>, from: &[u8]) -> Error {
@@ -50,14 +94,14 @@ pub fn values(text: &[u8]) -> u64 {
 }
 
 /// Counts the bytes that a parser has taken. It takes no byte beyond the end of an object, and none from `until` on.
-pub(crate) struct Counted<'c, R> {
+pub(crate) struct CountingReader<'c, R> {
     pub from: R,
     pub at: &'c Cell<u64>,
     /// Where the record that is parsed must have ended.
     pub until: &'c Cell<u64>,
 }
 
-impl<R: Read> Read for Counted<'_, R> {
+impl<R: Read> Read for CountingReader<'_, R> {
     fn read(&mut self, bytes: &mut [u8]) -> io::Result<usize> {
         if self.at.get() >= self.until.get() {
             return Err(io::ErrorKind::FileTooLarge.into());

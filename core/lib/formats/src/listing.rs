@@ -1,8 +1,9 @@
 //! The images of an annotation file in order, and where the annotations of each are.
 
 use crate::coco;
-use crate::index::{Indexed, Record, Section};
+use crate::index::{Indexed, IndexedRecord, RecordSection};
 use crate::read::{Categories, Faults, labels_among};
+use crate::rule;
 use crate::syntable;
 use crate::unkept::Unkept;
 use serde::de::DeserializeOwned;
@@ -13,45 +14,52 @@ use syntable_model::error::Result;
 use syntable_model::left_out::LeftOut;
 use syntable_model::limits::{ANNOTATIONS, IMAGE_PIXELS};
 use syntable_model::product::KeyId;
-use syntable_model::reader::{ImageRef, ImageSource, Note, Opened};
+use syntable_model::reader::{FaultSubject, ImageRef, ImageSource, Note, Opened};
 use syntable_model::stage::DatasetInfo;
 
 /// The record of an image, as files of COCO's structure have it.
 pub trait ImageRecord: DeserializeOwned {
-    /// What is kept of it in memory.
-    fn frame(&self) -> Frame;
+    /// The part that stays in memory.
+    fn frame(&self) -> ImageHeader;
 }
 
 /// The record of an annotation.
 pub trait AnnotationRecord: DeserializeOwned {
-    /// Its id.
-    fn id(&self) -> u64;
+    /// The part that stays in memory.
+    fn link(&self) -> AnnotationLink;
+}
+
+/// The ids in an annotation.
+#[derive(Debug, Clone, Copy)]
+pub struct AnnotationLink {
+    /// Its own id.
+    pub id: u64,
     /// Id of its image.
-    fn image(&self) -> u64;
+    pub image: u64,
     /// Id of its category; none in files without categories.
-    fn category(&self) -> Option<u64>;
+    pub category: Option<u64>,
 }
 
 /// An image of a file.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Frame {
+pub struct ImageHeader {
     /// Its id in the file.
     pub id: u64,
-    /// Path of the image, from the folder of the dataset that the format says.
+    /// Path of the image, relative to the format's folder of images.
     pub file_name: String,
     /// Width, px.
     pub width: u32,
     /// Height, px.
     pub height: u32,
-    /// Scene and view, if the file says them.
+    /// Scene and view, if the file states them.
     pub place: Option<(u32, u32)>,
 }
 
 /// An image with the numbers of its records in the file.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Listed {
+pub struct ListedImage {
     /// The image.
-    pub frame: Frame,
+    pub frame: ImageHeader,
     /// Number of its record in `images`.
     pub record: u32,
     /// Numbers of its records in `annotations`, ascending.
@@ -60,46 +68,36 @@ pub struct Listed {
 
 /// The images of an annotation file.
 #[derive(Debug)]
-pub struct Listing {
+pub struct AnnotationListing {
     /// The file.
     pub file: Indexed,
     /// The categories of the file.
     pub categories: Categories,
-    /// What images are called, in order of scenes and views.
+    /// Names of the images, in order of scenes and views.
     pub refs: Vec<ImageRef>,
     /// The images, in the same order.
-    pub images: Vec<Listed>,
-    /// What is wrong with the file.
+    pub images: Vec<ListedImage>,
+    /// Faults of the file.
     pub faults: Faults,
     /// Annotations that name no image of the file, and all annotations.
     unknown: [usize; 2],
 }
 
-/// What an annotation says of itself.
-#[derive(Debug, Clone, Copy)]
-struct Of {
-    id: u64,
-    image: u64,
-    category: Option<u64>,
-}
-
-impl Listing {
+impl AnnotationListing {
     /// Opens a file, and gives each of its records to `each`.
-    pub fn open<I, A, S>(path: &Path, each: &mut dyn FnMut(&Record<I, A, S>)) -> Result<Self>
+    pub fn open<I, A, S>(path: &Path, each: &mut dyn FnMut(&IndexedRecord<I, A, S>)) -> Result<Self>
     where
         I: ImageRecord,
         A: AnnotationRecord,
         S: DeserializeOwned,
     {
         let (mut frames, mut annotations) = (Vec::new(), Vec::new());
-        let file = Indexed::open(path, &mut |record: Record<I, A, S>| {
+        let file = Indexed::open(path, &mut |record: IndexedRecord<I, A, S>| {
             each(&record);
             match record {
-                Record::Image(image) => frames.push(image.frame()),
-                Record::Annotation(it) => {
-                    annotations.push(Of { id: it.id(), image: it.image(), category: it.category() });
-                }
-                Record::Scene(_) => {}
+                IndexedRecord::Image(image) => frames.push(image.frame()),
+                IndexedRecord::Annotation(it) => annotations.push(it.link()),
+                IndexedRecord::Scene(_) => {}
             }
         })
         .map_err(|error| error.of_request())?;
@@ -115,19 +113,22 @@ impl Listing {
         for (number, annotation) in (0..).zip(&annotations) {
             match by_id.get_mut(&annotation.image) {
                 Some(image) => image.annotations.push(number),
-                // Why an image is left out is said with it.
+                // The fault of the omitted image covers its annotations.
                 None if ids.contains(&annotation.image) => {}
-                None => faults.unknown_image(annotation.id, annotation.image),
+                None => {
+                    let message = format!("there is no image {}", annotation.image);
+                    faults.add(rule::KNOWN_IMAGES, FaultSubject::Annotation(annotation.id), message);
+                }
             }
         }
         drop_second_records(&mut by_id, &mut faults);
         let (mut refs, images) = faults
-            .in_order(by_id.into_values().collect(), |image: &Listed| (&image.frame.file_name, image.frame.place));
+            .in_order(by_id.into_values().collect(), |image: &ListedImage| (&image.frame.file_name, image.frame.place));
         refs.iter_mut().zip(&images).for_each(|(image, listed)| image.id = Some(listed.frame.id));
         Ok(Self { file, categories, refs, images, faults, unknown })
     }
 
-    /// The dataset of the file, with what the listing says of it. `source` reads its images.
+    /// The dataset of the file, with the faults and notes of the listing. `source` reads its images.
     pub fn opened<S: ImageSource + 'static>(
         mut self,
         info: DatasetInfo,
@@ -144,7 +145,7 @@ impl Listing {
 
     /// Sections and fields that are not read and no labels, for people: the licenses of the file, and fields of its categories.
     pub fn information(&self) -> Vec<String> {
-        let mut of_categories = Unkept::new("categories", &["isthing"]);
+        let mut of_categories = Unkept::new("categories", &[coco::IS_THING]);
         let categories = self.file.categories.iter().flatten();
         categories.for_each(|category| of_categories.add(&category.extra));
         let sections = self.file.unread.iter().map(|name| format!("the section `{name}`"));
@@ -162,26 +163,26 @@ impl Listing {
     /// If they cannot be read, or are more than the [limit](ANNOTATIONS).
     pub fn annotations<A: DeserializeOwned>(&self, image: usize) -> Result<Vec<A>> {
         ANNOTATIONS.check(self.images[image].annotations.len() as u64)?;
-        self.file.records(Section::Annotations, &self.images[image].annotations)
+        self.file.records(RecordSection::Annotations, &self.images[image].annotations)
     }
 
     /// The whole record of an image.
     pub fn image<I: DeserializeOwned>(&self, image: usize) -> Result<I> {
-        let records = self.file.records(Section::Images, &[self.images[image].record])?;
+        let records = self.file.records(RecordSection::Images, &[self.images[image].record])?;
         Ok(records.into_iter().next().expect("as many records as were asked for"))
     }
 }
 
 /// The images by their ids. In the form of SynTable's release, the n-th image is that of the n-th annotation. Where an id is that of
 /// several files, nobody can tell which of them an annotation is of: all of these are left out.
-fn by_id(frames: Vec<Frame>, annotations: &[Of], faults: &mut Faults) -> BTreeMap<u64, Listed> {
+fn by_id(frames: Vec<ImageHeader>, annotations: &[AnnotationLink], faults: &mut Faults) -> BTreeMap<u64, ListedImage> {
     let repeats =
         frames.len() == annotations.len() && frames.iter().zip(annotations).all(|(frame, it)| frame.id == it.image);
-    let mut by_id: BTreeMap<u64, Listed> = BTreeMap::new();
+    let mut by_id: BTreeMap<u64, ListedImage> = BTreeMap::new();
     let mut ambiguous = BTreeSet::new();
     for (record, frame) in (0..).zip(frames) {
         if let Err(error) = IMAGE_PIXELS.check_size([frame.width, frame.height]) {
-            faults.lost("readable", format!("image {}", frame.id), &format!("{error}: the image is left out"));
+            faults.lost(rule::READABLE, FaultSubject::Image(frame.id), format!("{error}: the image is left out"));
             continue;
         }
         match by_id.entry(frame.id) {
@@ -189,16 +190,16 @@ fn by_id(frames: Vec<Frame>, annotations: &[Of], faults: &mut Faults) -> BTreeMa
                 let (one, other) = (&first.get().frame.file_name, &frame.file_name);
                 let message =
                     format!("two images have this id, {one} and {other}: they are left out, with their annotations");
-                faults.lost("unique_ids", format!("image {}", frame.id), &message);
+                faults.lost(rule::UNIQUE_IDS, FaultSubject::Image(frame.id), message);
                 ambiguous.insert(frame.id);
             }
             Entry::Occupied(first) if !repeats || first.get().frame != frame => {
                 let message =
                     format!("two images have this id, and are of {}: the second one is left out", frame.file_name);
-                faults.lost("unique_ids", format!("image {}", frame.id), &message);
+                faults.lost(rule::UNIQUE_IDS, FaultSubject::Image(frame.id), message);
             }
             Entry::Occupied(_) => {}
-            Entry::Vacant(entry) => drop(entry.insert(Listed { frame, record, annotations: Vec::new() })),
+            Entry::Vacant(entry) => drop(entry.insert(ListedImage { frame, record, annotations: Vec::new() })),
         }
     }
     by_id.retain(|id, _| !ambiguous.contains(id));
@@ -221,11 +222,11 @@ fn file_of(name: &str) -> PathBuf {
 
 /// Leaves out images of a file of which another image with a lower id is, too: written as two images, each would show objects that
 /// only the other one labels.
-fn drop_second_records(by_id: &mut BTreeMap<u64, Listed>, faults: &mut Faults) {
+fn drop_second_records(by_id: &mut BTreeMap<u64, ListedImage>, faults: &mut Faults) {
     let mut first_of: BTreeMap<PathBuf, u64> = BTreeMap::new();
     let mut second = BTreeSet::new();
     for image in by_id.values() {
-        let Frame { id, file_name, .. } = &image.frame;
+        let ImageHeader { id, file_name, .. } = &image.frame;
         match first_of.entry(file_of(file_name)) {
             Entry::Vacant(entry) => drop(entry.insert(*id)),
             Entry::Occupied(first) => {
@@ -233,7 +234,7 @@ fn drop_second_records(by_id: &mut BTreeMap<u64, Listed>, faults: &mut Faults) {
                 let message = format!(
                     "image {first} is of this file, too: {file_name}; image {id} is left out, with its annotations ({number})"
                 );
-                faults.lost("unique_names", format!("image {id}"), &message);
+                faults.lost(rule::UNIQUE_NAMES, FaultSubject::Image(*id), message);
                 second.insert(*id);
             }
         }
@@ -241,45 +242,29 @@ fn drop_second_records(by_id: &mut BTreeMap<u64, Listed>, faults: &mut Faults) {
     by_id.retain(|id, _| !second.contains(id));
 }
 
-impl ImageRecord for coco::Image {
-    fn frame(&self) -> Frame {
+impl ImageRecord for coco::CocoImage {
+    fn frame(&self) -> ImageHeader {
         let Self { id, file_name, width, height, .. } = self;
-        Frame { id: *id, file_name: file_name.clone(), width: *width, height: *height, place: None }
+        ImageHeader { id: *id, file_name: file_name.clone(), width: *width, height: *height, place: None }
     }
 }
 
-impl ImageRecord for syntable::Image {
-    fn frame(&self) -> Frame {
+impl ImageRecord for syntable::SynTableImage {
+    fn frame(&self) -> ImageHeader {
         let Self { id, file_name, width, height, .. } = self;
         let place = self.scene_id.zip(self.view_id);
-        Frame { id: *id, file_name: file_name.clone(), width: *width, height: *height, place }
+        ImageHeader { id: *id, file_name: file_name.clone(), width: *width, height: *height, place }
     }
 }
 
-impl<E: DeserializeOwned> AnnotationRecord for coco::Annotation<E> {
-    fn id(&self) -> u64 {
-        self.id
-    }
-
-    fn image(&self) -> u64 {
-        self.image_id
-    }
-
-    fn category(&self) -> Option<u64> {
-        Some(self.category_id)
+impl<E: DeserializeOwned> AnnotationRecord for coco::CocoAnnotation<E> {
+    fn link(&self) -> AnnotationLink {
+        AnnotationLink { id: self.id, image: self.image_id, category: Some(self.category_id) }
     }
 }
 
-impl AnnotationRecord for syntable::Annotation {
-    fn id(&self) -> u64 {
-        self.id
-    }
-
-    fn image(&self) -> u64 {
-        self.image_id
-    }
-
-    fn category(&self) -> Option<u64> {
-        Some(self.category_id)
+impl AnnotationRecord for syntable::SynTableAnnotation {
+    fn link(&self) -> AnnotationLink {
+        AnnotationLink { id: self.id, image: self.image_id, category: Some(self.category_id) }
     }
 }

@@ -1,7 +1,8 @@
 //! Members of tar files, read in any order.
 
-use crate::decode::{self, Content};
+use crate::decode::{self, FileContent};
 use crate::read::{Faults, file_name, place_in_name};
+use crate::rule;
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
@@ -13,7 +14,7 @@ use syntable_model::panics::guarded;
 
 /// A file in a tar file.
 #[derive(Debug, Clone)]
-pub struct Member {
+pub struct TarMember {
     archive: Arc<Path>,
     /// Its name in the archive.
     pub name: String,
@@ -21,18 +22,18 @@ pub struct Member {
     size: u64,
 }
 
-impl Member {
+impl TarMember {
     /// Its bytes.
-    pub fn content(&self) -> Result<Content> {
+    pub fn content(&self) -> Result<FileContent> {
         let fail = |error| Error::io(self.path(), &error);
         MEMBER_BYTES.check(self.size).map_err(|error| error.in_file(self.path()))?;
         let mut bytes = vec![0; self.size as usize];
         let mut archive = File::open(&self.archive).map_err(fail)?;
         archive.seek(SeekFrom::Start(self.at)).and_then(|_| archive.read_exact(&mut bytes)).map_err(fail)?;
-        Ok(Content::new(bytes, self.path()))
+        Ok(FileContent::new(bytes, self.path()))
     }
 
-    /// What it is called in messages: the archive as if it were a folder.
+    /// Its path in messages: the archive as if it were a folder.
     pub fn path(&self) -> PathBuf {
         self.archive.join(&self.name)
     }
@@ -40,23 +41,23 @@ impl Member {
 
 /// A sample of tar files: members that have a key in common.
 #[derive(Debug)]
-pub struct Sample {
+pub struct TarSample {
     /// Place of its archive among those that are given.
     pub archive: usize,
-    /// Its members, by what follows the key.
-    pub fields: BTreeMap<String, Member>,
+    /// Its members, by the part of the name after the key.
+    pub fields: BTreeMap<String, TarMember>,
 }
 
-/// The samples of tar files whose keys are numbers of scene and view, `{scene}_{view}`, wherever they lie in the archive. What
-/// cannot be read is at fault.
-pub fn samples(archives: &[PathBuf], faults: &mut Faults) -> BTreeMap<(u32, u32), Sample> {
-    let mut samples: BTreeMap<(u32, u32), Sample> = BTreeMap::new();
+/// The samples of tar files whose keys are numbers of scene and view, `{scene}_{view}`, wherever they are in the archive. An archive
+/// that cannot be read is a fault.
+pub fn samples(archives: &[PathBuf], faults: &mut Faults) -> BTreeMap<(u32, u32), TarSample> {
+    let mut samples: BTreeMap<(u32, u32), TarSample> = BTreeMap::new();
     for (archive, path) in archives.iter().enumerate() {
         let (found, damage) = members(path);
         let nothing = found.is_empty().then(|| Error::new("there is nothing in it").in_file(path));
         if let Some(error) = damage.or(nothing) {
             let message = format!("{error}: nothing that follows in it is read");
-            faults.lost("readable", file_name(path), &message);
+            faults.lost(rule::READABLE, file_name(path), message);
         }
         let mut others = 0;
         for member in found {
@@ -67,10 +68,10 @@ pub fn samples(archives: &[PathBuf], faults: &mut Faults) -> BTreeMap<(u32, u32)
                 continue;
             };
             let field = field.to_owned();
-            let sample = samples.entry(place).or_insert_with(|| Sample { archive, fields: BTreeMap::new() });
+            let sample = samples.entry(place).or_insert_with(|| TarSample { archive, fields: BTreeMap::new() });
             if sample.archive != archive || sample.fields.contains_key(&field) {
                 let message = "the sample has this member twice; the first one counts";
-                faults.add("unique_views", member.path().display().to_string(), message);
+                faults.add(rule::UNIQUE_VIEWS, member.path().display().to_string(), message);
                 continue;
             }
             sample.fields.insert(field, member);
@@ -78,14 +79,14 @@ pub fn samples(archives: &[PathBuf], faults: &mut Faults) -> BTreeMap<(u32, u32)
         if others > 0 {
             let message =
                 format!("{others} members do not begin with the numbers of a scene and a view, such as 000003_0017");
-            faults.lost("known_images", file_name(path), &message);
+            faults.lost(rule::KNOWN_IMAGES, file_name(path), message);
         }
     }
     samples
 }
 
 /// The files in a tar file, in its order, up to where it is damaged, and the damage. Contents are skipped, not read.
-pub fn members(archive: &Path) -> (Vec<Member>, Option<Error>) {
+pub fn members(archive: &Path) -> (Vec<TarMember>, Option<Error>) {
     let mut found = Vec::new();
     let damage = collect(archive, ARCHIVE_MEMBERS.most as usize + 1, &mut found).err();
     let damage = damage.or_else(|| ARCHIVE_MEMBERS.check(found.len() as u64).err().map(|error| error.in_file(archive)));
@@ -93,20 +94,20 @@ pub fn members(archive: &Path) -> (Vec<Member>, Option<Error>) {
 }
 
 /// The first so many files of a tar file, as far as it can be read.
-pub fn first(archive: &Path, count: usize) -> Vec<Member> {
+pub fn first(archive: &Path, count: usize) -> Vec<TarMember> {
     let mut found = Vec::new();
-    // What is wrong is said when all is read.
+    // The reader of the whole archive reports damage.
     let _ = collect(archive, count, &mut found);
     found
 }
 
-fn collect(path: &Path, most: usize, found: &mut Vec<Member>) -> Result<()> {
+fn collect(path: &Path, most: usize, found: &mut Vec<TarMember>) -> Result<()> {
     guarded("the library that reads tar files", path, || list(path, most, found))
 }
 
-fn list(path: &Path, most: usize, found: &mut Vec<Member>) -> Result<()> {
+fn list(path: &Path, most: usize, found: &mut Vec<TarMember>) -> Result<()> {
     let fail = |error: std::io::Error| match error.kind() {
-        // That a file ends early, or is no archive, says something about the file.
+        // These errors are damage of the file, not of the disk.
         std::io::ErrorKind::UnexpectedEof | std::io::ErrorKind::Other | std::io::ErrorKind::InvalidData => {
             Error::new(format!("not a readable tar file: {error}")).in_file(path)
         }
@@ -129,7 +130,7 @@ fn list(path: &Path, most: usize, found: &mut Vec<Member>) -> Result<()> {
         if at.checked_add(size).is_none_or(|end| end > length) {
             return Err(Error::new(format!("the tar file ends within `{member}`")).in_file(path));
         }
-        found.push(Member { archive: name.clone(), name: member, at, size });
+        found.push(TarMember { archive: name.clone(), name: member, at, size });
     }
     Ok(())
 }
@@ -137,13 +138,13 @@ fn list(path: &Path, most: usize, found: &mut Vec<Member>) -> Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::encode::tar::Archive;
+    use crate::encode::tar::TarWriter;
 
     #[test]
     fn members_are_read_in_any_order() {
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("a.tar");
-        let mut archive = Archive::new(File::create(&path).expect("a file"), "a.tar");
+        let mut archive = TarWriter::new(File::create(&path).expect("a file"), "a.tar");
         let long = format!("{}b.json", "ab/".repeat(60));
         for (name, bytes) in [("a.txt", &b"first"[..]), (&long, &[7; 700]), ("c", b"")] {
             archive.add(name, bytes).expect("added");

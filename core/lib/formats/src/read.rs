@@ -1,6 +1,7 @@
-//! What readers of all formats share: from what a file says of an image to products, and scenes from names.
+//! Shared code of all readers: products from the labels in a file, categories, faults, and scenes from names.
 
 use crate::coco::Category;
+use crate::rule;
 use std::collections::btree_map::Entry;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -15,13 +16,13 @@ use syntable_model::product::standard::{
 use syntable_model::product::{
     BBox, Key, KeyId, Mask, OcclusionOrder, PerInstance, PixelCounts, Product, Products, Value, meeting_boxes,
 };
-use syntable_model::reader::{DatasetFault, ImageRef};
+use syntable_model::reader::{DatasetFault, FaultSubject, ImageRef};
 use syntable_model::scene::{InstanceId, SceneId, ViewId};
 use syntable_model::stage::{DatasetInfo, LabelSurface, OwnCategory};
 
-/// What a file says of an object in an image. What it leaves out follows from the masks.
+/// The labels of an object in a file. Missing ones follow from the masks.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Labels {
+pub struct ObjectLabels {
     /// Its id in the scene or the image.
     pub id: InstanceId,
     /// Visible mask.
@@ -42,17 +43,17 @@ pub struct Labels {
 
 /// The masks that a dataset has of its objects.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Known {
-    /// What images show of them.
+pub enum KnownMasks {
+    /// The visible part of each object.
     Visible,
-    /// Whole objects, and not what is seen of them: nothing follows for occlusion.
+    /// Whole objects without their visible parts, so that occlusion is unknown.
     Amodal,
     /// Both.
     Both,
 }
 
-impl Known {
-    /// The products that [`put`] makes of them. Of amodal masks alone, [`Labels::visible`] is not looked at.
+impl KnownMasks {
+    /// The products that [`put`] makes of them. With amodal masks alone, [`ObjectLabels::visible`] has no meaning.
     pub fn offers(self) -> Vec<KeyId> {
         let mut keys = syntable_model::keys![CATEGORY_ID];
         if self != Self::Amodal {
@@ -73,8 +74,8 @@ impl Known {
     }
 }
 
-/// Ids of the objects of an image: those that the file states, if it states all of them and they can be told apart, and none is
-/// 0, which is the background; else by place, from 1.
+/// Ids of the objects of an image: the stated ids if every object has one, no two are equal, and none is 0, which is the
+/// background; else the objects' places, from 1.
 ///
 /// # Errors
 /// If there are more objects than ids.
@@ -99,24 +100,29 @@ pub fn id_of(row: usize) -> Result<InstanceId> {
     }
 }
 
-/// What is wrong with the ids that a file states of the objects of an image, by the name of the check.
-pub fn id_faults(stated: &[Option<u64>]) -> Option<(&'static str, String)> {
+/// The fault of ids that a file states of the objects of an image.
+pub fn id_fault(stated: &[Option<u64>]) -> Option<DatasetFault> {
     let ids = ids_of(stated).ok()?;
     let differ = ids.iter().zip(stated).any(|(id, own)| Some(u64::from(id.0)) != *own);
     let message = "the `instance_id` of its annotations are not numbers from 1 to 65535 of which no two are equal";
-    (differ && stated.iter().any(Option::is_some)).then(|| ("unique_ids", message.to_owned()))
+    (differ && stated.iter().any(Option::is_some)).then(|| DatasetFault::new(rule::UNIQUE_IDS, message))
 }
 
-/// Puts those of the products that are wanted. `order` is what the dataset says of it; else it follows from the masks.
-pub fn put(labels: &[Labels], order: Option<OcclusionOrder>, wants: &[KeyId], products: &mut Products) -> Result<()> {
-    let mut of = Wanted { labels, wants, products };
+/// Puts the wanted products. `order` is the order that the dataset states; without it, the order follows from the masks.
+pub fn put(
+    labels: &[ObjectLabels],
+    order: Option<OcclusionOrder>,
+    wants: &[KeyId],
+    products: &mut Products,
+) -> Result<()> {
+    let mut of = WantedLabels { labels, wants, products };
     of.each(VISIBLE_MASK, |it| Some(it.visible.clone()))?;
     of.each(VISIBLE_BOX, |it| Some(it.visible_box.unwrap_or_else(|| it.visible.bbox())))?;
     of.each(CATEGORY_ID, |it| Some(it.category))?;
     of.each(AMODAL_MASK, |it| it.amodal.clone())?;
     of.each(AMODAL_BOX, |it| Some(it.amodal_box.unwrap_or(it.amodal.as_ref()?.bbox())))?;
-    of.each(OCCLUSION_MASK, Labels::hidden)?;
-    of.each(OCCLUSION_RATE, Labels::hidden_rate)?;
+    of.each(OCCLUSION_MASK, ObjectLabels::hidden)?;
+    of.each(OCCLUSION_RATE, ObjectLabels::hidden_rate)?;
     if wants.contains(&OCCLUSION_ORDER.id()) {
         ORDERED.check(labels.len() as u64)?;
         products.put(OCCLUSION_ORDER, order.unwrap_or_else(|| order_of(labels)))?;
@@ -124,23 +130,23 @@ pub fn put(labels: &[Labels], order: Option<OcclusionOrder>, wants: &[KeyId], pr
     Ok(())
 }
 
-/// What readers say of [`visibility`].
+/// The note about [`visibility`].
 pub const WITHIN_IMAGE: &str =
     "what of objects lies beyond the image is not known, and counts as nothing in `visibility`";
 
-/// What masks say of the product `visibility`: of parts beyond the image they know nothing.
-pub fn visibility(labels: &[Labels]) -> Result<PerInstance<Value>> {
+/// The product `visibility` from masks, which lack the parts beyond the image.
+pub fn visibility(labels: &[ObjectLabels]) -> Result<PerInstance<Value>> {
     labels.iter().map(|labels| Ok((labels.id, labels.counts().record()?))).collect()
 }
 
-struct Wanted<'a> {
-    labels: &'a [Labels],
+struct WantedLabels<'a> {
+    labels: &'a [ObjectLabels],
     wants: &'a [KeyId],
     products: &'a mut Products,
 }
 
-impl Wanted<'_> {
-    fn each<T>(&mut self, key: Key<PerInstance<T>>, value: impl Fn(&Labels) -> Option<T>) -> Result<()>
+impl WantedLabels<'_> {
+    fn each<T>(&mut self, key: Key<PerInstance<T>>, value: impl Fn(&ObjectLabels) -> Option<T>) -> Result<()>
     where
         PerInstance<T>: Product,
     {
@@ -152,7 +158,22 @@ impl Wanted<'_> {
     }
 }
 
-impl Labels {
+impl ObjectLabels {
+    /// An object of which a file has masks and a category alone.
+    pub fn of_masks(id: InstanceId, visible: Mask, amodal: Option<Mask>, category: u32) -> Self {
+        Self { id, visible, amodal, occlusion: None, rate: None, visible_box: None, amodal_box: None, category }
+    }
+
+    /// Whether no mask of the object has a pixel.
+    pub fn is_empty(&self) -> bool {
+        self.visible.is_empty() && self.amodal.as_ref().is_none_or(Mask::is_empty)
+    }
+
+    /// The amodal pixels that are not visible, or the occlusion mask that the file states; none without an amodal mask.
+    pub fn hidden(&self) -> Option<Mask> {
+        self.occlusion.clone().or_else(|| Some(self.amodal.as_ref()?.minus(&self.visible)))
+    }
+
     /// Pixels of the silhouette within the image.
     fn counts(&self) -> PixelCounts {
         let amodal = self.amodal.as_ref().unwrap_or(&self.visible);
@@ -166,10 +187,6 @@ impl Labels {
         }
     }
 
-    fn hidden(&self) -> Option<Mask> {
-        self.occlusion.clone().or_else(|| Some(self.amodal.as_ref()?.minus(&self.visible)))
-    }
-
     fn hidden_rate(&self) -> Option<f64> {
         let ratio = || {
             let (hidden, amodal) = (self.hidden()?.area(), self.amodal.as_ref()?.area());
@@ -180,8 +197,8 @@ impl Labels {
 }
 
 /// The order of labels, whose occlusion masks may follow from others.
-fn order_of(labels: &[Labels]) -> OcclusionOrder {
-    let mut labels: Vec<&Labels> = labels.iter().collect();
+fn order_of(labels: &[ObjectLabels]) -> OcclusionOrder {
+    let mut labels: Vec<&ObjectLabels> = labels.iter().collect();
     labels.sort_by_key(|it| it.id);
     let hidden: Vec<Option<Mask>> = labels.iter().map(|it| it.hidden()).collect();
     let objects = labels.iter().zip(&hidden).map(|(it, hidden)| (it.id, &it.visible, hidden.as_ref()));
@@ -210,6 +227,20 @@ pub fn order_by(
     order
 }
 
+/// The value of an object in a product.
+///
+/// # Errors
+/// If there is no such product, or it has nothing of the object.
+pub fn label_of<T: 'static>(products: &Products, key: Key<PerInstance<T>>, id: InstanceId) -> Result<&T>
+where
+    PerInstance<T>: Product,
+{
+    products.get(key)?.get(id).ok_or_else(|| {
+        Error::new(format!("instance {id} is in the masks but not in `{}`", key.name()))
+            .help("all label products must come from one annotator, or from annotators that agree")
+    })
+}
+
 /// The products among these that are labels, and not images.
 pub fn labels_among(products: &[KeyId]) -> Vec<KeyId> {
     products.iter().copied().filter(|key| ![RGB.id(), DEPTH.id(), LABEL_POLICY.id()].contains(key)).collect()
@@ -232,7 +263,7 @@ pub struct Categories {
 }
 
 impl Categories {
-    /// Those of a file. A category 0 of that name is the background, as in SynTable's files, and no class.
+    /// The categories of a file. A category 0 of that name is the background, as in SynTable's files, and no class.
     pub fn of(categories: &[Category]) -> Self {
         let names: BTreeMap<u64, String> = categories.iter().map(|it| (it.id, it.name.clone())).collect();
         let is_background = |id: u64, name: &str| id == BACKGROUND && name.eq_ignore_ascii_case("background");
@@ -247,7 +278,7 @@ impl Categories {
         Self { classes: classes.into_iter().collect(), keeps_ids, has_unknown: false, names, supercategories }
     }
 
-    /// Those of a format that has names of categories without ids.
+    /// The categories of a format that has names without ids.
     pub fn named(names: impl IntoIterator<Item = String>) -> Self {
         let category = |(id, name)| Category { id, name, ..Category::default() };
         // No name is a background.
@@ -307,7 +338,7 @@ impl Categories {
         self.names.iter().filter(|(id, _)| self.keeps_ids && **id != BACKGROUND).map(|(id, name)| (*id as u32, name))
     }
 
-    /// What is known of a dataset with these images.
+    /// The description of a dataset with these images.
     pub fn info(&self, name: String, program: String, images: &[ImageRef], recipe: String) -> DatasetInfo {
         let (scenes, views) = (images.iter().map(|it| it.scene.0).max(), images.iter().map(|it| it.view.0).max());
         let [scenes, views_per_scene] = [scenes, views].map(|last| last.map_or(0, |last| last.saturating_add(1)));
@@ -344,7 +375,7 @@ fn are_filled(numbers: &BTreeSet<u64>, last: u64) -> bool {
     last <= FILLED && !numbers.contains(&BACKGROUND)
 }
 
-/// What is not known of such numbers, for people; nothing if there are none. `list` says what would list all categories.
+/// Text for people about such numbers; nothing if there are none. `list` names the file that would list all categories.
 pub fn unlisted(numbers: &BTreeSet<u64>, list: &str) -> Option<String> {
     let last = *numbers.last()?;
     let known = match are_filled(numbers, last) {
@@ -362,19 +393,19 @@ pub const BACKGROUND: u64 = 0;
 /// Supercategory of all categories in SynTable's files, which tells nothing apart.
 pub const SUPERCATEGORY: &str = "shape";
 
-/// What is found to be wrong while a dataset is opened.
+/// The faults that a reader finds while it opens a dataset.
 #[derive(Debug, Default)]
 pub struct Faults(Vec<DatasetFault>);
 
 impl Faults {
-    /// Adds one.
-    pub fn add(&mut self, check: &'static str, place: String, message: &str) {
-        self.0.push(DatasetFault { check, place, message: message.to_owned(), is_lost: false });
+    /// Adds a fault.
+    pub fn add(&mut self, rule: &'static str, subject: impl Into<FaultSubject>, message: impl Into<String>) {
+        self.0.push(DatasetFault::new(rule, message).of(subject));
     }
 
-    /// Adds one for which images are left out.
-    pub fn lost(&mut self, check: &'static str, place: String, message: &str) {
-        self.0.push(DatasetFault { check, place, message: message.to_owned(), is_lost: true });
+    /// Adds a fault because of which the reader omits images.
+    pub fn lost(&mut self, rule: &'static str, subject: impl Into<FaultSubject>, message: impl Into<String>) {
+        self.0.push(DatasetFault { is_lost: true, ..DatasetFault::new(rule, message).of(subject) });
     }
 
     /// Ids and names that two categories have.
@@ -384,19 +415,14 @@ impl Faults {
             if let Some(first) = names.insert(category.name.as_str(), category.id).filter(|first| *first != category.id)
             {
                 let message = format!("category {first} has this name, too: `{}`", category.name);
-                self.add("unique_names", format!("category {}", category.id), &message);
+                self.add(rule::UNIQUE_NAMES, FaultSubject::Category(category.id), message);
             }
         }
         let mut seen = BTreeSet::new();
         for category in categories.iter().filter(|category| !seen.insert(category.id)) {
             let message = format!("two categories have this id; the last one, `{}`, counts", category.name);
-            self.add("unique_ids", format!("category {}", category.id), &message);
+            self.add(rule::UNIQUE_IDS, FaultSubject::Category(category.id), message);
         }
-    }
-
-    /// An annotation of an image that is not there.
-    pub fn unknown_image(&mut self, annotation: u64, image: u64) {
-        self.add("known_images", format!("annotation {annotation}"), &format!("there is no image {image}"));
     }
 
     /// Ids that two annotations have, and categories that are not there, of those that have one.
@@ -404,10 +430,11 @@ impl Faults {
         let mut seen = BTreeSet::new();
         for (id, category) in annotations {
             if !seen.insert(id) {
-                self.add("unique_ids", format!("annotation {id}"), "two annotations have this id");
+                self.add(rule::UNIQUE_IDS, FaultSubject::Annotation(id), "two annotations have this id");
             }
             if let Some(category) = category.filter(|category| !categories.names.contains_key(category)) {
-                self.add("known_categories", format!("annotation {id}"), &format!("there is no category {category}"));
+                let message = format!("there is no category {category}");
+                self.add(rule::KNOWN_CATEGORIES, FaultSubject::Annotation(id), message);
             }
         }
     }
@@ -429,25 +456,20 @@ impl Faults {
                 Entry::Vacant(entry) => drop(entry.insert((image, record))),
                 Entry::Occupied(first) => {
                     let message = format!("it is view {} of scene {}, as {} is", place.1, place.0, first.get().0.name);
-                    self.lost("unique_views", image.name, &message);
+                    self.lost(rule::UNIQUE_VIEWS, image.name, message);
                 }
             }
         }
         placed.into_values().unzip()
     }
 
-    /// All of them.
-    pub fn all(&self) -> &[DatasetFault] {
-        &self.0
-    }
-
-    /// All of them.
+    /// All faults.
     pub fn into_inner(self) -> Vec<DatasetFault> {
         self.0
     }
 }
 
-/// What a dataset is called that does not say so: as its folder, or its file without the ending.
+/// The name of a dataset that states none: that of its folder, or of its file without the extension.
 pub fn name_of(root: &Path) -> String {
     let name = if root.is_file() { root.file_stem() } else { root.file_name() };
     name.map_or_else(String::new, |name| name.to_string_lossy().into_owned())
@@ -458,7 +480,48 @@ pub fn file_name(path: &Path) -> String {
     path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned())
 }
 
-/// What is in a folder, sorted; nothing if it cannot be read.
+/// JSON files in a folder, sorted.
+///
+/// # Errors
+/// If the folder cannot be read.
+pub fn json_files(folder: &Path) -> std::io::Result<Vec<PathBuf>> {
+    let files = std::fs::read_dir(folder)?.map(|entry| Ok(entry?.path())).collect::<std::io::Result<Vec<_>>>()?;
+    let mut files: Vec<PathBuf> = files.into_iter().filter(|path| path.is_file() && is_json(path)).collect();
+    files.sort();
+    Ok(files)
+}
+
+/// The entries of a folder whose extensions are wanted, with their names without extensions, sorted. An entry that is no file fails
+/// when it is read.
+///
+/// # Errors
+/// If the folder cannot be read.
+pub fn entries_with(folder: &Path, is_wanted: impl Fn(&str) -> bool) -> Result<Vec<(String, PathBuf)>> {
+    let fail = |error: std::io::Error| Error::io(folder, &error).of_request();
+    let mut files = Vec::new();
+    for entry in std::fs::read_dir(folder).map_err(fail)? {
+        let path = entry.map_err(fail)?.path();
+        let is_one = path.extension().and_then(|end| end.to_str()).is_some_and(&is_wanted);
+        if let Some(stem) = path.file_stem().and_then(|stem| stem.to_str()).filter(|_| is_one) {
+            files.push((stem.to_owned(), path.clone()));
+        }
+    }
+    files.sort();
+    Ok(files)
+}
+
+/// Whether a file has the extension of JSON.
+pub fn is_json(path: &Path) -> bool {
+    path.extension().is_some_and(|it| it == "json")
+}
+
+/// The folder above a file, whatever the working directory.
+pub fn above(file: &Path) -> PathBuf {
+    let file = std::path::absolute(file).unwrap_or_else(|_| file.to_owned());
+    file.parent().map_or_else(|| file.clone(), Path::to_owned)
+}
+
+/// The entries of a folder, sorted; nothing if it cannot be read.
 pub fn entries(folder: &Path) -> Vec<PathBuf> {
     let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
     let mut entries: Vec<PathBuf> = entries.map(|entry| entry.path()).collect();
@@ -471,7 +534,7 @@ pub fn check_inside<'p>(folder: &DatasetFolder, files: impl IntoIterator<Item = 
     files.into_iter().try_for_each(|path| folder.file(path.file_name().unwrap_or_default()).map(drop))
 }
 
-/// The image of a view that is called so.
+/// The image of a view, with its name.
 pub fn image((scene, view): (u32, u32), name: String) -> ImageRef {
     ImageRef { scene: SceneId(scene), view: ViewId(view), name, id: None }
 }

@@ -1,10 +1,11 @@
-//! Datasets of samples: the products of each view under their names, as writers that know no product store them.
+//! Datasets of samples: the products of each view under their names, as generic writers store them.
 //!
-//! A format says where samples are and what values their fields have; what products these are, and which labels follow from
-//! them, is the same for all.
+//! A format locates samples and reads the values of their fields. The products of these fields, and the labels that follow from
+//! them, are the same for all formats.
 
 use crate::coco::Category;
-use crate::read::{self, Categories, Faults, Known, Labels};
+use crate::read::{self, Categories, Faults, KnownMasks, ObjectLabels};
+use crate::rule;
 use std::collections::btree_map::Entry;
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::path::PathBuf;
@@ -18,37 +19,39 @@ use syntable_model::product::standard::{
 use syntable_model::product::{
     Form, Key, KeyId, Mask, PerInstance, Plane, Product, Products, Scope, Semantic, Stored, Tensor, Value, linked,
 };
-use syntable_model::reader::{ImageRef, ImageSource, Note, Opened, ReadImage, unnamed_category};
+use syntable_model::reader::{
+    DatasetFault, FaultSubject, ImageRef, ImageSource, Note, Opened, ReadImage, unnamed_category,
+};
 use syntable_model::scene::InstanceId;
 use syntable_model::stage::DatasetInfo;
 
 /// The fields of a sample by name.
-pub type Fields = BTreeMap<String, Value>;
+pub type SampleFields = BTreeMap<String, Value>;
 
-/// What is known of a dataset when it is opened.
+/// The content of a dataset, without the values of its samples.
 #[derive(Debug, Default)]
 pub struct Contents {
     /// The views that samples are of, by scene and view.
     pub images: Vec<ImageRef>,
     /// Names of the fields that samples have.
     pub fields: BTreeSet<String>,
-    /// What is wrong with the dataset as a whole.
+    /// Faults of the dataset as a whole.
     pub faults: Faults,
     /// The categories, if the dataset lists them.
     pub categories: Option<Vec<Category>>,
     /// Names of categories by id, of objects that are there: they count where nothing lists all categories.
     pub named: BTreeMap<u64, String>,
-    /// Those of the fields that objects which are not shown have no value of, though they may be annotated.
+    /// The fields that have no value of hidden objects, though these may be annotated.
     pub of_shown: BTreeSet<String>,
     /// Whether the format leaves out images without objects.
     pub leaves_out_empty: bool,
 }
 
 /// The samples of a dataset.
-pub trait Samples: Send + Sync {
-    /// Those of the wanted fields that the sample of an image has. A value per instance is [`Value::PerInstance`] or a record
+pub trait SampleReader: Send + Sync {
+    /// The wanted fields that the sample of an image has. A value per instance is [`Value::PerInstance`] or a record
     /// by ids.
-    fn read(&self, image: usize, wanted: &BTreeSet<&str>) -> Result<Fields>;
+    fn read(&self, image: usize, wanted: &BTreeSet<&str>) -> Result<SampleFields>;
     /// Width and height of an image, if the format says them beside its fields.
     fn size(&self, image: usize) -> Option<[u32; 2]> {
         let _ = image;
@@ -65,18 +68,18 @@ pub fn files_of_views(files: Vec<((u32, u32), PathBuf)>, faults: &mut Faults) ->
             Entry::Occupied(first) => {
                 let (scene, view) = place;
                 let message = format!("it is view {view} of scene {scene}, as {} is", first.get().display());
-                faults.lost("unique_views", path.display().to_string(), &message);
+                faults.lost(rule::UNIQUE_VIEWS, path.display().to_string(), message);
             }
         }
     }
     views
 }
 
-/// What was read last, for readers of files that many images have in common.
+/// The values that were read last, for readers of files that many images share.
 #[derive(Debug)]
 pub struct Latest<K, V>(Mutex<VecDeque<(K, Arc<V>)>>);
 
-/// So many are kept: threads work at different scenes.
+/// Number of values: threads work at different scenes.
 const KEPT: usize = 4;
 
 impl<K: PartialEq, V> Default for Latest<K, V> {
@@ -102,7 +105,7 @@ impl<K: PartialEq, V> Latest<K, V> {
     }
 }
 
-/// Fields whose instances are the annotated ones, those first that are read fast.
+/// Fields whose instances are the annotated ones, fast ones first.
 const OF_ANNOTATED: [KeyId; 7] = [
     CATEGORY_ID.id(),
     AMODAL_BOX.id(),
@@ -156,14 +159,14 @@ fn ids_of(ids: &Tensor) -> Result<Vec<InstanceId>, String> {
 }
 
 /// Opens a dataset of samples. `name` is what it is called.
-pub fn open(name: String, mut contents: Contents, samples: Box<dyn Samples>) -> Opened {
+pub fn open(name: String, mut contents: Contents, samples: Box<dyn SampleReader>) -> Opened {
     let of_view = |key: &KeyId| (key.scope == Scope::Scene || key.scope.comes_with_view()) && key.is_decoded();
     let mut keys: Vec<KeyId> =
         linked().into_iter().filter(|key| of_view(key) && contents.fields.contains(&key.to_string())).collect();
     let of_all = |key: &KeyId| keys.contains(key) && !contents.of_shown.contains(&key.to_string());
     let annotated = OF_ANNOTATED.into_iter().find(of_all);
     let has_categories = of_all(&CATEGORY_ID.id());
-    // Rows and bits do not say of which instances they are.
+    // Rows and bits do not state their instances.
     if annotated.is_none() {
         keys.retain(|key| ![OCCLUSION_ORDER.id(), AMODAL_BITS.id()].contains(key));
     }
@@ -171,9 +174,9 @@ pub fn open(name: String, mut contents: Contents, samples: Box<dyn Samples>) -> 
     let visible = first([VISIBLE_MASK.id(), VISIBLE_IDS.id()]);
     let amodal = first([AMODAL_MASK.id(), AMODAL_BITS.id()]);
     let known = match (visible, amodal) {
-        (Some(_), Some(_)) => Some(Known::Both),
-        (Some(_), None) => Some(Known::Visible),
-        (None, Some(_)) => Some(Known::Amodal),
+        (Some(_), Some(_)) => Some(KnownMasks::Both),
+        (Some(_), None) => Some(KnownMasks::Visible),
+        (None, Some(_)) => Some(KnownMasks::Amodal),
         (None, None) => None,
     };
     let used = categories_used(&contents, &*samples);
@@ -224,7 +227,7 @@ pub fn open(name: String, mut contents: Contents, samples: Box<dyn Samples>) -> 
 }
 
 /// Ids of the categories that objects have.
-fn categories_used(contents: &Contents, samples: &dyn Samples) -> BTreeSet<u32> {
+fn categories_used(contents: &Contents, samples: &dyn SampleReader) -> BTreeSet<u32> {
     let name = CATEGORY_ID.name();
     let mut ids: BTreeSet<u32> = BTreeSet::new();
     if contents.fields.contains(name) {
@@ -259,7 +262,7 @@ fn stored<'a>(value: &'a Value, ids: &'a [InstanceId]) -> Stored<'a> {
 struct SampleSource {
     /// Whether a list has all categories, so that others are a fault.
     refuses_unknown: bool,
-    samples: Box<dyn Samples>,
+    samples: Box<dyn SampleReader>,
     categories: Categories,
     /// The products that samples have.
     keys: Vec<KeyId>,
@@ -269,18 +272,18 @@ struct SampleSource {
     amodal: Option<KeyId>,
     /// The one that says which instances are annotated.
     annotated: Option<KeyId>,
-    known: Option<Known>,
+    known: Option<KnownMasks>,
 }
 
 impl SampleSource {
-    /// Products that follow from those that samples have.
+    /// Products that follow from the products of samples.
     fn follow(&self) -> Vec<KeyId> {
-        let mut all = self.known.map(Known::offers).unwrap_or_default();
-        all.extend((self.known == Some(Known::Both)).then_some(VISIBILITY.id()));
+        let mut all = self.known.map(KnownMasks::offers).unwrap_or_default();
+        all.extend((self.known == Some(KnownMasks::Both)).then_some(VISIBILITY.id()));
         all.into_iter().filter(|key| !self.keys.contains(key)).collect()
     }
 
-    /// The fields that may tell the size of an image, those that are read fast first.
+    /// The fields that imply the size of an image, fast ones first.
     fn sized(&self) -> Vec<KeyId> {
         let camera = self.keys.iter().filter(|key| **key == CAMERA.id());
         let images = self.keys.iter().filter(|key| matches!(key.form(), Form::Image { .. }));
@@ -289,8 +292,8 @@ impl SampleSource {
         camera.chain(images).chain(masks).copied().collect()
     }
 
-    /// Width and height of an image; zeros if nothing says them, as of an image of masks alone in which there is none.
-    fn size(&self, image: usize, fields: &Fields) -> [u32; 2] {
+    /// Width and height of an image; zeros if no field implies them, as in an image of masks without an object.
+    fn size(&self, image: usize, fields: &SampleFields) -> [u32; 2] {
         let read = |key: KeyId| -> Option<[u32; 2]> {
             let name = key.to_string();
             match fields.get(&name) {
@@ -305,14 +308,14 @@ impl SampleSource {
     }
 
     /// A field as a product of the type of its key.
-    fn decoded<T: Product + Clone>(&self, key: Key<T>, fields: &Fields, ids: &[InstanceId]) -> Result<T> {
+    fn decoded<T: Product + Clone>(&self, key: Key<T>, fields: &SampleFields, ids: &[InstanceId]) -> Result<T> {
         let mut products = Products::new();
         products.put_stored(key.id(), stored(field(fields, key.id())?, ids)).map_err(|_| unlike(key.id()))?;
         products.get(key).cloned()
     }
 
     /// Labels of the annotated instances.
-    fn labels(&self, fields: &Fields, ids: Option<&[InstanceId]>, size: [u32; 2]) -> Result<Vec<Labels>> {
+    fn labels(&self, fields: &SampleFields, ids: Option<&[InstanceId]>, size: [u32; 2]) -> Result<Vec<ObjectLabels>> {
         let annotated = ids.unwrap_or_default();
         let none = PerInstance::default;
         let visible = match self.visible {
@@ -339,15 +342,10 @@ impl SampleSource {
         let all: BTreeSet<InstanceId> = visible.iter().chain(amodal.iter()).map(|(id, _)| id).collect();
         let [width, height] = size;
         let empty = || Mask::empty(width, height);
-        let label = |id: InstanceId| Labels {
-            id,
-            visible: visible.get(id).cloned().unwrap_or_else(empty),
-            amodal: self.amodal.map(|_| amodal.get(id).cloned().unwrap_or_else(empty)),
-            occlusion: None,
-            rate: None,
-            visible_box: None,
-            amodal_box: None,
-            category: self.category_of(categories.get(id).copied()),
+        let label = |id: InstanceId| {
+            let whole = self.amodal.map(|_| amodal.get(id).cloned().unwrap_or_else(empty));
+            let category = self.category_of(categories.get(id).copied());
+            ObjectLabels::of_masks(id, visible.get(id).cloned().unwrap_or_else(empty), whole, category)
         };
         Ok(all.into_iter().map(label).collect())
     }
@@ -360,7 +358,7 @@ impl SampleSource {
     }
 
     /// Categories of all annotated instances.
-    fn categories(&self, fields: &Fields, ids: Option<&[InstanceId]>) -> Result<PerInstance<u32>> {
+    fn categories(&self, fields: &SampleFields, ids: Option<&[InstanceId]>) -> Result<PerInstance<u32>> {
         let own = self.decoded(CATEGORY_ID, fields, ids.unwrap_or_default())?;
         let all: BTreeSet<InstanceId> =
             own.iter().map(|(id, _)| id).chain(ids.into_iter().flatten().copied()).collect();
@@ -368,7 +366,7 @@ impl SampleSource {
     }
 }
 
-fn field(fields: &Fields, key: KeyId) -> Result<&Value> {
+fn field(fields: &SampleFields, key: KeyId) -> Result<&Value> {
     let name = key.to_string();
     fields.get(&name).ok_or_else(|| Error::new(format!("it has no field `{name}`, which others have")))
 }
@@ -445,7 +443,7 @@ fn size_of(value: &Value) -> Option<[u32; 2]> {
 }
 
 /// Refuses images and masks of another size than the view, and such as no image has.
-fn check_sizes(fields: &Fields, keys: &[KeyId], [width, height]: [u32; 2]) -> Result<()> {
+fn check_sizes(fields: &SampleFields, keys: &[KeyId], [width, height]: [u32; 2]) -> Result<()> {
     let refuse = |what: String| Err(Error::new(what));
     IMAGE_PIXELS.check_size([width, height])?;
     let of_pixels = |key: &&KeyId| matches!(key.form().of_one(), Form::Mask | Form::Image { .. });
@@ -477,7 +475,7 @@ fn instances_of(value: &Value) -> Option<Vec<InstanceId>> {
 }
 
 impl ImageSource for SampleSource {
-    fn image_faults(&self, image: usize) -> Vec<(&'static str, String)> {
+    fn image_faults(&self, image: usize) -> Vec<DatasetFault> {
         if !self.keys.contains(&CATEGORY_ID.id()) || !self.refuses_unknown {
             return Vec::new();
         }
@@ -485,7 +483,8 @@ impl ImageSource for SampleSource {
         let Ok(own) = self.decoded(CATEGORY_ID, &fields, &[]) else { return Vec::new() };
         let unknown = own.iter().filter(|(_, category)| self.categories.known((**category).into()).is_none());
         let fault = |(id, category): (InstanceId, &u32)| {
-            ("known_categories", format!("instance {id}: there is no category {category}"))
+            let fault = DatasetFault::new(rule::KNOWN_CATEGORIES, format!("there is no category {category}"));
+            fault.of(FaultSubject::Instance(id))
         };
         unknown.map(fault).collect()
     }

@@ -11,7 +11,7 @@ use syntable_model::product::Mask;
 
 /// Scores of a dataset, in percent. Those of which nothing was to be counted are none.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
-pub struct Scores {
+pub struct MetricScores {
     /// Number of images.
     pub images: usize,
     /// Number of labeled objects.
@@ -75,7 +75,7 @@ pub struct PredictedObject {
     pub hidden: Option<String>,
 }
 
-impl Scores {
+impl MetricScores {
     /// Reads a file of scores.
     ///
     /// # Errors
@@ -122,12 +122,12 @@ mod tests {
         let mask = Mask::from_fn(4, 3, |x, y| x > y).to_coco();
         let object = PredictedObject { visible: mask.clone(), amodal: mask, ..PredictedObject::default() };
         let image = ScoredImage { name: "a.png".into(), size: [4, 3], predictions: vec![object], ..Default::default() };
-        let scores = Scores { images: 1, worst: vec![image], ..Scores::default() };
+        let scores = MetricScores { images: 1, worst: vec![image], ..MetricScores::default() };
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("scores.json");
-        let read = |scores: &Scores| {
+        let read = |scores: &MetricScores| {
             std::fs::write(&path, scores.text()).expect("writable");
-            Scores::read(&path)
+            MetricScores::read(&path)
         };
         assert_eq!(read(&scores).expect("sound"), scores);
         let with = |change: &dyn Fn(&mut ScoredImage)| {

@@ -7,6 +7,7 @@
 //! depend on the whole dataset, which may grow. Merging copies the rest of the records as text: memory is bounded by
 //! one line.
 
+use crate::dataset::DatasetWriter;
 use crate::encode::json_shard;
 use serde::Serialize;
 use syntable_model::error::{Error, Result};
@@ -20,34 +21,27 @@ const ANNOTATION: &str = "{\"id\":0,\"image_id\":0,";
 /// Appends the line of an image that `annotations` lines of annotations follow. Its `id` must be the first field, and
 /// 0.
 pub fn push_image(shard: &mut Vec<u8>, annotations: usize, image: &impl Serialize) -> Result<()> {
-    push(shard, &("image", annotations, image))
+    json_shard::push_line(shard, &("image", annotations, image))
 }
 
 /// Appends the line of an annotation. Its `id` and `image_id` must be the first fields, and 0.
 pub fn push_annotation(shard: &mut Vec<u8>, annotation: &impl Serialize) -> Result<()> {
-    push(shard, &("annotation", annotation))
+    json_shard::push_line(shard, &("annotation", annotation))
 }
 
 /// Appends the line of a view, for what is neither its image nor an annotation.
 pub fn push_view(shard: &mut Vec<u8>, view: &impl Serialize) -> Result<()> {
-    push(shard, &("view", view))
+    json_shard::push_line(shard, &("view", view))
 }
 
 /// Appends the line of the scene itself.
 pub fn push_scene(shard: &mut Vec<u8>, scene: &impl Serialize) -> Result<()> {
-    push(shard, &("scene", scene))
-}
-
-fn push(shard: &mut Vec<u8>, line: &impl Serialize) -> Result<()> {
-    serde_json::to_writer(&mut *shard, line)
-        .map_err(|error| Error::new(format!("cannot be written as JSON: {error}")))?;
-    shard.push(b'\n');
-    Ok(())
+    json_shard::push_line(shard, &("scene", scene))
 }
 
 /// A line of a shard, without its line break.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Line<'a> {
+pub enum ShardLine<'a> {
     /// An image.
     Image {
         /// Number of lines of annotations that follow.
@@ -75,7 +69,7 @@ pub struct UnnumberedAnnotation<'a> {
     rest: &'a str,
 }
 
-impl<'a> Line<'a> {
+impl<'a> ShardLine<'a> {
     /// Reads a line; none if it is not one of a shard. The records' own content is not looked at.
     pub fn parse(line: &'a str) -> Option<Self> {
         let body = line.strip_prefix('[')?.strip_suffix(']')?;
@@ -115,7 +109,7 @@ impl UnnumberedAnnotation<'_> {
 pub fn for_each_line(
     dataset: &DatasetInfo,
     finish: &Finish,
-    mut each: impl FnMut(u64, Line) -> Result<()>,
+    mut each: impl FnMut(u64, ShardLine) -> Result<()>,
 ) -> Result<()> {
     let views_per_scene = u64::from(dataset.views_per_scene);
     let (mut of, mut views, mut image_id) = (None, 0, 0);
@@ -124,11 +118,11 @@ pub fn for_each_line(
             Error::new(format!("the shard of scene {} has {what}", scene.0))
                 .help("the dataset is damaged, or of another version; `syntable run --repair` makes the scene again")
         };
-        let line = Line::parse(line).ok_or_else(|| damaged("a line that is not a record".to_owned()))?;
+        let line = ShardLine::parse(line).ok_or_else(|| damaged("a line that is not a record".to_owned()))?;
         if of.replace(scene) != Some(scene) {
             (views, image_id) = (0, 0);
         }
-        if let Line::Image { .. } = line {
+        if let ShardLine::Image { .. } = line {
             if views == views_per_scene {
                 return Err(damaged(format!("more than the {views_per_scene} views per scene of the recipe")));
             }
@@ -136,5 +130,36 @@ pub fn for_each_line(
             image_id = u64::from(scene.0) * views_per_scene + views;
         }
         each(image_id, line)
+    })
+}
+
+/// Merges the shards of all scenes into the images and the annotations of a file. `copies` says how often the file lists an image with
+/// so many annotations.
+///
+/// # Errors
+/// If a shard is damaged, or the file cannot be written.
+pub fn merge(
+    dataset: &DatasetInfo,
+    finish: &Finish,
+    file: &mut DatasetWriter,
+    copies: impl Fn(usize) -> usize,
+) -> Result<()> {
+    file.images(|images| {
+        for_each_line(dataset, finish, |id, line| match line {
+            ShardLine::Image { annotations, record } => {
+                (0..copies(annotations)).try_for_each(|_| images.raw(&record.numbered(id)))
+            }
+            _ => Ok(()),
+        })
+    })?;
+    let mut id = 0;
+    file.annotations(|annotations| {
+        for_each_line(dataset, finish, |image_id, line| match line {
+            ShardLine::Annotation(record) => {
+                id += 1;
+                annotations.raw(&record.numbered(id, image_id))
+            }
+            _ => Ok(()),
+        })
     })
 }

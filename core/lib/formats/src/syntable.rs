@@ -1,11 +1,11 @@
 //! SynTable's annotations.
 //!
-//! There are two forms, and [`Image`] and [`Annotation`] read both:
+//! There are two forms, and [`SynTableImage`] and [`SynTableAnnotation`] read both:
 //!
 //! - **coco**, the form of our datasets: one record per image, true areas, rates in full precision, camera, object
-//!   poses and label policy. [`Image`] and [`Annotation`] write it.
+//!   poses and label policy. [`SynTableImage`] and [`SynTableAnnotation`] write it.
 //! - **syntable_1**, the form of SynTable's release and of UOAIS-Sim: the image's record is repeated for every
-//!   annotation. [`Image`] without its optional fields and [`syntable_1::Annotation`] write it.
+//!   annotation. [`SynTableImage`] without its optional fields and [`syntable_1::SynTable1Annotation`] write it.
 
 use crate::Extra;
 use crate::segmentation::Rle;
@@ -15,7 +15,7 @@ use syntable_model::error::{Error, Result};
 use syntable_model::stage::DatasetInfo;
 
 /// A SynTable annotation file.
-pub type Dataset = crate::dataset::Dataset<Image, Annotation>;
+pub type SynTableDataset = crate::dataset::AnnotationDataset<SynTableImage, SynTableAnnotation>;
 
 /// Id of the category `object`: that of objects of no class, and of all objects in the syntable_1 form.
 pub const OBJECT_CATEGORY: u64 = DatasetInfo::OBJECT.0 as u64;
@@ -41,7 +41,7 @@ pub fn occlusion_order_path(scene: u32, view: u32) -> String {
 
 /// An image. The fields from `scene_id` on are those of the coco form.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
-pub struct Image {
+pub struct SynTableImage {
     /// From 1, unique in the file: `scene · views_per_scene + view + 1` with the recipe's `dataset.views_per_scene`, which the
     /// images of scenes that failed or have fewer views leave gaps in. 0 in a scene's shard, before the file is merged.
     pub id: u64,
@@ -81,7 +81,7 @@ pub struct Image {
     /// Millimeters per step of the depth image.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub depth_unit_mm: Option<u32>,
-    /// The product `camera`; [`Image::camera`] reads it.
+    /// The product `camera`; [`SynTableImage::camera`] reads it.
     #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "present")]
     pub camera: Option<Json>,
     /// The product `exposure`.
@@ -98,9 +98,9 @@ pub struct Image {
     pub extra: Extra,
 }
 
-impl Image {
+impl SynTableImage {
     /// The camera, if the file has it.
-    pub fn camera(&self) -> Result<Option<Camera>> {
+    pub fn camera(&self) -> Result<Option<SynTableCamera>> {
         self.camera.as_ref().map(|camera| typed(camera, format!("image {}: `camera`", self.id))).transpose()
     }
 }
@@ -109,7 +109,7 @@ impl Image {
 ///
 /// Visible (V), amodal (A) and occluded (O) masks have the size of the image, and O is A without V.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Annotation {
+pub struct SynTableAnnotation {
     /// From 1, unique in the file. 0 in a scene's shard, before the file is merged.
     pub id: u64,
     /// The image's id. 0 in a scene's shard, before the file is merged.
@@ -162,7 +162,7 @@ pub struct Annotation {
     /// O; empty if the object is not occluded. Missing where objects have visible masks alone.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub occluded_mask: Option<Rle>,
-    /// The product `object_info` of the object, null if it has none; [`Annotation::object`] reads it.
+    /// The product `object_info` of the object, null if it has none; [`SynTableAnnotation::object`] reads it.
     #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "present")]
     pub object: Option<Json>,
     /// Fields that this type does not know.
@@ -170,9 +170,9 @@ pub struct Annotation {
     pub extra: Extra,
 }
 
-impl Annotation {
+impl SynTableAnnotation {
     /// Name, category and pose of the object, if the file has them.
-    pub fn object(&self) -> Result<Option<Object>> {
+    pub fn object(&self) -> Result<Option<SynTableObject>> {
         let object = self.object.as_ref().filter(|object| !object.is_null());
         object.map(|object| typed(object, format!("annotation {}: `object`", self.id))).transpose()
     }
@@ -191,7 +191,7 @@ pub mod syntable_1 {
     /// Two values are not what their names say, and programs that read the release must not trust them: `area` is 0,
     /// and `segmentation.area` is the sum of the renderer's ids over the mask, [`RENDERER_ID`] times its area.
     #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-    pub struct Annotation {
+    pub struct SynTable1Annotation {
         /// From 1, unique in the file. 0 in a scene's shard, before the file is merged.
         pub id: u64,
         /// The image's id. 0 in a scene's shard, before the file is merged.
@@ -227,11 +227,11 @@ pub mod syntable_1 {
 }
 
 /// A matrix `[R t; 0 1]` that maps points of one frame to another, m, row by row.
-pub type Pose = [[f64; 4]; 4];
+pub type PoseMatrix = [[f64; 4]; 4];
 
 /// The camera of a view. Axes: x right, y down, z forward.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Camera {
+pub struct SynTableCamera {
     /// Width of the image, px.
     pub width: u32,
     /// Height of the image, px.
@@ -240,7 +240,7 @@ pub struct Camera {
     #[serde(rename = "K")]
     pub k: [[f64; 3]; 3],
     /// Maps points of the camera to the world (right-handed, z up).
-    pub world_from_camera: Pose,
+    pub world_from_camera: PoseMatrix,
     /// Other fields, such as lens distortion.
     #[serde(flatten)]
     pub extra: Extra,
@@ -248,11 +248,11 @@ pub struct Camera {
 
 /// A scene.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Scene {
+pub struct SynTableScene {
     /// Number of the scene, from 0; `scene_id` of its images.
     pub id: u32,
-    /// What is in the scene, in the order of the ids.
-    pub bodies: Vec<Body>,
+    /// The bodies of the scene, in the order of their ids.
+    pub bodies: Vec<SynTableBody>,
     /// Fields that this type does not know.
     #[serde(flatten)]
     pub extra: Extra,
@@ -260,7 +260,7 @@ pub struct Scene {
 
 /// A body of a scene: an object, a distractor, the table or a part of the room.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Body {
+pub struct SynTableBody {
     /// Its id in the product `instance`; of objects, `instance_id` of their annotations.
     pub id: u16,
     /// `object`, `distractor`, `support` or `room`.
@@ -274,31 +274,31 @@ pub struct Body {
     /// Names of its materials.
     pub materials: Vec<String>,
     /// Maps points of the body to the world (right-handed, z up).
-    pub world_from_body: Pose,
+    pub world_from_body: PoseMatrix,
     /// Fields that this type does not know.
     #[serde(flatten)]
     pub extra: Extra,
 }
 
-impl Dataset {
+impl SynTableDataset {
     /// The scenes of the file; none in the syntable_1 form.
-    pub fn scenes(&self) -> Result<Vec<Scene>> {
+    pub fn scenes(&self) -> Result<Vec<SynTableScene>> {
         self.extra.get(SCENES).map_or(Ok(Vec::new()), |scenes| typed(scenes, format!("`{SCENES}`")))
     }
 }
 
-/// What an annotated object is, and where.
+/// Name and pose of an annotated object.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Object {
+pub struct SynTableObject {
     /// Name of the asset in its pool.
     pub name: String,
     /// Category of the asset; empty if it has none.
     #[serde(default)]
     pub category: String,
     /// Maps points of the object's mesh to the world (right-handed, z up).
-    pub world_from_object: Pose,
+    pub world_from_object: PoseMatrix,
     /// Maps points of the object's mesh to the camera (x right, y down, z forward).
-    pub camera_from_object: Pose,
+    pub camera_from_object: PoseMatrix,
     /// Other fields, such as the mass.
     #[serde(flatten)]
     pub extra: Extra,

@@ -14,7 +14,7 @@ const NAMED: usize = 32;
 /// such as keypoints or an attribute.
 #[derive(Debug)]
 pub struct Unkept {
-    /// What the records are called, in the plural.
+    /// Name of the records, in the plural.
     records: &'static str,
     /// Names of fields that are read, or that follow from those.
     read: &'static [&'static str],
@@ -47,7 +47,7 @@ impl Unkept {
         self.more += usize::from(has_more);
     }
 
-    /// Counts a field of the record that was added last, which its type knows and no product holds.
+    /// Counts a known field of the last added record that no product holds.
     pub fn add_information(&mut self, name: &str, is_there: bool) {
         if is_there {
             *self.information.entry(name.to_owned()).or_default() += 1;
@@ -77,12 +77,12 @@ impl Unkept {
     }
 }
 
-/// What is said of fields and sections of information; nothing if there are none.
+/// The note about unread information; nothing if there is none.
 pub fn note(information: &[String]) -> Option<String> {
     (!information.is_empty()).then(|| format!("information beside labels is not kept: {}", information.join(", ")))
 }
 
-/// Whether a value says anything: zeros, `false` and empty texts and lists are what tools write where nothing was labeled.
+/// Whether a value may be a label: tools write zeros, `false`, and empty texts and lists where nobody labeled anything.
 fn says(value: &Json) -> bool {
     match value {
         Json::Null => false,
@@ -94,7 +94,7 @@ fn says(value: &Json) -> bool {
     }
 }
 
-/// Whether a field tells where a record comes from and not what is seen. The track of an object is a label.
+/// Whether a field states the origin of a record, and not its content. The track of an object is a label.
 fn is_information(name: &str) -> bool {
     const NAMES: [&str; 13] = [
         "author",

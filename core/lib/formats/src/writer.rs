@@ -1,13 +1,16 @@
 //! Writers whose scenes share the options.
 
+use crate::encode::{scene_name, view_name};
+use crate::include::{self, Included, IncludedProducts};
 use std::sync::Arc;
 use syntable_model::prelude::*;
+use syntable_model::product::Scope;
 
 /// A [`Writer`] without the part that is the same in all formats: its scenes borrow the options, and [`Scene`](Self::Scene) holds
 /// what a scene keeps between its views. A format that writes each view by itself keeps `()`, and needs
 /// [`reads`](Self::reads) and [`view`](Self::view) alone.
 pub trait ImageWriter: Send + Sync + Sized + 'static {
-    /// What a scene keeps between its views.
+    /// The state of a scene between its views.
     type Scene: Default + Send;
 
     /// As [`Writer::reads`].
@@ -47,14 +50,84 @@ pub trait ImageWriter: Send + Sync + Sized + 'static {
 
     /// The writer.
     fn boxed(self) -> Box<dyn Writer> {
-        Box::new(Shared(Arc::new(self)))
+        Box::new(SharedWriter(Arc::new(self)))
     }
 }
 
-/// A writer that its scenes share.
-struct Shared<W>(Arc<W>);
+/// A generic writer of which each view and each scene has files of its own: the options, the names of the files and their encoding.
+/// The form passes the included products, and writes the [file of categories](include::CATEGORIES).
+pub trait ProductWriter: Send + Sync + Sized + 'static {
+    /// The option `include`.
+    fn include(&self) -> &Included;
 
-impl<W: ImageWriter> Writer for Shared<W> {
+    /// Refuses products that the files cannot hold, with the reason and a remedy.
+    ///
+    /// # Errors
+    /// If the files cannot hold products of this key.
+    fn accepts(key: &KeyId) -> Result<(), String>;
+
+    /// Paths of the files of a view or a scene; see [`Writer::paths`].
+    fn paths(&self, of: &FileOf) -> Vec<String>;
+
+    /// Writes the files of a view or a scene.
+    ///
+    /// # Errors
+    /// If a product is missing or cannot be encoded, or a file cannot be written.
+    fn write(&self, included: &IncludedProducts) -> Result<()>;
+
+    /// The writer.
+    fn writer(self) -> Box<dyn Writer> {
+        GenericWriter(self).boxed()
+    }
+}
+
+struct GenericWriter<W>(W);
+
+impl<W: ProductWriter> ImageWriter for GenericWriter<W> {
+    type Scene = ();
+
+    fn reads(&self) -> Vec<Input> {
+        self.0.include().inputs(Accepts::If(W::accepts))
+    }
+
+    fn view(&self, (): &mut (), cx: &ImageContext, products: &Products, output: &Output) -> Result<()> {
+        let (name, shape) = (view_name(cx.scene_id, cx.view_id), include::shape(cx));
+        self.0.write(&IncludedProducts { include: self.0.include(), scope: Scope::View, products, output, name, shape })
+    }
+
+    fn close(&self, (): (), cx: &ImagesContext, products: &Products, output: &Output) -> Result<()> {
+        let (name, shape) = (scene_name(cx.scene_id), [0, 0]);
+        self.0.write(&IncludedProducts {
+            include: self.0.include(),
+            scope: Scope::Scene,
+            products,
+            output,
+            name,
+            shape,
+        })
+    }
+
+    fn paths(&self, of: &FileOf) -> Vec<String> {
+        self.0.paths(of).into_iter().chain(self.0.include().categories_path(of)).collect()
+    }
+
+    fn finish(&self, cx: &DatasetContext, _: &Products, finish: &Finish) -> Result<()> {
+        self.0.include().write_categories(cx.dataset, finish)
+    }
+}
+
+/// Writes a file of the dataset.
+///
+/// # Errors
+/// If the file cannot be written.
+pub fn write_file(finish: &Finish, path: &str, bytes: &[u8]) -> Result<()> {
+    finish.write(path, |out| out.write_all(bytes).map_err(|error| Error::io(path, &error)))
+}
+
+/// A writer that its scenes share.
+struct SharedWriter<W>(Arc<W>);
+
+impl<W: ImageWriter> Writer for SharedWriter<W> {
     fn reads(&self) -> Vec<Input> {
         self.0.reads()
     }

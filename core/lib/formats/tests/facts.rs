@@ -2,7 +2,7 @@
 
 use serde_json::{Value as Json, json};
 use syntable_formats::coco;
-use syntable_formats::dataset::Layout;
+use syntable_formats::dataset::JsonLayout;
 use syntable_formats::segmentation::{Rle, Segmentation, UncompressedRle};
 use syntable_formats::syntable::{self, syntable_1};
 use syntable_model::product::Mask;
@@ -97,11 +97,11 @@ const RELEASED: &str = r#"{
 }
 "#;
 
-type Released = syntable_formats::dataset::Dataset<syntable::Image, syntable_1::Annotation>;
+type Released = syntable_formats::dataset::AnnotationDataset<syntable::SynTableImage, syntable_1::SynTable1Annotation>;
 
 fn written<I: serde::Serialize, A: serde::Serialize>(
-    file: &syntable_formats::dataset::Dataset<I, A>,
-    layout: Layout,
+    file: &syntable_formats::dataset::AnnotationDataset<I, A>,
+    layout: JsonLayout,
 ) -> String {
     let mut out = Vec::new();
     file.write(&mut out, "a.json", layout).expect("memory");
@@ -117,10 +117,10 @@ fn small() -> Mask {
 fn the_released_form_is_read_and_written_byte_for_byte() {
     let file = Released::from_reader(RELEASED.as_bytes()).expect("reads");
     assert!(file.extra.is_empty() && file.images[0].extra.is_empty() && file.annotations[0].extra.is_empty());
-    assert_eq!(written(&file, Layout::Indented), RELEASED);
+    assert_eq!(written(&file, JsonLayout::Indented), RELEASED);
     assert_eq!(file.annotations[0].segmentation.decode().expect("sound"), small());
     // The other type of annotation reads the same file, and leaves no field unknown.
-    let file = syntable::Dataset::from_reader(RELEASED.as_bytes()).expect("reads");
+    let file = syntable::SynTableDataset::from_reader(RELEASED.as_bytes()).expect("reads");
     let annotation = &file.annotations[0];
     assert!(
         annotation.extra.is_empty() && annotation.object.is_none() && file.images[0].camera().expect("none").is_none()
@@ -142,9 +142,9 @@ fn keys_that_uoais_net_does_not_need_may_be_missing() {
                           "visible_mask": mask, "occluded_mask": { "size": [3, 4], "counts": "<" },
                           "occluded_rate": 0.0, "occluder_mask": null }],
     });
-    let file = syntable::Dataset::from_reader(text.to_string().as_bytes()).expect("reads");
+    let file = syntable::SynTableDataset::from_reader(text.to_string().as_bytes()).expect("reads");
     assert_eq!(file.annotations[0].extra.keys().collect::<Vec<_>>(), ["occluder_mask"], "unknown fields are kept");
-    let again: Json = serde_json::from_str(&written(&file, Layout::Lines)).expect("JSON");
+    let again: Json = serde_json::from_str(&written(&file, JsonLayout::Lines)).expect("JSON");
     assert_eq!(again["annotations"][0]["occluder_mask"], Json::Null);
     assert_eq!(again["images"][0], text["images"][0]);
 }
@@ -154,7 +154,7 @@ fn our_own_fields_survive_reading_and_writing() {
     let pose =
         json!([[1.0, 0.0, 0.0, 0.1], [0.0, 1.0, 0.0, 0.2], [0.0, 0.0, 1.0, 0.30000000000000004], [0.0, 0.0, 0.0, 1.0]]);
     let rle = Rle::encode(&small());
-    let image = syntable::Image {
+    let image = syntable::SynTableImage {
         id: 5,
         file_name: syntable::rgb_path(1, 2),
         depth_file_name: Some(syntable::depth_path(1, 2)),
@@ -171,7 +171,7 @@ fn our_own_fields_survive_reading_and_writing() {
         exposure: Some(Json::Null),
         ..Default::default()
     };
-    let annotation = syntable::Annotation {
+    let annotation = syntable::SynTableAnnotation {
         id: 9,
         image_id: 5,
         category_id: syntable::OBJECT_CATEGORY,
@@ -194,7 +194,7 @@ fn our_own_fields_survive_reading_and_writing() {
         object: Some(json!({ "name": "mug", "world_from_object": pose, "camera_from_object": pose, "mass_kg": 0.2 })),
         extra: Default::default(),
     };
-    let file = syntable::Dataset {
+    let file = syntable::SynTableDataset {
         info: Default::default(),
         licenses: Vec::new(),
         categories: Vec::new(),
@@ -202,9 +202,9 @@ fn our_own_fields_survive_reading_and_writing() {
         annotations: vec![annotation],
         extra: serde_json::Map::from_iter([("relations".to_owned(), json!([1, 2]))]),
     };
-    for layout in [Layout::Lines, Layout::Indented] {
+    for layout in [JsonLayout::Lines, JsonLayout::Indented] {
         let text = written(&file, layout);
-        let again = syntable::Dataset::from_reader(text.as_bytes()).expect("reads");
+        let again = syntable::SynTableDataset::from_reader(text.as_bytes()).expect("reads");
         assert_eq!(again, file);
         assert_eq!(written(&again, layout), text);
     }
@@ -230,7 +230,7 @@ fn coco_masks_are_read_in_every_encoding() {
             {"segmentation": [[1, 1, 3, 1, 3, 3, 1, 3]], "area": 4, "iscrowd": false, "image_id": 1,
              "bbox": [1, 1, 2, 2], "category_id": 47, "id": 3},
             {"area": 4, "image_id": 1, "bbox": [1, 1, 2, 2], "category_id": 47, "id": 4}]}"#;
-    let file = coco::Dataset::from_reader(text.as_bytes()).expect("reads");
+    let file = coco::CocoDataset::from_reader(text.as_bytes()).expect("reads");
     for annotation in &file.annotations[..3] {
         let mask = annotation.segmentation.as_ref().expect("there").decode(4, 3).expect("sound");
         assert_eq!(mask, small(), "{annotation:?}");
@@ -238,7 +238,7 @@ fn coco_masks_are_read_in_every_encoding() {
     assert_eq!(file.annotations.iter().map(|annotation| annotation.iscrowd).collect::<Vec<_>>(), [0, 1, 0, 0]);
     assert!(file.annotations[3].segmentation.is_none());
     assert_eq!(file.images[0].extra["rights"], "x");
-    assert_eq!(coco::Dataset::from_reader(written(&file, Layout::Lines).as_bytes()).expect("reads"), file);
+    assert_eq!(coco::CocoDataset::from_reader(written(&file, JsonLayout::Lines).as_bytes()).expect("reads"), file);
     assert_eq!(UncompressedRle::encode(&small()).counts, [4, 2, 1, 2, 3]);
 }
 
@@ -248,7 +248,7 @@ fn errors_name_file_line_and_field() {
     let path = folder.path().join("a.json");
     let read = |text: &str| {
         std::fs::write(&path, text).expect("writable");
-        let error = syntable::Dataset::read(&path).expect_err("refused");
+        let error = syntable::SynTableDataset::read(&path).expect_err("refused");
         assert_eq!(error.file(), Some(path.as_path()));
         error.to_string().replace(&path.display().to_string(), "a.json")
     };
@@ -275,7 +275,7 @@ fn errors_name_file_line_and_field() {
         assert!(error.starts_with(want), "{error}\nnot {want}");
     }
     std::fs::remove_file(&path).expect("there");
-    assert!(syntable::Dataset::read(&path).expect_err("missing").is_io());
+    assert!(syntable::SynTableDataset::read(&path).expect_err("missing").is_io());
 }
 
 #[test]

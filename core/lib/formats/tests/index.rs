@@ -4,11 +4,11 @@ use serde_json::{Value as Json, json};
 use std::fs;
 use std::path::Path;
 use std::sync::OnceLock;
-use syntable_formats::coco::{Annotation, Dataset, Image};
-use syntable_formats::dataset::Layout;
+use syntable_formats::coco::{CocoAnnotation, CocoDataset, CocoImage};
+use syntable_formats::dataset::JsonLayout;
 use syntable_formats::decode;
-use syntable_formats::index::{Indexed, Record, Section};
-use syntable_formats::listing::Listing;
+use syntable_formats::index::{Indexed, IndexedRecord, RecordSection};
+use syntable_formats::listing::AnnotationListing;
 use syntable_model::random::Stream;
 use syntable_testing::tools::python_with;
 
@@ -25,7 +25,7 @@ fn files() -> Vec<String> {
     let annotations: Vec<Json> = (0..10).map(|i| annotation(i + 1, i * 7 % 3 + 1, texts[i as usize % 5])).collect();
     let json = json!({ "info": { "year": 3 }, "images": images, "categories": [{ "id": 1, "name": "x" }],
                        "annotations": annotations, "more": [1, { "annotations": [] }] });
-    let dataset: Dataset = serde_json::from_value(json.clone()).expect("a dataset");
+    let dataset: CocoDataset = serde_json::from_value(json.clone()).expect("a dataset");
     let written = |layout| {
         let mut out = Vec::new();
         dataset.write(&mut out, "a.json", layout).expect("written");
@@ -36,7 +36,7 @@ fn files() -> Vec<String> {
         "{{\"annotations\": {}, \"images\": {}, \"categories\": {}}}",
         json["annotations"], json["images"], json["categories"]
     );
-    vec![written(Layout::Lines), written(Layout::Indented), json.to_string(), spread, turned]
+    vec![written(JsonLayout::Lines), written(JsonLayout::Indented), json.to_string(), spread, turned]
 }
 
 #[test]
@@ -46,33 +46,40 @@ fn records_are_those_of_the_whole_file() {
     let mut stream = Stream::root(2);
     for text in files() {
         fs::write(&path, &text).expect("writable");
-        let whole = Dataset::read(&path).expect("reads");
+        let whole = CocoDataset::read(&path).expect("reads");
         let (mut images, mut annotations) = (Vec::new(), Vec::new());
-        let index = Indexed::open(&path, &mut |record: Record<Image, Annotation, Json>| match record {
-            Record::Image(image) => images.push(image),
-            Record::Annotation(annotation) => annotations.push(annotation),
-            Record::Scene(_) => panic!("there is none"),
+        let index = Indexed::open(&path, &mut |record: IndexedRecord<CocoImage, CocoAnnotation, Json>| match record {
+            IndexedRecord::Image(image) => images.push(image),
+            IndexedRecord::Annotation(annotation) => annotations.push(annotation),
+            IndexedRecord::Scene(_) => panic!("there is none"),
         })
         .expect("opens");
         assert_eq!((&images, &annotations), (&whole.images, &whole.annotations));
-        assert_eq!((index.len(Section::Images), index.len(Section::Annotations)), (3, 10));
-        assert!(index.is_empty(Section::Scenes));
+        assert_eq!((index.len(RecordSection::Images), index.len(RecordSection::Annotations)), (3, 10));
+        assert!(index.is_empty(RecordSection::Scenes));
         assert_eq!(index.categories.as_ref(), Some(&whole.categories));
         for _ in 0..30 {
             let mut numbers: Vec<u32> = (0..10).filter(|_| stream.below(2) == 0).collect();
             if stream.below(3) == 0 {
                 numbers.reverse();
             }
-            let want: Vec<Annotation> = numbers.iter().map(|&i| whole.annotations[i as usize].clone()).collect();
-            assert_eq!(index.records::<Annotation>(Section::Annotations, &numbers).expect("reads"), want);
+            let want: Vec<CocoAnnotation> = numbers.iter().map(|&i| whole.annotations[i as usize].clone()).collect();
+            assert_eq!(index.records::<CocoAnnotation>(RecordSection::Annotations, &numbers).expect("reads"), want);
         }
-        assert_eq!(index.records::<Image>(Section::Images, &[2]).expect("reads"), whole.images[2..]);
-        assert!(index.records::<Image>(Section::Images, &[3]).expect_err("none").to_string().contains("`images[3]`"));
-        let listing = Listing::open(&path, &mut |_: &Record<Image, Annotation, Json>| {}).expect("opens");
+        assert_eq!(index.records::<CocoImage>(RecordSection::Images, &[2]).expect("reads"), whole.images[2..]);
+        assert!(
+            index
+                .records::<CocoImage>(RecordSection::Images, &[3])
+                .expect_err("none")
+                .to_string()
+                .contains("`images[3]`")
+        );
+        let listing = AnnotationListing::open(&path, &mut |_: &IndexedRecord<CocoImage, CocoAnnotation, Json>| {})
+            .expect("opens");
         for (number, image) in listing.images.iter().enumerate() {
             let want = whole.annotations.iter().filter(|it| it.image_id == image.frame.id).cloned().collect::<Vec<_>>();
-            assert_eq!(listing.annotations::<Annotation>(number).expect("reads"), want);
-            assert_eq!(listing.image::<Image>(number).expect("reads").id, image.frame.id);
+            assert_eq!(listing.annotations::<CocoAnnotation>(number).expect("reads"), want);
+            assert_eq!(listing.image::<CocoImage>(number).expect("reads").id, image.frame.id);
         }
     }
 }
@@ -91,8 +98,9 @@ fn mistakes_are_where_the_whole_file_has_them() {
     ] {
         assert!(good.contains(from), "{from}");
         fs::write(&path, good.replacen(from, to, 1)).expect("writable");
-        let whole = Dataset::read(&path).expect_err("refused");
-        let indexed = Indexed::open(&path, &mut |_: Record<Image, Annotation, Json>| {}).expect_err("refused");
+        let whole = CocoDataset::read(&path).expect_err("refused");
+        let indexed =
+            Indexed::open(&path, &mut |_: IndexedRecord<CocoImage, CocoAnnotation, Json>| {}).expect_err("refused");
         let bare = |text: &str| text.replace("a sequence", "a list of records");
         assert_eq!(indexed.place(), whole.place(), "{from}");
         assert_eq!(bare(indexed.message()), bare(whole.message()), "{from}");
@@ -101,16 +109,17 @@ fn mistakes_are_where_the_whole_file_has_them() {
         fs::write(&path, good.replacen("\"category_id\": 1,", &format!("\"category_id\": {word},"), 1))
             .expect("writable");
         let expected = format!("{word} is no number of JSON; write a number or `null`");
-        let indexed = Indexed::open(&path, &mut |_: Record<Image, Annotation, Json>| {}).expect_err("refused");
-        for error in [indexed, Dataset::read(&path).expect_err("refused")] {
+        let indexed =
+            Indexed::open(&path, &mut |_: IndexedRecord<CocoImage, CocoAnnotation, Json>| {}).expect_err("refused");
+        for error in [indexed, CocoDataset::read(&path).expect_err("refused")] {
             assert!(error.message().contains(&expected) && error.message().contains("category_id"), "{error}");
         }
     }
     let cut = &good[..good.len() / 2];
     fs::write(&path, cut).expect("writable");
-    let error = Indexed::open(&path, &mut |_: Record<Image, Annotation, Json>| {}).expect_err("refused");
+    let error = Indexed::open(&path, &mut |_: IndexedRecord<CocoImage, CocoAnnotation, Json>| {}).expect_err("refused");
     assert!(error.to_string().contains("EOF while parsing") && !error.is_io(), "{error}");
-    let missing = Indexed::open(folder.path().join("b"), &mut |_: Record<Image, Annotation, Json>| {});
+    let missing = Indexed::open(folder.path().join("b"), &mut |_: IndexedRecord<CocoImage, CocoAnnotation, Json>| {});
     assert!(missing.expect_err("missing").is_io());
 }
 
@@ -119,12 +128,12 @@ fn jpeg_files_are_those_of_pillow() {
     static HERE: OnceLock<bool> = OnceLock::new();
     let folder = tempfile::tempdir().expect("a folder");
     let script = folder.path().join("write.py");
-    let code = "import sys, pathlib, numpy as np\nfrom PIL import Image\nroot = pathlib.Path(sys.argv[1])\n\
+    let code = "import sys, pathlib, numpy as np\nfrom PIL import CocoImage\nroot = pathlib.Path(sys.argv[1])\n\
                 y, x = np.mgrid[:40, :56]\nrgb = np.stack([4 * x, 6 * y, 255 - 4 * x], -1).astype(np.uint8)\n\
-                Image.fromarray(rgb).save(root / 'color.jpg', quality=95)\n\
-                Image.fromarray(rgb[..., 0]).save(root / 'gray.jpg', quality=95)\n\
+                CocoImage.fromarray(rgb).save(root / 'color.jpg', quality=95)\n\
+                CocoImage.fromarray(rgb[..., 0]).save(root / 'gray.jpg', quality=95)\n\
                 for name in 'color', 'gray':\n\
-                \x20   pixels = np.asarray(Image.open(root / f'{name}.jpg').convert('RGB'))\n\
+                \x20   pixels = np.asarray(CocoImage.open(root / f'{name}.jpg').convert('RGB'))\n\
                 \x20   (root / f'{name}.raw').write_bytes(pixels.tobytes())\n";
     fs::write(&script, code).expect("writable");
     if !python_with("numpy, PIL", &HERE, &script, &[folder.path().to_str().expect("UTF-8")]) {

@@ -2,8 +2,8 @@
 
 use std::path::Path;
 use std::process::Command;
-use syntable_formats::coco::{Annotation, Category, Dataset, Image};
-use syntable_formats::dataset::Layout;
+use syntable_formats::coco::{Category, CocoAnnotation, CocoDataset, CocoImage};
+use syntable_formats::dataset::JsonLayout;
 use syntable_formats::segmentation::{Rle, Segmentation, UncompressedRle};
 use syntable_model::product::Mask;
 use syntable_model::random::Stream;
@@ -42,7 +42,7 @@ fn segmentations() -> Vec<Segmentation> {
 
 #[test]
 fn pycocotools_reads_the_same_masks() {
-    let image = Image { id: 1, file_name: "a.png".into(), width: WIDTH, height: HEIGHT, ..Default::default() };
+    let image = CocoImage { id: 1, file_name: "a.png".into(), width: WIDTH, height: HEIGHT, ..Default::default() };
     let category = Category { id: 1, name: "object".into(), ..Default::default() };
     let annotations = (1..).zip(segmentations()).map(|(id, segmentation)| {
         let mask = segmentation.decode(WIDTH, HEIGHT).expect("sound");
@@ -50,9 +50,18 @@ fn pycocotools_reads_the_same_masks() {
         extra.insert("expected".into(), mask.to_coco().into());
         let bbox = <[i32; 4]>::from(mask.bbox()).map(f64::from);
         let area = mask.area().into();
-        Annotation { id, image_id: 1, category_id: 1, segmentation: Some(segmentation), area, bbox, iscrowd: 0, extra }
+        CocoAnnotation {
+            id,
+            image_id: 1,
+            category_id: 1,
+            segmentation: Some(segmentation),
+            area,
+            bbox,
+            iscrowd: 0,
+            extra,
+        }
     });
-    let file = Dataset {
+    let file = CocoDataset {
         info: Default::default(),
         licenses: Vec::new(),
         categories: vec![category],
@@ -63,8 +72,8 @@ fn pycocotools_reads_the_same_masks() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("a.json");
     let mut out = std::fs::File::create(&path).expect("writable");
-    file.write(&mut out, "a.json", Layout::Lines).expect("writable");
-    assert_eq!(Dataset::read(&path).expect("reads"), file);
+    file.write(&mut out, "a.json", JsonLayout::Lines).expect("writable");
+    assert_eq!(CocoDataset::read(&path).expect("reads"), file);
 
     let here = Command::new("python3").args(["-c", "import pycocotools.coco"]).output();
     if !is_there(here.is_ok_and(|output| output.status.success()), "python3 with pycocotools") {

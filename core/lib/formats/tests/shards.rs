@@ -1,8 +1,8 @@
 //! Shards of scenes, merged as text.
 
 use serde_json::json;
-use syntable_formats::dataset::{DatasetWriter, Layout};
-use syntable_formats::shard::{Line, push_annotation, push_image, push_scene, push_view};
+use syntable_formats::dataset::{DatasetWriter, JsonLayout};
+use syntable_formats::shard::{ShardLine, push_annotation, push_image, push_scene, push_view};
 
 #[test]
 fn records_keep_their_bytes_and_get_ids() {
@@ -13,16 +13,16 @@ fn records_keep_their_bytes_and_get_ids() {
     let text = String::from_utf8(shard).expect("UTF-8");
     assert_eq!(text.lines().count(), 3, "line breaks inside strings are escaped");
     let mut out = Vec::new();
-    let mut file = DatasetWriter::new(&mut out, "a.json", Layout::Lines).expect("memory");
-    let lines: Vec<Line> = text.lines().map(|line| Line::parse(line).expect("a line")).collect();
+    let mut file = DatasetWriter::new(&mut out, "a.json", JsonLayout::Lines).expect("memory");
+    let lines: Vec<ShardLine> = text.lines().map(|line| ShardLine::parse(line).expect("a line")).collect();
     file.images(|images| match lines[0] {
-        Line::Image { annotations: 2, record } => images.raw(&record.numbered(4)),
+        ShardLine::Image { annotations: 2, record } => images.raw(&record.numbered(4)),
         other => panic!("{other:?}"),
     })
     .expect("memory");
     file.annotations(|annotations| {
         (10..).zip(&lines[1..]).try_for_each(|(id, line)| match line {
-            Line::Annotation(record) => annotations.raw(&record.numbered(id, 4)),
+            ShardLine::Annotation(record) => annotations.raw(&record.numbered(id, 4)),
             other => panic!("{other:?}"),
         })
     })
@@ -39,8 +39,8 @@ fn views_and_scenes_have_lines_of_their_own() {
     push_view(&mut shard, &json!({ "order": ["0<1"] })).expect("memory");
     push_scene(&mut shard, &json!({ "bodies": [] })).expect("memory");
     let text = String::from_utf8(shard).expect("UTF-8");
-    let lines: Vec<Option<Line>> = text.lines().map(Line::parse).collect();
-    assert_eq!(lines, [Some(Line::View("{\"order\":[\"0<1\"]}")), Some(Line::Scene("{\"bodies\":[]}"))]);
+    let lines: Vec<Option<ShardLine>> = text.lines().map(ShardLine::parse).collect();
+    assert_eq!(lines, [Some(ShardLine::View("{\"order\":[\"0<1\"]}")), Some(ShardLine::Scene("{\"bodies\":[]}"))]);
 }
 
 #[test]
@@ -55,6 +55,6 @@ fn other_lines_are_not_taken_for_records() {
         "[\"annotation\",{\"id\":0,\"image_id\":1,\"rate\":0.1}]",
         "[\"annotation\",{\"id\":5,",
     ] {
-        assert_eq!(Line::parse(line), None, "{line}");
+        assert_eq!(ShardLine::parse(line), None, "{line}");
     }
 }

@@ -24,7 +24,7 @@ use syntable_model::error::{Error, Result};
 use syntable_model::left_out::LeftOut;
 use syntable_model::product::standard::{AMODAL_MASK, COVERAGE, VISIBLE_BOX, VISIBLE_IDS, VISIBLE_MASK};
 use syntable_model::product::{BBox, KeyId, Mask, Products, Scope};
-use syntable_model::reader::{OBJECTS_HAVE_PIXELS, OpenDataset, ReadImage};
+use syntable_model::reader::{DatasetFault, OBJECTS_HAVE_PIXELS, OpenDataset, ReadImage};
 use syntable_model::registry::Registry;
 use syntable_model::scene::{InstanceId, SceneId};
 use syntable_model::stage::{Finish, ImageAnnotator, Input, ProductGroup, Writer};
@@ -70,7 +70,7 @@ pub fn check_images(dataset: &OpenDataset, place: &Path) -> Result<()> {
     match dataset.faults.first() {
         _ if !dataset.images.is_empty() => Ok(()),
         Some(first) => {
-            let why = format!("no image can be read: {}: {}", first.place, first.message);
+            let why = format!("no image can be read: {first}");
             Err(Error::new(why).help("`syntable validate` lists all faults"))
         }
         None if dataset.lists_all_images => Err(Error::new("the dataset has no image").in_file(place)),
@@ -146,7 +146,7 @@ pub fn convert_dataset(
 /// Unreadable or missing files that hide images from the list of a dataset, with reasons.
 pub fn not_listed(dataset: &OpenDataset) -> Vec<String> {
     let lost = dataset.faults.iter().filter(|fault| fault.is_lost);
-    lost.map(|fault| format!("{}: {}", fault.place, fault.message)).collect()
+    lost.map(DatasetFault::to_string).collect()
 }
 
 /// Names of the products that a dataset has or that annotators derive from them.
@@ -445,9 +445,9 @@ impl ConversionWalk<'_> {
 }
 
 /// The objects of an image without pixels: in the words of the reader if it names them, else by id.
-fn objects_without_pixels(faults: &[(&'static str, String)], products: &Products) -> Vec<String> {
-    let named = faults.iter().filter(|(check, _)| *check == OBJECTS_HAVE_PIXELS).map(|(_, message)| message.clone());
-    let named: Vec<String> = named.collect();
+fn objects_without_pixels(faults: &[DatasetFault], products: &Products) -> Vec<String> {
+    let named = faults.iter().filter(|fault| fault.rule == OBJECTS_HAVE_PIXELS);
+    let named: Vec<String> = named.map(DatasetFault::to_string).collect();
     if !named.is_empty() {
         return named;
     }

@@ -5,7 +5,7 @@ use crate::run::dataset::folder::{Folder, catalog_path};
 use crate::run::dataset::foreign;
 use crate::run::dataset::journal::{Journal, JournalEntry};
 use crate::run::dataset::layout;
-
+use crate::run::dataset::manifest::Stamp;
 use crate::run::decisions::growth;
 use crate::run::decisions::inputs;
 use crate::run::finish;

@@ -14,9 +14,9 @@ const LEVEL: u32 = 4;
 const CHUNK_BYTES: usize = 1 << 20;
 
 /// A file that is being filled. Nothing in it depends on time.
-pub struct File(FileBuilder);
+pub struct Hdf5File(FileBuilder);
 
-impl File {
+impl Hdf5File {
     pub fn new() -> Self {
         Self(FileBuilder::new())
     }
@@ -60,7 +60,7 @@ fn failed(error: &impl std::fmt::Display) -> Error {
 /// The type of elements that NumPy names so.
 fn datatype(descr: &str) -> Option<Datatype> {
     Some(match descr {
-        // What h5py takes for a truth value.
+        // h5py's truth value.
         "|b1" => EnumTypeBuilder::with_base(make_i8_type()).value("FALSE", 0).value("TRUE", 1).build().ok()?,
         "|u1" => make_u8_type(),
         "<u2" => make_u16_type(),

@@ -9,3 +9,5 @@
 mod file;
 pub mod hdf5;
 mod read;
+mod record;
+mod write;

@@ -1,6 +1,7 @@
-//! Reads HDF5 files of BlenderProc's layout, ours and those of BlenderProc itself.
+//! Reads HDF5 files of BlenderProc's layout, from this program and from BlenderProc.
 
-use crate::hdf5::Dataset;
+use crate::hdf5::BlenderProcDataset;
+use crate::record::{BodyAttributes, EXTENSION, IDS_END};
 use hdf5_pure::DType as Stored;
 use hdf5_pure::{Datatype, DatatypeByteOrder, File, Layout};
 use std::collections::{BTreeMap, BTreeSet};
@@ -8,7 +9,8 @@ use std::path::{Path, PathBuf};
 use syntable_formats::decode::{self, byte_count};
 use syntable_formats::include;
 use syntable_formats::read::{self, Faults, place_in_name};
-use syntable_formats::samples::{self, Contents, Fields, Samples};
+use syntable_formats::rule;
+use syntable_formats::samples::{self, Contents, SampleFields, SampleReader};
 use syntable_model::limits::{IMAGE_PIXELS, MEMBER_BYTES};
 use syntable_model::panics::guarded;
 use syntable_model::prelude::*;
@@ -16,19 +18,15 @@ use syntable_model::product::standard::{CATEGORY_ID, INSTANCE, NORMAL, OBJECT_NA
 use syntable_model::product::{DType, Tensor};
 use syntable_model::reader::{Format, Opened, Source, unnamed_category};
 
-syntable_model::register_format!(Format {
-    name: "hdf5",
-    doc: "HDF5 files of views, as BlenderProc and the writer `hdf5` have them.",
-    detect: |root| !files_of(root).is_empty(),
-    open,
-    is_generic: true,
-    crate_name: env!("CARGO_PKG_NAME"),
-});
-
-/// The role of objects in the attributes of bodies.
-const OBJECT: &str = "object";
-/// How the names of arrays of ids end.
-const IDS_END: &str = "_ids";
+syntable_model::register_format!(
+    Format::new(
+        "hdf5",
+        "HDF5 files of views, as BlenderProc and the writer `hdf5` have them.",
+        |root| !files_of(root).is_empty(),
+        open,
+    )
+    .generic()
+);
 
 /// The files of a folder that are called after a view or a number, with scene and view.
 fn files_of(folder: &Path) -> Vec<((u32, u32), PathBuf)> {
@@ -37,53 +35,12 @@ fn files_of(folder: &Path) -> Vec<((u32, u32), PathBuf)> {
         // BlenderProc numbers the views of a scene.
         place_in_name(stem).or_else(|| Some((0, stem.parse().ok()?)))
     };
-    let is_one = |path: &PathBuf| path.extension().is_some_and(|it| it == "hdf5" || it == "h5");
+    let is_one = |path: &PathBuf| path.extension().is_some_and(|it| it == EXTENSION || it == "h5");
     read::entries(folder).into_iter().filter(is_one).filter_map(|path| Some((place(&path)?, path))).collect()
 }
 
-/// What is read of an entry of `instance_attribute_maps`. Other programs leave some of it out.
-#[derive(Deserialize)]
-struct Attributes {
-    idx: u16,
-    category_id: Option<u32>,
-    #[serde(default)]
-    name: String,
-    category: Option<String>,
-    role: Option<String>,
-}
-
-impl Attributes {
-    fn is_object(&self) -> bool {
-        self.idx > 0
-            && match &self.role {
-                Some(role) => role == OBJECT,
-                None => self.category_id() > 0,
-            }
-    }
-
-    /// 0 if it has none.
-    fn category_id(&self) -> u32 {
-        self.category_id.unwrap_or_default()
-    }
-
-    /// Name of the category. That of objects of no class has one of its own.
-    fn category_name(&self) -> String {
-        let (object, object_name) = DatasetInfo::OBJECT;
-        match &self.category {
-            _ if self.category_id() == object && self.role.is_some() => object_name.to_owned(),
-            Some(name) if !name.is_empty() => name.clone(),
-            _ if self.category_id() == object => object_name.to_owned(),
-            _ => unnamed_category(self.category_id().into()),
-        }
-    }
-
-    fn id(&self) -> InstanceId {
-        InstanceId(self.idx)
-    }
-}
-
 /// The files of the views.
-struct ViewFiles(Vec<PathBuf>);
+struct Hdf5Views(Vec<PathBuf>);
 
 fn open(source: &Source) -> Result<Opened> {
     let root = source.path.as_path();
@@ -102,38 +59,38 @@ fn open(source: &Source) -> Result<Opened> {
     let (mut fields, mut of_shown) = (BTreeSet::new(), BTreeSet::new());
     let (mut names, mut are_named) = (BTreeMap::new(), false);
     for path in &paths {
-        let view = match View::open(path) {
+        let view = match Hdf5View::open(path) {
             Ok(view) => view,
             // It is reported with its image.
             Err(_) => continue,
         };
         let attributes = view.attributes().unwrap_or_default();
         for body in attributes.iter().filter(|body| body.is_object()) {
-            let (id, name) = (body.category_id(), body.category_name());
+            let (id, name) = (body.category_id, body.category_name());
             are_named |= body.category.is_some();
             let known: &String = names.entry(id).or_insert_with(|| name.clone());
             if *known != name {
                 let message = format!("category {id} is `{name}`, which other files call `{known}`");
-                faults.add("unique_names", path.display().to_string(), &message);
+                faults.add(rule::UNIQUE_NAMES, path.display().to_string(), message);
             }
         }
-        // What is annotated and hidden has a category, too, whose name nobody says.
+        // An annotated object that is hidden has a category, too, whose name no file states.
         for id in view.categories() {
             names.entry(id).or_insert_with(|| unnamed_category(id.into()));
         }
-        // A file that lacks what another one has is at fault with it.
+        // A file that lacks a field of another file is at fault when the field is read.
         fields.extend(view.fields());
         of_shown.extend(view.of_shown());
     }
     let named = names.into_iter().filter(|_| are_named).map(|(id, name): (u32, String)| (id.into(), name)).collect();
     let categories = include::categories_in(&folder)?;
     let contents = Contents { images, fields, faults, categories, named, of_shown, leaves_out_empty: false };
-    Ok(samples::open(read::name_of(root), contents, Box::new(ViewFiles(paths))))
+    Ok(samples::open(read::name_of(root), contents, Box::new(Hdf5Views(paths))))
 }
 
-impl Samples for ViewFiles {
-    fn read(&self, image: usize, wanted: &BTreeSet<&str>) -> Result<Fields> {
-        let view = View::open(&self.0[image])?;
+impl SampleReader for Hdf5Views {
+    fn read(&self, image: usize, wanted: &BTreeSet<&str>) -> Result<SampleFields> {
+        let view = Hdf5View::open(&self.0[image])?;
         let own = view.fields().into_iter().filter(|name| wanted.contains(name.as_str()));
         own.map(|name| Ok((name.clone(), view.field(&name)?))).collect()
     }
@@ -147,18 +104,18 @@ fn is_half(of: &Datatype) -> bool {
 /// Bytes that a byte of deflate unfolds to at most.
 const UNFOLDS: u64 = 1032;
 
-/// What the library is called when it fails.
+/// Name of the library in errors.
 const LIBRARY: &str = "the library that reads HDF5";
 
 /// A file that is open.
-struct View {
+struct Hdf5View {
     file: File,
     path: PathBuf,
     /// Names of its datasets.
     names: BTreeSet<String>,
 }
 
-impl View {
+impl Hdf5View {
     fn open(path: &Path) -> Result<Self> {
         decode::open(path)?;
         guarded(LIBRARY, path, || Self::opened(path))
@@ -167,7 +124,7 @@ impl View {
     fn opened(path: &Path) -> Result<Self> {
         let fail = |error: hdf5_pure::Error| Error::new(format!("not a readable HDF5 file: {error}")).in_file(path);
         decode::open(path)?;
-        // What is not asked for is not read.
+        // Only requested datasets are read.
         let file = File::open_streaming(path).map_err(fail)?;
         let names = file.root().datasets().map_err(fail)?.into_iter().collect();
         Ok(Self { file, path: path.to_owned(), names })
@@ -187,21 +144,22 @@ impl View {
         own.values().filter_map(id).collect()
     }
 
-    fn has(&self, dataset: Dataset) -> bool {
+    fn has(&self, dataset: BlenderProcDataset) -> bool {
         self.names.contains(dataset.name())
     }
 
     /// Names of the products that it has, or that its datasets of BlenderProc say.
     fn fields(&self) -> BTreeSet<String> {
-        let of_blenderproc = Dataset::ALL.map(Dataset::name);
+        let of_blenderproc = BlenderProcDataset::ALL.map(BlenderProcDataset::name);
         let is_ids = |name: &&String| name.strip_suffix(IDS_END).is_some_and(|of| self.names.contains(of));
         let own = self.names.iter().filter(|name| !of_blenderproc.contains(&name.as_str()) && !is_ids(name));
         let mut fields: BTreeSet<String> = own.cloned().collect();
-        let has_bodies = self.has(Dataset::InstanceSegmaps) && self.has(Dataset::InstanceAttributeMaps);
+        let has_bodies =
+            self.has(BlenderProcDataset::InstanceSegmaps) && self.has(BlenderProcDataset::InstanceAttributeMaps);
         for (key, has) in [
-            (RGB.id(), self.has(Dataset::Colors)),
-            (NORMAL.id(), self.has(Dataset::Normals)),
-            (INSTANCE.id(), self.has(Dataset::InstanceSegmaps)),
+            (RGB.id(), self.has(BlenderProcDataset::Colors)),
+            (NORMAL.id(), self.has(BlenderProcDataset::Normals)),
+            (INSTANCE.id(), self.has(BlenderProcDataset::InstanceSegmaps)),
             (VISIBLE_IDS.id(), has_bodies),
             (CATEGORY_ID.id(), has_bodies),
             (OBJECT_NAME.id(), has_bodies),
@@ -209,7 +167,8 @@ impl View {
             fields.extend(has.then(|| key.to_string()));
         }
         // Products of the same name.
-        let same = [Dataset::Depth, Dataset::Distance].into_iter().filter(|dataset| self.has(*dataset));
+        let same =
+            [BlenderProcDataset::Depth, BlenderProcDataset::Distance].into_iter().filter(|dataset| self.has(*dataset));
         fields.extend(same.map(|dataset| dataset.name().to_owned()));
         fields
     }
@@ -220,29 +179,29 @@ impl View {
     }
 
     fn decoded(&self, name: &str) -> Result<Value> {
-        // What is included under its own name counts first.
+        // A dataset with the product's own name takes precedence.
         if self.names.contains(name) {
             return self.included(name);
         }
-        let of_objects = |value: &dyn Fn(&Attributes) -> Value| -> Result<Value> {
+        let of_objects = |value: &dyn Fn(&BodyAttributes) -> Value| -> Result<Value> {
             let attributes = self.attributes()?;
             let objects = attributes.iter().filter(|body| body.is_object());
             Ok(Value::PerInstance(objects.map(|body| (body.id(), value(body))).collect()))
         };
         let is = |key: KeyId| key.is(name);
         if is(RGB.id()) {
-            self.array(Dataset::Colors.name()).map(Value::Tensor)
+            self.array(BlenderProcDataset::Colors.name()).map(Value::Tensor)
         } else if is(NORMAL.id()) {
             self.normals()
         } else if is(INSTANCE.id()) {
-            self.array(Dataset::InstanceSegmaps.name()).map(Value::Tensor)
+            self.array(BlenderProcDataset::InstanceSegmaps.name()).map(Value::Tensor)
         } else if is(VISIBLE_IDS.id()) {
             self.visible_ids()
         } else if is(CATEGORY_ID.id()) {
-            of_objects(&|body| body.category_id().into())
+            of_objects(&|body| body.category_id.into())
         } else {
             // Ours have the pool before it.
-            let of_asset = |body: &Attributes| match body.name.split_once('/') {
+            let of_asset = |body: &BodyAttributes| match body.name.split_once('/') {
                 Some((_, name)) if body.role.is_some() => name.to_owned(),
                 _ => body.name.clone(),
             };
@@ -336,7 +295,7 @@ impl View {
             Stored::I64 => (DType::I64, bytes(dataset.read_i64().map_err(fail)?, i64::to_le_bytes)),
             Stored::F32 => (DType::F32, bytes(dataset.read_f32().map_err(fail)?, f32::to_le_bytes)),
             Stored::F64 => (DType::F64, bytes(dataset.read_f64().map_err(fail)?, f64::to_le_bytes)),
-            // What h5py takes for a truth value.
+            // h5py's truth value.
             Stored::Enum(names) if names == ["FALSE", "TRUE"] => (DType::Bool, dataset.read_raw().map_err(fail)?),
             Stored::Other(other) if is_half(&other) => (DType::F16, dataset.read_raw().map_err(fail)?),
             other => return Err(self.refuse(name, &format!("elements of type {other} are not read"))),
@@ -352,9 +311,9 @@ impl View {
         Ok(Tensor { dtype, axes, shape, bytes })
     }
 
-    /// What the ids of bodies stand for.
-    fn attributes(&self) -> Result<Vec<Attributes>> {
-        let name = Dataset::InstanceAttributeMaps.name();
+    /// The bodies by id.
+    fn attributes(&self) -> Result<Vec<BodyAttributes>> {
+        let name = BlenderProcDataset::InstanceAttributeMaps.name();
         if !self.names.contains(name) {
             return Ok(Vec::new());
         }
@@ -367,7 +326,7 @@ impl View {
     fn visible_ids(&self) -> Result<Value> {
         let objects: BTreeSet<u64> =
             self.attributes()?.iter().filter(|body| body.is_object()).map(|body| body.idx.into()).collect();
-        let name = Dataset::InstanceSegmaps.name();
+        let name = BlenderProcDataset::InstanceSegmaps.name();
         let array = self.array(name)?;
         let id = |at: usize| match array.element(at) {
             Value::Int(id) => u64::try_from(id).ok(),
@@ -387,9 +346,9 @@ impl View {
 
     /// Normals of the camera frame, y down and z forward.
     fn normals(&self) -> Result<Value> {
-        let array = self.array(Dataset::Normals.name())?;
+        let array = self.array(BlenderProcDataset::Normals.name())?;
         let [height, width, 3] = array.shape[..] else {
-            return Err(self.refuse(Dataset::Normals.name(), "it is no image of 3 channels"));
+            return Err(self.refuse(BlenderProcDataset::Normals.name(), "it is no image of 3 channels"));
         };
         let number = |at: usize| match array.element(at) {
             Value::Float(value) => value as f32,

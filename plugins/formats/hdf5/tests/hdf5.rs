@@ -4,19 +4,14 @@ use half::f16;
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::process::Command;
-use std::sync::Arc;
 use syntable_hdf5 as _;
 use syntable_model::context::{Collected, Serial};
-use syntable_model::digest::Digest;
 use syntable_model::geometry::{Point3, Vector3, look_at};
 use syntable_model::prelude::*;
 use syntable_model::product::standard::*;
 use syntable_model::product::{Plane, Product};
-use syntable_model::registry::{ConstructError, Registry, Slot, Stage};
-use syntable_model::scene::{
-    AssetRef, BodyDraft, Camera, Distortion, Exposure, Intrinsics, MassOrigin, MassProperties, Material, Mesh,
-    MeshData, Moment, Motion, Object, Region, Role, SceneId, SettleReport, SourceModel, Support, ViewId,
-};
+use syntable_model::scene::{Camera, Distortion, Exposure, Intrinsics, Moment, Role, SceneId, SettleReport, ViewId};
+use syntable_testing::scenes::{body, box_mesh, object, table};
 use syntable_testing::tools::is_there;
 
 /// Wider than a chunk of one megabyte is in normals.
@@ -27,43 +22,14 @@ const FLAG: Key<Plane<bool>> = Key::view("flag", "A truth value per pixel.");
 const WIDE: Key<Plane<i64>> = Key::view("wide", "A large integer per pixel.");
 const NOTE: Key<Value> = Key::view("note", "A text.");
 
-fn writer(options: &str) -> Result<Box<dyn Writer>, String> {
-    let registry = Registry::linked().expect("kinds are unique");
-    match registry.find(Slot::Write, "hdf5").expect("a registered kind").construct_str(options) {
-        Ok(constructed) => match constructed.stage {
-            Stage::Write(writer) => Ok(writer),
-            _ => unreachable!("the registry keeps slots apart"),
-        },
-        Err(ConstructError::Form(error)) => Err(error.to_string()),
-        Err(ConstructError::Invalid(invalid)) => Err(format!("{}: {}", invalid.key, invalid.message)),
-    }
+fn writer(options: &str) -> Result<Box<dyn Writer<Scenes>>, String> {
+    syntable_testing::takes::writer("hdf5", options)
 }
 
 /// A scene of one object, of which the writer reads the number alone.
 fn scene() -> Scene {
-    let mesh = Mesh::new(MeshData {
-        positions: vec![[0.0; 3], [0.1, 0.0, 0.0], [0.0, 0.1, 0.0], [0.0, 0.0, 0.1]],
-        triangles: vec![[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]],
-        ..Default::default()
-    })
-    .expect("sound");
-    let object = Object {
-        name: "tetra".into(),
-        category: "solid".into(),
-        mass: MassProperties::of_mesh(&mesh, 0.25, MassOrigin::Known),
-        mesh: Arc::new(mesh),
-        materials: vec![Arc::new(Material::plain("gray", [0.5; 3], 0.5))],
-        collision: None,
-        keypoints: Vec::new(),
-        model: SourceModel::default(),
-        friction: 0.5,
-        license: "CC0-1.0".into(),
-        digest: Digest::of(b"tetra"),
-    };
-    let mut builder = SceneBuilder::default();
-    builder.supports = Support::new("table", Region::rectangle([0.0; 3], [1.0; 2])).into();
-    let asset = AssetRef { pool: "pool".into(), name: "tetra".into() };
-    builder.add(BodyDraft::new(asset, Arc::new(object), Pose::identity(), Role::Object, Motion::Dynamic));
+    let mut builder = table();
+    builder.add(body(object("box", box_mesh([0.1; 3]), [0.5; 3]), [0.0; 3], Role::Object));
     builder.freeze(SceneId(4), 0, SettleReport::default()).expect("a scene")
 }
 

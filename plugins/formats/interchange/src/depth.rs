@@ -1,6 +1,6 @@
 //! Depth images in millimeters.
 
-use syntable_formats::encode::png::{Image, Rounding, depth_units};
+use syntable_formats::encode::png::{PngImage, Rounding, depth_units};
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{DEPTH, DEPTH_SENSED};
 
@@ -29,7 +29,7 @@ impl DepthSource {
     }
 
     /// 16-bit depth along the optical axis in whole millimeters, rounded to the nearest; 0 where there is none.
-    pub fn image(self, products: &Products) -> Result<Image> {
-        Ok(Image::gray16(&products.get(self.key())?.map(|&depth| depth_units(depth, 1.0, Rounding::Nearest))))
+    pub fn image(self, products: &Products) -> Result<PngImage> {
+        Ok(PngImage::gray16(&products.get(self.key())?.map(|&depth| depth_units(depth, 1.0, Rounding::Nearest))))
     }
 }

@@ -6,8 +6,8 @@ use serde_json::Value as Json;
 /// A field that may be missing, or have a value of another type: that is an error for those who read the field, and not for
 /// those who open the file. `null` is missing.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub enum Field<T> {
-    /// There is none.
+pub enum LenientField<T> {
+    /// The record lacks the field.
     #[default]
     Missing,
     /// Its value.
@@ -16,8 +16,8 @@ pub enum Field<T> {
     Other(String),
 }
 
-impl<T> Field<T> {
-    /// Whether there is no such field.
+impl<T> LenientField<T> {
+    /// Whether the record lacks the field.
     pub fn is_missing(&self) -> bool {
         matches!(self, Self::Missing)
     }
@@ -40,13 +40,13 @@ impl<T> Field<T> {
     }
 }
 
-impl<T> From<T> for Field<T> {
+impl<T> From<T> for LenientField<T> {
     fn from(value: T) -> Self {
         Self::Is(value)
     }
 }
 
-impl<'de, T: for<'a> Deserialize<'a>> Deserialize<'de> for Field<T> {
+impl<'de, T: for<'a> Deserialize<'a>> Deserialize<'de> for LenientField<T> {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         let json = Json::deserialize(deserializer)?;
         Ok(match json.is_null() {
@@ -56,7 +56,7 @@ impl<'de, T: for<'a> Deserialize<'a>> Deserialize<'de> for Field<T> {
     }
 }
 
-impl<T: Serialize> Serialize for Field<T> {
+impl<T: Serialize> Serialize for LenientField<T> {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         self.value().serialize(serializer)
     }
@@ -68,21 +68,21 @@ mod tests {
 
     #[derive(Debug, PartialEq, Default, Deserialize, Serialize)]
     #[serde(default)]
-    struct Record {
-        #[serde(skip_serializing_if = "Field::is_missing")]
-        order: Field<u64>,
+    struct OrderRecord {
+        #[serde(skip_serializing_if = "LenientField::is_missing")]
+        order: LenientField<u64>,
     }
 
     #[test]
     fn values_of_other_types_are_errors_of_those_who_read_them() {
-        let order = |text: &str| serde_json::from_str::<Record>(text).expect("opens").order;
-        assert_eq!(order("{}"), Field::Missing);
-        assert_eq!(order(r#"{"order":null}"#), Field::Missing);
+        let order = |text: &str| serde_json::from_str::<OrderRecord>(text).expect("opens").order;
+        assert_eq!(order("{}"), LenientField::Missing);
+        assert_eq!(order(r#"{"order":null}"#), LenientField::Missing);
         assert_eq!(order(r#"{"order":3}"#).get(), Ok(Some(&3)));
         let odd = order(r#"{"order":[3]}"#);
         assert!(!odd.is_missing() && odd.value().is_none());
         assert!(odd.get().is_err_and(|reason| reason.contains("expected u64")), "{odd:?}");
-        let written = |order| serde_json::to_string(&Record { order }).expect("JSON");
-        assert_eq!([written(Field::Missing), written(7.into())], ["{}", r#"{"order":7}"#]);
+        let written = |order| serde_json::to_string(&OrderRecord { order }).expect("JSON");
+        assert_eq!([written(LenientField::Missing), written(7.into())], ["{}", r#"{"order":7}"#]);
     }
 }

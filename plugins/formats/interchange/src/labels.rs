@@ -1,6 +1,7 @@
 //! The labels that all formats share.
 
-use crate::coco::Masks;
+use crate::coco::MaskChoice;
+use syntable_formats::read::label_of;
 use syntable_model::prelude::*;
 use syntable_model::product::BBox;
 use syntable_model::product::standard::{
@@ -22,7 +23,7 @@ pub fn inputs() -> Vec<Input> {
 
 /// The labels of one object in a view.
 #[derive(Debug, Clone, Copy)]
-pub struct Label<'a> {
+pub struct ShownLabel<'a> {
     /// Its id in the scene.
     pub id: InstanceId,
     /// Pixels at which it is the first body.
@@ -41,28 +42,28 @@ pub struct Label<'a> {
     pub category: u32,
 }
 
-/// What formats read that can do without some of the labels: those of `needed` they cannot.
+/// The inputs of a format that needs only the products `needed` of the labels.
 fn inputs_needing(needed: Vec<KeyId>) -> Vec<Input> {
     let is_needed = |input: &Input| needed.iter().any(|key| key.is(&input.product));
     inputs().into_iter().map(|input| if is_needed(&input) { input } else { input.optional() }).collect()
 }
 
-/// What formats read that write visible masks.
+/// The inputs of formats with visible masks.
 pub fn visible_inputs() -> Vec<Input> {
     inputs_needing(keys![VISIBLE_MASK, VISIBLE_BOX, CATEGORY_ID])
 }
 
-/// What formats read that write amodal masks.
+/// The inputs of formats with amodal masks.
 pub fn amodal_inputs() -> Vec<Input> {
     inputs_needing(keys![AMODAL_MASK, AMODAL_BOX, CATEGORY_ID])
 }
 
-/// What formats read that write masks of either kind, of which the option `masks` prefers one; [`partial`] refuses what has
+/// The inputs of formats with masks of either kind, of which the option `masks` prefers one. [`partial`] refuses a dataset with
 /// neither.
-pub fn either_inputs(masks: Masks) -> Vec<Input> {
+pub fn either_inputs(masks: MaskChoice) -> Vec<Input> {
     let preferred = match masks {
-        Masks::Visible => VISIBLE_MASK,
-        Masks::Amodal => AMODAL_MASK,
+        MaskChoice::Visible => VISIBLE_MASK,
+        MaskChoice::Amodal => AMODAL_MASK,
     };
     let named =
         |input: Input| Input { option: (input.product == *preferred.name()).then(|| "masks".to_owned()), ..input };
@@ -76,31 +77,31 @@ pub struct Partial<'a> {
     pub id: InstanceId,
     /// Id of its category.
     pub category: u32,
-    /// What is known of its masks.
-    pub masks: ObjectMasks<'a>,
+    /// Its masks.
+    pub masks: LabelMasks<'a>,
 }
 
 /// Masks of an object, with their boxes.
 #[derive(Debug, Clone, Copy)]
-pub enum ObjectMasks<'a> {
+pub enum LabelMasks<'a> {
     /// Pixels at which it is the first body.
     Visible(&'a Mask, BBox),
     /// Pixels that it would cover without the other objects.
     Amodal(&'a Mask, BBox),
     /// All labels.
-    All(Label<'a>),
+    All(ShownLabel<'a>),
 }
 
-impl<'a> From<Label<'a>> for Partial<'a> {
-    fn from(label: Label<'a>) -> Self {
-        Self { id: label.id, category: label.category, masks: ObjectMasks::All(label) }
+impl<'a> From<ShownLabel<'a>> for Partial<'a> {
+    fn from(label: ShownLabel<'a>) -> Self {
+        Self { id: label.id, category: label.category, masks: LabelMasks::All(label) }
     }
 }
 
 /// The labels of all objects of a view, by id, as far as they are there.
 ///
 /// # Errors
-/// If there are neither visible nor amodal masks, or the dataset has not the category of an object.
+/// If there are neither visible nor amodal masks, or the dataset lacks the category of an object.
 pub fn partial<'a>(dataset: &DatasetInfo, products: &'a Products) -> Result<Vec<Partial<'a>>> {
     let has = |input: Input| products.contains(&*input.product);
     if inputs().into_iter().all(has) {
@@ -114,12 +115,12 @@ pub fn partial<'a>(dataset: &DatasetInfo, products: &'a Products) -> Result<Vec<
             return Err(Error::new("the dataset has no masks, neither `visible_mask` nor `amodal_mask`"));
         }
     };
-    let known = if is_visible { ObjectMasks::Visible } else { ObjectMasks::Amodal };
+    let known = if is_visible { LabelMasks::Visible } else { LabelMasks::Amodal };
     let of_object = |(id, mask)| {
         Ok(Partial {
             id,
             category: category(dataset, products, id)?,
-            masks: known(mask, *of(products.get(boxes)?, id, boxes.name())?),
+            masks: known(mask, *label_of(products, boxes, id)?),
         })
     };
     products.get(masks)?.iter().map(of_object).collect()
@@ -128,18 +129,18 @@ pub fn partial<'a>(dataset: &DatasetInfo, products: &'a Products) -> Result<Vec<
 /// The labels of all annotated objects of a view, by id.
 ///
 /// # Errors
-/// If the dataset has not the category of an object.
-pub fn labels<'a>(dataset: &DatasetInfo, products: &'a Products) -> Result<Vec<Label<'a>>> {
+/// If the dataset lacks the category of an object.
+pub fn labels<'a>(dataset: &DatasetInfo, products: &'a Products) -> Result<Vec<ShownLabel<'a>>> {
     let amodal = products.get(AMODAL_MASK)?;
     let label = |(id, amodal)| {
-        Ok(Label {
+        Ok(ShownLabel {
             id,
-            visible: of(products.get(VISIBLE_MASK)?, id, VISIBLE_MASK.name())?,
+            visible: label_of(products, VISIBLE_MASK, id)?,
             amodal,
-            occlusion: of(products.get(OCCLUSION_MASK)?, id, OCCLUSION_MASK.name())?,
-            rate: *of(products.get(OCCLUSION_RATE)?, id, OCCLUSION_RATE.name())?,
-            visible_box: *of(products.get(VISIBLE_BOX)?, id, VISIBLE_BOX.name())?,
-            amodal_box: *of(products.get(AMODAL_BOX)?, id, AMODAL_BOX.name())?,
+            occlusion: label_of(products, OCCLUSION_MASK, id)?,
+            rate: *label_of(products, OCCLUSION_RATE, id)?,
+            visible_box: *label_of(products, VISIBLE_BOX, id)?,
+            amodal_box: *label_of(products, AMODAL_BOX, id)?,
             category: category(dataset, products, id)?,
         })
     };
@@ -148,15 +149,7 @@ pub fn labels<'a>(dataset: &DatasetInfo, products: &'a Products) -> Result<Vec<L
 
 /// The category of an object, which the dataset has.
 fn category(dataset: &DatasetInfo, products: &Products, id: InstanceId) -> Result<u32> {
-    let category = *of(products.get(CATEGORY_ID)?, id, CATEGORY_ID.name())?;
+    let category = *label_of(products, CATEGORY_ID, id)?;
     dataset.category(category).map_err(|error| error.context(format!("instance {id}")))?;
     Ok(category)
-}
-
-/// What a product has of an object.
-pub fn of<'a, T>(product: &'a PerInstance<T>, id: InstanceId, name: &str) -> Result<&'a T> {
-    product.get(id).ok_or_else(|| {
-        Error::new(format!("instance {id} is in the masks but not in `{name}`"))
-            .help("all label products must come from one annotator, or from annotators that agree")
-    })
 }

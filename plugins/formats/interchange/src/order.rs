@@ -1,18 +1,18 @@
 //! Who is in front of whom.
 
-use crate::labels::Label;
+use crate::labels::ShownLabel;
 use std::cell::OnceCell;
 use syntable_formats::read::{occludes, order_by};
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{DEPTH, OCCLUSION_ORDER};
 use syntable_model::product::{OcclusionOrder, strong_components};
 
-/// The products that [`Order`] reads. Without depth, what it would decide is decided by ids.
+/// The products that [`ObjectOrder`] reads. Without depth, ids decide.
 pub fn inputs() -> [Input; 2] {
     [Input::of(OCCLUSION_ORDER), Input::of(DEPTH).optional()]
 }
 
-/// Depth of what an image shows of an object, m.
+/// Depth of the visible part of an object, m.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct VisibleDepth {
     /// Of the nearest pixel; infinite if there is none.
@@ -41,21 +41,21 @@ impl VisibleDepth {
 }
 
 /// The occlusion order of some objects of a view, by their index among these.
-pub struct Order {
+pub struct ObjectOrder {
     occludes: Vec<Vec<bool>>,
     /// Depths of the objects.
     pub depths: Vec<VisibleDepth>,
-    /// The strongly connected component of each object, from front to back, found when somebody asks.
+    /// The strongly connected component of each object, from front to back, computed at its first use.
     circles: OnceCell<Vec<usize>>,
 }
 
-impl Order {
+impl ObjectOrder {
     fn new(occludes: Vec<Vec<bool>>, depths: Vec<VisibleDepth>) -> Self {
         Self { occludes, depths, circles: OnceCell::new() }
     }
 
     /// The order of the objects of these labels.
-    pub fn of(products: &Products, labels: &[Label]) -> Result<Self> {
+    pub fn of(products: &Products, labels: &[ShownLabel]) -> Result<Self> {
         let (order, depth) = (products.get(OCCLUSION_ORDER)?, products.optional(DEPTH)?);
         let rows = labels.iter().map(|label| row(order, label.id)).collect::<Result<Vec<usize>>>()?;
         let occludes = rows.iter().map(|&i| rows.iter().map(|&j| order.occludes(i, j)).collect()).collect();
@@ -66,7 +66,7 @@ impl Order {
         Ok(Self::new(occludes, depths))
     }
 
-    /// The order of objects by what an image shows of each, and what is hidden of it. Nothing is known of depths.
+    /// The order of objects by their visible and hidden masks, without depths.
     pub fn of_masks(masks: &[[&Mask; 2]]) -> Self {
         let objects = (0..).map(InstanceId).zip(masks).map(|(id, [seen, hidden])| (id, *seen, Some(*hidden)));
         let order = order_by(&objects.collect::<Vec<_>>(), occludes);
@@ -167,11 +167,11 @@ fn row(order: &OcclusionOrder, id: InstanceId) -> Result<usize> {
 mod tests {
     use super::*;
 
-    fn order(edges: &[(usize, usize)], nearest: &[f32]) -> Order {
+    fn order(edges: &[(usize, usize)], nearest: &[f32]) -> ObjectOrder {
         let mut occludes = vec![vec![false; nearest.len()]; nearest.len()];
         edges.iter().for_each(|&(i, j)| occludes[i][j] = true);
         let depth = |&nearest: &f32| VisibleDepth { nearest, farthest: nearest, mean: nearest.into() };
-        Order::new(occludes, nearest.iter().map(depth).collect())
+        ObjectOrder::new(occludes, nearest.iter().map(depth).collect())
     }
 
     #[test]
@@ -199,7 +199,7 @@ mod tests {
         let mask = |from: u32, to: u32| Mask::from_fn(10, 1, |x, _| (from..to).contains(&x));
         // 0 covers the end of 1, which touches 2.
         let [near, far, beside, none] = [mask(4, 8), mask(2, 4), mask(0, 2), mask(0, 0)];
-        let of = Order::of_masks(&[[&near, &none], [&far, &mask(4, 6)], [&beside, &none]]);
+        let of = ObjectOrder::of_masks(&[[&near, &none], [&far, &mask(4, 6)], [&beside, &none]]);
         assert_eq!(of.occludes, [[false, true, false], [false; 3], [false; 3]]);
         assert_eq!(of.certain_layers(), [Some(0), Some(1), Some(0)]);
     }

@@ -1,52 +1,53 @@
 //! Polygons and rotated boxes around masks.
 
-use crate::coco::Masks;
-use crate::labels::of;
+use crate::coco::MaskChoice;
 use serde::de::DeserializeOwned;
+use syntable_formats::json;
+use syntable_formats::read::label_of;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{AMODAL_OUTLINE, AMODAL_ROTATED_BOX, VISIBLE_OUTLINE, VISIBLE_ROTATED_BOX};
 
 /// Corners of a closed polygon, px; the first one is not repeated.
-pub type Ring = Vec<[f64; 2]>;
+pub type PolygonRing = Vec<[f64; 2]>;
 
-/// What a product `*_outline` says of an object. A polygon of COCO's family has no holes.
+/// The outline of an object in a product `*_outline`. A polygon of COCO's family has no holes.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
-struct Outline {
+struct OutlineRecord {
     polygons: Vec<Vec<f64>>,
     #[serde(default)]
     holes: Vec<Vec<f64>>,
 }
 
-/// What a product `*_rotated_box` says of an object.
+/// The box of an object in a product `*_rotated_box`.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
-struct RotatedBox {
+struct RotatedBoxRecord {
     corners_px: [[f64; 2]; 4],
 }
 
 /// The product of the outlines of these masks.
-pub fn outline_key(masks: Masks) -> Key<PerInstance<Value>> {
+pub fn outline_key(masks: MaskChoice) -> Key<PerInstance<Value>> {
     match masks {
-        Masks::Visible => VISIBLE_OUTLINE,
-        Masks::Amodal => AMODAL_OUTLINE,
+        MaskChoice::Visible => VISIBLE_OUTLINE,
+        MaskChoice::Amodal => AMODAL_OUTLINE,
     }
 }
 
 /// The product of the rotated boxes of these masks.
-pub fn rotated_box_key(masks: Masks) -> Key<PerInstance<Value>> {
+pub fn rotated_box_key(masks: MaskChoice) -> Key<PerInstance<Value>> {
     match masks {
-        Masks::Visible => VISIBLE_ROTATED_BOX,
-        Masks::Amodal => AMODAL_ROTATED_BOX,
+        MaskChoice::Visible => VISIBLE_ROTATED_BOX,
+        MaskChoice::Amodal => AMODAL_ROTATED_BOX,
     }
 }
 
 /// The polygons around the parts of an object's mask, as lists x1, y1, x2, y2, … in pixels. Holes are left out.
-pub fn polygons(products: &Products, masks: Masks, id: InstanceId) -> Result<Vec<Vec<f64>>> {
-    Ok(record::<Outline>(products, outline_key(masks), id)?.polygons)
+pub fn polygons(products: &Products, masks: MaskChoice, id: InstanceId) -> Result<Vec<Vec<f64>>> {
+    Ok(record::<OutlineRecord>(products, outline_key(masks), id)?.polygons)
 }
 
 /// Pixels of the holes of an object's mask, which its polygons fill; 0 if its outline has none.
-pub fn hole_area(products: &Products, masks: Masks, id: InstanceId, mask: &Mask) -> Result<u32> {
-    let outline: Outline = record(products, outline_key(masks), id)?;
+pub fn hole_area(products: &Products, masks: MaskChoice, id: InstanceId, mask: &Mask) -> Result<u32> {
+    let outline: OutlineRecord = record(products, outline_key(masks), id)?;
     Ok(if outline.holes.is_empty() { 0 } else { pixels_of_holes(mask) })
 }
 
@@ -54,16 +55,16 @@ pub fn hole_area(products: &Products, masks: Masks, id: InstanceId, mask: &Mask)
 pub fn report_holes(
     log: &dyn Log,
     products: &Products,
-    masks: Masks,
+    masks: MaskChoice,
     ids: impl ExactSizeIterator<Item = InstanceId>,
 ) -> Result<()> {
     let (mut filled, all) = (0, ids.len());
     for id in ids {
-        filled += usize::from(!record::<Outline>(products, outline_key(masks), id)?.holes.is_empty());
+        filled += usize::from(!record::<OutlineRecord>(products, outline_key(masks), id)?.holes.is_empty());
     }
     let kind = match masks {
-        Masks::Visible => "visible",
-        Masks::Amodal => "amodal",
+        MaskChoice::Visible => "visible",
+        MaskChoice::Amodal => "amodal",
     };
     let what = format!("objects have holes in their {kind} masks, which the polygons of the format fill");
     log.left_out(&LeftOut::new(filled, all, what).help("the writers `coco` and `d2sa` store masks with holes"));
@@ -88,12 +89,12 @@ fn pixels_of_holes(mask: &Mask) -> u32 {
 }
 
 /// The corners of the rotated box around an object's mask, px.
-pub fn rotated_box(products: &Products, masks: Masks, id: InstanceId) -> Result<[[f64; 2]; 4]> {
-    Ok(record::<RotatedBox>(products, rotated_box_key(masks), id)?.corners_px)
+pub fn rotated_box(products: &Products, masks: MaskChoice, id: InstanceId) -> Result<[[f64; 2]; 4]> {
+    Ok(record::<RotatedBoxRecord>(products, rotated_box_key(masks), id)?.corners_px)
 }
 
 /// One polygon around all parts of an object's mask; none if the mask is empty. Holes are left out.
-pub fn ring(products: &Products, masks: Masks, id: InstanceId) -> Result<Ring> {
+pub fn ring(products: &Products, masks: MaskChoice, id: InstanceId) -> Result<PolygonRing> {
     let polygons = polygons(products, masks, id)?;
     let rings: Vec<&[[f64; 2]]> = polygons.iter().map(|polygon| polygon.as_chunks().0).collect();
     Ok(joined(&rings))
@@ -101,15 +102,15 @@ pub fn ring(products: &Products, masks: Masks, id: InstanceId) -> Result<Ring> {
 
 /// Several polygons as one: each is linked to those before it by an edge to and fro between their nearest corners,
 /// which encloses nothing. Ultralytics' converter from COCO links them likewise.
-fn joined(rings: &[&[[f64; 2]]]) -> Ring {
-    let mut all = Ring::new();
+fn joined(rings: &[&[[f64; 2]]]) -> PolygonRing {
+    let mut all = PolygonRing::new();
     for ring in rings {
         let Some((at, start)) = nearest(&all, ring) else {
             all.extend_from_slice(ring);
             continue;
         };
         let around = ring[start..].iter().chain(&ring[..=start]).chain(std::iter::once(&all[at]));
-        let around: Ring = around.copied().collect();
+        let around: PolygonRing = around.copied().collect();
         all.splice(at + 1..at + 1, around);
     }
     all
@@ -123,10 +124,9 @@ fn nearest(one: &[[f64; 2]], other: &[[f64; 2]]) -> Option<(usize, usize)> {
     pairs.reduce(|best, pair| if pair.0 < best.0 { pair } else { best }).map(|(_, i, j)| (i, j))
 }
 
-/// What a product of records says of an object, as a type.
+/// The record of an object in a product, as a type.
 fn record<T: DeserializeOwned>(products: &Products, key: Key<PerInstance<Value>>, id: InstanceId) -> Result<T> {
-    let value = of(products.get(key)?, id, key.name())?;
-    serde_json::to_value(value).and_then(serde_json::from_value).map_err(|error| {
+    json::typed(label_of(products, key, id)?).map_err(|error| {
         Error::new(format!("`{}` of instance {id} is not what it should be: {error}", key.name()))
             .help("the annotator that provides it must give what the reference of products says")
     })
@@ -142,7 +142,7 @@ mod tests {
         ring.iter().zip(next).map(|(a, b)| a[0] * b[1] - b[0] * a[1]).sum()
     }
 
-    fn square(x: f64, y: f64, side: f64) -> Ring {
+    fn square(x: f64, y: f64, side: f64) -> PolygonRing {
         vec![[x, y], [x + side, y], [x + side, y + side], [x, y + side]]
     }
 
@@ -170,7 +170,7 @@ mod tests {
     fn links_enclose_nothing() {
         let mut stream = Stream::root(4);
         for _ in 0..100 {
-            let parts: Vec<Ring> = (0..stream.integer(1, 8))
+            let parts: Vec<PolygonRing> = (0..stream.integer(1, 8))
                 .map(|_| square(stream.uniform(0.0, 90.0), stream.uniform(0.0, 90.0), stream.uniform(1.0, 9.0)))
                 .collect();
             let slices: Vec<&[[f64; 2]]> = parts.iter().map(Vec::as_slice).collect();

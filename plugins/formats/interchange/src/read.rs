@@ -1,41 +1,23 @@
-//! What the readers of this crate share: finding files, and masks from outlines.
+//! Shared code of this crate's readers: finding files, and masks from outlines.
 
 use std::collections::BTreeSet;
-use std::fs;
 use std::path::{Path, PathBuf};
-use syntable_formats::read::Labels;
+use syntable_formats::read::{ObjectLabels, above, is_json, json_files};
+use syntable_formats::rule;
 use syntable_model::files::DatasetFolder;
 use syntable_model::prelude::*;
 use syntable_model::product::{BBox, meeting_boxes};
-use syntable_model::reader::{OBJECTS_HAVE_PIXELS, Source};
+use syntable_model::reader::{DatasetFault, Source};
 
-/// What readers of polygons say of them.
+/// The note about polygons.
 pub const POLYGONS: &str = "outlines are polygons, which say what an object covers to about a pixel at its edges";
 
 /// How far the box of polygons may be from them, px: some are around the pixels that they touch.
 const OUTLINE_BOX_PX: f64 = 1.0;
 
-/// JSON files in a folder, sorted.
-pub fn json_files(folder: &Path) -> std::io::Result<Vec<PathBuf>> {
-    let files = fs::read_dir(folder)?.map(|entry| Ok(entry?.path())).collect::<std::io::Result<Vec<_>>>()?;
-    let mut files: Vec<PathBuf> = files.into_iter().filter(|path| path.is_file() && is_json(path)).collect();
-    files.sort();
-    Ok(files)
-}
-
-fn is_json(path: &Path) -> bool {
-    path.extension().is_some_and(|it| it == "json")
-}
-
 /// Whether the name of a file begins so.
 pub fn name_starts(path: &Path, start: &str) -> bool {
     path.file_name().is_some_and(|name| name.to_string_lossy().starts_with(start))
-}
-
-/// The folder above a file, whatever folder the process is in.
-fn above(file: &Path) -> PathBuf {
-    let file = std::path::absolute(file).unwrap_or_else(|_| file.to_owned());
-    file.parent().map_or_else(|| file.clone(), Path::to_owned)
 }
 
 /// Whether a file lies in a folder of this name.
@@ -103,56 +85,47 @@ fn only_file(folder: &Path, is_one: impl Fn(&Path) -> bool) -> Result<PathBuf> {
     }
 }
 
-/// The fault of an object, which the file calls `object`, without a pixel in any mask.
-pub fn without_pixels(label: &Labels, object: impl FnOnce() -> String) -> Option<(&'static str, String)> {
-    let is_empty = label.visible.is_empty() && label.amodal.as_ref().is_none_or(Mask::is_empty);
-    is_empty.then(|| no_pixels(&object()))
-}
-
 /// The fault of an object without a pixel.
-pub fn no_pixels(object: &str) -> (&'static str, String) {
-    let message =
-        format!("{object}: the object has no pixels, since no mask covers the center of a pixel of the image");
-    (OBJECTS_HAVE_PIXELS, message)
+pub fn no_pixels() -> DatasetFault {
+    let message = "the object has no pixels, since no mask covers the center of a pixel of the image";
+    DatasetFault::new(rule::OBJECTS_HAVE_PIXELS, message)
 }
 
-/// What is hidden of an object whose amodal mask is known.
-pub fn hidden_of(label: &Labels) -> Mask {
-    match (&label.occlusion, &label.amodal) {
-        (Some(hidden), _) => hidden.clone(),
-        (None, Some(amodal)) => amodal.minus(&label.visible),
-        (None, None) => Mask::empty(label.visible.width(), label.visible.height()),
-    }
+/// The hidden part of an object whose amodal mask is known.
+pub fn hidden_of(label: &ObjectLabels) -> Mask {
+    label.hidden().unwrap_or_else(|| Mask::empty(label.visible.width(), label.visible.height()))
 }
 
-/// How far what a file says of a mask may be from the mask.
+/// Largest differences between the numbers in a file and their mask.
 #[derive(Debug, Clone, Copy)]
-pub struct Tolerance {
+pub struct MaskTolerance {
     /// Of an area, px².
     pub area_px2: f64,
     /// Of the edges of a box, px.
     pub box_px: f64,
 }
 
-/// Compares what a file says of a mask in numbers with the mask. Each number comes with its name.
+/// Compares an area and a box in a file with their mask. Each comes with its key.
 pub fn fits_mask(
     mask: &Mask,
-    (area, area_name): (f64, String),
-    (bbox, bbox_name): ([f64; 4], String),
-    tolerance: Tolerance,
-) -> Vec<(&'static str, String)> {
+    (area_key, area): (&str, f64),
+    (bbox_key, bbox): (&str, [f64; 4]),
+    tolerance: MaskTolerance,
+) -> Vec<DatasetFault> {
     let mut faults = Vec::new();
     if (area - f64::from(mask.area())).abs() > tolerance.area_px2 {
-        faults.push(("areas_are_those_of_masks", format!("{area_name} is {area}, its mask has {}", mask.area())));
+        let message = format!("`{area_key}` is {area}, its mask has {}", mask.area());
+        faults.push(DatasetFault::new(rule::AREAS_ARE_THOSE_OF_MASKS, message));
     }
     let own = <[i32; 4]>::from(mask.bbox()).map(f64::from);
     if bbox.iter().zip(&own).any(|(said, own)| (said - own).abs() > tolerance.box_px) {
-        faults.push(("bbox_is_that_of_a_mask", format!("{bbox_name} is {bbox:?}, that of its mask {own:?}")));
+        let message = format!("`{bbox_key}` is {bbox:?}, that of its mask {own:?}");
+        faults.push(DatasetFault::new(rule::BBOX_IS_THAT_OF_A_MASK, message));
     }
     faults
 }
 
-/// Area that outlines enclose, px²; that of what two of them have in common counts twice.
+/// Area that outlines enclose, px². The intersection of two outlines counts twice.
 pub fn enclosed_px2(outlines: &[Vec<f64>]) -> f64 {
     let of = |outline: &Vec<f64>| {
         let corners = outline.as_chunks::<2>().0;
@@ -162,14 +135,15 @@ pub fn enclosed_px2(outlines: &[Vec<f64>]) -> f64 {
     outlines.iter().map(of).sum()
 }
 
-/// Compares what a file says of outlines in numbers with these. The area may be that of the outlines or of their mask, and the
-/// box that of the outlines or of what the image has of them.
+/// Compares an area and a box in a file with their outlines. Each comes with its key. The area may be that of the outlines or of
+/// their mask, and the box that of the outlines or of their part in the image.
 pub fn fits_outlines(
-    (outlines, name): (&[Vec<f64>], String),
+    (key, outlines): (&str, &[Vec<f64>]),
     mask: &Mask,
-    (area, area_name): (f64, String),
-    (bbox, bbox_name): ([f64; 4], String),
-) -> Vec<(&'static str, String)> {
+    (area_key, area): (&str, f64),
+    (bbox_key, bbox): (&str, [f64; 4]),
+) -> Vec<DatasetFault> {
+    let outside = |message: String| vec![DatasetFault::new("polygons_are_in_the_image", message)];
     let mut faults = Vec::new();
     let corners = || outlines.iter().flat_map(|outline| outline.as_chunks::<2>().0);
     let low: [f64; 2] = std::array::from_fn(|axis| corners().map(|at| at[axis]).fold(f64::INFINITY, f64::min));
@@ -177,18 +151,16 @@ pub fn fits_outlines(
     let image = [mask.width(), mask.height()].map(f64::from);
     let enclosed = enclosed_px2(outlines);
     if (0..2).any(|axis| high[axis] < 0.0 || low[axis] > image[axis]) {
-        faults.push(("polygons_are_in_the_image", format!("{name} is outside of the image: {low:?} to {high:?}")));
-        return faults;
+        return outside(format!("`{key}` is outside of the image: {low:?} to {high:?}"));
     }
     if enclosed == 0.0 {
-        faults.push(("polygons_are_in_the_image", format!("{name} encloses no area")));
-        return faults;
+        return outside(format!("`{key}` encloses no area"));
     }
     let own_area = f64::from(mask.area());
     let tolerance = edge_px2(mask).max(1.0);
     if area < own_area.min(enclosed) - tolerance || area > own_area.max(enclosed) + tolerance {
-        let message = format!("{area_name} is {area}, its polygons enclose {enclosed:.1} px²");
-        faults.push(("areas_are_those_of_masks", message));
+        let message = format!("`{area_key}` is {area}, its polygons enclose {enclosed:.1} px²");
+        faults.push(DatasetFault::new(rule::AREAS_ARE_THOSE_OF_MASKS, message));
     }
     let said = [bbox[0], bbox[1], bbox[0] + bbox[2], bbox[1] + bbox[3]];
     let own = [low[0], low[1], high[0], high[1]];
@@ -199,8 +171,8 @@ pub fn fits_outlines(
         !is_near(own[side]) && !is_near(shown)
     };
     if (0..4).any(off) {
-        let message = format!("{bbox_name} is {bbox:?}, its polygons reach from {low:?} to {high:?}");
-        faults.push(("bbox_is_that_of_a_mask", message));
+        let message = format!("`{bbox_key}` is {bbox:?}, its polygons reach from {low:?} to {high:?}");
+        faults.push(DatasetFault::new(rule::BBOX_IS_THAT_OF_A_MASK, message));
     }
     faults
 }
@@ -213,7 +185,7 @@ pub fn edge_px2(mask: &Mask) -> f64 {
 /// Settles what polygons leave open. They are around a mask to within a pixel, so what is seen of an object is a part of it, and
 /// a pixel at the edges of two objects is seen of the first one. They have no holes: what is seen of an object within the
 /// outline of another one, away from its edge, is in a hole of that one, or before it. Other faults stay.
-pub fn settle_edges(labels: &mut [Labels]) {
+pub fn settle_edges(labels: &mut [ObjectLabels]) {
     for label in labels.iter_mut() {
         if let Some(amodal) = &mut label.amodal
             && label.visible.minus(&dilated(amodal)).is_empty()
@@ -246,9 +218,9 @@ pub fn settle_edges(labels: &mut [Labels]) {
 }
 
 /// Takes pixels at the edge from an object; from all of it, if it is said to be seen whole, which it stays.
-fn cut_edge(label: &mut Labels, shared: &Mask) {
+fn cut_edge(label: &mut ObjectLabels, shared: &Mask) {
     let is_whole = label.amodal.as_ref().is_some_and(|amodal| *amodal == label.visible);
-    // What is no wider than its edge is seen.
+    // An object that is no wider than its edge stays visible.
     let rest = label.visible.minus(shared);
     if rest.is_empty() {
         return;
@@ -262,7 +234,7 @@ fn cut_edge(label: &mut Labels, shared: &Mask) {
 /// Takes holes from the amodal mask of an object, which is read from outlines that have none: parts that are not seen and that
 /// the rest of the object encloses, `area_px2` in all. The part whose area comes nearest to what is left of it is taken, as
 /// long as at least half of the part is.
-pub fn cut_holes(label: &mut Labels, mut area_px2: f64) {
+pub fn cut_holes(label: &mut ObjectLabels, mut area_px2: f64) {
     let Some(amodal) = label.amodal.as_mut().filter(|_| area_px2 > 0.0) else { return };
     let mut parts = enclosed(&amodal.minus(&label.visible), amodal);
     while area_px2 > 0.0 {
@@ -366,9 +338,9 @@ mod tests {
         Mask::from_fn(30, 20, |u, v| (x..x + w).contains(&u) && (y..y + h).contains(&v))
     }
 
-    fn seen_whole(id: u16, visible: Mask) -> Labels {
+    fn seen_whole(id: u16, visible: Mask) -> ObjectLabels {
         let amodal = Some(visible.clone());
-        Labels {
+        ObjectLabels {
             id: InstanceId(id),
             visible,
             amodal,
@@ -380,7 +352,7 @@ mod tests {
         }
     }
 
-    fn settled(shapes: [[u32; 4]; 2]) -> [Labels; 2] {
+    fn settled(shapes: [[u32; 4]; 2]) -> [ObjectLabels; 2] {
         let mut labels = [1, 2].map(|id| seen_whole(id, rectangle(shapes[usize::from(id) - 1])));
         settle_edges(&mut labels);
         labels

@@ -5,22 +5,20 @@ use std::f64::consts::PI;
 use std::path::Path;
 use std::process::Command;
 use std::sync::{Arc, OnceLock};
-use syntable_formats::encode::tar::Archive;
+use syntable_formats::encode::tar::TarWriter;
 use syntable_interchange as _;
 use syntable_model::context::{Collected, Serial};
-use syntable_model::digest::Digest;
 use syntable_model::geometry::{Point3, Vector3, look_at};
 use syntable_model::prelude::*;
 use syntable_model::product::standard::*;
 use syntable_model::product::{BitPlane, ObjectModel, ObjectModels, Plane};
 use syntable_model::reader::OpenDataset;
-use syntable_model::registry::{Registry, Slot, Stage};
 use syntable_model::scene::{
-    AssetRef, BodyDraft, Camera, Exposure, Intrinsics, MassOrigin, MassProperties, Material, Mesh, MeshData, Moment,
-    Motion, Object, Region, Role, SceneId, SettleReport, SourceModel, Support, ViewId,
+    Camera, Exposure, Intrinsics, Mesh, MeshData, Moment, Role, SceneId, SettleReport, SourceModel, ViewId,
 };
 use syntable_model::store::{MemStore, StoreFolder};
 use syntable_testing::folder::files_of_store;
+use syntable_testing::scenes::{body, box_mesh, object, table};
 use syntable_testing::takes::open_dataset;
 use syntable_testing::tools::is_there;
 
@@ -188,58 +186,24 @@ fn visibility_of(object: &Ellipsoid, in_frame: u32, valid: usize, visible: u32) 
     ])
 }
 
-fn writer(options: &str) -> Box<dyn Writer> {
-    let registry = Registry::linked().expect("kinds are unique");
-    let entry = registry.find(Slot::Write, "bop").expect("a registered kind");
-    match entry.construct_str(options).unwrap_or_else(|error| panic!("{options}: {error:?}")).stage {
-        Stage::Write(writer) => writer,
-        _ => unreachable!("the registry keeps slots apart"),
-    }
+fn writer(options: &str) -> Box<dyn Writer<Scenes>> {
+    syntable_testing::takes::writer("bop", options).unwrap_or_else(|error| panic!("{options}: {error}"))
 }
 
 fn dataset() -> DatasetInfo {
-    DatasetInfo {
-        name: "ellipsoids".into(),
-        seed: 5,
-        scenes: 3,
-        views_per_scene: 2,
-        recipe: String::new(),
-        program: "syntable 0.1.0".into(),
-        classes: Vec::new(),
-        own_categories: Vec::new(),
-        label_surface: syntable_model::stage::LabelSurface::First,
-    }
+    let (name, program) = ("ellipsoids".into(), "syntable 0.1.0".into());
+    DatasetInfo { name, program, seed: 5, scenes: 3, views_per_scene: 2, ..syntable_testing::scenes::dataset() }
 }
 
 /// A scene, of which the writer reads the number alone.
 fn scene(id: u32) -> Result<Scene> {
-    let mesh = Mesh::new(MeshData {
-        positions: vec![[0.0; 3], [0.1, 0.0, 0.0], [0.0, 0.1, 0.0], [0.0, 0.0, 0.1]],
-        triangles: vec![[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]],
-        ..Default::default()
-    })?;
-    let object = Object {
-        name: "tetra".into(),
-        category: "solid".into(),
-        mass: MassProperties::of_mesh(&mesh, 0.25, MassOrigin::Known),
-        mesh: Arc::new(mesh),
-        materials: vec![Arc::new(Material::plain("gray", [0.5; 3], 0.5))],
-        collision: None,
-        keypoints: Vec::new(),
-        model: SourceModel::default(),
-        friction: 0.5,
-        license: "CC0-1.0".into(),
-        digest: Digest::of(b"tetra"),
-    };
-    let mut builder = SceneBuilder::default();
-    builder.supports = Support::new("table", Region::rectangle([0.0; 3], [1.0; 2])).into();
-    let asset = AssetRef { pool: "pool".into(), name: "tetra".into() };
-    builder.add(BodyDraft::new(asset, Arc::new(object), Pose::identity(), Role::Object, Motion::Dynamic));
+    let mut builder = table();
+    builder.add(body(object("box", box_mesh([0.1; 3]), [0.5; 3]), [0.0; 3], Role::Object));
     builder.freeze(SceneId(id), 0, SettleReport::default())
 }
 
 /// Writes the views of a scene.
-fn write_scene(root: impl Into<StoreFolder>, writer: &dyn Writer, id: u32, views: &[Products]) -> Result<()> {
+fn write_scene(root: impl Into<StoreFolder>, writer: &dyn Writer<Scenes>, id: u32, views: &[Products]) -> Result<()> {
     let (dataset, log) = (dataset(), Collected::default());
     let scene = scene(id)?;
     let cx = DatasetContext::new(&dataset, &Serial, &log).scene(&scene);
@@ -258,7 +222,7 @@ fn write_scene(root: impl Into<StoreFolder>, writer: &dyn Writer, id: u32, views
     open.close(&cx, &of_scene.only(&reads))
 }
 
-fn finish(root: impl Into<StoreFolder>, writer: &dyn Writer, scenes: &[u32]) -> Result<()> {
+fn finish(root: impl Into<StoreFolder>, writer: &dyn Writer<Scenes>, scenes: &[u32]) -> Result<()> {
     let (dataset, log) = (dataset(), Collected::default());
     let done = Finish::new(root, "bop", scenes.iter().map(|&scene| SceneId(scene)).collect());
     writer.finish(&DatasetContext::new(&dataset, &Serial, &log), &Products::new(), &done)
@@ -470,7 +434,7 @@ fn what_is_wrong_with_tar_files_is_found() {
     let said = |folder: &tempfile::TempDir| -> Vec<String> {
         let reader = opened(folder.path());
         let wants = &reader.offers;
-        let opening = reader.all_faults().iter().map(|it| format!("{} {}: {}", it.check, it.place, it.message));
+        let opening = reader.all_faults().iter().map(|it| format!("{} {it}", it.rule));
         let images = (0..reader.images.len()).filter_map(|image| Some(reader.read(image, wants).err()?.to_string()));
         opening.chain(images).collect()
     };
@@ -481,7 +445,7 @@ fn what_is_wrong_with_tar_files_is_found() {
         let (members, _) = syntable_formats::members::members(&path);
         let all = members.iter().map(|it| (it.name.clone(), it.content().expect("read").bytes().to_vec()));
         let changed: Vec<(String, Vec<u8>)> = all.flat_map(|(name, bytes)| change(&name, bytes)).collect();
-        let mut archive = Archive::new(std::fs::File::create(&path).expect("a file"), "a tar file");
+        let mut archive = TarWriter::new(std::fs::File::create(&path).expect("a file"), "a tar file");
         changed.iter().for_each(|(name, bytes)| archive.add(name, bytes).expect("added"));
         archive.finish().expect("ended");
     }

@@ -10,7 +10,7 @@ use syntable_model::product::BBox;
 use syntable_model::product::standard::{
     AMODAL_MASK, CATEGORY_ID, OCCLUSION_MASK, OCCLUSION_ORDER, RGB, VISIBLE_BOX, VISIBLE_MASK,
 };
-use syntable_model::reader::OpenDataset;
+use syntable_model::reader::{FaultSubject, OpenDataset};
 use syntable_testing::takes::open_dataset;
 
 /// A square of 4 × 4 px as a polygon.
@@ -112,7 +112,7 @@ fn ids_in_any_order_tell_objects_apart() {
         let order = products.get(OCCLUSION_ORDER).expect("there");
         let [hidden, front] = [hidden, front].map(|id| order.ids().binary_search(&id).expect("there"));
         assert!(order.occludes(front, hidden) && !order.occludes(hidden, front), "{ids:?}");
-        assert_eq!(found.image_faults(0).iter().any(|(check, _)| *check == "unique_ids"), is_fault, "{ids:?}");
+        assert_eq!(found.image_faults(0).iter().any(|it| it.rule == "unique_ids"), is_fault, "{ids:?}");
     }
 }
 
@@ -133,7 +133,7 @@ fn a_category_may_have_the_id_0() {
     let twice = json!([{ "id": 7, "name": "cat" }, { "id": 7, "name": "dog" }]);
     let found = open_of(folder.path(), &[annotation(1, Some(square(2, 2)), json!({}))], twice);
     assert!(
-        found.all_faults().iter().any(|it| it.check == "unique_ids" && it.place == "category 7"),
+        found.all_faults().iter().any(|it| it.rule == "unique_ids" && it.subject == Some(FaultSubject::Category(7))),
         "{:?}",
         found.all_faults()
     );
@@ -184,7 +184,7 @@ fn holes_of_kins_are_told_by_areas() {
         let path = folder.path().join("update_train_2020.json");
         fs::write(&path, data.to_string()).expect("written");
         let found = open_dataset(&path, None).unwrap_or_else(|error| panic!("{error}")).1;
-        assert_eq!(found.image_faults(0).iter().filter(|it| it.0 == "areas_are_those_of_masks").count(), 0);
+        assert_eq!(found.image_faults(0).iter().filter(|it| it.rule == "areas_are_those_of_masks").count(), 0);
         let products = read(&found);
         let area =
             |key: Key<PerInstance<Mask>>| products.get(key).expect("there").iter().next().map(|(_, mask)| mask.area());
@@ -217,7 +217,7 @@ fn images_of_kins_are_those_of_the_split() {
         for (images, shade) in [("training/image_2", 10), ("testing/image_2", 200)] {
             let path = folder.path().join(images);
             fs::create_dir_all(&path).expect("a folder");
-            let image = png::Image::rgb(&Plane::from_fn(20, 10, |_, _| [shade; 3])).encode().expect("encoded");
+            let image = png::PngImage::rgb(&Plane::from_fn(20, 10, |_, _| [shade; 3])).encode().expect("encoded");
             fs::write(path.join("000003.png"), image).expect("written");
         }
         let annotation = json!({
@@ -248,7 +248,7 @@ fn masks_beside_amodal_ones_are_visible() {
             let masks = products.optional(key).expect("of its type");
             masks.into_iter().flat_map(|masks| masks.iter()).map(|(_, mask)| mask.area()).collect()
         };
-        let faults: Vec<_> = found.image_faults(0).into_iter().map(|(check, _)| check).collect();
+        let faults: Vec<_> = found.image_faults(0).into_iter().map(|it| it.rule).collect();
         ([VISIBLE_MASK, AMODAL_MASK, OCCLUSION_MASK].map(areas), faults)
     };
     let box_of = |x: u32, y: u32| json!([x, y, 4, 4]);
@@ -305,9 +305,9 @@ fn objects_without_a_mask_have_no_pixels() {
         assert_eq!(masks, [16, 0]);
         let caveats = found.caveats(&found.offers).join("; ");
         assert!(caveats.contains("are objects without pixels: there are 1"), "{caveats}");
-        let faults: Vec<_> = found.image_faults(0).into_iter().filter(|it| it.0 == "objects_have_masks").collect();
+        let faults: Vec<_> = found.image_faults(0).into_iter().filter(|it| it.rule == "objects_have_masks").collect();
         assert!(
-            matches!(&faults[..], [(_, message)] if message.starts_with("annotation 2: `segmentation`")),
+            matches!(&faults[..], [fault] if fault.to_string().starts_with("annotation 2: `segmentation`")),
             "{faults:?}"
         );
     }
@@ -346,7 +346,7 @@ fn polygons_of_cocoa_fill_holes() {
         fs::create_dir_all(folder.path().join("annotations")).expect("a folder");
         fs::write(folder.path().join("annotations/COCO_amodal_val2014.json"), file.to_string()).expect("written");
         let found = open_dataset(folder.path(), None).unwrap_or_else(|error| panic!("{error}")).1;
-        found.image_faults(0).into_iter().map(|(check, _)| check).collect::<Vec<_>>()
+        found.image_faults(0).into_iter().map(|it| it.rule).collect::<Vec<_>>()
     };
     assert_eq!(of(14), Vec::<&str>::new());
     // What is missing at the right end is no hole.

@@ -1,13 +1,13 @@
 //! What is written, read back by others: pycocotools, Pillow, and restatements of the readers of each format.
 
-mod common;
-
-use common::{Take, dataset, finish, own_script, python, shared_script, write_scenes, writer};
 use serde_json::{Map, Value as Json};
 use std::path::Path;
+use syntable_interchange as _;
 use syntable_model::prelude::*;
 use syntable_model::product::Product;
 use syntable_model::product::standard::{AMODAL_MASK, AMODAL_OUTLINE, DEPTH, KEYPOINTS};
+use syntable_testing::takes::{Take, dataset, finish, write_scenes, writer};
+use syntable_testing::tools::{own_script, python, shared_script};
 
 /// The products of every view as JSON, a line per view.
 fn write_truth(folder: &Path, takes: &[Take]) {
@@ -38,7 +38,7 @@ fn write_truth(folder: &Path, takes: &[Take]) {
 
 /// Scenes whose objects have a range of depths, which differ from their order and often overlap.
 fn takes() -> Vec<Take> {
-    let mut takes = common::takes();
+    let mut takes = syntable_testing::takes::takes();
     for (_, products) in takes.iter_mut().flat_map(|take| &mut take.views) {
         let flat = products.get(DEPTH).expect("a product").clone();
         let bumps = |x: u32, y: u32| ((7 * x + 13 * y + x * y) % 32) as f32 / 32.0;

@@ -1,15 +1,14 @@
 //! What all writers of this crate keep to.
 
-mod common;
-
-use common::{dataset, files, finish, takes, write_scenes, writer};
 use std::collections::BTreeSet;
+use syntable_interchange as _;
 use syntable_model::context::{Collected, Serial};
 use syntable_model::prelude::*;
 use syntable_model::registry::{Registry, Slot};
 use syntable_model::scene::{SceneId, ViewId};
 use syntable_model::stage::DatasetInfo;
 use syntable_testing::conformance;
+use syntable_testing::takes::{dataset, files, finish, takes, write_scenes, writer};
 
 /// All kinds of this crate.
 fn kinds() -> Vec<&'static str> {

@@ -1,4 +1,4 @@
-//! What a Parquet file asks for, compared with the limits before the format's library reads it.
+//! Sizes in a Parquet file, compared with the limits before the format's library reads it.
 //!
 //! The library allocates what headers state: the children of a group of the schema, the bytes of a page, the text of a statistic;
 //! and it calls itself once per level of the schema. Both can end the process. So the footer and the headers of the pages
@@ -208,7 +208,7 @@ fn values_of(page: &DataPage, levels: [i16; 2]) -> Result<&[u8]> {
     }
 }
 
-/// What pages have together.
+/// Sums over pages.
 #[derive(Default)]
 struct Sums {
     values: u64,
@@ -231,7 +231,7 @@ fn pages(file: &mut (impl Read + Seek), length: u64, column: &ColumnChunkMetaDat
         let (most, mut start) = (PAGE_HEADER.min(end - at), PAGE_START);
         let (page, header) = loop {
             let size = start.min(most);
-            match Page::of(&read_range(file, at, size)?) {
+            match PageHeader::of(&read_range(file, at, size)?) {
                 // A header that is cut off, maybe.
                 Err(_) if size < most => start *= PAGE_GROWTH,
                 page => break page?,
@@ -254,9 +254,9 @@ fn pages(file: &mut (impl Read + Seek), length: u64, column: &ColumnChunkMetaDat
     Ok(sums)
 }
 
-/// What the header of a page states.
+/// The sizes in the header of a page.
 #[derive(Default)]
-struct Page {
+struct PageHeader {
     uncompressed: i64,
     compressed: i64,
     values: i64,
@@ -264,7 +264,7 @@ struct Page {
     is_dictionary: bool,
 }
 
-impl Page {
+impl PageHeader {
     /// Reads the header at the start of some bytes. Returns it with its length, bytes.
     fn of(bytes: &[u8]) -> Result<(Self, u64)> {
         let mut thrift = Thrift { bytes, at: 0 };
@@ -581,9 +581,9 @@ mod tests {
     }
 
     /// Reads a file and counts the bytes.
-    struct Counted(File, u64);
+    struct CountedReader(File, u64);
 
-    impl Read for Counted {
+    impl Read for CountedReader {
         fn read(&mut self, bytes: &mut [u8]) -> std::io::Result<usize> {
             let read = self.0.read(bytes)?;
             self.1 += read as u64;
@@ -591,7 +591,7 @@ mod tests {
         }
     }
 
-    impl Seek for Counted {
+    impl Seek for CountedReader {
         fn seek(&mut self, to: SeekFrom) -> std::io::Result<u64> {
             self.0.seek(to)
         }
@@ -613,7 +613,7 @@ mod tests {
         {
             let reader = SerializedFileReader::new(file.try_clone().expect("a file")).expect("readable");
             let length = file.metadata().expect("a file").len();
-            let mut file = Counted(file, 0);
+            let mut file = CountedReader(file, 0);
             let sums = pages(&mut file, length, reader.metadata().row_group(0).column(0)).expect("sound");
             assert_eq!(sums.values, values);
             let is_long = values == 20;

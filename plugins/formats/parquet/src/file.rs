@@ -1,7 +1,7 @@
 //! One table as a Parquet file.
 
-use crate::column::IMAGES;
-use crate::shred::{Leaf, Node, Values, push};
+use crate::record::{CATEGORIES, IMAGE, IMAGE_BYTES};
+use crate::shred::{ColumnLeaf, ColumnType, LeafValues, push};
 use parquet::basic::Compression;
 use parquet::data_type::{BoolType, ByteArrayType, DoubleType, Int64Type};
 use parquet::errors::ParquetError;
@@ -15,19 +15,16 @@ use std::sync::Arc;
 use syntable_model::error::{Error, Result};
 use syntable_model::product::Value;
 
-/// Key of the metadata that has the categories of the dataset.
-pub const CATEGORIES: &str = "categories";
-
 /// A table in memory, column by column.
-pub struct Table {
-    columns: Vec<(String, Node)>,
+pub struct ParquetTable {
+    columns: Vec<(String, ColumnType)>,
     /// The leaves of each column.
-    leaves: Vec<Vec<Leaf>>,
+    leaves: Vec<Vec<ColumnLeaf>>,
 }
 
-impl Table {
+impl ParquetTable {
     /// A table without rows. Refuses two columns of one name.
-    pub fn new(columns: Vec<(String, Node)>) -> Result<Self> {
+    pub fn new(columns: Vec<(String, ColumnType)>) -> Result<Self> {
         let mut seen = BTreeSet::new();
         if let Some((name, _)) = columns.iter().find(|(name, _)| !seen.insert(name.as_str())) {
             return Err(Error::new(format!("two products have a column `{name}`"))
@@ -54,7 +51,7 @@ impl Table {
     /// `categories` are COCO's list as JSON.
     pub fn write(self, out: impl Write + Send, path: &str, program: &str, categories: Option<String>) -> Result<()> {
         self.try_write(out, program, categories).map_err(|error| match error {
-            // What the disk says is no fault of the scene.
+            // An error of the disk is no fault of the scene.
             ParquetError::External(cause) if cause.is::<std::io::Error>() => {
                 cause.downcast_ref().map_or_else(|| Error::new(cause.to_string()), |io| Error::io(path, io))
             }
@@ -65,11 +62,10 @@ impl Table {
     fn try_write(self, out: impl Write + Send, program: &str, categories: Option<String>) -> Result<(), ParquetError> {
         let fields = self.columns.iter().map(|(name, node)| node.schema(name)).collect::<Result<_, _>>()?;
         let schema = Type::group_type_builder("schema").with_fields(fields).build()?;
-        let [_, image] = IMAGES;
-        let embeds = self.columns.iter().any(|(name, _)| name == image);
-        let bytes = ColumnPath::new(vec![image.to_owned(), "bytes".to_owned()]);
+        let embeds = self.columns.iter().any(|(name, _)| name == IMAGE);
+        let bytes = ColumnPath::new(vec![IMAGE.to_owned(), IMAGE_BYTES.to_owned()]);
         let categories = categories.map(|list| KeyValue::new(CATEGORIES.to_owned(), list));
-        let metadata: Vec<KeyValue> = embeds.then(|| hugging_face(image)).into_iter().chain(categories).collect();
+        let metadata: Vec<KeyValue> = embeds.then(|| hugging_face(IMAGE)).into_iter().chain(categories).collect();
         let properties = WriterProperties::builder()
             .set_created_by(program.to_owned())
             .set_compression(Compression::SNAPPY)
@@ -93,20 +89,20 @@ impl Table {
     }
 }
 
-impl Leaf {
+impl ColumnLeaf {
     fn write(&self, column: &mut SerializedColumnWriter) -> Result<(), ParquetError> {
         let levels = (Some(&*self.definition), Some(&*self.repetition));
         match &self.values {
-            Values::Bool(values) => column.typed::<BoolType>().write_batch(values, levels.0, levels.1),
-            Values::Int(values) => column.typed::<Int64Type>().write_batch(values, levels.0, levels.1),
-            Values::Float(values) => column.typed::<DoubleType>().write_batch(values, levels.0, levels.1),
-            Values::Bytes(values) => column.typed::<ByteArrayType>().write_batch(values, levels.0, levels.1),
+            LeafValues::Bool(values) => column.typed::<BoolType>().write_batch(values, levels.0, levels.1),
+            LeafValues::Int(values) => column.typed::<Int64Type>().write_batch(values, levels.0, levels.1),
+            LeafValues::Float(values) => column.typed::<DoubleType>().write_batch(values, levels.0, levels.1),
+            LeafValues::Bytes(values) => column.typed::<ByteArrayType>().write_batch(values, levels.0, levels.1),
         }
         .map(drop)
     }
 }
 
-/// What tells Hugging Face `datasets` that a column has images.
+/// The metadata by which Hugging Face `datasets` recognizes a column of images.
 fn hugging_face(column: &str) -> KeyValue {
     let features = serde_json::json!({ "info": { "features": { column: { "_type": "Image" } } } });
     KeyValue::new("huggingface".to_owned(), features.to_string())

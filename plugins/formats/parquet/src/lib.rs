@@ -7,8 +7,9 @@
 //! The only crate that knows the format's library.
 
 mod bounds;
-mod column;
 mod file;
 pub mod parquet;
 mod read;
+mod record;
 mod shred;
+mod write;

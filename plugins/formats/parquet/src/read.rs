@@ -1,8 +1,10 @@
 //! Reads tables of instances or views.
 
 use crate::bounds;
-use crate::column::{self, CATEGORY, IMAGES, OWN};
-use crate::file::CATEGORIES;
+use crate::record::{
+    self, CATEGORIES, CATEGORY, EXTENSION, HEIGHT, IMAGE, IMAGE_FILE, INSTANCE, INSTANCES, OWN, ParquetColumn, SCENE,
+    VIEW, VIEWS, WIDTH,
+};
 use parquet::errors::ParquetError;
 use parquet::file::reader::{FileReader, SerializedFileReader};
 use parquet::record::{Field, Row};
@@ -13,9 +15,10 @@ use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use syntable_formats::coco::Category;
-use syntable_formats::decode::{self, Content};
+use syntable_formats::decode::{self, FileContent};
 use syntable_formats::read::{self, Faults};
-use syntable_formats::samples::{self, Contents, Fields, Latest, Samples};
+use syntable_formats::rule;
+use syntable_formats::samples::{self, Contents, Latest, SampleFields, SampleReader};
 use syntable_model::files::DatasetFolder;
 use syntable_model::limits::TABLE_BYTES;
 use syntable_model::panics::guarded;
@@ -24,31 +27,25 @@ use syntable_model::product::linked;
 use syntable_model::product::standard::{CAMERA, CATEGORY_ID, RGB};
 use syntable_model::reader::{Format, Opened, Source};
 
-syntable_model::register_format!(Format {
-    name: "parquet",
-    doc: "Parquet tables of instances or views, as the writer `parquet` has them.",
-    detect: |root| !tables_of(root).is_empty(),
-    open,
-    is_generic: true,
-    crate_name: env!("CARGO_PKG_NAME"),
-});
+syntable_model::register_format!(
+    Format::new(
+        "parquet",
+        "Parquet tables of instances or views, as the writer `parquet` has them.",
+        |root| !tables_of(root).is_empty(),
+        open,
+    )
+    .generic()
+);
 
 /// Folders of tables, those of views first: they have images without instances, too.
-const FOLDERS: [&str; 2] = ["views", "instances"];
-const SCENE: &str = OWN[0];
-const VIEW: &str = OWN[1];
-const INSTANCE: &str = OWN[2];
-const WIDTH: &str = OWN[3];
-const HEIGHT: &str = OWN[4];
-const IMAGE_FILE: &str = IMAGES[0];
-const IMAGE: &str = IMAGES[1];
+const FOLDERS: [&str; 2] = [VIEWS, INSTANCES];
 
 /// The tables of a dataset, or of one of its folders, that are called after a scene.
 fn tables_of(root: &Path) -> Vec<PathBuf> {
     let of = |folder: &Path| {
         let is_one = |path: &PathBuf| {
             let stem = path.file_stem().and_then(|stem| stem.to_str());
-            path.extension().is_some_and(|it| it == "parquet") && stem.is_some_and(|it| it.parse::<u32>().is_ok())
+            path.extension().is_some_and(|it| it == EXTENSION) && stem.is_some_and(|it| it.parse::<u32>().is_ok())
         };
         read::entries(folder).into_iter().filter(is_one).collect::<Vec<_>>()
     };
@@ -56,7 +53,7 @@ fn tables_of(root: &Path) -> Vec<PathBuf> {
     folders.map(|folder| of(&folder)).find(|tables| !tables.is_empty()).unwrap_or_default()
 }
 
-/// What the library is called when it fails.
+/// Name of the library in errors.
 const LIBRARY: &str = "the library that reads Parquet";
 
 /// The folder of tables, whose names of images may lead to the folder beside it that the writer has for them.
@@ -74,12 +71,12 @@ fn folder_of(source: &Source, tables: &Path) -> Result<DatasetFolder> {
 }
 
 /// A table that is open.
-struct Table {
+struct TableReader {
     reader: SerializedFileReader<File>,
     path: PathBuf,
 }
 
-impl Table {
+impl TableReader {
     fn open(path: &Path) -> Result<Self> {
         let mut file = decode::open(path)?;
         bounds::check_footer(&mut file).map_err(|error| error.in_file(path))?;
@@ -104,7 +101,7 @@ impl Table {
     }
 
     /// Gives each row, with some of the columns.
-    fn each_row(&self, wanted: impl Fn(&str) -> bool, each: &mut dyn FnMut(Cells)) -> Result<()> {
+    fn each_row(&self, wanted: impl Fn(&str) -> bool, each: &mut dyn FnMut(TableRow)) -> Result<()> {
         let fail = |error: ParquetError| unreadable(&self.path, &error);
         let mut file = decode::open(&self.path)?;
         let texts = bounds::check_pages(&mut file, self.reader.metadata(), &wanted);
@@ -122,15 +119,15 @@ impl Table {
                 // Texts are copies of entries of a dictionary, which take no space in the file.
                 bytes += values.iter().map(text_bytes).sum::<u64>();
                 TABLE_BYTES.check(bytes).map_err(|error| error.in_file(&self.path))?;
-                each(Cells { names: Arc::clone(&names), values });
+                each(TableRow { names: Arc::clone(&names), values });
             }
             Ok(())
         })
     }
 
     /// The rows with some of the columns.
-    fn rows(&self, wanted: impl Fn(&str) -> bool) -> Result<Rows> {
-        let mut rows = Rows::new();
+    fn rows(&self, wanted: impl Fn(&str) -> bool) -> Result<TableRows> {
+        let mut rows = TableRows::new();
         self.each_row(wanted, &mut |row| rows.push(row))?;
         Ok(rows)
     }
@@ -144,8 +141,8 @@ fn unreadable(path: &Path, error: &ParquetError) -> Error {
     }
 }
 
-/// Tables and what is known of their rows.
-struct Tables {
+/// Tables and the places of their rows.
+struct ParquetTables {
     /// Scene and view of each image, its table by place in `paths`, and its size.
     places: Vec<((u32, u32), usize, [u32; 2])>,
     paths: Vec<PathBuf>,
@@ -153,22 +150,22 @@ struct Tables {
     folder: DatasetFolder,
     columns: BTreeSet<String>,
     /// Rows of the tables that were read last, by table and columns: a scene has many views.
-    latest: Latest<(usize, BTreeSet<String>), Rows>,
+    latest: Latest<(usize, BTreeSet<String>), TableRows>,
 }
 
 /// The cells of a row, by the names of their columns.
-struct Cells {
+struct TableRow {
     names: Arc<[String]>,
     values: Vec<Field>,
 }
 
-impl Cells {
+impl TableRow {
     fn get(&self, column: &str) -> Option<&Field> {
         self.values.get(self.names.iter().position(|name| name == column)?)
     }
 }
 
-type Rows = Vec<Cells>;
+type TableRows = Vec<TableRow>;
 
 /// Bytes of the texts of a cell.
 fn text_bytes(field: &Field) -> u64 {
@@ -184,7 +181,7 @@ fn open(source: &Source) -> Result<Opened> {
     let root = source.path.as_path();
     let paths = tables_of(root);
     if paths.is_empty() {
-        let help = "name the folder that has `instances` or `views`, or the folder of the tables";
+        let help = format!("name the folder that has `{INSTANCES}` or `{VIEWS}`, or the folder of the tables");
         return Err(Error::new("it has no tables of scenes").in_file(root).help(help));
     }
     let folder = folder_of(source, paths[0].parent().unwrap_or(root))?;
@@ -198,18 +195,18 @@ fn open(source: &Source) -> Result<Opened> {
     let mut has_views = false;
     for (table, path) in paths.iter().enumerate() {
         // Rows are kept until the last one was read: a table that is damaged is left out as a whole.
-        let read = Table::open(path).and_then(|table| {
+        let read = TableReader::open(path).and_then(|table| {
             let rows = table.rows(|name| OWN.contains(&name) || [CATEGORY, CATEGORY_ID.name()].contains(&name))?;
             Ok((table.columns(), table.categories(), rows))
         });
         let (own, listed, rows) = match read {
             Ok(read) => read,
             Err(error) => {
-                faults.lost("readable", read::file_name(path), &format!("{error}: nothing of the scene is read"));
+                faults.lost(rule::READABLE, read::file_name(path), format!("{error}: nothing of the scene is read"));
                 continue;
             }
         };
-        // A table that lacks what another one has is at fault with it.
+        // A table that lacks a column of another table is at fault when the column is read.
         columns.extend(own);
         categories = categories.or(listed);
         has_views |= rows.iter().any(|row| matches!(row.get(INSTANCE), Some(Field::ListInternal(_)) | None));
@@ -217,7 +214,7 @@ fn open(source: &Source) -> Result<Opened> {
             let number = |name: &str| u32::try_from(row.get(name).and_then(integer)?).ok();
             let (Some(scene), Some(view)) = (number(SCENE), number(VIEW)) else {
                 let message = format!("a row has no numbers as `{SCENE}` and `{VIEW}`");
-                faults.add("records_agree", read::file_name(path), &message);
+                faults.add(rule::RECORDS_AGREE, read::file_name(path), message);
                 continue;
             };
             let size = [WIDTH, HEIGHT].map(|edge| number(edge).unwrap_or_default());
@@ -230,7 +227,7 @@ fn open(source: &Source) -> Result<Opened> {
                         true => format!("rows of view {view} say other sizes of its image"),
                         false => format!("view {view} of scene {scene} has another row"),
                     };
-                    faults.add("unique_views", read::file_name(path), &message);
+                    faults.add(rule::UNIQUE_VIEWS, read::file_name(path), message);
                 }
             }
             let of = |name: &str| row.get(name).map(cells).unwrap_or_default();
@@ -239,7 +236,7 @@ fn open(source: &Source) -> Result<Opened> {
                     let known = names.entry(id).or_insert_with(|| name.clone());
                     if *known != name && faulty.insert(id) {
                         let message = format!("category {id} is `{name}`, which other rows call `{known}`");
-                        faults.add("unique_names", read::file_name(path), &message);
+                        faults.add(rule::UNIQUE_NAMES, read::file_name(path), message);
                     }
                 }
             }
@@ -259,50 +256,53 @@ fn open(source: &Source) -> Result<Opened> {
     Ok(samples::open(
         read::name_of(root),
         contents,
-        Box::new(Tables { places, paths, folder, columns, latest: Latest::default() }),
+        Box::new(ParquetTables { places, paths, folder, columns, latest: Latest::default() }),
     ))
 }
 
 /// The products that columns are made from, and their columns.
-fn products_of(columns: &BTreeSet<String>) -> BTreeMap<String, Vec<column::Column>> {
+fn products_of(columns: &BTreeSet<String>) -> BTreeMap<String, Vec<ParquetColumn>> {
     let of = |key: KeyId| {
-        let own: Vec<column::Column> =
-            column::columns(&key).into_iter().filter(|column| columns.contains(&column.name)).collect();
-        (!own.is_empty() && column::accept(&key).is_ok()).then(|| (key.to_string(), own))
+        let own: Vec<ParquetColumn> =
+            record::columns(&key).into_iter().filter(|column| columns.contains(&column.name)).collect();
+        (!own.is_empty() && record::accept(&key).is_ok()).then(|| (key.to_string(), own))
     };
-    let mut products: BTreeMap<String, Vec<column::Column>> = linked().into_iter().filter_map(of).collect();
+    let mut products: BTreeMap<String, Vec<ParquetColumn>> = linked().into_iter().filter_map(of).collect();
     if columns.contains(IMAGE_FILE) || columns.contains(IMAGE) {
         products.insert(RGB.name().to_owned(), Vec::new());
     }
     products
 }
 
-impl Samples for Tables {
+impl SampleReader for ParquetTables {
     fn size(&self, image: usize) -> Option<[u32; 2]> {
         Some(self.places[image].2).filter(|size| !size.contains(&0))
     }
 
-    fn read(&self, image: usize, wanted: &BTreeSet<&str>) -> Result<Fields> {
+    fn read(&self, image: usize, wanted: &BTreeSet<&str>) -> Result<SampleFields> {
         let ((scene, view), table, size) = self.places[image];
         let path = &self.paths[table];
         let mut products = products_of(&self.columns);
         products.retain(|name, _| wanted.contains(name.as_str()));
         let has_image = products.remove(RGB.name()).is_some();
         let needed: BTreeSet<&str> = products.values().flatten().map(|column| column.name.as_str()).collect();
-        let of_row = [SCENE, VIEW, INSTANCE].into_iter().chain(needed).chain(IMAGES.into_iter().filter(|_| has_image));
+        let of_row = [SCENE, VIEW, INSTANCE]
+            .into_iter()
+            .chain(needed)
+            .chain([IMAGE_FILE, IMAGE].into_iter().filter(|_| has_image));
         let wanted: BTreeSet<String> = of_row.map(str::to_owned).collect();
-        let read = || Table::open(path)?.rows(|name| wanted.contains(name));
+        let read = || TableReader::open(path)?.rows(|name| wanted.contains(name));
         let all = self.latest.get((table, wanted.clone()), read)?;
-        let is_own = |row: &&Cells| {
+        let is_own = |row: &&TableRow| {
             let is = |name: &str, number: u32| row.get(name).and_then(integer) == Some(i128::from(number));
             is(SCENE, scene) && is(VIEW, view)
         };
-        let rows: Vec<&Cells> = all.iter().filter(is_own).collect();
+        let rows: Vec<&TableRow> = all.iter().filter(is_own).collect();
         let refuse = |what: String| Error::new(what).in_file(path);
-        let mut fields = Fields::new();
+        let mut fields = SampleFields::new();
         let first = rows.first().ok_or_else(|| refuse("its rows have changed".to_owned()))?;
         for (name, columns) in products {
-            // What this table lacks, others have.
+            // Other tables have these columns.
             if columns.iter().all(|column| first.get(&column.name).is_none()) {
                 continue;
             }
@@ -313,7 +313,7 @@ impl Samples for Tables {
                 of_instances(&columns, &rows).map_err(|error| error.in_file(path))?
             } else {
                 let cells: Vec<Option<&Field>> = columns.iter().map(|column| first.get(&column.name)).collect();
-                let value = column::value(&columns, &cells.into_iter().map(cell).collect::<Vec<_>>());
+                let value = record::value(&columns, &cells.into_iter().map(cell).collect::<Vec<_>>());
                 let value = value.map_err(|error| error.in_file(path))?;
                 match (name == CAMERA.name(), value) {
                     (true, Value::Record(own)) => {
@@ -333,17 +333,17 @@ impl Samples for Tables {
     }
 }
 
-impl Tables {
+impl ParquetTables {
     /// The image of a row.
-    fn rgb(&self, table: &Path, row: &Cells) -> Result<Value> {
+    fn rgb(&self, table: &Path, row: &TableRow) -> Result<Value> {
         let content = match (row.get(IMAGE_FILE), row.get(IMAGE)) {
-            (Some(Field::Str(file)), _) => Content::read(&self.folder.file(file)?)?,
+            (Some(Field::Str(file)), _) => FileContent::read(&self.folder.file(file)?)?,
             (_, Some(Field::Group(image))) => {
                 let bytes = image.get_column_iter().find_map(|(_, field)| match field {
                     Field::Bytes(bytes) => Some(bytes.data().to_vec()),
                     _ => None,
                 });
-                Content::new(bytes.unwrap_or_default(), table.join(IMAGE))
+                FileContent::new(bytes.unwrap_or_default(), table.join(IMAGE))
             }
             _ => return Err(Error::new("a row has no image").in_file(table)),
         };
@@ -352,7 +352,7 @@ impl Tables {
 }
 
 /// The values of a product by instance. Cells without a value are of no instance.
-fn of_instances(columns: &[column::Column], rows: &[&Cells]) -> Result<Value> {
+fn of_instances(columns: &[ParquetColumn], rows: &[&TableRow]) -> Result<Value> {
     let refuse = |what: &str| Error::new(what);
     let mut seen = BTreeSet::new();
     let mut values = BTreeMap::new();
@@ -360,7 +360,7 @@ fn of_instances(columns: &[column::Column], rows: &[&Cells]) -> Result<Value> {
         let ids = row.get(INSTANCE).map(cells).unwrap_or_default();
         // A row of a view has lists, that of an instance has values.
         let is_view = matches!(row.get(INSTANCE), Some(Field::ListInternal(_)));
-        let of_column = |column: &column::Column| match row.get(&column.name) {
+        let of_column = |column: &ParquetColumn| match row.get(&column.name) {
             Some(Field::ListInternal(list)) if is_view => list.elements().to_vec(),
             Some(field) if !is_view => vec![field.clone()],
             _ => vec![Field::Null; ids.len()],
@@ -377,7 +377,7 @@ fn of_instances(columns: &[column::Column], rows: &[&Cells]) -> Result<Value> {
                 return Err(refuse(&format!("instance {id} of a view is there twice")));
             }
             if own.iter().any(|value| *value != Value::Null) {
-                values.insert(id, column::value(columns, &own)?);
+                values.insert(id, record::value(columns, &own)?);
             }
         }
     }

@@ -14,7 +14,7 @@ use syntable_model::product::Value;
 
 /// The type of a cell. All cells may be null.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Node {
+pub enum ColumnType {
     /// A truth value.
     Bool,
     /// A signed integer of 64 bits.
@@ -26,12 +26,12 @@ pub enum Node {
     /// Bytes.
     Bytes,
     /// Named fields.
-    Struct(Vec<(&'static str, Node)>),
+    Struct(Vec<(&'static str, ColumnType)>),
     /// A list of any length.
-    List(Box<Node>),
+    List(Box<ColumnType>),
 }
 
-impl Node {
+impl ColumnType {
     /// A list of elements of a type.
     pub fn list(of: Self) -> Self {
         Self::List(Box::new(of))
@@ -64,12 +64,12 @@ impl Node {
     }
 
     /// Appends an empty leaf for each leaf of the type.
-    pub fn leaves(&self, leaves: &mut Vec<Leaf>) {
+    pub fn leaves(&self, leaves: &mut Vec<ColumnLeaf>) {
         match self {
-            Self::Bool => leaves.push(Leaf::new(Values::Bool(Vec::new()))),
-            Self::Int => leaves.push(Leaf::new(Values::Int(Vec::new()))),
-            Self::Float => leaves.push(Leaf::new(Values::Float(Vec::new()))),
-            Self::Text | Self::Bytes => leaves.push(Leaf::new(Values::Bytes(Vec::new()))),
+            Self::Bool => leaves.push(ColumnLeaf::new(LeafValues::Bool(Vec::new()))),
+            Self::Int => leaves.push(ColumnLeaf::new(LeafValues::Int(Vec::new()))),
+            Self::Float => leaves.push(ColumnLeaf::new(LeafValues::Float(Vec::new()))),
+            Self::Text | Self::Bytes => leaves.push(ColumnLeaf::new(LeafValues::Bytes(Vec::new()))),
             Self::Struct(fields) => fields.iter().for_each(|(_, node)| node.leaves(leaves)),
             Self::List(of) => of.leaves(leaves),
         }
@@ -85,7 +85,7 @@ impl Node {
 }
 
 /// The values of a leaf.
-pub enum Values {
+pub enum LeafValues {
     /// Truth values.
     Bool(Vec<bool>),
     /// Integers.
@@ -97,9 +97,9 @@ pub enum Values {
 }
 
 /// A leaf of a column: its values, and the levels of all entries.
-pub struct Leaf {
-    /// Those that are not null.
-    pub values: Values,
+pub struct ColumnLeaf {
+    /// The values that are not null.
+    pub values: LeafValues,
     /// Definition level of each entry.
     pub definition: Vec<i16>,
     /// Repetition level of each entry.
@@ -108,34 +108,34 @@ pub struct Leaf {
 
 /// Where an entry is in the nested lists.
 #[derive(Clone, Copy)]
-struct Place {
+struct LevelPlace {
     definition: i16,
     repetition: i16,
     /// Number of lists around it.
     depth: i16,
 }
 
-impl Leaf {
-    fn new(values: Values) -> Self {
+impl ColumnLeaf {
+    fn new(values: LeafValues) -> Self {
         Self { values, definition: Vec::new(), repetition: Vec::new() }
     }
 
-    fn entry(&mut self, place: Place) {
+    fn entry(&mut self, place: LevelPlace) {
         self.definition.push(place.definition);
         self.repetition.push(place.repetition);
     }
 }
 
 /// Appends the cell of a row to the leaves of its column.
-pub fn push(node: &Node, cell: &Value, leaves: &mut [Leaf]) -> Result<()> {
-    push_at(node, cell, leaves, Place { definition: 0, repetition: 0, depth: 0 })
+pub fn push(node: &ColumnType, cell: &Value, leaves: &mut [ColumnLeaf]) -> Result<()> {
+    push_at(node, cell, leaves, LevelPlace { definition: 0, repetition: 0, depth: 0 })
 }
 
-fn push_at(node: &Node, cell: &Value, leaves: &mut [Leaf], place: Place) -> Result<()> {
-    let there = Place { definition: place.definition + 1, ..place };
+fn push_at(node: &ColumnType, cell: &Value, leaves: &mut [ColumnLeaf], place: LevelPlace) -> Result<()> {
+    let there = LevelPlace { definition: place.definition + 1, ..place };
     match (node, cell) {
         (_, Value::Null) => leaves.iter_mut().for_each(|leaf| leaf.entry(place)),
-        (Node::Struct(fields), Value::Record(values)) => {
+        (ColumnType::Struct(fields), Value::Record(values)) => {
             let mut rest = leaves;
             for (name, node) in fields {
                 let own;
@@ -144,31 +144,31 @@ fn push_at(node: &Node, cell: &Value, leaves: &mut [Leaf], place: Place) -> Resu
                 push_at(node, value, own, there)?;
             }
         }
-        (Node::List(_), Value::List(values)) if values.is_empty() => {
+        (ColumnType::List(_), Value::List(values)) if values.is_empty() => {
             leaves.iter_mut().for_each(|leaf| leaf.entry(there));
         }
-        (Node::List(of), Value::List(values)) => {
-            let first = Place { definition: place.definition + 2, depth: place.depth + 1, ..place };
+        (ColumnType::List(of), Value::List(values)) => {
+            let first = LevelPlace { definition: place.definition + 2, depth: place.depth + 1, ..place };
             for (i, value) in values.iter().enumerate() {
                 let repetition = if i == 0 { place.repetition } else { first.depth };
-                push_at(of, value, leaves, Place { repetition, ..first })?;
+                push_at(of, value, leaves, LevelPlace { repetition, ..first })?;
             }
         }
         (node, cell) => {
             let [leaf] = leaves else { return Err(mismatch(node, cell)) };
             match (&mut leaf.values, cell) {
-                (Values::Bool(values), &Value::Bool(value)) => values.push(value),
-                (Values::Int(values), &Value::Int(value)) => values.push(value),
-                (Values::Int(values), &Value::Uint(value)) => {
+                (LeafValues::Bool(values), &Value::Bool(value)) => values.push(value),
+                (LeafValues::Int(values), &Value::Int(value)) => values.push(value),
+                (LeafValues::Int(values), &Value::Uint(value)) => {
                     values.push(i64::try_from(value).map_err(|_| mismatch(node, cell))?);
                 }
-                (Values::Float(values), &Value::Float(value)) => values.push(value),
-                (Values::Float(values), &Value::Int(value)) => values.push(value as f64),
-                (Values::Float(values), &Value::Uint(value)) => values.push(value as f64),
-                (Values::Bytes(values), Value::Text(value)) if *node == Node::Text => {
+                (LeafValues::Float(values), &Value::Float(value)) => values.push(value),
+                (LeafValues::Float(values), &Value::Int(value)) => values.push(value as f64),
+                (LeafValues::Float(values), &Value::Uint(value)) => values.push(value as f64),
+                (LeafValues::Bytes(values), Value::Text(value)) if *node == ColumnType::Text => {
                     values.push(value.as_str().into())
                 }
-                (Values::Bytes(values), Value::Bytes(value)) if *node == Node::Bytes => {
+                (LeafValues::Bytes(values), Value::Bytes(value)) if *node == ColumnType::Bytes => {
                     values.push(value.clone().into());
                 }
                 _ => return Err(mismatch(node, cell)),
@@ -179,13 +179,13 @@ fn push_at(node: &Node, cell: &Value, leaves: &mut [Leaf], place: Place) -> Resu
     Ok(())
 }
 
-fn mismatch(node: &Node, cell: &Value) -> Error {
+fn mismatch(node: &ColumnType, cell: &Value) -> Error {
     let cell = serde_json::to_string(cell).unwrap_or_default();
     let start: String = cell.chars().take(40).collect();
     Error::new(format!("the column holds {}, not {start}", node.name())).help("write the product with jsonl")
 }
 
-impl Node {
+impl ColumnType {
     fn name(&self) -> &'static str {
         match self {
             Self::Bool => "truth values",

@@ -131,8 +131,7 @@ fn what_is_damaged_is_named() {
     let bytes = std::fs::read(&path).expect("readable");
     let said = |root: &Path| {
         let (_, read) = open_dataset(root, None).expect("a dataset");
-        let faults =
-            read.all_faults().iter().map(|fault| format!("{} {}", fault.place, fault.message)).collect::<Vec<_>>();
+        let faults = read.all_faults().iter().map(|fault| fault.place_and_text(&[]).join(" ")).collect::<Vec<_>>();
         let errors = (0..read.images.len()).filter_map(|image| Some(read.read(image, &read.offers).err()?.to_string()));
         faults.into_iter().chain(errors).collect::<Vec<String>>()
     };

@@ -1,7 +1,7 @@
 //! Contact sheets: views, masks and occlusion side by side.
 
-use syntable_formats::draw::{self, Canvas};
-use syntable_formats::encode::png::{Image, Samples};
+use syntable_formats::draw::{self, DrawCanvas};
+use syntable_formats::encode::png::{PngImage, PngSamples};
 use syntable_formats::writer::ImageWriter;
 use syntable_model::prelude::*;
 use syntable_model::product::Plane;
@@ -60,7 +60,7 @@ impl Config for ContactSheet {
 }
 
 impl ImageWriter for ContactSheet {
-    type Scene = Rows;
+    type Scene = SheetRows;
 
     fn reads(&self) -> Vec<Input> {
         let mut inputs = Vec::new();
@@ -75,20 +75,20 @@ impl ImageWriter for ContactSheet {
         inputs
     }
 
-    fn view(&self, sheet: &mut Rows, cx: &ImageContext, products: &Products, output: &Output) -> Result<()> {
+    fn view(&self, sheet: &mut SheetRows, cx: &ImageContext, products: &Products, output: &Output) -> Result<()> {
         let [image_width, _] = cx.size;
         let width = self.panel_width_px.min(image_width);
         let panels =
             self.panels.iter().map(|panel| Ok(draw::shrink(&panel.draw(products, image_width, width)?, width)));
         let panels = panels.collect::<Result<Vec<_>>>()?;
-        sheet.rows.push(Canvas::beside(&panels));
+        sheet.rows.push(DrawCanvas::beside(&panels));
         if sheet.rows.len() as u32 == self.views_per_sheet {
             sheet.write(cx.scene_id.0, output)?;
         }
         Ok(())
     }
 
-    fn close(&self, mut sheet: Rows, cx: &ImagesContext, _: &Products, output: &Output) -> Result<()> {
+    fn close(&self, mut sheet: SheetRows, cx: &ImagesContext, _: &Products, output: &Output) -> Result<()> {
         if sheet.rows.is_empty() { Ok(()) } else { sheet.write(cx.scene_id.0, output) }
     }
 
@@ -106,22 +106,22 @@ fn sheet_path(id: &str, scene: u32, sheet: u32) -> String {
     format!("{id}/{scene:06}_{sheet:02}.png")
 }
 
-/// What a scene keeps between its views.
+/// The state of a scene between its views.
 #[derive(Default)]
-pub struct Rows {
+pub struct SheetRows {
     /// Number of sheets that are written.
     written: u32,
     /// Rows of the current sheet.
-    rows: Vec<Canvas>,
+    rows: Vec<DrawCanvas>,
 }
 
-impl Rows {
+impl SheetRows {
     fn write(&mut self, scene: u32, output: &Output) -> Result<()> {
-        let sheet = Canvas::below(&std::mem::take(&mut self.rows));
+        let sheet = DrawCanvas::below(&std::mem::take(&mut self.rows));
         let path = sheet_path(output.id(), scene, self.written);
         self.written += 1;
         let (width, height) = (sheet.width(), sheet.height());
-        Image { width, height, samples: Samples::Rgb8(sheet.data().as_flattened().to_vec()) }.write(output, &path)
+        PngImage { width, height, samples: PngSamples::Rgb8(sheet.data().as_flattened().to_vec()) }.write(output, &path)
     }
 }
 

@@ -1,12 +1,12 @@
 //! OpenEXR files of float images.
 
-use syntable_formats::encode::exr::{Coding, ImageLayer, Precision, encode_layers};
-use syntable_formats::encode::kind::{Kind, accepts};
-use syntable_formats::encode::{scene_name, view_name};
-use syntable_formats::include::{self, Included};
-use syntable_formats::writer::ImageWriter;
+use syntable_formats::encode::exr::{ExrCoding, ImageLayer, Precision, encode_layers};
+use syntable_formats::encode::kind::accepts;
+use syntable_formats::include::{self, Included, IncludedProducts};
+use syntable_formats::writer::ProductWriter;
 use syntable_model::prelude::*;
-use syntable_model::product::Scope;
+
+const EXTENSION: &str = "exr";
 
 /// Writes float images as OpenEXR files.
 ///
@@ -57,80 +57,53 @@ impl Config for Exr {
     const KIND: &'static str = "exr";
     const EXAMPLE: &'static str = "include = [\"radiance\", \"depth\", \"normal\"]\nhalf = false";
     fn build(self) -> Result<Box<dyn Writer>, ConfigError> {
-        Ok(self.boxed())
+        Ok(self.writer())
     }
 }
 
-impl ImageWriter for Exr {
-    type Scene = ();
-
-    fn reads(&self) -> Vec<Input> {
-        self.include.inputs(Accepts::If(|key| accepts(key, Coding::of)))
+impl ProductWriter for Exr {
+    fn include(&self) -> &Included {
+        &self.include
     }
 
-    fn view(&self, _: &mut (), cx: &ImageContext, products: &Products, output: &Output) -> Result<()> {
-        self.write(Scope::View, &view_name(cx.scene_id, cx.view_id), products, output)
-    }
-
-    fn close(&self, (): (), cx: &ImagesContext, products: &Products, output: &Output) -> Result<()> {
-        self.write(Scope::Scene, &scene_name(cx.scene_id), products, output)
+    fn accepts(key: &KeyId) -> Result<(), String> {
+        accepts(key, ExrCoding::of)
     }
 
     fn paths(&self, of: &FileOf) -> Vec<String> {
         match self.layers {
-            true => include::path_of_all(of, |name| layers_path(of.id, name)).into_iter().collect(),
-            false => include::paths(of, "exr", include::IMAGE_ENDS),
+            true => include::path_of_all(of, EXTENSION).into_iter().collect(),
+            false => include::paths(of, EXTENSION, include::IMAGE_ENDS),
         }
     }
-}
 
-fn layers_path(id: &str, name: &str) -> String {
-    format!("{id}/{name}.exr")
-}
-
-impl Exr {
-    fn write(&self, scope: Scope, name: &str, products: &Products, output: &Output) -> Result<()> {
+    fn write(&self, included: &IncludedProducts) -> Result<()> {
         let precision = if self.half { Precision::Half } else { Precision::Float };
-        if self.layers {
-            return self.write_layers(scope, name, products, output, precision);
+        match self.layers {
+            true => write_layers(included, precision),
+            false => included.write_images(EXTENSION, |kind, value| {
+                ExrCoding::of(kind).map_err(Error::new)?.encode(value, precision)
+            }),
         }
-        let images = self.include.of_scope(products, scope);
-        include::write_images(images, output, "exr", name, products, |kind, value| {
-            Coding::of(kind).map_err(Error::new)?.encode(value, precision)
-        })
     }
+}
 
-    /// Writes the images of a scope as layers of one file, if there are any.
-    fn write_layers(
-        &self,
-        scope: Scope,
-        name: &str,
-        products: &Products,
-        output: &Output,
-        precision: Precision,
-    ) -> Result<()> {
-        let mut layers = Vec::new();
-        for (product, key) in self.include.of_scope(products, scope) {
-            let mut add = |value: Value, name: String| {
-                let coding = Coding::of(&Kind::of(&key, &value))
-                    .map_err(|refusal| Error::new(refusal).context(format!("product `{product}`")))?;
-                layers.push(ImageLayer { name, coding, value });
-                Ok(())
-            };
-            match products.value(product)? {
-                Value::PerInstance(values) => {
-                    values.into_iter().try_for_each(|(id, value)| add(value, format!("{product}_{:04}", id.0)))?;
-                }
-                value => add(value, product.to_owned())?,
-            }
-        }
-        if let Some(color) = layers.iter_mut().find(|layer| layer.coding.color) {
-            color.name.clear();
-        }
-        match layers.is_empty() {
-            true => Ok(()),
-            false => output.write(&layers_path(output.id(), name), &encode_layers(&layers, precision)?),
-        }
+/// Writes the images as layers of one file, if there are any.
+fn write_layers(included: &IncludedProducts, precision: Precision) -> Result<()> {
+    let mut layers = Vec::new();
+    included.for_each_image(|product, id, kind, value| {
+        let refuse = |reason: String| Error::new(reason).context(format!("product `{product}`"));
+        let coding = ExrCoding::of(kind).map_err(refuse)?;
+        let name = id.map_or_else(|| product.to_owned(), |id| format!("{product}_{:04}", id.0));
+        layers.push(ImageLayer { name, coding, value });
+        Ok(())
+    })?;
+    if let Some(color) = layers.iter_mut().find(|layer| layer.coding.color) {
+        color.name.clear();
+    }
+    match layers.is_empty() {
+        true => Ok(()),
+        false => included.write_all(EXTENSION, &encode_layers(&layers, precision)?),
     }
 }
 

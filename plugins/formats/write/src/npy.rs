@@ -1,13 +1,12 @@
 //! NumPy files of numeric arrays.
 
 use syntable_formats::encode::kind::accepts;
-use syntable_formats::encode::npy::{self, Array, Arrays};
-use syntable_formats::encode::{scene_name, view_name};
-use syntable_formats::include::{self, Included};
-use syntable_formats::writer::ImageWriter;
+use syntable_formats::encode::npy::{self, Array, NpyArrays};
+use syntable_formats::include::{self, Included, IncludedProducts};
+use syntable_formats::writer::ProductWriter;
 use syntable_model::prelude::*;
-use syntable_model::product::Scope;
 
+const EXTENSION: &str = "npy";
 /// End of the name of a file of instance ids.
 const IDS_END: &str = "_ids";
 
@@ -44,50 +43,35 @@ impl Config for Npy {
     const KIND: &'static str = "npy";
     const EXAMPLE: &'static str = "include = [\"depth\", \"amodal_mask\", \"occlusion_order\"]";
     fn build(self) -> Result<Box<dyn Writer>, ConfigError> {
-        Ok(self.boxed())
+        Ok(self.writer())
     }
 }
 
-impl ImageWriter for Npy {
-    type Scene = ();
-
-    fn reads(&self) -> Vec<Input> {
-        self.include.inputs(Accepts::If(|key| accepts(key, npy::check)))
+impl ProductWriter for Npy {
+    fn include(&self) -> &Included {
+        &self.include
     }
 
-    fn view(&self, _: &mut (), cx: &ImageContext, products: &Products, output: &Output) -> Result<()> {
-        self.write(Scope::View, &view_name(cx.scene_id, cx.view_id), products, output, include::shape(cx))
-    }
-
-    fn close(&self, (): (), cx: &ImagesContext, products: &Products, output: &Output) -> Result<()> {
-        self.write(Scope::Scene, &scene_name(cx.scene_id), products, output, [0, 0])
+    fn accepts(key: &KeyId) -> Result<(), String> {
+        accepts(key, npy::check)
     }
 
     fn paths(&self, of: &FileOf) -> Vec<String> {
-        let arrays = include::paths(of, "npy", [&[""], &["", IDS_END]]);
-        arrays.into_iter().chain(self.include.categories_path(of)).collect()
+        include::paths(of, EXTENSION, [&[""], &["", IDS_END]])
     }
 
-    fn finish(&self, cx: &DatasetContext, _: &Products, finish: &Finish) -> Result<()> {
-        self.include.write_categories(cx.dataset, finish)
-    }
-}
-
-impl Npy {
-    /// Writes the products of a scope; `size` is the height and width of an image without instances.
-    fn write(&self, scope: Scope, name: &str, products: &Products, output: &Output, size: [usize; 2]) -> Result<()> {
-        for (product, key) in self.include.of_scope(products, scope) {
-            let stem = include::stem(output.id(), product, name);
-            let save = |array: Array, end: &str| output.write(&format!("{stem}{end}.npy"), &array.encode());
-            match npy::arrays(product, &key, &products.value(product)?, size)? {
-                Arrays::One(array) => save(array, "")?,
-                Arrays::PerInstance { values, ids } => {
+    fn write(&self, included: &IncludedProducts) -> Result<()> {
+        included.try_for_each(|product, key, value| {
+            let save =
+                |array: Array, end: &str| included.write(product, &format!("{end}.{EXTENSION}"), &array.encode());
+            match npy::arrays(product, key, &value, included.shape)? {
+                NpyArrays::One(array) => save(array, ""),
+                NpyArrays::PerInstance { values, ids } => {
                     save(values, "")?;
-                    save(ids, IDS_END)?;
+                    save(ids, IDS_END)
                 }
             }
-        }
-        Ok(())
+        })
     }
 }
 

@@ -24,7 +24,7 @@ pub struct Ply {
     /// Depth in meters along the optical axis: `depth`, or `depth_sensed` for what a depth camera measures.
     pub depth: ProductName,
     /// Frame of the points.
-    pub frame: Frame,
+    pub frame: PointFrame,
     /// Whether points have the color of their pixel in `rgb`.
     pub colors: bool,
     /// Whether points have the id of their body.
@@ -34,7 +34,7 @@ pub struct Ply {
 /// A frame of coordinates.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
-pub enum Frame {
+pub enum PointFrame {
     /// x right, y down, z forward.
     Camera,
     /// That of the scene, z up: the clouds of its views fit together.
@@ -43,7 +43,7 @@ pub enum Frame {
 
 impl Default for Ply {
     fn default() -> Self {
-        Self { depth: "depth".into(), frame: Frame::World, colors: true, instances: true }
+        Self { depth: "depth".into(), frame: PointFrame::World, colors: true, instances: true }
     }
 }
 
@@ -98,8 +98,8 @@ impl Ply {
         let instances = if self.instances { Some(products.get(INSTANCE)?) } else { None };
         let help = "write points in the camera's frame: `frame = \"camera\"`";
         let world_from_camera = match self.frame {
-            Frame::Camera => None,
-            Frame::World => Some(camera.world_from_camera().map_err(|error| error.help(help))?),
+            PointFrame::Camera => None,
+            PointFrame::World => Some(camera.world_from_camera().map_err(|error| error.help(help))?),
         };
         let (mut points, mut count) = (Vec::new(), 0_usize);
         for (pixel, depth) in bytes.as_chunks().0.iter().map(|&b| f32::from_le_bytes(b)).enumerate() {
@@ -119,8 +119,8 @@ impl Ply {
 
     fn header(&self, points: usize) -> String {
         let frame = match self.frame {
-            Frame::Camera => "camera frame in meters: x right, y down, z forward",
-            Frame::World => "world frame in meters: z up",
+            PointFrame::Camera => "camera frame in meters: x right, y down, z forward",
+            PointFrame::World => "world frame in meters: z up",
         };
         let properties = [
             (true, "property float x\nproperty float y\nproperty float z\n"),

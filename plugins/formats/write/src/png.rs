@@ -1,12 +1,13 @@
 //! PNG files of images and masks.
 
 use syntable_formats::encode::kind::accepts;
-use syntable_formats::encode::png::Coding;
-use syntable_formats::encode::{scene_name, view_name};
-use syntable_formats::include::{self, Included};
-use syntable_formats::writer::ImageWriter;
+use syntable_formats::encode::png::PngCoding;
+use syntable_formats::include::{self, Included, IncludedProducts};
+use syntable_formats::writer::ProductWriter;
 use syntable_model::prelude::*;
-use syntable_model::product::{DType, Scope, Tensor};
+use syntable_model::product::{DType, Tensor};
+
+const EXTENSION: &str = "png";
 
 /// Writes images and masks as PNG files.
 ///
@@ -57,41 +58,28 @@ impl Config for Png {
     const KIND: &'static str = "png";
     const EXAMPLE: &'static str = "include = [\"rgb\", \"depth\", \"visible_mask\"]";
     fn build(self) -> Result<Box<dyn Writer>, ConfigError> {
-        Ok(self.boxed())
+        Ok(self.writer())
     }
 }
 
-impl ImageWriter for Png {
-    type Scene = ();
-
-    fn reads(&self) -> Vec<Input> {
-        self.include.inputs(Accepts::If(|key| accepts(key, Coding::of)))
+impl ProductWriter for Png {
+    fn include(&self) -> &Included {
+        &self.include
     }
 
-    fn view(&self, _: &mut (), cx: &ImageContext, products: &Products, output: &Output) -> Result<()> {
-        self.write(Scope::View, &view_name(cx.scene_id, cx.view_id), products, output)
-    }
-
-    fn close(&self, (): (), cx: &ImagesContext, products: &Products, output: &Output) -> Result<()> {
-        self.write(Scope::Scene, &scene_name(cx.scene_id), products, output)
+    fn accepts(key: &KeyId) -> Result<(), String> {
+        accepts(key, PngCoding::of)
     }
 
     fn paths(&self, of: &FileOf) -> Vec<String> {
-        include::paths(of, "png", include::IMAGE_ENDS).into_iter().chain(self.include.categories_path(of)).collect()
+        include::paths(of, EXTENSION, include::IMAGE_ENDS)
     }
 
-    fn finish(&self, cx: &DatasetContext, _: &Products, finish: &Finish) -> Result<()> {
-        self.include.write_categories(cx.dataset, finish)
-    }
-}
-
-impl Png {
-    fn write(&self, scope: Scope, name: &str, products: &Products, output: &Output) -> Result<()> {
-        let images = self.include.of_scope(products, scope);
-        include::write_images(images, output, "png", name, products, |kind, value| {
+    fn write(&self, included: &IncludedProducts) -> Result<()> {
+        included.write_images(EXTENSION, |kind, value| {
             let cut = if self.crop { cropped(value) } else { None };
             let value = cut.as_ref().unwrap_or(value);
-            Coding::of(kind).map_err(Error::new)?.image(value, self.depth_scale_mm)?.encode()
+            PngCoding::of(kind).map_err(Error::new)?.image(value, self.depth_scale_mm)?.encode()
         })
     }
 }

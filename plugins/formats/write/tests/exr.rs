@@ -1,13 +1,13 @@
 //! EXR files, read back by the `exr` crate and by OpenEXR itself.
 
-mod common;
-
-use common::{Crowd, Take, dataset, own_script, python_with, take, write_scenes, writer};
 use exr::prelude::{FlatSamples, ReadChannels, ReadLayers, f16};
 use std::path::Path;
 use std::sync::OnceLock;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{DEPTH, NORMAL, RADIANCE};
+use syntable_testing::takes::{Crowd, Take, dataset, take, write_scenes, writer};
+use syntable_testing::tools::{own_script, python_with};
+use syntable_write as _;
 
 /// Float images of a plugin that no writer knows.
 const HEAT: Key<Plane<f32>> = Key::view("heat", "Temperature at the pixel center.");
@@ -125,7 +125,7 @@ fn layers_are_the_images_of_a_view() {
     let want: Vec<(&str, Vec<u32>)> = want.iter().map(|(name, bits)| (name.as_str(), bits.clone())).collect();
     let path = folder.path().join("exr/000000_0000.exr");
     check(&path, &want);
-    assert_eq!(common::files(folder.path()).len(), 1, "one file per view");
+    assert_eq!(syntable_testing::takes::files(folder.path()).len(), 1, "one file per view");
     let header = exr::meta::MetaData::read_from_file(path, true).expect("an EXR file").headers.remove(0);
     let unit = |name: &str| format!("{:?}", header.own_attributes.other.get(name.as_bytes()));
     assert!(unit("depth.unit").contains('m') && unit("unit").contains("nit") && unit("heat.unit") == "None");

@@ -1,8 +1,5 @@
 //! What each writer writes, by its own description.
 
-mod common;
-
-use common::{Crowd, Take, dataset, files, finish, finish_with, take, takes, write_all, write_scenes, writer};
 use exr::prelude::f16;
 use serde_json::{Value as Json, json};
 use std::collections::BTreeMap;
@@ -15,6 +12,9 @@ use syntable_model::product::standard::*;
 use syntable_model::registry::{Slot, Stage};
 use syntable_model::store::{MemStore, StoreFolder};
 use syntable_testing::folder::files_of_store;
+use syntable_testing::takes::{
+    Crowd, Take, dataset, files, finish, finish_with, take, takes, write_all, write_scenes, writer,
+};
 
 fn read_json(path: &Path) -> Json {
     serde_json::from_slice(&std::fs::read(path).expect("there")).expect("JSON")
@@ -80,29 +80,6 @@ fn options_of_another_form_are_refused() {
     ] {
         let error = writer(kind, options).err().unwrap_or_else(|| panic!("{kind} {options} is accepted"));
         assert!(error.contains(want), "{kind} {options}: {error}");
-    }
-}
-
-/// The registry refuses what the schema excludes, so that no writer checks it again.
-#[test]
-fn limits_are_in_the_schema() {
-    use syntable_write as _;
-    let registry = syntable_model::registry::Registry::linked().expect("kinds are unique");
-    let mut generator = schemars::generate::SchemaSettings::draft07().into_generator();
-    for (kind, pointer, want) in [
-        ("png", "/properties/include/minItems", json!(1)),
-        ("png", "/properties/depth_scale_mm/minimum", json!(0.001)),
-        ("exr", "/properties/include/minItems", json!(1)),
-        ("npy", "/properties/include/minItems", json!(1)),
-        ("npz", "/properties/include/minItems", json!(1)),
-        ("webdataset", "/properties/include/minItems", json!(1)),
-        ("jsonl", "/properties/include/minItems", json!(1)),
-        ("contact_sheet", "/properties/panels/minItems", json!(1)),
-        ("contact_sheet", "/properties/panel_width_px/minimum", json!(16)),
-        ("contact_sheet", "/properties/views_per_sheet/minimum", json!(1)),
-    ] {
-        let entry = registry.find(syntable_model::registry::Slot::Write, kind).expect("a registered kind");
-        assert_eq!(entry.schema(&mut generator).pointer(pointer), Some(&want), "{kind} {pointer}");
     }
 }
 
@@ -227,14 +204,14 @@ fn image_ids_are_unique_in_a_dataset_that_has_grown() {
 
 #[test]
 fn the_shared_types_read_the_file_and_write_the_same_bytes() {
-    use syntable_formats::dataset::{Dataset, Layout};
+    use syntable_formats::dataset::{AnnotationDataset, JsonLayout};
     use syntable_formats::syntable;
     let folder = tempfile::tempdir().expect("a folder");
     let takes = write_all(folder.path(), "syntable", "syntable", "");
     let path = folder.path().join("annotation_final.json");
-    let file = syntable::Dataset::read(&path).expect("reads");
+    let file = syntable::SynTableDataset::read(&path).expect("reads");
     let mut bytes = Vec::new();
-    file.write(&mut bytes, "a.json", Layout::Lines).expect("memory");
+    file.write(&mut bytes, "a.json", JsonLayout::Lines).expect("memory");
     assert!(bytes == std::fs::read(&path).expect("there"));
     let known = file.images.iter().all(|image| image.extra.is_empty());
     assert!(known && file.annotations.iter().all(|annotation| annotation.extra.is_empty()), "types have every field");
@@ -250,9 +227,10 @@ fn the_shared_types_read_the_file_and_write_the_same_bytes() {
     let folder = tempfile::tempdir().expect("a folder");
     write_all(folder.path(), "syntable", "syntable", "compat = \"syntable_1\"");
     let path = folder.path().join("annotation_final.json");
-    let file = Dataset::<syntable::Image, syntable::syntable_1::Annotation>::read(&path).expect("reads");
+    let file = AnnotationDataset::<syntable::SynTableImage, syntable::syntable_1::SynTable1Annotation>::read(&path)
+        .expect("reads");
     let mut bytes = Vec::new();
-    file.write(&mut bytes, "a.json", Layout::Indented).expect("memory");
+    file.write(&mut bytes, "a.json", JsonLayout::Indented).expect("memory");
     assert!(bytes == std::fs::read(&path).expect("there"));
 }
 
@@ -311,7 +289,7 @@ fn scenes_and_classes_are_in_the_annotation_file() {
         write_scenes(&root, "w", &*writer, &dataset, &takes).expect("written");
         finish(&root, "w", &*writer, &dataset, &[0, 1, 2]).expect("finished");
         let file = root.join("annotation_final.json");
-        let file = syntable::Dataset::read(&file).expect("reads");
+        let file = syntable::SynTableDataset::read(&file).expect("reads");
         let named: Vec<(u64, &str)> = file.categories.iter().map(|it| (it.id, it.name.as_str())).collect();
         assert_eq!(named, categories);
         let solid = categories.last().expect("one").0;
@@ -474,7 +452,7 @@ fn debug_masks_of_a_dataset_that_was_read_are_made_from_its_labels() {
     let dataset = DatasetInfo { classes: ["a", "b"].map(str::to_owned).to_vec(), ..dataset(1, 1) };
     let (take, log) = (take(0, 9, &[Crowd::Random]), Collected::default());
     let (view, products) = &take.views[0];
-    let entry = common::registry().find(Slot::Write, "syntable").expect("registered").clone();
+    let entry = syntable_testing::takes::registry().find(Slot::Write, "syntable").expect("registered").clone();
     let Ok(Stage::Write(writer)) = entry.construct_str("debug_masks = true").map(|made| made.stage) else {
         panic!("a writer of images")
     };
@@ -557,7 +535,7 @@ fn labels_that_disagree_are_an_error() {
     take.views[0].1 = products;
     let folder = tempfile::tempdir().expect("a folder");
     let error = write_scenes(folder.path(), "w", &*writer, &dataset, &[take]).expect_err("refused").to_string();
-    assert!(error.contains("is in `occlusion_order` but not in `amodal_mask`"), "{error}");
+    assert!(error.contains("is in the masks but not in `amodal_mask`"), "{error}");
 
     /// All products but the amodal masks.
     fn copy_all_but_amodal(products: &mut Products, source: &Products) {

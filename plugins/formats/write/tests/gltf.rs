@@ -1,8 +1,5 @@
 //! The glTF writer: what another library reads is the scene that was written.
 
-mod common;
-
-use common::{dataset, files, writer};
 use gltf::mesh::util::ReadIndices;
 use serde_json::{Value as Json, json};
 use std::collections::BTreeMap;
@@ -13,6 +10,8 @@ use syntable_model::digest::{Digest, Hasher};
 use syntable_model::geometry::{Point3, UnitQuaternion, Vector3, look_at};
 use syntable_model::prelude::*;
 use syntable_model::scene::*;
+use syntable_testing::takes::{dataset, files, writer};
+use syntable_write as _;
 
 type Matrix = [[f64; 4]; 4];
 
@@ -258,14 +257,14 @@ fn z_up(p: Point3<f64>) -> Point3<f64> {
     Point3::new(p.x, -p.z, p.y)
 }
 
-struct Part {
+struct MeshPart {
     positions: Vec<[f32; 3]>,
     uvs: Vec<[f32; 2]>,
     triangles: Vec<[u32; 3]>,
     material: usize,
 }
 
-fn parts(file: &gltf::Gltf, mesh: usize) -> Vec<Part> {
+fn parts(file: &gltf::Gltf, mesh: usize) -> Vec<MeshPart> {
     let blob = file.blob.as_deref().expect("a binary chunk");
     let mesh = file.meshes().nth(mesh).expect("a mesh");
     mesh.primitives()
@@ -275,7 +274,7 @@ fn parts(file: &gltf::Gltf, mesh: usize) -> Vec<Part> {
                 ReadIndices::U16(indices) => indices.map(u32::from).collect(),
                 other => other.into_u32().collect(),
             };
-            Part {
+            MeshPart {
                 positions: reader.read_positions().expect("positions").collect(),
                 uvs: reader.read_tex_coords(0).map(|uvs| uvs.into_f32().collect()).unwrap_or_default(),
                 triangles: indices.as_chunks().0.to_vec(),
@@ -523,8 +522,14 @@ fn the_script_for_blender_has_the_numbers_of_the_lights() {
         std::fs::create_dir_all(path.parent().expect("a folder")).expect("writable");
         std::fs::write(path, bytes).expect("writable");
     }
-    common::finish(folder.path(), "gltf", &*writer("gltf", "").expect("good options"), &dataset(4, 2), &[3])
-        .expect("done");
+    syntable_testing::takes::finish(
+        folder.path(),
+        "gltf",
+        &*writer("gltf", "").expect("good options"),
+        &dataset(4, 2),
+        &[3],
+    )
+    .expect("done");
     let script = folder.path().join("gltf/import_in_blender.py");
     let mut python = std::process::Command::new("python3");
     let Ok(output) = python.arg(&script).arg("--show").arg(folder.path().join("gltf/000003.glb")).output() else {

@@ -1,8 +1,8 @@
 //! Point clouds, read by a parser of the PLY format.
 
-mod common;
-
-use common::{own_script, python, write_all, writer};
+use syntable_testing::takes::{write_all, writer};
+use syntable_testing::tools::{own_script, python};
+use syntable_write as _;
 
 #[test]
 fn points_project_to_their_pixels() {

@@ -1,9 +1,9 @@
 //! What is written, read back by others: pycocotools, NumPy, Pillow, and code that reads as UOAIS-Net's does.
 
-mod common;
-
-use common::{own_script, python, shared_script, write_all};
 use syntable_model::prelude::*;
+use syntable_testing::takes::write_all;
+use syntable_testing::tools::{own_script, python, shared_script};
+use syntable_write as _;
 
 #[test]
 fn syntable_datasets_pass_the_checker() {

@@ -1,7 +1,5 @@
 //! What writers of products write is read back: each product equal to what was written, and the labels that follow from it.
 
-mod common;
-
 use std::path::Path;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::*;
@@ -10,6 +8,7 @@ use syntable_model::reader;
 use syntable_testing::hostile::{links_lead_nowhere_else, pipes_are_not_waited_for};
 use syntable_testing::read_back::{assert_products, classes, opened, written};
 use syntable_testing::takes::{open_dataset, registry};
+use syntable_write as _;
 
 /// Labels that follow from planes of ids and bits, or from masks.
 fn labels() -> Vec<KeyId> {
@@ -68,50 +67,6 @@ fn nothing_outside_is_read() {
     }
 }
 
-/// Cut off and changed anywhere, a dataset has faults or other values, and nothing panics.
-#[test]
-fn nothing_that_is_read_panics() {
-    let masks = "include = [\"visible_mask\", \"amodal_mask\", \"visible_box\", \"occlusion_order\", \"camera\"]";
-    for (kind, options, file) in [
-        ("webdataset", "", "data/data-000000.tar"),
-        ("npz", "compress = false", "data/000000_0001.npz"),
-        ("jsonl", masks, "data.jsonl"),
-        ("npz", "", "data/categories.json"),
-    ] {
-        let folder = tempfile::tempdir().expect("a folder");
-        written(folder.path(), kind, options);
-        let path = folder.path().join(file);
-        let bytes = std::fs::read(&path).expect("readable");
-        let mut stream = Stream::root(5);
-        let end = bytes.len() as u64;
-        for step in 0..80 {
-            let mut changed = bytes.clone();
-            match step % 4 {
-                0 => changed.truncate(stream.below(end) as usize),
-                // Digits give other numbers and shapes where JSON and headers stay what they are.
-                1 => {
-                    let digits: Vec<usize> = (0..changed.len()).filter(|at| changed[*at].is_ascii_digit()).collect();
-                    for _ in 0..6 {
-                        changed[digits[stream.below(digits.len() as u64) as usize]] = b'0' + stream.below(10) as u8;
-                    }
-                }
-                _ => (0..8).for_each(|_| changed[stream.below(end) as usize] = stream.below(256) as u8),
-            }
-            std::fs::write(&path, &changed).expect("writable");
-            let Ok((_, read)) = open_dataset(folder.path(), Some(kind)).or_else(|_| {
-                let within = if kind == "jsonl" { "data.jsonl" } else { "data" };
-                open_dataset(&folder.path().join(within), Some(kind))
-            }) else {
-                continue;
-            };
-            for image in 0..read.images.len() {
-                // Masks that do not fit each other would stop it where occlusion is made of them.
-                let _ = read.read(image, &read.offers);
-            }
-        }
-    }
-}
-
 #[test]
 fn each_product_is_read_by_itself() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -133,7 +88,7 @@ fn said(root: &Path, kind: &str) -> Vec<String> {
         Err(error) => return vec![error.to_string()],
     };
     let wants = &read.offers;
-    let faults = read.all_faults().iter().map(|fault| format!("{}: {}", fault.place, fault.message));
+    let faults = read.all_faults().iter().map(ToString::to_string);
     let errors = (0..read.images.len()).filter_map(|image| Some(read.read(image, wants).err()?.to_string()));
     faults.chain(errors).collect()
 }

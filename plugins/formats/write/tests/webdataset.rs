@@ -1,10 +1,10 @@
 //! WebDataset shards, read by the package webdataset itself, and compared with what the other writers wrote.
 
-mod common;
-
-use common::{files, own_script, python_with, write_all, writer};
 use std::sync::OnceLock;
 use syntable_model::product::standard::SETTLE_REPORT;
+use syntable_testing::takes::{files, write_all, writer};
+use syntable_testing::tools::{own_script, python_with};
+use syntable_write as _;
 
 const INCLUDE: &str = "include = [\"rgb\", \"depth\", \"visible_ids\", \"amodal_bits\", \"visible_box\", \
                        \"occlusion_rate\", \"visible_mask\", \"occlusion_order\", \"normal\", \"camera\", \"object_info\", \

@@ -9,7 +9,7 @@ use crate::table::{EvaluatedImage, EvaluationTable, Score};
 use crate::{Convention, bootstrap, worst};
 use std::path::PathBuf;
 use std::sync::Arc;
-use syntable_formats::scores::{ScoredImage, Scores};
+use syntable_formats::scores::{MetricScores, ScoredImage};
 use syntable_model::error::{Error, Result};
 use syntable_model::reader::{OpenDataset, Source};
 use syntable_model::registry::Registry;
@@ -173,12 +173,12 @@ impl Evaluation {
     ///
     /// # Errors
     /// If a file cannot be read, or the work was stopped.
-    pub fn with_worst(&self, most: usize, work: &ImageWork) -> Result<Scores> {
+    pub fn with_worst(&self, most: usize, work: &ImageWork) -> Result<MetricScores> {
         let lowest = worst::lowest(&self.pair.measures, &self.images, self.rank.0, most);
         let mut found: Vec<ScoredImage> = Vec::with_capacity(lowest.len());
         let image = |place: usize| self.pair.scored_image(lowest[place]);
         each(work, "saved", lowest.len(), &image, &mut |_, it| found.push(it))?;
-        Ok(Scores { ranked_by: self.rank.1.clone(), worst: found, ..self.table().saved() })
+        Ok(MetricScores { ranked_by: self.rank.1.clone(), worst: found, ..self.table().saved() })
     }
 
     /// Images that were not scored, since they cannot be read.

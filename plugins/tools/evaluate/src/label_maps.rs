@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 use syntable_formats::decode;
-use syntable_formats::read::{self, Categories, Labels};
+use syntable_formats::read::{self, Categories, ObjectLabels};
 use syntable_model::error::{Error, Result};
 use syntable_model::product::standard::OCCLUSION_MASK;
 use syntable_model::product::{KeyId, Mask, Products};
@@ -125,7 +125,7 @@ impl LabelMaps {
         let images = maps.iter().map(files).collect();
         let name = read::name_of(root);
         let info = Categories::default().info(name, String::new(), &refs, String::new());
-        let mut offers = read::Known::with_amodal(is_amodal).offers();
+        let mut offers = read::KnownMasks::with_amodal(is_amodal).offers();
         offers.retain(|key| says_occlusion || *key != OCCLUSION_MASK.id());
         Ok(Opened::new(info, refs, offers, Self { images, is_amodal, says_occlusion }))
     }
@@ -151,7 +151,7 @@ impl ImageSource for LabelMaps {
             let mask = |of: usize| files.masks[of].get(&id).map(|path| mask(path, [width, height])).transpose();
             let (amodal, occlusion) = (mask(0)?, mask(1)?);
             let amodal = amodal.unwrap_or_else(|| occlusion.as_ref().map_or(visible.clone(), |it| visible.or(it)));
-            Ok(Labels {
+            Ok(ObjectLabels {
                 id: InstanceId(id),
                 visible,
                 amodal: self.is_amodal.then_some(amodal),

@@ -4,7 +4,7 @@ use crate::measure::{Measures, Tally};
 use crate::{Convention, categories, coco, strata};
 use serde_json::{Map, Value, json};
 use std::fmt::Write as _;
-use syntable_formats::scores::{ScoreTable, Scores};
+use syntable_formats::scores::{MetricScores, ScoreTable};
 
 /// An image that was scored.
 pub struct EvaluatedImage {
@@ -231,15 +231,15 @@ impl EvaluationTable<'_> {
     }
 
     /// All of it as a file has it, without images.
-    pub fn saved(&self) -> Scores {
-        Scores {
+    pub fn saved(&self) -> MetricScores {
+        MetricScores {
             images: self.images.len(),
             objects: self.sum(|it| it.objects),
             predictions: self.sum(|it| it.predictions),
             convention: self.convention.name().to_owned(),
             scores: self.scores.iter().map(|it| (it.name.clone(), it.value.map(|value| 100.0 * value))).collect(),
             tables: self.tables(),
-            ..Scores::default()
+            ..MetricScores::default()
         }
     }
 

@@ -2,7 +2,7 @@
 //! again.
 
 use std::collections::BTreeMap;
-use syntable_formats::read::{self, Labels};
+use syntable_formats::read::{self, ObjectLabels};
 use syntable_model::error::{Error, Result};
 use syntable_model::product::standard::{DEPTH, OBJECT_NAME, RGB};
 use syntable_model::product::{KeyId, Mask, Plane, Products};
@@ -49,7 +49,7 @@ impl MemoryReader {
     }
 
     fn open(self) -> OpenDataset {
-        let mut offers = read::Known::Both.offers();
+        let mut offers = read::KnownMasks::Both.offers();
         offers.extend([RGB.id(), DEPTH.id(), OBJECT_NAME.id()]);
         let opened = || Ok(Opened::new(self.info.clone(), self.images.clone(), offers, self));
         OpenDataset::open("memory", &Source::new("memory"), opened).expect("opens")
@@ -62,7 +62,7 @@ fn mask(columns: std::ops::Range<u32>) -> Mask {
 
 impl ImageSource for MemoryReader {
     fn read(&self, image: usize, wants: &[KeyId]) -> Result<ReadImage> {
-        let labels = |id: u16, visible: Mask, amodal: Mask| Labels {
+        let labels = |id: u16, visible: Mask, amodal: Mask| ObjectLabels {
             id: InstanceId(id),
             visible,
             amodal: Some(amodal),

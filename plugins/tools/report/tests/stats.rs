@@ -1,7 +1,7 @@
 //! Statistics of label sets whose answers are worked out on paper, and of random ones beside a count pixel by pixel.
 
 use std::collections::BTreeMap;
-use syntable_formats::read::{self, Labels};
+use syntable_formats::read::{self, ObjectLabels};
 use syntable_model::error::Result;
 use syntable_model::product::standard::{CAMERA, DEPTH, OBJECT_INFO, OBJECT_NAME, RGB};
 use syntable_model::product::{KeyId, Mask, OcclusionOrder, Plane, Products, Value};
@@ -67,7 +67,7 @@ impl Paper {
     }
 
     fn open(&self) -> OpenDataset {
-        let mut offers = read::Known::with_amodal(!self.visible_alone).offers();
+        let mut offers = read::KnownMasks::with_amodal(!self.visible_alone).offers();
         offers.push(OBJECT_NAME.id());
         let more =
             [(RGB.id(), !self.rgb.is_empty()), (DEPTH.id(), !self.depth.is_empty()), (OBJECT_INFO.id(), self.poses)];
@@ -89,7 +89,7 @@ impl Paper {
 impl ImageSource for Paper {
     fn read(&self, image: usize, wants: &[KeyId]) -> Result<ReadImage> {
         let ids = || (1..).map(InstanceId);
-        let labels = ids().zip(&self.images[image]).map(|(id, object)| Labels {
+        let labels = ids().zip(&self.images[image]).map(|(id, object)| ObjectLabels {
             id,
             visible: object.visible.clone(),
             amodal: (!self.visible_alone).then(|| object.amodal.clone()),

@@ -1,6 +1,6 @@
 //! OpenEXR files.
 
-use super::kind::{Form, Kind, Semantic, other_writer, with_article};
+use super::kind::{Form, Semantic, ValueKind, other_writer, with_article};
 use exr::meta::MetaData;
 use exr::meta::attribute::{AttributeValue, Chromaticities};
 use exr::prelude::{
@@ -24,7 +24,7 @@ pub enum Precision {
 
 /// How a product becomes the channels of an EXR file.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Coding {
+pub struct ExrCoding {
     /// Names of the channels, in the order of the product.
     pub channels: &'static [&'static str],
     /// Whether the channels are linear Rec. 709.
@@ -32,9 +32,9 @@ pub struct Coding {
     unit: &'static str,
 }
 
-impl Coding {
+impl ExrCoding {
     /// How a kind of value is stored. A refusal is a reason and a remedy.
-    pub fn of(kind: &Kind) -> Result<Self, String> {
+    pub fn of(kind: &ValueKind) -> Result<Self, String> {
         let channels = match kind.form {
             Form::Image { dtype: DType::F32 | DType::F16, channels } => channels.unwrap_or(1),
             ref form @ (Form::Image { .. } | Form::Mask) => {
@@ -151,7 +151,7 @@ pub struct ImageLayer {
     /// have plain names.
     pub name: String,
     /// How its value is stored.
-    pub coding: Coding,
+    pub coding: ExrCoding,
     /// The image.
     pub value: Value,
 }
@@ -196,7 +196,28 @@ pub fn encode_layers(images: &[ImageLayer], precision: Precision) -> Result<Vec<
         .non_parallel()
         .to_buffered(&mut file)
         .map_err(|error| Error::new(format!("a {} × {} EXR: {error}", size.0, size.1)))?;
-    Ok(file.into_inner())
+    Ok(with_sorted_units(&file.into_inner()))
+}
+
+/// The same file with the attributes of units in the order of their names. The library writes them in the order of a hash map.
+fn with_sorted_units(file: &[u8]) -> Vec<u8> {
+    // Magic number and version precede the attributes: name, type, size and value of each, then a zero.
+    let mut end = 8;
+    let (start, mut attributes) = (&file[..end], Vec::new());
+    while file[end] != 0 {
+        let after_text = |at: usize| at + 1 + file[at..].iter().take_while(|byte| **byte != 0).count();
+        let size = after_text(after_text(end));
+        let bytes = file[size..].first_chunk().copied().map_or(0, u32::from_le_bytes);
+        let next = size + 4 + bytes as usize;
+        attributes.push(&file[end..next]);
+        end = next;
+    }
+    let is_unit = |attribute: &&[u8]| attribute.split(|byte| *byte == 0).next().is_some_and(|it| it.ends_with(b"unit"));
+    let mut units: Vec<&[u8]> = attributes.iter().copied().filter(is_unit).collect();
+    units.sort_unstable();
+    let mut units = units.into_iter();
+    let sorted = attributes.iter().filter_map(|it| if is_unit(it) { units.next() } else { Some(*it) });
+    [start].into_iter().chain(sorted).chain([&file[end..]]).flatten().copied().collect()
 }
 
 /// CIE x and y of the primaries of Rec. 709 and of its white point, D65.
@@ -207,6 +228,18 @@ mod tests {
     use super::*;
 
     #[test]
+    fn units_are_sorted() {
+        let value = Value::Tensor(Tensor::new(DType::F32, &["y", "x"], vec![1, 1], vec![0; 4]));
+        let depth = ExrCoding::of(&ValueKind { form: Form::from(&value), semantic: Semantic::Depth, unit: "m" });
+        let coding = depth.expect("an image");
+        let names = ["e", "b", "d", "a", "c", "f"].map(str::to_owned);
+        let layer = |name: String| ImageLayer { name, coding: coding.clone(), value: value.clone() };
+        let bytes = encode_layers(&names.map(layer), Precision::Float).expect("encoded");
+        let at = |name: &str| bytes.windows(6).position(|it| it == format!("{name}.unit").as_bytes()).expect("there");
+        assert!(["a", "b", "c", "d", "e", "f"].map(at).is_sorted());
+    }
+
+    #[test]
     fn images_come_back() {
         let pixel = |at: usize| if at == 3 { f32::INFINITY } else { 0.1 * at as f32 };
         for channels in [None, Some(3)] {
@@ -215,7 +248,8 @@ mod tests {
             let bytes = (0..shape.iter().product()).flat_map(|at| pixel(at).to_le_bytes()).collect();
             let tensor = Tensor::new(DType::F32, axes, shape, bytes);
             let form = Form::Image { dtype: DType::F32, channels };
-            let coding = Coding::of(&Kind { form, semantic: Semantic::Normal, unit: "" }).expect("a float image");
+            let coding =
+                ExrCoding::of(&ValueKind { form, semantic: Semantic::Normal, unit: "" }).expect("a float image");
             let file = coding.encode(&Value::Tensor(tensor.clone()), Precision::Float).expect("encodes");
             assert_eq!(coding.decode(&file).expect("reads"), tensor);
             let error = coding.decode(&file[..file.len() / 2]).expect_err("cut off").to_string();
@@ -226,7 +260,7 @@ mod tests {
     #[test]
     fn units_are_ascii_in_the_header() {
         let form = Form::Image { dtype: DType::F32, channels: None };
-        let coding = Coding::of(&Kind { form, semantic: Semantic::Data, unit: "nit²" }).expect("a float image");
+        let coding = ExrCoding::of(&ValueKind { form, semantic: Semantic::Data, unit: "nit²" }).expect("a float image");
         let value = Value::Tensor(Tensor::new(DType::F32, &["y", "x"], vec![1, 1], vec![0; 4]));
         let file = coding.encode(&value, Precision::Float).expect("encodes");
         assert!(file.windows(13).any(|bytes| bytes == b"string\0\x05\0\0\0ni"), "a text of five bytes");
@@ -237,7 +271,7 @@ mod tests {
     fn channels_are_named_by_the_kind_of_value() {
         let names = |channels, semantic, unit| {
             let form = Form::Image { dtype: DType::F32, channels };
-            Coding::of(&Kind { form, semantic, unit }).expect("a float image").channels.join("")
+            ExrCoding::of(&ValueKind { form, semantic, unit }).expect("a float image").channels.join("")
         };
         assert_eq!(names(None, Semantic::Depth, "m"), "Z");
         assert_eq!(names(Some(1), Semantic::Data, ""), "Y");
@@ -259,7 +293,7 @@ mod tests {
             (Form::Mask, "an EXR file holds 16- and 32-bit float images, not a mask; write it with npy or png"),
             (Form::Record, "an EXR file holds 16- and 32-bit float images, not a record; write it with jsonl"),
         ] {
-            let refusal = Coding::of(&Kind { form, semantic: Semantic::Data, unit: "" }).expect_err("refused");
+            let refusal = ExrCoding::of(&ValueKind { form, semantic: Semantic::Data, unit: "" }).expect_err("refused");
             assert!(refusal.starts_with(want), "{refusal}");
         }
     }

@@ -1,7 +1,7 @@
 //! Shards: lines of JSON that a writer keeps for each scene until the end of the run.
 
+use crate::json::unwritable;
 use serde::Serialize;
-use serde::de::DeserializeOwned;
 use std::io::BufRead;
 use syntable_model::error::{Error, Result};
 use syntable_model::scene::SceneId;
@@ -9,8 +9,7 @@ use syntable_model::stage::Finish;
 
 /// Appends a value as one line.
 pub fn push_line(lines: &mut Vec<u8>, value: &impl Serialize) -> Result<()> {
-    serde_json::to_writer(&mut *lines, value)
-        .map_err(|error| Error::new(format!("cannot be written as JSON: {error}")))?;
+    serde_json::to_writer(&mut *lines, value).map_err(unwritable)?;
     lines.push(b'\n');
     Ok(())
 }
@@ -36,18 +35,6 @@ pub fn for_each_line_of(finish: &Finish, scene: SceneId, mut each: impl FnMut(&s
             Err(error) => return Err(damaged(finish, scene, &format!("cannot be read: {error}"))),
         }
     }
-}
-
-/// Calls `each` with every line of one scene's shard, read back as the value that [`push_line`] wrote.
-pub fn for_each_value_of<T: DeserializeOwned>(
-    finish: &Finish,
-    scene: SceneId,
-    mut each: impl FnMut(T) -> Result<()>,
-) -> Result<()> {
-    for_each_line_of(finish, scene, |line| {
-        let value = serde_json::from_str(line);
-        each(value.map_err(|error| damaged(finish, scene, &format!("has a line that is not a record: {error}")))?)
-    })
 }
 
 fn damaged(finish: &Finish, scene: SceneId, what: &str) -> Error {

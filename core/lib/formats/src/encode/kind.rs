@@ -7,7 +7,7 @@ pub use syntable_model::product::{Form, Semantic};
 
 /// What kind of value a product is.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Kind {
+pub struct ValueKind {
     /// Its form; the form of one instance's value if it is a value per instance.
     pub form: Form,
     /// What its numbers mean.
@@ -16,7 +16,7 @@ pub struct Kind {
     pub unit: &'static str,
 }
 
-impl Kind {
+impl ValueKind {
     /// The kind of a value of a product.
     pub fn of(key: &KeyId, value: &Value) -> Self {
         Self { form: Form::from(value), semantic: key.semantic, unit: key.unit }
@@ -41,7 +41,7 @@ pub fn with_article(form: &Form) -> String {
 
 /// The writers of this crate that store a form which no image file holds.
 pub fn other_writer(form: &Form) -> &'static str {
-    match npy::check(&Kind { form: form.clone(), semantic: Semantic::Data, unit: "" }) {
+    match npy::check(&ValueKind { form: form.clone(), semantic: Semantic::Data, unit: "" }) {
         Ok(()) => "npy or jsonl",
         Err(_) => "jsonl",
     }
@@ -49,10 +49,10 @@ pub fn other_writer(form: &Form) -> &'static str {
 
 /// Checks by its key whether a product can be stored in files of its own, given what an encoder says to its kind. What
 /// the key does not say is checked again when the value is there.
-pub fn accepts<T>(key: &KeyId, encoder: impl Fn(&Kind) -> Result<T, String>) -> Result<(), String> {
+pub fn accepts<T>(key: &KeyId, encoder: impl Fn(&ValueKind) -> Result<T, String>) -> Result<(), String> {
     if key.scope == Scope::Dataset {
         return Err("it is made once per dataset, not per view or scene; write it with jsonl or template".to_owned());
     }
-    let kind = Kind::of_key(key);
+    let kind = ValueKind::of_key(key);
     if kind.form == Form::Any { Ok(()) } else { encoder(&kind).map(drop) }
 }

@@ -1,12 +1,12 @@
 //! NumPy files (format 1.0).
 
-use super::kind::{Form, Kind, with_article};
+use super::kind::{Form, ValueKind, with_article};
 use syntable_model::error::{Error, Result};
 use syntable_model::product::{DType, KeyId, Mask, Tensor, Value};
 use syntable_model::scene::InstanceId;
 
 /// Refuses a kind of value that is not an array of numbers. A refusal is a reason and a remedy.
-pub fn check(kind: &Kind) -> Result<(), String> {
+pub fn check(kind: &ValueKind) -> Result<(), String> {
     match kind.form {
         Form::Text | Form::Bytes | Form::Record | Form::Records | Form::PerInstance(_) => Err(format!(
             "a NumPy file holds numbers of one shape, not {}; write it with jsonl",
@@ -17,7 +17,7 @@ pub fn check(kind: &Kind) -> Result<(), String> {
 }
 
 /// The arrays of a product.
-pub enum Arrays {
+pub enum NpyArrays {
     /// The array of a value.
     One(Array),
     /// A value per instance: the values of all instances along the first axis, and the ids of the instances.
@@ -30,9 +30,9 @@ pub enum Arrays {
 }
 
 /// The arrays of a product; `size` is the height and width of an image without instances. An error names the product.
-pub fn arrays(product: &str, key: &KeyId, value: &Value, size: [usize; 2]) -> Result<Arrays> {
+pub fn arrays(product: &str, key: &KeyId, value: &Value, size: [usize; 2]) -> Result<NpyArrays> {
     let array = |value: &Value| {
-        check(&Kind::of(key, value)).map_err(Error::new)?;
+        check(&ValueKind::of(key, value)).map_err(Error::new)?;
         Array::of(value)
     };
     let explain = |error: Error| error.context(format!("product `{product}`"));
@@ -43,16 +43,16 @@ pub fn arrays(product: &str, key: &KeyId, value: &Value, size: [usize; 2]) -> Re
             } else {
                 Array::stack(each.values().map(array)).map_err(explain)?
             };
-            Ok(Arrays::PerInstance { values, ids: Array::ids(each.keys().copied()) })
+            Ok(NpyArrays::PerInstance { values, ids: Array::ids(each.keys().copied()) })
         }
-        value => array(value).map(Arrays::One).map_err(explain),
+        value => array(value).map(NpyArrays::One).map_err(explain),
     }
 }
 
 /// The arrays of a product of numbers; none for what is better written as JSON: records, lists of no fixed form, and text.
 /// Where the key says what the product is, all values of it are written alike.
-pub fn arrays_of_numbers(product: &str, key: &KeyId, value: &Value, size: [usize; 2]) -> Option<Arrays> {
-    check(&Kind::of_key(key)).ok().and_then(|()| arrays(product, key, value, size).ok())
+pub fn arrays_of_numbers(product: &str, key: &KeyId, value: &Value, size: [usize; 2]) -> Option<NpyArrays> {
+    check(&ValueKind::of_key(key)).ok().and_then(|()| arrays(product, key, value, size).ok())
 }
 
 /// The element types that arrays have.

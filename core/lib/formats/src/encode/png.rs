@@ -1,6 +1,6 @@
 //! PNG files.
 
-use super::kind::{Form, Kind, Semantic, other_writer, with_article};
+use super::kind::{Form, Semantic, ValueKind, other_writer, with_article};
 use png::{BitDepth, ColorType, Compression, Encoder};
 use std::sync::LazyLock;
 use syntable_model::color::srgb_to_linear;
@@ -10,7 +10,7 @@ use syntable_model::stage::Output;
 
 /// How a product becomes the samples of a PNG file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Coding {
+pub enum PngCoding {
     /// A mask: 0 and 255.
     Mask,
     /// Truth values: 0 and 255.
@@ -27,9 +27,9 @@ pub enum Coding {
     Color,
 }
 
-impl Coding {
+impl PngCoding {
     /// How a kind of value is stored. A refusal is a reason and a remedy.
-    pub fn of(kind: &Kind) -> Result<Self, String> {
+    pub fn of(kind: &ValueKind) -> Result<Self, String> {
         let (dtype, channels) = match kind.form {
             Form::Mask => return Ok(Self::Mask),
             Form::Image { dtype, channels } => (dtype, channels.unwrap_or(1)),
@@ -66,45 +66,45 @@ impl Coding {
     }
 
     /// The image of a value whose kind has this coding. A step of a depth image is `depth_scale_mm`.
-    pub fn image(self, value: &Value, depth_scale_mm: f64) -> Result<Image> {
+    pub fn image(self, value: &Value, depth_scale_mm: f64) -> Result<PngImage> {
         let tensor = match value {
-            Value::Mask(mask) => return Ok(Image::mask(mask, 255)),
+            Value::Mask(mask) => return Ok(PngImage::mask(mask, 255)),
             Value::Tensor(Tensor { shape, .. }) if shape.len() < 2 => return Err(Error::new("an image of one axis")),
             Value::Tensor(tensor) => tensor,
             _ => return Err(Error::new("a value that is not an image")),
         };
         let samples = self.samples(tensor, depth_scale_mm);
-        Ok(Image { width: tensor.shape[1] as u32, height: tensor.shape[0] as u32, samples })
+        Ok(PngImage { width: tensor.shape[1] as u32, height: tensor.shape[0] as u32, samples })
     }
 
-    fn samples(self, tensor: &Tensor, depth_scale_mm: f64) -> Samples {
+    fn samples(self, tensor: &Tensor, depth_scale_mm: f64) -> PngSamples {
         let bytes = &tensor.bytes;
         let floats = || bytes.as_chunks().0.iter().map(|&b| f32::from_le_bytes(b));
         match self {
             Self::Mask | Self::Bits => {
-                Samples::Gray8(bytes.iter().map(|&bit| if bit == 0 { 0 } else { 255 }).collect())
+                PngSamples::Gray8(bytes.iter().map(|&bit| if bit == 0 { 0 } else { 255 }).collect())
             }
             Self::Bytes => match tensor.shape.get(2) {
-                Some(3) => Samples::Rgb8(bytes.clone()),
-                Some(4) => Samples::Rgba8(bytes.clone()),
-                _ => Samples::Gray8(bytes.clone()),
+                Some(3) => PngSamples::Rgb8(bytes.clone()),
+                Some(4) => PngSamples::Rgba8(bytes.clone()),
+                _ => PngSamples::Gray8(bytes.clone()),
             },
-            Self::Words => Samples::Gray16(bytes.as_chunks().0.iter().map(|&b| u16::from_le_bytes(b)).collect()),
+            Self::Words => PngSamples::Gray16(bytes.as_chunks().0.iter().map(|&b| u16::from_le_bytes(b)).collect()),
             Self::Depth => {
-                Samples::Gray16(floats().map(|m| depth_units(m, depth_scale_mm, Rounding::Nearest)).collect())
+                PngSamples::Gray16(floats().map(|m| depth_units(m, depth_scale_mm, Rounding::Nearest)).collect())
             }
             Self::Normal => {
                 let normals: Vec<f32> = floats().collect();
-                Samples::Rgb8(normals.as_chunks().0.iter().flat_map(|&normal| normal_code(normal)).collect())
+                PngSamples::Rgb8(normals.as_chunks().0.iter().flat_map(|&normal| normal_code(normal)).collect())
             }
-            Self::Color => Samples::Rgb8(floats().map(srgb_code).collect()),
+            Self::Color => PngSamples::Rgb8(floats().map(srgb_code).collect()),
         }
     }
 }
 
 /// The samples of an image, row by row.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Samples {
+pub enum PngSamples {
     /// One 8-bit sample per pixel.
     Gray8(Vec<u8>),
     /// One 16-bit sample per pixel.
@@ -117,30 +117,30 @@ pub enum Samples {
 
 /// An image that a PNG file can hold.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Image {
+pub struct PngImage {
     /// Width, px.
     pub width: u32,
     /// Height, px.
     pub height: u32,
     /// `width · height` times the number of channels.
-    pub samples: Samples,
+    pub samples: PngSamples,
 }
 
-impl Image {
+impl PngImage {
     /// An RGB plane.
     pub fn rgb(plane: &Plane<[u8; 3]>) -> Self {
-        let samples = Samples::Rgb8(plane.data().as_flattened().to_vec());
+        let samples = PngSamples::Rgb8(plane.data().as_flattened().to_vec());
         Self { width: plane.width(), height: plane.height(), samples }
     }
 
     /// A plane of 8-bit values.
     pub fn gray8(plane: &Plane<u8>) -> Self {
-        Self { width: plane.width(), height: plane.height(), samples: Samples::Gray8(plane.data().to_vec()) }
+        Self { width: plane.width(), height: plane.height(), samples: PngSamples::Gray8(plane.data().to_vec()) }
     }
 
     /// A plane of 16-bit values.
     pub fn gray16(plane: &Plane<u16>) -> Self {
-        Self { width: plane.width(), height: plane.height(), samples: Samples::Gray16(plane.data().to_vec()) }
+        Self { width: plane.width(), height: plane.height(), samples: PngSamples::Gray16(plane.data().to_vec()) }
     }
 
     /// A mask: `set` where it is set, 0 elsewhere.
@@ -157,10 +157,10 @@ impl Image {
     pub fn encode_with(&self, texts: &[(&str, &str)]) -> Result<Vec<u8>> {
         let swapped;
         let (color, depth, bytes): (_, _, &[u8]) = match &self.samples {
-            Samples::Gray8(bytes) => (ColorType::Grayscale, BitDepth::Eight, bytes),
-            Samples::Rgb8(bytes) => (ColorType::Rgb, BitDepth::Eight, bytes),
-            Samples::Rgba8(bytes) => (ColorType::Rgba, BitDepth::Eight, bytes),
-            Samples::Gray16(samples) => {
+            PngSamples::Gray8(bytes) => (ColorType::Grayscale, BitDepth::Eight, bytes),
+            PngSamples::Rgb8(bytes) => (ColorType::Rgb, BitDepth::Eight, bytes),
+            PngSamples::Rgba8(bytes) => (ColorType::Rgba, BitDepth::Eight, bytes),
+            PngSamples::Gray16(samples) => {
                 swapped = samples.iter().flat_map(|sample| sample.to_be_bytes()).collect::<Vec<_>>();
                 (ColorType::Grayscale, BitDepth::Sixteen, &swapped)
             }
@@ -244,7 +244,7 @@ mod tests {
 
     #[test]
     fn images_read_back() {
-        let check = |image: Image, want: &[u8]| {
+        let check = |image: PngImage, want: &[u8]| {
             let file = image.encode().expect("encodes");
             let mut reader = png::Decoder::new(std::io::Cursor::new(file)).read_info().expect("a PNG file");
             let mut bytes = vec![0; reader.output_buffer_size().expect("small")];
@@ -252,9 +252,9 @@ mod tests {
             assert_eq!((info.width, info.height), (image.width, image.height));
             assert_eq!(bytes, want);
         };
-        check(Image::gray16(&Plane::from_fn(2, 2, |x, y| (x * 256 + y) as u16)), &[0, 0, 1, 0, 0, 1, 1, 1]);
-        check(Image::rgb(&Plane::from_fn(2, 1, |x, _| [x as u8, 7, 255])), &[0, 7, 255, 1, 7, 255]);
-        check(Image::mask(&Mask::from_fn(2, 2, |x, y| x > y), 255), &[0, 255, 0, 0]);
+        check(PngImage::gray16(&Plane::from_fn(2, 2, |x, y| (x * 256 + y) as u16)), &[0, 0, 1, 0, 0, 1, 1, 1]);
+        check(PngImage::rgb(&Plane::from_fn(2, 1, |x, _| [x as u8, 7, 255])), &[0, 7, 255, 1, 7, 255]);
+        check(PngImage::mask(&Mask::from_fn(2, 2, |x, y| x > y), 255), &[0, 255, 0, 0]);
     }
 
     #[test]
@@ -270,16 +270,16 @@ mod tests {
     #[test]
     fn the_kind_of_value_decides_and_no_name() {
         let image = |dtype, channels| Form::Image { dtype, channels };
-        let coding = |form, semantic, unit| Coding::of(&Kind { form, semantic, unit });
+        let coding = |form, semantic, unit| PngCoding::of(&ValueKind { form, semantic, unit });
         for (form, semantic, unit, want) in [
-            (Form::Mask, Semantic::Mask, "", Coding::Mask),
-            (image(DType::Bool, None), Semantic::Data, "", Coding::Bits),
-            (image(DType::U8, Some(3)), Semantic::Color, "", Coding::Bytes),
-            (image(DType::U8, None), Semantic::Data, "m", Coding::Bytes),
-            (image(DType::U16, Some(1)), Semantic::Label, "", Coding::Words),
-            (image(DType::F32, None), Semantic::Depth, "m", Coding::Depth),
-            (image(DType::F32, Some(3)), Semantic::Normal, "", Coding::Normal),
-            (image(DType::F32, Some(3)), Semantic::Color, "", Coding::Color),
+            (Form::Mask, Semantic::Mask, "", PngCoding::Mask),
+            (image(DType::Bool, None), Semantic::Data, "", PngCoding::Bits),
+            (image(DType::U8, Some(3)), Semantic::Color, "", PngCoding::Bytes),
+            (image(DType::U8, None), Semantic::Data, "m", PngCoding::Bytes),
+            (image(DType::U16, Some(1)), Semantic::Label, "", PngCoding::Words),
+            (image(DType::F32, None), Semantic::Depth, "m", PngCoding::Depth),
+            (image(DType::F32, Some(3)), Semantic::Normal, "", PngCoding::Normal),
+            (image(DType::F32, Some(3)), Semantic::Color, "", PngCoding::Color),
         ] {
             assert_eq!(coding(form.clone(), semantic, unit), Ok(want), "{form}");
         }
@@ -333,7 +333,7 @@ mod tests {
     fn depth_is_a_multiple_of_its_unit() {
         let bytes = [1.25_f32, 0.0].into_iter().flat_map(f32::to_le_bytes).collect();
         let value = Value::Tensor(Tensor::new(DType::F32, &["y", "x"], vec![1, 2], bytes));
-        let image = Coding::Depth.image(&value, 0.25).expect("an image");
-        assert_eq!(image, Image { width: 2, height: 1, samples: Samples::Gray16(vec![5000, 0]) });
+        let image = PngCoding::Depth.image(&value, 0.25).expect("an image");
+        assert_eq!(image, PngImage { width: 2, height: 1, samples: PngSamples::Gray16(vec![5000, 0]) });
     }
 }

@@ -9,13 +9,13 @@ const MODE: u32 = 0o644;
 
 /// A tar file that is being written. Members have no time and no owner, so that the same members always give the same
 /// bytes.
-pub struct Archive<W: Write> {
+pub struct TarWriter<W: Write> {
     builder: Builder<W>,
     /// Names the file in errors.
     path: String,
 }
 
-impl<W: Write> Archive<W> {
+impl<W: Write> TarWriter<W> {
     /// Starts an archive. `path` names it in errors.
     pub fn new(out: W, path: impl Into<String>) -> Self {
         Self { builder: Builder::new(out), path: path.into() }
@@ -66,7 +66,7 @@ mod tests {
     fn members_are_read_back_or_skipped() {
         let long = format!("{}end", "ab/".repeat(60));
         let mut bytes = Vec::new();
-        let mut archive = Archive::new(&mut bytes, "a.tar");
+        let mut archive = TarWriter::new(&mut bytes, "a.tar");
         let members = [("first", vec![1; 700]), (long.as_str(), vec![2; 512]), ("last", vec![3])];
         members.iter().for_each(|(name, content)| archive.add(name, content).expect("added"));
         archive.finish().expect("ended");
@@ -91,7 +91,7 @@ mod tests {
     #[test]
     fn members_have_no_time_and_no_owner() {
         let mut bytes = Vec::new();
-        let mut archive = Archive::new(&mut bytes, "a.tar");
+        let mut archive = TarWriter::new(&mut bytes, "a.tar");
         archive.add("000001_0002.rgb.png", b"abc").expect("added");
         archive.finish().expect("ended");
         assert_eq!(bytes.len(), 512 + 512 + 1024);

@@ -1,74 +1,70 @@
 //! The images of a split: in folders of scenes, or in tar files of samples.
 
-use super::finish::{KEY_TO_SHARD, OF_SCENE};
-use super::record::{GroundTruth, Info, SceneCamera};
+use super::BopLayout;
+use super::record::{
+    BopImage, GroundTruth, GroundTruthInfo, KEY_TO_SHARD, SAMPLE_CAMERA, SAMPLE_DEPTH, SAMPLE_GT, SAMPLE_GT_INFO,
+    SAMPLE_MASK, SAMPLE_MASK_VISIB, SAMPLE_RGB, SCENE_CAMERA, SCENE_GT, SCENE_GT_INFO, SceneCamera, shard_number,
+};
 use serde::de::DeserializeOwned;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
-use syntable_formats::decode::{self, Content};
+use syntable_formats::decode::{self, FileContent};
 use syntable_formats::json as formats_json;
-use syntable_formats::members::{self, Member, Sample};
+use syntable_formats::members::{self, TarMember, TarSample};
 use syntable_formats::read::{self, Faults, place_in_name};
+use syntable_formats::rule;
 use syntable_formats::segmentation::Segmentation;
 use syntable_model::files::DatasetFolder;
 use syntable_model::limits::{ANNOTATIONS, TEXT_BYTES};
 use syntable_model::prelude::*;
 use syntable_model::reader::{ImageRef, Source};
+use syntable_model::scene::ViewId;
 
-/// The file of poses of a scene.
-const TRUTH: &str = OF_SCENE[0];
-/// The file of counts of a scene.
-const INFOS: &str = "scene_gt_info.json";
-/// The file of cameras of a scene.
-const CAMERAS: &str = "scene_camera.json";
-
-/// Fields of a sample that say what [`CAMERAS`], [`TRUTH`] and [`INFOS`] say of its image.
-const RECORDS: [&str; 3] = ["camera.json", "gt.json", "gt_info.json"];
+/// Fields of a sample that hold what [`SCENE_CAMERA`], [`SCENE_GT`] and [`SCENE_GT_INFO`] hold of its image.
+const RECORDS: [&str; 3] = [SAMPLE_CAMERA, SAMPLE_GT, SAMPLE_GT_INFO];
 /// Fields of a sample that may have its color image.
-const COLORS: [&str; 3] = ["rgb.png", "rgb.jpg", "rgb.jpeg"];
-/// The field of a sample that has depth.
-const DEPTH: &str = "depth.png";
-/// Fields of a sample that have masks of whole objects and of what is visible.
-const MASKS: [&str; 2] = ["mask.json", "mask_visib.json"];
+const COLORS: [&str; 3] = [SAMPLE_RGB, "rgb.jpg", "rgb.jpeg"];
+/// Fields of a sample that have masks of whole objects and of visible parts.
+const MASKS: [&str; 2] = [SAMPLE_MASK, SAMPLE_MASK_VISIB];
 
 /// A split of a dataset.
-pub struct Split {
+pub struct BopSplit {
     pub folder: PathBuf,
-    layout: super::Layout,
+    layout: BopLayout,
 }
 
 /// The images of a split, in order.
-pub struct Images {
+pub struct BopImages {
     pub refs: Vec<ImageRef>,
-    pub records: Vec<Record>,
+    pub records: Vec<BopImageRecord>,
     /// Folders of scenes.
     pub folders: Vec<PathBuf>,
 }
 
 /// An image.
-pub struct Record {
+pub struct BopImageRecord {
     pub number: u32,
     pub camera: SceneCamera,
     pub objects: Vec<GroundTruth>,
-    pub infos: Vec<Info>,
-    place: Place,
+    pub infos: Vec<GroundTruthInfo>,
+    place: ImageFiles,
 }
 
 /// Where the files of an image are.
-enum Place {
+enum ImageFiles {
     /// In the folder of its scene.
     Folder(DatasetFolder),
     /// In a tar file, by field.
-    Sample { archive: PathBuf, fields: BTreeMap<String, Member> },
+    TarSample { archive: PathBuf, fields: BTreeMap<String, TarMember> },
 }
 
-/// What the files of a scene say of an image.
-struct Said {
+/// The records of an image in the files of its scene.
+struct StatedImage {
     number: u32,
     camera: Option<SceneCamera>,
     objects: Vec<GroundTruth>,
-    infos: Vec<Info>,
+    infos: Vec<GroundTruthInfo>,
 }
 
 /// Folders that are called after a number, sorted.
@@ -78,12 +74,12 @@ fn scenes_of(folder: &Path) -> Vec<(u32, PathBuf)> {
     scenes.filter_map(|path| Some((number(&path)?, path))).collect()
 }
 
-/// Whether a folder has tar files whose samples are BOP's: those of others may have the same names.
+/// Whether a folder has tar files with BOP's samples. Tar files of other formats may have the same names.
 fn has_shards(folder: &Path) -> bool {
     let shards = shards_of(folder);
     let says_poses = |path: &PathBuf| {
         let mut first = members::first(path, FIRST_MEMBERS).into_iter();
-        first.any(|member| member.name.ends_with(&format!(".{}", RECORDS[1])))
+        first.any(|member| member.name.ends_with(&format!(".{SAMPLE_GT}")))
     };
     !shards.is_empty()
         && (folder.join(KEY_TO_SHARD).is_file() || shards.iter().take(1).any(|(_, path)| says_poses(path)))
@@ -94,30 +90,30 @@ const FIRST_MEMBERS: usize = 32;
 
 /// The tar files of a folder with their numbers, sorted.
 fn shards_of(folder: &Path) -> Vec<(u64, PathBuf)> {
-    let number = |path: &Path| path.file_name()?.to_str()?.strip_prefix("shard-")?.strip_suffix(".tar")?.parse().ok();
+    let number = |path: &Path| shard_number(path.file_name()?.to_str()?);
     read::entries(folder).into_iter().filter_map(|path| Some((number(&path)?, path))).collect()
 }
 
 /// The splits of a dataset, sorted; a split is its own. They have scenes with poses, or if there are none such, with cameras, or
 /// if there are no scenes, tar files.
-pub fn splits_of(root: &Path) -> Vec<Split> {
-    let of = |layout: super::Layout, is_one: &dyn Fn(&Path) -> bool| -> Vec<Split> {
+pub fn splits_of(root: &Path) -> Vec<BopSplit> {
+    let of = |layout: BopLayout, is_one: &dyn Fn(&Path) -> bool| -> Vec<BopSplit> {
         let folders = if is_one(root) { vec![root.to_owned()] } else { read::entries(root) };
         let splits = folders.into_iter().filter(|path| path.is_dir() && is_one(path));
-        splits.map(|folder| Split { folder, layout }).collect()
+        splits.map(|folder| BopSplit { folder, layout }).collect()
     };
     let has = |folder: &Path, file: &str| scenes_of(folder).iter().any(|(_, scene)| scene.join(file).is_file());
-    let scenewise = [TRUTH, CAMERAS].map(|file| of(super::Layout::Scenewise, &|folder| has(folder, file)));
-    let web = || of(super::Layout::Webdataset, &has_shards);
+    let scenewise = [SCENE_GT, SCENE_CAMERA].map(|file| of(BopLayout::Scenewise, &|folder| has(folder, file)));
+    let web = || of(BopLayout::Webdataset, &has_shards);
     scenewise.into_iter().find(|splits| !splits.is_empty()).unwrap_or_else(web)
 }
 
 /// The only split of a dataset.
-pub fn split_of(root: &Path) -> Result<Split> {
+pub fn split_of(root: &Path) -> Result<BopSplit> {
     let mut splits = splits_of(root);
-    // What is damaged may be called by its format.
+    // The user may name the format of a damaged dataset.
     if splits.is_empty() && !shards_of(root).is_empty() {
-        splits.push(Split { folder: root.to_owned(), layout: super::Layout::Webdataset });
+        splits.push(BopSplit { folder: root.to_owned(), layout: BopLayout::Webdataset });
     }
     let (found, help) = match splits.first() {
         Some(first) => (splits.len(), format!("name the folder of one split, such as {}", first.folder.display())),
@@ -125,7 +121,7 @@ pub fn split_of(root: &Path) -> Result<Split> {
             (0, "a split has folders of scenes, each with a scene_gt.json, or tar files shard-000000.tar".to_owned())
         }
     };
-    <[Split; 1]>::try_from(splits)
+    <[BopSplit; 1]>::try_from(splits)
         .map(|[split]| split)
         .map_err(|_| Error::new(format!("one split was expected, and there are {found}")).in_file(root).help(help))
 }
@@ -137,7 +133,7 @@ pub fn json<T: DeserializeOwned>(path: &Path) -> Result<T> {
 }
 
 /// A member as JSON.
-fn json_of<T: DeserializeOwned>(member: &Member) -> Result<T> {
+fn json_of<T: DeserializeOwned>(member: &TarMember) -> Result<T> {
     parsed(member.content()?.bytes(), &member.path())
 }
 
@@ -153,68 +149,76 @@ fn parsed<T: DeserializeOwned>(text: &[u8], path: &Path) -> Result<T> {
     })
 }
 
-/// The images of a split. What cannot be read is at fault and left out.
+/// The images of a split. An image that cannot be read is a fault, and omitted.
 ///
 /// # Errors
 /// If a tar file is a link that leads out of the dataset.
-pub fn images(source: &Source, split: &Split, faults: &mut Faults) -> Result<Images> {
+pub fn images(source: &Source, split: &BopSplit, faults: &mut Faults) -> Result<BopImages> {
     let root = source.folder(&source.path)?;
     let folder = match split.folder == source.path {
         true => root,
         false => root.inner(split.folder.file_name().unwrap_or_default()),
     };
-    let mut images = Images { refs: Vec::new(), records: Vec::new(), folders: Vec::new() };
+    let mut images = BopImages { refs: Vec::new(), records: Vec::new(), folders: Vec::new() };
     match split.layout {
-        super::Layout::Scenewise => images.add_scenes(&folder, faults),
-        super::Layout::Webdataset => images.add_shards(&folder, faults)?,
+        BopLayout::Scenewise => images.add_scenes(&folder, faults),
+        BopLayout::Webdataset => images.add_shards(&folder, faults)?,
     }
     Ok(images)
 }
 
-impl Images {
+impl BopImages {
     /// Adds an image, if its records agree. `files` are those that have cameras, poses and counts.
-    fn add(&mut self, scene: u32, said: Said, place: Place, files: [&str; 3], faults: &mut Faults) {
-        let Said { number, camera, objects, infos } = said;
+    fn add(&mut self, scene: u32, said: StatedImage, place: ImageFiles, files: [&str; 3], faults: &mut Faults) {
+        let StatedImage { number, camera, objects, infos } = said;
         let name = format!("{scene:06}/{number:06}");
         let [cameras, truth, counts] = files;
         if infos.len() != objects.len() {
             let message = format!("it has {} objects in {truth}, {} in {counts}", objects.len(), infos.len());
-            return faults.lost("records_agree", name, &message);
+            return faults.lost(rule::RECORDS_AGREE, name, message);
         }
         if let Err(error) = ANNOTATIONS.check(objects.len() as u64) {
-            return faults.lost("readable", name, &format!("{truth}: {error}"));
+            return faults.lost(rule::READABLE, name, format!("{truth}: {error}"));
         }
         let Some(camera) = camera else {
-            return faults.lost("records_agree", name, &format!("it is in {truth} and not in {cameras}"));
+            return faults.lost(rule::RECORDS_AGREE, name, format!("it is in {truth} and not in {cameras}"));
         };
         self.refs.push(read::image((scene, number), name));
-        self.records.push(Record { number, camera, objects, infos, place });
+        self.records.push(BopImageRecord { number, camera, objects, infos, place });
     }
 
     fn add_scenes(&mut self, split: &DatasetFolder, faults: &mut Faults) {
         for (scene, folder) in scenes_of(&split.path()) {
             let place = format!("{scene:06}");
             let inside = split.inner(folder.file_name().unwrap_or_default());
-            if let Some(missing) = [TRUTH, CAMERAS, INFOS].iter().find(|name| !folder.join(name).is_file()) {
+            if let Some(missing) =
+                [SCENE_GT, SCENE_CAMERA, SCENE_GT_INFO].iter().find(|name| !folder.join(name).is_file())
+            {
                 let message = format!("the scene has no {missing}: nothing of it is read");
-                faults.lost("files_are_there", place, &message);
+                faults.lost(rule::FILES_ARE_THERE, place, message);
                 continue;
             }
             let (mut cameras, mut infos, all) = match files_of(&inside) {
                 Ok(files) => files,
                 Err(error) => {
-                    faults.lost("readable", place, &format!("{error}: nothing of the scene is read"));
+                    faults.lost(rule::READABLE, place, format!("{error}: nothing of the scene is read"));
                     continue;
                 }
             };
             for (number, objects) in all {
                 let (camera, infos) = (cameras.remove(&number), infos.remove(&number).unwrap_or_default());
-                let said = Said { number, camera, objects, infos };
-                self.add(scene, said, Place::Folder(inside.clone()), [CAMERAS, TRUTH, INFOS], faults);
+                let said = StatedImage { number, camera, objects, infos };
+                self.add(
+                    scene,
+                    said,
+                    ImageFiles::Folder(inside.clone()),
+                    [SCENE_CAMERA, SCENE_GT, SCENE_GT_INFO],
+                    faults,
+                );
             }
             for number in cameras.into_keys() {
-                let message = format!("it is in {CAMERAS} and not in {TRUTH}");
-                faults.lost("records_agree", format!("{scene:06}/{number:06}"), &message);
+                let message = format!("it is in {SCENE_CAMERA} and not in {SCENE_GT}");
+                faults.lost(rule::RECORDS_AGREE, format!("{scene:06}/{number:06}"), message);
             }
             self.folders.push(folder);
         }
@@ -227,32 +231,37 @@ impl Images {
         let samples = members::samples(&paths, faults);
         let numbers = samples.iter().map(|(key, sample)| (*key, shards[sample.archive].0)).collect();
         faults_of_numbers(&split.file(KEY_TO_SHARD)?, &numbers, faults);
-        for ((scene, number), Sample { archive, mut fields }) in samples {
+        for ((scene, number), TarSample { archive, mut fields }) in samples {
             let place = format!("{scene:06}/{number:06}");
             if let Some(missing) = RECORDS.iter().find(|field| !fields.contains_key(**field)) {
                 let message = format!("the image has no {missing}: nothing of it is read");
-                faults.lost("files_are_there", place, &message);
+                faults.lost(rule::FILES_ARE_THERE, place, message);
                 continue;
             }
             match said_by(number, &mut fields) {
                 Ok(said) => {
-                    let place = Place::Sample { archive: paths[archive].clone(), fields };
+                    let place = ImageFiles::TarSample { archive: paths[archive].clone(), fields };
                     self.add(scene, said, place, RECORDS, faults);
                 }
-                Err(error) => faults.lost("readable", place, &format!("{error}: nothing of the image is read")),
+                Err(error) => faults.lost(rule::READABLE, place, format!("{error}: nothing of the image is read")),
             }
         }
         Ok(())
     }
 }
 
-/// What the records of a sample say, which are no longer needed then.
-fn said_by(number: u32, sample: &mut BTreeMap<String, Member>) -> Result<Said> {
-    fn take<T: DeserializeOwned + Default>(sample: &mut BTreeMap<String, Member>, field: &str) -> Result<T> {
+/// The records of a sample, whose members are dropped.
+fn said_by(number: u32, sample: &mut BTreeMap<String, TarMember>) -> Result<StatedImage> {
+    fn take<T: DeserializeOwned + Default>(sample: &mut BTreeMap<String, TarMember>, field: &str) -> Result<T> {
         sample.remove(field).map_or_else(|| Ok(T::default()), |member| json_of(&member))
     }
     let [camera, truth, infos] = RECORDS;
-    Ok(Said { number, camera: take(sample, camera)?, objects: take(sample, truth)?, infos: take(sample, infos)? })
+    Ok(StatedImage {
+        number,
+        camera: take(sample, camera)?,
+        objects: take(sample, truth)?,
+        infos: take(sample, infos)?,
+    })
 }
 
 /// Compares the list of the images' tar files with these, by scene and image. A dataset may lack it.
@@ -262,7 +271,7 @@ fn faults_of_numbers(path: &Path, numbers: &BTreeMap<(u32, u32), u64>, faults: &
     }
     let said: BTreeMap<String, u64> = match json(path) {
         Ok(said) => said,
-        Err(error) => return faults.add("readable", KEY_TO_SHARD.to_owned(), &error.to_string()),
+        Err(error) => return faults.add(rule::READABLE, KEY_TO_SHARD.to_owned(), error.to_string()),
     };
     for (key, shard) in &said {
         let found = match place_in_name(key).and_then(|place| numbers.get(&place)) {
@@ -271,42 +280,42 @@ fn faults_of_numbers(path: &Path, numbers: &BTreeMap<(u32, u32), u64>, faults: &
             None => "no tar file has it".to_owned(),
         };
         faults.add(
-            "records_agree",
+            rule::RECORDS_AGREE,
             key.clone(),
-            &format!("{KEY_TO_SHARD} has it in the tar file {shard}, and {found}"),
+            format!("{KEY_TO_SHARD} has it in the tar file {shard}, and {found}"),
         );
     }
     let listed: BTreeSet<(u32, u32)> = said.keys().filter_map(|key| place_in_name(key)).collect();
     for (scene, number) in numbers.keys().filter(|key| !listed.contains(*key)) {
-        faults.add("records_agree", format!("{scene:06}_{number:06}"), &format!("{KEY_TO_SHARD} does not have it"));
+        faults.add(rule::RECORDS_AGREE, format!("{scene:06}_{number:06}"), format!("{KEY_TO_SHARD} does not have it"));
     }
 }
 
 /// Content of the files of a scene: cameras, counts and poses of each image.
-type SceneFiles = (BTreeMap<u32, SceneCamera>, BTreeMap<u32, Vec<Info>>, BTreeMap<u32, Vec<GroundTruth>>);
+type SceneRecords = (BTreeMap<u32, SceneCamera>, BTreeMap<u32, Vec<GroundTruthInfo>>, BTreeMap<u32, Vec<GroundTruth>>);
 
-fn files_of(folder: &DatasetFolder) -> Result<SceneFiles> {
-    Ok((json(&folder.file(CAMERAS)?)?, json(&folder.file(INFOS)?)?, json(&folder.file(TRUTH)?)?))
+fn files_of(folder: &DatasetFolder) -> Result<SceneRecords> {
+    Ok((json(&folder.file(SCENE_CAMERA)?)?, json(&folder.file(SCENE_GT_INFO)?)?, json(&folder.file(SCENE_GT)?)?))
 }
 
-impl Record {
+impl BopImageRecord {
     /// The folder of its scene, if it is in one.
     pub fn folder(&self) -> Option<&DatasetFolder> {
         match &self.place {
-            Place::Folder(folder) => Some(folder),
-            Place::Sample { .. } => None,
+            ImageFiles::Folder(folder) => Some(folder),
+            ImageFiles::TarSample { .. } => None,
         }
     }
 
     /// The color image.
     pub fn rgb(&self) -> Result<Plane<[u8; 3]>> {
         match &self.place {
-            Place::Folder(folder) => {
-                let name = |extension: &str| format!("rgb/{:06}.{extension}", self.number);
+            ImageFiles::Folder(folder) => {
+                let name = |extension: &str| BopImage::Rgb.path_as(ViewId(self.number), extension);
                 let found = ["png", "jpg"].map(name).into_iter().find(|name| folder.path().join(name).is_file());
                 decode::rgb(&folder.file(found.unwrap_or_else(|| name("png")))?)
             }
-            Place::Sample { fields, .. } => {
+            ImageFiles::TarSample { fields, .. } => {
                 let found = COLORS.iter().find(|field| fields.contains_key(**field)).unwrap_or(&COLORS[0]);
                 self.member(found)?.content()?.rgb()
             }
@@ -316,24 +325,21 @@ impl Record {
     /// Depth along the optical axis, m.
     pub fn depth(&self) -> Result<Plane<f32>> {
         let content = match &self.place {
-            Place::Folder(folder) => Content::read(&folder.file(format!("depth/{:06}.png", self.number))?),
-            Place::Sample { .. } => self.member(DEPTH)?.content(),
+            ImageFiles::Folder(folder) => FileContent::read(&folder.file(BopImage::Depth.path(ViewId(self.number)))?),
+            ImageFiles::TarSample { .. } => self.member(SAMPLE_DEPTH)?.content(),
         };
         content?.depth(self.camera.depth_scale)
     }
 
-    /// Masks of the whole objects and of what is visible, by entry of the poses.
+    /// Amodal and visible masks of the objects, by entry of the poses.
     pub fn masks(&self, size: [u32; 2]) -> Result<Vec<[Mask; 2]>> {
         match &self.place {
-            Place::Folder(folder) => {
-                let mask = |of: &str, entry: usize| {
-                    let path = folder.file(format!("{of}/{:06}_{entry:06}.png", self.number))?;
-                    mask_of(&path, size)
-                };
-                let entries = 0..self.objects.len();
-                entries.map(|entry| Ok([mask("mask", entry)?, mask("mask_visib", entry)?])).collect()
+            ImageFiles::Folder(folder) => {
+                let mask = |image: BopImage| mask_of(&folder.file(image.path(ViewId(self.number)))?, size);
+                let pair = |entry: usize| Ok([mask(BopImage::Mask(entry))?, mask(BopImage::MaskVisib(entry))?]);
+                (0..self.objects.len()).map(pair).collect()
             }
-            Place::Sample { .. } => {
+            ImageFiles::TarSample { .. } => {
                 let [amodal, visible] = MASKS.map(|field| self.runs(self.member(field)?, size));
                 Ok(amodal?.into_iter().zip(visible?).map(<[Mask; 2]>::from).collect())
             }
@@ -341,26 +347,26 @@ impl Record {
     }
 
     /// The masks of a member, by entry of the poses.
-    fn runs(&self, member: &Member, [width, height]: [u32; 2]) -> Result<Vec<Mask>> {
+    fn runs(&self, member: &TarMember, [width, height]: [u32; 2]) -> Result<Vec<Mask>> {
         let mut masks: BTreeMap<usize, Segmentation> = json_of(member)?;
         let refuse = |message: String| Error::new(message).in_file(member.path());
         let mut mask = |entry: usize| {
-            let missing = || refuse(format!("it has no mask of the object {entry} of {}", RECORDS[1]));
+            let missing = || refuse(format!("it has no mask of the object {entry} of {SAMPLE_GT}"));
             let mask = masks.remove(&entry).ok_or_else(missing)?;
             mask.decode(width, height).map_err(|error| refuse(format!("object {entry}: {error}")))
         };
         let found = (0..self.objects.len()).map(&mut mask).collect::<Result<Vec<Mask>>>()?;
         match masks.into_keys().next() {
-            Some(other) => Err(refuse(format!("it has a mask of the object {other}, and {} has no such", RECORDS[1]))),
+            Some(other) => Err(refuse(format!("it has a mask of the object {other}, and {SAMPLE_GT} has no such"))),
             None => Ok(found),
         }
     }
 
     /// A member of the sample that the image is.
-    fn member(&self, field: &str) -> Result<&Member> {
+    fn member(&self, field: &str) -> Result<&TarMember> {
         let (found, place) = match &self.place {
-            Place::Sample { archive, fields } => (fields.get(field), archive.clone()),
-            Place::Folder(folder) => (None, folder.path()),
+            ImageFiles::TarSample { archive, fields } => (fields.get(field), archive.clone()),
+            ImageFiles::Folder(folder) => (None, folder.path()),
         };
         found.ok_or_else(|| Error::new(format!("the image {:06} has no {field}", self.number)).in_file(place))
     }

@@ -1,33 +1,29 @@
 //! The files that need the numbers of the assets, which the whole dataset gives.
 
-use super::record::{Camera, GroundTruth, ObjectRecord, Shown, ViewRecord};
+use super::record::{
+    BopCamera, BopImage, CAMERA_FILE, DATASET_INFO, FINISHED_SCENE_FILES, GroundTruth, KEY_TO_SHARD, MODELS_INFO,
+    OBJECTS, ObjectRecord, SAMPLE_GT, ShownMask, TARGETS, ViewRecord, key, model_file, shard_file,
+};
 use super::scene::{Entries, json as line};
-use super::shard::{self, key};
-use super::surface::Surface;
-use super::{Bop, Layout, Models};
+use super::shard;
+use super::surface::ModelSurface;
+use super::{Bop, BopLayout, BopMeshes};
 use crate::family::write as family;
 use serde_json::json;
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::Write;
 use std::ops::RangeInclusive;
-use syntable_formats::coco::{Annotation, Category, Image};
-use syntable_formats::dataset::{DatasetWriter, Layout as FileLayout};
-use syntable_formats::encode::tar::Archive;
+use syntable_formats::coco::{Category, CocoAnnotation, CocoImage, License};
+use syntable_formats::dataset::{DatasetWriter, JsonLayout as FileLayout};
+use syntable_formats::encode::tar::TarWriter;
+use syntable_formats::json::pretty;
 use syntable_formats::segmentation::Segmentation;
+use syntable_formats::writer::write_file;
 use syntable_model::prelude::*;
 use syntable_model::scene::{SceneId, ViewId};
 
 /// Names of the files of the dataset.
-const FILES: [&str; 3] = ["camera.json", "dataset_info.json", "objects.json"];
-/// What methods are tested with.
-const TARGETS: &str = "test_targets_bop19.json";
-/// Sizes of the meshes, in each of their folders.
-pub const MODELS_INFO: &str = "models_info.json";
-/// Numbers of the shards of images.
-pub const KEY_TO_SHARD: &str = "key_to_shard.json";
-
-/// Names of the files of a scene that are written at the end.
-pub const OF_SCENE: [&str; 3] = ["scene_gt.json", "scene_gt_coco.json", "scene_gt_coco_modal.json"];
+const FILES: [&str; 3] = [CAMERA_FILE, DATASET_INFO, OBJECTS];
 
 /// Objects of which less than this fraction is visible are ignored in evaluations.
 const IGNORED_BELOW: f64 = 0.1;
@@ -37,12 +33,7 @@ const IMAGES_PER_SHARD: usize = 1000;
 
 /// Path of a tar file.
 fn web_shard(config: &Bop, id: &str, number: usize) -> String {
-    format!("{}/shard-{number:06}.tar", config.web_folder(id))
-}
-
-/// Name of the file of a mesh.
-pub fn model_file(obj_id: u64) -> String {
-    format!("obj_{obj_id:06}.ply")
+    format!("{}/{}", config.web_folder(id), shard_file(number))
 }
 
 /// Name of the file of a texture, beside the mesh.
@@ -59,7 +50,7 @@ fn model_path(id: &str, folder: &str, obj_id: u64) -> String {
 pub fn paths(config: &Bop, dataset: &DatasetInfo, id: &str) -> Vec<String> {
     let own = FILES.into_iter().chain(config.is_test().then_some(TARGETS)).map(|name| format!("{id}/{name}"));
     let mut paths: Vec<String> = own.collect();
-    if config.layout == Layout::Webdataset {
+    if config.layout == BopLayout::Webdataset {
         let images = dataset.scenes as usize * dataset.views_per_scene as usize;
         paths.extend((0..images.div_ceil(IMAGES_PER_SHARD)).map(|number| web_shard(config, id, number)));
         paths.push(format!("{}/{KEY_TO_SHARD}", config.web_folder(id)));
@@ -82,41 +73,41 @@ pub fn write(config: &Bop, cx: &DatasetContext, finish: &Finish) -> Result<()> {
         "images": summary.images.iter().map(|(_, views)| views.len()).sum::<usize>(),
         "objects": summary.obj_ids.len(),
         "models": match config.models {
-            Models::None => "not included: obj_id is a number of objects.json",
-            Models::Models | Models::ModelsAndEval => "models/obj_{obj_id:06}.ply; objects.json has the names",
+            BopMeshes::None => "not included: obj_id is a number of objects.json",
+            BopMeshes::Models | BopMeshes::ModelsAndEval => "models/obj_{obj_id:06}.ply; objects.json has the names",
         },
     });
     let mut objects = Entries::default();
     by_number(&summary.obj_ids).iter().try_for_each(|(obj_id, asset)| objects.push(obj_id, asset))?;
     let [camera_file, info_file, objects_file] = FILES.map(|name| format!("{}/{name}", finish.id()));
     if let Some(camera) = &summary.camera {
-        write_bytes(finish, &camera_file, &text(camera)?)?;
+        write_file(finish, &camera_file, &pretty(camera)?)?;
     }
-    write_bytes(finish, &info_file, &text(&info)?)?;
-    write_bytes(finish, &objects_file, &objects.finish())?;
+    write_file(finish, &info_file, &pretty(&info)?)?;
+    write_file(finish, &objects_file, &objects.finish())?;
     if config.is_test() {
         write_targets(finish, &summary.obj_ids)?;
     }
-    if config.models != Models::None {
+    if config.models != BopMeshes::None {
         write_models(config, finish, &summary.obj_ids)?;
     }
     match config.layout {
-        Layout::Scenewise => {
+        BopLayout::Scenewise => {
             let mut scenes = finish.scenes().iter();
             scenes.try_for_each(|&scene| write_scene(config, dataset, finish, scene, &summary.obj_ids))
         }
-        Layout::Webdataset => write_web_shards(config, finish, &summary),
+        BopLayout::Webdataset => write_web_shards(config, finish, &summary),
     }
 }
 
-/// What the shards say of the whole dataset.
+/// The content of all shards that the files of the dataset need.
 #[derive(Default)]
 struct Summary {
     /// The views of each scene.
     images: Vec<(SceneId, Vec<ViewId>)>,
     /// That of the first image.
-    camera: Option<Camera>,
-    /// Numbers of the assets by name, those that objects state.
+    camera: Option<BopCamera>,
+    /// Numbers of the assets by name, as objects state them.
     obj_ids: BTreeMap<String, u64>,
 }
 
@@ -140,7 +131,7 @@ impl Summary {
     }
 }
 
-/// The number of each asset, which all its objects state. Where nobody states any, it is the place of the asset among the names.
+/// The number of each asset, which all its objects state. If no object states one, it is the asset's place in the list of names.
 fn numbers_of(stated: BTreeMap<String, BTreeSet<Option<u64>>>, log: &dyn Log) -> Result<BTreeMap<String, u64>> {
     if stated.values().all(|ids| ids.iter().all(Option::is_none)) {
         if !stated.is_empty() {
@@ -187,14 +178,14 @@ fn by_number(obj_ids: &BTreeMap<String, u64>) -> BTreeMap<u64, &String> {
 
 /// An entry of the targets of BOP Challenge 2019.
 #[derive(Serialize)]
-struct Target {
+struct BopTarget {
     im_id: u32,
     inst_count: u64,
     obj_id: u64,
     scene_id: u32,
 }
 
-/// Writes which objects methods are to find: those of which enough is visible.
+/// Writes the objects that methods must find: those that are visible enough.
 fn write_targets(finish: &Finish, obj_ids: &BTreeMap<String, u64>) -> Result<()> {
     let mut lines: Vec<u8> = Vec::new();
     for &scene in finish.scenes() {
@@ -204,14 +195,14 @@ fn write_targets(finish: &Finish, obj_ids: &BTreeMap<String, u64>) -> Result<()>
                 *counts.entry(obj_ids[&object.asset]).or_default() += 1;
             }
             for (obj_id, inst_count) in counts {
-                let target = Target { im_id: view.view, inst_count, obj_id, scene_id: scene.0 };
+                let target = BopTarget { im_id: view.view, inst_count, obj_id, scene_id: scene.0 };
                 lines.extend(if lines.is_empty() { &b"[\n  "[..] } else { b",\n  " });
                 lines.extend(line(&target)?.trim_ascii_end());
             }
         }
     }
     lines.extend(if lines.is_empty() { &b"[]\n"[..] } else { b"\n]\n" });
-    write_bytes(finish, &format!("{}/{TARGETS}", finish.id()), &lines)
+    write_file(finish, &format!("{}/{TARGETS}", finish.id()), &lines)
 }
 
 /// Writes the mesh of each asset, from the first scene that has it.
@@ -225,8 +216,8 @@ fn write_models(config: &Bop, finish: &Finish, obj_ids: &BTreeMap<String, u64>) 
                 let path = model_path(finish.id(), folder, obj_id);
                 let texture = texture_file(obj_id);
                 finish.write(&path, |out| model.write(&texture, out).map_err(|error| Error::io(&path, &error)))?;
-                if let Surface::Texture { png, .. } = &model.surface {
-                    write_bytes(finish, &format!("{}/{folder}/{texture}", finish.id()), png)?;
+                if let ModelSurface::Texture { png, .. } = &model.surface {
+                    write_file(finish, &format!("{}/{folder}/{texture}", finish.id()), png)?;
                 }
             }
             infos.insert(obj_id, model.info());
@@ -236,7 +227,7 @@ fn write_models(config: &Bop, finish: &Finish, obj_ids: &BTreeMap<String, u64>) 
     infos.iter().try_for_each(|(obj_id, info)| entries.push(obj_id, info))?;
     let entries = entries.finish();
     let mut folders = config.models.folders().iter();
-    folders.try_for_each(|folder| write_bytes(finish, &format!("{}/{folder}/{MODELS_INFO}", finish.id()), &entries))
+    folders.try_for_each(|folder| write_file(finish, &format!("{}/{folder}/{MODELS_INFO}", finish.id()), &entries))
 }
 
 /// Writes all images as tar files.
@@ -247,7 +238,7 @@ fn write_web_shards(config: &Bop, finish: &Finish, summary: &Summary) -> Result<
     for (number, images) in images.chunks(IMAGES_PER_SHARD).enumerate() {
         let path = web_shard(config, finish.id(), number);
         finish.write(&path, |out| {
-            let mut archive = Archive::new(out, &path);
+            let mut archive = TarWriter::new(out, &path);
             for images in images.chunk_by(|a, b| a.0 == b.0) {
                 let (Some(&(scene, first)), Some((_, last))) = (images.first(), images.last()) else { continue };
                 add_samples(&mut archive, finish, scene, first.0..=last.0, &summary.obj_ids)?;
@@ -256,12 +247,12 @@ fn write_web_shards(config: &Bop, finish: &Finish, summary: &Summary) -> Result<
         })?;
         images.iter().try_for_each(|&(scene, view)| numbers.push(key(scene, view), &number))?;
     }
-    write_bytes(finish, &format!("{}/{KEY_TO_SHARD}", config.web_folder(finish.id())), &numbers.finish())
+    write_file(finish, &format!("{}/{KEY_TO_SHARD}", config.web_folder(finish.id())), &numbers.finish())
 }
 
 /// Adds the samples of some views of a scene, with the poses that have `obj_id`.
 fn add_samples(
-    archive: &mut Archive<&mut dyn Write>,
+    archive: &mut TarWriter<&mut dyn Write>,
     finish: &Finish,
     scene: SceneId,
     views: RangeInclusive<u32>,
@@ -273,7 +264,7 @@ fn add_samples(
     let mut current = None;
     shard::for_each_sample(finish, scene, |key, field, bytes| {
         if let Some(truth) = truths.remove(key) {
-            archive.add(&format!("{key}.gt.json"), &truth)?;
+            archive.add(&format!("{key}.{SAMPLE_GT}"), &truth)?;
             current = Some(key.to_owned());
         }
         if current.as_deref() == Some(key) { archive.add(&format!("{key}.{field}"), bytes) } else { Ok(()) }
@@ -296,8 +287,8 @@ fn write_scene(
     let mut truths = Entries::default();
     views.iter().try_for_each(|view| truths.push(view.view, &truth(view, obj_ids)))?;
     let folder = config.folder(finish.id(), scene);
-    let [truth_file, coco_file, modal_file] = OF_SCENE;
-    write_bytes(finish, &format!("{folder}/{truth_file}"), &truths.finish())?;
+    let [truth_file, coco_file, modal_file] = FINISHED_SCENE_FILES;
+    write_file(finish, &format!("{folder}/{truth_file}"), &truths.finish())?;
     for (name, bbox) in [(coco_file, BoxOf::Amodal), (modal_file, BoxOf::Visible)] {
         let path = format!("{folder}/{name}");
         finish.write(&path, |out| {
@@ -309,7 +300,7 @@ fn write_scene(
                 ..Category::default()
             };
             let categories: Vec<_> = by_number(obj_ids).into_iter().map(category).collect();
-            file.header(&family::info(dataset), &[family::license()], &categories)?;
+            file.header(&family::info(dataset), &[License::of_assets()], &categories)?;
             file.images(|images| views.iter().try_for_each(|view| images.record(&image(view))))?;
             file.annotations(|annotations| {
                 let shown = views.iter().flat_map(|view| view.objects.iter().map(move |object| (view, object)));
@@ -333,14 +324,14 @@ enum BoxOf {
     Visible,
 }
 
-fn image(view: &ViewRecord) -> Image {
-    Image {
+fn image(view: &ViewRecord) -> CocoImage {
+    CocoImage {
         id: view.view.into(),
-        file_name: super::Image::Rgb.path(ViewId(view.view)),
+        file_name: BopImage::Rgb.path(ViewId(view.view)),
         width: view.camera.width,
         height: view.camera.height,
         license: Some(1),
-        ..Image::default()
+        ..CocoImage::default()
     }
 }
 
@@ -348,10 +339,10 @@ fn annotation(
     id: u64,
     view: &ViewRecord,
     object: &ObjectRecord,
-    shown: &Shown,
+    shown: &ShownMask,
     obj_id: u64,
     bbox: BoxOf,
-) -> Annotation {
+) -> CocoAnnotation {
     let bbox = match bbox {
         BoxOf::Amodal => shown.amodal_box,
         BoxOf::Visible => shown.visible_box,
@@ -361,7 +352,7 @@ fn annotation(
         "width": view.camera.width,
         "height": view.camera.height,
     });
-    Annotation {
+    CocoAnnotation {
         id,
         image_id: view.view.into(),
         category_id: obj_id,
@@ -371,17 +362,6 @@ fn annotation(
         iscrowd: 0,
         extra: extra.as_object().cloned().unwrap_or_default(),
     }
-}
-
-fn text(value: &impl Serialize) -> Result<Vec<u8>> {
-    let mut text =
-        serde_json::to_vec_pretty(value).map_err(|error| Error::new(format!("cannot be written as JSON: {error}")))?;
-    text.push(b'\n');
-    Ok(text)
-}
-
-fn write_bytes(finish: &Finish, path: &str, bytes: &[u8]) -> Result<()> {
-    finish.write(path, |out| out.write_all(bytes).map_err(|error| Error::io(path, &error)))
 }
 
 #[cfg(test)]

@@ -1,8 +1,7 @@
 //! Meshes of a dataset that is read.
 
-use super::finish::model_file;
-use super::model::{Model as BopModel, ModelInfo};
-use super::record::MM;
+use super::model::BopModel;
+use super::record::{BopModelInfo, MM, model_file};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
@@ -12,16 +11,16 @@ use syntable_mesh::root::AssetRoot;
 use syntable_model::context::Log;
 use syntable_model::prelude::*;
 use syntable_model::product::ObjectModel;
-use syntable_model::scene::{Mesh, SourceModel};
+use syntable_model::scene::{Mesh, SourceModel, Symmetries};
 
-/// The mesh files of a folder of models. Each is read when somebody asks, once.
+/// The mesh files of a folder of models. Each is read once, at its first use.
 pub struct Meshes {
     folder: PathBuf,
     formats: MeshFormats,
     of: BTreeMap<u64, OnceLock<Result<ObjectModel>>>,
 }
 
-/// What is odd about a mesh file is for those who draw from it.
+/// Warnings about a mesh file matter to renderers only.
 struct Silent;
 
 impl Log for Silent {
@@ -71,7 +70,7 @@ impl Meshes {
     }
 
     /// Sizes of a model, mm; none if it cannot be read, and the reason.
-    pub fn info(&self, id: u64) -> Result<ModelInfo> {
+    pub fn info(&self, id: u64) -> Result<BopModelInfo<f64, Symmetries>> {
         Ok(BopModel::of(&self.model(id)?)?.info())
     }
 }

@@ -1,6 +1,6 @@
 //! The format of the BOP benchmark for 6D object pose estimation.
 
-mod faults;
+mod check;
 mod files;
 mod finish;
 mod meshes;
@@ -10,13 +10,11 @@ mod record;
 mod scene;
 mod shard;
 mod surface;
+mod write;
 
 use crate::family::write::check_split;
+use record::{MODELS, MODELS_EVAL};
 use syntable_model::prelude::*;
-use syntable_model::product::standard::{
-    AMODAL_MASK, CAMERA, COVERAGE, DEPTH, INSTANCE, OBJECT_INFO, OBJECT_MODELS, RGB, VISIBILITY, VISIBLE_MASK,
-};
-use syntable_model::scene::{SceneId, ViewId};
 
 /// Writes BOP's scenewise layout or its tar files, which bop_toolkit and the methods of the BOP challenge read.
 ///
@@ -84,17 +82,17 @@ pub struct Bop {
     #[schemars(range(min = 0.001, max = 1000.0))]
     pub depth_scale: f64,
     /// Objects to list.
-    pub objects: Objects,
+    pub objects: BopObjects,
     /// How images are stored.
-    pub layout: Layout,
+    pub layout: BopLayout,
     /// Meshes of the assets to write.
-    pub models: Models,
+    pub models: BopMeshes,
 }
 
 /// How images are stored.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
-pub enum Layout {
+pub enum BopLayout {
     /// A folder per scene.
     Scenewise,
     /// Tar files of samples.
@@ -104,7 +102,7 @@ pub enum Layout {
 /// The meshes of the assets.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
-pub enum Models {
+pub enum BopMeshes {
     /// No meshes.
     None,
     /// The folder `models`.
@@ -113,13 +111,13 @@ pub enum Models {
     ModelsAndEval,
 }
 
-impl Models {
+impl BopMeshes {
     /// Folders of meshes.
     fn folders(self) -> &'static [&'static str] {
         match self {
             Self::None => &[],
-            Self::Models => &["models"],
-            Self::ModelsAndEval => &["models", "models_eval"],
+            Self::Models => &[MODELS],
+            Self::ModelsAndEval => &[MODELS, MODELS_EVAL],
         }
     }
 }
@@ -127,7 +125,7 @@ impl Models {
 /// A set of objects.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
-pub enum Objects {
+pub enum BopObjects {
     /// Objects that have an amodal mask in the view.
     Annotated,
     /// All objects of the scene, as BOP's datasets do.
@@ -139,9 +137,9 @@ impl Default for Bop {
         Self {
             split: "train_pbr".into(),
             depth_scale: 0.1,
-            objects: Objects::Annotated,
-            layout: Layout::Scenewise,
-            models: Models::None,
+            objects: BopObjects::Annotated,
+            layout: BopLayout::Scenewise,
+            models: BopMeshes::None,
         }
     }
 }
@@ -153,92 +151,6 @@ impl Config for Bop {
     fn build(self) -> Result<Box<dyn Writer>, ConfigError> {
         check_split(&self.split)?;
         Ok(Box::new(self))
-    }
-}
-
-impl Writer for Bop {
-    fn reads(&self) -> Vec<Input> {
-        let masks = match self.objects {
-            // A dataset that is converted has no coverage.
-            Objects::Annotated => {
-                vec![Input::of(AMODAL_MASK), Input::of(VISIBLE_MASK), Input::of(COVERAGE).optional()]
-            }
-            Objects::All => vec![Input::of(COVERAGE), Input::of(INSTANCE)],
-        };
-        let others =
-            [Input::of(RGB), Input::of(DEPTH), Input::of(CAMERA), Input::of(OBJECT_INFO), Input::of(VISIBILITY)];
-        let models =
-            (self.models != Models::None).then(|| Input { option: Some("models".into()), ..Input::of(OBJECT_MODELS) });
-        others.into_iter().chain(masks).chain(models).collect()
-    }
-
-    fn scene(&self, cx: &ImagesContext, output: Output) -> Result<Box<dyn SceneWriter>> {
-        let folder = self.folder(output.id(), cx.scene_id);
-        Ok(Box::new(scene::BopScene::new(self.clone(), folder, output)?))
-    }
-
-    fn paths(&self, of: &FileOf) -> Result<Vec<String>> {
-        let folder = |scene| self.folder(of.id, scene);
-        Ok(match (of.scene, of.view) {
-            (None, _) => finish::paths(self, of.dataset, of.id),
-            (Some(_), _) if self.layout == Layout::Webdataset => Vec::new(),
-            (Some(scene), Some(view)) => {
-                let masks = [Image::Mask(0), Image::MaskVisib(0)];
-                let images = [Image::Rgb, Image::Depth].into_iter().chain(masks);
-                images.map(|image| format!("{}/{}", folder(scene), image.path(view))).collect()
-            }
-            (Some(scene), None) => {
-                let names = scene::FILES.into_iter().chain(finish::OF_SCENE);
-                names.map(|name| format!("{}/{name}", folder(scene))).collect()
-            }
-        })
-    }
-
-    fn needs_obj_ids(&self) -> bool {
-        true
-    }
-
-    fn finish(&self, cx: &DatasetContext, _: &Products, finish: &Finish) -> Result<()> {
-        finish::write(self, cx, finish)
-    }
-}
-
-impl Bop {
-    /// Folder of a scene.
-    fn folder(&self, id: &str, scene: SceneId) -> String {
-        format!("{id}/{}/{:06}", self.split, scene.0)
-    }
-
-    /// Folder of the tar files.
-    fn web_folder(&self, id: &str) -> String {
-        format!("{id}/{}_web", self.split)
-    }
-
-    /// Whether the split is one that methods are tested with.
-    fn is_test(&self) -> bool {
-        self.split == "test" || self.split.starts_with("test_")
-    }
-}
-
-/// An image of a view. Masks are numbered by the object's entry in `scene_gt.json`.
-#[derive(Debug, Clone, Copy)]
-enum Image {
-    Rgb,
-    Depth,
-    Mask(usize),
-    MaskVisib(usize),
-}
-
-impl Image {
-    /// Path in the scene's folder.
-    fn path(self, view: ViewId) -> String {
-        let view = view.0;
-        match self {
-            Self::Rgb => format!("rgb/{view:06}.png"),
-            Self::Depth => format!("depth/{view:06}.png"),
-            Self::Mask(object) => format!("mask/{view:06}_{object:06}.png"),
-            Self::MaskVisib(object) => format!("mask_visib/{view:06}_{object:06}.png"),
-        }
     }
 }
 

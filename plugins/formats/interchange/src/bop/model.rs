@@ -8,52 +8,31 @@ use syntable_model::prelude::*;
 use syntable_model::product::ObjectModel;
 use syntable_model::scene::Symmetries;
 
-use super::surface::{Surface, shown};
+use super::record::BopModelInfo;
+use super::surface::{ModelSurface, shown};
+
+/// Names of the arrays of a model.
+const VERTICES: &str = "vertices";
+const FACES: &str = "faces";
+const COLORS: &str = "colors";
+const UVS: &str = "uvs";
+/// Name of the texture of a model.
+pub const TEXTURE: &str = "texture";
 
 /// A mesh in millimeters, in the frame of the asset's file, without vertices that no face uses.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Model {
+pub struct BopModel {
     /// Positions of the vertices, mm.
     pub vertices: Vec<[f32; 3]>,
     /// Indices of vertices, counter-clockwise seen from outside.
     pub faces: Vec<[u32; 3]>,
     /// What it looks like.
-    pub surface: Surface,
+    pub surface: ModelSurface,
     /// Its symmetries.
     pub symmetries: Symmetries,
 }
 
-/// An entry of `models_info.json`, mm.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct ModelInfo {
-    diameter: f64,
-    min_x: f64,
-    min_y: f64,
-    min_z: f64,
-    size_x: f64,
-    size_y: f64,
-    size_z: f64,
-    #[serde(flatten)]
-    symmetries: Symmetries,
-}
-
-impl ModelInfo {
-    /// Its numbers by name.
-    pub fn numbers(&self) -> [(&'static str, f64); 7] {
-        let Self { diameter, min_x, min_y, min_z, size_x, size_y, size_z, .. } = *self;
-        [
-            ("diameter", diameter),
-            ("min_x", min_x),
-            ("min_y", min_y),
-            ("min_z", min_z),
-            ("size_x", size_x),
-            ("size_y", size_y),
-            ("size_z", size_z),
-        ]
-    }
-}
-
-impl Model {
+impl BopModel {
     pub fn of(model: &ObjectModel) -> Result<Self> {
         let (vertices, faces, surface) = shown(model)?;
         Ok(Self { vertices, faces, surface, symmetries: model.source.symmetries.clone() })
@@ -63,37 +42,37 @@ impl Model {
     pub fn parts(&self) -> Vec<(&'static str, Vec<u8>)> {
         let floats = |numbers: &[f32]| numbers.iter().flat_map(|number| number.to_le_bytes()).collect();
         let faces = self.faces.as_flattened().iter().flat_map(|index| index.to_le_bytes()).collect();
-        let mut parts = vec![("vertices", floats(self.vertices.as_flattened())), ("faces", faces)];
+        let mut parts = vec![(VERTICES, floats(self.vertices.as_flattened())), (FACES, faces)];
         match &self.surface {
-            Surface::Plain => {}
-            Surface::Colors(colors) => parts.push(("colors", colors.as_flattened().to_vec())),
-            Surface::Texture { uvs, png } => {
-                parts.push(("uvs", floats(uvs.as_flattened())));
-                parts.push(("texture", png.clone()));
+            ModelSurface::Plain => {}
+            ModelSurface::Colors(colors) => parts.push((COLORS, colors.as_flattened().to_vec())),
+            ModelSurface::Texture { uvs, png } => {
+                parts.push((UVS, floats(uvs.as_flattened())));
+                parts.push((TEXTURE, png.clone()));
             }
         }
         parts
     }
 
-    /// The model of what [`parts`](Self::parts) gave; none if the bytes are no model.
+    /// The model from its [`parts`](Self::parts); none if the bytes are no model.
     pub fn from_parts(parts: &mut BTreeMap<String, Vec<u8>>, symmetries: Symmetries) -> Option<Self> {
         fn groups<T: Copy, const N: usize>(bytes: &[u8], read: impl Fn([u8; 4]) -> T) -> Option<Vec<[T; N]>> {
             let (numbers, rest) = bytes.as_chunks::<4>();
             let (groups, odd) = numbers.as_chunks::<N>();
             (rest.is_empty() && odd.is_empty()).then(|| groups.iter().map(|group| group.map(&read)).collect())
         }
-        let vertices: Vec<[f32; 3]> = groups(parts.get("vertices")?, f32::from_le_bytes)?;
-        let faces: Vec<[u32; 3]> = groups(parts.get("faces")?, u32::from_le_bytes)?;
+        let vertices: Vec<[f32; 3]> = groups(parts.get(VERTICES)?, f32::from_le_bytes)?;
+        let faces: Vec<[u32; 3]> = groups(parts.get(FACES)?, u32::from_le_bytes)?;
         let count = vertices.len();
-        let surface = if let Some(colors) = parts.get("colors") {
+        let surface = if let Some(colors) = parts.get(COLORS) {
             let (colors, rest) = colors.as_chunks::<3>();
-            (rest.is_empty() && colors.len() == count).then(|| Surface::Colors(colors.to_vec()))?
-        } else if let Some(uvs) = parts.get("uvs") {
+            (rest.is_empty() && colors.len() == count).then(|| ModelSurface::Colors(colors.to_vec()))?
+        } else if let Some(uvs) = parts.get(UVS) {
             let uvs: Vec<[f32; 2]> = groups(uvs, f32::from_le_bytes)?;
-            let png = parts.remove("texture").filter(|_| uvs.len() == count)?;
-            Surface::Texture { uvs, png }
+            let png = parts.remove(TEXTURE).filter(|_| uvs.len() == count)?;
+            ModelSurface::Texture { uvs, png }
         } else {
-            Surface::Plain
+            ModelSurface::Plain
         };
         let sound = faces.iter().flatten().all(|&index| (index as usize) < count);
         sound.then_some(Self { vertices, faces, surface, symmetries })
@@ -102,37 +81,38 @@ impl Model {
     /// Writes an ASCII PLY file, which names its texture.
     pub fn write(&self, texture: &str, out: &mut dyn Write) -> std::io::Result<()> {
         writeln!(out, "ply\nformat ascii 1.0\ncomment millimeters")?;
-        if let Surface::Texture { .. } = self.surface {
+        if let ModelSurface::Texture { .. } = self.surface {
             writeln!(out, "comment TextureFile {texture}")?;
         }
         writeln!(out, "element vertex {}", self.vertices.len())?;
         writeln!(out, "property float x\nproperty float y\nproperty float z")?;
         match self.surface {
-            Surface::Plain => {}
-            Surface::Colors(_) => writeln!(out, "property uchar red\nproperty uchar green\nproperty uchar blue")?,
-            Surface::Texture { .. } => writeln!(out, "property float texture_u\nproperty float texture_v")?,
+            ModelSurface::Plain => {}
+            ModelSurface::Colors(_) => writeln!(out, "property uchar red\nproperty uchar green\nproperty uchar blue")?,
+            ModelSurface::Texture { .. } => writeln!(out, "property float texture_u\nproperty float texture_v")?,
         }
         writeln!(out, "element face {}", self.faces.len())?;
         writeln!(out, "property list uchar int vertex_indices\nend_header")?;
         let vertices = self.vertices.iter().enumerate();
         vertices.into_iter().try_for_each(|(number, [x, y, z])| match &self.surface {
-            Surface::Plain => writeln!(out, "{x} {y} {z}"),
-            Surface::Colors(colors) => {
+            ModelSurface::Plain => writeln!(out, "{x} {y} {z}"),
+            ModelSurface::Colors(colors) => {
                 let [red, green, blue] = colors[number];
                 writeln!(out, "{x} {y} {z} {red} {green} {blue}")
             }
-            Surface::Texture { uvs, .. } => writeln!(out, "{x} {y} {z} {} {}", uvs[number][0], uvs[number][1]),
+            ModelSurface::Texture { uvs, .. } => writeln!(out, "{x} {y} {z} {} {}", uvs[number][0], uvs[number][1]),
         })?;
         self.faces.iter().try_for_each(|[a, b, c]| writeln!(out, "3 {a} {b} {c}"))
     }
 
-    pub fn info(&self) -> ModelInfo {
+    /// Its entry of `models_info.json`.
+    pub fn info(&self) -> BopModelInfo<f64, Symmetries> {
         let axis = |axis: usize| self.vertices.iter().map(move |vertex| f64::from(vertex[axis]));
         let min: [f64; 3] = std::array::from_fn(|i| axis(i).fold(f64::INFINITY, f64::min));
         let size: [f64; 3] = std::array::from_fn(|i| axis(i).fold(f64::NEG_INFINITY, f64::max) - min[i]);
         let ([min_x, min_y, min_z], [size_x, size_y, size_z]) = (min, size);
         let (diameter, symmetries) = (self.diameter(min, size), self.symmetries.clone());
-        ModelInfo { diameter, min_x, min_y, min_z, size_x, size_y, size_z, symmetries }
+        BopModelInfo { diameter, min_x, min_y, min_z, size_x, size_y, size_z, symmetries }
     }
 
     /// The largest distance of two vertices, mm. `min` and `size` are those of the box around them.
@@ -146,9 +126,9 @@ impl Model {
         let mut largest = 0.0;
         // Pairs of groups, first those of which most can be hoped.
         let mut pending = BinaryHeap::new();
-        let pair = |a: usize, b: usize| Pair { reach: Group::reach(&groups[a], &groups[b]), groups: [a, b] };
+        let pair = |a: usize, b: usize| GroupPair { reach: Group::reach(&groups[a], &groups[b]), groups: [a, b] };
         pending.extend(groups.first().map(|_| pair(0, 0)));
-        while let Some(Pair { reach, groups: [a, b] }) = pending.pop() {
+        while let Some(GroupPair { reach, groups: [a, b] }) = pending.pop() {
             if reach <= largest {
                 break;
             }
@@ -245,30 +225,30 @@ impl Group {
 }
 
 /// Two groups, ordered by what can be hoped of them.
-struct Pair {
+struct GroupPair {
     reach: f64,
     groups: [usize; 2],
 }
 
-impl Ord for Pair {
+impl Ord for GroupPair {
     fn cmp(&self, other: &Self) -> Ordering {
         self.reach.total_cmp(&other.reach).then_with(|| self.groups.cmp(&other.groups))
     }
 }
 
-impl PartialOrd for Pair {
+impl PartialOrd for GroupPair {
     fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
         Some(self.cmp(other))
     }
 }
 
-impl PartialEq for Pair {
+impl PartialEq for GroupPair {
     fn eq(&self, other: &Self) -> bool {
         self.cmp(other) == Ordering::Equal
     }
 }
 
-impl Eq for Pair {}
+impl Eq for GroupPair {}
 
 #[cfg(test)]
 mod tests {
@@ -276,11 +256,11 @@ mod tests {
     use std::sync::Arc;
     use syntable_model::scene::{Mesh, MeshData, SourceModel, SymmetryAxis};
 
-    fn points_of(vertices: Vec<[f32; 3]>) -> Model {
-        Model { vertices, faces: Vec::new(), surface: Surface::Plain, symmetries: Symmetries::default() }
+    fn points_of(vertices: Vec<[f32; 3]>) -> BopModel {
+        BopModel { vertices, faces: Vec::new(), surface: ModelSurface::Plain, symmetries: Symmetries::default() }
     }
 
-    fn random(stream: &mut Stream, vertices: usize, flat: bool) -> Model {
+    fn random(stream: &mut Stream, vertices: usize, flat: bool) -> BopModel {
         let mut point = || [1.0, 1.0, if flat { 0.01 } else { 1.0 }].map(|w| (stream.uniform(-w, w) * 200.0) as f32);
         points_of((0..vertices).map(|_| point()).collect())
     }
@@ -327,18 +307,19 @@ mod tests {
         let symmetries = Symmetries { continuous: vec![axis], ..Symmetries::default() };
         let source = SourceModel { symmetries, ..SourceModel::default() };
         let mesh = Arc::new(Mesh::new(data).expect("sound"));
-        let model = Model::of(&ObjectModel { mesh, materials: Vec::new(), source }).expect("shown");
+        let model = BopModel::of(&ObjectModel { mesh, materials: Vec::new(), source }).expect("shown");
         assert_eq!(model.vertices, [[0.0, 0.0, 300.0], [100.0, 0.0, 0.0], [0.0, 200.0, 0.0]]);
         assert_eq!(model.faces, [[0, 1, 2], [1, 0, 2]]);
         let uvs = vec![[0.5, 0.25]; 3];
         for surface in [
-            Surface::Plain,
-            Surface::Colors(vec![[1, 2, 3], [4, 5, 6], [7, 8, 9]]),
-            Surface::Texture { uvs, png: b"PNG".to_vec() },
+            ModelSurface::Plain,
+            ModelSurface::Colors(vec![[1, 2, 3], [4, 5, 6], [7, 8, 9]]),
+            ModelSurface::Texture { uvs, png: b"PNG".to_vec() },
         ] {
-            let model = Model { surface, ..model.clone() };
+            let model = BopModel { surface, ..model.clone() };
             let parts = || model.parts().into_iter().map(|(name, bytes)| (name.to_owned(), bytes));
-            let read = |mut parts: BTreeMap<String, Vec<u8>>| Model::from_parts(&mut parts, model.symmetries.clone());
+            let read =
+                |mut parts: BTreeMap<String, Vec<u8>>| BopModel::from_parts(&mut parts, model.symmetries.clone());
             assert_eq!(read(parts().collect()).as_ref(), Some(&model));
             // A byte less of any array is no model; a texture is whatever it is.
             for (cut, _) in parts().filter(|(name, _)| name != "texture") {

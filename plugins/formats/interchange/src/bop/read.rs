@@ -1,50 +1,51 @@
 //! Reads BOP's scenewise layout and its tar files.
 
-use super::faults::{self, CocoScene, Fault};
-use super::files::{self, Images, Record, json};
-use super::finish::MODELS_INFO;
+use super::check::{self, CocoScene};
+use super::files::{self, BopImageRecord, BopImages, json};
 use super::meshes::Meshes;
-use super::record::{Camera, CameraView, GroundTruth, MM, SceneCamera};
+use super::record::{
+    BopCamera, BopModelInfo, CAMERA_FILE, CameraProduct, GroundTruth, MM, MODELS, MODELS_INFO, OBJECTS, SceneCamera,
+    model_number,
+};
 use serde::de::{DeserializeOwned, IgnoredAny};
 use serde_json::{Value as Json, json};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 use syntable_formats::coco::Category;
-use syntable_formats::read::{self, Faults, Labels};
+use syntable_formats::read::{self, Faults, ObjectLabels};
+use syntable_formats::rule;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{
     CAMERA, CATEGORY_ID, DEPTH, OBJECT_INFO, OBJECT_MODELS, OBJECT_NAME, OCCLUSION_MASK, RGB, VISIBILITY,
 };
 use syntable_model::product::{ObjectModel, ObjectModels, PixelCounts};
 use syntable_model::reader::{
-    DatasetFault, Format, ImageRef, ImageSource, Note, Opened, ReadImage, Source, unnamed_object,
+    DatasetFault, FaultSubject, Format, ImageRef, ImageSource, Note, Opened, ReadImage, Source, unnamed_object,
 };
-use syntable_model::scene::{SceneId, Symmetries};
+use syntable_model::scene::SceneId;
 
-syntable_model::register_format!(Format {
-    name: "bop",
-    doc: "BOP's scenewise layout and its tar files: a folder of a dataset with one split, or the split itself.",
-    detect: |root| !files::splits_of(root).is_empty(),
+syntable_model::register_format!(Format::new(
+    "bop",
+    "BOP's scenewise layout and its tar files: a folder of a dataset with one split, or the split itself.",
+    |root| !files::splits_of(root).is_empty(),
     open,
-    is_generic: false,
-    crate_name: env!("CARGO_PKG_NAME"),
-});
+));
 
 struct BopSource {
     categories: read::Categories,
     refs: Vec<ImageRef>,
-    images: Vec<Record>,
+    images: Vec<BopImageRecord>,
     /// Names of assets and boxes of models in meters, by `obj_id`.
     names: BTreeMap<u64, String>,
     bounds: BTreeMap<u64, [[f64; 3]; 2]>,
     /// Numbers of the models; none if the dataset has no list of them.
-    models: Option<BTreeMap<u64, BTreeMap<String, Json>>>,
+    models: Option<BTreeMap<u64, BopModelInfo>>,
     meshes: Meshes,
     /// Numbers of the objects of each scene.
     of_scenes: BTreeMap<SceneId, BTreeSet<u64>>,
-    camera: Option<Camera>,
-    /// The annotation files of scenes, by folder, read when somebody asks.
+    camera: Option<BopCamera>,
+    /// The annotation files of scenes by folder, read at their first use.
     coco: BTreeMap<PathBuf, OnceLock<Result<Option<CocoScene>>>>,
 }
 
@@ -55,22 +56,22 @@ fn open(source: &Source) -> Result<Opened> {
     let root = source.path.as_path();
     let split = files::split_of(root)?;
     let mut faults = Faults::default();
-    let Images { refs, records: images, folders } = files::images(source, &split, &mut faults)?;
+    let BopImages { refs, records: images, folders } = files::images(source, &split, &mut faults)?;
     let coco = folders.into_iter().map(|folder| (folder, OnceLock::new())).collect();
     let mut of_scenes = BTreeMap::<SceneId, BTreeSet<u64>>::new();
     for (image, record) in refs.iter().zip(&images) {
         of_scenes.entry(image.scene).or_default().extend(record.objects.iter().map(|object| object.obj_id));
     }
     let above = split.folder.parent().unwrap_or(&split.folder);
-    let names = optional(source, [root, above], Path::new("objects.json"))?;
-    let camera: Option<Camera> = optional(source, [root, above], Path::new("camera.json"))?;
-    camera.iter().for_each(|camera| faults::camera_is_sound(camera, &mut faults));
-    let model_folders = [root, above].map(|folder| folder.join("models"));
-    let models: Option<BTreeMap<u64, BTreeMap<String, Json>>> =
-        optional(source, [root, above], &Path::new("models").join(MODELS_INFO))?;
+    let names = optional(source, [root, above], Path::new(OBJECTS))?;
+    let camera: Option<BopCamera> = optional(source, [root, above], Path::new(CAMERA_FILE))?;
+    camera.iter().for_each(|camera| check::camera_is_sound(camera, &mut faults));
+    let model_folders = [root, above].map(|folder| folder.join(MODELS));
+    let models: Option<BTreeMap<u64, BopModelInfo>> =
+        optional(source, [root, above], &Path::new(MODELS).join(MODELS_INFO))?;
     let model_folder = model_folders.iter().find(|it| it.join(MODELS_INFO).is_file());
     if let Some((models, folder)) = models.as_ref().zip(model_folder) {
-        faults::faults_of_models(folder, models, &mut faults);
+        check::faults_of_models(folder, models, &mut faults);
     }
     let all_models = models.iter().flatten();
     let of_models = models.iter().flat_map(|models| models.keys().copied());
@@ -78,12 +79,12 @@ fn open(source: &Source) -> Result<Opened> {
     let bounds = all_models.filter_map(|(&id, model)| Some((id, bounds_of(model)?))).collect();
     let listed = listed_models(source, [root, above])?;
     let listed = listed.into_iter().chain(models.iter().flat_map(BTreeMap::keys).copied()).collect();
-    let numbers = Numbers::of(&of_scenes, listed, &names);
+    let numbers = ObjectNumbers::of(&of_scenes, listed, &names);
     // As COCO's files of BOP have it, the category of an object is its number.
     let category = |&id: &u64| Category { id, name: asset_of(&names, id), ..Category::default() };
     let categories = read::Categories::of(&numbers.all.iter().map(category).collect::<Vec<_>>());
     let info = categories.info(read::name_of(root), String::new(), &refs, String::new());
-    let mut offers = read::Known::Both.offers();
+    let mut offers = read::KnownMasks::Both.offers();
     offers.extend(keys![RGB, DEPTH, CAMERA, OBJECT_INFO, OBJECT_NAME, VISIBILITY]);
     let has_meshes = !of_scenes.is_empty() && of_scenes.values().all(|models| meshes.have(models));
     offers.extend(has_meshes.then_some(OBJECT_MODELS.id()));
@@ -102,15 +103,15 @@ fn open(source: &Source) -> Result<Opened> {
 
 /// Numbers of the objects of a dataset, which are its categories: those of the models, or, where no list has all objects, all
 /// numbers up to the largest.
-struct Numbers {
+struct ObjectNumbers {
     all: BTreeSet<u64>,
-    /// Those that the dataset shows or lists: numbers in gaps may be of no object.
+    /// The numbers that the dataset shows or lists. Numbers in gaps may belong to no object.
     known: BTreeSet<u64>,
     /// Whether the dataset lists all objects.
     are_listed: bool,
 }
 
-impl Numbers {
+impl ObjectNumbers {
     /// Those that images show, that folders of models list, and that have names. This program's `objects.json` has the objects
     /// that were drawn, and so have the models beside it.
     fn of(shown: &BTreeMap<SceneId, BTreeSet<u64>>, listed: BTreeSet<u64>, names: &BTreeMap<u64, String>) -> Self {
@@ -122,7 +123,7 @@ impl Numbers {
         Self { all: read::with_gaps_filled(known.clone()), known, are_listed: false }
     }
 
-    /// What is not known of the objects of the dataset, for people.
+    /// Text for people about the objects that the dataset does not list.
     fn caveat(&self) -> Option<String> {
         let list = format!("`models/{MODELS_INFO}` with a model of each object");
         read::unlisted(&self.all, &list).filter(|_| !self.are_listed)
@@ -132,13 +133,12 @@ impl Numbers {
 /// Numbers of the models in folders such as `models` and `models_eval`: those in the list of models, and those of meshes. Folders
 /// that lead out of the dataset have none.
 fn listed_models(source: &Source, folders: [&Path; 2]) -> Result<BTreeSet<u64>> {
-    let of_mesh =
-        |path: &PathBuf| read::file_name(path).strip_prefix("obj_")?.strip_suffix(".ply")?.parse::<u64>().ok();
+    let of_mesh = |path: &PathBuf| model_number(&read::file_name(path));
     let mut listed = BTreeSet::new();
     for above in folders.into_iter().collect::<BTreeSet<_>>() {
         let inside = source.folder(above)?;
         let names = read::entries(above).into_iter().filter(|path| path.is_dir()).map(|path| read::file_name(&path));
-        for name in names.filter(|name| name == "models" || name.starts_with("models_")) {
+        for name in names.filter(|name| name == MODELS || name.starts_with("models_")) {
             let folder = inside.inner(&name);
             if folder.file("").is_err() {
                 continue;
@@ -159,31 +159,24 @@ fn optional<T: DeserializeOwned + Default>(source: &Source, folders: [&Path; 2],
     }
 }
 
-fn bounds_of(model: &BTreeMap<String, Json>) -> Option<[[f64; 3]; 2]> {
-    let of = |what: &str, axis: &str| Some(model.get(&format!("{what}_{axis}"))?.as_f64()? / MM);
-    let low = [of("min", "x")?, of("min", "y")?, of("min", "z")?];
-    let size = [of("size", "x")?, of("size", "y")?, of("size", "z")?];
+/// Least and largest corner of the box around a model, m.
+fn bounds_of(model: &BopModelInfo) -> Option<[[f64; 3]; 2]> {
+    let [low, size] = model.box_mm()?.map(|mm| mm.map(|edge| edge / MM));
     Some([low, std::array::from_fn(|axis| low[axis] + size[axis])])
-}
-
-/// The symmetries that `models_info.json` states of a model, or what is wrong with them.
-pub fn symmetries_of(model: &BTreeMap<String, Json>) -> std::result::Result<Symmetries, String> {
-    let fields = model.iter().map(|(key, value)| (key.clone(), value.clone()));
-    serde_json::from_value(Json::Object(fields.collect())).map_err(|error| error.to_string())
 }
 
 impl ImageSource for BopSource {
     fn other_faults(&self) -> Vec<DatasetFault> {
         let mut faults = Faults::default();
         if let Some(models) = &self.models {
-            faults::faults_of_meshes(&self.meshes, models, &mut faults);
+            check::faults_of_meshes(&self.meshes, models, &mut faults);
         }
         faults.into_inner()
     }
 
-    fn image_faults(&self, image: usize) -> Vec<Fault> {
+    fn image_faults(&self, image: usize) -> Vec<DatasetFault> {
         let record = &self.images[image];
-        let mut faults: Vec<Fault> =
+        let mut faults: Vec<DatasetFault> =
             record.objects.iter().enumerate().filter_map(|(entry, it)| self.number_fault(entry, it)).collect();
         faults.extend(self.fault_of_camera_pose(image));
         faults.extend(self.faults_of_masks(record));
@@ -201,7 +194,7 @@ impl ImageSource for BopSource {
             products.put(OBJECT_MODELS, models)?;
             unread = failed;
         }
-        let masks_wanted = read::Known::Both.offers().into_iter().any(wanted);
+        let masks_wanted = read::KnownMasks::Both.offers().into_iter().any(wanted);
         let labels = if masks_wanted { record.labels(&self.categories, [width, height])? } else { Vec::new() };
         read::put(&labels, None, wants, &mut products)?;
         if wanted(RGB.id()) {
@@ -211,7 +204,7 @@ impl ImageSource for BopSource {
             products.put(DEPTH, record.depth()?)?;
         }
         if wanted(CAMERA.id()) {
-            products.put(CAMERA, Value::of(&CameraView::of(&record.camera, [width, height]))?)?;
+            products.put(CAMERA, Value::of(&CameraProduct::of(&record.camera, [width, height]))?)?;
         }
         let each = |of: &dyn Fn(usize, &GroundTruth) -> Result<Value>| -> Result<PerInstance<Value>> {
             let objects = record.objects.iter().enumerate();
@@ -238,18 +231,12 @@ fn id_of(entry: usize) -> InstanceId {
     InstanceId(entry as u16 + 1)
 }
 
-impl Record {
+impl BopImageRecord {
     /// Masks of the objects that the image shows or would show.
-    fn labels(&self, categories: &read::Categories, size: [u32; 2]) -> Result<Vec<Labels>> {
-        let of = |(entry, [amodal, visible]): (usize, [Mask; 2])| Labels {
-            id: id_of(entry),
-            visible,
-            amodal: Some(amodal),
-            occlusion: None,
-            rate: None,
-            visible_box: None,
-            amodal_box: None,
-            category: categories.id(self.objects[entry].obj_id),
+    fn labels(&self, categories: &read::Categories, size: [u32; 2]) -> Result<Vec<ObjectLabels>> {
+        let of = |(entry, [amodal, visible]): (usize, [Mask; 2])| {
+            let category = categories.id(self.objects[entry].obj_id);
+            ObjectLabels::of_masks(id_of(entry), visible, Some(amodal), category)
         };
         Ok(self.masks(size)?.into_iter().enumerate().map(of).collect())
     }
@@ -267,7 +254,7 @@ impl Record {
         }
     }
 
-    /// Numbers of the objects and where they are in the world; none if nobody says where the camera is.
+    /// Numbers and poses of the objects in the world; none without the camera's pose.
     fn poses(&self) -> Option<Vec<(u64, [[f64; 4]; 4])>> {
         let camera = self.camera.world_from_camera()?;
         Some(self.objects.iter().map(|it| (it.obj_id, product(&camera, &it.pose()))).collect())
@@ -276,7 +263,7 @@ impl Record {
 
 impl BopSource {
     /// A camera that other images of the scene contradict.
-    fn fault_of_camera_pose(&self, image: usize) -> Option<Fault> {
+    fn fault_of_camera_pose(&self, image: usize) -> Option<DatasetFault> {
         let scene = self.refs[image].scene;
         let first = self.refs.partition_point(|other| other.scene < scene);
         let count = self.refs.partition_point(|other| other.scene <= scene) - first;
@@ -284,45 +271,46 @@ impl BopSource {
         let compared = COMPARED.min(count - 1);
         let others = (0..compared).map(|at| first + (image - first + 1 + at * (count - 1) / compared) % count);
         let others: Vec<_> = others.filter_map(|other| self.images[other].poses()).collect();
-        // Of two images, nobody can tell which one is wrong: the second is named.
+        // Either of two images may be wrong: the second one is named.
         let least = match count {
             2 if image == first => return None,
             2 => 1,
             _ => 2,
         };
-        faults::fault_of_camera_pose(&self.images[image].poses()?, &others, least)
+        check::fault_of_camera_pose(&self.images[image].poses()?, &others, least)
     }
 
     /// An object whose number is that of no model.
-    fn number_fault(&self, entry: usize, object: &GroundTruth) -> Option<Fault> {
+    fn number_fault(&self, entry: usize, object: &GroundTruth) -> Option<DatasetFault> {
         let id = object.obj_id;
         let message = match &self.models {
             _ if id < 1 => "numbers of objects are from 1".to_owned(),
             Some(models) if !models.contains_key(&id) => format!("{MODELS_INFO} has no such model"),
             _ => return None,
         };
-        Some(("known_models", format!("instance {}: `obj_id` is {id}, and {message}", id_of(entry))))
+        let fault = DatasetFault::new("known_models", format!("`obj_id` is {id}, and {message}"));
+        Some(fault.of(FaultSubject::Instance(id_of(entry))))
     }
 
-    /// What contradicts masks; nothing where these cannot be read, which is a fault of its own.
-    fn faults_of_masks(&self, record: &Record) -> Vec<Fault> {
+    /// The rules that numbers break, given the masks. Masks that cannot be read are a fault of their own.
+    fn faults_of_masks(&self, record: &BopImageRecord) -> Vec<DatasetFault> {
         let Ok(rgb) = record.rgb() else { return Vec::new() };
         let size = [rgb.width(), rgb.height()];
-        let mut all: Vec<Fault> =
-            self.camera.iter().filter_map(|camera| faults::faults_of_camera(camera, size)).collect();
+        let mut all: Vec<DatasetFault> =
+            self.camera.iter().filter_map(|camera| check::faults_of_camera(camera, size)).collect();
         let Ok(labels) = record.labels(&self.categories, size) else { return all };
         let depth = record.depth().ok();
         let mut masks = Vec::new();
         for (label, info) in labels.iter().zip(&record.infos) {
             let Some(whole) = &label.amodal else { continue };
             let of_object = info.faults([whole, &label.visible], depth.as_ref()).into_iter();
-            all.extend(of_object.map(|(check, message)| (check, format!("instance {}: {message}", label.id))));
+            all.extend(of_object.map(|fault| fault.of(FaultSubject::Instance(label.id))));
             masks.push([whole, &label.visible]);
         }
         let of_coco = record.folder().and_then(|folder| Some((folder, self.coco.get(&folder.path())?)));
         match of_coco.map(|(folder, scene)| scene.get_or_init(|| CocoScene::read(folder))) {
             Some(Ok(Some(scene))) => all.extend(scene.faults(record.number, &record.infos, &masks)),
-            Some(Err(error)) => all.push(("readable", error.to_string())),
+            Some(Err(error)) => all.push(DatasetFault::new(rule::READABLE, error.to_string())),
             Some(Ok(None)) | None => {}
         }
         all
@@ -340,11 +328,11 @@ impl BopSource {
         (ObjectModels(models), failed)
     }
 
-    /// A model with its number and its symmetries. Those that are no motions are a fault of the dataset, and left out.
+    /// A model with its number and its symmetries. Symmetries that are no motions are a fault of the dataset, and omitted.
     fn model(&self, id: u64) -> Result<ObjectModel> {
         let mut model = self.meshes.model(id)?;
         model.source.obj_id = u32::try_from(id).ok();
-        let stated = self.models.as_ref().and_then(|models| symmetries_of(models.get(&id)?).ok());
+        let stated = self.models.as_ref().and_then(|models| models.get(&id)?.symmetries().ok());
         model.source.symmetries = stated.unwrap_or_default();
         Ok(model)
     }

@@ -1,9 +1,113 @@
-//! What is written to BOP's JSON files, and what of the products it is made from.
+//! Files of BOP's layouts: their names, and the records of the JSON files with the parts of products that they are made from.
 
+use crate::field::LenientField;
 use serde::de::DeserializeOwned;
+use serde_json::Value as Json;
 use syntable_formats::segmentation::UncompressedRle;
+use syntable_formats::{Extra, json};
 use syntable_model::prelude::*;
 use syntable_model::product::BBox;
+use syntable_model::scene::{SceneId, Symmetries, ViewId};
+
+/// Cameras of a scene.
+pub const SCENE_CAMERA: &str = "scene_camera.json";
+/// Boxes and counts of pixels of a scene.
+pub const SCENE_GT_INFO: &str = "scene_gt_info.json";
+/// Poses of a scene.
+pub const SCENE_GT: &str = "scene_gt.json";
+/// COCO's annotations of a scene, with boxes of whole objects.
+pub const SCENE_GT_COCO: &str = "scene_gt_coco.json";
+/// The same with boxes of visible parts.
+pub const SCENE_GT_COCO_MODAL: &str = "scene_gt_coco_modal.json";
+/// The JSON files that are written with a scene.
+pub const SCENE_FILES: [&str; 2] = [SCENE_CAMERA, SCENE_GT_INFO];
+/// The files of a scene that are written at the end.
+pub const FINISHED_SCENE_FILES: [&str; 3] = [SCENE_GT, SCENE_GT_COCO, SCENE_GT_COCO_MODAL];
+
+/// The camera of the dataset.
+pub const CAMERA_FILE: &str = "camera.json";
+/// Name and size of the dataset.
+pub const DATASET_INFO: &str = "dataset_info.json";
+/// Names of the objects by number.
+pub const OBJECTS: &str = "objects.json";
+/// The objects and images that methods are tested with.
+pub const TARGETS: &str = "test_targets_bop19.json";
+/// Numbers of the shards of images.
+pub const KEY_TO_SHARD: &str = "key_to_shard.json";
+
+/// Folder of the meshes.
+pub const MODELS: &str = "models";
+/// Folder of the meshes that evaluations read.
+pub const MODELS_EVAL: &str = "models_eval";
+/// Sizes of the meshes, in each of their folders.
+pub const MODELS_INFO: &str = "models_info.json";
+
+/// Fields of a sample in a tar file, which hold the content of the files above for one image.
+pub const SAMPLE_RGB: &str = "rgb.png";
+/// Depth.
+pub const SAMPLE_DEPTH: &str = "depth.png";
+/// The camera.
+pub const SAMPLE_CAMERA: &str = "camera.json";
+/// Poses.
+pub const SAMPLE_GT: &str = "gt.json";
+/// Boxes and counts of pixels.
+pub const SAMPLE_GT_INFO: &str = "gt_info.json";
+/// Masks of whole objects.
+pub const SAMPLE_MASK: &str = "mask.json";
+/// Visible masks.
+pub const SAMPLE_MASK_VISIB: &str = "mask_visib.json";
+
+/// Name of a tar file of samples.
+pub fn shard_file(number: usize) -> String {
+    format!("shard-{number:06}.tar")
+}
+
+/// The number in the name of a tar file of samples.
+pub fn shard_number(name: &str) -> Option<u64> {
+    name.strip_prefix("shard-")?.strip_suffix(".tar")?.parse().ok()
+}
+
+/// Key of an image in tar files.
+pub fn key(scene: SceneId, view: ViewId) -> String {
+    format!("{:06}_{:06}", scene.0, view.0)
+}
+
+/// Name of the file of a mesh.
+pub fn model_file(obj_id: u64) -> String {
+    format!("obj_{obj_id:06}.ply")
+}
+
+/// The number in the name of the file of a mesh.
+pub fn model_number(name: &str) -> Option<u64> {
+    name.strip_prefix("obj_")?.strip_suffix(".ply")?.parse().ok()
+}
+
+/// An image of a view. Masks are numbered by the object's entry in `scene_gt.json`.
+#[derive(Debug, Clone, Copy)]
+pub enum BopImage {
+    Rgb,
+    Depth,
+    Mask(usize),
+    MaskVisib(usize),
+}
+
+impl BopImage {
+    /// Path in the scene's folder.
+    pub fn path(self, view: ViewId) -> String {
+        self.path_as(view, "png")
+    }
+
+    /// The same for an image with another extension, as some datasets have color images.
+    pub fn path_as(self, view: ViewId, extension: &str) -> String {
+        let view = view.0;
+        match self {
+            Self::Rgb => format!("rgb/{view:06}.{extension}"),
+            Self::Depth => format!("depth/{view:06}.{extension}"),
+            Self::Mask(object) => format!("mask/{view:06}_{object:06}.{extension}"),
+            Self::MaskVisib(object) => format!("mask_visib/{view:06}_{object:06}.{extension}"),
+        }
+    }
+}
 
 /// Millimeters per meter.
 pub const MM: f64 = 1000.0;
@@ -14,7 +118,7 @@ pub const NO_BOX: [i64; 4] = [-1; 4];
 
 /// The part of the product `camera` that BOP has.
 #[derive(Debug, Serialize, Deserialize)]
-pub struct CameraView {
+pub struct CameraProduct {
     pub width: u32,
     pub height: u32,
     #[serde(rename = "K")]
@@ -30,7 +134,7 @@ pub struct CameraView {
 
 /// The part of the product `object_info` that BOP has.
 #[derive(Debug, Deserialize)]
-pub struct ObjectView {
+pub struct ObjectInfoProduct {
     pub asset: String,
     pub camera_from_object: [[f64; 4]; 4],
     /// Number of the asset.
@@ -41,7 +145,7 @@ pub struct ObjectView {
     model_origin_m: [f64; 3],
 }
 
-impl ObjectView {
+impl ObjectInfoProduct {
     /// Maps points of the asset's file, at the size of the object, to the camera, m.
     fn camera_from_model(&self) -> [[f64; 4]; 4] {
         let mut pose = self.camera_from_object;
@@ -53,7 +157,7 @@ impl ObjectView {
 
 /// The part of the product `visibility` that BOP has.
 #[derive(Debug, Deserialize)]
-pub struct VisibilityView {
+pub struct VisibilityProduct {
     px_count_all: u64,
     pub px_count_in_frame: u64,
     px_count_valid: u64,
@@ -64,7 +168,7 @@ pub struct VisibilityView {
 
 /// Reads a record of a product.
 pub fn read<T: DeserializeOwned>(value: &Value, product: &str) -> Result<T> {
-    serde_json::to_value(value).and_then(serde_json::from_value).map_err(|error| {
+    json::typed(value).map_err(|error| {
         Error::new(format!("product `{product}` does not have what BOP needs: {error}"))
             .help(format!("let the annotator `{product}` provide it"))
     })
@@ -114,7 +218,7 @@ impl SceneCamera {
 
 /// `camera.json`.
 #[derive(Debug, Clone, Serialize, Deserialize)]
-pub struct Camera {
+pub struct BopCamera {
     pub cx: f64,
     pub cy: f64,
     pub depth_scale: f64,
@@ -124,7 +228,7 @@ pub struct Camera {
     pub width: u32,
 }
 
-impl CameraView {
+impl CameraProduct {
     /// The camera of an image, with the corner of the first pixel at (0, 0).
     pub fn of(camera: &SceneCamera, [width, height]: [u32; 2]) -> Self {
         let [fx, skew, cx, _, fy, cy, ..] = camera.k;
@@ -139,14 +243,14 @@ impl CameraView {
     }
 
     /// The intrinsics with the center of the first pixel at (0, 0).
-    pub fn camera(&self, depth_scale: f64) -> Camera {
+    pub fn camera(&self, depth_scale: f64) -> BopCamera {
         let [[fx, _, cx], [_, fy, cy], _] = self.k;
         let (cx, cy) = (cx - PIXEL_CENTER, cy - PIXEL_CENTER);
-        Camera { cx, cy, depth_scale, fx, fy, height: self.height, width: self.width }
+        BopCamera { cx, cy, depth_scale, fx, fy, height: self.height, width: self.width }
     }
 
     pub fn scene_camera(&self, depth_scale: f64) -> SceneCamera {
-        let Camera { fx, fy, cx, cy, .. } = self.camera(depth_scale);
+        let BopCamera { fx, fy, cx, cy, .. } = self.camera(depth_scale);
         let (rotation, translation_mm) = self.camera_from_world.as_ref().map(pose).unzip();
         let k = [fx, self.k[0][1], cx, 0.0, fy, cy, 0.0, 0.0, 1.0];
         SceneCamera { k, depth_scale, rotation, translation_mm }
@@ -155,7 +259,7 @@ impl CameraView {
 
 /// An entry of `scene_gt_info.json`.
 #[derive(Debug, Serialize, Deserialize)]
-pub struct Info {
+pub struct GroundTruthInfo {
     pub bbox_obj: [i64; 4],
     pub bbox_visib: [i64; 4],
     pub px_count_all: u64,
@@ -164,11 +268,11 @@ pub struct Info {
     pub visib_fract: f64,
 }
 
-impl VisibilityView {
-    pub fn info(&self, visible: BBox) -> Info {
+impl VisibilityProduct {
+    pub fn info(&self, visible: BBox) -> GroundTruthInfo {
         let seen = self.px_count_visib > 0;
         let bbox = |bbox: [i32; 4]| if seen { between_centers(bbox) } else { NO_BOX };
-        Info {
+        GroundTruthInfo {
             bbox_obj: bbox(self.silhouette_box),
             bbox_visib: bbox(visible.into()),
             px_count_all: self.px_count_all,
@@ -188,7 +292,7 @@ pub fn between_centers([x, y, width, height]: [i32; 4]) -> [i64; 4] {
 #[derive(Debug, Serialize, Deserialize)]
 pub struct ViewRecord {
     pub view: u32,
-    pub camera: Camera,
+    pub camera: BopCamera,
     /// In the order of `scene_gt.json`.
     pub objects: Vec<ObjectRecord>,
 }
@@ -204,12 +308,12 @@ pub struct ObjectRecord {
     translation_mm: [f64; 3],
     pub visib_fract: f64,
     /// None if the image does not show it.
-    pub shown: Option<Shown>,
+    pub shown: Option<ShownMask>,
 }
 
-/// What the image shows of an object.
+/// The visible part of an object.
 #[derive(Debug, Serialize, Deserialize)]
-pub struct Shown {
+pub struct ShownMask {
     pub mask: UncompressedRle,
     pub area: u32,
     pub visible_box: [i32; 4],
@@ -217,9 +321,9 @@ pub struct Shown {
 }
 
 impl ObjectRecord {
-    pub fn new(object: ObjectView, visib_fract: f64, visible: &Mask, amodal: &Mask) -> Self {
+    pub fn new(object: ObjectInfoProduct, visib_fract: f64, visible: &Mask, amodal: &Mask) -> Self {
         let (rotation, translation_mm) = pose(&object.camera_from_model());
-        let shown = (!visible.is_empty()).then(|| Shown {
+        let shown = (!visible.is_empty()).then(|| ShownMask {
             mask: UncompressedRle::encode(visible),
             area: visible.area(),
             visible_box: visible.bbox().into(),
@@ -248,5 +352,53 @@ impl GroundTruth {
     /// Maps points of the object to the camera, m.
     pub fn pose(&self) -> [[f64; 4]; 4] {
         motion(&self.rotation, &self.translation_mm)
+    }
+}
+
+/// An entry of `models_info.json`, mm. This program writes all numbers; files of others may lack some, or have other values in
+/// their places. `S` are the symmetries, or the fields that may state them.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(default)]
+pub struct BopModelInfo<N = LenientField<f64>, S = Extra> {
+    pub diameter: N,
+    pub min_x: N,
+    pub min_y: N,
+    pub min_z: N,
+    pub size_x: N,
+    pub size_y: N,
+    pub size_z: N,
+    #[serde(flatten)]
+    pub symmetries: S,
+}
+
+impl<N, S> BopModelInfo<N, S> {
+    /// The numbers by key: the diameter, the least corner of the box and its sides.
+    pub fn numbers(&self) -> [(&'static str, &N); 7] {
+        let Self { diameter, min_x, min_y, min_z, size_x, size_y, size_z, .. } = self;
+        [
+            ("diameter", diameter),
+            ("min_x", min_x),
+            ("min_y", min_y),
+            ("min_z", min_z),
+            ("size_x", size_x),
+            ("size_y", size_y),
+            ("size_z", size_z),
+        ]
+    }
+}
+
+impl BopModelInfo {
+    /// Least corner and sides of the box around the mesh, mm; none if a number is missing.
+    pub fn box_mm(&self) -> Option<[[f64; 3]; 2]> {
+        let [_, x, y, z, width, depth, height] = self.numbers().map(|(_, number)| number.value().copied());
+        Some([[x?, y?, z?], [width?, depth?, height?]])
+    }
+
+    /// The symmetries that the entry states.
+    ///
+    /// # Errors
+    /// Why they are no symmetries.
+    pub fn symmetries(&self) -> Result<Symmetries, String> {
+        serde_json::from_value(Json::Object(self.symmetries.clone())).map_err(|error| error.to_string())
     }
 }

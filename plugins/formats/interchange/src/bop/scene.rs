@@ -1,12 +1,17 @@
 //! The files of one BOP scene that do not depend on the numbers of the assets.
 
-use super::record::{CameraView, Info, ObjectRecord, ObjectView, SceneCamera, ViewRecord, VisibilityView, read};
-use super::shard::{Shard, key};
-use super::{Bop, Image, Layout, Models, Objects};
-use crate::labels;
+use super::record::{
+    BopImage, CameraProduct, GroundTruthInfo, ObjectInfoProduct, ObjectRecord, SAMPLE_CAMERA, SAMPLE_DEPTH,
+    SAMPLE_GT_INFO, SAMPLE_MASK, SAMPLE_MASK_VISIB, SAMPLE_RGB, SCENE_FILES, SceneCamera, ViewRecord,
+    VisibilityProduct, key, read,
+};
+use super::shard::Shard;
+use super::{Bop, BopLayout, BopMeshes, BopObjects};
 use std::borrow::Cow;
 use syntable_formats::encode::json_shard::push_line;
 use syntable_formats::encode::png::{self, Rounding, depth_units};
+use syntable_formats::json::unwritable;
+use syntable_formats::read::label_of;
 use syntable_formats::segmentation::UncompressedRle;
 use syntable_model::prelude::*;
 use syntable_model::product::BitPlane;
@@ -15,14 +20,11 @@ use syntable_model::product::standard::{
 };
 use syntable_model::scene::ViewId;
 
-/// Names of the JSON files that are written with the scene.
-pub const FILES: [&str; 2] = ["scene_camera.json", "scene_gt_info.json"];
-
 pub struct BopScene {
     config: Bop,
     folder: String,
     output: Output,
-    /// Content of [`FILES`].
+    /// Content of [`SCENE_FILES`].
     entries: [Entries; 2],
     shard: Shard,
 }
@@ -33,17 +35,17 @@ impl BopScene {
         Ok(Self { config, folder, output, entries: Default::default(), shard })
     }
 
-    fn write(&self, view: ViewId, image: Image, content: &png::Image) -> Result<()> {
+    fn write(&self, view: ViewId, image: BopImage, content: &png::PngImage) -> Result<()> {
         content.write(&self.output, &format!("{}/{}", self.folder, image.path(view)))
     }
 
-    /// Writes the files of a view, and its entries of those of the scene.
-    fn write_files(&mut self, view: ViewId, of: &ViewFiles, objects: &[Object]) -> Result<()> {
-        self.write(view, Image::Rgb, &of.rgb)?;
-        self.write(view, Image::Depth, &of.depth)?;
+    /// Writes the files of a view, and its entries in the files of the scene.
+    fn write_files(&mut self, view: ViewId, of: &BopView, objects: &[BopObject]) -> Result<()> {
+        self.write(view, BopImage::Rgb, &of.rgb)?;
+        self.write(view, BopImage::Depth, &of.depth)?;
         for (index, object) in objects.iter().enumerate() {
-            self.write(view, Image::Mask(index), &png::Image::mask(&object.amodal, u8::MAX))?;
-            self.write(view, Image::MaskVisib(index), &png::Image::mask(&object.visible, u8::MAX))?;
+            self.write(view, BopImage::Mask(index), &png::PngImage::mask(&object.amodal, u8::MAX))?;
+            self.write(view, BopImage::MaskVisib(index), &png::PngImage::mask(&object.visible, u8::MAX))?;
         }
         let [cameras, all_infos] = &mut self.entries;
         cameras.push(view.0, &of.camera)?;
@@ -51,19 +53,19 @@ impl BopScene {
     }
 
     /// Adds the sample of a view without `gt.json`, which has `obj_id`.
-    fn add_sample(&mut self, key: &str, of: &ViewFiles, objects: &[Object]) -> Result<()> {
-        let masks = |mask: fn(&Object) -> Mask| {
+    fn add_sample(&mut self, key: &str, of: &BopView, objects: &[BopObject]) -> Result<()> {
+        let masks = |mask: fn(&BopObject) -> Mask| {
             let mut entries = Entries::default();
             let mut numbered = objects.iter().map(mask).enumerate();
             numbered.try_for_each(|(index, mask)| entries.push(index, &UncompressedRle::encode(&mask)))?;
             Ok(entries.finish())
         };
-        self.shard.sample(key, "rgb.png", &of.rgb.encode()?)?;
-        self.shard.sample(key, "depth.png", &of.depth.encode()?)?;
-        self.shard.sample(key, "camera.json", &json(&of.camera)?)?;
-        self.shard.sample(key, "gt_info.json", &json(&of.infos)?)?;
-        self.shard.sample(key, "mask.json", &masks(|object| object.amodal.clone().into_owned())?)?;
-        self.shard.sample(key, "mask_visib.json", &masks(|object| object.visible.clone().into_owned())?)
+        self.shard.sample(key, SAMPLE_RGB, &of.rgb.encode()?)?;
+        self.shard.sample(key, SAMPLE_DEPTH, &of.depth.encode()?)?;
+        self.shard.sample(key, SAMPLE_CAMERA, &json(&of.camera)?)?;
+        self.shard.sample(key, SAMPLE_GT_INFO, &json(&of.infos)?)?;
+        self.shard.sample(key, SAMPLE_MASK, &masks(|object| object.amodal.clone().into_owned())?)?;
+        self.shard.sample(key, SAMPLE_MASK_VISIB, &masks(|object| object.visible.clone().into_owned())?)
     }
 }
 
@@ -74,63 +76,63 @@ pub fn json(value: &impl Serialize) -> Result<Vec<u8>> {
     Ok(line)
 }
 
-/// What is written of a view in either layout.
-struct ViewFiles {
-    rgb: png::Image,
-    depth: png::Image,
+/// The content of a view in either layout.
+struct BopView {
+    rgb: png::PngImage,
+    depth: png::PngImage,
     camera: SceneCamera,
-    infos: Vec<Info>,
+    infos: Vec<GroundTruthInfo>,
 }
 
 impl SceneWriter for BopScene {
     fn view(&mut self, cx: &ImageContext, products: &Products) -> Result<()> {
         let (view, scale) = (cx.view_id, self.config.depth_scale);
-        let camera: CameraView = read(products.get(CAMERA)?, CAMERA.name())?;
+        let camera: CameraProduct = read(products.get(CAMERA)?, CAMERA.name())?;
         if camera.distortion_k1_k2_p1_p2_k3.is_some() {
             return Err(Error::new("BOP has no cameras with lens distortion")
                 .help("leave distortion out of the camera's options, or write the dataset with another writer"));
         }
         let depth = products.get(DEPTH)?.map(|&depth| depth_units(depth, scale, Rounding::Nearest));
         let objects = self.config.objects.of(products)?;
-        let files = ViewFiles {
-            rgb: png::Image::rgb(products.get(RGB)?),
-            depth: png::Image::gray16(&depth),
+        let files = BopView {
+            rgb: png::PngImage::rgb(products.get(RGB)?),
+            depth: png::PngImage::gray16(&depth),
             camera: camera.scene_camera(scale),
             infos: objects.iter().map(|object| object.visibility.info(object.visible.bbox())).collect(),
         };
         match self.config.layout {
-            Layout::Scenewise => self.write_files(view, &files, &objects)?,
-            Layout::Webdataset => self.add_sample(&key(cx.scene_id, view), &files, &objects)?,
+            BopLayout::Scenewise => self.write_files(view, &files, &objects)?,
+            BopLayout::Webdataset => self.add_sample(&key(cx.scene_id, view), &files, &objects)?,
         }
-        let objects = objects.into_iter().map(Object::record).collect();
+        let objects = objects.into_iter().map(BopObject::record).collect();
         self.shard.view(&ViewRecord { view: view.0, camera: camera.camera(scale), objects })
     }
 
     fn close(mut self: Box<Self>, _: &ImagesContext, products: &Products) -> Result<()> {
-        if self.config.layout == Layout::Scenewise {
-            for (name, entries) in FILES.into_iter().zip(self.entries) {
+        if self.config.layout == BopLayout::Scenewise {
+            for (name, entries) in SCENE_FILES.into_iter().zip(self.entries) {
                 self.output.write(&format!("{}/{name}", self.folder), &entries.finish())?;
             }
         }
-        if self.config.models != Models::None {
+        if self.config.models != BopMeshes::None {
             self.shard.models(products.get(OBJECT_MODELS)?, &self.output)?;
         }
         self.shard.finish()
     }
 }
 
-/// What the products say of an object.
-struct Object<'a> {
-    identity: ObjectView,
-    visibility: VisibilityView,
+/// The products of an object.
+struct BopObject<'a> {
+    identity: ObjectInfoProduct,
+    visibility: VisibilityProduct,
     /// The object without occluders, within the image.
     amodal: Cow<'a, Mask>,
     visible: Cow<'a, Mask>,
 }
 
-impl Objects {
+impl BopObjects {
     /// The objects of a view, by id.
-    fn of<'a>(self, products: &'a Products) -> Result<Vec<Object<'a>>> {
+    fn of<'a>(self, products: &'a Products) -> Result<Vec<BopObject<'a>>> {
         let masks = match self {
             Self::Annotated => annotated(products)?,
             Self::All => all(products)?,
@@ -143,12 +145,12 @@ impl Objects {
         let object = |(id, [amodal, visible]): (InstanceId, [Cow<'a, Mask>; 2])| {
             let identity = infos.get(id).ok_or_else(|| missing(OBJECT_INFO.name()))?;
             let visibility = visibilities.get(id).ok_or_else(|| missing(VISIBILITY.name()))?;
-            let visibility: VisibilityView = read(visibility, VISIBILITY.name())?;
+            let visibility: VisibilityProduct = read(visibility, VISIBILITY.name())?;
             // Masks may be cut off where table and room hide the object, BOP's are not.
             let is_cut = u64::from(amodal.area()) != visibility.px_count_in_frame;
             let whole = is_cut && products.contains(COVERAGE.name());
             let amodal = if whole { Cow::Owned(covered(products.get(COVERAGE)?, id)) } else { amodal };
-            let object = Object { identity: read(identity, OBJECT_INFO.name())?, visibility, amodal, visible };
+            let object = BopObject { identity: read(identity, OBJECT_INFO.name())?, visibility, amodal, visible };
             object.check(id)?;
             Ok(object)
         };
@@ -156,20 +158,19 @@ impl Objects {
     }
 }
 
-type Masks<'a> = Vec<(InstanceId, [Cow<'a, Mask>; 2])>;
+type ObjectMaskPairs<'a> = Vec<(InstanceId, [Cow<'a, Mask>; 2])>;
 
 /// Amodal and visible masks of the annotated objects.
-fn annotated(products: &Products) -> Result<Masks<'_>> {
-    let visible = products.get(VISIBLE_MASK)?;
+fn annotated(products: &Products) -> Result<ObjectMaskPairs<'_>> {
     let masks = products.get(AMODAL_MASK)?.iter().map(|(id, amodal)| {
-        let visible = labels::of(visible, id, VISIBLE_MASK.name())?;
+        let visible = label_of(products, VISIBLE_MASK, id)?;
         Ok((id, [Cow::Borrowed(amodal), Cow::Borrowed(visible)]))
     });
     masks.collect()
 }
 
 /// Amodal and visible masks of all objects of the scene; those of objects beside the image are empty.
-fn all(products: &Products) -> Result<Masks<'_>> {
+fn all(products: &Products) -> Result<ObjectMaskPairs<'_>> {
     let (coverage, instance) = (products.get(COVERAGE)?, products.get(INSTANCE)?);
     let masks = (1..=coverage.objects()).map(|object| {
         let id = InstanceId(object as u16);
@@ -185,7 +186,7 @@ fn covered(coverage: &BitPlane, id: InstanceId) -> Mask {
     Mask::from_fn(coverage.width(), coverage.height(), |x, y| is_known && coverage.contains(x, y, id))
 }
 
-impl Object<'_> {
+impl BopObject<'_> {
     fn record(self) -> ObjectRecord {
         ObjectRecord::new(self.identity, self.visibility.visib_fract, &self.visible, &self.amodal)
     }
@@ -213,8 +214,7 @@ impl Entries {
     pub fn push(&mut self, name: impl std::fmt::Display, value: &impl Serialize) -> Result<()> {
         let separator = if self.0.is_empty() { "{" } else { "," };
         self.0.extend(format!("{separator}\n  \"{name}\": ").into_bytes());
-        serde_json::to_writer(&mut self.0, value)
-            .map_err(|error| Error::new(format!("cannot be written as JSON: {error}")))
+        serde_json::to_writer(&mut self.0, value).map_err(unwritable)
     }
 
     pub fn finish(mut self) -> Vec<u8> {

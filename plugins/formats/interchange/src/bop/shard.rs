@@ -1,23 +1,21 @@
 //! What the end of a run needs of a scene: a tar file with a record per view, with the samples of tar files, and with a list
 //! of the scene's assets. Their models are files beside it, which scenes with the same asset share.
 
-use super::model::Model;
+use super::model::{BopModel, TEXTURE};
 use super::record::ViewRecord;
 use std::collections::BTreeMap;
 use std::io::{Cursor, Read};
 use syntable_formats::encode::json_shard::push_line;
-use syntable_formats::encode::tar::{Archive, for_each_member};
+use syntable_formats::encode::tar::{TarWriter, for_each_member};
 use syntable_model::digest::Digest;
 use syntable_model::prelude::*;
 use syntable_model::product::{ObjectModel, ObjectModels};
-use syntable_model::scene::{SceneId, Symmetries, ViewId};
+use syntable_model::scene::{SceneId, Symmetries};
 
 /// A record per view, as lines.
 const VIEWS: &str = "views.jsonl";
 /// The assets of the scene that have a model.
 const ASSETS: &str = "assets.json";
-/// Name of the part of a model that is its texture.
-const TEXTURE: &str = "texture";
 /// Folder of the members of samples.
 const SAMPLES: &str = "samples/";
 
@@ -34,20 +32,15 @@ struct AssetOfModel {
     symmetries: Symmetries,
 }
 
-/// Key of an image in tar files.
-pub fn key(scene: SceneId, view: ViewId) -> String {
-    format!("{:06}_{:06}", scene.0, view.0)
-}
-
 /// A shard that is being written.
 pub struct Shard {
-    archive: Archive<FileWriter>,
+    archive: TarWriter<FileWriter>,
     views: Vec<u8>,
 }
 
 impl Shard {
     pub fn new(output: &Output) -> Result<Self> {
-        Ok(Self { archive: Archive::new(output.create_shard()?, "the shard"), views: Vec::new() })
+        Ok(Self { archive: TarWriter::new(output.create_shard()?, "the shard"), views: Vec::new() })
     }
 
     pub fn view(&mut self, view: &ViewRecord) -> Result<()> {
@@ -62,9 +55,9 @@ impl Shard {
     /// Adds the models of the scene's assets. `output` is the output of the scene.
     pub fn models(&mut self, models: &ObjectModels, output: &Output) -> Result<()> {
         let of_model = |(asset, model): (&String, &ObjectModel)| {
-            let model = Model::of(model)?;
+            let model = BopModel::of(model)?;
             let (mut mesh, mut texture) = (Vec::new(), None);
-            let mut archive = Archive::new(&mut mesh, "the mesh");
+            let mut archive = TarWriter::new(&mut mesh, "the mesh");
             for (part, bytes) in model.parts() {
                 if part == TEXTURE {
                     texture = Some(output.write_shared(&bytes)?);
@@ -130,7 +123,7 @@ pub fn for_each_sample(
 }
 
 /// The models of those assets of a scene that are wanted.
-pub fn models(finish: &Finish, scene: SceneId, wanted: impl Fn(&str) -> bool) -> Result<Vec<(String, Model)>> {
+pub fn models(finish: &Finish, scene: SceneId, wanted: impl Fn(&str) -> bool) -> Result<Vec<(String, BopModel)>> {
     let mut assets: Vec<AssetOfModel> = Vec::new();
     members(finish, scene, |name, member| {
         if name == ASSETS {
@@ -148,7 +141,7 @@ pub fn models(finish: &Finish, scene: SceneId, wanted: impl Fn(&str) -> bool) ->
         if let Some(texture) = texture {
             parts.insert(TEXTURE.to_owned(), finish.shared(scene, texture)?);
         }
-        let model = Model::from_parts(&mut parts, symmetries).ok_or_else(|| damaged(finish, scene))?;
+        let model = BopModel::from_parts(&mut parts, symmetries).ok_or_else(|| damaged(finish, scene))?;
         Ok((asset, model))
     };
     assets.into_iter().filter(|of_model| wanted(&of_model.asset)).map(model).collect()

@@ -1,8 +1,8 @@
-//! What a model of BOP shows: colors of vertices, or one texture.
+//! The surface of a model of BOP: colors of vertices, or one texture.
 
 use super::record::MM;
 use std::collections::HashMap;
-use syntable_formats::encode::png::{Image, Samples};
+use syntable_formats::encode::png::{PngImage, PngSamples};
 use syntable_model::color::{linear_to_srgb, srgb_to_linear};
 use syntable_model::prelude::*;
 use syntable_model::product::ObjectModel;
@@ -10,7 +10,7 @@ use syntable_model::scene::{Color, Encoding, Material, MeshData, TextureRef, UvT
 
 /// The surface of a model.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Surface {
+pub enum ModelSurface {
     /// Nothing is known of it.
     Plain,
     /// A color per vertex, sRGB.
@@ -24,11 +24,11 @@ pub enum Surface {
     },
 }
 
-/// Vertices of a model in mm, with what they show, and its faces.
-pub type Shown = (Vec<[f32; 3]>, Vec<[u32; 3]>, Surface);
+/// Vertices of a model in mm, its faces and its surface.
+pub type ShownSurface = (Vec<[f32; 3]>, Vec<[u32; 3]>, ModelSurface);
 
 /// The vertices that faces use, in the frame of the asset's file. One that faces of several materials use is one of each.
-pub fn shown(model: &ObjectModel) -> Result<Shown> {
+pub fn shown(model: &ObjectModel) -> Result<ShownSurface> {
     let (data, materials) = (model.mesh.data(), model.materials.as_slice());
     let texture = match materials {
         [only] => texture_of(only, data),
@@ -58,9 +58,11 @@ pub fn shown(model: &ObjectModel) -> Result<Shown> {
         data.triangles.iter().enumerate().map(|(number, face)| face.map(|vertex| index_of(vertex, slot_of(number))));
     let faces = faces.collect();
     let surface = match (texture, materials) {
-        (Some(texture), [only]) => Surface::Texture { uvs, png: image_of(texture, only.base_color.factor).encode()? },
-        _ if has_colors => Surface::Colors(colors),
-        _ => Surface::Plain,
+        (Some(texture), [only]) => {
+            ModelSurface::Texture { uvs, png: image_of(texture, only.base_color.factor).encode()? }
+        }
+        _ if has_colors => ModelSurface::Colors(colors),
+        _ => ModelSurface::Plain,
     };
     Ok((vertices, faces, surface))
 }
@@ -148,7 +150,7 @@ fn sample(of: &TextureRef, uv: [f32; 2]) -> [f32; 3] {
 }
 
 /// The image of a texture times a factor, sRGB.
-fn image_of(of: &TextureRef, factor: [f32; 3]) -> Image {
+fn image_of(of: &TextureRef, factor: [f32; 3]) -> PngImage {
     let texture = &of.texture;
     let as_they_are = factor == [1.0; 3] && texture.encoding == Encoding::Srgb;
     let tables: [Vec<u8>; 3] = std::array::from_fn(|channel| {
@@ -160,7 +162,7 @@ fn image_of(of: &TextureRef, factor: [f32; 3]) -> Image {
     });
     let texels = texture.texels.as_chunks::<4>().0;
     let rgb = texels.iter().flat_map(|texel| [0, 1, 2].map(|i| tables[i][usize::from(texel[i])])).collect();
-    Image { width: texture.width, height: texture.height, samples: Samples::Rgb8(rgb) }
+    PngImage { width: texture.width, height: texture.height, samples: PngSamples::Rgb8(rgb) }
 }
 
 #[cfg(test)]
@@ -197,19 +199,19 @@ mod tests {
     #[test]
     fn vertices_have_the_colors_of_their_materials() {
         let (vertices, faces, surface) = shown(&model(vec![], MeshData::default())).expect("shown");
-        assert_eq!((vertices.len(), faces, surface), (4, vec![[0, 1, 2], [1, 3, 2]], Surface::Plain));
+        assert_eq!((vertices.len(), faces, surface), (4, vec![[0, 1, 2], [1, 3, 2]], ModelSurface::Plain));
         assert_eq!(vertices[0], [-50.0, 0.0, 200.0], "in the frame of the file");
         // Half of the light is the code 188 of sRGB.
         let two = vec![colored([1.0, 0.0, 0.0]), colored([0.0, 0.5, 0.0])];
         let slots = MeshData { slots: vec![0, 1], ..MeshData::default() };
         let (vertices, faces, surface) = shown(&model(two, slots)).expect("shown");
         let (red, green) = ([255, 0, 0], [0, 188, 0]);
-        assert_eq!(surface, Surface::Colors(vec![red, red, red, green, green, green]));
+        assert_eq!(surface, ModelSurface::Colors(vec![red, red, red, green, green, green]));
         assert_eq!((vertices.len(), faces), (6, vec![[0, 1, 2], [3, 4, 5]]));
         // Colors of vertices times the factor.
         let data = MeshData { colors: vec![[1.0, 0.5, 0.0]; 4], ..MeshData::default() };
         let (.., surface) = shown(&model(vec![colored([0.5, 1.0, 1.0])], data)).expect("shown");
-        assert_eq!(surface, Surface::Colors(vec![[188, 188, 0]; 4]));
+        assert_eq!(surface, ModelSurface::Colors(vec![[188, 188, 0]; 4]));
     }
 
     #[test]
@@ -217,17 +219,17 @@ mod tests {
         let uvs = vec![[0.25, 0.25], [0.75, 0.25], [0.25, 0.75], [-0.25, 1.75]];
         let data = || MeshData { uvs: uvs.clone(), ..MeshData::default() };
         let (.., surface) = shown(&model(vec![textured()], data())).expect("shown");
-        let Surface::Texture { uvs: own, png } = surface else { panic!("a texture: {surface:?}") };
+        let ModelSurface::Texture { uvs: own, png } = surface else { panic!("a texture: {surface:?}") };
         assert_eq!(own, uvs);
-        let read = syntable_formats::decode::Content::new(png, "texture.png".into()).rgb().expect("a PNG file");
+        let read = syntable_formats::decode::FileContent::new(png, "texture.png".into()).rgb().expect("a PNG file");
         assert_eq!(read.data(), [[255, 0, 0], [0, 255, 0], [0, 0, 255], [255; 3]]);
         // With another material beside it, and coordinates that repeat: v is upwards.
         let pair = vec![textured(), textured()];
         let slots = MeshData { slots: vec![0, 0], ..data() };
         let (.., surface) = shown(&model(pair, slots)).expect("shown");
-        assert_eq!(surface, Surface::Colors(vec![[0, 0, 255], [255; 3], [255, 0, 0], [0, 255, 0]]));
+        assert_eq!(surface, ModelSurface::Colors(vec![[0, 0, 255], [255; 3], [255, 0, 0], [0, 255, 0]]));
         // Without coordinates it is the mean: two of four texels have each channel.
         let (.., surface) = shown(&model(vec![textured()], MeshData::default())).expect("shown");
-        assert_eq!(surface, Surface::Colors(vec![[188; 3]; 4]));
+        assert_eq!(surface, ModelSurface::Colors(vec![[188; 3]; 4]));
     }
 }

@@ -1,99 +1,106 @@
-//! What contradicts the records of COCO's annotation file.
+//! Faults of COCO's annotation files.
 
-use super::read::{Objects, is_there, objects, segmentation, stated_ids};
-use super::record::{Annotation, Named};
+use super::read::{CocoObjects, is_there, objects, segmentation, stated_ids};
+use super::record::{AmodalAnnotation, NamedField};
 use crate::d2sa;
-use crate::family::read::Fault;
-use crate::read::{self as shared, Tolerance, edge_px2, fits_mask, fits_outlines};
-use syntable_formats::listing::Listing;
-use syntable_formats::read::{self, Known};
+use crate::read::{MaskTolerance, edge_px2, fits_mask, fits_outlines, no_pixels};
+use syntable_formats::listing::AnnotationListing;
+use syntable_formats::read::{self, KnownMasks};
+use syntable_formats::rule;
 use syntable_formats::segmentation::Segmentation;
 use syntable_model::prelude::*;
+use syntable_model::reader::{DatasetFault, FaultSubject};
 
-impl Objects {
-    /// What contradicts the records of an image.
-    pub fn faults_of_image(&self, listing: &Listing, image: usize) -> Vec<Fault> {
+impl CocoObjects {
+    /// The rules that the records of an image break.
+    pub fn faults_of_image(&self, listing: &AnnotationListing, image: usize) -> Vec<DatasetFault> {
         let frame = &listing.images[image].frame;
         let Ok(annotations) = objects(listing, image) else { return Vec::new() };
         let size = [frame.width, frame.height];
-        let each = annotations.iter().flat_map(|annotation| self.faults_of(listing, size, annotation));
+        let each = annotations.iter().flat_map(|annotation| {
+            let faults = self.faults_of(listing, size, annotation).into_iter();
+            faults.map(|fault| fault.of(FaultSubject::Annotation(annotation.id)))
+        });
         let mut faults: Vec<_> = each.collect();
         let labels = || annotations.iter().map(|it| self.labels(listing, size, InstanceId(1), it)).collect();
-        let has_both = self.known == Known::Both;
+        let has_both = self.known == KnownMasks::Both;
         faults.extend(d2sa::faults_of_order(&annotations, has_both.then_some(labels), self.is_ours));
-        faults.extend(read::id_faults(&stated_ids(&annotations)));
+        faults.extend(read::id_fault(&stated_ids(&annotations)));
         faults
     }
 
-    /// What contradicts an annotation; where the others have masks, none is a fault.
-    fn faults_of(&self, listing: &Listing, size: [u32; 2], annotation: &Annotation) -> Vec<Fault> {
+    /// The rules that an annotation breaks. An annotation without a mask breaks one if others have masks.
+    fn faults_of(
+        &self,
+        listing: &AnnotationListing,
+        size: [u32; 2],
+        annotation: &AmodalAnnotation,
+    ) -> Vec<DatasetFault> {
         if self.has_masks && segmentation(annotation).is_none() {
-            let message = format!(
-                "annotation {}: `segmentation` is empty or missing: the object has no pixels; add its mask, or remove it",
-                annotation.id
-            );
-            return vec![("objects_have_masks", message)];
+            let message = "`segmentation` is empty or missing: the object has no pixels; add its mask, or remove it";
+            return vec![DatasetFault::new("objects_have_masks", message)];
         }
         // Without a visible mask beside it, `segmentation` is that one, if the amodal masks are others.
-        let mut faults = faults_of(size, annotation, self.has_visible || self.known != Known::Both);
+        let mut faults = faults_of(size, annotation, self.has_visible || self.known != KnownMasks::Both);
         faults.extend(d2sa::fault_of_name(listing, annotation, self.is_ours));
         faults.extend(self.fault_of_hidden(listing, size, annotation));
         faults
     }
 
     /// An object without an occlusion mask, of which masks that it has say that a part is hidden.
-    fn fault_of_hidden(&self, listing: &Listing, size: [u32; 2], annotation: &Annotation) -> Option<Fault> {
+    fn fault_of_hidden(
+        &self,
+        listing: &AnnotationListing,
+        size: [u32; 2],
+        annotation: &AmodalAnnotation,
+    ) -> Option<DatasetFault> {
         let hidden = annotation.extra.hidden();
-        if !self.has_hidden || self.known != Known::Both || is_there(&hidden) {
+        if !self.has_hidden || self.known != KnownMasks::Both || is_there(&hidden) {
             return None;
         }
         let label = self.labels(listing, size, InstanceId(1), annotation).ok()?;
         let key = hidden[usize::from(self.is_d2sa)].0;
         let hidden = label.amodal.as_ref()?.minus(&label.visible).area();
-        let message = format!(
-            "annotation {}: `{key}` is missing, and {hidden} pixels of its whole mask are not visible: add what is hidden",
-            annotation.id
-        );
-        (hidden > 0).then_some(("occlusion_is_amodal_minus_visible", message))
+        let message =
+            format!("`{key}` is missing, and {hidden} pixels of its whole mask are not visible: add what is hidden");
+        (hidden > 0).then(|| DatasetFault::new(rule::OCCLUSION_IS_AMODAL_MINUS_VISIBLE, message))
     }
 }
 
 /// What an annotation says of its mask in numbers, and a mask that contradicts it. An amodal mask that is another one does if
 /// `has_role` says that the file tells visible masks apart.
-fn faults_of([width, height]: [u32; 2], annotation: &Annotation, has_role: bool) -> Vec<Fault> {
+fn faults_of([width, height]: [u32; 2], annotation: &AmodalAnnotation, has_role: bool) -> Vec<DatasetFault> {
     let Some(segmentation) = segmentation(annotation) else { return Vec::new() };
     let Ok(mask) = segmentation.decode(width, height) else { return Vec::new() };
-    let of = |key: &str| format!("annotation {}: `{key}`", annotation.id);
-    let (area, bbox) = ((annotation.area, of("area")), (annotation.bbox, of("bbox")));
+    let (area, bbox) = (("area", annotation.area), ("bbox", annotation.bbox));
     let (mut faults, edge_px2) = match segmentation {
         Segmentation::Polygons(outlines) => {
-            (fits_outlines((outlines, of("segmentation")), &mask, area, bbox), edge_px2(&mask).max(1.0))
+            (fits_outlines(("segmentation", outlines), &mask, area, bbox), edge_px2(&mask).max(1.0))
         }
         _ => {
             // A box with fractions is that of polygons that the mask was made from.
             let is_whole = annotation.bbox.iter().all(|edge| edge.fract() == 0.0);
             let box_px = if is_whole { 0.0 } else { 1.0 };
-            (fits_mask(&mask, area, bbox, Tolerance { area_px2: 0.5, box_px }), 0.0)
+            (fits_mask(&mask, area, bbox, MaskTolerance { area_px2: 0.5, box_px }), 0.0)
         }
     };
     let fields = &annotation.extra;
-    let other = |(_, field): Named<Segmentation>| field.value()?.decode(width, height).ok();
+    let other = |(_, field): NamedField<Segmentation>| field.value()?.decode(width, height).ok();
     let (amodal, visible) = (fields.amodal(), fields.visible());
     let others = || std::iter::once(amodal).chain(visible).chain(fields.hidden());
     if mask.is_empty() && others().filter_map(other).all(|mask| mask.is_empty()) {
-        faults.push(shared::no_pixels(&format!("annotation {}", annotation.id)));
+        faults.push(no_pixels());
     }
     if let Some((key, amodal)) = other(amodal).filter(|_| has_role).map(|mask| (amodal.0, mask)) {
         let differ = |other: &Mask| f64::from(mask.minus(other).area() + other.minus(&mask).area());
         let is_one = differ(&amodal) <= edge_px2 || other(visible[0]).is_some_and(|it| differ(&it) <= edge_px2);
         if !is_one {
             let message = format!(
-                "{} differs from `{key}` at {} pixels, and is not `{}` either",
-                of("segmentation"),
+                "`segmentation` differs from `{key}` at {} pixels, and is not `{}` either",
                 differ(&amodal),
                 visible[0].0
             );
-            faults.push(("segmentation_is_a_mask_of_the_object", message));
+            faults.push(DatasetFault::new("segmentation_is_a_mask_of_the_object", message));
         }
     }
     faults.extend(d2sa::faults_of_region(annotation));

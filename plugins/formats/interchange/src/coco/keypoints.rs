@@ -1,9 +1,10 @@
 //! Keypoints of annotations.
 
-use super::Fields;
+use super::AmodalFields;
 use serde_json::json;
 use std::collections::BTreeMap;
 use syntable_formats::Extra;
+use syntable_formats::json::typed;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::KEYPOINTS;
 
@@ -35,7 +36,7 @@ pub fn check_skeleton(names: &[String], skeleton: &[[String; 2]]) -> Result<(), 
     })
 }
 
-/// What a category says of keypoints. A limb of the skeleton is a pair of places in the list of names, counted from 1.
+/// The fields of a category with keypoints. A limb of the skeleton is a pair of places in the list of names, counted from 1.
 pub fn of_category(names: &[String], skeleton: &[[String; 2]]) -> Extra {
     let place = |name: &String| names.iter().position(|other| other == name).map_or(0, |place| place + 1);
     let limbs: Vec<[usize; 2]> = skeleton.iter().map(|limb| [place(&limb[0]), place(&limb[1])]).collect();
@@ -43,29 +44,29 @@ pub fn of_category(names: &[String], skeleton: &[[String; 2]]) -> Extra {
 }
 
 /// The keypoints of all objects of a view.
-pub struct Named(BTreeMap<InstanceId, Vec<Point>>);
+pub struct ObjectKeypoints(BTreeMap<InstanceId, Vec<KeypointEntry>>);
 
-/// What is read of an entry of the product `keypoints`.
+/// The fields of an entry of the product `keypoints` that are read.
 #[derive(Deserialize)]
-struct Point {
+struct KeypointEntry {
     name: String,
     uv_px: Option<[f64; 2]>,
     visibility: u8,
 }
 
-impl Named {
+impl ObjectKeypoints {
     /// Reads the product.
     pub fn of(products: &Products) -> Result<Self> {
         let points = |(id, value): (InstanceId, &Value)| {
-            let json = serde_json::to_value(value).and_then(serde_json::from_value::<Vec<Point>>);
+            let entries = typed::<Vec<KeypointEntry>>(value);
             let wrong = |error| Error::new(format!("instance {id} of `{}`: {error}", KEYPOINTS.name()));
-            Ok((id, json.map_err(wrong)?))
+            Ok((id, entries.map_err(wrong)?))
         };
         products.get(KEYPOINTS)?.iter().map(points).collect::<Result<_>>().map(Self)
     }
 
     /// Fills the fields of an object's annotation.
-    pub fn fill(&self, id: InstanceId, names: &[String], fields: &mut Fields) {
+    pub fn fill(&self, id: InstanceId, names: &[String], fields: &mut AmodalFields) {
         let points = self.0.get(&id).map_or(&[][..], Vec::as_slice);
         let labeled = |name: &String| {
             let point = points.iter().find(|point| point.name == *name && point.visibility > 0)?;

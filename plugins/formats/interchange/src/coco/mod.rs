@@ -7,7 +7,7 @@ mod record;
 mod write;
 
 pub(crate) use read::open_file;
-pub(crate) use record::{Annotation, Fields};
+pub(crate) use record::{AmodalAnnotation, AmodalFields};
 pub(crate) use write::file;
 
 use crate::family::write::{Family, check_split};
@@ -37,7 +37,7 @@ use syntable_model::prelude::*;
 #[serde(deny_unknown_fields, default)]
 pub struct Coco {
     /// Mask of `segmentation`, `area` and `bbox`. Objects whose visible mask is empty have no annotation with `visible`.
-    pub masks: Masks,
+    pub masks: MaskChoice,
     /// Name of the split in the annotation file's name.
     pub split: String,
     /// Names of keypoints, in the order in which every annotation has them, as `keypoints` and `num_keypoints`; one that an
@@ -53,7 +53,7 @@ pub struct Coco {
 /// A mask of each object.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
-pub enum Masks {
+pub enum MaskChoice {
     /// What the image shows of the object.
     Visible,
     /// The object without occluders.
@@ -62,7 +62,7 @@ pub enum Masks {
 
 impl Default for Coco {
     fn default() -> Self {
-        Self { masks: Masks::Amodal, split: "train".into(), keypoints: Vec::new(), skeleton: Vec::new() }
+        Self { masks: MaskChoice::Amodal, split: "train".into(), keypoints: Vec::new(), skeleton: Vec::new() }
     }
 }
 

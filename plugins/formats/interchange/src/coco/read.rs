@@ -1,36 +1,34 @@
 //! Reads COCO's layout, and those of its relatives that keep amodal and visible masks in one annotation: ours, D2SA,
 //! UOAIS-Sim.
 
-use super::record::{Annotation, FOLLOWING, Named};
+use super::record::{AmodalAnnotation, FOLLOWING, NamedField};
 use crate::d2sa;
-use crate::family::read::{Annotated, AnnotationFile, FOLDER, Fault, image_folders, not_objects};
+use crate::family::read::{Annotated, AnnotationFile, FOLDER, image_folders, not_objects};
 use crate::read::{self as shared, edge_px2};
 use std::path::Path;
-use syntable_formats::listing::Listing;
-use syntable_formats::read::{self, Known, Labels};
+use syntable_formats::listing::AnnotationListing;
+use syntable_formats::read::{self, KnownMasks, ObjectLabels};
 use syntable_formats::segmentation::Segmentation;
 use syntable_model::files::DatasetFolder;
 use syntable_model::prelude::*;
 use syntable_model::product::BBox;
 use syntable_model::product::standard::{CATEGORY_ID, DEPTH, LABEL_POLICY, OCCLUSION_MASK, VISIBLE_BOX};
-use syntable_model::reader::{Crowd, Format, Note, Opened};
+use syntable_model::reader::{Crowd, DatasetFault, Format, Note, Opened};
 
-syntable_model::register_format!(Format {
-    name: "coco",
-    doc: "COCO instance annotations (`annotations/*.json` beside an image folder), with amodal masks where annotations have \
+syntable_model::register_format!(Format::new(
+    "coco",
+    "COCO instance annotations (`annotations/*.json` beside an image folder), with amodal masks where annotations have \
           both, as the writer `coco` does, and with depth where images name a file of it, as UOAIS-Sim's do.",
-    detect: |path| {
+    |path| {
         let is_other = |file: &Path| OTHERS.iter().any(|start| shared::name_starts(file, start));
         let is = |is_one: &dyn Fn(&Path) -> bool| shared::is_dataset(path, Some(FOLDER), is_one);
         is(&has_instances) && !is(&is_other)
     },
-    open: |source| {
+    |source| {
         let (root, file) = shared::root_and_file(source, Some(FOLDER), has_instances)?;
         open_file(&root, &file)
     },
-    is_generic: false,
-    crate_name: env!("CARGO_PKG_NAME"),
-});
+));
 
 /// Whether a file may have instances: not if it has orders or segments of those in a file beside it.
 fn has_instances(file: &Path) -> bool {
@@ -45,15 +43,15 @@ const LOOKED_AT: usize = 64;
 /// Least fraction of objects that are occluded in a dataset of what is seen.
 const OCCLUDED: f64 = 0.05;
 
-/// What a file has of its objects.
-pub struct Objects {
+/// The kinds of labels that a file has.
+pub struct CocoObjects {
     /// Whether this program wrote the dataset.
     pub is_ours: bool,
     /// Whether the file has D2SA's name.
     pub is_d2sa: bool,
     /// Whether any annotation has a mask, or there are no objects; else all have boxes alone.
     pub has_masks: bool,
-    pub known: Known,
+    pub known: KnownMasks,
     /// Whether any annotation has a visible mask beside its `segmentation`.
     pub has_visible: bool,
     /// Whether any annotation has an occlusion mask; else these follow from the others.
@@ -65,15 +63,14 @@ pub struct Objects {
 /// Opens the dataset of an annotation file.
 pub fn open_file(root: &DatasetFolder, path: &Path) -> Result<Opened> {
     let (mut has_masks, mut crowds) = (false, 0);
-    let (mut has_visible, mut has_amodal, mut has_hidden, mut pairs) = (false, false, false, Pairs::default());
+    let (mut has_visible, mut has_amodal, mut has_hidden, mut pairs) = (false, false, false, MaskPairs::default());
     let (mut objects, mut without_mask) = (0, 0);
-    let folders = image_folders(path);
     let mut file = AnnotationFile::open(
         root,
         path,
-        &folders.each_ref().map(String::as_str),
+        &image_folders(path),
         &[("annotations", FOLLOWING)],
-        &mut |annotation: &Annotation, unkept| {
+        &mut |annotation: &AmodalAnnotation, unkept| {
             let fields = &annotation.extra;
             unkept[0].add(&fields.extra);
             has_masks |= segmentation(annotation).is_some();
@@ -97,13 +94,13 @@ pub fn open_file(root: &DatasetFolder, path: &Path) -> Result<Opened> {
     let is_d2sa = shared::name_starts(path, d2sa::FILE);
     let known = match (has_visible || objects == 0, is_amodal) {
         // Without objects, nothing is unknown of them.
-        (true, _) => Known::Both,
+        (true, _) => KnownMasks::Both,
         // Beside amodal masks that are others, COCO's own are the visible ones.
-        (false, true) if !says_amodal && pairs.show_what_is_seen(&file.listing) => Known::Both,
+        (false, true) if !says_amodal && pairs.show_what_is_seen(&file.listing) => KnownMasks::Both,
         // Files of these leave out the visible mask of what is not occluded.
-        (false, true) if is_d2sa => Known::Both,
-        (false, true) => Known::Amodal,
-        (false, false) => Known::Visible,
+        (false, true) if is_d2sa => KnownMasks::Both,
+        (false, true) => KnownMasks::Amodal,
+        (false, false) => KnownMasks::Visible,
     };
     has_masks |= objects == 0;
     let labels = if has_masks { known.offers() } else { keys![VISIBLE_BOX, CATEGORY_ID] };
@@ -132,24 +129,24 @@ pub fn open_file(root: &DatasetFolder, path: &Path) -> Result<Opened> {
     }
     let derived = if has_hidden { Vec::new() } else { keys![OCCLUSION_MASK] };
     let (is_ours, has_crowds) = (file.is_ours(), crowds > 0);
-    let of = Objects { is_ours, is_d2sa, has_masks, known, has_visible, has_hidden, has_crowds };
+    let of = CocoObjects { is_ours, is_d2sa, has_masks, known, has_visible, has_hidden, has_crowds };
     let lists_all_images = !shared::name_starts(path, crate::uoais::FILE);
     Ok(Opened { derived, lists_all_images, ..file.opened(info, offers, notes, of) })
 }
 
 /// Objects with a mask of their own and an amodal one, which tell what the first one is of.
 #[derive(Default)]
-struct Pairs {
+struct MaskPairs {
     /// How many there are.
     all: usize,
     /// How many of them have different records of masks, which may be the same mask in two encodings.
     unlike: usize,
     /// The first ones of these.
-    first: Vec<Annotation>,
+    first: Vec<AmodalAnnotation>,
 }
 
-impl Pairs {
-    fn add(&mut self, annotation: &Annotation) {
+impl MaskPairs {
+    fn add(&mut self, annotation: &AmodalAnnotation) {
         let amodal = annotation.extra.amodal_mask.value().filter(|_| !is_crowd(annotation));
         let Some((amodal, own)) = amodal.zip(segmentation(annotation)) else { return };
         self.all += 1;
@@ -163,8 +160,8 @@ impl Pairs {
 
     /// Whether the masks of their own are of what is seen: they are parts of the amodal ones, and a fraction of all lacks some of
     /// these. One object alone may be a fault.
-    fn show_what_is_seen(&self, listing: &Listing) -> bool {
-        let lacks = |annotation: &&Annotation| -> Option<()> {
+    fn show_what_is_seen(&self, listing: &AnnotationListing) -> bool {
+        let lacks = |annotation: &&AmodalAnnotation| -> Option<()> {
             let frame = &listing.images.iter().find(|image| image.frame.id == annotation.image_id)?.frame;
             let of = |it: &Segmentation| it.decode(frame.width, frame.height).ok();
             let records = (segmentation(annotation)?, annotation.extra.amodal_mask.value()?);
@@ -181,28 +178,28 @@ impl Pairs {
 }
 
 /// The mask of an annotation. An empty list of polygons is none: files of boxes have it.
-pub fn segmentation(annotation: &Annotation) -> Option<&Segmentation> {
+pub fn segmentation(annotation: &AmodalAnnotation) -> Option<&Segmentation> {
     annotation.segmentation.as_ref().filter(|it| !matches!(it, Segmentation::Polygons(all) if all.is_empty()))
 }
 
 /// Whether an annotation is of many objects together.
-fn is_crowd(annotation: &Annotation) -> bool {
+fn is_crowd(annotation: &AmodalAnnotation) -> bool {
     annotation.iscrowd != 0
 }
 
 /// Whether one of these fields is there.
-pub fn is_there<T>(fields: &[Named<T>]) -> bool {
+pub fn is_there<T>(fields: &[NamedField<T>]) -> bool {
     fields.iter().any(|(_, field)| !field.is_missing())
 }
 
-impl Annotated for Objects {
+impl Annotated for CocoObjects {
     fn crowds(&self, file: &AnnotationFile, image: usize) -> Result<Vec<Crowd>> {
         if !self.has_crowds {
             return Ok(Vec::new());
         }
         let [width, height] = file.size(image);
-        let annotations: Vec<Annotation> = file.listing.annotations(image)?;
-        let of = |it: &Annotation| {
+        let annotations: Vec<AmodalAnnotation> = file.listing.annotations(image)?;
+        let of = |it: &AmodalAnnotation| {
             let mask = segmentation(it)?.decode(width, height);
             let crowd = mask.map(|mask| Crowd { mask, category: file.listing.categories.id(it.category_id) });
             Some(crowd.map_err(|error| error.context(format!("annotation {}: `segmentation`", it.id))))
@@ -210,7 +207,7 @@ impl Annotated for Objects {
         annotations.iter().filter(|it| is_crowd(it)).filter_map(of).collect()
     }
 
-    fn faults(&self, file: &AnnotationFile, image: usize) -> Vec<Fault> {
+    fn faults(&self, file: &AnnotationFile, image: usize) -> Vec<DatasetFault> {
         self.faults_of_image(&file.listing, image)
     }
 
@@ -227,7 +224,7 @@ impl Annotated for Objects {
             products.put(VISIBLE_BOX, named().map(|(id, it)| (id, around(it.bbox))).collect())?;
         }
         if wants.contains(&CATEGORY_ID.id()) {
-            let category = |it: &Annotation| listing.categories.id(it.category_id);
+            let category = |it: &AmodalAnnotation| listing.categories.id(it.category_id);
             products.put(CATEGORY_ID, named().map(|(id, it)| (id, category(it))).collect())?;
         }
         Ok(())
@@ -242,32 +239,32 @@ fn around(bbox: [f64; 4]) -> BBox {
 }
 
 /// Annotations of single objects.
-pub fn objects(listing: &Listing, image: usize) -> Result<Vec<Annotation>> {
-    let mut annotations: Vec<Annotation> = listing.annotations(image)?;
+pub fn objects(listing: &AnnotationListing, image: usize) -> Result<Vec<AmodalAnnotation>> {
+    let mut annotations: Vec<AmodalAnnotation> = listing.annotations(image)?;
     annotations.retain(|annotation| !is_crowd(annotation));
     Ok(annotations)
 }
 
 /// The ids that annotations state of their objects.
-pub fn stated_ids(annotations: &[Annotation]) -> Vec<Option<u64>> {
+pub fn stated_ids(annotations: &[AmodalAnnotation]) -> Vec<Option<u64>> {
     annotations.iter().map(|annotation| annotation.extra.instance_id.value().copied()).collect()
 }
 
-impl Objects {
+impl CocoObjects {
     /// The labels of an object.
     pub fn labels(
         &self,
-        listing: &Listing,
+        listing: &AnnotationListing,
         [width, height]: [u32; 2],
         id: InstanceId,
-        annotation: &Annotation,
-    ) -> Result<Labels> {
+        annotation: &AmodalAnnotation,
+    ) -> Result<ObjectLabels> {
         let fields = &annotation.extra;
         let of = |key: &str| format!("annotation {}: `{key}`", annotation.id);
         let decoded = |segmentation: &Segmentation, key: &str| {
             segmentation.decode(width, height).map_err(|error| error.context(of(key)))
         };
-        let either = |named: [Named<Segmentation>; 2]| {
+        let either = |named: [NamedField<Segmentation>; 2]| {
             let found = first(annotation, &named)?;
             found.map(|(key, segmentation)| decoded(segmentation, key)).transpose()
         };
@@ -277,27 +274,27 @@ impl Objects {
         };
         // Where the masks of others are amodal, an object without a visible one is not occluded.
         let amodal = match (self.known, first(annotation, &[fields.amodal()])) {
-            (Known::Visible, _) => None,
+            (KnownMasks::Visible, _) => None,
             (_, found) => Some(found?.map_or_else(|| Ok(own.clone()), |(key, it)| decoded(it, key))?),
         };
         let visible = either(fields.visible())?.unwrap_or(own);
-        let bbox = |named: Named<[i32; 4]>| Ok(first(annotation, &[named])?.map(|(_, bbox)| BBox::from(*bbox)));
-        let is_amodal = self.known == Known::Both;
-        Ok(Labels {
+        let bbox = |named: NamedField<[i32; 4]>| Ok(first(annotation, &[named])?.map(|(_, bbox)| BBox::from(*bbox)));
+        let is_amodal = self.known == KnownMasks::Both;
+        Ok(ObjectLabels {
             id,
             visible,
             amodal,
             occlusion: either(fields.hidden())?.filter(|_| is_amodal),
             rate: first(annotation, &fields.rate())?.map(|(_, rate)| *rate).filter(|_| is_amodal),
             visible_box: bbox(("visible_bbox", &fields.visible_bbox))?,
-            amodal_box: bbox(("amodal_bbox", &fields.amodal_bbox))?.filter(|_| self.known != Known::Visible),
+            amodal_box: bbox(("amodal_bbox", &fields.amodal_bbox))?.filter(|_| self.known != KnownMasks::Visible),
             category: listing.categories.id(annotation.category_id),
         })
     }
 }
 
 /// The first of some fields that is there, with its name.
-fn first<'a, T>(annotation: &Annotation, fields: &[Named<'a, T>]) -> Result<Option<(&'static str, &'a T)>> {
+fn first<'a, T>(annotation: &AmodalAnnotation, fields: &[NamedField<'a, T>]) -> Result<Option<(&'static str, &'a T)>> {
     for (key, field) in fields {
         let wrong = |reason| Error::new(reason).context(format!("annotation {}: `{key}`", annotation.id));
         if let Some(value) = field.get().map_err(wrong)? {

@@ -1,9 +1,9 @@
 //! The records of COCO's annotation file, with the fields that COCO does not have.
 
-use super::Masks;
-use crate::d2sa::Region;
-use crate::field::Field;
-use crate::labels::{ObjectMasks, Partial};
+use super::MaskChoice;
+use crate::d2sa::D2saRegion;
+use crate::field::LenientField;
+use crate::labels::{LabelMasks, Partial};
 use serde_json::Value as Json;
 use syntable_formats::segmentation::{Rle, Segmentation};
 use syntable_formats::{Extra, coco};
@@ -11,46 +11,46 @@ use syntable_model::prelude::*;
 use syntable_model::product::BBox;
 
 /// An object.
-pub type Annotation = coco::Annotation<Fields>;
+pub type AmodalAnnotation = coco::CocoAnnotation<AmodalFields>;
 
 /// What annotations say beyond COCO's fields: ours, then those of D2SA and KINS.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default)]
-pub struct Fields {
-    #[serde(skip_serializing_if = "Field::is_missing")]
-    pub instance_id: Field<u64>,
-    #[serde(skip_serializing_if = "Field::is_missing")]
-    pub visible_mask: Field<Segmentation>,
-    #[serde(skip_serializing_if = "Field::is_missing")]
-    pub visible_bbox: Field<[i32; 4]>,
+pub struct AmodalFields {
+    #[serde(skip_serializing_if = "LenientField::is_missing")]
+    pub instance_id: LenientField<u64>,
+    #[serde(skip_serializing_if = "LenientField::is_missing")]
+    pub visible_mask: LenientField<Segmentation>,
+    #[serde(skip_serializing_if = "LenientField::is_missing")]
+    pub visible_bbox: LenientField<[i32; 4]>,
     /// Beside a `segmentation` that may be visible.
-    #[serde(skip_serializing_if = "Field::is_missing")]
-    pub amodal_mask: Field<Segmentation>,
-    #[serde(skip_serializing_if = "Field::is_missing")]
-    pub amodal_bbox: Field<[i32; 4]>,
-    #[serde(skip_serializing_if = "Field::is_missing")]
-    pub occluded_mask: Field<Segmentation>,
-    #[serde(skip_serializing_if = "Field::is_missing")]
-    pub occluded_rate: Field<f64>,
+    #[serde(skip_serializing_if = "LenientField::is_missing")]
+    pub amodal_mask: LenientField<Segmentation>,
+    #[serde(skip_serializing_if = "LenientField::is_missing")]
+    pub amodal_bbox: LenientField<[i32; 4]>,
+    #[serde(skip_serializing_if = "LenientField::is_missing")]
+    pub occluded_mask: LenientField<Segmentation>,
+    #[serde(skip_serializing_if = "LenientField::is_missing")]
+    pub occluded_rate: LenientField<f64>,
     /// x, y and visibility of each. They are written, and not read.
     #[serde(skip_deserializing, skip_serializing_if = "Option::is_none")]
     pub keypoints: Option<Vec<Json>>,
     #[serde(skip_deserializing, skip_serializing_if = "Option::is_none")]
     pub num_keypoints: Option<usize>,
     /// D2SA's `occluded_mask`.
-    #[serde(skip_serializing_if = "Field::is_missing")]
-    pub invisible_mask: Field<Segmentation>,
+    #[serde(skip_serializing_if = "LenientField::is_missing")]
+    pub invisible_mask: LenientField<Segmentation>,
     /// D2SA's `occluded_rate`.
-    #[serde(skip_serializing_if = "Field::is_missing")]
-    pub occlude_rate: Field<f64>,
+    #[serde(skip_serializing_if = "LenientField::is_missing")]
+    pub occlude_rate: LenientField<f64>,
     /// D2SA's number of objects in the longest chain of occluders in front.
-    #[serde(skip_serializing_if = "Field::is_missing")]
-    pub occl_depth: Field<u64>,
-    #[serde(skip_serializing_if = "Field::is_missing")]
-    pub amodal_region: Field<Region>,
+    #[serde(skip_serializing_if = "LenientField::is_missing")]
+    pub occl_depth: LenientField<u64>,
+    #[serde(skip_serializing_if = "LenientField::is_missing")]
+    pub amodal_region: LenientField<D2saRegion>,
     /// KINS' `visible_mask`.
-    #[serde(skip_serializing_if = "Field::is_missing")]
-    pub inmodal_seg: Field<Segmentation>,
+    #[serde(skip_serializing_if = "LenientField::is_missing")]
+    pub inmodal_seg: LenientField<Segmentation>,
     /// Fields that this type does not know.
     #[serde(flatten)]
     pub extra: Extra,
@@ -61,37 +61,37 @@ pub struct Fields {
 pub const FOLLOWING: &[&str] = &["amodal_base", "inmodal_bbox", "num_keypoints"];
 
 /// A field by its name in the file.
-pub type Named<'a, T> = (&'static str, &'a Field<T>);
+pub type NamedField<'a, T> = (&'static str, &'a LenientField<T>);
 
-impl Fields {
+impl AmodalFields {
     /// Visible masks beside an amodal `segmentation`.
-    pub fn visible(&self) -> [Named<'_, Segmentation>; 2] {
+    pub fn visible(&self) -> [NamedField<'_, Segmentation>; 2] {
         [("visible_mask", &self.visible_mask), ("inmodal_seg", &self.inmodal_seg)]
     }
 
     /// Amodal masks.
-    pub fn amodal(&self) -> Named<'_, Segmentation> {
+    pub fn amodal(&self) -> NamedField<'_, Segmentation> {
         ("amodal_mask", &self.amodal_mask)
     }
 
     /// Occlusion masks.
-    pub fn hidden(&self) -> [Named<'_, Segmentation>; 2] {
+    pub fn hidden(&self) -> [NamedField<'_, Segmentation>; 2] {
         [("occluded_mask", &self.occluded_mask), ("invisible_mask", &self.invisible_mask)]
     }
 
     /// Occlusion rates.
-    pub fn rate(&self) -> [Named<'_, f64>; 2] {
+    pub fn rate(&self) -> [NamedField<'_, f64>; 2] {
         [("occluded_rate", &self.occluded_rate), ("occlude_rate", &self.occlude_rate)]
     }
 }
 
-impl Masks {
+impl MaskChoice {
     /// The mask of an object and its box; the other one where there is no such mask.
     fn with_box<'a>(self, label: &Partial<'a>) -> (&'a Mask, BBox) {
         match (label.masks, self) {
-            (ObjectMasks::Visible(mask, bbox) | ObjectMasks::Amodal(mask, bbox), _) => (mask, bbox),
-            (ObjectMasks::All(all), Self::Visible) => (all.visible, all.visible_box),
-            (ObjectMasks::All(all), Self::Amodal) => (all.amodal, all.amodal_box),
+            (LabelMasks::Visible(mask, bbox) | LabelMasks::Amodal(mask, bbox), _) => (mask, bbox),
+            (LabelMasks::All(all), Self::Visible) => (all.visible, all.visible_box),
+            (LabelMasks::All(all), Self::Amodal) => (all.amodal, all.amodal_box),
         }
     }
 
@@ -101,9 +101,9 @@ impl Masks {
     }
 
     /// The record of an object.
-    pub(crate) fn annotation(self, label: &Partial) -> Annotation {
+    pub(crate) fn annotation(self, label: &Partial) -> AmodalAnnotation {
         let (mask, bbox) = self.with_box(label);
-        Annotation {
+        AmodalAnnotation {
             id: 0,
             image_id: 0,
             category_id: label.category.into(),
@@ -111,7 +111,7 @@ impl Masks {
             area: mask.area().into(),
             bbox: <[i32; 4]>::from(bbox).map(f64::from),
             iscrowd: 0,
-            extra: Fields { instance_id: u64::from(label.id.0).into(), ..of_masks(label.masks) },
+            extra: AmodalFields { instance_id: u64::from(label.id.0).into(), ..of_masks(label.masks) },
         }
     }
 }
@@ -121,23 +121,23 @@ fn encoded(mask: &Mask) -> Segmentation {
 }
 
 /// What COCO has no fields for.
-fn of_masks(masks: ObjectMasks) -> Fields {
+fn of_masks(masks: LabelMasks) -> AmodalFields {
     match masks {
-        ObjectMasks::Visible(..) => Fields::default(),
+        LabelMasks::Visible(..) => AmodalFields::default(),
         // It says what `segmentation` is.
-        ObjectMasks::Amodal(mask, bbox) => Fields {
+        LabelMasks::Amodal(mask, bbox) => AmodalFields {
             amodal_mask: encoded(mask).into(),
             amodal_bbox: <[i32; 4]>::from(bbox).into(),
-            ..Fields::default()
+            ..AmodalFields::default()
         },
-        ObjectMasks::All(label) => Fields {
+        LabelMasks::All(label) => AmodalFields {
             visible_mask: encoded(label.visible).into(),
             visible_bbox: <[i32; 4]>::from(label.visible_box).into(),
             amodal_mask: encoded(label.amodal).into(),
             amodal_bbox: <[i32; 4]>::from(label.amodal_box).into(),
             occluded_mask: encoded(label.occlusion).into(),
             occluded_rate: label.rate.into(),
-            ..Fields::default()
+            ..AmodalFields::default()
         },
     }
 }

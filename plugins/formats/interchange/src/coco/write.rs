@@ -1,9 +1,9 @@
 //! Writes COCO's layout.
 
-use super::keypoints::{self, Named};
-use super::{Coco, Masks};
+use super::keypoints::{self, ObjectKeypoints};
+use super::{Coco, MaskChoice};
 use crate::family::write::{Family, SceneFiles, policy};
-use crate::labels::{self, Label, ObjectMasks, Partial};
+use crate::labels::{self, LabelMasks, Partial, ShownLabel};
 use syntable_formats::coco::{Category, categories};
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{KEYPOINTS, RGB};
@@ -26,7 +26,7 @@ impl Family for Coco {
     fn view(&self, cx: &ImageContext, products: &Products, files: &mut SceneFiles) -> Result<()> {
         let labels = self.masks.shown_partial(cx.log, labels::partial(cx.dataset, products)?, true);
         files.image(cx, products, labels.len())?;
-        let named = if self.keypoints.is_empty() { None } else { Some(Named::of(products)?) };
+        let named = if self.keypoints.is_empty() { None } else { Some(ObjectKeypoints::of(products)?) };
         labels.iter().try_for_each(|label| {
             let mut annotation = self.masks.annotation(label);
             if let Some(named) = &named {
@@ -46,9 +46,9 @@ impl Family for Coco {
     }
 }
 
-impl Masks {
+impl MaskChoice {
     /// The mask of an object.
-    pub(crate) fn of<'a>(self, label: &Label<'a>) -> &'a Mask {
+    pub(crate) fn of<'a>(self, label: &ShownLabel<'a>) -> &'a Mask {
         match self {
             Self::Visible => label.visible,
             Self::Amodal => label.amodal,
@@ -57,7 +57,7 @@ impl Masks {
 
     /// The labels of the objects whose mask is not empty, for a format that stores amodal masks. Objects that are left out are
     /// reported.
-    pub(crate) fn shown<'a>(self, log: &dyn Log, labels: Vec<Label<'a>>) -> Vec<Label<'a>> {
+    pub(crate) fn shown<'a>(self, log: &dyn Log, labels: Vec<ShownLabel<'a>>) -> Vec<ShownLabel<'a>> {
         let whole = labels.iter().map(|label| Partial::from(*label)).collect::<Vec<_>>();
         report_left_out(log, &whole, |label| self.shown_of(label), true);
         labels.into_iter().filter(|label| !self.of(label).is_empty()).collect()
@@ -84,7 +84,7 @@ fn report_left_out<'a>(
     mask: impl Fn(&Partial<'a>) -> &'a Mask,
     stores_amodal: bool,
 ) {
-    let is_hidden = |label: &&Partial| matches!(label.masks, ObjectMasks::All(all) if !all.amodal.is_empty());
+    let is_hidden = |label: &&Partial| matches!(label.masks, LabelMasks::All(all) if !all.amodal.is_empty());
     let left_out: Vec<&Partial> = labels.iter().filter(|label| mask(label).is_empty()).collect();
     let hidden = left_out.iter().copied().filter(is_hidden).count();
     log.left_out(&LeftOut::without_pixels(left_out.len() - hidden, labels.len()));

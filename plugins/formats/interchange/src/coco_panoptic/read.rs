@@ -1,26 +1,25 @@
 //! Reads COCO's layout for panoptic segmentation. Things are objects; stuff is none.
 
-use super::record::{BACKGROUND_NAME, FILE, ImageAnnotation, Segment, VOID};
-use crate::family::read::{Annotated, AnnotationFile, FOLDER, Fault, beside, image_folders, not_objects};
+use super::record::{BACKGROUND_NAME, FILE, PanopticAnnotation, PanopticSegment, VOID};
+use crate::family::read::{Annotated, AnnotationFile, FOLDER, beside, image_folders, not_objects};
 use crate::read as shared;
 use std::collections::{BTreeMap, BTreeSet};
-use syntable_formats::coco::Category;
+use syntable_formats::coco::{Category, IS_THING};
 use syntable_formats::decode;
-use syntable_formats::read::{self, Categories, Known, Labels};
+use syntable_formats::read::{self, Categories, KnownMasks, ObjectLabels};
+use syntable_formats::rule;
 use syntable_model::files::DatasetFolder;
 use syntable_model::limits::ANNOTATIONS;
 use syntable_model::prelude::*;
-use syntable_model::reader::{Crowd, Format, Note, Opened, Source};
+use syntable_model::reader::{Crowd, DatasetFault, FaultSubject, Format, Note, Opened, Source};
 
-syntable_model::register_format!(Format {
-    name: "coco_panoptic",
-    doc: "COCO panoptic segmentation (`annotations/panoptic_*.json` beside a folder of this name and one of images): things are \
+syntable_model::register_format!(Format::new(
+    "coco_panoptic",
+    "COCO panoptic segmentation (`annotations/panoptic_*.json` beside a folder of this name and one of images): things are \
           objects.",
-    detect: |path| shared::is_dataset(path, Some(FOLDER), |file| shared::name_starts(file, FILE)),
+    |path| shared::is_dataset(path, Some(FOLDER), |file| shared::name_starts(file, FILE)),
     open,
-    is_generic: false,
-    crate_name: env!("CARGO_PKG_NAME"),
-});
+));
 
 /// The segments of a dataset.
 pub struct Things {
@@ -32,20 +31,19 @@ pub struct Things {
 }
 
 fn is_stuff(category: &Category) -> bool {
-    category.extra.get("isthing").and_then(serde_json::Value::as_u64) == Some(0)
+    category.extra.get(IS_THING).and_then(serde_json::Value::as_u64) == Some(0)
 }
 
 fn open(source: &Source) -> Result<Opened> {
     let (root, path) = shared::root_and_file(source, Some(FOLDER), |file| shared::name_starts(file, FILE))?;
     // By category and whether they are crowds.
     let mut segments: BTreeMap<(u64, bool), usize> = BTreeMap::new();
-    let folders = image_folders(&path);
     let mut file = AnnotationFile::open(
         &root,
         &path,
-        &folders.each_ref().map(String::as_str),
+        &image_folders(&path),
         &[("annotations", &[]), ("segments", &[])],
-        &mut |annotation: &ImageAnnotation, unkept| {
+        &mut |annotation: &PanopticAnnotation, unkept| {
             unkept[0].add(&annotation.extra);
             for segment in &annotation.segments_info {
                 unkept[1].add(&segment.extra);
@@ -61,7 +59,7 @@ fn open(source: &Source) -> Result<Opened> {
         categories.note(category);
         if !things.iter().any(|thing| thing.id == category) {
             let message = format!("segments are of the category {category}, and `categories` has no such one");
-            file.listing.faults.add("known_categories", format!("category {category}"), &message);
+            file.listing.faults.add(rule::KNOWN_CATEGORIES, FaultSubject::Category(category), message);
         }
     }
     let left_out: usize =
@@ -74,7 +72,7 @@ fn open(source: &Source) -> Result<Opened> {
     let of_stuff: usize = segments.iter().filter(|((id, _), _)| stuff.contains(id) && named(id)).map(|it| it.1).sum();
     let of_stuff = [of_stuff, crowds[1] + of_stuff];
     let info = file.info(&categories);
-    let labels = Known::Visible.offers();
+    let labels = KnownMasks::Visible.offers();
     let offers = file.offers(labels, &[]);
     let no_objects = format!("segments of stuff and of crowds are no objects: {left_out} were left out");
     let mut notes: Vec<Note> = (left_out > 0).then(|| Note::caveat(no_objects)).into_iter().collect();
@@ -93,14 +91,14 @@ fn open(source: &Source) -> Result<Opened> {
 
 /// The segments of an image, and the ids of its pixels.
 pub struct Segments {
-    pub annotation: ImageAnnotation,
+    pub annotation: PanopticAnnotation,
     pub ids: Plane<u32>,
     /// The masks of the segments that have pixels, by id.
     masks: BTreeMap<u32, Mask>,
 }
 
 impl Segments {
-    fn new(annotation: ImageAnnotation, ids: Plane<u32>) -> Result<Self> {
+    fn new(annotation: PanopticAnnotation, ids: Plane<u32>) -> Result<Self> {
         let listed: BTreeSet<u32> = annotation.segments_info.iter().map(|it| it.id).filter(|id| *id != VOID).collect();
         ANNOTATIONS.check(annotation.segments_info.len() as u64)?;
         let listed: Vec<u32> = listed.into_iter().collect();
@@ -119,7 +117,7 @@ impl Things {
     /// The segments of an image.
     pub fn segments(&self, file: &AnnotationFile, image: usize) -> Result<Segments> {
         let frame = &file.listing.images[image].frame;
-        let mut annotations: Vec<ImageAnnotation> = file.listing.annotations(image)?;
+        let mut annotations: Vec<PanopticAnnotation> = file.listing.annotations(image)?;
         let Some(annotation) = annotations.pop().filter(|_| annotations.is_empty()) else {
             let message =
                 format!("image {} has no annotation, or several: one with all of its segments is needed", frame.id);
@@ -132,7 +130,7 @@ impl Things {
     }
 
     /// The segments of things: objects, or those of crowds.
-    fn things<'s>(&'s self, all: &'s Segments, are_crowds: bool) -> impl Iterator<Item = &'s Segment> {
+    fn things<'s>(&'s self, all: &'s Segments, are_crowds: bool) -> impl Iterator<Item = &'s PanopticSegment> {
         let things = all.annotation.segments_info.iter().filter(|it| it.id != VOID);
         things.filter(move |it| (it.iscrowd != 0) == are_crowds && !self.stuff.contains(&it.category_id))
     }
@@ -141,27 +139,21 @@ impl Things {
 impl Annotated for Things {
     fn crowds(&self, file: &AnnotationFile, image: usize) -> Result<Vec<Crowd>> {
         let all = self.segments(file, image)?;
-        let crowd = |it: &Segment| Crowd { mask: all.mask(it.id), category: self.categories.id(it.category_id) };
+        let crowd =
+            |it: &PanopticSegment| Crowd { mask: all.mask(it.id), category: self.categories.id(it.category_id) };
         Ok(self.things(&all, true).map(crowd).collect())
     }
 
-    fn faults(&self, file: &AnnotationFile, image: usize) -> Vec<Fault> {
+    fn faults(&self, file: &AnnotationFile, image: usize) -> Vec<DatasetFault> {
         self.segments(file, image).map_or_else(|_| Vec::new(), |all| self.faults_of(&all))
     }
 
     fn put(&self, file: &AnnotationFile, image: usize, wants: &[KeyId], products: &mut Products) -> Result<()> {
         let all = self.segments(file, image)?;
-        let objects: Vec<&Segment> = self.things(&all, false).collect();
+        let objects: Vec<&PanopticSegment> = self.things(&all, false).collect();
         let ids = read::ids_of(&objects.iter().map(|it| Some(it.id.into())).collect::<Vec<_>>())?;
-        let labels = ids.into_iter().zip(objects).map(|(id, segment)| Labels {
-            id,
-            visible: all.mask(segment.id),
-            amodal: None,
-            occlusion: None,
-            rate: None,
-            visible_box: None,
-            amodal_box: None,
-            category: self.categories.id(segment.category_id),
+        let labels = ids.into_iter().zip(objects).map(|(id, segment)| {
+            ObjectLabels::of_masks(id, all.mask(segment.id), None, self.categories.id(segment.category_id))
         });
         read::put(&labels.collect::<Vec<_>>(), None, wants, products)
     }

@@ -1,7 +1,7 @@
 //! The records of the annotation file of COCO's panoptic segmentation.
 
 use syntable_formats::Extra;
-use syntable_formats::listing::AnnotationRecord;
+use syntable_formats::listing::{AnnotationLink, AnnotationRecord};
 use syntable_model::prelude::*;
 
 /// How names of annotation files begin.
@@ -15,18 +15,18 @@ pub const VOID: u32 = 0;
 
 /// The annotation of an image. `N` is the type of numbers of pixels: whole ones are written, and others have fractions.
 #[derive(Serialize, Deserialize)]
-pub struct ImageAnnotation<N = f64> {
+pub struct PanopticAnnotation<N = f64> {
     /// Fields that are not read, such as our `id`.
     #[serde(flatten)]
     pub extra: Extra,
     pub image_id: u64,
     pub file_name: String,
-    pub segments_info: Vec<Segment<N>>,
+    pub segments_info: Vec<PanopticSegment<N>>,
 }
 
 /// A thing, or stuff. Its id is R + 256 · G + 256² · B of its pixels.
 #[derive(Serialize, Deserialize)]
-pub struct Segment<N = f64> {
+pub struct PanopticSegment<N = f64> {
     pub id: u32,
     pub category_id: u64,
     pub area: N,
@@ -38,16 +38,8 @@ pub struct Segment<N = f64> {
     pub extra: Extra,
 }
 
-impl AnnotationRecord for ImageAnnotation {
-    fn id(&self) -> u64 {
-        self.image_id
-    }
-
-    fn image(&self) -> u64 {
-        self.image_id
-    }
-
-    fn category(&self) -> Option<u64> {
-        None
+impl AnnotationRecord for PanopticAnnotation {
+    fn link(&self) -> AnnotationLink {
+        AnnotationLink { id: self.image_id, image: self.image_id, category: None }
     }
 }

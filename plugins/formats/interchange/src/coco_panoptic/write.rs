@@ -1,14 +1,14 @@
 //! Writes COCO's layout for panoptic segmentation.
 
 use super::CocoPanoptic;
-use super::record::{BACKGROUND_NAME, FILE, ImageAnnotation, Segment};
-use crate::coco::Masks;
+use super::record::{BACKGROUND_NAME, FILE, PanopticAnnotation, PanopticSegment};
+use crate::coco::MaskChoice;
 use crate::family::write::{Family, IMAGES, SceneFiles, image_name};
 use crate::labels::{self, Partial};
 use std::collections::BTreeSet;
 use syntable_formats::Extra;
-use syntable_formats::coco::{Category, categories};
-use syntable_formats::encode::png::{Image, Samples};
+use syntable_formats::coco::{Category, IS_THING, categories};
+use syntable_formats::encode::png::{PngImage, PngSamples};
 use syntable_model::prelude::*;
 use syntable_model::product::Painted;
 use syntable_model::product::standard::RGB;
@@ -47,7 +47,7 @@ impl Family for CocoPanoptic {
 
     fn view(&self, cx: &ImageContext, products: &Products, files: &mut SceneFiles) -> Result<()> {
         let rgb = products.get(RGB)?;
-        let labels = Masks::Visible.shown_partial(cx.log, labels::partial(cx.dataset, products)?, false);
+        let labels = MaskChoice::Visible.shown_partial(cx.log, labels::partial(cx.dataset, products)?, false);
         let painted = Painted::new([rgb.width(), rgb.height()], labels.iter().map(|label| (label.id, visible(label))));
         painted.left_out().for_each(|left_out| cx.log.left_out(&left_out));
         let name = image_name(cx.scene_id, cx.view_id);
@@ -55,14 +55,14 @@ impl Family for CocoPanoptic {
         files.image(cx, products, 1)?;
         let segments_info = segments(&painted, background_category(cx.dataset), &labels);
         let extra = Extra::from_iter([("id".to_owned(), 0.into())]);
-        files.annotation(&ImageAnnotation { extra, image_id: 0, file_name: name, segments_info })
+        files.annotation(&PanopticAnnotation { extra, image_id: 0, file_name: name, segments_info })
     }
 }
 
 /// The categories of things, and that of the background after them.
 fn with_background(dataset: &DatasetInfo) -> Vec<Category> {
-    let of = |mut category: Category, isthing: u8| {
-        category.extra.insert("isthing".into(), isthing.into());
+    let of = |mut category: Category, is_thing: u8| {
+        category.extra.insert(IS_THING.into(), is_thing.into());
         category
     };
     let id = background_category(dataset);
@@ -75,11 +75,11 @@ fn background_category(dataset: &DatasetInfo) -> u64 {
 }
 
 fn visible<'a>(label: &Partial<'a>) -> &'a Mask {
-    Masks::Visible.shown_of(label)
+    MaskChoice::Visible.shown_of(label)
 }
 
 /// The segments of an image: objects of which it shows pixels, then the background if a pixel shows it.
-fn segments(painted: &Painted, background: u64, labels: &[Partial]) -> Vec<Segment<i64>> {
+fn segments(painted: &Painted, background: u64, labels: &[Partial]) -> Vec<PanopticSegment<i64>> {
     let shown: BTreeSet<InstanceId> = painted.shown().collect();
     let things = labels.iter().filter(|label| shown.contains(&label.id));
     let thing =
@@ -91,17 +91,17 @@ fn segments(painted: &Painted, background: u64, labels: &[Partial]) -> Vec<Segme
 }
 
 /// The image whose pixels say the ids of their segments.
-fn id_image(ids: &Plane<InstanceId>) -> Image {
+fn id_image(ids: &Plane<InstanceId>) -> PngImage {
     let segment = |id: &InstanceId| if *id == InstanceId::default() { BACKGROUND } else { id.0.into() };
     let color = |id: &InstanceId| <[u8; 3]>::try_from(&segment(id).to_le_bytes()[..3]).expect("three of four bytes");
-    Image {
+    PngImage {
         width: ids.width(),
         height: ids.height(),
-        samples: Samples::Rgb8(ids.data().iter().flat_map(color).collect()),
+        samples: PngSamples::Rgb8(ids.data().iter().flat_map(color).collect()),
     }
 }
 
-fn segment(id: u32, category_id: u64, mask: &Mask) -> Segment<i64> {
+fn segment(id: u32, category_id: u64, mask: &Mask) -> PanopticSegment<i64> {
     let bbox = <[i32; 4]>::from(mask.bbox()).map(i64::from);
-    Segment { id, category_id, area: mask.area().into(), bbox, iscrowd: 0, extra: Extra::new() }
+    PanopticSegment { id, category_id, area: mask.area().into(), bbox, iscrowd: 0, extra: Extra::new() }
 }

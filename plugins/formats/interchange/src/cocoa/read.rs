@@ -1,28 +1,26 @@
 //! Reads COCO-Amodal: one annotation per image with its regions.
 
-use super::record::{FILE, ImageAnnotation, Region};
-use crate::family::read::{Annotated, AnnotationFile, FOLDER, Fault, image_folders, not_objects};
+use super::record::{CocoaAnnotation, CocoaRegion, FILE};
+use crate::family::read::{Annotated, AnnotationFile, FOLDER, image_folders, not_objects};
 use crate::read::{self as shared, POLYGONS, settle_edges};
 use std::collections::BTreeSet;
 use syntable_formats::coco::Category;
-use syntable_formats::index::Section;
-use syntable_formats::listing::Listing;
-use syntable_formats::read::{self, Categories, Labels};
+use syntable_formats::index::RecordSection;
+use syntable_formats::listing::AnnotationListing;
+use syntable_formats::read::{self, Categories, ObjectLabels};
 use syntable_formats::segmentation::{Rle, Segmentation};
 use syntable_model::limits::ANNOTATIONS;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{CATEGORY_ID, LABEL_POLICY, OCCLUSION_MASK};
-use syntable_model::reader::{Format, Note, Opened, Source};
+use syntable_model::reader::{DatasetFault, Format, Note, Opened, Source};
 
-syntable_model::register_format!(Format {
-    name: "cocoa",
-    doc: "COCO-Amodal (`annotations/COCO_amodal_*.json` beside an image folder), as the writer `cocoa` writes it. Regions of \
+syntable_model::register_format!(Format::new(
+    "cocoa",
+    "COCO-Amodal (`annotations/COCO_amodal_*.json` beside an image folder), as the writer `cocoa` writes it. Regions of \
           stuff are no objects; of several annotations of an image the first one counts.",
-    detect: |path| shared::is_dataset(path, Some(FOLDER), |file| shared::name_starts(file, FILE)),
+    |path| shared::is_dataset(path, Some(FOLDER), |file| shared::name_starts(file, FILE)),
     open,
-    is_generic: false,
-    crate_name: env!("CARGO_PKG_NAME"),
-});
+));
 
 /// The regions of objects.
 struct Regions {
@@ -35,15 +33,14 @@ struct Regions {
 fn open(source: &Source) -> Result<Opened> {
     let (root, path) = shared::root_and_file(source, Some(FOLDER), |file| shared::name_starts(file, FILE))?;
     let (mut names, mut has_hidden) = (BTreeSet::new(), false);
-    // Regions of each annotation, all and those of stuff.
+    // Numbers of regions of each annotation: all, and those of stuff.
     let mut regions: Vec<[usize; 2]> = Vec::new();
-    let folders = image_folders(&path);
     let mut file = AnnotationFile::open(
         &root,
         &path,
-        &folders.each_ref().map(String::as_str),
+        &image_folders(&path),
         &[("annotations", &[]), ("regions", &[])],
-        &mut |annotation: &ImageAnnotation, unkept| {
+        &mut |annotation: &CocoaAnnotation, unkept| {
             unkept[0].add(&annotation.extra);
             annotation.regions.iter().for_each(|region| unkept[1].add(&region.extra));
             let all = annotation.regions.len();
@@ -68,7 +65,7 @@ fn open(source: &Source) -> Result<Opened> {
     let categories = listed.map_or_else(|| Categories::named(names.clone()), |own| with_names(own, &names));
     let are_listed = listed.is_some() || names.is_empty();
     let info = file.info(&categories);
-    let labels = read::Known::Both.offers();
+    let labels = read::KnownMasks::Both.offers();
     let offers = file.offers(labels.clone(), &[LABEL_POLICY.id()]);
     let unlisted = "the file lists no categories: names of regions are numbered in their order, and another part of the dataset \
                     with other names has other numbers";
@@ -98,15 +95,19 @@ fn with_names(listed: &[Category], names: &BTreeSet<String>) -> Categories {
     Categories::of(&all)
 }
 
-impl ImageAnnotation {
-    /// The regions of objects, each with its number from 1.
-    pub fn objects(&self) -> impl Iterator<Item = (usize, &Region)> {
-        (1..).zip(&self.regions).filter(|(_, region)| region.is_stuff == 0)
+/// A key of a region, by its number from 1, for messages.
+pub fn key_of(region: usize, key: &str) -> String {
+    format!("`regions[{}].{key}`", region - 1)
+}
+
+impl CocoaAnnotation {
+    fn key(&self, region: usize, key: &str) -> String {
+        format!("annotation {}: {}", self.id, key_of(region, key))
     }
 
-    /// A key of a region, for messages.
-    pub fn key(&self, region: usize, key: &str) -> String {
-        format!("annotation {}: `regions[{}].{key}`", self.id, region - 1)
+    /// The regions of objects, each with its number from 1.
+    pub fn objects(&self) -> impl Iterator<Item = (usize, &CocoaRegion)> {
+        (1..).zip(&self.regions).filter(|(_, region)| region.is_stuff == 0)
     }
 
     fn mask(&self, number: usize, (key, rle): (&str, &Rle), [width, height]: [u32; 2]) -> Result<Mask> {
@@ -114,13 +115,13 @@ impl ImageAnnotation {
         decoded.map_err(|error| error.context(self.key(number, key)))
     }
 
-    pub fn polygon(&self, number: usize, region: &Region, [width, height]: [u32; 2]) -> Result<Mask> {
+    pub fn polygon(&self, number: usize, region: &CocoaRegion, [width, height]: [u32; 2]) -> Result<Mask> {
         let decoded = Segmentation::Polygons(vec![region.segmentation.clone()]).decode(width, height);
         decoded.map_err(|error| error.context(self.key(number, "segmentation")))
     }
 
     /// Visible, amodal and occlusion mask of a region. Without occlusion there is only the polygon; else the masks are exact.
-    pub fn masks(&self, number: usize, region: &Region, size: [u32; 2]) -> Result<[Mask; 3]> {
+    pub fn masks(&self, number: usize, region: &CocoaRegion, size: [u32; 2]) -> Result<[Mask; 3]> {
         let visible =
             region.visible_mask.as_ref().map(|rle| self.mask(number, ("visible_mask", rle), size)).transpose()?;
         let hidden =
@@ -143,20 +144,13 @@ impl ImageAnnotation {
         })
     }
 
-    /// The labels of its objects. Rates that count what is `beyond` the image are those that it states.
-    pub fn labels(&self, categories: &Categories, size: [u32; 2], beyond: bool) -> Result<Vec<Labels>> {
-        let of = |(row, (number, region)): (usize, (usize, &Region))| {
+    /// The labels of its objects. If rates count parts `beyond` the image, they are the stated ones.
+    pub fn labels(&self, categories: &Categories, size: [u32; 2], beyond: bool) -> Result<Vec<ObjectLabels>> {
+        let of = |(row, (number, region)): (usize, (usize, &CocoaRegion))| {
             let [visible, amodal, _] = self.masks(number, region, size)?;
-            Ok(Labels {
-                id: read::id_of(row)?,
-                visible,
-                amodal: Some(amodal),
-                occlusion: None,
-                rate: region.occlude_rate.filter(|_| beyond),
-                visible_box: None,
-                amodal_box: None,
-                category: categories.id_of(&region.name),
-            })
+            let category = categories.id_of(&region.name);
+            let labels = ObjectLabels::of_masks(read::id_of(row)?, visible, Some(amodal), category);
+            Ok(ObjectLabels { rate: region.occlude_rate.filter(|_| beyond), ..labels })
         };
         let mut labels = self.objects().enumerate().map(of).collect::<Result<Vec<_>>>()?;
         settle_edges(&mut labels);
@@ -165,9 +159,9 @@ impl ImageAnnotation {
 }
 
 /// The first annotation of an image.
-fn annotation(listing: &Listing, image: usize) -> Result<Option<ImageAnnotation>> {
+fn annotation(listing: &AnnotationListing, image: usize) -> Result<Option<CocoaAnnotation>> {
     let first = listing.images[image].annotations.get(..1).unwrap_or_default();
-    let records: Vec<ImageAnnotation> = listing.file.records(Section::Annotations, first)?;
+    let records: Vec<CocoaAnnotation> = listing.file.records(RecordSection::Annotations, first)?;
     let annotation = records.into_iter().next();
     annotation.iter().try_for_each(|annotation| ANNOTATIONS.check(annotation.regions.len() as u64))?;
     Ok(annotation)
@@ -182,7 +176,7 @@ impl Annotated for Regions {
         read::put(&labels, None, wants, products)
     }
 
-    fn faults(&self, file: &AnnotationFile, image: usize) -> Vec<Fault> {
+    fn faults(&self, file: &AnnotationFile, image: usize) -> Vec<DatasetFault> {
         let Ok(Some(annotation)) = annotation(&file.listing, image) else { return Vec::new() };
         let Ok(beyond) = file.counts_beyond(image) else { return Vec::new() };
         annotation.faults(file.size(image), beyond, self.is_ours)

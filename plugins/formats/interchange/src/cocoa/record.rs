@@ -2,7 +2,7 @@
 
 use syntable_formats::Extra;
 use syntable_formats::coco::id;
-use syntable_formats::listing::AnnotationRecord;
+use syntable_formats::listing::{AnnotationLink, AnnotationRecord};
 use syntable_formats::segmentation::Rle;
 use syntable_model::prelude::*;
 
@@ -11,7 +11,7 @@ pub const FILE: &str = "COCO_amodal_";
 
 /// The annotation of an image by one person.
 #[derive(Debug, Serialize, Deserialize)]
-pub struct ImageAnnotation {
+pub struct CocoaAnnotation {
     #[serde(deserialize_with = "id")]
     pub id: u64,
     #[serde(deserialize_with = "id")]
@@ -26,12 +26,12 @@ pub struct ImageAnnotation {
     #[serde(default)]
     pub depth_constraint: String,
     /// From front to back.
-    pub regions: Vec<Region>,
+    pub regions: Vec<CocoaRegion>,
 }
 
 /// An object, or stuff.
 #[derive(Debug, Serialize, Deserialize)]
-pub struct Region {
+pub struct CocoaRegion {
     pub segmentation: Vec<f64>,
     #[serde(default)]
     pub name: String,
@@ -53,16 +53,8 @@ pub struct Region {
     pub extra: Extra,
 }
 
-impl AnnotationRecord for ImageAnnotation {
-    fn id(&self) -> u64 {
-        self.id
-    }
-
-    fn image(&self) -> u64 {
-        self.image_id
-    }
-
-    fn category(&self) -> Option<u64> {
-        None
+impl AnnotationRecord for CocoaAnnotation {
+    fn link(&self) -> AnnotationLink {
+        AnnotationLink { id: self.id, image: self.image_id, category: None }
     }
 }

@@ -1,11 +1,11 @@
 //! Writes COCO-Amodal.
 
 use super::Cocoa;
-use super::record::{FILE, ImageAnnotation, Region};
-use crate::coco::Masks;
-use crate::family::write::{Family, Listed, SceneFiles, image_name, policy};
-use crate::labels::{self, Label};
-use crate::order::{self, Order};
+use super::record::{CocoaAnnotation, CocoaRegion, FILE};
+use crate::coco::MaskChoice;
+use crate::family::write::{Family, ListedImages, SceneFiles, image_name, policy};
+use crate::labels::{self, ShownLabel};
+use crate::order::{self, ObjectOrder};
 use crate::outlines;
 use syntable_formats::Extra;
 use syntable_formats::segmentation::Rle;
@@ -22,14 +22,14 @@ impl Family for Cocoa {
         format!("annotations/{FILE}{}.json", self.split)
     }
 
-    fn listed(&self) -> Listed {
-        Listed::Annotated
+    fn listed(&self) -> ListedImages {
+        ListedImages::Annotated
     }
 
     fn view(&self, cx: &ImageContext, products: &Products, files: &mut SceneFiles) -> Result<()> {
-        let labels = Masks::Amodal.shown(cx.log, labels::labels(cx.dataset, products)?);
-        outlines::report_holes(cx.log, products, Masks::Amodal, labels.iter().map(|label| label.id))?;
-        let order = Order::of(products, &labels)?;
+        let labels = MaskChoice::Amodal.shown(cx.log, labels::labels(cx.dataset, products)?);
+        outlines::report_holes(cx.log, products, MaskChoice::Amodal, labels.iter().map(|label| label.id))?;
+        let order = ObjectOrder::of(products, &labels)?;
         let sorted = order.front_to_back();
         let region = |(at, &i): (usize, &usize)| region(cx.dataset, products, at + 1, &labels[i]);
         let regions = sorted.iter().enumerate().map(region).collect::<Result<Vec<_>>>()?;
@@ -38,7 +38,7 @@ impl Family for Cocoa {
             return Ok(());
         }
         let (url, author) = (image_name(cx.scene_id, cx.view_id), cx.dataset.program.as_str());
-        files.annotation(&ImageAnnotation {
+        files.annotation(&CocoaAnnotation {
             id: 0,
             image_id: 0,
             extra: Extra::from_iter([("url".to_owned(), url.into()), ("author".to_owned(), author.into())]),
@@ -49,11 +49,11 @@ impl Family for Cocoa {
     }
 }
 
-fn region(dataset: &DatasetInfo, products: &Products, order: usize, label: &Label) -> Result<Region> {
+fn region(dataset: &DatasetInfo, products: &Products, order: usize, label: &ShownLabel) -> Result<CocoaRegion> {
     let is_occluded = !label.occlusion.is_empty();
     let mask = |mask: &Mask| is_occluded.then(|| Rle::encode(mask));
-    Ok(Region {
-        segmentation: outlines::ring(products, Masks::Amodal, label.id)?.into_flattened(),
+    Ok(CocoaRegion {
+        segmentation: outlines::ring(products, MaskChoice::Amodal, label.id)?.into_flattened(),
         name: dataset.category(label.category)?.1.to_owned(),
         area: Some(label.amodal.area().into()),
         is_stuff: 0,
@@ -66,7 +66,7 @@ fn region(dataset: &DatasetInfo, products: &Products, order: usize, label: &Labe
 }
 
 /// The pairs `i-j` of places in `sorted`, from 1, of which the first occludes the second.
-fn constraints(order: &Order, sorted: &[usize]) -> Vec<String> {
+fn constraints(order: &ObjectOrder, sorted: &[usize]) -> Vec<String> {
     let pairs = (0..sorted.len()).flat_map(|i| (i + 1..sorted.len()).map(move |j| (i, j)));
     let occluding = pairs.filter(|&(i, j)| order.occludes(sorted[i], sorted[j]));
     occluding.map(|(i, j)| format!("{}-{}", i + 1, j + 1)).collect()

@@ -1,57 +1,65 @@
-//! What contradicts D2SA's own fields of annotations, which the reader of `coco` reads.
+//! Faults of D2SA's own fields, which the reader of `coco` reads.
 
-use crate::coco::Annotation;
-use crate::family::read::Fault;
-use crate::order::Order;
+use crate::coco::AmodalAnnotation;
+use crate::order::ObjectOrder;
 use crate::read::hidden_of;
 use std::collections::BTreeMap;
-use syntable_formats::listing::Listing;
-use syntable_formats::read::Labels;
+use syntable_formats::listing::AnnotationListing;
+use syntable_formats::read::ObjectLabels;
+use syntable_formats::rule;
 use syntable_model::prelude::*;
+use syntable_model::reader::{DatasetFault, FaultSubject};
 
 /// `amodal_region.name`, which names another category than that of the object.
-pub fn fault_of_name(listing: &Listing, annotation: &Annotation, is_ours: bool) -> Option<Fault> {
+pub fn fault_of_name(
+    listing: &AnnotationListing,
+    annotation: &AmodalAnnotation,
+    is_ours: bool,
+) -> Option<DatasetFault> {
     let said = annotation.extra.amodal_region.value()?.name.value()?;
     let categories = || listing.file.categories.iter().flatten();
     let own = &categories().find(|it| it.id == annotation.category_id)?.name;
     let is_wrong = said != own && (is_ours || categories().any(|it| it.name == *said));
-    let message = format!("annotation {}: `amodal_region.name` is {said:?}, its category is {own:?}", annotation.id);
-    is_wrong.then_some(("records_agree", message))
+    let message = format!("`amodal_region.name` is {said:?}, its category is {own:?}");
+    is_wrong.then(|| DatasetFault::new(rule::RECORDS_AGREE, message))
 }
 
 /// `amodal_region` says the area and the box again.
-pub fn faults_of_region(annotation: &Annotation) -> Vec<Fault> {
+pub fn faults_of_region(annotation: &AmodalAnnotation) -> Vec<DatasetFault> {
     let mut faults = Vec::new();
-    let of = |key: &str| format!("annotation {}: `{key}`", annotation.id);
     let region = annotation.extra.amodal_region.value();
     if let Some(area) = region.and_then(|it| it.area.value()).filter(|it| (**it - annotation.area).abs() > 0.5) {
-        let message = format!("{} is {area}, its `area` {}", of("amodal_region.area"), annotation.area);
-        faults.push(("records_agree", message));
+        let message = format!("`amodal_region.area` is {area}, its `area` {}", annotation.area);
+        faults.push(DatasetFault::new(rule::RECORDS_AGREE, message));
     }
     let bbox = region.and_then(|it| it.bbox.value());
     if let Some(bbox) = bbox.filter(|it| it.iter().zip(annotation.bbox).any(|(a, b)| (a - b).abs() > 0.5)) {
-        let message = format!("{} is {bbox:?}, its `bbox` {:?}", of("amodal_region.bbox"), annotation.bbox);
-        faults.push(("records_agree", message));
+        let message = format!("`amodal_region.bbox` is {bbox:?}, its `bbox` {:?}", annotation.bbox);
+        faults.push(DatasetFault::new(rule::RECORDS_AGREE, message));
     }
     faults
 }
 
 /// `occl_depth`, that a number of objects contradicts: the most that can be in front of one are all others.
-fn faults_of_depth(annotations: &[Annotation]) -> impl Iterator<Item = String> {
+fn faults_of_depth(annotations: &[AmodalAnnotation]) -> impl Iterator<Item = DatasetFault> {
     annotations.iter().filter_map(|annotation| {
         let depth = occlusion_depth(annotation)?;
         let others = annotations.len() - 1;
-        (depth > others as u64)
-            .then(|| format!("annotation {}: `occl_depth` is {depth}, and there are {others} others", annotation.id))
+        let fault = || fault_of_order(annotation, format!("`occl_depth` is {depth}, and there are {others} others"));
+        (depth > others as u64).then(fault)
     })
 }
 
-fn occlusion_depth(annotation: &Annotation) -> Option<u64> {
+fn fault_of_order(annotation: &AmodalAnnotation, message: String) -> DatasetFault {
+    DatasetFault::new(rule::ORDER_IS_THAT_OF_MASKS, message).of(FaultSubject::Annotation(annotation.id))
+}
+
+fn occlusion_depth(annotation: &AmodalAnnotation) -> Option<u64> {
     annotation.extra.occl_depth.value().copied()
 }
 
 /// Place of an object from the front, from 1.
-fn place_from_front(annotation: &Annotation) -> Option<u64> {
+fn place_from_front(annotation: &AmodalAnnotation) -> Option<u64> {
     annotation.extra.amodal_region.value()?.order.value().copied()
 }
 
@@ -59,37 +67,39 @@ fn place_from_front(annotation: &Annotation) -> Option<u64> {
 /// meaning is known, how many objects are in front of each other. What circles leave open is not looked at. Without `labels`
 /// of both visible and whole objects, masks contradict nothing.
 pub fn faults_of_order(
-    annotations: &[Annotation],
-    labels: Option<impl FnOnce() -> Result<Vec<Labels>>>,
+    annotations: &[AmodalAnnotation],
+    labels: Option<impl FnOnce() -> Result<Vec<ObjectLabels>>>,
     is_ours: bool,
-) -> Vec<Fault> {
-    let mut faults: Vec<String> = faults_of_depth(annotations).collect();
-    let states_order = |it: &Annotation| place_from_front(it).is_some() || occlusion_depth(it).is_some();
+) -> Vec<DatasetFault> {
+    let mut faults: Vec<DatasetFault> = faults_of_depth(annotations).collect();
+    let states_order = |it: &AmodalAnnotation| place_from_front(it).is_some() || occlusion_depth(it).is_some();
     let Some(labels) = labels.filter(|_| annotations.iter().any(states_order)) else {
-        return faults.into_iter().map(|message| ("order_is_that_of_masks", message)).collect();
+        return faults;
     };
     let Ok(labels) = labels() else { return Vec::new() };
     let hidden: Vec<Mask> = labels.iter().map(hidden_of).collect();
     let masks: Vec<[&Mask; 2]> = labels.iter().zip(&hidden).map(|(it, hidden)| [&it.visible, hidden]).collect();
-    let order = Order::of_masks(&masks);
+    let order = ObjectOrder::of_masks(&masks);
     let places: Vec<Option<u64>> = annotations.iter().map(place_from_front).collect();
     let mut first_at: BTreeMap<u64, usize> = BTreeMap::new();
-    // Of each object one fault of a kind, so that there are not as many as pairs.
+    // One fault of a kind per object, since the number of pairs grows quadratically.
     for (j, behind) in annotations.iter().enumerate() {
         let Some(place) = places[j] else { continue };
-        let of = || format!("annotation {}: `amodal_region.order` is {place}", behind.id);
+        let mut fault = |contradiction: String| {
+            let message = format!("`amodal_region.order` is {place}, {contradiction}");
+            faults.push(fault_of_order(behind, message));
+        };
         if let Some(&i) = first_at.get(&place) {
             let first = annotations[i].id;
-            faults.push(format!("{}, as that of annotation {first} is: no two objects have one place", of()));
+            fault(format!("as that of annotation {first} is: no two objects have one place"));
         } else {
             first_at.insert(place, j);
         }
         let is_wrong = |i: &usize| places[*i].is_some_and(|other| other > place) && order.is_in_front(*i, j);
         if let Some((i, other)) = (0..places.len()).find(is_wrong).and_then(|i| Some((i, places[i]?))) {
             let hides = masks[i][0].shared_area(masks[j][1]);
-            faults.push(format!(
-                "{}, but that of annotation {}, which hides {hides} of its pixels, is {other}: the front has the lower number",
-                of(),
+            fault(format!(
+                "but that of annotation {}, which hides {hides} of its pixels, is {other}: the front has the lower number",
                 annotations[i].id
             ));
         }
@@ -98,10 +108,9 @@ pub fn faults_of_order(
         let said = annotations.iter().zip(order.certain_layers());
         faults.extend(said.filter_map(|(it, layer)| {
             let (said, own) = (occlusion_depth(it)?, layer? as u64);
-            (said != own && said < annotations.len() as u64).then(|| {
-                format!("annotation {}: `occl_depth` is {said}, the longest chain of occluders has {own}", it.id)
-            })
+            let message = format!("`occl_depth` is {said}, the longest chain of occluders has {own}");
+            (said != own && said < annotations.len() as u64).then(|| fault_of_order(it, message))
         }));
     }
-    faults.into_iter().map(|message| ("order_is_that_of_masks", message)).collect()
+    faults
 }

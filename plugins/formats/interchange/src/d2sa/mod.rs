@@ -6,7 +6,7 @@ mod record;
 mod write;
 
 pub(crate) use check::{fault_of_name, faults_of_order, faults_of_region};
-pub(crate) use record::{FILE, Region};
+pub(crate) use record::{D2saRegion, FILE};
 
 use crate::family::write::{Family, check_split};
 use syntable_model::prelude::*;

@@ -1,6 +1,6 @@
 //! The records of D2SA's annotation file.
 
-use crate::field::Field;
+use crate::field::LenientField;
 use syntable_formats::segmentation::Rle;
 use syntable_model::prelude::*;
 
@@ -9,7 +9,7 @@ pub const FILE: &str = "D2S_amodal_";
 
 /// An object, in the order of its fields that is written. The reader of `coco` reads it as [`Fields`](crate::coco::Fields).
 #[derive(Serialize)]
-pub struct Annotation {
+pub struct D2saAnnotation {
     pub id: u64,
     pub image_id: u64,
     pub category_id: u32,
@@ -22,17 +22,17 @@ pub struct Annotation {
     pub invisible_mask: Option<Rle>,
     pub occlude_rate: f64,
     pub occl_depth: usize,
-    pub amodal_region: Region,
+    pub amodal_region: D2saRegion,
 }
 
 /// The whole object, with its place from the front, from 1.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default)]
-pub struct Region {
-    pub name: Field<String>,
-    pub area: Field<f64>,
+pub struct D2saRegion {
+    pub name: LenientField<String>,
+    pub area: LenientField<f64>,
     #[serde(rename = "isStuff")]
-    pub is_stuff: Field<u8>,
-    pub bbox: Field<[f64; 4]>,
-    pub order: Field<u64>,
+    pub is_stuff: LenientField<u8>,
+    pub bbox: LenientField<[f64; 4]>,
+    pub order: LenientField<u64>,
 }

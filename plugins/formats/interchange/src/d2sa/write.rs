@@ -1,11 +1,11 @@
 //! Writes D2SA's layout.
 
 use super::D2sa;
-use super::record::{Annotation, FILE, Region};
-use crate::coco::Masks;
+use super::record::{D2saAnnotation, D2saRegion, FILE};
+use crate::coco::MaskChoice;
 use crate::family::write::{Family, SceneFiles, policy};
-use crate::labels::{self, Label};
-use crate::order::{self, Order};
+use crate::labels::{self, ShownLabel};
+use crate::order::{self, ObjectOrder};
 use syntable_formats::segmentation::Rle;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::RGB;
@@ -20,8 +20,8 @@ impl Family for D2sa {
     }
 
     fn view(&self, cx: &ImageContext, products: &Products, files: &mut SceneFiles) -> Result<()> {
-        let labels = Masks::Amodal.shown(cx.log, labels::labels(cx.dataset, products)?);
-        let order = Order::of(products, &labels)?;
+        let labels = MaskChoice::Amodal.shown(cx.log, labels::labels(cx.dataset, products)?);
+        let order = ObjectOrder::of(products, &labels)?;
         let sorted = order.front_to_back();
         let layers = order.layers(&sorted);
         files.image(cx, products, labels.len())?;
@@ -32,10 +32,10 @@ impl Family for D2sa {
     }
 }
 
-fn annotation(dataset: &DatasetInfo, label: &Label, order: usize, layer: usize) -> Result<Annotation> {
+fn annotation(dataset: &DatasetInfo, label: &ShownLabel, order: usize, layer: usize) -> Result<D2saAnnotation> {
     let area = f64::from(label.amodal.area());
     let bbox = <[i32; 4]>::from(label.amodal_box).map(f64::from);
-    Ok(Annotation {
+    Ok(D2saAnnotation {
         id: 0,
         image_id: 0,
         category_id: label.category,
@@ -47,7 +47,7 @@ fn annotation(dataset: &DatasetInfo, label: &Label, order: usize, layer: usize) 
         invisible_mask: (!label.occlusion.is_empty()).then(|| Rle::encode(label.occlusion)),
         occlude_rate: label.rate,
         occl_depth: layer,
-        amodal_region: Region {
+        amodal_region: D2saRegion {
             name: dataset.category(label.category)?.1.to_owned().into(),
             area: area.into(),
             is_stuff: 0.into(),

@@ -1,20 +1,20 @@
-//! What readers of COCO's family share: the annotation file, its images, and what of it nobody reads.
+//! Shared code of readers of COCO's family: the annotation file, its images, and its unread fields.
 
 use crate::read::is_in;
 use serde::de::IgnoredAny;
 use serde_json::Value as Json;
 use std::collections::BTreeSet;
 use std::path::Path;
-use syntable_formats::coco::{Category, Image};
+use syntable_formats::coco::{Category, CocoImage};
 use syntable_formats::decode;
-use syntable_formats::index::Record;
-use syntable_formats::listing::{AnnotationRecord, Listing};
+use syntable_formats::index::IndexedRecord;
+use syntable_formats::listing::{AnnotationListing, AnnotationRecord};
 use syntable_formats::read::{Categories, labels_among};
 use syntable_formats::unkept::{self, Unkept};
 use syntable_model::files::DatasetFolder;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{CATEGORY_ID, DEPTH, LABEL_POLICY, RGB};
-use syntable_model::reader::{Crowd, ImageSource, Note, Opened, ReadImage};
+use syntable_model::reader::{Crowd, DatasetFault, ImageSource, Note, Opened, ReadImage};
 
 /// Folder of the annotation file.
 pub const FOLDER: &str = "annotations";
@@ -25,12 +25,9 @@ pub const DEPTH_FILE: &str = "depth_file_name";
 const DEPTH_UNIT_MM: f64 = 1.0;
 
 /// Fields of images' records that some reader of the family reads.
-const OF_IMAGES: &[&str] = &["label_policy", DEPTH_FILE];
+const OF_IMAGES: &[&str] = &[LABEL_POLICY.name(), DEPTH_FILE];
 
-/// A broken rule: its name, and what breaks it.
-pub type Fault = (&'static str, String);
-
-/// What a format of the family says of the objects in images.
+/// The objects in images, as a format of the family stores them.
 pub trait Annotated: Send + Sync + 'static {
     /// Puts those labels of an image that are wanted.
     fn put(&self, file: &AnnotationFile, image: usize, wants: &[KeyId], products: &mut Products) -> Result<()>;
@@ -42,13 +39,13 @@ pub trait Annotated: Send + Sync + 'static {
     }
 
     /// As [`ImageSource::image_faults`].
-    fn faults(&self, file: &AnnotationFile, image: usize) -> Vec<Fault>;
+    fn faults(&self, file: &AnnotationFile, image: usize) -> Vec<DatasetFault>;
 }
 
 /// An annotation file of COCO's structure, and the folder of its images.
 pub struct AnnotationFile {
     /// Its records.
-    pub listing: Listing,
+    pub listing: AnnotationListing,
     /// The folder that image names count from.
     images_root: DatasetFolder,
     /// Whether every image has a depth image.
@@ -65,22 +62,23 @@ impl AnnotationFile {
     pub fn open<A: AnnotationRecord>(
         root: &DatasetFolder,
         file: &Path,
-        folders: &[&str],
+        folders: &[impl AsRef<Path>],
         records: &[(&'static str, &'static [&'static str])],
         each: &mut dyn FnMut(&A, &mut [Unkept]),
     ) -> Result<Self> {
         let (mut has_depth, mut has_policy) = (true, true);
         let of_records = [("images", OF_IMAGES)].iter().chain(records).map(|(of, read)| Unkept::new(of, read));
         let mut unkept: Vec<Unkept> = of_records.collect();
-        let listing = Listing::open(file, &mut |record: &Record<Image, A, IgnoredAny>| match record {
-            Record::Annotation(annotation) => each(annotation, &mut unkept[1..]),
-            Record::Image(image) => {
-                count_unkept(&mut unkept[0], image);
-                has_depth &= depth_file(image).is_some();
-                has_policy &= policy(image).is_some();
-            }
-            Record::Scene(_) => {}
-        })?;
+        let listing =
+            AnnotationListing::open(file, &mut |record: &IndexedRecord<CocoImage, A, IgnoredAny>| match record {
+                IndexedRecord::Annotation(annotation) => each(annotation, &mut unkept[1..]),
+                IndexedRecord::Image(image) => {
+                    count_unkept(&mut unkept[0], image);
+                    has_depth &= depth_file(image).is_some();
+                    has_policy &= policy(image).is_some();
+                }
+                IndexedRecord::Scene(_) => {}
+            })?;
         let [has_depth, has_policy] = [has_depth, has_policy].map(|has| has && !listing.images.is_empty());
         let first = listing.images.first().map(|image| image.frame.file_name.as_str());
         let has = |folder: &DatasetFolder| first.is_some_and(|image| folder.has(image));
@@ -98,7 +96,7 @@ impl AnnotationFile {
         self.listing.file.categories.as_deref().ok_or_else(missing)
     }
 
-    /// What it says of the dataset.
+    /// Name, program and categories of the dataset.
     pub fn info(&self, categories: &Categories) -> DatasetInfo {
         let about = &self.listing.file.info;
         categories.info(about.description.clone(), about.contributor.clone(), &self.listing.refs, String::new())
@@ -109,7 +107,7 @@ impl AnnotationFile {
         self.listing.file.info.contributor.starts_with("syntable ")
     }
 
-    /// What images have: labels, color, and those of `others` that every image has, of depth and the policy of labels.
+    /// The products of images: labels, color, and of `others` depth and the policy of labels, if every image has them.
     pub fn offers(&mut self, labels: Vec<KeyId>, others: &[KeyId]) -> Vec<KeyId> {
         self.has_depth &= others.contains(&DEPTH.id());
         self.has_policy &= others.contains(&LABEL_POLICY.id());
@@ -117,7 +115,7 @@ impl AnnotationFile {
         labels.into_iter().chain(others.into_iter().filter(|it| it.0).map(|it| it.1)).collect()
     }
 
-    /// What readers of categories say of those that are in others, where ids are not kept.
+    /// The note about lost supercategories, if the reader does not keep the ids of categories.
     pub fn supercategories(&self) -> Option<Note> {
         let all = self.listing.file.categories.iter().flatten();
         let names: BTreeSet<&str> = all.map(|category| category.supercategory.as_str()).collect();
@@ -138,7 +136,7 @@ impl AnnotationFile {
         information.into_iter().chain(not_kept.map(|it| Note::not_kept(it).of(labels.clone()))).collect()
     }
 
-    /// The dataset, with what the listing says of it before `notes`.
+    /// The dataset, with the notes of the listing before `notes`.
     pub fn opened(self, info: DatasetInfo, offers: Vec<KeyId>, notes: Vec<Note>, annotated: impl Annotated) -> Opened {
         let Self { listing, images_root, has_depth, has_policy, unkept } = self;
         let mut opened = listing.opened(info, offers, |listing| FamilySource {
@@ -155,13 +153,12 @@ impl AnnotationFile {
         [frame.width, frame.height]
     }
 
-    /// Whether rates of occlusion of an image count what is beyond it, so that no mask has it.
+    /// Whether occlusion rates of an image count parts beyond it, which no mask has.
     pub fn counts_beyond(&self, image: usize) -> Result<bool> {
-        let extends = |image: &Image| policy(image).is_some_and(|policy| policy["image_frame"] == "extend");
-        Ok(self.has_policy && extends(&self.listing.image(image)?))
+        Ok(self.has_policy && policy(&self.listing.image(image)?).is_some_and(extends))
     }
 
-    /// Puts what is wanted of color, depth and the policy of labels.
+    /// Puts color, depth and the policy of labels, if they are wanted.
     fn put_images(&self, image: usize, wants: &[KeyId], products: &mut Products) -> Result<()> {
         let size = self.size(image);
         if wants.contains(&RGB.id()) {
@@ -171,7 +168,7 @@ impl AnnotationFile {
         let wanted = |has: bool, key: KeyId| has && wants.contains(&key);
         let (depth, policy) = (wanted(self.has_depth, DEPTH.id()), wanted(self.has_policy, LABEL_POLICY.id()));
         if depth || policy {
-            let record: Image = self.listing.image(image)?;
+            let record: CocoImage = self.listing.image(image)?;
             if depth {
                 let path = self.images_root.file(depth_file(&record).unwrap_or_default())?;
                 products.put(DEPTH, decode::depth_of_size(&path, DEPTH_UNIT_MM, size)?)?;
@@ -203,7 +200,7 @@ impl<A: Annotated> ImageSource for FamilySource<A> {
         self.annotated.crowds(&self.file, image)
     }
 
-    fn image_faults(&self, image: usize) -> Vec<Fault> {
+    fn image_faults(&self, image: usize) -> Vec<DatasetFault> {
         self.annotated.faults(&self.file, image)
     }
 }
@@ -225,19 +222,24 @@ pub fn beside(root: DatasetFolder, file: &Path) -> DatasetFolder {
 }
 
 /// The policy of the labels that the record of an image states.
-fn policy(image: &Image) -> Option<&Json> {
+fn policy(image: &CocoImage) -> Option<&Json> {
     image.extra.get(LABEL_POLICY.name())
 }
 
+/// Whether a policy of labels counts the parts of objects beyond the image.
+pub fn extends(policy: &Json) -> bool {
+    policy["image_frame"] == "extend"
+}
+
 /// Path of the depth image of an image.
-fn depth_file(image: &Image) -> Option<&str> {
+fn depth_file(image: &CocoImage) -> Option<&str> {
     image.extra.get(DEPTH_FILE)?.as_str()
 }
 
-/// Counts the fields of an image's record that nobody reads.
-fn count_unkept(unkept: &mut Unkept, image: &Image) {
+/// Counts the unread fields of an image's record.
+fn count_unkept(unkept: &mut Unkept, image: &CocoImage) {
     unkept.add(&image.extra);
-    let Image { license, date_captured, coco_url, flickr_url, .. } = image;
+    let CocoImage { license, date_captured, coco_url, flickr_url, .. } = image;
     unkept.add_information("license", license.is_some());
     for (name, text) in [("date_captured", date_captured), ("coco_url", coco_url), ("flickr_url", flickr_url)] {
         unkept.add_information(name, text.as_ref().is_some_and(|text| !text.is_empty()));

@@ -1,12 +1,13 @@
-//! What writers of COCO's family share: an image per view, a shard per scene, and one annotation file for the dataset.
+//! Shared code of writers of COCO's family: an image per view, a shard per scene, and one annotation file for the dataset.
 
+use super::read::extends;
 use serde::Serialize;
 use syntable_formats::Extra;
-use syntable_formats::coco::{Category, Image as ImageRecord, Info, License, categories};
-use syntable_formats::dataset::{DatasetWriter, Layout};
-use syntable_formats::encode::png::Image;
+use syntable_formats::coco::{Category, CocoImage, CocoInfo, License, categories};
+use syntable_formats::dataset::{DatasetWriter, JsonLayout};
+use syntable_formats::encode::png::PngImage;
 use syntable_formats::encode::view_name;
-use syntable_formats::shard::{self, Line, for_each_line};
+use syntable_formats::shard;
 use syntable_formats::writer::ImageWriter;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{LABEL_POLICY, RGB};
@@ -47,8 +48,8 @@ pub trait Family: Send + Sync + Sized + 'static {
     }
 
     /// Which images the annotation file lists.
-    fn listed(&self) -> Listed {
-        Listed::All
+    fn listed(&self) -> ListedImages {
+        ListedImages::All
     }
 
     /// Options that the files of the dataset alone depend on.
@@ -144,20 +145,20 @@ impl SceneFiles<'_> {
         if products.contains(LABEL_POLICY.name()) {
             let policy = serde_json::to_value(products.get(LABEL_POLICY)?);
             let policy = policy.map_err(|error| Error::new(error.to_string()))?;
-            if policy["image_frame"] == "extend" {
+            if extends(&policy) {
                 extra.insert(LABEL_POLICY.name().to_owned(), policy);
             }
         }
         let rgb = products.get(RGB)?;
-        self.png(&format!("{folder}/{name}"), &Image::rgb(rgb))?;
+        self.png(&format!("{folder}/{name}"), &PngImage::rgb(rgb))?;
         let (width, height) = (rgb.width(), rgb.height());
-        let license = Some(license().id);
-        let record = ImageRecord { file_name: name, width, height, license, extra, ..ImageRecord::default() };
+        let license = Some(License::of_assets().id);
+        let record = CocoImage { file_name: name, width, height, license, extra, ..CocoImage::default() };
         shard::push_image(self.shard, annotations, &record)
     }
 
     /// Writes a PNG file at a path inside the writer's folder.
-    pub fn png(&self, path: &str, image: &Image) -> Result<()> {
+    pub fn png(&self, path: &str, image: &PngImage) -> Result<()> {
         image.write(self.output, &format!("{}/{path}", self.output.id()))
     }
 
@@ -174,53 +175,37 @@ impl SceneFiles<'_> {
 
 /// Which images an annotation file lists.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Listed {
+pub enum ListedImages {
     /// All images.
     All,
-    /// Those that have annotations.
+    /// Images with annotations.
     Annotated,
 }
 
-impl Listed {
+impl ListedImages {
     fn lists(self, annotations: usize) -> bool {
         self == Self::All || annotations > 0
     }
 }
 
 /// Writes the annotation file `file`, a path inside the writer's folder, from the shards of all scenes.
-pub fn merge(cx: &DatasetContext, finish: &Finish, file: &str, categories: &[Category], listed: Listed) -> Result<()> {
+pub fn merge(
+    cx: &DatasetContext,
+    finish: &Finish,
+    file: &str,
+    categories: &[Category],
+    listed: ListedImages,
+) -> Result<()> {
     let path = format!("{}/{file}", finish.id());
     finish.write(&path, |out| {
-        let mut file = DatasetWriter::new(out, &path, Layout::Lines)?;
-        file.section("info", &info(cx.dataset))?;
-        file.section("licenses", &[license()])?;
-        file.section("categories", &categories)?;
-        file.images(|images| {
-            for_each_line(cx.dataset, finish, |id, line| match line {
-                Line::Image { annotations, record } if listed.lists(annotations) => images.raw(&record.numbered(id)),
-                _ => Ok(()),
-            })
-        })?;
-        let mut number = 0;
-        file.annotations(|annotations| {
-            for_each_line(cx.dataset, finish, |image, line| match line {
-                Line::Annotation(record) => {
-                    number += 1;
-                    annotations.raw(&record.numbered(number, image))
-                }
-                _ => Ok(()),
-            })
-        })?;
+        let mut file = DatasetWriter::new(out, &path, JsonLayout::Lines)?;
+        file.header(&info(cx.dataset), &[License::of_assets()], categories)?;
+        shard::merge(cx.dataset, finish, &mut file, |annotations| usize::from(listed.lists(annotations)))?;
         file.finish()
     })
 }
 
-/// What the dataset is, without dates: files do not depend on the clock.
-pub fn info(dataset: &DatasetInfo) -> Info {
-    Info { description: dataset.name.clone(), contributor: dataset.program.clone(), ..Info::default() }
-}
-
-/// The one license of all images.
-pub fn license() -> License {
-    License { id: 1, name: "licenses of the assets".into(), ..License::default() }
+/// Name and program of the dataset, without dates: files do not depend on the clock.
+pub fn info(dataset: &DatasetInfo) -> CocoInfo {
+    CocoInfo { description: dataset.name.clone(), contributor: dataset.program.clone(), ..CocoInfo::default() }
 }

@@ -2,13 +2,13 @@
 
 use super::InstaOrder;
 use super::record::{Depth, FILE, ImageOrders, Occlusion, Orders};
-use crate::coco::{self, Masks};
-use crate::family::write::{Family, Listed, SceneFiles, info, merge};
+use crate::coco::{self, MaskChoice};
+use crate::family::write::{Family, ListedImages, SceneFiles, info, merge};
 use crate::labels;
-use crate::order::{self, Order, VisibleDepth};
+use crate::order::{self, ObjectOrder, VisibleDepth};
 use std::cmp::Ordering;
-use syntable_formats::dataset::{DatasetWriter, Layout};
-use syntable_formats::shard::{Line, for_each_line};
+use syntable_formats::dataset::{DatasetWriter, JsonLayout};
+use syntable_formats::shard::{ShardLine, for_each_line};
 use syntable_model::prelude::*;
 use syntable_model::product::standard::RGB;
 
@@ -38,22 +38,22 @@ impl Family for InstaOrder {
     }
 
     fn finish(&self, cx: &DatasetContext, finish: &Finish) -> Result<()> {
-        merge(cx, finish, &self.file(), &self.categories(cx.dataset), Listed::All)?;
+        merge(cx, finish, &self.file(), &self.categories(cx.dataset), ListedImages::All)?;
         merge_orders(cx, finish, &self.orders())
     }
 
     fn view(&self, cx: &ImageContext, products: &Products, files: &mut SceneFiles) -> Result<()> {
-        let labels = Masks::Visible.shown(cx.log, labels::labels(cx.dataset, products)?);
+        let labels = MaskChoice::Visible.shown(cx.log, labels::labels(cx.dataset, products)?);
         files.image(cx, products, labels.len())?;
-        labels.iter().try_for_each(|label| files.annotation(&Masks::Visible.annotation(&(*label).into())))?;
+        labels.iter().try_for_each(|label| files.annotation(&MaskChoice::Visible.annotation(&(*label).into())))?;
         if labels.len() < 2 {
             return Ok(());
         }
-        files.of_view(&orders(&Order::of(products, &labels)?))
+        files.of_view(&orders(&ObjectOrder::of(products, &labels)?))
     }
 }
 
-fn orders(order: &Order) -> Orders {
+fn orders(order: &ObjectOrder) -> Orders {
     let count = order.depths.len();
     let pairs = || (0..count).flat_map(|i| (i + 1..count).map(move |j| (i, j)));
     let occlusion = pairs().filter_map(|(i, j)| {
@@ -86,21 +86,21 @@ fn overlap(a: &VisibleDepth, b: &VisibleDepth) -> bool {
 fn merge_orders(cx: &DatasetContext, finish: &Finish, file: &str) -> Result<()> {
     let path = format!("{}/{file}", finish.id());
     finish.write(&path, |out| {
-        let mut file = DatasetWriter::new(out, &path, Layout::Lines)?;
+        let mut file = DatasetWriter::new(out, &path, JsonLayout::Lines)?;
         file.section("info", &info(cx.dataset))?;
         // Ids of the annotations of the image that the current line is of.
         let mut ids = 1..1;
         file.annotations(|annotations| {
             for_each_line(cx.dataset, finish, |image_id, line| match line {
-                Line::Image { annotations, .. } => {
+                ShardLine::Image { annotations, .. } => {
                     ids = ids.end..ids.end + annotations as u64;
                     Ok(())
                 }
-                Line::View(record) => {
+                ShardLine::View(record) => {
                     let orders: Orders = serde_json::from_str(record).map_err(|error| damaged(&error))?;
                     annotations.record(&ImageOrders { image_id, instance_ids: ids.clone().collect(), orders })
                 }
-                Line::Annotation(_) | Line::Scene(_) => Ok(()),
+                ShardLine::Annotation(_) | ShardLine::Scene(_) => Ok(()),
             })
         })?;
         file.finish()

@@ -1,26 +1,28 @@
-//! What contradicts the records of KINS' annotation file.
+//! Faults of KINS' annotation files.
 
 use super::read::labels_of;
-use super::record::Annotation;
-use crate::family::read::{AnnotationFile, Fault};
-use crate::order::Order;
-use crate::read::{self as shared, Tolerance, cut_holes, edge_px2, eroded, fits_mask, hidden_of, settle_edges};
+use super::record::KinsAnnotation;
+use crate::family::read::AnnotationFile;
+use crate::order::ObjectOrder;
+use crate::read::{MaskTolerance, cut_holes, edge_px2, eroded, fits_mask, hidden_of, no_pixels, settle_edges};
 use std::collections::BTreeMap;
-use syntable_formats::read::Labels;
+use syntable_formats::read::ObjectLabels;
+use syntable_formats::rule;
 use syntable_formats::segmentation::Segmentation;
 use syntable_model::prelude::*;
 use syntable_model::product::BBox;
+use syntable_model::reader::{DatasetFault, FaultSubject};
 
-/// What contradicts the records of an image.
-pub fn faults_of_image(file: &AnnotationFile, image: usize) -> Vec<Fault> {
-    let Ok(all) = file.listing.annotations::<Annotation>(image) else { return Vec::new() };
-    let (crowds, annotations): (Vec<_>, Vec<_>) = all.into_iter().partition(Annotation::is_crowd);
+/// The rules that the records of an image break.
+pub fn faults_of_image(file: &AnnotationFile, image: usize) -> Vec<DatasetFault> {
+    let Ok(all) = file.listing.annotations::<KinsAnnotation>(image) else { return Vec::new() };
+    let (crowds, annotations): (Vec<_>, Vec<_>) = all.into_iter().partition(KinsAnnotation::is_crowd);
     let size = file.size(image);
     let mut faults: Vec<_> = annotations.iter().flat_map(|annotation| annotation.faults(size)).collect();
     let labels = annotations.iter().enumerate().map(|(row, it)| labels_of(&file.listing.categories, size, row, it));
     if let Ok(mut labels) = labels.collect::<Result<Vec<_>>>() {
-        let each = annotations.iter().zip(&labels);
-        faults.extend(each.filter_map(|(it, label)| shared::without_pixels(label, || format!("annotation {}", it.id))));
+        let empty = annotations.iter().zip(&labels).filter(|(_, label)| label.is_empty());
+        faults.extend(empty.map(|(it, _)| no_pixels().of(it.subject())));
         settle_edges(&mut labels);
         faults.extend(annotations.iter().zip(&labels).filter_map(|(it, label)| it.fault_of_areas(label)));
         for (label, annotation) in labels.iter_mut().zip(&annotations) {
@@ -31,9 +33,13 @@ pub fn faults_of_image(file: &AnnotationFile, image: usize) -> Vec<Fault> {
     faults
 }
 
-impl Annotation {
+impl KinsAnnotation {
+    fn subject(&self) -> FaultSubject {
+        FaultSubject::Annotation(self.id)
+    }
+
     /// Areas that leave room for fewer or more hidden pixels than outlines do, whatever holes they have, given what is read.
-    fn fault_of_areas(&self, labels: &Labels) -> Option<Fault> {
+    fn fault_of_areas(&self, labels: &ObjectLabels) -> Option<DatasetFault> {
         let [amodal, visible] = self.said();
         let (Some(Segmentation::Polygons(_)), Some(area), Some(mask)) = (amodal.mask.1, amodal.area.1, &labels.amodal)
         else {
@@ -47,13 +53,13 @@ impl Annotation {
             None => ("the hidden part of `area`", area - f64::from(labels.visible.area())),
         };
         (said < -edges || said > hidden + edges).then(|| {
-            let message = format!("annotation {}: {name} is {said}, outlines leave 0 to {hidden}", self.id);
-            ("areas_are_those_of_masks", message)
+            let message = format!("{name} is {said}, outlines leave 0 to {hidden}");
+            DatasetFault::new(rule::AREAS_ARE_THOSE_OF_MASKS, message).of(self.subject())
         })
     }
 
     /// What it says of its masks in numbers, which need not be those of polygons to the pixel.
-    fn faults(&self, size: [u32; 2]) -> Vec<Fault> {
+    fn faults(&self, size: [u32; 2]) -> Vec<DatasetFault> {
         let mut faults = Vec::new();
         for said in self.said() {
             let Ok(mask) = self.mask(&said, size) else { continue };
@@ -72,8 +78,9 @@ impl Annotation {
                 _ => (area, 0.5),
             };
             let bbox = said.bbox.1.unwrap_or(own);
-            let tolerance = Tolerance { area_px2: tolerance, box_px: 1.0 };
-            faults.extend(fits_mask(&mask, (area, self.key(said.area.0)), (bbox, self.key(said.bbox.0)), tolerance));
+            let tolerance = MaskTolerance { area_px2: tolerance, box_px: 1.0 };
+            let found = fits_mask(&mask, (said.area.0, area), (said.bbox.0, bbox), tolerance);
+            faults.extend(found.into_iter().map(|fault| fault.of(self.subject())));
         }
         faults
     }
@@ -81,52 +88,56 @@ impl Annotation {
 
 /// What the masks of an image's objects contradict of groups and places in them. Outlines are as good as their edges, and where
 /// one fills a hole, it does not tell who is in front. Groups may have `crowds`, too.
-fn faults_of_order(annotations: &[Annotation], crowds: &[Annotation], labels: &[Labels]) -> Vec<Fault> {
+fn faults_of_order(
+    annotations: &[KinsAnnotation],
+    crowds: &[KinsAnnotation],
+    labels: &[ObjectLabels],
+) -> Vec<DatasetFault> {
     if annotations.iter().all(|it| it.oco_id.is_none() && it.ico_id.is_none()) {
         return Vec::new();
     }
-    let has_holes = |it: &Annotation| it.said().iter().any(|said| said.holes_px2.is_some_and(|holes| holes > 0.0));
-    let of = |mask: Mask, it: &Annotation| if has_holes(it) { Mask::empty(mask.width(), mask.height()) } else { mask };
+    let has_holes = |it: &KinsAnnotation| it.said().iter().any(|said| said.holes_px2.is_some_and(|holes| holes > 0.0));
+    let of =
+        |mask: Mask, it: &KinsAnnotation| if has_holes(it) { Mask::empty(mask.width(), mask.height()) } else { mask };
     let each = || labels.iter().zip(annotations);
     let whole: Vec<Mask> =
         each().map(|(label, it)| of(label.amodal.as_ref().map_or_else(|| label.visible.clone(), eroded), it)).collect();
     let seen: Vec<Mask> = each().map(|(label, it)| of(eroded(&label.visible), it)).collect();
     let hidden: Vec<Mask> = each().map(|(label, it)| of(eroded(&hidden_of(label)), it)).collect();
-    let clear = Order::of_masks(&seen.iter().zip(&hidden).map(|(seen, hidden)| [seen, hidden]).collect::<Vec<_>>());
+    let clear =
+        ObjectOrder::of_masks(&seen.iter().zip(&hidden).map(|(seen, hidden)| [seen, hidden]).collect::<Vec<_>>());
     // What the edges alone say may be wrong, but it may also close a circle.
     let exact: Vec<Mask> = labels.iter().map(hidden_of).collect();
-    let all = Order::of_masks(&labels.iter().zip(&exact).map(|(it, hidden)| [&it.visible, hidden]).collect::<Vec<_>>());
+    let all =
+        ObjectOrder::of_masks(&labels.iter().zip(&exact).map(|(it, hidden)| [&it.visible, hidden]).collect::<Vec<_>>());
     let mut faults = Vec::new();
     let boxes: Vec<BBox> = whole.iter().map(Mask::bbox).collect();
     let mut members: BTreeMap<u64, u64> = BTreeMap::new();
     let groups = annotations.iter().chain(crowds).filter_map(|it| it.oco_id);
     groups.for_each(|group| *members.entry(group).or_default() += 1);
-    // Of each object one fault of a kind, so that there are not as many as pairs.
+    let mut fault = |of: &KinsAnnotation, message: String| {
+        faults.push(DatasetFault::new(rule::ORDER_IS_THAT_OF_MASKS, message).of(of.subject()));
+    };
+    // One fault of a kind per object, since the number of pairs grows quadratically.
     for (j, behind) in annotations.iter().enumerate() {
-        let key = |it: &Annotation, key: &str, value: u64| format!("{} is {value}", it.key(key));
         let Some(group) = behind.oco_id else { continue };
         let of_group = members.get(&group).copied().unwrap_or_default();
         if let Some(place) = behind.ico_id
             && (place > of_group || (group == 0) != (place == 0))
         {
-            let said = key(behind, "ico_id", place);
-            let message = match group == 0 || place == 0 {
-                true => format!("{said} and its `oco_id` {group}: both are 0 where no object overlaps it, or neither"),
+            let end = match group == 0 || place == 0 {
+                true => format!(" and its `oco_id` {group}: both are 0 where no object overlaps it, or neither"),
                 false => format!(
-                    "{said}, and its `oco_id` {group} is that of {of_group} objects: places are from 1 to their number"
+                    ", and its `oco_id` {group} is that of {of_group} objects: places are from 1 to their number"
                 ),
             };
-            faults.push(("order_is_that_of_masks", message));
+            fault(behind, format!("`ico_id` is {place}{end}"));
         }
         let overlaps = |i: usize| boxes[i].meets(&boxes[j]) && whole[i].shared_area(&whole[j]) > 0;
         let other_group = |i: usize| annotations[i].oco_id.filter(|other| *other != group && overlaps(i));
         if let Some((front, other)) = (0..j).find_map(|i| Some((&annotations[i], other_group(i)?))) {
-            let message = format!(
-                "{}, but {}: objects that overlap have one group",
-                key(front, "oco_id", other),
-                key(behind, "oco_id", group)
-            );
-            faults.push(("order_is_that_of_masks", message));
+            let own = format!("{} is {group}", behind.key("oco_id"));
+            fault(front, format!("`oco_id` is {other}, but {own}: objects that overlap have one group"));
         }
         let Some(place) = behind.ico_id.filter(|place| *place > 0) else { continue };
         let place_before = |i: usize| {
@@ -134,12 +145,9 @@ fn faults_of_order(annotations: &[Annotation], crowds: &[Annotation], labels: &[
             of_group.filter(|before| *before >= place && clear.occludes(i, j) && all.is_in_front(i, j))
         };
         if let Some((front, before)) = (0..annotations.len()).find_map(|i| Some((&annotations[i], place_before(i)?))) {
-            let message = format!(
-                "{}, but {}, which is in front of it: the front has the lower number",
-                key(behind, "ico_id", place),
-                key(front, "ico_id", before)
-            );
-            faults.push(("order_is_that_of_masks", message));
+            let other = format!("{} is {before}", front.key("ico_id"));
+            let end = "which is in front of it: the front has the lower number";
+            fault(behind, format!("`ico_id` is {place}, but {other}, {end}"));
         }
     }
     faults

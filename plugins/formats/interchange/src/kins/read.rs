@@ -1,28 +1,26 @@
 //! Reads KINS' layout, in its form of 2019 or of 2020.
 
 use super::check::faults_of_image;
-use super::record::Annotation;
-use crate::family::read::{Annotated, AnnotationFile, FOLDER, Fault, not_objects};
+use super::record::KinsAnnotation;
+use crate::family::read::{Annotated, AnnotationFile, FOLDER, not_objects};
 use crate::read::{self as shared, POLYGONS, cut_holes, enclosed_px2, settle_edges};
 use std::path::Path;
-use syntable_formats::read::{self, Categories, Labels};
+use syntable_formats::read::{self, Categories, ObjectLabels};
 use syntable_formats::segmentation::Segmentation;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::OCCLUSION_MASK;
-use syntable_model::reader::{Crowd, Format, Note, Opened, Source};
+use syntable_model::reader::{Crowd, DatasetFault, Format, Note, Opened, Source};
 
-syntable_model::register_format!(Format {
-    name: "kins",
-    doc: "KINS (`instances_*.json` or `update_*_2020.json` beside the images, or beside KITTI's `training` and `testing`), as \
+syntable_model::register_format!(Format::new(
+    "kins",
+    "KINS (`instances_*.json` or `update_*_2020.json` beside the images, or beside KITTI's `training` and `testing`), as \
           the writer `kins` writes it.",
-    detect: |path| {
+    |path| {
         let is_of_coco = if path.is_file() { shared::is_in(path, FOLDER) } else { shared::is_named(path, FOLDER) };
         shared::is_dataset(path, None, is_one) && !is_of_coco
     },
     open,
-    is_generic: false,
-    crate_name: env!("CARGO_PKG_NAME"),
-});
+));
 
 /// How the annotation files of both forms begin, and end.
 const NAMES: [(&str, &str); 2] = [("instances_", ""), ("update_", "_2020")];
@@ -45,7 +43,7 @@ fn is_one(file: &Path) -> bool {
 }
 
 /// The objects of a dataset.
-struct Objects {
+struct KinsObjects {
     /// Whether any annotation is of a crowd.
     has_crowds: bool,
 }
@@ -58,24 +56,24 @@ fn open(source: &Source) -> Result<Opened> {
         &path,
         &image_folders(&path),
         &[("annotations", &["num_keypoints"])],
-        &mut |annotation: &Annotation, unkept| {
+        &mut |annotation: &KinsAnnotation, unkept| {
             crowds += usize::from(annotation.is_crowd());
             all += 1;
             unkept[0].add(&annotation.extra);
         },
     )?;
     let info = file.info(&file.listing.categories);
-    let labels = read::Known::Both.offers();
+    let labels = read::KnownMasks::Both.offers();
     let offers = file.offers(labels.clone(), &[]);
     let mut notes = vec![Note::caveat(POLYGONS).of(labels)];
     notes.extend(file.supercategories().into_iter().chain(file.not_kept(&offers)));
     notes.push(not_objects(&offers, crowds, all, "annotations are crowds (`iscrowd`), and no objects"));
-    let opened = file.opened(info, offers, notes, Objects { has_crowds: crowds > 0 });
+    let opened = file.opened(info, offers, notes, KinsObjects { has_crowds: crowds > 0 });
     Ok(Opened { derived: keys![OCCLUSION_MASK], ..opened })
 }
 
-impl Annotated for Objects {
-    fn faults(&self, file: &AnnotationFile, image: usize) -> Vec<Fault> {
+impl Annotated for KinsObjects {
+    fn faults(&self, file: &AnnotationFile, image: usize) -> Vec<DatasetFault> {
         faults_of_image(file, image)
     }
 
@@ -83,8 +81,8 @@ impl Annotated for Objects {
         if !self.has_crowds {
             return Ok(Vec::new());
         }
-        let annotations: Vec<Annotation> = file.listing.annotations(image)?;
-        let of = |it: &Annotation| {
+        let annotations: Vec<KinsAnnotation> = file.listing.annotations(image)?;
+        let of = |it: &KinsAnnotation| {
             let [amodal, visible] = it.said();
             let said = [visible, amodal].into_iter().find(|said| said.mask.1.is_some())?;
             let category = file.listing.categories.id(it.category_id);
@@ -94,7 +92,7 @@ impl Annotated for Objects {
     }
 
     fn put(&self, file: &AnnotationFile, image: usize, wants: &[KeyId], products: &mut Products) -> Result<()> {
-        let mut annotations: Vec<Annotation> = file.listing.annotations(image)?;
+        let mut annotations: Vec<KinsAnnotation> = file.listing.annotations(image)?;
         annotations.retain(|it| !it.is_crowd());
         let labels = annotations
             .iter()
@@ -110,24 +108,21 @@ impl Annotated for Objects {
 }
 
 /// The labels of an object, by its place among those of the image.
-pub fn labels_of(categories: &Categories, size: [u32; 2], row: usize, annotation: &Annotation) -> Result<Labels> {
+pub fn labels_of(
+    categories: &Categories,
+    size: [u32; 2],
+    row: usize,
+    annotation: &KinsAnnotation,
+) -> Result<ObjectLabels> {
     let [amodal, visible] = annotation.said();
-    Ok(Labels {
-        id: read::id_of(row)?,
-        visible: annotation.mask(&visible, size)?,
-        amodal: Some(annotation.mask(&amodal, size)?),
-        occlusion: None,
-        rate: None,
-        visible_box: None,
-        amodal_box: None,
-        category: categories.id(annotation.category_id),
-    })
+    let (visible, amodal) = (annotation.mask(&visible, size)?, annotation.mask(&amodal, size)?);
+    Ok(ObjectLabels::of_masks(read::id_of(row)?, visible, Some(amodal), categories.id(annotation.category_id)))
 }
 
-impl Annotation {
+impl KinsAnnotation {
     /// Area of holes that it says its amodal mask has and its outline does not, px², given what is read. In the form of 2020 the
     /// areas say how much is hidden; in that of 2019 the area falls short of the outline, unless it is that of the outline.
-    pub fn holes_px2(&self, labels: &Labels) -> f64 {
+    pub fn holes_px2(&self, labels: &ObjectLabels) -> f64 {
         let [amodal, visible] = self.said();
         let (Some(Segmentation::Polygons(outline)), Some(area), Some(mask)) =
             (amodal.mask.1, amodal.area.1, &labels.amodal)

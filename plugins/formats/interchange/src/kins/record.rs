@@ -4,14 +4,14 @@ use serde::de::{Deserializer, Error as _};
 use serde_json::Value as Json;
 use syntable_formats::Extra;
 use syntable_formats::coco::id;
-use syntable_formats::listing::AnnotationRecord;
+use syntable_formats::listing::{AnnotationLink, AnnotationRecord};
 use syntable_formats::segmentation::Segmentation;
 use syntable_model::prelude::*;
 
 /// An object, in either form: amodal and visible mask with their numbers under the names of 2020, then those of 2019. `N` is the
 /// type of numbers of pixels: whole ones are written, and others have fractions.
 #[derive(Debug, Default, Serialize, Deserialize)]
-pub struct Annotation<N = f64> {
+pub struct KinsAnnotation<N = f64> {
     #[serde(deserialize_with = "id")]
     pub id: u64,
     #[serde(deserialize_with = "id")]
@@ -69,22 +69,14 @@ fn flag<'de, D: Deserializer<'de>>(deserializer: D) -> Result<u8, D::Error> {
     }
 }
 
-impl AnnotationRecord for Annotation {
-    fn id(&self) -> u64 {
-        self.id
-    }
-
-    fn image(&self) -> u64 {
-        self.image_id
-    }
-
-    fn category(&self) -> Option<u64> {
-        Some(self.category_id)
+impl AnnotationRecord for KinsAnnotation {
+    fn link(&self) -> AnnotationLink {
+        AnnotationLink { id: self.id, image: self.image_id, category: Some(self.category_id) }
     }
 }
 
 /// What an annotation says of a mask: names of keys with their values.
-pub struct Said<'a> {
+pub struct StatedMask<'a> {
     pub mask: (&'static str, Option<&'a Segmentation>),
     pub area: (&'static str, Option<f64>),
     /// Pixels of the mask's holes, which outlines do not have: ours.
@@ -92,17 +84,17 @@ pub struct Said<'a> {
     pub bbox: (&'static str, Option<[f64; 4]>),
 }
 
-impl Annotation {
+impl KinsAnnotation {
     /// What it says of the amodal and of the visible mask.
-    pub fn said(&self) -> [Said<'_>; 2] {
+    pub fn said(&self) -> [StatedMask<'_>; 2] {
         if self.a_segm.is_some() || self.i_segm.is_some() {
-            let amodal = Said {
+            let amodal = StatedMask {
                 mask: ("a_segm", self.a_segm.as_ref()),
                 area: ("a_area", self.a_area),
                 holes_px2: self.a_hole_area,
                 bbox: ("a_bbox", self.a_bbox),
             };
-            let visible = Said {
+            let visible = StatedMask {
                 mask: ("i_segm", self.i_segm.as_ref()),
                 area: ("i_area", self.i_area),
                 holes_px2: self.i_hole_area,
@@ -110,13 +102,13 @@ impl Annotation {
             };
             return [amodal, visible];
         }
-        let amodal = Said {
+        let amodal = StatedMask {
             mask: ("segmentation", self.segmentation.as_ref()),
             area: ("area", self.area),
             holes_px2: None,
             bbox: ("bbox", self.bbox),
         };
-        let visible = Said {
+        let visible = StatedMask {
             mask: ("inmodal_seg", self.inmodal_seg.as_ref()),
             area: ("inmodal_area", None),
             holes_px2: None,
@@ -135,7 +127,7 @@ impl Annotation {
         format!("annotation {}: `{key}`", self.id)
     }
 
-    pub fn mask(&self, said: &Said, [width, height]: [u32; 2]) -> Result<Mask> {
+    pub fn mask(&self, said: &StatedMask, [width, height]: [u32; 2]) -> Result<Mask> {
         let (key, segmentation) = said.mask;
         let missing = || {
             Error::new("it is missing")

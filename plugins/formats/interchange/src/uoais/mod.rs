@@ -14,7 +14,7 @@ use syntable_model::prelude::*;
 ///
 /// # What it does
 ///
-/// The folder `{id}` takes the place of `datasets/UOAIS-Sim`. The annotation file has what UOAIS-Net's loader reads,
+/// The folder `{id}` replaces `datasets/UOAIS-Sim`. The annotation file has what UOAIS-Net's loader reads,
 /// and nothing else: `segmentation` (amodal), `visible_mask` and `occluded_mask` are compressed run lengths, `bbox` and
 /// `area` those of the amodal mask, `occluded_rate` is the hidden fraction of it. The one category is `object` (1).
 /// Image ids are `scene · views_per_scene + view + 1`.

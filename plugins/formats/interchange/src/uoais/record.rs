@@ -1,6 +1,6 @@
 //! The records of UOAIS-Sim's annotation file.
 
-use crate::labels::Label;
+use crate::labels::ShownLabel;
 use syntable_formats::segmentation::Rle;
 use syntable_model::prelude::*;
 
@@ -10,9 +10,9 @@ pub const FILE: &str = "coco_anns_uoais_sim_";
 /// The one category, which UOAIS-Net knows.
 pub const CATEGORY: u64 = 1;
 
-/// An object, with what UOAIS-Net's loader and evaluator read.
+/// An object, with the fields that UOAIS-Net's loader and evaluator read.
 #[derive(Serialize)]
-pub struct Annotation {
+pub struct UoaisAnnotation {
     pub id: u64,
     pub image_id: u64,
     pub category_id: u64,
@@ -25,9 +25,9 @@ pub struct Annotation {
     pub occluded_rate: f64,
 }
 
-impl Annotation {
+impl UoaisAnnotation {
     /// The record of an object.
-    pub fn of(label: &Label) -> Self {
+    pub fn of(label: &ShownLabel) -> Self {
         Self {
             id: 0,
             image_id: 0,

@@ -1,10 +1,10 @@
 //! Writes UOAIS-Sim's layout.
 
 use super::Uoais;
-use super::record::{Annotation, CATEGORY, FILE};
-use crate::coco::Masks;
+use super::record::{CATEGORY, FILE, UoaisAnnotation};
+use crate::coco::MaskChoice;
 use crate::family::read::{DEPTH_FILE, FOLDER};
-use crate::family::write::{Family, Listed, SceneFiles, image_name, policy};
+use crate::family::write::{Family, ListedImages, SceneFiles, image_name, policy};
 use crate::labels;
 use syntable_formats::Extra;
 use syntable_formats::coco::Category;
@@ -44,16 +44,16 @@ impl Family for Uoais {
         vec![Category { id: CATEGORY, name, supercategory, ..Category::default() }]
     }
 
-    fn listed(&self) -> Listed {
-        if self.skip_empty_images { Listed::Annotated } else { Listed::All }
+    fn listed(&self) -> ListedImages {
+        if self.skip_empty_images { ListedImages::Annotated } else { ListedImages::All }
     }
 
     fn view(&self, cx: &ImageContext, products: &Products, files: &mut SceneFiles) -> Result<()> {
         let image = image_name(cx.scene_id, cx.view_id);
         files.png(&format!("{}/{}", self.split, depth_path(&image)), &self.depth.image(products)?)?;
-        let labels = Masks::Amodal.shown(cx.log, labels::labels(cx.dataset, products)?);
+        let labels = MaskChoice::Amodal.shown(cx.log, labels::labels(cx.dataset, products)?);
         let extra = Extra::from_iter([(DEPTH_FILE.to_owned(), depth_path(&image).into())]);
         files.image_in(&self.split, rgb_path(&image), products, labels.len(), extra)?;
-        labels.iter().try_for_each(|label| files.annotation(&Annotation::of(label)))
+        labels.iter().try_for_each(|label| files.annotation(&UoaisAnnotation::of(label)))
     }
 }

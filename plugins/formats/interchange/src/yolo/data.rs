@@ -1,12 +1,12 @@
-//! What `data.yaml` says of a dataset, of which YAML's lists, maps and strings of one line are read.
+//! The description of a dataset, `data.yaml`. The reader takes YAML's lists, maps and strings of one line.
 
-use super::read::Shape;
-use super::{AMODAL, MASKS};
+use super::record::LabelShape;
+use crate::coco::MaskChoice;
 use std::collections::BTreeMap;
 use std::path::Path;
 use syntable_formats::decode;
-use syntable_formats::read::Known;
-use syntable_model::error::{Error, Result};
+use syntable_formats::read::KnownMasks;
+use syntable_model::prelude::*;
 
 /// Key of the names.
 const NAMES: &str = "names";
@@ -16,25 +16,48 @@ const POSES: &str = "kpt_shape";
 /// Key of the task, which Ultralytics writes into models.
 const TASK: &str = "task";
 
-/// The text of the file.
-fn text(path: &Path) -> Result<String> {
+/// Key of the images for training, and of those for validation.
+const SPLITS: [&str; 2] = ["train", "val"];
+/// Key of the masks that polygons are around, which Ultralytics does not read.
+const MASKS: &str = "masks";
+/// Its value for visible masks, which is the default.
+const VISIBLE: &str = "visible";
+/// Its value for amodal masks.
+const AMODAL: &str = "amodal";
+
+/// The text of the file of a dataset with a folder of images. Names are quoted as in JSON, which YAML reads.
+pub fn text(images: &str, masks: MaskChoice, dataset: &DatasetInfo) -> String {
+    let quoted = |text: &str| serde_json::Value::from(text).to_string();
+    let mut text: String = SPLITS.map(|split| format!("{split}: {}\n", quoted(images))).concat();
+    if masks == MaskChoice::Amodal {
+        text += &format!("{MASKS}: {AMODAL}\n");
+    }
+    text += &format!("{NAMES}:\n");
+    for (class, (_, name)) in dataset.categories().enumerate() {
+        text += &format!("  {class}: {}\n", quoted(name));
+    }
+    text
+}
+
+/// The text of a file that is read.
+fn content(path: &Path) -> Result<String> {
     decode::text(path).map_err(|error| match path.is_file() {
         true => error.of_request(),
         false => error.help("put the description of the dataset in its place, or remove it").of_request(),
     })
 }
 
-/// What polygons are around: what is visible, if the file does not say that they are around whole objects.
-pub fn masks(path: &Path) -> Result<Known> {
-    let text = text(path)?;
+/// The masks that polygons are around: visible ones, unless the file states amodal ones.
+pub fn masks(path: &Path) -> Result<KnownMasks> {
+    let text = content(path)?;
     match value_of(&text, MASKS) {
-        None => Ok(Known::Visible),
-        Some((_, masks)) if masks == "visible" => Ok(Known::Visible),
-        Some((_, masks)) if masks == AMODAL => Ok(Known::Amodal),
+        None => Ok(KnownMasks::Visible),
+        Some((_, masks)) if masks == VISIBLE => Ok(KnownMasks::Visible),
+        Some((_, masks)) if masks == AMODAL => Ok(KnownMasks::Amodal),
         Some((number, masks)) => Err(Error::new(format!("`{MASKS}` is `{masks}`"))
             .in_file(path)
             .at_line(number)
-            .help("write visible or amodal")),
+            .help(format!("write {VISIBLE} or {AMODAL}"))),
     }
 }
 
@@ -47,15 +70,17 @@ fn value_of(text: &str, key: &str) -> Option<(usize, String)> {
     })
 }
 
-/// What lines have after the class, as far as the file says it.
-pub fn shape(path: &Path) -> Result<Option<Shape>> {
-    let text = text(path)?;
-    let Some((number, task)) = value_of(&text, TASK) else { return Ok(value_of(&text, POSES).map(|_| Shape::Poses)) };
+/// The shape of lines, if the file states it.
+pub fn shape(path: &Path) -> Result<Option<LabelShape>> {
+    let text = content(path)?;
+    let Some((number, task)) = value_of(&text, TASK) else {
+        return Ok(value_of(&text, POSES).map(|_| LabelShape::Poses));
+    };
     match task.as_str() {
-        "segment" => Ok(Some(Shape::Polygons)),
-        "detect" => Ok(Some(Shape::Boxes)),
-        "obb" => Ok(Some(Shape::RotatedBoxes)),
-        "pose" => Ok(Some(Shape::Poses)),
+        "segment" => Ok(Some(LabelShape::Polygons)),
+        "detect" => Ok(Some(LabelShape::Boxes)),
+        "obb" => Ok(Some(LabelShape::RotatedBoxes)),
+        "pose" => Ok(Some(LabelShape::Poses)),
         _ => Err(Error::new(format!("`{TASK}` is `{task}`"))
             .in_file(path)
             .at_line(number)
@@ -65,7 +90,7 @@ pub fn shape(path: &Path) -> Result<Option<Shape>> {
 
 /// The names of classes by their numbers.
 pub fn names(path: &Path) -> Result<BTreeMap<u64, String>> {
-    let text = text(path)?;
+    let text = content(path)?;
     let refuse = |number: usize, what: &str| {
         Error::new(format!("`{NAMES}` cannot be read: {what}"))
             .in_file(path)
@@ -205,5 +230,15 @@ mod tests {
             let message = read(text).expect_err(text);
             assert!(message.contains(says), "{text}: {message}");
         }
+    }
+
+    #[test]
+    fn names_are_valid_yaml() {
+        let dataset = DatasetInfo { classes: vec!["a: \"b\"".to_owned()], ..syntable_testing::scenes::dataset() };
+        assert_eq!([1, 2].map(|category| dataset.category(category).expect("there").0), [0, 1]);
+        let want = "train: \"images/val\"\nval: \"images/val\"\nnames:\n  0: \"object\"\n  1: \"a: \\\"b\\\"\"\n";
+        assert_eq!(super::text("images/val", MaskChoice::Visible, &dataset), want);
+        let amodal = super::text("images/val", MaskChoice::Amodal, &dataset);
+        assert_eq!(amodal, want.replace("names:", "masks: amodal\nnames:"));
     }
 }

@@ -1,32 +1,32 @@
 //! Reads the layout of Ultralytics YOLO: polygons, boxes, rotated boxes and poses.
 //!
-//! Lines do not say what they have. What `data.yaml` says counts first: its `task`, or `kpt_shape`, which poses have. Else all
+//! Lines do not state their shape. `data.yaml` may state it: by its `task`, or by `kpt_shape`, which poses have. Else all
 //! lines of the dataset decide: boxes if each has four numbers; rotated boxes if each has the corners of a parallelogram and one
 //! does not lie along the edges of the image; else polygons.
 
-use super::{DATA, data};
+use super::data;
+use super::record::{CLASSES, DATA, IMAGE_ENDS, IMAGES, LABEL_END, LABELS, LabelLine, LabelShape, lines};
 use crate::read::{POLYGONS, is_dataset, settle_edges};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 use syntable_formats::coco::Category;
 use syntable_formats::decode;
-use syntable_formats::read::{self, Categories, Faults, Known, Labels};
+use syntable_formats::read::{self, Categories, Faults, KnownMasks, ObjectLabels};
+use syntable_formats::rule;
 use syntable_formats::segmentation::Segmentation;
 use syntable_model::files::DatasetFolder;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{CATEGORY_ID, OCCLUSION_MASK, RGB};
-use syntable_model::reader::{Format, ImageSource, Note, Opened, ReadImage, Source, unnamed_class};
+use syntable_model::reader::{DatasetFault, Format, ImageSource, Note, Opened, ReadImage, Source, unnamed_class};
 
-syntable_model::register_format!(Format {
-    name: "yolo",
-    doc: "Ultralytics YOLO: `images/SPLIT` beside `labels/SPLIT`, one split, or its folder of images. Polygons are taken for \
+syntable_model::register_format!(Format::new(
+    "yolo",
+    "Ultralytics YOLO: `images/SPLIT` beside `labels/SPLIT`, one split, or its folder of images. Polygons are taken for \
           visible masks, unless `data.yaml` has `masks: amodal`; of boxes, rotated boxes and poses only classes are read.",
-    detect: |root| !splits_of(root).is_empty() && !is_beside_coco(root),
+    |root| !splits_of(root).is_empty() && !is_beside_coco(root),
     open,
-    is_generic: false,
-    crate_name: env!("CARGO_PKG_NAME"),
-});
+));
 
 /// Whether annotation files of COCO say all and more: then the labels are what Ultralytics' tools made of them, with no
 /// description of their own.
@@ -39,64 +39,26 @@ fn is_there(path: &Path) -> bool {
     fs::symlink_metadata(path).is_ok()
 }
 
-/// Names of the folders of images and labels.
-const FOLDERS: [&str; 2] = ["images", "labels"];
-/// Ends of image files.
-const ENDS: [&str; 3] = ["png", "jpg", "jpeg"];
-/// The file beside the labels to which LabelImg writes the names of the classes, one per line.
-const CLASSES: &str = "classes.txt";
 /// Folders above that of images in which the description of the dataset may be.
 const ABOVE: usize = 3;
 
-struct YoloSource {
+pub struct YoloSource {
     categories: Categories,
     /// Numbers of the classes that have names.
-    classes: BTreeSet<u64>,
+    pub classes: BTreeSet<u64>,
     /// The file that has the names, if any has.
-    names_file: Option<&'static str>,
-    images: Vec<Labeled>,
-    shape: Shape,
-    /// What polygons are around.
-    known: Known,
+    pub names_file: Option<&'static str>,
+    images: Vec<YoloImage>,
+    pub shape: LabelShape,
+    /// The masks that polygons are around.
+    known: KnownMasks,
 }
 
 /// An image and its labels, if it has any.
-struct Labeled {
+struct YoloImage {
     name: String,
     image: PathBuf,
     labels: Option<PathBuf>,
-}
-
-/// Error of sums of coordinates in text.
-const DECIMALS: f64 = 5e-6;
-
-/// What the lines of a dataset have after the class.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Shape {
-    /// Points.
-    Polygons,
-    /// x, y, width, height.
-    Boxes,
-    /// Four corners.
-    RotatedBoxes,
-    /// A box, then points with or without a flag of visibility.
-    Poses,
-}
-
-/// Numbers of a box.
-const BOX: usize = 4;
-
-/// A line of a label file.
-struct LabelLine {
-    number: usize,
-    class: u64,
-    values: Vec<f64>,
-}
-
-impl LabelLine {
-    fn is_box(&self) -> bool {
-        self.values.len() == BOX
-    }
 }
 
 /// Folders of the images and of the labels of each split, sorted.
@@ -104,12 +66,12 @@ fn splits_of(root: &Path) -> Vec<[PathBuf; 2]> {
     let pair = |images: PathBuf, labels: PathBuf| (images.is_dir() && labels.is_dir()).then_some([images, labels]);
     // The folder of images itself.
     if let (Some(split), Some(above)) = (root.file_name(), root.parent())
-        && above.file_name().is_some_and(|name| name == FOLDERS[0])
-        && let Some(found) = pair(root.to_owned(), above.with_file_name(FOLDERS[1]).join(split))
+        && above.file_name().is_some_and(|name| name == IMAGES)
+        && let Some(found) = pair(root.to_owned(), above.with_file_name(LABELS).join(split))
     {
         return vec![found];
     }
-    let [images, labels] = FOLDERS.map(|folder| root.join(folder));
+    let [images, labels] = [IMAGES, LABELS].map(|folder| root.join(folder));
     let entries = fs::read_dir(&images).into_iter().flatten().flatten().map(|entry| entry.file_name());
     let mut splits: Vec<[PathBuf; 2]> =
         entries.filter_map(|split| pair(images.join(&split), labels.join(&split))).collect();
@@ -125,7 +87,7 @@ fn folders(root: &Path) -> Result<[PathBuf; 2]> {
     match <[[PathBuf; 2]; 1]>::try_from(splits_of(root)) {
         Ok([only]) => Ok(only),
         Err(splits) => Err(match splits.first() {
-            None => Error::new("there is no folder `images` with a folder `labels` beside it"),
+            None => Error::new(format!("there is no folder `{IMAGES}` with a folder `{LABELS}` beside it")),
             Some([first, _]) => Error::new(format!("there are {} splits", splits.len()))
                 .help(format!("name the folder of one split, such as {}", first.display())),
         }
@@ -136,22 +98,7 @@ fn folders(root: &Path) -> Result<[PathBuf; 2]> {
 
 /// Images of a folder with their names without ends, sorted.
 fn images_of(folder: &Path) -> Result<Vec<(String, PathBuf)>> {
-    files_of(folder, |end| ENDS.iter().any(|other| other.eq_ignore_ascii_case(end)))
-}
-
-/// What is in a folder, by the ends of names. What is no file is at fault when it is read.
-fn files_of(folder: &Path, is_one: impl Fn(&str) -> bool) -> Result<Vec<(String, PathBuf)>> {
-    let fail = |error: std::io::Error| Error::io(folder, &error).of_request();
-    let mut files = Vec::new();
-    for entry in fs::read_dir(folder).map_err(fail)? {
-        let path = entry.map_err(fail)?.path();
-        let is_one = path.extension().and_then(|end| end.to_str()).is_some_and(&is_one);
-        if let Some(stem) = path.file_stem().and_then(|stem| stem.to_str()).filter(|_| is_one) {
-            files.push((stem.to_owned(), path.clone()));
-        }
-    }
-    files.sort();
-    Ok(files)
+    read::entries_with(folder, |end| IMAGE_ENDS.iter().any(|other| other.eq_ignore_ascii_case(end)))
 }
 
 /// The folders of images and of labels of a dataset, from which names count. Of a folder of images that the user named, the
@@ -173,25 +120,26 @@ fn open(source: &Source) -> Result<Opened> {
     // The folders themselves may be links, too.
     [&of_images, &of_labels].into_iter().try_for_each(|folder| folder.file("").map(drop))?;
     let mut faults = Faults::default();
-    let mut of_image: BTreeMap<String, PathBuf> = files_of(&labels, |end| end == "txt")?.into_iter().collect();
-    let mut all: Vec<Labeled> = Vec::new();
+    let mut of_image: BTreeMap<String, PathBuf> =
+        read::entries_with(&labels, |end| end == LABEL_END)?.into_iter().collect();
+    let mut all: Vec<YoloImage> = Vec::new();
     of_image.values().try_for_each(|path| inside(&of_labels, path))?;
     for (name, image) in images_of(&images)? {
         inside(&of_images, &image)?;
         match all.last().filter(|last| last.name == name) {
-            None => all.push(Labeled { labels: of_image.remove(&name), name, image }),
+            None => all.push(YoloImage { labels: of_image.remove(&name), name, image }),
             Some(first) => {
                 let message = format!("{} has the same labels, and is read", first.image.display());
-                faults.add("unique_views", image.display().to_string(), &message);
+                faults.add(rule::UNIQUE_VIEWS, image.display().to_string(), message);
             }
         }
     }
     let is_of_image = |path: &&PathBuf| path.file_name().is_none_or(|name| name != CLASSES);
     for path in of_image.values().filter(is_of_image) {
         faults.lost(
-            "known_images",
+            rule::KNOWN_IMAGES,
             path.display().to_string(),
-            &format!("{} has no image of this name", images.display()),
+            format!("{} has no image of this name", images.display()),
         );
     }
     let description = images.ancestors().take(ABOVE).map(|above| above.join(DATA)).find(|path| is_there(path));
@@ -199,15 +147,15 @@ fn open(source: &Source) -> Result<Opened> {
         source.folder(above)?.file(DATA)?;
     }
     let stated = description.as_deref().map(data::shape).transpose()?.flatten();
-    let known = description.as_deref().map_or(Ok(Known::Visible), data::masks)?;
+    let known = description.as_deref().map_or(Ok(KnownMasks::Visible), data::masks)?;
     let (mut shape, mut boxes, mut all_lines, mut found) = (None, 0, 0, BTreeSet::new());
     for path in all.iter().filter_map(|image| image.labels.as_ref()) {
-        // What cannot be read is at fault when the image is read.
+        // A file that cannot be read is a fault of its image.
         for line in lines(path, stated).unwrap_or_default() {
             found.insert(line.class);
             all_lines += 1;
             boxes += usize::from(line.is_box());
-            shape = Shape::of(&line.values).map(|it| it.joined(shape)).or(shape);
+            shape = LabelShape::of(&line.values).map(|it| it.joined(shape)).or(shape);
         }
     }
     // Classes count from 0, and category 0 is a background elsewhere.
@@ -227,19 +175,19 @@ fn open(source: &Source) -> Result<Opened> {
     let (refs, images) = faults.in_order(all, |image| (&image.name, None));
     let name = read::name_of(root);
     let info = categories.info(name, String::new(), &refs, String::new());
-    let shape = stated.or(shape).unwrap_or(Shape::Polygons);
+    let shape = stated.or(shape).unwrap_or(LabelShape::Polygons);
     let mut offers = match shape {
-        Shape::Polygons => known.offers(),
-        Shape::Boxes | Shape::RotatedBoxes | Shape::Poses => keys![CATEGORY_ID],
+        LabelShape::Polygons => known.offers(),
+        LabelShape::Boxes | LabelShape::RotatedBoxes | LabelShape::Poses => keys![CATEGORY_ID],
     };
     let labels = offers.clone();
     offers.push(RGB.id());
     let caveat = |text: String| Note::caveat(text).of(labels.clone());
     let mut notes = Vec::new();
     match shape {
-        Shape::Polygons => {
+        LabelShape::Polygons => {
             notes.push(caveat(POLYGONS.to_owned()));
-            if known == Known::Visible {
+            if known == KnownMasks::Visible {
                 notes.push(caveat(
                     "polygons are taken for visible masks: the format does not say which they are".to_owned(),
                 ));
@@ -280,102 +228,9 @@ fn names_beside_labels(labels: &DatasetFolder) -> Result<Option<BTreeMap<u64, St
     Ok(Some(names).filter(|names| !names.is_empty()))
 }
 
-/// The lines of a label file of a dataset of which this is said.
-fn lines(path: &Path, stated: Option<Shape>) -> Result<Vec<LabelLine>> {
-    let text = decode::text(path).map_err(|error| match path.is_file() {
-        true => error,
-        false => error.help("put a text file in its place, or remove it if the image has no objects"),
-    })?;
-    let line = |(number, line): (usize, &str)| {
-        let refuse = |message: String| {
-            let help =
-                "a line is the number of a class, then x and y of at least three points, divided by width and height";
-            Error::new(message).in_file(path).at_line(number).help(help)
-        };
-        let mut words = line.split_ascii_whitespace();
-        let class = words.next().unwrap_or_default();
-        // Some tools write classes as floats.
-        let class = class.strip_suffix(".0").unwrap_or(class);
-        let class = class.parse().map_err(|_| refuse(format!("`{class}` is no number of a class")))?;
-        let value = |word: &str| match word.parse::<f64>() {
-            Ok(value) if value.is_finite() => Ok(value),
-            _ => Err(refuse(format!("`{word}` is no coordinate"))),
-        };
-        let values = words.map(value).collect::<Result<Vec<f64>>>()?;
-        let are_points = values.len() >= 6 && values.len() % 2 == 0;
-        let is_known = match stated {
-            Some(Shape::Boxes) => values.len() == BOX,
-            Some(Shape::RotatedBoxes) => values.len() == 2 * BOX,
-            Some(Shape::Poses) => values.len() > BOX,
-            Some(Shape::Polygons) | None => values.len() == BOX || are_points,
-        };
-        if !is_known {
-            return Err(refuse(format!("a class and {} numbers are no points", values.len())));
-        }
-        Ok(LabelLine { number, class, values })
-    };
-    (1..).zip(text.lines()).filter(|(_, line)| !line.trim().is_empty()).map(line).collect()
-}
-
-impl Shape {
-    /// What a line with these values has; none if it is a polygon and a rotated box alike: a rectangle along the edges of the
-    /// image.
-    fn of(values: &[f64]) -> Option<Self> {
-        let &[ax, ay, bx, by, cx, cy, dx, dy] = values else {
-            return Some(if values.len() == BOX { Self::Boxes } else { Self::Polygons });
-        };
-        let is = |a: f64, b: f64| (a - b).abs() < DECIMALS;
-        // Divided by width and height, a rectangle is still a parallelogram.
-        if !is(ax + cx, bx + dx) || !is(ay + cy, by + dy) {
-            return Some(Self::Polygons);
-        }
-        let is_along = is(ax, bx) && is(by, cy) || is(ay, by) && is(bx, cx);
-        (!is_along).then_some(Self::RotatedBoxes)
-    }
-
-    /// What lines are called that have this.
-    fn lines(self) -> &'static str {
-        match self {
-            Self::Polygons => "polygons",
-            Self::Boxes => "boxes",
-            Self::RotatedBoxes => "rotated boxes",
-            Self::Poses => "poses, boxes with points",
-        }
-    }
-
-    /// What lines have of which others have that. A polygon may be a parallelogram, too.
-    fn joined(self, other: Option<Self>) -> Self {
-        match other {
-            Some(other) if other != self => Self::Polygons,
-            _ => self,
-        }
-    }
-}
-
 impl ImageSource for YoloSource {
-    fn image_faults(&self, image: usize) -> Vec<(&'static str, String)> {
-        let Ok(lines) = self.lines(image) else { return Vec::new() };
-        let mut faults = Vec::new();
-        for line in lines {
-            if !self.classes.contains(&line.class) {
-                let file = self.names_file.unwrap_or(DATA);
-                let message = format!("line {}: {file} has no class {}", line.number, line.class);
-                faults.push(("known_categories", message));
-            }
-            if self.shape == Shape::Polygons && line.is_box() {
-                let message =
-                    format!("line {}: a box among polygons: the object has no mask and is left out", line.number);
-                faults.push(("records_agree", message));
-            }
-            // Points of poses have flags; corners of rotated boxes may lie outside.
-            let coordinates = if self.shape == Shape::Poses { &line.values[..BOX] } else { &line.values };
-            let beyond = coordinates.iter().find(|value| !(0.0..=1.0).contains(*value));
-            if let Some(value) = beyond.filter(|_| self.shape != Shape::RotatedBoxes) {
-                let message = format!("line {}: {value} is not in [0, 1]", line.number);
-                faults.push(("coordinates_are_within_the_image", message));
-            }
-        }
-        faults
+    fn image_faults(&self, image: usize) -> Vec<DatasetFault> {
+        self.faults_of(image)
     }
 
     fn read(&self, image: usize, wants: &[KeyId]) -> Result<ReadImage> {
@@ -385,17 +240,17 @@ impl ImageSource for YoloSource {
         if wants.iter().any(|want| *want != RGB.id()) {
             let lines = self.lines(image)?;
             match self.shape {
-                Shape::Polygons => {
+                LabelShape::Polygons => {
                     let polygons = lines.iter().enumerate().filter(|(_, line)| !line.is_box());
                     let labels = polygons.map(|(row, line)| self.labels(image, row, line, size));
                     let mut labels = labels.collect::<Result<Vec<_>>>()?;
                     // Whole objects may share pixels.
-                    if self.known == Known::Visible {
+                    if self.known == KnownMasks::Visible {
                         settle_edges(&mut labels);
                     }
                     read::put(&labels, None, wants, &mut products)?;
                 }
-                Shape::Boxes | Shape::RotatedBoxes | Shape::Poses => {
+                LabelShape::Boxes | LabelShape::RotatedBoxes | LabelShape::Poses => {
                     let of = |(row, line): (usize, &LabelLine)| Ok((read::id_of(row)?, self.category(line)));
                     products.put(CATEGORY_ID, lines.iter().enumerate().map(of).collect::<Result<_>>()?)?;
                 }
@@ -409,7 +264,7 @@ impl ImageSource for YoloSource {
 }
 
 impl YoloSource {
-    fn lines(&self, image: usize) -> Result<Vec<LabelLine>> {
+    pub fn lines(&self, image: usize) -> Result<Vec<LabelLine>> {
         self.images[image].labels.as_ref().map_or_else(|| Ok(Vec::new()), |path| lines(path, Some(self.shape)))
     }
 
@@ -417,7 +272,7 @@ impl YoloSource {
         self.categories.id(line.class.saturating_add(1))
     }
 
-    fn labels(&self, image: usize, row: usize, line: &LabelLine, [width, height]: [u32; 2]) -> Result<Labels> {
+    fn labels(&self, image: usize, row: usize, line: &LabelLine, [width, height]: [u32; 2]) -> Result<ObjectLabels> {
         let at = |error: Error| match &self.images[image].labels {
             Some(path) => error.in_file(path).at_line(line.number),
             None => error,
@@ -425,15 +280,7 @@ impl YoloSource {
         let scale = [f64::from(width), f64::from(height)];
         let polygon = line.values.iter().enumerate().map(|(i, value)| value * scale[i % 2]).collect();
         let mask = Segmentation::Polygons(vec![polygon]).decode(width, height).map_err(at)?;
-        Ok(Labels {
-            id: read::id_of(row)?,
-            amodal: (self.known == Known::Amodal).then(|| mask.clone()),
-            visible: mask,
-            occlusion: None,
-            rate: None,
-            visible_box: None,
-            amodal_box: None,
-            category: self.category(line),
-        })
+        let amodal = (self.known == KnownMasks::Amodal).then(|| mask.clone());
+        Ok(ObjectLabels::of_masks(read::id_of(row)?, mask, amodal, self.category(line)))
     }
 }

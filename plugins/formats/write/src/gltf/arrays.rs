@@ -1,6 +1,6 @@
 //! Arrays of meshes that are not written as they are: textures laid by the body's axes, tangents.
 
-use super::document::{Attributes, Index};
+use super::document::{GltfAttributes, Index};
 use super::geometry::{apply, color, slots, unit, v_down, write_parts};
 use super::glb::Glb;
 use syntable_model::geometry::{Point3, Vector3};
@@ -8,7 +8,7 @@ use syntable_model::scene::{Mesh, UvTransform};
 use syntable_prepare::{BoxSide, VertexTangents, is_mirrored};
 
 /// Arrays of a mesh that is not written as it is: vertices are doubled where faces do not agree on them.
-pub struct Arrays {
+pub struct MeshArrays {
     positions: Vec<[f32; 3]>,
     normals: Vec<[f32; 3]>,
     uvs: Vec<[f32; 2]>,
@@ -17,7 +17,7 @@ pub struct Arrays {
     slots: Vec<usize>,
 }
 
-impl Arrays {
+impl MeshArrays {
     /// The mesh with the texture coordinates given.
     pub fn own(mesh: &Mesh, uvs: Vec<[f32; 2]>, by_slot: bool) -> Self {
         let data = mesh.data();
@@ -127,10 +127,10 @@ impl Arrays {
         (split, tangents)
     }
 
-    pub fn write(self, glb: &mut Glb, tangents: bool) -> (Attributes, Vec<(usize, Index)>) {
+    pub fn write(self, glb: &mut Glb, tangents: bool) -> (GltfAttributes, Vec<(usize, Index)>) {
         let (arrays, tangents) = if tangents { self.with_tangents() } else { (self, Vec::new()) };
         let vectors = |glb: &mut Glb, vectors: &[[f32; 3]]| (!vectors.is_empty()).then(|| glb.vectors(vectors, false));
-        let attributes = Attributes {
+        let attributes = GltfAttributes {
             position: glb.vectors(&arrays.positions, true),
             normal: vectors(glb, &arrays.normals),
             tangent: (!tangents.is_empty()).then(|| glb.vectors(&tangents, false)),
@@ -160,7 +160,7 @@ mod tests {
             ..Default::default()
         };
         let mesh = Mesh::new(data).expect("sound");
-        let boxed = Arrays::boxed(&mesh, std::f32::consts::FRAC_PI_2, [0.125, 0.0], 0.25);
+        let boxed = MeshArrays::boxed(&mesh, std::f32::consts::FRAC_PI_2, [0.125, 0.0], 0.25);
         // Four of the top face, three of the one that looks along -y.
         assert_eq!(boxed.positions.len(), 7);
         // (0.5, 0.25) m are (2, 1) tiles; a quarter turn makes (-1, 2), shifted by an eighth; v downwards.
@@ -184,7 +184,7 @@ mod tests {
             let flat = data.normals.is_empty();
             let mesh = Mesh::new(data).expect("sound");
             let uvs = texcoords(&mesh, UvSource::Mesh, true);
-            let (arrays, tangents) = Arrays::own(&mesh, uvs, true).with_tangents();
+            let (arrays, tangents) = MeshArrays::own(&mesh, uvs, true).with_tangents();
             // Both middle vertices are doubled either way.
             assert_eq!((arrays.positions.len(), flat), (6, flat));
             for &i in &arrays.triangles[0] {

@@ -3,7 +3,7 @@
 //! A glTF camera looks along its -z with y up and has its principal point in the center. The vertical field of view
 //! follows from the focal length; matrix, distortion, lens and exposure are in `extras`.
 
-use super::document::{Camera as Json, Node, Perspective};
+use super::document::{GltfCamera, GltfNode, Perspective};
 use super::glb::Glb;
 use super::node;
 use serde_json::json;
@@ -13,7 +13,7 @@ use syntable_model::scene::{Exposure, View};
 const NEAR_M: f64 = 0.01;
 
 /// Adds a view's camera. Returns its node.
-pub fn add(glb: &mut Glb, view: &View) -> Node {
+pub fn add(glb: &mut Glb, view: &View) -> GltfNode {
     let name = format!("view {}", view.id.0);
     let k = &view.camera.intrinsics;
     let (width, height) = (f64::from(k.width), f64::from(k.height));
@@ -36,9 +36,9 @@ pub fn add(glb: &mut Glb, view: &View) -> Node {
         yfov: 2.0 * libm::atan(height / (2.0 * k.fy)),
         znear: NEAR_M,
     };
-    glb.document.cameras.push(Json { name: name.clone(), kind: "perspective", perspective, extras });
+    glb.document.cameras.push(GltfCamera { name: name.clone(), kind: "perspective", perspective, extras });
     let node = node(name, &view.camera.world_from_camera);
     // x right, y up, z backward to x right, y down, z forward is 180° about x: the product with (1, 0, 0, 0).
     let rotation = node.rotation.map(|[x, y, z, w]| [w, z, -y, -x]);
-    Node { camera: Some(glb.document.cameras.len() - 1), rotation, ..node }
+    GltfNode { camera: Some(glb.document.cameras.len() - 1), rotation, ..node }
 }

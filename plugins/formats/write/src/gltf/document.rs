@@ -16,26 +16,26 @@ fn none<T>(items: &[T]) -> bool {
 #[derive(Debug, Clone, Default, Serialize)]
 #[serde(rename_all = "camelCase")]
 pub struct Document {
-    pub asset: Asset,
+    pub asset: GltfAsset,
     #[serde(skip_serializing_if = "BTreeSet::is_empty")]
     pub extensions_used: BTreeSet<&'static str>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub extensions: Option<DocumentExtensions>,
     pub scene: Index,
-    pub scenes: Vec<Scene>,
-    pub nodes: Vec<Node>,
+    pub scenes: Vec<GltfSceneEntry>,
+    pub nodes: Vec<GltfNode>,
     #[serde(skip_serializing_if = "none")]
-    pub cameras: Vec<Camera>,
+    pub cameras: Vec<GltfCamera>,
     #[serde(skip_serializing_if = "none")]
-    pub meshes: Vec<Mesh>,
+    pub meshes: Vec<GltfMesh>,
     #[serde(skip_serializing_if = "none")]
-    pub materials: Vec<Material>,
+    pub materials: Vec<GltfMaterial>,
     #[serde(skip_serializing_if = "none")]
-    pub textures: Vec<Texture>,
+    pub textures: Vec<GltfTexture>,
     #[serde(skip_serializing_if = "none")]
-    pub images: Vec<Image>,
+    pub images: Vec<GltfImage>,
     #[serde(skip_serializing_if = "none")]
-    pub samplers: Vec<Sampler>,
+    pub samplers: Vec<GltfSampler>,
     #[serde(skip_serializing_if = "none")]
     pub accessors: Vec<Accessor>,
     #[serde(skip_serializing_if = "none")]
@@ -46,7 +46,7 @@ pub struct Document {
 
 #[derive(Debug, Clone, Default, Serialize)]
 #[serde(rename_all = "camelCase")]
-pub struct Asset {
+pub struct GltfAsset {
     pub version: &'static str,
     pub generator: String,
     #[serde(skip_serializing_if = "String::is_empty")]
@@ -83,14 +83,14 @@ pub struct Spot {
 }
 
 #[derive(Debug, Clone, Default, Serialize)]
-pub struct Scene {
+pub struct GltfSceneEntry {
     pub name: String,
     pub nodes: Vec<Index>,
     pub extras: Json,
 }
 
 #[derive(Debug, Clone, Default, Serialize)]
-pub struct Node {
+pub struct GltfNode {
     pub name: String,
     #[serde(skip_serializing_if = "none")]
     pub children: Vec<Index>,
@@ -124,7 +124,7 @@ pub struct NodeLight {
 }
 
 #[derive(Debug, Clone, Serialize)]
-pub struct Camera {
+pub struct GltfCamera {
     pub name: String,
     #[serde(rename = "type")]
     pub kind: &'static str,
@@ -141,20 +141,20 @@ pub struct Perspective {
 }
 
 #[derive(Debug, Clone, Serialize)]
-pub struct Mesh {
+pub struct GltfMesh {
     pub name: String,
-    pub primitives: Vec<Primitive>,
+    pub primitives: Vec<GltfPrimitive>,
 }
 
 #[derive(Debug, Clone, Serialize)]
-pub struct Primitive {
-    pub attributes: Attributes,
+pub struct GltfPrimitive {
+    pub attributes: GltfAttributes,
     pub indices: Index,
     pub material: Index,
 }
 
 #[derive(Debug, Clone, Default, Serialize)]
-pub struct Attributes {
+pub struct GltfAttributes {
     #[serde(rename = "POSITION")]
     pub position: Index,
     #[serde(rename = "NORMAL", skip_serializing_if = "Option::is_none")]
@@ -169,7 +169,7 @@ pub struct Attributes {
 
 #[derive(Debug, Clone, Default, Serialize)]
 #[serde(rename_all = "camelCase")]
-pub struct Material {
+pub struct GltfMaterial {
     pub name: String,
     pub pbr_metallic_roughness: Pbr,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -204,13 +204,13 @@ pub struct Pbr {
 #[derive(Debug, Clone, Default, Serialize)]
 pub struct MaterialExtensions {
     #[serde(rename = "KHR_materials_clearcoat", skip_serializing_if = "Option::is_none")]
-    pub clearcoat: Option<Clearcoat>,
+    pub clearcoat: Option<GltfClearcoat>,
     #[serde(rename = "KHR_materials_sheen", skip_serializing_if = "Option::is_none")]
-    pub sheen: Option<Sheen>,
+    pub sheen: Option<GltfSheen>,
     #[serde(rename = "KHR_materials_transmission", skip_serializing_if = "Option::is_none")]
-    pub transmission: Option<Transmission>,
+    pub transmission: Option<GltfTransmission>,
     #[serde(rename = "KHR_materials_volume", skip_serializing_if = "Option::is_none")]
-    pub volume: Option<Volume>,
+    pub volume: Option<GltfVolume>,
     #[serde(rename = "KHR_materials_ior", skip_serializing_if = "Option::is_none")]
     pub ior: Option<Ior>,
     #[serde(rename = "KHR_materials_emissive_strength", skip_serializing_if = "Option::is_none")]
@@ -240,7 +240,7 @@ impl MaterialExtensions {
 
 #[derive(Debug, Clone, Serialize)]
 #[serde(rename_all = "camelCase")]
-pub struct Clearcoat {
+pub struct GltfClearcoat {
     pub clearcoat_factor: f32,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub clearcoat_texture: Option<TextureInfo>,
@@ -253,7 +253,7 @@ pub struct Clearcoat {
 
 #[derive(Debug, Clone, Serialize)]
 #[serde(rename_all = "camelCase")]
-pub struct Sheen {
+pub struct GltfSheen {
     pub sheen_color_factor: [f32; 3],
     #[serde(skip_serializing_if = "Option::is_none")]
     pub sheen_color_texture: Option<TextureInfo>,
@@ -264,7 +264,7 @@ pub struct Sheen {
 
 #[derive(Debug, Clone, Serialize)]
 #[serde(rename_all = "camelCase")]
-pub struct Transmission {
+pub struct GltfTransmission {
     pub transmission_factor: f32,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub transmission_texture: Option<TextureInfo>,
@@ -272,7 +272,7 @@ pub struct Transmission {
 
 #[derive(Debug, Clone, Serialize)]
 #[serde(rename_all = "camelCase")]
-pub struct Volume {
+pub struct GltfVolume {
     pub thickness_factor: f32,
     pub attenuation_color: [f32; 3],
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -314,21 +314,21 @@ pub struct TextureTransform {
 }
 
 #[derive(Debug, Clone, Serialize)]
-pub struct Texture {
+pub struct GltfTexture {
     pub sampler: Index,
     pub source: Index,
 }
 
 #[derive(Debug, Clone, Serialize)]
 #[serde(rename_all = "camelCase")]
-pub struct Image {
+pub struct GltfImage {
     pub buffer_view: Index,
     pub mime_type: &'static str,
 }
 
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[serde(rename_all = "camelCase")]
-pub struct Sampler {
+pub struct GltfSampler {
     pub mag_filter: u32,
     pub min_filter: u32,
     pub wrap_s: u32,

@@ -1,7 +1,7 @@
 //! Meshes as vertex arrays. Each is written once, for all bodies and materials that use it.
 
-use super::arrays::Arrays;
-use super::document::{Attributes, Index};
+use super::arrays::MeshArrays;
+use super::document::{GltfAttributes, Index};
 use super::glb::Glb;
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -12,7 +12,7 @@ use syntable_model::scene::{Mesh, TextureMapping, UvTransform};
 /// Arrays of a mesh and the triangles of every material slot.
 #[derive(Debug, Clone)]
 pub struct Geometry {
-    pub attributes: Attributes,
+    pub attributes: GltfAttributes,
     /// Slot and indices; one slot if a material covers the whole mesh.
     pub parts: Vec<(usize, Index)>,
     /// Digest of the mesh, its texture mapping and its needs.
@@ -43,7 +43,7 @@ pub struct Geometries {
     /// Digests by address. The meshes are kept alive, so that no address is reused.
     known: BTreeMap<usize, (Arc<Mesh>, Digest)>,
     geometries: BTreeMap<Digest, Geometry>,
-    arrays: BTreeMap<Digest, Attributes>,
+    arrays: BTreeMap<Digest, GltfAttributes>,
     /// Indices by mesh, split by material slot or not.
     parts: BTreeMap<(Digest, bool), Vec<(usize, Index)>>,
 }
@@ -70,9 +70,9 @@ impl Geometries {
         let by_slot = matches!(source, UvSource::Mesh);
         let split = match source {
             UvSource::Override { mapping: TextureMapping::Box { rotation, offset }, tile_m } if needs.uvs => {
-                Some(Arrays::boxed(mesh, rotation, offset, tile_m))
+                Some(MeshArrays::boxed(mesh, rotation, offset, tile_m))
             }
-            _ if needs.tangents => Some(Arrays::own(mesh, texcoords(mesh, source, needs.uvs), by_slot)),
+            _ if needs.tangents => Some(MeshArrays::own(mesh, texcoords(mesh, source, needs.uvs), by_slot)),
             _ => None,
         };
         let (attributes, parts) = match split {
@@ -90,10 +90,10 @@ impl Geometries {
     }
 
     /// Positions, normals and colors, shared by all texture mappings.
-    fn arrays(&mut self, glb: &mut Glb, mesh: &Mesh, content: Digest) -> Attributes {
+    fn arrays(&mut self, glb: &mut Glb, mesh: &Mesh, content: Digest) -> GltfAttributes {
         let write = || {
             let data = mesh.data();
-            Attributes {
+            GltfAttributes {
                 position: glb.vectors(&data.positions, true),
                 normal: (!data.normals.is_empty()).then(|| {
                     let normals: Vec<_> = data.normals.iter().map(|&n| unit(n)).collect();
@@ -103,7 +103,7 @@ impl Geometries {
                     let colors: Vec<_> = data.colors.iter().map(|&c| color(c)).collect();
                     glb.vectors(&colors, false)
                 }),
-                ..Attributes::default()
+                ..GltfAttributes::default()
             }
         };
         self.arrays.entry(content).or_insert_with(write).clone()

@@ -7,8 +7,8 @@
 //! of one radiance and the same flux.
 
 use super::document::{
-    Attributes, DocumentExtensions, EmissiveStrength, Index, Ior, Material, MaterialExtensions, Mesh, Node,
-    NodeExtensions, NodeLight, Pbr, Primitive, PunctualLight, Spot,
+    DocumentExtensions, EmissiveStrength, GltfAttributes, GltfMaterial, GltfMesh, GltfNode, GltfPrimitive, Index, Ior,
+    MaterialExtensions, NodeExtensions, NodeLight, Pbr, PunctualLight, Spot,
 };
 use super::glb::Glb;
 use super::node;
@@ -40,14 +40,14 @@ const CORNERS: u32 = 48;
 
 /// The lights of a file.
 #[derive(Debug, Clone, Default)]
-pub struct Lights {
-    shapes: BTreeMap<&'static str, (Attributes, Index)>,
+pub struct GltfLights {
+    shapes: BTreeMap<&'static str, (GltfAttributes, Index)>,
     materials: BTreeMap<[u64; 4], Index>,
 }
 
-impl Lights {
+impl GltfLights {
     /// Adds a light. Returns its node; none for an environment map, which glTF cannot express.
-    pub fn add(&mut self, glb: &mut Glb, number: usize, light: &Light, mode: LightMode) -> Option<Node> {
+    pub fn add(&mut self, glb: &mut Glb, number: usize, light: &Light, mode: LightMode) -> Option<GltfNode> {
         let solid = mode == LightMode::Emissive;
         let at = |center: &Point3<f64>, rotation| Pose::from_parts(Translation3::from(center.coords), rotation);
         let named = |what: &str| format!("light {number} ({what})");
@@ -112,13 +112,13 @@ impl Lights {
             } else {
                 self.material(glb, [0.0; 3], true)
             };
-            primitives.push(Primitive { attributes, indices, material });
+            primitives.push(GltfPrimitive { attributes, indices, material });
         }
-        glb.document.meshes.push(Mesh { name, primitives });
+        glb.document.meshes.push(GltfMesh { name, primitives });
         glb.document.meshes.len() - 1
     }
 
-    fn shape(&mut self, glb: &mut Glb, shape: &'static str) -> (Attributes, Index) {
+    fn shape(&mut self, glb: &mut Glb, shape: &'static str) -> (GltfAttributes, Index) {
         let write = || {
             let (positions, normals, triangles) = match shape {
                 "sphere" => sphere(),
@@ -127,10 +127,10 @@ impl Lights {
                 "disk" => flat(disk(), 0.0),
                 _ => flat(disk(), -BACK_M),
             };
-            let attributes = Attributes {
+            let attributes = GltfAttributes {
                 position: glb.vectors(&positions, true),
                 normal: Some(glb.vectors(&normals, false)),
-                ..Attributes::default()
+                ..GltfAttributes::default()
             };
             (attributes, glb.indices(&triangles, positions.len()))
         };
@@ -146,7 +146,7 @@ impl Lights {
             if lit {
                 glb.document.extensions_used.insert("KHR_materials_emissive_strength");
             }
-            glb.document.materials.push(Material {
+            glb.document.materials.push(GltfMaterial {
                 name: if lit { "light".into() } else { "back of a light".into() },
                 pbr_metallic_roughness: Pbr {
                     base_color_factor: [0.0, 0.0, 0.0, 1.0],
@@ -160,7 +160,7 @@ impl Lights {
                     emissive_strength: lit.then_some(EmissiveStrength { emissive_strength: brightest as f32 }),
                     ..MaterialExtensions::default()
                 },
-                ..Material::default()
+                ..GltfMaterial::default()
             });
             glb.document.materials.len() - 1
         };
@@ -168,8 +168,8 @@ impl Lights {
     }
 }
 
-fn emissive(name: String, pose: &Pose, scale: [f64; 3], mesh: Index, extras: Json) -> Node {
-    Node { mesh: Some(mesh), scale: Some(scale), extras, ..node(name, pose) }
+fn emissive(name: String, pose: &Pose, scale: [f64; 3], mesh: Index, extras: Json) -> GltfNode {
+    GltfNode { mesh: Some(mesh), scale: Some(scale), extras, ..node(name, pose) }
 }
 
 /// An area light as a spot light along its -z. The intensity on the axis is the same; it falls to 0 at 90° (with the
@@ -181,7 +181,7 @@ fn spot(
     normal: &Vector3<f64>,
     radiance: [f64; 3],
     area: f64,
-) -> Node {
+) -> GltfNode {
     let cone = Spot { inner_cone_angle: 0.0, outer_cone_angle: FRAC_PI_2 };
     let pose = Pose::from_parts(Translation3::from(center.coords), facing(&-normal));
     punctual(glb, name, &pose, "spot", radiance, area, Some(cone))
@@ -196,14 +196,14 @@ fn punctual(
     each: [f64; 3],
     factor: f64,
     spot: Option<Spot>,
-) -> Node {
+) -> GltfNode {
     let brightest = each.into_iter().fold(0.0, f64::max);
     let color = each.map(|x| if brightest > 0.0 { x / brightest } else { 1.0 });
     glb.document.extensions_used.insert("KHR_lights_punctual");
     let lights = &mut glb.document.extensions.get_or_insert_with(DocumentExtensions::default).lights_punctual.lights;
     lights.push(PunctualLight { name: name.clone(), kind, color, intensity: brightest * factor, spot });
     let light = NodeLight { light: lights.len() - 1 };
-    Node { extensions: Some(NodeExtensions { lights_punctual: light }), ..node(name, pose) }
+    GltfNode { extensions: Some(NodeExtensions { lights_punctual: light }), ..node(name, pose) }
 }
 
 /// A rotation that takes z to a direction.
@@ -310,7 +310,7 @@ mod tests {
         assert!((mean.radiance[0] / (0.64 * 200.0 + 0.36 * 10.0) - 1.0).abs() < 1e-3, "{mean:?}");
         for mode in [LightMode::Emissive, LightMode::Punctual] {
             let export = |light: Light| {
-                let (mut glb, mut lights) = (Glb::default(), Lights::default());
+                let (mut glb, mut lights) = (Glb::default(), GltfLights::default());
                 let node = lights.add(&mut glb, 3, &light, mode).expect("a node");
                 (serde_json::to_value(node).expect("a node"), serde_json::to_value(&glb.document).expect("a document"))
             };

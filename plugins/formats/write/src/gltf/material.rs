@@ -5,11 +5,11 @@
 //! metalness texture is replaced by its mean.
 
 use super::document::{
-    Clearcoat, EmissiveStrength, Index, Ior, Material as Json, MaterialExtensions, Pbr, Sheen, TextureInfo,
-    Transmission, Volume,
+    EmissiveStrength, GltfClearcoat, GltfMaterial, GltfSheen, GltfTransmission, GltfVolume, Index, Ior,
+    MaterialExtensions, Pbr, TextureInfo,
 };
 use super::glb::Glb;
-use super::texture::{Channel, Textures, mean};
+use super::texture::{TextureChannel, Textures, mean};
 use std::collections::BTreeMap;
 use syntable_model::digest::Digest;
 use syntable_model::error::Result;
@@ -20,12 +20,12 @@ const THICKNESS_M: f32 = 0.01;
 
 /// All materials of a file.
 #[derive(Debug, Clone, Default)]
-pub struct Materials {
+pub struct GltfMaterials {
     known: BTreeMap<Digest, Index>,
     textures: Textures,
 }
 
-impl Materials {
+impl GltfMaterials {
     /// The index of a material, written on first use.
     pub fn get(&mut self, glb: &mut Glb, material: &Material) -> Result<Index> {
         if let Some(&index) = self.known.get(&material.digest) {
@@ -39,7 +39,7 @@ impl Materials {
         Ok(index)
     }
 
-    fn translate(&mut self, glb: &mut Glb, material: &Material) -> Result<Json> {
+    fn translate(&mut self, glb: &mut Glb, material: &Material) -> Result<GltfMaterial> {
         let [r, g, b] = material.base_color.factor.map(unit);
         let (alpha_mode, alpha_cutoff, alpha) = match material.alpha {
             // Without a texture the mask is opaque everywhere.
@@ -67,7 +67,7 @@ impl Materials {
             extensions.ior = Some(Ior { ior: material.ior });
         }
         self.layers(glb, material, &mut extensions)?;
-        Ok(Json {
+        Ok(GltfMaterial {
             name: material.name.clone(),
             pbr_metallic_roughness: Pbr {
                 base_color_factor: [r, g, b, alpha],
@@ -94,7 +94,7 @@ impl Materials {
     fn layers(&mut self, glb: &mut Glb, material: &Material, extensions: &mut MaterialExtensions) -> Result<()> {
         if let Some(coat) = &material.clearcoat {
             let (strength, rough) = (channel(&coat.strength), channel(&coat.roughness));
-            extensions.clearcoat = Some(Clearcoat {
+            extensions.clearcoat = Some(GltfClearcoat {
                 clearcoat_factor: unit(coat.strength.factor),
                 clearcoat_texture: self.textures.packed(glb, [strength, None, None, None])?,
                 clearcoat_roughness_factor: unit(coat.roughness.factor),
@@ -103,7 +103,7 @@ impl Materials {
             });
         }
         if let Some(sheen) = &material.sheen {
-            extensions.sheen = Some(Sheen {
+            extensions.sheen = Some(GltfSheen {
                 sheen_color_factor: sheen.color.factor.map(unit),
                 sheen_color_texture: self.color(glb, &sheen.color)?,
                 sheen_roughness_factor: unit(sheen.roughness.factor),
@@ -111,11 +111,11 @@ impl Materials {
             });
         }
         if let Some(transmission) = &material.transmission {
-            extensions.transmission = Some(Transmission {
+            extensions.transmission = Some(GltfTransmission {
                 transmission_factor: unit(transmission.fraction.factor),
                 transmission_texture: self.textures.packed(glb, [channel(&transmission.fraction), None, None, None])?,
             });
-            extensions.volume = transmission.volume.map(|volume| Volume {
+            extensions.volume = transmission.volume.map(|volume| GltfVolume {
                 thickness_factor: THICKNESS_M,
                 attenuation_color: volume.attenuation_color.map(unit),
                 attenuation_distance: Some(volume.attenuation_distance_m).filter(|m| m.is_finite() && *m > 0.0),
@@ -141,7 +141,7 @@ pub fn has_normal_map(material: &Material) -> bool {
 }
 
 /// The channel of a texture that a scalar is read from.
-fn channel(scalar: &Scalar) -> Option<Channel<'_>> {
+fn channel(scalar: &Scalar) -> Option<TextureChannel<'_>> {
     scalar.texture.as_ref().map(|(used, channel)| (used, *channel))
 }
 

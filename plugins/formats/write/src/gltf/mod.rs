@@ -22,14 +22,15 @@ mod texture;
 
 pub use light::LightMode;
 
-use document::{Asset, Index, Mesh, Node, Primitive, Scene as JsonScene};
+use document::{GltfAsset, GltfMesh, GltfNode, GltfPrimitive, GltfSceneEntry, Index};
 use geometry::{Geometries, Needs, UvSource};
 use glb::Glb;
-use light::Lights;
-use material::Materials;
+use light::GltfLights;
+use material::GltfMaterials;
 use serde_json::{Value as Json, json};
 use std::collections::{BTreeMap, BTreeSet};
 use syntable_formats::encode::{scene_name, view_name};
+use syntable_formats::writer::write_file;
 use syntable_model::digest::Digest;
 use syntable_model::prelude::*;
 use syntable_model::scene::Body;
@@ -55,13 +56,13 @@ pub struct Gltf {
     /// Representation of lights. Environment maps are written in any case.
     pub lights: LightMode,
     /// What a file covers.
-    pub per: FilePer,
+    pub per: GltfFilePer,
 }
 
 /// What a file covers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
-pub enum FilePer {
+pub enum GltfFilePer {
     /// One scene with the cameras of all its views and the lights of the first.
     Scene,
     /// One view with its camera and lights.
@@ -70,7 +71,7 @@ pub enum FilePer {
 
 impl Default for Gltf {
     fn default() -> Self {
-        Self { lights: LightMode::Emissive, per: FilePer::Scene }
+        Self { lights: LightMode::Emissive, per: GltfFilePer::Scene }
     }
 }
 
@@ -99,15 +100,14 @@ impl Writer<Scenes> for Gltf {
     fn paths(&self, of: &FileOf) -> Result<Vec<String>> {
         Ok(match (of.scene, of.view, self.per) {
             (None, None, _) => vec![script_path(of.id)],
-            (Some(scene), None, FilePer::Scene) => vec![glb_path(of.id, &scene_name(scene))],
-            (Some(scene), Some(view), FilePer::View) => vec![glb_path(of.id, &view_name(scene, view))],
+            (Some(scene), None, GltfFilePer::Scene) => vec![glb_path(of.id, &scene_name(scene))],
+            (Some(scene), Some(view), GltfFilePer::View) => vec![glb_path(of.id, &view_name(scene, view))],
             _ => Vec::new(),
         })
     }
 
     fn finish(&self, _: &DatasetContext, _: &Products, finish: &Finish) -> Result<()> {
-        let path = script_path(finish.id());
-        finish.write(&path, |out| out.write_all(IMPORT_IN_BLENDER).map_err(|error| Error::io(&path, &error)))
+        write_file(finish, &script_path(finish.id()), IMPORT_IN_BLENDER)
     }
 }
 
@@ -123,14 +123,14 @@ impl SceneWriter<Scenes> for GltfScene {
     fn view(&mut self, cx: &ViewContext, _: &Products) -> Result<()> {
         let view = cx.view;
         match self.config.per {
-            FilePer::Scene => {
+            GltfFilePer::Scene => {
                 if self.views == 0 {
                     let stem = scene_name(self.id);
                     light(&mut self.export, view, self.config.lights, &self.output, &stem)?;
                 }
                 self.export.camera(view);
             }
-            FilePer::View => {
+            GltfFilePer::View => {
                 let mut export = self.export.clone();
                 let stem = view_name(cx.scene_id, view.id);
                 light(&mut export, view, self.config.lights, &self.output, &stem)?;
@@ -145,8 +145,8 @@ impl SceneWriter<Scenes> for GltfScene {
 
     fn close(self: Box<Self>, _: &SceneContext, _: &Products) -> Result<()> {
         match self.config.per {
-            FilePer::View => Ok(()),
-            FilePer::Scene => {
+            GltfFilePer::View => Ok(()),
+            GltfFilePer::Scene => {
                 let path = glb_path(self.output.id(), &scene_name(self.id));
                 self.output.write(&path, &self.export.into_bytes()?)
             }
@@ -169,7 +169,7 @@ fn light(export: &mut Export, view: &View, mode: LightMode, output: &Output, ste
 struct Export {
     glb: Glb,
     geometries: Geometries,
-    materials: Materials,
+    materials: GltfMaterials,
     /// Meshes by geometry and materials.
     meshes: BTreeMap<(Digest, Vec<Index>), Index>,
 }
@@ -193,13 +193,13 @@ impl Export {
             .filter(|license| !license.is_empty())
             .collect();
         let document = &mut export.glb.document;
-        document.asset = Asset {
+        document.asset = GltfAsset {
             version: "2.0",
             generator: cx.dataset.program.clone(),
             copyright: licenses.into_iter().collect::<Vec<_>>().join(", "),
         };
-        document.nodes.push(Node { name: "world".into(), matrix: Some(Y_UP_FROM_Z_UP), ..Node::default() });
-        document.scenes.push(JsonScene {
+        document.nodes.push(GltfNode { name: "world".into(), matrix: Some(Y_UP_FROM_Z_UP), ..GltfNode::default() });
+        document.scenes.push(GltfSceneEntry {
             name: format!("{} {:06}", cx.dataset.name, cx.scene_id.0),
             nodes: vec![0],
             extras: json!({ "dataset": cx.dataset.name, "seed": cx.dataset.seed, "scene": cx.scene_id.0 }),
@@ -231,15 +231,14 @@ impl Export {
             materials.push(self.materials.get(&mut self.glb, material)?);
         }
         let meshes = &mut self.glb.document.meshes;
-        let mesh = *self.meshes.entry((geometry.digest, materials.clone())).or_insert_with(|| {
-            let primitives = geometry.parts.iter().zip(&materials).map(|(&(_, indices), &material)| Primitive {
-                attributes: geometry.attributes.clone(),
-                indices,
-                material,
+        let mesh =
+            *self.meshes.entry((geometry.digest, materials.clone())).or_insert_with(|| {
+                let primitives = geometry.parts.iter().zip(&materials).map(|(&(_, indices), &material)| {
+                    GltfPrimitive { attributes: geometry.attributes.clone(), indices, material }
+                });
+                meshes.push(GltfMesh { name: body.asset.to_string(), primitives: primitives.collect() });
+                meshes.len() - 1
             });
-            meshes.push(Mesh { name: body.asset.to_string(), primitives: primitives.collect() });
-            meshes.len() - 1
-        });
         let mut extras = json!({
             "instance_id": body.id, "asset": body.asset, "category": object.category, "role": body.role,
         });
@@ -247,7 +246,7 @@ impl Export {
             extras["license"] = object.license.as_str().into();
         }
         let name = format!("{} {}", body.id, body.asset);
-        self.child(Node { mesh: Some(mesh), extras, ..node(name, &body.world_from_body) });
+        self.child(GltfNode { mesh: Some(mesh), extras, ..node(name, &body.world_from_body) });
         Ok(())
     }
 
@@ -263,7 +262,7 @@ impl Export {
         if mode == LightMode::None {
             return;
         }
-        let mut written = Lights::default();
+        let mut written = GltfLights::default();
         for (number, light) in lights.iter().enumerate() {
             if let Some(node) = written.add(&mut self.glb, number, light, mode) {
                 self.child(node);
@@ -272,7 +271,7 @@ impl Export {
     }
 
     /// Adds a node below the root.
-    fn child(&mut self, node: Node) {
+    fn child(&mut self, node: GltfNode) {
         let nodes = &mut self.glb.document.nodes;
         nodes.push(node);
         let index = nodes.len() - 1;
@@ -285,12 +284,12 @@ impl Export {
 }
 
 /// A node at a pose.
-fn node(name: String, pose: &Pose) -> Node {
-    Node {
+fn node(name: String, pose: &Pose) -> GltfNode {
+    GltfNode {
         name,
         translation: Some(pose.translation.vector.into()),
         rotation: Some(pose.rotation.coords.into()),
-        ..Node::default()
+        ..GltfNode::default()
     }
 }
 

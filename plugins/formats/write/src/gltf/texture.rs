@@ -1,12 +1,12 @@
 //! Images, embedded as PNG, each once.
 
 use super::document::{
-    Image, Index, Sampler, Texture as JsonTexture, TextureInfo, TextureInfoExtensions, TextureTransform,
+    GltfImage, GltfSampler, GltfTexture, Index, TextureInfo, TextureInfoExtensions, TextureTransform,
 };
 use super::glb::Glb;
 use std::borrow::Cow;
 use std::collections::BTreeMap;
-use syntable_formats::encode::png::{self, Samples};
+use syntable_formats::encode::png::{self, PngSamples};
 use syntable_model::color::{linear_to_srgb, srgb_to_linear};
 use syntable_model::digest::{Digest, Hasher};
 use syntable_model::error::Result;
@@ -16,7 +16,7 @@ const LINEAR: u32 = 9_729;
 const LINEAR_MIPMAP_LINEAR: u32 = 9_987;
 
 /// One channel of a texture.
-pub type Channel<'a> = (&'a TextureRef, u8);
+pub type TextureChannel<'a> = (&'a TextureRef, u8);
 
 /// The images and textures of a file.
 #[derive(Debug, Clone, Default)]
@@ -30,7 +30,7 @@ impl Textures {
     pub fn texture(&mut self, glb: &mut Glb, used: &TextureRef, encoding: Encoding) -> Result<TextureInfo> {
         let texture = &*used.texture;
         let key = Hasher::new("texture").digest(texture.digest).bytes(&[encoding as u8]).finish();
-        self.info(glb, key, used, || png::Image {
+        self.info(glb, key, used, || png::PngImage {
             width: texture.width,
             height: texture.height,
             samples: samples(encoded(texture, encoding)),
@@ -40,9 +40,9 @@ impl Textures {
     /// Adds a texture whose channels come from other textures; a channel without a source is white. A texture that has
     /// the right channels already is used as it is; otherwise a new image is packed, as large as the largest source.
     /// The transform is that of the first source.
-    pub fn packed(&mut self, glb: &mut Glb, channels: [Option<Channel<'_>>; 4]) -> Result<Option<TextureInfo>> {
+    pub fn packed(&mut self, glb: &mut Glb, channels: [Option<TextureChannel<'_>>; 4]) -> Result<Option<TextureInfo>> {
         let Some((first, _)) = channels.iter().flatten().next() else { return Ok(None) };
-        let ready = |(target, channel): (usize, &Option<Channel<'_>>)| match channel {
+        let ready = |(target, channel): (usize, &Option<TextureChannel<'_>>)| match channel {
             Some((used, channel)) => {
                 usize::from(*channel) == target
                     && used.texture.digest == first.texture.digest
@@ -75,7 +75,7 @@ impl Textures {
                     texel[target] = from[4 * (y * texture.width as usize + x) + usize::from((*channel).min(3))];
                 }
             }
-            png::Image { width, height, samples: samples(Cow::Owned(texels)) }
+            png::PngImage { width, height, samples: samples(Cow::Owned(texels)) }
         };
         self.info(glb, hasher.finish(), first, pack).map(Some)
     }
@@ -85,13 +85,13 @@ impl Textures {
         glb: &mut Glb,
         key: Digest,
         used: &TextureRef,
-        image: impl FnOnce() -> png::Image,
+        image: impl FnOnce() -> png::PngImage,
     ) -> Result<TextureInfo> {
         let source = match self.images.get(&key) {
             Some(&image) => image,
             None => {
                 let buffer_view = glb.view(image().encode()?, None);
-                glb.document.images.push(Image { buffer_view, mime_type: "image/png" });
+                glb.document.images.push(GltfImage { buffer_view, mime_type: "image/png" });
                 self.images.insert(key, glb.document.images.len() - 1);
                 glb.document.images.len() - 1
             }
@@ -101,7 +101,7 @@ impl Textures {
             Wrap::Mirror => 33_648,
             Wrap::Clamp => 33_071,
         });
-        let wanted = Sampler { mag_filter: LINEAR, min_filter: LINEAR_MIPMAP_LINEAR, wrap_s, wrap_t };
+        let wanted = GltfSampler { mag_filter: LINEAR, min_filter: LINEAR_MIPMAP_LINEAR, wrap_s, wrap_t };
         let samplers = &mut glb.document.samplers;
         let sampler = samplers.iter().position(|sampler| *sampler == wanted).unwrap_or_else(|| {
             samplers.push(wanted);
@@ -109,7 +109,7 @@ impl Textures {
         });
         let textures = &mut glb.document.textures;
         let index = *self.textures.entry((sampler, source)).or_insert_with(|| {
-            textures.push(JsonTexture { sampler, source });
+            textures.push(GltfTexture { sampler, source });
             textures.len() - 1
         });
         let extensions = transform(&used.transform).map(|texture_transform| {
@@ -158,16 +158,16 @@ fn encoded(texture: &Texture, wanted: Encoding) -> Cow<'_, [u8]> {
 }
 
 /// Texels as RGB if all are opaque, else as RGBA.
-fn samples(texels: Cow<'_, [u8]>) -> Samples {
+fn samples(texels: Cow<'_, [u8]>) -> PngSamples {
     if texels.chunks_exact(4).all(|texel| texel[3] == 255) {
-        Samples::Rgb8(texels.chunks_exact(4).flat_map(|texel| [texel[0], texel[1], texel[2]]).collect())
+        PngSamples::Rgb8(texels.chunks_exact(4).flat_map(|texel| [texel[0], texel[1], texel[2]]).collect())
     } else {
-        Samples::Rgba8(texels.into_owned())
+        PngSamples::Rgba8(texels.into_owned())
     }
 }
 
 /// Mean of a channel, as a linear value in [0, 1].
-pub fn mean((used, channel): Channel<'_>) -> f32 {
+pub fn mean((used, channel): TextureChannel<'_>) -> f32 {
     let texels = encoded(&used.texture, Encoding::Linear);
     let channel = usize::from(channel.min(3));
     let sum: u64 = texels.chunks_exact(4).map(|texel| u64::from(texel[channel])).sum();

@@ -1,34 +1,35 @@
 //! Reads JSON Lines of products.
 
+use super::record::{JsonlRecord, KEYS, VIEWS};
 use serde::de::IgnoredAny;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::File;
 use std::io::{BufRead, BufReader, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use syntable_formats::decode::{self, Content};
+use syntable_formats::decode::{self, FileContent};
 use syntable_formats::json;
 use syntable_formats::read::{self, Faults};
-use syntable_formats::samples::{self, Contents, Fields, Latest, Samples};
+use syntable_formats::rule;
+use syntable_formats::samples::{self, Contents, Latest, SampleFields, SampleReader};
 use syntable_model::limits::TEXT_BYTES;
 use syntable_model::prelude::*;
 use syntable_model::reader::{Format, Opened, Source};
 
-syntable_model::register_format!(Format {
-    name: "jsonl",
-    doc: "JSON Lines of views or scenes, as the writer `jsonl` has them: products under their names.",
-    detect: |root| file_of(root).is_some_and(|path| starts_as_one(&path)),
-    open,
-    is_generic: true,
-    crate_name: env!("CARGO_PKG_NAME"),
-});
+syntable_model::register_format!(
+    Format::new(
+        "jsonl",
+        "JSON Lines of views or scenes, as the writer `jsonl` has them: products under their names.",
+        |root| file_of(root).is_some_and(|path| starts_as_one(&path)),
+        open,
+    )
+    .generic()
+);
 
-/// Keys of a line that are no products.
-const SCENE: &str = "scene";
-const VIEW: &str = "view";
-const VIEWS: &str = "views";
+/// A line of which the names of its products alone are read.
+type JsonlHead = JsonlRecord<BTreeMap<String, IgnoredAny>>;
 
-/// The file that a path names: itself, or what a folder has alone.
+/// The file that a path names: itself, or the only file of a folder.
 fn file_of(path: &Path) -> Option<PathBuf> {
     let is_one = |path: &Path| path.extension().is_some_and(|it| it == "jsonl") && path.is_file();
     if is_one(path) {
@@ -40,56 +41,39 @@ fn file_of(path: &Path) -> Option<PathBuf> {
     (is_one(&first) && entries.next().is_none()).then_some(first)
 }
 
-/// What is in a line beside products, and names of these.
-#[derive(Deserialize)]
-struct Head {
-    scene: Option<u32>,
-    view: Option<u32>,
-    views: Option<Vec<ViewHead>>,
-    #[serde(flatten)]
-    fields: BTreeMap<String, IgnoredAny>,
-}
-
-#[derive(Deserialize)]
-struct ViewHead {
-    view: u32,
-    #[serde(flatten)]
-    fields: BTreeMap<String, IgnoredAny>,
-}
-
 /// Whether the first line is one of a scene or a view.
 fn starts_as_one(path: &Path) -> bool {
     let first = File::open(path).ok().and_then(|file| {
         let mut line = Vec::new();
         BufReader::new(file).take(TEXT_BYTES.most).read_until(b'\n', &mut line).ok()?;
         decode::check_json(&line).ok()?;
-        serde_json::from_slice::<Head>(&line).ok()
+        serde_json::from_slice::<JsonlHead>(&line).ok()
     });
     first.is_some_and(|head| head.scene.is_some() && (head.view.is_some() || head.views.is_some()))
 }
 
 /// Where a view is: its line, and its place in the line of a scene.
 #[derive(Clone, Copy)]
-struct Place {
-    line: JsonLine,
+struct ViewPlace {
+    line: LineSpan,
     of_scene: Option<usize>,
 }
 
 #[derive(Clone, Copy, PartialEq)]
-struct JsonLine {
+struct LineSpan {
     number: usize,
     at: u64,
     length: u64,
 }
 
-struct Lines {
+struct JsonlSource {
     path: PathBuf,
     /// The scene of each image, and where it is.
-    places: Vec<(u32, Place)>,
+    places: Vec<(u32, ViewPlace)>,
     /// Lines that have products of scenes alone.
-    scenes: BTreeMap<u32, JsonLine>,
+    scenes: BTreeMap<u32, LineSpan>,
     /// Lines that were read last: of a scene, they have many views.
-    latest: Latest<JsonLine, Fields>,
+    latest: Latest<LineSpan, SampleFields>,
 }
 
 fn open(source: &Source) -> Result<Opened> {
@@ -102,15 +86,15 @@ fn open(source: &Source) -> Result<Opened> {
         read::check_inside(&source.folder(path)?, [&file])?;
     }
     let name = read::name_of(&file);
-    let (contents, lines) = Lines::index(file)?;
+    let (contents, lines) = JsonlSource::index(file)?;
     Ok(samples::open(name, contents, Box::new(lines)))
 }
 
-impl Lines {
+impl JsonlSource {
     fn index(path: PathBuf) -> Result<(Contents, Self)> {
         let fail = |error: std::io::Error| Error::io(&path, &error);
         let mut reader = BufReader::new(decode::open(&path)?);
-        let (mut views, mut scenes) = (BTreeMap::<(u32, u32), Place>::new(), BTreeMap::new());
+        let (mut views, mut scenes) = (BTreeMap::<(u32, u32), ViewPlace>::new(), BTreeMap::new());
         let (mut faults, mut fields) = (Faults::default(), BTreeSet::new());
         let (mut at, mut text) = (0, Vec::new());
         for number in 1.. {
@@ -119,29 +103,29 @@ impl Lines {
             if length == 0 {
                 break;
             }
-            let line = JsonLine { number, at, length };
+            let line = LineSpan { number, at, length };
             at += length;
             let place = || format!("line {number}");
             if length == TEXT_BYTES.most && text.last() != Some(&b'\n') {
                 let rest = reader.skip_until(b'\n').map_err(fail)? as u64;
                 at += rest;
                 let error = TEXT_BYTES.refuse(length + rest).at_line(number).in_file(&path);
-                faults.lost("readable", place(), &format!("{error}: the line is not read"));
+                faults.lost(rule::READABLE, place(), format!("{error}: the line is not read"));
                 continue;
             }
-            let parse = || serde_json::from_slice::<Head>(&text).map_err(|error| json::located(&error, None, &[]));
+            let parse = || serde_json::from_slice::<JsonlHead>(&text).map_err(|error| json::located(&error, None, &[]));
             let head = match decode::check_json(&text).and_then(|()| parse()) {
                 Ok(head) => head,
                 Err(error) => {
                     let error = error.at_line(number).in_file(&path);
-                    faults.lost("readable", place(), &format!("{error}: the line is not read"));
+                    faults.lost(rule::READABLE, place(), format!("{error}: the line is not read"));
                     continue;
                 }
             };
-            // A line that lacks what another one has is at fault with it.
-            let of_views = head.views.iter().flatten().flat_map(|view| view.fields.keys());
+            // A line that lacks a product of another line is at fault when the product is read.
+            let of_views = head.views.iter().flatten().flat_map(|view| view.products.keys());
             if head.scene.is_some() {
-                fields.extend(head.fields.keys().chain(of_views).cloned());
+                fields.extend(head.products.keys().chain(of_views).cloned());
             }
             let found: Vec<(u32, Option<usize>)> = match (head.scene, head.view, head.views) {
                 (Some(_), Some(view), _) => vec![(view, None)],
@@ -162,27 +146,27 @@ impl Lines {
                         "view {view} of scene {} is in line {}, too; that one counts",
                         key.0, first.line.number
                     );
-                    faults.lost("unique_views", place(), &message);
+                    faults.lost(rule::UNIQUE_VIEWS, place(), message);
                     continue;
                 }
-                views.insert(key, Place { line, of_scene });
+                views.insert(key, ViewPlace { line, of_scene });
             }
         }
         let image = |&(scene, view): &(u32, u32)| read::image((scene, view), format!("scene {scene}, view {view}"));
         let images = views.keys().map(image).collect();
-        let places: Vec<(u32, Place)> = views.into_iter().map(|((scene, _), place)| (scene, place)).collect();
+        let places: Vec<(u32, ViewPlace)> = views.into_iter().map(|((scene, _), place)| (scene, place)).collect();
         let contents = Contents { images, fields, faults, ..Contents::default() };
         Ok((contents, Self { path, places, scenes, latest: Latest::default() }))
     }
 
-    /// The fields of a line by name, and those of a view in it.
-    fn sample(&self, image: usize) -> Result<Fields> {
+    /// The fields of a view: those of its line, of its entry in the line, and of its scene.
+    fn sample(&self, image: usize) -> Result<SampleFields> {
         let (scene, place) = self.places[image];
         let line = match place.of_scene {
             None => Arc::new(self.line(place.line)?),
             Some(_) => self.latest.get(place.line, || self.line(place.line))?,
         };
-        let mut fields = Fields::clone(&line);
+        let mut fields = SampleFields::clone(&line);
         if let Some(scene) = self.scenes.get(&scene) {
             fields.extend(self.line(*scene)?);
         }
@@ -192,16 +176,16 @@ impl Lines {
         {
             fields.extend(own);
         }
-        fields.retain(|name, _| name != SCENE && name != VIEW);
+        fields.retain(|name, _| !KEYS.contains(&name.as_str()));
         Ok(fields)
     }
 
-    fn line(&self, line: JsonLine) -> Result<Fields> {
+    fn line(&self, line: LineSpan) -> Result<SampleFields> {
         let fail = |error: std::io::Error| Error::io(&self.path, &error);
         let mut file = File::open(&self.path).map_err(fail)?;
         let mut bytes = vec![0; line.length as usize];
         file.seek(SeekFrom::Start(line.at)).and_then(|_| file.read_exact(&mut bytes)).map_err(fail)?;
-        let content = Content::new(bytes, self.path.clone());
+        let content = FileContent::new(bytes, self.path.clone());
         match content.json().map_err(|error| error.at_line(line.number))? {
             Value::Record(fields) => Ok(fields.into_iter().collect()),
             _ => Err(content.refuse("a line is no record").at_line(line.number)),
@@ -209,8 +193,8 @@ impl Lines {
     }
 }
 
-impl Samples for Lines {
-    fn read(&self, image: usize, wanted: &BTreeSet<&str>) -> Result<Fields> {
+impl SampleReader for JsonlSource {
+    fn read(&self, image: usize, wanted: &BTreeSet<&str>) -> Result<SampleFields> {
         let mut fields = self.sample(image)?;
         fields.retain(|name, _| wanted.contains(name.as_str()));
         Ok(fields)

@@ -1,17 +1,13 @@
 //! NumPy archives: all arrays of a view in one file.
 
 mod read;
+mod record;
+mod write;
 
-use syntable_formats::encode::kind::accepts;
-use syntable_formats::encode::npy::{self, Array, Arrays};
-use syntable_formats::encode::{npz, scene_name, view_name};
-use syntable_formats::include::{self, Included};
-use syntable_formats::writer::ImageWriter;
+use record::IDS;
+use syntable_formats::include::Included;
+use syntable_formats::writer::ProductWriter;
 use syntable_model::prelude::*;
-use syntable_model::product::Scope;
-
-/// Name of the array of the instances' ids.
-const IDS: &str = "ids";
 
 /// Writes one NumPy archive per view, for training loops.
 ///
@@ -72,66 +68,7 @@ impl Config for Npz {
         "include = [\"rgb\", \"visible_ids\", \"amodal_bits\", \"category_id\", \"occlusion_order\"]";
     fn build(self) -> Result<Box<dyn Writer>, ConfigError> {
         self.include.check_free(&[IDS])?;
-        Ok(self.boxed())
-    }
-}
-
-impl ImageWriter for Npz {
-    type Scene = ();
-
-    fn reads(&self) -> Vec<Input> {
-        self.include.inputs(Accepts::If(|key| accepts(key, npy::check)))
-    }
-
-    fn view(&self, _: &mut (), cx: &ImageContext, products: &Products, output: &Output) -> Result<()> {
-        self.write(Scope::View, &view_name(cx.scene_id, cx.view_id), products, output, include::shape(cx))
-    }
-
-    fn close(&self, (): (), cx: &ImagesContext, products: &Products, output: &Output) -> Result<()> {
-        self.write(Scope::Scene, &scene_name(cx.scene_id), products, output, [0, 0])
-    }
-
-    fn paths(&self, of: &FileOf) -> Vec<String> {
-        let archive = include::path_of_all(of, |name| archive_path(of.id, name));
-        archive.into_iter().chain(self.include.categories_path(of)).collect()
-    }
-
-    fn finish(&self, cx: &DatasetContext, _: &Products, finish: &Finish) -> Result<()> {
-        self.include.write_categories(cx.dataset, finish)
-    }
-}
-
-fn archive_path(id: &str, name: &str) -> String {
-    format!("{id}/{name}.npz")
-}
-
-impl Npz {
-    /// Writes the products of a scope, if there are any; `size` is the height and width of an image without instances.
-    fn write(&self, scope: Scope, name: &str, products: &Products, output: &Output, size: [usize; 2]) -> Result<()> {
-        let mut archive: Vec<(&str, Array)> = Vec::new();
-        let mut ids: Option<(&str, Array)> = None;
-        for (product, key) in self.include.of_scope(products, scope) {
-            match npy::arrays(product, &key, &products.value(product)?, size)? {
-                Arrays::One(array) => archive.push((product, array)),
-                Arrays::PerInstance { values, ids: of } => {
-                    archive.push((product, values));
-                    match &ids {
-                        None => ids = Some((product, of)),
-                        Some((_, same)) if *same == of => {}
-                        Some((first, _)) => {
-                            return Err(Error::new(format!("`{first}` and `{product}` are of different instances"))
-                                .help("include them in two writers of the kind npz, or write them with npy"));
-                        }
-                    }
-                }
-            }
-        }
-        if archive.is_empty() {
-            return Ok(());
-        }
-        archive.extend(ids.map(|(_, ids)| (IDS, ids)));
-        let bytes = npz::encode(archive.iter().map(|(name, array)| (*name, array)), self.compress)?;
-        output.write(&archive_path(output.id(), name), &bytes)
+        Ok(self.writer())
     }
 }
 

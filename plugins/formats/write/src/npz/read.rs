@@ -1,15 +1,15 @@
 //! Reads NumPy archives, one per view.
 
-use super::IDS;
+use super::record::{ARCHIVE, IDS};
 use std::collections::BTreeSet;
 use std::fs::File;
 use std::io::{BufReader, Read};
 use std::path::{Path, PathBuf};
-use syntable_formats::decode::{self, Content};
+use syntable_formats::decode::{self, FileContent};
 use syntable_formats::encode::view_name;
 use syntable_formats::include;
 use syntable_formats::read::{self, Faults, place_in_name};
-use syntable_formats::samples::{self, Contents, Fields, Samples};
+use syntable_formats::samples::{self, Contents, SampleFields, SampleReader};
 use syntable_model::limits::{ARCHIVE_MEMBERS, MEMBER_BYTES};
 use syntable_model::panics::guarded;
 use syntable_model::prelude::*;
@@ -17,18 +17,19 @@ use syntable_model::reader::{Format, Opened, Source};
 use syntable_model::scene::{SceneId, ViewId};
 use zip::ZipArchive;
 
-syntable_model::register_format!(Format {
-    name: "npz",
-    doc: "NumPy archives of views, as the writer `npz` has them: products under their names.",
-    detect: |root| !archives_of(root).is_empty(),
-    open,
-    is_generic: true,
-    crate_name: env!("CARGO_PKG_NAME"),
-});
+syntable_model::register_format!(
+    Format::new(
+        "npz",
+        "NumPy archives of views, as the writer `npz` has them: products under their names.",
+        |root| !archives_of(root).is_empty(),
+        open,
+    )
+    .generic()
+);
 
 /// The archives of a folder that are called after a view, `{scene:06}_{view:04}.npz`, with scene and view.
 fn archives_of(folder: &Path) -> Vec<((u32, u32), PathBuf)> {
-    let archives = read::entries(folder).into_iter().filter(|path| path.extension().is_some_and(|it| it == "npz"));
+    let archives = read::entries(folder).into_iter().filter(|path| path.extension().is_some_and(|it| it == ARCHIVE));
     archives.filter_map(|path| Some((place_in_name(path.file_name()?.to_str()?)?, path))).collect()
 }
 
@@ -49,18 +50,19 @@ fn open(source: &Source) -> Result<Opened> {
     let image = |&(scene, view): &(u32, u32)| read::image((scene, view), view_name(SceneId(scene), ViewId(view)));
     let images = all.keys().map(image).collect();
     let paths: Vec<PathBuf> = all.into_values().collect();
-    // An archive that lacks what another one has is at fault with it.
-    let fields = paths.iter().filter_map(|path| Archive::open(path).ok()).flat_map(|archive| archive.names()).collect();
+    // An archive that lacks an array of another archive is at fault when the array is read.
+    let fields =
+        paths.iter().filter_map(|path| NpzArchive::open(path).ok()).flat_map(|archive| archive.names()).collect();
     let contents =
         Contents { images, fields, faults, categories: include::categories_in(&folder)?, ..Contents::default() };
     Ok(samples::open(read::name_of(root), contents, Box::new(Archives(paths))))
 }
 
-impl Samples for Archives {
-    fn read(&self, image: usize, wanted: &BTreeSet<&str>) -> Result<Fields> {
-        let mut archive = Archive::open(&self.0[image])?;
+impl SampleReader for Archives {
+    fn read(&self, image: usize, wanted: &BTreeSet<&str>) -> Result<SampleFields> {
+        let mut archive = NpzArchive::open(&self.0[image])?;
         let own: Vec<String> = archive.names().into_iter().filter(|name| wanted.contains(name.as_str())).collect();
-        let mut fields = Fields::new();
+        let mut fields = SampleFields::new();
         for name in own {
             let content = archive.array(&name)?;
             let array = content.npy()?;
@@ -77,18 +79,18 @@ impl Samples for Archives {
     }
 }
 
-/// What the library is called when it fails.
+/// Name of the library in errors.
 const LIBRARY: &str = "the library that reads ZIP archives";
 
 /// An archive that is open.
-struct Archive {
+struct NpzArchive {
     zip: ZipArchive<BufReader<File>>,
     path: PathBuf,
 }
 
-impl Archive {
+impl NpzArchive {
     fn open(path: &Path) -> Result<Self> {
-        // Of an archive, what is not asked for is not read.
+        // Only requested arrays are read.
         let file = decode::open(path)?;
         let refuse = |error| Error::new(format!("not a readable NumPy archive: {error}")).in_file(path);
         let zip = guarded(LIBRARY, path, || ZipArchive::new(BufReader::new(file)).map_err(refuse))?;
@@ -103,22 +105,22 @@ impl Archive {
         names.filter(|name| name != IDS).collect()
     }
 
-    fn array(&mut self, name: &str) -> Result<Content> {
+    fn array(&mut self, name: &str) -> Result<FileContent> {
         let path = self.path.join(format!("{name}.npy"));
         guarded(LIBRARY, &path.clone(), || self.unpacked(name, path))
     }
 
-    fn unpacked(&mut self, name: &str, path: PathBuf) -> Result<Content> {
+    fn unpacked(&mut self, name: &str, path: PathBuf) -> Result<FileContent> {
         let refuse = |what: String| Error::new(what).in_file(&path);
         let file = self.zip.by_name(&format!("{name}.npy"));
         let file = file.map_err(|error| refuse(format!("the archive has no such array: {error}")))?;
         let mut bytes = Vec::new();
         let size = file.size();
         MEMBER_BYTES.check(size).map_err(|error| error.in_file(&path))?;
-        // What is larger than the archive says is damaged. At its end, the sum of the array is compared.
+        // An array that is larger than the archive states is damaged. The library compares the checksum at the array's end.
         file.take(size + 1)
             .read_to_end(&mut bytes)
             .map_err(|error| refuse(format!("the array is damaged: {error}")))?;
-        Ok(Content::new(bytes, path.clone()))
+        Ok(FileContent::new(bytes, path.clone()))
     }
 }

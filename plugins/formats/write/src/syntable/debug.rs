@@ -6,9 +6,9 @@
 //! everything else.
 
 use super::SynTable;
-use super::record::{Labels, decoded};
+use super::record::{ViewLabels, decoded};
 use std::collections::BTreeSet;
-use syntable_formats::encode::{pfm, png::Image};
+use syntable_formats::encode::{pfm, png::PngImage};
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{BODIES, DEPTH, INSTANCE, OBJECT_INFO};
 use syntable_model::product::{Painted, Plane};
@@ -25,14 +25,14 @@ pub fn write(
     output: &Output,
     cx: &ImageContext,
     products: &Products,
-    labels: &Labels,
+    labels: &ViewLabels,
     name: &str,
 ) -> Result<()> {
     let path = |rest: String| config.path(&format!("data/mono/{rest}"));
     let [depth_path, preview_path, ids_path] = paths(name).map(|path| config.path(&path));
     let depth = products.get(DEPTH)?;
     output.write(&depth_path, &pfm::encode(depth))?;
-    Image::gray8(&inverse_depth(depth)).write(output, &preview_path)?;
+    PngImage::gray8(&inverse_depth(depth)).write(output, &preview_path)?;
     let ids = match (products.optional(INSTANCE)?, products.optional(BODIES)?) {
         (Some(ids), Some(bodies)) => {
             let objects = objects(bodies)?;
@@ -46,7 +46,7 @@ pub fn write(
             painted.ids
         }
     };
-    Image::gray8(&ids.map(|id| id.0 as u8)).write(output, &ids_path)?;
+    PngImage::gray8(&ids.map(|id| id.0 as u8)).write(output, &ids_path)?;
     let beyond = labels.ids().iter().filter(|id| id.0 > u8::MAX.into()).count();
     let what =
         "objects have ids above 255, and these files have 8 bits: they show ids modulo 256, of which 0 is nothing";
@@ -56,9 +56,9 @@ pub fn write(
         let spawn = spawns.and_then(|infos| infos.get(id)).map_or(Ok(None), spawn)?;
         let k = spawn.unwrap_or_else(|| u32::from(id.0) - 1);
         let [visible, amodal, occlusion] = labels.masks(id)?;
-        Image::mask(visible, 1).write(output, &path(format!("instance/{name}_{k}.png")))?;
-        Image::mask(amodal, id.0 as u8).write(output, &path(format!("amodal/{name}_{k}.png")))?;
-        Image::mask(occlusion, 1).write(output, &path(format!("occlusion/{name}_{k}.png")))?;
+        PngImage::mask(visible, 1).write(output, &path(format!("instance/{name}_{k}.png")))?;
+        PngImage::mask(amodal, id.0 as u8).write(output, &path(format!("amodal/{name}_{k}.png")))?;
+        PngImage::mask(occlusion, 1).write(output, &path(format!("occlusion/{name}_{k}.png")))?;
     }
     Ok(())
 }
@@ -66,21 +66,21 @@ pub fn write(
 /// The ids of the objects among the records of the product `bodies`.
 fn objects(bodies: &Value) -> Result<BTreeSet<u16>> {
     #[derive(Deserialize)]
-    struct Record {
+    struct BodyRole {
         id: u16,
         role: String,
     }
-    let records: Vec<Record> = decoded(BODIES.name(), bodies)?;
+    let records: Vec<BodyRole> = decoded(BODIES.name(), bodies)?;
     Ok(records.into_iter().filter(|body| body.role == "object").map(|body| body.id).collect())
 }
 
 /// The spawn number in a record of the product `object_info`; none if the dataset does not state it.
 fn spawn(info: &Value) -> Result<Option<u32>> {
     #[derive(Deserialize)]
-    struct Record {
+    struct SpawnNumber {
         spawn: Option<u32>,
     }
-    Ok(decoded::<Record>(OBJECT_INFO.name(), info)?.spawn)
+    Ok(decoded::<SpawnNumber>(OBJECT_INFO.name(), info)?.spawn)
 }
 
 /// Inverse depth relative to the nearest pixel, which becomes 255; 0 where there is no depth.

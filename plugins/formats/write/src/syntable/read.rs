@@ -1,15 +1,15 @@
-//! Reads datasets of SynTable's layout: ours, and those of the release and of UOAIS-Sim.
+//! Reads datasets of SynTable's layout: from this program, from SynTable's release, and UOAIS-Sim.
 
-use super::record::two_decimals;
+use super::{ANNOTATION_FILE, RECIPE};
 use std::collections::BTreeMap;
-use std::fs;
 use std::path::{Path, PathBuf};
-use syntable_formats::decode;
-use syntable_formats::index::{Record, Section};
-use syntable_formats::listing::Listing;
-use syntable_formats::read::{self, BACKGROUND, Labels};
+use syntable_formats::decode::{self, FileContent};
+use syntable_formats::index::{IndexedRecord, RecordSection};
+use syntable_formats::listing::AnnotationListing;
+use syntable_formats::read::{self, BACKGROUND, ObjectLabels};
+use syntable_formats::rule;
 use syntable_formats::segmentation::Rle;
-use syntable_formats::syntable::{Annotation, Image, Scene};
+use syntable_formats::syntable::{SynTableAnnotation, SynTableImage, SynTableScene};
 use syntable_model::files::{DatasetFolder, read_small};
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{
@@ -17,30 +17,26 @@ use syntable_model::product::standard::{
     RGB, VISIBILITY,
 };
 use syntable_model::product::{BBox, OcclusionOrder};
-use syntable_model::reader::{Format, ImageSource, Note, Opened, ReadImage, Source};
+use syntable_model::reader::{DatasetFault, FaultSubject, Format, ImageSource, Note, Opened, ReadImage, Source};
 
-syntable_model::register_format!(Format {
-    name: "syntable",
-    doc: "SynTable's layout, as the writer `syntable` and SynTable's release have it, and the annotation files of UOAIS-Sim.",
-    detect: |path| {
-        annotation_files(path).is_ok_and(|files| !files.is_empty()) && root_of(path).join("data/mono").is_dir()
-    },
+syntable_model::register_format!(Format::new(
+    "syntable",
+    "SynTable's layout, as the writer `syntable` and SynTable's release have it, and the annotation files of UOAIS-Sim.",
+    |path| { annotation_files(path).is_ok_and(|files| !files.is_empty()) && root_of(path).join("data/mono").is_dir() },
     open,
-    is_generic: false,
-    crate_name: env!("CARGO_PKG_NAME"),
-});
+));
 
 /// A dataset that is open.
-struct SynTableSource {
+pub struct SynTableSource {
     root: DatasetFolder,
-    listing: Listing,
+    listing: AnnotationListing,
     /// Numbers of the records of the scenes of images, as far as they have any.
     scenes: Vec<Option<u32>>,
     /// Whether an object says how much of it is hidden.
     is_amodal: bool,
 }
 
-/// What all images of a dataset have.
+/// The fields that all images of a dataset have.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 struct Has {
     depth: bool,
@@ -48,9 +44,9 @@ struct Has {
     exposure: bool,
     denoiser: bool,
     label_policy: bool,
-    /// Whether all objects are described, and there are some.
+    /// Whether all objects are described; none without objects.
     objects: Option<bool>,
-    /// Whether all objects have a name, and there are some.
+    /// Whether all objects have a name; none without objects.
     names: Option<bool>,
     /// Whether an object says how much of it is hidden.
     amodal: bool,
@@ -71,7 +67,7 @@ impl Has {
         occlusion: false,
     };
 
-    fn image(&mut self, image: &Image) {
+    fn image(&mut self, image: &SynTableImage) {
         self.depth &= image.depth_file_name.is_some();
         self.camera &= image.camera.is_some();
         self.exposure &= image.exposure.is_some();
@@ -79,7 +75,7 @@ impl Has {
         self.label_policy &= image.label_policy.is_some();
     }
 
-    fn annotation(&mut self, it: &Annotation) {
+    fn annotation(&mut self, it: &SynTableAnnotation) {
         if it.category_id == BACKGROUND {
             return;
         }
@@ -93,25 +89,17 @@ impl Has {
 
 /// The folder of a dataset, which its annotation file may name.
 fn root_of(path: &Path) -> PathBuf {
-    let above = || Some(std::path::absolute(path).ok()?.parent()?.to_owned());
-    above().filter(|_| path.is_file()).unwrap_or_else(|| path.to_owned())
+    if path.is_file() { read::above(path) } else { path.to_owned() }
 }
 
-/// Annotation files at the top of a dataset: the named one, `annotation_final.json`, or all other JSON files.
+/// Annotation files at the top of a dataset: the named one, the one with the usual name, or all other JSON files.
 fn annotation_files(root: &Path) -> std::io::Result<Vec<PathBuf>> {
-    if root.is_file() {
-        let is_json = root.extension().is_some_and(|it| it == "json");
-        return Ok(is_json.then(|| root.to_owned()).into_iter().collect());
+    let usual = root.join(ANNOTATION_FILE);
+    match root.is_file() {
+        true => Ok(Some(root.to_owned()).filter(|file| read::is_json(file)).into_iter().collect()),
+        false if usual.is_file() => Ok(vec![usual]),
+        false => read::json_files(root),
     }
-    let usual = root.join("annotation_final.json");
-    if usual.is_file() {
-        return Ok(vec![usual]);
-    }
-    let files = fs::read_dir(root)?.map(|entry| Ok(entry?.path())).collect::<std::io::Result<Vec<_>>>()?;
-    let mut files: Vec<PathBuf> =
-        files.into_iter().filter(|path| path.is_file() && path.extension().is_some_and(|it| it == "json")).collect();
-    files.sort();
-    Ok(files)
 }
 
 fn open(source: &Source) -> Result<Opened> {
@@ -124,27 +112,31 @@ fn open(source: &Source) -> Result<Opened> {
             "an annotation file was expected at the top of the dataset, and there are {found}"
         ))
         .in_file(path)
-        .help("name one of them in place of the folder, or call it annotation_final.json"));
+        .help(format!("name one of them in place of the folder, or call it {ANNOTATION_FILE}")));
     };
     if !path.is_file() {
         root.file(file.file_name().unwrap_or_default())?;
     }
     let (mut has, mut scenes) = (Has::ALL, Vec::new());
-    let listing = Listing::open(file, &mut |record: &Record<Image, Annotation, Scene>| match record {
-        Record::Image(image) => has.image(image),
-        Record::Annotation(annotation) => has.annotation(annotation),
-        Record::Scene(scene) => scenes.push(scene.id),
+    let listing = AnnotationListing::open(file, &mut |record: &IndexedRecord<
+        SynTableImage,
+        SynTableAnnotation,
+        SynTableScene,
+    >| match record {
+        IndexedRecord::Image(image) => has.image(image),
+        IndexedRecord::Annotation(annotation) => has.annotation(annotation),
+        IndexedRecord::Scene(scene) => scenes.push(scene.id),
     });
     let mut listing = listing?;
     let mut of_scene = BTreeMap::new();
     for (record, scene) in (0..).zip(scenes) {
         if of_scene.insert(scene, record).is_some() {
-            listing.faults.add("unique_ids", format!("scene {scene}"), "two scenes have this id");
+            listing.faults.add(rule::UNIQUE_IDS, FaultSubject::Scene(scene), "two scenes have this id");
         }
     }
     // A file without annotations says of no object that it lacks something.
-    has.amodal |= listing.file.is_empty(Section::Annotations);
-    let recipe = root.file(super::RECIPE).ok().and_then(|path| String::from_utf8(read_small(&path).ok()?).ok());
+    has.amodal |= listing.file.is_empty(RecordSection::Annotations);
+    let recipe = root.file(RECIPE).ok().and_then(|path| String::from_utf8(read_small(&path).ok()?).ok());
     let recipe = recipe.unwrap_or_default();
     let about = &listing.file.info;
     listing.categories.forget_supercategory(read::SUPERCATEGORY);
@@ -161,11 +153,11 @@ fn open(source: &Source) -> Result<Opened> {
 }
 
 /// The products that all images have.
-fn offers(listing: &Listing, has: Has, has_bodies: bool) -> Vec<KeyId> {
+fn offers(listing: &AnnotationListing, has: Has, has_bodies: bool) -> Vec<KeyId> {
     if listing.images.is_empty() {
         return keys![RGB];
     }
-    let mut keys = read::Known::with_amodal(has.amodal).offers();
+    let mut keys = read::KnownMasks::with_amodal(has.amodal).offers();
     keys.push(RGB.id());
     let more = [
         (VISIBILITY.id(), has.amodal),
@@ -183,20 +175,21 @@ fn offers(listing: &Listing, has: Has, has_bodies: bool) -> Vec<KeyId> {
 }
 
 /// An image with its annotations, in the order of the file.
-struct ShownImage {
-    image: Image,
-    annotations: Vec<Annotation>,
+pub struct ShownImage {
+    pub image: SynTableImage,
+    pub annotations: Vec<SynTableAnnotation>,
+}
+
+impl ShownImage {
+    /// The ids that annotations state of their objects.
+    pub fn stated_ids(&self) -> Vec<Option<u64>> {
+        self.annotations.iter().map(|annotation| annotation.instance_id.map(u64::from)).collect()
+    }
 }
 
 impl ImageSource for SynTableSource {
-    fn image_faults(&self, image: usize) -> Vec<(&'static str, String)> {
-        let Ok(shown) = self.shown(image) else { return Vec::new() };
-        let stated = shown.stated_ids();
-        let Ok(ids) = read::ids_of(&stated) else { return Vec::new() };
-        let labels = ids.into_iter().zip(&shown.annotations).map(|(id, it)| (it, self.labels(&shown.image, id, it)));
-        let read = labels.filter_map(|(annotation, labels)| Some((annotation, labels.ok()?)));
-        let faults = read.flat_map(|(annotation, labels)| faults_of(annotation, &labels));
-        faults.chain(read::id_faults(&stated)).chain(shown.list_fault()).collect()
+    fn image_faults(&self, image: usize) -> Vec<DatasetFault> {
+        self.shown(image).map_or_else(|_| Vec::new(), |shown| self.faults_of(&shown))
     }
 
     fn read(&self, image: usize, wants: &[KeyId]) -> Result<ReadImage> {
@@ -205,7 +198,7 @@ impl ImageSource for SynTableSource {
         let mut products = Products::new();
         let ids = read::ids_of(&record.stated_ids())?;
         let labels = ids.into_iter().zip(&record.annotations).map(|(id, it)| self.labels(&record.image, id, it));
-        let labels: Vec<Labels> = labels.collect::<Result<_>>()?;
+        let labels: Vec<ObjectLabels> = labels.collect::<Result<_>>()?;
         let wanted = |key: KeyId| wants.contains(&key);
         let order = wanted(OCCLUSION_ORDER.id()).then(|| self.order(&record.image, &labels)).transpose()?.flatten();
         read::put(&labels, order, wants, &mut products)?;
@@ -216,7 +209,7 @@ impl ImageSource for SynTableSource {
             let unit_mm = f64::from(record.image.depth_unit_mm.unwrap_or(1));
             products.put(DEPTH, decode::depth_of_size(&self.root.file(path)?, unit_mm, size)?)?;
         }
-        let Image { camera, exposure, denoiser, label_policy, .. } = &record.image;
+        let SynTableImage { camera, exposure, denoiser, label_policy, .. } = &record.image;
         for (key, json) in [(CAMERA, camera), (EXPOSURE, exposure), (DENOISER, denoiser), (LABEL_POLICY, label_policy)]
         {
             if let Some(json) = json.as_ref().filter(|_| wanted(key.id())) {
@@ -238,7 +231,7 @@ impl ImageSource for SynTableSource {
             products.put(OBJECT_INFO, infos)?;
         }
         if let Some(scene) = self.scenes[image].filter(|_| wanted(BODIES.id())) {
-            for scene in self.listing.file.records::<Scene>(Section::Scenes, &[scene])? {
+            for scene in self.listing.file.records::<SynTableScene>(RecordSection::Scenes, &[scene])? {
                 products.put(BODIES, Value::of(&scene.bodies)?)?;
             }
         }
@@ -246,81 +239,19 @@ impl ImageSource for SynTableSource {
     }
 }
 
-/// What an annotation of our form says of its masks in numbers. The form of the release has other areas.
-fn faults_of(annotation: &Annotation, labels: &Labels) -> Vec<(&'static str, String)> {
-    let mut faults: Vec<_> = fault_of_rate(annotation).into_iter().collect();
-    faults.extend(faults_of_numbers(annotation, labels));
-    faults
-}
-
-/// A rate that is missing beside masks, or that is rounded to another one.
-fn fault_of_rate(annotation: &Annotation) -> Option<(&'static str, String)> {
-    let fault = |what: String| Some(("rate_is_ratio_of_areas", format!("annotation {}: {what}", annotation.id)));
-    match (annotation.occluded_rate, annotation.occluded_rate_rounded) {
-        (None, _) if annotation.occluded_mask.is_some() => {
-            fault("it has `occluded_mask` and no number as `occluded_rate`".to_owned())
-        }
-        (Some(rate), Some(rounded)) if (rounded - two_decimals(rate)).abs() > 1e-9 => {
-            fault(format!("`occluded_rate_rounded` is {rounded}, `occluded_rate` {rate}"))
-        }
-        _ => None,
-    }
-}
-
-fn faults_of_numbers(annotation: &Annotation, labels: &Labels) -> Vec<(&'static str, String)> {
-    let Some(amodal) = labels.amodal.as_ref().filter(|_| annotation.amodal_bbox.is_some()) else { return Vec::new() };
-    let (visible, occluded) = (&labels.visible, labels.occlusion.as_ref());
-    let areas = [
-        ("area", Some(annotation.area), Some(amodal)),
-        ("visible_area", annotation.visible_area, Some(visible)),
-        ("occluded_area", annotation.occluded_area, occluded),
-    ];
-    let mut faults = Vec::new();
-    for (name, said, mask) in areas {
-        if let (Some(said), Some(mask)) = (said, mask)
-            && said != u64::from(mask.area())
-        {
-            let message =
-                format!("annotation {}: `{name}` is {said}, its mask has {} pixels", annotation.id, mask.area());
-            faults.push(("areas_are_those_of_masks", message));
-        }
-    }
-    let boxes = [visible.bbox(), amodal.bbox()].map(<[i32; 4]>::from);
-    if !boxes.contains(&annotation.bbox) {
-        let message =
-            format!("annotation {}: `bbox` is {:?}, its masks have {boxes:?}", annotation.id, annotation.bbox);
-        faults.push(("bbox_is_that_of_a_mask", message));
-    }
-    faults
-}
-
-impl ShownImage {
-    /// The ids that annotations state of their objects.
-    fn stated_ids(&self) -> Vec<Option<u64>> {
-        self.annotations.iter().map(|annotation| annotation.instance_id.map(u64::from)).collect()
-    }
-
-    /// What is wrong with the image's list of its objects.
-    fn list_fault(&self) -> Option<(&'static str, String)> {
-        let listed = self.image.instance_ids.as_ref()?;
-        let own: Vec<Option<u16>> = self.annotations.iter().map(|annotation| annotation.instance_id).collect();
-        let differ = listed.len() != own.len() || listed.iter().zip(&own).any(|(id, own)| Some(*id) != *own);
-        let message = format!(
-            "image {}: `instance_ids` are {listed:?}, and its annotations are not of these in this order",
-            self.image.id
-        );
-        differ.then_some(("records_agree", message))
-    }
-}
-
 impl SynTableSource {
     fn shown(&self, image: usize) -> Result<ShownImage> {
-        let mut annotations: Vec<Annotation> = self.listing.annotations(image)?;
+        let mut annotations: Vec<SynTableAnnotation> = self.listing.annotations(image)?;
         annotations.retain(|annotation| annotation.category_id != BACKGROUND);
         Ok(ShownImage { image: self.listing.image(image)?, annotations })
     }
 
-    fn labels(&self, image: &Image, id: InstanceId, annotation: &Annotation) -> Result<Labels> {
+    pub fn labels(
+        &self,
+        image: &SynTableImage,
+        id: InstanceId,
+        annotation: &SynTableAnnotation,
+    ) -> Result<ObjectLabels> {
         let mask = |rle: &Rle, name: &str| -> Result<Mask> {
             let of = || format!("annotation {}: `{name}`", annotation.id);
             let mask = rle.decode().map_err(|error| error.context(of()))?;
@@ -333,7 +264,7 @@ impl SynTableSource {
         let visible = mask(&annotation.visible_mask, "visible_mask")?;
         // The form of the release has no other box than the visible one.
         let visible_box = annotation.visible_bbox.or(Some(annotation.bbox)).filter(|_| !visible.is_empty());
-        Ok(Labels {
+        Ok(ObjectLabels {
             id,
             visible,
             amodal: self.is_amodal.then(|| mask(&annotation.segmentation, "segmentation")).transpose()?,
@@ -346,10 +277,10 @@ impl SynTableSource {
     }
 
     /// The order that the dataset has, whose n-th row is that of the n-th annotation; none if it has none.
-    fn order(&self, image: &Image, labels: &[Labels]) -> Result<Option<OcclusionOrder>> {
+    fn order(&self, image: &SynTableImage, labels: &[ObjectLabels]) -> Result<Option<OcclusionOrder>> {
         let Some(path) = &image.occlusion_order_file_name else { return Ok(None) };
         let path = self.root.file(path)?;
-        let (edge, entries) = decode::square_npy(&path)?;
+        let (edge, entries) = FileContent::read(&path)?.square_npy()?;
         if edge != labels.len() {
             return Err(Error::new(format!("it is of {edge} objects, the image has {} annotations", labels.len()))
                 .in_file(&path));

@@ -1,12 +1,14 @@
 //! The records of images and annotations.
 
 use super::{BoxSource, Compat};
-use crate::jsonl::encoded;
 use serde::de::DeserializeOwned;
 use serde_json::Value as Json;
+use syntable_formats::json;
+use syntable_formats::read::label_of;
 use syntable_formats::segmentation::Rle;
 use syntable_formats::syntable::{
-    Annotation, Image, OBJECT_CATEGORY, Scene, depth_path, occlusion_order_path, rgb_path, syntable_1,
+    OBJECT_CATEGORY, SynTableAnnotation, SynTableImage, SynTableScene, depth_path, occlusion_order_path, rgb_path,
+    syntable_1,
 };
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{
@@ -19,68 +21,51 @@ use syntable_model::product::{BBox, OcclusionOrder, Product};
 pub const DATE: &str = "1970-01-01 00:00:00.000000";
 
 /// The labels of a view, and which of its instances are annotated.
-pub struct Labels<'a> {
-    visible: &'a PerInstance<Mask>,
-    visible_box: &'a PerInstance<BBox>,
-    /// What a dataset without amodal masks does not have.
-    hidden: Option<Hidden<'a>>,
+pub struct ViewLabels<'a> {
+    products: &'a Products,
+    /// Whether they have hidden parts, which a dataset without amodal masks does not have.
+    has_hidden: bool,
     /// The order of all instances that have labels.
     pub order: Option<&'a OcclusionOrder>,
     ids: Vec<InstanceId>,
 }
 
-/// What is said of hidden parts.
-#[derive(Clone, Copy)]
-struct Hidden<'a> {
-    amodal: &'a PerInstance<Mask>,
-    occlusion: &'a PerInstance<Mask>,
-    rate: &'a PerInstance<f64>,
-    amodal_box: &'a PerInstance<BBox>,
-}
-
 /// The labels of one instance.
-struct ObjectLabels<'a> {
+struct InstanceLabels<'a> {
     visible: &'a Mask,
     visible_box: BBox,
-    hidden: Option<HiddenOfObject<'a>>,
+    hidden: Option<HiddenLabels<'a>>,
 }
 
-/// What is said of the hidden parts of one instance.
+/// The labels of the hidden parts of one instance.
 #[derive(Clone, Copy)]
-struct HiddenOfObject<'a> {
+struct HiddenLabels<'a> {
     amodal: &'a Mask,
     occlusion: &'a Mask,
     rate: f64,
     amodal_box: BBox,
 }
 
-impl<'a> Hidden<'a> {
-    fn of(products: &'a Products) -> Result<Option<Self>> {
-        let masks = products.optional(AMODAL_MASK)?.zip(products.optional(OCCLUSION_MASK)?);
-        let numbers = products.optional(OCCLUSION_RATE)?.zip(products.optional(AMODAL_BOX)?);
-        let all = masks.zip(numbers);
-        Ok(all.map(|((amodal, occlusion), (rate, amodal_box))| Self { amodal, occlusion, rate, amodal_box }))
-    }
-}
-
-impl<'a> Labels<'a> {
+impl<'a> ViewLabels<'a> {
     /// All labels of a view.
     pub fn of(products: &'a Products) -> Result<Self> {
         let order = products.optional(OCCLUSION_ORDER)?;
         let visible = products.get(VISIBLE_MASK)?;
         let ids = order.map_or_else(|| visible.iter().map(|(id, _)| id).collect(), |order| order.ids().to_vec());
-        Ok(Self { visible, visible_box: products.get(VISIBLE_BOX)?, hidden: Hidden::of(products)?, order, ids })
+        let hidden = [AMODAL_MASK.name(), OCCLUSION_MASK.name(), OCCLUSION_RATE.name(), AMODAL_BOX.name()];
+        Ok(Self { products, has_hidden: hidden.into_iter().all(|name| products.contains(name)), order, ids })
     }
 
     /// Drops what SynTable 1 drops: objects without a visible pixel, or with a rate that rounds to 1.00.
-    pub fn annotated_by(mut self, compat: Compat) -> Self {
+    pub fn annotated_by(mut self, compat: Compat) -> Result<Self> {
         if compat == Compat::Syntable1 {
-            let seen = |id: &InstanceId| self.visible.get(*id).is_some_and(|mask| !mask.is_empty());
-            let rate = |id: &InstanceId| self.hidden?.rate.get(*id);
-            let is_hidden = |id: &InstanceId| rate(id).is_some_and(|&rate| two_decimals(rate) >= 1.0);
-            self.ids.retain(|id| seen(id) && !is_hidden(id));
+            let (visible, rates) = (self.products.get(VISIBLE_MASK)?, self.products.optional(OCCLUSION_RATE)?);
+            let is_seen = |id: &InstanceId| visible.get(*id).is_some_and(|mask| !mask.is_empty());
+            let is_hidden =
+                |id: &InstanceId| rates.and_then(|rates| rates.get(*id)).is_some_and(|rate| two_decimals(*rate) >= 1.0);
+            self.ids.retain(|id| is_seen(id) && !is_hidden(id));
         }
-        self
+        Ok(self)
     }
 
     /// The annotated instances, in id order.
@@ -95,32 +80,27 @@ impl<'a> Labels<'a> {
         Ok([object.visible, hidden.amodal, hidden.occlusion])
     }
 
-    fn object(&self, id: InstanceId) -> Result<ObjectLabels<'a>> {
-        fn of<'a, T>(product: &'a PerInstance<T>, id: InstanceId, name: &str) -> Result<&'a T> {
-            product.get(id).ok_or_else(|| {
-                Error::new(format!("instance {id} is in `occlusion_order` but not in `{name}`"))
-                    .help("all label products must come from one annotator, or from annotators that agree")
-            })
-        }
-        let hidden = |hidden: Hidden<'a>| -> Result<HiddenOfObject<'a>> {
-            Ok(HiddenOfObject {
-                amodal: of(hidden.amodal, id, AMODAL_MASK.name())?,
-                occlusion: of(hidden.occlusion, id, OCCLUSION_MASK.name())?,
-                rate: *of(hidden.rate, id, OCCLUSION_RATE.name())?,
-                amodal_box: *of(hidden.amodal_box, id, AMODAL_BOX.name())?,
+    fn object(&self, id: InstanceId) -> Result<InstanceLabels<'a>> {
+        let products = self.products;
+        let hidden = || -> Result<HiddenLabels<'a>> {
+            Ok(HiddenLabels {
+                amodal: label_of(products, AMODAL_MASK, id)?,
+                occlusion: label_of(products, OCCLUSION_MASK, id)?,
+                rate: *label_of(products, OCCLUSION_RATE, id)?,
+                amodal_box: *label_of(products, AMODAL_BOX, id)?,
             })
         };
-        Ok(ObjectLabels {
-            visible: of(self.visible, id, VISIBLE_MASK.name())?,
-            visible_box: *of(self.visible_box, id, VISIBLE_BOX.name())?,
-            hidden: self.hidden.map(hidden).transpose()?,
+        Ok(InstanceLabels {
+            visible: label_of(products, VISIBLE_MASK, id)?,
+            visible_box: *label_of(products, VISIBLE_BOX, id)?,
+            hidden: self.has_hidden.then(hidden).transpose()?,
         })
     }
 }
 
 /// The record of an image in the coco form, without its id.
-pub fn image(cx: &ImageContext, products: &Products, labels: &Labels) -> Result<Image> {
-    Ok(Image {
+pub fn image(cx: &ImageContext, products: &Products, labels: &ViewLabels) -> Result<SynTableImage> {
+    Ok(SynTableImage {
         scene_id: Some(cx.scene_id.0),
         view_id: Some(cx.view_id.0),
         instance_ids: Some(labels.ids().iter().map(|id| id.0).collect()),
@@ -135,14 +115,14 @@ pub fn image(cx: &ImageContext, products: &Products, labels: &Labels) -> Result<
 
 /// A product as JSON, if it is there.
 fn found<T: Product>(products: &Products, key: Key<T>) -> Result<Option<Json>> {
-    products.optional(key)?.map(|_| encoded(products, key.name())).transpose()
+    products.optional(key)?.map(|_| json::of_product(products, key.name())).transpose()
 }
 
 /// The record of an image in the syntable_1 form, without its id.
-pub fn image_1(cx: &ImageContext, products: &Products) -> Result<Image> {
+pub fn image_1(cx: &ImageContext, products: &Products) -> Result<SynTableImage> {
     let rgb = products.get(RGB)?;
     let (scene, view) = (cx.scene_id.0, cx.view_id.0);
-    Ok(Image {
+    Ok(SynTableImage {
         id: 0,
         file_name: rgb_path(scene, view),
         depth_file_name: products.optional(DEPTH)?.map(|_| depth_path(scene, view)),
@@ -153,37 +133,32 @@ pub fn image_1(cx: &ImageContext, products: &Products) -> Result<Image> {
         license: Some(1),
         coco_url: Some(String::new()),
         flickr_url: Some(String::new()),
-        ..Image::default()
+        ..SynTableImage::default()
     })
 }
 
-/// What the ids of a scene stand for: the product `bodies`, if it is there.
-pub fn scene(cx: &ImagesContext, products: &Products) -> Result<Option<Scene>> {
+/// The bodies of a scene by id: the product `bodies`, if it exists.
+pub fn scene(cx: &ImagesContext, products: &Products) -> Result<Option<SynTableScene>> {
     let Some(bodies) = found(products, BODIES)? else { return Ok(None) };
-    Ok(Some(Scene { id: cx.scene_id.0, bodies: from_json(BODIES.name(), bodies)?, extra: Default::default() }))
+    Ok(Some(SynTableScene { id: cx.scene_id.0, bodies: decoded(BODIES.name(), &bodies)?, extra: Default::default() }))
 }
 
 /// A product's records as a type.
 ///
 /// # Errors
 /// If they have other fields; the message names the product.
-pub fn decoded<T: DeserializeOwned>(product: &str, value: &Value) -> Result<T> {
-    let json = serde_json::to_value(value);
-    from_json(product, json.map_err(|error| Error::new(format!("product `{product}`: {error}")))?)
-}
-
-fn from_json<T: DeserializeOwned>(product: &str, json: Json) -> Result<T> {
-    serde_json::from_value(json).map_err(|error| Error::new(format!("product `{product}`: {error}")))
+pub fn decoded<T: DeserializeOwned>(product: &str, value: &impl Serialize) -> Result<T> {
+    json::typed(value).map_err(|error| Error::new(format!("product `{product}`: {error}")))
 }
 
 /// The record of an annotation in the coco form, without its id and that of its image.
 pub fn annotation(
     dataset: &DatasetInfo,
     products: &Products,
-    labels: &Labels,
+    labels: &ViewLabels,
     id: InstanceId,
     bbox: BoxSource,
-) -> Result<Annotation> {
+) -> Result<SynTableAnnotation> {
     let object = labels.object(id)?;
     let hidden = object.hidden;
     // COCO's readers look for a mask here, whichever there is.
@@ -193,7 +168,7 @@ pub fn annotation(
     let category = products.optional(CATEGORY_ID)?.and_then(|categories| categories.get(id)).copied();
     let category = category.map_or_else(|| dataset.category_id(DatasetInfo::OBJECT.1), Ok)?;
     dataset.category(category).map_err(|error| error.context(format!("instance {id}")))?;
-    Ok(Annotation {
+    Ok(SynTableAnnotation {
         id: 0,
         image_id: 0,
         category_id: category.into(),
@@ -221,14 +196,14 @@ pub fn annotation(
 /// The record of an annotation in the syntable_1 form, without its id and that of its image.
 pub fn annotation_1(
     products: &Products,
-    labels: &Labels,
+    labels: &ViewLabels,
     id: InstanceId,
     bbox: BoxSource,
-) -> Result<syntable_1::Annotation> {
+) -> Result<syntable_1::SynTable1Annotation> {
     let object = labels.object(id)?;
     let hidden = object.hidden()?;
     let with_area = |mask: &Mask, factor: u64| Rle { area: Some(factor * u64::from(mask.area())), ..Rle::encode(mask) };
-    Ok(syntable_1::Annotation {
+    Ok(syntable_1::SynTable1Annotation {
         id: 0,
         image_id: 0,
         category_id: OBJECT_CATEGORY,
@@ -247,9 +222,9 @@ pub fn annotation_1(
     })
 }
 
-impl<'a> ObjectLabels<'a> {
-    /// What is said of hidden parts, for a form that cannot do without.
-    fn hidden(&self) -> Result<HiddenOfObject<'a>> {
+impl<'a> InstanceLabels<'a> {
+    /// The labels of hidden parts, for a form that needs them.
+    fn hidden(&self) -> Result<HiddenLabels<'a>> {
         self.hidden.ok_or_else(|| Error::new("the objects have no amodal masks"))
     }
 

@@ -1,4 +1,4 @@
-//! What a template may take: bytes of the values that it makes, and steps of its loops.
+//! The budget of a template: bytes of the values that it makes, and steps of its loops.
 //!
 //! Tera has no limits of its own. So calls are put into the parsed template: one at the beginning of every loop's body and of
 //! every macro, and one behind every value that the template makes. They count, and refuse what is beyond the
@@ -110,7 +110,7 @@ fn size(value: &Json) -> u64 {
 }
 
 /// A filter that makes text longer, with what its result has at most.
-type Growth = fn(&str, &HashMap<String, Json>) -> u64;
+type FilterGrowth = fn(&str, &HashMap<String, Json>) -> u64;
 
 fn argument<'a>(arguments: &'a HashMap<String, Json>, name: &str) -> &'a str {
     arguments.get(name).and_then(Json::as_str).unwrap_or_default()
@@ -182,7 +182,7 @@ pub fn limit(tera: &mut Tera, name: &str) -> tera::Result<()> {
         }
         Ok(value.clone())
     });
-    let grown: [(&str, Growth); 3] = [
+    let grown: [(&str, FilterGrowth); 3] = [
         ("replace", |text, arguments| {
             let found = text.matches(argument(arguments, "from")).count() as u64;
             found.saturating_mul(argument(arguments, "to").len() as u64).saturating_add(text.len() as u64)
@@ -216,7 +216,7 @@ pub fn limit(tera: &mut Tera, name: &str) -> tera::Result<()> {
     }
     let Some(template) = tera.templates.get_mut(name) else { return Ok(()) };
     let texts = Texts::of(template);
-    let walk = Walk { texts, loops: Cell::new(0), forbidden: RefCell::new(None) };
+    let walk = BudgetWalk { texts, loops: Cell::new(0), forbidden: RefCell::new(None) };
     walk.body(&mut template.ast, false);
     for definition in template.macros.values_mut() {
         walk.text_in_memory(&mut definition.body);
@@ -316,7 +316,7 @@ impl Texts {
 }
 
 /// Puts calls into nodes and expressions.
-struct Walk {
+struct BudgetWalk {
     texts: Texts,
     /// Loops so far.
     loops: Cell<i64>,
@@ -324,7 +324,7 @@ struct Walk {
     forbidden: RefCell<Option<String>>,
 }
 
-impl Walk {
+impl BudgetWalk {
     /// Notes a function or a filter of the template whose name is kept for the calls.
     fn check(&self, name: &str) {
         if name.starts_with(OWN) {

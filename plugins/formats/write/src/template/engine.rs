@@ -1,7 +1,7 @@
 //! Tera, with errors that name the line.
 
 use super::budget;
-use super::names::{self, Shape, Unknown};
+use super::names::{self, Unknown, ValueShape};
 use serde_json::Value as Json;
 use std::collections::{BTreeMap, HashMap};
 use std::error::Error as _;
@@ -13,14 +13,14 @@ use syntable_model::some::listing;
 use tera::{Context, Tera};
 
 /// A parsed template.
-pub struct Template {
+pub struct CheckedTemplate {
     tera: Tera,
     text: String,
 }
 
 /// A fault of a template, and its line.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Fault {
+pub struct TemplateFault {
     /// Line of the template, from 1, if it is known.
     pub line: Option<usize>,
     /// The message, on one line.
@@ -30,9 +30,9 @@ pub struct Fault {
 /// The only template's name in Tera.
 const NAME: &str = "template";
 
-impl Template {
+impl CheckedTemplate {
     /// Parses a template. Nothing is escaped: the text need not be HTML.
-    pub fn new(text: &str) -> Result<Self, Fault> {
+    pub fn new(text: &str) -> Result<Self, TemplateFault> {
         super::guard::check(text)?;
         let mut tera = Tera::default();
         // The same recipe gives the same files, whoever runs it and wherever.
@@ -42,47 +42,47 @@ impl Template {
         tera.register_function("range", range);
         tera.autoescape_on(Vec::new());
         tera.register_filter("pad", pad);
-        tera.add_raw_template(NAME, text).map_err(|error| Fault::of(&error, text))?;
+        tera.add_raw_template(NAME, text).map_err(|error| TemplateFault::of(&error, text))?;
         Ok(Self { tera, text: text.to_owned() })
     }
 
     /// The same template, which is refused while it is rendered if it takes more than the limits.
-    fn limited(mut self) -> Result<Self, Fault> {
-        budget::limit(&mut self.tera, NAME).map_err(|error| Fault::of(&error, &self.text))?;
+    fn limited(mut self) -> Result<Self, TemplateFault> {
+        budget::limit(&mut self.tera, NAME).map_err(|error| TemplateFault::of(&error, &self.text))?;
         Ok(self)
     }
 
     /// Parses a template whose contexts have this shape, and refuses variables that none of them has. `of` names them in
     /// messages: `a file per view`.
-    pub fn checked(text: &str, of: &str, context: &BTreeMap<String, Shape>) -> Result<Self, Fault> {
+    pub fn checked(text: &str, of: &str, context: &BTreeMap<String, ValueShape>) -> Result<Self, TemplateFault> {
         let template = Self::new(text)?;
         match template.unknown(context) {
-            Some(unknown) => Err(Fault::of_unknown(&unknown, of, text)),
+            Some(unknown) => Err(TemplateFault::of_unknown(&unknown, of, text)),
             None => template.limited(),
         }
     }
 
-    fn unknown(&self, context: &BTreeMap<String, Shape>) -> Option<Unknown> {
+    fn unknown(&self, context: &BTreeMap<String, ValueShape>) -> Option<Unknown> {
         let parsed = self.tera.get_template(NAME).ok()?;
         let macros: BTreeMap<_, _> = parsed.macros.iter().collect();
         names::unknown(&parsed.ast, &macros.into_values().collect::<Vec<_>>(), context)
     }
 
     /// Renders the template with the fields of an object.
-    pub fn render(&self, context: &Json) -> Result<String, Fault> {
+    pub fn render(&self, context: &Json) -> Result<String, TemplateFault> {
         self.render_at_most(context, TEMPLATE_TEXT.most as usize, 1)
     }
 
-    fn render_at_most(&self, context: &Json, most: usize, divisor: u64) -> Result<String, Fault> {
-        let context = Context::from_value(context.clone()).map_err(|error| Fault::of(&error, &self.text))?;
+    fn render_at_most(&self, context: &Json, most: usize, divisor: u64) -> Result<String, TemplateFault> {
+        let context = Context::from_value(context.clone()).map_err(|error| TemplateFault::of(&error, &self.text))?;
         let mut text = Bounded { bytes: Vec::new(), most };
         budget::start(divisor);
         // Tera panics on numbers that JSON does not have.
         let rendered = unwound(|| Ok(self.tera.render_to(NAME, &context, &mut text)));
         rendered
-            .map_err(|panic| Fault { line: None, message: panic.to_string() })?
-            .map_err(|error| Fault::of(&error, &self.text))?;
-        String::from_utf8(text.bytes).map_err(|error| Fault { line: None, message: error.to_string() })
+            .map_err(|panic| TemplateFault { line: None, message: panic.to_string() })?
+            .map_err(|error| TemplateFault::of(&error, &self.text))?;
+        String::from_utf8(text.bytes).map_err(|error| TemplateFault { line: None, message: error.to_string() })
     }
 }
 
@@ -145,7 +145,7 @@ fn pad(value: &Json, arguments: &HashMap<String, Json>) -> tera::Result<Json> {
     }
 }
 
-impl Fault {
+impl TemplateFault {
     fn of(error: &tera::Error, text: &str) -> Self {
         // The outermost message only says that rendering or parsing failed.
         let mut messages = Vec::new();
@@ -212,8 +212,8 @@ mod tests {
     use super::*;
     use serde_json::json;
 
-    fn fault(text: &str) -> Fault {
-        let render = Template::new(text).and_then(|template| template.render(&json!({ "a": 1, "f": 0.5 })));
+    fn fault(text: &str) -> TemplateFault {
+        let render = CheckedTemplate::new(text).and_then(|template| template.render(&json!({ "a": 1, "f": 0.5 })));
         render.expect_err("a fault")
     }
 
@@ -242,13 +242,13 @@ mod tests {
 
     #[test]
     fn numbers_are_padded_and_nothing_is_escaped() {
-        let template = Template::new("{{ a | pad(width=6) }} {{ a | pad }} {{ t }}").expect("parses");
+        let template = CheckedTemplate::new("{{ a | pad(width=6) }} {{ a | pad }} {{ t }}").expect("parses");
         assert_eq!(template.render(&json!({ "a": 42, "t": "<&>" })).expect("renders"), "000042 0042 <&>");
     }
 
     #[test]
     fn ranges_are_as_teras_up_to_a_limit() {
-        let ours = |text: &str| Template::new(text).expect("parses").render(&json!({})).expect("renders");
+        let ours = |text: &str| CheckedTemplate::new(text).expect("parses").render(&json!({})).expect("renders");
         for arguments in
             ["end=4", "start=2, end=9", "end=10, step_by=3", "start=1, end=10, step_by=3", "start=5, end=5"]
         {
@@ -293,8 +293,8 @@ mod tests {
             "{% for i in list %}{% if i == 1 %}{% continue %}{% endif %}{{ i }}{% break %}{% endfor %}{{ f | round }}{{ 7 % 4 }}",
             "{% set_global g = 0 %}{% for i in list %}{% set_global g = g + i %}{% endfor %}{{ g }}{{ t | split(pat='<') | join(sep='+') }}",
         ] {
-            let plain = Template::new(text).unwrap_or_else(|fault| panic!("{text}: {fault:?}"));
-            let limited = Template::new(text).and_then(Template::limited).expect("parses");
+            let plain = CheckedTemplate::new(text).unwrap_or_else(|fault| panic!("{text}: {fault:?}"));
+            let limited = CheckedTemplate::new(text).and_then(CheckedTemplate::limited).expect("parses");
             let want = plain.render(&context).unwrap_or_else(|fault| panic!("{text}: {fault:?}"));
             assert_eq!(limited.render(&context).unwrap_or_else(|fault| panic!("{text}: {fault:?}")), want, "{text}");
         }
@@ -325,7 +325,7 @@ mod tests {
             (letters, "letter by letter"),
             (aliased, "letter by letter"),
         ] {
-            let limited = Template::new(text).and_then(Template::limited).expect("parses");
+            let limited = CheckedTemplate::new(text).and_then(CheckedTemplate::limited).expect("parses");
             let fault = limited.render_at_most(&json!({ "t": "x" }), 1 << 20, 64).expect_err("refused");
             assert!(fault.message.contains(says), "{text}: {fault:?}");
         }
@@ -336,7 +336,7 @@ mod tests {
                 "all values",
             ),
         ] {
-            let limited = Template::new(text).and_then(Template::limited).expect("parses");
+            let limited = CheckedTemplate::new(text).and_then(CheckedTemplate::limited).expect("parses");
             let fault = limited.render_at_most(&json!({}), 1 << 20, 1000).expect_err("refused");
             assert!(fault.message.contains(says), "{text}: {fault:?}");
         }
@@ -363,7 +363,7 @@ mod tests {
         ] {
             for word in ["break", "continue"] {
                 let text = text.replace("WORD", word);
-                let limited = Template::new(&text).and_then(Template::limited).expect("parses");
+                let limited = CheckedTemplate::new(&text).and_then(CheckedTemplate::limited).expect("parses");
                 // A value has at most 64 KiB then, and all values together 4 MiB.
                 limited.render_at_most(&context, 4 << 20, 1024).unwrap_or_else(|fault| panic!("{text}: {fault:?}"));
             }
@@ -373,7 +373,7 @@ mod tests {
             "{% filter upper %}{% for i in range(end=9) %}{{ t }}{% continue %}{% endfor %}{% endfilter %}",
             "{% for i in range(end=2) %}{% filter upper %}{% for j in range(end=9) %}{{ t }}{% break %}{% endfor %}{% for j in range(end=9) %}{{ t }}{% endfor %}{% endfilter %}{% endfor %}",
         ] {
-            let limited = Template::new(text).and_then(Template::limited).expect("parses");
+            let limited = CheckedTemplate::new(text).and_then(CheckedTemplate::limited).expect("parses");
             let fault = limited.render_at_most(&context, 4 << 20, 1024).expect_err("refused");
             assert!(fault.message.contains("one value that a template"), "{text}: {fault:?}");
         }
@@ -388,7 +388,7 @@ mod tests {
             ("one\n{{ 'a' | upper | __made }}", "__made"),
             ("one\n{% filter __made %}a{% endfilter %}", "__made"),
         ] {
-            let fault = Template::checked(text, "a file", &BTreeMap::new()).err().expect("refused");
+            let fault = CheckedTemplate::checked(text, "a file", &BTreeMap::new()).err().expect("refused");
             assert!(fault.line == Some(2) && fault.message.contains(&format!("`{name}`")), "{text}: {fault:?}");
         }
     }
@@ -401,14 +401,14 @@ mod tests {
             text += &format!("{{% macro m{depth}() %}}{call}{call}{{% endmacro %}}");
         }
         text += "{{ self::m59() }}";
-        let limited = Template::new(&text).and_then(Template::limited).expect("parses");
+        let limited = CheckedTemplate::new(&text).and_then(CheckedTemplate::limited).expect("parses");
         let fault = limited.render_at_most(&json!({}), 1 << 20, 1000).expect_err("refused");
         assert!(fault.message.contains("turns of loops and calls of macros"), "{fault:?}");
     }
 
     #[test]
     fn text_is_bounded() {
-        let template = Template::new("one\n{% for i in range(end=9) %}ab{% endfor %}").expect("parses");
+        let template = CheckedTemplate::new("one\n{% for i in range(end=9) %}ab{% endfor %}").expect("parses");
         let render = |most| template.render_at_most(&json!({}), most, 1);
         assert_eq!(render(22).expect("fits"), format!("one\n{}", "ab".repeat(9)));
         let fault = render(21).expect_err("too long");

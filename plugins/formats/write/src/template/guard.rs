@@ -1,6 +1,6 @@
 //! Templates that would exhaust the stack, which no error can be made of afterwards.
 
-use super::engine::Fault;
+use super::engine::TemplateFault;
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Deepest nesting of brackets in an expression, and of blocks in each other.
@@ -8,7 +8,7 @@ const DEEPEST: usize = 64;
 
 /// Refuses templates that use other templates, of which there are none, or that nest too deeply for Tera's parser and
 /// renderer, which call themselves.
-pub fn check(text: &str) -> Result<(), Fault> {
+pub fn check(text: &str) -> Result<(), TemplateFault> {
     let mut blocks: usize = 0;
     let mut depth: usize = 0;
     let mut negations: usize = 0;
@@ -20,7 +20,7 @@ pub fn check(text: &str) -> Result<(), Fault> {
         let inner = &rest[at + 2..];
         let end = inner.find(if is_tag { "%}" } else { "}}" }).unwrap_or(inner.len());
         let line = text[..text.len() - rest.len() + at].matches('\n').count() + 1;
-        let refuse = |message: &str| Err(Fault { line: Some(line), message: message.to_owned() });
+        let refuse = |message: &str| Err(TemplateFault { line: Some(line), message: message.to_owned() });
         let expression = &inner[..end];
         if is_tag {
             let mut words = expression.trim_start_matches('-').split_whitespace();
@@ -62,7 +62,9 @@ pub fn check(text: &str) -> Result<(), Fault> {
         rest = &inner[end..];
     }
     match calls.keys().find(|name| reaches_itself(name, &calls)) {
-        Some(name) => Err(Fault { line: None, message: format!("the macro `{name}` calls itself without end") }),
+        Some(name) => {
+            Err(TemplateFault { line: None, message: format!("the macro `{name}` calls itself without end") })
+        }
         None => Ok(()),
     }
 }

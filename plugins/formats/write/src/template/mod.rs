@@ -5,15 +5,15 @@ mod engine;
 mod guard;
 mod names;
 
-pub use engine::{Fault, Template};
+pub use engine::{CheckedTemplate, TemplateFault};
 
-use crate::jsonl::encoded;
-use names::Shape;
+use names::ValueShape;
 use serde_json::{Map, Value as Json, json};
 use std::collections::BTreeMap;
 use std::sync::{Arc, OnceLock};
 use syntable_formats::encode::json_shard;
 use syntable_formats::include::Included;
+use syntable_formats::json::of_product;
 use syntable_model::files::read_small;
 use syntable_model::prelude::*;
 use syntable_model::product::Scope;
@@ -51,7 +51,7 @@ pub struct TextTemplate {
     pub include: Included,
     /// What a file covers.
     #[serde(default)]
-    pub per: FilePer,
+    pub per: TemplateFilePer,
     /// The template: its text, or `{ file = "labels.tera" }`.
     pub template: TemplateSource,
     /// Template of the file's path, relative to the dataset. If left out: `{id}/{scene:06}_{view:04}.txt` per view,
@@ -82,7 +82,7 @@ pub struct TemplateFile {
 /// What a file covers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
-pub enum FilePer {
+pub enum TemplateFilePer {
     /// One view.
     #[default]
     View,
@@ -108,16 +108,16 @@ template = """
 
     fn build(self) -> Result<Box<dyn Writer>, ConfigError> {
         self.include.check_free(&["dataset", "scene", "view", "scenes", "views", "writer"])?;
-        let invalid = |key: &str, fault: Fault| {
+        let invalid = |key: &str, fault: TemplateFault| {
             let line = fault.line.map_or(String::new(), |line| format!("line {line} of the template: "));
             ConfigError::new(key, format!("{line}{}", fault.message))
         };
         let (of, shape) = (self.per.words(), self.shape());
-        let path = Template::checked(self.path.as_deref().unwrap_or(self.per.default_path()), of, &shape);
+        let path = CheckedTemplate::checked(self.path.as_deref().unwrap_or(self.per.default_path()), of, &shape);
         let path = path.map_err(|fault| invalid("path", fault))?;
         let body = match &self.template {
             TemplateSource::Text(text) => {
-                let body = Template::checked(text, of, &shape).map_err(|fault| invalid("template", fault))?;
+                let body = CheckedTemplate::checked(text, of, &shape).map_err(|fault| invalid("template", fault))?;
                 OnceLock::from(Ok(body))
             }
             TemplateSource::File(_) => OnceLock::new(),
@@ -128,23 +128,24 @@ template = """
 
 impl TextTemplate {
     /// What is known of the contexts before a run. A product may be of the view, the scene or the dataset.
-    fn shape(&self) -> BTreeMap<String, Shape> {
-        let products = || self.include.names().map(|name| (name.to_owned(), Shape::Any));
-        let own = |fields: Vec<(&str, Shape)>| {
+    fn shape(&self) -> BTreeMap<String, ValueShape> {
+        let products = || self.include.names().map(|name| (name.to_owned(), ValueShape::Any));
+        let own = |fields: Vec<(&str, ValueShape)>| {
             let fields = fields.into_iter().map(|(name, shape)| (name.to_owned(), shape));
             products().chain(fields).collect::<BTreeMap<_, _>>()
         };
-        let id = || Shape::record([("id", Shape::Scalar)]);
-        let views = || Shape::list(Shape::Record(own(vec![("view", id())])));
+        let id = || ValueShape::record([("id", ValueShape::Scalar)]);
+        let views = || ValueShape::list(ValueShape::Record(own(vec![("view", id())])));
         let mut context = own(match self.per {
-            FilePer::View => vec![("scene", id()), ("view", id())],
-            FilePer::Scene => vec![("scene", id()), ("views", views())],
-            FilePer::Dataset => {
-                vec![("scenes", Shape::list(Shape::Record(own(vec![("scene", id()), ("views", views())]))))]
+            TemplateFilePer::View => vec![("scene", id()), ("view", id())],
+            TemplateFilePer::Scene => vec![("scene", id()), ("views", views())],
+            TemplateFilePer::Dataset => {
+                vec![("scenes", ValueShape::list(ValueShape::Record(own(vec![("scene", id()), ("views", views())]))))]
             }
         });
-        let dataset = DATASET_FIELDS.map(|name| (name, Shape::Scalar));
-        context.extend([("dataset".to_owned(), Shape::record(dataset)), ("writer".to_owned(), Shape::Scalar)]);
+        let dataset = DATASET_FIELDS.map(|name| (name, ValueShape::Scalar));
+        context
+            .extend([("dataset".to_owned(), ValueShape::record(dataset)), ("writer".to_owned(), ValueShape::Scalar)]);
         context
     }
 }
@@ -152,7 +153,7 @@ impl TextTemplate {
 /// The fields of `dataset`.
 const DATASET_FIELDS: [&str; 5] = ["name", "seed", "scenes", "views_per_scene", "program"];
 
-impl FilePer {
+impl TemplateFilePer {
     /// What a context is of, in messages.
     fn words(self) -> &'static str {
         match self {
@@ -174,13 +175,13 @@ impl FilePer {
 /// The templates, shared by all scenes.
 struct Templates {
     config: TextTemplate,
-    path: Template,
+    path: CheckedTemplate,
     /// Parsed on first use if it is in a file.
-    body: OnceLock<Result<Template>>,
+    body: OnceLock<Result<CheckedTemplate>>,
 }
 
 impl Templates {
-    fn body(&self) -> Result<&Template> {
+    fn body(&self) -> Result<&CheckedTemplate> {
         let body = self.body.get_or_init(|| {
             let (name, text) = match &self.config.template {
                 TemplateSource::Text(text) => ("`template`".to_owned(), text.clone()),
@@ -193,7 +194,8 @@ impl Templates {
                 }
             };
             let config = &self.config;
-            Template::checked(&text, config.per.words(), &config.shape()).map_err(|fault| fault.into_error(&name))
+            CheckedTemplate::checked(&text, config.per.words(), &config.shape())
+                .map_err(|fault| fault.into_error(&name))
         });
         body.as_ref().map_err(Clone::clone)
     }
@@ -256,9 +258,9 @@ impl Writer for TemplateWriter {
     fn paths(&self, of: &FileOf) -> Result<Vec<String>> {
         let config = &self.0.config;
         let covers = match (of.scene, of.view) {
-            (Some(_), Some(_)) => FilePer::View,
-            (Some(_), None) => FilePer::Scene,
-            _ => FilePer::Dataset,
+            (Some(_), Some(_)) => TemplateFilePer::View,
+            (Some(_), None) => TemplateFilePer::Scene,
+            _ => TemplateFilePer::Dataset,
         };
         // What a path makes of products is not known before the run.
         let text = config.path.as_deref().unwrap_or_default();
@@ -273,13 +275,13 @@ impl Writer for TemplateWriter {
 
     fn finish_options(&self) -> &'static [&'static str] {
         match self.0.config.per {
-            FilePer::Dataset => &["path", "template"],
-            FilePer::View | FilePer::Scene => &[],
+            TemplateFilePer::Dataset => &["path", "template"],
+            TemplateFilePer::View | TemplateFilePer::Scene => &[],
         }
     }
 
     fn finish(&self, cx: &DatasetContext, products: &Products, finish: &Finish) -> Result<()> {
-        if self.0.config.per != FilePer::Dataset {
+        if self.0.config.per != TemplateFilePer::Dataset {
             return Ok(());
         }
         let (mut scenes, mut size) = (Vec::<Json>::new(), 0);
@@ -299,7 +301,7 @@ impl Writer for TemplateWriter {
         let mut context = self.0.context(cx.dataset, finish.id());
         context.insert("scenes".to_owned(), scenes.into());
         for (name, _) in self.0.config.include.of_scope(products, Scope::Dataset) {
-            context.insert(name.to_owned(), encoded(products, name)?);
+            context.insert(name.to_owned(), of_product(products, name)?);
         }
         let (path, text) = self.0.render(&context.into())?;
         finish.write(&path, |out| out.write_all(text.as_bytes()).map_err(|error| Error::io(&path, &error)))
@@ -319,14 +321,14 @@ struct TemplateScene {
 
 impl SceneWriter for TemplateScene {
     fn view(&mut self, cx: &ImageContext, products: &Products) -> Result<()> {
-        let per_view = self.templates.config.per == FilePer::View;
+        let per_view = self.templates.config.per == TemplateFilePer::View;
         let mut record = Map::from_iter([("view".to_owned(), json!({ "id": cx.view_id.0 }))]);
         let include = &self.templates.config.include;
         for (name, _) in include.of_scope(products, Scope::View) {
-            record.insert(name.to_owned(), encoded(products, name)?);
+            record.insert(name.to_owned(), of_product(products, name)?);
         }
         for (name, _) in include.of_scope(products, Scope::Scene) {
-            self.scene.insert(name.to_owned(), encoded(products, name)?);
+            self.scene.insert(name.to_owned(), of_product(products, name)?);
         }
         if !per_view {
             self.views.push(record.into());
@@ -340,17 +342,17 @@ impl SceneWriter for TemplateScene {
 
     fn close(mut self: Box<Self>, _: &ImagesContext, products: &Products) -> Result<()> {
         for (name, _) in self.templates.config.include.of_scope(products, Scope::Scene) {
-            self.scene.insert(name.to_owned(), encoded(products, name)?);
+            self.scene.insert(name.to_owned(), of_product(products, name)?);
         }
         self.scene.insert("views".to_owned(), self.views.into());
         match self.templates.config.per {
-            FilePer::View => Ok(()),
-            FilePer::Scene => {
+            TemplateFilePer::View => Ok(()),
+            TemplateFilePer::Scene => {
                 self.context.extend(self.scene);
                 let (path, text) = self.templates.render(&self.context.into())?;
                 self.output.write(&path, text.as_bytes())
             }
-            FilePer::Dataset => {
+            TemplateFilePer::Dataset => {
                 let mut line = Vec::new();
                 json_shard::push_line(&mut line, &self.scene)?;
                 self.output.write_shard(&line)

@@ -6,17 +6,17 @@
 use std::collections::{BTreeMap, BTreeSet};
 use tera::ast::{Expr, ExprVal, Forloop, FunctionCall, LogicOperator, MacroDefinition, Node};
 
-/// What is known of a value before a run.
+/// The shape of a value, as far as it is known before a run.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Shape {
+pub enum ValueShape {
     /// Nothing: any field of it may be there.
     Any,
     /// A number or a text, without fields.
     Scalar,
     /// Exactly these fields.
-    Record(BTreeMap<String, Shape>),
+    Record(BTreeMap<String, ValueShape>),
     /// Elements of one shape.
-    List(Box<Shape>),
+    List(Box<ValueShape>),
 }
 
 /// A name that is not there.
@@ -35,7 +35,7 @@ pub struct Unknown {
 /// Tera's variable that shows the whole context.
 const WHOLE_CONTEXT: &str = "__tera_context";
 
-impl Shape {
+impl ValueShape {
     /// A record of fields.
     pub fn record<K: Into<String>>(fields: impl IntoIterator<Item = (K, Self)>) -> Self {
         Self::Record(fields.into_iter().map(|(name, shape)| (name.into(), shape)).collect())
@@ -48,14 +48,14 @@ impl Shape {
 }
 
 /// The first variable of a template that is not there, given the shape of its context.
-pub fn unknown(nodes: &[Node], macros: &[&MacroDefinition], context: &BTreeMap<String, Shape>) -> Option<Unknown> {
+pub fn unknown(nodes: &[Node], macros: &[&MacroDefinition], context: &BTreeMap<String, ValueShape>) -> Option<Unknown> {
     let bodies = || std::iter::once(nodes).chain(macros.iter().map(|definition| definition.body.as_slice()));
     let mut facts = Facts::default();
     bodies().for_each(|body| facts.body(body));
-    let mut walk = Walk { facts: &facts, scopes: vec![context.clone()], found: None };
+    let mut walk = NameWalk { facts: &facts, scopes: vec![context.clone()], found: None };
     walk.body(nodes);
     for definition in macros {
-        let arguments = definition.args.keys().map(|name| (name.clone(), Shape::Any));
+        let arguments = definition.args.keys().map(|name| (name.clone(), ValueShape::Any));
         walk.scopes.push(arguments.collect());
         walk.body(&definition.body);
         walk.scopes.pop();
@@ -63,7 +63,7 @@ pub fn unknown(nodes: &[Node], macros: &[&MacroDefinition], context: &BTreeMap<S
     walk.found
 }
 
-/// What a template says of names anywhere.
+/// The names that a template defines anywhere.
 #[derive(Default)]
 struct Facts {
     /// Names that it sets.
@@ -126,15 +126,15 @@ impl Facts {
 }
 
 /// Looks names up, with the loops around them.
-struct Walk<'w> {
+struct NameWalk<'w> {
     facts: &'w Facts,
     /// The context, then the variables of loops or of a macro.
-    scopes: Vec<BTreeMap<String, Shape>>,
+    scopes: Vec<BTreeMap<String, ValueShape>>,
     /// The first name that is not there.
     found: Option<Unknown>,
 }
 
-impl Walk<'_> {
+impl NameWalk<'_> {
     fn body(&mut self, body: &[Node]) {
         for node in body {
             expressions(node).into_iter().for_each(|expr| self.expr(expr));
@@ -147,16 +147,17 @@ impl Walk<'_> {
 
     fn for_loop(&mut self, node: &Forloop) {
         let container = match &node.container.val {
-            ExprVal::Ident(name) if node.container.filters.is_empty() => self.look_up(name).unwrap_or(Shape::Any),
-            _ => Shape::Any,
+            ExprVal::Ident(name) if node.container.filters.is_empty() => self.look_up(name).unwrap_or(ValueShape::Any),
+            _ => ValueShape::Any,
         };
         let element = match container {
-            Shape::List(element) => *element,
-            _ => Shape::Any,
+            ValueShape::List(element) => *element,
+            _ => ValueShape::Any,
         };
-        let counters = ["index", "index0", "first", "last"].map(|name| (name, Shape::Scalar));
-        let mut scope = BTreeMap::from([("loop".to_owned(), Shape::record(counters)), (node.value.clone(), element)]);
-        scope.extend(node.key.clone().map(|key| (key, Shape::Scalar)));
+        let counters = ["index", "index0", "first", "last"].map(|name| (name, ValueShape::Scalar));
+        let mut scope =
+            BTreeMap::from([("loop".to_owned(), ValueShape::record(counters)), (node.value.clone(), element)]);
+        scope.extend(node.key.clone().map(|key| (key, ValueShape::Scalar)));
         self.scopes.push(scope);
         self.body(&node.body);
         self.scopes.pop();
@@ -190,11 +191,11 @@ impl Walk<'_> {
     }
 
     /// The shape of a variable such as `views[0].camera["width"]`.
-    fn look_up(&self, variable: &str) -> Result<Shape, Unknown> {
+    fn look_up(&self, variable: &str) -> Result<ValueShape, Unknown> {
         let steps = steps(variable);
-        let Some((root, rest)) = steps.split_first() else { return Ok(Shape::Any) };
+        let Some((root, rest)) = steps.split_first() else { return Ok(ValueShape::Any) };
         if self.facts.set.contains(&root.name) || root.name == WHOLE_CONTEXT {
-            return Ok(Shape::Any);
+            return Ok(ValueShape::Any);
         }
         let unknown = |end: usize, parent: Option<&str>, known: Vec<String>| Unknown {
             variable: variable.to_owned(),
@@ -202,7 +203,7 @@ impl Walk<'_> {
             parent: parent.map(str::to_owned),
             known,
         };
-        let names = |fields: &BTreeMap<String, Shape>| fields.keys().cloned().collect::<Vec<_>>();
+        let names = |fields: &BTreeMap<String, ValueShape>| fields.keys().cloned().collect::<Vec<_>>();
         let Some(mut shape) = self.scopes.iter().rev().find_map(|scope| scope.get(&root.name)).cloned() else {
             return Err(unknown(root.end, None, self.scopes.iter().flat_map(names).collect()));
         };
@@ -210,15 +211,15 @@ impl Walk<'_> {
         for step in rest {
             let index = step.computed || step.name.parse::<usize>().is_ok();
             shape = match shape {
-                Shape::List(element) if index => *element,
-                Shape::Record(fields) if !step.computed => match fields.get(&step.name) {
+                ValueShape::List(element) if index => *element,
+                ValueShape::Record(fields) if !step.computed => match fields.get(&step.name) {
                     Some(field) => field.clone(),
                     None => return Err(unknown(step.end, Some(&variable[..before]), names(&fields))),
                 },
-                Shape::Scalar | Shape::List(_) => {
+                ValueShape::Scalar | ValueShape::List(_) => {
                     return Err(unknown(step.end, Some(&variable[..before]), Vec::new()));
                 }
-                Shape::Any | Shape::Record(_) => Shape::Any,
+                ValueShape::Any | ValueShape::Record(_) => ValueShape::Any,
             };
             before = step.end;
         }
@@ -226,8 +227,8 @@ impl Walk<'_> {
     }
 }
 
-/// A part of a variable: a field, or what stands in brackets.
-struct Part {
+/// A step into a variable: a field, or an index in brackets.
+struct NameStep {
     name: String,
     /// Whether it is the value of another variable.
     computed: bool,
@@ -236,7 +237,7 @@ struct Part {
 }
 
 /// The parts of a variable.
-fn steps(variable: &str) -> Vec<Part> {
+fn steps(variable: &str) -> Vec<NameStep> {
     let mut parts = Vec::new();
     let mut at = 0;
     while at < variable.len() {
@@ -247,12 +248,12 @@ fn steps(variable: &str) -> Vec<Part> {
             let quoted = text.starts_with(['"', '\'', '`']);
             let computed = !quoted && text.parse::<usize>().is_err();
             at = (at + length + 2).min(variable.len());
-            parts.push(Part { name: text.trim_matches(['"', '\'', '`']).to_owned(), computed, end: at });
+            parts.push(NameStep { name: text.trim_matches(['"', '\'', '`']).to_owned(), computed, end: at });
         } else {
             at += usize::from(rest.starts_with('.'));
             let length = variable[at..].find(['.', '[']).unwrap_or(variable.len() - at);
             at += length;
-            parts.push(Part { name: variable[at - length..at].to_owned(), computed: false, end: at });
+            parts.push(NameStep { name: variable[at - length..at].to_owned(), computed: false, end: at });
         }
     }
     parts

@@ -1,14 +1,11 @@
 //! WebDataset: tar files of samples.
 
 mod read;
+mod record;
+mod write;
 
-use syntable_formats::encode::kind::Kind;
-use syntable_formats::encode::npy::{self, Arrays};
-use syntable_formats::encode::tar::Archive;
-use syntable_formats::encode::{exr, json_shard, png, scene_name, view_name};
-use syntable_formats::include::{self, Included};
+use syntable_formats::include::Included;
 use syntable_model::prelude::*;
-use syntable_model::product::Scope;
 
 /// Writes WebDataset shards: tar files of samples, for training from disks and object stores that read fast in one piece.
 ///
@@ -76,95 +73,6 @@ impl Config for Webdataset {
         "include = [\"rgb\", \"depth\", \"visible_ids\", \"amodal_bits\", \"category_id\", \"camera\"]";
     fn build(self) -> Result<Box<dyn Writer>, ConfigError> {
         Ok(Box::new(self))
-    }
-}
-
-impl Writer for Webdataset {
-    fn reads(&self) -> Vec<Input> {
-        let of_view = |key: &KeyId| match key.scope.comes_with_view() {
-            true => Ok(()),
-            false => Err("a sample is a view; write it with jsonl".to_owned()),
-        };
-        self.include.inputs(Accepts::If(of_view))
-    }
-
-    fn scene(&self, cx: &ImagesContext, output: Output) -> Result<Box<dyn SceneWriter>> {
-        let path = path(output.id(), &scene_name(cx.scene_id));
-        let archive = Archive::new(output.create(&path)?, path);
-        Ok(Box::new(WebdatasetScene { config: self.clone(), archive }))
-    }
-
-    fn paths(&self, of: &FileOf) -> Result<Vec<String>> {
-        Ok(match (of.scene, of.view) {
-            (Some(scene), None) => vec![path(of.id, &scene_name(scene))],
-            _ => self.include.categories_path(of).into_iter().collect(),
-        })
-    }
-
-    fn finish(&self, cx: &DatasetContext, _: &Products, finish: &Finish) -> Result<()> {
-        self.include.write_categories(cx.dataset, finish)
-    }
-}
-
-fn path(id: &str, scene: &str) -> String {
-    format!("{id}/{id}-{scene}.tar")
-}
-
-struct WebdatasetScene {
-    config: Webdataset,
-    archive: Archive<FileWriter>,
-}
-
-impl SceneWriter for WebdatasetScene {
-    fn view(&mut self, cx: &ImageContext, products: &Products) -> Result<()> {
-        let size = include::shape(cx);
-        let sample = view_name(cx.scene_id, cx.view_id);
-        for (product, key) in self.config.include.of_scope(products, Scope::View) {
-            let fields = self.config.floats.fields(product, &key, &products.value(product)?, size)?;
-            fields
-                .iter()
-                .try_for_each(|(field, bytes)| self.archive.add(&format!("{sample}.{product}.{field}"), bytes))?;
-        }
-        Ok(())
-    }
-
-    fn close(self: Box<Self>, _: &ImagesContext, _: &Products) -> Result<()> {
-        self.archive.finish()
-    }
-}
-
-impl Floats {
-    /// The fields of a product without its name: their ends and their bytes. `size` is the height and width of an image
-    /// without instances.
-    fn fields(
-        self,
-        product: &str,
-        key: &KeyId,
-        value: &Value,
-        size: [usize; 2],
-    ) -> Result<Vec<(&'static str, Vec<u8>)>> {
-        let kind = Kind::of(key, value);
-        let explain = |error: Error| error.context(format!("product `{product}`"));
-        match png::Coding::of(&kind) {
-            // Nothing that has a format without loss is stored with less.
-            Ok(png::Coding::Depth | png::Coding::Normal | png::Coding::Color) | Err(_) => {}
-            Ok(coding) => {
-                let image = coding.image(value, 1.0).and_then(|image| image.encode()).map_err(explain)?;
-                return Ok(vec![("png", image)]);
-            }
-        }
-        if let (Self::Exr, Ok(coding)) = (self, exr::Coding::of(&kind)) {
-            return Ok(vec![("exr", coding.encode(value, exr::Precision::Float).map_err(explain)?)]);
-        }
-        match npy::arrays_of_numbers(product, key, value, size) {
-            Some(Arrays::One(array)) => Ok(vec![("npy", array.encode())]),
-            Some(Arrays::PerInstance { values, ids }) => Ok(vec![("npy", values.encode()), ("ids.npy", ids.encode())]),
-            None => {
-                let mut line = Vec::new();
-                json_shard::push_line(&mut line, value).map_err(explain)?;
-                Ok(vec![("json", line)])
-            }
-        }
     }
 }
 

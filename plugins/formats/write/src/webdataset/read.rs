@@ -1,52 +1,47 @@
 //! Reads tar files of samples.
 
+use super::record::{EXR, IDS, JSON, NPY, PNG, is_shard};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
-use syntable_formats::decode::Content;
-use syntable_formats::encode::kind::Kind;
+use syntable_formats::decode::FileContent;
+use syntable_formats::encode::kind::ValueKind;
 use syntable_formats::encode::{exr, view_name};
 use syntable_formats::include;
-use syntable_formats::members::{self, Member};
+use syntable_formats::members::{self, TarMember};
 use syntable_formats::read::{self, Faults};
-use syntable_formats::samples::{self, Contents, Fields, Samples};
+use syntable_formats::samples::{self, Contents, SampleFields, SampleReader};
 use syntable_model::prelude::*;
 use syntable_model::product::linked;
 use syntable_model::product::standard::RGB;
 use syntable_model::reader::{Format, Opened, Source};
 use syntable_model::scene::{SceneId, ViewId};
 
-syntable_model::register_format!(Format {
-    name: "webdataset",
-    doc: "Tar files of samples, as the writer `webdataset` has them: products under their names.",
-    detect: |root| !shards_of(root).is_empty(),
-    open,
-    is_generic: true,
-    crate_name: env!("CARGO_PKG_NAME"),
-});
+syntable_model::register_format!(
+    Format::new(
+        "webdataset",
+        "Tar files of samples, as the writer `webdataset` has them: products under their names.",
+        |root| !shards_of(root).is_empty(),
+        open,
+    )
+    .generic()
+);
 
-/// What BOP's own tar files are called.
+/// How the names of BOP's tar files begin.
 const OF_BOP: &str = "shard-";
-/// The ids of the instances of an array.
-const IDS: &str = "ids.npy";
 
-/// The tar files of a folder that are called after a scene, `{name}-{scene:06}.tar`, sorted.
+/// The tar files of a folder that have the names of shards, sorted.
 fn tar_files(folder: &Path) -> Vec<PathBuf> {
-    let is_one = |path: &PathBuf| {
-        let stem = path.file_name().and_then(|name| name.to_str()?.strip_suffix(".tar"));
-        let number = stem.and_then(|stem| stem.rsplit_once('-')).map(|(_, number)| number);
-        number.is_some_and(|number| number.len() >= 6 && number.bytes().all(|digit| digit.is_ascii_digit()))
-    };
-    read::entries(folder).into_iter().filter(is_one).collect()
+    read::entries(folder).into_iter().filter(|path| is_shard(&read::file_name(path))).collect()
 }
 
-/// Those that are not called as BOP's are.
+/// Shards without the names of BOP's.
 fn shards_of(folder: &Path) -> Vec<PathBuf> {
-    let is_bops = |path: &PathBuf| path.file_name().is_some_and(|name| name.to_string_lossy().starts_with(OF_BOP));
+    let is_bops = |path: &PathBuf| read::file_name(path).starts_with(OF_BOP);
     tar_files(folder).into_iter().filter(|path| !is_bops(path)).collect()
 }
 
 /// The fields of each sample.
-struct Shards(Vec<BTreeMap<String, Member>>);
+struct Shards(Vec<BTreeMap<String, TarMember>>);
 
 fn open(source: &Source) -> Result<Opened> {
     let root = source.path.as_path();
@@ -69,10 +64,10 @@ fn open(source: &Source) -> Result<Opened> {
     Ok(samples::open(read::name_of(root), contents, Box::new(Shards(samples))))
 }
 
-impl Samples for Shards {
-    fn read(&self, image: usize, wanted: &BTreeSet<&str>) -> Result<Fields> {
+impl SampleReader for Shards {
+    fn read(&self, image: usize, wanted: &BTreeSet<&str>) -> Result<SampleFields> {
         // The members of each product, by what follows its name.
-        let mut products: BTreeMap<&str, BTreeMap<&str, &Member>> = BTreeMap::new();
+        let mut products: BTreeMap<&str, BTreeMap<&str, &TarMember>> = BTreeMap::new();
         for (field, member) in &self.0[image] {
             let (product, end) = field.split_once('.').unwrap_or((field, ""));
             if wanted.contains(product) {
@@ -84,33 +79,33 @@ impl Samples for Shards {
 }
 
 /// The value of a field.
-fn value_of(product: &str, parts: &BTreeMap<&str, &Member>) -> Result<Value> {
+fn value_of(product: &str, parts: &BTreeMap<&str, &TarMember>) -> Result<Value> {
     let Some((end, member)) = parts.iter().find(|(end, _)| **end != IDS) else {
         return Err(Error::new(format!("its field `{product}` has ids alone")));
     };
     let content = member.content()?;
     match *end {
-        "png" => Ok(Value::Tensor(content.image()?)),
+        PNG => Ok(Value::Tensor(content.image()?)),
         "jpg" | "jpeg" if product == RGB.name() => Ok(content.rgb()?.into()),
-        "npy" => match parts.get(IDS) {
+        NPY => match parts.get(IDS) {
             None => Ok(Value::Tensor(content.npy()?)),
             Some(ids) => {
                 let values = samples::instances(&content.npy()?, &ids.content()?.npy()?);
                 values.map_err(|reason| content.refuse(reason))
             }
         },
-        "json" => content.json(),
-        "exr" => exr_of(product, &content),
+        JSON => content.json(),
+        EXR => exr_of(product, &content),
         _ => Err(content
             .refuse(format!("fields do not end with `.{end}`"))
             .help("write .png, .npy, .exr or .json after the name of the product")),
     }
 }
 
-/// A float image, whose channels are named after what it is.
-fn exr_of(product: &str, content: &Content) -> Result<Value> {
+/// A float image, whose channels have the names of its kind.
+fn exr_of(product: &str, content: &FileContent) -> Result<Value> {
     let key = linked().into_iter().find(|key| key.is(product));
-    let coding = key.and_then(|key| exr::Coding::of(&Kind::of_key(&key)).ok());
+    let coding = key.and_then(|key| exr::ExrCoding::of(&ValueKind::of_key(&key)).ok());
     let coding = coding.ok_or_else(|| content.refuse(format!("`{product}` is no product of a float image")))?;
     let decoded = content.guarded("the library that decodes EXR", || coding.decode(content.bytes()));
     decoded.map(Value::Tensor).map_err(|error| content.located(error))

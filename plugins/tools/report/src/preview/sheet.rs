@@ -2,8 +2,8 @@
 
 use super::text::{self, CHARACTER, LINE};
 use std::sync::Arc;
-use syntable_formats::draw::{self, Color};
-use syntable_formats::encode::png::Image;
+use syntable_formats::draw::{self, DrawColor};
+use syntable_formats::encode::png::PngImage;
 use syntable_model::error::Result;
 use syntable_model::prelude::*;
 use syntable_model::product::Plane;
@@ -23,11 +23,11 @@ const MARK: (&str, &str) = ("Software", "syntable preview");
 /// Bytes at the start of a file within which the mark is.
 const MARKED: usize = 256;
 
-const BACKGROUND: Color = [24; 3];
-const EMPTY: Color = [38; 3];
-const CAPTION: Color = [190; 3];
-const OUTDATED: Color = [120; 3];
-const MISTAKE: Color = [255, 150, 130];
+const BACKGROUND: DrawColor = [24; 3];
+const EMPTY: DrawColor = [38; 3];
+const CAPTION: DrawColor = [190; 3];
+const OUTDATED: DrawColor = [120; 3];
+const MISTAKE: DrawColor = [255, 150, 130];
 
 /// Cell of a view.
 #[derive(Debug, Clone, PartialEq)]
@@ -37,7 +37,7 @@ pub enum SheetCell {
     /// An image, and whether it is of the recipe as it is now.
     Image {
         /// The image, with its labels beside it.
-        image: Arc<Plane<Color>>,
+        image: Arc<Plane<DrawColor>>,
         /// Whether nothing that it follows from has changed.
         is_current: bool,
     },
@@ -65,7 +65,7 @@ pub fn inputs(labels: bool) -> Vec<Input> {
 }
 
 /// Draws a view: the image and, with `labels`, next to it visible masks and amodal outlines with occluded parts.
-pub fn cell(products: &Products, labels: bool) -> Result<Plane<Color>> {
+pub fn cell(products: &Products, labels: bool) -> Result<Plane<DrawColor>> {
     let rgb = products.get(RGB)?;
     if !labels {
         return Ok(rgb.clone());
@@ -82,7 +82,7 @@ pub fn cell(products: &Products, labels: bool) -> Result<Plane<Color>> {
 
 impl Sheet {
     /// Draws the sheet.
-    pub fn draw(&self) -> Plane<Color> {
+    pub fn draw(&self) -> Plane<DrawColor> {
         let columns = self.views.len().max(1);
         let size = |cell: &SheetCell| match cell {
             SheetCell::Image { image, .. } => [image.width(), image.height()],
@@ -111,7 +111,7 @@ impl Sheet {
         sheet
     }
 
-    fn images(&self) -> impl Iterator<Item = &Arc<Plane<Color>>> {
+    fn images(&self) -> impl Iterator<Item = &Arc<Plane<DrawColor>>> {
         self.cells.iter().filter_map(|cell| match cell {
             SheetCell::Image { image, .. } => Some(image),
             _ => None,
@@ -120,9 +120,9 @@ impl Sheet {
 }
 
 /// Draws a cell below its caption.
-fn put(sheet: &mut Plane<Color>, cell: &SheetCell, caption: &str, [x, y]: [u32; 2], [width, height]: [u32; 2]) {
+fn put(sheet: &mut Plane<DrawColor>, cell: &SheetCell, caption: &str, [x, y]: [u32; 2], [width, height]: [u32; 2]) {
     let fits = (width / CHARACTER) as usize;
-    let mut say = |text: String, color: Color| {
+    let mut say = |text: String, color: DrawColor| {
         text::draw(sheet, &text.chars().take(fits).collect::<String>(), [x, y], color);
     };
     match cell {
@@ -147,7 +147,7 @@ fn put(sheet: &mut Plane<Color>, cell: &SheetCell, caption: &str, [x, y]: [u32; 
 }
 
 /// A sheet with the errors of a recipe instead of images.
-pub fn mistakes(said: &str) -> Plane<Color> {
+pub fn mistakes(said: &str) -> Plane<DrawColor> {
     let lines = text::wrapped(said, COLUMNS);
     let rows = lines.len().min(MAX_LINES);
     let mut sheet =
@@ -157,7 +157,7 @@ pub fn mistakes(said: &str) -> Plane<Color> {
 }
 
 /// Writes the lines that fit. The last line then states the number of missing lines.
-fn write_lines(panel: &mut Plane<Color>, lines: &[String], rows: usize) {
+fn write_lines(panel: &mut Plane<DrawColor>, lines: &[String], rows: usize) {
     let left_out = if lines.len() > rows { lines.len() - rows + 1 } else { 0 };
     let shown = lines.len() - left_out;
     let more = (left_out > 0).then(|| format!("... and {left_out} more lines"));
@@ -167,8 +167,8 @@ fn write_lines(panel: &mut Plane<Color>, lines: &[String], rows: usize) {
 }
 
 /// Encodes a sheet as PNG. Equal pixels give equal bytes.
-pub fn png(sheet: &Plane<Color>) -> Result<Vec<u8>> {
-    Image::rgb(sheet).encode_with(&[MARK])
+pub fn png(sheet: &Plane<DrawColor>) -> Result<Vec<u8>> {
+    PngImage::rgb(sheet).encode_with(&[MARK])
 }
 
 /// Whether bytes are a sheet.
@@ -214,7 +214,7 @@ mod tests {
         let old = SheetCell::Image { image: old, is_current: false };
         let drawn = sheet(vec![old, SheetCell::Failed(reason), SheetCell::Waiting, SheetCell::Waiting]).draw();
         assert_eq!(drawn.at(GAP, GAP + LINE), &[112; 3]);
-        let of = |color: Color| drawn.data().iter().filter(|pixel| **pixel == color).count();
+        let of = |color: DrawColor| drawn.data().iter().filter(|pixel| **pixel == color).count();
         assert!(of(MISTAKE) > 300, "{}", of(MISTAKE));
         // Nothing of the text leaves the cell.
         let right = (0..drawn.height()).filter(|&y| *drawn.at(drawn.width() - GAP, y) == MISTAKE).count();

@@ -7,7 +7,7 @@ use parking_lot::Mutex;
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
 use std::time::Instant;
-use syntable_formats::draw::Color;
+use syntable_formats::draw::DrawColor;
 use syntable_model::context::{Collected, Log};
 use syntable_model::digest::Digest;
 use syntable_model::error::{Error, Result};
@@ -89,12 +89,12 @@ pub struct PreviewStudio<'a> {
 /// Images by the digest of their inputs, the oldest first.
 #[derive(Default)]
 struct ImageCache {
-    all: BTreeMap<Digest, Arc<Plane<Color>>>,
+    all: BTreeMap<Digest, Arc<Plane<DrawColor>>>,
     order: VecDeque<Digest>,
 }
 
 impl ImageCache {
-    fn add(&mut self, key: Digest, image: Arc<Plane<Color>>, most: usize) {
+    fn add(&mut self, key: Digest, image: Arc<Plane<DrawColor>>, most: usize) {
         if self.all.insert(key, image).is_none() {
             self.order.push_back(key);
         }

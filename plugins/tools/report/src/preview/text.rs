@@ -8,7 +8,7 @@ use embedded_graphics::pixelcolor::{Rgb888, RgbColor};
 use embedded_graphics::text::{Baseline, Text};
 use embedded_graphics::{Drawable, Pixel};
 use std::convert::Infallible;
-use syntable_formats::draw::Color;
+use syntable_formats::draw::DrawColor;
 use syntable_model::product::Plane;
 
 const FONT: MonoFont = FONT_7X13;
@@ -18,7 +18,7 @@ pub const CHARACTER: u32 = FONT.character_size.width;
 pub const LINE: u32 = FONT.character_size.height + 2;
 
 /// Draws a line of text with its top-left corner at (x, y), clipped at the image's edges.
-pub fn draw(onto: &mut Plane<Color>, text: &str, [x, y]: [u32; 2], [r, g, b]: Color) {
+pub fn draw(onto: &mut Plane<DrawColor>, text: &str, [x, y]: [u32; 2], [r, g, b]: DrawColor) {
     let text: String = text.chars().map(in_font).collect();
     let style = MonoTextStyle::new(&FONT, Rgb888::new(r, g, b));
     let at = Point::new(x.min(1 << 24) as i32, y.min(1 << 24) as i32);
@@ -60,7 +60,7 @@ fn in_font(letter: char) -> char {
     }
 }
 
-struct Target<'a>(&'a mut Plane<Color>);
+struct Target<'a>(&'a mut Plane<DrawColor>);
 
 impl OriginDimensions for Target<'_> {
     fn size(&self) -> Size {

@@ -97,8 +97,7 @@ pub struct GalleryRow {
     pub faults: usize,
 }
 
-/// Name of the check that fails if part of an image is unreadable.
-pub const READABLE: &str = "readable";
+pub use syntable_model::reader::READABLE;
 
 /// Products to read of each image.
 fn wants(offers: &[KeyId]) -> Vec<KeyId> {
@@ -178,7 +177,7 @@ pub fn read(
             let found = check.run(&products).unwrap_or_else(|error| vec![error.to_string()]);
             faults.extend(found.into_iter().map(|message| [check.name().to_owned(), message]));
         }
-        faults.extend(dataset.image_faults(image).into_iter().map(|(check, message)| [check.to_owned(), message]));
+        faults.extend(dataset.image_faults(image).iter().map(|fault| [fault.rule.to_owned(), fault.to_string()]));
     }
     let depth_m = products.optional(DEPTH)?.and_then(super::pixels::range);
     let has_image = if whole { products.contains(&RGB.id()) } else { offers.contains(&RGB.id()) };

@@ -253,7 +253,7 @@ impl DatasetReport {
     /// that hide images from the list of the dataset.
     pub fn lost(&self) -> Vec<String> {
         let hidden = self.dataset.faults.iter().filter(|fault| fault.is_lost);
-        let hidden = hidden.map(|fault| format!("{}: {}", fault.place, fault.message));
+        let hidden = hidden.map(ToString::to_string);
         let licenses = self.licenses.get().map(|(_, unread)| unread.clone()).unwrap_or_default();
         let scenes = self.lost_scenes.lock().values().cloned().collect::<Vec<_>>();
         hidden.chain(self.record.damaged.iter().cloned()).chain(licenses).chain(scenes).collect()

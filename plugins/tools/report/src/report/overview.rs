@@ -290,11 +290,9 @@ fn unread(report: &DatasetReport) -> Vec<Unread> {
 
 /// Faults of the shown images that were checked, and of the dataset.
 fn faults(report: &DatasetReport) -> Vec<FaultRow> {
-    let of_dataset = report.dataset.all_faults().iter().map(|fault| FaultRow {
-        place: None,
-        name: fault.place.clone(),
-        check: fault.check.to_owned(),
-        message: fault.message.clone(),
+    let of_dataset = report.dataset.all_faults().iter().map(|fault| {
+        let [name, message] = fault.place_and_text(&report.dataset.images);
+        FaultRow { place: None, name, check: fault.rule.to_owned(), message }
     });
     let of_images = report.faults.lock();
     let of_images = of_images.iter().flat_map(|(place, faults)| {

@@ -3,14 +3,14 @@
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::path::Path;
-use syntable_formats::scores::{ScoreTable, ScoredImage, Scores};
+use syntable_formats::scores::{MetricScores, ScoreTable, ScoredImage};
 use syntable_model::error::{Error, Result};
 use syntable_model::reader::OpenDataset;
 
 /// Scores of a dataset's predictions.
 #[derive(Debug)]
 pub struct ReportScores {
-    scores: Scores,
+    scores: MetricScores,
     /// Images with predictions by their index in the dataset, worst first.
     images: Vec<usize>,
     /// Place among them by index.
@@ -23,14 +23,14 @@ impl ReportScores {
     /// # Errors
     /// If it cannot be read, or an image in it is not in the dataset.
     pub fn open(path: &Path, dataset: &OpenDataset) -> Result<Self> {
-        Self::of(Scores::read(path)?, dataset).map_err(|error| error.in_file(path))
+        Self::of(MetricScores::read(path)?, dataset).map_err(|error| error.in_file(path))
     }
 
     /// Scores of this dataset.
     ///
     /// # Errors
     /// If the dataset lacks a scored image or has further ones.
-    pub fn of(scores: Scores, dataset: &OpenDataset) -> Result<Self> {
+    pub fn of(scores: MetricScores, dataset: &OpenDataset) -> Result<Self> {
         let named: BTreeMap<&str, usize> =
             dataset.images.iter().enumerate().map(|(index, image)| (image.name.as_str(), index)).collect();
         let index = |image: &ScoredImage| {

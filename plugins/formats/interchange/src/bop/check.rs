@@ -1,20 +1,24 @@
-//! What is wrong with BOP's numbers: `scene_gt_info.json` and `scene_gt_coco.json` against masks and depth, and the files of
-//! the dataset against each other.
+//! Faults of BOP's datasets: `scene_gt_info.json` and `scene_gt_coco.json` against masks and depth, and the files of the dataset
+//! against each other.
 
-use super::finish::{MODELS_INFO, OF_SCENE, model_file};
 use super::meshes::Meshes;
-use super::read::symmetries_of;
-use super::record::{Camera, Info, NO_BOX, between_centers};
+use super::record::{
+    BopCamera, BopModelInfo, CAMERA_FILE, GroundTruthInfo, MODELS_INFO, NO_BOX, SCENE_GT_COCO, between_centers,
+    model_file,
+};
 use crate::read::edge_px2;
-use serde_json::Value as Json;
 use std::collections::BTreeMap;
 use std::path::Path;
 use syntable_formats::read::Faults;
+use syntable_formats::rule;
 use syntable_model::files::DatasetFolder;
 use syntable_model::prelude::*;
+use syntable_model::reader::DatasetFault;
 
-/// A fault of an image: the rule, and what breaks it.
-pub type Fault = (&'static str, String);
+/// Id of the rule that counts of pixels are those of masks.
+const COUNTS_ARE_THOSE_OF_MASKS: &str = "counts_are_those_of_masks";
+/// Id of the rule that sizes of models fit each other and the meshes.
+const SIZES_OF_MODELS: &str = "sizes_of_models";
 
 /// How far a fraction may be off, which some files have with three decimals.
 const FRACTION: f64 = 1e-3;
@@ -28,19 +32,23 @@ const MESH: f64 = 0.01;
 const COCO_BOX_PX: f64 = 1.0;
 
 /// A rigid motion, m.
-type Motion = [[f64; 4]; 4];
+type RigidMotion = [[f64; 4]; 4];
 
 /// How far motions of objects between two views may differ to be one: of entries of a rotation, and in meters.
 const SAME_MOTION: [f64; 2] = [2e-3, 2e-3];
-/// What such a motion must be at least to be none of noise.
+/// Least such motion that is not noise.
 const MOVED: [f64; 2] = [2e-2, 1e-2];
 
 /// The pose of the camera of an image that puts all of its objects elsewhere in the world than other images of the scene do, in one
 /// piece, by numbers of objects and their poses. Objects that move one by one are none of its business. So many others, `least`, must
 /// agree, and they must be most of those that share objects with the image: a right camera is not blamed for a wrong one.
-pub fn fault_of_camera_pose(here: &[(u64, Motion)], others: &[Vec<(u64, Motion)>], least: usize) -> Option<Fault> {
-    let moves: Vec<Motion> = others.iter().filter_map(|there| common_motion(here, there)).collect();
-    let agreeing = |first: &Motion| moves.iter().filter(|it| is_near(it, first, SAME_MOTION)).count();
+pub fn fault_of_camera_pose(
+    here: &[(u64, RigidMotion)],
+    others: &[Vec<(u64, RigidMotion)>],
+    least: usize,
+) -> Option<DatasetFault> {
+    let moves: Vec<RigidMotion> = others.iter().filter_map(|there| common_motion(here, there)).collect();
+    let agreeing = |first: &RigidMotion| moves.iter().filter(|it| is_near(it, first, SAME_MOTION)).count();
     let first = moves.iter().max_by_key(|it| agreeing(it)).filter(|it| !is_near(it, &IDENTITY, MOVED))?;
     let agreeing = Some(agreeing(first)).filter(|count| *count >= least && 2 * count > moves.len())?;
     let apart = (0..3).map(|axis| first[axis][3] * first[axis][3]).sum::<f64>().sqrt();
@@ -52,26 +60,26 @@ pub fn fault_of_camera_pose(here: &[(u64, Motion)], others: &[Vec<(u64, Motion)>
         agreeing,
         moves.len()
     );
-    Some(("poses_agree_between_views", message))
+    Some(DatasetFault::new("poses_agree_between_views", message))
 }
 
-const IDENTITY: Motion = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]];
+const IDENTITY: RigidMotion = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]];
 
 /// The motion of objects from one image of a scene to another, if it is the same for all that both have: two at least, each the
 /// only one of its number.
-fn common_motion(here: &[(u64, Motion)], there: &[(u64, Motion)]) -> Option<Motion> {
-    fn only(all: &[(u64, Motion)], id: u64) -> Option<&Motion> {
+fn common_motion(here: &[(u64, RigidMotion)], there: &[(u64, RigidMotion)]) -> Option<RigidMotion> {
+    fn only(all: &[(u64, RigidMotion)], id: u64) -> Option<&RigidMotion> {
         let mut of_id = all.iter().filter(|it| it.0 == id).map(|it| &it.1);
         of_id.next().filter(|_| of_id.next().is_none())
     }
     let both = here.iter().filter_map(|(id, _)| Some((only(here, *id)?, only(there, *id)?)));
-    let moves: Vec<Motion> = both.map(|(here, there)| between(there, here)).collect();
+    let moves: Vec<RigidMotion> = both.map(|(here, there)| between(there, here)).collect();
     let (first, rest) = moves.split_first()?;
     (!rest.is_empty() && rest.iter().all(|it| is_near(it, first, SAME_MOTION))).then_some(*first)
 }
 
-/// What moves one pose to another.
-fn between(from: &Motion, to: &Motion) -> Motion {
+/// The motion from one pose to another.
+fn between(from: &RigidMotion, to: &RigidMotion) -> RigidMotion {
     let turn: [[f64; 3]; 3] =
         std::array::from_fn(|i| std::array::from_fn(|j| (0..3).map(|k| to[i][k] * from[j][k]).sum()));
     let shift = |i: usize| to[i][3] - (0..3).map(|k| turn[i][k] * from[k][3]).sum::<f64>();
@@ -79,7 +87,7 @@ fn between(from: &Motion, to: &Motion) -> Motion {
     [row(0), row(1), row(2), IDENTITY[3]]
 }
 
-fn is_near(a: &Motion, b: &Motion, [turn, shift]: [f64; 2]) -> bool {
+fn is_near(a: &RigidMotion, b: &RigidMotion, [turn, shift]: [f64; 2]) -> bool {
     (0..3).all(|i| (0..4).all(|j| (a[i][j] - b[i][j]).abs() <= if j < 3 { turn } else { shift }))
 }
 
@@ -88,13 +96,14 @@ fn sides([x, y, width, height]: [i64; 4]) -> [i64; 4] {
     [x, y, x + width, y + height]
 }
 
-impl Info {
-    /// What contradicts the masks of its object, and the depth of the image if it is known.
-    pub fn faults(&self, [amodal, visible]: [&Mask; 2], depth: Option<&Plane<f32>>) -> Vec<Fault> {
+impl GroundTruthInfo {
+    /// The rules that the entry breaks, given the masks of its object, and the depth of the image if it is known.
+    pub fn faults(&self, [amodal, visible]: [&Mask; 2], depth: Option<&Plane<f32>>) -> Vec<DatasetFault> {
         let mut faults = self.faults_of_counts(amodal, depth);
         let seen = self.px_count_visib > 0;
         let said = |name: &str, bbox: [i64; 4], own: &str| {
-            ("bbox_is_that_of_a_mask", format!("`{name}` is {bbox:?}, {own} (BOP's sizes have no + 1)"))
+            let message = format!("`{name}` is {bbox:?}, {own} (BOP's sizes have no + 1)");
+            DatasetFault::new(rule::BBOX_IS_THAT_OF_A_MASK, message)
         };
         let own = |mask: &Mask| if seen { between_centers(mask.bbox().into()) } else { NO_BOX };
         if self.bbox_visib != own(visible) {
@@ -111,7 +120,7 @@ impl Info {
         let last = [amodal.width(), amodal.height()].map(i64::from);
         let (bbox, inside) = (sides(self.bbox_obj), sides(own(amodal)));
         let is_beyond = |side: usize| if side < 2 { bbox[side] < 0 } else { bbox[side] >= last[side - 2] };
-        // What is beyond one side of the frame may reach further along the others than what is in it.
+        // A part beyond one side of the frame may reach further along the other sides than the part inside.
         let is_wider = reaches_out && (0..4).any(is_beyond);
         let holds = |side: usize| if side < 2 { bbox[side] <= inside[side] } else { bbox[side] >= inside[side] };
         if (0..4).any(|side| bbox[side] != inside[side] && !(is_wider && holds(side))) {
@@ -122,7 +131,7 @@ impl Info {
         if self.px_count_all > most {
             let message =
                 format!("`px_count_all` is {}, `bbox_obj` {:?} has {most} pixels", self.px_count_all, self.bbox_obj);
-            faults.push(("counts_are_those_of_masks", message));
+            faults.push(DatasetFault::new(COUNTS_ARE_THOSE_OF_MASKS, message));
         }
         if reaches_out && !(0..4).any(is_beyond) && self.px_count_all as f64 > f64::from(amodal.area()) + slack(amodal)
         {
@@ -132,14 +141,14 @@ impl Info {
                 amodal.area(),
                 self.bbox_obj
             );
-            faults.push(("counts_are_those_of_masks", message));
+            faults.push(DatasetFault::new(COUNTS_ARE_THOSE_OF_MASKS, message));
         }
         faults
     }
 
-    fn faults_of_counts(&self, amodal: &Mask, depth: Option<&Plane<f32>>) -> Vec<Fault> {
+    fn faults_of_counts(&self, amodal: &Mask, depth: Option<&Plane<f32>>) -> Vec<DatasetFault> {
         let mut faults = Vec::new();
-        let mut fault = |message: String| faults.push(("counts_are_those_of_masks", message));
+        let mut fault = |message: String| faults.push(DatasetFault::new(COUNTS_ARE_THOSE_OF_MASKS, message));
         let (all, valid) = (self.px_count_all, self.px_count_valid);
         if (all as f64) < f64::from(amodal.area()) - slack(amodal) {
             fault(format!("`px_count_all` is {all}, its mask has {} pixels", amodal.area()));
@@ -175,25 +184,25 @@ fn slack(mask: &Mask) -> f64 {
 #[derive(Debug, Default)]
 pub struct CocoScene {
     sizes: BTreeMap<u32, [u32; 2]>,
-    annotations: BTreeMap<u32, Vec<CocoAnnotation>>,
+    annotations: BTreeMap<u32, Vec<BopCocoAnnotation>>,
 }
 
-/// What is read of `scene_gt_coco.json`.
+/// The sections of `scene_gt_coco.json` that are read.
 #[derive(Deserialize)]
-struct CocoFile {
-    images: Vec<CocoImage>,
-    annotations: Vec<CocoAnnotation>,
+struct BopCocoFile {
+    images: Vec<BopCocoImage>,
+    annotations: Vec<BopCocoAnnotation>,
 }
 
 #[derive(Deserialize)]
-struct CocoImage {
+struct BopCocoImage {
     id: u32,
     width: u32,
     height: u32,
 }
 
 #[derive(Debug, Deserialize)]
-struct CocoAnnotation {
+struct BopCocoAnnotation {
     id: u64,
     image_id: u32,
     bbox: [f64; 4],
@@ -204,11 +213,11 @@ struct CocoAnnotation {
 impl CocoScene {
     /// Those of the scene of a folder, if it has any.
     pub fn read(folder: &DatasetFolder) -> Result<Option<Self>> {
-        let path = folder.file(OF_SCENE[1])?;
+        let path = folder.file(SCENE_GT_COCO)?;
         if !path.is_file() {
             return Ok(None);
         }
-        let file: CocoFile = super::files::json(&path)?;
+        let file: BopCocoFile = super::files::json(&path)?;
         let mut scene = Self::default();
         scene.sizes.extend(file.images.iter().map(|image| (image.id, [image.width, image.height])));
         for it in file.annotations {
@@ -217,15 +226,15 @@ impl CocoScene {
         Ok(Some(scene))
     }
 
-    /// What contradicts the masks of an image's objects, amodal and visible: a size, boxes that are those of no object, and areas
-    /// that are those of no object with the box.
-    pub fn faults(&self, image: u32, infos: &[Info], masks: &[[&Mask; 2]]) -> Vec<Fault> {
-        let file = OF_SCENE[1];
+    /// The rules that the annotations of an image break, given the amodal and visible masks of its objects: another image size, a box
+    /// of no object, or an area of no object with this box.
+    pub fn faults(&self, image: u32, infos: &[GroundTruthInfo], masks: &[[&Mask; 2]]) -> Vec<DatasetFault> {
         let Some([first, _]) = masks.first() else { return Vec::new() };
         let mut faults = Vec::new();
         let size = [first.width(), first.height()];
         if let Some(said) = self.sizes.get(&image).filter(|said| **said != size) {
-            faults.push(("records_agree", format!("{file}: the image has {said:?} pixels, its masks {size:?}")));
+            let message = format!("{SCENE_GT_COCO}: the image has {said:?} pixels, its masks {size:?}");
+            faults.push(DatasetFault::new(rule::RECORDS_AGREE, message));
         }
         let inside = |[x, y, width, height]: [f64; 4]| {
             let clip = |at: f64, axis: usize| at.clamp(0.0, f64::from(size[axis]));
@@ -234,16 +243,17 @@ impl CocoScene {
         // Objects that are not seen have no annotation.
         let seen: Vec<_> = infos.iter().zip(masks).filter(|(info, _)| info.px_count_visib > 0).collect();
         let near = |a: [f64; 4], b: [f64; 4]| a.iter().zip(b).all(|(a, b)| (a - b).abs() <= COCO_BOX_PX);
-        for &CocoAnnotation { id, bbox, area, .. } in self.annotations.get(&image).into_iter().flatten() {
+        for &BopCocoAnnotation { id, bbox, area, .. } in self.annotations.get(&image).into_iter().flatten() {
             let is_near = |own: [f64; 4]| near(inside(bbox), inside(own));
-            let has_box = |(info, masks): &(&Info, &[&Mask; 2])| {
+            let has_box = |(info, masks): &(&GroundTruthInfo, &[&Mask; 2])| {
                 let of_masks = masks.iter().map(|mask| <[i32; 4]>::from(mask.bbox()).map(f64::from));
                 of_masks.chain([info.bbox_obj.map(|edge| edge as f64)]).any(is_near)
             };
             let of_box: Vec<_> = seen.iter().copied().filter(has_box).collect();
             if of_box.is_empty() {
-                let message = format!("{file}: annotation {id}: `bbox` is {bbox:?}, that of no object of the image");
-                faults.push(("bbox_is_that_of_a_mask", message));
+                let message =
+                    format!("{SCENE_GT_COCO}: annotation {id}: `bbox` is {bbox:?}, that of no object of the image");
+                faults.push(DatasetFault::new(rule::BBOX_IS_THAT_OF_A_MASK, message));
                 continue;
             }
             let has_area = |area: f64| {
@@ -253,82 +263,81 @@ impl CocoScene {
                 })
             };
             if let Some(area) = area.filter(|area| !has_area(*area)) {
-                let message = format!("{file}: annotation {id}: `area` is {area}, that of no object with its `bbox`");
-                faults.push(("areas_are_those_of_masks", message));
+                let message =
+                    format!("{SCENE_GT_COCO}: annotation {id}: `area` is {area}, that of no object with its `bbox`");
+                faults.push(DatasetFault::new(rule::AREAS_ARE_THOSE_OF_MASKS, message));
             }
         }
         faults
     }
 }
 
-/// What `camera.json` says that an image of this size contradicts.
-pub fn faults_of_camera(camera: &Camera, [width, height]: [u32; 2]) -> Option<Fault> {
+/// The fault of a `camera.json` that states another image size.
+pub fn faults_of_camera(camera: &BopCamera, [width, height]: [u32; 2]) -> Option<DatasetFault> {
     let said = [camera.width, camera.height];
-    let message = format!("camera.json: its images have {said:?} pixels, this one {:?}", [width, height]);
-    (said != [width, height]).then_some(("camera_has_the_size_of_the_image", message))
+    let message = format!("{CAMERA_FILE}: its images have {said:?} pixels, this one {:?}", [width, height]);
+    (said != [width, height]).then(|| DatasetFault::new("camera_has_the_size_of_the_image", message))
 }
 
 /// A `camera.json` without a focal length.
-pub fn camera_is_sound(camera: &Camera, faults: &mut Faults) {
+pub fn camera_is_sound(camera: &BopCamera, faults: &mut Faults) {
     let sound = camera.fx > 0.0 && camera.fy > 0.0 && camera.depth_scale > 0.0;
     if !sound {
         let message = format!(
             "`fx` is {}, `fy` {} and `depth_scale` {}; all must be above 0",
             camera.fx, camera.fy, camera.depth_scale
         );
-        faults.add("camera_is_sound", "camera.json".to_owned(), &message);
+        faults.add("camera_is_sound", CAMERA_FILE.to_owned(), message);
     }
 }
 
-/// What `models_info.json` says of the meshes beside it, and these contradict.
-pub fn faults_of_meshes(meshes: &Meshes, models: &BTreeMap<u64, BTreeMap<String, Json>>, faults: &mut Faults) {
+/// The faults of a `models_info.json` that contradicts the meshes beside it.
+pub fn faults_of_meshes(meshes: &Meshes, models: &BTreeMap<u64, BopModelInfo>, faults: &mut Faults) {
     for id in meshes.numbers() {
-        let own = match meshes.info(id) {
-            Ok(own) => own.numbers(),
+        let info = match meshes.info(id) {
+            Ok(info) => info,
             Err(error) => {
-                faults.add("readable", model_file(id), &error.to_string());
+                faults.add(rule::READABLE, model_file(id), error.to_string());
                 continue;
             }
         };
-        let slack_mm = MESH * own[0].1;
-        let said = |key: &str| models.get(&id)?.get(key)?.as_f64();
-        let off =
-            own.iter().find_map(|&(key, own)| Some((key, own, said(key).filter(|it| (it - own).abs() > slack_mm)?)));
+        let slack_mm = MESH * info.diameter;
+        let stated = models.get(&id).into_iter().flat_map(BopModelInfo::numbers);
+        let off = info.numbers().into_iter().zip(stated).find_map(|((key, own), (_, said))| {
+            Some((key, own, said.value().filter(|said| (*said - own).abs() > slack_mm)?))
+        });
         if let Some((key, own, said)) = off {
             let message = format!("`{key}` is {said} mm, that of {} {own:.3}", model_file(id));
-            faults.add("sizes_of_models", format!("{MODELS_INFO}: {id}"), &message);
+            faults.add(SIZES_OF_MODELS, format!("{MODELS_INFO}: {id}"), message);
         }
     }
 }
 
-/// What is wrong with `models_info.json` in a folder: models without a mesh, and sizes that contradict each other.
-pub fn faults_of_models(folder: &Path, models: &BTreeMap<u64, BTreeMap<String, Json>>, faults: &mut Faults) {
+/// The faults of `models_info.json` in a folder: models without a mesh, and sizes that contradict each other.
+pub fn faults_of_models(folder: &Path, models: &BTreeMap<u64, BopModelInfo>, faults: &mut Faults) {
     for (&id, model) in models {
         let place = format!("{MODELS_INFO}: {id}");
         let mesh = model_file(id);
         if !folder.join(&mesh).is_file() {
-            faults.add("files_are_there", place.clone(), &format!("there is no {mesh} beside it"));
+            faults.add(rule::FILES_ARE_THERE, place.clone(), format!("there is no {mesh} beside it"));
         }
-        if let Err(problem) = symmetries_of(model) {
-            faults.add("symmetries_are_motions", place.clone(), &problem);
+        if let Err(problem) = model.symmetries() {
+            faults.add("symmetries_are_motions", place.clone(), problem);
         }
-        let number = |key: &str| model.get(key).and_then(Json::as_f64);
-        let size: Option<Vec<f64>> = ["size_x", "size_y", "size_z"].iter().map(|key| number(key)).collect();
-        let low: Option<Vec<f64>> = ["min_x", "min_y", "min_z"].iter().map(|key| number(key)).collect();
-        let (Some(diameter), Some(size), Some(_)) = (number("diameter"), size, low) else {
+        let (Some(&diameter), Some([_, size])) = (model.diameter.value(), model.box_mm()) else {
             let message = "it has no numbers `diameter`, `min_x` to `min_z` and `size_x` to `size_z`";
-            faults.add("sizes_of_models", place, message);
+            faults.add(SIZES_OF_MODELS, place, message);
             continue;
         };
         let longest = size.iter().copied().fold(0.0, f64::max);
         let diagonal = size.iter().map(|side| side * side).sum::<f64>().sqrt();
         if size.iter().any(|side| *side < 0.0) || longest == 0.0 {
-            faults.add("sizes_of_models", place, &format!("its sizes are {size:?} mm"));
+            faults.add(SIZES_OF_MODELS, place, format!("its sizes are {size:?} mm"));
         } else if diameter < longest * (1.0 - SIZE) || diameter > diagonal * (1.0 + SIZE) {
             let message = format!(
                 "`diameter` is {diameter} mm, its box {size:?} mm: it must be from {longest:.3} to the diagonal, {diagonal:.3}"
             );
-            faults.add("sizes_of_models", place, &message);
+            faults.add(SIZES_OF_MODELS, place, message);
         }
     }
 }
@@ -338,7 +347,7 @@ mod tests {
     use super::*;
 
     /// Two objects, moved along x, m.
-    fn at(x: f64) -> Vec<(u64, Motion)> {
+    fn at(x: f64) -> Vec<(u64, RigidMotion)> {
         let pose = |y: f64| {
             let mut pose = IDENTITY;
             (pose[0][3], pose[1][3]) = (x, y);

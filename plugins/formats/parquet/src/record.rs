@@ -1,42 +1,73 @@
-//! The columns of products.
+//! Names of files and columns, and the columns of products.
 //!
 //! A table has the same columns in all files of a dataset: they follow from the keys of the products, never from values.
 
-use crate::shred::Node;
+use crate::shred::ColumnType;
+use syntable_formats::json;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{CAMERA, CATEGORY_ID, OBJECT_INFO, VISIBILITY};
 use syntable_model::product::{Form, Scope};
 
-/// Columns of every table. `instance` is a list in a table of images.
-pub const OWN: [&str; 5] = ["scene", "view", "instance", "width", "height"];
-/// The path of an image, and an image in the table.
-pub const IMAGES: [&str; 2] = ["image_file", "image"];
+/// Extension of a table.
+pub const EXTENSION: &str = "parquet";
+/// Folder of tables with a row per view.
+pub const VIEWS: &str = "views";
+/// Folder of tables with a row per instance.
+pub const INSTANCES: &str = "instances";
+/// Folder of image files.
+pub const IMAGE_FOLDER: &str = "images";
+/// Key of the metadata that has the categories of the dataset.
+pub const CATEGORIES: &str = "categories";
+
+/// Column of the scene's number.
+pub const SCENE: &str = "scene";
+/// Column of the view's number.
+pub const VIEW: &str = "view";
+/// Column of the instance's id; a list in a table of views.
+pub const INSTANCE: &str = "instance";
+/// Column of the image's width, px.
+pub const WIDTH: &str = "width";
+/// Column of the image's height, px.
+pub const HEIGHT: &str = "height";
+/// Columns of every table.
+pub const OWN: [&str; 5] = [SCENE, VIEW, INSTANCE, WIDTH, HEIGHT];
+/// Column of the path of an image.
+pub const IMAGE_FILE: &str = "image_file";
+/// Column of an image in the table.
+pub const IMAGE: &str = "image";
+/// Field of [`IMAGE`] that has the file's content.
+pub const IMAGE_BYTES: &str = "bytes";
+/// Field of [`IMAGE`] that has the file's name.
+pub const IMAGE_PATH: &str = "path";
 /// The class beside `category_id`.
 pub const CATEGORY: &str = "category";
 
 /// A field of a record that has a column of its own.
-type Field = (&'static str, fn() -> Node);
+type RecordField = (&'static str, fn() -> ColumnType);
 
 /// The records whose fields are columns; other records are JSON text.
-fn fields(product: &str) -> Option<&'static [Field]> {
-    const OF_OBJECT: &[Field] = &[
-        ("asset", || Node::Text),
-        ("obj_id", || Node::Int),
-        ("mass_kg", || Node::Float),
+fn fields(product: &str) -> Option<&'static [RecordField]> {
+    const OF_OBJECT: &[RecordField] = &[
+        ("asset", || ColumnType::Text),
+        ("obj_id", || ColumnType::Int),
+        ("mass_kg", || ColumnType::Float),
         ("world_from_object", matrix),
         ("camera_from_object", matrix),
-        ("model_origin_m", || Node::list(Node::Float)),
+        ("model_origin_m", || ColumnType::list(ColumnType::Float)),
     ];
-    const OF_VISIBILITY: &[Field] = &[
-        ("px_count_all", || Node::Int),
-        ("px_count_in_frame", || Node::Int),
-        ("px_count_valid", || Node::Int),
-        ("px_count_visib", || Node::Int),
-        ("visib_fract", || Node::Float),
+    const OF_VISIBILITY: &[RecordField] = &[
+        ("px_count_all", || ColumnType::Int),
+        ("px_count_in_frame", || ColumnType::Int),
+        ("px_count_valid", || ColumnType::Int),
+        ("px_count_visib", || ColumnType::Int),
+        ("visib_fract", || ColumnType::Float),
     ];
     // Without a value where the lens is free of distortion.
-    const OF_CAMERA: &[Field] =
-        &[("K", matrix), ("world_from_camera", matrix), ("distortion_k1_k2_p1_p2_k3", || Node::list(Node::Float))];
+    const OF_CAMERA: &[RecordField] = &[
+        ("K", matrix),
+        ("world_from_camera", matrix),
+        ("distortion_k1_k2_p1_p2_k3", || ColumnType::list(ColumnType::Float)),
+    ];
     let all = [(OBJECT_INFO.name(), OF_OBJECT), (VISIBILITY.name(), OF_VISIBILITY), (CAMERA.name(), OF_CAMERA)];
     all.into_iter().find(|(name, _)| *name == product).map(|(_, fields)| fields)
 }
@@ -45,37 +76,37 @@ fn fields(product: &str) -> Option<&'static [Field]> {
 pub fn reserved() -> Vec<&'static str> {
     let records = [OBJECT_INFO.name(), VISIBILITY.name(), CAMERA.name()];
     let of_records = records.into_iter().filter_map(fields).flatten().map(|(name, _)| *name);
-    OWN.into_iter().chain(IMAGES).chain([CATEGORY]).chain(of_records).collect()
+    OWN.into_iter().chain([IMAGE_FILE, IMAGE]).chain([CATEGORY]).chain(of_records).collect()
 }
 
 /// The entries of a matrix, row by row.
-fn matrix() -> Node {
-    Node::list(Node::Float)
+fn matrix() -> ColumnType {
+    ColumnType::list(ColumnType::Float)
 }
 
 /// COCO's compressed run lengths, as pycocotools takes them.
-fn run_lengths() -> Node {
-    Node::Struct(vec![("size", Node::list(Node::Int)), ("counts", Node::Text)])
+fn run_lengths() -> ColumnType {
+    ColumnType::Struct(vec![("size", ColumnType::list(ColumnType::Int)), ("counts", ColumnType::Text)])
 }
 
 /// An image in the form that Hugging Face `datasets` decodes.
-pub fn image() -> Node {
-    Node::Struct(vec![("bytes", Node::Bytes), ("path", Node::Text)])
+pub fn image() -> ColumnType {
+    ColumnType::Struct(vec![(IMAGE_BYTES, ColumnType::Bytes), (IMAGE_PATH, ColumnType::Text)])
 }
 
 /// A column that is made from a product.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Column {
+pub struct ParquetColumn {
     /// Its name in the table.
     pub name: String,
     /// Type of a cell of one instance, or of one view.
-    pub node: Node,
-    part: Part,
+    pub node: ColumnType,
+    part: ColumnPart,
 }
 
-/// What a column has of a value.
+/// The part of a value that a column holds.
 #[derive(Debug, Clone, Copy, PartialEq)]
-enum Part {
+enum ColumnPart {
     /// The value itself.
     Whole,
     /// The value as JSON.
@@ -102,73 +133,74 @@ pub fn accept(key: &KeyId) -> Result<(), String> {
 }
 
 /// The columns of a product.
-pub fn columns(key: &KeyId) -> Vec<Column> {
+pub fn columns(key: &KeyId) -> Vec<ParquetColumn> {
     let product = key.to_string();
-    let column = |name: &str, node, part| Column { name: name.to_owned(), node, part };
+    let column = |name: &str, node, part| ParquetColumn { name: name.to_owned(), node, part };
     if let Some(fields) = fields(&product) {
-        return fields.iter().map(|(field, node)| column(field, node(), Part::Field(field))).collect();
+        return fields.iter().map(|(field, node)| column(field, node(), ColumnPart::Field(field))).collect();
     }
-    let whole = |node| column(&product, node, Part::Whole);
+    let whole = |node| column(&product, node, ColumnPart::Whole);
     match key.form().of_one() {
         Form::Int if product == CATEGORY_ID.name() => {
-            vec![whole(Node::Int), column(CATEGORY, Node::Text, Part::Category)]
+            vec![whole(ColumnType::Int), column(CATEGORY, ColumnType::Text, ColumnPart::Category)]
         }
-        Form::Bool => vec![whole(Node::Bool)],
-        Form::Int => vec![whole(Node::Int)],
-        Form::Float => vec![whole(Node::Float)],
-        Form::Text => vec![whole(Node::Text)],
-        Form::Bytes => vec![whole(Node::Bytes)],
-        Form::Ints(_) => vec![whole(Node::list(Node::Int))],
+        Form::Bool => vec![whole(ColumnType::Bool)],
+        Form::Int => vec![whole(ColumnType::Int)],
+        Form::Float => vec![whole(ColumnType::Float)],
+        Form::Text => vec![whole(ColumnType::Text)],
+        Form::Bytes => vec![whole(ColumnType::Bytes)],
+        Form::Ints(_) => vec![whole(ColumnType::list(ColumnType::Int))],
         Form::Mask => {
-            vec![column(&product, run_lengths(), Part::Runs), column(&format!("{product}_area"), Node::Int, Part::Area)]
+            vec![
+                column(&product, run_lengths(), ColumnPart::Runs),
+                column(&format!("{product}_area"), ColumnType::Int, ColumnPart::Area),
+            ]
         }
-        _ => vec![column(&product, Node::Text, Part::Json)],
+        _ => vec![column(&product, ColumnType::Text, ColumnPart::Json)],
     }
 }
 
-impl Column {
+impl ParquetColumn {
     /// The cell of a value of the product.
     pub fn cell(&self, value: &Value, dataset: &DatasetInfo) -> Result<Value> {
         Ok(match (self.part, value) {
             (_, Value::Null) => Value::Null,
-            (Part::Runs, Value::Mask(mask)) => {
+            (ColumnPart::Runs, Value::Mask(mask)) => {
                 let size = [mask.height(), mask.width()];
                 Value::record([("size", size.into()), ("counts", mask.to_coco().into())])
             }
-            (Part::Area, Value::Mask(mask)) => mask.area().into(),
-            (Part::Category, &Value::Int(id)) => {
+            (ColumnPart::Area, Value::Mask(mask)) => mask.area().into(),
+            (ColumnPart::Category, &Value::Int(id)) => {
                 let id = u32::try_from(id).map_err(|_| Error::new(format!("`category_id` is {id}, which is none")))?;
                 dataset.category(id)?.1.into()
             }
-            (Part::Field(field), Value::Record(fields)) => {
+            (ColumnPart::Field(field), Value::Record(fields)) => {
                 let value = fields.iter().find(|(name, _)| name == field).map_or(&Value::Null, |(_, value)| value);
-                if matches!(self.node, Node::List(_)) { flat(value) } else { value.clone() }
+                if matches!(self.node, ColumnType::List(_)) { flat(value) } else { value.clone() }
             }
-            (Part::Json, value) => serde_json::to_string(value)
-                .map_err(|error| Error::new(format!("cannot be written as JSON: {error}")))?
-                .into(),
+            (ColumnPart::Json, value) => json::text(value)?.into(),
             (_, value) => value.clone(),
         })
     }
 }
 
 /// The value of a product from the cells of its columns.
-pub fn value(columns: &[Column], cells: &[Value]) -> Result<Value> {
+pub fn value(columns: &[ParquetColumn], cells: &[Value]) -> Result<Value> {
     let mut record = Vec::new();
     for (column, cell) in columns.iter().zip(cells) {
         match (column.part, cell) {
             // They say nothing new.
-            (Part::Area | Part::Category, _) => {}
-            (Part::Whole | Part::Runs, value) => return Ok(value.clone()),
-            (Part::Json, Value::Text(text)) => {
+            (ColumnPart::Area | ColumnPart::Category, _) => {}
+            (ColumnPart::Whole | ColumnPart::Runs, value) => return Ok(value.clone()),
+            (ColumnPart::Json, Value::Text(text)) => {
                 let json = serde_json::from_str::<serde_json::Value>(text);
                 return Value::of(
                     &json.map_err(|error| Error::new(format!("column `{}` is not JSON: {error}", column.name)))?,
                 );
             }
-            (Part::Field(_) | Part::Json, Value::Null) => {}
-            (Part::Field(field), value) => record.push((field.to_owned(), square(value))),
-            (Part::Json, value) => return Ok(value.clone()),
+            (ColumnPart::Field(_) | ColumnPart::Json, Value::Null) => {}
+            (ColumnPart::Field(field), value) => record.push((field.to_owned(), square(value))),
+            (ColumnPart::Json, value) => return Ok(value.clone()),
         }
     }
     Ok(Value::Record(record))

@@ -1,0 +1,139 @@
+//! YOLO's names of folders and files, and the lines of label files.
+
+use std::fmt::Write as _;
+use std::path::Path;
+use syntable_formats::decode;
+use syntable_model::prelude::*;
+
+/// Folder of images.
+pub const IMAGES: &str = "images";
+/// Folder of labels beside it.
+pub const LABELS: &str = "labels";
+/// Ends of image files.
+pub const IMAGE_ENDS: [&str; 3] = ["png", "jpg", "jpeg"];
+/// End of label files.
+pub const LABEL_END: &str = "txt";
+/// The file that describes the dataset.
+pub const DATA: &str = "data.yaml";
+/// The file beside the labels to which LabelImg writes the names of the classes, one per line.
+pub const CLASSES: &str = "classes.txt";
+
+/// The line of an object. Six decimals are a thousandth of a pixel.
+pub fn line(class: usize, points: &[[f64; 2]], [width, height]: [f64; 2]) -> String {
+    let mut line = class.to_string();
+    for [x, y] in points {
+        // Writing to a string cannot fail.
+        let _ = write!(line, " {:.6} {:.6}", x / width, y / height);
+    }
+    line.push('\n');
+    line
+}
+
+/// Error of sums of coordinates in text.
+const DECIMALS: f64 = 5e-6;
+
+/// The numbers after the class in the lines of a dataset.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum LabelShape {
+    /// Points.
+    Polygons,
+    /// x, y, width, height.
+    Boxes,
+    /// Four corners.
+    RotatedBoxes,
+    /// A box, then points with or without a flag of visibility.
+    Poses,
+}
+
+/// Numbers of a box.
+pub const BOX: usize = 4;
+
+/// A line of a label file: an object.
+pub struct LabelLine {
+    /// From 1.
+    pub number: usize,
+    pub class: u64,
+    /// Divided by the width and the height of the image.
+    pub values: Vec<f64>,
+}
+
+impl LabelLine {
+    pub fn is_box(&self) -> bool {
+        self.values.len() == BOX
+    }
+}
+
+/// The lines of a label file, given the shape that the dataset states.
+///
+/// # Errors
+/// If the file cannot be read, or a line has another shape.
+pub fn lines(path: &Path, stated: Option<LabelShape>) -> Result<Vec<LabelLine>> {
+    let text = decode::text(path).map_err(|error| match path.is_file() {
+        true => error,
+        false => error.help("put a text file in its place, or remove it if the image has no objects"),
+    })?;
+    let line = |(number, line): (usize, &str)| {
+        let refuse = |message: String| {
+            let help =
+                "a line is the number of a class, then x and y of at least three points, divided by width and height";
+            Error::new(message).in_file(path).at_line(number).help(help)
+        };
+        let mut words = line.split_ascii_whitespace();
+        let class = words.next().unwrap_or_default();
+        // Some tools write classes as floats.
+        let class = class.strip_suffix(".0").unwrap_or(class);
+        let class = class.parse().map_err(|_| refuse(format!("`{class}` is no number of a class")))?;
+        let value = |word: &str| match word.parse::<f64>() {
+            Ok(value) if value.is_finite() => Ok(value),
+            _ => Err(refuse(format!("`{word}` is no coordinate"))),
+        };
+        let values = words.map(value).collect::<Result<Vec<f64>>>()?;
+        let are_points = values.len() >= 6 && values.len() % 2 == 0;
+        let is_known = match stated {
+            Some(LabelShape::Boxes) => values.len() == BOX,
+            Some(LabelShape::RotatedBoxes) => values.len() == 2 * BOX,
+            Some(LabelShape::Poses) => values.len() > BOX,
+            Some(LabelShape::Polygons) | None => values.len() == BOX || are_points,
+        };
+        if !is_known {
+            return Err(refuse(format!("a class and {} numbers are no points", values.len())));
+        }
+        Ok(LabelLine { number, class, values })
+    };
+    (1..).zip(text.lines()).filter(|(_, line)| !line.trim().is_empty()).map(line).collect()
+}
+
+impl LabelShape {
+    /// The shape of a line with these values; none for a polygon that may be a rotated box: a rectangle along the edges of the
+    /// image.
+    pub fn of(values: &[f64]) -> Option<Self> {
+        let &[ax, ay, bx, by, cx, cy, dx, dy] = values else {
+            return Some(if values.len() == BOX { Self::Boxes } else { Self::Polygons });
+        };
+        let is = |a: f64, b: f64| (a - b).abs() < DECIMALS;
+        // Divided by width and height, a rectangle is still a parallelogram.
+        if !is(ax + cx, bx + dx) || !is(ay + cy, by + dy) {
+            return Some(Self::Polygons);
+        }
+        let is_along = is(ax, bx) && is(by, cy) || is(ay, by) && is(bx, cx);
+        (!is_along).then_some(Self::RotatedBoxes)
+    }
+
+    /// Name of such lines, in the plural.
+    pub fn lines(self) -> &'static str {
+        match self {
+            Self::Polygons => "polygons",
+            Self::Boxes => "boxes",
+            Self::RotatedBoxes => "rotated boxes",
+            Self::Poses => "poses, boxes with points",
+        }
+    }
+
+    /// The shape of lines of two shapes. A polygon may be a parallelogram, too.
+    pub fn joined(self, other: Option<Self>) -> Self {
+        match other {
+            Some(other) if other != self => Self::Polygons,
+            _ => self,
+        }
+    }
+}
