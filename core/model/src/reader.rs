@@ -227,7 +227,7 @@ fn find(
             }
         }
     }
-    Err(Error::new("it looks like a dataset of no format that can be read")
+    Err(Error::new("unrecognized dataset format")
         .in_file(root)
         .help(format!("name the format with --format: {}", names())))
 }
