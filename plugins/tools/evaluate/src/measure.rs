@@ -10,7 +10,7 @@ use syntable_model::inventory;
 /// Scores of predictions: the tally of an image, and the scores of all images.
 ///
 /// ```
-/// use syntable_evaluate::image::Pair;
+/// use syntable_evaluate::image::ImagePair;
 /// use syntable_evaluate::measure::{Measure, Measurement, Metric};
 ///
 /// /// How many predictions an object has.
@@ -23,7 +23,7 @@ use syntable_model::inventory;
 ///         vec!["surplus".into()]
 ///     }
 ///
-///     fn tally(&self, pair: &Pair) -> [usize; 2] {
+///     fn tally(&self, pair: &ImagePair) -> [usize; 2] {
 ///         [pair.predictions.len(), pair.labels.len()]
 ///     }
 ///

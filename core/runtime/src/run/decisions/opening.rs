@@ -113,7 +113,7 @@ fn open_folder(recipe: &Recipe, options: &RunOptions, reporter: &dyn Reporter) -
     if options.repair {
         let lines = folder.mend_journal()?;
         if lines > 0 {
-            let message = format!("{} of the journal are unreadable, and removed", count(lines as u32, "line"));
+            let message = format!("removed {} of the journal as unreadable", count(lines as u32, "line"));
             reporter.event(&Event::Note { message });
         }
     }
