@@ -4,6 +4,7 @@ use crate::support::root;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
+use syntable_cli as cli;
 use syntable_model::registry::{Registry, Slot};
 use syntable_program as _;
 
@@ -147,6 +148,27 @@ fn sources() -> Vec<(String, String)> {
         walk(&folder.join("src"), &mut found);
     }
     found
+}
+
+/// A message of the library names an option as `options.retry_failed`, and the command line prints `--retry-failed`: the flag exists.
+#[test]
+fn options_in_messages_have_flags() {
+    const FIELD: &str = "`options.";
+    let pages: String = cli::help_pages().into_iter().map(|(_, page)| page).collect();
+    let sources = sources().into_iter().filter(|(path, _)| !path.contains("core/cli"));
+    let names: BTreeSet<String> = sources
+        .flat_map(|(_, text)| {
+            let rest = text.split(FIELD).skip(1).filter_map(|rest| rest.split_once('`'));
+            rest.map(|(name, _)| name.replace('_', "-")).collect::<Vec<_>>()
+        })
+        .collect();
+    assert!(names.len() > 5 && names.contains("out"), "{names:?}");
+    for name in names {
+        assert!(
+            pages.contains(&format!("--{name}\n")) || pages.contains(&format!("--{name} ")),
+            "no verb has --{name}"
+        );
+    }
 }
 
 #[test]

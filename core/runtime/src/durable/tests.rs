@@ -180,7 +180,7 @@ fn files_that_no_command_made_are_never_deleted() {
     let home = folder();
     let place = home.path().join("out");
     for (path, text, says) in [
-        ("notes.txt", "mine", "did not make: notes.txt"),
+        ("notes.txt", "mine", "did not create: notes.txt"),
         ("image/mine.jpg", "mine", "image/mine.jpg"),
         ("index.html", "edited", "index.html (changed)"),
         ("index.html", "eno", "index.html (changed)"),
@@ -199,7 +199,7 @@ fn files_that_no_command_made_are_never_deleted() {
     let Standing::Made(listing) = standing(&place).expect("readable") else { panic!("it was made") };
     fs::write(place.join("notes.txt"), "mine").expect("writable");
     let error = listing.delete(&place).expect_err("a file is left").to_string();
-    assert!(error.contains("notes.txt") && error.contains("move it away"), "{error}");
+    assert!(error.contains("notes.txt") && error.contains("move them away"), "{error}");
     assert_eq!(texts(&place).keys().collect::<Vec<_>>(), [LISTING, "notes.txt"]);
     // Listed files that the user has deleted are no loss.
     fs::remove_dir_all(&place).expect("removable");
@@ -238,7 +238,7 @@ fn a_folder_of_a_stranger_is_not_ours_whatever_it_is_called() {
         fs::write(part.join("thesis.tex"), "precious").expect("writable");
         mark.into_iter().for_each(|text| fs::write(part.join(MARK), text).expect("writable"));
         let error = make(&beside, "one").expect_err("it is taken").to_string();
-        assert!(error.contains("new.part") && error.contains("move it away"), "{error}");
+        assert!(error.contains("new.part") && error.contains("move them away"), "{error}");
         assert_eq!(texts(&part)["thesis.tex"], "precious");
     }
 }
@@ -336,7 +336,7 @@ fn a_link_to_a_folder_stays() {
     let (link, target) = (home.path().join("link"), home.path().join("target"));
     std::os::unix::fs::symlink("target", &link).expect("linked");
     let error = make(&link, "one").expect_err("the target is not there").to_string();
-    assert!(error.contains("link to what is not there"), "{error}");
+    assert!(error.contains("link to a missing folder"), "{error}");
     fs::create_dir(&target).expect("made");
     for text in ["one", "two"] {
         make(&link, text).expect("made");

@@ -92,7 +92,7 @@ fn a_scene_that_is_there_keeps_what_it_has() {
         let stopped = run(&both, &grown, 1).expect_err("stops");
         assert!(stopped.is_device() && !stopped.is_permanent(), "{stopped}");
         let text = stopped.to_string();
-        assert!(text.contains("scene 1: render: the") && text.contains("keeps all that it had"), "{text}");
+        assert!(text.contains("scene 1: render: the") && text.contains("finished scenes are kept"), "{text}");
         assert_eq!(entry(&grown, 1), had);
         let now = files(&grown);
         assert!(before.iter().filter(|(name, _)| keeps(name)).all(|(name, bytes)| now.get(name) == Some(bytes)));
@@ -146,7 +146,7 @@ fn a_dataset_names_the_cards_that_rendered_it() {
         run_with(&light, RunOptions { scenes, ..options(&at(out), 1) }, &said).expect("runs");
         (said, devices_of(&at(out)))
     };
-    let other = "the dataset was begun on";
+    let other = "other devices render now:";
     let (said, devices) = resume("processor", None);
     assert!(devices.is_empty() && !said.contains(other));
     put_card(19, Some("X1 (driver 1)"));
@@ -159,7 +159,7 @@ fn a_dataset_names_the_cards_that_rendered_it() {
     run_scenes(&light, &at("second"), 1, Some(1..3)).expect("the second part");
     put_card(19, Some("X1 (driver 2)"));
     let (said, devices) = resume("mixed", None);
-    assert!(said.contains(&format!("{other} X1 (driver 1), and goes on on X1 (driver 2)")));
+    assert!(said.contains(&format!("{other} X1 (driver 1) before, X1 (driver 2) now")));
     assert_eq!(devices, ["X1 (driver 1)", "X1 (driver 2)"]);
     // Nothing is left to render.
     put_card(19, Some("X2"));
@@ -176,7 +176,7 @@ fn a_dataset_names_the_cards_that_rendered_it() {
     let merge = |out: &str, parts: [&str; 2]| {
         let (parts, said): (Vec<PathBuf>, _) = (parts.iter().map(|part| at(part)).collect(), Said::default());
         syntable_runtime::run::merge(&registry(), at(out), &parts, 1, &Stop::default(), &said).expect("merges");
-        (said.contains("not rendered on the same devices, but on X1 (driver 1), X2"), devices_of(&at(out)))
+        (said.contains("different devices rendered the parts: X1 (driver 1), X2"), devices_of(&at(out)))
     };
     assert_eq!(merge("one", ["first", "second"]), (false, vec!["X1 (driver 1)".to_owned()]));
     assert_same(&at("one"), &at("whole"));

@@ -156,7 +156,7 @@ fn files_of_a_writer_are_written_anew_by_who_asks_for_it() {
         let (before, simulated) = (files(&data), Counters::both(12)[0]);
         if to != both {
             let error = run(&recipe(3, 2, 12, to), &data, 1).expect_err("not asked for").to_string();
-            assert!(error.contains("write.more") && error.contains("run with --rewrite"), "{error}");
+            assert!(error.contains("write.more") && error.contains("run with `options.rewrite`"), "{error}");
             assert!(files(&data) == before, "something was touched");
         }
         rewrite(&recipe(3, 2, 12, to), &data).expect("written anew");
@@ -188,7 +188,7 @@ fn files_of_a_writer_are_written_anew_by_who_asks_for_it() {
     assert!(files(&data)["lines/000001_0000.json"] == before["lines/000001_0000.json"]);
     // What light is made of makes another dataset.
     let error = rewrite(&recipe(3, 2, 13, &changed), &data).expect_err("another renderer").to_string();
-    assert!(error.contains("render.tally") && error.contains("--out"), "{error}");
+    assert!(error.contains("render.tally") && error.contains("options.out"), "{error}");
 }
 
 #[test]
@@ -396,7 +396,7 @@ fn growth_that_is_refused_changes_nothing() {
     for retry_failed in [false, true] {
         let error =
             run_with(&of(4), RunOptions { retry_failed, ..options(&data, 1) }, &Quiet).expect_err("another pool");
-        assert!(error.to_string().contains("`assets.things` is not what it was") && error.is_permanent(), "{error}");
+        assert!(error.to_string().contains("`assets.things` has changed") && error.is_permanent(), "{error}");
         assert!(files(&data) == before, "something was changed");
     }
     std::fs::write(&list, "a\nb\n").expect("writable");
@@ -422,9 +422,9 @@ fn another_dataset_is_refused_key_by_key() {
     run(&recipe(3, 2, 0, &both), folder.path(), 1).expect("begun");
     let before = files(folder.path());
     for (other, says) in [
-        (recipe(2, 2, 0, &both), vec!["begun with 3 scenes", "has 2 now", "--scenes"]),
-        (recipe(3, 1, 0, &both), vec!["begun with 2 views per scene", "has 1 now"]),
-        (recipe(3, 2, 0, LIGHT), vec!["another recipe", "write.more: kind \"lines\" -> nothing", "--out"]),
+        (recipe(2, 2, 0, &both), vec!["has 3 scenes", "the recipe has 2", "options.scenes"]),
+        (recipe(3, 1, 0, &both), vec!["has 2 views per scene", "the recipe has 1"]),
+        (recipe(3, 2, 0, LIGHT), vec!["another recipe", "write.more: kind \"lines\" -> nothing", "options.out"]),
         (recipe(3, 2, 0, &both.replace("\"track\", ", "")), vec!["write.more.include: [", "] -> ["]),
         (recipe(3, 2, 1, &both), vec!["render.tally: 0 -> 1", "settle.tally: 0 -> 1"]),
         (recipe(3, 2, 0, &format!("{both}[sensor.doubler]\n")), vec!["[sensor.doubler]", "write.lines"]),

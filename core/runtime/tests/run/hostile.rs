@@ -181,7 +181,7 @@ fn lists_name_files_of_the_dataset_alone() {
             for error in place.refusals(&what) {
                 let text = error.to_string();
                 let shown = format!("`{}`", bad.replace('\0', "\\u{0}"));
-                let named = [list, &format!("`{key}`"), &shown, "nothing was touched"];
+                let named = [list, &format!("`{key}`"), &shown, "no file was changed"];
                 assert!(named.iter().all(|named| text.contains(named)), "{what}: {text}");
             }
             let found = verify(&data, 1).expect("it only looks");
@@ -214,12 +214,16 @@ fn no_text_and_no_place_hides_a_list() {
         fs::write(path, text).expect("writable");
     };
     for (list, says, make) in [
-        (".syntable/scenes/000000.json", "`.syntable/lock` is a path that", &own as &dyn Fn()),
-        (".syntable/staging/0.ready/.syntable/staged.json", "`.syntable/journal.jsonl` is a path that", &|| {
-            ready("staged.json", &stale.to_string())
+        (".syntable/scenes/000000.json", "`.syntable/lock` is reserved for the program", &own as &dyn Fn()),
+        (
+            ".syntable/staging/0.ready/.syntable/staged.json",
+            "`.syntable/journal.jsonl` is reserved for the program",
+            &|| ready("staged.json", &stale.to_string()),
+        ),
+        (".syntable/staging/0.ready/.syntable/journal.jsonl", "no run stages this file", &|| {
+            ready("journal.jsonl", "")
         }),
-        (".syntable/staging/0.ready/.syntable/journal.jsonl", "no run stages it", &|| ready("journal.jsonl", "")),
-        (".syntable/staging/0.ready/.syntable/discard/finished.json", "no run stages it", &|| {
+        (".syntable/staging/0.ready/.syntable/discard/finished.json", "no run stages this file", &|| {
             ready("discard/finished.json", "{}");
         }),
     ] {
@@ -354,7 +358,7 @@ fn nothing_is_written_or_removed_behind_a_link() {
     assert!(!found.whole() && found.linked == ["lines/000000.json"], "{found:?}");
     let part = [data.clone()];
     let error = merge(&registry(), place.at("merged"), &part, 1, &Stop::default(), &Quiet).expect_err("a link");
-    assert!(error.to_string().contains("links of a part are not followed"), "{error}");
+    assert!(error.to_string().contains("follows no links in parts"), "{error}");
     run_with(RECIPE, RunOptions { repair: true, ..options(&data, 1) }, &Quiet).expect("repaired");
     assert!(fs::symlink_metadata(&file).expect("there").is_file() && place.is_unharmed());
     assert!(verify(&data, 1).expect("whole").whole());

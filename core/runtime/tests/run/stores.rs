@@ -66,7 +66,7 @@ fn a_run_into_memory_gives_the_files_of_a_folder() {
     assert_same(&files_of(&store), &files(&at("small")), "a run that went on");
     // Another recipe is refused, written anew with a flag, and overwrites with another one.
     let error = in_memory(&store, &whole, |_| ()).expect_err("another recipe").to_string();
-    assert!(error.contains("memory:/") && error.contains("--rewrite"), "{error}");
+    assert!(error.contains("memory:/") && error.contains("options.rewrite"), "{error}");
     in_memory(&store, &whole, |options| options.rewrite = true).expect("rewritten");
     assert_same(&files_of(&store), &files(&at("whole")), "rewritten");
     in_memory(&store, &small, |options| options.overwrite = true).expect("overwritten");
@@ -109,7 +109,7 @@ fn parts_of_any_store_are_merged_into_any_other() {
     assert_same(&merged, &files(&whole), "into memory");
     merge(folder.path().join("merged").into()).expect("onto the disk");
     assert_same(&files(&folder.path().join("merged")), &files(&whole), "onto the disk");
-    for (out, says) in [("part/x", "one in the other"), ("part", "as one of its parts")] {
+    for (out, says) in [("part/x", "overlap"), ("part", "both the output and a part")] {
         let error = merge(within(out)).expect_err("refused").to_string();
         assert!(error.contains(says) && error.contains("memory:/part"), "{error}");
     }

@@ -78,7 +78,7 @@ fn lines_that_are_gone_are_missed() {
     run_scenes(RECIPE, &data, 1, Some(0..3)).expect("a part");
     fs::write(data.join(".syntable/shards/lines/000001.jsonl"), "").expect("writable");
     let error = run(RECIPE, &data, 1).expect_err("the end would lose lines").to_string();
-    assert!(error.contains("shards/lines/000001.jsonl") && error.contains("--repair"), "{error}");
+    assert!(error.contains("shards/lines/000001.jsonl") && error.contains("options.repair"), "{error}");
     run_with(RECIPE, RunOptions { repair: true, ..options(&data, 1) }, &Quiet).expect("repaired");
     assert_same(&whole, &data);
 }
@@ -137,10 +137,7 @@ fn stopped_anywhere(call: &dyn Fn(&Stop, &dyn Reporter) -> Result<RunOutcome>, c
             Ok(_) => return number,
             Err(error) => {
                 let error = error.to_string();
-                assert!(
-                    error.contains("stopped by its caller") && error.contains("the same command goes on"),
-                    "{error}"
-                );
+                assert!(error.contains("stopped by its caller") && error.contains("the same command"), "{error}");
                 check();
             }
         }
@@ -241,7 +238,7 @@ fn parts_that_do_not_belong_together_are_refused() {
         syntable_runtime::run::merge(&registry(), &ours[0], &[ours[1].clone(), again], 1, &Stop::default(), &Quiet)
             .expect_err("named twice")
             .to_string();
-    assert!(error.contains("as one of its parts") && error.contains("leave out the part"), "{error}");
+    assert!(error.contains("both the output and a part") && error.contains("leave out the part"), "{error}");
     assert_eq!(verify(&ours[0], 1).map(|found| (found.whole(), found.scenes)), Ok((true, 2)));
     // Folders one in the other, whether they are there or not.
     for (out, part) in [(ours[0].join("new/merged"), &ours[0]), (ours[0].join("../part-0/x"), &ours[0])] {
@@ -249,7 +246,7 @@ fn parts_that_do_not_belong_together_are_refused() {
             syntable_runtime::run::merge(&registry(), &out, std::slice::from_ref(part), 1, &Stop::default(), &Quiet)
                 .expect_err("nested")
                 .to_string();
-        assert!(error.contains("one in the other") && error.contains("beside the parts"), "{error}");
+        assert!(error.contains("overlap") && error.contains("beside the parts"), "{error}");
         assert!(!out.exists());
     }
     // A part that lost its recipe.
@@ -262,7 +259,10 @@ fn parts_that_do_not_belong_together_are_refused() {
             Some(text) => fs::write(&recipe, text).expect("writable"),
         }
         let error = merge(&[&ours[0], &ours[1]]);
-        assert!(error.contains("recipe.toml") && error.contains("--repair") && error.contains("part-1"), "{error}");
+        assert!(
+            error.contains("recipe.toml") && error.contains("options.repair") && error.contains("part-1"),
+            "{error}"
+        );
     }
     fs::write(&recipe, text).expect("writable");
     // A dataset that lost its recipe takes no part of another one.
@@ -272,13 +272,13 @@ fn parts_that_do_not_belong_together_are_refused() {
     let error = syntable_runtime::run::merge(&registry(), &ours[0], &[other], 1, &Stop::default(), &Quiet)
         .expect_err("whose is it?")
         .to_string();
-    assert!(error.contains("the dataset has lost its recipe.toml") && error.contains("--repair"), "{error}");
+    assert!(error.contains("the dataset has lost its recipe.toml") && error.contains("options.repair"), "{error}");
     fs::write(&target, text).expect("writable");
     // The same scene with another byte, and a journal that says so.
     let journal = ours[1].join(".syntable/journal.jsonl");
     let text = fs::read_to_string(&journal).expect("there");
     fs::write(&journal, text.replacen("\"objects\":1", "\"objects\":2", 1)).expect("writable");
-    assert!(merge(&[&ours[0], &ours[1]]).contains("scene 1 is not the same"));
+    assert!(merge(&[&ours[0], &ours[1]]).contains("scene 1 differs"));
     fs::write(&journal, text).expect("writable");
     let file = ours[1].join("lines/000002_0000.json");
     let bytes = fs::read(&file).expect("there");
@@ -356,7 +356,7 @@ fn nothing_is_deleted_for_a_recipe_that_is_refused() {
     fs::write(&list, "a\n").expect("writable");
     let anew = |recipe: &str| run_with(recipe, RunOptions { overwrite: true, ..options(&data, 1) }, &Quiet);
     let error = anew(&locked).expect_err("another pool").to_string();
-    assert!(error.contains("`assets.things` is not what it was"), "{error}");
+    assert!(error.contains("`assets.things` has changed"), "{error}");
     assert!(files(&data) == before, "something was deleted");
     anew(&recipe).expect("a recipe that locks nothing");
 }
@@ -394,7 +394,7 @@ fn a_dataset_without_its_recipe_is_nobodys() {
         }
         let repair = RunOptions { repair: true, ..options(folder.path(), 1) };
         let error = run_with(&edited, repair, &Quiet).expect_err("another recipe").to_string();
-        assert!(error.contains("not certainly the one"), "{error}");
+        assert!(error.contains("may differ from the dataset"), "{error}");
     }
     let repair = || run_with(RECIPE, RunOptions { repair: true, ..options(folder.path(), 1) }, &Quiet);
     repair().expect("written again");
@@ -412,7 +412,7 @@ fn a_dataset_without_its_recipe_is_nobodys() {
     fs::remove_file(folder.path().join(".syntable/finished.json")).expect("there");
     fs::remove_file(folder.path().join("recipe.toml")).expect("there");
     let error = repair().expect_err("not certain").to_string();
-    assert!(error.contains("not certainly the one") && error.contains("--overwrite"), "{error}");
+    assert!(error.contains("may differ from the dataset") && error.contains("options.overwrite"), "{error}");
 }
 
 #[test]
@@ -497,7 +497,7 @@ fn a_lost_list_of_what_the_end_wrote_is_had_again() {
     fs::write(&end, "cut sho").expect("writable");
     for _ in 0..2 {
         let error = run(RECIPE, &data, 1).expect_err("whose is it?").to_string();
-        assert!(error.contains("`lines/dataset.json` exists") && error.contains("--repair"), "{error}");
+        assert!(error.contains("`lines/dataset.json` exists") && error.contains("options.repair"), "{error}");
         assert_eq!(fs::read_to_string(&end).ok().as_deref(), Some("cut sho"));
     }
     repair(RECIPE).expect("taken for the dataset's");
@@ -507,7 +507,7 @@ fn a_lost_list_of_what_the_end_wrote_is_had_again() {
     fs::write(data.join("lines/mine.json"), "mine").expect("writable");
     for _ in 0..2 {
         let error = repair(&other).expect_err("not the dataset's").to_string();
-        assert!(error.contains("`lines/mine.json` exists") && !error.contains("--repair"), "{error}");
+        assert!(error.contains("`lines/mine.json` exists") && !error.contains("options.repair"), "{error}");
     }
     assert_eq!(fs::read_to_string(data.join("lines/mine.json")).ok().as_deref(), Some("mine"));
 }
@@ -532,7 +532,7 @@ fn a_damaged_journal_is_mended_by_making_its_scenes_again() {
         let told = Told::default();
         let some = Some(if scene == 0 { 1..2 } else { 0..1 });
         run_with(RECIPE, RunOptions { repair: true, scenes: some, ..options(&data, 1) }, &told).expect("repaired");
-        assert!(told.text().contains(&format!("made again: scenes {scene}\"")), "{}", told.text());
+        assert!(told.text().contains(&format!("making scenes {scene} again\"")), "{}", told.text());
         assert!(told.text().contains("made: 2,"), "a scene has two views: {}", told.text());
         assert_same(&whole, &data);
     }
@@ -562,9 +562,9 @@ fn forgotten_parts_are_told() {
     };
     let text = merged(&parts);
     assert!(text.contains("no part has 6 of the recipe's 9 scenes: 0, 3..6, 7..9"), "{text}");
-    assert!(text.contains("merge the parts that have them"), "{text}");
-    assert!(merged(&[part("c", 0..1), part("d", 3..6)]).contains("in no part: 7..9\""));
-    assert!(!merged(&[part("e", 7..9)]).contains("in no part"));
+    assert!(text.contains("merge parts with these scenes"), "{text}");
+    assert!(merged(&[part("c", 0..1), part("d", 3..6)]).contains("scenes: 7..9\""));
+    assert!(!merged(&[part("e", 7..9)]).contains("no part has"));
 }
 
 #[test]

@@ -5,19 +5,20 @@
 //! | module | holds |
 //! | --- | --- |
 //! | [`image`] | the objects of an image, labeled and predicted |
-//! | [`matching`] | which prediction stands for which object |
-//! | [`measure`] | metrics, and the registry by which a crate adds one |
-//! | [`boundary`] | boundary maps and how many pixels of them lie near another |
-//! | [`masks`] | Overlap and Boundary P, R, F and F@.75 of amodal, visible and invisible masks |
+//! | [`image`] | the labeled and the predicted objects of an image |
+//! | [`matching`] | the matching of predictions and objects |
+//! | [`measure`] | metrics, and the registry to which crates add theirs |
+//! | [`boundary`] | boundary maps, and the numbers of their pixels that are near another map |
 //! | [`occlusion`] | ACC_O and F_O |
 //! | [`order`] | ACC_OO by the paper and by the release, scores of edges; InstaOrder's and De-occlusion's scores |
 //! | [`coco`], [`categories`] | COCO's AP and AR of masks and boxes, whatever the category and by category |
-//! | [`regions`] | PQ and mIoU |
+//! | [`coco`], [`categories`] | COCO's AP and AR of masks and boxes, over all categories and by category |
 //! | [`strata`] | scores of objects by occlusion rate and by size |
 //! | [`bootstrap`] | confidence intervals |
-//! | [`predictions`], [`results`], [`label_maps`] | what is compared: datasets, result files of detectors, label maps |
-//! | [`names`] | which image a name means |
-//! | [`table`] | scores as text, JSON and CSV |
+//! | [`bootstrap`] | confidence intervals |
+//! | [`predictions`], [`results`], [`label_maps`] | sources of predictions: datasets, result files of detectors, label
+//! maps |
+//! | [`names`] | the image for a name |
 //! | [`worst`] | the images with the lowest scores, with their predictions, for reports |
 //!
 //! The evaluation keeps only the metrics' tally of each image ([`measure::Measure`]).

@@ -3,10 +3,10 @@
 //! The server listens only on the loopback address, answers GET and HEAD, and refuses requests with a foreign `Host`. A
 //! foreign page whose name resolves to this machine (DNS rebinding) therefore reads nothing.
 //!
-//! All users and programs of the machine can connect, so the [address](Server::url) has a random token, and nothing is
-//! answered without it but a page that says so. The first page sets it as a cookie, which the browser sends for what the
-//! pages load. Browsers send cookies to all ports of a machine, so to servers of other users, too: each server therefore has
-//! a path of its own that nobody can guess, and its cookie is sent below that path alone.
+//! All users and programs of the machine can connect, so the [address](Server::url) has a random token. Without it, the
+//! server answers every request with a page of explanation. The first page stores the token as a cookie, which the
+//! browser sends with further requests. Browsers send cookies to all ports of a machine, including servers of other
+//! users. Therefore, each server has a path that nobody can guess, and its cookie is limited to this path.
 //!
 //! Pages learn of changes through [`CHANGES`]: the server answers `GET /changes?after=3` with `{"version": 4}` once a
 //! version after 3 exists, or after [`PATIENCE`] with the current version. Waiting requests hold no thread.

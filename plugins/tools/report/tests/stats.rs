@@ -259,7 +259,7 @@ fn hidden_objects_count_by_themselves() {
     assert_eq!((of.visible_instances, of.hidden_instances, of.occluded_instances), (2, 1, Some(1)));
     near(of.average_occlusion_rate, 4.0 / 44.0);
     assert_eq!((of.objects, of.edges, found.images[0].hidden_objects), (Some(1), Some(1), 1));
-    assert!(text(&[described(found)]).contains("shows no pixel, left out everywhere: 1"));
+    assert!(text(&[described(found)]).contains("without a visible pixel, not counted elsewhere: 1"));
 }
 
 fn described(statistics: DatasetStatistics) -> Described {
@@ -311,7 +311,7 @@ fn depth_distance_size_and_brightness() {
     assert_eq!(strict.near_duplicates.expect("images").views, 0);
     let labels = paper.statistics(&StatisticsOptions { labels_only: true, ..StatisticsOptions::default() }, 1);
     assert!(labels.near_duplicates.is_none() && labels.distribution(Quantity::Depth).is_none());
-    assert!(labels.unknown.iter().any(|it| it.contains("left out")), "{:?}", labels.unknown);
+    assert!(labels.unknown.iter().any(|it| it.contains("not read")), "{:?}", labels.unknown);
 }
 
 /// Random rectangles over each other in a random order for each pair, so that there are cycles.

@@ -474,7 +474,7 @@ mod tests {
             set(&store, format!("{line}\n").as_bytes());
             let error = Journal::open(&dataset).err().expect("damaged").to_string();
             let want = format!("journal.jsonl:1: not a journal line: missing field `{lacks}`");
-            assert!(error.contains(&want) && error.contains("another version began it"), "{error}");
+            assert!(error.contains(&want) && error.contains("another version began the dataset"), "{error}");
         }
     }
 

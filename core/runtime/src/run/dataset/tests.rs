@@ -21,7 +21,7 @@ fn foreign_folders_are_left_alone() {
         data.prepare().expect("writable");
         write(&data, "thesis.tex", "precious");
         let error = Folder::open(&data).err().expect("foreign").to_string();
-        assert!(error.contains("nothing was touched"), "{error}");
+        assert!(error.contains("no file was changed"), "{error}");
         assert_eq!(data.list("").map(|all| all.len()), Ok(1));
     });
 }

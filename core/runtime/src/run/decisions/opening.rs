@@ -129,7 +129,7 @@ pub fn open_folder(options: &RunOptions, reporter: &dyn Reporter) -> Result<Fold
     if options.repair {
         let lines = folder.mend_journal()?;
         if lines > 0 {
-            let message = format!("{} of the journal are unreadable, and removed", count(lines as u32, "line"));
+            let message = format!("removed {} of the journal as unreadable", count(lines as u32, "line"));
             reporter.event(&Event::Note { message });
         }
     }

@@ -64,7 +64,7 @@ fn keypoint(json: &Value, at: &str, object: &Object) -> Result<Keypoint> {
     let numbers: Option<Vec<f64>> = point.as_array().and_then(|list| list.iter().map(Value::as_f64).collect());
     let numbers: Option<[f64; 3]> = numbers.and_then(|numbers| numbers.try_into().ok());
     let key = format!("{at}.point");
-    let found = Point3::from(numbers.ok_or_else(|| wrong(&key, point, "is not a point: write three numbers x, y, z"))?);
+    let found = Point3::from(numbers.ok_or_else(|| wrong(&key, point, "is not a point of three numbers x, y, z"))?);
     let bounds = object.mesh.bounds();
     let beyond = |axis: usize| (bounds.min[axis] - found[axis]).max(found[axis] - bounds.max[axis]).max(0.0);
     let distance = (0..3).map(|axis| beyond(axis) * beyond(axis)).sum::<f64>().sqrt();

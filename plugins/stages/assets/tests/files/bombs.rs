@@ -60,10 +60,10 @@ fn many_primitives_on_one_accessor_count_by_what_they_use() {
     let bomb =
         document(vec![json!({ "attributes": { "POSITION": 0 } }); 400], json!([whole]), json!([positions]), data.len());
     write(folder.path(), "x.glb", glb_of(&bomb, &data));
-    let limit = "more than the limit of 4000000 triangles (raise the pool's `limits = { triangles = 4000000 }`";
+    let limit = "exceed the limit of 4000000 triangles (raise the pool's `limits = { triangles = 4000000 }`";
     refused("mesh_folder", folder.path(), AssetLimits::default(), limit, 400 << 20);
     let little = AssetLimits { megabytes: 10, ..AssetLimits::default() };
-    refused("mesh_folder", folder.path(), little, "more than the limit of 10 megabytes", 1 << 20);
+    refused("mesh_folder", folder.path(), little, "exceed the limit of 10 megabytes", 1 << 20);
 
     // Four hundred small parts of one long array are no bomb: a common way to export.
     let at = data.len();

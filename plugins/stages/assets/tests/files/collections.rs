@@ -109,7 +109,7 @@ fn bad_keypoints_are_refused_by_key() {
         ("{}", "`the file` has no `keypoints`"),
         (r#"{"keypoints": 3}"#, "`keypoints` = 3 is not a list of points"),
         (r#"{"keypoints": [], "skeleton": []}"#, "unknown field `skeleton`"),
-        (r#"{"keypoints": [{"name": "a", "point": [0, 0]}]}"#, "`keypoints[0].point` = [0,0] is no point"),
+        (r#"{"keypoints": [{"name": "a", "point": [0, 0]}]}"#, "`keypoints[0].point` = [0,0] is not a point"),
         (r#"{"keypoints": [{"name": "a", "point": [0, 0, "z"]}]}"#, "`keypoints[0].point` = "),
         (
             r#"{"keypoints": [{"name": "a", "point": [0, 0, 90]}]}"#,

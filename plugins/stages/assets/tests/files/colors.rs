@@ -271,7 +271,7 @@ fn obj_and_mtl(cases: &mut Cases) {
     cases.obj("mtl_map_kd", &none, &skin, "newmtl m\nKd 1 1 1\nmap_Kd t.png\n", texture(), &[]);
     cases.obj("mtl_map_alone", &none, &skin, "newmtl m\nmap_Kd t.png\n", texture(), &[]);
     let black = "newmtl m\nKd 0 0 0\nKa 0 0 0\nmap_Kd t.png\n";
-    cases.obj("mtl_black_map", &none, &skin, black, texture(), &["`Kd` is black beside `map_Kd`"]);
+    cases.obj("mtl_black_map", &none, &skin, black, texture(), &["`Kd` is black next to `map_Kd`"]);
     let tinted: Expected = Box::new(|_, v| {
         let [r, g, b, _] = of_bytes(BY_VERTEX[v]);
         [0.5 * r, 0.25 * g, b, 1.0]
@@ -290,7 +290,7 @@ fn obj_and_mtl(cases: &mut Cases) {
         &skin,
         spectral,
         constant([0.6, 0.6, 0.6, 1.0]),
-        &["`Kd spectral a.rfl` is not read"],
+        &["`Kd spectral a.rfl` is not supported"],
     );
     let bytes = "newmtl m\nKd 255 51 0\n";
     cases.obj(
@@ -321,7 +321,7 @@ fn obj_and_mtl(cases: &mut Cases) {
     let glass = constant([0.1, 0.2, 0.3, 0.5]);
     cases.obj("mtl_dissolve", &none, &skin, "newmtl m\nKd 0.1 0.2 0.3\nd 0.5\n", glass, &[]);
     let gold = "newmtl m\nKd 0.1 0.2 0.3\nKs 1 0.7 0.3\nmap_Ka t.png\n";
-    let gold_said = ["`Ks 1 0.7 0.3` is not supported: highlights are white", "`map_Ka t.png` is not read"];
+    let gold_said = ["`Ks 1 0.7 0.3` is not supported: highlights are white", "`map_Ka t.png` is not supported"];
     cases.obj("mtl_unread", &none, &skin, gold, constant([0.1, 0.2, 0.3, 1.0]), &gold_said);
 
     // Vertex colors and a library.
@@ -538,7 +538,13 @@ fn stl(cases: &mut Cases) {
     cases.stl("stl_magics_alpha", b"COLOR=\x10\x20\x30\x33", [0; 4], constant([r, g, b, 0.2]), &[]);
     let gray = || constant([0.6, 0.6, 0.6, 1.0]);
     cases.stl("stl_plain", b"x", [0; 4], gray(), &[]);
-    cases.stl("stl_attributes", b"x", [7; 4], gray(), &["the attribute bytes of 4 triangles are no colors"]);
+    cases.stl(
+        "stl_attributes",
+        b"x",
+        [7; 4],
+        gray(),
+        &["the attribute bytes of 4 triangles are not a known color format"],
+    );
 
     let facet = |face: usize, color: &str| {
         let corners =
@@ -631,7 +637,7 @@ fn gltf(cases: &mut Cases) {
     });
     let blend = json!({ "alphaMode": "BLEND" });
     cases.gltf("gltf_alpha_blend", half(153), Some(blend), json!({}), blended, &[]);
-    let ignored = ["the alpha of COLOR_0 is not read where `alphaMode` is OPAQUE"];
+    let ignored = ["the alpha of COLOR_0 is ignored where `alphaMode` is OPAQUE"];
     cases.gltf("gltf_alpha_opaque", half(153), Some(white), json!({}), of(255.0), &ignored);
 }
 
@@ -657,18 +663,18 @@ fn statements_that_are_not_read_are_named() {
     let skin = |_: usize| "usemtl m\n".to_owned();
     let gray = || constant([0.6, 0.6, 0.6, 1.0]);
     let usemap = |i: usize| if i == 0 { "usemtl m\nusemap t\n".to_owned() } else { String::new() };
-    cases.obj("usemap", &none, &usemap, "newmtl m\n", gray(), &["`usemap` is not read"]);
+    cases.obj("usemap", &none, &usemap, "newmtl m\n", gray(), &["`usemap` is not supported"]);
     for (name, library, said) in [
         ("ka", "newmtl m\nKa 1 0 0\n", "`Ka 1 0 0` is not supported: the color is `Kd`"),
-        ("tf", "newmtl m\nTf 1 0 0\n", "`Tf 1 0 0` is not supported: light"),
-        ("clearcoat", "newmtl m\nPc 1\n", "`Pc 1` is not read"),
-        ("opacity", "newmtl m\nmap_d t.png\n", "opacity map `t.png` is not read"),
+        ("tf", "newmtl m\nTf 1 0 0\n", "`Tf 1 0 0` is not supported: transmitted light"),
+        ("clearcoat", "newmtl m\nPc 1\n", "`Pc 1` is not supported"),
+        ("opacity", "newmtl m\nmap_d t.png\n", "opacity map `t.png` is not supported"),
         ("dark", "newmtl m\nKe 0 0 0\nmap_Ke t.png\n", "`map_Ke t.png` emits nothing"),
     ] {
         cases.obj(name, &none, &skin, library, gray(), &[said]);
     }
     let rescaled = "newmtl m\nmap_Kd -mm 0.1 2 t.png\n";
-    cases.obj("rescaled", &none, &skin, rescaled, by_vertex(), &["is not read: the range of the texture"]);
+    cases.obj("rescaled", &none, &skin, rescaled, by_vertex(), &["is not supported: the range of the texture"]);
     // The same image as ambient color, as exporters repeat it, is no news.
     cases.obj("repeated", &none, &skin, "newmtl m\nKa 1 1 1\nmap_Kd t.png\nmap_Ka t.png\n", by_vertex(), &[]);
 
@@ -680,7 +686,7 @@ fn statements_that_are_not_read_are_named() {
     POSITIONS.iter().for_each(|[x, y, z]| text += &format!("{x} {y} {z}\n"));
     FACES.iter().for_each(|[a, b, c]| text += &format!("3 {a} {b} {c}\n"));
     cases.write("material.ply", text);
-    cases.check("material.ply", gray(), &["element `material` are not read"]);
+    cases.check("material.ply", gray(), &["element `material` are not supported"]);
 
     let ambient = "property uchar ambient_red\nproperty uchar ambient_green\nproperty uchar ambient_blue\n";
     let row = |i: usize| rgb(BY_VERTEX[i], 1.0);
@@ -704,7 +710,7 @@ fn statements_that_are_not_read_are_named() {
     let attributes = json!({ "POSITION": position, "COLOR_0": colors, "COLOR_1": colors });
     let primitive = json!({ "attributes": attributes, "indices": index });
     cases.write("second.gltf", builder.document(&primitive, json!({})));
-    cases.check("second.gltf", constant([0.5, 0.25, 1.0, 1.0]), &["COLOR_1 is not read"]);
+    cases.check("second.gltf", constant([0.5, 0.25, 1.0, 1.0]), &["COLOR_1 is ignored"]);
 }
 
 #[test]
@@ -758,7 +764,7 @@ fn numbers_out_of_range_do_not_change_the_others() {
         Some(blend),
         json!({}),
         of_bytes,
-        &["not normalized; it is read as 0 to 255"],
+        &["not normalized; its range is taken as 0 to 255"],
     );
 }
 
@@ -775,7 +781,7 @@ fn faces_below_the_cutoff_are_dropped() {
     write(folder.path(), "x.gltf", builder.document(&primitive, json!({ "materials": [material] })));
     let (_, warnings) = look(&folder.path().join("x.gltf"));
     let said = warnings.join("\n");
-    assert!(said.contains("varies within 3 faces") && said.contains("3 faces are invisible"), "{said}");
+    assert!(said.contains("varies within 3 faces") && said.contains("3 faces invisible"), "{said}");
 
     // An asset that would lose all of its faces keeps them.
     let mut builder = Builder::default();

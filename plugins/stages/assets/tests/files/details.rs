@@ -421,7 +421,11 @@ fn specular_and_glossiness_become_metalness_and_roughness() {
     );
     let log = Collected::default();
     source_of("mesh_folder", folder.path(), "").load("x", &log).expect("sound");
-    assert!(log.merged().iter().any(|warning| warning.to_string().contains("lie differently")), "{:?}", log.merged());
+    assert!(
+        log.merged().iter().any(|warning| warning.to_string().contains("have different transforms")),
+        "{:?}",
+        log.merged()
+    );
 }
 
 #[test]

@@ -42,7 +42,7 @@ fn names_of_other_machines_find_the_image_beside_the_model() {
         let (object, warnings) = load_with_warnings("google_scanned_objects", folder.path(), "it");
         assert_eq!(texture_width(&object), found.then_some(8), "{name}");
         assert_eq!(warnings.len(), 1, "{name}: {warnings:?}");
-        let says = if found { "`texture.png` is read" } else { "no texture" };
+        let says = if found { "reading `texture.png`" } else { "is missing" };
         assert!(warnings[0].contains(says) && warnings[0].contains("model.mtl:3"), "{name}: {warnings:?}");
     }
 }
@@ -69,7 +69,7 @@ fn repackaged_scans_are_textured_and_their_collision_parts_left_out() {
         let entries = source_of(kind, root, "").catalog(&log).expect("a catalog").entries;
         assert_eq!(entries.iter().map(|entry| entry.name.as_str()).collect::<Vec<_>>(), ["a", "b", "c"], "{kind}");
         let left_out =
-            log.warnings().iter().filter(|warning| warning.message().contains("12 collision meshes are")).count();
+            log.warnings().iter().filter(|warning| warning.message().contains("skipped 12 collision meshes")).count();
         assert_eq!(left_out, usize::from(kind == "mesh_folder"), "{:?}", log.warnings());
         for name in ["a", "b", "c"] {
             let (object, _) = load_with_warnings(kind, root, name);
@@ -125,11 +125,11 @@ fn valid_details_that_few_files_have() {
         let (object, _) = load_with_warnings("mesh_folder", folder.path(), name);
         assert_eq!((object.mesh.data().triangles.len(), object.mesh.data().uvs.is_empty()), (12, name == "none"));
     }
-    // PLY: rows with more numbers than the header names.
+    // PLY: rows with more numbers than the header declares.
     let text =
         ply_ascii().replace("0 1 3 2 \n", "0 1 3 2  7 8.5\n").replace("-0.03 -0.04 0\n", "-0.03 -0.04 0 255 3\n");
-    check_file("x.ply", &text, "longer rows", Warn("x.ply:11: 2 rows have more numbers than the header names"));
-    check_file("x.ply", text.replace("255 3\n", "255 x\n"), "no number", Reject("`x` is left over"));
+    check_file("x.ply", &text, "longer rows", Warn("x.ply:11: 2 rows have more numbers than the header declares"));
+    check_file("x.ply", text.replace("255 3\n", "255 x\n"), "no number", Reject("excess `x`"));
     // glTF: extras of any type, a scene without nodes beside the one that is shown, and animations by pointers.
     for extras in [json!("text"), json!(7), json!([1, [2]]), json!(null), json!({ "a": { "b": 1 } })] {
         let mut document: Value = serde_json::from_str(&embedded()).expect("sound");
@@ -148,7 +148,7 @@ fn valid_details_that_few_files_have() {
     let channel = json!({ "sampler": 0, "target": target });
     document["animations"] = json!([{ "channels": [channel], "samplers": [{ "input": 0, "output": 0 }] }]);
     document["extensionsUsed"] = json!(["KHR_animation_pointer"]);
-    check_file("x.gltf", document.to_string(), "pointers", Warn("animations are not read"));
+    check_file("x.gltf", document.to_string(), "pointers", Warn("animations are not supported"));
     // What is wrong is still named, by its path in the document.
     let wrong = embedded().replace(r#""POSITION": 0"#, r#""POSITION": "none""#);
     check_file(

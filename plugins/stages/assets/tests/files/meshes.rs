@@ -22,7 +22,11 @@ fn ply_files() {
         .map(|l| if l.split(' ').count() == 3 && l.contains('.') && !l.starts_with('f') { format!("{l} 0.5 200 100 50\n") } else { format!("{l}\n") })
         .collect::<String>();
     check(extra.as_bytes(), "extra properties", Accept);
-    check(body("comment TextureFile none.png\nend_header\n").as_bytes(), "no image", Warn("no texture `none.png`"));
+    check(
+        body("comment TextureFile none.png\nend_header\n").as_bytes(),
+        "no image",
+        Warn("texture `none.png` is missing"),
+    );
     check(
         body("comment TextureFile ../../x.png\nend_header\n").as_bytes(),
         "an image outside",
@@ -33,7 +37,7 @@ fn ply_files() {
     check(&binary[..binary.len() / 2], "cut in half", Reject("bytes"));
     check(&binary[..binary.len() - 4], "cut in the last face", Reject("bytes"));
     let ascii = ply_ascii();
-    check(&ascii.as_bytes()[..ascii.len() - 20], "text cut short", Reject("a list of 4 items"));
+    check(&ascii.as_bytes()[..ascii.len() - 20], "text cut short", Reject("a list has 4 items"));
     check(body("").as_bytes(), "no end of the header", Reject("end_header"));
     check(&ply_ascii().as_bytes()[..60], "only a header", Reject("no `end_header`"));
     check(
@@ -61,12 +65,12 @@ fn ply_files() {
     check(
         ply_ascii().replace("4 0 1 3 2", "4294967295 0 1").as_bytes(),
         "text list bomb",
-        Reject("a list of 4294967295 items"),
+        Reject("a list has 4294967295 items"),
     );
     check(ply_ascii().replace("-0.03 -0.04 0\n", "-0.03 nan 0\n").as_bytes(), "nan", Reject("non-finite vertex 0"));
     let bomb = [ply_header("binary_little_endian", "0", "1").replace("list uchar", "list uint").as_bytes(), &[255; 40]]
         .concat();
-    check(&bomb, "list bomb", Reject("a list of 4294967295 items"));
+    check(&bomb, "list bomb", Reject("a list has 4294967295 items"));
     let nothing = "ply\nformat binary_little_endian 1.0\nelement vertex 4000000000\nend_header\n";
     check(nothing.as_bytes(), "rows of nothing", Reject("4000000000 rows"));
     check(ply_ascii().replace("ascii", "ebcdic").as_bytes(), "format", Reject("`ebcdic` is not a format"));
@@ -149,7 +153,7 @@ fn gltf_files() {
         Reject("400000000 elements need 800000000 bytes, but the buffer view has 72"),
     );
     check(r#""count": 36"#, r#""count": 18446744073709551615"#, "count overflow", Reject("elements need"));
-    check(r#""count": 36"#, r#""count": 35"#, "a broken triangle", Reject("no whole number of triangles"));
+    check(r#""count": 36"#, r#""count": 35"#, "a broken triangle", Reject("not a multiple of three"));
     check(
         r#""bufferView": 1, "componentType": 5123, "count": 36"#,
         r#""componentType": 5123, "count": 300000000"#,
@@ -178,19 +182,19 @@ fn gltf_files() {
     );
     check(r#""scene": 0"#, r#""scene": 0, "extensionsRequired": ["KHR_mesh_quantization"]"#, "quantized", Accept);
     check("] }", "", "cut JSON", Reject("invalid glTF JSON"));
-    check(";base64,", ",", "another coding", Reject("not base64"));
+    check(";base64,", ",", "another coding", Reject("not encoded in base64"));
     check(";base64,", ";base64,?", "wrong base64", Reject("not valid base64"));
     let deep = format!(r#"{{"asset":{{"version":"2.0"}},"extras":{}{}}}"#, "[".repeat(20_000), "]".repeat(20_000));
     check_file("x.gltf", deep, "deep", Reject("nested more than"));
     check_file("x.gltf", "", "empty", Reject("empty"));
     check_file("x.gltf", "{}", "no asset", Reject("no `asset`"));
     for (uri, want) in [
-        ("none.bin", "no file `none.bin`"),
+        ("none.bin", "buffer 0 refers to the missing file `none.bin`"),
         ("../../secret.bin", "leaves the asset's folder"),
         ("%2e%2e/secret.bin", "leaves the asset's folder"),
         ("/etc/passwd", "buffer 0 refers to the missing file `/etc/passwd`"),
-        ("http://example.invalid/box.bin", "is an address"),
-        ("file:///etc/passwd", "is an address"),
+        ("http://example.invalid/box.bin", "is a network address"),
+        ("file:///etc/passwd", "is a network address"),
         ("..\\\\secret.bin", "leaves the asset's folder"),
     ] {
         check_file("x.gltf", gltf(uri), uri, Reject(want));
@@ -213,14 +217,14 @@ fn glb_files() {
     let sound = glb();
     let check = |bytes: &[u8], case: &str, want: Want<'_>| check_file("x.glb", bytes, case, want);
     check(&sound, "plain", Accept);
-    check(&sound[..sound.len() - 60], "cut short", Reject("not a valid GLB: its header says"));
+    check(&sound[..sound.len() - 60], "cut short", Reject("not a valid GLB: the header states"));
     check(&sound[..10], "a stump", Reject("the file ends after 10 bytes"));
     let with = |at: usize, bytes: &[u8]| {
         let mut changed = sound.clone();
         changed[at..at + bytes.len()].copy_from_slice(bytes);
         changed
     };
-    check(&with(12, &[255; 4]), "chunk bomb", Reject("a chunk of 4294967295 bytes"));
+    check(&with(12, &[255; 4]), "chunk bomb", Reject("a chunk has 4294967295 bytes"));
     check(&with(4, &[1, 0, 0, 0]), "version 1", Reject("glTF version `1`"));
     check(&with(4, &[9, 9, 9, 9]), "garbage", Reject("not a valid GLB"));
     check(&with(16, b"WHAT"), "first chunk", Reject("not JSON"));
@@ -252,7 +256,7 @@ fn instances_are_counted_out_with_their_transforms() {
         huge.replace(r#""indices": 1 }"#, &[r#""indices": 1 }"#; 9].join(r#", { "attributes": { "POSITION": 0 }, "#));
     write(folder.path(), "y.gltf", sixteenfold);
     let error = source_of("mesh_folder", folder.path(), "").load("y", &Collected::default()).expect_err("too many");
-    assert!(error.to_string().contains("more than the limit of 4000000 triangles"), "{error}");
+    assert!(error.to_string().contains("exceed the limit of 4000000 triangles"), "{error}");
 }
 
 /// Triangles as triples of positions, each from its smallest corner on, sorted: the shape without its numbering.

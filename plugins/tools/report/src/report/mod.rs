@@ -7,9 +7,9 @@
 //! | path | is |
 //! | --- | --- |
 //! | `index.html` | the overview: card, statistics, views to look at, failed scenes, times |
-//! | `gallery.html`, `view.html`, `scene.html` | shells; what they show is behind the `#` of the address |
+//! | `gallery.html`, `view.html`, `scene.html` | shells; the part after `#` in the address selects their content |
 //! | `page/…` | style sheet and scripts |
-//! | `data/rows/3.js` | what the gallery tells of images 3 · 60 to 4 · 60 |
+//! | `data/rows/3.js` | the gallery's data of images 3 · 60 to 4 · 60 |
 //! | `data/view/000/000012.js` | an image's objects, masks and graph |
 //! | `data/scene/000003.js` | a scene's glTF file |
 //! | `image/000/000012.jpg`, `depth/000/000012.jpg` | color and depth of an image |

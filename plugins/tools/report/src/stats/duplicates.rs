@@ -1,10 +1,11 @@
-//! Views that look almost the same.
+//! Near-duplicate views.
 //!
-//! An image is reduced to the mean luma of 16 × 16 cells. Two views are near-duplicates if no cell differs by more than a few
-//! levels of 255: noise, compression and shifts below a pixel leave that alone, an object that moved does not. Views are linked
-//! to groups: in a group, each view has a near-duplicate. The search is exact. It walks through the images by their mean luma,
-//! which differs at most by as much as the cells do, and compares means of 4 × 4 blocks of cells before cells; so its time is
-//! that of pairs with about equal means, and its memory 256 bytes per image and a number per image and thread.
+//! An image is reduced to the mean luma of 16 × 16 cells. Two views are near-duplicates if no cell differs by more than
+//! a few levels of 255. Noise, compression and shifts below a pixel stay within this limit; a moved object exceeds it.
+//! Linked views form groups, in which each view has a near-duplicate. The search is exact. It visits the images in the
+//! order of their mean luma, which differs by at most as much as the cells, and compares means of 4 × 4 blocks of cells
+//! before cells. Its time grows with the number of pairs of similar mean luma. Its memory is 256 bytes per image, and a
+//! number per image and thread.
 
 use serde::Serialize;
 use std::sync::Mutex;

@@ -228,7 +228,7 @@ impl<'a> GltfMaterials<'a> {
             && (diffuse.transform != gloss.transform || diffuse.texture.wrap != gloss.texture.wrap)
         {
             self.warn(
-                "the textures of a KHR_materials_pbrSpecularGlossiness have different transforms; both use that of the diffuse color",
+                "the textures of a KHR_materials_pbrSpecularGlossiness have different transforms; both use the transform of the diffuse color",
             );
         }
         material.roughness = Scalar::constant(1.0 - factors.glossiness);
