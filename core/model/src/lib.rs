@@ -79,6 +79,7 @@ pub mod digest;
 pub mod dist;
 pub mod error;
 pub mod files;
+mod find_dataset;
 pub mod geometry;
 pub mod inspect;
 pub mod intern;
@@ -93,9 +94,9 @@ pub mod random;
 pub mod reader;
 pub mod registry;
 pub mod scene;
-pub mod some;
 pub mod stage;
 pub mod store;
+pub mod words;
 
 pub use inventory;
 pub use product::Key;

@@ -7,17 +7,16 @@ use crate::files::{DatasetFolder, Reach};
 use crate::left_out::LeftOut;
 use crate::panics::guarded;
 use crate::product::{KeyId, Mask, Products};
-use crate::registry::Registry;
 use crate::scene::{InstanceId, SceneId, ViewId};
 use crate::stage::DatasetInfo;
 use std::collections::BTreeMap;
 use std::fmt;
 use std::ops::Deref;
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, OnceLock};
+use std::sync::OnceLock;
 
 /// A format of datasets that can be read. Crates register a [`Format`]; a program may add a format with state of its own
-/// ([`Registry::with_formats`]).
+/// ([`Registry::with_formats`](crate::registry::Registry::with_formats)).
 pub trait DatasetFormat: Send + Sync {
     /// Its name, as users write it. [`intern`](crate::intern::intern) makes one at run time.
     fn name(&self) -> &'static str;
@@ -156,80 +155,6 @@ impl Source {
     pub fn folder(&self, path: &Path) -> Result<DatasetFolder> {
         DatasetFolder::open(path, self.reach)
     }
-}
-
-impl Registry {
-    /// Opens a dataset: of the format of a name, or of the one that it looks like.
-    ///
-    /// # Errors
-    /// If nothing is there, it is no dataset of a known format, or of several, or nothing of it can be read.
-    pub fn open_dataset(&self, source: &Source, format: Option<&str>) -> Result<(Arc<dyn DatasetFormat>, OpenDataset)> {
-        let (format, source) = self.find_dataset(source, format)?;
-        let dataset = format.open(&source)?;
-        Ok((format, dataset))
-    }
-
-    /// Finds the format of a dataset, and its folder or annotation file, without opening it: a folder that only holds a dataset
-    /// is left for that one.
-    ///
-    /// # Errors
-    /// If nothing is there, or it is no dataset of a known format, or of several.
-    pub fn find_dataset(&self, source: &Source, format: Option<&str>) -> Result<(Arc<dyn DatasetFormat>, Source)> {
-        find(self.formats(), source, format)
-    }
-}
-
-fn find(
-    formats: &[Arc<dyn DatasetFormat>],
-    source: &Source,
-    format: Option<&str>,
-) -> Result<(Arc<dyn DatasetFormat>, Source)> {
-    let root = source.path.as_path();
-    let names = || formats.iter().map(|format| format.name()).collect::<Vec<_>>().join(", ");
-    if !root.is_dir() && !root.is_file() {
-        return Err(Error::new("there is no such folder or file").in_file(root));
-    }
-    if let Some(name) = format {
-        let named = formats.iter().find(|it| it.name() == name).cloned();
-        return named.map(|format| (format, source.clone())).ok_or_else(|| {
-            Error::new(format!("`{name}` is no format that can be read")).help(format!("these are: {}", names()))
-        });
-    }
-    // A dataset of a layout comes before what holds products under their names, wherever it is.
-    for is_generic in [false, true] {
-        let those = || formats.iter().filter(move |it| it.is_generic() == is_generic);
-        let found: Vec<&Arc<dyn DatasetFormat>> = those().filter(|it| it.detects(root)).collect();
-        match found.as_slice() {
-            [only] => return Ok((Arc::clone(only), source.clone())),
-            [] => {}
-            [first, second, ..] => {
-                return Err(Error::new(format!("it looks like {} and like {}", first.name(), second.name()))
-                    .in_file(root)
-                    .help("name the format with --format"));
-            }
-        }
-        let entries = std::fs::read_dir(root).into_iter().flatten().flatten().map(|entry| entry.path());
-        let is_one = |path: &PathBuf| path.is_dir() && those().any(|it| it.detects(path));
-        let mut inside: Vec<PathBuf> = entries.filter(is_one).collect();
-        if let [only] = inside.as_slice() {
-            // It may be a link to what the user did not name.
-            source.folder(root)?.file(only.file_name().unwrap_or_default())?;
-        }
-        inside.sort();
-        match inside.as_slice() {
-            // A writer's folder in a folder of its own, as `convert` makes it.
-            [only] => return find(formats, &Source { path: only.clone(), reach: source.reach }, None),
-            [] => {}
-            [first, others @ ..] => {
-                return Err(Error::new(format!("there are {} datasets in it", 1 + others.len()))
-                    .in_file(root)
-                    .help(format!("name one of them, such as {}", first.display())));
-            }
-        }
-    }
-    Err(Error::new("unrecognized dataset format")
-        .in_file(root)
-        .help(format!("name the format with --format: {}", names())))
 }
 
 /// An open dataset: plain data, and the source of its images.

@@ -9,8 +9,8 @@ use std::path::PathBuf;
 use syntable_model::error::{Error, Result};
 use syntable_model::reader::Source;
 use syntable_model::registry::{ConstructError, Entry, Registry, Slot, Stage};
-use syntable_model::some::SHOWN;
 use syntable_model::stage::Writer;
+use syntable_model::words::SHOWN;
 
 /// Source, target formats and options of a conversion.
 pub struct ConvertOptions {

@@ -6,7 +6,7 @@ use std::path::Path;
 use syntable_model::error::Error;
 use syntable_model::left_out::LeftOut;
 use syntable_model::reader::OpenDataset;
-use syntable_model::some::SHOWN;
+use syntable_model::words::SHOWN;
 use syntable_recipe::message::Message;
 
 /// Data that a function omitted from its result, for people to read.

@@ -4,7 +4,7 @@
 use std::path::PathBuf;
 use syntable_formats::dataset::JsonLayout;
 use syntable_formats::decode::FileContent;
-use syntable_formats::{coco, syntable};
+use syntable_formats::syntable;
 use syntable_model::context::Collected;
 use syntable_model::inspect;
 use syntable_model::product::{Mask, Products, Stored, Value, linked};
@@ -131,7 +131,7 @@ pub fn recipe(input: &[u8]) {
 
 /// Annotation files of other programs: COCO's and SynTable's, from text to masks.
 pub fn dataset(input: &[u8]) {
-    if let Ok(dataset) = coco::CocoDataset::from_reader(input) {
+    if let Ok(dataset) = syntable_formats::dataset::CocoDataset::from_reader(input) {
         for annotation in &dataset.annotations {
             // Images of any size are legal, but decoding large ones takes time that finds nothing.
             let image = dataset.images.iter().find(|image| image.id == annotation.image_id);
@@ -142,7 +142,10 @@ pub fn dataset(input: &[u8]) {
         }
         let mut written = Vec::new();
         dataset.write(&mut written, "fuzz.json", JsonLayout::Lines).expect("memory takes all");
-        assert_eq!(coco::CocoDataset::from_reader(&written[..]).expect("what was written is read"), dataset);
+        assert_eq!(
+            syntable_formats::dataset::CocoDataset::from_reader(&written[..]).expect("what was written is read"),
+            dataset
+        );
     }
     if let Ok(dataset) = syntable::SynTableDataset::from_reader(input) {
         for image in &dataset.images {

@@ -12,7 +12,7 @@ use syntable_mesh::format::{ImageDecoder, ImageFormats, MeshFormats};
 use syntable_model::product::KeyId;
 use syntable_model::registry::{Entry, Registry, Shape, Slot, Stage};
 use syntable_model::scene::AssetClass;
-use syntable_model::some::first_sentence;
+use syntable_model::words::first_sentence;
 use syntable_program as _;
 use syntable_recipe::plan::Producer;
 use syntable_recipe::{Code, Overrides, Source};

@@ -10,7 +10,7 @@ use syntable_mesh::format::{ImageFormats, MeshFormats};
 use syntable_model::error::{Error, Result};
 use syntable_model::product::KeyId;
 use syntable_model::registry::{Entry, Registry, Slot};
-use syntable_model::some::first_sentence;
+use syntable_model::words::first_sentence;
 use syntable_recipe::plan::{available, table_within};
 use syntable_recipe::{BUILTINS, description_of, nearest, options_of};
 use syntable_runtime::pools::{AssetStore, ListedAsset};

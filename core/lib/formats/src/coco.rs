@@ -8,9 +8,6 @@ use serde_json::Value as Json;
 use std::fmt;
 use syntable_model::stage::DatasetInfo;
 
-/// A COCO annotation file.
-pub type CocoDataset = crate::dataset::AnnotationDataset<CocoImage, CocoAnnotation>;
-
 /// Name and origin of a dataset. All fields may be missing.
 #[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(default)]

@@ -1,7 +1,7 @@
 //! Whole annotation files.
 
 use crate::Extra;
-use crate::coco::{Category, CocoInfo, License};
+use crate::coco::{Category, CocoAnnotation, CocoImage, CocoInfo, License};
 use crate::json::{self, CountingReader, before, located};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
@@ -31,6 +31,9 @@ pub struct AnnotationDataset<I, A> {
     #[serde(flatten)]
     pub extra: Extra,
 }
+
+/// A COCO annotation file.
+pub type CocoDataset = AnnotationDataset<CocoImage, CocoAnnotation>;
 
 impl<I: DeserializeOwned, A: DeserializeOwned> AnnotationDataset<I, A> {
     /// Reads a file.

@@ -5,7 +5,6 @@ use crate::decode::FileContent;
 use crate::encode::kind::ValueKind;
 use crate::encode::{scene_name, view_name};
 use crate::json;
-use crate::writer::write_file;
 use schemars::{Schema, SchemaGenerator, json_schema};
 use std::borrow::Cow;
 use syntable_model::files::DatasetFolder;
@@ -129,6 +128,14 @@ pub fn categories_in(folder: &DatasetFolder) -> Result<Option<Vec<Category>>> {
 /// Whether a product is in the files of views, of scenes or of the dataset.
 fn is_stored_with(key: &KeyId, scope: Scope) -> bool {
     if scope == Scope::View { key.scope.comes_with_view() } else { key.scope == scope }
+}
+
+/// Writes a file of the dataset.
+///
+/// # Errors
+/// If the file cannot be written.
+pub fn write_file(finish: &Finish, path: &str, bytes: &[u8]) -> Result<()> {
+    finish.write(path, |out| out.write_all(bytes).map_err(|error| Error::io(path, &error)))
 }
 
 /// Scope and name of the view or scene that a path belongs to.

@@ -116,14 +116,6 @@ impl<W: ProductWriter> ImageWriter for GenericWriter<W> {
     }
 }
 
-/// Writes a file of the dataset.
-///
-/// # Errors
-/// If the file cannot be written.
-pub fn write_file(finish: &Finish, path: &str, bytes: &[u8]) -> Result<()> {
-    finish.write(path, |out| out.write_all(bytes).map_err(|error| Error::io(path, &error)))
-}
-
 /// A writer that its scenes share.
 struct SharedWriter<W>(Arc<W>);
 

@@ -1,7 +1,6 @@
 //! The types against what SynTable's release, UOAIS-Sim and COCO write.
 
 use serde_json::{Value as Json, json};
-use syntable_formats::coco;
 use syntable_formats::dataset::JsonLayout;
 use syntable_formats::segmentation::{Rle, Segmentation, UncompressedRle};
 use syntable_formats::syntable::{self, syntable_1};
@@ -230,7 +229,7 @@ fn coco_masks_are_read_in_every_encoding() {
             {"segmentation": [[1, 1, 3, 1, 3, 3, 1, 3]], "area": 4, "iscrowd": false, "image_id": 1,
              "bbox": [1, 1, 2, 2], "category_id": 47, "id": 3},
             {"area": 4, "image_id": 1, "bbox": [1, 1, 2, 2], "category_id": 47, "id": 4}]}"#;
-    let file = coco::CocoDataset::from_reader(text.as_bytes()).expect("reads");
+    let file = syntable_formats::dataset::CocoDataset::from_reader(text.as_bytes()).expect("reads");
     for annotation in &file.annotations[..3] {
         let mask = annotation.segmentation.as_ref().expect("there").decode(4, 3).expect("sound");
         assert_eq!(mask, small(), "{annotation:?}");
@@ -238,7 +237,11 @@ fn coco_masks_are_read_in_every_encoding() {
     assert_eq!(file.annotations.iter().map(|annotation| annotation.iscrowd).collect::<Vec<_>>(), [0, 1, 0, 0]);
     assert!(file.annotations[3].segmentation.is_none());
     assert_eq!(file.images[0].extra["rights"], "x");
-    assert_eq!(coco::CocoDataset::from_reader(written(&file, JsonLayout::Lines).as_bytes()).expect("reads"), file);
+    assert_eq!(
+        syntable_formats::dataset::CocoDataset::from_reader(written(&file, JsonLayout::Lines).as_bytes())
+            .expect("reads"),
+        file
+    );
     assert_eq!(UncompressedRle::encode(&small()).counts, [4, 2, 1, 2, 3]);
 }
 

@@ -2,7 +2,8 @@
 
 use std::path::Path;
 use std::process::Command;
-use syntable_formats::coco::{Category, CocoAnnotation, CocoDataset, CocoImage};
+use syntable_formats::coco::{Category, CocoAnnotation, CocoImage};
+use syntable_formats::dataset::CocoDataset;
 use syntable_formats::dataset::JsonLayout;
 use syntable_formats::segmentation::{Rle, Segmentation, UncompressedRle};
 use syntable_model::product::Mask;

@@ -254,7 +254,7 @@ impl KeyId {
 
     /// First sentence of [`doc`](Self::doc), without its full stop.
     pub fn summary(&self) -> String {
-        crate::some::first_sentence(&self.doc())
+        crate::words::first_sentence(&self.doc())
     }
 
     /// Identity of the product's type.

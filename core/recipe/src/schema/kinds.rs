@@ -19,7 +19,7 @@ use serde_json::{Map, Value as Json, json};
 use std::collections::{BTreeMap, BTreeSet};
 use syntable_model::registry::{Entry, Registry, Shape, Slot, Stage};
 use syntable_model::scene::AssetClass;
-use syntable_model::some::first_sentence;
+use syntable_model::words::first_sentence;
 use syntable_toml_schema::{SchemaBuilder, Validator, unsupported};
 
 /// Pattern of ids, which name folders and random streams.

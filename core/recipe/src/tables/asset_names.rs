@@ -7,7 +7,7 @@ use syntable_model::error::{ConfigError, Error, Result};
 use syntable_model::files::read_small;
 use syntable_model::names::AssetPath;
 use syntable_model::scene::CatalogEntry;
-use syntable_model::some::some_of;
+use syntable_model::words::some_of;
 
 /// Warns of names of a list that no asset has.
 pub(crate) fn warn_of_unknown(

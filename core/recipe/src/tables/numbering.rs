@@ -6,7 +6,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use syntable_model::context::Log;
 use syntable_model::error::{Error, Result};
 use syntable_model::scene::CatalogEntry;
-use syntable_model::some::some_names;
+use syntable_model::words::some_names;
 
 /// Where the numbers of a pool come from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

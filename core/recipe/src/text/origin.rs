@@ -111,7 +111,7 @@ impl Builtin {
     pub fn summary(&self) -> String {
         let comment =
             self.text.lines().skip_while(|line| line.starts_with("#:")).map_while(|line| line.strip_prefix('#'));
-        syntable_model::some::first_sentence(&comment.collect::<Vec<_>>().join(" "))
+        syntable_model::words::first_sentence(&comment.collect::<Vec<_>>().join(" "))
     }
 }
 

@@ -41,8 +41,8 @@ use std::ops::Range;
 use std::time::Instant;
 use stop::Stop;
 use syntable_model::error::{Error, Result};
-use syntable_model::some::SHOWN;
 use syntable_model::store::StoreFolder;
+use syntable_model::words::SHOWN;
 use syntable_recipe::Recipe;
 
 /// Options of a run.

@@ -1,6 +1,7 @@
 //! OpenEXR files.
 
-use super::kind::{Form, Semantic, ValueKind, other_writer, with_article};
+use super::kind::{Form, Semantic, ValueKind, with_article};
+use super::npy::other_writer;
 use exr::meta::MetaData;
 use exr::meta::attribute::{AttributeValue, Chromaticities};
 use exr::prelude::{

@@ -1,6 +1,5 @@
 //! What kind of value a product is: its form, what its numbers mean, and their unit.
 
-use super::npy;
 use syntable_model::product::{KeyId, Scope, Value};
 
 pub use syntable_model::product::{Form, Semantic};
@@ -36,14 +35,6 @@ pub fn with_article(form: &Form) -> String {
         // Said as a letter or as a word that starts with a vowel.
         _ if name.starts_with(['f', 'i']) => format!("an {name}"),
         _ => format!("a {name}"),
-    }
-}
-
-/// The writers of this crate that store a form which no image file holds.
-pub fn other_writer(form: &Form) -> &'static str {
-    match npy::check(&ValueKind { form: form.clone(), semantic: Semantic::Data, unit: "" }) {
-        Ok(()) => "npy or jsonl",
-        Err(_) => "jsonl",
     }
 }
 

@@ -1,6 +1,6 @@
 //! NumPy files (format 1.0).
 
-use super::kind::{Form, ValueKind, with_article};
+use super::kind::{Form, Semantic, ValueKind, with_article};
 use syntable_model::error::{Error, Result};
 use syntable_model::product::{DType, KeyId, Mask, Tensor, Value};
 use syntable_model::scene::InstanceId;
@@ -13,6 +13,14 @@ pub fn check(kind: &ValueKind) -> Result<(), String> {
             with_article(&kind.form)
         )),
         _ => Ok(()),
+    }
+}
+
+/// The writers of this crate that store a form which no image file holds.
+pub fn other_writer(form: &Form) -> &'static str {
+    match check(&ValueKind { form: form.clone(), semantic: Semantic::Data, unit: "" }) {
+        Ok(()) => "npy or jsonl",
+        Err(_) => "jsonl",
     }
 }
 

@@ -1,6 +1,7 @@
 //! PNG files.
 
-use super::kind::{Form, Semantic, ValueKind, other_writer, with_article};
+use super::kind::{Form, Semantic, ValueKind, with_article};
+use super::npy::other_writer;
 use png::{BitDepth, ColorType, Compression, Encoder};
 use std::sync::LazyLock;
 use syntable_model::color::srgb_to_linear;

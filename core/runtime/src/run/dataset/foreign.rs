@@ -13,8 +13,8 @@ use syntable_model::context::{Serial, Workers};
 use syntable_model::error::{Error, Result};
 use syntable_model::files::DatasetPath;
 use syntable_model::limits::{Limit, RUN_LIST_BYTES};
-use syntable_model::some::SHOWN;
 use syntable_model::store::{Kind as FileKind, StoreFolder};
+use syntable_model::words::SHOWN;
 
 /// A list of files in the program's own folder. Its path determines its kind.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]

@@ -8,8 +8,8 @@ use std::io::{BufRead, BufReader, Read};
 use std::path::PathBuf;
 use syntable_model::error::{Error, Result};
 use syntable_model::limits::RUN_LIST_BYTES;
-use syntable_model::some::SHOWN;
 use syntable_model::store::{StoreFolder, StoredFile};
+use syntable_model::words::SHOWN;
 
 /// A line of the journal: a finished scene.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]

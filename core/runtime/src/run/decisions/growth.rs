@@ -4,8 +4,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use syntable_model::error::{Error, Result};
 use syntable_model::registry::{Shape, Slot};
-use syntable_model::some::{and_more, first_of};
 use syntable_model::stage::{Scenes, Writer};
+use syntable_model::words::{and_more, first_of};
 use syntable_recipe::plan::{Plan, Provider};
 use syntable_recipe::{Recipe, without_lock};
 

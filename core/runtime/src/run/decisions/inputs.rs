@@ -5,9 +5,9 @@ use crate::run::dataset::foreign::read_list;
 use std::collections::{BTreeMap, BTreeSet};
 use syntable_model::context::Log;
 use syntable_model::error::{Error, Result};
-use syntable_model::some::some_names;
 use syntable_model::stage::DeviceClass;
 use syntable_model::store::StoreFolder;
+use syntable_model::words::some_names;
 use syntable_recipe::{CatalogAsset, CatalogLock, CatalogNames as Names, Lock, Recipe};
 
 /// The devices that would render a recipe, if other devices may round differently.

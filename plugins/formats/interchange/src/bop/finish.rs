@@ -16,9 +16,9 @@ use std::ops::RangeInclusive;
 use syntable_formats::coco::{Category, CocoAnnotation, CocoImage, License};
 use syntable_formats::dataset::{DatasetWriter, JsonLayout as FileLayout};
 use syntable_formats::encode::tar::TarWriter;
+use syntable_formats::include::write_file;
 use syntable_formats::json::pretty;
 use syntable_formats::segmentation::Segmentation;
-use syntable_formats::writer::write_file;
 use syntable_model::prelude::*;
 use syntable_model::scene::{SceneId, ViewId};
 

@@ -1,6 +1,6 @@
 //! Faults of KINS' annotation files.
 
-use super::read::labels_of;
+use super::labels::labels_of;
 use super::record::KinsAnnotation;
 use crate::family::read::AnnotationFile;
 use crate::order::ObjectOrder;

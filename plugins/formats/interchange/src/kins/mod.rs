@@ -1,6 +1,7 @@
 //! KINS.
 
 mod check;
+mod labels;
 mod read;
 mod record;
 mod write;

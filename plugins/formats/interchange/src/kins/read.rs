@@ -1,12 +1,12 @@
 //! Reads KINS' layout, in its form of 2019 or of 2020.
 
 use super::check::faults_of_image;
+use super::labels::labels_of;
 use super::record::KinsAnnotation;
 use crate::family::read::{Annotated, AnnotationFile, FOLDER, not_objects};
-use crate::read::{self as shared, POLYGONS, cut_holes, enclosed_px2, settle_edges};
+use crate::read::{self as shared, POLYGONS, cut_holes, settle_edges};
 use std::path::Path;
-use syntable_formats::read::{self, Categories, ObjectLabels};
-use syntable_formats::segmentation::Segmentation;
+use syntable_formats::read;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::OCCLUSION_MASK;
 use syntable_model::reader::{Crowd, DatasetFault, Format, Note, Opened, Source};
@@ -104,35 +104,5 @@ impl Annotated for KinsObjects {
             cut_holes(label, annotation.holes_px2(label));
         }
         read::put(&labels, None, wants, products)
-    }
-}
-
-/// The labels of an object, by its place among those of the image.
-pub fn labels_of(
-    categories: &Categories,
-    size: [u32; 2],
-    row: usize,
-    annotation: &KinsAnnotation,
-) -> Result<ObjectLabels> {
-    let [amodal, visible] = annotation.said();
-    let (visible, amodal) = (annotation.mask(&visible, size)?, annotation.mask(&amodal, size)?);
-    Ok(ObjectLabels::of_masks(read::id_of(row)?, visible, Some(amodal), categories.id(annotation.category_id)))
-}
-
-impl KinsAnnotation {
-    /// Area of holes that it says its amodal mask has and its outline does not, px², given what is read. In the form of 2020 the
-    /// areas say how much is hidden; in that of 2019 the area falls short of the outline, unless it is that of the outline.
-    pub fn holes_px2(&self, labels: &ObjectLabels) -> f64 {
-        let [amodal, visible] = self.said();
-        let (Some(Segmentation::Polygons(outline)), Some(area), Some(mask)) =
-            (amodal.mask.1, amodal.area.1, &labels.amodal)
-        else {
-            return 0.0;
-        };
-        match visible.area.1 {
-            Some(visible) => f64::from(mask.minus(&labels.visible).area()) - (area - visible),
-            None if (area - enclosed_px2(outline)).abs() < 1.0 => 0.0,
-            None => f64::from(mask.area()) - area,
-        }
     }
 }

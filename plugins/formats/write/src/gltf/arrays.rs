@@ -1,8 +1,8 @@
 //! Arrays of meshes that are not written as they are: textures laid by the body's axes, tangents.
 
 use super::document::{GltfAttributes, Index};
-use super::geometry::{apply, color, slots, unit, v_down, write_parts};
 use super::glb::Glb;
+use super::vertices::{apply, color, slots, unit, v_down, write_parts};
 use syntable_model::geometry::{Point3, Vector3};
 use syntable_model::scene::{Mesh, UvTransform};
 use syntable_prepare::{BoxSide, VertexTangents, is_mirrored};

@@ -19,6 +19,7 @@ mod glb;
 mod light;
 mod material;
 mod texture;
+mod vertices;
 
 pub use light::LightMode;
 
@@ -30,7 +31,7 @@ use material::GltfMaterials;
 use serde_json::{Value as Json, json};
 use std::collections::{BTreeMap, BTreeSet};
 use syntable_formats::encode::{scene_name, view_name};
-use syntable_formats::writer::write_file;
+use syntable_formats::include::write_file;
 use syntable_model::digest::Digest;
 use syntable_model::prelude::*;
 use syntable_model::scene::Body;

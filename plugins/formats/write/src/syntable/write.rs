@@ -4,9 +4,10 @@ use super::record::{self, ViewLabels};
 use super::{Compat, RECIPE, SynTable, debug, merge};
 use syntable_formats::encode::npy::Array;
 use syntable_formats::encode::png::{PngImage, Rounding, depth_units};
+use syntable_formats::include::write_file;
 use syntable_formats::shard;
 use syntable_formats::syntable::{depth_path, occlusion_order_path, rgb_path};
-use syntable_formats::writer::{ImageWriter, write_file};
+use syntable_formats::writer::ImageWriter;
 use syntable_model::prelude::*;
 use syntable_model::product::OcclusionOrder;
 use syntable_model::product::standard::{

@@ -1,6 +1,7 @@
 //! Tera, with errors that name the line.
 
 use super::budget;
+use super::fault::TemplateFault;
 use super::names::{self, Unknown, ValueShape};
 use serde_json::Value as Json;
 use std::collections::{BTreeMap, HashMap};
@@ -9,22 +10,13 @@ use std::io::{self, Write};
 use syntable_model::error::{Error, Result};
 use syntable_model::limits::{TEMPLATE_RANGE, TEMPLATE_TEXT};
 use syntable_model::panics::unwound;
-use syntable_model::some::listing;
+use syntable_model::words::listing;
 use tera::{Context, Tera};
 
 /// A parsed template.
 pub struct CheckedTemplate {
     tera: Tera,
     text: String,
-}
-
-/// A fault of a template, and its line.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct TemplateFault {
-    /// Line of the template, from 1, if it is known.
-    pub line: Option<usize>,
-    /// The message, on one line.
-    pub message: String,
 }
 
 /// The only template's name in Tera.

@@ -1,6 +1,6 @@
 //! Templates that would exhaust the stack, which no error can be made of afterwards.
 
-use super::engine::TemplateFault;
+use super::fault::TemplateFault;
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Deepest nesting of brackets in an expression, and of blocks in each other.

@@ -2,10 +2,12 @@
 
 mod budget;
 mod engine;
+mod fault;
 mod guard;
 mod names;
 
-pub use engine::{CheckedTemplate, TemplateFault};
+pub use engine::CheckedTemplate;
+pub use fault::TemplateFault;
 
 use names::ValueShape;
 use serde_json::{Map, Value as Json, json};

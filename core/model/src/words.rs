@@ -1,4 +1,4 @@
-//! Some of many things in a message: the first few, and how many more there are.
+//! Words of messages: some of many things, listings, first sentences.
 
 use std::fmt::Display;
 pub use syntable_toml_schema::{first_sentence, listing};
