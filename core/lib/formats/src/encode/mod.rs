@@ -1,6 +1,6 @@
 //! Encoders of files, by kind of value.
 //!
-//! Each encoder has one function that decides from a product's [`Kind`](kind::Kind) how it is stored, or why it cannot
+//! Each encoder has one function that decides from a product's [`ValueKind`](kind::ValueKind) how it is stored, or why it cannot
 //! be: no encoder knows products by name.
 
 pub mod exr;

@@ -7,7 +7,7 @@ use syntable_model::prelude::*;
 /// How the name of the annotation file begins.
 pub const FILE: &str = "D2S_amodal_";
 
-/// An object, in the order of its fields that is written. The reader of `coco` reads it as [`Fields`](crate::coco::Fields).
+/// An object, in the order of its fields that is written. The reader of `coco` reads it as [`AmodalFields`](crate::coco::AmodalFields).
 #[derive(Serialize)]
 pub struct D2saAnnotation {
     pub id: u64,
