@@ -383,7 +383,7 @@ mod tests {
             assert!(framed.id().is(&text) && key.parse(&text) == Some(framed.id()), "{text}");
             assert_eq!(key.is(&text), framed.id() == key);
         }
-        for wrong in ["lights", "ligh", "light (canvas 2)", "light (canvas 3", "dark (canvas 3)"] {
+        for wrong in ["lights", "lightly", "light (canvas 2)", "light (canvas 3", "dark (canvas 3)"] {
             assert!(key.parse(wrong).is_none() && !key.is(wrong), "{wrong}");
         }
         // Only images show objects one by one.
