@@ -18,7 +18,6 @@ use crate::run::{RunOptions, stopping};
 use crate::workers::Pool;
 use parking_lot::Mutex;
 use std::collections::{BTreeMap, BTreeSet};
-use std::sync::atomic::{AtomicBool, AtomicU32, AtomicUsize, Ordering};
 use std::time::Instant;
 use syntable_model::context::Log;
 use syntable_model::error::{Error, Result};
@@ -82,7 +81,7 @@ pub fn make(
     Ok(MadeScenes { folder, journal, resolved, new, grown, lacking })
 }
 
-/// Returns the number of scenes that stay as they were.
+/// Makes the scenes on the list of work. Returns the number of scenes that stay as they were.
 fn make_scenes(
     recipe: &Recipe,
     options: &RunOptions,
@@ -95,101 +94,143 @@ fn make_scenes(
     let (log, start) = (Warnings(reporter), Instant::now());
     let in_flight = scenes_in_flight(recipe, options.threads, todo.scenes.len());
     let works = Works::new(recipe, todo);
-    let tasks: Vec<Task> = todo.scenes.iter().map(|(&scene, job)| works.task(scene, job)).collect();
-    let sessions = Sessions::open(&*recipe.render, in_flight)?;
-    let (next, made, lacking) = (AtomicUsize::new(0), AtomicUsize::new(0), AtomicU32::new(0));
-    let (stop, tried) = (AtomicBool::new(false), AtomicBool::new(false));
-    let failure: Mutex<Option<Error>> = Mutex::new(None);
-    let odd = ReportedNotices::default();
-    // Scenes that failed before the first success of a recipe that adds stages. The new stages may be the cause.
-    let held = Mutex::new(Vec::new());
-    let times = Times::default();
+    let tasks = todo.scenes.iter().map(|(&scene, job)| works.task(scene, job)).collect();
+    let (sessions, times) = (Sessions::open(&*recipe.render, in_flight)?, Times::default());
     let cache = &options.cache;
     let tools = Tools { recipe, assets, cache, workers: pool, log: &log, times: &times, stop: &options.stop };
     let maker = SceneMaker { tools, reporter, folder, sessions: &sessions, checks: &recipe.checks };
-    let one = |task: &Task, made: Option<MadeScene>| -> Result<()> {
-        let Some(made) = made else {
-            lacking.fetch_add(1, Ordering::Relaxed);
-            return Ok(());
-        };
-        if made.entry.failed() && todo.adds && folder.is_proposed() {
-            held.lock().push(made);
-            return Ok(());
-        }
-        let entry = folder.commit(made.entry, made.kept, made.written, journal)?;
-        warn_of_scene(todo, &entry, &odd, &log);
-        // The trial after the first scene finds mistakes that would show at the end of the run.
-        if !entry.failed() && !tried.swap(true, Ordering::SeqCst) {
-            let trial = folder.stage_trial()?;
-            let Ended { writers, annotators } = annotate_and_finish(recipe, &log, pool, folder, &[entry], &trial);
-            folder.drop_trial()?;
-            // An annotator of the dataset may need more scenes than one.
-            if let Some(error) = annotators.filter(|error| Recovery::of(error) == Recovery::Stop) {
-                return Err(error);
-            }
-            if let Some((id, error)) = writers {
-                let help = "nothing is lost: mend it, then run the same command";
-                let error = if error.help_text().is_some() { error } else { error.help(help) };
-                return Err(
-                    error.context(format!("the end of the run, tried for write.{id} after scene {}", task.scene))
-                );
-            }
-        }
-        Ok(())
-    };
+    let (notices, progress) = (ReportedNotices::default(), Mutex::default());
+    let work = SceneWork { maker, tasks, todo, journal, pool, notices, progress };
     panics::quiet(|| {
         std::thread::scope(|threads| {
             let queue = Queue::start(threads, options.threads);
             for _ in 0..in_flight {
-                let queue = queue.clone();
-                let (maker, tasks, next, made, stop, failure, one) =
-                    (&maker, &tasks, &next, &made, &stop, &failure, &one);
-                threads.spawn(move || {
-                    while !stop.load(Ordering::Relaxed) && !maker.tools.stop.is_requested() {
-                        let Some(task) = tasks.get(next.fetch_add(1, Ordering::Relaxed)) else { break };
-                        match panics::unwound(|| maker.make(task, &queue).and_then(|made| one(task, made))) {
-                            Ok(()) => drop(made.fetch_add(1, Ordering::Relaxed)),
-                            Err(error) => {
-                                stop.store(true, Ordering::Relaxed);
-                                let error = stopping(error).context(format!("scene {}", task.scene));
-                                failure.lock().get_or_insert(error);
-                            }
-                        }
-                    }
-                });
+                let (work, queue) = (&work, queue.clone());
+                threads.spawn(move || while work.next(&queue) {});
             }
         });
     });
     reporter.event(&Event::Stages { stages: times.all() });
     let devices = recipe.render.devices().unwrap_or_default().into_iter().map(|device| device.name).collect();
     let took = RunTimes {
-        scenes: made.load(Ordering::Relaxed) as u32,
+        scenes: work.progress.lock().made,
         threads: options.threads,
         devices,
         seconds: start.elapsed().as_secs_f64(),
         stages: times.all(),
     };
-    let noted = took.append(folder.files());
-    if let Some(reason) = options.stop.requested() {
-        let (made, all) = (made.into_inner(), tasks.len());
-        return Err(Error::stopped(format!("stopped by {reason}: {made} of {all} scenes are done"))
-            .help("the same command goes on from there"));
+    work.conclude(took.append(folder.files()))
+}
+
+/// The scenes of a run, which several threads make.
+struct SceneWork<'w> {
+    maker: SceneMaker<'w>,
+    tasks: Vec<Task<'w>>,
+    todo: &'w Todo,
+    journal: &'w Mutex<Journal>,
+    pool: &'w Pool,
+    notices: ReportedNotices,
+    progress: Mutex<SceneProgress>,
+}
+
+/// The state of the scenes of a run.
+#[derive(Default)]
+struct SceneProgress {
+    /// Number of tasks that a thread took.
+    taken: usize,
+    /// Number of finished tasks.
+    made: u32,
+    /// Number of scenes that stay as they were.
+    lacking: u32,
+    /// Failed scenes before the first success of a recipe that adds stages. The new stages may be the cause.
+    held: Vec<MadeScene>,
+    /// Whether a scene has rehearsed the end of the run.
+    is_rehearsed: bool,
+    /// The first error. No further scene begins after it.
+    failure: Option<Error>,
+}
+
+impl SceneWork<'_> {
+    /// Makes the next scene. Returns false if there is none, or if the run ends.
+    fn next<'env>(&'env self, queue: &Queue<'env>) -> bool {
+        if self.maker.tools.stop.is_requested() {
+            return false;
+        }
+        let task = {
+            let mut progress = self.progress.lock();
+            let task = self.tasks.get(progress.taken).filter(|_| progress.failure.is_none());
+            progress.taken += 1;
+            task
+        };
+        let Some(task) = task else { return false };
+        match panics::unwound(|| self.maker.make(task, queue).and_then(|made| self.keep(task, made))) {
+            Ok(()) => self.progress.lock().made += 1,
+            Err(error) => {
+                let error = stopping(error).context(format!("scene {}", task.scene));
+                self.progress.lock().failure.get_or_insert(error);
+            }
+        }
+        true
     }
-    // The error that stopped the run comes first, since a full disk refuses the times as well.
-    failure.into_inner().map_or(noted, Err)?;
-    let (held, lacking) = (held.into_inner(), lacking.into_inner());
-    let without = lacking + held.len() as u32;
-    if without > 0 && todo.adds && folder.is_proposed() {
-        let message =
-            format!("{} could not be made with what the recipe adds; nothing was written", count(without, "scene"));
-        return Err(Error::new(message)
-            .in_file(folder.name())
-            .help("the warnings above say why; mend the recipe, or leave out what it adds"));
+
+    /// Commits a scene.
+    fn keep(&self, task: &Task, made: Option<MadeScene>) -> Result<()> {
+        let folder = self.maker.folder;
+        let Some(made) = made else {
+            self.progress.lock().lacking += 1;
+            return Ok(());
+        };
+        if made.entry.failed() && self.todo.adds && folder.is_proposed() {
+            self.progress.lock().held.push(made);
+            return Ok(());
+        }
+        let entry = folder.commit(made.entry, made.kept, made.written, self.journal)?;
+        warn_of_scene(self.todo, &entry, &self.notices, self.maker.tools.log);
+        if entry.failed() || std::mem::replace(&mut self.progress.lock().is_rehearsed, true) {
+            return Ok(());
+        }
+        self.rehearse_end(task, entry)
     }
-    for made in held {
-        folder.commit(made.entry, made.kept, made.written, journal)?;
+
+    /// Rehearses the end of the run after its first scene, because some mistakes would show only then.
+    fn rehearse_end(&self, task: &Task, entry: JournalEntry) -> Result<()> {
+        let SceneMaker { tools: Tools { recipe, log, .. }, folder, .. } = &self.maker;
+        let trial = folder.stage_trial()?;
+        let Ended { writers, annotators } = annotate_and_finish(recipe, *log, self.pool, folder, &[entry], &trial);
+        folder.drop_trial()?;
+        // An annotator of the dataset may need more scenes than one.
+        if let Some(error) = annotators.filter(|error| Recovery::of(error) == Recovery::Stop) {
+            return Err(error);
+        }
+        let Some((id, error)) = writers else { return Ok(()) };
+        let help = "nothing is lost: mend it, then run the same command";
+        let error = if error.help_text().is_some() { error } else { error.help(help) };
+        Err(error.context(format!("the end of the run, tried for write.{id} after scene {}", task.scene)))
     }
-    Ok(lacking)
+
+    /// Commits the held scenes, or reports what ended the work. `noted` is the result of writing the working times.
+    fn conclude(self, noted: Result<()>) -> Result<u32> {
+        let (folder, progress) = (self.maker.folder, self.progress.into_inner());
+        if let Some(reason) = self.maker.tools.stop.requested() {
+            let (made, all) = (progress.made, self.tasks.len());
+            return Err(Error::stopped(format!("stopped by {reason}: {made} of {all} scenes are done"))
+                .help("the same command goes on from there"));
+        }
+        // The error that stopped the run comes first, since a full disk refuses the times as well.
+        progress.failure.map_or(noted, Err)?;
+        let without = progress.lacking + progress.held.len() as u32;
+        if without > 0 && self.todo.adds && folder.is_proposed() {
+            let scenes = count(without, "scene");
+            let message = format!("{scenes} could not be made with what the recipe adds; nothing was written");
+            return Err(Error::new(message)
+                .in_file(folder.name())
+                .help("the warnings above say why; mend the recipe, or leave out what it adds"));
+        }
+        for made in progress.held {
+            folder.commit(made.entry, made.kept, made.written, self.journal)?;
+        }
+        Ok(progress.lacking)
+    }
 }
 
 /// The notices that were reported, about scenes and about single views.

@@ -139,6 +139,27 @@ impl<'a> PreviewStudio<'a> {
     /// Loads the recipe and renders its changes. Calls `show` for every new output; an error of `show` ends the pass.
     pub fn pass(&mut self, watch: &Watch, stop: &Stop, show: &mut dyn FnMut(&News) -> Result<()>) -> Result<PassEnd> {
         let start = Instant::now();
+        let said = WarningRecorder { reporter: self.reporter, warnings: Mutex::default() };
+        let views = match self.prepare(watch, &said) {
+            Ok(views) => views,
+            Err(messages) => return self.mistaken(&messages, show),
+        };
+        let made = match self.draw(&views, &said, stop, show) {
+            Ok(made) => made,
+            Err(PassError::Recipe(error)) => return self.mistaken(&load::of_error(error), show),
+            Err(PassError::Output(error)) => return Err(error),
+        };
+        if stop.is_requested() {
+            return Ok(PassEnd::Stopped);
+        }
+        let (images, seconds) = (count(views.len() as u32, "image"), start.elapsed().as_secs_f64());
+        let message = format!("{} of {images} made in {seconds:.1} s", made.images);
+        self.reporter.event(&Event::Note { message });
+        Ok(PassEnd::Done { failed: made.failed_scenes, is_lossy: made.is_lossy })
+    }
+
+    /// Loads the recipe, and gives it to the previewer. Errors are those of the recipe, after its warnings.
+    fn prepare(&mut self, watch: &Watch, said: &WarningRecorder) -> std::result::Result<ShownViews, Vec<Message>> {
         let doubts = Collected::default();
         let LoadedRecipe { recipe, mut files } = self.wishes.load(self.registry, &doubts);
         let doubts: Vec<Message> = doubts.merged().into_iter().map(Message::Warning).collect();
@@ -147,59 +168,41 @@ impl<'a> PreviewStudio<'a> {
         }
         self.files = files.clone();
         watch.set(files);
-        let (recipe, warnings) = match recipe {
-            Ok(loaded) => loaded,
-            Err(messages) => return self.mistaken(&[doubts, messages].concat(), show),
-        };
-        let (scenes, views) = match shown_of(&recipe, self.scenes, self.wishes.recipe.views) {
-            Ok(shown) => shown,
-            Err(error) => return self.mistaken(&load::of_error(error), show),
-        };
-        let panels = if self.wishes.labels { 3 } else { 1 };
-        let expected = [self.width * panels, self.width * 3 / 4];
-        let cells = scenes.len() as u64 * views.len() as u64;
-        if cells * expected.map(u64::from).iter().product::<u64>() > MAX_PIXELS {
-            let error = Error::new(format!("a sheet of {cells} images of {} pixels across is too large", expected[0]));
-            return self.mistaken(
-                &load::of_error(error.help("lower the width of images, or show fewer scenes or views")),
-                show,
-            );
-        }
-        let said = WarningRecorder { reporter: self.reporter, warnings: Mutex::default() };
-        let log = Warnings(&said);
+        let (recipe, warnings) = recipe.map_err(|messages| [doubts.clone(), messages].concat())?;
+        let views = ShownViews::of(&recipe, self).map_err(load::of_error)?;
         self.name.clone_from(&recipe.dataset.name);
         for warning in doubts.into_iter().chain(warnings.into_iter().map(Message::Diagnostic)) {
             self.reporter.message(&warning);
             said.warnings.lock().push(warning.render(false).trim_end().to_owned());
         }
         // A file of the recipe may be gone for a moment while it is saved.
-        if let Err(error) = self.previewer.set(recipe) {
-            return self.mistaken(&load::of_error(error), show);
-        }
+        self.previewer.set(recipe).map_err(load::of_error)?;
+        Ok(views)
+    }
+
+    /// Renders the missing images of a sheet.
+    fn draw(
+        &mut self,
+        views: &ShownViews,
+        said: &WarningRecorder,
+        stop: &Stop,
+        show: &mut dyn FnMut(&News) -> Result<()>,
+    ) -> std::result::Result<DrawnImages, PassError> {
+        let log = Warnings(said);
         let products = sheet::inputs(self.wishes.labels).into_iter().map(|input| input.product).collect();
         let wanted = Wanted { products, width: self.width };
-        let mut pass = match self.previewer.pass(&wanted, &said, &log, stop) {
-            Ok(pass) => pass,
-            Err(error) => return self.mistaken(&load::of_error(error), show),
-        };
+        let mut pass = self.previewer.pass(&wanted, said, &log, stop).map_err(PassError::Recipe)?;
         self.told = None;
-        let columns = views.len();
-        let keys: Vec<Digest> = scenes
-            .iter()
-            .flat_map(|&scene| views.iter().map(move |&view| (scene, view)))
-            .map(|(s, v)| pass.key(s, v))
-            .collect();
+        let keys: Vec<Digest> = views.all().map(|(scene, view)| pass.key(scene, view)).collect();
         let before = self.sheet.take();
-        let cells = keys.iter().enumerate().map(|(index, key)| match self.images.all.get(key) {
+        let cells = keys.iter().zip(views.all()).map(|(key, place)| match self.images.all.get(key) {
             Some(image) => SheetCell::Image { image: Arc::clone(image), is_current: true },
-            None => outdated(before.as_ref(), (scenes[index / columns], views[index % columns])),
+            None => outdated(before.as_ref(), place),
         });
-        let sheet = Sheet { cells: cells.collect(), scenes: scenes.clone(), views: views.clone(), expected };
-        let missing = |cell: &SheetCell| !matches!(cell, SheetCell::Image { is_current: true, .. });
-        let todo: Vec<Vec<u32>> = (sheet.cells.chunks(columns))
-            .map(|row| row.iter().zip(&views).filter(|(cell, _)| missing(cell)).map(|(_, &view)| view).collect())
-            .collect();
-        let is_busy = todo.iter().any(|views| !views.is_empty());
+        let (scenes, columns, expected) = (views.scenes.clone(), views.views.clone(), views.expected);
+        let sheet = Sheet { cells: cells.collect(), scenes, views: columns, expected };
+        let todo = views.missing(&sheet);
+        let is_busy = todo.iter().any(|(_, views)| !views.is_empty());
         let mut shown = StudioOutput::Sheet(sheet);
         let (images, name) = (&mut self.images, self.name.as_str());
         let mut tell = |shown: &StudioOutput, is_busy: bool| {
@@ -208,50 +211,41 @@ impl<'a> PreviewStudio<'a> {
         };
         // Cached images are shown at once, and missing ones as waiting.
         let mut result = tell(&shown, is_busy);
-        let (mut failed, mut made) = (0, 0);
-        for (row, missing) in todo.iter().enumerate().filter(|(_, views)| !views.is_empty()) {
+        let mut made = DrawnImages::default();
+        for (scene, missing) in todo.iter().filter(|(_, views)| !views.is_empty()) {
             if result.is_err() || stop.is_requested() {
                 break;
             }
-            let of = |view: u32| row * columns + views.iter().position(|&other| other == view).unwrap_or(0);
-            let mut drawing: Result<()> = Ok(());
-            let done = pass.scene(scenes[row], missing, &mut |view, products| {
-                let drawn = sheet::cell(products, panels > 1).and_then(|image| {
-                    let (index, image) = (of(view), Arc::new(image));
+            let done = pass.scene(*scene, missing, &mut |view, products| {
+                let drawn = sheet::cell(products, self.wishes.labels).and_then(|image| {
+                    let (index, image) = (views.index(*scene, view), Arc::new(image));
                     images.add(keys[index], Arc::clone(&image), KEPT + keys.len());
                     put(&mut shown, index, SheetCell::Image { image, is_current: true });
-                    made += 1;
+                    made.images += 1;
                     tell(&shown, true)
                 });
-                if let (Err(error), Ok(())) = (drawn, &drawing) {
-                    drawing = Err(error);
+                if result.is_ok() {
+                    result = drawn;
                 }
             });
-            result = drawing;
             if let (Err(error), false) = (done, stop.is_requested()) {
-                failed += 1;
-                for &view in missing {
-                    images.remove(&keys[of(view)]);
-                    put(&mut shown, of(view), SheetCell::Failed(error.to_string()));
+                made.failed_scenes += 1;
+                for index in missing.iter().map(|&view| views.index(*scene, view)) {
+                    images.remove(&keys[index]);
+                    put(&mut shown, index, SheetCell::Failed(error.to_string()));
                 }
             }
         }
         let losses = pass.end();
         losses.iter().for_each(|loss| log.warn(&loss.warning()));
+        made.is_lossy = !losses.is_empty();
         if result.is_ok() && !stop.is_requested() && is_busy {
             result = tell(&shown, false);
         }
         if let StudioOutput::Sheet(sheet) = shown {
             self.sheet = Some(sheet);
         }
-        result?;
-        if stop.is_requested() {
-            return Ok(PassEnd::Stopped);
-        }
-        let message =
-            format!("{} of {} made in {:.1} s", made, count(keys.len() as u32, "image"), start.elapsed().as_secs_f64());
-        self.reporter.event(&Event::Note { message });
-        Ok(PassEnd::Done { failed, is_lossy: !losses.is_empty() })
+        result.map(|()| made).map_err(PassError::Output)
     }
 
     /// Shows the errors of a recipe, unless they were shown last.
@@ -267,20 +261,80 @@ impl<'a> PreviewStudio<'a> {
     }
 }
 
-/// The numbers of the scenes and views that are shown.
-fn shown_of(recipe: &Recipe, scenes: Option<SceneRange>, views: Option<u32>) -> Result<(Vec<u32>, Vec<u32>)> {
-    let dataset = &recipe.dataset;
-    let scenes = match scenes {
-        Some(scenes) => scenes.within(dataset.scenes)?,
-        None => 0..dataset.scenes.min(OF_EACH),
-    };
-    let views = 0..views.unwrap_or_else(|| dataset.views_per_scene.min(OF_EACH));
-    let cells = scenes.len() * views.len();
-    if cells > MAX_CELLS {
-        return Err(Error::new(format!("a sheet of {cells} images exceeds the limit of {MAX_CELLS}"))
-            .help("show fewer scenes or views"));
+/// Why a pass drew no sheet.
+enum PassError {
+    /// The recipe or its assets.
+    Recipe(Error),
+    /// The output.
+    Output(Error),
+}
+
+/// The images that a pass made.
+#[derive(Default)]
+struct DrawnImages {
+    images: u32,
+    failed_scenes: u32,
+    /// Whether stages left something out of the images.
+    is_lossy: bool,
+}
+
+/// The views on a sheet, one row per scene.
+struct ShownViews {
+    scenes: Vec<u32>,
+    views: Vec<u32>,
+    /// Width and height of a cell, px, before an image has them.
+    expected: [u32; 2],
+}
+
+impl ShownViews {
+    /// The views of a recipe that a studio shows.
+    ///
+    /// # Errors
+    /// If the sheet would be too large.
+    fn of(recipe: &Recipe, studio: &PreviewStudio) -> Result<Self> {
+        let dataset = &recipe.dataset;
+        let scenes = match studio.scenes {
+            Some(scenes) => scenes.within(dataset.scenes)?,
+            None => 0..dataset.scenes.min(OF_EACH),
+        };
+        let views = 0..studio.wishes.recipe.views.unwrap_or_else(|| dataset.views_per_scene.min(OF_EACH));
+        let cells = scenes.len() * views.len();
+        if cells > MAX_CELLS {
+            return Err(Error::new(format!("a sheet of {cells} images exceeds the limit of {MAX_CELLS}"))
+                .help("show fewer scenes or views"));
+        }
+        let panels = if studio.wishes.labels { 3 } else { 1 };
+        let expected = [studio.width * panels, studio.width * 3 / 4];
+        if cells as u64 * expected.map(u64::from).iter().product::<u64>() > MAX_PIXELS {
+            let message = format!("a sheet of {cells} images of {} pixels across is too large", expected[0]);
+            return Err(Error::new(message).help("lower the width of images, or show fewer scenes or views"));
+        }
+        Ok(Self { scenes: scenes.collect(), views: views.collect(), expected })
     }
-    Ok((scenes.collect(), views.collect()))
+
+    fn len(&self) -> usize {
+        self.scenes.len() * self.views.len()
+    }
+
+    /// Scene and view of every cell, row by row.
+    fn all(&self) -> impl Iterator<Item = (u32, u32)> {
+        self.scenes.iter().flat_map(|&scene| self.views.iter().map(move |&view| (scene, view)))
+    }
+
+    /// Place of a cell.
+    fn index(&self, scene: u32, view: u32) -> usize {
+        self.all().position(|place| place == (scene, view)).unwrap_or(0)
+    }
+
+    /// The views of each scene without a current image.
+    fn missing(&self, sheet: &Sheet) -> Vec<(u32, Vec<u32>)> {
+        let is_missing = |cell: &SheetCell| !matches!(cell, SheetCell::Image { is_current: true, .. });
+        let rows = self.scenes.iter().zip(sheet.cells.chunks(self.views.len().max(1)));
+        let views = |row: &[SheetCell]| {
+            row.iter().zip(&self.views).filter(|(cell, _)| is_missing(cell)).map(|(_, &view)| view).collect()
+        };
+        rows.map(|(&scene, row)| (scene, views(row))).collect()
+    }
 }
 
 /// The earlier cell of a view, marked as outdated.

@@ -59,8 +59,46 @@ impl PrimitiveArrays {
             Checked::Valid(_) => return Ok(None),
             Checked::Invalid => return Err(Error::new("an unknown drawing mode")),
         };
-        let attribute = |semantic: Semantic| primitive.attributes.get(&Checked::Valid(semantic)).copied();
-        let Some(position) = attribute(Semantic::Positions) else {
+        let (mut reader, corners) = AttributeReader::open(document, buffers, primitive, mode, placed)?;
+        let mut positions = reader.positions()?;
+        let mut normals = reader.vectors_of::<3>(Semantic::Normals, "normals")?;
+        let uvs = match materials.uv_set(primitive.material)? {
+            Some(set) => reader.vectors_of::<2>(Semantic::TexCoords(set), "texture coordinates")?,
+            None => Vec::new(),
+        };
+        // glTF has v downwards from the top of the image.
+        let uvs: Vec<[f32; 2]> = uvs.into_iter().map(|[u, v]| [u, 1.0 - v]).collect();
+        let (colors, alphas) = reader.colors(materials)?;
+        reader.displace(shape.weights, &mut positions, &mut normals)?;
+        let influences = if shape.skinned { reader.influences()? } else { Vec::new() };
+        let triangles = assemble(mode, &corners)?;
+        let slot = materials.slot(primitive.material, !uvs.is_empty(), triangles.len())?;
+        Ok(Some(Self { positions, normals, uvs, colors, alphas, influences, triangles, slot }))
+    }
+}
+
+/// Reads the attributes of the vertices that a primitive uses.
+struct AttributeReader<'r, 'b> {
+    document: &'r Root,
+    buffers: &'r mut GltfBuffers<'b>,
+    primitive: &'r JsonPrimitive,
+    /// Number of vertices of each array.
+    count: u64,
+    position: Index<Accessor>,
+    /// The vertices that the primitive uses, if it does not use all.
+    used: Option<Vec<u32>>,
+}
+
+impl<'r, 'b> AttributeReader<'r, 'b> {
+    /// The reader, and the corners of the triangles as places among the vertices that it reads.
+    fn open(
+        document: &'r Root,
+        buffers: &'r mut GltfBuffers<'b>,
+        primitive: &'r JsonPrimitive,
+        mode: Mode,
+        placed: usize,
+    ) -> Result<(Self, Vec<u32>)> {
+        let Some(&position) = primitive.attributes.get(&Checked::Valid(Semantic::Positions)) else {
             return Err(Error::new("no vertex positions"));
         };
         let count = accessor::count(document, buffers, position, 3)?;
@@ -82,104 +120,111 @@ impl PrimitiveArrays {
         }
         // Of arrays that many primitives share, each takes the vertices that it uses.
         let (corners, used) = if (corners.len() as u64) < count { compact(corners) } else { (corners, None) };
-        let select = used.as_deref();
-        let mut positions = vectors::<3>(document, buffers, position, select, "positions")?;
+        Ok((Self { document, buffers, primitive, count, position, used }, corners))
+    }
+
+    fn attribute(&self, semantic: Semantic) -> Option<Index<Accessor>> {
+        self.primitive.attributes.get(&Checked::Valid(semantic)).copied()
+    }
+
+    fn positions(&mut self) -> Result<Vec<[f32; 3]>> {
+        let positions = vectors::<3>(self.document, self.buffers, self.position, self.used.as_deref(), "positions")?;
         if let Some((i, p)) = positions.iter().enumerate().find(|(_, p)| !p.iter().all(|x| x.is_finite())) {
-            let i = select.and_then(|select| select.get(i)).map_or(i, |&i| i as usize);
+            let i = self.used.as_ref().and_then(|used| used.get(i)).map_or(i, |&i| i as usize);
             return Err(Error::new(format!("non-finite vertex {i}: {p:?}")));
         }
-        let same = |index: Index<Accessor>, what: &str| match get(&document.accessors, index, "accessor")?.count.0 {
-            length if length == count => Ok(()),
-            length => Err(Error::new(format!("{length} {what} for {count} vertices"))),
-        };
-        let mut normals = match attribute(Semantic::Normals) {
-            Some(index) => {
-                same(index, "normals")?;
-                vectors::<3>(document, buffers, index, select, "normals")?
+        Ok(positions)
+    }
+
+    /// Reads an array with a vector per vertex.
+    fn vectors<const N: usize>(&mut self, index: Index<Accessor>, what: &str) -> Result<Vec<[f32; N]>> {
+        match get(&self.document.accessors, index, "accessor")?.count.0 {
+            length if length == self.count => {
+                vectors::<N>(self.document, self.buffers, index, self.used.as_deref(), what)
             }
-            None => Vec::new(),
-        };
-        let set = materials.uv_set(primitive.material)?;
-        let mut uvs = match set.and_then(|set| attribute(Semantic::TexCoords(set))) {
-            Some(index) => {
-                same(index, "texture coordinates")?;
-                vectors::<2>(document, buffers, index, select, "texture coordinates")?
-            }
-            None => Vec::new(),
-        };
-        // glTF has v downwards from the top of the image.
-        uvs.iter_mut().for_each(|uv| uv[1] = 1.0 - uv[1]);
-        let mut colors = Vec::new();
-        let mut alphas = Vec::new();
-        if let Some(index) = attribute(Semantic::Colors(0)) {
-            same(index, "colors")?;
-            let mut read: Vec<[f32; 4]> = if width(document, index)? == 4 {
-                vectors::<4>(document, buffers, index, select, "colors")?
-            } else {
-                let read = vectors::<3>(document, buffers, index, select, "colors")?;
-                read.into_iter().map(|[r, g, b]| [r, g, b, 1.0]).collect()
-            };
-            // By the standard they are fractions: floats, or whole numbers that are marked as normalized.
-            let rgb = || read.iter().flat_map(|color| &color[..3]).map(|&x| f64::from(x));
-            let full = full_intensity(rgb());
-            let is_float = is_float(document, index)?;
-            // Floats that are not whole are no bytes, however large: light above white.
-            if is_float && rgb().any(|x| x > 0.0 && x.is_finite() && x.fract() != 0.0) {
-                if rgb().any(|x| x > 1.0 + ROUNDING) {
-                    materials.warn("COLOR_0 has numbers above 1, which are clamped to 1");
-                }
-            } else if full > 1.0 || !(is_float || is_normalized(document, index)?) {
-                let full = full.max(255.0);
-                materials.warn(&format!("COLOR_0 is not normalized; its range is taken as 0 to {full}"));
-                // Floats may state bytes beside an opacity that is a fraction.
-                let has_alpha = width(document, index)? == 4 && !(is_float && read.iter().all(|color| color[3] <= 1.0));
-                for color in &mut read {
-                    let channels = if has_alpha { 4 } else { 3 };
-                    color[..channels].iter_mut().for_each(|x| *x = (f64::from(*x) / full) as f32);
-                }
-            }
-            colors = read.iter().map(|&[r, g, b, _]| [r, g, b].map(unit)).collect();
-            if read.iter().any(|color| color[3] < 1.0) {
-                alphas = read.iter().map(|color| unit(color[3])).collect();
-            }
+            length => Err(Error::new(format!("{length} {what} for {} vertices", self.count))),
         }
-        if attribute(Semantic::Colors(1)).is_some() {
+    }
+
+    /// Reads an attribute; empty if the primitive lacks it.
+    fn vectors_of<const N: usize>(&mut self, semantic: Semantic, what: &str) -> Result<Vec<[f32; N]>> {
+        self.attribute(semantic).map_or(Ok(Vec::new()), |index| self.vectors(index, what))
+    }
+
+    /// Colors, linear in [0, 1], and opacities, which are empty if all are 1.
+    fn colors(&mut self, materials: &mut GltfMaterials<'_>) -> Result<(Vec<[f32; 3]>, Vec<f32>)> {
+        let colors = match self.attribute(Semantic::Colors(0)) {
+            Some(index) => self.fractions(index, materials)?,
+            None => Vec::new(),
+        };
+        if self.attribute(Semantic::Colors(1)).is_some() {
             materials.warn("COLOR_1 is ignored: COLOR_0 colors the mesh");
         }
-        for (target, &weight) in primitive.targets.iter().flatten().zip(shape.weights) {
+        let is_clear = colors.iter().any(|color| color[3] < 1.0);
+        let alphas = if is_clear { colors.iter().map(|color| unit(color[3])).collect() } else { Vec::new() };
+        Ok((colors.into_iter().map(|[r, g, b, _]| [r, g, b].map(unit)).collect(), alphas))
+    }
+
+    /// Colors with opacities as fractions. By the standard they are: floats, or whole numbers that are marked as normalized.
+    fn fractions(&mut self, index: Index<Accessor>, materials: &mut GltfMaterials<'_>) -> Result<Vec<[f32; 4]>> {
+        let has_alpha = width(self.document, index)? == 4;
+        let mut colors: Vec<[f32; 4]> = if has_alpha {
+            self.vectors::<4>(index, "colors")?
+        } else {
+            self.vectors::<3>(index, "colors")?.into_iter().map(|[r, g, b]| [r, g, b, 1.0]).collect()
+        };
+        let rgb = || colors.iter().flat_map(|color| &color[..3]).map(|&x| f64::from(x));
+        let full = full_intensity(rgb());
+        let is_float = is_float(self.document, index)?;
+        // Floats that are not whole are no bytes, however large: light above white.
+        if is_float && rgb().any(|x| x > 0.0 && x.is_finite() && x.fract() != 0.0) {
+            if rgb().any(|x| x > 1.0 + ROUNDING) {
+                materials.warn("COLOR_0 has numbers above 1, which are clamped to 1");
+            }
+        } else if full > 1.0 || !(is_float || is_normalized(self.document, index)?) {
+            let full = full.max(255.0);
+            materials.warn(&format!("COLOR_0 is not normalized; its range is taken as 0 to {full}"));
+            // Floats may state bytes beside an opacity that is a fraction.
+            let scales_alpha = has_alpha && !(is_float && colors.iter().all(|color| color[3] <= 1.0));
+            for color in &mut colors {
+                let channels = if scales_alpha { 4 } else { 3 };
+                color[..channels].iter_mut().for_each(|x| *x = (f64::from(*x) / full) as f32);
+            }
+        }
+        Ok(colors)
+    }
+
+    /// Adds the displacements of morph targets, each times its weight.
+    fn displace(&mut self, weights: &[f32], positions: &mut [[f32; 3]], normals: &mut [[f32; 3]]) -> Result<()> {
+        let primitive = self.primitive;
+        for (target, &weight) in primitive.targets.iter().flatten().zip(weights) {
             if weight == 0.0 {
                 continue;
             }
             for (array, accessor, what) in [
-                (&mut positions, target.positions, "displacements"),
-                (&mut normals, target.normals, "displacements of normals"),
+                (&mut *positions, target.positions, "displacements"),
+                (&mut *normals, target.normals, "displacements of normals"),
             ] {
                 let Some(accessor) = accessor.filter(|_| !array.is_empty()) else { continue };
-                same(accessor, what)?;
-                let moved = vectors::<3>(document, buffers, accessor, select, what)?;
-                for (value, by) in array.iter_mut().zip(moved) {
+                for (value, by) in array.iter_mut().zip(self.vectors::<3>(accessor, what)?) {
                     *value = std::array::from_fn(|axis| value[axis] + weight * by[axis]);
                 }
             }
         }
+        Ok(())
+    }
+
+    /// Joints of a skin and their weights, set by set.
+    fn influences(&mut self) -> Result<Vec<Vec<([f32; 4], [f32; 4])>>> {
         let mut influences = Vec::new();
-        if shape.skinned {
-            for set in 0.. {
-                let (Some(joints), Some(weights)) =
-                    (attribute(Semantic::Joints(set)), attribute(Semantic::Weights(set)))
-                else {
-                    break;
-                };
-                same(joints, "joints")?;
-                same(weights, "weights")?;
-                let joints = vectors::<4>(document, buffers, joints, select, "joints")?;
-                let weights = vectors::<4>(document, buffers, weights, select, "weights")?;
-                influences.push(joints.into_iter().zip(weights).collect());
-            }
+        for set in 0.. {
+            let sets = (self.attribute(Semantic::Joints(set)), self.attribute(Semantic::Weights(set)));
+            let (Some(joints), Some(weights)) = sets else { break };
+            let joints = self.vectors::<4>(joints, "joints")?;
+            let weights = self.vectors::<4>(weights, "weights")?;
+            influences.push(joints.into_iter().zip(weights).collect());
         }
-        let triangles = assemble(mode, &corners)?;
-        let slot = materials.slot(primitive.material, !uvs.is_empty(), triangles.len())?;
-        Ok(Some(Self { positions, normals, uvs, colors, alphas, influences, triangles, slot }))
+        Ok(influences)
     }
 }
 
