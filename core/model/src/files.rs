@@ -230,7 +230,7 @@ impl DatasetFolder {
             Err(error::Error::new(format!("`{}` {why}", name.display()))
                 .in_file(&self.root)
                 .help(
-                    "a dataset may name files of its own folder only; if you trust this one, --trust-paths reads files outside",
+                    "a dataset may name files of its own folder only; if you trust this one, `options.trust_paths` reads files outside",
                 )
                 .of_request())
         };
@@ -328,7 +328,7 @@ mod tests {
             for name in ["../out.png", "images/../../out.png", "last.png", "first/x.png", "images/middle/x.png", "a\0"]
             {
                 let message = folder.file(name).expect_err(name).to_string();
-                assert!(message.contains("--trust-paths") && !folder.has(name), "{message}");
+                assert!(message.contains("options.trust_paths") && !folder.has(name), "{message}");
             }
             assert!(folder.file(&absolute).is_err() && images.file("../../out.png").is_err());
             assert!(folder.inner("..").file("out.png").is_err());

@@ -53,7 +53,7 @@ fn find(
             [first, second, ..] => {
                 return Err(Error::new(format!("it looks like {} and like {}", first.name(), second.name()))
                     .in_file(root)
-                    .help("name the format with --format"));
+                    .help("name the format with `options.format`"));
             }
         }
         let entries = std::fs::read_dir(root).into_iter().flatten().flatten().map(|entry| entry.path());
@@ -77,5 +77,5 @@ fn find(
     }
     Err(Error::new("unrecognized dataset format")
         .in_file(root)
-        .help(format!("name the format with --format: {}", names())))
+        .help(format!("name the format with `options.format`: {}", names())))
 }

@@ -154,12 +154,12 @@ impl<'a> RequestedWriter<'a> {
         let text: String = given.iter().map(|option| format!("{option}\n")).collect();
         let refuse = |message: String| Error::new(message).help(format!("`syntable list {kind}` shows the options"));
         let constructed = entry.construct_str(&text).map_err(|error| match error {
-            ConstructError::Form(error) => refuse(format!("--set {kind}: {}", error.message())),
+            ConstructError::Form(error) => refuse(format!("`options.set` {kind}: {}", error.message())),
             ConstructError::Invalid(invalid) => {
                 // The text as given, with the value.
                 let name = invalid.key.split(['.', '[']).next().unwrap_or_default();
                 let as_given = given.iter().find(|option| key(option) == name).copied().unwrap_or(&invalid.key);
-                refuse(format!("--set {kind}.{as_given}: {}", invalid.message))
+                refuse(format!("`options.set` {kind}.{as_given}: {}", invalid.message))
             }
         })?;
         let given = given.iter().map(|option| key(option)).collect();
@@ -209,7 +209,7 @@ impl<'a> RequestedWriter<'a> {
         if !is_changed {
             return Ok((kind, self.writer));
         }
-        let error = |what: String| Error::new(format!("--to {kind}: {what}"));
+        let error = |what: String| Error::new(format!("`options.to` {kind}: {what}"));
         let text = toml::to_string(&self.options).map_err(|it| error(it.to_string()))?;
         let constructed = self.entry.construct_str(&text).map_err(|it| match it {
             ConstructError::Form(it) => error(it.message().to_owned()),

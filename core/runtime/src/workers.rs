@@ -16,7 +16,9 @@ impl Pool {
             .thread_name(|i| format!("worker-{i}"))
             .build()
             .map(Self)
-            .map_err(|error| Error::new(format!("{threads} threads cannot be started: {error}")).help("use --threads"))
+            .map_err(|error| {
+                Error::new(format!("{threads} threads cannot be started: {error}")).help("set `options.threads`")
+            })
     }
 }
 

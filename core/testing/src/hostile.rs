@@ -36,7 +36,7 @@ pub fn links_lead_nowhere_else(root: &Path, kind: &str) {
         assert!(read == 0 && !errors.is_empty(), "{kind}: {read} read by links of {what}");
         for error in errors {
             let text = error.to_string();
-            assert!(text.contains("through a link") && text.contains("--trust-paths"), "{kind}: {what}: {text}");
+            assert!(text.contains("through a link") && text.contains("options.trust_paths"), "{kind}: {what}: {text}");
         }
         let (read, errors) = read_all(&source().trusting(true), kind);
         assert!(read == all && errors.is_empty(), "{kind}: {what}: trusted, {read} of {all}: {errors:?}");

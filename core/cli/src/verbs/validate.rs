@@ -1,5 +1,6 @@
 //! `syntable validate`.
 
+use crate::flags::with_flags;
 use crate::{Console, Exit, Message};
 use clap::Args;
 use serde::Serialize;
@@ -60,11 +61,11 @@ pub(crate) fn validate(console: &Console, registry: &Registry, args: &ValidateAr
                 serde_json::to_string_pretty(&ValidatedAll { datasets, differences: &differences })
             }
         };
-        console.print(&(text.expect("plain data") + "\n"))?;
+        console.print(&with_flags(&(text.expect("plain data") + "\n")))?;
     } else {
         for it in &all {
             let heading = if all.len() > 1 { format!("{}\n", it.dataset) } else { String::new() };
-            console.print(&(heading + &table(&it.found, it.format)))?;
+            console.print(&with_flags(&(heading + &table(&it.found, it.format))))?;
         }
         if all.len() > 1 {
             let silent = all.iter().filter(|it| it.found.numbers.is_empty());

@@ -33,7 +33,7 @@ impl FsStore {
         if is_link && !self.root.exists() {
             return Err(Error::new("it is a link to what is not there")
                 .in_file(&self.root)
-                .help("make the folder that it leads to, or choose another --out"));
+                .help("make the folder that it leads to, or choose another `options.out`"));
         }
         Ok(())
     }

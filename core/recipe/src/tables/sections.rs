@@ -78,8 +78,8 @@ fn bad_name(name: &str, span: Span) -> Option<DiagnosticBuilder> {
     let bad = matches!(name, "." | "..") || name.contains(['/', '\\', '\0']);
     bad.then(|| {
         DiagnosticBuilder::error(Code::InvalidValue, span, format!("`name` cannot be {name:?}"))
-            .label("the dataset's folder has this name, unless --out names another")
-            .help("leave out slashes, and choose the folder with --out")
+            .label("the dataset's folder has this name, unless `options.out` names another")
+            .help("leave out slashes, and choose the folder with `options.out`")
     })
 }
 

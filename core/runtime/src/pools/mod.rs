@@ -185,7 +185,7 @@ impl<'a> AssetStore<'a> {
             }
         };
         let error = Error::new(format!("asset {asset} has changed: when the dataset was begun it {was}, now it {is}"))
-            .help("restore the asset, or make a new dataset: choose another folder with --out, and take the asset out of [lock.assets] if the recipe has that");
+            .help("restore the asset, or make a new dataset: choose another folder with `options.out`, and take the asset out of [lock.assets] if the recipe has that");
         self.refuse(error.clone());
         Err(error)
     }

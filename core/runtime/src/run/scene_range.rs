@@ -47,7 +47,7 @@ impl SceneRange {
         if low < high && high <= count {
             Ok(low..high)
         } else {
-            Err(Error::new(format!("--scenes {low}..{high}: the recipe has scenes 0..{count}")))
+            Err(Error::new(format!("`options.scenes` {low}..{high}: the recipe has scenes 0..{count}")))
         }
     }
 }

@@ -171,7 +171,7 @@ fn names_lead_nowhere_else() {
             };
             for error in all(&source) {
                 let error = error.unwrap_or_else(|| panic!("{kind}: {bad:?} was read")).to_string();
-                assert!(error.contains("--trust-paths"), "{kind}: {bad:?}: {error}");
+                assert!(error.contains("options.trust_paths"), "{kind}: {bad:?}: {error}");
             }
             let trusted = all(&source.trusting(true));
             let is_there = [&climbs, &format!("./{climbs}"), &absolute].contains(&&bad);
