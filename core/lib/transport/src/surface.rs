@@ -93,7 +93,7 @@ pub fn surface(
         (normal, variance) = mapped_normal(textures, map, at, frame, normal);
         is_perturbed = true;
         if variance > 0.0 {
-            // Bumps below the resolution roughen the surface by their variance.
+            // Bumps below the resolution increase the roughness by their variance.
             let alpha = layer.parameters.roughness * layer.parameters.roughness;
             layer.parameters.roughness = min((alpha * alpha + 2.0 * variance).sqrt().sqrt(), 1.0);
         }
