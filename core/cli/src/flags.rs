@@ -1,7 +1,7 @@
 //! Flags of the command line in messages of the library.
 //!
-//! A function of the library has no flags. Its errors name the option by its field, as `` `options.retry_failed` ``, and the command
-//! line prints the flag, as `--retry-failed`. Each flag has the name of its field, with hyphens.
+//! A function of the library has no flags. Its errors name an option by its field, as `` `options.retry_failed` ``. The
+//! command line prints the flag, as `--retry-failed`: each flag has the name of its field, with hyphens.
 
 use std::borrow::Cow;
 

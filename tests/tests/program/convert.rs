@@ -537,7 +537,10 @@ fn what_overlapping_masks_lose_is_told() {
             assert!(said.lines().any(|line| line.contains(stage) && line.contains(lost)), "{stage}, {lost}: {said}");
         }
     }
-    assert!(said.contains("not written whole by annotate.label_arrays (visible_ids), write.coco_panoptic"), "{said}");
+    assert!(
+        said.contains("written incompletely by annotate.label_arrays (visible_ids), write.coco_panoptic"),
+        "{said}"
+    );
     // What panopticapi requires: each segment has the pixels that it says, and each pixel a segment.
     let (ids, segments) = panoptic(&path("out/coco_panoptic"));
     assert_eq!(ids.iter().collect::<BTreeSet<_>>().len(), segments.len());
@@ -610,7 +613,7 @@ fn a_dataset_that_was_read_has_no_scene() {
     let (data, out) = (folder.path().join("data"), folder.path().join("out"));
     small_dataset(&data, &["write={ syntable = { debug_masks = true } }"]);
     let said = fails(&mut convert(&data, "gltf", &out), 2);
-    assert!(said.contains("--to gltf: it writes scenes") && !out.exists(), "{said}");
+    assert!(said.contains("--to gltf: this writer stores") && !out.exists(), "{said}");
     // Products have what is needed for these.
     ok(convert(&data, "syntable", &out).args(["--set", "syntable.debug_masks=true"]));
     let [one, other] = [&data, &out].map(|it| crate::support::files(&it.join("data/mono/instance")));
@@ -645,12 +648,12 @@ fn amodal_masks_alone_are_no_visible_ones() {
     let said = fails(&mut convert(&coco, "coco_panoptic", &folder.path().join("panoptic")), 2);
     assert!(said.contains("reads `visible_mask`, `visible_box`, which the dataset lacks"), "{said}");
     let said = ok(&mut convert(&coco, "npz", &folder.path().join("arrays")));
-    assert!(said.contains("left out: depth, occlusion_order, visible_box, visible_ids"), "{said}");
+    assert!(said.contains("omitted: depth, occlusion_order, visible_box, visible_ids"), "{said}");
     assert!(whole == masks(&folder.path().join("arrays")));
     let mut given = convert(&coco, "npz", &folder.path().join("given"));
     let said = fails(given.args(["--set", "npz.include=[\"depth\", \"visible_box\", \"amodal_box\"]"]), 2);
     assert!(said.contains("reads `depth`, `visible_box`, which the dataset lacks"), "{said}");
-    assert!(said.contains("as in --set 'npz.include=[\"category_id\"]'"), "{said}");
+    assert!(said.contains("with --set 'npz.include=[\"category_id\"]'"), "{said}");
     // Objects overlap: taken for what is visible, they would be at fault.
     let file = yolo.join("data.yaml");
     let text = fs::read_to_string(&file).expect("there");

@@ -419,7 +419,7 @@ fn scenes_whose_objects_nobody_sees_are_told() {
         (text(&output), fs::read_to_string(out.join(".syntable/journal.jsonl")).expect("written"))
     };
     let (said, journal) = run("past", &[past, past]);
-    assert!(said.contains(&format!("2 of 2 scenes: {says}")) && said.contains("look at [views]"), "{said}");
+    assert!(said.contains(&format!("2 of 2 scenes: {says}")) && said.contains("check [views]"), "{said}");
     assert_eq!(journal.matches(r#""unlabeled""#).count(), 2, "{journal}");
     assert!(!said.contains("black") && !said.contains("no light"), "{said}");
     assert!(!journal.contains("odd_views"), "{journal}");
@@ -450,7 +450,7 @@ fn views_that_are_black_are_told() {
     let said = text(&output);
     assert!(output.status.success(), "{said}");
     for says in [
-        "warning: scene 0, view 1: the image is black (the camera may be outside of the room",
+        "warning: scene 0, view 1: the image is black (the camera may be outside the room",
         "warning: 2 of 4 views, such as view 1 of scene 0: the image is black",
     ] {
         assert!(said.contains(says), "{says} is not in\n{said}");

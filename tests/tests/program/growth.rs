@@ -162,7 +162,7 @@ fn files_that_the_end_reads_are_compared_before_anything_changes() {
     };
     // The path of the template counts from the folder that the command is given in.
     std::fs::write(elsewhere.join("labels.tera"), "another").expect("writable");
-    for (from, says) in [(&elsewhere, "not what it was"), (&folder.path().to_owned(), "labels.tera")] {
+    for (from, says) in [(&elsewhere, "has changed since"), (&folder.path().to_owned(), "labels.tera")] {
         let error = fails(&mut merge(from), 2);
         for word in ["write.labels.template.file", says, "folder of the recipe"] {
             assert!(error.contains(word), "{word} is not in\n{error}");
@@ -183,6 +183,6 @@ fn files_that_the_end_reads_are_compared_before_anything_changes() {
     let before = files(&whole);
     std::fs::write(&template, "another").expect("writable");
     let error = fails(run(&locked, &whole, &[]).arg("--overwrite"), 2);
-    assert!(error.contains("the file of `write.labels.template.file` is not what it was"), "{error}");
+    assert!(error.contains("the file of `write.labels.template.file` has changed"), "{error}");
     assert!(files(&whole) == before, "something was deleted");
 }

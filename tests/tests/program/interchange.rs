@@ -215,7 +215,7 @@ fn what_formats_have_in_common_comes_back() {
         convert("ours", format, format);
         let again = format!("{format} again");
         let said = convert(format, format, &again);
-        assert!(!said.contains("not carried over") && !said.contains("left out"), "{said}");
+        assert!(!said.contains("not carried over") && !said.contains("omitted"), "{said}");
         match format {
             // It says which program wrote it.
             "parquet" => assert_same_products(&path(format), &path(&again)),
@@ -225,7 +225,7 @@ fn what_formats_have_in_common_comes_back() {
     // What is not there is left out of lists that nobody gave, and said; of a list that was given, it is an error.
     convert("ours", "coco", "coco");
     let said = convert("coco", "parquet,hdf5", "tables");
-    assert!(said.contains("not in the dataset, and left out:"), "{said}");
+    assert!(said.contains("missing in the dataset, and therefore omitted:"), "{said}");
     for missing in ["camera", "object_info", "depth", "normal"] {
         assert!(said.contains(missing), "{missing}: {said}");
     }

@@ -127,7 +127,7 @@ fn mistakes_are_told_as_check_tells_them() {
     fs::write(&out, "mine").expect("written");
     let said = fails(syntable().arg("preview").arg(&recipe).arg("--out").arg(&out), 2);
     assert!(
-        said.contains("a file that is no sheet of a preview") && fs::read(&out).is_ok_and(|text| text == b"mine"),
+        said.contains("exists and is not a preview sheet") && fs::read(&out).is_ok_and(|text| text == b"mine"),
         "{said}"
     );
     let scenes = fails(&mut preview(&root().join("recipes/quickstart.toml"), &["--views", "500"]), 2);

@@ -62,11 +62,11 @@ fn the_report_lies_beside_the_dataset_and_is_the_same_again() {
     assert!(before == files(dataset()), "the dataset has changed");
     // A report is replaced on request alone, and nothing else ever is.
     let said = fails(syntable().arg("report").arg(dataset()).arg("--out").arg(&again), 2);
-    assert!(said.contains("there is a report") && said.contains("--overwrite"), "{said}");
+    assert!(said.contains("the folder has a report") && said.contains("--overwrite"), "{said}");
     ok(syntable().arg("report").arg(dataset()).arg("--out").arg(&again).args(["--overwrite", "--images", "1"]));
     assert!(again.join("image/000/000000.jpg").is_file() && !again.join("image/000/000001.jpg").exists());
     let said = fails(syntable().arg("report").arg(dataset()).arg("--out").arg(dataset()).arg("--overwrite"), 2);
-    assert!(said.contains("a new report would replace it") && before == files(dataset()), "{said}");
+    assert!(said.contains("which a new report would replace") && before == files(dataset()), "{said}");
 }
 
 #[test]
@@ -296,11 +296,11 @@ fn the_worst_images_are_shown_with_their_predictions() {
     let mut again = syntable();
     again.arg("report").arg(dataset()).arg("--overwrite").arg("--out").arg(&few).arg("--scores").arg(&inside);
     let said = fails(&mut again, 2);
-    assert!(said.contains("lies in it, and a new report would replace it") && inside.is_file(), "{said}");
+    assert!(said.contains("which a new report would replace") && inside.is_file(), "{said}");
     // What the user has put into a report keeps it from being replaced.
     let mut other = syntable();
     let said = fails(other.arg("report").arg(dataset()).arg("--overwrite").arg("--out").arg(&few), 2);
-    assert!(said.contains("did not make: scores.json") && inside.is_file(), "{said}");
+    assert!(said.contains("did not create: scores.json") && inside.is_file(), "{said}");
     fs::remove_file(&inside).expect("there");
     // Of another dataset, and of no scores at all.
     let other = fs::read_to_string(&scores).expect("readable").replace("\"name\":\"", "\"name\":\"other-");
@@ -309,7 +309,7 @@ fn the_worst_images_are_shown_with_their_predictions() {
     let wrong = folder.path().join("wrong.json");
     for (text, says) in [
         (other.as_str(), "is not in the dataset"),
-        (more.as_str(), "images, and the dataset has"),
+        (more.as_str(), "images, but the dataset has"),
         (edited.as_str(), "`visible` of prediction 1, 160 × 120 pixels"),
         ("[1]", "it is no file of scores"),
     ] {
@@ -373,9 +373,9 @@ fn a_damaged_dataset_is_shown_as_far_as_it_goes() {
     for text in [told.as_ref(), shown.as_str()] {
         for part in [
             name.as_str(),
-            "line 1 is no journal line",
+            "line 1 is not a journal line",
             "times.jsonl: it is not a file",
-            ".glb: it leads out of the folder",
+            ".glb: a link leads outside the folder",
         ] {
             assert!(text.contains(part), "{part}: {text}");
         }

@@ -269,7 +269,7 @@ fn what_is_converted_and_back_is_what_it_was() {
     assert_same(&path("coco"), &path("coco again"));
     // What a dataset lacks and our form can do without is said and left out, and what is there comes back.
     let said = ok(&mut convert("coco/coco", "syntable", "lacking"));
-    let left_out = "left out: bodies, camera, denoiser, depth, exposure, label_policy, object_info, object_name\n";
+    let left_out = "omitted: bodies, camera, denoiser, depth, exposure, label_policy, object_info, object_name\n";
     assert!(said.contains(left_out), "{said}");
     assert_eq!(checks_that_fail(&path("lacking")), BTreeSet::new());
     let json: Value = serde_json::from_slice(&read("lacking")).expect("JSON");
@@ -339,7 +339,7 @@ fn faults_of_records_are_counted_as_validate_does() {
     fs::write(&file, json).expect("writable");
     assert_eq!(checks_that_fail(&root).len(), 1, "an id is there twice");
     let said = crate::support::text(&convert(&root, "coco", &out).output().expect("the program starts"));
-    assert!(said.contains("1 fault in what was read"), "{said}");
+    assert!(said.contains("1 fault in the source dataset"), "{said}");
 }
 
 #[test]
@@ -362,7 +362,7 @@ fn datasets_without_amodal_masks_are_converted() {
     for (from, to) in [("plain", "syntable"), ("plain", "yolo"), ("plain", "coco"), ("plain", "coco_panoptic")] {
         let said = ok(&mut convert(from, to, to));
         assert!(
-            said.contains("left out: amodal_box, amodal_mask") || to == "syntable" && said.contains("amodal_mask"),
+            said.contains("omitted: amodal_box, amodal_mask") || to == "syntable" && said.contains("amodal_mask"),
             "{said}"
         );
     }
@@ -405,9 +405,9 @@ fn a_request_that_cannot_succeed_is_at_fault() {
     {
         std::os::unix::fs::symlink(path("nowhere"), path("link")).expect("a link");
         let said = fails(&mut convert(&path("link")), 2);
-        assert!(said.contains("link: the path is a link to a missing folder"), "{said}");
+        assert!(said.contains("link: it is a link to what is not there"), "{said}");
         let said = fails(syntable().args(["run", "builtin:quickstart", "--out"]).arg(path("link")), 2);
-        assert!(said.contains("the path is a link to a missing folder"), "{said}");
+        assert!(said.contains("it is a link to what is not there"), "{said}");
     }
     // A missing image stays missing; a file names the dataset as its folder does.
     let away = path("a.png");

@@ -55,6 +55,6 @@ pub(crate) fn convert(console: &Console, registry: &Registry, args: ConvertArgs)
     }
     converted.caveats.iter().for_each(|caveat| out += &format!("note: {caveat}\n"));
     console.print(&out)?;
-    let help = "see the warnings above; `syntable validate` lists all faults of the dataset";
+    let help = "see the warnings above; `syntable validate` checks the dataset";
     Exit::if_left_out(done.left_out(), &options.dataset, help)
 }

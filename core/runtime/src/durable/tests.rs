@@ -238,7 +238,7 @@ fn a_folder_of_a_stranger_is_not_ours_whatever_it_is_called() {
         fs::write(part.join("thesis.tex"), "precious").expect("writable");
         mark.into_iter().for_each(|text| fs::write(part.join(MARK), text).expect("writable"));
         let error = make(&beside, "one").expect_err("it is taken").to_string();
-        assert!(error.contains("new.part") && error.contains("move them away"), "{error}");
+        assert!(error.contains("new.part") && error.contains("move it away"), "{error}");
         assert_eq!(texts(&part)["thesis.tex"], "precious");
     }
 }

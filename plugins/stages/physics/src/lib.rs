@@ -3,13 +3,13 @@
 //! The kind `rapier` starts from the placers' scene, lets every dynamic body fall, and returns poses at rest:
 //!
 //! 1. `decompose`: every object becomes convex parts. If the object supplies parts, these are used. Otherwise, its mesh
-//!   is cut into parts once, which are cached in memory and on disk (`hull_cache`).
+//!    is cut into parts once, which are cached in memory and on disk (`hull_cache`).
 //! 2. `static_body`: supports become convex parts too, with a thick slab under a flat tabletop; floor, walls and
 //!    ceiling become half-spaces.
 //! 3. `engine`: the simulation runs until all bodies sleep or the time is over.
 //! 4. `acceptance`: bodies off their support are removed or respawned. Moving bodies get more time. Bodies that still
-//!   move then, or that penetrate another deeper than a limit, are respawned above the pile or removed, and the rest
-//!   settles again, until no body violates a limit.
+//!    move then, or that penetrate another deeper than a limit, are respawned above the pile or removed, and the rest
+//!    settles again, until no body violates a limit.
 //!
 //! The kind `none` leaves every body where it was placed.
 //!

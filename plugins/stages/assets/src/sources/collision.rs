@@ -4,12 +4,12 @@
 //! in this order:
 //!
 //! 1. **Folder.** A folder named after collisions (`collision`, `collisions_mesh`, `vhacd`) has only collision meshes.
-//!   A folder with an ambiguous name (`convex`, `physics`, `hulls`) has them only next to the rendered mesh. The rule
-//!   does not apply if each sibling folder has an object under the same file name: `hull/model` next to `mug/model` and
-//!   `cup/model`.
+//!    A folder with an ambiguous name (`convex`, `physics`, `hulls`) has them only next to the rendered mesh. The rule
+//!    does not apply if each sibling folder has an object under the same file name: `hull/model` next to `mug/model` and
+//!    `cup/model`.
 //! 2. **Sibling.** Without such a word, the name equals the name of another mesh of the same object: `cup_hull_0` next
-//!   to `cup`, `collision_geometry` next to `visual_geometry`. A name with only such words belongs to the mesh of its
-//!   folder: `collision` and `convex_hull` next to `textured`.
+//!    to `cup`, `collision_geometry` next to `visual_geometry`. A name with only such words belongs to the mesh of its
+//!    folder: `collision` and `convex_hull` next to `textured`.
 //! 3. **Name.** An unambiguous word occurs after the first word of the name: `mug_vhacd`, `part_collision_3`.
 //!
 //! So `convex_mirror`, `hull` and `collision_course_game` are objects unless rule 2 finds their objects.

@@ -187,7 +187,7 @@ fn gltf_files() {
     let deep = format!(r#"{{"asset":{{"version":"2.0"}},"extras":{}{}}}"#, "[".repeat(20_000), "]".repeat(20_000));
     check_file("x.gltf", deep, "deep", Reject("nested more than"));
     check_file("x.gltf", "", "empty", Reject("empty"));
-    check_file("x.gltf", "{}", "no asset", Reject("no `asset`"));
+    check_file("x.gltf", "{}", "no asset", Reject("`asset` is missing"));
     for (uri, want) in [
         ("none.bin", "buffer 0 refers to the missing file `none.bin`"),
         ("../../secret.bin", "leaves the asset's folder"),
