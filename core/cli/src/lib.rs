@@ -1,6 +1,9 @@
 //! The command line of SynTable. Only this crate prints. Every verb parses arguments and calls a function of the
 //! library.
 
+mod arguments;
+mod console;
+mod exit;
 mod flags;
 mod outputs;
 mod progress;
@@ -8,7 +11,10 @@ mod signals;
 mod verb;
 mod verbs;
 
+pub use arguments::{RecipeArgs, TRUST_PATHS, amount, threads};
 pub use clap;
+pub use console::Console;
+pub use exit::Exit;
 pub use outputs::check_outputs;
 pub use signals::{ended, on_signals};
 pub use syntable_model::inventory;
@@ -16,18 +22,14 @@ pub use syntable_recipe::message::Message;
 pub use verb::{CliVerb, Topic, Verb};
 pub use verbs::list::products;
 
-use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand, ValueEnum};
-use progress::{Human, JsonLines};
+use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
+use console::LogFormat;
 use std::collections::BTreeMap;
-use std::io::{IsTerminal, Write};
-use std::path::{Path, PathBuf};
+use std::io::Write;
 use std::process::ExitCode;
 use std::sync::Arc;
 use syntable_model::error::Error;
 use syntable_model::registry::Registry;
-use syntable_recipe::{Diagnostic, Overrides, Recipe, RecipeRequest, Report, Source};
-use syntable_runtime::left_out::LeftOutReport;
-use syntable_runtime::run::progress::Reporter;
 use verbs::{check, convert, doctor, list, merge, new, run, validate, verify};
 
 /// Generates synthetic datasets for unseen-object amodal instance segmentation.
@@ -56,12 +58,6 @@ struct Cli {
     /// Log format on standard error: human-readable, or one JSON object per line.
     #[arg(long, global = true, value_enum, default_value_t = LogFormat::Human)]
     log_format: LogFormat,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum LogFormat {
-    Human,
-    Json,
 }
 
 #[derive(Subcommand)]
@@ -130,81 +126,6 @@ enum BuiltIn {
     },
 }
 
-/// A recipe and changes to it, shared by all verbs that take one: [`Args::augment_args`] adds them to a command.
-#[derive(Debug, Clone, Args)]
-pub struct RecipeArgs {
-    /// Recipe file, or `builtin:NAME` for a built-in recipe (see `syntable list recipes`). Default:
-    /// `builtin:quickstart`.
-    pub recipe: Option<PathBuf>,
-    /// Set a key: `a.b=value`, `place[2].count=5`. The value is TOML; a bare word is text.
-    #[arg(long, value_name = "KEY=VALUE")]
-    pub set: Vec<String>,
-    /// Seed of all random numbers: short for `--set dataset.seed=N`.
-    #[arg(long)]
-    pub seed: Option<u64>,
-    /// Views per scene: short for `--set dataset.views_per_scene=N`.
-    #[arg(long)]
-    pub views: Option<u32>,
-}
-
-/// End of a verb with an exit code other than 0.
-pub struct Exit {
-    /// The exit code of the process.
-    pub code: u8,
-    /// Messages to print.
-    pub messages: Vec<Message>,
-}
-
-impl Exit {
-    /// The recipe, an option or an asset is wrong, and the verb made nothing.
-    pub fn wrong(error: Error) -> Self {
-        Self { code: 2, messages: vec![Message::Error(error)] }
-    }
-
-    /// Work stopped early, and finished work is kept. A permanent error is an error of the request, as in
-    /// [`wrong`](Self::wrong).
-    pub fn stopped(error: Error) -> Self {
-        let code = if error.is_permanent() { 2 } else { 1 };
-        Self { code, messages: vec![Message::Error(error)] }
-    }
-
-    /// Exit code 1 for a result that cannot be printed. A closed pipe is not an error.
-    fn if_not_printed(error: &std::io::Error) -> Result<(), Self> {
-        match error.kind() {
-            std::io::ErrorKind::BrokenPipe => Ok(()),
-            _ => Err(Self::stopped(Error::io("standard output", error))),
-        }
-    }
-
-    /// Exit code 3 with the data that a verb omitted from its result. `file` and `help` tell the reader where to look.
-    ///
-    /// # Errors
-    /// If the verb omitted anything.
-    pub fn if_left_out(left_out: LeftOutReport, file: &Path, help: &str) -> Result<(), Self> {
-        match left_out.messages(file, help) {
-            messages if messages.is_empty() => Ok(()),
-            messages => Err(Self { code: 3, messages }),
-        }
-    }
-}
-
-/// Help of `--trust-paths`, a flag of all verbs that read datasets.
-pub const TRUST_PATHS: &str =
-    "Also read files outside the dataset's folder if its paths or links lead there. Only for datasets that you trust";
-
-/// The requested number of threads, or else the number of cores.
-pub fn threads(asked: Option<u16>) -> usize {
-    asked.map_or_else(syntable_runtime::workers::available, usize::from)
-}
-
-/// Parses a number from 1 on, or `all`.
-pub fn amount(text: &str) -> std::result::Result<usize, String> {
-    match text {
-        "all" => Ok(usize::MAX),
-        _ => text.parse().ok().filter(|number| *number > 0).ok_or_else(|| "a number from 1 on, or `all`".to_owned()),
-    }
-}
-
 /// Runs the command line of this process with all linked plugins.
 ///
 /// The whole `main.rs` of a binary with plugins of its own:
@@ -267,11 +188,33 @@ impl Program {
         let done = match added {
             Some((verb, arguments)) => verb.run(&console, &self.registry, arguments),
             None => match Cli::from_arg_matches(&matches) {
-                Ok(cli) => console.verb(cli.verb, &self.registry),
+                Ok(cli) => run_verb(&console, cli.verb, &self.registry),
                 Err(error) => error.exit(),
             },
         };
         ended_with(&console, done)
+    }
+}
+
+/// Runs a verb of this crate.
+fn run_verb(console: &Console, verb: BuiltIn, registry: &Registry) -> Result<(), Exit> {
+    match verb {
+        BuiltIn::Run(args) => run::run(console, registry, &args),
+        BuiltIn::Verify(args) => verify::verify(console, &args),
+        BuiltIn::Merge(args) => merge::merge(console, registry, &args),
+        BuiltIn::Validate(args) => validate::validate(console, registry, &args),
+        BuiltIn::Convert(args) => convert::convert(console, registry, args),
+        BuiltIn::Check(args) => check::check(console, registry, &args),
+        BuiltIn::Plan(args) => run::plan(console, registry, &args),
+        BuiltIn::List(args) => list::list(console, registry, &args),
+        BuiltIn::Schema => console.print(&syntable_recipe::schema_text(registry)),
+        BuiltIn::New(args) => new::new(console, registry, &args, &whole()),
+        BuiltIn::Doctor => doctor::doctor(console, registry),
+        BuiltIn::Completions { shell } => {
+            let mut script = Vec::new();
+            clap_complete::generate(shell, &mut whole(), "syntable", &mut script);
+            console.print(&String::from_utf8_lossy(&script))
+        }
     }
 }
 
@@ -329,109 +272,6 @@ pub fn help_pages() -> Vec<(String, String)> {
 /// Parses a command line, with the program's name first. The error is the message of the parser.
 pub fn understands(words: &[String]) -> Result<(), String> {
     whole().try_get_matches_from(words).map(drop).map_err(|error| error.to_string())
-}
-
-/// Output of results and messages. Nothing else prints.
-pub struct Console {
-    reporter: Box<dyn Reporter>,
-    format: LogFormat,
-}
-
-impl Console {
-    fn new(format: LogFormat) -> Self {
-        let reporter: Box<dyn Reporter> = match format {
-            LogFormat::Json => Box::<JsonLines>::default(),
-            LogFormat::Human => Box::new(Human::new(std::io::stderr().is_terminal())),
-        };
-        Self { reporter, format }
-    }
-
-    /// Shows the events of a run.
-    pub fn reporter(&self) -> &dyn Reporter {
-        &*self.reporter
-    }
-
-    fn verb(&self, verb: BuiltIn, registry: &Registry) -> Result<(), Exit> {
-        match verb {
-            BuiltIn::Run(args) => run::run(self, registry, &args),
-            BuiltIn::Verify(args) => verify::verify(self, &args),
-            BuiltIn::Merge(args) => merge::merge(self, registry, &args),
-            BuiltIn::Validate(args) => validate::validate(self, registry, &args),
-            BuiltIn::Convert(args) => convert::convert(self, registry, args),
-            BuiltIn::Check(args) => check::check(self, registry, &args),
-            BuiltIn::Plan(args) => run::plan(self, registry, &args),
-            BuiltIn::List(args) => list::list(self, registry, &args),
-            BuiltIn::Schema => self.print(&syntable_recipe::schema_text(registry)),
-            BuiltIn::New(args) => new::new(self, registry, &args),
-            BuiltIn::Doctor => doctor::doctor(self, registry),
-            BuiltIn::Completions { shell } => {
-                let mut script = Vec::new();
-                clap_complete::generate(shell, &mut whole(), "syntable", &mut script);
-                self.print(&String::from_utf8_lossy(&script))
-            }
-        }
-    }
-
-    /// Number of columns of the terminal; `None` if results do not go to a terminal.
-    pub fn width(&self) -> Option<usize> {
-        terminal_size::terminal_size_of(std::io::stdout()).map(|(width, _)| usize::from(width.0).max(40))
-    }
-
-    /// Prints a result. A closed pipe is not an error.
-    pub fn print(&self, text: &str) -> Result<(), Exit> {
-        match std::io::stdout().write_all(text.as_bytes()) {
-            Err(error) => Exit::if_not_printed(&error),
-            Ok(()) => Ok(()),
-        }
-    }
-
-    /// Prints a message: a diagnostic with the line underlined, or one JSON object.
-    pub fn say(&self, message: &Message) {
-        self.reporter.message(message);
-    }
-
-    /// Loads and plans a recipe with its changes. Prints warnings, and returns errors.
-    fn load(&self, registry: &Registry, args: &RecipeArgs) -> Result<Recipe, Exit> {
-        let (source, overrides) = args.read()?;
-        self.loaded(syntable_recipe::load(registry, source, &overrides))
-    }
-
-    /// Like [`load`](Self::load), but replaces placeholder kinds by kinds that this machine supports.
-    fn load_for_run(&self, registry: &Registry, args: &RecipeArgs) -> Result<Recipe, Exit> {
-        let (source, overrides) = args.read()?;
-        self.loaded(syntable_recipe::load(registry, source, &overrides.for_run()))
-    }
-
-    /// Prints the warnings of a loaded recipe, or returns the errors of one that cannot run.
-    fn loaded(&self, loaded: Result<(Recipe, Vec<Diagnostic>), Report>) -> Result<Recipe, Exit> {
-        match loaded {
-            Ok((recipe, warnings)) => {
-                warnings.into_iter().for_each(|warning| self.say(&Message::Diagnostic(warning)));
-                Ok(recipe)
-            }
-            Err(report) => {
-                let messages = match self.format {
-                    LogFormat::Human => report.messages(),
-                    // Each line is one error. Programs need no line with their number.
-                    LogFormat::Json => report.mistakes().collect(),
-                };
-                Err(Exit { code: 2, messages })
-            }
-        }
-    }
-}
-
-impl RecipeArgs {
-    /// The recipe and its changes as an argument of library functions.
-    pub fn request(&self) -> RecipeRequest {
-        let Self { recipe, set, seed, views } = self.clone();
-        RecipeRequest { recipe, set, seed, views }
-    }
-
-    /// The text of the recipe, and its changes.
-    pub fn read(&self) -> Result<(Source, Overrides<'static>), Exit> {
-        self.request().read().map_err(Exit::wrong)
-    }
 }
 
 #[cfg(test)]

@@ -1,6 +1,6 @@
 //! Signals that end a verb.
 
-use crate::Exit;
+use crate::exit::Exit;
 use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::flag;
 use std::io;

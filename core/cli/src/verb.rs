@@ -1,6 +1,7 @@
 //! Verbs that crates add to the command line, such as an evaluation or a conversion.
 
-use crate::{Console, Exit};
+use crate::console::Console;
+use crate::exit::Exit;
 use clap::{ArgMatches, Command};
 use std::collections::BTreeMap;
 use std::sync::Arc;

@@ -1,12 +1,15 @@
 //! `syntable check`.
 
-use crate::{Console, Exit, Message, RecipeArgs};
+use crate::arguments::RecipeArgs;
+use crate::console::Console;
+use crate::exit::Exit;
 use clap::Args;
 use std::path::PathBuf;
 use syntable_model::context::{Collected, Log};
 use syntable_model::error::Error;
 use syntable_model::inspect::inspect;
 use syntable_model::registry::Registry;
+use syntable_recipe::message::Message;
 use syntable_runtime::check;
 use syntable_runtime::pools::AssetStore;
 

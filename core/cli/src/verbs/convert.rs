@@ -1,11 +1,13 @@
 //! `syntable convert`.
 
+use crate::console::Console;
+use crate::exit::Exit;
 use crate::signals::{ended, on_signals};
-use crate::{Console, Exit, Message};
 use clap::Args;
 use std::path::PathBuf;
 use syntable_model::error::Error;
 use syntable_model::registry::Registry;
+use syntable_recipe::message::Message;
 use syntable_runtime::conversion::{self, ConvertOptions};
 use syntable_runtime::run::progress::count;
 use syntable_runtime::workers;
@@ -23,7 +25,7 @@ pub(crate) struct ConvertArgs {
     /// Format of the dataset (see `syntable list formats`). Default: detected.
     #[arg(long)]
     format: Option<String>,
-    #[arg(long, help = crate::TRUST_PATHS)]
+    #[arg(long, help = crate::arguments::TRUST_PATHS)]
     trust_paths: bool,
     /// Set an option of a writer: `coco.masks="visible"`. The value is TOML.
     #[arg(long, value_name = "KIND.KEY=VALUE")]

@@ -1,7 +1,8 @@
 //! `syntable doctor`.
 
 use super::list::products;
-use crate::{Console, Exit};
+use crate::console::Console;
+use crate::exit::Exit;
 use std::fmt::Write as _;
 use syntable_model::context::Cache;
 use syntable_model::digest::Digest;

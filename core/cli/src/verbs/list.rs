@@ -1,8 +1,10 @@
 //! `syntable list`.
 
 use super::check::PrintedLog;
+use crate::arguments::RecipeArgs;
+use crate::console::Console;
+use crate::exit::Exit;
 use crate::verb::topics;
-use crate::{Console, Exit, RecipeArgs};
 use clap::Args;
 use serde_json::json;
 use std::path::{Path, PathBuf};

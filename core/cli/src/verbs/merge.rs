@@ -1,8 +1,9 @@
 //! `syntable merge`.
 
 use super::run::end_of;
+use crate::console::Console;
+use crate::exit::Exit;
 use crate::signals::{ended, on_signals};
-use crate::{Console, Exit};
 use clap::Args;
 use std::path::PathBuf;
 use syntable_model::registry::Registry;

@@ -2,7 +2,8 @@
 
 use super::list::products;
 use super::template::{CrateTemplate, TEMPLATES, crates};
-use crate::{Console, Exit};
+use crate::console::Console;
+use crate::exit::Exit;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Args, Subcommand};
 use std::fs;
@@ -119,7 +120,8 @@ const SCHEMA: &str = "recipe.schema.json";
 const EXTENDING: &str = include_str!("scaffold/extending.toml");
 const RECIPE: &str = include_str!("scaffold/recipe.toml");
 
-pub(crate) fn new(console: &Console, registry: &Registry, args: &NewArgs) -> Result<(), Exit> {
+/// `program` is the command line, whose verbs a plugin must not repeat.
+pub(crate) fn new(console: &Console, registry: &Registry, args: &NewArgs, program: &clap::Command) -> Result<(), Exit> {
     match &args.what {
         What::Recipe { file, extends } => {
             let text = match extends {
@@ -136,7 +138,7 @@ pub(crate) fn new(console: &Console, registry: &Registry, args: &NewArgs) -> Res
         }
         What::Plugin { name, slot, path, syntable } => {
             let folder = path.clone().unwrap_or_else(|| PathBuf::from(name));
-            plugin(registry, slot, name, &folder, syntable.as_deref())?;
+            plugin((registry, program), slot, name, &folder, syntable.as_deref())?;
             let (folder, show) = (folder.display(), slot.renamed(slot.show, name));
             console.print(&format!("wrote {folder}\nnext: cd {folder} && cargo run --release -- {show}\n"))
         }
@@ -166,7 +168,7 @@ fn slots() -> impl TypedValueParser<Value = &'static CrateTemplate> {
 }
 
 fn plugin(
-    registry: &Registry,
+    (registry, program): (&Registry, &clap::Command),
     template: &CrateTemplate,
     name: &str,
     folder: &Path,
@@ -185,7 +187,7 @@ fn plugin(
             Error::new(format!("`{name}` is a Rust keyword or a standard crate")).help("choose another name"),
         ));
     }
-    if let Some(taken) = taken(registry, name) {
+    if let Some(taken) = taken(registry, program, name) {
         return Err(Exit::wrong(Error::new(format!("`{name}` is already {taken}")).help("choose another name")));
     }
     if folder.exists() {
@@ -221,14 +223,14 @@ fn plugin(
 }
 
 /// Describes the existing item whose name the plugin's crate, kind, product or verb would repeat.
-fn taken(registry: &Registry, name: &str) -> Option<String> {
+fn taken(registry: &Registry, program: &clap::Command, name: &str) -> Option<String> {
     let entry = registry.entries().iter().find(|entry| entry.kind == name);
     match entry {
         Some(entry) => Some(format!("a kind of `{}`", entry.slot)),
         None if products(registry).iter().any(|(key, _)| key.product == name) => Some("a product".to_owned()),
         None if registry.checks().iter().any(|check| check.name() == name) => Some("a check of labels".to_owned()),
         None if registry.formats().iter().any(|format| format.name() == name) => Some("a dataset format".to_owned()),
-        None if crate::whole().find_subcommand(name).is_some() => Some("a verb of the program".to_owned()),
+        None if program.find_subcommand(name).is_some() => Some("a verb of the program".to_owned()),
         None if Slot::ALL.iter().any(|slot| slot.name() == name) => Some("a section of recipes".to_owned()),
         None if crates().any(|it| it == name) => Some("a crate that the plugin needs".to_owned()),
         None => None,

@@ -1,12 +1,15 @@
 //! `syntable run` and `syntable plan`.
 
+use crate::arguments::RecipeArgs;
+use crate::console::Console;
+use crate::exit::Exit;
 use crate::signals::{ended, on_signals};
-use crate::{Console, Exit, Message, RecipeArgs};
 use clap::Args;
 use std::path::{Path, PathBuf};
 use syntable_model::error::Error;
 use syntable_model::registry::Registry;
 use syntable_recipe::Recipe;
+use syntable_recipe::message::Message;
 use syntable_runtime::cache::DiskCache;
 use syntable_runtime::run::progress::count;
 use syntable_runtime::run::{RunOptions, RunOutcome, SceneRange, run as run_recipe};

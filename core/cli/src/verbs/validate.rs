@@ -1,13 +1,15 @@
 //! `syntable validate`.
 
+use crate::console::Console;
+use crate::exit::Exit;
 use crate::flags::with_flags;
-use crate::{Console, Exit, Message};
 use clap::Args;
 use serde::Serialize;
 use std::path::PathBuf;
 use syntable_model::error::Error;
 use syntable_model::reader::Source;
 use syntable_model::registry::Registry;
+use syntable_recipe::message::Message;
 use syntable_runtime::run::progress::count;
 use syntable_runtime::validate::{FaultAt, Validated, ValidatedDataset, differences, validate_path};
 use syntable_runtime::workers;
@@ -24,7 +26,7 @@ pub(crate) struct ValidateArgs {
     /// Format of all datasets (see `syntable list formats`). Default: detected for each.
     #[arg(long)]
     format: Option<String>,
-    #[arg(long, help = crate::TRUST_PATHS)]
+    #[arg(long, help = crate::arguments::TRUST_PATHS)]
     trust_paths: bool,
     /// Print all results as one JSON object. Several datasets have one entry each in `datasets`.
     #[arg(long)]

@@ -1,9 +1,11 @@
 //! `syntable verify`.
 
-use crate::{Console, Exit, Message};
+use crate::console::Console;
+use crate::exit::Exit;
 use clap::Args;
 use std::path::PathBuf;
 use syntable_model::error::Error;
+use syntable_recipe::message::Message;
 use syntable_runtime::run::progress::count;
 use syntable_runtime::{run, workers};
 

@@ -16,11 +16,13 @@ mod balance;
 mod guides;
 mod noise;
 mod planes;
+mod signal;
 mod smooth;
 pub mod tuning;
 
 use guides::{Guides, NO_SURFACE, NOTHING};
 use planes::{CHUNK, ChunkPosition, Padded, Size, fill};
+use signal::{Signal, luminance};
 use smooth::Level;
 use std::any::Any;
 use syntable_model::context::Workers;
@@ -143,23 +145,6 @@ impl Part {
             Self::Diffuse => &tuning::DIFFUSE,
             Self::Specular => &tuning::SPECULAR,
         }
-    }
-}
-
-/// Light of a part, without the color of what it falls on, and what is known of its noise.
-struct Signal {
-    /// Linear Rec. 709, nits.
-    color: [Padded; 3],
-    /// Its luminance.
-    luminance: Padded,
-    /// Variance of the luminance.
-    variance: Padded,
-}
-
-impl Signal {
-    fn new(size: Size) -> Self {
-        let zero = || Padded::new(size, 0.0);
-        Self { color: [zero(), zero(), zero()], luminance: zero(), variance: zero() }
     }
 }
 
@@ -316,10 +301,4 @@ impl Input<'_> {
         balance::restore(size.width, self.radiance.data(), joined.data_mut(), |pixel| self.surface(pixel));
         joined
     }
-}
-
-/// Relative luminance of linear Rec. 709.
-#[inline(always)]
-fn luminance([r, g, b]: [f32; 3]) -> f32 {
-    0.2126 * r + 0.7152 * g + 0.0722 * b
 }

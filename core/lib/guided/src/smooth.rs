@@ -2,8 +2,8 @@
 
 use crate::guides::{Guides, falloff};
 use crate::planes::{CHUNK, Chunk, Padded, Size, fill};
+use crate::signal::{Signal, luminance};
 use crate::tuning::Tuning;
-use crate::{Signal, luminance};
 use syntable_model::context::Workers;
 use syntable_simd::{Processor, Simd, Task};
 

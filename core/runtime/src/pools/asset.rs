@@ -1,6 +1,6 @@
 //! One asset of a pool: what the source gives, with the options of the pool applied.
 
-use super::Pool;
+use super::open_pool::OpenPool;
 use std::sync::Arc;
 use syntable_mesh::mass::estimate_kg;
 use syntable_mesh::size::doubt;
@@ -14,7 +14,7 @@ use syntable_recipe::{CatalogAsset, CatalogNames, Center, Mass};
 /// Minimum mass of an object, kg.
 const MIN_KG: f64 = 1e-4;
 
-impl Pool<'_> {
+impl OpenPool<'_> {
     /// Loads an entry, and applies the pool's options.
     pub(super) fn load(&self, name: &str, log: &dyn Log) -> Result<Asset> {
         Ok(match (self.source.load(name, log)?, &self.options.license) {

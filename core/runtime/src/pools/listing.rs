@@ -1,6 +1,7 @@
 //! The assets of a recipe and how likely each is drawn.
 
-use super::{AssetStore, Pool};
+use super::AssetStore;
+use super::open_pool::OpenPool;
 use serde::ser::{Serialize, SerializeMap, SerializeStruct, Serializer};
 use std::collections::BTreeMap;
 use syntable_model::scene::{AssetClass, AssetRef, CatalogEntry};
@@ -10,7 +11,7 @@ use syntable_recipe::SplitPart;
 /// `name`, `class`, `category`, `obj_id`, `part`, `license`, and `draws`, a table of probabilities by option.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ListedAsset {
-    /// Pool and name.
+    /// OpenPool and name.
     pub asset: AssetRef,
     /// Class of the pool's assets.
     pub class: AssetClass,
@@ -82,7 +83,7 @@ impl AssetStore<'_> {
     }
 }
 
-impl Pool<'_> {
+impl OpenPool<'_> {
     /// The assets of the pool `id`, by name; `chances` are those of an asset that is drawn.
     fn listing(&self, id: &str, chances: &[Chance]) -> Vec<ListedAsset> {
         let license = self.options.license.as_deref().or(self.source.license());

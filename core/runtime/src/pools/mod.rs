@@ -8,6 +8,7 @@ mod listing;
 mod loaded;
 mod numbers;
 mod open;
+mod open_pool;
 
 use crate::run::panics::unwound;
 pub use listing::{Chance, ListedAsset};
@@ -16,23 +17,21 @@ pub use loaded::Loaded;
 use numbers::{number_places, numbers_differ};
 pub(crate) use open::open;
 use open::patiently;
+use open_pool::OpenPool;
 use parking_lot::Mutex;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use syntable_model::context::{Assets, Collected, Log};
 use syntable_model::error::{Error, Result};
 use syntable_model::scene::{Asset, AssetRef, CatalogEntry};
-use syntable_model::stage::AssetSource;
-use syntable_recipe::{
-    CatalogNames, Draw, Numbering, ObjectProperties, OnBadAsset, PartSizes, PoolOptions, Recipe, Selection,
-};
+use syntable_recipe::{CatalogNames, Draw, OnBadAsset, PartSizes, Recipe};
 
 /// What a lock and a journal say instead of a digest of an asset that was drawn, could not be used and was passed over.
 pub const BAD: &str = "bad";
 
 /// All pools of a recipe, with what was loaded from them.
 pub struct AssetStore<'a> {
-    pools: BTreeMap<&'a str, Pool<'a>>,
+    pools: BTreeMap<&'a str, OpenPool<'a>>,
     /// Options of the recipe that draw from pools.
     draws: &'a [Draw],
     /// Digests of assets that the dataset or the recipe depends on, or [`BAD`].
@@ -43,23 +42,9 @@ pub struct AssetStore<'a> {
     refused: Mutex<Option<Error>>,
 }
 
-pub(crate) struct Pool<'a> {
-    source: &'a dyn AssetSource,
-    options: &'a PoolOptions,
-    selection: Selection,
-    /// Where the numbers of its objects come from; none if it has no objects.
-    numbering: Option<Numbering>,
-    /// Largest number of an object of the source, taken or not.
-    last_obj_id: u32,
-    /// Whether objects have the numbers of their files, and another size than these.
-    resizes_numbered: bool,
-    /// What the pool's table states of its objects, by name.
-    properties: BTreeMap<String, ObjectProperties>,
-}
-
 impl<'a> AssetStore<'a> {
     /// A store of open pools that depends on no digest and has loaded nothing.
-    fn new(pools: BTreeMap<&'a str, Pool<'a>>, on_bad_asset: OnBadAsset, log: &'a dyn Log) -> Self {
+    fn new(pools: BTreeMap<&'a str, OpenPool<'a>>, on_bad_asset: OnBadAsset, log: &'a dyn Log) -> Self {
         Self {
             pools,
             draws: &[],
@@ -127,7 +112,7 @@ impl<'a> AssetStore<'a> {
         self.refused.lock().get_or_insert(error);
     }
 
-    fn pool(&self, id: &str) -> Result<&Pool<'a>> {
+    fn pool(&self, id: &str) -> Result<&OpenPool<'a>> {
         self.pools.get(id).ok_or_else(|| {
             let known: Vec<&str> = self.pools.keys().copied().collect();
             Error::new(format!("there is no pool `{id}`")).help(format!("the recipe has: {}", known.join(", ")))

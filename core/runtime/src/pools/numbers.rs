@@ -1,14 +1,14 @@
 //! Numbers of objects over all pools of a recipe.
 
-use super::Pool;
+use super::open_pool::OpenPool;
 use std::collections::{BTreeMap, BTreeSet};
 use syntable_model::error::{Error, Result};
 use syntable_recipe::{Numbering, Selection};
 
 /// Moves numbers that are places behind those that are stated and those of other pools: first pools with objects that labels
 /// describe, then others, each by id. Numbers depend on what pools hold, never on what is taken or drawn of them.
-pub(super) fn number_places(pools: &mut BTreeMap<&str, Pool>, labeled: &BTreeSet<String>) -> Result<()> {
-    let is = |pool: &Pool, numbering| pool.numbering == Some(numbering);
+pub(super) fn number_places(pools: &mut BTreeMap<&str, OpenPool>, labeled: &BTreeSet<String>) -> Result<()> {
+    let is = |pool: &OpenPool, numbering| pool.numbering == Some(numbering);
     let stated = pools.values().filter(|pool| is(pool, Numbering::Stated)).map(|pool| pool.last_obj_id);
     let mut last = stated.max().unwrap_or_default();
     for described in [true, false] {
@@ -29,7 +29,7 @@ pub(super) fn number_places(pools: &mut BTreeMap<&str, Pool>, labeled: &BTreeSet
 }
 
 /// Refuses objects without a number, and two of one number, in the pools with objects that labels describe.
-pub(super) fn numbers_differ(pools: &BTreeMap<&str, Pool>, labeled: &BTreeSet<String>) -> Result<()> {
+pub(super) fn numbers_differ(pools: &BTreeMap<&str, OpenPool>, labeled: &BTreeSet<String>) -> Result<()> {
     let described = || pools.iter().filter(|(id, _)| labeled.contains(**id));
     for (id, pool) in described() {
         let numbered = pool.options.all_numbered(&pool.selection.entries);

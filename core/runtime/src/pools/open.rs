@@ -1,6 +1,6 @@
 //! Opening pools: catalogs are made, numbered and selected from, and nothing is loaded.
 
-use super::Pool;
+use super::open_pool::OpenPool;
 use std::collections::BTreeMap;
 use std::time::Duration;
 use syntable_model::context::{Collected, Log};
@@ -16,11 +16,11 @@ const RETRIES: [Duration; 3] = [Duration::from_millis(20), Duration::from_millis
 pub(crate) fn open<'a>(
     assets: &'a BTreeMap<String, syntable_recipe::Pool>,
     log: &dyn Log,
-) -> Result<BTreeMap<&'a str, Pool<'a>>> {
+) -> Result<BTreeMap<&'a str, OpenPool<'a>>> {
     let mut pools = BTreeMap::new();
     let mut errors = Vec::new();
     for (id, pool) in assets {
-        match Pool::open(id, pool, log) {
+        match OpenPool::open(id, pool, log) {
             Ok(pool) => drop(pools.insert(id.as_str(), pool)),
             Err(error) => errors.push(error.context(format!("assets.{id}"))),
         }
@@ -50,7 +50,7 @@ struct Numbered {
     resizes_numbered: bool,
 }
 
-impl<'a> Pool<'a> {
+impl<'a> OpenPool<'a> {
     /// Opens the pool `id`.
     fn open(id: &str, pool: &'a syntable_recipe::Pool, log: &dyn Log) -> Result<Self> {
         let (source, options, of_pool) = (&*pool.source, &pool.options, OfPool { id, log });

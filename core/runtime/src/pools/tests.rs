@@ -1,13 +1,16 @@
 //! Tests of pools.
 
 use super::loaded::cache;
+use super::open_pool::OpenPool;
 use super::*;
 use std::collections::BTreeSet;
 use std::time::Duration;
 use syntable_model::scene::{
     AssetClass, Catalog, EnvironmentMap, MassOrigin, Material, Object, Scalar, Transmission, Volume,
 };
+use syntable_model::stage::AssetSource;
 use syntable_recipe::{Mass, Scale};
+use syntable_recipe::{Numbering, ObjectProperties, PoolOptions, Selection};
 use syntable_testing::scenes::{box_mesh, object};
 
 struct Nothing;
@@ -34,24 +37,24 @@ fn glass(attenuation_distance_m: f32) -> Arc<Material> {
     Arc::new(glass.with_digest())
 }
 
-fn pool<'a>(source: &'a dyn AssetSource, options: &'a PoolOptions) -> Pool<'a> {
+fn pool<'a>(source: &'a dyn AssetSource, options: &'a PoolOptions) -> OpenPool<'a> {
     let numbering = Some(Numbering::Places);
     let (selection, properties) = (Selection::default(), BTreeMap::new());
-    Pool { source, options, selection, numbering, last_obj_id: 0, resizes_numbered: false, properties }
+    OpenPool { source, options, selection, numbering, last_obj_id: 0, resizes_numbered: false, properties }
 }
 
 /// A pool with some of the objects of a source, as it is opened.
-fn numbered<'a>(options: &'a PoolOptions, names: &[&str], stated: &[(&str, u32)]) -> Pool<'a> {
+fn numbered<'a>(options: &'a PoolOptions, names: &[&str], stated: &[(&str, u32)]) -> OpenPool<'a> {
     let stated: BTreeMap<&str, u32> = stated.iter().copied().collect();
     let mut all: Vec<CatalogEntry> = names.iter().map(|name| CatalogEntry::new(*name, "thing")).collect();
     all.iter_mut().for_each(|entry| entry.obj_id = stated.get(entry.name.as_str()).copied());
     let numbering = options.number(&mut all, &Collected::default()).expect("sound");
     let last_obj_id = all.iter().filter_map(|entry| entry.obj_id).max().unwrap_or_default();
     let selection = options.select(all, &Collected::default()).expect("sound");
-    Pool { selection, numbering: Some(numbering), last_obj_id, ..pool(&Nothing, options) }
+    OpenPool { selection, numbering: Some(numbering), last_obj_id, ..pool(&Nothing, options) }
 }
 
-fn ids(pools: &BTreeMap<&str, Pool>, pool: &str) -> Vec<u32> {
+fn ids(pools: &BTreeMap<&str, OpenPool>, pool: &str) -> Vec<u32> {
     pools[pool].selection.entries.iter().filter_map(|entry| entry.obj_id).collect()
 }
 
@@ -99,7 +102,7 @@ fn weighed(origin: MassOrigin, options: &PoolOptions, properties: Option<ObjectP
     let object = (*object("block", box_mesh([0.1, 0.2, 0.4]), [1.0; 3])).clone();
     let mass = object.mass.with_kg(0.2, origin);
     let properties = properties.map(|properties| ("block".to_owned(), properties)).into_iter().collect();
-    let pool = Pool { properties, ..pool(&Nothing, options) };
+    let pool = OpenPool { properties, ..pool(&Nothing, options) };
     pool.normalize(Object { mass, ..object }).expect("sound")
 }
 
@@ -231,7 +234,7 @@ fn an_object_has_the_category_of_its_entry() {
     let entry = |name: &str| CatalogEntry::new(name, "thing");
     let entries = ["a", "block", "c"].map(entry).to_vec();
     let selection = options.select(entries, &Collected::default()).expect("sound");
-    let pool = Pool { selection, ..pool(&Block, &options) };
+    let pool = OpenPool { selection, ..pool(&Block, &options) };
     for (name, category) in [("a", "thing"), ("block", "mug"), ("c", "thing")] {
         let asset = pool.load(name, &Collected::default()).and_then(Asset::into_object).expect("loads");
         assert_eq!(asset.category, category, "{name}");

@@ -1,7 +1,6 @@
 //! The end of a run: dataset annotators, and the last step of writers.
 
 use crate::pools::BAD;
-use crate::run::RunOutcome;
 use crate::run::dataset::folder::Folder;
 use crate::run::dataset::journal::{Journal, JournalEntry, Notice};
 use crate::run::dataset::loss::Loss;
@@ -10,6 +9,7 @@ use crate::run::dataset::records::{self, Records};
 use crate::run::decisions::work_list;
 use crate::run::making::stages::lend;
 use crate::run::making::times::Times;
+use crate::run::outcome::RunOutcome;
 use crate::run::panics;
 use crate::run::progress::{Event, Reporter, Warnings, count};
 use parking_lot::Mutex;

@@ -52,6 +52,19 @@ impl SceneRange {
     }
 }
 
+/// Ascending scene numbers as text: `0..3, 7`, where `0..3` excludes 3.
+pub(crate) fn ranges(scenes: impl Iterator<Item = u32>) -> String {
+    let mut runs: Vec<Range<u32>> = Vec::new();
+    for scene in scenes {
+        match runs.last_mut() {
+            Some(run) if run.end == scene => run.end += 1,
+            _ => runs.push(scene..scene + 1),
+        }
+    }
+    let text = |run: &Range<u32>| if run.len() == 1 { run.start.to_string() } else { format!("{run:?}") };
+    runs.iter().map(text).collect::<Vec<_>>().join(", ")
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -1,12 +1,12 @@
 //! The first scene of a dataset that replaces another one. It is made before the old dataset is deleted, because some mistakes of a
 //! recipe show only then.
 
-use crate::run::RunOptions;
 use crate::run::dataset::adoption::SceneAside;
 use crate::run::dataset::folder::Folder;
 use crate::run::dataset::layout;
 use crate::run::decisions::opening::{self, CheckedRun};
 use crate::run::making::scenes;
+use crate::run::options::RunOptions;
 use crate::run::progress::{Event, Reporter, Warnings, count};
 use crate::workers::Pool;
 use std::path::PathBuf;

@@ -5,7 +5,6 @@
 
 use super::document::{GltfCamera, GltfNode, Perspective};
 use super::glb::Glb;
-use super::node;
 use serde_json::json;
 use syntable_model::scene::{Exposure, View};
 
@@ -37,7 +36,7 @@ pub fn add(glb: &mut Glb, view: &View) -> GltfNode {
         znear: NEAR_M,
     };
     glb.document.cameras.push(GltfCamera { name: name.clone(), kind: "perspective", perspective, extras });
-    let node = node(name, &view.camera.world_from_camera);
+    let node = GltfNode::at(name, &view.camera.world_from_camera);
     // x right, y up, z backward to x right, y down, z forward is 180° about x: the product with (1, 0, 0, 0).
     let rotation = node.rotation.map(|[x, y, z, w]| [w, z, -y, -x]);
     GltfNode { camera: Some(glb.document.cameras.len() - 1), rotation, ..node }

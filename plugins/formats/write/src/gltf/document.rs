@@ -3,6 +3,7 @@
 use serde::Serialize;
 use serde_json::Value as Json;
 use std::collections::BTreeSet;
+use syntable_model::geometry::Pose;
 
 /// An index into one of the document's lists.
 pub type Index = usize;
@@ -363,4 +364,16 @@ pub struct BufferView {
 #[serde(rename_all = "camelCase")]
 pub struct Buffer {
     pub byte_length: usize,
+}
+
+impl GltfNode {
+    /// A node at a pose.
+    pub fn at(name: String, pose: &Pose) -> Self {
+        Self {
+            name,
+            translation: Some(pose.translation.vector.into()),
+            rotation: Some(pose.rotation.coords.into()),
+            ..Self::default()
+        }
+    }
 }

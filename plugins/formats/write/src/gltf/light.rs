@@ -11,7 +11,6 @@ use super::document::{
     MaterialExtensions, NodeExtensions, NodeLight, Pbr, PunctualLight, Spot,
 };
 use super::glb::Glb;
-use super::node;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value as Json, json};
@@ -169,7 +168,7 @@ impl GltfLights {
 }
 
 fn emissive(name: String, pose: &Pose, scale: [f64; 3], mesh: Index, extras: Json) -> GltfNode {
-    GltfNode { mesh: Some(mesh), scale: Some(scale), extras, ..node(name, pose) }
+    GltfNode { mesh: Some(mesh), scale: Some(scale), extras, ..GltfNode::at(name, pose) }
 }
 
 /// An area light as a spot light along its -z. The intensity on the axis is the same; it falls to 0 at 90° (with the
@@ -203,7 +202,7 @@ fn punctual(
     let lights = &mut glb.document.extensions.get_or_insert_with(DocumentExtensions::default).lights_punctual.lights;
     lights.push(PunctualLight { name: name.clone(), kind, color, intensity: brightest * factor, spot });
     let light = NodeLight { light: lights.len() - 1 };
-    GltfNode { extensions: Some(NodeExtensions { lights_punctual: light }), ..node(name, pose) }
+    GltfNode { extensions: Some(NodeExtensions { lights_punctual: light }), ..GltfNode::at(name, pose) }
 }
 
 /// A rotation that takes z to a direction.

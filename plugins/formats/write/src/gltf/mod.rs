@@ -247,7 +247,7 @@ impl Export {
             extras["license"] = object.license.as_str().into();
         }
         let name = format!("{} {}", body.id, body.asset);
-        self.child(GltfNode { mesh: Some(mesh), extras, ..node(name, &body.world_from_body) });
+        self.child(GltfNode { mesh: Some(mesh), extras, ..GltfNode::at(name, &body.world_from_body) });
         Ok(())
     }
 
@@ -281,16 +281,6 @@ impl Export {
 
     fn into_bytes(self) -> Result<Vec<u8>> {
         self.glb.into_bytes()
-    }
-}
-
-/// A node at a pose.
-fn node(name: String, pose: &Pose) -> GltfNode {
-    GltfNode {
-        name,
-        translation: Some(pose.translation.vector.into()),
-        rotation: Some(pose.rotation.coords.into()),
-        ..GltfNode::default()
     }
 }
 

@@ -1,6 +1,6 @@
 //! Rays that find the surface of a pixel.
 
-use super::is_opaque;
+use super::opaque::is_opaque;
 use crate::materials::{materials, slot};
 use std::sync::{Arc, OnceLock};
 use syntable_model::context::Workers;

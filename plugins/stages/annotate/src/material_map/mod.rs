@@ -1,12 +1,12 @@
 //! Which material every pixel shows.
 
 mod cast;
+mod opaque;
 
 use crate::materials::Numbered;
 use cast::{Caster, Trees};
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{INSTANCE, MATERIAL_MAP};
-use syntable_model::scene::{Alpha, Material};
 
 /// The material that each pixel shows, as an id of the product `materials`: that of the surface at the pixel center, 0 where
 /// there is none.
@@ -75,9 +75,4 @@ impl ViewAnnotator for Mapper {
         let map = Plane::from_vec(instance.width(), instance.height(), rows.concat());
         products.put(MATERIAL_MAP, map)
     }
-}
-
-/// Whether every surface of a material is there, and none is seen through.
-fn is_opaque(material: &Material) -> bool {
-    material.alpha == Alpha::Opaque && material.transmission.is_none()
 }

@@ -8,7 +8,8 @@
 use super::{FormatLog, within};
 use buffers::GltfBuffers;
 use container::GltfFile;
-use gltf::json::{Index, Root};
+use gltf::json::Root;
+use items::get;
 use materials::GltfMaterials;
 use nodes::MeshInstance;
 use primitive::{Deformation, PrimitiveArrays};
@@ -27,6 +28,7 @@ use syntable_model::scene::MeshData;
 mod accessor;
 mod buffers;
 mod container;
+mod items;
 mod layers;
 mod materials;
 mod meshopt;
@@ -107,13 +109,6 @@ fn check_extensions(document: &Root, path: &Path, log: &dyn Log) -> Result<()> {
         );
     }
     Ok(())
-}
-
-/// An item by its index, or an error that names both.
-fn get<'a, T>(items: &'a [T], index: Index<T>, what: &str) -> Result<&'a T> {
-    items
-        .get(index.value())
-        .ok_or_else(|| Error::new(format!("the file refers to {what} {}, but has {}", index.value(), items.len())))
 }
 
 /// The inputs of a mesh's shape: its index, the bits of its weights, and whether a skin poses it.

@@ -10,7 +10,7 @@
 
 use crate::bop_files::guess_unit;
 use crate::formats::FormatLog;
-use body::PlyRows;
+use body::{LIST_LIMIT, PlyRows};
 use color::{ColorColumns, decode, range};
 use header::{Element, PlyHeader};
 use std::collections::HashMap;
@@ -32,9 +32,6 @@ use syntable_model::scene::{Color, Encoding, MeshData, Wrap};
 mod body;
 mod color;
 mod header;
-
-/// Maximum length of a list that means nothing here.
-const LIST_LIMIT: usize = 1 << 20;
 
 /// Reads a file of `root`, named relative to it, in its own unit. Its own axes are kept: z is taken as up.
 pub fn read(root: &AssetRoot, file: &Path, log: &dyn Log) -> Result<Model> {

@@ -9,6 +9,7 @@
 //!
 //! A batch goes from `start` through `intersect` and `scatter`, bounce by bounce; `sums` accumulates per pixel.
 
+mod cursor;
 mod intersect;
 mod scatter;
 mod start;
@@ -16,8 +17,8 @@ mod start;
 use crate::batch::{BATCH, Batch, get};
 use crate::bvh::Ray;
 use crate::world::{Passed, World};
+use cursor::Cursor;
 use parking_lot::Mutex;
-use start::Cursor;
 use syntable_model::context::Workers;
 use syntable_model::error::Result;
 use syntable_prepare::SampleOrder;

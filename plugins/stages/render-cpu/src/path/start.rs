@@ -1,6 +1,7 @@
 //! Camera rays: the start of every path.
 
 use super::PathTracer;
+use super::cursor::Cursor;
 use crate::batch::{BATCH, Batch, load, set, store};
 use syntable_prepare::Sampler;
 use syntable_simd::Vec3;
@@ -9,36 +10,6 @@ use syntable_simd::{Int, Real, complement};
 use syntable_transport::PixelFilter;
 use syntable_transport::film::{Task, place};
 use syntable_transport::path::LENS;
-
-/// Cursor over the (pixel, sample) pairs of a task.
-#[derive(Clone, Copy)]
-pub(super) struct Cursor {
-    number: usize,
-    sample: u32,
-}
-
-impl Cursor {
-    pub(super) fn first(task: &Task) -> Self {
-        Self { number: 0, sample: task.samples.start }
-    }
-
-    pub(super) fn is_over(self, task: &Task) -> bool {
-        self.number >= task.pixels.len() || task.samples.is_empty()
-    }
-
-    /// The pixel's number in the tile.
-    pub(super) fn pixel(self, task: &Task) -> usize {
-        usize::from(task.pixels[self.number])
-    }
-
-    /// The sample after it.
-    pub(super) fn after(self, task: &Task) -> Self {
-        match self.sample + 1 {
-            next if next == task.samples.end => Self { number: self.number + 1, sample: task.samples.start },
-            sample => Self { sample, ..self },
-        }
-    }
-}
 
 /// Position along an axis of the pixel, which is [0, 1], by a density that falls linearly to 0 one pixel from its center;
 /// from a uniform number.

@@ -1,7 +1,7 @@
 //! How far apart the distributions of two datasets are.
 
-use super::DatasetStatistics;
 use super::distribution::Distribution;
+use super::statistics::DatasetStatistics;
 use serde::Serialize;
 
 /// Distances between a quantity of two datasets.

@@ -1,8 +1,8 @@
 //! Statistics of one image.
 
 use super::duplicates::{Thumbnail, luma};
+use super::options::{Edges, StatisticsOptions};
 use super::quantity::Quantity;
-use super::{Edges, StatisticsOptions};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use syntable_formats::read::{occludes, order_by};

@@ -4,7 +4,7 @@ use super::distance::{DistributionDistance, distances};
 use super::distribution::Distribution;
 use super::image::ImageRow;
 use super::quantity::Quantity;
-use super::{AssetCount, DatasetStatistics};
+use super::statistics::{AssetCount, DatasetStatistics};
 use serde::Serialize;
 use std::fmt::Write as _;
 use syntable_runtime::run::progress::count;

@@ -1,7 +1,7 @@
 //! Accessors: typed numbers in buffers, with every bound checked before anything is allocated.
 
 use super::buffers::GltfBuffers;
-use super::get;
+use super::items::get;
 use crate::formats::within;
 use gltf::json::accessor::{Accessor, ComponentType, Type};
 use gltf::json::validation::Checked;

@@ -1,6 +1,6 @@
 //! Buffers, buffer views and images of a document, resolved and checked.
 
-use super::get;
+use super::items::get;
 use super::meshopt::CompressedView;
 use crate::formats::within;
 use base64::alphabet;

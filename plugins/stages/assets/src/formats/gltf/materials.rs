@@ -4,7 +4,7 @@
 //! super::layers) and [`specular_glossiness`](super::specular_glossiness).
 
 use super::buffers::GltfBuffers;
-use super::get;
+use super::items::get;
 use super::layers::{ExtensionLayers, unit};
 use super::specular_glossiness::{Factors, SpecularGlossinessJson, convert};
 use super::uses::{Use, of_info, of_normal};

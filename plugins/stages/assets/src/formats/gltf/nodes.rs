@@ -2,7 +2,7 @@
 
 use super::accessor::{count, vectors};
 use super::buffers::GltfBuffers;
-use super::get;
+use super::items::get;
 use super::primitive::{Deformation, PrimitiveArrays};
 use crate::formats::within;
 use gltf::json::mesh::Mesh;

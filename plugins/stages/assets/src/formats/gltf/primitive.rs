@@ -2,7 +2,7 @@
 
 use super::accessor::{self, indices, is_float, is_normalized, vectors, width};
 use super::buffers::GltfBuffers;
-use super::get;
+use super::items::get;
 use super::layers::unit;
 use super::materials::GltfMaterials;
 use gltf::json::accessor::Accessor;

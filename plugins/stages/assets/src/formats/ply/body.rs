@@ -4,6 +4,9 @@ use super::header::{Element, PlyEncoding, PlyHeader, PlyScalar};
 use syntable_mesh::text::shorten;
 use syntable_model::error::{Error, Result};
 
+/// Maximum length of a list that means nothing here.
+pub const LIST_LIMIT: usize = 1 << 20;
+
 /// A position in the body.
 pub struct PlyRows<'a> {
     encoding: PlyEncoding,
@@ -191,7 +194,7 @@ impl<'a> PlyRows<'a> {
                     None => {
                         self.number(property.scalar)?;
                     }
-                    Some(length) => self.list(length, property.scalar, &mut items, super::LIST_LIMIT)?,
+                    Some(length) => self.list(length, property.scalar, &mut items, LIST_LIMIT)?,
                 }
             }
             self.end()?;

@@ -1,0 +1,87 @@
+//! Output of results and messages.
+
+use crate::arguments::RecipeArgs;
+use crate::exit::Exit;
+use crate::progress::{Human, JsonLines};
+use clap::ValueEnum;
+use std::io::{IsTerminal, Write};
+use syntable_model::registry::Registry;
+use syntable_recipe::message::Message;
+use syntable_recipe::{Diagnostic, Recipe, Report};
+use syntable_runtime::run::progress::Reporter;
+
+/// Form of messages on standard error.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum LogFormat {
+    Human,
+    Json,
+}
+
+/// Output of results and messages. Nothing else prints.
+pub struct Console {
+    reporter: Box<dyn Reporter>,
+    format: LogFormat,
+}
+
+impl Console {
+    pub(crate) fn new(format: LogFormat) -> Self {
+        let reporter: Box<dyn Reporter> = match format {
+            LogFormat::Json => Box::<JsonLines>::default(),
+            LogFormat::Human => Box::new(Human::new(std::io::stderr().is_terminal())),
+        };
+        Self { reporter, format }
+    }
+
+    /// Shows the events of a run.
+    pub fn reporter(&self) -> &dyn Reporter {
+        &*self.reporter
+    }
+
+    /// Number of columns of the terminal; `None` if results do not go to a terminal.
+    pub fn width(&self) -> Option<usize> {
+        terminal_size::terminal_size_of(std::io::stdout()).map(|(width, _)| usize::from(width.0).max(40))
+    }
+
+    /// Prints a result. A closed pipe is not an error.
+    pub fn print(&self, text: &str) -> Result<(), Exit> {
+        match std::io::stdout().write_all(text.as_bytes()) {
+            Err(error) => Exit::if_not_printed(&error),
+            Ok(()) => Ok(()),
+        }
+    }
+
+    /// Prints a message: a diagnostic with the line underlined, or one JSON object.
+    pub fn say(&self, message: &Message) {
+        self.reporter.message(message);
+    }
+
+    /// Loads and plans a recipe with its changes. Prints warnings, and returns errors.
+    pub(crate) fn load(&self, registry: &Registry, args: &RecipeArgs) -> Result<Recipe, Exit> {
+        let (source, overrides) = args.read()?;
+        self.loaded(syntable_recipe::load(registry, source, &overrides))
+    }
+
+    /// Like [`load`](Self::load), but replaces placeholder kinds by kinds that this machine supports.
+    pub(crate) fn load_for_run(&self, registry: &Registry, args: &RecipeArgs) -> Result<Recipe, Exit> {
+        let (source, overrides) = args.read()?;
+        self.loaded(syntable_recipe::load(registry, source, &overrides.for_run()))
+    }
+
+    /// Prints the warnings of a loaded recipe, or returns the errors of one that cannot run.
+    pub(crate) fn loaded(&self, loaded: Result<(Recipe, Vec<Diagnostic>), Report>) -> Result<Recipe, Exit> {
+        match loaded {
+            Ok((recipe, warnings)) => {
+                warnings.into_iter().for_each(|warning| self.say(&Message::Diagnostic(warning)));
+                Ok(recipe)
+            }
+            Err(report) => {
+                let messages = match self.format {
+                    LogFormat::Human => report.messages(),
+                    // Each line is one error. Programs need no line with their number.
+                    LogFormat::Json => report.mistakes().collect(),
+                };
+                Err(Exit { code: 2, messages })
+            }
+        }
+    }
+}

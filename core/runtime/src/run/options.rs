@@ -1,0 +1,47 @@
+//! How to run a recipe.
+
+use crate::cache::DiskCache;
+use crate::run::stop::Stop;
+use std::ops::Range;
+use syntable_model::store::StoreFolder;
+
+/// Options of a run.
+pub struct RunOptions {
+    /// Where to store the dataset: a folder of this machine, or of another store such as memory.
+    pub out: StoreFolder,
+    /// Scenes of the recipe to make; `None` makes all.
+    pub scenes: Option<Range<u32>>,
+    /// Number of threads.
+    pub threads: usize,
+    /// Delete an existing dataset.
+    pub overwrite: bool,
+    /// Retry scenes that failed in an earlier run.
+    pub retry_failed: bool,
+    /// Compare all files with the journal first, and make scenes with missing or damaged files again.
+    pub repair: bool,
+    /// Write the files of writers again whose options, or whose annotators' options, have changed, and remove the files
+    /// of writers that left the recipe.
+    pub rewrite: bool,
+    /// Cache of results that later runs can use.
+    pub cache: DiskCache,
+    /// Ends the run early on request.
+    pub stop: Stop,
+}
+
+impl RunOptions {
+    /// Options to make all scenes in a folder with this number of threads.
+    pub fn new(out: impl Into<StoreFolder>, threads: usize, cache: DiskCache) -> Self {
+        let (out, stop) = (out.into(), Stop::default());
+        Self {
+            out,
+            scenes: None,
+            threads,
+            overwrite: false,
+            retry_failed: false,
+            repair: false,
+            rewrite: false,
+            cache,
+            stop,
+        }
+    }
+}
