@@ -15,6 +15,7 @@ pub use arguments::{RecipeArgs, TRUST_PATHS, amount, threads};
 pub use clap;
 pub use console::Console;
 pub use exit::Exit;
+pub use flags::with_flags;
 pub use outputs::check_outputs;
 pub use signals::{ended, on_signals};
 pub use syntable_model::inventory;

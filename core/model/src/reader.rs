@@ -489,7 +489,10 @@ impl DatasetFault {
     /// else the place is the subject.
     pub fn place_and_text(&self, images: &[ImageRef]) -> [String; 2] {
         match self.image {
-            Some(image) => [images[image].name.clone(), self.to_string()],
+            Some(image) => {
+                let name = images.get(image).map_or_else(|| format!("image {image}"), |image| image.name.clone());
+                [name, self.to_string()]
+            }
             None => [self.subject.as_ref().map_or_else(String::new, FaultSubject::to_string), self.message.clone()],
         }
     }

@@ -49,7 +49,7 @@ pub fn checked(registry: &Registry, source: Source, overrides: &Overrides) -> Ch
     read.add_needs();
     match read.finish(registry) {
         Ok(recipe) => Checked { recipe: Ok(recipe), pools: BTreeMap::new() },
-        Err((report, pools)) => Checked { recipe: Err(report), pools },
+        Err(BrokenRecipe { report, pools }) => Checked { recipe: Err(report), pools },
     }
 }
 
@@ -60,7 +60,13 @@ pub(crate) fn load_with(
     overrides: &Overrides,
     renamed: &RenamedNames,
 ) -> Result<(Recipe, Vec<Diagnostic>), Report> {
-    ReadRecipe::read(registry, source, overrides, renamed).finish(registry).map_err(|(report, _)| report)
+    ReadRecipe::read(registry, source, overrides, renamed).finish(registry).map_err(|broken| broken.report)
+}
+
+/// A recipe with mistakes, and its pools that have none.
+struct BrokenRecipe {
+    report: Report,
+    pools: BTreeMap<String, Pool>,
 }
 
 /// A recipe whose texts were read: what could be built, and every mistake so far.
@@ -115,12 +121,11 @@ impl<'r> ReadRecipe<'r> {
         Self { sources, folder, dataset, lock, built, plan, diagnostics, damage }
     }
 
-    /// The recipe with its warnings, or its mistakes with the pools that have none.
-    #[expect(clippy::type_complexity, reason = "one caller wants the pools, the other not")]
-    fn finish(mut self, registry: &Registry) -> Result<(Recipe, Vec<Diagnostic>), (Report, BTreeMap<String, Pool>)> {
+    /// The recipe with its warnings, or its mistakes.
+    fn finish(mut self, registry: &Registry) -> Result<(Recipe, Vec<Diagnostic>), BrokenRecipe> {
         let diagnostics = in_reading_order(&self.sources, std::mem::take(&mut self.diagnostics), &self.damage);
         if diagnostics.iter().any(Diagnostic::is_error) {
-            return Err((Report { diagnostics, other: None }, self.pools()));
+            return Err(BrokenRecipe { report: Report { diagnostics, other: None }, pools: self.pools() });
         }
         let Self { sources, folder, dataset, lock, built, plan, .. } = self;
         match dataset.and_then(|dataset| assemble(dataset, built, plan?, lock)) {
@@ -128,7 +133,8 @@ impl<'r> ReadRecipe<'r> {
             None => {
                 // A part can be missing without an error of its own only if a syntax error lost it.
                 let diagnostic = DiagnosticBuilder::error(Code::MissingSection, NOWHERE, "the recipe is not complete");
-                Err((Report { diagnostics: vec![diagnostic.build(&sources)], other: None }, BTreeMap::new()))
+                let report = Report { diagnostics: vec![diagnostic.build(&sources)], other: None };
+                Err(BrokenRecipe { report, pools: BTreeMap::new() })
             }
         }
     }

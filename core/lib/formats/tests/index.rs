@@ -129,12 +129,12 @@ fn jpeg_files_are_those_of_pillow() {
     static HERE: OnceLock<bool> = OnceLock::new();
     let folder = tempfile::tempdir().expect("a folder");
     let script = folder.path().join("write.py");
-    let code = "import sys, pathlib, numpy as np\nfrom PIL import CocoImage\nroot = pathlib.Path(sys.argv[1])\n\
+    let code = "import sys, pathlib, numpy as np\nfrom PIL import Image\nroot = pathlib.Path(sys.argv[1])\n\
                 y, x = np.mgrid[:40, :56]\nrgb = np.stack([4 * x, 6 * y, 255 - 4 * x], -1).astype(np.uint8)\n\
-                CocoImage.fromarray(rgb).save(root / 'color.jpg', quality=95)\n\
-                CocoImage.fromarray(rgb[..., 0]).save(root / 'gray.jpg', quality=95)\n\
+                Image.fromarray(rgb).save(root / 'color.jpg', quality=95)\n\
+                Image.fromarray(rgb[..., 0]).save(root / 'gray.jpg', quality=95)\n\
                 for name in 'color', 'gray':\n\
-                \x20   pixels = np.asarray(CocoImage.open(root / f'{name}.jpg').convert('RGB'))\n\
+                \x20   pixels = np.asarray(Image.open(root / f'{name}.jpg').convert('RGB'))\n\
                 \x20   (root / f'{name}.raw').write_bytes(pixels.tobytes())\n";
     fs::write(&script, code).expect("writable");
     if !python_with("numpy, PIL", &HERE, &script, &[folder.path().to_str().expect("UTF-8")]) {

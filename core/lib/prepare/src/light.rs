@@ -553,7 +553,7 @@ mod tests {
         let table = LightTable::new(&[sphere(1.0, 0.0), sphere(2.0, 3.0)], &cache).expect("sound");
         assert_eq!(table.area.len(), 1);
         assert_eq!(table.area[0].radiance(), Rgb::ONE * 3.0);
-        for (light, want) in [(sphere(0.0, 1.0), "radius 0 m"), (sphere(1.0, -1.0), "not negative")] {
+        for (light, want) in [(sphere(0.0, 1.0), "radius 0 m"), (sphere(1.0, -1.0), "non-negative")] {
             let error = LightTable::new(&[sphere(1.0, 1.0), light], &cache).expect_err(want).to_string();
             assert!(error.contains("light 1") && error.contains(want), "{error}");
         }

@@ -308,7 +308,6 @@ products! {
 pub const RENAMED: &[(&str, &str)] = &[
     ("albedo_mean", "denoise_albedo"),
     ("coverage (before support)", "coverage_before_support"),
-    ("coverage (canvas 3, before support)", "coverage_before_support (canvas 3)"),
     ("coverage_before_support_wide", "coverage_before_support (canvas 3)"),
     ("coverage_wide", "coverage (canvas 3)"),
     ("normal_mean", "denoise_normal"),

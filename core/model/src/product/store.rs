@@ -123,7 +123,7 @@ impl Products {
     }
 
     fn is_undeclared<P: ProductRef + ?Sized>(&self, product: &P) -> bool {
-        let is = |other: &String| other.parts() == product.parts();
+        let is = |other: &String| other.parts().is_some_and(|parts| Some(parts) == product.parts());
         self.declared.as_ref().is_some_and(|declared| !declared.iter().any(is))
     }
 

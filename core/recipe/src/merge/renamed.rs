@@ -46,9 +46,22 @@ impl RenamedNames<'_> {
 
     /// The error for an old product.
     pub fn product(&self, name: &str, span: &Span) -> Option<DiagnosticBuilder> {
-        let (_, new) = self.products.iter().find(|(old, _)| *old == name)?;
+        let listed = self.products.iter().find(|(old, _)| *old == name).map(|(_, new)| (*new).to_owned());
+        let new = listed.or_else(|| before_support(name))?;
         let message = format!("the product `{name}` is called `{new}` now");
         Some(DiagnosticBuilder::error(Code::Renamed, span.clone(), message).label(format!("write \"{new}\"")))
+    }
+}
+
+/// The present name of `coverage (before support, …)`, which was a framing and is a product.
+fn before_support(name: &str) -> Option<String> {
+    let framings = name.strip_prefix("coverage (")?.strip_suffix(')')?.split(", ");
+    let (before, others): (Vec<&str>, Vec<&str>) = framings.partition(|framing| *framing == "before support");
+    let product = "coverage_before_support";
+    match others.as_slice() {
+        _ if before.is_empty() => None,
+        [] => Some(product.to_owned()),
+        others => Some(format!("{product} ({})", others.join(", "))),
     }
 }
 

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 use syntable_cli::clap::{Arg, ArgAction, ArgMatches, Args, Command, FromArgMatches, value_parser};
-use syntable_cli::{Console, Exit, Message, RecipeArgs, Verb, check_outputs, ended, on_signals, threads};
+use syntable_cli::{Console, Exit, Message, RecipeArgs, Verb, check_outputs, ended, on_signals, threads, with_flags};
 use syntable_model::error::Error;
 use syntable_model::registry::Registry;
 use syntable_report::preview::{PassEnd, Preview, PreviewOptions};
@@ -84,6 +84,7 @@ fn run(console: &Console, registry: &Registry, arguments: &ArgMatches) -> Result
         width: number("width"),
         labels: arguments.get_flag("labels"),
         allow_libraries: arguments.get_flag("allow-libraries"),
+        wording: with_flags,
         out,
         serve,
         threads: threads(arguments.get_one("threads").copied()),

@@ -231,7 +231,7 @@ impl Paired {
         let predictions = self.predictions.instances(image, size, self.occluded);
         let [likely, unlikely] = predictions.map_err(|error| error.in_file(&self.predictions_at).context(name()))?;
         if self.needs_category && likely.iter().chain(&unlikely).any(|it| it.category.is_none()) {
-            return Err(Error::new("a prediction has a category that the ground truth lacks")
+            return Err(Error::new("a prediction has no category of the ground truth")
                 .in_file(&self.predictions_at)
                 .help(
                     "predict a `category_id` of the ground truth's annotation file, or leave `options.by_category` out",

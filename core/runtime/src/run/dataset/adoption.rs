@@ -44,18 +44,18 @@ impl Folder {
 }
 
 /// A scene in a folder of its own, inside the dataset's.
-pub struct SceneAside {
+pub struct FirstScene {
     /// The folder.
     pub folder: Folder,
     /// The line of the scene in the folder's journal.
     pub entry: JournalEntry,
 }
 
-impl SceneAside {
+impl FirstScene {
     /// Moves the scene into the dataset.
     pub fn adopt(self, folder: &Folder, journal: &Mutex<Journal>) -> Result<()> {
         folder.adopt(&self.folder, &self.entry, journal)?;
         drop(self.folder);
-        folder.files().remove_all(&layout::ahead())
+        folder.files().remove_all(&layout::first_scene())
     }
 }

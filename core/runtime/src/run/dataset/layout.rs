@@ -122,7 +122,7 @@ pub fn quarantine(scene: u32) -> DatasetPath {
 }
 
 /// The folder for the first scene of a dataset that will replace this one.
-pub fn ahead() -> DatasetPath {
+pub fn first_scene() -> DatasetPath {
     own("ahead")
 }
 

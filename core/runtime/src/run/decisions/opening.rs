@@ -2,7 +2,7 @@
 //! do.
 
 use crate::pools::AssetStore;
-use crate::run::dataset::adoption::SceneAside;
+use crate::run::dataset::adoption::FirstScene;
 use crate::run::dataset::folder::Folder;
 use crate::run::dataset::journal::{Journal, JournalEntry};
 use crate::run::dataset::layout;
@@ -31,7 +31,7 @@ pub struct Begun<'a> {
     /// The pools, if they were needed or will be.
     pub assets: Option<AssetStore<'a>>,
     /// The first scene, if it was made before a dataset was overwritten.
-    pub aside: Option<SceneAside>,
+    pub aside: Option<FirstScene>,
 }
 
 /// A run whose recipe and inputs were checked, before its folder is opened.
@@ -68,7 +68,7 @@ impl<'a, 'o> CheckedRun<'a, 'o> {
     pub fn begin(
         self,
         folder: Folder,
-        aside: Option<SceneAside>,
+        aside: Option<FirstScene>,
         workers: &dyn Workers,
         reporter: &dyn Reporter,
     ) -> Result<Begun<'a>> {
@@ -126,7 +126,7 @@ pub fn started(recipe: &Recipe, options: &RunOptions, resumed: u32, images: u64)
 /// Opens the folder of a run, and completes what an earlier run left unfinished, unless the dataset is to be overwritten.
 pub fn open_folder(options: &RunOptions, reporter: &dyn Reporter) -> Result<Folder> {
     let folder = Folder::open(&options.out)?;
-    folder.files().remove_all(&layout::ahead())?;
+    folder.files().remove_all(&layout::first_scene())?;
     if options.repair {
         let lines = folder.mend_journal()?;
         if lines > 0 {

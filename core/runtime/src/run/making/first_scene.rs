@@ -1,7 +1,7 @@
 //! The first scene of a dataset that replaces another one. It is made before the old dataset is deleted, because some mistakes of a
 //! recipe show only then.
 
-use crate::run::dataset::adoption::SceneAside;
+use crate::run::dataset::adoption::FirstScene;
 use crate::run::dataset::folder::Folder;
 use crate::run::dataset::layout;
 use crate::run::decisions::opening::{self, CheckedRun};
@@ -23,7 +23,7 @@ pub fn replace(
     options: &RunOptions,
     folder: &Folder,
     reporter: &dyn Reporter,
-) -> Result<Option<SceneAside>> {
+) -> Result<Option<FirstScene>> {
     let aside = folder.has_scenes()?.then(|| {
         let scenes = options.scenes.clone().unwrap_or(0..recipe.dataset.scenes).len() as u64;
         reporter.event(&opening::started(recipe, options, 0, scenes * u64::from(recipe.dataset.views_per_scene)));
@@ -35,10 +35,10 @@ pub fn replace(
 }
 
 /// Makes the first scene of a run in its own folder.
-fn make(recipe: &Recipe, options: &RunOptions, folder: &Folder, reporter: &dyn Reporter) -> Result<SceneAside> {
+fn make(recipe: &Recipe, options: &RunOptions, folder: &Folder, reporter: &dyn Reporter) -> Result<FirstScene> {
     let message = "the old dataset is deleted when the first scene of the new one is made".to_owned();
     reporter.event(&Event::Note { message });
-    let (ahead, first) = (layout::ahead(), options.scenes.as_ref().map_or(0, |scenes| scenes.start));
+    let (ahead, first) = (layout::first_scene(), options.scenes.as_ref().map_or(0, |scenes| scenes.start));
     let aside = RunOptions {
         scenes: Some(first..first + 1),
         stop: options.stop.clone(),
@@ -54,7 +54,7 @@ fn make(recipe: &Recipe, options: &RunOptions, folder: &Folder, reporter: &dyn R
     let made = begin().and_then(|begun| scenes::make(recipe, &aside, &pool, &within, begun)).and_then(|made| {
         let entry = made.journal.entries().get(&first).filter(|entry| !entry.failed()).cloned();
         let failed = || format!("scene {first} failed in {}", count(recipe.dataset.max_attempts, "attempt"));
-        entry.map(|entry| SceneAside { folder: made.folder, entry }).ok_or_else(|| Error::new(failed()))
+        entry.map(|entry| FirstScene { folder: made.folder, entry }).ok_or_else(|| Error::new(failed()))
     });
     match made {
         Ok(ahead) => Ok(ahead),

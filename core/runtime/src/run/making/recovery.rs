@@ -65,7 +65,7 @@ pub struct Attempts<T> {
 }
 
 impl SceneAttempts<'_> {
-    /// Calls `attempt` with the number of each attempt until one succeeds, at least once. `set_aside` gets the error of a scene
+    /// Calls `attempt` with the number of each attempt until one succeeds, at least once. `quarantine` gets the error of a scene
     /// whose labels contradict each other, and may add to it.
     ///
     /// # Errors
@@ -73,7 +73,7 @@ impl SceneAttempts<'_> {
     pub fn make<T>(
         &self,
         mut attempt: impl FnMut(u32) -> Result<T>,
-        mut set_aside: impl FnMut(Error) -> Result<Error>,
+        mut quarantine: impl FnMut(Error) -> Result<Error>,
     ) -> Result<Attempts<T>> {
         let (mut number, mut repeats, mut errors) = (self.first, 0, Vec::new());
         loop {
@@ -89,7 +89,7 @@ impl SceneAttempts<'_> {
             if recovery == Recovery::Stop || recovery == Recovery::FailScene && error.is_device() && self.is_present {
                 return Err(error);
             }
-            let error = if error.is_contradiction() { set_aside(error)? } else { error };
+            let error = if error.is_contradiction() { quarantine(error)? } else { error };
             let is_last = match recovery {
                 Recovery::Repeat => false,
                 Recovery::NextAttempt => number + 1 >= self.tools.recipe.dataset.max_attempts,

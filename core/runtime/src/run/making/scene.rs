@@ -64,7 +64,7 @@ impl<'a> SceneMaker<'a> {
             Some((present, work)) => Ok((self.attempt(scene, number, (work, true), queue)?, Some(present))),
             None => Ok((self.attempt(scene, number, (whole, false), queue)?, None)),
         };
-        let Attempts { made, number, errors } = attempts.make(attempt, |error| self.aside(scene, error))?;
+        let Attempts { made, number, errors } = attempts.make(attempt, |error| self.quarantine(scene, error))?;
         let earlier = extend.into_iter().flat_map(|(present, _)| present.errors.iter().cloned());
         let errors: Vec<String> = earlier.chain(errors.iter().map(Error::to_string)).collect();
         match made {
@@ -152,7 +152,7 @@ impl<'a> SceneMaker<'a> {
     }
 
     /// Moves the files of a scene whose labels contradict each other out of the dataset.
-    fn aside(&self, scene: u32, error: Error) -> Result<Error> {
+    fn quarantine(&self, scene: u32, error: Error) -> Result<Error> {
         let folder = self.folder.quarantine(scene, &format!("{error}\n"))?;
         let help =
             "a stage that provides labels is wrong, and nothing of the scene was written; what was made of it is there";

@@ -128,14 +128,15 @@ impl<'m> SceneWalk<'m> {
                     Ok(())
                 });
             }
+            // A session does not wait for annotators of moments, and their errors do not close it.
+            let of_moments = views.iter().map(|view| before(view)).collect::<Result<Vec<Products>>>()?;
             self.sessions.with(|session| {
                 self.tools.times.of("render.load", || session.load(scene, self.tools.workers))?;
                 let mut posed = PosedSession::new(session, scene);
-                for view in views {
+                for (view, mut products) in views.iter().zip(of_moments) {
                     if !next()? {
                         break;
                     }
-                    let mut products = before(view)?;
                     core.render_view(self.plan, &mut posed, (view, after(view).as_deref()), &mut products)?;
                     follow(view, products);
                 }

@@ -2,6 +2,7 @@
 
 use super::sheet;
 use super::watch::WatchedFiles;
+use std::borrow::Cow;
 use std::cell::RefCell;
 use std::path::Path;
 use std::time::SystemTime;
@@ -28,7 +29,12 @@ pub struct Wishes {
     pub labels: bool,
     /// Whether to load native libraries that the recipe names by a relative path.
     pub allow_libraries: bool,
+    /// Wording of messages on the sheet and the page.
+    pub wording: Wording,
 }
+
+/// Adapts a message of the library to its readers: a command line prints flags for options.
+pub type Wording = fn(&str) -> Cow<'_, str>;
 
 /// A recipe with its warnings, or all that is wrong with it; and the files that were read.
 pub struct LoadedRecipe {
@@ -103,8 +109,9 @@ impl Wishes {
 }
 
 /// The messages as text for people, without colors.
-pub fn said(messages: &[Message]) -> String {
-    let lines: Vec<String> = messages.iter().map(|message| message.render(false).trim_end().to_owned()).collect();
+pub fn said(messages: &[Message], wording: Wording) -> String {
+    let text = |message: &Message| wording(message.render(false).trim_end()).into_owned();
+    let lines: Vec<String> = messages.iter().map(text).collect();
     lines.join("\n\n")
 }
 

@@ -1,11 +1,12 @@
 //! A preview with its file and its page, rendered once or after every save.
 
-use super::load::Wishes;
+use super::load::{Wishes, Wording};
 use super::page::{PreviewPage, png_of};
 use super::sheet;
 use super::studio::{News, PassEnd, PreviewStudio, StudioOutput};
 use super::watch::Watch;
 use crate::serve::Server;
+use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 use std::thread;
 use std::time::Duration;
@@ -37,6 +38,8 @@ pub struct PreviewOptions {
     pub labels: bool,
     /// Whether to load native libraries that the recipe names by a relative path.
     pub allow_libraries: bool,
+    /// Wording of messages on the sheet and the page. A command line prints flags for options.
+    pub wording: Wording,
     /// PNG file of the sheet; `None` writes no file.
     pub out: Option<PathBuf>,
     /// Port of the page, 0 for any free port; `None` serves no page.
@@ -50,7 +53,9 @@ impl PreviewOptions {
     pub fn new(recipe: RecipeRequest) -> Self {
         let out = Some(Self::default_out(recipe.recipe.as_deref()));
         let (scenes, serve, threads) = (None, None, syntable_runtime::workers::available());
-        Self { recipe, scenes, samples: 4, width: 320, labels: false, allow_libraries: false, out, serve, threads }
+        let wording: Wording = |text| Cow::Borrowed(text);
+        let (labels, allow_libraries) = (false, false);
+        Self { recipe, scenes, samples: 4, width: 320, labels, allow_libraries, wording, out, serve, threads }
     }
 
     /// Default file of a recipe's sheet: named after the recipe, in the current folder.
@@ -73,14 +78,15 @@ impl<'a> Preview<'a> {
     /// # Errors
     /// If the file of the sheet exists and is not a sheet, or threads or the port are unavailable.
     pub fn new(registry: &'a Registry, options: PreviewOptions, reporter: &'a dyn Reporter) -> Result<Self> {
-        let PreviewOptions { recipe, scenes, samples, width, labels, allow_libraries, out, serve, threads } = options;
+        let PreviewOptions { recipe, scenes, samples, width, labels, allow_libraries, wording, out, serve, threads } =
+            options;
         if let Some(out) = &out
             && std::fs::read(out).is_ok_and(|there| !there.is_empty() && !sheet::is_png(&there))
         {
             let error = Error::new("the output file exists and is not a preview sheet").in_file(out);
             return Err(error.help("choose another file with `options.out`, or remove this one").of_request());
         }
-        let wishes = Wishes { recipe, samples, labels, allow_libraries };
+        let wishes = Wishes { recipe, samples, labels, allow_libraries, wording };
         let studio = PreviewStudio::new(reporter, registry, (wishes, scenes, width), threads)?;
         let page = serve.map(Server::bind).transpose()?.map(|server| (server, PreviewPage::default()));
         Ok(Self { studio, out, page })

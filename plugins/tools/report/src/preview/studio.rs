@@ -1,6 +1,6 @@
 //! Renders the changes of a recipe, image by image, and keeps unchanged images.
 
-use super::load::{self, LoadedRecipe, Wishes};
+use super::load::{self, LoadedRecipe, Wishes, Wording};
 use super::sheet::{self, Sheet, SheetCell};
 use super::watch::{Watch, WatchedFiles};
 use parking_lot::Mutex;
@@ -139,7 +139,8 @@ impl<'a> PreviewStudio<'a> {
     /// Loads the recipe and renders its changes. Calls `show` for every new output; an error of `show` ends the pass.
     pub fn pass(&mut self, watch: &Watch, stop: &Stop, show: &mut dyn FnMut(&News) -> Result<()>) -> Result<PassEnd> {
         let start = Instant::now();
-        let said = WarningRecorder { reporter: self.reporter, warnings: Mutex::default() };
+        let (reporter, wording) = (self.reporter, self.wishes.wording);
+        let said = WarningRecorder { reporter, wording, warnings: Mutex::default() };
         let views = match self.prepare(watch, &said) {
             Ok(views) => views,
             Err(messages) => return self.mistaken(&messages, show),
@@ -173,7 +174,7 @@ impl<'a> PreviewStudio<'a> {
         self.name.clone_from(&recipe.dataset.name);
         for warning in doubts.into_iter().chain(warnings.into_iter().map(Message::Diagnostic)) {
             self.reporter.message(&warning);
-            said.warnings.lock().push(warning.render(false).trim_end().to_owned());
+            said.remember(&warning);
         }
         // A file of the recipe may be gone for a moment while it is saved.
         self.previewer.set(recipe).map_err(load::of_error)?;
@@ -221,7 +222,6 @@ impl<'a> PreviewStudio<'a> {
                     let (index, image) = (views.index(*scene, view), Arc::new(image));
                     images.add(keys[index], Arc::clone(&image), KEPT + keys.len());
                     put(&mut shown, index, SheetCell::Image { image, is_current: true });
-                    made.images += 1;
                     tell(&shown, true)
                 });
                 if result.is_ok() {
@@ -232,9 +232,13 @@ impl<'a> PreviewStudio<'a> {
                 made.failed_scenes += 1;
                 for index in missing.iter().map(|&view| views.index(*scene, view)) {
                     images.remove(&keys[index]);
-                    put(&mut shown, index, SheetCell::Failed(error.to_string()));
+                    put(&mut shown, index, SheetCell::Failed((self.wishes.wording)(&error.to_string()).into_owned()));
                 }
             }
+        }
+        if let StudioOutput::Sheet(sheet) = &shown {
+            let left: usize = views.missing(sheet).iter().map(|(_, views)| views.len()).sum();
+            made.images = todo.iter().map(|(_, views)| views.len()).sum::<usize>() - left;
         }
         let losses = pass.end();
         losses.iter().for_each(|loss| log.warn(&loss.warning()));
@@ -250,7 +254,7 @@ impl<'a> PreviewStudio<'a> {
 
     /// Shows the errors of a recipe, unless they were shown last.
     fn mistaken(&mut self, messages: &[Message], show: &mut dyn FnMut(&News) -> Result<()>) -> Result<PassEnd> {
-        let text = load::said(messages);
+        let text = load::said(messages, self.wishes.wording);
         if self.told.as_ref() != Some(&text) {
             messages.iter().for_each(|message| self.reporter.message(message));
             let shown = StudioOutput::Mistakes(text.clone());
@@ -272,7 +276,7 @@ enum PassError {
 /// The images that a pass made.
 #[derive(Default)]
 struct DrawnImages {
-    images: u32,
+    images: usize,
     failed_scenes: u32,
     /// Whether stages left something out of the images.
     is_lossy: bool,
@@ -301,13 +305,15 @@ impl ShownViews {
         let cells = scenes.len() * views.len();
         if cells > MAX_CELLS {
             return Err(Error::new(format!("a sheet of {cells} images exceeds the limit of {MAX_CELLS}"))
-                .help("show fewer scenes or views"));
+                .help("show fewer scenes or views with `options.scenes` and `options.views`"));
         }
         let panels = if studio.wishes.labels { 3 } else { 1 };
         let expected = [studio.width * panels, studio.width * 3 / 4];
         if cells as u64 * expected.map(u64::from).iter().product::<u64>() > MAX_PIXELS {
             let message = format!("a sheet of {cells} images of {} pixels across is too large", expected[0]);
-            return Err(Error::new(message).help("lower the width of images, or show fewer scenes or views"));
+            return Err(Error::new(message).help(
+                "lower `options.width`, or show fewer scenes or views with `options.scenes` and `options.views`",
+            ));
         }
         Ok(Self { scenes: scenes.collect(), views: views.collect(), expected })
     }
@@ -359,7 +365,14 @@ fn put(shown: &mut StudioOutput, index: usize, cell: SheetCell) {
 /// A reporter that remembers warnings, for the page.
 struct WarningRecorder<'a> {
     reporter: &'a dyn Reporter,
+    wording: Wording,
     warnings: Mutex<Vec<String>>,
+}
+
+impl WarningRecorder<'_> {
+    fn remember(&self, warning: &Message) {
+        self.warnings.lock().push((self.wording)(warning.render(false).trim_end()).into_owned());
+    }
 }
 
 impl Reporter for WarningRecorder<'_> {
@@ -367,14 +380,14 @@ impl Reporter for WarningRecorder<'_> {
         if let Event::Message(record) = event
             && record.level == Level::Warning
         {
-            self.warnings.lock().push(record.line());
+            self.warnings.lock().push((self.wording)(&record.line()).into_owned());
         }
         self.reporter.event(event);
     }
 
     fn message(&self, message: &Message) {
         if matches!(message, Message::Warning(_)) {
-            self.warnings.lock().push(message.render(false).trim_end().to_owned());
+            self.remember(message);
         }
         self.reporter.message(message);
     }
