@@ -1,8 +1,13 @@
 use super::*;
+use std::collections::BTreeSet;
 use syntable_model::context::{DatasetContext, FrameContext, SceneContext, ViewContext};
 use syntable_model::error::Result;
+use syntable_model::product::{Framing, KeyId, Scope};
 use syntable_model::product::{Key, Lighting, PerInstance, Products, standard};
 use syntable_model::stage::{Accepts, RecordedScene, ViewProducts};
+use syntable_model::stage::{
+    DatasetAnnotator, Denoiser, FrameAnnotator, Input, Replacement, SceneAnnotator, Sensor, ViewAnnotator,
+};
 
 const PIXELS: Key<PerInstance<u32>> = Key::view("pixels", "");
 const RAW: Key<PerInstance<u32>> = Key::view("pixels_raw", "");
