@@ -139,7 +139,7 @@ fn unsound_lights_are_named() {
     };
     check(sphere([0.0; 3], 0.0, 1.0), "radius 0 m");
     check(sphere([0.0; 3], 1.0, f64::NAN), "NaN");
-    check(sphere([0.0; 3], 1.0, -1.0), "not negative");
+    check(sphere([0.0; 3], 1.0, -1.0), "non-negative");
     check(Light::Rect(rect([0.0; 3], [0.0; 3], [1.0, 0.0, 0.0], 1.0)), "right angles");
     check(Light::Rect(rect([0.0; 3], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], 1.0)), "right angles");
     assert!(Lights::alone(&[sphere([0.0; 3], 1.0, 0.0)]).expect("dark").is_empty());
