@@ -19,7 +19,7 @@ mod table;
 pub use error::{PlanError, PlanFault};
 pub use planned::{Idle, Plan, PlanEntry, Provider};
 pub use producer::{Candidate, Implied, PlannedStage, Producer, available, registered};
-pub use resolver::resolve;
+pub use resolver::{Offers, resolve};
 pub use table::{table, table_within};
 
 #[cfg(test)]

@@ -1,6 +1,6 @@
 //! Plans what a recipe computes, with errors that point into the recipe.
 
-use crate::plan::{Candidate, Plan, PlanError, PlanFault, Producer, registered, resolve};
+use crate::plan::{Candidate, Offers, Plan, PlanError, PlanFault, Producer, registered, resolve};
 use crate::tables::stages::{Built, BuiltStage};
 use crate::text::code::Code;
 use crate::text::diagnostic::DiagnosticBuilder;
@@ -48,7 +48,7 @@ pub(crate) fn plan(
             None => {}
         }
     }
-    match resolve(offers, explicit, registered(registry), &writers) {
+    match resolve(Offers::Rendered(offers), explicit, registered(registry), &writers) {
         Ok(plan) => {
             // Writers that could not be built may read what the others do not.
             let idle = plan.idle.iter().filter(|_| !built.failed.contains(&Slot::Write));

@@ -10,13 +10,45 @@ use syntable_model::product::{Framing, FramingError, KeyId, ProductId, Scope, pa
 use syntable_model::registry::Slot;
 use syntable_model::stage::{Input, Replacement};
 
-/// Plans what the writers read. `offers` are the renderer's products, `explicit` the producers of the recipe, and `implied` the
+/// Products that come from no stage of the plan.
+pub enum Offers {
+    /// Products of a renderer, which makes them in any framing.
+    Rendered(Vec<KeyId>),
+    /// Products of a dataset, as they are.
+    Stored(Vec<KeyId>),
+}
+
+impl Offers {
+    fn keys(&self) -> &[KeyId] {
+        match self {
+            Self::Rendered(keys) | Self::Stored(keys) => keys,
+        }
+    }
+
+    /// The offered product with an identity.
+    fn find(&self, id: ProductId) -> Option<KeyId> {
+        match self {
+            Self::Rendered(keys) => keys.iter().find_map(|key| key.of(id)),
+            Self::Stored(keys) => keys.iter().find(|key| key.product_id() == id).copied(),
+        }
+    }
+
+    /// The offered product that a text of a recipe means.
+    fn parse(&self, text: &str) -> Option<KeyId> {
+        match self {
+            Self::Rendered(keys) => keys.iter().find_map(|key| key.parse(text)),
+            Self::Stored(keys) => keys.iter().find(|key| key.is(text)).copied(),
+        }
+    }
+}
+
+/// Plans what the writers read. `offers` come from no stage, `explicit` the producers of the recipe, and `implied` the
 /// [registered] ones.
 ///
 /// # Errors
 /// All mistakes at once.
 pub fn resolve(
-    offers: Vec<KeyId>,
+    offers: Offers,
     explicit: Vec<Candidate>,
     implied: Vec<Candidate>,
     writers: &[(String, Vec<Input>)],
@@ -60,7 +92,7 @@ struct Asker<'a> {
 }
 
 struct Resolver {
-    offers: Vec<KeyId>,
+    offers: Offers,
     candidates: Vec<Option<Candidate>>,
     /// The inputs and outputs of the candidates, and when they run.
     traits: Vec<CandidateTraits>,
@@ -84,7 +116,7 @@ struct CandidateTraits {
 }
 
 impl Resolver {
-    fn new(offers: Vec<KeyId>, candidates: Vec<Candidate>) -> Self {
+    fn new(offers: Offers, candidates: Vec<Candidate>) -> Self {
         let traits = candidates
             .iter()
             .map(|candidate| CandidateTraits {
@@ -116,9 +148,9 @@ impl Resolver {
         let provided = self.traits.iter().flat_map(|note| &note.provides);
         let exact = provided.chain(originals).find(|key| key.is(text)).map(KeyId::product_id);
         exact.or_else(|| {
-            let mut framed =
-                self.offers.iter().chain(self.replacements.iter().flat_map(|(_, it)| [&it.product, &it.original]));
-            framed.find_map(|key| key.parse(text)).map(|key| key.product_id())
+            let mut framed = self.replacements.iter().flat_map(|(_, it)| [&it.product, &it.original]);
+            let offered = self.offers.parse(text).or_else(|| framed.find_map(|key| key.parse(text)));
+            offered.map(|key| key.product_id())
         })
     }
 
@@ -192,7 +224,7 @@ impl Resolver {
 
     /// The product, if the renderer offers it in this framing.
     fn offered(&self, id: ProductId) -> Option<KeyId> {
-        self.offers.iter().find_map(|key| key.of(id))
+        self.offers.find(id)
     }
 
     /// Whether the renderer or a stage makes a product without replacing it.
@@ -323,13 +355,13 @@ impl Resolver {
     }
 
     fn unknown(&mut self, name: &str, by: &Asker) {
-        let mut known: Vec<&str> = self.offers.iter().map(|key| key.product).collect();
+        let mut known: Vec<&str> = self.offers.keys().iter().map(|key| key.product).collect();
         known.extend(self.traits.iter().flat_map(|note| &note.provides).map(|key| key.product));
         known.extend(self.replacements.iter().map(|(_, it)| it.original.product));
         known.sort_unstable();
         known.dedup();
         let message = format!("{} reads product `{name}`, which nothing provides", by.stage);
-        let is_offered = |product: &str| self.offers.iter().any(|key| key.product == product);
+        let is_offered = |product: &str| self.offers.keys().iter().any(|key| key.product == product);
         let help = match name.split_once(" (") {
             Some((product, _)) if is_offered(product) => {
                 // Words that are a framing are none of this product.

@@ -107,7 +107,7 @@ fn stage(id: &str, reads: &[KeyId], provides: &[KeyId]) -> Candidate {
 fn plan(stages: Vec<Candidate>, wants: &[&str]) -> std::result::Result<Plan, Vec<PlanError>> {
     let input =
         |name: &&str| Input { product: (*name).to_owned(), accepts: Accepts::Any, option: None, is_optional: false };
-    resolve(vec![PIXELS.id()], stages, Vec::new(), &[("w".into(), wants.iter().map(input).collect())])
+    resolve(Offers::Rendered(vec![PIXELS.id()]), stages, Vec::new(), &[("w".into(), wants.iter().map(input).collect())])
 }
 
 fn order(plan: &Plan) -> Vec<&str> {
@@ -256,13 +256,30 @@ fn an_ambiguity_is_resolved_by_what_its_help_says() {
 fn a_writer_refuses_what_it_cannot_store() {
     let input =
         |accepts| Input { product: "pixels".into(), accepts, option: Some("include[0]".into()), is_optional: false };
-    let check = |accepts| resolve(vec![PIXELS.id()], vec![], vec![], &[("w".into(), vec![input(accepts)])]).err();
+    let check = |accepts| {
+        resolve(Offers::Rendered(vec![PIXELS.id()]), vec![], vec![], &[("w".into(), vec![input(accepts)])]).err()
+    };
     assert!(check(Accepts::Type(PIXELS.id())).is_none());
     for accepts in [Accepts::Type(WRONG_PIXELS.id()), Accepts::If(|_| Err("no".into()))] {
         let errors = check(accepts).expect("refused");
         assert_eq!((errors[0].fault, errors[0].stage.as_str()), (PlanFault::NotStorable, "write.w"));
         assert_eq!(errors[0].option.as_deref(), Some("include[0]"));
     }
+}
+
+#[test]
+fn stored_products_have_no_other_framing() {
+    let wide = PIXELS.on_canvas(3).id();
+    let asked = |offers, product: String| {
+        let input = Input { product, accepts: Accepts::Any, option: None, is_optional: false };
+        resolve(offers, Vec::new(), Vec::new(), &[("w".into(), vec![input])])
+    };
+    let stored = || Offers::Stored(vec![PIXELS.id()]);
+    assert_eq!(asked(stored(), "pixels".into()).expect("stored").rendered, [PIXELS.id()]);
+    assert_eq!(asked(Offers::Rendered(vec![PIXELS.id()]), wide.to_string()).expect("rendered").rendered, [wide]);
+    let errors = asked(stored(), wide.to_string()).err().expect("nothing can render it");
+    assert_eq!(errors[0].fault, PlanFault::Unknown);
+    assert_eq!(asked(Offers::Stored(vec![wide]), wide.to_string()).expect("stored").rendered, [wide]);
 }
 
 #[test]
@@ -299,7 +316,7 @@ fn lit(wants: &[&str]) -> std::result::Result<Plan, Vec<PlanError>> {
         Candidate { stage: "denoise".into(), producer: Producer::Denoiser(Box::new(Denoising)), implied: None };
     let offers =
         syntable_model::keys![standard::RADIANCE, standard::DENOISE_ALBEDO, standard::NORMAL, standard::COVERAGE];
-    resolve(offers, vec![denoiser], Vec::new(), &[("w".into(), wants.iter().map(input).collect())])
+    resolve(Offers::Rendered(offers), vec![denoiser], Vec::new(), &[("w".into(), wants.iter().map(input).collect())])
 }
 
 fn names(keys: &[KeyId]) -> Vec<String> {

@@ -5,6 +5,7 @@
 
 use crate::durable::{self, Draft, Standing};
 use crate::paths::{root_of, run_above};
+use crate::run::dataset::layout;
 use crate::run::dataset::loss::Loss;
 use crate::run::making::losses::Losses;
 use crate::run::making::stages::annotate_image;
@@ -29,7 +30,7 @@ use syntable_model::registry::Registry;
 use syntable_model::scene::{InstanceId, SceneId};
 use syntable_model::stage::{Finish, ImageAnnotator, Input, ProductGroup, Writer};
 use syntable_model::store::{FsStore, StoreFolder};
-use syntable_recipe::plan::{self, Candidate, Implied, Plan, PlanFault, Producer};
+use syntable_recipe::plan::{self, Candidate, Implied, Offers, Plan, PlanFault, Producer};
 
 /// Result of a conversion.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -112,6 +113,8 @@ pub fn convert_dataset(
         missing: &missing,
     };
     let scenes = work.scenes().and_then(|scenes| work.finish(&scenes).map(|()| scenes))?;
+    // The inputs of `finish` serve a resumed run. A conversion starts again.
+    part.remove_all(&layout::mark())?;
     draft.publish()?;
     let unread = unread.into_inner();
     let Missing { annotations, parts, without_pixels } = missing.into_inner();
@@ -220,7 +223,7 @@ fn resolve(
         Candidate { stage, producer: Producer::Image(Box::new(part)), implied }
     };
     let implied = parts.into_iter().map(candidate).collect();
-    let plan = plan::resolve(offers.clone(), Vec::new(), implied, &wants).map_err(|errors| {
+    let plan = plan::resolve(Offers::Stored(offers.clone()), Vec::new(), implied, &wants).map_err(|errors| {
         let is_unknown = |error: &&plan::PlanError| error.fault == PlanFault::Unknown;
         let mut messages: Vec<String> = Vec::new();
         for (id, _) in writers {

@@ -52,6 +52,11 @@ fn own(name: &str) -> DatasetPath {
     known(&format!("{MARK}/{name}"))
 }
 
+/// The program's own folder.
+pub fn mark() -> DatasetPath {
+    known(MARK)
+}
+
 /// The resolved recipe.
 pub fn recipe() -> DatasetPath {
     known(RECIPE)
