@@ -40,7 +40,7 @@ fn find(
     if let Some(name) = format {
         let named = formats.iter().find(|it| it.name() == name).cloned();
         return named.map(|format| (format, source.clone())).ok_or_else(|| {
-            Error::new(format!("`{name}` is no format that can be read")).help(format!("these are: {}", names()))
+            Error::new(format!("unknown dataset format `{name}`")).help(format!("available formats: {}", names()))
         });
     }
     // A dataset of a layout comes before what holds products under their names, wherever it is.

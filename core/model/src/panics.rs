@@ -77,7 +77,7 @@ pub fn guarded<T>(reader: &str, file: &Path, work: impl FnOnce() -> Result<T>) -
         let what = format!("{reader} failed on it: panicked{}: {}", panicked.place(), panicked.message);
         Err(Error::new(what)
             .in_file(file)
-            .help("the file is damaged or unusual, and this is a bug of the reader: write the file anew, and report the bug with it"))
+            .help("the file is damaged or unusual, and this is a bug of the reader: write the file again, and report the bug with it"))
     })
 }
 

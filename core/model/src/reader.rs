@@ -1,6 +1,7 @@
 //! Datasets that are read back, in any format.
 //!
-//! A reader offers the products of each image, as a renderer does. Annotators, writers and checks do not know their origin. Registered with [`register_format!`](crate::register_format).
+//! A reader offers the products of each image, as a renderer does. Annotators, writers and checks do not know their origin.
+//! Crates register formats with [`register_format!`](crate::register_format).
 
 use crate::error::{Error, Result};
 use crate::files::{DatasetFolder, Reach};

@@ -74,7 +74,7 @@ impl Recipe {
     /// Refuses a recipe that brings native libraries of its own, unless they are allowed.
     pub fn trusted(&self, allow_libraries: bool) -> Result<()> {
         let Some(library) = self.libraries.first().filter(|_| !allow_libraries) else { return Ok(()) };
-        let help = "it runs with all your rights: if you trust it, allow it with `options.allow_libraries`; else name yours by ${NAME} or `options.set`";
+        let help = "the library runs with your permissions: allow it with `options.allow_libraries` if you trust it, or name your own with ${NAME} or `options.set`";
         let error = Error::new(format!("the recipe brings a native library of its own: {library}"));
         Err(error.help(help))
     }

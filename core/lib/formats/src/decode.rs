@@ -312,7 +312,7 @@ impl FileContent {
         let descr = value("'descr'").and_then(|rest| rest.strip_prefix('\'')?.split_once('\''));
         let dtype = descr.and_then(|(descr, _)| npy::dtype(descr)).ok_or_else(|| {
             let what = format!("it has no numbers of a type that is read, little-endian: {header}");
-            refuse(&what).help("write it anew, as by `np.ascontiguousarray(a).astype(\"<f4\")`")
+            refuse(&what).help("write it again, for instance with `np.ascontiguousarray(a).astype(\"<f4\")`")
         })?;
         if value("'fortran_order'").is_none_or(|rest| !rest.starts_with("False")) {
             return Err(refuse(&format!("it is in Fortran order: {header}")).help("save `np.ascontiguousarray(a)`"));

@@ -82,7 +82,7 @@ impl MetricScores {
     /// If it cannot be read, or is no such file.
     pub fn read(path: &Path) -> Result<Self> {
         let file = File::open(path).map_err(|error| Error::io(path, &error).of_request())?;
-        let wrong = |what: String| Error::new(what).in_file(path).help("`syntable eval --save FILE` writes it anew");
+        let wrong = |what: String| Error::new(what).in_file(path).help("`syntable eval --save FILE` writes it again");
         let scores: Self = serde_json::from_reader(BufReader::new(file))
             .map_err(|error| wrong(format!("it is no file of scores: {error}")))?;
         for image in &scores.worst {

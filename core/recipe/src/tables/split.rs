@@ -153,7 +153,7 @@ impl Split {
             SplitSizes::Counts { val, test } => {
                 if val.saturating_add(test) > names.len() {
                     let message = format!(
-                        "split: {val} assets for validation and {test} for the test are more than the pool's {}",
+                        "split: {val} assets for validation and {test} for the test are needed, but the pool has {}",
                         names.len()
                     );
                     return Err(Error::new(message).help("lower `val_count` or `test_count`, or select more assets"));

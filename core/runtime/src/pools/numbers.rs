@@ -49,7 +49,7 @@ pub(super) fn numbers_differ(pools: &BTreeMap<&str, OpenPool>, labeled: &BTreeSe
                 entry.name
             ),
             false => format!(
-                "number one of the pools anew, such as `first_id = {}` in [assets.{id}], or give its objects `ids`",
+                "give one of the pools other numbers, such as `first_id = {}` in [assets.{id}], or give its objects `ids`",
                 u64::from(last) + 1
             ),
         };

@@ -243,7 +243,7 @@ fn repairs(
             count(found.missing.len() as u32, "file"),
             found.damaged.len(),
             match found.bad_scenes.len() {
-                0 => "results of the run's end".to_owned(),
+                0 => "files that a run writes at its end".to_owned(),
                 scenes => count(scenes as u32, "scene"),
             }
         ),

@@ -154,8 +154,7 @@ impl<'a> SceneMaker<'a> {
     /// Moves the files of a scene whose labels contradict each other out of the dataset.
     fn quarantine(&self, scene: u32, error: Error) -> Result<Error> {
         let folder = self.folder.quarantine(scene, &format!("{error}\n"))?;
-        let help =
-            "a stage that provides labels is wrong, and nothing of the scene was written; what was made of it is there";
+        let help = "a stage that provides labels is wrong, and no file of the scene is in the dataset; this folder has its files";
         Ok(error.in_file(folder).help(help))
     }
 

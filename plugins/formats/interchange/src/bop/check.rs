@@ -55,8 +55,8 @@ pub fn fault_of_camera_pose(
     let trace = first[0][0] + first[1][1] + first[2][2];
     let degrees = libm::acos(((trace - 1.0) / 2.0).clamp(-1.0, 1.0)).to_degrees();
     let message = format!(
-        "`cam_R_w2c` and `cam_t_w2c` put all objects elsewhere in the world than {} of {} other images of the scene do, in one \
-         piece: turned by {degrees:.1}° and moved by {apart:.3} m; the pose of the camera is wrong, or that of the others",
+        "`cam_R_w2c` and `cam_t_w2c` place all objects rotated by {degrees:.1}° and moved by {apart:.3} m, compared with {} of {} \
+         other images of the scene; the camera's pose is wrong in this image or in the others",
         agreeing,
         moves.len()
     );

@@ -159,7 +159,7 @@ fn numbers_of(stated: BTreeMap<String, BTreeSet<Option<u64>>>, log: &dyn Log) ->
         if let Some(other) = second {
             let other = other.map_or_else(|| "none".to_owned(), |other| other.to_string());
             let help =
-                "an asset has one number in a dataset: state it with the pool's `ids`, and make the dataset anew";
+                "an asset has one number in a dataset: state it with the pool's `ids`, and make the dataset again";
             return refuse(format!("`{asset}` has the `obj_id` {id} in some scenes, and {other} in others"), help);
         }
         if let Some(other) = owners.insert(id, asset.clone()) {

@@ -66,7 +66,7 @@ fn faults_of_numbers(annotation: &SynTableAnnotation, labels: &ObjectLabels) -> 
 fn list_fault(shown: &ShownImage) -> Option<DatasetFault> {
     let listed = shown.image.instance_ids.as_ref()?;
     let own = shown.annotations.iter().map(|annotation| annotation.instance_id);
-    let message = format!("`instance_ids` are {listed:?}, and its annotations are not of these in this order");
+    let message = format!("`instance_ids` is {listed:?}, but the annotations have other ids or another order");
     let fault = || DatasetFault::new(rule::RECORDS_AGREE, message).of(FaultSubject::Image(shown.image.id));
     (!listed.iter().copied().map(Some).eq(own)).then(fault)
 }
