@@ -535,9 +535,9 @@ impl Device {
         waited.map(drop).map_err(late)
     }
 
-    /// Asks the device how far it is. That of a driver which gave it up panics in wgpu, though the device is known to be lost
-    /// by then: it is an error like any other.
-    fn poll(&self, how: wgpu::PollType) -> Result<Result<wgpu::PollStatus, wgpu::PollError>> {
+    /// Asks the device how far it is. If the driver gave the device up, wgpu panics; here, that is an error like any
+    /// other.
+    pub(crate) fn poll(&self, how: wgpu::PollType) -> Result<Result<wgpu::PollStatus, wgpu::PollError>> {
         let poll = || {
             #[cfg(test)]
             if std::mem::take(&mut *self.poll_panics.lock()) {
