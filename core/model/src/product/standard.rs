@@ -15,90 +15,89 @@ products! {
     /// Radiance reaching the camera, linear Rec. 709 with luminance in nits. Averaged over the pixel's area.
     pub const RADIANCE: Key<Plane<[f32; 3]>> = view("radiance").semantic(Semantic::Color).unit("nit");
 
-    /// Share of the pixel in which camera rays meet a body before a light, in [0, 1]: of the samples that [`RADIANCE`] is made
-    /// of. `radiance (objects alone)` and `opacity (objects alone)` show every object by itself, in windows side by side;
-    /// with `(objects in scene)` the others still cast shadows and reflect light. There the radiance is premultiplied
-    /// by the opacity.
+    /// Fraction of the pixel's samples of [`RADIANCE`] whose camera ray hits a body before a light, in [0, 1].
+    /// `radiance (objects alone)` and `opacity (objects alone)` show each object by itself, in windows side by side. With
+    /// `(objects in scene)`, the other bodies still cast shadows and reflect light. In both framings, the radiance is
+    /// premultiplied by the opacity.
     pub const OPACITY: Key<Plane<f32>> = view("opacity");
 
-    /// Direct light: what [`RADIANCE`] is after at most one reflection, of what emits and of surfaces that lights illuminate.
-    /// Light through glass is not direct. Rendered with the same paths, and never denoised.
+    /// Direct light: the part of [`RADIANCE`] that reaches the camera after at most one reflection. Light through glass is
+    /// not direct. Rendered with the same paths as [`RADIANCE`] and never denoised.
     pub const RADIANCE_DIRECT: Key<Plane<[f32; 3]>> = view("radiance_direct").semantic(Semantic::Color).unit("nit");
 
-    /// Indirect light: [`RADIANCE`] before the denoiser less [`RADIANCE_DIRECT`]. Of images with as many samples in every pixel
-    /// it is nowhere negative.
+    /// Indirect light: [`RADIANCE`] before the denoiser minus [`RADIANCE_DIRECT`]. Never negative if all pixels have the
+    /// same number of samples.
     pub const RADIANCE_INDIRECT: Key<Plane<[f32; 3]>> = view("radiance_indirect").semantic(Semantic::Color).unit("nit");
 
-    /// Direct light as if nothing cast a shadow: every surface has the light of all that it faces. Never denoised. Its quotient
-    /// with [`RADIANCE_DIRECT`] is a map of shadows.
+    /// Direct light without shadows: all lights that a surface faces illuminate it. Never denoised. The ratio of
+    /// [`RADIANCE_DIRECT`] to it is a shadow map.
     pub const RADIANCE_UNSHADOWED: Key<Plane<[f32; 3]>> =
         view("radiance_unshadowed").semantic(Semantic::Color).unit("nit");
 
-    /// Distance along the optical axis to the first surface at the pixel center. Infinite where there is none; never
-    /// averaged. `depth (next view)` is that of the next view of the scene.
+    /// Distance along the optical axis to the first surface at the pixel center. Infinite without a surface; never
+    /// averaged. `depth (next view)` is the depth of the scene's next view. The last view is its own next view.
     pub const DEPTH: Key<Plane<f32>> = view("depth").semantic(Semantic::Depth).unit("m");
 
-    /// Id of the first body on the ray through the pixel center. 0 where there is none.
+    /// Id of the first body on the ray through the pixel center. 0 without a body.
     pub const INSTANCE: Key<Plane<InstanceId>> = view("instance").semantic(Semantic::Label);
 
-    /// Objects on the ray through the pixel center at any depth, as a bit set: bit `i` stands for instance `i + 1`.
-    /// `coverage (canvas 3)` shows a canvas three times as wide and high with the image in its center, `coverage (subpixels 4)`
-    /// has four pixels along each edge of a pixel of the image.
+    /// Objects on the ray through the pixel center at any depth, as a bit set: bit `i` is instance `i + 1`.
+    /// `coverage (canvas 3)` shows a canvas three times as wide and high with the image in its center. `coverage
+    /// (subpixels 4)` has four by four pixels for each pixel of the image.
     pub const COVERAGE: Key<BitPlane> = view("coverage");
 
     /// The objects of [`COVERAGE`] that are in front of the first support or room part on the ray.
     pub const COVERAGE_BEFORE_SUPPORT: Key<BitPlane> = view("coverage_before_support");
 
-    /// Objects on the ray through the pixel center at any depth, from front to back, each with the depth of its first
-    /// surface along the optical axis. The objects are those of [`COVERAGE`].
+    /// The objects of [`COVERAGE`] from front to back, each with the depth of its first surface along the optical axis.
     pub const OBJECT_DEPTHS: Key<ObjectDepths> = view("object_depths").unit("m");
 
-    /// Unit shading normal at the pixel center, camera frame. Zero where there is no surface.
+    /// Unit shading normal at the pixel center, camera frame. Zero without a surface.
     pub const NORMAL: Key<Plane<[f32; 3]>> = view("normal").semantic(Semantic::Normal);
 
-    /// Base color at the pixel center, linear Rec. 709. Zero where there is no surface.
+    /// Base color at the pixel center, linear Rec. 709. Zero without a surface.
     pub const ALBEDO: Key<Plane<[f32; 3]>> = view("albedo").semantic(Semantic::Color);
 
-    /// Paths, rays, samples per pixel, the standard error over the mean, and `fireflies`: the number of pixels
-    /// that a few samples made far brighter than their surroundings.
+    /// Numbers of paths, rays and samples per pixel, the ratio of standard error to mean, and `fireflies`: the number of
+    /// pixels that a few samples made far brighter than their surroundings.
     pub const RENDER_REPORT: Key<Value> = view("render_report").form(|| Form::Record);
 }
 
 // ---- Denoising: guides that renderers offer, and what denoisers provide ------------------------------------------
 
 products! {
-    /// Base color averaged over the pixel's area, the albedo guide of denoisers. Behind mirrors and glass, the color of
-    /// what they show. White where there is no surface.
+    /// Base color averaged over the pixel's area, the albedo guide of denoisers. Mirrors and glass have the
+    /// color of the surface that they show. White without a surface.
     pub const DENOISE_ALBEDO: Key<Plane<[f32; 3]>> = view("denoise_albedo").semantic(Semantic::Color);
 
     /// Shading normal averaged over the pixel's area, camera frame, the normal guide of denoisers. Shorter than one at
     /// edges.
     pub const DENOISE_NORMAL: Key<Plane<[f32; 3]>> = view("denoise_normal").semantic(Semantic::Normal);
 
-    /// Estimated variance of the luminance of [`RADIANCE`]: the samples' variance over their number. Infinite for a single
-    /// sample.
+    /// Estimated variance of the luminance of [`RADIANCE`]: the variance of the samples divided by their number. Infinite for a
+    /// single sample.
     pub const RADIANCE_VARIANCE: Key<Plane<f32>> = view("radiance_variance").unit("nit²");
 
-    /// Part of [`RADIANCE`] that the first surface reflects without coloring it, as clearcoats, dielectrics and
-    /// glass do. What a metal mirrors or is seen through glass is not in it.
+    /// Part of [`RADIANCE`] that the first surface reflects without coloring it, such as the reflections of clearcoats,
+    /// dielectrics and glass. Excludes reflections of metals and light through glass.
     pub const RADIANCE_SPECULAR: Key<Plane<[f32; 3]>> =
         view("radiance_specular").semantic(Semantic::Color).unit("nit");
 
     /// Estimated variance of the luminance of [`RADIANCE_SPECULAR`].
     pub const RADIANCE_SPECULAR_VARIANCE: Key<Plane<f32>> = view("radiance_specular_variance").unit("nit²");
 
-    /// Albedo-demodulated rest of [`RADIANCE`]: each sample less its part of [`RADIANCE_SPECULAR`], divided by its base
-    /// color plus 0.01, per channel. Smooth where textures are not.
+    /// Albedo-demodulated rest of [`RADIANCE`]: each sample minus its part of [`RADIANCE_SPECULAR`], divided by its base
+    /// color plus 0.01, per channel. Free of the detail of textures.
     pub const RADIANCE_DEMODULATED: Key<Plane<[f32; 3]>> =
         view("radiance_demodulated").semantic(Semantic::Color).unit("nit");
 
     /// Estimated variance of the luminance of [`RADIANCE_DEMODULATED`].
     pub const RADIANCE_DEMODULATED_VARIANCE: Key<Plane<f32>> = view("radiance_demodulated_variance").unit("nit²");
 
-    /// [`RADIANCE`] as it was rendered, where a denoiser replaces it.
+    /// [`RADIANCE`] before the denoiser replaces it.
     pub const RADIANCE_NOISY: Key<Plane<[f32; 3]>> = view("radiance_noisy").semantic(Semantic::Color).unit("nit");
 
-    /// Denoiser that made [`RADIANCE`], with its settings. Its `name` is `none` if there is none.
+    /// Denoiser that made [`RADIANCE`], with its settings. Without a denoiser, its `name` is `none`.
     pub const DENOISER: Key<Value> = view("denoiser").form(|| Form::Record);
 }
 
@@ -111,11 +110,11 @@ products! {
     /// Developed image: exposed, tone-mapped, sRGB-encoded, 8 bits.
     pub const RGB: Key<Plane<[u8; 3]>> = view("rgb").semantic(Semantic::Color);
 
-    /// Exposure and tone curve of [`RGB`]: `ev100`, `white_nits`, `mode`, `tone`, and the camera effects by the names of
+    /// Exposure and tone curve of [`RGB`]: `ev100`, `white_nits`, `mode`, `tone`, and the camera effects, named after
     /// their options.
     pub const EXPOSURE: Key<Value> = view("exposure").form(|| Form::Record);
 
-    /// Depth as a depth camera measures it, along the optical axis. 0 where there is no measurement.
+    /// Depth as a depth camera measures it, along the optical axis. 0 without a measurement.
     pub const DEPTH_SENSED: Key<Plane<f32>> = view("depth_sensed").semantic(Semantic::Depth).unit("m");
 
     /// Depth camera and noise model of [`DEPTH_SENSED`].
@@ -125,7 +124,7 @@ products! {
 // ---- Provided by annotators --------------------------------------------------------------------------------------
 
 products! {
-    /// How labels treat the image frame, table and room, and hidden objects: the options, and a statement in words.
+    /// Treatment of the image frame, table, room and hidden objects by the labels: the options, and a statement in words.
     pub const LABEL_POLICY: Key<Value> = view("label_policy").form(|| Form::Record);
 
     /// Visible (modal) mask: pixels at which the object is the first body.
@@ -140,7 +139,8 @@ products! {
     /// Hidden fraction of the object's amodal area, in [0, 1].
     pub const OCCLUSION_RATE: Key<PerInstance<f64>> = view("occlusion_rate");
 
-    /// Occlusion order adjacency matrix (OOAM): entry (i, j) is true if the object of row i occludes that of column j.
+    /// Occlusion order adjacency matrix (OOAM): entry (i, j) is true if the object of row i occludes the object of column
+    /// j.
     pub const OCCLUSION_ORDER: Key<OcclusionOrder> = view("occlusion_order");
 
     /// The occlusion order as a directed graph: edges, weakly connected components, cycles, and the objects from front to
@@ -156,11 +156,11 @@ products! {
     /// Bounding box of the amodal mask: x, y, width, height.
     pub const AMODAL_BOX: Key<PerInstance<BBox>> = view("amodal_box").unit("px");
 
-    /// Rectangle of least area around the visible mask, rotated: center, size, angle and corners.
+    /// Rotated rectangle of minimum area around the visible mask: center, size, angle and corners.
     pub const VISIBLE_ROTATED_BOX: Key<PerInstance<Value>> =
         view("visible_rotated_box").form(|| Form::PerInstance(Box::new(Form::Record)));
 
-    /// Rectangle of least area around the amodal mask, rotated: center, size, angle and corners.
+    /// Rotated rectangle of minimum area around the amodal mask: center, size, angle and corners.
     pub const AMODAL_ROTATED_BOX: Key<PerInstance<Value>> =
         view("amodal_rotated_box").form(|| Form::PerInstance(Box::new(Form::Record)));
 
@@ -172,119 +172,117 @@ products! {
     pub const AMODAL_OUTLINE: Key<PerInstance<Value>> =
         view("amodal_outline").form(|| Form::PerInstance(Box::new(Form::Record)));
 
-    /// How much of each annotated object the image shows: pixels of its silhouette beyond the image, in it and seen, their
-    /// shares, and the silhouette's box.
+    /// Visibility of each annotated object: numbers of silhouette pixels outside the image, inside it and visible, their
+    /// fractions, and the silhouette's box.
     pub const VISIBILITY: Key<PerInstance<Value>> = view("visibility").form(|| Form::PerInstance(Box::new(Form::Record)));
 
-    /// How much objects hide of each other: `ids`, and matrices of pixels whose row is the object in front and whose column the
-    /// hidden one: `seen`, `direct` and `all`.
+    /// Numbers of pixels that objects hide of each other: `ids`, and the matrices `seen`, `direct` and `all`, whose row is
+    /// the occluder and whose column is the occluded object.
     pub const OCCLUSION_AREAS: Key<Value> = view("occlusion_areas").unit("px").form(|| Form::Record);
 
     /// The annotated objects from front to back by the median depth of their amodal area, with that depth in meters.
     pub const DEPTH_ORDER: Key<Value> = view("depth_order").form(|| Form::Record);
 
-    /// Depth of each annotated object's first surface along the optical axis, hidden parts included. Infinite outside of its
+    /// Depth of each annotated object's first surface along the optical axis, hidden parts included. Infinite outside its
     /// amodal mask.
     pub const AMODAL_DEPTH: Key<ObjectImages<f32>> = view("amodal_depth").semantic(Semantic::Depth).unit("m");
 
     /// Unit shading normal of each annotated object's first surface in the camera frame, hidden parts included. Zero
-    /// outside of its amodal mask.
+    /// outside its amodal mask.
     pub const AMODAL_NORMAL: Key<ObjectImages<[f32; 3]>> = view("amodal_normal").semantic(Semantic::Normal);
 
-    /// Each annotated object as the camera would see it without what occludes it: red, green, blue and opacity, 8 bits
-    /// each, developed as [`RGB`] and not premultiplied. All 0 where the object is not.
+    /// Each annotated object as the camera would see it without its occluders: red, green, blue and opacity, 8 bits each,
+    /// developed like [`RGB`], not premultiplied. 0 in all channels outside the object.
     pub const APPEARANCE: Key<ObjectImages<[u8; 4]>> = view("appearance").semantic(Semantic::Color);
 
-    /// Bounding box of the pixels of [`APPEARANCE`] that are not transparent: x, y, width, height.
+    /// Bounding box of the pixels of [`APPEARANCE`] that are not fully transparent: x, y, width, height.
     pub const APPEARANCE_BOX: Key<PerInstance<BBox>> = view("appearance_box").unit("px");
 
-    /// Normalized object coordinates (NOCS) of what the image shows of annotated objects: (0.5, 0.5, 0.5) is the center of an
-    /// object's box, 1 the length of its diagonal, axes are those of the object. Zero elsewhere.
+    /// Normalized object coordinates (NOCS) of the visible surfaces of annotated objects: (0.5, 0.5, 0.5) is the center of
+    /// an object's box, 1 is the length of its diagonal, and the axes are the object's. Zero elsewhere.
     pub const OBJECT_COORDINATES: Key<Plane<[f32; 3]>> = view("object_coordinates");
 
-    /// Normalized object coordinates of each annotated object's first surface, hidden parts included. Zero outside of its
+    /// Normalized object coordinates of each annotated object's first surface, hidden parts included. Zero outside its
     /// amodal mask.
     pub const AMODAL_OBJECT_COORDINATES: Key<ObjectImages<[f32; 3]>> = view("amodal_object_coordinates");
 
-    /// Where one body ends before another: 1 on the pixel of the body in front, 2 on that of the body behind, 0 elsewhere.
+    /// Occlusion boundaries: 1 on the pixel of the body in front, 2 on the pixel of the body behind, 0 elsewhere.
     pub const OCCLUSION_BOUNDARY: Key<Plane<u8>> = view("occlusion_boundary").semantic(Semantic::Label);
 
-    /// Distance from the center of the camera to the first surface at the pixel center. Infinite where there is none.
+    /// Distance from the center of the camera to the first surface at the pixel center. Infinite without a surface.
     pub const DISTANCE: Key<Plane<f32>> = view("distance").semantic(Semantic::Depth).unit("m");
 
-    /// Pixels that show the bodies of supports: the table, or what else objects are dropped on.
+    /// Pixels that show the bodies of supports, such as the table.
     pub const TABLETOP_MASK: Key<Mask> = view("tabletop_mask").semantic(Semantic::Mask);
 
-    /// Pixels that show neither an object, nor a distractor, nor a support such as the table: the room, or nothing.
+    /// Pixels that show no object, distractor or support, such as the table: the room, or no body.
     pub const BACKGROUND_MASK: Key<Mask> = view("background_mask").semantic(Semantic::Mask);
 
-    /// Category of the annotated object that a pixel shows, 0 where it shows none.
+    /// Category of the annotated object at the pixel, 0 without one.
     pub const CATEGORY_MAP: Key<Plane<u16>> = view("category_map").semantic(Semantic::Label);
 
-    /// Material at the pixel center, by its id in [`MATERIALS`]: that of the first surface that is not glass. 0 where there is
-    /// none.
+    /// Id in [`MATERIALS`] of the material at the pixel center: the material of the first surface that is not glass. 0
+    /// without a surface.
     pub const MATERIAL_MAP: Key<Plane<u16>> = view("material_map").semantic(Semantic::Label);
 
-    /// Materials of the scene by their ids in [`MATERIAL_MAP`], with name, content digest, and the bodies that have them.
+    /// Materials of the scene by their ids in [`MATERIAL_MAP`]: name, content digest, and the bodies with the material.
     pub const MATERIALS: Key<Value> = scene("materials").form(|| Form::Records);
 
-    /// For each object, the views of the scene that show it and how much of it they hide.
+    /// For each object, the views of the scene that show it, with its occlusion rate.
     pub const SEEN_IN_VIEWS: Key<Value> = scene("seen_in_views").form(|| Form::Records);
 
-    /// How much of each pixel of the image an annotated object is seen in: the visible part of the pixel's area, in [0, 1].
+    /// Fraction of each pixel's area in which an annotated object is visible, in [0, 1].
     pub const VISIBLE_SOFT_MASK: Key<ObjectImages<f32>> = view("visible_soft_mask");
 
-    /// How much of each pixel of the image an annotated object covers, hidden parts included: the part of the pixel's area,
-    /// in [0, 1].
+    /// Fraction of each pixel's area that an annotated object covers, hidden parts included, in [0, 1].
     pub const AMODAL_SOFT_MASK: Key<ObjectImages<f32>> = view("amodal_soft_mask");
 
-    /// Optical flow to the next view of the scene: displacement (u, v) of the point that a pixel shows. There it may be
-    /// hidden, or out of the image. Zero where there is none.
+    /// Optical flow to the next view of the scene: displacement (u, v) of the point at the pixel center, pixels. In the next
+    /// view, the point may be hidden or outside the image. Zero without a surface.
     pub const FLOW: Key<Plane<[f32; 2]>> = view("flow").unit("px");
 
-    /// Whether the next view shows the point that a pixel shows: 0 there is no such point in its image, 1 something hides
-    /// it, 2 it is seen.
+    /// Visibility in the next view of the point at the pixel center: 0 outside the image or no point, 1 hidden, 2 visible.
     pub const FLOW_VISIBILITY: Key<Plane<u8>> = view("flow_visibility").semantic(Semantic::Label);
 
     /// Named points of each annotated object: `name`, `point_world_m`, pixel `uv_px`, `depth_m` along the optical axis, and
-    /// `visibility`: 0 outside of the image, 1 in it but hidden, 2 seen.
+    /// `visibility`: 0 outside the image, 1 hidden, 2 visible.
     pub const KEYPOINTS: Key<PerInstance<Value>> =
         view("keypoints").form(|| Form::PerInstance(Box::new(Form::Records)));
 
-    /// Mean surface of every body of the scene, by area: base color, roughness, metallic and transmission.
+    /// Mean surface of every body of the scene, weighted by area: base color, roughness, metallic and transmission.
     pub const MATERIAL_STATISTICS: Key<Value> = scene("material_statistics").form(|| Form::Records);
 
-    /// Pairs of bodies that touch: ids, normal, distance, share of the weight, and points in the world.
+    /// Pairs of touching bodies: ids, normal, gap, force, and contact points in world coordinates.
     pub const CONTACTS: Key<Value> = scene("contacts").form(|| Form::Records);
 
-    /// Who carries whom, as a directed graph: edges from supporter to supported, levels, cycles, and what floats.
+    /// Support as a directed graph: edges from supporter to supported, roots, cycles, and floating bodies.
     pub const SUPPORT_GRAPH: Key<Value> = scene("support_graph").form(|| Form::Record);
 
-    /// Pairs of an object and the container that it is in.
+    /// Pairs of an object and its container.
     pub const INSIDE: Key<Value> = scene("inside").form(|| Form::Records);
 
-    /// An order in which objects and distractors can be taken away, none while it carries another.
+    /// An order in which objects and distractors can be removed: no body is removed while it carries another.
     pub const REMOVAL_ORDER: Key<Value> = scene("removal_order").form(|| Form::Record);
 
-    /// Visible masks as one plane: id of the annotated object that a pixel shows, 0 where it shows none.
+    /// Visible masks as one plane: id of the annotated object at the pixel, 0 without one.
     pub const VISIBLE_IDS: Key<Plane<InstanceId>> = view("visible_ids").semantic(Semantic::Label);
 
     /// Amodal masks as bits, `[N, height, ⌈width/8⌉]` for the N annotated objects in id order: eight pixels of a row per byte,
     /// the leftmost in the highest bit. NumPy's `unpackbits(bits, axis=2, count=width)` gives `[N, height, width]`.
     pub const AMODAL_BITS: Key<Value> = view("amodal_bits").form(|| Form::Tensor(DType::U8));
 
-    /// Id of the category of each annotated object in annotation files: 1 is `object`, the classes of pools follow in the
-    /// order of their names.
+    /// Id of the category of each annotated object in annotation files: 1 is `object`; the classes of pools follow, sorted
+    /// by name.
     pub const CATEGORY_ID: Key<PerInstance<u32>> = view("category_id");
 
-    /// Name of the asset of each annotated object in its pool.
+    /// Name of each annotated object's asset in its pool.
     pub const OBJECT_NAME: Key<PerInstance<String>> = view("object_name");
 
     /// Asset, pool, category, spawn number, mass, license, digest, and poses in world and camera of each annotated object.
     pub const OBJECT_INFO: Key<PerInstance<Value>> = view("object_info").form(|| Form::PerInstance(Box::new(Form::Record)));
 
-    /// Box of each annotated object in space: size, pose, and the eight corners in the world, in the camera frame and
-    /// in the image.
+    /// 3D box of each annotated object: size, pose, and the eight corners in the world, in the camera frame and in the
+    /// image.
     pub const CUBOID: Key<PerInstance<Value>> = view("cuboid").form(|| Form::PerInstance(Box::new(Form::Record)));
 
     /// Intrinsics and pose of the view's camera.
@@ -297,10 +295,10 @@ products! {
     /// and room.
     pub const BODIES: Key<Value> = scene("bodies").form(|| Form::Records);
 
-    /// Shape, surface, number and symmetries of each asset that an object of the scene is of. Meshes are in meters, object frame.
+    /// Shape, surface, number and symmetries of the assets of the scene's objects. Meshes are in meters, object frame.
     pub const OBJECT_MODELS: Key<ObjectModels> = scene("object_models").unit("m");
 
-    /// Residual speeds, deepest penetration and removed bodies of the settled scene.
+    /// Residual speeds, maximum penetration depth and removed bodies of the settled scene.
     pub const SETTLE_REPORT: Key<Value> = scene("settle_report").form(|| Form::Record);
 }
 

@@ -4,7 +4,7 @@ use syntable_model::prelude::*;
 use syntable_model::product::ObjectImages;
 use syntable_model::product::standard::{AMODAL_DEPTH, AMODAL_MASK, OBJECT_DEPTHS};
 
-/// Depth of every annotated object's first surface, where it is seen and where it is hidden, as if it stood there alone.
+/// Depth of every annotated object's first surface, visible or hidden, as if the object were alone.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct AmodalDepth {}

@@ -4,8 +4,8 @@ use syntable_model::prelude::*;
 use syntable_model::product::standard::{AMODAL_MASK, AMODAL_NORMAL, COVERAGE, NORMAL};
 use syntable_model::product::{Lighting, ObjectImage, ObjectImages};
 
-/// Shading normal of every annotated object's first surface in the camera frame, where it is seen and where it is hidden, as
-/// if it stood there alone.
+/// Shading normal of every annotated object's first surface in the camera frame, visible or hidden, as if the object
+/// were alone.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct AmodalNormal {}

@@ -7,8 +7,8 @@ use syntable_model::scene::{Body, Role};
 
 /// Every body of the scene by its id in `instance`: role, asset, materials and pose.
 ///
-/// Ids are 1 to M for the M objects, then those of distractors, then those of table and room; 0 is where there is nothing.
-/// With `role`, `instance` gives the masks of tabletop and background as well.
+/// Objects have the ids 1 to M; distractors follow, then table and room. 0 stands for no body. Together with `role`,
+/// `instance` also gives the masks of tabletop and background.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Bodies {}

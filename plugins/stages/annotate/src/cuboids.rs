@@ -6,15 +6,15 @@ use syntable_model::prelude::*;
 use syntable_model::product::standard::{AMODAL_MASK, CUBOID};
 use syntable_model::scene::{Body, Camera};
 
-/// The box of every annotated object in space: the smallest one around its mesh that is parallel to the axes of the object
-/// frame, known to users of DOPE and BOP as its cuboid.
+/// 3D box of every annotated object: the smallest box around its mesh that is parallel to the axes of the object frame,
+/// called cuboid in DOPE and BOP.
 ///
-/// `size_m` has the edges along these axes. `camera_from_cuboid` and `world_from_cuboid` are the poses of its center, 4 × 4,
-/// row by row, with the axes of the object; the camera frame is that of OpenCV: x right, y down, z forward. The eight
-/// corners come in meters, `corners_world_m` and `corners_camera_m`, and as (u, v) in pixels, `corners_px`: centers of pixels
-/// are at half-integers, the lens' distortion is included, and a corner may be beyond the image. A corner at or behind the
-/// plane of the camera has no pixel (`null`). Bit 0 of a corner's number, from 0, is set at the upper end of the x axis, bit 1
-/// at that of y, bit 2 at that of z.
+/// `size_m` has the edge lengths along these axes. `camera_from_cuboid` and `world_from_cuboid` are the poses of the
+/// box's center as 4 × 4 matrices, row by row, with the axes of the object; the camera frame follows OpenCV: x right, y
+/// down, z forward. The eight corners are in meters, `corners_world_m` and `corners_camera_m`, and as (u, v) in pixels,
+/// `corners_px`, with pixel centers at half-integers and with lens distortion. Corners may be outside the image. A
+/// corner at or behind the plane of the camera has no pixel (`null`). In a corner's number, from 0, bit 0 is set at the
+/// upper end of the x axis, bit 1 at the upper end of y, bit 2 at the upper end of z.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Cuboids {}

@@ -4,15 +4,15 @@ use syntable_model::prelude::*;
 use syntable_model::product::ObjectRun;
 use syntable_model::product::standard::{AMODAL_MASK, DEPTH_ORDER, INSTANCE, OBJECT_DEPTHS, OCCLUSION_AREAS};
 
-/// Who hides how much of whom, counted on the rays of the view, and the objects from front to back.
+/// Pairwise occlusion areas, counted on the rays of the view, and the objects from front to back.
 ///
-/// `occlusion_areas` has the `ids` of the annotated objects and three matrices of pixels. Row i and column j of each count
-/// pixels of the amodal mask of object j before which object i stands: in `seen` those where the image shows i, which are
-/// positive where the occlusion order says that i occludes j; in `direct` those where no other object is between them; in
-/// `all` all of them. Where table or room hide i as well, they count in `direct` and `all`.
+/// `occlusion_areas` has the `ids` of the annotated objects and three matrices of pixel counts. Row i and column j
+/// count the pixels of the amodal mask of object j that are behind object i: in `seen`, the pixels where the image
+/// shows i, which are positive if i occludes j in the occlusion order; in `direct`, the pixels without another object
+/// between i and j; in `all`, all of them. `direct` and `all` include pixels where table or room hide i as well.
 ///
-/// `depth_order` lists the objects `front_to_back` by the median depth of their first surface, hidden parts included, and
-/// that depth as `median_depth_m`; of equal depths the lower id comes first.
+/// `depth_order` lists the objects `front_to_back` by the median depth of their first surface, hidden parts included,
+/// and this depth as `median_depth_m`. At equal depths, the lower id comes first.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct DepthRelations {}

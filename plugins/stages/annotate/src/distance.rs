@@ -3,8 +3,8 @@
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{DEPTH, DISTANCE};
 
-/// Distance from the center of the camera to the first surface: depth along the optical axis times the length of the ray
-/// whose depth is one, the lens' distortion included.
+/// Distance from the center of the camera to the first surface: the depth along the optical axis times the length of
+/// the ray at depth one, with lens distortion.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Distance {}

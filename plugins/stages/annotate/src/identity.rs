@@ -3,8 +3,8 @@
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{AMODAL_MASK, CATEGORY_ID, OBJECT_NAME};
 
-/// The asset's name and the id of the category of every annotated object, as annotation files have them: category 1 is
-/// `object`, the classes of the recipe's pools follow in the order of their names. Several objects may have one name.
+/// Asset name and category id of every annotated object, as in annotation files: category 1 is `object`; the classes of
+/// the recipe's pools follow, sorted by name. Several objects may have the same name.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Identity {}

@@ -9,17 +9,18 @@ use syntable_model::scene::{Camera, Keypoint};
 /// points into the image that the lens does not show.
 const SAME_DIRECTION: f64 = 1e-6;
 
-/// Keypoints of the annotated objects: the named points that files beside their meshes give them (`mesh_folder`), in the
-/// order of the file. Objects without such a file have none.
+/// Keypoints of the annotated objects: the named points in the files beside their meshes (`mesh_folder`), in the order
+/// of the file. Objects without such a file have no keypoints.
 ///
-/// Each has its `name`, its place in the world `point_world_m`, its pixel `uv_px` (centers of pixels are at half-integers,
-/// the lens' distortion is included; `null` where the camera cannot see it, as behind it), `depth_m` along the optical axis,
-/// and COCO's `visibility`: 0 outside of the image, 1 in the image but hidden, 2 seen. A point is hidden where the depth of
-/// the pixel that it is in is less than its own by more than `tolerance_m`: by another body, or by its own object.
+/// Each keypoint has a `name`, its position in the world `point_world_m`, its pixel `uv_px` (pixel centers at
+/// half-integers, with lens distortion; `null` if the camera cannot see it, for example behind the camera), `depth_m`
+/// along the optical axis, and COCO's `visibility`: 0 outside the image, 1 in the image but hidden, 2 visible. A point
+/// is hidden if its depth exceeds the depth of its pixel by more than `tolerance_m`: another body or the object itself
+/// hides it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Keypoints {
-    /// How far behind the surface that the image shows a point may be and still count as seen, meters.
+    /// Maximum distance of a visible point behind the surface that the image shows, meters.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub tolerance_m: f64,
 }

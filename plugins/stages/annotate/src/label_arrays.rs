@@ -4,12 +4,13 @@ use syntable_model::prelude::*;
 use syntable_model::product::standard::{AMODAL_BITS, AMODAL_MASK, VISIBLE_IDS, VISIBLE_MASK};
 use syntable_model::product::{DType, Painted, Tensor};
 
-/// Visible masks as one plane of ids and amodal masks as bits: what a training loop reads with the `npz` writer.
+/// Visible masks as one plane of ids and amodal masks as bits: compact arrays for training loops, with the `npz`
+/// writer.
 ///
-/// `visible_ids` is `[height, width]`, the id of the annotated object that a pixel shows, else 0. Where visible masks overlap,
-/// as in COCO and LVIS, a pixel is of the object with the smallest mask; how many objects lose pixels is reported. `amodal_bits` is
-/// `[N, height, ⌈width/8⌉]` for N annotated objects in id order, eight pixels of a row per byte, the leftmost in the
-/// highest bit.
+/// `visible_ids` is `[height, width]`: the id of the visible annotated object, or 0. If visible masks overlap, as in
+/// COCO and LVIS, a pixel belongs to the object with the smallest mask; the number of objects that lose pixels is
+/// reported. `amodal_bits` is `[N, height, ⌈width/8⌉]` for N annotated objects in id order, with eight pixels of a row
+/// per byte, the leftmost in the highest bit.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct LabelArrays {}

@@ -12,13 +12,13 @@ const SAMPLES: usize = 4096;
 /// number.
 const EVEN: [f64; 2] = [0.754_877_666_246_693, 0.569_840_290_998_053];
 
-/// Mean surface of every body of the scene, weighted by area over its whole mesh, seen or not: `base_color` (linear Rec. 709,
-/// with textures and vertex colors), perceptual `roughness`, `metallic` and `transmission`, the fraction of the light that
-/// enters the surface and passes it, each in [0, 1]; with the body's `id` and its area, `area_m2`.
+/// Mean surface of every body of the scene, weighted by area over its whole mesh, visible or not: `base_color` (linear
+/// Rec. 709, with textures and vertex colors), perceptual `roughness`, `metallic` and `transmission`, the fraction of
+/// the entering light that passes the surface, each in [0, 1]; with the body's `id` and its area, `area_m2`.
 ///
-/// `materials` has the same of each material slot of the mesh that has faces, with the material's `name` and its `area_m2`.
-/// Numbers of untextured materials are exact; textures are looked up at 4096 points spread evenly over the slot, at the mip
-/// level of their distance.
+/// `materials` has the same values for each material slot of the mesh with faces, with the material's `name` and its
+/// `area_m2`. The values of untextured materials are exact. Textures are sampled at 4096 points spread evenly over the
+/// slot, at the mip level of the distance between points.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct MaterialStatistics {}

@@ -8,11 +8,11 @@ use syntable_model::scene::{Body, Material, Scene};
 /// Name of what a body without materials is made of.
 const NONE: &str = "none";
 
-/// Materials of the scene by their ids in `material_map`: `id`, `name`, the `digest` of its content, which is the same in all
-/// scenes, and `bodies`, the ids of those that have faces of it.
+/// Materials of the scene by their ids in `material_map`: `id`, `name`, the `digest` of the material's content, which
+/// is the same in all scenes, and `bodies`, the ids of the bodies with faces of this material.
 ///
-/// Ids are 1 to M in the order of the bodies and of their material slots. Materials of one name and one content are one,
-/// whichever body they are on; the ids are those of the scene, names and digests those of the dataset.
+/// Ids are 1 to M in the order of the bodies and of their material slots. Materials with the same name and content are
+/// one material, on whichever bodies. Ids are unique in a scene, names and digests in the dataset.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Materials {}

@@ -8,12 +8,12 @@ use syntable_model::product::standard::{
 };
 use syntable_model::scene::{Body, Camera};
 
-/// Normalized object coordinates (NOCS, Wang et al. 2019): where on the object a pixel is, in the object's own box. The
-/// center of the box is (0.5, 0.5, 0.5), a difference of 1 is the length of its diagonal, and the axes are those of the
-/// object frame, so that every coordinate of a point is within [0, 1].
+/// Normalized object coordinates (NOCS, Wang et al. 2019): the position of a pixel's surface point in the object's own
+/// box. The center of the box is (0.5, 0.5, 0.5), a difference of 1 is the length of its diagonal, and the axes are
+/// those of the object frame, so that every coordinate is within [0, 1].
 ///
-/// `object_coordinates` is of what the image shows, `amodal_object_coordinates` of every annotated object's first surface,
-/// hidden or not. Both are zero where there is none.
+/// `object_coordinates` shows the visible surfaces, `amodal_object_coordinates` every annotated object's first surface,
+/// visible or hidden. Both are zero elsewhere.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct ObjectCoordinates {}

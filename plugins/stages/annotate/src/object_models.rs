@@ -4,12 +4,12 @@ use syntable_model::prelude::*;
 use syntable_model::product::standard::OBJECT_MODELS;
 use syntable_model::product::{ObjectModel, ObjectModels as Models};
 
-/// Triangle mesh of each asset that an object of the scene is of, in meters and in the object frame: a vertex times
-/// `camera_from_object` of `object_info` is a point of the object in the camera frame.
+/// Triangle meshes of the assets of the scene's objects, in meters and in the object frame: `camera_from_object` of
+/// `object_info` times a vertex is a point of the object in the camera frame.
 ///
-/// A pool scales and centers an asset once, so that all objects of an asset have one mesh. `obj_id` is the number of the
-/// asset; `model_origin_m` is the origin of its file in the object frame. Symmetries are in the frame of the file, at the size
-/// that the pool gives the asset. Materials reach the writer `bop`; files of generic writers leave them out.
+/// A pool scales and centers an asset once, so all objects of an asset share one mesh. `obj_id` is the number of the
+/// asset; `model_origin_m` is the origin of its file in the object frame. Symmetries are in the frame of the file, at
+/// the pool's scale of the asset. The writer `bop` stores materials; generic writers omit them.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct ObjectModels {}

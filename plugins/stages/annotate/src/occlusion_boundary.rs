@@ -3,9 +3,9 @@
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{DEPTH, INSTANCE, OCCLUSION_BOUNDARY};
 
-/// Where one body ends before another one in the image, and which side is in front: of two pixels side by side that show
-/// different bodies, the nearer one is 1 and the farther one 2. A pixel that is in front of one neighbor and behind another
-/// is 1. What lies on something ends before it, too, with little difference in depth.
+/// Occlusion boundaries and their front sides: of two neighboring pixels that show different bodies, the nearer one is
+/// 1 and the farther one 2. A pixel in front of one neighbor and behind another is 1. Bodies that lie on another have a
+/// boundary, too, with a small difference in depth.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct OcclusionBoundary {}

@@ -4,14 +4,14 @@ use syntable_model::prelude::*;
 use syntable_model::product::Graph;
 use syntable_model::product::standard::{OCCLUSION_GRAPH, OCCLUSION_LAYER, OCCLUSION_ORDER};
 
-/// The occlusion order as a directed graph (SynTable, "Occlusion Order Accuracy"; OODG): its nodes are the annotated
-/// objects of the view, and an edge leads from an object to each one that it occludes.
+/// The occlusion order as a directed graph (SynTable, "Occlusion Order Accuracy"; OODG): nodes are the annotated
+/// objects of the view, and an edge leads from an occluder to its occludee.
 ///
-/// `occlusion_layer` is `top` for an object that nothing occludes, `bottom` for one that is occluded and occludes nothing,
-/// else `intermediate`. `occlusion_graph` has the `edges`, [occluder, occludee] by id; the weakly connected `components`, an
-/// object by itself being one; the `cycles`, sets of objects that occlude each other, directly or through others of the
-/// set; and `depth_layers`, all objects from front to back: each comes after all that occlude it, but for those of its
-/// own cycle, in the first layer that is possible. Ids ascend in every list.
+/// `occlusion_layer` is `top` for an object that no object occludes, `bottom` for an occluded object that occludes no
+/// other, and `intermediate` otherwise. `occlusion_graph` has the `edges`, [occluder, occludee] by id; the weakly
+/// connected `components`, including single objects; the `cycles`, sets of objects that occlude each other, directly or
+/// through other objects of the set; and `depth_layers`, all objects from front to back: each object is in the first
+/// layer behind all of its occluders outside its own cycle. Ids ascend in every list.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct OcclusionGraph {}

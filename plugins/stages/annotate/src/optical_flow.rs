@@ -7,19 +7,19 @@ use syntable_model::prelude::*;
 use syntable_model::product::standard::{DEPTH, FLOW, FLOW_VISIBILITY, INSTANCE};
 use syntable_model::scene::{Body, Camera, Rays};
 
-/// Optical flow and correspondences from each view to the next one of its scene. The camera moves, and bodies that a placer
-/// scripts.
+/// Optical flow and correspondences from each view to the next view of its scene, from the motion of the camera and of
+/// scripted bodies.
 ///
-/// `flow` has for every pixel the displacement (u, v) of the point that its center shows: its pixel in the next view less its
-/// own, px, distortion included, also where the next view does not show it. `flow_visibility` is 2 where the next view shows
-/// the point, 1 where the point is within its image but hidden, and 0 where there is no displacement or where it leads out of
-/// the image: the pixel shows nothing, the point is behind the next camera, or the view is the last one. A point is hidden
-/// where all four pixels whose centers surround it in the next view show something nearer by more than `tolerance_m`: on a
-/// plane, one of the four is always at least as far as the point.
+/// `flow` is the displacement (u, v) of the point at the pixel center: its position in the next view minus its position
+/// in this view, pixels, with lens distortion, also for points that the next view does not show. `flow_visibility` is 2
+/// for visible points, 1 for points that are in the next image but hidden, and 0 for points outside it and for pixels
+/// without displacement: the pixel shows no body, the point is behind the next camera, or the view is the last one. A
+/// point is hidden if all four pixels whose centers surround it in the next view show a surface nearer by more than
+/// `tolerance_m`: on a plane, at least one of the four is as far as the point.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct OpticalFlow {
-    /// How far behind the surface that the next view shows a point may be and still count as seen, meters.
+    /// Maximum distance of a visible point behind the surface that the next view shows, meters.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub tolerance_m: f64,
 }

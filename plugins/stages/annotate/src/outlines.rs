@@ -7,14 +7,14 @@ use syntable_model::product::{BBox, Mask};
 /// Outlines of the visible and amodal masks as polygons, as in COCO's `segmentation`: lists of x1, y1, x2, y2, … in pixels,
 /// where pixel (0, 0) is the square from (0, 0) to (1, 1).
 ///
-/// `polygons` go around the parts of a mask, clockwise in the image, `holes` around what is left out in them,
-/// counterclockwise. COCO knows no holes: a reader of `polygons` alone fills them. Parts that touch only at corners are
-/// polygons of their own. An empty mask has none.
+/// `polygons` are the outer outlines of a mask, clockwise in the image; `holes` are the inner ones, counterclockwise.
+/// COCO has no holes: a reader of `polygons` alone fills them. Parts that touch only at corners are separate polygons.
+/// An empty mask has none.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Outlines {
-    /// How far a polygon may be from the edges of the mask's pixels, px. 0.5 (the default) takes out the steps of slanted
-    /// edges; 0 keeps every corner of every pixel, so that the polygons and holes are the mask.
+    /// Maximum distance of a polygon from the edges of the mask's pixels, pixels. 0.5 (the default) removes the steps
+    /// of slanted edges. 0 keeps every corner of every pixel, so the polygons and holes equal the mask.
     #[schemars(range(min = 0.0, max = 10.0))]
     pub tolerance_px: f64,
 }

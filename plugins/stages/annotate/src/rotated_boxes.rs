@@ -4,12 +4,12 @@ use syntable_model::prelude::*;
 use syntable_model::product::standard::{AMODAL_MASK, AMODAL_ROTATED_BOX, VISIBLE_MASK, VISIBLE_ROTATED_BOX};
 use syntable_model::product::{BBox, Mask};
 
-/// Rotated boxes of the visible and amodal masks: the rectangles of least area around all pixels of a mask.
+/// Rotated boxes of the visible and amodal masks: the rectangles of minimum area around all pixels of a mask.
 ///
-/// `center_px` is (u, v), where pixel (0, 0) is the square from (0, 0) to (1, 1). `size_px` has the longer side and the shorter
-/// one. `angle_deg` is the angle from the u axis to the longer side, clockwise in the image, in [−90, 90). `corners_px` go
-/// around clockwise. Of rectangles of one area that whose side follows the mask's convex hull first counts. An empty
-/// mask has a box of zeros.
+/// `center_px` is (u, v), where pixel (0, 0) is the square from (0, 0) to (1, 1). `size_px` has the longer side and the
+/// shorter one. `angle_deg` is the angle from the u axis to the longer side, clockwise in the image, in [−90, 90).
+/// `corners_px` are in clockwise order. Of several rectangles of minimum area, the one along the first edge of the
+/// mask's convex hull is used. The box of an empty mask is all zeros.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct RotatedBoxes {}

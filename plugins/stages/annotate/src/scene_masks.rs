@@ -4,8 +4,8 @@ use syntable_model::prelude::*;
 use syntable_model::product::standard::{BACKGROUND_MASK, CATEGORY_ID, CATEGORY_MAP, INSTANCE, TABLETOP_MASK};
 use syntable_model::scene::Role;
 
-/// Masks of the supports, such as the table, and of the background, and the categories of what is seen. With the visible masks of objects and what
-/// distractors cover they make up the image.
+/// Masks of the supports, such as the table, and of the background, and the categories of the visible objects. These
+/// masks, the visible masks of objects and the pixels of distractors together cover the image.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct SceneMasks {}

@@ -4,9 +4,9 @@ use std::collections::BTreeMap;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{OCCLUSION_RATE, SEEN_IN_VIEWS, VISIBLE_MASK};
 
-/// In which views of its scene an object is seen: for every object, `id`, the numbers of the `views` in which it is annotated
-/// with a visible pixel, and of these the one that hides least of it, `best_view`, with its `least_occlusion_rate`; none
-/// (`null`) for an object that no view shows.
+/// Views that show each object of the scene: the object's `id`; the numbers of the `views` in which it is annotated
+/// with a visible pixel; and `best_view`, the view with its lowest occlusion rate, with this rate as
+/// `least_occlusion_rate`. For an object that no view shows, both are `null`.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct SeenInViews {}

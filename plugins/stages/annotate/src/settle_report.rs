@@ -4,8 +4,8 @@ use syntable_model::prelude::*;
 use syntable_model::product::standard::SETTLE_REPORT;
 use syntable_model::scene;
 
-/// Number of objects in the scene, and the report of the settler: residual speed, maximum penetration, how far
-/// collision shapes fill hollows of the meshes, and removed objects.
+/// Number of objects in the scene, and the report of the settler: residual speed, maximum penetration, maximum distance
+/// of collision shapes from hollows of the meshes, and removed objects.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct SettleReport {}

@@ -6,21 +6,21 @@ use syntable_model::prelude::*;
 use syntable_model::product::standard::{AMODAL_MASK, AMODAL_SOFT_MASK, INSTANCE, VISIBLE_SOFT_MASK};
 use syntable_model::product::{BitPlane, ObjectImage, ObjectImages};
 
-/// The part of each pixel's area that annotated objects cover: `visible_soft_mask` where they are seen, `amodal_soft_mask`
-/// with what others hide. Both are the share of the rays through the centers of `subpixels` × `subpixels` equal squares of
-/// the pixel that hit the object, in steps of 1 / `subpixels`²; so a straight edge is off by at most about half of
-/// 1 / `subpixels`. The visible part is at most the amodal one in every pixel.
+/// Fraction of each pixel's area that annotated objects cover: `visible_soft_mask` for their visible parts,
+/// `amodal_soft_mask` with their hidden parts. Both are the fraction of rays through the centers of `subpixels` ×
+/// `subpixels` equal squares of the pixel that hit the object, in steps of 1 / `subpixels`². The error at a straight
+/// edge is at most about half of 1 / `subpixels`. In every pixel, the visible fraction is at most the amodal one.
 ///
-/// The renderer is asked for `instance` and `coverage` in sub-pixels, `subpixels`² as many rays as for masks: labels take that
-/// much longer, and that much memory. A mask of `masks` is taken at the center of the pixel and need not be where the soft
-/// mask is above one half.
+/// The renderer traces `instance` and `coverage` with `subpixels`² rays per pixel, so labels take that many times as
+/// long and as much memory. The masks of `masks` are sampled at pixel centers, so they can differ from the soft mask at
+/// a threshold of one half.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct SoftMasks {
     /// Sub-pixels along either edge of a pixel.
     #[schemars(range(min = 2, max = 8))]
     pub subpixels: u32,
-    /// How to treat the part of an object behind table and room: that of `masks`.
+    /// How to treat the part of an object behind table and room. Should equal the option of `masks`.
     pub table_and_room: TableAndRoom,
 }
 

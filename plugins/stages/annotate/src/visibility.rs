@@ -7,13 +7,14 @@ use syntable_model::product::extents;
 use syntable_model::product::standard::{AMODAL_MASK, COVERAGE, DEPTH, INSTANCE, VISIBILITY};
 use syntable_model::product::{BitPlane, PixelCounts, Plane};
 
-/// How much of every object the image shows, counted as in BOP's `scene_gt_info.json`.
+/// Visibility of every object, counted as in BOP's `scene_gt_info.json`.
 ///
-/// `px_count_all` are the pixels of the whole silhouette, without table, room and other objects, on a canvas that reaches
-/// one image size beyond every edge. Of these `px_count_in_frame` lie in the image, `px_count_valid` have a depth there, and
-/// `px_count_visib` show the object. `visib_fract` is `px_count_visib / px_count_all`, and `outside_fract` the share of
-/// the silhouette beyond the image; `truncated` says whether there is any. `silhouette_box` is the box of the whole
-/// silhouette: x, y, width and height in pixels from the image's top-left corner, so that x and y may be negative.
+/// `px_count_all` is the number of pixels of the whole silhouette, without table, room and other objects, on a canvas
+/// that extends one image size beyond every edge. Of these pixels, `px_count_in_frame` are in the image,
+/// `px_count_valid` have a depth there, and `px_count_visib` show the object. `visib_fract` is `px_count_visib /
+/// px_count_all`. `outside_fract` is the fraction of the silhouette outside the image, and `truncated` is true if it is
+/// not zero. `silhouette_box` is the box of the whole silhouette: x, y, width and height in pixels from the image's
+/// top-left corner; x and y may be negative.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Visibility {

@@ -7,22 +7,22 @@ use syntable_model::product::standard::{
 };
 use syntable_model::product::{BBox, Lighting, ObjectImage, ObjectImages};
 
-/// What every annotated object looks like without what occludes it: color and opacity, for amodal completion, de-occlusion
+/// Appearance of every annotated object without its occluders: color and opacity, for amodal completion, de-occlusion
 /// and compositing.
 ///
 /// # What it does
 ///
-/// All objects of a view are rendered at once, each in a window of its own, with the samples, the denoiser, the exposure,
-/// the white balance and the tone curve of the image. Where the image shows an object alone, `appearance` has the same
-/// colors (with `in_scene`; but for noise that a denoiser took from elsewhere). Effects of lens and image sensor that look
-/// at neighbors or are random are left out: vignetting, color fringes, blur, noise and JPEG.
+/// All objects of a view are rendered at once, each in its own window, with the samples, denoiser, exposure, white
+/// balance and tone curve of the image. With `in_scene`, unoccluded parts of an object have the same colors as in the
+/// image, apart from the denoiser's errors. Effects of lens and image sensor that are random or involve neighboring
+/// pixels are omitted: vignetting, color fringes, blur, noise and JPEG.
 ///
-/// Opacity is the share of a pixel that the object covers, so that edges are soft; at thresholds of one half it is the
-/// amodal mask but for pixels at edges. Colors are not premultiplied. What is seen in mirrors and through glass belongs
-/// to the object that has them, at full opacity.
+/// Opacity is the fraction of a pixel that the object covers, so edges are soft. A threshold of one half gives the
+/// amodal mask, apart from pixels at edges. Colors are not premultiplied. Reflections in mirrors and light through
+/// glass belong to the object with the mirror or glass, at full opacity.
 ///
-/// A window is two pixels larger than the object's amodal mask on every side, and ends at the edges of the image: of what
-/// a lens with an aperture blurs farther it shows no more.
+/// A window is two pixels larger than the object's amodal mask on every side, and ends at the edges of the image. If a
+/// lens with an aperture blurs the object further, the window cuts the blur off.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Appearance {

@@ -15,9 +15,9 @@ use syntable_model::product::{BitPlane, OcclusionOrder};
 /// Visible, amodal and occlusion masks, occlusion rates and the occlusion order matrix (OOAM), all from one ray per
 /// pixel center, so that the occlusion mask is exactly the amodal mask minus the visible mask.
 ///
-/// An object with no amodal pixel in the image is never annotated. `label_policy` states these options in the output, and as
-/// `transparent` which surface of a ray counts where one can be seen through: `first`, `alpha_threshold` or `first_opaque`, the
-/// option `blended_labels` of the renderer.
+/// An object without an amodal pixel in the image is never annotated. `label_policy` states these options in the
+/// output. Its field `transparent` names the surface that labels show on transparent materials, the option
+/// `blended_labels` of the renderer: `first`, `alpha_threshold` or `first_opaque`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Masks {

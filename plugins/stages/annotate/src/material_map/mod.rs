@@ -8,25 +8,24 @@ use cast::{Caster, Trees};
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{INSTANCE, MATERIAL_MAP};
 
-/// The material that each pixel shows, as an id of the product `materials`: that of the surface at the pixel center, 0 where
-/// there is none.
+/// Material of the surface at the pixel center, as an id of the product `materials`, 0 without a surface.
 ///
-/// Glass is looked through: the surface is the first one of which labels say that it is there and that transmits less than
-/// half of the light that enters it. The way through glass is straight, without refraction. With `glass = "seen"` it is the
-/// surface that `instance` and `depth` show. Where a body has one material, that is the pixel's; of others the surface is
-/// found by a ray of their own, so that the renderer need not know of it.
+/// Glass is looked through: the surface is the first labeled one that transmits less than half of the entering light.
+/// The ray passes through glass straight, without refraction. With `glass = "seen"`, the surface is the one in
+/// `instance` and `depth`. A body with several materials needs another ray per pixel, which the stage traces itself, so
+/// every renderer works.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct MaterialMap {
-    /// What pixels show that see glass.
+    /// Surface of pixels that show glass.
     pub glass: Glass,
 }
 
-/// What pixels show that see glass.
+/// Surface of pixels that show glass.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Glass {
-    /// What is behind it (the default): the first opaque surface.
+    /// The first opaque surface behind the glass (the default).
     #[default]
     LookedThrough,
     /// The glass, as in `instance`.
