@@ -20,14 +20,14 @@ use syntable_model::prelude::*;
 /// | `category_id_segmaps` | unsigned `[H, W]` | category of that body: 1 is `object`, then the classes of pools by name; 0 for all that is no object |
 /// | `instance_attribute_maps` | text | JSON: `idx`, `category_id`, `name` (pool and asset), `category` and `role` of each body in `instance_segmaps` |
 ///
-/// Unsigned arrays have 8, 16 or 32 bits, whatever the largest value needs. Included products are arrays as the writer
-/// `npy` stores them, with the ids of a product per instance in `{product}_ids`; what is no array, such as `camera`, is JSON
-/// text. Arrays are compressed with gzip. `h5py.File(path)[name][()]` reads a dataset.
+/// Unsigned arrays have 8, 16 or 32 bits, depending on their largest value. Included numeric products are arrays like
+/// those of the writer `npy`, with the ids of a product per instance in `{product}_ids`; other products, such as
+/// `camera`, are JSON text. Arrays are compressed with gzip. `h5py.File(path)[name][()]` reads a dataset.
 ///
 /// # Output
 ///
-/// `{id}/{scene:06}_{view:04}.hdf5`, and `{id}/categories.json` with ids and names of all categories of the recipe if there
-/// are ids of them.
+/// `{id}/{scene:06}_{view:04}.hdf5`, and, if category ids are included, `{id}/categories.json` with ids and names of
+/// all categories of the recipe.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Hdf5 {

@@ -35,11 +35,11 @@ use syntable_model::prelude::*;
 /// itself, `image`, a struct of `bytes` (PNG) and `path`; `datasets` decodes it. Tables of instances do not embed
 /// images: each would be there as often as it has instances, which readers unpack.
 ///
-/// With ids of categories, the metadata of each table has the key `categories`: COCO's list of all categories of the recipe, as
-/// JSON.
+/// If category ids are included, the metadata of each table has the key `categories`: COCO's list of all categories of
+/// the recipe, as JSON.
 ///
-/// Each scene has a table of its own, with the same columns, so that a run that ends early leaves whole tables and a dataset
-/// that grows leaves them as they are; readers take a folder or `*.parquet` for one table.
+/// Each scene has its own table with the same columns: an interrupted run leaves whole tables, and a growing dataset
+/// leaves its tables unchanged. Readers accept a folder or `*.parquet` as one table.
 ///
 /// ```python
 /// table = pandas.read_parquet("data/parquet/instances")

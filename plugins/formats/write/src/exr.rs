@@ -13,7 +13,7 @@ const EXTENSION: &str = "exr";
 /// # What it does
 ///
 /// Stores 16- and 32-bit float images of up to 4 channels, such as `radiance`, `depth` and `normal`, in their own
-/// precision and with lossless ZIP compression. What the product means names the channels:
+/// precision and with lossless ZIP compression. The meaning of the product determines the names of the channels:
 ///
 /// | product | channels |
 /// | --- | --- |
@@ -24,9 +24,10 @@ const EXTENSION: &str = "exr";
 ///
 /// The header states the unit of the product in the attribute `unit`. A color in nits has a `whiteLuminance` of 1.
 ///
-/// With `layers` a file has all products of a view: each is a layer of its own name, as compositing programs show it, and
-/// its channels are `depth.Z` or `normal.X`. The first color of `include` has the plain names `R` `G` `B`, so that viewers
-/// show it. The unit of a layer is in the attribute `{layer}.unit`. All images have the size of the first.
+/// With `layers`, a file has all products of a view. Each product is a layer with the product's name, as compositing
+/// programs show it, and with channels such as `depth.Z` or `normal.X`. The first color of `include` has the plain
+/// names `R` `G` `B`, so that viewers show it. The unit of a layer is in the attribute `{layer}.unit`. All images have
+/// the size of the first.
 ///
 /// # Output
 ///

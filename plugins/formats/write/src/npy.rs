@@ -14,10 +14,10 @@ const IDS_END: &str = "_ids";
 ///
 /// # What it does
 ///
-/// Stores values as they are: images as `[height, width]` or `[height, width, channels]` of their own type, masks as
-/// bool, numbers and lists of numbers as float64, int64 or uint64. A product per instance is one array with the instances along the first axis;
-/// masks become `[N, height, width]`. `occlusion_order` is `[N, N]` of bool over the annotated instances in id order:
-/// the row's object occludes the column's. Text and records do not fit; `jsonl` writes them.
+/// Stores values unchanged: images as `[height, width]` or `[height, width, channels]` in their own type, masks as
+/// bool, numbers and lists of numbers as float64, int64 or uint64. A product per instance is one array with the
+/// instances along the first axis; masks become `[N, height, width]`. `occlusion_order` is `[N, N]` of bool over the
+/// annotated instances in id order: the row's object occludes the column's. The writer `jsonl` stores text and records.
 ///
 /// # Output
 ///

@@ -11,9 +11,10 @@ use syntable_model::product::{StatedCamera, Tensor};
 ///
 /// # What it does
 ///
-/// Each pixel with a depth is a point, row by row from the top left. Lens distortion is taken into account. Properties of a
-/// point are `x`, `y`, `z` (float, meters), with `colors` `red`, `green`, `blue` (uchar) and with `instances` `instance`
-/// (ushort): the id of the body, as in the product `instance`. Files are binary, little-endian.
+/// Each pixel with a depth is a point, row by row from the top left. Lens distortion is taken into account. Points have
+/// the properties `x`, `y`, `z` (float, meters), with `colors` also `red`, `green`, `blue` (uchar), and with
+/// `instances` also `instance` (ushort): the id of the body, as in the product `instance`. Files are binary,
+/// little-endian.
 ///
 /// # Output
 ///
@@ -21,7 +22,7 @@ use syntable_model::product::{StatedCamera, Tensor};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Ply {
-    /// Depth in meters along the optical axis: `depth`, or `depth_sensed` for what a depth camera measures.
+    /// Depth in meters along the optical axis: `depth`, or `depth_sensed` for the measurements of a depth camera.
     pub depth: ProductName,
     /// Frame of the points.
     pub frame: PointFrame,

@@ -13,7 +13,7 @@ const EXTENSION: &str = "png";
 ///
 /// # What it does
 ///
-/// The kind of value decides how a product is stored:
+/// The kind of value determines how a product is stored:
 ///
 /// | product | samples |
 /// | --- | --- |
@@ -24,7 +24,7 @@ const EXTENSION: &str = "png";
 /// | normal | 8-bit RGB preview: x right, y up, z toward the viewer; 128 is zero |
 /// | linear color without a unit, such as `albedo` | 8-bit RGB preview, sRGB-encoded |
 ///
-/// Other float images and colors in nits do not fit; `exr` and `npy` write them as they are.
+/// The writers `exr` and `npy` store other float images and colors in nits.
 ///
 /// # Output
 ///
@@ -41,9 +41,9 @@ pub struct Png {
     /// 6.55 m.
     #[schemars(range(min = 0.001, max = 1000.0))]
     pub depth_scale_mm: f64,
-    /// Whether to cut images per instance that have an opacity, such as `appearance`, to the box of what is not transparent,
-    /// at least one pixel. `appearance_box` says where on the image that is. Without (the default) they have the size of the
-    /// image.
+    /// Whether to crop images per instance with an opacity, such as `appearance`, to the box of their pixels that are
+    /// not fully transparent, at least one pixel. `appearance_box` has the position of this box in the image. By
+    /// default, they have the size of the image.
     pub crop: bool,
 }
 

@@ -20,40 +20,41 @@ use syntable_model::prelude::*;
 ///
 /// # What it does
 ///
-/// Each scene of the dataset is a BOP scene, each view an image of it. Lengths are millimeters and poses map model frames
-/// to the camera frame: x right, y down, z forward. A model frame is that of the asset's file, wherever the pool puts the
-/// center of the object: an evaluation with a benchmark's own models fits, provided that the pool leaves `scale` at 1. `cam_K`
-/// has pixel centers at integers, as BlenderProc writes it and `depth_im_to_dist_im` of bop_toolkit reads depth with it: its
-/// `cx` and `cy` are those of the product `camera` minus 0.5.
+/// Each scene of the dataset is a BOP scene, and each view is one of its images. Lengths are in millimeters. Poses map
+/// the model frame to the camera frame: x right, y down, z forward. The model frame is the frame of the asset's file,
+/// wherever the pool puts the center of the object. Evaluations with a benchmark's own models therefore fit, provided
+/// that the pool leaves `scale` at 1. `cam_K` has pixel centers at integers, as in BlenderProc's files and in
+/// `depth_im_to_dist_im` of bop_toolkit: its `cx` and `cy` are those of the product `camera` minus 0.5.
 ///
-/// `obj_id` is the number of the asset in its pool: the one that `bop_models` finds in the name of the file, the one that the
-/// pool's `ids` states, or the place of the asset among all of the pool. It depends neither on the assets that are drawn nor on
-/// the part of a split, so parts, splits and datasets that grow agree. `objects.json` says which is which. A dataset that is
-/// converted keeps its numbers; where it has none, objects are numbered in the order of their names, with a warning.
+/// `obj_id` is the number of the asset in its pool: the number in the file name (`bop_models`), the number in the
+/// pool's `ids`, or the position of the asset among all assets of the pool. It depends neither on the drawn assets nor
+/// on the part of a split, so parts, splits and growing datasets agree. `objects.json` maps numbers to names.
+/// Conversions keep the numbers of the dataset; without numbers, objects are numbered in the order of their names, with
+/// a warning.
 ///
-/// `models` adds the meshes of the assets, in millimeters and in the frame that poses map from, with colors of vertices or a
-/// texture, and the symmetries that the pool's `models_info.json` states. A model of one material with a texture has the
-/// texture; one of several materials has the colors of its materials at its vertices. The `diameter` is the exact largest
-/// distance of two vertices. `.syntable` keeps the models of each scene for the end of the run. Scenes with the same model share
-/// its files by hard links: each model and each texture takes disk space once, on a file system that has hard links.
+/// `models` adds the meshes of the assets, in millimeters and in the model frame, with vertex colors or a texture, and
+/// with the symmetries in the pool's `models_info.json`. A model of one textured material has the texture; a model of
+/// several materials has their colors at its vertices. The `diameter` is the exact maximum distance of two vertices.
+/// `.syntable` keeps the models of each scene for the end of the run. Scenes with the same model share its files by
+/// hard links, if the file system supports them: each model and each texture is stored once.
 ///
-/// A split `test`, or one that begins with `test_`, has the targets of BOP Challenge 2019: for each image and model the
-/// number of instances of which at least a tenth is visible.
+/// A split named `test` or `test_…` has the targets of BOP Challenge 2019: for each image and model, the number of
+/// instances whose visible fraction is at least one tenth.
 ///
-/// With `layout = "webdataset"` images are in tar files for reading in one piece, up to 1000 in each. They can be written
-/// at the end alone, when `obj_id` is known, from copies in `.syntable` that take as much space again.
+/// With `layout = "webdataset"`, images are in tar files for sequential reading, up to 1000 images each. They are
+/// written at the end of the run, when `obj_id` is known, from copies in `.syntable`, which double the disk space.
 ///
-/// `mask` is the object without its occluders, `mask_visib` what the image shows. Both are exact: there is no tolerance
-/// of depth as in masks that are estimated from depth images. `px_count_all` and `bbox_obj` reach one image size beyond
-/// every edge. Boxes of `scene_gt_info.json` have `width = last column - first column`, those of `scene_gt_coco.json` one
-/// more.
+/// `mask` is the amodal mask, `mask_visib` the visible mask. Both are exact, without the depth tolerance of masks that
+/// are estimated from depth images. `px_count_all` and `bbox_obj` extend one image size beyond every edge. Boxes of
+/// `scene_gt_info.json` have `width = last column - first column`; boxes of `scene_gt_coco.json` are one pixel wider
+/// and higher.
 ///
 /// # Limits
 ///
-/// BOP lists all objects of a scene, hidden ones as well: for that, `objects` is `all` here and in the options of the
-/// annotators `object_info` and `visibility`. BOP has no lens distortion, so images with it are refused. `mask` has what
-/// table and room hide of an object, also where `table_and_room` of the annotator `masks` is `clip`; a dataset that was made so
-/// cannot be converted to BOP.
+/// BOP lists all objects of a scene, including hidden ones: for that, set `objects` to `all` here and in the annotators
+/// `object_info` and `visibility`. BOP has no lens distortion, so distorted images are refused. `mask` includes the
+/// parts that table and room hide, even if `table_and_room` of the annotator `masks` is `clip`. A dataset made with
+/// `clip` cannot be converted to BOP.
 ///
 /// # Output
 ///
@@ -69,14 +70,14 @@ use syntable_model::prelude::*;
 /// - `scene_gt_coco.json` with boxes of whole objects, `scene_gt_coco_modal.json` with those of what is visible; both have
 ///   visible masks.
 ///
-/// With `layout = "webdataset"` instead, in `{id}/{split}_web`: `shard-000000.tar` and so on, and `key_to_shard.json`, the
-/// number of the shard of each image. A sample has the key `{scene:06}_{view:06}` and the members `rgb.png`, `depth.png`,
-/// `camera.json`, `gt.json`, `gt_info.json`, `mask.json` and `mask_visib.json`: the entries of the files above for this image,
-/// and uncompressed run lengths of the masks by the number of the object.
+/// With `layout = "webdataset"`, in `{id}/{split}_web`: `shard-000000.tar` and so on, and `key_to_shard.json`, the
+/// number of the shard of each image. A sample has the key `{scene:06}_{view:04}` and the members `rgb.png`,
+/// `depth.png`, `camera.json`, `gt.json`, `gt_info.json`, `mask.json` and `mask_visib.json`: the image's entries of the
+/// files above, and the masks as uncompressed run lengths by the number of the object.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Bop {
-    /// Folder of the scenes: `train_pbr` for rendered training images, `test` for those of a benchmark.
+    /// Folder of the scenes: `train_pbr` for rendered training images, `test` for images of a benchmark.
     pub split: String,
     /// Step of depth images, mm. Depths beyond 65535 steps are stored as 65535: 0.1 mm reaches 6.55 m.
     #[schemars(range(min = 0.001, max = 1000.0))]

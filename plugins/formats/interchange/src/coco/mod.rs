@@ -17,17 +17,17 @@ use syntable_model::prelude::*;
 ///
 /// # What it does
 ///
-/// `segmentation`, `area` and `bbox` are those of one mask, visible or amodal, so that COCO's own tools measure what they
-/// say; every annotation also has both masks, both boxes and the rate of occlusion under SynTable's names. Boxes are
-/// `[x, y, width, height]` with `width = last column - first column + 1`, areas whole pixels, masks compressed run lengths.
-/// Image ids are `scene · views_per_scene + view + 1`; images without objects are listed, too. Categories are `object` (1)
-/// and the classes of the recipe's pools. Of a dataset that is converted and has visible masks alone,
-/// `segmentation` is the visible mask and the fields of SynTable are left out; of one of amodal masks alone, `amodal_mask` and
-/// `amodal_bbox` say that `segmentation` is amodal.
+/// `segmentation`, `area` and `bbox` describe one mask, visible or amodal, so COCO's own tools evaluate this mask.
+/// Every annotation also has both masks, both boxes and the occlusion rate under SynTable's names. Boxes are `[x, y,
+/// width, height]` with `width = last column - first column + 1`, areas are whole pixels, and masks are compressed run
+/// lengths. Image ids are `scene · views_per_scene + view + 1`; images without objects are listed, too. Categories are
+/// `object` (1) and the classes of the recipe's pools. In a conversion from a dataset with visible masks only,
+/// `segmentation` is the visible mask, and SynTable's fields are omitted. From a dataset with amodal masks only,
+/// `segmentation` is the amodal mask, which `amodal_mask` and `amodal_bbox` repeat.
 ///
-/// With `keypoints` annotations have these as well: x, y and visibility of each, 0 for one that is not labeled (then x and y
-/// are 0, too), 1 for a hidden one, 2 for one that is seen. As in COCO's files, (0, 0) is the center of the first pixel.
-/// Every category lists the names, and the `skeleton` that joins them.
+/// With `keypoints`, annotations also have x, y and visibility of each keypoint: 0 for unlabeled ones (then x and y are
+/// 0, too), 1 for hidden ones, 2 for visible ones. As in COCO's files, (0, 0) is the center of the first pixel. Every
+/// category lists the names and the `skeleton`, which connects them.
 ///
 /// # Output
 ///
@@ -54,7 +54,7 @@ pub struct Coco {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum MaskChoice {
-    /// What the image shows of the object.
+    /// The visible part of the object.
     Visible,
     /// The object without occluders.
     Amodal,

@@ -14,15 +14,15 @@ use syntable_model::prelude::*;
 ///
 /// # What it does
 ///
-/// `regions` has the objects from front to back, each after all that occlude it; `order` counts them from 1. Where
-/// objects occlude each other, directly or in a circle, the one whose nearest visible pixel is nearest comes first.
-/// `depth_constraint` lists the pairs `i-j` of which i occludes j and comes before it, by `order`.
+/// `regions` has the objects from front to back, each after its occluders; `order` counts them from 1. Of objects that
+/// occlude each other, directly or in a cycle, the object with the nearest visible pixel comes first.
+/// `depth_constraint` lists the pairs `i-j`, by `order`, in which i occludes j and comes before it.
 ///
-/// `segmentation` is one polygon around the amodal mask: its parts are linked at their nearest corners, its holes
-/// filled. The annotator `outlines` says how close it is. `area` and `occlude_rate` are those of the masks.
-/// `visible_mask` and `invisible_mask`, compressed run lengths, are there if the object is occluded. `name` is the
-/// object's category, `isStuff` 0, and `url` the image's file name. Images without objects are left out, so that the
-/// n-th annotation is that of the n-th image.
+/// `segmentation` is one polygon around the amodal mask: its parts are connected at their nearest corners, and its
+/// holes are filled. The annotator `outlines` sets the polygon's tolerance. `area` and `occlude_rate` are computed from
+/// the masks. Occluded objects have `visible_mask` and `invisible_mask` as compressed run lengths. `name` is the
+/// object's category, `isStuff` is 0, and `url` is the image's file name. Images without objects are omitted, so the
+/// n-th annotation belongs to the n-th image.
 ///
 /// # Output
 ///

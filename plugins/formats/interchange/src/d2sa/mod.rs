@@ -15,13 +15,13 @@ use syntable_model::prelude::*;
 ///
 /// # What it does
 ///
-/// The annotation file has COCO's structure. `segmentation`, `area` and `bbox` are those of the amodal mask;
-/// `visible_mask` is beside it, and `invisible_mask` if the object is occluded. Masks are compressed run lengths.
+/// The annotation file has COCO's structure. `segmentation`, `area` and `bbox` describe the amodal mask. Annotations
+/// also have `visible_mask`, and `invisible_mask` for occluded objects. Masks are compressed run lengths.
 /// `occlude_rate` is the hidden fraction of the amodal mask, `occl_depth` the number of objects in the longest chain of
-/// occluders in front of it, 0 if nothing occludes it. `amodal_region.order` counts the objects of an image from 1 from
-/// front to back: each comes after all that occlude it; where objects occlude each other, directly or in a circle, the
-/// one whose nearest visible pixel is nearest comes first. `amodal_base`, which repeats the image's record, is left
-/// out. Images without objects are listed.
+/// occluders in front of it, 0 without occluders. `amodal_region.order` counts the objects of an image from 1, from
+/// front to back: each object comes after its occluders. Of objects that occlude each other, directly or in a cycle,
+/// the object with the nearest visible pixel comes first. `amodal_base`, which repeats the image's record, is omitted.
+/// Images without objects are listed.
 ///
 /// # Output
 ///

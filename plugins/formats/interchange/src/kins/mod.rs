@@ -14,10 +14,10 @@ use syntable_model::prelude::*;
 /// # What it does
 ///
 /// Both annotation files have COCO's structure and the categories of the dataset. Polygons are lists of lists `[x1, y1,
-/// x2, y2, …]` whose holes are filled; the annotator `outlines` says how close they are. A visible mask has one polygon per
-/// part. The parts of an amodal mask are linked at their nearest corners to one polygon, since the readers of deocclusion and
-/// InstaOrder take one alone. Areas and boxes `[x, y, width, height]` are those of the masks. Objects of which an image shows nothing have no
-/// annotation. Images without objects are listed.
+/// x2, y2, …]` with filled holes; the annotator `outlines` sets their tolerance. A visible mask has one polygon per
+/// part. The parts of an amodal mask are connected at their nearest corners to one polygon, since the readers of
+/// deocclusion and InstaOrder take only one. Areas and boxes `[x, y, width, height]` are computed from the masks.
+/// Objects without a visible pixel have no annotation. Images without objects are listed.
 ///
 /// - `2019`: `segmentation`, `bbox` and `area` are amodal; `inmodal_seg` is the visible mask as compressed run lengths,
 ///   `inmodal_bbox` its box.

@@ -36,8 +36,8 @@ pub struct Uoais {
     pub split: String,
     /// Depth that is written.
     pub depth: DepthSource,
-    /// Leaves images without annotations out of the annotation file: UOAIS-Net's evaluation fails at them. Their image
-    /// files are written all the same.
+    /// Whether to omit images without annotations from the annotation file, since UOAIS-Net's evaluation fails on them.
+    /// Their image files are written all the same.
     pub skip_empty_images: bool,
 }
 

@@ -15,9 +15,9 @@ use syntable_model::prelude::*;
 ///
 /// # What it does
 ///
-/// A line of a label file is an object: the number of its class from 0, then x and y of points, divided by width and
-/// height of the image. Classes are `object` (0) and the classes of the recipe's pools, as `data.yaml` says. An image
-/// without objects has an empty label file.
+/// Each line of a label file is an object: the number of its class, from 0, then x and y of points, divided by the
+/// width and height of the image. Classes are `object` (0) and the classes of the recipe's pools, listed in
+/// `data.yaml`. An image without objects has an empty label file.
 ///
 /// - `task = "segment"`: the polygon around the mask. Its parts are linked at their nearest corners to one polygon, as
 ///   Ultralytics' converter from COCO does, and its holes filled. The annotator `outlines` says how close it is.
@@ -25,10 +25,11 @@ use syntable_model::prelude::*;
 ///   only those of a box that is larger than the image are moved to its edge, since the loader drops images with such
 ///   boxes.
 ///
-/// With `masks = "amodal"`, `data.yaml` has the line `masks: amodal`, so that readers know what polygons are around.
+/// With `masks = "amodal"`, `data.yaml` has the line `masks: amodal`, which tells readers which masks the polygons
+/// outline.
 ///
-/// `data.yaml` names the images of this dataset for training and for validation: point `val` to the images of a dataset
-/// that was made for it. Paths count from the folder of `data.yaml`.
+/// `data.yaml` uses the images of this dataset for training and for validation. For a validation set, point `val` to
+/// the images of another dataset. Paths are relative to the folder of `data.yaml`.
 ///
 /// # Output
 ///
@@ -40,7 +41,7 @@ use syntable_model::prelude::*;
 pub struct Yolo {
     /// What the labels are for.
     pub task: YoloTask,
-    /// Mask that polygons and boxes are around. Objects whose mask is empty have no label.
+    /// Mask that polygons and boxes outline. Objects with an empty mask have no label.
     pub masks: MaskChoice,
     /// Folder of images and labels.
     pub split: String,

@@ -30,7 +30,7 @@ pub struct Jsonl {
     pub include: Included,
     /// What a line covers.
     pub per: LinePer,
-    /// Path of the file, relative to the dataset; `{id}.jsonl` if left out.
+    /// Path of the file, relative to the dataset. Default: `{id}.jsonl`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub file: Option<String>,
 }

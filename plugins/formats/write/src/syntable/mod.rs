@@ -22,15 +22,15 @@ const ANNOTATION_FILE: &str = "annotation_final.json";
 /// # What it does
 ///
 /// The annotation file has COCO's structure. `segmentation` is the amodal mask of an object; `visible_mask`,
-/// `occluded_mask`, `occluded_rate` and boxes are fields beside it. Image ids are
-/// `scene · views_per_scene + view + 1`, so that they are the same whichever scenes are done; they change once the recipe of a
-/// dataset that grows has more views per scene. Categories are `object` (id 1) and, from 2, the classes of the recipe's pools in
-/// the order of their names. `scenes` has a record per scene, whose `bodies` say what each id in the product `instance`
-/// stands for: role, asset, category, materials and pose of objects, distractors, table and room. Row and column n of the occlusion order belong to the n-th annotation of the
-/// image, which is `instance_ids[n]` of the image's record. Dates are constant.
+/// `occluded_mask`, `occluded_rate` and boxes are additional fields. Image ids are `scene · views_per_scene + view +
+/// 1`, so they do not depend on which scenes are complete; they change if the recipe of a growing dataset gets more
+/// views per scene. Categories are `object` (id 1) and, from 2, the classes of the recipe's pools, sorted by name.
+/// `scenes` has a record per scene, whose `bodies` explain each id in the product `instance`: role, asset, category,
+/// materials and pose of objects, distractors, table and room. Row and column n of the occlusion order belong to the
+/// n-th annotation of the image, which is `instance_ids[n]` of the image's record. Dates are constant.
 ///
-/// What a dataset that is converted lacks is left out of the `coco` form: depth, order, camera and other fields. Without amodal
-/// masks, `segmentation` and `area` are those of the visible mask, and nothing is said of occlusion.
+/// In a conversion, the `coco` form omits everything that the dataset lacks: depth, order, camera and other fields.
+/// Without amodal masks, `segmentation` and `area` describe the visible mask, and the fields on occlusion are omitted.
 ///
 /// # Output
 ///
@@ -49,8 +49,8 @@ pub struct SynTable {
     /// Mask whose box is written as `bbox`: `visible` as in SynTable, or `amodal` to fit `segmentation`. The `coco` form
     /// also has both boxes under their own names.
     pub bbox: BoxSource,
-    /// Leaves images without annotations out of the annotation file, as some readers of test sets require. Their image
-    /// files are written all the same. The `syntable_1` form never has such images.
+    /// Whether to omit images without annotations from the annotation file, as some readers of test sets require. Their
+    /// image files are written all the same. The `syntable_1` form never lists such images.
     pub skip_empty_images: bool,
     /// Also writes the files of SynTable's switch `--save-segmentation-data`, except the images of single objects: instance
     /// maps, visible, amodal and occlusion masks as PNG, depth as PFM in meters and as 8-bit inverse depth. Of a dataset that

@@ -7,12 +7,13 @@ mod write;
 use syntable_formats::include::Included;
 use syntable_model::prelude::*;
 
-/// Writes WebDataset shards: tar files of samples, for training from disks and object stores that read fast in one piece.
+/// Writes WebDataset shards: tar files of samples, for training from disks and object stores with fast sequential
+/// reads.
 ///
 /// # What it does
 ///
-/// Each scene is a shard, each view a sample with the key `{scene:06}_{view:04}`. A sample has a field per included
-/// product, in their order, and the kind of value decides about its format:
+/// Each scene is a shard, and each view is a sample with the key `{scene:06}_{view:04}`. A sample has a field per
+/// included product, in the order of `include`. The kind of value determines the field's format:
 ///
 /// | product | field |
 /// | --- | --- |
@@ -22,13 +23,15 @@ use syntable_model::prelude::*;
 /// | a number, a box or a mask per instance | `{product}.npy`, instances along the first axis, and `{product}.ids.npy` |
 /// | record, list or text, such as `camera` | `{product}.json` |
 ///
-/// Values are those of the writers `png`, `exr`, `npy` and `jsonl`. Nothing is compressed twice: the tar files are plain.
-/// They have neither times nor owners, so that equal samples make equal files. WebDataset's readers take
-/// `{id}-{000000..000099}.tar` for the first hundred scenes; a shard has as many samples as a scene has views.
+/// Fields are the same as the files of the writers `png`, `exr`, `npy` and `jsonl`. The tar files are not compressed,
+/// since their members are. They have neither times nor owners, so equal samples give equal files. The URL of the first
+/// hundred scenes for WebDataset's readers is `{id}-{000000..000099}.tar`; a shard has as many samples as a scene has
+/// views.
 ///
 /// # Output
 ///
-/// `{id}/{id}-{scene:06}.tar`, and with ids of categories `{id}/categories.json`, their names in COCO's form.
+/// `{id}/{id}-{scene:06}.tar`, and, if category ids are included, `{id}/categories.json` with their names in COCO's
+/// form.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Webdataset {
