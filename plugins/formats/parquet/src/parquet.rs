@@ -24,16 +24,16 @@ use syntable_model::prelude::*;
 /// | `visibility` | `px_count_all`, `px_count_in_frame`, `px_count_valid`, `px_count_visib`, `visib_fract` |
 /// | other records and lists | `{product}`: JSON text |
 ///
-/// An instance has a row, or a place in the lists of its view, if any of the included products of the view has a value of it. So
-/// where `object_info` or `visibility` has `objects = "all"`, objects that are not annotated have one, too: what only annotated
-/// ones have, such as masks, boxes and `category_id`, is null there.
+/// An instance has a row, or an entry in the lists of its view, if any of the included products of the view has a value
+/// for it. If `object_info` or `visibility` has `objects = "all"`, this includes objects that are not annotated: their
+/// masks, boxes and `category_id` are null.
 ///
-/// Matrices are lists of their entries, row by row. Cells without a value are null. Products of a view or a scene repeat in
-/// the rows of its instances. A product that has an array per instance or per view stays out: `npz` has a place for it.
+/// Matrices are lists of their entries, row by row. Cells without a value are null. Products of a view or a scene
+/// repeat in the rows of its instances. Tables have no arrays per instance or per view; `npz` stores them.
 ///
-/// `image_file` is the path of the image from the table's folder. With `images = "embedded"` a row of a view has the image
-/// itself, `image`, a struct of `bytes` (PNG) and `path`; `datasets` decodes it. Tables of instances do not embed
-/// images: each would be there as often as it has instances, which readers unpack.
+/// `image_file` is the path of the image, relative to the table's folder. With `images = "embedded"`, the row of a view
+/// has the image itself, `image`, a struct of `bytes` (PNG) and `path`, which `datasets` decodes. Tables of instances
+/// do not embed images, since each image would repeat in the rows of its instances.
 ///
 /// If category ids are included, the metadata of each table has the key `categories`: COCO's list of all categories of
 /// the recipe, as JSON.

@@ -22,8 +22,8 @@ const IDS_END: &str = "_ids";
 /// # Output
 ///
 /// `{id}/{product}/{scene:06}_{view:04}.npy`. A product per instance has its instance ids, u16 in the same order, in
-/// `{id}/{product}/{scene:06}_{view:04}_ids.npy`. A product of the scene is `{id}/{product}/{scene:06}.npy`.
-/// With ids of categories, `{id}/categories.json` has their names, in COCO's form.
+/// `{id}/{product}/{scene:06}_{view:04}_ids.npy`. A product of the scene is `{id}/{product}/{scene:06}.npy`. If
+/// category ids are included, `{id}/categories.json` has their names in COCO's form.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Npy {

@@ -13,12 +13,12 @@ use syntable_model::prelude::*;
 ///
 /// # What it does
 ///
-/// The folder `{id}` replaces `datasets/OSD-0.2-depth`. The objects of an image are numbered from 1 in the
-/// order of their ids; the numbers are the labels of the visible masks and part of the names of the others. An occluded
-/// mask is there only if the object is occluded, which is how the evaluation knows. Objects of which the image shows
-/// nothing are left out, and so are views without objects, at which the evaluation fails. Where visible masks overlap, a pixel
-/// is of the object with the smallest mask, and how many objects lose pixels is reported. An image has at most 255
-/// objects. Names have no underscore, since the evaluation splits them there.
+/// The folder `{id}` replaces `datasets/OSD-0.2-depth`. The objects of an image are numbered from 1 in the order of
+/// their ids; these numbers are the labels of the visible masks and part of the other masks' names. Only occluded
+/// objects have an occlusion mask, which the evaluation takes as the sign of occlusion. Objects without a visible pixel
+/// are omitted, and so are views without objects, on which the evaluation fails. If visible masks overlap, a pixel
+/// belongs to the object with the smallest mask, and the number of objects that lose pixels is reported. An image has
+/// at most 255 objects. Names have no underscore, since the evaluation splits them there.
 ///
 /// # Output
 ///

@@ -14,10 +14,10 @@ use syntable_model::prelude::*;
 ///
 /// Each line is a record with the numbers `scene` and `view` and each included product under its name. Masks are COCO's
 /// compressed run lengths with their size, arrays are nested lists, and values per instance are keyed by the id.
-/// Numbers that are not finite are null. A product of the scene that is known before the views is in the line of each
-/// view; those that are made from all views have a line of their own after the views. With `per = "scene"` a line has
-/// the products of the scene, and a list `views` with the products of each view. Products of the dataset are in the
-/// last line.
+/// Numbers that are not finite are null. A product of the scene that is made before the views is in the line of each
+/// view. Products that are made from all views have their own line after the views. With `per = "scene"`, a line has
+/// the products of the scene and a list `views` with the products of each view. Products of the dataset are in the last
+/// line.
 ///
 /// # Output
 ///
