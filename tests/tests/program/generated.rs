@@ -352,8 +352,8 @@ impl<'s> Reference<'s> {
         let example = format!("{header}\n{}", entry.example.trim());
         let _ = write!(section, "\n### Example\n\n```toml\n{}\n```\n", example.trim());
         if entry.slot == Slot::Write {
-            section += "\n### Sample output\n\nWhat the example below writes for a scene with two objects and one view of 64 × 48 \
-                        pixels. “…” marks what is left out.\n\n";
+            section += "\n### Sample output\n\nThe files of the example below for a scene with two objects and one view of 64 × 48 \
+                        pixels. “…” marks omissions.\n\n";
             section += &samples::of(&example);
         }
         let _ = write!(section, "\nFrom `{}`.\n", entry.crate_name);
@@ -396,7 +396,7 @@ impl<'s> Reference<'s> {
                  [render]\nsamples_per_pixel = 64\n\n[set]\n\"place.objects.count\" = 5\n```\n";
         page += "\n`[lock]` has these keys:\n";
         page += &self.options(&properties["lock"], &[], &|_| false);
-        page += "\n## Options of all pools\n\nEvery `[assets.<id>]` table has these, beside those of its kind. \
+        page += "\n## Options of all pools\n\nEvery `[assets.<id>]` table has these options, in addition to the options of its kind. \
                  Options of scale, center, mass and parts apply to objects alone.\n";
         let pool = &self.definitions["assets.mesh_folder"];
         let own = ["kind", "root", "up"];
@@ -597,9 +597,9 @@ fn toml_like(value: &Value) -> String {
 
 fn products(registry: &Registry) -> String {
     let mut page = format!(
-        "{MADE}# Products\n\nWhat writers can `include`. Naming a product is what computes it; one that nobody names \
-         costs nothing. The kind of value decides which writers can store it: `syntable check` says so before anything \
-         is rendered.\n\n| product | kind of value | unit | per | provider |\n|---|---|---|---|---|\n"
+        "{MADE}# Products\n\nProducts that writers can `include`. Only included products and their inputs are \
+         computed. The kind of value decides which writers can store it: `syntable check` refuses the others before \
+         anything is rendered.\n\n| product | kind of value | unit | per | provider |\n|---|---|---|---|---|\n"
     );
     let products = cli::products(registry);
     for (key, provider) in &products {
@@ -638,7 +638,7 @@ fn formats() -> String {
     for format in registry.formats() {
         let _ = writeln!(page, "| {} | {} | {} |", format.name(), format.doc(), format.owner());
     }
-    page += "\n## Checks\n\nWhat `validate` and every run check in each view.\n\n| check | what holds |\n|---|---|\n";
+    page += "\n## Checks\n\nChecks of each view by `validate` and by every run.\n\n| check | what holds |\n|---|---|\n";
     for check in registry.checks() {
         let _ = writeln!(page, "| {} | {} |", check.name(), check.doc());
     }

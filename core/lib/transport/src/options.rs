@@ -33,8 +33,8 @@ pub struct PathTracing {
     pub dielectrics: Dielectrics,
     /// Reconstruction filter: the weight of light by its distance from the center of a pixel.
     pub pixel_filter: PixelFilter,
-    /// Noise below which a tile of 16 × 16 pixels gets no more samples: the ratio of standard error to luminance, such
-    /// as 0.02. `samples_per_pixel` is then the maximum. Without it, all pixels get the same number of samples.
+    /// Noise below which a tile of 16 × 16 pixels gets no further samples: the ratio of standard error to luminance,
+    /// such as 0.02. `samples_per_pixel` is then the maximum. Without it, all pixels get the same number of samples.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(extend("exclusiveMinimum" = 0, "maximum" = 1))]
     pub noise: Option<f64>,

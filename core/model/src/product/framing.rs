@@ -33,9 +33,9 @@ pub enum ViewMoment {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Lighting {
-    /// The lights of the view, as if there were no other body.
+    /// The lights of the view, without any other body.
     Alone,
-    /// That of the whole scene: others cast shadows on it and reflect light to it.
+    /// The light of the whole scene: others cast shadows on it and reflect light to it.
     InScene,
 }
 

@@ -30,7 +30,7 @@ pub trait AssetSource: Send + Sync {
     }
 }
 
-/// What one asset may take. An asset that would take more is refused before memory is allocated for it.
+/// Limits of one asset. An asset that would take more is refused before memory is allocated for it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct AssetLimits {

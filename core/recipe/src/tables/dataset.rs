@@ -28,7 +28,7 @@ pub(crate) struct DatasetTable {
     #[serde(default = "default_max_attempts")]
     #[schemars(range(min = 1, max = 100))]
     pub max_attempts: u32,
-    /// Reaction to an asset that cannot be loaded: draw another one, or stop the run.
+    /// Reaction to an asset that cannot be loaded: draw another asset, or stop the run.
     #[serde(default)]
     pub on_bad_asset: OnBadAsset,
 }
@@ -62,7 +62,7 @@ pub struct Dataset {
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum OnBadAsset {
-    /// Draw another one and report the failure once.
+    /// Draw another asset and report the failure once.
     #[default]
     Skip,
     /// Stop the run.
@@ -75,12 +75,13 @@ pub enum OnBadAsset {
 pub(crate) struct LockTable {
     /// Version of the program.
     pub syntable: String,
-    /// Graphics cards that rendered scenes, with driver and interface: on another one images may differ by rounding.
+    /// Graphics cards that rendered scenes, with driver and interface: on another graphics card, images may differ by
+    /// rounding.
     #[serde(skip_serializing_if = "BTreeSet::is_empty")]
     pub devices: BTreeSet<String>,
     /// Versions of the plugin crates in use, by name.
     pub plugins: BTreeMap<String, String>,
-    /// What each pool offers: a pool with other names, categories or numbers is an error.
+    /// Contents of each pool: a pool with other names, categories or numbers is an error.
     pub catalogs: BTreeMap<String, CatalogLock>,
     /// Digests of files that options name, by the option: a file with another content is an error.
     pub files: BTreeMap<String, String>,
@@ -132,7 +133,7 @@ impl CatalogLock {
 pub struct Lock {
     /// Devices that rendered scenes and may round otherwise than others do.
     pub devices: BTreeSet<String>,
-    /// What each pool offers.
+    /// Contents of each pool.
     pub catalogs: BTreeMap<String, CatalogLock>,
     /// Digests of files that options of stages name, by the option.
     pub files: BTreeMap<String, String>,

@@ -63,11 +63,11 @@ pub struct PoolOptions {
     pub scale: Scale,
     /// Origin of the objects.
     pub center: Center,
-    /// Mass of the objects: `{ kg = 0.3 }` each, or `{ density_kg_m3 = 800 }` times the volume of the mesh. If left out, the
-    /// mass is that of the source; where the source knows it, it grows with the cube of `scale`.
+    /// Mass of the objects: `{ kg = 0.3 }` each, or `{ density_kg_m3 = 800 }` times the volume of the mesh. Default:
+    /// the mass from the source; where the source knows it, it grows with the cube of `scale`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub mass: Option<Mass>,
-    /// TOML file of what is known of single objects: a table per name with `mass_kg`, `density_kg_m3` or `friction`, such as
+    /// TOML file with facts on single objects: a table per name with `mass_kg`, `density_kg_m3` or `friction`, such as
     /// `["024_bowl"]` and below it `mass_kg = 0.147`. It goes before `mass`.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(extend("x-syntable-ref" = "file"))]
@@ -85,7 +85,7 @@ pub struct PoolOptions {
     pub first_id: Option<u32>,
     /// Leaves out models of several disconnected parts.
     pub single_part_only: bool,
-    /// What one asset may take; one that would take more is left out as a bad one.
+    /// Limits of one asset; one that would take more is left out as a bad one.
     #[serde(skip_serializing_if = "is_default")]
     pub limits: AssetLimits,
 }

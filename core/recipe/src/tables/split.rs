@@ -12,8 +12,8 @@ use syntable_model::names::AssetPath;
 
 /// One part of a split of a pool into training, validation and test assets.
 ///
-/// The sizes of the parts are fractions, counts or lists of names; what is neither for validation nor for the test is for
-/// training. Pools with the same split but different parts share no asset.
+/// The sizes of the parts are fractions, counts or lists of names; the remaining assets are for training. Pools with
+/// the same split but different parts share no asset.
 ///
 /// Fractions: the part of an asset depends on its name and the seed alone, so it does not change when assets are added or
 /// removed; the parts of a small pool can be far from the fractions. Counts are exact: they count the assets that `include`,

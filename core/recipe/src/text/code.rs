@@ -50,7 +50,7 @@ codes! {
     /// The text is not TOML.
     Syntax = "D0001", "the text is not TOML",
         "A recipe is a TOML file, and this place does not follow TOML's grammar: a quote or bracket is not closed, a \
-         comma or an equals sign is missing, or a bare word is in place of a value. What follows the mistake may be \
+         comma or an equals sign is missing, or a bare word stands where a value should be. The text after the mistake may be \
          misread, so keys on the same line are not checked, and missing keys are not reported until it is fixed.",
         "Fix the first mistake and check again; later ones often disappear with it. Strings need quotes, arrays `[ ]`, \
          inline tables `{ }`, and keys an `=`.";
@@ -100,7 +100,7 @@ codes! {
     MissingKey = "D0009", "a required option is missing",
         "This option has no default, because no value suits everyone: a folder, a number of scenes, \
          a kind.",
-        "Add the option; the message says what it means.";
+        "Add the option; the message explains it.";
     /// A required section is not given.
     MissingSection = "D0010", "a required section is missing",
         "A recipe needs `[dataset]`, at least one `[[place]]` step and at least one `[write.<id>]` table. The sections \
@@ -112,7 +112,7 @@ codes! {
     InvalidValue = "D0011", "the stage refuses the value",
         "The value has the right type and is within its limits, but the stage cannot work with it: bounds in the wrong \
          order, options that contradict each other, numbers that do not fit together.",
-        "Follow the message, which names the value and what is accepted.";
+        "Follow the message, which names the value and the accepted values.";
     /// The option does not offer this word.
     UnknownChoice = "D0012", "the option does not offer this choice",
         "The option takes one of a few words, and this is not one of them.",
@@ -170,7 +170,7 @@ codes! {
     /// An option, kind or product has another name now.
     Renamed = "D0022", "the name has changed",
         "Earlier versions had an option, a kind or a product of this name; this version calls it otherwise. The old name \
-         is an error rather than an alias, so that every recipe that runs says what the reference says.",
+         is an error rather than an alias, so that every recipe that runs agrees with the reference.",
         "Write the new name, which the message gives. The meaning and the unit of an option are in the reference, under \
          the new name.";
     /// A linked plugin registers a kind that cannot be used.
@@ -191,7 +191,7 @@ codes! {
     /// Steps of `[[place]]` do not go together.
     Placers = "D0026", "steps of [[place]] do not go together",
         "A scene has supports, such as the tabletop that `table` sets, each with its own name, and one floor, which `room` \
-         or `ground` sets. A step sets what another one has set, or needs what no earlier step sets, or no step places \
+         or `ground` sets. A step sets a part that another step has set, or needs a part that no earlier step sets, or no step places \
          objects that are annotated. Or a stage names a support that no step sets. Steps run in the order of the recipe.",
         "Remove one of two steps that set the same, or put the step that sets the part before those that need it. \
          Without objects, add a `drop_box`. Correct the name of a support: the message lists those that exist.";

@@ -13,15 +13,15 @@ use syntable_model::prelude::*;
 /// | dataset | type and shape | holds |
 /// | --- | --- | --- |
 /// | `colors` | uint8 `[H, W, 3]` | the image |
-/// | `depth` | float32 `[H, W]` | meters along the optical axis; infinite where there is nothing |
-/// | `distance` | float32 `[H, W]` | meters from the camera's center; infinite where there is nothing |
+/// | `depth` | float32 `[H, W]` | meters along the optical axis; infinite without a surface |
+/// | `distance` | float32 `[H, W]` | meters from the camera's center; infinite without a surface |
 /// | `normals` | float32 `[H, W, 3]` | normals `n` of the camera frame as `0.5 n + 0.5`: x right, y up, z toward the viewer |
-/// | `instance_segmaps` | unsigned `[H, W]` | id of the body that a pixel shows, table and room included; 0 where there is none |
+/// | `instance_segmaps` | unsigned `[H, W]` | id of the body at the pixel, table and room included; 0 without a body |
 /// | `category_id_segmaps` | unsigned `[H, W]` | category of that body: 1 is `object`, then the classes of pools by name; 0 for all that is no object |
 /// | `instance_attribute_maps` | text | JSON: `idx`, `category_id`, `name` (pool and asset), `category` and `role` of each body in `instance_segmaps` |
 ///
-/// Unsigned arrays have 8, 16 or 32 bits, depending on their largest value. Included numeric products are arrays like
-/// those of the writer `npy`, with the ids of a product per instance in `{product}_ids`; other products, such as
+/// Unsigned arrays have 8, 16 or 32 bits, depending on their largest value. Included numeric products are arrays as in
+/// files of the writer `npy`, with the ids of a product per instance in `{product}_ids`; other products, such as
 /// `camera`, are JSON text. Arrays are compressed with gzip. `h5py.File(path)[name][()]` reads a dataset.
 ///
 /// # Output

@@ -11,7 +11,7 @@ pub enum DepthSource {
     /// Exact depth of the surfaces.
     #[default]
     Rendered,
-    /// What a depth camera measures, with its noise and holes.
+    /// Measurements of a depth camera, with its noise and holes.
     Sensed,
 }
 
@@ -28,7 +28,7 @@ impl DepthSource {
         Input { option: Some("depth".into()), ..Input::of(self.key()) }
     }
 
-    /// 16-bit depth along the optical axis in whole millimeters, rounded to the nearest; 0 where there is none.
+    /// 16-bit depth along the optical axis in whole millimeters, rounded to the nearest; 0 without a surface.
     pub fn image(self, products: &Products) -> Result<PngImage> {
         Ok(PngImage::gray16(&products.get(self.key())?.map(|&depth| depth_units(depth, 1.0, Rounding::Nearest))))
     }

@@ -9,9 +9,9 @@ use syntable_model::prelude::*;
 ///
 /// # What it does
 ///
-/// A table has a row per instance of a view, or with `rows = "views"` a row per view whose columns of instances are lists. The
-/// columns `scene`, `view`, `instance`, `width` and `height` say what the row is of; the others are those of the included
-/// products:
+/// A table has a row per instance of a view, or with `rows = "views"` a row per view whose columns of instances are
+/// lists. The columns `scene`, `view`, `instance`, `width` and `height` identify the row; the other columns hold the
+/// included products:
 ///
 /// | product | columns |
 /// | --- | --- |
@@ -54,11 +54,11 @@ use syntable_model::prelude::*;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Parquet {
-    /// What a row is.
+    /// Scope of a row.
     pub rows: ParquetRows,
     /// Products to write, of the view, its instances or the scene.
     pub include: Included,
-    /// Where the images are.
+    /// Storage of the images.
     pub images: ParquetImages,
 }
 
@@ -76,7 +76,7 @@ pub enum ParquetRows {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum ParquetImages {
-    /// There are none.
+    /// No images.
     None,
     /// PNG files beside the tables, whose paths the column `image_file` has.
     Files,

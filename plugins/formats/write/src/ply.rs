@@ -38,7 +38,7 @@ pub struct Ply {
 pub enum PointFrame {
     /// x right, y down, z forward.
     Camera,
-    /// That of the scene, z up: the clouds of its views fit together.
+    /// The frame of the scene, z up: the clouds of its views fit together.
     World,
 }
 

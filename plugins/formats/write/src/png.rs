@@ -20,7 +20,7 @@ const EXTENSION: &str = "png";
 /// | 8-bit image of 1, 3 or 4 channels, such as `rgb` and `appearance` | as they are; the fourth is opacity |
 /// | 16-bit image, such as the ids of `instance` | as they are |
 /// | mask, image of truth values | 8-bit: 255 where it is set, 0 elsewhere |
-/// | depth in meters | 16-bit: multiples of `depth_scale_mm`, rounded; 0 where there is none |
+/// | depth in meters | 16-bit: multiples of `depth_scale_mm`, rounded; 0 without a value |
 /// | normal | 8-bit RGB preview: x right, y up, z toward the viewer; 128 is zero |
 /// | linear color without a unit, such as `albedo` | 8-bit RGB preview, sRGB-encoded |
 ///

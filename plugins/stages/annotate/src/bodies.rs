@@ -7,7 +7,7 @@ use syntable_model::scene::{Body, Role};
 
 /// Every body of the scene by its id in `instance`: role, asset, materials and pose.
 ///
-/// Objects have the ids 1 to M; distractors follow, then table and room. 0 stands for no body. Together with `role`,
+/// Objects have the ids 1 to M; distractors follow, then table and room. 0 means no body. Together with `role`,
 /// `instance` also gives the masks of tabletop and background.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]

@@ -5,9 +5,8 @@ use syntable_model::prelude::*;
 use syntable_model::product::standard::CAMERA;
 use syntable_model::scene;
 
-/// Intrinsics and pose of the view: `K` (3 × 3) for pixel centers at half-integers, image size, `world_from_camera`
-/// and `camera_from_world` (4 × 4, meters), lens distortion and depth of field if there are any, and the conventions in
-/// words.
+/// Intrinsics and pose of the view: `K` (3 × 3) for pixel centers at half-integers, image size, `world_from_camera` and
+/// `camera_from_world` (4 × 4, meters), lens distortion and depth of field, if any, and the conventions in words.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Camera {}

@@ -61,14 +61,14 @@ register_check!(
     },
     Check {
         name: "rate_is_ratio_of_areas",
-        doc: "The occlusion rate is the area of the occlusion mask over that of the amodal mask.",
+        doc: "The occlusion rate is the area of the occlusion mask divided by the area of the amodal mask.",
         reads: || keys![AMODAL_MASK, OCCLUSION_MASK, OCCLUSION_RATE],
         finds_subject: Check::ALWAYS,
         faults: rates,
     },
     Check {
         name: "order_is_that_of_masks",
-        doc: "An object occludes another one in the order if its visible mask meets the other's occlusion mask.",
+        doc: "An object occludes another object in the order if its visible mask overlaps the other's occlusion mask.",
         reads: || keys![VISIBLE_MASK, OCCLUSION_MASK, OCCLUSION_ORDER],
         finds_subject: Check::ALWAYS,
         faults: order,
@@ -122,7 +122,7 @@ register_check!(
     },
     Check {
         name: "camera_has_the_size_of_the_image",
-        doc: "The intrinsics are those of an image of this size.",
+        doc: "The intrinsics fit the size of the image.",
         reads: || keys![RGB, CAMERA],
         finds_subject: Check::ALWAYS,
         faults: |products| {
@@ -136,7 +136,7 @@ register_check!(
     },
     Check {
         name: "visible_pixels_have_depth",
-        doc: "Where an object is visible, there is a depth.",
+        doc: "Visible pixels of objects have a depth.",
         reads: || keys![VISIBLE_MASK, DEPTH],
         finds_subject: Check::ALWAYS,
         faults: |products| {
@@ -149,7 +149,7 @@ register_check!(
     },
     Check {
         name: "poses_agree",
-        doc: "The pose in the world is that of the camera times the pose in the camera frame, and the camera's two poses are \
+        doc: "The pose in the world is the camera's pose times the pose in the camera frame, and the camera's two poses are \
               inverse.",
         reads: || keys![CAMERA, OBJECT_INFO],
         finds_subject: |products| json(products, CAMERA).is_ok_and(|camera| camera.get("world_from_camera").is_some()),
@@ -236,7 +236,7 @@ register_check!(
     },
     Check {
         name: "counts_are_those_of_masks",
-        doc: "Pixel counts are those of the masks, and the parts are not larger than the whole.",
+        doc: "Pixel counts equal the areas of the masks, and the parts are not larger than the whole.",
         reads: || keys![VISIBILITY, VISIBLE_MASK],
         finds_subject: Check::ALWAYS,
         faults: |products| each_pair(products, VISIBLE_MASK, VISIBILITY, |_, mask, counts| {

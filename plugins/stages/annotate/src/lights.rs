@@ -4,8 +4,8 @@ use syntable_model::prelude::*;
 use syntable_model::product::standard::LIGHTS;
 use syntable_model::scene::Light;
 
-/// All lights of the view, including those of the scene: shape, position in the world (meters) and emitted radiance
-/// (linear Rec. 709, nits).
+/// All lights of the view, including the lights of the scene: shape, position in the world (meters) and emitted
+/// radiance (linear Rec. 709, nits).
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Lights {}

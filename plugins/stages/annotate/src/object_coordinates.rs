@@ -9,8 +9,8 @@ use syntable_model::product::standard::{
 use syntable_model::scene::{Body, Camera};
 
 /// Normalized object coordinates (NOCS, Wang et al. 2019): the position of a pixel's surface point in the object's own
-/// box. The center of the box is (0.5, 0.5, 0.5), a difference of 1 is the length of its diagonal, and the axes are
-/// those of the object frame, so that every coordinate is within [0, 1].
+/// box. The center of the box is (0.5, 0.5, 0.5), a difference of 1 is the length of its diagonal, and the axes are the
+/// axes of the object frame, so that every coordinate is within [0, 1].
 ///
 /// `object_coordinates` shows the visible surfaces, `amodal_object_coordinates` every annotated object's first surface,
 /// visible or hidden. Both are zero elsewhere.

@@ -10,10 +10,11 @@ use syntable_model::scene::{Body, MassDistribution, MassOrigin};
 /// the object frame, m; `model_origin_m` is the origin of the asset's file in that frame, m, which differs where the pool
 /// centers the asset. `obj_id` is the number of the asset in its pool, which depends on the pools of the recipe alone.
 ///
-/// The mass is the one that was simulated. `mass_origin` says whether it is `known` of the object, `estimated` from its
-/// volume, or `assigned` by the settler. The center of mass (m) and the inertia tensor about it (kg m²) are in the object
-/// frame; `mass_distribution` says what they were integrated over: the enclosed `volume`, the `closed_volume` of a mesh
-/// with holes, `parts` of their own densities, or the `surface` of a mesh that encloses nothing.
+/// The mass is the one that was simulated. `mass_origin` is `known` for a mass from the object's files, `estimated`
+/// from its volume, or `assigned` by the settler. The center of mass (m) and the inertia tensor about it (kg m²) are in
+/// the object frame; `mass_distribution` names the domain of the integration: the enclosed `volume`, the
+/// `closed_volume` of a mesh with holes, `parts` of their own densities, or the `surface` of a mesh that encloses
+/// nothing.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct ObjectInfo {

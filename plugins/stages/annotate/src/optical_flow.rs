@@ -15,7 +15,7 @@ use syntable_model::scene::{Body, Camera, Rays};
 /// for visible points, 1 for points that are in the next image but hidden, and 0 for points outside it and for pixels
 /// without displacement: the pixel shows no body, the point is behind the next camera, or the view is the last one. A
 /// point is hidden if all four pixels whose centers surround it in the next view show a surface nearer by more than
-/// `tolerance_m`: on a plane, at least one of the four is as far as the point.
+/// `tolerance_m`: on a plane, at least one of the four is no nearer than the point.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct OpticalFlow {

@@ -8,7 +8,7 @@ use syntable_model::registry::{Choice, Choose};
 /// `oidn` where Open Image Denoise is found, else `guided`. It is looked for where the environment variable `OIDN_LIBRARY`
 /// says, or else where the system's loader finds installed libraries; one that the variable names must open.
 ///
-/// It is chosen when a dataset is begun: the dataset's recipe names the kind, and goes on with no other. Where the same
+/// The choice is made when a dataset begins: its recipe names the kind, and a resumed run uses no other. Where the same
 /// images are needed everywhere, name `guided`, and `cpu_path` as the renderer.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]

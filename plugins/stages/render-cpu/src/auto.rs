@@ -7,9 +7,9 @@ use syntable_model::stage::DeviceClass;
 use syntable_transport::path_tracing_kind;
 
 path_tracing_kind! {
-    /// `gpu_path` where there is a graphics card that can run it, else `cpu_path`. A program in place of a card does not count.
+    /// `gpu_path` if a graphics card can run it, else `cpu_path`. A software emulation of a card does not count.
     ///
-    /// It is chosen when a dataset is begun: the dataset's recipe names the kind, and goes on with no other. Where the same
+    /// The choice is made when a dataset begins: its recipe names the kind, and a resumed run uses no other. Where the same
     /// bytes are needed everywhere, name `cpu_path`.
     AutoPath
 }

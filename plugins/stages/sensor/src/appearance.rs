@@ -26,8 +26,8 @@ use syntable_model::product::{BBox, Lighting, ObjectImage, ObjectImages};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Appearance {
-    /// Light on the objects: with `in_scene` (the default) the others still cast shadows and reflect light; with `alone`
-    /// there are the lights of the view, and no other body.
+    /// Light on the objects: with `in_scene` (the default) the others still cast shadows and reflect light; with
+    /// `alone`, the lights of the view illuminate the object, and no other body exists.
     pub lighting: Lighting,
 }
 

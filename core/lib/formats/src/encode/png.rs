@@ -199,7 +199,7 @@ pub enum Rounding {
     Nearest,
 }
 
-/// A depth in meters as a multiple of `unit_mm` millimeters in 16 bits: 0 where there is none, 65535 beyond the range.
+/// A depth in meters as a multiple of `unit_mm` millimeters in 16 bits: 0 without a value, 65535 beyond the range.
 pub fn depth_units(depth_m: f32, unit_mm: f64, rounding: Rounding) -> u16 {
     if !depth_m.is_finite() {
         return 0;

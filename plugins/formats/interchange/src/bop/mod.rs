@@ -24,7 +24,7 @@ use syntable_model::prelude::*;
 /// the model frame to the camera frame: x right, y down, z forward. The model frame is the frame of the asset's file,
 /// wherever the pool puts the center of the object. Evaluations with a benchmark's own models therefore fit, provided
 /// that the pool leaves `scale` at 1. `cam_K` has pixel centers at integers, as in BlenderProc's files and in
-/// `depth_im_to_dist_im` of bop_toolkit: its `cx` and `cy` are those of the product `camera` minus 0.5.
+/// `depth_im_to_dist_im` of bop_toolkit: its `cx` and `cy` are the values of the product `camera` minus 0.5.
 ///
 /// `obj_id` is the number of the asset in its pool: the number in the file name (`bop_models`), the number in the
 /// pool's `ids`, or the position of the asset among all assets of the pool. It depends neither on the drawn assets nor
@@ -63,12 +63,12 @@ use syntable_model::prelude::*;
 /// `models_eval`; and in `{id}/{split}/{scene:06}`:
 ///
 /// - `rgb/{view:06}.png`: 8-bit RGB.
-/// - `depth/{view:06}.png`: 16-bit multiples of `depth_scale` along the optical axis; 0 where there is nothing.
+/// - `depth/{view:06}.png`: 16-bit multiples of `depth_scale` along the optical axis; 0 without a surface.
 /// - `mask/{view:06}_{object:06}.png`, `mask_visib/{view:06}_{object:06}.png`: 0 and 255; `object` counts the entries of
 ///   `scene_gt.json` from 0.
 /// - `scene_camera.json`, `scene_gt.json`, `scene_gt_info.json`.
-/// - `scene_gt_coco.json` with boxes of whole objects, `scene_gt_coco_modal.json` with those of what is visible; both have
-///   visible masks.
+/// - `scene_gt_coco.json` with boxes of whole objects, `scene_gt_coco_modal.json` with boxes of visible masks; both
+///   have visible masks.
 ///
 /// With `layout = "webdataset"`, in `{id}/{split}_web`: `shard-000000.tar` and so on, and `key_to_shard.json`, the
 /// number of the shard of each image. A sample has the key `{scene:06}_{view:04}` and the members `rgb.png`,
@@ -108,7 +108,7 @@ pub enum BopMeshes {
     None,
     /// The folder `models`.
     Models,
-    /// The folders `models` and `models_eval`, with the same meshes: evaluations read the latter.
+    /// The folders `models` and `models_eval`, with the same meshes: evaluations read `models_eval`.
     ModelsAndEval,
 }
 

@@ -40,8 +40,9 @@ pub struct Coco {
     pub masks: MaskChoice,
     /// Name of the split in the annotation file's name.
     pub split: String,
-    /// Names of keypoints, in the order in which every annotation has them, as `keypoints` and `num_keypoints`; one that an
-    /// object does not have, or that is outside of the image, counts as not labeled. Without names there are none.
+    /// Names of keypoints, in the order in which every annotation has them, as `keypoints` and `num_keypoints`; one
+    /// that an object does not have, or that is outside of the image, counts as not labeled. Without names, annotations
+    /// have no keypoints.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     #[schemars(extend("uniqueItems" = true))]
     pub keypoints: Vec<String>,

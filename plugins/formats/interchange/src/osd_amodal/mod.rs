@@ -25,7 +25,7 @@ use syntable_model::prelude::*;
 /// `NAME` is `s{scene:06}v{view:04}`.
 ///
 /// - `{id}/image_color/NAME.png`: 8-bit RGB.
-/// - `{id}/disparity/NAME.png`: 16-bit depth along the optical axis, whole millimeters; 0 where there is none.
+/// - `{id}/disparity/NAME.png`: 16-bit depth along the optical axis, whole millimeters; 0 without a surface.
 /// - `{id}/annotation/NAME.png`: 8-bit labels, 0 where no object is visible.
 /// - `{id}/amodal_annotation/NAME_{n}.png` and `{id}/occlusion_annotation/NAME_{n}.png`: 8-bit masks, 0 and 255.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]

@@ -14,20 +14,20 @@ use syntable_model::prelude::*;
 ///
 /// # What it does
 ///
-/// The folder `{id}` replaces `datasets/UOAIS-Sim`. The annotation file has what UOAIS-Net's loader reads,
-/// and nothing else: `segmentation` (amodal), `visible_mask` and `occluded_mask` are compressed run lengths, `bbox` and
-/// `area` those of the amodal mask, `occluded_rate` is the hidden fraction of it. The one category is `object` (1).
-/// Image ids are `scene · views_per_scene + view + 1`.
+/// The folder `{id}` replaces `datasets/UOAIS-Sim`. The annotation file has what UOAIS-Net's loader reads, and nothing
+/// else: `segmentation` (amodal), `visible_mask` and `occluded_mask` are compressed run lengths, `bbox` and `area`
+/// describe the amodal mask, `occluded_rate` is the hidden fraction of it. The one category is `object` (1). Image ids
+/// are `scene · views_per_scene + view + 1`.
 ///
 /// **Images must have 640 × 480 pixels** for UOAIS-Net's default recipe: it distorts depth as an image of this size,
-/// and loading fails with any other. Its range of depth, `DEPTH_RANGE`, must be set to that of the dataset, such as 250
-/// to 2500 mm.
+/// and loading fails with any other. Its range of depth, `DEPTH_RANGE`, must be set to the range of the dataset, such
+/// as 250 to 2500 mm.
 ///
 /// # Output
 ///
 /// - `{id}/{split}/rgb/{scene:06}_{view:04}.png`: 8-bit RGB.
-/// - `{id}/{split}/depth/{scene:06}_{view:04}.png`: 16-bit depth along the optical axis, whole millimeters; 0 where
-///   there is none.
+/// - `{id}/{split}/depth/{scene:06}_{view:04}.png`: 16-bit depth along the optical axis, whole millimeters; 0 without a
+///   surface.
 /// - `{id}/annotations/coco_anns_uoais_sim_{split}.json`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]

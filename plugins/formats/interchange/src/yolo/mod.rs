@@ -20,9 +20,9 @@ use syntable_model::prelude::*;
 /// `data.yaml`. An image without objects has an empty label file.
 ///
 /// - `task = "segment"`: the polygon around the mask. Its parts are linked at their nearest corners to one polygon, as
-///   Ultralytics' converter from COCO does, and its holes filled. The annotator `outlines` says how close it is.
+///   Ultralytics' converter from COCO does, and its holes filled. The annotator `outlines` sets its tolerance.
 /// - `task = "obb"`: the four corners of the rotated box around the mask, clockwise. They may lie outside the image;
-///   only those of a box that is larger than the image are moved to its edge, since the loader drops images with such
+///   only corners of a box that is larger than the image are moved to its edge, since the loader drops images with such
 ///   boxes.
 ///
 /// With `masks = "amodal"`, `data.yaml` has the line `masks: amodal`, which tells readers which masks the polygons
@@ -39,7 +39,7 @@ use syntable_model::prelude::*;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Yolo {
-    /// What the labels are for.
+    /// Task of the labels.
     pub task: YoloTask,
     /// Mask that polygons and boxes outline. Objects with an empty mask have no label.
     pub masks: MaskChoice,

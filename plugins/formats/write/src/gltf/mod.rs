@@ -56,11 +56,11 @@ use syntable_model::scene::Body;
 pub struct Gltf {
     /// Representation of lights. Environment maps are written in any case.
     pub lights: LightMode,
-    /// What a file covers.
+    /// Scope of a file.
     pub per: GltfFilePer,
 }
 
-/// What a file covers.
+/// Scope of a file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum GltfFilePer {

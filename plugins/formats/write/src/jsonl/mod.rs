@@ -28,14 +28,14 @@ pub struct Jsonl {
     /// Products to write.
     #[schemars(length(min = 1))]
     pub include: Included,
-    /// What a line covers.
+    /// Scope of a line.
     pub per: LinePer,
     /// Path of the file, relative to the dataset. Default: `{id}.jsonl`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub file: Option<String>,
 }
 
-/// What a line covers.
+/// Scope of a line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum LinePer {

@@ -21,7 +21,7 @@ use syntable_model::prelude::*;
 /// | array | type and shape | holds |
 /// | --- | --- | --- |
 /// | `rgb` | uint8 `[H, W, 3]` | the image |
-/// | `depth` | float32 `[H, W]` | meters along the optical axis, infinite where there is nothing |
+/// | `depth` | float32 `[H, W]` | meters along the optical axis, infinite without a surface |
 /// | `visible_ids` | uint16 `[H, W]` | id of the object that a pixel shows, 0 where it shows none |
 /// | `amodal_bits` | uint8 `[N, H, ⌈W/8⌉]` | amodal masks; `np.unpackbits(bits, axis=2, count=W)` is `[N, H, W]` |
 /// | `visible_box`, `amodal_box` | int64 `[N, 4]` | x, y, width, height, px |

@@ -35,8 +35,8 @@ const ANNOTATION_FILE: &str = "annotation_final.json";
 /// # Output
 ///
 /// - `data/mono/rgb/{scene}_{view}.png`: 8-bit RGB.
-/// - `data/mono/depth/{scene}_{view}.png`: 16-bit depth along the optical axis, whole millimeters, truncated; 0 where
-///   there is none.
+/// - `data/mono/depth/{scene}_{view}.png`: 16-bit depth along the optical axis, whole millimeters, truncated; 0 without
+///   a surface.
 /// - `data/mono/occlusion_order/{scene}_{view}.npy`: float64 `[N, N]`, 1 where the row's object occludes the column's.
 /// - `annotation_final.json`: the annotations of all images.
 /// - `parameters/recipe.toml`: the resolved recipe.

@@ -39,8 +39,8 @@ use syntable_model::product::Scope;
 /// most 50 million turns per file.
 ///
 /// `syntable check` finds variables that no file of this kind has, the fields of `scene`, `view`, `views`, `scenes` and
-/// `dataset` among them, unless the template itself asks for them with `if`, `is defined` or `default`. What depends on
-/// data, such as the fields of a product or a filter on its values, shows when the first scene is written.
+/// `dataset` among them, unless the template itself asks for them with `if`, `is defined` or `default`. Mistakes that
+/// depend on data, such as fields of a product or a filter on its values, appear when the first scene is written.
 ///
 /// # Output
 ///
@@ -51,7 +51,7 @@ pub struct TextTemplate {
     /// Products that the template uses.
     #[serde(default)]
     pub include: Included,
-    /// What a file covers.
+    /// Scope of a file.
     #[serde(default)]
     pub per: TemplateFilePer,
     /// The template: its text, or `{ file = "labels.tera" }`.
@@ -81,7 +81,7 @@ pub struct TemplateFile {
     pub file: AssetPath,
 }
 
-/// What a file covers.
+/// Scope of a file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum TemplateFilePer {

@@ -46,7 +46,7 @@ pub struct Webdataset {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Floats {
-    /// NumPy arrays, which WebDataset decodes by itself.
+    /// NumPy arrays, which WebDataset decodes without a plugin.
     Npy,
     /// OpenEXR, compressed without loss.
     Exr,

@@ -16,7 +16,7 @@ use syntable_model::prelude::*;
 use syntable_model::product::standard::{CONTACTS, INSIDE, REMOVAL_ORDER, SUPPORT_GRAPH};
 
 /// Contacts, support, containers and a safe order of removal, from the poses of the rendered scene, whether it settled
-/// now, in an earlier run, or not at all. Shapes are the shapes of the simulation. Ids are those of `instance`; 0 is
+/// now, in an earlier run, or not at all. Shapes are the shapes of the simulation. Ids are the ids of `instance`; 0 is
 /// the ground, the level z = 0, where a body touches it and no floor.
 ///
 /// Forces are forces at the first instant: bodies at rest under gravity (9.81 m/s²) with Coulomb friction and without

@@ -22,10 +22,10 @@ pub enum Model {
     /// issue 3904; the steps from Intel's white paper on subpixel linearity.
     D435,
     /// Microsoft Azure Kinect, time of flight, narrow field of view, not binned: 0.5 to 3.86 m, unit 1 mm, a standard
-    /// deviation of at most 17 mm, taken here for a 15 % surface at 3.86 m; on a 95 % surface 1 mm at 1 m and 3 mm at
-    /// 3 m. Sources: range and unit from Microsoft's pages "Azure Kinect DK hardware specifications" and "Azure Kinect
-    /// DK depth camera"; the 17 mm are theirs too, confirmed by Tölgyessy et al. (Sensors 21, 413, 2021); the noise on
-    /// bright surfaces is that of BlenderProc's code, which cites them: 0.5 mm, and 1 mm for every meter beyond 0.5 m.
+    /// deviation of at most 17 mm, taken here for a 15 % surface at 3.86 m; on a 95 % surface 1 mm at 1 m and 3 mm at 3
+    /// m. Sources: range and unit from Microsoft's pages "Azure Kinect DK hardware specifications" and "Azure Kinect DK
+    /// depth camera"; the 17 mm are theirs too, confirmed by Tölgyessy et al. (Sensors 21, 413, 2021); the noise on
+    /// bright surfaces follows BlenderProc's code, which cites them: 0.5 mm, and 1 mm for every meter beyond 0.5 m.
     AzureKinect,
 }
 

@@ -55,10 +55,9 @@ pub(super) const NOISE: [f64; 2] = [0.0, 100.0];
 
 parameters! {
     /// Simulates the depth that a depth camera measures: meters along the optical axis, quantized to the unit of the
-    /// camera, 0 where there is no measurement. The clean depth stays. The product `depth_sensor` records all
-    /// parameters.
+    /// camera, 0 without a measurement. The clean depth stays. The product `depth_sensor` records all parameters.
     ///
-    /// The view takes the place of the depth camera: give `[camera]` its resolution and field of view. Every pixel
+    /// The view replaces the depth camera: give `[camera]` its resolution and field of view. Every pixel
     ///
     /// 1. is displaced sideways: lateral noise of `lateral_px · (1 + 0.044 θ / (π/2 − θ))`, which grows with the angle of
     ///    incidence θ as Nguyen, Izadi and Lovell measured (3DIMPVT 2012);
@@ -70,7 +69,7 @@ parameters! {
     /// Edges are depth steps of more than `edge_step_m` beyond the slope of the surfaces. Not modeled: glossy and
     /// transparent surfaces, multipath, sunlight, motion and systematic errors.
     options DepthCamera {
-        /// Camera model; parameters that are left out are those of the model.
+        /// Camera model; the model sets the default of each parameter.
         model: Model = Model::default(),
         /// Factor on the axial noise, from 0 to 100: 1 is the noise of the model, 0 is none. Sampled per view.
         #[schemars(extend("minimum" = NOISE[0], "maximum" = NOISE[1]))]
@@ -160,7 +159,7 @@ parameters! {
         /// Distance b between the two cameras, meters.
         #[schemars(range(min = 0.001, max = 10.0))]
         baseline_m: f64,
-        /// Focal length f of the images that are matched, pixels; it may differ from that of the view.
+        /// Focal length f of the images that are matched, pixels; it may differ from the view's.
         #[schemars(range(min = 1.0, max = 100000.0))]
         focal_length_px: f64,
         /// Standard deviation σ_d of the disparity, pixels.

@@ -162,8 +162,8 @@ fn bilinear(image: &Plane<[f32; 3]>, u: f64, v: f64, channel: usize) -> f32 {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Blur {
-    /// Standard deviation of the Gaussian, pixels, from 0 to 50. The kernel is sampled at whole pixels: below 0.3 there
-    /// is next to no blur.
+    /// Standard deviation of the Gaussian, pixels, from 0 to 50. The kernel is sampled at whole pixels: values below
+    /// 0.3 hardly blur.
     #[schemars(extend("minimum" = SIGMA_PX[0], "maximum" = SIGMA_PX[1]))]
     pub sigma_px: Dist,
 }
