@@ -164,7 +164,7 @@ slots! {
         AnnotateImage(ImageAnnotator), AnnotateView(ViewAnnotator), AnnotateFrame(FrameAnnotator),
         AnnotateScene(SceneAnnotator), AnnotateDataset(DatasetAnnotator);
     Write = "write", Keyed, required, default [],
-        "Writes files. The products that writers include determine what is computed.": Write(Writer), WriteScenes(Writer<Scenes>);
+        "Writes files; only products that writers include are computed.": Write(Writer), WriteScenes(Writer<Scenes>);
 }
 
 impl Slot {

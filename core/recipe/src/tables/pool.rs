@@ -512,7 +512,7 @@ mod tests {
         let mixed = refused(Split { val_count: Some(3), ..val() });
         assert_eq!(mixed, "`val_count` and `val_list` give sizes in two ways");
         let many = refused(Split { val_count: Some(9), test_count: Some(4), ..split(SplitPart::Val) });
-        assert!(many.contains("9 assets for validation and 4 for the test are more than the pool's 12"), "{many}");
+        assert!(many.contains("9 assets for validation and 4 for the test are needed, but the pool has 12"), "{many}");
         let twice = refused(Split { test_list: Some(AssetPath(list.clone())), ..val() });
         assert!(twice.contains("`mug_03` is in `val_list` and in `test_list`"), "{twice}");
     }

@@ -445,11 +445,11 @@ const PLANTED_BOP: &[(&str, &str, &Change)] = &[
     }),
     ("000000/scene_gt_coco.json", "the image has [1, 48] pixels", &|it| it["images"][0]["width"] = json!(1)),
     ("000000/scene_gt_coco.json", "readable: ", &|it| *it = json!(3)),
-    ("000000/scene_camera.json", "turned by 0.0° and moved by 0.250 m", &|it| {
+    ("000000/scene_camera.json", "rotated by 0.0° and moved by 0.250 m", &|it| {
         let shift = it["0"]["cam_t_w2c"][2].as_f64().expect("a number");
         it["0"]["cam_t_w2c"][2] = json!(shift + 250.0);
     }),
-    ("000000/scene_camera.json", "turned by 180.0°", &|it| {
+    ("000000/scene_camera.json", "rotated by 180.0°", &|it| {
         // About the camera's y axis.
         for at in [0, 1, 2, 6, 7, 8] {
             let entry = it["0"]["cam_R_w2c"][at].as_f64().expect("a number");
