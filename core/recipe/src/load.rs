@@ -219,7 +219,7 @@ fn in_reading_order(sources: &Sources, mut diagnostics: Vec<DiagnosticBuilder>, 
         (*span == NOWHERE, span.start, span.end, diagnostic.code)
     });
     let mut diagnostics: Vec<Diagnostic> =
-        diagnostics.into_iter().map(|diagnostic| diagnostic.build(&sources)).collect();
+        diagnostics.into_iter().map(|diagnostic| diagnostic.build(sources)).collect();
     diagnostics.dedup();
     diagnostics
 }
