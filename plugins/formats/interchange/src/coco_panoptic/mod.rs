@@ -18,8 +18,8 @@ use syntable_model::prelude::*;
 /// visible masks overlap, as in COCO and LVIS, a pixel belongs to the object with the smallest mask. Areas and boxes
 /// then describe the remaining pixels, an object without remaining pixels has no segment, and the number of objects
 /// that lose pixels is reported. All other pixels (table, room, distractors and unlabeled objects) are one segment of
-/// the stuff `background`, so that panopticapi counts predictions there as wrong. No pixel is void. A segment's id is R
-/// + 256 · G + 256² · B of its pixels in the PNG file. Categories are `object` (1) and the classes of the recipe's
+/// the stuff `background`, so that panopticapi counts predictions there as wrong. No pixel is void. A segment's id is
+/// R + 256 · G + 256² · B of its pixels in the PNG file. Categories are `object` (1) and the classes of the recipe's
 /// pools, with `isthing` 1, then `background` with `isthing` 0. Image ids are `scene · views_per_scene + view + 1`;
 /// `bbox` is `[x, y, width, height]`, and `area` is in whole pixels.
 ///

@@ -15,6 +15,9 @@ use syntable_model::error::{Error, Result};
 /// How far above 1 a color may be by rounding.
 const ROUNDING: f64 = 1e-3;
 
+/// Four joints of a skin and their weights, for each vertex.
+type Influences = Vec<([f32; 4], [f32; 4])>;
+
 /// Arrays in the mesh's own frame. Missing arrays are empty.
 pub struct PrimitiveArrays {
     /// Positions `[V]`.
@@ -28,7 +31,7 @@ pub struct PrimitiveArrays {
     /// Opacities `[V]` of the colors.
     pub alphas: Vec<f32>,
     /// Joints of a skin and their weights `[V]`, several sets; empty without a skin.
-    pub influences: Vec<Vec<([f32; 4], [f32; 4])>>,
+    pub influences: Vec<Influences>,
     /// Triangles `[T]`.
     pub triangles: Vec<[u32; 3]>,
     /// Material slot.
@@ -215,7 +218,7 @@ impl<'r, 'b> AttributeReader<'r, 'b> {
     }
 
     /// Joints of a skin and their weights, set by set.
-    fn influences(&mut self) -> Result<Vec<Vec<([f32; 4], [f32; 4])>>> {
+    fn influences(&mut self) -> Result<Vec<Influences>> {
         let mut influences = Vec::new();
         for set in 0.. {
             let sets = (self.attribute(Semantic::Joints(set)), self.attribute(Semantic::Weights(set)));
