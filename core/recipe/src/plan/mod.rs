@@ -5,7 +5,8 @@
 //! key of its own. Gaps, ambiguities, cycles and products that a writer cannot store are errors before anything runs. `check`,
 //! `plan`, `list` and `run` all use this resolver.
 //!
-//! Writers name products by text. [`Resolver::parsed`] turns each text into a [`ProductId`] once; from there on, products are
+//! Writers name products by text. The resolver turns each text into a
+//! [`ProductId`](syntable_model::product::ProductId) once; from there on, products are
 //! compared by their identities.
 
 mod error;

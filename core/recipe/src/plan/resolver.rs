@@ -43,7 +43,7 @@ impl Offers {
 }
 
 /// Plans what the writers read. `offers` come from no stage, `explicit` the producers of the recipe, and `implied` the
-/// [registered] ones.
+/// [registered](crate::plan::registered) ones.
 ///
 /// # Errors
 /// All mistakes at once.
