@@ -6,7 +6,7 @@ use std::fmt;
 /// Identity of a product: what it is, and how it is framed. Plans and stores look products up by it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct ProductId {
-    /// Name of the product; see [`KeyId::product`].
+    /// Name of the product; see [`KeyId::product`](crate::product::KeyId::product).
     pub product: &'static str,
     /// How it is framed.
     pub framing: Framing,
@@ -34,7 +34,7 @@ pub fn parse_product(text: &str) -> Result<(&str, Framing), FramingError> {
     }
 }
 
-/// What finds a product in a store: a [key](KeyId), its [identity](ProductId), or its text, which is parsed.
+/// What finds a product in a store: a [key](crate::product::KeyId), its [identity](ProductId), or its text, which is parsed.
 pub trait ProductRef: fmt::Display {
     /// Name and framing. `None` for a text that means no product.
     fn parts(&self) -> Option<(&str, Framing)>;
