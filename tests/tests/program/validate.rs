@@ -285,7 +285,7 @@ fn what_is_converted_and_back_is_what_it_was() {
     assert!(said.contains("--to gltf: this writer stores bodies"), "{said}");
     let said = fails(&mut convert("ours", "coco", "again"), 2);
     assert!(said.contains("not empty"), "{said}");
-    assert!(fails(&mut convert("ours", "nothing", "none"), 2).contains("no kind of writer"));
+    assert!(fails(&mut convert("ours", "nothing", "none"), 2).contains("unknown kind of writer"));
 }
 
 /// A COCO dataset as others write it: polygons of what is visible, and nothing else.
