@@ -145,7 +145,7 @@ impl Resolver {
     /// The product that a text of the recipe means, if a stage provides it, the renderer offers it, or it is an original.
     fn parsed(&self, text: &str) -> Option<ProductId> {
         let originals = self.replacements.iter().map(|(_, it)| &it.original);
-        let provided = self.traits.iter().flat_map(|note| &note.provides);
+        let provided = self.traits.iter().flat_map(|traits| &traits.provides);
         let exact = provided.chain(originals).find(|key| key.is(text)).map(KeyId::product_id);
         exact.or_else(|| {
             let mut framed = self.replacements.iter().flat_map(|(_, it)| [&it.product, &it.original]);
@@ -314,7 +314,7 @@ impl Resolver {
                 "one of the two plugins defines the product wrongly: keys of one name must have one type".to_owned();
             self.fail(PlanFault::WrongType, by, &read.to_string(), message, help);
         }
-        let is_late = self.traits.iter().any(|note| entry.provider.is(&note.stage) && note.after_views);
+        let is_late = self.traits.iter().any(|traits| entry.provider.is(&traits.stage) && traits.after_views);
         match (scope, entry.key.scope) {
             (Scope::Dataset, _) => {}
             (_, Scope::Dataset) => self.too_early(read, by, "after all scenes"),
@@ -356,7 +356,7 @@ impl Resolver {
 
     fn unknown(&mut self, name: &str, by: &Asker) {
         let mut known: Vec<&str> = self.offers.keys().iter().map(|key| key.product).collect();
-        known.extend(self.traits.iter().flat_map(|note| &note.provides).map(|key| key.product));
+        known.extend(self.traits.iter().flat_map(|traits| &traits.provides).map(|key| key.product));
         known.extend(self.replacements.iter().map(|(_, it)| it.original.product));
         known.sort_unstable();
         known.dedup();
@@ -414,10 +414,10 @@ impl Resolver {
         plan.rendered = rendered.map(|entry| rendered_as(entry.key)).collect();
         // Entries are in dependency order, so a producer has to run at its first entry.
         for entry in &self.entries {
-            let Some(index) = self.traits.iter().position(|note| entry.provider.is(&note.stage)) else { continue };
+            let Some(index) = self.traits.iter().position(|traits| entry.provider.is(&traits.stage)) else { continue };
             let Some(candidate) = self.candidates[index].take() else { continue };
-            let note = &self.traits[index];
-            let (reads, provides) = (note.reads.clone(), note.provides.clone());
+            let traits = &self.traits[index];
+            let (reads, provides) = (traits.reads.clone(), traits.provides.clone());
             let producer = Arc::new(candidate.producer);
             let of_stage = self.entries.iter().filter(|other| other.provider == entry.provider);
             let framings = of_stage.map(|entry| entry.key.framing);
@@ -425,7 +425,7 @@ impl Resolver {
             let (stage, replaces) = (candidate.stage.clone(), producer.replaces());
             let planned = PlannedStage { stage, producer, reads, provides, replaces, of_objects };
             plan.implied.extend(candidate.implied.map(|implied| (candidate.stage, implied)));
-            match (note.scope, note.after_views) {
+            match (traits.scope, traits.after_views) {
                 (Scope::View, _) => plan.per_view.push(planned),
                 (Scope::Frame, _) => plan.per_frame.push(planned),
                 (Scope::Scene, false) => plan.before_views.push(planned),
@@ -436,14 +436,13 @@ impl Resolver {
         }
         plan.replaced = plan.per_view.iter().flat_map(PlannedStage::replaced).collect();
         // The recipe asks for a denoiser that replaces nothing to keep images as they are. It is not idle.
-        let is_missed = |note: &CandidateTraits, left: &Candidate| {
-            !matches!(left.producer, Producer::Denoiser(_)) || !note.replaces.is_empty()
+        let is_missed = |traits: &CandidateTraits, left: &Candidate| {
+            !matches!(left.producer, Producer::Denoiser(_)) || !traits.replaces.is_empty()
         };
-        let idle =
-            self.traits.into_iter().zip(&self.candidates).filter(|(note, left)| {
-                note.explicit && left.as_ref().is_some_and(|candidate| is_missed(note, candidate))
-            });
-        plan.idle = idle.map(|(note, _)| Idle { stage: note.stage, provides: note.provides }).collect();
+        let idle = self.traits.into_iter().zip(&self.candidates).filter(|(traits, left)| {
+            traits.explicit && left.as_ref().is_some_and(|candidate| is_missed(traits, candidate))
+        });
+        plan.idle = idle.map(|(traits, _)| Idle { stage: traits.stage, provides: traits.provides }).collect();
         plan.entries = self.entries;
         Ok(plan)
     }
