@@ -93,6 +93,7 @@ pub mod product;
 pub mod random;
 pub mod reader;
 pub mod registry;
+pub mod rule;
 pub mod scene;
 pub mod stage;
 pub mod store;

@@ -177,7 +177,7 @@ mod tests {
     }
 
     #[test]
-    fn probabilities_are_those_of_one_draw() {
+    fn probabilities_match_a_single_draw() {
         let size = |pool: &str| if pool == "a" { 1 } else { 9 };
         let of = |text| read(text).expect("sound").probabilities(size);
         assert_eq!(of("from = \"b\""), BTreeMap::from([("b".to_owned(), 1.0 / 9.0)]));

@@ -8,6 +8,7 @@ use crate::files::{DatasetFolder, Reach};
 use crate::left_out::LeftOut;
 use crate::panics::guarded;
 use crate::product::{KeyId, Mask, Products};
+use crate::rule;
 use crate::scene::{InstanceId, SceneId, ViewId};
 use crate::stage::DatasetInfo;
 use std::collections::BTreeMap;
@@ -335,7 +336,7 @@ impl OpenDataset {
     /// The rules that records of an image break, beyond its products; see [`ImageSource::image_faults`].
     pub fn image_faults(&self, image: usize) -> Vec<DatasetFault> {
         let found = guarded(&self.reader, &self.root, || Ok(self.opened.source.image_faults(image)));
-        let found = found.unwrap_or_else(|error| vec![DatasetFault::new(READABLE, error.to_string())]);
+        let found = found.unwrap_or_else(|error| vec![DatasetFault::new(rule::READABLE, error.to_string())]);
         found.into_iter().map(|fault| DatasetFault { image: Some(image), ..fault }).collect()
     }
 
@@ -348,7 +349,7 @@ impl OpenDataset {
     fn find_faults(&self) -> Vec<DatasetFault> {
         let others = guarded(&self.reader, &self.root, || Ok(self.opened.source.other_faults()));
         let others = others.unwrap_or_else(|error| {
-            vec![DatasetFault::new(READABLE, error.to_string()).of(self.root.display().to_string())]
+            vec![DatasetFault::new(rule::READABLE, error.to_string()).of(self.root.display().to_string())]
         });
         self.opened.faults.iter().cloned().chain(others).collect()
     }
@@ -422,13 +423,6 @@ pub fn unnamed_class(number: u64) -> String {
 pub fn is_unnamed(number: u64, name: &str) -> bool {
     [unnamed_object, unnamed_category, unnamed_class].iter().any(|of| of(number) == name)
 }
-
-/// Id of the rule that files and records can be read.
-pub const READABLE: &str = "readable";
-
-/// Id of the rule that each object has a pixel in some mask. Readers that know an object's name in the file report each object
-/// without pixels under this rule, and a conversion that drops the object repeats the report.
-pub const OBJECTS_HAVE_PIXELS: &str = "objects_have_pixels";
 
 /// A region of an image with objects that are not told apart.
 #[derive(Debug, Clone, PartialEq, Eq)]

@@ -10,8 +10,9 @@ use syntable_model::context::Workers;
 use syntable_model::error::{Error, Result};
 use syntable_model::product::standard::OBJECT_INFO;
 use syntable_model::product::{KeyId, Products, Value};
-use syntable_model::reader::{DatasetFault, OpenDataset, READABLE, Source, is_unnamed};
+use syntable_model::reader::{DatasetFault, OpenDataset, Source, is_unnamed};
 use syntable_model::registry::Registry;
+use syntable_model::rule::READABLE;
 
 /// Name of the check that datasets agree on the ids of categories and objects.
 const NUMBERS_AGREE: &str = "numbers_agree";

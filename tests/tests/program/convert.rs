@@ -176,7 +176,7 @@ fn parts_of_a_dataset_are_numbered_alike() {
 
 /// Of BOP, the folder of models lists the objects, whatever a split shows.
 #[test]
-fn objects_of_bop_are_those_of_its_models() {
+fn objects_of_bop_match_its_models() {
     let folder = tempfile::tempdir().expect("a folder");
     let root = folder.path().join("bop");
     let write = |path: &str, text: &str| {
@@ -374,7 +374,11 @@ fn objects_without_pixels_are_named_where_they_are_dropped() {
         assert!(said.contains(&count), "{said}");
     }
     let found = faults(&path("coco"));
-    assert_eq!(found.iter().filter(|(check, _)| check == reader::OBJECTS_HAVE_PIXELS).count(), 2, "{found:?}");
+    assert_eq!(
+        found.iter().filter(|(check, _)| check == syntable_model::rule::OBJECTS_HAVE_PIXELS).count(),
+        2,
+        "{found:?}"
+    );
     // SynTable's layout keeps them.
     ok(&mut convert(&path("coco"), "syntable", &path("syntable")));
     // A format without numbers of objects: the second line of an image of 60 × 40 pixels.

@@ -274,7 +274,7 @@ fn scores_do_not_depend_on_threads() {
 
 /// Scores with ties, crowds, objects of all sizes and images with too many predictions or none.
 #[test]
-fn coco_and_panoptic_scores_are_those_of_their_tools() {
+fn coco_and_panoptic_scores_match_their_tools() {
     let folder = tempfile::tempdir().expect("a folder");
     let (script, at) = (root().join("tests/check_scores.py"), folder.path().display().to_string());
     if !syntable_testing::tools::python(&script, &["make", &at]) {

@@ -4,7 +4,7 @@ use crate::support::{ok, root, skip, syntable, text};
 use std::process::Command;
 
 #[test]
-fn outlines_boxes_and_graphs_are_those_of_the_masks() {
+fn outlines_boxes_and_graphs_match_the_masks() {
     let here = Command::new("python3").args(["-c", "import numpy, pycocotools"]).output();
     if !here.is_ok_and(|output| output.status.success()) {
         return skip("python3 with numpy and pycocotools");

@@ -38,7 +38,7 @@ fn mask(count: u32) -> String {
 }
 
 #[test]
-fn columns_are_those_of_the_paper() {
+fn columns_match_the_paper() {
     let Some(python) = python() else { return };
     let folder = tempfile::tempdir().expect("a folder");
     // Scene 0 with two views, scene 1 with one. Amodal and hidden pixels of each record.

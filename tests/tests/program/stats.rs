@@ -43,7 +43,7 @@ fn distribution<'a>(dataset: &'a Value, name: &str) -> &'a Value {
 }
 
 #[test]
-fn numbers_are_those_of_the_annotation_file() {
+fn numbers_match_the_annotation_file() {
     let found = stats(&[&syntable_folder()], &[]);
     let of = &found["datasets"][0];
     let text = fs::read_to_string(syntable_folder().join("annotation_final.json")).expect("readable");
@@ -72,7 +72,7 @@ fn numbers_are_those_of_the_annotation_file() {
 }
 
 #[test]
-fn numbers_are_those_of_numpy() {
+fn numbers_match_numpy() {
     let folder = tempfile::tempdir().expect("a folder");
     // Beside a dataset of fewer objects.
     let other = folder.path().join("other");

@@ -113,7 +113,7 @@ const PLANTED: &[(&str, &str, Plant)] = &[
         let rate = it.annotation(index)["occluded_rate"].as_f64().expect("a number");
         it.annotation(index)["occluded_rate"] = json!(1.0 - rate);
     }),
-    ("order_is_that_of_masks", "an order is transposed", |it| {
+    ("order_matches_masks", "an order is transposed", |it| {
         let path = it.file("occlusion_order_file_name");
         let mut bytes = fs::read(&path).expect("there");
         let header = 10 + usize::from(u16::from_le_bytes([bytes[8], bytes[9]]));
@@ -125,7 +125,7 @@ const PLANTED: &[(&str, &str, Plant)] = &[
         }
         fs::write(path, bytes).expect("writable");
     }),
-    ("order_is_that_of_masks", "an object occludes itself", |it| {
+    ("order_matches_masks", "an object occludes itself", |it| {
         let path = it.file("occlusion_order_file_name");
         let mut bytes = fs::read(&path).expect("there");
         let last = bytes.len() - 8;
@@ -158,15 +158,15 @@ const PLANTED: &[(&str, &str, Plant)] = &[
             it.annotation(0)["object"][*pose][row][0] = json!(-entry);
         }
     }),
-    ("visible_box_is_that_of_mask", "a box has corners in place of its size", |it| {
+    ("visible_box_matches_mask", "a box has corners in place of its size", |it| {
         let [x, y, w, h] = serde_json::from_value::<[i64; 4]>(it.annotation(0)["visible_bbox"].clone()).expect("a box");
         it.annotation(0)["visible_bbox"] = json!([x, y, x + w, y + h]);
     }),
-    ("amodal_box_is_that_of_mask", "a box lacks a column", |it| {
+    ("amodal_box_matches_mask", "a box lacks a column", |it| {
         let width = it.annotation(0)["amodal_bbox"][2].as_i64().expect("a number");
         it.annotation(0)["amodal_bbox"][2] = json!(width - 1);
     }),
-    ("camera_has_the_size_of_the_image", "the camera is of another size", |it| {
+    ("camera_has_image_size", "the camera is of another size", |it| {
         it.json["images"][0]["camera"]["width"] = json!(640);
     }),
     ("poses_reproject_into_masks", "a focal length is that of another size", |it| {
@@ -312,7 +312,7 @@ fn plain_coco(root: &Path) {
 }
 
 #[test]
-fn labels_of_yolo_beside_those_of_coco_are_passed_over() {
+fn yolo_labels_beside_coco_labels_are_ignored() {
     let folder = tempfile::tempdir().expect("a folder");
     let root = folder.path().join("coco");
     plain_coco(&root);

@@ -22,7 +22,7 @@ fn run(out: &Path, resolution: &str, writers: &[&str], more: &[&str]) {
 }
 
 #[test]
-fn flow_and_soft_masks_are_those_of_the_other_camera() {
+fn flow_and_soft_masks_match_the_other_camera() {
     let here = Command::new("python3").args(["-c", "import numpy"]).output();
     if !here.is_ok_and(|output| output.status.success()) {
         return skip("python3 with numpy");
@@ -38,7 +38,7 @@ fn flow_and_soft_masks_are_those_of_the_other_camera() {
 
 /// Relations need no settler: a dataset that gets them later has what it would have had.
 #[test]
-fn relations_of_a_scene_that_is_there_are_those_of_a_new_one() {
+fn relations_of_an_old_scene_match_a_new_one() {
     let folder = tempfile::tempdir().expect("a folder");
     let [new, grown] = ["new", "grown"].map(|name| folder.path().join(name));
     run(&new, "[64, 48]", &[VIEWS], &[]);

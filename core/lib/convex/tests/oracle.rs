@@ -68,7 +68,7 @@ fn support(points: &[[f32; 3]], direction: Vector3<f64>) -> f64 {
 }
 
 #[test]
-fn hulls_agree_with_those_of_parry() {
+fn hulls_agree_with_parry() {
     let mut stream = Stream::root(11);
     let exact = HullOptions { tolerance: 0.0, max_vertices: usize::MAX, ..OPTIONS };
     for round in 0..120 {

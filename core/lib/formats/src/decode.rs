@@ -434,7 +434,7 @@ mod tests {
     }
 
     #[test]
-    fn the_orientation_is_that_of_the_first_directory() {
+    fn the_orientation_matches_the_first_directory() {
         // Two entries: the image's width (0x0100), then the orientation.
         let little = b"II*\0\x08\0\0\0\x02\0\0\x01\x03\0\x01\0\0\0\x40\0\0\0\x12\x01\x03\0\x01\0\0\0\x06\0\0\0";
         let big = b"MM\0*\0\0\0\x08\0\x01\x01\x12\0\x03\0\0\0\x01\0\x03\0\0";

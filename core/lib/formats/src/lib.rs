@@ -15,7 +15,6 @@
 //! | [`members`] | members of tar files, read in any order |
 //! | [`draw`] | images for people: masks and outlines over images, panels side by side |
 //! | [`read`] | what readers of all formats share |
-//! | [`rule`] | ids of rules that datasets break |
 //! | [`samples`] | datasets of products by name, read back |
 //! | [`scores`] | scores of predictions, with the images that have the lowest ones |
 //! | [`writer`] | writers whose scenes share the options |
@@ -43,7 +42,6 @@ pub mod listing;
 pub mod members;
 mod polygon;
 pub mod read;
-pub mod rule;
 pub mod samples;
 pub mod scores;
 pub mod segmentation;

@@ -3,7 +3,6 @@
 use crate::coco;
 use crate::index::{Indexed, IndexedRecord, RecordSection};
 use crate::read::{Categories, Faults, labels_among};
-use crate::rule;
 use crate::syntable;
 use crate::unkept::Unkept;
 use serde::de::DeserializeOwned;
@@ -15,6 +14,7 @@ use syntable_model::left_out::LeftOut;
 use syntable_model::limits::{ANNOTATIONS, IMAGE_PIXELS};
 use syntable_model::product::KeyId;
 use syntable_model::reader::{FaultSubject, ImageRef, ImageSource, Note, Opened};
+use syntable_model::rule;
 use syntable_model::stage::DatasetInfo;
 
 /// The record of an image, as files of COCO's structure have it.

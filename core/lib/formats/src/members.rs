@@ -2,7 +2,6 @@
 
 use crate::decode::{self, FileContent};
 use crate::read::{Faults, file_name, place_in_name};
-use crate::rule;
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
@@ -11,6 +10,7 @@ use std::sync::Arc;
 use syntable_model::error::{Error, Result};
 use syntable_model::limits::{ARCHIVE_MEMBERS, MEMBER_BYTES};
 use syntable_model::panics::guarded;
+use syntable_model::rule;
 
 /// A file in a tar file.
 #[derive(Debug, Clone)]

@@ -1,7 +1,6 @@
 //! Shared code of all readers: products from the labels in a file, categories, faults, and scenes from names.
 
 use crate::coco::Category;
-use crate::rule;
 use std::collections::btree_map::Entry;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -17,6 +16,7 @@ use syntable_model::product::{
     BBox, Key, KeyId, Mask, OcclusionOrder, PerInstance, PixelCounts, Product, Products, Value, meeting_boxes,
 };
 use syntable_model::reader::{DatasetFault, FaultSubject, ImageRef};
+use syntable_model::rule;
 use syntable_model::scene::{InstanceId, SceneId, ViewId};
 use syntable_model::stage::{DatasetInfo, LabelSurface, OwnCategory};
 

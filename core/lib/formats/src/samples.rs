@@ -5,7 +5,6 @@
 
 use crate::coco::Category;
 use crate::read::{self, Categories, Faults, KnownMasks, ObjectLabels};
-use crate::rule;
 use std::collections::btree_map::Entry;
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::path::PathBuf;
@@ -22,6 +21,7 @@ use syntable_model::product::{
 use syntable_model::reader::{
     DatasetFault, FaultSubject, ImageRef, ImageSource, Note, Opened, ReadImage, unnamed_category,
 };
+use syntable_model::rule;
 use syntable_model::scene::InstanceId;
 use syntable_model::stage::DatasetInfo;
 

@@ -41,7 +41,7 @@ fn files() -> Vec<String> {
 }
 
 #[test]
-fn records_are_those_of_the_whole_file() {
+fn records_match_the_whole_file() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("a.json");
     let mut stream = Stream::root(2);
@@ -125,7 +125,7 @@ fn mistakes_are_where_the_whole_file_has_them() {
 }
 
 #[test]
-fn jpeg_files_are_those_of_pillow() {
+fn jpeg_files_match_pillow() {
     static HERE: OnceLock<bool> = OnceLock::new();
     let folder = tempfile::tempdir().expect("a folder");
     let script = folder.path().join("write.py");

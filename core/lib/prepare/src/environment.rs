@@ -142,7 +142,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn densities_are_those_of_luminance_per_solid_angle() {
+    fn densities_match_luminance_per_solid_angle() {
         // One bright texel of 4 × 2: its fraction of the light is 9 / (9 + 7), since both rows have equal solid angles.
         let texels = (0..8).map(|i| if i == 6 { [9.0; 3] } else { [1.0; 3] }).collect();
         let map = Arc::new(EnvironmentMap::new("test", 4, 2, texels).expect("sound"));

@@ -69,7 +69,7 @@ mod tests {
     use crate::scene::InstanceId;
 
     #[test]
-    fn areas_and_bounds_are_those_of_all_pixels() {
+    fn areas_and_bounds_match_all_pixels() {
         let mut stream = Stream::root(3);
         let (width, height, objects) = (37, 21, 70);
         let mut plane = BitPlane::new(width, height, objects);

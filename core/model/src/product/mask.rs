@@ -481,7 +481,7 @@ mod tests {
         }
 
         #[test]
-        fn algebra_is_that_of_pixels(
+        fn algebra_matches_pixels(
             (w, h, a, b) in (1_u32..9, 1_u32..9).prop_flat_map(|(w, h)| {
                 let bits = || proptest::collection::vec(any::<bool>(), (w * h) as usize);
                 (Just(w), Just(h), bits(), bits())

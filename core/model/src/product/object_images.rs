@@ -200,7 +200,7 @@ mod tests {
     }
 
     #[test]
-    fn an_image_of_hits_has_those_of_the_mask() {
+    fn hits_of_an_image_match_the_mask() {
         let mask = Mask::from_fn(5, 4, |x, y| (x, y) == (1, 2) || (x, y) == (3, 1) || (x, y) == (3, 2));
         let masks: PerInstance<Mask> =
             [(InstanceId(2), mask), (InstanceId(4), Mask::empty(5, 4))].into_iter().collect();

@@ -205,7 +205,7 @@ mod tests {
     }
 
     #[test]
-    fn forms_are_those_of_the_encodings() {
+    fn forms_match_the_encodings() {
         assert_eq!(Plane::<[f16; 2]>::form(), Form::Image { dtype: DType::F16, channels: Some(2) });
         assert_eq!(PerInstance::<Mask>::form(), Form::PerInstance(Box::new(Form::Mask)));
         assert_eq!(PerInstance::<BBox>::form().to_string(), "list of 4 integers per instance");

@@ -258,7 +258,7 @@ mod tests {
     }
 
     #[test]
-    fn distortion_is_that_of_opencv_and_is_undone() {
+    fn distortion_matches_opencv_and_is_undone() {
         let lens = Distortion { radial: [-0.28, 0.09, -0.01], tangential: [0.001, -0.0007] };
         // cv::projectPoints of (0.3, -0.2, 1) with these coefficients and an identity K, by its documentation.
         let (x, y, r2) = (0.3_f64, -0.2_f64, 0.13_f64);

@@ -117,7 +117,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_form_in_files_is_that_of_bop() {
+    fn the_form_in_files_matches_bop() {
         let text = r#"{"symmetries_discrete":[[-1.0,0.0,0.0,0.1,0.0,-1.0,0.0,3.3,0.0,0.0,1.0,0.7,0.0,0.0,0.0,1.0]],"symmetries_continuous":[{"axis":[0.0,0.0,1.0],"offset":[1.1,0.3,0.0]}]}"#;
         let read: Symmetries = serde_json::from_str(text).expect("sound");
         assert!(

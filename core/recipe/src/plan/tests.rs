@@ -341,7 +341,7 @@ fn a_framing_beyond_its_limit_is_named() {
 }
 
 #[test]
-fn light_on_objects_is_denoised_as_that_of_the_image() {
+fn light_on_objects_is_denoised_like_the_image() {
     let found = lit(&[LIGHT_OF_ALL]).expect("planned");
     let alone = Framing::of_objects(Lighting::Alone);
     let of_objects = |plan: &Plan| plan.per_view.iter().flat_map(|stage| stage.of_objects.clone()).collect::<Vec<_>>();

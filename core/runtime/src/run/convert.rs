@@ -25,8 +25,9 @@ use syntable_model::error::{Error, Result};
 use syntable_model::left_out::LeftOut;
 use syntable_model::product::standard::{AMODAL_MASK, COVERAGE, VISIBLE_BOX, VISIBLE_IDS, VISIBLE_MASK};
 use syntable_model::product::{BBox, KeyId, Mask, Products, Scope};
-use syntable_model::reader::{DatasetFault, OBJECTS_HAVE_PIXELS, OpenDataset, ReadImage};
+use syntable_model::reader::{DatasetFault, OpenDataset, ReadImage};
 use syntable_model::registry::Registry;
+use syntable_model::rule;
 use syntable_model::scene::{InstanceId, SceneId};
 use syntable_model::stage::{Finish, ImageAnnotator, Input, ProductGroup, Writer};
 use syntable_model::store::{FsStore, StoreFolder};
@@ -449,7 +450,7 @@ impl ConversionWalk<'_> {
 
 /// The objects of an image without pixels: in the words of the reader if it names them, else by id.
 fn objects_without_pixels(faults: &[DatasetFault], products: &Products) -> Vec<String> {
-    let named = faults.iter().filter(|fault| fault.rule == OBJECTS_HAVE_PIXELS);
+    let named = faults.iter().filter(|fault| fault.rule == rule::OBJECTS_HAVE_PIXELS);
     let named: Vec<String> = named.map(DatasetFault::to_string).collect();
     if !named.is_empty() {
         return named;

@@ -184,7 +184,7 @@ fn a_dataset_names_the_cards_that_rendered_it() {
 }
 
 #[test]
-fn a_chosen_kind_is_that_of_the_dataset() {
+fn a_chosen_kind_must_match_the_dataset() {
     let folder = tempfile::tempdir().expect("a folder");
     let (chosen, named) = (folder.path().join("chosen"), folder.path().join("named"));
     let either = recipe(20, LIGHT).replace("\"sleeper\"", "\"either\"");

@@ -279,7 +279,7 @@ fn repairing_takes_no_scene_away() {
 }
 
 #[test]
-fn growth_is_that_of_the_first_scene_that_is_made() {
+fn growth_follows_the_first_new_scene() {
     let folder = tempfile::tempdir().expect("a folder");
     let (data, whole) = (folder.path().join("data"), folder.path().join("whole"));
     // Scene 1 is there and cannot have what comes later; scene 3 fails before scene 2 is made.
@@ -307,7 +307,7 @@ fn growth_is_that_of_the_first_scene_that_is_made() {
 }
 
 #[test]
-fn a_dataset_without_scenes_is_that_of_any_recipe() {
+fn any_recipe_continues_a_dataset_without_scenes() {
     let folder = tempfile::tempdir().expect("a folder");
     let (data, whole) = (folder.path().join("data"), folder.path().join("whole"));
     for mistake in ["panics", "missing"] {

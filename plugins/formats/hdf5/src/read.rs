@@ -9,7 +9,6 @@ use std::path::{Path, PathBuf};
 use syntable_formats::decode::{self, byte_count};
 use syntable_formats::include;
 use syntable_formats::read::{self, Faults, place_in_name};
-use syntable_formats::rule;
 use syntable_formats::samples::{self, Contents, SampleFields, SampleReader};
 use syntable_model::limits::{IMAGE_PIXELS, MEMBER_BYTES};
 use syntable_model::panics::guarded;
@@ -17,6 +16,7 @@ use syntable_model::prelude::*;
 use syntable_model::product::standard::{CATEGORY_ID, INSTANCE, NORMAL, OBJECT_NAME, RGB, VISIBLE_IDS};
 use syntable_model::product::{DType, Tensor};
 use syntable_model::reader::{Format, Opened, Source, unnamed_category};
+use syntable_model::rule;
 
 syntable_model::register_format!(
     Format::new(

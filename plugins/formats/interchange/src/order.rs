@@ -206,7 +206,7 @@ mod tests {
 
     /// Against a search from each object, and the definition of the order applied step by step.
     #[test]
-    fn random_orders_are_those_of_searches() {
+    fn random_orders_match_a_search() {
         let mut stream = Stream::root(31);
         for round in 0..300 {
             let n = 1 + round % 8;

@@ -3,11 +3,11 @@
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use syntable_formats::read::{ObjectLabels, above, is_json, json_files};
-use syntable_formats::rule;
 use syntable_model::files::DatasetFolder;
 use syntable_model::prelude::*;
 use syntable_model::product::{BBox, meeting_boxes};
 use syntable_model::reader::{DatasetFault, Source};
+use syntable_model::rule;
 
 /// The note about polygons.
 pub const POLYGONS: &str = "outlines are polygons, which say what an object covers to about a pixel at its edges";
@@ -115,12 +115,12 @@ pub fn fits_mask(
     let mut faults = Vec::new();
     if (area - f64::from(mask.area())).abs() > tolerance.area_px2 {
         let message = format!("`{area_key}` is {area}, its mask has {}", mask.area());
-        faults.push(DatasetFault::new(rule::AREAS_ARE_THOSE_OF_MASKS, message));
+        faults.push(DatasetFault::new(rule::AREAS_MATCH_MASKS, message));
     }
     let own = <[i32; 4]>::from(mask.bbox()).map(f64::from);
     if bbox.iter().zip(&own).any(|(said, own)| (said - own).abs() > tolerance.box_px) {
         let message = format!("`{bbox_key}` is {bbox:?}, that of its mask {own:?}");
-        faults.push(DatasetFault::new(rule::BBOX_IS_THAT_OF_A_MASK, message));
+        faults.push(DatasetFault::new(rule::BOX_MATCHES_MASK, message));
     }
     faults
 }
@@ -160,7 +160,7 @@ pub fn fits_outlines(
     let tolerance = edge_px2(mask).max(1.0);
     if area < own_area.min(enclosed) - tolerance || area > own_area.max(enclosed) + tolerance {
         let message = format!("`{area_key}` is {area}, its polygons enclose {enclosed:.1} px²");
-        faults.push(DatasetFault::new(rule::AREAS_ARE_THOSE_OF_MASKS, message));
+        faults.push(DatasetFault::new(rule::AREAS_MATCH_MASKS, message));
     }
     let said = [bbox[0], bbox[1], bbox[0] + bbox[2], bbox[1] + bbox[3]];
     let own = [low[0], low[1], high[0], high[1]];
@@ -172,7 +172,7 @@ pub fn fits_outlines(
     };
     if (0..4).any(off) {
         let message = format!("`{bbox_key}` is {bbox:?}, its polygons reach from {low:?} to {high:?}");
-        faults.push(DatasetFault::new(rule::BBOX_IS_THAT_OF_A_MASK, message));
+        faults.push(DatasetFault::new(rule::BOX_MATCHES_MASK, message));
     }
     faults
 }

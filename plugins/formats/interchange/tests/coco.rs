@@ -184,7 +184,7 @@ fn holes_of_kins_are_told_by_areas() {
         let path = folder.path().join("update_train_2020.json");
         fs::write(&path, data.to_string()).expect("written");
         let found = open_dataset(&path, None).unwrap_or_else(|error| panic!("{error}")).1;
-        assert_eq!(found.image_faults(0).iter().filter(|it| it.rule == "areas_are_those_of_masks").count(), 0);
+        assert_eq!(found.image_faults(0).iter().filter(|it| it.rule == "areas_match_masks").count(), 0);
         let products = read(&found);
         let area =
             |key: Key<PerInstance<Mask>>| products.get(key).expect("there").iter().next().map(|(_, mask)| mask.area());
@@ -209,7 +209,7 @@ fn holes_of_kins_are_told_by_areas() {
 }
 
 #[test]
-fn images_of_kins_are_those_of_the_split() {
+fn images_of_kins_match_the_split() {
     for (file, expected) in
         [("update_train_2020.json", 10), ("update_test_2020.json", 200), ("instances_val.json", 200)]
     {
@@ -288,7 +288,7 @@ fn a_folder_of_instances_and_segments_is_both() {
 }
 
 #[test]
-fn supercategories_are_those_of_the_file() {
+fn supercategories_match_the_file() {
     let folder = tempfile::tempdir().expect("a folder");
     let found = open_of(folder.path(), &[], json!([{ "id": 7, "name": "mug", "supercategory": "shape" }]));
     assert_eq!(found.info.supercategory(7), Some("shape"));
@@ -350,5 +350,5 @@ fn polygons_of_cocoa_fill_holes() {
     };
     assert_eq!(of(14), Vec::<&str>::new());
     // What is missing at the right end is no hole.
-    assert!(of(9).contains(&"polygon_is_that_of_masks"));
+    assert!(of(9).contains(&"polygon_matches_mask"));
 }

@@ -386,7 +386,7 @@ const PLANTED: &[Plant] = &[
     ("cocoa", "", "`size` is 99", &|it| it["annotations"][0]["size"] = json!(99)),
     ("cocoa", "", "`depth_constraint` has `99`", &|it| it["annotations"][0]["depth_constraint"] = json!("1-99")),
     ("cocoa", "", "`depth_constraint` has ``", &|it| it["annotations"][0]["depth_constraint"] = json!("1")),
-    ("cocoa", "", "order_is_that_of_masks", &|it| {
+    ("cocoa", "", "order_matches_masks", &|it| {
         let pair = it["annotations"][0]["depth_constraint"]
             .as_str()
             .expect("text")
@@ -520,7 +520,7 @@ fn a_scene_of_bop_without_poses_is_at_fault() {
     let root = folder.path().join("data");
     fs::remove_file(file(&root, "000001/scene_gt.json")).expect("there");
     let found = said(&root, "bop");
-    assert!(found.iter().any(|it| it.contains("files_are_there: 000001: the scene has no scene_gt.json")), "{found:?}");
+    assert!(found.iter().any(|it| it.contains("files_exist: 000001: the scene has no scene_gt.json")), "{found:?}");
     // Cameras alone make a dataset, too.
     for scene in ["000000/scene_gt.json", "000002/scene_gt.json"] {
         fs::remove_file(file(&root, scene)).expect("there");
@@ -530,7 +530,7 @@ fn a_scene_of_bop_without_poses_is_at_fault() {
 }
 
 #[test]
-fn models_of_bop_fit_their_sizes_and_are_there() {
+fn bop_models_exist_and_fit_their_sizes() {
     let model = |diameter: f64| {
         json!({ "diameter": diameter, "min_x": -30.0, "min_y": -20.0, "min_z": 0.0,
                 "size_x": 60.0, "size_y": 40.0, "size_z": 120.0 })

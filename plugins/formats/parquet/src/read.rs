@@ -17,7 +17,6 @@ use std::sync::Arc;
 use syntable_formats::coco::Category;
 use syntable_formats::decode::{self, FileContent};
 use syntable_formats::read::{self, Faults};
-use syntable_formats::rule;
 use syntable_formats::samples::{self, Contents, Latest, SampleFields, SampleReader};
 use syntable_model::files::DatasetFolder;
 use syntable_model::limits::TABLE_BYTES;
@@ -26,6 +25,7 @@ use syntable_model::prelude::*;
 use syntable_model::product::linked;
 use syntable_model::product::standard::{CAMERA, CATEGORY_ID, RGB};
 use syntable_model::reader::{Format, Opened, Source};
+use syntable_model::rule;
 
 syntable_model::register_format!(
     Format::new(

@@ -351,7 +351,7 @@ fn decode(file: &gltf::Gltf, texture: &Json, json: &Json) -> (u32, u32, Vec<u8>,
 }
 
 #[test]
-fn materials_are_those_of_the_scene() {
+fn materials_match_the_scene() {
     let (file, json) = one("");
     let number = |value: &Json| value.as_f64().expect("a number");
     let plain = &json["materials"][0];

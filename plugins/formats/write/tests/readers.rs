@@ -98,7 +98,7 @@ fn archives_equal_the_run_lengths() {
 }
 
 #[test]
-fn run_lengths_equal_those_of_pycocotools() {
+fn run_lengths_equal_pycocotools() {
     let mut stream = Stream::root(3);
     let mut lines = String::new();
     for i in 0..400 {

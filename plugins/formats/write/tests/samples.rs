@@ -212,7 +212,7 @@ fn ids_ascend_and_masks_are_of_the_image() {
 }
 
 #[test]
-fn categories_are_those_of_the_file() {
+fn categories_match_the_file() {
     let folder = tempfile::tempdir().expect("a folder");
     written(folder.path(), "webdataset", "");
     let root = folder.path().join("data");
@@ -259,7 +259,7 @@ fn a_file_of_a_view_is_not_replaced_by_another_one() {
 
 /// A dataset of a layout is opened beside such of products.
 #[test]
-fn of_several_datasets_that_of_a_layout_counts() {
+fn a_layout_outranks_other_datasets() {
     let folder = tempfile::tempdir().expect("a folder");
     let root = folder.path();
     let elsewhere = tempfile::tempdir().expect("a folder");

@@ -119,7 +119,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_command_is_sound() {
+    fn the_command_is_valid() {
         command().debug_assert();
     }
 }

@@ -12,7 +12,7 @@ use syntable_model::product::standard::{
     RGB, VISIBILITY, VISIBLE_BOX, VISIBLE_MASK,
 };
 use syntable_model::product::{BBox, OcclusionOrder, Product, meeting_boxes};
-use syntable_model::register_check;
+use syntable_model::{register_check, rule};
 
 /// Distance by which a depth may differ from what a pose says, m: files have whole millimeters.
 const DEPTH_TOLERANCE_M: f64 = 0.002;
@@ -44,7 +44,7 @@ register_check!(
         }),
     },
     Check {
-        name: "occlusion_is_amodal_minus_visible",
+        name: rule::OCCLUSION_IS_AMODAL_MINUS_VISIBLE,
         doc: "The occlusion mask of an object is its amodal mask without its visible mask.",
         reads: || keys![VISIBLE_MASK, AMODAL_MASK, OCCLUSION_MASK],
         finds_subject: Check::ALWAYS,
@@ -60,35 +60,35 @@ register_check!(
         },
     },
     Check {
-        name: "rate_is_ratio_of_areas",
+        name: rule::RATE_IS_RATIO_OF_AREAS,
         doc: "The occlusion rate is the area of the occlusion mask divided by the area of the amodal mask.",
         reads: || keys![AMODAL_MASK, OCCLUSION_MASK, OCCLUSION_RATE],
         finds_subject: Check::ALWAYS,
         faults: rates,
     },
     Check {
-        name: "order_is_that_of_masks",
+        name: rule::ORDER_MATCHES_MASKS,
         doc: "An object occludes another object in the order if its visible mask overlaps the other's occlusion mask.",
         reads: || keys![VISIBLE_MASK, OCCLUSION_MASK, OCCLUSION_ORDER],
         finds_subject: Check::ALWAYS,
         faults: order,
     },
     Check {
-        name: "visible_box_is_that_of_mask",
+        name: "visible_box_matches_mask",
         doc: "The visible box is the smallest one around the visible mask.",
         reads: || keys![VISIBLE_MASK, VISIBLE_BOX],
         finds_subject: Check::ALWAYS,
         faults: |products| each_pair(products, VISIBLE_MASK, VISIBLE_BOX, box_of),
     },
     Check {
-        name: "amodal_box_is_that_of_mask",
+        name: "amodal_box_matches_mask",
         doc: "The amodal box is the smallest one around the amodal mask.",
         reads: || keys![AMODAL_MASK, AMODAL_BOX],
         finds_subject: Check::ALWAYS,
         faults: |products| each_pair(products, AMODAL_MASK, AMODAL_BOX, box_of),
     },
     Check {
-        name: "masks_have_the_size_of_the_image",
+        name: "masks_have_image_size",
         doc: "Masks and image have one size.",
         reads: || keys![RGB, AMODAL_MASK, VISIBLE_MASK],
         finds_subject: Check::ALWAYS,
@@ -107,7 +107,7 @@ register_check!(
         },
     },
     Check {
-        name: "depth_has_the_size_of_the_image",
+        name: "depth_has_image_size",
         doc: "Depth and image have one size.",
         reads: || keys![RGB, DEPTH],
         finds_subject: Check::ALWAYS,
@@ -121,7 +121,7 @@ register_check!(
         },
     },
     Check {
-        name: "camera_has_the_size_of_the_image",
+        name: rule::CAMERA_HAS_IMAGE_SIZE,
         doc: "The intrinsics fit the size of the image.",
         reads: || keys![RGB, CAMERA],
         finds_subject: Check::ALWAYS,
@@ -198,7 +198,7 @@ register_check!(
         }),
     },
     Check {
-        name: "camera_is_sound",
+        name: rule::CAMERA_IS_VALID,
         doc: "Focal lengths are positive, and the principal point is a number.",
         reads: || keys![CAMERA],
         finds_subject: Check::ALWAYS,
@@ -235,7 +235,7 @@ register_check!(
         },
     },
     Check {
-        name: "counts_are_those_of_masks",
+        name: rule::COUNTS_MATCH_MASKS,
         doc: "Pixel counts equal the areas of the masks, and the parts are not larger than the whole.",
         reads: || keys![VISIBILITY, VISIBLE_MASK],
         finds_subject: Check::ALWAYS,

@@ -305,7 +305,7 @@ fn of_overlapping_masks_the_smallest_is_on_top() {
 
 /// The planes for training loops, pixel by pixel from the rays.
 #[test]
-fn label_arrays_are_those_of_the_rays() {
+fn label_arrays_match_the_rays() {
     let mut counts = Vec::new();
     for (objects, min_visible, classes) in
         [(1, 9999, vec![]), (8, 2, vec!["a", "solid"]), (9, 2, vec!["solid"]), (70, 1, vec!["b"])]
@@ -385,7 +385,7 @@ fn the_policy_is_stated() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(40))]
     #[test]
-    fn labels_are_those_of_the_pixels(width in 1_i32..20, height in 1_i32..20, objects in 1_usize..9, seed: u64) {
+    fn labels_match_the_pixels(width in 1_i32..20, height in 1_i32..20, objects in 1_usize..9, seed: u64) {
         check_all_policies(&Rays::random([width, height], objects, seed));
     }
 }

@@ -473,7 +473,7 @@ fn rendered(rays: &Rays, size: [u32; 2], objects: u16) -> (World, Products) {
 
 /// Against counting pixel by pixel.
 #[test]
-fn areas_of_occlusion_are_those_of_the_rays() {
+fn areas_of_occlusion_match_the_rays() {
     for (objects, seed) in [(2, 1), (9, 2), (70, 3)] {
         let rays = Rays::random([24, 17], objects, seed);
         let (world, mut products) = rendered(&rays, [24, 17], objects as u16);
@@ -525,7 +525,7 @@ fn edges_say_who_is_in_front() {
 }
 
 #[test]
-fn depth_of_hidden_parts_is_that_of_the_object_alone() {
+fn depth_of_hidden_parts_matches_the_object_alone() {
     let rays = Rays::new([4, 1], [0, 0], 2, |x, _| [vec![1], vec![1, 2], vec![2], vec![]][x as usize].clone());
     let (mut world, mut products) = rendered(&rays, [4, 1], 2);
     let k = &mut world.view.camera.intrinsics;
@@ -559,7 +559,7 @@ fn depth_of_hidden_parts_is_that_of_the_object_alone() {
 }
 
 #[test]
-fn hidden_normals_are_those_of_the_objects_window() {
+fn hidden_normals_match_the_objects_window() {
     // Object 1 hides the left half of object 2; the third covers nothing.
     let rays = Rays::new([12, 9], [0, 0], 3, |x, y| match (x, y) {
         (4..=5, 3..=6) => vec![1, 2],

@@ -229,7 +229,7 @@ fn the_parts_of_an_object_have_their_own_densities() {
 }
 
 #[test]
-fn inertia_is_that_of_the_enclosed_volume() {
+fn inertia_matches_the_enclosed_volume() {
     for object in all("household", "variants_per_family = 3") {
         if object.mass.distribution != MassDistribution::Volume {
             continue;

@@ -59,7 +59,7 @@ fn of_type(kind: usize, elevation_deg: f64) -> Sky {
 }
 
 #[test]
-fn luminances_are_those_of_the_standard() {
+fn luminances_match_the_standard() {
     let at = |elevation: f64, azimuth: f64| {
         let (e, a) = (elevation.to_radians(), azimuth.to_radians());
         Vector3::new(e.cos() * a.cos(), e.cos() * a.sin(), e.sin())

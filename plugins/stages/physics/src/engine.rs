@@ -403,7 +403,7 @@ mod tests {
     }
 
     #[test]
-    fn overlaps_are_those_of_the_poses() {
+    fn overlaps_match_the_poses() {
         let config = Rapier::default();
         let mut engine = Engine::new(&config, vec![static_body::ground(0.0)]);
         let cube = kit::object("cube", kit::cuboid([0.0; 3], [0.1; 3]), 1.0);

@@ -410,7 +410,7 @@ fn noise_between(a: &Plane<[f32; 3]>, b: &Plane<[f32; 3]>, other: &Plane<[f32; 3
 }
 
 #[test]
-fn components_of_light_are_those_of_the_cpu() {
+fn components_of_light_match_the_cpu() {
     if !has_adapter() {
         return;
     }

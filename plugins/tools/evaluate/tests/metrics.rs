@@ -203,7 +203,7 @@ impl Workers for InTurn {
 }
 
 #[test]
-fn intervals_are_those_of_theory() {
+fn intervals_match_theory() {
     let size = [40, 40];
     let mut stream = Stream::root(11);
     let pairs: Vec<ImagePair> = (0..400)

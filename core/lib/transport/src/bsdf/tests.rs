@@ -278,7 +278,7 @@ fn gltf(base: f64, roughness: f64, metallic: f64, wo: Vec3, wi: Vec3) -> f64 {
 }
 
 #[test]
-fn the_plain_mix_is_that_of_gltf() {
+fn the_plain_mix_matches_gltf() {
     let mut stream = Stream::root(12);
     for _ in 0..2000 {
         let mut direction = || towards(stream.uniform(0.05, 1.0) as f32, stream.uniform(0.0, 1.0) as f32);

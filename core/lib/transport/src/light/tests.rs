@@ -210,7 +210,7 @@ fn a_sky_gives_what_a_sum_over_directions_gives() {
 }
 
 #[test]
-fn densities_of_distant_lights_are_those_of_their_samples() {
+fn densities_of_distant_lights_match_their_samples() {
     let sun = DirectionalLight { towards: Vector3::new(0.0, 0.6, 0.8), half_angle: 0.3, irradiance: [1000.0; 3] };
     let sky = EnvironmentLight { map: map(), scale: [1.0; 3], rotation: 2.0 };
     let lights = Lights::alone(&[Light::Directional(sun), Light::Environment(sky)]).expect("sound");

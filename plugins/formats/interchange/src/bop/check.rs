@@ -10,13 +10,11 @@ use crate::read::edge_px2;
 use std::collections::BTreeMap;
 use std::path::Path;
 use syntable_formats::read::Faults;
-use syntable_formats::rule;
 use syntable_model::files::DatasetFolder;
 use syntable_model::prelude::*;
 use syntable_model::reader::DatasetFault;
+use syntable_model::rule;
 
-/// Id of the rule that counts of pixels are those of masks.
-const COUNTS_ARE_THOSE_OF_MASKS: &str = "counts_are_those_of_masks";
 /// Id of the rule that sizes of models fit each other and the meshes.
 const SIZES_OF_MODELS: &str = "sizes_of_models";
 
@@ -103,7 +101,7 @@ impl GroundTruthInfo {
         let seen = self.px_count_visib > 0;
         let said = |name: &str, bbox: [i64; 4], own: &str| {
             let message = format!("`{name}` is {bbox:?}, {own} (BOP's sizes have no + 1)");
-            DatasetFault::new(rule::BBOX_IS_THAT_OF_A_MASK, message)
+            DatasetFault::new(rule::BOX_MATCHES_MASK, message)
         };
         let own = |mask: &Mask| if seen { between_centers(mask.bbox().into()) } else { NO_BOX };
         if self.bbox_visib != own(visible) {
@@ -131,7 +129,7 @@ impl GroundTruthInfo {
         if self.px_count_all > most {
             let message =
                 format!("`px_count_all` is {}, `bbox_obj` {:?} has {most} pixels", self.px_count_all, self.bbox_obj);
-            faults.push(DatasetFault::new(COUNTS_ARE_THOSE_OF_MASKS, message));
+            faults.push(DatasetFault::new(rule::COUNTS_MATCH_MASKS, message));
         }
         if reaches_out && !(0..4).any(is_beyond) && self.px_count_all as f64 > f64::from(amodal.area()) + slack(amodal)
         {
@@ -141,14 +139,14 @@ impl GroundTruthInfo {
                 amodal.area(),
                 self.bbox_obj
             );
-            faults.push(DatasetFault::new(COUNTS_ARE_THOSE_OF_MASKS, message));
+            faults.push(DatasetFault::new(rule::COUNTS_MATCH_MASKS, message));
         }
         faults
     }
 
     fn faults_of_counts(&self, amodal: &Mask, depth: Option<&Plane<f32>>) -> Vec<DatasetFault> {
         let mut faults = Vec::new();
-        let mut fault = |message: String| faults.push(DatasetFault::new(COUNTS_ARE_THOSE_OF_MASKS, message));
+        let mut fault = |message: String| faults.push(DatasetFault::new(rule::COUNTS_MATCH_MASKS, message));
         let (all, valid) = (self.px_count_all, self.px_count_valid);
         if (all as f64) < f64::from(amodal.area()) - slack(amodal) {
             fault(format!("`px_count_all` is {all}, its mask has {} pixels", amodal.area()));
@@ -253,7 +251,7 @@ impl CocoScene {
             if of_box.is_empty() {
                 let message =
                     format!("{SCENE_GT_COCO}: annotation {id}: `bbox` is {bbox:?}, that of no object of the image");
-                faults.push(DatasetFault::new(rule::BBOX_IS_THAT_OF_A_MASK, message));
+                faults.push(DatasetFault::new(rule::BOX_MATCHES_MASK, message));
                 continue;
             }
             let has_area = |area: f64| {
@@ -265,7 +263,7 @@ impl CocoScene {
             if let Some(area) = area.filter(|area| !has_area(*area)) {
                 let message =
                     format!("{SCENE_GT_COCO}: annotation {id}: `area` is {area}, that of no object with its `bbox`");
-                faults.push(DatasetFault::new(rule::AREAS_ARE_THOSE_OF_MASKS, message));
+                faults.push(DatasetFault::new(rule::AREAS_MATCH_MASKS, message));
             }
         }
         faults
@@ -276,18 +274,18 @@ impl CocoScene {
 pub fn faults_of_camera(camera: &BopCamera, [width, height]: [u32; 2]) -> Option<DatasetFault> {
     let said = [camera.width, camera.height];
     let message = format!("{CAMERA_FILE}: its images have {said:?} pixels, this one {:?}", [width, height]);
-    (said != [width, height]).then(|| DatasetFault::new("camera_has_the_size_of_the_image", message))
+    (said != [width, height]).then(|| DatasetFault::new(rule::CAMERA_HAS_IMAGE_SIZE, message))
 }
 
 /// A `camera.json` without a focal length.
-pub fn camera_is_sound(camera: &BopCamera, faults: &mut Faults) {
+pub fn camera_is_valid(camera: &BopCamera, faults: &mut Faults) {
     let sound = camera.fx > 0.0 && camera.fy > 0.0 && camera.depth_scale > 0.0;
     if !sound {
         let message = format!(
             "`fx` is {}, `fy` {} and `depth_scale` {}; all must be above 0",
             camera.fx, camera.fy, camera.depth_scale
         );
-        faults.add("camera_is_sound", CAMERA_FILE.to_owned(), message);
+        faults.add(rule::CAMERA_IS_VALID, CAMERA_FILE.to_owned(), message);
     }
 }
 
@@ -319,7 +317,7 @@ pub fn faults_of_models(folder: &Path, models: &BTreeMap<u64, BopModelInfo>, fau
         let place = format!("{MODELS_INFO}: {id}");
         let mesh = model_file(id);
         if !folder.join(&mesh).is_file() {
-            faults.add(rule::FILES_ARE_THERE, place.clone(), format!("there is no {mesh} beside it"));
+            faults.add(rule::FILES_EXIST, place.clone(), format!("there is no {mesh} beside it"));
         }
         if let Err(problem) = model.symmetries() {
             faults.add("symmetries_are_motions", place.clone(), problem);

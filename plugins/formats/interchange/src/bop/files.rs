@@ -13,12 +13,12 @@ use syntable_formats::decode::{self, FileContent};
 use syntable_formats::json as formats_json;
 use syntable_formats::members::{self, TarMember, TarSample};
 use syntable_formats::read::{self, Faults, place_in_name};
-use syntable_formats::rule;
 use syntable_formats::segmentation::Segmentation;
 use syntable_model::files::DatasetFolder;
 use syntable_model::limits::{ANNOTATIONS, TEXT_BYTES};
 use syntable_model::prelude::*;
 use syntable_model::reader::{ImageRef, Source};
+use syntable_model::rule;
 use syntable_model::scene::ViewId;
 
 /// Fields of a sample that hold what [`SCENE_CAMERA`], [`SCENE_GT`] and [`SCENE_GT_INFO`] hold of its image.
@@ -195,7 +195,7 @@ impl BopImages {
                 [SCENE_GT, SCENE_CAMERA, SCENE_GT_INFO].iter().find(|name| !folder.join(name).is_file())
             {
                 let message = format!("the scene has no {missing}: nothing of it is read");
-                faults.lost(rule::FILES_ARE_THERE, place, message);
+                faults.lost(rule::FILES_EXIST, place, message);
                 continue;
             }
             let (mut cameras, mut infos, all) = match files_of(&inside) {
@@ -235,7 +235,7 @@ impl BopImages {
             let place = format!("{scene:06}/{number:06}");
             if let Some(missing) = RECORDS.iter().find(|field| !fields.contains_key(**field)) {
                 let message = format!("the image has no {missing}: nothing of it is read");
-                faults.lost(rule::FILES_ARE_THERE, place, message);
+                faults.lost(rule::FILES_EXIST, place, message);
                 continue;
             }
             match said_by(number, &mut fields) {

@@ -266,7 +266,7 @@ mod tests {
     }
 
     #[test]
-    fn the_diameter_is_that_of_all_pairs() {
+    fn the_diameter_matches_all_pairs() {
         let mut stream = Stream::root(11);
         for i in 0..200 {
             let model = random(&mut stream, 1 + i, i % 2 == 0);

@@ -14,7 +14,6 @@ use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 use syntable_formats::coco::Category;
 use syntable_formats::read::{self, Faults, ObjectLabels};
-use syntable_formats::rule;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{
     CAMERA, CATEGORY_ID, DEPTH, OBJECT_INFO, OBJECT_MODELS, OBJECT_NAME, OCCLUSION_MASK, RGB, VISIBILITY,
@@ -23,6 +22,7 @@ use syntable_model::product::{ObjectModel, ObjectModels, PixelCounts};
 use syntable_model::reader::{
     DatasetFault, FaultSubject, Format, ImageRef, ImageSource, Note, Opened, ReadImage, Source, unnamed_object,
 };
+use syntable_model::rule;
 use syntable_model::scene::SceneId;
 
 syntable_model::register_format!(Format::new(
@@ -65,7 +65,7 @@ fn open(source: &Source) -> Result<Opened> {
     let above = split.folder.parent().unwrap_or(&split.folder);
     let names = optional(source, [root, above], Path::new(OBJECTS))?;
     let camera: Option<BopCamera> = optional(source, [root, above], Path::new(CAMERA_FILE))?;
-    camera.iter().for_each(|camera| check::camera_is_sound(camera, &mut faults));
+    camera.iter().for_each(|camera| check::camera_is_valid(camera, &mut faults));
     let model_folders = [root, above].map(|folder| folder.join(MODELS));
     let models: Option<BTreeMap<u64, BopModelInfo>> =
         optional(source, [root, above], &Path::new(MODELS).join(MODELS_INFO))?;

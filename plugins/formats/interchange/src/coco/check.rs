@@ -6,10 +6,10 @@ use crate::d2sa;
 use crate::read::{MaskTolerance, edge_px2, fits_mask, fits_outlines, no_pixels};
 use syntable_formats::listing::AnnotationListing;
 use syntable_formats::read::{self, KnownMasks};
-use syntable_formats::rule;
 use syntable_formats::segmentation::Segmentation;
 use syntable_model::prelude::*;
 use syntable_model::reader::{DatasetFault, FaultSubject};
+use syntable_model::rule;
 
 impl CocoObjects {
     /// The rules that the records of an image break.

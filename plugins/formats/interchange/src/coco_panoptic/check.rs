@@ -4,8 +4,8 @@ use super::read::{Segments, Things};
 use super::record::VOID;
 use crate::read::{MaskTolerance, fits_mask};
 use std::collections::BTreeSet;
-use syntable_formats::rule;
 use syntable_model::reader::{DatasetFault, FaultSubject};
+use syntable_model::rule;
 
 /// Id of the rule that segments are regions of the image of ids.
 const SEGMENTS_ARE_PIXELS: &str = "segments_are_pixels";

@@ -7,11 +7,11 @@ use std::collections::{BTreeMap, BTreeSet};
 use syntable_formats::coco::{Category, IS_THING};
 use syntable_formats::decode;
 use syntable_formats::read::{self, Categories, KnownMasks, ObjectLabels};
-use syntable_formats::rule;
 use syntable_model::files::DatasetFolder;
 use syntable_model::limits::ANNOTATIONS;
 use syntable_model::prelude::*;
 use syntable_model::reader::{Crowd, DatasetFault, FaultSubject, Format, Note, Opened, Source};
+use syntable_model::rule;
 
 syntable_model::register_format!(Format::new(
     "coco_panoptic",

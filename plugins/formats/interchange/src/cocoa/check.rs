@@ -4,10 +4,10 @@ use super::read::key_of;
 use super::record::{CocoaAnnotation, CocoaRegion};
 use crate::read::{edge_px2, enclosed, eroded, no_pixels};
 use std::collections::{BTreeMap, BTreeSet};
-use syntable_formats::rule;
 use syntable_model::prelude::*;
 use syntable_model::product::{BBox, meeting_boxes};
 use syntable_model::reader::{DatasetFault, FaultSubject};
+use syntable_model::rule;
 
 /// Largest error of a rate of two decimals.
 const TWO_DECIMALS: f64 = 0.005;
@@ -88,7 +88,7 @@ impl CocoaAnnotation {
             let message = format!(
                 "`depth_constraint` has no pair {front}-{back}, and region {front} hides {area} pixels of region {back}"
             );
-            (area > 0).then(|| DatasetFault::new(rule::ORDER_IS_THAT_OF_MASKS, message))
+            (area > 0).then(|| DatasetFault::new(rule::ORDER_MATCHES_MASKS, message))
         })
     }
 
@@ -104,7 +104,7 @@ impl CocoaAnnotation {
                 let message = format!(
                     "`depth_constraint` has {front}-{back}, and by its masks region {back} hides {opposite} pixels of region {front}"
                 );
-                DatasetFault::new(rule::ORDER_IS_THAT_OF_MASKS, message)
+                DatasetFault::new(rule::ORDER_MATCHES_MASKS, message)
             })
         };
         pairs.iter().filter_map(wrong).collect()
@@ -123,7 +123,7 @@ impl CocoaRegion {
         let area = f64::from(amodal.area());
         if let Some(said) = self.area.filter(|said| (said - area).abs() > edge) {
             let message = format!("{} is {said}, its masks have {area}", key_of(number, "area"));
-            faults.push(DatasetFault::new(rule::AREAS_ARE_THOSE_OF_MASKS, message));
+            faults.push(DatasetFault::new(rule::AREAS_MATCH_MASKS, message));
         }
         let rate = if area == 0.0 { 0.0 } else { f64::from(hidden.area()) / area };
         // A rate may be that of the polygon, whose area is off by the pixels at its edge.
@@ -150,7 +150,7 @@ impl CocoaRegion {
         let differ = f64::from(amodal.minus(polygon).area() + more.area() - holes);
         if differ > edge {
             let message = format!("{} differs from its masks at {differ} pixels", key_of(number, "segmentation"));
-            faults.push(DatasetFault::new("polygon_is_that_of_masks", message));
+            faults.push(DatasetFault::new("polygon_matches_mask", message));
         }
         faults
     }

@@ -6,9 +6,9 @@ use crate::read::hidden_of;
 use std::collections::BTreeMap;
 use syntable_formats::listing::AnnotationListing;
 use syntable_formats::read::ObjectLabels;
-use syntable_formats::rule;
 use syntable_model::prelude::*;
 use syntable_model::reader::{DatasetFault, FaultSubject};
+use syntable_model::rule;
 
 /// `amodal_region.name`, which names another category than that of the object.
 pub fn fault_of_name(
@@ -51,7 +51,7 @@ fn faults_of_depth(annotations: &[AmodalAnnotation]) -> impl Iterator<Item = Dat
 }
 
 fn fault_of_order(annotation: &AmodalAnnotation, message: String) -> DatasetFault {
-    DatasetFault::new(rule::ORDER_IS_THAT_OF_MASKS, message).of(FaultSubject::Annotation(annotation.id))
+    DatasetFault::new(rule::ORDER_MATCHES_MASKS, message).of(FaultSubject::Annotation(annotation.id))
 }
 
 fn occlusion_depth(annotation: &AmodalAnnotation) -> Option<u64> {

@@ -7,11 +7,11 @@ use crate::order::ObjectOrder;
 use crate::read::{MaskTolerance, cut_holes, edge_px2, eroded, fits_mask, hidden_of, no_pixels, settle_edges};
 use std::collections::BTreeMap;
 use syntable_formats::read::ObjectLabels;
-use syntable_formats::rule;
 use syntable_formats::segmentation::Segmentation;
 use syntable_model::prelude::*;
 use syntable_model::product::BBox;
 use syntable_model::reader::{DatasetFault, FaultSubject};
+use syntable_model::rule;
 
 /// The rules that the records of an image break.
 pub fn faults_of_image(file: &AnnotationFile, image: usize) -> Vec<DatasetFault> {
@@ -54,7 +54,7 @@ impl KinsAnnotation {
         };
         (said < -edges || said > hidden + edges).then(|| {
             let message = format!("{name} is {said}, outlines leave 0 to {hidden}");
-            DatasetFault::new(rule::AREAS_ARE_THOSE_OF_MASKS, message).of(self.subject())
+            DatasetFault::new(rule::AREAS_MATCH_MASKS, message).of(self.subject())
         })
     }
 
@@ -116,7 +116,7 @@ fn faults_of_order(
     let groups = annotations.iter().chain(crowds).filter_map(|it| it.oco_id);
     groups.for_each(|group| *members.entry(group).or_default() += 1);
     let mut fault = |of: &KinsAnnotation, message: String| {
-        faults.push(DatasetFault::new(rule::ORDER_IS_THAT_OF_MASKS, message).of(of.subject()));
+        faults.push(DatasetFault::new(rule::ORDER_MATCHES_MASKS, message).of(of.subject()));
     };
     // One fault of a kind per object, since the number of pairs grows quadratically.
     for (j, behind) in annotations.iter().enumerate() {

@@ -3,9 +3,10 @@
 use super::read::{OsdImage, OsdSource};
 use super::record::{LABELS, MASKS};
 use std::collections::BTreeSet;
-use syntable_formats::{decode, rule};
+use syntable_formats::decode;
 use syntable_model::prelude::*;
 use syntable_model::reader::DatasetFault;
+use syntable_model::rule;
 
 impl OsdImage {
     /// Labels that the image shows, or that have an occlusion mask, and that have no amodal mask.

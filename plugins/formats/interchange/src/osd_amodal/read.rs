@@ -6,11 +6,11 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 use syntable_formats::decode;
 use syntable_formats::read::{self, Categories, Faults, ObjectLabels};
-use syntable_formats::rule;
 use syntable_model::files::DatasetFolder;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{DEPTH, RGB};
 use syntable_model::reader::{DatasetFault, Format, ImageSource, Opened, ReadImage, Source};
+use syntable_model::rule;
 
 syntable_model::register_format!(Format::new(
     "osd_amodal",

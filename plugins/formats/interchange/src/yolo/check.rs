@@ -2,8 +2,8 @@
 
 use super::read::YoloSource;
 use super::record::{BOX, DATA, LabelLine, LabelShape};
-use syntable_formats::rule;
 use syntable_model::reader::{DatasetFault, FaultSubject};
+use syntable_model::rule;
 
 impl YoloSource {
     /// The rules that the lines of an image break.

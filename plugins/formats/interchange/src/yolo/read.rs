@@ -13,12 +13,12 @@ use std::path::{Path, PathBuf};
 use syntable_formats::coco::Category;
 use syntable_formats::decode;
 use syntable_formats::read::{self, Categories, Faults, KnownMasks, ObjectLabels};
-use syntable_formats::rule;
 use syntable_formats::segmentation::Segmentation;
 use syntable_model::files::DatasetFolder;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{CATEGORY_ID, OCCLUSION_MASK, RGB};
 use syntable_model::reader::{DatasetFault, Format, ImageSource, Note, Opened, ReadImage, Source, unnamed_class};
+use syntable_model::rule;
 
 syntable_model::register_format!(Format::new(
     "yolo",

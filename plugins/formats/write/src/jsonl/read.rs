@@ -10,11 +10,11 @@ use std::sync::Arc;
 use syntable_formats::decode::{self, FileContent};
 use syntable_formats::json;
 use syntable_formats::read::{self, Faults};
-use syntable_formats::rule;
 use syntable_formats::samples::{self, Contents, Latest, SampleFields, SampleReader};
 use syntable_model::limits::TEXT_BYTES;
 use syntable_model::prelude::*;
 use syntable_model::reader::{Format, Opened, Source};
+use syntable_model::rule;
 
 syntable_model::register_format!(
     Format::new(

@@ -3,9 +3,9 @@
 use super::read::{ShownImage, SynTableSource};
 use super::record::two_decimals;
 use syntable_formats::read::{self, ObjectLabels};
-use syntable_formats::rule;
 use syntable_formats::syntable::SynTableAnnotation;
 use syntable_model::reader::{DatasetFault, FaultSubject};
+use syntable_model::rule;
 
 impl SynTableSource {
     /// The rules that the records of an image break.
@@ -51,13 +51,13 @@ fn faults_of_numbers(annotation: &SynTableAnnotation, labels: &ObjectLabels) -> 
             && said != u64::from(mask.area())
         {
             let message = format!("`{name}` is {said}, its mask has {} pixels", mask.area());
-            faults.push(DatasetFault::new(rule::AREAS_ARE_THOSE_OF_MASKS, message));
+            faults.push(DatasetFault::new(rule::AREAS_MATCH_MASKS, message));
         }
     }
     let boxes = [visible.bbox(), amodal.bbox()].map(<[i32; 4]>::from);
     if !boxes.contains(&annotation.bbox) {
         let message = format!("`bbox` is {:?}, its masks have {boxes:?}", annotation.bbox);
-        faults.push(DatasetFault::new(rule::BBOX_IS_THAT_OF_A_MASK, message));
+        faults.push(DatasetFault::new(rule::BOX_MATCHES_MASK, message));
     }
     faults
 }

@@ -7,7 +7,6 @@ use syntable_formats::decode::{self, FileContent};
 use syntable_formats::index::{IndexedRecord, RecordSection};
 use syntable_formats::listing::AnnotationListing;
 use syntable_formats::read::{self, BACKGROUND, ObjectLabels};
-use syntable_formats::rule;
 use syntable_formats::segmentation::Rle;
 use syntable_formats::syntable::{SynTableAnnotation, SynTableImage, SynTableScene};
 use syntable_model::files::{DatasetFolder, read_small};
@@ -18,6 +17,7 @@ use syntable_model::product::standard::{
 };
 use syntable_model::product::{BBox, OcclusionOrder};
 use syntable_model::reader::{DatasetFault, FaultSubject, Format, ImageSource, Note, Opened, ReadImage, Source};
+use syntable_model::rule;
 
 syntable_model::register_format!(Format::new(
     "syntable",

@@ -642,7 +642,7 @@ fn gltf(cases: &mut Cases) {
 }
 
 #[test]
-fn colors_are_those_of_the_file() {
+fn colors_match_the_file() {
     static HERE: OnceLock<bool> = OnceLock::new();
     let mut cases = Cases { folder: TempDir::new().expect("temp folder"), list: Vec::new() };
     obj_and_mtl(&mut cases);

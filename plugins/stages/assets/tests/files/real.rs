@@ -161,7 +161,7 @@ fn gltf_files_agree_with_the_index() {
 }
 
 #[test]
-fn gltf_materials_are_those_of_the_file() {
+fn gltf_materials_match_the_file() {
     for root in roots() {
         let source = source_of("mesh_folder", &root.join("gltf"), "");
         let (car, _) = load(&*source, "ToyCar");

@@ -99,7 +99,7 @@ fn what_is_above_the_ground_casts_its_shadow() {
 }
 
 #[test]
-fn the_albedo_of_the_ground_is_that_of_its_view() {
+fn the_albedo_of_the_ground_matches_its_view() {
     let scene = scene([body(&hidden(), at(0.0, 0.0, -5.0), Role::Object), ground()]);
     let albedo = |lights: Vec<Light>| {
         let view = view(1, 1, 100.0, [0.5, 0.5, 2.0], [0.5, 0.2, 0.0], lights);

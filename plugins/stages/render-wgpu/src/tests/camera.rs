@@ -80,7 +80,7 @@ fn rays_and_samples_of_pixels_are_the_cpus() {
 }
 
 #[test]
-fn the_position_in_a_pixel_is_that_of_the_tent() {
+fn the_position_in_a_pixel_matches_the_tent() {
     let Some(mut session) = session() else { return };
     show(&mut session, &scenes::boxes(&[([0.0; 3], [0.2; 3])]), &scenes::view([0.0, -2.0, 1.0], [0.0; 3], SIZE, 60.0));
     let rows: Vec<[f32; 1]> = (0..=1000).map(|i| [(i as f32 / 1000.0).min(0.999_999_94)]).collect();

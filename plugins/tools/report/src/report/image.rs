@@ -97,7 +97,7 @@ pub struct GalleryRow {
     pub faults: usize,
 }
 
-pub use syntable_model::reader::READABLE;
+pub use syntable_model::rule::READABLE;
 
 /// Products to read of each image.
 fn wants(offers: &[KeyId]) -> Vec<KeyId> {

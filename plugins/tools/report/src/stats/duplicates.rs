@@ -164,7 +164,7 @@ mod tests {
 
     /// Against all pairs and a walk from link to link.
     #[test]
-    fn groups_are_those_of_all_pairs() {
+    fn groups_match_all_pairs() {
         let mut stream = Stream::root(5);
         let mut level = |low: f64, high: f64| stream.uniform(low, high) as u8;
         let mut all: Vec<Thumbnail> = Vec::new();

@@ -5,7 +5,7 @@ use syntable_mesh::image::DecodedImage;
 use syntable_mesh::limits::Budget;
 
 #[test]
-fn pixels_are_those_of_the_file() {
+fn pixels_match_the_file() {
     let decode = |text: &str| DecodedImage::decode(text.as_bytes(), &Budget::default());
     let image = decode(include_str!("../sample.ppm")).expect("sound");
     assert_eq!((image.width, image.height), (2, 2));

@@ -6,7 +6,7 @@ use syntable::Quiet;
 use syntable_mesh::inspect::mesh_file;
 
 #[test]
-fn triangles_are_those_of_the_file() {
+fn triangles_match_the_file() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("sample.off");
     fs::write(&path, include_str!("../sample.off")).expect("writable");
