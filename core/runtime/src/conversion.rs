@@ -10,6 +10,7 @@ use syntable_model::error::{Error, Result};
 use syntable_model::reader::Source;
 use syntable_model::registry::{ConstructError, Entry, Registry, Slot, Stage};
 use syntable_model::stage::Writer;
+use syntable_model::store::StoreFolder;
 use syntable_model::words::SHOWN;
 
 /// Source, target formats and options of a conversion.
@@ -24,8 +25,8 @@ pub struct ConvertOptions {
     pub to: Vec<String>,
     /// Options of writers as `KIND.KEY=VALUE`, with the value in TOML.
     pub set: Vec<String>,
-    /// Output folder: new, or empty.
-    pub out: PathBuf,
+    /// Output folder, of this machine or of another store: new, or empty.
+    pub out: StoreFolder,
     /// Number of threads.
     pub threads: usize,
     /// Ends the conversion early on request.
@@ -34,7 +35,7 @@ pub struct ConvertOptions {
 
 impl ConvertOptions {
     /// Converts a dataset with writers of these kinds and their default options.
-    pub fn new(dataset: impl Into<PathBuf>, to: &[&str], out: impl Into<PathBuf>) -> Self {
+    pub fn new(dataset: impl Into<PathBuf>, to: &[&str], out: impl Into<StoreFolder>) -> Self {
         Self {
             dataset: dataset.into(),
             format: None,
@@ -65,7 +66,9 @@ pub struct Conversion {
 /// errors: [`Conversion::left_out`] lists them.
 pub fn convert(registry: &Registry, options: &ConvertOptions, reporter: &dyn Reporter) -> Result<Conversion> {
     let writers = asked_writers(registry, options)?;
-    check_place(&options.out, &options.dataset)?;
+    if let Some(folder) = options.out.local() {
+        check_place(&folder, &options.dataset)?;
+    }
     let named = Source::new(&options.dataset).trusting(options.trust_paths);
     let (format, dataset) = registry.open_dataset(&named, options.format.as_deref())?;
     check_images(&dataset, &options.dataset)?;

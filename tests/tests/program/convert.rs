@@ -6,11 +6,15 @@ use serde_json::{Value, json};
 use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use syntable::ConvertOptions;
+use syntable::store::MemStore;
 use syntable_model::product::standard::{AMODAL_MASK, CATEGORY_ID, OBJECT_INFO, VISIBLE_MASK};
 use syntable_model::product::{KeyId, Mask};
 use syntable_model::reader;
 use syntable_model::scene::InstanceId;
 use syntable_program as _;
+use syntable_testing::folder::{files, files_of_store};
 use syntable_testing::takes::open_dataset;
 
 fn json_of(path: &Path) -> Value {
@@ -76,6 +80,30 @@ fn categories(file: &Path) -> (Vec<(u64, String)>, Vec<u64>) {
         named.map(|it| (number(&it["id"]), it["name"].as_str().expect("text").to_owned())).collect(),
         of.map(|it| number(&it["category_id"])).collect(),
     )
+}
+
+#[test]
+fn a_store_in_memory_gets_the_files_of_a_folder() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = |name: &str| folder.path().join(name);
+    foreign_coco(&path("foreign"), &[&[47, 1], &[44]], &[(1, "person"), (44, "bottle"), (47, "cup")]);
+    let registry = syntable::Registry::linked().expect("stock plugins");
+    let to = ["coco", "yolo", "npz", "parquet"];
+    let memory = Arc::new(MemStore::default());
+    let in_memory = || ConvertOptions::new(path("foreign"), &to, Arc::clone(&memory));
+
+    let cancelled = in_memory();
+    cancelled.stop.cancel();
+    assert!(syntable::convert(&registry, &cancelled, &syntable::Quiet).is_err());
+    assert_eq!(memory.files().len(), 0, "a cancelled conversion leaves no file");
+
+    syntable::convert(&registry, &in_memory(), &syntable::Quiet).expect("convertible");
+    syntable::convert(&registry, &ConvertOptions::new(path("foreign"), &to, path("out")), &syntable::Quiet)
+        .expect("convertible");
+    assert!(files_of_store(&memory) == files(&path("out")), "same names and bytes");
+
+    let Err(error) = syntable::convert(&registry, &in_memory(), &syntable::Quiet) else { panic!("it has files") };
+    assert!(error.to_string().contains("the output folder is not empty"), "{error}");
 }
 
 #[test]

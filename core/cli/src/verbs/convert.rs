@@ -7,6 +7,7 @@ use clap::Args;
 use std::path::PathBuf;
 use syntable_model::error::Error;
 use syntable_model::registry::Registry;
+use syntable_model::store::StoreFolder;
 use syntable_recipe::message::Message;
 use syntable_runtime::conversion::{self, ConvertOptions};
 use syntable_runtime::run::progress::count;
@@ -36,11 +37,12 @@ pub(crate) fn convert(console: &Console, registry: &Registry, args: ConvertArgs)
     let ConvertArgs { dataset, to, out, format, trust_paths, set } = args;
     let stop = on_signals()?;
     let threads = workers::available();
+    let out = StoreFolder::from(out);
     let options = ConvertOptions { dataset, format, trust_paths, to, set, out, threads, stop };
     let done =
         conversion::convert(registry, &options, console.reporter()).map_err(|error| ended(&options.stop, error))?;
     let converted = &done.converted;
-    let mut out = format!("{}, read as {}, to {}\n", converted.text(), done.format, options.out.display());
+    let mut out = format!("{}, read as {}, to {}\n", converted.text(), done.format, options.out.name().display());
     if !converted.lost.is_empty() {
         out += &format!("not carried over: {}\n", converted.lost.join(", "));
     }

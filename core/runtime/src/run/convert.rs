@@ -3,9 +3,8 @@
 //! A reader offers products like a renderer. Annotators whose inputs are products alone derive the products that
 //! writers read.
 
-use crate::durable::{self, Draft, Standing};
 use crate::paths::{root_of, run_above};
-use crate::run::dataset::layout;
+use crate::run::conversion_target::ConversionTarget;
 use crate::run::dataset::loss::Loss;
 use crate::run::making::losses::Losses;
 use crate::run::making::stages::annotate_image;
@@ -30,7 +29,7 @@ use syntable_model::registry::Registry;
 use syntable_model::rule;
 use syntable_model::scene::{InstanceId, SceneId};
 use syntable_model::stage::{Finish, ImageAnnotator, Input, ProductGroup, Writer};
-use syntable_model::store::{FsStore, StoreFolder};
+use syntable_model::store::StoreFolder;
 use syntable_recipe::plan::{self, Candidate, Implied, Offers, Plan, PlanFault, Producer};
 
 /// Result of a conversion.
@@ -80,22 +79,22 @@ pub fn check_images(dataset: &OpenDataset, place: &Path) -> Result<()> {
     }
 }
 
-/// Writes a dataset with these writers into a folder, which must be new or empty. The folder appears when all files are
-/// complete; after an error, no folder remains. Unreadable images are omitted. If no image is readable, the conversion
+/// Writes a dataset with these writers into a folder, which must be new or empty. On this machine, the folder appears when
+/// all files are complete. After an error, no file remains. Unreadable images are omitted. If no image is readable, the conversion
 /// fails.
 pub fn convert_dataset(
     registry: &Registry,
     dataset: &OpenDataset,
     writers: &[(String, Box<dyn Writer>)],
-    out: &Path,
+    out: &StoreFolder,
     (threads, stop): (usize, &Stop),
     reporter: &dyn Reporter,
 ) -> Result<Converted> {
     let guarded = Guarded(reporter);
     let log = Warnings(&guarded);
     let ConversionPlan { plan, lacking } = resolve(registry, dataset, writers)?;
-    let draft = begin(out)?;
-    let part = StoreFolder::from(draft.folder());
+    let target = ConversionTarget::begin(out)?;
+    let part = target.files();
     let pool = Pool::new(threads)?;
     let cx = DatasetContext::new(&dataset.info, &pool, &log);
     let (faults, unread, missing) = (AtomicU32::new(0), Mutex::new(BTreeMap::new()), Mutex::default());
@@ -114,9 +113,7 @@ pub fn convert_dataset(
         missing: &missing,
     };
     let scenes = work.scenes().and_then(|scenes| work.finish(&scenes).map(|()| scenes))?;
-    // The inputs of `finish` serve a resumed run. A conversion starts again.
-    part.remove_all(&layout::mark())?;
-    draft.publish()?;
+    target.publish()?;
     let unread = unread.into_inner();
     let Missing { annotations, parts, without_pixels } = missing.into_inner();
     let not_objects = dataset.not_objects(&plan.rendered);
@@ -179,20 +176,6 @@ pub fn check_place(out: &Path, source: &Path) -> Result<()> {
     Err(Error::new(format!("the output folder is inside {what}, {}", root.display()))
         .in_file(out)
         .help(format!("choose a folder outside, such as {}", beside.display())))
-}
-
-/// Begins the output folder, which must be new or empty.
-fn begin(out: &Path) -> Result<Draft> {
-    FsStore::new(out).check_link()?;
-    if durable::standing(out)? == Standing::Free {
-        return Draft::begin(out);
-    }
-    if out.is_file() {
-        return Err(Error::new("the output folder is a file").in_file(out).help("choose a new or empty folder"));
-    }
-    // A conversion that was killed in its last step leaves the whole dataset and a temporary file.
-    let _ = durable::mend(out);
-    Err(Error::new("the output folder is not empty").in_file(out).help("choose another folder; no file was changed"))
 }
 
 /// Derived products, and the products that writers do without.

@@ -12,6 +12,7 @@
 //! | `merge`, `convert`, [`preview`] | one dataset of several parts; a dataset in other formats; single views without a dataset |
 //! | [`progress`], [`stop`], `panics`, `scene_range` | events and their listeners; early ends; panics as errors; scenes by number |
 
+mod conversion_target;
 mod convert;
 pub mod dataset;
 mod decisions;
