@@ -494,7 +494,7 @@ mod tests {
 
     impl Assets for Numbers {
         fn entries(&self, pool: &str) -> Result<&[CatalogEntry]> {
-            self.0.get(pool).map(Vec::as_slice).ok_or_else(|| Error::new(format!("there is no pool `{pool}`")))
+            self.0.get(pool).map(Vec::as_slice).ok_or_else(|| Error::new(format!("unknown pool `{pool}`")))
         }
         fn get(&self, asset: &AssetRef) -> Result<Asset> {
             match asset.name.parse::<u32>() {
@@ -564,7 +564,7 @@ mod tests {
             "no asset of `broken`, `empty` can be used; the last one: bad"
         );
         assert!(error(&"empty".into()).starts_with("no asset in `empty`"));
-        assert!(error(&weights(&[("gone", 1.0), ("a", 1.0)])).starts_with("there is no pool `gone`"));
+        assert!(error(&weights(&[("gone", 1.0), ("a", 1.0)])).starts_with("unknown pool `gone`"));
     }
 
     #[test]

@@ -35,7 +35,7 @@ fn find(
     let root = source.path.as_path();
     let names = || formats.iter().map(|format| format.name()).collect::<Vec<_>>().join(", ");
     if !root.is_dir() && !root.is_file() {
-        return Err(Error::new("there is no such folder or file").in_file(root));
+        return Err(Error::new("no such folder or file").in_file(root));
     }
     if let Some(name) = format {
         let named = formats.iter().find(|it| it.name() == name).cloned();

@@ -45,7 +45,7 @@ pub fn inspect(path: &Path, log: &dyn Log) -> Result<(&'static str, Inspection)>
     let all = inspectors();
     let Some(inspector) = all.iter().find(|inspector| (inspector.accepts)(path)) else {
         if !path.exists() {
-            return Err(Error::new("there is no such file or folder").in_file(path));
+            return Err(Error::new("no such file or folder").in_file(path));
         }
         let known: Vec<&str> = all.iter().map(|inspector| inspector.name).collect();
         return Err(Error::new("no known kind of asset")

@@ -53,7 +53,7 @@ impl<P: PoolName> Pools<P> {
             return Err(format!("the weight {weight} of `{}` is not within 0 and {MAX_WEIGHT:e}", pool.as_str()));
         }
         if weights.iter().all(|(_, weight)| *weight == 0.0) {
-            return Err("no pool has a weight above 0, so there is nothing to draw from".to_owned());
+            return Err("no pool has a weight above 0, so nothing can be drawn".to_owned());
         }
         Ok(Self(Choice::Weighted(weights)))
     }
@@ -192,8 +192,8 @@ mod tests {
             ("from = { a = -1, b = 2 }", "the weight -1 of `a` is not within 0 and 1e9"),
             ("from = { a = inf }", "the weight inf of `a` is not within 0 and 1e9"),
             ("from = { a = nan }", "the weight NaN of `a` is not within 0 and 1e9"),
-            ("from = { a = 0, b = 0.0 }", "no pool has a weight above 0, so there is nothing to draw from"),
-            ("from = {}", "no pool has a weight above 0, so there is nothing to draw from"),
+            ("from = { a = 0, b = 0.0 }", "no pool has a weight above 0, so nothing can be drawn"),
+            ("from = {}", "no pool has a weight above 0, so nothing can be drawn"),
             ("from = []", "the list of pools must not be empty"),
         ] {
             assert_eq!(read(text).expect_err(text), want);

@@ -586,13 +586,13 @@ fn paths_of_pools_count_from_who_names_them() {
         let error = said(&option("names.json"), &[]);
         assert!(error.contains("relative paths start from the folder of the recipe"), "{error}");
         assert!(
-            error.contains(&format!("no file or folder {}", here.join("tests/recipes/names.json").display())),
+            error.contains(&format!("{} does not exist", here.join("tests/recipes/names.json").display())),
             "{error}"
         );
         let error = said("", &[(&path, "names.json")]);
         assert!(error.contains("relative paths of --set start from the current folder"), "{error}");
-        assert!(error.contains(&format!("no file or folder {}", here.join("names.json").display())), "{error}");
-        assert_eq!(error.matches("no file or folder").count(), 1, "{error}");
+        assert!(error.contains(&format!("{} does not exist", here.join("names.json").display())), "{error}");
+        assert_eq!(error.matches("does not exist").count(), 1, "{error}");
         let error = said("", &[(&path, "src")]);
         assert!(
             error.contains(&format!("`{key}` names a file, but {} is a folder", here.join("src").display())),

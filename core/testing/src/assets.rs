@@ -12,10 +12,10 @@ pub struct NoAssets;
 
 impl Assets for NoAssets {
     fn entries(&self, pool: &str) -> Result<&[CatalogEntry]> {
-        Err(Error::new(format!("there is no pool `{pool}`")))
+        Err(Error::new(format!("unknown pool `{pool}`")))
     }
     fn get(&self, asset: &AssetRef) -> Result<Asset> {
-        Err(Error::new(format!("there is no {asset}")))
+        Err(Error::new(format!("unknown asset {asset}")))
     }
 }
 
@@ -58,9 +58,9 @@ impl Pools {
 
 impl Assets for Pools {
     fn entries(&self, pool: &str) -> Result<&[CatalogEntry]> {
-        self.entries.get(pool).map(Vec::as_slice).ok_or_else(|| Error::new(format!("there is no pool `{pool}`")))
+        self.entries.get(pool).map(Vec::as_slice).ok_or_else(|| Error::new(format!("unknown pool `{pool}`")))
     }
     fn get(&self, asset: &AssetRef) -> Result<Asset> {
-        self.assets.get(asset).cloned().ok_or_else(|| Error::new(format!("there is no asset {asset}")))
+        self.assets.get(asset).cloned().ok_or_else(|| Error::new(format!("unknown asset {asset}")))
     }
 }

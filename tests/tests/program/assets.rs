@@ -64,7 +64,7 @@ fn whole_pools_are_checked() {
     assert!(said.contains("assets.mixed: 1 of 3 assets are good\n  bad: garbage\n  bad: truncated\n"), "{said}");
     assert!(said.contains("2 of 3 assets are bad") && said.contains("not a valid GLB"), "{said}");
     let (code, said) = check("--assets=none");
-    assert!(code == Some(2) && said.contains("there is no pool `none`"), "{said}");
+    assert!(code == Some(2) && said.contains("unknown pool `none`"), "{said}");
 }
 
 #[test]
@@ -74,7 +74,7 @@ fn an_asset_is_described_and_a_missing_one_named() {
     assert!(text(&output).contains("no/such/model.obj"), "{}", text(&output));
     let output = syntable().args(["check", "--asset", "nothere"]).output().expect("starts");
     assert_eq!(output.status.code(), Some(2));
-    assert!(text(&output).contains("nothere: there is no such file or folder"), "{}", text(&output));
+    assert!(text(&output).contains("nothere: no such file or folder"), "{}", text(&output));
     let output = syntable().args(["check", "--asset", "README.md"]).output().expect("starts");
     assert_eq!(output.status.code(), Some(2));
     assert!(text(&output).contains("no known kind of asset") && text(&output).contains("OBJ"), "{}", text(&output));

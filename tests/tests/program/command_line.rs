@@ -294,7 +294,7 @@ fn overrides_remove_and_say_what_they_cannot() {
     assert!(plan.contains("write.syntable") && !plan.contains("write.contact_sheet"), "{plan}");
     assert!(
         fails(syntable().args(["plan", "--set", "remove=\"write.nothing\""]), 2)
-            .contains("there is no `write.nothing`")
+            .contains("`write.nothing` does not exist")
     );
     for set in ["extends=\"other.toml\"", "set.render=1"] {
         assert!(

@@ -574,7 +574,7 @@ fn mistakes_are_named() {
     let file = folder.path().join("cut.json");
     fs::write(&file, "[{\"image_id\": 1,").expect("writable");
     assert!(eval(&data(), &file).contains("the list of predictions ends early"));
-    assert!(eval(&data(), &folder.path().join("nothing")).contains("there is no such folder or file"));
+    assert!(eval(&data(), &folder.path().join("nothing")).contains("no such folder or file"));
     // Two images of predictions that are one of labels.
     let [labels, twice] = [&["1/a.png"][..], &["a.png", "2/a.jpg"]].map(|names| {
         let at = folder.path().join(format!("coco{}", names.len()));

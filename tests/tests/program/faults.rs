@@ -564,7 +564,7 @@ fn check_finds_all_mistakes_that_do_not_follow_from_one_another() {
     fs::write(&recipe, text).expect("writable");
     let says = [
         "[D0003]: `dataset` has no option `scens`",
-        "[D0011]: there is no file or folder",
+        "gone does not exist",
         "[D0011]: denoise: /no/such.so",
         "[D0011]: write.a, the file of view 0 of scene 0: `/a` is not a path inside",
         "error: assets.nothing:",
@@ -593,7 +593,7 @@ fn mistakes_of_steps_files_and_paths_are_found_by_check() {
         format!("write.t={{ kind = \"template\", template = {{ file = \"{}\" }} }}", folder.path().display());
     let path = "write.t={ kind = \"template\", template = \"x\", path = ";
     for (set, says) in [
-        (unknown.as_str(), vec!["write.t", "unknown.tera:2", "there is no variable `sceen`"]),
+        (unknown.as_str(), vec!["write.t", "unknown.tera:2", "unknown variable `sceen`"]),
         (&in_folder, vec!["`template.file` names a file, but", "is a folder"]),
         ("write.t={ kind = \"template\", template = \"{{ view.cameraa }}\" }", vec!["line 1", "no `view.cameraa`"]),
         (

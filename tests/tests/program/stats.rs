@@ -166,7 +166,7 @@ fn tables_and_files() {
 fn mistakes_are_told() {
     let folder = tempfile::tempdir().expect("a folder");
     let nowhere = folder.path().join("nowhere");
-    assert!(fails(syntable().arg("stats").arg(&nowhere), 2).contains("there is no such folder or file"));
+    assert!(fails(syntable().arg("stats").arg(&nowhere), 2).contains("no such folder or file"));
     let coco = converted(&folder.path().join("coco"), "coco", &[]);
     let said = fails(syntable().arg("stats").arg(&coco).args(["--format", "nothing"]), 2);
     assert!(said.contains("unknown dataset format `nothing`"), "{said}");

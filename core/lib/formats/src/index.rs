@@ -144,7 +144,7 @@ impl Indexed {
         for run in numbers.chunk_by(|one, next| one.checked_add(1) == Some(*next)) {
             let [first, last] = [run[0] as usize, run[run.len() - 1] as usize];
             let (Some(&start), Some(&end)) = (ends.get(first), ends.get(last + 1)) else {
-                return Err(Error::new(format!("there is no `{}[{last}]`", section.name())).in_file(&self.path));
+                return Err(Error::new(format!("`{}[{last}]` does not exist", section.name())).in_file(&self.path));
             };
             let mut bytes = vec![0; (end - start) as usize];
             file.seek(SeekFrom::Start(start))

@@ -116,7 +116,7 @@ impl AnnotationListing {
                 // The fault of the omitted image covers its annotations.
                 None if ids.contains(&annotation.image) => {}
                 None => {
-                    let message = format!("there is no image {}", annotation.image);
+                    let message = format!("unknown image {}", annotation.image);
                     faults.add(rule::KNOWN_IMAGES, FaultSubject::Annotation(annotation.id), message);
                 }
             }

@@ -54,7 +54,7 @@ pub fn samples(archives: &[PathBuf], faults: &mut Faults) -> BTreeMap<(u32, u32)
     let mut samples: BTreeMap<(u32, u32), TarSample> = BTreeMap::new();
     for (archive, path) in archives.iter().enumerate() {
         let (found, damage) = members(path);
-        let nothing = found.is_empty().then(|| Error::new("there is nothing in it").in_file(path));
+        let nothing = found.is_empty().then(|| Error::new("the archive is empty").in_file(path));
         if let Some(error) = damage.or(nothing) {
             let message = format!("{error}: nothing that follows in it is read");
             faults.lost(rule::READABLE, file_name(path), message);

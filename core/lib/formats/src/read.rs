@@ -433,7 +433,7 @@ impl Faults {
                 self.add(rule::UNIQUE_IDS, FaultSubject::Annotation(id), "two annotations have this id");
             }
             if let Some(category) = category.filter(|category| !categories.names.contains_key(category)) {
-                let message = format!("there is no category {category}");
+                let message = format!("unknown category {category}");
                 self.add(rule::KNOWN_CATEGORIES, FaultSubject::Annotation(id), message);
             }
         }

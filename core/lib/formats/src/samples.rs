@@ -210,7 +210,7 @@ pub fn open(name: String, mut contents: Contents, samples: Box<dyn SampleReader>
         notes.extend(unlisted.map(|text| Note::caveat(text).of([CATEGORY_ID.id()])));
     }
     if leaves_out_empty {
-        notes.push(Note::caveat("of images without objects there is nothing in such tables: they are not there"));
+        notes.push(Note::caveat("these tables have no rows for images without objects, so such images are left out"));
     }
     if follow.contains(&VISIBILITY.id()) {
         notes.push(Note::caveat(read::WITHIN_IMAGE).of([VISIBILITY.id()]));
@@ -483,7 +483,7 @@ impl ImageSource for SampleSource {
         let Ok(own) = self.decoded(CATEGORY_ID, &fields, &[]) else { return Vec::new() };
         let unknown = own.iter().filter(|(_, category)| self.categories.known((**category).into()).is_none());
         let fault = |(id, category): (InstanceId, &u32)| {
-            let fault = DatasetFault::new(rule::KNOWN_CATEGORIES, format!("there is no category {category}"));
+            let fault = DatasetFault::new(rule::KNOWN_CATEGORIES, format!("unknown category {category}"));
             fault.of(FaultSubject::Instance(id))
         };
         unknown.map(fault).collect()

@@ -114,7 +114,7 @@ impl Supports {
         let Support { name, surface, clear_height_m } = &support;
         if self.iter().any(|other| other.name == *name) {
             let help = "give each placer's support a name of its own";
-            return Err(Error::new(format!("there is a support `{name}` already")).help(help));
+            return Err(Error::new(format!("the scene already has a support `{name}`")).help(help));
         }
         let sizes = surface.size.iter().chain(clear_height_m);
         if !(surface.center.iter().all(|x| x.is_finite()) && sizes.into_iter().all(|x| x.is_finite() && *x > 0.0)) {

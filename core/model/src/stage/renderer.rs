@@ -216,7 +216,7 @@ impl Bodies<'_> {
         let mut chosen = vec![false; count];
         for id in ids {
             let body = usize::from(id.0).checked_sub(1).and_then(|index| chosen.get_mut(index));
-            let unknown = || Error::new(format!("there is no body {} to render", id.0));
+            let unknown = || Error::new(format!("unknown body {} to render", id.0));
             *body.ok_or_else(unknown)? = true;
         }
         Ok(chosen)

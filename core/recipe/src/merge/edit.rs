@@ -108,7 +108,7 @@ impl<'t, 'a> Position<'t, 'a> {
         match self {
             Self::Table(_) => cannot(span, parents, "is a table, not an array; name a key of it"),
             Self::Array(_) => cannot(span, parents, "is an array; name an element of it"),
-            Self::Scalar(kind) => cannot(span, parents, &format!("is {kind}, so there is nothing inside it")),
+            Self::Scalar(kind) => cannot(span, parents, &format!("is {kind}, and has no keys")),
         }
     }
 }
@@ -218,9 +218,9 @@ fn cannot(span: &Span, parents: &[(Step, Span)], message: &str) -> DiagnosticBui
 fn absent(span: &Span, steps: &[(Step, Span)], key: &str, table: &DeTable) -> DiagnosticBuilder {
     let keys: Vec<&str> = table.keys().map(|key| key.get_ref().as_ref()).collect();
     let path = display(steps);
-    DiagnosticBuilder::error(Code::BadOverride, span.clone(), format!("there is no `{path}`"))
+    DiagnosticBuilder::error(Code::BadOverride, span.clone(), format!("`{path}` does not exist"))
         .label(did_you_mean(key, keys.iter().copied()))
-        .help(format!("there is {}", listing(keys)))
+        .help(format!("its table has {}", listing(keys)))
 }
 
 pub(crate) fn display(steps: &[(Step, Span)]) -> String {

@@ -625,7 +625,7 @@ mod tests {
     #[test]
     fn a_missing_list_is_named() {
         let options = PoolOptions { include_list: Some(AssetPath("/no/such/list.txt".into())), ..Default::default() };
-        let error = options.select(Vec::new(), &Collected::default()).expect_err("there is no such file").to_string();
+        let error = options.select(Vec::new(), &Collected::default()).expect_err("no such file").to_string();
         assert!(error.contains("/no/such/list.txt"), "{error}");
     }
 }

@@ -249,7 +249,7 @@ impl Loader<'_, '_> {
 
     /// The diagnostic for a path at which there is nothing. It says from where the path counts.
     fn absent(&self, reference: &Reference, path: &Path) -> DiagnosticBuilder {
-        let message = format!("there is no file or folder {}", path.display());
+        let message = format!("{} does not exist", path.display());
         let diagnostic = DiagnosticBuilder::error(Code::InvalidValue, reference.span.clone(), message);
         let is_set = self.sources.file_of(&reference.span).is_some_and(|file| file.name() == SET);
         match reference.text.strip_prefix("${").and_then(|rest| rest.split_once('}')) {
@@ -271,7 +271,7 @@ impl Loader<'_, '_> {
             };
             match names.pools.get(name) {
                 None => {
-                    let message = format!("there is no pool `{name}`");
+                    let message = format!("unknown pool `{name}`");
                     let mut diagnostic = DiagnosticBuilder::error(Code::UnknownPool, reference.span.clone(), message);
                     diagnostic = match kind {
                         Some(kind) => diagnostic.label(default_of(kind, reference)),

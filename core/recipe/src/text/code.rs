@@ -82,8 +82,8 @@ codes! {
          binary's `main.rs`. To call a table as you like, add `kind = \"…\"` to it.";
     /// No pool has this name, or it gives assets of another class.
     UnknownPool = "D0006", "no such pool of assets",
-        "Stages draw objects and materials from pools by name, and a pool is an `[assets.<name>]` table. Either there is \
-         no table of this name, or its source gives materials where objects are needed, or vice versa.",
+        "Stages draw objects and materials from pools by name, and a pool is an `[assets.<name>]` table. Either \
+         no table has this name, or its source gives materials where objects are needed, or vice versa.",
         "Use the suggested name, or add the `[assets.<name>]` table.";
     /// The value has another type than the option.
     WrongType = "D0007", "the value has the wrong type",

@@ -98,7 +98,7 @@ impl Builtin {
             let near = nearest(name, BUILTINS.iter().map(|builtin| builtin.name));
             let near = near.map_or_else(String::new, |near| format!("did you mean `{PREFIX}{near}`? "));
             let names = listing(BUILTINS.iter().map(|builtin| builtin.name));
-            Error::new(format!("there is no recipe `{PREFIX}{name}`")).help(format!("{near}the names are {names}"))
+            Error::new(format!("unknown recipe `{PREFIX}{name}`")).help(format!("{near}the names are {names}"))
         })
     }
 

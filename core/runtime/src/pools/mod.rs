@@ -115,7 +115,7 @@ impl<'a> AssetStore<'a> {
     fn pool(&self, id: &str) -> Result<&OpenPool<'a>> {
         self.pools.get(id).ok_or_else(|| {
             let known: Vec<&str> = self.pools.keys().copied().collect();
-            Error::new(format!("there is no pool `{id}`")).help(format!("the recipe has: {}", known.join(", ")))
+            Error::new(format!("unknown pool `{id}`")).help(format!("the recipe has: {}", known.join(", ")))
         })
     }
 

@@ -105,7 +105,7 @@ impl Previewer {
         log: &'p Warnings<'p>,
         stop: &'p Stop,
     ) -> Result<Pass<'p>> {
-        let Some((recipe, parts)) = &self.current else { return Err(Error::new("there is no recipe yet")) };
+        let Some((recipe, parts)) = &self.current else { return Err(Error::new("no recipe has been loaded yet")) };
         recipe.ready()?;
         for message in recipe.choices.iter().cloned().chain(inputs::emulated(recipe)?) {
             if self.noted.insert(message.clone()) {

@@ -72,7 +72,7 @@ impl Config for Hdf5 {
     fn build(self) -> Result<Box<dyn Writer>, ConfigError> {
         if self.datasets.is_empty() && self.include.is_empty() {
             let help = "name datasets, or products in `include`";
-            return Err(ConfigError::new("datasets", "there is nothing to write").help(help));
+            return Err(ConfigError::new("datasets", "nothing to write").help(help));
         }
         self.include.check_free(&BlenderProcDataset::ALL.map(BlenderProcDataset::name))?;
         Ok(self.boxed())

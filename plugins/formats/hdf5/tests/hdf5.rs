@@ -180,7 +180,7 @@ fn what_is_chosen_is_read_and_nothing_else() {
     assert_eq!(reads("datasets = []\ninclude = [\"flag\"]"), ["flag"]);
     assert_eq!(reads(""), ["rgb", "depth", "camera", "normal", "instance", "bodies"]);
     for (options, want) in [
-        ("datasets = []", "datasets: there is nothing to write"),
+        ("datasets = []", "datasets: nothing to write"),
         ("datasets = [\"depth\", \"depth\"]", "datasets[1]: `datasets` names `depth` twice"),
         ("include = [\"flag\", \"flag\"]", "include[1]: `include` names `flag` twice"),
         ("include = [\"depth\"]", "include[0]: a product named `depth` has the name of a field of this writer"),

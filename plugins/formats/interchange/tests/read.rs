@@ -288,8 +288,8 @@ type Plant = (&'static str, &'static str, &'static str, &'static dyn Fn(&mut Jso
 const PLANTED: &[Plant] = &[
     ("d2sa", "", "two annotations have this id", &|it| it["annotations"][1]["id"] = json!(1)),
     ("d2sa", "", "two images have this id", &|it| it["images"][1]["id"] = it["images"][0]["id"].clone()),
-    ("d2sa", "", "there is no image 999", &|it| it["annotations"][0]["image_id"] = json!(999)),
-    ("d2sa", "", "there is no category 77", &|it| it["annotations"][0]["category_id"] = json!(77)),
+    ("d2sa", "", "unknown image 999", &|it| it["annotations"][0]["image_id"] = json!(999)),
+    ("d2sa", "", "unknown category 77", &|it| it["annotations"][0]["category_id"] = json!(77)),
     ("d2sa", "", "`area` is 1", &|it| it["annotations"][0]["area"] = json!(1)),
     ("d2sa", "", "`bbox` is", &|it| it["annotations"][0]["bbox"] = json!([0, 0, 1, 1])),
     ("d2sa", "", "annotation 1: `occlude_rate`: ", &|it| it["annotations"][0]["occlude_rate"] = json!("x")),
@@ -540,7 +540,7 @@ fn bop_models_exist_and_fit_their_sizes() {
         (130.0, 1..=99, true, None),
         (119.0, 1..=99, true, Some("`diameter` is 119 mm")),
         (141.0, 1..=99, true, Some("`diameter` is 141 mm")),
-        (130.0, 1..=99, false, Some("there is no obj_000001.ply beside it")),
+        (130.0, 1..=99, false, Some("obj_000001.ply is missing")),
         (130.0, 200..=201, true, Some("models_info.json has no such model")),
     ] {
         let folder = tempfile::tempdir().expect("a folder");
@@ -624,7 +624,7 @@ fn missing_files_and_other_sizes_are_found() {
         ("osd_amodal", "annotation/s000000v0000.png", Some(&small), "it has 8 × 8 pixels, its record says 64 × 48"),
         ("osd_amodal", "annotation/s000000v0000.png", None, "annotation/s000000v0000.png: it is not there"),
         ("osd_amodal", "amodal_annotation/s000000v0000_1.png", None, "label 1 has no mask in amodal_annotation"),
-        ("osd_amodal", "image_color/s000000v0000.png", None, "there is no image_color/s000000v0000.png"),
+        ("osd_amodal", "image_color/s000000v0000.png", None, "image_color/s000000v0000.png is missing"),
         ("yolo", "000000_0000.png", None, "has no image of this name"),
         ("d2sa", "000000_0000.png", None, "000000_0000.png: no such file"),
         ("kins", "000000_0000.png", None, "000000_0000.png: no such file"),

@@ -886,7 +886,7 @@ fn faults_of_templates_name_file_and_line() {
     assert!(write(&options).contains("labels.tera:2: expected"), "{}", write(&options));
     std::fs::write(&file, "one\n\n{{ camera.width }}\n").expect("writable");
     let error = write(&options);
-    assert!(error.contains("labels.tera:3: ") && error.contains("there is no variable `camera`"), "{error}");
+    assert!(error.contains("labels.tera:3: ") && error.contains("unknown variable `camera`"), "{error}");
     assert!(error.contains("must be listed in `include`"), "{error}");
     let error = write("template = \"x\"\npath = \"../{{ scene.id }}\"");
     assert!(error.contains("`../0` is not a path inside the dataset"), "{error}");
@@ -901,36 +901,26 @@ fn refused(per: &str, template: &str) -> Option<String> {
 #[test]
 fn variables_that_no_context_of_a_template_has_are_refused() {
     for (per, template, line, says) in [
-        (
-            "view",
-            "a\n{{ sceen.id }}",
-            2,
-            "there is no variable `sceen`: a file per view has `dataset`, `scene`, `view`, ",
-        ),
-        ("view", "{{ views | length }}", 1, "there is no variable `views`"),
-        ("view", "{{ view.cameraa }}", 1, "there is no `view.cameraa`: the fields of `view` are `id`"),
-        ("view", "{{ writer.id }}", 1, "there is no `writer.id`: the fields of `writer` are none"),
-        ("view", "scene.id\n\n{{ scene.id.x }}", 3, "there is no `scene.id.x`"),
+        ("view", "a\n{{ sceen.id }}", 2, "unknown variable `sceen`: a file per view has `dataset`, `scene`, `view`, "),
+        ("view", "{{ views | length }}", 1, "unknown variable `views`"),
+        ("view", "{{ view.cameraa }}", 1, "unknown field `view.cameraa`: the fields of `view` are `id`"),
+        ("view", "{{ writer.id }}", 1, "unknown field `writer.id`: the fields of `writer` are none"),
+        ("view", "scene.id\n\n{{ scene.id.x }}", 3, "unknown field `scene.id.x`"),
         ("view", "{{ amodal_box | length }}", 1, "products must be listed in `include`"),
         ("view", "{% for m in masks %}{% endfor %}", 1, "`masks`"),
-        ("scene", "{{ view.id }}", 1, "there is no variable `view`"),
+        ("scene", "{{ view.id }}", 1, "unknown variable `view`"),
         (
             "scene",
             "{% for v in views %}\n{{ v.pose.id }}{% endfor %}",
             2,
             "the fields of `v` are `view`, `visible_box`",
         ),
-        ("scene", "{% for v in views %}{% endfor %}{{ v.view.id }}", 1, "there is no variable `v`"),
-        ("scene", "{{ views[0].view.nr }}", 1, "there is no `views[0].view.nr`"),
-        ("scene", "{{ views.first }}", 1, "there is no `views.first`"),
-        (
-            "dataset",
-            "{{ scene.id }}",
-            1,
-            "there is no variable `scene`: the file of the dataset has `dataset`, `scenes`, ",
-        ),
+        ("scene", "{% for v in views %}{% endfor %}{{ v.view.id }}", 1, "unknown variable `v`"),
+        ("scene", "{{ views[0].view.nr }}", 1, "unknown field `views[0].view.nr`"),
+        ("scene", "{{ views.first }}", 1, "unknown field `views.first`"),
+        ("dataset", "{{ scene.id }}", 1, "unknown variable `scene`: the file of the dataset has `dataset`, `scenes`, "),
         ("dataset", "{% for s in scenes %}{% for v in s.views %}{{ s.view }}{% endfor %}{% endfor %}", 1, "`s.view`"),
-        ("view", "{{ dataset['size'] }}", 1, "there is no `dataset['size']`"),
+        ("view", "{{ dataset['size'] }}", 1, "unknown field `dataset['size']`"),
         ("view", "{% if scene.id == n %}{% endif %}", 1, "`n`"),
         ("view", "{% if visible_box %}{{ 1 + m }}{% endif %}", 1, "`m`"),
         ("view", "{{ 'a' ~ b }}", 1, "`b`"),
@@ -949,7 +939,7 @@ fn variables_that_no_context_of_a_template_has_are_refused() {
     }
     let path = "template = \"x\"\npath = \"{{ scene.nr }}\"";
     let error = writer("template", path).err().expect("refused");
-    assert!(error.starts_with("path: line 1 of the template: there is no `scene.nr`"), "{error}");
+    assert!(error.starts_with("path: line 1 of the template: unknown field `scene.nr`"), "{error}");
 }
 
 #[test]

@@ -252,7 +252,7 @@ impl DropBox {
         let level = OrientedBox::new(&bounds, &pose_at(object, rotation, at), GAP_M / 2.0);
         at.z = taken.iter().map(OrientedBox::top).fold(space.low, f64::max) + level.half_height() + GAP_M;
         if at.z + level.half_height() > space.ceiling {
-            return Err(Error::unlucky("there is no place left for it in the space above the support"));
+            return Err(Error::unlucky("no place is left for it in the space above the support"));
         }
         let pose = pose_at(object, rotation, at);
         taken.push(OrientedBox::new(&bounds, &pose, GAP_M / 2.0));

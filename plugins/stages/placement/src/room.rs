@@ -149,7 +149,7 @@ impl Placer for Room {
 pub fn refuse_second_floor(scene: &SceneBuilder) -> Result<()> {
     if scene.bodies().any(|(_, body)| body.role == Role::Room && body.asset.name == "floor") {
         let help = "keep one [[place]] of the kinds `room` and `ground`";
-        return Err(Error::new("there is a floor already").help(help));
+        return Err(Error::new("the scene already has a floor").help(help));
     }
     Ok(())
 }

@@ -43,7 +43,7 @@ fn choose(registry: &Registry) -> Result<Choice> {
             };
             match (names(DeviceClass::Card), names(DeviceClass::Emulated)) {
                 (cards, _) if !cards.is_empty() => Choice { kind: ON_CARDS, reason: cards },
-                (_, emulated) => on_processor(format!("there is no graphics card, only {emulated}")),
+                (_, emulated) => on_processor(format!("no graphics card, only {emulated}")),
             }
         }
     })
@@ -107,7 +107,7 @@ mod tests {
             (kind, reason)
         };
         assert_eq!(of(&[Entry::of::<WithCard>("a", "1")]), ("gpu_path", "X1 (driver 2)".into()));
-        let only = "there is no graphics card, only X1 (driver 2)";
+        let only = "no graphics card, only X1 (driver 2)";
         assert_eq!(of(&[Entry::of::<WithProgram>("a", "1")]), ("cpu_path", only.into()));
         assert_eq!(of(&[Entry::of::<Without>("a", "1")]), ("cpu_path", "no graphics adapter was found".into()));
         assert_eq!(of(&[]), ("cpu_path", "this program has no `gpu_path`".into()));

@@ -34,7 +34,7 @@ fn main() {
     let arguments: Vec<String> = std::env::args().skip(1).filter(|a| !a.starts_with("--")).collect();
     let adapter = arguments.first().and_then(|a| a.parse().ok()).unwrap_or(0);
     let found = Adapters::find().used().unwrap_or_default();
-    let Some(info) = found.get(adapter) else { return println!("there is no adapter {adapter}") };
+    let Some(info) = found.get(adapter) else { return println!("no adapter is called {adapter}") };
     println!("{info}");
     let workers = Pool::new(std::thread::available_parallelism().map_or(2, usize::from));
     let view = room::view(640, 480);

@@ -317,7 +317,7 @@ pub fn faults_of_models(folder: &Path, models: &BTreeMap<u64, BopModelInfo>, fau
         let place = format!("{MODELS_INFO}: {id}");
         let mesh = model_file(id);
         if !folder.join(&mesh).is_file() {
-            faults.add(rule::FILES_EXIST, place.clone(), format!("there is no {mesh} beside it"));
+            faults.add(rule::FILES_EXIST, place.clone(), format!("{mesh} is missing"));
         }
         if let Err(problem) = model.symmetries() {
             faults.add("symmetries_are_motions", place.clone(), problem);

@@ -52,7 +52,7 @@ impl Meshes {
     /// The shape and the surface of a model, m.
     pub fn model(&self, id: u64) -> Result<ObjectModel> {
         let Some(model) = self.of.get(&id) else {
-            return Err(Error::new("there is no such file").in_file(self.folder.join(model_file(id))));
+            return Err(Error::new("no such file").in_file(self.folder.join(model_file(id))));
         };
         model.get_or_init(|| self.read(id)).clone()
     }

@@ -45,7 +45,7 @@ fn open(source: &Source) -> Result<Opened> {
         Ok(images.into_iter().map(|(stem, _)| stem).collect())
     };
     let names = stems_in(COLOR)?;
-    let missing = |name: &str| format!("there is no {}", image_path(COLOR, name));
+    let missing = |name: &str| format!("{} is missing", image_path(COLOR, name));
     for folder in [DEPTH_FOLDER, LABELS] {
         let stems = stems_in(folder)?;
         for name in names.difference(&stems) {

@@ -87,7 +87,7 @@ fn folders(root: &Path) -> Result<[PathBuf; 2]> {
     match <[[PathBuf; 2]; 1]>::try_from(splits_of(root)) {
         Ok([only]) => Ok(only),
         Err(splits) => Err(match splits.first() {
-            None => Error::new(format!("there is no folder `{IMAGES}` with a folder `{LABELS}` beside it")),
+            None => Error::new(format!("no folder `{IMAGES}` with a folder `{LABELS}` beside it")),
             Some([first, _]) => Error::new(format!("there are {} splits", splits.len()))
                 .help(format!("name the folder of one split, such as {}", first.display())),
         }

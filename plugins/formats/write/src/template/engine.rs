@@ -29,7 +29,7 @@ impl CheckedTemplate {
         let mut tera = Tera::default();
         // The same recipe gives the same files, whoever runs it and wherever.
         tera.register_function("get_env", |_: &HashMap<String, Json>| {
-            Err(tera::Error::msg("templates do not read the environment: there is no function `get_env`"))
+            Err(tera::Error::msg("templates cannot read the environment: the function `get_env` does not exist"))
         });
         tera.register_function("range", range);
         tera.autoescape_on(Vec::new());
@@ -155,8 +155,8 @@ impl TemplateFault {
         let Unknown { variable, missing, parent, known } = unknown;
         let known = listing(known.iter().map(String::as_str));
         let message = match parent {
-            None => format!("there is no variable `{missing}`: {of} has {known}; products must be listed in `include`"),
-            Some(parent) => format!("there is no `{missing}`: the fields of `{parent}` are {known}"),
+            None => format!("unknown variable `{missing}`: {of} has {known}; products must be listed in `include`"),
+            Some(parent) => format!("unknown field `{missing}`: the fields of `{parent}` are {known}"),
         };
         Self { line: line_of(variable, text), message }
     }
@@ -229,7 +229,7 @@ mod tests {
     #[test]
     fn templates_do_not_read_the_environment() {
         let fault = fault("{{ get_env(name=\"PATH\") }}");
-        assert!(fault.message.contains("there is no function `get_env`"), "{fault:?}");
+        assert!(fault.message.contains("the function `get_env` does not exist"), "{fault:?}");
     }
 
     #[test]

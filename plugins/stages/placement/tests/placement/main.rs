@@ -485,7 +485,7 @@ fn a_ground_is_a_level_floor_that_shows_the_environment() {
     assert!(warnings.is_empty() && scene.has_floor(scene.support(None).expect("a tabletop")));
     for two in [[&*ground, &*placer("room", "")], [&*placer("room", ""), &*ground]] {
         let error = place(&two, 3).expect_err("two floors");
-        assert!(error.is_permanent() && error.to_string().contains("floor already"), "{error}");
+        assert!(error.is_permanent() && error.to_string().contains("already has a floor"), "{error}");
     }
     let floor = scene.bodies().map(|(_, body)| body).find(|body| body.role == Role::Room).expect("a floor");
     assert_eq!((floor.asset.to_string().as_str(), floor.motion), ("room/floor", Motion::Fixed));

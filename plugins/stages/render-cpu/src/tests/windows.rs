@@ -292,6 +292,6 @@ fn a_body_that_is_not_there_is_an_error() {
         let id = [InstanceId(id)];
         let request = request.of(image(&view), Bodies::Only(&id));
         let error = session.render(&request, &mut Products::new()).expect_err("no body");
-        assert_eq!(error.to_string(), format!("there is no body {} to render", id[0]));
+        assert_eq!(error.to_string(), format!("unknown body {} to render", id[0]));
     }
 }

@@ -329,7 +329,7 @@ fn no_wall(scene: &Scene, support: &Support) -> Error {
     let Some(walls) =
         room().filter(stands).reduce(|all, wall| Aabb { min: all.min.inf(&wall.min), max: all.max.sup(&wall.max) })
     else {
-        let what = if room().next().is_none() { "there is no room" } else { "the room is a floor without walls" };
+        let what = if room().next().is_none() { "the scene has no room" } else { "the room is a floor without walls" };
         return Error::new(format!("the scene has no wall for a window: {what}")).help(help);
     };
     let (name, center) = (&support.name, support.center());

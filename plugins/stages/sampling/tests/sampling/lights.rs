@@ -177,7 +177,7 @@ fn windows_need_a_wall_only_where_one_is_wanted() {
     assert!(drawn.iter().filter(|lights| lights.is_ok()).count() > 8);
     let errors: Vec<_> = drawn.into_iter().filter_map(Result::err).collect();
     assert!(errors.len() > 8);
-    assert!(errors.iter().all(|error| error.is_permanent() && error.to_string().contains("there is no room")));
+    assert!(errors.iter().all(|error| error.is_permanent() && error.to_string().contains("the scene has no room")));
     // A floor is no wall, whatever is drawn; a table that stands out of its room may be another one next time.
     let floor = draw(&*lights("window_light", ""), &floor, 1).expect_err("a floor only");
     assert!(floor.is_permanent() && floor.to_string().contains("a floor without walls"), "{floor}");
