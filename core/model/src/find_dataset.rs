@@ -69,7 +69,7 @@ fn find(
             [only] => return find(formats, &Source { path: only.clone(), reach: source.reach }, None),
             [] => {}
             [first, others @ ..] => {
-                return Err(Error::new(format!("there are {} datasets in it", 1 + others.len()))
+                return Err(Error::new(format!("it contains {} datasets", 1 + others.len()))
                     .in_file(root)
                     .help(format!("name one of them, such as {}", first.display())));
             }

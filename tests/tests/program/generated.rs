@@ -410,7 +410,7 @@ impl<'s> Reference<'s> {
 
     fn values_page(&self) -> String {
         let mut page = format!(
-            "{MADE}# Shared values\n\nForms of values that many options take. A random value is drawn anew for \
+            "{MADE}# Shared values\n\nForms of values that many options take. A random value is drawn again for \
              each scene, view or body, as the option says.\n"
         );
         for &name in &self.shared {

@@ -405,9 +405,9 @@ fn a_request_that_cannot_succeed_is_at_fault() {
     {
         std::os::unix::fs::symlink(path("nowhere"), path("link")).expect("a link");
         let said = fails(&mut convert(&path("link")), 2);
-        assert!(said.contains("link: it is a link to what is not there"), "{said}");
+        assert!(said.contains("link: it is a link to a missing file"), "{said}");
         let said = fails(syntable().args(["run", "builtin:quickstart", "--out"]).arg(path("link")), 2);
-        assert!(said.contains("it is a link to what is not there"), "{said}");
+        assert!(said.contains("it is a link to a missing file"), "{said}");
     }
     // A missing image stays missing; a file names the dataset as its folder does.
     let away = path("a.png");

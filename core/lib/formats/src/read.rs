@@ -104,7 +104,7 @@ pub fn id_of(row: usize) -> Result<InstanceId> {
 pub fn id_fault(stated: &[Option<u64>]) -> Option<DatasetFault> {
     let ids = ids_of(stated).ok()?;
     let differ = ids.iter().zip(stated).any(|(id, own)| Some(u64::from(id.0)) != *own);
-    let message = "the `instance_id` of its annotations are not numbers from 1 to 65535 of which no two are equal";
+    let message = "the `instance_id` of its annotations are not distinct numbers from 1 to 65535";
     (differ && stated.iter().any(Option::is_some)).then(|| DatasetFault::new(rule::UNIQUE_IDS, message))
 }
 
@@ -380,8 +380,7 @@ pub fn unlisted(numbers: &BTreeSet<u64>, list: &str) -> Option<String> {
     let last = *numbers.last()?;
     let known = match are_filled(numbers, last) {
         true => format!("they are numbered up to {last}, the largest number here, and another part of the dataset may have more"),
-        false => "a format that numbers them by their places, such as `yolo`, may number those of another part of the dataset \
-                  otherwise"
+        false => "a format that numbers them by their places, such as `yolo`, may number another part of the dataset otherwise"
             .to_owned(),
     };
     Some(format!("nothing lists all categories of the dataset ({list} would): {known}"))

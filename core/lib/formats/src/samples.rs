@@ -203,7 +203,7 @@ pub fn open(name: String, mut contents: Contents, samples: Box<dyn SampleReader>
     }
     if listed.is_none() && info.own_categories.len() > 1 {
         if named.is_empty() {
-            notes.push(Note::caveat("of categories, ids alone are there: names are made of them"));
+            notes.push(Note::caveat("the dataset has only ids of categories: names are made from the ids"));
         }
         let ids = info.own_categories.iter().map(|own| own.id.into()).collect();
         let unlisted = read::unlisted(&ids, "a file `categories.json`");

@@ -86,7 +86,7 @@ impl Painted {
         let some = "objects lost pixels where masks overlap: a pixel shows one object, the one with the smallest mask";
         let whole = "objects lost all of their pixels where masks overlap: the image of ids does not show them";
         let help =
-            "choose a format that stores each mask by itself, such as coco, or npz with `visible_mask` in `include`";
+            "choose a format that stores each mask separately, such as coco, or npz with `visible_mask` in `include`";
         [LeftOut::new(self.lost.len(), all, some), LeftOut::new(gone, all, whole)]
             .into_iter()
             .map(move |it| it.help(help))

@@ -16,7 +16,7 @@ products! {
     pub const RADIANCE: Key<Plane<[f32; 3]>> = view("radiance").semantic(Semantic::Color).unit("nit");
 
     /// Fraction of the pixel's samples of [`RADIANCE`] whose camera ray hits a body before a light, in [0, 1].
-    /// `radiance (objects alone)` and `opacity (objects alone)` show each object by itself, in windows side by side. With
+    /// `radiance (objects alone)` and `opacity (objects alone)` show each object alone, in windows side by side. With
     /// `(objects in scene)`, the other bodies still cast shadows and reflect light. In both framings, the radiance is
     /// premultiplied by the opacity.
     pub const OPACITY: Key<Plane<f32>> = view("opacity");

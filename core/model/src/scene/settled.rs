@@ -115,7 +115,7 @@ impl Settled {
             || self.scripted.len() != self.trajectories.len()
             || !self.moved.iter().chain(&self.removed).chain(&self.weighed).chain(&self.scripted).all(there)
         {
-            return Err(Error::new("the settled poses are those of another scene"));
+            return Err(Error::new("the settled poses belong to another scene"));
         }
         for (&number, pose) in self.moved.iter().zip(&self.poses) {
             scene.set_pose(BodyHandle(number), pose_of(pose));

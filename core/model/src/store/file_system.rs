@@ -31,7 +31,7 @@ impl FsStore {
     pub fn check_link(&self) -> Result<()> {
         let is_link = fs::symlink_metadata(&self.root).is_ok_and(|there| there.is_symlink());
         if is_link && !self.root.exists() {
-            return Err(Error::new("it is a link to what is not there")
+            return Err(Error::new("it is a link to a missing file")
                 .in_file(&self.root)
                 .help("make the folder that it leads to, or choose another `options.out`"));
         }
@@ -233,7 +233,7 @@ impl Store for FsStore {
             Ok(()) => Ok(Some(Hold::new(file))),
             Err(TryLockError::WouldBlock) => Ok(None),
             Err(TryLockError::Error(error)) => Err(Error::io(&full, &error)
-                .help("the file system must lock files: choose a folder on another one")
+                .help("the file system must lock files: choose a folder on another file system")
                 .of_request()),
         }
     }

@@ -36,7 +36,7 @@ fn look_of(mut names: Vec<&str>) -> String {
     names.sort_unstable();
     let first: Vec<String> = names.iter().take(3).map(|name| format!("`{name}`")).collect();
     format!(
-        "there are {} names such as {}; .syntable/catalogs/<pool>.json of a dataset lists all names",
+        "it has {} names, such as {}; .syntable/catalogs/<pool>.json of a dataset lists all names",
         names.len(),
         first.join(", ")
     )

@@ -182,7 +182,7 @@ impl<'r> Loader<'_, 'r> {
             built.undecided.push(table);
             return Some(entry);
         }
-        let unknown = |kind: &str| Error::new(format!("it stands for `{kind}`, which no plugin registers"));
+        let unknown = |kind: &str| Error::new(format!("it means `{kind}`, which no plugin registers"));
         let chosen = choose(self.registry).and_then(|Choice { kind, reason }| {
             built.choices.push(format!("[{table}] `{}` is `{kind}` here: {reason}", entry.kind));
             self.registry.find(slot, kind).ok_or_else(|| unknown(kind))

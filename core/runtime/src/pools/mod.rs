@@ -66,7 +66,7 @@ impl<'a> AssetStore<'a> {
             for (id, _) in
                 pools.iter().filter(|(id, pool)| recipe.labeled_pools.contains(**id) && pool.resizes_numbered)
             {
-                let message = "objects keep the numbers of their files at another size: models and poses are not those of the benchmark";
+                let message = "objects keep the numbers of their files at another size: models and poses differ from the benchmark";
                 let help = "leave out `scale` and `units`, or give the pool other numbers with `first_id`";
                 log.warn(&Error::new(message).help(help).context(format!("assets.{id}")));
             }

@@ -44,7 +44,7 @@ pub(super) fn numbers_differ(pools: &BTreeMap<&str, OpenPool>, labeled: &BTreeSe
         let last = pools.values().map(|pool| pool.last_obj_id).max().unwrap_or_default();
         let help = match other == id {
             true => format!(
-                "number the whole pool anew with `first_id = 1`, give its objects `ids`, or take one source of numbers per pool: \
+                "number the whole pool again with `first_id = 1`, give its objects `ids`, or take one source of numbers per pool: \
                  `exclude = [\"{}\"]` leaves one out",
                 entry.name
             ),

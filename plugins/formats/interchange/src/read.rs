@@ -10,7 +10,7 @@ use syntable_model::reader::{DatasetFault, Source};
 use syntable_model::rule;
 
 /// The note about polygons.
-pub const POLYGONS: &str = "outlines are polygons, which say what an object covers to about a pixel at its edges";
+pub const POLYGONS: &str = "outlines are polygons, which are exact to about a pixel at an object's edges";
 
 /// How far the box of polygons may be from them, px: some are around the pixels that they touch.
 const OUTLINE_BOX_PX: f64 = 1.0;
@@ -75,12 +75,10 @@ fn only_file(folder: &Path, is_one: impl Fn(&Path) -> bool) -> Result<PathBuf> {
         Ok([file]) => Ok(file),
         Err(files) => {
             let help = files.first().map_or_else(
-                || "name the annotation file in place of the folder".to_owned(),
-                |first| format!("name one of them in place of the folder, such as {}", first.display()),
+                || "name the annotation file instead of the folder".to_owned(),
+                |first| format!("name one of them instead of the folder, such as {}", first.display()),
             );
-            Err(Error::new(format!("one annotation file was expected, and there are {}", files.len()))
-                .in_file(folder)
-                .help(help))
+            Err(Error::new(format!("expected one annotation file, found {}", files.len())).in_file(folder).help(help))
         }
     }
 }
@@ -119,7 +117,7 @@ pub fn fits_mask(
     }
     let own = <[i32; 4]>::from(mask.bbox()).map(f64::from);
     if bbox.iter().zip(&own).any(|(said, own)| (said - own).abs() > tolerance.box_px) {
-        let message = format!("`{bbox_key}` is {bbox:?}, that of its mask {own:?}");
+        let message = format!("`{bbox_key}` is {bbox:?}, but its mask has {own:?}");
         faults.push(DatasetFault::new(rule::BOX_MATCHES_MASK, message));
     }
     faults

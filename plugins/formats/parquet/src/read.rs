@@ -374,7 +374,7 @@ fn of_instances(columns: &[ParquetColumn], rows: &[&TableRow]) -> Result<Value> 
             let id = integer(id).and_then(|id| u16::try_from(id).ok()).filter(|id| *id > 0);
             let id = InstanceId(id.ok_or_else(|| refuse("`instance` is no number from 1 to 65535"))?);
             if !seen.insert(id) {
-                return Err(refuse(&format!("instance {id} of a view is there twice")));
+                return Err(refuse(&format!("instance {id} of a view occurs twice")));
             }
             if own.iter().any(|value| *value != Value::Null) {
                 values.insert(id, record::value(columns, &own)?);

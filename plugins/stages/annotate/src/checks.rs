@@ -302,7 +302,7 @@ fn disjoint(products: &Products) -> Result<Vec<String>> {
         }
         let shared: u32 = mask.runs().map(|run| take(&mut taken, run)).sum();
         if shared > 0 {
-            faults.push(format!("instance {id}: {shared} of its visible pixels are those of other objects, too"));
+            faults.push(format!("instance {id}: {shared} of its visible pixels belong to other objects, too"));
         }
     }
     Ok(faults)
@@ -375,7 +375,7 @@ fn order(products: &Products) -> Result<Vec<String>> {
 
 fn box_of(_: InstanceId, mask: &Mask, said: &BBox) -> Option<String> {
     let [expected, said] = [mask.bbox(), *said].map(<[i32; 4]>::from);
-    (expected != said).then(|| format!("its box is {said:?}, that of its mask {expected:?}"))
+    (expected != said).then(|| format!("its box is {said:?}, but its mask has {expected:?}"))
 }
 
 fn reprojected(products: &Products) -> Result<Vec<String>> {

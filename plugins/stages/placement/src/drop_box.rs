@@ -201,7 +201,7 @@ impl DropBox {
         let all = context.assets.drawn_order(&self.from, &mut context.stream.child("order"))?;
         let max_count = self.count.range().1;
         if max_count > all.len() as i64 {
-            let message = format!("`count` can become {max_count}, but there are {} assets to draw from", all.len());
+            let message = format!("`count` can become {max_count}, but its pools have {} assets", all.len());
             return Err(Error::new(message).help("set with_replacement = true, or a smaller count"));
         }
         let mut drawn = Vec::new();

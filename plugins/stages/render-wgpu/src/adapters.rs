@@ -138,7 +138,7 @@ fn chosen(all: &[AdapterInfo], wanted: Option<&str>) -> Result<Vec<usize>> {
         let wanted = wanted.unwrap_or_default();
         let names = all.iter().map(|info| info.name.as_str()).collect::<Vec<_>>().join(", ");
         return Err(Error::new(format!("no graphics adapter has `{wanted}` in its name, as {WANTED} says"))
-            .help(format!("there are {names}: set {WANTED} to a part of a name, or unset it")));
+            .help(format!("the machine has {names}: set {WANTED} to a part of a name, or unset it")));
     };
     let alike = (0..all.len()).filter(|&number| all[number].is_like(best));
     Ok(alike.take(if best.is_hardware() { all.len() } else { 1 }).collect())
@@ -153,7 +153,7 @@ fn none(unable: &[String]) -> Error {
     Error::new(found)
         .help(
             "install the driver of the card, with Vulkan (Linux: the loader `libvulkan1`, too), or set `render.kind = \"cpu_path\"`; \
-             `mesa-vulkan-drivers` has a program in place of a card, for tests",
+             `mesa-vulkan-drivers` emulates a card, for tests",
         )
 }
 
@@ -254,8 +254,8 @@ impl Adapters {
         let best = used.first().map(|&number| self.info(number));
         let others = (0..self.all.len()).filter(|number| !used.contains(number));
         let why = |info: AdapterInfo| match &best {
-            Some(best) if info.is_like(best) => format!("{info}: one program in place of a card is enough"),
-            Some(best) => format!("{info}: unlike {}; {WANTED} chooses another one", best.name),
+            Some(best) if info.is_like(best) => format!("{info}: one software renderer is enough"),
+            Some(best) => format!("{info}: unlike {}; {WANTED} chooses a card", best.name),
             None => info.to_string(),
         };
         others.map(|number| why(self.info(number))).chain(self.unable.iter().cloned()).collect()

@@ -63,7 +63,7 @@ impl ExrCoding {
             4 => &["R", "G", "B", "A"],
             _ => {
                 return Err(format!(
-                    "an EXR file names up to 4 channels, not those of {}; write it with npy",
+                    "an EXR file names up to 4 channels, not the channels of {}; write it with npy",
                     with_article(&kind.form)
                 ));
             }

@@ -40,7 +40,7 @@ impl Folder {
         if !self.files.has(&layout::manifests())? && self.has_lines()? {
             return Err(Error::new("another version began the dataset, and it has no list of its files")
                 .in_file(self.name())
-                .help("delete the folder yourself, or choose another one with `options.out`; no file was changed"));
+                .help("delete the folder yourself, or choose another folder with `options.out`; no file was changed"));
         }
         self.empty_bin()?;
         let mut left = Vec::new();

@@ -225,7 +225,7 @@ impl SceneWork<'_> {
             let message = format!("{scenes} could not be made with what the recipe adds; nothing was written");
             return Err(Error::new(message)
                 .in_file(folder.name())
-                .help("the warnings above say why; mend the recipe, or leave out what it adds"));
+                .help("the warnings above explain it; mend the recipe, or leave out what it adds"));
         }
         for made in progress.held {
             folder.commit(made.entry, made.kept, made.written, self.journal)?;

@@ -105,11 +105,11 @@ impl GroundTruthInfo {
         };
         let own = |mask: &Mask| if seen { between_centers(mask.bbox().into()) } else { NO_BOX };
         if self.bbox_visib != own(visible) {
-            faults.push(said("bbox_visib", self.bbox_visib, &format!("that of its mask {:?}", own(visible))));
+            faults.push(said("bbox_visib", self.bbox_visib, &format!("its mask has {:?}", own(visible))));
         }
         if !seen {
             if self.bbox_obj != NO_BOX {
-                faults.push(said("bbox_obj", self.bbox_obj, &format!("that of an object that is not seen {NO_BOX:?}")));
+                faults.push(said("bbox_obj", self.bbox_obj, &format!("a hidden object has {NO_BOX:?}")));
             }
             return faults;
         }
@@ -122,7 +122,7 @@ impl GroundTruthInfo {
         let is_wider = reaches_out && (0..4).any(is_beyond);
         let holds = |side: usize| if side < 2 { bbox[side] <= inside[side] } else { bbox[side] >= inside[side] };
         if (0..4).any(|side| bbox[side] != inside[side] && !(is_wider && holds(side))) {
-            faults.push(said("bbox_obj", self.bbox_obj, &format!("that of its mask in the frame {:?}", own(amodal))));
+            faults.push(said("bbox_obj", self.bbox_obj, &format!("its mask in the frame has {:?}", own(amodal))));
         }
         let [_, _, width, height] = self.bbox_obj;
         let most = (width + 1).max(0).saturating_mul((height + 1).max(0)) as u64;
@@ -250,7 +250,7 @@ impl CocoScene {
             let of_box: Vec<_> = seen.iter().copied().filter(has_box).collect();
             if of_box.is_empty() {
                 let message =
-                    format!("{SCENE_GT_COCO}: annotation {id}: `bbox` is {bbox:?}, that of no object of the image");
+                    format!("{SCENE_GT_COCO}: annotation {id}: no object of the image has the `bbox` {bbox:?}");
                 faults.push(DatasetFault::new(rule::BOX_MATCHES_MASK, message));
                 continue;
             }
@@ -262,7 +262,7 @@ impl CocoScene {
             };
             if let Some(area) = area.filter(|area| !has_area(*area)) {
                 let message =
-                    format!("{SCENE_GT_COCO}: annotation {id}: `area` is {area}, that of no object with its `bbox`");
+                    format!("{SCENE_GT_COCO}: annotation {id}: no object with its `bbox` has the `area` {area}");
                 faults.push(DatasetFault::new(rule::AREAS_MATCH_MASKS, message));
             }
         }
@@ -305,7 +305,7 @@ pub fn faults_of_meshes(meshes: &Meshes, models: &BTreeMap<u64, BopModelInfo>, f
             Some((key, own, said.value().filter(|said| (*said - own).abs() > slack_mm)?))
         });
         if let Some((key, own, said)) = off {
-            let message = format!("`{key}` is {said} mm, that of {} {own:.3}", model_file(id));
+            let message = format!("`{key}` is {said} mm, but {own:.3} mm in {}", model_file(id));
             faults.add(SIZES_OF_MODELS, format!("{MODELS_INFO}: {id}"), message);
         }
     }

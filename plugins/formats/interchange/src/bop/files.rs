@@ -123,7 +123,7 @@ pub fn split_of(root: &Path) -> Result<BopSplit> {
     };
     <[BopSplit; 1]>::try_from(splits)
         .map(|[split]| split)
-        .map_err(|_| Error::new(format!("one split was expected, and there are {found}")).in_file(root).help(help))
+        .map_err(|_| Error::new(format!("expected one split, found {found}")).in_file(root).help(help))
 }
 
 /// A file as JSON.
@@ -276,7 +276,7 @@ fn faults_of_numbers(path: &Path, numbers: &BTreeMap<(u32, u32), u64>, faults: &
     for (key, shard) in &said {
         let found = match place_in_name(key).and_then(|place| numbers.get(&place)) {
             Some(own) if own == shard => continue,
-            Some(own) => format!("it is in that of number {own}"),
+            Some(own) => format!("it is in shard {own}"),
             None => "no tar file has it".to_owned(),
         };
         faults.add(

@@ -137,7 +137,7 @@ fn numbers_of(stated: BTreeMap<String, BTreeSet<Option<u64>>>, log: &dyn Log) ->
         if !stated.is_empty() {
             log.warn(
                 &Error::new("`object_info` has no `obj_id`, so objects are numbered in the order of their names")
-                    .help("other parts of the dataset may number them otherwise; objects.json says which is which"),
+                    .help("other parts of the dataset may number them otherwise; objects.json lists the numbers"),
             );
         }
         return Ok(stated.into_keys().zip(1..).collect());

@@ -62,7 +62,7 @@ impl CocoObjects {
         let key = hidden[usize::from(self.is_d2sa)].0;
         let hidden = label.amodal.as_ref()?.minus(&label.visible).area();
         let message =
-            format!("`{key}` is missing, and {hidden} pixels of its whole mask are not visible: add what is hidden");
+            format!("`{key}` is missing, and {hidden} pixels of its whole mask are not visible: add the hidden pixels");
         (hidden > 0).then(|| DatasetFault::new(rule::OCCLUSION_IS_AMODAL_MINUS_VISIBLE, message))
     }
 }

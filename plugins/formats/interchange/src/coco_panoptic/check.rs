@@ -19,8 +19,9 @@ impl Things {
                 faults.push(DatasetFault::new(rule::UNIQUE_IDS, format!("two segments have the id {}", segment.id)));
             }
             if segment.id == VOID {
-                let message =
-                    format!("a segment has the id {VOID}, which is that of pixels without one: number it from 1");
+                let message = format!(
+                    "a segment has the id {VOID}, which means pixels without a segment: number segments from 1"
+                );
                 faults.push(DatasetFault::new(SEGMENTS_ARE_PIXELS, message));
                 continue;
             }

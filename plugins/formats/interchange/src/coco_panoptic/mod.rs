@@ -14,7 +14,7 @@ use syntable_model::prelude::*;
 ///
 /// # What it does
 ///
-/// Every visible mask is a segment of a thing, and the id of the segment is the id of the object in its scene. If
+/// Every visible mask is a segment, and the id of the segment is the id of the object in its scene. If
 /// visible masks overlap, as in COCO and LVIS, a pixel belongs to the object with the smallest mask. Areas and boxes
 /// then describe the remaining pixels, an object without remaining pixels has no segment, and the number of objects
 /// that lose pixels is reported. All other pixels (table, room, distractors and unlabeled objects) are one segment of

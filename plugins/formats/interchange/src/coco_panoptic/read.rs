@@ -15,8 +15,7 @@ use syntable_model::rule;
 
 syntable_model::register_format!(Format::new(
     "coco_panoptic",
-    "COCO panoptic segmentation (`annotations/panoptic_*.json` beside a folder of this name and one of images): things are \
-          objects.",
+    "COCO panoptic segmentation (`annotations/panoptic_*.json` beside a folder of this name and one of images): its `isthing` segments are objects.",
     |path| shared::is_dataset(path, Some(FOLDER), |file| shared::name_starts(file, FILE)),
     open,
 ));
@@ -79,7 +78,7 @@ fn open(source: &Source) -> Result<Opened> {
     notes.extend(file.supercategories().into_iter().chain(file.not_kept(&offers)));
     for ([count, of], what) in [
         (of_stuff, "segments are of stuff (`isthing` is 0), and no objects"),
-        (crowds, "segments of things are crowds (`iscrowd`), and no objects"),
+        (crowds, "segments are crowds (`iscrowd`), not objects"),
     ] {
         notes.push(not_objects(&offers, count, of, what));
     }

@@ -136,7 +136,7 @@ impl CocoaRegion {
         let is_off =
             |said: &f64| *said < low - TWO_DECIMALS || (!beyond && *said > high + TWO_DECIMALS) || said.is_nan();
         if let Some(said) = self.occlude_rate.filter(is_off) {
-            let message = format!("{} is {said}, that of its masks {rate:.6}", key_of(number, "occlude_rate"));
+            let message = format!("{} is {said}, but its masks give {rate:.6}", key_of(number, "occlude_rate"));
             faults.push(DatasetFault::new(rule::RATE_IS_RATIO_OF_AREAS, message));
         }
         let both = visible.and(hidden).area();

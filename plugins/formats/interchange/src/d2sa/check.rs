@@ -45,7 +45,12 @@ fn faults_of_depth(annotations: &[AmodalAnnotation]) -> impl Iterator<Item = Dat
     annotations.iter().filter_map(|annotation| {
         let depth = occlusion_depth(annotation)?;
         let others = annotations.len() - 1;
-        let fault = || fault_of_order(annotation, format!("`occl_depth` is {depth}, and there are {others} others"));
+        let fault = || {
+            fault_of_order(
+                annotation,
+                format!("`occl_depth` is {depth}, but the image has only {others} other objects"),
+            )
+        };
         (depth > others as u64).then(fault)
     })
 }
@@ -91,7 +96,7 @@ pub fn faults_of_order(
         };
         if let Some(&i) = first_at.get(&place) {
             let first = annotations[i].id;
-            fault(format!("as that of annotation {first} is: no two objects have one place"));
+            fault(format!("like annotation {first}: no two objects share a place"));
         } else {
             first_at.insert(place, j);
         }
@@ -99,7 +104,7 @@ pub fn faults_of_order(
         if let Some((i, other)) = (0..places.len()).find(is_wrong).and_then(|i| Some((i, places[i]?))) {
             let hides = masks[i][0].shared_area(masks[j][1]);
             fault(format!(
-                "but that of annotation {}, which hides {hides} of its pixels, is {other}: the front has the lower number",
+                "but annotation {}, which hides {hides} of its pixels, has {other}: the front has the lower number",
                 annotations[i].id
             ));
         }

@@ -127,9 +127,9 @@ fn faults_of_order(
         {
             let end = match group == 0 || place == 0 {
                 true => format!(" and its `oco_id` {group}: both are 0 where no object overlaps it, or neither"),
-                false => format!(
-                    ", and its `oco_id` {group} is that of {of_group} objects: places are from 1 to their number"
-                ),
+                false => {
+                    format!(", and {of_group} objects have its `oco_id` {group}: places are from 1 to their number")
+                }
             };
             fault(behind, format!("`ico_id` is {place}{end}"));
         }

@@ -116,7 +116,7 @@ pub fn names(path: &Path) -> Result<BTreeMap<u64, String>> {
         let name = scalar(name).ok_or_else(|| refuse(number, &format!("`{name}` is no name")))?;
         match names.insert(class, name) {
             None => Ok(()),
-            Some(_) => Err(refuse(number, &format!("class {class} is there twice"))),
+            Some(_) => Err(refuse(number, &format!("class {class} occurs twice"))),
         }
     };
     if !inline.is_empty() {

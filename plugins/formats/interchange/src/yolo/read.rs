@@ -88,7 +88,7 @@ fn folders(root: &Path) -> Result<[PathBuf; 2]> {
         Ok([only]) => Ok(only),
         Err(splits) => Err(match splits.first() {
             None => Error::new(format!("no folder `{IMAGES}` with a folder `{LABELS}` beside it")),
-            Some([first, _]) => Error::new(format!("there are {} splits", splits.len()))
+            Some([first, _]) => Error::new(format!("the dataset has {} splits", splits.len()))
                 .help(format!("name the folder of one split, such as {}", first.display())),
         }
         .in_file(root)
@@ -189,7 +189,7 @@ fn open(source: &Source) -> Result<Opened> {
             notes.push(caveat(POLYGONS.to_owned()));
             if known == KnownMasks::Visible {
                 notes.push(caveat(
-                    "polygons are taken for visible masks: the format does not say which they are".to_owned(),
+                    "polygons are taken as visible masks: the format does not distinguish masks".to_owned(),
                 ));
             }
             if boxes > 0 {
@@ -200,7 +200,7 @@ fn open(source: &Source) -> Result<Opened> {
         }
         other => {
             notes.push(caveat(format!("labels are {}: of objects only classes are read", other.lines())));
-            let what = format!("labels are {}, of which only classes are kept", other.lines());
+            let what = format!("labels are {}: only their classes are kept", other.lines());
             notes.push(Note::not_kept(LeftOut::new(all_lines, all_lines, what)).of(labels.clone()));
         }
     }

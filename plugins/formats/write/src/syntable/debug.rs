@@ -49,7 +49,7 @@ pub fn write(
     PngImage::gray8(&ids.map(|id| id.0 as u8)).write(output, &ids_path)?;
     let beyond = labels.ids().iter().filter(|id| id.0 > u8::MAX.into()).count();
     let what =
-        "objects have ids above 255, and these files have 8 bits: they show ids modulo 256, of which 0 is nothing";
+        "objects have ids above 255, and these files have 8 bits: they show ids modulo 256, and 0 means no object";
     cx.log.left_out(&LeftOut::new(beyond, labels.ids().len(), what));
     let spawns = products.optional(OBJECT_INFO)?;
     for &id in labels.ids() {

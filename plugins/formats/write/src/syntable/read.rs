@@ -108,11 +108,9 @@ fn open(source: &Source) -> Result<Opened> {
     let files = annotation_files(path).map_err(|error| Error::io(path, &error))?;
     let [file] = files.as_slice() else {
         let found = files.len();
-        return Err(Error::new(format!(
-            "an annotation file was expected at the top of the dataset, and there are {found}"
-        ))
-        .in_file(path)
-        .help(format!("name one of them in place of the folder, or call it {ANNOTATION_FILE}")));
+        return Err(Error::new(format!("expected one annotation file at the top of the dataset, found {found}"))
+            .in_file(path)
+            .help(format!("name one of them instead of the folder, or call it {ANNOTATION_FILE}")));
     };
     if !path.is_file() {
         root.file(file.file_name().unwrap_or_default())?;

@@ -26,7 +26,7 @@ pub fn check(text: &str) -> Result<(), TemplateFault> {
             let mut words = expression.trim_start_matches('-').split_whitespace();
             match words.next().unwrap_or_default() {
                 "include" | "extends" | "import" => {
-                    return refuse("a template stands alone: it cannot include, extend or import another one");
+                    return refuse("a template stands alone: it cannot include, extend or import other templates");
                 }
                 "macro" => {
                     within = words.next().map(|name| name.split('(').next().unwrap_or(name));

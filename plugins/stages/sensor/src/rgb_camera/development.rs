@@ -41,7 +41,7 @@ impl Development {
 
 fn unknown(field: &str) -> Error {
     Error::new(format!("`{}` does not tell `{field}` as the sensor `rgb_camera` does", EXPOSURE.name()))
-        .help("let rgb_camera make the image, or leave out what is developed like it")
+        .help("let rgb_camera make the image, or leave out the products that depend on it")
 }
 
 fn field<'a>(record: &'a Value, name: &str) -> Option<&'a Value> {

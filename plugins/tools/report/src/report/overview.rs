@@ -133,8 +133,7 @@ pub fn of(report: &DatasetReport) -> Result<Overview> {
     let (shown, all) = (report.shown.len(), report.dataset.images.len());
     let left_out = (shown < all).then(|| {
         format!(
-            "Images and labels of {} of {} views are in this report: the most occluded ones, and others at even intervals. The \
-             numbers are those of all views.",
+            "Images and labels of {} of {} views are in this report: the most occluded ones, and others at even intervals. The numbers cover all views.",
             grouped(&shown.to_string()),
             grouped(&all.to_string())
         )
