@@ -177,7 +177,7 @@ impl Program {
             Ok(found) => found,
             Err(clash) => return refused(clash),
         };
-        let matches = match command.try_get_matches() {
+        let matches = match command.clone().try_get_matches() {
             Ok(matches) => matches,
             // Help and version are results, too.
             Err(page) if !page.use_stderr() => return ended_with(&Console::new(LogFormat::Human), page_printed(&page)),
@@ -189,7 +189,7 @@ impl Program {
         let done = match added {
             Some((verb, arguments)) => verb.run(&console, &self.registry, arguments),
             None => match Cli::from_arg_matches(&matches) {
-                Ok(cli) => run_verb(&console, cli.verb, &self.registry),
+                Ok(cli) => run_verb(&console, cli.verb, &self.registry, command),
                 Err(error) => error.exit(),
             },
         };
@@ -197,8 +197,8 @@ impl Program {
     }
 }
 
-/// Runs a verb of this crate.
-fn run_verb(console: &Console, verb: BuiltIn, registry: &Registry) -> Result<(), Exit> {
+/// Runs a verb of this crate. `command` is the whole command line.
+fn run_verb(console: &Console, verb: BuiltIn, registry: &Registry, mut command: clap::Command) -> Result<(), Exit> {
     match verb {
         BuiltIn::Run(args) => run::run(console, registry, &args),
         BuiltIn::Verify(args) => verify::verify(console, &args),
@@ -209,11 +209,11 @@ fn run_verb(console: &Console, verb: BuiltIn, registry: &Registry) -> Result<(),
         BuiltIn::Plan(args) => run::plan(console, registry, &args),
         BuiltIn::List(args) => list::list(console, registry, &args),
         BuiltIn::Schema => console.print(&syntable_recipe::schema_text(registry)),
-        BuiltIn::New(args) => new::new(console, registry, &args, &whole()),
+        BuiltIn::New(args) => new::new(console, registry, &args, &command),
         BuiltIn::Doctor => doctor::doctor(console, registry),
         BuiltIn::Completions { shell } => {
             let mut script = Vec::new();
-            clap_complete::generate(shell, &mut whole(), "syntable", &mut script);
+            clap_complete::generate(shell, &mut command, "syntable", &mut script);
             console.print(&String::from_utf8_lossy(&script))
         }
     }

@@ -229,7 +229,7 @@ pub const RUN_LIST_BYTES: Limit = Limit {
     most: 1 << 28,
     is_bytes: true,
     why: "a list has some hundred bytes per file of a scene; the journal is read line by line, and has no limit as a whole",
-    remedy: "no run writes such a file: delete it, and give the dataset's recipe to `syntable run --repair`",
+    remedy: "no run writes such a file: delete it, and run the dataset's recipe with `options.repair`",
 };
 
 /// Bytes of what a run records of one scene for annotators of the whole dataset.
@@ -238,7 +238,7 @@ pub const SCENE_RECORD_BYTES: Limit = Limit {
     most: 1 << 28,
     is_bytes: true,
     why: "records of one scene at a time are in memory; a byte of JSON takes up to 50 bytes of memory",
-    remedy: "lower `views_per_scene` in [dataset]; delete a file that no run wrote, and `syntable run --repair` makes the scene again",
+    remedy: "lower `views_per_scene` in [dataset]; delete a file that no run wrote, and a run with `options.repair` makes the scene again",
 };
 
 /// Pixels of a canvas or an atlas that is rendered.

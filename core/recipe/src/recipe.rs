@@ -64,8 +64,10 @@ pub struct Recipe {
 }
 
 impl Recipe {
-    /// Finds mistakes that would end a run: all of them are permanent. Native libraries are loaded.
-    pub fn ready(&self) -> Result<()> {
+    /// Finds mistakes that would end a run: all of them are permanent. Native libraries are loaded; see
+    /// [`trusted`](Self::trusted).
+    pub fn ready(&self, allow_libraries: bool) -> Result<()> {
+        self.trusted(allow_libraries)?;
         self.plan.ready()?;
         self.render.devices().map_err(|error| error.context("render"))?;
         self.checked()

@@ -82,7 +82,7 @@ impl RecipeRequest {
 /// Splits `KEY=VALUE`.
 fn assignment(text: &str) -> Result<(String, String)> {
     let (key, value) = text.split_once('=').ok_or_else(|| {
-        let error = Error::new(format!("--set {text}: the value is missing"));
+        let error = Error::new(format!("`options.set` {text}: the value is missing"));
         error.help("write KEY=VALUE, such as dataset.scenes=3")
     })?;
     Ok((key.trim().to_owned(), value.trim().to_owned()))

@@ -8,12 +8,47 @@ use syntable_model::registry::Registry;
 use syntable_model::scene::{AssetRef, CatalogEntry};
 use syntable_recipe::{Checked, Diagnostic, Overrides, Recipe, Report, Source};
 
+/// A recipe without mistakes.
+pub struct CheckedRecipe {
+    /// The recipe.
+    pub recipe: Recipe,
+    /// Warnings about its text.
+    pub warnings: Vec<Diagnostic>,
+    /// Its pools, with their sizes in words.
+    pub pools: Vec<(String, String)>,
+}
+
 /// Loads and plans a recipe, and finds every mistake that a run would find before it renders: wrong keys and values, missing
-/// files, products that nobody provides, and pools that cannot be opened. Returns the recipe and its warnings.
+/// files, products that no stage provides, pools that cannot be opened, and images that the memory of this machine cannot
+/// hold. Native libraries are not loaded.
 ///
 /// # Errors
 /// With all mistakes at once.
 pub fn check(
+    registry: &Registry,
+    source: Source,
+    overrides: Overrides,
+    log: &dyn Log,
+) -> std::result::Result<CheckedRecipe, Report> {
+    let (recipe, warnings) = load_naming_all(registry, source, overrides, log)?;
+    let size = |assets: &AssetStore, id: &str, size: usize| {
+        assets.part_sizes(id).map_or_else(|| format!("{size} assets"), |sizes| sizes.to_string())
+    };
+    let opened = recipe.fits().and_then(|()| {
+        let assets = AssetStore::open(&recipe, log)?;
+        Ok(assets.sizes().map(|(id, count)| (id.to_owned(), size(&assets, id, count))).collect())
+    });
+    match opened {
+        Ok(pools) => Ok(CheckedRecipe { recipe, warnings, pools }),
+        Err(error) => Err(Report { diagnostics: warnings, other: Some(Box::new(error)) }),
+    }
+}
+
+/// Loads and plans a recipe. Only if the recipe has mistakes, its pools are opened, too, so that the error names all mistakes.
+///
+/// # Errors
+/// With all mistakes at once.
+pub fn load_naming_all(
     registry: &Registry,
     source: Source,
     overrides: Overrides,

@@ -12,6 +12,7 @@ use crate::run::making::times::Times;
 use crate::run::making::walk::{SceneWalk, ViewSink, scene_event};
 use crate::run::panics;
 use crate::run::progress::{Event, Guarded, Once, Reporter, Warnings};
+use crate::run::scene_range;
 use crate::run::stop::Stop;
 use crate::workers::{self, Pool};
 use parking_lot::{Condvar, Mutex};
@@ -36,8 +37,10 @@ pub struct GenerateOptions {
     /// computes. A writer of the recipe must read the products, or the recipe must be loaded with them as
     /// [`wanted`](syntable_recipe::RecipeRequest::load).
     pub products: Vec<String>,
-    /// Numbers of the scenes. `None` for all scenes of the recipe.
+    /// Numbers of the scenes, not empty. `None` for all scenes of the recipe.
     pub scenes: Option<Range<u32>>,
+    /// Load native libraries that the recipe names by a relative path. They are code of the recipe's author.
+    pub allow_libraries: bool,
     /// Number of threads. The samples do not depend on it.
     pub threads: usize,
     /// Costly results, kept between runs.
@@ -49,8 +52,8 @@ pub struct GenerateOptions {
 impl Default for GenerateOptions {
     /// All scenes and products, on all cores.
     fn default() -> Self {
-        let (products, scenes, stop) = (Vec::new(), None, Stop::default());
-        Self { products, scenes, threads: workers::available(), cache: DiskCache::of_user(), stop }
+        let (products, scenes, allow_libraries, stop) = (Vec::new(), None, false, Stop::default());
+        Self { products, scenes, allow_libraries, threads: workers::available(), cache: DiskCache::of_user(), stop }
     }
 }
 
@@ -90,11 +93,11 @@ pub fn generate(
     let guarded = Guarded(reporter);
     let reporter = &Once::new(&guarded);
     let (pool, log) = (Pool::new(options.threads)?, Warnings(reporter));
-    recipe.ready()?;
+    let scenes = scene_range::within(options.scenes.as_ref(), recipe.dataset.scenes)?;
+    recipe.ready(options.allow_libraries)?;
     recipe.fits()?;
     let names = products(recipe, options)?;
     let plan = recipe.plan.part(names.iter().map(String::as_str), false).on(&*recipe.render);
-    let scenes = options.scenes.clone().unwrap_or(0..recipe.dataset.scenes);
     let (assets, times) = (AssetStore::open(recipe, &log)?, Times::default());
     let in_flight = scenes_in_flight(recipe, options.threads, scenes.len());
     let sessions = Sessions::open(&*recipe.render, in_flight)?;
@@ -285,7 +288,9 @@ impl Generator {
     /// Starts to make samples.
     pub fn start(recipe: Arc<Recipe>, options: GenerateOptions, reporter: Arc<dyn Reporter>) -> Self {
         let (sender, samples) = sync_channel(WAITING);
-        let stop = options.stop.clone();
+        // The caller's handle may belong to other work, too.
+        let stop = options.stop.nested();
+        let options = GenerateOptions { stop: stop.clone(), ..options };
         let thread = thread::spawn(move || {
             generate(&recipe, &options, &*reporter, &mut |sample| {
                 // Nobody wants more once the iterator is gone.

@@ -1,12 +1,11 @@
 //! Checks of existing datasets in any readable format.
 
-use crate::workers::Pool;
+use crate::images::{self, ImageWork};
 use parking_lot::Mutex;
 use serde::Serialize;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 use syntable_model::check::LabelCheck;
-use syntable_model::context::Workers;
 use syntable_model::error::{Error, Result};
 use syntable_model::product::standard::OBJECT_INFO;
 use syntable_model::product::{KeyId, Products, Value};
@@ -44,20 +43,19 @@ pub struct ValidatedDataset {
     pub found: Validated,
 }
 
-/// Finds a dataset, opens it and checks it on `threads` threads. For a dataset that cannot be opened, the result has a
-/// fault.
+/// Finds a dataset, opens it and checks it. For a dataset that cannot be opened, the result has a fault.
 ///
 /// # Errors
-/// If the path has no dataset, its format is unknown, or a file system or device fails.
+/// If the path has no dataset, its format is unknown, a file system or device fails, or the work was asked to stop.
 pub fn validate_path(
     registry: &Registry,
     named: &Source,
     format: Option<&str>,
-    threads: usize,
+    work: &ImageWork,
 ) -> Result<ValidatedDataset> {
     let (format, found_at) = registry.find_dataset(named, format)?;
     let found = match format.open(&found_at) {
-        Ok(dataset) => validate(&dataset, registry.checks(), threads)?,
+        Ok(dataset) => validate(&dataset, registry.checks(), work)?,
         Err(error) if error.is_transient() => return Err(error),
         Err(error) => Validated::unreadable(found_at.path.display().to_string(), &error),
     };
@@ -190,30 +188,33 @@ pub struct FaultAt {
 }
 
 /// Reads all images of a dataset and runs all checks on each.
-pub fn validate(dataset: &OpenDataset, checks: &[Arc<dyn LabelCheck>], threads: usize) -> Result<Validated> {
+///
+/// # Errors
+/// If the work was asked to stop. Unreadable images are faults.
+pub fn validate(dataset: &OpenDataset, checks: &[Arc<dyn LabelCheck>], work: &ImageWork) -> Result<Validated> {
     let offers = &dataset.offers;
     let category = |(id, name): (u32, &str)| (u64::from(id), BTreeSet::from([name.to_owned()]));
     // Names that merely repeat the id may differ between datasets.
     let has_name = |(id, name): &(u32, &str)| !is_unnamed((*id).into(), name);
     let categories = dataset.info.categories().filter(has_name).map(category).collect();
-    let found =
-        Mutex::new((vec![0_u32; checks.len()], BTreeSet::new(), NumberNames { categories, ..NumberNames::default() }));
-    Pool::new(threads)?.run(dataset.images.len(), &|image| {
+    let (mut counts, mut faults) = (vec![0_u32; checks.len()], BTreeSet::new());
+    let numbers = Mutex::new(NumberNames { categories, ..NumberNames::default() });
+    let image = |image: usize| {
         let (products, mut faults) = read(dataset, image, offers);
         let made: Vec<bool> = checks.iter().map(|check| check.applies(&products)).collect();
         faults.extend(checks.iter().flat_map(|check| of_image(check, &products)));
         let of_records = dataset.image_faults(image);
         let of_records = of_records.iter().map(|fault| FaultAt::of(fault, dataset));
         let place = &dataset.images[image].name;
-        let mut found = found.lock();
-        found.2.note_objects(&products);
-        for (count, made) in found.0.iter_mut().zip(made) {
-            *count += u32::from(made);
-        }
-        found.1.extend(faults.into_iter().map(|(check, message)| FaultAt { check, place: place.clone(), message }));
-        found.1.extend(of_records);
-    });
-    let (counts, mut faults, numbers) = found.into_inner();
+        numbers.lock().note_objects(&products);
+        let faults = faults.into_iter().map(|(check, message)| FaultAt { check, place: place.clone(), message });
+        Ok((made, faults.chain(of_records).collect::<Vec<FaultAt>>()))
+    };
+    images::each(work, "checked", dataset.images.len(), &image, &mut |_, (made, found)| {
+        counts.iter_mut().zip(made).for_each(|(count, made)| *count += u32::from(made));
+        faults.extend(found);
+    })?;
+    let numbers = numbers.into_inner();
     if dataset.images.is_empty() && dataset.lists_all_images {
         let message = "the dataset has no image".to_owned();
         faults.insert(FaultAt { check: READABLE.to_owned(), place: "images".to_owned(), message });

@@ -99,7 +99,7 @@ pub use syntable_recipe::{self as recipe, Recipe, RecipeRequest};
 pub use syntable_report::preview::{self, PreviewOptions};
 pub use syntable_report::{report, stats, view};
 pub use syntable_runtime::cache::DiskCache;
-pub use syntable_runtime::check::{check, check_assets};
+pub use syntable_runtime::check::{CheckedRecipe, check, check_assets};
 pub use syntable_runtime::conversion::{Conversion, ConvertOptions, convert};
 pub use syntable_runtime::generate::{GenerateOptions, Generated, Generator, Sample, generate};
 pub use syntable_runtime::images::ImageWork;

@@ -1,6 +1,6 @@
 //! One dataset in all formats at once: each is read by its own reader, and says the same.
 
-use crate::support::{self, assert_same, assets, convert, ok, root, skip, syntable, text};
+use crate::support::{self, assert_same, assets, checked, convert, ok, root, skip, syntable, text};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use std::process::Command;
@@ -10,7 +10,7 @@ use syntable_model::product::standard::{
 use syntable_model::product::{Key, Mask, PerInstance};
 use syntable_model::reader;
 use syntable_program as _;
-use syntable_testing::takes::{open_dataset, registry};
+use syntable_testing::takes::open_dataset;
 
 /// All writers of formats, and those of any product.
 const WRITERS: &str = "write={ syntable = {}, coco = {}, coco_panoptic = {}, cocoa = {}, kins = {}, d2sa = {}, insta_order = {}, \
@@ -54,7 +54,7 @@ type Masks = BTreeMap<(u32, u32), Vec<[Vec<u32>; 2]>>;
 
 fn masks(root: &Path, format: &str) -> Masks {
     let (_, dataset) = open_dataset(root, Some(format)).expect("a dataset");
-    let found = syntable_runtime::validate::validate(&dataset, registry().checks(), 2).expect("checked");
+    let found = checked(&dataset).expect("checked");
     assert!(found.is_sound(), "{format}: {:?}", found.faults);
     let offers_amodal = dataset.offers.contains(&AMODAL_MASK.id());
     let wants = &dataset.offers;

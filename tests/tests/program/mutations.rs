@@ -13,7 +13,7 @@
 
 #![allow(clippy::ptr_arg, reason = "all ways to damage a file are functions of one type")]
 
-use crate::support::skip;
+use crate::support::{checked, skip};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
@@ -86,7 +86,7 @@ fn read(format: &dyn DatasetFormat, root: &Path) -> Vec<String> {
         Ok(opened) => opened,
         Err(error) => return vec![error.to_string()],
     };
-    let found = syntable_runtime::validate::validate(&opened, registry().checks(), 1).expect("a thread");
+    let found = checked(&opened).expect("a thread");
     let mut messages: Vec<String> = found.faults.into_iter().map(|fault| fault.message).collect();
     let offers = &opened.offers;
     for image in 0..opened.images.len() {

@@ -1,13 +1,13 @@
 //! `validate` finds what is planted in a dataset and is silent on a clean one; `convert` loses nothing that it does not say.
 
-use crate::support::{assert_same, convert, fails, made, ok, small_dataset, syntable};
+use crate::support::{assert_same, checked, convert, fails, made, ok, small_dataset, syntable};
 use serde_json::{Value, json};
 use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 use syntable_model::product::standard::{CATEGORY_ID, VISIBLE_MASK};
 use syntable_program as _;
-use syntable_testing::takes::{open_dataset, registry};
+use syntable_testing::takes::open_dataset;
 
 /// A small dataset with all labels of the `syntable` writer.
 fn dataset(out: &Path) {
@@ -212,7 +212,7 @@ const PLANTED: &[(&str, &str, Plant)] = &[
 
 fn checks_that_fail(root: &Path) -> BTreeSet<String> {
     let (_, dataset) = open_dataset(root, None).expect("a dataset");
-    let found = syntable_runtime::validate::validate(&dataset, registry().checks(), 2).expect("checked");
+    let found = checked(&dataset).expect("checked");
     found.faults.into_iter().map(|fault| fault.check).collect()
 }
 
@@ -429,7 +429,7 @@ fn checks_that_find_nothing_to_compare_are_not_made() {
     dataset(&path("ours"));
     let checked = |name: &str, check: &str| {
         let (_, dataset) = open_dataset(&path(name), None).expect("a dataset");
-        let found = syntable_runtime::validate::validate(&dataset, registry().checks(), 2).expect("checked");
+        let found = checked(&dataset).expect("checked");
         found.checks.iter().find(|it| it.check == check).expect("a check").images
     };
     ok(&mut convert(&path("ours"), "bop", &path("bop")));

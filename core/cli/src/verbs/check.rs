@@ -9,6 +9,7 @@ use syntable_model::context::{Collected, Log};
 use syntable_model::error::Error;
 use syntable_model::inspect::inspect;
 use syntable_model::registry::Registry;
+use syntable_recipe::Recipe;
 use syntable_recipe::message::Message;
 use syntable_runtime::check;
 use syntable_runtime::pools::AssetStore;
@@ -45,19 +46,26 @@ impl Log for PrintedLog<'_> {
 fn recipe(console: &Console, registry: &Registry, args: &CheckArgs) -> Result<(), Exit> {
     let log = PrintedLog(console);
     let (source, overrides) = args.recipe.read()?;
-    let recipe = console.loaded(check::check(registry, source, overrides, &log))?;
-    let assets = AssetStore::open(&recipe, &log).map_err(Exit::wrong)?;
-    let products = recipe.plan.entries.len();
-    let mut out = format!("{}: no errors; the recipe computes {products} products\n", recipe.dataset.name);
     if let Some(wanted) = &args.assets {
-        console.print(&out)?;
+        let recipe = console.loaded(check::load_naming_all(registry, source, overrides, &log))?;
+        let assets = recipe.fits().and_then(|()| AssetStore::open(&recipe, &log)).map_err(Exit::wrong)?;
+        console.print(&no_errors(&recipe))?;
         return all_assets(console, &assets, wanted.as_deref());
     }
-    for (id, size) in assets.sizes() {
-        let sizes = assets.part_sizes(id).map_or_else(|| format!("{size} assets"), |sizes| sizes.to_string());
-        out += &format!("assets.{id}: {sizes}\n");
-    }
+    let checked = check::check(registry, source, overrides, &log);
+    let mut pools = Vec::new();
+    let recipe = console.loaded(checked.map(|checked| {
+        pools = checked.pools;
+        (checked.recipe, checked.warnings)
+    }))?;
+    let mut out = no_errors(&recipe);
+    pools.iter().for_each(|(id, size)| out += &format!("assets.{id}: {size}\n"));
     console.print(&out)
+}
+
+fn no_errors(recipe: &Recipe) -> String {
+    let products = recipe.plan.entries.len();
+    format!("{}: no errors; the recipe computes {products} products\n", recipe.dataset.name)
 }
 
 /// Loads all assets of the pools, or of one pool. The log names the faults of bad assets, and the error counts these.

@@ -48,12 +48,12 @@ pub(crate) struct RunArgs {
 
 pub(crate) fn run(console: &Console, registry: &Registry, args: &RunArgs) -> Result<(), Exit> {
     let recipe = console.load_for_run(registry, &args.recipe)?;
-    recipe.trusted(args.allow_libraries).map_err(Exit::wrong)?;
-    recipe.ready().map_err(Exit::wrong)?;
+    recipe.ready(args.allow_libraries).map_err(Exit::wrong)?;
     let scenes = args.scenes.map(|scenes| scenes.within(recipe.dataset.scenes)).transpose().map_err(Exit::wrong)?;
     let stop = on_signals()?;
     let options = RunOptions {
         scenes,
+        allow_libraries: args.allow_libraries,
         overwrite: args.overwrite,
         retry_failed: args.retry_failed,
         repair: args.repair,

@@ -3,6 +3,7 @@
 use crate::console::Console;
 use crate::exit::Exit;
 use crate::flags::with_flags;
+use crate::signals::{ended, on_signals};
 use clap::Args;
 use serde::Serialize;
 use std::path::PathBuf;
@@ -10,9 +11,10 @@ use syntable_model::error::Error;
 use syntable_model::reader::Source;
 use syntable_model::registry::Registry;
 use syntable_recipe::message::Message;
+use syntable_runtime::images::ImageWork;
 use syntable_runtime::run::progress::count;
 use syntable_runtime::validate::{FaultAt, Validated, ValidatedDataset, differences, validate_path};
-use syntable_runtime::workers;
+use syntable_runtime::workers::{self, Pool};
 
 /// Number of faults that a report for people lists.
 const ROWS: usize = 30;
@@ -49,9 +51,11 @@ struct ValidatedAt<'a> {
 }
 
 pub(crate) fn validate(console: &Console, registry: &Registry, args: &ValidateArgs) -> Result<(), Exit> {
+    let (stop, pool) = (on_signals()?, Pool::new(workers::available()).map_err(Exit::stopped)?);
+    let work = ImageWork { workers: &pool, reporter: console.reporter(), stop: &stop };
     let one = |path: &PathBuf| {
         let source = Source::new(path).trusting(args.trust_paths);
-        validate_path(registry, &source, args.format.as_deref(), workers::available()).map_err(Exit::stopped)
+        validate_path(registry, &source, args.format.as_deref(), &work).map_err(|error| ended(&stop, error))
     };
     let all = args.datasets.iter().map(one).collect::<Result<Vec<ValidatedDataset>, Exit>>()?;
     let differences = differences(&all);

@@ -115,8 +115,9 @@ pub fn for_each_line(
     let (mut of, mut views, mut image_id) = (None, 0, 0);
     json_shard::for_each_line(finish, |scene, line| {
         let damaged = |what: String| {
-            Error::new(format!("the shard of scene {} has {what}", scene.0))
-                .help("the dataset is damaged, or of another version; `syntable run --repair` makes the scene again")
+            Error::new(format!("the shard of scene {} has {what}", scene.0)).help(
+                "the dataset is damaged, or of another version; a run with `options.repair` makes the scene again",
+            )
         };
         let line = ShardLine::parse(line).ok_or_else(|| damaged("a line that is not a record".to_owned()))?;
         if of.replace(scene) != Some(scene) {

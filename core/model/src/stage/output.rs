@@ -188,7 +188,7 @@ impl Finish {
 }
 
 /// The remedy for a file that the end of a run cannot read.
-const DAMAGED: &str = "the dataset is damaged; `syntable run --repair` makes the scene again";
+const DAMAGED: &str = "the dataset is damaged; a run with `options.repair` makes the scene again";
 
 /// Path of a writer's shard of a scene.
 ///

@@ -425,7 +425,7 @@ impl ConversionWalk<'_> {
     fn finish(&self, scenes: &[SceneId]) -> Result<()> {
         self.writers.iter().try_for_each(|(id, writer)| {
             let products = Products::new().only(&Input::names(&writer.reads()));
-            let finish = Finish::new(self.part, id, scenes.to_vec());
+            let finish = Finish::new(self.part, id, scenes.to_vec()).staged(self.part);
             writer.finish(&self.cx, &products, &finish).map_err(|error| error.context(id.clone()))
         })
     }

@@ -15,6 +15,7 @@ use crate::run::scene_range::ranges;
 use crate::run::stop::Stop;
 use crate::workers::Pool;
 use parking_lot::Mutex;
+use std::collections::btree_map::Entry;
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Instant;
 use syntable_model::context::Log;
@@ -22,7 +23,7 @@ use syntable_model::error::{Error, Result};
 use syntable_model::files::{DatasetPath, RESERVED};
 use syntable_model::registry::Registry;
 use syntable_model::store::StoreFolder;
-use syntable_recipe::{Overrides, Recipe, Source, lock_of, with_devices, without_lock};
+use syntable_recipe::{Lock, Overrides, Recipe, Source, lock_of, with_devices, without_lock};
 
 /// An open part.
 struct MergePart {
@@ -53,6 +54,7 @@ pub fn merge<P: Clone + Into<StoreFolder>>(
     for part in &parts[1..] {
         same_recipe(first, part)?;
     }
+    same_inputs(parts.iter())?;
     let recipe = load(registry, &first.recipe)?;
     ready(&recipe)?;
     let log = Warnings(reporter);
@@ -64,6 +66,7 @@ pub fn merge<P: Clone + Into<StoreFolder>>(
         MergePart { entries: journal.entries().clone(), recipe: recipe_of_target.clone().unwrap_or_default(), folder };
     if recipe_of_target.is_some() {
         same_recipe(&begun, first)?;
+        same_inputs(std::iter::once(&begun).chain(&parts))?;
     }
     let devices = devices(std::iter::once(&begun).chain(&parts), &log);
     let resolved = with_devices(&first.recipe, &devices);
@@ -165,33 +168,70 @@ fn open(part: StoreFolder) -> Result<MergePart> {
     Ok(MergePart { folder, entries, recipe })
 }
 
-/// Refuses parts of different recipes or inputs.
+/// Refuses parts of different recipes.
 fn same_recipe(one: &MergePart, other: &MergePart) -> Result<()> {
-    let folders = || format!("{} and {}", one.folder.name().display(), other.folder.name().display());
-    let refuse = |message: String| Err(Error::new(message).help("make all parts from one recipe and the same assets"));
-    let differences = growth::differences(&one.recipe, &other.recipe);
-    if !differences.is_empty() {
-        return refuse(format!("{} have different recipes:{}\n ", folders(), growth::listing(&differences)));
+    match growth::differences(&one.recipe, &other.recipe) {
+        differences if differences.is_empty() => Ok(()),
+        differences => {
+            let folders = [one, other].map(|part| part.folder.name().display().to_string()).join(" and ");
+            refused(format!("{folders} have different recipes:{}\n ", growth::listing(&differences)))
+        }
     }
-    let (locks, mut what) = ([lock_of(&one.recipe), lock_of(&other.recipe)], Vec::new());
-    if let Some(pool) = differing(&locks[0].catalogs, &locks[1].catalogs).first() {
-        let homes = [(one.folder.files(), &locks[0]), (other.folder.files(), &locks[1])];
-        let how = inputs::difference(pool, homes).map(|how| format!("; from the first to the second: {how}"));
-        let message = format!("the pool `{pool}` differed when {} were made", folders());
-        return refuse(message + &how.unwrap_or_default());
+}
+
+fn refused(message: String) -> Result<()> {
+    Err(Error::new(message).help("make all parts from one recipe and the same assets"))
+}
+
+/// An input of a part, by name.
+#[derive(PartialEq, Eq, PartialOrd, Ord)]
+enum PartInput {
+    Catalog(String),
+    File(String),
+    Asset(String),
+}
+
+impl MergePart {
+    /// The inputs that made the part, with digests.
+    fn inputs(&self) -> impl Iterator<Item = (PartInput, String)> {
+        let Lock { catalogs, files, assets, .. } = lock_of(&self.recipe);
+        let catalogs = catalogs
+            .into_iter()
+            .map(|(pool, lock)| (PartInput::Catalog(pool), format!("{} {}", lock.assets, lock.digest)));
+        let files = files.into_iter().map(|(option, digest)| (PartInput::File(option), digest));
+        let drawn = self.entries.values().flat_map(|entry| entry.assets.clone());
+        let assets = assets.into_iter().chain(drawn).map(|(asset, digest)| (PartInput::Asset(asset), digest));
+        catalogs.chain(files).chain(assets)
     }
-    what.extend(
-        differing(&locks[0].files, &locks[1].files).into_iter().map(|option| format!("the file of `{option}`")),
-    );
-    what.extend(differing(&locks[0].assets, &locks[1].assets).into_iter().map(|asset| format!("the asset {asset}")));
-    let [assets, others] = [one, other].map(|part| {
-        let drawn = part.entries.values().flat_map(|entry| entry.assets.clone());
-        drawn.collect::<BTreeMap<String, String>>()
-    });
-    what.extend(differing(&assets, &others).into_iter().map(|asset| format!("the asset {asset}")));
-    match what.first() {
-        Some(first) => refuse(format!("{first} differed when {} were made", folders())),
-        None => Ok(()),
+}
+
+/// Refuses parts if an input differed between any two of them.
+fn same_inputs<'p>(parts: impl Iterator<Item = &'p MergePart>) -> Result<()> {
+    let mut first: BTreeMap<PartInput, (String, &MergePart)> = BTreeMap::new();
+    for part in parts {
+        for (input, digest) in part.inputs() {
+            match first.entry(input) {
+                Entry::Vacant(entry) => drop(entry.insert((digest, part))),
+                Entry::Occupied(entry) if entry.get().0 == digest => {}
+                Entry::Occupied(entry) => return differed(entry.key(), entry.get().1, part),
+            }
+        }
+    }
+    Ok(())
+}
+
+fn differed(input: &PartInput, one: &MergePart, other: &MergePart) -> Result<()> {
+    let folders = [one, other].map(|part| part.folder.name().display().to_string()).join(" and ");
+    match input {
+        PartInput::Catalog(pool) => {
+            let locks = [one, other].map(|part| lock_of(&part.recipe));
+            let homes = [(one.folder.files(), &locks[0]), (other.folder.files(), &locks[1])];
+            let how = inputs::difference(pool, homes).map(|how| format!("; from the first to the second: {how}"));
+            let message = format!("the pool `{pool}` differed when {folders} were made");
+            refused(message + &how.unwrap_or_default())
+        }
+        PartInput::File(option) => refused(format!("the file of `{option}` differed when {folders} were made")),
+        PartInput::Asset(asset) => refused(format!("the asset {asset} differed when {folders} were made")),
     }
 }
 
@@ -208,14 +248,6 @@ fn devices<'p>(parts: impl Iterator<Item = &'p MergePart>, log: &dyn Log) -> BTr
         );
     }
     all.into_iter().flatten().collect()
-}
-
-/// Keys of both maps with different values.
-fn differing<T: PartialEq>(one: &BTreeMap<String, T>, other: &BTreeMap<String, T>) -> Vec<String> {
-    one.iter()
-        .filter(|(key, value)| other.get(*key).is_some_and(|other| other != *value))
-        .map(|(key, _)| key.clone())
-        .collect()
 }
 
 /// The scenes that are not merged yet, each with a part that has it. All parts with a scene must agree on it.

@@ -24,7 +24,7 @@ mod outcome;
 pub(crate) mod panics;
 pub mod preview;
 pub mod progress;
-mod scene_range;
+pub(crate) mod scene_range;
 pub mod stop;
 
 pub use convert::{Converted, check_images, check_place, convert_dataset, not_listed, products_of};

@@ -9,10 +9,12 @@ use syntable_model::store::StoreFolder;
 pub struct RunOptions {
     /// Where to store the dataset: a folder of this machine, or of another store such as memory.
     pub out: StoreFolder,
-    /// Scenes of the recipe to make; `None` makes all.
+    /// Scenes of the recipe to make, not empty; `None` makes all.
     pub scenes: Option<Range<u32>>,
     /// Number of threads.
     pub threads: usize,
+    /// Load native libraries that the recipe names by a relative path. They are code of the recipe's author.
+    pub allow_libraries: bool,
     /// Delete an existing dataset.
     pub overwrite: bool,
     /// Retry scenes that failed in an earlier run.
@@ -36,6 +38,7 @@ impl RunOptions {
             out,
             scenes: None,
             threads,
+            allow_libraries: false,
             overwrite: false,
             retry_failed: false,
             repair: false,

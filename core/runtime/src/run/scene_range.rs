@@ -43,11 +43,21 @@ impl SceneRange {
     /// # Errors
     /// If the recipe does not have them all.
     pub fn within(self, count: u32) -> Result<Range<u32>, Error> {
-        let (low, high) = (self.first.unwrap_or(0), self.end.unwrap_or(count));
-        if low < high && high <= count {
-            Ok(low..high)
-        } else {
-            Err(Error::new(format!("`options.scenes` {low}..{high}: the recipe has scenes 0..{count}")))
+        within(Some(&(self.first.unwrap_or(0)..self.end.unwrap_or(count))), count)
+    }
+}
+
+/// The scenes that a caller asks for, or all scenes of a recipe with `count` scenes.
+///
+/// # Errors
+/// If the range is empty, or the recipe does not have them all.
+pub(crate) fn within(asked: Option<&Range<u32>>, count: u32) -> Result<Range<u32>, Error> {
+    match asked {
+        None => Ok(0..count),
+        Some(asked) if asked.start < asked.end && asked.end <= count => Ok(asked.clone()),
+        Some(Range { start, end }) => {
+            let message = format!("`options.scenes` {start}..{end}: the recipe has scenes 0..{count}");
+            Err(Error::new(message).of_request())
         }
     }
 }

@@ -105,7 +105,8 @@ fn a_product_of_a_moment_comes_with_each_view_at_it() {
     let mut previewer = Previewer::new(1, DiskCache::new(folder.path().join("../cache"))).expect("threads");
     previewer.set(load()).expect("sound");
     let (stop, log) = (Stop::default(), Warnings(&Quiet));
-    let mut pass = previewer.pass(&Wanted { products, width: 4 }, &Quiet, &log, &stop).expect("pools");
+    let mut pass =
+        previewer.pass(&Wanted { products, width: 4, allow_libraries: false }, &Quiet, &log, &stop).expect("pools");
     let mut seen = Vec::new();
     pass.scene(1, &[4, 1, 0], &mut |view, products| seen.push((view, tick(products)))).expect("made");
     assert_eq!((seen, Counters::ticks(21)), (vec![(4, 2.0), (1, 0.0), (0, 0.0)], 4 * 3 + 2));
@@ -152,9 +153,12 @@ fn samples_end_when_nobody_wants_more() {
         );
         Arc::new(loaded.unwrap_or_else(|report| panic!("{report}")).0)
     };
-    let mut generator = Generator::start(recipe(1_000_000), options(2), Arc::new(Quiet));
+    let many = options(2);
+    let shared = many.stop.clone();
+    let mut generator = Generator::start(recipe(1_000_000), many, Arc::new(Quiet));
     assert!(generator.next().is_some_and(|sample| sample.is_ok()));
     drop(generator);
+    assert!(!shared.is_requested(), "other work of the caller may share the handle");
     let own = options(2);
     let stop = own.stop.clone();
     let result = generate(&recipe(1_000_000), &own, &Quiet, &mut |_| {

@@ -4,6 +4,7 @@ use crate::growth::assert_same;
 use crate::kit::{AtEvent, Counters, options, registry, run, run_scenes, run_with};
 use std::collections::BTreeMap;
 use std::fs;
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicU32;
 use syntable_model::error::Result;
@@ -294,6 +295,40 @@ fn parts_that_do_not_belong_together_are_refused() {
 }
 
 #[test]
+fn inputs_must_not_differ_between_any_two_parts() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let parts = parts(folder.path(), RECIPE);
+    let draw = |part: &Path, digest: &str| {
+        let journal = part.join(".syntable/journal.jsonl");
+        let text = fs::read_to_string(&journal).expect("there");
+        let drawn = text.replacen("\"outcome\":", &format!("\"assets\":{{\"pool/cup\":\"{digest}\"}},\"outcome\":"), 1);
+        assert_ne!(text, drawn);
+        fs::write(&journal, drawn).expect("writable");
+    };
+    // The first part did not draw the asset.
+    draw(&parts[1], &"1".repeat(64));
+    draw(&parts[2], &"2".repeat(64));
+    let out = folder.path().join("merged");
+    let error = merge(&registry(), &out, &parts, 1, &Stop::default(), &Quiet).expect_err("differs").to_string();
+    let says = ["the asset pool/cup differed", "part-1", "part-2"];
+    assert!(says.iter().all(|word| error.contains(word)) && !out.exists(), "{error}");
+}
+
+#[test]
+fn scenes_that_the_recipe_lacks_are_refused() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let data = folder.path().join("data");
+    run(RECIPE, &data, 1).expect("runs");
+    let before = files(&data);
+    for scenes in [4..5, 2..9, 1..1, Range { start: 2, end: 1 }] {
+        let options = RunOptions { scenes: Some(scenes.clone()), overwrite: true, ..options(&data, 1) };
+        let error = run_with(RECIPE, options, &Quiet).expect_err("refused").to_string();
+        assert!(error.contains("the recipe has scenes 0..4"), "{scenes:?}: {error}");
+        assert!(files(&data) == before, "{scenes:?}: the old dataset was changed");
+    }
+}
+
+#[test]
 fn overwriting_takes_what_is_the_datasets() {
     let folder = tempfile::tempdir().expect("a folder");
     let (whole, data) = (folder.path().join("whole"), folder.path().join("data"));
@@ -526,8 +561,8 @@ fn a_damaged_journal_is_mended_by_making_its_scenes_again() {
         broken[start + 4] ^= 1 << (scene + 1);
         fs::write(&journal, broken).expect("writable");
         let error = run(RECIPE, &data, 1).expect_err("damaged").to_string();
-        assert!(error.contains(&format!("journal.jsonl:{}", scene + 1)) && error.contains("--repair"), "{error}");
-        assert!(verify(&data, 1).expect_err("damaged").to_string().contains("--repair"));
+        assert!(error.contains(&format!("journal.jsonl:{}", scene + 1)) && error.contains("options.repair"), "{error}");
+        assert!(verify(&data, 1).expect_err("damaged").to_string().contains("options.repair"));
         // Also where another scene was asked for.
         let told = Told::default();
         let some = Some(if scene == 0 { 1..2 } else { 0..1 });

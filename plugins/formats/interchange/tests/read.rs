@@ -347,7 +347,7 @@ const PLANTED: &[Plant] = &[
     }),
     ("cocoa", "", "`depth_constraint` has no pair 1-", &|it| it["annotations"][0]["depth_constraint"] = json!("")),
     ("d2sa", "", "`occl_depth` is 99", &|it| it["annotations"][0]["occl_depth"] = json!(99)),
-    ("d2sa", "", "as that of annotation 1 is", &|it| {
+    ("d2sa", "", "like annotation 1", &|it| {
         it["annotations"][1]["amodal_region"]["order"] = it["annotations"][0]["amodal_region"]["order"].clone();
     }),
     ("d2sa", "", "of its pixels, ", &|it| {
@@ -365,9 +365,7 @@ const PLANTED: &[Plant] = &[
         // All of them, since some are behind a circle, which leaves the depth open.
         it["annotations"].as_array_mut().expect("a list").iter_mut().for_each(|it| it["occl_depth"] = json!(0));
     }),
-    ("kins", "", "`ico_id` is 99, and its `oco_id`", &|it| {
-        with_most(it, |it| it["ico_id"].as_u64())["ico_id"] = json!(99)
-    }),
+    ("kins", "", "`ico_id` is 99, and ", &|it| with_most(it, |it| it["ico_id"].as_u64())["ico_id"] = json!(99)),
     ("kins", "", "which is in front of it: the front has the lower number", &|it| {
         with_most(it, |it| it["ico_id"].as_u64())["ico_id"] = json!(1)
     }),
@@ -437,10 +435,10 @@ const PLANTED_BOP: &[(&str, &str, &Change)] = &[
     ("000000/scene_gt.json", "`obj_id` is 0, and numbers of objects are from 1", &|it| {
         it["0"][0]["obj_id"] = json!(0);
     }),
-    ("000000/scene_gt_coco.json", "`bbox` is [0.0, 0.0, 1.0, 1.0]", &|it| {
+    ("000000/scene_gt_coco.json", "has the `bbox` [0.0, 0.0, 1.0, 1.0]", &|it| {
         it["annotations"][0]["bbox"] = json!([0, 0, 1, 1]);
     }),
-    ("000000/scene_gt_coco.json", "`area` is 1.5, that of no object", &|it| {
+    ("000000/scene_gt_coco.json", "has the `area` 1.5", &|it| {
         it["annotations"][0]["area"] = json!(1.5);
     }),
     ("000000/scene_gt_coco.json", "the image has [1, 48] pixels", &|it| it["images"][0]["width"] = json!(1)),
@@ -844,7 +842,7 @@ fn fields_with_labels_are_counted() {
     let (_, read) = open_dataset(&root, Some("yolo")).expect("a dataset");
     let lost = &read.not_kept(&read.offers)[0];
     assert!(lost.count > 0 && lost.count == lost.of, "{lost}");
-    assert_eq!(lost.what, "labels are boxes, of which only classes are kept");
+    assert_eq!(lost.what, "labels are boxes: only their classes are kept");
 }
 
 /// Names that LabelImg writes beside the labels are those of the classes.
@@ -969,7 +967,7 @@ fn one_of_several_is_named() {
         assert_ne!(first, second, "{kind}");
         fs::copy(&first, &second).expect("copied");
         let error = open_dataset(&root, None).err().expect("two files").to_string();
-        assert!(error.contains("there are 2"), "{kind}: {error}");
+        assert!(error.contains("found 2"), "{kind}: {error}");
         for path in [&first, &second] {
             let (format, read) = open_dataset(path, None).unwrap_or_else(|error| panic!("{kind}: {error}"));
             assert_eq!((format.name(), read.all_faults()), (kind, &[][..]));
@@ -984,7 +982,7 @@ fn one_of_several_is_named() {
         fs::create_dir(root.join(of).join("zzz")).expect("made");
     }
     let error = open_dataset(&root, None).err().expect("two splits");
-    assert!(error.to_string().contains("there are 2 splits"), "{error}");
+    assert!(error.to_string().contains("the dataset has 2 splits"), "{error}");
     // Folders of datasets.
     let folder = tempfile::tempdir().expect("a folder");
     for kind in ["yolo", "kins"] {
@@ -993,5 +991,5 @@ fn one_of_several_is_named() {
         fs::rename(other.path().join("data"), folder.path().join(kind)).expect("renamed");
     }
     let error = open_dataset(folder.path(), None).err().expect("two datasets").to_string();
-    assert!(error.contains("there are 2 datasets in it"), "{error}");
+    assert!(error.contains("it contains 2 datasets"), "{error}");
 }

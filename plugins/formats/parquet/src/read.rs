@@ -214,7 +214,7 @@ fn open(source: &Source) -> Result<Opened> {
             let number = |name: &str| u32::try_from(row.get(name).and_then(integer)?).ok();
             let (Some(scene), Some(view)) = (number(SCENE), number(VIEW)) else {
                 let message = format!("a row has no numbers as `{SCENE}` and `{VIEW}`");
-                faults.add(rule::RECORDS_AGREE, read::file_name(path), message);
+                faults.lost(rule::RECORDS_AGREE, read::file_name(path), message);
                 continue;
             };
             let size = [WIDTH, HEIGHT].map(|edge| number(edge).unwrap_or_default());

@@ -559,7 +559,7 @@ fn damaged_shards_are_named() {
         let writer = writer(kind, options).expect("good options");
         let error = finish(folder.path(), "w", &*writer, &dataset(3, 3), &[0, 1, 2]).expect_err("damaged").to_string();
         assert!(error.contains("shard of scene 1 ends in the middle of a line"), "{error}");
-        assert!(error.contains("--repair"), "{error}");
+        assert!(error.contains("options.repair"), "{error}");
         let leftovers = files(folder.path());
         assert!(!leftovers.keys().any(|name| name.ends_with(".part")), "{:?}", leftovers.keys());
         assert!(

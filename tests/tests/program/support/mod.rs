@@ -10,6 +10,13 @@ pub mod served;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
+use syntable_model::error::Result;
+use syntable_model::reader::OpenDataset;
+use syntable_runtime::images::ImageWork;
+use syntable_runtime::run::progress::Quiet;
+use syntable_runtime::run::stop::Stop;
+use syntable_runtime::validate::{Validated, validate};
+use syntable_runtime::workers::Pool;
 pub use syntable_testing::folder::files;
 
 /// Root of the checkout.
@@ -26,6 +33,7 @@ pub fn assets() -> Vec<PathBuf> {
     folders
 }
 
+use syntable_testing::takes::registry;
 pub use syntable_testing::tools::skip;
 
 /// Lets an independent reader check a dataset of the writer `syntable`.
@@ -123,4 +131,11 @@ pub fn small_dataset(out: &Path, more: &[&str]) {
         run.args(["--set", set]);
     }
     made(&mut run);
+}
+
+/// Reads all images of a dataset, and runs every check.
+pub fn checked(dataset: &OpenDataset) -> Result<Validated> {
+    let pool = Pool::new(2)?;
+    let work = ImageWork { workers: &pool, reporter: &Quiet, stop: &Stop::default() };
+    validate(dataset, registry().checks(), &work)
 }

@@ -285,7 +285,7 @@ mod tests {
         for (form, want) in [
             (
                 Form::Image { dtype: DType::F32, channels: Some(5) },
-                "an EXR file names up to 4 channels, not those of an f32",
+                "an EXR file names up to 4 channels, not the channels of an f32",
             ),
             (
                 Form::Image { dtype: DType::U16, channels: None },

@@ -40,5 +40,5 @@ pub fn for_each_line_of(finish: &Finish, scene: SceneId, mut each: impl FnMut(&s
 fn damaged(finish: &Finish, scene: SceneId, what: &str) -> Error {
     Error::new(format!("the shard of scene {} {what}", scene.0))
         .context(format!("write.{}", finish.id()))
-        .help("the dataset is damaged; `syntable run --repair` makes the scene again")
+        .help("the dataset is damaged; a run with `options.repair` makes the scene again")
 }

@@ -14,7 +14,7 @@ impl Folder {
         let damaged = |path: &str| {
             Error::new("this file of the part is damaged")
                 .in_file(files.name_of(path))
-                .help("`syntable run --repair` with the part's recipe and folder makes the scene again")
+                .help("a run with `options.repair`, the part's recipe and folder makes the scene again")
         };
         let staged = self.stage(entry.scene)?;
         let mut written = Written::new();

@@ -214,7 +214,7 @@ impl Journal {
                     .in_file(dataset.name_of(&layout::journal()))
                     .at_line(number)
                     .help(
-                        "`syntable run` with the dataset's recipe and `--repair` makes the scene of a damaged line again; if \
+                        "a run of the dataset's recipe with `options.repair` makes the scene of a damaged line again; if \
                          another version began the dataset, choose another folder with `options.out`, or delete this one",
                     )
             })?;
@@ -454,7 +454,7 @@ mod tests {
             broken[byte] ^= bit;
             set(&store, &broken);
             let error = Journal::open(&dataset).err().expect("damaged").to_string();
-            assert!(error.contains("not a journal line") && error.contains("--repair"), "{error}");
+            assert!(error.contains("not a journal line") && error.contains("options.repair"), "{error}");
             assert_eq!(Journal::mend(&dataset), Ok(1));
             let left: Vec<u32> = Journal::entries_of(&dataset).expect("mended").into_keys().collect();
             assert_eq!(left, (0..3).filter(|scene| !lost.contains(scene)).collect::<Vec<u32>>(), "byte {byte}");
@@ -519,17 +519,18 @@ mod tests {
         }
         let scene = syntable_model::scene::SceneId(0);
         let error = crate::run::dataset::records::Records::read(&dataset, scene).expect_err("too large").to_string();
-        let says = ["536870912 bytes of what a run records", "limit of 268435456", "000000.jsonl", "--repair"];
+        let says = ["536870912 bytes of what a run records", "limit of 268435456", "000000.jsonl", "options.repair"];
         assert!(says.iter().all(|part| error.contains(part)), "{error}");
         assert!(crate::run::dataset::settled::read(&dataset, scene).is_none());
         for error in errors {
             let error = error.expect("too large").to_string();
-            let says = ["536870912 bytes of a file that a run keeps", "limit of 268435456", "run --repair", ".json"];
+            let says =
+                ["536870912 bytes of a file that a run keeps", "limit of 268435456", "`options.repair`", ".json"];
             assert!(says.iter().all(|part| error.contains(part)), "{error}");
         }
         for error in [Journal::open(&dataset).err(), Journal::readable(&dataset).err()] {
             let error = error.expect("too long").to_string();
-            let says = ["journal.jsonl:4", "of a line of its journal", "limit of 268435456", "run --repair"];
+            let says = ["journal.jsonl:4", "of a line of its journal", "limit of 268435456", "`options.repair`"];
             assert!(says.iter().all(|part| error.contains(part)), "{error}");
         }
     }

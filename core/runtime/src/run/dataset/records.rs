@@ -48,7 +48,7 @@ impl Records {
     pub fn read(dataset: &StoreFolder, scene: SceneId) -> Result<RecordedScene> {
         let path = syntable_model::stage::shard_path(OWNER, scene)?;
         let name = dataset.name_of(&path);
-        let help = "the dataset is damaged; `syntable run --repair` makes the scene again";
+        let help = "the dataset is damaged; a run with `options.repair` makes the scene again";
         let text = read_bounded(dataset, &path, &SCENE_RECORD_BYTES).map_err(|error| match error.help_text() {
             Some(_) => error,
             None => error.help(help),

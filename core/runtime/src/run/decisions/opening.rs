@@ -12,7 +12,7 @@ use crate::run::decisions::inputs;
 use crate::run::decisions::work_list::Todo;
 use crate::run::options::RunOptions;
 use crate::run::progress::{Event, Reporter, count};
-use crate::run::scene_range::ranges;
+use crate::run::scene_range::{self, ranges};
 use std::collections::{BTreeMap, BTreeSet};
 use syntable_model::context::{Log, Workers};
 use syntable_model::error::{Error, Result};
@@ -53,7 +53,8 @@ impl<'a, 'o> CheckedRun<'a, 'o> {
             ))
             .help("name a kind, or load the recipe with `Overrides::for_run`"));
         }
-        recipe.ready()?;
+        scene_range::within(options.scenes.as_ref(), recipe.dataset.scenes)?;
+        recipe.ready(options.allow_libraries)?;
         recipe.fits()?;
         let devices = inputs::devices(recipe)?;
         let files = recipe.file_digests()?;

@@ -31,7 +31,8 @@ impl<'m, S: Subject> Writers<'m, S> {
     ) -> Result<Self> {
         let start = |(id, writer): &'m (String, Box<dyn Writer<S>>)| {
             let (stage, output) = (format!("write.{id}"), Output::new(staged, id, S::images(cx).scene_id));
-            let scene_writer = times.of(&stage, || writer.scene(cx, output.clone()))?;
+            let log = StageLog { log: S::images(cx).log, losses, stage: &stage };
+            let scene_writer = times.of(&stage, || writer.scene(&S::scene_with_log(cx, &log), output.clone()))?;
             let losses = Arc::clone(losses);
             Ok(Writing { stage, reads: Input::names(&writer.reads()), writer: scene_writer, output, times, losses })
         };

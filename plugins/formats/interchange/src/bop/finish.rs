@@ -149,7 +149,7 @@ fn numbers_of(stated: BTreeMap<String, BTreeSet<Option<u64>>>, log: &dyn Log) ->
         let mut ids = ids.into_iter();
         let (first, second) = (ids.next().flatten(), ids.next());
         let Some(id) = first else {
-            let help = "scenes of an earlier version of the program have none: `syntable run --rewrite` writes them again in the \
+            let help = "scenes of an earlier version of the program have none: a run with `options.rewrite` writes them again in the \
                         folder of their run, and `syntable convert` can then convert them";
             return refuse(format!("`{asset}` has no `obj_id`, and other objects have one"), help);
         };

@@ -83,7 +83,7 @@ impl Shard {
 fn damaged(finish: &Finish, scene: SceneId) -> Error {
     Error::new(format!("the shard of scene {} is not one of BOP", scene.0))
         .context(format!("write.{}", finish.id()))
-        .help("the dataset is damaged, or of another version; `syntable run --repair` makes the scene again")
+        .help("the dataset is damaged, or of another version; a run with `options.repair` makes the scene again")
 }
 
 fn members(finish: &Finish, scene: SceneId, each: impl FnMut(&str, &mut dyn Read) -> Result<()>) -> Result<()> {

@@ -111,7 +111,7 @@ pub fn open_file(root: &DatasetFolder, path: &Path) -> Result<Opened> {
         (
             has_masks && without_mask > 0,
             format!(
-                "annotations with an empty `segmentation`, or without one, are objects without pixels: {without_mask} annotations"
+                "annotations with an empty `segmentation`, or without one, are objects without pixels: {without_mask}"
             ),
         ),
         (

@@ -109,5 +109,5 @@ fn merge_orders(cx: &DatasetContext, finish: &Finish, file: &str) -> Result<()> 
 
 fn damaged(error: &serde_json::Error) -> Error {
     Error::new(format!("the orders of a view cannot be read from its scene's shard: {error}"))
-        .help("the dataset is damaged, or of another version; `syntable run --repair` makes the scene again")
+        .help("the dataset is damaged, or of another version; a run with `options.repair` makes the scene again")
 }

@@ -130,7 +130,7 @@ fn open(source: &Source) -> Result<Opened> {
             None => all.push(YoloImage { labels: of_image.remove(&name), name, image }),
             Some(first) => {
                 let message = format!("{} has the same labels, and is read", first.image.display());
-                faults.add(rule::UNIQUE_VIEWS, image.display().to_string(), message);
+                faults.lost(rule::UNIQUE_VIEWS, image.display().to_string(), message);
             }
         }
     }

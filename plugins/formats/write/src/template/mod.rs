@@ -295,7 +295,7 @@ impl Writer for TemplateWriter {
             }
             let read = serde_json::from_str(line).map_err(|error| {
                 Error::new(format!("the shard of scene {} is not JSON: {error}", scene.0))
-                    .help("the dataset is damaged; `syntable run --repair` makes the scene again")
+                    .help("the dataset is damaged; a run with `options.repair` makes the scene again")
             });
             scenes.push(read?);
             Ok(())

@@ -425,7 +425,7 @@ fn drawing_without_replacement_takes_each_once() {
     assert_eq!((objects(&scene).len(), warnings.len()), (3, 1), "{warnings:?}");
     let many = placer("drop_box", "from = [\"small\"]\nwith_replacement = false");
     let error = place(&[&*table, &*many], 1).expect_err("too many").to_string();
-    assert!(error.contains("`count` can become 40, but there are 4 assets"), "{error}");
+    assert!(error.contains("`count` can become 40, but its pools have 4 assets"), "{error}");
 }
 
 #[test]

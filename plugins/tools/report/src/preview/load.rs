@@ -11,7 +11,7 @@ use syntable_model::error::Error;
 use syntable_model::registry::{Registry, Slot};
 use syntable_recipe::message::Message;
 use syntable_recipe::{Diagnostic, Overrides, Recipe, RecipeRequest};
-use syntable_runtime::check::check;
+use syntable_runtime::check::load_naming_all;
 
 /// The preview's denoiser for recipes without one.
 const DENOISER: &str = "guided";
@@ -103,7 +103,7 @@ impl Wishes {
             text
         };
         let overrides = Overrides { read: &read, ..base };
-        let recipe = check(registry, source, overrides.for_run(), log);
+        let recipe = load_naming_all(registry, source, overrides.for_run(), log);
         LoadedRecipe { recipe: recipe.map_err(|report| report.messages()), files: files.into_inner() }
     }
 }

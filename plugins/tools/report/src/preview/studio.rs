@@ -191,7 +191,7 @@ impl<'a> PreviewStudio<'a> {
     ) -> std::result::Result<DrawnImages, PassError> {
         let log = Warnings(said);
         let products = sheet::inputs(self.wishes.labels).into_iter().map(|input| input.product).collect();
-        let wanted = Wanted { products, width: self.width };
+        let wanted = Wanted { products, width: self.width, allow_libraries: self.wishes.allow_libraries };
         let mut pass = self.previewer.pass(&wanted, said, &log, stop).map_err(PassError::Recipe)?;
         self.told = None;
         let keys: Vec<Digest> = views.all().map(|(scene, view)| pass.key(scene, view)).collect();
