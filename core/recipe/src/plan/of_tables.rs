@@ -11,8 +11,8 @@ use syntable_model::product::KeyId;
 use syntable_model::registry::{Registry, Slot, Stage};
 use syntable_model::stage::Input;
 
-/// Who wants products that no writer reads.
-const WANTED: &str = "preview";
+/// Name of the caller of the library in messages about the products that it wants.
+const CALLER: &str = "the caller";
 
 /// Plans the stages that were built, whose producers it takes. If the plan fails, or there is no renderer, everything
 /// that can be known is reported and there is no plan. Some products are `wanted` beside those that writers read.
@@ -33,12 +33,12 @@ pub(crate) fn plan(
         .stages
         .iter()
         .filter_map(|stage| match &stage.stage {
-            Some(Stage::WriteScenes(writer)) => Some((stage.id.clone(), writer.reads())),
+            Some(Stage::WriteScenes(writer)) => Some((part(stage), writer.reads())),
             _ => None,
         })
         .collect();
     if !wanted.is_empty() {
-        writers.push((WANTED.to_owned(), wanted.to_vec()));
+        writers.push((CALLER.to_owned(), wanted.to_vec()));
     }
     let mut explicit = Vec::new();
     for stage in &mut built.stages {

@@ -42,8 +42,8 @@ impl Offers {
     }
 }
 
-/// Plans what the writers read. `offers` come from no stage, `explicit` the producers of the recipe, and `implied` the
-/// [registered](crate::plan::registered) ones.
+/// Plans what stages want, each by its whole name: the inputs of writers, and products that a caller wants. `offers` come from
+/// no stage, `explicit` are the producers of the recipe, and `implied` the [registered](crate::plan::registered) ones.
 ///
 /// # Errors
 /// All mistakes at once.
@@ -51,7 +51,7 @@ pub fn resolve(
     offers: Offers,
     explicit: Vec<Candidate>,
     implied: Vec<Candidate>,
-    writers: &[(String, Vec<Input>)],
+    wants: &[(String, Vec<Input>)],
 ) -> Result<Plan, Vec<PlanError>> {
     // A stage of the recipe replaces the defaults of all kinds that provide one of its products.
     let provided = explicit.iter().flat_map(|it| it.producer.provides());
@@ -60,10 +60,9 @@ pub fn resolve(
     let mut candidates = explicit;
     candidates.extend(implied.into_iter().filter(free).collect::<Vec<_>>());
     let mut resolver = Resolver::new(offers, candidates);
-    for (id, inputs) in writers {
-        let stage = format!("write.{id}");
+    for (stage, inputs) in wants {
         for input in inputs {
-            let asker = Asker { stage: &stage, option: input.option.as_deref() };
+            let asker = Asker { stage, option: input.option.as_deref() };
             if let Some(key) = resolver.want_named(&input.product, &asker)
                 && let Err(reason) = input.accepts.check(&key)
             {

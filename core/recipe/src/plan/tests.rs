@@ -107,7 +107,12 @@ fn stage(id: &str, reads: &[KeyId], provides: &[KeyId]) -> Candidate {
 fn plan(stages: Vec<Candidate>, wants: &[&str]) -> std::result::Result<Plan, Vec<PlanError>> {
     let input =
         |name: &&str| Input { product: (*name).to_owned(), accepts: Accepts::Any, option: None, is_optional: false };
-    resolve(Offers::Rendered(vec![PIXELS.id()]), stages, Vec::new(), &[("w".into(), wants.iter().map(input).collect())])
+    resolve(
+        Offers::Rendered(vec![PIXELS.id()]),
+        stages,
+        Vec::new(),
+        &[("write.w".into(), wants.iter().map(input).collect())],
+    )
 }
 
 fn order(plan: &Plan) -> Vec<&str> {
@@ -257,7 +262,7 @@ fn a_writer_refuses_what_it_cannot_store() {
     let input =
         |accepts| Input { product: "pixels".into(), accepts, option: Some("include[0]".into()), is_optional: false };
     let check = |accepts| {
-        resolve(Offers::Rendered(vec![PIXELS.id()]), vec![], vec![], &[("w".into(), vec![input(accepts)])]).err()
+        resolve(Offers::Rendered(vec![PIXELS.id()]), vec![], vec![], &[("write.w".into(), vec![input(accepts)])]).err()
     };
     assert!(check(Accepts::Type(PIXELS.id())).is_none());
     for accepts in [Accepts::Type(WRONG_PIXELS.id()), Accepts::If(|_| Err("no".into()))] {
@@ -272,7 +277,7 @@ fn stored_products_have_no_other_framing() {
     let wide = PIXELS.on_canvas(3).id();
     let asked = |offers, product: String| {
         let input = Input { product, accepts: Accepts::Any, option: None, is_optional: false };
-        resolve(offers, Vec::new(), Vec::new(), &[("w".into(), vec![input])])
+        resolve(offers, Vec::new(), Vec::new(), &[("write.w".into(), vec![input])])
     };
     let stored = || Offers::Stored(vec![PIXELS.id()]);
     assert_eq!(asked(stored(), "pixels".into()).expect("stored").rendered, [PIXELS.id()]);
@@ -316,7 +321,12 @@ fn lit(wants: &[&str]) -> std::result::Result<Plan, Vec<PlanError>> {
         Candidate { stage: "denoise".into(), producer: Producer::Denoiser(Box::new(Denoising)), implied: None };
     let offers =
         syntable_model::keys![standard::RADIANCE, standard::DENOISE_ALBEDO, standard::NORMAL, standard::COVERAGE];
-    resolve(Offers::Rendered(offers), vec![denoiser], Vec::new(), &[("w".into(), wants.iter().map(input).collect())])
+    resolve(
+        Offers::Rendered(offers),
+        vec![denoiser],
+        Vec::new(),
+        &[("write.w".into(), wants.iter().map(input).collect())],
+    )
 }
 
 fn names(keys: &[KeyId]) -> Vec<String> {

@@ -200,7 +200,7 @@ fn resolve(
         // Only renderers know these products. Masks state what they are good for.
         let lacks = |product: &String| *product != *COVERAGE.name();
         lacking.extend(without.into_iter().map(|input| input.product).filter(lacks));
-        wants.push((id.clone(), reads));
+        wants.push((format!("write.{id}"), reads));
     }
     let candidate = |(stage, part): (String, AnnotatorGroup)| {
         let implied = part.implied.clone();

@@ -16,7 +16,7 @@ use syntable_model::store::{Kind, StoreFolder};
 pub struct Manifest {
     /// Size and digest of each file.
     pub files: BTreeMap<DatasetPath, Stamp>,
-    /// The owning scene of each file, except the result of settling.
+    /// The files of each writer; the result of settling has none.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub writers: Written,
 }

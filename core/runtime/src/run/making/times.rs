@@ -22,7 +22,7 @@ pub struct Worked {
 /// from run to run.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct RunTimes {
-    /// Number of scenes that were made or extended.
+    /// Number of scenes that the run made, extended, or found unchanged.
     pub scenes: u32,
     /// Number of threads.
     pub threads: usize,
