@@ -3,7 +3,6 @@
 use crate::run::progress::{Event, Reporter};
 use crate::run::stop::Stop;
 use parking_lot::Mutex;
-use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 use syntable_model::context::Workers;
 use syntable_model::error::{Error, Result};
@@ -25,6 +24,33 @@ const PATIENCE: Duration = Duration::from_secs(1);
 /// Maximum number of results per thread that wait for earlier images.
 const AHEAD: usize = 64;
 
+/// Counts images, and reports the count about once per second.
+pub struct ImageProgress<'a> {
+    reporter: &'a dyn Reporter,
+    done: &'a str,
+    images: usize,
+    /// Number of images so far, and the time of the last report.
+    state: Mutex<(usize, Instant)>,
+}
+
+impl<'a> ImageProgress<'a> {
+    /// The begin of work on a number of images. `done` is the participle for events, such as `scored`.
+    pub fn new(reporter: &'a dyn Reporter, done: &'a str, images: usize) -> Self {
+        Self { reporter, done, images, state: Mutex::new((0, Instant::now())) }
+    }
+
+    /// Counts an image.
+    pub fn one_more(&self) {
+        let mut state = self.state.lock();
+        state.0 += 1;
+        if state.1.elapsed() > PATIENCE {
+            state.1 = Instant::now();
+            let step = format!("{} {} of {} images", self.done, state.0, self.images);
+            self.reporter.event(&Event::Working { step });
+        }
+    }
+}
+
 /// Processes images in parallel and passes the results to `take` in the order of the images, in chunks of bounded size.
 /// The sums of `take` therefore do not depend on threads, and memory does not grow with the dataset. `done` is the
 /// participle for progress events, such as `scored`.
@@ -38,7 +64,7 @@ pub fn each<T: Send>(
     image: &(dyn Fn(usize) -> Result<T> + Sync),
     take: &mut dyn FnMut(usize, T),
 ) -> Result<()> {
-    let (count, told) = (AtomicUsize::new(0), Mutex::new(Instant::now()));
+    let progress = ImageProgress::new(*reporter, done, images);
     let batch = AHEAD * workers.threads().max(1);
     for first in (0..images).step_by(batch) {
         if stop.is_requested() {
@@ -51,12 +77,7 @@ pub fn each<T: Send>(
                 return;
             }
             *results[place].lock() = Some(image(first + place));
-            let count = count.fetch_add(1, Ordering::Relaxed) + 1;
-            let mut told = told.lock();
-            if told.elapsed() > PATIENCE {
-                *told = Instant::now();
-                reporter.event(&Event::Working { step: format!("{done} {count} of {images} images") });
-            }
+            progress.one_more();
         });
         for (place, result) in (first..).zip(results) {
             match result.into_inner() {

@@ -87,7 +87,7 @@ impl<W: ProductWriter> ImageWriter for GenericWriter<W> {
     type Scene = ();
 
     fn reads(&self) -> Vec<Input> {
-        self.0.include().inputs(Accepts::If(W::accepts))
+        self.0.include().inputs(Accepts::when(W::accepts))
     }
 
     fn view(&self, (): &mut (), cx: &ImageContext, products: &Products, output: &Output) -> Result<()> {

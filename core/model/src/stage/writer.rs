@@ -7,6 +7,8 @@ use crate::product::{Key, KeyId, Product, Products};
 use crate::scene::{SceneId, ViewId};
 use crate::stage::subject::{Images, Subject};
 use crate::stage::{DatasetInfo, Finish, Output};
+use std::fmt;
+use std::sync::Arc;
 
 /// A file format. The files of a scene appear in the dataset when the whole scene is done. `finish` writes files that cover many
 /// scenes, from a shard per scene.
@@ -85,7 +87,7 @@ pub struct Input {
 }
 
 /// What a writer can store.
-#[derive(Debug, Clone, Copy)]
+#[derive(Clone)]
 #[non_exhaustive]
 pub enum Accepts {
     /// Any product.
@@ -94,8 +96,11 @@ pub enum Accepts {
     Type(KeyId),
     /// A product that the function accepts. Its error has a reason and a remedy, such as `a PNG file has no channel for 32-bit
     /// floats; write it with exr or npy`.
-    If(fn(&KeyId) -> Result<(), String>),
+    If(Arc<AcceptsKey>),
 }
+
+/// Refuses a product that a writer cannot store, with a reason and a remedy.
+pub type AcceptsKey = dyn Fn(&KeyId) -> Result<(), String> + Send + Sync;
 
 impl Input {
     /// A product that the writer knows, of exactly its type.
@@ -123,7 +128,7 @@ impl Input {
     pub fn included(include: &[ProductName], accepts: Accepts) -> Vec<Self> {
         let input = |(i, name): (usize, &ProductName)| Self {
             product: name.as_str().to_owned(),
-            accepts,
+            accepts: accepts.clone(),
             option: Some(format!("include[{i}]")),
             is_optional: false,
         };
@@ -131,7 +136,22 @@ impl Input {
     }
 }
 
+impl fmt::Debug for Accepts {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Any => f.write_str("Any"),
+            Self::Type(key) => f.debug_tuple("Type").field(key).finish(),
+            Self::If(_) => f.write_str("If(..)"),
+        }
+    }
+}
+
 impl Accepts {
+    /// A product that the function accepts; see [`If`](Self::If).
+    pub fn when(accepts: impl Fn(&KeyId) -> Result<(), String> + Send + Sync + 'static) -> Self {
+        Self::If(Arc::new(accepts))
+    }
+
     /// Refuses a product that cannot be stored, with the reason.
     pub fn check(&self, key: &KeyId) -> Result<(), String> {
         match self {

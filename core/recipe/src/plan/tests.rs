@@ -265,7 +265,7 @@ fn a_writer_refuses_what_it_cannot_store() {
         resolve(Offers::Rendered(vec![PIXELS.id()]), vec![], vec![], &[("write.w".into(), vec![input(accepts)])]).err()
     };
     assert!(check(Accepts::Type(PIXELS.id())).is_none());
-    for accepts in [Accepts::Type(WRONG_PIXELS.id()), Accepts::If(|_| Err("no".into()))] {
+    for accepts in [Accepts::Type(WRONG_PIXELS.id()), Accepts::when(|_| Err("no".into()))] {
         let errors = check(accepts).expect("refused");
         assert_eq!((errors[0].fault, errors[0].stage.as_str()), (PlanFault::NotStorable, "write.w"));
         assert_eq!(errors[0].option.as_deref(), Some("include[0]"));

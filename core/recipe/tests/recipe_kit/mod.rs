@@ -522,7 +522,7 @@ macro_rules! writer {
     )*};
 }
 writer! {
-    Png, "png", "include = [\"radiance\", \"depth\"]", Accepts::If(stored_as_png);
+    Png, "png", "include = [\"radiance\", \"depth\"]", Accepts::when(stored_as_png);
     Npy, "npy", "include = [\"occlusion_rate\"]\nlimits = { depth = { type = \"below\", bound = 4.0 } }", Accepts::Any;
 }
 

@@ -3,6 +3,7 @@
 //! A reader offers products like a renderer. Annotators whose inputs are products alone derive the products that
 //! writers read.
 
+use crate::images::ImageProgress;
 use crate::paths::{root_of, run_above};
 use crate::run::conversion_target::ConversionTarget;
 use crate::run::dataset::loss::Loss;
@@ -109,6 +110,7 @@ pub fn convert_dataset(
         checks: registry.checks(),
         faults: &faults,
         losses: &losses,
+        progress: &ImageProgress::new(&guarded, "converted", dataset.images.len()),
         unread: &unread,
         missing: &missing,
     };
@@ -318,6 +320,7 @@ struct ConversionWalk<'a> {
     /// Number of faults in images: faults of their records, and faults that the checks found.
     faults: &'a AtomicU32,
     losses: &'a Arc<Losses>,
+    progress: &'a ImageProgress<'a>,
     /// Reasons why images could not be read.
     unread: &'a Mutex<BTreeMap<usize, Error>>,
     missing: &'a Mutex<Missing>,
@@ -384,12 +387,13 @@ impl ConversionWalk<'_> {
 
     /// Writes the readable images of a scene. Returns whether it has any.
     fn scene(&self, id: SceneId, images: &[usize]) -> Result<bool> {
-        if let Some(reason) = self.stop.requested() {
-            return Err(Error::stopped(format!("stopped by {reason}")));
-        }
         let (cx, times) = (self.cx.images(id), Times::default());
         let (mut writers, mut of_scene) = (None, Products::new());
         for &image in images {
+            if let Some(reason) = self.stop.requested() {
+                return Err(Error::stopped(format!("stopped by {reason}")));
+            }
+            self.progress.one_more();
             let of = |error: Error| error.context(self.dataset.images[image].name.clone());
             let ReadImage { size, mut products, left_out, unread } = match self.dataset.read(image, &self.plan.rendered)
             {

@@ -24,7 +24,7 @@ impl ImageWriter for Hdf5 {
             let of_entry = move |input: Input| Input { option: Some(format!("datasets[{place}]")), ..input };
             dataset.reads().into_iter().map(of_entry)
         });
-        datasets.chain(self.include.inputs(Accepts::If(of_view))).collect()
+        datasets.chain(self.include.inputs(Accepts::when(of_view))).collect()
     }
 
     fn view(&self, _: &mut (), cx: &ImageContext, products: &Products, output: &Output) -> Result<()> {

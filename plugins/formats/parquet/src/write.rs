@@ -19,7 +19,7 @@ impl ImageWriter for Parquet {
 
     fn reads(&self) -> Vec<Input> {
         let rgb = (self.images != ParquetImages::None).then(|| Input::of(RGB));
-        rgb.into_iter().chain(self.include.inputs(Accepts::If(record::accept))).collect()
+        rgb.into_iter().chain(self.include.inputs(Accepts::when(record::accept))).collect()
     }
 
     fn view(&self, scene: &mut SceneRows, cx: &ImageContext, products: &Products, output: &Output) -> Result<()> {

@@ -16,7 +16,7 @@ impl Writer for Webdataset {
             true => Ok(()),
             false => Err("a sample is a view; write it with jsonl".to_owned()),
         };
-        self.include.inputs(Accepts::If(of_view))
+        self.include.inputs(Accepts::when(of_view))
     }
 
     fn scene(&self, cx: &ImagesContext, output: Output) -> Result<Box<dyn SceneWriter>> {

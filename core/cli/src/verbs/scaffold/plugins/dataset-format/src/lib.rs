@@ -29,14 +29,9 @@ fn open(source: &Source) -> Result<Opened> {
     let images = parse(&String::from_utf8_lossy(&bytes)).map_err(|error| error.in_file(&path))?;
     let info = DatasetInfo {
         name: name_of(&source.path),
-        seed: 0,
         scenes: images.len() as u32,
         views_per_scene: 1,
-        recipe: String::new(),
-        program: String::new(),
-        classes: Vec::new(),
-        own_categories: Vec::new(),
-        label_surface: LabelSurface::First,
+        ..DatasetInfo::default()
     };
     // Each image is a scene of its own with one view.
     let of_image = |(number, name): (u32, &String)| ImageRef {
