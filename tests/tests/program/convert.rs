@@ -107,6 +107,16 @@ fn a_store_in_memory_gets_the_files_of_a_folder() {
 }
 
 #[test]
+fn two_writers_do_not_write_one_file() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (foreign, out) = (folder.path().join("foreign"), folder.path().join("out"));
+    foreign_coco(&foreign, &[&[1]], &[(1, "person")]);
+    let mut command = convert(&foreign, "syntable,jsonl", &out);
+    let error = fails(command.args(["--set", "jsonl.file=\"annotation_final.json\""]), 2);
+    assert!(error.contains("annotation_final.json") && !out.exists(), "{error}");
+}
+
+#[test]
 fn categories_keep_their_ids() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = |name: &str| folder.path().join(name);
@@ -826,7 +836,7 @@ fn models_and_their_numbers_are_kept() {
     save(&file, &infos);
     let found = faults(&root);
     assert!(
-        found.iter().any(|(check, message)| check == "sizes_of_models" && message.contains("that of obj_")),
+        found.iter().any(|(check, message)| check == "sizes_of_models" && message.contains(" mm in obj_")),
         "{found:?}"
     );
 }
