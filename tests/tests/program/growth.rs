@@ -177,6 +177,14 @@ fn files_that_the_end_reads_are_compared_before_anything_changes() {
     }
     ok(&mut merge(&home));
     assert_same(&whole, &merged);
+    // A part that contradicts the dataset changes nothing, although it locks other assets.
+    let journal = parts[1].join(".syntable/journal.jsonl");
+    let line = std::fs::read_to_string(&journal).expect("there");
+    std::fs::write(&journal, line.replacen("\"objects\":", "\"objects\":1", 1)).expect("writable");
+    let mut one = syntable();
+    let error = fails(one.current_dir(&home).arg("merge").arg(&merged).arg(&parts[1]), 2);
+    assert!(error.contains("scene 1 differs"), "{error}");
+    assert_same(&whole, &merged);
     // What a resolved recipe locks is compared before a dataset is deleted.
     let locked = home.join("locked.toml");
     std::fs::copy(whole.join("recipe.toml"), &locked).expect("there");

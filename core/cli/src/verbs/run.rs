@@ -90,8 +90,12 @@ pub(crate) fn end_of(outcome: &RunOutcome, out: &Path) -> Result<(), Exit> {
             .help("the warning above names them")
     });
     let mut messages: Vec<Message> = [failed, lacking, missing].into_iter().flatten().map(Message::Error).collect();
-    let help = "see the warnings above; `syntable check --assets` lists the faults of bad assets, and `exclude` omits \
-                them";
+    let help = match outcome.bad_assets.as_slice() {
+        [] => "see the warnings above",
+        _ => {
+            "see the warnings above; `syntable check --assets` lists the faults of bad assets, and `exclude` omits them"
+        }
+    };
     messages.extend(outcome.left_out().messages(out, help));
     if messages.is_empty() { Ok(()) } else { Err(Exit { code: 3, messages }) }
 }

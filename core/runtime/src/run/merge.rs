@@ -70,8 +70,9 @@ pub fn merge<P: Clone + Into<StoreFolder>>(
     }
     let devices = devices(std::iter::once(&begun).chain(&parts), &log);
     let resolved = with_devices(&first.recipe, &devices);
-    begun.folder.set_recipe(&resolved)?;
+    // Parts that contradict each other leave the dataset as it was.
     let chosen = choose(&begun, &parts)?;
+    begun.folder.set_recipe(&resolved)?;
     reporter.event(&Event::Started {
         out: out.name().display().to_string(),
         scenes: (begun.entries.len() + chosen.len()) as u32,
