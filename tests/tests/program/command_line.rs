@@ -404,12 +404,12 @@ fn what_selects_nothing_is_told() {
     let said =
         check("assets.objects={ kind = \"household\", include = [\"*mug*\", \"kettles_*\"], exclude = [\"x?\"] }");
     for words in
-        ["assets.objects: include[1] = \"kettles_*\" matches no asset", "exclude[0] = \"x?\"", "names such as `"]
+        ["assets.objects: include[1] = \"kettles_*\" matches no asset", "exclude[0] = \"x?\"", "names, such as `"]
     {
         assert!(said.contains(words), "{words}: {said}");
     }
     assert!(!said.contains("include[0]") && said.contains(".syntable/catalogs/<pool>.json"), "{said}");
-    let name = said.split("names such as `").nth(1).and_then(|rest| rest.split('`').next()).expect("a name").to_owned();
+    let name = said.split("names, such as `").nth(1).and_then(|rest| rest.split('`').next()).expect("a name").to_owned();
     std::fs::write(&list, format!("{name}\nmugg\n")).expect("writable");
     let said = check(&format!("assets.objects={{ kind = \"household\", include_list = \"{}\" }}", list.display()));
     assert!(said.contains("include_list: the pool has no asset of these names: mugg (there are 650 names"), "{said}");
