@@ -409,10 +409,11 @@ fn what_selects_nothing_is_told() {
         assert!(said.contains(words), "{words}: {said}");
     }
     assert!(!said.contains("include[0]") && said.contains(".syntable/catalogs/<pool>.json"), "{said}");
-    let name = said.split("names, such as `").nth(1).and_then(|rest| rest.split('`').next()).expect("a name").to_owned();
+    let name =
+        said.split("names, such as `").nth(1).and_then(|rest| rest.split('`').next()).expect("a name").to_owned();
     std::fs::write(&list, format!("{name}\nmugg\n")).expect("writable");
     let said = check(&format!("assets.objects={{ kind = \"household\", include_list = \"{}\" }}", list.display()));
-    assert!(said.contains("include_list: the pool has no asset of these names: mugg (there are 650 names"), "{said}");
+    assert!(said.contains("include_list: the pool has no asset of these names: mugg (it has 650 names"), "{said}");
     assert!(said.contains("assets.objects: 1 assets") && said.contains("names.txt"), "{said}");
 }
 

@@ -595,7 +595,10 @@ fn mistakes_of_steps_files_and_paths_are_found_by_check() {
     for (set, says) in [
         (unknown.as_str(), vec!["write.t", "unknown.tera:2", "unknown variable `sceen`"]),
         (&in_folder, vec!["`template.file` names a file, but", "is a folder"]),
-        ("write.t={ kind = \"template\", template = \"{{ view.cameraa }}\" }", vec!["line 1", "unknown field `view.cameraa`"]),
+        (
+            "write.t={ kind = \"template\", template = \"{{ view.cameraa }}\" }",
+            vec!["line 1", "unknown field `view.cameraa`"],
+        ),
         (
             "write.l={ kind = \"jsonl\", file = \"data\" }",
             vec!["`data` is a file of `write.l`, and a folder of `write.syntable`"],
