@@ -23,7 +23,10 @@ impl FromStr for SceneRange {
             }
         };
         match (first, end) {
-            (Some(low), Some(high)) if low >= high => Err(format!("`{text}` is empty; write the smaller first")),
+            (Some(low), Some(high)) if low == high => {
+                Err(format!("`{text}` is empty, since it excludes its end; write `{low}` for one scene"))
+            }
+            (Some(low), Some(high)) if low > high => Err(format!("`{text}` is empty; write the smaller first")),
             _ => Ok(Self { first, end }),
         }
     }
