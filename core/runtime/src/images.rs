@@ -34,7 +34,7 @@ pub struct ImageProgress<'a> {
 }
 
 impl<'a> ImageProgress<'a> {
-    /// The begin of work on a number of images. `done` is the participle for events, such as `scored`.
+    /// The start of work on a number of images. `done` is the participle for events, such as `scored`.
     pub fn new(reporter: &'a dyn Reporter, done: &'a str, images: usize) -> Self {
         Self { reporter, done, images, state: Mutex::new((0, Instant::now())) }
     }
