@@ -173,11 +173,11 @@ impl Program {
 
     /// Runs the command line of this process.
     pub fn run(self) -> ExitCode {
-        let (command, verbs) = match command(&self.verbs) {
+        let (mut command, verbs) = match command(&self.verbs) {
             Ok(found) => found,
             Err(clash) => return refused(clash),
         };
-        let matches = match command.clone().try_get_matches() {
+        let matches = match command.try_get_matches_from_mut(std::env::args_os()) {
             Ok(matches) => matches,
             // Help and version are results, too.
             Err(page) if !page.use_stderr() => return ended_with(&Console::new(LogFormat::Human), page_printed(&page)),

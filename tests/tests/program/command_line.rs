@@ -2,6 +2,7 @@
 
 use crate::support::{fails, ok, root, small_run, syntable};
 use std::process::Stdio;
+use syntable::{DiskCache, GenerateOptions, Quiet, RecipeRequest, RunOptions, generate};
 use syntable_model::registry::Registry;
 use syntable_program as _;
 use syntable_recipe::{Overrides, Source};
@@ -319,6 +320,17 @@ fn a_library_beside_the_recipe_needs_consent() {
     assert!(!loaded.contains("--allow-libraries") && loaded.contains("lib.so"), "{loaded}");
     let typed = run(&["--set", &format!("denoise.library={:?}", folder.path().join("lib.so"))]);
     assert_eq!(typed, loaded);
+
+    // The library refuses it, too.
+    let registry = syntable::Registry::linked().expect("no clash");
+    let recipe = RecipeRequest::new(file).load(&registry, &["rgb"], &Quiet).expect("a sound recipe");
+    let generated = generate(&recipe, &GenerateOptions::default(), &Quiet, &mut |_| Ok(())).expect_err("no consent");
+    let written =
+        syntable::run(&recipe, &RunOptions::new(&*out, 1, DiskCache::none()), &Quiet).expect_err("no consent");
+    for error in [generated, written] {
+        assert!(error.to_string().contains("options.allow_libraries"), "{error}");
+    }
+    assert!(!out.exists());
 }
 
 #[test]

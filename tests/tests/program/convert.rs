@@ -145,6 +145,11 @@ fn categories_keep_their_ids() {
     assert_eq!(classes, ["2", "0"]);
     ok(&mut convert(&path("yolo"), "yolo", &path("yolo again")));
     assert_same(&path("yolo"), &path("yolo again"));
+    // Of two images with the same labels, one is left out.
+    let image = path("yolo again/yolo/images/train/000000_0000.png");
+    fs::copy(&image, image.with_extension("jpg")).expect("writable");
+    let said = fails(&mut convert(&path("yolo again"), "yolo", &path("yolo a third time")), 3);
+    assert!(said.contains("has the same labels"), "{said}");
     // What has no category of the file gets one of its own, and no other one's.
     foreign_coco(&path("unknown"), &[&[47, 5]], &own);
     ok(&mut convert(&path("unknown"), "coco", &path("of unknown")));

@@ -164,6 +164,7 @@ fn check_everything(program: Program, folder: &Path) {
         command
     };
     assert_eq!(ok(&mut with_least(&["settings"])), "least_pixels = 160\n");
+    assert!(ok(&mut with_least(&["completions", "bash"])).contains("settings"));
     let boxes = "image,width,height,left,top,right,bottom\na,40,30,5,5,15,20\na,40,30,20,10,36,20\n";
     std::fs::create_dir(folder.join("boxes")).expect("writable");
     std::fs::write(folder.join("boxes/boxes.csv"), boxes).expect("writable");

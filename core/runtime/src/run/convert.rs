@@ -7,7 +7,7 @@ use crate::images::ImageProgress;
 use crate::paths::{root_of, run_above};
 use crate::run::conversion_target::ConversionTarget;
 use crate::run::dataset::loss::Loss;
-use crate::run::making::losses::Losses;
+use crate::run::making::losses::{DatasetLender, Losses};
 use crate::run::making::stages::annotate_image;
 use crate::run::making::times::Times;
 use crate::run::making::writers::Writers;
@@ -98,6 +98,7 @@ pub fn convert_dataset(
     let part = target.files();
     let pool = Pool::new(threads)?;
     let cx = DatasetContext::new(&dataset.info, &pool, &log);
+    let at_end = DatasetLender::new(cx);
     let (faults, unread, missing) = (AtomicU32::new(0), Mutex::new(BTreeMap::new()), Mutex::default());
     let losses = Arc::new(Losses::default());
     let work = ConversionWalk {
@@ -107,6 +108,7 @@ pub fn convert_dataset(
         part: &part,
         stop,
         cx,
+        at_end: &at_end,
         checks: registry.checks(),
         faults: &faults,
         losses: &losses,
@@ -126,7 +128,7 @@ pub fn convert_dataset(
     let said_otherwise = |key: &KeyId| alike.iter().any(|pair| pair.contains(key) && pair.iter().any(is_read));
     let stored = dataset.offers.iter().filter(|key| !derived.contains(key));
     let lost = stored.filter(|key| !is_read(key) && !said_otherwise(key)).map(|key| key.to_string());
-    let losses = losses.all();
+    let losses: Vec<Loss> = losses.all().into_iter().chain(at_end.losses()).collect();
     let are_left_out = losses.iter().any(|loss| LeftOut::is_without_pixels(&loss.what));
     let without_pixels = without_pixels.into_values().filter(|_| are_left_out).flatten();
     Ok(Converted {
@@ -316,6 +318,7 @@ struct ConversionWalk<'a> {
     part: &'a StoreFolder,
     stop: &'a Stop,
     cx: DatasetContext<'a>,
+    at_end: &'a DatasetLender<'a>,
     checks: &'a [Arc<dyn LabelCheck>],
     /// Number of faults in images: faults of their records, and faults that the checks found.
     faults: &'a AtomicU32,
@@ -430,7 +433,8 @@ impl ConversionWalk<'_> {
         self.writers.iter().try_for_each(|(id, writer)| {
             let products = Products::new().only(&Input::names(&writer.reads()));
             let finish = Finish::new(self.part, id, scenes.to_vec()).staged(self.part);
-            writer.finish(&self.cx, &products, &finish).map_err(|error| error.context(id.clone()))
+            let finished = self.at_end.lend(&format!("write.{id}"), |cx| writer.finish(cx, &products, &finish));
+            finished.map_err(|error| error.context(id.clone()))
         })
     }
 }

@@ -7,6 +7,7 @@ use crate::run::dataset::loss::Loss;
 use crate::run::dataset::manifest::Written;
 use crate::run::dataset::records::{self, Records};
 use crate::run::decisions::work_list;
+use crate::run::making::losses::DatasetLender;
 use crate::run::making::stages::lend;
 use crate::run::making::times::Times;
 use crate::run::outcome::RunOutcome;
@@ -52,7 +53,9 @@ pub fn end(
     let entries: Vec<JournalEntry> = journal.entries().values().cloned().collect();
     let made: Vec<JournalEntry> = entries.iter().filter(|entry| !entry.failed()).cloned().collect();
     let staged = folder.stage_finish()?;
-    let Ended { writers, annotators } = annotate_and_finish(recipe, log, workers, folder, &made, &staged);
+    let dataset = recipe.dataset_info();
+    let lender = DatasetLender::new(DatasetContext::new(&dataset, workers, log));
+    let Ended { writers, annotators } = annotate_and_finish(recipe, &lender, folder, &made, &staged);
     let failure = writers.map(|(_, error)| error).or(annotators);
     let assets = entries.iter().flat_map(|entry| entry.assets.clone()).collect();
     let resolved = with_lock(resolved, &Lock { assets, ..Lock::default() });
@@ -68,7 +71,7 @@ pub fn end(
         lacking: 0,
         missing: 0,
         images: entries.iter().map(JournalEntry::views).sum(),
-        left_out: Loss::sum(made.iter().flat_map(|entry| entry.left_out.clone())),
+        left_out: Loss::sum(made.iter().flat_map(|entry| entry.left_out.clone()).chain(lender.losses())),
     })
 }
 
@@ -149,20 +152,17 @@ pub struct Ended {
 /// Annotates the dataset of some scenes, and finishes every writer whose products exist into a staging folder.
 pub fn annotate_and_finish(
     recipe: &Recipe,
-    log: &dyn Log,
-    workers: &dyn Workers,
+    lender: &DatasetLender,
     folder: &Folder,
     made: &[JournalEntry],
     staged: &StoreFolder,
 ) -> Ended {
-    let dataset = recipe.dataset_info();
-    let cx = DatasetContext::new(&dataset, workers, log);
     let recorded = records::names(&recipe.plan);
     let scenes = |has: &dyn Fn(&JournalEntry) -> bool| -> Vec<SceneId> {
         made.iter().filter(|entry| has(entry)).map(|entry| SceneId(entry.scene)).collect()
     };
     let of_dataset = scenes(&|entry| entry.recorded() == recorded);
-    let (products, failed) = panics::quiet(|| annotate_dataset(recipe, &cx, folder, &of_dataset));
+    let (products, failed) = panics::quiet(|| annotate_dataset(recipe, lender, folder, &of_dataset));
     let one = |(id, writer): &(String, Box<dyn Writer<Scenes>>)| {
         let (stage, reads) = (format!("write.{id}"), Input::names(&writer.reads()));
         if failed.iter().any(|(name, _)| reads.contains(name)) {
@@ -171,7 +171,8 @@ pub fn annotate_and_finish(
         let done = scenes(&|entry| entry.writers().contains(id));
         let finish = Finish::new(folder.files(), id, done).staged(staged);
         let read = products.only(&reads);
-        let ended = panics::quiet(|| panics::caught(&stage, || writer.finish(&cx, &read, &finish)));
+        let finish = |cx: &DatasetContext| writer.finish(cx, &read, &finish);
+        let ended = panics::quiet(|| panics::caught(&stage, || lender.lend(&stage, finish)));
         ended.err().map(|error| (id.clone(), error))
     };
     // Every writer gets its turn, even after an error.
@@ -183,7 +184,7 @@ pub fn annotate_and_finish(
 /// failed, in the order of the plan, with reasons.
 fn annotate_dataset(
     recipe: &Recipe,
-    cx: &DatasetContext,
+    lender: &DatasetLender,
     folder: &Folder,
     done: &[SceneId],
 ) -> (Products, Vec<(String, Error)>) {
@@ -194,7 +195,9 @@ fn annotate_dataset(
         let lacks = stage.reads.iter().find_map(|key| failed.iter().find(|(name, _)| key.is(name)));
         let made = match lacks {
             Some((_, error)) => Err(error.clone()),
-            None => lend(&Times::default(), stage, &products, |lent| annotator.annotate(cx, &mut scenes, lent)),
+            None => lend(&Times::default(), stage, &products, |lent| {
+                lender.lend(&stage.stage, |cx| annotator.annotate(cx, &mut scenes, lent))
+            }),
         };
         if let Err(error) = made.and_then(|made| products.extend(made)) {
             failed.extend(stage.provides.iter().map(|key| (key.to_string(), error.clone())));

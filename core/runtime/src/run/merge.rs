@@ -54,7 +54,8 @@ pub fn merge<P: Clone + Into<StoreFolder>>(
     for part in &parts[1..] {
         same_recipe(first, part)?;
     }
-    same_inputs(parts.iter())?;
+    let mut inputs = PartInputs::default();
+    parts.iter().try_for_each(|part| inputs.add(part))?;
     let recipe = load(registry, &first.recipe)?;
     ready(&recipe)?;
     let log = Warnings(reporter);
@@ -66,7 +67,7 @@ pub fn merge<P: Clone + Into<StoreFolder>>(
         MergePart { entries: journal.entries().clone(), recipe: recipe_of_target.clone().unwrap_or_default(), folder };
     if recipe_of_target.is_some() {
         same_recipe(&begun, first)?;
-        same_inputs(std::iter::once(&begun).chain(&parts))?;
+        inputs.add(&begun)?;
     }
     let devices = devices(std::iter::once(&begun).chain(&parts), &log);
     let resolved = with_devices(&first.recipe, &devices);
@@ -206,19 +207,22 @@ impl MergePart {
     }
 }
 
-/// Refuses parts if an input differed between any two of them.
-fn same_inputs<'p>(parts: impl Iterator<Item = &'p MergePart>) -> Result<()> {
-    let mut first: BTreeMap<PartInput, (String, &MergePart)> = BTreeMap::new();
-    for part in parts {
+/// The inputs of all parts: each with its digest and the first part that has it.
+#[derive(Default)]
+struct PartInputs<'p>(BTreeMap<PartInput, (String, &'p MergePart)>);
+
+impl<'p> PartInputs<'p> {
+    /// Adds the inputs of a part. Refuses one that differed when another part was made.
+    fn add(&mut self, part: &'p MergePart) -> Result<()> {
         for (input, digest) in part.inputs() {
-            match first.entry(input) {
+            match self.0.entry(input) {
                 Entry::Vacant(entry) => drop(entry.insert((digest, part))),
                 Entry::Occupied(entry) if entry.get().0 == digest => {}
                 Entry::Occupied(entry) => return differed(entry.key(), entry.get().1, part),
             }
         }
+        Ok(())
     }
-    Ok(())
 }
 
 fn differed(input: &PartInput, one: &MergePart, other: &MergePart) -> Result<()> {

@@ -79,7 +79,7 @@ kind!(/** Thinks about each view. */ Thinker, ViewAnnotator, "thinker",
 kind!(/** Tells the time, once per moment. */ Clock, FrameAnnotator, "clock", tally: usize);
 kind!(/** Collects the thoughts of all views. */ Tracker, SceneAnnotator, "tracker");
 kind!(/** Leaves out one of three things of a scene. */ Careless, SceneAnnotator, "careless");
-kind!(/** Sums the thoughts of all scenes. */ Summer, DatasetAnnotator, "summer", fails_at: i64);
+kind!(/** Sums the thoughts of all scenes. */ Summer, DatasetAnnotator, "summer", fails_at: i64, overlooks: i64);
 kind!(/** Thinks as [`Thinker`] does. */ Echo, ViewAnnotator, "echo");
 kind!(/** Offers the names that a file lists, one per line. */ Names, AssetSource, "names", list: String);
 kind!(/** Writes products as JSON. */ Lines, Writer<Scenes>, "lines",
@@ -385,7 +385,7 @@ impl DatasetAnnotator for Summer {
     }
     fn annotate(
         &self,
-        _: &DatasetContext,
+        cx: &DatasetContext,
         scenes: &mut dyn Iterator<Item = Result<RecordedScene>>,
         products: &mut Products,
     ) -> Result<()> {
@@ -397,6 +397,7 @@ impl DatasetAnnotator for Summer {
         if self.fails_at > 0 && count >= self.fails_at {
             return Err(Error::unlucky("the sum is too large"));
         }
+        cx.log.left_out(&LeftOut::new(self.overlooks as usize, count as usize, "scenes were overlooked"));
         products.put(TOTAL, Value::record([("scenes", count.into()), ("sum", sum.into())]))
     }
 }

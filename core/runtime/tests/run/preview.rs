@@ -50,6 +50,20 @@ impl Reporter for FailedAttempts {
 }
 
 #[test]
+fn what_the_end_of_a_dataset_leaves_out_counts_once() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let recipe = "[dataset]\nscenes = 3\nviews_per_scene = 2\nname = \"careless\"\n\
+         [[place]]\nkind = \"boxes\"\n[render]\nkind = \"sleeper\"\n[annotate.summer]\noverlooks = 2\n\
+         [write.lines]\ninclude = [\"total\"]\n";
+    for threads in [1, 2] {
+        let out = folder.path().join(threads.to_string());
+        let outcome = run_with(recipe, options(&out, threads), &Quiet).expect("the run ends well");
+        let told: Vec<String> = outcome.left_out.iter().map(|loss| loss.warning().to_string()).collect();
+        assert_eq!(told, ["annotate.summer: 2 of 3 scenes were overlooked (in the dataset's files)"]);
+    }
+}
+
+#[test]
 fn a_preview_tries_a_scene_again_as_a_run_does() {
     let folder = tempfile::tempdir().expect("a folder");
     let text = "[dataset]\nscenes = 1\nviews_per_scene = 2\nname = \"shaken\"\nmax_attempts = 3\n\

@@ -223,11 +223,14 @@ fn open(source: &Source) -> Result<Opened> {
                 // Other rows of instances of the view.
                 Entry::Occupied(first) if *first.get() == (table, size) && !has_views => {}
                 Entry::Occupied(first) => {
-                    let message = match first.get().0 == table && !has_views {
-                        true => format!("rows of view {view} say other sizes of its image"),
-                        false => format!("view {view} of scene {scene} has another row"),
-                    };
-                    faults.add(rule::UNIQUE_VIEWS, read::file_name(path), message);
+                    let file = read::file_name(path);
+                    if first.get().0 == table && !has_views {
+                        let message = format!("rows of view {view} have different sizes of its image");
+                        faults.add(rule::UNIQUE_VIEWS, file, message);
+                    } else {
+                        let message = format!("view {view} of scene {scene} has another row");
+                        faults.lost(rule::UNIQUE_VIEWS, file, message);
+                    }
                 }
             }
             let of = |name: &str| row.get(name).map(cells).unwrap_or_default();

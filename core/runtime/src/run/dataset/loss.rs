@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use syntable_model::error::Error;
 
-/// Data of one kind that a stage omitted from images: a line of a verb's summary.
+/// Data of one kind that a stage omitted from images or from the dataset's own files: a line of a verb's summary.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct Loss {
     /// The stage, such as `annotate.label_arrays` or `write.coco_panoptic`.
@@ -16,7 +16,7 @@ pub struct Loss {
     pub count: u64,
     /// Number of all items in the affected images.
     pub of: u64,
-    /// Number of affected images.
+    /// Number of affected images; 0 for files of the whole dataset.
     pub images: u32,
     /// Remedy.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -27,7 +27,8 @@ impl Loss {
     /// A warning for people: `write.coco_panoptic: 3 of 4 objects lost … (in 1 image)`.
     pub fn warning(&self) -> Error {
         let Self { stage, what, count: number, of, images, help } = self;
-        let warning = Error::new(format!("{number} of {of} {what} (in {})", count(*images, "image"))).context(stage);
+        let place = if *images == 0 { "the dataset's files".to_owned() } else { count(*images, "image") };
+        let warning = Error::new(format!("{number} of {of} {what} (in {place})")).context(stage);
         match help {
             Some(help) => warning.help(help),
             None => warning,

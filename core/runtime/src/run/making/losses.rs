@@ -3,7 +3,7 @@
 use crate::run::dataset::loss::Loss;
 use parking_lot::Mutex;
 use std::collections::BTreeMap;
-use syntable_model::context::{Log, Steps};
+use syntable_model::context::{DatasetContext, Log, Steps};
 use syntable_model::error::Error;
 use syntable_model::left_out::LeftOut;
 
@@ -32,6 +32,31 @@ impl Losses {
     /// All sums, by stage.
     pub fn all(&self) -> Vec<Loss> {
         self.0.lock().values().cloned().collect()
+    }
+}
+
+/// Lends a dataset to the stages that run once for it, and adds up what they leave out.
+pub struct DatasetLender<'a> {
+    cx: DatasetContext<'a>,
+    losses: Losses,
+}
+
+impl<'a> DatasetLender<'a> {
+    pub fn new(cx: DatasetContext<'a>) -> Self {
+        Self { cx, losses: Losses::default() }
+    }
+
+    /// Lends the dataset to a stage.
+    pub fn lend<T>(&self, stage: &str, work: impl FnOnce(&DatasetContext) -> T) -> T {
+        let log = StageLog { log: self.cx.log, losses: &self.losses, stage };
+        let mut cx = self.cx;
+        cx.log = &log;
+        work(&cx)
+    }
+
+    /// The sums of all stages.
+    pub fn losses(&self) -> Vec<Loss> {
+        self.losses.all().into_iter().map(|loss| Loss { images: 0, ..loss }).collect()
     }
 }
 

@@ -7,6 +7,7 @@ use crate::run::decisions::opening::Begun;
 use crate::run::decisions::work_list::{Job, Task, Todo, Works};
 use crate::run::finish::{Ended, annotate_and_finish};
 use crate::run::making::attempt::Tools;
+use crate::run::making::losses::DatasetLender;
 use crate::run::making::queue::Queue;
 use crate::run::making::recovery::Recovery;
 use crate::run::making::scene::{MadeScene, SceneMaker};
@@ -20,7 +21,7 @@ use crate::workers::Pool;
 use parking_lot::Mutex;
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Instant;
-use syntable_model::context::Log;
+use syntable_model::context::{DatasetContext, Log};
 use syntable_model::error::{Error, Result};
 use syntable_recipe::Recipe;
 
@@ -197,7 +198,10 @@ impl SceneWork<'_> {
     fn rehearse_end(&self, task: &Task, entry: JournalEntry) -> Result<()> {
         let SceneMaker { tools: Tools { recipe, log, .. }, folder, .. } = &self.maker;
         let trial = folder.stage_trial()?;
-        let Ended { writers, annotators } = annotate_and_finish(recipe, *log, self.pool, folder, &[entry], &trial);
+        // What the trial leaves out is counted at the real end.
+        let dataset = recipe.dataset_info();
+        let lender = DatasetLender::new(DatasetContext::new(&dataset, self.pool, *log));
+        let Ended { writers, annotators } = annotate_and_finish(recipe, &lender, folder, &[entry], &trial);
         folder.drop_trial()?;
         // An annotator of the dataset may need more scenes than one.
         if let Some(error) = annotators.filter(|error| Recovery::of(error) == Recovery::Stop) {
