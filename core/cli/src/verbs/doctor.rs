@@ -9,6 +9,7 @@ use syntable_model::digest::Digest;
 use syntable_model::inspect::inspectors;
 use syntable_model::registry::{Choice, Registry, Slot, Stage};
 use syntable_model::stage::RenderDevice;
+use syntable_recipe::plan::memory::MachineMemory;
 use syntable_runtime::cache::DiskCache;
 use syntable_runtime::workers;
 use syntable_simd::Processor;
@@ -69,13 +70,7 @@ pub(crate) fn doctor(console: &Console, registry: &Registry) -> Result<(), Exit>
 }
 
 fn memory() -> String {
-    let kib = |name: &str| -> Option<f64> {
-        let text = std::fs::read_to_string("/proc/meminfo").ok()?;
-        let line = text.lines().find(|line| line.starts_with(name))?;
-        line.split_whitespace().nth(1)?.parse().ok()
-    };
-    match (kib("MemTotal:"), kib("MemAvailable:")) {
-        (Some(total), Some(free)) => format!("{:.1} GiB, {:.1} GiB free", total / 1048576.0, free / 1048576.0),
-        _ => "unknown".to_owned(),
-    }
+    let Some(memory) = MachineMemory::of_this_machine() else { return "unknown".to_owned() };
+    let [total, available] = [memory.total, memory.available].map(|bytes| bytes as f64 / f64::from(1 << 30));
+    format!("{total:.1} GiB, {available:.1} GiB free")
 }

@@ -538,6 +538,13 @@ pub fn image((scene, view): (u32, u32), name: String) -> ImageRef {
     ImageRef { scene: SceneId(scene), view: ViewId(view), name, id: None }
 }
 
+/// Image and object in the name of a mask, `IMAGE_LABEL`. Label 0 is the background.
+pub fn labeled(name: &str) -> Option<(&str, u16)> {
+    let (image, digits) = name.rsplit_once('_')?;
+    let label = digits.parse().ok().filter(|label| *label > 0)?;
+    digits.bytes().all(|byte| byte.is_ascii_digit()).then_some((image, label))
+}
+
 /// Scene and view of an image that is named after them: `{scene}_{view}`.
 pub fn place_in_name(name: &str) -> Option<(u32, u32)> {
     let (scene, view) = Path::new(name).file_stem()?.to_str()?.split_once('_')?;

@@ -1,8 +1,11 @@
 //! Components of light: images that are rendered beside the whole one, of shorter paths by the same random numbers.
 
-use crate::film::Statistics;
+use crate::film::{Film, Statistics};
 use syntable_model::error::Result;
-use syntable_model::product::standard::{RADIANCE, RADIANCE_DIRECT, RADIANCE_INDIRECT, RADIANCE_UNSHADOWED};
+use syntable_model::product::standard::{
+    ALBEDO, COVERAGE, COVERAGE_BEFORE_SUPPORT, DEPTH, INSTANCE, NORMAL, OBJECT_DEPTHS, RADIANCE, RADIANCE_DIRECT,
+    RADIANCE_INDIRECT, RADIANCE_UNSHADOWED,
+};
 use syntable_model::product::{Key, KeyId, Plane, Products};
 use syntable_model::stage::RenderRequest;
 
@@ -18,12 +21,23 @@ pub enum Light {
     Unshadowed,
 }
 
-/// Products that are components of light.
-const OFFERED: [KeyId; 3] = [RADIANCE_DIRECT.id(), RADIANCE_INDIRECT.id(), RADIANCE_UNSHADOWED.id()];
+/// Products of surfaces and labels that every path tracer makes.
+const OF_SURFACES: [KeyId; 7] = [
+    DEPTH.id(),
+    INSTANCE.id(),
+    COVERAGE.id(),
+    COVERAGE_BEFORE_SUPPORT.id(),
+    OBJECT_DEPTHS.id(),
+    NORMAL.id(),
+    ALBEDO.id(),
+];
 
-/// Products that [`render`] adds to the products of a renderer.
-pub fn offers() -> impl Iterator<Item = KeyId> {
-    OFFERED.into_iter()
+/// Products that are components of light.
+const OF_LIGHT: [KeyId; 3] = [RADIANCE_DIRECT.id(), RADIANCE_INDIRECT.id(), RADIANCE_UNSHADOWED.id()];
+
+/// Products of a renderer that traces paths: surfaces and labels, its film, and the components that [`render`] adds.
+pub fn offers() -> Vec<KeyId> {
+    OF_SURFACES.into_iter().chain(Film::offers()).chain(OF_LIGHT).collect()
 }
 
 /// Renders a view, and the components of its light that the request wants.
@@ -39,7 +53,7 @@ pub fn render(
     mut trace: impl FnMut(Light, &RenderRequest, &mut Products) -> Result<Statistics>,
 ) -> Result<Statistics> {
     let (components, mut others): (Vec<KeyId>, Vec<KeyId>) =
-        request.wants.iter().partition(|want| OFFERED.contains(want));
+        request.wants.iter().partition(|want| OF_LIGHT.contains(want));
     if components.is_empty() {
         return trace(Light::All, request, frame);
     }

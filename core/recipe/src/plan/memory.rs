@@ -7,14 +7,33 @@ use syntable_model::product::{Form, KeyId};
 /// Bytes per pixel that a renderer keeps while it renders: sums and squares of radiance, and rays.
 const RENDERER: u64 = 48;
 
-/// Bytes of main memory and swap of the machine; none if that is not known.
+/// Memory of a machine, bytes.
+#[derive(Debug, Clone, Copy)]
+pub struct MachineMemory {
+    /// Main memory.
+    pub total: u64,
+    /// Main memory that a new program can take without swapping.
+    pub available: u64,
+    /// Swap space.
+    pub swap: u64,
+}
+
+impl MachineMemory {
+    /// The memory of this machine; none if it is unknown.
+    pub fn of_this_machine() -> Option<Self> {
+        let text = std::fs::read_to_string("/proc/meminfo").ok()?;
+        let bytes = |name: &str| -> Option<u64> {
+            let line = text.lines().find(|line| line.starts_with(name))?;
+            line.split_whitespace().nth(1)?.parse().ok().map(|kib: u64| 1024 * kib)
+        };
+        let swap = bytes("SwapTotal:").unwrap_or(0);
+        Some(Self { total: bytes("MemTotal:")?, available: bytes("MemAvailable:")?, swap })
+    }
+}
+
+/// Bytes of main memory and swap of this machine; none if they are unknown.
 pub(crate) fn installed() -> Option<u64> {
-    let text = std::fs::read_to_string("/proc/meminfo").ok()?;
-    let kib = |name: &str| -> Option<u64> {
-        let line = text.lines().find(|line| line.starts_with(name))?;
-        line.split_whitespace().nth(1)?.parse().ok()
-    };
-    Some(1024 * (kib("MemTotal:")? + kib("SwapTotal:").unwrap_or(0)))
+    MachineMemory::of_this_machine().map(|memory| memory.total + memory.swap)
 }
 
 /// Refuses views of `[width, height]` pixels whose products are more than `installed` bytes, all of which are there at once

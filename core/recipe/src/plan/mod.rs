@@ -10,7 +10,7 @@
 //! compared by their identities.
 
 mod error;
-pub(crate) mod memory;
+pub mod memory;
 pub(crate) mod of_tables;
 mod planned;
 mod producer;

@@ -72,10 +72,7 @@ impl CpuPathRenderer {
 
 impl Renderer for CpuPathRenderer {
     fn offers(&self) -> Vec<KeyId> {
-        let mut keys = keys![DEPTH, INSTANCE, COVERAGE, COVERAGE_BEFORE_SUPPORT, OBJECT_DEPTHS, NORMAL, ALBEDO];
-        keys.extend(Film::offers());
-        keys.extend(components::offers());
-        keys
+        components::offers()
     }
 
     fn open(&self, _index: usize) -> Result<Box<dyn RenderSession>> {

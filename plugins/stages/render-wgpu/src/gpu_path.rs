@@ -8,12 +8,8 @@ use parking_lot::Mutex;
 use std::sync::{Arc, OnceLock};
 use syntable_model::context::Workers;
 use syntable_model::prelude::*;
-use syntable_model::product::standard::{
-    ALBEDO, COVERAGE, COVERAGE_BEFORE_SUPPORT, DEPTH, INSTANCE, NORMAL, OBJECT_DEPTHS,
-};
 use syntable_model::stage::RenderDevice;
 use syntable_transport::components::{self, Light};
-use syntable_transport::film::Film;
 use syntable_transport::{PathTracing, path_tracing_kind};
 
 path_tracing_kind! {
@@ -88,10 +84,7 @@ impl GpuPathRenderer {
 
 impl Renderer for GpuPathRenderer {
     fn offers(&self) -> Vec<KeyId> {
-        let mut keys = keys![DEPTH, INSTANCE, COVERAGE, COVERAGE_BEFORE_SUPPORT, OBJECT_DEPTHS, NORMAL, ALBEDO];
-        keys.extend(Film::offers());
-        keys.extend(components::offers());
-        keys
+        components::offers()
     }
 
     fn max_sessions(&self) -> Option<usize> {

@@ -103,7 +103,7 @@ impl LabelMaps {
                     Error::new(what.to_owned()).in_file(&path).help(help)
                 };
                 let (name, label) =
-                    labeled(&stem).ok_or_else(|| wrong("the name does not end with the number of an object"))?;
+                    read::labeled(&stem).ok_or_else(|| wrong("the name does not end with the number of an object"))?;
                 let (name, _) = maps.get_key_value(name).ok_or_else(|| wrong("its image has no label map"))?;
                 if masks.entry(name).or_default()[which].insert(label, path.clone()).is_some() {
                     return Err(wrong("the object has another mask"));
@@ -129,13 +129,6 @@ impl LabelMaps {
         offers.retain(|key| says_occlusion || *key != OCCLUSION_MASK.id());
         Ok(Opened::new(info, refs, offers, Self { images, is_amodal, says_occlusion }))
     }
-}
-
-/// Image and object in the name of a mask: `NAME_LABEL`. 0 is the background.
-fn labeled(stem: &str) -> Option<(&str, u16)> {
-    let (name, digits) = stem.rsplit_once('_')?;
-    let label = digits.parse().ok().filter(|label| *label > 0)?;
-    digits.bytes().all(|byte| byte.is_ascii_digit()).then_some((name, label))
 }
 
 impl ImageSource for LabelMaps {

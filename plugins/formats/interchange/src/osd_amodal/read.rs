@@ -1,6 +1,6 @@
 //! Reads OSD-Amodal's folders.
 
-use super::record::{COLOR, DEPTH as DEPTH_FOLDER, IMAGES, LABELS, MASKS, image_path, labeled, place_of};
+use super::record::{COLOR, DEPTH as DEPTH_FOLDER, IMAGES, LABELS, MASKS, image_path, place_of};
 use std::collections::btree_map::Entry;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
@@ -63,7 +63,7 @@ fn open(source: &Source) -> Result<Opened> {
         }
         for stem in stems_in(folder)? {
             let place = || image_path(folder, &stem);
-            let Some((name, label)) = labeled(&stem) else {
+            let Some((name, label)) = read::labeled(&stem) else {
                 faults.add(rule::RECORDS_AGREE, place(), "its name does not end with `_` and a label from 1 to 65535");
                 continue;
             };

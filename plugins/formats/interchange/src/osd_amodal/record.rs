@@ -29,13 +29,6 @@ pub fn mask_name(view: &str, label: u16) -> String {
     format!("{view}_{label}")
 }
 
-/// Image and label in [`mask_name`]. Label 0 is the background.
-pub fn labeled(name: &str) -> Option<(&str, u16)> {
-    let (view, digits) = name.rsplit_once('_')?;
-    let label = digits.parse().ok().filter(|label| *label > 0)?;
-    digits.bytes().all(|byte| byte.is_ascii_digit()).then_some((view, label))
-}
-
 /// Path of an image.
 pub fn image_path(folder: &str, name: &str) -> String {
     format!("{folder}/{name}.png")
