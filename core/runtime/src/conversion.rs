@@ -9,7 +9,7 @@ use std::path::PathBuf;
 use syntable_model::error::{Error, Result};
 use syntable_model::reader::Source;
 use syntable_model::registry::{ConstructError, Entry, Registry, Slot, Stage};
-use syntable_model::stage::Writer;
+use syntable_model::stage::{InputNeed, Writer};
 use syntable_model::store::StoreFolder;
 use syntable_model::words::SHOWN;
 
@@ -173,7 +173,7 @@ impl<'a> RequestedWriter<'a> {
     /// Refuses an option of [`ConvertOptions::set`] that requires a product that the dataset lacks.
     fn check_given(&self, has: &BTreeSet<String>) -> Result<()> {
         let reads = self.writer.reads();
-        let lacking = reads.iter().filter(|input| input.is_optional && !has.contains(&input.product));
+        let lacking = reads.iter().filter(|input| input.need != InputNeed::Always && !has.contains(&input.product));
         let mut asked = lacking.filter_map(|input| Some((input.option.as_ref()?, &input.product)));
         let Some((option, product)) = asked.find(|(option, _)| self.given.contains(*option)) else { return Ok(()) };
         let kind = self.entry.kind;

@@ -8,31 +8,41 @@ use serde_json::Value as Json;
 use std::fmt;
 use syntable_model::stage::DatasetInfo;
 
-/// Name and origin of a dataset. All fields may be missing.
-#[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
-#[serde(default)]
+/// Name and origin of a dataset. Reading refuses nothing: a missing field or a field of another type is empty, a number becomes
+/// text, and a year in text becomes a number.
+#[derive(Debug, Clone, PartialEq, Eq, Default, Serialize)]
 pub struct CocoInfo {
     /// Name or description of the dataset.
-    #[serde(deserialize_with = "or_default")]
     pub description: String,
     /// Home page.
-    #[serde(deserialize_with = "or_default")]
     pub url: String,
     /// Version of the dataset.
-    #[serde(deserialize_with = "or_default")]
     pub version: String,
-    /// Year of release.
-    #[serde(deserialize_with = "or_default")]
+    /// Year of release; 0 if unknown.
     pub year: i64,
     /// Author, or the program that wrote it.
-    #[serde(deserialize_with = "or_default")]
     pub contributor: String,
     /// Date in any form.
-    #[serde(deserialize_with = "or_default")]
     pub date_created: String,
-    /// Fields that this type does not know.
+    /// Other fields.
     #[serde(flatten)]
     pub extra: Extra,
+}
+
+impl<'de> Deserialize<'de> for CocoInfo {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let Json::Object(mut fields) = Json::deserialize(deserializer)? else { return Ok(Self::default()) };
+        let mut text = |name: &str| fields.remove(name).and_then(|json| text_of(&json)).unwrap_or_default();
+        Ok(Self {
+            description: text("description"),
+            url: text("url"),
+            version: text("version"),
+            year: text("year").trim().parse().unwrap_or_default(),
+            contributor: text("contributor"),
+            date_created: text("date_created"),
+            extra: fields.into_iter().collect(),
+        })
+    }
 }
 
 /// A license of images.
@@ -63,10 +73,11 @@ pub struct Category {
     /// Unique in the file.
     #[serde(deserialize_with = "id")]
     pub id: u64,
-    /// Such as `mug`.
+    /// Such as `mug`. Read from text and numbers.
+    #[serde(deserialize_with = "text")]
     pub name: String,
-    /// Such as `kitchen`; empty if there is none.
-    #[serde(default, deserialize_with = "or_default")]
+    /// Such as `kitchen`; empty if the file has none. Read from text and numbers.
+    #[serde(default, deserialize_with = "text")]
     pub supercategory: String,
     /// Fields that this type does not know.
     #[serde(flatten)]
@@ -91,27 +102,44 @@ pub struct CocoImage {
     /// Unique in the file.
     #[serde(deserialize_with = "id")]
     pub id: u64,
-    /// Path of the image, relative to the image folder of the dataset.
+    /// Path of the image, relative to the image folder of the dataset. Empty in files that have only `coco_url`, such as LVIS;
+    /// see [`CocoImage::file`].
+    #[serde(default, deserialize_with = "text")]
     pub file_name: String,
     /// Width, px.
+    #[serde(deserialize_with = "pixels")]
     pub width: u32,
     /// Height, px.
+    #[serde(deserialize_with = "pixels")]
     pub height: u32,
-    /// Id of the image's license.
+    /// Id of the image's license; a number in most files.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub license: Option<u64>,
+    pub license: Option<Json>,
     /// Date in any form.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub date_captured: Option<String>,
+    pub date_captured: Option<Json>,
     /// Address of the image.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub coco_url: Option<String>,
+    pub coco_url: Option<Json>,
     /// Address of the original image.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub flickr_url: Option<String>,
-    /// Fields that this type does not know.
+    pub flickr_url: Option<Json>,
+    /// Other fields.
     #[serde(flatten)]
     pub extra: Extra,
+}
+
+impl CocoImage {
+    /// Path of the image, relative to the image folder of the dataset: `file_name`, or the last two parts of `coco_url`, as
+    /// LVIS' own tools take it (`val2017/000000317999.jpg`). None if both are missing.
+    pub fn file(&self) -> Option<String> {
+        if !self.file_name.is_empty() {
+            return Some(self.file_name.clone());
+        }
+        let mut parts = self.coco_url.as_ref()?.as_str()?.rsplit('/').filter(|part| !part.is_empty());
+        let (name, folder) = (parts.next()?, parts.next()?);
+        Some(format!("{folder}/{name}"))
+    }
 }
 
 /// An object in an image, with the fields `E` of a format.
@@ -129,10 +157,12 @@ pub struct CocoAnnotation<E = Extra> {
     /// The mask; missing in files of boxes.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub segmentation: Option<Segmentation>,
-    /// Area of the mask, px². Evaluation sorts objects into small, medium and large by it.
-    pub area: f64,
-    /// `[x, y, width, height]`, px; (0, 0) is the top left corner of the image.
-    pub bbox: [f64; 4],
+    /// Area of the mask, px². Evaluation sorts objects into small, medium and large by it. Some tools do not write it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub area: Option<f64>,
+    /// `[x, y, width, height]`, px; (0, 0) is the top left corner of the image. Some tools do not write it beside a mask.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub bbox: Option<[f64; 4]>,
     /// 1 for a crowd of objects, which evaluation ignores; 0 for a single object. Read from numbers and booleans;
     /// `null` is 0.
     #[serde(default, deserialize_with = "flag")]
@@ -176,12 +206,27 @@ impl Visitor<'_> for Id {
     }
 }
 
-/// The value of a field; the default if it is `null`.
-///
-/// # Errors
-/// If the field has a value of another type.
-pub fn or_default<'de, D: Deserializer<'de>, T: Deserialize<'de> + Default>(deserializer: D) -> Result<T, D::Error> {
-    Option::deserialize(deserializer).map(Option::unwrap_or_default)
+/// Text of a string, a number or a flag; none of other values.
+fn text_of(json: &Json) -> Option<String> {
+    match json {
+        Json::String(text) => Some(text.clone()),
+        Json::Number(_) | Json::Bool(_) => Some(json.to_string()),
+        _ => None,
+    }
+}
+
+/// Text that some tools write as a number or as `null`.
+fn text<'de, D: Deserializer<'de>>(deserializer: D) -> Result<String, D::Error> {
+    let json = Json::deserialize(deserializer)?;
+    let is_missing = json.is_null();
+    let wrong = || D::Error::invalid_type(Unexpected::Other("a list or an object"), &"text");
+    text_of(&json).or_else(|| is_missing.then(String::new)).ok_or_else(wrong)
+}
+
+/// A number of pixels. Some tools write whole numbers as floats, such as `640.0`.
+fn pixels<'de, D: Deserializer<'de>>(deserializer: D) -> Result<u32, D::Error> {
+    let number = deserializer.deserialize_any(Id)?;
+    u32::try_from(number).map_err(|_| D::Error::invalid_value(Unexpected::Unsigned(number), &"a number of pixels"))
 }
 
 /// A flag that some tools write as a boolean.

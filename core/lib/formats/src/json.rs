@@ -1,7 +1,7 @@
 //! Values as JSON, and messages of JSON's parser for people.
 
-use serde::Serialize;
 use serde::de::DeserializeOwned;
+use serde::{Deserialize, Deserializer, Serialize};
 use serde_json::Value as Json;
 use serde_json::error::Category;
 use std::cell::Cell;
@@ -53,6 +53,16 @@ pub fn of_product(products: &Products, name: &str) -> Result<Json> {
 /// If the fields differ.
 pub fn typed<T: DeserializeOwned>(value: &impl Serialize) -> serde_json::Result<T> {
     serde_json::to_value(value).and_then(serde_json::from_value)
+}
+
+/// The value of a field; the default if it is `null`.
+///
+/// # Errors
+/// If the field has a value of another type.
+pub fn or_default<'de, D: Deserializer<'de>, T: Deserialize<'de> + Default>(
+    deserializer: D,
+) -> std::result::Result<T, D::Error> {
+    Option::deserialize(deserializer).map(Option::unwrap_or_default)
 }
 
 /// An error of the parser with its line and field. `from` is the text from the place of [`before`] on, as far as it is known.

@@ -17,6 +17,7 @@
 //! | [`read`] | what readers of all formats share |
 //! | [`samples`] | datasets of products by name, read back |
 //! | [`scores`] | scores of predictions, with the images that have the lowest ones |
+//! | [`structure`] | the structure of an annotation file, by the keys of its records |
 //! | [`writer`] | writers whose scenes share the options |
 //! | [`mod@include`] | the products that a generic writer includes, and their files |
 //!
@@ -46,6 +47,7 @@ pub mod samples;
 pub mod scores;
 pub mod segmentation;
 pub mod shard;
+pub mod structure;
 pub mod syntable;
 pub mod unkept;
 pub mod writer;

@@ -185,6 +185,11 @@ fn by_id(frames: Vec<ImageHeader>, annotations: &[AnnotationLink], faults: &mut 
             faults.lost(rule::READABLE, FaultSubject::Image(frame.id), format!("{error}: the image is left out"));
             continue;
         }
+        if frame.file_name.is_empty() {
+            let message = "`file_name` is missing, and `coco_url` names no file either: the image is left out";
+            faults.lost(rule::READABLE, FaultSubject::Image(frame.id), message);
+            continue;
+        }
         match by_id.entry(frame.id) {
             Entry::Occupied(first) if file_of(&first.get().frame.file_name) != file_of(&frame.file_name) => {
                 let (one, other) = (&first.get().frame.file_name, &frame.file_name);
@@ -244,8 +249,8 @@ fn drop_second_records(by_id: &mut BTreeMap<u64, ListedImage>, faults: &mut Faul
 
 impl ImageRecord for coco::CocoImage {
     fn frame(&self) -> ImageHeader {
-        let Self { id, file_name, width, height, .. } = self;
-        ImageHeader { id: *id, file_name: file_name.clone(), width: *width, height: *height, place: None }
+        let file_name = self.file().unwrap_or_default();
+        ImageHeader { id: self.id, file_name, width: self.width, height: self.height, place: None }
     }
 }
 

@@ -11,6 +11,7 @@ use crate::Extra;
 use crate::segmentation::Rle;
 use serde::{Deserialize, Deserializer, Serialize};
 use serde_json::Value as Json;
+use std::path::Path;
 use syntable_model::error::{Error, Result};
 use syntable_model::stage::DatasetInfo;
 
@@ -22,6 +23,14 @@ pub const OBJECT_CATEGORY: u64 = DatasetInfo::OBJECT.0 as u64;
 
 /// Name of the section of scenes.
 pub const SCENES: &str = "scenes";
+
+/// Folder of the views' files, relative to the dataset.
+pub const VIEWS: &str = "data/mono";
+
+/// Whether a folder has SynTable's layout: annotation files at its top describe the views in [`VIEWS`].
+pub fn is_root(folder: &Path) -> bool {
+    folder.join(VIEWS).is_dir()
+}
 
 /// Path of a view's 8-bit RGB image, relative to the dataset.
 pub fn rgb_path(scene: u32, view: u32) -> String {

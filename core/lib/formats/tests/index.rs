@@ -94,7 +94,7 @@ fn mistakes_are_where_the_whole_file_has_them() {
         ("\"image_id\": 2", "\"image_id\": \"2\""),
         ("\"annotations\": [", "\"annotations\": 3, \"x\": ["),
         ("\"images\"", "\"photos\""),
-        ("\"file_name\": \"2.png\"", "\"file\": \"2.png\""),
+        ("\"width\": 4", "\"size\": 4"),
         ("\"category_id\": 1,", "\"category_id\": 1"),
     ] {
         assert!(good.contains(from), "{from}");

@@ -49,8 +49,8 @@ fn pycocotools_reads_the_same_masks() {
         let mask = segmentation.decode(WIDTH, HEIGHT).expect("sound");
         let mut extra = syntable_formats::Extra::new();
         extra.insert("expected".into(), mask.to_coco().into());
-        let bbox = <[i32; 4]>::from(mask.bbox()).map(f64::from);
-        let area = mask.area().into();
+        let bbox = Some(<[i32; 4]>::from(mask.bbox()).map(f64::from));
+        let area = Some(mask.area().into());
         CocoAnnotation {
             id,
             image_id: 1,

@@ -195,6 +195,10 @@ products! {
     /// developed like [`RGB`], not premultiplied. 0 in all channels outside the object.
     pub const APPEARANCE: Key<ObjectImages<[u8; 4]>> = view("appearance").semantic(Semantic::Color);
 
+    /// Box of an object as a dataset of boxes states it, `[x, y, width, height]` to a fraction of a pixel; (0, 0) is the top left
+    /// corner of the image. Objects with a mask have [`VISIBLE_BOX`] and [`AMODAL_BOX`] instead.
+    pub const BOX: Key<PerInstance<Value>> = view("box").unit("px");
+
     /// Bounding box of the pixels of [`APPEARANCE`] that are not fully transparent: x, y, width, height.
     pub const APPEARANCE_BOX: Key<PerInstance<BBox>> = view("appearance_box").unit("px");
 

@@ -40,7 +40,7 @@ pub use settler::Settler;
 pub use subject::{Images, Scenes, Subject};
 pub use view_sampler::{Shell, ViewSampler};
 pub use window::Window;
-pub use writer::{Accepts, FileOf, Input, SceneWriter, Writer};
+pub use writer::{Accepts, FileOf, Input, InputNeed, SceneWriter, Writer};
 
 use crate::error::{Error, Result};
 use crate::product::KeyId;

@@ -82,8 +82,19 @@ pub struct Input {
     pub accepts: Accepts,
     /// The writer's option that names the product, such as `include[2]`, for diagnostics.
     pub option: Option<String>,
-    /// Whether the writer can do without it if a dataset that was read lacks it. A run always makes it.
-    pub is_optional: bool,
+    /// Whether the writer can do without it.
+    pub need: InputNeed,
+}
+
+/// When a writer needs a product.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum InputNeed {
+    /// Always.
+    Always,
+    /// In a run. A dataset that is converted may lack it.
+    UnlessRead,
+    /// Never. A dataset that is converted may have it, and a run does not make it.
+    IfStored,
 }
 
 /// What a writer can store.
@@ -105,18 +116,23 @@ pub type AcceptsKey = dyn Fn(&KeyId) -> Result<(), String> + Send + Sync;
 impl Input {
     /// A product that the writer knows, of exactly its type.
     pub fn of<T: Product>(key: Key<T>) -> Self {
-        Self { product: key.id().to_string(), accepts: Accepts::Type(key.id()), option: None, is_optional: false }
+        Self { product: key.id().to_string(), accepts: Accepts::Type(key.id()), option: None, need: InputNeed::Always }
     }
 
     /// A product by name, whatever its type.
     pub fn named(product: impl Into<String>) -> Self {
-        Self { product: product.into(), accepts: Accepts::Any, option: None, is_optional: false }
+        Self { product: product.into(), accepts: Accepts::Any, option: None, need: InputNeed::Always }
     }
 
     /// The same for a product that a dataset may lack. The writer gets it from [`Products::optional`], and leaves out its labels
     /// if it is missing.
     pub fn optional(self) -> Self {
-        Self { is_optional: true, ..self }
+        Self { need: InputNeed::UnlessRead, ..self }
+    }
+
+    /// The same for a product that only datasets have, and runs do not make. The writer gets it from [`Products::optional`].
+    pub fn if_stored(self) -> Self {
+        Self { need: InputNeed::IfStored, ..self }
     }
 
     /// Names of the products of some inputs.
@@ -130,7 +146,7 @@ impl Input {
             product: name.as_str().to_owned(),
             accepts: accepts.clone(),
             option: Some(format!("include[{i}]")),
-            is_optional: false,
+            need: InputNeed::Always,
         };
         include.iter().enumerate().map(input).collect()
     }

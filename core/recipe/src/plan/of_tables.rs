@@ -9,7 +9,7 @@ use crate::text::suggest::{did_you_mean, listing};
 use std::collections::BTreeSet;
 use syntable_model::product::KeyId;
 use syntable_model::registry::{Registry, Slot, Stage};
-use syntable_model::stage::Input;
+use syntable_model::stage::{Input, InputNeed};
 
 /// Name of the caller of the library in messages about the products that it wants.
 const CALLER: &str = "the caller";
@@ -33,7 +33,11 @@ pub(crate) fn plan(
         .stages
         .iter()
         .filter_map(|stage| match &stage.stage {
-            Some(Stage::WriteScenes(writer)) => Some((part(stage), writer.reads())),
+            Some(Stage::WriteScenes(writer)) => {
+                let mut reads = writer.reads();
+                reads.retain(|input| input.need != InputNeed::IfStored);
+                Some((part(stage), reads))
+            }
             _ => None,
         })
         .collect();

@@ -29,7 +29,7 @@ use syntable_model::reader::{DatasetFault, OpenDataset, ReadImage};
 use syntable_model::registry::Registry;
 use syntable_model::rule;
 use syntable_model::scene::{InstanceId, SceneId};
-use syntable_model::stage::{Finish, ImageAnnotator, Input, ProductGroup, Writer};
+use syntable_model::stage::{Finish, ImageAnnotator, Input, InputNeed, ProductGroup, Writer};
 use syntable_model::store::StoreFolder;
 use syntable_recipe::plan::{self, Candidate, Implied, Offers, Plan, PlanFault, Producer};
 
@@ -199,11 +199,14 @@ fn resolve(
     let has = can_be_had(offers, &parts);
     let (mut wants, mut lacking) = (Vec::new(), BTreeSet::new());
     for (id, writer) in writers {
-        let (without, reads): (Vec<Input>, Vec<Input>) =
-            writer.reads().into_iter().partition(|input| input.is_optional && !has.contains(&input.product));
+        let (without, reads): (Vec<Input>, Vec<Input>) = writer
+            .reads()
+            .into_iter()
+            .partition(|input| input.need != InputNeed::Always && !has.contains(&input.product));
         // Only renderers know these products. Masks state what they are good for.
         let lacks = |product: &String| *product != *COVERAGE.name();
-        lacking.extend(without.into_iter().map(|input| input.product).filter(lacks));
+        let expected = without.into_iter().filter(|input| input.need != InputNeed::IfStored);
+        lacking.extend(expected.map(|input| input.product).filter(lacks));
         wants.push((format!("write.{id}"), reads));
     }
     let candidate = |(stage, part): (String, AnnotatorGroup)| {

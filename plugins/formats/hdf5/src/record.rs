@@ -1,7 +1,7 @@
 //! Names in files of BlenderProc's layout, and the record of a body.
 
 use crate::hdf5::BlenderProcDataset;
-use syntable_formats::coco::or_default;
+use syntable_formats::json::or_default;
 use syntable_model::prelude::*;
 use syntable_model::reader::unnamed_category;
 

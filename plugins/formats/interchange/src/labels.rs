@@ -1,11 +1,12 @@
 //! The labels that all formats share.
 
 use crate::coco::MaskChoice;
+use syntable_formats::json::typed;
 use syntable_formats::read::label_of;
 use syntable_model::prelude::*;
 use syntable_model::product::BBox;
 use syntable_model::product::standard::{
-    AMODAL_BOX, AMODAL_MASK, CATEGORY_ID, OCCLUSION_MASK, OCCLUSION_RATE, VISIBLE_BOX, VISIBLE_MASK,
+    AMODAL_BOX, AMODAL_MASK, BOX, CATEGORY_ID, OCCLUSION_MASK, OCCLUSION_RATE, VISIBLE_BOX, VISIBLE_MASK,
 };
 
 /// The products that [`labels`] reads.
@@ -70,6 +71,11 @@ pub fn either_inputs(masks: MaskChoice) -> Vec<Input> {
     inputs_needing(keys![CATEGORY_ID]).into_iter().map(named).collect()
 }
 
+/// The inputs of formats that can store objects by their boxes alone.
+pub fn box_inputs(masks: MaskChoice) -> Vec<Input> {
+    either_inputs(masks).into_iter().chain([Input::of(BOX).if_stored()]).collect()
+}
+
 /// The labels of one object in a view of a dataset that need not have both kinds of masks.
 #[derive(Debug, Clone, Copy)]
 pub struct Partial<'a> {
@@ -81,9 +87,11 @@ pub struct Partial<'a> {
     pub masks: LabelMasks<'a>,
 }
 
-/// Masks of an object, with their boxes.
+/// The place of an object in the image: masks with their boxes, or a box alone.
 #[derive(Debug, Clone, Copy)]
 pub enum LabelMasks<'a> {
+    /// A box without a mask, as detection datasets have it: x, y, width, height, px.
+    Box([f64; 4]),
     /// Pixels at which it is the first body.
     Visible(&'a Mask, BBox),
     /// Pixels that it would cover without the other objects.
@@ -98,10 +106,43 @@ impl<'a> From<ShownLabel<'a>> for Partial<'a> {
     }
 }
 
-/// The labels of all objects of a view, by id, as far as they are there.
+/// The labels of all objects of a view, by id, for a format whose inputs are [`box_inputs`]. An object whose masks are empty or
+/// missing has its stated box, if the products have one.
 ///
 /// # Errors
-/// If there are neither visible nor amodal masks, or the dataset lacks the category of an object.
+/// If the products have neither masks nor boxes, or the dataset lacks the category of an object.
+pub fn partial_or_box<'a>(dataset: &DatasetInfo, products: &'a Products) -> Result<Vec<Partial<'a>>> {
+    let Some(boxes) = products.optional(BOX)? else { return partial(dataset, products) };
+    let stated = |id: InstanceId| boxes.get(id).map(typed::<[f64; 4]>).transpose();
+    let wrong = |error: serde_json::Error| Error::new(format!("product `{}`: {error}", BOX.name()));
+    if [VISIBLE_MASK, AMODAL_MASK].iter().all(|key| !products.contains(key.name())) {
+        let of_object = |(id, bbox)| {
+            let masks = LabelMasks::Box(typed(bbox).map_err(wrong)?);
+            Ok(Partial { id, category: category(dataset, products, id)?, masks })
+        };
+        return boxes.iter().map(of_object).collect();
+    }
+    let with_box = |label: Partial<'a>| match stated(label.id).map_err(wrong)?.filter(|_| !label.masks.has_pixels()) {
+        Some(bbox) => Ok(Partial { masks: LabelMasks::Box(bbox), ..label }),
+        None => Ok(label),
+    };
+    partial(dataset, products)?.into_iter().map(with_box).collect()
+}
+
+impl LabelMasks<'_> {
+    fn has_pixels(&self) -> bool {
+        match self {
+            Self::Box(_) => false,
+            Self::Visible(mask, _) | Self::Amodal(mask, _) => !mask.is_empty(),
+            Self::All(label) => !label.visible.is_empty() || !label.amodal.is_empty(),
+        }
+    }
+}
+
+/// The labels of all objects of a view, by id. Only masks that the products have are there.
+///
+/// # Errors
+/// If the products have no masks, or the dataset lacks the category of an object.
 pub fn partial<'a>(dataset: &DatasetInfo, products: &'a Products) -> Result<Vec<Partial<'a>>> {
     let has = |input: Input| products.contains(&*input.product);
     if inputs().into_iter().all(has) {
@@ -112,7 +153,7 @@ pub fn partial<'a>(dataset: &DatasetInfo, products: &'a Products) -> Result<Vec<
         (true, _) => (VISIBLE_MASK, VISIBLE_BOX),
         (false, true) => (AMODAL_MASK, AMODAL_BOX),
         (false, false) => {
-            return Err(Error::new("the dataset has no masks, neither `visible_mask` nor `amodal_mask`"));
+            return Err(Error::new("the dataset has neither masks (`visible_mask`, `amodal_mask`) nor boxes (`box`)"));
         }
     };
     let known = if is_visible { LabelMasks::Visible } else { LabelMasks::Amodal };

@@ -1,12 +1,11 @@
 //! Shared code of this crate's readers: finding files, and masks from outlines.
 
 use std::collections::BTreeSet;
-use std::path::{Path, PathBuf};
-use syntable_formats::read::{ObjectLabels, above, is_json, json_files};
-use syntable_model::files::DatasetFolder;
+use std::path::Path;
+use syntable_formats::read::ObjectLabels;
 use syntable_model::prelude::*;
 use syntable_model::product::{BBox, meeting_boxes};
-use syntable_model::reader::{DatasetFault, Source};
+use syntable_model::reader::DatasetFault;
 use syntable_model::rule;
 
 /// The note about polygons.
@@ -20,67 +19,11 @@ pub fn name_starts(path: &Path, start: &str) -> bool {
     path.file_name().is_some_and(|name| name.to_string_lossy().starts_with(start))
 }
 
-/// Whether a file lies in a folder of this name.
-pub fn is_in(file: &Path, folder: &str) -> bool {
-    is_named(&above(file), folder)
-}
-
-/// Whether a folder has this name, whatever folder the process is in.
-pub fn is_named(path: &Path, folder: &str) -> bool {
-    let path = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
-    path.file_name().is_some_and(|name| name == folder)
-}
-
-/// Whether a path is a dataset by its annotation files, of which `is_one` says which they are: such a file in a folder of this
-/// name, this folder, or the folder above it. Without a name, files lie in the dataset itself.
-pub fn is_dataset(path: &Path, folder: Option<&str>, is_one: impl Fn(&Path) -> bool) -> bool {
-    if path.is_file() {
-        return is_json(path) && is_one(path) && folder.is_none_or(|folder| is_in(path, folder));
-    }
-    let has_one = |folder: &Path| json_files(folder).is_ok_and(|files| files.iter().any(|file| is_one(file)));
-    match folder {
-        None => has_one(path),
-        Some(folder) => has_one(&path.join(folder)) || is_named(path, folder) && has_one(path),
-    }
-}
-
-/// The folder of a dataset, and its annotation file: the one that the path names, or the only one of the dataset.
-pub fn root_and_file(
-    source: &Source,
-    folder: Option<&str>,
-    is_one: impl Fn(&Path) -> bool,
-) -> Result<(DatasetFolder, PathBuf)> {
-    let path = &source.path;
-    if !path.is_file() {
-        // The folder of the annotation files may be named in place of the dataset.
-        let is_inner = folder.is_some_and(|folder| is_named(path, folder) && !path.join(folder).is_dir());
-        let root = source.folder(&if is_inner { above(path) } else { path.to_owned() })?;
-        let inside = folder.map_or_else(|| root.clone(), |folder| root.inner(folder));
-        let file = only_file(&inside.path(), is_one)?;
-        inside.file(file.file_name().unwrap_or_default())?;
-        return Ok((root, file));
-    }
-    let root = match folder.is_some_and(|folder| is_in(path, folder)) {
-        true => above(&above(path)),
-        false => above(path),
-    };
-    Ok((source.folder(&root)?, path.clone()))
-}
-
-/// The one JSON file of a folder that is one of a format.
-fn only_file(folder: &Path, is_one: impl Fn(&Path) -> bool) -> Result<PathBuf> {
-    let mut files = json_files(folder).map_err(|error| Error::io(folder, &error).of_request())?;
-    files.retain(|file| is_one(file));
-    match <[PathBuf; 1]>::try_from(files) {
-        Ok([file]) => Ok(file),
-        Err(files) => {
-            let help = files.first().map_or_else(
-                || "name the annotation file instead of the folder".to_owned(),
-                |first| format!("name one of them instead of the folder, such as {}", first.display()),
-            );
-            Err(Error::new(format!("expected one annotation file, found {}", files.len())).in_file(folder).help(help))
-        }
-    }
+/// The box of whole pixels around a box, `[x, y, width, height]`.
+pub fn pixels_around(bbox: [f64; 4]) -> BBox {
+    let [x, y] = [bbox[0], bbox[1]].map(|low| low.floor());
+    let [w, h] = [bbox[0] + bbox[2] - x, bbox[1] + bbox[3] - y].map(|size| size.ceil());
+    BBox::from([x, y, w, h].map(|edge| edge as i32))
 }
 
 /// The fault of an object without a pixel.
@@ -103,20 +46,21 @@ pub struct MaskTolerance {
     pub box_px: f64,
 }
 
-/// Compares an area and a box in a file with their mask. Each comes with its key.
+/// Compares an area and a box in a file with their mask. Each comes with its key; a missing number is not at fault.
 pub fn fits_mask(
     mask: &Mask,
-    (area_key, area): (&str, f64),
-    (bbox_key, bbox): (&str, [f64; 4]),
+    (area_key, area): (&str, Option<f64>),
+    (bbox_key, bbox): (&str, Option<[f64; 4]>),
     tolerance: MaskTolerance,
 ) -> Vec<DatasetFault> {
     let mut faults = Vec::new();
-    if (area - f64::from(mask.area())).abs() > tolerance.area_px2 {
+    if let Some(area) = area.filter(|area| (area - f64::from(mask.area())).abs() > tolerance.area_px2) {
         let message = format!("`{area_key}` is {area}, its mask has {}", mask.area());
         faults.push(DatasetFault::new(rule::AREAS_MATCH_MASKS, message));
     }
     let own = <[i32; 4]>::from(mask.bbox()).map(f64::from);
-    if bbox.iter().zip(&own).any(|(said, own)| (said - own).abs() > tolerance.box_px) {
+    let is_off = |bbox: &[f64; 4]| bbox.iter().zip(&own).any(|(said, own)| (said - own).abs() > tolerance.box_px);
+    if let Some(bbox) = bbox.filter(is_off) {
         let message = format!("`{bbox_key}` is {bbox:?}, but its mask has {own:?}");
         faults.push(DatasetFault::new(rule::BOX_MATCHES_MASK, message));
     }
@@ -138,8 +82,8 @@ pub fn enclosed_px2(outlines: &[Vec<f64>]) -> f64 {
 pub fn fits_outlines(
     (key, outlines): (&str, &[Vec<f64>]),
     mask: &Mask,
-    (area_key, area): (&str, f64),
-    (bbox_key, bbox): (&str, [f64; 4]),
+    (area_key, area): (&str, Option<f64>),
+    (bbox_key, bbox): (&str, Option<[f64; 4]>),
 ) -> Vec<DatasetFault> {
     let outside = |message: String| vec![DatasetFault::new("polygons_are_in_the_image", message)];
     let mut faults = Vec::new();
@@ -156,10 +100,12 @@ pub fn fits_outlines(
     }
     let own_area = f64::from(mask.area());
     let tolerance = edge_px2(mask).max(1.0);
-    if area < own_area.min(enclosed) - tolerance || area > own_area.max(enclosed) + tolerance {
+    let possible = own_area.min(enclosed) - tolerance..=own_area.max(enclosed) + tolerance;
+    if let Some(area) = area.filter(|area| !possible.contains(area)) {
         let message = format!("`{area_key}` is {area}, its polygons enclose {enclosed:.1} px²");
         faults.push(DatasetFault::new(rule::AREAS_MATCH_MASKS, message));
     }
+    let Some(bbox) = bbox else { return faults };
     let said = [bbox[0], bbox[1], bbox[0] + bbox[2], bbox[1] + bbox[3]];
     let own = [low[0], low[1], high[0], high[1]];
     let off = |side: usize| {

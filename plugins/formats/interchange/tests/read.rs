@@ -6,7 +6,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use syntable_interchange as _;
 use syntable_model::prelude::*;
-use syntable_model::product::standard::{AMODAL_MASK, CATEGORY_ID, DEPTH, OCCLUSION_MASK, RGB, VISIBLE_MASK};
+use syntable_model::product::standard::{AMODAL_MASK, BOX, CATEGORY_ID, DEPTH, OCCLUSION_MASK, RGB, VISIBLE_MASK};
 use syntable_model::reader::{self, OpenDataset};
 use syntable_testing::takes::{Take, dataset, finish, open_dataset, registry, takes, write_scenes, writer};
 use syntable_testing::tools::{own_script, python};
@@ -719,11 +719,13 @@ fn a_box_among_polygons_leaves_the_others_their_masks() {
     let products = read.read(0, &read.offers).unwrap_or_else(|error| panic!("{error}")).products;
     let masked: Vec<InstanceId> = products.get(VISIBLE_MASK).expect("there").iter().map(|(id, _)| id).collect();
     let classed: Vec<InstanceId> = products.get(CATEGORY_ID).expect("there").iter().map(|(id, _)| id).collect();
-    assert_eq!([masked, classed], [[1, 3].map(InstanceId); 2]);
+    assert_eq!([masked, classed], [[1, 2, 3].map(InstanceId); 2]);
+    let boxed: Vec<InstanceId> = products.get(BOX).expect("there").iter().map(|(id, _)| id).collect();
+    assert_eq!(boxed, [InstanceId(2)]);
     let said = said(&root, "yolo");
     assert!(!said.is_empty() && said.iter().all(|it| it.contains("line 2: a box among polygons")), "{said:?}");
-    let left_out = format!("left out: {}", read.images.len());
-    assert!(read.caveats(&read.offers).iter().any(|it| it.ends_with(&left_out)), "{:?}", read.caveats(&read.offers));
+    let alone = format!("have boxes alone: {}", read.images.len());
+    assert!(read.caveats(&read.offers).iter().any(|it| it.ends_with(&alone)), "{:?}", read.caveats(&read.offers));
 }
 
 /// A label file that is no file is not one that is missing, which says that there are no objects.
@@ -838,11 +840,11 @@ fn fields_with_labels_are_counted() {
         assert!(found.len() == 1 && found[0].starts_with("1 of ") && found[0].ends_with(says), "{kind}: {found:?}");
     }
     let folder = tempfile::tempdir().expect("a folder");
-    let root = yolo_of(folder.path(), "0 0.5 0.5 0.2 0.2\n", "");
+    let root = yolo_of(folder.path(), "0 0.5 0.2 0.8 0.5 0.5 0.8 0.2 0.5\n", "");
     let (_, read) = open_dataset(&root, Some("yolo")).expect("a dataset");
     let lost = &read.not_kept(&read.offers)[0];
     assert!(lost.count > 0 && lost.count == lost.of, "{lost}");
-    assert_eq!(lost.what, "labels are boxes: only their classes are kept");
+    assert_eq!(lost.what, "labels are rotated boxes: only boxes and classes are kept");
 }
 
 /// Names that LabelImg writes beside the labels are those of the classes.

@@ -65,7 +65,7 @@ impl ImageWriter for Ply {
             product: self.depth.as_str().to_owned(),
             accepts: Accepts::Type(DEPTH.id()),
             option: Some("depth".into()),
-            is_optional: false,
+            need: InputNeed::Always,
         };
         let others = [(true, Input::of(CAMERA)), (self.colors, Input::of(RGB)), (self.instances, Input::of(INSTANCE))];
         let others = others.into_iter().filter_map(|(wanted, input)| wanted.then_some(input));

@@ -330,7 +330,7 @@ fn image(view: &ViewRecord) -> CocoImage {
         file_name: BopImage::Rgb.path(ViewId(view.view)),
         width: view.camera.width,
         height: view.camera.height,
-        license: Some(1),
+        license: Some(1.into()),
         ..CocoImage::default()
     }
 }
@@ -357,8 +357,8 @@ fn annotation(
         image_id: view.view.into(),
         category_id: obj_id,
         segmentation: Some(Segmentation::Uncompressed(shown.mask.clone())),
-        area: shown.area.into(),
-        bbox: bbox.map(f64::from),
+        area: Some(shown.area.into()),
+        bbox: Some(bbox.map(f64::from)),
         iscrowd: 0,
         extra: extra.as_object().cloned().unwrap_or_default(),
     }

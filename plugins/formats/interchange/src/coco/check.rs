@@ -37,7 +37,7 @@ impl CocoObjects {
         annotation: &AmodalAnnotation,
     ) -> Vec<DatasetFault> {
         if self.has_masks && segmentation(annotation).is_none() {
-            let message = "`segmentation` is empty or missing: the object has no pixels; add its mask, or remove it";
+            let message = "`segmentation` is empty or missing: the object has a box alone; add its mask, or remove it";
             return vec![DatasetFault::new("objects_have_masks", message)];
         }
         // Without a visible mask beside it, `segmentation` is that one, if the amodal masks are others.
@@ -79,7 +79,7 @@ fn faults_of([width, height]: [u32; 2], annotation: &AmodalAnnotation, has_role:
         }
         _ => {
             // A box with fractions is that of polygons that the mask was made from.
-            let is_whole = annotation.bbox.iter().all(|edge| edge.fract() == 0.0);
+            let is_whole = annotation.bbox.iter().flatten().all(|edge| edge.fract() == 0.0);
             let box_px = if is_whole { 0.0 } else { 1.0 };
             (fits_mask(&mask, area, bbox, MaskTolerance { area_px2: 0.5, box_px }), 0.0)
         }

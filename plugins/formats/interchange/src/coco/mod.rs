@@ -8,7 +8,7 @@ mod write;
 
 pub(crate) use read::open_file;
 pub(crate) use record::{AmodalAnnotation, AmodalFields};
-pub(crate) use write::file;
+pub(crate) use write::{StoredParts, file};
 
 use crate::family::write::{Family, check_split};
 use syntable_model::prelude::*;

@@ -2,9 +2,9 @@
 //! UOAIS-Sim.
 
 use super::record::{AmodalAnnotation, FOLLOWING, NamedField};
-use crate::d2sa;
-use crate::family::read::{Annotated, AnnotationFile, FOLDER, image_folders, not_objects};
-use crate::read::{self as shared, edge_px2};
+use crate::family::find::Structure;
+use crate::family::read::{Annotated, AnnotationFile, image_folders, not_objects};
+use crate::read::{self as shared, edge_px2, pixels_around};
 use std::path::Path;
 use syntable_formats::listing::AnnotationListing;
 use syntable_formats::read::{self, KnownMasks, ObjectLabels};
@@ -12,31 +12,19 @@ use syntable_formats::segmentation::Segmentation;
 use syntable_model::files::DatasetFolder;
 use syntable_model::prelude::*;
 use syntable_model::product::BBox;
-use syntable_model::product::standard::{CATEGORY_ID, DEPTH, LABEL_POLICY, OCCLUSION_MASK, VISIBLE_BOX};
+use syntable_model::product::standard::{BOX, CATEGORY_ID, DEPTH, LABEL_POLICY, OCCLUSION_MASK, VISIBLE_BOX};
 use syntable_model::reader::{Crowd, DatasetFault, Format, Note, Opened};
 
 syntable_model::register_format!(Format::new(
     "coco",
     "COCO instance annotations (`annotations/*.json` beside an image folder), with amodal masks where annotations have \
           both, as the writer `coco` does, and with depth where images name a file of it, as UOAIS-Sim's do.",
-    |path| {
-        let is_other = |file: &Path| OTHERS.iter().any(|start| shared::name_starts(file, start));
-        let is = |is_one: &dyn Fn(&Path) -> bool| shared::is_dataset(path, Some(FOLDER), is_one);
-        is(&has_instances) && !is(&is_other)
-    },
+    |path| Structure::Instances.is_at(path),
     |source| {
-        let (root, file) = shared::root_and_file(source, Some(FOLDER), has_instances)?;
-        open_file(&root, &file)
+        let (root, file) = Structure::Instances.find(source)?;
+        open_file(&root, &file, false)
     },
 ));
-
-/// Whether a file may have instances: not if it has orders or segments of those in a file beside it.
-fn has_instances(file: &Path) -> bool {
-    ![crate::insta_order::FILE, crate::coco_panoptic::FILE].iter().any(|start| shared::name_starts(file, start))
-}
-
-/// How annotation files of formats begin that have readers of their own.
-const OTHERS: [&str; 2] = [d2sa::FILE, crate::cocoa::FILE];
 
 /// Maximum number of objects whose masks are decoded to find out what those are of.
 const LOOKED_AT: usize = 64;
@@ -60,11 +48,11 @@ pub struct CocoObjects {
     has_crowds: bool,
 }
 
-/// Opens the dataset of an annotation file.
-pub fn open_file(root: &DatasetFolder, path: &Path) -> Result<Opened> {
+/// Opens the dataset of an annotation file, of COCO or of D2SA.
+pub fn open_file(root: &DatasetFolder, path: &Path, is_d2sa: bool) -> Result<Opened> {
     let (mut has_masks, mut crowds) = (false, 0);
     let (mut has_visible, mut has_amodal, mut has_hidden, mut pairs) = (false, false, false, MaskPairs::default());
-    let (mut objects, mut without_mask) = (0, 0);
+    let (mut objects, mut without_mask, mut without_place) = (0, 0, 0);
     let mut file = AnnotationFile::open(
         root,
         path,
@@ -80,6 +68,8 @@ pub fn open_file(root: &DatasetFolder, path: &Path) -> Result<Opened> {
             pairs.add(annotation);
             if is_crowd(annotation) {
                 crowds += 1;
+            } else if !has_place(annotation) {
+                without_place += 1;
             } else {
                 objects += 1;
                 without_mask += usize::from(segmentation(annotation).is_none());
@@ -91,7 +81,6 @@ pub fn open_file(root: &DatasetFolder, path: &Path) -> Result<Opened> {
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     let says_amodal = file.listing.file.info.extra.get("masks") == Some(&"amodal".into());
     let is_amodal = has_amodal || name.to_lowercase().contains("amodal") || says_amodal;
-    let is_d2sa = shared::name_starts(path, d2sa::FILE);
     let known = match (has_visible || objects == 0, is_amodal) {
         // Without objects, nothing is unknown of them.
         (true, _) => KnownMasks::Both,
@@ -103,16 +92,15 @@ pub fn open_file(root: &DatasetFolder, path: &Path) -> Result<Opened> {
         (false, false) => KnownMasks::Visible,
     };
     has_masks |= objects == 0;
-    let labels = if has_masks { known.offers() } else { keys![VISIBLE_BOX, CATEGORY_ID] };
+    let mut labels = if has_masks { known.offers() } else { keys![VISIBLE_BOX, CATEGORY_ID] };
+    labels.extend((without_mask > 0).then(|| BOX.id()));
     let offers = file.offers(labels, &[DEPTH.id(), LABEL_POLICY.id()]);
     let caveats = [
         (crowds > 0, format!("annotations of crowds (`iscrowd`) are no objects: {crowds} were left out")),
         (!has_masks, "no annotation has a mask: boxes and categories are all that is known of objects".to_owned()),
         (
             has_masks && without_mask > 0,
-            format!(
-                "annotations with an empty `segmentation`, or without one, are objects without pixels: {without_mask}"
-            ),
+            format!("annotations with an empty `segmentation`, or without one, have boxes alone: {without_mask}"),
         ),
         (
             !file.listing.has_annotations(),
@@ -123,11 +111,10 @@ pub fn open_file(root: &DatasetFolder, path: &Path) -> Result<Opened> {
     notes.extend(file.supercategories().into_iter().chain(file.not_kept(&offers)));
     let what = "annotations are crowds (`iscrowd`), and no objects";
     notes.push(not_objects(&offers, crowds, crowds + objects, what));
-    if has_masks {
-        let what = "objects have no mask (`segmentation` is missing or empty): they are objects without pixels";
-        notes.push(not_objects(&offers, without_mask, objects, what));
-    }
-    let derived = if has_hidden { Vec::new() } else { keys![OCCLUSION_MASK] };
+    let what = "annotations have neither `segmentation` nor `bbox`, and are no objects";
+    notes.push(not_objects(&offers, without_place, objects + without_place, what));
+    let mut derived = if has_hidden { Vec::new() } else { keys![OCCLUSION_MASK] };
+    derived.extend((!has_masks).then(|| VISIBLE_BOX.id()));
     let (is_ours, has_crowds) = (file.is_ours(), crowds > 0);
     let of = CocoObjects { is_ours, is_d2sa, has_masks, known, has_visible, has_hidden, has_crowds };
     let lists_all_images = !shared::name_starts(path, crate::uoais::FILE);
@@ -187,6 +174,11 @@ fn is_crowd(annotation: &AmodalAnnotation) -> bool {
     annotation.iscrowd != 0
 }
 
+/// Whether an annotation states where its object is.
+fn has_place(annotation: &AmodalAnnotation) -> bool {
+    annotation.bbox.is_some() || segmentation(annotation).is_some()
+}
+
 /// Whether one of these fields is there.
 pub fn is_there<T>(fields: &[NamedField<T>]) -> bool {
     fields.iter().any(|(_, field)| !field.is_missing())
@@ -216,12 +208,17 @@ impl Annotated for CocoObjects {
         let annotations = objects(listing, image)?;
         let ids = read::ids_of(&stated_ids(&annotations))?;
         let named = || ids.iter().copied().zip(&annotations);
+        let boxes = || named().filter(|(_, it)| segmentation(it).is_none()).filter_map(|(id, it)| Some((id, it.bbox?)));
+        if wants.contains(&BOX.id()) {
+            let boxes = boxes().map(|(id, bbox)| Ok((id, Value::of(&bbox)?)));
+            products.put(BOX, boxes.collect::<Result<_>>()?)?;
+        }
         if self.has_masks {
             let labels = named().map(|(id, it)| self.labels(listing, size, id, it));
             return read::put(&labels.collect::<Result<Vec<_>>>()?, None, wants, products);
         }
         if wants.contains(&VISIBLE_BOX.id()) {
-            products.put(VISIBLE_BOX, named().map(|(id, it)| (id, around(it.bbox))).collect())?;
+            products.put(VISIBLE_BOX, boxes().map(|(id, bbox)| (id, pixels_around(bbox))).collect())?;
         }
         if wants.contains(&CATEGORY_ID.id()) {
             let category = |it: &AmodalAnnotation| listing.categories.id(it.category_id);
@@ -231,17 +228,10 @@ impl Annotated for CocoObjects {
     }
 }
 
-/// The box of whole pixels around a box.
-fn around(bbox: [f64; 4]) -> BBox {
-    let [x, y] = [bbox[0], bbox[1]].map(|low| low.floor());
-    let [w, h] = [bbox[0] + bbox[2] - x, bbox[1] + bbox[3] - y].map(|size| size.ceil());
-    BBox::from([x, y, w, h].map(|edge| edge as i32))
-}
-
 /// Annotations of single objects.
 pub fn objects(listing: &AnnotationListing, image: usize) -> Result<Vec<AmodalAnnotation>> {
     let mut annotations: Vec<AmodalAnnotation> = listing.annotations(image)?;
-    annotations.retain(|annotation| !is_crowd(annotation));
+    annotations.retain(|annotation| !is_crowd(annotation) && has_place(annotation));
     Ok(annotations)
 }
 

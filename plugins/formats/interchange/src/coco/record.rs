@@ -86,30 +86,39 @@ impl AmodalFields {
 }
 
 impl MaskChoice {
-    /// The mask of an object and its box; the other one where there is no such mask.
-    fn with_box<'a>(self, label: &Partial<'a>) -> (&'a Mask, BBox) {
+    /// The mask of an object and its box. If the object has only the other mask, that one; none if it has only a box.
+    fn with_box<'a>(self, label: &Partial<'a>) -> Option<(&'a Mask, BBox)> {
         match (label.masks, self) {
-            (LabelMasks::Visible(mask, bbox) | LabelMasks::Amodal(mask, bbox), _) => (mask, bbox),
-            (LabelMasks::All(all), Self::Visible) => (all.visible, all.visible_box),
-            (LabelMasks::All(all), Self::Amodal) => (all.amodal, all.amodal_box),
+            (LabelMasks::Box(_), _) => None,
+            (LabelMasks::Visible(mask, bbox) | LabelMasks::Amodal(mask, bbox), _) => Some((mask, bbox)),
+            (LabelMasks::All(all), Self::Visible) => Some((all.visible, all.visible_box)),
+            (LabelMasks::All(all), Self::Amodal) => Some((all.amodal, all.amodal_box)),
         }
     }
 
-    /// The mask of an object; the other one where there is no such mask.
-    pub(crate) fn shown_of<'a>(self, label: &Partial<'a>) -> &'a Mask {
-        self.with_box(label).0
+    /// The mask of an object. If the object has only the other mask, that one; none if it has only a box.
+    pub(crate) fn shown_of<'a>(self, label: &Partial<'a>) -> Option<&'a Mask> {
+        self.with_box(label).map(|(mask, _)| mask)
     }
 
-    /// The record of an object.
+    /// The box of an object, `[x, y, width, height]`, px.
+    pub(crate) fn box_of(self, label: &Partial) -> [f64; 4] {
+        match (label.masks, self.with_box(label)) {
+            (LabelMasks::Box(bbox), _) => bbox,
+            (_, masked) => masked.map_or([0.0; 4], |(_, bbox)| <[i32; 4]>::from(bbox).map(f64::from)),
+        }
+    }
+
+    /// The record of an object. Like Roboflow's files, a box without a mask has an empty list of polygons.
     pub(crate) fn annotation(self, label: &Partial) -> AmodalAnnotation {
-        let (mask, bbox) = self.with_box(label);
+        let (mask, bbox) = (self.shown_of(label), self.box_of(label));
         AmodalAnnotation {
             id: 0,
             image_id: 0,
             category_id: label.category.into(),
-            segmentation: Some(encoded(mask)),
-            area: mask.area().into(),
-            bbox: <[i32; 4]>::from(bbox).map(f64::from),
+            segmentation: Some(mask.map_or_else(|| Segmentation::Polygons(Vec::new()), encoded)),
+            area: Some(mask.map_or(bbox[2] * bbox[3], |mask| mask.area().into())),
+            bbox: Some(bbox),
             iscrowd: 0,
             extra: AmodalFields { instance_id: u64::from(label.id.0).into(), ..of_masks(label.masks) },
         }
@@ -123,7 +132,7 @@ fn encoded(mask: &Mask) -> Segmentation {
 /// What COCO has no fields for.
 fn of_masks(masks: LabelMasks) -> AmodalFields {
     match masks {
-        LabelMasks::Visible(..) => AmodalFields::default(),
+        LabelMasks::Visible(..) | LabelMasks::Box(_) => AmodalFields::default(),
         // It says what `segmentation` is.
         LabelMasks::Amodal(mask, bbox) => AmodalFields {
             amodal_mask: encoded(mask).into(),

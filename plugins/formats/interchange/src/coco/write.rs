@@ -16,7 +16,7 @@ pub fn file(split: &str) -> String {
 impl Family for Coco {
     fn reads(&self) -> Vec<Input> {
         let keypoints = (!self.keypoints.is_empty()).then(|| Input::of(KEYPOINTS));
-        [Input::of(RGB), policy()].into_iter().chain(labels::either_inputs(self.masks)).chain(keypoints).collect()
+        [Input::of(RGB), policy()].into_iter().chain(labels::box_inputs(self.masks)).chain(keypoints).collect()
     }
 
     fn file(&self) -> String {
@@ -24,7 +24,11 @@ impl Family for Coco {
     }
 
     fn view(&self, cx: &ImageContext, products: &Products, files: &mut SceneFiles) -> Result<()> {
-        let labels = self.masks.shown_partial(cx.log, labels::partial(cx.dataset, products)?, true);
+        let labels = self.masks.shown_partial(
+            cx.log,
+            labels::partial_or_box(cx.dataset, products)?,
+            StoredParts::AmodalAndBoxes,
+        );
         files.image(cx, products, labels.len())?;
         let named = if self.keypoints.is_empty() { None } else { Some(ObjectKeypoints::of(products)?) };
         labels.iter().try_for_each(|label| {
@@ -59,20 +63,43 @@ impl MaskChoice {
     /// reported.
     pub(crate) fn shown<'a>(self, log: &dyn Log, labels: Vec<ShownLabel<'a>>) -> Vec<ShownLabel<'a>> {
         let whole = labels.iter().map(|label| Partial::from(*label)).collect::<Vec<_>>();
-        report_left_out(log, &whole, |label| self.shown_of(label), true);
+        report_left_out(log, &whole, |label| self.shown_of(label), StoredParts::Amodal);
         labels.into_iter().filter(|label| !self.of(label).is_empty()).collect()
     }
 
-    /// The same for labels that need not have both kinds of masks, and a format that stores amodal masks or not.
+    /// The same for labels that need not have both kinds of masks, and a format that stores these parts.
     pub(crate) fn shown_partial<'a>(
         self,
         log: &dyn Log,
         mut labels: Vec<Partial<'a>>,
-        stores_amodal: bool,
+        stored: StoredParts,
     ) -> Vec<Partial<'a>> {
-        report_left_out(log, &labels, |label| self.shown_of(label), stores_amodal);
-        labels.retain(|label| !self.shown_of(label).is_empty());
+        report_left_out(log, &labels, |label| self.shown_of(label), stored);
+        labels.retain(|label| self.shown_of(label).map_or(stored.has_boxes(), |mask| !mask.is_empty()));
         labels
+    }
+}
+
+/// Parts of an object that a format stores beside a visible mask.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum StoredParts {
+    /// No other part.
+    Visible,
+    /// Amodal masks.
+    Amodal,
+    /// Amodal masks, and boxes of objects without a mask.
+    AmodalAndBoxes,
+    /// Only boxes.
+    Boxes,
+}
+
+impl StoredParts {
+    fn has_amodal(self) -> bool {
+        matches!(self, Self::Amodal | Self::AmodalAndBoxes)
+    }
+
+    fn has_boxes(self) -> bool {
+        matches!(self, Self::Boxes | Self::AmodalAndBoxes)
     }
 }
 
@@ -81,14 +108,20 @@ impl MaskChoice {
 fn report_left_out<'a>(
     log: &dyn Log,
     labels: &[Partial<'a>],
-    mask: impl Fn(&Partial<'a>) -> &'a Mask,
-    stores_amodal: bool,
+    mask: impl Fn(&Partial<'a>) -> Option<&'a Mask>,
+    stored: StoredParts,
 ) {
     let is_hidden = |label: &&Partial| matches!(label.masks, LabelMasks::All(all) if !all.amodal.is_empty());
-    let left_out: Vec<&Partial> = labels.iter().filter(|label| mask(label).is_empty()).collect();
-    let hidden = left_out.iter().copied().filter(is_hidden).count();
-    log.left_out(&LeftOut::without_pixels(left_out.len() - hidden, labels.len()));
-    if stores_amodal {
+    let boxes = labels.iter().filter(|label| mask(label).is_none()).count();
+    let empty: Vec<&Partial> = labels.iter().filter(|label| mask(label).is_some_and(Mask::is_empty)).collect();
+    let hidden = empty.iter().copied().filter(is_hidden).count();
+    log.left_out(&LeftOut::without_pixels(empty.len() - hidden, labels.len()));
+    if !stored.has_boxes() {
+        let what = "objects are left out: they have a box and no mask";
+        let help = "the writer `coco`, and `yolo` with `task = \"detect\"`, keep boxes";
+        log.left_out(&LeftOut::new(boxes, labels.len(), what).help(help));
+    }
+    if stored.has_amodal() {
         let what = "objects are left out with their amodal masks: no pixel of them is visible";
         let help = "the writer `d2sa`, and `coco` with `masks = \"amodal\"`, keep such objects";
         log.left_out(&LeftOut::new(hidden, labels.len(), what).help(help));

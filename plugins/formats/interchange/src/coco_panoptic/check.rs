@@ -33,7 +33,7 @@ impl Things {
                 continue;
             }
             let exact = MaskTolerance { area_px2: 0.5, box_px: 0.0 };
-            let found = fits_mask(&mask, ("area", segment.area), ("bbox", segment.bbox), exact);
+            let found = fits_mask(&mask, ("area", Some(segment.area)), ("bbox", Some(segment.bbox)), exact);
             faults.extend(found.into_iter().map(|fault| fault.of(FaultSubject::Segment(segment.id))));
         }
         let unknown: BTreeSet<u32> =

@@ -1,8 +1,8 @@
 //! Reads COCO's layout for panoptic segmentation. Things are objects; stuff is none.
 
-use super::record::{BACKGROUND_NAME, FILE, PanopticAnnotation, PanopticSegment, VOID};
-use crate::family::read::{Annotated, AnnotationFile, FOLDER, beside, image_folders, not_objects};
-use crate::read as shared;
+use super::record::{BACKGROUND_NAME, PanopticAnnotation, PanopticSegment, VOID};
+use crate::family::find::{Structure, beside};
+use crate::family::read::{Annotated, AnnotationFile, image_folders, not_objects};
 use std::collections::{BTreeMap, BTreeSet};
 use syntable_formats::coco::{Category, IS_THING};
 use syntable_formats::decode;
@@ -16,7 +16,7 @@ use syntable_model::rule;
 syntable_model::register_format!(Format::new(
     "coco_panoptic",
     "COCO panoptic segmentation (`annotations/panoptic_*.json` beside a folder of this name and one of images): its `isthing` segments are objects.",
-    |path| shared::is_dataset(path, Some(FOLDER), |file| shared::name_starts(file, FILE)),
+    |path| Structure::Segments.is_at(path),
     open,
 ));
 
@@ -34,7 +34,7 @@ fn is_stuff(category: &Category) -> bool {
 }
 
 fn open(source: &Source) -> Result<Opened> {
-    let (root, path) = shared::root_and_file(source, Some(FOLDER), |file| shared::name_starts(file, FILE))?;
+    let (root, path) = Structure::Segments.find(source)?;
     // By category and whether they are crowds.
     let mut segments: BTreeMap<(u64, bool), usize> = BTreeMap::new();
     let mut file = AnnotationFile::open(

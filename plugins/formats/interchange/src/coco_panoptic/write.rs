@@ -2,7 +2,7 @@
 
 use super::CocoPanoptic;
 use super::record::{BACKGROUND_NAME, FILE, PanopticAnnotation, PanopticSegment};
-use crate::coco::MaskChoice;
+use crate::coco::{MaskChoice, StoredParts};
 use crate::family::write::{Family, IMAGES, SceneFiles, image_name};
 use crate::labels::{self, Partial};
 use std::collections::BTreeSet;
@@ -47,8 +47,12 @@ impl Family for CocoPanoptic {
 
     fn view(&self, cx: &ImageContext, products: &Products, files: &mut SceneFiles) -> Result<()> {
         let rgb = products.get(RGB)?;
-        let labels = MaskChoice::Visible.shown_partial(cx.log, labels::partial(cx.dataset, products)?, false);
-        let painted = Painted::new([rgb.width(), rgb.height()], labels.iter().map(|label| (label.id, visible(label))));
+        let labels =
+            MaskChoice::Visible.shown_partial(cx.log, labels::partial(cx.dataset, products)?, StoredParts::Visible);
+        let painted = Painted::new(
+            [rgb.width(), rgb.height()],
+            labels.iter().filter_map(|label| Some((label.id, visible(label)?))),
+        );
         painted.left_out().for_each(|left_out| cx.log.left_out(&left_out));
         let name = image_name(cx.scene_id, cx.view_id);
         files.png(&format!("{}/{name}", self.folder()), &id_image(&painted.ids))?;
@@ -74,7 +78,7 @@ fn background_category(dataset: &DatasetInfo) -> u64 {
     dataset.categories().map(|(id, _)| u64::from(id)).max().unwrap_or_default() + 1
 }
 
-fn visible<'a>(label: &Partial<'a>) -> &'a Mask {
+fn visible<'a>(label: &Partial<'a>) -> Option<&'a Mask> {
     MaskChoice::Visible.shown_of(label)
 }
 
@@ -82,12 +86,13 @@ fn visible<'a>(label: &Partial<'a>) -> &'a Mask {
 fn segments(painted: &Painted, background: u64, labels: &[Partial]) -> Vec<PanopticSegment<i64>> {
     let shown: BTreeSet<InstanceId> = painted.shown().collect();
     let things = labels.iter().filter(|label| shown.contains(&label.id));
-    let thing =
-        |label: &Partial| segment(label.id.0.into(), label.category.into(), &painted.mask(label.id, visible(label)));
+    let thing = |label: &Partial| {
+        Some(segment(label.id.0.into(), label.category.into(), &painted.mask(label.id, visible(label)?)))
+    };
     let ids = &painted.ids;
     let rest = Mask::from_fn(ids.width(), ids.height(), |x, y| *ids.at(x, y) == InstanceId::default());
     let stuff = (!rest.is_empty()).then(|| segment(BACKGROUND, background, &rest));
-    things.map(thing).chain(stuff).collect()
+    things.filter_map(thing).chain(stuff).collect()
 }
 
 /// The image whose pixels say the ids of their segments.

@@ -1,8 +1,9 @@
 //! Reads COCO-Amodal: one annotation per image with its regions.
 
-use super::record::{CocoaAnnotation, CocoaRegion, FILE};
-use crate::family::read::{Annotated, AnnotationFile, FOLDER, image_folders, not_objects};
-use crate::read::{self as shared, POLYGONS, settle_edges};
+use super::record::{CocoaAnnotation, CocoaRegion};
+use crate::family::find::Structure;
+use crate::family::read::{Annotated, AnnotationFile, image_folders, not_objects};
+use crate::read::{POLYGONS, settle_edges};
 use std::collections::BTreeSet;
 use syntable_formats::coco::Category;
 use syntable_formats::index::RecordSection;
@@ -18,7 +19,7 @@ syntable_model::register_format!(Format::new(
     "cocoa",
     "COCO-Amodal (`annotations/COCO_amodal_*.json` beside an image folder), as the writer `cocoa` writes it. Regions of \
           stuff are no objects; of several annotations of an image the first one counts.",
-    |path| shared::is_dataset(path, Some(FOLDER), |file| shared::name_starts(file, FILE)),
+    |path| Structure::Regions.is_at(path),
     open,
 ));
 
@@ -31,7 +32,7 @@ struct Regions {
 }
 
 fn open(source: &Source) -> Result<Opened> {
-    let (root, path) = shared::root_and_file(source, Some(FOLDER), |file| shared::name_starts(file, FILE))?;
+    let (root, path) = Structure::Regions.find(source)?;
     let (mut names, mut has_hidden) = (BTreeSet::new(), false);
     // Numbers of regions of each annotation: all, and those of stuff.
     let mut regions: Vec<[usize; 2]> = Vec::new();

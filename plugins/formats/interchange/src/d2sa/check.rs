@@ -28,13 +28,16 @@ pub fn fault_of_name(
 pub fn faults_of_region(annotation: &AmodalAnnotation) -> Vec<DatasetFault> {
     let mut faults = Vec::new();
     let region = annotation.extra.amodal_region.value();
-    if let Some(area) = region.and_then(|it| it.area.value()).filter(|it| (**it - annotation.area).abs() > 0.5) {
-        let message = format!("`amodal_region.area` is {area}, its `area` {}", annotation.area);
+    if let Some((area, own)) = region.and_then(|it| it.area.value()).zip(annotation.area)
+        && (area - own).abs() > 0.5
+    {
+        let message = format!("`amodal_region.area` is {area}, its `area` {own}");
         faults.push(DatasetFault::new(rule::RECORDS_AGREE, message));
     }
-    let bbox = region.and_then(|it| it.bbox.value());
-    if let Some(bbox) = bbox.filter(|it| it.iter().zip(annotation.bbox).any(|(a, b)| (a - b).abs() > 0.5)) {
-        let message = format!("`amodal_region.bbox` is {bbox:?}, its `bbox` {:?}", annotation.bbox);
+    if let Some((bbox, own)) = region.and_then(|it| it.bbox.value()).zip(annotation.bbox)
+        && bbox.iter().zip(own).any(|(a, b)| (a - b).abs() > 0.5)
+    {
+        let message = format!("`amodal_region.bbox` is {bbox:?}, its `bbox` {own:?}");
         faults.push(DatasetFault::new(rule::RECORDS_AGREE, message));
     }
     faults

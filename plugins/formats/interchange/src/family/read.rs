@@ -1,6 +1,5 @@
 //! Shared code of readers of COCO's family: the annotation file, its images, and its unread fields.
 
-use crate::read::is_in;
 use serde::de::IgnoredAny;
 use serde_json::Value as Json;
 use std::collections::BTreeSet;
@@ -216,11 +215,6 @@ pub fn not_objects(offers: &[KeyId], count: usize, of: usize, what: &'static str
     Note::not_objects(LeftOut::new(count, of, what)).of(labels_among(offers))
 }
 
-/// The folder beside the file in which the file's own folders are.
-pub fn beside(root: DatasetFolder, file: &Path) -> DatasetFolder {
-    if is_in(file, FOLDER) { root.inner(FOLDER) } else { root }
-}
-
 /// The policy of the labels that the record of an image states.
 fn policy(image: &CocoImage) -> Option<&Json> {
     image.extra.get(LABEL_POLICY.name())
@@ -242,6 +236,7 @@ fn count_unkept(unkept: &mut Unkept, image: &CocoImage) {
     let CocoImage { license, date_captured, coco_url, flickr_url, .. } = image;
     unkept.add_information("license", license.is_some());
     for (name, text) in [("date_captured", date_captured), ("coco_url", coco_url), ("flickr_url", flickr_url)] {
-        unkept.add_information(name, text.as_ref().is_some_and(|text| !text.is_empty()));
+        let is_empty = |json: &Json| json.is_null() || json.as_str().is_some_and(str::is_empty);
+        unkept.add_information(name, text.as_ref().is_some_and(|text| !is_empty(text)));
     }
 }

@@ -152,7 +152,7 @@ impl SceneFiles<'_> {
         let rgb = products.get(RGB)?;
         self.png(&format!("{folder}/{name}"), &PngImage::rgb(rgb))?;
         let (width, height) = (rgb.width(), rgb.height());
-        let license = Some(License::of_assets().id);
+        let license = Some(License::of_assets().id.into());
         let record = CocoImage { file_name: name, width, height, license, extra, ..CocoImage::default() };
         shard::push_image(self.shard, annotations, &record)
     }

@@ -3,8 +3,6 @@
 mod record;
 mod write;
 
-pub(crate) use record::FILE;
-
 use crate::family::write::{Family, check_split};
 use syntable_model::prelude::*;
 

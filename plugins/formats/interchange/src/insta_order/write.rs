@@ -25,7 +25,7 @@ impl InstaOrder {
 impl Family for InstaOrder {
     fn reads(&self) -> Vec<Input> {
         // Depth is half of what the format says.
-        let orders = order::inputs().map(|input| Input { is_optional: false, ..input });
+        let orders = order::inputs().map(|input| Input { need: InputNeed::Always, ..input });
         std::iter::once(Input::of(RGB)).chain(orders).chain(labels::inputs()).collect()
     }
 

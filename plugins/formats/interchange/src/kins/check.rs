@@ -79,7 +79,7 @@ impl KinsAnnotation {
             };
             let bbox = said.bbox.1.unwrap_or(own);
             let tolerance = MaskTolerance { area_px2: tolerance, box_px: 1.0 };
-            let found = fits_mask(&mask, (said.area.0, area), (said.bbox.0, bbox), tolerance);
+            let found = fits_mask(&mask, (said.area.0, Some(area)), (said.bbox.0, Some(bbox)), tolerance);
             faults.extend(found.into_iter().map(|fault| fault.of(self.subject())));
         }
         faults

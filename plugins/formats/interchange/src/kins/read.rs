@@ -3,8 +3,9 @@
 use super::check::faults_of_image;
 use super::labels::labels_of;
 use super::record::KinsAnnotation;
-use crate::family::read::{Annotated, AnnotationFile, FOLDER, not_objects};
-use crate::read::{self as shared, POLYGONS, cut_holes, settle_edges};
+use crate::family::find::Structure;
+use crate::family::read::{Annotated, AnnotationFile, not_objects};
+use crate::read::{POLYGONS, cut_holes, settle_edges};
 use std::path::Path;
 use syntable_formats::read;
 use syntable_model::prelude::*;
@@ -15,15 +16,10 @@ syntable_model::register_format!(Format::new(
     "kins",
     "KINS (`instances_*.json` or `update_*_2020.json` beside the images, or beside KITTI's `training` and `testing`), as \
           the writer `kins` writes it.",
-    |path| {
-        let is_of_coco = if path.is_file() { shared::is_in(path, FOLDER) } else { shared::is_named(path, FOLDER) };
-        shared::is_dataset(path, None, is_one) && !is_of_coco
-    },
+    |path| Structure::Kins.is_at(path),
     open,
 ));
 
-/// How the annotation files of both forms begin, and end.
-const NAMES: [(&str, &str); 2] = [("instances_", ""), ("update_", "_2020")];
 /// Folders of images: ours, then those of KITTI, which have other images by the same names.
 const IMAGES: [&str; 4] = ["images", "training/image_2", "testing/image_2", "."];
 
@@ -37,11 +33,6 @@ fn image_folders(file: &Path) -> [&'static str; 4] {
     }
 }
 
-fn is_one(file: &Path) -> bool {
-    let stem = file.file_stem().map(|stem| stem.to_string_lossy());
-    stem.is_some_and(|stem| NAMES.iter().any(|(start, end)| stem.starts_with(start) && stem.ends_with(end)))
-}
-
 /// The objects of a dataset.
 struct KinsObjects {
     /// Whether any annotation is of a crowd.
@@ -49,7 +40,7 @@ struct KinsObjects {
 }
 
 fn open(source: &Source) -> Result<Opened> {
-    let (root, path) = shared::root_and_file(source, None, is_one)?;
+    let (root, path) = Structure::Kins.find(source)?;
     let [mut crowds, mut all] = [0; 2];
     let mut file = AnnotationFile::open(
         &root,

@@ -23,7 +23,7 @@ impl YoloSource {
             faults.push(DatasetFault::new(rule::KNOWN_CATEGORIES, message));
         }
         if self.shape == LabelShape::Polygons && line.is_box() {
-            let message = "a box among polygons: the object has no mask and is left out";
+            let message = "a box among polygons: the object has no mask";
             faults.push(DatasetFault::new(rule::RECORDS_AGREE, message));
         }
         // Points of poses have flags; corners of rotated boxes may lie outside.

@@ -25,10 +25,14 @@ const VISIBLE: &str = "visible";
 /// Its value for amodal masks.
 const AMODAL: &str = "amodal";
 
-/// The text of the file of a dataset with a folder of images. Names are quoted as in JSON, which YAML reads.
-pub fn text(images: &str, masks: MaskChoice, dataset: &DatasetInfo) -> String {
+/// The text of the file of a dataset with a folder of images. It states the `task` of boxes, which lines alone do not tell in a
+/// dataset without objects. Names are quoted as in JSON, which YAML reads.
+pub fn text(images: &str, task: Option<LabelShape>, masks: MaskChoice, dataset: &DatasetInfo) -> String {
     let quoted = |text: &str| serde_json::Value::from(text).to_string();
     let mut text: String = SPLITS.map(|split| format!("{split}: {}\n", quoted(images))).concat();
+    if task == Some(LabelShape::Boxes) {
+        text += &format!("{TASK}: detect\n");
+    }
     if masks == MaskChoice::Amodal {
         text += &format!("{MASKS}: {AMODAL}\n");
     }
@@ -237,8 +241,8 @@ mod tests {
         let dataset = DatasetInfo { classes: vec!["a: \"b\"".to_owned()], ..syntable_testing::scenes::dataset() };
         assert_eq!([1, 2].map(|category| dataset.category(category).expect("there").0), [0, 1]);
         let want = "train: \"images/val\"\nval: \"images/val\"\nnames:\n  0: \"object\"\n  1: \"a: \\\"b\\\"\"\n";
-        assert_eq!(super::text("images/val", MaskChoice::Visible, &dataset), want);
-        let amodal = super::text("images/val", MaskChoice::Amodal, &dataset);
+        assert_eq!(super::text("images/val", None, MaskChoice::Visible, &dataset), want);
+        let amodal = super::text("images/val", None, MaskChoice::Amodal, &dataset);
         assert_eq!(amodal, want.replace("names:", "masks: amodal\nnames:"));
     }
 }

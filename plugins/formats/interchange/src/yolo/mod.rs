@@ -11,7 +11,7 @@ use crate::family::write::check_split;
 use syntable_formats::writer::ImageWriter;
 use syntable_model::prelude::*;
 
-/// Writes the layout of Ultralytics YOLO, for instance segmentation or oriented boxes.
+/// Writes the layout of Ultralytics YOLO, for instance segmentation, detection or oriented boxes.
 ///
 /// # What it does
 ///
@@ -21,6 +21,8 @@ use syntable_model::prelude::*;
 ///
 /// - `task = "segment"`: the polygon around the mask. Its parts are linked at their nearest corners to one polygon, as
 ///   Ultralytics' converter from COCO does, and its holes filled. The annotator `outlines` sets its tolerance.
+/// - `task = "detect"`: center, width and height of the box around the mask. A dataset that has boxes and no masks keeps
+///   its boxes; their parts outside the image are cut off, since the loader drops images with such boxes.
 /// - `task = "obb"`: the four corners of the rotated box around the mask, clockwise. They may lie outside the image;
 ///   only corners of a box that is larger than the image are moved to its edge, since the loader drops images with such
 ///   boxes.
@@ -41,7 +43,7 @@ use syntable_model::prelude::*;
 pub struct Yolo {
     /// Task of the labels.
     pub task: YoloTask,
-    /// Mask that polygons and boxes outline. Objects with an empty mask have no label.
+    /// Mask that polygons and boxes outline. Objects with an empty mask have no label, unless a dataset states their box.
     pub masks: MaskChoice,
     /// Folder of images and labels.
     pub split: String,
@@ -53,6 +55,8 @@ pub struct Yolo {
 pub enum YoloTask {
     /// Instance segmentation: polygons.
     Segment,
+    /// Detection: boxes along the edges of the image.
+    Detect,
     /// Oriented bounding boxes.
     Obb,
 }

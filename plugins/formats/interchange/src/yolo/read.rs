@@ -6,7 +6,8 @@
 
 use super::data;
 use super::record::{CLASSES, DATA, IMAGE_ENDS, IMAGES, LABEL_END, LABELS, LabelLine, LabelShape, lines};
-use crate::read::{POLYGONS, is_dataset, settle_edges};
+use crate::family::find::Structure;
+use crate::read::{POLYGONS, pixels_around, settle_edges};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -16,14 +17,14 @@ use syntable_formats::read::{self, Categories, Faults, KnownMasks, ObjectLabels}
 use syntable_formats::segmentation::Segmentation;
 use syntable_model::files::DatasetFolder;
 use syntable_model::prelude::*;
-use syntable_model::product::standard::{CATEGORY_ID, OCCLUSION_MASK, RGB};
+use syntable_model::product::standard::{BOX, CATEGORY_ID, OCCLUSION_MASK, RGB, VISIBLE_BOX};
 use syntable_model::reader::{DatasetFault, Format, ImageSource, Note, Opened, ReadImage, Source, unnamed_class};
 use syntable_model::rule;
 
 syntable_model::register_format!(Format::new(
     "yolo",
     "Ultralytics YOLO: `images/SPLIT` beside `labels/SPLIT`, one split, or its folder of images. Polygons are taken for \
-          visible masks, unless `data.yaml` has `masks: amodal`; of boxes, rotated boxes and poses only classes are read.",
+          visible masks, unless `data.yaml` has `masks: amodal`; of rotated boxes and poses, boxes are read.",
     |root| !splits_of(root).is_empty() && !is_beside_coco(root),
     open,
 ));
@@ -31,7 +32,7 @@ syntable_model::register_format!(Format::new(
 /// Whether annotation files of COCO say all and more: then the labels are what Ultralytics' tools made of them, with no
 /// description of their own.
 fn is_beside_coco(root: &Path) -> bool {
-    is_dataset(root, Some("annotations"), |_| true) && !is_there(&root.join(DATA))
+    !is_there(&root.join(DATA)) && Structure::any_is_at(root)
 }
 
 /// Whether something is there, be it a file or not, or a link that leads nowhere.
@@ -178,8 +179,9 @@ fn open(source: &Source) -> Result<Opened> {
     let shape = stated.or(shape).unwrap_or(LabelShape::Polygons);
     let mut offers = match shape {
         LabelShape::Polygons => known.offers(),
-        LabelShape::Boxes | LabelShape::RotatedBoxes | LabelShape::Poses => keys![CATEGORY_ID],
+        LabelShape::Boxes | LabelShape::RotatedBoxes | LabelShape::Poses => keys![VISIBLE_BOX, CATEGORY_ID],
     };
+    offers.extend((shape != LabelShape::Polygons || boxes > 0).then(|| BOX.id()));
     let labels = offers.clone();
     offers.push(RGB.id());
     let caveat = |text: String| Note::caveat(text).of(labels.clone());
@@ -193,14 +195,15 @@ fn open(source: &Source) -> Result<Opened> {
                 ));
             }
             if boxes > 0 {
-                notes.push(caveat(format!("objects with a box and no polygon were left out: {boxes}")));
+                notes.push(caveat(format!("objects with a box and no polygon have boxes alone: {boxes}")));
             }
-            let what = "objects have a box and no polygon, and are not read";
-            notes.push(Note::not_objects(LeftOut::new(boxes, all_lines, what)).of(labels.clone()));
+        }
+        LabelShape::Boxes => {
+            notes.push(caveat("labels are boxes: boxes and classes are all that is known of objects".to_owned()));
         }
         other => {
-            notes.push(caveat(format!("labels are {}: of objects only classes are read", other.lines())));
-            let what = format!("labels are {}: only their classes are kept", other.lines());
+            notes.push(caveat(format!("labels are {}: of objects, boxes and classes are read", other.lines())));
+            let what = format!("labels are {}: only boxes and classes are kept", other.lines());
             notes.push(Note::not_kept(LeftOut::new(all_lines, all_lines, what)).of(labels.clone()));
         }
     }
@@ -208,12 +211,8 @@ fn open(source: &Source) -> Result<Opened> {
     let unlisted = read::unlisted(&ids, &format!("`{DATA}`")).filter(|_| names_file.is_none());
     notes.extend(unlisted.map(caveat));
     let source = YoloSource { categories, classes, names_file, images, shape, known };
-    Ok(Opened {
-        faults: faults.into_inner(),
-        derived: keys![OCCLUSION_MASK],
-        notes,
-        ..Opened::new(info, refs, offers, source)
-    })
+    let derived = if shape == LabelShape::Polygons { OCCLUSION_MASK.id() } else { VISIBLE_BOX.id() };
+    Ok(Opened { faults: faults.into_inner(), derived: vec![derived], notes, ..Opened::new(info, refs, offers, source) })
 }
 
 /// The names of classes that LabelImg writes beside the labels, if it did.
@@ -239,10 +238,11 @@ impl ImageSource for YoloSource {
         let size = [rgb.width(), rgb.height()];
         if wants.iter().any(|want| *want != RGB.id()) {
             let lines = self.lines(image)?;
+            self.put_boxes(&lines, size, wants, &mut products)?;
             match self.shape {
                 LabelShape::Polygons => {
-                    let polygons = lines.iter().enumerate().filter(|(_, line)| !line.is_box());
-                    let labels = polygons.map(|(row, line)| self.labels(image, row, line, size));
+                    let rows = lines.iter().enumerate();
+                    let labels = rows.map(|(row, line)| self.labels(image, row, line, size));
                     let mut labels = labels.collect::<Result<Vec<_>>>()?;
                     // Whole objects may share pixels.
                     if self.known == KnownMasks::Visible {
@@ -268,6 +268,22 @@ impl YoloSource {
         self.images[image].labels.as_ref().map_or_else(|| Ok(Vec::new()), |path| lines(path, Some(self.shape)))
     }
 
+    /// Puts the boxes of objects without a polygon.
+    fn put_boxes(&self, lines: &[LabelLine], size: [u32; 2], wants: &[KeyId], products: &mut Products) -> Result<()> {
+        let is_one = |line: &LabelLine| self.shape != LabelShape::Polygons || line.is_box();
+        let rows = || lines.iter().enumerate().filter(|(_, line)| is_one(line));
+        let boxes = || rows().map(|(row, line)| Ok((read::id_of(row)?, line.box_px(self.shape, size))));
+        if wants.contains(&BOX.id()) {
+            let boxes = boxes().map(|of| of.and_then(|(id, bbox)| Ok((id, Value::of(&bbox)?))));
+            products.put(BOX, boxes.collect::<Result<_>>()?)?;
+        }
+        if wants.contains(&VISIBLE_BOX.id()) && self.shape != LabelShape::Polygons {
+            let boxes = boxes().map(|of| of.map(|(id, bbox)| (id, pixels_around(bbox))));
+            products.put(VISIBLE_BOX, boxes.collect::<Result<_>>()?)?;
+        }
+        Ok(())
+    }
+
     fn category(&self, line: &LabelLine) -> u32 {
         self.categories.id(line.class.saturating_add(1))
     }
@@ -279,7 +295,10 @@ impl YoloSource {
         };
         let scale = [f64::from(width), f64::from(height)];
         let polygon = line.values.iter().enumerate().map(|(i, value)| value * scale[i % 2]).collect();
-        let mask = Segmentation::Polygons(vec![polygon]).decode(width, height).map_err(at)?;
+        let mask = match line.is_box() {
+            true => Mask::empty(width, height),
+            false => Segmentation::Polygons(vec![polygon]).decode(width, height).map_err(at)?,
+        };
         let amodal = (self.known == KnownMasks::Amodal).then(|| mask.clone());
         Ok(ObjectLabels::of_masks(read::id_of(row)?, mask, amodal, self.category(line)))
     }

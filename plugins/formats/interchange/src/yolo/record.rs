@@ -61,6 +61,21 @@ impl LabelLine {
     pub fn is_box(&self) -> bool {
         self.values.len() == BOX
     }
+
+    /// The box in an image of `[width, height]`: x, y, width, height, px. Of a rotated box, the box around its corners.
+    pub fn box_px(&self, shape: LabelShape, size: [u32; 2]) -> [f64; 4] {
+        let size = size.map(f64::from);
+        let [low, high] = match (shape, self.values.as_slice()) {
+            (LabelShape::RotatedBoxes, values) => {
+                let along = |axis: usize| values.iter().skip(axis).step_by(2).copied();
+                let low = [0, 1].map(|axis| along(axis).fold(f64::INFINITY, f64::min));
+                [low, [0, 1].map(|axis| along(axis).fold(f64::NEG_INFINITY, f64::max))]
+            }
+            (_, &[x, y, width, height, ..]) => [-0.5, 0.5].map(|side| [x + side * width, y + side * height]),
+            _ => [[0.0; 2]; 2],
+        };
+        [low[0] * size[0], low[1] * size[1], (high[0] - low[0]) * size[0], (high[1] - low[1]) * size[1]]
+    }
 }
 
 /// The lines of a label file, given the shape that the dataset states.

@@ -1,11 +1,11 @@
 //! Writes YOLO's layout.
 
 use super::data;
-use super::record::{DATA, IMAGES, LABEL_END, LABELS, line};
+use super::record::{DATA, IMAGES, LABEL_END, LABELS, LabelShape, line};
 use super::{Yolo, YoloTask};
-use crate::coco::MaskChoice;
+use crate::coco::{MaskChoice, StoredParts};
 use crate::family::write::image_name;
-use crate::labels;
+use crate::labels::{self, Partial};
 use crate::outlines::{self, PolygonRing, outline_key, rotated_box_key};
 use syntable_formats::encode::png::PngImage;
 use syntable_formats::encode::view_name;
@@ -30,11 +30,16 @@ impl Yolo {
         format!("{LABELS}/{}/{}.{LABEL_END}", self.split, view_name(scene, view))
     }
 
-    /// Points around an object's mask, px.
-    fn points(&self, products: &Products, id: InstanceId, size: [f64; 2]) -> Result<PolygonRing> {
+    /// Points of an object's line, px: around its mask, or center and size of its box. None if the image shows no part of the
+    /// box.
+    fn points(&self, products: &Products, label: &Partial, size: [f64; 2]) -> Result<Option<PolygonRing>> {
         match self.task {
-            YoloTask::Segment => outlines::ring(products, self.masks, id),
-            YoloTask::Obb => Ok(within_size(outlines::rotated_box(products, self.masks, id)?, size).to_vec()),
+            YoloTask::Segment => outlines::ring(products, self.masks, label.id).map(Some),
+            YoloTask::Detect => Ok(center_and_size(self.masks.box_of(label), size).map(Vec::from)),
+            YoloTask::Obb => {
+                let corners = outlines::rotated_box(products, self.masks, label.id)?;
+                Ok(Some(within_size(corners, size).to_vec()))
+            }
         }
     }
 }
@@ -44,14 +49,16 @@ impl ImageWriter for Yolo {
 
     fn reads(&self) -> Vec<Input> {
         let points = match self.task {
-            YoloTask::Segment => outline_key(self.masks),
-            YoloTask::Obb => rotated_box_key(self.masks),
+            YoloTask::Segment => Some(outline_key(self.masks)),
+            YoloTask::Detect => None,
+            YoloTask::Obb => Some(rotated_box_key(self.masks)),
         };
-        let labels = match self.masks {
-            MaskChoice::Visible => labels::visible_inputs(),
-            MaskChoice::Amodal => labels::amodal_inputs(),
+        let labels = match (self.task, self.masks) {
+            (YoloTask::Detect, masks) => labels::box_inputs(masks),
+            (_, MaskChoice::Visible) => labels::visible_inputs(),
+            (_, MaskChoice::Amodal) => labels::amodal_inputs(),
         };
-        [Input::of(RGB), Input::of(points)].into_iter().chain(labels).collect()
+        [Input::of(RGB)].into_iter().chain(points.map(Input::of)).chain(labels).collect()
     }
 
     fn view(&self, _: &mut (), cx: &ImageContext, products: &Products, output: &Output) -> Result<()> {
@@ -59,13 +66,26 @@ impl ImageWriter for Yolo {
         PngImage::rgb(rgb).write(output, &format!("{}/{}", output.id(), self.image_path(scene, view)))?;
         let size = [rgb.width(), rgb.height()].map(f64::from);
         let mut text = String::new();
-        let labels = self.masks.shown_partial(cx.log, labels::partial(cx.dataset, products)?, false);
+        let (labels, stored) = match self.task {
+            YoloTask::Detect => (labels::partial_or_box(cx.dataset, products)?, StoredParts::Boxes),
+            _ => (labels::partial(cx.dataset, products)?, StoredParts::Visible),
+        };
+        let labels = self.masks.shown_partial(cx.log, labels, stored);
         if self.task == YoloTask::Segment {
             outlines::report_holes(cx.log, products, self.masks, labels.iter().map(|label| label.id))?;
         }
+        let mut outside = 0;
         for label in &labels {
-            text += &line(cx.dataset.category(label.category)?.0, &self.points(products, label.id, size)?, size);
+            match self.points(products, label, size)? {
+                Some(points) => text += &line(cx.dataset.category(label.category)?.0, &points, size),
+                None => outside += 1,
+            }
         }
+        cx.log.left_out(&LeftOut::new(
+            outside,
+            labels.len(),
+            "objects are left out: their boxes are outside of the image",
+        ));
         output.write(&format!("{}/{}", output.id(), self.label_path(scene, view)), text.as_bytes())
     }
 
@@ -80,9 +100,18 @@ impl ImageWriter for Yolo {
 
     fn finish(&self, cx: &DatasetContext, _: &Products, finish: &Finish) -> Result<()> {
         let path = format!("{}/{DATA}", finish.id());
-        let text = data::text(&self.images(), self.masks, cx.dataset);
+        let task = (self.task == YoloTask::Detect).then_some(LabelShape::Boxes);
+        let text = data::text(&self.images(), task, self.masks, cx.dataset);
         write_file(finish, &path, text.as_bytes())
     }
+}
+
+/// Center and size of the part of a box that is in the image; none if that part is empty.
+fn center_and_size([x, y, width, height]: [f64; 4], size: [f64; 2]) -> Option<[[f64; 2]; 2]> {
+    let [low, high] = [[x, y], [x + width, y + height]].map(|[u, v]| [u.clamp(0.0, size[0]), v.clamp(0.0, size[1])]);
+    let sides: [f64; 2] = std::array::from_fn(|axis| high[axis] - low[axis]);
+    let center = std::array::from_fn(|axis| low[axis] + sides[axis] / 2.0);
+    sides.iter().all(|side| *side > 0.0).then_some([center, sides])
 }
 
 /// The corners of a box, moved to the edge of the image if the box is larger.

@@ -8,7 +8,7 @@ use syntable_formats::index::{IndexedRecord, RecordSection};
 use syntable_formats::listing::AnnotationListing;
 use syntable_formats::read::{self, BACKGROUND, ObjectLabels};
 use syntable_formats::segmentation::Rle;
-use syntable_formats::syntable::{SynTableAnnotation, SynTableImage, SynTableScene};
+use syntable_formats::syntable::{self, SynTableAnnotation, SynTableImage, SynTableScene};
 use syntable_model::files::{DatasetFolder, read_small};
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{
@@ -22,7 +22,7 @@ use syntable_model::rule;
 syntable_model::register_format!(Format::new(
     "syntable",
     "SynTable's layout, as the writer `syntable` and SynTable's release have it, and the annotation files of UOAIS-Sim.",
-    |path| { annotation_files(path).is_ok_and(|files| !files.is_empty()) && root_of(path).join("data/mono").is_dir() },
+    |path| { annotation_files(path).is_ok_and(|files| !files.is_empty()) && syntable::is_root(&root_of(path)) },
     open,
 ));
 

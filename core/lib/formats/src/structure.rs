@@ -1,0 +1,162 @@
+//! Finds out which structure an annotation file has, by the keys of its first records. Names of files say little: Roboflow
+//! calls all of them `_annotations.coco.json`, and amodal files are often called `instances_*.json`.
+
+use serde::de::{DeserializeSeed, Deserializer, Error as _, IgnoredAny, MapAccess, SeqAccess, Visitor};
+use serde_json::error::Category;
+use std::collections::BTreeSet;
+use std::fmt;
+use std::fs::File;
+use std::io::{BufRead, BufReader, Read};
+use std::path::Path;
+
+/// Number of annotations whose keys are collected: objects that nothing hides often lack the keys of hidden parts.
+const ANNOTATIONS: usize = 256;
+/// Bytes of a file that are searched for annotations.
+const SEARCHED: u64 = 1 << 28;
+/// The byte order mark that some editors put before UTF-8.
+const MARK: [u8; 3] = [0xef, 0xbb, 0xbf];
+
+/// Keys of the first annotations of a file of COCO's family.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct RecordKeys(BTreeSet<String>);
+
+/// The start of a JSON file.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum AnnotationStart {
+    /// The file has lists of images and annotations.
+    Records(RecordKeys),
+    /// The file is not an annotation file.
+    Other,
+    /// The file cannot be read, or is not JSON.
+    Unreadable,
+}
+
+impl AnnotationStart {
+    /// Reads the start of a file.
+    pub fn of(file: &Path) -> Self {
+        let Ok(file) = File::open(file) else { return Self::Unreadable };
+        let mut text = BufReader::new(file.take(SEARCHED));
+        if text.fill_buf().is_ok_and(|start| start.starts_with(&MARK)) {
+            text.consume(MARK.len());
+        }
+        let mut found = Found::default();
+        let mut json = serde_json::Deserializer::from_reader(text);
+        let end = FileSeed(&mut found).deserialize(&mut json);
+        let is_whole = end.as_ref().map_or_else(|error| error.classify() == Category::Data, |()| true);
+        match found {
+            // The first annotations are enough; what follows may be damaged.
+            Found { has_annotations: true, has_images, keys, .. } if has_images || !keys.is_empty() => {
+                Self::Records(RecordKeys(keys))
+            }
+            _ if is_whole => Self::Other,
+            _ => Self::Unreadable,
+        }
+    }
+}
+
+impl RecordKeys {
+    /// Whether the file has no annotations.
+    pub fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+
+    /// Whether an annotation has one of these keys.
+    pub fn have_any(&self, keys: &[&str]) -> bool {
+        keys.iter().any(|key| self.0.contains(*key))
+    }
+}
+
+#[derive(Default)]
+struct Found {
+    has_images: bool,
+    has_annotations: bool,
+    keys: BTreeSet<String>,
+}
+
+struct FileSeed<'f>(&'f mut Found);
+
+impl<'de> DeserializeSeed<'de> for FileSeed<'_> {
+    type Value = ();
+
+    fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<(), D::Error> {
+        deserializer.deserialize_map(self)
+    }
+}
+
+impl<'de> Visitor<'de> for FileSeed<'_> {
+    type Value = ();
+
+    fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        f.write_str("an annotation file")
+    }
+
+    fn visit_map<M: MapAccess<'de>>(self, mut map: M) -> Result<(), M::Error> {
+        while let Some(key) = map.next_key::<String>()? {
+            match key.as_str() {
+                "annotations" => map.next_value_seed(AnnotationsSeed(self.0))?,
+                "images" => {
+                    self.0.has_images = true;
+                    map.next_value::<IgnoredAny>()?;
+                }
+                _ => drop(map.next_value::<IgnoredAny>()?),
+            }
+        }
+        Ok(())
+    }
+}
+
+struct AnnotationsSeed<'f>(&'f mut Found);
+
+impl<'de> DeserializeSeed<'de> for AnnotationsSeed<'_> {
+    type Value = ();
+
+    fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<(), D::Error> {
+        deserializer.deserialize_seq(self)
+    }
+}
+
+impl<'de> Visitor<'de> for AnnotationsSeed<'_> {
+    type Value = ();
+
+    fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        f.write_str("a list of annotations")
+    }
+
+    fn visit_seq<S: SeqAccess<'de>>(self, mut list: S) -> Result<(), S::Error> {
+        self.0.has_annotations = true;
+        for _ in 0..ANNOTATIONS {
+            if list.next_element_seed(KeysSeed(&mut self.0.keys))?.is_none() {
+                return Ok(());
+            }
+        }
+        Err(S::Error::custom("no further annotation is needed"))
+    }
+}
+
+struct KeysSeed<'k>(&'k mut BTreeSet<String>);
+
+impl<'de> DeserializeSeed<'de> for KeysSeed<'_> {
+    type Value = ();
+
+    fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<(), D::Error> {
+        deserializer.deserialize_map(self)
+    }
+}
+
+impl<'de> Visitor<'de> for KeysSeed<'_> {
+    type Value = ();
+
+    fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        f.write_str("an annotation")
+    }
+
+    fn visit_map<M: MapAccess<'de>>(self, mut map: M) -> Result<(), M::Error> {
+        while let Some(key) = map.next_key::<String>()? {
+            // A field without a value says nothing.
+            if map.next_value::<Option<IgnoredAny>>()?.is_some() {
+                self.0.insert(key);
+            }
+        }
+        Ok(())
+    }
+}
