@@ -78,7 +78,7 @@ mod tests {
             let message = said(&[("--save", Some(&path))]);
             assert!(message.contains(says) && message.contains("another file"), "{message}");
         }
-        // Inside a dataset, a file stands for the dataset's folder; any other file stands for itself.
+        // Without a format that detects a dataset, each path stays as it is.
         for named in ["data", "data/labels.json"] {
             assert_eq!(whole(&dataset_folder(&Registry::default(), &at(named))), whole(&at(named)), "{named}");
         }

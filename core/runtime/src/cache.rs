@@ -14,13 +14,13 @@ pub struct DiskCache {
 }
 
 impl DiskCache {
-    /// A cache in a folder, which is made when it is first needed.
+    /// A cache in a folder, which is created when it is first needed.
     pub fn new(root: impl Into<PathBuf>) -> Self {
         Self { root: Some(root.into()) }
     }
 
-    /// The user's cache: `$SYNTABLE_CACHE`, else `$XDG_CACHE_HOME/syntable`, else `~/.cache/syntable`. Without any of the
-    /// variables nothing is kept: a folder for temporary files is open to others.
+    /// The user's cache: `$SYNTABLE_CACHE`, else `$XDG_CACHE_HOME/syntable`, else `~/.cache/syntable`. Without any of
+    /// these variables, nothing is kept, because other users can read and write a folder for temporary files.
     pub fn of_user() -> Self {
         let var = |name: &str| std::env::var_os(name).filter(|value| !value.is_empty()).map(PathBuf::from);
         let root = var("SYNTABLE_CACHE")
@@ -34,7 +34,7 @@ impl DiskCache {
         Self { root: None }
     }
 
-    /// Where it is.
+    /// The folder of the cache, if results are kept.
     pub fn root(&self) -> Option<&Path> {
         self.root.as_deref()
     }
@@ -44,13 +44,13 @@ impl DiskCache {
     }
 }
 
-/// What stands before the bytes of an entry: a digest of them and of what they were asked for.
+/// The header of an entry: a digest of the purpose, the key and the bytes.
 fn seal(purpose: &str, key: Digest, bytes: &[u8]) -> String {
     let whole = [purpose.as_bytes(), b"\n", key.to_string().as_bytes(), b"\n", bytes].concat();
     Digest::of(&whole).to_string()
 }
 
-/// A file that is damaged, or that is another entry under this entry's name, reads as absent.
+/// A damaged file, or the file of another entry under this name, reads as absent.
 impl Cache for DiskCache {
     fn get(&self, purpose: &str, key: Digest) -> Option<Vec<u8>> {
         let mut bytes = fs::read(self.path(purpose, key)?).ok()?;
@@ -70,7 +70,7 @@ impl Cache for DiskCache {
             fs::rename(&part, &path)
         };
         if written().is_err() {
-            // A cache that cannot be written costs time only; what is half written must not stay.
+            // A cache that cannot be written only costs time, but an incomplete file must not stay.
             let _ = fs::remove_file(&part);
         }
     }
@@ -96,7 +96,7 @@ mod tests {
         cache.put("hulls", key, b"some bytes");
         assert_eq!(cache.get("hulls", key).as_deref(), Some(&b"some bytes"[..]));
         let path = cache.path("hulls", key).expect("a folder");
-        // Another entry's file, whole in itself.
+        // The intact file of another entry.
         fs::copy(&path, cache.path("hulls", Digest::of(b"other")).expect("a folder")).expect("copied");
         assert_eq!(cache.get("hulls", Digest::of(b"other")), None);
         let mut bytes = fs::read(&path).expect("written");

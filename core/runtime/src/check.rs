@@ -1,4 +1,4 @@
-//! What can be known of a recipe and its assets without rendering.
+//! Checks of a recipe and its assets without rendering.
 
 use crate::pools::{self, AssetStore};
 use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
@@ -18,9 +18,9 @@ pub struct CheckedRecipe {
     pub pools: Vec<(String, String)>,
 }
 
-/// Loads and plans a recipe, and finds every mistake that a run would find before it renders: wrong keys and values, missing
-/// files, products that no stage provides, pools that cannot be opened, and images that the memory of this machine cannot
-/// hold. Native libraries are not loaded.
+/// Loads and plans a recipe, and finds every mistake that a run would find before it renders: wrong keys and values,
+/// missing files, products that no stage provides, pools that cannot be opened, and images that the memory of this
+/// machine cannot hold. Native libraries are not loaded.
 ///
 /// # Errors
 /// With all mistakes at once.
@@ -44,7 +44,8 @@ pub fn check(
     }
 }
 
-/// Loads and plans a recipe. Only if the recipe has mistakes, its pools are opened, too, so that the error names all mistakes.
+/// Loads and plans a recipe. Only if the recipe has mistakes, its pools are opened, too, so that the error names all
+/// mistakes.
 ///
 /// # Errors
 /// With all mistakes at once.
@@ -65,7 +66,7 @@ pub struct CheckedPool {
     pub pool: String,
     /// Number of its assets.
     pub size: usize,
-    /// Names of the assets that cannot be used, in the order of the catalog. The log says what is wrong with each.
+    /// Names of the unusable assets, in the order of the catalog. The log has the reason for each.
     pub bad: Vec<String>,
 }
 
@@ -79,7 +80,7 @@ pub fn check_assets(assets: &AssetStore<'_>, pool: &str) -> Result<CheckedPool> 
         let asset = AssetRef { pool: pool.to_owned(), name: entry.name.clone() };
         match assets.get(&asset) {
             Ok(_) => Ok(None),
-            // It says nothing about the asset.
+            // A transient error does not make the asset bad.
             Err(error) if error.is_transient() => Err(error),
             Err(_) => Ok(Some(entry.name.clone())),
         }

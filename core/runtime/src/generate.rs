@@ -1,4 +1,4 @@
-//! Samples in memory: the views of a recipe's scenes with the products that a program asks for, without files.
+//! Samples in memory: the views of a recipe's scenes with the products that a program requests, without files.
 
 use crate::cache::DiskCache;
 use crate::pools::{AssetStore, RecordingAssets};
@@ -30,11 +30,11 @@ use syntable_recipe::Recipe;
 /// Number of samples that wait for the caller of a [`Generator`], besides the scenes in flight.
 const WAITING: usize = 1;
 
-/// Which samples to make, and how.
+/// The samples to make, and how to make them.
 #[derive(Clone)]
 pub struct GenerateOptions {
-    /// Names of the products of a sample, such as `rgb` and `amodal_mask`. If empty, samples have all products that the recipe
-    /// computes. A writer of the recipe must read the products, or the recipe must be loaded with them as
+    /// Names of the products of a sample, such as `rgb` and `amodal_mask`. If empty, samples have all products that the
+    /// recipe computes. A writer of the recipe must read the products, or the recipe must be loaded with them as
     /// [`wanted`](syntable_recipe::RecipeRequest::load).
     pub products: Vec<String>,
     /// Numbers of the scenes, not empty. `None` for all scenes of the recipe.
@@ -43,9 +43,9 @@ pub struct GenerateOptions {
     pub allow_libraries: bool,
     /// Number of threads. The samples do not depend on it.
     pub threads: usize,
-    /// Costly results, kept between runs.
+    /// Cache of results that later runs can use.
     pub cache: DiskCache,
-    /// Handle to end the work early.
+    /// Ends the work early on request.
     pub stop: Stop,
 }
 
@@ -73,12 +73,12 @@ pub struct Sample {
 pub struct Generated {
     /// Numbers of the scenes that failed, ascending.
     pub failed: Vec<u32>,
-    /// What stages left out of the samples.
+    /// Data that stages omitted from the samples.
     pub left_out: Vec<Loss>,
 }
 
-/// Makes samples, and passes them to `take` in the order of scenes and views. Several scenes are made in parallel, and their
-/// samples wait for their turn.
+/// Makes samples, and passes them to `take` in the order of scenes and views. Several scenes are made in parallel, and
+/// their samples wait for their turn.
 ///
 /// A scene that fails has no samples. The reporter gets an event, and the result has the scene's number.
 ///
@@ -121,7 +121,7 @@ pub fn generate(
                 });
             }
             drop(queue);
-            // The threads end with the loop, however it ends.
+            // The threads end with the loop, even after an error or a panic.
             let _closed = Closing(&order, &stop);
             for scene in scenes.clone() {
                 match order.take(scene)? {
@@ -210,7 +210,8 @@ impl ViewSink for SampleSink {
 /// The samples of a scene. `None` if the scene failed.
 type SceneSamples = Result<Option<Vec<Sample>>>;
 
-/// Scenes that are made in any order and taken in theirs. No scene begins too far ahead of the next one to take.
+/// Scenes that are made in any order and taken in ascending order. No scene begins too far ahead of the next one to
+/// take.
 struct SceneOrder {
     state: Mutex<SceneOrderState>,
     moved: Condvar,
@@ -263,7 +264,7 @@ impl SceneOrder {
     }
 }
 
-/// On drop, lets no further scene begin, and stops the scenes in the making.
+/// When dropped, prevents further scenes from starting, and stops the scenes in progress.
 struct Closing<'a>(&'a SceneOrder, &'a Stop);
 
 impl Drop for Closing<'_> {
@@ -274,7 +275,7 @@ impl Drop for Closing<'_> {
     }
 }
 
-/// Samples as an iterator, made on threads of its own while the caller works. Dropping it ends the work.
+/// Iterator of samples, which separate threads make while the caller works. Dropping it ends the work.
 ///
 /// The iterator ends after the last sample, or after the first error.
 pub struct Generator {
@@ -293,14 +294,14 @@ impl Generator {
         let options = GenerateOptions { stop: stop.clone(), ..options };
         let thread = thread::spawn(move || {
             generate(&recipe, &options, &*reporter, &mut |sample| {
-                // Nobody wants more once the iterator is gone.
+                // The receiver is gone once the iterator is dropped.
                 sender.send(sample).map_err(|_| Error::new("the samples are no longer wanted"))
             })
         });
         Self { samples: Some(samples), thread: Some(thread), stop, result: Generated::default() }
     }
 
-    /// The failed scenes, and what stages left out. Complete after the last sample.
+    /// The failed scenes, and the data that stages omitted. Complete after the last sample.
     pub fn result(&self) -> &Generated {
         &self.result
     }

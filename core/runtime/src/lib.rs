@@ -1,5 +1,5 @@
-//! What is done with a loaded recipe and with datasets: pools, runs, previews, samples in memory, validation, conversion. These are
-//! functions that print nothing. Of plugins, only tools depend on this crate.
+//! Operations on loaded recipes and on datasets: pools, runs, previews, samples in memory, validation, conversion.
+//! These functions print nothing. Among plugins, only tools depend on this crate.
 
 pub mod cache;
 pub mod check;

@@ -140,7 +140,7 @@ impl NumberNames {
                     let of =
                         |numbers: &BTreeMap<&str, Vec<u64>>| numbers.get(name.as_str()).cloned().unwrap_or_default();
                     let [own, others] = [of(&own_numbers), of(&other_numbers)];
-                    // Several pools may have an object of one name. The first id stands for them.
+                    // Several pools may have an object of the same name. The first id represents them.
                     let are_apart = own.first() == Some(id) && !own.iter().any(|id| others.contains(id));
                     if let Some(other) = others.first().filter(|_| are_apart) {
                         faults.push(fault(format!(

@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use syntable_model::context::Workers;
 use syntable_model::error::{Error, Result};
 
-/// A pool of threads, shared by the scenes in flight: whoever has work to spread, spreads it here.
+/// A pool of threads, shared by the scenes in flight.
 pub struct Pool(rayon::ThreadPool);
 
 impl Pool {

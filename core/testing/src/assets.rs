@@ -6,7 +6,7 @@ use syntable_model::context::Assets;
 use syntable_model::error::{Error, Result};
 use syntable_model::scene::{Asset, AssetRef, CatalogEntry, EnvironmentMap, Material, Object};
 
-/// No pool at all.
+/// No pools.
 #[derive(Debug, Default, Clone, Copy)]
 pub struct NoAssets;
 
@@ -19,7 +19,7 @@ impl Assets for NoAssets {
     }
 }
 
-/// Pools that are held in memory.
+/// Pools in memory.
 #[derive(Debug, Default)]
 pub struct Pools {
     entries: BTreeMap<String, Vec<CatalogEntry>>,

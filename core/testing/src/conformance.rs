@@ -1,4 +1,4 @@
-//! What every implementation of a trait must satisfy. Each function panics with the reason.
+//! Requirements of traits, which every implementation must meet. Each function panics with the reason.
 
 use crate::folder::{files, files_of_store};
 use std::collections::BTreeMap;
@@ -14,8 +14,8 @@ use syntable_model::scene::{InstanceId, Scene};
 use syntable_model::stage::{Bodies, Output, RenderRequest, Renderer, SceneWriter, Scenes, Window, Writer};
 use syntable_model::store::{MemStore, StoreFolder};
 
-/// A kind of stage: its example builds, its options survive writing and reading, unknown keys are refused, and
-/// everything is documented. Gives the stage of the example.
+/// Checks a kind of stage: its example builds, its options survive writing and reading, unknown keys are refused, and
+/// all options are documented. Returns the stage of the example.
 pub fn entry(entry: &Entry) -> Constructed {
     let at = format!("{}.{}", entry.slot, entry.kind);
     let construct = |text: &str| -> Result<Constructed, String> {
@@ -41,10 +41,10 @@ pub fn entry(entry: &Entry) -> Constructed {
     constructed
 }
 
-/// An annotator of images, views or moments, as a stage; see [`producer`].
+/// Checks an annotator of images, views or moments, given as a stage; see [`producer`].
 ///
 /// # Panics
-/// If it is another stage, or at fault.
+/// If the stage is of another kind, or fails the check.
 pub fn annotator(stage: &Stage, cx: &ViewContext, products: &Products) -> Products {
     match stage {
         Stage::AnnotateImage(it) => {
@@ -61,8 +61,8 @@ pub fn annotator(stage: &Stage, cx: &ViewContext, products: &Products) -> Produc
     }
 }
 
-/// A producer of a scope: it provides what it declares, reads nothing else than it declares, and gives the same twice. Returns the
-/// products that it made.
+/// Checks a producer of a scope: it makes exactly the products that it declares, reads only the products that it
+/// declares, and makes the same products twice. Returns these products.
 fn producer(
     reads: &[KeyId],
     (scope, provided): (Scope, &[KeyId]),
@@ -84,8 +84,8 @@ fn producer(
     made
 }
 
-/// A renderer: it makes exactly what is wanted, alone or together, the same for any number of threads; a window shows the
-/// pixels of the image, and all bodies by name are the whole scene.
+/// Checks a renderer: it makes exactly the requested products, alone or together, and the same for any number of
+/// threads; a window shows the pixels of the image, and listing all bodies by id gives the whole scene.
 pub fn renderer(renderer: &dyn Renderer, scene: &Arc<Scene>, request: &RenderRequest, threads: &[&dyn Workers]) {
     let render = |wants: &[KeyId], workers: &dyn Workers, window: Window, bodies: Bodies| {
         let mut session = renderer.open(0).expect("opens");
@@ -112,7 +112,7 @@ pub fn renderer(renderer: &dyn Renderer, scene: &Arc<Scene>, request: &RenderReq
         assert!(render(&offers, threads[0], image, bodies) == all, "all bodies by name are not the whole scene");
     }
     let window = Window { x: image.width as i32 / 3, y: -3, width: image.width, height: image.height };
-    // What depends on neighbors may differ at the edges of a window.
+    // Products that depend on neighboring pixels may differ at the edges of a window.
     let pixels: Vec<KeyId> = keys![RADIANCE, DEPTH, INSTANCE, COVERAGE, COVERAGE_BEFORE_SUPPORT, NORMAL, ALBEDO]
         .into_iter()
         .filter(|key| offers.contains(key))
@@ -138,8 +138,8 @@ fn pixel(value: &Value, x: usize, y: usize) -> &[u8] {
     &tensor.bytes[(y * tensor.shape[1] + x) * size..][..size]
 }
 
-/// A writer: the same samples give the same files, on the disk and in memory, all inside its folder, and it reads nothing else
-/// than it declares. Returns the files of the scene, by path.
+/// Checks a writer: the same samples give the same files, on disk and in memory, all inside its folder, and it reads
+/// only the products that it declares. Returns the files of the scene, by path.
 pub fn writer(
     writer: &dyn Writer<Scenes>,
     cx: &ViewContext,

@@ -1,9 +1,9 @@
-//! How far an image is from a reference.
+//! Differences between an image and a reference.
 
 /// Radiance of pixels.
 pub type Image = [[f32; 3]];
 
-/// The radiance that shows white: 5.56 times the log-average luminance of a reference.
+/// Radiance of white: 5.56 times the log-average luminance of a reference.
 pub fn white(reference: &Image) -> f64 {
     let logs: f64 = reference.iter().map(|c| libm::log(luminance(c).max(1e-6))).sum();
     libm::exp(logs / reference.len() as f64) * 5.56

@@ -1,4 +1,4 @@
-//! Datasets whose files are links to what is not theirs, or no files at all.
+//! Datasets with links to foreign files, or with pipes instead of files.
 
 use crate::takes::registry;
 use std::fs;
@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 use syntable_model::error::Error;
 use syntable_model::reader::Source;
 
-/// What is said of a dataset that is read as a whole: images that were read, and why others were not. If it cannot be opened,
-/// that is the only reason.
+/// Reads all images of a dataset. Returns the number of readable images, and the errors of the others. If the dataset
+/// cannot be opened, its error is the only one.
 pub fn read_all(source: &Source, kind: &str) -> (usize, Vec<Error>) {
     let read = match registry().open_dataset(source, Some(kind)) {
         Ok((_, read)) => read,
@@ -18,8 +18,8 @@ pub fn read_all(source: &Source, kind: &str) -> (usize, Vec<Error>) {
     (read.images.len() - errors.len(), errors)
 }
 
-/// Asserts that the reader of a format opens nothing that links in the dataset of `root` lead to outside, unless the dataset
-/// is trusted: first of its images, then of all files. The dataset is changed.
+/// Asserts that the reader of a format opens no files behind links that lead out of the dataset in `root`, unless the
+/// dataset is trusted: first with links to images, then with links to all files. Changes the dataset.
 pub fn links_lead_nowhere_else(root: &Path, kind: &str) {
     let outside = tempfile_beside(root);
     let source = || Source::new(root);
@@ -41,7 +41,7 @@ pub fn links_lead_nowhere_else(root: &Path, kind: &str) {
         let (read, errors) = read_all(&source().trusting(true), kind);
         assert!(read == all && errors.is_empty(), "{kind}: {what}: trusted, {read} of {all}: {errors:?}");
     }
-    // A link within the dataset is as good as the file.
+    // A link within the dataset counts as the file.
     let store = root.join(".store");
     fs::rename(&outside, &store).expect("movable");
     relink(root, &outside, &store);
@@ -49,17 +49,17 @@ pub fn links_lead_nowhere_else(root: &Path, kind: &str) {
     assert!(read == all && errors.is_empty(), "{kind}: links within: {errors:?}");
 }
 
-/// A reader that takes longer for a small dataset waits.
+/// Maximum time to read a small dataset. A slower reader waits for a pipe.
 const PATIENCE: std::time::Duration = std::time::Duration::from_secs(60);
 
-/// Asserts that a pipe in the place of any file of a dataset is refused and not waited for.
+/// Asserts that a reader never waits for a pipe, whichever file of a dataset it replaces.
 pub fn pipes_are_not_waited_for(root: &Path, kind: &str) {
     let mut files = Vec::new();
     each_file(root, &mut |path| files.push(path.to_owned()));
     files.sort();
     let mut seen = std::collections::BTreeSet::new();
     for path in files {
-        // One of each name of a folder, and of each ending.
+        // Tries one file for each name of a folder and each extension.
         let folder = path.parent().and_then(Path::file_name).map(ToOwned::to_owned);
         if !seen.insert((folder, path.extension().map(ToOwned::to_owned))) {
             continue;
@@ -77,7 +77,7 @@ pub fn pipes_are_not_waited_for(root: &Path, kind: &str) {
     }
 }
 
-/// An empty folder beside another one.
+/// Creates an empty folder next to another folder.
 fn tempfile_beside(root: &Path) -> PathBuf {
     let outside = root.with_extension("outside");
     fs::create_dir(&outside).expect("new");
@@ -96,7 +96,7 @@ fn each_file(folder: &Path, each: &mut dyn FnMut(&Path)) {
     }
 }
 
-/// Moves files outside, and leaves links to them.
+/// Moves files outside, and replaces them by links.
 fn link_out(root: &Path, folder: &Path, outside: &Path, is_one: &dyn Fn(&Path) -> bool) {
     let mut files = Vec::new();
     each_file(folder, &mut |path| files.push(path.to_owned()));
@@ -111,7 +111,7 @@ fn link_out(root: &Path, folder: &Path, outside: &Path, is_one: &dyn Fn(&Path) -
     }
 }
 
-/// Lets links to files of one folder lead to those of another one.
+/// Redirects links from files of one folder to the same files in another folder.
 fn relink(root: &Path, before: &Path, now: &Path) {
     each_file(root, &mut |path| {
         if let Some(name) = fs::read_link(path).ok().and_then(|to| Some(to.strip_prefix(before).ok()?.to_owned())) {

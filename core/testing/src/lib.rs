@@ -1,4 +1,4 @@
-//! What the tests of SynTable plugins share: scenes whose labels can be worked out on paper, checks that every
+//! Tools for tests of SynTable plugins: scenes whose labels can be worked out on paper, checks that every
 //! implementation of a trait must pass, and statistics for random quantities.
 //!
 //! ```

@@ -1,4 +1,4 @@
-//! What a writer writes of products, read back by the reader of its format.
+//! Products that a writer wrote, read back by the reader of its format.
 
 use crate::takes::open_dataset;
 use crate::takes::{Take, WIDTH, dataset, finish, takes, write_scenes, writer};
@@ -11,7 +11,7 @@ pub fn classes() -> DatasetInfo {
     DatasetInfo { classes: vec!["bowl".into(), "mug".into()], ..dataset(3, 3) }
 }
 
-/// A dataset of all takes, by a writer with the id `data`.
+/// Writes a dataset of all takes, with a writer whose id is `data`.
 pub fn written(root: &Path, kind: &str, options: &str) -> Vec<Take> {
     let (writer, takes) = (writer(kind, options).expect("good options"), takes());
     write_scenes(root, "data", &*writer, &classes(), &takes).expect("written");
@@ -19,7 +19,7 @@ pub fn written(root: &Path, kind: &str, options: &str) -> Vec<Take> {
     takes
 }
 
-/// Opens a dataset by the format that it looks like, which must be that of the writer.
+/// Opens a dataset with the detected format, which must have the name `kind`.
 pub fn opened(root: &Path, kind: &str) -> OpenDataset {
     let (format, reader) = open_dataset(root, None).unwrap_or_else(|error| panic!("{kind}: {error}"));
     assert_eq!(format.name(), kind);
@@ -27,8 +27,8 @@ pub fn opened(root: &Path, kind: &str) -> OpenDataset {
     reader
 }
 
-/// Asserts that each image of a dataset has the products that were written of its view, in the form that JSON gives them, and
-/// counts the comparisons. Of some products, `part` is compared; views may be missing if `all` is false.
+/// Asserts that each image of a dataset has the written products of its view, compared as JSON after `part`, which
+/// selects the comparable part of a product. Returns the number of comparisons. Views may be missing if `all` is false.
 pub fn assert_products(
     read: &OpenDataset,
     takes: &[Take],
@@ -50,11 +50,11 @@ pub fn assert_products(
             assert_eq!(read.image_faults(index), []);
             for key in offers {
                 let name = key.to_string();
-                // What a format computes is compared where it is tested.
+                // The tests of a format compare the products that it computes.
                 if !products.contains(&name) {
                     continue;
                 }
-                // Text keeps what numbers and arrays are, and not how they were held.
+                // JSON keeps the values of numbers and arrays, but not their types.
                 let [own, want] = [&found, products]
                     .map(|of| part(&name, serde_json::to_value(of.value(&name).expect("made")).expect("JSON")));
                 assert!(own == want, "`{name}` of {}", image.name);

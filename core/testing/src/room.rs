@@ -1,5 +1,5 @@
-//! A scene to measure with: a closed room of 6 × 6 × 2.8 m, a table, 20 rippled balls and rings of 16 384 triangles each,
-//! textured, glossy and metallic, under a ceiling panel and a globe.
+//! A scene for measurements: a closed room of 6 × 6 × 2.8 m, a table, and 20 rippled balls and rings of 16 384
+//! triangles each, textured, glossy and metallic, under a ceiling panel and a globe.
 
 use std::f32::consts::{PI, TAU};
 use std::sync::Arc;
@@ -12,7 +12,8 @@ use syntable_model::scene::{
     SettleReport, SourceModel, SphereLight, Support, Texture, TextureMapping, Transmission, ViewId, Volume, Wrap,
 };
 
-/// The table from above one corner, 600 px of focal length: the center of a 640 × 480 image, or all of it.
+/// A view of the table from above one corner, with a focal length of 600 px. The image is 640 × 480 px or a central
+/// part of that.
 pub fn view(width: u32, height: u32) -> View {
     let intrinsics =
         Intrinsics { width, height, fx: 600.0, fy: 600.0, cx: f64::from(width) / 2.0, cy: f64::from(height) / 2.0 };
@@ -33,10 +34,10 @@ pub fn view(width: u32, height: u32) -> View {
     }
 }
 
-/// What the objects are made of.
+/// Material of the objects.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Look {
-    /// Matte, textured, glossy and metallic ones.
+    /// Matte, textured, glossy and metallic objects.
     Mixed,
     /// Tumblers, bodies and thin shells of clear and tinted glass.
     Glass,
@@ -46,12 +47,12 @@ pub enum Look {
     Metal,
 }
 
-/// The room and what is in it.
+/// The room with its mixed objects.
 pub fn scene() -> Arc<Scene> {
     scene_of(Look::Mixed)
 }
 
-/// The room with objects of one look, in the same places.
+/// The room with objects of one look, at the same places.
 pub fn scene_of(look: Look) -> Arc<Scene> {
     let mut random = Stream::root(3);
     let mut builder = SceneBuilder::default();
@@ -154,7 +155,7 @@ fn object(name: &str, data: MeshData, material: Material) -> Arc<Object> {
     })
 }
 
-/// A box of half-sizes around the origin.
+/// A box around the origin with these half-sizes.
 fn cuboid(half: [f32; 3]) -> MeshData {
     let mut data = MeshData::default();
     for axis in 0..3 {
@@ -173,7 +174,7 @@ fn cuboid(half: [f32; 3]) -> MeshData {
     data
 }
 
-/// A rippled ball or ring of 64 × 128 quads, smooth, with texture coordinates; some 14 cm across.
+/// A smooth, rippled ball or ring of 64 × 128 quads with texture coordinates, about 14 cm across.
 fn blob(random: &mut Stream, ring: bool) -> MeshData {
     let (rows, columns) = (64_u32, 128_u32);
     let waves: [(f32, f32); 3] = std::array::from_fn(|i| ((i + 2) as f32, random.uniform(0.0, f64::from(TAU)) as f32));
@@ -208,10 +209,10 @@ fn blob(random: &mut Stream, ring: bool) -> MeshData {
     data
 }
 
-/// A tumbler of 14 cm with walls of 3 mm, around the origin; closed, smooth around its axis, with sharp rims.
+/// A tumbler around the origin, 14 cm high, with walls of 3 mm; closed, smooth around its axis, with sharp rims.
 fn tumbler() -> MeshData {
     const COLUMNS: u32 = 96;
-    // Radius and height, m: out from the bottom's center, up, over the rim and down inside.
+    // Radius and height, m: outward from the center of the bottom, up, over the rim and down inside.
     const PROFILE: [(f32, f32); 6] =
         [(0.0, -0.07), (0.032, -0.07), (0.04, 0.07), (0.037, 0.07), (0.029, -0.06), (0.0, -0.06)];
     let mut data = MeshData::default();
@@ -229,7 +230,7 @@ fn tumbler() -> MeshData {
         }
         for column in 0..COLUMNS {
             let a = first + 2 * column;
-            // At the axis one of the two has no area.
+            // At the axis, one of the two triangles has no area.
             if ends[0].0 > 0.0 {
                 data.triangles.push([a, a + 2, a + 1]);
             }

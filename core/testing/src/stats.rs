@@ -1,5 +1,5 @@
-//! Statistics for tests of random quantities. Fixed seeds make such tests repeatable; the probabilities say how unlikely
-//! a failure of correct code would have been.
+//! Statistics for tests of random quantities. Fixed seeds make such tests repeatable. The probabilities show how
+//! unlikely a failure of correct code was.
 
 /// Probability of a χ² statistic at least as large, for counts against expected counts of the same total.
 pub fn chi_square_p(observed: &[u64], expected: &[f64]) -> f64 {

@@ -1,4 +1,5 @@
-//! Scenes with views whose labels are made by counting pixels, and what runs a writer on them as the program does.
+//! Scenes with views whose labels are made by counting pixels, and functions that run a writer on them like the
+//! program.
 
 use crate::folder;
 use std::collections::BTreeMap;
@@ -23,7 +24,7 @@ pub const WIDTH: u32 = 64;
 /// Height of the images, px.
 pub const HEIGHT: u32 = 48;
 
-/// All that the crates register which the test links.
+/// The registry of all crates that the test links.
 pub fn registry() -> Registry {
     Registry::linked().expect("no two of one name")
 }
@@ -31,12 +32,13 @@ pub fn registry() -> Registry {
 /// Opens a dataset of any format that the test links.
 ///
 /// # Errors
-/// As the program's.
+/// The same errors as the program.
 pub fn open_dataset(root: &Path, format: Option<&str>) -> Result<(Arc<dyn DatasetFormat>, OpenDataset), Error> {
     registry().open_dataset(&Source::new(root), format)
 }
 
-/// The writer that these options give, or why they are refused. The test must link the crate that registers the kind.
+/// The writer with these options, or the reason why they are refused. The test must link the crate that registers the
+/// kind.
 pub fn writer(kind: &str, options: &str) -> Result<Box<dyn Writer<Scenes>>, String> {
     use syntable_model::registry::ConstructError;
     match registry().find(Slot::Write, kind).expect("a registered kind").construct_str(options) {
@@ -53,24 +55,24 @@ pub fn writer(kind: &str, options: &str) -> Result<Box<dyn Writer<Scenes>>, Stri
 pub struct Take {
     /// The scene.
     pub scene: Scene,
-    /// All products of the scene, those that are made from all views included.
+    /// All products of the scene, including the products made from all views.
     pub products: Products,
-    /// Each view with its products, and those of the scene that are known before the views.
+    /// Each view with its products and the scene's products that are known before the views.
     pub views: Vec<(View, Products)>,
 }
 
-/// What is in a view.
+/// Content of a view.
 #[derive(Clone, Copy)]
 pub enum Crowd {
-    /// Blobs at random, some wholly hidden, some at the border.
+    /// Random blobs, some completely hidden, some at the border.
     Random,
-    /// Nothing but the table.
+    /// Only the table.
     Nothing,
-    /// Every object is hidden by the table.
+    /// Objects that the table hides.
     Hidden,
 }
 
-/// A dataset of no classes.
+/// A dataset without classes.
 pub fn dataset(scenes: u32, views: u32) -> DatasetInfo {
     DatasetInfo {
         name: "a \"test\"".into(),
@@ -85,7 +87,7 @@ pub fn dataset(scenes: u32, views: u32) -> DatasetInfo {
     }
 }
 
-/// A scene of some objects and a view for each crowd.
+/// A scene with this number of objects, and a view for each crowd.
 pub fn take(id: u32, objects: usize, crowds: &[Crowd]) -> Take {
     let scene = scene(id, objects);
     let mut known = Products::new();
@@ -141,7 +143,7 @@ fn scene(id: u32, objects: usize) -> Scene {
         let pose = Pose::translation(0.01 * i as f64, 0.0, 0.7);
         handles.push(builder.add(BodyDraft::new(asset, object.clone(), pose, role, Motion::Dynamic)));
     }
-    // The first object is gone, so that spawn numbers and ids differ.
+    // Removes an object, so that spawn numbers and ids differ.
     builder.remove(handles[1]);
     builder.freeze(SceneId(id), 0, SettleReport::default()).expect("a scene")
 }
@@ -166,8 +168,8 @@ fn view(number: u32) -> View {
     }
 }
 
-/// Every product of a view. Objects are ellipses; the smaller the id, the nearer, except where a random stripe turns
-/// the order round; the table is behind them but in front of some.
+/// Every product of a view. Objects are ellipses. A smaller id is nearer, except in a random stripe with the reverse
+/// order. The table is behind the objects, but in front of some.
 fn view_products(scene: &Scene, view: &View, crowd: Crowd, mut stream: Stream, known: &Products) -> Products {
     let count = scene.objects().len() as u16;
     let table = InstanceId(count + 1);
@@ -262,7 +264,7 @@ fn view_products(scene: &Scene, view: &View, crowd: Crowd, mut stream: Stream, k
         products.put(AMODAL_MASK, PerInstance(amodal.clone()))?;
         let shown = |hits: &Vec<InstanceId>| hits.first().filter(|id| **id != table).copied().unwrap_or_default();
         products.put(VISIBLE_IDS, rays.map(shown))?;
-        // The width is a multiple of eight.
+        // The image width is a multiple of eight.
         let bytes = ids.iter().flat_map(|id| {
             let bits = rays
                 .data()
@@ -310,7 +312,7 @@ fn view_products(scene: &Scene, view: &View, crowd: Crowd, mut stream: Stream, k
     products
 }
 
-/// A mask as rectangles, one per run of a column: their union is the mask, and many of them touch.
+/// A mask as rectangles, one per run of a column. Their union is the mask, and many of them touch.
 fn outline(mask: &Mask) -> Value {
     let rectangle = |[x, top, bottom]: [u32; 3]| -> Value {
         let [left, top, right, bottom] = [x, top, x + 1, bottom].map(f64::from);
@@ -328,7 +330,7 @@ fn outline(mask: &Mask) -> Value {
     Value::record([("polygons", Value::List(columns.map(rectangle).collect())), ("holes", none)])
 }
 
-/// The square around a mask's box that is rotated by 45 degrees: it may reach beyond the image.
+/// The square around a mask's box, rotated by 45 degrees. It may extend beyond the image.
 fn rotated_box(mask: &Mask) -> Value {
     let [x, y, width, height] = <[i32; 4]>::from(mask.bbox()).map(f64::from);
     let (u, v, reach) = (x + width / 2.0, y + height / 2.0, (width + height) / 2.0);
@@ -342,7 +344,7 @@ fn pose(pose: &Pose) -> Value {
     Value::Tensor(Tensor::new(DType::F64, &["row", "column"], vec![4, 4], bytes))
 }
 
-/// Three scenes with random crowds, one view without objects, and one in which all are hidden.
+/// Three scenes with random crowds; one view has no objects, and in another all are hidden.
 pub fn takes() -> Vec<Take> {
     use Crowd::{Hidden, Nothing, Random};
     vec![
@@ -373,7 +375,8 @@ pub fn write_scenes<'a>(
     Ok(())
 }
 
-/// The products of a view with categories that the dataset has: those of the objects' classes, where it has them.
+/// The products of a view, with category ids of the dataset: the id of the object's class if the dataset has that
+/// class.
 fn with_categories(dataset: &DatasetInfo, scene: &Scene, products: &Products) -> Result<Products> {
     let Ok(before) = products.get(CATEGORY_ID) else { return Ok(products.clone()) };
     let class = |id| scene.body(id).map_or(Ok(1), |body| dataset.category_id(&body.object.category));
@@ -388,7 +391,7 @@ fn with_categories(dataset: &DatasetInfo, scene: &Scene, products: &Products) ->
     Ok(all)
 }
 
-/// Ends a run with these scenes done.
+/// Finishes a run with these finished scenes.
 pub fn finish(
     root: impl Into<StoreFolder>,
     id: &str,
@@ -399,7 +402,7 @@ pub fn finish(
     finish_with(root, id, writer, dataset, scenes, &Products::new())
 }
 
-/// Ends a run with these scenes done and these products of the dataset.
+/// Finishes a run with these finished scenes and these products of the dataset.
 pub fn finish_with(
     root: impl Into<StoreFolder>,
     id: &str,
@@ -414,7 +417,7 @@ pub fn finish_with(
     writer.finish(&DatasetContext::new(dataset, &Serial, &log), &products.only(&reads), &done)
 }
 
-/// A dataset of all takes.
+/// Writes a dataset of all takes.
 pub fn write_all(root: &Path, id: &str, kind: &str, options: &str) -> Vec<Take> {
     let (writer, takes) = (writer(kind, options).expect("good options"), takes());
     let dataset = dataset(3, 3);
@@ -423,7 +426,7 @@ pub fn write_all(root: &Path, id: &str, kind: &str, options: &str) -> Vec<Take> 
     takes
 }
 
-/// All files of a folder, shards excepted, by their path.
+/// All files of a folder except the program's own, such as shards, by path.
 pub fn files(root: &Path) -> BTreeMap<String, Vec<u8>> {
     let mut files = folder::files(root);
     files.retain(|name, _| !name.starts_with(".syntable/"));

@@ -1,17 +1,17 @@
-//! Tests that need a tool from outside: a Python module, a graphics adapter, a language server.
+//! Tests that need an external tool: a Python module, a graphics adapter, a language server.
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::OnceLock;
 
-/// Says that a test is skipped since something is missing, past the capture of the test harness. Where
+/// Prints that a test is skipped because a tool is missing, even if the test harness captures output. If
 /// `SYNTABLE_REQUIRE_TOOLS` is 1 or `all`, as in CI, the test fails instead.
 pub fn skip(what: &str) {
     skip_unless_required(what, &["1", "all"]);
 }
 
-/// The same for a tool that takes minutes to install: only `all`, as in the nightly checks, requires it.
+/// Like [`skip`], for a tool that takes minutes to install: only `all`, as in the nightly checks, requires it.
 pub fn skip_slow_tool(what: &str) {
     skip_unless_required(what, &["all"]);
 }
@@ -23,7 +23,7 @@ fn skip_unless_required(what: &str, required: &[&str]) {
     let _ = writeln!(std::io::stderr(), "skipped: {name}: {what} is missing");
 }
 
-/// Whether something is there; if not, [`skip`]s.
+/// Returns `there`, and calls [`skip`] if it is false.
 pub fn is_there(there: bool, what: &str) -> bool {
     if !there {
         skip(what);
@@ -31,15 +31,15 @@ pub fn is_there(there: bool, what: &str) -> bool {
     there
 }
 
-/// Runs a script that reads with NumPy, pycocotools and Pillow; false if they are not installed. Panics if the script
-/// fails.
+/// Runs a script that needs NumPy, pycocotools and Pillow; returns false if they are not installed. Panics if the
+/// script fails.
 pub fn python(script: &Path, arguments: &[&str]) -> bool {
     static HERE: OnceLock<bool> = OnceLock::new();
     python_with("numpy, pycocotools, PIL", &HERE, script, arguments)
 }
 
-/// Runs a script that needs some modules; false if they are not installed, which `here` remembers. Panics if the script
-/// fails.
+/// Runs a script that needs some modules; returns false if they are not installed, which `here` remembers. Panics if
+/// the script fails.
 pub fn python_with(modules: &str, here: &OnceLock<bool>, script: &Path, arguments: &[&str]) -> bool {
     let here = *here.get_or_init(|| {
         let output = Command::new("python3").args(["-c", &format!("import {modules}")]).output();
@@ -55,7 +55,7 @@ pub fn python_with(modules: &str, here: &OnceLock<bool>, script: &Path, argument
     true
 }
 
-/// A script in the folder `tests` of the crate under test, whose folder cargo makes the working directory.
+/// A script in the folder `tests` of the tested crate; cargo runs tests in the folder of their crate.
 pub fn own_script(name: &str) -> PathBuf {
     Path::new("tests").join(name)
 }

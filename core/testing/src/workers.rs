@@ -4,7 +4,7 @@ use rayon::prelude::*;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use syntable_model::context::Workers;
 
-/// A number of threads, started for every call. For tests that a result does not depend on it.
+/// A number of threads that each call starts. For tests that a result does not depend on the number.
 #[derive(Debug, Clone, Copy)]
 pub struct Threads(pub usize);
 
@@ -31,11 +31,12 @@ impl Workers for Threads {
     }
 }
 
-/// Threads that are there before a call, as a run has them. For benchmarks: to start a thread takes longer than some jobs.
+/// Threads that exist before a call, as in a run. For benchmarks, because starting a thread takes longer than some
+/// jobs.
 pub struct Pool(rayon::ThreadPool);
 
 impl Pool {
-    /// So many threads.
+    /// A pool of `threads` threads.
     pub fn new(threads: usize) -> Self {
         Self(rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads start"))
     }

@@ -68,7 +68,8 @@ fn no_errors(recipe: &Recipe) -> String {
     format!("{}: no errors; the recipe computes {products} products\n", recipe.dataset.name)
 }
 
-/// Loads all assets of the pools, or of one pool. The log names the faults of bad assets, and the error counts these.
+/// Loads all assets of the pools, or of one pool. The log names the faults of bad assets, and the error has their
+/// number.
 fn all_assets(console: &Console, assets: &AssetStore<'_>, wanted: Option<&str>) -> Result<(), Exit> {
     let pools: Vec<&str> = match wanted {
         Some(pool) => vec![pool],

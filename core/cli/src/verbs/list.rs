@@ -19,8 +19,8 @@ use syntable_runtime::pools::{AssetStore, ListedAsset};
 
 #[derive(Args)]
 pub(crate) struct ListArgs {
-    /// A slot such as `place` or `write`, a kind such as `drop_box` or `lights.sun`, `products`, `recipes`, `formats` or
-    /// `metrics`. Default: all kinds.
+    /// A slot such as `place` or `write`, a kind such as `drop_box` or `lights.sun`, `products`, `recipes`, `formats`
+    /// or `metrics`. Default: all kinds.
     what: Option<String>,
     /// Recipe for `syntable list assets my.toml`, which lists its assets with part, license and probability.
     recipe: Option<PathBuf>,

@@ -21,7 +21,7 @@ pub(crate) struct NewArgs {
 
 #[derive(Subcommand)]
 enum What {
-    /// Write a recipe to start from, and next to it the schema with which editors complete and check it.
+    /// Write a starter recipe, and next to it the schema that editors use to complete and check it.
     #[command(after_help = "Examples:
   syntable new recipe my.toml && syntable run my.toml --out data       a whole recipe, with comments
   syntable new recipe my.toml --extends builtin:window-room            a few changes to a built-in recipe")]
@@ -39,9 +39,9 @@ enum What {
   syntable new plugin my_noise --slot sensor
   syntable new plugin my_layout --slot dataset-format     a reader of datasets")]
     Plugin {
-        /// Name of the crate and of what it adds, snake_case.
+        /// Name of the crate and of its addition, snake_case.
         name: String,
-        /// What the plugin adds: a stage of a slot, or another extension.
+        /// Kind of plugin: a stage of a slot, or another extension.
         #[arg(long, default_value = "annotate", value_parser = slots())]
         slot: &'static CrateTemplate,
         /// Output folder, which must not exist yet. Default: the name.
@@ -191,7 +191,7 @@ fn plugin(
         return Err(Exit::wrong(Error::new(format!("`{name}` is already {taken}")).help("choose another name")));
     }
     if folder.exists() {
-        // A call that was killed in its last step leaves the whole folder and a temporary file.
+        // A call that was killed in its last step leaves the complete folder and a temporary file.
         let _ = durable::mend(folder);
         return Err(Exit::wrong(Error::new("the folder exists").in_file(folder).help("choose another --path")));
     }
@@ -244,7 +244,7 @@ fn relative(from: &Path, to: &Path) -> PathBuf {
     up.chain(to.components().skip(shared)).collect()
 }
 
-/// Writes the schema of this program, replacing that of an earlier version.
+/// Writes the schema of this program, replacing the schema of an earlier version.
 fn write_schema(registry: &Registry, folder: &Path) -> Result<PathBuf, Exit> {
     let path = folder.join(SCHEMA);
     let ours = |text: &str| text.contains("\"title\": \"SynTable recipe\"");

@@ -40,8 +40,8 @@ pub(crate) struct RunArgs {
     /// First compare all files with the journal, and make scenes with missing or damaged files again.
     #[arg(long, conflicts_with = "overwrite")]
     repair: bool,
-    /// Rewrite the files of writers if their options, or the options of their annotators, have changed. Delete the files
-    /// of writers that are no longer in the recipe.
+    /// Rewrite the files of writers if their options, or the options of their annotators, have changed. Delete the
+    /// files of writers that are no longer in the recipe.
     #[arg(long, conflicts_with = "overwrite")]
     rewrite: bool,
 }

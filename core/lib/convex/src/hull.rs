@@ -74,8 +74,8 @@ impl ConvexHull {
         self.triangles.iter().filter_map(distance).fold(f64::NEG_INFINITY, f64::max) as f32
     }
 
-    /// The hull of points that span a volume. It starts with the extreme points along some directions, and then adds
-    /// the point that is farthest outside, again and again (Quickhull, stopped early; Barber, Dobkin and Huhdanpaa, ACM
+    /// The hull of points that span a volume. It starts with the extreme points along some directions, and then
+    /// repeatedly adds the point that is farthest outside (Quickhull, stopped early; Barber, Dobkin and Huhdanpaa, ACM
     /// TOMS 22, 1996).
     fn of_solid(points: &[[f32; 3]], options: &HullOptions) -> Option<Self> {
         let largest = points.iter().flatten().fold(0.0_f32, |largest, x| largest.max(x.abs()));

@@ -2,7 +2,7 @@
 //!
 //! Rigid bodies made from scanned meshes push collision code to its limits: hulls of thousands of nearly coplanar
 //! points, parts thinner than a millimeter, a sphere that grazes a tabletop a thousand times its size. This crate
-//! replaces the three steps where rounding errors turn into visible failures, and leaves the rest to parry:
+//! replaces the three steps in which rounding errors turn into visible failures, and leaves the rest to parry:
 //!
 //! - [`ConvexHull`]: convex hull of points snapped to a fine grid, computed with integer orientation tests. It never
 //!   fails on finite input: flat and tiny inputs are thickened, and hulls of many points are simplified.
@@ -13,9 +13,9 @@
 //!   and never falls asleep.
 //!
 //! **Accuracy.** A hull vertex is an input point rounded to the grid. No input point is outside the plane of a face by
-//! more than [`HullOptions::tolerance`], unless [`HullOptions::max_vertices`] was reached. Penetration depth is exact up
-//! to 10⁻⁵ times the extent of the two shapes. The tests compare both with parry, and with exhaustive search, which is
-//! exact where parry is not.
+//! more than [`HullOptions::tolerance`], unless [`HullOptions::max_vertices`] was reached. Penetration depth is exact
+//! up to 10⁻⁵ times the extent of the two shapes. The tests compare both with parry, and with exhaustive search, which
+//! is exact where parry is not.
 //!
 //! **Determinism.** Results depend on the input alone, and are the same on every platform if parry is built with
 //! `enhanced-determinism`.
@@ -33,5 +33,5 @@ pub use manifold::{ContactPoint, Contacts, PolyhedronContacts, polyhedron_contac
 
 /// Version of the hull algorithm: part of the key of cached hulls.
 ///
-/// The version rises whenever the same points and options give another hull; a test pins the hulls of this version.
+/// The version rises whenever the same points and options give a different hull; a test pins the hulls of this version.
 pub const HULL_VERSION: u32 = 1;

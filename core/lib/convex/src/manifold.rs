@@ -29,7 +29,7 @@ const MATCH_DISTANCE_M: f32 = 0.002;
 /// A whole face takes part if its normal is this close to the contact normal, cos 20°.
 const MIN_FACE_COS: f32 = 0.94;
 
-/// The normal of the last step stays unless another is better by more than this, meters.
+/// The normal of the last step stays unless a different normal is better by more than this, meters.
 const NORMAL_HYSTERESIS_M: f32 = 5e-5;
 
 /// Points that do not touch yet take part while the surfaces diverge by at most this slope: 14°.
@@ -149,7 +149,7 @@ fn half_space_contacts(
 /// Contacts of two polyhedra that are closer than `prediction`. `pos12` is the pose of the second in the frame of the
 /// first.
 ///
-/// `previous` is the normal of the last step, if there was one: it is kept unless another is better by more than
+/// `previous` is the normal of the last step, if any. It is kept unless a different normal is better by more than
 /// `hysteresis`, so that contacts do not flicker between two directions of equal depth.
 pub fn polyhedron_contacts(
     pos12: &Pose,
@@ -231,7 +231,8 @@ impl FacePolygon {
         let first = face.first_vertex_or_edge as usize;
         let ids = polyhedron.vertices_adj_to_face().get(first..first + face.num_vertices_or_edges as usize)?;
         let vertices: Vec<Vector> = ids.iter().map(|&i| *pose * polyhedron.points()[i as usize]).collect();
-        // Parry merges faces of nearly the same direction, so that the vertices need not be coplanar: Newell's normal.
+        // Parry merges faces of nearly the same direction, so the vertices may not be coplanar. Newell's normal handles
+        // this.
         let center = vertices.iter().sum::<Vector>() / vertices.len() as f32;
         let next = vertices.iter().cycle().skip(1);
         let doubled = vertices.iter().zip(next).map(|(p, q)| (*p - center).cross(*q - center)).sum::<Vector>();
@@ -309,8 +310,8 @@ fn clip(subject: &[Vector], convex: &[Vector], normal: Vector) -> Vec<Vector> {
 
 /// At most four of the points: the deepest, the one farthest from it, and the outermost on either side of these two.
 ///
-/// Of points that do not touch yet, those count for less that are farther away: with a long prediction, most vertices of
-/// a lying can are near the table, but it rests on the lowest ones at both of its ends.
+/// Points that do not touch yet count less the farther away they are. With a long prediction, most vertices of a lying
+/// can are near the table, but it rests on the lowest vertices at both of its ends.
 fn reduced(points: Vec<ContactPoint>, normal: Vector) -> Vec<ContactPoint> {
     if points.len() <= 4 {
         return points;

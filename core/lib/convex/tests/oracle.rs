@@ -1,4 +1,4 @@
-//! Hulls, penetration depths and contacts against parry's, and against exhaustive search in f64, which is exact also
+//! Compares hulls, penetration depths and contacts with parry, and with exhaustive search in f64, which is exact even
 //! where parry is not.
 
 use nalgebra::Vector3;
@@ -99,7 +99,7 @@ fn hulls_agree_with_parry() {
             assert!((ours - parrys).abs() <= grid, "support {ours}, parry {parrys}");
         }
 
-        // The simplified hull is inside, and lacks no more than the tolerance.
+        // The simplified hull is inside, and loses at most the tolerance.
         let hull = ConvexHull::new(&points, &OPTIONS).expect("a hull");
         let (volume, _) = volume_and_area(&hull.points, &hull.triangles);
         assert!(volume <= their_volume + area * grid, "{volume} m³, parry {their_volume}");
@@ -193,8 +193,8 @@ fn overlap(one: &[Vector3<f64>], two: &[Vector3<f64>], normal: Vector3<f64>) -> 
     highest - lowest
 }
 
-/// The exact penetration depth of two polytopes, 0 if separated: the least overlap along all normals of their Minkowski
-/// difference, which are normals of faces and cross products of edges.
+/// The exact penetration depth of two polytopes, 0 if separated: the minimum overlap along all normals of their
+/// Minkowski difference, which are normals of faces and cross products of edges.
 fn exact_depth(one: &HullCase, pose1: &Pose, two: &HullCase, pose2: &Pose) -> f64 {
     let (points1, points2) = (one.points(pose1), two.points(pose2));
     let edges2 = two.edges(pose2);
@@ -205,7 +205,8 @@ fn exact_depth(one: &HullCase, pose1: &Pose, two: &HullCase, pose2: &Pose) -> f6
     least.fold(f64::INFINITY, f64::min).max(0.0)
 }
 
-/// Figures of a comparison: pairs that intersect, and those of them where parry gives the exact depth.
+/// Results of a comparison: number of intersecting pairs, and number of these pairs for which parry gives the exact
+/// depth.
 #[derive(Debug, Default)]
 struct DepthTally {
     intersecting: u32,
@@ -236,7 +237,7 @@ fn compare(one: &HullCase, pose1: &Pose, two: &HullCase, pose2: &Pose, tally: &m
         return;
     }
     tally.parry_exact += 1;
-    // Where two directions are nearly as short, either may be found.
+    // If two directions are nearly equally short, either may be found.
     let theirs = vector(contact.normal1.to_array());
     let is_tie = overlap(&points1, &points2, theirs) <= exact + 2e-3 * extent;
     assert!(normal.angle(&theirs) < 0.02 || is_tie, "{normal:?}, parry {theirs:?}, exact {exact}");
@@ -330,7 +331,7 @@ fn contacts_of_resting_boxes_agree_with_parry() {
         let points1 = one.points(&Pose::IDENTITY);
         let along = -overlap(&points1, &two.points(&pose), vector(ours.normal.to_array()));
         if exact > 1e-4 {
-            // The normal is that of the minimum translation, and the deepest point reaches it.
+            // The normal is the direction of the minimum translation, and the deepest point has its depth.
             assert!((-along - exact).abs() < 1e-3, "{ours:?}: {along} along the normal, exact depth {exact}");
         }
         assert!(!ours.points.is_empty() && ours.points.len() <= 4, "{ours:?}");

@@ -12,7 +12,7 @@ fn main() {
     divan::main();
 }
 
-/// A shaded image with noise, as of a path tracer with few samples per pixel.
+/// A shaded image with noise, as from a path tracer with few samples per pixel.
 fn rgb() -> Plane<[u8; 3]> {
     let mut stream = Stream::root(1);
     Plane::from_fn(SIZE[0], SIZE[1], |x, y| {

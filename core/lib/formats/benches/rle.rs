@@ -1,8 +1,9 @@
-//! Masks of 640 × 480 pixels to COCO's run lengths and back: ours against pycocotools, the same masks, one core, in turns.
+//! Masks of 640 × 480 pixels to COCO's run lengths and back: this crate against pycocotools, with the same masks on one
+//! core, in turns.
 //!
-//! `cargo bench -p syntable-formats --bench rle`. Times are the least of the repeats, milliseconds a mask. pycocotools takes
-//! and gives images column by column in batches of 20; "by rows" is with NumPy's `asfortranarray` before it, as for images
-//! of NumPy or PIL. Ours are by rows. Needs Python with pycocotools.
+//! `cargo bench -p syntable-formats --bench rle`. Times are the minimum of the repeats, milliseconds per mask.
+//! pycocotools reads and writes images column by column in batches of 20; "by rows" includes NumPy's `asfortranarray`
+//! before it, as for images from NumPy or PIL. This crate works by rows. Needs Python with pycocotools.
 
 use std::hint::black_box;
 use std::path::Path;
@@ -16,7 +17,7 @@ const MASKS: usize = 20;
 const REPEATS: usize = 15;
 const ROUNDS: usize = 3;
 
-/// What the peer does: prints three times in ms, then the run lengths.
+/// Script of the peer: prints three times in ms, then the run lengths.
 const PEER: &str = r#"
 import sys, time
 import numpy as np
@@ -40,7 +41,7 @@ print(least(lambda: mask.encode(columns)),
 print(*(rle["counts"].decode() for rle in encoded), sep="\n")
 "#;
 
-/// Scalloped disks, cut by those before them.
+/// Scalloped disks, each cut by the disks before it.
 fn clutter() -> Vec<Plane<bool>> {
     let mut stream = Stream::root(1);
     let disks: Vec<[f64; 3]> = (0..MASKS)
@@ -54,7 +55,7 @@ fn clutter() -> Vec<Plane<bool>> {
     (0..MASKS).map(|i| Plane::from_fn(SIZE[0], SIZE[1], |x, y| front(x, y) == Some(i))).collect()
 }
 
-/// Where a sum of waves is positive: large shapes with holes.
+/// Regions where a sum of waves is positive: large shapes with holes.
 fn blobs() -> Vec<Plane<bool>> {
     let mut stream = Stream::root(2);
     let mut blob = || {
@@ -67,13 +68,13 @@ fn blobs() -> Vec<Plane<bool>> {
     (0..MASKS).map(|_| blob()).collect()
 }
 
-/// Every pixel by itself: the most runs that there can be, about.
+/// Random pixels: about the largest possible number of runs.
 fn noise() -> Vec<Plane<bool>> {
     let mut stream = Stream::root(3);
     (0..MASKS).map(|_| Plane::from_fn(SIZE[0], SIZE[1], |_, _| stream.chance(0.5))).collect()
 }
 
-/// Least time of a call, ms a mask.
+/// Minimum time of a call, ms per mask.
 fn least<T>(mut call: impl FnMut() -> T) -> f64 {
     let times = (0..REPEATS).map(|_| {
         let start = Instant::now();

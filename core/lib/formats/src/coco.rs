@@ -84,7 +84,7 @@ pub struct Category {
     pub extra: Extra,
 }
 
-/// Field of a category in panoptic annotations: 1 for things, 0 for stuff.
+/// Field of a category in panoptic annotations: 1 for countable objects, 0 for background ("stuff").
 pub const IS_THING: &str = "isthing";
 
 /// The categories of a dataset.
@@ -179,7 +179,7 @@ pub fn id<'de, D: Deserializer<'de>>(deserializer: D) -> Result<u64, D::Error> {
 
 struct Id;
 
-/// The first number from which on floats do not tell ids apart.
+/// The smallest number from which floats no longer distinguish neighboring ids.
 const UNCLEAR: f64 = 9_007_199_254_740_992.0;
 
 impl Visitor<'_> for Id {

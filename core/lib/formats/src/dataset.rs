@@ -23,7 +23,7 @@ pub struct AnnotationDataset<I, A> {
     pub licenses: Vec<License>,
     /// Categories that annotations refer to.
     pub categories: Vec<Category>,
-    /// Images. SynTable 1 repeats an image for every annotation, so that the n-th image is that of the n-th annotation.
+    /// Images. SynTable 1 repeats an image for every annotation: the n-th image belongs to the n-th annotation.
     pub images: Vec<I>,
     /// Annotations.
     pub annotations: Vec<A>,
@@ -109,7 +109,7 @@ impl<'a> DatasetWriter<'a> {
         Ok(file)
     }
 
-    /// Writes what comes before the images.
+    /// Writes the sections before the images.
     pub fn header(&mut self, info: &CocoInfo, licenses: &[License], categories: &[Category]) -> Result<()> {
         self.section("info", info)?;
         self.section("licenses", &licenses)?;
@@ -154,7 +154,7 @@ impl<'a> DatasetWriter<'a> {
         self.put(&format!("{separator}\n    {name}: "))
     }
 
-    /// The JSON of a value that starts at some depth of indentation.
+    /// The JSON of a value that starts at this depth of indentation.
     fn text(&self, value: &impl Serialize, depth: usize) -> Result<String> {
         let text = match self.layout {
             JsonLayout::Lines => serde_json::to_string(value),
@@ -181,7 +181,7 @@ impl JsonRecords<'_, '_> {
         self.put(&text)
     }
 
-    /// Adds a record that is JSON text on one line already. It is copied, and parsed only to be indented.
+    /// Adds a record that is already JSON text on one line. It is copied, and parsed only to be indented.
     pub fn raw(&mut self, record: &str) -> Result<()> {
         match self.file.layout {
             JsonLayout::Lines => self.put(record),
@@ -200,12 +200,12 @@ impl JsonRecords<'_, '_> {
     }
 }
 
-/// JSON as Python's `json.dump(…, indent=4)` writes it at some depth.
+/// JSON at this depth, formatted like Python's `json.dump(…, indent=4)`.
 fn indented(value: &impl Serialize, depth: usize) -> serde_json::Result<String> {
     let mut text = Vec::new();
     let formatter = serde_json::ser::PrettyFormatter::with_indent(b"    ");
     value.serialize(&mut serde_json::Serializer::with_formatter(&mut text, formatter))?;
-    // Line breaks inside strings are escaped, so every line break is one of the formatter.
+    // Line breaks inside strings are escaped, so every line break comes from the formatter.
     let text = String::from_utf8(text).map_err(serde::ser::Error::custom)?;
     Ok(text.replace('\n', &format!("\n{}", "    ".repeat(depth))))
 }

@@ -1,4 +1,4 @@
-//! Image and array files that datasets have, read back.
+//! Reads the image and array files of datasets.
 
 use crate::encode::npy;
 use crate::json;
@@ -15,17 +15,17 @@ use zune_jpeg::zune_core::bytestream::ZCursor;
 use zune_jpeg::zune_core::colorspace::ColorSpace;
 use zune_jpeg::zune_core::options::DecoderOptions;
 
-/// The samples of a PNG file, and how many a pixel has.
+/// The samples of a PNG file, and the number of samples per pixel.
 enum DecodedSamples {
     Eight(Vec<u8>, usize),
     Sixteen(Vec<u16>, usize),
 }
 
-/// How PNG files begin.
+/// First bytes of PNG files.
 const PNG: [u8; 8] = *b"\x89PNG\r\n\x1a\n";
-/// How JPEG files begin.
+/// First bytes of JPEG files.
 const JPEG: [u8; 3] = [0xff, 0xd8, 0xff];
-/// What the libraries are called when they fail.
+/// Names of the libraries in errors.
 const PNG_LIBRARY: &str = "the library that decodes PNG";
 const JPEG_LIBRARY: &str = "the library that decodes JPEG";
 
@@ -33,9 +33,9 @@ const JPEG_LIBRARY: &str = "the library that decodes JPEG";
 #[derive(Debug, Clone)]
 pub struct FileContent {
     bytes: Vec<u8>,
-    /// What it is called in messages.
+    /// Path for messages.
     path: PathBuf,
-    /// Width and height of the image that it is, as the dataset states them.
+    /// Width and height of the image, if the dataset states them.
     stated: Option<[u32; 2]>,
 }
 
@@ -49,23 +49,23 @@ pub fn gray(path: &Path) -> Result<Plane<u16>> {
     FileContent::read(path)?.gray()
 }
 
-/// A color image of a file that has a record of its width and height.
+/// A color image from a file whose width and height are recorded elsewhere.
 pub fn rgb_of_size(path: &Path, size: [u32; 2]) -> Result<Plane<[u8; 3]>> {
     FileContent::read(path)?.stated(size).rgb()
 }
 
-/// Depth of a file that has a record of its width and height.
+/// Depth from a file whose width and height are recorded elsewhere.
 pub fn depth_of_size(path: &Path, unit_mm: f64, size: [u32; 2]) -> Result<Plane<f32>> {
     FileContent::read(path)?.stated(size).depth(unit_mm)
 }
 
-/// [`gray`] of a file that has a record of its width and height.
+/// [`gray`] of a file whose width and height are recorded elsewhere.
 pub fn gray_of_size(path: &Path, size: [u32; 2]) -> Result<Plane<u16>> {
     FileContent::read(path)?.stated(size).gray()
 }
 
-/// Opens a file. What is no file is refused: reading a pipe would wait for ever. A file that a dataset names and does not have
-/// is a fault of the dataset.
+/// Opens a file. Refuses paths that are not files, because reading a pipe would block forever. If a dataset lacks a
+/// file that it names, the error is a fault of the dataset.
 pub fn open(path: &Path) -> Result<File> {
     let there = fs::metadata(path).map_err(|error| {
         let error = Error::io(path, &error);
@@ -77,13 +77,13 @@ pub fn open(path: &Path) -> Result<File> {
     File::open(path).map_err(|error| Error::io(path, &error))
 }
 
-/// Reads a file from its beginning, as far as a limit allows. A file that is larger is refused, without reading it.
+/// Reads a file from its beginning. Refuses a file larger than the limit, without reading it.
 pub fn read_at_most(file: File, limit: &Limit, path: &Path) -> Result<Vec<u8>> {
     let fail = |error: std::io::Error| Error::io(path, &error);
     let length = file.metadata().map_err(fail)?.len();
     limit.check(length).map_err(|error| error.in_file(path))?;
     let mut bytes = Vec::with_capacity(length as usize);
-    // A file may grow meanwhile.
+    // The file may grow meanwhile.
     file.take(limit.most).read_to_end(&mut bytes).map_err(fail)?;
     Ok(bytes)
 }
@@ -94,10 +94,10 @@ pub fn text(path: &Path) -> Result<String> {
     String::from_utf8(bytes).map_err(|_| Error::new("it is not UTF-8 text").in_file(path))
 }
 
-/// Refuses JSON that is too long, or has too many values, to be parsed into a tree.
+/// Refuses JSON that is too long, or has too many values, for parsing into a tree.
 pub fn check_json(text: &[u8]) -> Result<()> {
     TEXT_BYTES.check(text.len() as u64)?;
-    // Every value but the first of a list or an object follows a comma.
+    // Every value except the first of a list or an object follows a comma.
     if text.len() as u64 / 2 > JSON_VALUES.most {
         JSON_VALUES.check(json::values(text))?;
     }
@@ -105,7 +105,7 @@ pub fn check_json(text: &[u8]) -> Result<()> {
 }
 
 impl FileContent {
-    /// Takes bytes; `path` names them in messages.
+    /// Wraps bytes; `path` names them in messages.
     pub fn new(bytes: Vec<u8>, path: PathBuf) -> Self {
         Self { bytes, path, stated: None }
     }
@@ -116,12 +116,12 @@ impl FileContent {
         Ok(Self::new(bytes, path.to_owned()))
     }
 
-    /// States width and height of the image that it is: another one is refused before it is decoded.
+    /// Sets the width and height of the image. An image of another size is refused before it is decoded.
     pub fn stated(self, size: [u32; 2]) -> Self {
         Self { stated: Some(size), ..self }
     }
 
-    /// Refuses an image by its header: another size than the dataset states, or more than the limits.
+    /// Refuses an image by its header if its size differs from the stated size, or exceeds the limits.
     fn check_header(&self, size: [u32; 2], bytes: Option<u64>) -> Result<()> {
         let said = |[width, height]: [u32; 2]| format!("{width} × {height}");
         if let Some(stated) = self.stated.filter(|stated| *stated != size) {
@@ -137,17 +137,17 @@ impl FileContent {
         &self.bytes
     }
 
-    /// Decodes it by a library that may panic; see [`guarded`].
+    /// Decodes it with a library that may panic; see [`guarded`].
     pub fn guarded<T>(&self, library: &str, decode: impl FnOnce() -> Result<T>) -> Result<T> {
         guarded(library, &self.path, decode)
     }
 
-    /// An error of its content, which then names it.
+    /// An error of its content, with its path.
     pub fn located(&self, error: Error) -> Error {
         error.in_file(&self.path)
     }
 
-    /// An error that names it.
+    /// An error with its path.
     pub fn refuse(&self, what: impl Into<String>) -> Error {
         Error::new(what).in_file(&self.path)
     }
@@ -179,8 +179,8 @@ impl FileContent {
         }
     }
 
-    /// Depth in meters from a gray PNG file whose step is `unit_mm`; infinite where it is 0. A depth is the smallest one that
-    /// is stored as these many steps, whether the writer truncates or rounds.
+    /// Depth in meters from a gray PNG file whose step is `unit_mm`; infinite where it is 0. A depth is the smallest
+    /// depth that is stored as this number of steps, whether the writer truncates or rounds.
     pub fn depth(&self, unit_mm: f64) -> Result<Plane<f32>> {
         let meters = |&steps: &u16| {
             if steps == 0 {
@@ -243,12 +243,12 @@ impl FileContent {
         }
         let mut decoder = Decoder::new(Cursor::new(&self.bytes));
         decoder.set_transformations(Transformations::EXPAND);
-        // Nobody reads them, and they unfold to much.
+        // No reader uses these chunks, and they can decompress to very large sizes.
         decoder.set_ignore_text_chunk(true);
         decoder.set_ignore_iccp_chunk(true);
         let header = decoder.read_header_info().map_err(fail)?;
         let size = [header.width, header.height];
-        // The transparency of a palette, which is known later, at most doubles what follows from the header.
+        // The transparency of a palette, which is only known later, at most doubles the size from the header.
         self.check_header(size, Some(0))?;
         let mut reader = decoder.read_info().map_err(fail)?;
         let length = reader.output_buffer_size();
@@ -349,13 +349,14 @@ impl FileContent {
     }
 }
 
-/// Bytes of an array; none if no array of these lengths can be, even if one of them is 0.
+/// Number of bytes of an array; none if no array can have these lengths, even if one of them is 0.
 pub fn byte_count(shape: &[usize], dtype: DType) -> Option<usize> {
     let largest = shape.iter().try_fold(dtype.size(), |product, length| product.checked_mul((*length).max(1)))?;
     Some(if shape.contains(&0) { 0 } else { largest })
 }
 
-/// The tag `Orientation` (0x0112) of the first directory of an EXIF block, from its TIFF header on (Exif 2.32, section 4.6).
+/// The tag `Orientation` (0x0112) of the first directory of an EXIF block that starts with its TIFF header (Exif 2.32,
+/// section 4.6).
 fn orientation(exif: &[u8]) -> Option<u16> {
     let is_little = match exif.get(..4)? {
         [b'I', b'I', 42, 0] => true,

@@ -58,7 +58,7 @@ impl DrawCanvas {
     }
 }
 
-/// Puts a panel over an image, with its top-left corner at (x, y). It must fit.
+/// Pastes a panel onto an image, with its top-left corner at (x, y). It must fit.
 pub fn paste(onto: &mut Plane<DrawColor>, panel: &Plane<DrawColor>, x: u32, y: u32) {
     let (stride, width) = (onto.width() as usize, panel.width() as usize);
     for (row, pixels) in panel.data().chunks_exact(width.max(1)).enumerate() {
@@ -127,8 +127,8 @@ pub fn fill(plane: &mut Plane<DrawColor>, mask: &Mask, color: DrawColor, opacity
     }
 }
 
-/// The pixels of a mask within `line` rows or columns of a pixel outside the mask. The border of the image does not count
-/// as outside.
+/// The pixels of a mask within `line` rows or columns of a pixel outside the mask. Pixels beyond the border of the
+/// image do not count.
 pub fn outline(mask: &Mask, line: u32) -> Mask {
     let plane = mask.to_plane();
     let (width, height, line) = (mask.width() as i32, mask.height() as i32, line as i32);
@@ -139,7 +139,7 @@ pub fn outline(mask: &Mask, line: u32) -> Mask {
         let beside = |d: i32| [(x - d, y), (x + d, y), (x, y - d), (x, y + d)];
         (1..=line).flat_map(beside).any(|(x, y)| is_outside(x, y))
     };
-    // Where the outline begins and ends, along the mask's own pixels.
+    // Start and end of the outline, along the mask's own pixels.
     let mut flips: Vec<u32> = Vec::new();
     for position in mask.runs().flatten().filter(is_border) {
         match flips.last_mut() {
@@ -150,7 +150,8 @@ pub fn outline(mask: &Mask, line: u32) -> Mask {
     Mask::from_flips(mask.width(), mask.height(), &flips)
 }
 
-/// Scales an image down to a width: each pixel is the mean of the pixels that it covers. A larger width changes nothing.
+/// Scales an image down to a width: each pixel is the mean of the pixels that it covers. A larger width changes
+/// nothing.
 pub fn shrink(plane: &Plane<DrawColor>, width: u32) -> Plane<DrawColor> {
     if width >= plane.width() {
         return plane.clone();

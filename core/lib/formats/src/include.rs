@@ -12,7 +12,7 @@ use syntable_model::prelude::*;
 use syntable_model::product::standard::{CATEGORY_ID, CATEGORY_MAP};
 use syntable_model::product::{Form, KeyId, Scope};
 
-/// How the name of an image ends in [`paths`]: of a product, and of one per instance.
+/// Suffixes of the file names of images in [`paths`]: for a product, and for a product per instance.
 pub const IMAGE_ENDS: [&[&str]; 2] = [&[""], &["_0001"]];
 
 /// The option `include` of a generic writer: products by name, each once.
@@ -41,7 +41,7 @@ impl JsonSchema for Included {
 }
 
 impl Included {
-    /// Whether it names no product.
+    /// Whether the list is empty.
     pub fn is_empty(&self) -> bool {
         self.0.is_empty()
     }
@@ -51,15 +51,15 @@ impl Included {
         self.0.iter().map(ProductName::as_str)
     }
 
-    /// The products, as what a writer reads.
+    /// The products as inputs of a writer.
     pub fn inputs(&self, accepts: Accepts) -> Vec<Input> {
         Input::included(&self.0, accepts)
     }
 
-    /// Refuses products whose name is a field of the writer's own records.
+    /// Refuses products with the name of a field in the writer's own records.
     ///
     /// # Errors
-    /// If one of them has such a name.
+    /// If a product has such a name.
     pub fn check_free(&self, taken: &[&str]) -> Result<(), ConfigError> {
         match self.names().enumerate().find(|(_, name)| taken.contains(name)) {
             None => Ok(()),
@@ -71,7 +71,8 @@ impl Included {
         }
     }
 
-    /// The products of a scope, with their keys, that are there. Products of a moment count as products of each view at it.
+    /// The existing products of a scope, with their keys. Products of a moment count as products of each view at this
+    /// moment.
     pub fn of_scope<'a>(&'a self, products: &'a Products, scope: Scope) -> impl Iterator<Item = (&'a str, KeyId)> {
         self.names().filter_map(move |name| {
             let key = products.key(name)?;
@@ -79,17 +80,17 @@ impl Included {
         })
     }
 
-    /// Whether one of them has ids of categories.
+    /// Whether a product has category ids.
     pub fn has_category_ids(&self) -> bool {
         self.names().any(|name| [CATEGORY_ID.name(), CATEGORY_MAP.name()].contains(&name))
     }
 
-    /// The path of the [file of categories](CATEGORIES), if it is asked of the dataset and one of them has ids of categories.
+    /// The path of the [file of categories](CATEGORIES), for files of the dataset and if a product has category ids.
     pub fn categories_path(&self, of: &FileOf) -> Option<String> {
         (of.scene.is_none() && self.has_category_ids()).then(|| categories_path(of.id))
     }
 
-    /// Writes the [file of categories](CATEGORIES), if one of them has ids of categories.
+    /// Writes the [file of categories](CATEGORIES) if a product has category ids.
     ///
     /// # Errors
     /// If the file cannot be written.
@@ -98,7 +99,7 @@ impl Included {
     }
 }
 
-/// The file of categories, beside products that have ids of them: COCO's list.
+/// The file of categories, next to products with category ids: COCO's list.
 pub const CATEGORIES: &str = "categories.json";
 
 /// The path of the file of categories of a writer.
@@ -114,7 +115,7 @@ pub fn write_categories(dataset: &DatasetInfo, finish: &Finish) -> Result<()> {
     write_file(finish, &categories_path(finish.id()), &json::pretty(&coco::categories(dataset))?)
 }
 
-/// The categories that the file of a folder has, if there is one.
+/// The categories in a folder's file of categories, if the file exists.
 pub fn categories_in(folder: &DatasetFolder) -> Result<Option<Vec<Category>>> {
     let path = folder.file(CATEGORIES)?;
     if !path.is_file() {
@@ -125,7 +126,7 @@ pub fn categories_in(folder: &DatasetFolder) -> Result<Option<Vec<Category>>> {
     categories.map(Some).map_err(|error| json::located(&error, None, &[]).in_file(&path).of_request())
 }
 
-/// Whether a product is in the files of views, of scenes or of the dataset.
+/// Whether a product is stored with the views, the scenes or the dataset.
 fn is_stored_with(key: &KeyId, scope: Scope) -> bool {
     if scope == Scope::View { key.scope.comes_with_view() } else { key.scope == scope }
 }
@@ -147,7 +148,7 @@ fn scope_and_name(of: &FileOf) -> Option<(Scope, String)> {
     }
 }
 
-/// Path of the one file of all products of a view or a scene; none if the writer reads none of that scope.
+/// Path of the single file with all products of a view or a scene; none if the writer reads no product of that scope.
 pub fn path_of_all(of: &FileOf, extension: &str) -> Option<String> {
     let (scope, name) = scope_and_name(of)?;
     of.products.iter().any(|key| is_stored_with(key, scope)).then(|| file_of_all(of.id, &name, extension))
@@ -163,8 +164,8 @@ pub fn shape(cx: &ImageContext) -> [usize; 2] {
     [height, width]
 }
 
-/// Paths of the files of the products that a writer reads: `{id}/{product}/{name}{end}.{extension}`. `ends` are those of a
-/// product and of one per instance, which has a file of the first instance at least.
+/// Paths of the files of the products that a writer reads: `{id}/{product}/{name}{end}.{extension}`. `ends` has the
+/// suffixes for a product and for a product per instance, which always has a file of the first instance.
 pub fn paths(of: &FileOf, extension: &str, ends: [&[&str]; 2]) -> Vec<String> {
     let Some((scope, name)) = scope_and_name(of) else { return Vec::new() };
     let own = of.products.iter().filter(|key| is_stored_with(key, scope));
@@ -176,7 +177,7 @@ pub fn paths(of: &FileOf, extension: &str, ends: [&[&str]; 2]) -> Vec<String> {
     .collect()
 }
 
-/// Path of a product's file without its end.
+/// Path of a product's file without suffix and extension.
 fn stem(id: &str, product: &str, name: &str) -> String {
     format!("{id}/{product}/{name}")
 }
@@ -198,10 +199,10 @@ pub struct IncludedProducts<'a> {
 }
 
 impl<'a> IncludedProducts<'a> {
-    /// Gives each product with its name and key, in the order of the option.
+    /// Calls `each` with the name, key and value of each product, in the order of the option.
     ///
     /// # Errors
-    /// If a product is missing, or those of `each`.
+    /// If a product is missing, and errors of `each`.
     pub fn try_for_each(&self, mut each: impl FnMut(&'a str, &KeyId, Value) -> Result<()>) -> Result<()> {
         let mut included = self.include.of_scope(self.products, self.scope);
         included.try_for_each(|(product, key)| each(product, &key, self.products.value(product)?))
@@ -215,7 +216,7 @@ impl<'a> IncludedProducts<'a> {
         self.output.write(&format!("{}{end}", stem(self.output.id(), product, &self.name)), bytes)
     }
 
-    /// Writes the one file of all products, `{id}/{name}.{extension}`.
+    /// Writes the single file of all products, `{id}/{name}.{extension}`.
     ///
     /// # Errors
     /// If the file cannot be written.
@@ -223,10 +224,10 @@ impl<'a> IncludedProducts<'a> {
         self.output.write(&file_of_all(self.output.id(), &self.name, extension), bytes)
     }
 
-    /// Gives each image with its kind: a product, or the value of an instance with its id.
+    /// Calls `each` with every image and its kind. An image is a product, or the value of an instance with its id.
     ///
     /// # Errors
-    /// If a product is missing, or those of `each`.
+    /// If a product is missing, and errors of `each`.
     pub fn for_each_image(
         &self,
         mut each: impl FnMut(&'a str, Option<InstanceId>, &ValueKind, Value) -> Result<()>,

@@ -1,7 +1,7 @@
-//! Annotation files whose records stay in the file. Only their places are in memory.
+//! Annotation files whose records stay in the file. Memory holds only their positions.
 //!
-//! A file is read once from end to end, record by record, and then again image by image. So memory holds eight bytes per
-//! record beside what a reader keeps of it, whatever the size of the file.
+//! A file is read once from end to end, record by record, and then again image by image. Memory therefore holds eight
+//! bytes per record, plus the data that a reader keeps, whatever the size of the file.
 
 use crate::coco::{Category, CocoInfo};
 use crate::json::{CountingReader, before, located};
@@ -19,10 +19,10 @@ use syntable_model::limits::RECORD_BYTES;
 
 /// The byte order mark that some editors put before UTF-8.
 const MARK: [u8; 3] = [0xef, 0xbb, 0xbf];
-/// Bytes of a file that an error looks at.
+/// Number of bytes of a file that an error inspects.
 const SHOWN: u64 = 16;
 
-/// Most unread sections whose names are kept.
+/// Maximum number of unread sections whose names are kept.
 const UNREAD: usize = 16;
 
 /// A list of records of an annotation file.
@@ -32,7 +32,7 @@ pub enum RecordSection {
     Images,
     /// `annotations`.
     Annotations,
-    /// `scenes`, as SynTable's own form has them.
+    /// `scenes`, in SynTable's own form.
     Scenes,
 }
 
@@ -49,7 +49,7 @@ impl RecordSection {
     }
 }
 
-/// A record, while a file is opened.
+/// A record of a file that is being opened.
 #[derive(Debug)]
 pub enum IndexedRecord<I, A, S> {
     /// Of `images`.
@@ -70,13 +70,13 @@ pub struct Indexed {
     pub categories: Option<Vec<Category>>,
     /// Names of the first unread sections, such as `licenses`.
     pub unread: Vec<String>,
-    /// Of each section, where its first record may start and where each of its records ends, bytes.
+    /// For each section, the earliest start of its first record and the end of each record, bytes.
     ends: [Vec<u64>; 3],
 }
 
 impl Indexed {
-    /// Opens a file whose images, annotations and scenes are of these types, and gives each record to `each`. An error names
-    /// the line and the field.
+    /// Opens a file with images, annotations and scenes of these types, and calls `each` with every record. An error
+    /// names the line and the field.
     pub fn open<I, A, S>(path: impl AsRef<Path>, each: &mut dyn FnMut(IndexedRecord<I, A, S>)) -> Result<Self>
     where
         I: DeserializeOwned,
@@ -134,13 +134,13 @@ impl Indexed {
         self.len(section) == 0
     }
 
-    /// Reads these records of a section, by their numbers from 0.
+    /// Reads records of a section by their numbers, from 0.
     pub fn records<T: DeserializeOwned>(&self, section: RecordSection, numbers: &[u32]) -> Result<Vec<T>> {
         let fail = |error: &io::Error| Error::io(&self.path, error);
         let mut file = File::open(&self.path).map_err(|error| fail(&error))?;
         let ends = &self.ends[section as usize];
         let mut records = Vec::with_capacity(numbers.len());
-        // Neighbors in the file are read at once.
+        // Neighbors in the file are read together.
         for run in numbers.chunk_by(|one, next| one.checked_add(1) == Some(*next)) {
             let [first, last] = [run[0] as usize, run[run.len() - 1] as usize];
             let (Some(&start), Some(&end)) = (ends.get(first), ends.get(last + 1)) else {
@@ -158,7 +158,7 @@ impl Indexed {
         Ok(records)
     }
 
-    /// Parses a record and the comma before it.
+    /// Parses a record, with a comma before it.
     fn record<T: DeserializeOwned>(&self, section: RecordSection, number: usize, bytes: &[u8]) -> Result<T> {
         let is_before = |byte: &u8| byte.is_ascii_whitespace() || *byte == b',';
         let start = bytes.iter().position(|byte| !is_before(byte)).unwrap_or(bytes.len());
@@ -173,7 +173,7 @@ impl Indexed {
     }
 }
 
-/// Some bytes of a file from a place on, for an error; nothing if they cannot be read.
+/// Some bytes of a file from an offset on, for an error; empty if they cannot be read.
 fn text_from(path: &Path, place: u64) -> Vec<u8> {
     let mut text = Vec::new();
     let read = File::open(path).and_then(|mut file| {
@@ -186,7 +186,7 @@ fn text_from(path: &Path, place: u64) -> Vec<u8> {
 /// Reads a file: an object with sections.
 struct FileSeed<'w, I, A, S> {
     at: &'w Cell<u64>,
-    /// Where the parser must stop.
+    /// Offset where the parser must stop.
     until: &'w Cell<u64>,
     index: &'w mut Indexed,
     each: &'w mut dyn FnMut(IndexedRecord<I, A, S>),
@@ -257,7 +257,7 @@ where
     }
 }
 
-/// Reads a list of records, and where each ends.
+/// Reads a list of records, and the offset where each ends.
 struct ListSeed<'l, T, F> {
     at: &'l Cell<u64>,
     until: &'l Cell<u64>,

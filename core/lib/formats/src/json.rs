@@ -1,4 +1,4 @@
-//! Values as JSON, and messages of JSON's parser for people.
+//! Values as JSON, and readable messages for errors of JSON's parser.
 
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Deserializer, Serialize};
@@ -9,10 +9,11 @@ use std::io::{self, Read};
 use syntable_model::error::{Error, Result};
 use syntable_model::product::Products;
 
-/// What Python's `json` writes in place of numbers that are none.
+/// Words that Python's `json` writes for floats that JSON cannot represent.
 const NO_NUMBERS: [&str; 3] = ["NaN", "-Infinity", "Infinity"];
 
-/// How many bytes before the parser's place one of [`NO_NUMBERS`] may begin: it stops up to two letters after a sign.
+/// Maximum number of bytes from the start of a word of [`NO_NUMBERS`] to the parser's position, which is up to two
+/// letters after a sign.
 const BEFORE: u64 = 3;
 
 /// A value as JSON on one line.
@@ -23,7 +24,7 @@ pub fn text(value: &impl Serialize) -> Result<String> {
     serde_json::to_string(value).map_err(unwritable)
 }
 
-/// A value as JSON of indented lines, with a line break at the end.
+/// A value as indented JSON, with a line break at the end.
 ///
 /// # Errors
 /// If JSON cannot hold the value.
@@ -47,7 +48,7 @@ pub fn of_product(products: &Products, name: &str) -> Result<Json> {
     json.map_err(|error| unwritable(error).context(format!("product `{name}`")))
 }
 
-/// A value, such as the record of a product, as a type with the fields that the caller reads.
+/// A value, such as a record product, as a type with the fields that the caller reads.
 ///
 /// # Errors
 /// If the fields differ.
@@ -65,7 +66,8 @@ pub fn or_default<'de, D: Deserializer<'de>, T: Deserialize<'de> + Default>(
     Option::deserialize(deserializer).map(Option::unwrap_or_default)
 }
 
-/// An error of the parser with its line and field. `from` is the text from the place of [`before`] on, as far as it is known.
+/// An error of the parser with its line and field. `from` is the text from the offset of [`before`] on; it may be empty
+/// if unknown.
 pub fn located(error: &serde_json::Error, field: Option<&str>, from: &[u8]) -> Error {
     let text = error.to_string();
     let place = format!(" at line {} column {}", error.line(), error.column());
@@ -76,19 +78,20 @@ pub fn located(error: &serde_json::Error, field: Option<&str>, from: &[u8]) -> E
     Error::new(format!("{field}{what}")).at_line(error.line())
 }
 
-/// Where [`located`] wants the text from, given how many bytes the parser has taken.
+/// Offset of the text for [`located`], given the number of bytes that the parser has read.
 pub fn before(taken: u64) -> u64 {
     taken.saturating_sub(BEFORE)
 }
 
-/// What stands in place of a number that is none, within the first bytes that a parser may have stopped at.
+/// The word in [`NO_NUMBERS`] that starts within the first bytes of the text, where the parser may have stopped.
 fn no_number(from: &[u8]) -> Option<&'static str> {
     let starts_at = |at: u64| from.get(at as usize..).unwrap_or_default();
     let found = |word: &str| (0..BEFORE).any(|at| starts_at(at).starts_with(word.as_bytes()));
     NO_NUMBERS.into_iter().find(|word| found(word))
 }
 
-/// An upper bound of the number of values of a JSON text: elements of lists, fields of objects, and these themselves.
+/// An upper bound of the number of values in a JSON text: elements of lists, fields of objects, and the lists and
+/// objects.
 pub fn values(text: &[u8]) -> u64 {
     let (mut count, mut in_text, mut is_escaped) = (1, false, false);
     for byte in text {
@@ -103,11 +106,11 @@ pub fn values(text: &[u8]) -> u64 {
     count
 }
 
-/// Counts the bytes that a parser has taken. It takes no byte beyond the end of an object, and none from `until` on.
+/// Counts the bytes that a parser reads. The parser reads no byte after the end of an object, and none from `until` on.
 pub(crate) struct CountingReader<'c, R> {
     pub from: R,
     pub at: &'c Cell<u64>,
-    /// Where the record that is parsed must have ended.
+    /// Offset where the current record must have ended.
     pub until: &'c Cell<u64>,
 }
 
@@ -131,7 +134,7 @@ mod tests {
         for (text, most) in [("7", 1), ("[1,2,3]", 4), (r#"{"a,b":"[\",{","c":[]}"#, 4), (r#""a,b""#, 1), ("", 1)] {
             assert_eq!(values(text.as_bytes()), most, "{text}");
         }
-        // No text has more values than are counted.
+        // No text has more values than the counted number.
         fn of(json: &serde_json::Value) -> u64 {
             1 + match json {
                 serde_json::Value::Array(values) => values.iter().map(of).sum(),

@@ -1,4 +1,4 @@
-//! Annotation files as types, shared by whoever writes, merges, reads, checks or evaluates them.
+//! Types of annotation files, for code that writes, merges, reads, checks or evaluates them.
 //!
 //! | module | holds |
 //! | --- | --- |
@@ -6,17 +6,17 @@
 //! | [`syntable`] | SynTable's annotations: COCO's structure with visible, amodal and occluded masks |
 //! | [`segmentation`] | masks in JSON: run lengths, compressed or not, and polygons |
 //! | [`dataset`] | a whole annotation file: reading, and writing record by record |
-//! | [`index`] | a whole annotation file whose records stay in the file until they are asked for |
+//! | [`index`] | a whole annotation file whose records stay in the file until they are requested |
 //! | [`listing`] | the images of an annotation file in order, each with its annotations |
-//! | [`json`] | what the parser of JSON says, for people |
+//! | [`json`] | readable errors of the JSON parser |
 //! | [`shard`] | the records of one scene, kept until the annotation file is merged from all scenes |
 //! | [`encode`] | image and array files, by kind of value |
-//! | [`decode`] | the same, read back |
+//! | [`decode`] | image and array files, read back |
 //! | [`members`] | members of tar files, read in any order |
 //! | [`draw`] | images for people: masks and outlines over images, panels side by side |
-//! | [`read`] | what readers of all formats share |
+//! | [`read`] | shared code of all readers |
 //! | [`samples`] | datasets of products by name, read back |
-//! | [`scores`] | scores of predictions, with the images that have the lowest ones |
+//! | [`scores`] | scores of predictions, and the images with the lowest scores |
 //! | [`structure`] | the structure of an annotation file, by the keys of its records |
 //! | [`writer`] | writers whose scenes share the options |
 //! | [`mod@include`] | the products that a generic writer includes, and their files |

@@ -1,4 +1,4 @@
-//! The images of an annotation file in order, and where the annotations of each are.
+//! The images of an annotation file in order, with the positions of their annotations.
 
 use crate::coco;
 use crate::index::{Indexed, IndexedRecord, RecordSection};
@@ -17,7 +17,7 @@ use syntable_model::reader::{FaultSubject, ImageRef, ImageSource, Note, Opened};
 use syntable_model::rule;
 use syntable_model::stage::DatasetInfo;
 
-/// The record of an image, as files of COCO's structure have it.
+/// The record of an image in a file of COCO's structure.
 pub trait ImageRecord: DeserializeOwned {
     /// The part that stays in memory.
     fn frame(&self) -> ImageHeader;
@@ -79,12 +79,12 @@ pub struct AnnotationListing {
     pub images: Vec<ListedImage>,
     /// Faults of the file.
     pub faults: Faults,
-    /// Annotations that name no image of the file, and all annotations.
+    /// Number of annotations whose image is not in the file, and number of all annotations.
     unknown: [usize; 2],
 }
 
 impl AnnotationListing {
-    /// Opens a file, and gives each of its records to `each`.
+    /// Opens a file, and calls `each` with every record.
     pub fn open<I, A, S>(path: &Path, each: &mut dyn FnMut(&IndexedRecord<I, A, S>)) -> Result<Self>
     where
         I: ImageRecord,
@@ -143,7 +143,7 @@ impl AnnotationListing {
         Opened { faults: faults.into_inner(), category_ids, notes, ..Opened::new(info, images, offers, source(self)) }
     }
 
-    /// Sections and fields that are not read and no labels, for people: the licenses of the file, and fields of its categories.
+    /// Unread sections and fields that are not labels, as text: the licenses of the file, and fields of its categories.
     pub fn information(&self) -> Vec<String> {
         let mut of_categories = Unkept::new("categories", &[coco::IS_THING]);
         let categories = self.file.categories.iter().flatten();
@@ -152,7 +152,7 @@ impl AnnotationListing {
         sections.chain(of_categories.all()).collect()
     }
 
-    /// Whether the file has annotations, be they of its images or not.
+    /// Whether the file has annotations, of its own images or of others.
     pub fn has_annotations(&self) -> bool {
         self.unknown[1] > 0
     }
@@ -160,7 +160,7 @@ impl AnnotationListing {
     /// The annotations of an image, in the order of the file.
     ///
     /// # Errors
-    /// If they cannot be read, or are more than the [limit](ANNOTATIONS).
+    /// If they cannot be read, or exceed the [limit](ANNOTATIONS).
     pub fn annotations<A: DeserializeOwned>(&self, image: usize) -> Result<Vec<A>> {
         ANNOTATIONS.check(self.images[image].annotations.len() as u64)?;
         self.file.records(RecordSection::Annotations, &self.images[image].annotations)
@@ -173,8 +173,8 @@ impl AnnotationListing {
     }
 }
 
-/// The images by their ids. In the form of SynTable's release, the n-th image is that of the n-th annotation. Where an id is that of
-/// several files, nobody can tell which of them an annotation is of: all of these are left out.
+/// The images by their ids. In the form of SynTable's release, the n-th image belongs to the n-th annotation. If
+/// several files share an id, their annotations are ambiguous, and all these images are omitted.
 fn by_id(frames: Vec<ImageHeader>, annotations: &[AnnotationLink], faults: &mut Faults) -> BTreeMap<u64, ListedImage> {
     let repeats =
         frames.len() == annotations.len() && frames.iter().zip(annotations).all(|(frame, it)| frame.id == it.image);
@@ -211,7 +211,7 @@ fn by_id(frames: Vec<ImageHeader>, annotations: &[AnnotationLink], faults: &mut 
     by_id
 }
 
-/// The file that a name means: `a.png`, `./a.png` and `b/../a.png` are one file.
+/// The file that a name refers to: `a.png`, `./a.png` and `b/../a.png` are one file.
 fn file_of(name: &str) -> PathBuf {
     let mut file = PathBuf::new();
     for part in Path::new(name).components() {
@@ -225,8 +225,8 @@ fn file_of(name: &str) -> PathBuf {
     file
 }
 
-/// Leaves out images of a file of which another image with a lower id is, too: written as two images, each would show objects that
-/// only the other one labels.
+/// Omits an image whose file already belongs to an image with a lower id. Written as two images, each would show
+/// objects that only the other one labels.
 fn drop_second_records(by_id: &mut BTreeMap<u64, ListedImage>, faults: &mut Faults) {
     let mut first_of: BTreeMap<PathBuf, u64> = BTreeMap::new();
     let mut second = BTreeSet::new();

@@ -33,23 +33,23 @@ impl TarMember {
         Ok(FileContent::new(bytes, self.path()))
     }
 
-    /// Its path in messages: the archive as if it were a folder.
+    /// Its path in messages, with the archive as a folder.
     pub fn path(&self) -> PathBuf {
         self.archive.join(&self.name)
     }
 }
 
-/// A sample of tar files: members that have a key in common.
+/// A sample of tar files: members with the same key.
 #[derive(Debug)]
 pub struct TarSample {
-    /// Place of its archive among those that are given.
+    /// Index of its archive in the given list.
     pub archive: usize,
     /// Its members, by the part of the name after the key.
     pub fields: BTreeMap<String, TarMember>,
 }
 
-/// The samples of tar files whose keys are numbers of scene and view, `{scene}_{view}`, wherever they are in the archive. An archive
-/// that cannot be read is a fault.
+/// The samples of tar files whose keys are numbers of scene and view, `{scene}_{view}`, at any place in the archive. An
+/// unreadable archive is a fault.
 pub fn samples(archives: &[PathBuf], faults: &mut Faults) -> BTreeMap<(u32, u32), TarSample> {
     let mut samples: BTreeMap<(u32, u32), TarSample> = BTreeMap::new();
     for (archive, path) in archives.iter().enumerate() {
@@ -85,7 +85,7 @@ pub fn samples(archives: &[PathBuf], faults: &mut Faults) -> BTreeMap<(u32, u32)
     samples
 }
 
-/// The files in a tar file, in its order, up to where it is damaged, and the damage. Contents are skipped, not read.
+/// The files in a tar file, in order, up to the first damage, and the damage. Contents are skipped, not read.
 pub fn members(archive: &Path) -> (Vec<TarMember>, Option<Error>) {
     let mut found = Vec::new();
     let damage = collect(archive, ARCHIVE_MEMBERS.most as usize + 1, &mut found).err();
@@ -93,7 +93,7 @@ pub fn members(archive: &Path) -> (Vec<TarMember>, Option<Error>) {
     (found, damage)
 }
 
-/// The first so many files of a tar file, as far as it can be read.
+/// The first `count` readable files of a tar file.
 pub fn first(archive: &Path, count: usize) -> Vec<TarMember> {
     let mut found = Vec::new();
     // The reader of the whole archive reports damage.
@@ -107,7 +107,7 @@ fn collect(path: &Path, most: usize, found: &mut Vec<TarMember>) -> Result<()> {
 
 fn list(path: &Path, most: usize, found: &mut Vec<TarMember>) -> Result<()> {
     let fail = |error: std::io::Error| match error.kind() {
-        // These errors are damage of the file, not of the disk.
+        // These errors mean a damaged file, not a failing disk.
         std::io::ErrorKind::UnexpectedEof | std::io::ErrorKind::Other | std::io::ErrorKind::InvalidData => {
             Error::new(format!("not a readable tar file: {error}")).in_file(path)
         }
@@ -157,7 +157,7 @@ mod tests {
         assert_eq!(found[0].content().expect("read").bytes(), b"first");
         assert!(found[2].content().expect("read").bytes().is_empty());
 
-        // Cut off within the second member.
+        // The file is cut off within the second member.
         let bytes = std::fs::read(&path).expect("read");
         std::fs::write(&path, &bytes[..bytes.len() - 2048]).expect("written");
         let (found, damage) = members(&path);

@@ -1,4 +1,4 @@
-//! Polygons to masks, with the pixels that pycocotools sets.
+//! Rasterizes polygons to masks, with the same pixels as pycocotools.
 //!
 //! An outline is traced on a grid five times as fine as the pixels. Where the trace passes the center of a column, the
 //! mask changes between unset and set from that row on.
@@ -8,7 +8,7 @@ use syntable_model::product::Mask;
 
 /// Grid lines per pixel.
 const FINE: f64 = 5.0;
-/// Largest coordinate of an outline, px: it bounds the length of a trace.
+/// Largest coordinate of an outline, px. It limits the length of a trace.
 const LARGEST: f64 = 65_536.0;
 
 /// The mask of one outline `[x0, y0, x1, y1, …]`. Parts outside the image are cut off.
@@ -50,7 +50,7 @@ fn edges(points: &[[f64; 2]]) -> impl Iterator<Item = [[i64; 2]; 2]> {
     points.iter().zip(next).map(|(from, to)| [grid(from), grid(to)])
 }
 
-/// Number of steps of the trace of an outline, as far as its coordinates are within what [`rasterize`] takes.
+/// Number of steps of the trace of an outline, with coordinates clamped to the range that [`rasterize`] accepts.
 pub fn steps(outline: &[f64]) -> u64 {
     let within = |value: f64| value.clamp(-LARGEST, LARGEST);
     let of = |[from, to]: [[i64; 2]; 2]| from[0].abs_diff(to[0]).max(from[1].abs_diff(to[1])) + 1;
@@ -58,7 +58,8 @@ pub fn steps(outline: &[f64]) -> u64 {
     edges(&points).map(of).sum()
 }
 
-/// Gives the points of the closed outline on the fine grid, one step apart along the longer axis of each edge.
+/// Calls `each` with the points of the closed outline on the fine grid, one step apart along the longer axis of each
+/// edge.
 fn trace(points: &[[f64; 2]], mut each: impl FnMut([i64; 2])) {
     for edge in edges(points) {
         let steps = [0, 1].map(|axis| edge[1][axis].abs_diff(edge[0][axis]) as i64);
@@ -77,7 +78,7 @@ fn trace(points: &[[f64; 2]], mut each: impl FnMut([i64; 2])) {
     }
 }
 
-/// The position `x · height + y` from which on the mask changes, if a step of the trace passes a column's center.
+/// The position `x · height + y` where the mask changes, if a step of the trace passes a column's center.
 fn crossing(from: [i64; 2], to: [i64; 2], width: u32, height: u32) -> Option<u32> {
     if from[0] == to[0] {
         return None;

@@ -20,14 +20,14 @@ use syntable_model::rule;
 use syntable_model::scene::{InstanceId, SceneId, ViewId};
 use syntable_model::stage::{DatasetInfo, LabelSurface, OwnCategory};
 
-/// The labels of an object in a file. Missing ones follow from the masks.
+/// The labels of an object in a file. Missing labels are derived from the masks.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ObjectLabels {
     /// Its id in the scene or the image.
     pub id: InstanceId,
     /// Visible mask.
     pub visible: Mask,
-    /// Amodal mask; none if the format has none.
+    /// Amodal mask; none if the format does not store it.
     pub amodal: Option<Mask>,
     /// Occlusion mask.
     pub occlusion: Option<Mask>,
@@ -41,7 +41,7 @@ pub struct ObjectLabels {
     pub category: u32,
 }
 
-/// The masks that a dataset has of its objects.
+/// The kinds of object masks in a dataset.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum KnownMasks {
     /// The visible part of each object.
@@ -53,7 +53,7 @@ pub enum KnownMasks {
 }
 
 impl KnownMasks {
-    /// The products that [`put`] makes of them. With amodal masks alone, [`ObjectLabels::visible`] has no meaning.
+    /// The products that [`put`] makes from them. With amodal masks alone, [`ObjectLabels::visible`] has no meaning.
     pub fn offers(self) -> Vec<KeyId> {
         let mut keys = syntable_model::keys![CATEGORY_ID];
         if self != Self::Amodal {
@@ -68,17 +68,17 @@ impl KnownMasks {
         keys
     }
 
-    /// Whether there are amodal masks beside visible ones.
+    /// The masks of a dataset with visible masks and, if `has_amodal`, amodal masks.
     pub fn with_amodal(has_amodal: bool) -> Self {
         if has_amodal { Self::Both } else { Self::Visible }
     }
 }
 
-/// Ids of the objects of an image: the stated ids if every object has one, no two are equal, and none is 0, which is the
-/// background; else the objects' places, from 1.
+/// Ids of the objects of an image. The stated ids if every object has one, all are distinct, and 0, the background, is
+/// not among them; else the objects' positions, from 1.
 ///
 /// # Errors
-/// If there are more objects than ids.
+/// If the image has more objects than ids.
 pub fn ids_of(stated: &[Option<u64>]) -> Result<Vec<InstanceId>> {
     let own: Option<Vec<u16>> = stated.iter().map(|id| id.and_then(|id| u16::try_from(id).ok())).collect();
     let are_told_apart = |ids: &Vec<u16>| !ids.contains(&0) && ids.iter().collect::<BTreeSet<_>>().len() == ids.len();
@@ -88,10 +88,10 @@ pub fn ids_of(stated: &[Option<u64>]) -> Result<Vec<InstanceId>> {
     (0..stated.len()).map(id_of).collect()
 }
 
-/// The id of an object by its place among those of the image, from 0.
+/// The id of an object by its index in its image, from 0.
 ///
 /// # Errors
-/// If there are more objects than ids.
+/// If the image has more objects than ids.
 pub fn id_of(row: usize) -> Result<InstanceId> {
     match u16::try_from(row + 1) {
         Ok(id) => Ok(InstanceId(id)),
@@ -100,7 +100,7 @@ pub fn id_of(row: usize) -> Result<InstanceId> {
     }
 }
 
-/// The fault of ids that a file states of the objects of an image.
+/// The fault of the object ids that a file states for an image.
 pub fn id_fault(stated: &[Option<u64>]) -> Option<DatasetFault> {
     let ids = ids_of(stated).ok()?;
     let differ = ids.iter().zip(stated).any(|(id, own)| Some(u64::from(id.0)) != *own);
@@ -108,7 +108,8 @@ pub fn id_fault(stated: &[Option<u64>]) -> Option<DatasetFault> {
     (differ && stated.iter().any(Option::is_some)).then(|| DatasetFault::new(rule::UNIQUE_IDS, message))
 }
 
-/// Puts the wanted products. `order` is the order that the dataset states; without it, the order follows from the masks.
+/// Puts the wanted products. `order` is the stated order of the dataset; without it, the order is derived from the
+/// masks.
 pub fn put(
     labels: &[ObjectLabels],
     order: Option<OcclusionOrder>,
@@ -134,7 +135,7 @@ pub fn put(
 pub const WITHIN_IMAGE: &str =
     "what of objects lies beyond the image is not known, and counts as nothing in `visibility`";
 
-/// The product `visibility` from masks, which lack the parts beyond the image.
+/// The product `visibility` from masks, which lack the parts outside the image.
 pub fn visibility(labels: &[ObjectLabels]) -> Result<PerInstance<Value>> {
     labels.iter().map(|labels| Ok((labels.id, labels.counts().record()?))).collect()
 }
@@ -159,7 +160,7 @@ impl WantedLabels<'_> {
 }
 
 impl ObjectLabels {
-    /// An object of which a file has masks and a category alone.
+    /// An object with only masks and a category.
     pub fn of_masks(id: InstanceId, visible: Mask, amodal: Option<Mask>, category: u32) -> Self {
         Self { id, visible, amodal, occlusion: None, rate: None, visible_box: None, amodal_box: None, category }
     }
@@ -169,7 +170,7 @@ impl ObjectLabels {
         self.visible.is_empty() && self.amodal.as_ref().is_none_or(Mask::is_empty)
     }
 
-    /// The amodal pixels that are not visible, or the occlusion mask that the file states; none without an amodal mask.
+    /// The stated occlusion mask, or else the amodal pixels that are not visible; none without an amodal mask.
     pub fn hidden(&self) -> Option<Mask> {
         self.occlusion.clone().or_else(|| Some(self.amodal.as_ref()?.minus(&self.visible)))
     }
@@ -196,7 +197,7 @@ impl ObjectLabels {
     }
 }
 
-/// The order of labels, whose occlusion masks may follow from others.
+/// The occlusion order of labels, whose occlusion masks may be derived.
 fn order_of(labels: &[ObjectLabels]) -> OcclusionOrder {
     let mut labels: Vec<&ObjectLabels> = labels.iter().collect();
     labels.sort_by_key(|it| it.id);
@@ -205,13 +206,14 @@ fn order_of(labels: &[ObjectLabels]) -> OcclusionOrder {
     order_by(&objects.collect::<Vec<_>>(), occludes)
 }
 
-/// Whether an object with this visible mask occludes one with this occlusion mask, by SynTable's Algorithm 1: they meet.
+/// Whether an object with this visible mask occludes an object with this occlusion mask, by SynTable's Algorithm 1:
+/// whether the masks share a pixel.
 pub fn occludes(visible: &Mask, hidden: &Mask) -> bool {
     visible.shared_area(hidden) > 0
 }
 
-/// Who occludes whom, by a rule for a visible and an occlusion mask with a common pixel. Objects are given with both masks, in
-/// the order of their ids.
+/// The occlusion order by a rule for pairs of a visible and an occlusion mask that share a pixel. `objects` are in the
+/// order of their ids, with both masks.
 pub fn order_by(
     objects: &[(InstanceId, &Mask, Option<&Mask>)],
     occludes: impl Fn(&Mask, &Mask) -> bool,
@@ -230,7 +232,7 @@ pub fn order_by(
 /// The value of an object in a product.
 ///
 /// # Errors
-/// If there is no such product, or it has nothing of the object.
+/// If the product is missing, or has no value for the object.
 pub fn label_of<T: 'static>(products: &Products, key: Key<PerInstance<T>>, id: InstanceId) -> Result<&T>
 where
     PerInstance<T>: Product,
@@ -241,35 +243,36 @@ where
     })
 }
 
-/// The products among these that are labels, and not images.
+/// The products that are labels, not images.
 pub fn labels_among(products: &[KeyId]) -> Vec<KeyId> {
     products.iter().copied().filter(|key| ![RGB.id(), DEPTH.id(), LABEL_POLICY.id()].contains(key)).collect()
 }
 
 /// The categories of an annotation file, and their ids in a dataset that is written from it.
 ///
-/// These are those of the file, if all are from 1 and have 32 bits: 0 is the background in maps. Else, and where a format has no
-/// ids, they are numbered as the classes of a recipe are.
+/// The ids of the file are kept if all are from 1 to 2³² − 2: 0 is the background in maps. Otherwise, and for formats
+/// without ids, categories are numbered like the classes of a recipe.
 #[derive(Debug, Clone, Default)]
 pub struct Categories {
     names: BTreeMap<u64, String>,
-    /// Of those that have one.
+    /// Supercategories by id, for the categories that have one.
     supercategories: BTreeMap<u64, String>,
     classes: Vec<String>,
-    /// Whether ids are those of the file.
+    /// Whether the ids of the file are kept.
     keeps_ids: bool,
-    /// Whether there are objects of no category of the file.
+    /// Whether an object has a category that the file does not list.
     has_unknown: bool,
 }
 
 impl Categories {
-    /// The categories of a file. A category 0 of that name is the background, as in SynTable's files, and no class.
+    /// The categories of a file. A category 0 named `background` is the background, as in SynTable's files, and not a
+    /// class.
     pub fn of(categories: &[Category]) -> Self {
         let names: BTreeMap<u64, String> = categories.iter().map(|it| (it.id, it.name.clone())).collect();
         let is_background = |id: u64, name: &str| id == BACKGROUND && name.eq_ignore_ascii_case("background");
         let own: Vec<(u64, &String)> =
             names.iter().map(|(id, name)| (*id, name)).filter(|(id, name)| !is_background(*id, name)).collect();
-        // One beyond the last is for objects of none of them.
+        // The id after the last one is for objects without any of these categories.
         let keeps_ids = !own.is_empty() && own.iter().all(|(id, _)| (1..u64::from(u32::MAX)).contains(id));
         let classes: BTreeSet<String> =
             own.iter().filter(|(_, name)| **name != DatasetInfo::OBJECT.1).map(|(_, name)| (*name).clone()).collect();
@@ -278,10 +281,10 @@ impl Categories {
         Self { classes: classes.into_iter().collect(), keeps_ids, has_unknown: false, names, supercategories }
     }
 
-    /// The categories of a format that has names without ids.
+    /// The categories of a format with names but no ids.
     pub fn named(names: impl IntoIterator<Item = String>) -> Self {
         let category = |(id, name)| Category { id, name, ..Category::default() };
-        // No name is a background.
+        // No name is the background.
         let categories = (BACKGROUND + 1..).zip(names).map(category).collect::<Vec<_>>();
         Self { keeps_ids: false, ..Self::of(&categories) }
     }
@@ -291,12 +294,12 @@ impl Categories {
         self.supercategories.retain(|_, other| other != name);
     }
 
-    /// Notes that an object has a category that may not be there.
+    /// Records the category of an object, which may be unknown.
     pub fn note(&mut self, id: u64) {
         self.has_unknown |= !self.names.contains_key(&id) || id == BACKGROUND;
     }
 
-    /// The id of the category of a name.
+    /// The id of the category with this name.
     pub fn id_of(&self, name: &str) -> u32 {
         if self.keeps_ids {
             return self.own().find(|(_, own)| *own == name).map_or_else(|| self.object(), |(id, _)| id);
@@ -310,7 +313,7 @@ impl Categories {
         self.known(id).unwrap_or_else(|| self.object())
     }
 
-    /// The same; none if the file has no such category.
+    /// Like [`id`](Self::id), but none if the file has no such category.
     pub fn known(&self, id: u64) -> Option<u32> {
         let name = self.names.get(&id)?;
         match self.keeps_ids {
@@ -319,12 +322,13 @@ impl Categories {
         }
     }
 
-    /// Ids of the file's categories, each with its id in a dataset that is written from it.
+    /// Ids of the file's categories, with their ids in a dataset that is written from it.
     pub fn ids(&self) -> BTreeMap<u64, u32> {
         self.names.keys().filter_map(|id| Some((*id, self.known(*id)?))).collect()
     }
 
-    /// The category of objects of no class: that of this name, else one more than there are.
+    /// The category of objects without a class: the category `object` if the file has it, else one more than the
+    /// largest id.
     fn object(&self) -> u32 {
         if !self.keeps_ids {
             return DatasetInfo::OBJECT.0;
@@ -333,7 +337,7 @@ impl Categories {
         named.map_or_else(|| self.own().map(|(id, _)| id).max().unwrap_or_default() + 1, |(id, _)| id)
     }
 
-    /// Ids and names of those whose ids are kept.
+    /// Ids and names of the categories whose ids are kept.
     fn own(&self) -> impl Iterator<Item = (u32, &String)> {
         self.names.iter().filter(|(id, _)| self.keeps_ids && **id != BACKGROUND).map(|(id, name)| (*id as u32, name))
     }
@@ -360,10 +364,12 @@ impl Categories {
 /// Largest number up to which [`with_gaps_filled`] fills a list.
 const FILLED: u64 = 1 << 16;
 
-/// Numbers of categories that a dataset does not list, by those that it happens to have: all up to the largest.
+/// Fills the gaps in the category numbers of a dataset without a list of categories: returns all numbers up to the
+/// largest.
 ///
-/// Writers such as `yolo` number categories by their places in the list, so places must not depend on what the images of a part of
-/// a dataset show. The list stays as it is if it has a 0, since such numbers are not kept, or a number above 65,536.
+/// Writers such as `yolo` number categories by their positions in the list, so positions must not depend on the content
+/// of the images in a part of a dataset. The set stays unchanged if it has a 0, since such numbers are not kept, or a
+/// number above 65,536.
 pub fn with_gaps_filled(mut numbers: BTreeSet<u64>) -> BTreeSet<u64> {
     if let Some(last) = numbers.last().copied().filter(|last| are_filled(&numbers, *last)) {
         numbers.extend(1..=last);
@@ -375,7 +381,7 @@ fn are_filled(numbers: &BTreeSet<u64>, last: u64) -> bool {
     last <= FILLED && !numbers.contains(&BACKGROUND)
 }
 
-/// Text for people about such numbers; nothing if there are none. `list` names the file that would list all categories.
+/// Message about such numbers; none if the set is empty. `list` names the file that would list all categories.
 pub fn unlisted(numbers: &BTreeSet<u64>, list: &str) -> Option<String> {
     let last = *numbers.last()?;
     let known = match are_filled(numbers, last) {
@@ -389,7 +395,7 @@ pub fn unlisted(numbers: &BTreeSet<u64>, list: &str) -> Option<String> {
 /// Category of the background in SynTable's own files, which is no object.
 pub const BACKGROUND: u64 = 0;
 
-/// Supercategory of all categories in SynTable's files, which tells nothing apart.
+/// Supercategory of all categories in SynTable's files, which therefore carries no information.
 pub const SUPERCATEGORY: &str = "shape";
 
 /// The faults that a reader finds while it opens a dataset.
@@ -402,12 +408,12 @@ impl Faults {
         self.0.push(DatasetFault::new(rule, message).of(subject));
     }
 
-    /// Adds a fault because of which the reader omits images.
+    /// Adds a fault that makes the reader omit images.
     pub fn lost(&mut self, rule: &'static str, subject: impl Into<FaultSubject>, message: impl Into<String>) {
         self.0.push(DatasetFault { is_lost: true, ..DatasetFault::new(rule, message).of(subject) });
     }
 
-    /// Ids and names that two categories have.
+    /// Adds faults for duplicate ids and names of categories.
     pub fn of_categories(&mut self, categories: &[Category]) {
         let mut names = BTreeMap::new();
         for category in categories {
@@ -424,7 +430,7 @@ impl Faults {
         }
     }
 
-    /// Ids that two annotations have, and categories that are not there, of those that have one.
+    /// Adds faults for duplicate ids of annotations, and for their unknown categories.
     pub fn of_annotations(&mut self, categories: &Categories, annotations: impl Iterator<Item = (u64, Option<u64>)>) {
         let mut seen = BTreeSet::new();
         for (id, category) in annotations {
@@ -438,8 +444,8 @@ impl Faults {
         }
     }
 
-    /// Images by scene and view: as their records say, as their names `{scene}_{view}` do, or else each a scene. A second
-    /// image of one view is at fault and left out.
+    /// Sorts images by scene and view: from their records, else from their names `{scene}_{view}`. Unless all images
+    /// have these, each image is a scene. A second image of a view is a fault and omitted.
     pub fn in_order<R>(
         &mut self,
         records: Vec<R>,
@@ -468,7 +474,7 @@ impl Faults {
     }
 }
 
-/// The name of a dataset that states none: that of its folder, or of its file without the extension.
+/// The name of a dataset that states none: the name of its folder, or of its file without the extension.
 pub fn name_of(root: &Path) -> String {
     let name = if root.is_file() { root.file_stem() } else { root.file_name() };
     name.map_or_else(String::new, |name| name.to_string_lossy().into_owned())
@@ -490,8 +496,8 @@ pub fn json_files(folder: &Path) -> std::io::Result<Vec<PathBuf>> {
     Ok(files)
 }
 
-/// The entries of a folder whose extensions are wanted, with their names without extensions, sorted. An entry that is no file fails
-/// when it is read.
+/// The entries of a folder with wanted extensions, with their names without extensions, sorted. An entry that is not a
+/// file fails when it is read.
 ///
 /// # Errors
 /// If the folder cannot be read.
@@ -509,12 +515,12 @@ pub fn entries_with(folder: &Path, is_wanted: impl Fn(&str) -> bool) -> Result<V
     Ok(files)
 }
 
-/// Whether a file has the extension of JSON.
+/// Whether a file has the JSON extension.
 pub fn is_json(path: &Path) -> bool {
     path.extension().is_some_and(|it| it == "json")
 }
 
-/// The folder above a file, whatever the working directory.
+/// The folder above a file, independent of the working directory.
 pub fn above(file: &Path) -> PathBuf {
     let file = std::path::absolute(file).unwrap_or_else(|_| file.to_owned());
     file.parent().map_or_else(|| file.clone(), Path::to_owned)
@@ -528,7 +534,7 @@ pub fn entries(folder: &Path) -> Vec<PathBuf> {
     entries
 }
 
-/// Refuses files that were found in a folder of a dataset if one is a link that leads elsewhere.
+/// Refuses files found in a folder of a dataset if one is a link that leads outside.
 pub fn check_inside<'p>(folder: &DatasetFolder, files: impl IntoIterator<Item = &'p PathBuf>) -> Result<()> {
     files.into_iter().try_for_each(|path| folder.file(path.file_name().unwrap_or_default()).map(drop))
 }
@@ -545,7 +551,7 @@ pub fn labeled(name: &str) -> Option<(&str, u16)> {
     digits.bytes().all(|byte| byte.is_ascii_digit()).then_some((image, label))
 }
 
-/// Scene and view of an image that is named after them: `{scene}_{view}`.
+/// Scene and view in an image name `{scene}_{view}`.
 pub fn place_in_name(name: &str) -> Option<(u32, u32)> {
     let (scene, view) = Path::new(name).file_stem()?.to_str()?.split_once('_')?;
     Some((scene.parse().ok()?, view.parse().ok()?))

@@ -1,7 +1,7 @@
-//! Datasets of samples: the products of each view under their names, as generic writers store them.
+//! Datasets of samples: the products of each view by name, as generic writers store them.
 //!
-//! A format locates samples and reads the values of their fields. The products of these fields, and the labels that follow from
-//! them, are the same for all formats.
+//! A format locates samples and reads the values of their fields. The products of these fields, and the labels derived
+//! from them, are the same for all formats.
 
 use crate::coco::Category;
 use crate::read::{self, Categories, Faults, KnownMasks, ObjectLabels};
@@ -31,7 +31,7 @@ pub type SampleFields = BTreeMap<String, Value>;
 /// The content of a dataset, without the values of its samples.
 #[derive(Debug, Default)]
 pub struct Contents {
-    /// The views that samples are of, by scene and view.
+    /// The views of the samples, by scene and view.
     pub images: Vec<ImageRef>,
     /// Names of the fields that samples have.
     pub fields: BTreeSet<String>,
@@ -39,27 +39,27 @@ pub struct Contents {
     pub faults: Faults,
     /// The categories, if the dataset lists them.
     pub categories: Option<Vec<Category>>,
-    /// Names of categories by id, of objects that are there: they count where nothing lists all categories.
+    /// Category names by id, from the objects of the dataset. Used if no file lists all categories.
     pub named: BTreeMap<u64, String>,
-    /// The fields that have no value of hidden objects, though these may be annotated.
+    /// The fields without values for hidden objects, which may still be annotated.
     pub of_shown: BTreeSet<String>,
-    /// Whether the format leaves out images without objects.
+    /// Whether the format omits images without objects.
     pub leaves_out_empty: bool,
 }
 
 /// The samples of a dataset.
 pub trait SampleReader: Send + Sync {
     /// The wanted fields that the sample of an image has. A value per instance is [`Value::PerInstance`] or a record
-    /// by ids.
+    /// with ids as keys.
     fn read(&self, image: usize, wanted: &BTreeSet<&str>) -> Result<SampleFields>;
-    /// Width and height of an image, if the format says them beside its fields.
+    /// Width and height of an image, if the format states them outside its fields.
     fn size(&self, image: usize) -> Option<[u32; 2]> {
         let _ = image;
         None
     }
 }
 
-/// Files that are each of a view, in order. A second file of a view is at fault and left out.
+/// Files of views, in order. A second file of a view is a fault and omitted.
 pub fn files_of_views(files: Vec<((u32, u32), PathBuf)>, faults: &mut Faults) -> BTreeMap<(u32, u32), PathBuf> {
     let mut views = BTreeMap::new();
     for (place, path) in files {
@@ -75,11 +75,11 @@ pub fn files_of_views(files: Vec<((u32, u32), PathBuf)>, faults: &mut Faults) ->
     views
 }
 
-/// The values that were read last, for readers of files that many images share.
+/// The most recently read values, for readers of files that many images share.
 #[derive(Debug)]
 pub struct Latest<K, V>(Mutex<VecDeque<(K, Arc<V>)>>);
 
-/// Number of values: threads work at different scenes.
+/// Number of values. It is more than one because threads work on different scenes.
 const KEPT: usize = 4;
 
 impl<K: PartialEq, V> Default for Latest<K, V> {
@@ -89,7 +89,7 @@ impl<K: PartialEq, V> Default for Latest<K, V> {
 }
 
 impl<K: PartialEq, V> Latest<K, V> {
-    /// The value of a key, which is read if it is none of the last ones.
+    /// The value of a key. Reads it unless it is among the most recent values.
     pub fn get(&self, key: K, read: impl FnOnce() -> Result<V>) -> Result<Arc<V>> {
         let kept = || self.0.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some((_, value)) = kept().iter().find(|(other, _)| *other == key) {
@@ -105,7 +105,7 @@ impl<K: PartialEq, V> Latest<K, V> {
     }
 }
 
-/// Fields whose instances are the annotated ones, fast ones first.
+/// Fields whose instances are exactly the annotated ones, fast ones first.
 const OF_ANNOTATED: [KeyId; 7] = [
     CATEGORY_ID.id(),
     AMODAL_BOX.id(),
@@ -121,7 +121,7 @@ pub fn is_per_instance(product: &str) -> bool {
     linked().iter().any(|key| key.is(product) && matches!(key.form(), Form::PerInstance(_)))
 }
 
-/// The values of instances from one array, whose first axis are the instances. An error is the reason.
+/// The values of instances from one array, with the instances along the first axis. An error is the reason.
 pub fn instances(values: &Tensor, ids: &Tensor) -> Result<Value, String> {
     let ids: Vec<InstanceId> = ids_of(ids)?;
     let (count, shape) = values.shape.split_first().ok_or("it is a single number")?;
@@ -142,7 +142,7 @@ pub fn instances(values: &Tensor, ids: &Tensor) -> Result<Value, String> {
     Ok(Value::PerInstance(ids.into_iter().enumerate().map(|(at, id)| (id, row(at))).collect()))
 }
 
-/// Ids in order, which is that of all other axes of instances.
+/// The ids, which must be ascending. All other axes of instances have the same order.
 fn ids_of(ids: &Tensor) -> Result<Vec<InstanceId>, String> {
     if ids.shape.len() != 1 {
         return Err(format!("ids are of shape {:?}", ids.shape));
@@ -158,7 +158,7 @@ fn ids_of(ids: &Tensor) -> Result<Vec<InstanceId>, String> {
     Ok(all.into_iter().map(InstanceId).collect())
 }
 
-/// Opens a dataset of samples. `name` is what it is called.
+/// Opens a dataset of samples with this name.
 pub fn open(name: String, mut contents: Contents, samples: Box<dyn SampleReader>) -> Opened {
     let of_view = |key: &KeyId| (key.scope == Scope::Scene || key.scope.comes_with_view()) && key.is_decoded();
     let mut keys: Vec<KeyId> =
@@ -166,7 +166,7 @@ pub fn open(name: String, mut contents: Contents, samples: Box<dyn SampleReader>
     let of_all = |key: &KeyId| keys.contains(key) && !contents.of_shown.contains(&key.to_string());
     let annotated = OF_ANNOTATED.into_iter().find(of_all);
     let has_categories = of_all(&CATEGORY_ID.id());
-    // Rows and bits do not state their instances.
+    // Occlusion orders and bits do not state their instances.
     if annotated.is_none() {
         keys.retain(|key| ![OCCLUSION_ORDER.id(), AMODAL_BITS.id()].contains(key));
     }
@@ -184,7 +184,7 @@ pub fn open(name: String, mut contents: Contents, samples: Box<dyn SampleReader>
     contents.faults.of_categories(&own);
     let mut categories = Categories::of(&own);
     used.into_iter().for_each(|id| categories.note(id.into()));
-    // Objects that nothing gives a category have one of their own.
+    // Objects without any category get a category of their own.
     if !has_categories {
         categories.note(read::BACKGROUND);
     }
@@ -226,14 +226,14 @@ pub fn open(name: String, mut contents: Contents, samples: Box<dyn SampleReader>
     }
 }
 
-/// Ids of the categories that objects have.
+/// Ids of the objects' categories.
 fn categories_used(contents: &Contents, samples: &dyn SampleReader) -> BTreeSet<u32> {
     let name = CATEGORY_ID.name();
     let mut ids: BTreeSet<u32> = BTreeSet::new();
     if contents.fields.contains(name) {
         let wanted = BTreeSet::from([name]);
         for image in 0..contents.images.len() {
-            // What cannot be read is reported with its image.
+            // Errors are reported with their image.
             let fields = samples.read(image, &wanted).unwrap_or_default();
             let categories = fields.get(name).and_then(|value| <PerInstance<u32>>::decode(stored(value, &[])));
             ids.extend(categories.iter().flat_map(PerInstance::iter).map(|(_, id)| *id));
@@ -242,7 +242,7 @@ fn categories_used(contents: &Contents, samples: &dyn SampleReader) -> BTreeSet<
     ids
 }
 
-/// Categories that nothing lists, by the ids and names that objects have.
+/// Categories from the ids and names of objects, if no file lists categories.
 fn categories_of(used: &BTreeSet<u32>, named: &BTreeMap<u64, String>) -> Vec<Category> {
     let object = u64::from(DatasetInfo::OBJECT.0);
     let mut ids: BTreeSet<u64> = used.iter().copied().map(u64::from).chain(named.keys().copied()).collect();
@@ -260,39 +260,39 @@ fn stored<'a>(value: &'a Value, ids: &'a [InstanceId]) -> Stored<'a> {
 }
 
 struct SampleSource {
-    /// Whether a list has all categories, so that others are a fault.
+    /// Whether a file lists all categories, so that others are a fault.
     refuses_unknown: bool,
     samples: Box<dyn SampleReader>,
     categories: Categories,
-    /// The products that samples have.
+    /// The products of the samples.
     keys: Vec<KeyId>,
-    /// Of these, the one that visible masks are taken from.
+    /// The product with the visible masks.
     visible: Option<KeyId>,
-    /// The one that amodal masks are taken from.
+    /// The product with the amodal masks.
     amodal: Option<KeyId>,
-    /// The one that says which instances are annotated.
+    /// The product that determines the annotated instances.
     annotated: Option<KeyId>,
     known: Option<KnownMasks>,
 }
 
 impl SampleSource {
-    /// Products that follow from the products of samples.
+    /// Products derived from the products of samples.
     fn follow(&self) -> Vec<KeyId> {
         let mut all = self.known.map(KnownMasks::offers).unwrap_or_default();
         all.extend((self.known == Some(KnownMasks::Both)).then_some(VISIBILITY.id()));
         all.into_iter().filter(|key| !self.keys.contains(key)).collect()
     }
 
-    /// The fields that imply the size of an image, fast ones first.
+    /// The fields that determine the size of an image, fast ones first.
     fn sized(&self) -> Vec<KeyId> {
         let camera = self.keys.iter().filter(|key| **key == CAMERA.id());
         let images = self.keys.iter().filter(|key| matches!(key.form(), Form::Image { .. }));
-        // Bits are no pixels.
+        // Bits are not pixels.
         let masks = self.visible.iter().chain(&self.amodal).filter(|key| **key != AMODAL_BITS.id());
         camera.chain(images).chain(masks).copied().collect()
     }
 
-    /// Width and height of an image; zeros if no field implies them, as in an image of masks without an object.
+    /// Width and height of an image; zeros if no field determines them, such as masks of an image without objects.
     fn size(&self, image: usize, fields: &SampleFields) -> [u32; 2] {
         let read = |key: KeyId| -> Option<[u32; 2]> {
             let name = key.to_string();
@@ -307,7 +307,7 @@ impl SampleSource {
         self.samples.size(image).or_else(|| self.sized().into_iter().find_map(read)).unwrap_or_default()
     }
 
-    /// A field as a product of the type of its key.
+    /// A field decoded as the type of its key.
     fn decoded<T: Product + Clone>(&self, key: Key<T>, fields: &SampleFields, ids: &[InstanceId]) -> Result<T> {
         let mut products = Products::new();
         products.put_stored(key.id(), stored(field(fields, key.id())?, ids)).map_err(|_| unlike(key.id()))?;
@@ -352,7 +352,7 @@ impl SampleSource {
 }
 
 impl SampleSource {
-    /// The category of an object in a dataset that is written from this one.
+    /// The category of an object in a dataset that is written from this dataset.
     fn category_of(&self, own: Option<u32>) -> u32 {
         self.categories.id(own.map_or(read::BACKGROUND, u64::from))
     }
@@ -379,7 +379,7 @@ fn unlike(key: KeyId) -> Error {
     Error::new(format!("its field `{key}` is {what}"))
 }
 
-/// Visible masks from a plane of ids: of these instances, and of those that it shows.
+/// Visible masks from a plane of ids, for these instances and all instances in the plane.
 fn visible_masks(plane: &Plane<InstanceId>, ids: Option<&[InstanceId]>) -> PerInstance<Mask> {
     let shown = read::masks_of(&plane.map(|id| id.0)).into_iter().map(|(id, mask)| (InstanceId(id), mask));
     let empty = || Mask::empty(plane.width(), plane.height());
@@ -390,7 +390,7 @@ fn visible_masks(plane: &Plane<InstanceId>, ids: Option<&[InstanceId]>) -> PerIn
     PerInstance(masks)
 }
 
-/// Amodal masks from bits, as [`AMODAL_BITS`] has them.
+/// Amodal masks from bits in the layout of [`AMODAL_BITS`].
 fn amodal_masks(bits: &Value, ids: &[InstanceId], [width, height]: [u32; 2]) -> Result<PerInstance<Mask>> {
     let row_bytes = (width as usize).div_ceil(8);
     let expected = [ids.len(), height as usize, row_bytes];
@@ -409,7 +409,7 @@ fn amodal_masks(bits: &Value, ids: &[InstanceId], [width, height]: [u32; 2]) -> 
     Ok(ids.iter().enumerate().map(|(plane, id)| (*id, of(plane))).collect())
 }
 
-/// The size of the image of a sample, as far as a field says it.
+/// The size of a sample's image, if this field determines it.
 fn size_of(value: &Value) -> Option<[u32; 2]> {
     match value {
         Value::Mask(mask) => Some([mask.width(), mask.height()]),
@@ -422,7 +422,7 @@ fn size_of(value: &Value) -> Option<[u32; 2]> {
             _ => None,
         },
         Value::PerInstance(each) => each.values().find_map(size_of),
-        // A camera, a mask in JSON, or one of these for each instance.
+        // A camera, a mask in JSON, or one of them for each instance.
         Value::Record(fields) => {
             let named = |name: &str| fields.iter().find(|(field, _)| field == name).map(|(_, value)| value);
             let edge = |value: &Value| match value {
@@ -442,7 +442,7 @@ fn size_of(value: &Value) -> Option<[u32; 2]> {
     }
 }
 
-/// Refuses images and masks of another size than the view, and such as no image has.
+/// Refuses images and masks whose size differs from the view, and sizes that no image may have.
 fn check_sizes(fields: &SampleFields, keys: &[KeyId], [width, height]: [u32; 2]) -> Result<()> {
     let refuse = |what: String| Err(Error::new(what));
     IMAGE_PIXELS.check_size([width, height])?;

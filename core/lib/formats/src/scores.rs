@@ -1,5 +1,5 @@
-//! Scores of predictions, and the images with the lowest ones with what was predicted of them: the file that
-//! `syntable eval --save` writes, and that `report` and `view` show.
+//! Scores of predictions, and the images with the lowest scores with their predictions: the file that `syntable eval
+//! --save` writes, and that `report` and `view` show.
 
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -9,7 +9,7 @@ use std::path::Path;
 use syntable_model::error::{Error, Result};
 use syntable_model::product::Mask;
 
-/// Scores of a dataset, in percent. Those of which nothing was to be counted are none.
+/// Scores of a dataset, in percent. A score with nothing to count is `None`.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct MetricScores {
     /// Number of images.
@@ -18,22 +18,22 @@ pub struct MetricScores {
     pub objects: usize,
     /// Number of predictions that count.
     pub predictions: usize,
-    /// How images were combined.
+    /// How the scores of images are combined.
     pub convention: String,
     /// All scores by name.
     pub scores: BTreeMap<String, Option<f64>>,
-    /// Scores side by side, for people.
+    /// Tables of scores for people.
     pub tables: Vec<ScoreTable>,
-    /// Name of the score by which images are the worst.
+    /// Name of the score that ranks the worst images.
     pub ranked_by: String,
-    /// The images with the lowest such scores, lowest first; of equal ones, in the order of the dataset.
+    /// The images with the lowest of these scores, lowest first; equal scores in the order of the dataset.
     pub worst: Vec<ScoredImage>,
 }
 
-/// Scores side by side.
+/// A table of scores.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct ScoreTable {
-    /// Heading of the labels of rows, then those of scores.
+    /// Heading of the column of labels, then headings of the scores.
     pub headings: Vec<String>,
     /// Label of each row, and its scores.
     pub rows: Vec<(String, Vec<Option<f64>>)>,
@@ -42,27 +42,28 @@ pub struct ScoreTable {
 /// An image with its scores and its predictions.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct ScoredImage {
-    /// What the ground truth calls it.
+    /// Name of the image in the ground truth.
     pub name: String,
     /// Width and height of its masks, px.
     pub size: [u32; 2],
-    /// Its scores by name; those of which nothing was to be counted are left out.
+    /// Its scores by name, without scores that have nothing to count.
     pub scores: BTreeMap<String, f64>,
-    /// The predictions that count, by falling confidence.
+    /// The predictions that count, by descending confidence.
     pub predictions: Vec<PredictedObject>,
 }
 
 /// A prediction. Masks are run lengths as in COCO files.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct PredictedObject {
-    /// Confidence, if the detector says it.
+    /// Confidence, if the detector states it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub score: Option<f64>,
-    /// Id of the labeled object that it stands for; none if it has no pixel of the one that it was matched with, or none was left.
+    /// Id of the labeled object that it was matched with; none if no object was left, or if it shares no pixel with its
+    /// match.
     pub object: Option<u16>,
-    /// F of the amodal masks, of both, in percent.
+    /// F-measure of the predicted and the labeled amodal mask, percent.
     pub amodal_f: f64,
-    /// F of the visible masks.
+    /// F-measure of the visible masks, percent.
     pub visible_f: f64,
     /// Whether it counts as occluded.
     pub occluded: bool,
@@ -79,7 +80,7 @@ impl MetricScores {
     /// Reads a file of scores.
     ///
     /// # Errors
-    /// If it cannot be read, or is no such file.
+    /// If the file cannot be read, or is not a file of scores.
     pub fn read(path: &Path) -> Result<Self> {
         let file = File::open(path).map_err(|error| Error::io(path, &error).of_request())?;
         let wrong = |what: String| Error::new(what).in_file(path).help("`syntable eval --save FILE` writes it again");
@@ -100,7 +101,7 @@ impl MetricScores {
 }
 
 impl ScoredImage {
-    /// The first mask that is none of the size of the image.
+    /// The error of the first mask whose size differs from the image.
     fn damage(&self) -> Option<String> {
         let [width, height] = self.size;
         self.predictions.iter().enumerate().find_map(|(number, it)| {

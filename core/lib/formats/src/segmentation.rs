@@ -34,7 +34,7 @@ impl Rle {
     }
 }
 
-/// A mask as a list of run lengths, in the order of [`Rle`].
+/// A mask as a list of run lengths, in the same order as [`Rle`].
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct UncompressedRle {
     /// `[height, width]` of the image, px.
@@ -69,7 +69,7 @@ pub enum Segmentation {
 }
 
 impl Segmentation {
-    /// Decodes the mask of an image of `width` × `height` pixels, with the pixels that pycocotools sets. Fails if the
+    /// Decodes the mask of an image of `width` × `height` pixels, with the same pixels as pycocotools. Fails if the
     /// encoding is damaged or belongs to an image of another size.
     pub fn decode(&self, width: u32, height: u32) -> Result<Mask> {
         let mask = match self {
@@ -92,7 +92,7 @@ impl Segmentation {
     }
 }
 
-// Derived untagged enums do not say which field is wrong.
+// Errors of derived untagged enums do not name the faulty field.
 impl<'de> Deserialize<'de> for Segmentation {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         let value = Json::deserialize(deserializer)?;
@@ -109,14 +109,14 @@ impl<'de> Deserialize<'de> for Segmentation {
     }
 }
 
-/// `[width, height]` of a size that an image may have.
+/// A size as `[width, height]`, if an image may have it.
 fn checked([height, width]: [u32; 2]) -> Result<[u32; 2]> {
     IMAGE_PIXELS.check_size([width, height])?;
     Ok([width, height])
 }
 
-/// The pixels of any of the masks, which are of one size; none if there is no mask. Neighbors are joined first, so that every
-/// run is looked at as often as the masks can be halved.
+/// The union of masks of one size; none without a mask. Joins neighbors first, so that the number of times that each
+/// run is processed is only logarithmic in the number of masks.
 pub fn union(mut masks: Vec<Mask>) -> Option<Mask> {
     while masks.len() > 1 {
         let joined = masks.chunks(2).map(|pair| match pair {

@@ -1,11 +1,10 @@
 //! The records of one scene.
 //!
-//! A run writes the images and annotations of each scene to a shard of its own, and merges all shards at the end. A
-//! shard has a line `["image", annotations, record]` for every view in order, followed by that many lines
-//! `["annotation", record]`, and at the end a line `["scene", record]`. What else a format keeps of a view is in a line
-//! `["view", record]` after its annotations. Ids of images and annotations are 0 until the merge gives them: they
-//! depend on the whole dataset, which may grow. Merging copies the rest of the records as text: memory is bounded by
-//! one line.
+//! A run writes the images and annotations of each scene to its own shard, and merges all shards at the end. A shard
+//! has a line `["image", annotations, record]` for every view in order, followed by `annotations` lines `["annotation",
+//! record]`, and at the end a line `["scene", record]`. Other data of a view is in a line `["view", record]` after its
+//! annotations. Ids of images and annotations are 0 until the merge sets them, because they depend on the whole
+//! dataset, which may grow. Merging copies the rest of the records as text, so it holds only one line in memory.
 
 use crate::dataset::DatasetWriter;
 use crate::encode::json_shard;
@@ -13,13 +12,13 @@ use serde::Serialize;
 use syntable_model::error::{Error, Result};
 use syntable_model::stage::{DatasetInfo, Finish};
 
-/// How an image's record starts before it has its id.
+/// Start of an image's record without an id.
 const IMAGE: &str = "{\"id\":0,";
-/// How an annotation's record starts before it has its id and that of its image.
+/// Start of an annotation's record without its id and its image's id.
 const ANNOTATION: &str = "{\"id\":0,\"image_id\":0,";
 
-/// Appends the line of an image that `annotations` lines of annotations follow. Its `id` must be the first field, and
-/// 0.
+/// Appends the line of an image, which must be followed by `annotations` lines of annotations. Its `id` must be the
+/// first field, and 0.
 pub fn push_image(shard: &mut Vec<u8>, annotations: usize, image: &impl Serialize) -> Result<()> {
     json_shard::push_line(shard, &("image", annotations, image))
 }
@@ -29,7 +28,7 @@ pub fn push_annotation(shard: &mut Vec<u8>, annotation: &impl Serialize) -> Resu
     json_shard::push_line(shard, &("annotation", annotation))
 }
 
-/// Appends the line of a view, for what is neither its image nor an annotation.
+/// Appends a line with other data of a view.
 pub fn push_view(shard: &mut Vec<u8>, view: &impl Serialize) -> Result<()> {
     json_shard::push_line(shard, &("view", view))
 }
@@ -63,14 +62,14 @@ pub struct UnnumberedImage<'a> {
     rest: &'a str,
 }
 
-/// The record of an annotation without its id and that of its image.
+/// The record of an annotation without its id and its image's id.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct UnnumberedAnnotation<'a> {
     rest: &'a str,
 }
 
 impl<'a> ShardLine<'a> {
-    /// Reads a line; none if it is not one of a shard. The records' own content is not looked at.
+    /// Parses a line; none if it is not a line of a shard. Does not parse the content of the records.
     pub fn parse(line: &'a str) -> Option<Self> {
         let body = line.strip_prefix('[')?.strip_suffix(']')?;
         if let Some(rest) = body.strip_prefix("\"image\",") {
@@ -96,16 +95,16 @@ impl UnnumberedImage<'_> {
 }
 
 impl UnnumberedAnnotation<'_> {
-    /// The record with its id and that of its image.
+    /// The record with its id and its image's id.
     pub fn numbered(&self, id: u64, image_id: u64) -> String {
         format!("{{\"id\":{id},\"image_id\":{image_id},{}", self.rest)
     }
 }
 
-/// Calls `each` with every line of the shards, and with the id of its image.
+/// Calls `each` with the image id and the text of every line of the shards.
 ///
-/// Image ids are given here, and not when a scene is written: the number of views per scene grows with the dataset, and
-/// a scene never has more views than the recipe that the dataset has grown to.
+/// Image ids are set here and not when a scene is written, because the number of views per scene grows with the
+/// dataset. A scene never has more views than the current recipe of the dataset.
 pub fn for_each_line(
     dataset: &DatasetInfo,
     finish: &Finish,
@@ -134,8 +133,8 @@ pub fn for_each_line(
     })
 }
 
-/// Merges the shards of all scenes into the images and the annotations of a file. `copies` says how often the file lists an image with
-/// so many annotations.
+/// Merges the shards of all scenes into the images and the annotations of a file. `copies` returns the number of times
+/// that the file lists an image, given its number of annotations.
 ///
 /// # Errors
 /// If a shard is damaged, or the file cannot be written.

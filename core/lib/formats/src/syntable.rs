@@ -1,8 +1,8 @@
 //! SynTable's annotations.
 //!
-//! There are two forms, and [`SynTableImage`] and [`SynTableAnnotation`] read both:
+//! SynTable has two forms of annotations; [`SynTableImage`] and [`SynTableAnnotation`] read both:
 //!
-//! - **coco**, the form of our datasets: one record per image, true areas, rates in full precision, camera, object
+//! - **coco**, the form of new datasets: one record per image, true areas, rates in full precision, camera, object
 //!   poses and label policy. [`SynTableImage`] and [`SynTableAnnotation`] write it.
 //! - **syntable_1**, the form of SynTable's release and of UOAIS-Sim: the image's record is repeated for every
 //!   annotation. [`SynTableImage`] without its optional fields and [`syntable_1::SynTable1Annotation`] write it.
@@ -18,7 +18,7 @@ use syntable_model::stage::DatasetInfo;
 /// A SynTable annotation file.
 pub type SynTableDataset = crate::dataset::AnnotationDataset<SynTableImage, SynTableAnnotation>;
 
-/// Id of the category `object`: that of objects of no class, and of all objects in the syntable_1 form.
+/// Id of the category `object`: the category of objects without a class, and of all objects in the syntable_1 form.
 pub const OBJECT_CATEGORY: u64 = DatasetInfo::OBJECT.0 as u64;
 
 /// Name of the section of scenes.
@@ -48,11 +48,11 @@ pub fn occlusion_order_path(scene: u32, view: u32) -> String {
     format!("data/mono/occlusion_order/{scene}_{view}.npy")
 }
 
-/// An image. The fields from `scene_id` on are those of the coco form.
+/// An image. Only the coco form has the fields from `scene_id` on.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct SynTableImage {
-    /// From 1, unique in the file: `scene · views_per_scene + view + 1` with the recipe's `dataset.views_per_scene`, which the
-    /// images of scenes that failed or have fewer views leave gaps in. 0 in a scene's shard, before the file is merged.
+    /// From 1, unique in the file: `scene · views_per_scene + view + 1` with the recipe's `dataset.views_per_scene`.
+    /// Scenes that failed or have fewer views leave gaps. 0 in a scene's shard, before the file is merged.
     pub id: u64,
     /// Path of the 8-bit RGB image, relative to the dataset.
     pub file_name: String,
@@ -114,7 +114,7 @@ impl SynTableImage {
     }
 }
 
-/// An object in an image. The fields that may be missing are those of the coco form.
+/// An object in an image. Optional fields belong to the coco form.
 ///
 /// Visible (V), amodal (A) and occluded (O) masks have the size of the image, and O is A without V.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -157,18 +157,18 @@ pub struct SynTableAnnotation {
     /// Pixels of O.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub occluded_area: Option<u64>,
-    /// Pixels of O over pixels of A, in [0, 1]. Two decimals in the syntable_1 form. Missing where objects have visible masks
-    /// alone.
+    /// Pixels of O over pixels of A, in [0, 1]. Two decimals in the syntable_1 form. Missing if objects have only
+    /// visible masks.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub occluded_rate: Option<f64>,
-    /// The rate with two decimals, as the syntable_1 form has it.
+    /// The rate with two decimals, as in the syntable_1 form.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub occluded_rate_rounded: Option<f64>,
-    /// A; V where objects have visible masks alone.
+    /// A; V if objects have only visible masks.
     pub segmentation: Rle,
     /// V.
     pub visible_mask: Rle,
-    /// O; empty if the object is not occluded. Missing where objects have visible masks alone.
+    /// O; empty if the object is not occluded. Missing if objects have only visible masks.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub occluded_mask: Option<Rle>,
     /// The product `object_info` of the object, null if it has none; [`SynTableAnnotation::object`] reads it.
@@ -191,14 +191,15 @@ impl SynTableAnnotation {
 pub mod syntable_1 {
     use super::{Deserialize, Extra, Rle, Serialize};
 
-    /// Id of the one object that the release's renderer sees when it renders an amodal mask, in all its published
+    /// Id of the only object that the release's renderer sees when it renders an amodal mask, in all its published
     /// annotations.
     pub const RENDERER_ID: u64 = 10;
 
     /// An object in an image, with the fields of SynTable's release in its order.
     ///
-    /// Two values are not what their names say, and programs that read the release must not trust them: `area` is 0,
-    /// and `segmentation.area` is the sum of the renderer's ids over the mask, [`RENDERER_ID`] times its area.
+    /// Two fields do not hold the values that their names suggest, and programs that read the release must not trust
+    /// them: `area` is 0, and `segmentation.area` is the sum of the renderer's ids over the mask, [`RENDERER_ID`] times
+    /// its area.
     #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
     pub struct SynTable1Annotation {
         /// From 1, unique in the file. 0 in a scene's shard, before the file is merged.
@@ -318,7 +319,7 @@ fn typed<T: for<'de> Deserialize<'de>>(value: &Json, what: String) -> Result<T> 
         .map_err(|error| Error::new(format!("{what}: `{}`: {}", error.path(), error.inner())))
 }
 
-/// A field that may be null, which is not the same as missing.
+/// A field whose value may be null, which differs from a missing field.
 fn present<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<Json>, D::Error> {
     Json::deserialize(deserializer).map(Some)
 }

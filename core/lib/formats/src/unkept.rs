@@ -1,22 +1,22 @@
-//! Fields of annotation files that readers pass over, so that a conversion loses them.
+//! Fields of annotation files that readers ignore, so that a conversion loses them.
 
 use crate::Extra;
 use serde_json::Value as Json;
 use std::collections::BTreeMap;
 use syntable_model::left_out::LeftOut;
 
-/// Number of fields of one kind of record that are counted by name.
+/// Maximum number of fields that are counted by name, per kind of record.
 const NAMED: usize = 32;
 
-/// Records of one kind, counted by the fields that are not read and say something.
+/// Records of one kind, counted by their unread fields with non-empty values.
 ///
-/// A field that says where a record comes from, such as an address, a date or an id, is information; any other one may be a label,
-/// such as keypoints or an attribute.
+/// A field with the origin of a record, such as an address, a date or an id, is information. Any other field may be a
+/// label, such as keypoints or an attribute.
 #[derive(Debug)]
 pub struct Unkept {
     /// Name of the records, in the plural.
     records: &'static str,
-    /// Names of fields that are read, or that follow from those.
+    /// Names of fields that are read, or derived from fields that are read.
     read: &'static [&'static str],
     all: usize,
     labels: BTreeMap<String, usize>,
@@ -26,7 +26,7 @@ pub struct Unkept {
 }
 
 impl Unkept {
-    /// Counts nothing so far.
+    /// Starts with no records.
     pub fn new(records: &'static str, read: &'static [&'static str]) -> Self {
         Self { records, read, all: 0, labels: BTreeMap::new(), more: 0, information: BTreeMap::new() }
     }
@@ -77,12 +77,12 @@ impl Unkept {
     }
 }
 
-/// The note about unread information; nothing if there is none.
+/// The note about unread information; none if the list is empty.
 pub fn note(information: &[String]) -> Option<String> {
     (!information.is_empty()).then(|| format!("information beside labels is not kept: {}", information.join(", ")))
 }
 
-/// Whether a value may be a label: tools write zeros, `false`, and empty texts and lists where nobody labeled anything.
+/// Whether a value may be a label. Tools write zeros, `false`, and empty texts and lists for objects without labels.
 fn says(value: &Json) -> bool {
     match value {
         Json::Null => false,
@@ -94,7 +94,7 @@ fn says(value: &Json) -> bool {
     }
 }
 
-/// Whether a field states the origin of a record, and not its content. The track of an object is a label.
+/// Whether a field states the origin of a record, not its content. The track of an object is a label.
 fn is_information(name: &str) -> bool {
     const NAMES: [&str; 13] = [
         "author",
@@ -144,7 +144,7 @@ mod tests {
         assert_eq!(unkept.information(), ["`coco_url` of 1 annotations", "`person_id` of 1 annotations"]);
     }
 
-    /// A file may have a new name in every record.
+    /// Every record of a file may have a new name.
     #[test]
     fn names_beyond_some_are_counted_together() {
         let mut unkept = Unkept::new("regions", &[]);

@@ -6,9 +6,9 @@ use std::sync::Arc;
 use syntable_model::prelude::*;
 use syntable_model::product::Scope;
 
-/// A [`Writer`] without the part that is the same in all formats: its scenes borrow the options, and [`Scene`](Self::Scene) holds
-/// what a scene keeps between its views. A format that writes each view by itself keeps `()`, and needs
-/// [`reads`](Self::reads) and [`view`](Self::view) alone.
+/// A [`Writer`] without the part that is the same in all formats: its scenes borrow the options, and
+/// [`Scene`](Self::Scene) holds the state of a scene between its views. A format that writes each view separately uses
+/// `()`, and implements only [`reads`](Self::reads), [`view`](Self::view) and [`paths`](Self::paths).
 pub trait ImageWriter: Send + Sync + Sized + 'static {
     /// The state of a scene between its views.
     type Scene: Default + Send;
@@ -54,8 +54,9 @@ pub trait ImageWriter: Send + Sync + Sized + 'static {
     }
 }
 
-/// A generic writer of which each view and each scene has files of its own: the options, the names of the files and their encoding.
-/// The form passes the included products, and writes the [file of categories](include::CATEGORIES).
+/// A generic writer with separate files for each view and each scene: the options, the names of the files and their
+/// encoding. [`writer`](Self::writer) passes the included products, and writes the [file of
+/// categories](include::CATEGORIES).
 pub trait ProductWriter: Send + Sync + Sized + 'static {
     /// The option `include`.
     fn include(&self) -> &Included;
@@ -116,7 +117,7 @@ impl<W: ProductWriter> ImageWriter for GenericWriter<W> {
     }
 }
 
-/// A writer that its scenes share.
+/// A writer shared by its scenes.
 struct SharedWriter<W>(Arc<W>);
 
 impl<W: ImageWriter> Writer for SharedWriter<W> {

@@ -1,4 +1,4 @@
-//! The types against what SynTable's release, UOAIS-Sim and COCO write.
+//! Compares the types with files of SynTable's release, UOAIS-Sim and COCO.
 
 use serde_json::{Value as Json, json};
 use syntable_formats::dataset::JsonLayout;
@@ -6,7 +6,8 @@ use syntable_formats::segmentation::{Rle, Segmentation, UncompressedRle};
 use syntable_formats::syntable::{self, syntable_1};
 use syntable_model::product::Mask;
 
-/// A file as `json.dump(…, indent=4)` of the released program writes it: keys, order, types, and the wrong areas.
+/// A file in the form that the released program writes with `json.dump(…, indent=4)`: keys, order, types, and the wrong
+/// areas.
 const RELEASED: &str = r#"{
     "info": {
         "description": "Train Dataset",
@@ -131,7 +132,7 @@ fn the_released_form_is_read_and_written_byte_for_byte() {
 
 #[test]
 fn keys_that_uoais_net_does_not_need_may_be_missing() {
-    // What its loader reads: images of four keys and the depth path, annotations of eight keys and the area.
+    // The fields that its loader reads: four keys and the depth path of images; eight keys of annotations and the area.
     let mask = json!({ "size": [3, 4], "counts": "42102" });
     let text = json!({
         "images": [{ "id": 7, "file_name": "tabletop/color/1.png", "depth_file_name": "tabletop/depth/1.png",

@@ -1,4 +1,4 @@
-//! What is read record by record is what is read at once, and JPEG files are what Pillow reads.
+//! Records that are read one by one equal records that are read at once, and JPEG files decode as in Pillow.
 
 use serde_json::{Value as Json, json};
 use std::fs;
@@ -18,7 +18,7 @@ fn annotation(id: u64, image: u64, text: &str) -> Json {
             "segmentation": [[0.5, 0.5, 3.25, 0.5, 3.0, 2.0]], "deep": { "list": [{}, [], "]}"] } })
 }
 
-/// Files of the same records that are laid out in different ways.
+/// Files with the same records in different layouts.
 fn files() -> Vec<String> {
     let images: Vec<Json> =
         (1..4).map(|id| json!({ "id": id, "file_name": format!("{id}.png"), "width": 4, "height": 3 })).collect();

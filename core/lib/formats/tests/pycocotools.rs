@@ -1,4 +1,4 @@
-//! What pycocotools reads of a file that these types wrote.
+//! pycocotools reads files that these types wrote.
 
 use std::path::Path;
 use std::process::Command;
@@ -13,8 +13,8 @@ use syntable_testing::tools::is_there;
 const WIDTH: u32 = 60;
 const HEIGHT: u32 = 45;
 
-/// Masks in all encodings. Polygons have random corners, whole and fractional, some outside the image; they cross
-/// themselves.
+/// Masks in all encodings. Polygons have random corners, some with whole coordinates, some outside the image; they
+/// cross themselves.
 fn segmentations() -> Vec<Segmentation> {
     let mut stream = Stream::root(8);
     let mut all = Vec::new();

@@ -1,16 +1,17 @@
 //! Restores the energy that the filter lost.
 //!
-//! Images of few samples are many dark pixels and few bright ones. Clamping fireflies, and weighing taps by similarity,
-//! favors the dark ones; so the filtered image is too dark, by several hundredths at one or two samples. Over wide areas
-//! the mean of the noisy image is right, and the filtered one is scaled to it.
+//! Images with few samples have many dark pixels and few bright ones. Clamping fireflies, and weighing taps by
+//! similarity, favors the dark pixels. The filtered image is therefore too dark, by several hundredths at one or two
+//! samples. Over wide areas, the mean of the noisy image is correct, so the filtered image is scaled to it.
 
 use crate::luminance;
 use crate::tuning::{CELL_WEIGHTS, LEAST_RESTORED, MOST_RESTORED};
 
-/// Edge of the squares over which light is added up, px. Neighboring squares are averaged with a deviation of one square.
+/// Edge of the squares over which light is summed, px. Neighboring squares are averaged with a standard deviation of
+/// one square.
 const CELL: usize = crate::tuning::CELL as usize;
 
-/// Light in squares, before and after.
+/// Light in squares, before and after the filter.
 struct Cells {
     columns: usize,
     rows: usize,
@@ -18,7 +19,7 @@ struct Cells {
     sums: Vec<[f64; 2]>,
 }
 
-/// Scales `after` so that it is as bright as `before`; pixels without `surface` stay.
+/// Scales `after` to the brightness of `before`; pixels without `surface` stay unchanged.
 pub(super) fn restore(width: usize, before: &[[f32; 3]], after: &mut [[f32; 3]], surface: impl Fn(usize) -> bool) {
     let is_surface: Vec<bool> = (0..after.len()).map(surface).collect();
     let lit = after.iter().zip(&is_surface).filter(|(_, surface)| **surface);
@@ -47,7 +48,7 @@ impl Cells {
         *sums = [sums[0] + f64::from(before), sums[1] + f64::from(after)];
     }
 
-    /// What every square is to be multiplied by.
+    /// The factor of every square.
     fn factors(&self) -> Vec<f32> {
         let along_rows = blurred(&self.sums, self.columns, 1);
         let sums = blurred(&along_rows, self.rows, self.columns);
@@ -56,7 +57,7 @@ impl Cells {
         sums.into_iter().map(factor).collect()
     }
 
-    /// The factor of a pixel: linear between the centers of the squares.
+    /// The factor of a pixel, interpolated linearly between the centers of the squares.
     fn between(&self, factors: &[f32], x: usize, y: usize) -> f32 {
         let place = |at: usize, count: usize| {
             let at = ((at as f32 + 0.5) / CELL as f32 - 0.5).clamp(0.0, (count - 1) as f32);
@@ -73,7 +74,7 @@ impl Cells {
     }
 }
 
-/// Sums over neighbors along one axis, whose squares are `stride` apart and `count` in number.
+/// Weighted sums over neighbors along one axis, with `count` squares at a distance of `stride`.
 fn blurred(sums: &[[f64; 2]], count: usize, stride: usize) -> Vec<[f64; 2]> {
     let sum = |at: usize| {
         let place = at / stride % count;

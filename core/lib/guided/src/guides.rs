@@ -1,10 +1,10 @@
-//! Guides: normals, the planes of pixels, ids, and albedo where bodies are mixed.
+//! Guides: normals, planes of pixels, ids, and albedo at borders of bodies.
 
 use crate::planes::{CHUNK, Chunk, Padded, Size, fill};
 use crate::tuning::{BORDER_COLOR, BORDER_NORMAL, END, PLANE};
 use syntable_model::context::Workers;
 
-/// Id of the margin; no tap takes anything from what has a negative id.
+/// Id of the margin. Taps ignore pixels with a negative id.
 pub(super) const NOTHING: f32 = -1.0;
 
 /// Id of pixels that show a light, the sky or nothing.
@@ -16,18 +16,18 @@ pub(super) struct Guides {
     pub normal: [Padded; 3],
     /// Luminance of the mean base color.
     pub color: Padded,
-    /// 1 / depth, 1/m: affine in pixel coordinates on a plane, whatever the focal length. 0 for nothing.
+    /// 1 / depth, 1/m: affine in pixel coordinates on a plane, for any focal length. 0 without a surface.
     pub disparity: Padded,
     /// Id of the body, [`NO_SURFACE`] or [`NOTHING`].
     pub id: Padded,
     /// Change of the disparity from one pixel to the next, along x and y.
     slope: [Padded; 2],
-    /// 1 where another body, or none, is among the eight neighbors, else 0.
+    /// 1 if another body, or a pixel without a surface, is among the eight neighbors, else 0.
     pub border: Padded,
 }
 
 impl Guides {
-    /// Finds slopes and borders.
+    /// Computes slopes and borders.
     pub fn new(
         size: Size,
         workers: &dyn Workers,
@@ -50,11 +50,12 @@ impl Guides {
         Self { normal, color, disparity, id, slope: [along_x, along_y], border }
     }
 
-    /// For the taps at an offset of `(dx, dy)` px from a chunk: minus the logarithm of how much they are worth, before any
-    /// light is looked at; from [`END`] on they are worth nothing. `per_normal` is what a squared difference of normals costs.
+    /// The cost of the taps at an offset of `(dx, dy)` px from a chunk, before comparing light: minus the logarithm of
+    /// their weight. A cost of [`END`] or more means no weight. `per_normal` is the cost of a squared difference of
+    /// normals.
     ///
-    /// Inside a body, taps must be of that body and near its plane. At its border a pixel shows two bodies, and its depth
-    /// and id are of one of them: there the mean normal and color alone decide.
+    /// Inside a body, taps must be on that body and near its plane. A border pixel shows two bodies, but has the depth
+    /// and id of only one of them, so only the mean normal and color count there.
     #[inline(always)]
     pub fn cost(&self, here: usize, there: usize, dx: f32, dy: f32, per_normal: &Chunk) -> Chunk {
         let [nx, ny, nz] = &self.normal;
@@ -94,7 +95,7 @@ fn border_of(ids: &Chunk, neighbors: [&Chunk; 8]) -> Chunk {
     })
 }
 
-/// The smaller of the differences to the two neighbors of the same body; 0 if there is none.
+/// The smaller of the differences to the two neighbors on the same body; 0 without such a neighbor.
 fn slope(disparity: &Padded, id: &Padded, at: usize, step: usize) -> Chunk {
     let [before, here, after] = [at - step, at, at + step].map(|i| (disparity.chunk(i), id.chunk(i)));
     std::array::from_fn(|i| {

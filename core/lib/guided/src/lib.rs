@@ -1,16 +1,16 @@
 //! `guided`: an edge-avoiding filter guided by albedo, normals, depth and ids.
 //!
-//! The radiance comes in two parts ([`Part`]), filtered each with its own [`tuning`] and added up in the end: the specular
-//! part, and the rest demodulated by the albedo, so that textures stay sharp. The noise of every pixel is estimated and
-//! fireflies are clamped ([`noise`]). Then come levels of 5 × 5 taps at distances of 1, 2, 4, 8, … px ([`smooth`]): the
-//! edge-avoiding à-trous transform of Dammertz et al. (High Performance Graphics 2010), led by variance as in Schied et al.
-//! (High Performance Graphics 2017, sections 4.2 and 4.3). The weight of a tap falls with the difference of its normal, its
-//! distance from the pixel's plane, and the difference of its light relative to the remaining noise; so an image without
-//! noise stays as it is.
+//! The radiance comes in two parts ([`Part`]): the specular part, and the rest demodulated by the albedo, so that
+//! textures stay sharp. Each part is filtered with its own [`tuning`], and the results are summed. First, the noise of
+//! every pixel is estimated and fireflies are clamped ([`noise`]). Then follow levels of 5 × 5 taps at growing
+//! distances, such as 1, 2, 4, 8, … px ([`smooth`]): the edge-avoiding à-trous transform of Dammertz et al. (High
+//! Performance Graphics 2010), guided by variance as in Schied et al. (High Performance Graphics 2017, sections 4.2 and
+//! 4.3). The weight of a tap falls with the difference of its normal, its distance from the pixel's plane, and the
+//! difference of its light relative to the remaining noise. An image without noise therefore stays unchanged.
 //!
-//! Beyond these papers: planes are found from depth without the camera ([`guides`]), normals count for less the noisier the
-//! light is, borders of bodies use mean colors and normals, the first level compares means rather than samples, and energy
-//! that the filter lost is restored ([`balance`]).
+//! Additions to these papers: planes are found from depth without the camera ([`guides`]), normals count less the
+//! noisier the light is, borders of bodies use mean colors and normals, the first level compares means instead of
+//! samples, and energy that the filter lost is restored ([`balance`]).
 
 mod balance;
 mod guides;
@@ -33,17 +33,17 @@ use syntable_model::product::standard::{
 };
 use tuning::{MOST_NITS, NEAREST, RESIDUAL, Tuning, WHOLE};
 
-/// Removes noise from images of few samples by averaging over similar neighbors, guided by albedo, normals, depth and ids.
-/// Needs nothing installed. With `cpu_path` it runs on the processor and gives the same image on every machine; with `gpu_path`
-/// it runs on the card, and its image is the same up to rounding.
+/// Removes noise from images of few samples by averaging over similar neighbors, guided by albedo, normals, depth and
+/// ids. Needs nothing installed. With `cpu_path` it runs on the processor and gives the same image on every machine;
+/// with `gpu_path` it runs on the card, and its image is the same up to rounding.
 ///
-/// Made for 1 to 64 samples per pixel; with more it does less. Fireflies are clamped, and their light is spread over their
-/// surroundings.
+/// Made for 1 to 64 samples per pixel; with more it does less. Fireflies are clamped, and their light is spread over
+/// their surroundings.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Guided {
-    /// Tolerance for differences of light between pixels, relative to their noise. Higher values are smoother, lower ones
-    /// keep faint shadows and reflections.
+    /// Tolerance for differences of light between pixels, relative to their noise. Higher values are smoother, lower
+    /// ones keep faint shadows and reflections.
     #[schemars(range(min = 0.1, max = 10.0))]
     pub strength: f64,
     /// Number of filter levels, which sets the radius: 2, 6, 14, 30 or 62 pixels.
@@ -99,7 +99,7 @@ impl Denoiser for Guided {
 }
 
 impl Guided {
-    /// What the product [`DENOISER`] says of an image of this filter.
+    /// The product [`DENOISER`] for an image of this filter.
     pub fn report(&self) -> Value {
         Value::record([("name", Self::KIND.into()), ("strength", self.strength.into()), ("levels", self.levels.into())])
     }
@@ -110,7 +110,7 @@ impl Guided {
         let signal = input.signal(size, part, guides, workers);
         let known = input.variances[part as usize].data().iter().any(|v| v.is_finite());
         let noise = noise::estimate(size, workers, guides, &signal, known, tuning);
-        // A guess from the neighbors is good enough for the filter, but no reason to trust a pixel's own light.
+        // An estimate from the neighbors is good enough for the filter, but no reason to trust a pixel's own light.
         let noise_before = if known { noise.signal.variance.clone() } else { Padded::new(size, f32::INFINITY) };
         let (mut now, mut next) = (noise.signal, signal);
         for (number, (step, sigmas)) in tuning.levels(self.levels).enumerate() {
@@ -150,18 +150,18 @@ impl Part {
 
 /// A filtered part of the radiance.
 struct Filtered {
-    /// As [`Signal::color`].
+    /// Like [`Signal::color`].
     color: [Padded; 3],
-    /// Variance of the luminance before.
+    /// Variance of the luminance before filtering.
     noise_before: Padded,
 }
 
-/// Products read.
+/// Input products.
 struct Input<'a> {
     radiance: &'a Plane<[f32; 3]>,
-    /// By [`Part`].
+    /// The parts of the radiance, by [`Part`].
     parts: [&'a Plane<[f32; 3]>; 2],
-    /// Of the parts' luminance.
+    /// Variance of each part's luminance.
     variances: [&'a Plane<f32>; 2],
     albedo: &'a Plane<[f32; 3]>,
     normal: &'a Plane<[f32; 3]>,
@@ -174,9 +174,10 @@ impl Input<'_> {
         Size { width: self.radiance.width() as usize, height: self.radiance.height() as usize }
     }
 
-    /// Whether a pixel shows surfaces alone, and sound light. Others pass as they are, and nothing is taken from them: lights,
-    /// the sky, broken pixels, and those that show a surface in part. The latter have the color and the light of both
-    /// ([`WHOLE`]); what they have of each is known no better than their own light is.
+    /// Whether a pixel shows only surfaces, and its light is finite. Other pixels pass unchanged, and taps ignore them:
+    /// lights, the sky, broken pixels, and pixels that show a surface only in part. Such a partial pixel mixes color
+    /// and light of the surface and of its surroundings ([`WHOLE`]), and the share of each is as uncertain as the
+    /// pixel's own light.
     fn surface(&self, pixel: usize) -> bool {
         let lit = self.radiance.data()[pixel].iter().all(|nits| nits.is_finite());
         lit && self.meets_surface(pixel) && (self.is_covered(pixel) || !self.is_beside_nothing(pixel))
@@ -188,12 +189,12 @@ impl Input<'_> {
         self.instance.data()[pixel].0 != 0 && depth.is_finite() && depth > NEAREST
     }
 
-    /// Whether all rays through a pixel meet surfaces that look the same way.
+    /// Whether all rays through a pixel meet surfaces with nearly the same orientation.
     fn is_covered(&self, pixel: usize) -> bool {
         self.normal.data()[pixel].iter().map(|n| n * n).sum::<f32>() >= WHOLE * WHOLE
     }
 
-    /// Whether there is no surface at one of the eight pixels around.
+    /// Whether one of the eight neighbors has no surface.
     fn is_beside_nothing(&self, pixel: usize) -> bool {
         let Size { width, height } = self.size();
         let (x, y) = (pixel % width, pixel / width);
@@ -207,8 +208,9 @@ impl Input<'_> {
             .map(|albedo| DEMODULATION_EPSILON + if albedo.is_finite() { albedo.clamp(0.0, 1.0) } else { 1.0 })
     }
 
-    /// A pixel's light of a part. At the `border` of bodies color and light change together, so that the color is taken
-    /// from their mean, not sample by sample: neighbors that show as much of each body are alike then, too.
+    /// A pixel's light of a part. At the `border` of bodies, color and light change together. Light at a border is
+    /// divided by the mean color, not sample by sample, so that neighbors with similar shares of each body are similar,
+    /// too.
     fn light(&self, pixel: usize, part: Part, border: bool) -> [f32; 3] {
         let specular = self.parts[Part::Specular as usize].data()[pixel];
         let light = match part {
@@ -280,8 +282,8 @@ impl Input<'_> {
                 return self.radiance.data()[pixel];
             }
             let (at, factor) = (size.index(x, y), self.factor(pixel));
-            // Where light and color both change in a pixel, the mean of their product is not the product of their means.
-            // What it is instead is known as well as the pixel's own light is.
+            // If light and color both vary within a pixel, the mean of their product is not the product of their means.
+            // The difference is as reliable as the pixel's own light.
             let (own, scale) = (self.radiance.data()[pixel], luminance(factor));
             let noise = diffuse.noise_before.at(at) * scale * scale + specular.noise_before.at(at);
             let error = (RESIDUAL * luminance(own).min(MOST_NITS)).powi(2);
@@ -292,7 +294,7 @@ impl Input<'_> {
             std::array::from_fn(|c| {
                 let product = demodulated[c] * factor[c] + mirrored[c];
                 let filtered = diffuse.color[c].at(at) * factor[c] + specular.color[c].at(at);
-                // What the filter took from a firefly it took from the difference, too.
+                // The difference is reduced by the same factor as a clamped firefly.
                 let kept = if filtered < product { filtered / product } else { 1.0 };
                 let residual = kept * trust * (own[c] - product);
                 (filtered + if residual.is_finite() { residual } else { 0.0 }).max(0.0)

@@ -10,7 +10,7 @@ use syntable_simd::{Processor, Simd, Task};
 /// Radius of the window, px.
 const REACH: isize = crate::tuning::REACH as isize;
 
-/// Estimates from the window.
+/// Estimates from the window around each pixel.
 pub(super) struct Noise {
     /// The signal without fireflies and with a smoothed variance.
     pub signal: Signal,
@@ -18,8 +18,9 @@ pub(super) struct Noise {
     pub pilot: [Padded; 2],
 }
 
-/// Estimates noise from the neighbors of every pixel. The variance is the mean of the renderer's estimates, if it has any (`known`),
-/// since one of few samples is worth little by itself; otherwise it is the neighbors' own spread.
+/// Estimates noise from the neighbors of every pixel. The variance is the mean of the renderer's estimates, if it has
+/// any (`known`), since a single estimate from few samples is unreliable; otherwise it is the variance among the
+/// neighbors.
 pub(super) fn estimate(
     size: Size,
     workers: &dyn Workers,
@@ -53,7 +54,7 @@ struct Window<'a> {
 impl Task for Window<'_> {
     type Output = [Chunk; 7];
 
-    // The compiler makes lanes of the loops over a chunk: as many as the instruction set has.
+    // The compiler vectorizes the loops over a chunk, for any width of the instruction set.
     #[inline(always)]
     fn run<S: Simd>(self) -> [Chunk; 7] {
         let Self { guides, from, known, tuning, at, stride } = self;
@@ -65,7 +66,8 @@ impl Task for Window<'_> {
 fn look(guides: &Guides, from: &Signal, known: bool, tuning: &Tuning, at: usize, stride: isize) -> [Chunk; 7] {
     let zero = [0.0; CHUNK];
     let per_normal = [tuning.per_normal; CHUNK];
-    // Sums over similar taps: weights, their squares, luminance, its square, variance; and over all surfaces.
+    // Sums over similar taps: weights, squared weights, luminance, squared luminance, variance. Then sums over all
+    // surfaces.
     let (mut w1, mut w2, mut m1, mut m2, mut mv) = (zero, zero, zero, zero, zero);
     let (mut all, mut all_l, mut all_v) = (zero, zero, zero);
     for dy in -REACH..=REACH {
@@ -98,7 +100,7 @@ fn look(guides: &Guides, from: &Signal, known: bool, tuning: &Tuning, at: usize,
         let spread = m2[i] / (w1[i] + 1e-6) - mean * mean;
         let spread = if spread > 0.0 { spread } else { 0.0 };
         let usual = mean + tuning.firefly * spread.sqrt();
-        // Light that the pixel's own samples agree on is not clamped.
+        // Light that the pixel's own samples confirm is not clamped.
         let sure = if known { l[i] - SURE * v[i].sqrt() } else { 0.0 };
         let limit = if usual > sure { usual } else { sure };
         let kept = if w1[i] > FEWEST && l[i] > limit { limit } else { l[i] };

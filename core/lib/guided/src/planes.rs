@@ -1,9 +1,9 @@
-//! Planes of numbers with a margin, so that inner loops need no special case at the border.
+//! Planes of numbers with a margin, so that inner loops need no special cases at the border.
 
 use parking_lot::Mutex;
 use syntable_model::context::Workers;
 
-/// Numbers that inner loops take at a time, px.
+/// Number of pixels that inner loops process at a time.
 pub(super) const CHUNK: usize = 32;
 
 /// Margin around the image: maximum distance of a tap, px.
@@ -12,10 +12,10 @@ pub(super) const MARGIN: usize = 32;
 /// One chunk of a row.
 pub(super) type Chunk = [f32; CHUNK];
 
-/// Rows in a job.
+/// Number of rows in a job.
 const BAND: usize = 16;
 
-/// Size of an image, and of the planes that hold it.
+/// Size of an image, and of the planes that store it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Size {
     pub width: usize,
@@ -23,12 +23,12 @@ pub(super) struct Size {
 }
 
 impl Size {
-    /// Numbers from one row to the next: the margins, and whole chunks.
+    /// Distance from one row to the next, in numbers: the margins, and whole chunks.
     pub fn stride(self) -> usize {
         self.chunks() * CHUNK + 2 * MARGIN
     }
 
-    /// Where a pixel is in a plane.
+    /// Index of a pixel in a plane.
     pub fn index(self, x: usize, y: usize) -> usize {
         (y + MARGIN) * self.stride() + MARGIN + x
     }
@@ -58,13 +58,13 @@ impl Padded {
         self.0[at..at + CHUNK].try_into().expect("a chunk long")
     }
 
-    /// One number.
+    /// The number at an index.
     pub fn at(&self, index: usize) -> f32 {
         self.0[index]
     }
 }
 
-/// Where a chunk is.
+/// Position of a chunk.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct ChunkPosition {
     /// Column and row of its first pixel, px.
@@ -74,7 +74,8 @@ pub(super) struct ChunkPosition {
     pub at: usize,
 }
 
-/// Fills `N` planes chunk by chunk. Margins stay as they are; what is right of the image is filled too.
+/// Fills `N` planes chunk by chunk. Margins stay unchanged, except that the last chunk of a row may extend beyond the
+/// image.
 pub(super) fn fill<const N: usize>(
     size: Size,
     workers: &dyn Workers,

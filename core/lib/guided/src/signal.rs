@@ -1,8 +1,8 @@
-//! Light while it is filtered.
+//! Light during filtering.
 
 use crate::planes::{Padded, Size};
 
-/// Light of a part, without the color of what it falls on, and what is known of its noise.
+/// Light of a part, without the color of the surface, and the estimate of its noise.
 pub(crate) struct Signal {
     /// Linear Rec. 709, nits.
     pub color: [Padded; 3],

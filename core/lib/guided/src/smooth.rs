@@ -1,4 +1,4 @@
-//! One level of the filter: 5 × 5 taps, some pixels apart.
+//! One level of the filter: 5 × 5 taps at a distance of some pixels.
 
 use crate::guides::{Guides, falloff};
 use crate::planes::{CHUNK, Chunk, Padded, Size, fill};
@@ -7,22 +7,23 @@ use crate::tuning::Tuning;
 use syntable_model::context::Workers;
 use syntable_simd::{Processor, Simd, Task};
 
-/// What a level works on.
+/// Inputs of a level.
 pub(super) struct Level<'a> {
     pub guides: &'a Guides,
     pub tuning: &'a Tuning,
     pub from: &'a Signal,
-    /// Means over a window, and their variance, by which likes are known too where the light itself is too noisy.
+    /// Means over a window, and their variance. They show which pixels are similar even if the light itself is too
+    /// noisy.
     pub pilot: Option<&'a [Padded; 2]>,
     /// Distance of the taps, px.
     pub step: usize,
     /// Difference of light that costs one e-fold, in standard deviations.
     pub sigmas: f32,
-    /// The same for means.
+    /// Difference of the window means that costs one e-fold, in standard deviations.
     pub pilot_sigmas: f32,
 }
 
-/// Filters.
+/// Applies a level.
 pub(super) fn smooth(size: Size, workers: &dyn Workers, level: &Level, to: &mut Signal) {
     let (stride, processor) = (size.stride() as isize, Processor::detect());
     let Signal { color: [r, g, b], luminance, variance } = to;
@@ -42,7 +43,7 @@ struct Taps<'a> {
 impl Task for Taps<'_> {
     type Output = [Chunk; 5];
 
-    // The compiler makes lanes of the loops over a chunk: as many as the instruction set has.
+    // The compiler vectorizes the loops over a chunk, for any width of the instruction set.
     #[inline(always)]
     fn run<S: Simd>(self) -> [Chunk; 5] {
         self.level.chunk(self.at, self.stride)
@@ -60,7 +61,7 @@ impl Level<'_> {
         let level = self.pilot.map_or(&from.luminance, |[mean, _]| mean).chunk(at);
         let mut per_normal = [0.0; CHUNK];
         for i in 0..CHUNK {
-            // The noisier, the more a tap may be rotated away.
+            // The noisier the light, the more the normal of a tap may differ.
             let spread = scale * (own[i] / (level[i] * level[i] + 1e-12)).sqrt();
             let spread = if spread > least { spread } else { least };
             per_normal[i] = 1.0 / if spread < most { spread } else { most };
@@ -97,7 +98,7 @@ impl Level<'_> {
         }
         let mut out = [[0.0; CHUNK]; 5];
         for i in 0..CHUNK {
-            // The pixel itself weighs 1, unless it is no surface.
+            // The pixel itself has weight 1, unless it has no surface.
             let per = 1.0 / (sum[4][i] + 1e-30);
             let color = [sum[0][i] * per, sum[1][i] * per, sum[2][i] * per];
             (out[0][i], out[1][i], out[2][i]) = (color[0], color[1], color[2]);

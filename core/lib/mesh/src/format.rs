@@ -98,7 +98,7 @@ impl MeshFormat {
 
 inventory::collect!(MeshFormat);
 
-/// All mesh formats of a program, by falling preference.
+/// All mesh formats of a program, by descending preference.
 #[derive(Debug, Clone, Default)]
 pub struct MeshFormats(Vec<MeshFormat>);
 
@@ -221,7 +221,7 @@ impl DecodedImage {
     }
 }
 
-/// All image formats of a program, by falling preference.
+/// All image formats of a program, by descending preference.
 #[derive(Debug, Clone, Default)]
 pub struct ImageFormats(Vec<ImageFormat>);
 

@@ -1,6 +1,6 @@
 //! Reports of `syntable check --asset PATH` on meshes and images.
 //!
-//! A mesh is loaded as a source would load it, and its extent is checked without a scale.
+//! A mesh is loaded in the same way as by a source, and its extent is checked without a scale.
 
 use crate::format::{ImageFormats, MeshFormats, Unit};
 use crate::image::DecodedImage;
@@ -16,8 +16,8 @@ use syntable_model::scene::{EnvironmentMap, MassOrigin, MassProperties, Object, 
 /// A mesh with more separate parts probably has several objects.
 const MAX_PARTS: usize = 2;
 
-/// Inspects a mesh file, given its path alone. The file may refer to files of its own folder; in the layout of Google
-/// Scanned Objects, `<name>/meshes/model.obj` beside `<name>/materials`, to files of the object's folder.
+/// Inspects a mesh file at a path. The file may refer to files of its own folder; in the layout of Google Scanned
+/// Objects, `<name>/meshes/model.obj` next to `<name>/materials`, to files of the object's folder.
 pub fn mesh_file(path: &Path, log: &dyn Log) -> Result<Inspection> {
     let folder = folder_of(path);
     let above = folder.parent().filter(|above| *above != Path::new(""));

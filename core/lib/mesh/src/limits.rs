@@ -1,7 +1,7 @@
 //! Limits on the resources of one asset, checked while it is read.
 //!
 //! Readers ask the [`Budget`] of their [`AssetRoot`](crate::root::AssetRoot) before they allocate. A small file that
-//! unfolds to a huge asset is therefore refused, and the error names the limit and the option that changes it.
+//! expands to a huge asset is therefore refused, and the error names the limit and the option that changes it.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 use syntable_model::error::{Error, Result};
@@ -17,7 +17,7 @@ pub struct Budget {
 }
 
 impl Budget {
-    /// A budget that is unused.
+    /// An unused budget.
     pub fn new(limits: AssetLimits) -> Self {
         Self { limits, ..Self::default() }
     }
@@ -31,7 +31,7 @@ impl Budget {
         }
     }
 
-    /// Reserves an image. Refuses the image has no pixels, or with more than `max_side` pixels along a side.
+    /// Reserves an image. Refuses an image without pixels, or with more than `max_side` pixels along a side.
     pub fn image(&self, width: u64, height: u64, max_side: u64) -> Result<()> {
         if width == 0 || height == 0 {
             return Err(Error::new(format!("an image of {width} x {height} pixels is empty")));
@@ -57,7 +57,7 @@ impl Budget {
         }
     }
 
-    /// Refuses a mesh with more triangles in total. Reserves nothing.
+    /// Refuses a mesh with too many triangles in total. Reserves nothing.
     pub fn triangles(&self, total: usize) -> Result<()> {
         match total as u64 <= self.limits.triangles {
             true => Ok(()),
@@ -65,7 +65,7 @@ impl Budget {
         }
     }
 
-    /// Number of triangles that the mesh may still get.
+    /// Number of triangles that a mesh with `total` triangles may still get.
     pub fn triangles_left(&self, total: usize) -> usize {
         usize::try_from(self.limits.triangles).unwrap_or(usize::MAX).saturating_sub(total)
     }

@@ -1,4 +1,4 @@
-//! Mass of objects whose source states none.
+//! Estimated mass of objects whose source states no mass.
 
 use std::ops::RangeInclusive;
 

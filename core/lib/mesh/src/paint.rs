@@ -104,15 +104,16 @@ pub fn hide_colors_under_textures(
 pub enum VertexAlpha {
     /// No effect.
     Ignored,
-    /// It multiplies the alpha that a masked material compares with its cutoff.
+    /// Multiplies the alpha that a masked material compares with its cutoff.
     Masks,
-    /// It blends.
+    /// Blends the material.
     Blends,
 }
 
 /// Applies the opacities of vertices, in [0, 1], to the materials: exactly for faces of equal opacity, else as the mean
-/// of the corners. Drops faces that become invisible. If all would, the materials stay unchanged, because programs
-/// write 0 for an unknown opacity. `meaning` states the effect of opacity by slot. Warnings name no file.
+/// of the corners. Drops faces that become invisible. If all faces would become invisible, the materials stay
+/// unchanged, because programs write 0 for an unknown opacity. `meaning` states the effect of opacity by slot. Warnings
+/// name no file.
 pub fn blend_by_vertex(model: &mut Model, alphas: &[f32], meaning: impl Fn(usize) -> VertexAlpha, log: &dyn Log) {
     let Model { mesh, materials } = model;
     let slots: Vec<u16> = (0..mesh.triangles.len()).map(|t| mesh.slots.get(t).copied().unwrap_or(0)).collect();
@@ -135,7 +136,7 @@ pub fn blend_by_vertex(model: &mut Model, alphas: &[f32], meaning: impl Fn(usize
     let varying = corners.iter().filter(|[a, b, c]| a != b || b != c).count();
     let mut opacities: Vec<f32> =
         corners.iter().map(|&[a, b, c]| if a == b && b == c { a } else { (a + b + c) / 3.0 }).collect();
-    // Rounding comes later, so it does not decide what is visible.
+    // Visibility is decided before rounding, so rounding does not change it.
     let visible: Vec<bool> = opacities
         .iter()
         .zip(&slots)
@@ -155,7 +156,7 @@ pub fn blend_by_vertex(model: &mut Model, alphas: &[f32], meaning: impl Fn(usize
             format!("the alpha of vertex colors varies within {varying} faces; each face gets the mean of its corners");
         log.warn(&Error::new(message));
     }
-    // New slot by old slot and opacity; `None` if there are too many materials.
+    // New slot by old slot and opacity; `None` if the mesh has too many materials.
     let mut known: BTreeMap<(u16, u32), Option<u16>> = BTreeMap::new();
     let invisible = visible.iter().filter(|&&visible| !visible).count();
     let mut unchanged = 0;

@@ -1,7 +1,7 @@
 //! Access to files inside an asset's folder only.
 //!
 //! Assets name other files: an OBJ its material library, a material its images, a glTF its buffers. Such names are
-//! untrusted, and often come from another machine. This module resolves every name. Of an absolute path, and of a name
+//! untrusted, and often come from another machine. This module resolves every name. For an absolute path, or a name
 //! that leaves the folder by `..`, only the last parts are used, inside the folder. Network addresses are refused. The
 //! file system follows links, and links that lead outside are refused. A refused file is never opened.
 
@@ -250,7 +250,7 @@ mod tests {
         let root = AssetRoot::open(&root_folder).expect("opens");
         fs::create_dir_all(root_folder.join("a/Maps")).expect("folder");
         fs::write(root_folder.join("a/Maps/Red.PNG"), "x").expect("file");
-        // What is found, and whether a note says that it has another name.
+        // Expected path, and whether a note reports a different name.
         let check = |from: &str, name: &str, want: Result<Option<(&str, bool)>, &str>| match (
             root.find(Path::new(from), name),
             want,
@@ -267,7 +267,7 @@ mod tests {
         check("a/b", "../b/in.png", Ok(Some(("a/b/in.png", false))));
         check("a", "b\\in.png", Ok(Some(("a/b/in.png", false))));
         check("a/b", "..\\b\\in.png", Ok(Some(("a/b/in.png", false))));
-        // The image lies elsewhere than the name says.
+        // The image is not at the path in the name.
         for name in [
             "C:\\Users\\me\\in.png",
             "c:in.png",

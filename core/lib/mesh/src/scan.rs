@@ -18,12 +18,12 @@ pub struct FolderNames {
     pub linked: Vec<String>,
 }
 
-/// Whether a folder exists. An error is that of a file system that failed, not of a missing path.
+/// Whether a folder exists. A failing file system is an error, a missing path is not.
 pub fn is_dir(path: &Path) -> Result<bool> {
     metadata(path).map(|metadata| metadata.is_some_and(|metadata| metadata.is_dir()))
 }
 
-/// What the file system knows of a path, if it exists.
+/// The metadata of a path, if it exists.
 pub(crate) fn metadata(path: &Path) -> Result<Option<fs::Metadata>> {
     match fs::metadata(path).map_err(|error| Error::io(path, &error)) {
         Ok(metadata) => Ok(Some(metadata)),

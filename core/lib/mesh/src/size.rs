@@ -7,7 +7,7 @@ use syntable_model::error::Error;
 pub const LIKELY_M: RangeInclusive<f64> = 0.005..=2.0;
 /// Target length for suggested units and scales, meters: a mug or a box of tea.
 const TYPICAL_M: f64 = 0.15;
-/// Units that files are in instead of meters, with their length in meters.
+/// Common units other than meters, with their length in meters.
 const UNITS: [(&str, f64); 2] = [("cm", 0.01), ("mm", 0.001)];
 /// Scales for objects that are too small.
 const SCALES: [f64; 3] = [10.0, 100.0, 1000.0];

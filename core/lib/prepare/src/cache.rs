@@ -138,7 +138,7 @@ mod tests {
         let table = LightTable::new(&lights, &cache).expect("sound");
         let is_kept = |map: &EnvironmentMap| cache.environments.0.peek(&map.digest).is_some();
         assert_eq!((is_kept(&around), is_kept(&behind)), (true, false));
-        // Rows of two have equal solid angles, so the mean is that of the texels: 3 (7 + 0 + 1 + 0) / 4.
+        // A map of two rows has equal solid angles, so the mean equals the mean of the texels: 3 (7 + 0 + 1 + 0) / 4.
         let radiance = table.area[0].radiance();
         assert!((radiance.x - 6.0).abs() < 1e-5 && radiance.x == radiance.z, "{radiance:?}");
     }

@@ -1,7 +1,7 @@
 //! Policy of labels, the same for every renderer.
 //!
-//! Labels are taken at pixel centers and never filtered, so a surface is either present or absent. Of several bodies at
-//! equal depth, the one with the lowest id is in front: objects come before distractors, supports and room parts.
+//! Labels are taken at pixel centers and never filtered, so a surface is either present or absent. If several bodies
+//! have equal depth, the body with the lowest id is in front: objects come before distractors, supports and room parts.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};

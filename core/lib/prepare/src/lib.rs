@@ -9,8 +9,8 @@
 //! Tables are vectors of plain structs that refer to each other by index, so a GPU renderer can pack each into its own
 //! layout. The methods that read a table are the reference for shaders, and the code of the CPU renderer.
 //!
-//! **Units and frames.** Meters; radiance in nits, linear Rec. 709; meshes in the body frame, everything else in the world
-//! frame. Texture coordinates have v upwards.
+//! **Units and frames.** Meters; radiance in nits, linear Rec. 709; meshes in the body frame, everything else in the
+//! world frame. Texture coordinates have v upwards.
 //!
 //! **Invariant.** Every table is a pure function of the scene. Threads and caches change nothing.
 

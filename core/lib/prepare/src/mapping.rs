@@ -1,4 +1,4 @@
-//! From hits to texture coordinates.
+//! Texture coordinates of hits.
 
 use syntable_model::scene::UvTransform;
 use syntable_simd::functions::{log2_rough, sin_cos_turns};

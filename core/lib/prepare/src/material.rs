@@ -27,7 +27,7 @@ pub const PANE_ROUGHNESS: f32 = 0.05;
 pub struct TextureBinding {
     /// Index in [`MaterialTable::textures`], or [`NO_TEXTURE`].
     pub texture: u32,
-    /// From the mapping's coordinates to those of the texture.
+    /// Transform from the mapping's coordinates to the texture's coordinates.
     pub transform: UvAffine,
     /// Added to the base-2 logarithm of a footprint in (u, v) to give the mip level.
     pub level_bias: f32,

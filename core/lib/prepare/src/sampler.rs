@@ -4,14 +4,14 @@
 //! and scrambled independently (Burley, "Practical Hash-based Owen Scrambling", JCGT 2020), so pairs are independent of
 //! each other, and each is spread as evenly as possible. Within a block, samples are numbered pixel by pixel along a
 //! Morton curve (Ahmed and Wonka, "Screen-Space Blue-Noise Diffusion of Monte Carlo Sampling Error via Hierarchical
-//! Ordering of Pixels", SIGGRAPH Asia 2020). Therefore, not only the samples of a pixel are spread evenly, but also
-//! those of 2 × 2, 4 × 4 and 8 × 8 pixels, and errors of neighbors cancel, both for the eye and for denoisers. Later
+//! Ordering of Pixels", SIGGRAPH Asia 2020). Therefore, not only the samples of a pixel are spread evenly, but also the
+//! samples of 2 × 2, 4 × 4 and 8 × 8 pixels, and errors of neighbors cancel, both for the eye and for denoisers. Later
 //! pairs are plain hashes, which cost less, and whose noise is hardly visible. Every number is a pure function of
 //! (seed, pixel, sample, pair).
 
 use syntable_simd::Int;
 
-/// The same in WGSL.
+/// The same functions in WGSL.
 pub const SAMPLER_WGSL: &str = include_str!("sampler.wgsl");
 
 /// Number of pairs that are Sobol' points. Later pairs are hashes.
@@ -21,7 +21,7 @@ pub const SOBOL_PAIRS: u32 = 12;
 #[derive(Clone, Copy, Debug)]
 pub struct SampleOrder {
     seed: u64,
-    /// Base-2 logarithm of the sample numbers per pixel.
+    /// Base-2 logarithm of the number of sample numbers per pixel.
     sample_bits: u32,
     /// Base-2 logarithm of the edge of a block, pixels.
     block_bits: u32,
@@ -82,7 +82,7 @@ impl<I: Int> Sampler<I> {
     pub fn pair(&self, number: u32) -> [I::Real; 2] {
         let seed = hash(self.seed ^ I::splat(number.wrapping_mul(0x9e37_79b9)));
         if number < SOBOL_PAIRS {
-            // Shuffling an index is scrambling its digits from the highest down.
+            // Shuffling an index means scrambling its digits from the highest down.
             let shuffled = scramble_reversed(self.index.reverse_bits(), seed).reverse_bits();
             // Its first Sobol' dimension is the index with its bits reversed.
             let first = scramble_reversed(shuffled, seed ^ I::splat(0x7f4a_7c15));
@@ -102,7 +102,7 @@ impl<I: Int> Sampler<I> {
     }
 }
 
-/// A number in [0, 1) of the upper 24 bits.
+/// A number in [0, 1) from the upper 24 bits.
 #[inline(always)]
 pub fn unit<I: Int>(bits: I) -> I::Real {
     (bits >> 8).signed_to_real() * (1.0_f32 / (1 << 24) as f32)
@@ -116,8 +116,8 @@ pub fn hash<I: Int>(x: I) -> I {
     x ^ x >> 16
 }
 
-/// Owen scrambling of a bit-reversed number: every bit is flipped or not by the bits below it alone
-/// (Laine and Karras 2011, with Vegdahl's constants).
+/// Owen scrambling of a bit-reversed number: each bit is flipped depending only on the bits below it (Laine and Karras
+/// 2011, with Vegdahl's constants).
 #[inline(always)]
 pub fn scramble_reversed<I: Int>(x: I, seed: I) -> I {
     let x = x ^ x.times(I::splat(0x3d20_adea));
@@ -162,7 +162,7 @@ mod tests {
         }
     }
 
-    /// A (0, 2)-sequence in base 2: each elementary rectangle of area 1/64 holds one of 64 points.
+    /// A (0, 2)-sequence in base 2: each elementary rectangle of area 1/64 has one of 64 points.
     fn is_net(points: &[[f32; 2]], what: &str) {
         assert_eq!(points.len(), 64);
         for split in 0..=6 {

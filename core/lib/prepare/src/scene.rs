@@ -38,7 +38,7 @@ pub struct PreparedScene {
     pub has_glass: bool,
 }
 
-/// A body as shading sees it.
+/// Shading data of a body.
 #[derive(Clone, Copy, Debug)]
 #[repr(C)]
 pub struct PreparedBody {
@@ -46,7 +46,7 @@ pub struct PreparedBody {
     pub mesh: u32,
     /// Index of the material of slot 0 in the material table.
     pub first_material: u32,
-    /// Last slot; higher slots of a mesh count as this.
+    /// Last slot; higher slots of a mesh use it.
     pub last_slot: u32,
     /// Sum of [`Self::CUTOUTS`], [`Self::PANES`] and [`Self::GLASS`], if any of its materials has them.
     pub flags: u32,
@@ -82,7 +82,7 @@ impl PreparedScene {
     /// Prepares a scene: meshes and textures in parallel, then the tables.
     pub fn new(scene: &Scene, cache: &SceneCache, workers: &dyn Workers) -> Self {
         let bodies = scene.bodies();
-        // Bodies that share an asset wait for the one that prepares it.
+        // Bodies that share an asset wait for the body that prepares it.
         let loaded: Vec<OnceLock<(Arc<ShadingMesh>, Vec<_>)>> = bodies.iter().map(|_| OnceLock::new()).collect();
         workers.run(bodies.len(), &|i| {
             let textures = |(material, _): &(Arc<scene::Material>, _)| {
@@ -192,8 +192,8 @@ impl PreparedScene {
         self.materials.emission(material, at)
     }
 
-    /// Whether there is a surface at a point, or a hole. Where it covers in part, it is there if `u` in [0, 1) is below the
-    /// coverage. `position` is the point in the world.
+    /// Whether the surface exists at a point, or has a hole. If coverage is partial, it exists if `u` in [0, 1) is
+    /// below the coverage. `position` is the point in the world.
     #[inline]
     pub fn is_solid(&self, point: &SurfacePoint, position: Vec3, u: f32) -> bool {
         let (body, triangle) = self.at(point);
@@ -205,7 +205,7 @@ impl PreparedScene {
         material.is_solid(&self.materials.textures, at.uv, u)
     }
 
-    /// Whether there is a surface at a point for labels. `position` is the point in the world.
+    /// Whether the surface exists at a point for labels. `position` is the point in the world.
     pub fn is_labeled(&self, point: &SurfacePoint, position: Vec3, blended: BlendedLabels) -> bool {
         let (body, triangle) = self.at(point);
         let material = self.material(body, triangle);
@@ -227,8 +227,8 @@ impl PreparedScene {
         }
     }
 
-    /// Directions in which the material's u and v grow at a point, world, up to length; seen from the back
-    /// (`side` = −1) they are reversed. Null if a normal map finds no tangents.
+    /// Directions of increasing u and v of the material at a point, world, of any length; reversed for the back (`side`
+    /// = −1). Zero if a normal map finds no tangents.
     #[inline]
     pub fn texture_frame(&self, material: &Material, point: &SurfacePoint, side: f32) -> (Vec3, Vec3) {
         let (body, triangle) = self.at(point);
@@ -246,12 +246,12 @@ impl PreparedScene {
             Mapping::Box { .. } => BoxSide::frame(triangle.normal),
         };
         let (u, v) = material.mapping.frame(u, v);
-        // Seen from behind, bumps become dents: directions along the surface are reversed with the normal.
+        // From behind, bumps become dents: directions along the surface are reversed with the normal.
         (body.direction_to_world(u) * side, body.direction_to_world(v) * side)
     }
 
-    /// Texture coordinates of a material at a point; `position` is the point in the world, `width` that of the look-up on
-    /// the surface, meters.
+    /// Texture coordinates of a material at a point. `position` is the point in the world, `width` the width of the
+    /// look-up on the surface, meters.
     #[inline(always)]
     pub fn texture_coordinates(
         &self,
@@ -333,7 +333,7 @@ fn texture_coordinates(
     }
 }
 
-/// Materials of a body by slot, and how their textures are placed.
+/// Materials of a body by slot, with the placement of their textures.
 fn materials(body: &Body) -> Vec<(Arc<scene::Material>, TextureMapping)> {
     match &body.material_override {
         Some(surface) => vec![(surface.material.clone(), surface.mapping)],

@@ -31,7 +31,7 @@ pub struct MipLevel {
     start: usize,
 }
 
-/// Marks the level whose texels are those of the scene's texture.
+/// Marks the level with the texels of the scene's texture.
 const FINEST: usize = usize::MAX;
 
 /// sRGB and linear decoding of 8 bits to [0, 1].
@@ -41,7 +41,7 @@ static DECODE: LazyLock<[[f32; 256]; 2]> = LazyLock::new(|| {
     [srgb, plain]
 });
 
-/// Values that 8-bit codes stand for.
+/// Decoded values of the 8-bit codes.
 pub fn decoding(encoding: Encoding) -> &'static [f32; 256] {
     &DECODE[match encoding {
         Encoding::Srgb => 0,
@@ -50,7 +50,7 @@ pub fn decoding(encoding: Encoding) -> &'static [f32; 256] {
 }
 
 impl MipTexture {
-    /// Makes the coarser levels. A texture without texels, or with too few, is white.
+    /// Computes the coarser levels. A texture without texels, or with a wrong number of texels, is white.
     pub fn new(texture: &Arc<Texture>) -> Self {
         let (width, height) = (texture.width, texture.height);
         let sound = width > 0 && height > 0 && texture.texels.len() == width as usize * height as usize * 4;
@@ -105,7 +105,7 @@ impl MipTexture {
         self.base.digest
     }
 
-    /// Bytes held, the finest level included.
+    /// Size in memory, bytes, including the finest level.
     pub fn size(&self) -> usize {
         self.base.texels.len() + size_of_val(&self.coarse[..])
     }
@@ -199,7 +199,7 @@ fn axis(u: f32, size: u32, wrap: Wrap) -> (u32, u32, f32) {
     }
 }
 
-/// The code whose decoded value is nearest.
+/// The code with the nearest decoded value.
 fn nearest(decode: &[f32; 256], value: f32) -> u8 {
     let above = decode.partition_point(|&d| d < value).min(255);
     let below = above.saturating_sub(1);

@@ -1,4 +1,4 @@
-//! Binary trees over boxes, which renderers turn into the trees that suit their hardware.
+//! Binary trees over boxes, from which renderers build the trees for their hardware.
 
 /// An axis-aligned box; empty iff some `lo > hi`.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -10,10 +10,10 @@ pub struct Bounds {
 }
 
 impl Bounds {
-    /// Holds nothing.
+    /// The empty box.
     pub const EMPTY: Self = Self { lo: [f32::INFINITY; 3], hi: [f32::NEG_INFINITY; 3] };
 
-    /// Grows the box to hold `p`.
+    /// Grows the box to include `p`.
     pub fn include(&mut self, p: [f32; 3]) {
         for (axis, &x) in p.iter().enumerate() {
             self.lo[axis] = self.lo[axis].min(x);
@@ -21,7 +21,7 @@ impl Bounds {
         }
     }
 
-    /// The smallest box holding both; either may be empty.
+    /// The smallest box that contains both; either may be empty.
     pub fn union(&self, other: &Self) -> Self {
         Self {
             lo: [0, 1, 2].map(|axis| self.lo[axis].min(other.lo[axis])),
@@ -54,7 +54,7 @@ impl Bounds {
         out
     }
 
-    /// Whether it holds nothing.
+    /// Whether the box is empty.
     pub fn is_empty(&self) -> bool {
         (0..3).any(|axis| self.lo[axis] > self.hi[axis])
     }
@@ -73,13 +73,13 @@ pub struct BinaryTree {
 
 /// A node of a [`BinaryTree`].
 pub struct BinaryNode {
-    /// Box of everything below.
+    /// Box around all children.
     pub bounds: Bounds,
-    /// What is below.
+    /// Content of the node.
     pub kind: TreeNode,
 }
 
-/// What is below a node.
+/// Content of a node: a box or two children.
 #[derive(Clone, Copy)]
 pub enum TreeNode {
     /// One box, by its number.
@@ -122,8 +122,8 @@ impl BinaryTree {
         Self { nodes }
     }
 
-    /// Halves the list at every level. Slow to trace and always shallow: the way out for inputs
-    /// (many equal boxes, exponential spacing) whose good tree would be too deep for the stack.
+    /// Halves the list at every level. Slow to trace but always shallow: the fallback for inputs (many equal boxes,
+    /// exponential spacing) whose good tree would be too deep for the stack.
     pub fn by_halves(boxes: &[Bounds]) -> Self {
         let mut order: Vec<u32> = (0..boxes.len() as u32).collect();
         let center = |i: u32, axis: usize| {

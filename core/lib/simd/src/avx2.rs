@@ -1,7 +1,8 @@
 //! Eight lanes in AVX2 registers.
 //!
-//! SAFETY of the whole module: its types are private to the crate, which hands them out only as type arguments of tasks
-//! that `processor.rs` runs after it has detected AVX2 and FMA. So every function here runs on a processor that has both.
+//! SAFETY of the whole module: its types are private to the crate, which exposes them only as type arguments of tasks
+//! that `processor.rs` runs after it has detected AVX2 and FMA. Every function here therefore runs on a processor with
+//! both.
 
 use crate::real::{Int, Mask, Real};
 use crate::wide::{Column, Wide};
@@ -26,7 +27,7 @@ macro_rules! operators {
             type Output = Self;
             #[inline(always)]
             fn $method(self, other: Self) -> Self {
-                // SAFETY: of the module.
+                // SAFETY: see the module documentation.
                 unsafe { Self($intrinsic(self.0, other.0)) }
             }
         }
@@ -53,7 +54,7 @@ impl Neg for F32x8 {
     type Output = Self;
     #[inline(always)]
     fn neg(self) -> Self {
-        // SAFETY: of the module.
+        // SAFETY: see the module documentation.
         unsafe { Self(_mm256_xor_ps(self.0, _mm256_set1_ps(-0.0))) }
     }
 }
@@ -62,7 +63,7 @@ impl Shl<u32> for U32x8 {
     type Output = Self;
     #[inline(always)]
     fn shl(self, by: u32) -> Self {
-        // SAFETY: of the module.
+        // SAFETY: see the module documentation.
         unsafe { Self(_mm256_sll_epi32(self.0, _mm_cvtsi32_si128(by as i32))) }
     }
 }
@@ -71,7 +72,7 @@ impl Shr<u32> for U32x8 {
     type Output = Self;
     #[inline(always)]
     fn shr(self, by: u32) -> Self {
-        // SAFETY: of the module.
+        // SAFETY: see the module documentation.
         unsafe { Self(_mm256_srl_epi32(self.0, _mm_cvtsi32_si128(by as i32))) }
     }
 }
@@ -80,12 +81,12 @@ impl Not for Mask8 {
     type Output = Self;
     #[inline(always)]
     fn not(self) -> Self {
-        // SAFETY: of the module.
+        // SAFETY: see the module documentation.
         unsafe { Self(_mm256_xor_ps(self.0, _mm256_castsi256_ps(_mm256_set1_epi32(-1)))) }
     }
 }
 
-/// For every set of lanes, the lanes in order, then anything.
+/// For every set of lanes, the lanes in order, then arbitrary lanes.
 static COMPRESSED: [[u32; 8]; 256] = {
     let mut table = [[0; 8]; 256];
     let mut set = 0;
@@ -105,7 +106,7 @@ static COMPRESSED: [[u32; 8]; 256] = {
 
 #[inline(always)]
 fn order(mask: Mask8) -> __m256i {
-    // SAFETY: of the module; the table's rows hold eight numbers.
+    // SAFETY: see the module documentation; the table's rows hold eight numbers.
     unsafe { _mm256_loadu_si256(COMPRESSED[(mask.to_bits() & 0xff) as usize].as_ptr().cast()) }
 }
 
@@ -116,37 +117,37 @@ impl Real for F32x8 {
 
     #[inline(always)]
     fn splat(x: f32) -> Self {
-        // SAFETY: of the module.
+        // SAFETY: see the module documentation.
         unsafe { Self(_mm256_set1_ps(x)) }
     }
     #[inline(always)]
     fn load(from: &[f32]) -> Self {
-        // SAFETY: of the module; the slice is long enough.
+        // SAFETY: see the module documentation; the slice is long enough.
         unsafe { Self(_mm256_loadu_ps(from[..8].as_ptr())) }
     }
     #[inline(always)]
     fn store(self, to: &mut [f32]) {
-        // SAFETY: of the module; the slice is long enough.
+        // SAFETY: see the module documentation; the slice is long enough.
         unsafe { _mm256_storeu_ps(to[..8].as_mut_ptr(), self.0) }
     }
     #[inline(always)]
     fn compress(self, mask: Mask8, to: &mut [f32]) {
-        // SAFETY: of the module; the slice is long enough.
+        // SAFETY: see the module documentation; the slice is long enough.
         unsafe { _mm256_storeu_ps(to[..8].as_mut_ptr(), _mm256_permutevar8x32_ps(self.0, order(mask))) }
     }
     #[inline(always)]
     fn sqrt(self) -> Self {
-        // SAFETY: of the module.
+        // SAFETY: see the module documentation.
         unsafe { Self(_mm256_sqrt_ps(self.0)) }
     }
     #[inline(always)]
     fn abs(self) -> Self {
-        // SAFETY: of the module.
+        // SAFETY: see the module documentation.
         unsafe { Self(_mm256_andnot_ps(_mm256_set1_ps(-0.0), self.0)) }
     }
     #[inline(always)]
     fn copysign(self, sign: Self) -> Self {
-        // SAFETY: of the module.
+        // SAFETY: see the module documentation.
         unsafe {
             let bit = _mm256_set1_ps(-0.0);
             Self(_mm256_or_ps(_mm256_andnot_ps(bit, self.0), _mm256_and_ps(bit, sign.0)))
@@ -154,52 +155,52 @@ impl Real for F32x8 {
     }
     #[inline(always)]
     fn larger(self, other: Self) -> Self {
-        // SAFETY: of the module.
+        // SAFETY: see the module documentation.
         unsafe { Self(_mm256_max_ps(self.0, other.0)) }
     }
     #[inline(always)]
     fn smaller(self, other: Self) -> Self {
-        // SAFETY: of the module.
+        // SAFETY: see the module documentation.
         unsafe { Self(_mm256_min_ps(self.0, other.0)) }
     }
     #[inline(always)]
     fn lt(self, other: Self) -> Mask8 {
-        // SAFETY: of the module.
+        // SAFETY: see the module documentation.
         unsafe { Mask8(_mm256_cmp_ps::<_CMP_LT_OQ>(self.0, other.0)) }
     }
     #[inline(always)]
     fn le(self, other: Self) -> Mask8 {
-        // SAFETY: of the module.
+        // SAFETY: see the module documentation.
         unsafe { Mask8(_mm256_cmp_ps::<_CMP_LE_OQ>(self.0, other.0)) }
     }
     #[inline(always)]
     fn select(mask: Mask8, yes: Self, no: Self) -> Self {
-        // SAFETY: of the module.
+        // SAFETY: see the module documentation.
         unsafe { Self(_mm256_blendv_ps(no.0, yes.0, mask.0)) }
     }
     #[inline(always)]
     fn bits(self) -> U32x8 {
-        // SAFETY: of the module.
+        // SAFETY: see the module documentation.
         unsafe { U32x8(_mm256_castps_si256(self.0)) }
     }
     #[inline(always)]
     fn from_bits(bits: U32x8) -> Self {
-        // SAFETY: of the module.
+        // SAFETY: see the module documentation.
         unsafe { Self(_mm256_castsi256_ps(bits.0)) }
     }
     #[inline(always)]
     fn truncate(self) -> U32x8 {
-        // SAFETY: of the module.
+        // SAFETY: see the module documentation.
         unsafe { U32x8(_mm256_cvttps_epi32(self.0)) }
     }
     #[inline(always)]
     fn lookup(table: &[[f32; 8]], index: U32x8) -> [Self; 8] {
         let mut at = [0; 8];
         index.store(&mut at);
-        // SAFETY: of the module; the table's rows hold eight numbers.
+        // SAFETY: see the module documentation; the table's rows hold eight numbers.
         unsafe {
             let row = |lane: usize| _mm256_loadu_ps(table[at[lane] as usize].as_ptr());
-            // Lanes and numbers change places, as in a transposed matrix.
+            // Lanes and numbers are swapped, as in a transposed matrix.
             let (a, b, c, d) = (row(0), row(1), row(2), row(3));
             let (e, f, g, h) = (row(4), row(5), row(6), row(7));
             let (ab, cd) = (_mm256_unpacklo_ps(a, b), _mm256_unpacklo_ps(c, d));
@@ -231,53 +232,53 @@ impl Int for U32x8 {
 
     #[inline(always)]
     fn splat(x: u32) -> Self {
-        // SAFETY: of the module.
+        // SAFETY: see the module documentation.
         unsafe { Self(_mm256_set1_epi32(x as i32)) }
     }
     #[inline(always)]
     fn load(from: &[u32]) -> Self {
-        // SAFETY: of the module; the slice is long enough.
+        // SAFETY: see the module documentation; the slice is long enough.
         unsafe { Self(_mm256_loadu_si256(from[..8].as_ptr().cast())) }
     }
     #[inline(always)]
     fn store(self, to: &mut [u32]) {
-        // SAFETY: of the module; the slice is long enough.
+        // SAFETY: see the module documentation; the slice is long enough.
         unsafe { _mm256_storeu_si256(to[..8].as_mut_ptr().cast(), self.0) }
     }
     #[inline(always)]
     fn compress(self, mask: Mask8, to: &mut [u32]) {
-        // SAFETY: of the module; the slice is long enough.
+        // SAFETY: see the module documentation; the slice is long enough.
         unsafe { _mm256_storeu_si256(to[..8].as_mut_ptr().cast(), _mm256_permutevar8x32_epi32(self.0, order(mask))) }
     }
     #[inline(always)]
     fn plus(self, other: Self) -> Self {
-        // SAFETY: of the module.
+        // SAFETY: see the module documentation.
         unsafe { Self(_mm256_add_epi32(self.0, other.0)) }
     }
     #[inline(always)]
     fn times(self, other: Self) -> Self {
-        // SAFETY: of the module.
+        // SAFETY: see the module documentation.
         unsafe { Self(_mm256_mullo_epi32(self.0, other.0)) }
     }
     #[inline(always)]
     fn equals(self, other: Self) -> Mask8 {
-        // SAFETY: of the module.
+        // SAFETY: see the module documentation.
         unsafe { Mask8(_mm256_castsi256_ps(_mm256_cmpeq_epi32(self.0, other.0))) }
     }
     #[inline(always)]
     fn select(mask: Mask8, yes: Self, no: Self) -> Self {
-        // SAFETY: of the module.
+        // SAFETY: see the module documentation.
         unsafe { Self(_mm256_blendv_epi8(no.0, yes.0, _mm256_castps_si256(mask.0))) }
     }
     #[inline(always)]
     fn signed_to_real(self) -> F32x8 {
-        // SAFETY: of the module.
+        // SAFETY: see the module documentation.
         unsafe { F32x8(_mm256_cvtepi32_ps(self.0)) }
     }
     #[inline(always)]
     fn reverse_bits(self) -> Self {
-        // Bytes are rotated round within each number; nibbles are reversed by table and swapped.
-        // SAFETY: of the module.
+        // Reverses the bytes of each number, and the bits of each nibble by table, and swaps the nibbles.
+        // SAFETY: see the module documentation.
         unsafe {
             let bytes = _mm256_setr_epi8(
                 3, 2, 1, 0, 7, 6, 5, 4, 11, 10, 9, 8, 15, 14, 13, 12, 3, 2, 1, 0, 7, 6, 5, 4, 11, 10, 9, 8, 15, 14, 13,
@@ -303,7 +304,7 @@ impl Mask for Mask8 {
     }
     #[inline(always)]
     fn to_bits(self) -> u32 {
-        // SAFETY: of the module.
+        // SAFETY: see the module documentation.
         unsafe { _mm256_movemask_ps(self.0) as u32 }
     }
 }
@@ -311,7 +312,7 @@ impl Mask for Mask8 {
 impl U32x8 {
     #[inline(always)]
     fn as_mask(self) -> Mask8 {
-        // SAFETY: of the module.
+        // SAFETY: see the module documentation.
         unsafe { Mask8(_mm256_castsi256_ps(self.0)) }
     }
 }
@@ -325,24 +326,24 @@ impl Wide for WideF32x8 {
 
     #[inline(always)]
     fn load(column: &Column) -> __m256 {
-        // SAFETY: of the module; a column is 32-byte aligned.
+        // SAFETY: see the module documentation; a column is 32-byte aligned.
         unsafe { _mm256_load_ps(column.0.as_ptr()) }
     }
     #[inline(always)]
     fn store(v: __m256) -> Column {
         let mut column = Column([0.0; 8]);
-        // SAFETY: of the module.
+        // SAFETY: see the module documentation.
         unsafe { _mm256_store_ps(column.0.as_mut_ptr(), v) };
         column
     }
     #[inline(always)]
     fn splat(x: f32) -> __m256 {
-        // SAFETY: of the module.
+        // SAFETY: see the module documentation.
         unsafe { _mm256_set1_ps(x) }
     }
     #[inline(always)]
     fn twice(from: &[f32; 4]) -> __m256 {
-        // SAFETY: of the module; the four numbers may be unaligned.
+        // SAFETY: see the module documentation; the four numbers may be unaligned.
         unsafe {
             let half = _mm_loadu_ps(from.as_ptr());
             _mm256_set_m128(half, half)
@@ -350,72 +351,72 @@ impl Wide for WideF32x8 {
     }
     #[inline(always)]
     fn shuffle<const ORDER: i32>(v: __m256) -> __m256 {
-        // SAFETY: of the module.
+        // SAFETY: see the module documentation.
         unsafe { _mm256_permute_ps::<ORDER>(v) }
     }
     #[inline(always)]
     fn add(a: __m256, b: __m256) -> __m256 {
-        // SAFETY: of the module.
+        // SAFETY: see the module documentation.
         unsafe { _mm256_add_ps(a, b) }
     }
     #[inline(always)]
     fn sub(a: __m256, b: __m256) -> __m256 {
-        // SAFETY: of the module.
+        // SAFETY: see the module documentation.
         unsafe { _mm256_sub_ps(a, b) }
     }
     #[inline(always)]
     fn mul(a: __m256, b: __m256) -> __m256 {
-        // SAFETY: of the module.
+        // SAFETY: see the module documentation.
         unsafe { _mm256_mul_ps(a, b) }
     }
     #[inline(always)]
     fn div(a: __m256, b: __m256) -> __m256 {
-        // SAFETY: of the module.
+        // SAFETY: see the module documentation.
         unsafe { _mm256_div_ps(a, b) }
     }
     #[inline(always)]
     fn mul_add(a: __m256, b: __m256, c: __m256) -> __m256 {
-        // SAFETY: of the module.
+        // SAFETY: see the module documentation.
         unsafe { _mm256_fmadd_ps(a, b, c) }
     }
     #[inline(always)]
     fn neg_mul_add(a: __m256, b: __m256, c: __m256) -> __m256 {
-        // SAFETY: of the module.
+        // SAFETY: see the module documentation.
         unsafe { _mm256_fnmadd_ps(a, b, c) }
     }
     #[inline(always)]
     fn min(a: __m256, b: __m256) -> __m256 {
-        // SAFETY: of the module.
+        // SAFETY: see the module documentation.
         unsafe { _mm256_min_ps(a, b) }
     }
     #[inline(always)]
     fn max(a: __m256, b: __m256) -> __m256 {
-        // SAFETY: of the module.
+        // SAFETY: see the module documentation.
         unsafe { _mm256_max_ps(a, b) }
     }
     #[inline(always)]
     fn le(a: __m256, b: __m256) -> __m256 {
-        // SAFETY: of the module.
+        // SAFETY: see the module documentation.
         unsafe { _mm256_cmp_ps::<_CMP_LE_OQ>(a, b) }
     }
     #[inline(always)]
     fn differ(a: __m256, b: __m256) -> __m256 {
-        // SAFETY: of the module.
+        // SAFETY: see the module documentation.
         unsafe { _mm256_cmp_ps::<_CMP_NEQ_OQ>(a, b) }
     }
     #[inline(always)]
     fn and(a: __m256, b: __m256) -> __m256 {
-        // SAFETY: of the module.
+        // SAFETY: see the module documentation.
         unsafe { _mm256_and_ps(a, b) }
     }
     #[inline(always)]
     fn or(a: __m256, b: __m256) -> __m256 {
-        // SAFETY: of the module.
+        // SAFETY: see the module documentation.
         unsafe { _mm256_or_ps(a, b) }
     }
     #[inline(always)]
     fn bits(mask: __m256) -> u32 {
-        // SAFETY: of the module.
+        // SAFETY: see the module documentation.
         unsafe { _mm256_movemask_ps(mask) as u32 }
     }
 }
@@ -426,7 +427,7 @@ mod tests {
     use crate::Processor;
     use syntable_model::random::Stream;
 
-    /// Whether the types of this module may be used: the tests stand in for [`Processor::run`].
+    /// Whether the types of this module may be used: the tests check what [`Processor::run`] normally ensures.
     fn available() -> bool {
         Processor::detect() != Processor::portable()
     }

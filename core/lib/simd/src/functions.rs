@@ -53,14 +53,14 @@ pub fn acos<T: Real>(x: T) -> T {
     T::select(x.lt(T::splat(0.0)), T::splat(PI) - angle, angle)
 }
 
-/// Angle of the point (x, y) in turns, in [-1/2, 1/2]; 0 for the origin. To about 1e-7.
+/// Angle of the point (x, y) in turns, in [-1/2, 1/2]; 0 for the origin. Accurate to about 1e-7.
 #[inline(always)]
 pub fn atan2_turns<T: Real>(y: T, x: T) -> T {
     let (ax, ay) = (x.abs(), y.abs());
     let steep = ay.gt(ax);
     let (small, large) = (T::select(steep, ax, ay), T::select(steep, ay, ax));
     let t = small / at_least(large, f32::MIN_POSITIVE);
-    // Beyond tan(π/8) by the angle's difference to π/4, so that the series is short.
+    // Beyond tan(π/8), uses the angle's difference to π/4, so that the series is short.
     let far = t.gt(T::splat(0.414_213_57));
     let t = T::select(far, (t - 1.0_f32) / (t + 1.0_f32), t);
     let t2 = t * t;
@@ -74,7 +74,7 @@ pub fn atan2_turns<T: Real>(y: T, x: T) -> T {
     (angle * (0.5 / PI)).copysign(y)
 }
 
-/// Base-2 logarithm of a positive normal number, to about 1e-7.
+/// Base-2 logarithm of a positive normal number, accurate to about 1e-7.
 #[inline(always)]
 pub fn log2<T: Real>(x: T) -> T {
     let bits = x.bits();
@@ -90,7 +90,7 @@ pub fn log2<T: Real>(x: T) -> T {
     exponent + t * series * (2.0 * std::f32::consts::LOG2_E)
 }
 
-/// Two to the power of x, to about 2e-7 of the result; x is brought into ±126.
+/// Two to the power of x, accurate to about 2e-7 of the result; x is clamped to ±126.
 #[inline(always)]
 pub fn exp2<T: Real>(x: T) -> T {
     let x = at_most(at_least(x, -126.0), 126.0);
@@ -110,7 +110,7 @@ pub fn pow<T: Real>(x: T, power: T) -> T {
     exp2(log2(at_least(x, f32::MIN_POSITIVE)) * power)
 }
 
-/// Base-2 logarithm to about 0.01, for choosing texture levels. The argument must be positive and normal.
+/// Base-2 logarithm, accurate to about 0.01, for choosing texture levels. The argument must be positive and normal.
 #[inline(always)]
 pub fn log2_rough(x: f32) -> f32 {
     let bits = x.to_bits();

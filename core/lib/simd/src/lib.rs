@@ -1,12 +1,13 @@
 //! One and eight lanes of arithmetic with the same bits on every processor.
 //!
 //! Numeric code is written once, generic over [`Real`] (one or eight lanes, whichever is faster) or [`Wide`] (always
-//! eight lanes), and wrapped in a [`Task`]. [`Processor::run`] picks the instruction set and runs the task. [`functions`]
-//! holds elementary functions made of IEEE basic operations, [`Vec3`] small vectors over any number of lanes.
+//! eight lanes), and wrapped in a [`Task`]. [`Processor::run`] picks the instruction set and runs the task.
+//! [`functions`] has elementary functions made of IEEE basic operations, [`Vec3`] is a small vector over any number of
+//! lanes.
 //!
-//! **Soundness.** The lane types of an instruction set are private. Code gets them only as type arguments of a task that
-//! [`Processor::run`] started after the instruction set was detected, so none of their safe methods can execute an
-//! instruction that the processor lacks. Detection is in `processor.rs` and nowhere else.
+//! **Soundness.** The lane types of an instruction set are private. Code gets them only as type arguments of a task
+//! that [`Processor::run`] started after the instruction set was detected, so none of their safe methods can execute an
+//! instruction that the processor lacks. Only `processor.rs` detects instruction sets.
 //!
 //! **Invariant.** Every operation is an IEEE operation on one lane, rounded once, and fused only in [`Wide::mul_add`].
 //! So all instruction sets give the same bits.

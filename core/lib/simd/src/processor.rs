@@ -3,7 +3,7 @@
 use crate::real::Real;
 use crate::wide::{Portable, Wide};
 
-/// An instruction set, as a type argument of [`Task::run`].
+/// An instruction set, a type argument of [`Task::run`].
 pub trait Simd: sealed::Sealed {
     /// Lanes of the fastest arithmetic: one or eight.
     type Real: Real;
@@ -21,7 +21,7 @@ pub trait Task {
     fn run<S: Simd>(self) -> Self::Output;
 }
 
-/// The instruction set that tasks run on: a capability that only detection makes.
+/// The instruction set that tasks run on: a capability that only detection creates.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Processor(InstructionSet);
 
@@ -42,7 +42,7 @@ impl Processor {
         Self::portable()
     }
 
-    /// Plain Rust, which every processor runs.
+    /// Plain Rust, for any processor.
     pub const fn portable() -> Self {
         Self(InstructionSet::Portable)
     }

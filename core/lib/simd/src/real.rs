@@ -1,7 +1,7 @@
-//! Numbers, one or eight at a time: what shading is written in.
+//! Numbers for shading code, one or eight at a time.
 //!
-//! Light transport is written once over [`Real`]. With `f32` it computes one path, on any processor; with eight lanes it
-//! computes eight. Branches become [`Real::select`].
+//! Light transport is written once over [`Real`]. With `f32` it computes one path, on any processor; with eight lanes
+//! it computes eight. Branches become [`Real::select`].
 
 use std::fmt::Debug;
 use std::ops::{Add, BitAnd, BitOr, BitXor, Div, Mul, Neg, Not, Shl, Shr, Sub};
@@ -63,7 +63,7 @@ pub trait Real:
     fn select(mask: Self::Mask, yes: Self, no: Self) -> Self;
     /// Bit patterns.
     fn bits(self) -> Self::Int;
-    /// Numbers of bit patterns.
+    /// Numbers with these bit patterns.
     fn from_bits(bits: Self::Int) -> Self;
     /// Rounds towards zero; for |x| < 2³¹.
     fn truncate(self) -> Self::Int;
@@ -95,7 +95,7 @@ pub trait Int:
     fn load(from: &[u32]) -> Self;
     /// Stores to the front of a slice.
     fn store(self, to: &mut [u32]);
-    /// As [`Real::compress`].
+    /// Like [`Real::compress`].
     fn compress(self, mask: Self::Mask, to: &mut [u32]);
     /// Sum modulo 2³².
     fn plus(self, other: Self) -> Self;

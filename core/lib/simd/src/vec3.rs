@@ -36,7 +36,7 @@ impl Vec3 {
         [self.x, self.y, self.z]
     }
 
-    /// Unit length, or `other` if the vector is too short to have a direction.
+    /// The vector with unit length, or `other` if it is too short to have a direction.
     #[inline(always)]
     pub fn normalized_or(self, other: Self) -> Self {
         let square = self.dot(self);
@@ -87,7 +87,7 @@ impl<T: Real> Vec3<T> {
         self.dot(self).sqrt()
     }
 
-    /// Unit length; the vector must not be zero.
+    /// The vector with unit length; it must not be zero.
     #[inline(always)]
     pub fn normalized(self) -> Self {
         self * (T::splat(1.0) / self.length())
@@ -166,7 +166,7 @@ pub struct Basis<T = f32> {
 }
 
 impl<T: Real> Basis<T> {
-    /// Around a unit vector, without branches (Duff et al., JCGT 2017).
+    /// The frame around a unit vector, without branches (Duff et al., JCGT 2017).
     #[inline(always)]
     pub fn around(z: Vec3<T>) -> Self {
         let sign = T::splat(1.0).copysign(z.z);
@@ -179,13 +179,13 @@ impl<T: Real> Basis<T> {
         }
     }
 
-    /// From world to the frame.
+    /// Converts from the world to the frame.
     #[inline(always)]
     pub fn to_local(self, v: Vec3<T>) -> Vec3<T> {
         vec3(v.dot(self.x), v.dot(self.y), v.dot(self.z))
     }
 
-    /// From the frame to world.
+    /// Converts from the frame to the world.
     #[inline(always)]
     pub fn to_world(self, v: Vec3<T>) -> Vec3<T> {
         self.x * v.x + self.y * v.y + self.z * v.z

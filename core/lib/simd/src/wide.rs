@@ -1,6 +1,6 @@
 //! Eight lanes of `f32` arithmetic, for walks over eight-wide trees.
 
-/// Numbers of a [`Wide`].
+/// Number of lanes of a [`Wide`].
 pub const WIDTH: usize = 8;
 
 /// Eight values side by side, aligned for one vector load.
@@ -10,8 +10,8 @@ pub struct Column(pub [f32; WIDTH]);
 
 /// Eight lanes of `f32` arithmetic.
 ///
-/// `min` and `max` follow the x86 rule: they return the second operand unless the comparison holds, so also if either
-/// operand is NaN.
+/// `min` and `max` follow the x86 rule: they return the second operand unless the comparison holds, and therefore also
+/// if either operand is NaN.
 pub trait Wide: Copy {
     /// Eight numbers, or eight all-ones/all-zeros masks.
     type V: Copy;

@@ -16,7 +16,7 @@ impl Default for SchemaBuilder {
 }
 
 impl SchemaBuilder {
-    /// The schema of a type; the types that it names are kept for [`definitions`](Self::definitions).
+    /// The schema of a type. The types that it names are kept for [`definitions`](Self::definitions).
     pub fn add(&mut self, schema: impl FnOnce(&mut SchemaGenerator) -> Schema) -> Json {
         let mut schema = schema(&mut self.0);
         for transform in self.0.transforms_mut() {
@@ -27,7 +27,7 @@ impl SchemaBuilder {
         schema
     }
 
-    /// What `$ref` refers to, sorted by name.
+    /// The targets of `$ref`, sorted by name.
     pub fn definitions(mut self) -> Map<String, Json> {
         let mut definitions = self.0.take_definitions(true);
         definitions.values_mut().for_each(toml_only);
@@ -36,7 +36,7 @@ impl SchemaBuilder {
     }
 }
 
-/// Brings a schema into the form that suits TOML and its editors: no `null`, and one `enum` for a choice of words.
+/// Converts a schema to the form for TOML and its editors: no `null`, and one `enum` for a choice of words.
 fn toml_only(schema: &mut Json) {
     match schema {
         Json::Object(object) => {

@@ -1,13 +1,13 @@
-//! What a validation finds: mistakes with their place and their way out, and the names that strings refer to.
+//! Results of a validation: mistakes with their place and remedy, and the names that strings refer to.
 
 use crate::value::{Step, TomlType};
 use crate::words::listing;
 use std::ops::Range;
 
-/// A string or a key that names something, as its schema says.
+/// A string or a key that is a name according to its schema.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Reference {
-    /// What it names: `path`, `product`, `pool:object`, `pool:material`, `pool:environment`.
+    /// Kind of the name: `path`, `product`, `pool:object`, `pool:material`, `pool:environment`.
     pub what: String,
     /// The string or the key.
     pub text: String,
@@ -17,21 +17,21 @@ pub struct Reference {
     pub path: Vec<Step>,
 }
 
-/// A value that its schema refuses.
+/// A mistake in a value, found by its schema.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Finding {
-    /// Path from the stage's table to the value or key at fault.
+    /// Path from the stage's table to the faulty value or key.
     pub path: Vec<Step>,
-    /// Bytes at fault: of the value, of an unknown key, or of the table that lacks a key.
+    /// Faulty bytes: of the value, of an unknown key, or of the table that lacks a key.
     pub span: Range<usize>,
-    /// What is wrong: lower case, no full stop.
+    /// Description of the mistake: lower case, no full stop.
     pub message: String,
-    /// The kind of mistake, with what a message about it may add.
+    /// The kind of mistake, with details for messages.
     pub problem: Problem,
 }
 
 impl Finding {
-    /// The way out, for messages that are one line: what is allowed, or the names to choose from.
+    /// The remedy, for messages on one line: the allowed range, or the names to choose from.
     pub fn help(&self) -> Option<String> {
         let names = |names: &[String]| listing(names.iter().map(String::as_str));
         match &self.problem {
@@ -58,51 +58,51 @@ impl Finding {
 pub enum Problem {
     /// The value has another type.
     WrongType {
-        /// The one type that is wanted, unless more is asked of it or several types fit.
+        /// The wanted type, if it is the only one and the schema has no further conditions.
         wanted: Option<TomlType>,
-        /// TomlType of the value.
+        /// Type of the value.
         found: TomlType,
         /// Text of the value, without quotes; empty for arrays, tables and dates.
         text: String,
     },
     /// A number, a length or a count is outside its limits.
     OutOfRange {
-        /// What is allowed: `at most 5`; may be empty.
+        /// The allowed range: `at most 5`; may be empty.
         allowed: String,
     },
-    /// The string is none of the choices.
+    /// The string is not one of the choices.
     UnknownChoice {
         /// The string.
         text: String,
         /// All choices.
         choices: Vec<String>,
-        /// Keys of tables that would do as well.
+        /// Keys of tables that are also accepted.
         forms: Vec<String>,
     },
-    /// An array holds the same string twice.
+    /// An array has the same string twice.
     Repeated {
-        /// Bytes of the first.
+        /// Bytes of the first occurrence.
         first: Range<usize>,
     },
     /// The table has no such option.
     UnknownKey {
         /// The key.
         key: String,
-        /// All keys that the table knows.
+        /// All keys that the table accepts.
         known: Vec<String>,
-        /// Whether the keys are alternatives of which one is given.
+        /// Whether the keys are alternatives, and exactly one must be set.
         form: bool,
     },
     /// A required option is missing; the path ends in its key.
     MissingKey {
         /// Its key.
         key: String,
-        /// What it means: the first sentence of its description.
+        /// Its meaning: the first sentence of its description.
         meaning: Option<String>,
         /// Its choices, if it has few.
         choices: Vec<String>,
     },
-    /// The table gives none or several of its alternatives.
+    /// The table sets none or several of its alternatives.
     NotOneForm {
         /// The alternatives; empty if the message names them.
         forms: Vec<String>,

@@ -1,10 +1,10 @@
-//! The keywords of a schema as values.
+//! Values of the keywords of a schema.
 
 use crate::REFERENCE;
 use crate::value::TomlType;
 use serde_json::Value as Json;
 
-/// The types that a schema allows; none if it does not say.
+/// The types that a schema allows; empty if it does not state them.
 pub(crate) fn types(schema: &Json) -> Vec<&str> {
     match schema.get("type") {
         Some(Json::String(one)) => vec![one],
@@ -13,7 +13,7 @@ pub(crate) fn types(schema: &Json) -> Vec<&str> {
     }
 }
 
-/// The type that a schema asks for, if it asks for one type and for nothing that a message must add.
+/// The type that a schema requires, if it is the only one and messages need no further details.
 pub(crate) fn sole_type(schema: &Json) -> Option<TomlType> {
     let [kind] = types(schema)[..] else { return None };
     match kind {
@@ -40,7 +40,7 @@ pub(crate) fn choices(schema: &Json) -> Option<Vec<&str>> {
         .or_else(|| Some(vec![schema.get("const")?.as_str()?]))
 }
 
-/// The key of a table form that has exactly one, such as `of_table`.
+/// The key of a table form with exactly one key, such as `of_table`.
 pub(crate) fn sole_key(schema: &Json) -> Option<&str> {
     let properties = schema.get("properties")?.as_object()?;
     let required = schema.get("required")?.as_array()?;
@@ -50,7 +50,7 @@ pub(crate) fn sole_key(schema: &Json) -> Option<&str> {
     }
 }
 
-/// The keys of a table form of which exactly one is given: the only one, or one of several.
+/// The keys of a table form that has exactly one key: its only key, or one of several alternatives.
 pub(crate) fn form_keys(schema: &Json) -> Vec<&str> {
     let one_of_several = schema.get("maxProperties").and_then(Json::as_u64) == Some(1);
     let properties = schema.get("properties").and_then(Json::as_object).filter(|_| one_of_several);

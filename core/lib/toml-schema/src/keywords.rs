@@ -2,7 +2,7 @@
 
 use serde_json::{Map, Value as Json};
 
-/// Schema keywords that the validator checks or that only annotate; those that begin with `x-` annotate as well.
+/// Schema keywords that the validator checks, and annotations. Keywords that begin with `x-` are annotations, too.
 pub const KEYWORDS: [&str; 29] = [
     "$ref",
     "additionalItems",
@@ -35,11 +35,12 @@ pub const KEYWORDS: [&str; 29] = [
     "uniqueItems",
 ];
 
-/// Number formats whose ranges the validator knows or the schema states.
+/// Number formats whose ranges are known to the validator or stated in the schema.
 const FORMATS: [&str; 12] =
     ["int8", "int16", "int32", "int64", "int", "uint8", "uint16", "uint32", "uint64", "uint", "float", "double"];
 
-/// What a schema and its definitions demand that the validator does not check, such as `` keyword `pattern` at `name` ``.
+/// Conditions of a schema and its definitions that the validator does not check, such as `` keyword `pattern` at `name`
+/// ``.
 pub fn unsupported(schema: &Json, definitions: &Map<String, Json>) -> Vec<String> {
     let mut faults = Vec::new();
     unsupported_in(schema, "", definitions, &mut Vec::new(), &mut faults);

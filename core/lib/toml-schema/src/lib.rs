@@ -1,11 +1,12 @@
-//! TOML tables against JSON Schema.
+//! Validates TOML tables against JSON Schema.
 //!
-//! A schema that a Rust type derives is the one statement of its limits. [`SchemaBuilder`] brings it into the form that editors
-//! read, and [`Validator`] judges a table against it: every mistake is a [`Finding`] with its path, its bytes in the text, what is
-//! wrong and the way out. Tables are validated with spans, straight from a parsed file, or without.
+//! A schema derived from a Rust type is the only statement of its limits. [`SchemaBuilder`] converts it to the form
+//! that editors read, and [`Validator`] checks a table against it: every mistake is a [`Finding`] with its path, its
+//! bytes in the text, a description and a remedy. Tables are validated with spans, straight from a parsed file, or
+//! without.
 //!
-//! The validator knows the keywords in [`KEYWORDS`]. [`unsupported`] lists all others that a schema uses: nobody would check their
-//! limits, so a schema with one is a mistake of its author.
+//! The validator knows the keywords in [`KEYWORDS`]. [`unsupported`] lists all other keywords of a schema: their limits
+//! would go unchecked, so such a schema is a mistake of its author.
 //!
 //! ```
 //! use schemars::JsonSchema;
@@ -44,8 +45,8 @@ pub use value::{
 };
 pub use words::{first_sentence, listing};
 
-/// Schema keyword that marks what a string refers to, such as `path` or `pool:object`.
+/// Schema keyword for the kind of name that a string refers to, such as `path` or `pool:object`.
 pub const REFERENCE: &str = "x-syntable-ref";
 
-/// Schema keyword that marks what the keys of a table refer to.
+/// Schema keyword for the kind of name that the keys of a table refer to.
 pub const KEY_REFERENCE: &str = "x-syntable-key-ref";

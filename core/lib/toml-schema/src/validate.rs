@@ -12,7 +12,7 @@ use toml::de::DeTable;
 /// Validates tables against schemas.
 #[derive(Debug, Clone, Copy)]
 pub struct Validator<'s> {
-    /// What `$ref` refers to.
+    /// The targets of `$ref`.
     pub definitions: &'s Map<String, Json>,
 }
 
@@ -47,7 +47,7 @@ impl At<'_> {
 }
 
 impl<'s> Validator<'s> {
-    /// Validates a table of options. `owner` names it in messages; `header` is where missing keys are reported.
+    /// Validates a table of options. `owner` names it in messages; missing keys are reported at `header`.
     pub fn table<N: TomlNode>(
         &self,
         owner: &str,
@@ -105,7 +105,7 @@ impl<'s> Validator<'s> {
         }
     }
 
-    /// TomlType, choices and limits of one value.
+    /// Checks type, choices and limits of one value.
     fn scalar<N>(&self, view: &TomlView<N>, span: Range<usize>, schema: &'s Json, at: At, outcome: &mut Outcome) {
         let name = at.name();
         let types = types(schema);
@@ -248,7 +248,7 @@ impl<'s> Validator<'s> {
             } else if let Some(schema) = open.filter(|schema| schema.is_object()) {
                 self.value(member.value, schema, inner, outcome);
             } else if open == Some(&Json::Bool(false)) {
-                // A table whose schema does not mention keys is judged by the union around it.
+                // A table whose schema does not mention keys is checked by the union around it.
                 let message = format!("`{}` has no option `{}`", at.table(), member.key);
                 let known = known().map(str::to_owned).collect();
                 let problem = Problem::UnknownKey { key: member.key.to_owned(), known, form: false };
@@ -284,7 +284,7 @@ impl<'s> Validator<'s> {
         outcome.push(at.path, header, message, problem);
     }
 
-    /// A value that may have one of several forms: picks the form that was meant, and reports its mistakes.
+    /// Validates a value that may have one of several forms: picks the intended form, and reports its mistakes.
     fn union<N: TomlNode>(&self, value: &N, branches: &'s [Json], at: At, outcome: &mut Outcome) {
         let mut trials: Vec<(&'s Json, Outcome)> = Vec::new();
         for branch in branches {
@@ -305,7 +305,7 @@ impl<'s> Validator<'s> {
         if judged {
             return;
         }
-        // Otherwise the form of the same type with the fewest mistakes is meant.
+        // Otherwise, the form of the same type with the fewest mistakes is intended.
         let of_type = |branch: &Json| {
             let types = types(branch);
             types.is_empty() || types.iter().any(|kind| view.of_type().is(kind))
@@ -336,7 +336,7 @@ impl<'s> Validator<'s> {
         }
     }
 
-    /// Judges a string that fits no form, if some form is a choice of words.
+    /// Reports a string that fits no form, if some form is a choice of words.
     fn word(
         &self,
         text: &str,
@@ -354,7 +354,7 @@ impl<'s> Validator<'s> {
         true
     }
 
-    /// Judges a table that fits no form, if a key or a constant tells the forms apart.
+    /// Reports a table that fits no form, if a key or a constant distinguishes the forms.
     fn form<N: TomlNode>(
         &self,
         members: &[Member<N>],
@@ -372,7 +372,7 @@ impl<'s> Validator<'s> {
             outcome.findings.extend(meant.findings);
             outcome.references.extend(meant.references);
         };
-        // `{ of_table = … }`: the key says which form is meant.
+        // `{ of_table = … }`: the key selects the form.
         let tags: Vec<&str> = branches.iter().filter_map(|branch| sole_key(branch)).collect();
         let chosen: Vec<&str> = tags.iter().copied().filter(|tag| given(tag).is_some()).collect();
         if chosen.len() > 1 {
@@ -397,7 +397,7 @@ impl<'s> Validator<'s> {
             }
             return true;
         }
-        // `{ type = "a", … }`: a constant says which form is meant.
+        // `{ type = "a", … }`: a constant selects the form.
         let Some(tag) = branches.iter().find_map(|branch| constant_key(branch)) else { return false };
         let words: Vec<&str> = branches.iter().filter_map(|branch| constant(branch, tag)).collect();
         let Some(member) = given(tag) else {

@@ -1,4 +1,4 @@
-//! TOML values to validate, with spans or without, and paths into them.
+//! TOML values for validation, with or without spans, and paths into them.
 
 use std::borrow::Cow;
 use std::fmt;
@@ -8,16 +8,16 @@ use toml::de::{DeTable, DeValue};
 /// A TOML value with its bytes in the text.
 pub type SpannedValue<'a> = toml::Spanned<DeValue<'a>>;
 
-/// One step from a value into it.
+/// One step of a path into a value.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Step {
-    /// A key of a table; in a list of stages, the id of one.
+    /// A key of a table; in a list of stages, the id of a stage.
     Key(String),
     /// An element of an array, from 0.
     Index(usize),
 }
 
-/// Displays a path as TOML would write it: `lights[0].count`, `assets."my pool".root`.
+/// Displays a path as in TOML: `lights[0].count`, `assets."my pool".root`.
 pub struct DisplayPath<'a>(pub &'a [Step]);
 
 impl fmt::Display for DisplayPath<'_> {
@@ -40,7 +40,7 @@ pub fn is_bare(key: &str) -> bool {
     !key.is_empty() && key.chars().all(|c| c.is_ascii_alphanumeric() || c == '_' || c == '-')
 }
 
-/// TomlType of a TOML value.
+/// Type of a TOML value.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum TomlType {
     /// `"…"`
@@ -87,7 +87,7 @@ impl TomlType {
     }
 }
 
-/// A TOML value that can be validated: one with spans from a file, or a plain one.
+/// A TOML value that can be validated: a value with spans from a file, or a plain value.
 pub trait TomlNode: Sized {
     /// The value.
     fn view(&self) -> TomlView<'_, Self>;
@@ -95,7 +95,7 @@ pub trait TomlNode: Sized {
     fn span(&self) -> Range<usize>;
 }
 
-/// What a [`TomlNode`] holds.
+/// Content of a [`TomlNode`].
 pub enum TomlView<'v, N> {
     /// A string.
     String(&'v str),

@@ -33,7 +33,7 @@ pub struct RayCamera {
     pub lens: Option<Lens>,
 }
 
-/// Distortion: the exact rays, and those through the pixels' corners, between which paths interpolate.
+/// Distortion: the exact rays, and the rays through the pixels' corners, between which paths interpolate.
 #[derive(Clone, Debug)]
 struct Warp {
     camera: Camera,
@@ -48,7 +48,7 @@ struct Warp {
 pub struct Lens {
     /// The aperture's radius along the image's rows, world, meters.
     pub right: Vec3,
-    /// The same along its columns.
+    /// The aperture's radius along the image's columns, world, meters.
     pub down: Vec3,
     /// Depth of the plane of focus, meters.
     pub focus: f32,
@@ -138,7 +138,7 @@ impl RayCamera {
         self.warp.as_ref().map(|warp| &warp.corners[..])
     }
 
-    /// The same at the center of a pixel.
+    /// The direction at the center of a pixel, in the same form.
     pub fn warped_center(&self, x: i32, y: i32) -> [f32; 2] {
         let seen = self.warp.as_ref().and_then(|warp| warp.camera.unproject(f64::from(x) + 0.5, f64::from(y) + 0.5));
         seen.map_or([f32::NAN; 2], |d| [d.x as f32, d.y as f32])
@@ -149,7 +149,7 @@ impl RayCamera {
         self.rows
     }
 
-    /// A direction of the world in the camera's frame.
+    /// Rotates a direction from the world to the camera's frame.
     pub fn rotate_to_camera(&self, v: Vec3) -> Vec3 {
         let [x, y, z] = self.rows;
         vec3(x.dot(v), y.dot(v), z.dot(v))
@@ -196,7 +196,7 @@ mod tests {
             let ray = rays.ray(u, v).expect("within");
             let hit = Vec3::from(ray.origin) + Vec3::from(ray.direction) * p_camera.z as f32;
             assert!((hit - vec3(p.x as f32, p.y as f32, p.z as f32)).length() < 1e-6, "{hit:?}");
-            // Between corners, to a thousandth of a pixel.
+            // Interpolation between corners is accurate to a thousandth of a pixel.
             if let Some(warped) = rays.warped(u as i32, v as i32, [u.fract() as f32, v.fract() as f32]) {
                 assert!((warped - Vec3::from(ray.direction)).length() < 1e-3 / 457.0, "{warped:?} {ray:?}");
             } else {

@@ -1,4 +1,4 @@
-//! Components of light: images that are rendered beside the whole one, of shorter paths by the same random numbers.
+//! Components of light: additional images with shorter paths, from the same random numbers as the whole image.
 
 use crate::film::{Film, Statistics};
 use syntable_model::error::Result;
@@ -9,15 +9,16 @@ use syntable_model::product::standard::{
 use syntable_model::product::{Key, KeyId, Plane, Products};
 use syntable_model::stage::RenderRequest;
 
-/// Which light paths gather.
+/// The light that paths gather.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Light {
-    /// All of it.
+    /// All light.
     #[default]
     All,
     /// Light after at most one reflection.
     Direct,
-    /// The same without shadows. Only emitters are sampled, because a hit of a reflected ray would hide lights.
+    /// Light after at most one reflection, without shadows. Only emitters are sampled, because a hit of a reflected ray
+    /// would hide lights.
     Unshadowed,
 }
 
@@ -40,9 +41,8 @@ pub fn offers() -> Vec<KeyId> {
     OF_SURFACES.into_iter().chain(Film::offers()).chain(OF_LIGHT).collect()
 }
 
-/// Renders a view, and the components of its light that the request wants.
-///
-/// Renders a request. `trace` renders one component of light; `whole` is its key for all light before a denoiser.
+/// Renders a view, and the components of its light that the request wants. `trace` renders one component of light;
+/// `whole` is its key for all light before a denoiser.
 ///
 /// # Errors
 /// Errors of `trace`.

@@ -1,4 +1,4 @@
-//! Images in rounds: which squares get how many samples, and the report of the result.
+//! Renders images in rounds: distributes samples over squares, and reports the result.
 
 use crate::camera::RayCamera;
 use crate::sums::PixelSums;
@@ -15,7 +15,7 @@ use syntable_model::product::standard::{
 use syntable_model::product::{KeyId, Plane, Products, Value};
 use syntable_model::stage::{Tile, Window};
 
-/// Edge of the squares of pixels that are one job, and that stop together.
+/// Edge of the squares of pixels. A square is one job, and stops as a whole.
 const SQUARE: i32 = 16;
 
 /// Samples of the first round if squares may stop early: enough to estimate their noise.
@@ -25,10 +25,10 @@ const FIRST_ROUND: u32 = 16;
 /// clean without additional ones.
 pub const GUIDE_SAMPLES: u32 = 8;
 
-/// Neighbors differ from this difference of base color or normal on.
+/// Neighbors count as different from this difference of base color or normal.
 pub const DIFFERENT: f32 = 0.1;
 
-/// A firefly is brighter than the median of the 5 × 5 pixels around it by this factor, as one sees it in an image.
+/// Minimum ratio of a firefly to the median of the 5 × 5 pixels around it. Viewers notice such a pixel.
 const FIREFLY: f64 = 3.0;
 
 /// Minimum standard error of a firefly, as a fraction of its luminance: one or two samples cause it. Truly bright
@@ -42,7 +42,7 @@ pub struct SampleBudget {
     pub samples: u32,
     /// Relative error below which squares stop early.
     pub noise: Option<f64>,
-    /// No round starts that would end later than this many seconds after the start, as the last one took.
+    /// Time limit, seconds after the start. No round starts that would end later if it takes as long as the last round.
     pub seconds: Option<f64>,
 }
 
@@ -55,13 +55,13 @@ impl SampleBudget {
 
 /// Samples to add to pixels of a square.
 pub struct Task<'a> {
-    /// Number of the tile that it is of.
+    /// Number of its tile.
     pub tile: usize,
     /// Left, top, right, bottom of the square, px from the corner of the image.
     pub area: [i32; 4],
     /// Numbers of the pixels in the square, row by row.
     pub pixels: &'a [u16],
-    /// Samples to trace of each.
+    /// Samples to trace per pixel.
     pub samples: Range<u32>,
     /// Sums of all pixels of the square, row by row.
     pub sums: &'a mut [PixelSums],
@@ -85,7 +85,7 @@ pub struct Statistics {
 }
 
 impl Statistics {
-    /// Adds other numbers.
+    /// Adds the numbers of other work.
     pub fn add(&mut self, other: &Self) {
         self.paths += other.paths;
         self.rays += other.rays;
@@ -136,7 +136,7 @@ pub fn guide_seed(seed: u64) -> u64 {
     seed ^ GUIDES
 }
 
-/// Products that are gathered for denoisers on the way.
+/// Products for denoisers that are gathered along with the light.
 const OF_GUIDES: [KeyId; 6] = [
     DENOISE_ALBEDO.id(),
     DENOISE_NORMAL.id(),

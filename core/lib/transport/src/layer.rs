@@ -5,13 +5,13 @@ use std::sync::Arc;
 use syntable_prepare::{Material, MaterialLayers, MaterialTable, MipTexture, NormalInput, TextureCoordinates};
 use syntable_simd::{Rgb, Vec3, max};
 
-/// Normals of a flat normal map are shorter than one by up to this, for they are stored in 8 bits.
+/// Normals of a flat normal map may be shorter than one by up to this, because they are stored in 8 bits.
 const ROUNDING: f32 = 0.01;
 
 /// The layer that a path scatters from, selected at random.
 #[derive(Clone, Copy, Debug)]
 pub struct LayerSample {
-    /// How it scatters.
+    /// Its scattering.
     pub lobe: Lobe,
     /// Its parameters.
     pub parameters: BsdfParameters,
@@ -19,7 +19,7 @@ pub struct LayerSample {
     pub weight: f32,
     /// Layers above.
     pub coating: CoatingParameters,
-    /// Index of refraction of the inside.
+    /// Index of refraction of the body's interior.
     pub ior: f32,
     /// Whether the clearcoat, which can have its own normal map, was selected.
     pub is_clearcoat: bool,
@@ -105,7 +105,7 @@ fn sample_layers(
         }
     }
     if layers.transmission.factor > 0.0 {
-        // Light is transmitted instead of being scattered below the surface, which metals do not do.
+        // Light that enters the surface is transmitted instead of scattered below it. Metals transmit no light.
         let probability = layers.transmitted_fraction(textures, at, sample.parameters.metallic);
         if u < probability {
             sample.lobe = if layers.has_volume != 0 { Lobe::Refraction } else { Lobe::ThinWalled };
@@ -126,8 +126,8 @@ pub fn normal_map<'a>(table: &'a MaterialTable, material: &'a Material, is_clear
     input.texture.is_some().then_some(input)
 }
 
-/// The normal of a map, given the frame of the mapping's coordinates around the unit normal `n`, and per axis the
-/// variance of slopes that are too fine for the look-up.
+/// The normal of a map, given the frame of the mapping's coordinates around the unit normal `n`; and the variance per
+/// axis of the slopes that are too fine for the look-up.
 #[inline]
 pub fn mapped_normal(
     textures: &[Arc<MipTexture>],
@@ -138,7 +138,7 @@ pub fn mapped_normal(
 ) -> (Vec3, f32) {
     let strength = map.strength;
     let c = map.texture.color(textures, at);
-    // The more unit normals differ, the shorter is their mean (Toksvig, 2005).
+    // The more unit normals differ, the shorter their mean is (Toksvig, 2005).
     let mean = (c * 2.0 + Vec3::from([-1.0; 3])).length();
     let variance = max((1.0 - mean) / max(mean, 0.1) - ROUNDING, 0.0) * strength * strength;
     let [x, y] = [c.x, c.y].map(|c| (c * 2.0 - 1.0) * strength);

@@ -1,9 +1,9 @@
 //! Shared code of path tracers, on any device.
 //!
-//! [`PathTracing`] has their options, [`RayCamera`] the rays of a camera, [`surface`] the surface at a hit, [`bsdf`]
-//! its scattering, [`light`] the sampling of a view's lights, [`path`] constants of paths, [`film`] the image of
-//! samples, and [`components`] the components of its light. All of it computes in lanes of [`syntable_simd`], one or
-//! eight at a time, and is the reference for shaders.
+//! [`PathTracing`] has the options of path tracers, [`RayCamera`] the rays of a camera, [`surface`] the surface at a
+//! hit, [`bsdf`] its scattering, [`light`] the sampling of a view's lights, [`path`] constants of paths, [`film`] the
+//! image of samples, and [`components`] the components of its light. The code computes in lanes of [`syntable_simd`],
+//! one or eight at a time, and is the reference for shaders.
 //!
 //! **Units and frames.** Meters and nits, in the world frame; scattering is in a local frame with z along the shading
 //! normal.

@@ -1,4 +1,4 @@
-//! Options that all path tracers have.
+//! Options shared by all path tracers.
 
 use crate::components::Light;
 use crate::film::SampleBudget;
@@ -13,14 +13,14 @@ pub struct PathTracing {
     /// Paths per pixel. Noise falls with the square root; powers of two are stratified best.
     #[schemars(range(min = 1, max = 1_048_576))]
     pub samples_per_pixel: u32,
-    /// Maximum path depth. 1 renders direct illumination only, 0 only what emits.
+    /// Maximum path depth. 1 renders only direct illumination, 0 only emitters.
     #[schemars(range(min = 0, max = 256))]
     pub max_bounces: u32,
     /// Bounces after which Russian roulette may end faint paths: a little more noise in much less time.
     #[schemars(range(min = 1, max = 257))]
     pub russian_roulette_from: u32,
-    /// Maximum luminance of one indirect contribution to a path, nits. Removes fireflies, and some true light with them;
-    /// without it the image is unbiased.
+    /// Maximum luminance of one indirect contribution to a path, nits. Removes fireflies, and some true light with
+    /// them; without it the image is unbiased.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub max_indirect_luminance_nits: Option<f64>,
@@ -38,9 +38,9 @@ pub struct PathTracing {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(extend("exclusiveMinimum" = 0, "maximum" = 1))]
     pub noise: Option<f64>,
-    /// Time limit per image, seconds, and as much again for every component of light that is wanted; `samples_per_pixel` is
-    /// then the maximum. The number of samples depends on the machine and its load, so such images are not reproducible;
-    /// `render_report` has the number.
+    /// Time limit per image, seconds; every requested component of light has the same limit in addition.
+    /// `samples_per_pixel` is then the maximum. The number of samples depends on the machine and its load, so such
+    /// images are not reproducible; `render_report` has the number.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub time_s: Option<f64>,
@@ -120,10 +120,10 @@ macro_rules! path_tracing_kind {
     };
 }
 
-/// Options for light transport, as paths read them.
+/// Options of light transport, in the form that paths read.
 #[derive(Clone, Copy, Debug)]
 pub struct Settings {
-    /// Planned samples per pixel; more of them read textures at finer levels.
+    /// Planned samples per pixel; with more samples, textures are read at finer levels.
     pub samples: u32,
     /// Maximum path depth.
     pub max_bounces: u32,
@@ -137,7 +137,7 @@ pub struct Settings {
     pub filter: PixelFilter,
     /// Model of a dielectric's two lobes.
     pub dielectrics: Dielectrics,
-    /// Whether anything casts shadows.
+    /// Whether surfaces cast shadows.
     pub shadows: bool,
 }
 
@@ -159,7 +159,7 @@ impl PathTracing {
         }
     }
 
-    /// Limits on samples and time. Every component of light has the whole time limit, and the same number of samples in
+    /// Limits on samples and time. Every component of light has the full time limit, and the same number of samples in
     /// all of its pixels.
     pub fn budget(&self, light: Light) -> SampleBudget {
         match light {
@@ -180,8 +180,8 @@ impl PathTracing {
 }
 
 impl Settings {
-    /// Growth of a camera ray's cone, meters per meter, from the angle of a pixel: the samples of a pixel divide its area, so
-    /// that each may see finer than it.
+    /// Growth of a camera ray's cone, meters per meter, from the angle of a pixel. The samples of a pixel share its
+    /// area, so each may see finer detail than the pixel.
     pub fn spread(&self, pixel_angle: f32) -> f32 {
         pixel_angle * (1.0 / (self.samples as f32).sqrt()).max(0.25)
     }

@@ -8,13 +8,13 @@ use syntable_model::product::standard::DEMODULATION_EPSILON;
 pub struct PixelSums {
     /// Number of samples.
     pub samples: u32,
-    /// Samples whose camera ray met a body.
+    /// Samples whose camera ray hit a body.
     pub hits: u32,
     /// Radiance, nits.
     pub radiance: [f64; 3],
     /// Squared luminance.
     pub square: f64,
-    /// Samples of the guides, which may be more.
+    /// Number of samples of the guides, which may be larger.
     pub guide_samples: u32,
     /// Base color of the guides.
     pub albedo: [f32; 3],
@@ -103,7 +103,7 @@ impl PixelSums {
         self.normal.iter_mut().zip(normal).for_each(|(sum, value)| *sum += value);
     }
 
-    /// Fraction of the samples whose camera ray met a body.
+    /// Fraction of the samples whose camera ray hit a body.
     pub fn opacity(&self) -> f32 {
         self.hits as f32 / self.samples.max(1) as f32
     }

@@ -36,7 +36,7 @@ struct HitNormals {
     outward: Vec3,
     /// 1 if the ray comes from the outward side, else −1.
     side: f32,
-    /// As [`Surface::face`].
+    /// Like [`Surface::face`].
     face: Vec3,
     /// Interpolated normal, on the same side.
     normal: Vec3,
@@ -45,7 +45,7 @@ struct HitNormals {
 }
 
 impl Surface {
-    /// Whether it shows other surfaces rather than its own color.
+    /// Whether the surface shows other surfaces instead of its own color.
     #[inline(always)]
     pub fn is_mirror(&self) -> bool {
         let LayerSample { lobe, parameters, .. } = &self.layer;
@@ -74,7 +74,8 @@ pub fn surface(
 
     let HitNormals { outward, side, face, mut normal, is_smooth: mut is_perturbed } = frame(scene, point, along);
     let mut position = origin + along * t;
-    // Back onto the plane of the triangle, so that the error left does not grow with the distance.
+    // Moves the position back onto the plane of the triangle, so that the remaining error does not grow with the
+    // distance.
     position = position + outward * (triangle.plane + outward.dot(body.translation) - outward.dot(position));
     let at = if material.is_untextured() {
         TextureCoordinates { uv: [0.0; 2], log2_width: 0.0 }
@@ -93,7 +94,7 @@ pub fn surface(
         (normal, variance) = mapped_normal(textures, map, at, frame, normal);
         is_perturbed = true;
         if variance > 0.0 {
-            // Bumps below the resolution make the surface rougher by their variance.
+            // Bumps below the resolution add their variance to the roughness of the surface.
             let alpha = layer.parameters.roughness * layer.parameters.roughness;
             layer.parameters.roughness = min((alpha * alpha + 2.0 * variance).sqrt().sqrt(), 1.0);
         }

@@ -1,4 +1,4 @@
-//! The same functions for GPUs, in WGSL. Each file is next to the Rust code that it mirrors, and each function is
+//! The same functions in WGSL, for GPUs. Each file is next to the Rust code that it mirrors, and each function is
 //! tested against it (`plugins/stages/render-wgpu/tests/functions`).
 //!
 //! The files use each other, and two items of the renderer: a function `lobe_table(at: u32) -> vec4<f32>` returns
@@ -8,7 +8,7 @@
 
 /// Elementary functions and vectors.
 pub const FUNCTIONS: &str = syntable_simd::functions::WGSL;
-/// Numbers of paths.
+/// Random numbers of paths.
 pub const SAMPLER: &str = syntable_prepare::SAMPLER_WGSL;
 /// The microfacet distribution.
 pub const GGX: &str = include_str!("bsdf/ggx.wgsl");
@@ -27,5 +27,5 @@ pub const LAYERED: &str = include_str!("bsdf/layered.wgsl");
 /// Lights with a shape.
 pub const SHAPES: &str = include_str!("light/shapes.wgsl");
 
-/// All modules; their order means nothing.
+/// All modules, in any order.
 pub const MODULES: &[&str] = &[FUNCTIONS, SAMPLER, GGX, ALBEDO, BSDF, SHEEN, COATING, TRANSMISSION, LAYERED, SHAPES];

@@ -1,4 +1,4 @@
-//! Files and folders that replace others, killed and failed at every call.
+//! Files and folders that replace others, with a kill or a failure at every call.
 
 use super::disk::faults::{self, InjectedFault};
 use super::*;
@@ -7,7 +7,7 @@ use std::collections::BTreeSet;
 const EIO: i32 = 5;
 const ENOSPC: i32 = 28;
 
-/// A folder, in memory where the system has one: thousands of files are made and deleted.
+/// A folder, in memory if the system has one, because the tests create and delete thousands of files.
 fn folder() -> tempfile::TempDir {
     tempfile::tempdir_in("/dev/shm").or_else(|_| tempfile::tempdir()).expect("a folder")
 }
@@ -33,7 +33,7 @@ fn names(folder: &Path) -> BTreeSet<String> {
     fs::read_dir(folder).expect("readable").flatten().map(|it| it.file_name().to_string_lossy().into_owned()).collect()
 }
 
-/// Writes a folder over one that was made before. Each text has a file of its own, so that a mixture of two is seen.
+/// Writes a folder over an earlier one. Stores each text in a separate file, so that a mixture of two is noticed.
 fn make(place: &Path, text: &str) -> Result<()> {
     let draft = Draft::begin(place)?;
     for path in ["index.html".to_owned(), "image/0.jpg".to_owned(), format!("data/{text}.js")] {
@@ -42,7 +42,7 @@ fn make(place: &Path, text: &str) -> Result<()> {
     draft.publish_listed("syntable test")
 }
 
-/// The text of a folder that [`make`] made; fails if it is a mixture, or if the list differs from the files.
+/// The text of a folder that [`make`] wrote; fails if it is a mixture, or if the list differs from the files.
 fn made(place: &Path) -> Option<String> {
     let Standing::Made(listing) = standing(place).expect("readable") else {
         assert!(!place.exists(), "{:?}", texts(place));
@@ -140,7 +140,7 @@ fn a_file_is_the_old_or_the_new_one_whatever_call_is_killed_or_fails() {
                     None => assert!(now == before || now == "two", "call {call}: {now:?}"),
                     Some(Ok(())) => assert_eq!(now, "two", "call {call} of {calls}"),
                     Some(Err(error)) if error.to_string().contains("is written, but") => assert_eq!(now, "two"),
-                    // Without an exchange, a name that cannot be brought to disk is the new one.
+                    // If the system cannot exchange files, a name that cannot be synced belongs to the new file.
                     Some(Err(error)) if can_exchange || now != "two" => assert_eq!(now, before, "call {call}: {error}"),
                     Some(Err(_)) => {}
                 }
@@ -194,14 +194,14 @@ fn files_that_no_command_made_are_never_deleted() {
         assert_eq!(names(home.path()), ["out".to_owned()].into());
         fs::remove_dir_all(&place).expect("removable");
     }
-    // A file that comes when all has been looked at is kept, and named.
+    // A file that appears after all checks is kept, and named.
     make(&place, "one").expect("made");
     let Standing::Made(listing) = standing(&place).expect("readable") else { panic!("it was made") };
     fs::write(place.join("notes.txt"), "mine").expect("writable");
     let error = listing.delete(&place).expect_err("a file is left").to_string();
     assert!(error.contains("notes.txt") && error.contains("move them away"), "{error}");
     assert_eq!(texts(&place).keys().collect::<Vec<_>>(), [LISTING, "notes.txt"]);
-    // Listed files that the user has deleted are no loss.
+    // It is no error if the user has deleted listed files.
     fs::remove_dir_all(&place).expect("removable");
     make(&place, "one").expect("made");
     fs::remove_dir_all(place.join("image")).expect("removable");
@@ -223,14 +223,14 @@ fn a_folder_of_a_stranger_is_not_ours_whatever_it_is_called() {
         assert_eq!(standing(&place), Ok(Standing::Other), "{text}");
         assert!(make(&place, "two").is_err());
     }
-    // A list of other files.
+    // A list with other files.
     fs::write(place.join(LISTING), of("index.html")).expect("writable");
     assert!(make(&place, "two").expect_err("a stranger's").to_string().contains("thesis.tex"));
-    // A list of another command.
+    // A list from another command.
     fs::write(place.join(LISTING), of("thesis.tex").replace("syntable test", "syntable other")).expect("writable");
     assert!(make(&place, "two").is_err());
     assert_eq!(texts(&place)["thesis.tex"], "precious");
-    // A folder that stands where ours is made.
+    // A folder at the path of the work folder.
     let beside = home.path().join("new");
     for mark in [None, Some("something else"), Some(MARK_TEXT)] {
         let part = home.path().join("new.part");
@@ -251,7 +251,7 @@ fn a_folder_that_comes_at_the_last_moment_is_never_deleted() {
             true => write_file(place, text.as_bytes()),
             false => make(place, text),
         };
-        // The last plan is none: nothing is killed.
+        // The last plan has no fault: nothing is killed.
         for call in 0.. {
             let home = folder();
             let place = home.path().join("out");
@@ -275,7 +275,7 @@ fn a_folder_that_comes_at_the_last_moment_is_never_deleted() {
                 assert_eq!(texts(&place), [("thesis.tex".to_owned(), "precious".to_owned())].into());
                 assert_eq!(names(home.path()), ["away".to_owned(), "out".to_owned()].into());
             }
-            // Nor does the same command delete it, however often it is run.
+            // The same command never deletes it, either, even if run again.
             for _ in 0..2 {
                 let _ = write(&place, "three");
                 assert!(is_kept(), "call {call}: {:?}", texts(home.path()));
@@ -320,7 +320,7 @@ fn two_commands_never_write_one_folder() {
     let error = Draft::begin(&place).err().expect("taken").to_string();
     assert!(error.contains("another command is writing it"), "{error}");
     draft.write("a", b"1").expect("written");
-    // Something comes to the place meanwhile.
+    // Another program creates something at the target meanwhile.
     fs::create_dir(&place).expect("made");
     fs::write(place.join("mine"), "x").expect("writable");
     assert!(draft.publish().is_err());
@@ -352,7 +352,7 @@ fn a_file_takes_the_place_of_another_one_and_leaves_nothing_beside_it() {
     write_file(&out, b"one").and_then(|()| write_file(&out, b"two")).expect("writable");
     assert_eq!(std::fs::read(&out).expect("readable"), b"two");
     assert_eq!(std::fs::read_dir(folder.path()).expect("readable").count(), 1);
-    // A folder that is not there, and one in the file's place: the request is at fault.
+    // A missing folder, and a folder at the path of the file: the request is wrong.
     std::fs::create_dir(folder.path().join("b")).expect("made");
     for path in ["none/a.json", "b"] {
         let error = write_file(&folder.path().join(path), b"x").expect_err("it is no file");

@@ -1,4 +1,4 @@
-//! One asset of a pool: what the source gives, with the options of the pool applied.
+//! One asset of a pool: the asset of the source, with the options of the pool applied.
 
 use super::open_pool::OpenPool;
 use std::sync::Arc;
@@ -54,7 +54,7 @@ impl OpenPool<'_> {
         self.selection.entries.iter().map(|entry| (entry.name.clone(), asset(entry))).collect()
     }
 
-    /// Warns of an object of a size that is unlikely, where neither the source nor the pool states the unit or the size.
+    /// Warns of an object of unlikely size if neither the source nor the pool states the unit or the size.
     pub(super) fn doubt_size(&self, asset: &Asset, log: &dyn Log) {
         let stated = self.source.states_units() || self.options.units.is_some() || self.options.scale.is_size();
         if let (Asset::Object(object), false) = (asset, stated)
@@ -94,11 +94,11 @@ impl OpenPool<'_> {
         };
         let mass = match stated {
             Some(kg) => (kg.max(MIN_KG), MassOrigin::Known),
-            // The estimate is that of the object's real size.
+            // Estimates the mass for the scaled size of the object.
             None if object.mass.origin == MassOrigin::Estimated && scale != 1.0 => {
                 (estimate_kg(volume()), MassOrigin::Estimated)
             }
-            // A known mass is that of a material, which the scaled object is made of, too.
+            // A known mass belongs to a material, which scaling does not change.
             None => (object.mass.kg * scale.powi(3), object.mass.origin),
         };
         let friction = own.friction.unwrap_or(object.friction);

@@ -1,4 +1,4 @@
-//! The assets of a recipe and how likely each is drawn.
+//! Lists the assets of a recipe with the probability of drawing each.
 
 use super::AssetStore;
 use super::open_pool::OpenPool;
@@ -7,11 +7,11 @@ use std::collections::BTreeMap;
 use syntable_model::scene::{AssetClass, AssetRef, CatalogEntry};
 use syntable_recipe::SplitPart;
 
-/// An asset of a pool, as its catalog knows it. Serialized, it is the record of `syntable list assets RECIPE --json`: `pool`,
-/// `name`, `class`, `category`, `obj_id`, `part`, `license`, and `draws`, a table of probabilities by option.
+/// An asset of a pool, as its catalog knows it. Serialized, it is the record of `syntable list assets RECIPE --json`:
+/// `pool`, `name`, `class`, `category`, `obj_id`, `part`, `license`, and `draws`, a table of probabilities by option.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ListedAsset {
-    /// OpenPool and name.
+    /// Pool and name.
     pub asset: AssetRef,
     /// Class of the pool's assets.
     pub class: AssetClass,
@@ -23,17 +23,18 @@ pub struct ListedAsset {
     pub part: Option<SplitPart>,
     /// License as the pool or its source states it; none if neither does.
     pub license: Option<String>,
-    /// The options that can draw the asset, in the order of the recipe. Empty for an asset of another part than the one that
-    /// the recipe draws from.
+    /// The options that can draw the asset, in the order of the recipe. Empty if the recipe draws from another part of
+    /// the split.
     pub draws: Vec<Chance>,
 }
 
-/// How likely an option draws an asset.
+/// Probability that an option draws an asset.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Chance {
     /// The option, such as `place[2].from`.
     pub option: String,
-    /// Probability that one draw of the option takes the asset, in (0, 1]. For each option these sum to 1 over all assets.
+    /// Probability that one draw of the option takes the asset, in (0, 1]. The probabilities of an option sum to 1 over
+    /// all assets.
     pub probability: f64,
 }
 
@@ -63,14 +64,14 @@ impl Serialize for ByOption<'_> {
 }
 
 impl AssetStore<'_> {
-    /// The assets of all pools, by pool and name: those that stages can draw, and those of the other parts of splits. Loads
-    /// nothing.
+    /// The assets of all pools, sorted by pool and name, including the assets in other parts of splits. Loads nothing.
     pub fn listing(&self) -> Vec<ListedAsset> {
         let chances = self.chances();
         self.pools.iter().flat_map(|(id, pool)| pool.listing(id, chances.get(*id).map_or(&[], Vec::as_slice))).collect()
     }
 
-    /// The chance of one asset for each option that draws from a pool, by pool: the assets of a pool are equally likely.
+    /// The probability of one asset for each option that draws from a pool, by pool. The assets of a pool are equally
+    /// likely.
     fn chances(&self) -> BTreeMap<String, Vec<Chance>> {
         let size = |pool: &str| self.pools.get(pool).map_or(0, |pool| pool.selection.entries.len());
         let mut chances: BTreeMap<String, Vec<Chance>> = BTreeMap::new();
@@ -84,7 +85,7 @@ impl AssetStore<'_> {
 }
 
 impl OpenPool<'_> {
-    /// The assets of the pool `id`, by name; `chances` are those of an asset that is drawn.
+    /// The assets of the pool `id`, by name. `chances` apply to each asset that can be drawn.
     fn listing(&self, id: &str, chances: &[Chance]) -> Vec<ListedAsset> {
         let license = self.options.license.as_deref().or(self.source.license());
         let asset = |entry: &CatalogEntry, part, draws: &[Chance]| ListedAsset {

@@ -1,4 +1,4 @@
-//! Assets that are loaded, as long as a scene has them or memory allows.
+//! Loaded assets, kept while a scene uses them or while memory allows.
 
 use parking_lot::Mutex;
 use quick_cache::sync::{Cache, DefaultLifecycle};
@@ -8,15 +8,15 @@ use std::sync::{Arc, Weak};
 use syntable_model::error::Error;
 use syntable_model::scene::{Asset, AssetRef, EnvironmentMap, Material, Object};
 
-/// Bytes of loaded assets that are kept for the next scene; the least recently used are let go first.
+/// Bytes of loaded assets that are kept for the next scene. The least recently used assets are dropped first.
 const KEEP_BYTES: u64 = 256 << 20;
 
-/// What was loaded from pools: for the next scene, and for the next recipe that has the same pools.
+/// Assets loaded from pools, for the next scene and for the next recipe with the same pools.
 pub struct Loaded {
     pub(super) kept: Cache<AssetRef, Asset, ByBytes>,
-    /// What was loaded, for as long as a scene has it.
+    /// Loaded assets that scenes may still use.
     pub(super) in_use: Mutex<BTreeMap<AssetRef, InUse>>,
-    /// Assets whose warnings were told.
+    /// Assets whose warnings were reported.
     pub(super) told: Mutex<BTreeSet<AssetRef>>,
     pub(super) bad: Mutex<BTreeMap<AssetRef, Error>>,
 }
@@ -28,12 +28,13 @@ impl Default for Loaded {
 }
 
 impl Loaded {
-    /// Nothing loaded yet. Assets that no scene uses take at most as many bytes.
+    /// An empty cache. Limits the bytes of the assets that no scene uses.
     pub(super) fn within(bytes: u64) -> Self {
         Self { kept: cache(bytes), in_use: Mutex::default(), told: Mutex::default(), bad: Mutex::default() }
     }
 
-    /// Forgets the assets of all pools but some, and which assets were bad: they may be mended.
+    /// Drops the assets of all pools except the ones that are the same. Also forgets all bad assets, because the user
+    /// may have repaired them.
     pub fn keep(&self, is_same: impl Fn(&str) -> bool) {
         self.kept.retain(|asset, _| is_same(&asset.pool));
         self.in_use.lock().retain(|asset, _| is_same(&asset.pool));
@@ -42,7 +43,7 @@ impl Loaded {
     }
 }
 
-/// Weighs cached assets by the memory that they take.
+/// Weighs cached assets by their size in memory.
 #[derive(Clone)]
 pub(super) struct ByBytes;
 
@@ -52,7 +53,8 @@ impl Weighter<AssetRef, Asset> for ByBytes {
     }
 }
 
-/// A cache in one piece: of several, each would keep small assets only, and fewer the more processors there are.
+/// A cache with a single shard. Several shards would share the capacity, so each would keep only small assets, and the
+/// more processors, the smaller.
 pub(super) fn cache(bytes: u64) -> Cache<AssetRef, Asset, ByBytes> {
     let options = OptionsBuilder::new().estimated_items_capacity(1024).weight_capacity(bytes).shards(1).build();
     match options {
@@ -63,7 +65,7 @@ pub(super) fn cache(bytes: u64) -> Cache<AssetRef, Asset, ByBytes> {
     }
 }
 
-/// An asset that others may still hold.
+/// A weak reference to an asset, which scenes may still hold.
 pub(super) enum InUse {
     Object(Weak<Object>),
     Material(Weak<Material>),
@@ -91,7 +93,7 @@ impl InUse {
     }
 }
 
-/// Approximate memory that an asset takes.
+/// Approximate size of an asset in memory, bytes.
 fn bytes(asset: &Asset) -> usize {
     match asset {
         Asset::Material(material) => material_bytes(material),

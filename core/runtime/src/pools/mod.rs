@@ -1,7 +1,8 @@
 //! The pools of a recipe: selection, scale, centering and mass are the same for every source of assets.
 //!
-//! `open` makes, numbers and selects from catalogs; `numbers` tells objects of several pools apart; `asset` applies the options
-//! of a pool to an asset; `loaded` keeps assets in memory; `listing` tells how likely each asset is drawn.
+//! `open` opens pools, numbers their objects and selects from their catalogs; `numbers` keeps the numbers of several
+//! pools distinct; `asset` applies the options of a pool to an asset; `loaded` keeps assets in memory; `listing` lists
+//! the probability of drawing each asset.
 
 mod asset;
 mod listing;
@@ -26,10 +27,10 @@ use syntable_model::error::{Error, Result};
 use syntable_model::scene::{Asset, AssetRef, CatalogEntry};
 use syntable_recipe::{CatalogNames, Draw, OnBadAsset, PartSizes, Recipe};
 
-/// What a lock and a journal say instead of a digest of an asset that was drawn, could not be used and was passed over.
+/// Mark in a lock and a journal, instead of a digest, for an asset that was drawn but skipped as unusable.
 pub const BAD: &str = "bad";
 
-/// All pools of a recipe, with what was loaded from them.
+/// All pools of a recipe, with the assets loaded from them.
 pub struct AssetStore<'a> {
     pools: BTreeMap<&'a str, OpenPool<'a>>,
     /// Options of the recipe that draw from pools.
@@ -43,7 +44,7 @@ pub struct AssetStore<'a> {
 }
 
 impl<'a> AssetStore<'a> {
-    /// A store of open pools that depends on no digest and has loaded nothing.
+    /// A store of open pools with no locked digests and no loaded assets.
     fn new(pools: BTreeMap<&'a str, OpenPool<'a>>, on_bad_asset: OnBadAsset, log: &'a dyn Log) -> Self {
         Self {
             pools,
@@ -56,8 +57,8 @@ impl<'a> AssetStore<'a> {
         }
     }
 
-    /// Opens all pools: finds and selects their entries, and loads nothing yet.
-    /// The error names all pools that cannot be opened.
+    /// Opens all pools: finds and selects their entries, but loads no assets. The error names all pools that cannot be
+    /// opened, or the first that failed with a transient error.
     pub fn open(recipe: &'a Recipe, log: &'a dyn Log) -> Result<Self> {
         let mut pools = open(&recipe.assets, log)?;
         number_places(&mut pools, &recipe.labeled_pools)?;
@@ -75,7 +76,7 @@ impl<'a> AssetStore<'a> {
         Ok(Self { draws: &recipe.draws, locked: recipe.lock.assets.clone(), ..store })
     }
 
-    /// The same with what was loaded before from these pools.
+    /// The same store with these assets, which were loaded earlier from the same pools.
     pub fn with(self, loaded: Arc<Loaded>) -> Self {
         Self { loaded, ..self }
     }
@@ -91,7 +92,7 @@ impl<'a> AssetStore<'a> {
         pool.options.part_sizes(&pool.selection)
     }
 
-    /// Adds the assets of the scenes that a dataset has: they must be what they were.
+    /// Adds the assets of existing scenes, which must be unchanged.
     pub fn expect(mut self, assets: impl IntoIterator<Item = (String, String)>) -> Self {
         self.locked.extend(assets);
         self
@@ -102,8 +103,8 @@ impl<'a> AssetStore<'a> {
         self.pools.iter().map(|(&id, pool)| (id.to_owned(), pool.catalog())).collect()
     }
 
-    /// An error if an asset must stop the run: it is bad and the recipe says so, it cannot be read at present, or it is
-    /// not what the recipe was resolved with.
+    /// An error if an asset must stop the run: a bad asset that the recipe does not tolerate, an asset that is
+    /// temporarily unreadable, or an asset that has changed since the recipe was resolved.
     pub fn refused(&self) -> Result<()> {
         self.refused.lock().clone().map_or(Ok(()), Err)
     }
@@ -119,7 +120,7 @@ impl<'a> AssetStore<'a> {
         })
     }
 
-    /// Loads an asset; whoever asks for it meanwhile waits. A bad one is reported once and never loaded again.
+    /// Loads an asset. A bad asset is reported once and never loaded again.
     fn load_or_refuse(&self, asset: &AssetRef) -> Result<Asset> {
         if let Some(error) = self.loaded.bad.lock().get(asset) {
             return Err(error.clone());
@@ -127,7 +128,7 @@ impl<'a> AssetStore<'a> {
         self.load(asset).map_err(|error| {
             let error = error.context(format!("asset {asset}"));
             if error.is_transient() {
-                // That says nothing about the asset: another one in its place would make another dataset.
+                // A transient error does not make the asset bad. Skipping it would produce a different dataset.
                 self.refuse(error.clone());
                 return error;
             }
@@ -143,8 +144,8 @@ impl<'a> AssetStore<'a> {
     fn load(&self, asset: &AssetRef) -> Result<Asset> {
         let pool = self.pool(&asset.pool)?;
         let log = Named { asset, log: self.log };
-        // An asset that a reader panics on is a bad one: it is named, and left out from then on.
-        // What its warnings say of an asset that was let go they said before.
+        // An asset whose reader panics is bad: it is reported, and skipped from then on.
+        // An asset that is loaded again after it was dropped does not repeat its warnings.
         let first = !self.loaded.told.lock().contains(asset);
         let quiet = Collected::default();
         let log: &dyn Log = if first { &log } else { &quiet };
@@ -183,7 +184,7 @@ impl Assets for AssetStore<'_> {
 
     fn get(&self, asset: &AssetRef) -> Result<Asset> {
         self.loaded.kept.get_or_insert_with(asset, || {
-            // One that is too large to keep may still be in use.
+            // An asset that is too large to keep may still be in use.
             if let Some(asset) = self.loaded.in_use.lock().get(asset).and_then(InUse::get) {
                 return Ok(asset);
             }
@@ -194,19 +195,19 @@ impl Assets for AssetStore<'_> {
     }
 }
 
-/// The assets of one attempt at a scene: remembers the digests of what was drawn.
+/// The assets of one attempt at a scene. Records the digests of the drawn assets.
 pub struct RecordingAssets<'a> {
     store: &'a AssetStore<'a>,
     digests: Mutex<BTreeMap<String, String>>,
 }
 
 impl<'a> RecordingAssets<'a> {
-    /// Nothing drawn yet.
+    /// Starts without drawn assets.
     pub fn new(store: &'a AssetStore<'a>) -> Self {
         Self { store, digests: Mutex::default() }
     }
 
-    /// Digests of all that was drawn, by `pool/name`.
+    /// Digests of all drawn assets, by `pool/name`.
     pub fn into_digests(self) -> BTreeMap<String, String> {
         self.digests.into_inner()
     }

@@ -5,8 +5,9 @@ use std::collections::{BTreeMap, BTreeSet};
 use syntable_model::error::{Error, Result};
 use syntable_recipe::{Numbering, Selection};
 
-/// Moves numbers that are places behind those that are stated and those of other pools: first pools with objects that labels
-/// describe, then others, each by id. Numbers depend on what pools hold, never on what is taken or drawn of them.
+/// Raises position-based numbers above all stated numbers and above the numbers of earlier pools. Pools with labeled
+/// objects come first, then the others, each group sorted by id. Numbers depend on the content of pools, never on the
+/// selected or drawn assets.
 pub(super) fn number_places(pools: &mut BTreeMap<&str, OpenPool>, labeled: &BTreeSet<String>) -> Result<()> {
     let is = |pool: &OpenPool, numbering| pool.numbering == Some(numbering);
     let stated = pools.values().filter(|pool| is(pool, Numbering::Stated)).map(|pool| pool.last_obj_id);
@@ -28,7 +29,7 @@ pub(super) fn number_places(pools: &mut BTreeMap<&str, OpenPool>, labeled: &BTre
     Ok(())
 }
 
-/// Refuses objects without a number, and two of one number, in the pools with objects that labels describe.
+/// Refuses objects without a number, and two objects with the same number, in the pools of labeled objects.
 pub(super) fn numbers_differ(pools: &BTreeMap<&str, OpenPool>, labeled: &BTreeSet<String>) -> Result<()> {
     let described = || pools.iter().filter(|(id, _)| labeled.contains(**id));
     for (id, pool) in described() {

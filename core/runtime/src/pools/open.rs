@@ -1,4 +1,4 @@
-//! Opening pools: catalogs are made, numbered and selected from, and nothing is loaded.
+//! Opens pools: reads, numbers and selects from catalogs, without loading assets.
 
 use super::open_pool::OpenPool;
 use std::collections::BTreeMap;
@@ -9,10 +9,10 @@ use syntable_model::scene::{AssetClass, CatalogEntry};
 use syntable_model::stage::AssetSource;
 use syntable_recipe::{Numbering, PoolOptions, Selection};
 
-/// Pauses before a source that the file system failed is asked again.
+/// Pauses before a source is called again after a file-system error.
 const RETRIES: [Duration; 3] = [Duration::from_millis(20), Duration::from_millis(150), Duration::from_millis(600)];
 
-/// Opens pools. The error names all that cannot be opened.
+/// Opens pools. The error names all pools that cannot be opened, or the first that failed with a transient error.
 pub(crate) fn open<'a>(
     assets: &'a BTreeMap<String, syntable_recipe::Pool>,
     log: &dyn Log,
@@ -41,8 +41,8 @@ pub(crate) fn open<'a>(
     Ok(pools)
 }
 
-/// The assets of a source with their numbers, before anything is left out: the parts of a split give an object the same
-/// number.
+/// The assets of a source with their numbers, before any selection, so that all parts of a split give an object the
+/// same number.
 struct Numbered {
     entries: Vec<CatalogEntry>,
     numbering: Option<Numbering>,
@@ -70,7 +70,7 @@ impl<'a> OpenPool<'a> {
     }
 }
 
-/// All assets of a source, in the order that sources promise.
+/// All assets of a source, in the guaranteed order.
 fn catalog_of(source: &dyn AssetSource, log: &dyn Log) -> Result<Vec<CatalogEntry>> {
     let catalog = patiently(log, |log| source.catalog(log))?;
     check_order(&catalog.entries)?;
@@ -94,7 +94,7 @@ impl Numbered {
     }
 }
 
-/// The assets that the options of a pool take. With `ids`, each has a number.
+/// The assets that the options of a pool select. With `ids`, each has a number.
 fn select(entries: Vec<CatalogEntry>, options: &PoolOptions, log: &dyn Log) -> Result<Selection> {
     let selection = options.select(entries, log)?;
     if options.ids.is_some() {
@@ -103,7 +103,7 @@ fn select(entries: Vec<CatalogEntry>, options: &PoolOptions, log: &dyn Log) -> R
     Ok(selection)
 }
 
-/// Warns of classes that no asset of a pool is of.
+/// Warns if no asset of a pool has any of the configured classes.
 fn warn_of_classes(selection: &Selection, options: &PoolOptions, id: &str, log: &dyn Log) {
     let is_of_class = |entry: &CatalogEntry| options.classes.contains_key(&entry.category);
     if options.classes.is_empty() || selection.entries.iter().any(is_of_class) {
@@ -113,8 +113,8 @@ fn warn_of_classes(selection: &Selection, options: &PoolOptions, id: &str, log: 
     log.warn(&Error::new(message).help("patterns match whole names: `*mug*` matches all that contain `mug`"));
 }
 
-/// Refuses a catalog that is not what sources promise: entries in ascending order of unique names. Scenes draw entries by
-/// their number, and one that is found by its name must be the one that was drawn.
+/// Refuses a catalog that breaks the contract of sources: entries in ascending order of unique names. Scenes draw
+/// entries by index, and looking up the name must find the drawn entry.
 fn check_order(entries: &[CatalogEntry]) -> Result<()> {
     let Some(pair) = entries.windows(2).find(|pair| pair[0].name >= pair[1].name) else { return Ok(()) };
     let [one, other] = [&pair[0].name, &pair[1].name];
@@ -125,7 +125,7 @@ fn check_order(entries: &[CatalogEntry]) -> Result<()> {
     Err(Error::new(message).help("this is a bug of the plugin that has this kind: a catalog is sorted by unique names"))
 }
 
-/// Calls a source again, after a pause, if the file system failed it. Warnings of a call that failed so are dropped.
+/// Calls a source again, after a pause, if it failed with a file-system error. Warnings of failed calls are dropped.
 pub(super) fn patiently<T>(log: &dyn Log, call: impl Fn(&dyn Log) -> Result<T>) -> Result<T> {
     let mut pauses = RETRIES.iter();
     loop {
@@ -143,7 +143,7 @@ pub(super) fn patiently<T>(log: &dyn Log, call: impl Fn(&dyn Log) -> Result<T>) 
     }
 }
 
-/// A log that says which pool a warning is about.
+/// A log that adds the name of the pool to warnings.
 struct OfPool<'a> {
     id: &'a str,
     log: &'a dyn Log,

@@ -9,12 +9,12 @@ pub(crate) struct OpenPool<'a> {
     pub source: &'a dyn AssetSource,
     pub options: &'a PoolOptions,
     pub selection: Selection,
-    /// Where the numbers of its objects come from; none if it has no objects.
+    /// Origin of the numbers of its objects; none if it has no objects.
     pub numbering: Option<Numbering>,
-    /// Largest number of an object of the source, taken or not.
+    /// Largest number of an object of the source, selected or not.
     pub last_obj_id: u32,
-    /// Whether objects have the numbers of their files, and another size than these.
+    /// Whether objects keep the numbers of their files but are scaled to another size.
     pub resizes_numbered: bool,
-    /// What the pool's table states of its objects, by name.
+    /// Properties from the pool's table, by name of the object.
     pub properties: BTreeMap<String, ObjectProperties>,
 }

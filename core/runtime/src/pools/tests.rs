@@ -43,7 +43,7 @@ fn pool<'a>(source: &'a dyn AssetSource, options: &'a PoolOptions) -> OpenPool<'
     OpenPool { source, options, selection, numbering, last_obj_id: 0, resizes_numbered: false, properties }
 }
 
-/// A pool with some of the objects of a source, as it is opened.
+/// An open pool with some of the objects of a source.
 fn numbered<'a>(options: &'a PoolOptions, names: &[&str], stated: &[(&str, u32)]) -> OpenPool<'a> {
     let stated: BTreeMap<&str, u32> = stated.iter().copied().collect();
     let mut all: Vec<CatalogEntry> = names.iter().map(|name| CatalogEntry::new(*name, "thing")).collect();
@@ -66,7 +66,7 @@ fn numbers_depend_on_what_pools_hold_and_not_on_what_is_taken() {
     let labeled = BTreeSet::from(["objects".to_owned(), "shoes".to_owned()]);
     for (options, objects, shoes) in [(&all, vec![1, 2, 3, 4], vec![5, 6, 7, 8]), (&some, vec![1, 3, 4], vec![5, 7, 8])]
     {
-        // Tables come last, though their name is first.
+        // Pools without labels come last, even if their names sort first.
         let pool = || numbered(options, &names, &[]);
         let mut pools = BTreeMap::from([("desks", pool()), ("objects", pool()), ("shoes", pool())]);
         number_places(&mut pools, &labeled).expect("few");
@@ -74,14 +74,14 @@ fn numbers_depend_on_what_pools_hold_and_not_on_what_is_taken() {
         assert_eq!(ids(&pools, "desks")[0], 9);
         numbers_differ(&pools, &labeled).expect("all differ");
     }
-    // Places are behind what others state, taken or not.
+    // Position-based numbers follow all stated numbers, selected or not.
     let stated = [("a", 3), ("b", 40), ("c", 2), ("d", 5)];
     let mut pools =
         BTreeMap::from([("objects", numbered(&all, &names, &[])), ("shoes", numbered(&some, &names, &stated))]);
     number_places(&mut pools, &labeled).expect("few");
     assert_eq!((ids(&pools, "objects"), ids(&pools, "shoes")), (vec![41, 42, 43, 44], vec![3, 2, 5]));
     numbers_differ(&pools, &labeled).expect("all differ");
-    // Those that are stated stay, and clashes name both.
+    // Stated numbers stay, and the error for a clash names both objects.
     let mut pools =
         BTreeMap::from([("objects", numbered(&all, &names, &stated)), ("shoes", numbered(&all, &names, &stated))]);
     number_places(&mut pools, &labeled).expect("few");
@@ -93,11 +93,11 @@ fn numbers_depend_on_what_pools_hold_and_not_on_what_is_taken() {
     let error = numbers_differ(&pools, &labeled).expect_err("equal");
     assert!(error.to_string().contains("`objects/a` and `objects/c` have the same `obj_id` 1"), "{error}");
     assert!(error.help_text().is_some_and(|help| help.contains("first_id = 1")), "{error:?}");
-    // Of pools that labels do not describe, nobody asks.
+    // Objects of unlabeled pools need no distinct numbers.
     numbers_differ(&pools, &BTreeSet::new()).expect("no labels");
 }
 
-/// The object of 0.1 m by 0.2 m by 0.4 m and 0.2 kg, as a pool hands it out.
+/// The object of 0.1 m by 0.2 m by 0.4 m and 0.2 kg, with the options of a pool applied.
 fn weighed(origin: MassOrigin, options: &PoolOptions, properties: Option<ObjectProperties>) -> Object {
     let object = (*object("block", box_mesh([0.1, 0.2, 0.4]), [1.0; 3])).clone();
     let mass = object.mass.with_kg(0.2, origin);
@@ -116,7 +116,7 @@ fn scaled_objects_are_of_the_same_material() {
         let long = known.mass.inertia()[(0, 0)];
         assert!((long - 0.025 / 12.0 * (0.1_f64.powi(2) + 0.2_f64.powi(2))).abs() < 1e-9, "{long}");
         assert_eq!(known.mass.origin, MassOrigin::Known);
-        // An estimate is made for the size that the object has: 400 kg/m³.
+        // An estimate uses the scaled size: 400 kg/m³.
         let guessed = weighed(MassOrigin::Estimated, &options, None);
         assert!((guessed.mass.kg - 400.0 * 0.001).abs() < 1e-6, "{:?}", guessed.mass);
         assert_eq!(guessed.mass.origin, MassOrigin::Estimated);
@@ -171,7 +171,7 @@ fn scaled_glass_lets_as_much_light_through() {
     }
 }
 
-/// A source of one material and one environment map.
+/// A source with one material and one environment map.
 struct Licensed;
 
 impl AssetSource for Licensed {
@@ -191,7 +191,7 @@ impl AssetSource for Licensed {
     }
 }
 
-/// A source whose reader panics, and counts how often it was asked.
+/// A source whose reader panics, and which counts its calls.
 #[derive(Default)]
 struct Panicking(std::sync::atomic::AtomicUsize);
 
@@ -210,7 +210,7 @@ impl AssetSource for Panicking {
     }
 }
 
-/// A source of one block.
+/// A source with one block.
 struct Block;
 
 impl AssetSource for Block {
@@ -254,7 +254,7 @@ fn an_asset_that_a_reader_panics_on_is_bad() {
     assert!(store.refused().is_ok());
 }
 
-/// A source of long objects in an unknown unit, slow to load, that counts and warns.
+/// A source of long objects in an unknown unit. It loads slowly, counts its calls, and warns.
 #[derive(Default)]
 struct Long(std::sync::atomic::AtomicUsize);
 
@@ -282,7 +282,7 @@ impl AssetSource for Long {
 #[test]
 fn an_asset_is_loaded_once_while_it_is_in_use_and_warns_once() {
     let (source, options, log) = (Long::default(), PoolOptions::default(), Collected::default());
-    // Nothing is kept: the cache is too small for anything.
+    // The cache is too small to keep anything.
     let pools = BTreeMap::from([("p", pool(&source, &options))]);
     let store = AssetStore { loaded: Arc::new(Loaded::within(1)), ..AssetStore::new(pools, OnBadAsset::Skip, &log) };
     let asset = AssetRef { pool: "p".into(), name: "tin".into() };

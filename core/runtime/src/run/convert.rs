@@ -80,9 +80,9 @@ pub fn check_images(dataset: &OpenDataset, place: &Path) -> Result<()> {
     }
 }
 
-/// Writes a dataset with these writers into a folder, which must be new or empty. On this machine, the folder appears when
-/// all files are complete. After an error, no file remains. Unreadable images are omitted. If no image is readable, the conversion
-/// fails.
+/// Writes a dataset with these writers into a folder, which must be new or empty. On this machine, the folder appears
+/// when all files are complete. After an error, no file remains. Unreadable images are omitted. If no image is
+/// readable, the conversion fails.
 pub fn convert_dataset(
     registry: &Registry,
     dataset: &OpenDataset,
@@ -374,7 +374,7 @@ impl ConversionWalk<'_> {
                 Ok(false) => {}
                 Err(error) => {
                     let mut failure = failure.lock();
-                    // The first failing scene stands for all.
+                    // Reports only the error of the first failing scene.
                     if failure.as_ref().is_none_or(|(first, _)| index < *first) {
                         *failure = Some((index, error));
                     }

@@ -1,8 +1,9 @@
 //! Single views of a recipe that changes, made one after the other in memory, without a dataset.
 //!
-//! An image is a pure function of recipe, seed, scene and view. A [`Previewer`] therefore keeps everything that a changed recipe
-//! has in common with the earlier one: stages with the same options and their data (loaded assets, collision shapes, trees), and
-//! scenes at rest with the same pools, placers and settler. Images with equal [`Pass::key`] are equal.
+//! An image is a pure function of recipe, seed, scene and view. A [`Previewer`] therefore keeps everything that a
+//! changed recipe shares with the earlier one: stages with the same options and their data (loaded assets, collision
+//! shapes, trees), and scenes at rest with the same pools, placers and settler. Images with equal [`Pass::key`] are
+//! equal.
 
 use crate::cache::DiskCache;
 use crate::pools::{AssetStore, Loaded, RecordingAssets};
@@ -32,7 +33,7 @@ use syntable_recipe::{CatalogLock, Parts, Recipe};
 
 /// Slots that determine a scene at rest.
 const OF_SCENE: [Slot; 3] = [Slot::Assets, Slot::Place, Slot::Settle];
-/// Slots that determine an image, besides those of its scene.
+/// Slots that determine an image, besides the slots of its scene.
 const OF_IMAGE: [Slot; 7] =
     [Slot::Camera, Slot::Views, Slot::Lights, Slot::Render, Slot::Denoise, Slot::Sensor, Slot::Annotate];
 
@@ -64,7 +65,8 @@ struct Composed {
 /// The requested form of every view.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Wanted {
-    /// Names of products of the view. The recipe must be loaded with them as [`wanted`](syntable_recipe::Overrides::wanted).
+    /// Names of products of the view. The recipe must be loaded with them as
+    /// [`wanted`](syntable_recipe::Overrides::wanted).
     pub products: Vec<String>,
     /// Maximum width of images, px. A larger image is rendered with fewer pixels, and shows the same.
     pub width: u32,
@@ -145,7 +147,7 @@ impl Previewer {
     }
 }
 
-/// Views of one recipe in the making.
+/// Views of one recipe, in progress.
 pub struct Pass<'p> {
     source: PassSource<'p>,
     session: &'p mut Option<PreviewSession>,
@@ -178,8 +180,8 @@ impl Pass<'_> {
         numbers.number(f64::from(scene)).number(f64::from(view)).finish()
     }
 
-    /// Makes views of a scene in the given order, and passes each to `each` at once. As in a run, a failed attempt is followed
-    /// by the next one, which begins with the first view again.
+    /// Makes views of a scene in the given order, and passes each to `each` at once. As in a run, a failed attempt is
+    /// followed by the next one, which begins with the first view again.
     ///
     /// # Errors
     /// If the scene fails, or the pass was asked to stop.
@@ -196,7 +198,7 @@ impl Pass<'_> {
             Ok(Attempts { made: Some(of_attempt), .. }) => Ok(of_attempt),
             Ok(Attempts { mut errors, .. }) => Err(errors.pop().unwrap_or_else(|| Error::new("the scene failed"))),
             Err(error) => {
-                // The error ends a run, which returns it. A preview goes on.
+                // The error ends a run, which returns it. A preview continues.
                 if !source.stop.is_requested() {
                     let error = error.to_string();
                     source.reporter.event(&Event::Attempt { scene, attempt: latest, error, last: true });
@@ -208,8 +210,8 @@ impl Pass<'_> {
         Ok(())
     }
 
-    /// Reports the working times of stages. Returns what stages left out of the images of this pass, summed up as in a run. Failed
-    /// attempts do not count.
+    /// Reports the working times of stages. Returns the data that stages omitted from the images of this pass, summed
+    /// as in a run. Failed attempts do not count.
     pub fn end(self) -> Vec<Loss> {
         self.source.reporter.event(&Event::Stages { stages: self.source.times.all() });
         Loss::sum(self.losses)
@@ -229,7 +231,7 @@ impl PassSource<'_> {
         }
     }
 
-    /// One attempt at some views of a scene. Returns what stages left out.
+    /// One attempt at some views of a scene. Returns the data that stages omitted.
     fn attempt(
         &self,
         (scene, number): (u32, u32),
@@ -342,7 +344,7 @@ fn compose(
     made
 }
 
-/// A view with a limited width in pixels, which sees the same.
+/// A view with a limited width in pixels and the same field of view.
 fn smaller(mut view: View, width: u32) -> View {
     let Intrinsics { width: w, height: h, fx, fy, cx, cy } = view.camera.intrinsics;
     if w > width {

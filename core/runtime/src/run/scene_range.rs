@@ -1,4 +1,4 @@
-//! The scenes of a recipe that a user asks for.
+//! The scenes of a recipe that a user requests.
 
 use std::ops::Range;
 use std::str::FromStr;
@@ -50,7 +50,7 @@ impl SceneRange {
     }
 }
 
-/// The scenes that a caller asks for, or all scenes of a recipe with `count` scenes.
+/// The scenes that a caller requests, or all scenes of a recipe with `count` scenes.
 ///
 /// # Errors
 /// If the range is empty, or the recipe does not have them all.

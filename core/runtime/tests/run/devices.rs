@@ -1,4 +1,5 @@
-//! Devices: those that fail, whose driver must not show in a dataset; those that a dataset names; kinds that are chosen for them.
+//! Devices: failures that must not show in a dataset, the devices that a dataset names, and kinds that are chosen for a
+//! device.
 
 use crate::growth::assert_same;
 use crate::kit::{CHOSEN, Counters, fail_next, failures_left, options, put_card, registry, run, run_scenes, run_with};
@@ -12,7 +13,7 @@ use syntable_runtime::run::progress::{Event, Quiet, Reporter};
 use syntable_runtime::run::stop::Stop;
 use syntable_testing::folder::files;
 
-/// Three scenes of two views.
+/// A recipe with three scenes of two views.
 fn recipe(tally: usize, rest: &str) -> String {
     format!(
         "[dataset]\nscenes = 3\nviews_per_scene = 2\nname = \"devices\"\nmax_attempts = 4\n\
@@ -55,7 +56,7 @@ fn a_scene_fails_whose_device_does_not_come_back() {
     let (shaken, whole) = (folder.path().join("shaken"), folder.path().join("whole"));
     run(&recipe(17, LIGHT), &whole, 1).expect("whole");
     let settled = Counters::both(17)[0];
-    // What is too large stays too large.
+    // A scene that is too large for the device fails at once.
     for (error, tries) in [(lost(), 3), (Error::exceeds_device("the scene is too large"), 1)] {
         let before = Counters::both(17)[0];
         fail_next(17, 1, 9, error.clone());
@@ -70,7 +71,7 @@ fn a_scene_fails_whose_device_does_not_come_back() {
         let others = files(&shaken);
         assert!(others.keys().any(|name| name.starts_with("lines/000002")));
         assert!(!others.keys().any(|name| name.starts_with("lines/000001")), "{:?}", others.keys());
-        // Once it is back, the scene is the one of any run.
+        // Once the device is back, the scene equals the scene of any run.
         fail_next(17, 1, 0, lost());
         let retry = RunOptions { retry_failed: true, ..options(&shaken, 1) };
         run_with(&recipe(17, LIGHT), retry, &Quiet).expect("recovers");
@@ -101,7 +102,7 @@ fn a_scene_that_is_there_keeps_what_it_has() {
     fail_next(18, 1, 0, lost());
     run(&both, &grown, 1).expect("goes on");
     assert_same(&grown, &whole);
-    // Nor does a scene go that is damaged, and cannot be made again now.
+    // A damaged scene that cannot be made again now also stays.
     std::fs::write(grown.join("lines/000001_0000.json"), "{}").expect("writable");
     let had = entry(&grown, 1);
     fail_next(18, 1, 9, lost());
@@ -161,11 +162,11 @@ fn a_dataset_names_the_cards_that_rendered_it() {
     let (said, devices) = resume("mixed", None);
     assert!(said.contains(&format!("{other} X1 (driver 1) before, X1 (driver 2) now")));
     assert_eq!(devices, ["X1 (driver 1)", "X1 (driver 2)"]);
-    // Nothing is left to render.
+    // No image is left to render.
     put_card(19, Some("X2"));
     let (said, devices) = resume("mixed", None);
     assert!(devices.len() == 2 && !said.contains(other));
-    // A recipe that was resolved on another card says so; its new dataset names the card of its own.
+    // A recipe that was resolved on another card causes a warning. Its new dataset names its own card.
     let (out, source) = (at("again"), Source::read(at("first/recipe.toml")).expect("there"));
     let (resolved, _) = syntable_recipe::load(&registry(), source, &Overrides::of_process(Vec::new()))
         .unwrap_or_else(|report| panic!("{report}"));
@@ -196,7 +197,7 @@ fn a_chosen_kind_must_match_the_dataset() {
     };
     let go =
         |recipe: &Recipe, reporter: &dyn Reporter| syntable_runtime::run::run(recipe, &options(&chosen, 1), reporter);
-    // `check` and `plan` choose nothing.
+    // `check` and `plan` choose no kind.
     let planned = load(false).unwrap_or_else(|report| panic!("{report}"));
     assert!(planned.undecided == ["render"] && planned.choices.is_empty() && planned.resolved.contains("\"either\""));
     let error = go(&planned, &Quiet).expect_err("nothing was chosen");
@@ -206,7 +207,7 @@ fn a_chosen_kind_must_match_the_dataset() {
     assert!(said.contains("[render] `either` is `sleeper` here: it slept well"));
     run(&recipe(20, LIGHT), &named, 1).expect("runs");
     assert_same(&chosen, &named);
-    // Another machine has another choice, and cannot go on.
+    // Another machine chooses another kind, and cannot continue the dataset.
     *CHOSEN.lock().expect("chosen") = Ok("drowsy");
     let error = go(&load(true).unwrap_or_else(|report| panic!("{report}")), &Quiet).expect_err("another kind");
     assert!(error.to_string().contains("render.kind: \"sleeper\" -> \"drowsy\""), "{error}");

@@ -1,4 +1,4 @@
-//! Samples in memory: what a run writes, in order, and no files.
+//! Samples in memory: the data that a run writes, in order, without files.
 
 use crate::kit::{Counters, THOUGHT, TICK, TRACK, registry, run};
 use std::sync::Arc;
@@ -134,7 +134,7 @@ fn scenes_that_fail_have_no_samples_and_are_counted() {
     );
     assert!(generator.next().is_none());
     assert_eq!(generator.result().failed, [0, 1, 2, 3, 4]);
-    // What is wrong with every scene ends it.
+    // An error that affects every scene ends the generator.
     let recipe = Arc::new(load("[annotate.thinker]\nmissing = true\n"));
     let mut generator = Generator::start(recipe, options(2), Arc::new(Quiet));
     let error = generator.next().expect("an error").err().expect("an error").to_string();
@@ -170,7 +170,7 @@ fn samples_end_when_nobody_wants_more() {
         Err(syntable_model::error::Error::new("no more, thanks"))
     });
     assert_eq!(refused.expect_err("refused").to_string(), "no more, thanks");
-    // A product that is not computed is refused before anything is made.
+    // A product that is not computed is refused before any sample is made.
     let unknown = GenerateOptions { products: vec!["depth".into()], ..options(1) };
     let error = generate(&recipe(1), &unknown, &Quiet, &mut |_| Ok(())).expect_err("refused").to_string();
     assert!(error.contains("the recipe does not compute `depth`"), "{error}");

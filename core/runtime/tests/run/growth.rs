@@ -1,4 +1,4 @@
-//! Datasets that grow: more scenes, more views, more writers. In the end they are what one run would have made.
+//! Datasets that grow: more scenes, more views, more writers. The result equals the dataset of one run.
 
 use crate::kit::{Counters, options, registry, run, run_scenes, run_with};
 use std::path::Path;
@@ -17,7 +17,7 @@ fn recipe(scenes: u32, views: u32, tally: usize, rest: &str) -> String {
 const LIGHT: &str = "[write.lines]\ninclude = [\"light\"]\n";
 const THOUGHT: &str = "[write.more]\nkind = \"lines\"\ninclude = [\"thought\", \"track\", \"total\"]\n";
 
-/// Two folders hold the same files, byte for byte.
+/// Asserts that two folders have the same files, byte for byte.
 pub fn assert_same(left: &Path, right: &Path) {
     let (a, b) = (files(left), files(right));
     assert_eq!(a.keys().collect::<Vec<_>>(), b.keys().collect::<Vec<_>>());
@@ -45,7 +45,7 @@ fn new_scenes_may_have_more_views() {
     let folder = tempfile::tempdir().expect("a folder");
     run(&recipe(2, 2, 0, LIGHT), folder.path(), 1).expect("begun");
     run(&recipe(3, 4, 0, LIGHT), folder.path(), 1).expect("grown");
-    // A writer that comes later writes the views that each scene has.
+    // A writer that is added later writes the views that each scene has.
     let outcome = run(&recipe(3, 4, 0, &format!("{LIGHT}{THOUGHT}")), folder.path(), 1).expect("grown");
     assert_eq!((outcome.scenes, outcome.images), (3, 8));
     let files = files(folder.path());
@@ -59,14 +59,14 @@ fn new_scenes_may_have_more_views() {
 fn a_writer_that_comes_later_costs_only_what_it_needs() {
     let (light, thought) = (LIGHT.to_owned(), THOUGHT.to_owned());
     let both = format!("{LIGHT}{THOUGHT}");
-    // Labels are made without simulating or rendering; light is rendered, and nothing is simulated.
+    // Labels are made without simulating or rendering. Light is rendered without simulating.
     for (tally, first, cost) in [(6, &light, [3, 6]), (7, &thought, [3, 6])] {
         let folder = tempfile::tempdir().expect("a folder");
         let (grown, whole) = (folder.path().join("grown"), folder.path().join("whole"));
         run(&recipe(3, 2, tally, first), &grown, 2).expect("begun");
         let begun = Counters::both(tally);
         assert_eq!(begun, if first == &light { [3, 6] } else { [3, 0] });
-        // A part of the scenes first, as if the run had been stopped.
+        // Some scenes first, as if the run had been stopped.
         run_scenes(&recipe(3, 2, tally, &both), &grown, 1, Some(1..2)).expect("grows");
         run(&recipe(3, 2, tally, &both), &grown, 2).expect("grown");
         assert_eq!(Counters::both(tally), cost);
@@ -82,7 +82,7 @@ fn a_scene_that_fails_by_what_comes_later_is_made_again() {
     let both = format!("{LIGHT}{THOUGHT}[annotate.thinker]\nstumbles = true\n");
     run(&recipe(4, 2, 8, LIGHT), &grown, 1).expect("begun");
     run(&recipe(4, 2, 8, &both), &grown, 1).expect("grown");
-    // Scenes 1 and 3 failed with the annotator, and settled again for their second attempt.
+    // Scenes 1 and 3 failed with the annotator, and were settled again for their second attempt.
     assert_eq!(Counters::both(8)[0], 4 + 2);
     run(&recipe(4, 2, 8, &both), &whole, 2).expect("whole");
     assert_same(&grown, &whole);
@@ -95,7 +95,7 @@ fn growth_of_which_nothing_was_made_can_be_taken_back_or_mended() {
     let (few, mended) = (recipe(2, 1, 0, LIGHT), recipe(3, 1, 0, &format!("{LIGHT}{THOUGHT}")));
     run(&few, &data, 1).expect("begun");
     let before = files(&data);
-    // The annotator fails by chance in every attempt, or it cannot ever work; for scenes that are there, and for new ones.
+    // The annotator fails by chance in every attempt, or can never work; tried on existing and on new scenes.
     for (scenes, mistake, says) in [
         (2, "panics", "2 scenes could not be made"),
         (4, "panics", "4 scenes could not be made"),
@@ -123,7 +123,7 @@ fn a_scene_that_cannot_have_what_comes_later_stays_as_it_is() {
     let both = once(&format!("{LIGHT}{THOUGHT}[annotate.thinker]\nstumbles = true\n"));
     run(&once(LIGHT), &data, 1).expect("begun");
     let before = files(&data);
-    // Scene 1 fails, and is tried again by every run.
+    // Scene 1 fails, and every run tries it again.
     for _ in 0..2 {
         let outcome = run(&both, &data, 1).expect("scenes 0 and 2 grow");
         assert_eq!((outcome.scenes, outcome.failed, outcome.lacking, outcome.images), (3, 0, 1, 3));
@@ -149,7 +149,7 @@ fn files_of_a_writer_are_written_anew_by_who_asks_for_it() {
     let both = format!("{LIGHT}{THOUGHT}");
     let other = format!("{LIGHT}{}", THOUGHT.replace("\"track\", ", ""));
     let rewrite = |text: &str, data: &Path| run_with(text, RunOptions { rewrite: true, ..options(data, 1) }, &Quiet);
-    // Other options, no writer any more with what it alone reads, and the first one again.
+    // Other options; a recipe without the writer and the stages that only it needs; and the unchanged recipe.
     for (number, to) in (0..).zip([other.as_str(), LIGHT, &both]) {
         let data = folder.path().join(format!("data {number}"));
         run(&recipe(3, 2, 12, &both), &data, 1).expect("begun");
@@ -166,7 +166,7 @@ fn files_of_a_writer_are_written_anew_by_who_asks_for_it() {
         assert_same(&whole, &data);
         assert!(verify(&data, 1).expect("a dataset").whole());
     }
-    // A mistake that shows in a later scene: what it stopped can be mended or taken back.
+    // A mistake that appears in a later scene can be fixed or taken back.
     let wrong = format!("{LIGHT}{THOUGHT}[annotate.thinker]\nmissing_later = true\n");
     for (number, to) in (3..).zip([both.as_str(), LIGHT]) {
         let [data, whole] = ["data", "whole"].map(|name| folder.path().join(format!("{name} {number}")));
@@ -178,7 +178,7 @@ fn files_of_a_writer_are_written_anew_by_who_asks_for_it() {
         run(&recipe(4, 1, 12, to), &whole, 1).expect("whole");
         assert_same(&whole, &data);
     }
-    // An annotator with other options: those that read it are written anew, and the others are not touched.
+    // If the options of an annotator change, the files of writers that read it are written again, and other files stay.
     let (data, whole) = (folder.path().join("data 0"), folder.path().join("whole 5"));
     let before = files(&data);
     let changed = format!("{other}[annotate.thinker]\nsleep_ms = 1\n");
@@ -186,7 +186,7 @@ fn files_of_a_writer_are_written_anew_by_who_asks_for_it() {
     run(&recipe(3, 2, 12, &changed), &whole, 1).expect("whole");
     assert_same(&whole, &data);
     assert!(files(&data)["lines/000001_0000.json"] == before["lines/000001_0000.json"]);
-    // What light is made of makes another dataset.
+    // A change of the renderer makes a different dataset.
     let error = rewrite(&recipe(3, 2, 13, &changed), &data).expect_err("another renderer").to_string();
     assert!(error.contains("render.tally") && error.contains("options.out"), "{error}");
 }
@@ -201,10 +201,10 @@ fn files_stay_until_there_are_new_ones() {
         |text: &str| run_with(&recipe(3, 1, 0, text), RunOptions { rewrite: true, ..options(&data, 1) }, &Quiet);
     run(&recipe(3, 1, 0, &both), &data, 1).expect("begun");
     let before = files(&data);
-    // Nothing can be made with the new options: nothing changes.
+    // With the new options, every scene fails: nothing changes.
     rewrite(&format!("{other}[annotate.thinker]\npanics = true\n")).expect_err("in scene 0");
     assert!(files(&data) == before, "something was touched");
-    // Scene 1 cannot: the files of scenes 1 and 2 are those of before, and all are listed.
+    // Scene 1 fails: scenes 1 and 2 keep their earlier files, and all files are listed.
     rewrite(&format!("{other}[annotate.thinker]\nmissing_later = true\n")).expect_err("in scene 1");
     let now = files(&data);
     for (name, stays) in [("000000", false), ("000001", true), ("000002", true)] {
@@ -213,11 +213,11 @@ fn files_stay_until_there_are_new_ones() {
     }
     let found = verify(&data, 1).expect("a dataset");
     assert!(found.unfinished && found.missing.is_empty() && found.damaged.is_empty() && found.foreign.is_empty());
-    // They are not taken for those of the recipe that the dataset has now.
+    // The dataset does not mistake them for files of its current recipe.
     rewrite(&both).expect("taken back");
     run(&recipe(3, 1, 0, &both), &whole, 1).expect("whole");
     assert_same(&whole, &data);
-    // A scene that cannot have new files in any attempt has none that are of other options.
+    // A scene that fails in every attempt with the new options does not keep files made with the old options.
     let wrong = format!("{other}[annotate.thinker]\nstumbles = true\n");
     let once = recipe(3, 1, 0, &wrong).replace("scenes =", "max_attempts = 1\nscenes =");
     let data = folder.path().join("once");
@@ -244,7 +244,7 @@ fn scenes_that_are_left_out_of_a_rewrite_keep_their_files() {
         assert_eq!(now.get(name) == before.get(name), stays, "{name}");
     }
     assert!(verify(&data, 1).expect("a dataset").whole());
-    // A run of all scenes needs no option any more.
+    // A run of all scenes no longer needs the option.
     run(&other, &data, 1).expect("the others");
     run(&other, &whole, 1).expect("whole");
     assert_same(&whole, &data);
@@ -282,7 +282,7 @@ fn repairing_takes_no_scene_away() {
 fn growth_follows_the_first_new_scene() {
     let folder = tempfile::tempdir().expect("a folder");
     let (data, whole) = (folder.path().join("data"), folder.path().join("whole"));
-    // Scene 1 is there and cannot have what comes later; scene 3 fails before scene 2 is made.
+    // Scene 1 exists and cannot get the new parts; scene 3 fails before scene 2 is made.
     let once = |scenes, rest: &str| recipe(scenes, 1, 0, rest).replace("scenes =", "max_attempts = 1\nscenes =");
     let both = format!("{LIGHT}{THOUGHT}[annotate.thinker]\nstumbles = true\n");
     run_scenes(&once(4, LIGHT), &data, 1, Some(1..2)).expect("begun");
@@ -292,7 +292,7 @@ fn growth_follows_the_first_new_scene() {
     let outcome = run(&once(4, &both), &data, 1).expect("0 and 2 are made");
     assert_eq!((outcome.scenes, outcome.failed, outcome.lacking), (3, 1, 1));
     assert!(verify(&data, 1).expect("a dataset").whole());
-    // What is lacking for good keeps nobody from ending the run with other options of its end.
+    // A run with other options for its end can finish even if a scene permanently lacks parts.
     let other = both.replace("[write.more]", "end = \"other.json\"\n[write.more]");
     run(&once(4, &other), &data, 1).expect("ends anew");
     assert!(data.join("lines/other.json").exists());
@@ -443,7 +443,7 @@ fn another_dataset_is_refused_key_by_key() {
 
 #[test]
 fn a_path_of_two_scenes_is_refused() {
-    // Where `check` can know it, before anything is made.
+    // A conflict that `check` can find is refused before any scene is made.
     let folder = tempfile::tempdir().expect("a folder");
     for (path, says) in [
         ("labels.txt", "one path, `labels.txt`"),
@@ -457,7 +457,7 @@ fn a_path_of_two_scenes_is_refused() {
         assert!(error.contains("write.lines") && error.contains(says), "{path}: {error}");
         assert!(files(folder.path()).is_empty());
     }
-    // Else when a second scene is there, and the first, whichever that is, keeps its file.
+    // Any other conflict is refused at the second scene. The first scene, whichever it is, keeps its file.
     let error = run(&recipe(9, 1, 11, &format!("{LIGHT}one_path = true\n")), folder.path(), 1).expect_err("refused");
     assert!(error.is_permanent(), "{error}");
     assert!(error.to_string().contains("`all/scenes.json` is a file of scene"), "{error}");

@@ -1,4 +1,4 @@
-//! Datasets of somebody who means harm: their lists and links name files of others, which stay as they are.
+//! Hostile datasets: their lists and links name foreign files, which must stay unchanged.
 
 use crate::kit::{options, registry, run, run_with};
 use rustix::fs::{FileType, Mode};
@@ -16,7 +16,7 @@ const RECIPE: &str = "[dataset]\nscenes = 2\nviews_per_scene = 1\nname = \"hosti
     [[place]]\nkind = \"boxes\"\n[render]\nkind = \"sleeper\"\n\
     [write.lines]\ninclude = [\"light\"]\n";
 
-/// Paths that are not within a dataset, or not to be named by a list.
+/// Paths outside a dataset, or that a list must not name.
 const BAD: [&str; 14] = [
     "",
     "..",
@@ -34,7 +34,7 @@ const BAD: [&str; 14] = [
     "recipe.toml/x",
 ];
 
-/// A dataset beside a file and a folder that are not its own.
+/// A dataset next to a foreign file and a foreign folder.
 struct Place(tempfile::TempDir);
 
 impl Place {
@@ -51,7 +51,7 @@ impl Place {
         self.0.path().join(name)
     }
 
-    /// Makes the dataset anew.
+    /// Makes the dataset again.
     fn remake(&self) {
         let data = self.at("data");
         if fs::symlink_metadata(&data).is_ok() {
@@ -60,7 +60,7 @@ impl Place {
         run(RECIPE, &data, 1).expect("a dataset");
     }
 
-    /// All files and links, but for the dataset's lock.
+    /// All files and links, except the dataset's lock.
     fn all(&self) -> BTreeMap<PathBuf, Vec<u8>> {
         fn walk(folder: &Path, all: &mut BTreeMap<PathBuf, Vec<u8>>) {
             for entry in fs::read_dir(folder).expect("readable") {
@@ -84,7 +84,7 @@ impl Place {
         all
     }
 
-    /// What each verb says that would change the dataset, or take files from it. None may change anything.
+    /// The error of each verb that would change the dataset or take files from it. No verb may change a file.
     fn refusals(&self, what: &str) -> Vec<Error> {
         let (data, merged) = (self.at("data"), self.at("merged"));
         let grown = format!("{RECIPE}[write.more]\nkind = \"lines\"\ninclude = [\"thought\"]\n");
@@ -122,7 +122,7 @@ fn entry_of(data: &Path) -> serde_json::Value {
     serde_json::from_str(lines.lines().next().expect("a line")).expect("JSON")
 }
 
-/// Changes the manifest of scene 0, and the journal that vouches for it.
+/// Changes the manifest of scene 0, and updates its digest in the journal.
 fn forge(data: &Path, change: &dyn Fn(&mut serde_json::Value)) {
     let path = data.join(".syntable/scenes/000000.json");
     let text = fs::read_to_string(&path).expect("there");
@@ -171,7 +171,7 @@ fn lists_name_files_of_the_dataset_alone() {
             (".syntable/staging/0.ready/.syntable/staged.json", "stale", &|| staged("0.ready")),
             (".syntable/discard/finished.json", "files", &binned),
         ] {
-            // A run for each list and each kind; all lists with the one that counts most.
+            // Tries some of the lists for each bad path, and all lists for the most important path.
             if !bad.contains("../canary") && number % 5 != list.len() % 5 {
                 continue;
             }
@@ -194,8 +194,8 @@ fn lists_name_files_of_the_dataset_alone() {
     }
 }
 
-/// A list may not hide its names from the check behind fields that only the check reads, and a staged scene brings no file
-/// that the program keeps for itself.
+/// A list must not hide its names from the check behind fields that only the check reads, and a staged scene must not
+/// add a file that is reserved for the program.
 #[test]
 fn no_text_and_no_place_hides_a_list() {
     let place = Place::new();
@@ -238,7 +238,7 @@ fn no_text_and_no_place_hides_a_list() {
     }
 }
 
-/// What a writer is called, and what it writes, makes no list.
+/// Files of writers are never read as lists, whatever their names and content.
 #[test]
 fn files_of_writers_are_no_lists() {
     let place = Place::new();
@@ -276,7 +276,8 @@ fn the_programs_own_folder_has_no_links_and_no_pipes() {
     };
     let pipe = |path: PathBuf| {
         let _ = fs::remove_file(&path);
-        // Not by a program: until it is there, a child of this process holds the locks of all datasets that other tests write.
+        // Creates the pipe without another program, because a child process would hold the locks of all datasets that
+        // other tests write until it runs `exec`.
         rustix::fs::mknodat(rustix::fs::CWD, &path, FileType::Fifo, Mode::RUSR | Mode::WUSR, 0).expect("a pipe");
     };
     for (name, make) in [
@@ -319,7 +320,7 @@ fn the_programs_own_folder_has_no_links_and_no_pipes() {
 fn nothing_is_written_or_removed_behind_a_link() {
     let place = Place::new();
     let data = place.at("data");
-    // A folder of listed files, the outermost or an inner one.
+    // A folder of listed files is a link.
     fs::remove_dir_all(data.join("lines")).expect("removable");
     symlink(place.at("others"), data.join("lines")).expect("linked");
     for error in place.refusals("a folder") {
@@ -329,7 +330,7 @@ fn nothing_is_written_or_removed_behind_a_link() {
     let found = verify(&data, 1).expect("it only looks");
     assert_eq!(found.links, [("lines".to_owned(), place.at("others").display().to_string())]);
     assert!(!found.whole() && found.linked.contains(&"lines/000000.json".to_owned()), "{found:?}");
-    // A folder of files of a staged scene, which is moved into place whatever is asked for.
+    // A folder that receives files of a staged scene is a link. Every verb first moves such a scene into place.
     place.remake();
     let staged = data.join(".syntable/staging/0.ready");
     fs::create_dir_all(staged.join("more/deep")).expect("writable");
@@ -342,14 +343,14 @@ fn nothing_is_written_or_removed_behind_a_link() {
     for error in place.refusals("a staged folder") {
         assert!(error.to_string().contains("`more` is a link"), "{error}");
     }
-    // A folder of files that the dataset shall get.
+    // A folder that will receive new files is a link.
     place.remake();
     symlink(place.at("others"), data.join("more")).expect("linked");
     assert!(verify(&data, 1).expect("whole").whole(), "a link of the user's own is none of the dataset's");
     let grown = format!("{RECIPE}[write.more]\nkind = \"lines\"\ninclude = [\"thought\"]\n");
     let error = run(&grown, &data, 1).expect_err("behind a link").to_string();
     assert!(error.contains("`more` is a link") && place.is_unharmed(), "{error}");
-    // A listed file itself: it is not looked at, and is made again.
+    // A listed file is a link: it is not read, and is made again.
     place.remake();
     let file = data.join("lines/000000.json");
     fs::remove_file(&file).expect("removable");
@@ -362,7 +363,7 @@ fn nothing_is_written_or_removed_behind_a_link() {
     run_with(RECIPE, RunOptions { repair: true, ..options(&data, 1) }, &Quiet).expect("repaired");
     assert!(fs::symlink_metadata(&file).expect("there").is_file() && place.is_unharmed());
     assert!(verify(&data, 1).expect("whole").whole());
-    // The folder of the dataset may be a link, and is deleted through it.
+    // The folder of the dataset may be a link, and its files are deleted through it.
     let named = place.at("named");
     symlink(&data, &named).expect("linked");
     run_with(RECIPE, RunOptions { overwrite: true, ..options(&named, 1) }, &Quiet).expect("made anew");

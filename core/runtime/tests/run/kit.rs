@@ -139,15 +139,15 @@ static SETTLED: [AtomicU32; TALLIES] = [const { AtomicU32::new(0) }; TALLIES];
 static TICKS: [AtomicU32; TALLIES] = [const { AtomicU32::new(0) }; TALLIES];
 const TALLIES: usize = 24;
 
-/// Renderings of a scene that are to fail with an error, by tally and scene.
+/// Renderings of a scene that must fail with an error, by tally and scene.
 static FAULTS: Mutex<BTreeMap<(usize, u32), (u32, Error)>> = Mutex::new(BTreeMap::new());
 
-/// Lets the next renderings of a scene fail.
+/// Makes the next renderings of a scene fail.
 pub fn fail_next(tally: usize, scene: u32, times: u32, error: Error) {
     FAULTS.lock().expect("faults").insert((tally, scene), (times, error));
 }
 
-/// Number of failures that have not come yet.
+/// Number of injected failures that have not happened yet.
 pub fn failures_left(tally: usize, scene: u32) -> u32 {
     FAULTS.lock().expect("faults").get(&(tally, scene)).map_or(0, |(times, _)| *times)
 }
@@ -199,7 +199,7 @@ impl Renderer for Drowsy {
     }
 }
 
-/// Stands for `sleeper` or `drowsy`.
+/// Chooses `sleeper` or `drowsy`.
 #[derive(Debug, Default, Clone, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Either {
@@ -207,7 +207,7 @@ pub struct Either {
     tally: usize,
 }
 
-/// What [`Either`] chooses.
+/// The choice of [`Either`].
 pub static CHOSEN: Mutex<Result<&str, &str>> = Mutex::new(Ok("sleeper"));
 
 impl Config for Either {
@@ -226,7 +226,7 @@ impl Config for Either {
 /// Cards that renderers have, by tally.
 static CARDS: Mutex<BTreeMap<usize, String>> = Mutex::new(BTreeMap::new());
 
-/// Gives a renderer a card, or takes it away.
+/// Gives a renderer a card, or removes it.
 pub fn put_card(tally: usize, name: Option<&str>) {
     let mut cards = CARDS.lock().expect("cards");
     match name {
@@ -312,7 +312,7 @@ impl FrameAnnotator for Clock {
     }
 }
 
-/// What must hold in every view.
+/// The condition that every view must meet.
 const POSITIVE: Check = Check {
     name: "thoughts_are_positive",
     doc: "No thought is negative.",
@@ -504,7 +504,7 @@ pub fn run_with(recipe: &str, options: RunOptions, reporter: &dyn Reporter) -> R
     syntable_runtime::run::run(&recipe, &options, reporter)
 }
 
-/// Counts events, and does something at one of them.
+/// Counts events, and runs an action at one of them.
 pub struct AtEvent<'a> {
     pub number: u32,
     pub act: &'a (dyn Fn() + Sync),

@@ -1,5 +1,5 @@
-//! Runs of stages made for the purpose: scheduling, scopes, replacement, errors that end a run at once, and datasets that
-//! grow, are compared, repaired and merged.
+//! Runs of stages written for these tests: scheduling, scopes, replacement, errors that end a run at once, and datasets
+//! that grow, are compared, repaired and merged.
 
 mod devices;
 mod generate;
@@ -17,7 +17,7 @@ use syntable_model::registry::Registry;
 use syntable_recipe::{Overrides, Source};
 use syntable_testing::folder::files;
 
-/// Scenes and views of each, and how long a scene takes to compose, a view to render and a view to annotate, ms.
+/// Number of scenes and of views of each, and the time to compose a scene, render a view and annotate a view, ms.
 const SCENES: u32 = 6;
 const VIEWS: u32 = 4;
 const COMPOSE_MS: u64 = 60;
@@ -44,9 +44,10 @@ fn one_render_session_overlaps_with_everything_else() {
     let rendering = Duration::from_millis(u64::from(SCENES * VIEWS) * RENDER_MS);
     let rest = Duration::from_millis(u64::from(SCENES) * COMPOSE_MS + u64::from(SCENES * VIEWS) * ANNOTATE_MS);
     eprintln!("rendering {rendering:?}, the rest {rest:?} on 2 threads, together {took:?}");
-    // Near the larger side; the first scene cannot overlap with anything. The sum is 1.56 s.
+    // The run takes little longer than the larger part. The first scene cannot overlap with other work. The sum is 1.56
+    // s.
     assert!(took < (rendering + rest).mul_f64(0.75), "{took:?} of {rendering:?} + {rest:?}");
-    // The same bytes whatever the scheduling.
+    // The bytes do not depend on the scheduling.
     for threads in [1, 5] {
         let out = folder.path().join(threads.to_string());
         slow(&out, threads);
@@ -63,7 +64,8 @@ fn annotators_of_scene_and_dataset_see_all_views_and_scenes() {
     run(recipe, folder.path(), 3).expect("the run ends well");
     let files = files(folder.path());
     let text = |name: &str| String::from_utf8(files[name].clone()).expect("text");
-    // `thought` of view v in scene s is 100 s + v; the track lists those of all views, the total sums all.
+    // `thought` of view v in scene s is 100 s + v; the track lists the thoughts of all views, and the total is their
+    // sum.
     assert_eq!(text("lines/000002.json"), r#"{"track":[200,201,202,203]}"#);
     assert_eq!(text("lines/000001_0003.json"), r#"{"thought":103}"#);
     assert!(text("lines/dataset.json").ends_with(r#"{"total":{"scenes":3,"sum":1218}}"#));
@@ -112,7 +114,7 @@ fn of_two_providers_the_stock_one_is_taken() {
             of.provider.to_string()
         })
     };
-    // A crate is stock by its whole name, not because it is called like one.
+    // A crate is part of the stock by its full name, not by a similar name.
     assert_eq!(load(&kit::rivals("syntable-annotate", "syntable-extra")).as_deref(), Ok("annotate.thinker"));
     assert_eq!(load(&kit::rivals("syntable-extra", "syntable-annotate")).as_deref(), Ok("annotate.echo"));
     let both = load(&kit::rivals("syntable-extra", "syntable-annotate-more")).expect_err("nobody's").to_string();

@@ -1,4 +1,4 @@
-//! Views without a dataset: what they have in common with a run.
+//! Views without a dataset: their agreement with a run.
 
 use crate::kit::{GLANCE, LIGHT, THOUGHT, fail_next, failures_left, options, registry, run_with};
 use std::sync::Mutex;
@@ -37,7 +37,7 @@ fn a_preview_leaves_out_what_a_run_leaves_out() {
     assert_eq!(pass.end(), outcome.left_out);
 }
 
-/// Keeps the failed attempts: their numbers, and whether they were the last.
+/// Keeps the failed attempts: their numbers, and whether each was the last.
 #[derive(Default)]
 struct FailedAttempts(Mutex<Vec<(u32, bool)>>);
 
@@ -81,7 +81,7 @@ fn a_preview_tries_a_scene_again_as_a_run_does() {
         (lost(), 9, vec![(0, false), (0, false), (0, true)], false),
         (Error::unlucky("a dark corner"), 2, vec![(0, false), (1, false)], true),
         (Error::unlucky("a dark corner"), 9, vec![(0, false), (1, false), (2, true)], false),
-        // The preview goes on, so its reporter hears of what would end a run.
+        // The preview continues, so its reporter gets the error that would end a run.
         (Error::new("a wrong option"), 9, vec![(0, true)], false),
     ] {
         let (failed, stop) = (FailedAttempts::default(), Stop::default());

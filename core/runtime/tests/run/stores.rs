@@ -1,4 +1,4 @@
-//! Datasets in memory, and stores that fail or are killed at any call: in the end the bytes are the same.
+//! Datasets in memory, and stores that fail or are killed at any call: the resulting bytes are the same.
 
 use crate::kit::{registry, run, run_with};
 use std::collections::BTreeMap;
@@ -17,7 +17,8 @@ use syntable_testing::folder::{files, files_of_store as files_of};
 
 type Files = BTreeMap<String, Vec<u8>>;
 
-/// Two writers with shards, a file of the end and a product of the dataset; on one thread the calls have one order.
+/// Two writers with shards, a file of the end, and a product of the dataset. On one thread the calls have a fixed
+/// order.
 fn recipe(scenes: u32, include: &str) -> String {
     format!(
         "[dataset]\nscenes = {scenes}\nviews_per_scene = 1\nname = \"stored\"\n\
@@ -64,7 +65,7 @@ fn a_run_into_memory_gives_the_files_of_a_folder() {
     in_memory(&store, &small, |options| options.scenes = Some(0..2)).expect("a part");
     in_memory(&store, &small, |_| ()).expect("the rest");
     assert_same(&files_of(&store), &files(&at("small")), "a run that went on");
-    // Another recipe is refused, written anew with a flag, and overwrites with another one.
+    // Another recipe is refused, or with flags rewrites or overwrites the dataset.
     let error = in_memory(&store, &whole, |_| ()).expect_err("another recipe").to_string();
     assert!(error.contains("memory:/") && error.contains("options.rewrite"), "{error}");
     in_memory(&store, &whole, |options| options.rewrite = true).expect("rewritten");
@@ -116,12 +117,12 @@ fn parts_of_any_store_are_merged_into_any_other() {
     merge(within("part-2")).expect("beside the part");
 }
 
-/// What happens at a call.
+/// Fault at a call.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Fault {
-    /// It fails and changes nothing, and the next ones work.
+    /// The call fails and changes nothing, and the next calls work.
     Once,
-    /// The program is killed within it: it does a part of its work, and no later call reaches the store.
+    /// The program is killed during the call: the call does a part of its work, and no later call reaches the store.
     Kill,
 }
 
@@ -129,17 +130,17 @@ enum Fault {
 #[derive(Debug)]
 struct FaultStore {
     inner: Arc<MemStore>,
-    /// The call, from 0.
+    /// The call with the fault, from 0.
     at: u32,
     fault: Fault,
     calls: AtomicU32,
     killed: Arc<AtomicBool>,
 }
 
-/// How a call goes.
+/// Outcome of a call.
 enum Turn {
     Works,
-    /// It does a part of its work, and fails.
+    /// The call does a part of its work, and fails.
     Torn(Error),
 }
 
@@ -167,7 +168,7 @@ impl FaultStore {
         }
     }
 
-    /// A call that is killed before or after its work, but not within it.
+    /// A call that may be killed before or after its work, but not during it.
     fn whole<T>(&self, path: &str, work: impl FnOnce() -> Result<T>) -> Result<T> {
         match self.turn(path)? {
             Turn::Works => work(),
@@ -278,11 +279,11 @@ impl Write for Killable {
     }
 }
 
-/// Of as many calls one is tried. `STORE_FAULT_EVERY=1` tries all, which takes 15 seconds.
+/// Tries one of this many calls. `STORE_FAULT_EVERY=1` tries all, which takes 15 seconds.
 const EVERY: u32 = 7;
 
-/// Lets a command fail, and kills it, at calls to the store that has these files before. The same command then completes the
-/// work, with the bytes of an undisturbed one.
+/// Makes a command fail, and kills it, at calls to a store that starts with the files `before`. The same command then
+/// completes the work, with the same bytes as an undisturbed command.
 fn everywhere(what: &str, before: &Files, command: &dyn Fn(StoreFolder) -> Result<()>) {
     let whole = store_of(before);
     let counted = Arc::new(FaultStore::new(Arc::clone(&whole), u32::MAX, Fault::Once));
@@ -296,7 +297,7 @@ fn everywhere(what: &str, before: &Files, command: &dyn Fn(StoreFolder) -> Resul
             let case = format!("{what}: {fault:?} at call {at} of {calls}");
             let store = store_of(before);
             failed += u32::from(command(Arc::new(FaultStore::new(Arc::clone(&store), at, fault)).into()).is_err());
-            // A scene that the journal names is whole, whatever happened.
+            // A scene in the journal is intact after any fault.
             let is_dataset = store.get(".syntable/journal.jsonl").is_some();
             if is_dataset && store.files().keys().all(|path| !path.starts_with(".syntable/staging/")) {
                 let found = verify(Arc::clone(&store), 1).unwrap_or_else(|error| panic!("{case}: {error}"));

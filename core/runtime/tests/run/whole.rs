@@ -1,4 +1,4 @@
-//! Datasets that are stopped, damaged, repaired, merged and deleted: in the end they are what one run makes.
+//! Datasets that are stopped, damaged, repaired, merged and deleted: the result equals the dataset of one run.
 
 use crate::growth::assert_same;
 use crate::kit::{AtEvent, Counters, options, registry, run, run_scenes, run_with};
@@ -20,7 +20,7 @@ const RECIPE: &str = "[dataset]\nscenes = 4\nviews_per_scene = 2\nname = \"whole
     [write.lines]\ninclude = [\"light\"]\n\
     [write.more]\nkind = \"lines\"\ninclude = [\"thought\", \"track\", \"total\"]\n";
 
-/// Names of all files that a manifest must have, in the dataset of a run.
+/// All files that the manifests of a dataset must list, by name.
 fn listed(folder: &Path) -> BTreeMap<String, Vec<u8>> {
     let mut all = files(folder);
     let own = [".syntable/lock", ".syntable/journal.jsonl", ".syntable/finished.json"];
@@ -45,7 +45,7 @@ fn every_file_is_compared_and_repaired() {
             0 => fs::remove_file(&path).expect("removable"),
             1 => fs::write(&path, &bytes[1..]).expect("writable"),
             _ => {
-                // Of the same size, with one bit changed.
+                // The same size, with one bit changed.
                 let mut changed = bytes.clone();
                 *changed.last_mut().expect("not empty") ^= 4;
                 fs::write(&path, changed).expect("writable");
@@ -55,7 +55,7 @@ fn every_file_is_compared_and_repaired() {
         let (named, other) = if missing { (&found.missing, &found.damaged) } else { (&found.damaged, &found.missing) };
         assert!(*named == std::slice::from_ref(name) && other.is_empty() && !found.whole(), "{name}: {found:?}");
         if name == "recipe.toml" {
-            // Another recipe is not taken for it.
+            // Another recipe cannot replace the lost recipe.
             let other = small.replace("name = \"whole\"", "name = \"other\"");
             run_with(&other, RunOptions { repair: true, ..options(&data, 1) }, &Quiet).expect_err("another recipe");
             run(&small, &data, 1).expect_err("not asked to repair");
@@ -63,7 +63,7 @@ fn every_file_is_compared_and_repaired() {
         run_with(&small, RunOptions { repair: true, ..options(&data, 1) }, &Quiet).expect("repaired");
         assert_same(&whole, &data);
     }
-    // A file that is not the dataset's is named and stays.
+    // A file that does not belong to the dataset is reported and stays.
     fs::write(data.join("notes.txt"), "mine").expect("writable");
     let found = verify(&data, 1).expect("a dataset");
     assert!(found.whole() && found.foreign == ["notes.txt"], "{found:?}");
@@ -129,7 +129,7 @@ fn only_damaged_scenes_are_made_again() {
     assert!(verify(folder.path(), 1).expect("a dataset").whole());
 }
 
-/// Stops a call at its first event, at its second, and so on, until it comes to its end. Returns how often it stopped.
+/// Stops a call at its first event, at its second, and so on, until it completes. Returns how often it stopped.
 fn stopped_anywhere(call: &dyn Fn(&Stop, &dyn Reporter) -> Result<RunOutcome>, check: &dyn Fn()) -> u32 {
     for number in 0.. {
         let stop = Stop::default();
@@ -180,7 +180,7 @@ fn a_reporter_fails_no_scene() {
     assert_same(&whole, &data);
 }
 
-/// Parts with the scenes 0 and 1, 1 and 2, and 3.
+/// Parts with scenes 0 and 1, scenes 1 and 2, and scene 3.
 fn parts(folder: &Path, recipe: &str) -> Vec<PathBuf> {
     let part = |(number, scenes): (usize, std::ops::Range<u32>)| {
         let path = folder.join(format!("part-{number}"));
@@ -201,13 +201,13 @@ fn parts_are_merged_into_what_one_run_makes() {
     assert!(stopped_anywhere(&call, &|| drop(verify(&merged, 1))) >= 1);
     assert_same(&whole, &merged);
     assert!(verify(&merged, 1).expect("a dataset").whole());
-    // Once more changes nothing, and one part alone is a part.
+    // A second merge changes nothing, and a single part can be merged.
     merge(&registry(), &merged, &parts[..1], 1, &Stop::default(), &Quiet).expect("merged already");
     assert_same(&whole, &merged);
     let one = folder.path().join("one");
     merge(&registry(), &one, &parts[..1], 1, &Stop::default(), &Quiet).expect("one part");
     assert_same(&parts[0], &one);
-    // A run goes on with it, and the parts are as they were.
+    // A run continues the merged dataset, and the parts are unchanged.
     merge(&registry(), &one, &parts[2..], 1, &Stop::default(), &Quiet).expect("another part");
     run(RECIPE, &one, 1).expect("goes on");
     assert_same(&whole, &one);
@@ -241,7 +241,7 @@ fn parts_that_do_not_belong_together_are_refused() {
             .to_string();
     assert!(error.contains("both the output and a part") && error.contains("leave out the part"), "{error}");
     assert_eq!(verify(&ours[0], 1).map(|found| (found.whole(), found.scenes)), Ok((true, 2)));
-    // Folders one in the other, whether they are there or not.
+    // Nested folders, existing or not.
     for (out, part) in [(ours[0].join("new/merged"), &ours[0]), (ours[0].join("../part-0/x"), &ours[0])] {
         let error =
             syntable_runtime::run::merge(&registry(), &out, std::slice::from_ref(part), 1, &Stop::default(), &Quiet)
@@ -250,7 +250,7 @@ fn parts_that_do_not_belong_together_are_refused() {
         assert!(error.contains("overlap") && error.contains("beside the parts"), "{error}");
         assert!(!out.exists());
     }
-    // A part that lost its recipe.
+    // A part without its recipe.
     let recipe = ours[1].join("recipe.toml");
     let text = fs::read_to_string(&recipe).expect("there");
     let edited = text.replace("scenes = ", "scenes = 1");
@@ -266,7 +266,7 @@ fn parts_that_do_not_belong_together_are_refused() {
         );
     }
     fs::write(&recipe, text).expect("writable");
-    // A dataset that lost its recipe takes no part of another one.
+    // A dataset without its recipe accepts no part of another dataset.
     let target = ours[0].join("recipe.toml");
     let text = fs::read_to_string(&target).expect("there");
     fs::remove_file(&target).expect("there");
@@ -275,7 +275,7 @@ fn parts_that_do_not_belong_together_are_refused() {
         .to_string();
     assert!(error.contains("the dataset has lost its recipe.toml") && error.contains("options.repair"), "{error}");
     fs::write(&target, text).expect("writable");
-    // The same scene with another byte, and a journal that says so.
+    // The same scene with another byte, and a journal that records it.
     let journal = ours[1].join(".syntable/journal.jsonl");
     let text = fs::read_to_string(&journal).expect("there");
     fs::write(&journal, text.replacen("\"objects\":1", "\"objects\":2", 1)).expect("writable");
@@ -287,7 +287,7 @@ fn parts_that_do_not_belong_together_are_refused() {
     let error = merge(&[&ours[0], &ours[1]]);
     assert!(error.contains("lines/000002_0000.json") && error.contains("damaged"), "{error}");
     fs::write(&file, bytes).expect("writable");
-    // The scenes that were merged before stay, and the same call goes on.
+    // The scenes that were merged before stay, and the same call continues.
     let (out, whole) = (folder.path().join("merged"), folder.path().join("whole"));
     syntable_runtime::run::merge(&registry(), &out, &ours, 1, &Stop::default(), &Quiet).expect("mended");
     run(RECIPE, &whole, 1).expect("whole");
@@ -335,14 +335,14 @@ fn overwriting_takes_what_is_the_datasets() {
     let other = RECIPE.replace("name = \"whole\"", "name = \"other\"").replace("write.more", "write.less");
     run(&other, &data, 2).expect("another dataset");
     fs::write(data.join("lines/notes.txt"), "mine").expect("writable");
-    // Refused without the flag, and by a recipe that cannot run.
+    // Refused without the flag. A recipe that cannot run is refused, too.
     run(RECIPE, &data, 1).expect_err("another recipe");
     let broken = RECIPE.replace("[write.lines]", "[write.lines]\nsaid_path = \"x\"");
     let before = files(&data);
     let overwrite = |text: &str| run_with(text, RunOptions { overwrite: true, ..options(&data, 1) }, &Quiet);
     overwrite(&broken).expect_err("cannot run");
     assert!(files(&data) == before, "something was deleted");
-    // What shows only when a scene is made, for good or by chance, and at the end of a run.
+    // Mistakes that appear only when a scene is made, permanent or by chance, and at the end of a run.
     for (wrong, says) in [
         ("[annotate.thinker]\nmissing = true\n", "the library is not there"),
         ("[annotate.thinker]\npanics = true\n", "scene 0 failed in"),
@@ -370,7 +370,7 @@ fn overwriting_takes_what_is_the_datasets() {
     run_with(RECIPE, RunOptions { overwrite: true, ..options(&data, 2) }, &notes).expect("anew");
     let notes = notes.0.into_inner().expect("notes");
     assert!(notes.iter().any(|note| note.contains("1 file in the folder, such as lines/notes.txt, stay")), "{notes:?}");
-    // The first scene is made before the old dataset is deleted, and after the run is said to have started, once.
+    // The first scene is made before the old dataset is deleted, and after the run has reported its start, once.
     let place = |what: &str| notes.iter().position(|note| note.starts_with(what)).expect("told");
     assert!(place("started") < place("image"), "{notes:?}");
     assert_eq!(notes.iter().filter(|note| note.starts_with("started")).count(), 1, "{notes:?}");
@@ -434,7 +434,7 @@ fn a_dataset_without_its_recipe_is_nobodys() {
     let repair = || run_with(RECIPE, RunOptions { repair: true, ..options(folder.path(), 1) }, &Quiet);
     repair().expect("written again");
     assert!(verify(folder.path(), 1).expect("a dataset").whole());
-    // A dataset whose journal is lost has scenes, so it is not that of any recipe.
+    // A dataset without its journal still has scenes, so no other recipe may continue it.
     let journal = folder.path().join(".syntable/journal.jsonl");
     let lines = fs::read(&journal).expect("there");
     fs::remove_file(&journal).expect("there");
@@ -443,7 +443,7 @@ fn a_dataset_without_its_recipe_is_nobodys() {
     assert!(error.contains("another recipe"), "{error}");
     assert_eq!(files(folder.path()).len(), before.len() + 1, "but for an empty journal");
     fs::write(&journal, lines).expect("writable");
-    // Without the list that has its digest, no recipe is certainly the one.
+    // Without the list, which has the recipe's digest, no recipe certainly matches.
     fs::remove_file(folder.path().join(".syntable/finished.json")).expect("there");
     fs::remove_file(folder.path().join("recipe.toml")).expect("there");
     let error = repair().expect_err("not certain").to_string();
@@ -466,7 +466,7 @@ fn the_recipe_of_a_run_that_was_stopped_is_had_again() {
     assert_same(&whole, &data);
 }
 
-/// What a call tells.
+/// The events of a call.
 #[derive(Default)]
 struct Told(std::sync::Mutex<Vec<Event>>);
 
@@ -494,12 +494,12 @@ fn growth_that_did_not_end_is_no_damage() {
     let check = || {
         let found = verify(&data, 1).expect("a dataset");
         assert!(found.missing.is_empty() && found.damaged.is_empty(), "{found:?}");
-        // Without a new scene it is the dataset that it was.
+        // Without a new scene, the dataset is unchanged.
         assert_eq!(found.unfinished, found.scenes > 2);
         if !found.unfinished {
             return;
         }
-        // The recipe of the growth is vouched for, too.
+        // The list also covers the recipe of the growth.
         let recipe = fs::read_to_string(data.join("recipe.toml")).expect("there");
         fs::write(data.join("recipe.toml"), recipe.replace("scenes = 4", "scenes = 5")).expect("writable");
         assert_eq!(verify(&data, 1).expect("a dataset").damaged, ["recipe.toml"]);
@@ -518,7 +518,7 @@ fn a_lost_list_of_what_the_end_wrote_is_had_again() {
     let [list, end] = [".syntable/finished.json", "lines/dataset.json"].map(|name| data.join(name));
     run(RECIPE, &whole, 2).expect("whole");
     run(RECIPE, &data, 2).expect("whole");
-    // What was lost and is made with the same bytes is the dataset's.
+    // A lost list that is made again with the same bytes is restored.
     for damage in [None, Some("{\"journal\"")] {
         match damage {
             None => fs::remove_file(&list).expect("there"),
@@ -527,7 +527,7 @@ fn a_lost_list_of_what_the_end_wrote_is_had_again() {
         run(RECIPE, &data, 1).expect("the same end");
         assert_same(&whole, &data);
     }
-    // Where the end is another one, the list and the file are both lost; only who asks for it has the file replaced.
+    // If the list is lost and the end's file is damaged, only a repair replaces the file.
     fs::remove_file(&list).expect("there");
     fs::write(&end, "cut sho").expect("writable");
     for _ in 0..2 {
@@ -537,7 +537,7 @@ fn a_lost_list_of_what_the_end_wrote_is_had_again() {
     }
     repair(RECIPE).expect("taken for the dataset's");
     assert_same(&whole, &data);
-    // With a list, a file that it has not is somebody else's, whatever is asked for.
+    // If the list exists, a file that it does not name is foreign, and even a repair keeps it.
     let other = RECIPE.replace("[write.lines]", "[write.lines]\nend = \"mine.json\"");
     fs::write(data.join("lines/mine.json"), "mine").expect("writable");
     for _ in 0..2 {
@@ -563,7 +563,7 @@ fn a_damaged_journal_is_mended_by_making_its_scenes_again() {
         let error = run(RECIPE, &data, 1).expect_err("damaged").to_string();
         assert!(error.contains(&format!("journal.jsonl:{}", scene + 1)) && error.contains("options.repair"), "{error}");
         assert!(verify(&data, 1).expect_err("damaged").to_string().contains("options.repair"));
-        // Also where another scene was asked for.
+        // Even if another scene was requested.
         let told = Told::default();
         let some = Some(if scene == 0 { 1..2 } else { 0..1 });
         run_with(RECIPE, RunOptions { repair: true, scenes: some, ..options(&data, 1) }, &told).expect("repaired");
@@ -571,7 +571,7 @@ fn a_damaged_journal_is_mended_by_making_its_scenes_again() {
         assert!(told.text().contains("made: 2,"), "a scene has two views: {}", told.text());
         assert_same(&whole, &data);
     }
-    // The journal of a former edition, without manifests, stays.
+    // A journal of an earlier version, without manifests, stays.
     fs::rename(data.join(".syntable/scenes"), folder.path().join("scenes")).expect("movable");
     fs::write(&journal, "{\"scene\":0,\"attempt\":0,\"views\":2}\n").expect("writable");
     run_with(RECIPE, RunOptions { repair: true, ..options(&data, 1) }, &Quiet).expect_err("another version");
@@ -615,7 +615,7 @@ fn labels_that_contradict_each_other_are_put_aside() {
     let wrong = recipe("[annotate.thinker]\ncontradicts = true\n");
     let outcome = run(&wrong, &data, 2).expect("the others are made");
     assert_eq!((outcome.scenes, outcome.failed, outcome.images), (2, 1, 4));
-    // No other attempt hides it, and nothing of the scene is in the dataset.
+    // No further attempt hides the contradiction, and the dataset has no file of the scene.
     let entries = Journal::entries_of(&data).expect("readable");
     let errors = &entries[&1].errors;
     let says = |what: &str| errors[0].contains(what);
@@ -626,7 +626,7 @@ fn labels_that_contradict_each_other_are_put_aside() {
     let aside = data.join(".syntable/quarantine/000001");
     assert!(std::fs::read_to_string(aside.join("faults.txt")).expect("there").contains("a thought is -1"));
     assert!(aside.join("lines/000001_0000.json").exists(), "the view before it is there to look at");
-    // It goes with its dataset.
+    // Overwriting the dataset also deletes the quarantine.
     run_with(&recipe(""), RunOptions { overwrite: true, ..options(&data, 1) }, &Quiet).expect("another dataset");
     assert!(!aside.exists());
 }

@@ -1,4 +1,4 @@
-/// The recipe of the crate with changes, and with products that no writer needs.
+/// The recipe of the crate with changes, and with additional products that no writer needs.
 fn recipe(products: &[&str], changes: &[(&str, &str)]) -> syntable::Recipe {
     use syntable::recipe::{Overrides, Source, load};
     let registry = syntable::Registry::linked().expect("no clash");
@@ -12,7 +12,7 @@ fn recipe(products: &[&str], changes: &[(&str, &str)]) -> syntable::Recipe {
     }
 }
 
-/// The views that the recipe makes with these changes, and these products of them.
+/// The views of the recipe with these changes, each with these products.
 fn samples(products: &[&str], changes: &[(&str, &str)]) -> Vec<syntable::Sample> {
     let names = products.iter().map(|name| String::from(*name)).collect();
     let options = syntable::GenerateOptions { products: names, ..Default::default() };

@@ -17,13 +17,13 @@ use syntable_model::product::{DType, Tensor, Value};
 /// Precision of the samples.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Precision {
-    /// 32-bit floats: values are stored as they are.
+    /// 32-bit floats: values are stored unchanged.
     Float,
     /// 16-bit floats: 11 significant bits, up to 65504; larger values become infinite.
     Half,
 }
 
-/// How a product becomes the channels of an EXR file.
+/// Encoding of a product as channels of an EXR file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ExrCoding {
     /// Names of the channels, in the order of the product.
@@ -34,7 +34,7 @@ pub struct ExrCoding {
 }
 
 impl ExrCoding {
-    /// How a kind of value is stored. A refusal is a reason and a remedy.
+    /// The encoding of a kind of value. A refusal is a reason and a remedy.
     pub fn of(kind: &ValueKind) -> Result<Self, String> {
         let channels = match kind.form {
             Form::Image { dtype: DType::F32 | DType::F16, channels } => channels.unwrap_or(1),
@@ -52,7 +52,7 @@ impl ExrCoding {
                 ));
             }
         };
-        // Programs show R, G and B in color, and take X, Y and Z for a vector.
+        // Programs show R, G and B in color, and read X, Y and Z as a vector.
         let vector = kind.semantic == Semantic::Normal || (kind.semantic == Semantic::Data && kind.unit == "m");
         let names: &[&str] = match channels {
             1 if kind.semantic == Semantic::Depth => &["Z"],
@@ -76,8 +76,7 @@ impl ExrCoding {
         encode_layers(&[ImageLayer { name: String::new(), coding: self.clone(), value: value.clone() }], precision)
     }
 
-    /// The image of a file that [`encode`](Self::encode) made. Its header is compared with the limits before anything is
-    /// unpacked.
+    /// The image of a file from [`encode`](Self::encode). Checks its header against the limits before unpacking it.
     pub fn decode(&self, file: &[u8]) -> Result<Tensor> {
         let refuse = |what: String| Error::new(what);
         check_header(file)?;
@@ -126,7 +125,7 @@ impl ExrCoding {
     }
 }
 
-/// Refuses a file whose header states more than the limits, or more blocks than the file has room for.
+/// Refuses a file whose header exceeds the limits, or states more blocks than fit into the file.
 fn check_header(file: &[u8]) -> Result<()> {
     let refuse = |what: String| Err(Error::new(what));
     let meta = match MetaData::read_from_buffered(Cursor::new(file), false) {
@@ -146,18 +145,19 @@ fn check_header(file: &[u8]) -> Result<()> {
     Ok(())
 }
 
-/// An image of a file of many.
+/// An image of a file with several images.
 pub struct ImageLayer {
-    /// Name of the layer, such as `depth`, which its channels start with: `depth.Z`. Empty for the layer whose channels
+    /// Name of the layer, such as `depth`, the prefix of its channels: `depth.Z`. Empty for the layer whose channels
     /// have plain names.
     pub name: String,
-    /// How its value is stored.
+    /// Encoding of its value.
     pub coding: ExrCoding,
     /// The image.
     pub value: Value,
 }
 
-/// The bytes of a file of images of one size. The unit of a layer is in the attribute `unit`, or `{layer}.unit`.
+/// The bytes of a file with several images of one size. The unit of a layer is in the attribute `unit`, or
+/// `{layer}.unit`.
 pub fn encode_layers(images: &[ImageLayer], precision: Precision) -> Result<Vec<u8>> {
     let mut size: Option<Vec2<usize>> = None;
     let mut channels: SmallVec<[AnyChannel<FlatSamples>; 4]> = SmallVec::new();
@@ -174,7 +174,7 @@ pub fn encode_layers(images: &[ImageLayer], precision: Precision) -> Result<Vec<
         let prefix = if name.is_empty() { String::new() } else { format!("{name}.") };
         channels.extend(coding.channels(tensor, &prefix, precision));
         if !coding.unit.is_empty() {
-            // Readers take text for UTF-8, but the format's library writes Latin-1: ASCII is the same in both.
+            // Readers expect UTF-8, but the format's library writes Latin-1. ASCII is the same in both.
             let unit = AttributeValue::Text(Text::from(coding.unit.replace('²', "^2").as_str()));
             attributes.other.insert(Text::from(format!("{prefix}unit").as_str()), unit);
         }
@@ -184,7 +184,7 @@ pub fn encode_layers(images: &[ImageLayer], precision: Precision) -> Result<Vec<
         }
     }
     let size = size.ok_or_else(|| Error::new("an EXR file without images"))?;
-    // ZIP loses nothing.
+    // ZIP is lossless.
     let encoding = Encoding { compression: Compression::ZIP16, ..Encoding::SMALL_LOSSLESS };
     let mut image = Image::from_layer(Layer::new(size, attributes, encoding, AnyChannels::sort(channels)));
     if is_color {
@@ -200,7 +200,8 @@ pub fn encode_layers(images: &[ImageLayer], precision: Precision) -> Result<Vec<
     Ok(with_sorted_units(&file.into_inner()))
 }
 
-/// The same file with the attributes of units in the order of their names. The library writes them in the order of a hash map.
+/// The same file with the attributes of units in the order of their names. The library writes them in the order of a
+/// hash map.
 fn with_sorted_units(file: &[u8]) -> Vec<u8> {
     // Magic number and version precede the attributes: name, type, size and value of each, then a zero.
     let mut end = 8;

@@ -20,7 +20,7 @@ pub fn for_each_line(finish: &Finish, mut each: impl FnMut(SceneId, &str) -> Res
     finish.scenes().iter().try_for_each(|&scene| for_each_line_of(finish, scene, |line| each(scene, line)))
 }
 
-/// Calls `each` with every line of one scene's shard, as [`for_each_line`] does.
+/// Calls `each` with every line of one scene's shard, like [`for_each_line`].
 pub fn for_each_line_of(finish: &Finish, scene: SceneId, mut each: impl FnMut(&str) -> Result<()>) -> Result<()> {
     let mut shard = finish.shard(scene)?;
     let mut line = String::new();

@@ -1,7 +1,7 @@
 //! Encoders of files, by kind of value.
 //!
-//! Each encoder has one function that decides from a product's [`ValueKind`](kind::ValueKind) how it is stored, or why it cannot
-//! be: no encoder knows products by name.
+//! Each encoder has one function that decides from a product's [`ValueKind`](kind::ValueKind) how the product is
+//! stored, or why it cannot be stored. No encoder depends on the names of products.
 
 pub mod exr;
 pub mod json_shard;

@@ -16,7 +16,7 @@ pub fn check(kind: &ValueKind) -> Result<(), String> {
     }
 }
 
-/// The writers of this crate that store a form which no image file holds.
+/// The writers of this crate for a form that no image file can store.
 pub fn other_writer(form: &Form) -> &'static str {
     match check(&ValueKind { form: form.clone(), semantic: Semantic::Data, unit: "" }) {
         Ok(()) => "npy or jsonl",
@@ -57,13 +57,14 @@ pub fn arrays(product: &str, key: &KeyId, value: &Value, size: [usize; 2]) -> Re
     }
 }
 
-/// The arrays of a product of numbers; none for what is better written as JSON: records, lists of no fixed form, and text.
-/// Where the key says what the product is, all values of it are written alike.
+/// The arrays of a product of numbers. `None` for records, lists without a fixed form, and text, which are better
+/// written as JSON. If the key determines the form, the decision depends on the key alone, so all values are written
+/// alike.
 pub fn arrays_of_numbers(product: &str, key: &KeyId, value: &Value, size: [usize; 2]) -> Option<NpyArrays> {
     check(&ValueKind::of_key(key)).ok().and_then(|()| arrays(product, key, value, size).ok())
 }
 
-/// The element types that arrays have.
+/// The possible element types of arrays.
 const DTYPES: [DType; 12] = [
     DType::Bool,
     DType::U8,
@@ -79,12 +80,12 @@ const DTYPES: [DType; 12] = [
     DType::F64,
 ];
 
-/// The element type that NumPy writes so.
+/// The element type with this NumPy descriptor.
 pub fn dtype(text: &str) -> Option<DType> {
     DTYPES.into_iter().find(|dtype| descr(*dtype) == text)
 }
 
-/// An element type as NumPy writes it.
+/// The NumPy descriptor of an element type.
 pub fn descr(dtype: DType) -> &'static str {
     match dtype {
         DType::Bool => "|b1",
@@ -102,7 +103,7 @@ pub fn descr(dtype: DType) -> &'static str {
     }
 }
 
-/// An array: element type as NumPy writes it, shape, elements in C order, little-endian.
+/// An array: NumPy descriptor of its element type, shape, and elements in C order, little-endian.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Array {
     /// Element type, such as `<f8` or `|b1`.
@@ -137,7 +138,7 @@ impl Array {
         }
     }
 
-    /// Stacks arrays of one shape and type along a new first axis. No array gives an empty f64 array.
+    /// Stacks arrays of one shape and type along a new first axis. Without arrays, the result is an empty f64 array.
     pub fn stack(arrays: impl Iterator<Item = Result<Self>>) -> Result<Self> {
         let mut stacked: Option<Self> = None;
         let mut count = 0;
@@ -162,8 +163,8 @@ impl Array {
         Ok(stacked)
     }
 
-    /// The array of no instances whose values have this form, in an image of this height and width: the first axis has
-    /// length 0. Values whose form is not known are numbers.
+    /// The array for zero instances whose values have this form, in an image of this height and width: the first axis
+    /// has length 0. Values of unknown form count as numbers.
     pub fn stack_of_none(form: &Form, [height, width]: [usize; 2]) -> Self {
         let (descr, rest) = match *form {
             Form::Mask => ("|b1", vec![height, width]),
@@ -192,11 +193,11 @@ impl Array {
         Self { descr: "|b1", shape: vec![mask.height() as usize, mask.width() as usize], bytes }
     }
 
-    /// The bytes of a `.npy` file, equal to those that `numpy.save` writes.
+    /// The bytes of a `.npy` file, equal to the output of `numpy.save`.
     pub fn encode(&self) -> Vec<u8> {
         const PREFIX: usize = 10;
         const ALIGNMENT: usize = 64;
-        // NumPy leaves room for the first length to grow to this many digits.
+        // NumPy reserves space for the first length to grow to this number of digits.
         const GROWTH_DIGITS: usize = 21;
         let shape = match self.shape.as_slice() {
             [] => "()".to_owned(),
@@ -263,7 +264,7 @@ mod tests {
             assert_eq!(Array::of(&value).expect_err("refused").to_string(), want);
         }
     }
-    /// Without instances, type and shape are those that the array has with instances, but for the first length.
+    /// Without instances, type and shape equal the array with instances, except for the first length.
     #[test]
     fn no_instances_make_an_array_of_the_same_type() {
         fn check<T: Clone + Into<Value> + Send + Sync + 'static>(one: T) -> Array {

@@ -6,8 +6,8 @@ use syntable_model::error::{Error, Result};
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, DateTime, ZipWriter};
 
-/// The bytes of an archive of named arrays, in their order. Entries have the date that ZIP files begin with, so that the
-/// same arrays always give the same bytes.
+/// The bytes of an archive of named arrays, in their order. All entries have the earliest date of ZIP files, so that
+/// the same arrays always give the same bytes.
 pub fn encode<'a>(arrays: impl IntoIterator<Item = (&'a str, &'a Array)>, compress: bool) -> Result<Vec<u8>> {
     let method = if compress { CompressionMethod::Deflated } else { CompressionMethod::Stored };
     let options = SimpleFileOptions::default()

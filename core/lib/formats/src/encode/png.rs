@@ -9,16 +9,16 @@ use syntable_model::error::{Error, Result};
 use syntable_model::product::{DType, Mask, Plane, Tensor, Value};
 use syntable_model::stage::Output;
 
-/// How a product becomes the samples of a PNG file.
+/// Encoding of a product as samples of a PNG file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum PngCoding {
     /// A mask: 0 and 255.
     Mask,
     /// Truth values: 0 and 255.
     Bits,
-    /// 8-bit samples as they are, of 1, 3 or 4 channels.
+    /// 8-bit samples, unchanged, of 1, 3 or 4 channels.
     Bytes,
-    /// 16-bit samples as they are.
+    /// 16-bit samples, unchanged.
     Words,
     /// Depth in meters, as 16-bit multiples of a unit.
     Depth,
@@ -29,7 +29,7 @@ pub enum PngCoding {
 }
 
 impl PngCoding {
-    /// How a kind of value is stored. A refusal is a reason and a remedy.
+    /// The encoding of a kind of value. A refusal is a reason and a remedy.
     pub fn of(kind: &ValueKind) -> Result<Self, String> {
         let (dtype, channels) = match kind.form {
             Form::Mask => return Ok(Self::Mask),
@@ -154,7 +154,8 @@ impl PngImage {
         self.encode_with(&[])
     }
 
-    /// The same with texts, each with its keyword (PNG specification, section 11.3.3), before the pixels.
+    /// Like [`encode`](Self::encode), with texts before the pixels, each with its keyword (PNG specification, section
+    /// 11.3.3).
     pub fn encode_with(&self, texts: &[(&str, &str)]) -> Result<Vec<u8>> {
         let swapped;
         let (color, depth, bytes): (_, _, &[u8]) = match &self.samples {
@@ -188,12 +189,13 @@ impl PngImage {
     }
 }
 
-/// How a depth becomes an integer.
+/// Rounding of a depth to an integer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Rounding {
     /// Toward zero, as SynTable does.
     Truncate,
-    /// Toward zero, after a product in single precision, which may round up to the next unit: as SynTable's release.
+    /// Toward zero, after a product in single precision, which may round up to the next unit, as SynTable's release
+    /// does.
     TruncateSingle,
     /// To the nearest, as BOP does.
     Nearest,
@@ -218,13 +220,13 @@ fn normal_code([x, y, z]: [f32; 3]) -> [u8; 3] {
     if [x, y, z] == [0.0; 3] {
         return [0; 3];
     }
-    // 127 steps either side of 128; the cast clamps.
+    // 127 steps to either side of 128; the cast clamps.
     [x, -y, -z].map(|v| (v * 127.0 + 128.0).round() as u8)
 }
 
 /// The 8-bit sRGB code (IEC 61966-2-1) nearest to a linear value.
 fn srgb_code(x: f32) -> u8 {
-    /// Linear values half way between codes.
+    /// Linear values halfway between codes.
     static LEVELS: LazyLock<[f32; 255]> =
         LazyLock::new(|| std::array::from_fn(|code| srgb_to_linear((code as f64 + 0.5) / 255.0) as f32));
     LEVELS.partition_point(|&level| level <= x) as u8

@@ -1,10 +1,10 @@
-//! Archives of samples as WebDataset reads them: plain tar files.
+//! Archives of samples for WebDataset: plain tar files.
 
 use std::io::{Read, Seek, Write};
 use syntable_model::error::{Error, Result};
 use tar::{Builder, EntryType, Header};
 
-/// Permissions of all members: all read, the owner writes.
+/// Permissions of all members: readable by all, writable by the owner.
 const MODE: u32 = 0o644;
 
 /// A tar file that is being written. Members have no time and no owner, so that the same members always give the same
@@ -21,7 +21,7 @@ impl<W: Write> TarWriter<W> {
         Self { builder: Builder::new(out), path: path.into() }
     }
 
-    /// Adds a member. Those of a sample follow each other.
+    /// Adds a member. The members of a sample must follow each other.
     pub fn add(&mut self, name: &str, bytes: &[u8]) -> Result<()> {
         let mut header = Header::new_ustar();
         header.set_entry_type(EntryType::Regular);
@@ -41,8 +41,8 @@ impl<W: Write> TarWriter<W> {
     }
 }
 
-/// Calls `each` with the name and the content of every member of an archive, in order. Content that is not read is skipped
-/// without being read: an archive that is cut off there ends with this member. `path` names the archive in errors.
+/// Calls `each` with the name and the content of every member of an archive, in order. Unread content is skipped: an
+/// archive that is cut off inside it ends with this member. `path` names the archive in errors.
 pub fn for_each_member(
     archive: impl Read + Seek,
     path: &str,
@@ -82,12 +82,12 @@ mod tests {
         .expect("an archive");
         assert_eq!(found.iter().map(|(_, read)| read.len()).collect::<Vec<_>>(), [0, 512, 1]);
         assert_eq!((found[0].0.as_str(), &found[1].0, found[2].1[0]), ("first", &long, 3));
-        // In the header of the second member.
+        // The cut is in the header of the second member.
         let cut = for_each_member(std::io::Cursor::new(&bytes[..512 + 1024 + 100]), "a.tar", |_, _| Ok(()));
         assert!(cut.is_err());
     }
 
-    /// Fields of the header at the places that POSIX gives them.
+    /// Checks fields of the header at the offsets that POSIX defines.
     #[test]
     fn members_have_no_time_and_no_owner() {
         let mut bytes = Vec::new();

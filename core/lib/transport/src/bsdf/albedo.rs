@@ -9,7 +9,7 @@ use std::sync::LazyLock;
 use syntable_simd::vec3;
 use syntable_simd::{Int, Real, at_least, at_most};
 
-/// Cells along the cosine and along the roughness; few, so that the table leaves room in the nearest cache.
+/// Cells along the cosine and along the roughness; few, so that the table fits into the nearest cache with other data.
 pub const CELLS: usize = 20;
 
 /// Samples of every table entry.
@@ -18,14 +18,14 @@ const SAMPLES: u32 = 512;
 /// Albedo of the single-scattering lobe, split by Fresnel.
 #[derive(Clone, Copy, Debug)]
 pub struct Albedo<T = f32> {
-    /// Multiplies the reflectance at normal incidence.
+    /// Factor of the reflectance at normal incidence.
     pub facing: T,
-    /// Added.
+    /// Constant term.
     pub grazing: T,
 }
 
 impl<T: Real> Albedo<T> {
-    /// Without Fresnel losses.
+    /// The albedo without Fresnel losses.
     #[inline(always)]
     pub fn white(self) -> T {
         self.facing + self.grazing
@@ -49,14 +49,14 @@ pub struct Row<T: Real> {
 }
 
 impl<T: Real> Row<T> {
-    /// Of a perceptual roughness in [0, 1].
+    /// The row of a perceptual roughness in [0, 1].
     #[inline(always)]
     pub fn new(roughness: T) -> Self {
         let (row, weight) = cell(roughness);
         Self { row, weight }
     }
 
-    /// At a cosine in [0, 1].
+    /// The albedo at a cosine in [0, 1].
     #[inline(always)]
     pub fn at(&self, table: &AlbedoTable, mu: T) -> Albedo<T> {
         let (column, weight) = cell(mu);
@@ -76,8 +76,8 @@ impl<T: Real> Row<T> {
 }
 
 /// Directional albedo by roughness and by cosine, both over [0, 1], and the means of the rows, exact for the
-/// interpolated table. Every cell holds (facing, grazing) at its corners: at the lower cosine, at the higher; both again
-/// at the higher roughness.
+/// interpolated table. Every cell holds (facing, grazing) at its corners: at the lower cosine, at the higher; both
+/// again at the higher roughness.
 #[derive(Debug)]
 pub struct AlbedoTable {
     directional: Vec<[f32; 8]>,
@@ -90,18 +90,18 @@ pub fn table() -> &'static AlbedoTable {
     &TABLE
 }
 
-/// Number of the cell and place in it, of a number in [0, 1].
+/// Cell number of a number in [0, 1], and its position in the cell.
 #[inline(always)]
 pub fn cell<T: Real>(x: T) -> (T::Int, T) {
     let x = at_most(at_least(x, 0.0), 1.0) * CELLS as f32;
-    // The last cell holds the end too.
+    // The last cell includes the end.
     let i = at_most(x, (CELLS - 1) as f32).truncate();
     (i, x - i.signed_to_real())
 }
 
 impl AlbedoTable {
-    /// Cells by roughness, then by cosine: (facing, grazing) at the lower cosine and at the higher, and both again at the
-    /// higher roughness.
+    /// Cells by roughness, then by cosine: (facing, grazing) at the lower cosine and at the higher, and both again at
+    /// the higher roughness.
     pub fn directional(&self) -> &[[f32; 8]] {
         &self.directional
     }

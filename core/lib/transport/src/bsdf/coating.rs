@@ -9,10 +9,10 @@ use super::sheen::SheenRow;
 use super::{Interface, multiple_reflectance};
 use syntable_simd::{Real, at_least, complement, inverse, max};
 
-/// Reflectance of clearcoat at normal incidence: an index of 1.5, as KHR_materials_clearcoat has it.
+/// Reflectance of clearcoat at normal incidence: an index of 1.5, as in KHR_materials_clearcoat.
 pub const CLEARCOAT_F0: f32 = 0.04;
 
-/// How strong the layers over a lobe are, and how rough.
+/// Strength and roughness of the layers over a lobe.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct CoatingParameters<T = f32> {
     /// Fraction of the surface under clearcoat.

@@ -4,7 +4,7 @@ use super::{Bsdf, BsdfParameters, BsdfSample, CoatingAttenuation, CoatingParamet
 use syntable_simd::{Mask, Real, inverse};
 use syntable_simd::{Rgb, Vec3};
 
-/// How a layer scatters.
+/// Scattering of a layer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Lobe {
     /// Metallic-roughness.
@@ -23,11 +23,11 @@ pub struct LayerInputs<T> {
     pub lobe: T,
     /// Layers above it.
     pub coating: CoatingParameters<T>,
-    /// Index of refraction beyond over that on this side.
+    /// Index of refraction on the far side over the index on this side.
     pub eta: T,
 }
 
-/// Scattering by the layers that were drawn, for one outgoing direction each.
+/// Scattering by the selected layers, for one outgoing direction each.
 pub struct Layered<T: Real = f32> {
     coating: CoatingAttenuation<T>,
     sheen: Sheen<T>,
@@ -83,7 +83,7 @@ impl<T: Real> Layered<T> {
         ([glossy, matte].map(|lobe| Vec3::select(self.is_transmission, black, lobe)), pdf)
     }
 
-    /// Samples a direction; `random` and `least` are as for [`Transmission::sample`].
+    /// Samples a direction; for `random` and `least`, see [`Transmission::sample`].
     #[inline(always)]
     pub fn sample(&self, bsdf: &Bsdf<T>, uv: [T; 2], random: T, least: T) -> BsdfSample<T> {
         let (mut wi, mut specular) = bsdf.direction(uv);
@@ -108,7 +108,7 @@ impl<T: Real> Layered<T> {
                 valid: mine & transmitted.valid | !mine & scattered.valid,
                 wi: Vec3::select(mine, transmitted.wi, wi),
                 weight: Vec3::select(mine, transmitted.weight, scattered.weight),
-                // No other strategy finds lights behind the surface.
+                // Only this sampling finds lights behind the surface.
                 pdf: T::select(mine, T::splat(f32::INFINITY), pdf),
                 specular: specular | mine,
                 transmitted: mine & transmitted.wi.z.lt(T::splat(0.0)),

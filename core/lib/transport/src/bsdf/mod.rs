@@ -4,16 +4,17 @@
 //! - **specular**: GGX with height-correlated Smith masking and Schlick's Fresnel term;
 //! - **multiple scattering** between microfacets, which Smith's model leaves out (Kulla and Conty, 2017; the Fresnel
 //!   average after Fdez-Agüera, JCGT 2019), so that rough metals do not darken;
-//! - **diffuse**: Lambertian, weighted by what the dielectric interface lets in and out,
+//! - **diffuse**: Lambertian, weighted by the transmission of the dielectric interface on the way in and out,
 //!   `(1 − Eₛ(μₒ)) (1 − Eₛ(μᵢ)) / (1 − Ēₛ)`, where Eₛ is the albedo of the two lobes above.
 //!
 //! Above these may be [clearcoat](coating) and [sheen], and light may be [transmitted](transmission) instead of being
 //! scattered. A path scatters from one of these layers, selected at random with a known probability; the others only
 //! attenuate it.
 //!
-//! A white dielectric and a white metal of any roughness reflect all light, nothing more and nothing less. Reflectance
-//! rises to one at grazing angles, as Schlick has it, unless it is below 2 % at normal incidence: no real surface is,
-//! so it then fades with it (Lagarde and de Rousiers, 2014), and a dielectric with index 1 is purely diffuse.
+//! A white dielectric and a white metal of any roughness reflect exactly all light. Reflectance rises to one at grazing
+//! angles, as in Schlick's approximation, unless it is below 2 % at normal incidence. No real surface has such a low
+//! value, so it then fades with the reflectance at normal incidence (Lagarde and de Rousiers, 2014), and a dielectric
+//! with index 1 is purely diffuse.
 
 pub mod albedo;
 pub mod coating;
@@ -68,12 +69,12 @@ pub struct Bsdf<T: Real = f32> {
     row: Row<T>,
     f0: Rgb<T>,
     f90: T,
-    /// Factor of the multiple-scattering lobe, (1 − E(μₒ)) included.
+    /// Factor of the multiple-scattering lobe, including (1 − E(μₒ)).
     multiple: Rgb<T>,
-    /// Factor of the diffuse lobe, (1 − Eₛ(μₒ)) included.
+    /// Factor of the diffuse lobe, including (1 − Eₛ(μₒ)).
     diffuse: Rgb<T>,
     dielectric: Interface<T>,
-    /// Whether the lobes are mixed as glTF mixes them.
+    /// Whether the lobes are mixed as in glTF.
     plain: bool,
     /// Probability of sampling the specular lobe.
     specular_probability: T,
@@ -110,14 +111,14 @@ pub struct Interface<T> {
 }
 
 impl<T: Real> Interface<T> {
-    /// Albedo, multiple scattering included.
+    /// Albedo including multiple scattering.
     #[inline(always)]
     pub fn albedo(&self, lobe: Albedo<T>) -> T {
         self.f0 * lobe.facing + self.f90 * lobe.grazing + self.multiple * at_least(complement(lobe.white()), 0.0)
     }
 }
 
-/// Fraction of the light that leaves after more than one bounce, of that which Smith's model loses (Kulla and Conty).
+/// Fraction of the light lost by Smith's model that leaves after more than one bounce (Kulla and Conty).
 #[inline(always)]
 pub fn multiple_reflectance<T: Real>(f0: T, f90: T, mean_albedo: T) -> T {
     let fresnel_mean = f0 + (f90 - f0) * SCHLICK_MEAN;
@@ -182,8 +183,8 @@ impl<T: Real> Bsdf<T> {
         }
     }
 
-    /// BSDF times the cosine of `wi`: the glossy lobes and the diffuse one; and the density of sampling it. `wi` is unit
-    /// length with z > 0.
+    /// BSDF times the cosine of `wi`, for the glossy lobes and for the diffuse lobe; and the density of sampling `wi`,
+    /// which is unit length with z > 0.
     #[inline(always)]
     pub fn lobes(&self, wi: Vec3<T>) -> ([Rgb<T>; 2], T) {
         let h = self.wo + wi;

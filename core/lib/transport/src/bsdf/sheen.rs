@@ -1,5 +1,5 @@
-//! Sheen fibers that stand off a cloth: the distribution of Estevez and Kulla ("Production Friendly Microfacet Sheen BRDF",
-//! 2017) with the visibility of Neubelt and Pettineo (2013), as glTF's KHR_materials_sheen has it.
+//! Sheen fibers that stand off a cloth: the distribution of Estevez and Kulla ("Production Friendly Microfacet Sheen
+//! BRDF", 2017) with the visibility of Neubelt and Pettineo (2013), as in glTF's KHR_materials_sheen.
 //!
 //! At grazing angles and low roughness, the published lobe reflects more than it receives. It is then divided by the
 //! larger of its two directions' albedos, so that it stays reciprocal and never creates energy.
@@ -11,10 +11,10 @@ use syntable_simd::functions::{pow, sin_cos_turns};
 use syntable_simd::{Int, Real, at_least, at_most, complement, inverse, max};
 use syntable_simd::{Vec3, vec3};
 
-/// Smallest α, at roughness 0.2: below it the lobe is a thin rim that no image resolves.
+/// Smallest α, at roughness 0.2: below it, the lobe is a thin rim that no image resolves.
 const MIN_ALPHA: f32 = 0.04;
 
-/// The lobe at a point for one outgoing direction, color left out.
+/// The lobe at a point for one outgoing direction, without color.
 #[derive(Clone, Copy, Debug)]
 pub struct Sheen<T: Real = f32> {
     wo: Vec3<T>,
@@ -72,14 +72,14 @@ pub struct SheenRow<T: Real> {
 }
 
 impl<T: Real> SheenRow<T> {
-    /// Of a perceptual roughness in [0, 1].
+    /// The row of a perceptual roughness in [0, 1].
     #[inline(always)]
     pub fn new(roughness: T) -> Self {
         let (row, weight) = cell(roughness);
         Self { row, weight }
     }
 
-    /// As published: may exceed one.
+    /// The albedo of the published lobe, which may exceed one.
     #[inline(always)]
     pub fn raw(&self, mu: T) -> T {
         let (column, weight) = cell(mu);
@@ -89,7 +89,7 @@ impl<T: Real> SheenRow<T> {
         lower + (upper - lower) * self.weight
     }
 
-    /// At most one.
+    /// The albedo, at most one.
     #[inline(always)]
     pub fn albedo(&self, mu: T) -> T {
         at_most(self.raw(mu), 1.0)

@@ -1,4 +1,4 @@
-//! The model against what it must satisfy, over roughness, metalness and direction.
+//! Checks the conditions of the model over roughness, metalness and direction.
 
 use super::*;
 use syntable_model::random::Stream;
@@ -20,7 +20,7 @@ fn towards(mu: f32, turn: f32) -> Vec3 {
 const ROUGHNESSES: [f32; 6] = [0.0, 0.1, 0.25, 0.5, 0.8, 1.0];
 const COSINES: [f32; 5] = [0.05, 0.2, 0.5, 0.8, 1.0];
 
-/// Mean weight of sampled directions: the directional albedo.
+/// Mean weight of sampled directions, which is the directional albedo.
 fn albedo(bsdf: &Bsdf, n: u32) -> f64 {
     let mut sum = 0.0;
     for i in 0..n {
@@ -123,14 +123,15 @@ fn samples_follow_their_density() {
 
 #[test]
 fn narrow_lobes_have_unit_density() {
-    // Too narrow for cells: the density of the specular lobe integrates to what is sampled above the horizon.
+    // The lobe is too narrow for cells. Compares the integral of the specular lobe's density with the fraction of
+    // samples above the horizon.
     for roughness in [0.03, 0.1, 0.2] {
         for mu in [0.2, 0.7, 1.0] {
             let s = BsdfParameters { base_color: Rgb::ONE, roughness, metallic: 1.0, dielectric_f0: 0.04 };
             let wo = towards(mu, 0.0);
             let bsdf = bsdf(&s, wo);
             assert!(bsdf.specular_probability > 0.9);
-            // Over half vectors in polar coordinates of the slope, where the lobe is wide.
+            // Integrates over half vectors in polar coordinates of the slope, where the lobe is wide.
             let (mut sum, n) = (0.0_f64, 400);
             let alpha = f64::from(roughness * roughness).max(1e-3);
             for i in 0..n {
@@ -196,7 +197,7 @@ fn layers_are_reciprocal() {
 
 #[test]
 fn sheen_is_sampled_by_its_density_and_never_gives_more_than_it_gets() {
-    // The density is that of the whole hemisphere; so are the samples, by a χ² over 10 × 12 cells of equal angle.
+    // The density covers the whole hemisphere. So do the samples, by a χ² over 10 × 12 cells of equal angle.
     let mut stream = Stream::root(8);
     let (n, mut counts) = (60_000, [0_u32; 120]);
     for _ in 0..n {
@@ -295,8 +296,8 @@ fn the_plain_mix_matches_gltf() {
     }
 }
 
-/// What the book says of the two models: brightness of a gray of 0.5 from straight above, over that of glTF's formula, by
-/// roughness and elevation of the light, degrees.
+/// Figures of the book for the two models: brightness of a gray of 0.5 seen from straight above, relative to glTF's
+/// formula, by roughness and elevation of the light, degrees.
 #[test]
 fn at_grazing_light_the_models_differ() {
     let ratio = |roughness: f32, degrees: f32| {

@@ -1,11 +1,11 @@
-//! Light that transmitted a surface: a rough dielectric interface (Walter et al., EGSR 2007) or a thin sheet.
+//! Transmission of light through a surface: a rough dielectric interface (Walter et al., EGSR 2007) or a thin sheet.
 //!
 //! A path carries radiance over the squared index of its medium. Refraction leaves this quantity unchanged, so
 //! interfaces need no factor.
 //!
 //! Smith's model loses light that leaves a facet and meets another: a third of white light that crosses a body of
 //! roughness 0.6. Here, that light keeps its direction after the first facet, or its mirror image if that direction
-//! points to the wrong side, so no energy is lost. The price is that the lobe is not reciprocal by that fraction. Light
+//! points to the wrong side, so no energy is lost. In return, the lobe is not reciprocal by that fraction. Light
 //! arrives through transmission only from sampled directions, so it needs no density.
 
 use super::ggx;
@@ -18,9 +18,9 @@ use syntable_simd::{Rgb, Vec3, vec3};
 pub struct Transmission<T: Real = f32> {
     wo: Vec3<T>,
     alpha: T,
-    /// Index beyond over index on this side.
+    /// Index of refraction on the far side over the index on this side.
     eta: T,
-    /// Whether the other side is near again: a thin sheet, which light transmitted without being refracted.
+    /// Whether the surface is a thin sheet, which transmits light without refraction.
     thin_walled: T::Mask,
     /// Factor of transmitted light.
     tint: Rgb<T>,
@@ -35,7 +35,7 @@ pub struct TransmissionSample<T: Real> {
     pub wi: Vec3<T>,
     /// BSDF times cosine over density.
     pub weight: Rgb<T>,
-    /// Whether it is a reflection that might have been a passage: not a total one.
+    /// Whether the sample is a reflection that could also have been a transmission: not a total reflection.
     pub reflected: T::Mask,
 }
 
@@ -47,7 +47,7 @@ impl<T: Real> Transmission<T> {
     }
 
     /// Samples a microfacet from the visible normals; `random` then selects reflection or transmission by the Fresnel
-    /// reflectance. Where both are possible, each has at least the probability `least`, up to one half.
+    /// reflectance. If both are possible, each has at least the probability `least`, up to one half.
     #[inline(always)]
     pub fn sample(&self, [u, v]: [T; 2], random: T, least: T) -> TransmissionSample<T> {
         let one = T::splat(1.0);
@@ -96,7 +96,8 @@ pub fn pane_transmittance(cosine: f32, ior: f32) -> f32 {
     1.0 - of_two_faces(dielectric(cosine, ior).0)
 }
 
-/// Fresnel's reflectance of unpolarized light at a dielectric, and the cosine beyond; 1 and 0 for total reflection.
+/// Fresnel's reflectance of unpolarized light at a dielectric, and the cosine on the far side; 1 and 0 for total
+/// reflection.
 #[inline(always)]
 pub fn dielectric<T: Real>(cos_i: T, eta: T) -> (T, T) {
     let per_eta = inverse(eta);

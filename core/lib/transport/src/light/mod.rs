@@ -7,7 +7,7 @@
 //! A light is selected in proportion to an estimate of its unshadowed irradiance at the point.
 //!
 //! A window is a rectangle whose radiance depends on position and direction. It is sampled and hit like any rectangle,
-//! uniformly in solid angle from near. Its density ignores the pattern, whose contrast is small.
+//! from nearby points uniformly in solid angle. Its density ignores the pattern, whose contrast is small.
 
 mod disk;
 mod rect;
@@ -33,7 +33,7 @@ use syntable_simd::{Rgb, Vec3};
 pub struct LightSample<T: Real> {
     /// Unit length.
     pub direction: Vec3<T>,
-    /// To the light's surface, meters.
+    /// Distance to the light's surface, meters.
     pub distance: T,
     /// Density per steradian.
     pub pdf: T,
@@ -44,7 +44,7 @@ pub struct LightSample<T: Real> {
 /// Hit of a ray on a light.
 #[derive(Clone, Copy, Debug)]
 pub struct LightHit<T: Real> {
-    /// Whether it hits one.
+    /// Whether the ray hits a light.
     pub is_hit: T::Mask,
     /// Distance along the ray, meters.
     pub distance: T,
@@ -78,7 +78,7 @@ impl<'a> Lights<'a> {
         Ok(Self { table, emitters: &scene.emitters, scene: Some(scene), projection })
     }
 
-    /// Lights of no scene.
+    /// Lights without a scene.
     #[cfg(test)]
     pub fn alone(lights: &[scene::Light]) -> Result<Self> {
         Ok(Self { table: LightTable::new(lights, &SceneCache::default())?, ..Self::default() })
@@ -141,7 +141,8 @@ impl Lights<'_> {
         } else {
             for index in 0..self.count() {
                 let own = self.importance(index, p, n);
-                // One pass: the newcomer takes over with its fraction of the total so far, and `u` stays uniform.
+                // One pass: a later light replaces the selection with its fraction of the total so far, and `u` stays
+                // uniform.
                 let shines = own.gt(zero);
                 total = total + own;
                 let probability = own / total;
@@ -380,14 +381,14 @@ impl Shape<'_> {
     }
 }
 
-/// A number of every lane.
+/// The number of every lane.
 fn lanes<T: Real>(x: T) -> [f32; 8] {
     let mut lanes = [0.0; 8];
     x.store(&mut lanes);
     lanes
 }
 
-/// A vector of every lane.
+/// The vector of every lane.
 struct Lanes([[f32; 8]; 3]);
 
 impl Lanes {

@@ -1,4 +1,4 @@
-//! Lights against closed forms.
+//! Compares lights with closed forms.
 
 use super::*;
 use std::f64::consts::PI;
@@ -51,7 +51,7 @@ fn a_sphere_gives_the_closed_form_at_any_distance() {
         let nits = sphere_luminance(want, height, radius);
         check(&[sphere([0.3, 0.1, height], radius, nits)], [0.3, 0.1, 0.0], [0.0, 0.0, 1.0], want);
     }
-    // Inside, a hemisphere of the light is above the plane.
+    // From inside the sphere, the light covers a hemisphere above the plane.
     check(&[sphere([0.1, 0.0, 0.2], 1.0, 50.0)], [0.0; 3], [0.0, 0.6, 0.8], 50.0 * PI);
 }
 
@@ -75,7 +75,7 @@ fn several_lights_add_up() {
     let want = 300.0 * polygon_illuminance(&light.corners(), Point3::origin(), Vector3::z()) + 500.0 + 20.0;
     let up = sphere([0.0, 0.0, 2.0], 0.2, sphere_luminance(500.0, 2.0, 0.2));
     let other = sphere([0.0, 0.0, 1.0], 0.1, sphere_luminance(20.0, 1.0, 0.1));
-    // One of them never shines here, since its lit side looks away.
+    // One light never shines here, because its lit side faces away.
     let away = Light::Rect(rect([0.0, 0.0, 1.0], [0.3, 0.0, 0.0], [0.0, 0.3, 0.0], 1e4));
     check(&[Light::Rect(light), up, away, other], [0.0; 3], [0.0, 0.0, 1.0], want);
 }
@@ -164,7 +164,7 @@ fn the_sun_gives_its_illuminance_times_the_cosine() {
         let height: f64 = height;
         let towards = Vector3::new((1.0 - height * height).sqrt(), 0.0, height);
         let sun = Light::Directional(DirectionalLight { towards, half_angle, irradiance: [90_000.0; 3] });
-        // The cosine averages to its middle over a cone that is wholly above the plane.
+        // Over a cone that is completely above the plane, the mean cosine equals the cosine of its axis.
         check(&[sun], [3.0, 1.0, 2.0], [0.0, 0.0, 1.0], 90_000.0 * height);
     }
 }
@@ -183,7 +183,7 @@ fn a_sky_gives_what_a_sum_over_directions_gives() {
         Light::Environment(EnvironmentLight { map, scale: [2.0; 3], rotation })
     };
     check(&[sky(Arc::new(constant), 1.0)], [0.0; 3], [0.6, 0.0, 0.8], 40.0 * PI);
-    // By brute force over directions, radiance as the camera would see it.
+    // By brute force over directions, with the radiance that a camera would see.
     let rotation = 0.7;
     let lights = [sky(map(), rotation)];
     let made = Lights::alone(&lights).expect("sound");
@@ -222,7 +222,7 @@ fn densities_of_distant_lights_match_their_samples() {
             let (_, again) = distant.radiance(direction);
             differing += u32::from((again / pdf - 1.0).abs() > 1e-3);
         }
-        // At the edge of a texel or of the cone rounding may choose the other side.
+        // At the edge of a texel or of the cone, rounding may choose the other side.
         assert!(differing < 8, "{differing} of 4000");
     }
 }
@@ -252,7 +252,7 @@ fn all_estimates_of_a_window_agree_with_a_sum_over_its_points() {
         ([0.9, -1.5, 0.2], [0.6, 0.8, 0.0]),
         ([-9.0, 1.0, -2.0], [1.0, 0.0, 0.0]),
     ] {
-        // By brute force over the points of the window, by the model's own radiance: E = ∫ L cos θ cos θ' / r² dA.
+        // By brute force over the points of the window, with the model's own radiance: E = ∫ L cos θ cos θ' / r² dA.
         let (cells, mut want) = (1500, 0.0);
         let normal = light.half_u.cross(&light.half_v).normalize();
         let (origin, up) = (Point3::from(p), Vector3::from(n));
@@ -274,7 +274,7 @@ fn all_estimates_of_a_window_agree_with_a_sum_over_its_points() {
             assert!((got - want).abs() <= 4.0 * error + 2e-3 * want, "{name}, {p:?}: {got} ± {error}, not {want}");
         };
         near("light sampling", illuminance(&lights, p, n));
-        // Directions by their cosine have the density cos / π.
+        // Directions sampled by their cosine have the density cos / π.
         let around = syntable_simd::Basis::around(n);
         let mut stream = Stream::root(11);
         let mut cosine = || {

@@ -3,9 +3,9 @@
 //! ```text
 //! recipe.toml                   the resolved recipe with its inputs locked; it gives the same dataset again
 //! .syntable/lock                held while a run works
-//! .syntable/journal.jsonl       one line per scene that is done
+//! .syntable/journal.jsonl       one line per finished scene
 //! .syntable/scenes/000003.json  manifest of a scene: its files with sizes and digests
-//! .syntable/finished.json       manifest of what the end of a run wrote
+//! .syntable/finished.json       manifest of the files that the end of a run wrote
 //! .syntable/catalogs/<pool>.json names, categories and numbers of the assets of a pool
 //! .syntable/settled/000003.toml result of settling, so that a scene is made again without simulating it
 //! .syntable/shards/<writer>/    input of `finish`, one file per scene

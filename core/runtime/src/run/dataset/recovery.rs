@@ -35,7 +35,7 @@ impl Folder {
     /// Deletes the dataset: its journal first, then all files in its manifests. Returns the files that stay because
     /// they do not belong to the dataset.
     pub fn discard(&self) -> Result<Vec<PathBuf>> {
-        // A scene that is moving into place belongs to the dataset, too; a damaged journal says nothing about it.
+        // A scene that is moving into place belongs to the dataset, too, even if the journal is damaged.
         let _ = self.recover();
         if !self.files.has(&layout::manifests())? && self.has_lines()? {
             return Err(Error::new("another version began the dataset, and it has no list of its files")

@@ -83,7 +83,7 @@ fn scenes_with_the_same_bytes_share_a_file() {
         let staged = open.stage(scene).expect("staged");
         let output = Output::new(staged, "w", SceneId(scene));
         let digest = output.write_shared(bytes).expect("written");
-        // Two assets of a scene with the same bytes have one file.
+        // Two assets of a scene with the same bytes share one file.
         assert_eq!(output.write_shared(bytes).expect("written"), digest);
         let journal = Mutex::new(open.journal().expect("there"));
         open.commit(entry(scene), Manifest::default(), Written::new(), &journal).expect("committed");
@@ -96,13 +96,13 @@ fn scenes_with_the_same_bytes_share_a_file() {
     assert_eq!(number(&zero), number(&one));
     assert_ne!(number(&zero), number(&other));
     assert_eq!(fs::read(&other).expect("there"), b"TEXTURE");
-    // A run that goes on finds the file of an earlier one.
+    // A resumed run finds the file of an earlier run.
     drop(first);
     let second = open();
     let three = make(&second, 3, b"texture");
     assert_eq!(number(&zero), number(&three));
     drop(second);
-    // A damaged file is not linked, and making its scene again mends it.
+    // A damaged file is not linked, and making its scene again repairs it.
     fs::remove_file(&three).expect("there");
     fs::write(&three, "TEXTURE").expect("writable");
     let third = open();
@@ -110,7 +110,7 @@ fn scenes_with_the_same_bytes_share_a_file() {
     assert_eq!((number(&zero), fs::read(&four).expect("there")), (number(&four), b"texture".to_vec()));
     make(&third, 3, b"texture");
     assert_eq!((number(&zero), fs::read(&three).expect("there")), (number(&three), b"texture".to_vec()));
-    // A scene that goes takes nothing from others.
+    // Replacing a scene removes nothing from other scenes.
     make(&third, 0, b"another");
     assert!(!zero.exists());
     assert_eq!(fs::read(&one).expect("there"), b"texture");
@@ -155,7 +155,7 @@ fn a_file_has_one_owner() {
         assert_eq!(text(&open, "notes.txt").as_deref(), Some("mine"));
         let error = commit(&open, 4, &[("notes.txt/4", "4")]).expect_err("in the way").to_string();
         assert!(error.contains("`notes.txt` exists"), "{error}");
-        // The end of a run may replace what an earlier end wrote, and nothing else.
+        // The end of a run may replace files of an earlier end, and no other files.
         let mut journal = open.journal().expect("there");
         for (name, content, whose) in [
             ("end.txt", "1", None),
@@ -174,7 +174,7 @@ fn a_file_has_one_owner() {
         assert_eq!(text(&open, "recipe.toml").as_deref(), Some("a = 1\n"));
         let error = commit(&open, 5, &[("other.txt", "5")]).expect_err("taken").to_string();
         assert!(error.contains("the end of a run writes"), "{error}");
-        // A scene replaces its own files, and what it no longer has goes.
+        // A scene replaces its own files, and files that it no longer has are removed.
         commit(&open, 3, &[("other/3.txt", "3")]).expect("committed");
         assert_eq!((text(&open, "all.txt"), text(&open, "other/3.txt").as_deref()), (None, Some("3")));
     });
@@ -191,7 +191,7 @@ fn a_move_that_was_interrupted_is_finished() {
         let ready = layout::staged("3.ready");
         data.rename(&layout::staged("3.part"), &ready).expect("moved");
         write(&data.inner(&ready), RECORD, &record);
-        // One file was moved, then the program was killed; another scene was half made, and a third had no record.
+        // The program was killed after it moved one file. Another scene was unfinished, and a third had no record.
         data.rename(&ready.join(&layout::known("info.txt")), &layout::known("info.txt")).expect("moved");
         staged(&open, 4, &[("rgb/4.png", "x")]);
         staged(&open, 5, &[("rgb/5.png", "x")]);
@@ -208,8 +208,8 @@ fn a_move_that_was_interrupted_is_finished() {
 
 #[test]
 fn a_deletion_takes_the_dataset_and_nothing_else_however_often_it_is_interrupted() {
-    // Interrupted before the n-th of the moves into the bin, and at last not at all. A store that moves folders file by file
-    // may have moved a part of the last one.
+    // Interrupts the deletion before the n-th of the moves into the bin, and finally not at all. A store that moves
+    // folders file by file may have moved a part of the last folder.
     let moves = 0..=layout::state().len();
     for (moves, in_part) in moves.flat_map(|moves| [(moves, false), (moves, true)]) {
         everywhere(|data| {
@@ -225,7 +225,7 @@ fn a_deletion_takes_the_dataset_and_nothing_else_however_often_it_is_interrupted
             let all = layout::state();
             let binned = |path: &DatasetPath| layout::binned(path.rsplit('/').next().expect("a name"));
             for from in &all[..moves] {
-                // There is no staging folder any more.
+                // The staging folder no longer exists.
                 let _ = data.rename(from, &binned(from));
             }
             if let Some(next) = all.get(moves).filter(|_| in_part)
@@ -235,7 +235,7 @@ fn a_deletion_takes_the_dataset_and_nothing_else_however_often_it_is_interrupted
                 data.rename(&next.join(&name), &binned(next).join(&name)).expect("moved");
             }
             drop(open);
-            // The next run deletes the rest, whether it is told to or not; without a move into the bin, it must be told to.
+            // The next run completes a deletion that has begun. Otherwise, deletion must be requested again.
             let is_begun = has(&data, &layout::bin());
             let open = Folder::open(&data).expect("again");
             if !is_begun {

@@ -131,8 +131,7 @@ pub(in crate::run) fn compare(dataset: &StoreFolder, workers: &dyn Workers) -> R
     Ok(found)
 }
 
-/// Compares the files of a scene, and returns its manifest's files as far as they are known; `None` if its manifest is
-/// lost.
+/// Compares the files of a scene, and returns its manifest, or `None` if the manifest is lost.
 fn scene_files(dataset: &StoreFolder, scene: u32, digest: &str, wrong: &mut Verified) -> Result<Option<Manifest>> {
     let path = layout::manifest(scene);
     wrong.files += 1;

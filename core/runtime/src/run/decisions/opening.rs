@@ -64,8 +64,8 @@ impl<'a, 'o> CheckedRun<'a, 'o> {
         Ok(Self { recipe, options, log, devices, files, assets })
     }
 
-    /// Compares the dataset of a folder with the recipe and its inputs, and lists the work. After an error the dataset is
-    /// unchanged, except for repairs.
+    /// Compares the dataset of a folder with the recipe and its inputs, and lists the work. After an error the dataset
+    /// is unchanged, except for repairs.
     pub fn begin(
         self,
         folder: Folder,
@@ -124,7 +124,7 @@ pub fn started(recipe: &Recipe, options: &RunOptions, resumed: u32, images: u64)
     }
 }
 
-/// Opens the folder of a run, and completes what an earlier run left unfinished, unless the dataset is to be overwritten.
+/// Opens the folder of a run. Completes the work of an interrupted run, unless the run will overwrite the dataset.
 pub fn open_folder(options: &RunOptions, reporter: &dyn Reporter) -> Result<Folder> {
     let folder = Folder::open(&options.out)?;
     folder.files().remove_all(&layout::first_scene())?;

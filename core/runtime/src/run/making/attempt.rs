@@ -1,5 +1,5 @@
-//! One attempt at a scene: what its stages get, and the random numbers that they draw. Runs, generators and previews compose and
-//! render scenes with it.
+//! One attempt at a scene: the inputs of its stages, and their random numbers. Runs, generators and previews compose
+//! and render scenes with it.
 
 use crate::pools::{AssetStore, RecordingAssets};
 use crate::run::making::times::Times;
@@ -18,7 +18,7 @@ use syntable_model::stage::{Atlas, Bodies, DatasetInfo, RenderRequest, RenderSes
 use syntable_recipe::Recipe;
 use syntable_recipe::plan::{Plan, Producer};
 
-/// What the stages of all scenes get.
+/// Inputs shared by the stages of all scenes.
 #[derive(Clone, Copy)]
 pub struct Tools<'a> {
     pub recipe: &'a Recipe,
@@ -32,7 +32,7 @@ pub struct Tools<'a> {
 }
 
 impl Tools<'_> {
-    /// An error once someone has asked the work to stop.
+    /// An error once a stop was requested.
     pub fn running(&self) -> Result<()> {
         let stopped = |reason: StopReason| Err(Error::stopped(format!("stopped by {reason}")));
         self.stop.requested().map_or(Ok(()), stopped)
@@ -49,7 +49,8 @@ pub struct Attempt<'a> {
 }
 
 impl Attempt<'_> {
-    /// The random numbers of a stage. They depend on the dataset's name as well as its seed, so that splits are independent.
+    /// The random numbers of a stage. They depend on the dataset's name as well as its seed, so that splits are
+    /// independent.
     fn stream(&self, stage: &str) -> Stream {
         let DatasetInfo { seed, name, .. } = self.dataset;
         Stream::root(*seed).child(name).child(stage).at(u64::from(self.scene.0)).at(u64::from(self.number))
@@ -160,7 +161,7 @@ impl Attempt<'_> {
     }
 }
 
-/// A session that has loaded a scene, and the moment of the scene that it shows.
+/// A session that has loaded a scene, and the moment of the scene that the session shows.
 pub struct PosedSession<'s> {
     session: &'s mut dyn RenderSession,
     /// The loaded scene.
@@ -184,7 +185,7 @@ impl<'s> PosedSession<'s> {
         Ok(self.session)
     }
 
-    /// Whether the session shows another moment than it had after loading.
+    /// Whether the session shows a different moment than after loading.
     pub fn has_moved(&self) -> bool {
         self.moment != self.scene.moment
     }
@@ -216,7 +217,7 @@ pub fn provided(declared: &[KeyId], made: &Products) -> Result<()> {
     }
 }
 
-/// Adds the products of a stage. A product that another stage replaces is kept under the key of the original.
+/// Adds the products of a stage. If another stage replaces a product, the original stays under its own key.
 pub fn keep(plan: &Plan, mut made: Products, products: &mut Products) -> Result<()> {
     for &[product, original] in &plan.replaced {
         // The stage that replaces a product runs after the original was kept.

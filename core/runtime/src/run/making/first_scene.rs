@@ -1,5 +1,5 @@
-//! The first scene of a dataset that replaces another one. It is made before the old dataset is deleted, because some mistakes of a
-//! recipe show only then.
+//! The first scene of a dataset that will replace an existing dataset. It is made before the old dataset is deleted,
+//! because some mistakes of a recipe show only then.
 
 use crate::run::dataset::adoption::FirstScene;
 use crate::run::dataset::folder::Folder;
@@ -13,8 +13,8 @@ use std::path::PathBuf;
 use syntable_model::error::{Error, Result};
 use syntable_recipe::Recipe;
 
-/// Makes the first scene of a run that overwrites a dataset, and deletes the dataset. Returns the scene if there was a dataset with
-/// scenes.
+/// Makes the first scene of a run that overwrites a dataset, and deletes the dataset. Returns the scene if the old
+/// dataset had scenes.
 ///
 /// # Errors
 /// If the scene fails. The old dataset then stays.

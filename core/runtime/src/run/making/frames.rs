@@ -11,7 +11,7 @@ use syntable_model::product::Products;
 use syntable_model::scene::Moment;
 use syntable_recipe::plan::Plan;
 
-/// Products of a scene and its moments. Those of a moment are made once, for its first view.
+/// Products of a scene and its moments. The products of a moment are made once, for its first view.
 pub struct Frames<'f> {
     plan: &'f Plan,
     times: &'f Times,

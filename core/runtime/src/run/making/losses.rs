@@ -1,4 +1,4 @@
-//! Labels that stages leave out of images, added up.
+//! Sums of the data that stages omitted.
 
 use crate::run::dataset::loss::Loss;
 use parking_lot::Mutex;
@@ -7,7 +7,7 @@ use syntable_model::context::{DatasetContext, Log, Steps};
 use syntable_model::error::Error;
 use syntable_model::left_out::LeftOut;
 
-/// Sums of what stages left out so far. They do not depend on the order of images.
+/// Sums of the omitted data so far. They do not depend on the order of images.
 #[derive(Debug, Default)]
 pub struct Losses(Mutex<BTreeMap<(String, String), Loss>>);
 
@@ -35,7 +35,7 @@ impl Losses {
     }
 }
 
-/// Lends a dataset to the stages that run once for it, and adds up what they leave out.
+/// Passes a dataset to the stages that run once for it, and sums the data that they omit.
 pub struct DatasetLender<'a> {
     cx: DatasetContext<'a>,
     losses: Losses,
@@ -46,7 +46,7 @@ impl<'a> DatasetLender<'a> {
         Self { cx, losses: Losses::default() }
     }
 
-    /// Lends the dataset to a stage.
+    /// Runs a stage on the dataset.
     pub fn lend<T>(&self, stage: &str, work: impl FnOnce(&DatasetContext) -> T) -> T {
         let log = StageLog { log: self.cx.log, losses: &self.losses, stage };
         let mut cx = self.cx;
@@ -60,7 +60,7 @@ impl<'a> DatasetLender<'a> {
     }
 }
 
-/// A log that adds up what a stage leaves out, and passes warnings on to another log.
+/// A log that sums the data that a stage omits, and passes warnings on to another log.
 pub(in crate::run) struct StageLog<'a> {
     pub log: &'a dyn Log,
     pub losses: &'a Losses,

@@ -1,5 +1,5 @@
-//! Making scenes, several at a time. A thread composes each scene, and renders it when a session is free. A bounded queue
-//! annotates and writes each view while the next one is rendered.
+//! Making scenes, several at a time. A thread composes each scene, and renders it when a session is free. A bounded
+//! queue annotates and writes each view while the next one is rendered.
 
 pub(crate) mod anomalies;
 pub(crate) mod attempt;

@@ -1,4 +1,4 @@
-//! A bounded queue of jobs for what follows rendering: jobs start in the order in which they were added.
+//! A bounded queue of the jobs that follow rendering. Jobs start in the order in which they were added.
 
 use parking_lot::Mutex;
 use std::sync::Arc;
@@ -12,7 +12,7 @@ type QueuedJob<'env> = Box<dyn FnOnce() + Send + 'env>;
 pub struct Queue<'env>(SyncSender<QueuedJob<'env>>);
 
 impl<'env> Queue<'env> {
-    /// Starts threads that work on the queue. As many jobs can wait as there are threads.
+    /// Starts `threads` threads that work on the queue. The same number of jobs can wait.
     pub fn start<'scope>(scope: &'scope Scope<'scope, 'env>, threads: usize) -> Self
     where
         'env: 'scope,

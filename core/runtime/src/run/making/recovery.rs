@@ -1,4 +1,4 @@
-//! The attempts at a scene, and what an error means for what comes next: the same attempt again, the next attempt, the end of the
+//! The attempts at a scene, and the reaction to an error: the same attempt again, the next attempt, the end of the
 //! scene, or the end of the work. Runs, generators and previews make their scenes with this loop.
 
 use crate::run::making::attempt::Tools;
@@ -6,30 +6,30 @@ use crate::run::panics::unwound;
 use crate::run::progress::{Event, Reporter};
 use syntable_model::error::{Error, Result};
 
-/// How often an attempt is repeated whose device failed.
+/// Maximum number of times that an attempt is repeated after its device failed.
 const DEVICE_REPEATS: u32 = 2;
 
-/// What follows an error of an attempt at a scene.
+/// Reaction to an error of an attempt at a scene.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Recovery {
-    /// The same attempt again: its device failed, and may be back.
+    /// Repeat the attempt: its device failed, and may be back.
     Repeat,
-    /// The next attempt, with other random numbers.
+    /// Make the next attempt, with other random numbers.
     NextAttempt,
-    /// The scene fails. Either its device stays away, or its labels contradict each other. Other random numbers would only hide
-    /// the wrong stage.
+    /// Fail the scene: its device does not come back, or its labels contradict each other. Other random numbers would
+    /// only hide the faulty stage.
     FailScene,
-    /// The work stops. All scenes would meet the error, such as a wrong option or a full disk.
+    /// Stop the work. The error affects all scenes, such as a wrong option or a full disk.
     Stop,
 }
 
 impl Recovery {
-    /// What follows an error of an attempt that was not repeated yet.
+    /// Reaction to an error of an attempt that was not repeated yet.
     pub fn of(error: &Error) -> Self {
         Self::after(error, 0)
     }
 
-    /// What follows an error of an attempt that was repeated `repeats` times.
+    /// Reaction to an error of an attempt that was repeated `repeats` times.
     fn after(error: &Error, repeats: u32) -> Self {
         if error.is_passing() && repeats < DEVICE_REPEATS {
             Self::Repeat
@@ -50,13 +50,14 @@ pub struct SceneAttempts<'a> {
     pub scene: u32,
     /// Number of the first attempt.
     pub first: u32,
-    /// Whether a dataset has the scene already. A device that stays away then stops the work, since the scene is as good as before.
+    /// Whether a dataset already has the scene. If so, a device that does not come back stops the work, because the
+    /// existing scene is still good.
     pub is_present: bool,
 }
 
 /// The result of the attempts at a scene.
 pub struct Attempts<T> {
-    /// What the last attempt made. `None` if the scene failed.
+    /// Result of the last attempt. `None` if the scene failed.
     pub made: Option<T>,
     /// Number of the last attempt.
     pub number: u32,
@@ -65,11 +66,11 @@ pub struct Attempts<T> {
 }
 
 impl SceneAttempts<'_> {
-    /// Calls `attempt` with the number of each attempt until one succeeds, at least once. `quarantine` gets the error of a scene
-    /// whose labels contradict each other, and may add to it.
+    /// Calls `attempt` with the number of each attempt until one succeeds, at least once. `quarantine` gets the error
+    /// of a scene whose labels contradict each other, and may add to it.
     ///
     /// # Errors
-    /// If the work shall stop.
+    /// If the work must stop.
     pub fn make<T>(
         &self,
         mut attempt: impl FnMut(u32) -> Result<T>,

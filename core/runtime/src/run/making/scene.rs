@@ -47,14 +47,14 @@ pub struct MadeScene {
 }
 
 impl<'a> SceneMaker<'a> {
-    /// Makes a scene in its staging folder, with as many attempts as the recipe allows. Returns nothing if the scene stays as the
-    /// dataset has it, because all attempts failed.
+    /// Makes a scene in its staging folder, with as many attempts as the recipe allows. Returns `None` if all attempts
+    /// failed and the dataset keeps its existing scene.
     ///
-    /// A scene that only lacks something is rebuilt from its stored result of settling. If the new stages fail, they would have
-    /// failed in this attempt from the start, so the next attempts make the whole scene again.
+    /// A scene with missing parts is rebuilt from its stored result of settling. If the new stages fail, they would
+    /// have failed in this attempt from the start, so the next attempts make the whole scene again.
     ///
     /// # Errors
-    /// If the run shall stop.
+    /// If the run must stop.
     pub fn make<'env>(&'env self, task: &Task<'env>, queue: &Queue<'env>) -> Result<Option<MadeScene>> {
         let &Task { scene, is_present, whole, extend } = task;
         let (tools, reporter) = (self.tools, self.reporter);
@@ -90,7 +90,7 @@ impl<'a> SceneMaker<'a> {
         }
     }
 
-    /// One attempt at some work, from the `stored` result of settling if there is one.
+    /// One attempt at some work, from the `stored` result of settling if it exists.
     fn attempt<'env>(
         &'env self,
         scene: u32,
@@ -170,7 +170,8 @@ fn outcome(views: u32, objects: u32, work: &Work) -> SceneOutcome {
     SceneOutcome::Made { views, objects, writers, recorded: records::names(&work.plan), manifest: String::new() }
 }
 
-/// The new files and the line of a scene that got what it lacked. The line equals that of a scene that had it from the start.
+/// The new files and the journal line of a scene that got its missing parts. The line equals the line of a scene that
+/// had them from the start.
 fn extended(present: &JournalEntry, made: WrittenScene, whole: &Work) -> (Written, JournalEntry) {
     let WrittenScene { views, objects, anomalies, left_out, written, assets } = made;
     let mut entry = present.clone();

@@ -72,7 +72,7 @@ pub fn make(
         }
         lacking = made?;
     }
-    // The dataset takes the recipe even if there was no scene to make.
+    // The dataset takes the recipe even without a scene to make.
     folder.accept_recipe(&mut journal.lock())?;
     let journal = journal.into_inner();
     let entry_of = |scene: &u32| journal.entries().get(scene);
@@ -153,7 +153,7 @@ struct SceneProgress {
 }
 
 impl SceneWork<'_> {
-    /// Makes the next scene. Returns false if there is none, or if the run ends.
+    /// Makes the next scene. Returns `false` if no scene is left, or if the run ends.
     fn next<'env>(&'env self, queue: &Queue<'env>) -> bool {
         if self.maker.tools.stop.is_requested() {
             return false;
@@ -198,12 +198,12 @@ impl SceneWork<'_> {
     fn rehearse_end(&self, task: &Task, entry: JournalEntry) -> Result<()> {
         let SceneMaker { tools: Tools { recipe, log, .. }, folder, .. } = &self.maker;
         let trial = folder.stage_trial()?;
-        // What the trial leaves out is counted at the real end.
+        // The real end counts the omitted data of the trial.
         let dataset = recipe.dataset_info();
         let lender = DatasetLender::new(DatasetContext::new(&dataset, self.pool, *log));
         let Ended { writers, annotators } = annotate_and_finish(recipe, &lender, folder, &[entry], &trial);
         folder.drop_trial()?;
-        // An annotator of the dataset may need more scenes than one.
+        // An annotator of the dataset may need more than one scene.
         if let Some(error) = annotators.filter(|error| Recovery::of(error) == Recovery::Stop) {
             return Err(error);
         }
@@ -213,7 +213,8 @@ impl SceneWork<'_> {
         Err(error.context(format!("the end of the run, tried for write.{id} after scene {}", task.scene)))
     }
 
-    /// Commits the held scenes, or reports what ended the work. `noted` is the result of writing the working times.
+    /// Commits the held scenes, or returns the error that ended the work. `noted` is the result of writing the working
+    /// times.
     fn conclude(self, noted: Result<()>) -> Result<u32> {
         let (folder, progress) = (self.maker.folder, self.progress.into_inner());
         if let Some(reason) = self.maker.tools.stop.requested() {

@@ -1,4 +1,4 @@
-//! Render sessions, lent to one scene at a time, for loading and rendering only.
+//! Render sessions. One scene at a time borrows a session, only to load and render.
 
 use crate::run::making::recovery::Recovery;
 use crate::run::panics::caught;
@@ -7,7 +7,7 @@ use syntable_model::error::Result;
 use syntable_model::stage::{RenderSession, Renderer};
 use syntable_recipe::Recipe;
 
-/// As many sessions as there are scenes in flight, or fewer if there are fewer devices.
+/// One session per scene in flight, but at most one per device.
 pub struct Sessions<'a> {
     renderer: &'a dyn Renderer,
     free: Mutex<Vec<SessionSlot>>,
@@ -20,8 +20,8 @@ struct SessionSlot {
     session: Option<Box<dyn RenderSession>>,
 }
 
-/// How many scenes are in flight: one per thread. With a limited number of sessions there is at least one more, so that
-/// a scene is composed while another is rendered.
+/// Number of scenes in flight: one per thread. If the number of sessions is limited, at least one scene more than
+/// sessions, so that a scene is composed while another is rendered.
 pub fn scenes_in_flight(recipe: &Recipe, threads: usize, scenes: usize) -> usize {
     let least = recipe.render.max_sessions().map_or(1, |sessions| sessions.max(1) + 1);
     threads.max(least).min(scenes).max(1)
@@ -36,8 +36,8 @@ impl<'a> Sessions<'a> {
         Ok(Self { renderer, free: Mutex::new(free), returned: Condvar::new() })
     }
 
-    /// Waits for a session and lends it. A session that fails is closed, and opened again for the next scene. If its device
-    /// failed, the unused sessions are closed as well, because they may share the device.
+    /// Waits for a session and lends it to `work`. A session that fails is closed, and opened again for the next scene.
+    /// If its device failed, the unused sessions are closed as well, because they may share the device.
     pub fn with<T>(&self, work: impl FnOnce(&mut dyn RenderSession) -> Result<T>) -> Result<T> {
         let SessionSlot { index, session } = {
             let mut free = self.free.lock();
@@ -124,12 +124,12 @@ mod tests {
         assert_eq!(opened(), [1, 1]);
         let lost = sessions.with(|_| -> Result<()> { Err(Error::new("device lost")) }).expect_err("lost");
         assert_eq!(lost.to_string(), "device lost");
-        // The next scene meets the device that was lost, which comes back at the second try.
+        // The next scene gets the lost device, which comes back at the second try.
         let still_lost = sessions.with(|_| Ok(())).expect_err("lost").to_string();
         assert_eq!(still_lost, "render: the device is not back yet");
         sessions.with(|_| Ok(())).expect("works again");
         assert_eq!(opened(), [1, 3]);
-        // A device that failed may be that of the other session, too.
+        // The other session may use the same failed device.
         let hung = sessions.with(|_| -> Result<()> { Err(Error::device("hung")) }).expect_err("hung");
         assert!(hung.is_passing());
         let both = || sessions.with(|_| sessions.with(|_| Ok(())));

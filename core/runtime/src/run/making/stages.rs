@@ -1,4 +1,4 @@
-//! Runs the stages of a plan. Each stage gets the products that it reads, and must make all that it provides.
+//! Runs the stages of a plan. Each stage gets the products that it reads, and must make all products that it declares.
 
 use crate::run::making::attempt::{keep, provided};
 use crate::run::making::losses::{Losses, StageLog};
@@ -13,7 +13,7 @@ use syntable_model::random::Stream;
 use syntable_model::stage::ViewProducts;
 use syntable_recipe::plan::{Plan, PlannedStage, Producer};
 
-/// Runs all producers of a view. Adds what they leave out to `losses`.
+/// Runs all producers of a view. Adds the data that they omit to `losses`.
 pub fn annotate(
     times: &Times,
     losses: &Losses,
@@ -60,7 +60,7 @@ fn run_of_objects(
     products.extend(made)
 }
 
-/// Runs all producers of an image that was read. These are annotators that need only products.
+/// Runs all producers for an image from a dataset: annotators that need only products.
 pub fn annotate_image(
     times: &Times,
     losses: &Losses,

@@ -18,8 +18,8 @@ pub struct Worked {
     pub seconds: f64,
 }
 
-/// A line of `.syntable/times.jsonl`: the times of a run that made or extended scenes. It is the only file of a dataset that differs
-/// from run to run.
+/// A line of `.syntable/times.jsonl`: the times of a run that made or extended scenes. It is the only file of a dataset
+/// that differs from run to run.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct RunTimes {
     /// Number of scenes that the run made, extended, or found unchanged.
@@ -41,7 +41,7 @@ impl RunTimes {
         dataset.append(&layout::times(), line.as_bytes())
     }
 
-    /// The lines of a dataset's file, in order, without unreadable ones. Empty if there is no file.
+    /// The lines of a dataset's file, in order, without unreadable lines. Empty if the file is missing.
     pub fn of_dataset(dataset: impl Into<StoreFolder>) -> Result<Vec<Self>> {
         let bytes = foreign::read(&dataset.into(), &layout::times())?;
         Ok(bytes.split(|byte| *byte == b'\n').filter_map(|it| serde_json::from_slice(it).ok()).collect())

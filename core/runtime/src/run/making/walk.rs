@@ -1,9 +1,9 @@
-//! The walk over a scene: annotators before its views, then of each moment and each view, and annotators after the views. A
-//! [`ViewSink`] gets the products: a run writes files, a generator keeps samples.
+//! The walk over a scene: annotators before its views, then of each moment and each view, and annotators after the
+//! views. A [`ViewSink`] gets the products: a run writes files, a generator keeps samples.
 //!
-//! A scene's thread borrows a render session and hands each rendered view to the queue, which denoises, senses, annotates and
-//! checks it while the next view is rendered. The sink gets views in order, and a walk reports the error of its first failing
-//! view, so nothing depends on the scheduling.
+//! A scene's thread borrows a render session and hands each rendered view to the queue, which denoises, senses,
+//! annotates and checks it while the next view is rendered. The sink gets views in order, and a walk reports the error
+//! of its first failing view, so nothing depends on the scheduling.
 
 use crate::run::making::attempt::{Attempt, PosedSession, Tools};
 use crate::run::making::frames::Frames;
@@ -64,8 +64,8 @@ impl<'m> SceneWalk<'m> {
         DatasetContext::new(self.dataset, workers, log).with_cache(cache).scene(scene)
     }
 
-    /// Walks over a frozen scene. `start` makes the sink before the first view is rendered. Returns the sink, and the products of
-    /// the scene.
+    /// Walks over a frozen scene. `start` makes the sink before the first view is rendered. Returns the sink, and the
+    /// products of the scene.
     ///
     /// # Errors
     /// The error of the first view that fails, or of a stage of the scene.
@@ -99,7 +99,8 @@ impl<'m> SceneWalk<'m> {
         Ok((sink, products))
     }
 
-    /// Renders the views, and brings each to the sink. Returns the sink, and the products that annotators after the views read.
+    /// Renders the views, and brings each to the sink. Returns the sink, and the products that annotators after the
+    /// views read.
     fn render<S: ViewSink + 'm>(
         self,
         core: &Attempt<'m>,

@@ -1,4 +1,4 @@
-//! Annotator `visible_area`: how many pixels of each object can be seen.
+//! Annotator `visible_area`: the number of visible pixels of each object.
 
 use syntable_model::prelude::*;
 use syntable_model::product::standard::VISIBLE_MASK;

@@ -6,7 +6,7 @@ use syntable_mesh::{Model, ObjectInfo};
 use syntable_model::prelude::*;
 use syntable_model::scene::{Asset, AssetClass, Catalog, CatalogEntry, MeshData};
 
-/// PlainCubes of several sizes.
+/// Cubes of several sizes.
 #[derive(Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct PlainCubes {
@@ -43,8 +43,8 @@ impl AssetSource for PlainCubes {
     fn load(&self, name: &str, log: &dyn Log) -> Result<Asset> {
         let edge = name.strip_prefix("cube_").and_then(|i| self.edges_m.get(i.parse::<usize>().ok()?));
         let edge = *edge.ok_or_else(|| Error::new(format!("no cube `{name}`")))?;
-        // Corner i is at the side of the cube that the bits of i say; each face has two triangles, seen from outside
-        // counterclockwise.
+        // The bits of i select the side of the cube for corner i. Each face has two triangles, counterclockwise seen
+        // from outside.
         let side = |i: u32, axis: u32| if i >> axis & 1 == 1 { edge / 2.0 } else { -edge / 2.0 };
         let positions = (0..8).map(|i| [side(i, 0), side(i, 1), side(i, 2)]).collect();
         let faces = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];

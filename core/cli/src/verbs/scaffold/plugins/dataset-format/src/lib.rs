@@ -9,7 +9,8 @@ use syntable_model::reader::{Format, ImageRef, ImageSource, Opened, ReadImage, S
 use syntable_model::register_format;
 use syntable_model::scene::{SceneId, ViewId};
 
-/// The only file of a dataset: a line of headings, then `image,width,height,left,top,right,bottom` for each object, in pixels.
+/// The only file of a dataset: a line of headings, then `image,width,height,left,top,right,bottom` for each object, in
+/// pixels.
 const FILE: &str = "boxes.csv";
 
 register_format!(Format {
@@ -21,9 +22,9 @@ register_format!(Format {
     crate_name: env!("CARGO_PKG_NAME"),
 });
 
-/// Reads what is known without the images: here, the whole table.
+/// Reads all data that needs no image: here, the whole table.
 fn open(source: &Source) -> Result<Opened> {
-    // The folder resolves names, so that none leads out of the dataset.
+    // The folder resolves names, so that none leads outside the dataset.
     let path = source.folder(&source.path)?.file(FILE)?;
     let bytes = read_small(&path).map_err(|error| Error::io(&path, &error))?;
     let images = parse(&String::from_utf8_lossy(&bytes)).map_err(|error| error.in_file(&path))?;
@@ -76,7 +77,7 @@ fn name_of(path: &Path) -> String {
     path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default()
 }
 
-/// Makes the masks of an image when they are asked for.
+/// Makes the masks of an image on request.
 struct Table(Vec<Image>);
 
 impl ImageSource for Table {

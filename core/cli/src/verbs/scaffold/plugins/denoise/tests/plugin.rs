@@ -17,7 +17,7 @@ fn images_are_smoother_and_as_bright() {
     for sample in samples(&["radiance", "radiance_noisy"], &[]) {
         let [smooth, noisy] = [RADIANCE, RADIANCE_NOISY].map(|key| sample.products.get(key).expect("made"));
         assert!(roughness(smooth) < 0.8 * roughness(noisy), "{} of {}", roughness(smooth), roughness(noisy));
-        // A pixel alone, by hand: all that the mean covers lies within the noisy values around it.
+        // Checks one pixel directly: the mean lies within the range of the noisy values around it.
         let around = (20..=22).flat_map(|y| (30..=32).map(move |x| noisy.at(x, y)[0]));
         let (low, high) = around.fold((f32::MAX, f32::MIN), |(low, high), value| (low.min(value), high.max(value)));
         assert!((low..=high * 1.0001).contains(&smooth.at(31, 21)[0]));

@@ -1,4 +1,4 @@
-//! Metric `count_error`: by how many objects the number of predictions is wrong.
+//! Metric `count_error`: the error in the number of predicted objects.
 
 use syntable_evaluate::image::ImagePair;
 use syntable_evaluate::measure::{Measure, Measurement, Metric};

@@ -41,7 +41,7 @@ impl Placer for ObjectTower {
     fn place(&self, scene: &mut SceneBuilder, context: &Context) -> Result<()> {
         let support = scene.support(self.support.as_ref())?.clone();
         let mut height = support.height();
-        // Each quantity has a stream of its own, so that one more object leaves the others as they are.
+        // Each quantity has its own stream, so that one more object does not change the others.
         for k in 0..self.count.draw(&mut context.stream.child("count")).max(0) as u64 {
             let (asset, object) = context.assets.draw_object(&self.from, &mut context.stream.child("asset").at(k))?;
             let bounds = object.mesh.bounds();
@@ -52,7 +52,7 @@ impl Placer for ObjectTower {
             );
             height += bounds.size().z + 0.002;
             let body = BodyDraft::new(asset, object, pose, Role::Object, Motion::Dynamic);
-            // The settler keeps what stays on the support, and drops again what falls off.
+            // The settler keeps the objects that stay on the support, and drops again the ones that fall off.
             scene.drop_body(body, DropZone { area: support.surface, support: support.clone() });
         }
         Ok(())

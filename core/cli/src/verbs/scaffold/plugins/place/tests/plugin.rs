@@ -1,4 +1,4 @@
-// Without physics, the objects stand above each other in the middle of the table.
+// Without physics, the objects form a tower in the middle of the table.
 
 use object_tower as _;
 

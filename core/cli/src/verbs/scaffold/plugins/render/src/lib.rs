@@ -7,8 +7,8 @@ use syntable_model::prelude::*;
 use syntable_model::product::standard::{DEPTH, INSTANCE};
 use syntable_model::scene::Body;
 
-/// Tests every triangle of the bodies whose boxes a ray meets. It is slow, but simple enough to check other renderers. It ignores
-/// cut-outs in textures.
+/// Tests every triangle of the bodies whose boxes a ray meets. It is slow, but simple enough to check other renderers.
+/// It ignores cut-outs in textures.
 #[derive(Debug, Clone, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct FirstHit {}
@@ -75,7 +75,7 @@ impl RenderSession for Session {
                 }
             }
         }
-        // A renderer provides exactly what the plan wants.
+        // A renderer provides exactly the products that the plan wants.
         for key in request.wants {
             if *key == DEPTH.id() {
                 products.put(DEPTH, hits.map(|(depth, _)| *depth as f32))?;

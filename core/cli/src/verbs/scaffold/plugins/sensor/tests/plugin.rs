@@ -1,4 +1,4 @@
-// One pixel in ten is black, and the others are as they were.
+// One pixel in ten is black, and the others are unchanged.
 
 use dead_pixels::RGB_DEAD_PIXELS;
 use syntable::model::product::standard::RGB;

@@ -4,8 +4,8 @@ use syntable_model::geometry::{Aabb, Translation3};
 use syntable_model::prelude::*;
 use syntable_model::scene::{BodyHandle, Motion, SettleReport};
 
-/// Moves each body straight down until its bounding box meets the main support or the box of a body below. It neither tilts nor
-/// rolls a body, so a scene is ready in microseconds.
+/// Moves each body straight down until its bounding box meets the main support or the box of a body below. It neither
+/// tilts nor rolls a body, so a scene is ready in microseconds.
 #[derive(Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct StraightDrop {

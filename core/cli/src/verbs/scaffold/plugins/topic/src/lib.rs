@@ -1,4 +1,4 @@
-//! Topic `linked_crates`: what `syntable list linked_crates` shows.
+//! Topic `linked_crates`: the table of `syntable list linked_crates`.
 
 use std::collections::BTreeMap;
 use syntable_cli::Topic;

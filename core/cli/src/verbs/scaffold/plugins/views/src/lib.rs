@@ -4,7 +4,8 @@ use syntable_model::geometry::{Point3, Vector3, look_at};
 use syntable_model::prelude::*;
 use syntable_model::scene::ViewId;
 
-/// Cameras above the middle of the tabletop that look straight down, at random heights and random angles about the vertical.
+/// Cameras above the middle of the tabletop that look straight down, at random heights and random angles about the
+/// vertical.
 #[derive(Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct TopView {
@@ -35,7 +36,7 @@ impl Config for TopView {
 
 impl ViewSampler for TopView {
     fn pose(&self, scene: &Scene, _: ViewId, context: &Context) -> Result<Pose> {
-        // Each quantity has a stream of its own. The streams differ from view to view.
+        // Each quantity has its own stream. The streams differ from view to view.
         let height = context.stream.child("height").uniform(self.height_m[0], self.height_m[1]);
         let direction = context.stream.child("up").direction();
         let center: Point3<f64> = scene.support(None)?.center();

@@ -1,4 +1,4 @@
-// A run writes the table, and it has the areas of the masks.
+// A run writes the table, which has the areas of the masks.
 
 use area_table as _;
 use syntable::model::product::standard::VISIBLE_MASK;
