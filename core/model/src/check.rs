@@ -1,6 +1,6 @@
-//! Checks of labels against each other: what must hold in every view, however it was made.
+//! Checks of labels against each other: statements that hold in every view, whatever its origin.
 //!
-//! A run makes them on every view before it is written, `syntable validate` on datasets that are there.
+//! A run checks every view before it writes the view. `syntable validate` checks existing datasets.
 
 use crate::error::Result;
 use crate::product::{KeyId, Products};
@@ -10,16 +10,16 @@ use crate::product::{KeyId, Products};
 pub trait LabelCheck: Send + Sync {
     /// Its name, in snake case. [`intern`](crate::intern::intern) makes one at run time.
     fn name(&self) -> &'static str;
-    /// What holds in a sound view, in one sentence.
+    /// The statement that holds in a sound view, in one sentence.
     fn doc(&self) -> &str;
-    /// The products that it looks at. It is made where all of them are there.
+    /// The products that it compares. The check runs if all of them are present.
     fn reads(&self) -> Vec<KeyId>;
     /// Whether the products have something to compare: a dataset that was read may lack a part of a record.
     fn finds_subject(&self, products: &Products) -> bool {
         let _ = products;
         true
     }
-    /// What does not hold, a sentence each.
+    /// Faults of a view, one sentence each.
     ///
     /// # Errors
     /// If a product cannot be read.
@@ -27,12 +27,12 @@ pub trait LabelCheck: Send + Sync {
 }
 
 impl dyn LabelCheck + '_ {
-    /// Whether all that it looks at is there.
+    /// Whether all products that it reads are present and have something to compare.
     pub fn applies(&self, products: &Products) -> bool {
         self.reads().iter().all(|key| products.contains(key)) && self.finds_subject(products)
     }
 
-    /// What does not hold in a view; nothing where a product is missing.
+    /// Faults of a view; none if a product is missing or nothing can be compared.
     ///
     /// # Errors
     /// If a product cannot be read.
@@ -46,13 +46,13 @@ impl dyn LabelCheck + '_ {
 pub struct Check {
     /// Its name, in snake case.
     pub name: &'static str,
-    /// What holds in a sound view, in one sentence.
+    /// The statement that holds in a sound view, in one sentence.
     pub doc: &'static str,
-    /// The products that it looks at. It is made where all of them are there.
+    /// The products that it compares. The check runs if all of them are present.
     pub reads: fn() -> Vec<KeyId>,
     /// Whether the products have something to compare: a dataset that was read may lack a part of a record.
     pub finds_subject: fn(&Products) -> bool,
-    /// What does not hold, a sentence each. An error says that a product cannot be read.
+    /// Faults of a view, one sentence each. An error means that a product cannot be read.
     pub faults: fn(&Products) -> Result<Vec<String>>,
 }
 
@@ -67,7 +67,7 @@ macro_rules! register_check {
 }
 
 impl Check {
-    /// [`finds_subject`](Self::finds_subject) of a check that needs nothing but its products.
+    /// [`finds_subject`](Self::finds_subject) of a check that needs only its products.
     pub const ALWAYS: fn(&Products) -> bool = |_| true;
 }
 

@@ -1,7 +1,7 @@
 //! The sRGB transfer function (IEC 61966-2-1), in single and double precision. Luminance is in
 //! [`photometry`](crate::photometry).
 
-/// A color channel: `f32` or `f64`. The arithmetic of each type is its own, so results do not change with a detour.
+/// A color channel: `f32` or `f64`. Each type computes in its own precision, so no conversion changes the results.
 pub trait Channel: Copy {
     /// Decodes an sRGB-encoded value in [0, 1] to a linear one.
     fn srgb_to_linear(self) -> Self;

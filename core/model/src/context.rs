@@ -1,6 +1,6 @@
-//! What the program lends to a stage for one call.
+//! Contexts: the data and services that the program passes to a stage for one call.
 //!
-//! Stages that compose a scene or sample a view get a [`Context`]. Later stages get a context of what they work on:
+//! Stages that compose a scene or sample a view get a [`Context`]. Later stages get a context of their input:
 //!
 //! | | of a scene that the program made | of any dataset |
 //! |---|---|---|
@@ -9,8 +9,8 @@
 //! | each scene | [`SceneContext`] | [`ImagesContext`] |
 //! | the dataset | | [`DatasetContext`] |
 //!
-//! A stage that takes a context of the right column also serves datasets that were read, in conversions for instance. A context of
-//! the left column dereferences to the one beside it.
+//! A stage that takes a context of the right column also serves datasets that were read, in conversions for instance. A
+//! context of the left column dereferences to its neighbor in the right column.
 
 use crate::digest::Digest;
 use crate::error::{Error, Result};
@@ -28,7 +28,7 @@ use std::ops::Deref;
 use std::path::Path;
 use std::sync::Arc;
 
-/// What is lent to a stage that runs once per dataset.
+/// Context of a stage that runs once per dataset.
 #[derive(Clone, Copy)]
 #[non_exhaustive]
 pub struct DatasetContext<'a> {
@@ -42,8 +42,8 @@ pub struct DatasetContext<'a> {
     pub log: &'a dyn Log,
 }
 
-/// What is lent to a stage for the images of a scene, whether the program made the scene or read them from a dataset: the number of
-/// the scene, and nothing of its bodies.
+/// Context of a stage that works on the images of one scene, which the program made or read from a dataset. It has the
+/// number of the scene, but not its bodies.
 #[derive(Clone, Copy)]
 #[non_exhaustive]
 pub struct ImagesContext<'a> {
@@ -59,16 +59,16 @@ pub struct ImagesContext<'a> {
     pub log: &'a dyn Log,
 }
 
-/// What is lent to a stage that runs once per scene, after the scene has settled.
+/// Context of a stage that runs once per scene, after the scene has settled.
 #[derive(Clone, Copy)]
 #[non_exhaustive]
 pub struct SceneContext<'a> {
     images: ImagesContext<'a>,
-    /// Bodies, materials and what surrounds them.
+    /// Bodies, materials and surroundings.
     pub scene: &'a Scene,
 }
 
-/// What is lent to a stage that runs once per moment of a scene that the program made.
+/// Context of a stage that runs once per moment of a scene that the program made.
 #[derive(Clone, Copy)]
 #[non_exhaustive]
 pub struct FrameContext<'a> {
@@ -79,7 +79,7 @@ pub struct FrameContext<'a> {
     pub moment: Moment,
 }
 
-/// What is lent to a stage for an image, whether the program rendered the image or read it from a dataset.
+/// Context of a stage that processes one image, rendered or read from a dataset.
 #[derive(Clone, Copy)]
 #[non_exhaustive]
 pub struct ImageContext<'a> {
@@ -99,16 +99,16 @@ pub struct ImageContext<'a> {
     pub log: &'a dyn Log,
 }
 
-/// What is lent to a stage for a view of a scene that the program made.
+/// Context of a stage that processes one view of a scene that the program made.
 #[derive(Clone, Copy)]
 #[non_exhaustive]
 pub struct ViewContext<'a> {
     image: ImageContext<'a>,
-    /// Bodies, materials and what surrounds them.
+    /// Bodies, materials and surroundings.
     pub scene: &'a Scene,
     /// Camera, exposure and lights.
     pub view: &'a View,
-    /// The view that follows in the scene; none after the last one.
+    /// The next view of the scene; none for the last view.
     pub next: Option<&'a View>,
 }
 
@@ -149,13 +149,13 @@ impl<'a> ImagesContext<'a> {
 }
 
 impl<'a> SceneContext<'a> {
-    /// The context of one of the scene's views, the last one.
+    /// The context of a view of the scene, without a next view; see [`ViewContext::before`].
     pub fn view(self, view: &'a View) -> ViewContext<'a> {
         let k = &view.camera.intrinsics;
         ViewContext { image: self.images.image(view.id, [k.width, k.height]), scene: self.scene, view, next: None }
     }
 
-    /// The context of a moment, [at which](Scene::at) the scene is.
+    /// The context of a moment. The scene must be [at](Scene::at) this moment.
     pub fn frame(self, moment: Moment) -> FrameContext<'a> {
         FrameContext { images: self.images, scene: self.scene, moment }
     }
@@ -203,7 +203,7 @@ impl<'a> ImageContext<'a> {
 }
 
 impl<'a> ViewContext<'a> {
-    /// The same with the view that follows.
+    /// The same with the next view.
     pub fn before(self, next: Option<&'a View>) -> Self {
         Self { next, ..self }
     }
@@ -227,7 +227,8 @@ impl<'a> Deref for ViewContext<'a> {
     }
 }
 
-/// What is lent to a stage that composes a scene or samples a view. There is no clock, no global and no environment.
+/// Context of a stage that composes a scene or samples a view. It gives no access to a clock, to global state or to the
+/// environment.
 pub struct Context<'a> {
     /// Random numbers of this stage, scene, view and attempt. Clone it, or derive children.
     pub stream: Stream,
@@ -245,22 +246,22 @@ pub struct Context<'a> {
 pub trait Assets: Send + Sync {
     /// The entries of a pool, sorted by name.
     fn entries(&self, pool: &str) -> Result<&[CatalogEntry]>;
-    /// An asset. An error means that the asset is bad; it was reported.
+    /// Loads an asset. An error means that the asset is bad; the error has been reported.
     fn get(&self, asset: &AssetRef) -> Result<Asset>;
 }
 
 impl dyn Assets + '_ {
-    /// Draws an object. A bad asset is passed over.
+    /// Draws an object. Skips bad assets.
     pub fn draw_object(&self, pools: &ObjectPools, stream: &mut Stream) -> Result<(AssetRef, Arc<Object>)> {
         self.draw(pools, stream, Asset::into_object)
     }
 
-    /// Draws a material. A bad asset is passed over.
+    /// Draws a material. Skips bad assets.
     pub fn draw_material(&self, pools: &MaterialPools, stream: &mut Stream) -> Result<(AssetRef, Arc<Material>)> {
         self.draw(pools, stream, Asset::into_material)
     }
 
-    /// Draws an environment map. A bad one is passed over.
+    /// Draws an environment map. Skips bad maps.
     pub fn draw_environment(
         &self,
         pools: &EnvironmentPools,
@@ -285,7 +286,7 @@ impl dyn Assets + '_ {
         stream: &mut Stream,
         take: fn(Asset) -> Result<T>,
     ) -> Result<(AssetRef, T)> {
-        // Every bad asset is struck from this draw's list, so that the draw ends and depends on the stream alone.
+        // Each bad asset is removed from the list of this draw, so that the draw ends and depends only on the stream.
         let mut left = Undrawn::of(self, pools)?;
         let mut last = None;
         while let Some(asset) = left.draw(stream) {
@@ -336,7 +337,7 @@ impl<'a> Undrawn<'a> {
                 at -= weight;
                 at < 0.0
             };
-            // Rounding can leave nothing below the total.
+            // Rounding can leave no group below the total.
             chosen = self.groups.iter().position(below).unwrap_or(last);
         }
         let group = &mut self.groups[chosen].1;
@@ -349,11 +350,11 @@ fn asset_ref(pool: &str, entry: &CatalogEntry) -> AssetRef {
     AssetRef { pool: pool.to_owned(), name: entry.name.clone() }
 }
 
-/// Bytes kept between runs, by purpose and digest. A cache may forget; it never changes what it was given.
+/// Bytes kept between runs, by purpose and digest. A cache may drop entries, but never changes their bytes.
 pub trait Cache: Send + Sync {
-    /// What was put under this key, if it is still there.
+    /// The bytes stored under this key, if the cache still has them.
     fn get(&self, purpose: &str, key: Digest) -> Option<Vec<u8>>;
-    /// Keeps bytes. Failure is silent: the cache is a convenience.
+    /// Stores bytes. Failures are silent, because the cache is only a convenience.
     fn put(&self, purpose: &str, key: Digest, bytes: &[u8]);
 }
 
@@ -367,10 +368,10 @@ pub trait Workers: Send + Sync {
 
 /// Where warnings go.
 pub trait Log: Send + Sync {
-    /// Something is not as it should be, but work goes on.
+    /// Reports a problem that does not stop the work.
     fn warn(&self, warning: &Error);
 
-    /// A stage leaves something out of an image. Verbs sum this up and end with exit code 3.
+    /// Reports that a stage leaves something out of an image. Verbs sum up these reports and end with exit code 3.
     fn left_out(&self, left_out: &LeftOut) {
         if left_out.count > 0 {
             let warning = Error::new(left_out.to_string());
@@ -378,24 +379,25 @@ pub trait Log: Send + Sync {
         }
     }
 
-    /// Calls `work` once. While that takes longer than a second, whoever waits for the run is told the step that it is at.
+    /// Calls `work` once. If it takes longer than a second, the log may show the current step to the user; by default,
+    /// it does not.
     fn during(&self, steps: &Steps, work: &mut dyn FnMut()) {
         let _ = steps;
         work();
     }
 }
 
-/// The steps of work that may take long, for those who wait. Nothing that is computed may depend on them.
+/// The steps of long work, for users who wait. Results must not depend on them.
 #[derive(Debug, Default)]
 pub struct Steps(std::sync::Mutex<Option<String>>);
 
 impl Steps {
-    /// A step begins: what is done to what, such as "decomposing `mug` into convex parts (3 of 12)".
+    /// Begins a step, named by the operation and its object, such as "decomposing `mug` into convex parts (3 of 12)".
     pub fn begin(&self, step: String) {
         *self.0.lock().unwrap_or_else(|poisoned| poisoned.into_inner()) = Some(step);
     }
 
-    /// The step that began last; none before the first.
+    /// The latest step; none before the first.
     pub fn latest(&self) -> Option<String> {
         self.0.lock().unwrap_or_else(|poisoned| poisoned.into_inner()).clone()
     }
@@ -411,7 +413,7 @@ impl Cache for NoCache {
     fn put(&self, _: &str, _: Digest, _: &[u8]) {}
 }
 
-/// One job after the other, on the calling thread.
+/// Runs one job after another, on the calling thread.
 #[derive(Debug, Default, Clone, Copy)]
 pub struct Serial;
 impl Workers for Serial {
@@ -423,7 +425,7 @@ impl Workers for Serial {
     }
 }
 
-/// Maximum number of different warnings of one piece of work that are told; of more the number is.
+/// Maximum number of different warnings of one piece of work that are listed. The others are only counted.
 const MAX_WARNINGS: usize = 16;
 
 /// A log that collects its warnings.
@@ -435,8 +437,8 @@ impl Collected {
         self.0.lock().unwrap_or_else(|poisoned| poisoned.into_inner()).clone()
     }
 
-    /// The warnings so far, each message of a file once, with how often it came, at its first place; after sixteen the
-    /// number of the others.
+    /// The warnings so far. Repeats of a message about the same file are merged at the first place, with their number.
+    /// After sixteen different warnings, only the number of the others follows.
     pub fn merged(&self) -> Vec<Error> {
         let all = self.0.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
         let mut known: BTreeMap<(Option<&Path>, &str), usize> = BTreeMap::new();
@@ -472,7 +474,7 @@ mod tests {
     use crate::names::MaterialPool;
     use std::collections::BTreeMap;
 
-    /// Pools of materials named by number; those that are no number are bad.
+    /// Pools of materials named by number; materials with other names are bad.
     struct Numbers(BTreeMap<&'static str, Vec<CatalogEntry>>);
 
     impl Numbers {
@@ -579,7 +581,7 @@ mod tests {
         assert_eq!(merged.len(), MAX_WARNINGS + 1, "{merged:?}");
         assert_eq!(merged[0], "a.obj:1: no such material (1000 times)");
         assert_eq!(merged[1], "a.obj: no texture 1 (25 times)");
-        // Of 40 textures, 15 are told; the other 25 came 25 times each, and the other file's warning once.
+        // Of 40 textures, 15 are listed. The other 25 warned 25 times each, and the other file warned once.
         assert_eq!(merged[MAX_WARNINGS], "626 more warnings");
         assert!(Collected::default().merged().is_empty());
     }

@@ -1,4 +1,4 @@
-//! Content digests: 128 bits of BLAKE3, written as 32 hexadecimal letters.
+//! Content digests: 128 bits of BLAKE3, written as 32 hexadecimal digits.
 
 use serde::{Deserialize, Serialize};
 use std::fmt;
@@ -14,8 +14,8 @@ impl Digest {
         Hasher::new("bytes").bytes(bytes).finish()
     }
 
-    /// The digest of all that a reader gives, and the number of its bytes. It is the plain BLAKE3 of the content, cut to 32
-    /// letters, as `b3sum` prints it.
+    /// The digest of all bytes of a reader, and the number of these bytes. It is the plain BLAKE3 hash of the content,
+    /// cut to 32 hexadecimal digits, as `b3sum` prints it.
     pub fn of_reader(mut reader: impl std::io::Read) -> std::io::Result<(Self, u64)> {
         let mut hasher = blake3::Hasher::new();
         let mut buffer = vec![0; 1 << 16];

@@ -1,7 +1,7 @@
 //! One error type for everything that can go wrong while a dataset is made.
 //!
-//! An error names what failed, the file and location if there is one, and a remedy. Messages are lower case and
-//! carry no full stop, so that they can be joined.
+//! An error states the failure, its file and place if it has them, and a remedy. Messages are lower case and have no
+//! full stop, so that they can be joined.
 
 use std::fmt;
 use std::io::ErrorKind;
@@ -11,13 +11,14 @@ use syntable_toml_schema::{DisplayPath, Finding};
 /// Shorthand for results of this crate and of stages.
 pub type Result<T, E = Error> = std::result::Result<T, E>;
 
-/// Maximum length of a message, and of each help and context, characters. What is longer holds a part of a file.
+/// Maximum length of a message, and of each help and context, characters. A longer text contains a part of a file.
 const MAX_MESSAGE: usize = 4000;
 
-/// Number of the system's error for too many links; the same on Linux and as unlikely to mean something else elsewhere.
+/// Number of the system error for too many links on Linux. On other systems, the number is unlikely to mean something
+/// else.
 const ELOOP: i32 = 40;
 
-/// What failed, where, and what to do about it.
+/// A failure, its place, and a remedy.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Error {
     message: String,
@@ -28,21 +29,21 @@ pub struct Error {
     cause: Cause,
 }
 
-/// Who can change that an operation fails.
+/// Cause of a failure. It decides whether and how the work is tried again.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Cause {
-    /// Every attempt and every scene would meet it: the run stops.
+    /// Every attempt at every scene would fail: the run stops.
     Permanent,
     /// Other random numbers may avoid it: the scene is tried again.
     Chance,
-    /// The caller asked to stop: the same command goes on from there.
+    /// The caller asked to stop: the same command continues where the run stopped.
     Stopped,
     /// The file system failed: the run stops, and the same command may succeed later.
     Io(ErrorKind),
-    /// A device failed, such as a graphics card: it says nothing about the scene, so no attempt with other random numbers
+    /// A device failed, such as a graphics card. The scene is not the cause, so no attempt with other random numbers
     /// follows.
     Device {
-        /// Whether the same attempt may succeed on a device that is opened anew.
+        /// Whether the same attempt may succeed after the device is opened again.
         is_passing: bool,
     },
     /// Labels contradict each other: a stage is wrong, and nothing of the scene is written. No attempt with other random
@@ -60,8 +61,8 @@ pub enum Place {
 }
 
 impl Error {
-    /// An error with a message: lower case, no full stop, naming the value that is wrong. Every attempt at every scene would meet
-    /// it, so that a run stops; see [`unlucky`](Self::unlucky).
+    /// An error with a message: lower case, no full stop, naming the wrong value. Every attempt at every scene would
+    /// fail with it, so a run stops; see [`unlucky`](Self::unlucky).
     pub fn new(message: impl Into<String>) -> Self {
         Self {
             message: cut(message.into()),
@@ -80,8 +81,8 @@ impl Error {
         Self { cause: Cause::Io(kind), ..Self::new(error.to_string().to_lowercase()).in_file(file) }
     }
 
-    /// A failure of a device, such as one that was lost or ran out of memory: the same attempt at the scene is repeated
-    /// on a device that is opened anew.
+    /// A failure of a device, for example a lost device or one that ran out of memory. The device is opened again, and
+    /// the same attempt at the scene is repeated.
     pub fn device(message: impl Into<String>) -> Self {
         Self { cause: Cause::Device { is_passing: true }, ..Self::new(message) }
     }
@@ -106,7 +107,7 @@ impl Error {
         matches!(self.cause, Cause::Device { .. })
     }
 
-    /// Whether a device failed on which the same work may succeed once it is opened anew.
+    /// Whether a device failed, and the same work may succeed after the device is opened again.
     pub fn is_passing(&self) -> bool {
         matches!(self.cause, Cause::Device { is_passing: true })
     }
@@ -116,8 +117,8 @@ impl Error {
         matches!(self.cause, Cause::Io(_))
     }
 
-    /// Whether the file system failed in a way that says nothing about the file: a device, a network, permissions, or
-    /// what the process may open. A name that is not there or cannot be one, and content that ends early, say something.
+    /// Whether the file system failed for a reason other than the file: a device, a network, permissions, or the limits
+    /// of the process. A missing file, an impossible name, and content that ends early are faults of the file.
     pub fn is_transient(&self) -> bool {
         use ErrorKind::*;
         let of_file = |kind| {
@@ -136,14 +137,15 @@ impl Error {
         matches!(self.cause, Cause::Io(kind) if !of_file(kind))
     }
 
-    /// Random numbers led to it, such as no place for a body: other ones may avoid it, and the scene is tried again. Code that draws
-    /// random numbers says so; all other errors are permanent.
+    /// An error caused by random numbers, such as no place for a body. Other random numbers may avoid it, so the scene
+    /// is tried again. Code that draws random numbers marks its errors so; errors from [`new`](Self::new) are
+    /// permanent.
     pub fn unlucky(message: impl Into<String>) -> Self {
         Self { cause: Cause::Chance, ..Self::new(message) }
     }
 
-    /// States that random numbers led to the error, by the code that drew them. Errors of the file system and of devices stay what
-    /// they are.
+    /// Marks a permanent error as caused by random numbers, for the code that drew them. Other errors, such as failures
+    /// of the file system and of devices, stay unchanged.
     pub fn by_chance(mut self) -> Self {
         if self.cause == Cause::Permanent {
             self.cause = Cause::Chance;
@@ -166,7 +168,7 @@ impl Error {
         self.cause == Cause::Permanent
     }
 
-    /// States that the command is at fault, whatever said so: the same command fails again.
+    /// Marks the error as a fault of the command, whatever its cause was: the same command fails again.
     pub fn of_request(mut self) -> Self {
         self.cause = Cause::Permanent;
         self
@@ -196,13 +198,13 @@ impl Error {
         self
     }
 
-    /// Says what was being done, outermost last: `object \`mug\``, `scene 3`.
+    /// Adds the operation in progress, outermost last: `object \`mug\``, `scene 3`.
     pub fn context(mut self, doing: impl Into<String>) -> Self {
         self.context.push(cut(doing.into()));
         self
     }
 
-    /// Says in the message how often it came.
+    /// Adds the number of occurrences to the message.
     pub(crate) fn said(mut self, times: usize) -> Self {
         self.message = format!("{} ({times} times)", self.message);
         self
@@ -223,7 +225,7 @@ impl Error {
         self.place
     }
 
-    /// The help message, if there is one.
+    /// The help message, if any.
     pub fn help_text(&self) -> Option<&str> {
         self.help.as_deref()
     }
@@ -240,7 +242,7 @@ fn cut(mut text: String) -> String {
 }
 
 impl Error {
-    /// What was being done, the file and the message, without the help message.
+    /// The contexts, the file and the message, without the help message.
     pub fn without_help(&self) -> String {
         Self { help: None, ..self.clone() }.to_string()
     }
@@ -274,7 +276,7 @@ impl std::error::Error for Error {}
 pub struct ConfigError {
     /// Path of the key inside the stage's own table, such as `count` or `material.floor`; empty for the table.
     pub key: String,
-    /// What is wrong, naming the value.
+    /// The problem, with the value at fault.
     pub message: String,
     /// A help message.
     pub help: Option<String>,

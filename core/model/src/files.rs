@@ -12,11 +12,11 @@ use std::path::{Component, Path, PathBuf};
 /// Largest file that [`read_small`] reads, bytes.
 const LARGEST: u64 = crate::limits::SMALL_FILE_BYTES.most;
 
-/// Reads a recipe, a list or a template. Refuses what is no regular file, such as a device or a FIFO, which may never
-/// end, and files above 64 MiB.
+/// Reads a recipe, a list or a template. Refuses files above 64 MiB, and anything but a regular file: a device or a
+/// FIFO may never end.
 pub fn read_small(path: &Path) -> Result<Vec<u8>> {
     let refuse = |message: &str| Err(Error::new(ErrorKind::InvalidInput, message));
-    // Asked before it is opened: opening a FIFO waits for a writer.
+    // Checked before opening, because opening a FIFO waits for a writer.
     let kind = std::fs::metadata(path)?;
     if kind.is_dir() {
         return refuse("it is a folder");
@@ -34,20 +34,20 @@ pub fn read_small(path: &Path) -> Result<Vec<u8>> {
 
 /// A path within a dataset: relative, with `/` between folders, such as `png/rgb/0_0.png`.
 ///
-/// It has no root, drive, backslash or NUL, and none of its parts is empty, `.` or `..`: joined to any folder, it names
-/// something below that folder. What links on the way do is up to whoever opens it. Paths are ordered as texts, and are
-/// written as texts.
+/// It has no root, drive, backslash or NUL, and none of its parts is empty, `.` or `..`. Joined to any folder, it
+/// therefore names a file or folder below that folder. The code that opens it decides about links on the way. Paths are
+/// ordered and serialized as text.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(try_from = "String", into = "String")]
 pub struct DatasetPath(String);
 
-/// Bytes of the longest name of a file or folder that file systems take.
+/// Longest name of a file or folder that file systems accept, bytes.
 const LONGEST_NAME: usize = 255;
 
 /// Names at the top of a dataset that the program keeps for itself: its own folder, and the resolved recipe.
 pub const RESERVED: [&str; 2] = [".syntable", "recipe.toml"];
 
-/// Why a text is no path within a dataset.
+/// Why a text is not a path within a dataset.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct NotInside(String);
 
@@ -66,7 +66,7 @@ impl fmt::Display for NotInside {
 impl std::error::Error for NotInside {}
 
 impl DatasetPath {
-    /// Takes a text. The error says what is wrong with it.
+    /// Checks a text. The error explains why it is not a path within a dataset.
     pub fn new(path: impl Into<String>) -> std::result::Result<Self, NotInside> {
         let path = path.into();
         let refuse = |why: String| Err(NotInside(format!("{} is not a path inside the dataset: {why}", shown(&path))));
@@ -97,7 +97,7 @@ impl DatasetPath {
         Ok(Self(path))
     }
 
-    /// The same for a file of a writer: the program keeps [`RESERVED`] for itself.
+    /// The same for a file of a writer. Refuses [`RESERVED`] names, which the program keeps for itself.
     pub fn of_writer(path: impl Into<String>) -> std::result::Result<Self, NotInside> {
         let path = Self::new(path)?;
         match path.is_reserved() {
@@ -171,27 +171,27 @@ impl fmt::Display for DatasetPath {
     }
 }
 
-/// How far the names and links of a dataset that is read may reach.
+/// How far the names and links in a dataset that is read may reach.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Reach {
-    /// Files of the dataset's own folder, also by links that stay in it.
+    /// Files in the dataset's own folder, also through links that stay in it.
     #[default]
     Inside,
     /// All files: the user trusts the dataset.
     Anywhere,
 }
 
-/// A folder of a dataset that is read, from which names of its files count.
+/// A folder of a dataset that is read. Names of files are relative to it.
 ///
-/// The folder itself may be reached by links: somebody named it. From there on, names and links may not lead out, unless
-/// [`Reach`] says so.
+/// Links may lead to the folder itself, because the user named it. From there on, names and links may not lead out,
+/// unless [`Reach`] allows it.
 #[derive(Debug, Clone)]
 pub struct DatasetFolder {
     /// The folder that nothing may lead out of, as the user wrote it.
     root: PathBuf,
-    /// The same without links.
+    /// The same folder, with links resolved.
     real: PathBuf,
-    /// From where names count, relative to it.
+    /// The base of names, relative to `root`.
     at: PathBuf,
     reach: Reach,
 }
@@ -207,17 +207,17 @@ impl DatasetFolder {
         Ok(Self { root: root.to_owned(), real, at: PathBuf::new(), reach })
     }
 
-    /// The same for names that count from a folder inside. `name` is not looked up before a file is.
+    /// The same for names relative to the folder `name` inside. `name` is not looked up before a file is.
     pub fn inner(&self, name: impl AsRef<Path>) -> Self {
         Self { at: self.at.join(name), ..self.clone() }
     }
 
-    /// The folder that names count from.
+    /// The folder that names are relative to.
     pub fn path(&self) -> PathBuf {
         if self.at.as_os_str().is_empty() { self.root.clone() } else { self.root.join(&self.at) }
     }
 
-    /// The path of a file or folder of this name, whether it is there or not.
+    /// The path of a file or folder of this name, which need not exist.
     ///
     /// # Errors
     /// If the name is absolute, or `..` or a link leads out of the dataset's folder.
@@ -251,13 +251,13 @@ impl DatasetFolder {
         match self.real.join(&inside).canonicalize() {
             Ok(real) if real.starts_with(&self.real) => Ok(path),
             Ok(_) => refuse("leads out of the dataset's folder through a link"),
-            // Opening it says what is the matter.
+            // Opening the path reports the error.
             Err(error) if matches!(error.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory) => Ok(path),
             Err(error) => Err(error::Error::io(path, &error)),
         }
     }
 
-    /// Whether there is a regular file of this name that may be read.
+    /// Whether a regular file of this name exists and may be read.
     pub fn has(&self, name: impl AsRef<Path>) -> bool {
         self.file(name).is_ok_and(|path| path.is_file())
     }
@@ -335,7 +335,7 @@ mod tests {
             for name in ["fine.png", "train/b.png", "../a.png", "./train/../fine.png", "../val/b.png"] {
                 assert!(images.has(name), "{name}");
             }
-            // What is not there is found missing when it is opened.
+            // A missing file is reported when it is opened.
             assert!(images.file("none/x.png").is_ok() && images.file("fine.png/x").is_ok());
         }
         let trusted = DatasetFolder::open(&root, Reach::Anywhere).expect("there");

@@ -7,21 +7,22 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 impl Registry {
-    /// Opens a dataset: of the format of a name, or of the one that it looks like.
+    /// Opens a dataset in the named format, or in the format that it looks like.
     ///
     /// # Errors
-    /// If nothing is there, it is no dataset of a known format, or of several, or nothing of it can be read.
+    /// If the path does not exist, its format is unknown or ambiguous, it contains several datasets, or nothing can be
+    /// read.
     pub fn open_dataset(&self, source: &Source, format: Option<&str>) -> Result<(Arc<dyn DatasetFormat>, OpenDataset)> {
         let (format, source) = self.find_dataset(source, format)?;
         let dataset = format.open(&source)?;
         Ok((format, dataset))
     }
 
-    /// Finds the format of a dataset, and its folder or annotation file, without opening it: a folder that only holds a dataset
-    /// is left for that one.
+    /// Finds the format of a dataset, and its folder or annotation file, without opening it. A folder that only
+    /// contains one dataset is replaced by that dataset.
     ///
     /// # Errors
-    /// If nothing is there, or it is no dataset of a known format, or of several.
+    /// If the path does not exist, its format is unknown or ambiguous, or it contains several datasets.
     pub fn find_dataset(&self, source: &Source, format: Option<&str>) -> Result<(Arc<dyn DatasetFormat>, Source)> {
         find(self.formats(), source, format)
     }
@@ -43,7 +44,7 @@ fn find(
             Error::new(format!("unknown dataset format `{name}`")).help(format!("available formats: {}", names()))
         });
     }
-    // A dataset of a layout comes before what holds products under their names, wherever it is.
+    // A dataset with a layout of its own comes before products stored by name, wherever it is.
     for is_generic in [false, true] {
         let those = || formats.iter().filter(move |it| it.is_generic() == is_generic);
         let found: Vec<&Arc<dyn DatasetFormat>> = those().filter(|it| it.detects(root)).collect();
@@ -60,7 +61,7 @@ fn find(
         let is_one = |path: &PathBuf| path.is_dir() && those().any(|it| it.detects(path));
         let mut inside: Vec<PathBuf> = entries.filter(is_one).collect();
         if let [only] = inside.as_slice() {
-            // It may be a link to what the user did not name.
+            // It may be a link to a folder that the user did not name.
             source.folder(root)?.file(only.file_name().unwrap_or_default())?;
         }
         inside.sort();

@@ -24,7 +24,7 @@ pub struct Aabb {
 }
 
 impl Aabb {
-    /// The box of nothing: contains no point, and grows to whatever is added.
+    /// The empty box: contains no point, and grows to each point or box that is added.
     pub fn empty() -> Self {
         Self { min: Point3::from([f64::INFINITY; 3]), max: Point3::from([f64::NEG_INFINITY; 3]) }
     }
@@ -74,9 +74,10 @@ impl Aabb {
 }
 
 /// The free space between boxes around a point: the widest box that ends, along each axis, at the first box that the
-/// axis-parallel line through the point meets. Infinite where there is none; boxes that hold the point do not count.
+/// axis-parallel line through the point meets. Infinite in a direction without a box; boxes that contain the point do
+/// not count.
 ///
-/// Of the parts of a room and a point inside, it is the inside of the room.
+/// For the parts of a room and a point inside, it is the inside of the room.
 pub fn space_around(point: &Point3<f64>, boxes: impl IntoIterator<Item = Aabb>) -> Aabb {
     let mut space = Aabb { min: Point3::from([f64::NEG_INFINITY; 3]), max: Point3::from([f64::INFINITY; 3]) };
     for aabb in boxes {

@@ -8,15 +8,15 @@ use std::path::Path;
 /// Knows one kind of asset file or folder. Registered with [`register_inspector!`](crate::register_inspector).
 #[derive(Clone, Copy)]
 pub struct Inspector {
-    /// What it knows, such as `OBJ mesh` or `PBR material folder`; unique.
+    /// The kind of asset that it inspects, such as `OBJ mesh` or `PBR material folder`; unique.
     pub name: &'static str,
     /// Whether a path looks like its kind, from names alone. The file may still be broken, or not exist.
     pub accepts: fn(&Path) -> bool,
-    /// Loads the asset and says what it found. An error refuses it, warnings go to the log.
+    /// Loads the asset and returns its facts. An error refuses the asset; warnings go to the log.
     pub inspect: fn(&Path, &dyn Log) -> Result<Inspection>,
 }
 
-/// What was found in an asset.
+/// Facts about an asset.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Inspection {
     /// Names and values in reading order: `("triangles", "5762")`.

@@ -8,9 +8,9 @@ static NAMES: Mutex<BTreeSet<&'static str>> = Mutex::new(BTreeSet::new());
 
 /// The one `'static` text of a name.
 ///
-/// Kinds and products that a crate registers have names in the program; a kind that a program adds at run time, say for a function of
-/// another language, has its name from here. This is state of the process: a name stays until the process ends, and takes its
-/// bytes once, however often it is asked for.
+/// Names of kinds and products that a crate registers are part of the program. A kind that a program adds at run time,
+/// say for a function of another language, gets its name from here. This is state of the process: a name stays until
+/// the process ends, and takes its bytes once, however often it is requested.
 ///
 /// ```
 /// # use syntable_model::intern::intern;

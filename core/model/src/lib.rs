@@ -1,4 +1,4 @@
-//! The data model of SynTable: what a plugin needs, and all it needs.
+//! The data model of SynTable: everything that a plugin needs.
 //!
 //! SynTable turns a *recipe* into a dataset for unseen-object amodal instance segmentation. The pipeline has fixed
 //! slots:
@@ -9,8 +9,8 @@
 //! ```
 //!
 //! Everything after the settled [`Scene`](scene::Scene) is a [product]: a typed value under a [`Key`].
-//! Renderers offer products, annotators provide them from others, writers want them; the program computes what is
-//! wanted and nothing else.
+//! Renderers offer products, annotators make new products from them, and writers request products. The program computes
+//! only the requested products and those that they are made from.
 //!
 //! A whole plugin, with its options, its key and its registration:
 //!
@@ -69,8 +69,8 @@
 //! ```
 //!
 //! **Invariants.** This crate starts no thread and prints nothing. It reads TOML only as the options of one stage
-//! ([`registry`]); files, inheritance and diagnostics are the runtime's. Randomness is handed in; no stage has a clock.
-//! Everything that reaches a file is ordered by id, never by hash or thread.
+//! ([`registry`]); the crate `syntable-recipe` handles files, inheritance and diagnostics. Stages receive their random
+//! numbers, and no stage has a clock. Everything that reaches a file is ordered by id, never by hash or thread.
 
 pub mod check;
 pub mod color;
@@ -108,7 +108,7 @@ macro_rules! keys {
     ($($key:expr),* $(,)?) => { vec![$($key.id()),*] };
 }
 
-/// What nearly every plugin needs.
+/// Items that nearly every plugin needs.
 pub mod prelude {
     pub use crate::context::{
         Context, DatasetContext, FrameContext, ImageContext, ImagesContext, Log, SceneContext, ViewContext,

@@ -12,7 +12,7 @@ use crate::error::Error;
 /// A limit: the largest value, and what to do about a file that exceeds it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Limit {
-    /// What is limited, such as "pixels of an image".
+    /// The limited quantity, such as "pixels of an image".
     pub what: &'static str,
     /// Largest value that is read.
     pub most: u64,
@@ -20,7 +20,7 @@ pub struct Limit {
     pub is_bytes: bool,
     /// Why the limit exists, and why honest data stays below it.
     pub why: &'static str,
-    /// What to do about data that exceeds it.
+    /// The remedy for data that exceeds it.
     pub remedy: &'static str,
 }
 
@@ -285,14 +285,15 @@ impl Limit {
         if value <= self.most { Ok(()) } else { Err(self.refuse(value)) }
     }
 
-    /// Refuses a product of lengths above the limit, also if no integer holds it. A length of 0 counts as 1: an empty array may
-    /// not be longer than others, or a loop over its rows would not end.
+    /// Refuses a product of lengths above the limit, including products that overflow. A length of 0 counts as 1: an
+    /// empty array may not be longer than others, or a loop over its rows would not end.
     pub fn check_product(&self, factors: &[u64]) -> Result<(), Error> {
         let product = factors.iter().try_fold(1_u64, |product, factor| product.checked_mul((*factor).max(1)));
         self.check(product.unwrap_or(u64::MAX))
     }
 
-    /// Refuses an image of more pixels. One without pixels may not be longer either: a loop over its rows would not end.
+    /// Refuses an image with too many pixels. A width or height of 0 counts as 1: a loop over the rows of a longer image
+    /// without pixels would not end.
     pub fn check_size(&self, [width, height]: [u32; 2]) -> Result<(), Error> {
         let pixels = u64::from(width.max(1)) * u64::from(height.max(1));
         if pixels <= self.most {

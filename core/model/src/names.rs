@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 
 /// A type of names of pools.
 pub trait PoolName: From<String> + JsonSchema {
-    /// What the name refers to, such as `pool:object`.
+    /// The kind of reference, such as `pool:object`.
     const REFERENCE: &'static str;
 
     /// The name.
@@ -98,7 +98,7 @@ name!(
 );
 
 impl SupportName {
-    /// What the name refers to.
+    /// The kind of reference.
     pub const REFERENCE: &'static str = "support";
 }
 

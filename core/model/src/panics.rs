@@ -24,14 +24,14 @@ static QUIET: AtomicUsize = AtomicUsize::new(0);
 /// The text of a panic, and its place in the source.
 #[derive(Debug)]
 pub struct Panicked {
-    /// What it said.
+    /// Its message.
     pub message: String,
     /// File and line, if it was quiet.
     pub location: Option<String>,
 }
 
 impl Panicked {
-    /// What [`catch_unwind`] gives: the panic of a thread, or one that another thread handed on.
+    /// Reads a payload from [`catch_unwind`]: the panic of this thread, or a panic that another thread passed on.
     pub fn of(payload: Box<dyn Any + Send>) -> Self {
         match payload.downcast::<Self>() {
             Ok(panicked) => *panicked,
@@ -43,7 +43,7 @@ impl Panicked {
         }
     }
 
-    /// Where it was, without the folder in which Cargo keeps libraries.
+    /// The place of the panic, without the folder in which Cargo keeps libraries.
     fn place(&self) -> String {
         let Some(location) = &self.location else { return String::new() };
         let of_library = location.split_once("/registry/src/").and_then(|(_, rest)| rest.split_once('/'));
@@ -60,8 +60,8 @@ pub fn unwound<T>(work: impl FnOnce() -> Result<T>) -> Result<T> {
     })
 }
 
-/// Runs a reader of foreign data, such as a library that decodes images. A panic prints nothing and becomes an error that names
-/// the file: `reader` says what failed, such as "the reader of parquet".
+/// Runs a reader of foreign data, such as a library that decodes images. A panic prints nothing and becomes an error
+/// that names the file. `reader` names the part that failed, such as "the reader of parquet".
 pub fn guarded<T>(reader: &str, file: &Path, work: impl FnOnce() -> Result<T>) -> Result<T> {
     struct Inside;
     impl Drop for Inside {
@@ -81,7 +81,7 @@ pub fn guarded<T>(reader: &str, file: &Path, work: impl FnOnce() -> Result<T>) -
     })
 }
 
-/// While `work` runs, a panic prints nothing by itself: it is reported as an event. Runs may overlap.
+/// While `work` runs, panics are reported as events instead of printed. Runs may overlap.
 pub fn quiet<T>(work: impl FnOnce() -> T) -> T {
     struct Counted;
     impl Drop for Counted {
@@ -95,7 +95,7 @@ pub fn quiet<T>(work: impl FnOnce() -> T) -> T {
     work()
 }
 
-/// Makes panics quiet that somebody reports, and remembers their places.
+/// Installs a hook that silences panics which are reported elsewhere, and records their places.
 fn hook() {
     static HOOK: Once = Once::new();
     HOOK.call_once(|| {

@@ -63,7 +63,7 @@ pub fn sphere_luminance(illuminance_lx: f64, distance_m: f64, radius_m: f64) -> 
 /// Illuminance (lux) per nit of a one-sided convex polygon, at a point on a plane with unit `normal`.
 ///
 /// Lambert's closed form: half the sum over the edges of the angle that the edge subtends times the cosine between
-/// `normal` and the edge's plane normal. What is below the plane does not count.
+/// `normal` and the edge's plane normal. Parts below the plane do not count.
 pub fn polygon_illuminance(corners: &[Point3<f64>], point: Point3<f64>, normal: Vector3<f64>) -> f64 {
     let corners: Vec<Vector3<f64>> = corners.iter().map(|corner| corner - point).collect();
     let mut above = Vec::with_capacity(corners.len() + 1);

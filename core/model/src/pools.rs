@@ -30,7 +30,7 @@ pub type EnvironmentPools = Pools<EnvironmentPool>;
 enum Choice<P> {
     One(P),
     All(Vec<P>),
-    /// Sorted by name; none is negative, not all are zero.
+    /// Sorted by name; no weight is negative, and not all are zero.
     Weighted(Vec<(P, f64)>),
 }
 
@@ -71,8 +71,8 @@ impl<P: PoolName> Pools<P> {
         probabilities
     }
 
-    /// Names of the pools that are drawn from together, in groups, each with its weight. A group is drawn in proportion to
-    /// its weight, then an entry uniformly over all entries of its pools. Without weights there is one group.
+    /// Names of the pools that are drawn from together, in groups, each with its weight. A group is drawn in proportion
+    /// to its weight, then an entry uniformly over all entries of its pools. Without weights, all pools form one group.
     pub(crate) fn groups(&self) -> Vec<(f64, Vec<&str>)> {
         match &self.0 {
             Choice::One(pool) => vec![(1.0, vec![pool.as_str()])],

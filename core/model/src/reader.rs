@@ -24,16 +24,17 @@ pub trait DatasetFormat: Send + Sync {
     fn name(&self) -> &'static str;
     /// Description, in one sentence.
     fn doc(&self) -> &str;
-    /// Whether a folder looks like one, or a file like the annotation file of one. Callers use [`detects`](#method.detects).
+    /// Whether a folder looks like a dataset of the format, or a file like its annotation file. Callers use
+    /// [`detects`](#method.detects).
     fn looks_like(&self, path: &Path) -> bool;
-    /// Reads a dataset without its images: a folder, or an annotation file of it. Names of files in the dataset are looked up in
-    /// [`Source::folder`], so that they lead nowhere else. Callers use [`open`](#method.open).
+    /// Reads a dataset without its images, from its folder or annotation file. Readers look up names of files in the
+    /// dataset in [`Source::folder`], so that they lead nowhere else. Callers use [`open`](#method.open).
     ///
     /// # Errors
-    /// If there is none, or nothing of it can be read.
+    /// If the path is not a dataset of the format, or nothing of it can be read.
     fn read(&self, source: &Source) -> Result<Opened>;
-    /// Whether it holds products under their names, as generic writers write them. Beside a dataset of a layout, that one is
-    /// opened.
+    /// Whether it holds products under their names, as generic writers write them. A dataset with a layout of its own
+    /// takes precedence.
     fn is_generic(&self) -> bool {
         false
     }
@@ -42,16 +43,16 @@ pub trait DatasetFormat: Send + Sync {
 }
 
 impl dyn DatasetFormat + '_ {
-    /// Opens a dataset. A panic of its reader, then and later, becomes an error that names the dataset: a reader may use
+    /// Opens a dataset. A panic of its reader, now or later, becomes an error that names the dataset: a reader may use
     /// libraries that panic on damaged files.
     ///
     /// # Errors
-    /// If there is none, or nothing of it can be read.
+    /// If the path is not a dataset of the format, or nothing of it can be read.
     pub fn open(&self, source: &Source) -> Result<OpenDataset> {
         OpenDataset::open(self.name(), source, || self.read(source))
     }
 
-    /// Whether a folder or a file looks like a dataset of the format. One on which the reader panics does not.
+    /// Whether a folder or a file looks like a dataset of the format. False if the reader panics on it.
     pub fn detects(&self, path: &Path) -> bool {
         guarded(&format!("the reader of {}", self.name()), path, || Ok(self.looks_like(path))).unwrap_or(false)
     }
@@ -132,7 +133,7 @@ macro_rules! register_format {
 /// The path that a user names as a dataset.
 #[derive(Debug, Clone)]
 pub struct Source {
-    /// Its folder, or an annotation file of it.
+    /// Its folder, or its annotation file.
     pub path: PathBuf,
     /// How far names and links in it may reach.
     pub reach: Reach,
@@ -144,13 +145,13 @@ impl Source {
         Self { path: path.into(), reach: Reach::Inside }
     }
 
-    /// The same, with the reach of a dataset whose paths the user trusts or not.
+    /// The same source. If `is_trusted`, its names and links may lead anywhere; otherwise they must stay inside.
     pub fn trusting(self, is_trusted: bool) -> Self {
         Self { reach: if is_trusted { Reach::Anywhere } else { Reach::Inside }, ..self }
     }
 
-    /// A folder that nothing in the dataset leads out of, unless its reach is wider. It is the one that the user named, or
-    /// follows from that by names that the format fixes.
+    /// Opens a folder. Nothing in the dataset may lead out of it, unless the reach is wider. `path` is the path that
+    /// the user named, or follows from it by names that the format fixes.
     ///
     /// # Errors
     /// If it cannot be found.
@@ -171,7 +172,7 @@ pub struct Opened {
     pub derived: Vec<KeyId>,
     /// Interchangeable products: reading either of a pair loses no information.
     pub alike: Vec<[KeyId; 2]>,
-    /// Faults of the dataset beyond single images that opening shows: files or records that contradict each other.
+    /// Faults of the dataset beyond single images, found while opening: files or records that contradict each other.
     pub faults: Vec<DatasetFault>,
     /// Whether images without objects are listed: a dataset without images is then at fault.
     pub lists_all_images: bool,
@@ -213,8 +214,8 @@ pub trait ImageSource: Send + Sync {
     /// # Errors
     /// If a file or record cannot be read; the message names it.
     fn read(&self, image: usize, wants: &[KeyId]) -> Result<ReadImage>;
-    /// Regions of an image with objects that are not separated, such as COCO's crowds. They are no objects. A score ignores
-    /// detections in them.
+    /// Regions of an image with objects that are not separated, such as COCO's crowds. They are not objects. A score
+    /// ignores detections in them.
     ///
     /// # Errors
     /// If they cannot be read.
@@ -248,7 +249,7 @@ pub struct ReadImage {
 }
 
 impl ReadImage {
-    /// An image of which everything could be read.
+    /// An image that was read completely.
     pub fn new(size: [u32; 2], products: Products) -> Self {
         Self { size, products, left_out: Vec::new(), unread: Vec::new() }
     }
@@ -258,11 +259,11 @@ impl ReadImage {
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Note {
     lack: Lack,
-    /// The products that it concerns; all if none are named.
+    /// The products that it concerns; none means all products.
     concerns: Option<Vec<KeyId>>,
 }
 
-/// A kind of what products lack.
+/// A kind of gap.
 #[derive(Debug, Clone, PartialEq, Eq)]
 enum Lack {
     Caveat(String),
@@ -271,7 +272,7 @@ enum Lack {
 }
 
 impl Note {
-    /// Text for people: how the products say less than those of a run.
+    /// A text for users: the information that the products lack, compared with products of a run.
     pub fn caveat(text: impl Into<String>) -> Self {
         Self { lack: Lack::Caveat(text.into()), concerns: None }
     }
@@ -311,7 +312,7 @@ impl OpenDataset {
     /// Opens a dataset by a function that is not registered as a format. `reader` is the name of the format, for messages.
     ///
     /// # Errors
-    /// Those of the function; a panic in it is one, too.
+    /// The errors of the function. A panic in it becomes an error, too.
     pub fn open(reader: &str, source: &Source, open: impl FnOnce() -> Result<Opened>) -> Result<Self> {
         let (reader, root) = (format!("the reader of {reader}"), source.path.clone());
         Ok(Self { opened: guarded(&reader, &root, open)?, reader, root, faults: OnceLock::new() })
@@ -325,7 +326,7 @@ impl OpenDataset {
         guarded(&self.reader, &self.root, || self.opened.source.read(image, wants))
     }
 
-    /// Regions of an image in which objects are not told apart; see [`ImageSource::crowds`].
+    /// Regions of an image with objects that are not separated; see [`ImageSource::crowds`].
     ///
     /// # Errors
     /// If they cannot be read.
@@ -340,8 +341,8 @@ impl OpenDataset {
         found.into_iter().map(|fault| DatasetFault { image: Some(image), ..fault }).collect()
     }
 
-    /// Faults of the dataset beyond single images. The first call may read many files; [`Opened::faults`] has those that opening
-    /// shows.
+    /// Faults of the dataset beyond single images. The first call may read many files; [`Opened::faults`] has the
+    /// faults that were found while opening.
     pub fn all_faults(&self) -> &[DatasetFault] {
         self.faults.get_or_init(|| self.find_faults())
     }
@@ -354,7 +355,8 @@ impl OpenDataset {
         self.opened.faults.iter().cloned().chain(others).collect()
     }
 
-    /// The category, by its id in [`info`](Opened::info), that the annotation file calls `own`; none if it has no such category.
+    /// The id in [`info`](Opened::info) of the category with the id `own` in the annotation file; none if the file has
+    /// no such category.
     pub fn category(&self, own: u64) -> Option<u32> {
         match &self.category_ids {
             Some(ids) => ids.get(&own).copied(),
@@ -362,12 +364,13 @@ impl OpenDataset {
         }
     }
 
-    /// Texts for people: how products among these say less than those of a run.
+    /// Texts for users: the information that these products lack, compared with products of a run.
     pub fn caveats(&self, reads: &[KeyId]) -> Vec<String> {
         self.lacks(reads, |lack| if let Lack::Caveat(text) = lack { Some(text.clone()) } else { None })
     }
 
-    /// Annotations that are not given as objects; see [`Note::not_objects`]. [`ReadImage::left_out`] has those of single images.
+    /// Annotations that are not given as objects; see [`Note::not_objects`]. [`ReadImage::left_out`] has such
+    /// annotations of single images.
     pub fn not_objects(&self, reads: &[KeyId]) -> Vec<LeftOut> {
         self.lacks(reads, |lack| if let Lack::NotObjects(of) = lack { Some(of.clone()) } else { None })
     }
@@ -424,7 +427,7 @@ pub fn is_unnamed(number: u64, name: &str) -> bool {
     [unnamed_object, unnamed_category, unnamed_class].iter().any(|of| of(number) == name)
 }
 
-/// A region of an image with objects that are not told apart.
+/// A region of an image with objects that are not separated.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Crowd {
     /// Its pixels.
@@ -442,13 +445,13 @@ pub struct DatasetFault {
     pub image: Option<usize>,
     /// The record or file that breaks the rule; none for an image as a whole.
     pub subject: Option<FaultSubject>,
-    /// What is wrong with the subject.
+    /// The fault of the subject.
     pub message: String,
     /// Whether the reader omits images because of the fault: it cannot read them, or cannot distinguish them.
     pub is_lost: bool,
 }
 
-/// A record or file that breaks a rule. Its text is what messages call it.
+/// A record or file that breaks a rule. Messages name it by its text.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum FaultSubject {
     /// An annotation, by its id in the annotation file.
@@ -480,8 +483,8 @@ impl DatasetFault {
         Self { subject: Some(subject.into()), ..self }
     }
 
-    /// Place and text for people. The place of a fault of an image is the image's name, and the text begins with the subject;
-    /// else the place is the subject.
+    /// Place and text for users. If the fault is in an image, the place is the image's name and the text begins with
+    /// the subject; otherwise the place is the subject.
     pub fn place_and_text(&self, images: &[ImageRef]) -> [String; 2] {
         match self.image {
             Some(image) => {
@@ -528,7 +531,7 @@ impl From<String> for FaultSubject {
 mod tests {
     use super::*;
 
-    /// A source that panics in all that it does.
+    /// A source that panics in all its methods.
     struct Panicking;
 
     impl ImageSource for Panicking {

@@ -1,4 +1,4 @@
-//! How stages become known: a plugin registers each of its configuration types.
+//! Registration of stages: a plugin registers each of its configuration types.
 //!
 //! [`register!`](crate::register) submits a constant [`Entry`] at link time; [`Registry::linked`] collects, sorts and
 //! checks them. Every function of the program takes `&Registry`, so that tests build theirs by hand, and programs add kinds
@@ -35,23 +35,24 @@ pub trait Config: Serialize + DeserializeOwned + JsonSchema {
     /// Options that had another name, as (old, new) paths such as `("camera.fov", "camera.fov_deg")`. A recipe
     /// that uses the old name gets an error that names the new one.
     const RENAMED: &'static [(&'static str, &'static str)] = &[];
-    /// For a kind that stands for others of its slot, with the options that all of these have: which of them to take on this
-    /// machine. Asked when a run begins, and never by `check` or `plan`, for which the kind builds a stage like any other;
-    /// the resolved recipe names the kind that was chosen.
+    /// For a kind that represents other kinds of its slot and has the options that all of them have: chooses one of
+    /// them for this machine. Called when a run begins, but never by `check` or `plan`, for which the kind builds a
+    /// stage like any other. The resolved recipe names the chosen kind.
     const CHOOSE: Option<Choose> = None;
-    /// Builds the stage. Checks what ranges cannot say. Does no input or output, so that `check` is quick.
+    /// Builds the stage. Checks rules that ranges cannot express. Does no input or output, so that `check` is quick.
     fn build(self) -> Result<Box<Self::Stage>, ConfigError>;
 }
 
-/// Chooses a kind among those of a registry; see [`Config::CHOOSE`]. An error says what the user asked for and is not there.
+/// Chooses a kind among the kinds of a registry; see [`Config::CHOOSE`]. The error names the part that the user asked
+/// for and this machine lacks.
 pub type Choose = fn(&Registry) -> crate::error::Result<Choice>;
 
-/// A kind that another one stands for on this machine.
+/// A kind that replaces another kind on this machine.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Choice {
     /// The kind, of the same slot.
     pub kind: &'static str,
-    /// Why, for people: what was found, or what is missing.
+    /// The reason, for users, such as the devices that were found or the library that is missing.
     pub reason: String,
 }
 
@@ -63,7 +64,7 @@ pub enum Shape {
     One,
     /// An array of tables, in order.
     List,
-    /// Tables by id; the id is the kind unless `kind` says otherwise.
+    /// Tables by id. The id is the kind unless the table has a `kind`.
     Keyed,
 }
 
@@ -72,13 +73,13 @@ pub enum Shape {
 pub struct SlotSpec {
     /// Key in recipes.
     pub name: &'static str,
-    /// What its stages do.
+    /// The task of its stages.
     pub doc: &'static str,
     /// How often it occurs.
     pub shape: Shape,
-    /// Kinds that a recipe without the section gets, as far as they are registered.
+    /// Kinds that a recipe without the section gets, if they are registered.
     pub default_kinds: &'static [&'static str],
-    /// Whether a recipe may do without.
+    /// Whether a recipe may leave it out.
     pub optional: bool,
 }
 
@@ -173,7 +174,7 @@ impl Slot {
         self.spec().name
     }
 
-    /// What its stages do.
+    /// The task of its stages.
     pub const fn doc(self) -> &'static str {
         self.spec().doc
     }
@@ -260,7 +261,7 @@ pub struct Entry {
     pub example: &'static str,
     /// Options that had another name: (old, new).
     pub renamed: &'static [(&'static str, &'static str)],
-    /// Chooses the kind that it stands for.
+    /// Chooses the kind that replaces it on this machine; see [`Config::CHOOSE`].
     pub choose: Option<Choose>,
     factory: Factory,
 }
@@ -314,8 +315,9 @@ impl<F: Fn() -> Stage + Send + Sync> StageFactory for Plain<F> {
     }
 }
 
-/// Names of crates whose kinds a program ships with. Of several kinds that provide a product, the resolver takes the one of these
-/// crates, so that a recipe means the same whether a further crate is linked or not. A crate that links all of them registers the list.
+/// Names of crates whose kinds a program ships with. If several kinds provide a product, the resolver takes the kind of
+/// these crates, so that a recipe means the same whether a further crate is linked or not. A crate that links all of
+/// them registers the list.
 pub struct StockCrates(pub &'static [&'static str]);
 
 inventory::collect!(StockCrates);
@@ -452,7 +454,7 @@ pub struct Registry {
 }
 
 impl Registry {
-    /// All that the crates register which are linked into this program and named in its source.
+    /// Everything registered by crates that are linked into this program and named in its source.
     ///
     /// # Errors
     /// If two crates register one name.
@@ -559,8 +561,8 @@ impl Registry {
     }
 }
 
-/// Implements [`Config`](crate::registry::Config) for options that are the stage itself and need no check beyond their schema: the
-/// type, the trait of the stage, the kind, and the usual options where there are any.
+/// Implements [`Config`](crate::registry::Config) for options that are the stage itself and need no check beyond their
+/// schema: the type, the trait of the stage, the kind, and the usual options if it has any.
 ///
 /// ```
 /// use syntable_model::prelude::*;

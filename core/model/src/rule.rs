@@ -28,7 +28,7 @@ pub const ORDER_MATCHES_MASKS: &str = "order_matches_masks";
 pub const RATE_IS_RATIO_OF_AREAS: &str = "rate_is_ratio_of_areas";
 /// Files and records can be read.
 pub const READABLE: &str = "readable";
-/// Two records of one thing do not contradict each other.
+/// Two records of the same subject do not contradict each other.
 pub const RECORDS_AGREE: &str = "records_agree";
 /// No two records of a kind have one id.
 pub const UNIQUE_IDS: &str = "unique_ids";

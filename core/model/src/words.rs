@@ -1,12 +1,12 @@
-//! Words of messages: some of many things, listings, first sentences.
+//! Words of messages: shortened lists, listings, first sentences.
 
 use std::fmt::Display;
 pub use syntable_toml_schema::{first_sentence, listing};
 
-/// Number of things that a message names.
+/// Maximum number of items that a message names.
 pub const SHOWN: usize = 10;
 
-/// Names the first [`SHOWN`] things: `a, b, c and 7 more`. Nothing for no things.
+/// Names the first [`SHOWN`] items: `a, b, c and 7 more`. Empty if the list is empty.
 pub fn some_of<T: Display>(things: impl IntoIterator<Item = T>) -> String {
     let (first, more) = first_of(things);
     let first: Vec<String> = first.iter().map(ToString::to_string).collect();
@@ -18,14 +18,14 @@ pub fn some_names<T: Display>(names: impl IntoIterator<Item = T>) -> String {
     some_of(names.into_iter().map(|name| format!("`{name}`")))
 }
 
-/// The first [`SHOWN`] things, and how many more there are.
+/// The first [`SHOWN`] items, and the number of the others.
 pub fn first_of<T>(things: impl IntoIterator<Item = T>) -> (Vec<T>, usize) {
     let mut things = things.into_iter();
     let first = things.by_ref().take(SHOWN).collect();
     (first, things.count())
 }
 
-/// What follows the first things: ` and 7 more`, or nothing.
+/// The end of a shortened list: ` and 7 more`, or nothing.
 pub fn and_more(more: usize) -> String {
     if more == 0 { String::new() } else { format!(" and {more} more") }
 }

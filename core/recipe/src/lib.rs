@@ -7,9 +7,9 @@
 //! ```
 //!
 //! - [`text`] parses files into spanned trees and words the messages about them.
-//! - [`merge`] joins a recipe with those that it extends, with overrides and variables, into one tree.
+//! - [`merge`] joins a recipe with the recipes that it extends, with overrides and variables, into one tree.
 //! - [`tables`] validates each table of the tree against its schema and builds its stage.
-//! - [`plan`] resolves which stage computes each product that somebody wants.
+//! - [`plan`] resolves which stage computes each requested product.
 //! - [`schema`] generates the JSON Schema for editors, which the loader validates against, too.
 //!
 //! [`load()`] passes through these in this order and returns a [`Recipe`] with warnings, or a [`Report`] of all mistakes.

@@ -39,7 +39,7 @@ pub fn load(registry: &Registry, source: Source, overrides: &Overrides) -> Resul
 pub struct Checked {
     /// The recipe and its warnings, or all its mistakes.
     pub recipe: Result<(Recipe, Vec<Diagnostic>), Report>,
-    /// The pools of a recipe with mistakes, as far as they have none themselves.
+    /// The pools of a recipe with mistakes. Pools that have mistakes themselves are left out.
     pub pools: BTreeMap<String, Pool>,
 }
 
@@ -63,7 +63,7 @@ pub(crate) fn load_with(
     ReadRecipe::read(registry, source, overrides, renamed).finish(registry).map_err(|broken| broken.report)
 }
 
-/// A recipe with mistakes, and its pools that have none.
+/// A recipe with mistakes, and its pools without mistakes.
 struct BrokenRecipe {
     report: Report,
     pools: BTreeMap<String, Pool>,
@@ -79,7 +79,7 @@ struct ReadRecipe<'r> {
     built: Built<'r>,
     plan: Option<Plan>,
     diagnostics: Vec<DiagnosticBuilder>,
-    /// What a syntax error or a missing base may have lost.
+    /// Damage by syntax errors and missing bases.
     damage: Damage,
 }
 
@@ -150,7 +150,7 @@ impl<'r> ReadRecipe<'r> {
         pools.collect()
     }
 
-    /// Adds what the built stages lack, and paths of files that clash.
+    /// Reports what the built stages lack, and paths of files that clash.
     fn add_needs(&mut self) {
         let sound: Vec<&BuiltStage> = self.built.stages.iter().filter(|stage| stage.found).collect();
         let writers: Vec<(&str, &dyn Writer<Scenes>)> = (sound.iter())
@@ -213,7 +213,7 @@ fn in_reading_order(sources: &Sources, mut diagnostics: Vec<DiagnosticBuilder>, 
     if diagnostics.iter().any(|diagnostic| diagnostic.severity == Severity::Error) {
         diagnostics.retain(|diagnostic| diagnostic.code != Code::UnusedPool);
     }
-    // Missing sections, which are nowhere, come last; the recipe itself comes before what it extends.
+    // Missing sections have no place and come last. The recipe itself comes before the recipes that it extends.
     diagnostics.sort_by_key(|diagnostic| {
         let span = diagnostic.span();
         (*span == NOWHERE, span.start, span.end, diagnostic.code)
@@ -306,7 +306,7 @@ fn assemble(dataset: DatasetTable, built: Built, plan: Plan, lock: LockTable) ->
     })
 }
 
-/// A stage that runs without being in the recipe.
+/// A stage that runs although the recipe does not have it.
 fn implied((stage, Implied { entry, options, .. }): &(String, Implied)) -> ResolvedStage {
     ResolvedStage {
         slot: entry.slot,

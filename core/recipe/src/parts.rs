@@ -1,4 +1,5 @@
-//! What of a recipe is as it was in an earlier one, so that stages and what they hold in memory are kept.
+//! Finds the parts of a recipe that have not changed since an earlier one, so that stages and their data in memory are
+//! kept.
 
 use crate::recipe::Recipe;
 use std::collections::BTreeMap;
@@ -13,7 +14,7 @@ use syntable_model::registry::{Shape, Slot};
 pub struct Parts(Vec<(Slot, String, Digest)>);
 
 impl Parts {
-    /// The parts of a recipe, slot by slot in the order in which stages run. An error is that of a file.
+    /// The parts of a recipe, slot by slot in the order in which stages run. An error means that a file cannot be read.
     pub fn of(recipe: &Recipe) -> Result<Self> {
         let (resolved, files) = (recipe.resolved.parse::<toml::Table>().unwrap_or_default(), recipe.file_digests()?);
         let digest = |part: &str, options: &toml::Value| {
@@ -54,15 +55,15 @@ impl Parts {
         self.0.iter().find(|(_, other, _)| other == part).map(|(.., digest)| *digest)
     }
 
-    /// Whether a part is in both, and the same.
+    /// Whether both have a part, and it is the same.
     pub fn agree(&self, other: &Self, part: &str) -> bool {
         self.get(part).is_some_and(|digest| other.get(part) == Some(digest))
     }
 }
 
 impl Recipe {
-    /// Takes the stages of an earlier recipe that are the same in both: a stage never changes after it was built, but
-    /// holds what it loaded and computed.
+    /// Takes the stages of an earlier recipe that are the same in both. A stage never changes after it was built, but
+    /// it keeps data that it loaded and computed.
     pub fn keep_stages(&mut self, earlier: Self, is_same: impl Fn(&str) -> bool) {
         fn listed<T>(own: &mut [(String, T)], earlier: Vec<(String, T)>, is_same: impl Fn(&str) -> bool) {
             for (id, stage) in earlier.into_iter().filter(|(id, _)| is_same(id)) {

@@ -1,4 +1,4 @@
-//! A loaded recipe, and what can be known of its run beforehand.
+//! A loaded recipe, and facts about its run that are known beforehand.
 
 use crate::plan::{Plan, memory};
 use crate::resolved::without_lock;
@@ -38,28 +38,28 @@ pub struct Recipe {
     pub render: Box<dyn Renderer>,
     /// The writers, by id.
     pub write: Vec<(String, Box<dyn Writer<Scenes>>)>,
-    /// What is computed for the writers, with the denoiser, the sensors and the annotators.
+    /// The products to compute for the writers, with the denoiser, the sensors and the annotators.
     pub plan: Plan,
     /// The whole recipe as TOML: every default filled in, every kind named, nothing inherited, with the versions that
     /// made it. Loading it gives the same text.
     pub resolved: String,
-    /// What the inputs must be; empty unless the recipe is a resolved one.
+    /// The required inputs; empty unless the recipe is a resolved one.
     pub lock: Lock,
-    /// Files that options of stages name, beside assets and libraries, by the option: their content matters.
+    /// Files that options of stages name, by the option; assets and libraries are left out. Their content matters.
     pub files: Vec<(String, PathBuf)>,
     /// Options of stages that name pools, in the order of the slots.
     pub draws: Vec<Draw>,
-    /// What must hold in every view that is made.
+    /// Statements that must hold in every view.
     pub checks: Vec<Arc<dyn LabelCheck>>,
     /// Pools from which placers draw objects that labels describe.
     pub labeled_pools: BTreeSet<String>,
     /// The folder of the recipe's file, if it has one.
     pub folder: Option<PathBuf>,
-    /// Kinds that were chosen for this machine, for people: one line each.
+    /// Kinds that were chosen for this machine, for users: one line each.
     pub choices: Vec<String>,
-    /// Tables whose kind stands for others and was not chosen yet: such a recipe can be planned, not run.
+    /// Tables whose kind represents others and has not chosen one yet. Such a recipe can be planned, but not run.
     pub undecided: Vec<String>,
-    /// Native libraries that the recipe names by a path beside itself: code of whoever wrote the recipe.
+    /// Native libraries that the recipe names by a path next to itself: code by the author of the recipe.
     pub libraries: Vec<String>,
 }
 
@@ -81,7 +81,8 @@ impl Recipe {
         Err(error.help(help))
     }
 
-    /// Refuses images that this machine's memory does not hold. What cameras of other kinds give is not known before a view.
+    /// Refuses images that do not fit in this machine's memory. If the camera does not state the size of its images,
+    /// the size is unknown before a view.
     pub fn fits(&self) -> Result<()> {
         match self.resolution().zip(memory::installed()) {
             Some((size, installed)) => memory::fits(&self.plan, size, installed),

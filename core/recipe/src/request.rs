@@ -11,7 +11,7 @@ use syntable_model::error::{Error, Result};
 use syntable_model::registry::Registry;
 use syntable_model::stage::Input;
 
-/// Name of the recipe that is taken where none is named.
+/// Name of the default recipe.
 const DEFAULT: &str = "quickstart";
 
 /// A recipe by its path, and changes to it: the arguments of `syntable run` and its like.
@@ -47,8 +47,8 @@ impl RecipeRequest {
         self
     }
 
-    /// Reads and loads the recipe for work on this machine. `wanted` names products that are computed beside those that writers
-    /// read, for samples in memory. Warnings go to `log`.
+    /// Reads and loads the recipe for work on this machine. `wanted` names products that are computed in addition to
+    /// the products that writers read, for samples in memory. Warnings go to `log`.
     ///
     /// # Errors
     /// With all mistakes at once.

@@ -62,8 +62,9 @@ pub(crate) fn write(dataset: &toml::Table, stages: &[ResolvedStage], inputs: &Lo
     comment + document.to_string().trim_start()
 }
 
-/// Returns a resolved recipe with its inputs locked. Assets that it already locks stay, unless their digests are replaced;
-/// devices, catalogs and files are replaced if there are any. A text that is no TOML is returned as it is.
+/// Returns a resolved recipe with its inputs locked. Assets that it already locks stay, unless their digests are
+/// replaced. If `lock` has devices, catalogs or files, they replace the existing ones. A text that is not TOML is
+/// returned unchanged.
 pub fn with_lock(resolved: &str, lock: &Lock) -> String {
     match resolved.parse::<DocumentMut>() {
         Ok(mut document) => {
@@ -74,8 +75,8 @@ pub fn with_lock(resolved: &str, lock: &Lock) -> String {
     }
 }
 
-/// Returns a resolved recipe with the devices that rendered its dataset, and no others. A text that is no TOML is returned as
-/// it is.
+/// Returns a resolved recipe with the devices that rendered its dataset, and no others. A text that is not TOML is
+/// returned unchanged.
 pub fn with_devices(resolved: &str, devices: &BTreeSet<String>) -> String {
     let Ok(mut document) = resolved.parse::<DocumentMut>() else { return resolved.to_owned() };
     if let Some(lock) = document.get_mut("lock").and_then(Item::as_table_mut) {
@@ -85,7 +86,8 @@ pub fn with_devices(resolved: &str, devices: &BTreeSet<String>) -> String {
     document.to_string()
 }
 
-/// Returns a resolved recipe without the lock of its inputs; versions stay. A text that is no TOML is returned as it is.
+/// Returns a resolved recipe without the lock of its inputs; versions stay. A text that is not TOML is returned
+/// unchanged.
 pub fn without_lock(resolved: &str) -> String {
     match resolved.parse::<DocumentMut>() {
         Ok(mut document) => {
@@ -112,7 +114,7 @@ pub fn without_assets(resolved: &str) -> String {
     document.to_string()
 }
 
-/// The inputs that a resolved recipe locks; none if the text is no resolved recipe.
+/// The inputs that a resolved recipe locks; none if the text is not a resolved recipe.
 pub fn lock_of(resolved: &str) -> Lock {
     let table = toml::from_str::<toml::Table>(resolved).ok();
     let lock = table.and_then(|mut table| table.remove("lock")?.try_into::<LockTable>().ok());
@@ -153,7 +155,7 @@ fn insert_lock(document: &mut DocumentMut, new: &Lock) {
         old.into_iter().flat_map(Table::iter).filter_map(|(asset, digest)| Some((asset, digest.as_str()?))).collect();
     all.extend(new.assets.iter().map(|(asset, digest)| (asset.as_str(), digest.as_str())));
     if !all.is_empty() {
-        // Last, as assets are added while the dataset is made.
+        // Last, because assets are added while the dataset is made.
         lock.insert("assets", Item::Table(strings(all)));
     }
 }

@@ -1,4 +1,4 @@
-//! The paths of writers: what can be known of them before a run.
+//! Checks the paths of writers before a run, where the paths are known.
 
 use crate::plan::Plan;
 use std::collections::{BTreeMap, BTreeSet};
@@ -14,13 +14,13 @@ const SAMPLES: [u32; 2] = [0, 1];
 /// Maximum number of further scenes and views whose paths are compared, because paths of the dataset have their numbers.
 const MOST_NUMBERS: usize = 16;
 
-/// What a writer lacks beside its options, with its id.
+/// The error of a writer that lacks something besides its options, with the writer's id.
 pub(crate) fn unready<'w>((id, writer): (&'w str, &dyn Writer<Scenes>)) -> Option<(&'w str, Error)> {
     writer.ready().err().map(|error| (id, error.context(format!("write.{id}"))))
 }
 
-/// The writers of which a path is outside of the dataset, or is that of another file or a folder of it: at most one mistake
-/// of each.
+/// The writers with a path outside of the dataset, with the path of another file, or with a path that is a folder of
+/// another file: at most one mistake for each writer.
 pub(crate) fn bad_paths<'w>(
     dataset: &DatasetInfo,
     writers: &[(&'w str, &dyn Writer<Scenes>)],
@@ -35,8 +35,8 @@ pub(crate) fn bad_paths<'w>(
     writers.iter().filter_map(bad).collect()
 }
 
-/// What paths are compared of: the dataset; scenes; views. Files of the dataset may have the name of that of any scene or
-/// view, so those are among them whose numbers are in such names.
+/// The dataset, scenes and views whose paths are compared. A file of the dataset may have the same name as a file of
+/// any scene or view, so scenes and views with the numbers in such names are included.
 fn samples(dataset: &DatasetInfo, writers: &[AskedWriter]) -> Vec<(Option<u32>, Option<u32>)> {
     let of_dataset = writers.iter().filter_map(|writer| writer.paths(None, None).ok()).flatten();
     let numbers: BTreeSet<u32> = of_dataset.flat_map(|path| numbers(&path)).take(MOST_NUMBERS).collect();
@@ -54,7 +54,7 @@ fn numbers(path: &str) -> Vec<u32> {
     path.split(|letter: char| !letter.is_ascii_digit()).filter_map(|digits| digits.parse().ok()).collect()
 }
 
-/// A file of the dataset: the id of its writer, and what it is of.
+/// The owner of a file: the id of its writer, and the scene, view or dataset of the file.
 type Owner<'w> = (&'w str, String);
 
 /// A writer that is asked for its paths.
@@ -71,7 +71,7 @@ impl<'w> AskedWriter<'w, '_> {
         self.writer.paths(&FileOf { dataset: self.dataset, id: self.id, scene, view, products: &self.products })
     }
 
-    /// Adds its paths to those that were `seen`, with whose they are.
+    /// Adds its paths to the paths that were `seen`, with their owners.
     fn add_paths(&self, samples: &[(Option<u32>, Option<u32>)], seen: &mut BTreeMap<String, Owner<'w>>) -> Result<()> {
         let id = self.id;
         for &(scene, view) in samples {
@@ -101,7 +101,7 @@ impl<'w> AskedWriter<'w, '_> {
     }
 }
 
-/// Two files of one path.
+/// The error for two files with the same path.
 fn shared_path(path: &str, (other, others): &Owner, (id, whose): &Owner) -> Error {
     if other == id {
         Error::new(format!("`write.{id}` writes {others} and {whose} to one path, `{path}`"))
@@ -112,7 +112,7 @@ fn shared_path(path: &str, (other, others): &Owner, (id, whose): &Owner) -> Erro
     }
 }
 
-/// A file that is the folder of another one.
+/// The error for a file that is also the folder of another file.
 fn folder_conflict(path: &str, id: &str, seen: &BTreeMap<String, Owner>) -> Option<Error> {
     let above = path.match_indices('/').map(|(end, _)| &path[..end]);
     let file_above = above.filter_map(|folder| Some((folder, seen.get(folder)?.0, path, id))).next();

@@ -74,7 +74,8 @@ fn messages(text: &str, set: &[(&str, &str)]) -> Vec<String> {
     bad(text, set).iter().map(|diagnostic| format!("{} {}", diagnostic.code, diagnostic.message)).collect()
 }
 
-/// Every file of tests/recipes gives exactly the text beside it. `UPDATE=1` writes that text; read it before you commit.
+/// Every file of tests/recipes gives exactly the text of the file next to it. `UPDATE=1` writes that text; read it
+/// before you commit.
 #[test]
 fn broken_recipes_give_the_expected_text() {
     let update = std::env::var_os("UPDATE").is_some();
@@ -207,7 +208,7 @@ kind = "npy"
     assert!(good(GOOD).resolved.contains("root = \"${ASSETS}/gso\""));
 }
 
-/// The annotators that run with their defaults are named, and only those that somebody wants.
+/// The resolved text names the annotators that run with their defaults, and only if their products are wanted.
 #[test]
 fn the_resolved_text_names_what_runs_with_defaults() {
     let resolved = good(GOOD).resolved;
@@ -357,7 +358,7 @@ fn one_bad_option_hides_no_other_of_its_table() {
     );
     let settle = "[settle]\nkind = \"rapier\"\nduration_s = 40\n";
     assert_eq!(with(settle), [long]);
-    // The default of an option that is wrong says nothing of the others.
+    // The default of a wrong option implies nothing about the others.
     let steps = "D0007 `steps_per_second` must be an integer";
     assert_eq!(with(&format!("{settle}steps_per_second = \"400\"\n")), [steps]);
 }
@@ -397,7 +398,7 @@ fn another_kind_keeps_what_both_have() {
         assert_eq!(load("", &set).as_ref(), Ok(&table), "--set");
         assert_eq!(load(&format!("[set]\n{lines}"), &[]).as_ref(), Ok(&table), "[set]");
     }
-    // What is written beside the new kind is no inheritance.
+    // An option that is written beside the new kind is not inherited.
     let unknown = Err("D0003 `listed` has no option `radius_m`".to_owned());
     let own = format!("[views]\nkind = \"listed\"\neyes_m = {eyes}\nradius_m = 3\n");
     assert_eq!(load(&own, &[]), unknown);
@@ -506,7 +507,7 @@ fn diagnostics_are_records_too() {
     assert!(!message.render(false).contains('\u{1b}'), "no colors");
 }
 
-/// Whatever bytes come, there is a report and no panic: every prefix of a recipe, and random damage.
+/// Damaged text gives a report and no panic: every prefix of a recipe, and random damage.
 #[test]
 fn damaged_text_never_panics() {
     let mut stream = syntable_model::random::Stream::root(11);
@@ -543,8 +544,8 @@ fn the_kit_keeps_the_house_rules() {
     assert_eq!(syntable_recipe::lints(&registry()), Vec::<String>::new());
 }
 
-/// Relative paths of pools count from the recipe that names them, those of `--set` from the current folder, and a mistake says
-/// from where.
+/// Relative paths of pools count from the recipe that names them, paths of `--set` from the current folder, and a
+/// mistake names this folder.
 #[test]
 fn paths_of_pools_count_from_who_names_them() {
     let here = Path::new(env!("CARGO_MANIFEST_DIR"));

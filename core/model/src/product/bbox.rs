@@ -22,8 +22,8 @@ impl BBox {
     }
 }
 
-/// Gives the places of each pair of boxes, one of each list, that [meet](BBox::meets), in any order. Boxes are looked at from left
-/// to right, so that only those are compared which have a column in common.
+/// Gives the places of each pair of boxes, one of each list, that [meet](BBox::meets), in any order. Sweeps the boxes
+/// from left to right, so it compares only boxes with a common column.
 pub fn meeting_boxes(ones: &[BBox], others: &[BBox], mut each: impl FnMut(usize, usize)) {
     let lists = [ones, others];
     let of = |list: usize| (0..lists[list].len()).map(move |place| (list, place));

@@ -8,7 +8,7 @@ use crate::scene::{Camera, Distortion, Intrinsics};
 use nalgebra::Vector3;
 use serde::Deserialize;
 
-/// What is known of the camera of an image: intrinsics and distortion, and in most datasets the pose.
+/// The known parameters of the camera of an image: intrinsics and distortion, and in most datasets the pose.
 #[derive(Debug, Clone)]
 pub struct StatedCamera {
     camera: Camera,

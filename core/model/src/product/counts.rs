@@ -11,7 +11,7 @@ pub struct PixelCounts {
     pub all: u64,
     /// In the image.
     pub in_frame: u64,
-    /// In the image, where there is a depth.
+    /// In the image, at pixels with a depth.
     pub valid: u64,
     /// That show the object.
     pub visible: u64,

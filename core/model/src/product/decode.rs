@@ -1,7 +1,7 @@
-//! Products from their generic encoding, as files have it.
+//! Products from their generic encoding, as files store it.
 //!
-//! Files keep less of a value than [`Value`] does: JSON has masks as run lengths, instances as keys in decimal and numbers that
-//! are none as null; arrays have integers of another width.
+//! Files keep less of a value than [`Value`] does. JSON has masks as run lengths, instances as decimal keys, and null
+//! for numbers that are not finite. Arrays may have integers of another width.
 
 use super::{
     BBox, DType, Form, Mask, ObjectImage, ObjectImages, OcclusionOrder, PerInstance, Pixel, Plane, Tensor, Value,
@@ -11,14 +11,14 @@ use std::any::{Any, TypeId};
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 
-/// A value that a file has of a product, and what the file does not say.
+/// The value of a product in a file, with the facts that the file lacks.
 #[derive(Debug, Clone, Copy)]
 pub struct Stored<'a> {
     /// The value.
     pub value: &'a Value,
-    /// The annotated instances in order, of which matrices have rows.
+    /// The annotated instances, in the order of the rows of matrices.
     pub ids: &'a [InstanceId],
-    /// What stands where a number is null.
+    /// The number that null means.
     pub missing: f64,
 }
 
@@ -27,7 +27,7 @@ impl<'a> Stored<'a> {
         Self { value, ..self }
     }
 
-    /// The value of a form: nested lists are an array where a product is one.
+    /// The value in a form: nested lists become an array if the product is an array.
     pub(super) fn of_form(self, form: &Form) -> Option<Cow<'a, Value>> {
         match (form, self.value) {
             (Form::Tensor(dtype), Value::List(_)) => {
@@ -53,13 +53,13 @@ impl<'a> Stored<'a> {
         Some(Plane::from_vec(size[0]?, size[1]?, pixels.collect()))
     }
 
-    /// A mask: run lengths, or an image that is not 0 in it.
+    /// A mask: run lengths, or an image that is nonzero inside the mask.
     pub(super) fn mask(self) -> Option<Mask> {
         match self.value {
             Value::Mask(mask) => Some(mask.clone()),
             Value::Record(_) => {
                 let size: [u32; 2] = self.field("size")?.integers()?;
-                // As many as can be counted.
+                // The number of pixels must fit in 32 bits.
                 size[0].checked_mul(size[1])?;
                 match self.field("counts")?.value {
                     Value::Text(counts) => Mask::from_coco(size[1], size[0], counts).ok(),
@@ -80,7 +80,7 @@ impl<'a> Stored<'a> {
         }
     }
 
-    /// A value of each instance, of one of the types that [`PerInstance`] is known of.
+    /// A value of each instance, for the types of [`PerInstance`] that can be decoded.
     pub(super) fn per_instance<T: 'static>(self) -> Option<PerInstance<T>> {
         let each = self.instances()?;
         each.into_iter().map(|(id, value)| Some((id, one(self.with(value))?))).collect()
@@ -89,7 +89,7 @@ impl<'a> Stored<'a> {
     /// An image of each instance.
     pub(super) fn object_images<P: Pixel>(self) -> Option<ObjectImages<P>> {
         let mut images: Option<ObjectImages<P>> = None;
-        // Every image is whole: nothing is around it.
+        // Every image is whole, so the value around it does not matter.
         let around = P::read(&vec![0; P::DTYPE.size() * P::CHANNELS.unwrap_or(1)]);
         for (id, value) in self.instances()? {
             let pixels = self.with(value).plane::<P>()?;
@@ -100,7 +100,7 @@ impl<'a> Stored<'a> {
             }
             images.insert(id, ObjectImage { x: 0, y: 0, pixels });
         }
-        // Of no instance, nothing says how large images are.
+        // Without instances, the size of the images is unknown.
         Some(images.unwrap_or_else(|| ObjectImages::within(around, 0, 0)))
     }
 
@@ -108,7 +108,7 @@ impl<'a> Stored<'a> {
     pub(super) fn order(self) -> Option<OcclusionOrder> {
         let tensor = self.tensor(DType::U8, 2).or_else(|| self.tensor(DType::Bool, 2))?;
         let n = self.ids.len();
-        // No instance is an empty list in JSON, of no second axis.
+        // Without instances, JSON has an empty list without a second axis.
         if tensor.shape != [n, n] && !(n == 0 && tensor.bytes.is_empty()) {
             return None;
         }
@@ -122,7 +122,7 @@ impl<'a> Stored<'a> {
         match self.value {
             Value::PerInstance(each) => Some(each.iter().map(|(id, value)| (*id, value)).collect()),
             Value::Record(fields) => {
-                // 0 is no instance.
+                // 0 is not an instance.
                 let id = |text: &str| text.parse().ok().filter(|id| *id > 0).map(InstanceId);
                 fields.iter().map(|(text, value)| Some((id(text)?, value))).collect()
             }
@@ -139,7 +139,7 @@ impl<'a> Stored<'a> {
         }
     }
 
-    /// As many integers.
+    /// `N` integers.
     fn integers<T: TryFrom<i128>, const N: usize>(self) -> Option<[T; N]> {
         let numbers: Vec<T> = match self.value {
             Value::List(values) => values.iter().map(|it| T::try_from(integer(it)?).ok()).collect::<Option<_>>()?,
@@ -177,7 +177,7 @@ impl<'a> Stored<'a> {
         is_whole.then(|| Tensor { dtype, axes: vec![Cow::Borrowed("axis"); axes], shape, bytes })
     }
 
-    /// Appends the elements of nested lists, which are as long as the first ones of their depth.
+    /// Appends the elements of nested lists. All lists of one depth must be as long as the first one.
     fn flatten(
         self,
         value: &Value,
@@ -197,7 +197,7 @@ impl<'a> Stored<'a> {
         values.iter().try_for_each(|value| self.flatten(value, depth + 1, dtype, shape, bytes))
     }
 
-    /// Appends a number as an element of a type, if it is one of it.
+    /// Appends a number as an element of a type, if the type can hold it.
     fn element(self, value: &Value, dtype: DType, bytes: &mut Vec<u8>) -> Option<()> {
         macro_rules! push {
             ($t:ty) => {
@@ -225,10 +225,10 @@ impl<'a> Stored<'a> {
     }
 }
 
-/// What values of instances are made of, by type.
+/// Decoders of the values of instances, by type.
 macro_rules! of_types {
     ($($type:ty => $decode:expr,)+) => {
-        /// Whether a value of an instance of this type is made of what files have.
+        /// Whether values of instances of this type can be decoded from files.
         pub(super) fn is_of_instances<T: 'static>() -> bool {
             $(TypeId::of::<T>() == TypeId::of::<$type>())||+
         }
@@ -261,7 +261,7 @@ fn integer(value: &Value) -> Option<i128> {
     match value {
         Value::Int(value) => Some((*value).into()),
         Value::Uint(value) => Some((*value).into()),
-        // Beyond, not every number is there.
+        // Floats beyond 2⁵³ skip integers.
         Value::Float(value) if value.fract() == 0.0 && value.abs() <= 9_007_199_254_740_992.0 => Some(*value as i128),
         Value::Tensor(tensor) if tensor.shape.is_empty() => integer(&tensor.element(0)),
         _ => None,
@@ -275,7 +275,7 @@ mod tests {
 
     const IDS: [InstanceId; 2] = [InstanceId(2), InstanceId(7)];
 
-    /// What JSON keeps of a value.
+    /// The value after a round trip through JSON.
     fn through_json(value: &Value) -> Value {
         fn of(json: serde_json::Value) -> Value {
             use serde_json::Value as Json;
@@ -298,7 +298,7 @@ mod tests {
         T::decode(Stored { value, ids: &IDS, missing: f64::INFINITY })
     }
 
-    /// Asserts that a product comes back from its encoding, and from what JSON keeps of it.
+    /// Asserts that a product comes back from its encoding, and from the encoding after a round trip through JSON.
     #[track_caller]
     fn comes_back<T: Product + PartialEq + std::fmt::Debug>(product: &T) {
         assert!(T::is_decoded());

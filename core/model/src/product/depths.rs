@@ -8,7 +8,7 @@ use crate::scene::InstanceId;
 pub struct ObjectDepths {
     width: u32,
     height: u32,
-    /// Where the objects of each pixel begin, row by row, and at last where those of the last pixel end.
+    /// Index of the first object of each pixel, row by row, and at the end the number of all objects.
     pub(super) starts: Vec<u32>,
     pub(super) objects: Vec<(InstanceId, f32)>,
 }

@@ -1,8 +1,8 @@
-//! Area and bounds of what each object covers.
+//! Area and bounds of each object in a plane.
 
 use super::BitPlane;
 
-/// What an object covers of a plane.
+/// The pixels of a plane that an object covers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Extent {
     /// Number of pixels.
@@ -30,14 +30,14 @@ impl Extent {
     }
 }
 
-/// What each object covers of a plane, run by run of equal sets.
+/// The extent of each object in a plane, computed from runs of equal sets.
 pub fn extents(plane: &BitPlane) -> Vec<Extent> {
     let words = plane.words();
     let mut extents = vec![Extent::default(); plane.objects()];
     for (row, mut sets) in (0..).zip(plane.data().chunks_exact(plane.row_words().max(1))) {
         let mut start = 0;
         while !sets.is_empty() {
-            // Sets are equal as long as each word is that of the set before.
+            // A run continues as long as all words are equal to the words of the set before.
             let length = 1 + equal_words(sets, &sets[words..]) / words;
             let columns = [start, start + length as u32];
             for (word, &bits) in sets[..words].iter().enumerate() {

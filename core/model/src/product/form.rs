@@ -1,4 +1,4 @@
-//! What the encoding of a product looks like, known from its type alone.
+//! The form of a product's encoding, known from its type alone.
 
 use super::value::{DType, Tensor, Value};
 use std::fmt;

@@ -107,12 +107,12 @@ impl Framing {
         self.subpixels
     }
 
-    /// Whose camera and moment it has.
+    /// The view that gives the camera and the moment.
     pub const fn moment(&self) -> ViewMoment {
         self.moment
     }
 
-    /// The light on each object by itself, if the product is an [`Atlas`](crate::stage::Atlas) of windows around the objects.
+    /// The light on each object, if the product is an [`Atlas`](crate::stage::Atlas) of windows around single objects.
     /// Camera rays then hit neither lights nor sky. `None` for the scene as a whole.
     pub const fn objects(&self) -> Option<Lighting> {
         self.objects
@@ -160,7 +160,7 @@ impl fmt::Display for Framing {
     }
 }
 
-/// Why a text is no framing.
+/// Why a text is not a framing.
 #[derive(Debug, Clone, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum FramingError {
@@ -225,7 +225,7 @@ impl FromStr for Framing {
 mod tests {
     use super::*;
 
-    /// All framings that there are.
+    /// All framings.
     fn all() -> Vec<Framing> {
         let mut all = Lighting::ALL.map(Framing::of_objects).to_vec();
         for canvas in (1..=MAX_CANVAS).step_by(2) {

@@ -24,20 +24,21 @@ impl Layer {
     }
 }
 
-/// A directed graph as a matrix. All that it says takes time in proportion to the square of the number of nodes.
+/// A directed graph as a matrix. All methods take time in proportion to the square of the number of nodes.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Graph {
     nodes: usize,
-    /// Whether an edge leads from the node of a row to that of a column.
+    /// Whether an edge leads from the node of the row to the node of the column.
     edge: Vec<bool>,
     /// The strongly connected component of each node, from front to back.
     strong: Vec<usize>,
 }
 
-/// The number of each node's strongly connected component: nodes have the same if a path leads from each of them to the other. An
-/// edge never leads to a component of a lower number. Each edge is asked for at most twice (Kosaraju's algorithm).
+/// The number of each node's strongly connected component. Two nodes are in one component if a path leads from each of
+/// them to the other. An edge never leads to a component with a lower number. Each edge is queried at most twice
+/// (Kosaraju's algorithm).
 pub fn strong_components(nodes: usize, has_edge: impl Fn(usize, usize) -> bool) -> Vec<usize> {
-    // Nodes in the order in which nothing new is found behind them.
+    // Nodes in the order in which the depth-first search leaves them.
     let mut left = Vec::with_capacity(nodes);
     let mut is_found = vec![false; nodes];
     for start in 0..nodes {
@@ -169,7 +170,8 @@ mod tests {
 
     #[test]
     fn graphs_on_paper() {
-        // A chain with a shortcut, a pair, and one by itself; a ring of three with a tail; two that occlude each other.
+        // A chain with a shortcut, a pair, and a single node; a ring of three with a tail; two nodes that occlude each
+        // other.
         let sorted = graph(6, &[(0, 1), (1, 2), (0, 2), (3, 4)]);
         let ring = graph(5, &[(0, 1), (1, 2), (2, 0), (2, 3)]);
         let pair = graph(3, &[(0, 1), (1, 0)]);
@@ -188,7 +190,7 @@ mod tests {
         assert!(graph(0, &[]).depth_layers().is_empty());
     }
 
-    /// Time grows with the square of the nodes: a chain with all shortcuts, all of whose ends meet.
+    /// Time grows with the square of the nodes: a chain with all shortcuts and one edge back.
     #[test]
     fn large_graphs_are_taken_apart_in_time() {
         let nodes = 1_500;
@@ -199,7 +201,7 @@ mod tests {
     }
 
     proptest! {
-        /// Against walks of a search through the edges.
+        /// Compares with a search through the edges.
         #[test]
         fn random_graphs_are_taken_apart_as_searches_do(
             (nodes, edges) in (1_u16..9).prop_flat_map(|n| {
@@ -236,7 +238,7 @@ mod tests {
                 let in_one = cycles.iter().any(|cycle| cycle.contains(&i) && cycle.contains(&j));
                 prop_assert_eq!(in_one, together(i, j));
             }
-            // Everybody comes after its occluders, and has one in the layer before.
+            // Every node comes after its occluders, and one of them is in the layer before.
             let layers = graph.depth_layers();
             let layer = |node: usize| layers.iter().position(|layer| layer.contains(&node)).expect("all are there");
             let family = |node: usize| (0..n).filter(|&other| other == node || together(other, node)).collect::<Vec<_>>();

@@ -3,7 +3,7 @@
 use super::{Framing, FramingError};
 use std::fmt;
 
-/// Identity of a product: what it is, and how it is framed. Plans and stores look products up by it.
+/// Identity of a product: its name and its framing. Plans and stores look products up by it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct ProductId {
     /// Name of the product; see [`KeyId::product`](crate::product::KeyId::product).
@@ -23,7 +23,7 @@ impl fmt::Display for ProductId {
 /// Splits the text of a recipe into the name of a product and its framing: `coverage (canvas 3)`.
 ///
 /// # Errors
-/// If the parentheses hold no framing.
+/// If the parentheses do not hold a framing.
 pub fn parse_product(text: &str) -> Result<(&str, Framing), FramingError> {
     match text.split_once(" (") {
         None => Ok((text, Framing::IMAGE)),
@@ -34,7 +34,8 @@ pub fn parse_product(text: &str) -> Result<(&str, Framing), FramingError> {
     }
 }
 
-/// What finds a product in a store: a [key](crate::product::KeyId), its [identity](ProductId), or its text, which is parsed.
+/// A reference to a product in a store: a [key](crate::product::KeyId), its [identity](ProductId), or its text, which
+/// is parsed.
 pub trait ProductRef: fmt::Display {
     /// Name and framing. `None` for a text that means no product.
     fn parts(&self) -> Option<(&str, Framing)>;

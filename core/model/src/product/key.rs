@@ -23,7 +23,8 @@ pub enum Scope {
 }
 
 impl Scope {
-    /// Whether each view comes with a product of this scope: its own, or that of its moment. Writers store both alike.
+    /// Whether each view comes with a product of this scope: its own product, or the product of its moment. Writers
+    /// store both alike.
     pub fn comes_with_view(self) -> bool {
         matches!(self, Self::Frame | Self::View)
     }
@@ -50,7 +51,7 @@ pub enum Semantic {
     Depth,
     /// A unit vector of the camera frame (x right, y down, z forward). Zero in pixels without a surface.
     Normal,
-    /// Ids; 0 stands for none.
+    /// Ids; 0 means none.
     Label,
     /// Pixels inside or outside of a region.
     Mask,
@@ -193,7 +194,7 @@ impl<T: Product> Key<T> {
         self.framed(self.id.framing.of_next_view())
     }
 
-    /// The rendered product of each object by itself; see [`Framing::objects`].
+    /// The rendered product of each object alone; see [`Framing::objects`].
     pub const fn of_objects(self, lighting: Lighting) -> Self {
         self.framed(Framing::of_objects(lighting))
     }
@@ -217,8 +218,8 @@ impl KeyId {
         Self { framing, ..self }
     }
 
-    /// The key of this product for an identity. `None` if that is another product, or if this product cannot be framed so: only
-    /// images are of single objects.
+    /// The key of this product for an identity. `None` if the identity names another product, or if this product cannot
+    /// be framed so: only images are of single objects.
     pub fn of(&self, id: ProductId) -> Option<Self> {
         self.framed_as(id.product, id.framing)
     }
@@ -386,7 +387,7 @@ mod tests {
         for wrong in ["lights", "lightly", "light (canvas 2)", "light (canvas 3", "dark (canvas 3)"] {
             assert!(key.parse(wrong).is_none() && !key.is(wrong), "{wrong}");
         }
-        // Only images show objects one by one.
+        // Only images can show single objects.
         assert!(AREA.id().parse("area (canvas 3)").is_some() && AREA.id().parse("area (objects alone)").is_none());
     }
 }

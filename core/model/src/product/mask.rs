@@ -155,7 +155,7 @@ impl Mask {
         let height = self.height;
         let (mut x, mut top) = (0, 0);
         self.runs().flat_map(move |run| {
-            // Most runs are in the column of the one before, or in the next.
+            // Most runs are in the column of the previous run, or in the next column.
             if run.start - top >= 2 * height {
                 x = run.start / height;
                 top = x * height;
@@ -173,7 +173,7 @@ impl Mask {
         })
     }
 
-    /// Tight box around the set pixels; all zeros if there are none.
+    /// Tight box around the set pixels; all zeros if no pixel is set.
     pub fn bbox(&self) -> BBox {
         let mut segments = self.segments();
         let Some((left, rows)) = segments.next() else { return BBox::default() };
@@ -185,7 +185,7 @@ impl Mask {
         BBox { x, y, width, height }
     }
 
-    /// The part of the mask within its [box](Self::bbox), with an edge of so many pixels around it that are not set.
+    /// The part of the mask within its [box](Self::bbox), with a margin of `edge` unset pixels on each side.
     pub fn within_box(&self, edge: u32) -> Plane<bool> {
         let [left, top, width, height] = <[i32; 4]>::from(self.bbox()).map(|at| at as u32);
         let (width, height) = (width + 2 * edge, height + 2 * edge);
@@ -248,11 +248,11 @@ impl Mask {
         Plane::from_vec(self.width, self.height, self.rows(|bit| bit != 0))
     }
 
-    /// The mask as an image of what `value` makes of 1 where it is set, and of 0 elsewhere.
+    /// The mask as an image: `value` of 1 where the mask is set, and `value` of 0 elsewhere.
     fn rows<T>(&self, value: impl Fn(u8) -> T + Copy) -> Vec<T> {
         let (width, height) = (self.width as usize, self.height as usize);
         let words = width.div_ceil(64);
-        // Where the value changes on the way down a column, the first pixel against 0.
+        // The places where the value changes on the way down a column. The first pixel is compared with 0.
         let mut changes = vec![0_u64; words * height];
         for (x, rows) in self.segments() {
             let (word, bit) = (x as usize / 64, 1 << (x % 64));
@@ -280,7 +280,7 @@ impl Mask {
 
     /// COCO's compressed `counts`: differences to the run before last, five bits a letter, low bits first.
     pub fn to_coco(&self) -> String {
-        // A run of an object is seldom longer than 1023 pixels, or much longer than that beside it.
+        // A run of an object is seldom longer than 1023 pixels, or much longer than the run next to it.
         let mut out = Vec::with_capacity(self.counts.len() + self.counts.len() / 2 + 8);
         let mut letter = |group: i64| out.push(48 + group as u8);
         for (i, &count) in self.counts.iter().enumerate() {
@@ -348,7 +348,7 @@ fn word(values: &[bool]) -> u64 {
     bits | u64::from(gather(last)) << (8 * eights.len())
 }
 
-/// An image of bits, 64 columns a word, the first the lowest bit; those beyond the image are 0.
+/// An image of bits, 64 columns a word, the first the lowest bit. Bits beyond the image are 0.
 struct Bits {
     width: usize,
     words: usize,
@@ -366,8 +366,9 @@ impl Bits {
         Self { width, words, data }
     }
 
-    /// Calls `flip` with column and row of each pixel that differs from the one before it down the columns, row by row. Above
-    /// the first pixel of a column is the last of the column before, and 0 before all.
+    /// Calls `flip` with column and row of each pixel that differs from the previous pixel down the columns, row by
+    /// row. The pixel before the first one of a column is the last one of the previous column; the pixel before all
+    /// others is 0.
     fn flips(&self, mut flip: impl FnMut(usize, usize)) {
         let Some(bottom) = self.data.len().checked_sub(self.words) else { return };
         let mut above: Vec<u64> = Vec::with_capacity(self.words);

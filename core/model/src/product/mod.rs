@@ -1,9 +1,9 @@
 //! Products: the values of a view, frame, scene or dataset that renderers offer, annotators provide and writers read.
 //!
-//! A [`Key`] states the name, type, [`Scope`], [`Semantic`] and unit of a product, and the [`Framing`] of a rendered one.
-//! [`Products`] holds the products of one view. Every product has one generic encoding, [`Value`], whose [`Form`] follows from
-//! the type. A generic writer can therefore store products that it does not know, and refuses those that it cannot store before
-//! anything is rendered. [`Stored`] is the way back from files.
+//! A [`Key`] states the name, type, [`Scope`], [`Semantic`] and unit of a product, and the [`Framing`] of a rendered
+//! one. [`Products`] holds the products of one view. Every product has one generic encoding, [`Value`], whose [`Form`]
+//! follows from the type. A generic writer can therefore store products that it does not know, and refuses products
+//! that it cannot store before anything is rendered. [`Stored`] reads products back from files.
 
 mod bbox;
 mod camera;

@@ -27,7 +27,7 @@ impl From<&Object> for ObjectModel {
     }
 }
 
-/// A list of records: `asset`, `obj_id`, `model_origin_m`, what is known of symmetries, `vertices_m` `[V, 3]` and `triangles`
+/// A list of records: `asset`, `obj_id`, `model_origin_m`, the known symmetries, `vertices_m` `[V, 3]` and `triangles`
 /// `[T, 3]`, indices of vertices, counter-clockwise seen from outside. Materials are left out.
 impl Product for ObjectModels {
     fn encode(&self) -> Value {

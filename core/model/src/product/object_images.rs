@@ -1,11 +1,11 @@
-//! Images of objects, each cut to where the object is.
+//! Images of objects, each cut to its object.
 
 use super::{Mask, ObjectDepths, PerInstance, Pixel, Plane};
 use crate::scene::InstanceId;
 use std::collections::BTreeMap;
 use std::ops::Range;
 
-/// For each annotated instance an image of the size of the view, of which the part that shows the instance is kept.
+/// For each annotated instance, an image of the size of the view. Only the part that shows the instance is stored.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ObjectImages<P> {
     width: u32,
@@ -14,20 +14,20 @@ pub struct ObjectImages<P> {
     images: BTreeMap<InstanceId, ObjectImage<P>>,
 }
 
-/// What is kept of an object's image.
+/// The stored part of an object's image.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ObjectImage<P> {
     /// Column of its left edge in the view.
     pub x: u32,
     /// Row of its top edge in the view.
     pub y: u32,
-    /// The pixels; those around them are the same in all images.
+    /// The pixels. The value around them is the same for all images.
     pub pixels: Plane<P>,
 }
 
 impl<P: Pixel> ObjectImage<P> {
-    /// The pixels of the box of a mask, each from its index in the mask's image. It is `around` outside of the mask and
-    /// where there is none.
+    /// The pixels of a mask's box. `pixel` gives each pixel of the mask from its index in the mask's image. Pixels
+    /// outside of the mask, and pixels for which it gives none, are `around`.
     pub fn of_mask(mask: &Mask, around: P, mut pixel: impl FnMut(usize) -> Option<P>) -> Self {
         let mut image = Self::around(mask, around);
         let (width, image_width) = (image.pixels.width() as usize, mask.width() as usize);
@@ -48,17 +48,17 @@ impl<P: Pixel> ObjectImage<P> {
         Self { x, y, pixels: Plane::from_vec(width, height, vec![value; width as usize * height as usize]) }
     }
 
-    /// The pixel at a column and row of the view, where one is kept.
+    /// The pixel at a column and row of the view, if it is stored.
     pub fn at(&self, x: u32, y: u32) -> Option<&P> {
         self.place(x, y).map(|place| &self.pixels.data()[place])
     }
 
-    /// Those pixels that are kept of some columns of a row of the view, and the column of the first.
+    /// The stored pixels of some columns of a row of the view, and the column of the first.
     pub fn row(&self, y: u32, columns: Range<u32>) -> Option<(u32, &[P])> {
         self.part_of_row(y, columns).map(|(left, places)| (left, &self.pixels.data()[places]))
     }
 
-    /// The same with their places among all that are kept.
+    /// The same, with their indices among all stored pixels.
     fn part_of_row(&self, y: u32, columns: Range<u32>) -> Option<(u32, Range<usize>)> {
         let left = columns.start.max(self.x);
         let right = columns.end.min(self.x + self.pixels.width());
@@ -66,7 +66,7 @@ impl<P: Pixel> ObjectImage<P> {
         Some((left, place..place + (right - left) as usize))
     }
 
-    /// Where the pixel at a column and row of the view is among those kept.
+    /// Index of the pixel at a column and row of the view among the stored pixels.
     fn place(&self, x: u32, y: u32) -> Option<usize> {
         let (x, y) = (x.checked_sub(self.x)?, y.checked_sub(self.y)?);
         let (width, height) = (self.pixels.width(), self.pixels.height());
@@ -75,7 +75,7 @@ impl<P: Pixel> ObjectImage<P> {
 }
 
 impl<P: Pixel + Default> ObjectImages<P> {
-    /// No images, for a view of a width and height; those to come are zero around what is kept.
+    /// No images, for a view of a width and height. Images that are added are zero around their stored parts.
     pub fn new(width: u32, height: u32) -> Self {
         Self::within(P::default(), width, height)
     }
@@ -87,13 +87,14 @@ impl<P: Pixel> ObjectImages<P> {
         [self.width, self.height]
     }
 
-    /// No images, for a view of a width and height; those to come are `around` what is kept.
+    /// No images, for a view of a width and height. Images that are added are `around` outside of their stored parts.
     pub fn within(around: P, width: u32, height: u32) -> Self {
         Self { width, height, around, images: BTreeMap::new() }
     }
 
-    /// The boxes of masks in the image of a view, from the objects on its rays: where the ray of a pixel of the mask meets the
-    /// object, what `values` of the object gives for column and row of the pixel and for the depth, and `around` elsewhere.
+    /// Images of the boxes of masks, from the objects on the rays of a view. `values` gives a function for each object,
+    /// which maps column and row of a pixel and the depth to a value. It sets the pixels of the mask at which the ray
+    /// hits the object; all other pixels are `around`.
     pub fn of_hits<V: Fn([u32; 2], f32) -> P>(
         masks: &PerInstance<Mask>,
         hits: &ObjectDepths,
@@ -130,12 +131,12 @@ impl<P: Pixel> ObjectImages<P> {
         self.images.insert(id, image);
     }
 
-    /// What is kept of an instance's image.
+    /// The stored part of an instance's image.
     pub fn get(&self, id: InstanceId) -> Option<&ObjectImage<P>> {
         self.images.get(&id)
     }
 
-    /// Ids and what is kept of their images, in id order.
+    /// Ids and the stored parts of their images, in id order.
     pub fn iter(&self) -> impl Iterator<Item = (InstanceId, &ObjectImage<P>)> {
         self.images.iter().map(|(&id, image)| (id, image))
     }
@@ -145,7 +146,8 @@ impl<P: Pixel> ObjectImages<P> {
         self.get(id).map(|image| self.filled(image))
     }
 
-    /// The image of the view in which each pixel is that of the instance that it shows, and `around` where nothing is kept.
+    /// The image of the view. Each pixel comes from the image of the instance that it shows, and is `around` if the
+    /// image does not store it.
     pub fn seen(&self, first: &Plane<InstanceId>) -> Plane<P> {
         let mut seen = vec![self.around; self.pixels()];
         let width = self.width.max(1) as usize;
@@ -204,7 +206,8 @@ mod tests {
         let mask = Mask::from_fn(5, 4, |x, y| (x, y) == (1, 2) || (x, y) == (3, 1) || (x, y) == (3, 2));
         let masks: PerInstance<Mask> =
             [(InstanceId(2), mask), (InstanceId(4), Mask::empty(5, 4))].into_iter().collect();
-        // Of the second object: outside of its box, in it but not of the mask, and two of the mask's three.
+        // Hits of the second object: outside of its box, in the box but outside of the mask, and at two of the mask's
+        // three pixels.
         let hits = [(0, 2, 9.0), (7, 2, 8.0), (8, 2, 2.0), (8, 1, 1.0), (11, 2, 3.0), (11, 4, 4.0), (19, 7, 1.0)];
         let hits = hits.map(|(pixel, id, depth)| (pixel, InstanceId(id), depth)).to_vec();
         let hits = ObjectDepths::from_hits(5, 4, hits);
@@ -224,7 +227,8 @@ mod tests {
             let pixels = Plane::from_fn(2, 1, |x, _| i32::from(id) * 10 + x as i32);
             images.insert(InstanceId(id), ObjectImage { x, y, pixels });
         }
-        // Of the first, what is kept and more; of the second, which has no image, and of the others a part.
+        // The view shows more of the first object than its stored pixels, the second without an image, and a part of
+        // the others.
         let first = Plane::from_vec(4, 2, [1, 1, 1, 3, 4, 4, 2, 3].map(InstanceId).to_vec());
         assert_eq!(images.seen(&first).data(), [10, 11, -1, 31, -1, 40, -1, -1]);
     }

@@ -26,7 +26,7 @@ impl OcclusionOrder {
         self.matrix[i * self.ids.len() + j]
     }
 
-    /// Says that row `i` occludes column `j`.
+    /// Sets that row `i` occludes column `j`.
     pub fn set(&mut self, i: usize, j: usize) {
         let n = self.ids.len();
         self.matrix[i * n + j] = true;

@@ -1,4 +1,4 @@
-//! Masks painted into one plane of ids: the one place that decides which object a pixel shows that several masks claim.
+//! Masks painted into one plane of ids. Only this code decides which object a pixel shows if several masks claim it.
 
 use super::{Mask, Plane};
 use crate::left_out::LeftOut;
@@ -7,19 +7,19 @@ use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::sync::OnceLock;
 
-/// A plane that has one object per pixel, and what objects lost on the way there.
+/// A plane with one object per pixel, and the pixels that objects lost in it.
 ///
-/// A pixel that several masks claim goes to the smallest of them, and of equally large ones to the one with the lowest id. So
+/// A pixel that several masks claim goes to the smallest mask; if masks are equally large, it goes to the lowest id. So
 /// a cup stays in front of the table whose mask includes it, whatever the order of the annotations.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Painted {
-    /// The object of each pixel; 0 where no mask is.
+    /// The object of each pixel; 0 outside of all masks.
     pub ids: Plane<InstanceId>,
-    /// Pixels that objects have, of those whose mask is not empty.
+    /// Number of pixels of each object in the plane. Objects with an empty mask are left out.
     areas: BTreeMap<InstanceId, u32>,
-    /// Objects that lost pixels: all of the mask's pixels that others have.
+    /// Number of pixels that each object lost to others. Objects that lost no pixel are left out.
     lost: BTreeMap<InstanceId, u32>,
-    /// Masks of all objects in the plane, made once when the first mask that lost pixels is asked for.
+    /// Masks of all objects in the plane, computed when the mask of an object that lost pixels is first requested.
     masks: OnceLock<BTreeMap<InstanceId, Mask>>,
 }
 
@@ -66,7 +66,7 @@ impl Painted {
         Self { ids, areas, lost, masks: OnceLock::new() }
     }
 
-    /// The pixels that an object has in the plane, of its mask.
+    /// The pixels of an object's mask that the object has in the plane.
     pub fn mask<'m>(&self, id: InstanceId, mask: &'m Mask) -> Cow<'m, Mask> {
         if !self.lost.contains_key(&id) {
             return Cow::Borrowed(mask);
@@ -75,12 +75,12 @@ impl Painted {
         Cow::Owned(left.unwrap_or_else(|| Mask::empty(self.ids.width(), self.ids.height())))
     }
 
-    /// The objects of which the plane has pixels.
+    /// The objects that have pixels in the plane.
     pub fn shown(&self) -> impl Iterator<Item = InstanceId> {
         self.areas.iter().filter(|(_, area)| **area > 0).map(|(id, _)| *id)
     }
 
-    /// What was lost: how many objects have fewer pixels than their masks, and how many of these have none.
+    /// The losses: how many objects have fewer pixels than their masks, and how many of these have none.
     pub fn left_out(&self) -> impl Iterator<Item = LeftOut> {
         let (all, gone) = (self.areas.len(), self.areas.values().filter(|area| **area == 0).count());
         let some = "objects lost pixels where masks overlap: a pixel shows one object, the one with the smallest mask";
@@ -99,7 +99,7 @@ mod tests {
 
     #[test]
     fn masks_are_the_pixels_of_their_objects_in_the_plane() {
-        // Large squares below smaller ones; the second one covers the third one, which is larger by no pixel, whole.
+        // Large squares below smaller ones. The second one covers the third one, which is equally large, entirely.
         let square = |from: [u32; 2], edge: u32| {
             Mask::from_fn(13, 11, |x, y| {
                 (from[0]..from[0] + edge).contains(&x) && (from[1]..from[1] + edge).contains(&y)

@@ -1,4 +1,4 @@
-//! Numbers and vectors of numbers, as images have them.
+//! Pixels of images: numbers and vectors of numbers.
 
 use super::DType;
 use crate::scene::InstanceId;

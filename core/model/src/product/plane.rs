@@ -51,8 +51,8 @@ impl<T> Plane<T> {
         &self.data[y as usize * self.width as usize + x as usize]
     }
 
-    /// Puts a smaller plane in the place of some pixels; `at` is the column and row of its first one. Panics if it reaches
-    /// beyond this one.
+    /// Replaces some pixels by a smaller plane, with its first pixel at column x of row y. Panics if it reaches beyond
+    /// this plane.
     pub fn paste(&mut self, [x, y]: [u32; 2], part: &Self)
     where
         T: Copy,
@@ -71,7 +71,7 @@ impl<T> Plane<T> {
     }
 }
 
-/// A set of objects for every pixel, row 0 at the top: bit `i` stands for the object with instance id `i + 1`.
+/// A set of objects for every pixel, row 0 at the top: bit `i` represents the object with instance id `i + 1`.
 ///
 /// Only objects own bits; supports and room parts do not.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -90,10 +90,10 @@ impl BitPlane {
         Self { width, height, objects, words, data: vec![0; width as usize * height as usize * words] }
     }
 
-    /// A plane of sets as [`Self::data`] has them.
+    /// A plane of sets, from words in the order of [`Self::data`].
     ///
     /// # Panics
-    /// If there are not as many words as the plane has.
+    /// If the number of words does not match the size of the plane.
     pub fn from_words(width: u32, height: u32, objects: usize, data: Vec<u64>) -> Self {
         let words = objects.div_ceil(64).max(1);
         assert_eq!(data.len(), width as usize * height as usize * words, "words of the plane");

@@ -1,4 +1,4 @@
-//! What a type needs to be a product.
+//! The trait of products.
 
 use super::{Form, Stored, Value};
 use std::any::Any;
@@ -7,8 +7,8 @@ use std::any::Any;
 pub trait Product: Any + Send + Sync {
     /// The generic encoding, for writers that do not know the type.
     fn encode(&self) -> Value;
-    /// The form of the [encoding](Self::encode), as far as it follows from the type. A writer that cannot store this form is refused
-    /// before anything is rendered.
+    /// The form of the [encoding](Self::encode), where it follows from the type. A writer that cannot store this form
+    /// is refused before anything is rendered.
     fn form() -> Form
     where
         Self: Sized,

@@ -66,12 +66,12 @@ impl Products {
         Ok(self.stored(product)?.product.encode())
     }
 
-    /// The key of a product, if it is there.
+    /// The key of a product, if the store has it.
     pub fn key<P: ProductRef + ?Sized>(&self, product: &P) -> Option<KeyId> {
         self.find(product).map(|stored| stored.key)
     }
 
-    /// Whether a product is there.
+    /// Whether the store has a product.
     pub fn contains<P: ProductRef + ?Sized>(&self, product: &P) -> bool {
         self.find(product).is_some()
     }
@@ -95,7 +95,7 @@ impl Products {
         other.stored.into_values().try_for_each(|stored| self.store(stored))
     }
 
-    /// Stores a product, if it is there, under another key of the same type instead.
+    /// Moves a product to another key of the same type, if the store has it.
     pub fn rename(&mut self, from: KeyId, to: KeyId) -> Result<()> {
         if let Some(stored) = self.stored.remove(&from.product_id()) {
             self.store(StoredProduct { key: to, ..stored })?;

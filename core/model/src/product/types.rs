@@ -64,7 +64,7 @@ impl<T: Clone + Into<Value> + Send + Sync + 'static> Product for PerInstance<T> 
     }
 }
 
-/// The form of the value that a type of the standard ones is converted into.
+/// The form of the value into which a standard type is converted.
 fn form_of<T: 'static>() -> Form {
     let is = |id: TypeId| TypeId::of::<T>() == id;
     macro_rules! any_of {

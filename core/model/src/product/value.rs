@@ -209,7 +209,7 @@ pub struct Tensor {
 }
 
 impl Tensor {
-    /// An array with named axes. Panics if the bytes are not as many as dtype and shape say.
+    /// An array with named axes. Panics if the number of bytes does not match dtype and shape.
     pub fn new(dtype: DType, axes: &[&'static str], shape: Vec<usize>, bytes: Vec<u8>) -> Self {
         assert_eq!(axes.len(), shape.len(), "a tensor has a name for each axis");
         assert_eq!(shape.iter().product::<usize>() * dtype.size(), bytes.len(), "a tensor's bytes fit its shape");

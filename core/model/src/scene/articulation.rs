@@ -5,8 +5,8 @@ use crate::error::{Error, Result};
 use crate::geometry::{Pose, Vector3};
 use std::collections::BTreeMap;
 
-/// A tree of links, each a body, with joints between them. The poses of the bodies are those of the scene; the joints say how
-/// they can move. In a scene under construction the bodies are handles, in a frozen scene ids.
+/// A tree of links, each a body, with joints between them. The bodies have the poses that the scene gives them; the
+/// joints describe how they can move. In a scene under construction the bodies are handles, in a frozen scene ids.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Articulation<Body = InstanceId> {
     /// Name, for messages and files.

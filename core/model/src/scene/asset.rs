@@ -1,4 +1,4 @@
-//! Assets: what sources load and pools hand out.
+//! Assets, which sources load and pools provide.
 
 use super::{EnvironmentMap, MassOrigin, MassProperties, Material, Mesh, Symmetries};
 use crate::digest::{Digest, Hasher};
@@ -9,11 +9,11 @@ use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::sync::Arc;
 
-/// What a source of assets gives.
+/// Class of the assets of a source.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum AssetClass {
-    /// Rigid objects: what is dropped, and tables.
+    /// Rigid objects: tables, and the objects to drop.
     Object,
     /// Surface materials.
     Material,
@@ -60,7 +60,7 @@ impl Serialize for AssetRef {
     }
 }
 
-/// What a source holds, found without loading it.
+/// The content of a source, found without loading it.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Catalog {
     /// The entries, sorted by name, names unique.
@@ -176,12 +176,12 @@ pub struct Keypoint {
     pub point: Point3<f64>,
 }
 
-/// The model that an object was made from, as its catalog and its file have it.
+/// The model that an object was made from, as described by its catalog and its file.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct SourceModel {
-    /// Number of the object, from 1; no other object of the recipe has it. None outside of pools.
+    /// Number of the object, from 1, unique in the recipe. None outside of pools.
     pub obj_id: Option<u32>,
-    /// Origin of the model's file, body frame, meters: a pool may have moved it. The axes are those of the body.
+    /// Origin of the model's file, body frame, meters: a pool may have moved it. Its axes are the axes of the body.
     pub origin: Point3<f64>,
     /// Symmetries that the source states.
     pub symmetries: Symmetries,
@@ -230,8 +230,8 @@ pub const EXTENT_M: std::ops::RangeInclusive<f64> = 5e-4..=10.0;
 
 impl Object {
     /// The object moved and scaled: `p ↦ (p + offset) · factor`, with its collision shape, its keypoints, the media of
-    /// its materials, and the origin and the symmetries of its model.
-    /// It stays the same material: the mass grows with the cube of the factor. The digest is that of the original.
+    /// its materials, and the origin and the symmetries of its model. The density stays the same, so the mass grows
+    /// with the cube of the factor. The digest does not change.
     pub fn transformed(self, offset: Vector3<f64>, factor: f64) -> Result<Self> {
         if factor == 1.0 && offset == Vector3::zeros() {
             return Ok(self);
@@ -253,7 +253,7 @@ impl Object {
         })
     }
 
-    /// The object with a mass, kg, that is known of it. The distribution of the mass stays.
+    /// The object with a known mass, kg. The distribution of the mass stays.
     pub fn with_known_mass(self, kg: f64) -> Self {
         let digest = Hasher::new("known mass").digest(self.digest).number(kg).finish();
         Self { mass: self.mass.with_kg(kg, MassOrigin::Known), digest, ..self }
@@ -272,7 +272,7 @@ impl Object {
     }
 
     /// Refuses an object whose largest extent is outside [`EXTENT_M`]: its file has another unit than meters, or is
-    /// broken. To be called after a scale was applied.
+    /// broken. Call this after scaling.
     pub fn check_extent(&self) -> Result<()> {
         let extent = self.mesh.bounds().size().max();
         if EXTENT_M.contains(&extent) {

@@ -22,7 +22,7 @@ impl fmt::Display for InstanceId {
     }
 }
 
-/// What a body is for. Roles may be added: stages that treat a role specially leave all others as they are.
+/// The purpose of a body. Roles may be added: stages that treat a role specially leave all others unchanged.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize)]
 #[serde(rename_all = "snake_case")]
 #[non_exhaustive]
@@ -38,8 +38,8 @@ pub enum Role {
 }
 
 impl Role {
-    /// Whether a body is an object or a distractor. All other roles are furniture: masks `before support` end at it, and
-    /// its ids follow those of the foreground.
+    /// Whether a body is an object or a distractor. All other roles are furniture: masks `before support` end at it,
+    /// and its ids follow the ids of the foreground.
     pub fn is_foreground(self) -> bool {
         matches!(self, Self::Object | Self::Distractor)
     }
@@ -54,7 +54,7 @@ pub enum Motion {
     Fixed,
     /// Falls and collides.
     Dynamic,
-    /// Moves by a [trajectory](Body::trajectory). To physics it is a fixed body, where it is at the start.
+    /// Moves along a [trajectory](Body::trajectory). Physics treats it as a body that is fixed at its starting pose.
     Scripted,
 }
 
@@ -69,17 +69,17 @@ pub struct Body<Id = InstanceId> {
     pub object: Arc<Object>,
     /// Pose of the body frame.
     pub world_from_body: Pose,
-    /// What it is for.
+    /// Its purpose.
     pub role: Role,
     /// Whether physics moves it.
     pub motion: Motion,
     /// Replaces all of the object's materials, if set.
     pub material_override: Option<MaterialOverride>,
-    /// Mass in the simulation; that of the object if the settler gives it no other.
+    /// Mass in the simulation: the mass of the object, unless the settler assigns another.
     pub mass: MassProperties,
-    /// Coulomb friction coefficient; that of the object if its placer says nothing else.
+    /// Coulomb friction coefficient: the coefficient of the object, unless the placer sets another.
     pub friction: f64,
-    /// Coefficient of restitution, 0 to 1; that of the settler if not set.
+    /// Coefficient of restitution, 0 to 1; if not set, the settler's coefficient applies.
     pub restitution: Option<f64>,
     /// Poses over time of a body that moves by a script; see [`BodyDraft::scripted`].
     pub trajectory: Option<Arc<Trajectory>>,

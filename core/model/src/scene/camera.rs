@@ -39,7 +39,7 @@ impl Intrinsics {
         (0.0..f64::from(self.width)).contains(&u) && (0.0..f64::from(self.height)).contains(&v)
     }
 
-    /// The same image with `times` as many pixels along either edge: those that one pixel is divided into.
+    /// The same image with `times` as many pixels along either edge. Each pixel becomes `times` × `times` pixels.
     pub fn subdivided(&self, times: u32) -> Self {
         let factor = f64::from(times);
         Self {
@@ -119,7 +119,8 @@ impl Distortion {
     }
 }
 
-/// A lens of finite aperture: what is off the plane of focus is blurred. Labels are those of its center.
+/// A lens of finite aperture: surfaces off the plane of focus are blurred. Labels are taken through the center of the
+/// lens.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct ThinLens {
     /// Radius of the aperture, meters: focal length over twice the f-number.
@@ -128,7 +129,7 @@ pub struct ThinLens {
     pub focus_distance_m: f64,
 }
 
-/// What a camera model gives for a view.
+/// The result of a camera model for a view.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Optics {
     /// How directions become pixels.
@@ -213,7 +214,7 @@ impl Rays<'_> {
         }
     }
 
-    /// The same of all pixels of a row: their x and their y, NaN where there is no direction.
+    /// The directions of all pixels of a row: their x and their y, NaN for a pixel without a direction.
     pub fn row(&self, y: u32) -> (Vec<f64>, Vec<f64>) {
         match self.distortion {
             None => (self.columns.clone(), vec![self.rows[y as usize]; self.columns.len()]),

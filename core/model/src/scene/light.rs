@@ -121,9 +121,10 @@ impl EnvironmentLight {
     }
 }
 
-/// A window as a light: a rectangle of panes in a frame. A pane shows the environment behind it as from far away: its
-/// radiance depends on the direction alone, so that what is seen through it moves with the viewer, the sky lights the
-/// floor and the ground the ceiling. Frame and bars have a radiance of their own, and let nothing through.
+/// A window as a light: a rectangle of panes in a frame. A pane shows the environment behind it as if it were far away:
+/// its radiance depends on the direction alone. So the visible part of the environment moves with the viewer, the sky
+/// lights the floor, and the ground lights the ceiling. Frame and bars have a radiance of their own, and let nothing
+/// through.
 #[derive(Debug, Clone, PartialEq)]
 pub struct WindowLight {
     /// Center, world, meters.
@@ -133,7 +134,7 @@ pub struct WindowLight {
     /// From the center to the midpoint of a neighboring edge, meters; at right angles to `half_u`. Light is emitted on
     /// the side of `half_u × half_v`.
     pub half_v: Vector3<f64>,
-    /// What is behind the panes.
+    /// The environment behind the panes.
     pub view: EnvironmentLight,
     /// Numbers of panes along `half_u` and `half_v`, at least 1.
     pub panes: [u32; 2],

@@ -17,7 +17,7 @@ pub enum MassOrigin {
     Assigned,
 }
 
-/// What the mass is spread over.
+/// The region over which the mass is spread.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum MassDistribution {
@@ -42,24 +42,24 @@ pub struct MassProperties {
     pub specific_inertia: Matrix3<f64>,
     /// Where the mass comes from.
     pub origin: MassOrigin,
-    /// What it is spread over.
+    /// The region over which the mass is spread.
     pub distribution: MassDistribution,
 }
 
 impl MassProperties {
-    /// Those of an object of one material, from its mesh: of the enclosed volume, with holes closed, or else of the
-    /// surface, as [`Self::distribution`] then says.
+    /// Mass properties of an object of one material, from its mesh: of the enclosed volume, with holes closed, or else
+    /// of the surface. [`Self::distribution`] names the one that was used.
     pub fn of_mesh(mesh: &Mesh, kg: f64, origin: MassOrigin) -> Self {
         Self::of_topology(mesh, &Topology::of(mesh), kg, origin)
     }
 
-    /// The same where the topology is known already.
+    /// The same if the topology is known already.
     pub fn of_topology(mesh: &Mesh, topology: &Topology, kg: f64, origin: MassOrigin) -> Self {
         let bounds = mesh.bounds();
         let middle = bounds.center();
         let half = bounds.size() / 2.0;
         let is_inside = |center: &Vector3<f64>| (0..3).all(|axis| center[axis].abs() <= half[axis] * (1.0 + 1e-9));
-        // Closed parts that overlap can enclose more than their box; where they do, they count twice.
+        // Closed parts that overlap can enclose more than their box. The overlap then counts twice.
         let is_solid = topology.is_closed() && topology.is_oriented() || topology.enclosed_volume().is_some();
         let solid = if is_solid { topology.moments.central() } else { None };
         let (central, distribution) = match solid.filter(|(center, _)| is_inside(center)) {
@@ -80,7 +80,8 @@ impl MassProperties {
         Self { kg, center: middle + center, specific_inertia: inertia(&spread), origin, distribution }
     }
 
-    /// Those of closed parts with densities in kg/m³, from the sum of their moments. None if no rigid body has them.
+    /// Mass properties of closed parts with densities in kg/m³, from the sum of their moments. None if no rigid body
+    /// has such moments.
     pub fn of_moments(moments: &Moments, origin: MassOrigin, distribution: MassDistribution) -> Option<Self> {
         let (center, spread) = moments.central()?;
         let (kg, center) = (moments.total, center.into());
@@ -107,7 +108,7 @@ impl MassProperties {
         self.specific_inertia * self.kg
     }
 
-    /// Whether a body can have it: all finite and the mass above zero.
+    /// Whether a body can have these properties: all finite and the mass above zero.
     pub fn is_sound(&self) -> bool {
         self.kg > 0.0
             && self.kg.is_finite()

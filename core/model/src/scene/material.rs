@@ -62,13 +62,13 @@ pub struct NormalMap {
 pub enum Alpha {
     /// Ignored.
     Opaque,
-    /// Below the cutoff there is no surface, for images and for labels alike.
+    /// Below the cutoff, the surface does not exist, for images and for labels alike.
     Mask {
         /// Cutoff in [0, 1].
         cutoff: f32,
     },
-    /// The surface covers that fraction of what is behind it: light hits it with this probability. Labels need a
-    /// surface that is there or not: the renderer's options say whether the texture's alpha or the coverage decides.
+    /// The surface covers this fraction of the background: light hits it with this probability. A label needs a surface
+    /// that either exists or not: an option of the renderer decides by the texture's alpha or by the coverage.
     Blend {
         /// Multiplies the texture's alpha.
         factor: f32,
@@ -100,7 +100,7 @@ pub struct Sheen {
 pub struct Transmission {
     /// Fraction of the light entering the surface that is transmitted, tinted by the base color.
     pub fraction: Scalar,
-    /// What fills the body. Without it the surface is a thin sheet: light goes straight on.
+    /// The medium inside the body. Without it, the surface is a thin sheet: light passes straight through.
     pub volume: Option<Volume>,
 }
 
@@ -146,7 +146,7 @@ pub struct Material {
     pub tile_m: f32,
     /// License as an SPDX expression or name; empty if unknown.
     pub license: String,
-    /// Digest of everything above but the name.
+    /// Digest of everything above except name and license.
     pub digest: Digest,
 }
 
@@ -177,9 +177,9 @@ impl Material {
 impl Material {
     /// The material of an object that is made larger by a factor.
     ///
-    /// Its light passes through the object on ways that are longer by that factor; so is the distance after which a
-    /// medium has its color, and a large bottle looks like a small one. In glTF this distance is a length in the world,
-    /// which no node scales; but a scaled object changes the unit of a file's whole world.
+    /// Light travels through the larger object on paths that are longer by that factor. The distance after which a
+    /// medium has its color grows by the same factor, so a large bottle looks like a small one. In glTF this distance
+    /// is a length in the world, which no node scales; but a scaled object changes the unit of a file's whole world.
     pub fn enlarged(self: Arc<Self>, factor: f64) -> Arc<Self> {
         let medium = self.transmission.as_ref().and_then(|transmission| transmission.volume);
         if factor == 1.0 || medium.is_none_or(|medium| medium.attenuation_distance_m.is_infinite()) {

@@ -28,7 +28,7 @@ pub struct Mesh {
 }
 
 impl Mesh {
-    /// Checks the arrays. The error names what is wrong and where.
+    /// Checks the arrays. The error names the fault and its place.
     pub fn new(data: MeshData) -> Result<Self> {
         let vertices = data.positions.len();
         if data.triangles.is_empty() {

@@ -1,4 +1,4 @@
-//! The scene: what placers and the settler build, and what every later stage reads.
+//! The scene, which placers and the settler build and every later stage reads.
 //!
 //! A [`SceneBuilder`] is mutable; [`SceneBuilder::freeze`] checks it, gives dense instance ids and makes a [`Scene`]
 //! that never changes again. A [`View`] adds camera, exposure and lights; hiding an object is a property of a render
@@ -93,7 +93,7 @@ pub struct SettleReport {
 #[derive(Debug, Default)]
 pub struct SceneBuilder {
     bodies: Vec<Option<BodyDraft>>,
-    /// Where bodies are dropped, by body; none for bodies whose placers do not say.
+    /// Drop zone of each body; none for bodies whose placers set none.
     zones: Vec<Option<DropZone>>,
     spawned: u32,
     /// The places that carry objects, set by placers.
@@ -123,7 +123,7 @@ impl SceneBuilder {
         handle
     }
 
-    /// Where a body is dropped: as its placer says, or else anywhere on the main support. None if there is no support.
+    /// The drop zone that the placer set for a body, or else the whole main support. None if the scene has no support.
     pub fn drop_zone(&self, handle: BodyHandle) -> Option<DropZone> {
         let anywhere = |support: &Support| DropZone { support: support.clone(), area: support.surface };
         let stated = self.zones.get(handle.0).cloned().flatten();
@@ -162,7 +162,7 @@ impl SceneBuilder {
         }
     }
 
-    /// The bodies that are there, in the order in which they were added.
+    /// The bodies in the scene, in the order in which they were added.
     pub fn bodies(&self) -> impl Iterator<Item = (BodyHandle, &BodyDraft)> {
         self.bodies.iter().enumerate().filter_map(|(i, body)| Some((BodyHandle(i), body.as_ref()?)))
     }
@@ -228,13 +228,14 @@ impl SceneBuilder {
     }
 }
 
-/// Why a scene has no object: none was placed, or all were taken out, with the reasons and how often each came.
+/// Why a scene has no object: none was placed, or all were taken out, with the reasons and the number of times each
+/// occurred.
 fn nothing_left(placed: u32, removed: &[Removal]) -> Error {
     if placed == 0 {
         return Error::unlucky("no step placed an object")
             .help("a scene needs an annotated object: add a `drop_box` to [[place]], or raise its `count`");
     }
-    // Reasons that differ in numbers only are one.
+    // Reasons that differ only in numbers count as the same reason.
     let sort = |reason: &str| -> String { reason.chars().filter(|c| !c.is_ascii_digit()).collect() };
     let mut reasons: Vec<(String, &str, u32)> = Vec::new();
     for Removal { reason, .. } in removed {
@@ -246,7 +247,7 @@ fn nothing_left(placed: u32, removed: &[Removal]) -> Error {
     }
     reasons.sort_by_key(|(.., count)| std::cmp::Reverse(*count));
     let said = reasons.iter().map(|(sort, first, count)| {
-        // The numbers are those of the first.
+        // The numbers come from the first such reason.
         let such = if *count > 1 && sort != first { "such as: " } else { "" };
         format!("{count} {such}{first}")
     });
@@ -266,7 +267,7 @@ pub struct Scene {
     pub id: SceneId,
     /// Which attempt this is, from 0; a failed scene is tried again with the next.
     pub attempt: u32,
-    /// When the bodies have the poses that they have here.
+    /// The moment at which the bodies have their poses.
     pub moment: Moment,
     bodies: Vec<Body>,
     /// The places that carry objects.

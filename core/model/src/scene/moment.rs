@@ -16,7 +16,7 @@ impl Eq for Moment {}
 
 impl Ord for Moment {
     fn cmp(&self, other: &Self) -> Ordering {
-        // There is one zero, so this agrees with `==`.
+        // Moments have only one zero, so this agrees with `==`.
         self.0.total_cmp(&other.0)
     }
 }
@@ -58,7 +58,7 @@ impl Trajectory {
     /// A trajectory through poses in the order of their moments.
     ///
     /// # Errors
-    /// If there is no pose, a pose is not finite, or a moment is not after the previous one.
+    /// If the list is empty, a pose is not finite, or a moment is not after the previous one.
     pub fn new(poses: Vec<(Moment, Pose)>) -> Result<Self> {
         let is_finite = |pose: &Pose| {
             pose.translation.vector.iter().chain(pose.rotation.coords.iter()).all(|number| number.is_finite())

@@ -3,7 +3,8 @@
 use crate::geometry::Vector3;
 use nalgebra::{Matrix3, SymmetricEigen};
 
-/// Moments of a distribution of mass or volume: its integral, and those of position and of its outer product.
+/// Moments of a distribution of mass or volume: its integral, and the integrals of the position and of its outer
+/// product.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Moments {
     /// ∫ dm: kg, or m³ at a density of one.
@@ -15,29 +16,29 @@ pub struct Moments {
 }
 
 impl Moments {
-    /// Those of nothing.
+    /// The moments of an empty distribution.
     pub const ZERO: Self = Self {
         total: 0.0,
         first: Vector3::new(0.0, 0.0, 0.0),
         second: Matrix3::new(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
     };
 
-    /// Those of the tetrahedron of the coordinates' origin and a triangle, at a density of one; negative if the origin
-    /// is in front of the triangle. Summed over a closed surface they are those of its inside.
+    /// The moments of the tetrahedron of the coordinates' origin and a triangle, at a density of one; negative if the
+    /// origin is in front of the triangle. Their sum over a closed surface gives the moments of its inside.
     pub fn tetrahedron([a, b, c]: [Vector3<f64>; 3]) -> Self {
         let (volume, sum) = (a.dot(&b.cross(&c)) / 6.0, a + b + c);
         let squares = a * a.transpose() + b * b.transpose() + c * c.transpose() + sum * sum.transpose();
         Self { total: volume, first: sum * (volume / 4.0), second: squares * (volume / 20.0) }
     }
 
-    /// Those of a triangle at one unit per area.
+    /// The moments of a triangle at one unit per area.
     pub fn triangle([a, b, c]: [Vector3<f64>; 3]) -> Self {
         let (area, sum) = ((b - a).cross(&(c - a)).norm() / 2.0, a + b + c);
         let squares = a * a.transpose() + b * b.transpose() + c * c.transpose() + sum * sum.transpose();
         Self { total: area, first: sum * (area / 3.0), second: squares * (area / 12.0) }
     }
 
-    /// Those at another density.
+    /// The moments at a density multiplied by a factor.
     pub fn scaled(self, factor: f64) -> Self {
         Self { total: self.total * factor, first: self.first * factor, second: self.second * factor }
     }

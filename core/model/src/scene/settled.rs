@@ -1,4 +1,4 @@
-//! What settling did to a scene, so that the scene can be had again without simulating it.
+//! The effects of settling on a scene, stored so that the settled scene can be restored without a simulation.
 
 use super::{BodyDraft, BodyHandle, MassProperties, Moment, SceneBuilder, SettleReport, Trajectory};
 use crate::error::{Error, Result};
@@ -11,7 +11,7 @@ use std::sync::Arc;
 #[derive(Debug)]
 pub struct PlacedBodies(Vec<Option<PlacedBody>>);
 
-/// What a settler can change of a body.
+/// The properties of a body that a settler can change.
 #[derive(Debug)]
 struct PlacedBody {
     pose: Pose,
@@ -26,7 +26,7 @@ impl PlacedBody {
 }
 
 impl PlacedBodies {
-    /// Looks at a scene before it settles.
+    /// Records a scene before it settles.
     pub fn of(scene: &SceneBuilder) -> Self {
         Self(scene.bodies.iter().map(|body| body.as_ref().map(PlacedBody::of)).collect())
     }
@@ -35,16 +35,16 @@ impl PlacedBodies {
 /// The whole effect of a settler: which bodies moved where, which left, which were given another mass or a trajectory, and its
 /// report.
 ///
-/// Numbers are kept to the last bit by formats that do so for `f64`, such as TOML.
+/// Formats that keep `f64` numbers to the last bit, such as TOML, keep the effect exactly.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Settled {
-    /// Number of bodies that were placed, with those that placers took out again.
+    /// Number of bodies that were placed, including bodies that placers took out again.
     placed: usize,
     /// Bodies that were removed, by their number in the order in which they were added.
     removed: Vec<usize>,
     /// Bodies that moved, by the same numbers.
     moved: Vec<usize>,
-    /// The poses of those that moved, `world_from_body`: translation x, y, z in meters, rotation i, j, k, w.
+    /// The poses of the bodies that moved, `world_from_body`: translation x, y, z in meters, rotation i, j, k, w.
     poses: Vec<[f64; 7]>,
     /// Bodies that were given another mass, by the same numbers.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
@@ -62,7 +62,7 @@ pub struct Settled {
 }
 
 impl Settled {
-    /// Compares a scene with what it was before it settled. None if bodies were added, which cannot be done again.
+    /// Compares a scene with its state before it settled. None if bodies were added, because that cannot be repeated.
     pub fn between(before: &PlacedBodies, after: &SceneBuilder, report: &SettleReport) -> Option<Self> {
         if before.0.len() != after.bodies.len() {
             return None;
@@ -105,8 +105,8 @@ impl Settled {
         Some(settled)
     }
 
-    /// Does the same to a scene that was placed again, and returns the report of then. The error says that it is another
-    /// scene.
+    /// Applies the same changes to a scene that was placed again, and returns the report of that time. An error means
+    /// that the scene is not the same.
     pub fn apply(&self, scene: &mut SceneBuilder) -> Result<SettleReport> {
         let there = |number: &usize| scene.bodies.get(*number).is_some_and(Option::is_some);
         if scene.bodies.len() != self.placed

@@ -109,7 +109,7 @@ impl Supports {
     /// Adds a support.
     ///
     /// # Errors
-    /// If another support has the name, or the region or clear height is no finite, positive size.
+    /// If another support has the name, or the region or the clear height is not a finite, positive size.
     pub fn add(&mut self, support: Support) -> Result<()> {
         let Support { name, surface, clear_height_m } = &support;
         if self.iter().any(|other| other.name == *name) {
@@ -137,7 +137,7 @@ impl Supports {
     /// The support that a recipe names, or the main one if it names none.
     ///
     /// # Errors
-    /// If there is no such support; permanent, with a list of the supports.
+    /// If the scene has no such support. The error is permanent and lists the supports.
     pub fn get(&self, name: Option<&SupportName>) -> Result<&Support> {
         let found = match name {
             Some(name) => self.iter().find(|support| *support.name == *name.as_str()),
@@ -169,7 +169,7 @@ impl From<Support> for Supports {
 pub struct DropZone {
     /// The support that the body is dropped on.
     pub support: Support,
-    /// Part of the height of the support's surface over which the body starts, and starts again if it has to.
+    /// Region at the height of the support's surface. The body starts above it, and starts above it again if necessary.
     pub area: Region,
 }
 

@@ -4,8 +4,9 @@ use serde::{Deserialize, Serialize};
 
 /// Rigid motions that leave the look of a model unchanged, in the frame of the model's file.
 ///
-/// They are read and written as BOP's `models_info.json` has them: `symmetries_discrete`, 4 × 4 matrices row by row, and
-/// `symmetries_continuous`, each with `axis` and `offset`; lengths in millimeters. Reading refuses what is no rigid motion.
+/// They are read and written in the form of BOP's `models_info.json`: `symmetries_discrete`, 4 × 4 matrices row by row,
+/// and `symmetries_continuous`, each with `axis` and `offset`; lengths in millimeters. Reading refuses anything but
+/// rigid motions.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "SymmetriesInFile", into = "SymmetriesInFile")]
 pub struct Symmetries {
@@ -25,7 +26,7 @@ pub struct SymmetryAxis {
 }
 
 impl Symmetries {
-    /// Whether none is known.
+    /// Whether no symmetry is known.
     pub fn is_empty(&self) -> bool {
         self.discrete.is_empty() && self.continuous.is_empty()
     }
@@ -40,9 +41,9 @@ impl Symmetries {
 
 /// Millimeters per meter.
 const MM: f64 = 1000.0;
-/// Steps per millimeter of what is written: rounding of units does not show.
+/// Written lengths are rounded to this many steps per millimeter, which hides rounding from the conversion of units.
 const STEPS: f64 = 1e9;
-/// How far entries may be from those of a rotation.
+/// Largest deviation of an entry from the entry of a rotation.
 const TOLERANCE: f64 = 1e-3;
 
 /// The form in files.
@@ -123,7 +124,7 @@ mod tests {
         assert!(
             (read.discrete[0][1][3] - 0.0033).abs() < 1e-15 && (read.continuous[0].offset_m[0] - 0.0011).abs() < 1e-15
         );
-        // Other keys of a model are no matter, and no decimal moves on the way through meters.
+        // Other keys of a model do not matter, and the conversion to meters and back changes no digit.
         assert_eq!(serde_json::to_string(&read).expect("plain data"), text);
         let twice = read.clone().scaled(2.0).scaled(0.5);
         assert_eq!(serde_json::to_string(&twice).expect("plain data"), text);

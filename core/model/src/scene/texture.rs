@@ -14,7 +14,7 @@ pub struct Texture {
     pub texels: Vec<u8>,
     /// Whether the color channels are sRGB-encoded or linear. Alpha is always linear.
     pub encoding: Encoding,
-    /// What is beyond the edges, along u and v.
+    /// Continuation beyond the edges, along u and v.
     pub wrap: [Wrap; 2],
     /// Digest of the content.
     pub digest: Digest,
@@ -36,7 +36,7 @@ pub enum Wrap {
     Repeat,
     /// Tiles, every second one mirrored.
     Mirror,
-    /// The edge texel goes on.
+    /// The edge texel repeats.
     Clamp,
 }
 

@@ -1,4 +1,4 @@
-//! How the triangles of a mesh hang together: boundaries, parts, and the volume that they enclose.
+//! How the triangles of a mesh are connected: boundaries, parts, and the volume that they enclose.
 
 use super::{Mesh, Moments};
 use crate::geometry::{Aabb, Point3, Vector3};
@@ -6,7 +6,7 @@ use crate::geometry::{Aabb, Point3, Vector3};
 /// Connectivity of a mesh after equal positions are taken as one vertex.
 ///
 /// Texture seams and flat shading split vertices; here they do not count. Faces with two corners in one place have no
-/// edges and are passed over.
+/// edges and are skipped.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Topology {
     /// Edges of one face only: the rims of holes.
@@ -15,7 +15,7 @@ pub struct Topology {
     pub non_manifold_edges: usize,
     /// Edges whose two faces run along them in the same direction: neighbors that face opposite sides.
     pub misoriented_edges: usize,
-    /// Area of every connected part, largest first, m². Parts hang together by vertices.
+    /// Area of every connected part, largest first, m². Vertices connect parts.
     pub part_areas: Vec<f64>,
     /// Volume by the divergence theorem, m³, with every hole closed by a fan around the center of its rim; negative if
     /// the faces point inwards.

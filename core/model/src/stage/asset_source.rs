@@ -1,4 +1,4 @@
-//! Where objects and materials come from.
+//! Sources of objects, materials and environment maps.
 
 use crate::context::Log;
 use crate::error::Result;
@@ -9,9 +9,9 @@ use serde::{Deserialize, Serialize};
 /// Lists and loads assets of one class. Selection, scale, centering, mass and caching are the pool's work, alike for
 /// all sources.
 pub trait AssetSource: Send + Sync {
-    /// What this source gives.
+    /// Class of the assets.
     fn class(&self) -> AssetClass;
-    /// What there is, without loading it. Called once.
+    /// The catalog, found without loading the assets. Called once.
     fn catalog(&self, log: &dyn Log) -> Result<Catalog>;
     /// Loads one entry. Called from several threads. An error refuses the asset, a warning reports it.
     fn load(&self, name: &str, log: &dyn Log) -> Result<Asset>;
@@ -23,8 +23,8 @@ pub trait AssetSource: Send + Sync {
     fn states_units(&self) -> bool {
         true
     }
-    /// Sets what one asset may take. Called once, before anything else. Sources that read files keep it; others have
-    /// nothing to limit.
+    /// Sets the limits of one asset. Called once, before anything else. Sources that read files keep the limits; others
+    /// have nothing to limit.
     fn limit(&mut self, limits: AssetLimits) {
         let _ = limits;
     }

@@ -30,7 +30,7 @@ pub struct AtlasTile {
 }
 
 impl Atlas {
-    /// The atlas of a view with this [`COVERAGE`](crate::product::standard::COVERAGE). Windows stand in rows, the highest
+    /// The atlas of a view with this [`COVERAGE`](crate::product::standard::COVERAGE). Windows are in rows, the highest
     /// first.
     pub fn of(coverage: &BitPlane) -> Self {
         let [right, bottom] = [coverage.width(), coverage.height()];

@@ -5,7 +5,7 @@ use crate::context::Context;
 use crate::error::Result;
 use crate::scene::{Camera, Light, Scene};
 
-/// Gives the lights of views, anew for each or the same for all views of a scene.
+/// Gives the lights of views, either new ones for each view or the same for all views of a scene.
 pub trait LightSampler: Send + Sync {
     /// The lights of one view. `shell` is where the scene's cameras are.
     fn lights(&self, scene: &Scene, camera: &Camera, shell: &Shell, context: &Context) -> Result<Vec<Light>>;

@@ -131,7 +131,7 @@ impl DatasetInfo {
 /// the key `original`, by which the stage itself reads it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Replacement {
-    /// The product, which the stage provides anew.
+    /// The product that the stage replaces.
     pub product: KeyId,
     /// Key of the same type under which the original is kept.
     pub original: KeyId,
@@ -179,7 +179,7 @@ mod tests {
         assert_eq!([17, 90, 2].map(|id| own.supercategory(id)), [Some("kitchen"), None, None]);
         assert_eq!(own.categories().collect::<Vec<_>>(), [(17, "mug"), (90, "a")]);
         assert_eq!((own.category_id("mug").ok(), own.category(90).ok()), (Some(17), Some((1, "a"))));
-        // Category 1 is nobody's.
+        // No category has id 1.
         let errors = [own.category_id("shoe").expect_err("no `object`"), own.category(1).expect_err("no such id")];
         assert!(errors.iter().all(|error| error.help_text().is_some_and(|it| it.contains("17 (mug), 90 (a)"))));
     }

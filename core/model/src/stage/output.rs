@@ -69,9 +69,9 @@ impl Output {
         self.create_at(shard_path(&self.id, self.scene)?)
     }
 
-    /// Writes bytes beside this scene's shard that other scenes are likely to write, too, such as the texture of an asset.
-    /// Returns their digest, by which [`Finish::shared`] reads them. A store keeps the same bytes of several scenes once, if
-    /// it can.
+    /// Writes bytes next to this scene's shard that other scenes are likely to write, too, such as the texture of an
+    /// asset. Returns their digest, by which [`Finish::shared`] reads them. A store keeps equal bytes of several scenes
+    /// only once, if it can.
     pub fn write_shared(&self, bytes: &[u8]) -> Result<Digest> {
         let digest = Digest::of(bytes);
         let path = shared_path(&self.id, self.scene, digest)?;
@@ -81,8 +81,8 @@ impl Output {
         Ok(digest)
     }
 
-    /// Shares a file with another scene that has the same bytes in the same staging folder: a conversion stages all scenes in
-    /// one. Returns whether it did.
+    /// Shares a file with another scene that has the same bytes in the same staging folder, because a conversion stages
+    /// all scenes in one folder. Returns whether a file was shared.
     fn share(&self, path: &DatasetPath, bytes: &[u8]) -> bool {
         let share = || {
             let (folder, _) = path.rsplit_once('/')?;
@@ -102,7 +102,8 @@ impl Output {
 /// A file that a writer fills.
 pub type FileWriter = Box<dyn Write + Send>;
 
-/// Creates a file that must not exist yet: the one rule against two files of one path in a scene, or at the end of a run.
+/// Creates a file that must not exist yet. This rule prevents two files with one path in a scene, or at the end of a
+/// run.
 fn create_new(folder: &StoreFolder, path: &DatasetPath, id: &str) -> Result<FileWriter> {
     folder.create(path)?.ok_or_else(|| {
         Error::new(format!("`{path}` is written twice"))
@@ -193,7 +194,7 @@ const DAMAGED: &str = "the dataset is damaged; a run with `options.repair` makes
 /// Path of a writer's shard of a scene.
 ///
 /// # Errors
-/// If the id is no name of a folder.
+/// If the id is not a valid name of a folder.
 pub fn shard_path(id: &str, scene: SceneId) -> Result<DatasetPath> {
     let path = DatasetPath::new(format!("{}/shards/{id}/{:06}.jsonl", RESERVED[0], scene.0));
     path.map_err(|error| Error::new(error.to_string()))
@@ -205,17 +206,17 @@ fn shared_path(id: &str, scene: SceneId, digest: Digest) -> Result<DatasetPath> 
     path.map_err(|error| Error::new(error.to_string()))
 }
 
-/// Name of the folder with bytes that scenes share, beside their shards.
+/// Name of the folder with bytes that scenes share, next to their shards.
 const SHARED: &str = "shared";
 
-/// Whether a path of a dataset is one of [`Output::write_shared`]: then all files of its folder have the same bytes.
+/// Whether [`Output::write_shared`] wrote a file of a dataset. If so, all files of its folder have the same bytes.
 pub fn is_shared(path: &DatasetPath) -> bool {
     let below = path.strip_prefix(RESERVED[0]).and_then(|path| path.strip_prefix("/shards/"));
     below.is_some_and(|path| path.split('/').nth(1) == Some(SHARED))
 }
 
-/// Checks an option that names a file or folder of the dataset: a relative path that stays inside it, and is none of the
-/// program's own.
+/// Checks an option that names a file or folder of the dataset: a relative path that stays inside it and that the
+/// program does not reserve.
 pub fn check_path(option: &str, path: &str) -> Result<(), ConfigError> {
     let help = "write it as `a` or `a/b`, relative to the dataset";
     DatasetPath::of_writer(path).map(drop).map_err(|error| ConfigError::new(option, error.to_string()).help(help))
@@ -253,7 +254,7 @@ mod tests {
         // Without a staging folder an older file is replaced.
         write("a", false).and_then(|()| write("b", false)).expect("again");
         assert_eq!(text("data/a/all.jsonl").as_deref(), Some("b"));
-        // A file that a writer could not fill is not there.
+        // A file that a writer could not fill does not exist.
         for finish in [Finish::new(&data, "a", Vec::new()), Finish::new(&data, "a", Vec::new()).staged(&staging)] {
             finish.write("a/none", |_| Err(Error::new("no"))).expect_err("it fails");
         }

@@ -10,7 +10,7 @@ pub trait Placer: Send + Sync {
     /// Places the bodies of one scene.
     fn place(&self, scene: &mut SceneBuilder, context: &Context) -> Result<()>;
     /// The parts of the scene that it sets and needs, so that `check` finds steps that are missing, duplicate or in the
-    /// wrong order. None if it does not say.
+    /// wrong order. None if it does not declare them.
     fn parts(&self) -> Option<Vec<PartUse>> {
         None
     }
@@ -39,7 +39,7 @@ impl Part {
     }
 }
 
-/// What a placer does with a part of the scene.
+/// How a placer uses a part of the scene.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum PartUse {
     /// It sets the part. At most one placer of a recipe does.

@@ -9,11 +9,11 @@ use crate::stage::Window;
 use crate::stage::{Atlas, AtlasTile, Denoiser};
 use std::sync::Arc;
 
-/// A way of rendering. It offers products, and the plan requests those that a stage reads.
+/// A way of rendering. It offers products, and the plan requests the products that a stage reads.
 pub trait Renderer: Send + Sync {
     /// The products that it can make.
     fn offers(&self) -> Vec<KeyId>;
-    /// Maximum number of open sessions: the number of devices. `None` if there is no limit.
+    /// Maximum number of open sessions: the number of devices. `None` if it is not limited.
     fn max_sessions(&self) -> Option<usize> {
         None
     }
@@ -24,7 +24,7 @@ pub trait Renderer: Send + Sync {
     fn devices(&self) -> Result<Vec<RenderDevice>> {
         Ok(vec![RenderDevice::new("the processor", DeviceClass::Processor)])
     }
-    /// Devices of this machine that it does not use, each with the reason, for people.
+    /// Devices of this machine that it does not use, each with the reason, for users.
     fn unused_devices(&self) -> Vec<String> {
         Vec::new()
     }
@@ -83,11 +83,11 @@ impl LabelSurface {
 /// A device that renders.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 pub struct RenderDevice {
-    /// One line for people and for the dataset: what it is, its driver with the version, and the interface.
+    /// One line for users and for the dataset: the device, its driver with the version, and the interface.
     pub name: String,
     /// Its class.
     pub class: DeviceClass,
-    /// Its limits, for people. Empty if it has none.
+    /// Its limits, for users. Empty if it has none.
     pub limits: String,
 }
 
@@ -143,7 +143,7 @@ pub struct RenderRequest<'a> {
     /// The parts of the products. Tiles do not overlap. Pixels outside of all tiles are 0, and their depth is infinite. Requests
     /// with several tiles want only products with one value per pixel.
     pub tiles: Vec<Tile<'a>>,
-    /// Whether camera rays hit lights and sky. If not, the radiance is that of bodies, premultiplied by
+    /// Whether camera rays hit lights and sky. If not, the radiance comes from bodies only, premultiplied by
     /// [`OPACITY`](crate::product::standard::OPACITY). Mirrors and glass still show lights.
     pub background: bool,
     /// Seed of the sampling.
@@ -168,7 +168,7 @@ impl<'a> RenderRequest<'a> {
         Self { size: [window.width, window.height], tiles: vec![Tile { window, at: [0, 0], bodies }], ..self }
     }
 
-    /// Replaces the image by each object of an atlas by itself, without background.
+    /// Replaces the image by windows around the objects of an atlas. Each shows its object only, without background.
     pub fn of_objects(self, atlas: &'a Atlas, lighting: Lighting) -> Self {
         let tile = |tile: &'a AtlasTile| {
             let body = std::slice::from_ref(&tile.id);
@@ -228,7 +228,8 @@ impl Bodies<'_> {
 pub enum Bodies<'a> {
     /// The whole scene.
     All,
-    /// Only these bodies, as if there were no others: the appearance of an object by itself, under the lights of the view.
+    /// Only these bodies, as if the scene had no others: the appearance of an object alone, under the lights of the
+    /// view.
     Only(&'a [InstanceId]),
     /// Camera rays hit only these bodies. The others still cast shadows and reflect light, and mirrors show them: the appearance of
     /// an object in its place, without the bodies in front of it.

@@ -32,12 +32,13 @@ pub trait Writer<S: Subject = Images>: Send + Sync {
     fn needs_obj_ids(&self) -> bool {
         false
     }
-    /// Checks what it needs besides its options, such as files that they name. Called by `check` and before a run.
+    /// Checks its requirements beyond the options, such as files that they name. Called by `check` and before a run.
     fn ready(&self) -> Result<()> {
         Ok(())
     }
-    /// The paths, relative to the dataset, of its files for a view, a scene or the dataset, as far as they are known before a run.
-    /// `check` refuses paths that two scenes, views or writers share, and a path inside of another file.
+    /// The paths of its files for a view, a scene or the dataset, relative to the dataset. Paths that are unknown
+    /// before a run are left out. `check` refuses paths that two scenes, views or writers share, and a path inside of
+    /// another file.
     fn paths(&self, of: &FileOf) -> Result<Vec<String>> {
         let _ = of;
         Ok(Vec::new())
@@ -49,7 +50,7 @@ pub trait Writer<S: Subject = Images>: Send + Sync {
     }
 }
 
-/// The view, scene or dataset of a file: a view if both numbers are there, a scene if only its number is.
+/// The view, scene or dataset of a file: a view if both numbers are set, a scene if only the scene's number is set.
 #[derive(Debug, Clone, Copy)]
 pub struct FileOf<'a> {
     /// The dataset.
@@ -78,7 +79,7 @@ pub trait SceneWriter<S: Subject = Images>: Send {
 pub struct Input {
     /// Name of the product.
     pub product: String,
-    /// What the writer can store under this name.
+    /// The values that the writer can store under this name.
     pub accepts: Accepts,
     /// The writer's option that names the product, such as `include[2]`, for diagnostics.
     pub option: Option<String>,
@@ -97,7 +98,7 @@ pub enum InputNeed {
     IfStored,
 }
 
-/// What a writer can store.
+/// The values that a writer can store.
 #[derive(Clone)]
 #[non_exhaustive]
 pub enum Accepts {

@@ -13,7 +13,8 @@ use std::sync::OnceLock;
 
 /// The files below a folder, which may be reached by a link. From there on, moves and removals follow no link.
 ///
-/// What a call stores for good is flushed to disk before the call returns. The file system must lock files.
+/// Data that a call stores for good is flushed to disk before the call returns. The file system must support file
+/// locks.
 #[derive(Debug)]
 pub struct FsStore {
     root: PathBuf,
@@ -40,7 +41,7 @@ impl FsStore {
 
     fn inside(&self) -> Result<&Inside> {
         if self.inside.get().is_none() {
-            // Another thread may have opened it meanwhile, which is as good.
+            // Another thread may have opened it meanwhile, which is just as good.
             let _ = self.inside.set(Inside::open(&self.root)?);
         }
         Ok(self.inside.get().expect("it is set"))
@@ -133,7 +134,7 @@ impl Store for FsStore {
         let part = part_of(path)?.below(&self.root);
         let fail = |error: io::Error| Error::io(&full, &error);
         create_parent(&full)?;
-        // What an interrupted call has left.
+        // An interrupted call may have left the file.
         let _ = fs::remove_file(&part);
         let mut file = BufWriter::new(File::create_new(&part).map_err(fail)?);
         let filled = fill(&mut file).and_then(|()| {
@@ -153,7 +154,7 @@ impl Store for FsStore {
         create_parent(&full)?;
         let mut options = OpenOptions::new();
         options.create(true).append(true);
-        // The target of a link belongs to somebody else.
+        // The target of a link is not part of the store.
         #[cfg(unix)]
         std::os::unix::fs::OpenOptionsExt::custom_flags(&mut options, OFlags::NOFOLLOW.bits().cast_signed());
         let mut file = options.open(&full).map_err(fail)?;
@@ -177,7 +178,8 @@ impl Store for FsStore {
         match fs::hard_link(&source, &full) {
             Ok(()) => return Ok(true),
             Err(error) if error.kind() == ErrorKind::AlreadyExists => {}
-            // The file system has no hard links, no more of this file, or the other file is elsewhere.
+            // The file system has no hard links or allows no further link to this file, or the other file is on another
+            // file system.
             Err(_) => return Ok(false),
         }
         let link = part_of(to)?.below(&self.root);
@@ -221,7 +223,7 @@ impl Store for FsStore {
             }
             Access::Read => match File::open(&full) {
                 Ok(file) => file,
-                // The folder may lie where nothing can be written.
+                // The folder may be read-only.
                 Err(_) => return Ok(Some(Hold::new(()))),
             },
         };
@@ -239,7 +241,7 @@ impl Store for FsStore {
     }
 }
 
-/// The file beside another one in which it is made.
+/// The temporary file next to a file. The content is written to it first.
 fn part_of(path: &DatasetPath) -> Result<DatasetPath> {
     DatasetPath::new(format!("{path}.part")).map_err(|error| Error::new(error.to_string()))
 }

@@ -1,7 +1,7 @@
-//! Moves and removals below a folder. They go through no link: the target of a link belongs to somebody else.
+//! Moves and removes files below a folder. Follows no link, because the target of a link is not part of the folder.
 //!
-//! On Unix every folder on the way is opened from the one before, so that nobody can put a link there in between. Elsewhere
-//! each is looked at before.
+//! On Unix, every folder on the way is opened relative to the previous one, so that no other process can put a link in
+//! between. On other systems, each folder is checked first.
 
 use crate::error::{Error, Result};
 use crate::files::DatasetPath;
@@ -10,7 +10,7 @@ use std::fs;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
-/// What to do about a link on the way to a file of a dataset.
+/// The remedy for a link on the way to a file of a dataset.
 const LINKED: &str = "put the folder itself there: a mount keeps it on another disk, and the dataset's whole folder may be \
                       reached by a link";
 
@@ -39,14 +39,15 @@ impl Inside {
         })
     }
 
-    /// Moves a file or folder to a path inside, whose folders are made. A file replaces what is there; a link is replaced and
-    /// not followed.
+    /// Moves a file or folder to a path inside, and creates the folders of the path. A file replaces an existing file;
+    /// a link at the path is replaced and not followed.
     pub fn put(&self, from: &Path, to: &DatasetPath) -> Result<()> {
         self.check_folders(to)?;
         self.move_here(from, to).map_err(|error| Error::io(to.below(&self.root), &error))
     }
 
-    /// Removes a file, if it exists, and the folders that are empty then. A folder of this name stays: it has files of others.
+    /// Removes a file, if it exists, and the folders that are empty then. A folder of this name stays, because it has
+    /// other files.
     pub fn remove(&self, path: &DatasetPath) -> Result<()> {
         self.check_folders(path)?;
         match self.remove_here(path) {
@@ -57,7 +58,7 @@ impl Inside {
         }
     }
 
-    /// Refuses a path of which a folder is a link.
+    /// Refuses a path if one of its folders is a link.
     fn check_folders(&self, path: &DatasetPath) -> Result<()> {
         let is_link = |folder: &&str| std::fs::symlink_metadata(self.root.join(folder)).is_ok_and(|it| it.is_symlink());
         path.folders().find(is_link).map_or(Ok(()), |folder| Err(linked(&self.root, folder)))
@@ -74,7 +75,7 @@ impl Inside {
         let (folders, name) = unix::split(path);
         let way = self.folder.walk(folders, false)?;
         way.last().unwrap_or(&self.folder).remove_file(name)?;
-        // From the innermost one up to the first that has other files.
+        // From the innermost folder up to the first that has other files.
         let names: Vec<&str> = folders.split('/').collect();
         for depth in (0..way.len()).rev() {
             let above = if depth == 0 { &self.folder } else { &way[depth - 1] };
@@ -164,7 +165,7 @@ mod unix {
 
         pub fn remove_file(&self, name: &str) -> Result<()> {
             match unlinkat(&self.0, name, AtFlags::empty()) {
-                // Which one it is for a folder depends on the system.
+                // The error for a folder depends on the system.
                 Err(Errno::ISDIR | Errno::PERM) if self.walk(name, false).is_ok() => Ok(()),
                 removed => Ok(removed?),
             }

@@ -14,7 +14,7 @@ use std::sync::Arc;
 
 /// Files in memory.
 ///
-/// A run into memory keeps the whole dataset there, besides the memory for rendering.
+/// A run into memory keeps the whole dataset there, in addition to the memory for rendering.
 #[derive(Default)]
 pub struct MemStore {
     files: Arc<Mutex<Files>>,
@@ -24,7 +24,7 @@ pub struct MemStore {
 type Bytes = Arc<Vec<u8>>;
 type Files = BTreeMap<DatasetPath, Bytes>;
 
-/// Who holds a lock.
+/// The owners of a lock.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Lock {
     Writer,
@@ -42,7 +42,7 @@ impl MemStore {
         self.files.lock().get(path).cloned()
     }
 
-    /// Puts a file there, in the place of one that is there.
+    /// Adds a file, or replaces the existing one.
     pub fn insert(&self, path: DatasetPath, bytes: Vec<u8>) {
         self.files.lock().insert(path, Arc::new(bytes));
     }
@@ -51,7 +51,7 @@ impl MemStore {
         Error::io(self.name_of(path), &kind.into())
     }
 
-    /// Refuses a path below a file, and a folder in the place of a file.
+    /// Refuses a path below a file, and the path of a folder.
     fn check_place(&self, files: &Files, path: &DatasetPath) -> Result<()> {
         if let Some(folder) = path.folders().find(|folder| files.contains_key(*folder)) {
             return Err(self.fail(folder, ErrorKind::NotADirectory));

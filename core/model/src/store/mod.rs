@@ -1,6 +1,6 @@
 //! Where a dataset is stored: a folder of this machine, memory, or an object store.
 //!
-//! A [`Store`] has few operations, which all of these can do. A run asks for no more than this:
+//! A [`Store`] has few operations, which all of these support. A run needs only the following:
 //!
 //! | operation | file system | object store |
 //! |---|---|---|
@@ -33,42 +33,42 @@ use std::fmt;
 use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
-/// Files by path. Folders exist as far as files are in them.
+/// Files by path. A folder exists if it contains files.
 ///
 /// Paths are relative to the store, with `/` between folders. Errors name the whole path, as [`name_of`](Self::name_of) gives it.
 pub trait Store: Any + fmt::Debug + Send + Sync {
     /// The whole name of a path, for messages. The empty path is the store.
     fn name_of(&self, path: &str) -> PathBuf;
 
-    /// The folder on this machine that holds the files, if there is one.
+    /// The folder on this machine that holds the files, if any.
     fn local(&self) -> Option<&Path> {
         None
     }
 
-    /// Makes the store itself ready for writing, such as a folder that does not exist yet.
+    /// Prepares the store itself for writing, for example creates a missing folder.
     fn prepare(&self) -> Result<()> {
         Ok(())
     }
 
-    /// What is at a path, if anything is. Follows no link.
+    /// The entry at a path, if any. Follows no link.
     ///
     /// # Errors
-    /// If the store does not tell: what may be there must not count as gone.
+    /// If the store cannot tell: an entry that may exist must not count as gone.
     fn look(&self, path: &str) -> Result<Option<Found>>;
 
-    /// Names in a folder, in no order. What does not exist or is no folder has none. The empty path is the store.
+    /// Names in a folder, in no order. None if the path does not exist or is not a folder. The empty path is the store.
     fn list(&self, folder: &str) -> Result<Vec<(String, Kind)>>;
 
     /// Opens a file from its beginning; none if it does not exist.
     fn open(&self, path: &DatasetPath) -> Result<Option<StoredFile>>;
 
-    /// Creates a file and the folders that it is in; none if something is there already. Others see the whole file after
-    /// the writer was dropped, and may see parts of it before.
+    /// Creates a file and the folders that it is in; none if the path exists already. Other readers see the whole file
+    /// after the writer was dropped, and may see parts of it before.
     ///
-    /// A flush reports errors of writing. What a store can report only later, [`sync`](Self::sync) reports.
+    /// A flush reports errors of writing. [`sync`](Self::sync) reports errors that a store finds only later.
     fn create(&self, path: &DatasetPath) -> Result<Option<Box<dyn Write + Send>>>;
 
-    /// Writes a file whole or not at all, and for good. It replaces a file that is there. `fill` writes the content once.
+    /// Writes a file whole or not at all, and for good. It replaces an existing file. `fill` writes the content once.
     fn put(&self, path: &DatasetPath, fill: &mut Fill) -> Result<()>;
 
     /// Adds bytes to the end of a file, for good, and creates the file if necessary. Only one owner appends at a time. If the
@@ -78,40 +78,40 @@ pub trait Store: Any + fmt::Debug + Send + Sync {
     /// Waits until a file that was created is stored for good.
     fn sync(&self, path: &DatasetPath) -> Result<()>;
 
-    /// Gives a file of this store the bytes of a file of `from`, which may be the same store, without storing them again. It
-    /// replaces a file that is there. Returns whether the store could; if not, nothing changed.
+    /// Gives a file of this store the bytes of a file of `from`, which may be the same store, without storing them
+    /// again. It replaces an existing file. Returns whether the store could; if not, nothing changed.
     fn share(&self, from: &dyn Store, path: &DatasetPath, to: &DatasetPath) -> Result<bool>;
 
-    /// Moves a file or a folder. A file replaces a file that is there, at once. A store may move the files of a folder one by
-    /// one. Follows no link on the way to `to`.
+    /// Moves a file or a folder. A file replaces an existing file at once. A store may move the files of a folder one
+    /// by one. Follows no link on the way to `to`.
     fn rename(&self, from: &DatasetPath, to: &DatasetPath) -> Result<()>;
 
     /// Removes a file, if it exists, and the folders that are empty then. A folder of this name stays. Follows no link.
     fn remove(&self, path: &DatasetPath) -> Result<()>;
 
-    /// Removes a file, or a folder with all in it, if it exists. Follows no link.
+    /// Removes a file, or a folder with all its content, if it exists. Follows no link.
     fn remove_all(&self, path: &DatasetPath) -> Result<()>;
 
-    /// Locks a file until the [`Hold`] is dropped; none if somebody else holds it. A lock to write creates the file. A lock to
-    /// read that does not exist counts as held.
+    /// Locks a file until the [`Hold`] is dropped; none if another owner holds the lock. A lock to write creates the
+    /// file. A lock to read a missing file always succeeds.
     fn lock(&self, path: &DatasetPath, access: Access) -> Result<Option<Hold>>;
 }
 
 /// Writes the content of a file.
 pub type Fill<'f> = dyn FnMut(&mut dyn Write) -> Result<()> + 'f;
 
-/// What is at a path.
+/// The entry at a path.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Found {
-    /// File, folder, or something that no run writes.
+    /// File, folder, or a kind that no run writes.
     pub kind: Kind,
     /// Size of a file, bytes.
     pub size: u64,
-    /// Where a link leads, as it says.
+    /// The target of a link, as the link states it.
     pub leads_to: Option<String>,
 }
 
-/// The kind of what is at a path.
+/// The kind of an entry.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kind {
     /// A regular file.
@@ -132,7 +132,7 @@ pub struct StoredFile {
     pub bytes: Box<dyn Content>,
 }
 
-/// What [`StoredFile`] reads.
+/// The reader of a [`StoredFile`].
 pub trait Content: Read + Seek + Send {}
 
 impl<C: Read + Seek + Send> Content for C {}
@@ -155,12 +155,12 @@ impl fmt::Debug for StoredFile {
     }
 }
 
-/// What a lock is for.
+/// The purpose of a lock.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Access {
     /// Others may read, too.
     Read,
-    /// Nobody else may read or write.
+    /// No other owner may read or write.
     Write,
 }
 

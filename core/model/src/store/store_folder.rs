@@ -8,7 +8,7 @@ use std::io::{self, Read, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// A folder of a [`Store`], from which paths count. It may not exist yet.
+/// A folder of a [`Store`]. Paths are relative to it. It may not exist yet.
 ///
 /// A path of this machine is one: `StoreFolder::from(Path::new("data/train"))`; and so is a whole store:
 /// `StoreFolder::from(Arc::new(MemStore::default()))`.
@@ -46,7 +46,8 @@ impl StoreFolder {
         Some(self.at.as_ref().map_or_else(|| root.to_owned(), |at| at.below(root)))
     }
 
-    /// Whether a folder of the same store is this one or is in it. Of folders on this machine, the names alone count.
+    /// Whether a folder of the same store is this one or is in it. Of folders on this machine, only the names are
+    /// compared.
     pub fn contains(&self, other: &Self) -> bool {
         match (self.local(), other.local()) {
             (Some(own), Some(other)) => other.starts_with(own),
@@ -64,12 +65,12 @@ impl StoreFolder {
         self.store.prepare()
     }
 
-    /// What is at a path; see [`Store::look`].
+    /// The entry at a path; see [`Store::look`].
     pub fn look(&self, path: &str) -> Result<Option<Found>> {
         self.store.look(&self.text(path))
     }
 
-    /// Whether something is at a path.
+    /// Whether a path exists.
     pub fn has(&self, path: &str) -> Result<bool> {
         self.look(path).map(|found| found.is_some())
     }

@@ -1,4 +1,4 @@
-//! What every store does.
+//! The behavior that all stores share.
 
 use super::*;
 use crate::error::Error;
@@ -64,7 +64,7 @@ fn files_are_created_once_replaced_whole_and_grow() {
         store.sync(&path("a/c.txt")).expect_err("not there");
         store.write(&path("a/b.txt"), b"second").expect("replaced");
         store.write(&path("new/c.txt"), b"new").expect("written");
-        // What cannot be filled leaves what was there, and nothing else.
+        // A file that cannot be filled leaves an existing file unchanged, and no other file behind.
         for at in ["a/b.txt", "none.txt"] {
             let error = store.put(&path(at), &mut |file| {
                 file.write_all(b"half").expect("written");
@@ -95,7 +95,7 @@ fn files_and_folders_are_moved_and_removed() {
         store.rename(&path("s"), &path("u/v")).expect("a whole folder");
         store.rename(&path("no"), &path("w")).expect_err("not there");
         assert_eq!(all(&store), pairs(&[("s2", "s2"), ("t/1", "1"), ("u/v/x/2", "2"), ("u/v/y", "y")]));
-        // A folder that is empty then goes, too; a folder that is named as a file stays.
+        // A folder that is empty then is removed, too. A folder with the name of the file to remove stays.
         store.remove(&path("t/1")).expect("removed");
         store.remove(&path("u/v/x")).expect("a folder stays");
         store.remove(&path("no/such")).expect("nothing to do");

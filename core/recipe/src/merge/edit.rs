@@ -184,7 +184,7 @@ pub(crate) fn by_index(tree: &DeTable, steps: &[(Step, Span)]) -> Vec<Step> {
     place
 }
 
-/// The index of a step in an array: the index itself, or that of the stage with this id.
+/// The index of a step in an array: the index itself, or the index of the stage with this id.
 fn index_of(items: &DeArray, step: &Step, span: &Span, parents: &[(Step, Span)]) -> Result<usize, DiagnosticBuilder> {
     match step {
         Step::Index(index) if *index < items.len() => Ok(*index),

@@ -12,10 +12,10 @@ use std::path::{Component, Path, PathBuf};
 use syntable_model::registry::RecipeValue;
 use toml::de::{DeTable, DeValue};
 
-/// Maximum length of a chain of `extends`: a longer one is taken for a circle whose paths differ each time.
+/// Maximum length of a chain of `extends`. A longer chain counts as a circle whose paths differ each time.
 const MAX_DEPTH: usize = 32;
 
-/// All texts of a recipe, parsed, and which extends which.
+/// All parsed texts of a recipe, and which text extends which.
 pub(crate) struct Graph<'a> {
     pub nodes: Vec<GraphNode<'a>>,
     pub root: Option<usize>,
@@ -30,9 +30,9 @@ pub(crate) struct Graph<'a> {
 /// Extent of the damage by syntax errors.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Damage {
-    /// Whether keys may have been lost, so that a key cannot be said to be missing.
+    /// Whether keys may have been lost, so that no key can be reported as missing.
     pub keys_lost: bool,
-    /// Bytes that are read as something else than they are.
+    /// Bytes that the parser misreads.
     pub misread: Vec<Span>,
 }
 
@@ -43,7 +43,7 @@ pub(crate) struct GraphNode<'a> {
     pub table: DeTable<'a>,
     /// Nodes that it extends, in order.
     pub bases: Vec<usize>,
-    /// Normalized path, by which the same file is recognized.
+    /// Normalized path, which identifies the file.
     identity: Option<PathBuf>,
 }
 
@@ -238,7 +238,7 @@ fn near_name(file: &SourceFile, text: &str, path: &Path) -> String {
     name.display().to_string()
 }
 
-/// Normalizes a path lexically, so that one file has one.
+/// Normalizes a path lexically, so that each file has a single path.
 fn identity(path: &Path) -> PathBuf {
     let mut out = PathBuf::new();
     for component in path.components() {

@@ -4,8 +4,8 @@
 //!
 //! - `[dataset]` and stage tables: option by option. A table or array *inside* an option is replaced as a whole, so that
 //!   `{ choice = [..] }` never mixes with an inherited `{ uniform = [..] }`;
-//! - a stage to which the child gives another `kind`, in its table or by `[set]` or `--set`, keeps those inherited options
-//!   that the new kind has, too. A pool keeps none: they say what is in other assets;
+//! - a stage to which the child gives another `kind`, in its table or by `[set]` or `--set`, keeps the inherited
+//!   options that the new kind also has. A pool keeps none, because its options describe other assets;
 //! - `[[place]]` and `[[lights]]` are replaced as a whole when the child gives any;
 //! - `remove = ["write.npy"]` removes inherited values, before the child's own are added;
 //! - `[set]` reaches anywhere, by paths as in `--set`: `place.objects.count = 5` or `"lights[0].count" = 5`.
@@ -62,7 +62,7 @@ impl<'a> Graph<'a> {
         (tree, self.damage)
     }
 
-    /// The table of a node with all that it extends. `merged` keeps it: several recipes can extend one.
+    /// The table of a node with all that it extends. `merged` keeps it, because several recipes can extend it.
     fn node(
         &self,
         index: usize,
@@ -93,8 +93,8 @@ impl<'a> Graph<'a> {
         tree
     }
 
-    /// Puts the values of `[set]` into a tree. Their paths are quoted keys, dotted keys, or both, below `parents`; `seen`
-    /// has those that were set before.
+    /// Puts the values of `[set]` into a tree. Their paths are quoted keys, dotted keys, or both, below `parents`;
+    /// `seen` has the places that were set before.
     fn put(
         &self,
         tree: &mut DeTable<'a>,
@@ -115,7 +115,7 @@ impl<'a> Graph<'a> {
                     continue;
                 }
             };
-            // A table in braces is a value; one that dots or a header made is a part of the path.
+            // A table in braces is a value. A table made by dots or by a header is a part of the path.
             let value_span = value.span();
             let inline = file.text()[value_span.start - file.start()..].starts_with('{');
             match value.into_inner() {
@@ -130,7 +130,7 @@ impl<'a> Graph<'a> {
         }
     }
 
-    /// Puts a value at a path. A stage that gets another kind so loses what it has of the old one.
+    /// Puts a value at a path. A stage whose kind changes loses the options that it had for the old kind only.
     fn set(
         &self,
         tree: &mut DeTable<'a>,
@@ -144,7 +144,7 @@ impl<'a> Graph<'a> {
         {
             let file = |span: &Span| self.sources.file_of(span).map(|file| file.start());
             let given = file(&value.span());
-            // What is written beside the new kind is a mistake if the kind has no such option.
+            // An option that is written beside the new kind is a mistake if the kind does not have it.
             let beside = |name: &Span| file(name) == given;
             let keeps = |name: &str| ["id", "kind"].contains(&name) || self.carries(slot, &kind, name);
             let old = std::mem::replace(options, DeTable::new());
@@ -153,7 +153,7 @@ impl<'a> Graph<'a> {
         set(tree, steps, value)
     }
 
-    /// Whether a stage that gets this kind keeps an option of the kind that it had.
+    /// Whether a stage that gets this kind keeps an option of its former kind.
     fn carries(&self, slot: Slot, kind: &str, option: &str) -> bool {
         let has = |kind: &KindSchema| kind.options["properties"].get(option).is_some();
         slot != Slot::Assets && self.schemas.kind(slot, kind).is_some_and(has)
@@ -182,7 +182,7 @@ impl<'a> Graph<'a> {
         base
     }
 
-    /// Merges two stage tables. Of another kind the new one gets those options that it has, too.
+    /// Merges two stage tables. If the kind changes, the new table inherits only options that the new kind also has.
     fn merge_stages(&self, slot: Slot, id: &str, mut old: RecipeValue<'a>, new: RecipeValue<'a>) -> RecipeValue<'a> {
         let own_kind = new.get_ref().as_table().and_then(|table| table.get("kind"));
         if let Some(kind) = own_kind.and_then(|kind| kind.get_ref().as_str())
@@ -202,7 +202,7 @@ fn kind_of(stage: &DeTable, id: &str) -> Option<String> {
     stated.or_else(|| Some(id).filter(|id| !id.is_empty())).map(str::to_owned)
 }
 
-/// The slot of the stage whose `kind` is at a path, and its id if a table's key gives that.
+/// The slot of the stage whose `kind` is at a path, and its id if the key of a table gives the id.
 fn stage_of_kind(steps: &[(Step, Span)]) -> Option<(Slot, String)> {
     let ((Step::Key(first), _), (Step::Key(last), _)) = (steps.first()?, steps.last()?) else { return None };
     let slot = Slot::ALL.into_iter().find(|slot| slot.name() == first).filter(|_| last == "kind")?;

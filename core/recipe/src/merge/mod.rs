@@ -1,4 +1,4 @@
-//! One tree from all texts of a recipe: what it extends, what is set from outside, variables, old names.
+//! Merges all texts of a recipe into one tree: extended recipes, overrides, variables, old names.
 
 pub(crate) mod edit;
 pub(crate) mod graph;

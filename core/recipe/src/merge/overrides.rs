@@ -6,19 +6,20 @@ use syntable_model::stage::Input;
 
 /// Overrides of a recipe, and access to variables, files and the current folder.
 pub struct Overrides<'a> {
-    /// Pairs of path and TOML value, such as `lights[0].count` and `3`. A word that is no TOML value is a string.
+    /// Pairs of path and TOML value, such as `lights[0].count` and `3`. A word that is not a TOML value is a string.
     pub set: Vec<(String, String)>,
     /// Looks up an environment variable.
     pub variable: &'a dyn Fn(&str) -> Option<String>,
-    /// Reads a recipe that another one extends.
+    /// Reads a recipe that another recipe extends.
     pub read: &'a dyn Fn(&Path) -> io::Result<String>,
-    /// Whether there is anything at a path that the recipe names; always true if that does not matter yet.
+    /// Whether a path that the recipe names exists; always true if that does not matter yet.
     pub exists: &'a dyn Fn(&Path) -> bool,
     /// Base of relative paths in overrides and embedded recipes.
     pub current_folder: PathBuf,
-    /// Whether kinds that stand for others are replaced by what this machine has, as a run needs it.
+    /// Whether kinds that represent others are replaced by the kinds that they choose on this machine, as a run needs
+    /// it.
     pub choose: bool,
-    /// Products that are wanted beside those that writers read.
+    /// Products that are wanted in addition to the products that writers read.
     pub wanted: Vec<Input>,
 }
 
@@ -41,12 +42,12 @@ impl Overrides<'static> {
 }
 
 impl Overrides<'_> {
-    /// The same, with kinds that stand for others replaced by what this machine has.
+    /// The same, with kinds that represent others replaced by the kinds that they choose on this machine.
     pub fn for_run(self) -> Self {
         Self { choose: true, ..self }
     }
 
-    /// The same, with a mistake for every path at which there is nothing.
+    /// The same, with a mistake for every path that does not exist.
     pub fn with_existing_paths(self) -> Self {
         Self { exists: &|path| path.exists(), ..self }
     }

@@ -19,8 +19,8 @@ pub(crate) struct Resolved {
 pub(crate) struct PathRules {
     /// Folder of the recipe, or the current folder.
     pub home: PathBuf,
-    /// Whether the recipe is a resolved one: it may be in a dataset, far from what it names. Where a relative path leads to
-    /// nothing from its own folder, it counts from the current one.
+    /// Whether the recipe is a resolved one, which may be in a dataset, far from the files that it names. A relative
+    /// path that does not exist from its own folder then counts from the current folder.
     pub resolved: bool,
 }
 
@@ -38,7 +38,7 @@ pub(crate) fn resolve(
         return Ok(Resolved { path: expanded.into(), portable: text.to_owned() });
     }
     if text.starts_with("${") {
-        // A relative path in a variable was set from the current folder.
+        // A relative path in a variable counts from the current folder.
         return Ok(Resolved { path: join(current_folder, &expanded), portable: text.to_owned() });
     }
     let path = join(file.folder(), &expanded);
@@ -63,7 +63,7 @@ fn relative(from: &Path, to: &Path) -> PathBuf {
     up.chain(to[common..].iter().copied()).collect()
 }
 
-/// The components of a path without `.`, and without `..` where a name stands before it.
+/// The components of a path without `.`, and without `..` where a name precedes it.
 fn normal(path: &Path) -> Vec<Component<'_>> {
     path.components().fold(Vec::new(), |mut parts, part| {
         match (part, parts.last()) {

@@ -1,4 +1,5 @@
-//! What the images of a view take at least, and the memory that the machine has: a run that cannot hold one view is refused before it begins.
+//! The minimum memory for the images of a view, and the memory of the machine. A run that cannot hold one view is
+//! refused before it begins.
 
 use super::Plan;
 use syntable_model::error::{Error, Result};
@@ -36,8 +37,8 @@ pub(crate) fn installed() -> Option<u64> {
     MachineMemory::of_this_machine().map(|memory| memory.total + memory.swap)
 }
 
-/// Refuses views of `[width, height]` pixels whose products are more than `installed` bytes, all of which are there at once
-/// when the view is written.
+/// Refuses views of `[width, height]` pixels if the renderer and all products need more than `installed` bytes. All
+/// products of a view are in memory at once when it is written.
 ///
 /// # Errors
 /// If one view of one scene does not fit.
@@ -59,7 +60,7 @@ pub(crate) fn fits(plan: &Plan, [width, height]: [u32; 2], installed: u64) -> Re
         .context("camera"))
 }
 
-/// Bytes that an image of a view has per pixel of the view; 0 of a product that is no image, whose size depends on the scene.
+/// Bytes of a product per pixel of the view; 0 if it is not an image, because its size then depends on the scene.
 pub(crate) fn bytes_per_pixel(key: &KeyId) -> u64 {
     match key.form() {
         Form::Image { dtype, channels } if key.scope.comes_with_view() => {

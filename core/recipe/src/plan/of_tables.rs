@@ -14,8 +14,9 @@ use syntable_model::stage::{Input, InputNeed};
 /// Name of the caller of the library in messages about the products that it wants.
 const CALLER: &str = "the caller";
 
-/// Plans the stages that were built, whose producers it takes. If the plan fails, or there is no renderer, everything
-/// that can be known is reported and there is no plan. Some products are `wanted` beside those that writers read.
+/// Plans the built stages and takes their producers. If the plan fails, or the recipe has no renderer, it reports all
+/// mistakes that can be known and returns no plan. `wanted` products are planned in addition to the products that
+/// writers read.
 pub(crate) fn plan(
     registry: &Registry,
     built: &mut Built,
@@ -54,11 +55,11 @@ pub(crate) fn plan(
     }
     match resolve(Offers::Rendered(offers), explicit, registered(registry), &writers) {
         Ok(plan) => {
-            // Writers that could not be built may read what the others do not.
+            // Writers that could not be built may read products that the others do not read.
             let idle = plan.idle.iter().filter(|_| !built.failed.contains(&Slot::Write));
             diagnostics.extend(idle.filter_map(|idle| {
                 let stage = built.stages.iter().find(|stage| part(stage) == idle.stage)?;
-                // A section that the recipe leaves out has its default kind, which need not do anything.
+                // A section that the recipe leaves out has its default kind, which may be idle.
                 if stage.header == NOWHERE {
                     return None;
                 }
@@ -70,7 +71,7 @@ pub(crate) fn plan(
             own.map(|_| plan)
         }
         Err(mut errors) => {
-            // What a stage that could not be built would have provided is no mistake of those that name it.
+            // A product is not unknown if a stage that could not be built would have provided it.
             let lost = of_failed(registry, built);
             errors.retain(|error| error.fault != PlanFault::Unknown || !lost.contains(&error.product));
             diagnostics.extend(errors.iter().map(|error| diagnostic(error, built, &elsewhere)));
@@ -79,12 +80,12 @@ pub(crate) fn plan(
     }
 }
 
-/// What a stage is called in messages: `render`, `write.png`.
+/// The name of a stage in messages: `render`, `write.png`.
 pub(crate) fn part(stage: &BuiltStage) -> String {
     stage.slot.stage_name(&stage.id)
 }
 
-/// Products that some kind provides in a slot of which a stage could not be built.
+/// Products that some kind of a slot provides, for slots with a stage that could not be built.
 fn of_failed(registry: &Registry, built: &Built) -> BTreeSet<String> {
     let makers = built.failed.iter().filter(|slot| matches!(slot, Slot::Denoise | Slot::Sensor | Slot::Annotate));
     let mut products = BTreeSet::new();
@@ -155,7 +156,8 @@ fn diagnostic(error: &PlanError, built: &Built, elsewhere: &[(KeyId, &'static st
         PlanFault::NotStorable => Code::NotStorable,
         PlanFault::Ambiguous | PlanFault::Cycle | PlanFault::WrongType | PlanFault::TooEarly => Code::Plan,
     };
-    // Stages of the recipe that cannot go together are the place of the mistake, rather than who asks for the product.
+    // If stages of the recipe cannot go together, the mistake is at these stages, not at the stage that asks for the
+    // product.
     let mut involved: Vec<Span> = Vec::new();
     for stage in error.involved.iter().filter_map(|name| built.stages.iter().find(|stage| part(stage) == *name)) {
         if stage.header != NOWHERE && !involved.contains(&stage.header) {

@@ -82,7 +82,7 @@ pub struct Idle {
 }
 
 impl Plan {
-    /// The plan as a table for people.
+    /// The plan as a table for users.
     pub fn table(&self, renderer: &dyn Renderer) -> String {
         let mut rows = vec![["product", "provider", "per", "wanted by"].map(str::to_owned)];
         rows.extend(self.entries.iter().map(|entry| {

@@ -105,12 +105,12 @@ struct CandidateTraits {
     stage: String,
     reads: Vec<KeyId>,
     provides: Vec<KeyId>,
-    /// What it replaces, even if it is not in the recipe. It is no source of these products.
+    /// The products that it replaces, even if it is not in the recipe. It is not a source of these products.
     replaces: Vec<Replacement>,
     scope: Scope,
     after_views: bool,
     explicit: bool,
-    /// Whether a crate of this workspace registers it.
+    /// Whether it belongs to a crate that the program ships with.
     stock: bool,
 }
 
@@ -153,7 +153,7 @@ impl Resolver {
         })
     }
 
-    /// Plans a product that a writer names. Gives its key, if something provides it.
+    /// Plans a product that a writer names. Returns its key, if something provides it.
     fn want_named(&mut self, text: &str, by: &Asker) -> Option<KeyId> {
         match self.parsed(text) {
             Some(id) => {
@@ -239,8 +239,8 @@ impl Resolver {
         if all.iter().any(|&i| self.traits[i].explicit) {
             return all;
         }
-        // A plugin that is linked changes nothing in recipes that do not mention it: what the renderer offers and what
-        // the stock plugins provide stays as it was.
+        // A linked plugin changes nothing in recipes that do not mention it: products that the renderer offers or the
+        // stock plugins provide keep their source.
         if self.offered(id).is_some() {
             return Vec::new();
         }
@@ -363,7 +363,7 @@ impl Resolver {
         let is_offered = |product: &str| self.offers.keys().iter().any(|key| key.product == product);
         let help = match name.split_once(" (") {
             Some((product, _)) if is_offered(product) => {
-                // Words that are a framing are none of this product.
+                // The words may be a valid framing that this product does not have.
                 parse_product(name).err().unwrap_or(FramingError::Words).to_string()
             }
             Some((product, _)) if known.contains(&product) => {

@@ -226,7 +226,7 @@ fn a_replaced_product_is_the_new_one_for_all_others() {
     assert_eq!(entries, ["pixels_raw by render", "pixels by sensor.filter", "a by annotate.a"]);
     assert_eq!(found.rendered, [PIXELS.id()]);
     assert_eq!(found.replaced.len(), 1);
-    // Nobody reads the new one: the original is what was rendered, and the filter is idle.
+    // Nothing reads the new product: the original is the rendered product, and the filter is idle.
     let found = plan(vec![filter()], &["pixels_raw"]).expect("planned");
     assert!(found.stages().next().is_none());
     refused(
@@ -370,7 +370,7 @@ fn light_on_objects_is_denoised_like_the_image() {
     assert_eq!(of_objects(&found), [alone]);
     let by_framing = found.by_framing();
     assert_eq!(by_framing.keys().collect::<Vec<_>>(), [&Framing::IMAGE, &alone], "the image comes first");
-    // The coverage of the image says where the objects are.
+    // The coverage of the image locates the objects.
     assert_eq!(names(&by_framing[&Framing::IMAGE]), ["coverage", "denoise_albedo", "radiance"]);
     assert_eq!(names(&by_framing[&alone]), ["denoise_albedo", "radiance"]);
     let provider = |plan: &Plan, name: &str| {
@@ -378,14 +378,14 @@ fn light_on_objects_is_denoised_like_the_image() {
     };
     assert_eq!(provider(&found, LIGHT_OF_ALL).as_deref(), Some("denoise"));
     assert_eq!(provider(&found, "radiance_noisy (objects alone)").as_deref(), Some("render"));
-    // A part has all that it is made from, and nothing that it is not.
+    // A part has everything that it is made from, and nothing else.
     let part = lit(&[LIGHT_OF_ALL, "normal (objects in scene)"]).expect("planned").part([LIGHT_OF_ALL], false);
     assert_eq!((part.by_framing(), of_objects(&part)), (by_framing, of_objects(&found)));
     let part = lit(&[LIGHT_OF_ALL, "normal (objects in scene)"]).expect("planned");
     let part = part.part(["normal (objects in scene)"], false);
     assert_eq!(names(&part.rendered), ["coverage", "normal (objects in scene)"]);
     assert!(part.per_view.is_empty());
-    // The original is there for who asks; labels have none.
+    // A stage can read the original; labels have no original.
     assert!(lit(&["radiance_noisy (objects in scene)"]).is_ok() && lit(&["normal_noisy (objects alone)"]).is_err());
     assert!(lit(&["coverage (objects alone)"]).is_err());
 }

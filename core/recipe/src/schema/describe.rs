@@ -11,17 +11,17 @@ use syntable_toml_schema::{KEY_REFERENCE, REFERENCE};
 pub struct OptionInfo {
     /// Its path in the table: `count`, or `material.from`.
     pub path: String,
-    /// What can be written, with its limits: `integer, 1 to 100`.
+    /// The allowed values, with their limits: `integer, 1 to 100`.
     pub value: String,
     /// The default as TOML; none if the option may be left out.
     pub default: Option<String>,
     /// Whether it must be given.
     pub required: bool,
-    /// What it means.
+    /// Its meaning.
     pub meaning: String,
 }
 
-/// The options of a kind, those of its tables after them. A source of assets has those of every pool, too.
+/// The options of a kind, then the options of its tables. A source of assets also has the options of every pool.
 pub fn options_of(registry: &Registry, entry: &Entry) -> Vec<OptionInfo> {
     let schemas = Schemas::of(registry);
     let Some(kind) = schemas.kind(entry.slot, entry.kind) else { return Vec::new() };
@@ -30,7 +30,7 @@ pub fn options_of(registry: &Registry, entry: &Entry) -> Vec<OptionInfo> {
     options
 }
 
-/// What a kind does: its whole description.
+/// The whole description of a kind.
 pub fn description_of(registry: &Registry, entry: &Entry) -> String {
     let schemas = Schemas::of(registry);
     let kind = schemas.kind(entry.slot, entry.kind);
@@ -72,7 +72,7 @@ impl<'s> Describer<'s> {
         }
     }
 
-    /// What can be written.
+    /// The allowed values.
     fn value(&self, option: &'s Json) -> String {
         let schema = self.resolve(option);
         match schema[REFERENCE].as_str() {

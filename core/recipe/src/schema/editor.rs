@@ -4,8 +4,9 @@
 //!
 //! - taplo completes without end under an `allOf`. So `{ description, allOf: [$ref] }`, which is how an option of a named
 //!   type is written, becomes that type with the option's own words.
-//! - taplo looks up what is inside an array one level too deep: at `[[place]]` it asks for the items of an item. So what
-//!   arrays of recipes hold says that its own items are the same. The keyword says nothing about tables and strings.
+//! - taplo looks up the content of an array one level too deep: at `[[place]]` it asks for the items of an item. So the
+//!   items of a recipe's arrays state that their own items are the same. The keyword has no effect on tables and
+//!   strings.
 //! - Names of products are listed with their meanings, and any other name is accepted as well: rendered products have a framing,
 //!   and a stage can provide more with other options.
 //! - tombi shows nothing for an integer where a number is asked for, unless integers are listed, too.
@@ -33,7 +34,7 @@ pub fn editor_schema(registry: &Registry) -> Json {
         .into_iter()
         .map(|(key, _)| {
             let (name, meaning) = (key.to_string(), key.summary());
-            // taplo shows the `main` words of every product, and those of the one that is written.
+            // taplo shows the `main` words of every product, and the `constValue` words of the product that is written.
             let docs = json!({ "docs": { "main": "", "constValue": meaning } });
             json!({ "const": name, "description": meaning, "x-taplo": docs })
         })
@@ -83,7 +84,7 @@ fn list_drafts(schema: &mut Json) {
     definitions.extend(drafts.into_iter().map(|(name, draft)| (format!("{name}.draft"), draft)));
 }
 
-/// Takes from a schema what a half-written value breaks.
+/// Removes the rules from a schema that a half-written value breaks.
 fn relax(schema: &mut Json) {
     match schema {
         Json::Object(object) => {
@@ -101,7 +102,7 @@ fn relax(schema: &mut Json) {
     }
 }
 
-/// Removes definitions that nothing refers to any more.
+/// Removes definitions without references.
 fn drop_unused(schema: &mut Json) {
     loop {
         let text = schema.to_string();

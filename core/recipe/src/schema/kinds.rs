@@ -1,14 +1,14 @@
 //! The JSON Schema of recipes, from the registry.
 //!
-//! Draft-07. The definition of each kind is closed and knows `kind` itself. A stage table, the definition named after its
-//! slot, says so twice: `anyOf` lists the kinds, from which editors complete and hover, and a chain of `if`/`then`/`else`
-//! on `kind` judges, so that a mistake is told of the kind that was meant. In keyed slots every kind is also a property
-//! name, so that typing `[write.` completes.
+//! Draft-07. The definition of each kind is closed and knows `kind` itself. A stage table is the definition named after
+//! its slot. It has the kinds twice: editors complete and hover from the list in `anyOf`, and a chain of
+//! `if`/`then`/`else` on `kind` validates, so that a mistake is reported for the intended kind. In keyed slots every
+//! kind is also a property name, so that typing `[write.` completes.
 //!
-//! A recipe that extends another one may leave out what it inherits. So what is required is apart, under an `if` on
+//! A recipe that extends another recipe may leave out what it inherits. So requirements are separate, under an `if` on
 //! `extends`, and the definitions of kinds require nothing at their top level; a table without `kind` may have the
-//! options of all kinds of its slot. Schemas that only add a demand say `additionalProperties: true`, or strict editors
-//! would take them for closed.
+//! options of all kinds of its slot. Schemas that only add a requirement state `additionalProperties: true`, because
+//! strict editors would otherwise take them for closed.
 //!
 //! [`editor_schema`](crate::editor_schema) brings this schema into the form that editors read.
 
@@ -27,7 +27,7 @@ pub(crate) const ID_PATTERN: &str = "^[A-Za-z0-9_-]+$";
 
 /// Schemas of everything that a recipe may hold.
 pub(crate) struct Schemas {
-    /// What `$ref` refers to.
+    /// The targets of `$ref`.
     pub definitions: Map<String, Json>,
     /// `[dataset]`.
     pub dataset: Json,
@@ -47,7 +47,7 @@ pub(crate) struct KindSchema {
     pub kind: &'static str,
     /// Class of the assets that the kind gives, if it gives assets.
     pub class: Option<AssetClass>,
-    /// Options of the kind; those of a source of assets include the options of pools of its class.
+    /// Options of the kind. A source of assets also has the options of pools of its class.
     pub options: Json,
 }
 
@@ -100,7 +100,7 @@ impl Schemas {
     }
 }
 
-/// Adds the options of pools of a class to those of a source. Returns the names that both have.
+/// Adds the options of pools of a class to the options of a source. Returns the names that both have.
 fn add_pool_options(options: &mut Json, pool: &Json, class: Option<AssetClass>) -> Vec<String> {
     let Some(properties) = object_at(options, "properties") else { return Vec::new() };
     let mut both = Vec::new();
@@ -119,7 +119,7 @@ fn object_at<'j>(schema: &'j mut Json, key: &str) -> Option<&'j mut Map<String, 
     schema.as_object_mut()?.entry(key).or_insert_with(|| json!({})).as_object_mut()
 }
 
-/// The class of assets that a kind of source gives, as its example says.
+/// The class of assets that a kind of source gives, found from its example.
 fn class_of(entry: &Entry) -> Option<AssetClass> {
     if entry.slot != Slot::Assets {
         return None;
@@ -260,7 +260,7 @@ fn stage_schema(registry: &Registry, schemas: &Schemas, slot: Slot) -> Json {
     stage
 }
 
-/// A demand on a table of which it says nothing else.
+/// A requirement for a table that may have any other options.
 fn open(mut demand: Json) -> Json {
     if let Some(object) = demand.as_object_mut() {
         object.insert("type".into(), "object".into());
@@ -320,7 +320,7 @@ fn section_schema(registry: &Registry, slot: Slot) -> Json {
     }
 }
 
-/// A pattern of all texts but some words of letters, digits and `_`. With `additionalProperties` in its place, taplo
+/// A pattern of all texts except some words of letters, digits and `_`. With `additionalProperties` instead, taplo
 /// would complete the options of every kind in the table of one.
 fn other_than(words: &[&str]) -> String {
     let prefixes: BTreeSet<&str> = words.iter().flat_map(|word| (0..=word.len()).map(|end| &word[..end])).collect();
@@ -336,7 +336,7 @@ fn other_than(words: &[&str]) -> String {
     format!("^(?:{})", forms.join("|"))
 }
 
-/// Requirements of a recipe that extends no other one.
+/// Requirements of a recipe that extends no other recipe.
 fn whole(registry: &Registry, schemas: &Schemas) -> Json {
     let mut properties = Map::new();
     properties

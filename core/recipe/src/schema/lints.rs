@@ -242,14 +242,14 @@ fn properties(schema: &Json) -> impl Iterator<Item = (&String, &Json)> {
     schema.get("properties").and_then(Json::as_object).into_iter().flatten()
 }
 
-/// Whether a schema is that of a single number with no limit of its own. Unsigned integers have the limit 0.
+/// Whether a schema is a single number without a limit of its own. Unsigned integers have the limit 0.
 fn is_unlimited(schema: &Json) -> bool {
     let limits = ["minimum", "maximum", "exclusiveMinimum", "exclusiveMaximum", "enum", "const"];
     matches!(schema.get("type").and_then(Json::as_str), Some("number" | "integer"))
         && !limits.iter().any(|limit| schema.get(limit).is_some())
 }
 
-/// A number, or a table that says how to draw one.
+/// Whether a schema is a number or a table that describes how to draw one.
 fn is_distribution(schema: &Json) -> bool {
     schema.get("type").is_some_and(Json::is_array)
 }

@@ -1,4 +1,4 @@
-//! Names of assets in a recipe: patterns, lists in files, and what a message says of names that no asset has.
+//! Names of assets in a recipe: patterns, lists in files, and messages about names that no asset has.
 
 use glob::Pattern;
 use std::collections::BTreeSet;
@@ -26,12 +26,12 @@ pub(crate) fn warn_of_unknown(
     log.warn(&Error::new(message).in_file(list.path()).help(look_of(names.to_vec())));
 }
 
-/// What the names of a source's assets look like.
+/// Help on the names of a source's assets: their number and some examples.
 pub(crate) fn names_of(entries: &[CatalogEntry]) -> String {
     look_of(entries.iter().map(|entry| entry.name.as_str()).collect())
 }
 
-/// What names look like.
+/// Help on names: their number and some examples.
 fn look_of(mut names: Vec<&str>) -> String {
     names.sort_unstable();
     let first: Vec<String> = names.iter().take(3).map(|name| format!("`{name}`")).collect();

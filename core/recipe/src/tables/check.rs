@@ -15,12 +15,12 @@ use toml::de::DeTable;
 /// Old and new paths of options of one table.
 pub(crate) type Renamed<'r> = &'r [(&'r str, &'r str)];
 
-/// What a check of one table found.
+/// The result of a check of one table.
 #[derive(Debug, Default)]
 pub(crate) struct Checked {
     pub diagnostics: Vec<DiagnosticBuilder>,
     pub references: Vec<Reference>,
-    /// Options of the table that are wrong, or inside of which something is.
+    /// Options of the table that are wrong, or that have a mistake inside.
     pub wrong: BTreeSet<String>,
 }
 
@@ -73,7 +73,7 @@ pub(crate) fn options(
 
 /// The diagnostic for a key that has another name now.
 pub(crate) fn renamed_key(owner: &str, span: Span, old: &str, new: &str) -> DiagnosticBuilder {
-    // The label stands at the last word of the old path: in the same table the new word is enough.
+    // The label marks the last word of the old path: in the same table the new word is enough.
     let beside = old.rsplit_once('.').and_then(|(table, _)| new.strip_prefix(table)?.strip_prefix('.'));
     DiagnosticBuilder::error(Code::Renamed, span, format!("`{old}` of `{owner}` is called `{new}` now"))
         .label(format!("write `{}`", beside.unwrap_or(new)))
@@ -125,7 +125,7 @@ fn diagnostic(finding: Finding) -> DiagnosticBuilder {
     }
 }
 
-/// Describes a value of the wrong type and how to write it, if the value says so.
+/// Describes a value of the wrong type. Explains how to write it if the value shows that.
 fn type_label(wanted: Option<TomlType>, found: TomlType, text: &str) -> String {
     let this = match found {
         TomlType::Boolean => format!("this is {text}"),

@@ -90,7 +90,7 @@ pub(crate) struct LockTable {
     pub assets: BTreeMap<String, String>,
 }
 
-/// What a pool offers.
+/// Contents of a pool.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CatalogLock {
@@ -103,7 +103,7 @@ pub struct CatalogLock {
 /// The assets of a pool by name.
 pub type CatalogNames = BTreeMap<String, CatalogAsset>;
 
-/// What a dataset keeps of an asset of a pool.
+/// The record of an asset of a pool in a dataset.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct CatalogAsset {
     /// Its category.
@@ -128,7 +128,7 @@ impl CatalogLock {
     }
 }
 
-/// The inputs of a dataset: what may not change while it is made, nor when its resolved recipe runs again.
+/// The inputs of a dataset. They may not change while it is made, nor when its resolved recipe runs again.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Lock {
     /// Devices that rendered scenes and may round otherwise than others do.

@@ -45,7 +45,7 @@ impl ObjectIds {
         })?;
         let text = text.trim_start_matches('\u{feff}');
         let is_json = file.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("json"));
-        // Names first, so that an error says whose number is wrong.
+        // Names first, so that an error names the object with the wrong number.
         let read = |name: &String, number: Option<Entry>, found: &dyn std::fmt::Display| match number {
             Some(Entry::Number(id) | Entry::Asset { obj_id: id }) => Ok(id.get()),
             None => Err(wrong(format!("`{name}` has no number from 1 to {}, but {found}", u32::MAX))),
@@ -69,7 +69,7 @@ impl ObjectIds {
         }
     }
 
-    /// The file, if there is one.
+    /// Adds the file to an error, if the numbers come from a file.
     pub(crate) fn in_file(&self, error: Error) -> Error {
         match self {
             Self::Table(_) => error,

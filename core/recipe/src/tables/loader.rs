@@ -1,4 +1,4 @@
-//! What the tables of a recipe are read with.
+//! The loader of a recipe's tables.
 
 use crate::merge::overrides::Overrides;
 use crate::merge::renamed::RenamedNames;

@@ -13,13 +13,13 @@ use syntable_model::words::some_names;
 pub enum Numbering {
     /// They are stated, by the recipe or by the source.
     Stated,
-    /// They are places in the catalog, from 1, behind those of other pools.
+    /// They are places in the catalog, from 1, after the numbers of other pools.
     Places,
 }
 
 impl PoolOptions {
-    /// Numbers all objects of a source, whether the pool takes them or not. Where `ids` names some, others keep the number that
-    /// the source states, or have none. Warns of names that the source does not have.
+    /// Numbers all objects of a source, whether the pool takes them or not. If `ids` names some of them, the others
+    /// keep the number that the source states, or have none. Warns of names that the source does not have.
     pub fn number(&self, entries: &mut [CatalogEntry], log: &dyn Log) -> Result<Numbering> {
         if let Some(first) = self.first_id {
             let last = first.checked_add(entries.len().saturating_sub(1) as u32);

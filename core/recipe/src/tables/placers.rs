@@ -1,5 +1,5 @@
-//! Whether the steps of `[[place]]` go together: what a scene has once is set by one step, before those that need it, some
-//! step places objects, and every support that a stage names is set.
+//! Checks that the steps of `[[place]]` go together. One step sets each part that a scene has once, before the steps
+//! that need it. Some step places objects, and a step sets every support that a stage names.
 
 use crate::tables::stages::{Built, BuiltStage};
 use crate::text::code::Code;
@@ -11,7 +11,7 @@ use syntable_model::stage::{Part, PartUse, Placer};
 /// A step of `[[place]]`.
 struct Step<'s, 'l> {
     stage: &'s BuiltStage<'l>,
-    /// What it does with the parts of the scene; none if it does not say.
+    /// How it uses the parts of the scene; none if it does not declare them.
     parts: Option<Vec<PartUse>>,
     places_objects: bool,
 }
@@ -32,13 +32,13 @@ impl Step<'_, '_> {
     }
 }
 
-/// Reports steps that set what another one sets, steps that need what no earlier one sets, names of supports that no step
+/// Reports parts that two steps set, steps that need a part that no earlier step sets, names of supports that no step
 /// sets, and recipes without objects.
 pub(crate) fn check(built: &Built) -> Vec<DiagnosticBuilder> {
     let step = |stage| Step::of(stage);
     let steps: Vec<Step> = built.stages.iter().filter_map(step).collect();
     let mut diagnostics = duplicates(&steps);
-    // What sets a part may be a step that could not be read.
+    // A step that could not be read may set a part.
     if built.failed.contains(&Slot::Place) {
         return diagnostics;
     }
@@ -96,7 +96,7 @@ fn duplicates(steps: &[Step]) -> Vec<DiagnosticBuilder> {
 
 /// For each part, the first step that needs it before a step sets it.
 fn unmet_needs(steps: &[Step]) -> Vec<DiagnosticBuilder> {
-    // What sets the part may be a step that does not say so.
+    // A step that does not declare its parts may set the part.
     let stated = steps.iter().position(|step| step.parts.is_none()).map_or(steps, |index| &steps[..index]);
     let mut reported: Vec<&Part> = Vec::new();
     let mut diagnostics = Vec::new();

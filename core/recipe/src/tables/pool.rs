@@ -27,7 +27,8 @@ pub struct Pool {
     pub options: PoolOptions,
 }
 
-/// Options of every `[assets.<id>]` table, beside those of its kind. No kind may have an option of the same name.
+/// Options of every `[assets.<id>]` table, in addition to the options of its kind. No kind may have an option of the
+/// same name.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct PoolOptions {
@@ -163,7 +164,7 @@ pub enum Scale {
 }
 
 impl Scale {
-    /// Whether it states the size, whatever the file says.
+    /// Whether it states the size, which then does not depend on the file.
     pub fn is_size(self) -> bool {
         matches!(self, Self::Size { .. })
     }
@@ -188,7 +189,7 @@ pub enum Mass {
     DensityKgM3(#[schemars(extend("exclusiveMinimum" = 0, "maximum" = 1e5))] f64),
 }
 
-/// What is known of an object: one table of the file that `properties` names.
+/// Known properties of an object: one table of the file that `properties` names.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct ObjectProperties {
@@ -231,7 +232,7 @@ pub enum Center {
 /// The entries of a source that a pool takes.
 #[derive(Debug, Default)]
 pub struct Selection {
-    /// What stages draw from, in the order of the source.
+    /// The assets that stages draw from, in the order of the source.
     pub entries: Vec<CatalogEntry>,
     /// The other parts of the split, in the order of the source; empty without a split.
     pub other_parts: Vec<(CatalogEntry, SplitPart)>,
@@ -275,7 +276,7 @@ impl PoolOptions {
         self.split.as_ref().map_or(Ok(()), |split| split.sizes().map(drop))
     }
 
-    /// What the table of properties states, by name. Warns of names that the source does not have.
+    /// The tables of the file of properties, by name. Warns of names that the source does not have.
     pub fn properties(&self, entries: &[CatalogEntry], log: &dyn Log) -> Result<BTreeMap<String, ObjectProperties>> {
         let Some(file) = &self.properties else { return Ok(BTreeMap::new()) };
         let bytes = read_small(file.path()).map_err(|error| Error::io(file.path(), &error))?;
@@ -307,7 +308,7 @@ impl PoolOptions {
 
     /// Warns of patterns and of names of lists that no asset of the source has: they select or leave out nothing.
     pub fn warn_of_unmatched(&self, entries: &[CatalogEntry], log: &dyn Log) -> Result<()> {
-        // A source without assets is a mistake of its own.
+        // A source without assets is a separate mistake.
         if entries.is_empty() {
             return Ok(());
         }
@@ -333,8 +334,8 @@ impl PoolOptions {
         Ok(())
     }
 
-    /// The entries of a source that the pool takes, in their order. Reads the lists, and warns of a part of a split that is
-    /// small.
+    /// The entries of a source that the pool takes, in their order. Reads the lists, and warns of small parts of a
+    /// split.
     pub fn select(&self, entries: Vec<CatalogEntry>, log: &dyn Log) -> Result<Selection> {
         let read = |list: &Option<AssetPath>| list.as_ref().map(names_of_list).transpose();
         let (wanted, unwanted) = (read(&self.include_list)?, read(&self.exclude_list)?);
@@ -500,7 +501,7 @@ mod tests {
         assert!(warnings[0].contains("split.val_list: the pool has no asset of these names: no_such"), "{warnings:?}");
         let (rest, _) = kept(Split { part: SplitPart::Train, ..val() });
         assert!(rest.len() == 10 && !rest.contains(&"mug_03".to_owned()));
-        // What contradicts itself is refused.
+        // Contradictory options are refused.
         let refused = |split: Split| {
             let options = PoolOptions { split: Some(split), ..Default::default() };
             let log = Collected::default();
@@ -571,7 +572,7 @@ mod tests {
             classes(&[("dish", &["*"]), ("mug", &["*mug*"])]).select(given(), &log).expect_err("ambiguous").to_string();
         let want = "`blue_mug` is of two classes: `*` of `dish` and `*mug*` of `mug` match it";
         assert!(twice.starts_with(want), "{twice}");
-        // Two patterns of one class are no conflict.
+        // Two patterns of one class do not conflict.
         assert!(classes(&[("mug", &["*mug*", "blue*"])]).select(given(), &log).is_ok());
         let invalid = classes(&[("a b", &["ok", "[1"])]).validate().expect_err("the bracket is not closed");
         assert_eq!(invalid.key, "classes.\"a b\"[1]");

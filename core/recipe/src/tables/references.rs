@@ -1,4 +1,4 @@
-//! What options refer to: files, libraries, products, supports and pools.
+//! References in options: files, libraries, products, supports and pools.
 
 use crate::merge::variables;
 use crate::schema::kinds::KindSchema;
@@ -28,12 +28,12 @@ pub struct Draw {
     pub pools: ObjectPools,
 }
 
-/// The names of pools in a recipe: those that it has, and those that its stages draw from.
+/// The names of pools in a recipe: the pools that it has, and the pools that its stages draw from.
 #[derive(Default)]
 pub(crate) struct PoolNames {
     /// Class of each pool; none if its table is broken.
     pub pools: BTreeMap<String, (Option<AssetClass>, Span)>,
-    /// What stages name, each with the kind whose default it is if the recipe does not give it.
+    /// The names that stages refer to, each with the kind whose default it is if the recipe does not give it.
     references: Vec<(Option<&'static str>, Reference)>,
     /// Whether a stage that may draw from pools could not be read.
     pub unread: bool,
@@ -52,7 +52,8 @@ impl PoolNames {
     }
 }
 
-/// What a string in an option refers to: the values of the schema keyword [`REFERENCE`](syntable_toml_schema::REFERENCE).
+/// The kinds of references of strings in options: the values of the schema keyword
+/// [`REFERENCE`](syntable_toml_schema::REFERENCE).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum ReferenceKind {
     /// A file or a folder.
@@ -85,7 +86,7 @@ impl ReferenceKind {
     }
 }
 
-/// What the options of one stage refer to.
+/// The references in the options of one stage.
 #[derive(Default)]
 pub(crate) struct StageReferences {
     /// Products, with their bytes.
@@ -96,9 +97,9 @@ pub(crate) struct StageReferences {
     pub object_pools: BTreeSet<String>,
     /// Paths by their option.
     pub paths: Vec<(Vec<Step>, variables::Resolved)>,
-    /// Native libraries that a file of the recipe names beside itself, each as `library = "oidn.so"`.
+    /// Native libraries that a file of the recipe names by a path next to itself, each as `library = "oidn.so"`.
     pub libraries: Vec<String>,
-    /// Whether a path leads nowhere, which does not keep the stage from being built.
+    /// Whether a path does not exist. The stage is built nevertheless.
     pub absent: bool,
     /// Options with a name that is refused.
     pub wrong: BTreeSet<String>,
@@ -121,7 +122,7 @@ impl StageReferences {
 }
 
 impl Loader<'_, '_> {
-    /// What the options of a stage refer to. Paths are put into the table as they are opened.
+    /// The references in the options of a stage. Paths are put into the table in the form in which they are opened.
     pub fn references(
         &self,
         references: Vec<Reference>,
@@ -129,7 +130,7 @@ impl Loader<'_, '_> {
         names: &mut PoolNames,
         diagnostics: &mut Vec<DiagnosticBuilder>,
     ) -> StageReferences {
-        // An option can be a path and, beside it, a file or a library.
+        // An option can be a path and also a file or a library.
         let of_kind = |kind: ReferenceKind| -> BTreeSet<Vec<Step>> {
             let found = references.iter().filter(|reference| ReferenceKind::of(reference) == kind);
             found.map(|reference| reference.path.clone()).collect()
@@ -145,7 +146,7 @@ impl Loader<'_, '_> {
                         found.wrong.extend(first_key(&reference.path));
                         continue;
                     };
-                    // The stage says whether its library exists, because it knows where to get it.
+                    // The stage reports a missing library, because it knows where to get the library.
                     if !libraries.contains(&reference.path) && !(self.overrides.exists)(&path.path) {
                         diagnostics.push(self.absent(&reference, &path.path));
                         found.absent = true;
@@ -174,8 +175,8 @@ impl Loader<'_, '_> {
         found
     }
 
-    /// Adds the names among a stage's defaults, which are nowhere in the recipe: they are reported at the table's header.
-    /// `given` are the names that the recipe gives, with their options.
+    /// Adds the names among a stage's defaults, which have no place in the recipe: they are reported at the table's
+    /// header. `given` are the names that the recipe gives, with their options.
     pub fn add_defaults(
         &self,
         (entry, kind): (&Entry, &KindSchema),
@@ -247,7 +248,7 @@ impl Loader<'_, '_> {
         Some(resolved)
     }
 
-    /// The diagnostic for a path at which there is nothing. It says from where the path counts.
+    /// The diagnostic for a path that does not exist. It names the folder from which the path counts.
     fn absent(&self, reference: &Reference, path: &Path) -> DiagnosticBuilder {
         let message = format!("{} does not exist", path.display());
         let diagnostic = DiagnosticBuilder::error(Code::InvalidValue, reference.span.clone(), message);
@@ -260,7 +261,7 @@ impl Loader<'_, '_> {
         }
     }
 
-    /// Every pool that a stage names must be there and give the right class; every pool should be named.
+    /// Every pool that a stage names must exist and give the right class; every pool should be named.
     pub fn check_pools(&self, names: &PoolNames, diagnostics: &mut Vec<DiagnosticBuilder>) {
         for (kind, reference) in names.all() {
             let Some(class) = reference.what.strip_prefix("pool:") else { continue };
@@ -298,7 +299,7 @@ impl Loader<'_, '_> {
         }
         let used: BTreeSet<&str> = names.all().map(|(_, reference)| reference.text.as_str()).collect();
         for (id, (_, span)) in &names.pools {
-            // A recipe that extends another one need not draw from all of its pools.
+            // A recipe that extends another recipe need not draw from all of its pools.
             let own = self.sources.file_of(span).is_some_and(|file| file.is_root());
             if own && !used.contains(id.as_str()) && !names.unread {
                 diagnostics.push(
@@ -318,7 +319,7 @@ fn default_of(kind: &str, reference: &Reference) -> String {
     format!("`{kind}` has it as the default of `{}`", DisplayPath(&reference.path))
 }
 
-/// The diagnostic for a folder in place of a file.
+/// The diagnostic for a folder instead of a file.
 fn folder_for_file(reference: &Reference, path: &Path) -> DiagnosticBuilder {
     let message = format!("`{}` names a file, but {} is a folder", DisplayPath(&reference.path), path.display());
     DiagnosticBuilder::error(Code::InvalidValue, reference.span.clone(), message).label("name a file in it")

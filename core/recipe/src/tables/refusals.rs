@@ -41,8 +41,8 @@ impl Loader<'_, '_> {
         }
     }
 
-    /// Reports what a stage, and the pool of a source of assets, refuse of their options beside those that are known to be
-    /// wrong.
+    /// Reports the options that a stage, and the pool of a source of assets, refuse. Options that are known to be wrong
+    /// are left out.
     pub fn refusals(
         &self,
         entry: &Entry,
@@ -58,7 +58,7 @@ impl Loader<'_, '_> {
         }
     }
 
-    /// The options of the stage itself, or those of its pool.
+    /// The options of the stage itself, or the options of its pool.
     fn split<'a>(&self, given: &StageTable<'a>, own: bool) -> DeTable<'a> {
         let of_pool = |name: &str| given.slot == Slot::Assets && self.schemas.is_pool_option(name);
         given.table.clone().into_iter().filter(|(key, _)| of_pool(key.get_ref()) != own).collect()
@@ -73,8 +73,9 @@ fn pool_options(table: RecipeValue) -> Result<PoolOptions, ConstructError> {
     Ok(options)
 }
 
-/// Reports what a stage refuses of its options beside those that are known to be `wrong`, one after the other. If there are
-/// wrong ones, what is about an option that is not given, or speaks of a wrong one, may follow from them and is left out.
+/// Reports the options that a stage refuses, one after the other, without options that are known to be `wrong`. If some
+/// are wrong, a refusal may follow from them: it is left out if it concerns an option that is not given, or mentions a
+/// wrong one.
 fn refusals(
     build: &dyn Fn(RecipeValue) -> Result<(), ConstructError>,
     given: &StageTable,
@@ -85,7 +86,7 @@ fn refusals(
     wrong.iter().for_each(|option| drop(rest.remove(option.as_str())));
     while let Err(error) = build(Spanned::new(given.header.clone(), DeValue::Table(rest.clone()))) {
         let (option, said) = match &error {
-            // A value that cannot be read is wrong whatever the others are.
+            // A value that cannot be read is wrong, whatever the other values are.
             ConstructError::Form(error) => (error.span().and_then(|span| option_at(&rest, &span)), String::new()),
             ConstructError::Invalid(invalid) => {
                 let said = format!("{} {}", invalid.message, invalid.help.as_deref().unwrap_or_default());

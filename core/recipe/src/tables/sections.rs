@@ -33,7 +33,7 @@ pub(crate) fn unknown(tree: &DeTable, schemas: &Schemas, diagnostics: &mut Vec<D
     }
 }
 
-/// Where an option belongs that stands outside of all sections, if one section has it or means it.
+/// The section for an option that is outside of all sections, if one section has it or means it.
 fn section_of(name: &str, schemas: &Schemas) -> Option<String> {
     let dataset = ("dataset", &schemas.dataset);
     let kinds = schemas.kinds.iter().filter(|kind| kind.slot.shape() == Shape::One);
@@ -135,7 +135,7 @@ fn plain<'a, T: Deserialize<'a>>(
         .ok()
 }
 
-/// Warns of versions other than those that resolved the recipe.
+/// Warns of versions other than the versions that resolved the recipe.
 pub(crate) fn lock_mismatches(lock: &LockTable, span: &Span, registry: &Registry) -> Vec<DiagnosticBuilder> {
     let mut diagnostics = Vec::new();
     let mut warn = |what: &str, recorded: &str, present: Option<&str>| {

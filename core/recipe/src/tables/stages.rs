@@ -34,7 +34,7 @@ pub(crate) struct BuiltStage<'r> {
     pub supports: Vec<(String, Span)>,
     /// Pools of objects that it draws from.
     pub object_pools: BTreeSet<String>,
-    /// Whether there is something at every path that it names.
+    /// Whether every path that it names exists.
     pub found: bool,
 }
 
@@ -48,9 +48,9 @@ pub(crate) struct Built<'r> {
     pub files: Vec<(String, PathBuf)>,
     /// Which pools the stages draw from.
     pub draws: Vec<Draw>,
-    /// Native libraries that the recipe names by a path beside itself, such as `denoise: library = "oidn.so"`.
+    /// Native libraries that the recipe names by a path next to itself, such as `denoise: library = "oidn.so"`.
     pub libraries: Vec<String>,
-    /// Kinds that were chosen, for people.
+    /// Kinds that were chosen, for users.
     pub choices: Vec<String>,
     /// Tables whose kind was not chosen yet.
     pub undecided: Vec<String>,
@@ -62,7 +62,7 @@ impl Built<'_> {
     /// Keeps the files that the options of a stage name, and writes paths into the options in portable form.
     fn add_paths(&mut self, given: &StageTable, paths: &[(Vec<Step>, variables::Resolved)], options: &mut toml::Table) {
         for (steps, path) in paths {
-            // The catalog of a pool says what its folders and lists amount to, and a denoiser's library is a program.
+            // The catalog of a pool covers its folders and lists, and a denoiser's library is a program.
             if !matches!(given.slot, Slot::Assets | Slot::Denoise) {
                 self.files.push((format!("{}.{}", given.name(), DisplayPath(steps)), path.path.clone()));
             }
@@ -127,7 +127,7 @@ impl<'r> Loader<'_, 'r> {
         let constructed = if ok {
             self.construct(entry, &given, &mut built.pools, diagnostics)
         } else {
-            // Mistakes among the other options do not wait until these are mended.
+            // Mistakes in the other options are reported at the same time.
             let wrong = checked.wrong.union(&references.wrong).cloned().collect();
             self.refusals(entry, &given, &wrong, diagnostics);
             None
@@ -168,7 +168,7 @@ impl<'r> Loader<'_, 'r> {
         check::options(self.schemas.validator(), entry.kind, &given.table, &given.header, &kind.options, &renamed)
     }
 
-    /// The kind that another one stands for on this machine.
+    /// The kind that replaces another kind on this machine.
     fn chosen(
         &self,
         entry: &'r Entry,

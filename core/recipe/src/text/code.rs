@@ -29,7 +29,7 @@ macro_rules! codes {
                 }
             }
 
-            /// What the mistake is and why it is one: a paragraph of Markdown.
+            /// Explanation of the mistake: a paragraph of Markdown.
             pub fn explain(self) -> &'static str {
                 match self {
                     $(Self::$name => $explanation,)*
@@ -183,7 +183,7 @@ codes! {
         "Each writer stores some kinds of value: a PNG file has no channel for floating-point numbers, an array file no \
          place for records. The product is of a kind that this writer cannot store.",
         "Write the product with another writer, as the message says; `syntable list products` shows the kind of each.";
-    /// The stage runs for nobody. A warning.
+    /// Nothing reads the products of the stage. A warning.
     IdleStage = "D0025", "nothing reads what the stage provides",
         "The recipe sets up a sensor, an annotator or a denoiser, but no writer includes what it provides, nor anything \
          that is made from it. The stage does not run.",

@@ -1,4 +1,4 @@
-//! Diagnostics: what is wrong with a recipe, where, and how to fix it.
+//! Diagnostics: the mistakes of a recipe, their places, and how to fix them.
 
 use crate::text::code::Code;
 use crate::text::source::{SourceFile, Sources, Span};
@@ -40,7 +40,7 @@ pub struct Diagnostic {
     pub code: Code,
     /// Whether it keeps the recipe from running.
     pub severity: Severity,
-    /// What is wrong: lower case, no full stop.
+    /// Description of the mistake: lower case, no full stop.
     pub message: String,
     /// The range at fault, then related ones.
     pub labels: Vec<Label>,

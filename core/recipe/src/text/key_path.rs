@@ -6,7 +6,7 @@ use syntable_toml_schema::Step;
 /// A step of a path with its bytes.
 type Located = (Step, Range<usize>);
 
-/// Parses a path. Steps come with their bytes; an error says what is wrong and at which bytes.
+/// Parses a path. Each step comes with its bytes; an error has a message and the bytes at fault.
 pub(crate) fn parse(text: &str) -> Result<Vec<Located>, (String, Range<usize>)> {
     let mut steps: Vec<Located> = Vec::new();
     let mut at = 0;

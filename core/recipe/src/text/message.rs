@@ -1,4 +1,4 @@
-//! What the program says beside its results: one shape for diagnostics, errors and warnings, in every verb.
+//! Messages of the program in addition to its results: one form for diagnostics, errors and warnings, in every verb.
 
 use crate::text::diagnostic::{Diagnostic, Label};
 use serde::Serialize;
@@ -11,12 +11,12 @@ pub enum Message {
     Diagnostic(Diagnostic),
     /// An error that is not of a recipe's text.
     Error(Error),
-    /// Something that is probably not what was meant.
+    /// A probable mistake.
     Warning(Error),
 }
 
 impl Message {
-    /// Text for people: a diagnostic with the lines at fault underlined, with ANSI colors if `colored`, or one line.
+    /// Text for users: a diagnostic with the lines at fault underlined, with ANSI colors if `colored`, or one line.
     pub fn render(&self, colored: bool) -> String {
         match self {
             Self::Diagnostic(diagnostic) => diagnostic.render(colored),
@@ -41,7 +41,7 @@ impl From<&Message> for Record {
 pub enum Level {
     /// The command, or a part of it, did not work.
     Error,
-    /// Something is probably not what was meant, but work goes on.
+    /// A probable mistake. Work continues.
     Warning,
 }
 
@@ -53,7 +53,7 @@ pub struct Record {
     /// Code of the diagnostic, such as `D0008`; none for errors that are not of a recipe's text.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub code: Option<String>,
-    /// What is wrong.
+    /// Description of the problem.
     pub message: String,
     /// Where.
     #[serde(flatten)]
@@ -85,7 +85,7 @@ pub struct Location {
     /// Offset in bytes, for files that are not text.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub byte: Option<u64>,
-    /// What is at the place.
+    /// Note on the place; may be empty.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub label: String,
 }
@@ -120,7 +120,7 @@ impl From<&Diagnostic> for Record {
 }
 
 impl Record {
-    /// One line for people: `error: what is wrong (help)`.
+    /// One line for users: `error: what is wrong (help)`.
     pub fn line(&self) -> String {
         let level = if self.level == Level::Error { "error" } else { "warning" };
         let help = if self.help.is_empty() { String::new() } else { format!(" ({})", self.help.join("; ")) };

@@ -56,7 +56,7 @@ impl Source {
     }
 }
 
-/// How the name of an embedded recipe begins where a path could stand.
+/// Prefix of the name of an embedded recipe, in places that also accept a path.
 pub(crate) const PREFIX: &str = "builtin:";
 
 /// A recipe that is part of the program.
@@ -70,7 +70,7 @@ pub struct Builtin {
 
 macro_rules! builtins {
     ($($name:literal),+ $(,)?) => {
-        /// All embedded recipes, sorted by name; those that need assets come with the others.
+        /// All embedded recipes, sorted by name, including recipes that need assets.
         pub const BUILTINS: &[Builtin] = &[$(Builtin {
             name: $name,
             text: include_str!(concat!("../../../../recipes/", $name, ".toml")),
@@ -107,7 +107,7 @@ impl Builtin {
         Source::embedded(format!("{PREFIX}{}", self.name), self.text)
     }
 
-    /// What it makes: the first sentence of its opening comment.
+    /// The first sentence of its opening comment, which names what it makes.
     pub fn summary(&self) -> String {
         let comment =
             self.text.lines().skip_while(|line| line.starts_with("#:")).map_while(|line| line.strip_prefix('#'));
@@ -115,7 +115,8 @@ impl Builtin {
     }
 }
 
-/// The name of the embedded recipe that a path means: a name with its prefix, or in an embedded recipe a file beside it.
+/// The name of the embedded recipe that a path means: a name with its prefix, or, in an embedded recipe, a file next to
+/// it.
 pub(crate) fn name_of(path: &str, file: &str) -> Option<String> {
     if let Some(name) = path.strip_prefix(PREFIX) {
         return Some(name.to_owned());

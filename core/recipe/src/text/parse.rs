@@ -14,25 +14,25 @@ const MOST_ERRORS: usize = 6;
 pub(crate) struct Parsed<'a> {
     pub table: DeTable<'a>,
     pub errors: Vec<DiagnosticBuilder>,
-    /// Whether an error may have swallowed keys, so that a key cannot be said to be missing.
+    /// Whether an error may have swallowed keys, so that no key can be reported as missing.
     pub keys_lost: bool,
     /// Bytes after an unclosed bracket, which the parser misreads.
     pub misread: Option<Span>,
 }
 
-/// A syntax error of the `toml` crate, as far as a better message can be given.
+/// Class of a syntax error of the `toml` crate, for a better message where one exists.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum SyntaxError {
     DuplicateKey,
     UnclosedBracket,
-    /// A bare word, or nothing, in place of a value.
+    /// A bare word, or nothing, instead of a value.
     NoValue,
-    /// A string that does not end on its line, or holds what a string cannot hold.
+    /// A string that does not end on its line, or has content that a string cannot have.
     BrokenString,
     Other,
 }
 
-/// Classifies an error. The `toml` crate exposes nothing but words: a test below pins the words of each class.
+/// Classifies an error. The `toml` crate exposes only words: a test below pins the words of each class.
 fn classify(error: &toml::de::Error) -> SyntaxError {
     let begins = |words: &[&str]| words.iter().any(|word| error.message().starts_with(word));
     if begins(&["duplicate key"]) {
@@ -62,7 +62,7 @@ pub(crate) fn parse_file(file: &SourceFile) -> Parsed<'_> {
     Parsed { table: shift_table(table, file.start()), errors, keys_lost, misread }
 }
 
-/// Parses a value that starts at byte `at` of the shared space. A word that is no TOML value is a string.
+/// Parses a value that starts at byte `at` of the shared space. A word that is not a TOML value is a string.
 pub(crate) fn parse_value(text: &str, at: usize) -> Result<RecipeValue<'_>, DiagnosticBuilder> {
     let (value, errors) = DeValue::parse_recoverable(text);
     let Some(error) = errors.first() else {
@@ -105,7 +105,7 @@ fn diagnostics(
 ) -> Vec<DiagnosticBuilder> {
     let text = file.text();
     let global = |span: Span| span.start + file.start()..span.end + file.start();
-    // The parser reads all that follows an unclosed bracket as its content: errors there are consequences.
+    // The parser takes everything after an unclosed bracket as its content, so errors after it are consequences.
     let mut diagnostics: Vec<DiagnosticBuilder> = open
         .map(|at| {
             let (what, close) = if text[at..].starts_with('[') { ("array", "]") } else { ("inline table", "}") };

@@ -2,7 +2,7 @@
 
 pub(crate) use syntable_toml_schema::listing;
 
-/// What people write who know another tool or another dataset, and what they may mean, the likeliest first.
+/// Words of users who know another tool or another dataset, each with its possible meanings, the likeliest first.
 const SYNONYMS: &[(&str, &[&str])] = &[
     // Of the dataset.
     ("num_scenes", &["scenes"]),

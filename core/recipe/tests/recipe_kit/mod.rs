@@ -411,7 +411,7 @@ renderer! { CpuPath, "cpu_path" => RADIANCE, DEPTH, INSTANCE; Outline, "outline"
 #[derive(Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Masks {
-    /// Keep objects of which nothing is visible.
+    /// Keep objects without visible pixels.
     keep_hidden: bool,
 }
 /// Hidden fraction of every object.
