@@ -1,4 +1,4 @@
-//! What labels of a 640 × 480 view cost.
+//! Time of the labels of a 640 × 480 view.
 
 #[path = "../tests/common/mod.rs"]
 mod common;
@@ -24,7 +24,7 @@ fn disks(objects: usize, size: [u32; 2]) -> (Plane<InstanceId>, BitPlane) {
     disks_at(objects, size, 1)
 }
 
-/// The same with pixels divided into `times` × `times`.
+/// Like [`disks`], with pixels divided into `times` × `times`.
 fn disks_at(objects: usize, size: [u32; 2], times: u32) -> (Plane<InstanceId>, BitPlane) {
     let ([width, height], pixel) = (size.map(|edge| edge * times), 1.0 / f64::from(times));
     let mut stream = Stream::root(objects as u64);
@@ -34,7 +34,7 @@ fn disks_at(objects: usize, size: [u32; 2], times: u32) -> (Plane<InstanceId>, B
     let covers = |x: i32, y: i32, [cx, cy, r]: [f64; 3]| {
         let (dx, dy) = ((f64::from(x) + 0.5) * pixel - cx, (f64::from(y) + 0.5) * pixel - cy);
         let square = dx * dx + dy * dy;
-        // A scalloped outline, as of a real object.
+        // A scalloped outline, like a real object's.
         let scalloped = || r * (1.0 + 0.1 * (9.0 * dy.atan2(dx)).sin());
         square < 1.3 * r * r && square < scalloped().powi(2)
     };
@@ -71,16 +71,16 @@ fn masks_order_and_coco(bencher: Bencher, objects: usize) {
     });
 }
 
-/// Areas on the canvas three times as wide and high.
+/// Areas on a canvas three times as wide and high as the image.
 #[divan::bench(args = [20, 130])]
 fn areas_outside(bencher: Bencher, objects: usize) {
     let ((_, image), (_, canvas)) = (disks(objects, SIZE), disks(objects, SIZE.map(|edge| 3 * edge)));
     bencher.bench(|| area_outside(black_box(&image), black_box(&canvas)));
 }
 
-/// All labels of a view of 40 objects but their appearance and hidden normals, which need images of objects: each annotator
-/// of views with what it takes from the renderer and from those before it. They are named in an order in which each finds
-/// what it needs.
+/// All labels of a view of 40 objects, except appearance and hidden normals, which need images of objects: each
+/// annotator of views with the products that it needs from the renderer and from earlier annotators. The order of the
+/// names provides each annotator with its inputs.
 const ANNOTATORS: &[&str] = &[
     "masks",
     "boxes",
@@ -105,7 +105,7 @@ const ANNOTATORS: &[&str] = &[
     "soft_masks",
 ];
 
-/// A view of 40 objects and what a renderer makes of it.
+/// A view of 40 objects and the products of a renderer.
 fn rendered() -> (World, View, Products) {
     const OBJECTS: usize = 40;
     let mut world = World::new(OBJECTS);
@@ -136,7 +136,7 @@ fn rendered() -> (World, View, Products) {
     (world, next, products)
 }
 
-/// Each annotator of [`ANNOTATORS`] by itself.
+/// Each annotator of [`ANNOTATORS`] alone.
 #[divan::bench(args = ANNOTATORS, sample_count = 20)]
 fn annotator_of_40(bencher: Bencher, kind: &str) {
     let (world, next, mut products) = rendered();

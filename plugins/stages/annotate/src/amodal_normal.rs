@@ -45,7 +45,7 @@ fn normals_of(tile: &AtlasTile, mask: &Mask, normal: &Plane<[f32; 3]>) -> Object
     let (columns, rows) = (window.x..window.x + window.width as i32, window.y..window.y + window.height as i32);
     ObjectImage::of_mask(mask, [0.0; 3], |pixel| {
         let [x, y] = [pixel as u32 % mask.width(), pixel as u32 / mask.width()].map(|edge| edge as i32);
-        // The mask is of what covers the image, and so within the window.
+        // The mask only contains pixels of the image, so they are within the window.
         let is_there = columns.contains(&x) && rows.contains(&y);
         is_there.then(|| *normal.at(tile.at[0] + (x - window.x) as u32, tile.at[1] + (y - window.y) as u32))
     })

@@ -1,4 +1,4 @@
-//! What the ids of a scene stand for.
+//! Meaning of the ids of a scene.
 
 use crate::matrix::pose;
 use syntable_model::prelude::*;
@@ -38,7 +38,7 @@ struct BodyRecord<'a> {
     pool: &'a str,
     name: &'a str,
     category: &'a str,
-    /// Names, by the object's material slots, or the one that replaces them all.
+    /// Names of the materials, by the object's material slots, or of the single material that replaces them.
     materials: Vec<&'a str>,
     world_from_body: [[f64; 4]; 4],
 }

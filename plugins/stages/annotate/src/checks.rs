@@ -1,7 +1,8 @@
-//! What must hold among the labels of every view.
+//! Checks that the labels of every view are consistent.
 //!
-//! Each check compares products that could have been made apart: masks with masks, numbers with the masks that they were
-//! counted on, poses with depth. All are exact but for the rounding of files, which is stated where it counts.
+//! Each check compares products that may come from different sources: masks with masks, numbers with the masks that
+//! they were counted on, poses with depth. All checks are exact, except for the rounding of files; tolerances are
+//! stated where they apply.
 
 use serde_json::Value as Json;
 use syntable_model::check::Check;
@@ -14,15 +15,15 @@ use syntable_model::product::standard::{
 use syntable_model::product::{BBox, OcclusionOrder, Product, meeting_boxes};
 use syntable_model::{register_check, rule};
 
-/// Distance by which a depth may differ from what a pose says, m: files have whole millimeters.
+/// Maximum difference between a depth and the depth from a pose, m: files store whole millimeters.
 const DEPTH_TOLERANCE_M: f64 = 0.002;
-/// The same of an outline in the image, px: a mask is taken at pixel centers.
+/// Maximum difference between outlines in the image, px: a mask is sampled at pixel centers.
 const OUTLINE_TOLERANCE_PX: f64 = 1.0;
-/// Difference that two matrices or rates of one thing may have by rounding.
+/// Maximum difference by rounding between two matrices or rates of the same object.
 const ROUNDING: f64 = 1e-6;
-/// How far from a rotation a matrix of single precision may be.
+/// Maximum difference of a matrix in single precision from a rotation.
 const RIGID: f64 = 1e-3;
-/// Largest error of a rate of two decimals.
+/// Maximum error of a rate with two decimals.
 const TWO_DECIMALS: f64 = 0.005 + 1e-9;
 
 register_check!(
@@ -256,7 +257,7 @@ register_check!(
     },
 );
 
-/// One sentence for each instance of a product that is at fault.
+/// One sentence for each faulty instance of a product.
 fn each<T: 'static>(
     products: &Products,
     key: Key<PerInstance<T>>,
@@ -269,8 +270,8 @@ where
     Ok(products.get(key)?.iter().filter_map(of).collect())
 }
 
-/// The same for two products of the same instances. One that has more instances than the other is at fault as well, but
-/// for objects that are described without being annotated.
+/// Like [`each`], for two products of the same instances. An instance that is only in `one` is faulty, too; `other` may
+/// have more instances, since objects can be described without being annotated.
 fn each_pair<T: 'static, U: 'static>(
     products: &Products,
     one: Key<PerInstance<T>>,
@@ -293,7 +294,7 @@ fn disjoint(products: &Products) -> Result<Vec<String>> {
     let Some(size) = masks.iter().next().map(|(_, first)| [first.width(), first.height()]) else {
         return Ok(Vec::new());
     };
-    // Pixels of the masks so far, in the order of runs.
+    // Pixels of the previous masks, in the order of runs.
     let mut taken = vec![0_u64; (size[0] as usize * size[1] as usize).div_ceil(64)];
     let mut faults = Vec::new();
     for (id, mask) in masks.iter() {
@@ -308,7 +309,7 @@ fn disjoint(products: &Products) -> Result<Vec<String>> {
     Ok(faults)
 }
 
-/// Sets a range of bits, and gives the number of those that were set before.
+/// Sets a range of bits, and returns how many of them were already set.
 fn take(bits: &mut [u64], range: std::ops::Range<u32>) -> u32 {
     let (mut start, mut before) = (range.start, 0);
     while start < range.end {
@@ -324,7 +325,7 @@ fn take(bits: &mut [u64], range: std::ops::Range<u32>) -> u32 {
 
 fn rates(products: &Products) -> Result<Vec<String>> {
     let (occlusion, rates) = (products.get(OCCLUSION_MASK)?, products.get(OCCLUSION_RATE)?);
-    // What lies beyond the image counts as hidden then, and no mask has it.
+    // With this policy, parts outside the image count as hidden, but no mask contains them.
     let extends = products.contains(&LABEL_POLICY.id()) && json(products, LABEL_POLICY)?["image_frame"] == "extend";
     each(products, AMODAL_MASK, |id, amodal| {
         let (occlusion, &rate) = (occlusion.get(id)?, rates.get(id)?);
@@ -356,7 +357,7 @@ fn order(products: &Products) -> Result<Vec<String>> {
     let mut faults = Vec::new();
     for row in 0..ids.len() {
         let [said, own] = [order, &expected].map(|order| &order.matrix()[row * ids.len()..][..ids.len()]);
-        // Most rows are equal, and whole rows are compared fast.
+        // Most rows are equal, and comparing whole rows is fast.
         if said == own {
             continue;
         }
@@ -386,7 +387,7 @@ fn reprojected(products: &Products) -> Result<Vec<String>> {
     };
     each_pair(products, AMODAL_MASK, OBJECT_INFO, |_, mask, info| {
         let corners = corners(info)?;
-        // The image of a box that the camera is in has no bounds.
+        // If the camera is inside the box, the image of the box has no bounds.
         if mask.is_empty() || corners.iter().any(|corner| corner.z <= 0.0) {
             return None;
         }
@@ -423,7 +424,7 @@ fn corners(info: &Value) -> Option<[Point3<f64>; 8]> {
     }))
 }
 
-/// The depths of the pixels of a mask; none if they are of different sizes.
+/// The depths of the pixels of a mask; none if the two have different sizes.
 fn depths<'a>(mask: &'a Mask, depth: &'a Plane<f32>) -> impl Iterator<Item = f32> + 'a {
     let same = (mask.width(), mask.height()) == (depth.width(), depth.height());
     mask.pixels().take(if same { usize::MAX } else { 0 }).map(|pixel| depth.data()[pixel])
@@ -444,7 +445,7 @@ fn difference(a: &[[f64; 4]; 4], b: &[[f64; 4]; 4]) -> f64 {
     (0..16).map(|i| (a[i / 4][i % 4] - b[i / 4][i % 4]).abs()).fold(0.0, f64::max)
 }
 
-/// What is wrong with `camera_from_world`.
+/// Describes why `camera_from_world` is not the inverse of `world_from_camera`; `None` if it is.
 fn is_no_inverse(said: &Json, world_from_camera: &[[f64; 4]; 4]) -> Option<String> {
     let Some(camera_from_world) = matrix(said) else {
         return Some("`camera_from_world` is no 4 × 4 matrix of numbers".to_owned());
@@ -460,7 +461,7 @@ fn has_box(products: &Products) -> bool {
     products.get(OBJECT_INFO).is_ok_and(|infos| infos.iter().any(|(_, info)| corners(info).is_some()))
 }
 
-/// Whether a lens may show more of a box than its corners tell.
+/// Whether the lens has distortion, so that the image of a box may extend beyond its corners.
 fn is_distorted(products: &Products) -> bool {
     json(products, CAMERA).is_ok_and(|camera| camera.get("distortion_k1_k2_p1_p2_k3").is_some())
 }

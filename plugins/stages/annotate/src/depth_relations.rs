@@ -57,7 +57,7 @@ impl ImageAnnotator for DepthRelations {
                     depths_of[row].extend(run.depths_from(run.x, place));
                 }
             }
-            // What is the same at all of some neighbors is counted once, times their number.
+            // Neighboring pixels that show the same body are counted together.
             let start = run.y as usize * seen.width() as usize + run.x as usize;
             let first = &seen.data()[start..][..run.length as usize];
             first.chunk_by(|a, b| a == b).for_each(|first| count(run, first[0], first.len() as u32));
@@ -84,8 +84,8 @@ struct Areas {
     all: Vec<Vec<u32>>,
 }
 
-/// What is counted of a pair of objects: pixels at which one is before the other at all, right before it, and as what the image
-/// shows.
+/// Pixel counts of a pair of objects: pixels at which the first is in front of the second, at which it is directly in
+/// front, and at which it is also the visible object.
 #[derive(Clone, Copy, Default)]
 struct Pair {
     all: u32,
@@ -94,7 +94,7 @@ struct Pair {
 }
 
 impl Areas {
-    /// Of pairs row by row: the object in front, then the hidden one.
+    /// From pairs row by row: the object in front, then the hidden one.
     fn new(ids: &[InstanceId], pairs: &[Pair]) -> Self {
         let of = |count: fn(&Pair) -> u32| {
             pairs.chunks(ids.len().max(1)).map(|row| row.iter().map(count).collect()).collect()
@@ -108,7 +108,7 @@ impl Areas {
     }
 }
 
-/// The median, the lower one of two; infinite of nothing.
+/// The median, or the lower of two medians; infinite without depths.
 fn median(depths: &mut [f32]) -> f32 {
     let middle = depths.len().saturating_sub(1) / 2;
     if depths.is_empty() { f32::INFINITY } else { *depths.select_nth_unstable_by(middle, f32::total_cmp).1 }

@@ -1,4 +1,4 @@
-//! What objects are.
+//! Names and categories of objects.
 
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{AMODAL_MASK, CATEGORY_ID, OBJECT_NAME};

@@ -1,12 +1,12 @@
-//! Named points of objects, as the image shows them.
+//! Named points of objects in the image.
 
 use syntable_model::geometry::Point3;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{AMODAL_MASK, DEPTH, KEYPOINTS};
 use syntable_model::scene::{Camera, Keypoint};
 
-/// A pixel sees a point if the direction of the pixel is that of the point up to this, as a tangent. Distortion can put
-/// points into the image that the lens does not show.
+/// A pixel sees a point if their directions differ by at most this, as a tangent. Distortion can project points into
+/// the image that the lens does not show.
 const SAME_DIRECTION: f64 = 1e-6;
 
 /// Keypoints of the annotated objects: the named points in the files beside their meshes (`mesh_folder`), in the order
@@ -75,7 +75,7 @@ impl Keypoints {
     }
 }
 
-/// The pixel at which a point of the camera frame is seen, inside of the image or not.
+/// The pixel at which a point of the camera frame appears, inside the image or not.
 #[inline]
 pub(crate) fn pixel(camera: &Camera, point: &Point3<f64>) -> Option<[f64; 2]> {
     if point.z <= 0.0 {

@@ -3,11 +3,12 @@
 //! | kind | provides |
 //! | --- | --- |
 //! | [`masks`] | visible, amodal and occlusion masks, occlusion rate, occlusion order, label policy |
-//! | [`occlusion_graph`] | who occludes whom as a graph: layers, components, cycles, order from front to back |
+//! | [`occlusion_graph`] | occlusions between objects as a graph: layers, components, cycles, order from front to back
+//! |
 //! | [`boxes`] | visible and amodal boxes |
-//! | [`rotated_boxes`] | rotated boxes of both |
-//! | [`outlines`] | polygons around both |
-//! | [`cuboids`] | boxes in space, and their projections |
+//! | [`rotated_boxes`] | rotated boxes of the visible and amodal masks |
+//! | [`outlines`] | polygons around the visible and amodal masks |
+//! | [`cuboids`] | 3D boxes, and their projections |
 //! | [`label_arrays`] | visible ids and amodal bits, for training loops |
 //! | [`identity`] | names of assets, ids of categories |
 //! | [`object_info`] | asset, category, mass and poses of every object |
@@ -15,23 +16,23 @@
 //! | [`camera`] | intrinsics and pose of the view |
 //! | [`lights`] | lights of the view |
 //! | [`settle_report`] | result of the physics simulation |
-//! | [`bodies`] | what the ids of the scene stand for |
-//! | [`depth_relations`] | who hides how many pixels of whom, and objects from front to back |
+//! | [`bodies`] | meaning of the ids of the scene |
+//! | [`depth_relations`] | pairwise occlusion areas in pixels, and objects from front to back |
 //! | [`amodal_depth`] | depth of every object, hidden parts included |
 //! | [`amodal_normal`] | normals of every object, hidden parts included |
-//! | [`object_coordinates`] | normalized object coordinates, of what is seen and of what is hidden |
+//! | [`object_coordinates`] | normalized object coordinates, of visible and of hidden surfaces |
 //! | [`occlusion_boundary`] | edges where a body ends before another, and which side is in front |
 //! | [`distance`] | distance from the camera |
 //! | [`scene_masks`] | table, background, categories |
-//! | [`seen_in_views`] | in which views of the scene an object is seen |
-//! | [`soft_masks`] | parts of pixels that objects cover, seen or hidden |
+//! | [`seen_in_views`] | views of the scene in which an object is visible |
+//! | [`soft_masks`] | fractions of pixels that objects cover, visible or hidden |
 //! | [`keypoints`] | named points of objects in the image |
-//! | [`optical_flow`] | where the points of an image are in the next view |
+//! | [`optical_flow`] | positions of the points of an image in the next view |
 //! | [`material_statistics`] | mean color, roughness, metallic and transmission of bodies |
 //! | [`material_map`], [`materials`] | the material that every pixel shows, and the materials by their ids |
-//! | [`visibility`] | how much of every object the image shows, and what lies beyond its edges |
+//! | [`visibility`] | visible fraction of every object, and its parts outside the image |
 //!
-//! [`checks`] says what must hold among their products.
+//! [`checks`] verifies that their products are consistent.
 //!
 //! **Invariants.** An annotator is a pure function of the site and of the products that it declares to read. All label
 //! products of a view cover the same instances: those that [`masks`] annotates.
@@ -68,5 +69,5 @@ pub mod settle_report;
 pub mod soft_masks;
 pub mod visibility;
 
-/// Canvas of the parts of objects beyond the image: one image size beyond every edge, as in BOP's tools.
+/// Size of the canvas for the parts of objects outside the image: one image size beyond every edge, as in BOP's tools.
 pub const CANVAS: u32 = 3;

@@ -1,15 +1,15 @@
-//! What the surfaces of bodies are like on the whole.
+//! Mean materials of bodies.
 
 use syntable_model::prelude::*;
 use syntable_model::product::standard::MATERIAL_STATISTICS;
 use syntable_model::scene::{Body, Mesh};
 use syntable_prepare::{PreparedScene, SceneCache, SurfacePoint};
 
-/// Number of points at which the materials of one slot of a mesh are looked at.
+/// Number of points at which the materials of one slot of a mesh are sampled.
 const SAMPLES: usize = 4096;
 
-/// A pair of numbers whose multiples fill the unit square evenly (Roberts' sequence): powers of the reciprocal of the plastic
-/// number.
+/// A pair of numbers whose multiples fill the unit square evenly (Roberts' sequence): powers of the reciprocal of the
+/// plastic number.
 const EVEN: [f64; 2] = [0.754_877_666_246_693, 0.569_840_290_998_053];
 
 /// Mean surface of every body of the scene, weighted by area over its whole mesh, visible or not: `base_color` (linear
@@ -84,7 +84,7 @@ struct Surface {
 }
 
 impl Surface {
-    /// With another surface that has an area.
+    /// The mean with another surface that has an area.
     fn joined(self, other: Self) -> Self {
         let area_m2 = self.area_m2 + other.area_m2;
         let share = if area_m2 > 0.0 { other.area_m2 / area_m2 } else { 1.0 };
@@ -120,7 +120,7 @@ impl<'a> MaterialStatisticsRecord<'a> {
     }
 }
 
-/// Faces of a mesh, with the area up to each one.
+/// Faces of a mesh, with the total area up to each one.
 struct Faces {
     faces: Vec<usize>,
     ends: Vec<f64>,
@@ -147,12 +147,12 @@ impl Faces {
             let (face, [u, v]) = self.sample(number, area_m2);
             surface_at(body, scene, index, face, [u, v], width)
         });
-        // Each has the same area, so that the mean is theirs.
+        // Each sample has the same area, so the result is their mean.
         let one = |surface| Surface { area_m2: 1.0, ..surface };
         Surface { area_m2, ..samples.map(one).fold(Surface::default(), Surface::joined) }
     }
 
-    /// A face, in proportion to its area, and weights of its second and third corner.
+    /// A face, chosen in proportion to its area, and weights of its second and third corner.
     fn sample(&self, number: usize, area_m2: f64) -> (usize, [f64; 2]) {
         let at = (number as f64 + 0.5) / SAMPLES as f64 * area_m2;
         let place = self.ends.partition_point(|end| *end <= at).min(self.faces.len() - 1);

@@ -5,7 +5,7 @@ use syntable_model::prelude::*;
 use syntable_model::product::standard::MATERIALS;
 use syntable_model::scene::{Body, Material, Scene};
 
-/// Name of what a body without materials is made of.
+/// Name of the material of a body without materials.
 const NONE: &str = "none";
 
 /// Materials of the scene by their ids in `material_map`: `id`, `name`, the `digest` of the material's content, which
@@ -55,7 +55,7 @@ pub(crate) struct Numbered<'a> {
 pub(crate) struct OfSlots {
     /// By slot of the mesh; 0 for a slot without faces.
     pub(crate) slots: Vec<u16>,
-    /// That of all faces, if there is only one.
+    /// The material of all faces, if they have only one.
     pub(crate) only: Option<u16>,
 }
 
@@ -98,7 +98,7 @@ impl<'a> Numbered<'a> {
     }
 }
 
-/// Materials of a body by slot; none if it has none.
+/// Materials of a body by slot; none if the body has none.
 pub(crate) fn materials(body: &Body) -> Vec<&Material> {
     match &body.material_override {
         Some(other) => vec![&other.material],
@@ -106,7 +106,7 @@ pub(crate) fn materials(body: &Body) -> Vec<&Material> {
     }
 }
 
-/// The slot that a triangle of a body counts as.
+/// Material slot of a triangle of a body.
 pub(crate) fn slot(body: &Body, triangle: usize) -> usize {
     body.object.mesh.slot(triangle).min(materials_count(body) - 1)
 }

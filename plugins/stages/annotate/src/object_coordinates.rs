@@ -85,7 +85,7 @@ impl BoxFrame {
     /// The coordinates of a point of the camera frame.
     fn place(&self, point: Vector3<f64>) -> [f32; 3] {
         let place = self.turn * point + self.start;
-        // Rounding may lead out of the box.
+        // Rounding may move the point out of the box.
         std::array::from_fn(|axis| (place[axis] + 0.5).clamp(0.0, 1.0) as f32)
     }
 }

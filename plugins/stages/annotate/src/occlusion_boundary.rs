@@ -1,4 +1,4 @@
-//! Edges of occlusion.
+//! Occlusion boundaries.
 
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{DEPTH, INSTANCE, OCCLUSION_BOUNDARY};
@@ -29,7 +29,7 @@ impl ImageAnnotator for OcclusionBoundary {
             if ids_of[here] != ids_of[there] {
                 let (front, behind) = if depth[here] <= depth[there] { (here, there) } else { (there, here) };
                 boundary[front] = FRONT;
-                // What is in front of one neighbor and behind another is in front.
+                // A pixel in front of one neighbor and behind another counts as in front.
                 boundary[behind] = if boundary[behind] == FRONT { FRONT } else { BEHIND };
             }
         };
@@ -42,7 +42,7 @@ impl ImageAnnotator for OcclusionBoundary {
     }
 }
 
-/// The side of a boundary in front, and the one behind.
+/// Values of the front side and the back side of a boundary.
 const FRONT: u8 = 1;
 const BEHIND: u8 = 2;
 

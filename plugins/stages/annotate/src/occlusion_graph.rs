@@ -1,4 +1,4 @@
-//! The graph of who occludes whom.
+//! The graph of occlusions between objects.
 
 use syntable_model::prelude::*;
 use syntable_model::product::Graph;

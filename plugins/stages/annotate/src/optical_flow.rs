@@ -1,4 +1,4 @@
-//! Where the points of an image are in the next view.
+//! Positions of the points of an image in the next view.
 
 use crate::keypoints::pixel;
 use std::collections::BTreeMap;
@@ -93,7 +93,7 @@ impl ViewAnnotator for OpticalFlow {
 struct Step<'a> {
     from: Rays<'a>,
     to: &'a Camera,
-    /// From the axes of this camera to those of the next.
+    /// Rotation from the axes of this camera to the axes of the next.
     turn: Rotation3<f64>,
     /// The center of this camera in the frame of the next, meters.
     start: Point3<f64>,
@@ -103,8 +103,8 @@ struct Step<'a> {
 }
 
 impl Step<'_> {
-    /// Where the next camera sees the points that a row of pixels shows: columns, rows and depths, each of all pixels so that
-    /// several are computed at once. NaN where a pixel shows none or where the camera does not see it.
+    /// Positions in the next camera of the points that a row of pixels shows: columns, rows and depths, each for all
+    /// pixels so that several are computed at once. NaN where a pixel shows no point or the camera does not see it.
     fn row(&self, y: u32, depths: &[f32]) -> [Vec<f64>; 3] {
         let (right, down) = self.from.row(y);
         let shown = |&depth: &f32| if depth.is_finite() && depth > 0.0 { f64::from(depth) } else { f64::NAN };
@@ -114,7 +114,7 @@ impl Step<'_> {
             let rays = right.iter().zip(&down).zip(&depths);
             rays.map(|((right, down), depth)| start + (a * right + b * down + c) * depth).collect()
         });
-        // What is behind the camera has no place either.
+        // A point behind the camera has no position either.
         z.iter_mut().for_each(|z| *z = if *z > 0.0 { *z } else { f64::NAN });
         if self.to.distortion.is_some() {
             let place = |((&x, &y), &z): ((&f64, &f64), &f64)| {
@@ -124,7 +124,7 @@ impl Step<'_> {
             let (columns, rows) = places.map(|[u, v]| (u, v)).unzip();
             return [columns, rows, z];
         }
-        // As `Camera::project` does it.
+        // As in `Camera::project`.
         let project = |focal: f64, side: Vec<f64>, center: f64| {
             side.iter().zip(&z).map(|(side, z)| focal * side / z + center).collect()
         };
@@ -132,7 +132,8 @@ impl Step<'_> {
         [project(k.fx, x, k.cx), project(k.fy, y, k.cy), z]
     }
 
-    /// The same of the point that one pixel shows; none if it shows none or where the camera does not see it.
+    /// Like [`Self::row`], for the point that one pixel shows; `None` if it shows no point or the camera does not see
+    /// it.
     fn point(&self, x: u32, y: u32, depth: f32) -> Option<[f64; 3]> {
         let (right, down) = self.from.at(x, y).filter(|_| depth.is_finite() && depth > 0.0)?;
         let point = self.start + self.turn * Vector3::new(right, down, 1.0) * f64::from(depth);
@@ -140,8 +141,8 @@ impl Step<'_> {
         Some([u, v, point.z])
     }
 
-    /// Whether the next view shows a point, by its pixel and depth there: 2 if it does, 1 if it is hidden, 0 outside of the
-    /// image.
+    /// Whether the next view shows a point, by its pixel and depth there: 2 if it does, 1 if the point is hidden, 0
+    /// outside the image.
     #[inline]
     fn visibility(&self, to: [f64; 2], depth_m: f64) -> u8 {
         if self.to.intrinsics.contains(to) { 2 - u8::from(self.is_hidden(to, depth_m)) } else { 0 }
@@ -161,7 +162,7 @@ impl Step<'_> {
             let (columns, rows) = (around(u, self.depth.width()), around(v, self.depth.height()));
             rows.iter().all(|&y| columns.iter().all(|&x| is_nearer(x, y)))
         };
-        // The pixel that the point is in is one of the four, and most points are seen.
+        // The pixel of the point is one of the four, and most points are visible.
         is_nearer(u as u32, v as u32) && all_around()
     }
 }

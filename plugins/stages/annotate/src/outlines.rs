@@ -27,10 +27,10 @@ impl Default for Outlines {
 
 config!(Outlines => dyn ImageAnnotator, "outlines", "tolerance_px = 0.5");
 
-/// A product of masks, and what is provided of them.
+/// A product of masks, and the product with their outlines.
 type OfMasks = (Key<PerInstance<Mask>>, Key<PerInstance<Value>>);
 
-/// What is provided.
+/// Masks and the provided outlines.
 const OF_MASKS: [OfMasks; 2] = [(VISIBLE_MASK, VISIBLE_OUTLINE), (AMODAL_MASK, AMODAL_OUTLINE)];
 
 impl ImageAnnotator for Outlines {
@@ -77,7 +77,7 @@ impl Outlines {
 /// A closed polygon of corners of pixels; the first corner is not repeated.
 pub type Ring = Vec<[i32; 2]>;
 
-/// Twice the area inside of a ring, px²; negative if it is counterclockwise in the image.
+/// Twice the area inside a ring, px²; negative if it is counterclockwise in the image.
 pub fn doubled_area(ring: &[[i32; 2]]) -> i64 {
     let next = ring.iter().cycle().skip(1);
     ring.iter().zip(next).map(|(a, b)| i64::from(a[0]) * i64::from(b[1]) - i64::from(b[0]) * i64::from(a[1])).sum()
@@ -86,15 +86,15 @@ pub fn doubled_area(ring: &[[i32; 2]]) -> i64 {
 /// Right, down, left, up.
 const STEPS: [[i32; 2]; 4] = [[1, 0], [0, 1], [-1, 0], [0, -1]];
 
-/// The edges between a mask's pixels and the others as rings of corners, with the mask to the right of whoever walks along
-/// them. Rings are in the order of their first corners, row by row.
+/// The edges between a mask's pixels and all other pixels, as rings of corners, with the mask to the right of the
+/// direction of the ring. Rings are in the order of their first corners, row by row.
 pub fn rings(mask: &Mask) -> Vec<Ring> {
     let BBox { x: left, y: top, width, height } = mask.bbox();
     if mask.is_empty() {
         return Vec::new();
     }
     let inside = mask.within_box(1);
-    // The directions, as bits, in which edges leave a corner: each has one of its four pixels to the right.
+    // The directions, as bits, in which edges leave a corner: the mask has a pixel to the right of each.
     let columns = width + 1;
     let mut leaving = vec![0_u8; (columns * (height + 1)) as usize];
     let rows = inside.data().chunks_exact(inside.width() as usize);
@@ -117,7 +117,7 @@ pub fn rings(mask: &Mask) -> Vec<Ring> {
     rings
 }
 
-/// Walks one ring and takes its edges away. Only the corners at which it turns are kept.
+/// Follows one ring and removes its edges from `leaving`. Only the corners at which it turns are kept.
 fn ring_from(start: usize, columns: i32, leaving: &mut [u8]) -> Ring {
     let mut ring = Ring::new();
     let mut at = [start as i32 % columns, start as i32 / columns];
@@ -131,7 +131,7 @@ fn ring_from(start: usize, columns: i32, leaving: &mut [u8]) -> Ring {
         leaving[corner] &= !(1 << direction);
         at = [at[0] + STEPS[direction][0], at[1] + STEPS[direction][1]];
         let corner = (at[1] * columns + at[0]) as usize;
-        // Turning right first stays with the pixel, so that parts that touch at a corner are apart.
+        // Turning right first stays at the same pixel, so that parts that touch at a corner are separate.
         let next =
             [1, 0, 3].map(|turn| (direction + turn) % 4).into_iter().find(|next| leaving[corner] >> next & 1 == 1);
         let Some(next) = next else { break };
@@ -144,8 +144,8 @@ fn ring_from(start: usize, columns: i32, leaving: &mut [u8]) -> Ring {
     ring
 }
 
-/// A ring with fewer corners, none of whose former ones is farther away than a tolerance (Douglas and Peucker, 1973). The
-/// two corners that are farthest apart of the first one stay.
+/// A ring with fewer corners; the removed ones are at most a tolerance away from it (Douglas and Peucker, 1973). Two
+/// corners always stay: the corner farthest from the first, and the corner farthest from that.
 fn simplified(ring: &Ring, tolerance: f64) -> Ring {
     if tolerance <= 0.0 || ring.len() < 4 {
         return ring.clone();
@@ -169,12 +169,13 @@ fn simplified(ring: &Ring, tolerance: f64) -> Ring {
         }
     }
     let corners: Ring = ring.iter().zip(&kept).filter(|(_, kept)| **kept).map(|(&corner, _)| corner).collect();
-    // A part that is as thin as the tolerance keeps its shape, and its turning direction.
+    // A part that is as thin as the tolerance keeps its shape, and its direction of rotation.
     let same = corners.len() > 2 && doubled_area(&corners).signum() == doubled_area(ring).signum();
     if same { corners } else { ring.clone() }
 }
 
-/// Square of the distance of a point from a segment, times the square of the segment's length, which counts as 1 if it is 0.
+/// Square of the distance of a point from a segment, times the square of the segment's length, which counts as 1 if it
+/// is 0.
 fn scaled_distance(p: [i32; 2], a: [i32; 2], b: [i32; 2]) -> f64 {
     let from = |q: [i32; 2]| [i64::from(p[0]) - i64::from(q[0]), i64::from(p[1]) - i64::from(q[1])];
     let (side, [x, y]) = ([0, 1].map(|k| i64::from(b[k]) - i64::from(a[k])), from(a));
@@ -209,7 +210,7 @@ mod tests {
         Mask::from_fn(width, rows.len() as u32, |x, y| rows[y as usize].as_bytes()[x as usize] == b'#')
     }
 
-    /// Whether a point is in a ring: it is if a ray to the left meets it an odd number of times.
+    /// Whether a point is in a ring: a ray to the left meets the ring an odd number of times.
     fn is_inside(ring: &[[i32; 2]], [x, y]: [f64; 2]) -> bool {
         let next = ring.iter().cycle().skip(1);
         let meets = ring.iter().zip(next).filter(|(a, b)| {
@@ -245,7 +246,7 @@ mod tests {
         assert_eq!((outline.polygons.len(), outline.holes.len()), (3, 1));
         assert_eq!(outline.polygons[0], [0.0, 0.0, 3.0, 0.0, 3.0, 3.0, 0.0, 3.0]);
         assert!(rings(&Mask::empty(4, 4)).is_empty());
-        // Steps of a slanted edge are one line.
+        // Steps of a slanted edge become one line.
         let stairs = drawn(&["#....", "##...", "###..", "####.", "#####"]);
         let [ring] = &rings(&stairs)[..] else { panic!("one part") };
         assert!(ring.len() > 10 && simplified(ring, 0.75).len() <= 5, "{:?}", simplified(ring, 0.75));
@@ -257,7 +258,7 @@ mod tests {
             bits in prop::collection::vec(0_u8..5, 12 * 9),
             tolerance in 0.0..2.0_f64,
         ) {
-            // Blobs rather than noise.
+            // Blobs instead of noise.
             let full = |x: i32, y: i32| (0..12).contains(&x) && (0..9).contains(&y) && bits[(y * 12 + x) as usize] > 1;
             let mask = Mask::from_fn(12, 9, |x, y| {
                 (-1..2).filter(|d| full(x as i32 + d, y as i32)).count() + (-1..2).filter(|d| full(x as i32, y as i32 + d)).count() > 3

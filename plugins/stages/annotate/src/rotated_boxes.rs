@@ -16,10 +16,10 @@ pub struct RotatedBoxes {}
 
 config!(RotatedBoxes => dyn ImageAnnotator, "rotated_boxes");
 
-/// A product of masks, and what is provided of them.
+/// A product of masks, and the product with their boxes.
 type OfMasks = (Key<PerInstance<Mask>>, Key<PerInstance<Value>>);
 
-/// What is provided.
+/// Masks and the provided boxes.
 const OF_MASKS: [OfMasks; 2] = [(VISIBLE_MASK, VISIBLE_ROTATED_BOX), (AMODAL_MASK, AMODAL_ROTATED_BOX)];
 
 impl ImageAnnotator for RotatedBoxes {
@@ -57,8 +57,8 @@ pub struct RotatedBox {
 }
 
 impl RotatedBox {
-    /// The rectangle of least area around a mask: one of its sides lies on one of the convex hull's (Freeman and Shapira,
-    /// 1975).
+    /// The rectangle of minimum area around a mask: one of its sides lies on a side of the convex hull (Freeman and
+    /// Shapira, 1975).
     pub fn around(mask: &Mask) -> Self {
         let hull = convex_hull(&ends(mask));
         let sides = hull.iter().zip(hull.iter().cycle().skip(1));
@@ -68,11 +68,11 @@ impl RotatedBox {
     }
 }
 
-/// A rectangle around points, with a side along that from one to another.
+/// A rectangle around points, with a side along the line from one point to another.
 struct Around {
-    /// Directions of its sides. Clockwise in the image: the second is the first one turned from u to v.
+    /// Directions of the sides. Clockwise in the image: the second direction is the first one rotated from u to v.
     axes: [[f64; 2]; 2],
-    /// Where it begins and ends along each.
+    /// Start and end along each direction.
     ends: [[f64; 2]; 2],
 }
 
@@ -125,8 +125,8 @@ impl From<Around> for RotatedBox {
     }
 }
 
-/// The ends of the columns of corners around a mask's pixels, from left to right, the upper one first: all that its convex
-/// hull depends on.
+/// The ends of the columns of corners around a mask's pixels, from left to right, the upper one first. They determine
+/// the convex hull.
 fn ends(mask: &Mask) -> Vec<[i32; 2]> {
     let BBox { x: left, width, .. } = mask.bbox();
     let mut rows = vec![[i32::MAX, i32::MIN]; width as usize + 1];
@@ -139,8 +139,8 @@ fn ends(mask: &Mask) -> Vec<[i32; 2]> {
     columns.flat_map(|(x, rows)| rows.map(|y| [x, y])).collect()
 }
 
-/// The corners of the convex hull of points in ascending order, clockwise in the image from the leftmost (Andrew's monotone
-/// chain); none on its sides.
+/// The corners of the convex hull of points in ascending order, clockwise in the image from the leftmost (Andrew's
+/// monotone chain), without points on its sides.
 fn convex_hull(points: &[[i32; 2]]) -> Vec<[i32; 2]> {
     let turn = |a: [i32; 2], b: [i32; 2], c: [i32; 2]| {
         let [ab, ac] = [b, c].map(|p| [0, 1].map(|k| i64::from(p[k] - a[k])));

@@ -37,7 +37,7 @@ impl ViewAnnotator for SceneMasks {
     }
 }
 
-/// The pixels that show a body of some role, or none.
+/// The pixels that show a body of a matching role, or no body.
 fn mask_of(scene: &Scene, ids: &Plane<InstanceId>, is: impl Fn(Option<Role>) -> bool) -> Mask {
     let role = |id: u16| scene.body(InstanceId(id)).map(|body| body.role);
     let is_of: Vec<bool> = (0..=u16::MAX).map(role).map(&is).take(scene.bodies().len() + 1).collect();

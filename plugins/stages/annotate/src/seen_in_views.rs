@@ -1,4 +1,4 @@
-//! What the views of a scene show of its objects.
+//! Views in which the objects of a scene are visible.
 
 use std::collections::BTreeMap;
 use syntable_model::prelude::*;

@@ -99,8 +99,8 @@ impl ImageAnnotator for SoftMasks {
 /// Pixels of a row that are marked at once, so that all of their rays are in the fastest cache.
 const BLOCK: usize = 64;
 
-/// Marks pixels of a row whose rays do not all meet the same: `times` rows of `times` rays per pixel, each of some words. Few
-/// pixels are: the others lie within objects or the background.
+/// Marks pixels of a row whose rays have different results. The row has `times` rows of `times` rays per pixel, and
+/// each ray has some words. Few pixels are marked: the others lie within objects or the background.
 fn mark_mixed<T, B>(pixels: &mut [bool], rays: &[T], times: usize, words: usize, bits: impl Fn(&T) -> B)
 where
     B: Copy + Default + PartialEq + BitXor<Output = B> + BitOr<Output = B>,
@@ -127,7 +127,7 @@ where
     }
 }
 
-/// What the rays of one pixel hit, each with their number.
+/// Hits of the rays of one pixel, each with the number of rays.
 #[derive(Default)]
 struct Found {
     /// First bodies.
@@ -137,7 +137,7 @@ struct Found {
 }
 
 impl Found {
-    /// Counts what the rays of the pixel from a column on hit, of the rows of rays of a row of pixels.
+    /// Counts the hits of the rays of the pixel that starts at a column, in the rows of rays of a row of pixels.
     fn cast(&mut self, ids: &[InstanceId], sets: &[u64], column: usize, times: usize) {
         let (row, words) = (ids.len() / times, sets.len() / ids.len());
         let rays_from = |j: usize| j * row + column;
@@ -158,7 +158,7 @@ impl Found {
         }
     }
 
-    /// Adds a ray that met a body first.
+    /// Adds a ray whose first body is `id`.
     fn see(&mut self, id: InstanceId) {
         match self.seen.iter_mut().find(|(it, _)| *it == id) {
             Some((_, hits)) => *hits += 1,
@@ -179,10 +179,10 @@ fn ids_in(word: usize, bits: u64) -> impl Iterator<Item = InstanceId> {
     bits.map(move |bits| InstanceId((64 * word) as u16 + bits.trailing_zeros() as u16 + 1))
 }
 
-/// The pixels in which rays hit each of some objects, by id; none of other objects.
+/// The pixels in which rays hit each of some objects, by id; `None` for other objects.
 struct Hits(Vec<Option<Vec<PixelHits>>>);
 
-/// A pixel or a run of them in a row from left to right, and how many of the rays of each hit.
+/// A pixel, or a run of pixels in a row from left to right, and the number of rays of each that hit.
 #[derive(Clone, Copy)]
 struct PixelHits {
     x: u32,
@@ -207,7 +207,7 @@ impl Hits {
         }
     }
 
-    /// The share of so many rays in each pixel of a view.
+    /// The fraction of `rays` rays in each pixel of a view.
     fn shares(self, [width, height]: [u32; 2], rays: u32) -> ObjectImages<f32> {
         let mut images = ObjectImages::new(width, height);
         for (id, runs) in (0..).zip(self.0).filter_map(|(id, runs)| Some((InstanceId(id), runs?))) {

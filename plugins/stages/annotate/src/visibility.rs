@@ -1,4 +1,4 @@
-//! How much of every object an image shows.
+//! Visible part of every object.
 
 use crate::CANVAS;
 use crate::object_info::Which;
@@ -86,7 +86,7 @@ fn count_visible(first: &Plane<InstanceId>, objects: usize) -> Vec<u64> {
     counts
 }
 
-/// For each object, the number of its pixels in the image at which there is a depth: of so many, those without are taken away.
+/// For each object, the number of its pixels in the image that have a depth: `counts` minus the pixels without one.
 fn count_valid(image: &BitPlane, depth: &Plane<f32>, mut counts: Vec<u64>) -> Vec<u64> {
     let missing = |depth: f32| !(depth.is_finite() && depth > 0.0);
     for (set, _) in image.data().chunks_exact(image.words()).zip(depth.data()).filter(|(_, depth)| missing(**depth)) {

@@ -1,4 +1,4 @@
-//! Labels against sets of pixels, and the occlusion order against the paper's procedure.
+//! Labels compared with sets of pixels, and the occlusion order compared with the paper's procedure.
 
 mod common;
 
@@ -35,7 +35,7 @@ fn annotate(rays: &Rays, options: &str) -> Result<Products> {
     Ok(products)
 }
 
-/// What the annotator should find, by counting pixels.
+/// Expected results of the annotator, by counting pixels.
 struct Truth {
     visible: BTreeMap<u16, Pixels>,
     amodal: BTreeMap<u16, Pixels>,
@@ -145,7 +145,7 @@ fn objects_may_occlude_each_other() {
 
 #[test]
 fn table_in_front() {
-    // The table (id 2) hides the right half of object 1; nothing else is there.
+    // The table (id 2) hides the right half of object 1; the scene has no other body.
     let rays = Rays::new([4, 3], [4, 3], 1, |x, y| match (x, y) {
         (0..2, 0..3) => vec![1, 2],
         (2..4, 0..3) => vec![2, 1],
@@ -159,7 +159,7 @@ fn table_in_front() {
 
 #[test]
 fn objects_at_the_border() {
-    // Object 1 continues to the left of the image over three times what is seen; object 2 lies outside altogether.
+    // Object 1 extends to the left of the image by three times its visible part; object 2 is completely outside.
     let rays = Rays::new([4, 3], [4, 3], 2, |x, y| match (x, y) {
         (-3..1, 1) => vec![1],
         (-4..-3, 1) => vec![2],
@@ -173,7 +173,7 @@ fn objects_at_the_border() {
 
 #[test]
 fn hidden_objects_are_kept_or_left_out() {
-    // 2 lies behind 1, 3 is nearly hidden (1 of 4 pixels seen), the table hides 4.
+    // 2 lies behind 1, 3 is nearly hidden (1 of 4 pixels visible), the table hides 4.
     let rays = Rays::new([4, 4], [0, 0], 4, |x, y| match (x, y) {
         (0, _) => vec![1, 2],
         (1, 0) => vec![3],
@@ -194,7 +194,7 @@ fn hidden_objects_are_kept_or_left_out() {
         assert_eq!(truth.visible.keys().copied().collect::<Vec<u16>>(), want, "{options}");
         check(&rays, options, &truth);
     }
-    // All hidden: the table is in front of everything.
+    // All objects are hidden: the table is in front of everything.
     let hidden = Rays::new([3, 3], [0, 0], 2, |_, _| vec![3, 1, 2]);
     check(&hidden, "min_visible_px = 0", &truth(&hidden, false, false, 0, 1.0));
     let products = annotate(&hidden, "min_visible_px = 0").expect("labels");
@@ -220,7 +220,7 @@ fn any_number_of_objects() {
 
 #[test]
 fn no_object_at_all() {
-    // A scene always has one, the kernel need not.
+    // A scene always has an object, but the kernel need not have one.
     let first = syntable_model::product::Plane::from_fn(3, 2, |_, _| InstanceId(1));
     let coverage = syntable_model::product::BitPlane::new(3, 2, 0);
     assert!(syntable_annotate::masks::sweep(&first, &coverage).expect("labels").objects.is_empty());
@@ -252,7 +252,7 @@ fn planes_that_disagree_are_refused() {
     assert_eq!(wrong, "the coverage plane has 3 objects, the scene 2");
 }
 
-/// Masks that overlap, as those of COCO do: each pixel is of the smallest one, and the log says what others lose.
+/// Masks that overlap, as in COCO: each pixel belongs to the smallest one, and the log reports what the others lose.
 #[test]
 fn of_overlapping_masks_the_smallest_is_on_top() {
     let size = [23, 17];

@@ -1,4 +1,5 @@
-//! Which material every pixel shows, on a scene whose answer is known: a board of two triangles, a pane before it, a wall.
+//! The material of every pixel, in a scene with a known answer: a board of two triangles, a pane in front of it, a
+//! wall.
 
 mod common;
 
@@ -15,7 +16,7 @@ use syntable_model::scene::{
 use syntable_testing::scenes;
 
 const SIZE: [u32; 2] = [48, 36];
-/// Place of the board along x, so that no pixel's center is on its diagonal.
+/// Position of the board along x, so that no pixel's center is on its diagonal.
 const OFF_CENTER: f64 = 0.013;
 const BOARD: u16 = 1;
 const PANE: u16 = 2;
@@ -41,7 +42,7 @@ fn red() -> Material {
     Material::plain("red", [0.8, 0.1, 0.1], 0.5)
 }
 
-/// The scene with a pane of that material over the right half of the board and beyond, and what a renderer says of it.
+/// The scene with a pane of that material over the right half of the board and beyond, and the product of a renderer.
 fn scene(pane: Material) -> (Scene, View, Plane<InstanceId>) {
     let mut builder = SceneBuilder::default();
     builder.supports = Support::new("table", Region::rectangle([0.0; 3], [4.0; 2])).into();
@@ -62,7 +63,7 @@ fn scene(pane: Material) -> (Scene, View, Plane<InstanceId>) {
     (scene, view, instance)
 }
 
-/// Where the ray of a pixel meets a body: x and z from its center.
+/// Intersection of the ray of a pixel with a body: x and z from its center.
 fn meets(view: &View, body: u16, [x, y]: [u32; 2]) -> Option<[f64; 2]> {
     let (center, distance, half) = match body {
         PANE => (0.5, 1.5, [0.5, 0.25]),

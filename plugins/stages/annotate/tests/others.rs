@@ -110,7 +110,7 @@ fn values_outside_the_limits_of_the_schema_are_rejected() {
 #[test]
 fn the_occlusion_graph_names_objects_by_their_ids() {
     let world = World::new(4);
-    // 1 and 3 occlude each other, 3 occludes 4, and 2 is beside them.
+    // 1 and 3 occlude each other, 3 occludes 4, and 2 is next to them.
     let rays = Rays::new([8, 6], [0, 0], 4, |x, y| match (x, y) {
         (0, 0) => vec![1, 3],
         (1, 0) => vec![3, 1],
@@ -154,7 +154,7 @@ fn cuboids_are_projected_as_a_pinhole_does() {
         assert!(found.iter().zip(wanted).all(|(a, b)| (a - b).abs() < 1e-6), "{found:?}, not {wanted:?}");
     };
     close(&cuboid["size_m"], &[0.1; 3]);
-    // The object is the second that is left, at x = 0.02; the camera is at (1, 0, 1.5) and looks at (0, 0, 0.7).
+    // The object is the second remaining one, at x = 0.02; the camera is at (1, 0, 1.5) and looks at (0, 0, 0.7).
     let eye = Vector3::new(1.0, 0.0, 1.5);
     let forward = (Vector3::new(0.0, 0.0, 0.7) - eye).normalize();
     let right = forward.cross(&Vector3::z()).normalize();
@@ -172,7 +172,7 @@ fn cuboids_are_projected_as_a_pinhole_does() {
     for (row, axis) in [right, down, forward].iter().enumerate() {
         close(&cuboid["camera_from_cuboid"][row], &[axis.x, axis.y, axis.z, axis.dot(&center)]);
     }
-    // From inside, half of the corners are behind.
+    // From inside, half of the corners are behind the camera.
     world.view.camera.world_from_camera = Pose::translation(0.07, 0.05, 0.75);
     run(&world, "cuboids", "", &mut products);
     let inside = &json(&products, "cuboid")["2"]["corners_px"];
@@ -211,8 +211,8 @@ fn objects_are_described_with_their_poses() {
     assert_eq!((&object["name"], &object["category"]), (&json!("tetra"), &json!("solid")));
     assert_eq!((&object["spawn"], &object["mass_kg"]), (&json!(2), &json!(0.25)));
     assert_eq!((&object["mass_origin"], &object["mass_distribution"]), (&json!("known"), &json!("volume")));
-    // A tetrahedron of three legs a along the axes: its center is a/4 from each face, and by symmetry of the legs
-    // I = m a²/80 · 6 on and m a²/80 beside the diagonal.
+    // A tetrahedron of three legs a along the axes: its center is a/4 from each face, and by symmetry of the legs I = m
+    // a²/80 · 6 on the diagonal and m a²/80 off it.
     let number = |value: &serde_json::Value| value.as_f64().expect("a number");
     for row in 0..3 {
         assert!((number(&object["center_of_mass_m"][row]) - 0.025).abs() < 1e-8);
@@ -225,7 +225,7 @@ fn objects_are_described_with_their_poses() {
         object["world_from_object"],
         json!([[1.0, 0.0, 0.0, 0.02], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.7], [0.0, 0.0, 0.0, 1.0]])
     );
-    // camera_from_object takes the body's origin to where the camera sees it.
+    // camera_from_object maps the body's origin to its position in the camera frame.
     let column: Vec<f64> = (0..3).map(|row| object["camera_from_object"][row][3].as_f64().expect("a number")).collect();
     let origin = world.view.camera.world_from_camera.inverse() * syntable_model::geometry::Point3::new(0.02, 0.0, 0.7);
     assert!((0..3).all(|i| (column[i] - origin[i]).abs() < 1e-12), "{column:?} {origin}");
@@ -240,7 +240,7 @@ fn objects_are_described_with_their_poses() {
     assert!(bodies.iter().all(|body| body["materials"].as_array().is_some_and(|names| !names.is_empty())));
     assert_eq!(products.get(OBJECT_INFO).expect("made").0.len(), 2);
 
-    // Both objects are of one asset, whose mesh lies where `object_info` says.
+    // Both objects share one asset, whose mesh is in the frame of `object_info`.
     run(&world, "object_models", "", &mut products);
     let models = json(&products, "object_models");
     assert_eq!(models.as_array().expect("a list").len(), 1);
@@ -421,7 +421,7 @@ fn records_keep_their_fields_and_their_order() {
 #[test]
 fn visibility_counts_the_rays_of_the_canvas() {
     let world = World::new(2);
-    // Object 1 reaches beyond the left edge, object 2 is hidden by it in part; the table covers nothing.
+    // Object 1 reaches beyond the left edge, object 2 is partly hidden by it; the table covers nothing.
     let cover = |x: i32, y: i32| match (x, y) {
         (-3..=1, 1..=2) => vec![1],
         (2..=3, 1..=2) => vec![1, 2],
@@ -451,7 +451,7 @@ fn visibility_counts_the_rays_of_the_canvas() {
     assert_eq!(json(&products, "visibility"), expected);
 }
 
-/// A view of an image of this size, with all that annotators read of its rays; body `i` is `i` meters away.
+/// A view of an image of this size, with all products that annotators read, from its rays; body `i` is `i` meters away.
 fn rendered(rays: &Rays, size: [u32; 2], objects: u16) -> (World, Products) {
     let mut world = World::new(usize::from(objects));
     (world.view.camera.intrinsics.width, world.view.camera.intrinsics.height) = (size[0], size[1]);
@@ -471,7 +471,7 @@ fn rendered(rays: &Rays, size: [u32; 2], objects: u16) -> (World, Products) {
     (world, products)
 }
 
-/// Against counting pixel by pixel.
+/// Compared with a count pixel by pixel.
 #[test]
 fn areas_of_occlusion_match_the_rays() {
     for (objects, seed) in [(2, 1), (9, 2), (70, 3)] {
@@ -496,7 +496,7 @@ fn areas_of_occlusion_match_the_rays() {
         for (name, expected) in ["seen", "direct", "all"].into_iter().zip(&expected) {
             assert_eq!(areas[name], json!(expected), "{name} of {objects}");
         }
-        // The order says who is seen before whom.
+        // The occlusion order agrees with the visible areas.
         let order = products.get(OCCLUSION_ORDER).expect("made");
         for (row, column) in (0..ids.len()).flat_map(|row| (0..ids.len()).map(move |column| (row, column))) {
             assert_eq!(order.occludes(row, column), expected[0][row][column] > 0, "{row} {column}");
@@ -509,7 +509,7 @@ fn areas_of_occlusion_match_the_rays() {
 
 #[test]
 fn edges_say_who_is_in_front() {
-    // Body 1 before body 2, and the table, 3, before nothing: rows of three columns each.
+    // Body 1 in front of body 2, and the table, 3, in front of nothing: rows of three columns each.
     let rays = Rays::new([6, 2], [0, 0], 2, |x, _| {
         if x < 2 {
             vec![1, 2]
@@ -541,7 +541,7 @@ fn depth_of_hidden_parts_matches_the_object_alone() {
     let distance = products.get(DISTANCE).expect("made").data().to_vec();
     assert!((f64::from(distance[0]) - 1.0).abs() < 1e-6 && (f64::from(distance[2]) - 2.0 * 5_f64.sqrt()).abs() < 1e-6);
     assert_eq!(distance[3], f32::INFINITY);
-    // A point of an object is where its pose puts it.
+    // A point of an object is at the position that its pose gives.
     let coordinates = products.get(AMODAL_OBJECT_COORDINATES).expect("made").whole(InstanceId(2)).expect("annotated");
     let body = world.scene.body(InstanceId(2)).expect("there");
     let point = world.view.camera.world_from_camera * syntable_model::geometry::Point3::new(2.0, 0.0, 2.0);
@@ -569,7 +569,7 @@ fn hidden_normals_match_the_objects_window() {
     });
     let (world, mut products) = rendered(&rays, [12, 9], 3);
     let atlas = Atlas::of(products.get(COVERAGE).expect("put"));
-    // The place in the image and the object, as a normal.
+    // Position in the image and index of the object, as a normal.
     let mut normal = Plane::from_fn(atlas.size[0], atlas.size[1], |_, _| [9.0; 3]);
     for tile in &atlas.tiles {
         let (window, id) = (tile.window, f32::from(tile.id.0));

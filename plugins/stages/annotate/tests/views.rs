@@ -1,4 +1,4 @@
-//! Annotations of points, of fractions of pixels and of materials, against numbers on paper.
+//! Annotations of points, of fractions of pixels and of materials, compared with numbers worked out by hand.
 
 mod common;
 
@@ -24,7 +24,7 @@ fn json(products: &Products, name: &str) -> Json {
 
 const SIZE: [u32; 2] = [16, 12];
 
-/// Products of an image in which object 1 is before object 2, each where a function of (u, v) says.
+/// Products of an image in which object 1 is in front of object 2, each where a function of (u, v) is true.
 fn in_subpixels(subpixels: u32, front: impl Fn(f64, f64) -> bool, back: impl Fn(f64, f64) -> bool) -> Products {
     let [width, height] = SIZE.map(|edge| edge * subpixels);
     let at = |x: u32| (f64::from(x) + 0.5) / f64::from(subpixels);
@@ -76,7 +76,8 @@ fn soft_masks_are_the_areas_of_disks() {
             assert!((found - area).abs() < worst, "{subpixels}: {found} of pixel {x}, {y}, not {area}");
         }
         let area: f32 = mask.data().iter().sum();
-        // Centers of squares in a disk of R squares differ from its area by a small multiple of the root of R.
+        // The number of centers of squares in a disk of R squares differs from its area by a small multiple of the root
+        // of R.
         let (fine, squares) = (disk[2] * f64::from(subpixels), f64::from(subpixels).powi(2));
         let error = f64::from(area) * squares - std::f64::consts::PI * fine * fine;
         assert!(error.abs() < 3.0 * fine.sqrt(), "{subpixels}: {error} sub-pixels");
@@ -85,7 +86,8 @@ fn soft_masks_are_the_areas_of_disks() {
 
 #[test]
 fn soft_masks_of_rectangles_on_the_grid_are_exact() {
-    // Object 1 is 2.25 to 5.5 px wide, 3 to 4.75 px high; object 2 is behind all of it and reaches on to the right.
+    // Object 1 is 2.25 to 5.5 px wide, 3 to 4.75 px high; object 2 is behind all of it and extends farther to the
+    // right.
     let front = |u: f64, v: f64| (2.25..5.5).contains(&u) && (3.0..4.75).contains(&v);
     let back = |u: f64, v: f64| (4.0..9.75).contains(&u) && (2.5..4.75).contains(&v);
     let products = in_subpixels(4, front, back);
@@ -96,7 +98,7 @@ fn soft_masks_of_rectangles_on_the_grid_are_exact() {
     assert_eq!(both(1, 2, 3), [0.75; 2]);
     assert_eq!(both(1, 5, 4), [0.375; 2]);
     assert_eq!(both(1, 6, 3), [0.0; 2]);
-    // Half of the pixel's columns show object 1 before object 2; both end at 4.75.
+    // Half of the pixel's columns show object 1 in front of object 2; both end at 4.75.
     assert_eq!(both(2, 5, 4), [0.375, 0.75]);
     assert_eq!(both(2, 4, 2), [0.5; 2]);
     assert_eq!(both(2, 9, 3), [0.75; 2]);
@@ -106,7 +108,7 @@ fn soft_masks_of_rectangles_on_the_grid_are_exact() {
 
 const CAMERA: Intrinsics = Intrinsics { width: 40, height: 30, fx: 50.0, fy: 60.0, cx: 20.5, cy: 14.0 };
 
-/// Flow and its visibility from a camera at the origin to another one.
+/// Flow and its visibility from a camera at the origin to another camera.
 fn flow(depth: &Plane<f32>, next: Option<(Camera, Plane<f32>)>) -> (Plane<[f32; 2]>, Plane<u8>) {
     let mut world = World::new(1);
     world.view.camera = Camera::pinhole(CAMERA, Pose::identity());
@@ -137,8 +139,8 @@ fn flow_of_a_camera_that_moves_sideways_is_the_disparity() {
         assert!((u + 2.5).abs() < 1e-5 && v.abs() < 1e-5, "{u} {v}");
         assert_eq!(*seen.at(x, y), if x < 2 { 0 } else { 2 }, "{x}");
     }
-    // In the next view something stands before columns 10 to 19. Pixel x is at x + 0.5 − 2.5 = x − 2, between the centers
-    // of columns x − 3 and x − 2: both show it for x − 3 ≥ 10 and x − 2 ≤ 19.
+    // In the next view, a surface is in front of columns 10 to 19. Pixel x is at x + 0.5 − 2.5 = x − 2, between the
+    // centers of columns x − 3 and x − 2: both show the surface for x − 3 ≥ 10 and x − 2 ≤ 19.
     let blocked = Plane::from_fn(40, 30, |x, _| if (10..20).contains(&x) { 1.0 } else { 2.0 });
     let (_, seen) = flow(&plane(2.0), Some((camera, blocked)));
     for x in 2..40 {
@@ -148,11 +150,11 @@ fn flow_of_a_camera_that_moves_sideways_is_the_disparity() {
 
 #[test]
 fn flow_of_other_motions() {
-    // Half the way to a wall: the image grows to twice its size about the principal point.
+    // Half the distance to a wall: the image grows to twice its size about the principal point.
     let nearer = Camera::pinhole(CAMERA, Pose::translation(0.0, 0.0, 1.0));
     let (found, _) = flow(&plane(2.0), Some((nearer, plane(1.0))));
     assert!((found.at(30, 20)[0] - (30.5 - 20.5)).abs() < 1e-5 && (found.at(30, 20)[1] - (20.5 - 14.0)).abs() < 1e-5);
-    // Turned about the optical axis, clockwise as the camera sees itself turn (x to y): the image turns the other way.
+    // Rotated about the optical axis, clockwise as seen by the camera (x to y): the image rotates the other way.
     let quarter = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), std::f64::consts::FRAC_PI_2);
     let turned = Camera::pinhole(CAMERA, Pose::from_parts(Vector3::zeros().into(), quarter));
     let (found, seen) = flow(&plane(2.0), Some((turned, plane(2.0))));
@@ -162,7 +164,7 @@ fn flow_of_other_motions() {
     let expected = [50.0 * b + 20.5 - 25.5, 60.0 * -a + 14.0 - 16.5];
     assert!((0..2).all(|axis| (f64::from(found.at(x, y)[axis]) - expected[axis]).abs() < 1e-5));
     assert_eq!(*seen.at(x, y), 2);
-    // Beyond the wall, looking back, or with nothing to see: no displacement.
+    // Beyond the wall, looking back, or with an empty image: no displacement.
     let behind = Camera::pinhole(CAMERA, Pose::translation(0.0, 0.0, 3.0));
     for (depth, next) in [(2.0, Some((behind, plane(2.0)))), (f32::INFINITY, Some((nearer, plane(1.0)))), (2.0, None)] {
         let (found, seen) = flow(&plane(depth), next);
@@ -193,7 +195,7 @@ fn keypoints_are_projected_and_hidden_by_depth() {
     world.view.camera = Camera::pinhole(CAMERA, look);
     let mut products = Products::new();
     products.put(AMODAL_MASK, [(InstanceId(1), Mask::empty(40, 30))].into_iter().collect()).expect("first");
-    // A wall at 0.88 m: 0.12 m before the first point and 0.02 m before the second.
+    // A wall at 0.88 m: 0.12 m in front of the first point and 0.02 m in front of the second.
     products.put(DEPTH, plane(0.88)).expect("first");
     annotator("keypoints", "tolerance_m = 0.015").annotate(&world.of_view(), &mut products).expect("annotated");
     let found = json(&products, "keypoints");
@@ -215,7 +217,7 @@ fn keypoints_are_projected_and_hidden_by_depth() {
     let mut products = products.only(&["amodal_mask", "depth"]);
     annotator("keypoints", "tolerance_m = 0.03").annotate(&world.of_view(), &mut products).expect("annotated");
     assert_eq!(json(&products, "keypoints")["1"][1]["visibility"], json!(2));
-    // A lens that folds: what is beyond the fold is projected into the image, and not seen there.
+    // A lens that folds: a point beyond the fold is projected into the image, but is not visible there.
     world.view.camera.distortion = Some(Distortion { radial: [-0.05, 0.0, 0.0], tangential: [0.0; 2] });
     let mut products = products.only(&["amodal_mask", "depth"]);
     annotator("keypoints", "").annotate(&world.of_view(), &mut products).expect("annotated");

@@ -1,4 +1,4 @@
-//! Folders and JSON files that `syntable check --asset PATH` can look at. Single meshes and images are inspected by
+//! Folders and JSON files that `syntable check --asset PATH` can inspect. Single meshes and images are inspected by
 //! their formats.
 
 use crate::sources::bop_models::{self, INFO};

@@ -1,4 +1,4 @@
-//! Assets in files: bad and odd input, real collections, and formats against each other.
+//! Assets in files: bad and unusual input, real collections, and formats compared with each other.
 
 #[path = "files/bombs.rs"]
 mod bombs;

@@ -1,4 +1,4 @@
-//! Formats from another crate: `mesh_folder`, textures, material folders and `check --asset` read them.
+//! Formats of another crate, read by `mesh_folder`, textures, material folders and `check --asset`.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -91,7 +91,7 @@ fn mesh_folder_reads_a_foreign_mesh_format() {
     let catalog = meshes.catalog(&log).expect("a catalog");
     let names: Vec<&str> = catalog.entries.iter().map(|entry| entry.name.as_str()).collect();
     assert_eq!(names, ["bad", "box", "sub/a", "sub/b"]);
-    // STL states a higher preference than the foreign format.
+    // STL has a higher preference than the foreign format.
     assert!(log.warnings()[0].to_string().contains("b.cuboid: `sub/b` has several files; using `sub/b.stl`"));
 
     let size = |object: &Object| <[f64; 3]>::from(object.mesh.bounds().size()).map(|x| (x * 1e3).round());

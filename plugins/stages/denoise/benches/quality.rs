@@ -1,13 +1,14 @@
 //! Errors of images before and after denoising, against a reference of many samples.
 //!
-//! `cargo bench -p syntable-denoise --bench quality [-- LOOK [REFERENCE [REGULARIZE [FOLDER]]]]` renders the center of the
-//! room of the renderer's bench with 1 to 64 samples per pixel and with `REFERENCE` (512), all with the option
-//! `regularize = REGULARIZE` (0.3, as recipes have it), and writes the images to `FOLDER`. `LOOK` is what the objects are
-//! made of: `mixed`, `glass`, `plastic`, `metal`, or `all` in turn. The reference has noise too: 512 samples are good for
-//! errors down to some 45 dB. `SYNTABLE_OIDN` names Open Image Denoise, if it is to be compared.
+//! `cargo bench -p syntable-denoise --bench quality [-- LOOK [REFERENCE [REGULARIZE [FOLDER]]]]` renders the center of
+//! the room of the renderer's bench with 1 to 64 samples per pixel and with `REFERENCE` (512), all with the option
+//! `regularize = REGULARIZE` (0.3, as in recipes), and writes the images to `FOLDER`. `LOOK` is the material of the
+//! objects: `mixed`, `glass`, `plastic`, `metal`, or `all` in turn. The reference has noise too: 512 samples suffice
+//! for errors down to about 45 dB. `SYNTABLE_OIDN` names Open Image Denoise, to compare it as well.
 //!
-//! The first columns are of the whole image, those behind the bar of the objects alone. PSNR is of the sRGB-encoded image, white at 5.56 times the log-average luminance. relMSE is the mean over pixels and
-//! channels of (x − r)² / (r² + 0.01 m²), r the reference and m its mean luminance.
+//! The first columns cover the whole image; the columns after the bar cover only the objects. PSNR is of the
+//! sRGB-encoded image, white at 5.56 times the log-average luminance. relMSE is the mean over pixels and channels of (x
+//! − r)² / (r² + 0.01 m²), r the reference and m its mean luminance.
 
 #[path = "../tests/common/mod.rs"]
 mod common;
@@ -117,7 +118,7 @@ fn render(scene: &Arc<Scene>, view: &View, (samples, regularize): (u32, f64), se
     let mut session = CpuPathRenderer::new(options).session();
     session.load(scene, &threads()).expect("loads");
     let mut products = Products::new();
-    // The renderer knows the noisy image as the image.
+    // The renderer provides the noisy image as the product `radiance`.
     let mut wants: Vec<KeyId> =
         wants.iter().map(|&key| if key == RADIANCE_NOISY.id() { RADIANCE.id() } else { key }).collect();
     wants.sort_by_key(|key| key.product_id());

@@ -1,4 +1,4 @@
-//! `auto`: the best denoiser that is found.
+//! `auto`: the best available denoiser.
 
 use crate::oidn::{self, Library, Oidn};
 use syntable_guided::Guided;
@@ -32,7 +32,7 @@ fn choose(library: &Library) -> Result<Choice> {
     }
 }
 
-/// The denoiser of [`Auto`] in a plan: what either of the two would do.
+/// The denoiser of [`Auto`] in a plan. It reads the products that either kind needs.
 #[derive(Default)]
 struct Undecided(Guided);
 

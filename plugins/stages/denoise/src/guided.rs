@@ -1,5 +1,5 @@
-//! `guided`: an edge-avoiding filter guided by albedo, normals, depth and ids. The filter is the library [`syntable_guided`], which
-//! renderers use, too.
+//! `guided`: an edge-avoiding filter guided by albedo, normals, depth and ids. The library [`syntable_guided`]
+//! implements the filter; renderers use it, too.
 
 pub use syntable_guided::Guided;
 

@@ -1,4 +1,4 @@
-//! The guided filter against closed forms and a converged image.
+//! The guided filter, compared with closed forms and a converged image.
 
 mod common;
 
@@ -32,7 +32,7 @@ struct Pixel {
     normal: Rgb,
     depth: f32,
     id: u16,
-    /// If not the radiance over the mean color.
+    /// `None` for the radiance over the mean color.
     demodulated: Option<Rgb>,
 }
 
@@ -108,7 +108,8 @@ fn without_a_denoiser_the_image_stays_and_says_so() {
 
 #[test]
 fn a_speck_does_not_become_black() {
-    // One sample was bright, where the surface is darker than on average: the mean of quotients is far above the quotient.
+    // One sample was bright where the surface is darker than on average: the mean of quotients is far above the
+    // quotient.
     for (radiance, quotient) in [(1_600.0_f32, 16_000.0_f32), (400.0, 900.0), (5e4, 4e6)] {
         let products = image(40, 30, |x, y| match (x, y) {
             (20, 15) => {
@@ -145,7 +146,7 @@ fn an_image_without_noise_stays() {
 
 #[test]
 fn a_horizon_is_as_bright_as_what_it_shows() {
-    // Dark ground under a sky that is as bright. Pixels of the horizon show both, in parts that vary.
+    // Dark ground under a sky of equal radiance. Pixels of the horizon show varying parts of both.
     let (sky, ground, samples) = (10.0, 0.01, 16);
     let mut stream = Stream::root(11);
     let mut quotients = Stream::root(12);
@@ -235,7 +236,7 @@ fn light_does_not_cross_from_one_body_or_face_to_the_next() {
 
 #[test]
 fn the_edge_of_a_bright_body_before_a_dark_sky_is_their_mean() {
-    // Gray of 0.49 lit to 50 nits; the sky counts as white, of 1 nit. Halves of the pixels at the edge show one of them.
+    // Gray of 0.49 lit to 50 nits; the sky counts as white, of 1 nit. Pixels at the edge show half of each.
     let mut stream = Stream::root(4);
     let products = image(64, 40, |x, _| {
         let light = 50.0 * noise(&mut stream, 0.3);
@@ -326,8 +327,9 @@ fn a_room_gets_better_up_to_64_samples() {
         let pairs = image.iter().flatten().zip(reference.iter().flatten());
         mean(pairs.map(|(a, r)| (a - r).powi(2) / (r * r + 0.01 * (scale * scale) as f32)))
     };
-    // At 64 samples eight seeds give factors of 0.80 ± 0.05; the bound is three deviations above. At 128 the filter's bias
-    // is as large as the noise, above it is larger: dark lines at bright edges take light from beside them.
+    // At 64 samples, eight seeds give factors of 0.80 ± 0.05; the bound is three deviations above. At 128 samples, the
+    // filter's bias is as large as the noise; with more samples, it is larger: dark lines at bright edges take light
+    // from their neighbors.
     for (samples, factor) in [(1, 0.3), (4, 0.45), (64, 0.96)] {
         let products = room.render(samples, 5);
         let (before, after) = (error(products.get(RADIANCE_NOISY).expect("put").data()), error(&filtered(&products)));

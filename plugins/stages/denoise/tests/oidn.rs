@@ -1,4 +1,4 @@
-//! Open Image Denoise, where there is one.
+//! Open Image Denoise, on machines that have it.
 
 mod common;
 

@@ -62,11 +62,11 @@ pub enum EnvironmentFamily {
 }
 
 impl EnvironmentFamily {
-    /// All of them.
+    /// All families.
     pub const ALL: [Self; 6] =
         [Self::ClearSky, Self::HazySky, Self::CloudySky, Self::OvercastSky, Self::SunsetSky, Self::Studio];
 
-    /// As in recipes.
+    /// Name in recipes.
     pub fn name(self) -> &'static str {
         match self {
             Self::ClearSky => "clear_sky",

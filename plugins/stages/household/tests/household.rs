@@ -1,4 +1,4 @@
-//! Procedural objects and tables: sound meshes, true collision parts, real sizes and masses.
+//! Procedural objects and tables: valid meshes, correct collision parts, real sizes and masses.
 
 use std::collections::{BTreeMap, BTreeSet};
 use syntable_household as _;
@@ -301,7 +301,8 @@ fn tables_are_sound_and_real() {
         assert!((0.7..=1.85).contains(&size.x) && (0.7..=1.3).contains(&size.y), "{}: {size:?}", table.name);
         assert!((0.35..=0.8).contains(&size.z), "{}: {size:?}", table.name);
         assert!((10.0..800.0).contains(&table.mass.kg), "{}: {} kg", table.name, table.mass.kg);
-        // The top is level and the highest part: straight above every place of the inner rectangle there is a face.
+        // The top is level and the highest part: every point of the inner rectangle has a face of the top straight
+        // above it.
         let top = table.mesh.bounds().max.z;
         for (x, y) in [(0.0, 0.0), (0.3, 0.3), (-0.3, 0.3), (0.3, -0.3), (-0.34, -0.34)] {
             let p = [x * size.x, y * size.y];
@@ -343,7 +344,7 @@ fn variants_differ() {
         let objects = all(kind, options);
         let digests: BTreeSet<_> = objects.iter().map(|object| object.digest).collect();
         assert_eq!(digests.len(), objects.len());
-        // Not only in color: sizes differ within every family.
+        // Not only colors differ: sizes differ within every family.
         for pair in objects.windows(2).filter(|pair| pair[0].category == pair[1].category) {
             let (a, b) = (pair[0].mesh.bounds().size(), pair[1].mesh.bounds().size());
             assert!((a - b).norm() > 1e-5, "{} and {}", pair[0].name, pair[1].name);

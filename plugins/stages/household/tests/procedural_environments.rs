@@ -1,4 +1,4 @@
-//! Procedural environment maps: the illuminance that they state, the standard's own figures, determinism.
+//! Procedural environment maps: the stated illuminance, the standard's own figures, determinism.
 
 use std::f64::consts::{PI, TAU};
 use syntable_household::procedural_environments::EnvironmentFamily;
@@ -39,7 +39,7 @@ fn skies_give_the_illuminance_that_they_state() {
             let map = sky.map("sky", 256).expect("a map");
             let got = illuminance(&map, 1.0);
             assert!((got / sky.illuminance_lx - 1.0).abs() < 3e-3, "{sky:?}: {got} lx");
-            // The ground reflects what falls on it: E = π L, L = ρ E / π.
+            // The ground reflects the light that falls on it: E = π L, L = ρ E / π.
             let ground = illuminance(&map, -1.0);
             assert!((ground / (luminance(sky.ground) * got) - 1.0).abs() < 0.01, "{sky:?}: {ground} lx from below");
         }

@@ -1,4 +1,4 @@
-//! Procedural materials: they tile, differ, and stay within what surfaces can be.
+//! Procedural materials: they tile, differ, and stay within the range of real surfaces.
 
 use std::collections::BTreeSet;
 use std::time::Instant;
@@ -123,7 +123,7 @@ fn variants_differ_and_repeat() {
     }
 }
 
-/// The figure in the documentation. The bound is loose, for busy machines.
+/// The time in the documentation. The bound is loose, for busy machines.
 #[test]
 fn baking_is_quick() {
     for family in MaterialFamily::ALL {

@@ -1,7 +1,8 @@
 //! Time and quality of settling 40 objects on a table of 1.2 m by 0.8 m.
 //!
-//! `cargo bench -p syntable-physics` first prints one line per seed: core seconds, simulated time, what the acceptance check did, and
-//! the figures of the report. Real objects (Google Scanned Objects and YCB) are used where they are found.
+//! `cargo bench -p syntable-physics` first prints one line per seed: core seconds, simulated time, the actions of the
+//! acceptance check, and the figures of the report. It uses real objects (Google Scanned Objects and YCB) if it finds
+//! them.
 
 #[path = "../tests/kit/mod.rs"]
 mod kit;
@@ -19,7 +20,7 @@ fn scene(objects: &[Arc<Object>], seed: u64) -> SceneBuilder {
     scene
 }
 
-/// CPU time of this process, s; none where there is no /proc.
+/// CPU time of this process, s; `None` on systems without /proc.
 fn cpu_s() -> Option<f64> {
     let stat = std::fs::read_to_string("/proc/self/stat").ok()?;
     let fields: Vec<&str> = stat.rsplit(')').next()?.split_whitespace().collect();
@@ -29,7 +30,7 @@ fn cpu_s() -> Option<f64> {
 fn table(name: &str, objects: &[Arc<Object>], options: &str, seeds: u64) {
     println!("{COUNT} of {} {name}, options [{options}]", objects.len());
     let (settler, cache) = (settler(options), MemoryCache::default());
-    // The parts are made once, outside the clock.
+    // The parts are computed before the clock starts.
     let start = std::time::Instant::now();
     let mut all = table_scene();
     for (i, object) in objects.iter().enumerate() {

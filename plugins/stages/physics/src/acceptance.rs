@@ -27,7 +27,7 @@ pub struct AcceptanceRegion {
 }
 
 impl AcceptanceRegion {
-    /// Why an object below its support is taken out.
+    /// Reason for the removal of an object below its support.
     fn fell_off(&self) -> String {
         format!("fell off the {}", self.zone.support.name)
     }
@@ -148,7 +148,7 @@ impl<'a> Acceptance<'a> {
     fn simulate(&mut self, duration_s: f64) -> Vec<Fallen> {
         let (infos, surface) = (self.infos, self.surface);
         let places: Vec<Option<&AcceptanceRegion>> = (0..infos.len()).map(|body| self.place_to_stay(body)).collect();
-        // All of it is below the surface, wherever on the support it may be.
+        // The whole body is below the surface, anywhere on the support.
         let is_below = |place: &AcceptanceRegion, bounds: &Aabb| {
             let top = Point3::new(bounds.center().x, bounds.center().y, bounds.max.z);
             let region = &place.zone.support.surface;

@@ -57,7 +57,7 @@ const HULL_PRECISION_M: f32 = 0.003;
 /// Maximum ratio of open edges to faces of a closed mesh, for which one ray distinguishes inside from outside.
 const MAX_OPEN: f64 = 0.02;
 
-/// Along no axis, so that a ray runs along few faces.
+/// Direction of rays: along no axis, so that a ray is parallel to few faces.
 const RAY: Vector = Vector::new(0.182_574_19, 0.365_148_37, 0.912_870_9);
 
 /// How a mesh becomes convex parts.
@@ -166,8 +166,8 @@ impl ReferenceSurface {
         self.mesh.as_ref().map_or(0.0, |mesh| mesh.distance_to_local_point(point, false))
     }
 
-    /// Whether a point is outside of the solid: a ray from it meets no face, or the outer side of one. In a mesh with holes
-    /// most of the rays into all octants must do so: a box that lacks its bottom is full, as it is for its mass.
+    /// Whether a point is outside the solid: a ray from it meets no face, or the outer side of one. In a mesh with
+    /// holes, most of the rays into all octants must do so: a box without a bottom is solid, as for its mass.
     fn is_outside(&self, point: Vector) -> bool {
         let Some(mesh) = &self.mesh else { return true };
         let gets_out = |direction: Vector| {

@@ -4,12 +4,12 @@
 //! - tolerances for bodies of decimeters (`length_unit = 0.1`): a sixth of the penetration;
 //! - one collider per convex part, not one compound per body: merging the contacts of a compound's parts leaves a few
 //!   bodies in every pile jittering forever, while single colliders let all of them fall asleep;
-//! - contacts twice as stiff (60 Hz), and recomputed after 1 mm of motion rather than 5: half as many deep
 //! - contacts twice as stiff (60 Hz), and recomputed after 1 mm of motion instead of 5 mm: half as many deep
 //!   penetrations;
 //! - rolling resistance, which rapier lacks: without it, some round bodies keep rocking on the faces of their shapes,
 //!   and some piles take several times as long;
-//!   the mass properties of every part at each step and takes twice as long.
+//! - speculative contacts up to 2 cm ahead of a moving body, instead of continuous collision detection, which
+//!   recomputes the mass properties of every part at each step and takes twice as long.
 
 use crate::collision_shape::CollisionShape;
 use crate::options::Rapier;
@@ -364,7 +364,7 @@ mod tests {
 
     #[test]
     fn a_body_turns_about_its_center_of_mass_with_its_inertia() {
-        // A bar with its mass far off the middle of its collision shape, as a hammer has it.
+        // A bar with its mass far off the middle of its collision shape, like a hammer.
         let object = kit::object("bar", kit::cuboid([0.0; 3], [0.3, 0.03, 0.03]), 1.0);
         let hull = units::hull(&object.mesh.data().positions).expect("a hull");
         let shape = Arc::new(shape_of(hull));

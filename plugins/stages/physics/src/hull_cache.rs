@@ -123,7 +123,7 @@ impl HullCache {
         let parts = if hulls.is_empty() {
             cached_parts(&object.mesh, self.method(purpose), cache, tell)
         } else {
-            // The source vouches for them.
+            // The source of the asset guarantees these parts.
             ConvexParts { hulls, deviation_m: 0.0 }
         };
         CollisionShape::new(&parts).map(Arc::new)

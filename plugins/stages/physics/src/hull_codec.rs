@@ -5,8 +5,8 @@ use syntable_convex::ConvexHull;
 
 const MAGIC: u32 = u32::from_le_bytes(*b"cvx2");
 
-/// Encodes parts: magic, number of parts and their deviation; then per part the numbers of vertices and triangles, 3 f32 per vertex and
-/// 3 u32 per triangle; all little-endian.
+/// Encodes parts: magic, number of parts and their deviation; then per part the numbers of vertices and triangles, 3
+/// f32 per vertex and 3 u32 per triangle; all little-endian.
 pub fn encode(parts: &ConvexParts) -> Vec<u8> {
     let mut words = vec![MAGIC, parts.hulls.len() as u32, parts.deviation_m.to_bits()];
     for part in &parts.hulls {

@@ -1,4 +1,4 @@
-//! The annotator `relations`: piles whose forces can be worked out on paper, and what holds of any pile at rest.
+//! The annotator `relations`: piles whose forces can be worked out on paper, and properties of any pile at rest.
 
 mod kit;
 
@@ -121,7 +121,7 @@ fn the_margin_decides_who_touches() {
     assert_eq!(near["support_graph"]["floating"], json!([]));
 }
 
-/// Two halves side by side: four corners each, of which two are those of the other half.
+/// Two halves side by side have four corners each, and share two of them.
 #[test]
 fn points_at_which_two_parts_meet_count_once() {
     let halves = [-0.05, 0.05].map(|x| cuboid([x, 0.0, 0.0], [0.1, 0.1, 0.1]).positions);
@@ -160,7 +160,7 @@ fn a_leaning_plank_weighs_on_its_foot() {
     let plank = block("plank", [length as f32, 0.1, thick as f32], 0.5);
     let turn = UnitQuaternion::from_axis_angle(&Vector3::y_axis(), -std::f64::consts::FRAC_PI_4);
     let s = std::f64::consts::FRAC_1_SQRT_2;
-    // The lower corner of its lower end is on the table.
+    // The lower corner of the plank's lower end is on the table.
     let center = Vector3::new(0.0, 0.0, TABLE_HEIGHT + (length + thick) / 2.0 * s);
     let pose = Pose::from_parts(Translation3::from(center), turn);
     scene.add(BodyDraft { friction: 1.0, ..dynamic(&plank, pose) });
@@ -218,7 +218,8 @@ fn a_ring_of_beams_carries_itself() {
     let (length, thick) = (0.3_f64, 0.02_f64);
     let beam = block("beam", [length as f32, 0.03, thick as f32], 0.3);
     let mut scene = table_scene();
-    // Seen from above a triangle: every beam starts outside on the table and ends on top of the next one near its start.
+    // Seen from above a triangle: every beam starts outside on the table and ends on top of the next one near its
+    // start.
     let rise = 1.5 * thick;
     let tilt = UnitQuaternion::from_axis_angle(&Vector3::y_axis(), -(rise / length));
     for i in 0..3 {
@@ -236,7 +237,7 @@ fn a_ring_of_beams_carries_itself() {
     assert_eq!(order.len(), 3);
 }
 
-/// Of scenes at rest: everything is carried, forces are in equilibrium, and the order never removes a supporter first.
+/// Scenes at rest: every object is carried, forces are in equilibrium, and the order never removes a supporter first.
 #[test]
 fn piles_at_rest_are_carried_by_the_table() {
     for seed in [1, 2, 3] {

@@ -116,7 +116,7 @@ fn no_body_falls_through_the_floor() {
 
 #[test]
 fn bodies_off_the_tabletop_are_removed() {
-    // The table is 1.2 × 0.8 m, but only the central 0.4 × 0.4 m count, and there is a step below.
+    // The table is 1.2 × 0.8 m, but only the central 0.4 × 0.4 m count. A step is below it.
     let scene = || {
         let mut scene = table_scene();
         let step = object("step", cuboid([0.0; 3], [0.3, 0.3, 0.1]), 1.0);
@@ -205,7 +205,7 @@ fn moving_bodies_are_detected() {
     assert!(report.removed[0].reason.starts_with("still moving at 0.98"), "{report:?}");
     assert_eq!(report.residual_speed_m_s, 0.0);
 
-    // What only needs more time gets it once: 0.32 s to the table, from where it does not move any more.
+    // A body that only needs more time gets it once: it falls to the table for 0.32 s, and then stays at rest.
     let mut scene = falling();
     let report = settle("duration_s = 0.3", &mut scene);
     assert_eq!((report.respawned, report.removed.len()), (0, 0), "{report:?}");
@@ -216,7 +216,7 @@ fn moving_bodies_are_detected() {
     let report = settle("duration_s = 0.03\nmax_respawns = 2", &mut scene);
     assert_eq!((report.respawned, report.removed.len()), (2, 1), "{report:?}");
 
-    // Distractors move no less.
+    // Moving distractors are removed, too.
     let mut scene = table_scene();
     scene.add(draft(&cube(), at(0.0, 0.0, TABLE_HEIGHT + 0.5), Role::Distractor, Motion::Dynamic));
     let report = settle("on_violation = \"remove\"\nduration_s = 0.1", &mut scene);
@@ -260,7 +260,7 @@ fn a_respawned_body_keeps_to_its_placer() {
 
 #[test]
 fn poured_bodies_start_one_after_another() {
-    // All start at one place, where only one has room.
+    // All start at one place, which only has room for one.
     let scene = || {
         let mut scene = table_scene();
         for _ in 0..8 {
@@ -296,7 +296,7 @@ fn pouring_takes_no_time_from_respawns() {
 fn bodies_are_poured_in_the_order_in_which_they_were_placed() {
     for roles in [[Role::Object, Role::Distractor], [Role::Distractor, Role::Object]] {
         let mut scene = table_scene();
-        // Objects have numbers of their own, of which distractors have none.
+        // Objects have numbers of their own; distractors have none.
         scene.add(dynamic(&cube(), at(0.3, 0.0, TABLE_HEIGHT + 0.1)));
         for role in roles {
             scene.add(draft(&cube(), at(0.0, 0.0, TABLE_HEIGHT + 0.1), role, Motion::Dynamic));
@@ -357,7 +357,7 @@ fn each_body_is_judged_by_the_support_that_it_is_dropped_on() {
 
 #[test]
 fn a_bin_of_one_mesh_keeps_its_walls() {
-    // Walls and floor of 0.02 m around an inside of 0.36 m × 0.26 m × 0.18 m.
+    // Walls and floor of 0.02 m around a space of 0.36 m × 0.26 m × 0.18 m.
     let mut scene = SceneBuilder::default();
     let bin = object("bin", tray([0.4, 0.3, 0.2], 0.02), 1.0);
     scene.add(draft(&bin, at(0.0, 0.0, 0.0), Role::Support, Motion::Fixed));
@@ -447,7 +447,7 @@ fn forty_objects_are_accepted() {
     assert_eq!(objects(&scene).count() + report.removed.len(), 40);
     assert!(objects(&scene).count() >= 25, "{report:?}");
     for body in objects(&scene) {
-        // Measured at the vertices of the mesh, not of the collision shape: penetrates the table by no more than the limit.
+        // At most 6 mm below the tabletop, measured at the vertices of the mesh, not of the collision shape.
         let (low, _) = z_range(body);
         assert!(low > TABLE_HEIGHT - 0.006, "{} {} at {low}", body.spawn, body.object.name);
     }
@@ -581,7 +581,7 @@ fn a_scene_without_objects_or_table() {
 
 #[test]
 fn parts_supplied_by_an_object_are_used() {
-    // The mesh is a cube of 6 cm; its collision parts say that it is a slab of 2 cm at its center.
+    // The mesh is a cube of 6 cm; its collision part is a slab of 2 cm at its center.
     let slab = cuboid([0.0; 3], [0.06, 0.06, 0.02]).positions;
     let body = Object { collision: Some(Arc::new(vec![slab])), ..(*cube()).clone() };
     let check = |options: &str, height: f64| {
@@ -619,8 +619,8 @@ fn gap(ball: &BodyDraft, radius: f64, other: &BodyDraft) -> f64 {
     f64::from(mesh.expect("a mesh").distance_to_local_point(vector(center.into()), false)) - radius
 }
 
-/// How often a closed surface winds around a point: 1 inside, 0 outside. The sum of the solid angles of its triangles (van
-/// Oosterom and Strackee, 1983).
+/// Winding number of a closed surface around a point: 1 inside, 0 outside. The sum of the solid angles of its triangles
+/// (van Oosterom and Strackee, 1983).
 fn winding(data: &MeshData, point: &Point3<f64>) -> f64 {
     let solid_angle = |triangle: &[u32; 3]| {
         let [a, b, c] = triangle.map(|i| Point3::from(data.positions[i as usize].map(f64::from)) - point);
@@ -649,7 +649,7 @@ fn mesh_depth(one: &BodyDraft, other: &BodyDraft) -> f64 {
     inside.map(depth).fold(0.0, f64::max)
 }
 
-/// The deepest of all objects' meshes in each other's and in what carries them, meters.
+/// The largest depth of any object's mesh in another object or in a support, meters.
 fn deepest_of_meshes(scene: &SceneBuilder) -> f64 {
     let all: Vec<&BodyDraft> = scene.bodies().map(|(_, body)| body).filter(|body| body.role != Role::Room).collect();
     let is_moving = |body: &BodyDraft| body.motion == Motion::Dynamic;
@@ -679,7 +679,7 @@ fn render_meshes_penetrate_as_deeply_as_the_report_says() {
     assert!(objects(&heap).count() >= 10 && report.deepest_penetration_m > 0.0, "{report:?}");
     let (report_m, left_out) = (report.deepest_penetration_m, 2.0 * 0.000_33);
     assert!(meshes > 0.0 && meshes <= report_m + left_out, "{meshes} m, not {report_m} m");
-    // Lower by 4 mm than it came to rest, the lowest body is as deep in the table.
+    // If the lowest body is moved 4 mm down from its rest, it is as deep in the table.
     let lowest = |body: &BodyDraft| z_range(body).0;
     let moved = objects(&heap).min_by(|a, b| lowest(a).total_cmp(&lowest(b))).expect("a body");
     let lowered = BodyDraft {
@@ -728,7 +728,7 @@ fn bodies_lie_on_the_board_of_a_rimmed_table() {
 
 #[test]
 fn a_marble_lies_on_the_bottom_of_a_dish() {
-    // The bowl of the kit is a support here; its bounding box says that the tabletop is its rim.
+    // The bowl of the kit is a support here; the top of its bounding box is its rim.
     let bowl = kit_objects().swap_remove(1);
     let mut scene = SceneBuilder::default();
     let size = bowl.mesh.bounds().size();
@@ -769,7 +769,7 @@ fn a_thin_tray_is_not_pressed_through() {
     }
 }
 
-/// How far above the bottom of a hollow object on a table a marble comes to rest in it, meters.
+/// Height above the bottom at which a marble comes to rest in a hollow object on a table, meters.
 fn above_the_bottom(hollow: &Arc<Object>, radius: f32) -> f64 {
     let mut scene = table_scene();
     let bounds = hollow.mesh.bounds();
@@ -867,7 +867,7 @@ fn rooms_of_any_shape_contain_their_objects() {
     settle(options, &mut closed);
     assert!(ends(&closed).iter().all(|x| x.abs() < 0.8), "{:?}", ends(&closed));
 
-    // A screen with objects on both sides is a wall for both, and traps none.
+    // A screen with objects on both sides is a wall for both, and traps no object.
     let mut parted = SceneBuilder::default();
     let screen = object("screen", cuboid([0.0; 3], [0.0, 3.0, 0.3]), 1.0);
     parted.add(draft(&screen, at(0.7, 0.0, 0.15), Role::Room, Motion::Fixed));

@@ -10,7 +10,8 @@ use syntable_model::scene::{Material, MaterialOverride, TextureMapping};
 /// Limits of the scale of textures relative to their real size.
 pub const TEXTURE_SCALE: [f64; 2] = [1e-3, 1e3];
 
-/// Draws a material from pools and its texture mapping: box projection in meters with random rotation, scale and offset.
+/// Draws a material from pools and its texture mapping: box projection in meters with random rotation, scale and
+/// offset.
 pub fn draw_material(
     pools: &MaterialPools,
     rotation_deg: &Dist,

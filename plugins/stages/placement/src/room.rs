@@ -154,7 +154,7 @@ pub fn refuse_second_floor(scene: &SceneBuilder) -> Result<()> {
     Ok(())
 }
 
-/// How far a table may reach into a wall, meters: real tables and rooms of one size touch.
+/// Maximum distance that a table may reach into a wall, meters: real tables and rooms of one size touch.
 const INTO_WALL_M: f64 = 1e-3;
 
 /// Refuses a table that is larger than its room. Another attempt may draw a smaller one.

@@ -114,7 +114,7 @@ impl Placer for Table {
 }
 
 impl Table {
-    /// A table of the size that is drawn, and its bounding box when it is rotated.
+    /// A table of the drawn size, and its bounding box after rotation.
     fn sized(
         &self,
         object: Arc<Object>,
@@ -134,7 +134,7 @@ impl Table {
     }
 }
 
-/// Refuses a second table: tables stand at the center of the room, which has space for one.
+/// Refuses a second table: the center of the room has space for one.
 fn refuse_table_in_support(scene: &SceneBuilder, table: &BodyDraft) -> Result<()> {
     let bounds = table.world_bounds();
     let overlaps = |other: &Aabb| (0..3).all(|k| bounds.min[k] < other.max[k] && bounds.max[k] > other.min[k]);

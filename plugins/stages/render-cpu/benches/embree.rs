@@ -1,4 +1,5 @@
-//! Our tree against Embree 3.13 (Debian: `libembree-dev`), same process, same rays, in turns.
+//! Compares this crate's tree with Embree 3.13 (Debian: `libembree-dev`), in the same process, with the same rays, in
+//! turns.
 //!
 //! `cargo bench -p syntable-render-cpu --features embree --bench embree [-- REPEATS]`. Times are
 //! CPU time of the tracing threads, medians over the repeats; single-ray calls on both sides.
@@ -10,7 +11,7 @@ use std::{ffi::c_void, ptr::null_mut, sync::Arc};
 use common::{Class, Object};
 use syntable_render_cpu::bvh::{IDENTITY, Instance, MeshBvh, Ray, SceneBvh};
 
-/// Hand-written declarations of the few calls used; layouts as in `rtcore_ray.h`.
+/// Hand-written declarations of the few functions used; layouts as in `rtcore_ray.h`.
 mod ffi {
     use std::ffi::c_void;
 
@@ -83,7 +84,7 @@ unsafe impl Sync for Embree {}
 
 impl Embree {
     fn mesh(device: *mut c_void, positions: &[[f32; 3]], triangles: &[[u32; 3]]) -> Self {
-        // SAFETY: the buffers are as long as asked for, and filled before the commit.
+        // SAFETY: the buffers have the requested length, and are filled before the commit.
         unsafe {
             let scene = ffi::rtcNewScene(device);
             let geometry = ffi::rtcNewGeometry(device, 0);
@@ -100,7 +101,7 @@ impl Embree {
     }
 
     fn instanced(device: *mut c_void, objects: &[Object]) -> Self {
-        // SAFETY: the transform is twelve floats in row-major order, as the format says.
+        // SAFETY: the transform is twelve floats in row-major order, as the format requires.
         unsafe {
             let scene = ffi::rtcNewScene(device);
             for object in objects {
@@ -186,7 +187,7 @@ fn trace_embree(scene: &Embree, rays: &[Ray], shadow: bool) -> Tally {
     (hits, sum)
 }
 
-/// CPU seconds this thread has used.
+/// CPU seconds of this thread.
 fn thread_time() -> f64 {
     let mut time = ffi::TimeSpec { seconds: 0, nanoseconds: 0 };
     // SAFETY: `time` is valid; 3 is CLOCK_THREAD_CPUTIME_ID on Linux.

@@ -1,8 +1,8 @@
 //! A whole frame: a closed room, a table, 20 objects of 16 384 triangles, a ceiling panel and a globe, 640 × 480.
 //!
 //! `cargo bench -p syntable-render-cpu --bench frame [-- SAMPLES [THREADS [IMAGE.ppm]]]` prints processor seconds for
-//! one sample per pixel, rays per path and rays per second, for images of few and of many bounces, and what labels and the
-//! appearance of all objects cost.
+//! one sample per pixel, rays per path and rays per second, for images of few and of many bounces, and the cost of
+//! labels and of the appearance of all objects.
 
 use std::time::Instant;
 use syntable_model::prelude::*;
@@ -90,7 +90,7 @@ fn main() {
     }
 }
 
-/// User and system time of the process so far, to a hundredth of a second; 0 where the system does not say.
+/// User and system time of the process so far, to a hundredth of a second; 0 if the system does not provide it.
 fn processor_seconds() -> f64 {
     let text = std::fs::read_to_string("/proc/self/stat").unwrap_or_default();
     let fields: Vec<&str> = text.rsplit(')').next().unwrap_or_default().split_whitespace().collect();

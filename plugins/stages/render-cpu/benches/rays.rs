@@ -50,7 +50,7 @@ fn labels(bencher: Bencher) {
     });
 }
 
-/// The same ray by ray.
+/// Label rays one by one.
 #[divan::bench(sample_count = 10)]
 fn labels_single(bencher: Bencher) {
     let scene = &SCENE.0;

@@ -1,4 +1,4 @@
-//! `auto`: the path tracer of a graphics card where there is one.
+//! `auto`: the path tracer of a graphics card if the machine has one.
 
 use crate::cpu_path::{CpuPath, CpuPathRenderer};
 use syntable_model::prelude::*;
@@ -14,7 +14,7 @@ path_tracing_kind! {
     AutoPath
 }
 
-/// The kind for cards. It is looked up by name: a program need not have it.
+/// The kind for graphics cards. It is looked up by name, since a program need not contain it.
 const ON_CARDS: &str = "gpu_path";
 
 impl Config for AutoPath {
@@ -61,7 +61,8 @@ mod tests {
     use syntable_model::registry::Entry;
     use syntable_model::stage::RenderDevice;
 
-    /// A renderer of the name of the one for cards, with devices of a class; none is an error.
+    /// A renderer with the name of the kind for cards, with devices of a class; without a class, its devices are an
+    /// error.
     macro_rules! gpu_path {
         ($name:ident, $class:expr) => {
             #[derive(Default, Serialize, Deserialize, JsonSchema)]

@@ -1,4 +1,4 @@
-//! The paths that are traced together, field by field in rows, so that lanes load and store whole registers.
+//! The paths that are traced together, in rows by field, so that lanes load and store whole registers.
 
 use crate::bvh::Hit;
 use syntable_simd::Vec3;
@@ -8,20 +8,20 @@ use syntable_transport::layer::LayerSample;
 use syntable_transport::path::GLOSS;
 use syntable_transport::surface::Surface;
 
-/// Paths in a batch; a multiple of every number of lanes. Many, so that few lanes are idle when most paths have ended;
-/// few, so that the rows stay in the nearest caches.
+/// Paths in a batch; a multiple of every number of lanes. Large, so that few lanes are idle when most paths have ended;
+/// small, so that the rows stay in the nearest caches.
 pub(crate) const BATCH: usize = 256;
 
 /// One number of every path.
 pub(crate) type Row = [f32; BATCH];
 
-/// One whole number of every path.
+/// One integer of every path.
 pub(crate) type IntRow = [u32; BATCH];
 
 /// Three numbers of every path.
 pub(crate) type Rows = [Row; 3];
 
-/// What a path carries from bounce to bounce.
+/// State of paths between bounces.
 pub(crate) struct Paths {
     pub origin: Rows,
     pub direction: Rows,
@@ -30,23 +30,23 @@ pub(crate) struct Paths {
     pub normal: Rows,
     /// Density of the last scattered direction, per steradian; infinite for camera rays.
     pub pdf: Row,
-    /// Distance from the origin from which on the next surface counts: beyond the last pane, which does not bend the path.
+    /// Minimum distance of the next surface from the origin: beyond the last pane, which does not bend the path.
     pub near: Row,
-    /// Width of what the path sees, meters, and how fast it grows, meters per meter.
+    /// Width of the path's footprint, meters, and its growth, meters per meter.
     pub width: Row,
     pub spread: Row,
-    /// Least roughness of what comes.
+    /// Minimum roughness of later surfaces.
     pub regularize: Row,
-    /// Of the sampler.
+    /// Numbers of the sampler.
     pub seed: IntRow,
     pub index: IntRow,
-    /// Where in the batch's sums the path's light belongs.
+    /// Place of the path's light in the batch's sums.
     pub slot: IntRow,
 }
 
 /// First hits.
 pub(crate) struct Hits {
-    /// Infinite where there is none.
+    /// Infinite if the ray hits nothing.
     pub t: Row,
     pub u: Row,
     pub v: Row,
@@ -59,31 +59,31 @@ pub(crate) struct Surfaces {
     pub position: Rows,
     pub face: Rows,
     pub normal: Rows,
-    /// Above zero where `normal` is perturbed away from `face`.
+    /// Above zero if `normal` differs from `face`.
     pub perturbed: Row,
     pub base_color: Rows,
     pub roughness: Row,
     pub metallic: Row,
     pub dielectric_f0: Row,
-    /// What only layered materials need; written where a scene has any.
+    /// Values for layered materials only; written if the scene has any.
     pub layers: LayerRows,
 }
 
-/// Of layered materials.
+/// Values of layered materials.
 pub(crate) struct LayerRows {
-    /// Number of the lobe.
+    /// Index of the lobe.
     pub lobe: Row,
     pub clearcoat: Row,
     pub clearcoat_roughness: Row,
     pub sheen: Row,
     pub sheen_roughness: Row,
-    /// Index of refraction beyond over that on this side.
+    /// Relative index of refraction: beyond the surface over this side.
     pub eta: Row,
     /// Above zero at panes.
     pub pane: Row,
 }
 
-/// Shadow rays, and what they bring if nothing is in the way.
+/// Shadow rays, and their contributions if nothing occludes them.
 pub(crate) struct Shadows {
     pub origin: Rows,
     pub direction: Rows,
@@ -91,35 +91,36 @@ pub(crate) struct Shadows {
     pub contribution: Rows,
     /// Weight of emitter sampling in it.
     pub weight: Row,
-    /// What of the contribution the first surface mirrors without coloring it; written at the first bounce, for guides.
+    /// Part of the contribution that the first surface mirrors without coloring it; written at the first bounce, for
+    /// guides.
     pub specular: Rows,
     pub slot: IntRow,
-    /// For surfaces that cover in part; written where a scene has any.
+    /// For surfaces with partial coverage; written if the scene has any.
     pub alpha_seed: IntRow,
 }
 
-/// What guides denoisers, by slot: the first surface that is no mirror.
+/// Guides for denoisers, by slot: values of the first surface that is not a mirror.
 pub(crate) struct Guides {
     pub albedo: [[f32; 3]; BATCH],
-    /// World.
+    /// World frame.
     pub normal: [[f32; 3]; BATCH],
     /// Color of the mirrors so far.
     tint: [Vec3; BATCH],
     pending: [bool; BATCH],
     /// Bounce of the last surface that counts.
     bounce: [u32; BATCH],
-    /// Whether glass on the way reflected the path, which it could have transmitted.
+    /// Whether glass on the way reflected the path, although it could have transmitted it.
     reflected: [bool; BATCH],
-    /// Light from lights that the first surface mirrors without coloring it.
+    /// Light of emitters that the first surface mirrors without coloring it.
     pub direct_specular: [[f32; 3]; BATCH],
-    /// Fraction of the light from elsewhere that is such.
+    /// Fraction of all other light that the first surface mirrors without coloring it.
     specular_fraction: [[f32; 3]; BATCH],
-    /// Light found up to the first surface's lights.
+    /// Light found so far, including direct light of the first surface.
     pub first: [[f32; 3]; BATCH],
 }
 
 impl Guides {
-    /// Resets a path to white, which lights and sky keep.
+    /// Resets a path to white, the guide of lights and sky.
     #[inline(always)]
     pub fn clear(&mut self, slot: usize) {
         self.albedo[slot] = [1.0; 3];
@@ -133,8 +134,8 @@ impl Guides {
         self.first[slot] = [0.0; 3];
     }
 
-    /// Keeps the fraction of what comes by a scattering at the first surface, in the lanes whose bits are set, is mirrored
-    /// without color.
+    /// Stores the fraction of the light that the first surface mirrors without coloring it, for the lanes whose bits
+    /// are set.
     #[inline(always)]
     pub fn scatter<T: Real>(&mut self, fraction: Vec3<T>, slots: T::Int, mut lanes: u32) {
         let (mut rows, mut slot) = ([[0.0; 8]; 3], [0; 8]);
@@ -149,7 +150,7 @@ impl Guides {
         }
     }
 
-    /// Keeps that glass reflected the paths of the lanes whose bits are set, at surfaces that count.
+    /// Records that glass reflected the paths of the lanes whose bits are set, at surfaces that count.
     #[inline(always)]
     pub fn reflect<I: Int>(&mut self, slots: I, mut lanes: u32, bounce: u32) {
         let mut slot = [0; 8];
@@ -162,14 +163,15 @@ impl Guides {
         }
     }
 
-    /// Whether the path has guides to tell: what glass reflects is another image than what is behind it, and has none.
+    /// Whether the path has guides. A path that glass reflected has none: it shows another image than the surface
+    /// behind the glass.
     #[inline(always)]
     pub fn count(&self, slot: usize) -> bool {
         !self.reflected[slot]
     }
 
-    /// What of a path's light was mirrored without being colored: by the first surface, or by glass on the way. What is seen
-    /// in a metal or through glass counts as colored, as for the other guides.
+    /// Part of a path's light that was mirrored without being colored: by the first surface, or by glass on the way.
+    /// Surfaces seen in a metal or through glass count as colored, as for the other guides.
     #[inline(always)]
     pub fn specular(&self, slot: usize, light: [f32; 3]) -> [f32; 3] {
         if self.reflected[slot] {
@@ -182,7 +184,7 @@ impl Guides {
         })
     }
 
-    /// Adds a surface on the path; `last` if none after it counts.
+    /// Adds a surface on the path; `last` if no later surface counts.
     #[inline(always)]
     pub fn add_surface(&mut self, slot: usize, surface: &Surface, bounce: u32, last: bool) {
         if !self.pending[slot] {
@@ -191,7 +193,7 @@ impl Guides {
         self.bounce[slot] = bounce;
         // Light that crosses a body is colored at both of its surfaces.
         let color = if surface.layer.lobe == Lobe::Refraction { surface.albedo.map(f32::sqrt) } else { surface.albedo };
-        // Gloss is taken apart at the first surface only: beyond, what is black without it is not.
+        // Gloss is separated at the first surface only: at later surfaces, a black base still has its gloss.
         let color = if bounce > 0 { color.map(|c| max(c, GLOSS)) } else { color };
         let albedo = color * surface.transmittance * self.tint[slot];
         if surface.is_mirror() && !last {
@@ -204,7 +206,7 @@ impl Guides {
     }
 }
 
-/// A batch and its working space.
+/// A batch and its working memory.
 pub(crate) struct Batch {
     pub paths: Paths,
     pub hits: Hits,
@@ -291,7 +293,7 @@ impl Batch {
         })
     }
 
-    /// Ends the paths whose guides are known: their hits become infinite. True if any goes on.
+    /// Ends the paths whose guides are known: their hits become infinite. True if any path continues.
     pub fn end_guided(&mut self, alive: usize) -> bool {
         let mut any = false;
         for (t, &slot) in self.hits.t.iter_mut().zip(&self.paths.slot).take(alive) {
@@ -310,7 +312,7 @@ pub(crate) fn load<T: Real>(rows: &Rows, at: usize) -> Vec3<T> {
     Vec3 { x: T::load(&rows[0][at..]), y: T::load(&rows[1][at..]), z: T::load(&rows[2][at..]) }
 }
 
-/// Puts vectors in the paths from `at` on.
+/// Stores vectors in the paths from `at` on.
 #[inline(always)]
 pub(crate) fn store<T: Real>(v: Vec3<T>, rows: &mut Rows, at: usize) {
     v.x.store(&mut rows[0][at..]);
@@ -318,7 +320,7 @@ pub(crate) fn store<T: Real>(v: Vec3<T>, rows: &mut Rows, at: usize) {
     v.z.store(&mut rows[2][at..]);
 }
 
-/// Puts the vectors of chosen lanes in the paths from `at` on.
+/// Stores the vectors of chosen lanes in the paths from `at` on.
 #[inline(always)]
 pub(crate) fn compress<T: Real>(v: Vec3<T>, mask: T::Mask, rows: &mut Rows, at: usize) {
     v.x.compress(mask, &mut rows[0][at..]);
@@ -341,7 +343,7 @@ pub(crate) fn set(rows: &mut Rows, i: usize, v: Vec3) {
 }
 
 impl Paths {
-    /// Moves the chosen of the paths from `from` on to where `to` is, which must not be further.
+    /// Moves the chosen paths among those from `from` on to `to`, which must not be further.
     #[inline(always)]
     pub fn keep<T: Real>(&mut self, mask: T::Mask, from: usize, to: usize) {
         for rows in [&mut self.origin, &mut self.direction, &mut self.throughput, &mut self.normal] {
@@ -377,7 +379,7 @@ impl Hits {
         Hit { t: self.t[i], u: self.u[i], v: self.v[i], primitive, instance }
     }
 
-    /// As [`Paths::keep`].
+    /// Like [`Paths::keep`].
     #[inline(always)]
     pub fn keep<T: Real>(&mut self, mask: T::Mask, from: usize, to: usize) {
         for row in [&mut self.t, &mut self.u, &mut self.v] {
@@ -417,7 +419,7 @@ impl Surfaces {
         Layered::new(&drawn, parameters, wo)
     }
 
-    /// What [`Self::set`] leaves out.
+    /// Sets the layers, which [`Self::set`] leaves out.
     #[inline(always)]
     pub fn set_layers(&mut self, i: usize, surface: &Surface) {
         let LayerSample { lobe, coating, ior, .. } = &surface.layer;

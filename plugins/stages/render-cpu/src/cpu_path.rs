@@ -129,7 +129,7 @@ impl CpuPathSession {
         let tiles: Vec<ReadyTile> = request.tiles.iter().map(ready).collect::<Result<_>>()?;
         let wants = |key: KeyId| request.wants.contains(&key);
         let traces = Film::offers().into_iter().any(wants);
-        // Surfaces that show the environment have its color.
+        // Surfaces that show the environment take their color from it.
         let projects = wants(ALBEDO.id()) && world.scene.materials.has_projections;
         let mut lights = Vec::with_capacity(tiles.len());
         for tile in &tiles {
@@ -203,14 +203,14 @@ impl CpuPathSession {
         }
         let budget = self.options.budget(light);
         let film = Film::trace(&TileTracers(tracers), request.size, &request.tiles, &budget, request.workers)?;
-        // What of a camera rotates its frame is the same for all windows.
+        // The frame rotation of a camera is the same for all windows.
         let camera = RayCamera::new(&request.view.camera, Window { x: 0, y: 0, width: 0, height: 0 });
         film.put(request.wants, &camera, request.workers, frame)?;
         Ok(film.statistics)
     }
 }
 
-/// A tile with what its rays meet.
+/// A tile with the bodies that its rays meet.
 struct ReadyTile<'a> {
     at: [u32; 2],
     window: Window,
@@ -226,7 +226,7 @@ impl ReadyTile<'_> {
 
 impl RenderSession for CpuPathSession {
     fn load(&mut self, scene: &Arc<Scene>, workers: &dyn Workers) -> Result<()> {
-        // The last scene is let go first, so that two are never held at once.
+        // The last scene is dropped first, so that two are never in memory at once.
         self.world = None;
         self.world = Some(World::new(scene, &self.caches, workers));
         Ok(())
@@ -266,7 +266,7 @@ impl Labels {
         }
     }
 
-    /// Puts the planes of a tile in their place.
+    /// Pastes the planes of a tile.
     fn paste(&mut self, at: [u32; 2], tile: &Self) {
         fn one<T: Copy>(at: [u32; 2], plane: &mut Option<Plane<T>>, tile: &Option<Plane<T>>) {
             if let (Some(plane), Some(tile)) = (plane, tile) {

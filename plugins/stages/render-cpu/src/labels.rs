@@ -1,8 +1,8 @@
-//! All labels from one cast per pixel: what is on the ray through the pixel center, at any depth.
+//! All labels from one cast per pixel: the bodies on the ray through the pixel center, at any depth.
 //!
-//! The first hit in every body decides everything: the nearest of them is what is seen, all of them are what covers
-//! the pixel. Since both come from the same hits, what is seen is covered, exactly. Of bodies at equal depth the one
-//! with the lower id is in front, so objects come before distractors, supports and room parts.
+//! The first hits in every body decide all labels: the nearest hit gives the visible body, and all hits together give
+//! the coverage. Both come from the same hits, so a visible object always covers its pixel. Of bodies at equal depth,
+//! the body with the lower id is in front, so objects come before distractors, supports and room parts.
 
 use crate::bvh::{Hit, Ray, SceneBvh};
 use crate::world::World;
@@ -20,7 +20,7 @@ use syntable_transport::surface::surface;
 /// Edge of the squares of pixels that are cast together.
 const TILE: i32 = 8;
 
-/// The planes to fill; those that are not wanted are none.
+/// The planes to fill; `None` for labels that are not wanted.
 #[derive(Debug, Default)]
 pub(crate) struct Labels {
     pub depth: Option<Plane<f32>>,
@@ -29,7 +29,7 @@ pub(crate) struct Labels {
     pub albedo: Option<Plane<[f32; 3]>>,
     pub coverage: Option<BitPlane>,
     pub coverage_before_support: Option<BitPlane>,
-    /// Hits in objects, as `ObjectDepths` is made of.
+    /// Hits in objects, from which `ObjectDepths` is made.
     pub object_depths: Option<Vec<(u32, InstanceId, f32)>>,
 }
 
@@ -41,7 +41,7 @@ struct Pixel {
     y: i32,
     /// The nearest hit.
     first: Option<Hit>,
-    /// Depth of the nearest body that is no object.
+    /// Depth of the nearest body that is not an object.
     support: f32,
 }
 
@@ -53,7 +53,8 @@ pub(crate) struct LabelCaster<'a> {
     blended: BlendedLabels,
     /// For materials that show the environment.
     projection: Option<&'a ProjectedEnvironment>,
-    /// Bodies with cut-outs, and with glass that labels look through, each in a tree of its own, since hits on them must be tested.
+    /// Bodies with cut-outs, and with glass that labels look through. Each has a tree of its own, since hits on them
+    /// must be tested.
     cutouts: Vec<(u32, SceneBvh)>,
 }
 
@@ -102,7 +103,7 @@ impl<'a> LabelCaster<'a> {
         let place = (top..bottom).flat_map(|y| (left..right).map(move |x| (x, y)));
         let pixels = place.map(|(x, y)| Pixel { x, y, first: None, support: f32::INFINITY });
         let mut tile = Tile { pixels: pixels.collect(), hits: Vec::new() };
-        // Pixels that see nothing have no ray; the others keep their order.
+        // Pixels outside the image of the lens have no ray; the others keep their order.
         let seen: Vec<(usize, Ray)> =
             tile.pixels.iter().enumerate().filter_map(|(number, pixel)| Some((number, self.ray(pixel)?))).collect();
         let rays: Vec<Ray> = seen.iter().map(|(_, ray)| *ray).collect();
@@ -140,7 +141,7 @@ impl<'a> LabelCaster<'a> {
         self.camera.ray(f64::from(pixel.x) + 0.5, f64::from(pixel.y) + 0.5)
     }
 
-    /// Normal in the camera's frame and base color of what a pixel sees.
+    /// Normal in the camera's frame, and base color, of the visible surface of a pixel.
     fn surface(&self, pixel: &Pixel, shaded: bool) -> [[f32; 3]; 2] {
         match pixel.first {
             Some(hit) if shaded => {

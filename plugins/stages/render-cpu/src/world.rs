@@ -12,10 +12,10 @@ use syntable_prepare::{AssetCache, PreparedScene, Sampler, SceneCache, SurfacePo
 use syntable_simd::{Rgb, Vec3};
 use syntable_transport::surface::transmittance_of_pane;
 
-/// Bytes of trees that are kept though no scene uses them.
+/// Maximum bytes of trees that are kept though no scene uses them.
 const CAPACITY: u64 = 256 << 20;
 
-/// What sessions of a renderer share between scenes.
+/// Caches that sessions of a renderer share between scenes.
 pub(crate) struct Caches {
     pub scene: SceneCache,
     trees: AssetCache<MeshBvh>,
@@ -32,7 +32,7 @@ impl Default for Caches {
 pub(crate) struct World {
     pub scene: PreparedScene,
     bvh: SceneBvh,
-    /// What camera rays meet, if not the whole scene.
+    /// Bodies that camera rays meet, if not the whole scene.
     seen: Option<Seen>,
     /// Trees of the bodies.
     trees: Vec<Arc<MeshBvh>>,
@@ -42,11 +42,11 @@ pub(crate) struct World {
 #[derive(Clone)]
 struct Seen {
     bvh: SceneBvh,
-    /// For every body of the scene, whether it is one.
+    /// For every body of the scene, whether camera rays meet it.
     bodies: Vec<bool>,
 }
 
-/// What light passes on a straight way.
+/// Panes on a straight line, and their transmittance.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Passed {
     /// Transmittance of all panes.
@@ -60,7 +60,7 @@ impl World {
         Self::posed(scene, caches, None, workers)
     }
 
-    /// Prepares a scene with the trees of another moment of it, if there is one: only the top level is built anew.
+    /// Prepares a scene. Trees of an earlier pose of the same scene are used again: then only the top level is rebuilt.
     pub fn posed(scene: &Scene, caches: &Caches, before: Option<&Self>, workers: &dyn Workers) -> Self {
         let bodies = scene.bodies();
         let prepared = PreparedScene::new(scene, &caches.scene, workers);
@@ -99,13 +99,13 @@ impl World {
         Ok(world)
     }
 
-    /// The tree of one body alone.
+    /// A tree of one body only.
     pub fn alone(&self, instance: usize) -> SceneBvh {
         let world_from_object = self.scene.bodies[instance].world_from_body();
         SceneBvh::build([Instance { world_from_object, mesh: self.trees[instance].clone(), id: 0 }])
     }
 
-    /// The tree of what camera rays meet.
+    /// The tree of the bodies that camera rays meet.
     pub fn seen(&self) -> &SceneBvh {
         self.seen.as_ref().map_or(&self.bvh, |seen| &seen.bvh)
     }
@@ -115,8 +115,8 @@ impl World {
         self.seen.as_ref().is_none_or(|seen| seen.bodies[instance])
     }
 
-    /// The first surface of a ray beyond the distance `from`, from the camera or later; `seed` decides where surfaces cover
-    /// in part.
+    /// The first surface of a ray beyond the distance `from`. `from_camera` selects the bodies that camera rays meet;
+    /// `seed` decides at surfaces with partial coverage.
     #[inline]
     pub fn closest(&self, ray: &Ray, from: f32, seed: u32, from_camera: bool) -> Option<Hit> {
         let bvh = if from_camera { self.seen() } else { &self.bvh };
@@ -129,14 +129,14 @@ impl World {
         }
     }
 
-    /// Asks for what [`Self::surface`] will read of a hit.
+    /// Prefetches the data that [`Self::surface`] reads for a hit.
     #[inline(always)]
     pub fn prefetch(&self, hit: &Hit) {
         let (_, triangle) = self.scene.at(&hit.point());
         syntable_simd::prefetch(triangle);
     }
 
-    /// The panes on the way of a shadow ray; nothing if another surface occludes it. `seed` is as for [`Self::closest`].
+    /// The panes along a shadow ray; `None` if another surface occludes it. `seed` is as for [`Self::closest`].
     #[inline]
     pub fn visibility(&self, ray: &Ray, to: f32, seed: u32) -> Option<Passed> {
         let occluded = if self.scene.has_panes {
@@ -169,7 +169,7 @@ impl World {
         (!occluded).then(|| passed.get())
     }
 
-    /// Whether there is a surface at a hit on a body, or a hole; where it covers in part, `u` in [0, 1) decides.
+    /// Whether a hit on a body is on a surface and not in a hole; `u` in [0, 1) decides at partial coverage.
     #[inline]
     pub fn is_solid(&self, hit: &Hit, ray: &Ray, instance: u32, u: f32) -> bool {
         if !self.scene.bodies[instance as usize].has_cutouts() {
@@ -179,14 +179,14 @@ impl World {
         self.scene.is_solid(&SurfacePoint { instance, ..hit.point() }, position, u)
     }
 
-    /// Whether there is a surface for labels at a hit on a body.
+    /// Whether labels count a hit on a body as a surface.
     pub fn is_labeled(&self, hit: &Hit, ray: &Ray, instance: u32, blended: BlendedLabels) -> bool {
         let position = Vec3::from(ray.origin) + Vec3::from(ray.direction) * hit.t;
         self.scene.is_labeled(&SurfacePoint { instance, ..hit.point() }, position, blended)
     }
 }
 
-/// The top level over the bodies to keep; the others keep their place, and are never hit.
+/// The top level over the bodies to keep; the others keep their index, and are never hit.
 fn top_level(scene: &PreparedScene, trees: &[Arc<MeshBvh>], keep: impl Fn(usize) -> bool) -> SceneBvh {
     let nothing = Arc::new(MeshBvh::build(&[], &[]));
     SceneBvh::build(scene.bodies.iter().zip(trees).enumerate().map(|(i, (body, tree))| Instance {
@@ -196,7 +196,7 @@ fn top_level(scene: &PreparedScene, trees: &[Arc<MeshBvh>], keep: impl Fn(usize)
     }))
 }
 
-/// A random number in [0, 1) for a surface that covers in part: one for every ray and triangle.
+/// A random number in [0, 1) for a surface with partial coverage: one for every ray and triangle.
 #[inline]
 fn alpha_random(seed: u32, hit: &Hit) -> f32 {
     let sampler = Sampler { seed, index: hit.primitive };
@@ -204,7 +204,7 @@ fn alpha_random(seed: u32, hit: &Hit) -> f32 {
 }
 
 impl Hit {
-    /// The point without its distance.
+    /// The point without its distance along the ray.
     #[inline(always)]
     pub(crate) fn point(&self) -> SurfacePoint {
         SurfacePoint { instance: self.instance, primitive: self.primitive, u: self.u, v: self.v }

@@ -1,9 +1,9 @@
-//! A whole frame on a graphics card: a closed room, a table, 20 objects of 16 384 triangles, a ceiling panel and a globe,
-//! 640 × 480, with 8 bounces.
+//! A whole frame on a graphics card: a closed room, a table, 20 objects of 16 384 triangles, a ceiling panel and a
+//! globe, 640 × 480, with 8 bounces.
 //!
-//! `cargo bench -p syntable-render-wgpu --bench frame [-- ADAPTER]` prints the time to the first image, milliseconds per
-//! frame by samples, rays per second, what labels cost, what guides add, how near the denoised image is to that of 4096
-//! samples, and what a frame takes if several views are in flight, as in a run.
+//! `cargo bench -p syntable-render-wgpu --bench frame [-- ADAPTER]` prints the time to the first image, milliseconds
+//! per frame for several numbers of samples, rays per second, the cost of labels and of guides, the difference of the
+//! denoised image from an image of 4096 samples, and the time per frame with several views in flight, as in a run.
 
 use std::sync::{Arc, Barrier};
 use std::thread;
@@ -20,14 +20,14 @@ use syntable_testing::room::{self, Look};
 use syntable_testing::workers::Pool;
 use syntable_transport::PathTracing;
 
-/// Frames of which the fastest counts.
+/// Frames to render; the fastest counts.
 const FRAMES: usize = 5;
 
-/// Views that are rendered at the same time, as a run does on each card, and frames of each.
+/// Views that are rendered at the same time, as in a run on each card, and frames of each.
 const IN_FLIGHT: usize = 2;
 const FRAMES_IN_FLIGHT: usize = 30;
 
-/// Samples of the image that denoised ones are compared with.
+/// Samples of the reference image for denoised images.
 const CONVERGED: u32 = 4096;
 
 fn main() {
@@ -118,7 +118,7 @@ fn main() {
     }
 }
 
-/// Seconds per frame of views that are rendered at the same time by sessions of their own.
+/// Seconds per frame with several views at the same time, each in its own session.
 fn seconds_in_flight(
     renderer: &GpuPathRenderer,
     adapter: usize,

@@ -1,7 +1,7 @@
 //! Time of the denoiser `guided` on a graphics card and on the processor, for images of 640 × 480 and 1280 × 960.
 //!
-//! `cargo bench -p syntable-render-wgpu --bench guided [-- ADAPTER]` prints milliseconds per image, of many images in a row
-//! that stay on the card.
+//! `cargo bench -p syntable-render-wgpu --bench guided [-- ADAPTER]` prints milliseconds per image, averaged over many
+//! images that stay on the card.
 
 #[path = "../tests/common/mod.rs"]
 #[allow(dead_code)]

@@ -7,29 +7,29 @@ use std::sync::LazyLock;
 use syntable_model::error::{Error, Result};
 use syntable_model::stage::{DeviceClass, RenderDevice};
 
-/// Environment variable with a part of the name of the adapter to use, in upper or lower case; the one that other programs
-/// with wgpu read.
+/// Environment variable with a part of the name of the adapter to use, in upper or lower case; other programs that use
+/// wgpu read it, too.
 const WANTED: &str = "WGPU_ADAPTER_NAME";
 
-/// Environment variable that asks for ray queries by `1`; without it the shaders walk. Off by default, as wgpu calls its
-/// interface experimental and queries now and then round otherwise.
+/// Environment variable that turns ray queries on if it is `1`; otherwise the shaders walk trees. Off by default, as
+/// wgpu calls this interface experimental, and queries occasionally round differently.
 pub(crate) const SWITCH: &str = "SYNTABLE_RAY_QUERIES";
 
 /// Whether a device traces rays by queries.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum RayQueries {
-    /// It has none, or not by Vulkan.
+    /// The device has no ray queries, or not through Vulkan.
     Absent,
-    /// It has them, and the environment variable `SYNTABLE_RAY_QUERIES` does not ask for them.
+    /// The device has ray queries, but the environment variable `SYNTABLE_RAY_QUERIES` does not turn them on.
     Off,
-    /// It does.
+    /// The device traces rays by queries.
     Used,
 }
 
 impl RayQueries {
-    /// Whether an adapter traces rays by queries, if they are wanted.
+    /// Whether an adapter traces rays by queries; `are_wanted` turns them on.
     pub fn of(adapter: &wgpu::Adapter, are_wanted: bool) -> Self {
-        // Of Vulkan alone: there was nothing to test those of Metal and DirectX on.
+        // Only on Vulkan: ray queries of Metal and DirectX are untested.
         let is_there = adapter.get_info().backend == wgpu::Backend::Vulkan
             && adapter.features().contains(wgpu::Features::EXPERIMENTAL_RAY_QUERY)
             && adapter.limits().max_acceleration_structures_per_shader_stage > 0;
@@ -40,7 +40,7 @@ impl RayQueries {
         }
     }
 
-    /// Why they are not used though they are there.
+    /// The reason why available ray queries are not used.
     pub fn excuse(self) -> Option<String> {
         match self {
             Self::Absent | Self::Used => None,
@@ -49,7 +49,7 @@ impl RayQueries {
     }
 }
 
-/// What a graphics adapter is.
+/// Properties of a graphics adapter.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct AdapterInfo {
     /// Name of the card.
@@ -58,13 +58,13 @@ pub struct AdapterInfo {
     pub driver: String,
     /// Vulkan, Metal or DirectX 12.
     pub backend: String,
-    /// What sort of adapter it is.
+    /// Class of the adapter: discrete, integrated, virtual, or a software renderer.
     pub class: wgpu::DeviceType,
-    /// Numbers of its maker and model.
+    /// Vendor and device ids.
     pub model: [u32; 2],
     /// Bytes of the largest buffer that kernels can read.
     pub max_buffer: u64,
-    /// Whether it traces rays itself. It rounds otherwise then, now and then.
+    /// Whether the adapter traces rays by queries. Queries occasionally round differently.
     pub ray_queries: RayQueries,
 }
 
@@ -91,14 +91,14 @@ impl AdapterInfo {
         }
     }
 
-    /// Whether it is a card rather than a program.
+    /// Whether the adapter is a card and not a software renderer.
     pub fn is_hardware(&self) -> bool {
         self.class != wgpu::DeviceType::Cpu
     }
 
-    /// Paths that a pass may have; another number changes no image. The last bounces of a pass leave most of a card idle, so
-    /// fewer passes are faster: a card with memory of its own gets 640 × 480 pixels with 32 samples in one. On
-    /// what is slower so many rays would take as long as drivers allow a dispatch to.
+    /// Maximum paths of a pass; the number does not change images. The last bounces of a pass leave most of a card
+    /// idle, so fewer passes are faster: a discrete card renders 640 × 480 pixels with 32 samples in one pass. On
+    /// slower adapters, a dispatch of so many rays would reach the time limit of drivers.
     pub fn most_paths(&self) -> u64 {
         match self.class {
             wgpu::DeviceType::DiscreteGpu | wgpu::DeviceType::VirtualGpu => 1 << 24,
@@ -107,7 +107,7 @@ impl AdapterInfo {
         }
     }
 
-    /// Cards of their own before those of a processor, and programs last.
+    /// Order of preference: discrete cards, then virtual and integrated ones, software renderers last.
     fn rank(&self) -> u8 {
         match self.class {
             wgpu::DeviceType::DiscreteGpu => 0,
@@ -118,16 +118,15 @@ impl AdapterInfo {
         }
     }
 
-    /// Whether both round alike: cards of one model, with one driver and interface.
+    /// Whether both round alike: cards of one model, with the same driver and interface.
     fn is_like(&self, other: &Self) -> bool {
         let what = |info: &Self| (info.model, info.name.clone(), info.driver.clone(), info.backend.clone());
         what(self) == what(other) && self.ray_queries == other.ray_queries
     }
 }
 
-/// The numbers of the adapters that render. Images must not depend on which adapter
-/// has a free session, so all that render are alike: the best one, or the one that is wanted, and those of its model. A
-/// program takes the place of a card once.
+/// Indices of the adapters that render. Images must not depend on which adapter has a free session, so all of them are
+/// alike: the best or the requested adapter, and all others of its model. A software renderer is used only once.
 fn chosen(all: &[AdapterInfo], wanted: Option<&str>) -> Result<Vec<usize>> {
     let is_wanted =
         |info: &AdapterInfo| wanted.is_none_or(|wanted| info.name.to_lowercase().contains(&wanted.to_lowercase()));
@@ -144,7 +143,8 @@ fn chosen(all: &[AdapterInfo], wanted: Option<&str>) -> Result<Vec<usize>> {
     Ok(alike.take(if best.is_hardware() { all.len() } else { 1 }).collect())
 }
 
-/// The error of a machine without an adapter that can run the kernels; with those that cannot, each with the reason.
+/// The error of a machine without an adapter that can run the kernels. It lists the unsuitable adapters, each with the
+/// reason.
 fn none(unable: &[String]) -> Error {
     let found = match unable {
         [] => "no graphics adapter was found".into(),
@@ -157,22 +157,23 @@ fn none(unable: &[String]) -> Error {
         )
 }
 
-/// Bytes of the largest buffer of which the shaders can number the words.
+/// Bytes of the largest buffer that the shaders can address.
 const ADDRESSED: u64 = 1 << 32;
 
-/// What an adapter has to offer.
+/// Limits that an adapter must offer.
 pub fn required_limits() -> wgpu::Limits {
     wgpu::Limits { max_storage_buffers_per_shader_stage: STORAGE_BUFFERS, ..wgpu::Limits::downlevel_defaults() }
 }
 
-/// What finds adapters, one for the process: drivers crash when several come and go on different threads.
+/// The wgpu instance, one for the process: drivers crash when several instances are created and dropped on different
+/// threads.
 static INSTANCE: LazyLock<wgpu::Instance> = LazyLock::new(|| {
-    // Numbers of groups are counted by the shaders, which need no check of them.
+    // The shaders count the numbers of groups, so wgpu need not validate them.
     let flags = wgpu::InstanceFlags::default() - wgpu::InstanceFlags::VALIDATION_INDIRECT_CALL;
     wgpu::Instance::new(wgpu::InstanceDescriptor { flags, ..wgpu::InstanceDescriptor::new_without_display_handle() })
 });
 
-/// The first thing that an adapter's limits lack of what the kernels need.
+/// The first limit of an adapter that is too low for the kernels.
 fn lack(limits: &wgpu::Limits) -> Option<String> {
     let mut lack = None;
     required_limits().check_limits_with_fail_fn(limits, true, |name, needed, offered| {
@@ -183,23 +184,23 @@ fn lack(limits: &wgpu::Limits) -> Option<String> {
 
 /// The adapters of this machine.
 pub struct Adapters {
-    /// Those that can run the kernels.
+    /// Adapters that can run the kernels.
     all: Vec<wgpu::Adapter>,
-    /// The others, each with the reason.
+    /// All other adapters, each with the reason.
     unable: Vec<String>,
-    /// Whether ray queries are wanted.
+    /// Whether ray queries are turned on.
     queries: bool,
-    /// The numbers of those that render, or why none does.
+    /// Indices of the adapters that render, or the reason why none can.
     used: Result<Vec<usize>>,
 }
 
 impl Adapters {
-    /// Looks for adapters. They trace rays by queries where they can and `SYNTABLE_RAY_QUERIES` is 1.
+    /// Looks for adapters. They trace rays by queries if they can and `SYNTABLE_RAY_QUERIES` is 1.
     pub fn find() -> Self {
         Self::with_ray_queries(std::env::var_os(SWITCH).is_some_and(|value| value == "1"))
     }
 
-    /// The same, whatever the environment says of ray queries.
+    /// Like [`Self::find`], but ignores the environment variable for ray queries.
     pub fn with_ray_queries(queries: bool) -> Self {
         let (mut all, mut unable) = (Vec::new(), Vec::new());
         for adapter in pollster::block_on(INSTANCE.enumerate_adapters(wgpu::Backends::PRIMARY)) {
@@ -214,31 +215,31 @@ impl Adapters {
         Self { all, unable, queries, used }
     }
 
-    /// Those that render.
+    /// Adapters that render.
     ///
     /// # Errors
-    /// If there is none, or not the one that is wanted.
+    /// If the machine has no suitable adapter, or not the requested one.
     pub fn used(&self) -> Result<Vec<AdapterInfo>> {
         let used = self.used.as_ref().map_err(Error::clone)?;
         Ok(used.iter().map(|&number| self.info(number)).collect())
     }
 
-    /// One of those that render, by its number among them.
+    /// An adapter that renders, by its index among the adapters that render.
     pub(crate) fn get(&self, number: usize) -> Result<(&wgpu::Adapter, AdapterInfo)> {
         let used = self.used.as_ref().map_err(Error::clone)?;
         let number = *used.get(number).ok_or_else(|| none(&self.unable))?;
         Ok((&self.all[number], self.info(number)))
     }
 
-    /// What an adapter is, by its number among all.
+    /// Properties of an adapter, by its index among all adapters.
     fn info(&self, number: usize) -> AdapterInfo {
         AdapterInfo::of(&self.all[number], self.queries)
     }
 
-    /// Those that render, as devices of a renderer.
+    /// Adapters that render, as devices of a renderer.
     ///
     /// # Errors
-    /// If there is none.
+    /// If the machine has no suitable adapter, or not the requested one.
     pub fn devices(&self) -> Result<Vec<RenderDevice>> {
         let device = |info: AdapterInfo| RenderDevice {
             name: info.to_string(),
@@ -248,7 +249,7 @@ impl Adapters {
         Ok(self.used()?.into_iter().map(device).collect())
     }
 
-    /// The others, each with the reason.
+    /// Adapters that do not render, each with the reason.
     pub fn unused(&self) -> Vec<String> {
         let used = self.used.as_deref().unwrap_or_default();
         let best = used.first().map(|&number| self.info(number));
@@ -262,7 +263,7 @@ impl Adapters {
     }
 }
 
-/// What an adapter that renders holds at most, and what of it is not used.
+/// Size limit of buffers of an adapter that renders, and features that are not used.
 fn limits_of(info: &AdapterInfo) -> String {
     let buffers = format!("buffers of up to {} MiB", info.max_buffer >> 20);
     [Some(buffers), info.ray_queries.excuse()].into_iter().flatten().collect::<Vec<_>>().join("; ")
@@ -295,7 +296,7 @@ mod tests {
             let info = with(ray_queries);
             assert_eq!((info.to_string().as_str(), limits_of(&info).as_str()), (name, limits));
         }
-        // Both would not make the same bytes.
+        // Together they would not make the same bytes.
         let pair = [with(RayQueries::Used), with(RayQueries::Absent)];
         assert_eq!(chosen(&pair, None).expect("two"), [0]);
     }

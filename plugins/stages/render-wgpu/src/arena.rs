@@ -1,4 +1,4 @@
-//! Buffers that keep assets on the device for as long as they fit.
+//! Buffers that keep assets on the device as long as they fit.
 
 use crate::device::Device;
 use std::collections::HashMap;
@@ -13,7 +13,7 @@ pub struct Arena {
     label: &'static str,
     /// Bytes of an element.
     element: u64,
-    /// Elements at the start that are no asset's.
+    /// Elements at the start that belong to no asset.
     reserved: u64,
     used: u64,
     places: HashMap<Digest, Place>,
@@ -22,7 +22,7 @@ pub struct Arena {
 
 /// An asset to keep: its digest, its number of elements, and a function that makes its bytes.
 pub struct Asset<'a> {
-    /// Of what is written.
+    /// Digest of the content.
     pub digest: Digest,
     /// Elements.
     pub count: u64,
@@ -36,13 +36,13 @@ impl Arena {
         Ok(Self { label, element, reserved: 0, used: 0, places: HashMap::new(), buffer: device.storage(label, 4096)? })
     }
 
-    /// The buffer. A call of [`Self::keep`] may put another one in its place.
+    /// The buffer. [`Self::keep`] may replace it.
     pub fn buffer(&self) -> &wgpu::Buffer {
         &self.buffer
     }
 
-    /// Makes sure that assets are on the device, with so many elements free at the start. If there is no room for those
-    /// that are missing, others are forgotten.
+    /// Uploads the assets that the buffer lacks, after `reserved` free elements at the start. If they do not fit, all
+    /// assets are dropped and the given ones are uploaded again.
     ///
     /// # Errors
     /// If the assets do not fit into a buffer of the device.
@@ -74,7 +74,7 @@ impl Arena {
                 .help("use fewer or smaller assets, or render with `cpu_path`"));
             }
             if elements > capacity {
-                // What was there is given back first. Room for the next scenes' assets, too.
+                // First free the old buffer. The new one has room for the assets of later scenes, too.
                 self.buffer = device.storage(self.label, 0)?;
                 let (bytes, most) = (elements * self.element, limit * self.element);
                 self.buffer = device.roomy_storage(self.label, bytes, (2 * bytes).next_power_of_two().min(most))?;
@@ -91,12 +91,12 @@ impl Arena {
         Ok(())
     }
 
-    /// Whether an asset is there.
+    /// Whether the buffer holds an asset.
     pub fn holds(&self, digest: &Digest) -> bool {
         self.places.contains_key(digest)
     }
 
-    /// Where an asset is that was asked for last.
+    /// Place of an asset of the last call of [`Self::keep`].
     pub fn place(&self, digest: &Digest) -> Place {
         self.places[digest]
     }

@@ -1,4 +1,5 @@
-//! Numbers that both sides of the bus know, written into the source of the shaders: each is said once, in Rust.
+//! Numbers that the program and the shaders share. Only Rust defines them; they are written into the source of the
+//! shaders.
 
 use std::fmt::Write;
 
@@ -32,8 +33,7 @@ impl From<i32> for Constant {
 }
 
 impl Constant {
-    /// The type and a literal of it. Exponents keep large numbers short; the digits are those that tell the number from
-    /// all others.
+    /// The type and a literal of it. Exponents keep large numbers short; a literal has just enough digits to be exact.
     fn literal(self) -> (&'static str, String) {
         match self {
             Self::Float(number) => ("f32", format!("{number:e}f")),

@@ -18,10 +18,11 @@ use syntable_prepare::labels::{BASE_LAYER, GLASS};
 use syntable_prepare::{FINEST, PANE_ROUGHNESS, PreparedBody};
 use syntable_transport::{film, path};
 
-/// What rays of paths meet: by walks, and by ray queries.
+/// WGSL that intersects rays of paths with the scene: by walks of trees, and by ray queries.
 const RAYS: [&str; 2] = [include_str!("shaders/rays.wgsl"), include_str!("shaders/queries.wgsl")];
 
-/// The WGSL of all other kernels, module after module: those of the renderer, between them those that mirror its reference.
+/// WGSL of all other kernels, in order: the renderer's own modules, with the modules that mirror the reference
+/// functions between them.
 const SHADERS: &[&[&str]] = &[
     &[include_str!("shaders/scene.wgsl")],
     syntable_transport::wgsl::MODULES,
@@ -36,10 +37,10 @@ const SHADERS: &[&[&str]] = &[
     ],
 ];
 
-/// Longest time that a session waits for what it has submitted.
+/// Maximum time that a session waits for submitted work.
 const PATIENCE: Duration = Duration::from_secs(120);
 
-/// Binding of what ray queries trace.
+/// Binding of the acceleration structure of ray queries.
 const QUERIED: u32 = 10;
 
 /// An entry point of the shaders.
@@ -63,7 +64,7 @@ pub enum Kernel {
     Resolve,
 }
 
-/// What kernels are compiled for: what a scene has not costs nothing.
+/// Features that kernels are compiled with. A feature that a scene does not need costs no time.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub struct Variant {
     /// Any material has layers.
@@ -78,16 +79,16 @@ pub struct Variant {
     pub plain_dielectrics: bool,
     /// The trees have many levels.
     pub deep: bool,
-    /// Windows with bodies of their own lie side by side.
+    /// Several windows with bodies of their own are side by side.
     pub tiles: bool,
     /// The opacity of pixels is counted.
     pub opacity: bool,
-    /// Rays of paths are queried, on a device that can.
+    /// Rays of paths use ray queries, on a device that has them.
     pub queries: bool,
 }
 
 impl Variant {
-    /// The kernels for labels do not depend on guides and opacity, and walk.
+    /// Kernels for labels never gather guides or opacity, and never use ray queries.
     pub fn of_labels(self) -> Self {
         Self { guides: false, opacity: false, queries: false, ..self }
     }
@@ -103,16 +104,16 @@ pub struct Device {
     pipeline_layout: wgpu::PipelineLayout,
     module: wgpu::ShaderModule,
     pipelines: Mutex<HashMap<(Kernel, Variant), Arc<wgpu::ComputePipeline>>>,
-    /// Longest time that a session waits for what it has submitted.
+    /// Maximum time that a session waits for submitted work.
     patience: Mutex<Duration>,
     #[cfg(test)]
     poll_panics: Mutex<bool>,
-    /// The first error. It stays: what buffers hold since then is not known.
+    /// The first error. It stays, because later contents of buffers are undefined.
     failure: Arc<OnceLock<String>>,
     guided: OnceLock<Arc<GuidedKernels>>,
 }
 
-/// What the shaders know by name, in WGSL.
+/// Constants of the shaders, in WGSL.
 fn constants() -> String {
     declared(&[
         ("NONE", NONE.into()),
@@ -184,20 +185,20 @@ pub struct Bindings<'a> {
     pub view: &'a wgpu::Buffer,
     /// Uniforms of passes, [`PASS_STRIDE`](layout::PASS_STRIDE) apart.
     pub passes: &'a wgpu::Buffer,
-    /// What ray queries trace, on a device that has them.
+    /// The acceleration structure of ray queries, on a device that has them.
     pub queried: Option<&'a wgpu::Tlas>,
 }
 
-/// The WGSL of all kernels, that query rays or walk.
+/// The WGSL of all kernels, with ray queries or with walks of trees.
 fn source(queries: bool) -> String {
-    // What a module enables comes first.
+    // `enable` directives must come first in a module.
     let enabled = if queries { "enable wgpu_ray_query;\n" } else { "" };
     let modules = SHADERS.concat().join("\n");
     format!("{enabled}{}{modules}\n{}", constants(), RAYS[usize::from(queries)])
 }
 
 impl Device {
-    /// Opens one of the adapters that render, by its number among them.
+    /// Opens an adapter that renders, by its index among these.
     pub fn open(adapters: &Adapters, number: usize) -> Result<Self> {
         let (adapter, info) = adapters.get(number)?;
         let offered = adapter.limits();
@@ -211,8 +212,8 @@ impl Device {
         if queries {
             limits = limits.using_acceleration_structure_values(offered);
             required_features = wgpu::Features::EXPERIMENTAL_RAY_QUERY;
-            // SAFETY: structures are built from buffers that stay unchanged until they are built, and queries keep the rules
-            // of `ShaderRuntimeChecks::ray_query_initialization_tracking`.
+            // SAFETY: structures are built from buffers that stay unchanged until the build ends, and queries keep the
+            // rules of `ShaderRuntimeChecks::ray_query_initialization_tracking`.
             experimental_features = unsafe { wgpu::ExperimentalFeatures::enabled() };
         }
         let request = wgpu::DeviceDescriptor {
@@ -271,8 +272,8 @@ impl Device {
         });
         let source = wgpu::ShaderSource::Wgsl(source(queries).into());
         let descriptor = wgpu::ShaderModuleDescriptor { label: Some("syntable"), source };
-        // SAFETY: loops of the shaders end, their indices follow from tables and counts that this crate writes, and they query
-        // finite rays, in the order that the checks ask for.
+        // SAFETY: loops of the shaders end, their indices follow from tables and counts that this crate writes, and
+        // they query finite rays, in the order that the checks demand.
         let module = unsafe { device.create_shader_module_trusted(descriptor, wgpu::ShaderRuntimeChecks::unchecked()) };
         let opened = Self {
             device,
@@ -293,7 +294,7 @@ impl Device {
         Ok(opened)
     }
 
-    /// Refuses an image of so many pixels that a part of it has more bytes than a buffer: no scene can be rendered.
+    /// Refuses an image if a part of it needs more bytes than a buffer can hold: then no scene can be rendered.
     pub fn check_image(&self, what: &str, bytes: u64) -> Result<()> {
         if bytes <= self.max_buffer() {
             return Ok(());
@@ -303,7 +304,7 @@ impl Device {
             .help("lower the resolution, or render with `cpu_path`"))
     }
 
-    /// Whether it traces rays itself.
+    /// Whether the device traces rays by queries.
     pub fn has_queries(&self) -> bool {
         self.info.ray_queries == RayQueries::Used
     }
@@ -313,13 +314,13 @@ impl Device {
         &self.info.name
     }
 
-    /// Paths that a pass may have.
+    /// Maximum paths of a pass.
     pub fn most_paths(&self) -> u64 {
         self.info.most_paths()
     }
 
-    /// Whether it failed: its driver gave it up, it ran out of memory, or it did not finish in time. It is of no use any
-    /// more, to any session.
+    /// Whether the device failed: its driver gave it up, it ran out of memory, or it did not finish in time. No session
+    /// can use it then.
     pub fn has_failed(&self) -> bool {
         self.failure.get().is_some()
     }
@@ -329,10 +330,10 @@ impl Device {
         self.info.max_buffer
     }
 
-    /// The first thing that went wrong, for every caller from then on.
+    /// Reports the first error of the device, to every later caller as well.
     ///
     /// # Errors
-    /// If the device failed; one of [devices](Error::is_device).
+    /// If the device failed; the error is [of the device](Error::is_device).
     pub fn check(&self) -> Result<()> {
         match self.failure.get() {
             None => Ok(()),
@@ -376,7 +377,7 @@ impl Device {
         self.buffer(label, size, Usage::STORAGE | Usage::COPY_DST | Usage::COPY_SRC | input)
     }
 
-    /// The same with room for more, if the device has memory for that.
+    /// Like [`Self::storage`], but of `roomy` bytes if the device has memory for them.
     pub fn roomy_storage(&self, label: &str, size: u64, roomy: u64) -> Result<wgpu::Buffer> {
         let roomy = roomy.min(self.max_buffer());
         if roomy > size
@@ -387,9 +388,9 @@ impl Device {
         self.storage(label, size)
     }
 
-    /// The same, or none if the device has not that much memory left.
+    /// Like [`Self::storage`], but `None` if the device has too little free memory.
     pub fn storage_if_there_is_room(&self, label: &str, size: u64) -> Result<Option<wgpu::Buffer>> {
-        // Buffers that were dropped are given back.
+        // Frees dropped buffers.
         let _ = self.poll(wgpu::PollType::Poll)?;
         let scope = self.device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
         let buffer = self.storage(label, size)?;
@@ -401,12 +402,12 @@ impl Device {
         self.buffer(label, size, wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST)
     }
 
-    /// A buffer of numbers of groups.
+    /// A buffer of numbers of workgroups, for indirect dispatches.
     pub fn indirect(&self, label: &str, size: u64) -> Result<wgpu::Buffer> {
         self.buffer(label, size, wgpu::BufferUsages::INDIRECT | wgpu::BufferUsages::COPY_DST)
     }
 
-    /// A buffer that is read on this side.
+    /// A buffer that the host reads.
     pub fn readable(&self, label: &str, size: u64) -> Result<wgpu::Buffer> {
         self.buffer(label, size, wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST)
     }
@@ -484,13 +485,13 @@ impl Device {
         })
     }
 
-    /// Whether it is a card rather than a program.
+    /// Whether the device is a card and not a software renderer.
     #[cfg(test)]
     pub(crate) fn is_hardware(&self) -> bool {
         self.info.is_hardware()
     }
 
-    /// Puts another kernel in the place of one that was compiled before.
+    /// Replaces a compiled kernel.
     #[cfg(test)]
     pub(crate) fn replace(&self, kernel: Kernel, by: &Arc<wgpu::ComputePipeline>) {
         let mut pipelines = self.pipelines.lock();
@@ -499,12 +500,13 @@ impl Device {
         pipelines.extend(compiled.into_iter().map(|key| (key, by.clone())));
     }
 
-    /// A kernel in WGSL that calls what all others call, compiled as they are.
+    /// A kernel in WGSL that can call all functions of the other kernels, compiled like them.
     #[cfg(test)]
     pub(crate) fn kernel_of(&self, added: &str, entry_point: &str, variant: Variant) -> wgpu::ComputePipeline {
         let source = wgpu::ShaderSource::Wgsl((source(self.has_queries()) + added).into());
         let descriptor = wgpu::ShaderModuleDescriptor { label: Some(entry_point), source };
-        // SAFETY: as of the other kernels; the loops of what is added end, too, and its indices stay below the sizes of buffers.
+        // SAFETY: as for the other kernels; the loops of the added source end, and its indices stay below the sizes of
+        // buffers.
         let module =
             unsafe { self.device.create_shader_module_trusted(descriptor, wgpu::ShaderRuntimeChecks::unchecked()) };
         self.compiled(&module, entry_point, variant)
@@ -523,7 +525,7 @@ impl Device {
     /// Waits until work is done.
     ///
     /// # Errors
-    /// If it takes longer than [`PATIENCE`]: then the device is given up.
+    /// If it takes longer than [`PATIENCE`]. The device has failed then.
     pub fn wait(&self, submission: wgpu::SubmissionIndex) -> Result<()> {
         let (submission_index, patience) = (Some(submission), self.patience());
         let waited = self.poll(wgpu::PollType::Wait { submission_index, timeout: Some(patience) })?;
@@ -535,8 +537,7 @@ impl Device {
         waited.map(drop).map_err(late)
     }
 
-    /// Asks the device how far it is. If the driver gave the device up, wgpu panics; here, that is an error like any
-    /// other.
+    /// Polls the device. If the driver gave the device up, wgpu panics; this function returns an error instead.
     pub(crate) fn poll(&self, how: wgpu::PollType) -> Result<Result<wgpu::PollStatus, wgpu::PollError>> {
         let poll = || {
             #[cfg(test)]
@@ -548,7 +549,7 @@ impl Device {
         catch_unwind(AssertUnwindSafe(poll)).map_err(|_| self.fail("its driver gave it up"))
     }
 
-    /// Lets the next wait panic.
+    /// Makes the next wait panic.
     #[cfg(test)]
     pub(crate) fn panic_in_poll(&self) {
         *self.poll_panics.lock() = true;
@@ -558,19 +559,19 @@ impl Device {
         *self.patience.lock()
     }
 
-    /// Waits for so long from now on.
+    /// Sets the maximum time of later waits.
     #[cfg(test)]
     pub(crate) fn be_patient_for(&self, time: Duration) {
         *self.patience.lock() = time;
     }
 
-    /// Never gives the queue back: wgpu waits without bound for a queue whose last handle goes, and this one may never
-    /// finish.
+    /// Never drops the queue: when its last handle is dropped, wgpu waits for it without a limit, and this queue may
+    /// never finish.
     fn abandon(&self) {
         std::mem::forget(self.queue.clone());
     }
 
-    /// Starts work that ends by copying to a readable buffer, waits for it, and gives the first elements to `read`.
+    /// Submits work that ends with a copy to a readable buffer, waits for it, and passes the first elements to `read`.
     pub fn read<T: Pod, R>(
         &self,
         encoder: wgpu::CommandEncoder,
@@ -579,14 +580,14 @@ impl Device {
         read: impl FnOnce(&[T]) -> R,
     ) -> Result<R> {
         let bytes = count * size_of::<T>() as u64;
-        // Other sessions of the device go on meanwhile.
+        // Other sessions of the device continue meanwhile.
         let submission = self.submit(encoder);
         let (answer, mapped) = mpsc::channel();
-        // Nobody listens any more if the wait was given up.
+        // Sending fails if the wait was given up: the receiver is gone.
         through.map_async(wgpu::MapMode::Read, 0..bytes, move |result| drop(answer.send(result)));
         self.wait(submission)?;
         let unreadable = |error: String| self.fail(format!("results cannot be read: {error}"));
-        // Another session's wait may be about to call back.
+        // The callback may run in another session's wait, slightly later.
         match mapped.recv_timeout(self.patience()) {
             Ok(Ok(())) => {}
             Ok(Err(error)) => return Err(unreadable(error.to_string())),
@@ -603,7 +604,7 @@ impl Device {
         Ok(result)
     }
 
-    /// The device itself.
+    /// The wgpu device.
     pub(crate) fn wgpu(&self) -> &wgpu::Device {
         &self.device
     }

@@ -1,4 +1,4 @@
-//! Frames that need no decision on this side: labels, light and the denoised image in one go, read once.
+//! Frames that are rendered without decisions of the host: labels, light and the denoised image, read back once.
 
 use crate::device::Kernel;
 use crate::guided::{GuidedFilter, PIXELS_OF_A_PATH, Sections, guided_of};
@@ -20,21 +20,21 @@ use syntable_model::product::{Key, KeyId, Plane, Products};
 use syntable_model::stage::{RenderRequest, Tile, Window};
 use syntable_transport::film::{self, Film, GUIDE_SAMPLES, Statistics};
 
-/// What a frame consists of, and where it lies on the device.
+/// Parts of a frame, and where they are on the device.
 struct Layout<'a> {
     wants: &'a [KeyId],
     size: [u32; 2],
-    /// Of the whole, and of all tiles.
+    /// Pixels of the image, and of all tiles.
     pixels: u64,
     traced: u64,
     samples: u32,
-    /// The denoiser that runs here.
+    /// The denoiser, if it runs on the device.
     guided: Option<&'a Guided>,
     /// Whether light is wanted, and whether guides are gathered with it.
     light: bool,
     gathered: Gathered,
     labels: LabelSections,
-    /// The first word of the sums in the output, after the labels and the denoised image, and their number.
+    /// First word of the sums in the output, after the labels and the denoised image, and the number of words.
     sums_at: u64,
     sums: u64,
 }
@@ -66,22 +66,22 @@ impl<'a> Layout<'a> {
         self.wants.contains(&key)
     }
 
-    /// Whether a plane of light is read: a report needs the radiance and its variance.
+    /// Whether a plane of light is read back: a report needs the radiance and its variance.
     fn reads(&self, key: KeyId) -> bool {
         let for_report = key == self.rendered().id() || key == RADIANCE_VARIANCE.id();
         self.wants(key) || (for_report && self.wants(RENDER_REPORT.id()))
     }
 
-    /// What the rendered radiance is called.
+    /// Key of the rendered radiance.
     fn rendered(&self) -> Key<Plane<[f32; 3]>> {
         if self.guided.is_some() { RADIANCE_NOISY } else { RADIANCE }
     }
 }
 
-/// A plane of light, and where it is among the words that are read; none if it is not read.
+/// A plane of light, and its range in the words that are read back; `None` if it is not read back.
 type Place<T> = (Key<Plane<T>>, Option<Range<usize>>);
 
-/// Where the parts of a frame are among the words that are read.
+/// Where the parts of a frame are in the words that are read back.
 struct Places {
     /// Labels and the denoised image.
     output: Range<usize>,
@@ -89,13 +89,13 @@ struct Places {
     numbers: [Place<f32>; NUMBERS.len()],
     opacity: Option<Range<usize>>,
     counters: Range<usize>,
-    /// What is copied, one after the other.
+    /// Copies to the readable buffer, in order.
     copies: Vec<Copied>,
-    /// Words of all.
+    /// Words of all copies.
     words: u64,
 }
 
-/// Words that are copied from a buffer of the device.
+/// A range of words to copy from a buffer of the device.
 struct Copied {
     from: fn(&Buffers) -> &wgpu::Buffer,
     first: u64,
@@ -141,7 +141,7 @@ impl Places {
         }
     }
 
-    /// Makes products of the words that were read.
+    /// Makes products from the words that were read back.
     fn put(self, layout: &Layout, words: &[u32], workers: &dyn Workers, frame: &mut Products) -> Result<Statistics> {
         let size = layout.size;
         let output = &words[self.output];
@@ -190,7 +190,7 @@ impl GpuSession {
         if layout.is_empty() {
             return Ok(Statistics::default());
         }
-        // But for sets and lists of objects, which other scenes may have fewer of.
+        // Without sets and lists of objects: their size depends on the scene.
         let of_objects = layout.pixels * layout.labels.words_of_objects();
         self.device.check_image("an image of that size", 4 * (layout.sums_at - of_objects + layout.sums))?;
         self.make_output(4 * (layout.sums_at + layout.sums))?;
@@ -226,7 +226,8 @@ impl GpuSession {
         Ok(statistics)
     }
 
-    /// Records labels, paths, more samples of the guides where they are unlike their neighbors, and the planes of all.
+    /// Records labels, paths, more samples of the guides for pixels that differ from their neighbors, and the resulting
+    /// planes.
     fn trace_frame(
         &self,
         passes: &mut Passes,
@@ -240,7 +241,7 @@ impl GpuSession {
         let variant = self.variant(world, layout.gathered);
         if !layout.labels.is_empty() {
             if layout.gathered.tiles {
-                // What no tile shows is written by nobody.
+                // No kernel writes the pixels outside of all tiles.
                 passes.encoder.clear_buffer(&buffers.output, 0, Some(4 * layout.labels.end));
             }
             let squares = width.div_ceil(8) * height.div_ceil(8);
@@ -285,8 +286,8 @@ impl GpuSession {
         filter.record(encoder, *size, &self.buffers.paths, planes, options, output)
     }
 
-    /// Lists all pixels of all tiles, squares of 8 × 8 one after the other, so that neighbors are traced together. Also
-    /// gives where the numbers of the pixels' tiles are, if there are several.
+    /// Lists all pixels of all tiles, in squares of 8 × 8, so that neighbors are traced together. Also returns where
+    /// the queues hold the tile index of each pixel, if the request has several tiles.
     pub fn list(&mut self, request: &RenderRequest, capacity: u32) -> Result<(Pixels, u32)> {
         let [width, height] = request.size;
         let pixels = Pixels { list: 3 * capacity, count: request.pixels() as u32, is_chosen: false };
@@ -328,7 +329,7 @@ impl GpuSession {
 
 /// Where the filter finds its planes.
 fn sections(pixels: u32, samples: u32) -> Sections {
-    // A single sample says nothing of its noise.
+    // A single sample has no variance.
     let variance = |at: u32| (samples > 1).then_some(at * pixels);
     Sections {
         radiance: AT_RADIANCE * pixels,

@@ -28,16 +28,16 @@ impl Config for GpuPath {
     }
 }
 
-/// Sessions that share an adapter: one loads and reads back while the other renders.
+/// Sessions that share an adapter: one loads scenes and reads images back while the other renders.
 const SESSIONS_PER_ADAPTER: usize = 2;
 
 /// The renderer of [`GpuPath`].
 pub struct GpuPathRenderer {
     options: PathTracing,
     caches: Arc<Caches>,
-    /// Looked for once.
+    /// The adapters, looked for once.
     adapters: OnceLock<Adapters>,
-    /// Opened devices, by the number of the adapter.
+    /// Opened devices, by index of the adapter.
     devices: Mutex<Vec<Option<Arc<Device>>>>,
 }
 
@@ -56,7 +56,7 @@ impl GpuPathRenderer {
         self.adapters.get_or_init(Adapters::find)
     }
 
-    /// Number of the adapters that render; at least one, whose absence shows when it is opened.
+    /// Number of adapters that render; at least one. If none exists, opening it fails.
     fn number_of_adapters(&self) -> usize {
         self.adapters().used().map_or(1, |used| used.len())
     }
@@ -67,7 +67,7 @@ impl GpuPathRenderer {
         if devices.len() <= number {
             devices.resize(number + 1, None);
         }
-        // One that failed is given up by all, and opened anew for the next session.
+        // A failed device stays failed for its sessions; the next session opens a new one.
         if let Some(device) = devices[number].as_ref().filter(|device| !device.has_failed()) {
             return Ok(device.clone());
         }
@@ -76,7 +76,7 @@ impl GpuPathRenderer {
         Ok(device)
     }
 
-    /// Opens a session of the concrete type on the adapter of a number.
+    /// Opens a session of the concrete type on the adapter of an index.
     pub(crate) fn session(&self, adapter: usize) -> Result<GpuSession> {
         GpuSession::new(self.device(adapter)?, self.options.clone(), self.caches.clone())
     }
@@ -100,7 +100,7 @@ impl Renderer for GpuPathRenderer {
     }
 
     fn denoises(&self, denoiser: &dyn Denoiser) -> bool {
-        // Rounds of samples end on this side.
+        // The host decides when rounds of samples end.
         self.options.budget(Light::All).is_fixed() && guided_of(Some(denoiser)).is_some()
     }
 
@@ -139,7 +139,8 @@ mod tests {
     use syntable_testing::tools::is_there;
     use syntable_testing::workers::Threads;
 
-    /// A kernel that takes so many turns, and ends. Turns are long, since programs in place of cards end a loop after 65,535.
+    /// A kernel that runs for `turns` turns, and ends. Turns are long, since software renderers end a loop after
+    /// 65,535.
     fn long_kernel(device: &Device, turns: u32) -> Arc<wgpu::ComputePipeline> {
         let turn = "word = (word ^ (word >> 15u)) * 0x2c1b3c6du + i;\n".repeat(512);
         let added = format!(
@@ -178,7 +179,7 @@ fn long(@builtin(global_invocation_id) id: vec3<u32>) {{
         let mut session = open();
         let image = render(&mut session).expect("renders");
         let device = session.device.clone();
-        // In the place of the last kernel of an image. How long it takes here; the first time it is compiled as well.
+        // Replaces the last kernel of an image. Measures its time here; the first run also compiles it.
         let mut took = Duration::ZERO;
         const TURNS: u32 = 4000;
         device.replace(Kernel::Resolve, &long_kernel(&device, TURNS));
@@ -196,11 +197,11 @@ fn long(@builtin(global_invocation_id) id: vec3<u32>) {{
         let error = render(&mut session).map(drop).expect_err("the device hangs");
         assert!(error.is_passing() && error.to_string().contains("did not finish within 0.5 s"), "{error}");
         assert!(start.elapsed() < hangs * 3 / 4, "{:?}", start.elapsed());
-        // Others of the device are told the same, and a scene that is tried again gets another device.
+        // Other sessions of the device get the same error, and a scene that is tried again gets another device.
         assert_eq!(render(&mut session).map(drop).expect_err("given up"), error);
         drop(session);
         assert!(render(&mut open()).expect("renders") == image, "another image");
-        // A program in place of a card had better not end in the middle of it. A card's driver may have given it up.
+        // A software renderer must not be dropped while it works. The driver of a card may have given it up.
         let _ = device.poll(wgpu::PollType::Wait { submission_index: None, timeout: Some(2 * hangs) });
     }
 
@@ -234,7 +235,7 @@ fn long(@builtin(global_invocation_id) id: vec3<u32>) {{
                 let descriptor = wgpu::BufferDescriptor { label, size, usage, mapped_at_creation: false };
                 drop(device.wgpu().create_buffer(&descriptor));
             }
-            // Twice, as an error that one session was told is still that of the other.
+            // Twice, as both sessions of the device must get the same error each time.
             let mut errors = Vec::new();
             for number in [0, 1, 0, 1] {
                 errors.push(render(&mut sessions[number]).expect_err("the device failed"));

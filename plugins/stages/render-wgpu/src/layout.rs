@@ -1,4 +1,4 @@
-//! What both sides of the bus agree on: sizes of entries, uniforms, counters, and how threads are grouped.
+//! Layout that the program and the shaders share: sizes of entries, uniforms, counters, and how threads are grouped.
 
 use bytemuck::{Pod, Zeroable};
 
@@ -8,7 +8,7 @@ pub const STORAGE_BUFFERS: u32 = 8;
 /// Bytes between two uniforms of a pass in their buffer.
 pub const PASS_STRIDE: u64 = 256;
 
-/// Stands for what is not there.
+/// Index of an absent entry.
 pub const NONE: u32 = u32::MAX;
 
 /// Entries of a body in `scene.wgsl`.
@@ -123,26 +123,26 @@ pub const GROUP: u64 = 64;
 /// Bounces that have counters; recipes have 256 at most.
 const BOUNCES_COUNTED: u32 = 512;
 
-/// Where the counters of `path.wgsl` are: paths that are left after each bounce come first, then shadow rays.
+/// Layout of the counters of `path.wgsl`: paths that are left after each bounce come first, then shadow rays.
 pub const SHADOW_COUNTERS: u32 = BOUNCES_COUNTED;
 
-/// Rays of all passes, and shadow rays: the lower and the upper half.
+/// Rays of all passes, and shadow rays: lower and upper 32 bits.
 pub const RAYS_COUNTED: u32 = 2 * BOUNCES_COUNTED;
 pub const SHADOWS_COUNTED: u32 = RAYS_COUNTED + 2;
 
 /// Pixels that were chosen for more samples of the guides.
 pub const CHOSEN: u32 = RAYS_COUNTED + 4;
 
-/// Numbers of groups, bounce after bounce: three words for paths that go on, three for shadow rays.
+/// Numbers of workgroups, bounce after bounce: three words for paths that continue, three for shadow rays.
 pub const GROUPS_COUNTED: u32 = RAYS_COUNTED + 8;
 
 /// Words of all counters.
 pub const COUNTERS: u64 = (GROUPS_COUNTED + 6 * BOUNCES_COUNTED) as u64;
 
-/// Groups along x of dispatches of more than these; the shaders number threads by it.
+/// Workgroups along x in larger dispatches; the shaders derive the index of a thread from it.
 pub const GROUPS_ALONG_X: u32 = 256;
 
-/// Counters as a view starts.
+/// Counters at the start of a view.
 pub fn first_counters() -> Vec<u32> {
     let mut counters = vec![0; COUNTERS as usize];
     for groups in counters[GROUPS_COUNTED as usize..].chunks_exact_mut(3) {
@@ -151,7 +151,7 @@ pub fn first_counters() -> Vec<u32> {
     counters
 }
 
-/// Rays and shadow rays that were counted.
+/// Counted rays and shadow rays.
 pub fn rays_of(counters: &[u32]) -> [u64; 2] {
     [0, 2].map(|half| {
         let at = RAYS_COUNTED as usize + half;
@@ -159,7 +159,7 @@ pub fn rays_of(counters: &[u32]) -> [u64; 2] {
     })
 }
 
-/// Groups along x and y for a number of threads.
+/// Workgroups along x and y for a number of threads.
 pub fn groups(threads: u64, group: u64) -> [u32; 2] {
     let along_x = u64::from(GROUPS_ALONG_X);
     let count = threads.div_ceil(group).max(1);

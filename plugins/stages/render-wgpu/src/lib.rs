@@ -1,20 +1,22 @@
 //! GPU path tracer: the images and labels of the CPU path tracer, on any card with Vulkan, Metal or DirectX 12.
 //!
-//! One renderer, [`gpu_path`](GpuPath). It takes the scene from `syntable-prepare` and rays, films and the reference of all
-//! functions from `syntable-transport`, as `cpu_path` does.
+//! One renderer, [`gpu_path`](GpuPath). As `cpu_path` does, it takes the scene from `syntable-prepare`, and rays, films
+//! and the reference of all functions from `syntable-transport`.
 //!
-//! - `trees`: what rays walk; `queries`: what cards trace themselves
-//! - `layout`: what both sides of the bus agree on; `tables`, `arena`: how scenes lie in buffers; `constants`: what shaders know by name
+//! - `trees`: bounding volume hierarchies that rays walk; `queries`: acceleration structures of ray queries
+//! - `layout`: sizes and indices that the program and the shaders share; `tables`, `arena`: how scenes lie in buffers;
+//!   `constants`: constants of shaders
 //! - `adapters`: the cards of a machine, and those that render; `device`: kernels and errors
-//! - `tiles`: what a request shows; `view`: the tables of a view
-//! - `passes`: paths over the pixels of an image; `planes`: what becomes of them
-//! - `session`: a scene on a device; `frame`, `rounds`: images in one go, and in rounds; `rendering`: the choice between them
+//! - `tiles`: the parts of the image that a request renders; `view`: the tables of a view
+//! - `passes`: paths over the pixels of an image; `planes`: layout and reading of the resulting planes
+//! - `session`: a scene on a device; `frame`, `rounds`: images in one go, and in rounds; `rendering`: the choice
+//!   between them
 //! - `gpu_path`: the stage
-//! - `guided`: the denoiser of that name on the images that are rendered here
-//! - `shaders`: the kernels; what of them depends on no buffer lies beside the Rust that it mirrors
+//! - `guided`: the denoiser of that name, for images that are rendered here
+//! - `shaders`: the kernels; parts that depend on no buffer are next to the Rust code that they mirror
 //!
-//! **Invariants.** The same device makes the same bytes: paths are numbered, each is computed by itself, and the samples of
-//! a pixel are added in their order. The CPU's numbers are found up to rounding.
+//! **Invariants.** The same device makes the same bytes: paths are numbered and independent of each other, and the
+//! samples of a pixel are added in their order. The numbers equal the CPU's up to rounding.
 
 mod adapters;
 mod arena;

@@ -8,21 +8,21 @@ use std::sync::Arc;
 use syntable_model::error::Result;
 use syntable_transport::path::GUIDE_BOUNCES;
 
-/// Bounces that are submitted at once, before the device is asked whether any path is left.
+/// Bounces that are submitted together, before the host asks whether any path is left.
 const BOUNCES_AT_ONCE: u32 = 16;
 
-/// Paths whose first bounces are submitted one by one, and how many of them.
+/// Number of paths above which the first bounces are submitted one by one, and the number of these bounces.
 const MANY_PATHS: u64 = 1 << 22;
 const LONG_BOUNCES: u32 = 4;
 
-/// Which pixels are traced: those of a list in the queues.
+/// A list of pixels to trace, in the queues.
 #[derive(Clone, Copy, Debug)]
 pub struct Pixels {
     /// The first word of the list.
     pub list: u32,
-    /// Pixels in it at most.
+    /// Maximum number of pixels in the list.
     pub count: u32,
-    /// Whether the kernel `choose` counted them.
+    /// Whether the kernel `choose` counted the pixels.
     pub is_chosen: bool,
 }
 
@@ -39,14 +39,14 @@ const ACCUMULATE: usize = 4;
 enum Groups {
     /// Along x and y.
     Known([u32; 2]),
-    /// Those that the device counted, at an offset in the buffer of groups.
+    /// Counted by the device, at an offset in the buffer of groups.
     Counted(u64),
 }
 
 /// Records and submits passes.
 pub struct Passes<'a> {
     session: &'a GpuSession,
-    /// What was recorded and not submitted.
+    /// Recorded work that is not submitted yet.
     pub encoder: wgpu::CommandEncoder,
     group: wgpu::BindGroup,
     kernels: [Arc<wgpu::ComputePipeline>; 5],
@@ -98,8 +98,8 @@ impl<'a> Passes<'a> {
                 bytes
             })
             .collect();
-        // What was recorded reads the uniforms of earlier passes. Two passes are under way at most, so that what waits takes
-        // no longer than they do, however many samples there are.
+        // Recorded work reads the uniforms of earlier passes. At most two passes are in progress, so a wait takes no
+        // longer than both, whatever the number of samples.
         let last = self.submit();
         if let Some(before) = self.before.replace(last) {
             session.device.wait(before)?;
@@ -119,8 +119,8 @@ impl<'a> Passes<'a> {
             if shadows && bounce < max_bounces {
                 self.dispatch(SHADOW, bounce, Groups::Counted(12));
             }
-            // The device begins while the rest is recorded; and watchdogs look at submissions, of which the first bounces of
-            // many paths are most.
+            // The device starts while the rest is recorded. Also, watchdogs limit the time of a submission, and the
+            // first bounces of many paths take the longest.
             if bounce == 0 || bounce < LONG_BOUNCES && paths > MANY_PATHS {
                 self.submit();
             }
@@ -135,7 +135,7 @@ impl<'a> Passes<'a> {
         Ok(())
     }
 
-    /// Records a kernel of the view; its uniforms are those that were written last.
+    /// Records a kernel of the view; its uniforms are the last ones written.
     pub fn once(&mut self, kernel: &wgpu::ComputePipeline, [x, y]: [u32; 2]) {
         let mut pass = self.encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
         pass.set_pipeline(kernel);
@@ -143,14 +143,14 @@ impl<'a> Passes<'a> {
         pass.dispatch_workgroups(x, y, 1);
     }
 
-    /// Runs a kernel of the view on the squares of 8 × 8 pixels of an image: on as many at once as a pass may have paths, so
-    /// that no driver takes it for one that hangs.
+    /// Runs a kernel of the view on the squares of 8 × 8 pixels of an image. The maximum paths of a pass also limit the
+    /// pixels of a dispatch, so that no driver takes it for a hanging program.
     pub fn squares(&mut self, kernel: &wgpu::ComputePipeline, squares: u32) {
         let session = self.session;
         let at_once = (session.most_paths / GROUP).clamp(1, u32::MAX.into()) as u32;
         for first in (0..squares).step_by(at_once as usize) {
             if first > 0 {
-                // What was recorded reads the uniforms of the squares before.
+                // Recorded work reads the uniforms of the earlier squares.
                 self.submit();
             }
             let pass = Pass { first_pixel: first, pixels: at_once.min(squares - first), ..Pass::default() };
@@ -169,18 +169,18 @@ impl<'a> Passes<'a> {
         }
     }
 
-    /// Submits what was recorded.
+    /// Submits the recorded work.
     pub fn submit(&mut self) -> wgpu::SubmissionIndex {
         let device = &self.session.device;
         device.submit(std::mem::replace(&mut self.encoder, device.encoder()))
     }
 
-    /// What was recorded and not submitted.
+    /// Recorded work that is not submitted yet.
     pub fn into_encoder(self) -> wgpu::CommandEncoder {
         self.encoder
     }
 
-    /// Waits for what was recorded, and gives the counters.
+    /// Waits for the recorded work, and returns the counters.
     pub fn counters(&mut self) -> Result<Vec<u32>> {
         let (device, buffers) = (&self.session.device, &self.session.buffers);
         let mut encoder = std::mem::replace(&mut self.encoder, device.encoder());

@@ -1,4 +1,4 @@
-//! Where the planes of an image are on the device, and what becomes of them on this side.
+//! Layout of the planes of an image on the device, and their conversion to products.
 
 use crate::layout::{NONE, View};
 use std::sync::OnceLock;
@@ -14,28 +14,29 @@ use syntable_model::scene::InstanceId;
 use syntable_prepare::labels::instance_id;
 use syntable_simd::functions::FAR;
 
-/// Numbers of a pixel's sums in `path.wgsl`, without guides and with them. The first are radiance and the square of its
-/// luminance, then what rounding added to each.
+/// Numbers of a pixel's sums in `path.wgsl`, without guides and with them. The first are the radiance and the square of
+/// its luminance, then the rounding error of each.
 pub const SUMS: [u64; 2] = [9, 24];
 
-/// The same with one more for the opacity, if that is counted.
+/// Like [`SUMS`], with one more for the opacity, if that is counted.
 pub fn sums(guides: bool, opacity: bool) -> u64 {
     SUMS[usize::from(guides)] + u64::from(opacity)
 }
 
-/// Where more of them are: samples; samples of the guides, then their albedo and normal; radiance of a part and the square of its
-/// luminance.
+/// Positions of further sums: samples; samples of the guides, then their albedo and normal; radiance of each part and
+/// the square of its luminance.
 pub const SUM_SAMPLES: u32 = 8;
 pub const SUM_GUIDES: u32 = 9;
 pub const SUM_SPECULAR: u32 = 16;
 pub const SUM_DEMODULATED: u32 = 20;
 
-/// Words of a pixel in the planes of light, without guides and with them; then depth and instance are copied to them. The
-/// opacity comes last.
+/// Words of a pixel in the planes of light, without guides and with them. Depth and instance are copied there with the
+/// guides. The opacity comes last.
 pub const PLANE_WORDS: [u64; 2] = [5, 21];
 pub const AT_OPACITY: [u32; 2] = [4, 20];
 
-/// Where a plane of light is: its first word is this number times the number of pixels, `resolve` in `path.wgsl`.
+/// Positions of the planes of light: the first word is this number times the number of pixels, as in `resolve` in
+/// `path.wgsl`.
 pub const AT_RADIANCE: u32 = 0;
 pub const AT_VARIANCE: u32 = 3;
 pub const AT_SPECULAR: u32 = 4;
@@ -47,7 +48,7 @@ pub const AT_NORMAL: u32 = 15;
 pub const AT_DEPTH: u32 = 18;
 pub const AT_INSTANCE: u32 = 19;
 
-/// Colors among the planes of light, and numbers.
+/// Planes of light with colors, and planes with numbers.
 pub const COLORS: [(Key<Plane<[f32; 3]>>, u32); 5] = [
     (RADIANCE, AT_RADIANCE),
     (RADIANCE_SPECULAR, AT_SPECULAR),
@@ -104,7 +105,7 @@ impl LabelSections {
         }
     }
 
-    /// A view that writes these.
+    /// A view whose labels are written to these sections.
     pub fn placed_in(&self, view: View) -> View {
         View {
             coverage_at: self.coverage,
@@ -118,21 +119,21 @@ impl LabelSections {
         }
     }
 
-    /// Words of a pixel that depend on the objects of the scene.
+    /// Words of all pixels that depend on the number of objects of the scene.
     pub fn words_of_objects(&self) -> u64 {
         let sections =
             [(self.coverage, self.set), (self.before, self.set), (self.object_depths, self.objects)].into_iter();
         sections.filter(|(section, _)| *section != NONE).map(|(_, words)| words as u64).sum()
     }
 
-    /// Whether there is none.
+    /// Whether no label is wanted.
     pub fn is_empty(&self) -> bool {
         [self.depth, self.instance, self.normal, self.albedo, self.coverage, self.before, self.object_depths]
             .iter()
             .all(|&section| section == NONE)
     }
 
-    /// What makes those of the wanted labels that are not there.
+    /// Makers of the wanted labels that `output` holds.
     pub fn makers<'a>(&self, wants: &[KeyId], size: [u32; 2], output: &'a [u32]) -> Vec<Maker<'a>> {
         let [width, height] = size;
         let pixels = width as usize * height as usize;
@@ -150,14 +151,14 @@ impl LabelSections {
         }
         if let Some(words) = section(DEPTH.id(), self.depth, 1) {
             makers.push(Box::new(move |frame| {
-                // 0 is where no ray was cast.
+                // 0 marks a pixel without a ray.
                 let depth = |&word: &u32| if word == 0 { f32::INFINITY } else { finite_or_infinite(word) };
                 frame.put(DEPTH, Plane::from_vec(width, height, words.iter().map(depth).collect()))
             }));
         }
         if let Some(words) = section(INSTANCE.id(), self.instance, 1) {
             makers.push(Box::new(move |frame| {
-                // Numbers count from 0, and the background is beyond the last.
+                // The kernel writes the index of the body plus 1, and 0 for the background.
                 let id = |&word: &u32| if word == 0 { InstanceId::BACKGROUND } else { instance_id(word - 1) };
                 frame.put(INSTANCE, Plane::from_vec(width, height, words.iter().map(id).collect()))
             }));
@@ -181,11 +182,11 @@ impl LabelSections {
     }
 }
 
-/// Makes a product of words that were read. To copy a plane takes longer than to compute it on a card, so threads share
-/// them.
+/// Makes a product from words that were read back. Copying a plane takes longer than computing it on a card, so threads
+/// share the makers.
 pub type Maker<'a> = Box<dyn Fn(&mut Products) -> Result<()> + Sync + 'a>;
 
-/// Puts what makers make.
+/// Runs all makers, and puts their products into the frame.
 pub fn make_all(makers: &[Maker], workers: &dyn Workers, frame: &mut Products) -> Result<()> {
     let made: Vec<OnceLock<Result<Products>>> = makers.iter().map(|_| OnceLock::new()).collect();
     workers.run(makers.len(), &|i| {
@@ -195,7 +196,7 @@ pub fn make_all(makers: &[Maker], workers: &dyn Workers, frame: &mut Products) -
     made.into_iter().filter_map(OnceLock::into_inner).try_for_each(|products| frame.extend(products?))
 }
 
-/// Sets of 32 bits a word as sets of 64, each of `set` words.
+/// Sets in words of 32 bits as sets in words of 64 bits; each set has `set` words of 32 bits.
 fn pairs(words: &[u32], set: usize) -> Vec<u64> {
     if set == 1 {
         return words.iter().map(|&word| word.into()).collect();
@@ -215,7 +216,7 @@ pub fn number([width, height]: [u32; 2], words: &[u32]) -> Plane<f32> {
     Plane::from_vec(width, height, words.iter().map(|&word| finite_or_infinite(word)).collect())
 }
 
-/// A number of a device, on which what is large counts as infinite.
+/// A number from a device; very large numbers become infinity.
 fn finite_or_infinite(word: u32) -> f32 {
     let x = f32::from_bits(word);
     if x < FAR { x } else { f32::INFINITY }

@@ -1,7 +1,9 @@
-//! What ray queries trace: an acceleration structure per mesh, kept like its tree, and one over the bodies of a scene.
+//! Acceleration structures of ray queries: one per mesh, kept like the tree of the mesh, and one over the bodies of a
+//! scene.
 //!
-//! A query only finds a triangle (`shaders/queries.wgsl`); its corners are read from the tree of its mesh, whose triangles
-//! are what the structure is built from. Bodies with cut-outs or panes ask the shader about each triangle, others do not.
+//! A query only finds a triangle (`shaders/queries.wgsl`). Its corners are read from the tree of its mesh; the
+//! structure is built from the same triangles. For bodies with cut-outs or panes, the shader decides about each
+//! triangle.
 
 use crate::arena::Arena;
 use crate::device::Device;
@@ -17,7 +19,7 @@ const CORNER: u64 = 16;
 pub struct QueriedBody<'a> {
     pub digest: Digest,
     pub body: &'a PreparedBody,
-    /// First vector of its triangles in the geometry, and their number; none for a body that rays do not meet.
+    /// First vector of its triangles in the geometry, and their number; 0 for a body that rays do not meet.
     pub triangles: [u32; 2],
 }
 
@@ -30,18 +32,18 @@ pub struct Structures {
 }
 
 impl Structures {
-    /// Those of a scene without bodies.
+    /// Structures of a scene without bodies.
     pub fn new(device: &Device) -> Self {
         Self { meshes: HashMap::new(), scene: device.top_structure(1) }
     }
 
-    /// What kernels bind.
+    /// The structure that kernels bind.
     pub fn scene(&self) -> &wgpu::Tlas {
         &self.scene
     }
 
-    /// Builds what a scene lacks: structures of meshes that are new, and that of the scene. Forgets those of meshes that
-    /// the geometry has forgotten.
+    /// Builds the structures of new meshes, and the structure of the scene. Drops the structures of meshes that the
+    /// geometry no longer holds.
     ///
     /// # Errors
     /// If the device failed, or did not finish in time.
@@ -61,7 +63,7 @@ impl Structures {
             }
             let is_opaque = queried.body.flags == 0;
             let mesh = self.meshes.entry((queried.digest, is_opaque)).or_insert_with(|| {
-                // One submission each, so that what builds them need not be there for all at once.
+                // One submission per mesh, so that the memory for building is not needed for all at once.
                 device.build_structure(geometry.buffer(), first, count, is_opaque)
             });
             let transform: [f32; 12] = std::array::from_fn(|i| queried.body.world_from_body()[i / 4][i % 4]);
@@ -69,7 +71,7 @@ impl Structures {
         }
         let mut encoder = device.encoder();
         encoder.build_acceleration_structures([], [&self.scene]);
-        // What fails here fails the scene that is loaded, and what building takes is given back before it is rendered.
+        // Waits here, so that errors belong to the loaded scene, and the memory for building is free before rendering.
         let built = device.submit(encoder);
         device.wait(built)
     }
@@ -86,7 +88,7 @@ impl Device {
         })
     }
 
-    /// Starts to build the structure of triangles, whose corners lie in a buffer from a vector on.
+    /// Starts to build the structure of triangles, whose corners start at a vector of a buffer.
     fn build_structure(&self, buffer: &wgpu::Buffer, first: u32, count: u32, is_opaque: bool) -> wgpu::Blas {
         use wgpu::AccelerationStructureGeometryFlags as Flags;
         let size = wgpu::BlasTriangleGeometrySizeDescriptor {
@@ -140,16 +142,16 @@ mod tests {
     /// Scenes of triangles, every other one with holes and panes.
     const SCENES: u64 = 2;
 
-    /// Rays that are traced in each.
+    /// Rays that are traced in each scene.
     const RAYS: u64 = 40_000;
 
     /// Words of a result.
     const RESULT: usize = 9;
 
-    /// Rays of which one may find something else: one that grazes an edge, or starts on a triangle.
+    /// Of so many rays, one may have another result: it grazes an edge, or starts on a triangle.
     const RAYS_OF_A_SLIP: usize = 10_000;
 
-    /// Of every ray, its first hit and what passes of light along it.
+    /// First hit of every ray, and the light that passes along it.
     const PROBE: &str = "
     let ray = Ray(v3(), v3());
     let from_ = f();
@@ -160,7 +162,7 @@ mod tests {
     put3(passed.transmittance);
     put_u(select(passed.panes, 0u, is_black(passed.transmittance)));";
 
-    /// Rays across the scene: origin, direction of any length, from where on, up to where.
+    /// Rays across the scene: origin, direction of any length, start and end of the interval.
     fn rays(number: u64) -> Vec<[f32; 8]> {
         let mut random = Stream::root(70 + number);
         let ray = |i| {
@@ -171,7 +173,7 @@ mod tests {
             let from = if random.chance(0.5) { 0.0 } else { random.uniform(0.0, 0.5 / length) as f32 };
             let to = random.uniform(0.0, 2.0 / length) as f32;
             match i {
-                // No direction, none that is finite, none that is free, and along an axis.
+                // Directions that are zero, huge, or along an axis, and a ray that ends where it starts.
                 0 => [x, y, z, 0.0, 0.0, 0.0, from, to],
                 1 => [x, y, z, f32::MAX, dy, dz, from, to],
                 2 => [x, y, z, dx, dy, dz, from, 0.0],
@@ -182,7 +184,7 @@ mod tests {
         (0..RAYS).map(ray).collect()
     }
 
-    /// What rays find in a scene: of queries, and of walks.
+    /// Results of rays in a scene, by queries and by walks.
     fn traced(session: &mut GpuSession, scene: &Scene, special: bool, rays: &[[f32; 8]]) -> [Vec<[u32; RESULT]>; 2] {
         show(session, scene, &scenes::view([0.0, -2.0, 1.0], [0.0; 3], [8, 8], 60.0));
         [true, false].map(|queries| {
@@ -191,11 +193,11 @@ mod tests {
         })
     }
 
-    /// A session with ray queries, if there is an adapter with them.
+    /// A session with ray queries, if an adapter has them.
     fn session() -> Option<GpuSession> {
         let adapters = Adapters::with_ray_queries(true);
         let queries = adapters.used().is_ok_and(|used| used[0].ray_queries == RayQueries::Used);
-        // Of no ordinary driver for the processor: only a run that asks for queries requires them.
+        // No ordinary software renderer has ray queries: only a run that asks for them requires them.
         if std::env::var(SWITCH).as_deref() != Ok("1") && !queries {
             eprintln!("skipped: no graphics adapter with ray queries");
             return None;
@@ -220,9 +222,9 @@ mod tests {
             lit += walked.iter().filter(|result| result[5..8] == [1.0_f32.to_bits(); 3]).count();
             panes += walked.iter().filter(|result| result[8] > 0).count();
             covered += walked.iter().filter(|result| result[5..8] == [0; 3]).count();
-            // To the bit, as a hit is computed in the same way.
+            // Equal to the bit, as both compute a hit in the same way.
             let other_hit: Vec<usize> = (0..rays.len()).filter(|&i| queried[i][..5] != walked[i][..5]).collect();
-            // The order in which panes are met rounds otherwise.
+            // The order of panes along a ray changes rounding.
             let near = |a: u32, b: u32| (f32::from_bits(a) - f32::from_bits(b)).abs() <= 1e-6;
             let alike = |i: usize| {
                 let [a, b] = [&queried[i], &walked[i]];

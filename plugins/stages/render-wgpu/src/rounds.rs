@@ -1,4 +1,4 @@
-//! Frames in rounds, where noise or time decides on samples: sums go to this side after every round.
+//! Frames in rounds, where noise or time decides the number of samples: the host reads the sums after every round.
 
 use crate::layout::{COUNTERS, ONLY_GUIDES, View, first_counters, rays_of};
 use crate::passes::{Passes, Pixels};
@@ -61,7 +61,7 @@ struct GpuTracer<'a> {
     view: View,
     guide_view: View,
     gathered: Gathered,
-    /// Rays and shadow rays that were counted so far.
+    /// Rays and shadow rays counted so far.
     counted: Mutex<[u64; 2]>,
 }
 
@@ -130,7 +130,7 @@ fn pixel_sums(number: impl Fn(u32) -> f32, gathered: Gathered, only_guides: bool
     let three = |first: u32| [0, 1, 2].map(|c| number(first + c));
     let mut sums = PixelSums::default();
     if !only_guides {
-        // What rounding added was to be subtracted from the next number.
+        // The other number is the rounding error that the next addition would have subtracted.
         let exact = |at: u32| f64::from(number(at)) - f64::from(number(at + 4));
         sums.samples = number(SUM_SAMPLES) as u32;
         sums.radiance = [0, 1, 2].map(exact);

@@ -21,19 +21,19 @@ use syntable_transport::film::GUIDE_SAMPLES;
 use syntable_transport::path::GUIDE_BOUNCES;
 use syntable_transport::{Dielectrics, PathTracing};
 
-/// Bytes of trees that are kept on this side though no scene uses them.
+/// Maximum bytes of trees that the host keeps though no scene uses them.
 const CAPACITY: u64 = 256 << 20;
 
-/// Paths that a pass has room for at least, however little memory is left.
+/// Minimum paths that a pass has room for, however little memory is left.
 const LEAST_PATHS: u64 = 1 << 18;
 
-/// Bytes that paths leave free, for what else frames and later scenes need.
+/// Bytes that paths leave free, for other buffers of frames and for later scenes.
 const RESERVE: u64 = 256 << 20;
 
 /// Planes of a path's state in `path.wgsl`, without guides and with them.
 const STATE_PLANES: [u64; 2] = [10, 17];
 
-/// What sessions share between scenes.
+/// Caches that sessions share between scenes.
 pub struct Caches {
     pub scene: SceneCache,
     trees: AssetCache<MeshTree>,
@@ -48,18 +48,18 @@ impl Default for Caches {
 /// A scene ready to be traced.
 pub struct World {
     pub scene: PreparedScene,
-    /// By body: digest of its object, tree and world box.
+    /// For each body: digest of its object, tree and world box.
     pub bodies: Vec<(Digest, Arc<MeshTree>, Bounds)>,
 }
 
-/// Buffers that grow with what is rendered.
+/// Buffers that grow with the scene and the image.
 pub struct Buffers {
     pub tables: wgpu::Buffer,
-    /// State of paths; after them the planes of the image.
+    /// State of paths, followed by the planes of the image.
     pub paths: wgpu::Buffer,
     pub queues: wgpu::Buffer,
     pub counters: wgpu::Buffer,
-    /// Numbers of groups, as dispatches read them.
+    /// Numbers of workgroups, for indirect dispatches.
     pub groups: wgpu::Buffer,
     /// Labels, the denoised image, and sums of pixels.
     pub output: wgpu::Buffer,
@@ -68,21 +68,21 @@ pub struct Buffers {
     pub readable: wgpu::Buffer,
 }
 
-/// What kernels gather.
+/// Data that kernels gather.
 #[derive(Clone, Copy, Debug)]
 pub struct Gathered {
     /// Guides for denoisers, with the light.
     pub guides: bool,
     /// The opacity of pixels.
     pub opacity: bool,
-    /// Of windows with bodies of their own.
+    /// For windows with bodies of their own.
     pub tiles: bool,
     /// Rays meet all bodies of the scene.
     pub all_bodies: bool,
 }
 
 impl Gathered {
-    /// What a request wants.
+    /// Data that the products of a request need.
     pub fn wanted(request: &RenderRequest, guides: bool) -> Self {
         let opacity = request.wants.contains(&OPACITY.id());
         let all_bodies = request.only_tile().is_some_and(|tile| matches!(tile.bodies, Bodies::All));
@@ -94,7 +94,7 @@ impl Gathered {
 pub struct GpuSession {
     pub device: Arc<Device>,
     pub options: PathTracing,
-    /// What the paths of the image in progress gather.
+    /// Light that the paths of the current image gather.
     pub light: Light,
     pub caches: Arc<Caches>,
     /// The scene that was loaded.
@@ -103,19 +103,19 @@ pub struct GpuSession {
     pub shading: Arena,
     pub images: Arena,
     pub buffers: Buffers,
-    /// What ray queries trace, on a device that has them.
+    /// Acceleration structures of ray queries, on a device that has them.
     pub queried: Option<Structures>,
-    /// The denoiser, once it was asked for.
+    /// The denoiser, from its first use on.
     pub guided: Option<GuidedFilter>,
-    /// Width and height whose pixels are listed in the queues, and where.
+    /// Width and height whose pixels are listed in the queues, and the place of the list.
     pub listed: Option<[u32; 3]>,
-    /// Paths that a pass may have.
+    /// Maximum paths of a pass.
     pub most_paths: u64,
-    /// Bytes that their state may take: fewer once the device had no room for more.
+    /// Maximum bytes of the state of paths; reduced once the device had too little memory.
     most_bytes: u64,
-    /// Levels of trees for which walks have a short stack.
+    /// Maximum levels of trees that walks with a short stack can take.
     pub short_stack: u32,
-    /// Whether the trees of the view that was uploaded last have more.
+    /// Whether the trees of the last uploaded view have more levels.
     pub walks_deep: bool,
 }
 
@@ -158,7 +158,7 @@ impl GpuSession {
         })
     }
 
-    /// Makes a scene ready.
+    /// Prepares a scene, and uploads it.
     pub fn load(&mut self, scene: &Scene, workers: &dyn Workers) -> Result<()> {
         self.world = None;
         let bodies = scene.bodies();
@@ -180,8 +180,8 @@ impl GpuSession {
         };
         let bodies: Vec<_> = trees.into_iter().enumerate().map(placed).collect();
 
-        // Room for two top levels: that of all bodies, and that of those which camera rays meet; and for each body alone. The
-        // vectors of bodies come after them.
+        // Room for two top levels, of all bodies and of the bodies that camera rays meet, and for one of each body
+        // alone. The vectors of bodies for ray queries follow.
         let for_queries = if self.queried.is_some() { bodies.len() * NODE_SIZE } else { 0 };
         let reserved = (body_nodes_at(bodies.len()) + for_queries) as u64;
         let tree_of = |(digest, tree, _): &(Digest, Arc<MeshTree>, Bounds)| {
@@ -220,18 +220,18 @@ impl GpuSession {
         self.device.check()
     }
 
-    /// Makes a buffer at least so large.
+    /// Grows a buffer to at least `size` bytes.
     pub fn grow(&mut self, which: fn(&mut Buffers) -> &mut wgpu::Buffer, label: &str, size: u64) -> Result<()> {
         let buffer = which(&mut self.buffers);
         if buffer.size() < size {
-            // What was there is given back first.
+            // Free the old buffer first.
             *buffer = self.device.storage(label, 0)?;
             *buffer = self.device.roomy_storage(label, size, size.next_power_of_two())?;
         }
         Ok(())
     }
 
-    /// Makes room for the paths of an image and for its planes; gives the number of paths that there is room for.
+    /// Makes room for the paths of an image and for its planes; returns the number of paths that fit.
     pub fn make_room(&mut self, pixels: u64, samples: u32, guides: bool) -> Result<u32> {
         let state = 16 * STATE_PLANES[usize::from(guides)];
         let most = (self.most_bytes / state).min(self.most_paths).max(GROUP);
@@ -254,12 +254,12 @@ impl GpuSession {
         Ok(())
     }
 
-    /// Makes room for so many bytes of paths, or for fewer if the device does not have them.
+    /// Makes room for the state of paths: `bytes`, or fewer down to `least` if the device lacks memory.
     fn make_room_for_paths(&mut self, mut bytes: u64, least: u64) -> Result<()> {
         if self.buffers.paths.size() >= bytes.max(least) {
             return Ok(());
         }
-        // What was there is given back first.
+        // Free the old buffer first.
         self.buffers.paths = self.device.storage("paths", 0)?;
         while bytes > least {
             let reserve = self.device.storage_if_there_is_room("reserve", RESERVE.min(self.device.max_buffer()))?;
@@ -280,7 +280,7 @@ impl GpuSession {
         self.grow(|buffers| &mut buffers.output, "output", bytes)
     }
 
-    /// Makes room for bytes to be read on this side.
+    /// Makes room for bytes that the host reads.
     pub fn make_readable(&mut self, bytes: u64) -> Result<()> {
         if self.buffers.readable.size() < bytes {
             self.buffers.readable = self.device.readable("readable", bytes)?;
@@ -312,7 +312,7 @@ impl GpuSession {
     pub fn variant(&self, world: &World, Gathered { guides, opacity, tiles, all_bodies }: Gathered) -> Variant {
         Variant {
             layered: world.scene.is_layered,
-            // Labels look through glass by the test for cut-outs.
+            // For labels, glass is transparent by the test for cut-outs.
             cutouts: world.scene.has_cutouts
                 || world.scene.has_glass && self.options.blended_labels == BlendedLabels::Opaque,
             panes: world.scene.has_panes,
@@ -326,7 +326,7 @@ impl GpuSession {
     }
 }
 
-/// Where the vectors of bodies for ray queries start in the geometry of a scene with so many bodies: after all top levels.
+/// First vector of bodies for ray queries in the geometry of a scene with `bodies` bodies: after all top levels.
 pub fn body_nodes_at(bodies: usize) -> usize {
     2 * TopLevel::room(bodies) + bodies * TopLevel::room(1)
 }
@@ -396,7 +396,7 @@ mod tests {
         };
         let mut one_pass = open(device.most_paths());
         let whole = render(&mut one_pass, &all);
-        // A part of the samples of all pixels a pass; then fewer paths than pixels.
+        // Each pass has a part of the samples of all pixels, then fewer paths than pixels.
         for most_paths in [7 * 24 * 20, 200] {
             let parts = render(&mut open(most_paths), &all);
             assert_eq!(parts.get(RADIANCE), whole.get(RADIANCE), "{most_paths} paths");
@@ -404,7 +404,7 @@ mod tests {
             assert_eq!(parts.get(RADIANCE_SPECULAR), whole.get(RADIANCE_SPECULAR), "{most_paths} paths");
             assert_eq!(parts.get(DENOISE_ALBEDO), whole.get(DENOISE_ALBEDO), "{most_paths} paths");
         }
-        // Labels by three squares at once, and a filter whose kernels are submitted one by one.
+        // Labels for three squares at once, and a filter whose kernels are submitted one by one.
         let labels = [DEPTH.id(), INSTANCE.id(), COVERAGE.id(), RADIANCE.id(), RADIANCE_NOISY.id()];
         let denoiser: Box<dyn Denoiser> = Guided::default().build().expect("sound");
         let denoised = RenderRequest { wants: &labels, denoiser: Some(&*denoiser), ..all.clone() };
@@ -414,14 +414,14 @@ mod tests {
             ($($key:ident),*) => {$(assert!(once.get($key) == parts.get($key), "{}", $key.name());)*};
         }
         same!(DEPTH, INSTANCE, COVERAGE, RADIANCE, RADIANCE_NOISY);
-        // Long stacks, that trees of many levels need.
+        // Long stacks, which trees of many levels need.
         let mut deep = open(device.most_paths());
         deep.short_stack = 0;
         assert_eq!(render(&mut deep, &all).get(RADIANCE), whole.get(RADIANCE), "with long stacks");
         assert!(deep.walks_deep && !one_pass.walks_deep);
-        // Room for more paths than a pass has at least, on a device whose buffers are small, too.
+        // Room for more paths than the minimum of a pass, on a device with small buffers, too.
         one_pass.make_room_for_paths(LEAST_PATHS * 16 * STATE_PLANES[1] + 256, LEAST_PATHS).expect("room");
-        // A pixel is the same in a window that reaches beyond the image, rendered after another one without guides.
+        // A pixel is the same in a window that reaches beyond the image and is rendered after an image without guides.
         let window = Window { x: -5, y: 3, width: 20, height: 30 };
         let part = render(&mut one_pass, &RenderRequest { wants: &[RADIANCE.id()], ..all.of(window, Bodies::All) });
         let (part, whole) = (part.get(RADIANCE).expect("made"), whole.get(RADIANCE).expect("made"));
@@ -452,7 +452,7 @@ mod tests {
                 taken.push(buffer);
             }
         }
-        // Room for what a scene needs, and for a part of its paths.
+        // Free memory for the buffers of a scene, and for a part of its paths.
         let mut free = 0;
         while free < RESERVE + roomy / 4 {
             free += taken.pop().expect("more than that was taken").size();

@@ -22,21 +22,21 @@ pub struct Tables(Vec<[u32; 4]>);
 /// A window with bodies of its own, among others.
 #[derive(Clone, Copy, Debug)]
 pub struct TilePlace {
-    /// Column and row in the image less those among the tiles.
+    /// Column and row in the image minus column and row among the tiles.
     pub offset: [i32; 2],
-    /// Where its bodies that emit are, and their number.
+    /// First of its emissive bodies, and their number.
     pub emitters: [u32; 2],
-    /// Root of the top level of what is there.
+    /// Root of the top level of all bodies of the tile.
     pub all: u32,
-    /// Root of the top level of what camera rays meet.
+    /// Root of the top level of the bodies that camera rays meet.
     pub seen: u32,
 }
 
-/// Where environments lie among the images.
+/// Places of environments among the images.
 pub trait EnvironmentPlaces {
     /// Radiance of a map, row by row.
     fn radiance(&self, map: &EnvironmentMap) -> Place;
-    /// Cumulative probabilities of the rows, then those of the texels in each.
+    /// Cumulative probabilities of the rows, then of the texels in each row.
     fn distribution(&self, distribution: &EnvironmentDistribution) -> Place;
 }
 
@@ -59,7 +59,7 @@ impl Tables {
         self.0.len() as u32
     }
 
-    /// Numbers, four per entry; returns where they start.
+    /// Appends numbers, four per entry; returns where they start.
     fn list(&mut self, numbers: impl IntoIterator<Item = u32>) -> u32 {
         let start = self.len();
         let numbers: Vec<u32> = numbers.into_iter().collect();
@@ -71,7 +71,7 @@ impl Tables {
         start
     }
 
-    /// The tables of albedos, and the decoding of sRGB; returns where each starts.
+    /// Appends the tables of albedos, and the decoding of sRGB; returns where each starts.
     pub fn constants(&mut self) -> [u32; 2] {
         let lobes = self.len();
         let halves = |cell: &[f32; 8]| {
@@ -84,7 +84,7 @@ impl Tables {
         [lobes, self.list(decoding(Encoding::Srgb).iter().map(|x| x.to_bits()))]
     }
 
-    /// Bodies; returns where they start.
+    /// Appends bodies; returns where they start.
     pub fn bodies<'a>(&mut self, bodies: impl Iterator<Item = (&'a PreparedBody, BodyPlace)>) -> u32 {
         let start = self.len();
         for (body, place) in bodies {
@@ -119,7 +119,7 @@ impl Tables {
         self.input(Vec3::from([input.strength, 0.0, 0.0]), &input.texture, 0);
     }
 
-    /// Materials; returns where they start.
+    /// Appends materials; returns where they start.
     pub fn materials(&mut self, materials: &[Material]) -> u32 {
         let start = self.len();
         for material in materials {
@@ -148,7 +148,7 @@ impl Tables {
         start
     }
 
-    /// Layers of materials; returns where they start.
+    /// Appends layers of materials; returns where they start.
     pub fn layers(&mut self, layers: &[MaterialLayers]) -> u32 {
         let start = self.len();
         for layers in layers {
@@ -164,7 +164,8 @@ impl Tables {
         start
     }
 
-    /// Textures, whose levels lie one after the other from a place on; returns where their headers start.
+    /// Appends headers of textures, whose levels lie one after the other from a place on; returns where the headers
+    /// start.
     pub fn textures<'a>(&mut self, textures: impl Iterator<Item = (&'a Arc<MipTexture>, Place)>) -> u32 {
         let mut headers = Vec::new();
         for (texture, place) in textures {
@@ -186,7 +187,7 @@ impl Tables {
         start
     }
 
-    /// An environment map, and its distribution where it is sampled.
+    /// Appends an environment map, and its distribution if it is sampled.
     fn environment(
         &mut self,
         placed: &PlacedMap,
@@ -202,7 +203,7 @@ impl Tables {
         self.0.push(words(placed.scale, 0));
     }
 
-    /// Lights with a shape, and the patterns of windows; returns where each starts.
+    /// Appends lights with a shape, and the patterns of windows; returns where each starts.
     pub fn area_lights(&mut self, table: &LightTable, places: &impl EnvironmentPlaces) -> [u32; 2] {
         let mut patterns = Vec::new();
         for window in &table.windows {
@@ -243,7 +244,7 @@ impl Tables {
         [start, windows]
     }
 
-    /// Emissive bodies; returns where they start.
+    /// Appends emissive bodies; returns where they start.
     pub fn emitters(&mut self, emitters: &[EmissiveBody], triangles_of: impl Fn(&EmissiveBody) -> usize) -> u32 {
         let mut headers = Vec::new();
         for emitter in emitters {
@@ -265,7 +266,7 @@ impl Tables {
         start
     }
 
-    /// Tiles; returns where they start.
+    /// Appends tiles; returns where they start.
     pub fn tiles(&mut self, tiles: impl Iterator<Item = TilePlace>) -> u32 {
         let start = self.len();
         for TilePlace { offset: [x, y], emitters: [first, count], all, seen } in tiles {
@@ -275,7 +276,7 @@ impl Tables {
         start
     }
 
-    /// Lights that are far away; returns where they start.
+    /// Appends distant lights; returns where they start.
     pub fn distant_lights(&mut self, lights: &[DistantLight], places: &impl EnvironmentPlaces) -> u32 {
         let start = self.len();
         for light in lights {
@@ -295,7 +296,7 @@ impl Tables {
         start
     }
 
-    /// The environment that surfaces show; returns where it starts.
+    /// Appends the environment that is projected on surfaces; returns where it starts.
     pub fn projection(&mut self, projection: Option<&ProjectedEnvironment>, places: &impl EnvironmentPlaces) -> u32 {
         let Some(projection) = projection else { return NONE };
         let start = self.len();
@@ -306,12 +307,12 @@ impl Tables {
         start
     }
 
-    /// Seeds of the blocks of pixels that a window meets; returns where they start and how many are side by side.
+    /// Appends seeds of the blocks of pixels in a window; returns where they start and the number of blocks per row.
     pub fn blocks(&mut self, order: &SampleOrder, window: Window) -> [u32; 2] {
         let bits = order.block_bits();
         let [left, top, right, bottom] =
             [window.x, window.y, window.right() - 1, window.bottom() - 1].map(|edge| (edge as u32) >> bits);
-        // Columns left of the image count on from the highest number.
+        // Block numbers left of the image wrap around from the highest number.
         let numbers = |from: u32, to: u32| {
             let count = to.wrapping_sub(from) & (u32::MAX >> bits);
             (0..=count).map(move |i| from.wrapping_add(i) & (u32::MAX >> bits))
@@ -323,7 +324,8 @@ impl Tables {
         [self.list(seeds), columns.len() as u32]
     }
 
-    /// Directions of a distorting camera at the corners and centers of the window's pixels; returns where they start.
+    /// Appends directions of a distorting camera at the corners and centers of the window's pixels; returns where they
+    /// start.
     pub fn warp(&mut self, camera: &RayCamera, window: Window) -> u32 {
         let Some(corners) = camera.warped_corners() else { return NONE };
         let known = |[x, y]: [f32; 2]| if x.is_finite() && y.is_finite() { [x, y] } else { [FAR; 2] };

@@ -1,4 +1,4 @@
-//! What the tiles of a request show.
+//! Parts of the image that a request renders.
 
 use syntable_model::error::{Error, Result};
 use syntable_model::stage::{Bodies, RenderRequest, Tile, Window};
@@ -7,7 +7,7 @@ use syntable_prepare::EmissiveBody;
 /// The tiles of a request.
 pub struct Shown {
     pub tiles: Vec<ShownTile>,
-    /// For every body, whether it is there in any tile.
+    /// For every body, whether any tile contains it.
     lit: Vec<bool>,
 }
 
@@ -15,27 +15,27 @@ pub struct Shown {
 pub struct ShownTile {
     window: Window,
     at: [u32; 2],
-    /// What camera rays meet.
+    /// Bodies that camera rays meet.
     pub seen: SeenBodies,
-    /// Whether nothing else is there.
+    /// Whether the tile contains no other bodies.
     pub alone: bool,
 }
 
 /// Bodies that camera rays meet.
 pub enum SeenBodies {
-    /// All that are there.
+    /// All bodies of the tile.
     All,
-    /// One, by its number.
+    /// One body, by its number.
     One(usize),
-    /// For every body, whether it is one of them.
+    /// For every body, whether camera rays meet it.
     Many(Vec<bool>),
 }
 
 impl Shown {
-    /// The tiles of a request, of a scene of so many bodies.
+    /// The tiles of a request, for a scene of `count` bodies.
     ///
     /// # Errors
-    /// If there is no body of an id, or if one of several tiles shows several bodies; permanent.
+    /// If no body has a requested id, or if one of several tiles does not show exactly one body; permanent.
     pub fn of(request: &RenderRequest, count: usize) -> Result<Self> {
         let mut lit = vec![request.tiles.is_empty(); count];
         let is_only = request.only_tile().is_some();
@@ -60,7 +60,7 @@ impl Shown {
         Ok(Self { tiles, lit })
     }
 
-    /// Whether a body is there in any tile: it is lit, and lights others.
+    /// Whether any tile contains a body: light falls on it, and it lights others.
     pub fn is_lit(&self, body: usize) -> bool {
         self.lit[body]
     }
@@ -80,12 +80,12 @@ impl Shown {
 }
 
 impl ShownTile {
-    /// Column and row in the image less those among the tiles.
+    /// Column and row in the image minus column and row among the tiles.
     pub fn offset(&self) -> [i32; 2] {
         [self.window.x - self.at[0] as i32, self.window.y - self.at[1] as i32]
     }
 
-    /// The first of the bodies that emit light in the tile, and their number.
+    /// First of the emissive bodies in the tile, and their number.
     pub fn emitters(&self, all: &[EmissiveBody]) -> [u32; 2] {
         match (&self.seen, self.alone) {
             (SeenBodies::One(one), true) => {

@@ -1,15 +1,17 @@
-//! Trees as `bvh.wgsl` walks them: nodes of up to eight boxes in 80 bytes, leaves of up to three triangles, as in Ylitie,
-//! Karras and Laine, "Efficient incoherent ray traversal on GPUs through compressed wide BVHs" (High Performance Graphics
-//! 2017).
+//! Trees as `bvh.wgsl` walks them: nodes of up to eight boxes in 80 bytes, leaves of up to three triangles, as in
+//! Ylitie, Karras and Laine, "Efficient incoherent ray traversal on GPUs through compressed wide BVHs" (High
+//! Performance Graphics 2017).
 //!
-//! A node is five vectors: its lower corner, and a word of three exponents and the set of slots with nodes; the index of its
-//! first child, that of its first item, and the set of its items, three bits per slot; and the planes of the boxes, a byte per
-//! slot, as multiples of powers of two from the lower corner: lower x, y, z, upper x, y, z. Items are the triangles of a mesh,
-//! three vectors each: its corners, and its number with the first. Indices count nodes and items of the tree.
+//! A node is five vectors: its lower corner, and a word of three exponents and the set of slots with nodes; the index
+//! of its first child, the index of its first item, and the set of its items, three bits per slot; and the planes of
+//! the boxes, a byte per slot, as multiples of powers of two from the lower corner: lower x, y, z, upper x, y, z. Items
+//! are the triangles of a mesh, three vectors each: its corners, and its number with the first. Indices count nodes and
+//! items of the tree.
 //!
-//! The leaves of a top level are bodies, one each, with the places of nodes: so a ray visits them in its order, too. Their
-//! five vectors are a column of the matrix, body from world, with the word [`BODY`] where nodes have their exponents; the rows
-//! of its rotation, each with one of the root of the tree, its first triangle, its reach; and the body's number and flags.
+//! Leaves of a top level are bodies, one each, stored like nodes, so that a ray visits them in its order, too. The five
+//! vectors of a body are: a column of the matrix, body from world, with the word [`BODY`] where nodes have their
+//! exponents; the rows of its rotation, with the root of its tree, its first triangle, and its reach; and the body's
+//! number and flags.
 
 use crate::layout::BodyPlace;
 use syntable_prepare::{BinaryTree, Bounds, PreparedBody, TreeNode};
@@ -19,24 +21,24 @@ use syntable_simd::functions::FAR;
 /// Children of a node.
 const WIDTH: usize = 8;
 
-/// Maximum triangles of a leaf: the bits of a slot.
+/// Maximum triangles of a leaf: the three bits of a slot.
 const LEAF_SIZE: usize = 3;
 
 /// Cost of testing a triangle, in units of testing a node.
 const TRIANGLE_COST: f64 = 0.3;
 
-/// Levels from which on a tree is built anew by halves: the walk of a top level and a mesh keeps a group for each level, at
-/// most [`DEEP_STACK`].
+/// Maximum levels of a tree by area; a deeper tree is rebuilt by halves. A walk through a top level and a mesh keeps a
+/// group for each level, at most [`DEEP_STACK`].
 const MAX_DEPTH: usize = 22;
 
-/// Groups that a walk has room for, if the trees of a scene are this shallow: their levels, of a top level and a mesh. Less
-/// room is less to clear for every ray.
+/// Groups on the stack of a walk for shallow scenes: the levels of the top level and of the deepest mesh together. A
+/// smaller stack is faster to clear for every ray.
 pub const STACK: u32 = 16;
 
-/// Groups that a walk has room for otherwise.
+/// Groups on the stack of a walk for all other scenes.
 pub const DEEP_STACK: u32 = 48;
 
-/// The word of a body among nodes; no exponent of theirs is as large.
+/// The word that marks a body among nodes; larger than the exponents of any node.
 pub const BODY: u32 = 0xff;
 
 /// A vector of a tree.
@@ -52,7 +54,7 @@ pub struct MeshTree {
     pub nodes: Vec<Vector>,
     /// Three per triangle, leaf by leaf.
     pub triangles: Vec<Vector>,
-    /// Boxes that together hold the mesh: those of the root's children.
+    /// Boxes that together hold the mesh: the boxes of the root's children.
     pub outline: Vec<Bounds>,
     /// Largest absolute coordinate.
     pub reach: f32,
@@ -61,7 +63,7 @@ pub struct MeshTree {
 }
 
 impl MeshTree {
-    /// Builds the tree. Triangles with a coordinate that is not finite are left out.
+    /// Builds the tree. Triangles with a non-finite coordinate are left out.
     pub fn build(positions: &[[f32; 3]], triangles: &[[u32; 3]]) -> Self {
         let (mut kept, mut boxes) = (Vec::new(), Vec::new());
         for (number, triangle) in triangles.iter().enumerate() {
@@ -118,13 +120,13 @@ impl TopLevel {
         Self { nodes, depth }
     }
 
-    /// Vectors that the tree of a number of bodies has at most.
+    /// Maximum vectors of the tree of a number of bodies.
     pub fn room(bodies: usize) -> usize {
         2 * NODE_SIZE * bodies.max(1)
     }
 }
 
-/// The vectors of a body of a number.
+/// The vectors of the body of an index.
 pub fn body_node(number: usize, body: &PreparedBody, place: &BodyPlace) -> [Vector; NODE_SIZE] {
     // The inverse of a rigid placement.
     let rows = body.rotation.map(Vec3::array);
@@ -143,16 +145,16 @@ pub fn body_node(number: usize, body: &PreparedBody, place: &BodyPlace) -> [Vect
     ]
 }
 
-/// What the boxes of a tree are of.
+/// Content of the leaves of a tree.
 enum Leaves {
-    /// Items, so many of which are a leaf at most.
+    /// Items, and the maximum number of items of a leaf.
     Items(usize),
-    /// Vectors in the place of a node, by box.
+    /// For each box, the vectors of a leaf, which is stored like a node.
     Nodes(Vec<[Vector; NODE_SIZE]>),
 }
 
 impl Leaves {
-    /// Boxes that are a leaf at most.
+    /// Maximum boxes of a leaf.
     fn size(&self) -> usize {
         match self {
             Self::Items(most) => *most,
@@ -245,8 +247,8 @@ struct Child {
     items: usize,
 }
 
-/// The slot of every child, with its index. A ray visits slots in the order of the number of the slot, exclusive-or the
-/// signs of its direction; so a child goes where it comes first for rays that meet it first.
+/// The child of every slot, with its index. A ray visits slots in the order of their number, exclusive-or the signs of
+/// its direction. So a child gets a slot that comes early for rays that meet it first.
 fn slots(children: &[Child]) -> [Option<(usize, Child)>; WIDTH] {
     let middle = |b: &Bounds| [0, 1, 2].map(|axis| f64::from(b.lo[axis]) * 0.5 + f64::from(b.hi[axis]) * 0.5);
     let all = children.iter().fold(Bounds::EMPTY, |all, child| all.union(&child.bounds));
@@ -269,7 +271,7 @@ fn slots(children: &[Child]) -> [Option<(usize, Child)>; WIDTH] {
             }
         }
         let (_, at, slot) = best;
-        // Without a number that is less, the next free slot will do.
+        // If no cost is less, take the next free slot.
         let slot = if slots[slot].is_none() { slot } else { slots.iter().position(Option::is_none).unwrap_or(0) };
         let index = free.remove(at);
         slots[slot] = Some((index, children[index]));
@@ -310,14 +312,14 @@ fn node(slots: &[Option<(usize, Child)>; WIDTH], first_child: u32, first_item: u
     [[lower[0], lower[1], lower[2], form], links, pair(lx, ly), pair(lz, ux), pair(uy, uz)]
 }
 
-/// 2 to the power of an exponent between those of single precision.
+/// 2 to the power of an exponent in the range of single precision.
 fn power_of_two(exponent: i32) -> f64 {
     f64::from_bits(((exponent + 1023) as u64) << 52)
 }
 
-/// The least exponent of two with which an extent has at most 255 steps.
+/// The least exponent of two for which an extent has at most 255 steps.
 fn exponent(extent: f64) -> i32 {
-    // The exponent of the number of a step, rounded down.
+    // Exponent of the step's size, rounded down.
     let least = ((extent / 255.0).to_bits() >> 52) as i32 - 1023;
     let mut exponent = least.max(-126);
     while (extent / power_of_two(exponent)).ceil() > 255.0 {
@@ -326,13 +328,14 @@ fn exponent(extent: f64) -> i32 {
     exponent
 }
 
-/// What becomes a node, and what a leaf, by the surface-area heuristic (section 3.1 of the paper).
+/// Decides which nodes of the binary tree become nodes and leaves, by the surface-area heuristic (section 3.1 of the
+/// paper).
 struct Plan {
     tree: BinaryTree,
     leaf_size: usize,
     /// By node of the binary tree: items below.
     below: Vec<usize>,
-    /// Cost of what is below as at most 1, 2, … 7 nodes or leaves.
+    /// Minimum cost of the subtree as at most 1, 2, … 7 nodes or leaves.
     cost: Vec<[f64; WIDTH - 1]>,
 }
 
@@ -368,7 +371,7 @@ impl Plan {
         self.tree.nodes[number].bounds.half_area() + self.division(number, WIDTH).1
     }
 
-    /// How many of the roots are best left to the first half of a node, and what that costs.
+    /// The best number of roots for the first half of a node, and the cost.
     fn division(&self, number: usize, roots: usize) -> (usize, f64) {
         let TreeNode::Pair(a, b) = self.tree.nodes[number].kind else { return (0, f64::INFINITY) };
         let divided = |first: usize| (first, self.cost[a][first - 1] + self.cost[b][roots - first - 1]);
@@ -432,8 +435,8 @@ mod tests {
         ((0..edge * edge).map(position).collect(), (0..(edge - 1) * (edge - 1)).flat_map(quad).collect())
     }
 
-    /// Visits every leaf below a node, checking that decoded boxes hold the items below them; lists the items, and gives the
-    /// box around them.
+    /// Visits every leaf below a node, and checks that decoded boxes hold the items below them. Lists the items, and
+    /// returns the box around them.
     fn walk(nodes: &[Vector], number: usize, item_box: &dyn Fn(usize) -> Bounds, found: &mut Vec<usize>) -> Bounds {
         let vectors = &nodes[number * NODE_SIZE..(number + 1) * NODE_SIZE];
         if vectors[0][3].to_bits() == BODY {
@@ -491,7 +494,7 @@ mod tests {
             assert_eq!(found, (0..triangles.len() as u32).collect::<Vec<_>>());
         }
         assert!(MeshTree::build(&[], &[]).outline.iter().all(Bounds::is_empty));
-        // Equal boxes would make a list of a tree.
+        // With equal boxes, the tree by area would degenerate to a list.
         let same = MeshTree::build(&[[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], &[[0, 1, 2]; 5000]);
         assert_eq!(same.triangles.len(), 15_000);
         assert!(same.depth <= MAX_DEPTH, "{} levels", same.depth);

@@ -24,7 +24,7 @@ use syntable_simd::functions::FAR;
 use syntable_transport::film::{GUIDE_SAMPLES, guide_seed};
 use syntable_transport::{Lens, PixelFilter, RayCamera, Settings};
 
-/// What tables and uniforms are made of.
+/// Sources of the tables and uniforms.
 pub struct Parts<'a> {
     pub world: &'a World,
     pub request: &'a RenderRequest<'a>,
@@ -35,16 +35,17 @@ pub struct Parts<'a> {
 
 /// The top levels that the rays of a view walk.
 struct Levels {
-    /// First vector of that of all lit bodies; [`NONE`] without bodies.
+    /// First vector of the top level of all lit bodies; [`NONE`] without bodies.
     all: u32,
-    /// By tile: the level that bounces and shadow rays walk, and that of camera rays.
+    /// For each tile: the top level for bounces and shadow rays, and the top level for camera rays.
     by_tile: Vec<[u32; 2]>,
     /// Largest absolute coordinate of a lit body.
     reach: f32,
 }
 
 impl GpuSession {
-    /// Writes the tables of a view; gives the uniforms of its paths, and of those that are traced for guides alone.
+    /// Writes the tables of a view; returns the uniforms of its paths, and the uniforms of paths that only gather
+    /// guides.
     pub fn upload(&mut self, parts: &Parts) -> Result<[View; 2]> {
         let mut images: Vec<_> = parts.world.scene.materials.textures.iter().map(texture_asset).collect();
         images.extend(environment_assets(parts.lights));
@@ -60,7 +61,7 @@ impl GpuSession {
         Ok(views)
     }
 
-    /// Where the geometry and the shading of every body are.
+    /// Places of the geometry and the shading of every body.
     fn body_places(&self, World { scene, bodies }: &World) -> Vec<BodyPlace> {
         let place = |(body, (digest, tree, _)): (&PreparedBody, &(Digest, Arc<MeshTree>, Bounds))| {
             let (mesh, root) = (scene.mesh(body), self.geometry.place(digest));
@@ -79,7 +80,7 @@ impl GpuSession {
         scene.bodies.iter().zip(bodies).map(place).collect()
     }
 
-    /// Writes the top level of all lit bodies, and those of what the camera rays of tiles meet; decides how long stacks are.
+    /// Writes the top level of all lit bodies, and the top levels for camera rays of tiles; chooses the size of stacks.
     fn write_levels(&mut self, &Parts { world, shown, .. }: &Parts, places: &[BodyPlace]) -> Levels {
         let leaves: Vec<_> = (world.scene.bodies.iter().zip(places).enumerate())
             .map(|(number, (body, place))| body_node(number, body, place))
@@ -107,7 +108,7 @@ impl GpuSession {
         let mut own = |seen: &SeenBodies| match seen {
             SeenBodies::All => all,
             SeenBodies::Many(chosen) => write(room, &boxes(&|body| chosen[body])),
-            // Each body has a place for a level of its own.
+            // Each body has a place for a top level of its own.
             SeenBodies::One(one) => {
                 let place = 2 * room + *one as u32 * TopLevel::room(1) as u32;
                 write(place, &boxes(&|body| body == *one))
@@ -124,7 +125,7 @@ impl GpuSession {
         Levels { all, by_tile, reach: lit.iter().map(Bounds::reach).fold(0.0, f32::max) }
     }
 
-    /// Puts bodies, materials and lights into tables; gives uniforms that say where they are.
+    /// Puts bodies, materials and lights into tables; returns uniforms with their places.
     fn tabulate(&self, tables: &mut Tables, parts: &Parts, places: &[BodyPlace], levels: &Levels) -> View {
         let &Parts { world, request, lights, shown, .. } = parts;
         let scene = &world.scene;
@@ -177,7 +178,8 @@ impl GpuSession {
         }
     }
 
-    /// Completes uniforms by the camera, the order of samples and the options: those of paths, and of guides alone.
+    /// Adds the camera, the order of samples and the options to uniforms: for paths, and for paths that only gather
+    /// guides.
     fn with_camera(&self, tables: &mut Tables, view: View, parts: &Parts) -> [View; 2] {
         let &Parts { request, camera, shown, .. } = parts;
         let (settings, around) = (self.options.settings(self.light), shown.around());
@@ -263,7 +265,7 @@ fn of_distribution(distribution: &EnvironmentDistribution) -> Digest {
     Hasher::new("environment distribution").digest(distribution.map().digest).finish()
 }
 
-/// Environment maps that the lights of a view show, and the distributions of those that are sampled.
+/// Environment maps of the lights of a view, and the distributions of the sampled maps.
 fn environment_assets(lights: &LightTable) -> Vec<Asset<'static>> {
     let mut assets = Vec::new();
     let radiance = |map: &Arc<EnvironmentMap>| {

@@ -1,6 +1,6 @@
-//! The GPU's labels and light against the CPU's.
+//! Compares the GPU's labels and light with the CPU's.
 //!
-//! Needs an adapter: a card, or Mesa's lavapipe (`mesa-vulkan-drivers`), which runs the shaders on the processor.
+//! Needs an adapter: a card, or Mesa's lavapipe (`mesa-vulkan-drivers`), a software renderer.
 
 use std::sync::Arc;
 use syntable_model::prelude::*;
@@ -103,11 +103,11 @@ fn labels_are_the_cpus() {
         let same = |(a, b): (&(InstanceId, f32), &(InstanceId, f32))| a.0 == b.0 && (a.1 - b.1).abs() <= 1e-5 * a.1;
         let alike = |a: &[_], b: &[_]| a.len() == b.len() && a.iter().zip(b).all(same);
         let depths = a.pixels().zip(b.pixels()).filter(|(a, b)| !alike(a, b)).count();
-        // All objects are glass there.
+        // All objects of this look are glass.
         let objects = a.pixels().flatten().count();
         assert!(if options == &through_glass { objects == 0 } else { objects > 100 }, "objects on rays: {objects}");
         let all = request.pixels() as usize;
-        // As with the depth of what is seen.
+        // As few differences as in the depth of visible surfaces.
         assert!(depths * 2_000 <= all, "{look:?}: {depths} of {all} lists of objects differ");
         pixels += all;
         // Interpolation at grazing faces doubles rounding errors.
@@ -118,9 +118,9 @@ fn labels_are_the_cpus() {
     assert!(instances.max(bits) * 100_000 <= pixels.next_multiple_of(100_000), "{instances} {bits}");
 }
 
-/// Mean of z² over the pixels, where z is the difference over its standard error as if the images were independent, and the
-/// ratio of the means. Where rounding sends a bright path elsewhere, one of the images alone knows of its variance; that
-/// variances are the CPU's is tested by themselves.
+/// Mean of z² over the pixels, where z is the difference divided by its standard error as if the images were
+/// independent; and the ratio of the means. Where rounding sends a bright path elsewhere, only one of the images has
+/// its variance; another test compares the variances.
 fn compare(frames: &[Products; 2]) -> (f64, f64) {
     let y = |plane: &Plane<[f32; 3]>| -> Vec<f64> {
         plane.data().iter().map(|p| syntable_model::photometry::luminance(p.map(f64::from))).collect()
@@ -148,14 +148,15 @@ fn light_and_guides_are_the_cpus() {
         let frames = both(&options, look, &request);
         let (z2, ratio) = compare(&frames);
         println!("{look:?}: mean z² {z2:.5}, ratio of means {ratio:.5}");
-        // The numbers are the same, so that noise cancels but where rounding sends a path elsewhere.
+        // Both use the same random numbers, so noise cancels except where rounding sends a path elsewhere.
         assert!(z2 < 0.05 && (ratio - 1.0).abs() < 5e-3, "{look:?}: {z2} {ratio}");
         for key in guides {
             let sum = |p: &Plane<[f32; 3]>| p.data().iter().flatten().map(|x| f64::from(x.abs())).sum::<f64>();
             let [a, b] = pair(&frames, key).map(sum);
             assert!((b / a - 1.0).abs() < 5e-3, "{look:?}, {:?}: {a} {b}", key.id());
         }
-        // Pixel by pixel, but where rounding sends one of the paths elsewhere: one in 600 off polished metal on a card.
+        // Pixel by pixel, except where rounding sends one of the paths elsewhere: one in 600 after polished metal on a
+        // card.
         let far = |a: f32, b: f32| (a - b).abs() > 2e-3 + 1e-2 * a.abs();
         let unlike = guides.map(|key| different(pair(&frames, key), |a, b| (0..3).any(|c| far(a[c], b[c]))));
         let varies = |a: f32, b: f32| a.is_finite() != b.is_finite() || a.is_finite() && far(a, b);
@@ -182,7 +183,7 @@ fn white_bodies_in_even_light_are_not_seen() {
     if !has_adapter() {
         return;
     }
-    // What reflects all light shows what comes from everywhere, whatever its shape: the furnace test.
+    // A body that reflects all light looks like its uniform surroundings, whatever its shape: the furnace test.
     let nits = 100.0;
     let mut view = scenes::view([0.5, -0.7, 0.6], [0.0; 3], [32, 24], 40.0);
     let map = Arc::new(EnvironmentMap::constant([1.0; 3]));
@@ -221,14 +222,14 @@ fn white_bodies_in_even_light_are_not_seen() {
 #[test]
 fn ray_queries_make_the_images_of_walks() {
     let there = Adapters::with_ray_queries(true).used().is_ok_and(|used| used[0].ray_queries == RayQueries::Used);
-    // Of no ordinary driver for the processor: only a run that asks for queries requires them.
+    // No ordinary software renderer has ray queries: only a run that asks for them requires them.
     if std::env::var("SYNTABLE_RAY_QUERIES").as_deref() != Ok("1") && !there {
         return eprintln!("skipped: no graphics adapter with ray queries");
     }
     if !is_there(there, "a graphics adapter with ray queries (Mesa's lavapipe 25)") {
         return;
     }
-    // With thin glass, and few kernels: a program in place of a card takes longer to compile than to trace.
+    // With thin glass, and few kernels: a software renderer takes longer to compile than to trace.
     let look = Look::Glass;
     let options = PathTracing { samples_per_pixel: 8, ..PathTracing::default() };
     let view = room::view(40, 30);
@@ -239,7 +240,7 @@ fn ray_queries_make_the_images_of_walks() {
     let scene = room::scene_of(look);
     let mut sessions = [false, true].map(|queries| {
         let renderer = GpuPathRenderer::new(options.clone()).on(Adapters::with_ray_queries(queries));
-        // What the lock of a dataset says of it.
+        // The lock file of a dataset contains this name.
         assert_eq!(renderer.devices().expect("there")[0].name.contains(", ray queries"), queries);
         let mut session = renderer.open(0).expect("opens");
         session.load(&scene, &Threads(2)).expect("loads");
@@ -263,7 +264,7 @@ fn ray_queries_make_the_images_of_walks() {
             assert!(a == b, "{}", $key.name());
         })*};
     }
-    // Labels are walked for, and so is what shows some bodies.
+    // Labels always use walks, and so do views of some bodies.
     same!(&frames, DEPTH, INSTANCE, COVERAGE, NORMAL, ALBEDO);
     let (window, seen) = (Window::of(&view.camera.intrinsics), [InstanceId(3), InstanceId(5)]);
     let frames = both(&RenderRequest { wants: &light, ..request }.of(window, Bodies::Seen(&seen)));
@@ -366,7 +367,7 @@ fn a_tile_is_the_window_of_its_object() {
         assert!(atlas.tiles.len() >= 4, "{atlas:?}");
         let request = RenderRequest::new(view, &PLANES, Stream::root(7), &Threads(2));
         let frames = both(options, look, &request.clone().of_objects(&atlas, lighting));
-        // As on the CPU, but for rounding.
+        // Equal to the CPU's image, except for rounding.
         let (z2, ratio) = compare(&frames);
         let opacity = different(pair(&frames, OPACITY), |a, b| (a - b).abs() > 1e-6);
         let nothing = different(pair(&frames, DEPTH), |a, b| a.is_finite() != b.is_finite());
@@ -399,8 +400,8 @@ fn a_tile_is_the_window_of_its_object() {
     }
 }
 
-/// Share of the noise of `b` in its difference from `a`: the mean square of the difference, over that of images with other
-/// random numbers. 1 is chance.
+/// Mean square of the difference between `a` and `b`, divided by the mean square for images with other random numbers.
+/// 1 means that they are independent.
 fn noise_between(a: &Plane<[f32; 3]>, b: &Plane<[f32; 3]>, other: &Plane<[f32; 3]>) -> f64 {
     let square = |x: &Plane<[f32; 3]>, y: &Plane<[f32; 3]>| -> f64 {
         let pairs = x.data().as_flattened().iter().zip(y.data().as_flattened());
@@ -430,7 +431,8 @@ fn components_of_light_match_the_cpu() {
             let [cpu, gpu] = frames.each_ref().map(|frame| mean(frame, key));
             println!("{look:?} {}: {cpu} {gpu}", key.name());
             assert!((gpu / cpu - 1.0).abs() < 5e-3, "{look:?} {}: {cpu} {gpu}", key.name());
-            // The numbers are the same, as those of the whole light: what differs is where rounding sends a path elsewhere.
+            // Both use the same random numbers, as for the whole light; they differ where rounding sends a path
+            // elsewhere.
             let share = noise_between(
                 frames[0].get(key).expect("made"),
                 frames[1].get(key).expect("made"),

@@ -1,4 +1,4 @@
-//! The denoiser on the GPU against the same on the processor.
+//! Compares the denoiser on the GPU with the same denoiser on the CPU.
 //!
 //! Needs an adapter, as the tests of the renderer do.
 
@@ -18,7 +18,7 @@ use syntable_testing::tools::is_there;
 use syntable_testing::workers::Threads;
 use syntable_transport::PathTracing;
 
-/// The filter on the first adapter, if there is one.
+/// The filter on the first adapter, if any adapter exists.
 fn find_card() -> Option<Card> {
     is_there(Adapters::find().used().is_ok(), "a graphics adapter (mesa-vulkan-drivers)").then(|| Card::open(0))
 }
@@ -27,7 +27,7 @@ fn reference(options: &Guided, products: &Products) -> Vec<Rgb> {
     common::reference(options, products, &Threads(2))
 }
 
-/// Boxes on a slab under the open sky, from so low that the slab ends before the sky.
+/// Boxes on a slab under the open sky, seen from so low that its far edge is against the sky.
 fn open_air(width: u32, height: u32) -> (Arc<Scene>, View) {
     let scene = scenes::boxes(&[([0.0, 0.0, 0.25], [0.5; 3]), ([0.5, 0.3, 0.1], [0.2; 3])]);
     let mut view = scenes::view([0.4, -2.0, 0.6], [0.0, 0.0, 0.3], [width, height], 60.0);
@@ -48,7 +48,7 @@ fn compare(a: &[Rgb], b: &[Rgb]) -> (usize, f64) {
     (a.iter().zip(b).filter(differ).count(), sum(b) / sum(a) - 1.0)
 }
 
-/// Holds the image of the card against that of the processor.
+/// Compares the image of the card with the image of the processor.
 fn assert_alike(name: &str, card: &mut Card, options: &Guided, products: &Products) {
     let (a, b) = (reference(options, products), card.filtered(options, products));
     let (differ, off) = compare(&a, &b);
@@ -112,7 +112,7 @@ fn the_same_device_makes_the_same_bytes() {
     let products = render(&room::scene_of(Look::Glass), &room::view(131, 77), 2);
     let small = render(&room::scene(), &room::view(20, 10), 2);
     let one = card.filtered(&Guided::default(), &products);
-    // What was filtered before leaves nothing behind.
+    // Filtering another image before changes nothing.
     card.filtered(&Guided { strength: 3.0, levels: 5 }, &small);
     assert!(
         one == card.filtered(&Guided::default(), &products) && one == other.filtered(&Guided::default(), &products)
@@ -163,7 +163,7 @@ fn odd_pixels_are_the_processors() {
     let (a, b) = (reference(&Guided::default(), &products), card.filtered(&Guided::default(), &products));
     for (number, (a, b)) in a.iter().zip(&b).enumerate() {
         let (x, y) = (number % 40, number / 40);
-        // What is infinite stays, and is written so for the device.
+        // Infinite numbers stay infinite; the device writes them as `FAR`.
         let same = |c: usize| a[c].min(FAR) == b[c] || (a[c] - b[c]).abs() <= 1e-3 * a[c].min(FAR);
         assert!((0..3).all(same), "pixel {x}, {y}: {a:?} on the processor, {b:?}");
     }
@@ -201,8 +201,8 @@ fn the_denoiser_sees_what_was_rendered() {
     if find_card().is_none() {
         return;
     }
-    // The same image, denoised on the device and from its products on the processor; and denoised alone. The same for all
-    // objects side by side.
+    // The same image, denoised on the device, denoised on the processor from its products, and denoised alone. Then the
+    // same for all objects side by side.
     let (view, guided) = (room::view(60, 44), Guided::default());
     let (mut wants, provides) = (guided.reads(), guided.provides());
     wants.extend(provides.iter().copied());

@@ -1,6 +1,7 @@
 //! A device that runs out of memory.
 //!
-//! The only test of its program: it limits the memory of the process. A program in place of a card takes its buffers from there.
+//! The only test of its program, since it limits the memory of the process, from which a software renderer takes its
+//! buffers.
 #![cfg(target_os = "linux")]
 
 use std::process::Command;
@@ -12,13 +13,13 @@ use syntable_testing::tools::is_there;
 use syntable_testing::workers::Threads;
 use syntable_transport::PathTracing;
 
-/// Bytes of addresses of this process.
+/// Bytes of the address space of this process.
 fn addressed() -> u64 {
     let pages = std::fs::read_to_string("/proc/self/statm").expect("Linux has it");
     4096 * pages.split_whitespace().next().and_then(|pages| pages.parse::<u64>().ok()).expect("a number")
 }
 
-/// Limits the bytes of addresses of this process; the hard limit stays.
+/// Limits the address space of this process, in bytes; the hard limit stays.
 fn limit(bytes: &str) {
     let pid = std::process::id().to_string();
     let status = Command::new("prlimit").args(["--pid", &pid, &format!("--as={bytes}:")]).status();
@@ -53,7 +54,8 @@ fn a_scene_without_memory_fails_and_the_next_one_renders() {
     };
     let mut session = open();
     let before = image(&mut session).expect("renders");
-    // Labels of eight words per pixel, that fill three quarters of the largest buffer, with half of it left.
+    // Labels of eight words per pixel that fill three quarters of the largest buffer, while only half of that memory is
+    // left.
     let labels = [DEPTH.id(), INSTANCE.id(), NORMAL.id(), ALBEDO.id()];
     let height = (largest / 4 * 3 / (4 * 8 * 1024)).min(1 << 14) as u32;
     let large = room::view(1024, height);
@@ -64,7 +66,7 @@ fn a_scene_without_memory_fails_and_the_next_one_renders() {
     let error = failed.expect_err("there is no memory");
     println!("{error}");
     assert!(error.is_passing() && error.to_string().to_lowercase().contains("memory"), "{error}");
-    // A device that failed serves nobody any more; a new one does.
+    // A failed device fails every later image; a new device renders.
     assert!(image(&mut session).is_err());
     assert!(image(&mut open()).expect("renders").data() == before.data(), "another image");
 }

@@ -1,4 +1,4 @@
-//! What sensors cost at 640 × 480 on one thread: `cargo bench -p syntable-sensor`.
+//! Time of sensors at 640 × 480 on one thread: `cargo bench -p syntable-sensor`.
 
 use divan::{Bencher, black_box};
 use syntable_model::context::{Collected, DatasetContext, Serial};

@@ -1,4 +1,4 @@
-//! Objects without what occludes them.
+//! Objects without their occluders.
 
 use crate::rgb_camera::{Developer, Development};
 use syntable_model::prelude::*;
@@ -10,7 +10,7 @@ use syntable_model::product::{BBox, Lighting, ObjectImage, ObjectImages};
 /// Appearance of every annotated object without its occluders: color and opacity, for amodal completion, de-occlusion
 /// and compositing.
 ///
-/// # What it does
+/// # Behavior
 ///
 /// All objects of a view are rendered at once, each in its own window, with the samples, denoiser, exposure, white
 /// balance and tone curve of the image. With `in_scene`, unoccluded parts of an object have the same colors as in the

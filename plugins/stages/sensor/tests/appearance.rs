@@ -1,4 +1,4 @@
-//! What objects look like, developed as the image.
+//! Appearance of objects, developed like the image.
 
 mod common;
 
@@ -16,7 +16,7 @@ use syntable_testing::{conformance, scenes};
 
 const SIZE: [u32; 2] = [24, 20];
 
-/// An image of a gradient, taken by a camera; two objects cover pixels of it, and only the second is annotated.
+/// An image of a gradient, taken by a camera; two objects cover some of its pixels, and only the second is annotated.
 fn taken(camera: &str, lighting: Lighting) -> Products {
     let light = |x: u32, y: u32| [0.2 + 0.1 * x as f32, 0.3 + 0.05 * y as f32, 0.4];
     let mut products = Products::new();
@@ -77,7 +77,7 @@ fn objects_are_developed_as_the_image() {
     for (camera, lighting, options) in [
         ("tone = \"filmic\"\nwhite_balance = \"auto\"", Lighting::InScene, ""),
         ("tone = \"agx\"\nwhite_balance = { kelvin = 3000 }", Lighting::Alone, "lighting = \"alone\""),
-        // What a lens does is not undone, and not done to objects; the exposure is that of the image all the same.
+        // Effects of the lens are neither undone nor applied to objects; the exposure still equals the image's.
         ("tone = \"linear\"\njpeg = { quality = 50 }", Lighting::InScene, "lighting = \"in_scene\""),
     ] {
         let products = taken(camera, lighting);

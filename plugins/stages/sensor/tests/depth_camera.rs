@@ -1,4 +1,4 @@
-//! Depth cameras against their stated laws.
+//! Depth cameras, compared with their documented formulas.
 
 mod common;
 
@@ -179,7 +179,7 @@ fn outside_its_range_nothing_is_measured() {
 #[test]
 fn dark_and_steep_surfaces_give_no_light_back() {
     let measured = |options: &str, products: Products| fraction(&depth(options, products), 50..150, |z| z > 0.0);
-    // At 2 m a 15 % surface at 3.9 m sends as much as one of 0.15 · (2 / 3.9)² = 3.9 %.
+    // At 2 m, a surface of 0.15 · (2 / 3.9)² = 3.9 % reflects as much as a 15 % surface at 3.9 m.
     assert!(measured("", wall(2.0, 0.06)) > 0.99 && measured("", wall(2.0, 0.025)) < 0.01);
     assert!(measured("model = \"d435\"", wall(2.0, 0.001)) > 0.99);
     // The same light from a slanted surface: 8 % at cos 75° is 2 %. Stereo sees it up to its own limit.
@@ -201,7 +201,7 @@ fn dark_and_steep_surfaces_give_no_light_back() {
 
 #[test]
 fn lateral_noise_becomes_depth_on_a_slope() {
-    // A plane that falls away by dz/dx = 1 at 1 m: a shift by s pixels is s / f meters of depth.
+    // A plane that recedes by dz/dx = 1 at 1 m: a shift by s pixels is s / f meters of depth.
     let sloped = clean(|x, _| {
         let u = (f64::from(x) + 0.5 - 80.0) / 1e4;
         (1.0 / (1.0 - u), 0.95, [std::f32::consts::FRAC_1_SQRT_2, 0.0, -std::f32::consts::FRAC_1_SQRT_2])
@@ -212,7 +212,7 @@ fn lateral_noise_becomes_depth_on_a_slope() {
     let options = "noise = 0\nlateral_px = 2\nunit_mm = 0.001";
     let seen = sense(&*sensor("depth_camera", options), &view, sloped, 6, &Serial);
     let pairs = seen.get(DEPTH_SENSED).expect("made").data().iter().zip(clean.data()).enumerate();
-    // Away from the border, where there is nothing to be taken from.
+    // Away from the border, where the shifted pixel would be outside the image.
     let inside = pairs.filter(|(i, _)| (12..148).contains(&(i % 160)) && (12 * 160..108 * 160).contains(i));
     let squares: Vec<f64> = inside.map(|(_, (&got, &z))| ((got - z) as f64 * 1e4).powi(2)).collect();
     // θ / (π/2 − θ) is 1 at 45°.

@@ -1,4 +1,4 @@
-//! The color camera against closed forms.
+//! The color camera, compared with closed forms.
 
 mod common;
 
@@ -27,12 +27,12 @@ fn image(options: &str, radiance: Plane<[f32; 3]>) -> Plane<[u8; 3]> {
     taken_by(&Serial, options, radiance, FIXED).get(RGB).expect("made").clone()
 }
 
-/// Codes are 255 · luminance / white.
+/// Image whose codes are 255 · luminance / white.
 fn linear(options: &str, radiance: Plane<[f32; 3]>) -> Plane<[u8; 3]> {
     image(&format!("tone = \"linear\"\n{options}"), radiance)
 }
 
-/// Light of ten stops with everything that can go wrong.
+/// Light over ten stops, with extreme and invalid values.
 fn hard_light(size: [u32; 2]) -> Plane<[f32; 3]> {
     let mut stream = Stream::root(11);
     let mut light = Plane::from_fn(size[0], size[1], |_, _| {
@@ -99,7 +99,7 @@ fn images_have_the_requested_tone_and_exposure() {
     let exposure = json!({ "mode": "fixed", "ev100": 1.0, "white_nits": 2.4, "tone": "srgb" });
     assert_eq!(json(&products, "exposure"), exposure);
 
-    // Automatic: an even gray wall is 18 % whatever its luminance, and one stop more is twice that.
+    // Automatic: an even gray wall is 18 % at any luminance, and one more stop doubles it.
     for tone in ["filmic", "agx"] {
         for nits in [0.01, 3.0, 4000.0] {
             let shoot = |compensation_ev: f64| {
@@ -118,7 +118,7 @@ fn images_have_the_requested_tone_and_exposure() {
     }
 }
 
-/// The light, as a fraction of white, that a brightness in [0, 1] stands for: the stated curves the other way round.
+/// The light, as a fraction of white, that gives a brightness in [0, 1]: the inverse of the documented curves.
 fn light_of(tone: &str, brightness: f64) -> f64 {
     // IEC 61966-2-1, from the code to the light.
     let decoded = if brightness <= 0.040_45 { brightness / 12.92 } else { ((brightness + 0.055) / 1.055).powf(2.4) };
@@ -126,8 +126,8 @@ fn light_of(tone: &str, brightness: f64) -> f64 {
         "linear" => brightness,
         "srgb" => decoded,
         "filmic" => {
-            // A metered gray, 12.5 / 120 of white, becomes 18 %. From 40 % on the curve is that of Reinhard et al. with
-            // the whitest white w: s = t (1 + t / w²) / (1 + t), solved for t.
+            // A metered gray, 12.5 / 120 of white, becomes 18 %. From 40 % on, the curve is by Reinhard et al. with the
+            // whitest white w: s = t (1 + t / w²) / (1 + t), solved for t.
             let (gain, knee) = (0.18 / (12.5 / 120.0), 0.4);
             let (s, w) = ((decoded - knee) / (1.0 - knee), (gain - knee) / (1.0 - knee));
             let t = 0.5 * w * w * (s - 1.0 + ((1.0 - s).powi(2) + 4.0 * s / (w * w)).sqrt());
@@ -146,7 +146,7 @@ fn without_effects_every_code_is_the_nearest_to_its_light() {
         for (nits, code) in light.data().as_flattened().iter().zip(image.data().as_flattened()) {
             // NaN is black, and nothing is brighter than white.
             let fraction = if nits.is_nan() { 0.0 } else { f64::from(nits / WHITE).clamp(0.0, 1.0) };
-            // Half a code up and down, but for the rounding of single precision.
+            // Half a code up and down, except for the rounding of single precision.
             let level = |by: f64| light_of(tone, ((f64::from(*code) + by) / 255.0).clamp(0.0, 1.0));
             let (low, high) = (level(-0.5) * (1.0 - 1e-6), level(0.5) * (1.0 + 1e-6));
             assert!((low..=high).contains(&fraction), "{tone}: {nits} nits, {fraction} of white, became {code}");
@@ -226,7 +226,7 @@ fn blur_keeps_the_mean_and_makes_a_gaussian_of_an_impulse() {
 
 #[test]
 fn noise_has_the_stated_mean_and_variance() {
-    // 1000 electrons at white and 8 of read-out, seen on flat fields through a curve of many codes.
+    // 1000 electrons at white and 8 of read-out, measured on flat fields through a curve with many codes.
     let (electrons, read_noise) = (1000.0, 8.0);
     let options = format!("noise = {{ iso = 200, full_well_e = {}, read_noise_e = {read_noise} }}", 2.0 * electrons);
     for (i, signal) in [0.12, 0.3, 0.7].into_iter().enumerate() {

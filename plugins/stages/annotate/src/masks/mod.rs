@@ -141,7 +141,8 @@ impl Masks {
         self.table_and_room.coverage()
     }
 
-    /// Fraction of an object's amodal area that is hidden: `1 − |V| / (|A| + outside)`. None if it is not annotated.
+    /// Fraction of an object's amodal area that is hidden: `1 − |V| / (|A| + outside)`. `None` if the object is not
+    /// annotated.
     fn occlusion_rate(&self, masks: &ObjectMasks, outside: u64) -> Option<f64> {
         let (visible, amodal) = (u64::from(masks.visible.area()), u64::from(masks.amodal.area()));
         if amodal == 0 || visible < u64::from(self.min_visible_px) {

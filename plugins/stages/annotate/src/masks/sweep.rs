@@ -6,8 +6,8 @@
 //! - row `i` of the occlusion order is the union of `c(p)` over visible `i`, without `i` itself. This is SynTable's
 //!   Algorithm 1: a pixel of visible `i` that `j` covers is a pixel of occlusion `j`.
 //!
-//! Masks are run lengths down the columns, and sets change rarely from one pixel to the next, so the sweep goes down
-//! the columns and notes, for every object, the positions at which its bit flips. Columns are gathered in strips, one
+//! Masks are run lengths down the columns, and sets change rarely from one pixel to the next. So the sweep goes down
+//! the columns and records, for every object, the positions at which its bit flips. Columns are gathered in strips, one
 //! cache line of every row at a time.
 
 use syntable_model::error::{Error, Result};
@@ -15,15 +15,15 @@ use syntable_model::product::extents;
 use syntable_model::product::{BitPlane, Mask, Plane};
 use syntable_model::scene::InstanceId;
 
-/// Columns gathered at once: as many words as a cache line holds.
+/// Columns gathered at once: as many as a cache line has words.
 const STRIP: usize = 8;
 
 /// The masks of one object.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ObjectMasks {
-    /// Pixels at which it is the first body.
+    /// Pixels at which the object is the first body.
     pub visible: Mask,
-    /// Pixels that it covers.
+    /// Pixels that the object covers.
     pub amodal: Mask,
     /// Amodal minus visible.
     pub occlusion: Mask,
@@ -34,8 +34,8 @@ pub struct ObjectMasks {
 pub struct Sweep {
     /// The masks of every object.
     pub objects: Vec<ObjectMasks>,
-    /// For every object, as a bit set of [`words`](BitPlane::words) words, the objects covered by it where it is
-    /// seen; its own bit is clear.
+    /// For every object, as a bit set of [`words`](BitPlane::words) words, the objects that cover the pixels at which
+    /// it is visible; its own bit is clear.
     occludes: Vec<u64>,
     words: usize,
 }
@@ -114,7 +114,7 @@ fn sweep_word(first: &Plane<InstanceId>, coverage: &BitPlane, word: usize) -> Re
         .collect())
 }
 
-/// The bit of an instance in a word of `bits` objects; none for background, table, room and objects of other words.
+/// The bit of an instance in a word of `bits` objects; 0 for background, table, room and objects of other words.
 fn own_bit(id: InstanceId, word: usize, bits: usize) -> u64 {
     let bit = usize::from(id.0).wrapping_sub(1 + word * 64);
     if bit < bits { 1 << bit } else { 0 }
@@ -130,7 +130,7 @@ fn disagreement(position: usize, height: usize, word: usize, visible: u64) -> Er
     .help("the renderer must cast one ray for both planes")
 }
 
-/// For every object, the union of the covering sets over the pixels at which it is seen, without itself.
+/// For every object, the union of the covering sets over the pixels at which it is visible, without itself.
 fn occluded_sets(first: &Plane<InstanceId>, coverage: &BitPlane) -> Vec<u64> {
     let (objects, words) = (coverage.objects(), coverage.words());
     let mut rows = vec![0; objects * words];
@@ -148,8 +148,8 @@ fn occluded_sets(first: &Plane<InstanceId>, coverage: &BitPlane) -> Vec<u64> {
     rows
 }
 
-/// For every object, the number of pixels that it covers outside the image: those on a canvas around the image less
-/// those in it.
+/// For every object, the number of pixels that it covers outside the image: pixels on a canvas around the image minus
+/// pixels in the image.
 pub fn area_outside(image: &BitPlane, canvas: &BitPlane) -> Vec<u64> {
     let areas = |plane: &BitPlane| extents(plane).into_iter().map(|extent| extent.area);
     areas(canvas).zip(areas(image)).map(|(all, inside)| all.saturating_sub(inside)).collect()

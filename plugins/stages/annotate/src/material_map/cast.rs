@@ -10,16 +10,16 @@ use syntable_model::scene::{Body, Camera, Mesh};
 use syntable_prepare::labels::BlendedLabels;
 use syntable_prepare::{AssetCache, BinaryTree, Bounds, PreparedScene, SceneCache, SurfacePoint, TreeNode};
 
-/// Bytes of trees that are kept though no scene uses them.
+/// Maximum bytes of trees that are kept though no scene uses them.
 const CAPACITY: u64 = 128 << 20;
 
-/// Part of the light that enters a surface and passes it, from which on it is glass.
+/// Minimum fraction of the entering light that glass transmits.
 const GLASS: f32 = 0.5;
 
-/// Rows of an image that one job does.
+/// Rows of an image per job.
 const BAND: usize = 16;
 
-/// What is kept between views.
+/// Caches between views.
 pub(super) struct Trees {
     trees: AssetCache<MeshTree>,
     scenes: SceneCache,
@@ -38,11 +38,11 @@ pub(super) struct Caster<'a> {
     camera: &'a Camera,
     kept: &'a Trees,
     through_glass: bool,
-    /// Whether all of a body is opaque, by its index.
+    /// Whether all materials of a body are opaque, by its index.
     opaque: Vec<bool>,
-    /// Made for those bodies that rays are cast at.
+    /// Built for bodies that rays are tested against.
     trees: Vec<OnceLock<Arc<MeshTree>>>,
-    /// Made if textures decide.
+    /// Built if textures are needed.
     prepared: OnceLock<PreparedScene>,
 }
 
@@ -72,12 +72,12 @@ impl<'a> Caster<'a> {
         Ok(Self { workers: cx.workers, scene, camera, kept, through_glass, opaque, trees, prepared: OnceLock::new() })
     }
 
-    /// Whether all of a body is opaque.
+    /// Whether all materials of a body are opaque.
     pub fn is_opaque(&self, index: usize) -> bool {
         self.opaque[index] || !self.through_glass
     }
 
-    /// The rows of an image, made over the workers.
+    /// The rows of an image, computed by the workers.
     pub fn rows(&self, height: u32, row: &(dyn Fn(u32) -> Vec<u16> + Sync)) -> Vec<Vec<u16>> {
         let rows: Vec<OnceLock<Vec<u16>>> = (0..height).map(|_| OnceLock::new()).collect();
         self.workers.run(rows.len().div_ceil(BAND), &|band| {
@@ -88,7 +88,7 @@ impl<'a> Caster<'a> {
         rows.into_iter().filter_map(OnceLock::into_inner).collect()
     }
 
-    /// Index and material slot of the surface that a pixel shows, whose first body is that of an index.
+    /// Index and material slot of the surface that a pixel shows; `first` is the index of the pixel's first body.
     pub fn surface(&self, first: usize, [x, y]: [u32; 2]) -> Option<(usize, usize)> {
         let camera = self.camera;
         let in_camera = camera.unproject(f64::from(x) + 0.5, f64::from(y) + 0.5)?;
@@ -98,7 +98,7 @@ impl<'a> Caster<'a> {
         let found = if self.is_opaque(first) {
             of(first, f64::INFINITY)
         } else {
-            // Of bodies at equal depth the one with the lower index is in front.
+            // Of bodies at equal depth, the body with the lower index is in front.
             (0..self.trees.len()).fold(None, |best: Option<(Hit, usize)>, index| {
                 of(index, best.map_or(f64::INFINITY, |(hit, _)| hit.t)).or(best)
             })
@@ -112,7 +112,7 @@ impl<'a> Caster<'a> {
         Some((index, slot(&self.scene.bodies()[index], triangle)))
     }
 
-    /// The nearest surface of a body that is there, nearer than `far`.
+    /// The nearest surface of a body that ends the ray, nearer than `far`.
     fn closest(&self, index: usize, ray: &Ray, far: f64) -> Option<Hit> {
         let body = &self.scene.bodies()[index];
         let tree = self.trees[index].get_or_init(|| {
@@ -126,7 +126,7 @@ impl<'a> Caster<'a> {
         tree.closest(&body.object.mesh, &local, far, is_there)
     }
 
-    /// Whether labels say that there is a surface, and whether it is one that ends the ray.
+    /// Whether labels count a hit as a surface, and the surface ends the ray.
     fn is_there(&self, index: usize, body: &Body, ray: &Ray, hit: &Hit) -> bool {
         let slot = slot(body, hit.triangle);
         if materials(body).get(slot).is_none_or(|material| is_opaque(material)) {
@@ -199,7 +199,7 @@ impl MeshTree {
                 }
                 TreeNode::Pair(a, b) => {
                     let (a, b) = (entry(a), entry(b));
-                    // The nearer one is taken first.
+                    // Visit the nearer node first.
                     let swapped = a.zip(b).is_some_and(|(a, b)| a.0 < b.0);
                     let order = if swapped { [b, a] } else { [a, b] };
                     pending.extend(order.into_iter().flatten());
@@ -210,9 +210,9 @@ impl MeshTree {
     }
 }
 
-/// Where a ray enters a box, if it does; 0 inside of it.
+/// Distance at which a ray enters a box, if it does; 0 from inside.
 fn enters(bounds: &Bounds, ray: &Ray) -> Option<f64> {
-    // A thousandth of a thousandth more, for rays in the plane of a face.
+    // Enlarged by a millionth, for rays in the plane of a face.
     let slack = 1e-6 * f64::from(bounds.reach());
     let (mut near, mut far) = (0.0_f64, f64::INFINITY);
     for axis in 0..3 {
@@ -230,7 +230,8 @@ fn enters(bounds: &Bounds, ray: &Ray) -> Option<f64> {
     (near <= far).then_some(near)
 }
 
-/// Where a ray meets a triangle, and the weights of its second and third corner (Möller and Trumbore, 1997).
+/// Distance at which a ray meets a triangle, and the weights of its second and third corner (Möller and Trumbore,
+/// 1997).
 fn meet([a, b, c]: [Point3<f64>; 3], ray: &Ray) -> Option<[f64; 3]> {
     let (ab, ac) = (b - a, c - a);
     let across = ray.direction.cross(&ac);

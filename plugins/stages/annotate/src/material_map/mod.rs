@@ -1,4 +1,4 @@
-//! Which material every pixel shows.
+//! Material of every pixel.
 
 mod cast;
 mod opaque;

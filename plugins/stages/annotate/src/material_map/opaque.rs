@@ -1,8 +1,8 @@
-//! Materials that no ray passes.
+//! Opaque materials.
 
 use syntable_model::scene::{Alpha, Material};
 
-/// Whether every surface of a material is there, and none is seen through.
+/// Whether a material has neither holes nor transparent parts.
 pub(super) fn is_opaque(material: &Material) -> bool {
     material.alpha == Alpha::Opaque && material.transmission.is_none()
 }

@@ -1,4 +1,4 @@
-//! A small scene and random label planes that a renderer could have made.
+//! A small scene, and random label planes as a renderer could produce them.
 
 #![allow(dead_code)]
 
@@ -16,7 +16,7 @@ use syntable_model::scene::{
 };
 use syntable_model::stage::DatasetInfo;
 
-/// The stage that these options give.
+/// The stage of a kind with these options.
 pub fn stage(kind: &str, options: &str) -> Stage {
     use syntable_annotate as _;
     let registry = Registry::linked().expect("kinds are unique");
@@ -83,7 +83,7 @@ impl World {
         }
     }
 
-    /// A world of other objects.
+    /// A world with other objects.
     pub fn of(object: Object, objects: usize) -> Self {
         let object = Arc::new(object);
         let mut builder = SceneBuilder::default();
@@ -95,7 +95,7 @@ impl World {
         };
         add(Role::Support, 0.0);
         let handles: Vec<_> = (0..objects + 1).map(|i| add(Role::Object, 0.01 * i as f64)).collect();
-        // The first object is gone, so that spawn numbers and ids differ.
+        // The first object is removed, so that spawn numbers and ids differ.
         builder.remove(handles[0]);
         let scene = builder.freeze(SceneId(3), 1, SettleReport::default()).expect("a scene");
         let eye = Point3::new(1.0, 0.0, 1.5);
@@ -132,7 +132,8 @@ impl World {
     }
 }
 
-/// The bodies that the ray of every pixel hits, front to back, on an image with a margin. Id `objects + 1` is the table.
+/// The bodies that the ray of every pixel hits, front to back, on an image with a margin. Id `objects + 1` is the
+/// table.
 pub struct Rays {
     pub width: i32,
     pub height: i32,
@@ -149,7 +150,7 @@ impl Rays {
         Self { width, height, margin, objects, hits: hits.collect() }
     }
 
-    /// Random blobs: every body covers a random rectangle at a random depth; the table is cut by them as by chance.
+    /// Random blobs: every body covers a random rectangle at a random depth, with random gaps; so does the table.
     pub fn random(size: [i32; 2], objects: usize, seed: u64) -> Self {
         let mut stream = Stream::root(seed);
         let margin = size;

@@ -64,8 +64,8 @@ const READ: [&str; 21] = [
     "KHR_xmp_json_ld",
 ];
 
-/// Extensions that encode meshes, and what converts a file that has nothing else. A file that does not require one has its
-/// meshes in plain form, too.
+/// Extensions that encode meshes, and tools that convert files without plain meshes. A file that does not require the
+/// extension has plain meshes, too.
 const ENCODED: [(&str, &str); 2] = [
     ("KHR_draco_mesh_compression", "convert it: `gltf-transform copy in.glb out.glb` unpacks Draco"),
     ("KHR_meshopt_compression", "convert it: `gltf-transform copy in.glb out.glb` unpacks meshopt"),

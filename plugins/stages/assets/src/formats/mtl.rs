@@ -1,8 +1,8 @@
 //! Wavefront material libraries (MTL), with the metallic-roughness keys that exporters agree on.
 //!
-//! Supported keys are `Kd`, `Ke`, `Ns`, `Ni`, `d`, `Tr`, `Pr`, `Pm`, `map_Kd`, `map_Ke`, `map_Pr`, `map_Pm`, `norm`, `bump` and `map_d`;
-//! supported texture options `-s`, `-o`, `-clamp`, `-bm`, `-imfchan` and `-colorspace`. Other keys belong to other shading
-//! models; those that change a color are listed in [`MtlMaterial::unread`].
+//! Supported keys are `Kd`, `Ke`, `Ns`, `Ni`, `d`, `Tr`, `Pr`, `Pm`, `map_Kd`, `map_Ke`, `map_Pr`, `map_Pm`, `norm`,
+//! `bump` and `map_d`; supported texture options `-s`, `-o`, `-clamp`, `-bm`, `-imfchan` and `-colorspace`. Other keys
+//! belong to other shading models; those that change a color are listed in [`MtlMaterial::unread`].
 //!
 //! `Kd` and `Ke` are linear Rec. 709, as Blender reads and writes them; images are sRGB-encoded.
 
@@ -48,7 +48,7 @@ pub struct MtlMaterial {
     pub bump_map: Option<MtlMap>,
     /// `map_d`: opacity.
     pub opacity_map: Option<MtlMap>,
-    /// Statements that change the color in a way that is not read, and their lines.
+    /// Statements that change the color in an unsupported way, and their lines.
     pub unread: Vec<(String, usize)>,
 }
 
@@ -113,7 +113,7 @@ fn statement(line: &TextLine<'_>, materials: &mut Vec<MtlMaterial>) -> Result<()
             let black = color(rest).ok().flatten().is_some_and(|color| color == [0.0; 3]);
             material.ambient = (!black).then(|| (shorten(text), line.number));
         }
-        // Highlights are white here, and light that passes a surface has its base color.
+        // Highlights are always white here, and transmitted light always has the base color.
         "ks" | "tf" => {
             let tinted = color(rest).ok().flatten().is_none_or(|[r, g, b]| r != g || g != b);
             if tinted {
@@ -167,7 +167,7 @@ fn color(text: &str) -> Result<Option<[f32; 3]>> {
     Ok(Some(if xyz { rec709_of_xyz(color) } else { color }))
 }
 
-/// Linear Rec. 709 of CIE XYZ, as IEC 61966-2-1 has it.
+/// Linear Rec. 709 of CIE XYZ, by IEC 61966-2-1.
 fn rec709_of_xyz([x, y, z]: [f32; 3]) -> [f32; 3] {
     [
         3.240_625_5 * x - 1.537_208 * y - 0.498_628_6 * z,

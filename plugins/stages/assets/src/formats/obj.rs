@@ -88,7 +88,7 @@ pub fn parse(bytes: &[u8], budget: &Budget) -> Result<ParsedObj> {
     parser.finish()
 }
 
-/// Indices of a corner into positions, texture coordinates and normals; `u32::MAX` is none.
+/// Indices of a corner into positions, texture coordinates and normals; `u32::MAX` if missing.
 type Corner = [u32; 3];
 const NONE: u32 = u32::MAX;
 
@@ -99,7 +99,7 @@ struct Parser<'a> {
     positions: Vec<[f32; 3]>,
     /// Colors and opacities as written; NaN for vertices without. At most as many as positions.
     colors: Vec<[f32; 4]>,
-    /// Colors in comments of ZBrush.
+    /// Colors in ZBrush's comments.
     polypaint: Vec<[u8; 3]>,
     /// Line of the first non-finite color, and the number of such colors.
     wrong_colors: Option<(usize, usize)>,

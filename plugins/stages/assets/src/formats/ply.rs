@@ -231,7 +231,7 @@ fn read_vertices(
     Ok(Vertices { mesh, alphas })
 }
 
-/// Triangles, and what faces state of their corners.
+/// Triangles, and the values that faces give their corners.
 #[derive(Default)]
 struct PlyFaces {
     triangles: Vec<[u32; 3]>,

@@ -10,8 +10,8 @@ use syntable_model::error::{Error, Result};
 /// First bytes of every PNG file.
 const MAGIC: &[u8] = b"\x89PNG\r\n\x1a\n";
 
-/// Chunks that the decoder would decompress without any use: a color profile, and texts. A few bytes of them can take a
-/// gigabyte.
+/// Chunks that the decoder would decompress without any use: a color profile, and texts. A few of their bytes can
+/// expand to a gigabyte.
 const UNREAD: [&[u8; 4]; 3] = [b"iCCP", b"zTXt", b"iTXt"];
 
 /// Decodes a file in memory.
@@ -96,7 +96,7 @@ mod tests {
         ]
         .concat();
         assert_eq!(readable(&with).expect("sound"), plain);
-        // One that is cut off ends the file.
+        // A truncated chunk ends the file.
         let cut = [MAGIC, &header, &chunk(b"iCCP", &[3; 50])[..20]].concat();
         assert_eq!(readable(&cut).expect("sound"), [MAGIC, &header].concat());
     }

@@ -203,7 +203,7 @@ fn ascii(bytes: &[u8], budget: &Budget) -> Result<StlMesh> {
                     return Err(at(Error::new(format!("a color has {} channels", numbers.len()))));
                 };
                 *(if in_facet { &mut own } else { &mut part }) = Some([r, g, b]);
-                // It may follow the loop that it colors.
+                // The line may follow the loop that it colors.
                 if in_facet && of_loop == 0 && colors.len() > facet_start {
                     colors[facet_start..].fill(own);
                 }

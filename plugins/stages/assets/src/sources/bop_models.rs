@@ -1,4 +1,5 @@
-//! `bop_models`: models in the layout of the BOP benchmark: `models/obj_NNNNNN.ply` in millimeters with `models_info.json`.
+//! `bop_models`: models in the layout of the BOP benchmark: `models/obj_NNNNNN.ply` in millimeters with
+//! `models_info.json`.
 
 use super::keypoints::with_keypoints;
 use super::nothing_found;
@@ -100,7 +101,7 @@ impl AssetSource for BopModels {
                 }
             }
             let entry = |(id, name): (u64, String)| CatalogEntry {
-                // A file `obj_000000.ply` has no number that BOP's formats can have.
+                // BOP's formats have no number for a file `obj_000000.ply`.
                 obj_id: u32::try_from(id).ok().filter(|id| *id > 0),
                 ..CatalogEntry::new(format!("{dataset}/{name}"), &dataset)
             };
@@ -146,7 +147,7 @@ impl BopModels {
         Ok(datasets)
     }
 
-    /// Folders of models, of datasets that are not excluded, without a file that is named as in BOP.
+    /// Folders of models without a file named as in BOP, in datasets that are not excluded.
     fn without_models(&self, root: &AssetRoot, datasets: &BTreeMap<String, PathBuf>) -> Result<Vec<PathBuf>> {
         // The root itself is a dataset, or its folder of models.
         if datasets.values().any(|folder| folder.components().count() < 2) {
@@ -166,7 +167,8 @@ impl BopModels {
 /// Number of files that one warning names.
 const SHOWN: usize = 3;
 
-/// Warns of the mesh files of a folder that are not among its models. The same name in another format is the same object.
+/// Warns about the mesh files of a folder that are not among its models. The same name in another format is the same
+/// object.
 fn warn_of_others(folder: &Path, models: &BTreeMap<u64, String>, log: &dyn Log) -> Result<()> {
     let formats = MeshFormats::linked()?;
     let is_other = |name: &String| {

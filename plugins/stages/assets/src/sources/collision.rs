@@ -18,11 +18,11 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 use std::path::{Path, PathBuf};
 
-/// Words that mean collision geometry and nothing else.
+/// Words that only mean collision geometry.
 const CERTAIN: [&str; 12] = [
     "collision",
     "collisions",
-    // As a well-known data set spells it.
+    // Spelling of a well-known data set.
     "collison", // typos: ignore
     "collider",
     "colliders",
@@ -35,8 +35,8 @@ const CERTAIN: [&str; 12] = [
     "hitbox",
 ];
 
-/// Words that mean collision geometry beside the mesh that is rendered, and may mean something else alone.
-/// `nontextured` is the scan of an object without its texture.
+/// Words that mean collision geometry next to the rendered mesh, and may have another meaning alone. `nontextured` is
+/// the scan of an object without its texture.
 const LIKELY: [&str; 30] = [
     "col",
     "coll",
@@ -70,7 +70,7 @@ const LIKELY: [&str; 30] = [
     "untextured",
 ];
 
-/// Words that only say that a file is a mesh.
+/// Words that only mean that a file is a mesh.
 const GENERIC: [&str; 20] = [
     "mesh",
     "meshes",
@@ -94,7 +94,7 @@ const GENERIC: [&str; 20] = [
     "normalized",
 ];
 
-/// Words of the mesh that is rendered.
+/// Words of the rendered mesh.
 const VISUAL: [&str; 9] = ["visual", "visuals", "vis", "render", "rendered", "textured", "graphics", "display", "vm"];
 
 /// Words that are rarely the whole name of anything but a collision mesh.
@@ -117,9 +117,9 @@ pub enum Rule {
         /// Whether the rendered mesh was not found.
         alone: bool,
     },
-    /// Its name less this word is the name of another mesh of the object.
+    /// Its name without this word is the name of another mesh of the object.
     Sibling(String),
-    /// Its name has a word that means nothing else.
+    /// Its name has a word that only means collision geometry.
     Name {
         /// The word.
         word: String,
@@ -200,20 +200,20 @@ fn words(name: &str) -> Vec<String> {
     words
 }
 
-/// A name less the numbers at its end.
+/// A name without the numbers at its end.
 fn without_number(name: &[String]) -> Vec<String> {
     let last = name.iter().rposition(|word| kind(word) != NameKind::Number);
     name[..last.map_or(0, |last| last + 1)].to_vec()
 }
 
-/// Statement of a folder's name about its meshes.
+/// Meaning of a folder's name for its meshes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Says {
-    /// They are collision meshes; whether the name means nothing else.
+    /// Collision meshes; `certain` if the name has no other meaning.
     Collision { certain: bool },
     /// Rendered meshes, or any meshes: `visual`, `meshes`.
     Meshes { visual: bool },
-    /// It is the name of an object or a category.
+    /// The name of an object or a category.
     Nothing,
 }
 
@@ -289,7 +289,8 @@ fn homes_with_such_names(meshes: &[&Path]) -> BTreeSet<PathBuf> {
             let names: Vec<PoolMesh> = shared.iter().map(|path| PoolMesh::new(path, &BTreeSet::new())).collect();
             let files: BTreeSet<Vec<String>> = names.iter().map(|name| without_number(&name.words)).collect();
             let in_folders: BTreeSet<_> = shared.iter().map(|path| path.parent()).collect();
-            // Trees with the same objects, as `original/a/model`, `original/b/model` and `collision/a/model`, are no objects.
+            // Trees with the same objects, such as `original/a/model`, `original/b/model` and `collision/a/model`, are
+            // not objects.
             let is_one =
                 (files.len() == 1 || names.iter().any(PoolMesh::is_main)) && (!certain || in_folders.len() == 1);
             let of_above = |mesh: &PoolMesh| {
@@ -310,7 +311,7 @@ fn homes_with_such_names(meshes: &[&Path]) -> BTreeSet<PathBuf> {
 struct PoolMesh {
     /// Folder of the object: the mesh's folder, without folders that name a kind of mesh.
     object: PathBuf,
-    /// The first folder that is named after collisions, and whether its name means nothing else.
+    /// The first folder that is named after collisions, and whether its name has no other meaning.
     folder: Option<(String, bool)>,
     words: Vec<String>,
     kinds: Vec<NameKind>,
@@ -352,7 +353,7 @@ impl PoolMesh {
         self.folder.is_none() && !self.kinds.iter().any(|&kind| is_collision(kind))
     }
 
-    /// Whether the name only says that it is the mesh of its folder: `model`, `textured`, `visual_geometry`.
+    /// Whether the name only means the mesh of its folder: `model`, `textured`, `visual_geometry`.
     fn is_main(&self) -> bool {
         let says_nothing = |kind: &NameKind| matches!(kind, NameKind::Generic | NameKind::Visual | NameKind::Number);
         self.is_plain()
@@ -402,9 +403,10 @@ impl PoolMesh {
 /// Content of an object's folder in the pool.
 #[derive(Default)]
 struct ObjectFolder {
-    /// Names of its meshes, also less their visual words and the numbers of their parts, and the meshes that have them.
+    /// Names of its meshes, also without their visual words and the numbers of their parts, and the meshes that have
+    /// them.
     names: BTreeMap<Vec<String>, BTreeSet<usize>>,
-    /// Number of meshes that neither names nor folders make collision meshes.
+    /// Number of meshes that neither their names nor their folders mark as collision meshes.
     plain: usize,
     /// Number of meshes with purely generic names.
     mains: usize,
@@ -420,7 +422,7 @@ impl ObjectFolder {
         self.mains > 0 && !self.is_series
     }
 
-    /// Whether it holds nothing but the mesh of one object, under such names: `textured` and `model`.
+    /// Whether it only holds the mesh of one object, under such names: `textured` and `model`.
     fn is_one_object(&self) -> bool {
         self.has_main() && self.mains == self.plain
     }
@@ -429,8 +431,8 @@ impl ObjectFolder {
 /// The folders that are named after an object and hold its mesh: by the folder above and the words of their names.
 type Homes<'a> = BTreeSet<(&'a Path, Vec<String>)>;
 
-/// Which of the meshes are collision meshes, by their paths without extensions and relative to the root of the pool. The
-/// others are meshes in formats that are not read: they are siblings, too.
+/// The rule that identifies each collision mesh, by the meshes' paths without extensions and relative to the root of
+/// the pool; `None` for all other meshes. `others` are meshes in unsupported formats: they are siblings, too.
 pub fn rules<'a>(stems: impl Iterator<Item = &'a Path>, others: impl Iterator<Item = &'a Path>) -> Vec<Option<Rule>> {
     let mut paths: Vec<&Path> = stems.collect();
     let count = paths.len();
@@ -519,7 +521,7 @@ fn rule(
         if certain.is_some() {
             return Some(if folder.plain > 0 { Rule::Sibling(word) } else { Rule::Name { word, alone: true } });
         }
-        // `boat/hull` beside `boat/boat` may be a part of the boat, and `lens/convex` beside `lens/concave` a lens.
+        // `boat/hull` next to `boat/boat` may be a part of the boat, and `lens/convex` next to `lens/concave` a lens.
         let after_folder = folder.has_named_after && mesh.words != ["hull"];
         let is_numbered = mesh.kinds.contains(&NameKind::Number) || has_number(&word);
         let telling = mesh.words.iter().any(|word| TELLING.contains(&word.as_str()));
@@ -536,7 +538,7 @@ fn rule(
     (first > 0 && folder.is_one_object()).then_some(Rule::Sibling(word))
 }
 
-/// How many meshes each rule left out, for a message: `3 in the folder …, 2 by …`.
+/// Number of meshes that each rule left out, for a message: `3 in the folder …, 2 by …`.
 pub fn describe(rules: &[Rule]) -> String {
     let of = |matches: fn(&Rule) -> Option<&String>| -> (usize, String) {
         let names: Vec<&String> = rules.iter().filter_map(matches).collect();
@@ -691,7 +693,8 @@ mod tests {
         check(&["boat/deck/model", "boat/mast/model", "boat/hull/model"], &[]);
         check(&["object_01/model", "object_02/model", "hull/model"], &[]);
         check(&["hull/scan", "physics/scan"], &[]);
-        // The rendered mesh is in the folder above, in a folder of rendered meshes, or in one named after the object.
+        // The rendered mesh is in the folder above, in a folder of rendered meshes, or in a folder named after the
+        // object.
         check(&["pan/model", "pan/lod/model", "pan/low/model"], &["pan/hull/model", "pan/collision/model"]);
         check(&["pan/pan", "pan/lod/model"], &["pan/hull/model"]);
         check(&["mug/model", "original/mug/model"], &["hulls/mug/model"]);

@@ -15,7 +15,7 @@ use syntable_model::scene::{Catalog, CatalogEntry};
 /// Maximum depth of folders below the root that are scanned.
 const DEPTH: usize = 8;
 
-/// How many of the meshes that are left out a message names.
+/// Maximum number of skipped meshes that a message names.
 const SHOWN: usize = 8;
 
 /// Assets by name, their paths relative to the root.
@@ -32,7 +32,7 @@ impl FileIndex {
             return Err(nothing_found(root, looked_for));
         }
         let entries = files.keys().map(|name| CatalogEntry::new(name, category(name, root.folder()))).collect();
-        // A second call finds the same; the first stays.
+        // A second call finds the same files; the first result stays.
         let _ = self.0.set(files);
         Ok(Catalog { entries })
     }
@@ -46,7 +46,7 @@ impl FileIndex {
     }
 }
 
-/// The catalog of a root with one folder per object: those that hold a mesh, with a category by path and name.
+/// The catalog of a root with one folder per object: folders that hold a mesh, with a category by path and name.
 pub fn catalog_of_folders(
     root: &AssetPath,
     has_mesh: impl Fn(&Path) -> Result<bool>,
@@ -64,8 +64,8 @@ pub fn catalog_of_folders(
     if entries.is_empty() { Err(nothing_found(&root, looked_for)) } else { Ok(Catalog { entries }) }
 }
 
-/// All files below a root with one of the extensions, by path without extension: the same path in several formats is
-/// one asset. Its files are in the order of the extensions.
+/// All files below a root with one of the extensions, by path without extension. The same path in several formats is
+/// one asset; its files are in the order of the extensions.
 pub fn by_stem(root: &AssetRoot, extensions: &[&str]) -> Result<BTreeMap<PathBuf, Vec<PathBuf>>> {
     let mut stems: BTreeMap<PathBuf, Vec<PathBuf>> = BTreeMap::new();
     for file in walk(root.folder(), DEPTH, &|path| extensions.contains(&extension(path).as_str()))? {
@@ -79,8 +79,8 @@ pub fn by_stem(root: &AssetRoot, extensions: &[&str]) -> Result<BTreeMap<PathBuf
     Ok(stems)
 }
 
-/// Removes collision meshes from the meshes of a root, with one warning that counts them by rule, and another for those
-/// that may be objects. An error if no other mesh remains.
+/// Removes collision meshes from the meshes of a root. One warning counts them by rule, another names those that may be
+/// objects. An error if no other mesh remains.
 pub fn leave_out_collision_meshes(
     meshes: &mut BTreeMap<PathBuf, Vec<PathBuf>>,
     root: &AssetRoot,
@@ -125,15 +125,15 @@ pub fn leave_out_collision_meshes(
     Ok(())
 }
 
-/// The first of the meshes that are left out, each with its rule.
+/// The first of the skipped meshes, each with its rule.
 fn shown<'a>(left_out: impl ExactSizeIterator<Item = &'a (PathBuf, Rule)>) -> String {
     let more = if left_out.len() > SHOWN { ", …" } else { "" };
     let names = left_out.take(SHOWN).map(|(file, rule)| format!("`{}`: {rule}", file.display()));
     names.collect::<Vec<_>>().join(", ") + more
 }
 
-/// Adds an asset named `path`, with the first of its files. Warns about further files, and about an asset whose name is
-/// taken.
+/// Adds an asset named `path`, with the first of its files. Warns about further files, and about an asset whose name
+/// already exists.
 pub fn add_asset(assets: &mut AssetFiles, path: &Path, files: &[PathBuf], root: &AssetRoot, log: &dyn Log) {
     let name = path.to_string_lossy().replace(std::path::MAIN_SEPARATOR, "/");
     let [first, others @ ..] = files else { return };

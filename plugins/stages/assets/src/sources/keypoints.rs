@@ -68,7 +68,7 @@ fn keypoint(json: &Value, at: &str, object: &Object) -> Result<Keypoint> {
     let bounds = object.mesh.bounds();
     let beyond = |axis: usize| (bounds.min[axis] - found[axis]).max(found[axis] - bounds.max[axis]).max(0.0);
     let distance = (0..3).map(|axis| beyond(axis) * beyond(axis)).sum::<f64>().sqrt();
-    // Not so for a number that is not finite, either.
+    // False for a non-finite distance, too.
     if distance <= MAX_DISTANCE * bounds.diagonal() {
         return Ok(Keypoint { name: text.to_owned(), point: found });
     }
@@ -76,7 +76,7 @@ fn keypoint(json: &Value, at: &str, object: &Object) -> Result<Keypoint> {
         .help("write points in the frame and unit of the mesh, z up"))
 }
 
-/// A field of a table that has these fields alone.
+/// A field of a table that must have only these fields.
 fn field<'a>(json: &'a Value, at: &str, name: &str, fields: &[&str]) -> Result<&'a Value> {
     let shown = if at.is_empty() { "the file" } else { at };
     let table = json.as_object().ok_or_else(|| wrong(shown, json, "is not a table"))?;

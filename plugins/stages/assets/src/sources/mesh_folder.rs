@@ -190,7 +190,7 @@ mod tests {
             ("jar/visual", "jar/visual/jar.obj"),
             ("mug", "mug.obj"),
             ("mug/model", "mug/model.obj"),
-            // `nest` is wanted by two, and the path of one of them by a third.
+            // `nest` is the short name of two meshes, and the path of one of them is the short name of a third.
             ("nest", "nest.obj"),
             ("nest/egg", "nest/egg.obj"),
             ("nest/egg/yolk", "nest/egg/yolk.obj"),
@@ -243,7 +243,7 @@ mod tests {
         assert!(error.contains("only collision meshes: 1 in folders named `coacd`"), "{error}");
         assert!(error.contains("collision_meshes = \"include\""), "{error}");
         assert_eq!(find(&root, &formats, CollisionMeshes::Include, &log).expect("scans").len(), 1);
-        // The rendered mesh is in a format that is not read.
+        // The rendered mesh is in an unsupported format.
         for file in ["mug.dae", "mug_coll.obj"] {
             std::fs::write(folder.path().join(file), "x").expect("file");
         }

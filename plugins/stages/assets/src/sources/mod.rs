@@ -1,6 +1,6 @@
 //! Sources of assets in files, one kind per module.
 //!
-//! All of them find their assets by a scan of folders, sorted by name, and read one only when it is drawn.
+//! All kinds scan folders for assets, sort them by name, and read an asset only when it is drawn.
 
 pub mod bop_models;
 pub mod collision;

@@ -127,7 +127,7 @@ impl Map {
         while words.last().is_some_and(|word| is_size(word)) {
             words.pop();
         }
-        // One word alone is a name, not a kind.
+        // A single word is a name, not a kind.
         match words[..] {
             [_, .., "nor" | "normal" | "nrm", "gl" | "ogl" | "opengl"] => Some(Self::NormalGl),
             [_, .., "nor" | "normal" | "nrm", "dx" | "directx"] => Some(Self::NormalDx),

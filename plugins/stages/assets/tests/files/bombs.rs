@@ -1,5 +1,5 @@
-//! Small files that unfold to much, and files that once took long: what an asset may take is counted before it is
-//! allocated, and the limit is an option.
+//! Small files that expand to large data, and files that once took long. The program counts the memory of an asset
+//! before it allocates it, and the limit is an option.
 
 use crate::common::{peak, source_of};
 use crate::inputs::*;
@@ -13,7 +13,7 @@ use syntable_model::scene::Asset;
 use syntable_model::stage::AssetLimits;
 use tempfile::TempDir;
 
-/// Loads the asset `x` of a folder within limits; also gives the most bytes that were held at once, and the warnings.
+/// Loads the asset `x` of a folder within limits; also returns the peak memory in bytes, and the warnings.
 fn load_within(kind: &str, root: &Path, limits: AssetLimits) -> (Result<Asset>, usize, Vec<String>) {
     let log = Collected::default();
     let mut source = source_of(kind, root, "");
@@ -42,7 +42,7 @@ fn glb_of(document: &serde_json::Value, data: &[u8]) -> Vec<u8> {
 #[test]
 fn many_primitives_on_one_accessor_count_by_what_they_use() {
     let folder = TempDir::new().expect("temp folder");
-    // A million vertices in 12 MB; 400 primitives would make 133 million triangles of them.
+    // A million vertices in 12 MB; 400 primitives would make 133 million triangles.
     let count = 999_999;
     let mut data: Vec<u8> = Vec::new();
     for i in 0..count {
@@ -65,7 +65,7 @@ fn many_primitives_on_one_accessor_count_by_what_they_use() {
     let little = AssetLimits { megabytes: 10, ..AssetLimits::default() };
     refused("mesh_folder", folder.path(), little, "exceed the limit of 10 megabytes", 1 << 20);
 
-    // Four hundred small parts of one long array are no bomb: a common way to export.
+    // Four hundred small parts of one long array are not a bomb: exporters often write them.
     let at = data.len();
     let parts = 400;
     for part in 0..parts {
@@ -129,7 +129,7 @@ fn channels_of_an_environment_map_that_mean_nothing_take_no_memory() {
         bytes - std::fs::metadata(&path).expect("a file").len() as usize
     };
     let (few, many) = (taken(0), taken(29));
-    // All of them would take 29 x 4 bytes per pixel; what is unpacked at once is a block.
+    // All channels would take 29 x 4 bytes per pixel; only one block is unpacked at a time.
     assert!(many < few + 29 * 4 * width * height / 4, "{few} and {many} bytes at once");
 }
 
@@ -168,7 +168,7 @@ fn repetitions_take_no_time_and_are_told_once() {
         assert!(start.elapsed() < Duration::from_secs(5), "{says}: {:?}", start.elapsed());
         assert_eq!(told.len(), warnings, "{says}: {told:?}");
     };
-    // 20,000 statements of one library of half a megabyte, which was read each time.
+    // 20,000 statements of one library of half a megabyte, which the program once read each time.
     let sound = obj(1.0);
     let library = format!("{MTL}{}", "# a comment\n".repeat(40_000));
     write(folder.path(), "model.mtl", library);
@@ -180,10 +180,10 @@ fn repetitions_take_no_time_and_are_told_once() {
     let face = sound.lines().find(|line| line.starts_with("f ")).expect("a face").to_owned();
     (0..60_000).for_each(|i| text += &format!("usemtl m{i}\n{face}\n"));
     write(folder.path(), "x.obj", text);
-    // One of the materials, one of the duplicate faces.
+    // One warning for the materials, one for the duplicate faces.
     timed("usemtl", 2);
     std::fs::remove_file(folder.path().join("x.obj")).expect("removes");
-    // 30,000 elements without properties, each of as many rows as there are bytes.
+    // 30,000 elements without properties, each with as many rows as the file has bytes.
     let mut bytes = ply_binary(false);
     let end = bytes.windows(11).position(|word| word == b"end_header\n").expect("a header");
     let elements: Vec<u8> = (0..30_000).flat_map(|i| format!("element e{i} 500000\n").into_bytes()).collect();

@@ -1,9 +1,9 @@
-//! The collection of bad and odd inputs: each behaves as its name says, for the reason that its index gives.
+//! The collection of bad and unusual inputs: each behaves as its name says, for the reason in its index.
 
 use crate::common::{fact, fixtures, look, peak};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-/// What the error or a warning must say, by the name of the input.
+/// Text that the error or a warning must contain, by the name of the input.
 const SAYS: [(&str, &str); 76] = [
     ("reject_accessor_count_bomb.gltf", "400000000 elements need 800000000 bytes, but the buffer view has 72"),
     ("reject_buffer_beyond_file.gltf", "declares 1000000000 bytes, but `short.bin` has 168"),
@@ -136,7 +136,7 @@ fn every_input_behaves_as_its_name_says() {
 fn odd_inputs_load_as_what_they_are() {
     let folder = fixtures().join("broken");
     let look = |name: &str| look(&folder.join(name)).0.expect(name);
-    // The plate in four spellings; the box in five formats, where z is up in all.
+    // The plate in four variants; the box in five formats, with z up in all of them.
     for name in ["accept_bom_crlf", "accept_negative_indices", "warn_duplicate_faces", "warn_inverted_winding"] {
         assert_eq!(fact(&look(name), "triangles"), "64", "{name}");
         // The sum of the signed tetrahedra, computed from the positions outside of this program: 0.141693.
@@ -156,7 +156,7 @@ fn odd_inputs_load_as_what_they_are() {
         assert_eq!(fact(&look(name), "vertex colors"), "yes", "{name}");
     }
     assert_eq!(fact(&look("warn_non_manifold"), "volume"), "0.4800 liter");
-    // An extra texture is found only where the name with blanks was understood.
+    // The extra texture is found only if the name with spaces was parsed correctly.
     assert_eq!(fact(&look("accept_texture_name_with_spaces"), "textures"), "1");
     assert_eq!(fact(&look("warn_missing_texture"), "textures"), "0");
 }

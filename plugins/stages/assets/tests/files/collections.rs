@@ -75,7 +75,7 @@ fn meshes_that_are_not_named_as_in_bop_are_counted() {
         (names, log.warnings().iter().map(ToString::to_string).collect::<Vec<_>>())
     };
     write(folder.path(), "set/models/obj_000001.ply", ply_ascii());
-    // The same object in another format, its texture, and text are no objects that are left out.
+    // The same object in another format, its texture, and text files cause no warning.
     for name in ["obj_000001.obj", "obj_000001.png", "notes.txt"] {
         write(folder.path(), &format!("set/models/{name}"), "");
     }

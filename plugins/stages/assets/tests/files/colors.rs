@@ -1,4 +1,5 @@
-//! Every way in which OBJ with MTL, PLY, STL and glTF state a color, against values by hand and against trimesh.
+//! All encodings of colors in OBJ with MTL, PLY, STL and glTF, compared with values worked out by hand and with
+//! trimesh.
 
 use crate::common::look;
 use crate::details::{Builder, FACES, POSITIONS};
@@ -30,7 +31,7 @@ struct Cases {
     list: Vec<Value>,
 }
 
-/// The transfer function of IEC 61966-2-1, written down once more.
+/// The transfer function of IEC 61966-2-1, implemented independently.
 fn linear(encoded: f64) -> f64 {
     if encoded <= 0.04045 { encoded / 12.92 } else { ((encoded + 0.055) / 1.055).powf(2.4) }
 }
@@ -62,7 +63,7 @@ fn image() -> Vec<u8> {
     encode(image.into(), ImageFormat::Png)
 }
 
-/// Color and opacity that a material and a mesh give a corner.
+/// Color and opacity of a corner from a material and a mesh.
 fn color_of(material: &Material, uv: Option<[f32; 2]>, vertex: [f32; 3]) -> [f64; 4] {
     let (mut color, mut alpha) = (material.base_color.factor.map(f64::from), 1.0);
     if let (Some(used), Some([u, v])) = (&material.base_color.texture, uv) {
@@ -109,7 +110,7 @@ fn corners(model: &Model, y_up: bool) -> Vec<(usize, usize, [f64; 4])> {
 }
 
 impl Cases {
-    /// Reads a file of the folder, and checks its colors and the warnings against values by hand.
+    /// Reads a file of the folder, and compares its colors and the warnings with expected values.
     fn check(&mut self, file: &str, want: Expected, said: &[&str]) {
         let (root, log) = (AssetRoot::open(self.folder.path()).expect("opens"), Collected::default());
         let formats = MeshFormats::linked().expect("no clash");
@@ -134,7 +135,7 @@ impl Cases {
         write(self.folder.path(), name, content);
     }
 
-    /// An OBJ: what follows the coordinates of each vertex, the statement before each face, and its library.
+    /// An OBJ: the text after the coordinates of each vertex, the statement before each face, and its library.
     fn obj(
         &mut self,
         name: &str,
@@ -164,7 +165,7 @@ impl Cases {
         self.check(&format!("{name}.obj"), want, said);
     }
 
-    /// A PLY in text: header lines of vertices and what follows their coordinates, the same of faces, and comments.
+    /// A PLY in text: header lines of vertices and the text after their coordinates, the same for faces, and comments.
     fn ply(
         &mut self,
         name: &str,
@@ -198,7 +199,8 @@ impl Cases {
         self.check(&format!("{name}.stl"), want, said);
     }
 
-    /// A glTF with one primitive: its vertex colors (component type, normalized, channels as bytes), its material, and more.
+    /// A glTF with one primitive: its vertex colors (component type, normalized, channels as bytes), its material, and
+    /// more.
     fn gltf(
         &mut self,
         name: &str,
@@ -481,8 +483,8 @@ fn packed_ply(cases: &mut Cases) {
     let said = ["unsupported colors of element `vertex`: `rgb`"];
     cases.ply("ply_rgb_twice", ["", &twice, ""], &both, &none, by_vertex(), &said);
 
-    // Binary floats in both byte orders. Bits with an alpha of 255 and a red of 128 or more are no number as a float: reading
-    // them as one would change some.
+    // Binary floats in both byte orders. Bits with an alpha of 255 and a red of 128 or more are NaN as a float: reading
+    // them as a float would change some.
     for (order, big) in [("little", false), ("big", true)] {
         for (name, kind, alpha, want) in
             [("rgb", "float", 255, by_vertex()), ("rgb", "uint", 0, by_vertex()), ("rgba", "float", 51, blended())]
@@ -675,7 +677,7 @@ fn statements_that_are_not_read_are_named() {
     }
     let rescaled = "newmtl m\nmap_Kd -mm 0.1 2 t.png\n";
     cases.obj("rescaled", &none, &skin, rescaled, by_vertex(), &["is not supported: the range of the texture"]);
-    // The same image as ambient color, as exporters repeat it, is no news.
+    // The same image as ambient color, as exporters repeat it, causes no warning.
     cases.obj("repeated", &none, &skin, "newmtl m\nKa 1 1 1\nmap_Kd t.png\nmap_Ka t.png\n", by_vertex(), &[]);
 
     let header = "element material 1\nproperty uchar diffuse_red\n";
@@ -727,7 +729,8 @@ fn numbers_out_of_range_do_not_change_the_others() {
         [r, g, b, if FACES[face].contains(&3) { 2.0 / 3.0 } else { 1.0 }]
     });
     cases.ply("below_zero", ["", &floats, ""], &below, &none, mean, &["varies within 3 faces"]);
-    // Bytes that were written as signed ones, in wider integers; but not if others do not fit into a signed byte.
+    // Bytes that were written as signed bytes, in wider integers; but not if other values do not fit into a signed
+    // byte.
     let wrapped = |i: usize| BY_VERTEX[i].map(|x| (x as i8).to_string()).join(" ");
     for kind in ["short", "int"] {
         let header = UCHAR.replace("uchar", kind);
@@ -773,7 +776,7 @@ fn faces_below_the_cutoff_are_dropped() {
     let folder = TempDir::new().expect("temp folder");
     let mut builder = Builder::default();
     let (position, index) = (builder.floats(&POSITIONS), builder.indices(FACES.as_flattened()));
-    // Of the four faces one has no vertex 0: its mean is 1, that of the others 2/3.
+    // One of the four faces has no vertex 0. Its mean opacity is 1; the mean of the others is 2/3.
     let colors = builder.floats(&[[1.0, 1.0, 1.0, 0.0], [1.0; 4], [1.0; 4], [1.0; 4]]);
     let primitive =
         json!({ "attributes": { "POSITION": position, "COLOR_0": colors }, "indices": index, "material": 0 });

@@ -12,7 +12,7 @@ pub fn fixtures() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../tests/fixtures/assets")
 }
 
-/// Folders with an `INDEX.md` to test with: that of the checkout, and where it exists a larger one, named by
+/// Folders with an `INDEX.md` to test with: the folder of the checkout, and a larger one if it exists, named by
 /// `SYNTABLE_ASSETS` or in `shared/assets` beside the checkout.
 pub fn roots() -> Vec<PathBuf> {
     let larger = match std::env::var_os("SYNTABLE_ASSETS") {
@@ -24,7 +24,7 @@ pub fn roots() -> Vec<PathBuf> {
     roots
 }
 
-/// Inspects a path; also gives the warnings.
+/// Inspects a path; also returns the warnings.
 pub fn look(path: &Path) -> (Result<Inspection>, Vec<String>) {
     let log = Collected::default();
     let found = inspect(path, &log).map(|(_, inspection)| inspection);
@@ -56,7 +56,8 @@ pub fn source_of(kind: &str, root: &Path, more: &str) -> Box<dyn AssetSource> {
     source(kind, &format!("root = {:?}\n{more}", root.display().to_string())).expect("builds")
 }
 
-/// Counts what the current thread allocates, so that a test can tell whether a small file asks for much memory.
+/// Counts the memory that the current thread allocates, so that a test can check whether a small file needs much
+/// memory.
 struct CountingAllocator;
 
 #[derive(Clone, Copy)]
@@ -70,7 +71,7 @@ thread_local! {
 }
 
 fn count(bytes: isize) {
-    // While a thread ends its counts are gone; nothing is measured then.
+    // While a thread ends, its counts are gone and nothing is measured.
     let _ = COUNTS.try_with(|counts| {
         let Counts { live, peak } = counts.get();
         counts.set(Counts { live: live + bytes, peak: peak.max(live + bytes) });
@@ -95,7 +96,7 @@ unsafe impl std::alloc::GlobalAlloc for CountingAllocator {
         unsafe { std::alloc::System.alloc_zeroed(layout) }
     }
     unsafe fn realloc(&self, pointer: *mut u8, layout: std::alloc::Layout, size: usize) -> *mut u8 {
-        // For a moment both blocks may exist.
+        // Both blocks may exist for a moment.
         count(size as isize);
         count(-(layout.size() as isize));
         // SAFETY: as the caller promises.
@@ -106,7 +107,7 @@ unsafe impl std::alloc::GlobalAlloc for CountingAllocator {
 #[global_allocator]
 static ALLOCATOR: CountingAllocator = CountingAllocator;
 
-/// Runs something; also gives the most bytes that it held at once.
+/// Runs a closure; also returns its peak memory, in bytes.
 pub fn peak<T>(run: impl FnOnce() -> T) -> (T, usize) {
     let before = COUNTS.with(|counts| {
         let live = counts.get().live;

@@ -101,7 +101,7 @@ fn a_large_mesh_loads_in_memory_of_the_order_of_its_file() {
         let ((found, _), most) = peak(|| look(&folder.path().join(name)));
         let found = found.expect("loads");
         assert!(most < 8 * size, "{name}: {most} bytes for a file of {size}");
-        // The triangles at the poles that are points go.
+        // The degenerate triangles at the poles are removed.
         assert_eq!(fact(&found, "triangles"), (2 * sectors * (rings - 1)).to_string());
         assert_eq!(fact(&found, "closed"), "yes");
         // 4/3 π r³ is 4.1888; flat triangles inside the sphere have a little less.

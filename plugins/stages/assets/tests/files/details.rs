@@ -1,4 +1,4 @@
-//! Details of formats: what arrays, colors, coordinates and materials become.
+//! Details of formats: conversion of arrays, colors, coordinates and materials.
 
 use crate::common::source_of;
 use crate::inputs::{base64, encode, load, write};
@@ -8,7 +8,7 @@ use syntable_model::context::Collected;
 use syntable_model::scene::{Alpha, Encoding, Object, Scalar, Volume, Wrap};
 use tempfile::TempDir;
 
-/// A tetrahedron of 0.1 m with texture coordinates and colors, as arrays: y up, v down, as glTF has them.
+/// A tetrahedron of 0.1 m with texture coordinates and colors, as arrays: y up, v down, as in glTF.
 pub const POSITIONS: [[f32; 3]; 4] = [[0.0; 3], [0.1, 0.0, 0.0], [0.0, 0.1, 0.0], [0.0, 0.0, 0.1]];
 const UVS: [[f32; 2]; 4] = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [0.25, 0.75]];
 pub const FACES: [[u32; 3]; 4] = [[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]];
@@ -122,7 +122,7 @@ fn accessors_in_all_their_forms_give_the_same_mesh() {
         ))
     };
     let want = plain(&|b| (b.floats(&POSITIONS), b.floats(&UVS), b.indices(FACES.as_flattened())));
-    // By hand: (x, y, z) becomes (x, -z, y) and v is turned over.
+    // By hand: (x, y, z) becomes (x, -z, y), and v is flipped.
     assert!(want.iter().flatten().any(|corner| *corner == [0, -100_000, 0, 250, 250]), "{want:?}");
     assert!(want.iter().flatten().any(|corner| *corner == [0, 0, 100_000, 0, 0]), "{want:?}");
 
@@ -179,7 +179,7 @@ fn strips_and_fans_are_triangles() {
         write(folder.path(), "x.gltf", builder.document(&primitive, json!({})));
         let source = source_of("mesh_folder", folder.path(), "");
         let object = source.load("x", &Collected::default()).expect("loads").into_object().expect("an object");
-        // All of the tetrahedron's faces that a mode can give are among the right ones, and face outwards.
+        // All of the tetrahedron's faces that a mode can produce are among the right ones, and face outwards.
         let right: Vec<Vec<[i32; 5]>> = {
             let mut builder = Builder::default();
             let (position, index) = (builder.floats(&POSITIONS), builder.indices(FACES.as_flattened()));
@@ -305,7 +305,8 @@ fn gltf_layers() {
     assert_eq!(material.alpha, Alpha::Opaque);
 }
 
-/// Base color and metalness that reflect as a diffuse and a specular color do, the metalness found by bisection.
+/// Base color and metalness with the same reflectance as a diffuse and a specular color; metalness is found by
+/// bisection.
 fn metallic_roughness(diffuse: [f64; 3], specular: [f64; 3]) -> ([f64; 3], f64) {
     let brightness = |c: [f64; 3]| c.iter().zip([0.299, 0.587, 0.114]).map(|(x, w)| w * x * x).sum::<f64>().sqrt();
     let kept = diffuse.map(|x| x * (1.0 - specular.iter().fold(0.0, |max: f64, &x| max.max(x))) / 0.96);
@@ -340,7 +341,7 @@ fn specular_and_glossiness_become_metalness_and_roughness() {
     assert!(is_near(material.metallic.factor, metallic) && is_near(material.roughness.factor, 0.3), "{material:?}");
     assert_eq!(material.alpha, Alpha::Blend { factor: 0.75 });
 
-    // Paint, plastic and metal, beside dark and bright reflections, half as many of them.
+    // Paint, plastic and metal, next to dark and bright reflections with half as many texels.
     let diffuse =
         RgbaImage::from_fn(4, 2, |x, y| Rgba([60 * x as u8, 200 - 50 * x as u8, 90 * y as u8, 255 - 40 * x as u8]));
     let gloss = RgbaImage::from_fn(2, 2, |x, y| {
@@ -411,7 +412,7 @@ fn specular_and_glossiness_become_metalness_and_roughness() {
         assert!(range[1] - range[0] > 0.2 || !has_gloss, "{used:?}: {range:?}");
     }
 
-    // Textures that lie differently are told.
+    // Textures with different transforms cause a warning.
     let folder = TempDir::new().expect("temp folder");
     let turned = json!({ "index": 1, "extensions": { "KHR_texture_transform": { "scale": [2, 2] } } });
     write(
@@ -463,7 +464,7 @@ fn blended_alpha() {
     };
     assert_eq!(alpha(0.75, false), Alpha::Blend { factor: 0.75 });
     assert_eq!(alpha(0.75, true), Alpha::Blend { factor: 0.75 });
-    // The image has no alpha: nothing is to be seen through.
+    // The image has no alpha, so the material is opaque.
     assert_eq!([alpha(1.0, false), alpha(1.0, true)], [Alpha::Opaque; 2]);
 }
 
@@ -499,7 +500,7 @@ fn obj_transparency() {
         ("d 0.25", Alpha::Blend { factor: 0.25 }, 1),
         ("Tr 0.75", Alpha::Blend { factor: 0.25 }, 1),
         ("d 0.5", Alpha::Blend { factor: 0.5 }, 0),
-        // Programs that write the opacity as `Tr`.
+        // Files of programs that write the opacity as `Tr`.
         ("d 1\nTr 1", Alpha::Opaque, 0),
         ("Tr 1", Alpha::Opaque, 1),
         ("d 0", Alpha::Opaque, 1),
@@ -568,7 +569,7 @@ fn obj_materials_and_colors() {
 
 #[test]
 fn concave_faces_are_cut_right() {
-    // A prism over an L: the volume tells whether the caps were cut inside.
+    // A prism over an L: the volume shows whether the caps were triangulated inside the outline.
     let outline = [[0.0, 0.0], [0.2, 0.0], [0.2, 0.1], [0.1, 0.1], [0.1, 0.2], [0.0, 0.2]];
     let mut text = String::new();
     for z in [0.0, 0.1] {
@@ -580,7 +581,7 @@ fn concave_faces_are_cut_right() {
     write(folder.path(), "x.obj", text);
     let object = load(folder.path(), "x");
     assert!((object.mesh.signed_volume() - 0.003).abs() < 1e-8);
-    // The area of both caps and of the six walls: cut outside the outline it would be larger.
+    // The area of both caps and of the six walls: triangles outside the outline would make it larger.
     assert!((object.mesh.area() - (2.0 * 0.03 + 0.8 * 0.1)).abs() < 1e-7, "{}", object.mesh.area());
 }
 

@@ -1,5 +1,5 @@
-//! Files as other people's programs export and repackage them: names of other machines, scans with collision parts,
-//! valid details that few files have, and extensions of glTF.
+//! Files as other programs export and repackage them: names from other machines, scans with collision parts, valid but
+//! rare details, and extensions of glTF.
 
 use crate::common::{look, source_of};
 use crate::details::{Builder, FACES, POSITIONS, object};
@@ -10,7 +10,7 @@ use syntable_model::context::Collected;
 use syntable_model::scene::{Alpha, Object};
 use tempfile::TempDir;
 
-/// Loads an asset; also gives the warnings.
+/// Loads an asset; also returns the warnings.
 fn load_with_warnings(kind: &str, root: &Path, name: &str) -> (Object, Vec<String>) {
     let log = Collected::default();
     let asset = source_of(kind, root, "").load(name, &log).unwrap_or_else(|error| panic!("{name}: {error}"));
@@ -18,7 +18,7 @@ fn load_with_warnings(kind: &str, root: &Path, name: &str) -> (Object, Vec<Strin
     (object, log.warnings().iter().map(ToString::to_string).collect())
 }
 
-/// Width of the color texture of an object; none without one.
+/// Width of the color texture of an object; `None` without one.
 fn texture_width(object: &Object) -> Option<u32> {
     object.materials[0].base_color.texture.as_ref().map(|used| used.texture.width)
 }
@@ -37,7 +37,7 @@ fn names_of_other_machines_find_the_image_beside_the_model() {
         write(folder.path(), "it/model.obj", obj(1.0));
         write(folder.path(), "it/model.mtl", format!("newmtl skin\nKd 1 1 1\nmap_Kd {name}\n"));
         write(folder.path(), "it/texture.png", png());
-        // A image of the same name outside of the asset's folder is never read.
+        // An image of the same name outside the asset's folder is never read.
         write(folder.path(), "other.png", png());
         let (object, warnings) = load_with_warnings("google_scanned_objects", folder.path(), "it");
         assert_eq!(texture_width(&object), found.then_some(8), "{name}");
@@ -52,7 +52,7 @@ fn repackaged_scans_are_textured_and_their_collision_parts_left_out() {
     let folder = TempDir::new().expect("temp folder");
     let root = folder.path();
     for (name, text) in [
-        // With a library that was not packed, without any, and with the textures' old place.
+        // With a library that was not packed, without any library, and with textures in their old folder.
         ("a", obj(1.0)),
         ("b", obj(1.0).replace("mtllib model.mtl\n", "")),
         ("c", obj(1.0).replace("model.mtl", "material.mtl")),
@@ -101,7 +101,7 @@ fn simplified_ycb_objects_are_read() {
 
 #[test]
 fn valid_details_that_few_files_have() {
-    // OBJ: what a corner leaves out after its slashes.
+    // OBJ: corners that omit values after their slashes.
     let folder = TempDir::new().expect("temp folder");
     let plain = obj(1.0).replace("mtllib model.mtl\n", "");
     for (name, corner) in [("none", "/$1//"), ("uv", "/$1/")] {
@@ -130,7 +130,7 @@ fn valid_details_that_few_files_have() {
         ply_ascii().replace("0 1 3 2 \n", "0 1 3 2  7 8.5\n").replace("-0.03 -0.04 0\n", "-0.03 -0.04 0 255 3\n");
     check_file("x.ply", &text, "longer rows", Warn("x.ply:11: 2 rows have more numbers than the header declares"));
     check_file("x.ply", text.replace("255 3\n", "255 x\n"), "no number", Reject("excess `x`"));
-    // glTF: extras of any type, a scene without nodes beside the one that is shown, and animations by pointers.
+    // glTF: extras of any type, a scene without nodes next to the displayed one, and animations by pointers.
     for extras in [json!("text"), json!(7), json!([1, [2]]), json!(null), json!({ "a": { "b": 1 } })] {
         let mut document: Value = serde_json::from_str(&embedded()).expect("sound");
         for at in
@@ -149,7 +149,7 @@ fn valid_details_that_few_files_have() {
     document["animations"] = json!([{ "channels": [channel], "samplers": [{ "input": 0, "output": 0 }] }]);
     document["extensionsUsed"] = json!(["KHR_animation_pointer"]);
     check_file("x.gltf", document.to_string(), "pointers", Warn("animations are not supported"));
-    // What is wrong is still named, by its path in the document.
+    // The error still names the faulty value by its path in the document.
     let wrong = embedded().replace(r#""POSITION": 0"#, r#""POSITION": "none""#);
     check_file(
         "x.gltf",
@@ -206,7 +206,7 @@ fn morph_targets_have_their_default_weights() {
     assert_eq!(with(json!(null), json!(null)), [0.1, 0.1]);
     assert_eq!(with(json!([0.5, 0.0]), json!(null)), [0.1, 0.15]);
     assert_eq!(with(json!([0.5, 1.0]), json!(null)), [0.3, 0.15]);
-    // The node's weights replace those of the mesh.
+    // The weights of the node replace the weights of the mesh.
     assert_eq!(with(json!([0.5, 1.0]), json!([0.0, 0.25])), [0.15, 0.1]);
 }
 
@@ -214,7 +214,7 @@ fn morph_targets_have_their_default_weights() {
 fn skins_have_the_pose_of_their_joints() {
     let mut builder = Builder::default();
     let (position, index) = (builder.floats(&POSITIONS), builder.indices(FACES.as_flattened()));
-    // Three corners follow the first joint, the corner at y = 0.1 both joints alike.
+    // Three corners follow the first joint, the corner at y = 0.1 follows both joints equally.
     let joints = builder.view(&[[0, 1, 0, 0]; 4].concat(), None);
     let joints = builder.accessor(json!({ "componentType": 5121, "count": 4, "type": "VEC4" }), Some(joints));
     let first = [1.0, 0.0, 0.0, 0.0];
@@ -227,7 +227,7 @@ fn skins_have_the_pose_of_their_joints() {
     let bind = builder.accessor(json!({ "componentType": 5126, "count": 2, "type": "MAT4" }), Some(matrices));
     let primitive = json!({ "attributes": { "POSITION": position, "JOINTS_0": joints, "WEIGHTS_0": weights },
         "indices": index });
-    // The node of the mesh is moved far away, which does not count; the joints lie below a node that is moved by 1.
+    // The node of the mesh is moved far away, which has no effect; the joints are below a node that is moved by 1.
     let more = json!({
         "nodes": [{ "mesh": 0, "skin": 0, "translation": [50, 0, 0] }, { "translation": [1, 0, 0], "children": [2] },
             { "children": [3] }, { "translation": [0, 0.5, 0] }],
@@ -238,7 +238,7 @@ fn skins_have_the_pose_of_their_joints() {
         object.mesh.data().positions.iter().map(|p| p.map(|x| (f64::from(x) * 1e6).round() as i64)).collect();
     got.sort();
     got.dedup();
-    // By hand: the second joint carries y = 0.1 to 0.5; half of it gives 0.3. Then (x, y, z) becomes (x, -z, y).
+    // By hand: the second joint moves y = 0.1 to 0.5; half of it gives 0.3. Then (x, y, z) becomes (x, -z, y).
     assert_eq!(got, [[1_000_000, -100_000, 0], [1_000_000, 0, 0], [1_000_000, 0, 300_000], [1_100_000, 0, 0]]);
 }
 
@@ -319,7 +319,7 @@ fn encodings_that_are_not_read_name_the_command_that_converts() {
         document["extensionsRequired"] = json!([extension]);
         check_file("x.gltf", document.to_string(), extension, Reject(says));
     }
-    // A file that has plain meshes, too, is read without a word.
+    // A file that also has plain meshes is read without a warning.
     let mut document: Value = serde_json::from_str(&embedded()).expect("sound");
     document["extensionsUsed"] = json!(["KHR_draco_mesh_compression"]);
     check_file("x.gltf", document.to_string(), "not required", Accept);
@@ -336,8 +336,8 @@ fn encodings_that_are_not_read_name_the_command_that_converts() {
     );
 }
 
-/// A sphere of 5 cm radius around (0.1, 0.2, 0.3), y up, with 24 x 12 quads, packed by `gltf-transform meshopt`: quantized
-/// positions, octahedral normals, and triangles.
+/// A sphere of 5 cm radius around (0.1, 0.2, 0.3), y up, with 24 x 12 quads, packed by `gltf-transform meshopt`:
+/// quantized positions, octahedral normals, and triangles.
 #[test]
 fn packed_meshes_are_unpacked() {
     let folder = TempDir::new().expect("temp folder");
@@ -357,7 +357,7 @@ fn packed_meshes_are_unpacked() {
     let ball = 4.0 / 3.0 * std::f64::consts::PI * 0.05_f64.powi(3);
     let volume = object.mesh.signed_volume();
     assert!((0.95..1.0).contains(&(volume / ball)), "{}", volume / ball);
-    // Cut short, it is refused.
+    // A truncated file is refused.
     let at = packed.windows(4).position(|word| word == b"BIN\0").expect("a chunk") + 4;
     let mut damaged = packed.to_vec();
     damaged[at] ^= 0x40;

@@ -1,4 +1,4 @@
-//! Sound inputs that the tests make themselves, and what they do with them.
+//! Valid inputs that the tests create, and helpers to check changed ones.
 
 use crate::common::{look, peak, source_of};
 use image::{DynamicImage, ImageFormat, RgbImage};
@@ -59,7 +59,7 @@ pub fn chunk(kind: &[u8; 4], data: &[u8]) -> Vec<u8> {
     [&(data.len() as u32).to_be_bytes()[..], &body, &crc.to_be_bytes()].concat()
 }
 
-/// A PNG that declares a size and has little behind it.
+/// A PNG that declares a size but holds little data.
 pub fn png_of_size(width: u32, height: u32) -> Vec<u8> {
     let header = [&width.to_be_bytes()[..], &height.to_be_bytes(), &[8, 6, 0, 0, 0]].concat();
     [
@@ -77,14 +77,14 @@ pub fn write(folder: &Path, path: &str, bytes: impl AsRef<[u8]>) {
     fs::write(path, bytes).expect("file");
 }
 
-/// A sound object in the layout of Google Scanned Objects.
+/// A valid object in the layout of Google Scanned Objects.
 pub fn gso(folder: &Path, name: &str) {
     write(folder, &format!("{name}/meshes/model.obj"), obj(1.0));
     write(folder, &format!("{name}/meshes/model.mtl"), MTL);
     write(folder, &format!("{name}/materials/textures/texture.png"), png());
 }
 
-/// What a case must do.
+/// Required outcome of a case.
 pub enum Want<'a> {
     Reject(&'a str),
     Warn(&'a str),
@@ -92,7 +92,7 @@ pub enum Want<'a> {
 }
 pub use Want::{Accept, Reject, Warn};
 
-/// Looks at a path of a folder. Whatever it is, it must cost little memory.
+/// Inspects a path of a folder. In every case, it must need little memory.
 pub fn check(folder: &Path, path: &str, case: &str, want: &Want<'_>) {
     let ((found, warnings), bytes) = peak(|| look(&folder.join(path)));
     assert!(bytes < 16 << 20, "{case}: {bytes} bytes at once");
@@ -111,10 +111,10 @@ pub fn check(folder: &Path, path: &str, case: &str, want: &Want<'_>) {
     }
 }
 
-/// A name, a change of a sound object's folder, and what must come of it.
+/// A name, a change of a valid object's folder, and the required outcome.
 pub type Case<'a> = (&'a str, &'a dyn Fn(&Path), Want<'a>);
 
-/// Cases of one object: every change is applied to a fresh sound one.
+/// Cases of one object: every change is applied to a fresh valid one.
 pub fn check_objects(cases: &[Case<'_>]) {
     for (case, change, want) in cases {
         let folder = TempDir::new().expect("temp folder");

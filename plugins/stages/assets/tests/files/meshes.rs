@@ -1,4 +1,4 @@
-//! Bad and odd PLY, glTF and GLB files, and one box in all formats.
+//! Bad and unusual PLY, glTF and GLB files, and one box in all formats.
 
 use crate::common::source_of;
 use crate::inputs::*;
@@ -234,7 +234,7 @@ fn glb_files() {
 
 #[test]
 fn instances_are_counted_out_with_their_transforms() {
-    // A parent at twice the size holds a plain child, and one that is mirrored, turned and moved.
+    // A parent at twice the size holds a plain child, and a child that is mirrored, rotated and moved.
     let nodes = r#""nodes": [{ "scale": [2, 2, 2], "children": [1, 2] }, { "mesh": 0 },
         { "mesh": 0, "translation": [1, 0, 0], "rotation": [0, 0.70710678, 0, 0.70710678], "scale": [-1, 1, 1] }]"#;
     let folder = TempDir::new().expect("temp folder");
@@ -259,7 +259,7 @@ fn instances_are_counted_out_with_their_transforms() {
     assert!(error.to_string().contains("exceed the limit of 4000000 triangles"), "{error}");
 }
 
-/// Triangles as triples of positions, each from its smallest corner on, sorted: the shape without its numbering.
+/// Triangles as triples of positions, each starting at its smallest corner, sorted: the shape without its numbering.
 fn shape(object: &Object) -> Vec<[[i64; 3]; 3]> {
     let corner = |p: [f32; 3]| p.map(|x| (f64::from(x) * 1e6).round() as i64);
     let data = object.mesh.data();

@@ -1,4 +1,4 @@
-//! Bad and odd objects in OBJ: the rules, without the files.
+//! Bad and unusual objects in OBJ that the tests create.
 
 use crate::common::source_of;
 use crate::inputs::*;
@@ -304,7 +304,7 @@ fn links_do_not_lead_out() {
     check(&root, "mesh", "a linked mesh", &Reject("leads out of the asset's folder"));
     check(&root, "inside", "a link inside", &Accept);
     check(&root, "box.gltf", "a linked buffer", &Reject("`box.bin` leads out of the asset's folder"));
-    // The same through sources: whole objects that are links.
+    // The same for sources: whole objects that are links.
     std::os::unix::fs::symlink("..", root.join("up")).expect("link");
     let source = source_of("google_scanned_objects", &root, "");
     let log = Collected::default();

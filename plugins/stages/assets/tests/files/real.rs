@@ -6,7 +6,7 @@ use syntable_model::context::Collected;
 use syntable_model::scene::{Alpha, MassOrigin, Object, Topology, Volume};
 use syntable_model::stage::AssetSource;
 
-/// Rows of the table after a heading of the index, cells trimmed, without its head.
+/// Rows of the table below a heading of the index, with trimmed cells, without its header.
 fn table(root: &Path, heading: &str) -> Vec<Vec<String>> {
     let index = std::fs::read_to_string(root.join("INDEX.md")).expect("an index");
     let (_, section) = index.split_once(&format!("\n## {heading}\n")).expect("a heading");
@@ -210,7 +210,7 @@ fn bop_models_agree_with_the_index() {
         for row in &rows {
             let name = row[0].trim_start_matches("bop/").replace("/models/", "/").replace(".ply", "");
             let (object, warnings) = load(&*source, &name);
-            // The scan of LM-O has a few faces that are turned over.
+            // The scan of LM-O has a few inverted faces.
             let turned =
                 name.starts_with("lmo") && warnings.iter().all(|warning| warning.contains("oriented inconsistently"));
             assert!(warnings.is_empty() || turned, "{name}: {warnings:?}");
@@ -288,7 +288,7 @@ fn environment_maps_agree_with_the_index() {
             let map =
                 source.load(&entry.name, &Collected::default()).expect("loads").into_environment().expect("a map");
             assert_eq!(map.width(), 2 * map.height());
-            // Indoors by day: the ceiling is not black and no direction is negative.
+            // Indoors by day: the mean radiance of every channel is positive.
             assert!(map.mean().iter().all(|&x| x > 0.0), "{}", entry.name);
         }
     }

@@ -1,6 +1,6 @@
-//! The few functions of Open Image Denoise's C interface that are needed, found in a library at run time.
+//! The functions of Open Image Denoise's C interface that this crate needs, loaded from a library at run time.
 //!
-//! Versions 1.4 to 2.x are understood: 2.0 renamed the setters and kept their meaning.
+//! Supports versions 1.4 to 2.x: 2.0 renamed the setters and kept their meaning.
 
 use libloading::Library;
 use std::ffi::{CStr, c_char, c_int, c_void};
@@ -22,7 +22,7 @@ const CPU: c_int = 1;
 /// `OIDN_FORMAT_FLOAT3`.
 const FLOAT3: c_int = 3;
 
-/// The functions. The library that they live in is never unloaded: it has threads that would lose their code.
+/// The functions. Their library is never unloaded: its threads would lose their code.
 struct Functions {
     new_device: unsafe extern "C" fn(c_int) -> Handle,
     set_device_int: SetInt,
@@ -41,17 +41,17 @@ struct Functions {
     release_filter: unsafe extern "C" fn(Handle),
 }
 
-/// A device of the processor, ready to filter.
+/// A device on the processor, ready to filter.
 pub(super) struct Device {
     functions: Functions,
     handle: Handle,
     version: c_int,
 }
 
-// SAFETY: a device of the library may be used from any thread; `&mut self` keeps the calls apart.
+// SAFETY: a device of the library may be used from any thread; `&mut self` prevents concurrent calls.
 unsafe impl Send for Device {}
 
-/// An image to filter, and how.
+/// An image to filter, and its settings.
 pub(super) struct Job<'a> {
     pub width: usize,
     pub height: usize,
@@ -61,16 +61,16 @@ pub(super) struct Job<'a> {
     pub normal: &'a mut [[f32; 3]],
     /// Whether the guides are free of noise.
     pub clean_guides: bool,
-    /// `OIDNQuality`; versions before 2.0 know one only.
+    /// `OIDNQuality`; versions before 2.0 only have one quality.
     pub quality: c_int,
-    /// What to multiply the radiance by, so that 1 is about white.
+    /// Factor on the radiance that makes 1 approximately white.
     pub scale: f32,
 }
 
 impl Functions {
     fn load(file: &Path) -> Result<Self, libloading::Error> {
-        // SAFETY: loading runs the library's own initialisers; the recipe's author chose the file. Every type below is
-        // that of the published C header.
+        // SAFETY: loading runs the library's own initializers; the recipe's author chose the file. Every type below
+        // matches the published C header.
         unsafe {
             let _ = Self::load_threading(file);
             let library = ManuallyDrop::new(Library::new(file)?);
@@ -101,8 +101,8 @@ impl Functions {
         }
     }
 
-    /// Loads Threading Building Blocks from beside the library, where its releases have them: Linux finds them there by
-    /// itself only if the library says so, which that of the Python wheel does not.
+    /// Loads Threading Building Blocks from the library's folder, where its releases have them. Linux only finds them
+    /// there if the library has a search path for it, which the library of the Python wheel has not.
     #[cfg(unix)]
     unsafe fn load_threading(file: &Path) -> Option<()> {
         use libloading::os::unix;
@@ -120,10 +120,10 @@ impl Functions {
         None
     }
 
-    /// The error that the device, or the thread if it is null, has met since the last call.
+    /// The error of the device since the last call, or of the thread if the device is null.
     fn check(&self, device: Handle) -> Result<()> {
         let mut message = std::ptr::null();
-        // SAFETY: the device is null or alive, and `message` is a place to write to.
+        // SAFETY: the device is null or alive, and `message` can be written to.
         let code = unsafe { (self.device_error)(device, &mut message) };
         if code == 0 {
             return Ok(());
@@ -131,7 +131,7 @@ impl Functions {
         let text = if message.is_null() {
             format!("error {code}")
         } else {
-            // SAFETY: the library gives text that ends in 0 and stays until the next call.
+            // SAFETY: the library returns text that ends in 0 and stays valid until the next call.
             unsafe { CStr::from_ptr(message) }.to_string_lossy().to_lowercase()
         };
         Err(Error::new(format!("open image denoise: {text}")))
@@ -139,7 +139,7 @@ impl Functions {
 }
 
 impl Device {
-    /// Loads the library and opens a device of so many threads.
+    /// Loads the library and opens a device with `threads` threads.
     pub fn open(file: &Path, threads: usize) -> Result<Self> {
         let functions = Functions::load(file).map_err(|error| Error::new(reason(&error)))?;
         // SAFETY: the handle is used only if it is not null; names are C strings.
@@ -165,7 +165,7 @@ impl Device {
         format!("{}.{}.{}", self.version / 10_000, self.version / 100 % 100, self.version % 100)
     }
 
-    /// Whether the library knows a version's novelties.
+    /// Whether the library is at least of a version.
     pub fn at_least(&self, major: c_int, minor: c_int) -> bool {
         self.version >= major * 10_000 + minor * 100
     }
@@ -175,8 +175,8 @@ impl Device {
         let Job { width, height, color, albedo, normal, .. } = job;
         assert!([color.len(), albedo.len(), normal.len()] == [width * height; 3], "images of one size");
         let f = &self.functions;
-        // SAFETY: every image is width × height packed pixels of three floats, as was checked, and outlives the filter,
-        // which is released below whatever happens in between; reading and writing the same image is allowed.
+        // SAFETY: every image is width × height packed pixels of three floats, as checked above, and outlives the
+        // filter, which is released below in every case; reading and writing the same image is allowed.
         unsafe {
             let filter = (f.new_filter)(self.handle, c"RT".as_ptr());
             if filter.is_null() {
@@ -211,7 +211,7 @@ impl Device {
 
 impl Drop for Device {
     fn drop(&mut self) {
-        // SAFETY: the device is alive and nothing uses it any more.
+        // SAFETY: the device is alive and no longer used.
         unsafe { (self.functions.release_device)(self.handle) }
     }
 }

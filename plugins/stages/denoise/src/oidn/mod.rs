@@ -31,7 +31,7 @@ impl Quality {
         }
     }
 
-    /// `OIDNQuality`, as far as the library knows it.
+    /// `OIDNQuality` of the library's version.
     fn code(self, device: &Device) -> i32 {
         match self {
             Self::Fast if device.at_least(2, 3) => 4,
@@ -88,17 +88,17 @@ const INSTALLED: &[&str] = if cfg!(windows) {
     &["libOpenImageDenoise.so.2", "libOpenImageDenoise.so"]
 };
 
-/// Where the library is.
+/// Location of the library.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) enum Library {
-    /// In a file that the user named.
+    /// A file that the user named.
     Named(PathBuf),
-    /// Where the system's loader finds it, under one of these names.
+    /// An installed library that the system's loader finds under one of these names.
     Installed(Vec<&'static str>),
 }
 
 impl Library {
-    /// The library of this machine: what the environment names, else what is installed.
+    /// The library of this machine: the file that the environment variable names, or else an installed library.
     pub(crate) fn of_machine() -> Self {
         match std::env::var_os(VARIABLE).filter(|path| !path.is_empty()) {
             Some(path) => Self::Named(path.into()),
@@ -106,7 +106,7 @@ impl Library {
         }
     }
 
-    /// Opens a device of so many threads.
+    /// Opens a device with `threads` threads.
     fn open(&self, threads: usize) -> Result<Device> {
         match self {
             Self::Named(path) => Device::open(path, threads).map_err(|error| self.blamed(error).help(ADVICE)),
@@ -129,7 +129,7 @@ impl Library {
         self.open(1).map(|device| device.version())
     }
 
-    /// Names the file of an error.
+    /// Adds the name of the file to an error.
     fn blamed(&self, error: Error) -> Error {
         match self {
             Self::Named(path) => error.in_file(path),
@@ -138,7 +138,7 @@ impl Library {
     }
 }
 
-/// The denoiser of [`Oidn`]: one device, opened when the first image comes.
+/// The denoiser of [`Oidn`]: one device, opened for the first image.
 struct OidnDenoiser {
     options: Oidn,
     library: Library,
@@ -199,23 +199,23 @@ impl Denoiser for OidnDenoiser {
     }
 }
 
-/// What it reads.
+/// Products that the denoiser reads.
 pub(crate) fn reads() -> Vec<KeyId> {
     keys![RADIANCE_NOISY, DENOISE_ALBEDO, DENOISE_NORMAL]
 }
 
-/// Where a library is to be had.
+/// Help for errors: sources of a library.
 const ADVICE: &str = "`library`, or the environment variable `OIDN_LIBRARY`, must name Open Image Denoise for this system: `pip install pyoidn` puts one into \
                       site-packages/pyoidn/oidn/lib, and the archives of its releases have one in lib; or denoise with \
                       `kind = \"guided\"`";
 
-/// A sound amount of light: what is not is none.
+/// A valid amount of light: 0 for negative and non-finite numbers.
 fn finite(x: f32) -> f32 {
     if x.is_finite() { x.max(0.0) } else { 0.0 }
 }
 
-/// The radiance that is to count as white: about five times the log-average, where a light meter would put it. It is a
-/// function of the image alone, which the library's own exposure need not be.
+/// The radiance that counts as white: about five times the log-average, as with a light meter. It depends only on the
+/// image, which the library's own exposure need not.
 fn white(pixels: &[[f32; 3]]) -> f32 {
     let luminance = |c: &[f32; 3]| luminance(c.map(f64::from));
     let lit = pixels.iter().map(luminance).filter(|l| *l > 0.0);

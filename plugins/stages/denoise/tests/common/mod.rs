@@ -1,4 +1,4 @@
-//! The room of the renderer's bench, rendered with everything that denoisers read.
+//! The room of the renderer's bench, rendered with all inputs of denoisers.
 
 #![allow(dead_code)]
 
@@ -17,7 +17,8 @@ pub fn luminance(c: [f32; 3]) -> f32 {
     0.2126 * c[0] + 0.7152 * c[1] + 0.0722 * c[2]
 }
 
-/// Runs a denoiser, which is lent only the products that it declares. Gives what it made, and no more than it declares.
+/// Runs a denoiser with the products that it declares to read. Returns its products, and checks that they are the
+/// declared ones.
 pub fn denoise(denoiser: &dyn Denoiser, products: &Products, workers: &dyn Workers) -> Result<Products> {
     let (dataset, scene) = (scenes::dataset(), scenes::boxes(&[([0.0, 0.0, 0.5], [1.0; 3])]));
     let (view, log) = (scenes::view([0.0, -1.0, 1.0], [0.0; 3], [8, 8], 60.0), Collected::default());
@@ -40,17 +41,17 @@ pub struct Room {
 }
 
 impl Room {
-    /// An image of `width × height`, the center of that of 640 × 480.
+    /// An image of `width × height`, the center of the image of 640 × 480.
     pub fn new(width: u32, height: u32) -> Self {
         Self { scene: room::scene(), view: room::view(width, height) }
     }
 
     /// The noisy image with all guides.
     pub fn render(&self, samples_per_pixel: u32, seed: u64) -> Products {
-        // What the filter reads, under the renderer's names.
+        // Inputs of the filter, under the renderer's names.
         let of_renderer = |key: KeyId| if key == RADIANCE_NOISY.id() { RADIANCE.id() } else { key };
         let wants: Vec<KeyId> = Guided::default().reads().into_iter().map(of_renderer).collect();
-        // As recipes have it: caustics converge too slowly for a reference.
+        // As in recipes: caustics converge too slowly for a reference.
         let options = PathTracing { samples_per_pixel, regularize: 0.3, ..PathTracing::default() };
         let mut session = CpuPathRenderer::new(options).session();
         session.load(&self.scene, &Threads(2)).expect("loads");

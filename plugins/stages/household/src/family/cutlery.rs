@@ -39,7 +39,8 @@ fn smooth(t: f64) -> f64 {
     t * t * (3.0 - 2.0 * t)
 }
 
-/// The handle of a piece of cutlery at `t` in [0, 1] from its end to its neck: half width and height of the center line.
+/// The handle of a piece of cutlery at `t` in [0, 1] from its end to its neck: half width and height of the center
+/// line.
 struct CutleryHandle {
     length: f64,
     end: f64,

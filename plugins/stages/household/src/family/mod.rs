@@ -106,7 +106,7 @@ impl ObjectFamily {
         Self::Wrench,
     ];
 
-    /// Its name, as in recipes.
+    /// Name of the family in recipes.
     pub fn name(self) -> &'static str {
         match self {
             Self::Apple => "apple",

@@ -13,7 +13,7 @@ pub(super) struct Hollow {
     pub(super) outside: Vec<[f64; 2]>,
     pub(super) wall: f64,
     pub(super) bottom: f64,
-    /// How many convex cells the wall is cut into along its height, and around.
+    /// Number of convex cells of the wall along its height, and around it.
     pub(super) cells: usize,
     pub(super) sectors: usize,
 }

@@ -72,7 +72,7 @@ pub enum Surface {
 }
 
 impl MaterialFamily {
-    /// The surfaces that have such materials.
+    /// The surfaces that can have materials of this family.
     pub fn surfaces(self) -> &'static [Surface] {
         use Surface::{Ceiling, Floor, Ground, Object, Table, Wall};
         match self {
@@ -119,7 +119,7 @@ impl MaterialFamily {
         Self::Wood,
     ];
 
-    /// Its name, as in recipes.
+    /// Name of the family in recipes.
     pub fn name(self) -> &'static str {
         match self {
             Self::Brick => "brick",

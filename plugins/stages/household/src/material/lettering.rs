@@ -100,7 +100,7 @@ pub fn word(stream: &mut Stream) -> &'static str {
     stream.pick(&WORDS).copied().unwrap_or(WORDS[0])
 }
 
-/// Strokes of a letter: points with x in 0 to 1 and y from 0 at its top to 1 at its foot. Nothing but capital letters has
+/// Strokes of a letter: points with x in 0 to 1 and y from 0 at its top to 1 at its foot. Only capital letters have
 /// strokes.
 pub fn strokes(letter: char) -> impl Iterator<Item = Vec<[f32; 2]>> {
     let index = (letter as usize).wrapping_sub('A' as usize);

@@ -1,7 +1,7 @@
 //! Procedural surfaces and prints, baked to textures.
 //!
-//! A [`Bake`] holds color, roughness and height on a grid that tiles; it becomes a material of two textures: color
-//! with roughness in the alpha channel, and a normal map; clearcoat and sheen are added on top. A [`MaterialCanvas`] is a
+//! A [`Bake`] holds color, roughness and height on a grid that tiles; it becomes a material of two textures: color with
+//! roughness in the alpha channel, and a normal map; clearcoat and sheen are added on top. A [`MaterialCanvas`] is a
 //! print: an image drawn from shapes.
 //!
 //! **Invariants.** All random draws come from the given stream, so equal streams give equal bytes. Colors are chosen

@@ -152,8 +152,8 @@ impl Design {
     }
 }
 
-/// The unfolded walls and lids of a carton of `[x, y, z]` meters, and the texture rectangle of each side: -x, +x, -y, +y,
-/// -z, +z.
+/// The unfolded walls and lids of a carton of `[x, y, z]` meters, and the texture rectangle of each side: -x, +x, -y,
+/// +y, -z, +z.
 pub fn carton(stream: &mut Stream, [sx, sy, sz]: [f64; 3]) -> (Arc<Texture>, [UvRect; 6]) {
     // In a row: front (-y), right (+x), back (+y), left (-x); top above and bottom below the front.
     let (width, height) = (2.0 * (sx + sy), sz + 2.0 * sy);

@@ -10,8 +10,8 @@
 //! cloudy and (0.3, 21, 1) for overcast skies. This is the illuminance of the sky without the sun.
 //!
 //! The color of blue sky follows Takagi et al. (SIGGRAPH 1990): `6500 + 1.1985e8 / L^1.2` kelvin at L nits. Clouds have
-//! one temperature. Temperatures become colors of the CIE daylight locus. The warm sky around a low sun and the clouds' shapes are
-//! models of our own.
+//! one temperature. Temperatures become colors of the CIE daylight locus. The warm sky around a low sun and the clouds'
+//! shapes are models of our own.
 //!
 //! **The sun.** The map does not contain the sun's disc, only the bright sky around it. Add a directional light for the
 //! sun's shadows. The sun is above the center column, the map's +x. Below the horizon is level ground lit by the sky.

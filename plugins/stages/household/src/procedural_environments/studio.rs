@@ -31,7 +31,7 @@ pub struct StudioRoom {
 pub struct Softbox {
     /// Axis that the face is at right angles to: 0 x, 1 y, 2 z.
     pub axis: usize,
-    /// On which end of it, 1 or -1.
+    /// End of the axis, 1 or -1.
     pub side: f64,
     /// Center on the face, along the next axis and the one after, as fractions of the room's half edges.
     pub center: [f64; 2],

@@ -1,7 +1,8 @@
 //! Modeling of closed solids with exact collision parts.
 //!
-//! A [`SolidShape`] is a set of shared points and triangles that carry their own texture coordinates. Sharing points makes
-//! closed surfaces closed by construction; [`SolidShape::finish`] then splits vertices at texture seams and at creases.
+//! A [`SolidShape`] is a set of shared points and triangles that carry their own texture coordinates. Sharing points
+//! makes closed surfaces closed by construction; [`SolidShape::finish`] then splits vertices at texture seams and at
+//! creases.
 //!
 //! **Invariants.** Every primitive is a closed surface with outward normals; a combined shape is a union of closed
 //! surfaces. Collision parts are point sets whose hulls together cover the surface.
@@ -108,7 +109,7 @@ impl SolidShape {
         self
     }
 
-    /// Removes all collision parts, for a shape inside another one.
+    /// Removes all collision parts, for a shape inside another shape.
     pub fn without_parts(mut self) -> Self {
         self.parts.clear();
         self
@@ -187,8 +188,8 @@ impl SolidShape {
         moments
     }
 
-    /// Texture coordinates by the dominant axis of every face, in tiles of `tile_m` meters. The u axis follows
-    /// the axis `grain` on all faces but those across it.
+    /// Texture coordinates by the dominant axis of every face, in tiles of `tile_m` meters. The u axis follows the axis
+    /// `grain`, except on faces across it.
     pub fn box_mapped(mut self, tile_m: f64, grain: usize) -> Self {
         for i in 0..self.faces.len() {
             let corners = self.faces[i].corners.map(|index| self.points[index as usize]);

@@ -1,8 +1,8 @@
 //! Forces between bodies at rest.
 //!
-//! Rigid bodies under gravity: at every point the normal force is at least zero, the relative acceleration along the normal
-//! too, and one of both vanishes (Baraff, SIGGRAPH 1994); friction opposes the tangential acceleration, up to its
-//! coefficient times the normal force. Solved point by point, again and again (projected Gauss-Seidel).
+//! Rigid bodies under gravity: at every point the normal force is at least zero, the relative acceleration along the
+//! normal too, and one of both vanishes (Baraff, SIGGRAPH 1994); friction opposes the tangential acceleration, up to
+//! its coefficient times the normal force. Solved point by point, again and again (projected Gauss-Seidel).
 
 use super::contact::Contact;
 use super::solid::Solid;

@@ -27,7 +27,8 @@ pub fn cuboid(center: [f32; 3], size: [f32; 3]) -> MeshData {
     MeshData { positions, triangles, ..Default::default() }
 }
 
-/// An open box of outer size, its walls and its floor of one thickness: one closed surface, its floor's underside at z = 0.
+/// An open box of outer size, its walls and its floor of one thickness: one closed surface, its floor's underside at z
+/// = 0.
 pub fn tray([x, y, z]: [f32; 3], thick: f32) -> MeshData {
     let ring = |inset: f32, z: f32| {
         let [x, y] = [x, y].map(|size| size / 2.0 - inset);
@@ -259,8 +260,8 @@ pub fn table_scene() -> SceneBuilder {
     scene
 }
 
-/// Adds objects in random poses over the table, clear of each other: over the central 60 % of the top, 0.2 to 1 m
-/// above it, higher if there is no space.
+/// Adds objects in random poses over the table, clear of each other: over the central 60 % of the top, 0.2 to 1 m above
+/// it, or higher if that space is full.
 pub fn drop_objects(scene: &mut SceneBuilder, objects: &[Arc<Object>], count: usize, seed: u64) {
     let mut stream = Stream::root(seed).child("objects");
     let mut taken: Vec<Aabb> = Vec::new();

@@ -134,7 +134,7 @@ fn a_room_encloses_the_table_and_every_part_draws_its_own_material() {
         }
         combinations.insert(names[1..].to_vec());
         assert!((bodies[0].world_bounds().max.z).abs() < 1e-9, "the floor's surface is at z = 0");
-        // The inner box is free of all parts, and every direction from its center meets one.
+        // The inner box is free of all parts, and every ray from its center meets one.
         let size = bodies[1].world_bounds().min.x * 2.0;
         assert!((6.0..15.0).contains(&size), "{size}");
         let inner =
@@ -278,13 +278,13 @@ fn no_two_objects_overlap_at_the_start() {
             let bodies: Vec<&BodyDraft> = scene.bodies().map(|(_, body)| body).collect();
             assert_apart(&bodies);
             for body in objects(&scene) {
-                // Small ones stay in the box; big ones do not fit, and the box grows upwards only.
+                // Small objects stay in the box; big ones do not fit, and the box grows only upwards.
                 let p = center(body);
                 assert!(p.x.abs() <= 0.6 && p.y.abs() <= 0.4 && p.z >= 0.95 && p.z <= 0.75 + most, "{pool}: {p}");
             }
         }
     }
-    // Even where nothing can ever fit side by side, all find a place.
+    // Even if no two objects fit side by side, all find a place.
     let narrow = placer("drop_box", "from = [\"big\"]\ncount = 12\nwidth_factor = 0\nheight_m = 0\nmax_tries = 1");
     let (scene, _) = place(&[&*table, &*narrow], 1).expect("placed");
     assert_eq!(objects(&scene).len(), 12);
@@ -299,7 +299,7 @@ fn objects_start_below_the_ceiling() {
         let drop = placer("drop_box", &format!("from = [\"small\"]\n{options}"));
         place(&[&*room, &*table(), &*drop], seed).map(|(scene, _)| scene)
     };
-    // Under a high ceiling the box is as high as it says, under a low one it ends there.
+    // Under a high ceiling, the box has its stated height; under a low one, it ends at the ceiling.
     for (height, most) in [(15.0, 1.85), (1.3, 1.3)] {
         let tops = (0..20).flat_map(|seed| {
             objects(&scene(height, "count = 20", seed).expect("placed")).into_iter().map(top).collect::<Vec<_>>()

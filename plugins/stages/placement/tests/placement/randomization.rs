@@ -25,7 +25,7 @@ fn walls_alike_have_one_material_and_mapping() {
         // The pool's materials have tiles of 1 m.
         assert!(overrides.iter().all(|one| (0.5..2.0).contains(&one.material.tile_m)));
         assert!(overrides[0].material.tile_m != overrides[1].material.tile_m);
-        // Floor and ceiling are those of a room whose walls differ.
+        // A room whose walls differ has the same floor and ceiling.
         let (other, _) = place(&[&*apart], seed).expect("placed");
         for i in [0, 5] {
             let other = bodies(&other)[i].material_override.clone().expect("an override");
@@ -58,7 +58,7 @@ fn a_room_can_be_longer_than_wide() {
         assert!((size.x - 4.0).abs() < 1e-5 && (size.z - 3.0).abs() < 1e-5 && (5.0..9.0).contains(&size.y), "{size}");
         assert!(inside.center().coords.xy().norm() < 1e-5);
         lengths.insert((size.y * 1e6) as u64);
-        // Nothing is left open and nothing doubled: the parts fill the shell.
+        // The parts fill the shell without gaps and overlaps.
         let filled: f64 = boxes.iter().map(|b| b.size().iter().product::<f64>()).sum();
         let shell = 4.2 * (size.y + 0.2) * 3.2 - 4.0 * size.y * 3.0;
         assert!((filled / shell - 1.0).abs() < 1e-4, "{filled} {shell}");
@@ -105,7 +105,7 @@ fn distractors_lie_on_the_floor_around_the_table() {
         assert_apart(&apart);
         for body in distractors {
             assert_eq!(body.motion, Motion::Fixed);
-            // Exact over the vertices, which are those of the box.
+            // Exact over the vertices: they are the vertices of the box.
             let bounds = body.world_bounds();
             assert!(bounds.min.z.abs() < 1e-6, "{bounds:?}");
             assert!((0..2).all(|k| bounds.min[k] > -2.0 && bounds.max[k] < 2.0), "{bounds:?}");
@@ -118,7 +118,7 @@ fn distractors_lie_on_the_floor_around_the_table() {
     }
     let expected = 0.4 * f64::from(all);
     assert!((lying as f64 - expected).abs() < 4.0 * (expected * 0.6).sqrt(), "{lying} of {all}");
-    // Sizes: only the smallest assets pass, and where none passes none is there.
+    // Sizes: only the smallest assets pass. If no asset passes, the scene has no distractors.
     let names = |options: &str| {
         let clutter = placer("distractors", &format!("{options}\nfrom = [\"small\", \"big\"]\ncount = 9"));
         let (scene, _) = place(&[&*table, &*clutter], 3).expect("placed");

@@ -21,7 +21,7 @@ impl Random {
     }
 }
 
-/// A mesh and where it stands.
+/// A mesh and its position.
 pub struct Object {
     pub positions: Vec<[f32; 3]>,
     pub triangles: Vec<[u32; 3]>,
@@ -51,7 +51,7 @@ pub fn objects() -> Vec<Object> {
     objects
 }
 
-/// A box of half-sizes `half` on height `z`, without its underside's neighbors when flat.
+/// A box of half-sizes `half` at height `z`; a single rectangle if it is flat.
 fn slab(half: [f32; 3], z: f32) -> Object {
     let corner = |i: usize| [0, 1, 2].map(|a| if i >> a & 1 == 1 { half[a] } else { -half[a] });
     let quads = [[0, 1, 3, 2], [4, 5, 7, 6], [0, 1, 5, 4], [2, 3, 7, 6], [0, 2, 6, 4], [1, 3, 7, 5]];
@@ -130,8 +130,8 @@ pub fn primary(width: usize, height: usize, samples: usize) -> Vec<Ray> {
     rays
 }
 
-/// All classes: camera rays, a cosine-weighted bounce from each hit, the same shuffled, and a
-/// shadow ray from each hit to a 20 cm light above the table.
+/// All classes: camera rays, a cosine-weighted bounce from each hit, the same bounces shuffled, and a shadow ray from
+/// each hit to a 20 cm light above the table.
 pub fn classes(scene: &SceneBvh, objects: &[Object], samples: usize) -> Vec<Class> {
     let world: Vec<Vec<[f32; 3]>> = objects.iter().map(Object::world_positions).collect();
     let mut random = Random(3);

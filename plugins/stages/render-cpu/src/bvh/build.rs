@@ -1,4 +1,4 @@
-//! From boxes to an 8-wide tree: obvhs makes the binary tree, the collapse here makes it wide.
+//! From boxes to an 8-wide tree: obvhs builds the binary tree, and this module collapses it to a wide tree.
 //!
 //! The collapse is optimal under the surface-area cost: for every binary subtree it works out the
 //! cheapest way to fill one to eight slots of a parent node, then reads the choices back.
@@ -32,7 +32,7 @@ pub(super) fn build(boxes: &[Bounds], leaf_size: usize, mut emit: impl FnMut(&mu
     nodes
 }
 
-/// How one binary subtree is best spread over a number of slots.
+/// The best way to spread one binary subtree over a number of slots.
 #[derive(Clone, Copy)]
 struct Choice {
     /// `cost[i - 1]`: cheapest cost when at most `i` slots may be used.
@@ -107,7 +107,7 @@ impl Plan {
         slots
     }
 
-    /// Levels of nodes, the root being one.
+    /// Levels of nodes, including the root.
     fn depth(&self) -> usize {
         let (mut deepest, mut pending) = (0, vec![(0, 1)]);
         while let Some((number, depth)) = pending.pop() {
@@ -131,8 +131,8 @@ impl Plan {
         items
     }
 
-    /// Writes the nodes in depth-first order, the children of a node side by side. Leaves take the
-    /// first slots: a walk content with any hit comes to them first.
+    /// Writes the nodes in depth-first order, the children of a node side by side. Leaves take the first slots, so that
+    /// a walk that stops at any hit reaches them first.
     fn write(&self, nodes: &mut Nodes, emit: &mut impl FnMut(&mut Nodes, &[u32]) -> usize) {
         let mut pending = vec![(0, nodes.push(Node::EMPTY))];
         while let Some((number, place)) = pending.pop() {
@@ -151,7 +151,7 @@ impl Plan {
     }
 }
 
-/// Levels of the tree that halving makes of `count` equal boxes.
+/// Levels of the tree that halving builds over `count` equal boxes.
 #[cfg(test)]
 pub(super) fn depth_by_halves(count: usize) -> usize {
     let boxes = vec![Bounds { lo: [0.0; 3], hi: [1.0; 3] }; count];

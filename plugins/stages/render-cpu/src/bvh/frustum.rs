@@ -12,7 +12,7 @@ pub(super) struct Frustum {
 
 impl Frustum {
     /// `None` unless the rays share their origin and lie within about 60° of their mean direction.
-    /// `reach` is the largest absolute coordinate of the boxes to come.
+    /// `reach` is the largest absolute coordinate of the boxes that are tested later.
     pub fn around(rays: &[Ray], reach: f32) -> Option<Self> {
         let origin = rays.first()?.origin;
         let mean = rays.iter().fold([0.0; 3], |sum, ray| {

@@ -11,8 +11,7 @@ use syntable_simd::Wide;
 
 /// An 8-wide tree over the triangles of a mesh, in the mesh's own frame.
 ///
-/// Triangles with a coordinate that is not finite are left out; those without area are kept and
-/// never hit.
+/// Triangles with a non-finite coordinate are left out; triangles without area are kept and never hit.
 #[derive(Clone, Debug)]
 pub struct MeshBvh {
     nodes: Nodes,
@@ -55,7 +54,7 @@ impl MeshBvh {
         size_of_val(&self.nodes.blocks[..])
     }
 
-    /// Boxes that together hold the mesh, tighter than one: those of the root's children.
+    /// Boxes that together hold the mesh, tighter than a single box: the boxes of the root's children.
     pub(super) fn outline(&self) -> Vec<Bounds> {
         match self.nodes.top() {
             Some(root) => (0..WIDTH).map(|s| root.bounds(s)).filter(|b| !b.is_empty()).collect(),
@@ -64,8 +63,8 @@ impl MeshBvh {
         }
     }
 
-    /// Offers to `sink` what the ray, given in this mesh's frame, meets in `[from, sink.limit()]`;
-    /// true if the sink ended it. No reported distance is less than `near`, at least `from`.
+    /// Offers to `sink` the hits of the ray, given in this mesh's frame, in `[from, sink.limit()]`; true if the sink
+    /// ended the walk. No reported distance is less than `near`, which is at least `from`.
     #[inline(always)]
     pub(super) fn walk<L: Wide, const SORT: bool, S: Sink>(
         &self,
@@ -80,7 +79,7 @@ impl MeshBvh {
         unsafe { walk::leaves::<L, _, SORT>(&self.nodes, &slabs, near, &mut visit) }
     }
 
-    /// Checks that every finite triangle sits in exactly one leaf, inside that leaf's box.
+    /// Checks that every finite triangle is in exactly one leaf, inside that leaf's box.
     ///
     /// # Panics
     /// If it does not, or the nodes are malformed.

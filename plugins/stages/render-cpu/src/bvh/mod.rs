@@ -1,10 +1,9 @@
 //! Ray tracing: an 8-wide tree per mesh, a small tree of instances per scene.
 //!
-//! Plain `f32` arrays in and out; meters throughout. Build a [`MeshBvh`] once per mesh, place it
-//! any number of times in a [`SceneBvh`], and ask that for first hits, shadows, or the first hit in
-//! every instance. Module by module: `wide` is the tree, `build` makes it, `ray` is what a walk
-//! precomputes, `walk` the traversal and triangle test, `query` the questions, `frustum` what rules out
-//! boxes for a whole tile.
+//! Input and output are plain `f32` arrays, in meters throughout. Build a [`MeshBvh`] once per mesh, place it any
+//! number of times in a [`SceneBvh`], and query that for first hits, shadows, or the first hit in every instance. The
+//! modules: `wide` is the tree, `build` builds it, `ray` holds values that a walk precomputes, `walk` is the traversal
+//! and the triangle test, `query` holds the queries, `frustum` rejects boxes for a whole tile.
 
 mod axes;
 mod build;

@@ -1,4 +1,4 @@
-//! The questions a scene answers, each as a task to run on some lanes.
+//! The queries of a scene, each as a task that runs on lanes of the processor.
 
 use super::{
     Hit, Ray,
@@ -17,20 +17,20 @@ impl SceneBvh {
         self.closest_where(ray, from, to, |_| true)
     }
 
-    /// The first hit that `keep` lets through; the place for alpha tests. `keep` may be called for
-    /// hits farther than the answer, in any order.
+    /// The first hit that `keep` accepts, for alpha tests. `keep` may be called for hits farther than the result, in
+    /// any order.
     #[inline]
     pub fn closest_where(&self, ray: &Ray, from: f32, to: f32, keep: impl Fn(&Hit) -> bool) -> Option<Hit> {
         self.processor.run(Closest { scene: self, ray, from: forward(from), to, keep })
     }
 
-    /// Whether anything is in the way: a shadow ray.
+    /// Whether anything occludes the ray: a shadow ray.
     #[inline]
     pub fn any(&self, ray: &Ray, from: f32, to: f32) -> bool {
         self.any_where(ray, from, to, |_| true)
     }
 
-    /// Whether anything that `keep` lets through is in the way.
+    /// Whether anything that `keep` accepts occludes the ray.
     #[inline]
     pub fn any_where(&self, ray: &Ray, from: f32, to: f32, keep: impl Fn(&Hit) -> bool) -> bool {
         self.processor.run(Any { scene: self, ray, from: forward(from), to, keep })
@@ -51,7 +51,7 @@ impl SceneBvh {
     }
 }
 
-/// Rays go forward only. Also turns NaN and -0 into 0.
+/// Rays only go forward. Also turns NaN and -0 into 0.
 #[inline(always)]
 fn forward(from: f32) -> f32 {
     if from > 0.0 { from } else { 0.0 }
@@ -78,7 +78,7 @@ impl<F: Fn(&Hit) -> bool> Task for Closest<'_, F> {
     }
 }
 
-/// Whether there is a hit that `keep` accepts.
+/// Whether `keep` accepts any hit.
 pub(super) struct Any<'a, F> {
     pub scene: &'a SceneBvh,
     pub ray: &'a Ray,
@@ -97,7 +97,7 @@ impl<F: Fn(&Hit) -> bool> Task for Any<'_, F> {
     }
 }
 
-/// Offers to `sink` what the ray meets, in any instance; true if the sink ended it.
+/// Offers to `sink` the hits of the ray in any instance; true if the sink ended the walk.
 #[inline(always)]
 fn walk_scene<L: Wide, const SORT: bool, S: SceneSink>(scene: &SceneBvh, ray: &Ray, from: f32, sink: &mut S) -> bool {
     let line = Line::<L>::new(ray);
@@ -111,7 +111,7 @@ fn walk_scene<L: Wide, const SORT: bool, S: SceneSink>(scene: &SceneBvh, ray: &R
     unsafe { walk::leaves::<L, _, SORT>(&scene.nodes, &slabs, from, &mut visit) }
 }
 
-/// Walks every instance met, all into one sink.
+/// Walks every instance that the ray meets, all with one sink.
 struct Instances<'a, L: Wide, S, const SORT: bool> {
     scene: &'a SceneBvh,
     line: Line<L>,
@@ -160,7 +160,7 @@ impl<F: FnMut(Hit)> Task for All<'_, F> {
     }
 }
 
-/// Walks every instance met, each for itself.
+/// Walks every instance that the ray meets, each on its own.
 struct Each<'a, L: Wide, F> {
     scene: &'a SceneBvh,
     line: Line<L>,
@@ -270,14 +270,14 @@ unsafe fn within<L: Wide>(
     nearest.found()
 }
 
-/// A sink that is told which instance the next hits are in.
+/// A sink that the walk informs about the instance of the next hits.
 trait SceneSink: Sink {
     fn enter(&mut self, instance: u32);
 }
 
 /// Keeps the best hit.
 struct Nearest<F> {
-    /// Numbers at their largest while nothing is found, so that a hit at the limit still wins.
+    /// Its numbers are the largest until a hit is found, so that a hit at the limit still wins.
     best: Hit,
     instance: u32,
     keep: F,

@@ -1,32 +1,31 @@
-//! What a walk precomputes about a ray, once per frame of reference.
+//! Values that a walk precomputes for a ray, once per frame of reference.
 
 use super::{Ray, axes::each_axis, wide::Column};
 use syntable_simd::Wide;
 
-/// Half-width of the error band put around every box, as a multiple of the largest coordinate in
-/// play. Shearing a corner in [`super::walk`] errs by less than `2 ε` of it and the slab test by
-/// less than `1.5 ε` (`ε = f32::EPSILON`), so a box never loses a triangle the exact same ray would hit.
+/// Half-width of the error band around every box, as a multiple of the largest coordinate involved. The error of
+/// shearing a corner in [`super::walk`] is below `2 ε` of it, and the error of the slab test is below `1.5 ε` (`ε =
+/// f32::EPSILON`). So a box never loses a triangle that the exact same ray would hit.
 pub(super) const BAND: f32 = 4.0 * f32::EPSILON;
 
-/// The same for boxes of instances, where moving the ray to the object's frame adds its own error.
+/// Like [`BAND`], for boxes of instances, where moving the ray to the object's frame adds an error of its own.
 pub(super) const PLACED_BAND: f32 = 16.0 * f32::EPSILON;
 
 /// Direction components below this fraction of the largest count as this fraction: a parallel slab then
 /// gives finite distances, and over the whole range the ray strays far less than [`BAND`].
 const FLATTEST: f32 = 1e-12;
 
-/// Directions whose every component is below this count as zero; keeps reciprocals finite.
+/// Directions whose components are all below this count as zero; keeps reciprocals finite.
 const SHORTEST: f32 = 1e-24;
 
-/// Orders for [`Wide::shuffle`]: one of x, y and z everywhere, and the three moved round by one
-/// and by two.
+/// Orders for [`Wide::shuffle`]: one of x, y and z everywhere, and the three rotated by one and by two.
 const X: i32 = 0b00_00_00_00;
 const Y: i32 = 0b01_01_01_01;
 const Z: i32 = 0b10_10_10_10;
 const ROUND: i32 = 0b11_00_10_01;
 const ROUND_TWICE: i32 = 0b11_01_00_10;
 
-/// A ray in some frame. Both halves of the lanes hold x, y, z and something finite.
+/// A ray in some frame. Both halves of the lanes hold x, y, z and any finite number.
 #[derive(Clone, Copy)]
 pub(super) struct Line<L: Wide> {
     origin: L::V,
@@ -57,8 +56,8 @@ impl<L: Wide> Line<L> {
         }
     }
 
-    /// Readies the ray for boxes and triangles whose largest absolute coordinate is `reach`, with one
-    /// of the bands. `None` if the direction is zero or anything is not finite: such a ray hits nothing.
+    /// Prepares the ray for boxes and triangles whose largest absolute coordinate is `reach`, with one of the bands.
+    /// `None` if the direction is zero or any number is not finite: such a ray hits nothing.
     #[inline(always)]
     pub fn aim(&self, reach: f32, band: f32) -> Option<(Slabs<L>, Shear)> {
         let (o, d) = (self.origin, self.direction);
@@ -90,7 +89,7 @@ impl<L: Wide> Line<L> {
     }
 }
 
-/// The largest of x, y and z, in the places of all three.
+/// The largest of x, y and z, in the lanes of all three.
 #[inline(always)]
 fn widest<L: Wide>(v: L::V) -> L::V {
     L::max(L::max(v, L::shuffle::<ROUND>(v)), L::shuffle::<ROUND_TWICE>(v))
@@ -110,7 +109,7 @@ pub(super) struct Slabs<L: Wide> {
     /// the error band, so that boxes grow.
     pub near_shift: [L::V; 3],
     pub far_shift: [L::V; 3],
-    /// Byte offsets of the near planes in a node; those of the far ones differ in one bit.
+    /// Byte offsets of the near planes in a node; the offsets of the far planes differ in one bit.
     pub near: [usize; 3],
 }
 
@@ -130,7 +129,7 @@ pub type Affine = [[f32; 4]; 3];
 /// The identity placement.
 pub const IDENTITY: Affine = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]];
 
-/// The columns of a matrix, as [`Line::seen_from`] wants them.
+/// The columns of a matrix, for [`Line::seen_from`].
 pub(super) fn columns(m: &Affine) -> [Column; 4] {
     [0, 1, 2, 3].map(|c| {
         let [x, y, z] = [m[0][c], m[1][c], m[2][c]];

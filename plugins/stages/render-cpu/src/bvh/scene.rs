@@ -22,7 +22,7 @@ pub struct Instance {
     pub id: u32,
 }
 
-/// An instance as rays see it.
+/// An instance as walks need it.
 #[derive(Clone, Debug)]
 pub(super) struct Placed {
     pub object_from_world: [Column; 4],
@@ -34,10 +34,10 @@ pub(super) struct Placed {
 
 /// A two-level tree; microseconds to build for tens of instances.
 ///
-/// Distances are in units of the ray's direction: meters for a unit direction. Ranges are closed,
-/// `from ≤ t ≤ to`, and a negative `from` counts as 0. Rays with a zero or non-finite direction or
-/// origin hit nothing. Answers depend on the instances alone, not on the CPU or the order of the
-/// walk: of hits at equal distance the earlier instance's wins, within it the lower primitive's.
+/// Distances are in units of the ray's direction: meters for a unit direction. Ranges are closed, `from ≤ t ≤ to`, and
+/// a negative `from` counts as 0. Rays with a zero or non-finite direction or origin hit nothing. Results depend only
+/// on the instances, not on the CPU or the order of the walk: of hits at equal distance, the earlier instance wins, and
+/// within an instance the lower primitive.
 #[derive(Clone, Debug)]
 pub struct SceneBvh {
     pub(super) nodes: Nodes,
@@ -48,8 +48,8 @@ pub struct SceneBvh {
 }
 
 impl SceneBvh {
-    /// Builds the top level over `instances`. Those with an empty mesh, or with a transform that is
-    /// singular or not finite, keep their place in the list and are never hit.
+    /// Builds the top level over `instances`. Instances with an empty mesh, or with a singular or non-finite transform,
+    /// keep their place in the list and are never hit.
     pub fn build(instances: impl IntoIterator<Item = Instance>) -> Self {
         let instances: Vec<Placed> = instances.into_iter().map(place).collect();
         let (numbers, boxes): (Vec<usize>, Vec<Bounds>) = instances
@@ -63,7 +63,7 @@ impl SceneBvh {
         Self { nodes, instances, reach, processor: Processor::detect() }
     }
 
-    /// The same scene computed without AVX2; gives the same answers, bit for bit.
+    /// The same scene without AVX2; its results are the same, bit for bit.
     pub fn portable(self) -> Self {
         Self { processor: Processor::portable(), ..self }
     }
@@ -73,12 +73,12 @@ impl SceneBvh {
         self.instances.len()
     }
 
-    /// Whether there is no instance.
+    /// Whether the scene has no instance.
     pub fn is_empty(&self) -> bool {
         self.instances.is_empty()
     }
 
-    /// The id an instance was given.
+    /// The id of an instance, as set by the caller.
     pub fn id(&self, instance: u32) -> u32 {
         self.instances[instance as usize].id
     }

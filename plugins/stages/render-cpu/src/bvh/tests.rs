@@ -1,4 +1,4 @@
-//! Answers against brute force, against paper, and against each other.
+//! Results compared with brute force, with closed forms, and with each other.
 
 use std::sync::Arc;
 use syntable_simd::{Processor, Simd, Task};
@@ -36,7 +36,7 @@ impl Random {
         Ray { origin, direction: [0, 1, 2].map(|a| target[a] - origin[a]) }
     }
 
-    /// Some rotation, scale, shear and shift.
+    /// A random rotation, scale, shear and shift.
     fn affine(&mut self) -> Affine {
         let mut m = IDENTITY;
         for (r, row) in m.iter_mut().enumerate() {
@@ -103,7 +103,7 @@ impl Sink for Best {
     }
 }
 
-/// The nearest triangle of one instance, by the same triangle test and no tree.
+/// The nearest triangle of one instance, by the same triangle test without a tree.
 fn brute(soup: &Soup, place: &Affine, ray: &Ray, from: f32) -> Option<Candidate> {
     struct Brute<'a>(&'a Soup, &'a Affine, &'a Ray, f32);
     impl Task for Brute<'_> {
@@ -124,7 +124,7 @@ fn brute(soup: &Soup, place: &Affine, ray: &Ray, from: f32) -> Option<Candidate>
     Processor::portable().run(Brute(soup, place, ray, from))
 }
 
-/// Möller and Trumbore in `f64`: distance, and how far inside the nearest edge as a weight.
+/// Möller and Trumbore in `f64`: distance, and the distance from the nearest edge as a weight.
 fn reference(soup: &Soup, triangle: usize, ray: &Ray) -> (f64, f64) {
     let [a, b, c] = soup.triangles[triangle].map(|i| soup.positions[i as usize].map(f64::from));
     let (o, d) = (ray.origin.map(f64::from), ray.direction.map(f64::from));
@@ -336,7 +336,7 @@ fn tiles_agree_with_single_rays() {
     for case in 0..200 {
         let eye = random.point(6.0);
         let target = random.point(2.0);
-        // Narrow, wide, and not a bundle at all.
+        // Narrow, wide, and not a bundle.
         let spread = [0.02, 0.5, 20.0][case % 3];
         let rays: Vec<Ray> = (0..64)
             .map(|_| {
@@ -412,7 +412,7 @@ fn no_ray_falls_through_a_grid_along_an_axis() {
             }
         }
     }
-    // In the plane itself there is nothing to hit, and nothing to trip over.
+    // In the plane of the triangles, a ray hits nothing, and must not cause a NaN.
     assert_eq!(scene.closest(&ray([-2.0, 0.0, 0.0], [1.0, 0.0, 0.0]), 0.0, FAR), None);
 }
 

@@ -1,14 +1,14 @@
 //! The walk itself: one ray through one tree, written once for every kind of [`Wide`].
 //!
-//! Boxes are tested with the plane columns picked by the ray's signs, and grown by the ray's error
-//! band. Triangles are tested in the ray's sheared frame (Woop, Benthin and Wald, "Watertight
-//! Ray/Triangle Intersection", 2013): shared corners shear to the same point and, products being
-//! rounded monotonically and not fused there, an edge function is either right in sign or zero; zeros
-//! are settled in `f64`, where the products are exact, and count as inside if they stay. So no ray passes between two triangles that share an edge or a corner.
+//! Boxes are tested with the plane columns selected by the ray's signs, and grown by the ray's error band. Triangles
+//! are tested in the ray's sheared frame (Woop, Benthin and Wald, "Watertight Ray/Triangle Intersection", 2013). Shared
+//! corners shear to the same point. Products are rounded monotonically and not fused there, so an edge function either
+//! has the right sign or is zero. Zeros are decided in `f64`, where the products are exact; a zero there counts as
+//! inside. So no ray passes between two triangles that share an edge or a corner.
 //!
-//! Results do not depend on the order of the walk. A hit's distance is never less than the near
-//! distance of its leaf's box (it is raised to it where rounding says otherwise), so a box is only
-//! skipped when nothing in it could win; and equal distances go to the lower number.
+//! Results do not depend on the order of the walk. A hit's distance is never less than the near distance of its leaf's
+//! box (it is raised to it if rounding made it less), so a box is only skipped if no hit in it can win; and of equal
+//! distances, the lower number wins.
 
 use super::{
     axes::each_axis,
@@ -17,7 +17,7 @@ use super::{
 };
 use syntable_simd::{Wide, prefetch};
 
-/// What one lane of a leaf reports.
+/// Result of one lane of a leaf.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Candidate {
     pub t: f32,
@@ -26,16 +26,16 @@ pub(super) struct Candidate {
     pub primitive: u32,
 }
 
-/// Receives what a walk finds.
+/// Receives the hits of a walk.
 pub(super) trait Sink {
-    /// Hits and boxes farther than this are of no interest; equal ones are.
+    /// Hits and boxes farther than this are ignored; equal ones are not.
     fn limit(&self) -> f32;
     /// Takes a hit; true ends the walk.
     fn offer(&mut self, candidate: Candidate) -> bool;
 }
 
 impl<L: Wide> Slabs<L> {
-    /// Which of the node's boxes the ray meets in `[from, to]`, as bits, and where it enters them.
+    /// Boxes of the node that the ray meets in `[from, to]`, as bits, and the distances at which it enters them.
     #[inline(always)]
     pub fn test(&self, node: &Node, from: L::V, to: f32) -> (u32, L::V) {
         const FAR: usize = size_of::<Column>();
@@ -46,7 +46,7 @@ impl<L: Wide> Slabs<L> {
             L::mul_add(plane, self.inverse[a], self.near_shift[a])
         });
         let far = each_axis!(a => {
-            // SAFETY: and those of the other three differ in one bit.
+            // SAFETY: the offsets of the other three planes differ in one bit.
             let plane = unsafe { L::load(&*planes.byte_add(self.near[a] ^ FAR)) };
             L::mul_add(plane, self.inverse[a], self.far_shift[a])
         });
@@ -56,13 +56,13 @@ impl<L: Wide> Slabs<L> {
     }
 }
 
-/// Does something with the leaves that a walk comes to. A trait rather than closures: a closure
-/// would be compiled without the CPU features of the function around it.
+/// Processes the leaves that a walk reaches. A trait rather than closures: a closure would be compiled without the CPU
+/// features of the function around it.
 pub(super) trait Visit<L: Wide> {
-    /// Whether leaves lie in the blocks of the tree, and not elsewhere.
+    /// Whether leaves are in the blocks of the tree.
     const AMONG_NODES: bool;
 
-    /// Boxes farther than this are of no interest; equal ones are.
+    /// Boxes farther than this are ignored; equal ones are not.
     fn limit(&self) -> f32;
 
     /// Visits a leaf, given its number and the near distance of its box; true ends the walk.
@@ -73,13 +73,11 @@ pub(super) trait Visit<L: Wide> {
     unsafe fn leaf(&mut self, leaf: usize, near: f32) -> bool;
 }
 
-/// Visits the leaves of `nodes` that the ray meets in `[from, limit]`; true if the visitor ended the
-/// walk. If `SORT`, near ones come first and with the near distance of their box, else in any order
-/// and with `from`.
+/// Visits the leaves of `nodes` that the ray meets in `[from, limit]`; true if the visitor ended the walk. If `SORT`,
+/// near leaves come first, with the near distance of their box; otherwise they come in any order, with `from`.
 ///
 /// # Safety
-/// `nodes` is as [`Nodes::validate`] wants it, and `visit` was
-/// made for them.
+/// `nodes` holds the invariants of [`Nodes::validate`], and `visit` was made for them.
 #[inline(always)]
 pub(super) unsafe fn leaves<L: Wide, V: Visit<L>, const SORT: bool>(
     nodes: &Nodes,
@@ -90,9 +88,9 @@ pub(super) unsafe fn leaves<L: Wide, V: Visit<L>, const SORT: bool>(
     if nodes.root == Link::NONE {
         return false;
     }
-    // Entries are links, under their near distances if `SORT`; near distances are at least 0, so
-    // entries compare like them. SAFETY of all uses: a walk holds at most STACK entries, see
-    // there, and those below `height` are written.
+    // Entries are links, keyed by their near distances if `SORT`. Near distances are at least 0, so entries compare
+    // like them. SAFETY of all uses: a walk holds at most STACK entries, see there, and all entries below `height` are
+    // written.
     let mut stack = [const { std::mem::MaybeUninit::<u64>::uninit() }; STACK];
     let mut height = 0;
     let blocks = nodes.blocks.as_ptr();
@@ -137,7 +135,7 @@ pub(super) unsafe fn leaves<L: Wide, V: Visit<L>, const SORT: bool>(
                     // SAFETY: see above.
                     unsafe {
                         let mut at = height;
-                        // Insert below the nearer ones of this node's entries.
+                        // Insert below the nearer entries of this node.
                         while SORT && at > base {
                             let below = stack.get_unchecked(at - 1).assume_init();
                             if below >= other {
@@ -169,7 +167,7 @@ pub(super) unsafe fn leaves<L: Wide, V: Visit<L>, const SORT: bool>(
     }
 }
 
-/// Asks for the four cache lines of a node, or the first four of a leaf.
+/// Prefetches the four cache lines of a node, or the first four of a leaf.
 #[inline(always)]
 fn prefetch_node(block: *const Block) {
     for line in 0..4 {
@@ -191,7 +189,7 @@ pub(super) fn leaf<L: Wide>(leaf: &Leaf, ray: &Shear, from: f32, near: f32, sink
         let along = L::sub(L::splat(-0.0), L::splat(*ray.inverse.0.get_unchecked(axes[2])));
         let shear_x = L::mul(L::splat(*ray.direction.0.get_unchecked(axes[0])), along);
         let shear_y = L::mul(L::splat(*ray.direction.0.get_unchecked(axes[1])), along);
-        // Seen from the corners: all signs are rotated, products of two are the same.
+        // Relative to the corners: all signs are flipped, so products of two are the same.
         let [[ax, ay, az], [bx, by, bz], [cx, cy, cz]] = each_axis!(corner => {
             let p = each_axis!(a => {
                 let column = leaf.corners[corner].get_unchecked(axes[a]);
@@ -201,7 +199,7 @@ pub(super) fn leaf<L: Wide>(leaf: &Leaf, ray: &Shear, from: f32, near: f32, sink
             let y = L::mul_add(shear_y, p[2], p[1]);
             [x, y, p[2]]
         });
-        // Twice the signed areas opposite each corner.
+        // Twice the signed area opposite each corner.
         let wa = L::sub(L::mul(cx, by), L::mul(cy, bx));
         let wb = L::sub(L::mul(ax, cy), L::mul(ay, cx));
         let wc = L::sub(L::mul(bx, ay), L::mul(by, ax));
@@ -239,8 +237,8 @@ pub(super) fn leaf<L: Wide>(leaf: &Leaf, ray: &Shear, from: f32, near: f32, sink
     false
 }
 
-/// Of the lanes in `doubtful`, those where the origin is outside the triangle given by the columns
-/// ax, ay, bx, by, cx, cy. Exact: products of two `f32` fit an `f64`, so signs are right.
+/// Lanes of `doubtful` whose origin is outside the triangle, which is given by the columns ax, ay, bx, by, cx, cy.
+/// Exact: products of two `f32` fit an `f64`, so signs are right.
 #[cold]
 #[inline(never)]
 fn outside_exactly(doubtful: u32, corners: &[Column; 6]) -> u32 {

@@ -1,5 +1,5 @@
-//! The 8-wide tree: nodes and leaves as columns, one lane per child or triangle. A node has up to `WIDTH` children, a leaf
-//! up to `WIDTH` triangles.
+//! The 8-wide tree: nodes and leaves as columns, one lane per child or triangle. A node has up to `WIDTH` children, a
+//! leaf up to `WIDTH` triangles.
 
 use syntable_prepare::Bounds;
 
@@ -12,7 +12,7 @@ pub(super) const MAX_DEPTH: usize = 32;
 /// and the deepest one pushes all eight of its children.
 pub(super) const STACK: usize = MAX_DEPTH * (WIDTH - 1) + 1;
 
-/// Where a child slot leads: to a node, to a leaf (or an instance, in the top-level tree), or nowhere.
+/// Target of a child slot: a node, a leaf (or an instance, in the top-level tree), or nothing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Link(pub u32);
 
@@ -36,14 +36,14 @@ impl Link {
         self.0 & Self::LEAF != 0
     }
 
-    /// The node's or leaf's first block; in the top-level tree, the instance's number.
+    /// First block of the node or leaf; in the top-level tree, the index of the instance.
     #[inline(always)]
     pub fn index(self) -> usize {
         (self.0 & !Self::LEAF) as usize
     }
 }
 
-/// Eight child boxes and where they lead: four cache lines.
+/// Eight child boxes and their links: four cache lines.
 #[derive(Clone, Debug)]
 #[repr(C, align(64))]
 pub(super) struct Node {
@@ -115,10 +115,11 @@ impl Leaf {
 #[repr(C, align(64))]
 pub(super) struct Block([u8; 64]);
 
-/// What can lie in blocks.
+/// Types that blocks can hold.
 ///
 /// # Safety
-/// A multiple of the size of a [`Block`], no more aligned, without padding, and any bits are a value.
+/// The size is a multiple of the size of a [`Block`], the alignment at most as large, the type has no padding, and any
+/// bits are a valid value.
 pub(super) unsafe trait Blocks: Sized {
     const COUNT: usize = size_of::<Self>() / size_of::<Block>();
 }
@@ -128,19 +129,19 @@ unsafe impl Blocks for Node {}
 // SAFETY: columns of numbers.
 unsafe impl Blocks for Leaf {}
 
-/// Nodes and leaves, close to where they are needed. Invariants, which [`Nodes::validate`] checks
-/// and the walks rely on: every link leads to a whole node or leaf, none is reached twice, no node
-/// is deeper than [`MAX_DEPTH`], and a child's box lies inside its parent's.
+/// Nodes and leaves, close to where they are needed. Invariants, which [`Nodes::validate`] checks and the walks rely
+/// on: every link leads to a whole node or leaf, each is reached only once, no node is deeper than [`MAX_DEPTH`], and a
+/// child's box lies inside its parent's.
 #[derive(Clone, Debug)]
 pub(super) struct Nodes {
     pub blocks: Vec<Block>,
-    /// Where every walk begins; [`Link::NONE`] for the tree of nothing.
+    /// Where every walk begins; [`Link::NONE`] for an empty tree.
     pub root: Link,
     pub bounds: Bounds,
 }
 
 impl Nodes {
-    /// Makes room for one more node or leaf and returns its place.
+    /// Makes room for another node or leaf and returns its place.
     pub fn push<T: Blocks>(&mut self, value: T) -> usize {
         let place = self.blocks.len();
         self.blocks.extend((0..T::COUNT).map(|_| Block([0; 64])));
@@ -150,7 +151,7 @@ impl Nodes {
 
     pub fn get<T: Blocks>(&self, place: usize) -> &T {
         let blocks = &self.blocks[place..place + T::COUNT];
-        // SAFETY: long and aligned enough, and any bits will do.
+        // SAFETY: the blocks are long and aligned enough, and any bits are a valid value.
         unsafe { &*blocks.as_ptr().cast() }
     }
 
@@ -165,7 +166,7 @@ impl Nodes {
         (!self.root.is_leaf()).then(|| self.get(self.root.index()))
     }
 
-    /// Checks the invariants and calls `leaf` with every leaf reached and the box it was given.
+    /// Checks the invariants and calls `leaf` with every reached leaf and its box.
     ///
     /// # Panics
     /// If an invariant does not hold.

@@ -1,4 +1,4 @@
-//! Where a tracer is in the samples of its pixels.
+//! Position of a tracer in the samples of its pixels.
 
 use syntable_transport::film::Task;
 
@@ -18,12 +18,12 @@ impl Cursor {
         self.number >= task.pixels.len() || task.samples.is_empty()
     }
 
-    /// The pixel's number in the tile.
+    /// Index of the pixel in the tile.
     pub(super) fn pixel(self, task: &Task) -> usize {
         usize::from(task.pixels[self.number])
     }
 
-    /// The sample after it.
+    /// The next sample.
     pub(super) fn after(self, task: &Task) -> Self {
         match self.sample + 1 {
             next if next == task.samples.end => Self { number: self.number + 1, sample: task.samples.start },

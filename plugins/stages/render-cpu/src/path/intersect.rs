@@ -9,8 +9,8 @@ use syntable_transport::path::{GUIDE_BOUNCES, LAYER_DIMENSION, TOUCHING};
 use syntable_transport::surface::surface;
 
 impl PathTracer<'_> {
-    /// Ends the paths that hit a light or nothing: their hits become infinite, and if they are many the batch is compacted.
-    /// Returns the number of paths left, ended ones included.
+    /// Ends the paths that hit a light or nothing: their hits become infinite, and if many paths end, the batch is
+    /// compacted. Returns the number of paths left, including ended ones.
     #[inline(always)]
     pub(super) fn intersect_lights<T: Real>(&self, batch: &mut Batch, alive: usize, bounce: u32) -> usize {
         let mut left = 0;
@@ -67,16 +67,17 @@ impl PathTracer<'_> {
         kept
     }
 
-    /// Multiple-importance weight of a light that BSDF sampling hit, from its density and that of emitter sampling.
+    /// Multiple-importance weight of a light that BSDF sampling hit, from its density and the density of emitter
+    /// sampling.
     #[inline(always)]
     fn bsdf_sampled_weight<T: Real>(&self, bsdf: T, emitter: T, bounce: u32) -> T {
         match self.strategy {
-            // Light that a camera ray meets is found in no other way; so is what it meets behind panes.
+            // No other estimate finds light that a camera ray meets, directly or behind panes.
             _ if bounce == 0 => T::splat(1.0),
             Strategy::Combined => power_heuristic(bsdf, emitter),
             #[cfg(test)]
             Strategy::Bsdf => T::splat(1.0),
-            // Light behind a transmitting surface contributes in no other way.
+            // No other estimate finds light behind a transmitting surface.
             Strategy::Emitters => T::select(bsdf.ge(T::splat(f32::INFINITY)), T::splat(1.0), T::splat(0.0)),
         }
     }

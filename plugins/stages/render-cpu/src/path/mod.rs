@@ -1,11 +1,11 @@
-//! The path tracer: light that reaches the camera, by sampling paths from the camera.
+//! The path tracer: computes the light that reaches the camera, with paths that start at the camera.
 //!
-//! At every surface an emitter is sampled and the BSDF is sampled; both estimates of direct light are combined by multiple
-//! importance sampling with the power heuristic (Veach, 1997). Russian roulette ends faint paths.
+//! At every surface an emitter is sampled and the BSDF is sampled; both estimates of direct light are combined by
+//! multiple importance sampling with the power heuristic (Veach, 1997). Russian roulette ends faint paths.
 //!
 //! Paths run in batches, bounce by bounce: first all rays are traced, then all surfaces evaluated, then all scattering
-//! computed in lanes, then all shadow rays traced; batches are compacted after every step. The radiance of a path depends
-//! on its pixel and sample alone, not on its batch.
+//! computed in lanes, then all shadow rays traced; batches are compacted after every step. The radiance of a path
+//! depends on its pixel and sample alone, not on its batch.
 //!
 //! A batch goes from `start` through `intersect` and `scatter`, bounce by bounce; `sums` accumulates per pixel.
 
@@ -29,7 +29,7 @@ use syntable_transport::light::Lights;
 use syntable_transport::path::{ALPHA_OF_BOUNCE, ALPHA_OF_SAMPLE, GUIDE_BOUNCES, TOUCHING};
 use syntable_transport::{PixelSums, RayCamera, Settings};
 
-/// Which estimates of direct light are used; tests compare them.
+/// Estimates of direct light; tests compare them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Strategy {
     /// Both, combined.
@@ -58,13 +58,13 @@ pub(crate) struct PathTracer<'a> {
     background: bool,
 }
 
-/// What paths gather.
+/// Data that paths gather.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Gather {
     Light,
     /// Light, and denoising guides on the way.
     LightAndGuides,
-    /// Guides alone: paths end at the first surface that is no mirror.
+    /// Guides only: paths end at the first surface that is not a mirror.
     Guides,
 }
 
@@ -78,18 +78,18 @@ impl<'a> PathTracer<'a> {
         Self { world, lights, camera, settings, strategy, processor, order, spread, gather, background: true }
     }
 
-    /// The same on another instruction set, and with shadows with other estimates of direct light.
+    /// The same tracer on another instruction set, and, if shadows are on, with other estimates of direct light.
     pub fn with(self, strategy: Strategy, processor: Processor) -> Self {
         let strategy = if self.settings.shadows { strategy } else { self.strategy };
         Self { strategy, processor, ..self }
     }
 
-    /// The same, gathering guides for denoisers.
+    /// The same tracer, with guides for denoisers.
     pub fn with_guides(self, guides: bool) -> Self {
         Self { gather: if guides { Gather::LightAndGuides } else { Gather::Light }, ..self }
     }
 
-    /// The same with or without what camera rays meet beside bodies.
+    /// The same tracer; `background` decides whether camera rays meet lights and sky.
     pub fn with_background(self, background: bool) -> Self {
         Self { background, ..self }
     }
@@ -99,7 +99,7 @@ impl<'a> PathTracer<'a> {
         self.gather != Gather::Light
     }
 
-    /// The same for guides alone, with `samples` per pixel and a seed of its own.
+    /// The same tracer for guides only, with `samples` per pixel and a seed of its own.
     fn for_guides(&self, samples: u32) -> Self {
         let settings = Settings { samples, ..self.settings };
         let tracer = Self::new(self.world, self.lights, self.camera, settings, guide_seed(self.order.seed()));
@@ -117,7 +117,7 @@ impl<'a> PathTracer<'a> {
                 Gather::Guides => self.follow_guides::<T>(&mut batch, count),
                 _ => self.follow::<T>(&mut batch, count, statistics),
             }
-            // In the order of the samples, whatever the batches.
+            // In the order of the samples, independent of the batches.
             let mut cursor = first;
             for slot in 0..count {
                 let sums: &mut PixelSums = &mut task.sums[cursor.pixel(task)];
@@ -179,7 +179,8 @@ impl<'a> PathTracer<'a> {
         }
     }
 
-    /// Follows the paths of a batch until they know their guides. They are not counted: the light does not need them.
+    /// Follows the paths of a batch until their guides are known. They do not count in the statistics: the light does
+    /// not need them.
     #[inline(always)]
     fn follow_guides<T: Real>(&self, batch: &mut Batch, count: usize) {
         let mut alive = count;
@@ -212,8 +213,8 @@ impl<'a> PathTracer<'a> {
         }
     }
 
-    /// Scatters the paths of a batch, with layers only if the scene has any; returns the numbers of paths that go on and of
-    /// shadow rays.
+    /// Scatters the paths of a batch, with layers only if the scene has any; returns the number of continuing paths and
+    /// the number of shadow rays.
     #[inline(always)]
     fn scatter_all<T: Real>(&self, batch: &mut Batch, alive: usize, bounce: u32) -> (usize, usize) {
         match self.world.scene.is_layered {
@@ -237,7 +238,7 @@ impl<'a> PathTracer<'a> {
 pub(crate) struct TileTracers<'a>(pub Vec<PathTracer<'a>>);
 
 impl TileTracers<'_> {
-    /// Adds samples to the sums of squares, square by square over the workers.
+    /// Adds samples to the sums of squares of pixels, square by square over the workers.
     fn run(&self, tasks: Vec<Task>, workers: &dyn Workers) -> Statistics {
         let total = Mutex::new(Statistics::default());
         let tasks: Vec<_> = tasks.into_iter().map(Mutex::new).collect();
@@ -262,7 +263,7 @@ impl Tracer for TileTracers<'_> {
     }
 
     fn trace_guides(&self, samples: u32, tasks: Vec<Task>, workers: &dyn Workers) -> Result<()> {
-        // They are not counted: the light does not need them.
+        // These paths do not count in the statistics: the light does not need them.
         TileTracers(self.0.iter().map(|tracer| tracer.for_guides(samples)).collect()).run(tasks, workers);
         Ok(())
     }
@@ -284,7 +285,7 @@ impl syntable_simd::Task for Trace<'_, '_> {
     }
 }
 
-/// Seed of a ray's random numbers for surfaces that cover in part.
+/// Seed of a ray's random numbers for surfaces with partial coverage.
 #[inline(always)]
 fn alpha_seed<I: Int>(seed: I, index: I, bounce: u32) -> I {
     seed ^ index.times(I::splat(ALPHA_OF_SAMPLE)) ^ I::splat((bounce + 1).wrapping_mul(ALPHA_OF_BOUNCE))

@@ -25,31 +25,32 @@ struct Shading<T: Real> {
     perturbed: T::Mask,
     parameters: BsdfParameters<T>,
     bsdf: Bsdf<T>,
-    /// Of layered scenes.
+    /// For layered scenes.
     layered: Option<Layered<T>>,
     /// Lanes whose surface is a pane.
     pane: T::Mask,
     /// Direction of the ray, and its distance to the surface.
     direction: Vec3<T>,
     distance: T,
-    /// Density of that direction; infinite as long as the path has met nothing but glass.
+    /// Density of that direction; infinite while the path has only met glass.
     pdf: T,
 }
 
 /// Continuation of some paths.
 struct Continuation<T: Real> {
-    /// Lanes that go on.
+    /// Lanes that continue.
     going: T::Mask,
     origin: Vec3<T>,
     direction: Vec3<T>,
     throughput: Rgb<T>,
     sample: BsdfSample<T>,
-    /// Lanes that pass a pane straight: only their throughput changes, and where they look for surfaces.
+    /// Lanes that pass straight through a pane: only their throughput and the minimum distance of the next surface
+    /// change.
     straight: T::Mask,
 }
 
 impl PathTracer<'_> {
-    /// Samples emitters and BSDFs; returns the numbers of paths that go on and of shadow rays.
+    /// Samples emitters and BSDFs; returns the number of continuing paths and the number of shadow rays.
     #[inline(always)]
     pub(super) fn scatter<T: Real, const LAYERED: bool>(
         &self,
@@ -116,8 +117,8 @@ impl PathTracer<'_> {
         }
     }
 
-    /// Emitter sampling: adds shadow rays towards lights; returns their number so far. `split` also keeps the fraction of
-    /// their light that is specular.
+    /// Emitter sampling: adds shadow rays towards lights; returns their number so far. `split` also stores the specular
+    /// fraction of their light.
     #[inline(always)]
     fn sample_emitters<T: Real>(
         &self,
@@ -165,7 +166,8 @@ impl PathTracer<'_> {
         cast + chosen.to_bits().count_ones() as usize
     }
 
-    /// Keeps what guides need of a scattering: the specular fraction at the first surface, and what glass reflects.
+    /// Stores values of a scattering for guides: the specular fraction at the first surface, and whether glass
+    /// reflected.
     #[inline(always)]
     fn keep_guides<T: Real, const LAYERED: bool>(
         &self,
@@ -194,7 +196,7 @@ impl PathTracer<'_> {
         let uv = sampler.pair(3 + 2 * bounce);
         let sample = match layered {
             Some(layered) => {
-                // Guides are of what is behind glass, not of what it reflects.
+                // Guides describe the surface behind glass, not the reflection.
                 if self.gather == Gather::Guides {
                     layered.sample(bsdf, uv, T::splat(1.0 - f32::EPSILON), zero)
                 } else {
@@ -221,7 +223,7 @@ impl PathTracer<'_> {
         };
         if bounce + 1 >= self.settings.roulette_from {
             let survival = at_most(throughput.max_component(), 0.95);
-            // What a camera sees through glass has samples like anything else, and guides.
+            // Surfaces behind glass get as many samples as others, and guides.
             let through_glass = shading.pdf.ge(T::splat(f32::INFINITY)) & sample.pdf.ge(T::splat(f32::INFINITY));
             let survival = T::select(through_glass, T::splat(1.0), survival);
             going = going & sampler.random(bounce).lt(survival);
@@ -230,7 +232,7 @@ impl PathTracer<'_> {
         Continuation { going, origin, direction, throughput, sample, straight }
     }
 
-    /// Compaction: stores the paths that go on, from `next` on; returns their number so far.
+    /// Compaction: stores the continuing paths, from `next` on; returns their number so far.
     #[inline(always)]
     fn compact<T: Real>(
         &self,
@@ -245,13 +247,13 @@ impl PathTracer<'_> {
         let alpha = T::select(sample.specular, roughness * roughness, T::splat(1.0));
         let old_spread = T::load(&paths.spread[at..]);
         let spread = old_spread + alpha * DIFFUSE_SPREAD;
-        // From a rough bounce on, nothing is smoother than the option says.
+        // After a rough bounce, every surface is at least as rough as the option `regularize`.
         let regularize = T::load(&paths.regularize[at..]);
         let regularize = T::select(alpha.gt(T::splat(ROUGH)), T::splat(self.settings.regularize), regularize);
         let mut width = T::load(&paths.width[at..]);
         let (mut origin, mut normal, mut pdf, mut near) = (*origin, shading.normal, sample.pdf, T::splat(0.0));
         if straight.any() {
-            // The ray stays what it was, and so do the densities of lights that it may hit.
+            // The ray is unchanged, and so are the densities of lights that it may hit.
             let straight = *straight;
             origin = Vec3::select(straight, load(&paths.origin, at), origin);
             normal = Vec3::select(straight, load(&paths.normal, at), normal);
@@ -287,21 +289,21 @@ fn specular_fraction<T: Real>(bsdf: &Bsdf<T>, layered: Option<&Layered<T>>, meta
     vec3(fraction(specular.x, diffuse.x), fraction(specular.y, diffuse.y), fraction(specular.z, diffuse.z))
 }
 
-/// Random number that decides between reflection and passage, spread evenly over the samples.
+/// Random number that decides between reflection and transmission, evenly distributed over the samples.
 #[inline(always)]
 fn passage<I: Int>(sampler: &Sampler<I>, bounce: u32) -> I::Real {
     let seed = sampler.seed ^ I::splat(PASSAGE);
     Sampler { seed, ..*sampler }.pair(bounce)[0]
 }
 
-/// As [`alpha_seed`], for a shadow ray.
+/// Like [`alpha_seed`], for a shadow ray.
 #[inline(always)]
 fn shadow_alpha_seed<I: Int>(seed: I, index: I, bounce: u32) -> I {
     alpha_seed(seed, index, bounce + ALPHA_OF_SHADOW)
 }
 
-/// Factor on light from `wi` at a perturbed normal: softens the edge where the faces of a smooth mesh turn away from a
-/// light that their normals still see (Chiang, Li and Burley, SIGGRAPH 2019 talks).
+/// Factor on light from `wi` at a perturbed normal: softens the shadow edge where the faces of a smooth mesh turn away
+/// from a light although their normals still face it (Chiang, Li and Burley, SIGGRAPH 2019 talks).
 #[inline(always)]
 fn shadow_terminator<T: Real>(face: Vec3<T>, normal: Vec3<T>, perturbed: T::Mask, wi: Vec3<T>) -> T {
     let g = face.dot(wi) * inverse(at_least(normal.dot(wi) * normal.dot(face), 1e-6));
@@ -309,7 +311,7 @@ fn shadow_terminator<T: Real>(face: Vec3<T>, normal: Vec3<T>, perturbed: T::Mask
     T::select(perturbed, g * (g + 1.0_f32 - g * g), T::splat(1.0))
 }
 
-/// Origin of scattered rays: off the surface by more than rounding errors, on the side of `face`.
+/// Origin of scattered rays: moved off the surface by more than rounding errors, to the side of `face`.
 #[inline(always)]
 fn offset_ray_origin<T: Real>(position: Vec3<T>, face: Vec3<T>) -> Vec3<T> {
     let largest = position.map(Real::abs).max_component();

@@ -11,8 +11,8 @@ use syntable_transport::PixelFilter;
 use syntable_transport::film::{Task, place};
 use syntable_transport::path::LENS;
 
-/// Position along an axis of the pixel, which is [0, 1], by a density that falls linearly to 0 one pixel from its center;
-/// from a uniform number.
+/// Position along an axis of the pixel, which is [0, 1], from a uniform number. The density falls linearly to 0 one
+/// pixel from the center.
 #[inline(always)]
 fn tent<T: Real>(u: T) -> T {
     let half = T::splat(0.5);
@@ -31,7 +31,7 @@ impl PathTracer<'_> {
         while count < BATCH && !cursor.is_over(task) {
             let (x, y) = place(task.area, task.pixels[cursor.number]);
             let corner = self.camera.corner(x, y);
-            // Pixels beyond the image have numbers of their own, in the order of two's complement.
+            // Pixels outside the image have numbers of their own, in two's complement.
             let (seed, first) = self.order.pixel(x as u32, y as u32);
             let more = ((task.samples.end - cursor.sample) as usize).min(BATCH - count);
             for i in count..count + more {
@@ -69,7 +69,7 @@ impl PathTracer<'_> {
                 for (lane, (u, v)) in us.into_iter().zip(vs).enumerate().take(T::WIDTH.min(count - at)) {
                     let before = (first.sample - task.samples.start) as usize + at + lane;
                     let (x, y) = place(task.area, task.pixels[first.number + before / per_pixel]);
-                    // Where the lens sees nothing, no surface is hit.
+                    // Outside the image of the lens, rays hit no surface.
                     let seen = self.camera.warped(x, y, [u, v]).unwrap_or(Vec3::from([f32::NAN; 3]));
                     set(&mut paths.direction, at + lane, seen);
                 }

@@ -1,4 +1,4 @@
-//! Components of light with a closed form.
+//! Components of light, compared with closed forms.
 
 use super::support::*;
 use std::f64::consts::PI;
@@ -19,7 +19,8 @@ fn mean(frame: &Products, key: Key<Plane<[f32; 3]>>) -> f64 {
     data.iter().map(|p| f64::from(p[1])).sum::<f64>() / data.len() as f64
 }
 
-/// A table that a block hides from all of a light of 1000 lux, seen from near in a few pixels around the origin.
+/// A table in the complete shadow of a block under a light of 1000 lux, seen from near in a few pixels around the
+/// origin.
 fn table_in_shadow() -> (std::sync::Arc<Scene>, View) {
     let scene = scene([
         body(&object("table", sheet([3.0, 3.0]), matte(0.5)), at(0.0, 0.0, 0.0), Role::Object),
@@ -68,7 +69,7 @@ fn components_add_up_to_the_whole() {
         }
     }
     assert!(mean(&frame, RADIANCE_INDIRECT) > 0.02);
-    // A table that sees nothing but sky is as white in it as its albedo; nothing shadows it, and nothing lights it again.
+    // A table under the open sky only is as bright as its albedo times the sky; it has no shadow and no indirect light.
     let down = super::support::view(8, 8, 80.0, [0.01, 0.0, 2.0], [0.0; 3], vec![furnace()]);
     let frame = render(options(64, 6), &scene([body(&table, at(0.0, 0.0, 0.0), Role::Object)]), &down, &wants);
     assert!(plane(&frame, RADIANCE_INDIRECT).iter().all(|light| *light == [0.0; 3]));

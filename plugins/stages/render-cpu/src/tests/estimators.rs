@@ -11,8 +11,8 @@ use syntable_model::scene::{
     EnvironmentLight, EnvironmentMap, Light, Material, RectLight, Role, Scalar, SphereLight, WindowLight,
 };
 
-/// A corner of a room with a glossy floor, a metal ball, a box, and three large lights, one of them partly inside a wall. One
-/// of the others may be a window.
+/// A corner of a room with a glossy floor, a metal ball, a box, and three large lights, one of them partly inside a
+/// wall. Another light may be a window.
 fn room(has_window: bool) -> (std::sync::Arc<Scene>, View) {
     let floor = object("floor", sheet([2.0, 2.0]), Material::plain("floor", [0.6, 0.5, 0.4], 0.35));
     let metal = Material { metallic: Scalar::constant(1.0), ..Material::plain("metal", [0.9, 0.7, 0.5], 0.25) };
@@ -96,7 +96,7 @@ fn check(has_window: bool) {
         };
         let zs: Vec<f64> = combined.iter().zip(&other).map(z).collect();
         let kept = || keep("estimators", &[("combined", &image), (name, &other_image)]);
-        // 432 pixels, 15 degrees of freedom each: |t| above 6 has a chance of about 1 in 100 over all of them.
+        // 432 pixels, 15 degrees of freedom each: the probability of any |t| above 6 is about 1 in 100.
         let worst = zs.iter().fold(0.0_f64, |a, z| a.max(z.abs()));
         assert!(worst < 6.5, "{name}: a pixel is off by {worst} deviations; {}", kept());
         // The mean over pixels catches a small bias everywhere.
@@ -104,7 +104,7 @@ fn check(has_window: bool) {
         let variance: f64 = combined.iter().chain(&other).map(|p| p[1] * p[1]).sum();
         let z = (total - total_other) / variance.sqrt();
         assert!(z.abs() < 4.0, "{name}: {total} and {total_other}, off by {z} deviations; {}", kept());
-        // And combining is worth it: less noise a sample than either.
+        // Combining must pay off: less noise per sample than either strategy.
         let noise = |s: &[[f64; 2]], samples: u32| s.iter().map(|p| p[1] * p[1] * f64::from(samples)).sum::<f64>();
         assert!(noise(&combined, 16) < noise(&other, samples), "{name} has less noise");
     }

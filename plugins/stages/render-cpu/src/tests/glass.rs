@@ -1,4 +1,4 @@
-//! What is seen through glass, and light that comes through panes.
+//! Views through glass, and light through panes.
 
 use super::support::*;
 use crate::CpuPathRenderer;
@@ -15,13 +15,13 @@ use syntable_transport::PixelFilter;
 const PANEL_M: f64 = 0.8;
 const HEIGHT_M: f64 = 1.0;
 
-/// A black wall that is never hit: scenes need an object.
+/// A black wall that no ray hits: scenes need an object.
 fn bystander() -> syntable_model::scene::BodyDraft {
     body(&object("bystander", cuboid([0.01; 3]), matte(0.0)), at(0.0, 0.0, -5.0), Role::Object)
 }
 
-/// A small part of a floor of albedo 0.5 under the center of a panel of one nit, seen from the side, below `sheets`, one
-/// above the other. Mean and standard deviation of its pixels.
+/// A small part of a floor of albedo 0.5 under the center of a panel of one nit, seen from the side, below `sheets`,
+/// one above the other. Returns mean and standard deviation of its pixels.
 fn floor_under(sheets: &[Material], options: PathTracing) -> [f64; 2] {
     let sheets = sheets.iter().enumerate().map(|(number, material)| {
         let object = object(&format!("sheet {number}"), sheet([4.0; 2]), material.clone());
@@ -43,7 +43,7 @@ fn floor_under(sheets: &[Material], options: PathTracing) -> [f64; 2] {
     [mean, variance.sqrt()]
 }
 
-/// The same by quadrature over the panel; `transmittance` is of an angle of incidence, degrees.
+/// The same mean by quadrature over the panel; `transmittance` takes the angle of incidence in degrees.
 fn floor_by_quadrature(transmittance: impl Fn(f64) -> f64) -> f64 {
     const STEPS: usize = 200;
     let mut irradiance = 0.0;
@@ -78,25 +78,25 @@ fn light_comes_straight_through_panes() {
     ] {
         let color = if sheets.len() > 1 { 0.6 } else { 1.0 };
         let want = floor_by_quadrature(|degrees| of_pane(degrees).powi(sheets.len() as i32) * color);
-        // Whether or not paths are long enough to find the panel by chance. With longer ones the floor's own light comes
-        // back from the panes.
+        // Paths may or may not be long enough to find the panel by chance. With longer paths, the panes also reflect
+        // the floor's own light back.
         for max_bounces in [1, 2] {
             let [got, spread] = floor_under(&sheets, options(64, max_bounces));
             let reflected = max_bounces > 1;
             let near = if reflected { (0.99..1.03).contains(&(got / want)) } else { (got / want - 1.0).abs() < 0.004 };
             assert!(near, "{name}, {max_bounces} bounces: {got}, not {want}");
-            // As clean as without: every shadow ray counts.
+            // As little noise as without panes: every shadow ray counts.
             assert!(spread / got < 1.6 * noise / bare, "{name}: noise {} was {}", spread / got, noise / bare);
         }
     }
-    // What is rough scatters: no shadow ray passes.
+    // A rough pane scatters light, so no shadow ray passes it.
     let [got, spread] = floor_under(&[clear(0.3, None)], options(64, 4));
     assert!(spread / got > 2.0 * noise / bare, "{got} ± {spread}");
 }
 
 #[test]
 fn a_pane_before_the_camera_changes_nothing_but_the_light() {
-    // A busy floor through a pane, and a light that is seen through it.
+    // A textured floor behind a pane, and a light behind the pane.
     let ground = body(&object("floor", sheet([0.3; 2]), matte(0.5)), at(0.0, 0.0, 0.0), Role::Object);
     let panel = RectLight {
         center: Point3::new(0.0, 0.6, 0.5),
@@ -114,7 +114,8 @@ fn a_pane_before_the_camera_changes_nothing_but_the_light() {
         let off = a.iter().flatten().zip(b.iter().flatten()).filter(|(a, b)| (*a - *b).abs() > 0.12).count();
         assert!(off * 100 < a.len() * 3, "{}: {off} of {} numbers differ", guide.name(), 3 * a.len());
     }
-    // The furnace shines on both sides: what the pane takes it also reflects; the light's front loses by two faces of it.
+    // The furnace shines on both sides, so the pane also reflects the light that it does not transmit; the light's
+    // front loses light at two faces of the pane.
     let [a, b] = [&bare, &covered].map(|frame| frame.get(RADIANCE).expect("made").data());
     let ratio = a.iter().map(|p| f64::from(p[1])).sum::<f64>() / b.iter().map(|p| f64::from(p[1])).sum::<f64>();
     assert!((1.0..1.25).contains(&ratio), "{ratio}");
@@ -122,7 +123,7 @@ fn a_pane_before_the_camera_changes_nothing_but_the_light() {
 
 #[test]
 fn what_glass_reflects_is_specular() {
-    // A glass ball in the furnace: what is neither reflected on the way in nor out is seen through it.
+    // A glass ball in the furnace: light that is not reflected, on the way in or out, passes through it.
     let ball = object("ball", ball(1.0, 192), clear(0.0, Some(AIRY)));
     let scene = scene([body(&ball, at(0.0, 0.0, 0.0), Role::Object)]);
     let (eye, focal, size) = (1.35, 12.2, 16);
@@ -137,7 +138,7 @@ fn what_glass_reflects_is_specular() {
     for i in 0..fine {
         for j in 0..fine {
             let [x, y] = [i, j].map(|k| ((f64::from(k) + 0.5) / 8.0 - f64::from(size) / 2.0) / focal);
-            // sin of the angle at the ball from that at the eye.
+            // sin of the angle at the ball, from the angle at the eye.
             let sin = eye * ((x * x + y * y) / (1.0 + x * x + y * y)).sqrt();
             want += 1.0 - (1.0 - fresnel(sin.asin().to_degrees(), 1.5)).powi(2);
         }
@@ -149,7 +150,7 @@ fn what_glass_reflects_is_specular() {
 
 #[test]
 fn highlights_of_glass_are_not_rare() {
-    // A panel in a pane, which reflects a tenth of it: the spread between pixels is what few samples leave.
+    // A pane reflects a tenth of a panel: the spread between pixels is the noise of few samples.
     let pane = body(&object("pane", sheet([4.0; 2]), clear(0.0, None)), at(0.0, 0.0, 0.0), Role::Object);
     let panel = RectLight {
         center: Point3::new(0.0, 1.0, 1.0),
@@ -164,13 +165,13 @@ fn highlights_of_glass_are_not_rare() {
     let spread = (pixels.iter().map(|y| (y - mean).powi(2)).sum::<f64>() / pixels.len() as f64).sqrt();
     let want = 900.0 * (1.0 - of_pane(45.0));
     assert!((mean / want - 1.0).abs() < 0.01, "{mean}, not {want}");
-    // By chance alone it would be the root of (1 − R) / 16 R, 0.8.
+    // With random choices alone, it would be the root of (1 − R) / 16 R, 0.8.
     assert!(spread / mean < 0.05, "{}", spread / mean);
 }
 
 #[test]
 fn the_tent_weighs_by_distance_from_the_center() {
-    // A bright edge between columns, at a fraction of a pixel: the image across it is the filter's integral.
+    // A bright edge between columns, at a fraction of a pixel: the image across it is the integral of the filter.
     let emissive = Material { emission: Color::constant([1.0; 3]), ..matte(0.0) };
     let half = body(&object("half", sheet([2.0; 2]), emissive), at(2.0 + 0.3 / 16.0, 0.0, 0.0), Role::Object);
     let scene = scene([half]);

@@ -16,11 +16,11 @@ const HEIGHT: f64 = 1.5;
 
 fn ground() -> BodyDraft {
     let material = Material { projection_height_m: Some(HEIGHT as f32), ..matte(0.25) };
-    // Beyond its edge is the environment that it shows.
+    // Beyond the edge of the ground, rays meet the environment that it shows.
     body(&object("ground", sheet([4.0, 4.0]), material.with_digest()), at(0.0, 0.0, 0.0), Role::Room)
 }
 
-/// An object that nobody sees.
+/// An object outside the view.
 fn hidden() -> Arc<Object> {
     object("hidden", cuboid([0.1, 0.1, 0.1]), matte(0.0))
 }
@@ -50,12 +50,12 @@ fn the_ground_looks_like_the_environment_without_it() {
     for lights in [
         vec![environment(EnvironmentMap::constant([0.7; 3]), [2.0, 1.0, 0.0])],
         vec![environment(landscape(), [100.0, 90.0, 80.0])],
-        // Light of a sun counts: the ground's color is the darker for it, and its radiance the same.
+        // The light of a sun counts: the ground's color is darker, and its radiance the same.
         vec![environment(landscape(), [1.0; 3]), Light::Directional(sun)],
     ] {
         let hidden = body(&hidden(), at(0.0, 0.0, -5.0), Role::Object);
         let (with, without) = (scene([hidden.clone(), ground()]), scene([hidden]));
-        // From the point of the projection, every pixel is that of the environment.
+        // From the point of the projection, every pixel equals the pixel of the environment.
         let view = view(24, 16, 14.0, [0.0, 0.0, HEIGHT], [1.0, 0.7, 0.3], lights.clone());
         let images = [&with, &without].map(|scene| render(options(1024, 4), scene, &view, &LIGHT));
         let [with, without] = images.each_ref().map(|frame| frame.get(RADIANCE).expect("made"));
@@ -73,7 +73,7 @@ fn the_ground_looks_like_the_environment_without_it() {
 
 #[test]
 fn what_is_above_the_ground_casts_its_shadow() {
-    // A black sheet over the origin hides the fraction of the light that Lambert's formula says.
+    // A black sheet over the origin hides a fraction of the light that Lambert's formula gives.
     for (half, height) in [(0.5_f64, 0.8), (2.0, 1.0)] {
         let roof = object("roof", sheet([half as f32; 2]), matte(0.0));
         let scene = scene([body(&roof, at(0.0, 0.0, height), Role::Object), ground()]);
@@ -114,11 +114,11 @@ fn the_albedo_of_the_ground_matches_its_view() {
         let want = PI * seen[channel] / (5.0 * sum[channel]);
         assert!((f64::from(got[channel]) / want - 1.0).abs() < 1e-2, "{got:?}: {channel}, not {want}");
     }
-    // No more than all light.
+    // The albedo is limited to 1.
     let mut texels = vec![[0.1; 3]; 64 * 32];
     texels[64 * 16..].fill([0.6; 3]);
     let bright = EnvironmentMap::new("bright below", 64, 32, texels).expect("sound");
     assert_eq!(albedo(vec![environment(bright, [1.0; 3])]), [1.0; 3]);
-    // Without an environment it has its own color.
+    // Without an environment, the ground has its own color.
     assert_eq!(albedo(Vec::new()), [0.25; 3]);
 }

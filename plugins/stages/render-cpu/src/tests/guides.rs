@@ -1,4 +1,4 @@
-//! What guides denoisers.
+//! Guides for denoisers.
 
 use super::images::{busy_scene, texture};
 use super::support::*;
@@ -10,7 +10,7 @@ use syntable_model::scene::{Color, Encoding, Light, Material, RectLight, Role, S
 
 type Guide = Key<Plane<[f32; 3]>>;
 
-/// A mirror that shows a busy little world from below.
+/// A mirror that shows a small scene with many details, from below.
 fn mirror_scene() -> (Arc<Scene>, View) {
     let silver = Material { metallic: Scalar::constant(1.0), ..Material::plain("silver", [0.9, 0.8, 0.7], 0.0) };
     let red = Material::plain("red", [0.8, 0.1, 0.1], 0.9);
@@ -30,7 +30,7 @@ fn mirror_scene() -> (Arc<Scene>, View) {
     (scene, view(48, 36, 40.0, [0.0, -1.2, 0.6], [0.0, 0.2, 0.1], vec![Light::Rect(panel)]))
 }
 
-/// Root of the mean squared difference. The outermost pixels do not count: they have no neighbor to be unlike.
+/// Root of the mean squared difference. The outermost pixels do not count: they lack neighbors to differ from.
 fn difference(a: &Plane<[f32; 3]>, b: &Plane<[f32; 3]>) -> f64 {
     let (mut sum, mut count) = (0.0, 0);
     for y in 1..a.height() - 1 {
@@ -43,7 +43,7 @@ fn difference(a: &Plane<[f32; 3]>, b: &Plane<[f32; 3]>) -> f64 {
     (sum / f64::from(count)).sqrt()
 }
 
-/// Checks of two colors under a panel, which fill the image.
+/// A floor of two colors in checks under a panel, which fills the image.
 fn checked_floor() -> (Arc<Scene>, View) {
     let checks = texture(16, 16, Encoding::Srgb, |x, y| {
         if (x / 4 + y / 4) % 2 == 0 { [230, 200, 40, 255] } else { [120, 90, 60, 255] }
@@ -72,7 +72,7 @@ fn they_are_clean_from_one_sample_on() {
         for (mean, one) in guides {
             let truth = true_ones.get(mean).expect("made");
             let error = |frame: &Products| difference(frame.get(mean).expect("made"), truth);
-            // One ray a pixel, as the labels have it, is what a path alone would know; it does not look into mirrors.
+            // A single ray per pixel, as for labels, is all that one path would have; it does not follow mirrors.
             let alone = difference(few.get(one).expect("made"), truth);
             let told = format!(
                 "{name}, {}: {} {} {}, one ray: {alone}",
@@ -96,7 +96,7 @@ fn a_mirror_has_the_color_of_what_it_shows() {
     let mirror = scene.bodies().iter().find(|body| body.role == Role::Support).expect("there").id;
     let shown: Vec<&[f32; 3]> =
         albedo.data().iter().zip(ids.data()).filter(|(_, id)| **id == mirror).map(|(albedo, _)| albedo).collect();
-    // The wall's gray of 0.4, and the ball's red, times the silver's color.
+    // The wall's gray of 0.4, and the colors of the balls, times the color of silver.
     for color in [[0.36, 0.32, 0.28], [0.72, 0.08, 0.07], [0.09, 0.56, 0.14]] {
         let alike = |albedo: &&&[f32; 3]| (0..3).all(|c| (albedo[c] - color[c]).abs() < 0.01);
         assert!(shown.iter().filter(alike).count() > 10, "{color:?} is not to be seen in the mirror");
@@ -120,7 +120,7 @@ fn demodulated_light_has_no_texture_and_makes_the_image_with_it() {
     let (mut edges, mut contrast) = (0, [0.0_f64; 2]);
     for pixel in 0..of(RADIANCE).len() {
         let albedo = of(DENOISE_ALBEDO)[pixel];
-        // At an edge, uneven light makes the mean of products another than the product of means.
+        // At an edge, uneven light makes the mean of products differ from the product of means.
         let whole: [f32; 3] = std::array::from_fn(|c| {
             of(RADIANCE_DEMODULATED)[pixel][c] * (albedo[c] + DEMODULATION_EPSILON) + of(RADIANCE_SPECULAR)[pixel][c]
         });
@@ -134,6 +134,6 @@ fn demodulated_light_has_no_texture_and_makes_the_image_with_it() {
             edges += 1;
         }
     }
-    // What is left is the light's own change, and what keeps black from being divided by.
+    // The remaining contrast is the change of the light itself, and of the epsilon that avoids a division by 0.
     assert!(edges > 50 && contrast[0] < 0.2 * contrast[1], "{edges} edges, contrasts {contrast:?}");
 }

@@ -22,7 +22,7 @@ pub(super) fn texture(width: u32, height: u32, encoding: Encoding, f: impl Fn(u3
     Arc::new(Texture { width, height, texels, encoding, wrap: [Wrap::Repeat; 2], digest })
 }
 
-/// Everything at once: textures, cut-outs, bumps, metal, smooth meshes, two lights.
+/// A scene with all features: textures, cut-outs, bumps, metal, smooth meshes, two lights.
 pub(super) fn busy_scene() -> (Arc<Scene>, View) {
     let checks =
         texture(
@@ -201,7 +201,7 @@ fn textures_are_the_right_way_up_on_every_mapping() {
     });
     let painted = Arc::new(Material { base_color: Color::texture(quarters), tile_m: 1.0, ..matte(1.0) });
     let table = object("table", sheet([0.5, 0.5]), matte(0.5));
-    // Looked at from above, with world y up in the image.
+    // Seen from above, with world y up in the image.
     let looking = view(4, 4, 4.0, [0.0, 0.0, 1.0], [0.0; 3], vec![]);
     let check = |mapping: TextureMapping, want: [[u8; 3]; 4]| {
         let surface = MaterialOverride { material: painted.clone(), mapping };
@@ -217,7 +217,7 @@ fn textures_are_the_right_way_up_on_every_mapping() {
     let (red, green, blue, gray) = ([255, 0, 0], [0, 255, 0], [0, 0, 255], [128; 3]);
     check(TextureMapping::Uv(UvTransform::default()), [red, green, blue, gray]);
     let half = std::f32::consts::PI;
-    // Turning coordinates by half a turn about the corner turns the tiled image.
+    // Rotating coordinates by half a turn about the corner rotates the tiled image.
     check(TextureMapping::Uv(UvTransform { rotation: half, ..Default::default() }), [gray, blue, green, red]);
     check(TextureMapping::Box { rotation: 0.0, offset: [0.5, 0.5] }, [red, green, blue, gray]);
     check(TextureMapping::Box { rotation: 0.0, offset: [0.0, 0.5] }, [green, red, gray, blue]);
@@ -225,7 +225,7 @@ fn textures_are_the_right_way_up_on_every_mapping() {
 
 #[test]
 fn normal_maps_tilt_towards_growing_u_and_v() {
-    // A map that leans towards +u (red) and +v (green).
+    // A map that tilts the normal towards +u (red) and +v (green).
     let tilt = texture(1, 1, Encoding::Linear, |_, _| [192, 166, 230, 255]);
     let bumpy = Arc::new(Material { normal: Some(NormalMap { map: tilt.into(), strength: 1.0 }), ..matte(0.5) });
     let table = object("table", sheet([0.5, 0.5]), matte(0.5));
@@ -235,7 +235,7 @@ fn normal_maps_tilt_towards_growing_u_and_v() {
         let looking = view(1, 1, 4.0, [0.0, 0.0, eye], [0.0; 3], vec![]);
         let frame = render(options(1, 1), &scene, &looking, &[NORMAL.id()]);
         let [x, y, z] = *frame.get(NORMAL).expect("made").at(0, 0);
-        // The camera's x is world x seen from above, its y is −world y; z points away from it.
+        // Seen from above, the camera's x is world x and its y is −world y; z points away from it.
         assert!((x - want[0]).abs() < 0.02 && (y - want[1]).abs() < 0.02 && z < -0.7, "{mapping:?}: {x} {y} {z}");
     };
     let length = (0.506_f32.powi(2) + 0.302_f32.powi(2) + 0.804_f32.powi(2)).sqrt();
@@ -245,7 +245,7 @@ fn normal_maps_tilt_towards_growing_u_and_v() {
     // Coordinates rotated by a quarter: u now grows along −y, v along x.
     let quarter = std::f32::consts::FRAC_PI_2;
     check(TextureMapping::Box { rotation: quarter, offset: [0.0; 2] }, 1.0, [b, a]);
-    // From below the same relief is seen from behind, and the camera's x is −world x.
+    // From below, the relief is seen from behind, and the camera's x is −world x.
     check(TextureMapping::Uv(UvTransform::default()), -1.0, [a, b]);
 }
 
@@ -288,7 +288,7 @@ fn rounds_give_the_same_image_as_one_go_and_quiet_tiles_stop_early() {
     let (fewest, most) = samples(&early);
     assert_eq!(fewest, 16_u32.into(), "the plain background needs no more");
     assert_ne!(most, 16_u32.into(), "the objects do");
-    // The promised noise is that of another image's difference.
+    // The difference from another image has the promised noise.
     let other = render(PathTracing { noise: Some(1e-9), ..options(2048, 4) }, &scene, &view, &wants);
     let (a, b) = (early.get(RADIANCE).expect("made"), other.get(RADIANCE).expect("made"));
     let mean = b.data().iter().map(|p| f64::from(p[1])).sum::<f64>() / b.data().len() as f64;
@@ -299,8 +299,8 @@ fn rounds_give_the_same_image_as_one_go_and_quiet_tiles_stop_early() {
 
 #[test]
 fn bumps_too_fine_to_see_make_a_surface_rougher() {
-    // A metal sheet whose normals alternate by ±20 degrees from texel to texel, seen so that a texel is a twentieth of a
-    // pixel, mirrors as much of a panel's light to the camera as one whose texels are seen one by one.
+    // A metal sheet has normals that alternate by ±20 degrees from texel to texel. If a texel is a twentieth of a
+    // pixel, it mirrors as much of a panel's light to the camera as if the texels were large.
     let tilt = 20.0_f64.to_radians();
     let code = |x: f64| (127.5 + 127.5 * x).round() as u8;
     let bumps = texture(16, 16, Encoding::Linear, |x, y| {
@@ -330,8 +330,8 @@ fn bumps_too_fine_to_see_make_a_surface_rougher() {
         let data = frame.get(RADIANCE).expect("made").data();
         data.iter().map(|p| f64::from(p[1])).sum::<f64>() / data.len() as f64
     };
-    // 1024 samples see a quarter of a pixel, 1.3 cm: texels of 10 cm one by one, those of 0.6 mm not at all. Two slopes
-    // are not quite a rougher surface, but far from an even one.
+    // 1024 samples resolve a quarter of a pixel, 1.3 cm: texels of 10 cm are resolved, texels of 0.6 mm are not. Two
+    // slopes are not quite a rougher surface, but far from an even one.
     let (coarse, fine, even) = (seen(1.6, 1.0), seen(0.01, 1.0), seen(0.01, 0.0));
     assert!((fine / coarse - 1.0).abs() < 0.25 && even / coarse > 1.6, "{fine}, not {coarse}; even: {even}");
 }

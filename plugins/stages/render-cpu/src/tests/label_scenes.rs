@@ -1,5 +1,5 @@
-//! Labels of hand-made scenes against closed forms and against casting every object alone, with tests of triangles in
-//! f64 that share nothing with the tree.
+//! Labels of hand-made scenes, compared with closed forms and with casts of every object alone. The casts test
+//! triangles in f64 and share no code with the tree.
 
 use super::support::*;
 use std::sync::Arc;
@@ -13,8 +13,8 @@ use syntable_transport::PathTracing;
 
 const LABELS: [KeyId; 4] = [DEPTH.id(), INSTANCE.id(), COVERAGE.id(), COVERAGE_BEFORE_SUPPORT.id()];
 
-/// Depth of the first triangle of each body on the ray through (u, v), in f64 (Möller and Trumbore). None of the
-/// scenes here has an edge within 1e-6 of a pixel's center ray.
+/// Depth of the first triangle of each body on the ray through (u, v), in f64 (Möller and Trumbore). In all scenes
+/// here, edges are at least 1e-6 away from the center ray of every pixel.
 fn depths(scene: &Scene, view: &View, u: f64, v: f64) -> Vec<Option<f64>> {
     let pose = view.camera.world_from_camera;
     let (origin, direction) = (pose * Point3::origin(), pose * view.camera.intrinsics.unproject(u, v));
@@ -36,7 +36,7 @@ fn depths(scene: &Scene, view: &View, u: f64, v: f64) -> Vec<Option<f64>> {
     scene.bodies().iter().map(depth).collect()
 }
 
-/// Renders all labels and compares every pixel, those of a larger canvas included, with the casts of single bodies.
+/// Renders all labels and compares every pixel, also on a larger canvas, with the casts of single bodies.
 fn check(scene: &Arc<Scene>, view: &View) -> Products {
     let frame = render(options(1, 1), scene, view, &LABELS);
     let (width, height) = (view.camera.intrinsics.width as i32, view.camera.intrinsics.height as i32);
@@ -65,7 +65,7 @@ fn check(scene: &Arc<Scene>, view: &View) -> Products {
                     depth == want || (depth - want).abs() < 2e-6 * want,
                     "depth at ({x}, {y}): {depth}, not {want}"
                 );
-                // What is seen is covered, exactly.
+                // A visible object always covers its pixel.
                 if (1..=objects).contains(&usize::from(id.0)) {
                     let contains = |key: Key<BitPlane>| frame.get(key).expect("made").contains(x as u32, y as u32, id);
                     assert!(contains(COVERAGE) && contains(COVERAGE_BEFORE_SUPPORT));
@@ -93,7 +93,7 @@ fn stacked_boxes_on_a_table() {
     let scene = scene([
         body(&large, at(0.0, 0.0, 0.1), Role::Object),
         body(&small, at(0.03, 0.02, 0.3), Role::Object),
-        // Under the floor: hidden by the support, covered all the same.
+        // Under the floor: the support hides it, but it still covers its pixels.
         body(&small, at(0.3, 0.3, -0.5), Role::Object),
         floor(),
     ]);
@@ -130,7 +130,7 @@ fn a_distractor_hides_and_does_not_cut() {
 
 #[test]
 fn a_ring_of_occlusion() {
-    // Three long bars, each lying over the next: no order of depth explains it.
+    // Three long bars, each on top of the next: no depth order explains it.
     let bar = object("bar", cuboid([0.5, 0.06, 0.02]), matte(0.5));
     let bars = (0..3).map(|i| {
         let turn = f64::from(i) * std::f64::consts::TAU / 3.0;
@@ -144,7 +144,7 @@ fn a_ring_of_occlusion() {
     });
     let scene = scene(bars.chain([floor()]));
     let frame = check(&scene, &view(64, 64, 60.0, [0.02, 0.03, 1.6], [0.0, 0.0, 0.3], vec![]));
-    // Each hides a part of the next, and none of the one before.
+    // Each hides a part of the next bar, and nothing of the previous one.
     let (seen, coverage) = (frame.get(INSTANCE).expect("made"), frame.get(COVERAGE).expect("made"));
     let hides = |a: u16, b: u16| {
         (0..64)
@@ -162,7 +162,7 @@ fn an_object_cut_by_the_frame() {
     let block = object("block", cuboid([0.2, 0.2, 0.2]), matte(0.5));
     let scene = scene([
         body(&block, at(0.9, 0.0, 0.2), Role::Object),
-        // Wholly outside the image, within the wide canvas.
+        // Completely outside the image, but within the wide canvas.
         body(&block, at(-2.0, 0.0, 0.2), Role::Object),
         floor(),
     ]);
@@ -212,7 +212,7 @@ fn a_point_is_seen_in_the_pixel_that_it_projects_to() {
         let scene = scene([body(&dot, at(p[0], p[1], p[2]), Role::Object)]);
         let camera = &view.camera;
         let [u, v] = camera.intrinsics.project(&(camera.world_from_camera.inverse() * Point3::from(p)));
-        // So placed that the pixel's center meets it.
+        // Shifted so that the pixel's center meets it.
         let (x, y) = (u.floor(), v.floor());
         let mut shifted = view.clone();
         shifted.camera.intrinsics.cx += x + 0.5 - u;
@@ -227,7 +227,7 @@ fn a_point_is_seen_in_the_pixel_that_it_projects_to() {
 
 #[test]
 fn of_surfaces_at_the_same_depth_the_object_is_in_front() {
-    // A sheet lies exactly on the table: seen, covered, and before the support.
+    // A sheet lies exactly on the table: it is visible, covers its pixels, and is before the support.
     let paper = object("paper", sheet([0.2, 0.2]), matte(0.5));
     let scene = scene([body(&paper, at(0.0, 0.0, 0.0), Role::Object), floor()]);
     let view = view(16, 16, 30.0, [0.0, 0.0, 1.0], [0.0; 3], vec![]);
@@ -265,7 +265,7 @@ fn thin_glass_is_a_body_unless_labels_go_by_coverage() {
     }
 }
 
-/// An image of 8 × 8 texels whose columns are even.
+/// An image of 8 × 8 texels in columns of one color.
 fn columns(texel: impl Fn(u32) -> [u8; 4]) -> Arc<syntable_model::scene::Texture> {
     use syntable_model::scene::{Encoding, Texture, Wrap};
     let texels: Vec<u8> = (0..64).flat_map(|i| texel(i % 8)).collect();
@@ -273,8 +273,8 @@ fn columns(texel: impl Fn(u32) -> [u8; 4]) -> Arc<syntable_model::scene::Texture
     Arc::new(Texture { width: 8, height: 8, texels, encoding: Encoding::Linear, wrap: [Wrap::Clamp; 2], digest })
 }
 
-/// Glass before an object, from straight above: a pane at 0.5 m, whose right quarter is opaque, over a block that ends at 0.2 m,
-/// over the floor. The camera is at 1.5 m, so depths are 1, 1.3 and 1.5 m.
+/// Glass in front of an object, seen from straight above: a pane at 0.5 m, whose right quarter is opaque, over a block
+/// that ends at 0.2 m, over the floor. The camera is at 1.5 m, so depths are 1, 1.3 and 1.5 m.
 #[test]
 fn of_glass_before_an_object_the_surface_counts_that_the_option_says() {
     use syntable_model::scene::{Scalar, Transmission};
@@ -289,13 +289,14 @@ fn of_glass_before_an_object_the_surface_counts_that_the_option_says() {
     };
     let view = view(20, 20, 20.0, [0.0, 0.0, 1.5], [0.0; 3], vec![]);
     let (block_alone, both) = ([2_u16].as_slice(), [1_u16, 2].as_slice());
-    // Transmission, metallic, the policy; what is seen at columns 6 and 16 of row 10, its depth, and what covers column 6.
+    // Transmission, metallic, texture, the policy; the visible bodies at columns 6 and 16 of row 10, their depths, and
+    // the bodies that cover column 6.
     let (first, opaque) = (BlendedLabels::Shape, BlendedLabels::Opaque);
     for (fraction, metallic, is_textured, policy, seen, depths, covering) in [
         (1.0, 0.0, true, first, [1, 1], [1.0, 1.0], both),
         (1.0, 0.0, true, BlendedLabels::Coverage, [1, 1], [1.0, 1.0], both),
         (1.0, 0.0, true, opaque, [2, 1], [1.3, 1.0], block_alone),
-        // One half is glass, less is none, and neither is a metal.
+        // A transmission of one half counts as glass; less does not, and neither does metal.
         (0.5, 0.0, false, opaque, [2, 3], [1.3, 1.5], block_alone),
         (0.49, 0.0, false, opaque, [1, 1], [1.0, 1.0], both),
         (1.0, 1.0, false, opaque, [1, 1], [1.0, 1.0], both),
@@ -320,7 +321,7 @@ fn of_glass_before_an_object_the_surface_counts_that_the_option_says() {
         let coverage = frame.get(COVERAGE).expect("made");
         let covers: Vec<u16> = (1..=2).filter(|id| coverage.contains(6, 10, InstanceId(*id))).collect();
         assert_eq!(covers, covering, "{what}");
-        // What is seen is covered.
+        // A visible object always covers its pixel.
         for (x, y) in (0..20).flat_map(|y| (0..20).map(move |x| (x, y))) {
             let id = *instance.at(x, y);
             assert!(id.0 == 3 || id.0 == 0 || coverage.contains(x, y, id), "{what}: ({x}, {y})");
@@ -341,7 +342,7 @@ fn holes_are_no_surface_for_labels() {
     let view = view(20, 20, 20.0, [0.0, 0.0, 1.5], [0.0; 3], vec![]);
     let frame = render(options(1, 1), &scene, &view, &LABELS);
     let (seen, coverage) = (frame.get(INSTANCE).expect("made"), frame.get(COVERAGE).expect("made"));
-    // Row 10: the sheet spans x = 2..18, its hole the left half; the block behind shows through.
+    // Row 10: the sheet spans x = 2..18, its left half is a hole that shows the block behind.
     assert_eq!((seen.at(6, 10).0, seen.at(13, 10).0), (2, 1));
     assert!(!coverage.contains(6, 10, InstanceId(1)) && coverage.contains(13, 10, InstanceId(1)));
     assert!(coverage.contains(13, 10, InstanceId(2)));

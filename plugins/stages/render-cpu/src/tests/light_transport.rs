@@ -1,4 +1,4 @@
-//! Radiance with a closed form.
+//! Radiance, compared with closed forms.
 
 use super::support::*;
 use std::f64::consts::PI;
@@ -59,7 +59,7 @@ fn a_table_under_a_rectangle_light() {
 
 #[test]
 fn a_half_hidden_light_gives_half() {
-    // A wall stands on the plane through the middle of the light, up to it.
+    // A wall stands on the plane through the middle of the light, and reaches up to it.
     let wall = object("wall", sheet([1.0, 3.0]), matte(0.0));
     let turned = Pose::from_parts(
         syntable_model::geometry::Translation3::new(0.0, 0.0, 1.0),
@@ -73,8 +73,8 @@ fn a_half_hidden_light_gives_half() {
     check("half-hidden light", &frame, 0.5 * 0.5 * 100.0 / PI, 0.01);
 }
 
-/// A closed ball of a given albedo with a light in its center: every bounce returns the fraction ρ of what arrives evenly
-/// again, so that the wall's radiance is ρ E / (π (1 − ρ)) with the light's own E.
+/// A closed ball of a given albedo with a light in its center: every bounce reflects the fraction ρ of the incident
+/// light evenly, so that the wall's radiance is ρ E / (π (1 − ρ)) with the light's own E.
 #[test]
 fn a_ball_lit_from_its_center() {
     let shell = object("shell", inside_out(ball(1.0, 128)), matte(0.5));
@@ -82,7 +82,7 @@ fn a_ball_lit_from_its_center() {
     let radius = 0.01;
     let light = sphere_light([0.0; 3], radius, sphere_luminance(PI, 1.0, radius));
     let view = view(8, 8, 10.0, [0.3, 0.2, 0.1], [0.9, 0.0, 0.4], vec![light]);
-    // E = π lx, ρ = 1/2: the series 1/2 + 1/4 + … is 1 nit. The light hides next to nothing.
+    // E = π lx, ρ = 1/2: the series 1/2 + 1/4 + … is 1 nit. The light itself hides almost nothing.
     let frame = render(PathTracing { russian_roulette_from: 4, ..options(256, 40) }, &scene, &view, &[RADIANCE.id()]);
     check("ball lit from its center", &frame, 1.0, 0.012);
     let direct = render(options(64, 1), &scene, &view, &[RADIANCE.id()]);
@@ -91,8 +91,8 @@ fn a_ball_lit_from_its_center() {
     check("ball, two bounces", &two, 0.75, 0.01);
 }
 
-/// Inside a ball that emits with radiance 1 and reflects ρ, radiance is 1 / (1 − ρ) everywhere: a furnace, for diffuse,
-/// glossy and metal walls alike.
+/// Inside a ball that emits with radiance 1 and reflects ρ, the radiance is 1 / (1 − ρ) everywhere: a furnace, for
+/// diffuse, glossy and metal walls.
 #[test]
 fn an_emissive_ball_is_a_furnace() {
     let metal = Material { metallic: Scalar::constant(1.0), ..Material::plain("metal", [0.6; 3], 0.4) };
@@ -107,7 +107,7 @@ fn an_emissive_ball_is_a_furnace() {
             render(PathTracing { russian_roulette_from: 5, ..options(256, bounces) }, &scene, &view, &[RADIANCE.id()]);
         match name {
             "matte" => check("furnace, matte", &frame, 1.0 / (1.0 - albedo), 0.01),
-            // All light is reflected: one unit for the wall seen, one for every bounce.
+            // All light is reflected: one unit for the visible wall, one for every bounce.
             "gloss" => check("furnace, gloss", &frame, 6.0, 0.01),
             // A metal's albedo grows a little towards grazing angles: between F₀ and its hemispherical mean.
             _ => {
@@ -129,7 +129,7 @@ fn lights_are_seen_and_bodies_hide_them() {
     assert_eq!(look(sphere_light([0.0, 0.0, 2.0], 0.1, 5.0)), 5.0);
     assert_eq!(look(sphere_light([0.0, 0.0, 0.0], 0.1, 5.0)), 0.0, "behind the block");
     assert_eq!(look(sphere_light([0.0, 0.0, 3.1], 0.5, 5.0)), 5.0, "the camera is inside");
-    // On the block's very surface, as a light on a ceiling.
+    // Exactly on the block's surface, like a light on a ceiling.
     let up = |z| {
         Light::Rect(RectLight {
             center: Point3::new(0.0, 0.0, z),
@@ -158,7 +158,7 @@ fn clamping_limits_scattered_light_alone() {
     let light = sphere_light([0.0, 0.0, 1.0], 0.2, 1000.0);
     let clamped = PathTracing { max_indirect_luminance_nits: Some(3.0), ..options(16, 4) };
     let below = view(2, 2, 4000.0, [0.6, 0.4, 1.0], [0.0; 3], vec![light.clone()]);
-    // A path may bring the limit by a sampled light and a little by meeting it.
+    // A path may find the limit by sampling the light, and a little more by hitting it.
     check("clamped", &render(clamped.clone(), &scene, &below, &[RADIANCE.id()]), 3.0, 0.03);
     let looking = view(2, 2, 4000.0, [0.6, 0.4, 1.0], [0.0, 0.0, 1.0], vec![light]);
     check("visible light", &render(clamped, &scene, &looking, &[RADIANCE.id()]), 1000.0, 1e-6);

@@ -1,4 +1,4 @@
-//! Layers and passage, by what whole images show.
+//! Layers and transmission, compared over whole images.
 
 use super::support::*;
 use crate::CpuPathRenderer;
@@ -31,11 +31,11 @@ fn fibrous(base: Material, color: f32, roughness: f32) -> Material {
     Material { sheen: Some(sheen), ..base }
 }
 
-/// Mean over an image of a ball that fills it, in the furnace, from straight on to grazing.
+/// Mean over an image of a ball that fills it, in the furnace, from normal to grazing angles.
 fn in_furnace(material: Material) -> f64 {
     let ball = object("ball", ball(1.0, 96), material);
     let scene = scene([body(&ball, at(0.0, 0.0, 0.0), Role::Object)]);
-    // Seen from a point near, so that every part of the image is ball, down to angles of some 75 degrees.
+    // Seen from a near point, so that the ball fills the image, up to angles of about 75 degrees.
     let view = view(16, 16, 12.2, [1.35, 0.0, 0.0], [0.0; 3], vec![furnace()]);
     let options = PathTracing { russian_roulette_from: 257, ..options(64, 48) };
     mean(&render(options, &scene, &view, &[RADIANCE.id()]))
@@ -52,7 +52,8 @@ fn a_white_furnace_for_every_layer() {
     for roughness in [0.0, 0.3, 0.6, 1.0] {
         check(&format!("white {roughness}"), white(roughness), 0.99);
         check(&format!("metal {roughness}"), metal(roughness), 0.99);
-        // Clearcoat of any roughness over diffuse loses next to nothing, over gloss what goes to and fro between them.
+        // Clearcoat of any roughness loses almost nothing over diffuse; over gloss, it loses light that bounces between
+        // the two.
         check(&format!("clearcoat {roughness} on matte"), coated(white(1.0), 1.0, roughness), 0.95);
         check(&format!("clearcoat 0 on metal {roughness}"), coated(metal(roughness), 0.8, 0.0), 0.93);
         check(&format!("sheen {roughness} on matte"), fibrous(white(1.0), 1.0, roughness), 0.75);
@@ -64,11 +65,11 @@ fn a_white_furnace_for_every_layer() {
     check("half metal, half glass", half, 0.97);
 }
 
-/// What is seen through a slab of 2 cm, or through its front face alone, at an angle, of a wall of one nit behind it.
+/// Radiance of a wall of one nit, seen at an angle through a slab of 2 cm, or through its front face only.
 fn through_slab(material: Material, degrees: f64, faces: usize) -> f64 {
     let mut slab = cuboid([0.01, 3.0, 3.0]);
     if faces == 1 {
-        // The second axis' worth of triangles: the face towards +x.
+        // The two triangles of the face towards +x.
         slab.triangles = slab.triangles[2..4].to_vec();
     }
     let slab = object("slab", slab, material);
@@ -89,13 +90,13 @@ fn through_slab(material: Material, degrees: f64, faces: usize) -> f64 {
 fn a_slab_transmits_what_fresnel_says() {
     for degrees in [0.0, 40.0, 65.0] {
         let r = fresnel(degrees, 1.5);
-        // Between two faces light goes to and fro.
+        // Light bounces between two faces.
         let want = (1.0 - r) / (1.0 + r);
         for (volume, faces) in [(None, 1), (Some(AIRY), 2)] {
             let got = through_slab(clear(0.0, volume), degrees, faces);
             assert!((got - want).abs() < 0.02, "{degrees}°, {volume:?}: {got}, not {want}");
         }
-        // Half is left after a centimeter.
+        // One centimeter absorbs half of the light.
         let dark = Volume { attenuation_color: [0.5; 3], attenuation_distance_m: 0.01 };
         let bent = (1.0 - (degrees.to_radians().sin() / 1.5).powi(2)).sqrt();
         let left = 0.5_f64.powf(2.0 / bent);
@@ -107,7 +108,7 @@ fn a_slab_transmits_what_fresnel_says() {
 
 #[test]
 fn a_ball_lens_turns_the_image_over() {
-    // Seen through a glass ball, what is left is right: one half of the wall shines.
+    // A glass ball swaps left and right: one half of the wall shines.
     let ball = object("ball", ball(0.2, 96), clear(0.0, Some(AIRY)));
     let scene = scene([body(&ball, at(0.0, 0.0, 0.0), Role::Object)]);
     let wall = RectLight {
@@ -120,7 +121,7 @@ fn a_ball_lens_turns_the_image_over() {
     let frame = render(options(64, 8), &scene, &view, &[RADIANCE.id()]);
     let plane = frame.get(RADIANCE).expect("made");
     let at = |x: usize| plane.data()[16 * 32 + x][0];
-    // From +x looking along -x with z up, +y is to the right.
+    // Seen from +x along -x with z up, +y is to the right.
     assert!(at(30) > 0.95 && at(1) < 0.05, "beside the ball: {} {}", at(1), at(30));
     assert!(at(12) > 0.8 && at(19) < 0.1, "through it: {} {}; {}", at(12), at(19), keep("lens", &[("lens", plane)]));
 }
@@ -167,7 +168,7 @@ fn an_emissive_body_lights_as_a_light_of_its_shape() {
     assert!((got / want - 1.0).abs() < 0.005, "{got}, not {want}");
 }
 
-/// Every kind of light and of layer, at odds with one another.
+/// Every kind of light and of layer in one scene.
 fn everything() -> (Arc<Scene>, View) {
     let floor = object("floor", sheet([2.0, 2.0]), fibrous(Material::plain("cloth", [0.4, 0.3, 0.3], 0.9), 0.6, 0.5));
     let lacquer = coated(Material::plain("lacquer", [0.5, 0.1, 0.1], 0.6), 1.0, 0.25);
@@ -231,7 +232,7 @@ fn all_strategies_agree_on_every_light_and_layer() {
         let z = |(a, b): (&[f64; 2], &[f64; 2])| {
             (a[0] - b[0]) / (a[1] * a[1] + b[1] * b[1]).sqrt().max(1e-3 * a[0].max(1e-3))
         };
-        // The sun's caustics are rare events, whose pixels are not normally distributed: the far tail is left out.
+        // The sun's caustics are rare events, so their pixels are not normally distributed: the far tail is left out.
         let mut zs: Vec<f64> = combined.iter().zip(&other).map(|pair| z(pair).abs()).collect();
         zs.sort_by(f64::total_cmp);
         let high = zs[zs.len() * 99 / 100];
@@ -261,7 +262,7 @@ fn gloss_is_what_is_mirrored_without_color() {
     for roughness in [0.1, 0.5] {
         let (all, of_black) = parts(plain(0.0, roughness));
         assert!((of_black / all - 1.0).abs() < 1e-3, "black mirrors, or takes: {of_black} of {all}");
-        // The same interface over any color, sampled otherwise.
+        // The same interface over other colors, with other sampling.
         let (all, of_red) = parts(plain(0.7, roughness));
         assert!((of_red / of_black - 1.0).abs() < 0.03 && of_red < 0.6 * all, "{of_red} of {all}, black {of_black}");
     }

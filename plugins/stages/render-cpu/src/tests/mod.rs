@@ -1,4 +1,4 @@
-//! Whole images against what can be worked out on paper or by brute force.
+//! Whole images, compared with closed forms or brute force.
 
 mod components;
 mod estimators;

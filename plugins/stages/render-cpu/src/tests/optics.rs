@@ -24,7 +24,7 @@ fn a_point_out_of_focus_becomes_its_circle_of_confusion() {
     let floor = object("floor", sheet([3.0, 3.0]), matte(0.0));
     let scene = scene([body(&floor, at(0.0, 0.0, 0.0), Role::Object)]);
     for (depth, focus) in [(2.0, 2.0), (2.0, 3.5), (3.0, 1.5)] {
-        // So small that it is a point of a tenth of a pixel.
+        // So small that it is a point, a tenth of a pixel wide.
         let light = SphereLight { center: Point3::new(0.0, 0.0, 4.0 - depth), radius: 1e-3, radiance: [1e6; 3] };
         let lens = ThinLens { aperture_radius_m: 0.05, focus_distance_m: focus };
         let view = through(from_above(49, 200.0, vec![Light::Sphere(light)]), Some(lens), None);

@@ -80,7 +80,7 @@ pub fn flat(data: MeshData) -> MeshData {
     MeshData { normals: Vec::new(), ..data }
 }
 
-/// The same mesh with its faces rotated inside out.
+/// The same mesh turned inside out.
 pub fn inside_out(mut data: MeshData) -> MeshData {
     data.triangles.iter_mut().for_each(|t| t.swap(1, 2));
     data.normals.iter_mut().flatten().for_each(|x| *x = -*x);
@@ -110,12 +110,12 @@ pub fn object(name: &str, data: MeshData, material: Material) -> Arc<Object> {
     })
 }
 
-/// A diffuse gray without any gloss to speak of.
+/// A diffuse gray with almost no gloss.
 pub fn matte(albedo: f32) -> Material {
     Material { ior: 1.0, ..Material::plain("matte", [albedo; 3], 1.0) }
 }
 
-/// Light of one nit from everywhere.
+/// Uniform light of one nit from all directions.
 pub fn furnace() -> Light {
     let map = Arc::new(EnvironmentMap::constant([1.0; 3]));
     Light::Environment(EnvironmentLight { map, scale: [1.0; 3], rotation: 0.0 })
@@ -132,7 +132,7 @@ pub fn clear(roughness: f32, volume: Option<Volume>) -> Material {
 /// A medium without color.
 pub const AIRY: Volume = Volume { attenuation_color: [1.0; 3], attenuation_distance_m: f32::INFINITY };
 
-/// Fresnel's reflectance at an index, unpolarized.
+/// Unpolarized Fresnel reflectance at an index of refraction.
 pub fn fresnel(degrees: f64, index: f64) -> f64 {
     let ci = degrees.to_radians().cos();
     let ct = (1.0 - (1.0 - ci * ci) / (index * index)).sqrt();
@@ -140,7 +140,7 @@ pub fn fresnel(degrees: f64, index: f64) -> f64 {
     (rp * rp + rs * rs) / 2.0
 }
 
-/// At a place, not rotated.
+/// A position without rotation.
 pub fn at(x: f64, y: f64, z: f64) -> Pose {
     Pose::from_parts(Translation3::new(x, y, z), UnitQuaternion::identity())
 }
@@ -175,10 +175,10 @@ pub fn view(width: u32, height: u32, focal: f64, eye: [f64; 3], target: [f64; 3]
     View { id: ViewId(0), moment: Moment::START, camera, exposure: Exposure::Fixed { ev100: 8.0 }, lights }
 }
 
-/// What most tests render.
+/// Products of most tests.
 pub const LIGHT: [KeyId; 1] = [syntable_model::product::standard::RADIANCE.id()];
 
-/// Options for tests: few bounces are no wish of theirs. Pixels are means over their areas, which closed forms are of.
+/// Options for tests. Pixels are means over their areas, as in closed forms.
 pub fn options(samples_per_pixel: u32, max_bounces: u32) -> PathTracing {
     PathTracing { samples_per_pixel, max_bounces, pixel_filter: PixelFilter::Box, ..PathTracing::default() }
 }
@@ -222,7 +222,8 @@ pub fn render(options: PathTracing, scene: &Arc<Scene>, view: &View, wants: &[Ke
     render_with(options, Strategy::Combined, scene, view, wants, &Serial).expect("renders")
 }
 
-/// Writes planes of gray or color as PPM images, each scaled to its own largest value, and says where; for failures.
+/// Writes planes of gray or color as PPM images, each scaled to its own largest value, and returns their location, for
+/// messages of failed tests.
 pub fn keep(test: &str, planes: &[(&str, &Plane<[f32; 3]>)]) -> String {
     let folder: PathBuf = std::env::temp_dir().join("syntable-render-cpu").join(test);
     let write = || -> std::io::Result<()> {

@@ -1,4 +1,4 @@
-//! Windows of an image, and renderings of some of the bodies.
+//! Windows of an image, and images of some of the bodies.
 
 use super::images::{ALL, bits, busy_scene};
 use super::support::*;
@@ -12,7 +12,7 @@ use syntable_model::stage::{Atlas, Bodies, Window};
 use syntable_testing::conformance;
 use syntable_transport::{PathTracing, PixelFilter};
 
-/// Products whose pixels depend on nothing around them.
+/// Products whose pixels do not depend on their neighbors.
 const PIXELS: [KeyId; 7] = [
     RADIANCE.id(),
     RADIANCE_VARIANCE.id(),
@@ -45,7 +45,7 @@ fn windows_of_a_canvas_join_to_the_canvas() {
         let canvas = Window::canvas(&view.camera.intrinsics, 3);
         assert_eq!((canvas.x, canvas.y, canvas.width, canvas.height), (-45, -37, 135, 111));
         let whole = render_part(options(3, 2), &scene, &view, &PIXELS, canvas, Bodies::All);
-        // Neither aligned with tiles nor with one another.
+        // Aligned neither with tiles nor with each other.
         for (x, y, width, height) in
             [(0, 0, 45, 37), (-45, -37, 7, 9), (-20, 5, 31, 40), (44, 36, 46, 38), (3, -1, 1, 1)]
         {
@@ -86,7 +86,7 @@ fn a_canvas_is_the_image_of_a_larger_sensor() {
     let canvas = Window::canvas(&view.camera.intrinsics, 3);
     let canvas = render_part(options(1, 1), &scene, &view, &PIXELS, canvas, Bodies::All);
     let sensor = render(options(1, 1), &scene, &large, &PIXELS);
-    // Rays differ in their last bits, so pixels may differ where one grazes an edge.
+    // Rays differ in their last bits, so a few pixels may differ where a ray grazes an edge.
     let (a, b) = (canvas.get(INSTANCE).expect("made"), sensor.get(INSTANCE).expect("made"));
     let differ = a.data().iter().zip(b.data()).filter(|(a, b)| a != b).count();
     assert!(differ <= 3, "{differ} of {} ids differ", a.data().len());
@@ -126,7 +126,7 @@ fn bodies_alone_are_a_scene_of_their_own() {
             );
         }
         assert!(part.get(DEPTH).expect("made") == want.get(DEPTH).expect("made"));
-        // Bodies keep the ids that they have in the whole scene.
+        // Bodies keep their ids of the whole scene.
         let renumbered = want.get(INSTANCE).expect("made").map(|id| match id.0 {
             0 => InstanceId::BACKGROUND,
             id => ids[usize::from(id) - 1],
@@ -147,7 +147,8 @@ fn an_object_seen_in_its_place_looks_as_in_the_whole_scene() {
         for y in 1..36 {
             for x in 1..44 {
                 let around = || (y - 1..y + 2).flat_map(|y| (x - 1..x + 2).map(move |x| (x, y)));
-                // Pixels that no ray of the camera leaves the body in; the floor, which has no bit, is in front nowhere else.
+                // Pixels around which every camera ray meets the body; the floor, which has no bit, is in front nowhere
+                // else.
                 if around().all(|(x, y)| *seen.at(x, y) == id) {
                     assert_eq!(
                         radiance.at(x, y),
@@ -183,7 +184,7 @@ const PLANES: [KeyId; 13] = [
     RADIANCE_DEMODULATED_VARIANCE.id(),
 ];
 
-/// The objects of a view by themselves, in an atlas.
+/// Each object of a view alone, in an atlas.
 fn of_objects(scene: &Arc<Scene>, view: &View, wants: &[KeyId], lighting: Lighting) -> (Atlas, Products) {
     let coverage = render(options(1, 1), scene, view, &[COVERAGE.id()]);
     let atlas = Atlas::of(coverage.get(COVERAGE).expect("made"));
@@ -236,7 +237,7 @@ fn a_tile_is_the_window_of_its_object() {
                 DENOISE_NORMAL
             );
             same!(RADIANCE_SPECULAR, RADIANCE_SPECULAR_VARIANCE, RADIANCE_DEMODULATED, RADIANCE_DEMODULATED_VARIANCE);
-            // Lights and sky are all that the background adds, and only around the object.
+            // The background adds only lights and sky, and only around the object.
             let [with, without] = [&shown, &alone].map(|products| products.get(RADIANCE).expect("made"));
             let opacity = alone.get(OPACITY).expect("made");
             for ((with, without), opacity) in with.data().iter().zip(without.data()).zip(opacity.data()) {
@@ -261,7 +262,7 @@ fn a_tile_is_the_window_of_its_object() {
 
 #[test]
 fn opacity_is_the_share_of_the_pixel_that_a_body_covers() {
-    // The front of a block 1 m wide and high at a depth of 3.99 m, as wide as 10.25 px.
+    // The front of a block 1 m wide and high at a depth of 3.99 m; it is 10.25 px wide.
     let (half_px, width) = (5.125, 31);
     let block = object("block", cuboid([0.5, 0.01, 0.5]), matte(0.5));
     let scene = scene([body(&block, at(0.0, 0.0, 0.0), Role::Object)]);

@@ -1,4 +1,4 @@
-//! The kernels of the filter: their source, with the numbers of `syntable-guided`, and their bindings.
+//! The kernels of the filter: their source, with the constants of `syntable-guided`, and their bindings.
 
 use crate::constants::{Constant, declared};
 use std::num::NonZeroU64;
@@ -34,7 +34,7 @@ pub(crate) struct Kernels {
 }
 
 impl Kernels {
-    /// Compiles them.
+    /// Compiles the kernels.
     pub(crate) fn new(device: &wgpu::Device) -> Self {
         let entry = |binding, ty, has_dynamic_offset| wgpu::BindGroupLayoutEntry {
             binding,
@@ -55,8 +55,8 @@ impl Kernels {
         let source = constants() + &SHADERS.join("\n");
         let descriptor =
             wgpu::ShaderModuleDescriptor { label: Some("guided"), source: wgpu::ShaderSource::Wgsl(source.into()) };
-        // SAFETY: loops of the shaders have bounds, and indices stay below the sizes that `GuidedFilter::record` makes room
-        // for, or checks.
+        // SAFETY: loops of the shaders have bounds, and indices stay below the sizes that `GuidedFilter::record`
+        // allocates or checks.
         let module = unsafe { device.create_shader_module_trusted(descriptor, wgpu::ShaderRuntimeChecks::unchecked()) };
         let pipeline = |entry_point| {
             device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
@@ -85,7 +85,7 @@ impl Kernels {
         }
     }
 
-    /// Binds buffers, and as many bytes of uniforms as a dispatch reads.
+    /// Binds buffers, and the bytes of uniforms that a dispatch reads.
     pub(super) fn bind(
         &self,
         device: &wgpu::Device,
@@ -106,7 +106,7 @@ impl Kernels {
     }
 }
 
-/// What the shaders know by name, in WGSL.
+/// Constants of the shaders, in WGSL.
 fn constants() -> String {
     let weight = |color| luminance(color) as f32;
     let numbers: &[(&str, Constant)] = &[

@@ -1,8 +1,9 @@
 //! The filter `guided` of `syntable-guided` on a device: the same steps with the same numbers.
 //!
 //! Kernels, from first to last: `surfaces` and `borders` write guides and light, `noise` estimates noise and clamps
-//! fireflies, `level` filters one part at one distance, `join` adds the parts up, and `average`, `brightness`, `factors` and
-//! `restore` give the image its energy back. Sums are added in one order, so that the same device makes the same bytes.
+//! fireflies, `level` filters one part at one distance, `join` adds the parts up, and `average`, `brightness`,
+//! `factors` and `restore` give the image its energy back. Sums are added in one order, so that the same device makes
+//! the same bytes.
 
 pub(crate) mod kernels;
 
@@ -21,43 +22,44 @@ const STRIDE: usize = 256;
 /// Edge of the workgroups of most kernels, px.
 const GROUP: u32 = 8;
 
-/// A plane that is not there.
+/// A plane that does not exist.
 const NONE: u32 = u32::MAX;
 
-/// The denoiser, if it is the one that runs on devices.
+/// The denoiser as [`Guided`], the only one that runs on devices.
 pub fn guided_of(denoiser: Option<&dyn Denoiser>) -> Option<&Guided> {
     denoiser.and_then(|denoiser| denoiser.as_any()?.downcast_ref())
 }
 
 /// Where the planes of an image are in a buffer of 32-bit words: the first word of each.
 ///
-/// Planes are row-major, without gaps, and of floats unless another type is said; colors and normals are interleaved, three
-/// words per pixel. Infinite numbers are written as 3.0e38, which is also what larger ones count as; no number is NaN.
+/// Planes are row-major, without gaps. They hold floats unless the field names another type. Colors and normals are
+/// interleaved, three words per pixel. Infinite and larger numbers are written as 3.0e38; no number is NaN.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Sections {
     /// Radiance, linear Rec. 709, nits: three words per pixel.
     pub radiance: u32,
-    /// What of it was reflected specularly at the first surface: three words per pixel.
+    /// Part of the radiance that the first surface reflected specularly: three words per pixel.
     pub specular: u32,
-    /// Variance of the luminance of the specular radiance; 3.0e38 where it is not known. `None` if it is known of no pixel,
-    /// as where all have one sample.
+    /// Variance of the luminance of the specular radiance; 3.0e38 where it is unknown. `None` if it is unknown for all
+    /// pixels, as in images with one sample per pixel.
     pub specular_variance: Option<u32>,
-    /// The rest, sample by sample divided by base color + `DEMODULATION_EPSILON`: three words per pixel.
+    /// The rest of the radiance, divided by base color + `DEMODULATION_EPSILON` for each sample: three words per pixel.
     pub demodulated: u32,
-    /// Variance of its luminance, as that of the specular radiance.
+    /// Variance of the luminance of the demodulated radiance; 3.0e38 where it is unknown. `None` if it is unknown for
+    /// all pixels.
     pub demodulated_variance: Option<u32>,
     /// Mean base color, 0 to 1: three words per pixel.
     pub albedo: u32,
     /// Mean normal, camera frame, shorter than 1 where samples differ or have none: three words per pixel.
     pub normal: u32,
-    /// Depth of the ray through the center, m; 3.0e38 where it meets nothing.
+    /// Depth along the ray through the center of the pixel, m; 3.0e38 where it meets nothing.
     pub depth: u32,
-    /// Id of the body that it meets, an integer below 2²⁴; 0 for the background and lights.
+    /// Id of the body that this ray meets, an integer below 2²⁴; 0 for the background and lights.
     pub instance: u32,
 }
 
 impl Sections {
-    /// First words of the planes that are there, and how many words a pixel has.
+    /// First word of every plane that exists, and its words per pixel.
     fn planes(&self) -> impl Iterator<Item = (u32, u64)> {
         let colors = [self.radiance, self.specular, self.demodulated, self.albedo, self.normal];
         let numbers = [self.depth, self.instance];
@@ -77,11 +79,11 @@ pub struct GuidedFilter {
     /// Light of both parts, before a level and after it.
     lights: [wgpu::Buffer; 2],
     cells: wgpu::Buffer,
-    /// Pixels times kernels that are submitted at once, so that no driver takes the filter for one that hangs.
+    /// Pixels times kernels of a submission. The limit prevents drivers from taking the filter for a hanging program.
     pub at_once: u64,
 }
 
-/// Pixels whose filtering by a kernel takes no longer than a path does.
+/// Pixels that a kernel filters in the time of one path.
 pub(crate) const PIXELS_OF_A_PATH: u64 = 8;
 
 /// Planes of four floats per pixel in the two buffers of light: both parts, and pilots in the second.
@@ -126,12 +128,12 @@ impl GuidedFilter {
         Ok(Self { device, kernels, shapes, bodies, places, lights, cells, at_once })
     }
 
-    /// Records the filtering of an image of `width × height`; of a large one it submits what the encoder has so far, and goes
-    /// on with an empty one. When its work is done, `output` has the radiance from the given word on, three words per pixel;
-    /// other words stay.
+    /// Records the filtering of an image of `width × height`. For a large image, it submits the recorded work and
+    /// continues with an empty encoder. After the work, `output` holds the radiance from the given word on, three words
+    /// per pixel; its other words are unchanged.
     ///
-    /// The buffers are two, for kernels (`STORAGE`). Images may be recorded one after the other: the device keeps their
-    /// order. A plane that reaches beyond its buffer, and an image that is too large for the device, are errors.
+    /// The two buffers are for kernels (`STORAGE`). Several images may be recorded in a row; the device keeps their
+    /// order. A plane that reaches beyond its buffer is an error, and so is an image that is too large for the device.
     pub fn record(
         &mut self,
         encoder: &mut wgpu::CommandEncoder,
@@ -158,7 +160,7 @@ impl GuidedFilter {
 
         let all = image(size, sections, output.1);
         let parts = [levels(options, &DIFFUSE, 0), levels(options, &SPECULAR, 1)];
-        // The noise kernel writes the second buffer; levels go back and forth.
+        // The noise kernel writes the second buffer; levels alternate between the two.
         let ends_in = parts.each_ref().map(|levels| (levels.len() % 2) as u32);
         let levels: Vec<(usize, Level)> = parts.into_iter().flat_map(|levels| levels.into_iter().enumerate()).collect();
         let works = std::iter::once(Work { ends_in, ..all }).chain(levels.iter().map(|(_, level)| level.of(all)));
@@ -212,7 +214,7 @@ impl GuidedFilter {
         self.device.check()
     }
 
-    /// Makes room for an image.
+    /// Allocates buffers for an image.
     fn make_room(&mut self, pixels: u64, cells: u64) -> Result<()> {
         let Self { device, shapes, bodies, places, lights: [first, second], cells: of_cells, .. } = self;
         let sizes = [
@@ -232,7 +234,7 @@ impl GuidedFilter {
         Ok(())
     }
 
-    /// A buffer of the uniforms of dispatches. It is a new one per image, since those before may not be filtered yet.
+    /// A buffer with the uniforms of dispatches; a new one per image, since earlier images may still be in progress.
     fn uniforms(&self, works: &[Work]) -> Result<wgpu::Buffer> {
         let mut bytes = vec![0; works.len() * STRIDE];
         for (bytes, work) in bytes.chunks_exact_mut(STRIDE).zip(works) {
@@ -249,7 +251,7 @@ struct Level {
     part: u32,
     tuning: &'static Tuning,
     step: u32,
-    /// Differences of light, and of means where they count, that cost one e-fold, in standard deviations.
+    /// Standard deviations of light (and of means where they count) by which the weight falls by a factor of e.
     sigmas: f32,
     pilot_sigmas: Option<f32>,
 }
@@ -286,7 +288,7 @@ fn levels(options: &Guided, tuning: &'static Tuning, part: u32) -> Vec<Level> {
     tuning.levels(options.levels).enumerate().map(level).collect()
 }
 
-/// What all dispatches of an image know.
+/// Parameters of all dispatches of an image.
 fn image(size: [u32; 2], sections: Sections, output: u32) -> Work {
     Work {
         size,

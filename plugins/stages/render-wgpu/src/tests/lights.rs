@@ -1,4 +1,4 @@
-//! The lights of a view: which one is sampled, where, and what it gives.
+//! The lights of a view: which light is sampled, where, and its radiance.
 
 use super::{call, compare, session, show, whole};
 use crate::device::Variant;
@@ -19,7 +19,7 @@ use syntable_transport::light::Lights;
 /// Points of each function.
 const POINTS: usize = 6000;
 
-/// Two bodies that emit, and a table.
+/// Two emissive bodies, and a table.
 fn scene(random: &mut Stream) -> Scene {
     let mut builder = scenes::table();
     for number in 0..2 {
@@ -34,7 +34,7 @@ fn scene(random: &mut Stream) -> Scene {
     builder.freeze(SceneId(0), 0, SettleReport::default()).expect("sound")
 }
 
-/// Lights of every sort.
+/// Lights of every kind.
 fn lights(random: &mut Stream) -> Vec<Light> {
     let texels = (0..24 * 12).map(|_| [0, 1, 2].map(|_| random.uniform(0.0, 2.0).powi(5) as f32)).collect();
     let map = Arc::new(EnvironmentMap::new("noise", 24, 12, texels).expect("sound"));
@@ -168,7 +168,7 @@ fn lights_are_selected_sampled_and_met_as_on_the_cpu() {
     };
     compare("distant lights", &results, distant, [5e-5, 5e-4], 500);
 
-    // Of the two bodies that emit, and of the table, which does not.
+    // Two bodies emit, the table does not.
     let point =
         |number: usize| SurfacePoint { instance: number as u32 % 3, primitive: number as u32 % 12, u: 0.2, v: 0.3 };
     let statements = format!("{READ} put(body_pdf(p, n, Hit(to, 0.2, 0.3, number % 12u, number % 3u), d.x));");

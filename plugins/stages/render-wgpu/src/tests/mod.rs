@@ -1,5 +1,5 @@
-//! The functions of the shaders that read a scene, one by one, each against the Rust that it mirrors, or against what can be
-//! said without it. Those that read none are in `tests/functions`.
+//! Tests of the functions of the shaders that read a scene, each against the Rust function that it mirrors, or against
+//! an independent result. Functions that do not read a scene are tested in `tests/functions`.
 //!
 //! A kernel of [`call`] reads its arguments in order from a row of numbers and writes its results in order to another.
 
@@ -22,7 +22,7 @@ use syntable_testing::tools::is_there;
 use syntable_testing::workers::Threads;
 use syntable_transport::PathTracing;
 
-/// A session on a device, if there is an adapter.
+/// A session on a device, if the machine has an adapter.
 fn session() -> Option<GpuSession> {
     let adapters = Adapters::find();
     is_there(adapters.used().is_ok(), "a graphics adapter (mesa-vulkan-drivers)").then(|| {
@@ -37,13 +37,14 @@ pub fn show(session: &mut GpuSession, scene: &Scene, view: &View) {
     show_request(session, &RenderRequest::new(view, &[DEPTH.id()], Stream::root(3), &Threads(2)));
 }
 
-/// The same for a request of depths of the scene that is loaded.
+/// Like [`show`], for any request of the loaded scene.
 fn show_request(session: &mut GpuSession, request: &RenderRequest) {
     session.render(request, &mut Products::new()).expect("renders");
 }
 
-/// Calls statements in WGSL with rows of numbers, and gives what they put. They read the row by `f()`, `v2()`, `v3()`, and
-/// `u()` for a whole number, write by `put`, `put2`, `put3`, `put_b` for 0.0 or 1.0, and `put_u` for the bits of a whole number, and know the `number` of the row.
+/// Runs statements in WGSL once per row of numbers, and returns the results that they put. The statements read the row
+/// by `f()`, `v2()`, `v3()`, and `u()` for an integer. They write by `put`, `put2`, `put3`, `put_b` for 0.0 or 1.0, and
+/// `put_u` for the bits of an integer. `number` is the index of the row.
 pub fn call<const ARGUMENTS: usize, const RESULTS: usize>(
     session: &mut GpuSession,
     statements: &str,
@@ -53,7 +54,7 @@ pub fn call<const ARGUMENTS: usize, const RESULTS: usize>(
     call_beside(session, "", statements, variant, rows).0
 }
 
-/// The same beside functions of their own; also gives the kernel, whose rows stay on the device.
+/// Like [`call`], with further functions in WGSL; also returns the kernel, whose rows stay on the device.
 fn call_beside<const ARGUMENTS: usize, const RESULTS: usize>(
     session: &mut GpuSession,
     functions: &str,
@@ -105,8 +106,8 @@ fn probe(@builtin(global_invocation_id) id: vec3<u32>) {{
     (results.expect("runs"), kernel)
 }
 
-/// Asserts that results, as numbers, are the wanted ones up to an absolute and a relative difference, but for one row in
-/// `slip`: there a decision fell otherwise by rounding.
+/// Asserts that results are equal to the wanted numbers up to an absolute and a relative difference. One row in `slip`
+/// may differ, where rounding changed a decision.
 fn compare<const RESULTS: usize>(
     what: &str,
     results: &[[u32; RESULTS]],
@@ -126,7 +127,7 @@ fn compare<const RESULTS: usize>(
     assert!(wrong.len() * slip <= results.len(), "{what}: {} of {}; {:?}", wrong.len(), results.len(), wrong[0]);
 }
 
-/// A whole number or a truth among results.
+/// An integer or a boolean as a result.
 fn whole(x: impl Into<u32>) -> f32 {
     x.into() as f32
 }

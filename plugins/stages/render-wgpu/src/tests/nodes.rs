@@ -1,5 +1,5 @@
-//! What nodes of eight boxes are worth: rays through a room by the walk of the renderer, as bodies and as one mesh, and by
-//! one of a tree of that mesh with two children per node, whose boxes are numbers of single precision.
+//! Benefit of nodes with eight boxes: rays through a room by the walk of the renderer, as bodies and as one mesh, and
+//! by the walk of a tree of that mesh with two children per node and boxes in single precision.
 //!
 //! `cargo test --release -p syntable-render-wgpu --lib nodes -- --ignored --nocapture` prints rays per second.
 
@@ -24,14 +24,16 @@ use syntable_transport::{PathTracing, RayCamera};
 const SIZE: [u32; 2] = [640, 480];
 const SAMPLES: u32 = 8;
 
-/// Dispatches of which the time is the mean, and for how long a card runs before, so that its clock is that of work.
+/// Number of dispatches whose mean time is measured, and the time of earlier work that brings a card to its working
+/// clock.
 const DISPATCHES: u32 = 20;
 const WARM_UP: Duration = Duration::from_millis(1500);
 
-/// Triangles of a leaf of either tree at most.
+/// Maximum triangles of a leaf of either tree.
 const LEAF: usize = 3;
 
-/// Walks a tree of two children per node: the boxes of both, with the place of a node, or that of triangles and their number.
+/// Walks a tree of two children per node: the boxes of both, each with the place of a node, or the place and number of
+/// triangles.
 const TWO: &str = "
 fn box_distance(lo: vec3<f32>, hi: vec3<f32>, origin: vec3<f32>, inverse: vec3<f32>, to: f32) -> f32 {
     let a = (lo - origin) * inverse;
@@ -116,7 +118,7 @@ struct Two<'a> {
 }
 
 impl Two<'_> {
-    /// Numbers of the triangles below a node, unless they are too many for a leaf.
+    /// Indices of the triangles below a node, unless they are too many for a leaf.
     fn leaf(&self, node: usize) -> Option<Vec<u32>> {
         let (mut items, mut pending) = (Vec::new(), vec![node]);
         while let Some(node) = pending.pop() {
@@ -131,7 +133,7 @@ impl Two<'_> {
         Some(items)
     }
 
-    /// Place of what a node becomes, with the number of its triangles.
+    /// Writes a node; returns its place, with the number of its triangles.
     fn write(&mut self, node: usize, depth: usize) -> u32 {
         let place = self.start + self.vectors.len() as u32;
         self.depth = self.depth.max(depth);
@@ -156,7 +158,7 @@ impl Two<'_> {
     }
 }
 
-/// Seconds of a dispatch of a kernel that was called last, on its rows.
+/// Seconds of a dispatch of the kernel that was called last, on its rows.
 fn seconds(session: &GpuSession, kernel: &wgpu::ComputePipeline, rays: usize) -> f64 {
     let device = &session.device;
     let pass = Pass { pixels: rays as u32, ..Pass::default() };
@@ -195,7 +197,7 @@ fn nodes_of_eight_boxes_and_of_two() {
     let view = room::view(SIZE[0], SIZE[1]);
     show(&mut session, &scene, &view);
 
-    // With the table under it.
+    // Including the table under the room.
     let data = merged(&scene);
     let corners = |item: u32| data.triangles[item as usize].map(|index| data.positions[index as usize]);
     let boxes: Vec<Bounds> = (0..data.triangles.len() as u32)
@@ -214,7 +216,7 @@ fn nodes_of_eight_boxes_and_of_two() {
     };
     let (vectors, depth) = build(0);
     let count = vectors.len() as u64;
-    // The place is known once it is kept.
+    // The place is known only after the call of `keep`.
     let room = || Asset { digest, count, bytes: Box::new(|| bytemuck::cast_slice(&vectors).to_vec()) };
     let device = session.device.clone();
     session.shading.keep(&device, 0, &[room()]).expect("room");
@@ -261,7 +263,7 @@ fn nodes_of_eight_boxes_and_of_two() {
             rows.len()
         );
         assert!(unlike * 500 <= rows.len(), "{unlike}");
-        // As from matte surfaces.
+        // Directions as after scattering by matte surfaces.
         let bounced = rows.iter().zip(&hits).map(|(row, &[t, primitive])| {
             let t = f64::from(f32::from_bits(t).min(100.0));
             let [x, y, z, dx, dy, dz] = row.map(f64::from);

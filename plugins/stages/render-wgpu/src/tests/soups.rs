@@ -9,7 +9,7 @@ use syntable_model::scene::{
 };
 use syntable_testing::scenes;
 
-/// A soup of triangles in a cube of a size around the origin.
+/// A soup of triangles in a cube around the origin.
 pub fn soup(random: &mut Stream, triangles: u32, size: f64) -> MeshData {
     let mut data = MeshData::default();
     for number in 0..triangles {
@@ -25,7 +25,7 @@ pub fn soup(random: &mut Stream, triangles: u32, size: f64) -> MeshData {
     data
 }
 
-/// The same in a mirror, larger.
+/// The mirrored, larger mesh.
 fn mirrored(data: &MeshData) -> MeshData {
     let mut other = data.clone();
     other.positions.iter_mut().for_each(|[x, y, z]| (*x, *y, *z) = (-1.7 * *x, 1.7 * *y, 1.7 * *z));

@@ -29,7 +29,7 @@ fn noise(random: &mut Stream, size: [u32; 2], encoding: Encoding, wrap: [Wrap; 2
     Arc::new(Texture { width: size[0], height: size[1], texels, encoding, wrap, digest })
 }
 
-/// Materials that have everything that a material can have, one thing after the other.
+/// Materials that together cover every property of a material.
 fn materials(random: &mut Stream) -> Vec<Material> {
     let wraps = [[Wrap::Repeat; 2], [Wrap::Mirror, Wrap::Clamp], [Wrap::Clamp, Wrap::Repeat]];
     let mut image = |encoding| {
@@ -116,7 +116,7 @@ fn ball(random: &mut Stream, smooth: bool, colors: bool) -> MeshData {
     data
 }
 
-/// Balls of all materials, by uv and by boxes.
+/// Balls of all materials, with uv coordinates and with box mapping.
 fn scene(random: &mut Stream) -> Scene {
     let mut builder = scenes::table();
     let all = materials(random);
@@ -141,7 +141,7 @@ fn scene(random: &mut Stream) -> Scene {
     builder.freeze(SceneId(0), 0, SettleReport::default()).expect("sound")
 }
 
-/// A point of a body that a ray reaches.
+/// A point of a body that a ray meets.
 struct Reached {
     point: SurfacePoint,
     origin: Vec3,
@@ -174,7 +174,7 @@ impl Reached {
         }
     }
 
-    /// Hit, origin, direction, width of the cone, number of the layer.
+    /// Hit, origin, direction, width of the cone, index of the layer.
     fn row(&self) -> [f32; 13] {
         let SurfacePoint { instance, primitive, u, v } = self.point;
         let ([x, y, z], [dx, dy, dz]) = (self.origin.array(), self.along.array());
@@ -191,7 +191,7 @@ const READ: &str =
     "let t = f(); let weights = v2(); let primitive = u(); let hit = Hit(t, weights.x, weights.y, primitive, u());
     let origin = v3(); let along = v3(); let cone = f(); let layer = f();";
 
-/// What the shaders write of a surface.
+/// Numbers that the shaders write for a surface.
 fn written(s: &Surface) -> [f32; 33] {
     let mut all = Vec::new();
     let mut put = |v: Vec3| all.extend(v.array());
@@ -245,7 +245,7 @@ fn surfaces_are_the_cpus() {
     let surfaces: Vec<Surface> = points.iter().map(of).collect();
     let results = call(&mut session, &statements, variant, &rows);
     compare("surfaces", &results, |number| written(&surfaces[number]), [2e-5, 2e-4], 200);
-    // That there was something to compare.
+    // Every property occurred, so the comparison covers it.
     let count = |what: &dyn Fn(&Surface) -> bool| surfaces.iter().filter(|surface| what(surface)).count();
     let seen = [
         count(&|s| s.is_perturbed),

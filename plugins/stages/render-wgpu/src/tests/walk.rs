@@ -1,4 +1,4 @@
-//! What rays meet, against all triangles in double precision.
+//! Hits of rays, compared with all triangles in double precision.
 
 use super::{call, session, show, soups};
 use crate::device::Variant;
@@ -31,7 +31,7 @@ fn placed(scene: &Scene) -> Vec<Placed> {
     (0..).zip(scene.bodies()).flat_map(of).collect()
 }
 
-/// Where a ray meets a triangle: its distance, and the least distance from an edge as a weight (Möller and Trumbore, 1997).
+/// Intersection of a ray and a triangle: its distance, and the smallest barycentric weight (Möller and Trumbore, 1997).
 fn meets(triangle: &Placed, origin: Point3<f64>, direction: Vector3<f64>) -> Option<(f64, f64)> {
     let [a, b, c] = triangle.corners;
     let (ab, ac) = (b - a, c - a);
@@ -49,7 +49,7 @@ fn meets(triangle: &Placed, origin: Point3<f64>, direction: Vector3<f64>) -> Opt
 fn walks_find_what_a_search_of_all_triangles_finds() {
     let Some(mut session) = session() else { return };
     for number in 0..2 {
-        // Without holes and panes, which are looked at by themselves.
+        // Without holes and panes, which have tests of their own.
         let scene = soups::scene(number, false);
         show(&mut session, &scene, &scenes::view([0.0, -2.0, 1.0], [0.0; 3], [8, 8], 60.0));
         let mut random = Stream::root(90 + number);
@@ -116,7 +116,7 @@ fn walks_find_what_a_search_of_all_triangles_finds() {
         }
         println!("scene {number}: {slips} of {RAYS} rays differ; {hits} hit, {occluded} are occluded");
         assert!(hits > RAYS / 4 && occluded > RAYS / 10, "{hits} {occluded}");
-        // Where an edge is grazed, or a surface starts where a ray does.
+        // A ray grazes an edge, or starts on a surface.
         assert!(slips * 500 <= RAYS, "{slips} of {RAYS}");
     }
 }

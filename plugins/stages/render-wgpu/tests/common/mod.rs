@@ -14,7 +14,7 @@ use syntable_transport::PathTracing;
 
 pub type Rgb = [f32; 3];
 
-/// What the kernels take for infinite.
+/// The kernels treat this number as infinity.
 pub const FAR: f32 = 3.0e38;
 
 /// The filter on an adapter.
@@ -31,14 +31,14 @@ pub struct Uploaded {
 }
 
 impl Card {
-    /// Opens an adapter by its number.
+    /// Opens an adapter by its index.
     pub fn open(adapter: usize) -> Self {
         let device = Arc::new(Device::open(&Adapters::find(), adapter).expect("opens"));
         let filter = GuidedFilter::new(device.clone()).expect("compiles");
         Self { device, filter }
     }
 
-    /// Writes the planes of an image; none starts where the buffer does.
+    /// Writes the planes of an image; no plane starts at the start of the buffer.
     pub fn upload(&self, products: &Products) -> Uploaded {
         let radiance = products.get(RADIANCE_NOISY).expect("put");
         let size = [radiance.width(), radiance.height()];
@@ -81,7 +81,7 @@ impl Card {
         Uploaded { size, input, sections }
     }
 
-    /// The image that the filter makes of products.
+    /// The filtered image of products.
     pub fn filtered(&mut self, options: &Guided, products: &Products) -> Vec<Rgb> {
         let Uploaded { size, input, sections } = self.upload(products);
         let device = &self.device;
@@ -105,7 +105,7 @@ impl Card {
     }
 }
 
-/// The image of the processor.
+/// The same image, filtered on the CPU.
 pub fn reference(options: &Guided, products: &Products, workers: &dyn Workers) -> Vec<Rgb> {
     let (dataset, scene) = (scenes::dataset(), scenes::boxes(&[([0.0, 0.0, 0.5], [1.0; 3])]));
     let (view, log) = (scenes::view([0.0, -1.0, 1.0], [0.0; 3], [8, 8], 60.0), Collected::default());
@@ -117,7 +117,7 @@ pub fn reference(options: &Guided, products: &Products, workers: &dyn Workers) -
 
 /// The noisy image with all guides.
 pub fn render(scene: &Arc<Scene>, view: &View, samples_per_pixel: u32) -> Products {
-    // What the filter reads, under the renderer's names.
+    // Inputs of the filter, under the renderer's names.
     let of_renderer = |key: KeyId| if key == RADIANCE_NOISY.id() { RADIANCE.id() } else { key };
     let wants: Vec<KeyId> = Guided::default().reads().into_iter().map(of_renderer).collect();
     let options = PathTracing { samples_per_pixel, regularize: 0.3, ..PathTracing::default() };

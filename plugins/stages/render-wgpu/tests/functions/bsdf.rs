@@ -6,9 +6,9 @@ use syntable_transport::bsdf::albedo::{Albedo, Row as AlbedoRow, cell};
 use syntable_transport::bsdf::ggx::{Ggx, MIN_ALPHA, schlick, stretch};
 use syntable_transport::bsdf::{Bsdf, BsdfParameters, BsdfSample, Interface, multiple_reflectance, table};
 
-/// Absolute tolerance of lobes, per steradian. Multiple scattering is what the albedo lacks to 1 seen from both directions,
-/// over its mean: for smooth surfaces the last place of the albedo, seen from above, times the loss of a grazing direction
-/// over a mean loss of 1e-4.
+/// Absolute tolerance of lobes, per steradian. Multiple scattering is the product of 1 minus the albedo for both
+/// directions, over its mean. For smooth surfaces, this is the rounding error of the albedo from above, times the loss
+/// of a grazing direction, over a mean loss of 1e-4.
 pub const LOBE_SLACK: f32 = 4e-5;
 
 /// From a mirror to chalk.
@@ -42,7 +42,7 @@ fn bsdf(x: &mut Call) -> Bsdf {
     Bsdf::new(&parameters(x), x.v3(), table(), x.dielectrics)
 }
 
-/// What a sample says if it is valid.
+/// Flags and values of a sample if it is valid.
 pub fn sampled(s: &BsdfSample<f32>) -> ([bool; 4], ([Rgb; 2], f32)) {
     if s.valid {
         ([true, s.specular, s.transmitted, s.reflected], ([s.wi, s.weight * s.pdf.min(1.0)], s.pdf))

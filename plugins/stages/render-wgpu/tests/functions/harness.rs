@@ -1,9 +1,9 @@
-//! A function in both languages on the same rows of numbers.
+//! Runs a function in both languages on the same rows of numbers.
 //!
-//! Both read their arguments in order from a row of words and write their results in order to another. Results may differ
-//! by the tolerance that the function states, and by as much as a change of the arguments by four units in the last place
-//! changes them: that is the part which no order of operations can promise, large where digits cancel. Decisions are equal,
-//! or those that such a change brings about.
+//! Both read their arguments in order from a row of words and write their results in order to another. Results may
+//! differ by the tolerance that the function states, and by as much as they change if the arguments change by four
+//! units in the last place. This second part depends on the order of operations, and is large where digits cancel.
+//! Decisions are equal, or equal to a decision after such a change.
 
 use std::fmt::Write;
 use syntable_model::random::Stream;
@@ -30,16 +30,16 @@ pub enum Tolerance {
     Within(f32, f32),
 }
 
-/// A function in Rust that reads a row and gives words.
+/// A function in Rust that reads a row and returns words.
 type Rust = dyn Fn(&mut Call) -> Vec<Word>;
 
 /// A function of the shaders and the Rust that it mirrors.
 pub struct Function {
     /// Name in WGSL.
     pub name: &'static str,
-    /// Names of the functions that are tested by it, too.
+    /// Names of further functions that this test covers.
     pub through: &'static [&'static str],
-    /// Mixes of dielectrics with which it is tested.
+    /// Mixes of dielectrics to test.
     dielectrics: &'static [Dielectrics],
     tolerance: Tolerance,
     arguments: fn(&mut Row),
@@ -48,7 +48,7 @@ pub struct Function {
 }
 
 impl Function {
-    /// `arguments` makes a row, the statements `wgsl` read it and write results, and `rust` does the same.
+    /// `arguments` makes a row, the WGSL statements read it and write results, and `rust` does the same.
     pub fn new<R: Results>(
         name: &'static str,
         tolerance: Tolerance,
@@ -65,12 +65,12 @@ impl Function {
         Self { name, through: &[], dielectrics, tolerance, arguments, wgsl, rust: Box::new(rust) }
     }
 
-    /// Tests other functions, too.
+    /// Also covers other functions.
     pub fn covers(self, through: &'static [&'static str]) -> Self {
         Self { through, ..self }
     }
 
-    /// Is tested with either mix of dielectrics.
+    /// Tests both mixes of dielectrics.
     pub fn with_both_dielectrics(self) -> Self {
         Self { dielectrics: &[Dielectrics::EnergyConserving, Dielectrics::Gltf], ..self }
     }
@@ -128,7 +128,7 @@ impl<A: Results, B: Results, C: Results> Results for (A, B, C) {
 #[derive(Clone, Copy, Debug)]
 pub enum Word {
     Real(f32),
-    /// A random number in [0, 1); what is left to 1 counts as much as the number.
+    /// A random number in [0, 1), accurate to an absolute error, so that 1 minus the number is as accurate.
     Unit(f32),
     Bits(u32),
 }
@@ -174,13 +174,13 @@ impl Row {
         self.push(x)
     }
 
-    /// In (0, ∞), as often below 1 as above.
+    /// A number in (0, ∞), as often below 1 as above.
     pub fn positive(&mut self, decades: f32) -> f32 {
         let random = 10_f64.powf(self.stream.uniform((-decades).into(), decades.into())) as f32;
         self.push(random)
     }
 
-    /// A random number in [0, 1), such as samplers give.
+    /// A random number in [0, 1), like the numbers of samplers.
     pub fn unit(&mut self) -> f32 {
         let random = (self.stream.next_u32() >> 8) as f32 * (0.5 * f32::EPSILON);
         let edges = [0.0, 1.0 - 0.5 * f32::EPSILON, 0.5, 0.5 * f32::EPSILON, 0.25, 0.75];
@@ -189,7 +189,7 @@ impl Row {
         x
     }
 
-    /// In [0, 1], both ends included.
+    /// A number in [0, 1], both ends included.
     pub fn fraction(&mut self) -> f32 {
         self.within(0.0, 1.0, &[0.0, 1.0, 0.5, 1e-3])
     }
@@ -199,12 +199,12 @@ impl Row {
         self.within(1e-4, 1.0, &[1.0, 1e-6, 0.05, 0.5, 1e-3])
     }
 
-    /// An index of refraction beyond over that on this side.
+    /// A relative index of refraction: beyond the surface over this side.
     pub fn eta(&mut self) -> f32 {
         self.within(0.4, 2.5, &[1.5, 1.0 / 1.5, 1.0, 1.33, 2.4, 1.0 / 2.4, 1.001])
     }
 
-    /// A number of a choice.
+    /// An index below `count`.
     pub fn below(&mut self, count: u32) -> u32 {
         let chosen = self.stream.below(count.into()) as u32;
         self.words.push(Word::Bits(chosen));
@@ -240,7 +240,7 @@ impl Row {
         self.push3(v)
     }
 
-    /// A unit vector that is no argument.
+    /// A unit vector that is not an argument.
     pub fn axis(&mut self) -> Vec3 {
         let d = self.stream.direction();
         let random = vec3(d.x as f32, d.y as f32, d.z as f32);
@@ -254,7 +254,7 @@ impl Row {
         self.edge(&edges).unwrap_or(random)
     }
 
-    /// A unit vector with z > 0, some of them grazing.
+    /// A unit vector with z > 0, sometimes grazing.
     pub fn upper(&mut self) -> Vec3 {
         let d = self.stream.direction();
         let random = vec3(d.x as f32, d.y as f32, (d.z as f32).abs().max(1e-5));
@@ -271,7 +271,7 @@ impl Row {
         vec3(d.x as f32, d.y as f32, d.z as f32) * (distance * size)
     }
 
-    /// A random number that is no argument.
+    /// A random number that is not an argument.
     pub fn random(&mut self, low: f32, high: f32) -> f32 {
         self.stream.uniform(low.into(), high.into()) as f32
     }
@@ -308,7 +308,8 @@ impl Call {
     }
 }
 
-/// Readers and writers of rows, and what the modules ask of the renderer: the tables, and which dielectrics are meant.
+/// Readers and writers of rows, and the declarations that the modules expect from the renderer: the tables, and the mix
+/// of dielectrics.
 const PRELUDE: &str = "
 override PLAIN_DIELECTRICS: bool = false;
 @group(0) @binding(0) var<storage, read> arguments: array<u32>;
@@ -326,7 +327,7 @@ fn put_b(x: bool) { put_u(u32(x)); }
 fn put(x: f32) { put_u(bitcast<u32>(x)); }
 fn put2(v: vec2<f32>) { put(v.x); put(v.y); }
 fn put3(v: vec3<f32>) { put2(v.xy); put(v.z); }
-// Results that are not written are 0. Where the density is low, the weight is that of the lobes over it.
+// Results that are not written are 0. At low densities, the weight is written as the value of the lobes.
 fn put_sample(s: BsdfSample) {
     if !s.valid { return; }
     put_b(true); put_b(s.specular); put_b(s.transmitted); put_b(s.reflected);
@@ -338,8 +339,9 @@ fn shape() -> Shape {
 }
 ";
 
-/// Rows of which one may be wrong on a card, of a function that is within a tolerance: cards divide and take roots less
-/// exactly than programs in their place, so that a branch goes the other way, or a number that cancels is off, now and then.
+/// On a card, one row in so many may be wrong, for a function with a tolerance: cards divide and take roots less
+/// exactly than software renderers. So a branch may occasionally go the other way, or a number that cancels may be
+/// inaccurate.
 const ROWS_OF_A_SLIP: usize = 200;
 
 /// An adapter, its device and the buffer of the tables.
@@ -351,7 +353,7 @@ struct Gpu {
 }
 
 impl Gpu {
-    /// Opens a card, else a program, if there is either.
+    /// Opens a card, or else a software renderer; `None` if the machine has neither.
     fn open() -> Option<Self> {
         let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
         let power_preference = wgpu::PowerPreference::HighPerformance;
@@ -377,7 +379,7 @@ impl Gpu {
         Some(Self { is_card: info.device_type != wgpu::DeviceType::Cpu, device, queue, lobes })
     }
 
-    /// Results of a function, so many words for each row of arguments.
+    /// Results of a function, `results` words for each row of arguments.
     fn run(&self, function: &Function, dielectrics: Dielectrics, arguments: &[u32], results: usize) -> Vec<u32> {
         let width = arguments.len() / ROWS as usize;
         let mut source = String::from(PRELUDE);
@@ -465,7 +467,7 @@ fn storage(device: &wgpu::Device, bytes: usize) -> wgpu::Buffer {
     })
 }
 
-/// Results in Rust on a row, then on rows that differ by a little in one number.
+/// Results in Rust on a row, then on rows in which one number differs slightly.
 fn reference(function: &Function, dielectrics: Dielectrics, row: &[Word]) -> Vec<Vec<Word>> {
     let call = |words: Vec<Word>| {
         let mut call = Call { dielectrics, words, read: 0 };
@@ -491,10 +493,10 @@ fn reference(function: &Function, dielectrics: Dielectrics, row: &[Word]) -> Vec
     all
 }
 
-/// What is wrong with a result, given those in Rust.
+/// The difference of a result from the results in Rust, or `None` if it is accepted.
 fn complaint(tolerance: Tolerance, got: u32, wanted: &[Word]) -> Option<String> {
     let (real, Tolerance::Within(relative, absolute)) = (f32::from_bits(got), tolerance) else {
-        // Which zero a function gives is the card's choice.
+        // The sign of a zero may differ between cards.
         let is_zero = |bits: u32| matches!(wanted[0], Word::Real(_)) && f32::from_bits(bits) == 0.0;
         let is_same = got == wanted[0].bits() || is_zero(got) && is_zero(wanted[0].bits());
         return (!is_same).then(|| format!("{got:#010x}, not {:#010x}", wanted[0].bits()));
@@ -511,7 +513,7 @@ fn complaint(tolerance: Tolerance, got: u32, wanted: &[Word]) -> Option<String> 
     (!is_near).then(|| format!("{real:e}, not {first:e} in {:e} … {:e}", low - slack, high + slack))
 }
 
-/// Calls functions on both sides.
+/// Calls functions in both languages, and compares the results.
 pub fn compare(functions: &[Function]) {
     let Some(gpu) = Gpu::open() else { return };
     let mut complaints = Vec::new();

@@ -26,7 +26,7 @@ fn coating(x: &mut Call) -> CoatingParameters {
     CoatingParameters { clearcoat: x.f(), clearcoat_roughness: x.f(), sheen: x.f(), sheen_roughness: x.f() }
 }
 
-/// The drawn lobe, layers above it, the index, and the surface.
+/// The sampled lobe, layers above it, the index of refraction, and the surface.
 fn layered_surface(row: &mut Row) {
     row.below(LOBES.len() as u32);
     four_fractions(row);

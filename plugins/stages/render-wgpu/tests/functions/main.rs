@@ -1,4 +1,4 @@
-//! The functions of the path tracer's WGSL, one by one, against the Rust that they mirror.
+//! The functions of the path tracer's WGSL, each compared with the Rust function that it mirrors.
 //!
 //! Needs an adapter, as the tests of the renderer do.
 

@@ -1,9 +1,9 @@
-//! Numbers of paths, to the bit.
+//! Random numbers of paths, equal to the bit.
 
 use super::harness::{Function, Row, Tolerance::Exact};
 use syntable_prepare::sampler::{SOBOL_PAIRS, Sampler, hash, pascal, scramble_reversed, unit};
 
-/// A sampler and the number of a dimension.
+/// A sampler and the index of a dimension.
 fn dimension(row: &mut Row) {
     row.bits();
     row.bits();

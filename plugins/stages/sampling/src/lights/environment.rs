@@ -1,4 +1,4 @@
-//! Light from all around: an environment map, or the same radiance from everywhere.
+//! Light from all directions: an environment map, or constant radiance.
 
 use crate::lights::brightness::check_temperature;
 use crate::lights::brightness::limits::{ILLUMINANCE_LX, TEMPERATURE_K};

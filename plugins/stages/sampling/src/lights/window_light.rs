@@ -316,7 +316,7 @@ fn illuminance_of_panes(window: &scene::WindowLight, point: Point3<f64>) -> f64 
     sum
 }
 
-/// Why a support has no wall beside it. Without walls no other draw of the scene has one either.
+/// The error for a support without a wall beside it. Without walls, no other draw of the scene has one either.
 fn no_wall(scene: &Scene, support: &Support) -> Error {
     let bounds = |body: &Body| Aabb::of(body.object.mesh.bounds().corners().map(|p| body.world_from_body * p));
     // A floor or ceiling is wider than it is thick; a wall is upright.

@@ -31,7 +31,7 @@ fn a_lens_has_the_aperture_of_its_f_number_and_focuses_on_depth() {
     let lens = optics_at(options, &pose, 1).expect("optics").lens.expect("a lens");
     let depth = forward.dot(&Vector3::new(-0.95, 0.05, -0.95));
     assert!((lens.focus_distance_m - depth).abs() < 1e-6 && (lens.aperture_radius_m - 0.001).abs() < 1e-12, "{lens:?}");
-    // With no object in the image it is the tabletop.
+    // Without an object in the image, the tabletop is in focus.
     let options =
         "intrinsics = { fov_deg = 1 }\nlens = { f_number = 4, focus = \"nearest_object\", focal_length_mm = 8 }";
     let lens = optics_at(options, &pose, 1).expect("optics").lens.expect("a lens");

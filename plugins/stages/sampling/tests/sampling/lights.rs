@@ -99,7 +99,7 @@ fn room(size: [f32; 3]) -> Scene {
     room_around(size, [0.0, 0.0, 0.75])
 }
 
-/// The same with the center of the tabletop elsewhere.
+/// Like [`room`], with the center of the tabletop elsewhere.
 fn room_around(size: [f32; 3], center: [f64; 3]) -> Scene {
     let [x, y, z] = size.map(f64::from);
     let mut scene = SceneBuilder::default();
@@ -171,14 +171,15 @@ fn windows_need_a_wall_only_where_one_is_wanted() {
             assert!(draw(&*lights("window_light", options), scene, 1).expect(options).is_empty());
         }
     }
-    // Every draw of 0 walls ends well, every other one says that there is no room.
+    // Every draw of 0 walls succeeds; every other draw fails because the scene has no room.
     let sometimes = lights("window_light", "walls = { integers = [0, 1] }");
     let drawn: Vec<_> = (0..40).map(|seed| draw(&*sometimes, &open, seed)).collect();
     assert!(drawn.iter().filter(|lights| lights.is_ok()).count() > 8);
     let errors: Vec<_> = drawn.into_iter().filter_map(Result::err).collect();
     assert!(errors.len() > 8);
     assert!(errors.iter().all(|error| error.is_permanent() && error.to_string().contains("the scene has no room")));
-    // A floor is no wall, whatever is drawn; a table that stands out of its room may be another one next time.
+    // A floor is never a wall, so its error is permanent; a table outside its room may be inside it at the next
+    // attempt.
     let floor = draw(&*lights("window_light", ""), &floor, 1).expect_err("a floor only");
     assert!(floor.is_permanent() && floor.to_string().contains("a floor without walls"), "{floor}");
     let error = draw(&*lights("window_light", ""), &outside, 1).expect_err("above the room");
@@ -197,7 +198,7 @@ fn windows_with_a_view_give_the_same_illuminance_as_plain_ones() {
         let windows = drawn(&options, seed);
         let got = total(&windows, scene.support(None).expect("there").center(), Vector3::z());
         assert!((got / 600.0 - 1.0).abs() < 0.01, "{pattern}: {got} lx");
-        // The same rectangles, whatever they show.
+        // The same rectangles, with any pattern.
         let plain = drawn("pattern = \"plain\"\nbrightness = { illuminance_lx = 600 }", seed);
         assert_eq!(windows.len(), plain.len());
         for (window, plain) in windows.iter().zip(&plain) {

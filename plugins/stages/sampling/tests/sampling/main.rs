@@ -203,7 +203,7 @@ fn views_follow_their_options() {
         sines.push((from_center.z / from_center.norm() - 0.5) / (0.75_f64.sqrt() - 0.5));
         assert!((0.7..=1.4).contains(&from_center.norm()));
         assert!((pose * Vector3::z() + from_center.normalize()).norm() < 1e-9, "looks at the center of the shell");
-        // Rolled by a quarter turn: what was right is now up, so the camera's x axis points down in the world.
+        // Rolled by a quarter turn: the camera's right is now up, so its x axis points down in the world.
         assert!((pose * Vector3::x()).z < 0.0 && (pose * Vector3::y()).z.abs() < 1e-9);
     }
     let d = kolmogorov_smirnov(sines);
@@ -567,7 +567,7 @@ fn draws_repeat() {
     let spheres = lights("sphere_lights", "count = 2");
     assert_eq!(draw(&*spheres, &scene, 1), draw(&*spheres, &scene, 1));
     assert_ne!(draw(&*spheres, &scene, 1), draw(&*spheres, &scene, 2));
-    // The second light does not depend on whether there is a first.
+    // The second light does not change the first.
     let one = lights("sphere_lights", "count = 1");
     assert_eq!(draw(&*spheres, &scene, 1).expect("lights")[0], draw(&*one, &scene, 1).expect("lights")[0]);
 }

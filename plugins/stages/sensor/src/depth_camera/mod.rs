@@ -1,4 +1,4 @@
-//! From clean depth to what a depth camera measures.
+//! Simulates depth cameras: from clean depth to measured depth.
 
 mod model;
 mod models;
@@ -59,7 +59,7 @@ struct DepthSensor {
     principle: Principle,
 }
 
-/// What holds for a whole image.
+/// Values that are the same for a whole image.
 struct Camera<'a> {
     common: &'a Common,
     /// Factor on the noise.

@@ -5,8 +5,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use syntable_model::dist::Dist;
 
-/// Declares `$Values`, parameters of a camera, and `$Options`, which has the same fields as options that override them,
-/// beside options of its own with their defaults.
+/// Declares `$Values`, parameters of a camera, and `$Options`, with the same fields as options that override them, and
+/// options of its own with their defaults.
 macro_rules! parameters {
     (
         $(#[$options_meta:meta])*
@@ -42,7 +42,7 @@ macro_rules! parameters {
         }
 
         impl $Values {
-            /// These parameters, with those that the options give in place of their own.
+            /// These parameters, with the values that the options override.
             pub(super) fn overridden(self, options: &$Options) -> Self {
                 Self { $($name: options.$name.unwrap_or(self.$name),)* }
             }
@@ -111,11 +111,11 @@ parameters! {
 parameters! {
     /// Overrides the parameters of a time-of-flight model.
     ///
-    /// The distance `R` along the ray has the noise `σ² = σ₀² + a² / S + b² / S²`, where `S = ρ cos θ / (0.95 R²)` is the
-    /// returned light: 1 from a 95 % surface at 1 m and normal incidence. The second term is the shot noise of that
-    /// light, the third that of background and read-out (Lange and Seitz, IEEE J. Quantum Electronics 37, 2001). The
-    /// reflectance ρ is the luminance of the albedo. Where `S` is below that of `reach_reflectance` at `reach_m`, there
-    /// is no measurement.
+    /// The distance `R` along the ray has the noise `σ² = σ₀² + a² / S + b² / S²`, where `S = ρ cos θ / (0.95 R²)` is
+    /// the returned light: 1 from a 95 % surface at 1 m and normal incidence. The second term is the shot noise of this
+    /// light, the third the noise of background and read-out (Lange and Seitz, IEEE J. Quantum Electronics 37, 2001).
+    /// The reflectance ρ is the luminance of the albedo. A pixel has no measurement if `S` is below the light from a
+    /// surface of `reach_reflectance` at `reach_m`.
     options TimeOfFlight {}
 
     /// Parameters of a time-of-flight measurement.
@@ -150,8 +150,8 @@ parameters! {
     /// `1 + 0.053 θ² / (π/2 − θ)²`, the form and proportion of Nguyen, Izadi and Lovell (3DIMPVT 2012) at 1 m. The noise
     /// of neighboring pixels is correlated, because they share most of the matching window.
     ///
-    /// The view is the left camera. What the right camera, `baseline_m` to its right, does not see has no measurement: a
-    /// shadow left of near objects, and a band along the left edge of the image.
+    /// The view is the left camera. Points that the right camera, `baseline_m` to its right, does not see have no
+    /// measurement: a shadow left of near objects, and a band along the left edge of the image.
     options Stereo {}
 
     /// Parameters of a stereo measurement.

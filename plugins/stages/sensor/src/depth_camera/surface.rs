@@ -70,7 +70,7 @@ impl<'a> Surface<'a> {
     }
 
     /// The surface point at (x, y), pixels from the center of the first pixel. Depth is interpolated within a surface,
-    /// where its inverse is linear; at edges it is that of the nearest pixel.
+    /// where its inverse is linear; at edges, it is the depth of the nearest pixel.
     pub fn near(&self, x: f64, y: f64) -> Option<Hit> {
         let x = x.clamp(0.0, f64::from(self.depth.width() - 1));
         let y = y.clamp(0.0, f64::from(self.depth.height() - 1));
@@ -110,7 +110,7 @@ fn inverse(depth: &Plane<f32>, [x, y]: [i64; 2]) -> Option<f64> {
     Some(if z.is_finite() && z > 0.0 { 1.0 / z } else { 0.0 })
 }
 
-/// Whether there is an edge between a pixel and its neighbor.
+/// Whether a pixel and its neighbor have an edge between them.
 ///
 /// On a plane the inverse depth is linear in the image. The difference to the neighbor beyond the slope on either side,
 /// the smaller of both, is a step of the inverse depth; times both depths it is a step in meters.

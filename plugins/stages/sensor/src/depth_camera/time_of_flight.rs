@@ -21,9 +21,9 @@ fn signal(hit: &Hit, albedo: &Plane<[f32; 3]>) -> f64 {
 
 /// The measured depth of a hit, meters; none without a measurement.
 ///
-/// Up to one half of a pixel at an edge can see the other side. The light of both sides adds up, and its phase is that
-/// of their mean distance, weighted by light: a flying pixel (Lefloch et al. in Time-of-Flight and Depth Imaging,
-/// LNCS 8200, 2013). This holds for steps that are short compared with the wavelength of the modulation.
+/// Up to one half of a pixel at an edge can see the other side. The light of both sides adds up, with the phase of
+/// their mean distance, weighted by light: a flying pixel (Lefloch et al. in Time-of-Flight and Depth Imaging, LNCS
+/// 8200, 2013). This holds for steps that are short compared with the wavelength of the modulation.
 pub fn measured(
     flight: &TimeOfFlightParameters,
     camera: &Camera,

@@ -1,4 +1,4 @@
-//! Radiance to codes, by the tone that a recipe names.
+//! Radiance to codes, by the tone curve of the recipe.
 
 use super::agx::Agx;
 use super::curve::Curve;

@@ -1,4 +1,4 @@
-//! How an image was developed, read back from what was recorded of it.
+//! The development of an image, read back from its record.
 
 use super::developer::Developer;
 use super::tone::Tone;
@@ -6,7 +6,7 @@ use syntable_model::error::{Error, Result};
 use syntable_model::product::Value;
 use syntable_model::product::standard::EXPOSURE;
 
-/// What turned the radiance of an image into codes: the part of [`EXPOSURE`] that is the same for every pixel.
+/// Conversion of the radiance of an image into codes: the part of [`EXPOSURE`] that is the same for every pixel.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Development {
     tone: Tone,
@@ -15,10 +15,10 @@ pub struct Development {
 }
 
 impl Development {
-    /// The development that a record of [`EXPOSURE`] tells.
+    /// The development in a record of [`EXPOSURE`].
     ///
     /// # Errors
-    /// If it does not tell white and tone, because another sensor recorded it; permanent.
+    /// If the record has no white or no tone, because another sensor wrote it; permanent.
     pub fn recorded(exposure: &Value) -> Result<Self> {
         let text = |value: &Value| match value {
             Value::Text(name) => Tone::named(name),
@@ -33,7 +33,7 @@ impl Development {
         Ok(Self { tone, white_nits, gains })
     }
 
-    /// Develops other pixels as those of the image.
+    /// A developer that treats other pixels like the image's.
     pub fn developer(&self) -> Developer {
         Developer::new(self.tone, self.white_nits, self.gains)
     }

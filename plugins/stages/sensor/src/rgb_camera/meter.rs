@@ -50,7 +50,7 @@ pub fn ev100_of(radiance: &[[f32; 3]]) -> f64 {
     let metered = libm::log2(libm::exp(mean_ln) * 100.0 / METER_K);
     let recoverable_nits = white_nits(metered + GUARD_EV) as f32;
     let mut recoverable: Vec<f32> = lit.into_iter().filter(|y| *y <= recoverable_nits).collect();
-    // The metered pixels are far below that limit, so there is at least one.
+    // The metered pixels are far below that limit, so the list is not empty.
     let bright = ((recoverable.len() - 1) as f64 * (1.0 - CLIPPED)).round() as usize;
     let bright_nits = *recoverable.select_nth_unstable_by(bright, f32::total_cmp).1;
     libm::log2(f64::from(bright_nits) / white_nits(0.0)).clamp(metered, metered + GUARD_EV)
@@ -92,7 +92,7 @@ mod tests {
 
     #[test]
     fn highlights_lower_the_exposure_by_two_stops_at_most() {
-        // White of the metered exposure is 1.2 nits; 5 % of the pixels at twice that cost one stop.
+        // White of the metered exposure is 1.2 nits; 5 % of the pixels at twice this luminance cost one stop.
         let with = |count: usize, nits: f32| -> Vec<[f32; 3]> {
             (0..1000).map(|i| if i < count { [nits; 3] } else { [0.125; 3] }).collect()
         };

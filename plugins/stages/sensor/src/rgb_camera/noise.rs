@@ -12,9 +12,9 @@ use syntable_model::random::Stream;
 /// Poisson–Gaussian noise of photons and read-out, before white balance and tone curve.
 ///
 /// With `x` the linear signal, 1 at white, a pixel collects `Poisson(W x)` electrons, `W = full_well_e · 100 / iso`,
-/// and read-out adds a Gaussian of `read_noise_e` electrons. The noise of `x` has the variance `a x + b` with
-/// `a = 1 / W` and `b = (read_noise_e / W)²` (Foi et al., IEEE Trans. Image Processing 17, 2008; EMVA 1288 states the
-/// same in electrons). Channels and pixels are independent: there is no color filter array.
+/// and read-out adds a Gaussian of `read_noise_e` electrons. The noise of `x` has the variance `a x + b` with `a = 1 /
+/// W` and `b = (read_noise_e / W)²` (Foi et al., IEEE Trans. Image Processing 17, 2008; EMVA 1288 states the same in
+/// electrons). Channels and pixels are independent: the sensor has no color filter array.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Noise {

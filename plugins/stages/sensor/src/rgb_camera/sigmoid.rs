@@ -14,9 +14,9 @@ const POWER: f64 = 3.0;
 /// The encoded brightness in [0, 1] of a gray of `light`, where [`GRAY`] is middle gray.
 ///
 /// With `e` in [0, 1] the position of `log2(light / GRAY)` in [`STOPS`] and `d` its distance from the position of gray,
-/// the curve is `SLOPE d / (1 + (SLOPE d / L)^p)^(1/p)` above or below the brightness of gray. `L` makes it reach exactly
-/// 1 at the upper end and 0 at the lower: with `A = SLOPE · (distance to the end)` and `B` the remaining brightness,
-/// `L = A / ((A / B)^p − 1)^(1/p)`.
+/// the curve is `SLOPE d / (1 + (SLOPE d / L)^p)^(1/p)` above or below the brightness of gray. `L` makes it reach
+/// exactly 1 at the upper end and 0 at the lower: with `A = SLOPE · (distance to the end)` and `B` the remaining
+/// brightness, `L = A / ((A / B)^p − 1)^(1/p)`.
 pub fn sigmoid(light: f64) -> f64 {
     let range = STOPS[1] - STOPS[0];
     let gray = -STOPS[0] / range;

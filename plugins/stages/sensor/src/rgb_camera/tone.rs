@@ -22,7 +22,7 @@ pub enum Tone {
 }
 
 impl Tone {
-    /// All of them.
+    /// All tone curves.
     const ALL: [Self; 4] = [Self::Filmic, Self::Srgb, Self::Linear, Self::Agx];
 
     /// The curve of a [`name`](Self::name).
@@ -56,8 +56,8 @@ pub(super) const GAIN: f64 = 0.18 * 1.2 * 100.0 / 12.5;
 /// End of the linear part of the filmic curve.
 const KNEE: f64 = 0.4;
 
-/// Linear up to the knee, then the curve of Reinhard et al. (2002, equation 4), `t (1 + t/T²) / (1 + t)`, scaled so that
-/// it continues the line smoothly and reaches 1 at [`GAIN`].
+/// Linear up to the knee, then the curve of Reinhard et al. (2002, equation 4), `t (1 + t/T²) / (1 + t)`, scaled so
+/// that it continues the line smoothly and reaches 1 at [`GAIN`].
 fn shoulder(x: f64) -> f64 {
     if x <= KNEE {
         return x;

@@ -17,8 +17,8 @@ use syntable_model::random::Stream;
 /// becomes a gray of the same luminance.
 ///
 /// An estimate is the black body from 2000 K to 10,000 K whose ratios of red to green and blue to green are nearest, in
-/// their logarithms, to the medians over the pixels between the 10th and the 90th percentile of luminance. With medians,
-/// what is unlike the rest may fill up to half of the image.
+/// their logarithms, to the medians over the pixels between the 10th and the 90th percentile of luminance. With
+/// medians, up to half of the image may differ from the rest.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub enum WhiteBalance {
     /// No gains: light of the chromaticity of D65 is white.
@@ -26,8 +26,8 @@ pub enum WhiteBalance {
     None,
     /// The light that falls on the surfaces: their radiance over their albedo. A room of one color keeps it.
     Auto,
-    /// What leaves the surfaces, as cameras estimate the light that know no albedo (Buchsbaum, J. Franklin Institute 1980,
-    /// with means): a brown table in a brown room becomes gray.
+    /// The light that leaves the surfaces, as in cameras that do not know the albedo (Buchsbaum, J. Franklin Institute
+    /// 1980, with means): a brown table in a brown room becomes gray.
     GrayWorld,
     /// Light of a black body at this temperature, kelvin, from 2000 to 40,000.
     Kelvin(Dist),
@@ -39,7 +39,7 @@ const KELVIN: [f64; 2] = [2000.0, 40_000.0];
 const MIRED: std::ops::RangeInclusive<u32> = 100..=500;
 /// Fraction of the darkest and of the brightest pixels that the estimate leaves out.
 const TAIL: f64 = 0.1;
-/// Surfaces whose albedo is below this in any channel do not tell the color of the light.
+/// Minimum albedo, in each channel, of surfaces that count in the estimate of the light.
 const MIN_ALBEDO: f32 = 0.02;
 
 impl WhiteBalance {
@@ -55,8 +55,8 @@ impl WhiteBalance {
         *self == Self::Auto
     }
 
-    /// The gains of the channels for an image, and their record; none without white balance. `albedo` has the pixels of
-    /// `radiance` if it is needed.
+    /// The gains of the channels for an image, and their record; `None` without white balance. `albedo` has the pixels
+    /// of `radiance` if it is needed.
     pub(super) fn gains(
         &self,
         radiance: &[[f32; 3]],
@@ -86,8 +86,8 @@ fn incident<'a>(radiance: &'a [[f32; 3]], albedo: &'a [[f32; 3]]) -> impl Iterat
     pairs.map(|(&pixel, albedo)| (pixel, std::array::from_fn(|c| pixel[c] / albedo[c])))
 }
 
-/// The temperature of the light that is estimated from the radiance of pixels and the color of the light that each stands
-/// for, kelvin; none if no pixel is lit.
+/// The temperature of the light, kelvin, estimated from the radiance of each pixel and the color of its light; `None`
+/// if no pixel is lit.
 fn estimated(pixels: impl Iterator<Item = ([f32; 3], [f32; 3])>) -> Option<f64> {
     let lit: Vec<(f32, [f32; 3])> = pixels
         .filter(|(pixel, _)| pixel.iter().all(|v| v.is_finite() && *v > 0.0))
@@ -204,7 +204,7 @@ mod tests {
 
     fn kelvin_of(balance: &WhiteBalance, radiance: &[[f32; 3]], albedo: &[[f32; 3]]) -> Option<f64> {
         let (gains, _) = balance.gains(radiance, Some(albedo), &Stream::root(0)).expect("a white balance");
-        // The gains are those of a black body.
+        // A black body has these gains.
         let nearest = MIRED.map(|mired| 1e6 / f64::from(mired)).find(|&kelvin| {
             blackbody(kelvin).iter().zip(gains).all(|(v, gain)| (v * f64::from(gain) - 1.0).abs() < 1e-5)
         });

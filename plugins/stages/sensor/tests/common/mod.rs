@@ -9,7 +9,7 @@ use syntable_model::scene::{Exposure, View};
 use syntable_sensor as _;
 use syntable_testing::scenes;
 
-/// The stage that these options give.
+/// The sensor of a kind with these options.
 pub fn sensor(kind: &str, options: &str) -> Box<dyn Sensor> {
     match constructed(kind, options).map(|constructed| constructed.stage) {
         Ok(Stage::Sensor(sensor)) => sensor,
@@ -18,7 +18,7 @@ pub fn sensor(kind: &str, options: &str) -> Box<dyn Sensor> {
     }
 }
 
-/// Why the options are refused.
+/// The message with which the options are refused.
 pub fn refusal(kind: &str, options: &str) -> String {
     constructed(kind, options).map(|_| "accepted".to_owned()).unwrap_or_else(|error| error)
 }
@@ -41,7 +41,7 @@ pub fn view(size: [u32; 2], focal_px: f64, exposure: Exposure) -> View {
     view
 }
 
-/// Runs a sensor, which is lent only the products that it declares, and gives those that were there and those that it made.
+/// Runs a sensor with the products that it declares to read; returns the given products and the sensor's own.
 pub fn sense(sensor: &dyn Sensor, view: &View, mut products: Products, seed: u64, workers: &dyn Workers) -> Products {
     let scene = scenes::boxes(&[([0.0, 0.0, 0.5], [1.0; 3])]);
     let dataset = scenes::dataset();

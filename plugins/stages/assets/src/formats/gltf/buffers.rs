@@ -27,7 +27,7 @@ pub struct GltfBuffers<'a> {
     file: &'a Path,
     log: &'a dyn Log,
     loaded: BTreeMap<usize, Vec<u8>>,
-    /// Views that were packed.
+    /// Views that were unpacked.
     unpacked: BTreeMap<usize, Vec<u8>>,
 }
 

@@ -1,11 +1,11 @@
 //! Material extensions: clearcoat, sheen, transmission and volume, and the supported parts of specular, anisotropy and
 //! unlit.
 //!
-//! `KHR_materials_clearcoat` stores its factor in red and its roughness in green, `KHR_materials_sheen` its color in the
-//! color channels and its roughness in alpha, `KHR_materials_transmission` its factor in red. Of
+//! `KHR_materials_clearcoat` stores its factor in red and its roughness in green, `KHR_materials_sheen` its color in
+//! the color channels and its roughness in alpha, `KHR_materials_transmission` its factor in red. Of
 //! `KHR_materials_volume` the medium is read. Its `attenuationDistance` is in world space by the extension's
-//! definition, so node scales do not apply. Its thickness is for rasterizers; only zero matters here: the surface is then
-//! thin-walled.
+//! definition, so node scales do not apply. Its thickness is for rasterizers; only zero matters here: the surface is
+//! then thin-walled.
 
 use super::specular_glossiness::SpecularGlossinessJson;
 use super::uses::{Use, of_info, of_normal};
@@ -65,7 +65,7 @@ impl SpecularJson {
         (1.0 + root) / (1.0 - root)
     }
 
-    /// Whether something of it is not shown: a texture, or a colored reflection.
+    /// Whether a part of the extension is not shown: a texture, or a colored reflection.
     pub fn is_approximate(&self) -> bool {
         let [r, g, b] = self.specular_color_factor;
         self.specular_texture.is_some() || self.specular_color_texture.is_some() || r != g || g != b
@@ -81,8 +81,8 @@ pub struct AnisotropyJson {
 }
 
 impl AnisotropyJson {
-    /// The roughness of a round highlight as wide as the geometric mean of the two widths of the stretched one. Along the
-    /// stretch the extension's α is `mix(α, 1, strength²)`, across it α, the square of the roughness.
+    /// The roughness of a round highlight as wide as the geometric mean of the two widths of the stretched one. Along
+    /// the stretch the extension's α is `mix(α, 1, strength²)`, across it α, the square of the roughness.
     pub fn roughness(&self, roughness: f32) -> f32 {
         let across = roughness * roughness;
         let along = across + (1.0 - across) * unit(self.anisotropy_strength).powi(2);

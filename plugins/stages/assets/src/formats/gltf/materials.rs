@@ -188,7 +188,7 @@ impl<'a> GltfMaterials<'a> {
         Ok(material.with_digest())
     }
 
-    /// Reads the base as the core has it; returns the factor of alpha.
+    /// Reads the base of the core standard; returns the factor of alpha.
     fn metallic_roughness(
         &mut self,
         material: &mut Material,
@@ -276,7 +276,7 @@ impl<'a> GltfMaterials<'a> {
     /// Changes of the base by extensions. Unsupported changes become the nearest supported ones, with a warning.
     fn modify_base(&mut self, material: &mut Material, layers: &ExtensionLayers) {
         if layers.unlit {
-            // The extension's own advice to programs that light everything.
+            // The extension gives this advice to programs that light all surfaces.
             material.metallic = Scalar::constant(0.0);
             material.roughness = Scalar::constant(1.0);
             material.emission = Color::constant([0.0; 3]);
@@ -284,7 +284,7 @@ impl<'a> GltfMaterials<'a> {
             return;
         }
         if let Some(specular) = &layers.specular {
-            // The index also bends light in a body of glass, which the extension leaves as it is.
+            // The index also bends light in a body of glass, which the extension must not change.
             let bends = material.transmission.as_ref().is_some_and(|glass| glass.volume.is_some());
             let ior = specular.ior(material.ior);
             if specular.is_approximate() || (bends && (ior - material.ior).abs() > 1e-4) {
@@ -380,7 +380,7 @@ impl<'a> GltfMaterials<'a> {
         }
     }
 
-    /// The image of a texture: the plain one, or else that in WebP.
+    /// The image of a texture: the plain one, or else the one in WebP.
     fn source(&self, texture: &json::Texture, index: Index<json::Texture>) -> Result<Index<json::Image>> {
         if texture.source.value() != u32::MAX as usize {
             return Ok(texture.source);

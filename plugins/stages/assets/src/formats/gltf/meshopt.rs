@@ -1,4 +1,5 @@
-//! `EXT_meshopt_compression`: buffer views that are packed by the codecs of meshoptimizer, after the extension's appendices.
+//! `EXT_meshopt_compression`: buffer views that are packed by the codecs of meshoptimizer, after the extension's
+//! appendices.
 //!
 //! Every read is checked against the packed bytes. A stream that ends early or has excess bytes is refused.
 
@@ -209,7 +210,7 @@ impl ByteStream<'_> {
     }
 }
 
-/// The most recent sixteen of something; 0 is the latest.
+/// The most recent sixteen items; index 0 is the latest.
 struct Recent<T> {
     items: [T; 16],
     next: usize,
@@ -230,7 +231,7 @@ impl<T: Copy + Default> Recent<T> {
     }
 }
 
-/// The next corner that no triangle had so far.
+/// The next corner that no triangle has used so far.
 fn fresh(next: &mut u32) -> u32 {
     *next = next.wrapping_add(1);
     next.wrapping_sub(1)

@@ -70,7 +70,7 @@ pub struct MeshInstance {
 }
 
 impl MeshInstance {
-    /// How the mesh is shaped.
+    /// Weights and skinning that shape the mesh.
     pub fn shape(&self) -> Deformation<'_> {
         Deformation { weights: &self.weights, skinned: self.skin.is_some() }
     }
@@ -226,7 +226,7 @@ fn copies(document: &Root, buffers: &mut GltfBuffers<'_>, node: &Node) -> Result
     Ok((0..total as usize).map(copy).collect())
 }
 
-/// The transforms from a skinned mesh to the body by joint. The node that places the mesh has no part in it.
+/// The transforms from a skinned mesh to the body by joint. The node that places the mesh has no effect.
 fn pose(
     document: &Root,
     buffers: &mut GltfBuffers<'_>,

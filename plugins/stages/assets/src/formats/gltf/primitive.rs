@@ -12,7 +12,7 @@ use gltf::json::{Index, Root};
 use syntable_mesh::paint::full_intensity;
 use syntable_model::error::{Error, Result};
 
-/// How far above 1 a color may be by rounding.
+/// Tolerance for colors above 1 by rounding.
 const ROUNDING: f64 = 1e-3;
 
 /// Four joints of a skin and their weights, for each vertex.
@@ -93,7 +93,7 @@ struct AttributeReader<'r, 'b> {
 }
 
 impl<'r, 'b> AttributeReader<'r, 'b> {
-    /// The reader, and the corners of the triangles as places among the vertices that it reads.
+    /// The reader, and the corners of the triangles as indices of the vertices that it reads.
     fn open(
         document: &'r Root,
         buffers: &'r mut GltfBuffers<'b>,
@@ -121,7 +121,7 @@ impl<'r, 'b> AttributeReader<'r, 'b> {
         if let Some(index) = corners.iter().find(|&&index| u64::from(index) >= count) {
             return Err(Error::new(format!("index {index}, but only {count} vertices")));
         }
-        // Of arrays that many primitives share, each takes the vertices that it uses.
+        // If many primitives share arrays, each reads only the vertices that it uses.
         let (corners, used) = if (corners.len() as u64) < count { compact(corners) } else { (corners, None) };
         Ok((Self { document, buffers, primitive, count, position, used }, corners))
     }
@@ -168,7 +168,7 @@ impl<'r, 'b> AttributeReader<'r, 'b> {
         Ok((colors.into_iter().map(|[r, g, b, _]| [r, g, b].map(unit)).collect(), alphas))
     }
 
-    /// Colors with opacities as fractions. By the standard they are: floats, or whole numbers that are marked as normalized.
+    /// Colors with opacities as fractions. The standard requires that: floats, or integers marked as normalized.
     fn fractions(&mut self, index: Index<Accessor>, materials: &mut GltfMaterials<'_>) -> Result<Vec<[f32; 4]>> {
         let has_alpha = width(self.document, index)? == 4;
         let mut colors: Vec<[f32; 4]> = if has_alpha {
@@ -179,7 +179,7 @@ impl<'r, 'b> AttributeReader<'r, 'b> {
         let rgb = || colors.iter().flat_map(|color| &color[..3]).map(|&x| f64::from(x));
         let full = full_intensity(rgb());
         let is_float = is_float(self.document, index)?;
-        // Floats that are not whole are no bytes, however large: light above white.
+        // Floats with fractional parts are not bytes, however large: light above white.
         if is_float && rgb().any(|x| x > 0.0 && x.is_finite() && x.fract() != 0.0) {
             if rgb().any(|x| x > 1.0 + ROUNDING) {
                 materials.warn("COLOR_0 has numbers above 1, which are clamped to 1");
@@ -187,7 +187,7 @@ impl<'r, 'b> AttributeReader<'r, 'b> {
         } else if full > 1.0 || !(is_float || is_normalized(self.document, index)?) {
             let full = full.max(255.0);
             materials.warn(&format!("COLOR_0 is not normalized; its range is taken as 0 to {full}"));
-            // Floats may state bytes beside an opacity that is a fraction.
+            // Floats may hold bytes for colors and a fraction for opacity.
             let scales_alpha = has_alpha && !(is_float && colors.iter().all(|color| color[3] <= 1.0));
             for color in &mut colors {
                 let channels = if scales_alpha { 4 } else { 3 };

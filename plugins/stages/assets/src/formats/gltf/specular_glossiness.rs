@@ -1,4 +1,5 @@
-//! `KHR_materials_pbrSpecularGlossiness`: materials by diffuse color, specular color and glossiness, as metallic-roughness.
+//! `KHR_materials_pbrSpecularGlossiness`: materials by diffuse color, specular color and glossiness, as
+//! metallic-roughness.
 //!
 //! Let D be the diffuse color times 1 minus the largest channel of the specular color S, b the base color, and m the
 //! metalness. Both models reflect the same if `D = 0.96 b (1 - m)` and `S = 0.04 (1 - m) + b m`. Eliminating b gives

@@ -48,7 +48,7 @@ pub(super) fn attach(parsed: ParsedObj, root: &AssetRoot, folder: &Path, file: &
     let mut scanned = None;
     for (used, &painted) in uses.iter().zip(&painted) {
         let stated = match known.get(&used.name) {
-            // A file with one material often leaves out that its faces have it.
+            // Files with one material often omit `usemtl`.
             None if used.name.is_empty() && !libraries.is_empty() && !missing => {
                 let only = known.values().next().filter(|_| known.len() == 1);
                 // Vertex colors need no material.
@@ -65,7 +65,7 @@ pub(super) fn attach(parsed: ParsedObj, root: &AssetRoot, folder: &Path, file: &
                 if !missing && !used.name.is_empty() {
                     unknown.get_or_insert((used, 0)).1 += 1;
                 }
-                // A mesh that names no library, or one that is not there, may be a scan with an image beside it.
+                // A mesh without a library, or with a missing one, may be a scan with an image next to it.
                 if (missing || libraries.is_empty()) && used.textured && !colored {
                     if scanned.is_none() {
                         scanned = Some(loader.scanned_material()?);
@@ -83,7 +83,7 @@ pub(super) fn attach(parsed: ParsedObj, root: &AssetRoot, folder: &Path, file: &
         materials.push(if used.textured { material } else { loader.without_textures(material, used) });
     }
     loader.tell_unread();
-    // Without any library, a scan's own image was taken for its material.
+    // Without any library, a scan's own image is its material.
     let explained = libraries.is_empty() && scanned.flatten().is_some();
     if let Some((first, count)) = unknown.filter(|_| !explained) {
         let others = if count > 1 { format!(" and {} others", count - 1) } else { String::new() };
@@ -323,8 +323,8 @@ impl MtlLoader<'_> {
         Ok(material.with_digest())
     }
 
-    /// Opacity below one blends. An invisible surface is an error of the exporter: some write the opacity as `Tr`, or 0 if
-    /// it is unknown.
+    /// Opacity below one blends. An invisible surface is an error of the exporter: some write the opacity as `Tr`, or 0
+    /// if it is unknown.
     fn blend(&self, material: &mut Material, from: &MtlMaterial, library: &Path) {
         let opacity = from.opacity.or(from.transparency.map(|(tr, line)| (1.0 - tr, line)));
         let Some((opacity, line)) = opacity.filter(|(opacity, _)| *opacity < 1.0) else { return };

@@ -4,7 +4,7 @@ use super::header::{Element, PlyEncoding, PlyHeader, PlyScalar};
 use syntable_mesh::text::shorten;
 use syntable_model::error::{Error, Result};
 
-/// Maximum length of a list that means nothing here.
+/// Maximum length of a list that is ignored.
 pub const LIST_LIMIT: usize = 1 << 20;
 
 /// A position in the body.
@@ -153,8 +153,8 @@ impl<'a> PlyRows<'a> {
         })
     }
 
-    /// Reads a list of at most `most` items into a buffer. Its length is checked before the buffer grows, against the bytes
-    /// left, too.
+    /// Reads a list of at most `most` items into a buffer. Its length is checked before the buffer grows, against the
+    /// bytes left, too.
     pub fn list(&mut self, length: PlyScalar, scalar: PlyScalar, into: &mut Vec<f64>, most: usize) -> Result<()> {
         into.clear();
         let count = self.number(length)?;

@@ -1,4 +1,4 @@
-//! Colors of the rows of a PLY file: which columns state them, and what their numbers mean.
+//! Colors of the rows of a PLY file: the columns that hold them, and the meaning of their numbers.
 
 use super::header::{Element, PlyScalar, is_signed_byte};
 use std::ops::Range;
@@ -75,8 +75,8 @@ impl ColorColumns {
         columns
     }
 
-    /// The type as which a column is read. The bits of a packed color in a binary file are read as a whole number: many are
-    /// no number as a float, and a conversion would change them.
+    /// The type as which a column is read. The bits of a packed color in a binary file are read as an integer: many of
+    /// them are NaN as a float, and a conversion would change them.
     pub fn read_as(columns: Option<&Self>, at: usize, stated: PlyScalar) -> PlyScalar {
         match columns {
             Some(Self::Packed(packed)) if packed.at == at && packed.is_binary_float() => PlyScalar::U32,
@@ -124,7 +124,7 @@ impl PackedColor {
         self.scalar == PlyScalar::F32 && !self.is_text
     }
 
-    /// The bytes of a number as it was read: red, green, blue and alpha.
+    /// The bytes of a number as read: red, green, blue and alpha.
     fn bytes(&self, value: f64) -> [f32; 4] {
         let is_whole = value.fract() == 0.0 && (1.0..=f64::from(u32::MAX)).contains(&value);
         let word = match self.scalar {
@@ -139,8 +139,8 @@ impl PackedColor {
         [r, g, b, alpha]
     }
 
-    /// Floats hold the bits of packed colors, or packed colors as numbers: then all are whole numbers of 24 bits. Bits without
-    /// opacity are numbers below 1e-37. Without alpha, the highest byte is unused.
+    /// Floats hold the bits of packed colors, or packed colors as numbers. In the second case, all are integers of 24
+    /// bits. Bits without opacity are numbers below 1e-37. Without alpha, the highest byte is unused.
     fn settle(&self, colors: &mut [[f32; 4]]) {
         let value =
             |&[r, g, b, alpha]: &[f32; 4]| f32::from_bits(u32::from_be_bytes([alpha, r, g, b].map(|x| x as u8)));
@@ -167,8 +167,8 @@ fn names_color(name: &str) -> bool {
     words.iter().any(|word| name.contains(word)) || name.split(['_', '.', '-']).any(|part| channels.contains(&part))
 }
 
-/// Converts colors as written to linear colors in [0, 1], and opacities to [0, 1]. The types are those of red and
-/// alpha.
+/// Converts colors as written to linear colors in [0, 1], and opacities to [0, 1]. `full` is the number of full
+/// intensity of colors, `opaque` the number of full opacity.
 pub fn decode<'a>(
     colors: impl Iterator<Item = &'a mut [f32; 4]>,
     [full, opaque]: [f64; 2],
@@ -187,7 +187,7 @@ pub fn decode<'a>(
     }
 }
 
-/// The number of full intensity in some channels of colors, which have one type. Signed bytes are mended first.
+/// The number of full intensity in some channels of colors, which have one type. Fixes wrapped signed bytes first.
 pub fn range(scalar: PlyScalar, colors: &mut [[f32; 4]], channels: Range<usize>) -> f64 {
     let wraps = scalar.wraps(colors.iter().flat_map(|color| &color[channels.clone()]).copied());
     for x in colors.iter_mut().flat_map(|color| &mut color[channels.clone()]) {

@@ -89,7 +89,7 @@ impl PlyScalar {
     }
 }
 
-/// Whether a number is a whole one in [-128, 127].
+/// Whether a number is an integer in [-128, 127].
 pub fn is_signed_byte(x: f32) -> bool {
     (-128.0..=127.0).contains(&x) && x.fract() == 0.0
 }
