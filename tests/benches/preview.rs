@@ -1,4 +1,5 @@
-//! How long a save takes to show: `syntable preview --watch` on recipes whose camera, or whose seed, is saved anew.
+//! Time from a save to the updated images: `syntable preview --watch` on recipes whose camera or seed changes with
+//! every save.
 //!
 //! `cargo bench -p syntable-tests --bench preview [-- RECIPE …]`. Prints the median, the smallest and the largest time
 //! from a save to the first image in the sheet, and to the last one.
@@ -11,7 +12,7 @@ use std::sync::mpsc::{Receiver, channel};
 use std::time::{Duration, Instant};
 use syntable_program as _;
 
-/// Saves of each sort.
+/// Number of saves of each kind.
 const SAVES: usize = 11;
 
 fn main() {
@@ -25,7 +26,7 @@ fn main() {
     }
 }
 
-/// Something that is saved: its name, and what it adds to the recipe for a number.
+/// An edit of the recipe: its name, and the text that it adds for a number.
 type Edit = (&'static str, fn(usize) -> String);
 
 const EDITS: [Edit; 3] = [
@@ -78,7 +79,7 @@ fn measure(recipe: &Path) {
     fs::remove_dir_all(folder).expect("removable");
 }
 
-/// Waits until a pass has ended; seconds from the start to its first image, if there is one, and to its end.
+/// Waits until a pass has ended. Returns the seconds from the start to its first image, if any, and to its end.
 fn finished(events: &Receiver<(Instant, serde_json::Value)>, start: Instant) -> [Option<f64>; 2] {
     let mut first = None;
     loop {

@@ -1,8 +1,10 @@
-//! Images a second that a run annotates and writes when rendering costs nothing: 640 × 480, about 20 objects, RGB, depth and COCO.
+//! Images per second that a run annotates and writes if rendering costs nothing: 640 × 480, about 20 objects, RGB,
+//! depth and COCO.
 //!
-//! `cargo bench -p syntable-tests --bench writers [-- THREADS]` (2). Frames of the recipe `quickstart` are rendered first. Then
-//! a renderer gives them again and again, so that a whole run is measured, with annotators, checks, digests, staging and the
-//! journal. What a frame costs by parts is of one thread, the median of its repeats. Pillow, if Python has it, is beside it.
+//! `cargo bench -p syntable-tests --bench writers [-- THREADS]` (2). Frames of the recipe `quickstart` are rendered
+//! first. Then a renderer returns them repeatedly, so that a whole run is measured, with annotators, checks, digests,
+//! staging and the journal. The cost of a frame by parts is measured on one thread, as the median of repeats. Pillow is
+//! measured for comparison, if Python has it.
 
 use std::hint::black_box;
 use std::path::Path;
@@ -25,15 +27,15 @@ use syntable_runtime::run::RunOptions;
 use syntable_runtime::run::progress::{Event, Reporter};
 use syntable_testing::scenes;
 
-/// Objects that are dropped; some leave the table.
+/// Number of dropped objects; some leave the table.
 const DROPPED: u16 = 32;
-/// Views that are rendered, and how many of them are kept: those of most objects.
+/// Number of rendered views, and of views that are kept: the views with the most objects.
 const RENDERED: u32 = 8;
 const FRAMES: usize = 3;
 const SCENES: u32 = 4;
 const VIEWS: u32 = 100;
 
-/// What is rendered once.
+/// Products of a rendered view.
 #[derive(Clone)]
 struct Frame {
     rgb: Plane<[u8; 3]>,
@@ -140,7 +142,7 @@ impl RenderSession for Player {
     }
 }
 
-/// The recipe that is rendered, of many objects.
+/// The rendered recipe, with many objects.
 fn rendered() -> String {
     format!(
         "extends = \"builtin:quickstart\"\nremove = [\"write.syntable\", \"write.contact_sheet\"]\n\
@@ -149,7 +151,7 @@ fn rendered() -> String {
     )
 }
 
-/// The recipe that is measured.
+/// The measured recipe.
 fn measured(writers: &str) -> String {
     format!(
         "[dataset]\nname = \"written\"\nscenes = {SCENES}\nviews_per_scene = {VIEWS}\n\
@@ -159,7 +161,7 @@ fn measured(writers: &str) -> String {
     )
 }
 
-/// Says why an attempt failed, and nothing else.
+/// Prints only the errors of failed attempts.
 struct Failures;
 
 impl Reporter for Failures {
@@ -170,7 +172,7 @@ impl Reporter for Failures {
     }
 }
 
-/// Runs a recipe; its seconds.
+/// Runs a recipe. Returns the seconds.
 fn run(recipe: &str, threads: usize, out: &Path) -> f64 {
     let linked = Registry::linked().expect("no clash");
     let own = [Entry::of::<Keep>("bench", "0"), Entry::of::<Replay>("bench", "0"), Entry::of::<Boxes>("bench", "0")];
@@ -185,7 +187,7 @@ fn run(recipe: &str, threads: usize, out: &Path) -> f64 {
     start.elapsed().as_secs_f64()
 }
 
-/// Median of the times of a call on each frame, ms.
+/// Median of the times of a call on all frames, ms.
 fn ms<T>(frames: &[Frame], mut call: impl FnMut(&Frame) -> T) -> f64 {
     let mut times: Vec<f64> = Vec::new();
     for _ in 0..15 {
@@ -203,7 +205,7 @@ fn depth_image(frame: &Frame) -> PngImage {
     PngImage::gray16(&frame.depth.map(|&depth| depth_units(depth, 1.0, Rounding::Nearest)))
 }
 
-/// Files of a folder and their bytes.
+/// Number of the files in a folder, and of their bytes.
 fn files(folder: &Path) -> (u64, u64) {
     let (mut number, mut bytes) = (0, 0);
     for entry in std::fs::read_dir(folder).expect("a folder").flatten() {
@@ -214,7 +216,7 @@ fn files(folder: &Path) -> (u64, u64) {
     (number, bytes)
 }
 
-/// Pillow, levels 1 and 6: ms and bytes for the PNG files that it is given, and bytes.
+/// Pillow, levels 1 and 6: ms and bytes for the given PNG files and bytes.
 const PILLOW: &str = r#"
 import io, sys, time
 from PIL import Image

@@ -1,4 +1,4 @@
-//! A scene that fails is tried again, then recorded; it never stops the run or shifts another scene.
+//! A failing scene is retried and then recorded. It never stops the run or affects another scene.
 
 #[path = "program/support/mod.rs"]
 mod support;
@@ -18,7 +18,7 @@ use syntable_testing::folder::files;
 use syntable_testing::scenes;
 
 products! {
-    /// A product that is hard to make.
+    /// A product that some attempts fail to make.
     pub const FRAGILE: Key<PerInstance<u32>> = view("fragile");
 }
 
@@ -30,7 +30,7 @@ struct Fragile {
     panics_in: Vec<u32>,
     /// Scenes in which the first attempt fails.
     stumbles_in: Vec<u32>,
-    /// Scenes in which every attempt breaks its promise.
+    /// Scenes in which every attempt omits its product.
     silent_in: Vec<u32>,
 }
 
@@ -176,7 +176,7 @@ fn a_broken_promise_ends_the_run_and_is_named() {
 #[test]
 fn an_empty_table_fails_the_scene_only() {
     let folder = tempfile::tempdir().expect("a folder");
-    // After a twentieth of a second everything still falls, and what moves is taken out.
+    // After a twentieth of a second, everything is still falling, and moving objects are removed.
     let set = [
         ("place[2].count", "1"),
         ("settle.on_violation", "remove"),

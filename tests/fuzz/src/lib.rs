@@ -1,4 +1,4 @@
-//! The fuzz targets, and the plugins that they read with. Rendering, settling and writing are not linked.
+//! The fuzz targets, and the plugins that they use for reading. Rendering, settling and writing are not linked.
 
 use syntable_annotate as _;
 use syntable_assets as _;

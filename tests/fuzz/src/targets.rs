@@ -1,5 +1,5 @@
-//! What each fuzz target does with an input. A test of the workspace replays all stored inputs
-//! (`tests/tests/program/fuzz.rs`), and `fuzz_targets` hands these functions to libFuzzer.
+//! The functions of the fuzz targets. A test of the workspace replays all stored inputs
+//! (`tests/tests/program/fuzz.rs`), and `fuzz_targets` passes these functions to libFuzzer.
 
 use std::path::PathBuf;
 use syntable_formats::dataset::JsonLayout;
@@ -12,10 +12,10 @@ use syntable_model::registry::Registry;
 use syntable_model::scene::InstanceId;
 use syntable_recipe::Overrides;
 
-/// Feeds one input to a reader. It panics where the reader is wrong.
+/// Feeds one input to a reader, and panics if the reader violates an invariant.
 pub type Target = fn(&[u8]);
 
-/// All targets, by the names of their binaries and of the folders in `corpus`.
+/// All targets, by the names of their binaries and of their folders in `corpus`.
 pub const TARGETS: [(&str, Target); 12] = [
     ("obj", obj),
     ("gltf", gltf),
@@ -31,15 +31,15 @@ pub const TARGETS: [(&str, Target); 12] = [
     ("product", product),
 ];
 
-/// The folder that holds the input of a reader of files: one per process, in memory where the system has such a place.
+/// The folder with the input of a file reader: one per process, in memory where the system supports it.
 pub fn folder() -> PathBuf {
     let memory = PathBuf::from("/dev/shm");
     let base = if memory.is_dir() { memory } else { std::env::temp_dir() };
     base.join(format!("syntable-fuzz-{}", std::process::id()))
 }
 
-/// Writes files, and inspects the first one as `syntable check --asset` does. The inspection may say anything, but it
-/// must return.
+/// Writes files, and inspects the first one as `syntable check --asset` does. The inspection may have any result, but
+/// it must return.
 fn inspect(files: &[(&str, &[u8])]) {
     let folder = folder();
     std::fs::create_dir_all(&folder).expect("a folder");
@@ -81,7 +81,7 @@ pub fn stl(input: &[u8]) {
     inspect(&[("input.stl", input)]);
 }
 
-/// PNG and JPEG images, known by their content.
+/// PNG and JPEG images, recognized by their content.
 pub fn image(input: &[u8]) {
     inspect(&[("input.png", input)]);
 }
@@ -103,7 +103,7 @@ pub fn mask(input: &[u8]) {
     let Ok(mask) = Mask::from_coco(width, height, text(counts)) else { return };
     let again = Mask::from_coco(width, height, &mask.to_coco()).expect("what was written is read");
     assert_eq!(mask, again);
-    // The runs say the same as the counts and the box.
+    // The runs must agree with the counts and the box.
     let area: u32 = mask.runs().map(|run| run.end - run.start).sum();
     assert_eq!(area, mask.area());
     assert_eq!(mask.and(&again).area(), area);
@@ -114,7 +114,7 @@ pub fn mask(input: &[u8]) {
     }
 }
 
-/// The recipe parser, from text to stages or diagnostics. A table of a kind that is not linked ends in a diagnostic.
+/// The recipe parser, from text to stages or diagnostics. A table of an unlinked kind ends in a diagnostic.
 pub fn recipe(input: &[u8]) {
     let registry = Registry::linked().expect("no clash");
     let overrides = Overrides {
@@ -133,7 +133,7 @@ pub fn recipe(input: &[u8]) {
 pub fn dataset(input: &[u8]) {
     if let Ok(dataset) = syntable_formats::dataset::CocoDataset::from_reader(input) {
         for annotation in &dataset.annotations {
-            // Images of any size are legal, but decoding large ones takes time that finds nothing.
+            // Images of any size are legal, but decoding large images takes time without finding faults.
             let image = dataset.images.iter().find(|image| image.id == annotation.image_id);
             let Some(image) = image.filter(|image| image.width <= 512 && image.height <= 512) else { continue };
             let Some(segmentation) = &annotation.segmentation else { continue };
@@ -157,7 +157,7 @@ pub fn dataset(input: &[u8]) {
     }
 }
 
-/// Values of products that files have, arrays or JSON: each is the product of a key, or refused.
+/// Values of products in files, arrays or JSON: each value is either a valid value of a key or refused.
 pub fn product(input: &[u8]) {
     let content = FileContent::new(input.to_vec(), "fuzz".into());
     let values = [content.npy().map(Value::Tensor), content.json()];
@@ -167,7 +167,7 @@ pub fn product(input: &[u8]) {
             let mut products = Products::new();
             let stored = Stored { value: &value, ids: &ids, missing: f64::INFINITY };
             if products.put_stored(key, stored).is_ok() {
-                // What is taken for a product is one.
+                // A value that was accepted must be a value of the product.
                 let _ = products.value(&key.to_string()).expect("there");
             }
         }

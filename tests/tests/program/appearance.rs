@@ -1,4 +1,4 @@
-//! What objects look like without what occludes them, against the image and the masks, as NumPy and Pillow read them.
+//! Appearance of objects without their occluders, compared with the image and the masks, read by NumPy and Pillow.
 
 use crate::support::{ok, root, skip, syntable, text};
 use std::path::Path;

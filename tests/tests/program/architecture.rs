@@ -1,4 +1,4 @@
-//! What the architecture promises: who depends on whom, and what every kind of stage looks like.
+//! Rules of the architecture: dependencies between crates, and the form of every kind of stage.
 
 use crate::support::root;
 use std::collections::{BTreeMap, BTreeSet};
@@ -8,7 +8,7 @@ use syntable_cli as cli;
 use syntable_model::registry::{Registry, Slot};
 use syntable_program as _;
 
-/// Folders of the crates in `core` and `plugins`, in whatever room.
+/// Folders of the crates in `core` and `plugins`, at any depth.
 pub fn crate_folders() -> Vec<PathBuf> {
     fn walk(folder: &Path, found: &mut Vec<PathBuf>) {
         if folder.join("Cargo.toml").is_file() {
@@ -66,7 +66,7 @@ fn plugins_depend_on_the_model_and_on_neutral_libraries() {
             "syntable-cli" => {
                 vec!["syntable-model", "syntable-mesh", "syntable-recipe", "syntable-runtime", "syntable-simd"]
             }
-            // The facade links everything but the command line, and the program everything.
+            // The facade links everything except the command line, and the program links everything.
             "syntable" => {
                 let is_above = |name: &&str| ["syntable-cli", "syntable-program", "syntable-testing"].contains(name);
                 crates.keys().map(String::as_str).filter(|name| !is_above(name)).collect()
@@ -84,8 +84,7 @@ fn plugins_depend_on_the_model_and_on_neutral_libraries() {
             assert!(allowed.contains(&dependency.as_str()), "{name} must not depend on {dependency}");
         }
         for dependency in ours(tests) {
-            // What a denoiser does to an image is measured on rendered ones.
-            // So is what the GPU makes compared with the CPU.
+            // Denoisers are tested on rendered images. Results of the GPU are compared with the CPU.
             let rendered = ["syntable-denoise", "syntable-render-wgpu"].contains(&name.as_str())
                 && dependency == "syntable-render-cpu";
             assert!(
@@ -128,7 +127,7 @@ fn heavy_packages_stay_in_their_rooms() {
     }
 }
 
-/// Sources of crates whose results reach datasets, without their tests.
+/// Sources of crates whose results affect datasets, without their tests.
 fn sources() -> Vec<(String, String)> {
     fn walk(folder: &Path, sources: &mut Vec<(String, String)>) {
         for entry in fs::read_dir(folder).expect("readable") {
@@ -150,7 +149,8 @@ fn sources() -> Vec<(String, String)> {
     found
 }
 
-/// A message of the library names an option as `options.retry_failed`, and the command line prints `--retry-failed`: the flag exists.
+/// A message of the library names an option as `options.retry_failed`, and the command line prints `--retry-failed`:
+/// this flag must exist.
 #[test]
 fn options_in_messages_have_flags() {
     const FIELD: &str = "`options.";
@@ -183,7 +183,7 @@ fn mathematical_functions_do_not_depend_on_the_system() {
             code.contains(&format!(".{name}("))
                 || [32, 64].iter().any(|bits| code.contains(&format!("f{bits}::{name}")))
         };
-        // `f64::exp` in `f64::exp2`: the longest name counts.
+        // `f64::exp2` contains `f64::exp`, so the longest name counts.
         NAMES.iter().filter(|name| uses(name)).max_by_key(|name| name.len()).copied()
     };
     assert_eq!(of_std("let y = (a + b).atan2(x); // angle"), Some("atan2"));
@@ -233,7 +233,7 @@ fn every_kind_keeps_the_house_rules() {
     assert!(breaches.is_empty(), "{}", breaches.join("\n"));
 }
 
-/// A kind is found by its name: `<kind>.rs` or `<kind>/mod.rs` in the sources of the crate that registers it.
+/// A kind can be found by its name: `<kind>.rs` or `<kind>/mod.rs` in the sources of the crate that registers it.
 #[test]
 fn every_kind_has_a_file_or_folder_of_its_name() {
     fn walk(folder: &Path, found: &mut BTreeSet<String>) {
@@ -264,7 +264,7 @@ fn every_kind_has_a_file_or_folder_of_its_name() {
         }
     }
     assert!(homeless.is_empty(), "no file is called like\n{}", homeless.join("\n"));
-    // What registers a kind here is stock, and nothing else.
+    // The stock crates are exactly the crates that register kinds here.
     assert_eq!(sources.into_keys().collect::<Vec<_>>(), syntable::STOCK_CRATES);
 }
 
@@ -282,7 +282,7 @@ fn every_annotator_works_with_its_defaults() {
     }
 }
 
-/// Datasets can be stored anywhere, because one file alone writes them to a file system.
+/// Datasets can be stored anywhere, because only one file writes them to a file system.
 #[test]
 fn datasets_are_written_through_a_store() {
     const WRITES: [&str; 13] = [
@@ -306,7 +306,7 @@ fn datasets_are_written_through_a_store() {
     let (mut stores, mut seen) = (0, 0);
     for (file, code) in sources().iter().filter(|(file, _)| writers.iter().any(|folder| file.starts_with(folder))) {
         seen += 1;
-        // `symlink_metadata` reads.
+        // `symlink_metadata` only reads.
         let code = code.replace("symlink_metadata", "").replace("is_symlink", "");
         let found: Vec<&str> = WRITES.into_iter().filter(|call| code.contains(call)).collect();
         match STORES.contains(&file.as_str()) {
@@ -315,14 +315,14 @@ fn datasets_are_written_through_a_store() {
         }
     }
     assert!(stores == STORES.len() && seen > 100, "{stores} stores among {seen} files");
-    // What works on a dataset reads it through its store, too.
+    // Code that works on a dataset also reads it through its store.
     let dataset = |file: &str| file.starts_with("core/runtime/src/run/dataset/") && !file.ends_with("/manifest.rs");
     for (file, code) in sources().iter().filter(|(file, _)| dataset(file)) {
         assert!(!code.contains("std::fs") && !code.contains("File::open"), "{file} reads from the file system");
     }
 }
 
-/// Paths in backquotes on the architecture page exist, so that the page cannot rot.
+/// Paths in backquotes on the architecture page exist, so that the page stays up to date.
 #[test]
 fn paths_named_in_the_book_exist() {
     let page = fs::read_to_string(root().join("book/src/architecture.md")).expect("the architecture page");

@@ -1,4 +1,4 @@
-//! What the pages say must be true where a program can tell: links lead somewhere, recipes are sound, commands exist.
+//! Checks the claims of the pages that a program can verify: links lead to targets, recipes are valid, commands exist.
 
 use crate::support::{fails, ok, root, syntable, text};
 use std::collections::BTreeSet;
@@ -23,14 +23,14 @@ fn pages_below(folder: &Path) -> Vec<PathBuf> {
     found
 }
 
-/// The book's pages, and those beside code and recipes.
+/// The pages of the book, and the pages next to code and recipes.
 fn all() -> Vec<PathBuf> {
     let mut pages = pages_below(&root().join("book/src"));
     pages.extend([root().join("README.md"), root().join("recipes/syntable-sim/README.md")]);
     pages
 }
 
-/// The pages that people wrote: all but the generated reference.
+/// The handwritten pages: all except the generated reference.
 fn written() -> Vec<PathBuf> {
     let mut pages = all();
     pages.retain(|page| !page.starts_with(root().join("book/src/reference")));
@@ -42,7 +42,7 @@ fn read(page: &Path) -> String {
     fs::read_to_string(page).unwrap_or_else(|error| panic!("{}: {error}", page.display()))
 }
 
-/// Name from the root of the checkout.
+/// Path relative to the root of the checkout.
 fn name(page: &Path) -> String {
     page.strip_prefix(root()).expect("below").display().to_string()
 }
@@ -76,7 +76,7 @@ fn targets(text: &str) -> Vec<String> {
     ends.collect()
 }
 
-/// What headings are called in addresses.
+/// The anchors of headings.
 fn anchors(text: &str) -> BTreeSet<String> {
     let outside: Vec<&str> = text.split("```").step_by(2).collect();
     let headings = outside.concat();
@@ -122,14 +122,14 @@ fn links_lead_somewhere() {
     assert!(broken.is_empty(), "{} links lead nowhere:\n{}", broken.len(), broken.join("\n"));
 }
 
-/// A recipe of a page: as it stands if it is whole, else over the quickstart recipe.
+/// A recipe of a page: unchanged if it is complete, otherwise on top of the quickstart recipe.
 fn whole(block: &str) -> String {
     let base = root().join("recipes/quickstart.toml").display().to_string();
     let table: toml::Table = block.parse().unwrap_or_else(|error| panic!("not TOML: {error}\n{block}"));
     match (table.contains_key("extends"), table.contains_key("dataset")) {
         (true, _) => block.replace("recipes/quickstart.toml", &base),
         (false, true) => block.to_owned(),
-        // Steps of its own replace those of the base: a table and objects go on.
+        // Its own steps replace the steps of the base: a table and objects are added.
         (false, false) if table.contains_key("place") && !block.contains("drop_box") => {
             let step = |kind: &str, pool: &str| format!("[[place]]\nkind = \"{kind}\"\nfrom = [\"{pool}\"]\n\n");
             let steps = [step("table", "tables"), step("drop_box", "objects")].concat();
@@ -152,20 +152,21 @@ fn recipes_are_sound() {
     let folder = tempfile::tempdir().expect("a folder");
     let mut seen = 0;
     for page in written() {
-        // Options of a plugin that the stock program does not have: `third_party.rs` checks them with one that has.
+        // These options belong to a plugin that the stock program lacks. `third_party.rs` checks them with a program
+        // that has it.
         if page.ends_with("plugins.md") {
             continue;
         }
         for block in fences(&read(&page), "toml") {
             seen += 1;
-            // Single options, one per line, to show what can be written: all are distributions.
+            // A block of single options, one per line, shows possible values: all are distributions.
             if !block.lines().any(|line| line.starts_with('[')) {
                 block.lines().for_each(check_distribution);
                 continue;
             }
             let recipe = folder.path().join("recipe.toml");
             fs::write(&recipe, whole(&block)).expect("writable");
-            // Folders of assets are not on every machine; all but their content is checked without them.
+            // Asset folders do not exist on every machine; everything except their content is checked without them.
             let verb = if block.contains("${") { "plan" } else { "check" };
             let mut command = syntable();
             command.arg(verb).arg(&recipe).env("ASSETS", "/assets").env("OIDN_LIBRARY", "/lib/libOpenImageDenoise.so");
@@ -177,7 +178,7 @@ fn recipes_are_sound() {
     assert!(seen >= 15, "{seen} recipes found");
 }
 
-/// Words of a command as a shell would split it.
+/// The words into which a shell would split a command.
 fn words(command: &str) -> Vec<String> {
     let (mut words, mut word, mut quote) = (Vec::new(), String::new(), None);
     for c in command.chars() {
@@ -193,7 +194,7 @@ fn words(command: &str) -> Vec<String> {
     words
 }
 
-/// Arguments of the program in a command; none if it is about something else.
+/// Arguments of the program in a command; none if the command runs another program.
 fn arguments(command: &str) -> Option<Vec<String>> {
     let words = words(command);
     let first: Vec<&str> = words.iter().map(String::as_str).collect();
@@ -204,7 +205,7 @@ fn arguments(command: &str) -> Option<Vec<String>> {
     }
 }
 
-/// The program understands the arguments, what they name is there, and what they set is known.
+/// The program accepts the arguments, the files that they name exist, and the options that they set are known.
 fn check_command(page: &str, arguments: &[String]) {
     let line: Vec<String> = std::iter::once("syntable".to_owned()).chain(arguments.iter().cloned()).collect();
     cli::understands(&line).unwrap_or_else(|error| panic!("{page}: {line:?}\n{error}"));
@@ -270,7 +271,8 @@ fn a_mistake_looks_as_the_tutorial_shows() {
 
 #[test]
 fn recipes_of_the_diagnostics_fail_and_are_mended() {
-    // Standard output and standard error of a verb. Folders of assets are there for none of the recipes; `plan` does not ask.
+    // Standard output and standard error of a verb. The asset folders of these recipes do not exist; `plan` does not
+    // need them.
     let say = |verb: &str, recipe: &Path| {
         let mut command = syntable();
         command.arg(verb).arg(recipe).env_remove("SCANS").env("HOME", "/home/me");

@@ -54,7 +54,7 @@ fn check_finds_every_mistake_at_once() {
     for word in ["sampels_per_pixel", "samples_per_pixel", "sphere_lights", "tables", "bad.toml:", "3 errors"] {
         assert!(error.contains(word), "{word} is not in\n{error}");
     }
-    // What the library shows is what is printed, byte for byte.
+    // The library's report equals the printed text, byte for byte.
     let registry = Registry::linked().expect("no clash");
     let source = Source::read(&file).expect("readable");
     let report = syntable_recipe::load(&registry, source, &Overrides::of_process(Vec::new())).err().expect("refused");
@@ -139,7 +139,7 @@ fn list_shows_the_options_of_a_kind() {
     }
     assert!(ok(syntable().args(["list", "lights.sun"])).contains("illuminance_lx"));
     assert!(fails(syntable().args(["list", "drop_bix"]), 2).contains("did you mean drop_box"));
-    // Every kind has its page, with all of its options.
+    // Every kind has a page with all of its options.
     let registry = Registry::linked().expect("no clash");
     let schema = syntable_recipe::schema(&registry);
     for entry in registry.entries() {
@@ -162,10 +162,10 @@ fn recipes_of_the_program_run_and_are_extended_by_name() {
     assert!(listed.contains("builtin:quickstart") && listed.contains("builtin:syntable-sim/train"), "{listed}");
     let folder = tempfile::tempdir().expect("a folder");
     let mut elsewhere = syntable();
-    // The same as the file in the checkout, from any folder.
+    // Equals the file in the checkout, from any folder.
     let by_name = ok(elsewhere.args(["plan", "builtin:window-room"]).current_dir(folder.path()));
     assert_eq!(by_name, ok(syntable().args(["plan", "recipes/window-room.toml"])));
-    // One that extends a file beside it.
+    // A recipe that extends a file next to it.
     ok(syntable().args(["plan", "builtin:syntable-sim/val"]).env("ASSETS", "/assets").current_dir(folder.path()));
     let file = folder.path().join("my.toml");
     std::fs::write(&file, "extends = \"builtin:quickstart\"\n[dataset]\nscenes = 7\n").expect("writable");
@@ -173,7 +173,7 @@ fn recipes_of_the_program_run_and_are_extended_by_name() {
     std::fs::write(&file, "extends = \"builtin:quikstart\"\n").expect("writable");
     let error = fails(syntable().arg("check").arg(&file), 2);
     assert!(error.contains("did you mean `builtin:quickstart`") && error.contains("`open-sky`"), "{error}");
-    // What is missing without the base is no mistake of its own.
+    // Parts that are missing only without the base are not reported separately.
     assert!(error.contains("error: 1 error"), "{error}");
     assert!(fails(syntable().args(["plan", "quickstart"]), 2).contains("builtin:quickstart"));
 }
@@ -190,7 +190,7 @@ fn a_new_recipe_brings_the_schema_of_the_program() {
         assert_eq!(text.lines().next(), Some("#:schema ./recipe.schema.json"));
         assert_eq!(std::fs::read_to_string(folder.path().join("recipe.schema.json")).expect("written"), schema);
     }
-    // A schema of something else stays.
+    // A schema file with other content stays.
     std::fs::write(folder.path().join("recipe.schema.json"), "{}").expect("writable");
     let error = fails(syntable().args(["new", "recipe"]).arg(folder.path().join("third.toml")), 2);
     assert!(error.contains("the file is not a schema of SynTable recipes"), "{error}");
@@ -226,7 +226,7 @@ fn mistakes_of_the_request_give_exit_code_2() {
 fn paths_that_no_try_can_write_give_exit_code_2() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = |name: &str| folder.path().join(name);
-    // An image of YOLO is a dataset.
+    // The image folder of a YOLO dataset is a dataset.
     for name in ["data/images", "data/labels"] {
         std::fs::create_dir_all(path(name)).expect("writable");
     }
@@ -265,7 +265,7 @@ fn check_tells_every_missing_folder_beside_other_mistakes() {
     for words in ["/nowhere/bop", "/nowhere/gso", "/nowhere/ycb", "cannot be 0", "error: 6 errors"] {
         assert!(error.contains(words), "{words} is not in\n{error}");
     }
-    // Every value that a stage refuses.
+    // Every value that the stage refuses.
     let refused = ["size_m = { uniform = [0.1, 5] }", "height_m = { uniform = [0.1, 5] }"].join(", ");
     let error = fails(syntable().args(["check", "--set", &format!("place[0]={{ kind = 'room', {refused} }}")]), 2);
     assert!(error.contains("`size_m` can become 0.1") && error.contains("`height_m` can become 0.1"), "{error}");
@@ -311,7 +311,7 @@ fn a_library_beside_the_recipe_needs_consent() {
     let (file, out) = (folder.path().join("my.toml"), folder.path().join("out"));
     let text = "extends = \"builtin:quickstart\"\n[denoise]\nkind = \"oidn\"\nlibrary = \"lib.so\"\n";
     std::fs::write(&file, text).expect("writable");
-    // No library at all: whoever loads it fails, and `check` does not.
+    // The file is not a library: loading it fails, but `check` does not load it.
     std::fs::write(folder.path().join("lib.so"), "no library").expect("writable");
     ok(syntable().arg("check").arg(&file));
     let run = |more: &[&str]| fails(syntable().arg("run").arg(&file).arg("--out").arg(&out).args(more), 2);
@@ -321,7 +321,7 @@ fn a_library_beside_the_recipe_needs_consent() {
     let typed = run(&["--set", &format!("denoise.library={:?}", folder.path().join("lib.so"))]);
     assert_eq!(typed, loaded);
 
-    // The library refuses it, too.
+    // The library refuses it as well.
     let registry = syntable::Registry::linked().expect("no clash");
     let recipe = RecipeRequest::new(file).load(&registry, &["rgb"], &Quiet).expect("a sound recipe");
     let generated = generate(&recipe, &GenerateOptions::default(), &Quiet, &mut |_| Ok(())).expect_err("no consent");
@@ -397,7 +397,7 @@ fn a_broken_denoiser_is_one_mistake() {
             assert_eq!(found, [code], "{denoise}: {error}");
         }
     }
-    // What no denoiser provides is a mistake of its own.
+    // A product that no denoiser provides is a separate mistake.
     let error = fails(&mut with("{ kind = \"gided\" }", "denoisr"), 2);
     assert!(error.contains("D0004") && error.contains("D0005"), "{error}");
 }

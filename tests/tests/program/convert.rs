@@ -1,5 +1,5 @@
-//! What conversions keep of datasets of others: numbers of categories and models, meanings of masks, and all that can be read of
-//! a dataset that is damaged.
+//! Conversions of other programs' datasets keep the numbers of categories and models, the meaning of masks, and all
+//! readable parts of a damaged dataset.
 
 use crate::support::{assert_same, convert, fails, made, ok, small_dataset, syntable, text};
 use serde_json::{Value, json};
@@ -34,7 +34,8 @@ fn faults(root: &Path) -> Vec<(String, String)> {
     faults.iter().map(|fault| (of(fault, "check"), of(fault, "message"))).collect()
 }
 
-/// A COCO dataset as others write it, with an image of each of these objects: categories, and what is left of a square.
+/// A COCO dataset as other programs write it, with one image per entry. An entry lists the categories of the image's
+/// objects, which are squares.
 fn foreign_coco(root: &Path, images: &[&[u32]], categories: &[(u32, &str)]) {
     fs::create_dir_all(root.join("annotations")).expect("writable");
     fs::create_dir_all(root.join("val2017")).expect("writable");
@@ -120,14 +121,14 @@ fn two_writers_do_not_write_one_file() {
 fn categories_keep_their_ids() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = |name: &str| folder.path().join(name);
-    // By name, cup comes before person.
+    // Sorted by name, cup would precede person.
     let own = [(1, "person"), (44, "bottle"), (47, "cup")];
     foreign_coco(&path("foreign"), &[&[47, 1], &[44]], &own);
     let named: Vec<(u64, String)> = own.iter().map(|(id, name)| (u64::from(*id), (*name).to_owned())).collect();
     ok(&mut convert(&path("foreign"), "coco", &path("coco")));
     let file = |name: &str| path(name).join("coco/annotations/instances_train.json");
     assert_eq!(categories(&file("coco")), (named.clone(), vec![47, 1, 44]));
-    // Through our own layout.
+    // Converts through our own layout.
     ok(&mut convert(&path("foreign"), "syntable", &path("ours")));
     ok(&mut convert(&path("ours"), "coco", &path("again")));
     assert_eq!(categories(&file("again")), (named, vec![47, 1, 44]));
@@ -145,17 +146,17 @@ fn categories_keep_their_ids() {
     assert_eq!(classes, ["2", "0"]);
     ok(&mut convert(&path("yolo"), "yolo", &path("yolo again")));
     assert_same(&path("yolo"), &path("yolo again"));
-    // Of two images with the same labels, one is left out.
+    // Of two images with the same labels, one is omitted.
     let image = path("yolo again/yolo/images/train/000000_0000.png");
     fs::copy(&image, image.with_extension("jpg")).expect("writable");
     let said = fails(&mut convert(&path("yolo again"), "yolo", &path("yolo a third time")), 3);
     assert!(said.contains("has the same labels"), "{said}");
-    // What has no category of the file gets one of its own, and no other one's.
+    // An unknown category is replaced by a new category, not by another category of the file.
     foreign_coco(&path("unknown"), &[&[47, 5]], &own);
     ok(&mut convert(&path("unknown"), "coco", &path("of unknown")));
     let (named, of) = categories(&file("of unknown"));
     assert_eq!((named.last(), of), (Some(&(48, "object".to_owned())), vec![47, 48]));
-    // 0 is the background in maps, so such a file is numbered anew.
+    // 0 is the background in maps, so the categories of such a file are renumbered.
     foreign_coco(&path("zero"), &[&[0, 1]], &[(0, "cup"), (1, "bottle")]);
     ok(&mut convert(&path("zero"), "coco", &path("of zero")));
     let (named, of) = categories(&file("of zero"));
@@ -163,7 +164,7 @@ fn categories_keep_their_ids() {
     assert_eq!(of.iter().map(name).collect::<Vec<_>>(), ["cup", "bottle"]);
 }
 
-/// Numbers of classes that YOLO labels have, and the names that `data.yaml` gives to numbers.
+/// Numbers of classes in YOLO labels, and the names of the numbers in `data.yaml`.
 fn classes(yolo: &Path) -> (BTreeSet<usize>, Vec<String>) {
     let data = fs::read_to_string(yolo.join("data.yaml")).expect("there");
     let names =
@@ -174,7 +175,7 @@ fn classes(yolo: &Path) -> (BTreeSet<usize>, Vec<String>) {
     (used, names.collect())
 }
 
-/// Two parts of a dataset, of which each shows objects that the other one does not show.
+/// Two parts of a dataset that show disjoint sets of objects.
 #[test]
 fn parts_of_a_dataset_are_numbered_alike() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -206,7 +207,7 @@ fn parts_of_a_dataset_are_numbered_alike() {
         });
         assert!(train.0.is_disjoint(&val.0) && !train.0.is_empty() && !val.0.is_empty(), "{from}: {train:?} {val:?}");
         assert_eq!(said.contains("note: nothing lists all categories of the dataset"), !is_listed, "{from}: {said}");
-        // A number has one name, or in one of the parts none.
+        // A number has one name, or no name in one of the parts.
         for (number, (one, other)) in train.1.iter().zip(&val.1).enumerate() {
             let unnamed = [reader::unnamed_object(number as u64 + 1), reader::unnamed_category(number as u64 + 1)];
             let has_name = |name: &String| !unnamed.contains(name);
@@ -217,7 +218,7 @@ fn parts_of_a_dataset_are_numbered_alike() {
     }
 }
 
-/// Of BOP, the folder of models lists the objects, whatever a split shows.
+/// In BOP, the folder of models lists the objects, whatever objects a split shows.
 #[test]
 fn objects_of_bop_match_its_models() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -262,11 +263,11 @@ fn objects_of_bop_match_its_models() {
     };
     let names = |numbers: &[u64]| numbers.iter().map(|id| reader::unnamed_object(*id)).collect::<Vec<_>>();
     let listed = |numbers: &[u64]| numbers.iter().copied().zip(names(numbers)).collect::<Vec<_>>();
-    // Without models, all numbers up to the largest one.
+    // Without models, all numbers up to the largest number.
     let [train, val] = [[1, 2, 3, 4, 5, 6, 7].as_slice(), &[1, 2, 3]];
     assert_eq!(found("train"), (((BTreeSet::from([6]), names(train)), (listed(train), vec![7])), true));
     assert_eq!(found("val"), (((BTreeSet::from([2]), names(val)), (listed(val), vec![3])), true));
-    // With models, these and no others, whichever file lists them.
+    // With models, exactly these numbers, whichever file lists them.
     let size = json!({ "diameter": 1, "min_x": 0, "min_y": 0, "min_z": 0, "size_x": 1, "size_y": 1, "size_z": 1 });
     let numbers: &[u64] = &[3, 7, 9];
     let of_meshes = |folder: &str| numbers.iter().for_each(|id| write(&format!("{folder}/obj_{id:06}.ply"), "ply\n"));
@@ -294,7 +295,7 @@ fn labels_that_nothing_holds_are_named() {
         json["images"][0]["license"] = json!(1);
         json["images"][1]["coco_url"] = json!("http://there");
     });
-    // Information is no label.
+    // Additional information is not a label.
     let said = ok(&mut convert(&path("foreign"), "coco", &path("out")));
     let note = "note: information beside labels is not kept: the section `licenses`, `coco_url` of 1 images, `license` of 1 images";
     assert!(said.contains(note), "{said}");
@@ -315,7 +316,7 @@ fn labels_that_nothing_holds_are_named() {
         assert!(said.contains(part), "{part}: {said}");
     }
     assert_same(&path("out"), &path("again"));
-    // Numbers are none of labels, and so nothing is lost.
+    // Statistics ignore these fields, so nothing is lost.
     ok(syntable().arg("stats").arg(path("foreign")));
 }
 
@@ -329,7 +330,8 @@ fn images_of_one_id_or_of_one_file_are_named() {
     spoil(&path("names"), |json| json["images"][1]["file_name"] = json!("1.png"));
     foreign_coco(&path("spellings"), &[&[1], &[1], &[1]], &[(1, "cup")]);
     spoil(&path("spellings"), |json| json["images"][1]["file_name"] = json!("./a/../1.png"));
-    // Of one id, nobody can tell whose an annotation is; of one file, the second image is left out.
+    // If two images have one id, the image of an annotation is ambiguous. If two images have one file, the second image
+    // is omitted.
     for (name, images, says, place) in [
         (
             "spellings",
@@ -378,7 +380,8 @@ fn folders_inside_of_other_datasets_are_refused() {
         assert!(said.contains("choose a folder outside, such as ") && !path(out).join("coco").exists());
     }
     ok(&mut convert(&path("foreign"), "coco", &path("foreign out")));
-    // The folder of the annotation file stands for the dataset around it, and pages have the same rule as datasets.
+    // The folder of the annotation file represents the dataset that contains it, and reports follow the same rule as
+    // datasets.
     let inner = path("foreign/annotations");
     assert_eq!(open_dataset(&inner, None).map(|(format, _)| format.name()).ok(), Some("coco"));
     ok(&mut convert(&inner, "coco", &path("inner out")));
@@ -400,7 +403,7 @@ fn folders_inside_of_other_datasets_are_refused() {
 fn objects_without_pixels_are_named_where_they_are_dropped() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = |name: &str| folder.path().join(name);
-    // Between the centers of four pixels, and outside of the image.
+    // Between the centers of four pixels, and outside the image.
     let outlines = [json!([[20.6, 20.6, 21.4, 20.6, 21.4, 21.4, 20.6, 21.4]]), json!([[70, 5, 80, 5, 80, 15, 70, 15]])];
     foreign_coco(&path("coco"), &[&[1], &[1, 1], &[1]], &[(1, "cup")]);
     spoil(&path("coco"), |json| {
@@ -471,7 +474,7 @@ fn holes_that_polygons_fill_are_counted() {
         assert!(said.contains(&format!("labels are written incompletely by write.{to}")), "{said}");
         fs::remove_dir_all(path("lossy")).expect("there");
     }
-    // Rotated boxes are around the mask, and the others store masks.
+    // Rotated boxes enclose the mask, and the other formats store masks.
     for (to, set) in [("yolo", "yolo.task=\"obb\""), ("d2sa", "d2sa.split=\"all\""), ("coco", "coco.split=\"all\"")] {
         ok(convert(&path("ring"), to, &path("whole")).args(["--set", set]));
         fs::remove_dir_all(path("whole")).expect("there");
@@ -510,7 +513,7 @@ fn numbers_without_names_agree_with_any_name() {
         let output = both(name);
         assert_eq!(output.status.code(), Some(0), "{}", text(&output));
     }
-    // A name that is another one is none.
+    // The generic name of another number counts as a name.
     let data = path("named/yolo/data.yaml");
     let spoiled = fs::read_to_string(&data).expect("there").replace("cup", "class 0");
     fs::write(&data, spoiled).expect("writable");
@@ -547,7 +550,7 @@ fn images_that_cannot_be_read_are_left_out() {
         (Some(1), Some(1))
     );
     assert_eq!(faults(&path("out/coco")), []);
-    // Of nothing, nothing is made.
+    // Without a readable image, no dataset is created.
     fs::remove_file(path("foreign/val2017/1.png")).expect("there");
     let said = fails(&mut convert(&path("foreign"), "coco", &path("none")), 2);
     assert!(said.contains("no image can be read") && !path("none").exists(), "{said}");
@@ -568,7 +571,7 @@ fn what_overlapping_masks_lose_is_told() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = |name: &str| folder.path().join(name);
     foreign_coco(&path("foreign"), &[&[1, 1, 1, 1]], &[(1, "cup")]);
-    // A large square, the same small one in it twice, and one beside them.
+    // A large square, the same small square twice within it, and a square outside.
     let file = path("foreign/annotations/instances_val2017.json");
     let mut json = json_of(&file);
     for (place, [x, y, edge]) in [[0, 0, 30], [10, 10, 5], [10, 10, 5], [40, 20, 10]].into_iter().enumerate() {
@@ -588,7 +591,7 @@ fn what_overlapping_masks_lose_is_told() {
         said.contains("written incompletely by annotate.label_arrays (visible_ids), write.coco_panoptic"),
         "{said}"
     );
-    // What panopticapi requires: each segment has the pixels that it says, and each pixel a segment.
+    // The requirements of panopticapi: each segment has the stated pixels, and each pixel belongs to a segment.
     let (ids, segments) = panoptic(&path("out/coco_panoptic"));
     assert_eq!(ids.iter().collect::<BTreeSet<_>>().len(), segments.len());
     let row = |id: u64, area: u64, bbox: [u64; 4]| (json!(id), json!(area), json!(bbox));
@@ -610,7 +613,7 @@ fn what_overlapping_masks_lose_is_told() {
     let areas: Vec<(u16, u32)> =
         products.get(VISIBLE_MASK).expect("there").iter().map(|(id, mask)| (id.0, mask.area())).collect();
     assert_eq!(areas, [(1, 875), (2, 25), (3, 0), (4, 100)]);
-    // A format of masks loses nothing.
+    // A format that stores masks loses nothing.
     ok(&mut convert(&path("foreign"), "coco", &path("alone")));
     assert_same(&path("alone/coco"), &path("out/coco"));
 }
@@ -637,7 +640,7 @@ fn images_that_a_dataset_hides_are_named() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = |name: &str| folder.path().join(name);
     foreign_coco(&path("foreign"), &[&[1], &[1]], &[(1, "cup")]);
-    // Two images of one view.
+    // Two images of the same view.
     fs::rename(path("foreign/val2017/1.png"), path("foreign/val2017/0_0.png")).expect("there");
     fs::create_dir(path("foreign/val2017/more")).expect("writable");
     fs::rename(path("foreign/val2017/2.png"), path("foreign/val2017/more/0_0.png")).expect("there");
@@ -661,7 +664,7 @@ fn a_dataset_that_was_read_has_no_scene() {
     small_dataset(&data, &["write={ syntable = { debug_masks = true } }"]);
     let said = fails(&mut convert(&data, "gltf", &out), 2);
     assert!(said.contains("--to gltf: this writer stores") && !out.exists(), "{said}");
-    // Products have what is needed for these.
+    // The products contain all the data for these files.
     ok(convert(&data, "syntable", &out).args(["--set", "syntable.debug_masks=true"]));
     let [one, other] = [&data, &out].map(|it| crate::support::files(&it.join("data/mono/instance")));
     let whole: Vec<&String> = one.keys().filter(|name| name.matches('_').count() == 1).collect();
@@ -691,7 +694,7 @@ fn amodal_masks_alone_are_no_visible_ones() {
     assert!(whole.len() > 10 && whole == masks(&coco));
     ok(&mut convert(&coco, "coco", &folder.path().join("again")));
     assert_same(&coco, &folder.path().join("again"));
-    // What needs visible masks is refused.
+    // Writers that need visible masks refuse the dataset.
     let said = fails(&mut convert(&coco, "coco_panoptic", &folder.path().join("panoptic")), 2);
     assert!(said.contains("reads `visible_mask`, `visible_box`, which the dataset lacks"), "{said}");
     let said = ok(&mut convert(&coco, "npz", &folder.path().join("arrays")));
@@ -701,7 +704,7 @@ fn amodal_masks_alone_are_no_visible_ones() {
     let said = fails(given.args(["--set", "npz.include=[\"depth\", \"visible_box\", \"amodal_box\"]"]), 2);
     assert!(said.contains("reads `depth`, `visible_box`, which the dataset lacks"), "{said}");
     assert!(said.contains("with --set 'npz.include=[\"category_id\"]'"), "{said}");
-    // Objects overlap: taken for what is visible, they would be at fault.
+    // The objects overlap, so they would be faulty if they were read as visible masks.
     let file = yolo.join("data.yaml");
     let text = fs::read_to_string(&file).expect("there");
     fs::write(&file, text.replace("masks: amodal\n", "")).expect("writable");
@@ -720,7 +723,7 @@ fn datasets_of_images_without_objects_are_sound() {
     for format in formats {
         assert_eq!(faults(&folder.path().join(format)), [], "{format}");
     }
-    // A format that lists all images has some.
+    // The annotation file of a format that lists all images must not be empty.
     let file = folder.path().join("coco/annotations/instances_train.json");
     let mut json = json_of(&file);
     json["images"] = json!([]);
@@ -737,7 +740,7 @@ fn bop(root: &Path, more: &[&str]) -> [PathBuf; 2] {
 #[test]
 fn masks_of_bop_have_what_the_table_hides() {
     let folder = tempfile::tempdir().expect("a folder");
-    // From below the tabletop, whose edge hides the lower parts of what is on it.
+    // From below the tabletop, whose edge hides the lower parts of the objects on it.
     let pose = |eye: &str| format!("{{ look_at = {{ eye_m = {eye}, target_m = [0.0, 0.0, 0.02] }} }}");
     let poses = [pose("[1.2, 0.0, -0.1]"), pose("[0.0, 1.2, -0.1]")].join(", ");
     let below = format!("views={{ kind=\"fixed_poses\", poses=[{poses}] }}");
@@ -767,7 +770,7 @@ fn models_and_their_numbers_are_kept() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = |name: &str| folder.path().join(name);
     let [root, split] = bop(&path("data"), &[]);
-    // As others number them: with gaps, and not in the order of names.
+    // Numbered as in other datasets: with gaps, and not in the order of names.
     let renumbered = |id: u64| 9_000 - 7 * id;
     let renumber = |value: &mut Value| {
         let id = value["obj_id"].as_u64().expect("a number");
@@ -818,7 +821,7 @@ fn models_and_their_numbers_are_kept() {
         images.flat_map(|it| it.as_array().expect("a list")).filter_map(|it| it["obj_id"].as_u64()).collect()
     };
     assert_eq!(ids(&again.join("train_pbr")), ids(&split));
-    // Every model is there, and of its size.
+    // Every model exists and has the right size.
     let [before, after] = [&root, &again].map(|root| json_of(&root.join("models/models_info.json")));
     for (id, model) in before.as_object().expect("an object") {
         for (key, number) in model.as_object().expect("an object") {
@@ -827,11 +830,11 @@ fn models_and_their_numbers_are_kept() {
         }
     }
     assert_eq!(before.as_object().map(|it| it.len()), after.as_object().map(|it| it.len()));
-    // Our layout keeps the numbers, too.
+    // Our layout keeps the numbers as well.
     ok(&mut convert(&root, "syntable", &path("ours")));
     ok(&mut convert(&path("ours"), "bop", &path("of ours")));
     assert_eq!(ids(&path("of ours/bop/train_pbr")), ids(&split));
-    // A model that is larger than said.
+    // A model that is larger than stated.
     let file = root.join("models/models_info.json");
     let mut infos = before.clone();
     let first = infos.as_object_mut().expect("an object").values_mut().next().expect("one");
@@ -878,7 +881,7 @@ fn scenes_that_lack_a_file_are_faults_and_the_others_are_read() {
     assert_eq!(faults(&root), []);
 }
 
-/// A mesh that cannot be read costs the mesh, and no image.
+/// An unreadable mesh is omitted, but no image is.
 #[test]
 fn damaged_meshes_are_left_out_alone() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -903,7 +906,7 @@ fn damaged_meshes_are_left_out_alone() {
     assert_eq!(images(&again.join("train_pbr")), images(&split));
     let models = |root: &Path| json_of(&root.join("models/models_info.json")).as_object().expect("an object").len();
     assert_eq!(models(&again), models(&root) - 1);
-    // Without models, nobody reads meshes.
+    // Without `models`, the conversion does not read meshes.
     let output = convert(&root, "bop", &path("without")).output().expect("runs");
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     assert!(faults(&root).iter().any(|(_, message)| message.contains(&name)), "{:?}", faults(&root));
@@ -912,7 +915,7 @@ fn damaged_meshes_are_left_out_alone() {
 /// Pixels of the visible and the amodal mask, the category, and the pose in the camera's frame of an object.
 type Kept = (Vec<usize>, Option<Vec<usize>>, Option<u32>, Option<Vec<f64>>);
 
-/// The objects of all images that are seen, by their masks, as far as these products are read.
+/// The visible objects of all images, by their masks, with the requested products that exist.
 fn kept(root: &Path, wants: &[KeyId]) -> Vec<Vec<Kept>> {
     let (_, dataset) = open_dataset(root, None).unwrap_or_else(|error| panic!("{}: {error}", root.display()));
     let of = |image: usize| {
@@ -938,7 +941,7 @@ fn kept(root: &Path, wants: &[KeyId]) -> Vec<Vec<Kept>> {
     (0..dataset.images.len()).map(of).collect()
 }
 
-/// Formats keep masks to the pixel, categories, and poses, there and back.
+/// Formats keep masks to the pixel, categories, and poses in both directions.
 #[test]
 fn masks_categories_and_poses_come_back_as_they_were() {
     let folder = tempfile::tempdir().expect("a folder");

@@ -1,4 +1,4 @@
-//! Killed anywhere and started again, a run gives the folder of an undisturbed run.
+//! A run that is killed anywhere and started again produces the folder of an undisturbed run.
 
 use crate::support::{assert_same, fails, ok, small_run, syntable};
 use std::process::Stdio;
@@ -12,7 +12,7 @@ fn a_killed_run_goes_on() {
     let start = Instant::now();
     ok(&mut small_run(&whole, &scenes));
     let undisturbed = start.elapsed();
-    // Kill it at times that sweep over the run, until it gets to its end.
+    // Kills it at increasing times until it finishes.
     let mut kills = 0;
     for step in 1_u32.. {
         let mut run = small_run(&broken, &scenes).stderr(Stdio::null()).stdout(Stdio::null()).spawn().expect("starts");
@@ -74,7 +74,7 @@ fn a_full_disk_leaves_a_folder_that_resumes() {
     ok(&mut small_run(&whole, &scenes_of));
     assert_same(&whole, &disk);
     std::process::Command::new("umount").arg(&disk).status().expect("unmounted");
-    // Merged onto a small disk.
+    // Merges the parts onto a small disk.
     let parts = ["0..1", "1..3"].map(|scenes| {
         let part = folder.path().join(scenes);
         ok(small_run(&part, &scenes_of).args(["--scenes", scenes]));

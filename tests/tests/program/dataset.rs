@@ -64,7 +64,7 @@ fn weighted_pools_classes_and_archives_agree() {
     let names: Vec<&str> =
         json["categories"].as_array().expect("a list").iter().filter_map(|it| it["name"].as_str()).collect();
     assert_eq!(names, ["object", "bottle", "mug"]);
-    // Half of the objects are of the pool of mugs, though it has far fewer assets.
+    // Half of the objects come from the pool of mugs, though it has far fewer assets.
     let bodies: Vec<&serde_json::Value> = json["scenes"]
         .as_array()
         .expect("a list")

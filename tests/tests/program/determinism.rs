@@ -65,7 +65,7 @@ fn lights_of_a_scene_stay_while_the_camera_moves() {
         ok(small_run(&out, &["--views", "3"]).args(&sets));
         let files = files(&out);
         let (_, lines) = files.iter().find(|(name, _)| name.starts_with("jsonl")).expect("lines");
-        // One line per view; what follows the key is the same if the lights are.
+        // One line per view; equal lights give equal text after the key.
         let text = String::from_utf8_lossy(lines).into_owned();
         text.lines().map(|line| line.split("\"lights\":").nth(1).expect("lights").to_owned()).collect::<Vec<_>>()
     };

@@ -1,8 +1,8 @@
-//! The schema completes, hovers and validates in the language servers that editors run: taplo's (Helix, Neovim and others),
-//! the build of it for Node (VS Code's Even Better TOML), and tombi's (VS Code, Zed, Neovim).
+//! The schema completes, hovers and validates in the language servers of editors: taplo (Helix, Neovim and others), its
+//! build for Node (VS Code's Even Better TOML), and tombi (VS Code, Zed, Neovim).
 //!
-//! The servers are the real ones, under a limit of memory and time: a schema in another form has sent taplo's into an
-//! endless loop. `--nocapture` shows what each said where.
+//! The tests run the real servers, with limits of memory and time: a schema in another form once sent taplo into an
+//! endless loop. `--nocapture` prints the answers of each server.
 
 use crate::support::language_server::Server;
 use crate::support::{root, skip};
@@ -13,11 +13,11 @@ use syntable_model::registry::{Entry, Registry, Slot};
 use syntable_program as _;
 use syntable_testing::tools::skip_slow_tool;
 
-/// Starts all servers that are there.
+/// Starts all installed servers.
 fn servers(folder: &Path) -> Vec<Server> {
     let node = root().join("tests/taplo_server.cjs");
     let node = node.to_str().expect("UTF-8");
-    // Node reserves address space by the gigabyte for a module's memory, which cannot grow beyond 4 GiB.
+    // Node reserves gigabytes of address space for the memory of a module, which cannot grow beyond 4 GiB.
     let known: [(&str, &[&str], u64); 3] = [
         ("taplo", &["taplo", "lsp", "stdio"], 4 << 10),
         ("Even Better TOML", &["node", node], 64 << 10),
@@ -36,17 +36,18 @@ fn servers(folder: &Path) -> Vec<Server> {
     found
 }
 
-/// Servers that complete and show the options of all kinds of a slot, not only of the one that `kind` names: taplo does
-/// not evaluate conditions, and takes every member of an `anyOf` for meant.
+/// Servers that complete and show the options of all kinds of a slot, not only of the kind that `kind` names: taplo
+/// does not evaluate conditions, and includes every member of an `anyOf`.
 const TAKES_ALL_KINDS: [&str; 2] = ["taplo", "Even Better TOML"];
 
-/// Servers that show the meaning of an element for the key of its list: taplo takes the key for a part of the element.
+/// Servers that show the documentation of an element for the key of its list: taplo treats the key as a part of the
+/// element.
 const SHOWS_ELEMENTS: [&str; 2] = TAKES_ALL_KINDS;
 
-/// Servers that mark the header, or every line, of a table for an option that it does not have: older taplo.
+/// Servers that mark the header, or every line, of a table for an unknown option: older taplo.
 const MARKS_WHOLE_TABLES: [&str; 1] = ["Even Better TOML"];
 
-/// One row of the printed table: the place, and what each server said.
+/// One row of the printed table: the place, and the answer of each server.
 #[derive(Default)]
 struct Table(BTreeMap<String, Vec<String>>);
 
@@ -77,7 +78,7 @@ fn labels(found: &[(String, String)]) -> Vec<&str> {
     found.iter().map(|(label, _)| label.as_str()).collect()
 }
 
-/// A document of its own for each question.
+/// A separate document for each question.
 struct Documents<'f>(&'f Path, usize);
 
 impl Documents<'_> {
@@ -89,7 +90,7 @@ impl Documents<'_> {
 
 const DIRECTIVE: &str = "#:schema ./recipe.schema.json\n";
 
-/// In the table of every kind of every slot, all options of the kind complete and the first one has its hover.
+/// In the table of every kind of every slot, all options of the kind complete, and the first one has its hover text.
 #[test]
 fn every_kind_completes_and_hovers() {
     let (folder, schema) = workspace();
@@ -121,7 +122,7 @@ fn every_kind_completes_and_hovers() {
                 let Some(option) = body.keys().find(|name| !of_list(name)) else { continue };
                 let meaning = options[option]["description"].as_str().expect("described");
                 let meaning = meaning.lines().next().unwrap_or_default();
-                // The first letter, a cursor, the rest.
+                // The first letter, a cursor, and the remaining letters.
                 let cursor = format!("{}|{} =", &option[..1], &option[1..]);
                 let body = format!("\n{body}").replacen(&format!("\n{option} ="), &format!("\n{cursor}"), 1);
                 let text = format!("{DIRECTIVE}{header}{body}");
@@ -133,8 +134,8 @@ fn every_kind_completes_and_hovers() {
     }
 }
 
-/// The usual options of a kind: those of its example, else the first that has a default; scalars and arrays only, which
-/// stand on a line of their own.
+/// The usual options of a kind: the options of its example, or else the first option with a default. Only scalars and
+/// arrays, which have their own lines.
 fn usual(entry: &Entry, options: &serde_json::Map<String, Value>) -> toml::Table {
     let mut body: toml::Table = toml::from_str(entry.example).expect("an example is TOML");
     if body.is_empty() {
@@ -148,7 +149,7 @@ fn usual(entry: &Entry, options: &serde_json::Map<String, Value>) -> toml::Table
     body
 }
 
-/// A place in a recipe with a `|`, what must be offered there, and words of the first one's documentation.
+/// A position in a recipe, marked by `|`, the required completions there, and words of the first one's documentation.
 type Completion = (&'static str, &'static str, &'static [&'static str], &'static str);
 
 const COMPLETIONS: [Completion; 20] = [
@@ -230,7 +231,7 @@ fn places_in_recipes_complete() {
     }
 }
 
-/// A place in a recipe with a `|`, and words that must be shown there.
+/// A position in a recipe, marked by `|`, and words that must be shown there.
 const HOVERS: [(&str, &str, &str); 11] = [
     ("[dataset]", "[data|set]\nscenes = 1\n", "Name, seed and size of the dataset"),
     ("an option of [dataset]", "[dataset]\nsce|nes = 1\n", "Number of scenes"),
@@ -264,14 +265,14 @@ fn places_in_recipes_hover() {
             assert!(shown.contains(words), "{}: {place} shows {shown:?}", server.name);
             table.add(place, server, &shown);
         }
-        // The word alone, not the meanings of all products.
+        // Only the word itself, not the meanings of all products.
         let product = format!("{DIRECTIVE}[write.png]\ninclude = [\"dep|th\"]\n");
         let shown = server.hover(&documents.uri(), &product, "Distance along the optical axis");
         assert!(!shown.contains("Amodal mask"), "{}: {shown}", server.name);
     }
 }
 
-/// Recipes, and the line of their mistake; 0 for sound ones.
+/// Recipes, and the line of their mistake; 0 for valid recipes.
 const DIAGNOSTICS: [(&str, u64); 18] = [
     ("extends = \"a.toml\"\n[[place]]\nkind = \"dropbox\"\n", 4),
     ("extends = \"a.toml\"\n[[place]]\nkind = \"drop_box\"\ncuont = 3\n", 5),

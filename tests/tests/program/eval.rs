@@ -1,4 +1,4 @@
-//! `eval` scores what detectors find: known predictions get the scores that follow from the definitions.
+//! `eval` scores the results of detectors: known predictions get the scores that the definitions imply.
 
 use crate::support::{fails, ok, root, small_dataset, syntable};
 use serde_json::{Value, json};
@@ -34,7 +34,7 @@ fn annotations(data: &Path) -> Value {
     serde_json::from_str(&fs::read_to_string(file).expect("readable")).expect("JSON")
 }
 
-/// A prediction for each annotation, with the masks that it has.
+/// A prediction for each annotation, with its masks.
 fn results(annotations: &Value, amodal: bool) -> Vec<Value> {
     let of = |it: &Value| {
         let mut result = json!({
@@ -66,7 +66,7 @@ fn scores(pred: &Path, more: &[&str]) -> Value {
 fn assert_perfect(found: &Value) {
     let scores = found["scores"].as_object().expect("scores");
     assert_eq!(scores.len(), 138);
-    // The edges of labels are wrong in the release; shares and the recall of a single prediction are less than 100 by nature.
+    // Labels of the release have wrong edges. Shares and the recall of a single prediction are below 100 by definition.
     let may_be_less = |name: &str| name == "acc_oo_release" || name.ends_with("_share") || name.ends_with("_ar1");
     let mut none = 0;
     for (name, value) in scores.iter().filter(|(name, _)| !may_be_less(name)) {
@@ -75,7 +75,7 @@ fn assert_perfect(found: &Value) {
             None => none += 1,
         }
     }
-    // Of bins and sizes that no object has, and of datasets without scores.
+    // Undefined scores of empty bins and sizes, and of datasets, which have no prediction scores.
     assert!(none < 90, "{none} of {}", scores.len());
 }
 
@@ -106,7 +106,8 @@ fn perfect_predictions_score_100() {
     assert_eq!(without_coco(&of_file), without_coco(&itself));
     let by_paper = scores(&file, &[&any[..], &["--convention", "paper"]].concat());
     assert_eq!(by_paper["scores"], of_file["scores"]);
-    // By the rule of the release, hardly occluded objects count as occluded in labels alone, unless predictions say so.
+    // By the rule of the release, hardly occluded objects count as occluded only in labels, unless predictions state
+    // otherwise.
     let released = scores(&file, &[]);
     let rate = |it: &Value| it["occluded_rate"].as_f64().expect("a rate");
     let rates = all["annotations"].as_array().expect("a list").iter().map(rate);
@@ -118,11 +119,12 @@ fn perfect_predictions_score_100() {
         result["occluded"] = json!(rate(it) > 0.0);
     }
     assert_eq!(scores(&write(folder.path(), &predicted), &[]), of_file);
-    // Names stand for ids, occlusion masks for amodal ones, and low scores for nothing.
+    // Uses names instead of ids, occlusion masks instead of amodal masks, and a prediction with a low score, which is
+    // ignored.
     let images = all["images"].as_array().expect("a list");
     for (result, it) in predicted.iter_mut().zip(all["annotations"].as_array().expect("a list")) {
         let image = images.iter().find(|image| image["id"] == it["image_id"]).expect("an image");
-        // Every other one without its folder and with another end.
+        // Every other name lacks its folder and has another extension.
         let name = Path::new(image["file_name"].as_str().expect("a name"));
         let stem = name.file_stem().expect("a stem").to_string_lossy();
         let is_odd = it["id"].as_u64().expect("an id") % 2 == 1;
@@ -135,7 +137,7 @@ fn perfect_predictions_score_100() {
     low["score"] = json!(0.2);
     predicted.insert(0, low);
     let file = write(folder.path(), &predicted);
-    // Occlusion masks say what is occluded, however little of it.
+    // With occlusion masks, any hidden pixel makes an object occluded.
     assert_perfect(&scores(&file, &[]));
     assert_eq!(without_coco(&scores(&file, &[])), without_coco(&itself));
     let judged = scores(&file, &["--occluded-from", "0.05"]);
@@ -143,12 +145,12 @@ fn perfect_predictions_score_100() {
     assert_eq!(scores(&file, &["--min-score", "0.1"])["predictions"], json!(predicted.len()));
 }
 
-/// The file for reports: all scores, and the worst images, lowest first, with what was predicted of them.
+/// The file for reports: all scores, and the worst images, lowest first, with their predictions.
 #[test]
 fn the_worst_images_are_saved_with_their_predictions() {
     let folder = tempfile::tempdir().expect("a folder");
     let all = annotations(&data());
-    // In one image nothing is found, in another one an object too many.
+    // One image has no predictions, another has one prediction too many.
     let images = all["images"].as_array().expect("a list");
     let [missed, surplus] = [&images[1], &images[2]];
     let mut predicted = results(&all, true);
@@ -180,7 +182,7 @@ fn the_worst_images_are_saved_with_their_predictions() {
         assert_eq!(label["visible_mask"]["counts"], json!(it.visible));
         assert_eq!(label["segmentation"]["counts"], json!(it.amodal));
     }
-    // Fewer of them, by another score.
+    // Fewer images, ranked by another score.
     scores(&pred, &["--save", &save, "--worst", "1", "--worst-by", "edge_p"]);
     let found: MetricScores = MetricScores::read(&saved).expect("a file of scores");
     assert_eq!((found.ranked_by.as_str(), found.worst.len()), ("edge_p", 1));
@@ -190,12 +192,12 @@ fn the_worst_images_are_saved_with_their_predictions() {
     assert!(said.contains("unknown score `f` to rank images by"), "{said}");
     let nowhere = folder.path().join("none/scores.json").display().to_string();
     assert!(eval(&["--save", &nowhere]).contains("scores.json"));
-    // What is read or written otherwise is not overwritten.
+    // Files that the command reads or writes for another purpose are not overwritten.
     let said = eval(&["--save", &pred.display().to_string()]);
     assert!(said.contains("--save would overwrite an input of the command"), "{said}");
     let said = eval(&["--save", &save, "--csv", &save]);
     assert!(said.contains("--save would overwrite the file of --csv"), "{said}");
-    // Categories that are not those of the ground truth are named.
+    // Categories that the ground truth lacks are reported.
     predicted[0]["category_id"] = json!(999);
     let pred = write(folder.path(), &predicted);
     let said = fails(syntable().arg("eval").arg("--gt").arg(data()).arg("--pred").arg(&pred).arg("--by-category"), 2);
@@ -215,7 +217,7 @@ fn edges_expose_who_never_predicts_occlusion() {
     assert!(score("invisible_overlap_r") < Some(50.0), "{found}");
 }
 
-/// Predictions that are not perfect: some are missing, others shifted to another object's mask.
+/// Imperfect predictions: some are missing, others are shifted to another object's mask.
 fn imperfect(folder: &Path) -> PathBuf {
     let mut predicted = results(&annotations(&data()), true);
     let other = predicted[0]["segmentation"].clone();
@@ -236,7 +238,7 @@ fn scores_do_not_depend_on_threads() {
     };
     let (one, two) = (run("1"), run("2"));
     assert_eq!(one, two);
-    // The mean over images is that of the lines.
+    // The score is the mean of the per-image lines.
     let lines: Vec<Vec<&str>> = one.1.lines().map(|line| line.split(',').collect()).collect();
     assert_eq!(lines.len() as u64, 1 + one.0["images"].as_u64().expect("a number"));
     for name in ["amodal_overlap_f", "visible_boundary_p", "invisible_f75"] {
@@ -258,7 +260,7 @@ fn scores_do_not_depend_on_threads() {
     assert!(table.contains("F@.75") && table.contains("ACC_OO (release)") && table.contains("results"), "{table}");
     let lists = |name: &str| table.lines().any(|line| line.starts_with(name));
     assert!(lists("visible_miou ") && !lists("amodal_overlap_f "), "{table}");
-    // Asked for alone, a metric is alone; with intervals, all scores are in one list.
+    // A metric that is requested alone is the only one; with intervals, all scores are in one list.
     let mut eval = syntable();
     eval.arg("eval").arg("--gt").arg(data()).arg("--pred").arg(&file).args(["--metrics", "panoptic,order"]);
     let table = ok(eval.args(["--bootstrap", "20"]));
@@ -272,7 +274,7 @@ fn scores_do_not_depend_on_threads() {
     assert!(said.contains("unknown metric `ap`") && said.contains("amodal, coco"), "{said}");
 }
 
-/// Scores with ties, crowds, objects of all sizes and images with too many predictions or none.
+/// Scores with ties, crowds, objects of all sizes, and images with too many predictions or none.
 #[test]
 fn coco_and_panoptic_scores_match_their_tools() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -290,14 +292,14 @@ fn coco_and_panoptic_scores_match_their_tools() {
     fs::write(&file, &found).expect("writable");
     assert!(syntable_testing::tools::python(&script, &["compare", &at, &file.display().to_string()]));
     assert_eq!(eval(&[&all[..], &["--threads", "4"]].concat()), found);
-    // COCO's scores take all predictions, the others those that are likely.
+    // COCO's scores use all predictions, the other scores only likely ones.
     let (low, high) =
         (eval(&["--metrics", "coco", "--min-score", "0"]), eval(&["--metrics", "coco", "--min-score", "0.9"]));
     let of = |text: &str| serde_json::from_str::<Value>(text).expect("JSON")["scores"].clone();
     assert_eq!(of(&low), of(&high));
 }
 
-/// In BOP, the category of an object is its number, and results are of these.
+/// In BOP, the category of an object is its number, and results use these numbers.
 #[test]
 fn objects_of_bop_are_categories() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -306,7 +308,7 @@ fn objects_of_bop_are_categories() {
         return;
     }
     let [gt, results] = ["bop", "bop_results.json"].map(|name| folder.path().join(name));
-    // A prediction of an object that the dataset does not have is of no category.
+    // A prediction for an object that the dataset lacks has no category.
     let mut predicted: Vec<Value> =
         serde_json::from_str(&fs::read_to_string(&results).expect("readable")).expect("a list");
     let eval = |pred: &Path| {
@@ -325,7 +327,7 @@ fn objects_of_bop_are_categories() {
     assert!(syntable_testing::tools::python(&script, &["bop", &at, &scores.display().to_string()]));
 }
 
-/// A dataset of amodal and visible masks says no more than a result file with the same ones.
+/// A dataset of amodal and visible masks scores like a result file with the same masks.
 #[test]
 fn masks_that_follow_from_others_say_nothing() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -366,13 +368,13 @@ fn options_without_sense_are_refused() {
         let said = eval(options);
         assert!(said.contains(says), "{options:?}: {said}");
     }
-    // Without the usual score, the one that images are ranked by is said.
+    // If the usual score is missing, the message names the score that ranks the images.
     let mut eval = syntable();
     eval.arg("eval").arg("--gt").arg(data()).arg("--pred").arg(&file).args(["--metrics", "visible", "--save", &save]);
     let output = eval.output().expect("runs");
     let said = String::from_utf8_lossy(&output.stderr);
     assert!(output.status.success() && said.contains("the lowest `visible_overlap_p`"), "{said}");
-    // A dataset is its folder, also where its file is named.
+    // The dataset is the folder, even if the path is its annotation file.
     let inside = inner(&data()).join("each.csv");
     for gt in [data(), inner(&data()), inner(&data()).join("annotation_final.json")] {
         let mut eval = syntable();
@@ -445,14 +447,14 @@ fn label_maps_are_read_as_either_side() {
         assert_eq!(run(maps, &data()), itself);
         assert_eq!(run(maps, &ours), itself);
     }
-    // Visible masks alone are those of one who never predicts occlusion.
+    // Visible masks alone equal predictions without occlusion.
     fs::rename(ours.join("visible"), &shown).expect("writable");
     let never = scores(&write(folder.path(), &results(&annotations(&data()), false)), &any);
     assert_eq!(scores(&shown, &any), without_ranks(&never));
     let eval = |gt: &Path, pred: &Path| fails(syntable().arg("eval").arg("--gt").arg(gt).arg("--pred").arg(pred), 2);
     let said = eval(&shown, &data());
     assert!(said.contains("the dataset has no `amodal_mask`"), "{said}");
-    // A mask of another size, and one of no image.
+    // A mask of another size, and a mask without an image.
     let mask =
         fs::read_dir(osd.join("amodal_annotation")).expect("a folder").next().expect("a mask").expect("a mask").path();
     let was = fs::read(&mask).expect("readable");
@@ -470,7 +472,7 @@ fn label_maps_are_read_as_either_side() {
     let said = eval(&data(), &osd);
     assert!(said.contains(&format!("{named}_")) && said.contains("its image has no label map"), "{said}");
     fs::rename(osd.join("annotation/more.png"), &image).expect("writable");
-    // Objects without an occlusion mask are not occluded, unless there is no folder of them.
+    // Objects without an occlusion mask are not occluded, unless the folder of occlusion masks is missing.
     let hidden = osd.join("occlusion_annotation");
     fs::remove_dir_all(&hidden).expect("a folder");
     assert_eq!(scores(&osd, &any), itself);
@@ -481,7 +483,8 @@ fn label_maps_are_read_as_either_side() {
     assert!(said.contains("other_3.png") && said.contains("its image has no label map"), "{said}");
 }
 
-/// OSD-Amodal's folders are labels; those of them that its evaluation compares are predictions.
+/// All folders of OSD-Amodal are read as labels. As predictions, only the folders that its evaluation compares are
+/// needed.
 #[test]
 fn osd_amodal_is_read_as_either_side() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -504,7 +507,7 @@ fn osd_amodal_is_read_as_either_side() {
     assert!(eval(folder.path(), &[]).contains("read as: osd_amodal and label_maps"));
 }
 
-/// A copy whose COCO scores are empty, as without scores of predictions.
+/// A copy with empty COCO scores, as for predictions without scores.
 fn without_ranks(found: &Value) -> Value {
     let mut found = found.clone();
     for (name, value) in found["scores"].as_object_mut().expect("scores") {
@@ -515,7 +518,7 @@ fn without_ranks(found: &Value) -> Value {
     found
 }
 
-/// The form of SynTable's release: an image's record stands once for each of its annotations.
+/// The form of SynTable's release repeats an image's record for each of its annotations.
 #[test]
 fn the_releases_form_is_read_as_labels() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -575,7 +578,7 @@ fn mistakes_are_named() {
     fs::write(&file, "[{\"image_id\": 1,").expect("writable");
     assert!(eval(&data(), &file).contains("the list of predictions ends early"));
     assert!(eval(&data(), &folder.path().join("nothing")).contains("no such folder or file"));
-    // Two images of predictions that are one of labels.
+    // Two images of predictions match one image of labels.
     let [labels, twice] = [&["1/a.png"][..], &["a.png", "2/a.jpg"]].map(|names| {
         let at = folder.path().join(format!("coco{}", names.len()));
         let image = |(id, name): (usize, &&str)| json!({ "id": id, "file_name": name, "width": 4, "height": 2 });
@@ -594,7 +597,7 @@ fn mistakes_are_named() {
     });
     let found = eval(&labels, &twice);
     assert!(found.contains("images \"a.png\" and \"2/a.jpg\" both match image \"1/a.png\""), "{found}");
-    // A dataset that lacks an image, and one that has one more.
+    // One dataset lacks an image, and another has an additional image.
     let all = annotations(&data());
     let mut fewer = all.clone();
     let gone = fewer["images"].as_array_mut().expect("a list").pop().expect("an image");
@@ -614,7 +617,7 @@ fn mistakes_are_named() {
     assert!(found.contains(&format!("image \"{name}\" is not in")), "{found}");
 }
 
-/// The block of the page makes a file of predictions that are read back as they are.
+/// The code block of the page creates a file of predictions, which is read back unchanged.
 #[test]
 fn the_pages_python_writes_what_is_read() {
     let folder = tempfile::tempdir().expect("a folder");

@@ -1,4 +1,5 @@
-//! Disks, networks, terminals and users that fail a run: in the end the dataset is that of an undisturbed run.
+//! Faults of disks, networks, terminals and users during a run: in the end, the dataset equals the result of an
+//! undisturbed run.
 #![cfg(unix)]
 
 use crate::support::{assert_same, fails, ok, skip, small_run, syntable, text};
@@ -11,7 +12,7 @@ use std::time::{Duration, Instant};
 use syntable_testing::folder::files;
 use syntable_testing::tools::skip_slow_tool;
 
-/// A recipe beside a folder of scanned objects, both in a folder of their own.
+/// A recipe and a folder of scanned objects, together in a separate folder.
 fn scanned(folder: &Path) -> PathBuf {
     copy(&crate::support::root().join("tests/fixtures/assets/gso"), &folder.join("gso"));
     copy(&crate::support::root().join("tests/fixtures/assets/materials"), &folder.join("materials"));
@@ -42,7 +43,7 @@ fn run(recipe: &Path, out: &Path, more: &[&str]) -> Command {
     command
 }
 
-/// The library that lets calls fail; none where there is no C compiler.
+/// The library that makes calls fail; none without a C compiler.
 fn shim(folder: &Path) -> Option<PathBuf> {
     let library = folder.join("shim.so");
     let source = crate::support::root().join("tests/fixtures/faults/shim.c");
@@ -84,10 +85,10 @@ fn an_asset_that_cannot_be_read_for_a_while_changes_nothing() {
         let (at, errno) = (1 + number * (calls - 1) / (tries - 1), errors[number as usize % errors.len()]);
         let data = home.join(format!("data-{number}"));
         if number % 2 == 0 {
-            // Once: it is tried again.
+            // A single error: the call is retried.
             ok(&mut faulty(&data, at, 1, errno));
         } else {
-            // From there on: the run stops, and the same command goes on when the disk is back.
+            // Permanent errors: the run stops, and the same command continues when the disk is back.
             let error = fails(&mut faulty(&data, at, 1_000_000, errno), 1);
             assert!(error.contains("gso"), "call {at}, error {errno}: {error}");
             assert!(!error.contains("trying again"), "a scene was made with other assets: {error}");
@@ -104,7 +105,7 @@ fn an_asset_that_cannot_be_read_for_a_while_changes_nothing() {
 fn a_log_that_cannot_be_written_changes_nothing() {
     let folder = tempfile::tempdir().expect("a folder");
     let whole = folder.path().join("whole");
-    // Warnings, failing attempts and progress: an asset that is bad, and scenes that fail at first.
+    // Warnings, failing attempts and progress: a bad asset, and scenes that fail at first.
     let recipe = scanned(folder.path());
     fs::write(folder.path().join("gso/Room_Essentials_Mug_White_Yellow/meshes/model.obj"), "f 1 2 3\n")
         .expect("writable");
@@ -114,7 +115,7 @@ fn a_log_that_cannot_be_written_changes_nothing() {
         for way in ["full", "closed", "would block"] {
             let data = folder.path().join(format!("{format} {way}"));
             let mut command = run(&recipe, &data, &["--log-format", format]);
-            // Nobody reads the other end, which is kept open.
+            // The other end is open, but never read.
             let mut other_end = None;
             match way {
                 "full" => drop(command.stderr(full()).stdout(full())),
@@ -155,7 +156,7 @@ fn assets_that_change_are_refused_by_name() {
     let list = folder.path().join("names.txt");
     fs::write(&list, "Room_Essentials_Mug_White_Yellow\nRoom_Essentials_Salad_Plate_Turquoise\n").expect("writable");
     let sets = ["--set", "assets.objects.include_list=\"names.txt\"", "--set", "dataset.scenes=3"];
-    // `--set` counts from the current folder.
+    // Paths in `--set` are relative to the current folder.
     let run = |out: &Path, more: &[&str]| {
         let mut command = run(&recipe, out, &sets);
         command.args(more).current_dir(folder.path());
@@ -179,7 +180,7 @@ fn assets_that_change_are_refused_by_name() {
         }
         let error = fails(&mut run(&data, &[]), 2);
         assert!(says.iter().all(|word| error.contains(word)), "{says:?}: {error}");
-        // Neither does the recipe of the whole dataset give it again.
+        // The recipe of the whole dataset fails as well.
         let again = folder.path().join("again");
         let resolved = whole.join("recipe.toml");
         let error = fails(syntable().arg("run").arg(&resolved).arg("--out").arg(&again).current_dir(folder.path()), 2);
@@ -211,7 +212,7 @@ fn assets_that_change_are_refused_by_name() {
     change(&list, Some(names.as_bytes()), &added, &added);
     let new = folder.path().join("materials/Zebra01/Zebra01_Color.png");
     change(&new, Some(&pixels), &["assets.floors", "added `Zebra01`"], &["assets.floors", "added `Zebra01`"]);
-    // All is as it was, and the run goes on.
+    // With all files restored, the run continues.
     ok(&mut run(&data, &[]));
     assert_same(&whole, &data);
 }
@@ -225,9 +226,9 @@ fn a_bad_asset_that_was_mended_is_another_asset() {
     let good = fs::read(&mesh).expect("there");
     let bad = "f 1 2 3\n";
     fs::write(&mesh, bad).expect("writable");
-    // Enough draws that each scene meets it.
+    // Enough draws that each scene uses it.
     let scenes = ["--set", "dataset.scenes=3", "--set", "place[2].count=12"];
-    // What was skipped is named.
+    // Skipped assets are reported.
     fails(&mut run(&recipe, &whole, &scenes), 3);
     fails(run(&recipe, &data, &scenes).args(["--scenes", "0..2"]), 3);
     fs::write(&mesh, good).expect("writable");
@@ -257,7 +258,7 @@ fn a_half_made_dataset_can_be_moved_and_names_no_place() {
         let place = folder.path().to_string_lossy().into_owned();
         assert!(!String::from_utf8_lossy(&bytes).contains(&place), "{name} names {place}");
     }
-    // The resolved recipe finds the assets from the folder that the recipe was in.
+    // The resolved recipe finds the assets relative to the folder of the original recipe.
     let again = folder.path().join("again");
     ok(syntable().arg("run").arg(whole.join("recipe.toml")).arg("--out").arg(&again).current_dir(&two));
     assert_same(&whole, &again);
@@ -306,7 +307,7 @@ fn a_second_signal_ends_a_run_at_once() {
     assert!(start.elapsed() < Duration::from_secs(5), "{:?}", start.elapsed());
 }
 
-/// Runs a command again and again, killed ever later, until it comes to its end. Returns how often it was killed.
+/// Runs a command repeatedly, killed later each time, until it finishes. Returns the number of kills.
 fn killed_anywhere(command: &dyn Fn() -> Command, after_kill: &dyn Fn()) -> u32 {
     for kills in 0_u32.. {
         let mut run = command().stdout(Stdio::null()).stderr(Stdio::null()).spawn().expect("starts");
@@ -326,9 +327,9 @@ fn killed_anywhere(command: &dyn Fn() -> Command, after_kill: &dyn Fn()) -> u32 
     unreachable!("a command ends")
 }
 
-/// Kills reports, conversions and files of scores at one call of each kind that concerns the result, and lets it fail. With
-/// `INTERRUPT_EVERY=N` the test tries one of N of all calls, on one thread and on three; with 1 that takes an hour. The calls
-/// themselves are killed one by one in the unit tests of `durable`.
+/// Kills reports, conversions and files of scores at one call of each kind that affects the result, and makes it fail.
+/// With `INTERRUPT_EVERY=N`, the test tries one in N of all calls, on one thread and on three; with 1, this takes an
+/// hour. The unit tests of `durable` kill each call separately.
 #[cfg(target_os = "linux")]
 #[test]
 fn results_are_whole_whatever_call_is_killed_or_fails() {
@@ -337,12 +338,12 @@ fn results_are_whole_whatever_call_is_killed_or_fails() {
         return skip(missing);
     }
     if !works("strace", &["-o", "/dev/null", "true"]) {
-        // A container may forbid it, which no installation changes.
+        // A container may forbid it, and no installation changes that.
         return skip_slow_tool("the right to trace processes");
     }
     let folder = tempfile::tempdir().expect("a folder");
     let data = folder.path().join("data");
-    // Two images: what is replaced shows one of them.
+    // Two images: the replaced report shows one of them.
     ok(&mut small_run(&data, &["--set", "dataset.scenes=2", "--set", "dataset.views_per_scene=1"]));
     let every = std::env::var("INTERRUPT_EVERY").ok();
     let trials = match &every {
@@ -359,7 +360,7 @@ fn results_are_whole_whatever_call_is_killed_or_fails() {
     }
 }
 
-/// Kills of other commands at each call to the store are in `core/runtime/tests/run/stores.rs`.
+/// `core/runtime/tests/run/stores.rs` kills other commands at each call to the store.
 #[test]
 fn kills_while_overwriting_leave_no_half_of_the_old_dataset() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -368,7 +369,8 @@ fn kills_while_overwriting_leave_no_half_of_the_old_dataset() {
     ok(&mut small_run(&data, &["--seed", "3", "--set", "dataset.scenes=4"]));
     let turn = std::cell::Cell::new(0_u32);
     let command = || {
-        // Every other call is told nothing of overwriting. It may find the old dataset, whole, and is refused, or go on.
+        // After every third attempt, a command without `--overwrite` follows. It may find the whole old dataset and be
+        // refused, or continue.
         turn.set(turn.get() + 1);
         small_run(&data, &["--overwrite"])
     };
@@ -407,7 +409,7 @@ fn what_is_odd_about_scenes_is_told_once_and_at_the_end() {
 fn scenes_whose_objects_nobody_sees_are_told() {
     let folder = tempfile::tempdir().expect("a folder");
     let says = "no object has a visible pixel in any view";
-    // From above the table, at the table and past it.
+    // Poses above the table, toward it and past it.
     let at = "{ look_at = { eye_m = [0.1, 0.0, 2.2], target_m = [0.0, 0.0, 0.0] } }";
     let past = "{ look_at = { eye_m = [1.5, 0.0, 1.6], target_m = [2.5, 0.0, 1.7] } }";
     let run = |name: &str, poses: &[&str]| {
@@ -423,7 +425,8 @@ fn scenes_whose_objects_nobody_sees_are_told() {
     assert_eq!(journal.matches(r#""unlabeled""#).count(), 2, "{journal}");
     assert!(!said.contains("black") && !said.contains("no light"), "{said}");
     assert!(!journal.contains("odd_views"), "{journal}");
-    // One view of a scene is enough for the scene; the view is told at the end, and loudly if there are many.
+    // One labeled view is enough for a scene. The other view is reported at the end, as a warning if many views are
+    // affected.
     let (said, journal) = run("both", &[past, at]);
     assert!(!said.contains(says) && !journal.contains("notices"), "{said}\n{journal}");
     assert_eq!(journal.matches(r#""odd_views":{"unlabeled":[0]}"#).count(), 2, "{journal}");
@@ -531,7 +534,7 @@ fn steps_that_do_not_go_together_are_found_at_their_lines() {
             vec!["`drop_box` of [[place]] needs a support, and no step", "\"table\""],
         ),
         (["room", "table", "distractors"], 1, vec!["no step of [[place]] places objects", "8 |", "\"drop_box\""]),
-        // A broken table is one mistake, not also a missing one.
+        // A broken table is one mistake; it is not also reported as missing.
         (["room", "desk", "drop_box"], 0, vec!["no kind `desk`"]),
     ] {
         let pool = |kind: &str| match kind {
@@ -657,7 +660,7 @@ fn mistakes_of_steps_files_and_paths_are_found_by_check() {
         let error = fails(&mut command, 2);
         assert!(says.iter().all(|word| error.contains(word)), "{set}: {says:?}: {error}");
     }
-    // Files of several writers may be in one folder, and a number beyond the dataset is that of no scene.
+    // Several writers may write into one folder, and a number beyond the dataset belongs to no scene.
     for set in [
         "write.data={ kind = \"png\" }",
         &format!("{path}\"contact_sheet/labels.txt\", per = \"dataset\" }}"),

@@ -1,5 +1,5 @@
-//! Replays what fuzzing stored: every input of `tests/fuzz/corpus`, each by the function of its target. New inputs are
-//! searched for by `.ci/fuzz`, with checks of overflows, too.
+//! Replays the stored inputs of fuzzing: passes every input in `tests/fuzz/corpus` to the function of its target.
+//! `.ci/fuzz` searches for new inputs, also with overflow checks.
 
 #[path = "../../fuzz/src/targets.rs"]
 mod targets;

@@ -1,8 +1,9 @@
-//! The images of the reference: one for every kind whose work can be seen. This test compares the folder of recipes,
-//! the folder of images and the registry; `UPDATE=1 cargo test --release --package syntable-tests --test program gallery`
-//! renders the images, `UPDATE=lights` those alone whose names contain the word.
+//! The images of the reference: one image for every kind with a visible result. This test compares the folder of
+//! recipes, the folder of images and the registry.
+//! `UPDATE=1 cargo test --release --package syntable-tests --test program gallery` renders the images; `UPDATE=lights`
+//! renders only the images whose names contain the word.
 //!
-//! `SYNTABLE_OIDN` names the library of Open Image Denoise; without it, the image made with it stays.
+//! `SYNTABLE_OIDN` names the library of Open Image Denoise; without it, the image of this library stays unchanged.
 
 use crate::support::{files, gallery, ok, skip, syntable};
 use image::codecs::jpeg::JpegEncoder;
@@ -15,10 +16,10 @@ use syntable_model::digest::Digest;
 use syntable_model::registry::{Registry, Slot};
 use syntable_program as _;
 
-/// Largest file of an image, bytes.
+/// Maximum size of an image file, bytes.
 const LARGEST: usize = 40_000;
 
-/// Largest size of all images together, bytes.
+/// Maximum total size of the images, bytes.
 const LARGEST_SUM: usize = 1_500_000;
 
 /// Slot and name of every kind that needs an image.
@@ -30,7 +31,7 @@ fn kinds() -> Vec<(Slot, &'static str)> {
         .collect()
 }
 
-/// Recipes whose images make up that of a kind. A denoised image has the noisy one at its left.
+/// Recipes whose images make up the image of a kind. A denoised image has the noisy image to its left.
 fn tiles(slot: Slot, kind: &str) -> Vec<PathBuf> {
     let before = (slot == Slot::Denoise && kind != "none").then(|| gallery::recipes(slot, "none"));
     before.into_iter().flatten().chain(gallery::recipes(slot, kind)).collect()
@@ -40,25 +41,25 @@ fn read(path: &Path) -> String {
     fs::read_to_string(path).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
 }
 
-/// Whether a recipe, or one that it extends, uses Open Image Denoise.
+/// Whether a recipe uses Open Image Denoise.
 fn needs_oidn(recipe: &Path) -> bool {
     read(recipe).contains("${OIDN_LIBRARY}")
 }
 
-/// A command of the program, with the library where there is one.
+/// A command of the program, with the library if it is available.
 fn command(verb: &str, recipe: &Path) -> Command {
     let mut command = syntable();
     command.arg(verb).arg(recipe);
     let library = std::env::var_os("SYNTABLE_OIDN").filter(|_| needs_oidn(recipe));
     command.env("OIDN_LIBRARY", library.unwrap_or_else(|| "/libOpenImageDenoise.so".into()));
     if verb == "run" && recipe.ends_with("denoise/auto.toml") {
-        // It is to look the same wherever its image is rendered.
+        // The result must not depend on the machine that renders the image.
         command.args(["--set", "denoise.kind=\"guided\""]);
     }
     command
 }
 
-/// Digest of the content of recipes and of those that they extend; comments do not count.
+/// Digest of the content of recipes and of the recipes that they extend; comments do not count.
 fn digest(recipes: &[PathBuf]) -> String {
     let mut content = Vec::new();
     let mut waiting: Vec<PathBuf> = recipes.to_vec();
@@ -106,7 +107,7 @@ fn every_kind_has_an_image() {
     );
 }
 
-/// What is wrong with an image, if anything is.
+/// The fault of an image, if any.
 fn faults_of(bytes: &[u8], digest: &str) -> Option<String> {
     let image = match image::load_from_memory(bytes) {
         Ok(image) => image.to_luma8(),
@@ -186,14 +187,14 @@ fn render(slot: Slot, kind: &str) {
 fn jpeg(image: &RgbImage, quality: u8, comment: &str) -> Vec<u8> {
     let mut bytes = Vec::new();
     JpegEncoder::new_with_quality(&mut bytes, quality).encode_image(image).expect("8-bit RGB");
-    // Behind the two bytes that start the file: marker, length with itself, text.
+    // After the first two bytes of the file: marker, length including itself, text.
     let length = u16::try_from(comment.len() + 2).expect("short").to_be_bytes();
     let segment = [&[0xff, 0xfe], &length[..], comment.as_bytes()].concat();
     bytes.splice(2..2, segment);
     bytes
 }
 
-/// Images in rows: of up to three, of two if there are four. More than three are scaled down.
+/// Arranges images in rows of up to three, or of two for four images. More than three images are scaled down.
 fn sheet(images: &[RgbImage]) -> RgbImage {
     let columns = if images.len() == 4 { 2 } else { images.len().min(3) };
     let (width, height) = images.first().expect("the recipe writes images").dimensions();
@@ -208,7 +209,8 @@ fn sheet(images: &[RgbImage]) -> RgbImage {
     sheet
 }
 
-/// Images in 8-bit RGB. Those of 16 bits are depths: all are colored by one scale, near red, far blue, nothing black.
+/// Images in 8-bit RGB. 16-bit images are depths: all share one color scale, near is red, far is blue, missing depth is
+/// black.
 fn colored(images: Vec<DynamicImage>) -> Vec<RgbImage> {
     let is_depth = |image: &&DynamicImage| matches!(image, DynamicImage::ImageLuma16(_));
     let depths = images.iter().filter(is_depth).flat_map(|image| image.to_luma16().into_raw());
@@ -228,7 +230,7 @@ fn colored(images: Vec<DynamicImage>) -> Vec<RgbImage> {
     each.collect()
 }
 
-/// The color map Turbo (Mikhailov, 2019) by its polynomial, for 0 to 1.
+/// The color map Turbo (Mikhailov, 2019), from its polynomial, for 0 to 1.
 fn turbo(x: f64) -> [u8; 3] {
     const COEFFICIENTS: [[f64; 6]; 3] = [
         [0.13572138, 4.61539260, -42.66032258, 132.13108234, -152.94239396, 59.28637943],

@@ -1,5 +1,5 @@
-//! Files that are made from the registry: the schema, the book's reference, the help texts. This test compares them
-//! with fresh ones; `UPDATE=1 cargo test --release --package syntable-tests --test program generated` refreshes them.
+//! Files generated from the registry: the schema, the book's reference, the help texts. This test compares them with
+//! fresh ones; `UPDATE=1 cargo test --release --package syntable-tests --test program generated` updates them.
 
 use crate::support::{gallery, root, samples};
 use serde_json::{Map, Value, json};
@@ -71,7 +71,7 @@ fn generated_files_are_fresh() {
 
 const MADE: &str = "<!-- Made from the registry: UPDATE=1 cargo test --release --package syntable-tests --test program generated -->\n\n";
 
-/// Definitions of values that are shared by this many kinds stand on a page of their own.
+/// Definitions of values that at least this many kinds share are on a separate page.
 const SHARED: usize = 4;
 
 /// The recipe's schema as pages.
@@ -82,7 +82,7 @@ struct Reference<'s> {
     shared: BTreeSet<&'s str>,
 }
 
-/// A table of options, and the words that it leaves for below.
+/// A table of options, and the words that are listed below it.
 #[derive(Default)]
 struct Options {
     rows: Vec<[String; 4]>,
@@ -121,7 +121,7 @@ impl<'s> Reference<'s> {
         }
     }
 
-    /// What can be written, in a few words.
+    /// The possible values, in a few words.
     fn value(&self, schema: &Value) -> String {
         let (name, target) = self.resolve(schema);
         if let Some(name) = name.filter(|name| self.shared.contains(name)) {
@@ -208,7 +208,7 @@ impl<'s> Reference<'s> {
         format!("`{{ {} }}`", fields.join(", "))
     }
 
-    /// Adds a row for an option, and rows for what can be inside it.
+    /// Adds a row for an option, and rows for its nested options.
     fn option(&self, path: &str, option: &Value, required: bool, only: &str, depth: usize, out: &mut Options) {
         let (name, target) = self.resolve(option);
         let default = match option.get("default").or(target.get("default")) {
@@ -240,7 +240,7 @@ impl<'s> Reference<'s> {
         self.inside(path, target, depth - 1, out);
     }
 
-    /// Rows for what can be inside a value.
+    /// Adds rows for the options nested in a value.
     fn inside(&self, path: &str, schema: &Value, depth: usize, out: &mut Options) {
         let (name, target) = self.resolve(schema);
         if name.is_some_and(|name| self.shared.contains(name)) {
@@ -259,7 +259,7 @@ impl<'s> Reference<'s> {
         self.table(path, target, depth, out);
     }
 
-    /// Rows for the fields of a table. Those of a variant say which one they belong to.
+    /// Adds rows for the fields of a table. The rows of a variant state the variant.
     fn table(&self, path: &str, schema: &Value, depth: usize, out: &mut Options) {
         let Some(properties) = schema["properties"].as_object() else { return };
         let required = names(&schema["required"]);
@@ -270,7 +270,7 @@ impl<'s> Reference<'s> {
         });
         for (key, field) in properties.iter().filter(|(_, field)| !is_tag(field)) {
             let mut field = field.clone();
-            // The field of a variant with one field has the meaning that the variant has.
+            // In a variant with one field, the field has the description of the variant.
             if properties.len() == 1 && text(&field).is_empty() && !text(schema).is_empty() {
                 field["description"] = schema["description"].clone();
             }
@@ -278,14 +278,14 @@ impl<'s> Reference<'s> {
             let needed = !sole && required.contains(&key.as_str());
             let row = out.rows.len();
             self.option(&format!("{path}.{key}"), &field, needed, &only, depth, out);
-            // One of several forms is not there by default, and is not left out either.
+            // One of several forms is neither present by default nor optional.
             if sole && out.rows[row][2] == "none" {
                 out.rows[row][2].clear();
             }
         }
     }
 
-    /// A table of the options of a schema, without some of them.
+    /// A table of the options of a schema; `except` selects options to skip.
     fn options(&self, schema: &Value, required: &[&str], except: &dyn Fn(&str) -> bool) -> String {
         let mut options = Options::default();
         for (name, option) in schema["properties"].as_object().into_iter().flatten() {
@@ -333,7 +333,7 @@ impl<'s> Reference<'s> {
         let mut generator = schemars::generate::SchemaSettings::draft07().into_generator();
         let own = Value::from(entry.schema(&mut generator));
         let required = names(&own["required"]);
-        // Headings of a description are below that of the kind.
+        // Moves the headings of a description one level below the kind's heading.
         let description = schema["description"].as_str().unwrap_or_default().trim().replace("\n# ", "\n### ");
         let mut section = format!("\n## `{}`\n\n{description}\n", entry.kind);
         section += &shown(entry);
@@ -448,7 +448,7 @@ impl Options {
     }
 }
 
-/// The image of a kind in the gallery, and what the recipes that it is rendered from say about the kind.
+/// The image of a kind in the gallery, and the tables for the kind in the recipes of this image.
 fn shown(entry: &Entry) -> String {
     const SOURCES: &str = "https://github.com/syntable/syntable/blob/main/book/gallery";
     let (slot, kind) = (entry.slot, entry.kind);
@@ -473,7 +473,7 @@ fn shown(entry: &Entry) -> String {
     )
 }
 
-/// What a stage makes, from what.
+/// The products that a stage provides and reads.
 fn output(entry: &Entry) -> String {
     let stage =
         entry.construct_str("").or_else(|_| entry.construct_str(entry.example)).expect("the example builds").stage;
@@ -517,7 +517,7 @@ fn names(list: &Value) -> Vec<&str> {
     list.as_array().into_iter().flatten().filter_map(Value::as_str).collect()
 }
 
-/// A description without its list of words, and the list.
+/// Splits a description into its text and its list of words.
 fn words(description: &str) -> (String, Vec<String>) {
     match description.split_once("- `") {
         Some((before, list)) if before.is_empty() || before.ends_with("\n") => {
@@ -579,7 +579,7 @@ fn range(schema: &Value) -> String {
     }
 }
 
-/// A JSON value as TOML would have it in one line.
+/// A JSON value in TOML syntax on one line.
 fn toml_like(value: &Value) -> String {
     match value {
         Value::Object(fields) => {
@@ -653,13 +653,13 @@ fn command_line() -> String {
     page
 }
 
-/// The recipe of a code in `tests/fixtures/diagnostics` as a user in the root of the checkout would write it.
+/// The recipe of a code in `tests/fixtures/diagnostics`, as a user in the root of the checkout would write it.
 fn fixture(name: &str) -> Option<String> {
     let path = root().join("tests/fixtures/diagnostics").join(name);
     Some(fs::read_to_string(path).ok()?.replace("../../../", ""))
 }
 
-/// What the program says about a recipe `my.toml`: codes, and the text.
+/// The diagnostics for a recipe `my.toml`: codes, and the text.
 fn diagnosed(registry: &Registry, text: &str) -> (Vec<Code>, String) {
     let overrides = Overrides {
         exists: &|_| true,

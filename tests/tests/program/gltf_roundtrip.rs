@@ -1,4 +1,4 @@
-//! A scene goes out as glTF and comes back as an asset: rendered from the camera of the file, it is the same image.
+//! Exports a scene as glTF and imports it as an asset: rendered from the file's camera, the image must be the same.
 
 use crate::support::{ok, syntable};
 use serde_json::Value as Json;
@@ -17,8 +17,8 @@ use syntable_testing::workers::Threads;
 
 const SIZE: [u32; 2] = [96, 72];
 
-/// One scene with a room, a table, objects with printed textures, and spherical and rectangular lights. No glass: its
-/// caustics would drown the comparison in noise.
+/// One scene with a room, a table, objects with printed textures, and spherical and rectangular lights. No glass,
+/// because the noise of its caustics would dominate the comparison.
 const RECIPE: &str = r#"
 [dataset]
 name = "round trip"
@@ -87,7 +87,7 @@ fn json_of(path: &Path) -> Json {
     serde_json::from_slice(&bytes[20..20 + size]).expect("JSON")
 }
 
-/// Elements of a NumPy file of one type, `N` bytes each.
+/// Elements of a NumPy file with `N` bytes each.
 fn elements<const N: usize>(path: &Path) -> Vec<[u8; N]> {
     let bytes = std::fs::read(path).expect("a file");
     let header = usize::from(u16::from_le_bytes([bytes[8], bytes[9]]));
@@ -124,7 +124,7 @@ fn view_of(json: &Json) -> View {
     }
 }
 
-/// The file as one body, rendered from its own camera lit by its emissive bodies alone.
+/// Renders the file as one body, from its own camera and lit only by its emissive bodies.
 fn render(folder: &Path, samples: u32) -> (Vec<f64>, Vec<f64>) {
     use syntable_program as _;
     let registry = Registry::linked().expect("no clash");
@@ -139,7 +139,7 @@ fn render(folder: &Path, samples: u32) -> (Vec<f64>, Vec<f64>) {
     };
     let log = Collected::default();
     let object = source.load("000000", &log).expect("loads").into_object().expect("an object");
-    // Nothing in it is unknown to the reader.
+    // The reader must know everything in the file.
     let complaints: Vec<String> =
         log.warnings().iter().map(ToString::to_string).filter(|warning| warning.contains("are ignored")).collect();
     assert!(complaints.is_empty(), "{complaints:?}");
@@ -184,7 +184,7 @@ fn a_scene_that_comes_back_looks_the_same() {
     let (there, there_variance) = render(&out.join("gltf"), SAMPLES);
     assert_eq!(here.len(), there.len());
 
-    // Regions: every body of some size, and the image in twelve.
+    // Regions: every sufficiently large body, and the image in twelve parts.
     let [width, height] = SIZE.map(|side| side as usize);
     let body = |id: u16| (0..width * height).filter(|&i| instances[i] == id).collect::<Vec<_>>();
     let mut regions: Vec<(String, Vec<usize>)> =
@@ -209,7 +209,7 @@ fn a_scene_that_comes_back_looks_the_same() {
             100.0 * (b / a - 1.0),
             100.0 * sigma / a
         );
-        // Noise, and half a percent for images of 8 bits, lights with corners and edges of objects.
+        // Tolerance for noise, and half a percent for 8-bit images, lights with corners, and edges of objects.
         assert!((a - b).abs() < 4.0 * sigma + 0.005 * a, "{name}: {a} and {b} nits, sigma {sigma}");
         for channel in 0..3 {
             let (x, y) = (mean(&here, channel) / a, mean(&there, channel) / b);

@@ -1,10 +1,10 @@
-//! Whole recipes on a graphics card, or on Mesa's lavapipe in its place, against the CPU renderer: cameras with lens and
-//! distortion, all kinds of light, floors that show their environment, scanned and procedural materials.
+//! Whole recipes on a graphics card, or on Mesa's lavapipe instead, compared with the CPU renderer: cameras with lens
+//! and distortion, all kinds of lights, floors that show their environment, scanned and procedural materials.
 
 use crate::support::{SMALL, fails, ok, root, skip, syntable};
 use std::path::{Path, PathBuf};
 
-/// What the shipped recipes have that none of the gallery has.
+/// Features of the shipped recipes that the gallery lacks.
 const GROUND: &str = r#"
 extends = "builtin:open-sky"
 
@@ -26,7 +26,7 @@ from = ["objects"]
 count = 6
 "#;
 
-/// Numbers of a file of NumPy, and how many there are per pixel of 80 × 60.
+/// Elements of a NumPy file with `N` bytes each.
 fn numbers<const N: usize>(path: &Path) -> Vec<[u8; N]> {
     let bytes = std::fs::read(path).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
     let header = usize::from(u16::from_le_bytes([bytes[8], bytes[9]]));
@@ -54,7 +54,7 @@ fn run(recipe: &Path, out: &Path, kind: &str, denoiser: &str, include: &[&str]) 
     ok(&mut command);
 }
 
-/// Whether there is an adapter; it is named.
+/// Whether an adapter exists. Prints its name.
 fn has_adapter() -> bool {
     let doctor = ok(syntable().arg("doctor"));
     let line = doctor.lines().find(|line| line.trim().starts_with("gpu_path")).expect("the stock program has it");
@@ -108,7 +108,7 @@ fn images_are_denoised_where_they_are_rendered() {
         luminance(&out.join("npy/radiance/000000_0000.npy"))
     };
     let on_card = radiance("card", "gpu_path", &["radiance"]);
-    // Whatever else is wanted of the image, and where depth is not.
+    // Additional products of the image do not matter, nor does missing depth.
     let with_guides =
         radiance("guides", "gpu_path", &["radiance", "radiance_noisy", "denoise_normal", "depth", "radiance_variance"]);
     assert_eq!(on_card, with_guides);
@@ -130,7 +130,7 @@ fn a_run_without_an_adapter_stops_at_once() {
     command
         .args(["run", "builtin:quickstart", "--set", "render.kind=\"gpu_path\"", "--out"])
         .arg(folder.path().join("out"));
-    // A loader of Vulkan that finds no driver.
+    // A Vulkan loader that finds no driver.
     command.env("VK_DRIVER_FILES", "/nowhere.json").env("VK_ICD_FILENAMES", "/nowhere.json");
     let text = fails(&mut command, 2);
     assert!(text.contains("no graphics adapter") && text.contains("cpu_path"), "{text}");
@@ -171,7 +171,7 @@ fn what_auto_chose_is_named_by_the_dataset() {
     let recipe: toml::Table = std::fs::read_to_string(recipe).expect("there").parse().expect("TOML");
     let kind = recipe["denoise"]["kind"].as_str().expect("named");
     assert!(["guided", "oidn"].contains(&kind), "{kind}");
-    // What the user asked for by name is not replaced.
+    // A library that the user named explicitly is not replaced.
     let (mut command, recipe) = without_card(&folder.path().join("lost"), &denoise, Some("/nowhere/library.so"));
     let said = fails(&mut command, 2);
     assert!(said.contains("`auto`: /nowhere/library.so") && said.contains("OIDN_LIBRARY"), "{said}");

@@ -1,10 +1,10 @@
-//! Datasets of the stock program that grow by a writer: each writer writes what it would have written from the start.
+//! Datasets that grow by a writer: each writer of the stock program writes the same files as from the start.
 
 use crate::support::{assert_same, fails, ok, small_run, syntable, text};
 use std::path::Path;
 use syntable_testing::folder::files;
 
-/// Every writer that ships, with products that need light and products that need none.
+/// Every stock writer, with products that need light and products that need none.
 const WRITERS: [(&str, &[&str]); 10] = [
     ("contact_sheet", &["write.contact_sheet={}"]),
     ("exr", &["write.exr.include=[\"radiance\", \"normal\"]"]),
@@ -28,7 +28,7 @@ const WRITERS: [(&str, &[&str]); 10] = [
     ),
 ];
 
-/// A recipe of the quickstart's scenes with no writer but one of labels.
+/// A recipe of the quickstart's scenes whose only writer writes labels.
 fn base(folder: &std::path::Path) -> std::path::PathBuf {
     let recipe = std::fs::read_to_string(crate::support::root().join("recipes/quickstart.toml")).expect("there");
     let (head, _) = recipe.split_once("[write.syntable]").expect("the writers come last");
@@ -102,7 +102,7 @@ fn what_a_run_reports_of_growth_and_of_another_recipe() {
     assert!(error.contains("dataset.seed: 7 -> 8") && error.contains("another recipe"), "{error}");
 }
 
-/// Ids of the images of an annotation file, each with the file of the image.
+/// Ids and files of the images in an annotation file.
 fn image_ids(file: &Path) -> Vec<(u64, String)> {
     let json: serde_json::Value = serde_json::from_slice(&std::fs::read(file).expect("there")).expect("JSON");
     let images = json["images"].as_array().expect("a list").iter();
@@ -160,7 +160,7 @@ fn files_that_the_end_reads_are_compared_before_anything_changes() {
         command.current_dir(from).arg("merge").arg(&merged).args(&parts);
         command
     };
-    // The path of the template counts from the folder that the command is given in.
+    // The path of the template is relative to the current folder of the command.
     std::fs::write(elsewhere.join("labels.tera"), "another").expect("writable");
     for (from, says) in [(&elsewhere, "has changed since"), (&folder.path().to_owned(), "labels.tera")] {
         let error = fails(&mut merge(from), 2);
@@ -185,7 +185,7 @@ fn files_that_the_end_reads_are_compared_before_anything_changes() {
     let error = fails(one.current_dir(&home).arg("merge").arg(&merged).arg(&parts[1]), 2);
     assert!(error.contains("scene 1 differs"), "{error}");
     assert_same(&whole, &merged);
-    // What a resolved recipe locks is compared before a dataset is deleted.
+    // The locks of a resolved recipe are compared before a dataset is deleted.
     let locked = home.join("locked.toml");
     std::fs::copy(whole.join("recipe.toml"), &locked).expect("there");
     let before = files(&whole);

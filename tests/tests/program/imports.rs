@@ -1,11 +1,11 @@
-//! Who imports whom inside a crate: files form layers, so that each can be read after those below it.
+//! Imports inside a crate: files form layers, so that each file can be read after the files below it.
 
 use crate::support::root;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::Path;
 
-/// A module by the names on its way from the crate's root.
+/// A module, as the names on its path from the crate's root.
 type Module = Vec<String>;
 
 /// The files of a crate by module, each as its code without comments and tests.
@@ -50,7 +50,7 @@ fn paths_of(tree: &str) -> Vec<String> {
     branches.flat_map(paths_of).map(|path| format!("{before}{path}")).collect()
 }
 
-/// A path that code names, with whether it re-exports what is there.
+/// The paths in code, and whether each one is re-exported.
 fn named_paths(code: &str) -> Vec<(String, bool)> {
     let mut found = Vec::new();
     let mut rest = String::new();
@@ -75,7 +75,7 @@ fn named_paths(code: &str) -> Vec<(String, bool)> {
             let end = rest[at..]
                 .find(|c: char| !(c.is_alphanumeric() || c == '_' || c == ':'))
                 .map_or(rest.len(), |n| at + n);
-            // `$crate::` in a macro is of the crate that expands it, and `pub(in crate::run)` names no code.
+            // `$crate::` in a macro refers to the crate that expands it, and `pub(in crate::run)` does not name code.
             let before = &rest[..at];
             let fresh =
                 !before.ends_with(|c: char| c.is_alphanumeric() || "_:$".contains(c)) && !before.ends_with("(in ");
@@ -87,7 +87,7 @@ fn named_paths(code: &str) -> Vec<(String, bool)> {
     found
 }
 
-/// The module that a path leads to from `module`, and the name inside it; nothing for a path of another crate.
+/// The module that a path refers to from `module`, and the name inside it; none for a path of another crate.
 fn target(modules: &BTreeMap<Module, String>, module: &Module, path: &str) -> Option<(Module, String)> {
     let mut names = path.split("::").map(str::trim).peekable();
     let mut current = module.clone();
@@ -119,8 +119,8 @@ fn target(modules: &BTreeMap<Module, String>, module: &Module, path: &str) -> Op
     Some((current, names.next().unwrap_or_default().to_owned()))
 }
 
-/// Imports between the files of a crate. A name that a module re-exports is imported from the file that defines it, and a
-/// re-export is no import.
+/// Imports between the files of a crate. A name that a module re-exports counts as imported from the file that defines
+/// it, and a re-export is not an import.
 fn imports(modules: &BTreeMap<Module, String>) -> BTreeMap<&Module, BTreeSet<Module>> {
     let paths: BTreeMap<&Module, Vec<(String, bool)>> =
         modules.iter().map(|(module, code)| (module, named_paths(code))).collect();
@@ -149,7 +149,7 @@ fn imports(modules: &BTreeMap<Module, String>) -> BTreeMap<&Module, BTreeSet<Mod
     edges.collect()
 }
 
-/// Files that import each other, directly or through others: one list per circle.
+/// Files that import each other, directly or through others: one list per cycle.
 fn circles(edges: &BTreeMap<&Module, BTreeSet<Module>>) -> BTreeSet<BTreeSet<Module>> {
     let reached = |from: &Module| -> BTreeSet<Module> {
         let (mut seen, mut left) = (BTreeSet::new(), vec![from.clone()]);

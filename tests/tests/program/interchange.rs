@@ -1,4 +1,4 @@
-//! One dataset in all formats at once: each is read by its own reader, and says the same.
+//! One dataset in all formats at once: each format's reader returns the same labels.
 
 use crate::support::{self, assert_same, assets, checked, convert, ok, root, skip, syntable, text};
 use std::collections::{BTreeMap, BTreeSet};
@@ -12,7 +12,7 @@ use syntable_model::reader;
 use syntable_program as _;
 use syntable_testing::takes::open_dataset;
 
-/// All writers of formats, and those of any product.
+/// All writers of formats, and the generic writers.
 const WRITERS: &str = "write={ syntable = {}, coco = {}, coco_panoptic = {}, cocoa = {}, kins = {}, d2sa = {}, insta_order = {}, \
                        uoais = {}, osd_amodal = {}, yolo = {}, bop = { models = \"models\" }, web = { kind = \"bop\", layout = \"webdataset\" }, webdataset = {}, parquet = {}, hdf5 = {}, npz = {}, png = {}, jsonl = { include = [\
                        \"visible_mask\", \"amodal_mask\", \"occlusion_areas\", \"depth_order\", \"seen_in_views\"] }, \
@@ -22,9 +22,9 @@ const WRITERS: &str = "write={ syntable = {}, coco = {}, coco_panoptic = {}, coc
 /// Width and height of the images, px.
 const SIZE: [u32; 2] = [160, 120];
 
-/// A dataset of real objects where they are there, else of embedded ones.
+/// A dataset of real objects if they are available, otherwise of embedded ones.
 fn dataset(out: &Path) {
-    // The small folder of the checkout comes first, a larger one after it.
+    // The small folder of the checkout comes first, then a larger folder.
     let real = assets().into_iter().nth(1);
     let base = if real.is_some() { "real-objects" } else { "window-room" };
     // BOP's cameras have no distortion.
@@ -73,10 +73,10 @@ fn masks(root: &Path, format: &str) -> Masks {
     dataset.images.iter().enumerate().map(of).collect()
 }
 
-/// Pixels of a mask and of its holes: of what cannot be reached from beyond the image without crossing it.
+/// Number of pixels in a mask and its holes, which cannot be reached from outside the image without crossing the mask.
 fn filled(counts: &[u32]) -> u32 {
     let mask = Mask::from_counts(SIZE[0], SIZE[1], counts).expect("a mask").to_plane();
-    // One pixel of background all around.
+    // With one pixel of background on each side.
     let [width, height] = SIZE.map(|edge| edge as i32 + 2);
     let is_free = |x: i32, y: i32| {
         let inside = (1..width - 1).contains(&x) && (1..height - 1).contains(&y);
@@ -95,8 +95,8 @@ fn filled(counts: &[u32]) -> u32 {
     (width * height) as u32 - reached.len() as u32
 }
 
-/// Images have as many objects, and each a mask of about the same area, to an edge of half a pixel and with or without holes,
-/// which polygons fill.
+/// Checks that images have the same number of objects, and that the area of each mask is about the same: within half a
+/// pixel along its edge, and with or without holes, which polygons fill.
 fn assert_close(expected: &Masks, found: &Masks, format: &str) {
     for (at, objects) in expected {
         let others = found.get(at).map_or(&[][..], Vec::as_slice);
@@ -131,13 +131,13 @@ fn all_formats_say_the_same() {
     {
         assert!(ours == masks(&data.join(path), format), "{path}");
     }
-    // Objects that images do not show are left out, and so are images of such objects alone.
+    // Objects without visible pixels are omitted, and so are images with only such objects.
     let mut shown = ours.clone();
     shown.values_mut().for_each(|objects| objects.retain(|[visible, _]| visible.len() > 1));
     shown.retain(|_, objects| !objects.is_empty());
     let osd: Vec<_> = masks(&data.join("osd_amodal"), "osd_amodal").into_values().collect();
     assert!(osd == shown.values().cloned().collect::<Vec<_>>(), "osd_amodal");
-    // Polygons are around masks to half a pixel.
+    // Polygons follow masks to half a pixel.
     assert_close(&shown, &masks(&data.join("kins"), "kins"), "kins");
     assert_close(&ours, &masks(&data.join("cocoa"), "cocoa"), "cocoa");
     let visible: Masks = shown
@@ -146,19 +146,19 @@ fn all_formats_say_the_same() {
         .collect();
     assert_close(&visible, &masks(&data.join("yolo"), "yolo"), "yolo");
     assert!(visible == masks(&data.join("hdf5"), "hdf5"), "hdf5");
-    // Written by the run, and converted from another format: the same files.
+    // The run and a conversion from another format must write the same files.
     for (from, format, to, is_exact) in [
         ("", "syntable", "coco", true),
         ("", "syntable", "yolo", true),
         ("coco", "coco", "yolo", true),
         ("web", "bop", "yolo", false),
-        // These do not say what the dataset is called.
+        // These formats do not store the name of the dataset.
         ("webdataset", "webdataset", "coco", false),
         ("npz", "npz", "coco", false),
         ("parquet", "parquet", "yolo", true),
-        // Its depth is rounded, ours was truncated.
+        // Its depth is rounded, but ours was truncated.
         ("", "syntable", "uoais", false),
-        // BOP has no ids of instances, names and classes.
+        // BOP has no instance ids, names and classes.
         ("bop", "bop", "coco", false),
     ] {
         let out = folder.path().join(format!("{format} to {to}"));
@@ -190,7 +190,7 @@ fn all_formats_say_the_same() {
     }
 }
 
-/// Images have the same products.
+/// Checks that images have the same products.
 fn assert_same_products(one: &Path, other: &Path) {
     let [one, other] = [one, other].map(|root| open_dataset(root, None).expect("a dataset").1);
     assert_eq!((&one.images, &one.offers), (&other.images, &other.offers));
@@ -210,19 +210,19 @@ fn what_formats_have_in_common_comes_back() {
     dataset(&path("ours"));
     let convert = |from: &str, to: &str, out: &str| support::made(&mut convert(&path(from), to, &path(out)));
     let ours = masks(&path("ours"), "syntable");
-    // Products under their names: all of them come back, and are written the same again.
+    // Products under their own names: all of them are read back, and written again unchanged.
     for format in ["webdataset", "npz", "jsonl", "parquet"] {
         convert("ours", format, format);
         let again = format!("{format} again");
         let said = convert(format, format, &again);
         assert!(!said.contains("not carried over") && !said.contains("omitted"), "{said}");
         match format {
-            // It says which program wrote it.
+            // The file contains the name of the program that wrote it.
             "parquet" => assert_same_products(&path(format), &path(&again)),
             _ => assert_same(&path(format), &path(&again)),
         }
     }
-    // What is not there is left out of lists that nobody gave, and said; of a list that was given, it is an error.
+    // Missing products are omitted from default lists, with a message. In a list that the user gave, they are an error.
     convert("ours", "coco", "coco");
     let said = convert("coco", "parquet,hdf5", "tables");
     assert!(said.contains("missing in the dataset, and therefore omitted:"), "{said}");
@@ -233,7 +233,7 @@ fn what_formats_have_in_common_comes_back() {
     let mut given = support::convert(&path("coco"), "parquet", &path("given"));
     let output = given.args(["--set", "parquet.include=[\"camera\", \"visible_box\"]"]).output().expect("starts");
     assert!(output.status.code() == Some(2) && text(&output).contains("reads `camera`"), "{}", text(&output));
-    // Cameras of the dataset are those of the writers.
+    // Distances are computed with the camera of the dataset.
     convert("ours", "hdf5", "files");
     let (_, files) = open_dataset(&path("files"), None).expect("a dataset");
     let products = files.read(0, &[DISTANCE.id(), DEPTH.id()]).expect("readable").products;
@@ -247,7 +247,7 @@ fn what_formats_have_in_common_comes_back() {
         assert!(there.contains("12 images of 3 scenes written, read as syntable"), "{there}");
         let said = ok(syntable().arg("validate").arg(path(format)));
         assert!(said.contains(&format!("12 images, read as {format}: no fault")) || format == "cocoa", "{said}");
-        // Back to our layout, which is sound whatever it lacks, and there again.
+        // Converts back to our layout, which is valid with any missing data, and forth again.
         let back = format!("{format} to ours");
         convert(format, "syntable", &back);
         assert!(ok(syntable().arg("validate").arg(path(&back))).contains("read as syntable: no fault"));
@@ -260,7 +260,7 @@ fn what_formats_have_in_common_comes_back() {
             assert_same(&path(format), &path(&again));
         }
         if format == "bop" {
-            // Counts beyond the image and names of assets are lost on the way, as is said.
+            // Pixel counts beyond the image and names of assets are lost on the way, which the conversion reports.
             for scene in ["000000", "000001", "000002"] {
                 for name in ["rgb", "depth", "mask", "mask_visib"] {
                     let of = |dataset: &str| path(dataset).join("bop/train_pbr").join(scene).join(name);
@@ -271,7 +271,8 @@ fn what_formats_have_in_common_comes_back() {
     }
 }
 
-/// The vertices of a PLY file as its named properties, and its number of faces. In a binary file all of them are floats.
+/// The vertices of a PLY file with their named properties, and the number of faces. In a binary file, all properties
+/// are floats.
 fn ply(path: &Path) -> (Vec<BTreeMap<String, f64>>, usize) {
     const END: &[u8] = b"end_header\n";
     let bytes = std::fs::read(path).expect("a PLY file");
@@ -303,7 +304,7 @@ fn json(path: &Path) -> serde_json::Value {
     serde_json::from_slice(&std::fs::read(path).expect("a file")).expect("JSON")
 }
 
-/// `m · p`, of the numbers of a 4 × 4 or a 3 × 3 matrix row by row and a translation.
+/// `m · p`, from a 4 × 4 or 3 × 3 matrix, row by row, and a translation.
 fn moved(rotation: &[f64], translation: [f64; 3], p: [f64; 3]) -> [f64; 3] {
     std::array::from_fn(|row| (0..3).map(|i| rotation[3 * row + i] * p[i]).sum::<f64>() + translation[row])
 }
@@ -312,7 +313,8 @@ fn numbers(value: &serde_json::Value) -> Vec<f64> {
     value.as_array().expect("a list").iter().map(|it| it.as_f64().expect("a number")).collect()
 }
 
-/// The files that scenes share below a dataset: for each digest the file numbers on disk, the names, and the bytes of one file.
+/// The files that scenes share below a dataset: for each digest, the file numbers on disk, the file names, and the
+/// bytes of one file.
 #[cfg(unix)]
 fn shared_files(data: &Path) -> BTreeMap<String, (BTreeSet<u64>, Vec<String>, u64)> {
     use std::os::unix::fs::MetadataExt;
@@ -335,7 +337,7 @@ fn shared_files(data: &Path) -> BTreeMap<String, (BTreeSet<u64>, Vec<String>, u6
 #[test]
 fn models_of_several_scenes_take_disk_space_once() {
     let folder = tempfile::tempdir().expect("a folder");
-    // Two objects with the same file names and the same mesh, and textures of other pixels.
+    // Two objects with the same file names and the same mesh, but different textures.
     let fixture = root().join("tests/fixtures/assets/bop/ycbv/models");
     let pixel = |value: u8| image::RgbImage::from_fn(256, 256, |x, y| image::Rgb([x as u8, y as u8, value]));
     for (set, value) in [("a", 3), ("b", 250)] {
@@ -367,7 +369,7 @@ fn models_of_several_scenes_take_disk_space_once() {
         for (digest, (files, scenes, _)) in &shared {
             assert_eq!((files.len(), scenes.len()), (1, 3), "{}: {digest}: {scenes:?}", data.display());
         }
-        // What the disk has of them: three files of nine.
+        // Disk usage: three files with nine names.
         let names: u64 = shared.values().map(|(_, scenes, bytes)| bytes * scenes.len() as u64).sum();
         let on_disk: u64 = shared.values().map(|(files, _, bytes)| bytes * files.len() as u64).sum();
         assert_eq!(names, 3 * on_disk);
@@ -396,7 +398,7 @@ fn bop_models_keep_numbers_shapes_colors_and_symmetries() {
         let [(own, own_faces), (found, faces)] =
             [&models.join(set).join("models"), &bop.join("models")].map(|folder| ply(&folder.join(&file)));
         assert_eq!(faces, own_faces, "{file}");
-        // Every vertex is one of the original, with its color or its place in the texture.
+        // Every vertex is a vertex of the original, with its color or its texture coordinates.
         for vertex in &found {
             let is_near =
                 |other: &BTreeMap<String, f64>| vertex.iter().all(|(key, value)| (other[key] - value).abs() < 1e-4);
@@ -432,7 +434,8 @@ fn bop_models_keep_numbers_shapes_colors_and_symmetries() {
     }
     assert!(compared > 500 && centers.len() > 1, "{compared} vertices of {} models", centers.len());
     assert!(infos.to_string().contains("symmetries_"), "no symmetries to compare");
-    // Poses are of the original file: with them its center is where the object's frame, which the pool centers, is.
+    // Poses refer to the original file: they map its center to the object's origin, because the pool centers the
+    // object.
     let truth = json(&bop.join("train_pbr/000000/scene_gt.json"));
     let lines = std::fs::read_to_string(data.join("jsonl.jsonl")).expect("lines");
     let mut poses = 0;
@@ -456,7 +459,7 @@ fn bop_models_keep_numbers_shapes_colors_and_symmetries() {
         }
     }
     assert!(poses > 4, "{poses}");
-    // What is read is what was written, colors and symmetries as well.
+    // A second conversion reads back the written data, including colors and symmetries.
     let again = folder.path().join("again");
     let convert = ["--to", "bop", "--set", "bop.models=\"models\"", "--out"];
     ok(syntable().arg("convert").arg(&bop).args(convert).arg(&again));
@@ -490,7 +493,7 @@ fn bop_models_keep_numbers_shapes_colors_and_symmetries() {
     }
 }
 
-/// How a format tells what an object is.
+/// How a format identifies an object.
 #[derive(Clone, Copy, PartialEq)]
 enum Tells {
     /// By ids of all classes of the recipe.
@@ -513,7 +516,7 @@ fn every_writer_gives_a_thing_the_same_number() {
          uoais = {{}}, osd_amodal = {{}}, yolo = {{}}, bop = {{}}, hdf5 = {{}}, web = {{ kind = \"bop\", layout = \"webdataset\" }}, \
          webdataset = {{ {generic} }}, npz = {{ include = [{labels}] }}, parquet = {{ {generic} }}, jsonl = {{ {generic} }} }}"
     );
-    // Of the last class there is nothing.
+    // The last class has no object.
     let classes = "assets.objects.classes={ mug = [\"mug*\"], book = [\"book*\"], zebra = [\"zebra*\"] }";
     let half = "assets.objects.exclude=[\"b*\", \"c*\", \"*_00?[02468]\"]";
     let make = |name: &str, more: &[&str]| {
@@ -523,7 +526,7 @@ fn every_writer_gives_a_thing_the_same_number() {
     };
     make("train", &[]);
     make("val", &["dataset.seed=8", "dataset.name=\"val\"", half]);
-    // The whole pool is in the order of names: places are the numbers, whatever is left out.
+    // The whole pool is sorted by name: positions are the numbers, whatever objects are excluded.
     let catalog = json(&path("train/.syntable/catalogs/objects.json"));
     let names: Vec<&String> = catalog.as_object().expect("a table").keys().collect();
     assert!(names.is_sorted() && names.len() > 50);
@@ -585,7 +588,7 @@ fn every_writer_gives_a_thing_the_same_number() {
                 if let (Some(ids), Some(names), true) = (ids.expect("read"), names.expect("read"), tells == Classes) {
                     for (id, category) in ids.iter() {
                         let name = names.get(id).expect("a name").rsplit('/').next().expect("a part");
-                        // Formats with names of categories alone have no others.
+                        // Formats that only have category names contain no other names.
                         if catalog.get(name).is_some() {
                             assert_eq!(*category, class_of(name), "{what}: {name}");
                             categories += 1;
@@ -594,7 +597,8 @@ fn every_writer_gives_a_thing_the_same_number() {
                 }
             }
         }
-        // Formats that number by place do it alike in both parts. An object that a part does not show may have no name there.
+        // Formats that number by position do so alike in both parts. An object that a part does not show may have no
+        // name there.
         let [here, there] = [&train, &val].map(|it| it.info.categories().collect::<Vec<_>>());
         for (one, other) in here.iter().zip(&there) {
             let unnamed = [reader::unnamed_object(one.0.into()), reader::unnamed_category(one.0.into())];
@@ -609,7 +613,7 @@ fn every_writer_gives_a_thing_the_same_number() {
         assert!(said.contains("2 datasets: categories and objects have the same ids"), "{inside}: {said}");
     }
     assert!(categories > 30 && objects > 30, "{categories} {objects}");
-    // Another numbering is found.
+    // A different numbering is found.
     let bop = ["write={ bop = {} }", "assets.objects.first_id=100", "dataset.scenes=1"];
     crate::support::small_dataset(&path("other"), &[&bop[..], &["dataset.views_per_scene=1"]].concat());
     let pair = ["train", "other"].map(|part| path(part).join("bop"));

@@ -1,4 +1,4 @@
-//! Labels of a whole scene, compared with what pycocotools and NumPy make of the masks.
+//! Labels of a whole scene, compared with the results of pycocotools and NumPy for the masks.
 
 use crate::support::{ok, root, skip, syntable, text};
 use std::process::Command;

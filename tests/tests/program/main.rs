@@ -1,4 +1,4 @@
-//! Tests of the whole program, one module per topic, in one binary: linking the program once is what makes them cheap.
+//! Tests of the whole program, one module per topic, in one binary, so that the program is linked only once.
 
 mod appearance;
 mod architecture;

@@ -7,7 +7,7 @@ use std::process::Stdio;
 #[test]
 fn two_hundred_scenes_take_the_memory_of_one_hundred() {
     let folder = tempfile::tempdir().expect("a folder");
-    // Few assets, so that what is kept for the next scene is complete early and a leak would show.
+    // With few assets, the data kept between scenes is soon complete, so a leak would show.
     let set = [
         "dataset.scenes=200",
         "assets.objects.variants_per_family=1",

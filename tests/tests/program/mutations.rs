@@ -1,15 +1,16 @@
-//! Damaged datasets of every format that can be read: an error or a fault, and never a panic, an abort or a hang.
+//! Damaged datasets of every readable format: they yield errors or faults, and never a panic, an abort or a hang.
 //!
-//! A child process of 2 GiB mutates a file of a small dataset, reads all of it as `validate` does, and puts the file back; the
-//! parent counts what ends a child. An input is a function of the dataset, `SYNTABLE_MUTATIONS_SEED` and its number. The short form
-//! makes some dozens of inputs per dataset. The long form makes as many as `SYNTABLE_MUTATIONS` says:
+//! A child process with 2 GiB mutates a file of a small dataset, reads the whole dataset as `validate` does, and
+//! restores the file; the parent counts the reasons that end a child. An input is a function of the dataset,
+//! `SYNTABLE_MUTATIONS_SEED` and its number. The short form uses some dozens of inputs per dataset. The long form uses
+//! `SYNTABLE_MUTATIONS` inputs:
 //!
 //! ```console
 //! $ SYNTABLE_MUTATIONS=100000 cargo test --release -p syntable-tests --test program -- --nocapture damaged_datasets
 //! ```
 //!
-//! `SYNTABLE_MUTATIONS_ONLY=parquet` chooses datasets by a part of their names, and `SYNTABLE_MUTATIONS_KEEP=DIR` keeps the inputs at
-//! which a reader panicked.
+//! `SYNTABLE_MUTATIONS_ONLY=parquet` selects datasets by a part of their names, and `SYNTABLE_MUTATIONS_KEEP=DIR` keeps
+//! the inputs on which a reader panicked.
 
 #![allow(clippy::ptr_arg, reason = "all ways to damage a file are functions of one type")]
 
@@ -28,21 +29,21 @@ use syntable_testing::takes::{Crowd, dataset, finish, take, write_scenes, writer
 
 /// Inputs per dataset in the short form.
 const SHORT: u64 = 24;
-/// An input that takes longer is a hang.
+/// An input that takes longer counts as a hang.
 const PATIENCE: Duration = Duration::from_secs(10);
 /// Memory of a child, KiB.
 const MEMORY_KIB: u64 = 2 << 20;
 
-/// What says to a child of this test what to do: dataset, folder, first input, end, seed.
+/// Variable with the instructions for a child of this test: dataset, folder, first input, end, seed.
 const CHILD: &str = "SYNTABLE_MUTATIONS_CHILD";
 
-/// Products that formats of any product include here.
+/// Products that generic formats include here.
 const INCLUDE: &str = "include = [\"rgb\", \"depth\", \"visible_mask\", \"amodal_mask\", \"category_id\", \"occlusion_order\", \
                        \"camera\", \"object_info\"]";
 const ARRAYS: &str =
     "include = [\"rgb\", \"depth\", \"visible_mask\", \"amodal_mask\", \"category_id\", \"occlusion_order\"]";
 
-/// Options of writers whose readers have several ways to read: each makes a dataset beside that of the default options.
+/// Options of writers whose readers have several code paths. Each adds a dataset to the dataset with default options.
 const VARIANTS: &[(&str, &str)] = &[
     ("bop", "layout = \"webdataset\""),
     ("jsonl", INCLUDE),
@@ -57,7 +58,7 @@ const VARIANTS: &[(&str, &str)] = &[
     ("coco", "masks = \"visible\""),
 ];
 
-/// The datasets: a writer and its options for every format, so that a new one is not forgotten.
+/// The datasets: a writer and its options for every format. New formats are included automatically.
 fn datasets() -> Vec<(Arc<dyn DatasetFormat>, &'static str)> {
     let mut all = Vec::new();
     for format in registry().formats() {
@@ -67,7 +68,7 @@ fn datasets() -> Vec<(Arc<dyn DatasetFormat>, &'static str)> {
     all
 }
 
-/// Writes a dataset of two views and a few objects, and gives its root; none if the writer refuses the options.
+/// Writes a dataset of two views and a few objects. Returns its root; none if the writer refuses the options.
 fn written(folder: &Path, kind: &str, options: &str) -> Option<PathBuf> {
     let info = DatasetInfo { classes: vec!["bowl".into(), "mug".into()], ..dataset(1, 2) };
     let writer = writer(kind, options).ok()?;
@@ -78,7 +79,7 @@ fn written(folder: &Path, kind: &str, options: &str) -> Option<PathBuf> {
     Some(registry().find_dataset(&Source::new(folder), None).unwrap_or_else(|error| panic!("{kind}: {error}")).1.path)
 }
 
-/// Reads all of a dataset. Gives the errors and faults.
+/// Reads a whole dataset. Returns the errors and faults.
 fn read(format: &dyn DatasetFormat, root: &Path) -> Vec<String> {
     let source = Source::new(root);
     let _ = registry().find_dataset(&source, None);
@@ -109,7 +110,7 @@ fn files(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
     all
 }
 
-/// Random numbers of an input.
+/// Random numbers for an input.
 struct Dice(Stream);
 
 impl Dice {
@@ -122,7 +123,7 @@ impl Dice {
     }
 }
 
-/// Numbers at which arithmetic goes wrong.
+/// Numbers that provoke arithmetic errors.
 const NUMBERS: [u64; 20] = [
     0,
     1,
@@ -146,7 +147,7 @@ const NUMBERS: [u64; 20] = [
     u64::MAX,
 ];
 
-/// What may stand in JSON in place of a value.
+/// Replacements for values in JSON.
 const VALUES: [&str; 24] = [
     "0",
     "-1",
@@ -174,7 +175,7 @@ const VALUES: [&str; 24] = [
     "{\"size\":[65535,65535],\"counts\":\"0\"}",
 ];
 
-/// Damages bytes in one of many ways, most of which know what the bytes are.
+/// Damages bytes in one of many ways. Most of these know the file format.
 fn mutate(bytes: &mut Vec<u8>, other: &[u8], dice: &mut Dice) {
     for _ in 0..1 + dice.below(3) {
         if bytes.is_empty() {
@@ -253,7 +254,7 @@ fn splice(bytes: &mut Vec<u8>, other: &[u8], dice: &mut Dice) {
     bytes.splice(at..end, part.iter().copied());
 }
 
-/// Replaces a number, a text or a list of JSON, of TOML or of a table in text.
+/// Replaces a number, a string or a list in JSON, in TOML or in a text table.
 fn json(bytes: &mut Vec<u8>, dice: &mut Dice) {
     let starts: Vec<usize> = (0..bytes.len())
         .filter(|&at| {
@@ -283,7 +284,7 @@ fn json(bytes: &mut Vec<u8>, dice: &mut Dice) {
     bytes.splice(start..end, new.bytes());
 }
 
-/// CRC-32 of ISO 3309, as PNG and ZIP have it.
+/// CRC-32 of ISO 3309, as used in PNG and ZIP.
 fn crc(bytes: &[u8]) -> u32 {
     let step = |crc: u32, byte: &u8| {
         (0..8).fold(crc ^ u32::from(*byte), |crc, _| (crc >> 1) ^ (0xedb8_8320 & (crc & 1).wrapping_neg()))
@@ -291,7 +292,7 @@ fn crc(bytes: &[u8]) -> u32 {
     !bytes.iter().fold(u32::MAX, step)
 }
 
-/// Changes a chunk of a PNG file and gives it the right sum.
+/// Changes a chunk of a PNG file and corrects its checksum.
 fn png(bytes: &mut Vec<u8>, dice: &mut Dice) {
     let (mut chunks, mut at) = (Vec::new(), 8);
     while let Some(head) = bytes.get(at..at + 8) {
@@ -312,7 +313,7 @@ fn png(bytes: &mut Vec<u8>, dice: &mut Dice) {
             let place = 4 + dice.below(body.len() - 4);
             number(&mut body, place, dice);
         }
-        // Width, height, depth and kind of color.
+        // Width, height, bit depth and color type.
         1 if &body[..4] == b"IHDR" => {
             let place = dice.of(&[4, 8, 12, 13, 16]);
             number(&mut body, place, dice);
@@ -320,7 +321,7 @@ fn png(bytes: &mut Vec<u8>, dice: &mut Dice) {
         2 => body[..4]
             .copy_from_slice(dice.of(&[b"IDAT", b"PLTE", b"tRNS", b"iCCP", b"zTXt", b"IEND", b"acTL", b"fdAT"])),
         3 => {
-            // A chunk that unfolds.
+            // A compressed chunk.
             let mut unfolds = dice.of(&[b"iCCPx\0\0", b"zTXtx\0\0"]).to_vec();
             unfolds.extend([0x78, 0x9c, 0xed, 0xc1, 0x01, 0x0d]);
             unfolds.extend(vec![0; dice.below(4000)]);
@@ -339,7 +340,7 @@ fn png(bytes: &mut Vec<u8>, dice: &mut Dice) {
     bytes.splice(at..at + 12 + length, chunk);
 }
 
-/// Changes a header of a ZIP archive: of a member, of the directory or of its end.
+/// Changes a header of a ZIP archive: of a member, of the directory or of the end record.
 fn zip(bytes: &mut Vec<u8>, dice: &mut Dice) {
     let signature = dice.of(&[b"PK\x01\x02", b"PK\x03\x04", b"PK\x05\x06"]);
     let places: Vec<usize> = bytes.windows(4).enumerate().filter(|(_, it)| it == signature).map(|(at, _)| at).collect();
@@ -349,7 +350,7 @@ fn zip(bytes: &mut Vec<u8>, dice: &mut Dice) {
     }
 }
 
-/// Changes a header of a tar file and gives it the right sum.
+/// Changes a header of a tar file and corrects its checksum.
 fn tar(bytes: &mut Vec<u8>, dice: &mut Dice) {
     let heads: Vec<usize> = (0..bytes.len() / 512)
         .map(|at| 512 * at)
@@ -393,7 +394,7 @@ fn parquet(bytes: &mut Vec<u8>, dice: &mut Dice) {
     match dice.below(5) {
         0 => number(bytes, place, dice),
         1 => bytes[place] = dice.of(&[0x00, 0x15, 0x16, 0x18, 0x19, 0x1c, 0x25, 0x2c, 0xff, 0xfc, 0x8c]),
-        // A number of many groups of seven bits.
+        // A number with many groups of seven bits.
         2 => {
             let many: Vec<u8> = vec![0xff; dice.below(10)].into_iter().chain([dice.below(128) as u8]).collect();
             for (to, from) in bytes.iter_mut().skip(place).zip(many) {
@@ -401,7 +402,7 @@ fn parquet(bytes: &mut Vec<u8>, dice: &mut Dice) {
             }
         }
         3 => {
-            // The footer grows, and its length with it.
+            // The footer grows, and so does its stated length.
             let part: Vec<u8> = (0..1 + dice.below(12)).map(|_| dice.below(256) as u8).collect();
             let grown = (footer + part.len()) as u32;
             bytes.splice(place..place, part);
@@ -412,7 +413,7 @@ fn parquet(bytes: &mut Vec<u8>, dice: &mut Dice) {
     }
 }
 
-/// Changes the beginning of a HDF5 file or a structure with a signature, and gives headers the right sums.
+/// Changes the beginning of an HDF5 file or a structure with a signature, and corrects the checksums of headers.
 fn hdf5(bytes: &mut Vec<u8>, dice: &mut Dice) {
     let signed: Vec<usize> = bytes
         .windows(4)
@@ -433,7 +434,7 @@ fn hdf5(bytes: &mut Vec<u8>, dice: &mut Dice) {
     for at in signed {
         sum_of_header(bytes, at);
     }
-    // The superblock of version 2 and 3 ends with its own.
+    // Superblocks of versions 2 and 3 end with their own checksum.
     if bytes.len() > 48 && bytes[8] >= 2 && bytes[9] == 8 {
         let sum = lookup3(&bytes[..44]).to_le_bytes();
         bytes[44..48].copy_from_slice(&sum);
@@ -444,7 +445,7 @@ fn dice_reach(rest: usize) -> usize {
     rest.clamp(1, 400)
 }
 
-/// Gives an object header of version 2 the right sum.
+/// Corrects the checksum of an object header of version 2.
 fn sum_of_header(bytes: &mut [u8], at: usize) -> Option<()> {
     if bytes.get(at..at + 5)? != b"OHDR\x02" {
         return None;
@@ -460,7 +461,7 @@ fn sum_of_header(bytes: &mut [u8], at: usize) -> Option<()> {
     Some(())
 }
 
-/// Bob Jenkins' hash lookup3 with a seed of 0, the sum of HDF5's metadata.
+/// Bob Jenkins' hash lookup3 with a seed of 0, the checksum of HDF5's metadata.
 fn lookup3(bytes: &[u8]) -> u32 {
     let mut state = [0xdead_beef_u32.wrapping_add(bytes.len() as u32); 3];
     let mut rest = bytes;
@@ -473,7 +474,7 @@ fn lookup3(bytes: &[u8]) -> u32 {
         add(&mut state, &rest[..12]);
         let [mut a, mut b, mut c] = state;
         for (turns, which) in [(4, 0), (6, 1), (8, 2), (16, 0), (19, 1), (4, 2)] {
-            // Each of the three in turn takes from the one before it, and gives to it.
+            // Each of the three values in turn is mixed with its predecessor.
             match which {
                 0 => (a, c) = (a.wrapping_sub(c) ^ c.rotate_left(turns), c.wrapping_add(b)),
                 1 => (b, a) = (b.wrapping_sub(a) ^ a.rotate_left(turns), a.wrapping_add(c)),
@@ -497,13 +498,13 @@ fn lookup3(bytes: &[u8]) -> u32 {
     c
 }
 
-/// What a child found.
+/// Findings of a child.
 #[derive(Debug, Default)]
 struct Found {
     inputs: u64,
-    /// Inputs with errors, faults or caveats that the sound dataset has not.
+    /// Inputs with errors, faults or caveats that the undamaged dataset does not have.
     refused: u64,
-    /// Panics of libraries and of this program that a guard caught, by their places.
+    /// Panics of libraries and of this program that a guard caught, by location.
     caught: BTreeMap<String, u64>,
     aborts: Vec<u64>,
     hangs: Vec<u64>,
@@ -511,13 +512,13 @@ struct Found {
     peak_kib: u64,
 }
 
-/// The place in a message about a panic that was caught.
+/// The location in a message about a caught panic.
 fn place_of_panic(message: &str) -> Option<&str> {
     let (_, rest) = message.split_once("failed on it: panicked at ")?;
     rest.split_once(": ").map(|(place, _)| place)
 }
 
-/// Makes inputs of a dataset from `first` on, and prints what was found.
+/// Runs inputs of a dataset from `first` on, and prints the findings.
 fn child(spec: &str) {
     let parts: Vec<&str> = spec.split('|').collect();
     let [name, root, first, end, seed] = parts[..] else { panic!("{spec}") };
@@ -564,12 +565,12 @@ fn child(spec: &str) {
     println!("end {} {} {}", found.refused, found.slowest.as_millis(), peak.unwrap_or_default());
 }
 
-/// Lets children make all inputs of a dataset: after one that ends early, another one goes on.
+/// Lets child processes run all inputs of a dataset. If a child ends early, the next child continues.
 fn parent(name: &str, root: &Path, count: u64, seed: u64) -> Found {
     let mut found = Found { inputs: count, ..Found::default() };
     let mut first = 0;
     while first < count {
-        // A child of some thousands, so that memory that is not given back is seen, too.
+        // A child runs thousands of inputs, so that leaked memory is noticed, too.
         let end = count.min(first + 20_000);
         let spec = format!("{name}|{}|{first}|{end}|{seed}", root.display());
         let exe = std::env::current_exe().expect("a test");
@@ -632,13 +633,13 @@ fn parent(name: &str, root: &Path, count: u64, seed: u64) -> Found {
             found.aborts.push(at);
         }
         first = at + 1;
-        // What the child changed.
+        // Undoes changes of the child.
         restore(root);
     }
     found
 }
 
-/// Files of the dataset as they were written.
+/// Restores the original files of the dataset.
 fn restore(root: &Path) {
     let folder = if root.is_dir() { root } else { root.parent().expect("a folder") };
     for path in files(folder).into_keys() {
@@ -649,7 +650,7 @@ fn restore(root: &Path) {
     }
 }
 
-/// Where the parent keeps a file as it was written.
+/// Path where the parent keeps the original of a file.
 fn whole_of(path: &Path) -> PathBuf {
     PathBuf::from(path.display().to_string().replace("/mutated/", "/whole/"))
 }
@@ -693,7 +694,7 @@ fn damaged_datasets_are_refused_and_nothing_panics() {
         for (place, count) in &found.caught {
             println!("    {count} panics at {place}");
         }
-        // Panics of libraries are theirs, as long as they are caught.
+        // Panics of libraries are not counted as ours, as long as they are caught.
         let own = found.caught.keys().any(|place| place.starts_with("core/") || place.starts_with("plugins/"));
         if own || !found.aborts.is_empty() || !found.hangs.is_empty() {
             wrong.push(format!("{name} {options:?}: {found:?}"));

@@ -1,4 +1,4 @@
-//! `syntable preview`: sheets of a recipe, made anew after every save, in a file and in the browser.
+//! `syntable preview`: sheets of a recipe, updated after every save, in a file and in the browser.
 
 use crate::support::served::Address;
 use crate::support::{fails, ok, root, syntable};
@@ -10,7 +10,7 @@ use std::process::{Child, Command, Stdio};
 use std::sync::mpsc::{Receiver, channel};
 use std::time::{Duration, Instant};
 
-/// How long a preview on a busy machine may take.
+/// Time limit for a preview on a busy machine.
 const PATIENCE: Duration = Duration::from_secs(240);
 
 /// Arguments that make a preview small: two views of the first scene.
@@ -39,7 +39,7 @@ fn image(path: &Path) -> image::RgbImage {
     image::open(path).unwrap_or_else(|error| panic!("{}: {error}", path.display())).to_rgb8()
 }
 
-/// A part of an image: whether it has more than a few colors.
+/// Whether a part of an image has more than a few colors.
 fn shows_something(image: &image::RgbImage, [x, y]: [u32; 2], [width, height]: [u32; 2]) -> bool {
     let pixels = (0..width).flat_map(|i| (0..height).map(move |j| (x + i, y + j)));
     let colors: std::collections::BTreeSet<[u8; 3]> = pixels.map(|(x, y)| image.get_pixel(x, y).0).collect();
@@ -59,7 +59,7 @@ fn a_sheet_shows_views_side_by_side_and_is_the_same_every_time() {
     for x in [6, 6 + 48 + 6] {
         assert!(shows_something(&sheet, [x, 21], [48, 36]), "nothing at {x}");
     }
-    // Nothing depends on the number of threads.
+    // The result does not depend on the number of threads.
     let one_thread = TINY.map(|argument| if argument == "2" { "1" } else { argument });
     ok(syntable()
         .arg("preview")
@@ -70,7 +70,7 @@ fn a_sheet_shows_views_side_by_side_and_is_the_same_every_time() {
     assert!(fs::read(&one).expect("a sheet") == fs::read(&two).expect("a sheet"), "the bytes differ");
     ok(preview(&quickstart, &["--labels", "--views", "1", "--out"]).arg(&two));
     assert_eq!(image(&two).dimensions(), (2 * 6 + 3 * 48 + 2 * 6, 2 * 6 + 15 + 36));
-    // The image beside its labels is that of the sheet without labels.
+    // The image next to its labels equals the image on the sheet without labels.
     let part = |sheet: &image::RgbImage| image::imageops::crop_imm(sheet, 6, 21, 48, 36).to_image();
     assert_eq!(part(&image(&two)), part(&sheet));
 }
@@ -121,7 +121,7 @@ fn mistakes_are_told_as_check_tells_them() {
     assert!(said.contains("did you mean `samples_per_pixel`"), "{said}");
     assert_eq!(said.trim(), checked.trim());
     assert!(!out.exists());
-    // A sheet never takes the place of the recipe, or of what is no sheet.
+    // A sheet never replaces the recipe, or a file that is not a sheet.
     let said = fails(syntable().arg("preview").arg(&recipe).arg("--out").arg(&recipe), 2);
     assert!(said.contains("--out would overwrite an input of the command"), "{said}");
     fs::write(&out, "mine").expect("written");
@@ -149,16 +149,16 @@ fn a_sheet_never_takes_the_place_of_an_asset() {
         assert!(fs::read(&texture).expect("readable") == before);
     };
     refused(&recipe, &[]);
-    // A recipe with mistakes names no assets, and its mistakes would be shown there.
+    // A recipe with mistakes names no assets, and the sheet would show its mistakes.
     let broken = folder.path().join("broken.toml");
     fs::write(&broken, with("samples_per_pixel = 16", "sampels_per_pixel = 16")).expect("written");
     refused(&broken, &["--watch"]);
-    // A sheet takes the place of one before, wherever that lies.
+    // A sheet replaces an earlier sheet in any folder.
     let sheet = folder.path().join("textures/sheet.png");
     for _ in 0..2 {
         ok(preview(&recipe, &["--views", "1", "--out"]).arg(&sheet));
     }
-    // A path that cannot be written is a mistake of the command.
+    // A path that is not writable is a mistake of the command.
     let said = fails(preview(&recipe, &["--views", "1", "--out"]).arg(folder.path().join("none/a.png")), 2);
     assert!(said.contains("none/a.png"), "{said}");
 }
@@ -177,7 +177,7 @@ fn a_scene_that_fails_is_told_in_its_cell() {
     assert!(sheet.pixels().filter(|pixel| pixel.0 == [255, 150, 130]).count() > 50, "the cells say nothing");
 }
 
-/// The quickstart recipe with another text in place of one that it has.
+/// The quickstart recipe with a part of its text replaced.
 fn with(from: &str, to: &str) -> String {
     let recipe = fs::read_to_string(root().join("recipes/quickstart.toml")).expect("readable");
     assert!(recipe.contains(from), "the recipe has no `{from}`");
@@ -188,7 +188,7 @@ fn with(from: &str, to: &str) -> String {
 struct Watching {
     child: Child,
     events: Receiver<Value>,
-    /// What was printed at first: where the preview is.
+    /// The first output, which contains the address of the preview.
     said: String,
     recipe: PathBuf,
     out: PathBuf,
@@ -231,7 +231,7 @@ impl Watching {
         fs::write(&part, text).and_then(|()| fs::rename(part, &self.recipe)).expect("written");
     }
 
-    /// Events up to one of a kind, which comes last.
+    /// Events up to the first event of a kind, which comes last.
     fn until(&self, kind: &str) -> Vec<Value> {
         let (start, mut all) = (Instant::now(), Vec::new());
         while start.elapsed() < PATIENCE {
@@ -248,7 +248,7 @@ impl Watching {
         panic!("no event `{kind}`: {all:#?}");
     }
 
-    /// How often stages worked until all images were made.
+    /// Number of calls of each stage until all images are finished.
     fn made(&self) -> impl Fn(&str) -> u64 + use<> {
         let stages = self.until("stages").pop().expect("the last event");
         self.until("note");
@@ -270,7 +270,7 @@ fn only_what_a_save_changes_is_made_again() {
     assert_eq!([calls("settle"), calls("render"), calls("place.objects")], [1, 2, 1]);
     let first = fs::read(&watching.out).expect("a sheet");
 
-    // Another camera sees the same scene.
+    // Another camera views the same scene.
     let radius = with("radius = { of_table = [0.8, 1.36] }", "radius = { of_table = [0.7, 0.8] }");
     watching.save(&radius);
     let calls = watching.made();
@@ -278,7 +278,7 @@ fn only_what_a_save_changes_is_made_again() {
     let second = fs::read(&watching.out).expect("a sheet");
     assert!(first != second, "the edit is not seen");
 
-    // A mistake takes the place of the images, and the next good save that of the mistake.
+    // A mistake replaces the images, and the next good save replaces the mistake.
     watching.save(&radius.replace("kind = \"guided\"", "kind = \"guidde\""));
     let message = watching.until("message").pop().expect("a message");
     assert!(message["message"].as_str().is_some_and(|it| it.contains("guidde")), "{message}");
@@ -290,18 +290,18 @@ fn only_what_a_save_changes_is_made_again() {
     let said = image(&watching.out);
     assert!(said.pixels().any(|pixel| pixel.0 == [255, 150, 130]) && said.width() > 800, "no text in the sheet");
 
-    // What was there before is there again, without being made again; and so are bytes.
+    // An earlier state reappears with the same bytes, without rendering.
     watching.save(&with("", ""));
     let calls = watching.made();
     assert_eq!([calls("settle"), calls("render")], [0, 0]);
     assert!(fs::read(&watching.out).expect("a sheet") == first, "the bytes differ");
 
-    // What no image follows from makes none: the writers, and the number of scenes.
+    // Changes that affect no image cause no work: the writers, and the number of scenes.
     watching.save(&with("scenes = 2", "scenes = 3").replace("[write.contact_sheet]", "[write.png]"));
     let calls = watching.made();
     assert_eq!([calls("settle"), calls("render")], [0, 0]);
 
-    // Other physics is another scene.
+    // Other physics gives another scene.
     watching.save(
         &with("count = { integers = [16, 30] }", "count = { integers = [16, 31] }").replace("seed = 7", "seed = 8"),
     );
@@ -327,7 +327,7 @@ fn the_page_follows_what_is_saved() {
     assert!(head.starts_with("HTTP/1.1 200") && head.contains("text/html"), "{head}");
     assert!(String::from_utf8_lossy(&page).contains("<img id=\"sheet\""));
     assert!(address.get("/other", "GET").0.starts_with("HTTP/1.1 404"));
-    // Others read nothing.
+    // Requests without the token are refused.
     for path in ["/", "/state.json", "/sheet.png", "/changes"] {
         let path = format!("{}{}", address.own, path.trim_start_matches('/'));
         assert!(address.ask(&path, "GET", "").0.starts_with("HTTP/1.1 403"), "{path}");
@@ -341,7 +341,7 @@ fn the_page_follows_what_is_saved() {
     let wrong = with("kind = \"guided\"", "kind = \"<guidde>\"");
     watching.save(&wrong);
     let version = made["version"].as_u64().expect("a version");
-    // The page waits for it.
+    // The page waits for a change.
     let (_, news) = address.get(&format!("/changes?after={version}"), "GET");
     assert_eq!(String::from_utf8_lossy(&news), format!("{{\"version\":{}}}", version + 1));
     let checked = fails(syntable().arg("check").arg(&watching.recipe), 2);
@@ -367,7 +367,7 @@ fn a_browser_shows_a_save_without_being_reloaded() {
     let first = state(&address)["version"].as_u64().expect("a version");
     let folder = tempfile::tempdir().expect("a folder");
     let loaded = folder.path().join("loaded");
-    // The page has the first sheet, then the one of the save.
+    // The page shows the first sheet, then the sheet after the save.
     let script = "const by = (id) => document.getElementById(id), wait = async (is) => { for (let i = 0; i < 1000; i++) { \
          if (is()) return; await new Promise((done) => setTimeout(done, 50)); } throw new Error(`not: ${is}`); };
          const sheet = () => [by('sheet').getAttribute('src'), by('sheet').naturalWidth > 0, by('sheet').alt, by('status').textContent];

@@ -1,10 +1,10 @@
-//! Every shipped recipe loads, plans, and passes the checkers that editors use; broken ones fail there, too.
+//! Every shipped recipe loads, plans, and passes the checkers that editors use; broken recipes fail there, too.
 
 use crate::support::{assets, ok, root, skip, syntable, text};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// All recipes of the checkout that users start from.
+/// All recipes of the checkout from which users start.
 fn shipped() -> Vec<PathBuf> {
     let mut found = Vec::new();
     let mut folders = vec![root().join("recipes")];
@@ -38,14 +38,14 @@ fn shipped_recipes_find_real_assets() {
         for recipe in shipped() {
             let output = syntable().arg("check").arg(&recipe).env("ASSETS", &assets).output().expect("starts");
             let said = text(&output);
-            // Assets may have their faults, recipes none.
+            // Assets may have faults, but recipes may not.
             let sound = said.contains("no errors; ") && !said.contains("warning[");
             assert!(output.status.success() && sound, "{}\n{said}", recipe.display());
         }
     }
 }
 
-/// Mistakes that an editor shows while one types, each made in the quickstart recipe.
+/// Mistakes that an editor shows during typing, each made in the quickstart recipe.
 fn broken(folder: &Path) -> Vec<PathBuf> {
     let good = std::fs::read_to_string(root().join("recipes/quickstart.toml")).expect("there");
     let mistakes = [
@@ -67,7 +67,8 @@ fn broken(folder: &Path) -> Vec<PathBuf> {
         .collect()
 }
 
-/// `run` gives the command that checks some files. Good recipes are checked at once, since each command reads the schema anew.
+/// Checks recipes with the command that `run` returns. Valid recipes are checked together, since each command reads the
+/// schema again.
 fn check_with(tool: &str, run: impl Fn(&[PathBuf]) -> Command) {
     if !Command::new(tool).arg("--version").output().is_ok_and(|output| output.status.success()) {
         return skip(tool);
@@ -102,7 +103,7 @@ fn tombi_agrees() {
     let schema = root().join("schemas/recipe.schema.json");
     let folder = tempfile::tempdir().expect("a folder");
     check_with("tombi", |recipes| {
-        // The schema is the one beside the recipe's own `#:schema` line, wherever the file lies.
+        // The schema named by the recipe's own `#:schema` line is used, wherever the file lies.
         let copies = recipes.iter().enumerate().map(|(number, recipe)| {
             let body = std::fs::read_to_string(recipe).expect("readable");
             let body: Vec<&str> = body.lines().filter(|line| !line.starts_with("#:schema")).collect();

@@ -1,4 +1,4 @@
-//! `syntable report` and `syntable view`, looked at in a browser.
+//! `syntable report` and `syntable view`, tested in a browser.
 
 use crate::support::browser::{address, job, look};
 use crate::support::served::Address;
@@ -14,7 +14,7 @@ use std::sync::OnceLock;
 const WAIT: &str = "const wait = async (is) => { for (let i = 0; i < 400; i++) { if (is()) return; \
      await new Promise((done) => setTimeout(done, 50)); } throw new Error(`not: ${is}`); };";
 
-/// A dataset of two scenes with two views each, and glTF files. Tests read it only.
+/// A dataset of two scenes with two views each, and glTF files. Tests only read it.
 fn dataset() -> &'static Path {
     static DATASET: OnceLock<PathBuf> = OnceLock::new();
     DATASET.get_or_init(|| {
@@ -60,7 +60,7 @@ fn the_report_lies_beside_the_dataset_and_is_the_same_again() {
     let second = files(&again);
     assert!(first.keys().eq(second.keys()) && first.iter().all(|(path, bytes)| second[path] == *bytes));
     assert!(before == files(dataset()), "the dataset has changed");
-    // A report is replaced on request alone, and nothing else ever is.
+    // A report is replaced only on request, and other folders never are.
     let said = fails(syntable().arg("report").arg(dataset()).arg("--out").arg(&again), 2);
     assert!(said.contains("the folder has a report") && said.contains("--overwrite"), "{said}");
     ok(syntable().arg("report").arg(dataset()).arg("--out").arg(&again).args(["--overwrite", "--images", "1"]));
@@ -133,7 +133,7 @@ fn a_click_changes_the_overlay_and_leads_from_graph_to_mask_and_back() {
     assert_eq!(seen["legend"], false);
 }
 
-/// The outlines that the browser traces, filled again, against the masks' areas.
+/// The browser's outlines, filled again, compared with the areas of the masks.
 #[test]
 fn outlines_go_around_the_pixels_of_masks() {
     let script = format!(
@@ -202,7 +202,7 @@ fn every_page_is_quiet_and_fits_narrow_screens() {
     }
 }
 
-/// Datasets of others have pages, too, and say what they lack.
+/// Datasets of other programs have pages, too, which state the missing data.
 #[test]
 fn a_foreign_dataset_has_a_report() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -227,7 +227,7 @@ fn annotations(data: &Path) -> Value {
     serde_json::from_str(&fs::read_to_string(file).expect("readable")).expect("JSON")
 }
 
-/// Scores of predictions in which the second image has none, and the third one of no object.
+/// Scores of predictions. The second image has no predictions, and the third has a prediction without an object.
 fn scores(folder: &Path) -> PathBuf {
     let all = annotations(dataset());
     let images = all["images"].as_array().expect("a list");
@@ -280,7 +280,7 @@ fn the_worst_images_are_shown_with_their_predictions() {
             &view.replace("by('predictions').querySelector('button').click();", ""),
         ),
     ];
-    // Of few images, those with the worst scores come first; and they are served as well.
+    // With few images, the images with the worst scores come first; they are also served.
     let few = folder.path().join("few");
     ok(syntable().arg("report").arg(dataset()).args(["--images", "2", "--out"]).arg(&few).arg("--scores").arg(&scores));
     let name = |image: usize| annotations(dataset())["images"][image]["file_name"].as_str().expect("a name").to_owned();
@@ -290,19 +290,19 @@ fn the_worst_images_are_shown_with_their_predictions() {
     let served = serve(&["--scores", &scores.display().to_string()]);
     let file = served.get("/data/view/000/000002.js", "GET");
     assert!(file.contains("\"predicted\":{") && file.contains("\"object\":null"), "{file}");
-    // Nor are scores lost that lie in the report which they are shown in.
+    // Scores inside the report that would be replaced are not lost.
     let inside = few.join("scores.json");
     fs::copy(&scores, &inside).expect("copied");
     let mut again = syntable();
     again.arg("report").arg(dataset()).arg("--overwrite").arg("--out").arg(&few).arg("--scores").arg(&inside);
     let said = fails(&mut again, 2);
     assert!(said.contains("which a new report would replace") && inside.is_file(), "{said}");
-    // What the user has put into a report keeps it from being replaced.
+    // A user's file in a report prevents its replacement.
     let mut other = syntable();
     let said = fails(other.arg("report").arg(dataset()).arg("--overwrite").arg("--out").arg(&few), 2);
     assert!(said.contains("did not create: scores.json") && inside.is_file(), "{said}");
     fs::remove_file(&inside).expect("there");
-    // Of another dataset, and of no scores at all.
+    // Scores of another dataset, and a file without scores.
     let other = fs::read_to_string(&scores).expect("readable").replace("\"name\":\"", "\"name\":\"other-");
     let more = fs::read_to_string(&scores).expect("readable").replacen("\"images\":", "\"images\":1", 1);
     let edited = fs::read_to_string(&scores).expect("readable").replacen("\"visible\":\"", "\"visible\":\"~", 1);
@@ -328,7 +328,7 @@ fn the_worst_images_are_shown_with_their_predictions() {
         assert!(said.contains(says) && said.contains("wrong.json"), "{said}");
     }
     assert!(few.join("index.html").is_file());
-    // The rest is what a browser shows.
+    // The remaining checks need a browser.
     let Some(found) = look(&jobs) else { return };
     assert_eq!(found[0][0][0], json!(["view.html#i=1&on=predicted", "0.0"]), "{}", found[0]);
     assert_eq!((&found[0][0][1][0], &found[0][1]), (&json!("view.html#i=2&on=predicted"), &json!(3)), "{}", found[0]);
@@ -343,7 +343,7 @@ fn the_worst_images_are_shown_with_their_predictions() {
     assert!(missed["says"].as_str().is_some_and(|it| it.starts_with("Missed: 1, ")), "{missed}");
 }
 
-/// Lines of the journal that are damaged, and images that are gone, are said; the rest is shown.
+/// Damaged lines of the journal and missing images are reported; the remaining data is shown.
 #[test]
 fn a_damaged_dataset_is_shown_as_far_as_it_goes() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -355,7 +355,7 @@ fn a_damaged_dataset_is_shown_as_far_as_it_goes() {
     let name = annotations(&data)["images"][0]["file_name"].as_str().expect("a name").to_owned();
     let image = files(&data).into_keys().find(|path| path.ends_with(&name)).expect("an image");
     fs::remove_file(data.join(image)).expect("there");
-    // Links that lead out of the folder, and what is no file, are not read.
+    // Links that lead out of the folder, and named pipes, are not read.
     for name in ["000000.glb", "000001.glb"] {
         let (inside, outside) = (data.join("gltf").join(name), folder.path().join(name));
         fs::rename(&inside, &outside).expect("there");
@@ -419,7 +419,7 @@ impl Served {
 fn view_serves_the_same_pages_and_nothing_else() {
     let before = files(dataset());
     let served = serve(&[]);
-    // Without the token nothing is read, whoever asks.
+    // No page is served without the token.
     let own = served.1.own.as_str();
     for path in ["/".to_owned(), own.to_owned(), format!("{own}data/rows/0.js"), format!("{own}changes?after=0")] {
         let (head, body) = served.1.ask(&path, "GET", "Cookie: token=0\r\n");
@@ -444,7 +444,7 @@ fn view_serves_the_same_pages_and_nothing_else() {
     let seen = look(&[job(&format!("{}#i=2&on=visible", served.1.page("view.html")), &script)]);
     assert!(seen.is_none_or(|seen| seen[0] == json!([160, true, "", ""])));
     assert!(before == files(dataset()), "viewing has written something");
-    // A signal is how it ends.
+    // The server ends on a signal.
     for signal in ["-INT", "-TERM"] {
         let mut served = serve(&[]);
         ok(std::process::Command::new("kill").args([signal, &served.0.id().to_string()]));

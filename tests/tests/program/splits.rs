@@ -1,10 +1,10 @@
-//! Splits: datasets of different names share no random numbers.
+//! Splits: datasets with different names share no random numbers.
 
 use crate::support::{ok, syntable};
 use std::collections::BTreeSet;
 use std::path::Path;
 
-/// What is sampled for each view of a small dataset: camera, lights, table and objects, without its name.
+/// The samples for each view of a small dataset: camera, lights, table and objects, without the dataset's name.
 fn sampled(folder: &Path, name: &str) -> Vec<serde_json::Value> {
     let recipe = folder.join(format!("{name}.toml"));
     let text = format!(
@@ -31,7 +31,7 @@ fn splits_are_independent() {
             assert_ne!(mine[product], other[product], "{product}");
         }
     }
-    // No camera of one split is a camera of the other, whatever the scene.
+    // No camera of one split occurs in the other split, in any scene.
     let poses = |records: &[serde_json::Value]| -> BTreeSet<String> {
         records.iter().map(|record| record["camera"]["world_from_camera"].to_string()).collect()
     };

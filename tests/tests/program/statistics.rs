@@ -15,10 +15,10 @@ fn python() -> Option<&'static str> {
     found
 }
 
-/// A mask of COCO's run lengths, uncompressed: 8 × 8 pixels of which the first `count`, down the columns, are set.
+/// A mask in COCO's run lengths, uncompressed: 8 × 8 pixels, with the first `count` set, column by column.
 fn mask(count: u32) -> String {
-    // COCO's string of the runs 0, count, 64 - count: five bits a character, from the lowest. Only from the fourth run on
-    // are they differences.
+    // COCO's string of the runs 0, count, 64 - count: five bits per character, lowest first. Only the fourth and later
+    // runs are stored as differences.
     let mut text = String::new();
     for mut x in [0, i64::from(count), 64 - i64::from(count)] {
         loop {
@@ -58,9 +58,9 @@ fn columns_match_the_paper() {
     let table = ok(Command::new(python).arg(root().join("tests/statistics.py")).arg("dataset").arg(folder.path()));
     let row: Vec<&str> = table.lines().last().expect("a row").split_whitespace().collect();
     let numbers: Vec<f64> = row.iter().filter_map(|word| word.trim_start_matches("+-").parse().ok()).collect();
-    // 5 records of 3 images; 2 of 5 occluded; 30 of 100 pixels hidden; 100 pixels of 5 records.
+    // 5 records in 3 images; 2 of 5 occluded; 30 of 100 pixels hidden; 100 pixels in 5 records.
     let [per_image, _, occluded, _, rate, _, area, _] = numbers[..] else { panic!("{table}") };
     assert_eq!((per_image, occluded, rate, area), (1.7, 0.4, 0.3, 20.0), "{table}");
-    // The published numbers beside them are those of Table 1.
+    // The published numbers in the table match Table 1.
     assert!(table.contains("14.6") && table.contains("0.668") && table.contains("0.179"), "{table}");
 }

@@ -1,4 +1,5 @@
-//! `stats` counts what a dataset has: the same in every format that keeps masks, and the same as the reference counts.
+//! `stats` counts the content of a dataset: the same in every format that keeps masks, and equal to the reference
+//! counts.
 
 use crate::support::{fails, ok, small_dataset, syntable};
 use serde_json::{Value, json};
@@ -6,7 +7,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
-/// A small dataset that all tests share: in the layout of SynTable and as BOP, and converted to other formats.
+/// A small dataset that all tests share: in SynTable's layout and as BOP, and converted to other formats.
 fn data() -> PathBuf {
     static DATASET: OnceLock<tempfile::TempDir> = OnceLock::new();
     let make = || {
@@ -63,7 +64,7 @@ fn numbers_match_the_annotation_file() {
     names.sort_unstable();
     names.dedup();
     assert_eq!(totals["objects"], json!(names.len()));
-    // A dataset of a run has all quantities, and no view twice.
+    // A dataset of a run has all quantities, and no duplicate views.
     assert_eq!(of["distributions"].as_array().expect("a list").len(), 10);
     assert_eq!((of["unknown"].clone(), of["near_duplicates"]["views"].clone()), (json!([]), json!(0)));
     let images = file["images"].as_array().expect("a list").len() as u64;
@@ -74,7 +75,7 @@ fn numbers_match_the_annotation_file() {
 #[test]
 fn numbers_match_numpy() {
     let folder = tempfile::tempdir().expect("a folder");
-    // Beside a dataset of fewer objects.
+    // Compared with a dataset of fewer objects.
     let other = folder.path().join("other");
     ok(&mut crate::support::small_run(&other, &["--set", "dataset.scenes=2"]));
     let printed = folder.path().join("statistics.json");
@@ -113,7 +114,7 @@ fn formats_have_the_same_numbers() {
             assert!(!is_far(&it["wasserstein_1"]) && !is_far(&it["jensen_shannon"]), "{}: {it}", apart["to"]);
         }
     }
-    // BOP knows poses, in millimeters; COCO neither them nor assets. Boxes of our objects are centered.
+    // BOP has poses, in millimeters; COCO has neither poses nor assets. The boxes of our objects are centered.
     let mean = |of: &Value, name: &str| distribution(of, name)["mean"].as_f64().expect("a mean");
     let apart = mean(&datasets[0], "object_distance") - mean(&datasets[4], "object_distance");
     assert!(apart.abs() < 1e-3, "{apart}");
@@ -170,14 +171,14 @@ fn mistakes_are_told() {
     let coco = converted(&folder.path().join("coco"), "coco", &[]);
     let said = fails(syntable().arg("stats").arg(&coco).args(["--format", "nothing"]), 2);
     assert!(said.contains("unknown dataset format `nothing`"), "{said}");
-    // Without its images, the labels can be counted still.
+    // Labels can be counted without the images.
     let name = crate::support::files(&coco).into_keys().find(|name| name.ends_with(".png")).expect("an image");
     fs::remove_file(coco.join(&name)).expect("removed");
     let said = fails(syntable().arg("stats").arg(&coco), 2);
     let file = Path::new(&name).file_name().expect("a name").to_string_lossy().into_owned();
     assert!(said.contains(&file) && said.contains("--labels-only"), "{said}");
     ok(syntable().arg("stats").arg(&coco).arg("--labels-only"));
-    // An image that cannot be read, and a file that cannot be written.
+    // An unreadable image, and a file that cannot be written.
     let annotations = coco.join("annotations/instances_train.json");
     let broken = fs::read_to_string(&annotations).expect("readable").replacen("\"counts\":\"", "\"counts\":\"!", 1);
     fs::write(&annotations, broken).expect("writable");

@@ -1,7 +1,7 @@
-//! Plugins of others: a crate with its own annotator and binary, and what `syntable new plugin` makes.
+//! Plugins from outside: a crate with its own annotator and binary, and the crates that `syntable new plugin` creates.
 //!
-//! The crate is a member of the workspace, so that a binary with it costs one link. In a workspace of its own Cargo builds
-//! every crate of the program once more, for minutes: the tests that do so are ignored, and `.ci/nightly` runs them.
+//! The crate is a member of the workspace, so that a binary with it costs only one link. In a separate workspace, Cargo
+//! builds every crate of the program again, for minutes: the tests that do so are ignored, and `.ci/nightly` runs them.
 
 use crate::support::{ok, root, syntable};
 use std::collections::BTreeMap;
@@ -19,7 +19,7 @@ fn built(folder: &Path, args: &[&str]) -> Command {
     command
 }
 
-/// Cargo in a foreign crate. It shares the target folder, so that what has the same features is not built again.
+/// Cargo in a foreign crate. The target folder is shared, so that crates with the same features are not built again.
 fn cargo(folder: &Path, args: &[&str]) -> Command {
     let mut command = Command::new(env!("CARGO"));
     let target = Path::new(env!("CARGO_BIN_EXE_syntable-under-test")).ancestors().nth(2).expect("in a target folder");
@@ -27,7 +27,7 @@ fn cargo(folder: &Path, args: &[&str]) -> Command {
         .args(args)
         .current_dir(folder)
         .env("CARGO_TARGET_DIR", target)
-        // `.ci/timed-test` sets it for libtest; Cargo would build everything again for another compiler.
+        // `.ci/timed-test` sets it for libtest; Cargo would otherwise rebuild everything for another compiler.
         .env_remove("RUSTC_BOOTSTRAP")
         .env("SYNTABLE_CACHE", root().join("target/test-cache"));
     command
@@ -46,7 +46,7 @@ fn copy(from: &Path, to: &Path) {
     }
 }
 
-/// Runs the recipe of a crate, and gives its only JSON-lines file.
+/// Runs the recipe of a crate. Returns its only JSON-lines file.
 fn check(program: Program, folder: &Path, product: &str) -> String {
     let listed = ok(&mut program(folder, &["list", "products"]));
     assert!(listed.contains(product), "{listed}");
@@ -82,19 +82,19 @@ fn foreign_workspace_builds_the_crate_from_outside() {
         let text = std::fs::read_to_string(&manifest).expect("there");
         std::fs::write(manifest, text.replace(up, &format!("{}/", root().display())) + more).expect("writable");
     }
-    // The sources of templates are elsewhere.
+    // The sources of templates are in another folder.
     for source in ["src/lib.rs", "tests/templates.rs"] {
         let source = folder.path().join(source);
         let text = std::fs::read_to_string(&source).expect("there");
         std::fs::write(source, text.replace("../../../", &format!("{}/", root().display()))).expect("writable");
     }
-    // The versions of this workspace.
+    // Uses the dependency versions of this workspace.
     std::fs::copy(root().join("Cargo.lock"), folder.path().join("Cargo.lock")).expect("copied");
     check_everything(foreign, folder.path());
     ok(&mut foreign(&folder.path().join("samples"), &[&folder.path().join("by-functions").display().to_string()]));
 }
 
-/// Everything that the crate `tests/third-party`, copied to a folder, adds to the program.
+/// All additions of the crate `tests/third-party`, copied to a folder, to the program.
 fn check_everything(program: Program, folder: &Path) {
     let lines = check(program, folder, "centroid");
     // Two views; every object's centroid lies inside the image.
@@ -140,7 +140,7 @@ fn check_everything(program: Program, folder: &Path) {
     assert!(table.starts_with("view,instance,pixels\n0,"), "{table}");
     assert!(table.lines().skip(1).all(|line| line.split(',').all(|number| number.parse::<u32>().is_ok())), "{table}");
 
-    // A second provider of a product changes nothing in recipes that do not mention it.
+    // A second provider of a product does not affect recipes that do not mention it.
     let provider = |more: &[&str]| {
         let plan = ok(&mut program(folder, &[&["plan", "builtin:quickstart"], more].concat()));
         let line = plan.lines().find(|line| line.starts_with("visible_box ")).expect("planned");
@@ -149,7 +149,7 @@ fn check_everything(program: Program, folder: &Path) {
     assert_eq!(provider(&[]), "annotate.boxes");
     assert_eq!(provider(&["--set", "annotate.rival_boxes={}"]), "annotate.rival_boxes");
 
-    // The mesh format serves `check --asset` too, and the verb is in the help.
+    // The mesh format also works with `check --asset`, and the verb is in the help.
     let asset = ok(&mut program(folder, &["check", "--asset", "shapes/wedge.off"]));
     assert!(asset.contains("OFF") && asset.contains('8'), "{asset}");
     assert!(ok(&mut program(folder, &["--help"])).contains("Print the kinds of a slot"));
@@ -157,7 +157,7 @@ fn check_everything(program: Program, folder: &Path) {
     let output = program(folder, &["slot_kinds", "nothing"]).output().expect("runs");
     assert_eq!(output.status.code(), Some(2));
 
-    // What the program adds at run time, with state: a verb, a check and a dataset format.
+    // Additions with state at run time: a verb, a check and a dataset format.
     let with_least = |args: &[&str]| {
         let mut command = program(folder, args);
         command.env("LEAST_PIXELS", "160");
@@ -185,7 +185,7 @@ fn check_everything(program: Program, folder: &Path) {
     );
 }
 
-/// A copy of the crate from outside, and the records of a JSON-lines file that a run of one of its recipes wrote.
+/// A copy of the crate from outside, and the records of a JSON-lines file from a run of one of its recipes.
 fn run_recipe(recipe: &str, more: &[&str]) -> (tempfile::TempDir, Vec<serde_json::Value>) {
     let folder = tempfile::tempdir().expect("a folder");
     copy(&root().join("tests/third-party"), folder.path());
@@ -207,7 +207,7 @@ fn a_bin_from_outside_is_a_support_and_its_scene_needs_no_table() {
     let place = |body: &serde_json::Value| [0, 1, 2].map(|k| body["world_from_body"][k][3].as_f64().expect("a number"));
     let objects: Vec<[f64; 3]> = bodies.iter().filter(|body| body["role"] == "object").map(place).collect();
     assert_eq!(objects.len(), 3);
-    // Inside of the bin at the origin: 0.4 m × 0.3 m, above its bottom of 2 cm, on each other at most.
+    // Inside the bin at the origin: 0.4 m × 0.3 m, above its bottom of 2 cm, at most stacked on each other.
     for [x, y, z] in objects {
         assert!(x.abs() < 0.18 && y.abs() < 0.13 && (0.035..0.2).contains(&z), "{x} {y} {z}");
     }
@@ -215,7 +215,7 @@ fn a_bin_from_outside_is_a_support_and_its_scene_needs_no_table() {
     let boxes = records.iter().find_map(|record| record.get("visible_box")).expect("a record of the view");
     assert!(boxes.as_object().is_some_and(|boxes| !boxes.is_empty()), "{boxes}");
     assert!(files(&folder.path().join("out")).contains_key("annotation_final.json"));
-    // Names that no step sets are found before the run, with those that exist.
+    // Names that no step sets are reported before the run, with the existing names.
     for (set, line) in [
         ("views.support=\"bim\"", "sets a support `bim`"),
         ("place.drop_box.support=\"bim\"", "needs the support `bim`"),
@@ -240,7 +240,7 @@ fn a_scripted_body_moves_between_the_moments_of_two_views() {
     let (u, v) = (shift[0].as_f64().expect("u"), shift[1].as_f64().expect("v"));
     assert!((u - expected).abs() < 0.7 && v.abs() < 0.5, "{u} {v}");
     assert_eq!(views[1]["shift"]["1"], serde_json::json!([0.0, 0.0]), "the last view has no next one");
-    // Optical flow knows the motion of the body: its top moves by the same, and the floor does not move.
+    // Optical flow includes the motion of the body: its top moves by the same distance, and the floor does not move.
     let out = files(&folder.path().join("out"));
     let flow = floats(&out["npy/flow/000000_0000.npy"]);
     let flow: Vec<&[f32]> = flow.chunks(2).collect();
@@ -257,7 +257,7 @@ fn a_product_of_a_moment_is_made_once_for_all_views_at_it() {
         let (folder, records) = run_recipe("moments.toml", &more);
         let x = |view: &serde_json::Value| view["object_positions"]["1"][0].as_f64();
         let found: Vec<f64> = records.iter().filter_map(x).collect();
-        // The cube slides 0.1 m until the second view, and rests then.
+        // The cube slides 0.1 m until the second view, and then rests.
         let way = if moments == 1 { 0.0 } else { 0.1 };
         let expected = [0.0, way, way, way];
         assert!(found.len() == 4 && found.iter().zip(expected).all(|(x, at)| (x - at).abs() < 1e-6), "{found:?}");
@@ -267,7 +267,7 @@ fn a_product_of_a_moment_is_made_once_for_all_views_at_it() {
         let times: serde_json::Value = serde_json::from_slice(&times).expect("one line");
         let calls = if moments == 1 { 1 } else { 4 };
         assert_eq!(times["stages"]["annotate.object_positions"]["calls"], calls, "{times}");
-        // The views at a moment are still made one by one.
+        // The views at a moment are still computed one by one.
         assert_eq!(times["stages"]["annotate.optical_flow"]["calls"], 4, "{times}");
     }
 }
@@ -330,7 +330,7 @@ const TEMPLATES: [(&str, &str); 18] = [
     ("topic", "linked_crates"),
 ];
 
-/// Makes a plugin, checks what `syntable new plugin` says and writes, and gives the command that it shows.
+/// Creates a plugin, checks the output and files of `syntable new plugin`, and returns the command that it prints.
 fn new_plugin(slot: &str, name: &str, folder: &Path) -> String {
     let said = ok(syntable().args(["new", "plugin", name, "--slot", slot, "--path"]).arg(folder));
     let manifest = std::fs::read_to_string(folder.join("Cargo.toml")).expect("written");
@@ -344,11 +344,11 @@ fn new_plugin(slot: &str, name: &str, folder: &Path) -> String {
 fn check_plugin(program: Program, folder: &Path) {
     let lines = check(program, folder, "visible_area");
     assert!(lines.lines().count() == 2 && lines.contains("\"visible_area\""), "{lines}");
-    // A recipe that the program starts knows the kind.
+    // A recipe that the program creates knows the kind.
     ok(&mut program(folder, &["new", "recipe", "fresh/mine.toml"]));
     let schema = std::fs::read_to_string(folder.join("fresh/recipe.schema.json")).expect("written");
     assert!(schema.contains("\"visible_area\""));
-    // The recipe of the book, over the quickstart recipe.
+    // The recipe of the book, on top of the quickstart recipe.
     let page = std::fs::read_to_string(root().join("book/src/plugins.md")).expect("the page");
     let block = page.split("```toml\n").nth(1).and_then(|rest| rest.split("```").next()).expect("a recipe");
     let base = root().join("recipes/quickstart.toml");
@@ -358,8 +358,8 @@ fn check_plugin(program: Program, folder: &Path) {
     assert!(said.contains("no errors; "), "{said}");
 }
 
-/// The program with the crate `tests/third-party` has each template under its own name. What a template's test proves, that
-/// crate tests (`tests/third-party/tests/templates.rs`).
+/// The program with the crate `tests/third-party` contains each template under its own name. This crate also runs the
+/// tests of the templates (`tests/third-party/tests/templates.rs`).
 #[test]
 fn new_plugins_are_the_sources_that_the_workspace_compiles() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -376,20 +376,20 @@ fn new_plugins_are_the_sources_that_the_workspace_compiles() {
                 let said = ok(&mut built(&plugin, &["check", "recipe.toml"]));
                 assert!(said.contains("no errors; "), "{slot}: {said}");
             }
-            // Without a recipe, the command that is shown costs little; that of a check renders first.
+            // Without a recipe, the printed command is cheap to run, except for a check, which renders first.
             false if slot != "check" => {
                 ok(&mut built(&plugin, &show.split_whitespace().collect::<Vec<_>>()));
             }
             false => {}
         }
-        // Another name is in all places, and names of files and crates are not touched.
+        // Another name replaces the template's name everywhere, except in names of files and crates.
         let other = folder.path().join(format!("other_{name}"));
         new_plugin(slot, "my_thing", &other);
         let made = files(&other);
         let text = String::from_utf8(made["src/lib.rs"].clone()).expect("text");
         assert!(text.contains("my_thing") && !text.contains(name), "{text}");
     }
-    // Cargo finds what a manifest names, and the lock file has all of it.
+    // Cargo finds everything that a manifest names, and the lock file is complete.
     for (_, name) in [TEMPLATES[0], TEMPLATES[10], TEMPLATES[15], TEMPLATES[16]] {
         ok(&mut cargo(&folder.path().join(name), &["metadata", "--format-version", "1", "--offline"]));
     }

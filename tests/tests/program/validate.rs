@@ -1,4 +1,4 @@
-//! `validate` finds what is planted in a dataset and is silent on a clean one; `convert` loses nothing that it does not say.
+//! `validate` finds planted faults in a dataset and none in a clean one; `convert` reports every loss.
 
 use crate::support::{assert_same, checked, convert, fails, made, ok, small_dataset, syntable};
 use serde_json::{Value, json};
@@ -26,7 +26,7 @@ fn copy(from: &Path, to: &Path) {
     }
 }
 
-/// A dataset to spoil.
+/// A dataset in which tests plant faults.
 struct Spoiled {
     root: PathBuf,
     json: Value,
@@ -37,7 +37,7 @@ impl Spoiled {
         &mut self.json["annotations"][index]
     }
 
-    /// The first annotation of which something holds.
+    /// The first annotation that satisfies a condition.
     fn find(&self, holds: impl Fn(&Value) -> bool) -> usize {
         let annotations = self.json["annotations"].as_array().expect("a list");
         annotations.iter().position(holds).expect("there is one")
@@ -235,7 +235,7 @@ fn planted_faults_are_found() {
         assert!(found.contains(*check), "{what}: {found:?}");
         fs::remove_dir_all(&root).expect("removable");
     }
-    // What people and programs see of it.
+    // Output for users and for programs.
     assert!(ok(syntable().arg("validate").arg(&clean)).contains("4 images, read as syntable: no fault"));
     fs::remove_file(clean.join("data/mono/rgb/0_0.png")).expect("there");
     let output = syntable().arg("validate").arg(&clean).output().expect("starts");
@@ -253,7 +253,7 @@ fn what_is_converted_and_back_is_what_it_was() {
     let path = |name: &str| folder.path().join(name);
     dataset(&path("ours"));
     let convert = |from: &str, to: &str, out: &str| convert(&path(from), to, &path(out));
-    // Our own form keeps all.
+    // Our own form keeps everything.
     let said = ok(&mut convert("ours", "syntable", "again"));
     assert!(said.contains("4 images of 2 scenes written") && !said.contains("not carried over"), "{said}");
     for name in ["data", "parameters"] {
@@ -267,7 +267,7 @@ fn what_is_converted_and_back_is_what_it_was() {
     assert_eq!(checks_that_fail(&path("coco").join("coco")), BTreeSet::new());
     ok(&mut convert("coco/coco", "coco", "coco again"));
     assert_same(&path("coco"), &path("coco again"));
-    // What a dataset lacks and our form can do without is said and left out, and what is there comes back.
+    // Missing products that our form does not require are reported and omitted, and existing products are read back.
     let said = ok(&mut convert("coco/coco", "syntable", "lacking"));
     let left_out = "omitted: bodies, camera, denoiser, depth, exposure, label_policy, object_info, object_name\n";
     assert!(said.contains(left_out), "{said}");
@@ -278,7 +278,7 @@ fn what_is_converted_and_back_is_what_it_was() {
     assert!(first.1.get("object").is_none() && first.1.get("occluded_mask").is_some());
     ok(&mut convert("lacking", "coco", "coco of lacking"));
     assert_same(&path("coco"), &path("coco of lacking"));
-    // What another form cannot do without is said, and nothing is written.
+    // Missing products that another form requires are reported, and nothing is written.
     let said = fails(&mut convert("coco/coco", "bop", "refused"), 2);
     assert!(said.contains("write.bop reads `depth`, `camera`, ") && !path("refused").exists(), "{said}");
     let said = fails(&mut convert("ours", "gltf", "scene"), 2);
@@ -288,7 +288,7 @@ fn what_is_converted_and_back_is_what_it_was() {
     assert!(fails(&mut convert("ours", "nothing", "none"), 2).contains("unknown kind of writer"));
 }
 
-/// A COCO dataset as others write it: polygons of what is visible, and nothing else.
+/// A COCO dataset as other programs write it: only polygons of visible parts.
 fn plain_coco(root: &Path) {
     fs::create_dir_all(root.join("annotations")).expect("writable");
     fs::create_dir_all(root.join("val2017")).expect("writable");
@@ -324,7 +324,7 @@ fn yolo_labels_beside_coco_labels_are_ignored() {
     let format = |format| open_dataset(&root, format).map(|(found, _)| found.name()).map_err(|error| error.to_string());
     assert_eq!(format(None), Ok("coco"));
     assert_eq!(format(Some("yolo")), Ok("yolo"));
-    // With a description it is a dataset of both formats, and nobody can tell which one is meant.
+    // With a description, the folder is a dataset of both formats, so the format is ambiguous.
     fs::write(root.join("data.yaml"), "train: images/val2017\nnames: [bottle]\n").expect("writable");
     assert!(format(None).is_err_and(|error| error.contains("like coco and like yolo")));
 }
@@ -379,7 +379,7 @@ fn datasets_without_amodal_masks_are_converted() {
             .all(|key| annotation.get(key).is_none())
     );
     assert_eq!(annotation["area"], json!(200));
-    // And on from there.
+    // Converts the result again.
     ok(&mut convert("syntable", "coco", "coco again"));
     assert_same(&path("coco"), &path("coco again"));
     ok(&mut convert("yolo", "coco", "coco of yolo"));
@@ -409,7 +409,7 @@ fn a_request_that_cannot_succeed_is_at_fault() {
         let said = fails(syntable().args(["run", "builtin:quickstart", "--out"]).arg(path("link")), 2);
         assert!(said.contains("it is a link to a missing file"), "{said}");
     }
-    // A missing image stays missing; a file names the dataset as its folder does.
+    // A missing image stays missing; the path of the file opens the same dataset as its folder.
     let away = path("a.png");
     fs::rename(&image, &away).expect("there");
     let said = fails(&mut convert(&path("out")), 2);
@@ -434,7 +434,7 @@ fn checks_that_find_nothing_to_compare_are_not_made() {
     };
     ok(&mut convert(&path("ours"), "bop", &path("bop")));
     for check in ["poses_reproject_into_masks", "depth_agrees_with_poses"] {
-        // BOP has the boxes of objects in `models`, which are not written.
+        // BOP stores the boxes of objects in `models`, which is not written here.
         assert_eq!((checked("ours", check), checked("bop", check)), (Some(4), Some(0)), "{check}");
     }
     assert_eq!(checked("bop", "poses_agree"), Some(4));
@@ -472,7 +472,7 @@ fn rates_of_what_is_beyond_the_image_are_no_faults_of_other_formats() {
     for format in ["coco", "d2sa", "uoais", "cocoa"] {
         ok(syntable().arg("validate").arg(data.join(format)));
     }
-    // The policy is what makes the rates sound.
+    // Only the policy makes the rates valid.
     let file = data.join("coco/annotations/instances_train.json");
     let mut json: Value = serde_json::from_str(&fs::read_to_string(&file).expect("there")).expect("JSON");
     json["images"][0].as_object_mut().expect("an object").remove("label_policy").expect("stated");

@@ -1,4 +1,5 @@
-//! What needs another camera than the image's, in whole runs: optical flow, soft masks; and support, of scenes that are there.
+//! Annotators that need a second camera, in whole runs: optical flow and soft masks. Also support relations of existing
+//! scenes.
 
 use crate::support::{files, ok, root, skip, syntable, text};
 use std::path::Path;
@@ -36,7 +37,7 @@ fn flow_and_soft_masks_match_the_other_camera() {
     assert!(output.status.success(), "{}", text(&output));
 }
 
-/// Relations need no settler: a dataset that gets them later has what it would have had.
+/// Relations need no settler: adding them to an existing dataset gives the same labels as from the start.
 #[test]
 fn relations_of_an_old_scene_match_a_new_one() {
     let folder = tempfile::tempdir().expect("a folder");

@@ -1,4 +1,4 @@
-//! Checks, dataset formats and verbs that a program adds at run time, with state of its own.
+//! Checks, dataset formats and verbs with state, which a program adds at run time.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -10,7 +10,7 @@ use syntable_model::product::standard::VISIBLE_MASK;
 use syntable_model::reader::{DatasetFormat, Opened, Source};
 use syntable_model::registry::Registry;
 
-/// Objects that cover fewer pixels are a fault.
+/// Reports objects that cover fewer pixels as faults.
 struct LeastPixels(u32);
 
 impl LabelCheck for LeastPixels {
@@ -29,7 +29,7 @@ impl LabelCheck for LeastPixels {
     }
 }
 
-/// A format of another name, for files that contain the path of a dataset.
+/// A format with a custom name, for files that contain the path of a dataset.
 struct Pointer {
     extension: String,
     target: Arc<dyn DatasetFormat>,
@@ -54,7 +54,7 @@ impl DatasetFormat for Pointer {
     }
 }
 
-/// Prints what the program was started with.
+/// Prints the settings with which the program was started.
 struct Settings(Vec<String>);
 
 impl CliVerb for Settings {
@@ -69,10 +69,10 @@ impl CliVerb for Settings {
     }
 }
 
-/// The program with all linked crates, and with what has state.
+/// The program with all linked crates and with these additions.
 ///
 /// # Errors
-/// If two crates register one name.
+/// If two crates register the same name.
 pub fn program() -> Result<Program, String> {
     let least: u32 = std::env::var("LEAST_PIXELS").ok().and_then(|text| text.parse().ok()).unwrap_or(0);
     let registry = Registry::linked()?;

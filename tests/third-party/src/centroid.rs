@@ -1,4 +1,4 @@
-//! Annotator `centroid`: the center of what is visible of each object.
+//! Annotator `centroid`: the center of the visible part of each object.
 
 use syntable_model::prelude::*;
 use syntable_model::product::standard::VISIBLE_MASK;

@@ -1,14 +1,14 @@
-//! Annotator `headroom`: a float image that no writer has heard of.
+//! Annotator `headroom`: a float image that no writer knows.
 
 use syntable_model::prelude::*;
 use syntable_model::product::standard::DEPTH;
 
 products! {
-    /// Depth of the farthest surface of the view minus the depth at the pixel center. 0 where there is no surface.
+    /// Depth of the farthest surface of the view minus the depth at the pixel center. 0 without a surface.
     pub const HEADROOM: Key<Plane<f32>> = view("headroom").semantic(Semantic::Depth).unit("m");
 }
 
-/// Measures how much farther the view's farthest surface is.
+/// Measures the difference in depth to the view's farthest surface.
 #[derive(Debug, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Headroom {}

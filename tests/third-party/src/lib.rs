@@ -1,4 +1,4 @@
-//! What a crate from outside can add to SynTable, one file each.
+//! Examples of all additions to SynTable from another crate, one file each.
 //!
 //! The modules with a path are the templates of `syntable new plugin`.
 

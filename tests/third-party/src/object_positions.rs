@@ -1,4 +1,4 @@
-//! Annotator `object_positions`: where the objects are at each moment.
+//! Annotator `object_positions`: positions of the objects at each moment.
 
 use std::collections::BTreeMap;
 use syntable_model::prelude::*;
@@ -42,7 +42,7 @@ impl FrameAnnotator for ObjectPositions {
     }
 
     fn annotate(&self, cx: &FrameContext, products: &mut Products) -> Result<()> {
-        // The scene is at the moment `cx.moment`.
+        // The scene is in its state at `cx.moment`.
         let objects = cx.scene.objects().iter();
         let positions = objects.map(|body| (body.id, body.world_from_body.translation.vector.into()));
         products.put(OBJECT_POSITIONS, Positions(positions.collect()))

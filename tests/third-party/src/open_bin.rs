@@ -1,4 +1,4 @@
-//! Placer `open_bin`: a support of its own, with walls. A scene with it needs no table.
+//! Placer `open_bin`: a custom support with walls. A scene with it needs no table.
 
 use std::sync::Arc;
 use syntable_mesh::material::default_material;
@@ -7,7 +7,7 @@ use syntable_model::geometry::{Translation3, UnitQuaternion};
 use syntable_model::prelude::*;
 use syntable_model::scene::{AssetRef, BodyDraft, MeshData, Motion, Object, Region, Role, Support};
 
-/// Places an open bin of five boxes, a floor and four walls, on the floor. Its inside is a support.
+/// Places an open bin of five boxes, a bottom and four walls, on the floor. Its inside is a support.
 #[derive(Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct OpenBin {
@@ -40,7 +40,7 @@ impl Config for OpenBin {
 }
 
 impl Placer for OpenBin {
-    // `check` finds names of supports that no step sets, if every placer says what it sets.
+    // If every placer lists its names, `check` finds names of supports that no step sets.
     fn parts(&self) -> Option<Vec<PartUse>> {
         Some(vec![PartUse::Sets(Part::Support(self.support.clone()))])
     }
@@ -73,8 +73,8 @@ register!(OpenBin);
 
 /// A box around the origin, with the given edges in meters.
 pub fn cuboid(name: &str, size: [f64; 3], log: &dyn Log) -> Result<Object> {
-    // Corner i is at the side of the box that the bits of i say; each face has two triangles, seen from outside
-    // counterclockwise.
+    // The bits of i select the sides of the box for corner i; each face has two triangles, counterclockwise when seen
+    // from outside.
     let side = |i: u32, axis: usize| (size[axis] * if i >> axis & 1 == 1 { 0.5 } else { -0.5 }) as f32;
     let positions = (0..8).map(|i| [side(i, 0), side(i, 1), side(i, 2)]).collect();
     let faces = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];

@@ -1,5 +1,5 @@
-//! Annotator `rival_boxes`: provides products that a stock plugin provides, too. Only recipes with an
-//! `[annotate.rival_boxes]` table get them from here.
+//! Annotator `rival_boxes`: provides products that a stock plugin also provides. Only recipes with an
+//! `[annotate.rival_boxes]` table use it.
 
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{AMODAL_BOX, AMODAL_MASK, VISIBLE_BOX, VISIBLE_MASK};

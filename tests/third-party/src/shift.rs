@@ -1,4 +1,4 @@
-//! Annotator `shift`: reads a product of a view and of the next one.
+//! Annotator `shift`: reads a product of a view and of the next view.
 
 use std::collections::BTreeMap;
 use syntable_model::prelude::*;
@@ -9,7 +9,8 @@ products! {
     pub const SHIFT: Key<PerInstance<Value>> = view("shift").unit("px");
 }
 
-/// Measures how far each object moves in the image until the next view. Objects that either view does not show have no shift.
+/// Measures how far each object moves in the image until the next view. Objects that either view does not show have no
+/// shift.
 #[derive(Debug, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Shift {}
@@ -25,7 +26,7 @@ impl Config for Shift {
 
 impl ViewAnnotator for Shift {
     fn reads(&self) -> Vec<KeyId> {
-        // The second has the camera of the next view, and bodies where they are then.
+        // The second product has the camera of the next view, and the bodies at its moment.
         keys![INSTANCE, INSTANCE.of_next_view()]
     }
 
@@ -47,7 +48,7 @@ impl ViewAnnotator for Shift {
 }
 register!(Shift);
 
-/// Mean position of the pixels of every id but the background.
+/// Mean position of the pixels of every id except the background.
 fn means(ids: &Plane<InstanceId>) -> BTreeMap<InstanceId, [f64; 2]> {
     let mut sums: BTreeMap<InstanceId, [f64; 3]> = BTreeMap::new();
     let width = ids.width() as usize;

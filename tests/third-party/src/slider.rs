@@ -1,4 +1,4 @@
-//! Placer `slider`: an object that moves by a script.
+//! Placer `slider`: an object with scripted motion.
 
 use syntable_model::geometry::{Translation3, UnitQuaternion};
 use syntable_model::prelude::*;
@@ -10,13 +10,13 @@ use syntable_model::scene::{BodyDraft, Moment, Motion, Role, Trajectory};
 pub struct Slider {
     /// Object pools to draw from.
     from: ObjectPools,
-    /// Name of the support. If left out, it is the first that a step sets.
+    /// Name of the support. Default: the first support that a step sets.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     support: Option<SupportName>,
     /// Speed along x, m/s.
     #[schemars(range(min = -10.0, max = 10.0))]
     speed_m_s: f64,
-    /// How long it slides, seconds.
+    /// Duration of the motion, seconds.
     #[schemars(range(min = 0.001, max = 1000.0))]
     duration_s: f64,
 }

@@ -1,15 +1,15 @@
-//! Annotator `travel`: how far objects move between the views of a scene, an annotation across moments.
+//! Annotator `travel`: distances that objects move between the views of a scene, an annotation across moments.
 
 use crate::object_positions::OBJECT_POSITIONS;
 use std::collections::BTreeMap;
 use syntable_model::prelude::*;
 
 products! {
-    /// For each object, by id, the length of its way through the moments of the views.
+    /// For each object, by id, the length of its path through the moments of the views.
     pub const TRAVEL: Key<Value> = scene("travel").unit("m");
 }
 
-/// Adds up the distances between the positions of each object in consecutive views.
+/// Sums the distances between the positions of each object in consecutive views.
 #[derive(Debug, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Travel {}

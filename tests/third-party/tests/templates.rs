@@ -1,11 +1,12 @@
-//! The tests of the templates of `syntable new plugin`, as they are, in one binary: a module stands for the crate of each.
+//! The tests of the templates of `syntable new plugin`, unchanged, in one binary. A module replaces the crate of each
+//! template.
 
 use syntable_program as _;
 
 /// Includes a test of a template, and the functions that it shares with others.
 macro_rules! tests_of {
     ($($name:ident: $folder:literal $(with $samples:literal)?,)+) => {$(
-        // `use name as _` links a crate, and does nothing for a module.
+        // `use name as _` links a crate, and has no effect for a module.
         #[allow(unused_imports)]
         mod $name {
             use outside::$name;

@@ -10,10 +10,10 @@ use syntable_model::error::{Error, Result};
 
 /// Level of zlib's compression, the default of HDF5's tools.
 const LEVEL: u32 = 4;
-/// Readers keep this much of a dataset in memory; chunks fit into it.
+/// Maximum size of a chunk: readers cache this many bytes of a dataset by default.
 const CHUNK_BYTES: usize = 1 << 20;
 
-/// A file that is being filled. Nothing in it depends on time.
+/// A file under construction. Its content does not depend on the clock.
 pub struct Hdf5File(FileBuilder);
 
 impl Hdf5File {
@@ -41,7 +41,7 @@ impl Hdf5File {
         Ok(())
     }
 
-    /// Adds a single text, as UTF-8 bytes of fixed length.
+    /// Adds a single string, as UTF-8 bytes of fixed length.
     pub fn text(&mut self, name: &str, text: &str) -> Result<()> {
         let dataset = self.0.create_dataset(name);
         dataset.with_strings(&[text]).map_err(|error| failed(&error))?.with_shape(&[]);
@@ -57,10 +57,10 @@ fn failed(error: &impl std::fmt::Display) -> Error {
     Error::new(format!("the HDF5 file cannot be made: {error}"))
 }
 
-/// The type of elements that NumPy names so.
+/// The HDF5 type of a NumPy element type.
 fn datatype(descr: &str) -> Option<Datatype> {
     Some(match descr {
-        // h5py's truth value.
+        // h5py's boolean.
         "|b1" => EnumTypeBuilder::with_base(make_i8_type()).value("FALSE", 0).value("TRUE", 1).build().ok()?,
         "|u1" => make_u8_type(),
         "<u2" => make_u16_type(),

@@ -6,7 +6,7 @@ use syntable_model::prelude::*;
 
 /// Writes one HDF5 file per view, as BlenderProc does.
 ///
-/// # What it does
+/// # Behavior
 ///
 /// A file has the chosen datasets of BlenderProc, and each included product under its own name:
 ///
@@ -17,7 +17,7 @@ use syntable_model::prelude::*;
 /// | `distance` | float32 `[H, W]` | meters from the camera's center; infinite without a surface |
 /// | `normals` | float32 `[H, W, 3]` | normals `n` of the camera frame as `0.5 n + 0.5`: x right, y up, z toward the viewer |
 /// | `instance_segmaps` | unsigned `[H, W]` | id of the body at the pixel, table and room included; 0 without a body |
-/// | `category_id_segmaps` | unsigned `[H, W]` | category of that body: 1 is `object`, then the classes of pools by name; 0 for all that is no object |
+/// | `category_id_segmaps` | unsigned `[H, W]` | category of that body: 1 is `object`, then the classes of pools by name; 0 for all bodies that are not objects |
 /// | `instance_attribute_maps` | text | JSON: `idx`, `category_id`, `name` (pool and asset), `category` and `role` of each body in `instance_segmaps` |
 ///
 /// Unsigned arrays have 8, 16 or 32 bits, depending on their largest value. Included numeric products are arrays as in
@@ -34,7 +34,7 @@ pub struct Hdf5 {
     /// Datasets of BlenderProc to write.
     #[schemars(extend("uniqueItems" = true))]
     pub datasets: Vec<BlenderProcDataset>,
-    /// Products of the view to write as well.
+    /// Products of the view to write in addition.
     pub include: Included,
 }
 
@@ -54,7 +54,7 @@ pub enum BlenderProcDataset {
     InstanceSegmaps,
     /// Categories of bodies.
     CategoryIdSegmaps,
-    /// What the ids of bodies stand for.
+    /// Name, role and category of each body id.
     InstanceAttributeMaps,
 }
 

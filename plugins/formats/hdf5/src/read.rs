@@ -28,7 +28,7 @@ syntable_model::register_format!(
     .generic()
 );
 
-/// The files of a folder that are called after a view or a number, with scene and view.
+/// The files of a folder named by a view or a number, with scene and view.
 fn files_of(folder: &Path) -> Vec<((u32, u32), PathBuf)> {
     let place = |path: &Path| {
         let stem = path.file_stem()?.to_str()?;
@@ -61,7 +61,7 @@ fn open(source: &Source) -> Result<Opened> {
     for path in &paths {
         let view = match Hdf5View::open(path) {
             Ok(view) => view,
-            // It is reported with its image.
+            // The fault is reported with the image.
             Err(_) => continue,
         };
         let attributes = view.attributes().unwrap_or_default();
@@ -74,11 +74,11 @@ fn open(source: &Source) -> Result<Opened> {
                 faults.add(rule::UNIQUE_NAMES, path.display().to_string(), message);
             }
         }
-        // An annotated object that is hidden has a category, too, whose name no file states.
+        // A hidden annotated object has a category as well, but no file states the name of this category.
         for id in view.categories() {
             names.entry(id).or_insert_with(|| unnamed_category(id.into()));
         }
-        // A file that lacks a field of another file is at fault when the field is read.
+        // If a file lacks a field that another file has, the error is reported when the field is read.
         fields.extend(view.fields());
         of_shown.extend(view.of_shown());
     }
@@ -101,17 +101,17 @@ fn is_half(of: &Datatype) -> bool {
     matches!(of, Datatype::FloatingPoint { size: 2, byte_order: DatatypeByteOrder::LittleEndian, .. })
 }
 
-/// Bytes that a byte of deflate unfolds to at most.
+/// Maximum number of bytes into which deflate expands one byte.
 const UNFOLDS: u64 = 1032;
 
 /// Name of the library in errors.
 const LIBRARY: &str = "the library that reads HDF5";
 
-/// A file that is open.
+/// An open file.
 struct Hdf5View {
     file: File,
     path: PathBuf,
-    /// Names of its datasets.
+    /// Names of the datasets in the file.
     names: BTreeSet<String>,
 }
 
@@ -130,13 +130,13 @@ impl Hdf5View {
         Ok(Self { file, path: path.to_owned(), names })
     }
 
-    /// Names of the products that the attributes of bodies say, which only those have that are shown.
+    /// Names of the products in the attributes of bodies, which only visible objects have.
     fn of_shown(&self) -> impl Iterator<Item = String> {
         let names = [CATEGORY_ID.name(), OBJECT_NAME.name()];
         names.into_iter().filter(|name| !self.names.contains(*name)).map(str::to_owned)
     }
 
-    /// The ids of categories under their own name.
+    /// The category ids in the dataset named after the product.
     fn categories(&self) -> BTreeSet<u32> {
         let own = self.names.contains(CATEGORY_ID.name()).then(|| self.included(CATEGORY_ID.name()).ok()).flatten();
         let Some(Value::PerInstance(own)) = own else { return BTreeSet::new() };
@@ -148,7 +148,7 @@ impl Hdf5View {
         self.names.contains(dataset.name())
     }
 
-    /// Names of the products that it has, or that its datasets of BlenderProc say.
+    /// Names of the products that the file stores or that follow from its BlenderProc datasets.
     fn fields(&self) -> BTreeSet<String> {
         let of_blenderproc = BlenderProcDataset::ALL.map(BlenderProcDataset::name);
         let is_ids = |name: &&String| name.strip_suffix(IDS_END).is_some_and(|of| self.names.contains(of));
@@ -166,7 +166,7 @@ impl Hdf5View {
         ] {
             fields.extend(has.then(|| key.to_string()));
         }
-        // Products of the same name.
+        // BlenderProc datasets with the same name as a product.
         let same =
             [BlenderProcDataset::Depth, BlenderProcDataset::Distance].into_iter().filter(|dataset| self.has(*dataset));
         fields.extend(same.map(|dataset| dataset.name().to_owned()));
@@ -179,7 +179,7 @@ impl Hdf5View {
     }
 
     fn decoded(&self, name: &str) -> Result<Value> {
-        // A dataset with the product's own name takes precedence.
+        // A dataset named after the product takes precedence.
         if self.names.contains(name) {
             return self.included(name);
         }
@@ -200,7 +200,7 @@ impl Hdf5View {
         } else if is(CATEGORY_ID.id()) {
             of_objects(&|body| body.category_id.into())
         } else {
-            // Ours have the pool before it.
+            // In our files, the pool precedes the asset's name.
             let of_asset = |body: &BodyAttributes| match body.name.split_once('/') {
                 Some((_, name)) if body.role.is_some() => name.to_owned(),
                 _ => body.name.clone(),
@@ -213,7 +213,7 @@ impl Hdf5View {
         Error::new(format!("dataset `{name}`: {what}")).in_file(&self.path)
     }
 
-    /// A product under its own name: an array, or JSON text.
+    /// A product stored under its own name: an array, or JSON text.
     fn included(&self, name: &str) -> Result<Value> {
         if let Some(text) = self.text(name)? {
             let json: serde_json::Value =
@@ -229,7 +229,7 @@ impl Hdf5View {
         values.map_err(|reason| self.refuse(name, &reason))
     }
 
-    /// A dataset that may be read as a whole.
+    /// Opens a dataset that is small enough to be read as a whole.
     fn dataset(&self, name: &str) -> Result<hdf5_pure::Dataset> {
         let fail = |error: hdf5_pure::Error| self.refuse(name, &error.to_string());
         let dataset = self.file.dataset(name).map_err(fail)?;
@@ -251,8 +251,9 @@ impl Hdf5View {
         Ok(dataset)
     }
 
-    /// Bytes that the stored parts of a dataset can unfold to, whose elements have `size` bytes; none if that is not known. The
-    /// library makes up what no chunk holds, so that a small file could ask for much.
+    /// Upper bound of the decompressed size of a dataset's stored parts, whose elements have `size` bytes; none if the
+    /// size is unknown. The library fills regions that no chunk stores, so a small file could otherwise request a huge
+    /// array.
     fn stored(&self, dataset: &hdf5_pure::Dataset, size: u64) -> Result<Option<u64>, hdf5_pure::Error> {
         Ok(match dataset.layout()? {
             Layout::Contiguous { size, .. } | Layout::Compact { size } => Some(size.min(self.file.file_size())),
@@ -265,7 +266,7 @@ impl Hdf5View {
         })
     }
 
-    /// The text of a dataset; none if it is none.
+    /// The text of a dataset; none if the dataset is not text.
     fn text(&self, name: &str) -> Result<Option<String>> {
         let fail = |error: hdf5_pure::Error| self.refuse(name, &error.to_string());
         let dataset = self.dataset(name)?;
@@ -295,7 +296,7 @@ impl Hdf5View {
             Stored::I64 => (DType::I64, bytes(dataset.read_i64().map_err(fail)?, i64::to_le_bytes)),
             Stored::F32 => (DType::F32, bytes(dataset.read_f32().map_err(fail)?, f32::to_le_bytes)),
             Stored::F64 => (DType::F64, bytes(dataset.read_f64().map_err(fail)?, f64::to_le_bytes)),
-            // h5py's truth value.
+            // h5py's boolean.
             Stored::Enum(names) if names == ["FALSE", "TRUE"] => (DType::Bool, dataset.read_raw().map_err(fail)?),
             Stored::Other(other) if is_half(&other) => (DType::F16, dataset.read_raw().map_err(fail)?),
             other => return Err(self.refuse(name, &format!("elements of type {other} are not read"))),
@@ -322,7 +323,7 @@ impl Hdf5View {
             .map_err(|error| self.refuse(name, &format!("not a list of instances with `idx`: {error}")))
     }
 
-    /// The ids of objects alone.
+    /// The image of ids, with objects only.
     fn visible_ids(&self) -> Result<Value> {
         let objects: BTreeSet<u64> =
             self.attributes()?.iter().filter(|body| body.is_object()).map(|body| body.idx.into()).collect();
@@ -338,13 +339,13 @@ impl Hdf5View {
         for at in 0..count {
             let id = id(at).ok_or_else(|| self.refuse(name, "it has values that are no ids"))?;
             let shown = Some(id).filter(|id| objects.contains(id)).unwrap_or_default();
-            // Those of objects have 16 bits.
+            // Ids of objects have 16 bits.
             bytes.extend((shown as u16).to_le_bytes());
         }
         Ok(Value::Tensor(Tensor { dtype: DType::U16, bytes, ..array }))
     }
 
-    /// Normals of the camera frame, y down and z forward.
+    /// Normals of the camera frame, with y down and z forward.
     fn normals(&self) -> Result<Value> {
         let array = self.array(BlenderProcDataset::Normals.name())?;
         let [height, width, 3] = array.shape[..] else {

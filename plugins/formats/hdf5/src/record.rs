@@ -7,13 +7,13 @@ use syntable_model::reader::unnamed_category;
 
 /// Extension of the files.
 pub const EXTENSION: &str = "hdf5";
-/// How the names of arrays of ids end.
+/// Suffix of the names of arrays of ids.
 pub const IDS_END: &str = "_ids";
-/// The role of objects among bodies.
+/// Role of objects among the bodies.
 pub const OBJECT_ROLE: &str = "object";
 
 impl BlenderProcDataset {
-    /// All of them, in the order of the default.
+    /// All datasets, in the default order.
     pub const ALL: [Self; 7] = [
         Self::Colors,
         Self::Depth,
@@ -42,7 +42,7 @@ impl BlenderProcDataset {
 #[derive(Serialize, Deserialize)]
 pub struct BodyAttributes {
     pub idx: u16,
-    /// 0 for none.
+    /// 0 for no category.
     #[serde(default, deserialize_with = "or_default")]
     pub category_id: u32,
     #[serde(default)]
@@ -60,7 +60,7 @@ impl BodyAttributes {
             }
     }
 
-    /// Name of the category. Objects of no class have a category of their own.
+    /// Name of the category. Objects without a class have their own category.
     pub fn category_name(&self) -> String {
         let (object, object_name) = DatasetInfo::OBJECT;
         match &self.category {

@@ -52,7 +52,7 @@ impl ImageWriter for Hdf5 {
 }
 
 impl Hdf5 {
-    /// Whether files of views have ids of categories.
+    /// Whether the files of views contain category ids.
     fn has_category_ids(&self) -> bool {
         let of_bodies = [BlenderProcDataset::CategoryIdSegmaps, BlenderProcDataset::InstanceAttributeMaps];
         of_bodies.iter().any(|it| self.datasets.contains(it)) || self.include.has_category_ids()
@@ -63,7 +63,7 @@ fn path(id: &str, name: &str) -> String {
     format!("{id}/{name}.{EXTENSION}")
 }
 
-/// Adds a product: as arrays if it is made of numbers, else as JSON text.
+/// Adds a product: as arrays if it is numeric, otherwise as JSON text.
 fn add_product(file: &mut Hdf5File, name: &str, key: &KeyId, value: &Value, cx: &ImageContext) -> Result<()> {
     match npy::arrays_of_numbers(name, key, value, include::shape(cx)) {
         Some(NpyArrays::One(array)) => file.array(name, &array),
@@ -80,7 +80,7 @@ impl BlenderProcDataset {
         match self {
             Self::Colors => vec![Input::of(RGB)],
             Self::Depth => vec![Input::of(DEPTH)],
-            // Of a dataset that is converted, the camera is known from this product alone.
+            // In a converted dataset, this product is the only source of the camera.
             Self::Distance => vec![Input::of(DEPTH), Input::of(CAMERA)],
             Self::Normals => vec![Input::of(NORMAL)],
             Self::InstanceSegmaps => vec![Input::of(INSTANCE)],
@@ -119,7 +119,7 @@ impl BlenderProcDataset {
     }
 }
 
-/// Distances from the camera's center, m, of depths along the optical axis.
+/// Distances from the camera's center, m, computed from depths along the optical axis.
 fn distance(depth: &Plane<f32>, camera: &StatedCamera) -> Plane<f32> {
     Plane::from_fn(depth.width(), depth.height(), |x, y| {
         let ray = camera.unproject(f64::from(x) + 0.5, f64::from(y) + 0.5);
@@ -127,7 +127,7 @@ fn distance(depth: &Plane<f32>, camera: &StatedCamera) -> Plane<f32> {
     })
 }
 
-/// An array of the fewest bits that its values need.
+/// An array with the fewest bits that its values need.
 fn narrow(plane: &Plane<u32>) -> Result<Array> {
     let largest = plane.data().iter().copied().max().unwrap_or(0);
     Array::of(&if largest <= u8::MAX.into() {

@@ -14,7 +14,7 @@ use syntable_model::scene::{Camera, Distortion, Exposure, Intrinsics, Moment, Ro
 use syntable_testing::scenes::{body, box_mesh, object, table};
 use syntable_testing::tools::is_there;
 
-/// Wider than a chunk of one megabyte is in normals.
+/// Normals of this width take more than one megabyte, which is the size of a chunk.
 const K: Intrinsics = Intrinsics { width: 520, height: 301, fx: 400.0, fy: 410.0, cx: 255.25, cy: 160.5 };
 
 const HALF: Key<Plane<[f16; 2]>> = Key::view("half", "Two half floats per pixel.");
@@ -26,7 +26,7 @@ fn writer(options: &str) -> Result<Box<dyn Writer<Scenes>>, String> {
     syntable_testing::takes::writer("hdf5", options)
 }
 
-/// A scene of one object, of which the writer reads the number alone.
+/// A scene with one object. Its number is its only property that the writer reads.
 fn scene() -> Scene {
     let mut builder = table();
     builder.add(body(object("box", box_mesh([0.1; 3]), [0.5; 3]), [0.0; 3], Role::Object));
@@ -51,7 +51,7 @@ fn products() -> Products {
         "distortion_k1_k2_p1_p2_k3": [k1, k2, p1, p2, k3],
     });
     products.put(CAMERA, Value::of(&stated).expect("plain data")).expect("first");
-    // A mug, an asset of no class, the table, and an object that no pixel shows.
+    // A mug, an asset without a class, the table, and an object without visible pixels.
     let body = |id: u32, role: &str, name: &str, category: &str| {
         Value::record([
             ("id", id.into()),
@@ -159,7 +159,7 @@ fn h5py_reads_the_values() {
 fn files_depend_on_the_products_alone() {
     let [one, two] = [0, 1].map(|_| tempfile::tempdir().expect("a folder"));
     let first = write(one.path(), INCLUDE);
-    // Times in files have a resolution of a second.
+    // File times have a resolution of one second.
     std::thread::sleep(std::time::Duration::from_millis(1100));
     assert!(first == write(two.path(), INCLUDE), "the bytes differ");
 }
@@ -167,7 +167,7 @@ fn files_depend_on_the_products_alone() {
 #[test]
 fn what_is_chosen_is_read_and_nothing_else() {
     let reads = |options: &str| -> Vec<String> {
-        // Each entry of the lists says what it needs.
+        // Each entry of the lists declares its inputs.
         let mut all: Vec<String> = Vec::new();
         for input in writer(options).expect("good options").reads() {
             if !all.contains(&input.product) {

@@ -1,4 +1,4 @@
-//! HDF5 files are read back: each product equal to what was written, and the labels that follow from it.
+//! Reads HDF5 files back: each product equals the written product, and labels are computed from it.
 
 use serde_json::Value as Json;
 use std::path::Path;
@@ -13,16 +13,16 @@ use syntable_testing::tools::python_with;
 const INCLUDE: &str = "include = [\"visible_mask\", \"amodal_mask\", \"occlusion_order\", \"category_id\", \"camera\", \
                        \"occlusion_rate\", \"visible_box\", \"amodal_bits\", \"radiance\", \"object_info\"]";
 
-/// What the layout keeps of a product.
+/// The part of a product that the layout keeps.
 fn part(name: &str, value: Json) -> Json {
     match name {
-        // Coded in [0, 1], as 32-bit floats.
+        // Stored as [0, 1] in 32-bit floats.
         "normal" => value.as_array().map_or(Json::Null, |rows| {
             let round = |number: &Json| (number.as_f64().unwrap_or(f64::NAN) * 1e6).round() as i64;
             let pixel = |pixel: &Json| pixel.as_array().into_iter().flatten().map(round).collect::<Vec<i64>>();
             rows.iter().map(|row| row.as_array().into_iter().flatten().map(pixel).collect::<Vec<_>>()).collect()
         }),
-        // Those of objects that are shown.
+        // Available for visible objects only.
         "object_name" | "visible_ids" => Json::Null,
         _ => value,
     }
@@ -43,7 +43,7 @@ fn products_come_back_and_labels_follow() {
     assert!(assert_products(&read, &takes, true, part) > 100);
 }
 
-/// Visible masks, categories and names of what is shown, from BlenderProc's datasets alone.
+/// BlenderProc's datasets alone yield visible masks, categories and names of the visible objects.
 #[test]
 fn blenderprocs_own_datasets_say_what_is_shown() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -72,7 +72,7 @@ fn blenderprocs_own_datasets_say_what_is_shown() {
     assert!(seen > 30, "{seen}");
 }
 
-/// Links lead nowhere else, and what is no file is not waited for.
+/// Readers follow no link out of the dataset, and do not wait for named pipes.
 #[cfg(unix)]
 #[test]
 fn nothing_outside_is_read() {
@@ -95,7 +95,7 @@ fn what_is_damaged_is_named() {
         errors.collect::<Vec<String>>()
     };
     assert!(said(folder.path()).is_empty());
-    // Cut off and changed anywhere, it is an error or other values, and never a panic.
+    // A truncated or modified file yields an error or different values, but never a panic.
     let mut stream = Stream::root(3);
     for step in 0..60 {
         let mut changed = bytes.clone();
@@ -111,11 +111,11 @@ fn what_is_damaged_is_named() {
     }
 }
 
-/// Replaces the color image of a file by one of another height of which nothing is stored, as h5py makes it.
+/// Replaces the color image of a file with an image of another height that has no stored chunks, as h5py creates it.
 const SPARSE: &str = "import h5py, sys\nwith h5py.File(sys.argv[1], 'a') as f:\n    del f['colors']\n    \
                       f.create_dataset('colors', (int(sys.argv[2]), 64, 3), 'u1', chunks=(48, 64, 3), compression='gzip')\n";
 
-/// The library fills what no chunk holds, so that a few bytes could ask for gigabytes.
+/// The library fills regions that no chunk stores, so a few bytes could request gigabytes.
 #[test]
 fn a_shape_beyond_what_is_stored_is_refused() {
     static HERE: OnceLock<bool> = OnceLock::new();
@@ -134,7 +134,7 @@ fn a_shape_beyond_what_is_stored_is_refused() {
     }
 }
 
-/// What attributes say of bodies is of those that are shown; annotated ones are those that labels have.
+/// The attributes of bodies cover visible objects; annotated objects are the objects with labels.
 #[test]
 fn hidden_objects_are_annotated_where_labels_say_so() {
     let folder = tempfile::tempdir().expect("a folder");

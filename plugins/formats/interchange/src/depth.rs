@@ -4,7 +4,7 @@ use syntable_formats::encode::png::{PngImage, Rounding, depth_units};
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{DEPTH, DEPTH_SENSED};
 
-/// The depth that is written.
+/// Source of the depth that is written.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum DepthSource {
@@ -23,7 +23,7 @@ impl DepthSource {
         }
     }
 
-    /// The product that it is.
+    /// The product of this source.
     pub fn input(self) -> Input {
         Input { option: Some("depth".into()), ..Input::of(self.key()) }
     }

@@ -1,10 +1,10 @@
-//! Fields of records that others may write otherwise.
+//! Fields of records that other programs may write differently.
 
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use serde_json::Value as Json;
 
-/// A field that may be missing, or have a value of another type: that is an error for those who read the field, and not for
-/// those who open the file. `null` is missing.
+/// A field that may be missing, or have a value of another type. A wrong type is an error for code that reads the
+/// field, but not for code that opens the file. `null` counts as missing.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub enum LenientField<T> {
     /// The record lacks the field.
@@ -12,7 +12,7 @@ pub enum LenientField<T> {
     Missing,
     /// Its value.
     Is(T),
-    /// Why its value is none.
+    /// The reason why the value has the wrong type.
     Other(String),
 }
 
@@ -22,15 +22,15 @@ impl<T> LenientField<T> {
         matches!(self, Self::Missing)
     }
 
-    /// Its value; none if it has none of this type.
+    /// Its value; none if the field is missing or has another type.
     pub fn value(&self) -> Option<&T> {
         if let Self::Is(value) = self { Some(value) } else { None }
     }
 
-    /// Its value, if it is there.
+    /// Its value; none if the field is missing.
     ///
     /// # Errors
-    /// The reason, if its value is of another type.
+    /// If the value has another type: the reason.
     pub fn get(&self) -> Result<Option<&T>, &str> {
         match self {
             Self::Missing => Ok(None),

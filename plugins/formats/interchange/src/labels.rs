@@ -27,15 +27,15 @@ pub fn inputs() -> Vec<Input> {
 pub struct ShownLabel<'a> {
     /// Its id in the scene.
     pub id: InstanceId,
-    /// Pixels at which it is the first body.
+    /// Pixels at which the object is the first body.
     pub visible: &'a Mask,
-    /// Pixels that it would cover without the other objects.
+    /// Pixels that the object would cover without the other objects.
     pub amodal: &'a Mask,
-    /// Amodal minus visible.
+    /// The amodal mask minus the visible mask.
     pub occlusion: &'a Mask,
     /// Hidden share of the amodal area, in [0, 1].
     pub rate: f64,
-    /// Box of the visible mask; zeros if that is empty.
+    /// Box of the visible mask; zeros if the mask is empty.
     pub visible_box: BBox,
     /// Box of the amodal mask.
     pub amodal_box: BBox,
@@ -43,7 +43,7 @@ pub struct ShownLabel<'a> {
     pub category: u32,
 }
 
-/// The inputs of a format that needs only the products `needed` of the labels.
+/// The inputs of a format that requires only the labels `needed`.
 fn inputs_needing(needed: Vec<KeyId>) -> Vec<Input> {
     let is_needed = |input: &Input| needed.iter().any(|key| key.is(&input.product));
     inputs().into_iter().map(|input| if is_needed(&input) { input } else { input.optional() }).collect()
@@ -59,8 +59,8 @@ pub fn amodal_inputs() -> Vec<Input> {
     inputs_needing(keys![AMODAL_MASK, AMODAL_BOX, CATEGORY_ID])
 }
 
-/// The inputs of formats with masks of either kind, of which the option `masks` prefers one. [`partial`] refuses a dataset with
-/// neither.
+/// The inputs of formats that accept either kind of mask. The option `masks` selects the preferred kind. [`partial`]
+/// refuses a dataset without any masks.
 pub fn either_inputs(masks: MaskChoice) -> Vec<Input> {
     let preferred = match masks {
         MaskChoice::Visible => VISIBLE_MASK,
@@ -92,9 +92,9 @@ pub struct Partial<'a> {
 pub enum LabelMasks<'a> {
     /// A box without a mask, as detection datasets have it: x, y, width, height, px.
     Box([f64; 4]),
-    /// Pixels at which it is the first body.
+    /// Pixels at which the object is the first body.
     Visible(&'a Mask, BBox),
-    /// Pixels that it would cover without the other objects.
+    /// Pixels that the object would cover without the other objects.
     Amodal(&'a Mask, BBox),
     /// All labels.
     All(ShownLabel<'a>),
@@ -139,10 +139,10 @@ impl LabelMasks<'_> {
     }
 }
 
-/// The labels of all objects of a view, by id. Only masks that the products have are there.
+/// The labels of all objects of a view, by id. A dataset with one kind of mask yields only this kind.
 ///
 /// # Errors
-/// If the products have no masks, or the dataset lacks the category of an object.
+/// If the dataset has neither visible nor amodal masks, or lacks the category of an object.
 pub fn partial<'a>(dataset: &DatasetInfo, products: &'a Products) -> Result<Vec<Partial<'a>>> {
     let has = |input: Input| products.contains(&*input.product);
     if inputs().into_iter().all(has) {
@@ -188,7 +188,7 @@ pub fn labels<'a>(dataset: &DatasetInfo, products: &'a Products) -> Result<Vec<S
     amodal.iter().map(label).collect()
 }
 
-/// The category of an object, which the dataset has.
+/// The category of an object. It must be in the list of the dataset.
 fn category(dataset: &DatasetInfo, products: &Products, id: InstanceId) -> Result<u32> {
     let category = *label_of(products, CATEGORY_ID, id)?;
     dataset.category(category).map_err(|error| error.context(format!("instance {id}")))?;

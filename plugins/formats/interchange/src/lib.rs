@@ -1,7 +1,8 @@
-//! Formats of other datasets, one folder each, that training and evaluation code reads.
+//! Formats of other datasets, one folder each, for existing training and evaluation code.
 //!
-//! A folder has `mod.rs` with the options of the writer, `record.rs` with the types of the files' records, which `write.rs` and
-//! `read.rs` share, and `check.rs` with what contradicts records. `family` has what COCO's relatives share.
+//! A folder has `mod.rs` with the options of the writer, and `record.rs` with the types of the files' records, which
+//! `write.rs` and `read.rs` share. `check.rs` finds contradictions in these records. `family` has the shared code of
+//! COCO's relatives.
 //!
 //! | kind | writes |
 //! | --- | --- |
@@ -10,14 +11,14 @@
 //! | [`coco_panoptic`] | COCO panoptic segmentation: visible masks as segments, the rest as background |
 //! | [`cocoa`] | COCO-Amodal: the objects of an image from front to back |
 //! | [`d2sa`] | D2S amodal: COCO with visible and invisible masks and the order of occlusion |
-//! | [`insta_order`] | InstaOrder: pairwise orders of occlusion and depth, beside COCO's instances |
+//! | [`insta_order`] | InstaOrder: pairwise orders of occlusion and depth, and COCO's instances |
 //! | [`kins`] | KINS: amodal and visible polygons, with groups of overlapping objects |
 //! | [`osd_amodal`] | OSD-Amodal: the folders that UOAIS-Net's evaluation reads |
 //! | [`uoais`] | UOAIS-Sim: what UOAIS-Net is trained from |
 //! | [`yolo`] | Ultralytics YOLO: polygons or oriented boxes |
 //!
-//! Writers here read products alone, never the bodies of the scene, so that what a reader of another format offers can
-//! be written as well. Pixel coordinates have their origin in the top left corner of the image.
+//! Writers in this crate read products only, never the bodies of the scene, so they can also write the products of a
+//! reader of another format. Pixel coordinates have their origin in the top left corner of the image.
 
 pub mod bop;
 pub mod coco;

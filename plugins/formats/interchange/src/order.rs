@@ -1,4 +1,4 @@
-//! Who is in front of whom.
+//! Occlusion order of objects.
 
 use crate::labels::ShownLabel;
 use std::cell::OnceCell;
@@ -7,7 +7,7 @@ use syntable_model::prelude::*;
 use syntable_model::product::standard::{DEPTH, OCCLUSION_ORDER};
 use syntable_model::product::{OcclusionOrder, strong_components};
 
-/// The products that [`ObjectOrder`] reads. Without depth, ids decide.
+/// The products that [`ObjectOrder`] reads. Without depth, ids decide the order.
 pub fn inputs() -> [Input; 2] {
     [Input::of(OCCLUSION_ORDER), Input::of(DEPTH).optional()]
 }
@@ -15,19 +15,19 @@ pub fn inputs() -> [Input; 2] {
 /// Depth of the visible part of an object, m.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct VisibleDepth {
-    /// Of the nearest pixel; infinite if there is none.
+    /// Depth of the nearest pixel; infinite without visible pixels.
     pub nearest: f32,
-    /// Of the farthest pixel.
+    /// Depth of the farthest pixel.
     pub farthest: f32,
-    /// Of all pixels on average.
+    /// Mean depth of all pixels.
     pub mean: f64,
 }
 
 impl VisibleDepth {
-    /// That of an object of which the image shows nothing.
+    /// Depth of an object without visible pixels.
     const UNKNOWN: Self = Self { nearest: f32::INFINITY, farthest: f32::NEG_INFINITY, mean: f64::INFINITY };
 
-    /// The depth at the pixels of a mask that have one.
+    /// The depth at the pixels of a mask that have a depth.
     fn of(depth: &Plane<f32>, visible: &Mask) -> Self {
         let depths = || visible.pixels().map(|pixel| depth.data()[pixel]).filter(|depth| depth.is_finite());
         let sum: f64 = depths().map(f64::from).sum();
@@ -40,7 +40,7 @@ impl VisibleDepth {
     }
 }
 
-/// The occlusion order of some objects of a view, by their index among these.
+/// The occlusion order of some objects of a view, by index.
 pub struct ObjectOrder {
     occludes: Vec<Vec<bool>>,
     /// Depths of the objects.
@@ -54,7 +54,7 @@ impl ObjectOrder {
         Self { occludes, depths, circles: OnceCell::new() }
     }
 
-    /// The order of the objects of these labels.
+    /// The order of the objects with these labels.
     pub fn of(products: &Products, labels: &[ShownLabel]) -> Result<Self> {
         let (order, depth) = (products.get(OCCLUSION_ORDER)?, products.optional(DEPTH)?);
         let rows = labels.iter().map(|label| row(order, label.id)).collect::<Result<Vec<usize>>>()?;
@@ -75,18 +75,19 @@ impl ObjectOrder {
         Self::new(occludes, vec![VisibleDepth::UNKNOWN; masks.len()])
     }
 
-    /// Whether object `i` occludes object `j`, and is not occluded by it, directly or through others.
+    /// Whether object `i` occludes object `j`, and `j` does not occlude `i`, directly or through others.
     pub fn is_in_front(&self, i: usize, j: usize) -> bool {
         self.occludes(i, j) && self.circles()[i] != self.circles()[j]
     }
 
-    /// The strongly connected component of each object: those of one occlude each other, directly or through others.
+    /// The strongly connected component of each object. The objects of a component occlude each other, directly or
+    /// through others.
     fn circles(&self) -> &[usize] {
         self.circles.get_or_init(|| strong_components(self.depths.len(), |i, j| self.occludes(i, j)))
     }
 
-    /// Number of objects in the longest chain of occluders in front of each object; none where a circle in front of it leaves
-    /// that open.
+    /// Number of objects in the longest chain of occluders in front of each object; none if a cycle in front of the
+    /// object makes this number ambiguous.
     pub fn certain_layers(&self) -> Vec<Option<usize>> {
         let circles = self.circles();
         let mut sizes = vec![0; circles.len()];
@@ -94,7 +95,7 @@ impl ObjectOrder {
         let mut sorted: Vec<usize> = (0..circles.len()).collect();
         sorted.sort_by_key(|&node| circles[node]);
         let mut layers: Vec<Option<usize>> = sizes.iter().map(|_| Some(0)).collect();
-        // Occluders come before, but for those of a circle.
+        // Occluders precede the objects that they occlude, except within a cycle.
         for &i in &sorted {
             if sizes[circles[i]] > 1 {
                 layers[i] = None;
@@ -111,13 +112,14 @@ impl ObjectOrder {
         self.occludes[i][j]
     }
 
-    /// The objects from front to back: each comes after all that occlude it, and before what is farther. Where objects
-    /// occlude each other, directly or in a circle, the one whose nearest visible pixel is nearest comes first.
+    /// The objects from front to back: each object follows all its occluders. Whenever several objects have no
+    /// remaining occluder, the nearest comes first. Where objects occlude each other, directly or in a cycle, the
+    /// object with the nearest visible pixel comes first.
     pub fn front_to_back(&self) -> Vec<usize> {
         let mut rest: Vec<usize> = (0..self.depths.len()).collect();
         let mut sorted = Vec::with_capacity(rest.len());
         let hides = |i: usize, j: usize| i != j && self.occludes(i, j);
-        // Number of occluders of each object among the rest.
+        // Number of occluders of each object that are still in `rest`.
         let mut occluders: Vec<usize> = rest.iter().map(|&j| rest.iter().filter(|&&i| hides(i, j)).count()).collect();
         while !rest.is_empty() {
             let nearest = |nodes: Vec<usize>| {
@@ -132,7 +134,7 @@ impl ObjectOrder {
         sorted
     }
 
-    /// The objects of those circles of `nodes` that nothing beside them occludes.
+    /// The objects of the cycles in `nodes` that no object outside the cycle occludes.
     fn foremost(&self, nodes: &[usize]) -> Vec<usize> {
         let circles = strong_components(nodes.len(), |i, j| self.occludes(nodes[i], nodes[j]));
         let mut is_occluded = vec![false; nodes.len()];
@@ -176,18 +178,18 @@ mod tests {
 
     #[test]
     fn occluders_come_first_then_what_is_nearer() {
-        // 2 hides 0 though it is farther; 1 is by itself.
+        // 2 hides 0 though it is farther; 1 is unrelated.
         let chain = order(&[(2, 0), (0, 3)], &[1.0, 1.5, 3.0, 0.5]);
         assert_eq!(chain.front_to_back(), [1, 2, 0, 3]);
         assert_eq!(chain.layers(&chain.front_to_back()), [1, 0, 0, 2]);
         assert!(order(&[], &[]).front_to_back().is_empty());
-        // Nothing is seen of 0, and equal depths keep the order of the ids.
+        // 0 has no visible pixel, and equal depths keep the order of the ids.
         assert_eq!(order(&[], &[f32::INFINITY, 2.0, 2.0]).front_to_back(), [1, 2, 0]);
     }
 
     #[test]
     fn what_circles_leave_open_is_not_certain() {
-        // 0 is in front of the circle 1, 2, which is in front of 3; 0 is in front of 4, too.
+        // 0 is in front of the cycle 1, 2, which is in front of 3; 0 is also in front of 4.
         let of = order(&[(0, 1), (1, 2), (2, 1), (2, 3), (0, 4)], &[f32::INFINITY; 5]);
         assert_eq!(of.certain_layers(), [Some(0), None, None, None, Some(1)]);
         let in_front = |i, j| of.is_in_front(i, j);
@@ -204,7 +206,7 @@ mod tests {
         assert_eq!(of.certain_layers(), [Some(0), Some(1), Some(0)]);
     }
 
-    /// Against a search from each object, and the definition of the order applied step by step.
+    /// Compares with a search from each object, and with the definition of the order applied step by step.
     #[test]
     fn random_orders_match_a_search() {
         let mut stream = Stream::root(31);
@@ -214,7 +216,7 @@ mod tests {
             let edges: Vec<(usize, usize)> = pairs.filter(|_| stream.uniform(0.0, 1.0) < 0.25).collect();
             let nearest: Vec<f32> = (0..n).map(|_| stream.uniform(0.0, 3.0) as f32).collect();
             let of = order(&edges, &nearest);
-            // All that occlude `node`, directly or through others of `nodes`.
+            // All objects that occlude `node`, directly or through other objects of `nodes`.
             let before = |nodes: &[usize], node: usize| {
                 let (mut found, mut open) = (Vec::new(), vec![node]);
                 while let Some(j) = open.pop() {
@@ -254,11 +256,11 @@ mod tests {
 
     #[test]
     fn circles_are_cut_in_front_of_the_nearest_object() {
-        // A ring 0, 1, 2 in front of 3, which is nearest of all but in no circle.
+        // A ring 0, 1, 2 in front of 3, which is the nearest object but is not in a cycle.
         let ring = order(&[(0, 1), (1, 2), (2, 0), (0, 3)], &[3.0, 2.0, 4.0, 1.0]);
         assert_eq!(ring.front_to_back(), [1, 2, 0, 3]);
         assert_eq!(ring.layers(&ring.front_to_back()), [2, 0, 1, 3]);
-        // Two pairs that occlude each other, one of them in front of the other.
+        // Two pairs of objects that occlude each other; one pair is in front of the other.
         let pairs = order(&[(0, 1), (1, 0), (2, 3), (3, 2), (3, 0)], &[1.0, 2.0, 5.0, 4.0]);
         assert_eq!(pairs.front_to_back(), [3, 2, 0, 1]);
     }

@@ -45,13 +45,13 @@ pub fn polygons(products: &Products, masks: MaskChoice, id: InstanceId) -> Resul
     Ok(record::<OutlineRecord>(products, outline_key(masks), id)?.polygons)
 }
 
-/// Pixels of the holes of an object's mask, which its polygons fill; 0 if its outline has none.
+/// Pixels of the holes of an object's mask, which its polygons fill; 0 if its outline has no holes.
 pub fn hole_area(products: &Products, masks: MaskChoice, id: InstanceId, mask: &Mask) -> Result<u32> {
     let outline: OutlineRecord = record(products, outline_key(masks), id)?;
     Ok(if outline.holes.is_empty() { 0 } else { pixels_of_holes(mask) })
 }
 
-/// Reports how many of these objects have holes in their masks, which polygons fill.
+/// Reports the number of these objects with holes in their masks, which polygons fill.
 pub fn report_holes(
     log: &dyn Log,
     products: &Products,
@@ -71,8 +71,8 @@ pub fn report_holes(
     Ok(())
 }
 
-/// Pixels that are not in a mask and cannot be reached from beyond it without crossing it. Pixels that meet at a corner are apart
-/// in the mask, and so together beside it.
+/// Number of pixels outside of a mask that cannot be reached from the outside without crossing the mask. Pixels that
+/// meet only at a corner are not connected in the mask, so they are connected outside of it.
 fn pixels_of_holes(mask: &Mask) -> u32 {
     let mut free = mask.within_box(1);
     let [width, height] = [free.width(), free.height()];
@@ -100,8 +100,8 @@ pub fn ring(products: &Products, masks: MaskChoice, id: InstanceId) -> Result<Po
     Ok(joined(&rings))
 }
 
-/// Several polygons as one: each is linked to those before it by an edge to and fro between their nearest corners,
-/// which encloses nothing. Ultralytics' converter from COCO links them likewise.
+/// Joins several polygons into one. Each polygon is linked to its predecessors by an edge back and forth between their
+/// nearest corners, which encloses no area. Ultralytics' converter from COCO links polygons in the same way.
 fn joined(rings: &[&[[f64; 2]]]) -> PolygonRing {
     let mut all = PolygonRing::new();
     for ring in rings {
@@ -116,7 +116,8 @@ fn joined(rings: &[&[[f64; 2]]]) -> PolygonRing {
     all
 }
 
-/// The indices of the nearest corners of two polygons: of several pairs, the first. None if one of them has no corner.
+/// The indices of the nearest corners of two polygons; the first pair if several are equally near. None if a polygon
+/// has no corner.
 fn nearest(one: &[[f64; 2]], other: &[[f64; 2]]) -> Option<(usize, usize)> {
     let square = |a: &[f64; 2], b: &[f64; 2]| (a[0] - b[0]) * (a[0] - b[0]) + (a[1] - b[1]) * (a[1] - b[1]);
     let pairs =

@@ -1,4 +1,4 @@
-//! Shared code of this crate's readers: finding files, and masks from outlines.
+//! Shared code of this crate's readers: it finds files, and corrects masks from outlines.
 
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -8,13 +8,13 @@ use syntable_model::product::{BBox, meeting_boxes};
 use syntable_model::reader::DatasetFault;
 use syntable_model::rule;
 
-/// The note about polygons.
+/// The note about the accuracy of polygons.
 pub const POLYGONS: &str = "outlines are polygons, which are exact to about a pixel at an object's edges";
 
-/// How far the box of polygons may be from them, px: some are around the pixels that they touch.
+/// Tolerance of the box of polygons, px: some tools compute the box from the pixels that the polygons touch.
 const OUTLINE_BOX_PX: f64 = 1.0;
 
-/// Whether the name of a file begins so.
+/// Whether the name of a file begins with `start`.
 pub fn name_starts(path: &Path, start: &str) -> bool {
     path.file_name().is_some_and(|name| name.to_string_lossy().starts_with(start))
 }
@@ -32,12 +32,12 @@ pub fn no_pixels() -> DatasetFault {
     DatasetFault::new(rule::OBJECTS_HAVE_PIXELS, message)
 }
 
-/// The hidden part of an object whose amodal mask is known.
+/// The hidden part of an object with an amodal mask.
 pub fn hidden_of(label: &ObjectLabels) -> Mask {
     label.hidden().unwrap_or_else(|| Mask::empty(label.visible.width(), label.visible.height()))
 }
 
-/// Largest differences between the numbers in a file and their mask.
+/// Tolerances between the numbers in a file and their mask.
 #[derive(Debug, Clone, Copy)]
 pub struct MaskTolerance {
     /// Of an area, px².
@@ -46,7 +46,7 @@ pub struct MaskTolerance {
     pub box_px: f64,
 }
 
-/// Compares an area and a box in a file with their mask. Each comes with its key; a missing number is not at fault.
+/// Compares an area and a box in a file with their mask. Each is given with its key. A missing number is no fault.
 pub fn fits_mask(
     mask: &Mask,
     (area_key, area): (&str, Option<f64>),
@@ -67,7 +67,7 @@ pub fn fits_mask(
     faults
 }
 
-/// Area that outlines enclose, px². The intersection of two outlines counts twice.
+/// Area that outlines enclose, px². The intersection of two outlines is counted twice.
 pub fn enclosed_px2(outlines: &[Vec<f64>]) -> f64 {
     let of = |outline: &Vec<f64>| {
         let corners = outline.as_chunks::<2>().0;
@@ -77,8 +77,8 @@ pub fn enclosed_px2(outlines: &[Vec<f64>]) -> f64 {
     outlines.iter().map(of).sum()
 }
 
-/// Compares an area and a box in a file with their outlines. Each comes with its key. The area may be that of the outlines or of
-/// their mask, and the box that of the outlines or of their part in the image.
+/// Compares an area and a box in a file with their outlines. Each is given with its key. The area may be the area of
+/// the outlines or of their mask. The box may enclose the outlines or only their part in the image.
 pub fn fits_outlines(
     (key, outlines): (&str, &[Vec<f64>]),
     mask: &Mask,
@@ -110,7 +110,7 @@ pub fn fits_outlines(
     let own = [low[0], low[1], high[0], high[1]];
     let off = |side: usize| {
         let shown = own[side].clamp(0.0, image[side % 2]);
-        // A number that is none is off, too.
+        // NaN is off, too.
         let is_near = |own: f64| (said[side] - own).abs() <= OUTLINE_BOX_PX;
         !is_near(own[side]) && !is_near(shown)
     };
@@ -121,14 +121,15 @@ pub fn fits_outlines(
     faults
 }
 
-/// Pixels that a polygon around a mask may have more or less than the mask.
+/// Number of pixels by which a polygon around a mask may differ from the mask.
 pub fn edge_px2(mask: &Mask) -> f64 {
     f64::from(mask.minus(&eroded(mask)).area())
 }
 
-/// Settles what polygons leave open. They are around a mask to within a pixel, so what is seen of an object is a part of it, and
-/// a pixel at the edges of two objects is seen of the first one. They have no holes: what is seen of an object within the
-/// outline of another one, away from its edge, is in a hole of that one, or before it. Other faults stay.
+/// Resolves ambiguities of polygons. A polygon follows its mask to within a pixel, so visible pixels just outside of
+/// the amodal mask are added to it, and a pixel at the edges of two objects belongs to the first object. Polygons have
+/// no holes: if visible pixels of an object lie within the outline of another object, away from its edge, the other
+/// object has a hole there or is behind. Other faults remain.
 pub fn settle_edges(labels: &mut [ObjectLabels]) {
     for label in labels.iter_mut() {
         if let Some(amodal) = &mut label.amodal
@@ -161,10 +162,11 @@ pub fn settle_edges(labels: &mut [ObjectLabels]) {
     }
 }
 
-/// Takes pixels at the edge from an object; from all of it, if it is said to be seen whole, which it stays.
+/// Removes shared edge pixels from the visible mask of an object. If the record shows the object as fully visible, they
+/// are also removed from the amodal mask, so that it remains fully visible.
 fn cut_edge(label: &mut ObjectLabels, shared: &Mask) {
     let is_whole = label.amodal.as_ref().is_some_and(|amodal| *amodal == label.visible);
-    // An object that is no wider than its edge stays visible.
+    // An object that is no wider than its edge keeps its pixels.
     let rest = label.visible.minus(shared);
     if rest.is_empty() {
         return;
@@ -175,9 +177,9 @@ fn cut_edge(label: &mut ObjectLabels, shared: &Mask) {
     }
 }
 
-/// Takes holes from the amodal mask of an object, which is read from outlines that have none: parts that are not seen and that
-/// the rest of the object encloses, `area_px2` in all. The part whose area comes nearest to what is left of it is taken, as
-/// long as at least half of the part is.
+/// Removes holes from an amodal mask that was read from outlines without holes. Holes are hidden parts that the rest of
+/// the object encloses, `area_px2` in total. The part whose area is nearest to the remaining area is removed, provided
+/// that the remaining area is at least half of the part.
 pub fn cut_holes(label: &mut ObjectLabels, mut area_px2: f64) {
     let Some(amodal) = label.amodal.as_mut().filter(|_| area_px2 > 0.0) else { return };
     let mut parts = enclosed(&amodal.minus(&label.visible), amodal);
@@ -193,7 +195,8 @@ pub fn cut_holes(label: &mut ObjectLabels, mut area_px2: f64) {
     }
 }
 
-/// The connected parts of a mask, side by side, that do not reach the edge of the whole.
+/// The connected parts of a mask that do not reach the edge of `whole`. Pixels that meet only at a corner are not
+/// connected.
 pub fn enclosed(mask: &Mask, whole: &Mask) -> Vec<Mask> {
     let [width, height] = [mask.width(), mask.height()];
     let (mut open, inner) = (mask.to_plane(), eroded(whole).to_plane());
@@ -218,7 +221,7 @@ pub fn enclosed(mask: &Mask, whole: &Mask) -> Vec<Mask> {
     parts
 }
 
-/// The pixels of a mask all of whose neighbors in the image are in it.
+/// The pixels of a mask whose neighbors in the image are all in the mask.
 pub fn eroded(mask: &Mask) -> Mask {
     surroundings(mask, |inside, all| inside == all)
 }
@@ -228,13 +231,14 @@ fn dilated(mask: &Mask) -> Mask {
     surroundings(mask, |inside, _| inside > 0)
 }
 
-/// The pixels by the numbers of pixels of the mask and of the image in their surroundings of 3 × 3 pixels.
+/// The pixels for which `holds` accepts two counts in their 3 × 3 surroundings: pixels of the mask, and pixels of the
+/// image.
 fn surroundings(mask: &Mask, holds: impl Fn(usize, usize) -> bool) -> Mask {
     let [width, height] = [mask.width(), mask.height()];
     if mask.is_empty() {
         return mask.clone();
     }
-    // The pixels of the box around the mask, column by column. All others are not in it.
+    // The pixels of the box around the mask, column by column. All pixels outside the box are unset.
     let [left, top, columns, rows] = <[i32; 4]>::from(mask.bbox()).map(|edge| edge as u32);
     let mut inside = vec![false; columns as usize * rows as usize];
     let place = |x: u32, y: u32| (x.wrapping_sub(left) as usize, y.wrapping_sub(top) as usize);
@@ -248,7 +252,7 @@ fn surroundings(mask: &Mask, holds: impl Fn(usize, usize) -> bool) -> Mask {
     };
     let around = |at: u32, end: u32| at.saturating_sub(1)..(at + 2).min(end);
     let near = |from: u32, long: u32, end: u32| from.saturating_sub(1)..(from + long + 1).min(end);
-    // Where the value changes in the order of columns. Between the columns of the box it is false.
+    // Positions, in column order, where the value changes. Between the columns of the box, the value is false.
     let (mut flips, mut is_on, mut next) = (Vec::new(), false, 0);
     let mut set = |position: u32, value: bool, is_on: &mut bool| {
         if value != *is_on {
@@ -312,7 +316,7 @@ mod tests {
 
     #[test]
     fn what_lies_on_an_object_is_seen() {
-        // A cable of 2 px across a plate, in either order.
+        // A cable 2 px wide across a plate, in either order.
         let (plate, cable) = ([2, 2, 20, 14], [6, 8, 10, 2]);
         for (shapes, at) in [([plate, cable], 1), ([cable, plate], 0)] {
             let labels = settled(shapes);

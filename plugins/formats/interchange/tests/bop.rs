@@ -1,5 +1,5 @@
-//! BOP files of ellipsoids, whose masks, depths and counts follow from their poses alone, read back by code that loads
-//! them as bop_toolkit does.
+//! BOP files of ellipsoids, whose masks, depths and counts follow from their poses alone. They are read back by code
+//! that loads them as bop_toolkit does.
 
 use std::f64::consts::PI;
 use std::path::Path;
@@ -23,10 +23,10 @@ use syntable_testing::takes::open_dataset;
 use syntable_testing::tools::is_there;
 
 const K: Intrinsics = Intrinsics { width: 64, height: 48, fx: 60.0, fy: 62.0, cx: 31.3, cy: 24.9 };
-/// Rows above have a wall in front of some objects.
+/// Rows above this row have a wall in front of some objects.
 const WALL: u32 = 14;
 const WALL_M: f64 = 0.8;
-/// Rows from here show nothing behind the objects.
+/// Rows from this row on show nothing behind the objects.
 const SKY: u32 = 40;
 const FLOOR_M: f64 = 1.5;
 
@@ -49,7 +49,7 @@ impl Ellipsoid {
         format!("shapes/e_{a}_{b}_{c}")
     }
 
-    /// Its surface, with a vertex that no face uses.
+    /// Its surface, with an additional vertex that no face uses.
     fn mesh(&self) -> Mesh {
         const RINGS: u32 = 48;
         const SEGMENTS: u32 = 96;
@@ -71,7 +71,7 @@ impl Ellipsoid {
         Mesh::new(MeshData { positions, triangles: triangles.collect(), ..MeshData::default() }).expect("sound")
     }
 
-    /// Depth of the nearer point on the ray through the center of a pixel, m.
+    /// Depth of the nearer intersection with the ray through the center of a pixel, m.
     fn depth(&self, x: i64, y: i64) -> Option<f64> {
         let ray = K.unproject(x as f64 + 0.5, y as f64 + 0.5);
         let object_from_camera = self.camera_from_object.inverse();
@@ -93,7 +93,7 @@ fn matrix(pose: &Pose) -> Value {
     std::array::from_fn::<_, 4, _>(|row| std::array::from_fn::<_, 4, _>(|column| m[(row, column)])).into()
 }
 
-/// All that the writer reads of a view. `all` says whether to describe objects that the image does not show.
+/// All products that the writer reads for a view. `all` includes objects that the image does not show.
 fn products(objects: &[Ellipsoid], stream: &mut Stream, all: bool) -> Products {
     let count = objects.len();
     let wall = InstanceId(count as u16 + 1);
@@ -195,7 +195,7 @@ fn dataset() -> DatasetInfo {
     DatasetInfo { name, program, seed: 5, scenes: 3, views_per_scene: 2, ..syntable_testing::scenes::dataset() }
 }
 
-/// A scene, of which the writer reads the number alone.
+/// A scene whose number is its only property that the writer reads.
 fn scene(id: u32) -> Result<Scene> {
     let mut builder = table();
     builder.add(body(object("box", box_mesh([0.1; 3]), [0.5; 3]), [0.0; 3], Role::Object));
@@ -214,7 +214,7 @@ fn write_scene(root: impl Into<StoreFolder>, writer: &dyn Writer<Scenes>, id: u3
         let view = View { id: ViewId(number), moment: Moment::START, camera: camera(), exposure, lights: Vec::new() };
         open.view(&cx.view(&view), &products.only(&reads))?;
     }
-    // All views of a scene have the same objects in it; here each has its own.
+    // All views of a scene share its objects; here each view has its own.
     let mut models = ObjectModels::default();
     views.iter().try_for_each(|view| view.get(OBJECT_MODELS).map(|own| models.0.extend(own.0.clone())))?;
     let mut of_scene = Products::new();
@@ -251,7 +251,7 @@ fn tar_files_have_what_the_folders_have() {
     let folder = tempfile::tempdir().expect("a folder");
     write_all(folder.path(), ALL_OPTIONS);
     write_all(folder.path().join("web"), &format!("{ALL_OPTIONS}\nlayout = \"webdataset\""));
-    // A scene whose images are in two tar files.
+    // A scene with images in two tar files.
     let mut stream = Stream::root(9);
     let views: Vec<Products> = (0..3)
         .map(|objects| {
@@ -295,13 +295,13 @@ fn the_end_of_a_run_depends_on_the_scenes_alone() {
         let (folder, store) = (tempfile::tempdir().expect("a folder"), Arc::new(MemStore::default()));
         write_all(folder.path(), options);
         write_all(Arc::clone(&store), options);
-        // A run that had two of the scenes before, in memory.
+        // An earlier run with two of the scenes, in memory.
         for scenes in [&[0, 2][..], &[0, 1, 2]] {
             finish(Arc::clone(&store), &*writer(options), scenes).expect("finished");
         }
         let names = syntable_testing::folder::files(folder.path());
         assert!(names == files_of_store(&store), "{options}: files differ");
-        // What the writer says that it writes is there.
+        // All files that the writer announces exist.
         let dataset = dataset();
         let mut told = 0;
         for (scene, view) in [(None, None), (Some(0), None), (Some(0), Some(1))] {
@@ -339,7 +339,7 @@ fn a_model_that_is_damaged_is_named() {
         let path = file.expect("there").path();
         let mut bytes = std::fs::read(&path).expect("there");
         bytes[600] = !bytes[600];
-        // A file of its own: the files of several scenes are one.
+        // Removes the file first, because scenes share it through hard links.
         std::fs::remove_file(&path).expect("there");
         std::fs::write(&path, bytes).expect("writable");
     }
@@ -373,7 +373,7 @@ fn what_bop_cannot_have_is_refused() {
         products.put(CAMERA, Value::Record(camera)).expect("once");
     });
     assert!(error.contains("no cameras with lens distortion"), "{error}");
-    // Masks without what the wall hides, and nothing that has it.
+    // Masks without the parts that the wall hides, and no product that has these parts.
     let error = refused("", &|products, whole| {
         without(products, COVERAGE.name());
         let cut = whole.get(AMODAL_MASK).expect("made").map(|_, mask| {
@@ -393,7 +393,7 @@ fn what_bop_cannot_have_is_refused() {
     assert!(error.contains("product `camera` does not have what BOP needs: missing field `height`"), "{error}");
 }
 
-/// The dataset of a folder, opened by the format that it looks like.
+/// Opens the dataset of a folder, in the format that it appears to have.
 fn opened(root: &Path) -> OpenDataset {
     let (format, reader) = open_dataset(root, None).expect("a dataset");
     assert_eq!(format.name(), "bop");
@@ -439,7 +439,7 @@ fn what_is_wrong_with_tar_files_is_found() {
         opening.chain(images).collect()
     };
     assert!(said(&written()).is_empty(), "{:?}", said(&written()));
-    /// Members of the tar file with their bytes.
+    /// Rewrites the members of the tar file.
     fn rewritten(folder: &tempfile::TempDir, change: impl Fn(&str, Vec<u8>) -> Vec<(String, Vec<u8>)>) {
         let path = folder.path().join("bop/train_pbr_web/shard-000000.tar");
         let (members, _) = syntable_formats::members::members(&path);

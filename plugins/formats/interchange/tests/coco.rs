@@ -1,4 +1,4 @@
-//! Files of COCO's family as others write them: crowds, boxes without masks, ids that are none of ours, KITTI's folders.
+//! Files of COCO's family from other programs: crowds, boxes without masks, unfamiliar ids, KITTI's folders.
 
 use serde_json::{Value as Json, json};
 use std::fs;
@@ -18,7 +18,7 @@ fn square(x: u32, y: u32) -> Json {
     json!([[x, y, x + 4, y, x + 4, y + 4, x, y + 4]])
 }
 
-/// Run lengths of a rectangle of 20 × 10 px, `[x, y, width, height]`, as columns.
+/// Run lengths, in column order, of a rectangle `[x, y, width, height]` in an image of 20 × 10 px.
 fn rectangle([x, y, w, h]: [u32; 4]) -> Json {
     let mask = Mask::from_fn(20, 10, |u, v| (x..x + w).contains(&u) && (y..y + h).contains(&v));
     json!({ "size": [10, 20], "counts": mask.to_coco() })
@@ -191,10 +191,10 @@ fn holes_of_kins_are_told_by_areas() {
         (area(VISIBLE_MASK), area(OCCLUSION_MASK))
     };
     let inner = outline(2, [6, 3, 4, 4], 16, 16);
-    // 10 × 8 px with another object within: through a hole of 16 px, or before it.
+    // 10 × 8 px with another object inside: visible through a hole of 16 px, or in front of it.
     assert_eq!(first(&[outline(1, [2, 1, 10, 8], 64, 64), inner.clone()]), (Some(64), Some(0)));
     assert_eq!(first(&[outline(1, [2, 1, 10, 8], 80, 64), inner.clone()]), (Some(64), Some(16)));
-    // The form of 2019 has exact visible masks, and no area of them.
+    // The form of 2019 has exact visible masks, but does not state their areas.
     let seen = |hole: [u32; 4]| {
         let is_in = |[x, y, w, h]: [u32; 4], u: u32, v: u32| (x..x + w).contains(&u) && (y..y + h).contains(&v);
         let mask = Mask::from_fn(20, 10, |u, v| is_in([2, 1, 10, 8], u, v) && !is_in(hole, u, v));
@@ -236,7 +236,7 @@ fn images_of_kins_match_the_split() {
     }
 }
 
-/// COCO's own masks are of what is seen; an amodal mask that is another one hides none of them.
+/// `segmentation` is the visible mask if the amodal masks differ from it.
 #[test]
 fn masks_beside_amodal_ones_are_visible() {
     let amodal = |at: u32| json!({ "amodal_mask": rectangle([at, 2, 4, 6]) });
@@ -258,18 +258,18 @@ fn masks_beside_amodal_ones_are_visible() {
         record
     };
     assert_eq!(of(&[seen(1, 1), seen(2, 8)]), ([vec![16, 16], vec![24, 24], vec![8, 8]], vec![]));
-    // The same masks twice say that they are amodal.
+    // If both masks are the same, `segmentation` is amodal.
     let mut whole = annotation(1, Some(rectangle([1, 2, 4, 6])), amodal(1));
     (whole["bbox"], whole["area"]) = (json!([1, 2, 4, 6]), json!(24.0));
     assert_eq!(of(&[whole.clone()]), ([vec![], vec![24], vec![]], vec![]));
-    // In another encoding, they are the same.
+    // Another encoding does not make the masks different.
     let outlined = |id: u64| {
         let mut record = annotation(id, Some(json!([[1, 2, 5, 2, 5, 8, 1, 8]])), amodal(1));
         (record["bbox"], record["area"]) = (json!([1, 2, 4, 6]), json!(24.0));
         record
     };
     assert_eq!(of(&[outlined(1)]), ([vec![], vec![24], vec![]], vec![]));
-    // One of many that differs is at fault, and says nothing of the others.
+    // A single different mask among many is a fault, and does not change the meaning of the others.
     let many: Vec<Json> = (1..40).map(outlined).chain([seen(40, 8)]).collect();
     let ([visible, amodal, _], faults) = of(&many);
     assert_eq!((visible.len(), amodal.len()), (0, 40));
@@ -327,7 +327,7 @@ fn images_without_any_annotation_have_no_objects() {
     assert!(found.image_faults(0).is_empty());
 }
 
-/// A polygon has no holes; the mask of a ring, which is hidden in part, has one.
+/// A polygon cannot have holes. The mask of a partly hidden ring has a hole.
 #[test]
 fn polygons_of_cocoa_fill_holes() {
     let of = |right: u32| {
@@ -350,6 +350,6 @@ fn polygons_of_cocoa_fill_holes() {
         found.image_faults(0).into_iter().map(|it| it.rule).collect::<Vec<_>>()
     };
     assert_eq!(of(14), Vec::<&str>::new());
-    // What is missing at the right end is no hole.
+    // The missing part at the right end is not a hole.
     assert!(of(9).contains(&"polygon_matches_mask"));
 }

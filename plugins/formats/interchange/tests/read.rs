@@ -1,5 +1,5 @@
-//! What readers find: in files of the writers what was written, in files of others what NumPy, Pillow and pycocotools say, in
-//! broken files a fault with its place.
+//! Results of the readers: files of this program's writers return the written values, files of other programs match
+//! NumPy, Pillow and pycocotools, and each fault of a broken file is reported with its place.
 
 use serde_json::{Value as Json, json};
 use std::fs;
@@ -15,7 +15,7 @@ fn classes() -> DatasetInfo {
     DatasetInfo { classes: vec!["bowl".into(), "mug".into()], program: "syntable 0.1.0".into(), ..dataset(3, 3) }
 }
 
-/// A dataset of a writer, in its folder.
+/// Writes a dataset with a writer, into its folder.
 fn written(root: &Path, kind: &str, options: &str) -> Vec<Take> {
     let (writer, takes) = (writer(kind, options).expect("good options"), takes());
     write_scenes(root, "data", &*writer, &classes(), &takes).expect("written");
@@ -66,7 +66,7 @@ fn what_is_written_is_read() {
         let takes = written(folder.path(), kind, options);
         let read = open(&folder.path().join("data"));
         assert!(read.all_faults().is_empty(), "{kind} {options}: {:?}", read.all_faults());
-        // What formats leave out.
+        // Omissions of the formats.
         let has_amodal = !["coco_panoptic", "yolo"].contains(&kind);
         let has_category = !["osd_amodal", "uoais"].contains(&kind);
         let needs_seen = ["coco_panoptic", "insta_order", "kins", "osd_amodal", "yolo"].contains(&kind)
@@ -104,7 +104,7 @@ fn what_is_written_is_read() {
     }
 }
 
-/// Links lead nowhere else, and what is no file is not waited for.
+/// Readers follow no link out of the dataset, and do not wait for named pipes.
 #[cfg(unix)]
 #[test]
 fn links_lead_nowhere_else() {
@@ -127,7 +127,7 @@ fn links_lead_nowhere_else() {
     }
 }
 
-/// Names of files in annotation files lead nowhere else.
+/// File names in annotation files do not lead out of the dataset.
 #[test]
 fn names_lead_nowhere_else() {
     for (kind, options, list, name) in [
@@ -148,10 +148,10 @@ fn names_lead_nowhere_else() {
         let own = json[list][0][name].as_str().expect("a name").to_owned();
         let mut files = syntable_testing::folder::files(&data).into_iter();
         let is_it = |inside: &str| inside.ends_with(&format!("/{own}")) || inside == own;
-        // The image of a file's first annotation and its segments have one name.
+        // The image of a file's first annotation and the image of its segments have the same name.
         let is_of = |inside: &str| is_it(inside) && inside.starts_with("annotations") == (list == "annotations");
         let (inside, bytes) = files.find(|(inside, _)| is_of(inside)).expect("the file");
-        // What a name leads to outside can be read.
+        // The file outside is a readable image.
         fs::write(folder.path().join("canary.png"), bytes).expect("writable");
         let depth = inside.trim_end_matches(own.as_str()).matches('/').count() + 1;
         let climbs = format!("{}canary.png", "../".repeat(depth));
@@ -235,7 +235,7 @@ fn files_of_others_are_read() {
                 "{kind}: image {number}: {:?}",
                 found.iter().map(|it| it.0.len()).collect::<Vec<_>>()
             );
-            // BEYOND is a polygon that reaches out of the image.
+            // BEYOND is a polygon that extends beyond the image.
             let mut faults = read.image_faults(number);
             faults.retain(|it| it.rule != "coordinates_are_within_the_image");
             assert_eq!(faults, [], "{kind}");
@@ -243,7 +243,7 @@ fn files_of_others_are_read() {
     }
 }
 
-/// All that is said of a dataset: why it cannot be opened, faults, and why images cannot be read.
+/// All reports about a dataset: the error that keeps it from opening, its faults, and errors of unreadable images.
 fn said(root: &Path, kind: &str) -> Vec<String> {
     let read = match open_dataset(root, Some(kind)) {
         Ok((_, read)) => read,
@@ -256,7 +256,7 @@ fn said(root: &Path, kind: &str) -> Vec<String> {
     for number in 0..read.images.len() {
         said.extend(read.image_faults(number).iter().map(|it| format!("{}: {it}", it.rule)));
         if let Err(error) = read.read(number, &read.offers) {
-            // No repetition helps.
+            // A retry would not help.
             assert!(error.is_permanent(), "{kind}: {error}");
             said.push(error.to_string());
         }
@@ -264,20 +264,20 @@ fn said(root: &Path, kind: &str) -> Vec<String> {
     said
 }
 
-/// The one file below a folder whose path ends so, the first of several.
+/// The first file below a folder whose path ends with `end`.
 fn file(root: &Path, end: &str) -> PathBuf {
     let files = syntable_testing::folder::files(root);
     root.join(files.keys().find(|path| path.ends_with(end)).unwrap_or_else(|| panic!("a file {end}")))
 }
 
-/// Changes a JSON file, or puts text in place of all of it.
+/// Changes the content of a JSON file.
 fn spoil(path: &Path, change: &dyn Fn(&mut Json)) {
     let mut json: Json = serde_json::from_slice(&fs::read(path).expect("there")).expect("JSON");
     change(&mut json);
     fs::write(path, json.to_string()).expect("writable");
 }
 
-/// The annotation of which a number is greatest; those without one come last.
+/// The annotation with the largest number; annotations without a number rank last.
 fn with_most(file: &mut Json, number: impl Fn(&Json) -> Option<u64>) -> &mut Json {
     let annotations = file["annotations"].as_array_mut().expect("a list");
     annotations.iter_mut().max_by_key(|it| number(it)).expect("one")
@@ -351,7 +351,7 @@ const PLANTED: &[Plant] = &[
         it["annotations"][1]["amodal_region"]["order"] = it["annotations"][0]["amodal_region"]["order"].clone();
     }),
     ("d2sa", "", "of its pixels, ", &|it| {
-        // From back to front.
+        // The order from back to front.
         let image = with_most(it, |it| it["occl_depth"].as_u64())["image_id"].clone();
         let annotations = it["annotations"].as_array_mut().expect("a list").iter_mut();
         let of_image: Vec<_> = annotations.filter(|it| it["image_id"] == image).collect();
@@ -362,7 +362,7 @@ const PLANTED: &[Plant] = &[
         with_most(it, |it| (it["occlude_rate"] == 0.0).then_some(1))["occl_depth"] = json!(1);
     }),
     ("d2sa", "", "`occl_depth` is 0, the longest chain", &|it| {
-        // All of them, since some are behind a circle, which leaves the depth open.
+        // All objects, since some are behind a cycle, which makes the depth ambiguous.
         it["annotations"].as_array_mut().expect("a list").iter_mut().for_each(|it| it["occl_depth"] = json!(0));
     }),
     ("kins", "", "`ico_id` is 99, and ", &|it| with_most(it, |it| it["ico_id"].as_u64())["ico_id"] = json!(99)),
@@ -373,7 +373,7 @@ const PLANTED: &[Plant] = &[
         with_most(it, |it| it["ico_id"].as_u64())["oco_id"] = json!(77)
     }),
     ("kins", "", "`i_area` is 1, ", &|it| {
-        // Seen whole, so that the difference of its areas says nothing.
+        // A fully visible object, so that the difference of its areas carries no information.
         let whole = |it: &Json| it["a_area"].as_u64().filter(|_| it["a_area"] == it["i_area"]);
         let whole = with_most(it, whole);
         [whole["a_area"], whole["i_area"]] = [json!(1), json!(1)];
@@ -421,7 +421,7 @@ const PLANTED: &[Plant] = &[
 /// Changes a file.
 type Change = dyn Fn(&mut Json);
 
-/// A file of a dataset of BOP whose path ends so, a fault in it, and what is said.
+/// The end of the path of a file of a BOP dataset, the report, and the planted fault.
 const PLANTED_BOP: &[(&str, &str, &Change)] = &[
     ("000000/scene_gt_info.json", "`px_count_all` is 1,", &|it| seen(it)["px_count_all"] = json!(1)),
     ("000000/scene_gt_info.json", "`px_count_all` is 90000,", &|it| seen(it)["px_count_all"] = json!(90_000)),
@@ -448,7 +448,7 @@ const PLANTED_BOP: &[(&str, &str, &Change)] = &[
         it["0"]["cam_t_w2c"][2] = json!(shift + 250.0);
     }),
     ("000000/scene_camera.json", "rotated by 180.0°", &|it| {
-        // About the camera's y axis.
+        // A rotation about the camera's y axis.
         for at in [0, 1, 2, 6, 7, 8] {
             let entry = it["0"]["cam_R_w2c"][at].as_f64().expect("a number");
             it["0"]["cam_R_w2c"][at] = json!(-entry);
@@ -458,7 +458,7 @@ const PLANTED_BOP: &[(&str, &str, &Change)] = &[
     ("camera.json", "`fx` is 0", &|it| it["fx"] = json!(0.0)),
 ];
 
-/// The entry of the first object that is seen, of all views.
+/// The entry of the first visible object in any view.
 fn seen(infos: &mut Json) -> &mut Json {
     let views = infos.as_object_mut().expect("views").values_mut();
     let entries = views.flat_map(|view| view.as_array_mut().expect("objects"));
@@ -519,7 +519,7 @@ fn a_scene_of_bop_without_poses_is_at_fault() {
     fs::remove_file(file(&root, "000001/scene_gt.json")).expect("there");
     let found = said(&root, "bop");
     assert!(found.iter().any(|it| it.contains("files_exist: 000001: the scene has no scene_gt.json")), "{found:?}");
-    // Cameras alone make a dataset, too.
+    // Cameras alone are a dataset, too.
     for scene in ["000000/scene_gt.json", "000002/scene_gt.json"] {
         fs::remove_file(file(&root, scene)).expect("there");
     }
@@ -571,7 +571,7 @@ fn planted_faults_are_found() {
     }
 }
 
-/// A file whose path ends so, and what stands in its place.
+/// The end of a file's path, its replacement, and the report.
 type Replaced = (&'static str, &'static str, &'static [u8], &'static str);
 
 const REPLACED: &[Replaced] = &[
@@ -646,7 +646,7 @@ fn rotated_boxes_are_told_from_polygons() {
     for (options, line, has_masks) in [
         ("", None, true),
         ("task = \"obb\"", None, false),
-        // A rectangle along the edges is a polygon, too; one that is turned is none.
+        // An axis-aligned rectangle may be a polygon; a rotated rectangle may not.
         ("", Some("0 0.1 0.2 0.3 0.2 0.3 0.4 0.1 0.4\n"), true),
         ("", Some("0 0.2 0.1 0.4 0.3 0.3 0.4 0.1 0.2\n"), false),
         ("", Some("0 0.2 0.1 0.4 0.3 0.3 0.5 0.1 0.2\n"), true),
@@ -668,7 +668,7 @@ fn rotated_boxes_are_told_from_polygons() {
     }
 }
 
-/// A dataset of YOLO whose label files all have these lines, with this added to its description.
+/// A dataset of YOLO with the same lines in all label files, and with `more` appended to its description.
 fn yolo_of(folder: &Path, lines: &str, more: &str) -> PathBuf {
     written(folder, "yolo", "");
     let root = folder.join("data");
@@ -728,7 +728,8 @@ fn a_box_among_polygons_leaves_the_others_their_masks() {
     assert!(read.caveats(&read.offers).iter().any(|it| it.ends_with(&alone)), "{:?}", read.caveats(&read.offers));
 }
 
-/// A label file that is no file is not one that is missing, which says that there are no objects.
+/// A label path that is not a regular file is a fault. It is not treated as a missing file, which would mean an image
+/// without objects.
 #[cfg(unix)]
 #[test]
 fn what_is_no_file_is_at_fault_in_yolo() {
@@ -751,7 +752,7 @@ fn what_is_no_file_is_at_fault_in_yolo() {
     }
 }
 
-/// Faults of images whose labels are there, and they are not: they count as lost.
+/// Labels without their image count as lost.
 #[test]
 fn labels_without_their_image_are_lost() {
     for (kind, end, label) in [
@@ -769,7 +770,7 @@ fn labels_without_their_image_are_lost() {
     }
 }
 
-/// What is no object of an image of the file is counted.
+/// Annotations that do not describe an object of a listed image are counted.
 #[test]
 fn annotations_that_are_no_objects_are_counted() {
     let unknown: &Change = &|it| {
@@ -810,7 +811,7 @@ fn annotations_that_are_no_objects_are_counted() {
     }
 }
 
-/// Fields that no product holds are counted by name, if they say something.
+/// Fields that no product holds are counted by name, if they carry information.
 #[test]
 fn fields_with_labels_are_counted() {
     let of_annotation: &Change = &|it| it["annotations"][0]["keypoints"] = json!([1, 2, 2]);
@@ -847,7 +848,7 @@ fn fields_with_labels_are_counted() {
     assert_eq!(lost.what, "labels are rotated boxes: only boxes and classes are kept");
 }
 
-/// Names that LabelImg writes beside the labels are those of the classes.
+/// LabelImg writes the names of the classes into the folder of labels.
 #[test]
 fn classes_beside_labels_have_names() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -863,7 +864,7 @@ fn classes_beside_labels_have_names() {
     assert_eq!(names(), ["mug", "book", "pan"]);
 }
 
-/// Categories that a file of COCO-Amodal lists keep their numbers, whatever names its regions have.
+/// Categories that a file of COCO-Amodal lists keep their numbers, whatever the names of its regions.
 #[test]
 fn names_that_cocoa_does_not_list_come_behind() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -938,7 +939,7 @@ fn masks_of_osd_amodal_are_named_after_labels() {
         let said = said(&root, "osd_amodal");
         assert!(said.len() == 1 && said[0].contains(says), "{name}: {said:?}");
     }
-    // Zeros in front are no other label; a label without an amodal mask is no object, and the others are.
+    // Leading zeros do not change a label. A label without an amodal mask is not an object; other labels are.
     let folder = tempfile::tempdir().expect("a folder");
     written(folder.path(), "osd_amodal", "");
     let root = folder.path().join("data");

@@ -1,4 +1,5 @@
-//! What is written, read back by others: pycocotools, Pillow, and restatements of the readers of each format.
+//! Reads the written files with other programs: pycocotools, Pillow, and reimplementations of the reader of each
+//! format.
 
 use serde_json::{Map, Value as Json};
 use std::path::Path;
@@ -36,7 +37,7 @@ fn write_truth(folder: &Path, takes: &[Take]) {
     std::fs::write(folder.join("truth.jsonl"), text).expect("writable");
 }
 
-/// Scenes whose objects have a range of depths, which differ from their order and often overlap.
+/// Scenes whose objects have ranges of depth that differ from their order and often overlap.
 fn takes() -> Vec<Take> {
     let mut takes = syntable_testing::takes::takes();
     for (_, products) in takes.iter_mut().flat_map(|take| &mut take.views) {
@@ -48,7 +49,7 @@ fn takes() -> Vec<Take> {
     takes
 }
 
-/// Puts another value in the place of a product.
+/// Replaces the value of a product.
 fn replace<T: Product>(products: &mut Products, key: Key<T>, value: T) {
     let names: Vec<String> = products.keys().iter().map(|key| key.to_string()).collect();
     let others: Vec<String> = names.into_iter().filter(|name| name != key.name()).collect();
@@ -56,12 +57,12 @@ fn replace<T: Product>(products: &mut Products, key: Key<T>, value: T) {
     products.put(key, value).expect("free");
 }
 
-/// A dataset of the classes that the views have.
+/// A dataset with the classes that occur in the views.
 fn classes() -> DatasetInfo {
     DatasetInfo { classes: vec!["bowl".into(), "mug".into()], ..dataset(3, 3) }
 }
 
-/// Writes a dataset, and reads it as its format is read.
+/// Writes a dataset, and reads it with the reader of its format.
 fn check(kind: &str, options: &str, option: &str) -> tempfile::TempDir {
     let folder = tempfile::tempdir().expect("a folder");
     let (writer, takes) = (writer(kind, options).expect("good options"), takes());
@@ -79,7 +80,7 @@ fn coco_instances_are_the_masks() {
     check("coco", "masks = \"visible\"", "visible");
 }
 
-/// Points of objects 1 and 3, seen, hidden and outside; object 2 has none of these names.
+/// Points of objects 1 and 3: visible, hidden and outside. Object 2 has no point with these names.
 fn keypoints() -> PerInstance<Value> {
     let point = |name: &str, uv_px: Option<[f64; 2]>, visibility: u8| {
         let uv = uv_px.map_or(Value::Null, Value::from);

@@ -1,4 +1,4 @@
-//! What all writers of this crate keep to.
+//! Rules for all writers of this crate.
 
 use std::collections::BTreeSet;
 use syntable_interchange as _;
@@ -22,7 +22,7 @@ fn kinds() -> Vec<&'static str> {
 fn kinds_pass_the_checks_of_all_writers() {
     let registry = Registry::linked().expect("kinds are unique");
     let (takes, log) = (takes(), Collected::default());
-    // Its objects have categories of two classes.
+    // Objects have categories of two classes.
     let dataset = DatasetInfo { classes: ["a", "b"].map(str::to_owned).to_vec(), ..dataset(3, 3) };
     for kind in kinds() {
         conformance::entry(registry.find(Slot::Write, kind).expect("a kind"));
@@ -57,7 +57,7 @@ fn paths_are_told_before_a_run() {
         assert_eq!(unique.len(), told.len(), "{kind}: a path is told twice");
         let written = files(folder.path());
         if ["osd_amodal", "bop"].contains(&kind) {
-            // How many masks there are is not known before; a view without objects has none.
+            // The number of masks is not known before writing; a view without objects has no masks.
             let is_mask = |path: &str| ["_annotation/", "/mask/", "/mask_visib/"].iter().any(|of| path.contains(of));
             let is_first = |path: &&String| !is_mask(path) || path.ends_with("_1.png") || path.ends_with("_000000.png");
             assert!(written.keys().filter(is_first).all(|path| unique.contains(path)), "{kind}");

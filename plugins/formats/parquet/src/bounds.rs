@@ -1,8 +1,9 @@
-//! Sizes in a Parquet file, compared with the limits before the format's library reads it.
+//! Compares sizes in a Parquet file with the limits before the format's library reads it.
 //!
-//! The library allocates what headers state: the children of a group of the schema, the bytes of a page, the text of a statistic;
-//! and it calls itself once per level of the schema. Both can end the process. So the footer and the headers of the pages
-//! are read here first, in Thrift's compact protocol, without a tree in memory. What is damaged otherwise is left to the library.
+//! The library allocates memory for the sizes in headers: the children of a group of the schema, the bytes of a page,
+//! the text of a statistic. It also recurses once per level of the schema. Both can end the process. Therefore this
+//! module first reads the footer and the page headers, in Thrift's compact protocol, without a tree in memory. All
+//! other damage is left to the library.
 
 use parquet::basic::{Encoding, Type as Physical};
 use parquet::column::page::Page as DataPage;
@@ -16,17 +17,17 @@ use std::io::{Read, Seek, SeekFrom};
 use syntable_model::error::{Error, Result};
 use syntable_model::limits::{NESTING, PAGE_BYTES, TABLE_BYTES, TABLE_VALUES, TEXT_BYTES};
 
-/// How files end, after the length of the footer.
+/// Magic bytes at the end of a file, after the length of the footer.
 const MAGIC: &[u8] = b"PAR1";
 /// Bytes of the length of the footer and of [`MAGIC`].
 const TAIL: u64 = 8;
 /// Largest header of a page: a few numbers, and statistics with the smallest and the largest value.
 const PAGE_HEADER: u64 = 1 << 20;
-/// Bytes that are read of a page to find its header, and how many times more while the header is cut off.
+/// Bytes that are first read of a page to find its header, and the factor of growth while the header is incomplete.
 const PAGE_START: u64 = 4 << 10;
 const PAGE_GROWTH: u64 = 16;
 
-/// Types of the compact protocol that are read by themselves here.
+/// Types of the compact protocol that this module distinguishes.
 const TRUE: u8 = 1;
 const FALSE: u8 = 2;
 const LIST: u8 = 9;
@@ -38,8 +39,9 @@ const NUM_CHILDREN: i16 = 5;
 /// Fields of `PageHeader`.
 const UNCOMPRESSED: i16 = 2;
 const COMPRESSED: i16 = 3;
-/// Fields of `PageHeader` that are headers of kinds of pages: of data, of a dictionary, of data in the second version. The
-/// first field of each is the number of its values. With each, the field of the encoding of its values.
+/// Fields of `PageHeader` with the headers of each kind of page: data, dictionary, and data in the second version. The
+/// first field of each is the number of its values. The second number of each pair is the field with the encoding of
+/// its values.
 const KINDS: [(i16, i16); 3] = [(5, 2), (7, 2), (8, 4)];
 const OF_DICTIONARY: i16 = 7;
 const NUM_VALUES: i16 = 1;
@@ -50,7 +52,7 @@ fn damaged(what: &str) -> Error {
     Error::new(format!("not a readable Parquet file: {what}"))
 }
 
-/// Compares the footer with the limits: levels of the schema, and children that are there.
+/// Compares the footer with the limits: the levels of the schema, and the stated against the actual number of children.
 pub fn check_footer(file: &mut File) -> Result<()> {
     let io = |error: std::io::Error| damaged(&error.to_string());
     let length = file.metadata().map_err(io)?.len();
@@ -60,7 +62,7 @@ pub fn check_footer(file: &mut File) -> Result<()> {
     }
     file.seek(SeekFrom::Start(length - TAIL)).and_then(|_| file.read_exact(&mut tail)).map_err(io)?;
     let footer = u64::from(u32::from_le_bytes([tail[0], tail[1], tail[2], tail[3]]));
-    // The library says what is wrong.
+    // The library reports the error.
     if &tail[4..] != MAGIC || footer > length - TAIL {
         return Ok(());
     }
@@ -73,22 +75,22 @@ pub fn check_footer(file: &mut File) -> Result<()> {
     })
 }
 
-/// Columns whose texts headers do not bound, by their places: row group and column.
+/// Columns whose text sizes are not bounded by headers, by row group and column.
 #[derive(Debug, Default, PartialEq, Eq)]
 pub struct Uncounted {
-    /// Lists of texts that are together more than the limit if all elements are as long as the dictionary.
+    /// Lists of texts that would exceed the limit if all elements were as long as the dictionary.
     lists: Vec<(usize, usize)>,
     /// Texts that are stored as differences from each other.
     deltas: Vec<(usize, usize)>,
 }
 
-/// Compares the pages of some columns with the limits. Returns the columns that [`check_texts`] has to count.
+/// Compares the pages of some columns with the limits. Returns the columns that [`check_texts`] must count.
 pub fn check_pages(file: &mut File, metadata: &ParquetMetaData, wanted: impl Fn(&str) -> bool) -> Result<Uncounted> {
     let length = file.metadata().map_err(|error| damaged(&error.to_string()))?.len();
     let (mut table, mut listed, mut found) = (Sums::default(), 0_u64, Uncounted::default());
     for (group_number, group) in metadata.row_groups().iter().enumerate() {
         let columns = group.columns().iter().enumerate();
-        // Rows alone take space, if all of their values repeat.
+        // Rows take memory even if all their values repeat.
         let rows = u64::try_from(group.num_rows()).map_err(|_| damaged("a negative number of rows"))?;
         for (number, column) in
             columns.filter(|(_, it)| it.column_path().parts().first().is_some_and(|name| wanted(name)))
@@ -100,7 +102,7 @@ pub fn check_pages(file: &mut File, metadata: &ParquetMetaData, wanted: impl Fn(
             TABLE_BYTES.check(table.bytes)?;
             let descriptor = column.column_descr();
             if descriptor.max_rep_level() > 0 && descriptor.physical_type() == Physical::BYTE_ARRAY {
-                // Every element of a list of texts is a copy of an entry of the dictionary, or a part of a page.
+                // Every element of a list of texts is a copy of a dictionary entry, or a part of a page.
                 let most = of_column.dictionary.saturating_mul(of_column.values).saturating_add(of_column.bytes);
                 listed = listed.saturating_add(most);
                 found.lists.push((group_number, number));
@@ -110,19 +112,19 @@ pub fn check_pages(file: &mut File, metadata: &ParquetMetaData, wanted: impl Fn(
             }
         }
     }
-    // Lists that are short even if all elements are as long as the dictionary need not be counted.
+    // Lists within the limit even if all elements are as long as the dictionary need no count.
     if listed <= TABLE_BYTES.most {
         found.lists.clear();
     }
     Ok(found)
 }
 
-/// Texts that are decoded at once, in rows.
+/// Number of rows whose texts are decoded at once.
 const ROWS_AT_ONCE: usize = 64;
 
-/// Compares the texts of some columns with the limit. One row may have a list of millions of copies of a long entry of the
-/// dictionary, so the lengths are added up before any row is read. Values decoded from a dictionary share its memory; values
-/// decoded from differences do not, so these are added up first, without the library.
+/// Compares the texts of some columns with the limit. One row may have a list of millions of copies of a long
+/// dictionary entry, so the lengths are summed before any row is read. Values decoded from a dictionary share its
+/// memory. Values decoded from differences do not, so they are summed first, without the library.
 pub fn check_texts(reader: &impl FileReader, columns: Uncounted) -> Result<()> {
     let fail = |error: ParquetError| damaged(&error.to_string());
     TABLE_BYTES.check(delta_bytes(reader, &columns.deltas)?)?;
@@ -147,8 +149,9 @@ pub fn check_texts(reader: &impl FileReader, columns: Uncounted) -> Result<()> {
     Ok(())
 }
 
-/// Bytes of the values of the pages of some columns that are stored as differences: `DELTA_BYTE_ARRAY` stores of each text
-/// how many bytes it shares with the text before, so that a page of a few bytes may unfold to gigabytes. Stops above the limit.
+/// Bytes of the values in pages that store differences, for some columns. For each text, `DELTA_BYTE_ARRAY` stores the
+/// number of bytes that it shares with the text before, so a page of a few bytes may expand to gigabytes. Stops above
+/// the limit.
 fn delta_bytes(reader: &impl FileReader, columns: &[(usize, usize)]) -> Result<u64> {
     let fail = |error: ParquetError| damaged(&error.to_string());
     let mut bytes = 0_u64;
@@ -165,7 +168,7 @@ fn delta_bytes(reader: &impl FileReader, columns: &[(usize, usize)]) -> Result<u
                 _ => continue,
             };
             let mut data = Thrift { bytes: values_of(&page, levels)?, at: 0 };
-            // Lengths of shared beginnings, then of the rest of each text; or lengths of whole texts.
+            // The lengths of shared prefixes and then of the remainders of each text; or the lengths of whole texts.
             for _ in 0..lists {
                 data.lengths(values, |length| bytes = bytes.saturating_add(length))?;
             }
@@ -177,7 +180,7 @@ fn delta_bytes(reader: &impl FileReader, columns: &[(usize, usize)]) -> Result<u
     Ok(bytes)
 }
 
-/// The values of a data page, behind its levels of repetition and definition.
+/// The values of a data page, which follow its repetition and definition levels.
 fn values_of(page: &DataPage, levels: [i16; 2]) -> Result<&[u8]> {
     let cut = || damaged("the levels of a page are cut off");
     let skip = |bytes: &'_ [u8], count: u64| usize::try_from(count).ok().filter(|count| *count <= bytes.len());
@@ -219,7 +222,7 @@ struct Sums {
     has_deltas: bool,
 }
 
-/// Adds up the pages of a column by their headers.
+/// Sums the pages of a column by their headers.
 fn pages(file: &mut (impl Read + Seek), length: u64, column: &ColumnChunkMetaData) -> Result<Sums> {
     let number = |value: i64| u64::try_from(value).map_err(|_| damaged("a column starts or ends before the file"));
     let start = number(column.dictionary_page_offset().unwrap_or_else(|| column.data_page_offset()))?;
@@ -232,7 +235,7 @@ fn pages(file: &mut (impl Read + Seek), length: u64, column: &ColumnChunkMetaDat
         let (page, header) = loop {
             let size = start.min(most);
             match PageHeader::of(&read_range(file, at, size)?) {
-                // A header that is cut off, maybe.
+                // The header may be incomplete.
                 Err(_) if size < most => start *= PAGE_GROWTH,
                 page => break page?,
             }
@@ -247,7 +250,7 @@ fn pages(file: &mut (impl Read + Seek), length: u64, column: &ColumnChunkMetaDat
             true => sums.dictionary = sums.dictionary.max(uncompressed),
             false => sums.values = sums.values.saturating_add(values),
         }
-        // The library reads values of dictionaries at once, too.
+        // The library also reads the values of a dictionary at once.
         TABLE_VALUES.check(sums.values.max(values))?;
         at = at.saturating_add(header).saturating_add(compressed);
     }
@@ -265,7 +268,7 @@ struct PageHeader {
 }
 
 impl PageHeader {
-    /// Reads the header at the start of some bytes. Returns it with its length, bytes.
+    /// Reads the header at the start of some bytes. Returns the header and its length in bytes.
     fn of(bytes: &[u8]) -> Result<(Self, u64)> {
         let mut thrift = Thrift { bytes, at: 0 };
         let mut page = Self::default();
@@ -295,10 +298,10 @@ fn read_range(file: &mut (impl Read + Seek), start: u64, length: u64) -> Result<
     Ok(bytes)
 }
 
-/// Levels of structures and lists that the format has, and some more.
+/// Maximum nesting of structures and lists in the format, with a margin.
 const DEEPEST: u32 = 16;
 
-/// A place in bytes of Thrift's compact protocol.
+/// A position in bytes of Thrift's compact protocol.
 struct Thrift<'b> {
     bytes: &'b [u8],
     at: usize,
@@ -311,7 +314,7 @@ impl Thrift<'_> {
         Ok(byte)
     }
 
-    /// An unsigned number of groups of seven bits, the lowest first.
+    /// An unsigned number in groups of seven bits, the lowest group first.
     fn varint(&mut self) -> Result<u64> {
         let mut value = 0;
         for shift in (0..64).step_by(7) {
@@ -350,7 +353,7 @@ impl Thrift<'_> {
         }
     }
 
-    /// Number and type of the elements of a list, each of which takes a byte at least.
+    /// Number and type of the elements of a list. Each element takes at least one byte.
     fn list(&mut self) -> Result<(u64, u8)> {
         let head = self.byte()?;
         let count = if head >> 4 == 15 { self.varint()? } else { u64::from(head >> 4) };
@@ -373,7 +376,7 @@ impl Thrift<'_> {
     fn skip(&mut self, kind: u8, depth: u32) -> Result<()> {
         let inner = || depth.checked_sub(1).ok_or_else(|| damaged("its header is nested too deeply"));
         match kind {
-            // In a field, the type says the value.
+            // The type of a boolean field is its value.
             TRUE | FALSE => Ok(()),
             3 => self.skip_bytes(1),
             4..=6 => self.varint().map(drop),
@@ -390,7 +393,7 @@ impl Thrift<'_> {
                 let count = self.varint()?;
                 let kinds = if count > 0 { self.byte()? } else { 0 };
                 let depth = inner()?;
-                // Each entry takes a byte at least, or the loop ends with the bytes.
+                // Each entry takes at least one byte; otherwise the loop ends with the bytes.
                 (0..count).try_for_each(|_| {
                     self.skip_element(kinds >> 4, depth)?;
                     self.skip_element(kinds & 0x0f, depth)
@@ -405,7 +408,7 @@ impl Thrift<'_> {
         }
     }
 
-    /// Skips an element of a list, whose truth values take a byte.
+    /// Skips an element of a list, where a boolean takes one byte.
     fn skip_element(&mut self, kind: u8, depth: u32) -> Result<()> {
         match kind {
             TRUE | FALSE => self.skip_bytes(1),
@@ -413,8 +416,8 @@ impl Thrift<'_> {
         }
     }
 
-    /// The lengths of one list in the encoding `DELTA_BINARY_PACKED`, which has at most as many as the page has values: the
-    /// library allocates for the number that the list states. Negative lengths are left to the library, which refuses them.
+    /// The lengths in one list of the encoding `DELTA_BINARY_PACKED`. A list has at most as many lengths as the page
+    /// has values, but the library allocates for the stated number. The library refuses negative lengths.
     fn lengths(&mut self, most: u64, mut each: impl FnMut(u64)) -> Result<()> {
         let (block, parts, count, first) = (self.varint()?, self.varint()?, self.varint()?, self.integer(6)?);
         if count > most {
@@ -457,13 +460,13 @@ impl Thrift<'_> {
         Ok(())
     }
 
-    /// The elements of the schema, in the order of a walk: a group states how many children follow.
+    /// The elements of the schema in depth-first order. A group states the number of its children.
     fn schema(&mut self) -> Result<()> {
         let (count, kind) = self.list()?;
         if kind != STRUCT {
             return Err(damaged("its schema is no list of elements"));
         }
-        // Children that are still to come, of each group around an element.
+        // The remaining children of each group around an element.
         let mut open: Vec<u64> = Vec::new();
         for element in 0..count {
             let mut children = 0;
@@ -501,14 +504,14 @@ mod tests {
     use std::io::Write;
     use std::sync::Arc;
 
-    /// A file that has nothing but a footer with a schema of groups of so many columns.
+    /// A file that consists of a footer with a schema of groups with these numbers of children.
     fn check(children: &[u8]) -> Result<()> {
         let mut footer = vec![0x15, 2, 0x19, 0xfc];
-        // Zigzag of the version; a list of structures with its length behind it.
+        // The version in zigzag form, then a list of structures and its length.
         assert!(children.len() < 1 << 14);
         footer.extend([children.len() as u8 | 0x80, (children.len() >> 7) as u8]);
         for count in children {
-            // Field 4, a text; field 5, a number.
+            // Field 4 is a string, field 5 is a number.
             footer.extend([0x48, 1, b'x', 0x15, 2 * count, 0]);
         }
         footer.push(0);
@@ -558,7 +561,7 @@ mod tests {
         let length = file.metadata().expect("a file").len();
         let sums = pages(&mut file, length, column).expect("sound");
         assert_eq!(sums.values, 100_000);
-        // Headers are no part of the pages.
+        // Headers are not part of the pages.
         let stated = column.uncompressed_size() as u64;
         assert!(sums.bytes <= stated && sums.bytes + 200 > stated, "{} of {stated}", sums.bytes);
         assert!(check_pages(&mut file, reader.metadata(), |name| name == "a").is_ok());
@@ -580,7 +583,7 @@ mod tests {
         file
     }
 
-    /// Reads a file and counts the bytes.
+    /// A reader of a file that counts the bytes.
     struct CountedReader(File, u64);
 
     impl Read for CountedReader {
@@ -603,7 +606,7 @@ mod tests {
         let small = builder().set_data_page_row_count_limit(1).build();
         let values: Vec<i64> = (0..20_000).collect();
         let file = column::<Int64Type>("message m { REQUIRED INT64 a; }", small, &values, &[]);
-        // Statistics have the smallest and the largest value, which are longer than a first piece.
+        // Statistics contain the smallest and the largest value, which are longer than the first read.
         let long = builder().set_data_page_row_count_limit(2).set_statistics_truncate_length(None);
         let long = long.set_write_page_header_statistics(true).build();
         let texts: Vec<ByteArray> = (0..20_u8).map(|i| vec![i; 30_000].into()).collect();
@@ -636,14 +639,14 @@ mod tests {
             check_texts(&reader, uncounted)
         };
         assert_eq!(check(900_000, 100), Ok(()));
-        // One row whose list is longer than the limit by one element, and one that is not.
+        // A row whose list exceeds the limit by one element, and a row whose list does not.
         let (length, most) = (1_000_000, TABLE_BYTES.most as usize / 1_000_000);
         assert_eq!(check(length, most), Ok(()));
         let error = check(length, most + 1).expect_err("too long").to_string();
         assert!(error.contains("bytes of the columns of a Parquet table"), "{error}");
     }
 
-    /// Texts as differences from each other, as the library writes them: in lists and alone, on pages of both versions.
+    /// Texts stored as differences by the library: in lists and alone, on pages of both versions.
     #[test]
     fn differences_are_counted_without_unfolding_them() {
         let properties = |version| {
@@ -665,7 +668,7 @@ mod tests {
                 assert_eq!(delta_bytes(&reader, &found.deltas), Ok(length), "{schema}");
                 assert_eq!(check_texts(&reader, found), Ok(()));
             }
-            // A gigabyte in a list of one row, and in rows.
+            // A gigabyte in one row's list, and in separate rows.
             for (schema, levels) in [("REQUIRED BINARY", &none), ("REPEATED BINARY", &listed)] {
                 let schema = format!("message m {{ {schema} a (UTF8); }}");
                 let texts = vec![ByteArray::from("x".repeat(1 << 20).as_str()); 1000];
@@ -682,13 +685,13 @@ mod tests {
 
     #[test]
     fn lists_of_lengths_are_not_longer_than_their_page() {
-        // Blocks of 128 in 4 parts; a number of lengths; the first length.
+        // Blocks of 128 in 4 parts, the number of lengths, and the first length.
         let lengths = |bytes: &[u8]| {
             let (mut all, mut thrift) = (Vec::new(), Thrift { bytes, at: 0 });
             thrift.lengths(40, |length| all.push(length)).map(|()| (all, thrift.at))
         };
         assert_eq!(lengths(&[0x80, 1, 4, 1, 10]), Ok((vec![5], 5)));
-        // 34 lengths, each one more than the one before: no bits beside the least difference.
+        // 34 lengths that increase by one: besides the smallest difference, no bits are stored.
         assert_eq!(lengths(&[0x80, 1, 4, 34, 0, 2, 0, 0, 0, 0]), Ok(((0..34).collect(), 10)));
         let error = lengths(&[0x80, 1, 4, 0xff, 0xff, 0xff, 0xff, 0xff, 1, 10]).expect_err("too many").to_string();
         assert!(error.contains("a page of 40 values has 68719476735 lengths"), "{error}");

@@ -23,7 +23,7 @@ pub struct ParquetTable {
 }
 
 impl ParquetTable {
-    /// A table without rows. Refuses two columns of one name.
+    /// A table without rows. Refuses two columns with the same name.
     pub fn new(columns: Vec<(String, ColumnType)>) -> Result<Self> {
         let mut seen = BTreeSet::new();
         if let Some((name, _)) = columns.iter().find(|(name, _)| !seen.insert(name.as_str())) {
@@ -47,11 +47,11 @@ impl ParquetTable {
         Ok(())
     }
 
-    /// Writes the table as a file of one row group, or of none if it has no rows. Nothing in it depends on time. `path` names it in errors.
-    /// `categories` are COCO's list as JSON.
+    /// Writes the table as a file with one row group, or with none if the table has no rows. The content does not
+    /// depend on the clock. Errors report `path`. `categories` is COCO's list as JSON.
     pub fn write(self, out: impl Write + Send, path: &str, program: &str, categories: Option<String>) -> Result<()> {
         self.try_write(out, program, categories).map_err(|error| match error {
-            // An error of the disk is no fault of the scene.
+            // An error of the disk is not a fault of the scene.
             ParquetError::External(cause) if cause.is::<std::io::Error>() => {
                 cause.downcast_ref().map_or_else(|| Error::new(cause.to_string()), |io| Error::io(path, io))
             }
@@ -69,13 +69,13 @@ impl ParquetTable {
         let properties = WriterProperties::builder()
             .set_created_by(program.to_owned())
             .set_compression(Compression::SNAPPY)
-            // Images are compressed, and no two are alike.
+            // Images are already compressed, and no two are equal.
             .set_column_compression(bytes.clone(), Compression::UNCOMPRESSED)
             .set_column_dictionary_enabled(bytes.clone(), false)
             .set_column_statistics_enabled(bytes, EnabledStatistics::None)
             .set_key_value_metadata(Some(metadata).filter(|pairs| !pairs.is_empty()));
         let mut file = SerializedFileWriter::new(out, Arc::new(schema), Arc::new(properties.build()))?;
-        // Hugging Face `datasets` fails at a row group without rows.
+        // Hugging Face `datasets` fails on a row group without rows.
         if self.leaves.iter().flatten().any(|leaf| !leaf.definition.is_empty()) {
             let mut group = file.next_row_group()?;
             for leaf in self.leaves.iter().flatten() {

@@ -7,7 +7,7 @@ use syntable_model::prelude::*;
 
 /// Writes Parquet tables, which pandas, Polars, DuckDB and Hugging Face `datasets` read.
 ///
-/// # What it does
+/// # Behavior
 ///
 /// A table has a row per instance of a view, or with `rows = "views"` a row per view whose columns of instances are
 /// lists. The columns `scene`, `view`, `instance`, `width` and `height` identify the row; the other columns hold the
@@ -62,7 +62,7 @@ pub struct Parquet {
     pub images: ParquetImages,
 }
 
-/// What a row of a table is.
+/// Scope of a row of a table.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum ParquetRows {
@@ -72,15 +72,15 @@ pub enum ParquetRows {
     Views,
 }
 
-/// Where images are.
+/// Storage of the images.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum ParquetImages {
     /// No images.
     None,
-    /// PNG files beside the tables, whose paths the column `image_file` has.
+    /// PNG files next to the tables, with their paths in the column `image_file`.
     Files,
-    /// In the column `image`, in tables of views.
+    /// In the column `image`, in tables of views only.
     Embedded,
 }
 

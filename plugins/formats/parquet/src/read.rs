@@ -37,10 +37,10 @@ syntable_model::register_format!(
     .generic()
 );
 
-/// Folders of tables, those of views first: they have images without instances, too.
+/// Folders of tables. Tables of views come first, since they also contain images without instances.
 const FOLDERS: [&str; 2] = [VIEWS, INSTANCES];
 
-/// The tables of a dataset, or of one of its folders, that are called after a scene.
+/// The tables of a dataset, or of one of its folders, that are named by a scene.
 fn tables_of(root: &Path) -> Vec<PathBuf> {
     let of = |folder: &Path| {
         let is_one = |path: &PathBuf| {
@@ -56,7 +56,8 @@ fn tables_of(root: &Path) -> Vec<PathBuf> {
 /// Name of the library in errors.
 const LIBRARY: &str = "the library that reads Parquet";
 
-/// The folder of tables, whose names of images may lead to the folder beside it that the writer has for them.
+/// The folder of tables. If it is one of the writer's folders, image names may lead to the writer's folder of images
+/// next to it.
 fn folder_of(source: &Source, tables: &Path) -> Result<DatasetFolder> {
     if tables != source.path {
         return Ok(source.folder(&source.path)?.inner(tables.file_name().unwrap_or_default()));
@@ -70,7 +71,7 @@ fn folder_of(source: &Source, tables: &Path) -> Result<DatasetFolder> {
     }
 }
 
-/// A table that is open.
+/// An open table.
 struct TableReader {
     reader: SerializedFileReader<File>,
     path: PathBuf,
@@ -93,14 +94,14 @@ impl TableReader {
         self.schema().get_fields().iter().map(|field| field.name().to_owned()).collect()
     }
 
-    /// The categories that the metadata has.
+    /// The categories in the metadata.
     fn categories(&self) -> Option<Vec<Category>> {
         let pairs = self.reader.metadata().file_metadata().key_value_metadata()?;
         let list = pairs.iter().find(|pair| pair.key == CATEGORIES)?.value.as_ref()?;
         serde_json::from_str(list).ok()
     }
 
-    /// Gives each row, with some of the columns.
+    /// Calls `each` with each row, reading the wanted columns only.
     fn each_row(&self, wanted: impl Fn(&str) -> bool, each: &mut dyn FnMut(TableRow)) -> Result<()> {
         let fail = |error: ParquetError| unreadable(&self.path, &error);
         let mut file = decode::open(&self.path)?;
@@ -116,7 +117,7 @@ impl TableReader {
             for row in self.reader.get_row_iter(Some(schema)).map_err(fail)? {
                 let row: Row = row.map_err(fail)?;
                 let values: Vec<Field> = row.into_columns().into_iter().map(|(_, field)| field).collect();
-                // Texts are copies of entries of a dictionary, which take no space in the file.
+                // Texts are copies of dictionary entries, which take no space in the file.
                 bytes += values.iter().map(text_bytes).sum::<u64>();
                 TABLE_BYTES.check(bytes).map_err(|error| error.in_file(&self.path))?;
                 each(TableRow { names: Arc::clone(&names), values });
@@ -125,7 +126,7 @@ impl TableReader {
         })
     }
 
-    /// The rows with some of the columns.
+    /// All rows, with the wanted columns only.
     fn rows(&self, wanted: impl Fn(&str) -> bool) -> Result<TableRows> {
         let mut rows = TableRows::new();
         self.each_row(wanted, &mut |row| rows.push(row))?;
@@ -141,15 +142,15 @@ fn unreadable(path: &Path, error: &ParquetError) -> Error {
     }
 }
 
-/// Tables and the places of their rows.
+/// The tables and the positions of their rows.
 struct ParquetTables {
-    /// Scene and view of each image, its table by place in `paths`, and its size.
+    /// Scene and view of each image, the index of its table in `paths`, and its size.
     places: Vec<((u32, u32), usize, [u32; 2])>,
     paths: Vec<PathBuf>,
-    /// Their folder, from which names of images count.
+    /// Folder of the tables, to which image names are relative.
     folder: DatasetFolder,
     columns: BTreeSet<String>,
-    /// Rows of the tables that were read last, by table and columns: a scene has many views.
+    /// The rows of the most recently read tables, by table and columns: a scene has many views.
     latest: Latest<(usize, BTreeSet<String>), TableRows>,
 }
 
@@ -189,12 +190,13 @@ fn open(source: &Source) -> Result<Opened> {
     let (mut faults, mut views) = (Faults::default(), BTreeMap::<(u32, u32), (usize, [u32; 2])>::new());
     let (mut columns, mut names) = (BTreeSet::new(), BTreeMap::<u64, String>::new());
     let mut faulty = BTreeSet::new();
-    // Those of the first table that lists them; names of rows are only of objects that are there.
+    // The categories of the first table that lists them. The names in rows cover only the categories of existing
+    // objects.
     let mut categories = None;
-    // Rows of views have lists of instances.
+    // Rows of views contain lists of instances.
     let mut has_views = false;
     for (table, path) in paths.iter().enumerate() {
-        // Rows are kept until the last one was read: a table that is damaged is left out as a whole.
+        // Collects all rows before using them, since a damaged table is omitted as a whole.
         let read = TableReader::open(path).and_then(|table| {
             let rows = table.rows(|name| OWN.contains(&name) || [CATEGORY, CATEGORY_ID.name()].contains(&name))?;
             Ok((table.columns(), table.categories(), rows))
@@ -206,7 +208,7 @@ fn open(source: &Source) -> Result<Opened> {
                 continue;
             }
         };
-        // A table that lacks a column of another table is at fault when the column is read.
+        // If a table lacks a column that another table has, the error is reported when the column is read.
         columns.extend(own);
         categories = categories.or(listed);
         has_views |= rows.iter().any(|row| matches!(row.get(INSTANCE), Some(Field::ListInternal(_)) | None));
@@ -220,7 +222,7 @@ fn open(source: &Source) -> Result<Opened> {
             let size = [WIDTH, HEIGHT].map(|edge| number(edge).unwrap_or_default());
             match views.entry((scene, view)) {
                 Entry::Vacant(entry) => drop(entry.insert((table, size))),
-                // Other rows of instances of the view.
+                // Another row of an instance of the same view.
                 Entry::Occupied(first) if *first.get() == (table, size) && !has_views => {}
                 Entry::Occupied(first) => {
                     let file = read::file_name(path);
@@ -263,7 +265,7 @@ fn open(source: &Source) -> Result<Opened> {
     ))
 }
 
-/// The products that columns are made from, and their columns.
+/// The products that the columns represent, with the columns of each.
 fn products_of(columns: &BTreeSet<String>) -> BTreeMap<String, Vec<ParquetColumn>> {
     let of = |key: KeyId| {
         let own: Vec<ParquetColumn> =
@@ -305,7 +307,7 @@ impl SampleReader for ParquetTables {
         let mut fields = SampleFields::new();
         let first = rows.first().ok_or_else(|| refuse("its rows have changed".to_owned()))?;
         for (name, columns) in products {
-            // Other tables have these columns.
+            // Other tables may have these columns.
             if columns.iter().all(|column| first.get(&column.name).is_none()) {
                 continue;
             }
@@ -354,14 +356,14 @@ impl ParquetTables {
     }
 }
 
-/// The values of a product by instance. Cells without a value are of no instance.
+/// The values of a product by instance. A cell without a value is skipped.
 fn of_instances(columns: &[ParquetColumn], rows: &[&TableRow]) -> Result<Value> {
     let refuse = |what: &str| Error::new(what);
     let mut seen = BTreeSet::new();
     let mut values = BTreeMap::new();
     for row in rows {
         let ids = row.get(INSTANCE).map(cells).unwrap_or_default();
-        // A row of a view has lists, that of an instance has values.
+        // A row of a view has lists; a row of an instance has values.
         let is_view = matches!(row.get(INSTANCE), Some(Field::ListInternal(_)));
         let of_column = |column: &ParquetColumn| match row.get(&column.name) {
             Some(Field::ListInternal(list)) if is_view => list.elements().to_vec(),
@@ -387,7 +389,7 @@ fn of_instances(columns: &[ParquetColumn], rows: &[&TableRow]) -> Result<Value> 
     Ok(Value::PerInstance(values))
 }
 
-/// The elements of a list, or the only one.
+/// The elements of a list, or the single value.
 fn cells(field: &Field) -> Vec<Field> {
     match field {
         Field::ListInternal(list) => list.elements().to_vec(),
@@ -410,7 +412,7 @@ fn integer(field: &Field) -> Option<i128> {
     })
 }
 
-/// A cell as a value; null where there is none.
+/// A cell as a value; null if the cell does not exist.
 fn cell(field: Option<&Field>) -> Value {
     match field {
         Some(Field::Bool(value)) => (*value).into(),

@@ -1,6 +1,6 @@
 //! Names of files and columns, and the columns of products.
 //!
-//! A table has the same columns in all files of a dataset: they follow from the keys of the products, never from values.
+//! A table has the same columns in all files of a dataset: columns depend on the keys of the products, never on values.
 
 use crate::shred::ColumnType;
 use syntable_formats::json;
@@ -16,7 +16,7 @@ pub const VIEWS: &str = "views";
 pub const INSTANCES: &str = "instances";
 /// Folder of image files.
 pub const IMAGE_FOLDER: &str = "images";
-/// Key of the metadata that has the categories of the dataset.
+/// Key of the metadata with the categories of the dataset.
 pub const CATEGORIES: &str = "categories";
 
 /// Column of the scene's number.
@@ -35,14 +35,14 @@ pub const OWN: [&str; 5] = [SCENE, VIEW, INSTANCE, WIDTH, HEIGHT];
 pub const IMAGE_FILE: &str = "image_file";
 /// Column of an image in the table.
 pub const IMAGE: &str = "image";
-/// Field of [`IMAGE`] that has the file's content.
+/// Field of [`IMAGE`] with the file's content.
 pub const IMAGE_BYTES: &str = "bytes";
-/// Field of [`IMAGE`] that has the file's name.
+/// Field of [`IMAGE`] with the file's name.
 pub const IMAGE_PATH: &str = "path";
-/// The class beside `category_id`.
+/// Column of the category's name, next to `category_id`.
 pub const CATEGORY: &str = "category";
 
-/// A field of a record that has a column of its own.
+/// A field of a record that has its own column.
 type RecordField = (&'static str, fn() -> ColumnType);
 
 /// The records whose fields are columns; other records are JSON text.
@@ -62,7 +62,7 @@ fn fields(product: &str) -> Option<&'static [RecordField]> {
         ("px_count_visib", || ColumnType::Int),
         ("visib_fract", || ColumnType::Float),
     ];
-    // Without a value where the lens is free of distortion.
+    // Null if the lens has no distortion.
     const OF_CAMERA: &[RecordField] = &[
         ("K", matrix),
         ("world_from_camera", matrix),
@@ -84,7 +84,7 @@ fn matrix() -> ColumnType {
     ColumnType::list(ColumnType::Float)
 }
 
-/// COCO's compressed run lengths, as pycocotools takes them.
+/// COCO's compressed run lengths, as pycocotools accepts them.
 fn run_lengths() -> ColumnType {
     ColumnType::Struct(vec![("size", ColumnType::list(ColumnType::Int)), ("counts", ColumnType::Text)])
 }
@@ -94,7 +94,7 @@ pub fn image() -> ColumnType {
     ColumnType::Struct(vec![(IMAGE_BYTES, ColumnType::Bytes), (IMAGE_PATH, ColumnType::Text)])
 }
 
-/// A column that is made from a product.
+/// A column that represents a part of a product.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ParquetColumn {
     /// Its name in the table.
@@ -121,7 +121,7 @@ enum ColumnPart {
     Field(&'static str),
 }
 
-/// Refuses products that have no place in a table, with the reason and a remedy.
+/// Refuses products that a table cannot store, with the reason and a remedy.
 pub fn accept(key: &KeyId) -> Result<(), String> {
     let form = key.form();
     match form.of_one() {
@@ -189,7 +189,7 @@ pub fn value(columns: &[ParquetColumn], cells: &[Value]) -> Result<Value> {
     let mut record = Vec::new();
     for (column, cell) in columns.iter().zip(cells) {
         match (column.part, cell) {
-            // They say nothing new.
+            // These columns repeat information of other columns.
             (ColumnPart::Area | ColumnPart::Category, _) => {}
             (ColumnPart::Whole | ColumnPart::Runs, value) => return Ok(value.clone()),
             (ColumnPart::Json, Value::Text(text)) => {
@@ -206,7 +206,7 @@ pub fn value(columns: &[ParquetColumn], cells: &[Value]) -> Result<Value> {
     Ok(Value::Record(record))
 }
 
-/// The rows of a square matrix whose entries are given row by row; other values stay.
+/// The rows of a square matrix from its entries, row by row; other values are unchanged.
 fn square(value: &Value) -> Value {
     let Value::List(entries) = value else { return value.clone() };
     match entries.len() {

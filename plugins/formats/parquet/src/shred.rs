@@ -1,8 +1,9 @@
 //! Nested values as the flat columns of Parquet.
 //!
-//! Each leaf of a column's type is a list of its values with two levels per entry: the definition level counts the optional
-//! and repeated nodes above the value that are there, the repetition level says which list the entry continues. All nodes
-//! are optional, and lists have the three levels of the format's specification, so that any reader takes them for lists.
+//! Each leaf of a column's type is a list of its values with two levels per entry. The definition level counts the
+//! optional and repeated nodes above the value that exist. The repetition level identifies the list that the entry
+//! continues. All nodes are optional, and lists have the three levels of the format's specification, so every reader
+//! recognizes them as lists.
 
 use parquet::basic::{ConvertedType, LogicalType, Repetition, Type as Physical};
 use parquet::data_type::ByteArray;
@@ -15,7 +16,7 @@ use syntable_model::product::Value;
 /// The type of a cell. All cells may be null.
 #[derive(Debug, Clone, PartialEq)]
 pub enum ColumnType {
-    /// A truth value.
+    /// A boolean.
     Bool,
     /// A signed integer of 64 bits.
     Int,
@@ -86,7 +87,7 @@ impl ColumnType {
 
 /// The values of a leaf.
 pub enum LeafValues {
-    /// Truth values.
+    /// Booleans.
     Bool(Vec<bool>),
     /// Integers.
     Int(Vec<i64>),
@@ -106,12 +107,12 @@ pub struct ColumnLeaf {
     pub repetition: Vec<i16>,
 }
 
-/// Where an entry is in the nested lists.
+/// Position of an entry in the nested lists.
 #[derive(Clone, Copy)]
 struct LevelPlace {
     definition: i16,
     repetition: i16,
-    /// Number of lists around it.
+    /// Number of enclosing lists.
     depth: i16,
 }
 

@@ -96,7 +96,7 @@ struct ViewRows {
     view: u32,
     size: [u32; 2],
     image: Value,
-    /// All instances that a product has a value of, by id.
+    /// Ids of all instances for which any product has a value.
     instances: BTreeSet<InstanceId>,
     /// Cells of each product of the view by name, a list per column.
     cells: BTreeMap<String, ProductCells>,
@@ -143,7 +143,7 @@ impl ProductCells {
 }
 
 impl Parquet {
-    /// The cell of a view's image, which is written here if it has a file.
+    /// The cell of a view's image. Writes the image file, if images are files.
     fn image(&self, view: &str, products: &Products, output: &Output) -> Result<Value> {
         let path = image_path(view);
         Ok(match self.images {

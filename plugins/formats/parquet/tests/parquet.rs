@@ -20,7 +20,7 @@ const INCLUDE: &str = "include = [\"object_info\", \"category_id\", \"object_nam
                        \"visible_mask\", \"amodal_mask\", \"amodal_outline\", \"visibility\", \"camera\", \"label_policy\", \
                        \"flag\", \"wide\", \"note\", \"settle_report\", \"late\"]";
 
-/// Those of all writers, with products of other forms, and a scene in which nothing is seen.
+/// The scenes of all writers' tests, with additional products and a scene without visible objects.
 fn scenes() -> Vec<Take> {
     let mut scenes = takes();
     scenes.push(take(3, 4, &[Crowd::Nothing]));
@@ -44,7 +44,7 @@ fn scenes() -> Vec<Take> {
     scenes
 }
 
-/// Gives the camera of a view distortion.
+/// Adds lens distortion to the camera of a view.
 fn distort(products: &mut Products) {
     let Value::Record(mut fields) = products.get(CAMERA).expect("made").clone() else { panic!("no record") };
     fields.push(("distortion_k1_k2_p1_p2_k3".to_owned(), vec![0.1, -0.05, 0.001, 0.0, 0.25].into()));
@@ -62,7 +62,7 @@ fn write(root: &Path, options: &str) -> Vec<Take> {
     scenes
 }
 
-/// What the products are, a line of JSON per view, and the samples of its image.
+/// Writes the expected products as a line of JSON per view, and the samples of each image.
 fn write_truth(root: &Path, scenes: &[Take]) {
     let mut lines = String::new();
     let known = info().classes.len() as u32 + 1;
@@ -77,7 +77,7 @@ fn write_truth(root: &Path, scenes: &[Take]) {
                     }
                 }
             }
-            // The writer sees the categories of the dataset.
+            // Number of categories of the dataset, which the writer also receives.
             all.insert("categories".into(), known.into());
             let line = serde_json::json!({ "scene": scene.scene.id.0, "view": view.id.0, "products": all });
             lines += &format!("{line}\n");
@@ -133,7 +133,7 @@ fn the_kind_passes_the_checks_of_all_writers() {
     let registry = Registry::linked().expect("kinds are unique");
     conformance::entry(registry.find(Slot::Write, "parquet").expect("a kind"));
     let (takes, log) = (takes(), Collected::default());
-    // Its objects have categories of two classes.
+    // Objects have categories of two classes.
     let dataset = DatasetInfo { classes: ["a", "b"].map(str::to_owned).to_vec(), ..dataset(3, 3) };
     let folder = tempfile::tempdir().expect("a folder");
     let (view, products) = &takes[0].views[1];
@@ -148,7 +148,7 @@ fn files_depend_on_the_products_alone_and_are_told_before() {
         let [one, two] = [0, 1].map(|_| tempfile::tempdir().expect("a folder"));
         let scenes = write(one.path(), &options);
         let written = files(one.path());
-        // Times in files have a resolution of a second.
+        // File times have a resolution of one second.
         std::thread::sleep(std::time::Duration::from_millis(1100));
         write(two.path(), &options);
         assert!(written == files(two.path()), "the bytes differ");

@@ -1,4 +1,4 @@
-//! Tables are read back: each product equal to what was written, and the labels that follow from it.
+//! Reads tables back: each product equals the written product, and labels are computed from it.
 
 use serde_json::Value as Json;
 use std::path::Path;
@@ -9,7 +9,7 @@ use syntable_parquet as _;
 use syntable_testing::read_back::{assert_products, classes, opened, written};
 use syntable_testing::takes::open_dataset;
 
-/// What tables keep of a record: the fields that have columns.
+/// The part of a record that tables keep: the fields with columns.
 fn part(name: &str, mut value: Json) -> Json {
     let fields: &[&str] = match name {
         "object_info" => &["asset", "obj_id", "mass_kg", "world_from_object", "camera_from_object", "model_origin_m"],
@@ -51,7 +51,7 @@ fn products_come_back_and_labels_follow() {
         let known = classes();
         let names: Vec<(u32, &str)> = known.categories().collect();
         assert!(read.info.categories().all(|category| names.contains(&category)), "{options}");
-        // Tables of instances have no rows of images without any.
+        // Tables of instances have no rows for images without instances.
         let compared = assert_products(&read, &takes, options.contains("views"), part);
         assert!(compared > 60, "{options}: {compared}");
     }
@@ -64,7 +64,7 @@ fn large_tables_of_views_come_back() {
     use syntable_model::scene::ViewId;
     use syntable_testing::takes::{Crowd, dataset, take, write_scenes, writer};
     let (views, objects, [width, height]) = (100_u32, 15_u16, [64, 48]);
-    // Pixels as a generator has them make masks of more than a thousand runs.
+    // Random pixels make masks of more than a thousand runs.
     let mask = |view: u32, object: u16| {
         let mut state = u64::from(view * 100 + u32::from(object)).wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1;
         Mask::from_fn(width, height, |_, _| {
@@ -96,7 +96,7 @@ fn large_tables_of_views_come_back() {
     }
 }
 
-/// Links and names of images lead nowhere else, and what is no file is not waited for.
+/// Readers follow no link or image name out of the dataset, and do not wait for named pipes.
 #[cfg(unix)]
 #[test]
 fn nothing_outside_is_read() {
@@ -104,11 +104,11 @@ fn nothing_outside_is_read() {
     let folder = tempfile::tempdir().expect("a folder");
     written(folder.path(), "parquet", "");
     let data = folder.path().join("data");
-    // Tables name images of the folder beside theirs.
+    // Tables may refer to images in the folder next to theirs.
     let tables = reader::Source::new(data.join("instances"));
     assert!(read_all(&tables, "parquet").1.is_empty());
     pipes_are_not_waited_for(&data, "parquet");
-    // Of tables without the folder around them, the same names lead out.
+    // Without the parent folder, the same names lead out of the dataset.
     let alone = folder.path().join("alone");
     std::fs::create_dir(&alone).expect("writable");
     std::fs::copy(data.join("instances/000000.parquet"), alone.join("000000.parquet")).expect("copied");
@@ -136,7 +136,7 @@ fn what_is_damaged_is_named() {
         faults.into_iter().chain(errors).collect::<Vec<String>>()
     };
     assert!(said(folder.path()).is_empty());
-    // Cut off and changed anywhere, it is an error or other values, and never a panic.
+    // A truncated or modified file yields an error or different values, but never a panic.
     let mut stream = Stream::root(3);
     for step in 0..60 {
         let mut changed = bytes.clone();

@@ -9,7 +9,7 @@ use syntable_model::product::standard::{AMODAL_MASK, DEPTH, OCCLUSION_MASK, RGB,
 
 /// Writes contact sheets, to check images and labels at a glance.
 ///
-/// # What it does
+/// # Behavior
 ///
 /// Each view is a row of panels. Every instance has its own color, the same in all panels and views of a scene.
 ///
@@ -99,7 +99,7 @@ impl ImageWriter for ContactSheet {
     }
 }
 
-/// Maximum number of sheets of a scene whose paths are said before a run.
+/// Maximum number of sheets per scene whose paths are announced before a run.
 const MOST_PATHS: u32 = 100;
 
 fn sheet_path(id: &str, scene: u32, sheet: u32) -> String {
@@ -109,7 +109,7 @@ fn sheet_path(id: &str, scene: u32, sheet: u32) -> String {
 /// The state of a scene between its views.
 #[derive(Default)]
 pub struct SheetRows {
-    /// Number of sheets that are written.
+    /// Number of sheets written so far.
     written: u32,
     /// Rows of the current sheet.
     rows: Vec<DrawCanvas>,
@@ -128,7 +128,7 @@ impl SheetRows {
 impl Panel {
     /// Draws the panel at full size, to be shrunk to `shown` columns.
     fn draw(self, products: &Products, width: u32, shown: u32) -> Result<Plane<[u8; 3]>> {
-        // Lines of this width are one pixel wide once the panel is shrunk.
+        // Lines of this width are one pixel wide after the panel is shrunk.
         let line = width.div_ceil(shown.max(1));
         match self {
             Self::Rgb => products.get(RGB).cloned(),

@@ -10,7 +10,7 @@ const EXTENSION: &str = "exr";
 
 /// Writes float images as OpenEXR files.
 ///
-/// # What it does
+/// # Behavior
 ///
 /// Stores 16- and 32-bit float images of up to 4 channels, such as `radiance`, `depth` and `normal`, in their own
 /// precision and with lossless ZIP compression. The meaning of the product determines the names of the channels:
@@ -89,7 +89,7 @@ impl ProductWriter for Exr {
     }
 }
 
-/// Writes the images as layers of one file, if there are any.
+/// Writes the images as layers of one file. Without images, no file is written.
 fn write_layers(included: &IncludedProducts, precision: Precision) -> Result<()> {
     let mut layers = Vec::new();
     included.for_each_image(|product, id, kind, value| {

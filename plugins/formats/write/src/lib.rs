@@ -14,12 +14,12 @@
 //! | [`webdataset`] | tar files of samples, with any product |
 //! | [`contact_sheet`] | images, masks and occlusion side by side |
 //!
-//! Generic writers put their files into a folder named after the writer's id in the recipe, as
-//! `{product}/{scene:06}_{view:04}`, counted from 0. They know no product by name: [`syntable_formats::encode`] decides by kind of value
-//! what a file can hold.
+//! Generic writers write to a folder named after the writer's id in the recipe, as `{product}/{scene:06}_{view:04}`,
+//! counted from 0. They know no product by name: [`syntable_formats::encode`] decides by the kind of value whether a
+//! file format can store it.
 //!
-//! **Invariants.** Files depend on the products alone: no clock, no machine, no order of scenes. Files that cover many
-//! scenes are streamed line by line from the scenes' shards, so that memory does not grow with the dataset.
+//! **Invariants.** Files depend on the products only: not on the clock, the machine or the order of scenes. Files that
+//! cover many scenes are streamed line by line from the scenes' shards, so memory does not grow with the dataset.
 
 pub mod contact_sheet;
 pub mod exr;

@@ -7,12 +7,12 @@ use syntable_formats::writer::ProductWriter;
 use syntable_model::prelude::*;
 
 const EXTENSION: &str = "npy";
-/// End of the name of a file of instance ids.
+/// Suffix of the file name of instance ids.
 const IDS_END: &str = "_ids";
 
 /// Writes numeric arrays as NumPy files.
 ///
-/// # What it does
+/// # Behavior
 ///
 /// Stores values unchanged: images as `[height, width]` or `[height, width, channels]` in their own type, masks as
 /// bool, numbers and lists of numbers as float64, int64 or uint64. A product per instance is one array with the

@@ -9,7 +9,7 @@ use syntable_model::product::{StatedCamera, Tensor};
 
 /// Writes the point cloud of each view as a PLY file.
 ///
-/// # What it does
+/// # Behavior
 ///
 /// Each pixel with a depth is a point, row by row from the top left. Lens distortion is taken into account. Points have
 /// the properties `x`, `y`, `z` (float, meters), with `colors` also `red`, `green`, `blue` (uchar), and with
@@ -32,7 +32,7 @@ pub struct Ply {
     pub instances: bool,
 }
 
-/// A frame of coordinates.
+/// A coordinate frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum PointFrame {

@@ -11,15 +11,15 @@ const EXTENSION: &str = "png";
 
 /// Writes images and masks as PNG files.
 ///
-/// # What it does
+/// # Behavior
 ///
 /// The kind of value determines how a product is stored:
 ///
 /// | product | samples |
 /// | --- | --- |
-/// | 8-bit image of 1, 3 or 4 channels, such as `rgb` and `appearance` | as they are; the fourth is opacity |
-/// | 16-bit image, such as the ids of `instance` | as they are |
-/// | mask, image of truth values | 8-bit: 255 where it is set, 0 elsewhere |
+/// | 8-bit image of 1, 3 or 4 channels, such as `rgb` and `appearance` | unchanged; the fourth is opacity |
+/// | 16-bit image, such as the ids of `instance` | unchanged |
+/// | mask, image of booleans | 8-bit: 255 where it is set, 0 elsewhere |
 /// | depth in meters | 16-bit: multiples of `depth_scale_mm`, rounded; 0 without a value |
 /// | normal | 8-bit RGB preview: x right, y up, z toward the viewer; 128 is zero |
 /// | linear color without a unit, such as `albedo` | 8-bit RGB preview, sRGB-encoded |
@@ -29,8 +29,8 @@ const EXTENSION: &str = "png";
 /// # Output
 ///
 /// `{id}/{product}/{scene:06}_{view:04}.png`, and for a product per instance
-/// `{id}/{product}/{scene:06}_{view:04}_{instance:04}.png`. A product of the scene has no `_{view:04}`. With ids of
-/// categories, `{id}/categories.json` has their names, in COCO's form.
+/// `{id}/{product}/{scene:06}_{view:04}_{instance:04}.png`. A product of the scene has no `_{view:04}`. If category ids
+/// are included, `{id}/categories.json` has their names in COCO's form.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Png {
@@ -43,7 +43,7 @@ pub struct Png {
     pub depth_scale_mm: f64,
     /// Whether to crop images per instance with an opacity, such as `appearance`, to the box of their pixels that are
     /// not fully transparent, at least one pixel. `appearance_box` has the position of this box in the image. By
-    /// default, they have the size of the image.
+    /// default, they have the size of the full image.
     pub crop: bool,
 }
 
@@ -84,7 +84,8 @@ impl ProductWriter for Png {
     }
 }
 
-/// An image of 8 bits with an opacity, cut to the box of what is not transparent; none of another kind.
+/// An 8-bit image with opacity, cropped to the box of its pixels that are not fully transparent; none for other kinds
+/// of images.
 fn cropped(value: &Value) -> Option<Value> {
     let Value::Tensor(Tensor { dtype: DType::U8, shape, bytes, .. }) = value else { return None };
     let &[height, width, 4] = &shape[..] else { return None };

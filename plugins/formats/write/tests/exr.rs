@@ -9,13 +9,13 @@ use syntable_testing::takes::{Crowd, Take, dataset, take, write_scenes, writer};
 use syntable_testing::tools::{own_script, python_with};
 use syntable_write as _;
 
-/// Float images of a plugin that no writer knows.
+/// Float images of a plugin that the writers do not know.
 const HEAT: Key<Plane<f32>> = Key::view("heat", "Temperature at the pixel center.");
 const FLOW: Key<Plane<[f32; 2]>> = Key::view("flow", "Motion of the surface point.");
 const LAYERS: Key<Plane<[f32; 4]>> = Key::view("layers", "Four numbers per pixel.");
 const THICKNESS: Key<PerInstance<Value>> = Key::view("thickness", "Thickness of each object along the ray.");
 
-/// A view with all of them, of random bit patterns: infinities, NaN and subnormal numbers included.
+/// A view with all of these products, filled with random bit patterns, including infinities, NaN and subnormal numbers.
 fn foreign() -> Take {
     let mut take = take(0, 3, &[Crowd::Random]);
     let (view, mut products) = take.views.remove(0);

@@ -1,4 +1,4 @@
-//! What each writer writes, by its own description.
+//! Tests each writer's files against the writer's description.
 
 use exr::prelude::f16;
 use serde_json::{Value as Json, json};
@@ -37,7 +37,7 @@ fn every_kind_conforms() {
     let all =
         ["contact_sheet", "exr", "gltf", "jsonl", "npy", "npz", "ply", "png", "syntable", "template", "webdataset"];
     assert_eq!(kinds, all);
-    // Its objects have categories of two classes.
+    // Objects have categories of two classes.
     let dataset = DatasetInfo { classes: ["a", "b"].map(str::to_owned).to_vec(), ..dataset(1, 1) };
     let (take, log) = (take(0, 3, &[Crowd::Random]), Collected::default());
     let (view, products) = &take.views[0];
@@ -100,7 +100,7 @@ fn the_order_of_scenes_and_a_second_finish_change_nothing() {
         let takes = write_all(one.path(), "w", kind, options);
         let (writer, dataset) = (writer(kind, options).expect("good options"), dataset(3, 3));
         let other = || StoreFolder::from(Arc::clone(&store));
-        // In parts, as a run that was stopped and continued, and in memory.
+        // In two parts, like an interrupted and resumed run, and in memory.
         write_scenes(other(), "w", &*writer, &dataset, [&takes[2]]).expect("written");
         finish(other(), "w", &*writer, &dataset, &[2]).expect("finished");
         write_scenes(other(), "w", &*writer, &dataset, [&takes[1], &takes[0]]).expect("written");
@@ -120,7 +120,7 @@ fn syntable_writes_one_record_per_image() {
     let json = read_json(&folder.path().join("annotation_final.json"));
     assert_eq!(keys(&json), ["info", "licenses", "categories", "images", "annotations", "scenes"]);
     assert_eq!(json["info"]["description"], json!("a \"test\""));
-    // Nine views; ids follow from scene and view; the two without objects are listed.
+    // Nine views; ids follow from scene and view; the two views without objects are listed.
     let images = json["images"].as_array().expect("a list");
     assert_eq!(
         images.iter().map(|image| image["id"].as_u64()).collect::<Vec<_>>(),
@@ -138,13 +138,13 @@ fn syntable_writes_one_record_per_image() {
     let hidden: Vec<&Json> = of(6).collect();
     assert_eq!(hidden.len(), 1);
     assert_eq!((&hidden[0]["occluded_rate"], &hidden[0]["visible_bbox"]), (&json!(1.0), &json!([0, 0, 0, 0])));
-    // Full precision, and the rounded rate beside it.
+    // The exact rate in full precision, and the rounded rate.
     let (_, products) = &takes[0].views[0];
     for annotation in of(1) {
         let id = InstanceId(annotation["instance_id"].as_u64().expect("an id") as u16);
         let rate = *products.get(OCCLUSION_RATE).expect("made").get(id).expect("annotated");
         assert_eq!(annotation["occluded_rate"], json!(rate));
-        // A fully hidden object has no other box than the amodal one.
+        // A fully hidden object has only the amodal box.
         let visible = products.get(VISIBLE_MASK).expect("made").get(id).is_some_and(|mask| !mask.is_empty());
         assert_eq!(annotation["bbox"], annotation[if visible { "visible_bbox" } else { "amodal_bbox" }]);
         assert_eq!(annotation["area"], json!(products.get(AMODAL_MASK).expect("made").get(id).expect("there").area()));
@@ -157,7 +157,7 @@ fn syntable_writes_one_record_per_image() {
     );
 }
 
-/// A dataset that has grown has scenes of fewer views, which were written when the recipe had fewer.
+/// A growing dataset may contain scenes with fewer views, from an earlier version of the recipe.
 #[test]
 fn image_ids_are_unique_in_a_dataset_that_has_grown() {
     for compat in ["coco", "syntable_1"] {
@@ -185,7 +185,7 @@ fn image_ids_are_unique_in_a_dataset_that_has_grown() {
         let (images, annotations) = (of("images", "id"), of("annotations", "image_id"));
         if compat == "coco" {
             assert_eq!(images.len(), 8, "every id is of one image");
-            // Instances of each image as its own record lists them.
+            // Instances of each image, as its record lists them.
             let listed: Vec<u64> = json["images"]
                 .as_array()
                 .expect("a list")
@@ -196,7 +196,7 @@ fn image_ids_are_unique_in_a_dataset_that_has_grown() {
         } else {
             assert_eq!(annotations, images);
         }
-        // A scene of more views than the recipe has is not given the ids of the next scene.
+        // A scene with more views than the recipe must not receive the ids of the next scene.
         let error = finish(folder.path(), "w", &*writer, &dataset(3, 2), &[0, 1, 2]).expect_err("too many").to_string();
         assert!(error.contains("scene 0") && error.contains("2 views per scene"), "{error}");
     }
@@ -251,7 +251,7 @@ fn syntable_can_leave_empty_images_out() {
     assert!(folder.path().join("a/b/parameters/recipe.toml").is_file());
 }
 
-/// No object becomes one of another category without a word.
+/// A missing category is an error; no object silently gets another category.
 #[test]
 fn categories_that_the_dataset_has_not_are_refused() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -275,7 +275,7 @@ fn categories_that_the_dataset_has_not_are_refused() {
     assert!(error.contains(&format!("instance {}", ids[0])), "{error}");
 }
 
-/// The annotation file says what the ids of table and room stand for, and which class an object is of.
+/// The annotation file explains the ids of table and room, and the class of each object.
 #[test]
 fn scenes_and_classes_are_in_the_annotation_file() {
     use syntable_formats::syntable;
@@ -314,13 +314,13 @@ fn scenes_and_classes_are_in_the_annotation_file() {
     }
 }
 
-/// Depth and names beside those of the release.
+/// Depth and names match the release.
 #[test]
 fn the_syntable_1_form_truncates_in_single_precision_and_has_no_slash_in_names() {
     let mut take = take(0, 1, &[Crowd::Random]);
     let (view, products) = take.views.remove(0);
-    // float32(0.7) is 0.699999988, and 1000 times that is 700 in float32, 699.999988 in float64. The others are the same
-    // in both: 2.0015, 1.2340001 and a depth that there is none of.
+    // float32(0.7) is 0.699999988, and 1000 times this value is 700 in float32 but 699.999988 in float64. The other
+    // values are equal in both: 2.0015, 1.2340001 and a missing depth.
     let depths = [0.7_f32, 2.0015, 1.234_000_1, f32::INFINITY];
     let mut other = Products::new();
     other.put(DEPTH, Plane::from_fn(64, 48, |x, _| depths[x as usize % 4])).expect("first");
@@ -388,7 +388,7 @@ fn the_syntable_1_form_has_its_quirks() {
         assert!(rate < 1.0 && (rate * 100.0 - (rate * 100.0).round()).abs() < 1e-9, "{rate}");
         assert_eq!(annotation["area"], json!(0));
     }
-    // No view without annotations is listed, and neither is the one in which all is hidden.
+    // Views without annotations are not listed, and neither is the view whose objects are all hidden.
     assert!(annotations.iter().all(|annotation| ![5, 6, 9].contains(&annotation["image_id"].as_u64().expect("an id"))));
     let header = std::fs::read(folder.path().join("data/mono/occlusion_order/1_2.npy")).expect("there");
     assert_eq!(header.len(), 128, "no object is annotated, so the matrix is 0 × 0");
@@ -439,7 +439,7 @@ fn debug_masks_are_named_by_spawn_number() {
     let pfm = &files["data/mono/depth/0_0.pfm"];
     let header = b"Pf\n64 48\n-1.000000\n";
     assert!(pfm.starts_with(header) && pfm.len() == header.len() + 64 * 48 * 4);
-    // Bottom row first.
+    // The bottom row comes first.
     let first = f32::from_le_bytes(pfm[header.len()..][..4].try_into().expect("four bytes"));
     assert_eq!(first, *products.get(DEPTH).expect("made").at(0, 47));
     assert_eq!(pixels("data/mono/depth/visuals/0_0.png").iter().max(), Some(&255));
@@ -448,7 +448,7 @@ fn debug_masks_are_named_by_spawn_number() {
 #[test]
 fn debug_masks_of_a_dataset_that_was_read_are_made_from_its_labels() {
     let folder = tempfile::tempdir().expect("a folder");
-    // Its objects have categories of two classes.
+    // Objects have categories of two classes.
     let dataset = DatasetInfo { classes: ["a", "b"].map(str::to_owned).to_vec(), ..dataset(1, 1) };
     let (take, log) = (take(0, 9, &[Crowd::Random]), Collected::default());
     let (view, products) = &take.views[0];
@@ -480,7 +480,7 @@ fn debug_masks_of_a_dataset_that_was_read_are_made_from_its_labels() {
     assert_eq!(log.warnings(), []);
 }
 
-/// One file per view, without pickles; the same bytes again; products of other instances are refused.
+/// One file per view, without pickles; repeated runs give the same bytes; products of different instances are refused.
 #[test]
 fn archives_hold_the_arrays_of_a_view() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -518,7 +518,7 @@ fn archives_hold_the_arrays_of_a_view() {
     let (writer, dataset) = (writer("npz", "include = [\"visible_box\", \"other\"]").expect("good"), dataset(1, 1));
     let mut take = take(0, 3, &[Crowd::Random]);
     products! {
-        /// Not of the same instances.
+        /// Has other instances than the other products.
         pub const OTHER: Key<PerInstance<u32>> = view("other");
     }
     take.views[0].1.put(OTHER, PerInstance::from_iter([(InstanceId(77), 1)])).expect("first");
@@ -537,7 +537,7 @@ fn labels_that_disagree_are_an_error() {
     let error = write_scenes(folder.path(), "w", &*writer, &dataset, &[take]).expect_err("refused").to_string();
     assert!(error.contains("is in the masks but not in `amodal_mask`"), "{error}");
 
-    /// All products but the amodal masks.
+    /// Copies all products except the amodal masks.
     fn copy_all_but_amodal(products: &mut Products, source: &Products) {
         macro_rules! copy {
             ($($key:expr),*) => {$( products.put($key, source.get($key).expect("made").clone()).expect("first"); )*};
@@ -645,15 +645,15 @@ products! {
     const WEAR: Key<Plane<f16>> = scene("wear");
     /// Motion of the surface point.
     const MOTION: Key<Plane<[f16; 2]>> = view("motion").unit("px");
-    /// Difference to the last view.
+    /// Difference from the previous view.
     const CHANGE: Key<Plane<i16>> = view("change");
     /// Fraction of the views in which the object is visible, made from all views.
     const SEEN: Key<PerInstance<f64>> = scene("seen");
-    /// Number of objects of all scenes.
+    /// Number of objects in all scenes.
     const TOTAL: Key<Value> = dataset("total").form(|| Form::Record);
 }
 
-/// A scene of two views with products of every scope: `relief` is known before the views, `wear` and `seen` are not.
+/// A scene of two views with products of every scope: `relief` exists before the views, `wear` and `seen` do not.
 fn take_with_scopes() -> Take {
     let mut take = take(0, 2, &[Crowd::Random, Crowd::Nothing]);
     let relief = Plane::from_fn(5, 4, |x, y| (700 + 300 * x + y) as u16);
@@ -727,7 +727,7 @@ fn half_floats_and_signed_integers_are_kept() {
         assert!(file[10..].starts_with(header.as_bytes()), "{name}: {}", String::from_utf8_lossy(&file[..100]));
         assert!(file.len() == 128 + bytes.len() && file.ends_with(&bytes), "{name}");
     }
-    // EXR stores 16-bit floats as they are, `half` or not.
+    // EXR stores 16-bit floats unchanged, with or without `half`.
     let image = exr::prelude::read_all_flat_layers_from_file(folder.path().join("exr/motion/000000_0001.exr"));
     let image = image.expect("an EXR file");
     let channels = &image.layer_data[0].channel_data.list;
@@ -892,7 +892,7 @@ fn faults_of_templates_name_file_and_line() {
     assert!(error.contains("`../0` is not a path inside the dataset"), "{error}");
 }
 
-/// What a writer of templates refuses of a template per `per` that includes the visible boxes.
+/// The writer's error for a template with this `per` and the visible boxes; none if it is accepted.
 fn refused(per: &str, template: &str) -> Option<String> {
     let options = format!("per = {per:?}\ninclude = [\"visible_box\"]\ntemplate = {template:?}");
     writer("template", &options).err()

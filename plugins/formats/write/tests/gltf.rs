@@ -1,4 +1,4 @@
-//! The glTF writer: what another library reads is the scene that was written.
+//! The glTF writer: the scene that another library reads equals the written scene.
 
 use gltf::mesh::util::ReadIndices;
 use serde_json::{Value as Json, json};
@@ -21,7 +21,8 @@ fn texture(width: u32, height: u32, encoding: Encoding, texel: impl Fn(u32, u32)
     Arc::new(Texture { width, height, texels, encoding, wrap: [Wrap::Repeat, Wrap::Clamp], digest })
 }
 
-/// A box of 20 × 30 × 40 cm with shared corners, texture coordinates, colors and two material slots: the top is the second.
+/// A box of 20 × 30 × 40 cm with shared corners, texture coordinates, colors and two material slots: the top is the
+/// second.
 fn crate_mesh() -> Mesh {
     let corner = |i: usize| [(i & 1) as f32 * 0.2, (i >> 1 & 1) as f32 * 0.3, (i >> 2 & 1) as f32 * 0.4];
     let quads = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
@@ -52,7 +53,7 @@ fn object(name: &str, mesh: Arc<Mesh>, materials: Vec<Material>) -> Arc<Object> 
     })
 }
 
-/// A material with every layer; its textures have other channels than glTF's.
+/// A material with every layer; its textures use other channels than glTF.
 fn rich() -> Material {
     let color = texture(4, 2, Encoding::Srgb, |x, y| [x as u8 * 60, y as u8 * 100, 9, 255 - x as u8]);
     let rough = texture(2, 2, Encoding::Linear, |x, y| [(x + 2 * y) as u8 * 40, 0, 0, 255]);
@@ -106,7 +107,7 @@ fn scene() -> Scene {
     );
     let moved = TextureMapping::Uv(UvTransform { scale: [2.0, 4.0], rotation: 0.0, offset: [0.5, 0.0] });
     add(&shared, pose([0.0; 3], [0.0; 3]), Role::Room, Some(MaterialOverride { material: wood, mapping: moved }));
-    // Parts of one mechanism are exported as bodies, where they are.
+    // Links of a mechanism are exported as bodies at their current poses.
     let hinge = Joint {
         parent: 0,
         kind: JointKind::Revolute,
@@ -119,7 +120,7 @@ fn scene() -> Scene {
     let links = vec![link("base", base, None), link("lid", lid, Some(hinge))];
     builder.articulations.push(Articulation { name: "box".into(), links });
     let scene = builder.freeze(SceneId(3), 0, SettleReport::default()).expect("a scene");
-    // Objects get the first ids, whatever the order of the links.
+    // Objects get the first ids, regardless of the order of the links.
     let bodies: Vec<u16> = scene.articulations[0].links.iter().map(|link| link.body.0).collect();
     assert_eq!(bodies, [3, 1]);
     scene
@@ -201,7 +202,7 @@ fn view(number: u32) -> View {
     }
 }
 
-/// Writes the scene with two views; files by path.
+/// Writes the scene with two views. Returns the files by path.
 fn write(options: &str) -> BTreeMap<String, Vec<u8>> {
     let folder = tempfile::tempdir().expect("a folder");
     let (writer, dataset, scene) = (writer("gltf", options).expect("good options"), dataset(4, 2), scene());
@@ -216,7 +217,7 @@ fn write(options: &str) -> BTreeMap<String, Vec<u8>> {
     files(folder.path())
 }
 
-/// A file read by another library, and its JSON.
+/// Opens a file with another library. Also returns its JSON.
 fn open(bytes: &[u8]) -> (gltf::Gltf, Json) {
     let size = u32::from_le_bytes(bytes[12..16].try_into().expect("four bytes")) as usize;
     let json = serde_json::from_slice(&bytes[20..20 + size]).expect("JSON");
@@ -228,7 +229,7 @@ fn one(options: &str) -> (gltf::Gltf, Json) {
 }
 
 fn product(a: Matrix, b: Matrix) -> Matrix {
-    // Columns of columns, as glTF has them.
+    // Matrices are lists of columns, as in glTF.
     std::array::from_fn(|c| std::array::from_fn(|r| (0..4).map(|k| a[k][r] * b[c][k]).sum()))
 }
 
@@ -252,7 +253,7 @@ fn world(document: &gltf::Document) -> BTreeMap<String, (Matrix, usize)> {
     found
 }
 
-/// y up as z up.
+/// Converts y up to z up.
 fn z_up(p: Point3<f64>) -> Point3<f64> {
     Point3::new(p.x, -p.z, p.y)
 }
@@ -300,7 +301,7 @@ fn bodies_have_their_poses() {
         }
         let data = body.object.mesh.data();
         assert_eq!(triangles.len(), data.triangles.len());
-        // The triangles come slot by slot; ours of slot 0 first.
+        // Triangles are sorted by slot; ours of slot 0 come first.
         let mut order: Vec<usize> = (0..12).collect();
         if body.material_override.is_none() {
             order.sort_by_key(|&t| data.slots[t]);
@@ -312,7 +313,7 @@ fn bodies_have_their_poses() {
             }
         }
     }
-    // The numbers of the file themselves are those of the pose, in full.
+    // The file contains the exact numbers of the pose.
     let (_, node) = nodes["1 pool/crate"];
     let want: [f64; 3] = scene.bodies()[0].world_from_body.translation.vector.into();
     assert_eq!(json["nodes"][node]["translation"], json!(want));
@@ -325,10 +326,10 @@ fn meshes_and_images_are_written_once() {
     let mesh = |i: usize| json["nodes"][i]["mesh"].as_u64().expect("a mesh");
     assert_eq!(mesh(1), mesh(2));
     assert_eq!(file.meshes().count(), 3);
-    // Two slots: one material each; over all: one.
+    // Two slots have one material each; an override covers both.
     let used: Vec<Vec<usize>> = (0..3).map(|i| parts(&file, i).iter().map(|part| part.material).collect()).collect();
     assert_eq!(used, [vec![0, 1], vec![2], vec![2]]);
-    // Color; roughness and metalness packed; metalness as normals; as clearcoat; roughness as sheen.
+    // Color; packed roughness and metalness; metalness as normals; metalness as clearcoat; roughness as sheen.
     assert_eq!(file.images().count(), 5);
     assert_eq!(json["samplers"], json!([{ "magFilter": 9729, "minFilter": 9987, "wrapS": 10497, "wrapT": 33071 }]));
     for view in json["bufferViews"].as_array().expect("views") {
@@ -364,7 +365,7 @@ fn materials_match_the_scene() {
     assert_eq!((&rich["alphaMode"], &pbr["metallicFactor"]), (&json!("BLEND"), &json!(0.75)));
     let transform = &pbr["baseColorTexture"]["extensions"]["KHR_texture_transform"];
     assert_eq!((&transform["scale"], &transform["rotation"]), (&json!([2.0, 3.0]), &json!(0.5)));
-    // Nits: factor times strength.
+    // Nits are the factor times the strength.
     let extensions = &rich["extensions"];
     assert_eq!(extensions["KHR_materials_emissive_strength"]["emissiveStrength"], json!(300.0));
     assert_eq!(rich["emissiveFactor"], json!([1.0, 0.5, 0.0]));
@@ -403,7 +404,8 @@ fn materials_match_the_scene() {
 fn textures_over_whole_bodies_become_coordinates() {
     let (file, json) = one("lights = \"none\"");
     let mesh = |node: usize| json["nodes"][node]["mesh"].as_u64().expect("a mesh") as usize;
-    // Box-mapped with tiles of half a meter, rotated by 90°, shifted by an eighth: face by face as in the renderer.
+    // Box-mapped with tiles of half a meter, rotated by 90°, shifted by an eighth: the same as in the renderer, face by
+    // face.
     let part = &parts(&file, mesh(3))[0];
     let mut seen = 0;
     for triangle in &part.triangles {
@@ -424,7 +426,7 @@ fn textures_over_whole_bodies_become_coordinates() {
     }
     // Flat faces with a normal map have their own vertices.
     assert_eq!((seen, part.positions.len()), (36, 36));
-    // By the mesh's own coordinates, scaled and shifted.
+    // Mapped by the mesh's own coordinates, scaled and shifted.
     let part = &parts(&file, mesh(4))[0];
     for (uv, p) in part.uvs.iter().zip(&part.positions) {
         // u is five times x, v two and a half times z.
@@ -488,7 +490,7 @@ fn emissive_geometry_has_the_power_and_direction_of_its_light() {
     assert_eq!((radiance, two_sided, backs), (vec![1000.0; 3], json!(false), 1));
     let (area, ..) = lit("light 2 (disk)");
     assert!((area + Vector3::z() * PI * 0.01).norm() < 1e-6, "{area}");
-    // The sun has no shape.
+    // The sun has no geometry.
     let (matrix, node) = nodes["light 3 (sun)"];
     let towards = z_up(Point3::from([matrix[2][0], matrix[2][1], matrix[2][2]]));
     assert!((towards.coords - Vector3::new(1.0, 2.0, 2.0) / 3.0).norm() < 1e-6);
@@ -513,7 +515,7 @@ fn point_lights_have_candela() {
     assert!(dark.get("extensions").is_none());
 }
 
-/// The script beside the files says what Blender's importer cannot know: units, the size of the sun, the sky.
+/// The script next to the files has the values that Blender's importer lacks: units, the size of the sun, the sky.
 #[test]
 fn the_script_for_blender_has_the_numbers_of_the_lights() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -537,7 +539,7 @@ fn the_script_for_blender_has_the_numbers_of_the_lights() {
     };
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let json: Json = serde_json::from_slice(&output.stdout).expect("JSON");
-    // In this mode the importer takes lux and candela as they are, instead of dividing them by 683 lm/W.
+    // In this mode, the importer uses lux and candela directly instead of dividing them by 683 lm/W.
     assert_eq!(json["lighting_mode"], json!("COMPAT"));
     let sun = &json["suns"]["light 3 (sun)"];
     let number = |value: &Json| value.as_f64().expect("a number");
@@ -553,11 +555,12 @@ fn the_script_for_blender_has_the_numbers_of_the_lights() {
         Some(&*folder.path().join("gltf/000003_environment.hdr"))
     );
     assert!(folder.path().join("gltf/000003_environment.hdr").is_file());
-    // The map is turned by +1 rad, and is in nits already.
+    // The map is rotated by +1 rad, and is already in nits.
     assert_eq!((number(&sky["lookup_rotation_z"]), number(&sky["strength"])), (-1.0, 1.0));
     let (camera, k) = (&json["cameras"]["view 1"], view(0).camera.intrinsics);
     assert_eq!((&camera["view"], &camera["size"]), (&json!(1), &json!([k.width, k.height])));
-    // Blender makes an image of its vertical field of view, stretches pixels, and moves it by shifts in image heights.
+    // Blender builds the image from its vertical field of view, stretches pixels, and shifts it in units of the image
+    // height.
     let pair = |key: &str| [number(&camera[key][0]), number(&camera[key][1])];
     let ([wide, high], [right, up]) = (pair("pixel_aspect"), pair("shift"));
     let [width, height] = [k.width, k.height].map(f64::from);
@@ -583,7 +586,7 @@ fn files_per_scene_or_view_and_the_same_twice() {
             assert_eq!(bytes.len() as u64 % 4, 0);
             assert_eq!(json["buffers"][0]["byteLength"].as_u64(), file.blob.map(|blob| blob.len() as u64));
         }
-        // For other programs to look at, such as Khronos' validator.
+        // Exports the files for other programs, such as Khronos' validator.
         if let Some(folder) = std::env::var_os("SYNTABLE_TEST_OUTPUT") {
             for (name, bytes) in first {
                 let path = std::path::Path::new(&folder).join(name.replace('/', "_"));

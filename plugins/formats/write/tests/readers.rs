@@ -1,4 +1,5 @@
-//! What is written, read back by others: pycocotools, NumPy, Pillow, and code that reads as UOAIS-Net's does.
+//! Reads the written files with other programs: pycocotools, NumPy, Pillow, and code that reads like UOAIS-Net's
+//! loader.
 
 use syntable_model::prelude::*;
 use syntable_testing::takes::write_all;
@@ -17,7 +18,7 @@ fn syntable_datasets_pass_the_checker() {
         write_all(folder.path(), "syntable", "syntable", options);
         let root = folder.path().to_str().expect("UTF-8");
         if python(&shared_script("check_dataset.py"), &[root, "--compat", compat]) && !options.starts_with("debug") {
-            // The evaluation of SynTable needs the syntable_1 form; the reader of UOAIS-Net takes both.
+            // SynTable's evaluation needs the syntable_1 form; UOAIS-Net's reader accepts both.
             python(&shared_script("uoais_reader.py"), &[root, compat]);
         }
     }
@@ -35,7 +36,7 @@ fn the_checker_finds_what_is_wrong() {
     let text = std::fs::read_to_string(&file).expect("there");
     let mut json: serde_json::Value = serde_json::from_str(&text).expect("JSON");
     let other = json.pointer("/annotations/1/visible_mask").expect("there").clone();
-    // One fault each, in different places, and the message that it causes.
+    // One fault each, in different places, and the resulting message.
     let faults = [
         ("/annotations/0/area", 1.into(), "annotation 1: areas [1,"),
         ("/annotations/1/visible_bbox/2", 99.into(), "annotation 2: visible_bbox"),
@@ -103,7 +104,7 @@ fn run_lengths_equal_pycocotools() {
     let mut lines = String::new();
     for i in 0..400 {
         let (width, height) = (stream.integer(1, 40) as u32, stream.integer(1, 40) as u32);
-        // From sparse noise to long runs, in which differences are negative and take several letters.
+        // From sparse noise to long runs, whose differences are negative and take several letters.
         let smooth = [1, 3, 11, 200][i % 4];
         let bits: Vec<bool> = {
             let mut value = stream.chance(0.5);

@@ -1,4 +1,4 @@
-//! What writers of products write is read back: each product equal to what was written, and the labels that follow from it.
+//! Reads the files of generic writers back: each product equals the written product, and labels are computed from it.
 
 use std::path::Path;
 use syntable_model::prelude::*;
@@ -10,7 +10,7 @@ use syntable_testing::read_back::{assert_products, classes, opened, written};
 use syntable_testing::takes::{open_dataset, registry};
 use syntable_write as _;
 
-/// Labels that follow from planes of ids and bits, or from masks.
+/// Labels that are computed from planes of ids and bits, or from masks.
 fn labels() -> Vec<KeyId> {
     keys![
         VISIBLE_MASK,
@@ -42,7 +42,7 @@ fn products_come_back_and_labels_follow() {
         let read = opened(folder.path(), kind);
         let offers = &read.offers;
         assert!(labels().iter().all(|key| offers.contains(key)), "{kind} {options}: {offers:?}");
-        // Lines have no names of categories.
+        // Lines do not contain names of categories.
         if *kind != "jsonl" {
             assert_eq!(read.info.categories().collect::<Vec<_>>(), classes().categories().collect::<Vec<_>>());
         }
@@ -50,7 +50,7 @@ fn products_come_back_and_labels_follow() {
     }
 }
 
-/// Links lead nowhere else, and what is no file is not waited for.
+/// Readers follow no link out of the dataset, and do not wait for named pipes.
 #[cfg(unix)]
 #[test]
 fn nothing_outside_is_read() {
@@ -59,7 +59,7 @@ fn nothing_outside_is_read() {
         let folder = tempfile::tempdir().expect("a folder");
         let root = folder.path().join("root");
         written(&root, kind, options);
-        // Some have no shards.
+        // Some writers have no shards.
         let _ = std::fs::remove_dir_all(root.join(".syntable"));
         let root = if ["webdataset", "npz"].contains(&kind) { root.join("data") } else { root };
         pipes_are_not_waited_for(&root, kind);
@@ -81,7 +81,7 @@ fn each_product_is_read_by_itself() {
     }
 }
 
-/// What is said of a dataset that was changed: faults of opening, then errors of images.
+/// Reports about a modified dataset: faults while opening it, then errors of images.
 fn said(root: &Path, kind: &str) -> Vec<String> {
     let read = match open_dataset(root, Some(kind)) {
         Ok((_, read)) => read,
@@ -145,7 +145,7 @@ fn what_is_damaged_is_named() {
     }
 }
 
-/// The first image of a dataset that was changed, or why it cannot be read.
+/// The first image of a modified dataset, or the reason why it cannot be read.
 fn first(root: &Path, kind: &str, wants: &[KeyId]) -> Result<Products> {
     let (_, read) = open_dataset(root, Some(kind))?;
     assert!(wants.iter().all(|key| read.offers.contains(key)), "{:?}", read.offers);
@@ -166,7 +166,7 @@ fn orders_and_bits_need_the_instances_that_they_are_of() {
     let shown: Vec<_> = shown.iter().filter(|(_, mask)| !mask.is_empty()).collect();
     assert!(visible.get(VISIBLE_MASK).expect("there").iter().eq(shown));
 
-    // As JSON, bits are lists, and an image has no size but that of its masks.
+    // In JSON, bits are lists, and the size of an image is known only from its masks.
     let folder = tempfile::tempdir().expect("a folder");
     let options = "include = [\"visible_mask\", \"amodal_bits\", \"category_id\", \"occlusion_order\"]";
     let takes = written(folder.path(), "jsonl", options);
@@ -234,7 +234,7 @@ fn categories_match_the_file() {
     assert!(names == ["mug", "bowl", "object"] && faults > 5, "{names:?} {faults}");
     let (names, _) = categories(r#"[{"id": 0, "name": "pan"}, {"id": 1, "name": "mug"}, {"id": 2, "name": "bowl"}]"#);
     assert_eq!(names, ["object", "bowl", "mug"], "numbered anew, as 0 is the background in maps");
-    // A category that no object needs is not added.
+    // A category that no object uses is not added.
     categories(r#"[{"id": 1, "name": "a"}, {"id": 2, "name": "b"}, {"id": 3, "name": "c"}]"#);
     let (_, read) = open_dataset(&root, None).expect("a dataset");
     assert_eq!(read.info.categories().map(|it| it.1).collect::<Vec<_>>(), ["a", "b", "c"]);
@@ -257,7 +257,7 @@ fn a_file_of_a_view_is_not_replaced_by_another_one() {
     }
 }
 
-/// A dataset of a layout is opened beside such of products.
+/// A dataset of a specific layout takes precedence over datasets of plain products.
 #[test]
 fn a_layout_outranks_other_datasets() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -277,7 +277,7 @@ fn a_layout_outranks_other_datasets() {
     written(&root.join("ours"), "syntable", "");
     let (format, _) = registry().find_dataset(&reader::Source::new(root), None).expect("one of a layout");
     assert_eq!(format.name(), "syntable");
-    // In the folder itself, too.
+    // The same holds within one folder.
     let ours = root.join("ours");
     std::fs::copy(root.join("arrays/000000_0000.npz"), ours.join("000000_0000.npz")).expect("copied");
     assert_eq!(

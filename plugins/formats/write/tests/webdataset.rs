@@ -1,4 +1,4 @@
-//! WebDataset shards, read by the package webdataset itself, and compared with what the other writers wrote.
+//! WebDataset shards, read by the package webdataset, and compared with the files of the other writers.
 
 use std::sync::OnceLock;
 use syntable_model::product::standard::SETTLE_REPORT;

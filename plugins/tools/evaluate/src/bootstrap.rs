@@ -1,4 +1,4 @@
-//! How far scores would be off with other images: percentile intervals of samples with replacement.
+//! Uncertainty of scores with respect to the choice of images: percentile intervals of samples with replacement.
 
 use crate::measure::{Measures, Tally};
 use std::sync::Mutex;
@@ -8,7 +8,7 @@ use syntable_model::random::Stream;
 /// Shares of samples below either end: 95 % are between them.
 const ENDS: [f64; 2] = [0.025, 0.975];
 
-/// For each score, the interval with the central 95 % of its values over samples of images; `None` if no sample has a
+/// For each score, the interval of the central 95 % of its values over samples of images; `None` if no sample has a
 /// value. The random stream is `bootstrap` of the seed, with one child per sample.
 pub fn intervals(
     measures: &Measures,
@@ -28,7 +28,7 @@ pub fn intervals(
         }
     });
     let drawn = drawn.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner);
-    // Threads return samples in any order. Sorting removes the difference.
+    // Threads return samples in any order. Sorting removes this dependence.
     (0..measures.names().len())
         .map(|score| {
             let mut values: Vec<f64> = drawn.iter().filter_map(|values| values.get(score).copied().flatten()).collect();
@@ -38,7 +38,7 @@ pub fn intervals(
         .collect()
 }
 
-/// Linear between the two values that a share of sorted values falls between.
+/// Interpolates linearly between the two sorted values around a share.
 fn quantile(sorted: &[f64], share: f64) -> f64 {
     let at = share * (sorted.len() - 1) as f64;
     let (low, high) = (sorted[at.floor() as usize], sorted[at.ceil() as usize]);

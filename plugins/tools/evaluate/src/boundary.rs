@@ -1,4 +1,5 @@
-//! Boundary maps as the reference makes them: half a pixel to the top left, blind along the edges of the image.
+//! Boundary maps as the reference computes them: shifted by half a pixel to the top left, and without boundary pixels
+//! where a mask touches the edge of the image.
 //!
 //! A map is kept as columns of bits, from the first to the last column that it can reach.
 
@@ -28,9 +29,9 @@ pub struct Boundary {
 /// Neighboring columns of an image.
 #[derive(Debug, Clone, PartialEq, Eq)]
 struct Columns {
-    /// The first one.
+    /// Index of the first column.
     first: usize,
-    /// Words of each.
+    /// Number of words per column.
     stride: usize,
     words: Vec<u64>,
 }
@@ -79,7 +80,7 @@ impl Boundary {
         self.len == 0
     }
 
-    /// Number of pixels that lie within the radius of one of the other's.
+    /// Number of pixels within the radius of any pixel of the other map.
     pub fn near(&self, other: &Self) -> usize {
         let [own, others] = [self.columns.range(), other.columns.range()];
         if self.is_empty()
@@ -101,7 +102,7 @@ impl Boundary {
     fn grown(&self) -> Columns {
         let radius = self.radius;
         let mut out = self.columns.widened(radius, radius, self.width);
-        // By how much a column reaches up and down in one that is so far away.
+        // Vertical reach of a pixel in a column at distance `away`.
         let reach = |away: usize| (0..=radius).rev().find(|dy| dy * dy + away * away <= radius * radius).unwrap_or(0);
         let reaches: Vec<usize> = (0..=radius).map(reach).collect();
         for at in self.columns.range() {
@@ -175,7 +176,7 @@ impl Columns {
     }
 }
 
-/// The rows that have one below.
+/// The rows that have a row below them.
 fn below(height: usize) -> Vec<u64> {
     let mut words = vec![0; height.div_ceil(WORD)];
     fill(&mut words, 0, height.saturating_sub(1));

@@ -7,7 +7,7 @@ use crate::image::ImagePair;
 use crate::measure::Measure;
 use std::collections::{BTreeMap, BTreeSet};
 
-/// First word of the scores of all categories, means over those that have labels.
+/// First word of the scores of all categories, which are means over the categories with labels.
 pub const MEAN: &str = "categories";
 
 /// COCO's scores of each category, and their means.
@@ -78,7 +78,7 @@ impl Measure for ByCategory {
         let mut each = vec![[None; KINDS.len()]; self.categories.len()];
         for kind in 0..KINDS.len() {
             let mut sums = [(0.0, 0); SCORES.len()];
-            // Without scores, predictions have no order, and neither do categories without predictions.
+            // Predictions without scores have no order, and neither do categories without predictions.
             let is_unranked = images.iter().flat_map(|it| it.0.values()).any(|kinds| kinds[kind].is_unranked);
             for (of, (category, _)) in each.iter_mut().zip(&self.categories) {
                 let tallies: Vec<&KindTally> =

@@ -10,22 +10,22 @@ use crate::register_metric;
 use syntable_model::product::{BBox, Mask};
 use syntable_model::reader::Crowd;
 
-/// Predictions of an image that are looked at.
+/// Maximum number of predictions of an image that are used.
 pub const MOST: usize = 100;
 
-/// Lower limits of the number of predictions of an image, of AR1 and AR10.
+/// Smaller maximum numbers of predictions of an image, for AR1 and AR10.
 const FEWER: [usize; 2] = [1, 10];
 /// Number of thresholds of IoU: from 0.5 to 0.95.
 const THRESHOLDS: usize = 10;
-/// Number of recalls at which precision is taken: from 0 to 1.
+/// Number of recall values at which precision is sampled: from 0 to 1.
 const RECALLS: usize = 101;
-/// Areas in pixels: all, small, medium, large. Both ends are in.
+/// Areas in pixels: all, small, medium, large. Both limits are inclusive.
 pub const AREAS: [[u32; 2]; 4] = [[0, u32::MAX], [0, 1024], [1024, 9216], [9216, u32::MAX]];
-/// Scores of a kind of masks or boxes, in the order of pycocotools.
+/// Scores of a kind of mask or box, in the order of pycocotools.
 pub(crate) const SCORES: [&str; 12] =
     ["ap", "ap50", "ap75", "aps", "apm", "apl", "ar1", "ar10", "ar100", "ars", "arm", "arl"];
 
-/// A kind of masks: its name, the mask of an instance, and whether the mask's box is compared instead.
+/// A kind of mask: its name, the mask of an instance, and whether the mask's box is compared instead.
 pub(crate) struct MaskKind {
     pub(crate) name: &'static str,
     of: fn(&MaskedObject) -> &Mask,
@@ -58,7 +58,7 @@ struct CocoMetric;
 pub(crate) struct KindTally {
     /// Number of labels by area.
     labels: [u32; AREAS.len()],
-    /// Predictions by falling score.
+    /// Predictions by descending score.
     found: Vec<RankedPrediction>,
     /// Whether a prediction has no score.
     pub(super) is_unranked: bool,
@@ -96,7 +96,7 @@ impl Measure for CocoMetric {
 pub(crate) struct ComparedObjects<'a> {
     pub(crate) labels: Vec<&'a MaskedObject>,
     pub(crate) crowds: Vec<&'a Crowd>,
-    /// Predictions by falling score.
+    /// Predictions by descending score.
     pub(crate) ranked: Vec<&'a MaskedObject>,
 }
 
@@ -156,7 +156,7 @@ impl MaskKind {
         KindTally { labels: count, found, is_unranked: ranked().any(|it| it.score.is_none()) }
     }
 
-    /// IoU; with a crowd, the share of the prediction that is in it.
+    /// IoU; for a crowd, the share of the prediction that lies in it.
     fn overlap(&self, prediction: &ComparedShape, label: &ComparedShape) -> f64 {
         if !prediction.bbox.meets(&label.bbox) {
             return 0.0;
@@ -174,21 +174,21 @@ impl MaskKind {
     }
 }
 
-/// Area that meeting boxes share.
+/// Area of the intersection of two boxes.
 fn common(a: &BBox, b: &BBox) -> f64 {
     let edge = |a: i32, long: i32, b: i32, other: i32| f64::from((a + long).min(b + other) - a.max(b));
     edge(a.x, a.width, b.x, b.width) * edge(a.y, a.height, b.y, b.height)
 }
 
-/// IoU of a threshold by its number, as NumPy's `linspace` has it.
+/// IoU threshold by its index, as computed by NumPy's `linspace`.
 fn iou_of(threshold: usize) -> f64 {
     let (first, last) = (0.5, 0.95);
     let step = (last - first) / (THRESHOLDS - 1) as f64;
     if threshold + 1 == THRESHOLDS { last } else { threshold as f64 * step + first }
 }
 
-/// The label that a prediction matches: the label with the largest overlap among those that are not ignored, else among
-/// the ignored ones. Of equal overlaps, the last label.
+/// The label that a prediction matches: the label with the largest overlap among the labels that are not ignored, or
+/// else among the ignored labels. If overlaps are equal, the last label wins.
 fn best(
     overlaps: &[f64],
     labels: &[ComparedShape],
@@ -275,7 +275,7 @@ fn mean(values: &[f64]) -> Option<f64> {
     (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
 }
 
-/// Mean precision over recalls, and the greatest recall.
+/// Mean precision over recalls, and the maximum recall.
 fn curve(ranked: &[&RankedPrediction], area: usize, bit: u16, labels: f64) -> (f64, f64) {
     let (mut hits, mut misses) = (0.0, 0.0);
     let mut points: Vec<[f64; 2]> = Vec::with_capacity(ranked.len());
@@ -285,7 +285,7 @@ fn curve(ranked: &[&RankedPrediction], area: usize, bit: u16, labels: f64) -> (f
         }
         points.push([hits / labels, hits / (misses + hits + f64::EPSILON)]);
     }
-    // Precision never rises with recall.
+    // Makes precision non-increasing with recall.
     for index in (1..points.len()).rev() {
         points[index - 1][1] = points[index - 1][1].max(points[index][1]);
     }

@@ -27,7 +27,8 @@ pub struct EvaluateOptions {
     pub predictions: Source,
     /// Format of the predictions if they are a dataset; `None` detects it.
     pub predictions_format: Option<String>,
-    /// Minimum confidence of predictions. Ignored for predictions of a dataset, which have none, and for COCO's scores.
+    /// Minimum confidence of predictions. Ignored for COCO's scores, and for predictions from a dataset, which have
+    /// none.
     pub min_score: f64,
     /// Minimum occlusion rate of a prediction that counts as occluded.
     pub occluded: Occluded,
@@ -35,7 +36,7 @@ pub struct EvaluateOptions {
     pub convention: Convention,
     /// Names of metrics; all if empty.
     pub metrics: Vec<String>,
-    /// Metrics in addition to those of linked crates.
+    /// Metrics in addition to the metrics of linked crates.
     pub more_metrics: Vec<Arc<dyn MetricKind>>,
     /// Whether COCO's scores with categories are added.
     pub by_category: bool,
@@ -71,7 +72,7 @@ impl EvaluateOptions {
 /// Evaluated predictions. Holds the metrics' tally of each image, and reads masks again for the worst images.
 pub struct Evaluation {
     pair: Paired,
-    /// The formats that ground truth and predictions were read as.
+    /// The detected or given formats of ground truth and predictions.
     pub formats: [&'static str; 2],
     convention: Convention,
     images: Vec<EvaluatedImage>,
@@ -169,7 +170,7 @@ impl Evaluation {
         &self.rank.1
     }
 
-    /// All scores, and at most `most` worst images with their predictions: what `syntable report --scores` shows.
+    /// All scores, and at most `most` worst images with their predictions, for `syntable report --scores`.
     ///
     /// # Errors
     /// If a file cannot be read, or the work was stopped.
@@ -181,7 +182,7 @@ impl Evaluation {
         Ok(MetricScores { ranked_by: self.rank.1.clone(), worst: found, ..self.table().saved() })
     }
 
-    /// Images that were not scored, since they cannot be read.
+    /// Unreadable images, which were not scored.
     pub fn left_out(&self) -> LeftOutReport {
         let mut report = LeftOutReport::default();
         report.unlisted(&self.pair.truth);
@@ -192,8 +193,8 @@ impl Evaluation {
     }
 }
 
-/// Tallies of the images in the order of their ids in the annotation file, if they have ids: the order in which COCO's
-/// tools rank equal scores.
+/// Tallies of the images in the order of their ids in the annotation file, if they have ids. COCO's tools rank equal
+/// scores in this order.
 fn ranked<'a>(truth: &OpenDataset, images: &'a [EvaluatedImage]) -> Vec<&'a Tally> {
     let mut order: Vec<usize> = (0..images.len()).collect();
     order.sort_by_key(|image| truth.images[*image].id);

@@ -12,9 +12,9 @@ use syntable_model::reader::Crowd;
 pub struct ImagePair {
     /// The labels.
     pub labels: Vec<MaskedObject>,
-    /// Predictions with sufficient scores, by falling score.
+    /// Predictions with sufficient scores, by descending score.
     pub predictions: Vec<MaskedObject>,
-    /// Predictions with lower scores, by falling score, for metrics that rank predictions.
+    /// Predictions with lower scores, by descending score, for metrics that rank predictions.
     pub unlikely: Vec<MaskedObject>,
     /// Regions with objects that labels do not separate.
     pub crowds: Vec<Crowd>,

@@ -33,11 +33,11 @@ pub struct LabelMaps {
 #[derive(Debug)]
 struct LabelFiles {
     visible: PathBuf,
-    /// Amodal and occlusion masks by objects.
+    /// Amodal and occlusion masks by object.
     masks: [BTreeMap<u16, PathBuf>; 2],
 }
 
-/// The existing folders. A folder with only PNG files has label maps itself.
+/// The existing folders. A folder with only PNG files is itself a folder of label maps.
 fn folders(root: &Path) -> [Option<PathBuf>; 3] {
     let [visible, amodal, occlusion] =
         FOLDERS.map(|names| names.iter().map(|name| root.join(name)).find(|folder| folder.is_dir()));
@@ -48,7 +48,7 @@ fn folders(root: &Path) -> [Option<PathBuf>; 3] {
     ]
 }
 
-/// PNG files of a folder by their names without end.
+/// PNG files of a folder by their names without extension.
 fn stems(folder: &Path) -> Result<BTreeMap<String, PathBuf>> {
     let fail = |error: std::io::Error| Error::io(folder, &error).of_request();
     let mut stems = BTreeMap::new();
@@ -72,7 +72,7 @@ impl LabelMaps {
     /// Opens a folder.
     ///
     /// # Errors
-    /// If it has no label maps, or a mask is of no image or no object.
+    /// If it has no label maps, or a mask belongs to no image or no object.
     pub fn open(source: &Source) -> Result<Opened> {
         let root = source.path.as_path();
         let confined = source.folder(root)?;
@@ -161,7 +161,7 @@ impl ImageSource for LabelMaps {
     }
 }
 
-/// A mask of one object: all pixels that are not 0.
+/// A mask of one object: all nonzero pixels.
 fn mask(path: &Path, [width, height]: [u32; 2]) -> Result<Mask> {
     let plane = decode::gray_of_size(path, [width, height])?;
     Ok(Mask::from_fn(width, height, |x, y| *plane.at(x, y) > 0))

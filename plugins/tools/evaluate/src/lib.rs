@@ -4,20 +4,16 @@
 //!
 //! | module | holds |
 //! | --- | --- |
-//! | [`image`] | the objects of an image, labeled and predicted |
 //! | [`image`] | the labeled and the predicted objects of an image |
 //! | [`matching`] | the matching of predictions and objects |
 //! | [`measure`] | metrics, and the registry to which crates add theirs |
 //! | [`boundary`] | boundary maps, and the numbers of their pixels that are near another map |
 //! | [`occlusion`] | ACC_O and F_O |
 //! | [`order`] | ACC_OO by the paper and by the release, scores of edges; InstaOrder's and De-occlusion's scores |
-//! | [`coco`], [`categories`] | COCO's AP and AR of masks and boxes, whatever the category and by category |
 //! | [`coco`], [`categories`] | COCO's AP and AR of masks and boxes, over all categories and by category |
 //! | [`strata`] | scores of objects by occlusion rate and by size |
 //! | [`bootstrap`] | confidence intervals |
-//! | [`bootstrap`] | confidence intervals |
-//! | [`predictions`], [`results`], [`label_maps`] | sources of predictions: datasets, result files of detectors, label
-//! maps |
+//! | [`predictions`], [`results`], [`label_maps`] | sources of predictions: datasets, result files, label maps |
 //! | [`names`] | the image for a name |
 //! | [`worst`] | the images with the lowest scores, with their predictions, for reports |
 //!

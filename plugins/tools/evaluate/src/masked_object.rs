@@ -20,7 +20,7 @@ pub struct MaskedObject {
     pub score: Option<f64>,
     /// Id of a labeled object in its image; 0 of a prediction.
     pub id: u16,
-    /// Id of its category in the ground truth, if it is known.
+    /// Id of its category in the ground truth, if known.
     pub category: Option<u32>,
 }
 
@@ -28,9 +28,9 @@ pub struct MaskedObject {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Occluded {
     /// A prediction with an explicit occlusion mask is occluded if the mask has a pixel. Other predictions are occluded
-    /// from [`OCCLUDED_FROM`] on, as in the reference.
+    /// if their rate is at least [`OCCLUDED_FROM`], as in the reference.
     AsSaid,
-    /// From this occlusion rate on.
+    /// Occluded if the rate is at least this value.
     From(f64),
 }
 
@@ -71,7 +71,7 @@ impl MaskedObject {
     }
 }
 
-/// Pixels of exactly one of two masks: the occlusion mask as the reference makes it.
+/// Pixels of exactly one of two masks: the occlusion mask as the reference computes it.
 fn differ(amodal: &Mask, visible: &Mask) -> Mask {
     amodal.minus(visible).or(&visible.minus(amodal))
 }

@@ -8,10 +8,10 @@ use crate::measure::{Measure, Measurement, Metric, Ratio, quotients};
 use crate::{Convention, register_metric};
 use syntable_model::product::Mask;
 
-/// F that a pair must exceed for F@.75.
+/// F that a pair must exceed to count in F@.75.
 pub const DETECTED_ABOVE: f64 = 0.75;
 
-/// Seven scores of a kind of masks.
+/// Seven scores of a kind of mask.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MaskScores {
     /// Precision, recall and F of areas.
@@ -30,7 +30,7 @@ impl MaskScores {
     }
 }
 
-/// A kind of masks.
+/// A kind of mask.
 struct MaskMetric {
     names: [&'static str; 7],
     of: fn(&ImagePair) -> MaskScores,
@@ -109,8 +109,8 @@ pub fn visible(pair: &ImagePair) -> MaskScores {
     of_masks(&masks[0], &masks[1], pairs)
 }
 
-/// Scores of the occlusion masks of pairs that are occluded in both. Denominators include objects that are occluded in
-/// either.
+/// Scores of the occlusion masks of pairs whose objects are both occluded. Denominators include all
+/// occluded labels and predictions.
 pub fn invisible(pair: &ImagePair) -> MaskScores {
     let mut index = [Vec::new(), Vec::new()];
     let mut masks = [Vec::new(), Vec::new()];
@@ -155,7 +155,7 @@ fn prf(precision: (usize, usize), recall: (usize, usize)) -> [f64; 3] {
     [p, r, harmonic(p, r)]
 }
 
-/// Harmonic mean of precision and recall; 0 if both are.
+/// Harmonic mean of precision and recall; 0 if both are 0.
 pub fn harmonic(p: f64, r: f64) -> f64 {
     if p + r > 0.0 { 2.0 * p * r / (p + r) } else { 0.0 }
 }

@@ -1,8 +1,8 @@
 //! Matches predictions to objects: the assignment with the greatest sum of F.
 //!
 //! As in the reference, pairs need no minimum F: the result has min(objects, predictions) pairs, even pairs without a
-//! common pixel. Of assignments with equal sums, the result is the one whose list of pairs, by object, is
-//! lexicographically lowest.
+//! common pixel. If several assignments have the same sum, the result is the assignment whose list of pairs, by object,
+//! is lexicographically lowest.
 
 use crate::masked_object::MaskedObject;
 use syntable_model::product::Mask;
@@ -10,16 +10,16 @@ use syntable_model::product::Mask;
 /// Pairs (label, prediction).
 pub type MatchedPairs = Vec<(usize, usize)>;
 
-/// An F of 1 as an integer, so that equal sums are equal.
+/// An F of 1 as an integer. With integers, equal sums compare as equal.
 const UNIT: f64 = (1_u64 << 40) as f64;
 
-/// F of two masks: harmonic mean of the shares of either that is in both. 0 if no pixel is.
+/// F of two masks: the harmonic mean of the shares of each mask that lie in both. 0 without a common pixel.
 pub fn f_of(a: &Mask, b: &Mask) -> f64 {
     let both = f64::from(a.shared_area(b));
     if both == 0.0 { 0.0 } else { 2.0 * both / (f64::from(a.area()) + f64::from(b.area())) }
 }
 
-/// Labels and predictions matched by one of their masks, by label.
+/// Matches labels and predictions by one of their masks. The pairs are ordered by label.
 pub fn by_masks(
     labels: &[MaskedObject],
     predictions: &[MaskedObject],
@@ -28,7 +28,7 @@ pub fn by_masks(
     pairs_of(&labels.iter().map(&of).collect::<Vec<_>>(), &predictions.iter().map(&of).collect::<Vec<_>>())
 }
 
-/// Masks matched with others, by the first.
+/// Matches masks with other masks. The pairs are ordered by the first.
 pub fn pairs_of(labels: &[&Mask], predictions: &[&Mask]) -> MatchedPairs {
     let boxes = [labels, predictions].map(|masks| masks.iter().map(|mask| mask.bbox()).collect::<Vec<_>>());
     let score = |i: usize, j: usize| {
@@ -53,7 +53,8 @@ pub fn assign(scores: &[Vec<f64>], columns: usize) -> Vec<(usize, usize)> {
     pairs
 }
 
-/// The Hungarian method on a square of integers: the row of each column, and of each row the columns that an optimum may take.
+/// The Hungarian method on a square matrix of integers. Returns the row of each column and, for each row, the columns
+/// that an optimum may use.
 fn solve(edge: usize, cost: impl Fn(usize, usize) -> i64) -> (Vec<usize>, Vec<Vec<bool>>) {
     // Column `edge` is the start of each new row.
     let (mut of_rows, mut of_columns) = (vec![0_i64; edge], vec![0_i64; edge + 1]);
@@ -96,7 +97,7 @@ fn solve(edge: usize, cost: impl Fn(usize, usize) -> i64) -> (Vec<usize>, Vec<Ve
     (owner.into_iter().take(edge).flatten().collect(), tight)
 }
 
-/// Exchanges columns so that each row in turn has the lowest that leaves the others an optimum.
+/// Exchanges columns so that each row in turn gets the lowest column that still permits an optimum.
 fn lowest(owner: &mut [usize], tight: &[Vec<bool>]) {
     let mut is_fixed = vec![false; owner.len()];
     for row in 0..owner.len() {
@@ -117,7 +118,7 @@ fn lowest(owner: &mut [usize], tight: &[Vec<bool>]) {
     }
 }
 
-/// Finds a column for a row that lost its own, on a path that ends at the `free` one.
+/// Finds a column for a row that lost its own, along a path that ends at the column `free`.
 fn reseat(row: usize, free: usize, owner: &mut [usize], tight: &[Vec<bool>], is_seen: &mut [bool]) -> bool {
     for column in 0..owner.len() {
         if is_seen[column] || !tight[row][column] {

@@ -1,4 +1,4 @@
-//! Metrics, and how a crate adds one.
+//! Metrics, and how crates add them.
 
 use crate::Convention;
 use crate::image::ImagePair;
@@ -49,7 +49,7 @@ pub trait Measure: Send + Sync + 'static {
     /// Tallies an image.
     fn tally(&self, pair: &ImagePair) -> Self::Tally;
     /// Scores of these images, in the order of their names, as fractions; `None` where a score is undefined. An image
-    /// may occur more than once, because intervals come from such samples.
+    /// may occur more than once, because confidence intervals use samples with replacement.
     fn values(&self, images: &[&Self::Tally]) -> Vec<Option<f64>>;
 }
 
@@ -60,9 +60,9 @@ pub trait MetricKind: Send + Sync {
     fn name(&self) -> &str;
     /// Description in one sentence.
     fn doc(&self) -> &str;
-    /// Makes it for a convention of adding up images.
+    /// Builds it for a convention of combining images.
     fn build(&self, convention: Convention) -> Measurement;
-    /// The crate or program that has it, for messages.
+    /// The crate or program that provides it, for messages.
     fn owner(&self) -> &str;
 }
 
@@ -73,7 +73,7 @@ pub struct Metric {
     pub name: &'static str,
     /// Description in one sentence.
     pub doc: &'static str,
-    /// Makes it.
+    /// Builds it.
     pub build: fn(Convention) -> Measurement,
     /// Crate that registers it.
     pub crate_name: &'static str,
@@ -110,7 +110,7 @@ macro_rules! register_metric {
 /// The metrics of all linked crates and `more`, by name.
 ///
 /// # Errors
-/// If two have one name.
+/// If two metrics have the same name.
 pub fn linked(more: &[Arc<dyn MetricKind>]) -> Result<Vec<Arc<dyn MetricKind>>> {
     let of_crates = inventory::iter::<Metric>.into_iter().map(|metric| Arc::new(*metric) as Arc<dyn MetricKind>);
     let mut metrics: Vec<Arc<dyn MetricKind>> = of_crates.chain(more.iter().cloned()).collect();
@@ -167,7 +167,7 @@ pub struct Measures(Vec<Measurement>);
 pub struct Tally(Vec<Kept>);
 
 impl Measures {
-    /// Metrics by name, among those of crates and `more`; all of them if `names` is empty.
+    /// The metrics with these names, among the metrics of crates and `more`; all of them if `names` is empty.
     ///
     /// # Errors
     /// If a name is unknown.
@@ -183,7 +183,7 @@ impl Measures {
         Ok(Self(wanted.map(|it| it.build(convention)).collect()))
     }
 
-    /// Adds one.
+    /// Adds a metric.
     pub fn with(mut self, measurement: Measurement) -> Self {
         self.0.push(measurement);
         self
@@ -251,7 +251,7 @@ impl<const N: usize> Measure for Ratios<N> {
     }
 }
 
-/// Sums of parts over sums of wholes.
+/// Sums of parts divided by sums of wholes.
 pub fn quotients<const N: usize>(images: &[&[Ratio; N]]) -> [Option<f64>; N] {
     let mut sums = [Ratio::default(); N];
     for image in images {

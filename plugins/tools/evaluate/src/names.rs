@@ -1,4 +1,4 @@
-//! Which image of a dataset a name means.
+//! Finds the image that a name refers to.
 
 use std::collections::BTreeMap;
 
@@ -15,7 +15,7 @@ pub struct ImageNames {
 }
 
 impl ImageNames {
-    /// Images by their numbers.
+    /// Images by their indices.
     pub fn of<'a>(names: impl Iterator<Item = &'a str> + Clone) -> Self {
         let images = PARTS.map(|part| {
             let mut images = BTreeMap::new();
@@ -27,7 +27,7 @@ impl ImageNames {
         Self { images }
     }
 
-    /// The image of a name.
+    /// The image with a name.
     pub fn find(&self, name: &str) -> Option<usize> {
         PARTS.iter().zip(&self.images).find_map(|(part, images)| images.get(part(name)).copied()).flatten()
     }

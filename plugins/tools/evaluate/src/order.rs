@@ -8,7 +8,7 @@ use syntable_formats::read::{occludes, order_by};
 use syntable_model::product::Mask;
 use syntable_model::scene::InstanceId;
 
-/// IoU that makes an edge in SynTable's release.
+/// IoU above which SynTable's release has an edge.
 const RELEASE_IOU: f64 = 0.1;
 
 register_metric!(
@@ -69,7 +69,7 @@ fn insta_order(pair: &ImagePair) -> [Ratio; 3] {
     [share(both, of_truth), share(both, of_predicted), share(2 * both, of_truth + of_predicted)]
 }
 
-/// An order of predictions as one of the labels that they are matched with.
+/// The order of predictions, transferred to the labels with which they are matched.
 fn of_labels(pair: &ImagePair, predicted: &OcclusionMatrix) -> OcclusionMatrix {
     let mut own = vec![None; pair.labels.len()];
     pair.matched().iter().for_each(|&(label, prediction)| own[label] = Some(prediction));
@@ -99,7 +99,7 @@ fn deocclusion(pair: &ImagePair) -> [Ratio; 2] {
 /// Whether object i (row) occludes object j (column).
 type OcclusionMatrix = Vec<Vec<bool>>;
 
-/// Numbers of ordered pairs of matched objects with equal values in both matrices, among selected pairs.
+/// Numbers of ordered pairs of matched objects with equal values in both matrices, among the selected pairs.
 fn equal(
     matched: &[(usize, usize)],
     truth: &OcclusionMatrix,
@@ -114,20 +114,21 @@ fn order(n: usize, occludes: impl Fn(usize, usize) -> bool) -> OcclusionMatrix {
     (0..n).map(|i| (0..n).map(|j| i != j && occludes(i, j)).collect()).collect()
 }
 
-/// The paper's Algorithm 1: the visible mask of one meets the occlusion mask of the other.
+/// The paper's Algorithm 1: the visible mask of one object meets the occlusion mask of the other.
 pub fn paper(all: &[MaskedObject]) -> OcclusionMatrix {
-    // By place: predictions have no ids.
+    // Objects are identified by position, because predictions have no ids.
     let objects = all.iter().enumerate().map(|(at, it)| (InstanceId(at as u16), &it.visible, Some(&it.occlusion)));
     let found = order_by(&objects.collect::<Vec<_>>(), occludes);
     order(all.len(), |i, j| found.occludes(i, j))
 }
 
-/// Edges of predictions as the release has them.
+/// Edges of predictions as the release computes them.
 fn iou(all: &[MaskedObject]) -> OcclusionMatrix {
     order(all.len(), |i, j| exceeds(&all[i].visible, &all[j].occlusion))
 }
 
-/// Edges of labels as the release has them: every visible mask is the union of all, so that rows are equal.
+/// Edges of labels as the release computes them: the union of all visible masks replaces each visible mask, so all rows
+/// are equal.
 fn release(all: &[MaskedObject]) -> OcclusionMatrix {
     let Some(first) = all.first() else { return Vec::new() };
     let union = all[1..].iter().fold(first.visible.clone(), |union, it| union.or(&it.visible));

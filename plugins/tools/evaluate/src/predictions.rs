@@ -13,7 +13,7 @@ use syntable_model::reader::{ImageRef, OpenDataset, ReadImage, Source};
 use syntable_model::registry::Registry;
 use syntable_model::scene::InstanceId;
 
-/// Opens a dataset or a folder of label maps. Returns its format, too.
+/// Opens a dataset or a folder of label maps. Also returns its format.
 ///
 /// # Errors
 /// If it cannot be read.
@@ -38,10 +38,10 @@ pub enum Predictions {
 }
 
 impl Predictions {
-    /// Opens predictions for the images of a dataset. Returns their format, too.
+    /// Opens predictions for the images of a dataset. Also returns their format.
     ///
     /// # Errors
-    /// If they cannot be read, or are not of these images.
+    /// If they cannot be read, or do not belong to these images.
     pub fn open(
         registry: &Registry,
         source: &Source,
@@ -65,18 +65,18 @@ impl Predictions {
             return Err(lacks(VISIBLE_MASK.id(), path));
         }
         let pairs = paired(path, &dataset.images, (truth.0, &truth.1.images))?;
-        // Categories of two datasets are equal if their names are.
+        // Categories of two datasets are equal if their names are equal.
         let named: BTreeMap<&str, u32> = truth.1.info.categories().map(|(id, name)| (name, id)).collect();
         let own = dataset.info.categories().filter_map(|(id, name)| Some((id, *named.get(name)?)));
         let categories = own.collect();
         Ok((format, Self::Dataset(Box::new(dataset), pairs, categories)))
     }
 
-    /// Predictions for an image of the ground truth with `[width, height]` pixels: those with sufficient scores, and
-    /// the others.
+    /// Predictions for an image of the ground truth with `[width, height]` pixels: first the predictions with
+    /// sufficient scores, then the others.
     ///
     /// # Errors
-    /// If they cannot be read, or are of another size.
+    /// If they cannot be read, or have another size.
     pub fn instances(&self, image: usize, size: [u32; 2], occluded: Occluded) -> Result<[Vec<MaskedObject>; 2]> {
         match self {
             Self::Dataset(dataset, pairs, categories) => {
@@ -104,11 +104,11 @@ fn says_occlusion(dataset: &OpenDataset) -> bool {
     dataset.offers.contains(&key) && !dataset.derived.contains(&key)
 }
 
-/// The objects of an image in the order of their ids, and `[width, height]` of the image. `make` gets the amodal,
-/// visible and occlusion masks. In a dataset without amodal masks, the amodal masks are the visible ones.
+/// The objects of an image in the order of their ids, and `[width, height]` of the image. `make` receives the amodal,
+/// visible and occlusion masks. In a dataset without amodal masks, the visible masks replace them.
 ///
 /// # Errors
-/// If the image cannot be read, or an object has no amodal mask and others have.
+/// If the image cannot be read, or some objects have an amodal mask and others do not.
 pub fn instances(
     dataset: &OpenDataset,
     image: usize,
@@ -162,7 +162,7 @@ fn lacks(name: impl std::fmt::Display, path: &Path) -> Error {
         .help("evaluation needs visible masks, and for the ground truth amodal masks, too")
 }
 
-/// For each image of the ground truth, the number of the predicted one.
+/// For each image of the ground truth, the index of the image with predictions.
 fn paired(path: &Path, own: &[ImageRef], (truth, images): (&Path, &[ImageRef])) -> Result<Vec<usize>> {
     let known = ImageNames::of(images.iter().map(|it| it.name.as_str()));
     let mut pairs: Vec<Option<usize>> = vec![None; images.len()];

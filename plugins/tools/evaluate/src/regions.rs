@@ -6,7 +6,7 @@ use crate::register_metric;
 use syntable_model::product::Mask;
 use syntable_model::reader::Crowd;
 
-/// IoU that a pair of segments must exceed.
+/// IoU that a matched pair of segments must exceed.
 const MATCHED_ABOVE: f64 = 0.5;
 /// Fraction of a segment in crowds above which it is not a false positive.
 const IN_CROWDS_ABOVE: f64 = 0.5;
@@ -37,7 +37,7 @@ fn panoptic(pair: &ImagePair) -> [Ratio; 3] {
     let (mut sum, mut hits, mut spurious) = (0.0, 0, 0);
     for prediction in predictions {
         let area = prediction.bbox();
-        // Segments do not overlap, so that at most one label has such an IoU.
+        // Segments do not overlap, so at most one label has such an IoU.
         let ious = labels.iter().zip(&boxes).filter(|it| it.1.meets(&area)).map(|it| iou(it.0, prediction));
         match ious.into_iter().find(|iou| *iou > MATCHED_ABOVE) {
             Some(iou) => {
@@ -52,7 +52,7 @@ fn panoptic(pair: &ImagePair) -> [Ratio; 3] {
     [Ratio { part: sum, whole }, Ratio { part: sum, whole: hits }, Ratio { part: hits, whole }]
 }
 
-/// Whether most of a segment is in crowds, where objects have no labels.
+/// Whether most of a segment lies in crowds, where objects have no labels.
 fn is_in_crowds(prediction: &Mask, labels: &[Mask], crowds: &[Crowd]) -> bool {
     let Some(first) = crowds.first() else { return false };
     let all = crowds[1..].iter().fold(first.mask.clone(), |all, it| all.or(&it.mask));
@@ -67,7 +67,7 @@ fn miou(pair: &ImagePair) -> [Ratio; 2] {
     [of_pairs(amodal, [pair.labels.len(), pair.predictions.len()]), of_pairs(visible, [masks[0].len(), masks[1].len()])]
 }
 
-/// Of an image without labels and predictions 1, without one of them 0.
+/// 1 for an image without labels and predictions, 0 for an image with only labels or only predictions.
 fn of_pairs<'a>(pairs: impl Iterator<Item = (&'a Mask, &'a Mask)>, counts: [usize; 2]) -> Ratio {
     let (mut both, mut either) = (0.0, 0.0);
     for (a, b) in pairs {

@@ -1,4 +1,4 @@
-//! Result files as detectors write them: a JSON list of predictions, one object each.
+//! Result files of detectors: a JSON list of predictions, one object each.
 //!
 //! Memory holds only the position of each prediction in the file, its image and its score.
 
@@ -16,16 +16,16 @@ use syntable_formats::segmentation::Segmentation;
 use syntable_model::error::{Error, Result};
 use syntable_model::reader::OpenDataset;
 
-/// A prediction. Other keys than these and those of [`PredictionHead`], such as `bbox`, are ignored.
+/// A prediction. Keys other than these and the keys of [`PredictionHead`], such as `bbox`, are ignored.
 #[derive(Debug, Deserialize)]
 struct Prediction {
     /// Visible mask.
     segmentation: Segmentation,
-    /// Amodal mask; without it, the visible and the occlusion mask together.
+    /// Amodal mask. Without it, the union of the visible mask and the occlusion mask.
     amodal_segmentation: Option<Segmentation>,
-    /// Occlusion mask. Without it, the amodal mask minus the visible one.
+    /// Occlusion mask. Without it, the amodal mask minus the visible mask.
     occlusion_segmentation: Option<Segmentation>,
-    /// Whether the object is occluded, if the detector states it; otherwise it follows from the masks.
+    /// Whether the object is occluded, if the detector states it; otherwise this is derived from the masks.
     occluded: Option<bool>,
 }
 
@@ -41,7 +41,7 @@ struct PredictionHead {
     category_id: Option<u64>,
 }
 
-/// An id, or nothing if it is something else: only some scores need it.
+/// An id, or none for other values: only some scores need it.
 fn category<'de, D: Deserializer<'de>>(deserializer: D) -> std::result::Result<Option<u64>, D::Error> {
     Ok(coco::id(serde_json::Value::deserialize(deserializer)?).ok())
 }
@@ -70,7 +70,7 @@ struct PredictionLocation {
     length: usize,
     line: usize,
     score: f64,
-    /// Id of its category in the ground truth, if it is known.
+    /// Id of its category in the ground truth, if known.
     category: Option<u32>,
 }
 
@@ -80,7 +80,8 @@ pub struct ResultFile {
     path: PathBuf,
     /// Minimum score of predictions.
     least: f64,
-    /// Predictions of each image of the ground truth, by falling score; of equal scores, the earlier comes first.
+    /// Predictions of each image of the ground truth, by descending score. If scores are equal, the earlier prediction
+    /// comes first.
     places: Vec<Vec<PredictionLocation>>,
 }
 
@@ -92,8 +93,8 @@ impl ResultFile {
         path.is_file() && first == Some(b'[')
     }
 
-    /// Opens a file with predictions for these images of a dataset. Predictions with a lower score than `least` are
-    /// separate.
+    /// Opens a file with predictions for these images of a dataset. Predictions with a score below `least` are kept
+    /// separately.
     ///
     /// # Errors
     /// If the file is not a list of predictions, or a prediction belongs to no image of the dataset.
@@ -133,8 +134,8 @@ impl ResultFile {
         Ok(Self { path: path.to_owned(), least, places })
     }
 
-    /// Predictions for an image with `[width, height]` pixels: those with sufficient scores, and those with lower
-    /// scores that rankings use, over all categories or by category.
+    /// Predictions for an image with `[width, height]` pixels: predictions with sufficient scores, and predictions with
+    /// lower scores for rankings, over all categories or by category.
     ///
     /// # Errors
     /// If the file cannot be read, or a mask is damaged or of another size.
@@ -195,7 +196,7 @@ fn parse<T: for<'de> Deserialize<'de>>(path: &Path, line: usize, bytes: &[u8]) -
     })
 }
 
-/// Takes an element of a JSON list: its first byte, its line and its text.
+/// Receives an element of a JSON list: its first byte, its line and its text.
 type ElementVisitor<'a> = &'a mut dyn FnMut(u64, usize, &[u8]) -> Result<()>;
 
 /// Passes each element of a JSON list to `each`.

@@ -1,4 +1,4 @@
-//! Scores of labeled objects by how much of them is hidden, and by their size: sums over all images.
+//! Scores of labeled objects by occlusion rate and by size: sums over all images.
 
 use crate::coco::AREAS;
 use crate::image::ImagePair;
@@ -8,7 +8,7 @@ use crate::matching::f_of;
 use crate::measure::{Measure, Measurement, Metric, Ratio, quotients};
 use crate::register_metric;
 
-/// Bins of occlusion rates, each as wide as the others; the last one has 1 as well.
+/// Number of bins of occlusion rates, of equal width; the last bin includes 1.
 pub const RATES: usize = 10;
 /// Names of COCO's sizes.
 pub const SIZES: [&str; 3] = ["small", "medium", "large"];
@@ -46,7 +46,7 @@ impl Measure for Strata {
         let mut own = vec![None; pair.labels.len()];
         pair.matched().iter().for_each(|&(label, prediction)| own[label] = Some(&pair.predictions[prediction]));
         let mut tally = [[Ratio::default(); SCORES.len()]; BINS];
-        // Every object is in one bin of either kind, and the total is the fraction of all.
+        // Every object is in one rate bin and one size bin, and the denominator counts all objects.
         tally.iter_mut().for_each(|of| of[0].whole = pair.labels.len() as f64);
         for (label, own) in pair.labels.iter().zip(own) {
             let f =
@@ -76,7 +76,7 @@ fn rate_bin(label: &MaskedObject) -> usize {
 }
 
 fn size_bin(label: &MaskedObject) -> Option<usize> {
-    // At the limit between two sizes, the smaller one applies.
+    // At the limit between two sizes, the smaller size applies.
     let size = AREAS[1..].iter().position(|[_, most]| label.amodal.area() <= *most)?;
     Some(RATES + size)
 }

@@ -31,7 +31,7 @@ pub struct Score {
 pub struct EvaluationTable<'a> {
     /// Its images, in order.
     pub images: &'a [EvaluatedImage],
-    /// How they were combined.
+    /// How images were combined.
     pub convention: Convention,
     /// The metrics.
     pub measures: &'a Measures,
@@ -67,10 +67,10 @@ const OCCLUSION: [(&str, &str); 7] = [
     ("edge_f1", "edge F1"),
 ];
 
-/// Least width of a column.
+/// Minimum width of a column.
 const COLUMN: usize = 6;
 
-/// The scores that have places in tables; others follow in a list.
+/// The scores with a fixed place in tables; other scores follow in a list.
 fn blocks(words: &[String]) -> Vec<ScoreBlock> {
     let columns = ["overlap_p", "overlap_r", "overlap_f", "boundary_p", "boundary_r", "boundary_f", "f75"];
     let row = |kind: &str, columns: &[&str]| {
@@ -146,7 +146,7 @@ impl EvaluationTable<'_> {
         value.map_or_else(|| "-".to_owned(), |value| format!("{:.1}", 100.0 * value))
     }
 
-    /// The scores as text, laid out as in the paper. With intervals, a list of all.
+    /// The scores as text, laid out as in the paper. With intervals, a list of all scores.
     pub fn text(&self) -> String {
         let mut out = String::new();
         let blocks = blocks(&self.categories);
@@ -230,7 +230,7 @@ impl EvaluationTable<'_> {
         out
     }
 
-    /// All of it as a file has it, without images.
+    /// All scores in the form of a saved file, without images.
     pub fn saved(&self) -> MetricScores {
         MetricScores {
             images: self.images.len(),
@@ -243,7 +243,7 @@ impl EvaluationTable<'_> {
         }
     }
 
-    /// All of it as a JSON object.
+    /// All scores as a JSON object.
     pub fn json(&self) -> Value {
         let scores =
             self.scores.iter().map(|it| (it.name.clone(), it.value.map_or(Value::Null, |value| json!(100.0 * value))));

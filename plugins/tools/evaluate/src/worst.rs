@@ -8,10 +8,10 @@ use std::cmp::Ordering;
 use syntable_formats::scores::{PredictedObject, ScoredImage};
 use syntable_model::error::{Error, Result};
 
-/// Default score that ranks images. If it is missing, the first score does.
+/// Default score that ranks images. Without it, the first score ranks them.
 pub const RANKED_BY: &str = "amodal_overlap_f";
 
-/// The place and the name of the score by which images are ranked.
+/// The index and the name of the score that ranks images.
 ///
 /// # Errors
 /// If no score has this name.
@@ -30,7 +30,7 @@ pub fn ranked_by(measures: &Measures, name: Option<&str>) -> Result<(usize, Stri
     Ok((found, names.get(found).cloned().unwrap_or_default()))
 }
 
-/// The images with the lowest scores, lowest first; of equal scores, the first image. Omits images without the score.
+/// The images with the lowest scores, lowest first; if scores are equal, in order. Omits images without the score.
 pub fn lowest(measures: &Measures, images: &[EvaluatedImage], score: usize, most: usize) -> Vec<usize> {
     let value = |image: &EvaluatedImage| measures.values(&[&image.tally]).get(score).copied().flatten();
     let mut found: Vec<(usize, f64)> =

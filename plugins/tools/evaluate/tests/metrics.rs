@@ -1,4 +1,4 @@
-//! Metrics beside those of the reference, by hand or by restatements pixel by pixel.
+//! Metrics beyond the reference, compared with values computed by hand or by reimplementations pixel by pixel.
 
 use std::collections::BTreeMap;
 use syntable_evaluate::boundary::{Boundary, radius};
@@ -34,7 +34,7 @@ fn seen(mask: Mask) -> MaskedObject {
     MaskedObject::labeled(mask.clone(), mask)
 }
 
-/// Three objects in a row, each in front of the next; `orders` says which of neighbors is in front.
+/// Three objects in a row that overlap their neighbors; `fronts` states which neighbor is in front.
 fn row(fronts: [bool; 2]) -> Vec<MaskedObject> {
     let size = [13, 5];
     let amodal = [rect(size, [1, 3], [1, 3]), rect(size, [3, 6], [1, 3]), rect(size, [6, 9], [3, 4])];
@@ -55,7 +55,7 @@ fn orders_of_others() {
     let same =
         [("insta_order_r", 1.0), ("insta_order_p", 1.0), ("deocclusion_all", 1.0), ("deocclusion_occluded", 1.0)];
     assert_values(&of(row([true, true])), &same);
-    // One of two edges is turned: of six ordered pairs two are wrong, both with an edge in labels.
+    // One of two edges is reversed: two of six ordered pairs are wrong, both with an edge in the labels.
     assert_values(
         &of(row([true, false])),
         &[
@@ -66,7 +66,7 @@ fn orders_of_others() {
             ("deocclusion_occluded", 0.5),
         ],
     );
-    // Without the last object: InstaOrder has no edge of it, and De-occlusion's pairs with it are wrong.
+    // Without the last object, InstaOrder lacks its edges, and De-occlusion's pairs with it are wrong.
     let mut two = row([true, true]);
     two.truncate(2);
     assert_values(
@@ -79,9 +79,9 @@ fn orders_of_others() {
             ("deocclusion_occluded", 0.5),
         ],
     );
-    // Nothing predicted: no edge is wrong.
+    // Without predictions, no edge is wrong.
     assert_values(&of(Vec::new()), &[("insta_order_r", 0.0), ("insta_order_p", 1.0), ("insta_order_f1", 0.0)]);
-    // A single object has no order, and its image counts in no mean.
+    // A single object has no order, and its image is not part of any mean.
     let lone = || vec![seen(rect([13, 5], [1, 3], [1, 3]))];
     let pairs = [ImagePair::new(lone(), lone()), ImagePair::new(row([true, true]), row([true, false]))]
         .map(|it| it.expect("one"));
@@ -106,7 +106,7 @@ fn panoptic_quality_and_mean_iou() {
     };
     let half = of(vec![rect(size, [16, 18], [6, 7])]);
     assert_values(&half, &[("pq", 0.75 / 3.0), ("sq", 0.75), ("rq", 1.0 / 3.0)]);
-    // 12 + 8 pixels of pairs, and the third pair has none in common.
+    // The pairs share 12 + 8 pixels; the third pair shares none.
     assert_values(&half, &[("amodal_miou", 20.0 / (16.0 + 16.0 + 28.0)), ("visible_miou", 20.0 / 60.0)]);
     assert_values(&of(vec![rect(size, [16, 18], [6, 8])]), &[("pq", 0.75 / 2.5), ("rq", 1.0 / 2.5)]);
     let lone = |labels: &[MaskedObject], predictions: &[MaskedObject]| {
@@ -120,12 +120,12 @@ fn panoptic_quality_and_mean_iou() {
 #[test]
 fn objects_by_rate_and_size() {
     let size = [200, 200];
-    // Hidden: nothing, one half, nine tenths; areas 100, 1024 (both small) and 10,000.
+    // Hidden fractions: zero, one half, nine tenths; areas 100, 1024 (both small) and 10,000.
     let amodal = [rect(size, [0, 9], [0, 9]), rect(size, [20, 51], [20, 51]), rect(size, [90, 189], [90, 189])];
     let visible = [amodal[0].clone(), rect(size, [20, 35], [20, 51]), rect(size, [90, 99], [90, 189])];
     let labels: Vec<MaskedObject> =
         amodal.iter().zip(&visible).map(|(a, v)| MaskedObject::labeled(a.clone(), v.clone())).collect();
-    // The first is found, the second only in its upper half, the last is missing.
+    // The first is found, the second only in its upper half, and the last is missing.
     let half = rect(size, [20, 51], [20, 35]);
     let predictions = vec![labels[0].clone(), MaskedObject::labeled(half.clone(), half)];
     let found = values(&[ImagePair::new(labels, predictions).expect("one size")], &["strata"]);
@@ -150,7 +150,7 @@ fn objects_by_rate_and_size() {
     assert_eq!((found["medium_amodal_f"], found["occluded_10_20_visible_f"]), (None, None));
 }
 
-/// Boundaries and what is near them, pixel by pixel from the definition.
+/// Boundaries and the pixels near them, pixel by pixel from the definition.
 #[test]
 fn boundaries_of_random_masks() {
     let mut stream = Stream::root(5);
@@ -189,7 +189,7 @@ fn map_of(mask: &Mask) -> Vec<[usize; 2]> {
     on.map(|(x, y)| [x as usize, y as usize]).collect()
 }
 
-/// Workers that work one after the other, from either end.
+/// Workers that run one after another, starting from either end.
 struct InTurn(bool);
 
 impl Workers for InTurn {
@@ -227,14 +227,14 @@ fn intervals_match_theory() {
         (mean - half - low).abs() < 0.1 * half && (mean + half - high).abs() < 0.1 * half,
         "{low} {high} {mean} {half}"
     );
-    // The order of work changes nothing, the seed does.
+    // The order of work does not matter, but the seed does.
     assert_eq!(of(3, false), of(3, true));
     assert_ne!(of(3, false), of(4, false));
     // All precisions are 1.
     assert_eq!(of(3, false)[0], Some([1.0; 2]));
 }
 
-/// How many predictions an object has: a metric of a crate outside.
+/// Number of predictions per object: a metric from another crate.
 struct Surplus;
 
 impl Measure for Surplus {

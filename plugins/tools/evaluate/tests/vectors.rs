@@ -1,4 +1,4 @@
-//! Values that the reference code gave for small images.
+//! Results of the reference code for small images.
 
 use std::collections::BTreeMap;
 use syntable_evaluate::Convention;
@@ -145,7 +145,7 @@ fn occlusion_order() {
     check(&of(&perfect), &[("acc_oo", 1.0), ("acc_oo_release", 0.666667), ("edge_p", 1.0), ("edge_f1", 1.0)]);
     check(&of(&perfect[..2]), &[("acc_oo", 0.333333), ("acc_oo_release", 0.333333), ("edge_r", 0.5)]);
     check(&of(&swapped), &[("acc_oo", 0.666667), ("acc_oo_release", 0.5)]);
-    // Who never predicts occlusion is right about two thirds of the pairs, and finds no edge.
+    // A predictor without occlusion is right about two thirds of the pairs, and finds no edge.
     let never = [&a1, &a2, &a3].map(|mask| whole(mask.clone(), MaskedObject::predicted));
     check(&of(&never), &[("acc_oo", 0.666667), ("edge_r", 0.0), ("edge_f1", 0.0)]);
 }
@@ -175,7 +175,7 @@ fn assignments_are_the_best_and_of_those_the_lowest() {
     }
 }
 
-/// The best of all assignments, tried in lexicographic order.
+/// The best of all assignments, by trying them in lexicographic order.
 fn by_trial(scores: &[Vec<f64>], columns: usize) -> Vec<(usize, usize)> {
     fn go(
         scores: &[Vec<f64>],
@@ -214,7 +214,7 @@ fn nothing_labeled_predicted_or_to_be_seen() {
         (vec![], vec![], [1.0, 1.0, 1.0]),
         (some(labeled), vec![], [1.0, 0.0, 0.0]),
         (vec![], some(predicted), [0.0, 1.0, 0.0]),
-        // No boundary at all: not a number in the reference.
+        // Without any boundary, the reference returns NaN.
         (all(labeled), all(predicted), [1.0, 1.0, 1.0]),
     ] {
         let found = values(&[ImagePair::new(labels, predictions).expect("one size")]);
@@ -225,7 +225,7 @@ fn nothing_labeled_predicted_or_to_be_seen() {
             }
             assert_eq!(found[format!("{kind}_f75").as_str()], f);
         }
-        // No object is occluded, and no prediction says so.
+        // No object is occluded, and no prediction is.
         check(&found, &[("invisible_overlap_f", 1.0), ("invisible_f75", 1.0)]);
         assert!(!found.contains_key("acc_oo"));
     }

@@ -2,7 +2,7 @@
 //!
 //! | module | holds |
 //! | --- | --- |
-//! | `preview` | `syntable preview`: an edit of a recipe in images, within seconds |
+//! | `preview` | `syntable preview`: shows an edit of a recipe in images, within seconds |
 //! | [`report`] | pages that show a dataset, as a folder |
 //! | [`serve`] | a server of pages for the browser of this machine |
 //! | [`stats`] | the numbers: Table 1 of the paper, distributions, near-duplicate views, distances between datasets |

@@ -6,7 +6,7 @@
 //! All users and programs of the machine can connect, so the [address](Server::url) has a random token. Without it, the
 //! server answers every request with a page of explanation. The first page stores the token as a cookie, which the
 //! browser sends with further requests. Browsers send cookies to all ports of a machine, including servers of other
-//! users. Therefore, each server has a path that nobody can guess, and its cookie is limited to this path.
+//! users. Therefore, each server has an unguessable path, and its cookie is limited to this path.
 //!
 //! Pages learn of changes through [`CHANGES`]: the server answers `GET /changes?after=3` with `{"version": 4}` once a
 //! version after 3 exists, or after [`PATIENCE`] with the current version. Waiting requests hold no thread.
@@ -27,7 +27,7 @@ use syntable_runtime::run::stop::Stop;
 pub const CHANGES: &str = "/changes";
 /// Maximum time that a request waits for a version. Browsers time out later.
 const PATIENCE: Duration = Duration::from_secs(25);
-/// Maximum number of waiting requests. Beyond it, the one that has waited longest is answered.
+/// Maximum number of waiting requests. Beyond it, the longest-waiting request is answered.
 const MAX_WAITING: usize = 64;
 /// Maximum number of simultaneous connections. Others wait.
 const MAX_CONNECTIONS: usize = 64;
@@ -37,12 +37,11 @@ const MAX_HEAD: usize = 16 << 10;
 const CLIENT: Duration = Duration::from_secs(10);
 /// Maximum time to read the remaining input of a refused client.
 const LINGER: Duration = Duration::from_secs(1);
-/// How often the server looks for connections, and for the signal to stop.
+/// Interval at which the server checks for connections and for the signal to stop.
 const LOOK: Duration = Duration::from_millis(10);
 /// Names of this machine that a `Host` header may have.
 const HOSTS: [&str; 3] = ["localhost", "127.0.0.1", "[::1]"];
-/// Permitted resources of a page: files of this server, and images that its scripts create. Nothing in the page itself
-/// runs.
+/// Permitted resources of a page: files of this server, and images that its scripts create. Inline scripts are blocked.
 const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data: blob:; \
                       connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
 /// Name of the token in the address and of the cookie.
@@ -50,10 +49,11 @@ const TOKEN: &str = "token";
 /// The page without a token.
 const REFUSAL: &str = include_str!("refusal.html");
 
-/// A request for something.
+/// A request of a browser.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Request {
-    /// Path with a leading slash, percent-decoded; no segment of it is `.`, `..` or empty, apart from the last one.
+    /// Path with a leading slash, percent-decoded; no segment of it is `.`, `..` or empty, except that the last one may
+    /// be empty.
     pub path: String,
     /// Names and values after the question mark, percent-decoded, in order.
     pub query: Vec<(String, String)>,
@@ -116,7 +116,7 @@ impl Response {
         self.status
     }
 
-    /// Bytes of a content type, such as `image/png`.
+    /// Bytes with a content type, such as `image/png`.
     pub fn bytes(content_type: &'static str, bytes: impl Into<Vec<u8>>) -> Self {
         let bytes = bytes.into();
         Self { status: 200, content_type, length: bytes.len() as u64, body: Box::new(Cursor::new(bytes)), cookie: None }
@@ -132,7 +132,7 @@ impl Response {
         Self::bytes(content_type("json"), value.to_string())
     }
 
-    /// 404: nothing is at this path.
+    /// 404: the path does not exist.
     pub fn missing() -> Self {
         Self::failed(404, "nothing is at this path\n")
     }
@@ -161,7 +161,7 @@ pub fn content_type(extension: &str) -> &'static str {
     }
 }
 
-/// Version of the pages' content. Pages wait for the next one.
+/// Version of the pages' content. Pages wait for the next version.
 #[derive(Debug, Clone, Default)]
 pub struct Changes(Arc<(Mutex<u64>, Condvar)>);
 
@@ -179,7 +179,7 @@ impl Changes {
         *self.0.0.lock()
     }
 
-    /// Waits for another version than `known`, not much longer than the given time.
+    /// Waits for a version other than `known`, for slightly more than the given time at most.
     fn wait(&self, known: u64, time: Duration) -> u64 {
         let mut version = self.0.0.lock();
         if *version == known {
@@ -189,7 +189,7 @@ impl Changes {
     }
 }
 
-/// A request that waits for a version after the one it knows.
+/// A request that waits for a version newer than its own.
 struct Waiting {
     from: Client,
     after: u64,
@@ -203,8 +203,8 @@ struct Client {
 }
 
 impl Client {
-    /// Sends the answer and ends the connection, because an open one would hold a thread. A client that has gone away
-    /// is ignored.
+    /// Sends the answer and closes the connection, because an open connection would hold a thread. A disconnected
+    /// client is ignored.
     fn send(self, response: Response) {
         let Self { mut stream, wants_body } = self;
         let Response { status, content_type, length, body, cookie } = response;
@@ -230,8 +230,8 @@ impl Client {
                 std::io::copy(&mut body.take(length), &mut stream)?;
             }
             stream.shutdown(Shutdown::Write)?;
-            // A connection that is closed with something unread, such as the body of a POST, is reset, and takes the answer
-            // along.
+            // Closing a connection with unread input, such as the body of a POST, resets it, and the client loses the
+            // answer.
             let (mut rest, start) = ([0; 1 << 10], Instant::now());
             stream.set_read_timeout(Some(LINGER))?;
             while status >= 400 && start.elapsed() < LINGER && stream.read(&mut rest)? > 0 {}
@@ -264,7 +264,7 @@ struct RequestHead {
 }
 
 impl RequestHead {
-    /// Reads it from a connection; the answer if it is none that can be read, and nothing if the client is gone or slow.
+    /// Reads it from a connection; the answer to an unreadable request, or nothing if the client is gone or slow.
     fn read(stream: &mut TcpStream) -> Option<std::result::Result<Self, Response>> {
         let (mut bytes, mut part) = (Vec::new(), [0; 1 << 10]);
         let start = Instant::now();
@@ -281,7 +281,7 @@ impl RequestHead {
         None
     }
 
-    /// Parses the bytes so far. Returns `None` if more are needed.
+    /// Parses the bytes received so far. Returns `None` if more are needed.
     fn parse(bytes: &[u8]) -> Option<std::result::Result<Self, Response>> {
         let mut fields = [httparse::EMPTY_HEADER; 64];
         let mut request = httparse::Request::new(&mut fields);
@@ -314,7 +314,7 @@ pub struct Server {
     token: String,
 }
 
-/// Random bits of the operating system in hexadecimal letters.
+/// Random bits from the operating system as hexadecimal digits.
 fn random<const BYTES: usize>() -> Result<String> {
     let mut bytes = [0; BYTES];
     getrandom::fill(&mut bytes)
@@ -322,14 +322,14 @@ fn random<const BYTES: usize>() -> Result<String> {
     Ok(bytes.iter().map(|byte| format!("{byte:02x}")).collect())
 }
 
-/// Compares two texts in a time that depends on their lengths alone.
+/// Compares two texts in a time that depends only on their lengths.
 fn is_same(one: &str, other: &str) -> bool {
     let differ = one.bytes().zip(other.bytes()).fold(0, |differ, (a, b)| black_box(differ | (a ^ b)));
     one.len() == other.len() && differ == 0
 }
 
 impl Server {
-    /// Listens on a port of the loopback address; 0 for any free one.
+    /// Listens on a port of the loopback address; 0 selects any free port.
     pub fn bind(port: u16) -> Result<Self> {
         let refused = |error: std::io::Error| {
             let error = Error::new(format!("port {port} of 127.0.0.1: {error}"));
@@ -346,7 +346,8 @@ impl Server {
         format!("http://{}{}?{TOKEN}={}", self.address, self.own, self.token)
     }
 
-    /// Answers requests until it shall stop. `handler` is called by several threads; one that panics answers with 500.
+    /// Answers requests until the caller stops it. `handler` is called by several threads; a panic in it is answered
+    /// with 500.
     pub fn run(&self, stop: &Stop, changes: &Changes, handler: &(dyn Fn(&Request) -> Response + Sync)) {
         let (waiting, open) = (Mutex::new(Vec::new()), AtomicUsize::new(0));
         thread::scope(|scope| {
@@ -362,7 +363,7 @@ impl Server {
                                 let _held = held;
                                 self.answer(stream, changes, handler, waiting);
                             };
-                            // Without a thread the connection is closed, and the next one has to wait.
+                            // If no thread is available, the connection is closed, and the next one has to wait.
                             if thread::Builder::new().spawn_scoped(scope, answer).is_ok() {
                                 continue;
                             }
@@ -473,7 +474,7 @@ impl Drop for OpenConnection<'_> {
     }
 }
 
-/// Answers those that waited for this version, and those that waited long enough.
+/// Answers the requests that waited for this version, and the requests that waited long enough.
 fn release(waiting: &mut Vec<Waiting>, version: u64, now: Instant) {
     for Waiting { from, .. } in waiting.extract_if(.., |it| version > it.after || now >= it.until) {
         from.send(told(version));
@@ -489,7 +490,7 @@ fn told(version: u64) -> Response {
 mod tests {
     use super::*;
 
-    /// Runs a server whose pages repeat the request, while `test` sends requests.
+    /// Runs a server whose pages echo the request, while `test` sends requests.
     fn serving(test: impl FnOnce(&Server, &Changes)) {
         let (server, stop, changes) = (Server::bind(0).expect("a port"), Stop::default(), Changes::default());
         thread::scope(|scope| {
@@ -508,7 +509,7 @@ mod tests {
         });
     }
 
-    /// The fields with which a browser shows that it has seen the first page.
+    /// The header with which a browser shows that it has opened the first page.
     fn cookie(server: &Server) -> String {
         format!("Cookie: theme=dark; {TOKEN}={}", server.token)
     }
@@ -521,7 +522,7 @@ mod tests {
         plain(server, &[&[first.as_str()], &lines[1..], &[cookie.as_str()]].concat())
     }
 
-    /// Sends the lines of a request as they are.
+    /// Sends the lines of a request unchanged.
     fn plain(server: &Server, lines: &[&str]) -> (String, Vec<u8>) {
         let mut stream = TcpStream::connect(server.address).expect("listens");
         stream.set_read_timeout(Some(Duration::from_secs(20))).expect("a timeout");
@@ -596,7 +597,7 @@ mod tests {
             };
             let (own, token) = (server.own.as_str(), server.token.as_str());
             assert!(own.len() == 18 && token.len() == 32, "{}", server.url());
-            // The address opens the first page, which sets the cookie for all others.
+            // The address opens the first page, which sets the cookie for all other pages.
             let address = server.url();
             let target = &address[address.find(own).expect("its path")..];
             let (code, head, _) = of(target, &[]);
@@ -609,7 +610,7 @@ mod tests {
                 assert_eq!(of(&inner(path), &["Cookie: a=b", &cookie]).0, 200, "{path}");
             }
             assert!(!of(&inner("a"), &[&cookie]).1.contains("Set-Cookie"));
-            // All other requests get one page, whatever their target.
+            // All other requests get the same page, whatever their target.
             let wrong = format!("Cookie: token={}", "0".repeat(token.len()));
             let short = format!("Cookie: token={}", &token[1..]);
             let other = cookie.replace("token=", "other=");
@@ -634,10 +635,10 @@ mod tests {
             for query in ["?token=", "?token=0", &format!("?token={}", &token[..31]), &format!("?Token={token}")] {
                 assert_eq!(of(&inner(query), &[]).0, 403, "{query}");
             }
-            // Two servers have nothing in common.
+            // Two servers share neither path nor token.
             let second = Server::bind(0).expect("a port");
             assert!(second.own != server.own && second.token != server.token);
-            // A path that is not below the server's own.
+            // A path outside the server's own path.
             assert_eq!(of("/", &[&cookie]).0, 400);
         });
         assert!(is_same("", "") && is_same("ab", "ab") && !is_same("ab", "aB") && !is_same("a", "ab"));
@@ -705,7 +706,7 @@ mod tests {
                     stream
                 })
                 .collect();
-            // All threads are free for pages meanwhile.
+            // All threads remain free for pages meanwhile.
             (0..12).for_each(|_| assert_eq!(get(server, "/").0, 200));
             assert_eq!(changes.publish(), 1);
             for mut stream in waiting {
@@ -733,7 +734,7 @@ mod tests {
                 stream.write_all(request.as_bytes()).expect("sent");
                 left.push(stream);
             }
-            // One of them had to make room.
+            // One of them had to be answered early.
             let answered = |stream: &TcpStream| {
                 stream.set_nonblocking(true).expect("a socket");
                 let some = stream.peek(&mut [0]).is_ok_and(|bytes| bytes > 0);
@@ -757,7 +758,7 @@ mod tests {
     fn connections_that_come_together_and_stay_open_are_all_answered() {
         serving(|server, _| {
             for _ in 0..50 {
-                // Like a browser: six connections at once, to be used again.
+                // Like a browser: six simultaneous connections, to be reused.
                 let streams: Vec<TcpStream> = (0..6)
                     .map(|_| {
                         let mut stream = TcpStream::connect(server.address).expect("listens");

@@ -1,4 +1,4 @@
-//! The pages of a dataset, made on request of a browser.
+//! The pages of a dataset, created when a browser requests them.
 
 use crate::report::scored::ReportScores;
 use crate::report::{DatasetReport, ReportSelection, StatisticsProgress};
@@ -67,7 +67,7 @@ impl Viewer {
     }
 }
 
-/// Keeps how far the statistics are for the page that waits for them.
+/// Stores the progress of the statistics for the page that waits for them.
 struct StatisticsReporter<'a>(&'a DatasetReport);
 
 impl Reporter for StatisticsReporter<'_> {

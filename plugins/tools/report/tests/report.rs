@@ -1,5 +1,5 @@
-//! Reports of datasets in memory: names that are markup, paths that lead out, images that cannot be read, and the same bytes
-//! again.
+//! Reports of datasets in memory: names that contain markup, paths that lead out, unreadable images, and reproducible
+//! bytes.
 
 use std::collections::BTreeMap;
 use syntable_formats::read::{self, ObjectLabels};
@@ -22,7 +22,7 @@ use syntable_runtime::run::stop::Stop;
 use syntable_runtime::workers::Pool;
 use syntable_testing::folder::files;
 
-/// A name that would run if a page took it for markup.
+/// A name that would run as a script if a page did not escape it.
 const MARKUP: &str = "<script>alert('1')</script>\"&";
 const SIZE: [u32; 2] = [12, 8];
 
@@ -30,9 +30,9 @@ const SIZE: [u32; 2] = [12, 8];
 struct MemoryReader {
     info: DatasetInfo,
     images: Vec<ImageRef>,
-    /// An image whose color cannot be read.
+    /// An image with unreadable color.
     broken: Option<usize>,
-    /// Whether a third object is hidden as a whole.
+    /// Whether a third object is fully hidden.
     has_hidden: bool,
 }
 
@@ -139,11 +139,11 @@ fn names_are_never_markup() {
     for (path, bytes) in all.iter().filter(|(path, _)| path.ends_with(".html")) {
         let page = text(bytes);
         assert!(!page.contains("<script>alert"), "{path}");
-        // The only scripts are those of the report.
+        // The page contains only scripts of the report.
         for script in page.split("<script").skip(1) {
             assert!(script.starts_with(" src=\"page/"), "{path}: {script:.60}");
         }
-        // Nor may others run: neither inline ones nor those of other hosts.
+        // The policy blocks inline scripts and scripts of other hosts.
         let policy = page.split("http-equiv=\"Content-Security-Policy\" content=\"").nth(1).expect("a policy");
         let policy = policy.split('"').next().unwrap_or_default();
         assert!(policy.starts_with("default-src &#x27;none&#x27;; script-src &#x27;self&#x27; file:;"), "{policy}");
@@ -170,7 +170,7 @@ fn what_is_written_is_what_is_served() {
     let of_folder = written(&report(MemoryReader::new(8), shown.clone()), 2);
     let served = report(MemoryReader::new(8), shown);
     let page = text(&of_folder["index.html"]);
-    // Pages of a folder name its edition in addresses, and are the same else.
+    // Pages in a folder have its edition in addresses, and are otherwise the same.
     let edition = page.split("style.css?").nth(1).and_then(|rest| rest.split('"').next()).expect("an edition");
     assert!(edition.len() == 12 && edition.bytes().all(|byte| byte.is_ascii_hexdigit()), "{edition}");
     for (path, bytes) in of_folder.iter().filter(|(path, _)| !path.starts_with('.') && *path != "index.html") {
@@ -183,13 +183,13 @@ fn what_is_written_is_what_is_served() {
             false => assert!(file == *bytes, "{path} is served differently"),
         }
     }
-    // Another image, and every file has another address.
+    // A change of one image changes the address of every file.
     let other = written(&report(MemoryReader { broken: Some(0), ..MemoryReader::new(8) }, vec![0, 2, 5]), 2);
     assert!(!text(&other["gallery.html"]).contains(edition));
     assert!(page.contains("3 of 8 views are in this report"), "{page}");
 }
 
-/// The order, the layers and the rates of a scene that is worked out on paper.
+/// The order, the layers and the rates of a scene that was solved by hand.
 #[test]
 fn an_image_has_its_masks_and_its_graph() {
     let report = report(MemoryReader::new(1), vec![0]);
@@ -207,7 +207,7 @@ fn an_image_has_its_masks_and_its_graph() {
     assert_eq!(view["objects"][0].get("hidden"), None);
 }
 
-/// The gallery counts the objects that are seen, as the statistics do.
+/// The gallery counts visible objects, like the statistics.
 #[test]
 fn hidden_objects_are_told_from_those_that_are_seen() {
     let memory = || MemoryReader { has_hidden: true, ..MemoryReader::new(1) };

@@ -1,4 +1,4 @@
-//! Statistics of label sets whose answers are worked out on paper, and of random ones beside a count pixel by pixel.
+//! Statistics of label sets with known answers, and of random label sets compared with a count pixel by pixel.
 
 use std::collections::BTreeMap;
 use syntable_formats::read::{self, ObjectLabels};
@@ -19,7 +19,7 @@ use syntable_runtime::run::progress::Quiet;
 use syntable_runtime::run::stop::Stop;
 use syntable_runtime::workers::Pool;
 
-/// An object: amodal and visible mask as images of a label set on paper.
+/// An object: its amodal and visible masks in a handmade label set.
 #[derive(Clone)]
 struct LabelObject {
     amodal: Mask,
@@ -27,7 +27,7 @@ struct LabelObject {
     name: &'static str,
 }
 
-/// A dataset in memory: for each image its scene and objects, and what else it has.
+/// A dataset in memory: the scene and objects of each image, and optional data.
 #[derive(Clone)]
 struct Paper {
     info: DatasetInfo,
@@ -106,7 +106,8 @@ impl ImageSource for Paper {
                 .put(OBJECT_NAME, ids().zip(&self.images[image]).map(|(id, it)| (id, it.name.to_owned())).collect())?;
         }
         if wants.contains(&OBJECT_INFO.id()) {
-            // The center of a box of 0.3 × 0.4 × 0.2 m lies 3 m to the right and 4 m ahead of the camera, which turns by 90°.
+            // The center of a box of 0.3 × 0.4 × 0.2 m lies 3 m to the right of the camera and 4 m ahead of it. The
+            // camera is rotated by 90°.
             let info = Value::of(&serde_json::json!({
                 "bounds_m": [[0.0, 0.0, 0.0], [0.3, 0.4, 0.2]],
                 "camera_from_object": [[0, -1, 0, 3.2], [1, 0, 0, -0.15], [0, 0, 1, 3.9], [0, 0, 0, 1]],
@@ -124,12 +125,12 @@ impl ImageSource for Paper {
     }
 }
 
-/// A rectangle of columns and rows, from x and y on.
+/// A rectangle of columns and rows that starts at x and y.
 fn rect([x, y, width, height]: [u32; 4]) -> Mask {
     Mask::from_fn(SIZE[0], SIZE[1], |u, v| (x..x + width).contains(&u) && (y..y + height).contains(&v))
 }
 
-/// Rectangles from front to back: each hides those behind it.
+/// Rectangles from front to back: each rectangle hides the rectangles behind it.
 fn stacked(shapes: &[[u32; 4]]) -> Vec<LabelObject> {
     let mut front = Mask::empty(SIZE[0], SIZE[1]);
     let of = |shape: &[u32; 4]| {
@@ -141,7 +142,7 @@ fn stacked(shapes: &[[u32; 4]]) -> Vec<LabelObject> {
     shapes.iter().map(of).collect()
 }
 
-/// Objects of 18 visible pixels, a row each, and for each edge (i, j) one pixel of i that hides j.
+/// Objects with 18 visible pixels, one row each, and for each edge (i, j) one pixel of i that hides j.
 fn with_edges(objects: u32, edges: &[(u32, u32)]) -> Vec<LabelObject> {
     let row = |it: u32| rect([0, it, 18, 1]);
     let of = |it: u32| {
@@ -167,7 +168,8 @@ fn near(found: Option<f64>, wanted: f64) {
 
 #[test]
 fn two_boxes_on_paper() {
-    // 4 px in front of 16 px, of which 2 are hidden; an image with one box, and an empty one.
+    // An object of 4 px in front of an object of 16 px, with 2 hidden pixels; an image with one box, and an empty
+    // image.
     let paper =
         Paper::new(vec![(0, stacked(&[[3, 3, 2, 2], [4, 3, 4, 4]])), (0, stacked(&[[0, 0, 5, 2]])), (1, Vec::new())]);
     let found = paper.statistics(&StatisticsOptions::default(), 2);
@@ -175,7 +177,7 @@ fn two_boxes_on_paper() {
     assert_eq!((of.images, of.empty_images, of.scenes, of.objects), (3, 1, 2, Some(1)));
     assert_eq!((of.visible_instances, of.occluded_instances, of.hidden_instances), (3, Some(1), 0));
     assert_eq!((of.amodal_px, of.occluded_px), (Some(30), Some(2)));
-    // Weighted by pixels, not the mean of rates 0, 1/8 and 0.
+    // Weighted by pixels, which differs from the mean of the rates 0, 1/8 and 0.
     near(of.average_occlusion_rate, 2.0 / 30.0);
     near(of.mean_occlusion_rate, 1.0 / 24.0);
     near(of.mean_occlusion_rate_of_occluded, 1.0 / 8.0);
@@ -198,7 +200,8 @@ fn two_boxes_on_paper() {
 
 #[test]
 fn graphs_on_paper() {
-    // Those of the specification: a chain with a shortcut and a pair; a ring of three with a tail; two that hide each other.
+    // The examples of the specification: a chain with a shortcut and a pair; a ring of three with a tail; two objects
+    // that hide each other.
     let paper = Paper::new(vec![
         (0, with_edges(6, &[(0, 1), (1, 2), (0, 2), (3, 4)])),
         (0, with_edges(5, &[(0, 1), (1, 2), (2, 0), (2, 3)])),
@@ -212,7 +215,7 @@ fn graphs_on_paper() {
     let rows: Vec<_> = found.images.iter().map(|it| it.occlusion.expect("amodal masks")).collect();
     assert_eq!(rows.iter().map(|row| row.layers.counts()).collect::<Vec<_>>(), [[3, 1, 2], [1, 3, 1], [1, 2, 0]]);
     assert_eq!(rows.iter().map(|row| row.largest_component).collect::<Vec<_>>(), [3, 4, 2]);
-    // The longest path of the first has two edges; a cycle is one layer.
+    // The longest path of the first graph has two edges; a cycle is one layer.
     assert_eq!(rows.iter().map(|row| row.depth_layers).collect::<Vec<_>>(), [3, 2, 1]);
     assert_eq!(found.layers, Some(LayerCounts { top: 5, intermediate: 6, bottom: 3 }));
 }
@@ -227,7 +230,7 @@ fn conventions_of_the_authors() {
     assert_eq!(values(&prefixes, Quantity::ComponentSize), [(1.0, 3), (2.0, 3), (3.0, 4)]);
     assert_eq!(values(&prefixes, Quantity::ComponentsPerView), [(1.0, 3), (2.0, 2), (3.0, 1)]);
     assert_eq!(prefixes.images[0].occlusion.expect("masks").components, 3);
-    // One pixel of 18 is an IoU below 0.1; of a rod that hides 6 of the 18 it is above.
+    // One pixel of 18 is an IoU below 0.1; a rod that hides 6 of the 18 pixels is above.
     assert_eq!(
         with(&paper, StatisticsOptions { edges: Edges::Iou, ..StatisticsOptions::default() }).totals.edges,
         Some(0)
@@ -237,12 +240,12 @@ fn conventions_of_the_authors() {
         with(&overlap, StatisticsOptions { edges: Edges::Iou, ..StatisticsOptions::default() }).totals.edges,
         Some(1)
     );
-    // Ten bins from the least to the greatest rate: 0, and 1/19 and 2/20 of rods that one or two hide.
+    // Ten bins from the minimum to the maximum rate: 0, and 1/19 and 2/20 for objects hidden by one or two others.
     let equal = with(&paper, StatisticsOptions { binning: Binning::Equal, ..StatisticsOptions::default() });
     let rates = equal.distribution(Quantity::OcclusionRate).expect("rates");
     assert_eq!((rates.edges()[0], rates.edges()[10]), (0.0, 0.1));
     assert_eq!(rates.histogram(), [3, 0, 0, 0, 0, 2, 0, 0, 0, 1]);
-    // What the dataset says, whatever the masks are.
+    // The order that the dataset stores, regardless of the masks.
     let mut order = OcclusionOrder::new((1..=6).map(InstanceId).collect());
     order.set(5, 0);
     paper.orders = vec![order];
@@ -302,7 +305,7 @@ fn depth_distance_size_and_brightness() {
     let brightness = found.distribution(Quantity::Brightness).expect("images");
     near(brightness.mean(), (51.0 + 102.0 + 54.0) / 3.0 / 255.0);
     assert_eq!(brightness.histogram(), [0, 0, 2, 0, 1, 0, 0, 0, 0, 0]);
-    // 51 and 54 are three levels apart, in different scenes.
+    // 51 and 54 differ by three levels, in different scenes.
     let duplicates = found.near_duplicates.expect("images");
     assert_eq!((duplicates.views, duplicates.redundant, duplicates.groups_in_scene), (2, 1, 0));
     assert_eq!(duplicates.groups, [["0", "2"]]);
@@ -314,7 +317,7 @@ fn depth_distance_size_and_brightness() {
     assert!(labels.unknown.iter().any(|it| it.contains("not read")), "{:?}", labels.unknown);
 }
 
-/// Random rectangles over each other in a random order for each pair, so that there are cycles.
+/// Overlapping random rectangles with a random order for each pair, so cycles occur.
 fn random(stream: &mut Stream, images: u32) -> Paper {
     const NAMES: [&str; 4] = ["mug", "bowl", "can", "fork"];
     let mut draw = |low: u32, high: u32| (stream.uniform(f64::from(low), f64::from(high)) as u32).min(high - 1);
@@ -336,7 +339,7 @@ fn random(stream: &mut Stream, images: u32) -> Paper {
     Paper::new((0..images).map(image).collect())
 }
 
-/// All numbers once more, from sets of pixels.
+/// Recomputes all numbers from sets of pixels.
 #[test]
 fn random_labels_are_counted_as_pixel_by_pixel() {
     let paper = random(&mut Stream::root(11), 120);
@@ -363,7 +366,7 @@ fn random_labels_are_counted_as_pixel_by_pixel() {
             occluded += usize::from(all > seen);
             rates.push((all - seen) as f64 / all as f64);
         }
-        // Components by spreading numbers along edges until nothing changes.
+        // Components, found by spreading numbers along edges until nothing changes.
         let mut number: Vec<usize> = (0..n).collect();
         for _ in 0..n {
             for (i, j) in (0..n).flat_map(|i| (0..n).map(move |j| (i, j))).filter(|&(i, j)| occludes(i, j)) {
@@ -386,7 +389,7 @@ fn random_labels_are_counted_as_pixel_by_pixel() {
             }] += 1;
             edges += (0..n).filter(|j| occludes(it, *j)).count();
         }
-        // A graph without cycles loses all nodes when those that nothing occludes are taken away again and again.
+        // Repeatedly removing all unoccluded nodes removes every node of a graph without cycles.
         let mut left: Vec<usize> = (0..n).collect();
         for _ in 0..n {
             let remaining = left.clone();
@@ -430,7 +433,7 @@ fn threads_change_nothing() {
     assert!(json(&one).contains("\"groups_in_scene\""));
 }
 
-/// Samples of equal size are moved into each other by pairing them in order.
+/// Samples of equal size are transformed into each other by pairing them in order.
 #[test]
 fn distances_by_other_means() {
     let mut stream = Stream::root(9);
@@ -449,7 +452,7 @@ fn distances_by_other_means() {
         let moved = a.iter().zip(&b).map(|(a, b)| (a - b).abs()).sum::<f64>() / n as f64;
         let found = wasserstein_1(&of(&a), &of(&b)).expect("values");
         assert!((found - moved).abs() < 1e-9, "{found}, not {moved}");
-        // Of samples of other sizes, each value so many times over.
+        // For samples of different sizes, each value is repeated.
         let twice: Vec<f64> = b.iter().flat_map(|it| [*it; 3]).collect();
         assert!((wasserstein_1(&of(&a), &of(&twice)).expect("values") - moved).abs() < 1e-9);
         assert!(wasserstein_1(&of(&b), &of(&twice)).expect("values") < 1e-12);
@@ -458,7 +461,7 @@ fn distances_by_other_means() {
     near(jensen_shannon(&[3, 5], &[6, 10]), 0.0);
     near(jensen_shannon(&[4, 0], &[0, 2]), 1.0);
     assert_eq!(jensen_shannon(&[0, 0], &[0, 2]), None);
-    // (1/2, 1/2) and (1, 0): H(3/4, 1/4) less the mean of one bit and none.
+    // (1/2, 1/2) and (1, 0): H(3/4, 1/4) minus the mean of one bit and zero bits.
     let entropy = 0.75 * (4.0_f64 / 3.0).log2() + 0.25 * 2.0;
     near(jensen_shannon(&[7, 7], &[9, 0]), entropy - 0.5);
 }
@@ -474,7 +477,7 @@ fn datasets_side_by_side() {
     let [one, two] = &all;
     let found = distances(&one.statistics, &two.statistics);
     let of = |name: &str| found.iter().find(|it| it.name == name).map(|it| (it.wasserstein_1, it.jensen_shannon));
-    // Two objects against one; half of the rates move by 1/8; only one has depth.
+    // Two objects against one; half of the rates move by 1/8; only one dataset has depth.
     assert_eq!(of("objects_per_view"), Some((Some(1.0), 1.0)));
     let (moved, _) = of("occlusion_rate").expect("rates");
     near(moved, 1.0 / 16.0);

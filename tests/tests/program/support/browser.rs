@@ -5,10 +5,10 @@ use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// Names that the browser has.
+/// Possible names of the browser's program.
 const NAMES: [&str; 3] = ["chromium", "chromium-browser", "google-chrome"];
 
-/// The browser; `CHROMIUM` names another one.
+/// The browser; `CHROMIUM` selects another browser.
 pub fn program() -> Option<PathBuf> {
     let named = std::env::var_os("CHROMIUM").map(PathBuf::from);
     let folders: Vec<PathBuf> = std::env::split_paths(&std::env::var_os("PATH").unwrap_or_default()).collect();
@@ -16,7 +16,7 @@ pub fn program() -> Option<PathBuf> {
     named.or_else(|| found.into_iter().find(|path| path.is_file()))
 }
 
-/// A page to look at: its address, and the body of an async function that is run in it.
+/// A page to open: its address, and the body of an async function that is run in it.
 pub fn job(url: &str, script: &str) -> Value {
     json!({ "url": url, "script": script })
 }
@@ -26,7 +26,8 @@ pub fn address(file: &Path) -> String {
     format!("file://{}", file.display())
 }
 
-/// Opens pages, and returns what their scripts do. No page may complain in the console. None if there is no browser.
+/// Opens pages, and returns the results of their scripts. No page may log messages in the console. None without a
+/// browser.
 pub fn look(jobs: &[Value]) -> Option<Vec<Value>> {
     let Some(program) = program() else {
         skip("chromium");

@@ -1,4 +1,4 @@
-//! The gallery: recipes below `book/gallery` that show what each kind does, and the images of the reference that are
+//! The gallery: recipes below `book/gallery` that demonstrate each kind, and the images of the reference that are
 //! rendered from them.
 
 use super::root;
@@ -27,7 +27,7 @@ pub fn image_name(slot: Slot, kind: &str) -> String {
 pub fn recipes(slot: Slot, kind: &str) -> Vec<PathBuf> {
     let of_kind = |path: &PathBuf| kind_of(path) == Some(kind.to_owned());
     let mut found: Vec<PathBuf> = below(&recipe_folder().join(slot.to_string())).into_iter().filter(of_kind).collect();
-    // `pinhole.lens.toml` is less than `pinhole.toml`; without the extension it is not.
+    // `pinhole.lens.toml` sorts before `pinhole.toml`; without the extension, it sorts after.
     found.sort_by_key(|path| path.with_extension(""));
     found
 }
@@ -37,7 +37,7 @@ pub fn kind_of(recipe: &Path) -> Option<String> {
     Some(recipe.file_name()?.to_str()?.strip_suffix(".toml")?.split('.').next()?.to_owned())
 }
 
-/// The files of a folder, sorted; none if there is no folder.
+/// The files of a folder, sorted; empty if the folder does not exist.
 pub fn below(folder: &Path) -> Vec<PathBuf> {
     let entries = std::fs::read_dir(folder).into_iter().flatten();
     let mut found: Vec<PathBuf> = entries.map(|entry| entry.expect("readable").path()).collect();
@@ -45,14 +45,14 @@ pub fn below(folder: &Path) -> Vec<PathBuf> {
     found
 }
 
-/// The first comment of a recipe, which says what its image shows, in one line.
+/// The first comment of a recipe, which describes its image, on one line.
 pub fn caption(recipe: &str) -> String {
     let lines = recipe.lines().skip_while(|line| line.starts_with("#:schema"));
     let words: Vec<&str> = lines.map_while(|line| line.strip_prefix('#')).map(str::trim).collect();
     words.join(" ")
 }
 
-/// The tables of a recipe that are about a kind.
+/// The tables of a recipe that belong to a kind.
 pub fn excerpt(recipe: &str, entry: &Entry) -> String {
     let mut tables: Vec<Vec<&str>> = Vec::new();
     for line in recipe.lines() {

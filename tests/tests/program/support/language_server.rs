@@ -8,7 +8,7 @@ use std::process::{Child, ChildStdin, Command, Stdio};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::time::{Duration, Instant};
 
-/// Longest time that an answer may take.
+/// Maximum time for an answer.
 const PATIENCE: Duration = Duration::from_secs(30);
 
 /// A running server.
@@ -30,7 +30,7 @@ impl Drop for Server {
 }
 
 impl Server {
-    /// Starts a server whose address space is limited; none if it is not there or does not speak the protocol.
+    /// Starts a server with limited address space; none if it is missing or does not speak the protocol.
     pub fn start(name: &'static str, command: &[&str], mebibytes: u64, folder: &Path) -> Option<Self> {
         let mut child = Command::new("sh")
             .args(["-c", &format!("ulimit -v {} && exec \"$@\"", mebibytes << 10), "sh"])
@@ -83,12 +83,12 @@ impl Server {
         self.send(&json!({ "jsonrpc": "2.0", "method": method, "params": params }));
     }
 
-    /// Takes the next message. Requests of the server are answered; none comes within the time if there is none.
+    /// Receives the next message, and answers requests of the server. Fails if no message arrives in time.
     fn next(&mut self, patience: Duration) -> Result<Value, RecvTimeoutError> {
         let message = self.messages.recv_timeout(patience)?;
         if let (Some(id), Some(method)) = (message.get("id"), message["method"].as_str()) {
             let result = match method {
-                // No catalog of schemas: nothing is fetched.
+                // Disables catalogs of schemas, so that nothing is fetched.
                 "workspace/configuration" => {
                     let items = message["params"]["items"].as_array().map_or(0, Vec::len);
                     vec![json!({ "schema": { "enabled": true, "catalogs": [] } }); items].into()
@@ -104,7 +104,7 @@ impl Server {
         Ok(message)
     }
 
-    /// Sends a request; none if the server ends, or does not answer in time.
+    /// Sends a request; none if the server ends or does not answer in time.
     fn ask(&mut self, method: &str, params: Value) -> Option<Value> {
         self.requests += 1;
         let id = self.requests;
@@ -130,7 +130,8 @@ impl Server {
         }
     }
 
-    /// What a server says at the `|` of a document. It may still be loading the schema: asks until `enough`.
+    /// The answer of a server for the `|` of a document. It may still be loading the schema, so the request is repeated
+    /// until `enough`.
     fn at_cursor<T: Default>(
         &mut self,
         method: &str,
@@ -159,7 +160,7 @@ impl Server {
         found
     }
 
-    /// Completions at the `|` of a document, with their documentation; waits for those that are `wanted`.
+    /// Completions at the `|` of a document, with their documentation; waits for the `wanted` ones.
     pub fn completions(&mut self, uri: &str, text: &str, wanted: &[String]) -> Vec<(String, String)> {
         let read = |answer: &Value| {
             let items = answer.as_array().or(answer["items"].as_array()).cloned().unwrap_or_default();
@@ -175,16 +176,17 @@ impl Server {
         self.at_cursor("textDocument/completion", uri, text, read, offered)
     }
 
-    /// What is shown for the `|` of a document; waits for something with the `wanted` words.
+    /// Hover text at the `|` of a document; waits for a text that contains `wanted`.
     pub fn hover(&mut self, uri: &str, text: &str, wanted: &str) -> String {
         let read = |answer: &Value| words(&answer["contents"]);
         self.at_cursor("textDocument/hover", uri, text, read, |shown: &String| shown.contains(wanted))
     }
 
-    /// Lines, from 1, of all diagnostics of a document, with their messages. Waits for those that are expected.
+    /// Lines, from 1, of all diagnostics of a document, with their messages. Waits for diagnostics if they are
+    /// expected.
     pub fn diagnostics(&mut self, uri: &str, text: &str, expected: bool) -> Vec<(u64, String)> {
         self.open(uri, text);
-        // Mistakes of syntax come first, those against the schema a moment later.
+        // Syntax errors come first; errors against the schema follow a moment later.
         let end = Instant::now() + Duration::from_secs(10);
         let missing = |server: &Self| expected && server.published[uri].is_empty() && Instant::now() < end;
         while self.next(Duration::from_millis(400)).is_ok() || missing(self) {}
@@ -221,7 +223,7 @@ fn read(output: &mut impl BufRead) -> Option<Value> {
     serde_json::from_slice(&body).ok()
 }
 
-/// Text, or marked-up text.
+/// Plain or marked-up text.
 fn words(value: &Value) -> String {
     value["value"].as_str().or(value.as_str()).unwrap_or_default().to_owned()
 }

@@ -1,4 +1,4 @@
-//! What the whole-program tests share: the binary, small recipes, comparing folders.
+//! Shared code of the whole-program tests: the binary, small recipes, comparing folders.
 #![allow(dead_code, reason = "each test file uses a part")]
 
 pub mod browser;
@@ -24,8 +24,8 @@ pub fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("..").canonicalize().expect("the checkout is there")
 }
 
-/// Folders of assets to test with: the small one of the checkout, and where it exists a larger one, named by
-/// `SYNTABLE_ASSETS` or in `shared/assets` beside the checkout.
+/// Asset folders for tests: the small folder of the checkout and, if it exists, a larger folder, named by
+/// `SYNTABLE_ASSETS` or in `shared/assets` next to the checkout.
 pub fn assets() -> Vec<PathBuf> {
     let larger = std::env::var_os("SYNTABLE_ASSETS").map_or_else(|| root().join("../shared/assets"), PathBuf::from);
     let mut folders = vec![root().join("tests/fixtures/assets")];
@@ -36,7 +36,7 @@ pub fn assets() -> Vec<PathBuf> {
 use syntable_testing::takes::registry;
 pub use syntable_testing::tools::skip;
 
-/// Lets an independent reader check a dataset of the writer `syntable`.
+/// Checks a dataset of the writer `syntable` with an independent reader.
 pub fn check_dataset(dataset: &Path, more: &[&str]) {
     let works = |command: &mut Command| command.output().is_ok_and(|output| output.status.success());
     if !works(Command::new("python3").args(["-c", "import numpy, pycocotools, PIL"])) {
@@ -47,29 +47,29 @@ pub fn check_dataset(dataset: &Path, more: &[&str]) {
     assert!(output.status.success(), "{}", text(&output));
 }
 
-/// The program, ready to be given arguments. Cached results go to a folder that all tests share.
+/// The program, without arguments. Cached results go to a folder that all tests share.
 pub fn syntable() -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_syntable-under-test"));
     command.env("SYNTABLE_CACHE", root().join("target/test-cache")).current_dir(root());
     command
 }
 
-/// `syntable convert` of a dataset to some writers, into a folder.
+/// `syntable convert` of a dataset with some writers, into a folder.
 pub fn convert(from: &Path, to: &str, out: &Path) -> Command {
     let mut convert = syntable();
     convert.arg("convert").arg(from).args(["--to", to, "--out"]).arg(out);
     convert
 }
 
-/// Runs a command that must succeed; gives its standard output.
+/// Runs a command that must succeed. Returns its standard output.
 pub fn ok(command: &mut Command) -> String {
     let output = command.output().expect("the program starts");
     assert!(output.status.success(), "{command:?}\n{}", text(&output));
     String::from_utf8_lossy(&output.stdout).into_owned()
 }
 
-/// Runs a command that makes a dataset; gives its standard output. It must succeed, or end with exit code 3 because formats of
-/// polygons fill the holes of masks.
+/// Runs a command that creates a dataset. Returns its standard output. It must succeed, or end with exit code 3 because
+/// formats of polygons fill the holes of masks.
 pub fn made(command: &mut Command) -> String {
     let output = command.output().expect("the program starts");
     let said = text(&output);
@@ -80,7 +80,7 @@ pub fn made(command: &mut Command) -> String {
     String::from_utf8_lossy(&output.stdout).into_owned()
 }
 
-/// Runs a command that must fail with an exit code; gives its standard error.
+/// Runs a command that must fail with an exit code. Returns its standard error.
 pub fn fails(command: &mut Command, code: i32) -> String {
     let output = command.output().expect("the program starts");
     assert_eq!(output.status.code(), Some(code), "{command:?}\n{}", text(&output));
@@ -111,7 +111,7 @@ pub fn small_run(out: &Path, more: &[&str]) -> Command {
     command
 }
 
-/// Two folders must hold the same files, byte for byte.
+/// Checks that two folders contain the same files, byte for byte.
 pub fn assert_same(left: &Path, right: &Path) {
     let (a, b) = (files(left), files(right));
     let names = |files: &BTreeMap<String, Vec<u8>>| files.keys().cloned().collect::<Vec<_>>();
@@ -121,7 +121,8 @@ pub fn assert_same(left: &Path, right: &Path) {
     }
 }
 
-/// Makes a dataset of the quickstart recipe with eight objects in a scene, of small and noisy images, with more settings.
+/// Creates a dataset from the quickstart recipe with eight objects per scene, small and noisy images, and the given
+/// settings.
 pub fn small_dataset(out: &Path, more: &[&str]) {
     let mut run = syntable();
     run.args(["run", "builtin:quickstart", "--out"]).arg(out);

@@ -1,4 +1,4 @@
-//! What writers write: the files of a tiny dataset, in a few lines.
+//! Samples of the writers' output: the files of a tiny dataset, in a few lines.
 
 use super::{files, gallery, ok, syntable};
 use serde_json::Value;
@@ -7,10 +7,10 @@ use std::fmt::Write as _;
 /// Maximum width of a line of a sample, characters.
 const WIDTH: usize = 100;
 
-/// Maximum number of lines of a JSON file of a sample; a sixth of it for other text.
+/// Maximum number of lines of a JSON file of a sample; other text gets a sixth of it.
 const LINES: usize = 30;
 
-/// Runs a recipe of one small scene with a writer's table, and gives its files as Markdown: names, and first lines.
+/// Runs a recipe of one small scene with a writer's table. Returns its files as Markdown: names and first lines.
 pub fn of(writer: &str) -> String {
     let folder = tempfile::tempdir().expect("a folder");
     let (recipe, data) = (folder.path().join("recipe.toml"), folder.path().join("data"));
@@ -22,7 +22,7 @@ pub fn of(writer: &str) -> String {
     std::fs::write(&recipe, text).expect("writable");
     ok(syntable().arg("run").arg(&recipe).arg("--out").arg(&data));
     let mut written = files(&data);
-    // The run's own.
+    // The files of the run itself.
     written.retain(|name, _| name != "recipe.toml" && !name.starts_with(".syntable"));
     let widest = written.keys().map(String::len).max().expect("it writes files");
     let mut sample = "```text\n".to_owned();
@@ -50,7 +50,7 @@ pub fn of(writer: &str) -> String {
     sample
 }
 
-/// What a file holds, as far as its first bytes say it.
+/// Description of a file, from its first bytes.
 fn describe(name: &str, bytes: &[u8]) -> String {
     let known = match name.rsplit_once('.').map_or("", |(_, extension)| extension) {
         "png" => describe_png(bytes),
@@ -89,7 +89,8 @@ fn describe_npy(bytes: &[u8]) -> Option<String> {
     Some(format!("dtype {}, shape ({})", after("'descr': '", "'")?, after("'shape': (", ")")?))
 }
 
-/// The channels and the data window of an OpenEXR file: attributes of name, type, size and value follow 8 bytes.
+/// The channels and the data window of an OpenEXR file: after 8 bytes, attributes follow with name, type, size and
+/// value.
 fn describe_exr(bytes: &[u8]) -> Option<String> {
     fn text<'b>(rest: &mut &'b [u8]) -> Option<&'b str> {
         let end = rest.iter().position(|byte| *byte == 0)?;
@@ -130,7 +131,7 @@ fn describe_exr(bytes: &[u8]) -> Option<String> {
     Some(format!("{width} × {height} pixels, {} {}", channels.first()?.1, names.join(" ")))
 }
 
-/// What is in the JSON chunk of a binary glTF file: it follows 20 bytes.
+/// Content of the JSON chunk of a binary glTF file, which follows 20 bytes.
 fn describe_glb(bytes: &[u8]) -> Option<String> {
     let length = usize::try_from(u32::from_le_bytes(bytes.get(12..16)?.try_into().ok()?)).ok()?;
     let json: Value = serde_json::from_slice(bytes.get(20..20 + length)?).ok()?;
@@ -146,16 +147,16 @@ fn cut(line: &str) -> String {
     line.chars().take(WIDTH - 1).chain(['…']).collect()
 }
 
-/// How much of a JSON file is shown.
+/// Level of detail of a JSON file.
 #[derive(Clone, Copy)]
 struct Detail {
     /// Levels below which a value takes one line.
     depth: usize,
-    /// Maximum number of fields of a table; the outermost shows all.
+    /// Maximum number of fields of a table; the outermost table shows all.
     fields: usize,
 }
 
-/// JSON in lines, with long numbers, texts and lists shortened, and with as much detail as `most` lines have room for.
+/// JSON in lines, with long numbers, strings and lists shortened, and with as much detail as fits into `most` lines.
 fn pretty(text: &str, most: usize) -> Vec<String> {
     let value: Value = serde_json::from_str(text).expect("the writer writes JSON");
     let fields = std::iter::once(usize::MAX).chain((3..=20).rev());
@@ -195,7 +196,7 @@ fn short(value: &Value) -> String {
     }
 }
 
-/// A value in one line of limited width: of a list of lists the first, of others what fits.
+/// A value on one line of limited width: the first entry of a list of lists, or the entries that fit.
 fn one_line(value: &Value, room: usize) -> String {
     let whole = short(value);
     if whole.chars().count() <= room {
@@ -211,8 +212,8 @@ fn one_line(value: &Value, room: usize) -> String {
     format!("{start}, … {}", if value.is_array() { "]" } else { "}" })
 }
 
-/// Appends a value to the last line, and to lines of its own what does not fit there. Of a list of tables, and of a
-/// table of tables by number, the first entry is shown.
+/// Appends a value to the last line, or to separate lines if it does not fit. Only the first entry of a list of tables,
+/// or of a table of tables by number, is shown.
 fn print(value: &Value, depth: usize, detail: Detail, lines: &mut Vec<String>) {
     let last = |lines: &mut Vec<String>, text: &str| *lines.last_mut().expect("a line") += text;
     let room = WIDTH - 1 - lines.last().map_or(0, |line| line.chars().count());

@@ -1,4 +1,4 @@
-//! Pages that `view` and `preview --serve` show.
+//! Pages of `view` and `preview --serve`.
 
 use std::io::{Read, Write};
 use std::net::TcpStream;
@@ -29,7 +29,7 @@ impl Address {
         format!("http://{}{}{name}?token={}", self.host, self.own, self.token)
     }
 
-    /// What is answered to one who has seen the first page: head, and body.
+    /// Head and body of the answer to a request with the cookie of the first page.
     pub fn get(&self, path: &str, method: &str) -> (String, Vec<u8>) {
         self.ask(
             &format!("{}{}", self.own, path.trim_start_matches('/')),
@@ -38,7 +38,7 @@ impl Address {
         )
     }
 
-    /// What is answered to a request with more fields, each with the end of its line.
+    /// Head and body of the answer to a request with additional header fields, each with its line ending.
     pub fn ask(&self, target: &str, method: &str, fields: &str) -> (String, Vec<u8>) {
         let mut stream = TcpStream::connect(&self.host).expect("it listens");
         stream.set_read_timeout(Some(Duration::from_secs(240))).expect("a timeout");

@@ -1,5 +1,5 @@
-//! SynTable as a library: samples in memory by an annotator with state of its own, scores of predictions with a metric of
-//! its own, and a report.
+//! SynTable as a library: samples in memory from an annotator with state, scores of predictions with a custom metric,
+//! and a report.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -16,7 +16,7 @@ use syntable::{ImageWork, RunOptions, Stop, evaluate, generate, run, workers};
 
 const AREA: Key<Value> = Key::view("total_area", "Pixels of all objects together.");
 
-/// Adds up areas, and counts the views for the program that made it.
+/// Sums areas, and counts the views for the program that created it.
 struct TotalArea(Arc<AtomicU32>);
 
 impl ImageAnnotator for TotalArea {
@@ -33,7 +33,7 @@ impl ImageAnnotator for TotalArea {
     }
 }
 
-/// Share of labeled objects with fewer visible pixels than a number that the program chooses.
+/// Share of labeled objects with fewer visible pixels than a given number.
 #[derive(Clone, Copy)]
 struct SmallObjects(u32);
 

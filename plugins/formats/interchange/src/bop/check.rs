@@ -1,5 +1,5 @@
-//! Faults of BOP's datasets: `scene_gt_info.json` and `scene_gt_coco.json` against masks and depth, and the files of the dataset
-//! against each other.
+//! Faults of BOP's datasets: `scene_gt_info.json` and `scene_gt_coco.json` that contradict the masks and the depth, and
+//! files of the dataset that contradict each other.
 
 use super::meshes::Meshes;
 use super::record::{
@@ -15,31 +15,36 @@ use syntable_model::prelude::*;
 use syntable_model::reader::DatasetFault;
 use syntable_model::rule;
 
-/// Id of the rule that sizes of models fit each other and the meshes.
+/// Id of the rule that the sizes of a model agree with each other and with its mesh.
 const SIZES_OF_MODELS: &str = "sizes_of_models";
 
-/// How far a fraction may be off, which some files have with three decimals.
+/// Tolerance of a fraction: some files round fractions to three decimals.
 const FRACTION: f64 = 1e-3;
-/// Part of an outline that may be other pixels in another rendering, as BOP's tools make one for masks and one for counts.
+/// Share of the pixels on an outline that may differ between two renderings. BOP's tools render once for the masks and
+/// once for the pixel counts.
 const OTHER_RENDERING: f64 = 0.1;
-/// How far a size of a model may be off, relative to it.
+/// Relative tolerance of a model's size.
 const SIZE: f64 = 1e-3;
-/// How far a number of a model may be from that of its mesh, relative to the diameter: some datasets simplified meshes later.
+/// Tolerance between a number of a model and its mesh, relative to the diameter: some datasets simplified their meshes
+/// later.
 const MESH: f64 = 0.01;
-/// How far a box of `scene_gt_coco.json` may be off, px: those of BlenderProc have no + 1.
+/// Tolerance of a box in `scene_gt_coco.json`, px: BlenderProc omits the + 1 of width and height.
 const COCO_BOX_PX: f64 = 1.0;
 
 /// A rigid motion, m.
 type RigidMotion = [[f64; 4]; 4];
 
-/// How far motions of objects between two views may differ to be one: of entries of a rotation, and in meters.
+/// Tolerance within which two motions of objects between two views count as the same: of the entries of the rotation,
+/// and in meters.
 const SAME_MOTION: [f64; 2] = [2e-3, 2e-3];
-/// Least such motion that is not noise.
+/// Smallest motion that is not noise: of the entries of the rotation, and in meters.
 const MOVED: [f64; 2] = [2e-2, 1e-2];
 
-/// The pose of the camera of an image that puts all of its objects elsewhere in the world than other images of the scene do, in one
-/// piece, by numbers of objects and their poses. Objects that move one by one are none of its business. So many others, `least`, must
-/// agree, and they must be most of those that share objects with the image: a right camera is not blamed for a wrong one.
+/// Finds a wrong camera pose: one that moves all objects of the image, as one rigid body, away from their place in
+/// other images of the scene. `here` and `others` hold the numbers of the objects and their poses in the world. Objects
+/// that move independently are not a fault. At least `least` other images must agree, and they must be more than half
+/// of the images whose shared objects moved as one. A wrong camera in another image is therefore not blamed on this
+/// image.
 pub fn fault_of_camera_pose(
     here: &[(u64, RigidMotion)],
     others: &[Vec<(u64, RigidMotion)>],
@@ -63,8 +68,8 @@ pub fn fault_of_camera_pose(
 
 const IDENTITY: RigidMotion = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]];
 
-/// The motion of objects from one image of a scene to another, if it is the same for all that both have: two at least, each the
-/// only one of its number.
+/// The motion of the objects from one image of a scene to another, if all shared objects have the same motion. Only
+/// objects whose number is unique in both images count, and at least two of them are needed.
 fn common_motion(here: &[(u64, RigidMotion)], there: &[(u64, RigidMotion)]) -> Option<RigidMotion> {
     fn only(all: &[(u64, RigidMotion)], id: u64) -> Option<&RigidMotion> {
         let mut of_id = all.iter().filter(|it| it.0 == id).map(|it| &it.1);
@@ -89,7 +94,7 @@ fn is_near(a: &RigidMotion, b: &RigidMotion, [turn, shift]: [f64; 2]) -> bool {
     (0..3).all(|i| (0..4).all(|j| (a[i][j] - b[i][j]).abs() <= if j < 3 { turn } else { shift }))
 }
 
-/// The sides of a box: left, top, right and bottom pixel that are in it.
+/// The sides of a box: its leftmost, topmost, rightmost and bottommost pixel.
 fn sides([x, y, width, height]: [i64; 4]) -> [i64; 4] {
     [x, y, x + width, y + height]
 }
@@ -113,7 +118,7 @@ impl GroundTruthInfo {
             }
             return faults;
         }
-        // Beyond the frame there may be parts that no mask has.
+        // Parts beyond the frame count as pixels, but no mask contains them.
         let reaches_out = self.px_count_all > u64::from(amodal.area());
         let last = [amodal.width(), amodal.height()].map(i64::from);
         let (bbox, inside) = (sides(self.bbox_obj), sides(own(amodal)));
@@ -173,7 +178,7 @@ impl GroundTruthInfo {
     }
 }
 
-/// Pixels that another rendering may have or not.
+/// Number of pixels that may differ between two renderings.
 fn slack(mask: &Mask) -> f64 {
     (OTHER_RENDERING * edge_px2(mask)).floor()
 }
@@ -185,7 +190,7 @@ pub struct CocoScene {
     annotations: BTreeMap<u32, Vec<BopCocoAnnotation>>,
 }
 
-/// The sections of `scene_gt_coco.json` that are read.
+/// The sections of `scene_gt_coco.json` that the reader uses.
 #[derive(Deserialize)]
 struct BopCocoFile {
     images: Vec<BopCocoImage>,
@@ -209,7 +214,7 @@ struct BopCocoAnnotation {
 }
 
 impl CocoScene {
-    /// Those of the scene of a folder, if it has any.
+    /// Reads the annotations of the scene in a folder, if the folder has the file.
     pub fn read(folder: &DatasetFolder) -> Result<Option<Self>> {
         let path = folder.file(SCENE_GT_COCO)?;
         if !path.is_file() {
@@ -224,8 +229,8 @@ impl CocoScene {
         Ok(Some(scene))
     }
 
-    /// The rules that the annotations of an image break, given the amodal and visible masks of its objects: another image size, a box
-    /// of no object, or an area of no object with this box.
+    /// The rules that the annotations of an image break, given the amodal and visible masks of its objects: a wrong
+    /// image size, a box that fits no object, or an area that fits no object with this box.
     pub fn faults(&self, image: u32, infos: &[GroundTruthInfo], masks: &[[&Mask; 2]]) -> Vec<DatasetFault> {
         let Some([first, _]) = masks.first() else { return Vec::new() };
         let mut faults = Vec::new();
@@ -238,7 +243,7 @@ impl CocoScene {
             let clip = |at: f64, axis: usize| at.clamp(0.0, f64::from(size[axis]));
             [clip(x, 0), clip(y, 1), clip(x + width, 0), clip(y + height, 1)]
         };
-        // Objects that are not seen have no annotation.
+        // Objects without visible pixels have no annotation.
         let seen: Vec<_> = infos.iter().zip(masks).filter(|(info, _)| info.px_count_visib > 0).collect();
         let near = |a: [f64; 4], b: [f64; 4]| a.iter().zip(b).all(|(a, b)| (a - b).abs() <= COCO_BOX_PX);
         for &BopCocoAnnotation { id, bbox, area, .. } in self.annotations.get(&image).into_iter().flatten() {
@@ -277,7 +282,7 @@ pub fn faults_of_camera(camera: &BopCamera, [width, height]: [u32; 2]) -> Option
     (said != [width, height]).then(|| DatasetFault::new(rule::CAMERA_HAS_IMAGE_SIZE, message))
 }
 
-/// A `camera.json` without a focal length.
+/// Checks that a `camera.json` has a focal length.
 pub fn camera_is_valid(camera: &BopCamera, faults: &mut Faults) {
     let sound = camera.fx > 0.0 && camera.fy > 0.0 && camera.depth_scale > 0.0;
     if !sound {
@@ -289,7 +294,7 @@ pub fn camera_is_valid(camera: &BopCamera, faults: &mut Faults) {
     }
 }
 
-/// The faults of a `models_info.json` that contradicts the meshes beside it.
+/// The faults of a `models_info.json` that contradicts the meshes in its folder.
 pub fn faults_of_meshes(meshes: &Meshes, models: &BTreeMap<u64, BopModelInfo>, faults: &mut Faults) {
     for id in meshes.numbers() {
         let info = match meshes.info(id) {
@@ -361,7 +366,8 @@ mod tests {
             fault_of_camera_pose(&at(0.0), &others, least).is_some()
         };
         assert!(is_blamed(&[0.3, 0.3], 2) && is_blamed(&[0.3, 0.3, 0.0], 2) && is_blamed(&[0.3], 1));
-        // One other alone may be the wrong one; so may two that differ, or fewer than half.
+        // A single other image may itself be wrong. The same holds for two images that disagree, and for fewer than
+        // half.
         assert!(!is_blamed(&[0.3], 2) && !is_blamed(&[0.3, 0.6], 2) && !is_blamed(&[0.3, 0.0], 1));
         assert!(!is_blamed(&[0.3, 0.3, 0.0, 0.0], 2) && !is_blamed(&[0.005, 0.005, 0.005], 2) && !is_blamed(&[], 0));
     }

@@ -21,11 +21,11 @@ use syntable_model::reader::{ImageRef, Source};
 use syntable_model::rule;
 use syntable_model::scene::ViewId;
 
-/// Fields of a sample that hold what [`SCENE_CAMERA`], [`SCENE_GT`] and [`SCENE_GT_INFO`] hold of its image.
+/// Fields of a sample with the content of [`SCENE_CAMERA`], [`SCENE_GT`] and [`SCENE_GT_INFO`] for its image.
 const RECORDS: [&str; 3] = [SAMPLE_CAMERA, SAMPLE_GT, SAMPLE_GT_INFO];
-/// Fields of a sample that may have its color image.
+/// Possible names of the field with the color image of a sample.
 const COLORS: [&str; 3] = [SAMPLE_RGB, "rgb.jpg", "rgb.jpeg"];
-/// Fields of a sample that have masks of whole objects and of visible parts.
+/// Possible names of the fields with the masks of whole objects and of visible parts.
 const MASKS: [&str; 2] = [SAMPLE_MASK, SAMPLE_MASK_VISIB];
 
 /// A split of a dataset.
@@ -67,14 +67,14 @@ struct StatedImage {
     infos: Vec<GroundTruthInfo>,
 }
 
-/// Folders that are called after a number, sorted.
+/// The folders named by a number, sorted.
 fn scenes_of(folder: &Path) -> Vec<(u32, PathBuf)> {
     let number = |path: &Path| path.file_name()?.to_str()?.parse().ok();
     let scenes = read::entries(folder).into_iter().filter(|path| path.is_dir());
     scenes.filter_map(|path| Some((number(&path)?, path))).collect()
 }
 
-/// Whether a folder has tar files with BOP's samples. Tar files of other formats may have the same names.
+/// Whether a folder has tar files with BOP samples. Tar files of other formats may have the same names.
 fn has_shards(folder: &Path) -> bool {
     let shards = shards_of(folder);
     let says_poses = |path: &PathBuf| {
@@ -85,7 +85,7 @@ fn has_shards(folder: &Path) -> bool {
         && (folder.join(KEY_TO_SHARD).is_file() || shards.iter().take(1).any(|(_, path)| says_poses(path)))
 }
 
-/// Members of a tar file among which one has poses, if it is BOP's.
+/// Number of members to search for poses, which identify a tar file of BOP.
 const FIRST_MEMBERS: usize = 32;
 
 /// The tar files of a folder with their numbers, sorted.
@@ -94,8 +94,8 @@ fn shards_of(folder: &Path) -> Vec<(u64, PathBuf)> {
     read::entries(folder).into_iter().filter_map(|path| Some((number(&path)?, path))).collect()
 }
 
-/// The splits of a dataset, sorted; a split is its own. They have scenes with poses, or if there are none such, with cameras, or
-/// if there are no scenes, tar files.
+/// The splits of a dataset, sorted. The folder of a split counts as its own split. A split has scenes with poses;
+/// without any such scene in the dataset, scenes with cameras; without scenes, tar files.
 pub fn splits_of(root: &Path) -> Vec<BopSplit> {
     let of = |layout: BopLayout, is_one: &dyn Fn(&Path) -> bool| -> Vec<BopSplit> {
         let folders = if is_one(root) { vec![root.to_owned()] } else { read::entries(root) };
@@ -111,7 +111,7 @@ pub fn splits_of(root: &Path) -> Vec<BopSplit> {
 /// The only split of a dataset.
 pub fn split_of(root: &Path) -> Result<BopSplit> {
     let mut splits = splits_of(root);
-    // The user may name the format of a damaged dataset.
+    // The user may name the format of a damaged dataset explicitly.
     if splits.is_empty() && !shards_of(root).is_empty() {
         splits.push(BopSplit { folder: root.to_owned(), layout: BopLayout::Webdataset });
     }
@@ -140,7 +140,7 @@ fn json_of<T: DeserializeOwned>(member: &TarMember) -> Result<T> {
 fn parsed<T: DeserializeOwned>(text: &[u8], path: &Path) -> Result<T> {
     TEXT_BYTES.check(text.len() as u64).map_err(|error| error.in_file(path))?;
     serde_json::from_slice(text).map_err(|error| {
-        // Read again to know where it was.
+        // Parses the text again to report the position of the error.
         let located = serde_path_to_error::deserialize::<_, T>(&mut serde_json::Deserializer::from_slice(text));
         let key = located.err().map(|error| error.path().to_string()).filter(|key| key != ".");
         let line = text.split(|byte| *byte == b'\n').nth(error.line().saturating_sub(1)).unwrap_or_default();
@@ -149,7 +149,7 @@ fn parsed<T: DeserializeOwned>(text: &[u8], path: &Path) -> Result<T> {
     })
 }
 
-/// The images of a split. An image that cannot be read is a fault, and omitted.
+/// The images of a split. An unreadable image is reported as a fault and omitted.
 ///
 /// # Errors
 /// If a tar file is a link that leads out of the dataset.
@@ -168,7 +168,7 @@ pub fn images(source: &Source, split: &BopSplit, faults: &mut Faults) -> Result<
 }
 
 impl BopImages {
-    /// Adds an image, if its records agree. `files` are those that have cameras, poses and counts.
+    /// Adds an image if its records agree. `files` are the names of the files with cameras, poses and pixel counts.
     fn add(&mut self, scene: u32, said: StatedImage, place: ImageFiles, files: [&str; 3], faults: &mut Faults) {
         let StatedImage { number, camera, objects, infos } = said;
         let name = format!("{scene:06}/{number:06}");
@@ -250,7 +250,7 @@ impl BopImages {
     }
 }
 
-/// The records of a sample, whose members are dropped.
+/// Takes the records of a sample out of its members.
 fn said_by(number: u32, sample: &mut BTreeMap<String, TarMember>) -> Result<StatedImage> {
     fn take<T: DeserializeOwned + Default>(sample: &mut BTreeMap<String, TarMember>, field: &str) -> Result<T> {
         sample.remove(field).map_or_else(|| Ok(T::default()), |member| json_of(&member))
@@ -264,7 +264,8 @@ fn said_by(number: u32, sample: &mut BTreeMap<String, TarMember>) -> Result<Stat
     })
 }
 
-/// Compares the list of the images' tar files with these, by scene and image. A dataset may lack it.
+/// Compares the list of the images' tar files with the actual numbers, by scene and image. A dataset may lack this
+/// list.
 fn faults_of_numbers(path: &Path, numbers: &BTreeMap<(u32, u32), u64>, faults: &mut Faults) {
     if !path.is_file() {
         return;
@@ -299,7 +300,7 @@ fn files_of(folder: &DatasetFolder) -> Result<SceneRecords> {
 }
 
 impl BopImageRecord {
-    /// The folder of its scene, if it is in one.
+    /// The folder of its scene; none for an image in a tar file.
     pub fn folder(&self) -> Option<&DatasetFolder> {
         match &self.place {
             ImageFiles::Folder(folder) => Some(folder),
@@ -362,7 +363,7 @@ impl BopImageRecord {
         }
     }
 
-    /// A member of the sample that the image is.
+    /// A member of the image's sample.
     fn member(&self, field: &str) -> Result<&TarMember> {
         let (found, place) = match &self.place {
             ImageFiles::TarSample { archive, fields } => (fields.get(field), archive.clone()),

@@ -1,4 +1,4 @@
-//! The files that need the numbers of the assets, which the whole dataset gives.
+//! The files that need the numbers of the assets, which are known only once the whole dataset is written.
 
 use super::record::{
     BopCamera, BopImage, CAMERA_FILE, DATASET_INFO, FINISHED_SCENE_FILES, GroundTruth, KEY_TO_SHARD, MODELS_INFO,
@@ -25,7 +25,7 @@ use syntable_model::scene::{SceneId, ViewId};
 /// Names of the files of the dataset.
 const FILES: [&str; 3] = [CAMERA_FILE, DATASET_INFO, OBJECTS];
 
-/// Objects of which less than this fraction is visible are ignored in evaluations.
+/// Evaluations ignore objects with a smaller visible fraction.
 const IGNORED_BELOW: f64 = 0.1;
 
 /// Most images of a tar file.
@@ -36,7 +36,7 @@ fn web_shard(config: &Bop, id: &str, number: usize) -> String {
     format!("{}/{}", config.web_folder(id), shard_file(number))
 }
 
-/// Name of the file of a texture, beside the mesh.
+/// Name of a texture file, in the folder of the mesh.
 fn texture_file(obj_id: u64) -> String {
     format!("obj_{obj_id:06}.png")
 }
@@ -61,7 +61,8 @@ pub fn paths(config: &Bop, dataset: &DatasetInfo, id: &str) -> Vec<String> {
     paths
 }
 
-/// Writes the files of the dataset, and those of each scene that have `obj_id`. One scene is in memory at a time.
+/// Writes the files of the dataset, and the files of each scene that contain `obj_id`. One scene is in memory at a
+/// time.
 pub fn write(config: &Bop, cx: &DatasetContext, finish: &Finish) -> Result<()> {
     let dataset = cx.dataset;
     let summary = Summary::of(finish, cx.log)?;
@@ -100,12 +101,12 @@ pub fn write(config: &Bop, cx: &DatasetContext, finish: &Finish) -> Result<()> {
     }
 }
 
-/// The content of all shards that the files of the dataset need.
+/// Content of all shards for the files of the dataset.
 #[derive(Default)]
 struct Summary {
     /// The views of each scene.
     images: Vec<(SceneId, Vec<ViewId>)>,
-    /// That of the first image.
+    /// Camera of the first image.
     camera: Option<BopCamera>,
     /// Numbers of the assets by name, as objects state them.
     obj_ids: BTreeMap<String, u64>,
@@ -131,7 +132,8 @@ impl Summary {
     }
 }
 
-/// The number of each asset, which all its objects state. If no object states one, it is the asset's place in the list of names.
+/// The number of each asset, which all its objects must state. If no object states a number, the position of the asset
+/// in the list of names is used.
 fn numbers_of(stated: BTreeMap<String, BTreeSet<Option<u64>>>, log: &dyn Log) -> Result<BTreeMap<String, u64>> {
     if stated.values().all(|ids| ids.iter().all(Option::is_none)) {
         if !stated.is_empty() {
@@ -185,7 +187,7 @@ struct BopTarget {
     scene_id: u32,
 }
 
-/// Writes the objects that methods must find: those that are visible enough.
+/// Writes the targets, which are the objects that methods must find: those with a sufficient visible fraction.
 fn write_targets(finish: &Finish, obj_ids: &BTreeMap<String, u64>) -> Result<()> {
     let mut lines: Vec<u8> = Vec::new();
     for &scene in finish.scenes() {
@@ -250,7 +252,7 @@ fn write_web_shards(config: &Bop, finish: &Finish, summary: &Summary) -> Result<
     write_file(finish, &format!("{}/{KEY_TO_SHARD}", config.web_folder(finish.id())), &numbers.finish())
 }
 
-/// Adds the samples of some views of a scene, with the poses that have `obj_id`.
+/// Adds the samples of some views of a scene, with poses that contain `obj_id`.
 fn add_samples(
     archive: &mut TarWriter<&mut dyn Write>,
     finish: &Finish,
@@ -315,7 +317,7 @@ fn write_scene(
     Ok(())
 }
 
-/// The object that the box of an annotation is around.
+/// The part of an object that the box of an annotation encloses.
 #[derive(Debug, Clone, Copy)]
 enum BoxOf {
     /// The part in the image, seen or not.
@@ -378,7 +380,7 @@ mod tests {
             (found.map(|ids| ids.into_values().collect::<Vec<_>>()), log.warnings().len())
         };
         assert_eq!(numbers(&[("a", &[Some(5)]), ("b", &[Some(2)])]), (Ok(vec![5, 2]), 0));
-        // Places are said to be none of anybody's numbers.
+        // Numbers from the order of the names come with a warning.
         assert_eq!(numbers(&[("a", &[None]), ("b", &[None])]), (Ok(vec![1, 2]), 1));
         assert_eq!(numbers(&[]), (Ok(vec![]), 0));
         for (stated, wanted) in [

@@ -1,4 +1,4 @@
-//! Meshes of a dataset that is read.
+//! Meshes of a dataset that a reader opens.
 
 use super::model::BopModel;
 use super::record::{BopModelInfo, MM, model_file};
@@ -20,7 +20,7 @@ pub struct Meshes {
     of: BTreeMap<u64, OnceLock<Result<ObjectModel>>>,
 }
 
-/// Warnings about a mesh file matter to renderers only.
+/// Discards the warnings about a mesh file, which matter to renderers only.
 struct Silent;
 
 impl Log for Silent {
@@ -28,7 +28,7 @@ impl Log for Silent {
 }
 
 impl Meshes {
-    /// Those models of a folder that have a file. There are none if no crate that is linked reads PLY files.
+    /// The models of a folder that have a mesh file. Empty if no linked crate reads PLY files.
     pub fn of(folder: &Path, models: impl Iterator<Item = u64>) -> Self {
         let formats = MeshFormats::linked().unwrap_or_default();
         let is_there = |id: &u64| {
@@ -39,7 +39,7 @@ impl Meshes {
         Self { folder: folder.to_owned(), formats, of }
     }
 
-    /// Whether there is a mesh for each of these.
+    /// Whether each of these models has a mesh.
     pub fn have(&self, models: &BTreeSet<u64>) -> bool {
         models.iter().all(|id| self.of.contains_key(id))
     }
@@ -59,17 +59,17 @@ impl Meshes {
 
     fn read(&self, id: u64) -> Result<ObjectModel> {
         let file = PathBuf::from(model_file(id));
-        // A root of its own: limits are those of one mesh.
+        // Each mesh has its own root, because the limits apply per mesh.
         let model = self.formats.read(&AssetRoot::open(&self.folder)?, &file, &Silent)?;
         let Model { mesh, materials } = model.scaled(1.0 / MM);
-        // A file that says nothing of colors has none: the gray of renderers is not its own.
+        // A file without colors leaves them unknown: the default gray of renderers is not a color of the model.
         let is_plain = mesh.colors.is_empty() && !materials.iter().any(|it| it.base_color.texture.is_some());
         let materials = if is_plain { Vec::new() } else { materials.into_iter().map(Arc::new).collect() };
         let mesh = Mesh::new(mesh).map_err(|error| error.in_file(self.folder.join(file)))?;
         Ok(ObjectModel { mesh: Arc::new(mesh), materials, source: SourceModel::default() })
     }
 
-    /// Sizes of a model, mm; none if it cannot be read, and the reason.
+    /// Sizes of a model, mm; none with the reason if its mesh cannot be read.
     pub fn info(&self, id: u64) -> Result<BopModelInfo<f64, Symmetries>> {
         Ok(BopModel::of(&self.model(id)?)?.info())
     }

@@ -18,7 +18,7 @@ use syntable_model::prelude::*;
 
 /// Writes BOP's scenewise layout or its tar files, which bop_toolkit and the methods of the BOP challenge read.
 ///
-/// # What it does
+/// # Behavior
 ///
 /// Each scene of the dataset is a BOP scene, and each view is one of its images. Lengths are in millimeters. Poses map
 /// the model frame to the camera frame: x right, y down, z forward. The model frame is the frame of the asset's file,
@@ -58,9 +58,9 @@ use syntable_model::prelude::*;
 ///
 /// # Output
 ///
-/// In `{id}`: `camera.json`, `dataset_info.json`, `objects.json`, with a test split `test_targets_bop19.json`, with models
-/// `models/obj_{obj_id:06}.ply`, its texture `models/obj_{obj_id:06}.png` and `models/models_info.json`, the same in
-/// `models_eval`; and in `{id}/{split}/{scene:06}`:
+/// In `{id}`: `camera.json`, `dataset_info.json`, `objects.json`, with a test split `test_targets_bop19.json`, with
+/// models `models/obj_{obj_id:06}.ply`, its texture `models/obj_{obj_id:06}.png` and `models/models_info.json`, the
+/// same in `models_eval`; and in `{id}/{split}/{scene:06}`:
 ///
 /// - `rgb/{view:06}.png`: 8-bit RGB.
 /// - `depth/{view:06}.png`: 16-bit multiples of `depth_scale` along the optical axis; 0 without a surface.

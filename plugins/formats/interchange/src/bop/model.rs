@@ -1,4 +1,4 @@
-//! Meshes of assets as BOP has them.
+//! Meshes of assets in BOP's form.
 
 use std::cmp::Ordering;
 use std::collections::{BTreeMap, BinaryHeap};
@@ -26,7 +26,7 @@ pub struct BopModel {
     pub vertices: Vec<[f32; 3]>,
     /// Indices of vertices, counter-clockwise seen from outside.
     pub faces: Vec<[u32; 3]>,
-    /// What it looks like.
+    /// Colors or texture of its surface.
     pub surface: ModelSurface,
     /// Its symmetries.
     pub symmetries: Symmetries,
@@ -54,7 +54,7 @@ impl BopModel {
         parts
     }
 
-    /// The model from its [`parts`](Self::parts); none if the bytes are no model.
+    /// The model from its [`parts`](Self::parts); none if the bytes do not form a model.
     pub fn from_parts(parts: &mut BTreeMap<String, Vec<u8>>, symmetries: Symmetries) -> Option<Self> {
         fn groups<T: Copy, const N: usize>(bytes: &[u8], read: impl Fn([u8; 4]) -> T) -> Option<Vec<[T; N]>> {
             let (numbers, rest) = bytes.as_chunks::<4>();
@@ -115,7 +115,7 @@ impl BopModel {
         BopModelInfo { diameter, min_x, min_y, min_z, size_x, size_y, size_z, symmetries }
     }
 
-    /// The largest distance of two vertices, mm. `min` and `size` are those of the box around them.
+    /// The largest distance between two vertices, mm. `min` and `size` describe their bounding box.
     fn diameter(&self, min: [f64; 3], size: [f64; 3]) -> f64 {
         let centered = |v: &[f32; 3]| -> [f64; 3] { std::array::from_fn(|i| f64::from(v[i]) - min[i] - size[i] / 2.0) };
         let mut points: Vec<[f64; 3]> = self.vertices.iter().map(centered).collect();
@@ -124,7 +124,7 @@ impl BopModel {
             Group::divide(&mut points, 0, &mut groups);
         }
         let mut largest = 0.0;
-        // Pairs of groups, first those of which most can be hoped.
+        // Pairs of groups, in descending order of the largest distance that they can contain.
         let mut pending = BinaryHeap::new();
         let pair = |a: usize, b: usize| GroupPair { reach: Group::reach(&groups[a], &groups[b]), groups: [a, b] };
         pending.extend(groups.first().map(|_| pair(0, 0)));
@@ -135,10 +135,10 @@ impl BopModel {
             if a != b && Group::reach_along(&groups[a], &groups[b], &points) <= largest {
                 continue;
             }
-            // The larger group is divided; two that are not are looked at point by point.
+            // Divides the larger group. Two groups that cannot be divided are compared point by point.
             let [wide, other] = if groups[a].points.len() >= groups[b].points.len() { [a, b] } else { [b, a] };
             match groups[wide].parts {
-                // A group with itself has three pairs of parts.
+                // A group paired with itself yields three pairs of its parts.
                 Some([left, right]) if a == b => {
                     pending.extend([pair(left, left), pair(left, right), pair(right, right)]);
                 }
@@ -159,7 +159,7 @@ fn distance(p: &[f64; 3], q: &[f64; 3]) -> f64 {
     (x * x + y * y + z * z).sqrt()
 }
 
-/// Points near each other: a node of a binary tree, whose parts come after it.
+/// Points near each other: a node of a binary tree, stored before its children.
 struct Group {
     points: Range<usize>,
     lo: [f64; 3],
@@ -170,12 +170,12 @@ struct Group {
 }
 
 impl Group {
-    /// Points of a group that is not divided.
+    /// Maximum number of points of a group that is not divided.
     const FEW: usize = 8;
-    /// Points of groups that are looked at along the line between them.
+    /// Maximum number of points of a group whose points are projected onto the line between two groups.
     const MANY: usize = 256;
 
-    /// Divides points, of which the first has the number `first`, at the middle of their longest axis. Returns the number of
+    /// Divides points at the middle of their longest axis. The first point has the index `first`. Returns the index of
     /// the group.
     fn divide(points: &mut [[f64; 3]], first: usize, groups: &mut Vec<Self>) -> usize {
         let axis = |axis: usize| points.iter().map(move |point| point[axis]);
@@ -195,15 +195,15 @@ impl Group {
         number
     }
 
-    /// A distance that no two points of the groups are beyond, rounded up: that of the corners of their boxes, or the sum of
-    /// their distances from the origin.
+    /// Upper bound of the distance between points of two groups, rounded up: the distance between the far corners of
+    /// their boxes, or the sum of their distances from the origin, whichever is smaller.
     fn reach(a: &Self, b: &Self) -> f64 {
         let along = |axis: usize| (a.hi[axis] - b.lo[axis]).max(b.hi[axis] - a.lo[axis]);
         distance(&std::array::from_fn(along), &[0.0; 3]).min(a.radius + b.radius) * (1.0 + 4.0 * f64::EPSILON)
     }
 
-    /// The same for small groups, by where their points are along the line between the centers of their boxes: of a rounded
-    /// surface they are nearly at one place.
+    /// A tighter bound for small groups, from the projections of their points onto the line between the centers of
+    /// their boxes: the points of a rounded surface project to nearly the same position.
     fn reach_along(a: &Self, b: &Self, points: &[[f64; 3]]) -> f64 {
         if a.points.len().max(b.points.len()) > Self::MANY {
             return f64::INFINITY;
@@ -224,7 +224,7 @@ impl Group {
     }
 }
 
-/// Two groups, ordered by what can be hoped of them.
+/// Two groups, ordered by the upper bound of their distance.
 struct GroupPair {
     reach: f64,
     groups: [usize; 2],
@@ -280,7 +280,7 @@ mod tests {
         }
     }
 
-    /// Every vertex of a sphere is a corner of its hull, and nearly as far from its opposite as any.
+    /// The worst case: every vertex of a sphere is on its hull, and nearly all opposite pairs have the same distance.
     #[test]
     fn the_diameter_of_a_sphere_of_many_vertices() {
         let mut stream = Stream::root(12);
@@ -321,7 +321,7 @@ mod tests {
             let read =
                 |mut parts: BTreeMap<String, Vec<u8>>| BopModel::from_parts(&mut parts, model.symmetries.clone());
             assert_eq!(read(parts().collect()).as_ref(), Some(&model));
-            // A byte less of any array is no model; a texture is whatever it is.
+            // Any array that is one byte short is refused; a texture may be any bytes.
             for (cut, _) in parts().filter(|(name, _)| name != "texture") {
                 let less = parts().map(|(name, mut bytes)| {
                     bytes.truncate(bytes.len() - usize::from(name == cut));

@@ -39,7 +39,7 @@ struct BopSource {
     /// Names of assets and boxes of models in meters, by `obj_id`.
     names: BTreeMap<u64, String>,
     bounds: BTreeMap<u64, [[f64; 3]; 2]>,
-    /// Numbers of the models; none if the dataset has no list of them.
+    /// Numbers of the models; none if the dataset does not list them.
     models: Option<BTreeMap<u64, BopModelInfo>>,
     meshes: Meshes,
     /// Numbers of the objects of each scene.
@@ -49,7 +49,7 @@ struct BopSource {
     coco: BTreeMap<PathBuf, OnceLock<Result<Option<CocoScene>>>>,
 }
 
-/// Number of other images of a scene with which the poses of an image are compared.
+/// Number of other images of a scene whose poses are compared with the poses of an image.
 const COMPARED: usize = 8;
 
 fn open(source: &Source) -> Result<Opened> {
@@ -80,7 +80,7 @@ fn open(source: &Source) -> Result<Opened> {
     let listed = listed_models(source, [root, above])?;
     let listed = listed.into_iter().chain(models.iter().flat_map(BTreeMap::keys).copied()).collect();
     let numbers = ObjectNumbers::of(&of_scenes, listed, &names);
-    // As COCO's files of BOP have it, the category of an object is its number.
+    // The category of an object is its number, as in BOP's COCO files.
     let category = |&id: &u64| Category { id, name: asset_of(&names, id), ..Category::default() };
     let categories = read::Categories::of(&numbers.all.iter().map(category).collect::<Vec<_>>());
     let info = categories.info(read::name_of(root), String::new(), &refs, String::new());
@@ -101,19 +101,19 @@ fn open(source: &Source) -> Result<Opened> {
     })
 }
 
-/// Numbers of the objects of a dataset, which are its categories: those of the models, or, where no list has all objects, all
-/// numbers up to the largest.
+/// Numbers of the objects of a dataset, which are its categories: the numbers of the models, or, if no list contains
+/// all objects, all numbers up to the largest.
 struct ObjectNumbers {
     all: BTreeSet<u64>,
-    /// The numbers that the dataset shows or lists. Numbers in gaps may belong to no object.
+    /// The numbers that the dataset uses or lists. Numbers in gaps may belong to no object.
     known: BTreeSet<u64>,
     /// Whether the dataset lists all objects.
     are_listed: bool,
 }
 
 impl ObjectNumbers {
-    /// Those that images show, that folders of models list, and that have names. This program's `objects.json` has the objects
-    /// that were drawn, and so have the models beside it.
+    /// Collects the numbers that occur in images, that folders of models list, and that have names. The `objects.json`
+    /// of this program lists only the objects that were drawn, and its folders of models contain only these objects.
     fn of(shown: &BTreeMap<SceneId, BTreeSet<u64>>, listed: BTreeSet<u64>, names: &BTreeMap<u64, String>) -> Self {
         let shown: BTreeSet<u64> = shown.values().flatten().copied().collect();
         if !listed.is_empty() && names.is_empty() && shown.is_subset(&listed) {
@@ -123,15 +123,15 @@ impl ObjectNumbers {
         Self { all: read::with_gaps_filled(known.clone()), known, are_listed: false }
     }
 
-    /// Text for people about the objects that the dataset does not list.
+    /// Message for the user about objects that the dataset does not list.
     fn caveat(&self) -> Option<String> {
         let list = format!("`models/{MODELS_INFO}` with a model of each object");
         read::unlisted(&self.all, &list).filter(|_| !self.are_listed)
     }
 }
 
-/// Numbers of the models in folders such as `models` and `models_eval`: those in the list of models, and those of meshes. Folders
-/// that lead out of the dataset have none.
+/// Numbers of the models in folders such as `models` and `models_eval`: the numbers in the list of models, and the
+/// numbers of the meshes. Folders that lead out of the dataset are ignored.
 fn listed_models(source: &Source, folders: [&Path; 2]) -> Result<BTreeSet<u64>> {
     let of_mesh = |path: &PathBuf| model_number(&read::file_name(path));
     let mut listed = BTreeSet::new();
@@ -151,7 +151,7 @@ fn listed_models(source: &Source, folders: [&Path; 2]) -> Result<BTreeSet<u64>> 
     Ok(listed)
 }
 
-/// The file of the first of these folders that has it.
+/// Reads the file from the first of these folders that contains it.
 fn optional<T: DeserializeOwned + Default>(source: &Source, folders: [&Path; 2], name: &Path) -> Result<T> {
     match folders.into_iter().find(|folder| folder.join(name).is_file()) {
         Some(folder) => json(&source.folder(folder)?.file(name)?),
@@ -226,13 +226,13 @@ impl ImageSource for BopSource {
     }
 }
 
-/// The id of an entry of `scene_gt.json`: its place, from 1.
+/// The id of an entry of `scene_gt.json`: its position, from 1.
 fn id_of(entry: usize) -> InstanceId {
     InstanceId(entry as u16 + 1)
 }
 
 impl BopImageRecord {
-    /// Masks of the objects that the image shows or would show.
+    /// Masks of the objects that are in the image, visible or not.
     fn labels(&self, categories: &read::Categories, size: [u32; 2]) -> Result<Vec<ObjectLabels>> {
         let of = |(entry, [amodal, visible]): (usize, [Mask; 2])| {
             let category = categories.id(self.objects[entry].obj_id);
@@ -262,16 +262,16 @@ impl BopImageRecord {
 }
 
 impl BopSource {
-    /// A camera that other images of the scene contradict.
+    /// Reports a camera that other images of the scene contradict.
     fn fault_of_camera_pose(&self, image: usize) -> Option<DatasetFault> {
         let scene = self.refs[image].scene;
         let first = self.refs.partition_point(|other| other.scene < scene);
         let count = self.refs.partition_point(|other| other.scene <= scene) - first;
-        // Evenly spread over the scene.
+        // Spread evenly over the scene.
         let compared = COMPARED.min(count - 1);
         let others = (0..compared).map(|at| first + (image - first + 1 + at * (count - 1) / compared) % count);
         let others: Vec<_> = others.filter_map(|other| self.images[other].poses()).collect();
-        // Either of two images may be wrong: the second one is named.
+        // Either of two images may be wrong; the fault is reported for the second image.
         let least = match count {
             2 if image == first => return None,
             2 => 1,
@@ -280,7 +280,7 @@ impl BopSource {
         check::fault_of_camera_pose(&self.images[image].poses()?, &others, least)
     }
 
-    /// An object whose number is that of no model.
+    /// Reports an object whose number belongs to no model.
     fn number_fault(&self, entry: usize, object: &GroundTruth) -> Option<DatasetFault> {
         let id = object.obj_id;
         let message = match &self.models {
@@ -292,7 +292,7 @@ impl BopSource {
         Some(fault.of(FaultSubject::Instance(id_of(entry))))
     }
 
-    /// The rules that numbers break, given the masks. Masks that cannot be read are a fault of their own.
+    /// The rules that numbers break, given the masks. Unreadable masks are a separate fault.
     fn faults_of_masks(&self, record: &BopImageRecord) -> Vec<DatasetFault> {
         let Ok(rgb) = record.rgb() else { return Vec::new() };
         let size = [rgb.width(), rgb.height()];
@@ -316,7 +316,7 @@ impl BopSource {
         all
     }
 
-    /// The models of all objects of a scene, without those that cannot be read.
+    /// The models of all objects of a scene, and the errors of models that cannot be read.
     fn models_of(&self, scene: SceneId) -> (ObjectModels, Vec<Error>) {
         let (mut models, mut failed) = (BTreeMap::new(), Vec::new());
         for &id in self.of_scenes.get(&scene).into_iter().flatten() {
@@ -328,7 +328,8 @@ impl BopSource {
         (ObjectModels(models), failed)
     }
 
-    /// A model with its number and its symmetries. Symmetries that are no motions are a fault of the dataset, and omitted.
+    /// A model with its number and its symmetries. A symmetry that is not a rigid motion is a fault of the dataset, and
+    /// omitted.
     fn model(&self, id: u64) -> Result<ObjectModel> {
         let mut model = self.meshes.model(id)?;
         model.source.obj_id = u32::try_from(id).ok();
@@ -337,7 +338,7 @@ impl BopSource {
         Ok(model)
     }
 
-    /// The asset of a number.
+    /// The asset with a number.
     fn asset(&self, obj_id: u64) -> String {
         asset_of(&self.names, obj_id)
     }
@@ -364,7 +365,7 @@ impl BopSource {
     }
 }
 
-/// The asset of a number: its name, or one that is made of the number.
+/// The asset with a number: its name, or a name made from the number.
 fn asset_of(names: &BTreeMap<u64, String>, obj_id: u64) -> String {
     names.get(&obj_id).cloned().unwrap_or_else(|| unnamed_object(obj_id))
 }

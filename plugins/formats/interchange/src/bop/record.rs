@@ -1,4 +1,5 @@
-//! Files of BOP's layouts: their names, and the records of the JSON files with the parts of products that they are made from.
+//! Files of BOP's layouts: their names, and the records of the JSON files together with the parts of the products that
+//! they come from.
 
 use crate::field::LenientField;
 use serde::de::DeserializeOwned;
@@ -17,7 +18,7 @@ pub const SCENE_GT_INFO: &str = "scene_gt_info.json";
 pub const SCENE_GT: &str = "scene_gt.json";
 /// COCO's annotations of a scene, with boxes of whole objects.
 pub const SCENE_GT_COCO: &str = "scene_gt_coco.json";
-/// The same with boxes of visible parts.
+/// As [`SCENE_GT_COCO`], with boxes of visible parts.
 pub const SCENE_GT_COCO_MODAL: &str = "scene_gt_coco_modal.json";
 /// The JSON files that are written with a scene.
 pub const SCENE_FILES: [&str; 2] = [SCENE_CAMERA, SCENE_GT_INFO];
@@ -30,7 +31,7 @@ pub const CAMERA_FILE: &str = "camera.json";
 pub const DATASET_INFO: &str = "dataset_info.json";
 /// Names of the objects by number.
 pub const OBJECTS: &str = "objects.json";
-/// The objects and images that methods are tested with.
+/// The objects and images on which methods are tested.
 pub const TARGETS: &str = "test_targets_bop19.json";
 /// Numbers of the shards of images.
 pub const KEY_TO_SHARD: &str = "key_to_shard.json";
@@ -39,7 +40,7 @@ pub const KEY_TO_SHARD: &str = "key_to_shard.json";
 pub const MODELS: &str = "models";
 /// Folder of the meshes that evaluations read.
 pub const MODELS_EVAL: &str = "models_eval";
-/// Sizes of the meshes, in each of their folders.
+/// Sizes of the meshes, in each folder of meshes.
 pub const MODELS_INFO: &str = "models_info.json";
 
 /// Fields of a sample in a tar file, which hold the content of the files above for one image.
@@ -97,7 +98,7 @@ impl BopImage {
         self.path_as(view, "png")
     }
 
-    /// The same for an image with another extension, as some datasets have color images.
+    /// As [`Self::path`], with another extension: the color images of some datasets are not PNG files.
     pub fn path_as(self, view: ViewId, extension: &str) -> String {
         let view = view.0;
         match self {
@@ -113,17 +114,17 @@ impl BopImage {
 pub const MM: f64 = 1000.0;
 /// Position of the center of the first pixel in an image whose corner is (0, 0); it is 0 in BOP's matrices.
 const PIXEL_CENTER: f64 = 0.5;
-/// A box of nothing.
+/// The box of an object without pixels.
 pub const NO_BOX: [i64; 4] = [-1; 4];
 
-/// The part of the product `camera` that BOP has.
+/// The part of the product `camera` that BOP stores.
 #[derive(Debug, Serialize, Deserialize)]
 pub struct CameraProduct {
     pub width: u32,
     pub height: u32,
     #[serde(rename = "K")]
     k: [[f64; 3]; 3],
-    /// Missing where a dataset does not say where cameras are.
+    /// Missing if the dataset does not contain camera poses.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     world_from_camera: Option<[[f64; 4]; 4]>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -132,7 +133,7 @@ pub struct CameraProduct {
     pub distortion_k1_k2_p1_p2_k3: Option<[f64; 5]>,
 }
 
-/// The part of the product `object_info` that BOP has.
+/// The part of the product `object_info` that BOP stores.
 #[derive(Debug, Deserialize)]
 pub struct ObjectInfoProduct {
     pub asset: String,
@@ -146,7 +147,7 @@ pub struct ObjectInfoProduct {
 }
 
 impl ObjectInfoProduct {
-    /// Maps points of the asset's file, at the size of the object, to the camera, m.
+    /// Maps points of the asset's file, scaled to the size of the object, to the camera, m.
     fn camera_from_model(&self) -> [[f64; 4]; 4] {
         let mut pose = self.camera_from_object;
         let [x, y, z] = self.model_origin_m;
@@ -155,7 +156,7 @@ impl ObjectInfoProduct {
     }
 }
 
-/// The part of the product `visibility` that BOP has.
+/// The part of the product `visibility` that BOP stores.
 #[derive(Debug, Deserialize)]
 pub struct VisibilityProduct {
     px_count_all: u64,
@@ -307,7 +308,7 @@ pub struct ObjectRecord {
     rotation: [f64; 9],
     translation_mm: [f64; 3],
     pub visib_fract: f64,
-    /// None if the image does not show it.
+    /// None if the object has no visible pixel in the image.
     pub shown: Option<ShownMask>,
 }
 
@@ -355,8 +356,8 @@ impl GroundTruth {
     }
 }
 
-/// An entry of `models_info.json`, mm. This program writes all numbers; files of others may lack some, or have other values in
-/// their places. `S` are the symmetries, or the fields that may state them.
+/// An entry of `models_info.json`, mm. This program writes all numbers; files of other programs may lack some of them,
+/// or have values of other types. `S` holds the symmetries, or the fields that may state them.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default)]
 pub struct BopModelInfo<N = LenientField<f64>, S = Extra> {
@@ -397,7 +398,7 @@ impl BopModelInfo {
     /// The symmetries that the entry states.
     ///
     /// # Errors
-    /// Why they are no symmetries.
+    /// If the fields are not valid symmetries: the reason.
     pub fn symmetries(&self) -> Result<Symmetries, String> {
         serde_json::from_value(Json::Object(self.symmetries.clone())).map_err(|error| error.to_string())
     }

@@ -1,4 +1,4 @@
-//! The files of one BOP scene that do not depend on the numbers of the assets.
+//! The files of a BOP scene that do not depend on the numbers of the assets.
 
 use super::record::{
     BopImage, CameraProduct, GroundTruthInfo, ObjectInfoProduct, ObjectRecord, SAMPLE_CAMERA, SAMPLE_DEPTH,
@@ -52,7 +52,7 @@ impl BopScene {
         all_infos.push(view.0, &of.infos)
     }
 
-    /// Adds the sample of a view without `gt.json`, which has `obj_id`.
+    /// Adds the sample of a view without `gt.json`, which needs `obj_id`.
     fn add_sample(&mut self, key: &str, of: &BopView, objects: &[BopObject]) -> Result<()> {
         let masks = |mask: fn(&BopObject) -> Mask| {
             let mut entries = Entries::default();
@@ -146,7 +146,7 @@ impl BopObjects {
             let identity = infos.get(id).ok_or_else(|| missing(OBJECT_INFO.name()))?;
             let visibility = visibilities.get(id).ok_or_else(|| missing(VISIBILITY.name()))?;
             let visibility: VisibilityProduct = read(visibility, VISIBILITY.name())?;
-            // Masks may be cut off where table and room hide the object, BOP's are not.
+            // Table and room may clip the masks of the product; BOP's masks are not clipped.
             let is_cut = u64::from(amodal.area()) != visibility.px_count_in_frame;
             let whole = is_cut && products.contains(COVERAGE.name());
             let amodal = if whole { Cow::Owned(covered(products.get(COVERAGE)?, id)) } else { amodal };
@@ -169,7 +169,7 @@ fn annotated(products: &Products) -> Result<ObjectMaskPairs<'_>> {
     masks.collect()
 }
 
-/// Amodal and visible masks of all objects of the scene; those of objects beside the image are empty.
+/// Amodal and visible masks of all objects of the scene; objects outside the image have empty masks.
 fn all(products: &Products) -> Result<ObjectMaskPairs<'_>> {
     let (coverage, instance) = (products.get(COVERAGE)?, products.get(INSTANCE)?);
     let masks = (1..=coverage.objects()).map(|object| {
@@ -180,7 +180,7 @@ fn all(products: &Products) -> Result<ObjectMaskPairs<'_>> {
     masks.collect()
 }
 
-/// The pixels that an object covers. An id that the plane does not have covers none.
+/// The pixels that an object covers; none if the plane does not contain the id.
 fn covered(coverage: &BitPlane, id: InstanceId) -> Mask {
     let is_known = (1..=coverage.objects()).contains(&usize::from(id.0));
     Mask::from_fn(coverage.width(), coverage.height(), |x, y| is_known && coverage.contains(x, y, id))
@@ -191,7 +191,7 @@ impl BopObject<'_> {
         ObjectRecord::new(self.identity, self.visibility.visib_fract, &self.visible, &self.amodal)
     }
 
-    /// Checks that the masks have the pixels that `visibility` counted.
+    /// Checks that the masks have as many pixels as `visibility` counted.
     fn check(&self, id: InstanceId) -> Result<()> {
         let masks = [&self.amodal, &self.visible].map(|mask| u64::from(mask.area()));
         let counted = [self.visibility.px_count_in_frame, self.visibility.px_count_visib];

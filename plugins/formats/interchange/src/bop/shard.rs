@@ -1,5 +1,6 @@
-//! What the end of a run needs of a scene: a tar file with a record per view, with the samples of tar files, and with a list
-//! of the scene's assets. Their models are files beside it, which scenes with the same asset share.
+//! Data of a scene for the end of a run: a tar file with a record per view, the samples for the tar files of the
+//! dataset, and a list of the scene's assets. The models are separate files in the same folder, which scenes with the
+//! same asset share.
 
 use super::model::{BopModel, TEXTURE};
 use super::record::ViewRecord;
@@ -122,7 +123,7 @@ pub fn for_each_sample(
     })
 }
 
-/// The models of those assets of a scene that are wanted.
+/// The models of the assets of a scene that `wanted` selects.
 pub fn models(finish: &Finish, scene: SceneId, wanted: impl Fn(&str) -> bool) -> Result<Vec<(String, BopModel)>> {
     let mut assets: Vec<AssetOfModel> = Vec::new();
     members(finish, scene, |name, member| {

@@ -11,7 +11,7 @@ use syntable_model::scene::{Color, Encoding, Material, MeshData, TextureRef, UvT
 /// The surface of a model.
 #[derive(Debug, Clone, PartialEq)]
 pub enum ModelSurface {
-    /// Nothing is known of it.
+    /// Unknown.
     Plain,
     /// A color per vertex, sRGB.
     Colors(Vec<[u8; 3]>),
@@ -27,7 +27,8 @@ pub enum ModelSurface {
 /// Vertices of a model in mm, its faces and its surface.
 pub type ShownSurface = (Vec<[f32; 3]>, Vec<[u32; 3]>, ModelSurface);
 
-/// The vertices that faces use, in the frame of the asset's file. One that faces of several materials use is one of each.
+/// The vertices that faces use, in the frame of the asset's file. A vertex is repeated for each material whose faces
+/// use it.
 pub fn shown(model: &ObjectModel) -> Result<ShownSurface> {
     let (data, materials) = (model.mesh.data(), model.materials.as_slice());
     let texture = match materials {
@@ -67,13 +68,13 @@ pub fn shown(model: &ObjectModel) -> Result<ShownSurface> {
     Ok((vertices, faces, surface))
 }
 
-/// The texture that is all of a material's color.
+/// The texture, if it alone determines the color of a material.
 fn texture_of<'m>(material: &'m Material, data: &MeshData) -> Option<&'m TextureRef> {
     let texture = material.base_color.texture.as_ref()?;
     (!data.uvs.is_empty() && data.colors.is_empty()).then_some(texture)
 }
 
-/// The color of a material, ready to be looked up.
+/// The color of a material, prepared for lookups.
 struct Paint<'m> {
     color: &'m Color,
     /// Mean of the texture, linear.
@@ -95,7 +96,8 @@ impl<'m> Paint<'m> {
     }
 }
 
-/// The color of a vertex, sRGB: factor times color of the vertex times texture. A texture without coordinates is its mean.
+/// The color of a vertex, sRGB: factor times color of the vertex times texture. Without coordinates, the mean of the
+/// texture is used.
 fn color_of(paint: Option<&Paint>, data: &MeshData, vertex: usize) -> [u8; 3] {
     let own = data.colors.get(vertex).copied().unwrap_or([1.0; 3]);
     let (factor, texel) = paint.map_or(([1.0; 3], [1.0; 3]), |paint| {
@@ -108,7 +110,7 @@ fn color_of(paint: Option<&Paint>, data: &MeshData, vertex: usize) -> [u8; 3] {
     std::array::from_fn(|i| code(own[i] * factor[i] * texel[i]))
 }
 
-/// The code of a linear value.
+/// The sRGB code of a linear value.
 fn code(linear: f32) -> u8 {
     (linear_to_srgb(linear.clamp(0.0, 1.0)) * 255.0).round() as u8
 }
@@ -121,7 +123,7 @@ fn linear_of(texel: &[u8; 4], encoding: Encoding) -> [f32; 3] {
     }
 }
 
-/// Texture coordinates as they are looked up.
+/// Texture coordinates after the transform of the texture.
 fn moved([u, v]: [f32; 2], of: &UvTransform) -> [f32; 2] {
     if *of == UvTransform::default() {
         return [u, v];
@@ -172,7 +174,7 @@ mod tests {
     use syntable_model::digest::Digest;
     use syntable_model::scene::{Mesh, SourceModel, Texture};
 
-    /// Two triangles that share an edge, each with a material of its own.
+    /// Two triangles that share an edge, each with its own material.
     fn model(materials: Vec<Material>, data: MeshData) -> ObjectModel {
         let positions = vec![[0.0; 3], [0.1, 0.0, 0.0], [0.0, 0.1, 0.0], [0.1, 0.1, 0.0]];
         let triangles = vec![[0, 1, 2], [1, 3, 2]];
@@ -201,14 +203,14 @@ mod tests {
         let (vertices, faces, surface) = shown(&model(vec![], MeshData::default())).expect("shown");
         assert_eq!((vertices.len(), faces, surface), (4, vec![[0, 1, 2], [1, 3, 2]], ModelSurface::Plain));
         assert_eq!(vertices[0], [-50.0, 0.0, 200.0], "in the frame of the file");
-        // Half of the light is the code 188 of sRGB.
+        // A linear value of one half has the sRGB code 188.
         let two = vec![colored([1.0, 0.0, 0.0]), colored([0.0, 0.5, 0.0])];
         let slots = MeshData { slots: vec![0, 1], ..MeshData::default() };
         let (vertices, faces, surface) = shown(&model(two, slots)).expect("shown");
         let (red, green) = ([255, 0, 0], [0, 188, 0]);
         assert_eq!(surface, ModelSurface::Colors(vec![red, red, red, green, green, green]));
         assert_eq!((vertices.len(), faces), (6, vec![[0, 1, 2], [3, 4, 5]]));
-        // Colors of vertices times the factor.
+        // The color of a vertex is multiplied by the factor.
         let data = MeshData { colors: vec![[1.0, 0.5, 0.0]; 4], ..MeshData::default() };
         let (.., surface) = shown(&model(vec![colored([0.5, 1.0, 1.0])], data)).expect("shown");
         assert_eq!(surface, ModelSurface::Colors(vec![[188, 188, 0]; 4]));
@@ -223,12 +225,12 @@ mod tests {
         assert_eq!(own, uvs);
         let read = syntable_formats::decode::FileContent::new(png, "texture.png".into()).rgb().expect("a PNG file");
         assert_eq!(read.data(), [[255, 0, 0], [0, 255, 0], [0, 0, 255], [255; 3]]);
-        // With another material beside it, and coordinates that repeat: v is upwards.
+        // A second material, and coordinates that repeat: v points upwards.
         let pair = vec![textured(), textured()];
         let slots = MeshData { slots: vec![0, 0], ..data() };
         let (.., surface) = shown(&model(pair, slots)).expect("shown");
         assert_eq!(surface, ModelSurface::Colors(vec![[0, 0, 255], [255; 3], [255, 0, 0], [0, 255, 0]]));
-        // Without coordinates it is the mean: two of four texels have each channel.
+        // Without coordinates, the color is the mean: each channel is set in two of four texels.
         let (.., surface) = shown(&model(vec![textured()], MeshData::default())).expect("shown");
         assert_eq!(surface, ModelSurface::Colors(vec![[188; 3]; 4]));
     }

@@ -11,7 +11,7 @@ use syntable_model::scene::SceneId;
 impl Writer for Bop {
     fn reads(&self) -> Vec<Input> {
         let masks = match self.objects {
-            // A dataset that is converted has no coverage.
+            // A dataset that is being converted has no coverage.
             BopObjects::Annotated => {
                 vec![Input::of(AMODAL_MASK), Input::of(VISIBLE_MASK), Input::of(COVERAGE).optional()]
             }
@@ -66,7 +66,7 @@ impl Bop {
         format!("{id}/{}_web", self.split)
     }
 
-    /// Whether the split is one that methods are tested with.
+    /// Whether methods are tested with this split.
     pub fn is_test(&self) -> bool {
         self.split == "test" || self.split.starts_with("test_")
     }

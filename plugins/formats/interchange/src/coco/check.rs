@@ -29,7 +29,7 @@ impl CocoObjects {
         faults
     }
 
-    /// The rules that an annotation breaks. An annotation without a mask breaks one if others have masks.
+    /// The rules that an annotation breaks. A missing mask is a fault if other annotations have masks.
     fn faults_of(
         &self,
         listing: &AnnotationListing,
@@ -40,14 +40,15 @@ impl CocoObjects {
             let message = "`segmentation` is empty or missing: the object has a box alone; add its mask, or remove it";
             return vec![DatasetFault::new("objects_have_masks", message)];
         }
-        // Without a visible mask beside it, `segmentation` is that one, if the amodal masks are others.
+        // If no annotation has a visible mask, and the amodal masks differ from `segmentation`, then `segmentation` is
+        // the visible mask.
         let mut faults = faults_of(size, annotation, self.has_visible || self.known != KnownMasks::Both);
         faults.extend(d2sa::fault_of_name(listing, annotation, self.is_ours));
         faults.extend(self.fault_of_hidden(listing, size, annotation));
         faults
     }
 
-    /// An object without an occlusion mask, of which masks that it has say that a part is hidden.
+    /// Reports an object without an occlusion mask whose other masks show that a part of it is hidden.
     fn fault_of_hidden(
         &self,
         listing: &AnnotationListing,
@@ -67,8 +68,9 @@ impl CocoObjects {
     }
 }
 
-/// What an annotation says of its mask in numbers, and a mask that contradicts it. An amodal mask that is another one does if
-/// `has_role` says that the file tells visible masks apart.
+/// Compares the area and box of an annotation with its mask, and the mask with the other masks of the object. A
+/// `segmentation` that matches neither the amodal nor the visible mask is a fault only if `has_role` is set: the file
+/// then distinguishes visible and amodal masks.
 fn faults_of([width, height]: [u32; 2], annotation: &AmodalAnnotation, has_role: bool) -> Vec<DatasetFault> {
     let Some(segmentation) = segmentation(annotation) else { return Vec::new() };
     let Ok(mask) = segmentation.decode(width, height) else { return Vec::new() };
@@ -78,7 +80,7 @@ fn faults_of([width, height]: [u32; 2], annotation: &AmodalAnnotation, has_role:
             (fits_outlines(("segmentation", outlines), &mask, area, bbox), edge_px2(&mask).max(1.0))
         }
         _ => {
-            // A box with fractions is that of polygons that the mask was made from.
+            // A box with fractional edges describes the polygons from which the mask was made.
             let is_whole = annotation.bbox.iter().flatten().all(|edge| edge.fract() == 0.0);
             let box_px = if is_whole { 0.0 } else { 1.0 };
             (fits_mask(&mask, area, bbox, MaskTolerance { area_px2: 0.5, box_px }), 0.0)

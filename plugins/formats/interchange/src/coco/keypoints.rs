@@ -8,7 +8,7 @@ use syntable_formats::json::typed;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::KEYPOINTS;
 
-/// From pixels whose centers are at half-integers to COCO's, whose centers are at integers.
+/// Offset from pixel coordinates with centers at half-integers to COCO's, with centers at integers.
 const CENTER_PX: f64 = 0.5;
 
 /// Checks the option `keypoints`.
@@ -36,7 +36,8 @@ pub fn check_skeleton(names: &[String], skeleton: &[[String; 2]]) -> Result<(), 
     })
 }
 
-/// The fields of a category with keypoints. A limb of the skeleton is a pair of places in the list of names, counted from 1.
+/// The fields of a category with keypoints. A limb of the skeleton is a pair of positions in the list of names, counted
+/// from 1.
 pub fn of_category(names: &[String], skeleton: &[[String; 2]]) -> Extra {
     let place = |name: &String| names.iter().position(|other| other == name).map_or(0, |place| place + 1);
     let limbs: Vec<[usize; 2]> = skeleton.iter().map(|limb| [place(&limb[0]), place(&limb[1])]).collect();
@@ -46,7 +47,7 @@ pub fn of_category(names: &[String], skeleton: &[[String; 2]]) -> Extra {
 /// The keypoints of all objects of a view.
 pub struct ObjectKeypoints(BTreeMap<InstanceId, Vec<KeypointEntry>>);
 
-/// The fields of an entry of the product `keypoints` that are read.
+/// The fields of an entry of the product `keypoints` that the writer reads.
 #[derive(Deserialize)]
 struct KeypointEntry {
     name: String,

@@ -15,7 +15,7 @@ use syntable_model::prelude::*;
 
 /// Writes COCO's layout for detection and instance segmentation.
 ///
-/// # What it does
+/// # Behavior
 ///
 /// `segmentation`, `area` and `bbox` describe one mask, visible or amodal, so COCO's own tools evaluate this mask.
 /// Every annotation also has both masks, both boxes and the occlusion rate under SynTable's names. Boxes are `[x, y,
@@ -36,17 +36,18 @@ use syntable_model::prelude::*;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Coco {
-    /// Mask of `segmentation`, `area` and `bbox`. Objects whose visible mask is empty have no annotation with `visible`.
+    /// Mask of `segmentation`, `area` and `bbox`. Objects whose visible mask is empty have no annotation with
+    /// `visible`.
     pub masks: MaskChoice,
     /// Name of the split in the annotation file's name.
     pub split: String,
-    /// Names of keypoints, in the order in which every annotation has them, as `keypoints` and `num_keypoints`; one
-    /// that an object does not have, or that is outside of the image, counts as not labeled. Without names, annotations
-    /// have no keypoints.
+    /// Names of keypoints, in the order in which every annotation lists them, as `keypoints` and `num_keypoints`. A
+    /// keypoint that an object does not have, or that is outside of the image, counts as not labeled. Without names,
+    /// annotations have no keypoints.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     #[schemars(extend("uniqueItems" = true))]
     pub keypoints: Vec<String>,
-    /// Pairs of names of keypoints that drawings join by a line.
+    /// Pairs of names of keypoints that viewers connect by a line.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub skeleton: Vec<[String; 2]>,
 }

@@ -1,5 +1,5 @@
-//! Reads COCO's layout, and those of its relatives that keep amodal and visible masks in one annotation: ours, D2SA,
-//! UOAIS-Sim.
+//! Reads COCO's layout, and related layouts with amodal and visible masks in one annotation: SynTable's, D2SA's and
+//! UOAIS-Sim's.
 
 use super::record::{AmodalAnnotation, FOLLOWING, NamedField};
 use crate::family::find::Structure;
@@ -26,9 +26,9 @@ syntable_model::register_format!(Format::new(
     },
 ));
 
-/// Maximum number of objects whose masks are decoded to find out what those are of.
+/// Maximum number of objects whose masks are decoded to find out whether they are visible or amodal.
 const LOOKED_AT: usize = 64;
-/// Least fraction of objects that are occluded in a dataset of what is seen.
+/// Least fraction of occluded objects in a dataset with visible masks.
 const OCCLUDED: f64 = 0.05;
 
 /// The kinds of labels that a file has.
@@ -37,14 +37,14 @@ pub struct CocoObjects {
     pub is_ours: bool,
     /// Whether the file has D2SA's name.
     pub is_d2sa: bool,
-    /// Whether any annotation has a mask, or there are no objects; else all have boxes alone.
+    /// Whether any annotation has a mask, or the file has no objects. Otherwise, all annotations have boxes only.
     pub has_masks: bool,
     pub known: KnownMasks,
-    /// Whether any annotation has a visible mask beside its `segmentation`.
+    /// Whether any annotation has a visible mask next to its `segmentation`.
     pub has_visible: bool,
-    /// Whether any annotation has an occlusion mask; else these follow from the others.
+    /// Whether any annotation has an occlusion mask. Otherwise, occlusion masks are computed from the other masks.
     pub has_hidden: bool,
-    /// Whether any annotation is of a crowd.
+    /// Whether any annotation describes a crowd.
     has_crowds: bool,
 }
 
@@ -82,11 +82,11 @@ pub fn open_file(root: &DatasetFolder, path: &Path, is_d2sa: bool) -> Result<Ope
     let says_amodal = file.listing.file.info.extra.get("masks") == Some(&"amodal".into());
     let is_amodal = has_amodal || name.to_lowercase().contains("amodal") || says_amodal;
     let known = match (has_visible || objects == 0, is_amodal) {
-        // Without objects, nothing is unknown of them.
+        // Without objects, all masks are known.
         (true, _) => KnownMasks::Both,
-        // Beside amodal masks that are others, COCO's own are the visible ones.
+        // If the amodal masks differ from `segmentation`, then `segmentation` is the visible mask.
         (false, true) if !says_amodal && pairs.show_what_is_seen(&file.listing) => KnownMasks::Both,
-        // Files of these leave out the visible mask of what is not occluded.
+        // D2SA omits the visible mask of an object that is not occluded.
         (false, true) if is_d2sa => KnownMasks::Both,
         (false, true) => KnownMasks::Amodal,
         (false, false) => KnownMasks::Visible,
@@ -121,14 +121,14 @@ pub fn open_file(root: &DatasetFolder, path: &Path, is_d2sa: bool) -> Result<Ope
     Ok(Opened { derived, lists_all_images, ..file.opened(info, offers, notes, of) })
 }
 
-/// Objects with a mask of their own and an amodal one, which tell what the first one is of.
+/// Objects with both `segmentation` and an amodal mask. They reveal whether `segmentation` is visible or amodal.
 #[derive(Default)]
 struct MaskPairs {
-    /// How many there are.
+    /// Number of such objects.
     all: usize,
-    /// How many of them have different records of masks, which may be the same mask in two encodings.
+    /// Number of such objects whose two records differ. The records may still encode the same mask.
     unlike: usize,
-    /// The first ones of these.
+    /// The first annotations whose records differ.
     first: Vec<AmodalAnnotation>,
 }
 
@@ -145,8 +145,8 @@ impl MaskPairs {
         }
     }
 
-    /// Whether the masks of their own are of what is seen: they are parts of the amodal ones, and a fraction of all lacks some of
-    /// these. One object alone may be a fault.
+    /// Whether `segmentation` is the visible mask: it lies within the amodal mask, and in a sufficient fraction of all
+    /// objects it lacks pixels of the amodal mask. A single such object may be a fault.
     fn show_what_is_seen(&self, listing: &AnnotationListing) -> bool {
         let lacks = |annotation: &&AmodalAnnotation| -> Option<()> {
             let frame = &listing.images.iter().find(|image| image.frame.id == annotation.image_id)?.frame;
@@ -164,12 +164,12 @@ impl MaskPairs {
     }
 }
 
-/// The mask of an annotation. An empty list of polygons is none: files of boxes have it.
+/// The mask of an annotation; none for an empty list of polygons, which files with boxes only contain.
 pub fn segmentation(annotation: &AmodalAnnotation) -> Option<&Segmentation> {
     annotation.segmentation.as_ref().filter(|it| !matches!(it, Segmentation::Polygons(all) if all.is_empty()))
 }
 
-/// Whether an annotation is of many objects together.
+/// Whether an annotation describes many objects together.
 fn is_crowd(annotation: &AmodalAnnotation) -> bool {
     annotation.iscrowd != 0
 }
@@ -179,7 +179,7 @@ fn has_place(annotation: &AmodalAnnotation) -> bool {
     annotation.bbox.is_some() || segmentation(annotation).is_some()
 }
 
-/// Whether one of these fields is there.
+/// Whether any of these fields exists.
 pub fn is_there<T>(fields: &[NamedField<T>]) -> bool {
     fields.iter().any(|(_, field)| !field.is_missing())
 }
@@ -235,7 +235,7 @@ pub fn objects(listing: &AnnotationListing, image: usize) -> Result<Vec<AmodalAn
     Ok(annotations)
 }
 
-/// The ids that annotations state of their objects.
+/// The object ids that annotations state.
 pub fn stated_ids(annotations: &[AmodalAnnotation]) -> Vec<Option<u64>> {
     annotations.iter().map(|annotation| annotation.extra.instance_id.value().copied()).collect()
 }
@@ -262,7 +262,7 @@ impl CocoObjects {
             Some(own) => decoded(own, "segmentation")?,
             None => Mask::empty(width, height),
         };
-        // Where the masks of others are amodal, an object without a visible one is not occluded.
+        // In a file with amodal masks, an object without a visible mask is not occluded.
         let amodal = match (self.known, first(annotation, &[fields.amodal()])) {
             (KnownMasks::Visible, _) => None,
             (_, found) => Some(found?.map_or_else(|| Ok(own.clone()), |(key, it)| decoded(it, key))?),
@@ -283,7 +283,7 @@ impl CocoObjects {
     }
 }
 
-/// The first of some fields that is there, with its name.
+/// The first of some fields that exists, with its name.
 fn first<'a, T>(annotation: &AmodalAnnotation, fields: &[NamedField<'a, T>]) -> Result<Option<(&'static str, &'a T)>> {
     for (key, field) in fields {
         let wrong = |reason| Error::new(reason).context(format!("annotation {}: `{key}`", annotation.id));

@@ -13,7 +13,7 @@ use syntable_model::product::BBox;
 /// An object.
 pub type AmodalAnnotation = coco::CocoAnnotation<AmodalFields>;
 
-/// What annotations say beyond COCO's fields: ours, then those of D2SA and KINS.
+/// Fields of annotations beyond COCO's: first SynTable's, then D2SA's and KINS'.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default)]
 pub struct AmodalFields {
@@ -23,7 +23,7 @@ pub struct AmodalFields {
     pub visible_mask: LenientField<Segmentation>,
     #[serde(skip_serializing_if = "LenientField::is_missing")]
     pub visible_bbox: LenientField<[i32; 4]>,
-    /// Beside a `segmentation` that may be visible.
+    /// Used if `segmentation` may be visible.
     #[serde(skip_serializing_if = "LenientField::is_missing")]
     pub amodal_mask: LenientField<Segmentation>,
     #[serde(skip_serializing_if = "LenientField::is_missing")]
@@ -32,7 +32,7 @@ pub struct AmodalFields {
     pub occluded_mask: LenientField<Segmentation>,
     #[serde(skip_serializing_if = "LenientField::is_missing")]
     pub occluded_rate: LenientField<f64>,
-    /// x, y and visibility of each. They are written, and not read.
+    /// x, y and visibility of each keypoint. They are written but not read.
     #[serde(skip_deserializing, skip_serializing_if = "Option::is_none")]
     pub keypoints: Option<Vec<Json>>,
     #[serde(skip_deserializing, skip_serializing_if = "Option::is_none")]
@@ -56,15 +56,15 @@ pub struct AmodalFields {
     pub extra: Extra,
 }
 
-/// Unknown fields that say nothing new: D2SA's repeats the record of the image, KINS' box follows from its mask, and the number of
-/// keypoints goes with `keypoints`.
+/// Unknown fields without new information: D2SA's repeats the record of the image, KINS' box follows from its mask, and
+/// the number of keypoints follows from `keypoints`.
 pub const FOLLOWING: &[&str] = &["amodal_base", "inmodal_bbox", "num_keypoints"];
 
 /// A field by its name in the file.
 pub type NamedField<'a, T> = (&'static str, &'a LenientField<T>);
 
 impl AmodalFields {
-    /// Visible masks beside an amodal `segmentation`.
+    /// Visible masks next to an amodal `segmentation`.
     pub fn visible(&self) -> [NamedField<'_, Segmentation>; 2] {
         [("visible_mask", &self.visible_mask), ("inmodal_seg", &self.inmodal_seg)]
     }
@@ -86,7 +86,8 @@ impl AmodalFields {
 }
 
 impl MaskChoice {
-    /// The mask of an object and its box. If the object has only the other mask, that one; none if it has only a box.
+    /// The selected mask of an object and its box; the other mask if the object lacks the selected one. None for an object with
+    /// a box alone.
     fn with_box<'a>(self, label: &Partial<'a>) -> Option<(&'a Mask, BBox)> {
         match (label.masks, self) {
             (LabelMasks::Box(_), _) => None,
@@ -96,7 +97,7 @@ impl MaskChoice {
         }
     }
 
-    /// The mask of an object. If the object has only the other mask, that one; none if it has only a box.
+    /// The selected mask of an object; the other mask if the object lacks the selected one. None for an object with a box alone.
     pub(crate) fn shown_of<'a>(self, label: &Partial<'a>) -> Option<&'a Mask> {
         self.with_box(label).map(|(mask, _)| mask)
     }
@@ -129,11 +130,11 @@ fn encoded(mask: &Mask) -> Segmentation {
     Segmentation::Rle(Rle::encode(mask))
 }
 
-/// What COCO has no fields for.
+/// Fields for masks that COCO does not have.
 fn of_masks(masks: LabelMasks) -> AmodalFields {
     match masks {
         LabelMasks::Visible(..) | LabelMasks::Box(_) => AmodalFields::default(),
-        // It says what `segmentation` is.
+        // Marks `segmentation` as amodal.
         LabelMasks::Amodal(mask, bbox) => AmodalFields {
             amodal_mask: encoded(mask).into(),
             amodal_bbox: <[i32; 4]>::from(bbox).into(),

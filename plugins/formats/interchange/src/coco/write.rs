@@ -59,15 +59,15 @@ impl MaskChoice {
         }
     }
 
-    /// The labels of the objects whose mask is not empty, for a format that stores amodal masks. Objects that are left out are
-    /// reported.
+    /// The labels of the objects whose mask is not empty, for a format that stores amodal masks. The run reports the
+    /// omitted objects.
     pub(crate) fn shown<'a>(self, log: &dyn Log, labels: Vec<ShownLabel<'a>>) -> Vec<ShownLabel<'a>> {
         let whole = labels.iter().map(|label| Partial::from(*label)).collect::<Vec<_>>();
         report_left_out(log, &whole, |label| self.shown_of(label), StoredParts::Amodal);
         labels.into_iter().filter(|label| !self.of(label).is_empty()).collect()
     }
 
-    /// The same for labels that need not have both kinds of masks, and a format that stores these parts.
+    /// As [`Self::shown`], for labels that may lack one kind of mask, and for a format that stores the given parts.
     pub(crate) fn shown_partial<'a>(
         self,
         log: &dyn Log,
@@ -103,8 +103,8 @@ impl StoredParts {
     }
 }
 
-/// Reports objects that are left out since their mask is empty: those without any pixel, and if the format stores amodal masks,
-/// those whose amodal mask it loses.
+/// Reports objects that are omitted because their mask is empty: objects without any pixel and, if the format stores
+/// amodal masks, objects whose amodal mask is lost.
 fn report_left_out<'a>(
     log: &dyn Log,
     labels: &[Partial<'a>],

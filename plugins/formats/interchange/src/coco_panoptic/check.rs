@@ -7,7 +7,7 @@ use std::collections::BTreeSet;
 use syntable_model::reader::{DatasetFault, FaultSubject};
 use syntable_model::rule;
 
-/// Id of the rule that segments are regions of the image of ids.
+/// Id of the rule that segments match regions in the image of ids.
 const SEGMENTS_ARE_PIXELS: &str = "segments_are_pixels";
 
 impl Things {

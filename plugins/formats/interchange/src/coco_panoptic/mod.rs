@@ -12,7 +12,7 @@ use syntable_model::prelude::*;
 
 /// Writes COCO's layout for panoptic segmentation.
 ///
-/// # What it does
+/// # Behavior
 ///
 /// Every visible mask is a segment, and the id of the segment is the id of the object in its scene. If
 /// visible masks overlap, as in COCO and LVIS, a pixel belongs to the object with the smallest mask. Areas and boxes

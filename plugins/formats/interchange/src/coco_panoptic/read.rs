@@ -1,4 +1,4 @@
-//! Reads COCO's layout for panoptic segmentation. Things are objects; stuff is none.
+//! Reads COCO's layout for panoptic segmentation. COCO's things are objects; stuff is not.
 
 use super::record::{BACKGROUND_NAME, PanopticAnnotation, PanopticSegment, VOID};
 use crate::family::find::{Structure, beside};
@@ -22,9 +22,9 @@ syntable_model::register_format!(Format::new(
 
 /// The segments of a dataset.
 pub struct Things {
-    /// Folder of their images.
+    /// Folder of the images of ids.
     folder: DatasetFolder,
-    /// The categories of things, and ids of those of stuff.
+    /// The categories of objects, and the ids of the categories of stuff.
     categories: Categories,
     pub stuff: BTreeSet<u64>,
 }
@@ -35,7 +35,7 @@ fn is_stuff(category: &Category) -> bool {
 
 fn open(source: &Source) -> Result<Opened> {
     let (root, path) = Structure::Segments.find(source)?;
-    // By category and whether they are crowds.
+    // Counts segments by category and by whether they are crowds.
     let mut segments: BTreeMap<(u64, bool), usize> = BTreeMap::new();
     let mut file = AnnotationFile::open(
         &root,
@@ -88,11 +88,11 @@ fn open(source: &Source) -> Result<Opened> {
     Ok(Opened { category_ids, ..opened })
 }
 
-/// The segments of an image, and the ids of its pixels.
+/// The segments of an image, and the id of each pixel.
 pub struct Segments {
     pub annotation: PanopticAnnotation,
     pub ids: Plane<u32>,
-    /// The masks of the segments that have pixels, by id.
+    /// The masks of the segments that have pixels, by segment id.
     masks: BTreeMap<u32, Mask>,
 }
 
@@ -101,7 +101,7 @@ impl Segments {
         let listed: BTreeSet<u32> = annotation.segments_info.iter().map(|it| it.id).filter(|id| *id != VOID).collect();
         ANNOTATIONS.check(annotation.segments_info.len() as u64)?;
         let listed: Vec<u32> = listed.into_iter().collect();
-        // Numbers of the segments from 1, of all pixels at once.
+        // Number, from 1, of the segment of each pixel, in one pass.
         let numbers = ids.map(|id| listed.binary_search(id).map_or(0, |at| at as u16 + 1));
         let masks = read::masks_of(&numbers).into_iter().map(|(number, mask)| (listed[number as usize - 1], mask));
         Ok(Self { masks: masks.collect(), annotation, ids })
@@ -128,7 +128,7 @@ impl Things {
         Segments::new(annotation, ids)
     }
 
-    /// The segments of things: objects, or those of crowds.
+    /// The segments that are not stuff: single objects, or crowds.
     fn things<'s>(&'s self, all: &'s Segments, are_crowds: bool) -> impl Iterator<Item = &'s PanopticSegment> {
         let things = all.annotation.segments_info.iter().filter(|it| it.id != VOID);
         things.filter(move |it| (it.iscrowd != 0) == are_crowds && !self.stuff.contains(&it.category_id))

@@ -7,16 +7,17 @@ use syntable_model::prelude::*;
 /// How names of annotation files begin.
 pub const FILE: &str = "panoptic_";
 
-/// What the stuff is called that is all pixels without an object.
+/// Name of the stuff category of all pixels without an object.
 pub const BACKGROUND_NAME: &str = "background";
 
-/// Id of the pixels of no segment.
+/// Id of pixels that belong to no segment.
 pub const VOID: u32 = 0;
 
-/// The annotation of an image. `N` is the type of numbers of pixels: whole ones are written, and others have fractions.
+/// The annotation of an image. `N` is the type of areas and boxes: this program writes whole numbers, and other files
+/// have fractions.
 #[derive(Serialize, Deserialize)]
 pub struct PanopticAnnotation<N = f64> {
-    /// Fields that are not read, such as our `id`.
+    /// Fields that the reader ignores, such as our `id`.
     #[serde(flatten)]
     pub extra: Extra,
     pub image_id: u64,
@@ -24,7 +25,7 @@ pub struct PanopticAnnotation<N = f64> {
     pub segments_info: Vec<PanopticSegment<N>>,
 }
 
-/// A thing, or stuff. Its id is R + 256 · G + 256² · B of its pixels.
+/// A segment of an object or of stuff. Its id is R + 256 · G + 256² · B of its pixels.
 #[derive(Serialize, Deserialize)]
 pub struct PanopticSegment<N = f64> {
     pub id: u32,
@@ -33,7 +34,7 @@ pub struct PanopticSegment<N = f64> {
     pub bbox: [N; 4],
     #[serde(default)]
     pub iscrowd: u8,
-    /// Fields that are not read.
+    /// Fields that the reader ignores.
     #[serde(flatten)]
     pub extra: Extra,
 }

@@ -13,11 +13,12 @@ use syntable_model::prelude::*;
 use syntable_model::product::Painted;
 use syntable_model::product::standard::RGB;
 
-/// Id of the segment of the background, beyond all ids of objects.
+/// Id of the segment of the background, larger than any object id.
 const BACKGROUND: u32 = 1 << 16;
 
 impl CocoPanoptic {
-    /// Folder of the segments' images inside the writer's folder, which panopticapi derives from the annotation file.
+    /// Folder of the images of ids inside the writer's folder. panopticapi derives it from the name of the annotation
+    /// file.
     fn folder(&self) -> String {
         format!("annotations/{FILE}{}", self.split)
     }
@@ -37,7 +38,7 @@ impl Family for CocoPanoptic {
     }
 
     fn finish_options(&self) -> &'static [&'static str] {
-        // The split is in the names of files of views.
+        // The option `split` is part of the file names of each view.
         &[]
     }
 
@@ -63,7 +64,7 @@ impl Family for CocoPanoptic {
     }
 }
 
-/// The categories of things, and that of the background after them.
+/// The categories of objects, followed by the category of the background.
 fn with_background(dataset: &DatasetInfo) -> Vec<Category> {
     let of = |mut category: Category, is_thing: u8| {
         category.extra.insert(IS_THING.into(), is_thing.into());
@@ -82,7 +83,7 @@ fn visible<'a>(label: &Partial<'a>) -> Option<&'a Mask> {
     MaskChoice::Visible.shown_of(label)
 }
 
-/// The segments of an image: objects of which it shows pixels, then the background if a pixel shows it.
+/// The segments of an image: all objects with visible pixels, then the background if any pixel shows it.
 fn segments(painted: &Painted, background: u64, labels: &[Partial]) -> Vec<PanopticSegment<i64>> {
     let shown: BTreeSet<InstanceId> = painted.shown().collect();
     let things = labels.iter().filter(|label| shown.contains(&label.id));
@@ -95,7 +96,7 @@ fn segments(painted: &Painted, background: u64, labels: &[Partial]) -> Vec<Panop
     things.filter_map(thing).chain(stuff).collect()
 }
 
-/// The image whose pixels say the ids of their segments.
+/// The image whose colors encode the segment ids of the pixels.
 fn id_image(ids: &Plane<InstanceId>) -> PngImage {
     let segment = |id: &InstanceId| if *id == InstanceId::default() { BACKGROUND } else { id.0.into() };
     let color = |id: &InstanceId| <[u8; 3]>::try_from(&segment(id).to_le_bytes()[..3]).expect("three of four bytes");

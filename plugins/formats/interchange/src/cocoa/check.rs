@@ -9,11 +9,12 @@ use syntable_model::product::{BBox, meeting_boxes};
 use syntable_model::reader::{DatasetFault, FaultSubject};
 use syntable_model::rule;
 
-/// Largest error of a rate of two decimals.
+/// Largest rounding error of a rate with two decimals.
 const TWO_DECIMALS: f64 = 0.005;
 
 impl CocoaAnnotation {
-    /// The pairs of regions, by their numbers from 1, of which the first is in front of the second.
+    /// The pairs of regions in `depth_constraint`, by number from 1. The first region of a pair is in front of the
+    /// second.
     fn constraints(&self) -> Result<BTreeSet<[usize; 2]>, String> {
         let number = |text: &str| {
             let number = text.trim().parse().ok().filter(|number| (1..=self.regions.len()).contains(number));
@@ -26,7 +27,7 @@ impl CocoaAnnotation {
         self.depth_constraint.split(',').filter(|text| !text.trim().is_empty()).map(pair).collect()
     }
 
-    /// The rules that the annotation breaks. Rates may count parts `beyond` the image.
+    /// The rules that the annotation breaks. With `beyond`, rates may count parts outside the image.
     pub fn faults(&self, size: [u32; 2], beyond: bool, is_ours: bool) -> Vec<DatasetFault> {
         let faults = self.faults_of_regions(size, beyond, is_ours).into_iter();
         faults.map(|fault| fault.of(FaultSubject::Annotation(self.id))).collect()
@@ -58,7 +59,7 @@ impl CocoaAnnotation {
         match self.constraints() {
             Ok(pairs) => {
                 faults.extend(self.faults_of_order(&pairs, size));
-                // Files of others may have a part of all pairs.
+                // Files of other programs may list only some of the pairs.
                 if is_ours || pairs.is_empty() {
                     faults.extend(self.missing_pair(&pairs, size));
                 }
@@ -68,7 +69,7 @@ impl CocoaAnnotation {
         faults
     }
 
-    /// The first two regions that are no pair, although the one in front hides a part of the other, away from its own edge.
+    /// The first pair of regions that is missing although one region hides a part of the other, away from its own edge.
     fn missing_pair(&self, pairs: &BTreeSet<[usize; 2]>, size: [u32; 2]) -> Option<DatasetFault> {
         let masks = self.objects().filter_map(|(number, region)| {
             let [visible, _, hidden] = self.masks(number, region, size).ok()?;
@@ -92,7 +93,7 @@ impl CocoaAnnotation {
         })
     }
 
-    /// Pairs whose order the masks contradict: the object behind hides a part of that in front, and not the other way round.
+    /// Pairs in the wrong order: the masks show that the second region hides a part of the first, and not the reverse.
     fn faults_of_order(&self, pairs: &BTreeSet<[usize; 2]>, size: [u32; 2]) -> Vec<DatasetFault> {
         let masks =
             self.objects().filter_map(|(number, region)| Some((number, self.masks(number, region, size).ok()?)));
@@ -126,7 +127,7 @@ impl CocoaRegion {
             faults.push(DatasetFault::new(rule::AREAS_MATCH_MASKS, message));
         }
         let rate = if area == 0.0 { 0.0 } else { f64::from(hidden.area()) / area };
-        // A rate may be that of the polygon, whose area is off by the pixels at its edge.
+        // A rate may refer to the area of the polygon, which differs from the mask by pixels along the edge.
         let of_area = |area: f64| if area <= 0.0 { 1.0 } else { (f64::from(hidden.area()) / area).min(1.0) };
         let [low, high] = match (&self.visible_mask, &self.invisible_mask) {
             // The hidden part is the polygon without the visible mask.

@@ -12,7 +12,7 @@ use syntable_model::prelude::*;
 
 /// Writes the layout of COCO-Amodal (COCOA), one annotation per image with its objects from front to back.
 ///
-/// # What it does
+/// # Behavior
 ///
 /// `regions` has the objects from front to back, each after its occluders; `order` counts them from 1. Of objects that
 /// occlude each other, directly or in a cycle, the object with the nearest visible pixel comes first.

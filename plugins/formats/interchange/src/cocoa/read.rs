@@ -27,14 +27,14 @@ syntable_model::register_format!(Format::new(
 struct Regions {
     /// Whether this program wrote the dataset.
     is_ours: bool,
-    /// Their names.
+    /// The categories, by the names of the regions.
     categories: Categories,
 }
 
 fn open(source: &Source) -> Result<Opened> {
     let (root, path) = Structure::Regions.find(source)?;
     let (mut names, mut has_hidden) = (BTreeSet::new(), false);
-    // Numbers of regions of each annotation: all, and those of stuff.
+    // Numbers of regions of each annotation: of all regions, and of regions of stuff.
     let mut regions: Vec<[usize; 2]> = Vec::new();
     let mut file = AnnotationFile::open(
         &root,
@@ -82,7 +82,7 @@ fn open(source: &Source) -> Result<Opened> {
     Ok(Opened { derived, lists_all_images: false, category_ids: None, ..opened })
 }
 
-/// The categories that a file lists, and behind them the names of regions that it does not list.
+/// The categories that a file lists, followed by the names of regions that are not in this list.
 fn with_names(listed: &[Category], names: &BTreeSet<String>) -> Categories {
     let mut all = listed.to_vec();
     let unlisted = names.iter().filter(|name| !listed.iter().any(|it| it.name == **name));
@@ -96,7 +96,7 @@ fn with_names(listed: &[Category], names: &BTreeSet<String>) -> Categories {
     Categories::of(&all)
 }
 
-/// A key of a region, by its number from 1, for messages.
+/// A key of a region for messages, with the number of the region from 1.
 pub fn key_of(region: usize, key: &str) -> String {
     format!("`regions[{}].{key}`", region - 1)
 }
@@ -121,7 +121,8 @@ impl CocoaAnnotation {
         decoded.map_err(|error| error.context(self.key(number, "segmentation")))
     }
 
-    /// Visible, amodal and occlusion mask of a region. Without occlusion there is only the polygon; else the masks are exact.
+    /// Visible, amodal and occlusion mask of a region. A region without occlusion has only a polygon; otherwise the
+    /// masks are exact.
     pub fn masks(&self, number: usize, region: &CocoaRegion, size: [u32; 2]) -> Result<[Mask; 3]> {
         let visible =
             region.visible_mask.as_ref().map(|rle| self.mask(number, ("visible_mask", rle), size)).transpose()?;
@@ -145,7 +146,7 @@ impl CocoaAnnotation {
         })
     }
 
-    /// The labels of its objects. If rates count parts `beyond` the image, they are the stated ones.
+    /// The labels of its objects. With `beyond`, rates count parts outside the image, and the stated rates are used.
     pub fn labels(&self, categories: &Categories, size: [u32; 2], beyond: bool) -> Result<Vec<ObjectLabels>> {
         let of = |(row, (number, region)): (usize, (usize, &CocoaRegion))| {
             let [visible, amodal, _] = self.masks(number, region, size)?;

@@ -16,13 +16,13 @@ pub struct CocoaAnnotation {
     pub id: u64,
     #[serde(deserialize_with = "id")]
     pub image_id: u64,
-    /// Fields that are not read, such as `url` and `author`.
+    /// Fields that the reader ignores, such as `url` and `author`.
     #[serde(flatten)]
     pub extra: Extra,
     /// Number of regions.
     #[serde(default)]
     pub size: Option<usize>,
-    /// Pairs `i-j` of regions, by their numbers from 1, of which the first is in front of the second.
+    /// Pairs `i-j` of regions, by number from 1. Region `i` is in front of region `j`.
     #[serde(default)]
     pub depth_constraint: String,
     /// From front to back.
@@ -41,14 +41,14 @@ pub struct CocoaRegion {
     pub is_stuff: u8,
     #[serde(default)]
     pub occlude_rate: Option<f64>,
-    /// Place from the front, from 1.
+    /// Position from the front, from 1.
     #[serde(default)]
     pub order: Option<usize>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub visible_mask: Option<Rle>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub invisible_mask: Option<Rle>,
-    /// Fields that are not read.
+    /// Fields that the reader ignores.
     #[serde(flatten)]
     pub extra: Extra,
 }

@@ -65,7 +65,7 @@ fn region(dataset: &DatasetInfo, products: &Products, order: usize, label: &Show
     })
 }
 
-/// The pairs `i-j` of places in `sorted`, from 1, of which the first occludes the second.
+/// The pairs `i-j` of positions in `sorted`, from 1, where `i` occludes `j`.
 fn constraints(order: &ObjectOrder, sorted: &[usize]) -> Vec<String> {
     let pairs = (0..sorted.len()).flat_map(|i| (i + 1..sorted.len()).map(move |j| (i, j)));
     let occluding = pairs.filter(|&(i, j)| order.occludes(sorted[i], sorted[j]));

@@ -10,7 +10,7 @@ use syntable_model::prelude::*;
 use syntable_model::reader::{DatasetFault, FaultSubject};
 use syntable_model::rule;
 
-/// `amodal_region.name`, which names another category than that of the object.
+/// Reports an `amodal_region.name` that differs from the category of the object.
 pub fn fault_of_name(
     listing: &AnnotationListing,
     annotation: &AmodalAnnotation,
@@ -24,7 +24,7 @@ pub fn fault_of_name(
     is_wrong.then(|| DatasetFault::new(rule::RECORDS_AGREE, message))
 }
 
-/// `amodal_region` says the area and the box again.
+/// Checks the area and the box that `amodal_region` repeats.
 pub fn faults_of_region(annotation: &AmodalAnnotation) -> Vec<DatasetFault> {
     let mut faults = Vec::new();
     let region = annotation.extra.amodal_region.value();
@@ -43,7 +43,7 @@ pub fn faults_of_region(annotation: &AmodalAnnotation) -> Vec<DatasetFault> {
     faults
 }
 
-/// `occl_depth`, that a number of objects contradicts: the most that can be in front of one are all others.
+/// Reports each `occl_depth` that exceeds the number of other objects in the image.
 fn faults_of_depth(annotations: &[AmodalAnnotation]) -> impl Iterator<Item = DatasetFault> {
     annotations.iter().filter_map(|annotation| {
         let depth = occlusion_depth(annotation)?;
@@ -66,14 +66,15 @@ fn occlusion_depth(annotation: &AmodalAnnotation) -> Option<u64> {
     annotation.extra.occl_depth.value().copied()
 }
 
-/// Place of an object from the front, from 1.
+/// Position of an object from the front, from 1.
 fn place_from_front(annotation: &AmodalAnnotation) -> Option<u64> {
     annotation.extra.amodal_region.value()?.order.value().copied()
 }
 
-/// What the masks of an image's objects contradict of the numbers: places from the front, and in files of this program, whose
-/// meaning is known, how many objects are in front of each other. What circles leave open is not looked at. Without `labels`
-/// of both visible and whole objects, masks contradict nothing.
+/// Compares the order of objects with the masks of an image: the positions from the front and, in files of this
+/// program, the length of the longest chain of occluders in front of each object. Only files of this program define
+/// this length exactly. Orders that cycles leave undecided are not checked. Without `labels` that have both visible and
+/// amodal masks, the masks contradict nothing.
 pub fn faults_of_order(
     annotations: &[AmodalAnnotation],
     labels: Option<impl FnOnce() -> Result<Vec<ObjectLabels>>>,
@@ -90,7 +91,7 @@ pub fn faults_of_order(
     let order = ObjectOrder::of_masks(&masks);
     let places: Vec<Option<u64>> = annotations.iter().map(place_from_front).collect();
     let mut first_at: BTreeMap<u64, usize> = BTreeMap::new();
-    // One fault of a kind per object, since the number of pairs grows quadratically.
+    // At most one fault of each kind per object, since the number of pairs grows quadratically.
     for (j, behind) in annotations.iter().enumerate() {
         let Some(place) = places[j] else { continue };
         let mut fault = |contradiction: String| {

@@ -13,7 +13,7 @@ use syntable_model::prelude::*;
 
 /// Writes the layout of D2SA, MVTec's amodal annotations of D2S.
 ///
-/// # What it does
+/// # Behavior
 ///
 /// The annotation file has COCO's structure. `segmentation`, `area` and `bbox` describe the amodal mask. Annotations
 /// also have `visible_mask`, and `invisible_mask` for occluded objects. Masks are compressed run lengths.

@@ -1,4 +1,4 @@
-//! Reads D2SA's layout: COCO's, with keys of its own.
+//! Reads D2SA's layout, which is COCO's with additional keys.
 
 use crate::coco::open_file;
 use crate::family::find::Structure;

@@ -7,7 +7,8 @@ use syntable_model::prelude::*;
 /// How the name of the annotation file begins.
 pub const FILE: &str = "D2S_amodal_";
 
-/// An object, in the order of its fields that is written. The reader of `coco` reads it as [`AmodalFields`](crate::coco::AmodalFields).
+/// An object, with its fields in the order in which they are written. The reader of `coco` reads it as
+/// [`AmodalFields`](crate::coco::AmodalFields).
 #[derive(Serialize)]
 pub struct D2saAnnotation {
     pub id: u64,
@@ -25,7 +26,7 @@ pub struct D2saAnnotation {
     pub amodal_region: D2saRegion,
 }
 
-/// The whole object, with its place from the front, from 1.
+/// The whole object, with its position from the front, from 1.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default)]
 pub struct D2saRegion {

@@ -61,7 +61,7 @@ impl Structure {
     fn by_name(file: &Path) -> Option<Self> {
         let stem = file.file_stem()?.to_string_lossy();
         let named = NAMES.iter().find(|(_, start, end)| stem.starts_with(start) && stem.ends_with(end));
-        // COCO's files of this name are in a folder, those of KINS beside the images.
+        // COCO's files of this name are in `annotations`, KINS' files beside the images.
         let is_of_kins = || stem.starts_with("instances_") && !is_in(file, FOLDER);
         named.map(|(structure, ..)| *structure).or_else(|| is_of_kins().then_some(Self::Kins))
     }

@@ -1,5 +1,5 @@
-//! Shared code of COCO's family: `coco`, `coco_panoptic`, `cocoa`, `d2sa`, `insta_order`, `kins` and `uoais` have one
-//! annotation file beside images, and differ in its name and in its records of annotations.
+//! Shared code of COCO's family: `coco`, `coco_panoptic`, `cocoa`, `d2sa`, `insta_order`, `kins` and `uoais` have
+//! images and one annotation file. They differ in the name of this file and in its records of annotations.
 
 pub mod find;
 pub mod read;

@@ -18,46 +18,47 @@ use syntable_model::reader::{Crowd, DatasetFault, ImageSource, Note, Opened, Rea
 /// Folder of the annotation file.
 pub const FOLDER: &str = "annotations";
 
-/// Key of the depth image of an image, in whole millimeters, beside its `file_name`: UOAIS-Sim's.
+/// Key of an image's depth image, in whole millimeters, next to its `file_name`. UOAIS-Sim uses it.
 pub const DEPTH_FILE: &str = "depth_file_name";
 /// Millimeters per step of such a depth image.
 const DEPTH_UNIT_MM: f64 = 1.0;
 
-/// Fields of images' records that some reader of the family reads.
+/// Fields of image records that at least one reader of the family reads.
 const OF_IMAGES: &[&str] = &[LABEL_POLICY.name(), DEPTH_FILE];
 
 /// The objects in images, as a format of the family stores them.
 pub trait Annotated: Send + Sync + 'static {
-    /// Puts those labels of an image that are wanted.
+    /// Adds the requested labels of an image to `products`.
     fn put(&self, file: &AnnotationFile, image: usize, wants: &[KeyId], products: &mut Products) -> Result<()>;
 
-    /// As [`ImageSource::crowds`].
+    /// See [`ImageSource::crowds`].
     fn crowds(&self, file: &AnnotationFile, image: usize) -> Result<Vec<Crowd>> {
         let _ = (file, image);
         Ok(Vec::new())
     }
 
-    /// As [`ImageSource::image_faults`].
+    /// See [`ImageSource::image_faults`].
     fn faults(&self, file: &AnnotationFile, image: usize) -> Vec<DatasetFault>;
 }
 
 /// An annotation file of COCO's structure, and the folder of its images.
 pub struct AnnotationFile {
-    /// Its records.
+    /// The records of the file.
     pub listing: AnnotationListing,
-    /// The folder that image names count from.
+    /// The folder to which the image names are relative.
     images_root: DatasetFolder,
     /// Whether every image has a depth image.
     has_depth: bool,
-    /// Whether every image says the policy of its labels.
+    /// Whether every image states the policy of its labels.
     has_policy: bool,
-    /// Fields that are not read, of images and then of each kind of record of the format.
+    /// Ignored fields, first of images and then of each kind of record of the format.
     unkept: Vec<Unkept>,
 }
 
 impl AnnotationFile {
-    /// Opens a file of a dataset whose images are in one of `folders`. `records` names the kinds of records of the format, in the
-    /// plural, each with the fields in its `extra` that are read; `each` sees every annotation, and counts those records.
+    /// Opens the annotation file of a dataset whose images are in one of `folders`. `records` names the kinds of
+    /// records of the format, in the plural, each with the fields in its `extra` that are read. `each` visits every
+    /// annotation, and counts the unread fields of its records.
     pub fn open<A: AnnotationRecord>(
         root: &DatasetFolder,
         file: &Path,
@@ -86,10 +87,10 @@ impl AnnotationFile {
         Ok(Self { listing, images_root, has_depth, has_policy, unkept })
     }
 
-    /// The categories that it lists.
+    /// The categories that the file lists.
     ///
     /// # Errors
-    /// If it has no list of them.
+    /// If the file has no list of categories.
     pub fn categories(&self) -> Result<&[Category]> {
         let missing = || Error::new("missing field `categories`").in_file(self.listing.file.path());
         self.listing.file.categories.as_deref().ok_or_else(missing)
@@ -101,12 +102,13 @@ impl AnnotationFile {
         categories.info(about.description.clone(), about.contributor.clone(), &self.listing.refs, String::new())
     }
 
-    /// Whether this program wrote it.
+    /// Whether this program wrote the file.
     pub fn is_ours(&self) -> bool {
         self.listing.file.info.contributor.starts_with("syntable ")
     }
 
-    /// The products of images: labels, color, and of `others` depth and the policy of labels, if every image has them.
+    /// The products that the dataset offers: labels, color and, if every image has them and `others` contains them,
+    /// depth and the policy of labels.
     pub fn offers(&mut self, labels: Vec<KeyId>, others: &[KeyId]) -> Vec<KeyId> {
         self.has_depth &= others.contains(&DEPTH.id());
         self.has_policy &= others.contains(&LABEL_POLICY.id());
@@ -118,14 +120,14 @@ impl AnnotationFile {
     pub fn supercategories(&self) -> Option<Note> {
         let all = self.listing.file.categories.iter().flatten();
         let names: BTreeSet<&str> = all.map(|category| category.supercategory.as_str()).collect();
-        // One for all tells nothing apart.
+        // A single supercategory for all categories carries no information.
         let tells = names.len() > 1 && self.info(&self.listing.categories).own_categories.is_empty();
         let text = "of categories, names alone are read: supercategories are left out, since some ids are not kept";
         tells.then(|| Note::caveat(text).of([CATEGORY_ID.id()]))
     }
 
-    /// What is not read: information, if others wrote the dataset, since in ours it is always the same; and fields that may be
-    /// labels, for those who read labels.
+    /// Notes about ignored content: information, unless this program wrote the dataset, where it is always the same;
+    /// and fields that may be labels, for stages that read labels.
     pub fn not_kept(&self, offers: &[KeyId]) -> Vec<Note> {
         let of_records = self.unkept.iter().flat_map(Unkept::information);
         let all: Vec<String> = self.listing.information().into_iter().chain(of_records).collect();
@@ -152,12 +154,12 @@ impl AnnotationFile {
         [frame.width, frame.height]
     }
 
-    /// Whether occlusion rates of an image count parts beyond it, which no mask has.
+    /// Whether occlusion rates of an image count parts outside the image, which no mask contains.
     pub fn counts_beyond(&self, image: usize) -> Result<bool> {
         Ok(self.has_policy && policy(&self.listing.image(image)?).is_some_and(extends))
     }
 
-    /// Puts color, depth and the policy of labels, if they are wanted.
+    /// Adds color, depth and the policy of labels, where requested.
     fn put_images(&self, image: usize, wants: &[KeyId], products: &mut Products) -> Result<()> {
         let size = self.size(image);
         if wants.contains(&RGB.id()) {
@@ -204,23 +206,23 @@ impl<A: Annotated> ImageSource for FamilySource<A> {
     }
 }
 
-/// The folders beside `annotations` in which images may be, as COCO and others call them: `images`, and names with the split.
+/// Possible folders of images next to `annotations`, in COCO and in other datasets: `images`, and names with the split.
 pub fn image_folders(file: &Path) -> [String; 5] {
     let split = file.file_stem().and_then(|stem| stem.to_str()?.rsplit('_').next()).unwrap_or_default();
     ["images".into(), split.into(), format!("{split}2017"), format!("{split}2014"), ".".into()]
 }
 
-/// Annotations that are no objects, such as crowds, for those who read labels.
+/// The note about annotations that do not describe objects, such as crowds, for stages that read labels.
 pub fn not_objects(offers: &[KeyId], count: usize, of: usize, what: &'static str) -> Note {
     Note::not_objects(LeftOut::new(count, of, what)).of(labels_among(offers))
 }
 
-/// The policy of the labels that the record of an image states.
+/// The policy of labels that an image's record states.
 fn policy(image: &CocoImage) -> Option<&Json> {
     image.extra.get(LABEL_POLICY.name())
 }
 
-/// Whether a policy of labels counts the parts of objects beyond the image.
+/// Whether a policy of labels counts parts of objects outside the image.
 pub fn extends(policy: &Json) -> bool {
     policy["image_frame"] == "extend"
 }

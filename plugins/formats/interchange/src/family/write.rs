@@ -1,4 +1,5 @@
-//! Shared code of writers of COCO's family: an image per view, a shard per scene, and one annotation file for the dataset.
+//! Shared code of writers of COCO's family: an image per view, a shard per scene, and one annotation file for the
+//! dataset.
 
 use super::read::extends;
 use serde::Serialize;
@@ -26,7 +27,7 @@ pub trait Family: Send + Sync + Sized + 'static {
     /// The products that it reads.
     fn reads(&self) -> Vec<Input>;
 
-    /// The annotation file, as all paths here inside the writer's folder.
+    /// Path of the annotation file. This path, like all paths here, is relative to the writer's folder.
     fn file(&self) -> String;
 
     /// All files of the dataset.
@@ -47,12 +48,12 @@ pub trait Family: Send + Sync + Sized + 'static {
         categories(dataset)
     }
 
-    /// Which images the annotation file lists.
+    /// The images that the annotation file lists.
     fn listed(&self) -> ListedImages {
         ListedImages::All
     }
 
-    /// Options that the files of the dataset alone depend on.
+    /// Options that affect only the files of the dataset.
     fn finish_options(&self) -> &'static [&'static str] {
         &["split"]
     }
@@ -71,7 +72,7 @@ pub trait Family: Send + Sync + Sized + 'static {
 struct FamilyWriter<F>(F);
 
 impl<F: Family> ImageWriter for FamilyWriter<F> {
-    /// The shard.
+    /// Content of the shard.
     type Scene = Vec<u8>;
 
     fn reads(&self) -> Vec<Input> {
@@ -104,8 +105,8 @@ impl<F: Family> ImageWriter for FamilyWriter<F> {
     }
 }
 
-/// The policy of the labels, if they have one: records of images say it where masks end at the image and rates do not, so that
-/// both can be compared.
+/// The policy of the labels, if they have one. The record of an image states it where masks end at the edge of the
+/// image and rates do not, so that readers can compare both.
 pub fn policy() -> Input {
     Input::of(LABEL_POLICY).optional()
 }
@@ -125,14 +126,14 @@ pub struct SceneFiles<'a> {
 }
 
 impl SceneFiles<'_> {
-    /// Writes the image of a view, and its record, which `annotations` records of annotations follow.
+    /// Writes the image of a view and its record. The records of `annotations` annotations follow it.
     pub fn image(&mut self, cx: &ImageContext, products: &Products, annotations: usize) -> Result<()> {
         let name = image_name(cx.scene_id, cx.view_id);
         self.image_in(IMAGES, name, products, annotations, Extra::new())
     }
 
-    /// Writes the image of a view to `folder` inside the writer's folder; its record says `name`, the path inside that
-    /// folder.
+    /// Writes the image of a view to `folder` inside the writer's folder. Its record contains `name`, the path relative
+    /// to that folder.
     pub fn image_in(
         &mut self,
         folder: &str,
@@ -141,7 +142,7 @@ impl SceneFiles<'_> {
         annotations: usize,
         mut extra: Extra,
     ) -> Result<()> {
-        // Formats without a place for it do not declare it.
+        // Formats that cannot store the policy do not declare it as an input.
         if products.contains(LABEL_POLICY.name()) {
             let policy = serde_json::to_value(products.get(LABEL_POLICY)?);
             let policy = policy.map_err(|error| Error::new(error.to_string()))?;
@@ -167,13 +168,13 @@ impl SceneFiles<'_> {
         shard::push_annotation(self.shard, record)
     }
 
-    /// Adds a record of the view that is no annotation.
+    /// Adds a record of the view that is not an annotation.
     pub fn of_view(&mut self, record: &impl Serialize) -> Result<()> {
         shard::push_view(self.shard, record)
     }
 }
 
-/// Which images an annotation file lists.
+/// The images that an annotation file lists.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ListedImages {
     /// All images.
@@ -205,7 +206,7 @@ pub fn merge(
     })
 }
 
-/// Name and program of the dataset, without dates: files do not depend on the clock.
+/// Name and program of the dataset. Dates are omitted, so that files do not depend on the clock.
 pub fn info(dataset: &DatasetInfo) -> CocoInfo {
     CocoInfo { description: dataset.name.clone(), contributor: dataset.program.clone(), ..CocoInfo::default() }
 }

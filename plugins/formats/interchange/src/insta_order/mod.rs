@@ -6,9 +6,9 @@ mod write;
 use crate::family::write::{Family, check_split};
 use syntable_model::prelude::*;
 
-/// Writes InstaOrder's orders of occlusion and depth, beside COCO's instances.
+/// Writes InstaOrder's orders of occlusion and depth, and COCO's instances.
 ///
-/// # What it does
+/// # Behavior
 ///
 /// `instances_{split}.json` is the file of the writer `coco` with visible masks. Each record of
 /// `InstaOrder_{split}.json` is an image with at least two visible objects: `instance_ids` are ids of annotations in

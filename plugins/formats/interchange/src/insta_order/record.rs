@@ -2,7 +2,7 @@
 
 use syntable_model::prelude::*;
 
-/// How names of files of orders begin.
+/// Prefix of files of orders.
 pub const FILE: &str = "InstaOrder_";
 
 /// The orders of the objects of a view.

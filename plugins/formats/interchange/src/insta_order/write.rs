@@ -12,7 +12,7 @@ use syntable_formats::shard::{ShardLine, for_each_line};
 use syntable_model::prelude::*;
 use syntable_model::product::standard::RGB;
 
-/// Number of annotators who agree on an order in InstaOrder if none disagrees.
+/// InstaOrder's count of annotators for an order on which all annotators agree.
 const COUNT: u32 = 2;
 
 impl InstaOrder {
@@ -24,7 +24,7 @@ impl InstaOrder {
 
 impl Family for InstaOrder {
     fn reads(&self) -> Vec<Input> {
-        // Depth is half of what the format says.
+        // Half of the format's content is the order by depth, so depth is required here.
         let orders = order::inputs().map(|input| Input { need: InputNeed::Always, ..input });
         std::iter::once(Input::of(RGB)).chain(orders).chain(labels::inputs()).collect()
     }
@@ -88,7 +88,7 @@ fn merge_orders(cx: &DatasetContext, finish: &Finish, file: &str) -> Result<()> 
     finish.write(&path, |out| {
         let mut file = DatasetWriter::new(out, &path, JsonLayout::Lines)?;
         file.section("info", &info(cx.dataset))?;
-        // Ids of the annotations of the image that the current line is of.
+        // Ids of the annotations of the current image.
         let mut ids = 1..1;
         file.annotations(|annotations| {
             for_each_line(cx.dataset, finish, |image_id, line| match line {

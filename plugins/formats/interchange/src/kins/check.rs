@@ -38,7 +38,8 @@ impl KinsAnnotation {
         FaultSubject::Annotation(self.id)
     }
 
-    /// Areas that leave room for fewer or more hidden pixels than outlines do, whatever holes they have, given what is read.
+    /// Reports areas that contradict the outlines: the number of hidden pixels that they imply is impossible, whatever
+    /// holes the masks have. `labels` are the labels as read.
     fn fault_of_areas(&self, labels: &ObjectLabels) -> Option<DatasetFault> {
         let [amodal, visible] = self.said();
         let (Some(Segmentation::Polygons(_)), Some(area), Some(mask)) = (amodal.mask.1, amodal.area.1, &labels.amodal)
@@ -49,7 +50,7 @@ impl KinsAnnotation {
         let hidden = f64::from(mask.minus(&labels.visible).area());
         let (name, said) = match visible.area.1 {
             Some(visible) => ("`a_area` less `i_area`", area - visible),
-            // Holes are nowhere where the object is seen.
+            // A visible region has no holes.
             None => ("the hidden part of `area`", area - f64::from(labels.visible.area())),
         };
         (said < -edges || said > hidden + edges).then(|| {
@@ -58,7 +59,7 @@ impl KinsAnnotation {
         })
     }
 
-    /// What it says of its masks in numbers, which need not be those of polygons to the pixel.
+    /// Compares the areas and boxes of the annotation with its masks. They need not match polygons to the pixel.
     fn faults(&self, size: [u32; 2]) -> Vec<DatasetFault> {
         let mut faults = Vec::new();
         for said in self.said() {
@@ -70,7 +71,7 @@ impl KinsAnnotation {
                 Some(Segmentation::Polygons(_)) => {
                     let area = match said.holes_px2 {
                         Some(holes) => area + holes,
-                        // What an outline has more than the mask may be a hole.
+                        // The extra pixels of an outline may fill a hole.
                         None => area.max(own_area),
                     };
                     (area, edge_px2(&mask).max(1.0))
@@ -86,8 +87,8 @@ impl KinsAnnotation {
     }
 }
 
-/// What the masks of an image's objects contradict of groups and places in them. Outlines are as good as their edges, and where
-/// one fills a hole, it does not tell who is in front. Groups may have `crowds`, too.
+/// Compares groups and positions in groups with the masks of an image's objects. Outlines are inexact along their
+/// edges. An outline that fills a hole does not show which object is in front. `crowds` may belong to groups, too.
 fn faults_of_order(
     annotations: &[KinsAnnotation],
     crowds: &[KinsAnnotation],
@@ -106,7 +107,7 @@ fn faults_of_order(
     let hidden: Vec<Mask> = each().map(|(label, it)| of(eroded(&hidden_of(label)), it)).collect();
     let clear =
         ObjectOrder::of_masks(&seen.iter().zip(&hidden).map(|(seen, hidden)| [seen, hidden]).collect::<Vec<_>>());
-    // What the edges alone say may be wrong, but it may also close a circle.
+    // Edges alone are not evidence of an order, but they may complete a cycle.
     let exact: Vec<Mask> = labels.iter().map(hidden_of).collect();
     let all =
         ObjectOrder::of_masks(&labels.iter().zip(&exact).map(|(it, hidden)| [&it.visible, hidden]).collect::<Vec<_>>());
@@ -118,7 +119,7 @@ fn faults_of_order(
     let mut fault = |of: &KinsAnnotation, message: String| {
         faults.push(DatasetFault::new(rule::ORDER_MATCHES_MASKS, message).of(of.subject()));
     };
-    // One fault of a kind per object, since the number of pairs grows quadratically.
+    // At most one fault of each kind per object, since the number of pairs grows quadratically.
     for (j, behind) in annotations.iter().enumerate() {
         let Some(group) = behind.oco_id else { continue };
         let of_group = members.get(&group).copied().unwrap_or_default();

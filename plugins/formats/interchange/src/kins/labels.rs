@@ -6,7 +6,7 @@ use syntable_formats::read::{self, Categories, ObjectLabels};
 use syntable_formats::segmentation::Segmentation;
 use syntable_model::prelude::*;
 
-/// The labels of an object, by its place among those of the image.
+/// The labels of an object, by its position among the objects of the image.
 pub fn labels_of(
     categories: &Categories,
     size: [u32; 2],
@@ -19,8 +19,9 @@ pub fn labels_of(
 }
 
 impl KinsAnnotation {
-    /// Area of holes that it says its amodal mask has and its outline does not, px², given what is read. In the form of 2020 the
-    /// areas say how much is hidden; in that of 2019 the area falls short of the outline, unless it is that of the outline.
+    /// Area of the holes that the amodal mask has according to the record but that its outline lacks, px², given the
+    /// labels as read. In the form of 2020, the areas state how many pixels are hidden. In the form of 2019, the area
+    /// is smaller than the outline's area, unless it was computed from the outline.
     pub fn holes_px2(&self, labels: &ObjectLabels) -> f64 {
         let [amodal, visible] = self.said();
         let (Some(Segmentation::Polygons(outline)), Some(area), Some(mask)) =

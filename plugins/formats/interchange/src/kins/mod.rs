@@ -11,7 +11,7 @@ use syntable_model::prelude::*;
 
 /// Writes the layout of KINS, the amodal annotations of KITTI, in its form of 2019 or of 2020.
 ///
-/// # What it does
+/// # Behavior
 ///
 /// Both annotation files have COCO's structure and the categories of the dataset. Polygons are lists of lists `[x1, y1,
 /// x2, y2, …]` with filled holes; the annotator `outlines` sets their tolerance. A visible mask has one polygon per
@@ -23,10 +23,10 @@ use syntable_model::prelude::*;
 ///   `inmodal_bbox` its box.
 /// - `2020`: `a_segm`, `a_bbox`, `a_area` are amodal, `i_segm`, `i_bbox`, `i_area` visible. `oco_id` is the number,
 ///   from 1, of the group of objects that overlap, directly or through others; `ico_id` is 1 for objects that nothing
-///   in front of them occludes, and one more than the largest of an object's occluders else. Both are 0 for an object
-///   that overlaps no other. Where objects occlude each other, directly or in a circle, the one whose nearest visible
-///   pixel is nearest is in front. `a_hole_area` and `i_hole_area`, which are ours, are the pixels of the holes that the
-///   polygons fill, so that readers can tell such an area from a wrong one.
+///   in front of them occludes, and otherwise one more than the largest `ico_id` of an object's occluders. Both are 0
+///   for an object that overlaps no other. Where objects occlude each other, directly or in a cycle, the object with
+///   the nearest visible pixel is in front. `a_hole_area` and `i_hole_area`, which SynTable adds, are the pixels of the
+///   holes that the polygons fill, so that readers can distinguish such an area from a wrong one.
 ///
 /// # Output
 ///

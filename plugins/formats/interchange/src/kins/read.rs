@@ -20,10 +20,11 @@ syntable_model::register_format!(Format::new(
     open,
 ));
 
-/// Folders of images: ours, then those of KITTI, which have other images by the same names.
+/// Folders of images: ours, then KITTI's, which contain other images with the same names.
 const IMAGES: [&str; 4] = ["images", "training/image_2", "testing/image_2", "."];
 
-/// The folders in which the images of a file may be, those of its split first: KINS tests on KITTI's images of testing.
+/// The folders in which the images of a file may be, the folder of its split first: the test split of KINS uses KITTI's
+/// testing images.
 fn image_folders(file: &Path) -> [&'static str; 4] {
     let [own, training, testing, here] = IMAGES;
     let is_of_testing = |stem: &str| ["test", "val"].iter().any(|split| stem.contains(split));
@@ -35,7 +36,7 @@ fn image_folders(file: &Path) -> [&'static str; 4] {
 
 /// The objects of a dataset.
 struct KinsObjects {
-    /// Whether any annotation is of a crowd.
+    /// Whether any annotation describes a crowd.
     has_crowds: bool,
 }
 

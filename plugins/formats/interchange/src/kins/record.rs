@@ -8,8 +8,9 @@ use syntable_formats::listing::{AnnotationLink, AnnotationRecord};
 use syntable_formats::segmentation::Segmentation;
 use syntable_model::prelude::*;
 
-/// An object, in either form: amodal and visible mask with their numbers under the names of 2020, then those of 2019. `N` is the
-/// type of numbers of pixels: whole ones are written, and others have fractions.
+/// An object, in either form: amodal and visible mask with their numbers, first with the names of 2020, then with the
+/// names of 2019. `N` is the type of areas and boxes: this program writes whole numbers, and other files have
+/// fractions.
 #[derive(Debug, Default, Serialize, Deserialize)]
 pub struct KinsAnnotation<N = f64> {
     #[serde(deserialize_with = "id")]
@@ -18,7 +19,7 @@ pub struct KinsAnnotation<N = f64> {
     pub image_id: u64,
     #[serde(deserialize_with = "id")]
     pub category_id: u64,
-    /// 1 if it is of many objects together.
+    /// 1 if it describes many objects together.
     #[serde(default, deserialize_with = "flag")]
     pub iscrowd: u8,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -33,7 +34,7 @@ pub struct KinsAnnotation<N = f64> {
     pub i_bbox: Option<[N; 4]>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub i_area: Option<N>,
-    /// Pixels of the holes that the polygons fill: ours.
+    /// Pixels of the holes that the polygons fill. SynTable adds this field.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub a_hole_area: Option<N>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -41,7 +42,7 @@ pub struct KinsAnnotation<N = f64> {
     /// Group of objects that overlap.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub oco_id: Option<u64>,
-    /// Place in the group, from the front.
+    /// Position in the group, from the front.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub ico_id: Option<u64>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -54,7 +55,7 @@ pub struct KinsAnnotation<N = f64> {
     pub inmodal_seg: Option<Segmentation>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub inmodal_bbox: Option<[N; 4]>,
-    /// Fields that are not read.
+    /// Fields that the reader ignores.
     #[serde(flatten)]
     pub extra: Extra,
 }
@@ -75,17 +76,17 @@ impl AnnotationRecord for KinsAnnotation {
     }
 }
 
-/// What an annotation says of a mask: names of keys with their values.
+/// A mask in an annotation with its area and box: names of keys and their values.
 pub struct StatedMask<'a> {
     pub mask: (&'static str, Option<&'a Segmentation>),
     pub area: (&'static str, Option<f64>),
-    /// Pixels of the mask's holes, which outlines do not have: ours.
+    /// Pixels of the mask's holes, which outlines do not have. SynTable adds this field.
     pub holes_px2: Option<f64>,
     pub bbox: (&'static str, Option<[f64; 4]>),
 }
 
 impl KinsAnnotation {
-    /// What it says of the amodal and of the visible mask.
+    /// The stated amodal mask and visible mask.
     pub fn said(&self) -> [StatedMask<'_>; 2] {
         if self.a_segm.is_some() || self.i_segm.is_some() {
             let amodal = StatedMask {
@@ -117,12 +118,12 @@ impl KinsAnnotation {
         [amodal, visible]
     }
 
-    /// Whether it is of many objects together.
+    /// Whether it describes many objects together.
     pub fn is_crowd(&self) -> bool {
         self.iscrowd != 0
     }
 
-    /// A key of it, for messages.
+    /// A key of the annotation, for messages.
     pub fn key(&self, key: &str) -> String {
         format!("annotation {}: `{key}`", self.id)
     }

@@ -90,14 +90,14 @@ fn annotation_2020(products: &Products, label: &ShownLabel, place: GroupPlace) -
     })
 }
 
-/// Group of overlapping objects, and place in it from the front; both 0 for an object by itself.
+/// Group of overlapping objects, and position in it from the front; both are 0 for an object that overlaps no other.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 struct GroupPlace {
     group: usize,
     order: usize,
 }
 
-/// The places of objects, given the first object of the group of each.
+/// The groups and positions of objects, given the first object of each object's group.
 fn places(order: &ObjectOrder, groups: &[usize]) -> Vec<GroupPlace> {
     let layers = order.layers(&order.front_to_back());
     let is_alone = |first: usize| groups.iter().filter(|&&group| group == first).count() == 1;
@@ -110,7 +110,8 @@ fn places(order: &ObjectOrder, groups: &[usize]) -> Vec<GroupPlace> {
     groups.iter().zip(layers).map(place).collect()
 }
 
-/// The first object of the group of each: objects whose amodal masks overlap, directly or through others.
+/// The first object of each object's group. A group consists of objects whose amodal masks overlap, directly or through
+/// others.
 fn groups(labels: &[ShownLabel]) -> Vec<usize> {
     let mut groups: Vec<usize> = (0..labels.len()).collect();
     for j in 0..labels.len() {

@@ -9,7 +9,7 @@ use syntable_model::reader::DatasetFault;
 use syntable_model::rule;
 
 impl OsdImage {
-    /// Labels that the image shows, or that have an occlusion mask, and that have no amodal mask.
+    /// Labels without an amodal mask that the image shows or that have an occlusion mask.
     pub fn without_amodal(&self, shown: &Plane<u16>) -> BTreeSet<u16> {
         let [amodal, occluded] = &self.masks;
         let labels = shown.data().iter().chain(occluded.keys()).copied();

@@ -11,7 +11,7 @@ use syntable_model::prelude::*;
 
 /// Writes the layout of OSD-Amodal, which UOAIS-Net's evaluation reads.
 ///
-/// # What it does
+/// # Behavior
 ///
 /// The folder `{id}` replaces `datasets/OSD-0.2-depth`. The objects of an image are numbered from 1 in the order of
 /// their ids; these numbers are the labels of the visible masks and part of the other masks' names. Only occluded

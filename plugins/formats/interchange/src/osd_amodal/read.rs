@@ -34,7 +34,7 @@ pub struct OsdImage {
     pub masks: MaskNames,
 }
 
-/// Names of the amodal masks by their labels, and those of the occlusion masks; without ends.
+/// Names of the amodal masks and of the occlusion masks by label, without extensions.
 type MaskNames = [BTreeMap<u16, String>; 2];
 
 fn open(source: &Source) -> Result<Opened> {
@@ -57,7 +57,7 @@ fn open(source: &Source) -> Result<Opened> {
     }
     let mut images: BTreeMap<String, MaskNames> = names.into_iter().map(|name| (name, Default::default())).collect();
     for (which, folder) in MASKS.iter().enumerate() {
-        // A dataset without occlusion has no such folder.
+        // A dataset without occlusion lacks the folder of occlusion masks.
         if which == 1 && !root.file(folder)?.is_dir() {
             continue;
         }
@@ -120,7 +120,7 @@ impl OsdSource {
         self.root.inner(folder).file(format!("{name}.png"))
     }
 
-    /// The objects: those that have an amodal mask. `shown` are the labels of the visible masks.
+    /// The objects, which are the labels with an amodal mask. `shown` holds the labels of the visible masks.
     fn labels(&self, image: &OsdImage, shown: &Plane<u16>) -> Result<Vec<ObjectLabels>> {
         let size = [shown.width(), shown.height()];
         let empty = || Mask::empty(size[0], size[1]);

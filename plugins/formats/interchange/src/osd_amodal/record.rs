@@ -13,12 +13,12 @@ pub const IMAGES: [&str; 3] = [COLOR, DEPTH, LABELS];
 /// Folders of masks of single objects: amodal and occluded.
 pub const MASKS: [&str; 2] = ["amodal_annotation", "occlusion_annotation"];
 
-/// Name of a view: no name ends in another, whatever the number of scenes and views.
+/// Name of a view. No name ends with another name, whatever the number of scenes and views.
 pub fn view_name(scene: SceneId, view: ViewId) -> String {
     format!("s{:06}v{:04}", scene.0, view.0)
 }
 
-/// Scene and view in [`view_name`].
+/// Scene and view of a [`view_name`].
 pub fn place_of(name: &str) -> Option<(u32, u32)> {
     let (scene, view) = name.strip_prefix('s')?.split_once('v')?;
     Some((scene.parse().ok()?, view.parse().ok()?))

@@ -1,4 +1,4 @@
-//! UOAIS-Sim. The reader of `coco` reads it.
+//! UOAIS-Sim. The reader of `coco` also reads this layout.
 
 mod record;
 mod write;
@@ -12,7 +12,7 @@ use syntable_model::prelude::*;
 
 /// Writes the layout of UOAIS-Sim, from which UOAIS-Net is trained.
 ///
-/// # What it does
+/// # Behavior
 ///
 /// The folder `{id}` replaces `datasets/UOAIS-Sim`. The annotation file has what UOAIS-Net's loader reads, and nothing
 /// else: `segmentation` (amodal), `visible_mask` and `occluded_mask` are compressed run lengths, `bbox` and `area`

@@ -26,7 +26,7 @@ impl YoloSource {
             let message = "a box among polygons: the object has no mask";
             faults.push(DatasetFault::new(rule::RECORDS_AGREE, message));
         }
-        // Points of poses have flags; corners of rotated boxes may lie outside.
+        // The points of poses have flags; corners of rotated boxes may lie outside the image.
         let coordinates = if self.shape == LabelShape::Poses { &line.values[..BOX] } else { &line.values };
         let beyond = coordinates.iter().find(|value| !(0.0..=1.0).contains(*value));
         if let Some(value) = beyond.filter(|_| self.shape != LabelShape::RotatedBoxes) {

@@ -1,4 +1,4 @@
-//! The description of a dataset, `data.yaml`. The reader takes YAML's lists, maps and strings of one line.
+//! The description of a dataset, `data.yaml`. The reader supports YAML lists, maps and single-line strings.
 
 use super::record::LabelShape;
 use crate::coco::MaskChoice;
@@ -11,18 +11,18 @@ use syntable_model::prelude::*;
 /// Key of the names.
 const NAMES: &str = "names";
 
-/// Key of the number of points of poses.
+/// Key of the number of keypoints in poses.
 const POSES: &str = "kpt_shape";
-/// Key of the task, which Ultralytics writes into models.
+/// Key of the task, which Ultralytics writes into its models.
 const TASK: &str = "task";
 
-/// Key of the images for training, and of those for validation.
+/// Keys of the images for training and for validation.
 const SPLITS: [&str; 2] = ["train", "val"];
-/// Key of the masks that polygons are around, which Ultralytics does not read.
+/// Key of the kind of masks that polygons outline, which Ultralytics does not read.
 const MASKS: &str = "masks";
-/// Its value for visible masks, which is the default.
+/// Value for visible masks, which is the default.
 const VISIBLE: &str = "visible";
-/// Its value for amodal masks.
+/// Value for amodal masks.
 const AMODAL: &str = "amodal";
 
 /// The text of the file of a dataset with a folder of images. It states the `task` of boxes, which lines alone do not tell in a
@@ -43,7 +43,7 @@ pub fn text(images: &str, task: Option<LabelShape>, masks: MaskChoice, dataset: 
     text
 }
 
-/// The text of a file that is read.
+/// Reads the text of a file.
 fn content(path: &Path) -> Result<String> {
     decode::text(path).map_err(|error| match path.is_file() {
         true => error.of_request(),
@@ -51,7 +51,7 @@ fn content(path: &Path) -> Result<String> {
     })
 }
 
-/// The masks that polygons are around: visible ones, unless the file states amodal ones.
+/// The masks that polygons outline: visible masks, unless the file states amodal masks.
 pub fn masks(path: &Path) -> Result<KnownMasks> {
     let text = content(path)?;
     match value_of(&text, MASKS) {
@@ -65,7 +65,7 @@ pub fn masks(path: &Path) -> Result<KnownMasks> {
     }
 }
 
-/// The value of a key of the file, and its line.
+/// The value of a key of the file, and its line number.
 fn value_of(text: &str, key: &str) -> Option<(usize, String)> {
     (1..).zip(text.lines()).find_map(|(number, line)| {
         let (found, value) = uncommented(line).split_once(':')?;
@@ -139,7 +139,7 @@ pub fn names(path: &Path) -> Result<BTreeMap<u64, String>> {
         let entry = uncommented(line);
         match entry.trim_start().strip_prefix("- ") {
             Some(name) => add(number, name, true)?,
-            // The next key of the file.
+            // The next key of the file ends the list.
             None if !entry.starts_with(char::is_whitespace) => break,
             None => add(number, entry, false)?,
         }
@@ -163,7 +163,7 @@ fn uncommented(line: &str) -> &str {
     line
 }
 
-/// The entries of a list of one line: commas in quotes are part of names.
+/// The entries of a single-line list. Commas in quotes are part of names.
 fn split(list: &str) -> Vec<&str> {
     let (mut entries, mut start, mut quote, mut before) = (Vec::new(), 0, None, ' ');
     for (at, c) in list.char_indices() {

@@ -13,7 +13,7 @@ use syntable_model::prelude::*;
 
 /// Writes the layout of Ultralytics YOLO, for instance segmentation, detection or oriented boxes.
 ///
-/// # What it does
+/// # Behavior
 ///
 /// Each line of a label file is an object: the number of its class, from 0, then x and y of points, divided by the
 /// width and height of the image. Classes are `object` (0) and the classes of the recipe's pools, listed in
@@ -49,7 +49,7 @@ pub struct Yolo {
     pub split: String,
 }
 
-/// What YOLO labels are for.
+/// Task of YOLO labels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum YoloTask {

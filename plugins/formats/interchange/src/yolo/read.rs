@@ -1,8 +1,8 @@
 //! Reads the layout of Ultralytics YOLO: polygons, boxes, rotated boxes and poses.
 //!
-//! Lines do not state their shape. `data.yaml` may state it: by its `task`, or by `kpt_shape`, which poses have. Else all
-//! lines of the dataset decide: boxes if each has four numbers; rotated boxes if each has the corners of a parallelogram and one
-//! does not lie along the edges of the image; else polygons.
+//! Lines do not state their shape. `data.yaml` may state it, with `task` or, for poses, with `kpt_shape`. Otherwise,
+//! all lines of the dataset decide: boxes if each line has four numbers; rotated boxes if each line has the corners of
+//! a parallelogram and at least one is not parallel to the edges of the image; otherwise polygons.
 
 use super::data;
 use super::record::{CLASSES, DATA, IMAGE_ENDS, IMAGES, LABEL_END, LABELS, LabelLine, LabelShape, lines};
@@ -29,29 +29,29 @@ syntable_model::register_format!(Format::new(
     open,
 ));
 
-/// Whether annotation files of COCO say all and more: then the labels are what Ultralytics' tools made of them, with no
-/// description of their own.
+/// Whether COCO's annotation files contain the same labels and more. The YOLO labels are then an export of Ultralytics'
+/// tools without a description.
 fn is_beside_coco(root: &Path) -> bool {
     !is_there(&root.join(DATA)) && Structure::any_is_at(root)
 }
 
-/// Whether something is there, be it a file or not, or a link that leads nowhere.
+/// Whether the path exists, as a file, a folder or a link, even a broken one.
 fn is_there(path: &Path) -> bool {
     fs::symlink_metadata(path).is_ok()
 }
 
-/// Folders above that of images in which the description of the dataset may be.
+/// Number of folders above the folder of images that may contain the description of the dataset.
 const ABOVE: usize = 3;
 
 pub struct YoloSource {
     categories: Categories,
     /// Numbers of the classes that have names.
     pub classes: BTreeSet<u64>,
-    /// The file that has the names, if any has.
+    /// The file that contains the names, if any.
     pub names_file: Option<&'static str>,
     images: Vec<YoloImage>,
     pub shape: LabelShape,
-    /// The masks that polygons are around.
+    /// The masks that polygons outline.
     known: KnownMasks,
 }
 
@@ -65,7 +65,7 @@ struct YoloImage {
 /// Folders of the images and of the labels of each split, sorted.
 fn splits_of(root: &Path) -> Vec<[PathBuf; 2]> {
     let pair = |images: PathBuf, labels: PathBuf| (images.is_dir() && labels.is_dir()).then_some([images, labels]);
-    // The folder of images itself.
+    // The path is the folder of images.
     if let (Some(split), Some(above)) = (root.file_name(), root.parent())
         && above.file_name().is_some_and(|name| name == IMAGES)
         && let Some(found) = pair(root.to_owned(), above.with_file_name(LABELS).join(split))
@@ -97,13 +97,13 @@ fn folders(root: &Path) -> Result<[PathBuf; 2]> {
     }
 }
 
-/// Images of a folder with their names without ends, sorted.
+/// Images of a folder with their names without extensions, sorted.
 fn images_of(folder: &Path) -> Result<Vec<(String, PathBuf)>> {
     read::entries_with(folder, |end| IMAGE_ENDS.iter().any(|other| other.eq_ignore_ascii_case(end)))
 }
 
-/// The folders of images and of labels of a dataset, from which names count. Of a folder of images that the user named, the
-/// labels are beside it.
+/// The folders of images and of labels, to which names are relative. If the user named the folder of images, the labels
+/// may lie outside of it.
 fn confined(source: &Source, [images, labels]: [&Path; 2]) -> Result<[DatasetFolder; 2]> {
     let root = &source.path;
     if images == root && !labels.starts_with(root) {
@@ -151,7 +151,7 @@ fn open(source: &Source) -> Result<Opened> {
     let known = description.as_deref().map_or(Ok(KnownMasks::Visible), data::masks)?;
     let (mut shape, mut boxes, mut all_lines, mut found) = (None, 0, 0, BTreeSet::new());
     for path in all.iter().filter_map(|image| image.labels.as_ref()) {
-        // A file that cannot be read is a fault of its image.
+        // An unreadable file is a fault of its image.
         for line in lines(path, stated).unwrap_or_default() {
             found.insert(line.class);
             all_lines += 1;
@@ -159,7 +159,7 @@ fn open(source: &Source) -> Result<Opened> {
             shape = LabelShape::of(&line.values).map(|it| it.joined(shape)).or(shape);
         }
     }
-    // Classes count from 0, and category 0 is a background elsewhere.
+    // Classes count from 0, but category 0 is a background in other formats.
     let id = |class: u64| class.saturating_add(1);
     let (names, names_file) = match (&description, names_beside_labels(&of_labels)?) {
         (Some(path), _) => (data::names(path)?, Some(DATA)),
@@ -215,7 +215,7 @@ fn open(source: &Source) -> Result<Opened> {
     Ok(Opened { faults: faults.into_inner(), derived: vec![derived], notes, ..Opened::new(info, refs, offers, source) })
 }
 
-/// The names of classes that LabelImg writes beside the labels, if it did.
+/// The names of classes that LabelImg writes into the folder of labels, if the file exists.
 fn names_beside_labels(labels: &DatasetFolder) -> Result<Option<BTreeMap<u64, String>>> {
     let path = labels.file(CLASSES)?;
     if !path.is_file() {
@@ -244,7 +244,7 @@ impl ImageSource for YoloSource {
                     let rows = lines.iter().enumerate();
                     let labels = rows.map(|(row, line)| self.labels(image, row, line, size));
                     let mut labels = labels.collect::<Result<Vec<_>>>()?;
-                    // Whole objects may share pixels.
+                    // Amodal masks may share pixels.
                     if self.known == KnownMasks::Visible {
                         settle_edges(&mut labels);
                     }

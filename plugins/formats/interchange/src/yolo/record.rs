@@ -7,18 +7,18 @@ use syntable_model::prelude::*;
 
 /// Folder of images.
 pub const IMAGES: &str = "images";
-/// Folder of labels beside it.
+/// Folder of labels, next to the folder of images.
 pub const LABELS: &str = "labels";
-/// Ends of image files.
+/// Extensions of image files.
 pub const IMAGE_ENDS: [&str; 3] = ["png", "jpg", "jpeg"];
-/// End of label files.
+/// Extension of label files.
 pub const LABEL_END: &str = "txt";
 /// The file that describes the dataset.
 pub const DATA: &str = "data.yaml";
-/// The file beside the labels to which LabelImg writes the names of the classes, one per line.
+/// The file in the folder of labels to which LabelImg writes the names of the classes, one per line.
 pub const CLASSES: &str = "classes.txt";
 
-/// The line of an object. Six decimals are a thousandth of a pixel.
+/// The line of an object. Six decimals resolve about a thousandth of a pixel.
 pub fn line(class: usize, points: &[[f64; 2]], [width, height]: [f64; 2]) -> String {
     let mut line = class.to_string();
     for [x, y] in points {
@@ -29,10 +29,10 @@ pub fn line(class: usize, points: &[[f64; 2]], [width, height]: [f64; 2]) -> Str
     line
 }
 
-/// Error of sums of coordinates in text.
+/// Tolerance of sums of coordinates that were rounded to text.
 const DECIMALS: f64 = 5e-6;
 
-/// The numbers after the class in the lines of a dataset.
+/// The shape of the numbers after the class in each line of a dataset.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum LabelShape {
     /// Points.
@@ -50,10 +50,10 @@ pub const BOX: usize = 4;
 
 /// A line of a label file: an object.
 pub struct LabelLine {
-    /// From 1.
+    /// Line number, from 1.
     pub number: usize,
     pub class: u64,
-    /// Divided by the width and the height of the image.
+    /// Coordinates, divided by the width and the height of the image.
     pub values: Vec<f64>,
 }
 
@@ -78,7 +78,7 @@ impl LabelLine {
     }
 }
 
-/// The lines of a label file, given the shape that the dataset states.
+/// Reads the lines of a label file, given the shape that the dataset states.
 ///
 /// # Errors
 /// If the file cannot be read, or a line has another shape.
@@ -119,14 +119,14 @@ pub fn lines(path: &Path, stated: Option<LabelShape>) -> Result<Vec<LabelLine>> 
 }
 
 impl LabelShape {
-    /// The shape of a line with these values; none for a polygon that may be a rotated box: a rectangle along the edges of the
-    /// image.
+    /// The shape of a line with these values; none for an axis-aligned rectangle, which may be a polygon or a rotated
+    /// box.
     pub fn of(values: &[f64]) -> Option<Self> {
         let &[ax, ay, bx, by, cx, cy, dx, dy] = values else {
             return Some(if values.len() == BOX { Self::Boxes } else { Self::Polygons });
         };
         let is = |a: f64, b: f64| (a - b).abs() < DECIMALS;
-        // Divided by width and height, a rectangle is still a parallelogram.
+        // Division by width and height turns a rectangle into a parallelogram.
         if !is(ax + cx, bx + dx) || !is(ay + cy, by + dy) {
             return Some(Self::Polygons);
         }
@@ -134,7 +134,7 @@ impl LabelShape {
         (!is_along).then_some(Self::RotatedBoxes)
     }
 
-    /// Name of such lines, in the plural.
+    /// Name of such lines in messages, in the plural.
     pub fn lines(self) -> &'static str {
         match self {
             Self::Polygons => "polygons",
@@ -144,7 +144,7 @@ impl LabelShape {
         }
     }
 
-    /// The shape of lines of two shapes. A polygon may be a parallelogram, too.
+    /// The common shape of two kinds of lines. A polygon may happen to be a parallelogram.
     pub fn joined(self, other: Option<Self>) -> Self {
         match other {
             Some(other) if other != self => Self::Polygons,

@@ -25,7 +25,7 @@ impl Yolo {
         format!("{IMAGES}/{}", self.split)
     }
 
-    /// Path of the label file inside the writer's folder: Ultralytics finds it from that of the image.
+    /// Path of the label file inside the writer's folder. Ultralytics derives it from the path of the image.
     fn label_path(&self, scene: SceneId, view: ViewId) -> String {
         format!("{LABELS}/{}/{}.{LABEL_END}", self.split, view_name(scene, view))
     }
@@ -114,7 +114,7 @@ fn center_and_size([x, y, width, height]: [f64; 4], size: [f64; 2]) -> Option<[[
     sides.iter().all(|side| *side > 0.0).then_some([center, sides])
 }
 
-/// The corners of a box, moved to the edge of the image if the box is larger.
+/// The corners of a box. If the box is larger than the image, they are moved to the edge of the image.
 fn within_size(corners: [[f64; 2]; 4], size: [f64; 2]) -> [[f64; 2]; 4] {
     let is_larger = |axis: usize| {
         let along = || corners.iter().map(|corner| corner[axis]);

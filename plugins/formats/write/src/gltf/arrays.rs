@@ -1,4 +1,4 @@
-//! Arrays of meshes that are not written as they are: textures laid by the body's axes, tangents.
+//! Arrays of meshes that need changes for glTF: texture mapping along the body's axes, and tangents.
 
 use super::document::{GltfAttributes, Index};
 use super::glb::Glb;
@@ -7,7 +7,7 @@ use syntable_model::geometry::{Point3, Vector3};
 use syntable_model::scene::{Mesh, UvTransform};
 use syntable_prepare::{BoxSide, VertexTangents, is_mirrored};
 
-/// Arrays of a mesh that is not written as it is: vertices are doubled where faces do not agree on them.
+/// Arrays of a modified mesh. Vertices are duplicated where faces do not agree on their attributes.
 pub struct MeshArrays {
     positions: Vec<[f32; 3]>,
     normals: Vec<[f32; 3]>,
@@ -18,7 +18,7 @@ pub struct MeshArrays {
 }
 
 impl MeshArrays {
-    /// The mesh with the texture coordinates given.
+    /// The mesh with the given texture coordinates.
     pub fn own(mesh: &Mesh, uvs: Vec<[f32; 2]>, by_slot: bool) -> Self {
         let data = mesh.data();
         Self {
@@ -31,14 +31,14 @@ impl MeshArrays {
         }
     }
 
-    /// The mesh with texture coordinates by the body's axes.
+    /// The mesh with texture coordinates along the body's axes.
     pub fn boxed(mesh: &Mesh, rotation: f32, offset: [f32; 2], tile_m: f32) -> Self {
         let tile = if tile_m > 1e-6 && tile_m.is_finite() { f64::from(tile_m) } else { 1.0 };
         let laid = UvTransform { scale: [1.0; 2], rotation, offset };
         let side = |t: usize| BoxSide::of(face(mesh.corners(t)).into());
         let sides: Vec<usize> = (0..mesh.data().triangles.len()).map(|t| side(t).index()).collect();
         let (mut arrays, old) = Self::own(mesh, Vec::new(), false).split(&sides, BoxSide::COUNT);
-        // All faces at a vertex are on one side now.
+        // All faces at a vertex now point along the same axis.
         arrays.uvs = vec![[0.0; 2]; arrays.positions.len()];
         for (t, triangle) in arrays.triangles.iter().enumerate() {
             let [along_u, along_v] = side(t).axes().map(Vector3::<f64>::from);
@@ -51,7 +51,7 @@ impl MeshArrays {
         arrays
     }
 
-    /// Doubles vertices whose faces are of several classes; also gives the old number of every new vertex.
+    /// Duplicates vertices whose faces belong to several classes. Also returns the old index of every new vertex.
     fn split(self, class: &[usize], classes: usize) -> (Self, Vec<usize>) {
         let mut old = Vec::with_capacity(self.positions.len());
         let mut numbers = vec![u32::MAX; self.positions.len() * classes];
@@ -85,7 +85,7 @@ impl MeshArrays {
         triangle.map(|i| Point3::from(self.positions[i as usize].map(f64::from)))
     }
 
-    /// Flat faces with normals of their own: three vertices each.
+    /// Flat faces with their own normals: three vertices each.
     fn flat(self) -> Self {
         let each: Vec<usize> = self.triangles.as_flattened().iter().map(|&i| i as usize).collect();
         let normals = self.triangles.iter().flat_map(|&t| [unit(face(self.corners(t)).map(|x| x as f32).into()); 3]);
@@ -99,11 +99,12 @@ impl MeshArrays {
         }
     }
 
-    /// Tangents `[x, y, z, w]` along u: the faces' ones by area, at right angles to the normal; the bitangent
-    /// `w · normal × tangent` goes up the texture. Vertices are doubled where mirrored faces meet others.
+    /// Tangents `[x, y, z, w]` along u: the mean of the faces' tangents, weighted by area, perpendicular to the normal.
+    /// The bitangent `w · normal × tangent` points up the texture. Vertices are duplicated where mirrored faces meet
+    /// other faces.
     fn with_tangents(self) -> (Self, Vec<[f32; 4]>) {
         let smooth = if self.normals.is_empty() { self.flat() } else { self };
-        // glTF has v downwards.
+        // In glTF, v points down.
         let uvs: Vec<[f32; 2]> = smooth.uvs.iter().map(|&[u, v]| [u, -v]).collect();
         let along = VertexTangents::new(&smooth.positions, &uvs, &smooth.triangles);
         let mirrored = |triangle: &[u32; 3]| is_mirrored(triangle.map(|i| uvs[i as usize]));
@@ -161,9 +162,9 @@ mod tests {
         };
         let mesh = Mesh::new(data).expect("sound");
         let boxed = MeshArrays::boxed(&mesh, std::f32::consts::FRAC_PI_2, [0.125, 0.0], 0.25);
-        // Four of the top face, three of the one that looks along -y.
+        // Four vertices of the top face, three of the face that points along -y.
         assert_eq!(boxed.positions.len(), 7);
-        // (0.5, 0.25) m are (2, 1) tiles; a quarter turn makes (-1, 2), shifted by an eighth; v downwards.
+        // (0.5, 0.25) m are (2, 1) tiles; a quarter turn gives (-1, 2), shifted by an eighth; v points down.
         let at = boxed.triangles[0][2] as usize;
         assert_eq!(boxed.positions[at], [0.5, 0.25, 0.0]);
         let [u, v] = boxed.uvs[at];
@@ -172,7 +173,8 @@ mod tests {
 
     #[test]
     fn tangents_go_along_the_texture_and_mirrors_are_told() {
-        // Two triangles of a square; the second shows the texture mirrored, sharing two vertices and their coordinates.
+        // Two triangles of a square; the second shows the texture mirrored. They share two vertices and their
+        // coordinates.
         let data = MeshData {
             positions: vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 1.0, 0.0]],
             uvs: vec![[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [0.0, 0.0]],
@@ -185,13 +187,13 @@ mod tests {
             let mesh = Mesh::new(data).expect("sound");
             let uvs = texcoords(&mesh, UvSource::Mesh, true);
             let (arrays, tangents) = MeshArrays::own(&mesh, uvs, true).with_tangents();
-            // Both middle vertices are doubled either way.
+            // Both shared vertices are duplicated in either case.
             assert_eq!((arrays.positions.len(), flat), (6, flat));
             for &i in &arrays.triangles[0] {
                 assert_eq!(tangents[i as usize], [1.0, 0.0, 0.0, 1.0]);
             }
             for &i in &arrays.triangles[1] {
-                // From (1, 1) to (1, 0) u grows: along -y; v grows from there to (0, 1): along -x.
+                // From (1, 1) to (1, 0), u grows: along -y. From there to (0, 1), v grows: along -x.
                 assert_eq!(tangents[i as usize], [0.0, -1.0, 0.0, -1.0]);
             }
         }

@@ -37,7 +37,8 @@ pub fn add(glb: &mut Glb, view: &View) -> GltfNode {
     };
     glb.document.cameras.push(GltfCamera { name: name.clone(), kind: "perspective", perspective, extras });
     let node = GltfNode::at(name, &view.camera.world_from_camera);
-    // x right, y up, z backward to x right, y down, z forward is 180° about x: the product with (1, 0, 0, 0).
+    // From x right, y up, z backward to x right, y down, z forward is a rotation by 180° about x: the product with (1,
+    // 0, 0, 0).
     let rotation = node.rotation.map(|[x, y, z, w]| [w, z, -y, -x]);
     GltfNode { camera: Some(glb.document.cameras.len() - 1), rotation, ..node }
 }

@@ -1,4 +1,4 @@
-//! The part of glTF 2.0 that is written, as types. Names and defaults are those of the standard.
+//! The subset of glTF 2.0 that the writer uses, as types. Names and defaults match the standard.
 
 use serde::Serialize;
 use serde_json::Value as Json;
@@ -8,7 +8,7 @@ use syntable_model::geometry::Pose;
 /// An index into one of the document's lists.
 pub type Index = usize;
 
-/// Whether a list is omitted: the standard allows no empty list.
+/// Whether a list is omitted: the standard does not allow empty lists.
 fn none<T>(items: &[T]) -> bool {
     items.is_empty()
 }
@@ -294,7 +294,7 @@ pub struct EmissiveStrength {
 #[derive(Debug, Clone, Serialize)]
 pub struct TextureInfo {
     pub index: Index,
-    /// Strength, of normal maps only.
+    /// Strength; only for normal maps.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub scale: Option<f32>,
     #[serde(skip_serializing_if = "Option::is_none")]

@@ -1,4 +1,4 @@
-//! Environment maps, which glTF cannot express: an HDR image beside the file, and a note in `extras`.
+//! Environment maps, which glTF cannot express: an HDR image next to the file, and a note in `extras`.
 
 use serde_json::{Value as Json, json};
 use syntable_model::scene::{EnvironmentLight, Light};
@@ -24,8 +24,8 @@ pub fn export(lights: &[Light], stem: &str) -> (Vec<Json>, Vec<HdrFile>) {
         .unzip()
 }
 
-/// The map in nits as Radiance HDR (Ward, "Real Pixels", Graphics Gems II), without run lengths. The shared exponent makes
-/// the largest mantissa 128 or more, so that no texel reads as the marker of an encoded row.
+/// The map in nits as Radiance HDR (Ward, "Real Pixels", Graphics Gems II), without run-length encoding. The shared
+/// exponent makes the largest mantissa at least 128, so that no texel looks like the marker of an encoded row.
 fn radiance_hdr(light: &EnvironmentLight) -> Vec<u8> {
     let (width, height) = (light.map.width(), light.map.height());
     let mut file = format!("#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y {height} +X {width}\n").into_bytes();

@@ -1,4 +1,4 @@
-//! Meshes as vertex arrays. Each is written once, for all bodies and materials that use it.
+//! Meshes as vertex arrays. Each mesh is written once, for all bodies and materials that use it.
 
 use super::arrays::MeshArrays;
 use super::document::{GltfAttributes, Index};
@@ -19,7 +19,7 @@ pub struct Geometry {
     pub digest: Digest,
 }
 
-/// Where the texture coordinates of a body come from.
+/// Source of a body's texture coordinates.
 #[derive(Debug, Clone, Copy)]
 pub enum UvSource {
     /// The mesh, with its own material slots.
@@ -40,11 +40,11 @@ pub struct Needs {
 /// All meshes of a file.
 #[derive(Debug, Clone, Default)]
 pub struct Geometries {
-    /// Digests by address. The meshes are kept alive, so that no address is reused.
+    /// Digests by address. The meshes are kept alive so that no address is reused.
     known: BTreeMap<usize, (Arc<Mesh>, Digest)>,
     geometries: BTreeMap<Digest, Geometry>,
     arrays: BTreeMap<Digest, GltfAttributes>,
-    /// Indices by mesh, split by material slot or not.
+    /// Indices by mesh, either split by material slot or not.
     parts: BTreeMap<(Digest, bool), Vec<(usize, Index)>>,
 }
 
@@ -54,7 +54,7 @@ impl Geometries {
         let content = self.digest(mesh);
         let key = match source {
             UvSource::Mesh => Hasher::new("own"),
-            // Without textures the mapping does not matter.
+            // Without textures, the mapping does not matter.
             UvSource::Override { .. } if !needs.uvs => Hasher::new("over"),
             UvSource::Override { mapping: TextureMapping::Uv(UvTransform { scale, rotation, offset }), .. } => {
                 Hasher::new("uv").floats([scale[0], scale[1], rotation, offset[0], offset[1]].into_iter())
@@ -109,7 +109,7 @@ impl Geometries {
         self.arrays.entry(content).or_insert_with(write).clone()
     }
 
-    /// Indices of all triangles, split by material slot or not.
+    /// Indices of all triangles, either split by material slot or not.
     fn parts(&mut self, glb: &mut Glb, mesh: &Mesh, content: Digest, by_slot: bool) -> Vec<(usize, Index)> {
         let (data, slots) = (mesh.data(), slots(mesh, by_slot));
         let write = || write_parts(glb, &data.triangles, &slots, data.positions.len());
@@ -135,7 +135,8 @@ impl Geometries {
     }
 }
 
-/// The mesh's own texture coordinates, transformed, with v down. A texture on a mesh without coordinates shows one texel.
+/// The mesh's own texture coordinates, transformed, with v pointing down. A texture on a mesh without coordinates shows
+/// one texel.
 pub(super) fn texcoords(mesh: &Mesh, source: UvSource, wanted: bool) -> Vec<[f32; 2]> {
     let data = mesh.data();
     match source {

@@ -1,10 +1,10 @@
 //! Lights: emissive geometry, or the point, spot and directional lights of KHR_lights_punctual.
 //!
-//! Emissive geometry has the light's radiance, so that a path tracer computes the same illumination. It reflects nothing:
-//! black, with an index of refraction of 1. Rectangles and disks emit to one side; black geometry behind them keeps the
-//! other dark. Spheres and disks become polyhedra of the same power: the mean projected area of a convex body is a
-//! quarter of its surface (Cauchy), so spheres keep their surface area, and disks their area. Windows become rectangles
-//! of one radiance and the same flux.
+//! Emissive geometry has the light's radiance, so a path tracer computes the same illumination. It reflects nothing: it
+//! is black, with an index of refraction of 1. Rectangles and disks emit to one side; black geometry behind them keeps
+//! the other side dark. Spheres and disks become polyhedra of the same power: the mean projected area of a convex body
+//! is a quarter of its surface (Cauchy), so spheres keep their surface area, and disks their area. Windows become
+//! rectangles of uniform radiance with the same flux.
 
 use super::document::{
     DocumentExtensions, EmissiveStrength, GltfAttributes, GltfMaterial, GltfMesh, GltfNode, GltfPrimitive, Index, Ior,
@@ -23,8 +23,8 @@ use syntable_model::scene::Light;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum LightMode {
-    /// Spheres, rectangles and disks become emissive geometry, exact in path tracers; windows become rectangles of their
-    /// mean radiance, suns directional lights.
+    /// Spheres, rectangles and disks become emissive geometry, exact in path tracers; windows become rectangles of
+    /// their mean radiance, suns directional lights.
     Emissive,
     /// Spheres become point lights, rectangles and disks spot lights, suns directional lights: for rasterizing viewers.
     Punctual,
@@ -32,7 +32,7 @@ pub enum LightMode {
     None,
 }
 
-/// Distance of the black back behind the emissive front, m.
+/// Distance of the black back side from the emissive front, m.
 const BACK_M: f32 = 1e-4;
 /// Corners of a disk; twice the number of rings of a sphere.
 const CORNERS: u32 = 48;
@@ -96,12 +96,12 @@ impl GltfLights {
                 Some(node)
             }
             Light::Environment(_) => None,
-            // As a rectangle of its mean radiance.
+            // Replaces the window by a rectangle of its mean radiance.
             Light::Window(window) => self.add(glb, number, &Light::Rect(window.mean()), mode),
         }
     }
 
-    /// A mesh of an emissive shape and its black back, if it has one.
+    /// A mesh of an emissive shape with its black back side, if any.
     fn body(&mut self, glb: &mut Glb, name: String, shapes: &[&'static str], radiance: [f64; 3]) -> Index {
         let mut primitives = Vec::new();
         for (i, &shape) in shapes.iter().enumerate() {
@@ -171,8 +171,8 @@ fn emissive(name: String, pose: &Pose, scale: [f64; 3], mesh: Index, extras: Jso
     GltfNode { mesh: Some(mesh), scale: Some(scale), extras, ..GltfNode::at(name, pose) }
 }
 
-/// An area light as a spot light along its -z. The intensity on the axis is the same; it falls to 0 at 90° (with the
-/// squared cosine in most viewers, where an area light has the cosine).
+/// An area light as a spot light along its -z. The intensity on the axis is the same. It falls to 0 at 90°: with the
+/// squared cosine in most viewers, but with the cosine for an area light.
 fn spot(
     glb: &mut Glb,
     name: String,
@@ -205,7 +205,7 @@ fn punctual(
     GltfNode { extensions: Some(NodeExtensions { lights_punctual: light }), ..GltfNode::at(name, pose) }
 }
 
-/// A rotation that takes z to a direction.
+/// A rotation that maps z to a direction.
 fn facing(direction: &Vector3<f64>) -> UnitQuaternion<f64> {
     UnitQuaternion::rotation_between(&Vector3::z(), direction)
         .unwrap_or_else(|| UnitQuaternion::from_axis_angle(&Vector3::x_axis(), PI))
@@ -234,7 +234,7 @@ fn flat(outline: Vec<[f64; 2]>, z: f32) -> Shape {
     (positions, vec![[0.0, 0.0, 1.0]; outline.len()], triangles)
 }
 
-/// A sphere of rings and sectors with the surface area 4π of the unit sphere.
+/// A sphere of rings and sectors with the surface area of the unit sphere, 4π.
 fn sphere() -> Shape {
     let rings = CORNERS / 2;
     let mut unit = vec![Vector3::z()];
@@ -304,7 +304,7 @@ mod tests {
             bar_m: 0.0,
             frame_radiance: [10.0; 3],
         };
-        // Panes of 0.8 m in a window of 1 m: 64 % of the radiance behind and 36 % of the frame's.
+        // Panes of 0.8 m in a window of 1 m: 64 % of the radiance behind the window and 36 % of the frame's radiance.
         let mean = window.mean();
         assert!((mean.radiance[0] / (0.64 * 200.0 + 0.36 * 10.0) - 1.0).abs() < 1e-3, "{mean:?}");
         for mode in [LightMode::Emissive, LightMode::Punctual] {
@@ -321,7 +321,7 @@ mod tests {
     fn shapes_have_the_area_of_what_they_approximate() {
         let ball = mesh(sphere());
         assert!((ball.area() / (4.0 * PI) - 1.0).abs() < 1e-6, "{}", ball.area());
-        // Closed and facing outward: nearly the volume of the ball.
+        // Closed and facing outward: its volume is nearly the volume of the ball.
         assert!((ball.signed_volume() / (4.0 * PI / 3.0) - 1.0).abs() < 0.01, "{}", ball.signed_volume());
         assert!((mesh(flat(disk(), 0.0)).area() / PI - 1.0).abs() < 1e-6);
         assert!((mesh(flat(square(), 0.0)).area() - 4.0).abs() < 1e-6);

@@ -1,8 +1,8 @@
-//! Materials. The model's are those of glTF, so that most values are copied.
+//! Materials. The material model of SynTable matches glTF's, so most values are copied.
 //!
-//! glTF has roughness and metalness in green and blue of one texture, clearcoat in red and green, and so on; textures
-//! with other channels are repacked. Roughness and metalness also share one texture transform: where theirs differ, the
-//! metalness texture is replaced by its mean.
+//! glTF stores roughness and metalness in the green and blue channels of one texture, clearcoat in red and green, and
+//! so on; textures with other channels are repacked. Roughness and metalness also share one texture transform: if their
+//! transforms differ, the metalness texture is replaced by its mean.
 
 use super::document::{
     EmissiveStrength, GltfClearcoat, GltfMaterial, GltfSheen, GltfTransmission, GltfVolume, Index, Ior,
@@ -15,7 +15,8 @@ use syntable_model::digest::Digest;
 use syntable_model::error::Result;
 use syntable_model::scene::{Alpha, Color, Encoding, Material, NormalMap, Scalar};
 
-/// Thickness of a body with an interior medium, m, for viewers that do not trace rays. Path tracers use the geometry.
+/// Thickness of a body with an interior medium, m, for viewers that do not trace rays. Path tracers use the actual
+/// geometry.
 const THICKNESS_M: f32 = 0.01;
 
 /// All materials of a file.
@@ -42,7 +43,7 @@ impl GltfMaterials {
     fn translate(&mut self, glb: &mut Glb, material: &Material) -> Result<GltfMaterial> {
         let [r, g, b] = material.base_color.factor.map(unit);
         let (alpha_mode, alpha_cutoff, alpha) = match material.alpha {
-            // Without a texture the mask is opaque everywhere.
+            // Without a texture, the mask is opaque everywhere.
             Alpha::Mask { cutoff } if material.base_color.texture.is_some() => (Some("MASK"), Some(unit(cutoff)), 1.0),
             Alpha::Blend { factor } => (Some("BLEND"), None, unit(factor)),
             _ => (None, None, 1.0),
@@ -81,7 +82,7 @@ impl GltfMaterials {
             emissive_factor: emissive.then_some(emission),
             alpha_mode,
             alpha_cutoff,
-            // The surface of a medium is closed and refracts: it has one side.
+            // The surface of a medium is closed and refracts, so it has one side.
             double_sided: extensions.volume.is_none(),
             extensions,
             extras: match material.license.as_str() {
@@ -140,7 +141,7 @@ pub fn has_normal_map(material: &Material) -> bool {
     material.normal.is_some() || material.clearcoat.as_ref().is_some_and(|coat| coat.normal.is_some())
 }
 
-/// The channel of a texture that a scalar is read from.
+/// The texture channel that stores a scalar.
 fn channel(scalar: &Scalar) -> Option<TextureChannel<'_>> {
     scalar.texture.as_ref().map(|(used, channel)| (used, *channel))
 }

@@ -7,8 +7,8 @@
 //! | `light`, [`environment`], [`camera`] | lights, environment maps, cameras |
 //! | [`document`], [`glb`] | JSON and container |
 //!
-//! **Frames.** glTF is y up, the dataset z up. The root node rotates between them, so that its children have the
-//! coordinates of the world and of the body frames.
+//! **Frames.** glTF is y up, the dataset z up. The root node rotates between them, so its children have the coordinates
+//! of the world and of the body frames.
 
 mod arrays;
 mod camera;
@@ -38,19 +38,19 @@ use syntable_model::scene::Body;
 
 /// Writes settled scenes as binary glTF 2.0, for Blender and other programs.
 ///
-/// # What it does
+/// # Behavior
 ///
-/// A file has all bodies with their materials and textures (clearcoat, sheen, transmission, volume, index of refraction,
-/// emissive strength, texture transforms), the cameras and the lights. Units are meters, nits, lux and candela. glTF is
-/// y up: the root node `world` rotates the scene; its children have the coordinates of the dataset, z up. Bodies that
-/// share a mesh share it in the file. `extras` hold what glTF cannot express: instance ids, camera matrices, distortion,
-/// lens and exposure.
+/// A file has all bodies with their materials and textures (clearcoat, sheen, transmission, volume, index of
+/// refraction, emissive strength, texture transforms), the cameras and the lights. Units are meters, nits, lux and
+/// candela. glTF is y up: the root node `world` rotates the scene; its children have the coordinates of the dataset, z
+/// up. Bodies that share a mesh share it in the file. `extras` hold what glTF cannot express: instance ids, camera
+/// matrices, distortion, lens and exposure.
 ///
 /// # Output
 ///
-/// `{id}/{scene:06}.glb`, or `{id}/{scene:06}_{view:04}.glb` per view. An environment map is a Radiance HDR file beside
-/// it, in nits, whose name ends in `_environment.hdr` instead of `.glb`. `{id}/import_in_blender.py` imports a file into
-/// Blender with the right units of light, the sky and the size of the sun.
+/// `{id}/{scene:06}.glb`, or `{id}/{scene:06}_{view:04}.glb` per view. An environment map is a Radiance HDR file in the
+/// same folder, in nits, whose name ends in `_environment.hdr` instead of `.glb`. `{id}/import_in_blender.py` imports a
+/// file into Blender with the right units of light, the sky and the size of the sun.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Gltf {
@@ -155,7 +155,7 @@ impl SceneWriter<Scenes> for GltfScene {
     }
 }
 
-/// Adds the lights of a view, and writes its environment maps beside the file.
+/// Adds the lights of a view, and writes its environment maps next to the file.
 fn light(export: &mut Export, view: &View, mode: LightMode, output: &Output, stem: &str) -> Result<()> {
     let (notes, maps) = environment::export(&view.lights, stem);
     for (name, bytes) in maps {
@@ -175,7 +175,7 @@ struct Export {
     meshes: BTreeMap<(Digest, Vec<Index>), Index>,
 }
 
-/// (x, y, z) becomes (x, z, -y), column by column.
+/// Maps (x, y, z) to (x, z, -y), column by column.
 const Y_UP_FROM_Z_UP: [f64; 16] = [1., 0., 0., 0., 0., 0., -1., 0., 0., 1., 0., 0., 0., 0., 0., 1.];
 
 impl Export {

@@ -1,4 +1,4 @@
-//! Images, embedded as PNG, each once.
+//! Images, embedded as PNG, each image once.
 
 use super::document::{
     GltfImage, GltfSampler, GltfTexture, Index, TextureInfo, TextureInfoExtensions, TextureTransform,
@@ -26,7 +26,7 @@ pub struct Textures {
 }
 
 impl Textures {
-    /// Adds a texture with its colors in an encoding.
+    /// Adds a texture with its colors in the given encoding.
     pub fn texture(&mut self, glb: &mut Glb, used: &TextureRef, encoding: Encoding) -> Result<TextureInfo> {
         let texture = &*used.texture;
         let key = Hasher::new("texture").digest(texture.digest).bytes(&[encoding as u8]).finish();
@@ -37,9 +37,9 @@ impl Textures {
         })
     }
 
-    /// Adds a texture whose channels come from other textures; a channel without a source is white. A texture that has
-    /// the right channels already is used as it is; otherwise a new image is packed, as large as the largest source.
-    /// The transform is that of the first source.
+    /// Adds a texture whose channels come from other textures; a channel without a source is white. A texture that
+    /// already has the right channels is used unchanged; otherwise a new image is packed, as large as the largest
+    /// source. The transform of the first source applies.
     pub fn packed(&mut self, glb: &mut Glb, channels: [Option<TextureChannel<'_>>; 4]) -> Result<Option<TextureInfo>> {
         let Some((first, _)) = channels.iter().flatten().next() else { return Ok(None) };
         let ready = |(target, channel): (usize, &Option<TextureChannel<'_>>)| match channel {
@@ -120,10 +120,10 @@ impl Textures {
     }
 }
 
-/// A texture transform with v up as one of KHR_texture_transform, with v down; none for the identity.
+/// Converts a texture transform with v up to KHR_texture_transform, with v down; none for the identity.
 ///
-/// There `u' = c·sx·u + s·sy·V + ox` and `V' = -s·sx·u + c·sy·V + oy`; with `V = 1 - v` the rotation stays and the offset
-/// `(x, y)` becomes `(x - s·sy, 1 - y - c·sy)`.
+/// In KHR_texture_transform, `u' = c·sx·u + s·sy·V + ox` and `V' = -s·sx·u + c·sy·V + oy`. With `V = 1 - v`, the
+/// rotation stays and the offset `(x, y)` becomes `(x - s·sy, 1 - y - c·sy)`.
 fn transform(uv: &UvTransform) -> Option<TextureTransform> {
     if *uv == UvTransform::default() {
         return None;
@@ -136,7 +136,7 @@ fn transform(uv: &UvTransform) -> Option<TextureTransform> {
     Some(TextureTransform { offset: [x - s * sy, 1.0 - y - c * sy], rotation, scale: [sx, sy] })
 }
 
-/// Texels with their colors in an encoding.
+/// Texels with their colors in the given encoding.
 fn encoded(texture: &Texture, wanted: Encoding) -> Cow<'_, [u8]> {
     if texture.encoding == wanted {
         return Cow::Borrowed(&texture.texels);
@@ -157,7 +157,7 @@ fn encoded(texture: &Texture, wanted: Encoding) -> Cow<'_, [u8]> {
     )
 }
 
-/// Texels as RGB if all are opaque, else as RGBA.
+/// Texels as RGB if all are opaque, otherwise as RGBA.
 fn samples(texels: Cow<'_, [u8]>) -> PngSamples {
     if texels.chunks_exact(4).all(|texel| texel[3] == 255) {
         PngSamples::Rgb8(texels.chunks_exact(4).flat_map(|texel| [texel[0], texel[1], texel[2]]).collect())

@@ -1,4 +1,4 @@
-//! Values of vertices as glTF has them, and the parts of a mesh by slot.
+//! Vertex values in glTF's form, and the parts of a mesh by slot.
 
 use super::document::Index;
 use super::glb::Glb;
@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use syntable_model::geometry::Vector3;
 use syntable_model::scene::{Mesh, UvTransform};
 
-/// Slot of every triangle, or all zero.
+/// Slot of every triangle; all zero without `by_slot`.
 pub(super) fn slots(mesh: &Mesh, by_slot: bool) -> Vec<usize> {
     (0..mesh.data().triangles.len()).map(|t| if by_slot { mesh.slot(t) } else { 0 }).collect()
 }
@@ -25,7 +25,7 @@ pub(super) fn write_parts(
     parts.iter().map(|(&slot, part)| (slot, glb.indices(part, vertices))).collect()
 }
 
-/// v with its origin at the top of the image, as in glTF.
+/// Texture coordinates with v measured from the top of the image, as in glTF.
 pub(super) fn v_down([u, v]: [f32; 2]) -> [f32; 2] {
     [u, 1.0 - v]
 }
@@ -37,7 +37,7 @@ pub(super) fn apply(transform: &UvTransform, [u, v]: [f32; 2]) -> [f32; 2] {
     [(cos * x - sin * y) as f32 + transform.offset[0], (sin * x + cos * y) as f32 + transform.offset[1]]
 }
 
-/// A unit vector, as the standard requires; +z if there is no direction.
+/// A unit vector, as the standard requires; +z if the vector has no direction.
 pub(super) fn unit(normal: [f32; 3]) -> [f32; 3] {
     let normal = Vector3::from(normal.map(f64::from)).try_normalize(0.0).filter(|n| n.iter().all(|x| x.is_finite()));
     normal.unwrap_or_else(Vector3::z).map(|x| x as f32).into()

@@ -10,7 +10,7 @@ use syntable_model::prelude::*;
 
 /// Writes any products as JSON Lines.
 ///
-/// # What it does
+/// # Behavior
 ///
 /// Each line is a record with the numbers `scene` and `view` and each included product under its name. Masks are COCO's
 /// compressed run lengths with their size, arrays are nested lists, and values per instance are keyed by the id.

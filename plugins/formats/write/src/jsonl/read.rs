@@ -26,10 +26,10 @@ syntable_model::register_format!(
     .generic()
 );
 
-/// A line of which the names of its products alone are read.
+/// A line parsed only for the names of its products.
 type JsonlHead = JsonlRecord<BTreeMap<String, IgnoredAny>>;
 
-/// The file that a path names: itself, or the only file of a folder.
+/// The file that a path refers to: the path, or the only file of a folder.
 fn file_of(path: &Path) -> Option<PathBuf> {
     let is_one = |path: &Path| path.extension().is_some_and(|it| it == "jsonl") && path.is_file();
     if is_one(path) {
@@ -41,7 +41,7 @@ fn file_of(path: &Path) -> Option<PathBuf> {
     (is_one(&first) && entries.next().is_none()).then_some(first)
 }
 
-/// Whether the first line is one of a scene or a view.
+/// Whether the first line is a record of a scene or a view.
 fn starts_as_one(path: &Path) -> bool {
     let first = File::open(path).ok().and_then(|file| {
         let mut line = Vec::new();
@@ -52,7 +52,7 @@ fn starts_as_one(path: &Path) -> bool {
     first.is_some_and(|head| head.scene.is_some() && (head.view.is_some() || head.views.is_some()))
 }
 
-/// Where a view is: its line, and its place in the line of a scene.
+/// Position of a view: its line, and its index in the line of a scene.
 #[derive(Clone, Copy)]
 struct ViewPlace {
     line: LineSpan,
@@ -68,11 +68,11 @@ struct LineSpan {
 
 struct JsonlSource {
     path: PathBuf,
-    /// The scene of each image, and where it is.
+    /// The scene of each image, and the position of the image.
     places: Vec<(u32, ViewPlace)>,
-    /// Lines that have products of scenes alone.
+    /// Lines with products of scenes only.
     scenes: BTreeMap<u32, LineSpan>,
-    /// Lines that were read last: of a scene, they have many views.
+    /// The most recently read lines: a line of a scene contains many views.
     latest: Latest<LineSpan, SampleFields>,
 }
 
@@ -122,7 +122,7 @@ impl JsonlSource {
                     continue;
                 }
             };
-            // A line that lacks a product of another line is at fault when the product is read.
+            // If a line lacks a product that another line has, the error is reported when the product is read.
             let of_views = head.views.iter().flatten().flat_map(|view| view.products.keys());
             if head.scene.is_some() {
                 fields.extend(head.products.keys().chain(of_views).cloned());
@@ -159,7 +159,7 @@ impl JsonlSource {
         Ok((contents, Self { path, places, scenes, latest: Latest::default() }))
     }
 
-    /// The fields of a view: those of its line, of its entry in the line, and of its scene.
+    /// The fields of a view, from its line, its entry in the line, and its scene.
     fn sample(&self, image: usize) -> Result<SampleFields> {
         let (scene, place) = self.places[image];
         let line = match place.of_scene {

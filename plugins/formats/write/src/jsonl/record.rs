@@ -2,12 +2,13 @@
 
 use syntable_model::prelude::*;
 
-/// Keys of [`JsonlRecord`] and [`JsonlView`], which no product may have as its name.
+/// Keys of [`JsonlRecord`] and [`JsonlView`], which products must not use as names.
 pub const KEYS: [&str; 3] = ["scene", "view", VIEWS];
 /// Key of the views of a scene.
 pub const VIEWS: &str = "views";
 
-/// A line: a view, a scene with or without its views, or without all of these the dataset. `P` is a map of products by name.
+/// A line: a view, a scene with or without its views, or, without any of these, the dataset. `P` is a map of products
+/// by name.
 #[derive(Serialize, Deserialize)]
 pub struct JsonlRecord<P> {
     #[serde(skip_serializing_if = "Option::is_none")]

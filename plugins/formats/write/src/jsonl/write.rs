@@ -18,9 +18,9 @@ type JsonProducts = Map<String, Json>;
 pub struct JsonlScene {
     /// Finished lines of the shard.
     lines: Vec<u8>,
-    /// The products of the scene that the lines of the views have.
+    /// The products of the scene that are already in the lines of the views.
     written: BTreeSet<String>,
-    /// The views of the scene's own line.
+    /// The views in the scene's own line.
     views: Vec<JsonlView<JsonProducts>>,
 }
 

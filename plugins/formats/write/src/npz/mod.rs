@@ -11,7 +11,7 @@ use syntable_model::prelude::*;
 
 /// Writes one NumPy archive per view, for training loops.
 ///
-/// # What it does
+/// # Behavior
 ///
 /// Each included product is an array of the archive under its own name, as the writer `npy` stores it: images as
 /// `[height, width]` or `[height, width, channels]`, a value per instance as one array with the N instances along the first
@@ -33,15 +33,16 @@ use syntable_model::prelude::*;
 ///
 /// # Output
 ///
-/// `{id}/{scene:06}_{view:04}.npz`. Products of the scene are in `{id}/{scene:06}.npz`, names of categories in
-/// `{id}/categories.json`, in COCO's form, if ids of them are included.
+/// `{id}/{scene:06}_{view:04}.npz`. Products of the scene are in `{id}/{scene:06}.npz`. If category ids are included,
+/// `{id}/categories.json` has their names in COCO's form.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Npz {
     /// Products to write.
     #[schemars(length(min = 1))]
     pub include: Included,
-    /// Whether to compress the arrays. Labels shrink to a few percent; images and depth hardly, and load more slowly.
+    /// Whether to compress the arrays. Labels shrink to a few percent; images and depth hardly shrink, and load more
+    /// slowly.
     pub compress: bool,
 }
 

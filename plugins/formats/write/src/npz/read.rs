@@ -27,7 +27,7 @@ syntable_model::register_format!(
     .generic()
 );
 
-/// The archives of a folder that are called after a view, `{scene:06}_{view:04}.npz`, with scene and view.
+/// The archives of a folder named by a view, `{scene:06}_{view:04}.npz`, with scene and view.
 fn archives_of(folder: &Path) -> Vec<((u32, u32), PathBuf)> {
     let archives = read::entries(folder).into_iter().filter(|path| path.extension().is_some_and(|it| it == ARCHIVE));
     archives.filter_map(|path| Some((place_in_name(path.file_name()?.to_str()?)?, path))).collect()
@@ -50,7 +50,7 @@ fn open(source: &Source) -> Result<Opened> {
     let image = |&(scene, view): &(u32, u32)| read::image((scene, view), view_name(SceneId(scene), ViewId(view)));
     let images = all.keys().map(image).collect();
     let paths: Vec<PathBuf> = all.into_values().collect();
-    // An archive that lacks an array of another archive is at fault when the array is read.
+    // If an archive lacks an array that another archive has, the error is reported when the array is read.
     let fields =
         paths.iter().filter_map(|path| NpzArchive::open(path).ok()).flat_map(|archive| archive.names()).collect();
     let contents =
@@ -82,7 +82,7 @@ impl SampleReader for Archives {
 /// Name of the library in errors.
 const LIBRARY: &str = "the library that reads ZIP archives";
 
-/// An archive that is open.
+/// An open archive.
 struct NpzArchive {
     zip: ZipArchive<BufReader<File>>,
     path: PathBuf,
@@ -98,7 +98,7 @@ impl NpzArchive {
         Ok(Self { zip, path: path.to_owned() })
     }
 
-    /// Names of its arrays but for the ids.
+    /// Names of its arrays, without the array of ids.
     fn names(&self) -> BTreeSet<String> {
         let names = self.zip.file_names().flatten();
         let names = names.filter_map(|name| name.strip_suffix(".npy").map(str::to_owned));
@@ -117,7 +117,8 @@ impl NpzArchive {
         let mut bytes = Vec::new();
         let size = file.size();
         MEMBER_BYTES.check(size).map_err(|error| error.in_file(&path))?;
-        // An array that is larger than the archive states is damaged. The library compares the checksum at the array's end.
+        // An array that is larger than the archive states is damaged. The library verifies the checksum at the end of
+        // the array.
         file.take(size + 1)
             .read_to_end(&mut bytes)
             .map_err(|error| refuse(format!("the array is damaged: {error}")))?;

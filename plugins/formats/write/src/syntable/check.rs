@@ -22,7 +22,7 @@ impl SynTableSource {
     }
 }
 
-/// A rate that is missing beside masks, or a rounded rate that contradicts the exact one.
+/// Reports a rate that is missing although masks exist, or a rounded rate that contradicts the exact one.
 fn fault_of_rate(annotation: &SynTableAnnotation) -> Option<DatasetFault> {
     let fault = |what: String| Some(DatasetFault::new(rule::RATE_IS_RATIO_OF_AREAS, what));
     match (annotation.occluded_rate, annotation.occluded_rate_rounded) {
@@ -36,7 +36,7 @@ fn fault_of_rate(annotation: &SynTableAnnotation) -> Option<DatasetFault> {
     }
 }
 
-/// Areas and boxes of our form that contradict the masks. Areas in the form of the release have another meaning.
+/// Areas and boxes in our form that contradict the masks. In the form of the release, areas have another meaning.
 fn faults_of_numbers(annotation: &SynTableAnnotation, labels: &ObjectLabels) -> Vec<DatasetFault> {
     let Some(amodal) = labels.amodal.as_ref().filter(|_| annotation.amodal_bbox.is_some()) else { return Vec::new() };
     let (visible, occluded) = (&labels.visible, labels.occlusion.as_ref());
@@ -62,7 +62,7 @@ fn faults_of_numbers(annotation: &SynTableAnnotation, labels: &ObjectLabels) -> 
     faults
 }
 
-/// A list of an image's objects that contradicts its annotations.
+/// Reports a list of an image's objects that contradicts its annotations.
 fn list_fault(shown: &ShownImage) -> Option<DatasetFault> {
     let listed = shown.image.instance_ids.as_ref()?;
     let own = shown.annotations.iter().map(|annotation| annotation.instance_id);

@@ -1,9 +1,9 @@
 //! The files of SynTable's switch `--save-segmentation-data`.
 //!
-//! `k` is the object's spawn number, with gaps where objects were removed; where the dataset does not state it, `k` is the id less
-//! one, which is the spawn number if none was removed. The values are those of the released program:
-//! visible and occlusion masks are 0 and 1, amodal masks 0 and the instance id; the ids of objects modulo 256, and 0 for
-//! everything else.
+//! `k` is the object's spawn number, with gaps where objects were removed. If the dataset does not state it, `k` is the
+//! id less one, which equals the spawn number if no object was removed. The values match the released program: visible
+//! and occlusion masks contain 0 and 1, amodal masks 0 and the instance id, and instance maps the ids of objects modulo
+//! 256, and 0 everywhere else.
 
 use super::SynTable;
 use super::record::{ViewLabels, decoded};
@@ -13,7 +13,7 @@ use syntable_model::prelude::*;
 use syntable_model::product::standard::{BODIES, DEPTH, INSTANCE, OBJECT_INFO};
 use syntable_model::product::{Painted, Plane};
 
-/// Paths of the files of the view `name` that are not of single objects: depth, its preview, and the ids.
+/// Paths of the files of the view `name` that cover all objects: depth, its preview, and the ids.
 pub fn paths(name: &str) -> [String; 3] {
     [format!("depth/{name}.pfm"), format!("depth/visuals/{name}.png"), format!("instance/{name}.png")]
         .map(|path| format!("data/mono/{path}"))
@@ -38,7 +38,7 @@ pub fn write(
             let objects = objects(bodies)?;
             ids.map(|id| if objects.contains(&id.0) { *id } else { InstanceId::default() })
         }
-        // A dataset that was read may have labels alone.
+        // A dataset that a reader opened may have labels only.
         _ => {
             let masks = labels.ids().iter().map(|&id| Ok((id, labels.masks(id)?[0])));
             let painted = Painted::new(cx.size, masks.collect::<Result<Vec<_>>>()?);
@@ -83,7 +83,7 @@ fn spawn(info: &Value) -> Result<Option<u32>> {
     Ok(decoded::<SpawnNumber>(OBJECT_INFO.name(), info)?.spawn)
 }
 
-/// Inverse depth relative to the nearest pixel, which becomes 255; 0 where there is no depth.
+/// Inverse depth relative to the nearest pixel, which becomes 255; 0 for pixels without depth.
 pub fn inverse_depth(depth: &Plane<f32>) -> Plane<u8> {
     let near = depth.data().iter().copied().filter(|d| d.is_finite() && *d > 0.0).fold(f32::INFINITY, f32::min);
     depth.map(|&d| if d.is_finite() && d > 0.0 { (near / d * 255.0).round() as u8 } else { 0 })

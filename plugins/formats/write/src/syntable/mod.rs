@@ -19,7 +19,7 @@ const ANNOTATION_FILE: &str = "annotation_final.json";
 
 /// Writes the dataset layout that the readers of SynTable and UOAIS-Net expect.
 ///
-/// # What it does
+/// # Behavior
 ///
 /// The annotation file has COCO's structure. `segmentation` is the amodal mask of an object; `visible_mask`,
 /// `occluded_mask`, `occluded_rate` and boxes are additional fields. Image ids are `scene · views_per_scene + view +
@@ -46,16 +46,16 @@ pub struct SynTable {
     /// Form of the annotation file: `coco` for COCO's readers, `syntable_1` for programs that rely on the files of
     /// SynTable's release.
     pub compat: Compat,
-    /// Mask whose box is written as `bbox`: `visible` as in SynTable, or `amodal` to fit `segmentation`. The `coco` form
-    /// also has both boxes under their own names.
+    /// Mask whose box is written as `bbox`: `visible` as in SynTable, or `amodal` to fit `segmentation`. The `coco`
+    /// form also has both boxes under their own names.
     pub bbox: BoxSource,
     /// Whether to omit images without annotations from the annotation file, as some readers of test sets require. Their
     /// image files are written all the same. The `syntable_1` form never lists such images.
     pub skip_empty_images: bool,
-    /// Also writes the files of SynTable's switch `--save-segmentation-data`, except the images of single objects: instance
-    /// maps, visible, amodal and occlusion masks as PNG, depth as PFM in meters and as 8-bit inverse depth. Of a dataset that
-    /// is converted, instance maps are painted from the visible masks, and files of an object have its id less one in their
-    /// names, since spawn numbers are not known.
+    /// Also writes the files of SynTable's switch `--save-segmentation-data`, except the images of single objects:
+    /// instance maps, visible, amodal and occlusion masks as PNG, depth as PFM in meters and as 8-bit inverse depth. If
+    /// a converted dataset lacks instance maps, they are painted from the visible masks. If it lacks spawn numbers,
+    /// file names of an object contain its id less one.
     pub debug_masks: bool,
     /// File name of the annotation file.
     pub annotation_file: String,

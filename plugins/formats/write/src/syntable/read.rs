@@ -26,13 +26,13 @@ syntable_model::register_format!(Format::new(
     open,
 ));
 
-/// A dataset that is open.
+/// An open dataset.
 pub struct SynTableSource {
     root: DatasetFolder,
     listing: AnnotationListing,
-    /// Numbers of the records of the scenes of images, as far as they have any.
+    /// Scene record of each image, by its index; none if the image has no scene record.
     scenes: Vec<Option<u32>>,
-    /// Whether an object says how much of it is hidden.
+    /// Whether any object states its occlusion.
     is_amodal: bool,
 }
 
@@ -48,9 +48,9 @@ struct Has {
     objects: Option<bool>,
     /// Whether all objects have a name; none without objects.
     names: Option<bool>,
-    /// Whether an object says how much of it is hidden.
+    /// Whether any object states its occlusion rate or occlusion mask.
     amodal: bool,
-    /// Whether an object says which pixels of it are hidden.
+    /// Whether any object has an occlusion mask.
     occlusion: bool,
 }
 
@@ -87,12 +87,12 @@ impl Has {
     }
 }
 
-/// The folder of a dataset, which its annotation file may name.
+/// The folder of a dataset. The path may be the dataset's annotation file.
 fn root_of(path: &Path) -> PathBuf {
     if path.is_file() { read::above(path) } else { path.to_owned() }
 }
 
-/// Annotation files at the top of a dataset: the named one, the one with the usual name, or all other JSON files.
+/// Annotation files at the top of a dataset: the given file, the file with the usual name, or otherwise all JSON files.
 fn annotation_files(root: &Path) -> std::io::Result<Vec<PathBuf>> {
     let usual = root.join(ANNOTATION_FILE);
     match root.is_file() {
@@ -132,7 +132,7 @@ fn open(source: &Source) -> Result<Opened> {
             listing.faults.add(rule::UNIQUE_IDS, FaultSubject::Scene(scene), "two scenes have this id");
         }
     }
-    // A file without annotations says of no object that it lacks something.
+    // In a file without annotations, no object lacks amodal labels.
     has.amodal |= listing.file.is_empty(RecordSection::Annotations);
     let recipe = root.file(RECIPE).ok().and_then(|path| String::from_utf8(read_small(&path).ok()?).ok());
     let recipe = recipe.unwrap_or_default();
@@ -179,7 +179,7 @@ pub struct ShownImage {
 }
 
 impl ShownImage {
-    /// The ids that annotations state of their objects.
+    /// The object ids that annotations state.
     pub fn stated_ids(&self) -> Vec<Option<u64>> {
         self.annotations.iter().map(|annotation| annotation.instance_id.map(u64::from)).collect()
     }
@@ -260,7 +260,7 @@ impl SynTableSource {
             Err(Error::new(format!("it has the size {found:?}, its image {expected:?}")).context(of()))
         };
         let visible = mask(&annotation.visible_mask, "visible_mask")?;
-        // The form of the release has no other box than the visible one.
+        // The form of the release has only the visible box.
         let visible_box = annotation.visible_bbox.or(Some(annotation.bbox)).filter(|_| !visible.is_empty());
         Ok(ObjectLabels {
             id,
@@ -274,7 +274,8 @@ impl SynTableSource {
         })
     }
 
-    /// The order that the dataset has, whose n-th row is that of the n-th annotation; none if it has none.
+    /// The occlusion order in the dataset, whose n-th row belongs to the n-th annotation; none if the dataset has no
+    /// order.
     fn order(&self, image: &SynTableImage, labels: &[ObjectLabels]) -> Result<Option<OcclusionOrder>> {
         let Some(path) = &image.occlusion_order_file_name else { return Ok(None) };
         let path = self.root.file(path)?;
@@ -287,7 +288,7 @@ impl SynTableSource {
             let (row, column) = (at / edge, at % edge);
             return Err(Error::new(format!("row {row}, column {column} is {}, not 0 or 1", entries[at])).in_file(&path));
         }
-        // Rows of an order are in the order of ids.
+        // Reorders the rows by id.
         let mut rows: Vec<usize> = (0..edge).collect();
         rows.sort_by_key(|&row| labels[row].id);
         let mut order = OcclusionOrder::new(rows.iter().map(|&row| labels[row].id).collect());

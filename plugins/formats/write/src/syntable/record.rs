@@ -20,10 +20,10 @@ use syntable_model::product::{BBox, OcclusionOrder, Product};
 /// The date of every record: files do not depend on the clock.
 pub const DATE: &str = "1970-01-01 00:00:00.000000";
 
-/// The labels of a view, and which of its instances are annotated.
+/// The labels of a view, with the list of its annotated instances.
 pub struct ViewLabels<'a> {
     products: &'a Products,
-    /// Whether they have hidden parts, which a dataset without amodal masks does not have.
+    /// Whether labels of hidden parts exist. A dataset without amodal masks does not have them.
     has_hidden: bool,
     /// The order of all instances that have labels.
     pub order: Option<&'a OcclusionOrder>,
@@ -56,7 +56,7 @@ impl<'a> ViewLabels<'a> {
         Ok(Self { products, has_hidden: hidden.into_iter().all(|name| products.contains(name)), order, ids })
     }
 
-    /// Drops what SynTable 1 drops: objects without a visible pixel, or with a rate that rounds to 1.00.
+    /// Removes the objects that SynTable 1 omits: objects without a visible pixel, or with a rate that rounds to 1.00.
     pub fn annotated_by(mut self, compat: Compat) -> Result<Self> {
         if compat == Compat::Syntable1 {
             let (visible, rates) = (self.products.get(VISIBLE_MASK)?, self.products.optional(OCCLUSION_RATE)?);
@@ -113,7 +113,7 @@ pub fn image(cx: &ImageContext, products: &Products, labels: &ViewLabels) -> Res
     })
 }
 
-/// A product as JSON, if it is there.
+/// A product as JSON; none if the product does not exist.
 fn found<T: Product>(products: &Products, key: Key<T>) -> Result<Option<Json>> {
     products.optional(key)?.map(|_| json::of_product(products, key.name())).transpose()
 }
@@ -143,15 +143,15 @@ pub fn scene(cx: &ImagesContext, products: &Products) -> Result<Option<SynTableS
     Ok(Some(SynTableScene { id: cx.scene_id.0, bodies: decoded(BODIES.name(), &bodies)?, extra: Default::default() }))
 }
 
-/// A product's records as a type.
+/// Converts the records of a product to a type.
 ///
 /// # Errors
-/// If they have other fields; the message names the product.
+/// If the records have other fields; the message names the product.
 pub fn decoded<T: DeserializeOwned>(product: &str, value: &impl Serialize) -> Result<T> {
     json::typed(value).map_err(|error| Error::new(format!("product `{product}`: {error}")))
 }
 
-/// The record of an annotation in the coco form, without its id and that of its image.
+/// The record of an annotation in the coco form, with the ids of annotation and image left at 0.
 pub fn annotation(
     dataset: &DatasetInfo,
     products: &Products,
@@ -161,7 +161,7 @@ pub fn annotation(
 ) -> Result<SynTableAnnotation> {
     let object = labels.object(id)?;
     let hidden = object.hidden;
-    // COCO's readers look for a mask here, whichever there is.
+    // COCO's readers expect a mask here, so the visible mask is used if no amodal mask exists.
     let whole = hidden.map_or(object.visible, |hidden| hidden.amodal);
     let info = |infos: &PerInstance<Value>| infos.get(id).map_or(Ok(Json::Null), serde_json::to_value);
     let info = products.optional(OBJECT_INFO)?.map(info).transpose();
@@ -193,7 +193,7 @@ pub fn annotation(
     })
 }
 
-/// The record of an annotation in the syntable_1 form, without its id and that of its image.
+/// The record of an annotation in the syntable_1 form, with the ids of annotation and image left at 0.
 pub fn annotation_1(
     products: &Products,
     labels: &ViewLabels,
@@ -223,12 +223,12 @@ pub fn annotation_1(
 }
 
 impl<'a> InstanceLabels<'a> {
-    /// The labels of hidden parts, for a form that needs them.
+    /// The labels of hidden parts, for a form that requires them.
     fn hidden(&self) -> Result<HiddenLabels<'a>> {
         self.hidden.ok_or_else(|| Error::new("the objects have no amodal masks"))
     }
 
-    /// The box of the source. An object without a visible pixel has no other box than the amodal one.
+    /// The box of the given source. An object without a visible pixel has only the amodal box.
     fn bbox(&self, source: BoxSource) -> [i32; 4] {
         match (source, self.hidden) {
             (BoxSource::Visible, _) if !self.visible.is_empty() => self.visible_box.into(),
@@ -242,7 +242,7 @@ fn object_name(products: &Products, id: InstanceId) -> Result<Option<String>> {
     Ok(products.optional(OBJECT_NAME)?.map(|names| names.get(id).cloned().unwrap_or_default()))
 }
 
-/// Rounds to two decimals as Python's `round` does: by the exact decimal value, ties to even.
+/// Rounds to two decimals like Python's `round`: by the exact decimal value, with ties to even.
 pub fn two_decimals(rate: f64) -> f64 {
     format!("{rate:.2}").parse().unwrap_or(rate)
 }

@@ -16,7 +16,7 @@ use syntable_model::product::standard::{
 };
 
 impl ImageWriter for SynTable {
-    /// The shard.
+    /// Content of the shard.
     type Scene = Vec<u8>;
 
     fn reads(&self) -> Vec<Input> {
@@ -29,7 +29,7 @@ impl ImageWriter for SynTable {
             Input::of(OCCLUSION_ORDER),
             Input::of(AMODAL_BOX),
         ];
-        // Programs that rely on the files of the release find all of this in them.
+        // Programs that rely on the files of the release expect all of these products.
         let needs_all = self.compat == Compat::Syntable1 || self.debug_masks;
         inputs.push(Input::of(OBJECT_NAME).optional());
         inputs.extend(of_all.into_iter().map(|input| if needs_all { input } else { input.optional() }));
@@ -39,7 +39,8 @@ impl ImageWriter for SynTable {
             inputs.extend(more.map(Input::optional));
         }
         if self.debug_masks {
-            // A run always has these. A dataset that was read may lack them: then ids are painted from visible masks.
+            // A run always has these products. A converted dataset may lack them; ids are then painted from visible
+            // masks.
             inputs.push(Input::of(INSTANCE).optional());
             if self.compat == Compat::Syntable1 {
                 inputs.extend([Input::of(OBJECT_INFO), Input::of(BODIES)].map(Input::optional));

@@ -1,8 +1,8 @@
-//! The budget of a template: bytes of the values that it makes, and steps of its loops.
+//! The budget of a template: bytes of the values that it creates, and steps of its loops.
 //!
-//! Tera has no limits of its own. So calls are put into the parsed template: one at the beginning of every loop's body and of
-//! every macro, and one behind every value that the template makes. They count, and refuse what is beyond the
-//! [limits](syntable_model::limits). A template is rendered by one thread, so that the counters are that thread's.
+//! Tera has no limits of its own, so this module inserts calls into the parsed template: one at the beginning of every
+//! macro and every loop body, and one after every value that the template creates. The calls count, and fail beyond the
+//! [limits](syntable_model::limits). A template is rendered by a single thread, so the counters are thread-local.
 
 use serde_json::Value as Json;
 use std::cell::{Cell, RefCell};
@@ -11,36 +11,37 @@ use syntable_model::limits::{Limit, TEMPLATE_LOOP_TEXT, TEMPLATE_STEPS, TEMPLATE
 use tera::ast::{Expr, ExprVal, FunctionCall, Node, StringConcat, WS};
 use tera::{Template, Tera};
 
-/// Functions and filters that a template has without writing them.
+/// Functions and filters that are inserted into a template.
 const STEP: &str = "__step";
 const OPEN: &str = "__open";
 const CLOSE: &str = "__close";
 const MADE: &str = "__made";
 const LOOPED: &str = "__looped";
-/// Before a loop, at the beginning of each of its turns, and behind it.
+/// Inserted before a loop, at the beginning of each iteration, and after the loop.
 const ENTER: &str = "__enter";
 const TURN: &str = "__turn";
 const LEAVE: &str = "__leave";
-/// How the names of all of these begin, which no template may use.
+/// Prefix of the names above, which templates must not use.
 const OWN: &str = "__";
 
-/// Operands that are joined to one text at once: each may be as long as a value.
+/// Number of operands that are joined into one text at once. Each may be as long as a value.
 const JOINED: usize = 8;
 
 #[derive(Default)]
 struct Spent {
     steps: u64,
     bytes: u64,
-    /// The limits of steps, of a value and of all values are divided by it.
+    /// Divisor of the limits of steps, of a value and of all values.
     divisor: u64,
-    /// Bytes of each text that is made in memory at the moment, the innermost last.
+    /// Bytes of each text that is currently built in memory, the innermost text last.
     open: Vec<u64>,
-    /// The loops that are running, the innermost last: the number of each, and how many texts were open before it.
+    /// The running loops, the innermost loop last: the number of each loop, and the number of texts that were open
+    /// before it.
     loops: Vec<(u64, usize)>,
 }
 
 impl Spent {
-    /// Closes the texts that `break` or `continue` left open in a loop. Returns the place of the loop in `loops`.
+    /// Closes the texts that `break` or `continue` left open in a loop. Returns the position of the loop in `loops`.
     fn close_texts_in(&mut self, number: u64) -> Option<usize> {
         let place = self.loops.iter().rposition(|(running, _)| *running == number)?;
         self.open.truncate(self.loops[place].1);
@@ -52,12 +53,12 @@ thread_local! {
     static SPENT: RefCell<Spent> = RefCell::default();
 }
 
-/// Begins to count anew. All limits but that of [`LOOPED`] are divided by a number, which is 1 but in tests.
+/// Resets the counters. All limits except the limit of [`LOOPED`] are divided by `divisor`, which is 1 except in tests.
 pub fn start(divisor: u64) {
     SPENT.with_borrow_mut(|spent| *spent = Spent { divisor, ..Spent::default() });
 }
 
-/// Refuses a sum beyond a limit that is divided.
+/// Refuses a sum above a divided limit.
 fn within_divided(limit: &Limit, sum: u64, divisor: u64) -> tera::Result<()> {
     if sum <= limit.most / divisor.max(1) { Ok(()) } else { Err(tera::Error::msg(limit.refuse(sum).to_string())) }
 }
@@ -95,10 +96,10 @@ fn bytes(count: u64) -> tera::Result<()> {
     })
 }
 
-/// Bytes that a value in a list takes beside its text; about half of it is in use.
+/// Bytes that a value in a list takes in addition to its text; about half of them are in use.
 const OF_VALUE: u64 = 16;
 
-/// Bytes of the texts of a value, and some for each value in it.
+/// Bytes of the texts of a value, plus an overhead for each value in it.
 fn size(value: &Json) -> u64 {
     OF_VALUE
         + match value {
@@ -109,14 +110,14 @@ fn size(value: &Json) -> u64 {
         }
 }
 
-/// A filter that makes text longer, with what its result has at most.
+/// Maximum size of the result of a filter that lengthens text.
 type FilterGrowth = fn(&str, &HashMap<String, Json>) -> u64;
 
 fn argument<'a>(arguments: &'a HashMap<String, Json>, name: &str) -> &'a str {
     arguments.get(name).and_then(Json::as_str).unwrap_or_default()
 }
 
-/// Arguments of the calls: bytes of text, and the number of a loop of the template.
+/// Arguments of the inserted calls: bytes of text, and the number of a loop in the template.
 const TEXT: &str = "text";
 const LOOP: &str = "loop_number";
 
@@ -124,8 +125,8 @@ fn number(arguments: &HashMap<String, Json>, name: &str) -> u64 {
     arguments.get(name).and_then(Json::as_u64).unwrap_or_default()
 }
 
-/// Puts the calls into a template of this name, and the functions behind them into `tera`. Refuses a
-/// template that calls these functions itself.
+/// Inserts the calls into the template with this name, and registers their functions in `tera`. Refuses a template that
+/// calls these functions explicitly.
 pub fn limit(tera: &mut Tera, name: &str) -> tera::Result<()> {
     let step = |arguments: &HashMap<String, Json>| {
         steps(1)?;
@@ -232,7 +233,7 @@ pub fn limit(tera: &mut Tera, name: &str) -> tera::Result<()> {
     tera.build_inheritance_chains()
 }
 
-/// A call that makes no text.
+/// A call that outputs no text.
 fn call(function: &str, numbers: impl IntoIterator<Item = (&'static str, i64)>) -> Node {
     let numbers = numbers.into_iter().map(|(name, value)| (name.to_owned(), Expr::new(ExprVal::Int(value))));
     let args = numbers.collect();
@@ -246,7 +247,7 @@ fn filter(name: &str) -> FunctionCall {
     FunctionCall { name: name.to_owned(), args: HashMap::new() }
 }
 
-/// Bytes of the text of a body, without that of the loops in it.
+/// Bytes of the text of a body, without the text of nested loops.
 fn text_length(body: &[Node]) -> i64 {
     let of = |node: &Node| match node {
         Node::Text(text) | Node::Raw(_, text, _) => text.len() as i64,
@@ -264,7 +265,7 @@ fn text_length(body: &[Node]) -> i64 {
     body.iter().map(of).sum()
 }
 
-/// Variables that may hold a text which the template made. Those of the context hold what products have.
+/// Variables that may hold a text that the template created. Variables of the context hold values of products.
 struct Texts(BTreeSet<String>);
 
 impl Texts {
@@ -303,7 +304,7 @@ impl Texts {
         }
     }
 
-    /// Whether the container of a loop may be, or have, such a text.
+    /// Whether the container of a loop may be, or contain, such a text.
     fn may_be(&self, container: &Expr) -> bool {
         match &container.val {
             ExprVal::Ident(name) => {
@@ -315,17 +316,17 @@ impl Texts {
     }
 }
 
-/// Puts calls into nodes and expressions.
+/// Inserts calls into nodes and expressions.
 struct BudgetWalk {
     texts: Texts,
-    /// Loops so far.
+    /// Number of loops so far.
     loops: Cell<i64>,
-    /// A name that the template may not use.
+    /// A name that the template must not use.
     forbidden: RefCell<Option<String>>,
 }
 
 impl BudgetWalk {
-    /// Notes a function or a filter of the template whose name is kept for the calls.
+    /// Records a function or filter of the template whose name is reserved for the inserted calls.
     fn check(&self, name: &str) {
         if name.starts_with(OWN) {
             self.forbidden.borrow_mut().get_or_insert_with(|| name.to_owned());
@@ -377,14 +378,14 @@ impl BudgetWalk {
         }
     }
 
-    /// A body whose text is not written to the file at once.
+    /// A body whose text is not written directly to the file.
     fn text_in_memory(&self, body: &mut Vec<Node>) {
         self.body(body, true);
         body.insert(0, call(OPEN, []));
         body.push(call(CLOSE, []));
     }
 
-    /// Counts the values that an expression makes on the way, and its own if it `is_kept`.
+    /// Counts the intermediate values of an expression, and its result if `is_kept`.
     fn expr(&self, expr: &mut Expr, is_kept: bool) {
         let each = |arguments: &mut HashMap<String, Expr>| arguments.values_mut().for_each(|it| self.expr(it, true));
         let mut is_made = is_kept;
@@ -417,7 +418,7 @@ impl BudgetWalk {
         for mut own in std::mem::take(&mut expr.filters) {
             self.check(&own.name);
             each(&mut own.args);
-            // These two are no filters for Tera, and count as the first or the last one.
+            // Tera does not treat these two as filters: it requires them to be the first or the last one.
             let is_counted = !["default", "safe"].contains(&own.name.as_str());
             expr.filters.push(own);
             if is_counted {
@@ -431,7 +432,7 @@ impl BudgetWalk {
     }
 }
 
-/// Joins texts a few at a time, so that what was joined is counted before more is.
+/// Joins texts a few at a time, so that each intermediate result is counted before the next join.
 fn join_few(parts: &mut StringConcat) {
     while parts.values.len() > JOINED {
         let first: Vec<ExprVal> = parts.values.drain(..JOINED).collect();

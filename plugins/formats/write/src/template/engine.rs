@@ -1,4 +1,4 @@
-//! Tera, with errors that name the line.
+//! Tera, with errors that include the line.
 
 use super::budget;
 use super::fault::TemplateFault;
@@ -19,15 +19,15 @@ pub struct CheckedTemplate {
     text: String,
 }
 
-/// The only template's name in Tera.
+/// Name of the only template in Tera.
 const NAME: &str = "template";
 
 impl CheckedTemplate {
-    /// Parses a template. Nothing is escaped: the text need not be HTML.
+    /// Parses a template. No output is escaped, since it need not be HTML.
     pub fn new(text: &str) -> Result<Self, TemplateFault> {
         super::guard::check(text)?;
         let mut tera = Tera::default();
-        // The same recipe gives the same files, whoever runs it and wherever.
+        // A recipe produces the same files for every user and on every machine.
         tera.register_function("get_env", |_: &HashMap<String, Json>| {
             Err(tera::Error::msg("templates cannot read the environment: the function `get_env` does not exist"))
         });
@@ -38,14 +38,14 @@ impl CheckedTemplate {
         Ok(Self { tera, text: text.to_owned() })
     }
 
-    /// The same template, which is refused while it is rendered if it takes more than the limits.
+    /// The same template with limits, which are enforced during rendering.
     fn limited(mut self) -> Result<Self, TemplateFault> {
         budget::limit(&mut self.tera, NAME).map_err(|error| TemplateFault::of(&error, &self.text))?;
         Ok(self)
     }
 
-    /// Parses a template whose contexts have this shape, and refuses variables that none of them has. `of` names them in
-    /// messages: `a file per view`.
+    /// Parses a template whose contexts have this shape, and refuses variables that no context has. `of` names the
+    /// context in messages: `a file per view`.
     pub fn checked(text: &str, of: &str, context: &BTreeMap<String, ValueShape>) -> Result<Self, TemplateFault> {
         let template = Self::new(text)?;
         match template.unknown(context) {
@@ -69,7 +69,7 @@ impl CheckedTemplate {
         let context = Context::from_value(context.clone()).map_err(|error| TemplateFault::of(&error, &self.text))?;
         let mut text = Bounded { bytes: Vec::new(), most };
         budget::start(divisor);
-        // Tera panics on numbers that JSON does not have.
+        // Tera panics on numbers that JSON cannot represent.
         let rendered = unwound(|| Ok(self.tera.render_to(NAME, &context, &mut text)));
         rendered
             .map_err(|panic| TemplateFault { line: None, message: panic.to_string() })?
@@ -104,7 +104,7 @@ fn range(arguments: &HashMap<String, Json>) -> tera::Result<Json> {
     Ok((0..count).map(|i| start + i * step).collect())
 }
 
-/// Text of at most a size, bytes.
+/// A text buffer with a maximum size, bytes.
 struct Bounded {
     bytes: Vec<u8>,
     most: usize,
@@ -139,7 +139,7 @@ fn pad(value: &Json, arguments: &HashMap<String, Json>) -> tera::Result<Json> {
 
 impl TemplateFault {
     fn of(error: &tera::Error, text: &str) -> Self {
-        // The outermost message only says that rendering or parsing failed.
+        // The outermost message only states that rendering or parsing failed.
         let mut messages = Vec::new();
         let mut cause = error.source();
         while let Some(inner) = cause {
@@ -161,7 +161,7 @@ impl TemplateFault {
         Self { line: line_of(variable, text), message }
     }
 
-    /// As an error of a file.
+    /// Converts the fault to an error in a file.
     pub fn into_error(self, file: &str) -> Error {
         let error = Error::new(self.message).in_file(file);
         match self.line {
@@ -171,7 +171,7 @@ impl TemplateFault {
     }
 }
 
-/// The first line that has a variable, from 1.
+/// The first line that contains a variable, from 1.
 fn line_of(variable: &str, text: &str) -> Option<usize> {
     let part = |letter: char| letter.is_ascii_alphanumeric() || matches!(letter, '_' | '.');
     let whole = |&(at, _): &(usize, &str)| {
@@ -181,11 +181,11 @@ fn line_of(variable: &str, text: &str) -> Option<usize> {
     Some(text[..at].matches('\n').count() + 1)
 }
 
-/// The line that a message of Tera is about, and the message on one line without its drawing of the place. Tera's errors
-/// have no position, so its words are parsed here and nowhere else.
+/// The line that a message of Tera refers to, and the message on one line without the excerpt of the template. Tera's
+/// errors have no position, so the text of its messages is parsed, in this function only.
 fn locate(message: &str, text: &str) -> (Option<usize>, String) {
     let one_line = |text: &str| text.split_whitespace().collect::<Vec<_>>().join(" ");
-    // The parser draws the line between ` --> 3:14` and `  = `, which starts the message.
+    // The parser prints the excerpt between ` --> 3:14` and `  = `, after which the message begins.
     let parser = message.split_once("--> ").and_then(|(_, rest)| {
         let line = rest.split_once(':')?.0.trim().parse().ok()?;
         Some((line, rest.split_once("\n  = ")?.1))
@@ -193,7 +193,7 @@ fn locate(message: &str, text: &str) -> (Option<usize>, String) {
     if let Some((line, message)) = parser {
         return (Some(line), one_line(message));
     }
-    // The renderer quotes what it does not know. The line is the first that contains a quoted name.
+    // The renderer quotes unknown names. The line is the first that contains a quoted name.
     let quoted = message.split(['`', '\'']).skip(1).step_by(2).filter(|quoted| !quoted.is_empty() && *quoted != NAME);
     let mut lines = quoted.filter_map(|quoted| text.lines().position(|line| line.contains(quoted)));
     (lines.next().map(|line| line + 1), one_line(&message.replace(&format!(" while rendering '{NAME}'"), "")))
@@ -211,7 +211,7 @@ mod tests {
 
     #[test]
     fn faults_name_the_line() {
-        // The fault is where the parser stops: at the word after the unclosed bracket.
+        // The parser reports the position where it stops: at the word after the unclosed bracket.
         let syntax = fault("one\ntwo {{ a\nthree");
         assert_eq!(syntax.line, Some(3), "{syntax:?}");
         assert!(syntax.message.starts_with("expected "), "{syntax:?}");
@@ -337,14 +337,14 @@ mod tests {
     #[test]
     fn texts_that_a_loop_leaves_early_are_closed() {
         let context = json!({ "t": "x".repeat(10_000) });
-        // Tera takes these words in a section only where another loop has no turn.
+        // In a section, Tera accepts these words only in the `else` of an empty loop.
         let section =
             "{% filter upper %}{{ t }}{% for j in range(end=0) %}{% else %}{% WORD %}{% endfor %}{% endfilter %}";
         let after = "{% for i in range(end=100) %}{% set s = t ~ i %}{% endfor %}";
         for text in [
             format!("{{% for i in range(end=100) %}}{section}{{% endfor %}}"),
             format!("{{% for i in range(end=1) %}}{section}{{% endfor %}}{after}"),
-            // Sections in each other, and a loop that ends by the `else` of another one in it.
+            // Nested sections, and a loop that ends in the `else` of a nested loop.
             format!("{{% for i in range(end=1) %}}{{% filter trim %}}{section}{{% endfilter %}}{{% endfor %}}{after}"),
             format!(
                 "{{% for i in range(end=1) %}}{{% for k in range(end=0) %}}{{% else %}}{section}{{% endfor %}}{{% endfor %}}{after}"
@@ -356,11 +356,11 @@ mod tests {
             for word in ["break", "continue"] {
                 let text = text.replace("WORD", word);
                 let limited = CheckedTemplate::new(&text).and_then(CheckedTemplate::limited).expect("parses");
-                // A value has at most 64 KiB then, and all values together 4 MiB.
+                // The limits are then 64 KiB for a value and 4 MiB for all values together.
                 limited.render_at_most(&context, 4 << 20, 1024).unwrap_or_else(|fault| panic!("{text}: {fault:?}"));
             }
         }
-        // A section around a loop stays open, and a section that is too long is refused in any turn.
+        // A section around a loop stays open, and a section that is too long is refused in every iteration.
         for text in [
             "{% filter upper %}{% for i in range(end=9) %}{{ t }}{% continue %}{% endfor %}{% endfilter %}",
             "{% for i in range(end=2) %}{% filter upper %}{% for j in range(end=9) %}{{ t }}{% break %}{% endfor %}{% for j in range(end=9) %}{{ t }}{% endfor %}{% endfilter %}{% endfor %}",

@@ -1,13 +1,13 @@
-//! Templates that would exhaust the stack, which no error can be made of afterwards.
+//! Refuses templates that would exhaust the stack, since a stack overflow cannot be reported as an error.
 
 use super::fault::TemplateFault;
 use std::collections::{BTreeMap, BTreeSet};
 
-/// Deepest nesting of brackets in an expression, and of blocks in each other.
+/// Maximum nesting of brackets in an expression, and of blocks.
 const DEEPEST: usize = 64;
 
-/// Refuses templates that use other templates, of which there are none, or that nest too deeply for Tera's parser and
-/// renderer, which call themselves.
+/// Refuses templates that include other templates, since none exist, and templates that nest too deeply for Tera's
+/// recursive parser and renderer.
 pub fn check(text: &str) -> Result<(), TemplateFault> {
     let mut blocks: usize = 0;
     let mut depth: usize = 0;

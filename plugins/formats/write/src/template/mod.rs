@@ -1,4 +1,4 @@
-//! Any text format, by a template.
+//! Text files of any format, from a template.
 
 mod budget;
 mod engine;
@@ -22,7 +22,7 @@ use syntable_model::product::Scope;
 
 /// Writes text files of any format from a [Tera](https://keats.github.io/tera/docs) template.
 ///
-/// # What it does
+/// # Behavior
 ///
 /// The template is rendered once per view, scene or dataset. It sees:
 ///
@@ -34,9 +34,9 @@ use syntable_model::product::Scope;
 /// - `dataset`: `name`, `seed`, `scenes`, `views_per_scene` and `program`;
 /// - `writer`: the id of this writer.
 ///
-/// The filter `pad` adds leading zeros: `{{ scene.id | pad(width=6) }}`. The function `range` gives at most 1000000 numbers,
-/// and the text of a file has at most 1 GiB. Values of variables and texts of macros have at most 64 MiB each, and loops at
-/// most 50 million turns per file.
+/// The filter `pad` adds leading zeros: `{{ scene.id | pad(width=6) }}`. The function `range` returns at most 1000000
+/// numbers, and the text of a file has at most 1 GiB. Values of variables and texts of macros have at most 64 MiB each,
+/// and loops at most 50 million iterations per file.
 ///
 /// `syntable check` finds variables that no file of this kind has, the fields of `scene`, `view`, `views`, `scenes` and
 /// `dataset` among them, unless the template itself asks for them with `if`, `is defined` or `default`. Mistakes that
@@ -62,7 +62,7 @@ pub struct TextTemplate {
     pub path: Option<String>,
 }
 
-/// Where the template is.
+/// Location of the template.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(untagged)]
 pub enum TemplateSource {
@@ -129,7 +129,7 @@ template = """
 }
 
 impl TextTemplate {
-    /// What is known of the contexts before a run. A product may be of the view, the scene or the dataset.
+    /// The shape of the contexts, as known before a run. A product may belong to the view, the scene or the dataset.
     fn shape(&self) -> BTreeMap<String, ValueShape> {
         let products = || self.include.names().map(|name| (name.to_owned(), ValueShape::Any));
         let own = |fields: Vec<(&str, ValueShape)>| {
@@ -156,7 +156,7 @@ impl TextTemplate {
 const DATASET_FIELDS: [&str; 5] = ["name", "seed", "scenes", "views_per_scene", "program"];
 
 impl TemplateFilePer {
-    /// What a context is of, in messages.
+    /// Scope of a context, for messages.
     fn words(self) -> &'static str {
         match self {
             Self::View => "a file per view",
@@ -178,7 +178,7 @@ impl TemplateFilePer {
 struct Templates {
     config: TextTemplate,
     path: CheckedTemplate,
-    /// Parsed on first use if it is in a file.
+    /// Parsed on first use if the template is in a file.
     body: OnceLock<Result<CheckedTemplate>>,
 }
 
@@ -246,7 +246,7 @@ impl Writer for TemplateWriter {
     }
 
     fn scene(&self, cx: &ImagesContext, output: Output) -> Result<Box<dyn SceneWriter>> {
-        // A file that cannot be read or parsed is reported before anything is rendered.
+        // Reports a file that cannot be read or parsed before anything is rendered.
         self.0.body()?;
         let context = self.0.context(cx.dataset, output.id());
         let scene = Map::from_iter([("scene".to_owned(), json!({ "id": cx.scene_id.0 }))]);
@@ -264,7 +264,7 @@ impl Writer for TemplateWriter {
             (Some(_), None) => TemplateFilePer::Scene,
             _ => TemplateFilePer::Dataset,
         };
-        // What a path makes of products is not known before the run.
+        // A path that depends on products is not known before the run.
         let text = config.path.as_deref().unwrap_or_default();
         if covers != config.per || config.include.names().any(|name| text.contains(name)) {
             return Ok(Vec::new());

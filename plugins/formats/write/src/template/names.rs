@@ -1,17 +1,17 @@
-//! Variables that no context of a template has.
+//! Finds variables that no context of a template has.
 //!
-//! A name is reported only if nothing can give it: not the context, not a `set`, a loop or a macro of the template. What
-//! the template itself tests, by `is defined`, `default` or `if`, may be missing.
+//! A name is reported only if nothing can define it: neither the context nor a `set`, a loop or a macro of the
+//! template. Names that the template tests with `is defined`, `default` or `if` may be missing.
 
 use std::collections::{BTreeMap, BTreeSet};
 use tera::ast::{Expr, ExprVal, Forloop, FunctionCall, LogicOperator, MacroDefinition, Node};
 
-/// The shape of a value, as far as it is known before a run.
+/// The shape of a value, as known before a run.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum ValueShape {
-    /// Nothing: any field of it may be there.
+    /// Unknown: any field may exist.
     Any,
-    /// A number or a text, without fields.
+    /// A number or a string, without fields.
     Scalar,
     /// Exactly these fields.
     Record(BTreeMap<String, ValueShape>),
@@ -19,20 +19,20 @@ pub enum ValueShape {
     List(Box<ValueShape>),
 }
 
-/// A name that is not there.
+/// An unknown name.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Unknown {
-    /// The variable as the template writes it: `view.camera.width`.
+    /// The variable as written in the template: `view.camera.width`.
     pub variable: String,
-    /// Its first part that is not there: `view.camera`.
+    /// Its shortest unknown prefix: `view.camera`.
     pub missing: String,
-    /// What has no such field; none for the context itself.
+    /// The value that lacks the field; none for the context.
     pub parent: Option<String>,
-    /// The names that are there in its place.
+    /// The known names at this position.
     pub known: Vec<String>,
 }
 
-/// Tera's variable that shows the whole context.
+/// Tera's variable with the whole context.
 const WHOLE_CONTEXT: &str = "__tera_context";
 
 impl ValueShape {
@@ -47,7 +47,7 @@ impl ValueShape {
     }
 }
 
-/// The first variable of a template that is not there, given the shape of its context.
+/// The first unknown variable of a template, given the shape of its context.
 pub fn unknown(nodes: &[Node], macros: &[&MacroDefinition], context: &BTreeMap<String, ValueShape>) -> Option<Unknown> {
     let bodies = || std::iter::once(nodes).chain(macros.iter().map(|definition| definition.body.as_slice()));
     let mut facts = Facts::default();
@@ -66,9 +66,9 @@ pub fn unknown(nodes: &[Node], macros: &[&MacroDefinition], context: &BTreeMap<S
 /// The names that a template defines anywhere.
 #[derive(Default)]
 struct Facts {
-    /// Names that it sets.
+    /// Names that the template sets.
     set: BTreeSet<String>,
-    /// Variables whose absence it provides for.
+    /// Variables that the template expects to be missing.
     tested: BTreeSet<String>,
 }
 
@@ -86,7 +86,7 @@ impl Facts {
         }
     }
 
-    /// An operand of `and` and `or`: of those a variable that is not there is false.
+    /// An operand of `and` and `or`, where an undefined variable is false.
     fn condition(&mut self, expr: &Expr) {
         match &expr.val {
             ExprVal::Ident(name) => drop(self.tested.insert(name.clone())),
@@ -104,7 +104,7 @@ impl Facts {
                 self.tested.insert(name.clone());
             }
             ExprVal::Test(test) => drop(self.tested.insert(test.ident.clone())),
-            // `"a" in b` asks whether `b` has the field.
+            // `"a" in b` tests whether `b` has the field.
             ExprVal::In(inside) => {
                 if let ExprVal::Ident(container) = &inside.rhs.val {
                     self.tested.insert(format!("{container}."));
@@ -116,7 +116,7 @@ impl Facts {
         operands(expr).into_iter().for_each(|inner| self.expr(inner));
     }
 
-    /// Whether the template provides for the absence of a name.
+    /// Whether the template handles the absence of a name.
     fn tests(&self, missing: &str) -> bool {
         self.tested.iter().any(|tested| match tested.strip_suffix('.') {
             Some(container) => missing.starts_with(container),
@@ -125,12 +125,12 @@ impl Facts {
     }
 }
 
-/// Looks names up, with the loops around them.
+/// Resolves names in the scopes of the surrounding loops.
 struct NameWalk<'w> {
     facts: &'w Facts,
-    /// The context, then the variables of loops or of a macro.
+    /// The context, followed by the variables of loops or of a macro.
     scopes: Vec<BTreeMap<String, ValueShape>>,
-    /// The first name that is not there.
+    /// The first unknown name.
     found: Option<Unknown>,
 }
 
@@ -180,7 +180,7 @@ impl NameWalk<'_> {
         operands(expr).into_iter().for_each(|inner| self.expr(inner));
     }
 
-    /// Remembers a name that is not there, if it is the first.
+    /// Records an unknown name, if it is the first.
     fn name(&mut self, variable: &str) {
         if self.found.is_none()
             && let Err(unknown) = self.look_up(variable)
@@ -227,10 +227,10 @@ impl NameWalk<'_> {
     }
 }
 
-/// A step into a variable: a field, or an index in brackets.
+/// A step in a variable: a field, or an index in brackets.
 struct NameStep {
     name: String,
-    /// Whether it is the value of another variable.
+    /// Whether the index is the value of another variable.
     computed: bool,
     /// Bytes of the variable up to its end.
     end: usize,
@@ -259,7 +259,7 @@ fn steps(variable: &str) -> Vec<NameStep> {
     parts
 }
 
-/// Length of what stands before the bracket that closes.
+/// Length of the text before the closing bracket.
 fn closing(inside: &str) -> usize {
     let mut depth = 0;
     for (at, letter) in inside.char_indices() {
@@ -273,7 +273,7 @@ fn closing(inside: &str) -> usize {
     inside.len()
 }
 
-/// The expressions of a node, without those of the nodes inside it.
+/// The expressions of a node, without the expressions of nested nodes.
 fn expressions(node: &Node) -> Vec<&Expr> {
     match node {
         Node::VariableBlock(_, expr) => vec![expr],

@@ -10,7 +10,7 @@ use syntable_model::prelude::*;
 /// Writes WebDataset shards: tar files of samples, for training from disks and object stores with fast sequential
 /// reads.
 ///
-/// # What it does
+/// # Behavior
 ///
 /// Each scene is a shard, and each view is a sample with the key `{scene:06}_{view:04}`. A sample has a field per
 /// included product, in the order of `include`. The kind of value determines the field's format:
@@ -24,9 +24,9 @@ use syntable_model::prelude::*;
 /// | record, list or text, such as `camera` | `{product}.json` |
 ///
 /// Fields are the same as the files of the writers `png`, `exr`, `npy` and `jsonl`. The tar files are not compressed,
-/// since their members are. They have neither times nor owners, so equal samples give equal files. The URL of the first
-/// hundred scenes for WebDataset's readers is `{id}-{000000..000099}.tar`; a shard has as many samples as a scene has
-/// views.
+/// since their members are. They contain neither times nor owners, so equal samples give equal files. The URL of the
+/// first hundred scenes for WebDataset's readers is `{id}-{000000..000099}.tar`; a shard has as many samples as a scene
+/// has views.
 ///
 /// # Output
 ///
@@ -48,7 +48,7 @@ pub struct Webdataset {
 pub enum Floats {
     /// NumPy arrays, which WebDataset decodes without a plugin.
     Npy,
-    /// OpenEXR, compressed without loss.
+    /// OpenEXR, with lossless compression.
     Exr,
 }
 

@@ -26,7 +26,7 @@ syntable_model::register_format!(
     .generic()
 );
 
-/// How the names of BOP's tar files begin.
+/// Prefix of the names of BOP's tar files.
 const OF_BOP: &str = "shard-";
 
 /// The tar files of a folder that have the names of shards, sorted.
@@ -34,7 +34,7 @@ fn tar_files(folder: &Path) -> Vec<PathBuf> {
     read::entries(folder).into_iter().filter(|path| is_shard(&read::file_name(path))).collect()
 }
 
-/// Shards without the names of BOP's.
+/// The shards, without files named like BOP's.
 fn shards_of(folder: &Path) -> Vec<PathBuf> {
     let is_bops = |path: &PathBuf| read::file_name(path).starts_with(OF_BOP);
     tar_files(folder).into_iter().filter(|path| !is_bops(path)).collect()
@@ -66,7 +66,7 @@ fn open(source: &Source) -> Result<Opened> {
 
 impl SampleReader for Shards {
     fn read(&self, image: usize, wanted: &BTreeSet<&str>) -> Result<SampleFields> {
-        // The members of each product, by what follows its name.
+        // The members of each product, by the suffix after the product's name.
         let mut products: BTreeMap<&str, BTreeMap<&str, &TarMember>> = BTreeMap::new();
         for (field, member) in &self.0[image] {
             let (product, end) = field.split_once('.').unwrap_or((field, ""));
@@ -102,7 +102,7 @@ fn value_of(product: &str, parts: &BTreeMap<&str, &TarMember>) -> Result<Value> 
     }
 }
 
-/// A float image, whose channels have the names of its kind.
+/// A float image whose channel names depend on its kind.
 fn exr_of(product: &str, content: &FileContent) -> Result<Value> {
     let key = linked().into_iter().find(|key| key.is(product));
     let coding = key.and_then(|key| exr::ExrCoding::of(&ValueKind::of_key(&key)).ok());

@@ -1,19 +1,19 @@
 //! Names of shards, and of the fields of samples.
 
-/// Ends of the names of fields, which follow the name of the product.
+/// Suffixes of field names, which follow the name of the product.
 pub const PNG: &str = "png";
 /// An array.
 pub const NPY: &str = "npy";
-/// The ids of the instances along the first axis of the array of the same product.
+/// Ids of the instances along the first axis of the product's array.
 pub const IDS: &str = "ids.npy";
 /// A float image.
 pub const EXR: &str = "exr";
 /// A record, list or text.
 pub const JSON: &str = "json";
 
-/// End of the name of a shard.
+/// Suffix of a shard's name.
 const SHARD_END: &str = ".tar";
-/// Least number of digits of a scene in the name of a shard.
+/// Minimum number of digits of the scene in a shard's name.
 const DIGITS: usize = 6;
 
 /// Path of the shard of a scene.

@@ -61,8 +61,8 @@ impl SceneWriter for WebdatasetScene {
 }
 
 impl Floats {
-    /// The fields of a product without its name: their ends and their bytes. `size` is the height and width of an image
-    /// without instances.
+    /// The fields of a product: the suffixes of their names, and their bytes. `size` is the height and width of an
+    /// image without instances.
     fn fields(
         self,
         product: &str,
@@ -73,7 +73,7 @@ impl Floats {
         let kind = ValueKind::of(key, value);
         let explain = |error: Error| error.context(format!("product `{product}`"));
         match png::PngCoding::of(&kind) {
-            // Nothing that has a format without loss is stored with less.
+            // A value that a lossless format can store is never stored with loss.
             Ok(png::PngCoding::Depth | png::PngCoding::Normal | png::PngCoding::Color) | Err(_) => {}
             Ok(coding) => {
                 let image = coding.image(value, 1.0).and_then(|image| image.encode()).map_err(explain)?;

@@ -1,4 +1,4 @@
-//! Loading a recipe as a preview wants it: few samples, denoised, with the products that are shown.
+//! Loads a recipe with a preview's changes: few samples, denoised, with the displayed products.
 
 use super::sheet;
 use super::watch::WatchedFiles;
@@ -25,7 +25,7 @@ pub struct Wishes {
     pub recipe: RecipeRequest,
     /// Maximum number of samples per pixel.
     pub samples: u32,
-    /// Whether labels are shown beside the images.
+    /// Whether labels are shown next to the images.
     pub labels: bool,
     /// Whether to load native libraries that the recipe names by a relative path.
     pub allow_libraries: bool,
@@ -36,7 +36,7 @@ pub struct Wishes {
 /// Adapts a message of the library to its readers: a command line prints flags for options.
 pub type Wording = fn(&str) -> Cow<'_, str>;
 
-/// A recipe with its warnings, or all that is wrong with it; and the files that were read.
+/// A recipe with its warnings, or all errors in it; and the files that were read.
 pub struct LoadedRecipe {
     /// The recipe.
     pub recipe: Result<(Recipe, Vec<Diagnostic>), Vec<Message>>,
@@ -108,14 +108,14 @@ impl Wishes {
     }
 }
 
-/// The messages as text for people, without colors.
+/// The messages as text for users, without colors.
 pub fn said(messages: &[Message], wording: Wording) -> String {
     let text = |message: &Message| wording(message.render(false).trim_end()).into_owned();
     let lines: Vec<String> = messages.iter().map(text).collect();
     lines.join("\n\n")
 }
 
-/// The messages that an error is.
+/// The messages of an error.
 pub fn of_error(error: Error) -> Vec<Message> {
     vec![Message::Error(error)]
 }

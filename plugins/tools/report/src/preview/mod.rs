@@ -1,8 +1,8 @@
-//! A few views of a few scenes, fast, on one contact sheet, and again after every save.
+//! Renders a few views of a few scenes quickly, on one contact sheet, and again after every save.
 //!
 //! | module | does |
 //! | --- | --- |
-//! | `session` | content and places of a preview, and its threads |
+//! | `session` | content, file and page of a preview, and its threads |
 //! | `load` | loading a recipe with the preview's changes, and the list of its files |
 //! | `watch` | waiting for a save |
 //! | `studio` | rendering the changes of a recipe, image by image |

@@ -23,7 +23,7 @@ struct PreviewState {
     /// Errors of the recipe, as `check` prints them; empty without errors.
     mistakes: String,
     warnings: String,
-    /// The image in words.
+    /// Description of the image, as text.
     alt: String,
 }
 
@@ -36,7 +36,7 @@ pub struct PreviewPage {
 }
 
 impl PreviewPage {
-    /// Shows something new; `png` is the sheet.
+    /// Shows new content; `png` is the sheet.
     pub fn show(&self, news: &News, png: &[u8]) {
         let mut shown = self.shown.lock();
         // The lock makes browsers see the new version only together with the new content.

@@ -34,7 +34,7 @@ pub struct PreviewOptions {
     pub samples: u32,
     /// Maximum width of an image, px: larger images are rendered with fewer pixels.
     pub width: u32,
-    /// Whether visible masks and amodal outlines are shown beside the images.
+    /// Whether visible masks and amodal outlines are shown next to the images.
     pub labels: bool,
     /// Whether to load native libraries that the recipe names by a relative path.
     pub allow_libraries: bool,
@@ -49,7 +49,8 @@ pub struct PreviewOptions {
 }
 
 impl PreviewOptions {
-    /// Two scenes of a recipe at 4 samples and 320 pixels across, in a file named after the recipe in the current folder.
+    /// Two scenes of a recipe at 4 samples and 320 pixels across, in a file named after the recipe in the current
+    /// folder.
     pub fn new(recipe: RecipeRequest) -> Self {
         let out = Some(Self::default_out(recipe.recipe.as_deref()));
         let (scenes, serve, threads) = (None, None, syntable_runtime::workers::available());
@@ -92,7 +93,7 @@ impl<'a> Preview<'a> {
         Ok(Self { studio, out, page })
     }
 
-    /// Places of the sheet: the address of the page, and the file.
+    /// Locations of the sheet: the address of the page, and the file.
     pub fn places(&self) -> Vec<String> {
         let page = self.page.as_ref().map(|(server, _)| server.url());
         page.into_iter().chain(self.out.as_ref().map(|out| out.display().to_string())).collect()
@@ -113,7 +114,7 @@ impl<'a> Preview<'a> {
         self.studio.pass(&Watch::default(), stop, &mut show)
     }
 
-    /// Makes a sheet after every save of the recipe or a file that it names, until it shall stop.
+    /// Renders a sheet after every save of the recipe or of a file that it names, until the caller stops it.
     ///
     /// # Errors
     /// If a sheet cannot be drawn or written.
@@ -127,7 +128,7 @@ impl<'a> Preview<'a> {
             Ok(())
         };
         thread::scope(|scope| {
-            // However this ends, the other threads end, too.
+            // Stops the other threads, however this function ends.
             let _end = End(stop);
             scope.spawn(|| watch.run(stop));
             if let Some((server, page)) = page {
@@ -143,7 +144,7 @@ impl<'a> Preview<'a> {
     }
 }
 
-/// Requests the end of work when it is dropped.
+/// Requests the end of the work when dropped.
 struct End<'a>(&'a Stop);
 
 impl Drop for End<'_> {

@@ -34,11 +34,11 @@ const MISTAKE: DrawColor = [255, 150, 130];
 pub enum SheetCell {
     /// Nothing yet.
     Waiting,
-    /// An image, and whether it is of the recipe as it is now.
+    /// An image, current or outdated.
     Image {
-        /// The image, with its labels beside it.
+        /// The image, with its labels next to it.
         image: Arc<Plane<DrawColor>>,
-        /// Whether nothing that it follows from has changed.
+        /// Whether all inputs of the image are unchanged.
         is_current: bool,
     },
     /// The reason for a missing image.
@@ -216,7 +216,7 @@ mod tests {
         assert_eq!(drawn.at(GAP, GAP + LINE), &[112; 3]);
         let of = |color: DrawColor| drawn.data().iter().filter(|pixel| **pixel == color).count();
         assert!(of(MISTAKE) > 300, "{}", of(MISTAKE));
-        // Nothing of the text leaves the cell.
+        // No text extends beyond the cell.
         let right = (0..drawn.height()).filter(|&y| *drawn.at(drawn.width() - GAP, y) == MISTAKE).count();
         assert_eq!(right, 0);
     }

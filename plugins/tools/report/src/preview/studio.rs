@@ -21,13 +21,13 @@ use syntable_runtime::run::preview::{Previewer, Wanted};
 use syntable_runtime::run::progress::{Event, Reporter, Warnings, count};
 use syntable_runtime::run::stop::Stop;
 
-/// Default number of scenes, and of views.
+/// Default number of scenes and of views.
 const OF_EACH: u32 = 2;
 /// Maximum number of cells of a sheet.
 const MAX_CELLS: usize = 400;
 /// Number of cached images in addition to the sheet, for recipes that return to an earlier state.
 const KEPT: usize = 200;
-/// Maximum number of pixels of the images that are kept.
+/// Maximum number of pixels of the cached images.
 const KEPT_PIXELS: usize = 1 << 26;
 /// Maximum number of pixels of a sheet.
 const MAX_PIXELS: u64 = 1 << 27;
@@ -35,7 +35,7 @@ const MAX_PIXELS: u64 = 1 << 27;
 /// Output of the preview.
 #[derive(Debug, Clone, PartialEq)]
 pub enum StudioOutput {
-    /// Images, and cells that wait for theirs.
+    /// Images, and cells that wait for their images.
     Sheet(Sheet),
     /// The errors of the recipe.
     Mistakes(String),
@@ -60,7 +60,7 @@ pub enum PassEnd {
     Done {
         /// Scenes that failed.
         failed: u32,
-        /// Whether stages left something out of the images.
+        /// Whether stages omitted something from the images.
         is_lossy: bool,
     },
     /// The recipe has mistakes.
@@ -99,7 +99,7 @@ impl ImageCache {
             self.order.push_back(key);
         }
         let mut pixels: usize = self.all.values().map(|image| image.data().len()).sum();
-        // The sheet has its images without these.
+        // The sheet holds its images independently of this cache.
         while self.order.len() > 1 && (self.order.len() > most || pixels > KEPT_PIXELS) {
             let oldest = self.order.pop_front().and_then(|oldest| self.all.remove(&oldest));
             pixels -= oldest.map_or(0, |image| image.data().len());
@@ -159,7 +159,7 @@ impl<'a> PreviewStudio<'a> {
         Ok(PassEnd::Done { failed: made.failed_scenes, is_lossy: made.is_lossy })
     }
 
-    /// Loads the recipe, and gives it to the previewer. Errors are those of the recipe, after its warnings.
+    /// Loads the recipe and passes it to the previewer. Errors are the recipe's errors, after its warnings.
     fn prepare(&mut self, watch: &Watch, said: &WarningRecorder) -> std::result::Result<ShownViews, Vec<Message>> {
         let doubts = Collected::default();
         let LoadedRecipe { recipe, mut files } = self.wishes.load(self.registry, &doubts);
@@ -176,7 +176,7 @@ impl<'a> PreviewStudio<'a> {
             self.reporter.message(&warning);
             said.remember(&warning);
         }
-        // A file of the recipe may be gone for a moment while it is saved.
+        // A file of the recipe may be missing for a moment while it is saved.
         self.previewer.set(recipe).map_err(load::of_error)?;
         Ok(views)
     }
@@ -265,7 +265,7 @@ impl<'a> PreviewStudio<'a> {
     }
 }
 
-/// Why a pass drew no sheet.
+/// Reason why a pass drew no sheet.
 enum PassError {
     /// The recipe or its assets.
     Recipe(Error),
@@ -273,12 +273,12 @@ enum PassError {
     Output(Error),
 }
 
-/// The images that a pass made.
+/// The images that a pass rendered.
 #[derive(Default)]
 struct DrawnImages {
     images: usize,
     failed_scenes: u32,
-    /// Whether stages left something out of the images.
+    /// Whether stages omitted something from the images.
     is_lossy: bool,
 }
 
@@ -286,7 +286,7 @@ struct DrawnImages {
 struct ShownViews {
     scenes: Vec<u32>,
     views: Vec<u32>,
-    /// Width and height of a cell, px, before an image has them.
+    /// Width and height of a cell, px, until an image determines them.
     expected: [u32; 2],
 }
 
@@ -327,7 +327,7 @@ impl ShownViews {
         self.scenes.iter().flat_map(|&scene| self.views.iter().map(move |&view| (scene, view)))
     }
 
-    /// Place of a cell.
+    /// Index of a cell.
     fn index(&self, scene: u32, view: u32) -> usize {
         self.all().position(|place| place == (scene, view)).unwrap_or(0)
     }
@@ -362,7 +362,7 @@ fn put(shown: &mut StudioOutput, index: usize, cell: SheetCell) {
     }
 }
 
-/// A reporter that remembers warnings, for the page.
+/// A reporter that records warnings, for the page.
 struct WarningRecorder<'a> {
     reporter: &'a dyn Reporter,
     wording: Wording,

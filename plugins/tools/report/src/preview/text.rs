@@ -1,4 +1,4 @@
-//! Text in images, in a font of fixed width.
+//! Text in images, in a monospaced font.
 
 use embedded_graphics::draw_target::DrawTarget;
 use embedded_graphics::geometry::{OriginDimensions, Point, Size};
@@ -90,7 +90,7 @@ impl DrawTarget for Target<'_> {
 mod tests {
     use super::*;
 
-    /// Numbers of pixels that a text colors.
+    /// Number of pixels that a text colors.
     fn ink(text: &str) -> usize {
         let mut plane = Plane::from_fn(200, 20, |_, _| [0; 3]);
         draw(&mut plane, text, [3, 2], [9, 8, 7]);

@@ -1,4 +1,4 @@
-//! Waiting for a save.
+//! Waits for a save.
 //!
 //! Files are polled many times per second. Polling works on every file system, including network folders, follows
 //! editors that save by renaming, and needs no package; a recipe has few small files. Only content matters: a save
@@ -14,13 +14,13 @@ use std::time::{Duration, Instant, SystemTime};
 use syntable_model::digest::Digest;
 use syntable_runtime::run::stop::Stop;
 
-/// Time between two looks.
+/// Interval between two polls.
 const LOOK: Duration = Duration::from_millis(50);
-/// Time until a file that changed is looked at again, and must be the same.
+/// Time until a changed file is polled again; its content must then be the same.
 const SETTLED: Duration = Duration::from_millis(15);
-/// Time after which a file is taken as gone: editors that save by renaming leave none for a moment.
+/// Time after which a missing file counts as gone: editors that save by renaming remove it for a moment.
 const GONE: Duration = Duration::from_millis(500);
-/// By how much the times of files may lag behind the clock: file systems take them from a clock of coarse ticks.
+/// Maximum delay of file times relative to the clock: file systems use a clock with coarse ticks.
 const TICK: Duration = Duration::from_millis(40);
 /// Size up to which files are read at every poll, bytes. For larger files, size and modification time are compared
 /// first.
@@ -35,24 +35,24 @@ pub struct WatchedFiles(BTreeMap<PathBuf, FileStamp>);
 struct FileStamp {
     /// Digest of the content; `None` for an unreadable file.
     content: Option<Digest>,
-    /// Size and time of the last change, of a large file.
+    /// Size and modification time of a large file.
     stamp: Option<(u64, SystemTime)>,
 }
 
 impl WatchedFiles {
-    /// A file that was read, with the bytes that were in it then.
+    /// Adds a file that was read, with the bytes read.
     pub fn read(&mut self, path: &Path, bytes: &[u8]) {
-        // The same digest as for a file that is read again.
+        // The same digest as when the file is read again.
         let content = Digest::of_reader(bytes).ok().map(|(digest, _)| digest);
         self.0.insert(path.to_owned(), FileStamp { content, stamp: None });
     }
 
-    /// A file that could not be read.
+    /// Adds a file that could not be read.
     pub fn expect(&mut self, path: &Path) {
         self.0.entry(path.to_owned()).or_insert(FileStamp { content: None, stamp: None });
     }
 
-    /// Adds a file that was read after `since`, with its present content. A file that was written after `since` counts
+    /// Adds a file that was read after `since`, with its current content. A file that was written after `since` counts
     /// as changed, because the content that was read is unknown. Folders are ignored.
     pub fn add(&mut self, path: &Path, since: SystemTime) {
         if !path.is_dir() && !self.0.contains_key(path) {
@@ -63,7 +63,7 @@ impl WatchedFiles {
         }
     }
 
-    /// Adds files of before that are not known here.
+    /// Adds the files of an earlier list that are missing here.
     pub fn add_all(&mut self, others: &Self) {
         for (path, known) in &others.0 {
             self.0.entry(path.clone()).or_insert(*known);
@@ -89,7 +89,7 @@ impl WatchedFiles {
     }
 }
 
-/// State of a file now. The known digest of a large file remains valid while size and time are unchanged.
+/// Current state of a file. The known digest of a large file remains valid while size and time are unchanged.
 fn look(path: &Path, known: Option<&FileStamp>) -> FileStamp {
     let nothing = FileStamp { content: None, stamp: None };
     let Ok(metadata) = path.metadata() else { return nothing };
@@ -105,7 +105,7 @@ fn look(path: &Path, known: Option<&FileStamp>) -> FileStamp {
     FileStamp { content, stamp }
 }
 
-/// Files that are watched, while work that follows from them is done or waits.
+/// Watched files, shared with the work that depends on them.
 #[derive(Default)]
 pub struct Watch {
     state: Mutex<WatchState>,
@@ -116,24 +116,24 @@ pub struct Watch {
 struct WatchState {
     files: WatchedFiles,
     has_changed: bool,
-    /// Ends the work that a change makes useless.
+    /// Stops work that a change makes obsolete.
     work: Stop,
 }
 
 impl Watch {
-    /// States that work begins on files that are about to be read. A change from now on ends it.
+    /// Announces that work begins on files that are about to be read. Any later change stops this work.
     pub fn begin(&self) -> Stop {
         let mut state = self.state.lock();
         *state = WatchState::default();
         state.work.clone()
     }
 
-    /// States what was read.
+    /// Sets the files that the work read.
     pub fn set(&self, files: WatchedFiles) {
         self.state.lock().files = files;
     }
 
-    /// Waits for a change, or at most for some time; at once if the program shall stop.
+    /// Waits for a change, at most for the given time. Returns at once if the program must stop.
     pub fn wait(&self, time: Option<Duration>, stop: &Stop) {
         let mut state = self.state.lock();
         let until = time.map(|time| Instant::now() + time);
@@ -151,7 +151,7 @@ impl Watch {
         }
     }
 
-    /// Looks at the files until the program shall stop.
+    /// Polls the files until the program must stop.
     pub fn run(&self, stop: &Stop) {
         let mut gone = BTreeMap::new();
         while !stop.is_requested() {
@@ -166,7 +166,7 @@ impl Watch {
             let before = files.clone();
             let has_changed = files.changed(&mut gone);
             let mut state = self.state.lock();
-            // The work may have begun anew meanwhile.
+            // New work may have begun in the meantime.
             if state.files == before {
                 state.files = files;
                 if has_changed {
@@ -187,7 +187,7 @@ mod tests {
     use super::*;
     use std::fs;
 
-    /// A watched file, and whether it was taken as changed after something was done to it.
+    /// Watches a file, and returns whether `act` on it is detected as a change.
     fn changes(act: impl FnOnce(&Path), time: Duration) -> bool {
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("recipe.toml");
@@ -212,7 +212,7 @@ mod tests {
     #[test]
     fn a_save_is_seen() {
         assert!(changes(|path| fs::write(path, "a = 2\n").expect("written"), LONG));
-        // By renaming, as many editors do.
+        // Saves by renaming, as many editors do.
         let by_renaming = |path: &Path| {
             let other = path.with_extension("swp");
             fs::write(&other, "a = 3\n").expect("written");
@@ -242,7 +242,7 @@ mod tests {
         let mut files = WatchedFiles::default();
         files.read(&path, b"read before that");
         assert!(files.changed(&mut BTreeMap::new()));
-        // A file that was missing comes.
+        // A missing file appears.
         let mut files = WatchedFiles::default();
         let other = folder.path().join("other.toml");
         files.expect(&other);
@@ -266,7 +266,7 @@ mod tests {
     fn a_file_that_changed_in_the_tick_in_which_it_was_read_is_read_again() {
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("points.json");
-        // A file system with ticks of 10 ms says of a save after the read that it was before.
+        // With ticks of 10 ms, a file system may date a save after the read to before the read.
         fs::write(&path, "new").expect("written");
         let since = SystemTime::now();
         let file = File::options().write(true).open(&path).expect("there");
@@ -282,7 +282,7 @@ mod tests {
         let path = folder.path().join("list.txt");
         fs::write(&path, vec![1; 2 << 20]).expect("written");
         let mut files = WatchedFiles::default();
-        // What a clock of coarse ticks says is past.
+        // `since` is long after the write, even for a clock with coarse ticks.
         let later = SystemTime::now() + Duration::from_secs(1);
         files.add(&path, later);
         assert!(!files.changed(&mut BTreeMap::new()));

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 const STYLE: &str = include_str!("page/style.css");
 
-/// Colors in light and in dark, by name.
+/// Light and dark colors, by name.
 fn colors() -> BTreeMap<String, [[f64; 3]; 2]> {
     let lines = STYLE.lines().filter_map(|line| line.trim().strip_prefix("--")?.split_once(": light-dark("));
     lines
@@ -40,7 +40,7 @@ fn contrast(a: [f64; 3], b: [f64; 3]) -> f64 {
 fn the_formula_gives_known_ratios() {
     let of = |a, b| contrast(color(a), color(b));
     assert!((of("#ffffff", "#000000") - 21.0).abs() < 1e-9);
-    // The gray that is the lightest to pass on white.
+    // The lightest gray that passes on white.
     assert!((of("#767676", "#ffffff") - 4.54).abs() < 0.005 && of("#777777", "#ffffff") < 4.5);
 }
 

@@ -13,7 +13,7 @@ use syntable_model::product::{BBox, Graph, Key, KeyId, Mask, PerInstance, Produc
 use syntable_model::reader::OpenDataset;
 use syntable_model::scene::InstanceId;
 
-/// An image of a dataset as the pages show it.
+/// An image of a dataset, as the pages show it.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ImageView {
     /// Name in the dataset.
@@ -41,10 +41,10 @@ pub struct ImageView {
 pub struct ImageObject {
     /// Its id.
     pub id: u16,
-    /// Whether no pixel of it is seen.
+    /// Whether it has no visible pixel.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub is_hidden: bool,
-    /// Name of its asset; empty if it is not known.
+    /// Name of its asset; empty if unknown.
     pub name: String,
     /// Name of its class.
     pub category: String,
@@ -91,7 +91,7 @@ pub struct GalleryRow {
     pub objects: usize,
     /// Whether the image has a color image.
     pub has_image: bool,
-    /// Greatest occlusion rate of an object.
+    /// Maximum occlusion rate of an object.
     pub most: Option<f64>,
     /// Number of faults.
     pub faults: usize,
@@ -133,7 +133,7 @@ pub fn read(
         (read.size, read.products)
     };
     let mut objects: BTreeMap<InstanceId, ImageObject> = BTreeMap::new();
-    // Amodal masks alone do not tell which pixels are hidden.
+    // Amodal masks alone do not show which pixels are hidden.
     let has_visible = offers.contains(&VISIBLE_MASK.id());
     let mut put = ObjectCollector { products: &products, objects: &mut objects };
     put.each(VISIBLE_MASK, |object, mask: &Mask| {

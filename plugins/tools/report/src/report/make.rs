@@ -25,27 +25,27 @@ pub const MADE_BY: &str = "syntable report";
 /// Content and folder of a report.
 #[derive(Debug, Clone)]
 pub struct ReportOptions {
-    /// The dataset, of any format that can be read.
+    /// The dataset, in any readable format.
     pub dataset: Source,
     /// Format of the dataset; `None` detects it.
     pub format: Option<String>,
     /// Folder of the report; `None` uses the dataset's name with the suffix `-report`.
     pub out: Option<PathBuf>,
-    /// Whether a report that is in the folder is replaced.
+    /// Whether to replace an existing report in the folder.
     pub overwrite: bool,
-    /// Scores of predictions: what `syntable eval --save` wrote.
+    /// File of scores of predictions, written by `syntable eval --save`.
     pub scores: Option<PathBuf>,
     /// Maximum number of images: the most occluded ones, and others at even intervals. Statistics always cover all
     /// images.
     pub images: usize,
     /// Maximum number of scenes in space.
     pub scenes: usize,
-    /// Whether brightness, depth and near-duplicate views are left out, which is faster.
+    /// Whether to omit brightness, depth and near-duplicate views, which is faster.
     pub labels_only: bool,
 }
 
 impl ReportOptions {
-    /// A report beside the dataset, of at most 500 images and 6 scenes.
+    /// A report next to the dataset, with at most 500 images and 6 scenes.
     pub fn new(dataset: Source) -> Self {
         let (format, out, scores) = (None, None, None);
         Self { dataset, format, out, overwrite: false, scores, images: 500, scenes: 6, labels_only: false }
@@ -57,7 +57,7 @@ impl ReportOptions {
 pub struct MadeReport {
     /// Its first page.
     pub index: PathBuf,
-    /// The format that the dataset was read as.
+    /// Format of the dataset.
     pub format: &'static str,
     /// Images with labels in the report.
     pub images: usize,
@@ -73,7 +73,7 @@ pub struct MadeReport {
     pub left_out: LeftOutReport,
 }
 
-/// Makes a report: a folder of pages, which takes its place whole or not at all.
+/// Makes a report: a folder of pages, which appears as a whole or not at all.
 ///
 /// # Errors
 /// If the dataset cannot be opened, the folder is in use, a file cannot be written, or the work was stopped.
@@ -192,7 +192,7 @@ fn beside(registry: &Registry, dataset: &Path) -> Result<PathBuf> {
             .in_file(dataset)
             .help("choose a folder for the report with `options.out`"));
     };
-    // Of the folder of a writer: beside the whole run.
+    // For a writer's folder, the report goes next to the folder of the run.
     if let Some(run) = run_of(folder)?.filter(|run| run != folder) {
         let inner = folder.strip_prefix(&run).unwrap_or(folder).iter();
         let names = run.file_name().into_iter().chain(inner).map(|name| name.to_string_lossy());
@@ -205,10 +205,10 @@ fn beside(registry: &Registry, dataset: &Path) -> Result<PathBuf> {
     Ok(if is_named { dataset.with_file_name(named) } else { folder.with_file_name(named) })
 }
 
-/// Refuses a folder that cannot take a report.
+/// Refuses a folder that cannot hold a report.
 fn check_out(out: &Path, overwrite: bool) -> Result<()> {
     let refuse = |what: &str, help: &str| {
-        // A report that was killed at its very end is whole, and has left something beside it.
+        // A report that was killed at its very end is complete, but leaves remains of the command next to it.
         let _ = durable::mend(out);
         Err(Error::new(what).in_file(out).help(help))
     };
@@ -263,7 +263,8 @@ pub fn write(report: &DatasetReport, draft: &Draft, work: &ImageWork) -> Result<
             add(of_file(&path, &bytes));
         }
     }
-    // Pages refer to other files with the report's digest, so that a browser uses none from an earlier report.
+    // Pages refer to other files with the report's digest, so that browsers do not use cached files of an earlier
+    // report.
     if let Some(edition) = edition {
         report.put_edition(&edition.finish());
     }
@@ -286,7 +287,7 @@ mod tests {
         assert_eq!(choose(7, 3, None, &[]), [0, 2, 4]);
         // The worst images take at most one half.
         assert_eq!(choose(100, 4, None, &[77, 3, 50]), [0, 3, 50, 77]);
-        // The requested number, whatever images came first.
+        // The result has the requested number of images, whatever the preferred images.
         for (all, most) in (2..20).flat_map(|all| (1..all).map(move |most| (all, most))) {
             let shown = choose(all, most, None, &[all - 1, 0, all / 2]);
             assert!(shown.len() == most && shown.is_sorted(), "{most} of {all}: {shown:?}");

@@ -90,28 +90,28 @@ pub struct DatasetReport {
     /// Checks of every image.
     checks: Vec<Arc<dyn LabelCheck>>,
     record: DatasetRecord,
-    /// Images that the pages show, ascending.
+    /// Images on the pages, ascending.
     shown: Vec<usize>,
-    /// Scenes with a model that the pages show.
+    /// Scenes with a model on the pages.
     scenes: Vec<u32>,
     /// Scenes with an unreadable model, with reasons.
     lost_scenes: Mutex<BTreeMap<u32, String>>,
     /// Licenses, collected from labels on first request, which takes a while.
     licenses: OnceLock<(Licenses, Vec<String>)>,
-    /// Scores of predictions, if some are shown.
+    /// Scores of predictions, if given.
     scored: Option<ReportScores>,
-    /// Digest that distinguishes a written report from another one at the same path.
+    /// Digest that distinguishes a written report from other reports at the same path.
     edition: OnceLock<String>,
     pages: Tera,
-    /// Rows of images that were shown.
+    /// Gallery rows of the images shown so far.
     rows: Vec<Mutex<Option<GalleryRow>>>,
-    /// Faults of shown images that were checked, by place.
+    /// Faults of the images checked so far, by index among the shown images.
     faults: Mutex<BTreeMap<usize, Vec<[String; 2]>>>,
     /// The statistics, once they are complete.
     statistics: Mutex<StatisticsProgress>,
 }
 
-/// How far the statistics are.
+/// Progress of the statistics.
 pub enum StatisticsProgress {
     /// Counting; the text states the progress.
     Working(String),
@@ -141,7 +141,7 @@ impl DatasetReport {
         Self::of(registry, dataset, format.name(), source, choose)
     }
 
-    /// The pages of an open dataset. `source` is its location, with the permitted reach of links of its run.
+    /// The pages of an open dataset. `source` is its location, with the permitted reach of its links.
     pub fn of(
         registry: &Registry,
         dataset: OpenDataset,
@@ -185,13 +185,13 @@ impl DatasetReport {
         &self.path
     }
 
-    /// Shows predictions, too.
+    /// Adds predictions to the pages.
     pub fn with_scores(self, scored: ReportScores) -> Self {
         Self { scored: Some(scored), ..self }
     }
 
-    /// Reads the licenses of assets from the labels of each scene's first image, and from glTF files. The overview lists them
-    /// from then on.
+    /// Reads the licenses of assets from the labels of each scene's first image, and from glTF files. From then on, the
+    /// overview lists them.
     pub fn gather_licenses(&self) {
         let mut first: BTreeSet<u32> = BTreeSet::new();
         let images = self.dataset.images.iter().enumerate();
@@ -211,7 +211,7 @@ impl DatasetReport {
         &self.dataset
     }
 
-    /// Puts the statistics, or how far they are.
+    /// Sets the statistics, or their progress.
     pub fn put_statistics(&self, counted: StatisticsProgress) {
         *self.statistics.lock() = counted;
     }
@@ -238,7 +238,7 @@ impl DatasetReport {
             .collect()
     }
 
-    /// Reasons for unreadable parts of images, by place among the shown images.
+    /// Reasons for unreadable parts of images, by index among the shown images.
     fn unread_by_place(&self) -> BTreeMap<usize, Vec<String>> {
         let mut unread: BTreeMap<usize, Vec<String>> = BTreeMap::new();
         for (place, faults) in &*self.faults.lock() {
@@ -259,7 +259,7 @@ impl DatasetReport {
         hidden.chain(self.record.damaged.iter().cloned()).chain(licenses).chain(scenes).collect()
     }
 
-    /// Scenes that the pages show in space.
+    /// Scenes that the pages show in 3-D.
     pub fn scenes(&self) -> Vec<u32> {
         let lost = self.lost_scenes.lock();
         self.scenes.iter().copied().filter(|scene| !lost.contains_key(scene)).collect()
@@ -270,12 +270,12 @@ impl DatasetReport {
         self.lost_scenes.lock().insert(scene, format!("scene {scene} in space: {why}"));
     }
 
-    /// Paths of scenes in space.
+    /// Paths of scenes in 3-D.
     fn scene_paths(&self) -> Vec<(u32, String)> {
         self.scenes.iter().map(|scene| (*scene, format!("data/scene/{scene:06}.js"))).collect()
     }
 
-    /// The files that follow from single images, by the place of the image among those that are shown.
+    /// The files of a single image, by its index among the shown images.
     pub fn files_of_image(&self, place: usize) -> Result<Vec<(String, Vec<u8>)>> {
         let (view, products) = self.read_whole(place)?;
         let mut files = vec![(view_path(place), self.put(&view_key(place), &self.whole_view(place, &view)))];
@@ -284,7 +284,7 @@ impl DatasetReport {
         Ok(files)
     }
 
-    /// Reads an image with all inputs of the checks, and keeps the faults.
+    /// Reads an image with all inputs of the checks, and stores the faults.
     fn read_whole(&self, place: usize) -> Result<(ImageView, Products)> {
         let read = image::read(&self.dataset, &self.checks, self.shown[place], true)?;
         *self.rows[place].lock() = Some(read.0.row());
@@ -356,7 +356,7 @@ impl DatasetReport {
             return Ok(row.clone());
         }
         let of = |whole: bool| image::read(&self.dataset, &self.checks, self.shown[place], whole);
-        // With the checks, what cannot be read is a fault of the image.
+        // With the checks, unreadable data is a fault of the image.
         let read = of(false).or_else(|_| of(true))?.0.row();
         *row = Some(read.clone());
         Ok(read)

@@ -13,11 +13,11 @@ use syntable_model::product::standard::{AMODAL_MASK, DEPTH, OCCLUSION_ORDER, RGB
 use syntable_runtime::run::making::times::Worked;
 use syntable_runtime::run::progress::count;
 
-/// Views of a row of images.
+/// Number of views in a row of images.
 pub const MOST_OCCLUDED: usize = 12;
-/// Images with the worst scores that are shown.
+/// Maximum number of images with the worst scores.
 pub const MOST_WORST: usize = 24;
-/// Faults that are listed.
+/// Maximum number of listed faults.
 const FAULTS: usize = 24;
 
 /// Data of the template `index.html`.
@@ -26,7 +26,7 @@ pub struct Overview {
     facts: Vec<Fact>,
     cells: Vec<Fact>,
     plots: Vec<String>,
-    /// A sentence while the statistics are counted, or why they are not there.
+    /// Progress of the statistics as a sentence, or the reason why they are missing.
     counting: Option<String>,
     is_counting: bool,
     unknown: Vec<String>,
@@ -64,15 +64,15 @@ struct ScoresView {
     tables: Vec<TableView>,
     ranked_by: String,
     worst: Vec<ImageCard>,
-    /// How many of the worst images the file has.
+    /// Number of worst images in the file.
     all_worst: usize,
 }
 
-/// An image that leads to its page.
+/// An image that links to its page.
 #[derive(Serialize)]
 struct ImageCard {
     place: usize,
-    /// Labels that are switched on there.
+    /// Labels that are switched on on that page.
     on: &'static str,
     image: Option<String>,
     name: String,
@@ -269,7 +269,7 @@ fn scores(report: &DatasetReport, scored: &ReportScores) -> ScoresView {
     }
 }
 
-/// Some images at even distances.
+/// A sample of images at even intervals.
 fn sample(report: &DatasetReport) -> Vec<ImageCard> {
     let count = report.shown.len().min(6);
     (0..count)
@@ -326,7 +326,7 @@ fn stages(report: &DatasetReport) -> Vec<StageRow> {
     stages.into_iter().map(row).collect()
 }
 
-/// A span of time for people.
+/// A duration as text for users.
 fn span(seconds: f64) -> String {
     match seconds {
         it if it < 60.0 => format!("{it:.1} s"),

@@ -1,4 +1,4 @@
-//! Images as the pages have them: JPEG files of a bounded size, depth in colors.
+//! Images for the pages: JPEG files of a limited size, and depth in colors.
 
 use image::codecs::jpeg::JpegEncoder;
 use image::{ExtendedColorType, RgbImage, imageops};
@@ -46,14 +46,14 @@ fn is_known(depth: f32) -> bool {
     depth.is_finite() && depth > 0.0
 }
 
-/// Depth in colors from the nearest to the farthest; black without a depth.
+/// Depth in colors from the nearest to the farthest; black without depth.
 pub fn colored(depth: &Plane<f32>) -> Plane<[u8; 3]> {
     let [near, far] = range(depth).unwrap_or([0.0, 1.0]);
     let scale = if far > near { 1.0 / (far - near) } else { 0.0 };
     depth.map(|&depth| if is_known(depth) { ramp((depth - near) * scale) } else { [0; 3] })
 }
 
-/// The color of a place between near, 0, and far, 1.
+/// The color at a position between near, 0, and far, 1.
 fn ramp(at: f32) -> [u8; 3] {
     let at = at.clamp(0.0, 1.0) * (RAMP.len() - 1) as f32;
     let first = (at as usize).min(RAMP.len() - 2);

@@ -7,7 +7,7 @@ use std::fmt::Write;
 const SIZE: [f64; 2] = [360.0, 210.0];
 /// Left, top, right and bottom of the plotted area.
 const AREA: [f64; 4] = [46.0, 14.0, 350.0, 164.0];
-/// Most labels below the bars.
+/// Maximum number of labels below the bars.
 const LABELS: usize = 8;
 
 /// The histogram of a distribution in percent of its values, with a description in words. `number` makes ids unique.
@@ -82,7 +82,7 @@ pub fn histogram(of: &Distribution, number: usize) -> String {
     out
 }
 
-/// The step of 1, 2 or 5 times a power of ten that is not below a positive length.
+/// The smallest step of 1, 2 or 5 times a power of ten that is at least a positive length.
 fn round_step(least: f64) -> f64 {
     let power = 10_f64.powi(libm::log10(least.max(1e-9)).floor() as i32);
     [1.0, 2.0, 5.0, 10.0].map(|it| it * power).into_iter().find(|it| *it >= least * 0.999).unwrap_or(10.0 * power)
@@ -95,7 +95,7 @@ pub fn number_text(value: f64) -> String {
     grouped(text)
 }
 
-/// Digits before the decimal point in groups of three, a narrow space between them.
+/// Digits before the decimal point in groups of three, separated by narrow spaces.
 pub fn grouped(text: &str) -> String {
     let (whole, rest) = text.find('.').map_or((text, ""), |at| text.split_at(at));
     let (sign, digits) = whole.strip_prefix('-').map_or(("", whole), |digits| ("-", digits));
@@ -109,7 +109,7 @@ pub fn grouped(text: &str) -> String {
     out + rest
 }
 
-/// A text with a capital at its start.
+/// A text with its first letter capitalized.
 pub fn capital(text: &str) -> String {
     let mut letters = text.chars();
     letters.next().map_or_else(String::new, |first| first.to_uppercase().chain(letters).collect())
@@ -128,7 +128,8 @@ mod tests {
     use crate::stats::distribution::{Binning, bin};
     use crate::stats::quantity::Quantity;
 
-    /// A quarter of the values is in the second of ten bins, whose bar is a third as high as the bar of three quarters.
+    /// A quarter of the values is in the second of ten bins. Its bar is a third as high as the bar of the other three
+    /// quarters.
     #[test]
     fn bars_are_as_high_as_their_parts() {
         let mut rates = Distribution::new(Quantity::OcclusionRate);

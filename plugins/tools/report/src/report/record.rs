@@ -19,7 +19,7 @@ use syntable_runtime::run::making::times::RunTimes;
 
 /// Maximum number of folders between a run and an annotation file, such as `coco/annotations/instances_train.json`.
 const WITHIN_RUN: usize = 3;
-/// Most bytes of the JSON in a glTF file.
+/// Maximum size of the JSON in a glTF file, bytes.
 const MAX_JSON: u32 = 64 << 20;
 
 /// Origin of a dataset. Mostly unknown for a dataset of another program.
@@ -29,7 +29,7 @@ pub struct DatasetRecord {
     folder: Option<DatasetFolder>,
     /// The resolved recipe; empty if unknown.
     pub recipe: String,
-    /// The same as a table.
+    /// The recipe as a table.
     pub table: toml::Table,
     /// The scenes of the run.
     pub journal: BTreeMap<u32, JournalEntry>,
@@ -56,7 +56,7 @@ pub struct PoolView {
     pub licenses: Vec<LicenseCount>,
 }
 
-/// How many assets have a license.
+/// Number of assets with a license.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct LicenseCount {
     /// License and attribution, from the asset's file or source.
@@ -175,8 +175,8 @@ impl DatasetRecord {
         used.into_iter().map(pool).collect()
     }
 
-    /// Licenses that objects of some images have, and bodies, materials and environment maps in glTF files; and what of them
-    /// cannot be read: sentences.
+    /// Licenses of objects in some images, and of bodies, materials and environment maps in glTF files. Also returns
+    /// the unreadable parts, as sentences.
     pub fn licenses(&self, dataset: &OpenDataset, images: impl Iterator<Item = usize>) -> (Licenses, Vec<String>) {
         let (mut found, mut unread) = (Licenses::new(), Vec::new());
         if dataset.offers.contains(&OBJECT_INFO.id()) {
@@ -231,7 +231,7 @@ impl DatasetRecord {
 /// If the file is not regular, such as a pipe, which would block, or if a link leads outside the folder of the run and
 /// the source does not permit it.
 fn find(folder: &DatasetFolder, path: &Path) -> Result<Option<PathBuf>> {
-    // The name is the program's own: only a link can lead out.
+    // The name comes from the program, so only a link can lead out.
     let refused = |error: Error| match error.is_io() {
         true => error,
         false => {
@@ -288,8 +288,8 @@ pub fn run_of(path: &Path) -> Result<Option<PathBuf>> {
     Ok(None)
 }
 
-/// glTF files of whole scenes, or of the first view of each, from the recipe's first writer of such files. `note`
-/// receives the unusable ones.
+/// glTF files of whole scenes, or of the first view of each scene, from the recipe's first writer of such files. `note`
+/// receives the unusable files.
 fn models(
     folder: &DatasetFolder,
     root: &Path,

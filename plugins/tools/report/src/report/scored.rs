@@ -1,4 +1,4 @@
-//! Scores of predictions that pages show beside the labels: the file that `syntable eval --save` wrote.
+//! Scores of predictions that pages show next to the labels, from a file written by `syntable eval --save`.
 
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -13,7 +13,7 @@ pub struct ReportScores {
     scores: MetricScores,
     /// Images with predictions by their index in the dataset, worst first.
     images: Vec<usize>,
-    /// Place among them by index.
+    /// Position in `images` by index.
     places: BTreeMap<usize, usize>,
 }
 
@@ -29,7 +29,7 @@ impl ReportScores {
     /// Scores of this dataset.
     ///
     /// # Errors
-    /// If the dataset lacks a scored image or has further ones.
+    /// If the dataset lacks a scored image or has additional images.
     pub fn of(scores: MetricScores, dataset: &OpenDataset) -> Result<Self> {
         let named: BTreeMap<&str, usize> =
             dataset.images.iter().enumerate().map(|(index, image)| (image.name.as_str(), index)).collect();
@@ -55,7 +55,7 @@ impl ReportScores {
         &self.images
     }
 
-    /// Predictions for an image; `None` if the file has none.
+    /// Predictions for an image; `None` if the file has no predictions for it.
     pub fn image(&self, image: usize) -> Option<&ScoredImage> {
         self.scores.worst.get(*self.places.get(&image)?)
     }
@@ -70,7 +70,7 @@ impl ReportScores {
         self.image(image)?.scores.get(&self.scores.ranked_by).copied()
     }
 
-    /// The evaluation in a sentence.
+    /// The evaluation as a sentence.
     pub fn says(&self) -> String {
         let of = &self.scores;
         format!(
@@ -85,7 +85,7 @@ impl ReportScores {
     }
 }
 
-/// A table of scores as a page has it.
+/// A table of scores for a page.
 #[derive(Debug, Serialize)]
 pub struct TableView {
     headings: Vec<String>,

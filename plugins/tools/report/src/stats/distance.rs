@@ -1,4 +1,4 @@
-//! How far apart the distributions of two datasets are.
+//! Distances between the distributions of two datasets.
 
 use super::distribution::Distribution;
 use super::statistics::DatasetStatistics;
@@ -11,14 +11,14 @@ pub struct DistributionDistance {
     pub name: &'static str,
     /// Unit of `wasserstein_1`; empty for numbers.
     pub unit: &'static str,
-    /// Wasserstein-1 distance: the mean way by which values move from one distribution to the other, in `unit`, to a step of the
-    /// quantity. None for layers, which are no numbers.
+    /// Wasserstein-1 distance: the mean distance by which values move from one distribution to the other, in `unit`,
+    /// accurate to a step of the quantity. None for layers, which are not numbers.
     pub wasserstein_1: Option<f64>,
-    /// Jensen-Shannon divergence of the histograms, in bits: 0 for equal ones, 1 for disjoint ones.
+    /// Jensen-Shannon divergence of the histograms, in bits: 0 for equal histograms, 1 for disjoint histograms.
     pub jensen_shannon: f64,
 }
 
-/// Distances between all that both datasets have values of. Their histograms have the same bins, see
+/// Distances of all quantities for which both datasets have values. Their histograms have the same bins, see
 /// [`bin_alike`](super::bin_alike).
 pub fn distances(a: &DatasetStatistics, b: &DatasetStatistics) -> Vec<DistributionDistance> {
     let pair = |a: &Distribution| -> Option<DistributionDistance> {
@@ -44,7 +44,7 @@ pub fn distances(a: &DatasetStatistics, b: &DatasetStatistics) -> Vec<Distributi
 }
 
 /// The area between two distribution functions, ∫ |F(x) − G(x)| dx, which is the Wasserstein-1 distance on a line
-/// (Vallender 1974). `None` if one has no values.
+/// (Vallender 1974). `None` if a distribution has no values.
 pub fn wasserstein_1(a: &Distribution, b: &Distribution) -> Option<f64> {
     if a.n() == 0 || b.n() == 0 {
         return None;
@@ -64,7 +64,7 @@ pub fn wasserstein_1(a: &Distribution, b: &Distribution) -> Option<f64> {
 }
 
 /// The Jensen-Shannon divergence of two histograms with the same bins, in bits (Lin 1991): the mean of their relative
-/// entropies to their mean. `None` if one is empty.
+/// entropies to their mean. `None` if a histogram is empty.
 pub fn jensen_shannon(a: &[u64], b: &[u64]) -> Option<f64> {
     let total = |counts: &[u64]| Some(counts.iter().sum::<u64>()).filter(|sum| *sum > 0).map(|sum| sum as f64);
     let (whole_a, whole_b) = (total(a)?, total(b)?);

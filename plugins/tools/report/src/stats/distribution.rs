@@ -4,20 +4,20 @@ use super::quantity::{Quantity, equal_edges};
 use serde::ser::{Serialize, Serializer};
 use std::collections::BTreeMap;
 
-/// How histograms are binned.
+/// Binning of histograms.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Binning {
     /// Depends on the quantity: fixed for rates, whole numbers for counts, round widths for lengths.
     #[default]
     Fixed,
-    /// Ten equal bins from the least value to the greatest, as in the figures of the SynTable paper.
+    /// Ten equal bins from the minimum to the maximum, as in the figures of the SynTable paper.
     Equal,
 }
 
 /// Number of bins of [`Binning::Equal`].
 const EQUAL_BINS: u32 = 10;
 
-/// Part of a step by which a value may fall short of a whole number of them because of rounding.
+/// Fraction of a step by which rounding may put a value below a whole number of steps.
 const ROUNDING: f64 = 1e-6;
 
 /// The values of a quantity.
@@ -38,7 +38,7 @@ impl Distribution {
         Self { quantity, counts: BTreeMap::new(), n: 0, sum: 0.0, range: None, edges: Vec::new() }
     }
 
-    /// Adds a value, which is finite and not negative.
+    /// Adds a finite, nonnegative value.
     pub fn add(&mut self, value: f64) {
         let steps = self.steps(value);
         self.add_counts([(steps, 1)], value, [value; 2]);
@@ -95,19 +95,19 @@ impl Distribution {
         found.map(|(steps, _)| *steps)
     }
 
-    /// Values with their numbers, ascending, in whole steps.
+    /// Values with their numbers, ascending, rounded down to whole steps.
     pub fn counts(&self) -> impl Iterator<Item = (f64, u64)> {
         let step = self.quantity.about().step;
         self.counts.iter().map(move |(steps, count)| (*steps as f64 * step, *count))
     }
 
-    /// Edges of the bins of its histogram, one more than bins. Empty before [`bin`].
+    /// Edges of the bins of its histogram, one more than the number of bins. Empty before [`bin`].
     pub fn edges(&self) -> &[f64] {
         &self.edges
     }
 
-    /// Number of values in each bin of its histogram: from an edge, which is in the bin, to the next, which is in the last bin
-    /// alone.
+    /// Number of values in each bin of its histogram. A bin includes its lower edge; only the last bin includes its
+    /// upper edge.
     pub fn histogram(&self) -> Vec<u64> {
         let about = self.quantity.about();
         let mut bins = vec![0; self.edges.len().saturating_sub(1)];
@@ -187,7 +187,7 @@ mod tests {
 
     #[test]
     fn values_at_edges_are_in_the_upper_bin() {
-        // Every tenth, for areas that binary fractions do not represent, and one pixel below.
+        // Every tenth, for an area whose tenths are not exact in binary, and one pixel below.
         let at: Vec<(u32, u32)> = (0..=10).map(|tenth| (30_719 * tenth, 307_190)).collect();
         assert_eq!(rates(&at, Binning::Fixed).histogram(), [1, 1, 1, 1, 1, 1, 1, 1, 1, 2]);
         let below: Vec<(u32, u32)> = (1..=10).map(|tenth| (30_719 * tenth - 1, 307_190)).collect();
@@ -210,7 +210,7 @@ mod tests {
         assert!((of.mean().expect("values") - 5.0 / 12.0).abs() < 1e-15);
         assert!((of.median().expect("values") - 0.333_333).abs() < 1e-12);
         let median = |values: &[(u32, u32)]| rates(values, Binning::Fixed).median().expect("values");
-        // The mean of the two in the middle, far apart or equal, and the middle one of an odd number.
+        // The mean of the two middle values, far apart or equal, and the middle value of an odd number.
         for (values, expected) in [
             (&[(1, 4), (3, 4)][..], 0.5),
             (&[(0, 1), (1, 4), (3, 4), (1, 1)], 0.5),

@@ -15,11 +15,11 @@ use syntable_model::product::Plane;
 /// Default maximum difference between cells of near-duplicates, of 255 levels.
 pub const LEVELS: u8 = 5;
 
-/// Cells along either edge.
+/// Number of cells along each edge.
 const EDGE: usize = 16;
-/// Blocks along either edge.
+/// Number of blocks along each edge.
 const BLOCKS: usize = 4;
-/// Parts that the search is split into.
+/// Number of parts into which the search is split.
 const JOBS: usize = 16;
 
 /// An image in 16 × 16 cells.
@@ -54,7 +54,7 @@ pub fn luma(image: &Plane<[u8; 3]>) -> (f64, Thumbnail) {
 }
 
 impl Thumbnail {
-    /// The largest difference of two cells.
+    /// The largest difference between corresponding cells.
     pub fn difference(&self, other: &Self) -> u8 {
         self.cells.iter().zip(&other.cells).map(|(a, b)| a.abs_diff(*b)).max().unwrap_or(0)
     }
@@ -85,7 +85,8 @@ pub struct Duplicates {
     pub groups: Vec<Vec<String>>,
 }
 
-/// Groups of two images or more that are linked by near-duplicates, each ascending, by their first images.
+/// Groups of at least two images that are linked by near-duplicates, each group ascending, ordered by their first
+/// images.
 pub fn groups(thumbnails: &[Thumbnail], levels: u8, workers: &dyn Workers) -> Vec<Vec<usize>> {
     let sum = |it: &Thumbnail| it.cells.iter().map(|cell| u32::from(*cell)).sum::<u32>();
     let mut order: Vec<(u32, usize)> = thumbnails.iter().enumerate().map(|(image, it)| (sum(it), image)).collect();
@@ -122,7 +123,7 @@ pub fn groups(thumbnails: &[Thumbnail], levels: u8, workers: &dyn Workers) -> Ve
     groups
 }
 
-/// Disjoint sets of places.
+/// Disjoint sets of indices.
 struct Links(Vec<u32>);
 
 impl Links {
@@ -162,7 +163,7 @@ mod tests {
         }
     }
 
-    /// Against all pairs and a walk from link to link.
+    /// Compares with a search over all pairs and a walk along the links.
     #[test]
     fn groups_match_all_pairs() {
         let mut stream = Stream::root(5);

@@ -21,7 +21,7 @@ const LEAST_IOU: f64 = 0.1;
 const FAR_M: f64 = 10_000.0;
 /// Number of depth steps with a counter each. Larger depths, which few images have, are counted in a map.
 const NEAR_STEPS: usize = 10_000;
-/// Part of a step by which a depth in single precision may fall short of a whole number of them.
+/// Fraction of a step by which single precision may put a depth below a whole number of steps.
 const DEPTH_ROUNDING: f64 = 1e-3;
 
 /// Statistics of an image: a line of the CSV file.
@@ -51,7 +51,7 @@ pub struct ImageRow {
     pub duplicates: Option<u32>,
 }
 
-/// Occlusion in an image. Objects that it does not show are not in it.
+/// Occlusion in an image, without objects that have no visible pixel.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct OcclusionRow {
     /// Objects with at least one hidden pixel.
@@ -74,7 +74,7 @@ pub struct OcclusionRow {
     pub cycles: u32,
     /// Weakly connected components, including isolated objects.
     pub components: u32,
-    /// Objects of the largest one.
+    /// Number of objects in the largest component.
     pub largest_component: u32,
     /// Layers from front to back.
     pub depth_layers: u32,
@@ -118,7 +118,7 @@ pub(super) struct ImageTally {
     pub assets: Vec<String>,
     /// Categories of objects that it shows.
     pub categories: Vec<u32>,
-    /// Sums of the objects' rates, and of those that are occluded.
+    /// Sums of the rates of all objects, and of the occluded objects.
     pub rates: f64,
     pub thumbnail: Option<Thumbnail>,
     /// Annotations that are not objects.
@@ -133,7 +133,7 @@ pub(super) struct Depths {
     pub far: BTreeMap<usize, u64>,
     /// Sum of the depths, m.
     pub sum: f64,
-    /// Least and greatest depth, m.
+    /// Minimum and maximum depth, m.
     pub range: [f64; 2],
 }
 
@@ -227,7 +227,7 @@ pub(super) fn tally(
     Ok(tally)
 }
 
-/// An error with the way out, if the image can be read without its files of color and depth.
+/// Adds a hint to an error if the image can be read without its color and depth files.
 fn without_images(error: Error, dataset: &OpenDataset, image: usize, wanted: &ImageInputs) -> Error {
     let labels: Vec<KeyId> = wanted.keys.iter().filter(|key| ![RGB.id(), DEPTH.id()].contains(key)).copied().collect();
     if labels.len() < wanted.keys.len() && dataset.read(image, &labels).is_ok() {
@@ -242,7 +242,7 @@ impl ImageTally {
         let ids: Vec<InstanceId> = match products.optional(VISIBLE_MASK)? {
             Some(visible) => {
                 let shown = shown(products, visible)?;
-                // Fully hidden objects may have no visible mask at all.
+                // Fully hidden objects may have no visible mask.
                 let annotated = products.optional(AMODAL_MASK)?.map_or(0, |it| it.0.len()).max(visible.0.len());
                 self.row.hidden_objects = (annotated - shown.len()) as u32;
                 self.values.extend(shown.iter().map(|it| (Quantity::ObjectArea, it.amodal_px as f64)));
@@ -251,7 +251,7 @@ impl ImageTally {
                 }
                 shown.into_iter().map(|it| it.id).collect()
             }
-            // Objects with boxes or a class alone.
+            // Objects that have only a box or a class.
             None => categories.map_or_else(Vec::new, |it| it.iter().map(|(id, _)| id).collect()),
         };
         self.row.objects = ids.len() as u32;
@@ -262,7 +262,7 @@ impl ImageTally {
         for id in ids {
             let info = infos.and_then(|infos| infos.get(id));
             let info = info.and_then(|info| serde_json::to_value(info).ok());
-            // A foreign record of another form is ignored.
+            // A record in another form, from another program, is ignored.
             let info: ObjectDetails = info.and_then(|info| serde_json::from_value(info).ok()).unwrap_or_default();
             let name = Some(&info.asset).filter(|it| !it.is_empty()).or_else(|| names?.get(id));
             self.assets.extend(name.filter(|it| !it.is_empty()).cloned());
@@ -389,7 +389,7 @@ fn exceeds(visible: &Mask, hidden: &Mask) -> bool {
     f64::from(both) > LEAST_IOU * f64::from(visible.area() + hidden.area() - both)
 }
 
-/// The order among some of its objects.
+/// The order restricted to the shown objects.
 fn restricted(order: &OcclusionOrder, shown: &[ShownObject]) -> OcclusionOrder {
     let rows: Vec<Option<usize>> = shown.iter().map(|it| order.ids().iter().position(|id| *id == it.id)).collect();
     let mut part = OcclusionOrder::new(shown.iter().map(|it| it.id).collect());

@@ -3,12 +3,12 @@
 //!
 //! | module | holds |
 //! | --- | --- |
-//! | [`image`] | what is kept of an image |
+//! | [`image`] | the numbers of an image |
 //! | [`quantity`] | quantities with their units and bins |
 //! | [`distribution`] | values of a quantity |
 //! | [`duplicates`] | views that look almost the same |
 //! | [`distance`] | distances between distributions |
-//! | [`table`] | all of it as text, JSON and CSV |
+//! | [`table`] | the statistics as text, JSON and CSV |
 //!
 //! A view counts the objects with a visible pixel. Annotated objects without one have a separate count, and no other
 //! number includes them. All numbers follow from the dataset's masks, so a dataset has the same numbers in every format
@@ -45,11 +45,11 @@ use syntable_runtime::left_out::LeftOutReport;
 use syntable_runtime::run::progress::Event;
 use table::Described;
 
-/// Images from which on comparing all with each other takes a while.
+/// Number of images from which comparing all pairs takes noticeable time.
 const MANY_IMAGES: usize = 5000;
 
 impl DatasetStatistics {
-    /// The values of a quantity, if the dataset has some.
+    /// The values of a quantity, if the dataset has any.
     pub fn distribution(&self, quantity: Quantity) -> Option<&Distribution> {
         self.distributions.iter().find(|it| it.quantity() == quantity)
     }
@@ -96,7 +96,7 @@ pub fn of(dataset: &OpenDataset, options: &StatisticsOptions, work: &ImageWork) 
     Ok(statistics)
 }
 
-/// Datasets in numbers, side by side.
+/// Statistics of datasets, side by side.
 #[derive(Debug, Clone)]
 pub struct Comparison {
     /// The datasets, in the order in which they were named. Their histograms have the same bins.
@@ -155,7 +155,7 @@ fn unknown(
     lacks.into_iter().filter(|it| it.0).map(|it| it.1.to_owned()).collect()
 }
 
-/// Statistics so far.
+/// Statistics accumulated so far.
 #[derive(Default)]
 struct RunningStatistics {
     images: Vec<ImageRow>,
@@ -200,7 +200,7 @@ impl RunningStatistics {
         self.distributions.entry(quantity).or_insert_with(|| Distribution::new(quantity))
     }
 
-    /// Looks for views that look almost the same, and marks them.
+    /// Finds near-duplicate views, and marks them.
     fn near_duplicates(&mut self, levels: u8, workers: &dyn Workers) -> Duplicates {
         let groups = duplicates::groups(&self.thumbnails, levels, workers);
         let views: usize = groups.iter().map(Vec::len).sum();
@@ -225,7 +225,7 @@ impl RunningStatistics {
     fn finish(self, info: &DatasetInfo, near_duplicates: Option<Duplicates>) -> DatasetStatistics {
         let sum = |of: fn(&ImageRow) -> u64| self.images.iter().map(of).sum::<u64>();
         let occlusion = |of: fn(&OcclusionRow) -> u64| {
-            // Either all images have it or none.
+            // Either all images have the value or none.
             self.images.iter().map(|it| it.occlusion.as_ref().map(of)).sum::<Option<u64>>()
         };
         let ratio = |part: Option<f64>, whole: Option<u64>| {

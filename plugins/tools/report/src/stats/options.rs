@@ -1,9 +1,9 @@
-//! How a dataset is counted.
+//! Options of statistics.
 
 use super::distribution::Binning;
 use super::duplicates::LEVELS;
 
-/// How a dataset is counted.
+/// Options of statistics.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct StatisticsOptions {
     /// Whether to read labels only. Color images and depth take most of the time.
@@ -13,7 +13,7 @@ pub struct StatisticsOptions {
     /// Whether to count components for every prefix of a view's objects, as in the authors' figure, instead of for all
     /// objects.
     pub prefixes: bool,
-    /// Largest difference of near-duplicate views, see [`duplicates`](super::duplicates).
+    /// Maximum difference of near-duplicate views, see [`duplicates`](super::duplicates).
     pub levels: u8,
     /// Bins of histograms.
     pub binning: Binning,

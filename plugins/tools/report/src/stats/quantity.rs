@@ -1,6 +1,6 @@
 //! The counted quantities of a dataset, with their units and bins.
 
-/// A quantity that a dataset has many values of.
+/// A quantity with many values in a dataset.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Quantity {
     /// Hidden part of the amodal area of an object in a view.
@@ -25,16 +25,16 @@ pub enum Quantity {
     Brightness,
 }
 
-/// How the bins of a quantity follow from its range.
+/// How the bins of a quantity depend on its range.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Bins {
-    /// Ten from 0 to 1.
+    /// Ten bins from 0 to 1.
     Tenths,
     /// One bin for each integer, or for a few if the range is large.
     Integers,
     /// From each power of two to the next.
     Octaves,
-    /// At most twenty of a width of 1, 2 or 5 times a power of ten.
+    /// At most twenty bins with a width of 1, 2 or 5 times a power of ten.
     Round,
 }
 
@@ -43,25 +43,25 @@ pub enum Bins {
 pub struct About {
     /// Its name in JSON.
     pub name: &'static str,
-    /// Its name for people.
+    /// Its name for users.
     pub title: &'static str,
     /// Its unit; empty for numbers.
     pub unit: &'static str,
     /// The counted item.
     pub per: &'static str,
-    /// Values are kept in whole steps of this size, rounded down; mean and range are exact.
+    /// Values are stored in whole steps of this size, rounded down; mean and range are exact.
     pub step: f64,
     /// Its bins.
     pub bins: Bins,
 }
 
-/// Most bins of [`Bins::Integers`].
+/// Maximum number of bins of [`Bins::Integers`].
 const MOST_INTEGERS: f64 = 50.0;
-/// Most bins of [`Bins::Round`].
+/// Maximum number of bins of [`Bins::Round`].
 const MOST_ROUND: f64 = 20.0;
 
 impl Quantity {
-    /// All of them, in the order of output.
+    /// All quantities, in the order of output.
     pub const ALL: [Self; 10] = [
         Self::OcclusionRate,
         Self::ObjectsPerView,
@@ -98,7 +98,7 @@ impl Quantity {
         }
     }
 
-    /// Edges of its bins for values of a range.
+    /// Edges of its bins for values in a range.
     pub fn edges(self, [low, high]: [f64; 2]) -> Vec<f64> {
         let about = self.about();
         match about.bins {
@@ -110,19 +110,20 @@ impl Quantity {
     }
 }
 
-/// Edges of equal bins over a range, as the figures of the SynTable paper have them.
+/// Edges of equal bins over a range, as in the figures of the SynTable paper.
 pub fn equal_edges(bins: u32, [low, high]: [f64; 2]) -> Vec<f64> {
     let edge = |edge: u32| low + (high - low) * f64::from(edge) / f64::from(bins);
     (0..bins).map(edge).chain([high]).collect()
 }
 
-/// The least width of 1, 2 or 5 times a power of ten with which at most `most` bins cover a length; at least `least`.
+/// The smallest width of 1, 2 or 5 times a power of ten with which at most `most` bins cover a length; at least
+/// `least`.
 fn round_width(length: f64, most: f64, least: f64) -> f64 {
     let mut exponent = -9;
     loop {
         for factor in [1.0, 2.0, 5.0] {
-            // Division by a power of ten gives the decimal fraction as written; multiplication by a negative power does
-            // not.
+            // Division by a power of ten yields the closest number to the decimal fraction; multiplication by a
+            // negative power does not.
             let power = 10_f64.powi(i32::abs(exponent));
             let width = if exponent < 0 { factor / power } else { factor * power };
             if width >= least && (length <= width * (most - 1.0) || exponent > 30) {
@@ -133,7 +134,7 @@ fn round_width(length: f64, most: f64, least: f64) -> f64 {
     }
 }
 
-/// Multiples of a width, from the last that is not above `low` to the first above `high`.
+/// Multiples of a width, from the last one at or below `low` to the first one above `high`.
 fn multiples(width: f64, low: f64, high: f64) -> Vec<f64> {
     let per_unit = (1.0 / width).round();
     let at = |number: f64| if width < 1.0 { number / per_unit } else { number * width };
@@ -142,7 +143,7 @@ fn multiples(width: f64, low: f64, high: f64) -> Vec<f64> {
     (0..=(last - first) as u32).map(|edge| at(first + f64::from(edge))).collect()
 }
 
-/// Powers of two around a range, and 0 if it reaches below 1.
+/// Powers of two around a range, and 0 if the range starts below 1.
 fn octaves(low: f64, high: f64) -> Vec<f64> {
     let mut edges = Vec::new();
     if low < 1.0 {

@@ -17,9 +17,10 @@ pub struct DatasetStatistics {
     pub totals: Totals,
     /// Objects by their layers in the occlusion graph.
     pub layers: Option<LayerCounts>,
-    /// Its distributions, in the order of [`Quantity::ALL`](super::quantity::Quantity::ALL); those without values are left out.
+    /// Its distributions, in the order of [`Quantity::ALL`](super::quantity::Quantity::ALL), without empty
+    /// distributions.
     pub distributions: Vec<Distribution>,
-    /// How often each asset is seen, most often first.
+    /// Number of appearances of each asset, in descending order.
     pub assets: Option<Vec<AssetCount>>,
     /// Number of objects that views show, by class; empty in datasets with one class.
     pub classes: BTreeMap<String, u64>,
@@ -27,7 +28,7 @@ pub struct DatasetStatistics {
     pub near_duplicates: Option<Duplicates>,
     /// Unknown numbers with reasons, as sentences.
     pub unknown: Vec<String>,
-    /// Differences in meaning between the dataset's labels and a run's labels, for people.
+    /// Differences in meaning between the dataset's labels and a run's labels, as text for users.
     pub caveats: Vec<String>,
     /// Annotations that are not objects.
     #[serde(skip)]
@@ -40,15 +41,15 @@ pub struct DatasetStatistics {
 /// A dataset's row of Table 1 of the SynTable paper, and related numbers.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
 pub struct Totals {
-    /// Images, also those that show no object.
+    /// Images, including images without visible objects.
     pub images: u64,
-    /// Images that show no object.
+    /// Images without visible objects.
     pub empty_images: u64,
     /// Distinct assets of objects that views show.
     pub objects: Option<u64>,
     /// Scenes. In formats without scenes, each image is one.
     pub scenes: u64,
-    /// Pairs of an object and a view that shows a pixel of it: #VI.
+    /// Pairs of an object and a view in which it has a visible pixel: #VI.
     pub visible_instances: u64,
     /// Instances with at least one hidden pixel: #OI.
     pub occluded_instances: Option<u64>,
@@ -58,7 +59,7 @@ pub struct Totals {
     pub amodal_px: Option<u64>,
     /// Sum of the areas of occlusion masks, px.
     pub occluded_px: Option<u64>,
-    /// `occluded_px` / `amodal_px`: "Avg. OR", weighted by pixels and so no mean of rates.
+    /// `occluded_px` / `amodal_px`: "Avg. OR", weighted by pixels and therefore not a mean of rates.
     pub average_occlusion_rate: Option<f64>,
     /// Mean of the occlusion rates of all visible instances.
     pub mean_occlusion_rate: Option<f64>,
@@ -72,14 +73,14 @@ pub struct Totals {
     pub cyclic_views: Option<u64>,
 }
 
-/// How often an asset is seen.
+/// Number of appearances of an asset.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct AssetCount {
     /// Name of the asset, with its pool if known.
     pub name: String,
-    /// Objects that views show, views apart.
+    /// Visible objects with this asset, counted separately for each view.
     pub instances: u64,
-    /// Views that show it.
+    /// Views in which it is visible.
     pub views: u64,
     /// Scenes with such views.
     pub scenes: u64,

@@ -9,7 +9,7 @@ use serde::Serialize;
 use std::fmt::Write as _;
 use syntable_runtime::run::progress::count;
 
-/// A dataset as users named it.
+/// A dataset with the name that the user gave.
 #[derive(Debug, Clone, Serialize)]
 pub struct Described {
     /// Its path.
@@ -21,12 +21,12 @@ pub struct Described {
     pub statistics: DatasetStatistics,
 }
 
-/// How far a dataset is from the first one.
+/// Distances of a dataset from the first one.
 #[derive(Debug, Clone, Serialize)]
 pub struct Apart {
-    /// Path of the first one.
+    /// Path of the first dataset.
     pub from: String,
-    /// Path of the other.
+    /// Path of the other dataset.
     pub to: String,
     /// Distances of quantities that both datasets have.
     pub quantities: Vec<DistributionDistance>,
@@ -43,14 +43,14 @@ pub fn apart(all: &[Described]) -> Vec<Apart> {
     others.iter().map(of).collect()
 }
 
-/// Number of most frequent and of least frequent assets to list for people.
+/// Number of most frequent and of least frequent assets to list.
 const ASSETS: usize = 5;
-/// Length of the bar of all values.
+/// Length of a bar for all values, in characters.
 const BAR: f64 = 40.0;
-/// Groups of near-duplicates that are listed for people.
+/// Maximum number of listed groups of near-duplicates.
 const GROUPS: usize = 5;
 
-/// All of it as a JSON object.
+/// All statistics as a JSON object.
 pub fn json(all: &[Described]) -> String {
     #[derive(Serialize)]
     struct StatisticsJson<'a> {
@@ -63,7 +63,7 @@ pub fn json(all: &[Described]) -> String {
     text
 }
 
-/// All of it as tables.
+/// All statistics as tables.
 pub fn text(all: &[Described]) -> String {
     let mut out = table_1(all);
     out += &quantities(all);
@@ -78,7 +78,7 @@ pub fn text(all: &[Described]) -> String {
     out
 }
 
-/// Rows of cells in columns: the first one to the left, the others to the right.
+/// Aligns rows of cells in columns: the first column to the left, the others to the right.
 fn columns(rows: &[Vec<String>]) -> String {
     let width = |column: usize| {
         rows.iter().filter_map(|row| row.get(column)).map(|cell| cell.chars().count()).max().unwrap_or(0)
@@ -177,7 +177,7 @@ fn of_all(all: &[Described], quantity: Quantity) -> impl Iterator<Item = (&Descr
     all.iter().filter_map(move |it| Some((it, it.statistics.distribution(quantity)?)))
 }
 
-/// A histogram in percent, a column for each dataset; of one dataset alone with bars.
+/// A histogram in percent with a column for each dataset; for a single dataset, with bars.
 fn histogram(all: &[Described], quantity: Quantity) -> String {
     let of: Vec<(&Described, &Distribution)> = of_all(all, quantity).collect();
     let Some((_, first)) = of.first() else { return String::new() };
@@ -198,7 +198,7 @@ fn histogram(all: &[Described], quantity: Quantity) -> String {
     format!("\n{lines}")
 }
 
-/// Names of bins: their values if these are integers, else their edges.
+/// Names of bins: their values if these are integers, otherwise their edges.
 fn labels(quantity: Quantity, edges: &[f64]) -> Vec<String> {
     let has_values = quantity.about().step >= 1.0 && edges.iter().all(|edge| edge.fract() == 0.0);
     let of = |ends: &[f64]| match (ends, has_values) {
