@@ -4,6 +4,8 @@
 
 use crate::error::Result;
 use crate::product::{KeyId, Products};
+use crate::scene::InstanceId;
+use std::fmt;
 
 /// A statement about the products of a view that can be tested. Crates register a [`Check`]; a program may add a check with state of
 /// its own ([`Registry::with_checks`](crate::registry::Registry::with_checks)).
@@ -23,7 +25,7 @@ pub trait LabelCheck: Send + Sync {
     ///
     /// # Errors
     /// If a product cannot be read.
-    fn faults(&self, products: &Products) -> Result<Vec<String>>;
+    fn faults(&self, products: &Products) -> Result<Vec<LabelFault>>;
 }
 
 impl dyn LabelCheck + '_ {
@@ -36,8 +38,40 @@ impl dyn LabelCheck + '_ {
     ///
     /// # Errors
     /// If a product cannot be read.
-    pub fn run(&self, products: &Products) -> Result<Vec<String>> {
+    pub fn run(&self, products: &Products) -> Result<Vec<LabelFault>> {
         if self.applies(products) { self.faults(products) } else { Ok(Vec::new()) }
+    }
+}
+
+/// A fault that a check finds in a view.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct LabelFault {
+    /// The faulty object; none for the view as a whole. A dataset that is read may have another name for the object, such as
+    /// the id of its annotation.
+    pub instance: Option<InstanceId>,
+    /// The fault, in one sentence.
+    pub message: String,
+}
+
+impl LabelFault {
+    /// A fault of a view.
+    pub fn new(message: impl Into<String>) -> Self {
+        Self { instance: None, message: message.into() }
+    }
+
+    /// A fault of an object.
+    pub fn of(instance: InstanceId, message: impl Into<String>) -> Self {
+        Self { instance: Some(instance), message: message.into() }
+    }
+}
+
+/// The object and the message.
+impl fmt::Display for LabelFault {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        match self.instance {
+            Some(id) => write!(f, "instance {id}: {}", self.message),
+            None => f.write_str(&self.message),
+        }
     }
 }
 
@@ -53,7 +87,7 @@ pub struct Check {
     /// Whether the products have something to compare: a dataset that was read may lack a part of a record.
     pub finds_subject: fn(&Products) -> bool,
     /// Faults of a view, one sentence each. An error means that a product cannot be read.
-    pub faults: fn(&Products) -> Result<Vec<String>>,
+    pub faults: fn(&Products) -> Result<Vec<LabelFault>>,
 }
 
 inventory::collect!(Check);
@@ -88,7 +122,7 @@ impl LabelCheck for Check {
         (self.finds_subject)(products)
     }
 
-    fn faults(&self, products: &Products) -> Result<Vec<String>> {
+    fn faults(&self, products: &Products) -> Result<Vec<LabelFault>> {
         (self.faults)(products)
     }
 }

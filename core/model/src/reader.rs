@@ -3,6 +3,7 @@
 //! A reader offers the products of each image, as a renderer does. Annotators, writers and checks do not know their origin.
 //! Crates register formats with [`register_format!`](crate::register_format).
 
+use crate::check::{LabelCheck, LabelFault};
 use crate::error::{Error, Result};
 use crate::files::{DatasetFolder, Reach};
 use crate::left_out::LeftOut;
@@ -176,6 +177,8 @@ pub struct Opened {
     pub faults: Vec<DatasetFault>,
     /// Whether images without objects are listed: a dataset without images is then at fault.
     pub lists_all_images: bool,
+    /// Names of label checks that the format does not demand: COCO, for one, allows masks to overlap.
+    pub waived: Vec<&'static str>,
     /// Ids of the annotation file's categories, each with the id of the category in `info`; none if they are the same.
     pub category_ids: Option<BTreeMap<u64, u32>>,
     /// The gaps of the products.
@@ -200,6 +203,7 @@ impl Opened {
             alike: Vec::new(),
             faults: Vec::new(),
             lists_all_images: true,
+            waived: Vec::new(),
             category_ids: None,
             notes: Vec::new(),
             source: Box::new(source),
@@ -222,6 +226,12 @@ pub trait ImageSource: Send + Sync {
     fn crowds(&self, image: usize) -> Result<Vec<Crowd>> {
         let _ = image;
         Ok(Vec::new())
+    }
+    /// The record that describes an object of an image, if the dataset does not state the object's id: messages name the record
+    /// instead.
+    fn subject(&self, image: usize, object: InstanceId) -> Option<FaultSubject> {
+        let _ = (image, object);
+        None
     }
     /// The rules that records of an image break, beyond its products. Records that cannot be read are skipped, and
     /// [`DatasetFault::image`] may stay empty.
@@ -332,6 +342,32 @@ impl OpenDataset {
     /// If they cannot be read.
     pub fn crowds(&self, image: usize) -> Result<Vec<Crowd>> {
         guarded(&self.reader, &self.root, || self.opened.source.crowds(image))
+    }
+
+    /// Whether a check applies to the products of an image: all its inputs are present, and the format demands it.
+    pub fn demands(&self, check: &dyn LabelCheck, products: &Products) -> bool {
+        !self.opened.waived.contains(&check.name()) && check.applies(products)
+    }
+
+    /// Faults that a check finds in the products of an image, one sentence each; none if the format does not demand the check.
+    /// They name objects by the records of the dataset.
+    ///
+    /// # Errors
+    /// If a product cannot be read.
+    pub fn label_faults(&self, image: usize, check: &dyn LabelCheck, products: &Products) -> Result<Vec<String>> {
+        if !self.demands(check, products) {
+            return Ok(Vec::new());
+        }
+        let text = |fault: LabelFault| match fault.instance.and_then(|id| self.subject(image, id)) {
+            Some(subject) => format!("{subject}: {}", fault.message),
+            None => fault.to_string(),
+        };
+        Ok(check.faults(products)?.into_iter().map(text).collect())
+    }
+
+    /// The record of an object; see [`ImageSource::subject`].
+    fn subject(&self, image: usize, object: InstanceId) -> Option<FaultSubject> {
+        guarded(&self.reader, &self.root, || Ok(self.opened.source.subject(image, object))).ok().flatten()
     }
 
     /// The rules that records of an image break, beyond its products; see [`ImageSource::image_faults`].

@@ -36,3 +36,5 @@ pub const UNIQUE_IDS: &str = "unique_ids";
 pub const UNIQUE_NAMES: &str = "unique_names";
 /// No two images are one view.
 pub const UNIQUE_VIEWS: &str = "unique_views";
+/// No pixel is in the visible masks of two objects.
+pub const VISIBLE_MASKS_DISJOINT: &str = "visible_masks_disjoint";

@@ -201,8 +201,8 @@ pub fn validate(dataset: &OpenDataset, checks: &[Arc<dyn LabelCheck>], work: &Im
     let numbers = Mutex::new(NumberNames { categories, ..NumberNames::default() });
     let image = |image: usize| {
         let (products, mut faults) = read(dataset, image, offers);
-        let made: Vec<bool> = checks.iter().map(|check| check.applies(&products)).collect();
-        faults.extend(checks.iter().flat_map(|check| of_image(check, &products)));
+        let made: Vec<bool> = checks.iter().map(|check| dataset.demands(&**check, &products)).collect();
+        faults.extend(checks.iter().flat_map(|check| of_image(dataset, image, &**check, &products)));
         let of_records = dataset.image_faults(image);
         let of_records = of_records.iter().map(|fault| FaultAt::of(fault, dataset));
         let place = &dataset.images[image].name;
@@ -257,8 +257,9 @@ fn read(dataset: &OpenDataset, image: usize, wants: &[KeyId]) -> (Products, Vec<
     }
 }
 
-fn of_image(check: &Arc<dyn LabelCheck>, products: &Products) -> Vec<(String, String)> {
-    let messages = check.run(products).unwrap_or_else(|error: Error| vec![error.to_string()]);
+fn of_image(dataset: &OpenDataset, image: usize, check: &dyn LabelCheck, products: &Products) -> Vec<(String, String)> {
+    let found = dataset.label_faults(image, check, products);
+    let messages = found.unwrap_or_else(|error: Error| vec![error.to_string()]);
     messages.into_iter().map(|message| (check.name().to_owned(), message)).collect()
 }
 

@@ -174,7 +174,10 @@ fn check_everything(program: Program, folder: &Path) {
         let output = with_least(&["validate", dataset]).output().expect("runs");
         let said = String::from_utf8_lossy(&output.stdout).into_owned() + &String::from_utf8_lossy(&output.stderr);
         assert_eq!(output.status.code(), Some(3), "{said}");
-        assert!(said.contains("object 1 has 150 pixels, fewer than 160") && !said.contains("object 2"), "{said}");
+        assert!(
+            said.contains("instance 1: it has 150 pixels, fewer than 160") && !said.contains("instance 2"),
+            "{said}"
+        );
     }
     // The image format, the metric and the topic.
     std::fs::write(folder.join("red.ppm"), "P3 1 1 255 200 30 30\n").expect("writable");

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use syntable_cli::clap::{ArgMatches, Command};
 use syntable_cli::{CliVerb, Console, Exit, Program};
-use syntable_model::check::LabelCheck;
+use syntable_model::check::{LabelCheck, LabelFault};
 use syntable_model::prelude::*;
 use syntable_model::product::standard::VISIBLE_MASK;
 use syntable_model::reader::{DatasetFormat, Opened, Source};
@@ -23,9 +23,12 @@ impl LabelCheck for LeastPixels {
     fn reads(&self) -> Vec<KeyId> {
         keys![VISIBLE_MASK]
     }
-    fn faults(&self, products: &Products) -> Result<Vec<String>> {
+    fn faults(&self, products: &Products) -> Result<Vec<LabelFault>> {
         let small = products.get(VISIBLE_MASK)?.iter().filter(|(_, mask)| (1..self.0).contains(&mask.area()));
-        Ok(small.map(|(id, mask)| format!("object {id} has {} pixels, fewer than {}", mask.area(), self.0)).collect())
+        let fault = |(id, mask): (InstanceId, &Mask)| {
+            LabelFault::of(id, format!("it has {} pixels, fewer than {}", mask.area(), self.0))
+        };
+        Ok(small.map(fault).collect())
     }
 }
 

@@ -10,10 +10,11 @@ use std::path::PathBuf;
 use syntable_model::error::Error;
 use syntable_model::reader::Source;
 use syntable_model::registry::Registry;
+use syntable_model::rule::READABLE;
 use syntable_recipe::message::Message;
 use syntable_runtime::images::ImageWork;
 use syntable_runtime::run::progress::count;
-use syntable_runtime::validate::{FaultAt, Validated, ValidatedDataset, differences, validate_path};
+use syntable_runtime::validate::{CheckResult, FaultAt, Validated, ValidatedDataset, differences, validate_path};
 use syntable_runtime::workers::{self, Pool};
 
 /// Number of faults that a report for people lists.
@@ -99,11 +100,17 @@ pub(crate) fn validate(console: &Console, registry: &Registry, args: &ValidateAr
 
 /// Results for a dataset as a table.
 fn table(found: &Validated, format: &str) -> String {
-    let width = found.checks.iter().map(|it| it.check.len()).max().unwrap_or(0);
+    // A check without an image found none of its labels, or is no rule of the format.
+    let (idle, made): (Vec<&CheckResult>, Vec<&CheckResult>) =
+        found.checks.iter().partition(|it| it.images == Some(0) && it.faults == 0 && it.check != READABLE);
+    let width = made.iter().map(|it| it.check.len()).max().unwrap_or(0);
     let mut out = format!("{:width$}  images  faults\n", "check");
-    for it in &found.checks {
+    for it in made {
         let images = it.images.map_or_else(|| "-".to_owned(), |images| images.to_string());
         out += &format!("{:width$}  {images:>6}  {:>6}\n", it.check, it.faults);
+    }
+    if !idle.is_empty() {
+        out += &format!("checks that do not apply to the dataset: {}; --json lists all\n", idle.len());
     }
     for fault in found.some_of_each(ROWS) {
         out += &format!("\n{}: {}\n  {}\n", fault.check, fault.place, fault.message);

@@ -418,7 +418,8 @@ impl ConversionWalk<'_> {
                 objects_without_pixels(&faults, &products).into_iter().map(|object| format!("{name}: {object}"));
             self.missing.lock().add(image, left_out, unread, empty.collect());
             for check in self.checks {
-                self.faults.fetch_add(check.run(&products).map_err(of)?.len() as u32, Ordering::Relaxed);
+                let found = self.dataset.label_faults(image, &**check, &products).map_err(of)?;
+                self.faults.fetch_add(found.len() as u32, Ordering::Relaxed);
             }
             if writers.is_none() {
                 writers = Some(Writers::start(self.writers, &cx, self.part, (&times, self.losses))?);

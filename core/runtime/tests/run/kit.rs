@@ -6,7 +6,7 @@ use std::path::Path;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
-use syntable_model::check::Check;
+use syntable_model::check::{Check, LabelFault};
 use syntable_model::left_out::LeftOut;
 use syntable_model::prelude::*;
 use syntable_model::registry::{Choice, Choose, Entry, Registry};
@@ -319,7 +319,7 @@ const POSITIVE: Check = Check {
     reads: || keys![THOUGHT],
     finds_subject: Check::ALWAYS,
     faults: |products| match products.get(THOUGHT)? {
-        Value::Int(thought) if *thought < 0 => Ok(vec![format!("a thought is {thought}")]),
+        Value::Int(thought) if *thought < 0 => Ok(vec![LabelFault::new(format!("a thought is {thought}"))]),
         _ => Ok(Vec::new()),
     },
 };

@@ -5,7 +5,7 @@
 //! stated where they apply.
 
 use serde_json::Value as Json;
-use syntable_model::check::Check;
+use syntable_model::check::{Check, LabelFault};
 use syntable_model::geometry::Point3;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{
@@ -28,7 +28,7 @@ const TWO_DECIMALS: f64 = 0.005 + 1e-9;
 
 register_check!(
     Check {
-        name: "visible_masks_disjoint",
+        name: rule::VISIBLE_MASKS_DISJOINT,
         doc: "No pixel is in the visible masks of two objects.",
         reads: || keys![VISIBLE_MASK],
         finds_subject: Check::ALWAYS,
@@ -116,7 +116,7 @@ register_check!(
             let (rgb, depth) = (products.get(RGB)?, products.get(DEPTH)?);
             let sizes = [[rgb.width(), rgb.height()], [depth.width(), depth.height()]];
             Ok((sizes[0] != sizes[1])
-                .then(|| format!("depth has {:?} pixels, the image {:?}", sizes[1], sizes[0]))
+                .then(|| LabelFault::new(format!("depth has {:?} pixels, the image {:?}", sizes[1], sizes[0])))
                 .into_iter()
                 .collect())
         },
@@ -130,7 +130,11 @@ register_check!(
             let (rgb, camera) = (products.get(RGB)?, json(products, CAMERA)?);
             let size = [camera["width"].as_u64(), camera["height"].as_u64()];
             Ok((size != [Some(rgb.width().into()), Some(rgb.height().into())])
-                .then(|| format!("the camera has {size:?} pixels, the image {} × {}", rgb.width(), rgb.height()))
+                .then(|| {
+                    let message =
+                        format!("the camera has {size:?} pixels, the image {} × {}", rgb.width(), rgb.height());
+                    LabelFault::new(message)
+                })
                 .into_iter()
                 .collect())
         },
@@ -157,12 +161,12 @@ register_check!(
         faults: |products| {
             let camera = json(products, CAMERA)?;
             let Some(world_from_camera) = matrix(&camera["world_from_camera"]) else {
-                return Ok(vec!["the pose of the camera is no 4 × 4 matrix of numbers".to_owned()]);
+                return Ok(vec![LabelFault::new("the pose of the camera is no 4 × 4 matrix of numbers")]);
             };
             if let Some(fault) =
                 camera.get("camera_from_world").and_then(|back| is_no_inverse(back, &world_from_camera))
             {
-                return Ok(vec![fault]);
+                return Ok(vec![LabelFault::new(fault)]);
             }
             each(products, OBJECT_INFO, |_, info| {
                 let info = serde_json::to_value(info).ok()?;
@@ -207,7 +211,7 @@ register_check!(
             let camera = json(products, CAMERA)?;
             let k = |row: usize, column: usize| camera["K"][row][column].as_f64().unwrap_or(f64::NAN);
             let sound = k(0, 0) > 0.0 && k(1, 1) > 0.0 && k(0, 2).is_finite() && k(1, 2).is_finite();
-            Ok((!sound).then(|| format!("K is {}", camera["K"])).into_iter().collect())
+            Ok((!sound).then(|| LabelFault::new(format!("K is {}", camera["K"]))).into_iter().collect())
         },
     },
     Check {
@@ -262,11 +266,11 @@ fn each<T: 'static>(
     products: &Products,
     key: Key<PerInstance<T>>,
     fault: impl Fn(InstanceId, &T) -> Option<String>,
-) -> Result<Vec<String>>
+) -> Result<Vec<LabelFault>>
 where
     PerInstance<T>: Product,
 {
-    let of = |(id, value): (InstanceId, &T)| Some(format!("instance {id}: {}", fault(id, value)?));
+    let of = |(id, value): (InstanceId, &T)| Some(LabelFault::of(id, fault(id, value)?));
     Ok(products.get(key)?.iter().filter_map(of).collect())
 }
 
@@ -277,7 +281,7 @@ fn each_pair<T: 'static, U: 'static>(
     one: Key<PerInstance<T>>,
     other: Key<PerInstance<U>>,
     fault: impl Fn(InstanceId, &T, &U) -> Option<String>,
-) -> Result<Vec<String>>
+) -> Result<Vec<LabelFault>>
 where
     PerInstance<T>: Product,
     PerInstance<U>: Product,
@@ -289,7 +293,7 @@ where
     })
 }
 
-fn disjoint(products: &Products) -> Result<Vec<String>> {
+fn disjoint(products: &Products) -> Result<Vec<LabelFault>> {
     let masks = products.get(VISIBLE_MASK)?;
     let Some(size) = masks.iter().next().map(|(_, first)| [first.width(), first.height()]) else {
         return Ok(Vec::new());
@@ -299,11 +303,11 @@ fn disjoint(products: &Products) -> Result<Vec<String>> {
     let mut faults = Vec::new();
     for (id, mask) in masks.iter() {
         if size != [mask.width(), mask.height()] {
-            return Ok(vec![format!("instance {id}: its mask is not of the size of the others")]);
+            return Ok(vec![LabelFault::of(id, "its mask is not of the size of the others")]);
         }
         let shared: u32 = mask.runs().map(|run| take(&mut taken, run)).sum();
         if shared > 0 {
-            faults.push(format!("instance {id}: {shared} of its visible pixels belong to other objects, too"));
+            faults.push(LabelFault::of(id, format!("{shared} of its visible pixels belong to other objects, too")));
         }
     }
     Ok(faults)
@@ -323,7 +327,7 @@ fn take(bits: &mut [u64], range: std::ops::Range<u32>) -> u32 {
     before
 }
 
-fn rates(products: &Products) -> Result<Vec<String>> {
+fn rates(products: &Products) -> Result<Vec<LabelFault>> {
     let (occlusion, rates) = (products.get(OCCLUSION_MASK)?, products.get(OCCLUSION_RATE)?);
     // With this policy, parts outside the image count as hidden, but no mask contains them.
     let extends = products.contains(&LABEL_POLICY.id()) && json(products, LABEL_POLICY)?["image_frame"] == "extend";
@@ -338,12 +342,12 @@ fn rates(products: &Products) -> Result<Vec<String>> {
     })
 }
 
-fn order(products: &Products) -> Result<Vec<String>> {
+fn order(products: &Products) -> Result<Vec<LabelFault>> {
     let (visible, occlusion) = (products.get(VISIBLE_MASK)?, products.get(OCCLUSION_MASK)?);
     let order = products.get(OCCLUSION_ORDER)?;
     let ids = order.ids();
     if let Some(id) = ids.iter().find(|id| visible.get(**id).is_none() || occlusion.get(**id).is_none()) {
-        return Ok(vec![format!("instance {id} is in the order and has no mask")]);
+        return Ok(vec![LabelFault::of(*id, "it is in the order and has no mask")]);
     }
     let of = |masks: &PerInstance<Mask>| ids.iter().filter_map(|id| masks.get(*id).cloned()).collect::<Vec<Mask>>();
     let (visible, occlusion) = (of(visible), of(occlusion));
@@ -365,10 +369,10 @@ fn order(products: &Products) -> Result<Vec<String>> {
         for column in (0..ids.len()).filter(|&column| said[column] != own[column]) {
             let other = ids[column];
             let says = if own[column] { "does not say that" } else { "says that" };
-            faults.push(match column == row {
+            faults.push(LabelFault::new(match column == row {
                 true => format!("the order says that instance {one} occludes itself"),
                 false => format!("the order {says} instance {one} occludes instance {other}"),
-            });
+            }));
         }
     }
     Ok(faults)
@@ -379,11 +383,11 @@ fn box_of(_: InstanceId, mask: &Mask, said: &BBox) -> Option<String> {
     (expected != said).then(|| format!("its box is {said:?}, but its mask has {expected:?}"))
 }
 
-fn reprojected(products: &Products) -> Result<Vec<String>> {
+fn reprojected(products: &Products) -> Result<Vec<LabelFault>> {
     let camera = json(products, CAMERA)?;
     let k = |row: usize, column: usize| camera["K"][row][column].as_f64();
     let (Some(fx), Some(fy), Some(cx), Some(cy)) = (k(0, 0), k(1, 1), k(0, 2), k(1, 2)) else {
-        return Ok(vec!["the camera has no matrix K of numbers".to_owned()]);
+        return Ok(vec![LabelFault::new("the camera has no matrix K of numbers")]);
     };
     each_pair(products, AMODAL_MASK, OBJECT_INFO, |_, mask, info| {
         let corners = corners(info)?;

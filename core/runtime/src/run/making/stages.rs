@@ -82,7 +82,7 @@ pub fn annotate_image(
 /// Applies all checks to a view.
 pub fn check(checks: &[Arc<dyn LabelCheck>], products: &Products) -> Result<()> {
     let of = |check: &Arc<dyn LabelCheck>| -> Result<Option<String>> {
-        let faults = check.run(products)?;
+        let faults: Vec<String> = check.run(products)?.iter().map(ToString::to_string).collect();
         Ok((!faults.is_empty()).then(|| format!("{}: {}", check.name(), faults.join("; "))))
     };
     let faults: Vec<String> = checks.iter().filter_map(|check| of(check).transpose()).collect::<Result<_>>()?;

@@ -13,7 +13,8 @@ use syntable_model::files::DatasetFolder;
 use syntable_model::prelude::*;
 use syntable_model::product::BBox;
 use syntable_model::product::standard::{BOX, CATEGORY_ID, DEPTH, LABEL_POLICY, OCCLUSION_MASK, VISIBLE_BOX};
-use syntable_model::reader::{Crowd, DatasetFault, Format, Note, Opened};
+use syntable_model::reader::{Crowd, DatasetFault, FaultSubject, Format, Note, Opened};
+use syntable_model::rule;
 
 syntable_model::register_format!(Format::new(
     "coco",
@@ -118,7 +119,9 @@ pub fn open_file(root: &DatasetFolder, path: &Path, is_d2sa: bool) -> Result<Ope
     let (is_ours, has_crowds) = (file.is_ours(), crowds > 0);
     let of = CocoObjects { is_ours, is_d2sa, has_masks, known, has_visible, has_hidden, has_crowds };
     let lists_all_images = !shared::name_starts(path, crate::uoais::FILE);
-    Ok(Opened { derived, lists_all_images, ..file.opened(info, offers, notes, of) })
+    // Annotators outline objects one by one, and their masks may overlap.
+    let waived = if is_ours || known != KnownMasks::Visible { Vec::new() } else { vec![rule::VISIBLE_MASKS_DISJOINT] };
+    Ok(Opened { derived, waived, lists_all_images, ..file.opened(info, offers, notes, of) })
 }
 
 /// Objects with both `segmentation` and an amodal mask. They reveal whether `segmentation` is visible or amodal.
@@ -197,6 +200,14 @@ impl Annotated for CocoObjects {
             Some(crowd.map_err(|error| error.context(format!("annotation {}: `segmentation`", it.id))))
         };
         annotations.iter().filter(|it| is_crowd(it)).filter_map(of).collect()
+    }
+
+    fn subject(&self, file: &AnnotationFile, image: usize, object: InstanceId) -> Option<FaultSubject> {
+        let annotations = objects(&file.listing, image).ok()?;
+        let stated = stated_ids(&annotations);
+        let ids = read::ids_of(&stated).ok()?;
+        let row = ids.iter().position(|id| *id == object).filter(|row| stated[*row].is_none())?;
+        Some(FaultSubject::Annotation(annotations[row].id))
     }
 
     fn faults(&self, file: &AnnotationFile, image: usize) -> Vec<DatasetFault> {

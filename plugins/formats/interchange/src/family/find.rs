@@ -143,3 +143,35 @@ fn is_named(path: &Path, folder: &str) -> bool {
     let path = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
     path.file_name().is_some_and(|name| name == folder)
 }
+
+/// Depth of folders in which images are searched.
+const DEPTH: usize = 3;
+/// Number of folders in which images are searched.
+const FOLDERS: usize = 4096;
+
+/// The only folder inside a dataset that `has` images. None if several have them: a dataset may store masks and depth under
+/// the names of its images. Links and hidden folders are not searched.
+pub fn only_folder(root: &DatasetFolder, has: impl Fn(&DatasetFolder) -> bool) -> Option<DatasetFolder> {
+    let mut found = None;
+    let mut level = vec![PathBuf::new()];
+    let mut left = FOLDERS;
+    for _ in 0..DEPTH {
+        let mut next = Vec::new();
+        for folder in &level {
+            let inner = std::fs::read_dir(root.inner(folder).path()).into_iter().flatten().flatten();
+            let is_one = |entry: &std::fs::DirEntry| entry.file_type().is_ok_and(|kind| kind.is_dir());
+            let names = inner.filter(is_one).map(|entry| entry.file_name());
+            next.extend(names.filter(|name| !name.to_string_lossy().starts_with('.')).map(|name| folder.join(name)));
+        }
+        next.sort();
+        next.truncate(left);
+        left -= next.len();
+        for folder in next.iter().map(|name| root.inner(name)).filter(|folder| has(folder)) {
+            if found.replace(folder).is_some() {
+                return None;
+            }
+        }
+        level = next;
+    }
+    found
+}

@@ -1,5 +1,6 @@
 //! Shared code of readers of COCO's family: the annotation file, its images, and its unread fields.
 
+use super::find::only_folder;
 use serde::de::IgnoredAny;
 use serde_json::Value as Json;
 use std::collections::BTreeSet;
@@ -13,7 +14,7 @@ use syntable_formats::unkept::{self, Unkept};
 use syntable_model::files::DatasetFolder;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{CATEGORY_ID, DEPTH, LABEL_POLICY, RGB};
-use syntable_model::reader::{Crowd, DatasetFault, ImageSource, Note, Opened, ReadImage};
+use syntable_model::reader::{Crowd, DatasetFault, FaultSubject, ImageSource, Note, Opened, ReadImage};
 
 /// Folder of the annotation file.
 pub const FOLDER: &str = "annotations";
@@ -26,6 +27,9 @@ const DEPTH_UNIT_MM: f64 = 1.0;
 /// Fields of image records that at least one reader of the family reads.
 const OF_IMAGES: &[&str] = &[LABEL_POLICY.name(), DEPTH_FILE];
 
+/// Number of images that are looked up to find their folder, since some may be missing.
+const LOOKED_UP: usize = 16;
+
 /// The objects in images, as a format of the family stores them.
 pub trait Annotated: Send + Sync + 'static {
     /// Adds the requested labels of an image to `products`.
@@ -35,6 +39,12 @@ pub trait Annotated: Send + Sync + 'static {
     fn crowds(&self, file: &AnnotationFile, image: usize) -> Result<Vec<Crowd>> {
         let _ = (file, image);
         Ok(Vec::new())
+    }
+
+    /// See [`ImageSource::subject`].
+    fn subject(&self, file: &AnnotationFile, image: usize, object: InstanceId) -> Option<FaultSubject> {
+        let _ = (file, image, object);
+        None
     }
 
     /// See [`ImageSource::image_faults`].
@@ -80,10 +90,11 @@ impl AnnotationFile {
                 IndexedRecord::Scene(_) => {}
             })?;
         let [has_depth, has_policy] = [has_depth, has_policy].map(|has| has && !listing.images.is_empty());
-        let first = listing.images.first().map(|image| image.frame.file_name.as_str());
-        let has = |folder: &DatasetFolder| first.is_some_and(|image| folder.has(image));
+        let first: Vec<&str> = listing.images.iter().take(LOOKED_UP).map(|it| it.frame.file_name.as_str()).collect();
+        let has = |folder: &DatasetFolder| first.iter().any(|image| folder.has(image));
         let inner = || folders.iter().map(|name| root.inner(name));
-        let images_root = inner().find(has).or_else(|| inner().next()).unwrap_or_else(|| root.clone());
+        let found = inner().find(has).or_else(|| only_folder(root, has)).or_else(|| inner().next());
+        let images_root = found.unwrap_or_else(|| root.clone());
         Ok(Self { listing, images_root, has_depth, has_policy, unkept })
     }
 
@@ -199,6 +210,10 @@ impl<A: Annotated> ImageSource for FamilySource<A> {
 
     fn crowds(&self, image: usize) -> Result<Vec<Crowd>> {
         self.annotated.crowds(&self.file, image)
+    }
+
+    fn subject(&self, image: usize, object: InstanceId) -> Option<FaultSubject> {
+        self.annotated.subject(&self.file, image, object)
     }
 
     fn image_faults(&self, image: usize) -> Vec<DatasetFault> {

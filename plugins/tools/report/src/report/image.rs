@@ -174,7 +174,8 @@ pub fn read(
     };
     if whole {
         for check in checks {
-            let found = check.run(&products).unwrap_or_else(|error| vec![error.to_string()]);
+            let found = dataset.label_faults(image, &**check, &products);
+            let found = found.unwrap_or_else(|error| vec![error.to_string()]);
             faults.extend(found.into_iter().map(|message| [check.name().to_owned(), message]));
         }
         faults.extend(dataset.image_faults(image).iter().map(|fault| [fault.rule.to_owned(), fault.to_string()]));

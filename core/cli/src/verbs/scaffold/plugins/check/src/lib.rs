@@ -1,6 +1,6 @@
 //! Check `sane_sizes`: no object covers almost the whole image.
 
-use syntable_model::check::Check;
+use syntable_model::check::{Check, LabelFault};
 use syntable_model::prelude::*;
 use syntable_model::product::standard::VISIBLE_MASK;
 use syntable_model::register_check;
@@ -17,12 +17,12 @@ register_check!(Check {
     faults,
 });
 
-/// One sentence for each fault.
-pub fn faults(products: &Products) -> Result<Vec<String>> {
+/// A fault for each object that is too large.
+pub fn faults(products: &Products) -> Result<Vec<LabelFault>> {
     let masks = products.get(VISIBLE_MASK)?;
     let too_large = masks.iter().filter_map(|(id, mask)| {
         let part = f64::from(mask.area()) / (f64::from(mask.width()) * f64::from(mask.height()));
-        (part > LARGEST_PART).then(|| format!("object {id} covers {:.0} % of the image", 100.0 * part))
+        (part > LARGEST_PART).then(|| LabelFault::of(id, format!("it covers {:.0} % of the image", 100.0 * part)))
     });
     Ok(too_large.collect())
 }

@@ -2,6 +2,7 @@
 
 use sane_sizes::faults;
 use syntable::Registry;
+use syntable::model::check::LabelFault;
 use syntable::model::product::standard::VISIBLE_MASK;
 use syntable::model::product::{Mask, Products};
 use syntable::model::scene::InstanceId;
@@ -14,8 +15,8 @@ fn a_mask_of_the_whole_image_is_a_fault() {
         products.put(VISIBLE_MASK, [(InstanceId(3), mask)].into_iter().collect()).expect("new");
         faults(&products).expect("readable")
     };
-    assert_eq!(of(9), Vec::<String>::new());
-    assert_eq!(of(10), ["object 3 covers 100 % of the image"]);
+    assert_eq!(of(9), []);
+    assert_eq!(of(10), [LabelFault::of(InstanceId(3), "it covers 100 % of the image")]);
 }
 
 #[test]
