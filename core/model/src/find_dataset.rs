@@ -1,9 +1,11 @@
 //! Finds the format of a dataset, and opens it.
 
 use crate::error::{Error, Result};
+use crate::files::RESERVED;
 use crate::reader::{DatasetFormat, OpenDataset, Source};
 use crate::registry::Registry;
-use std::path::PathBuf;
+use std::cmp::Reverse;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 impl Registry {
@@ -69,6 +71,7 @@ fn find(
             // A writer's folder in a folder of its own, as `convert` makes it.
             [only] => return find(formats, &Source { path: only.clone(), reach: source.reach }, None),
             [] => {}
+            several if is_of_run(root) => return fullest(formats, several, source),
             [first, others @ ..] => {
                 return Err(Error::new(format!("it contains {} datasets", 1 + others.len()))
                     .in_file(root)
@@ -76,7 +79,35 @@ fn find(
             }
         }
     }
+    if is_of_run(root) {
+        return Err(Error::new("the dataset has no annotation files: a run writes them at its end")
+            .in_file(root)
+            .help(format!("finish the run, or add a writer of a readable format to its recipe: {}", names())));
+    }
     Err(Error::new("unrecognized dataset format")
         .in_file(root)
         .help(format!("name the format with `options.format`: {}", names())))
+}
+
+/// Whether a run of this program made a folder.
+fn is_of_run(root: &Path) -> bool {
+    root.join(RESERVED[0]).is_dir()
+}
+
+/// The dataset with the most products among the writers' folders of one run: they have the same images.
+fn fullest(
+    formats: &[Arc<dyn DatasetFormat>],
+    folders: &[PathBuf],
+    source: &Source,
+) -> Result<(Arc<dyn DatasetFormat>, Source)> {
+    let mut error = None;
+    let mut open = |folder: &PathBuf| {
+        let found = find(formats, &Source { path: folder.clone(), reach: source.reach }, None);
+        let opened = found.and_then(|(format, at)| Ok((format.open(&at)?.offers.len(), format, at)));
+        opened.map_err(|failed| error.get_or_insert(failed).clone()).ok()
+    };
+    let opened: Vec<(usize, Arc<dyn DatasetFormat>, Source)> = folders.iter().filter_map(&mut open).collect();
+    let best = opened.into_iter().enumerate().max_by_key(|(place, (products, ..))| (*products, Reverse(*place)));
+    let missing = || Error::new("no dataset").in_file(&source.path);
+    best.map(|(_, (_, format, at))| (format, at)).ok_or_else(|| error.unwrap_or_else(missing))
 }

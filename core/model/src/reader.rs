@@ -271,6 +271,8 @@ pub struct Note {
     lack: Lack,
     /// The products that it concerns; none means all products.
     concerns: Option<Vec<KeyId>>,
+    /// A product whose readers it does not concern.
+    unless: Option<KeyId>,
 }
 
 /// A kind of gap.
@@ -284,18 +286,18 @@ enum Lack {
 impl Note {
     /// A text for users: the information that the products lack, compared with products of a run.
     pub fn caveat(text: impl Into<String>) -> Self {
-        Self { lack: Lack::Caveat(text.into()), concerns: None }
+        Self { lack: Lack::Caveat(text.into()), concerns: None, unless: None }
     }
 
     /// Annotations that are not given as objects, such as crowds, counted over all images: writers never see them.
     pub fn not_objects(left_out: LeftOut) -> Self {
-        Self { lack: Lack::NotObjects(left_out), concerns: None }
+        Self { lack: Lack::NotObjects(left_out), concerns: None, unless: None }
     }
 
     /// Fields with labels, such as keypoints and attributes, that no product holds: a conversion loses them. Each is counted over
     /// all records of the dataset.
     pub fn not_kept(left_out: LeftOut) -> Self {
-        Self { lack: Lack::NotKept(left_out), concerns: None }
+        Self { lack: Lack::NotKept(left_out), concerns: None, unless: None }
     }
 
     /// The same note, for readers of one of these products only.
@@ -303,7 +305,15 @@ impl Note {
         Self { concerns: Some(products.into_iter().collect()), ..self }
     }
 
+    /// The same note, except for readers of this product, which has what the other products lack.
+    pub fn unless(self, product: KeyId) -> Self {
+        Self { unless: Some(product), ..self }
+    }
+
     fn concerns(&self, reads: &[KeyId]) -> bool {
+        if self.unless.is_some_and(|product| reads.contains(&product)) {
+            return false;
+        }
         self.concerns.as_ref().is_none_or(|concerns| concerns.iter().any(|key| reads.contains(key)))
     }
 }

@@ -209,8 +209,9 @@ impl<'a> RequestedWriter<'a> {
                 is_changed = true;
             }
         }
+        let suited = |writer: Box<dyn Writer>| writer.for_dataset(has).unwrap_or(writer);
         if !is_changed {
-            return Ok((kind, self.writer));
+            return Ok((kind, suited(self.writer)));
         }
         let error = |what: String| Error::new(format!("`options.to` {kind}: {what}"));
         let text = toml::to_string(&self.options).map_err(|it| error(it.to_string()))?;
@@ -218,7 +219,7 @@ impl<'a> RequestedWriter<'a> {
             ConstructError::Form(it) => error(it.message().to_owned()),
             ConstructError::Invalid(it) => error(it.message),
         })?;
-        Ok((kind, writer_of(self.entry, constructed.stage)?))
+        Ok((kind, suited(writer_of(self.entry, constructed.stage)?)))
     }
 }
 

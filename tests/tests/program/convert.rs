@@ -628,11 +628,17 @@ fn annotations_that_are_no_objects_are_told() {
     json["annotations"][1]["iscrowd"] = json!(1);
     json["annotations"][2]["segmentation"] = json!([]);
     save(&file, &json);
-    let said = fails(&mut convert(&path("foreign"), "coco", &path("out")), 3);
-    for part in ["1 of 3 annotations are crowds", "1 of 2 objects have no mask", "2 annotations left out or incomplete"]
-    {
+    let said = fails(&mut convert(&path("foreign"), "npz", &path("out")), 3);
+    for part in [
+        "1 of 3 annotations are crowds",
+        "1 of 2 objects have a box and no mask",
+        "2 annotations left out or incomplete",
+    ] {
         assert!(said.contains(part), "{part}: {said}");
     }
+    // COCO keeps boxes.
+    let said = fails(&mut convert(&path("foreign"), "coco", &path("boxes")), 3);
+    assert!(said.contains("1 annotation left out") && !said.contains("box and no mask"), "{said}");
 }
 
 #[test]
@@ -972,4 +978,105 @@ fn masks_categories_and_poses_come_back_as_they_were() {
             assert_eq!(before.iter().map(Vec::len).collect::<Vec<_>>(), after.iter().map(Vec::len).collect::<Vec<_>>());
         }
     }
+}
+
+/// Lines of all label files of a YOLO dataset, as numbers.
+fn lines(yolo: &Path) -> Vec<Vec<f64>> {
+    let labels = files(&yolo.join("labels"));
+    let text: String = labels.values().map(|bytes| String::from_utf8_lossy(bytes).into_owned()).collect();
+    text.lines().map(|line| line.split(' ').map(|word| word.parse().expect("a number")).collect()).collect()
+}
+
+#[test]
+fn boxes_without_masks_keep_their_fractions() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = |name: &str| folder.path().join(name);
+    foreign_coco(&path("boxes"), &[&[7, 9]], &[(7, "mug"), (9, "cup")]);
+    let boxes = [[1.5, 2.25, 30.75, 20.5], [50.0, 30.5, 4.0, 9.5]];
+    spoil(&path("boxes"), |json| {
+        for (place, bbox) in boxes.iter().enumerate() {
+            json["annotations"][place]["bbox"] = json!(bbox);
+            json["annotations"][place]["segmentation"] = json!([]);
+        }
+    });
+    let annotations =
+        |of: &str| json_of(&path(of).join("coco/annotations/instances_train.json"))["annotations"].clone();
+    let stated = |of: &str| -> Vec<[f64; 4]> {
+        let all = annotations(of);
+        all.as_array()
+            .expect("a list")
+            .iter()
+            .map(|it| serde_json::from_value(it["bbox"].clone()).expect("a box"))
+            .collect()
+    };
+    ok(&mut convert(&path("boxes"), "coco", &path("coco")));
+    assert_eq!(stated("coco"), boxes);
+    assert_eq!(annotations("coco")[0]["segmentation"], json!([]));
+    // Detection is YOLO's task for boxes, and its numbers are fractions of the image.
+    ok(&mut convert(&path("boxes"), "yolo", &path("yolo")));
+    for ([class, x, y, width, height], (number, bbox)) in lines(&path("yolo/yolo"))
+        .iter()
+        .map(|line| <[f64; 5]>::try_from(&line[..]).expect("a box"))
+        .zip((0..).zip(&boxes))
+    {
+        let found = [class, x * 60.0, y * 40.0, width * 60.0, height * 40.0];
+        let want = [f64::from(number), bbox[0] + bbox[2] / 2.0, bbox[1] + bbox[3] / 2.0, bbox[2], bbox[3]];
+        assert!(found.iter().zip(&want).all(|(found, want)| (found - want).abs() < 1e-4), "{found:?} {want:?}");
+    }
+    ok(&mut convert(&path("yolo"), "coco", &path("back")));
+    assert!(stated("back").as_flattened().iter().zip(boxes.as_flattened()).all(|(a, b)| (a - b).abs() < 1e-4));
+    // A box beside masks stays an object; formats of masks alone leave it out.
+    foreign_coco(&path("mixed"), &[&[7, 9]], &[(7, "mug"), (9, "cup")]);
+    spoil(&path("mixed"), |json| json["annotations"][1]["segmentation"] = json!([]));
+    made(&mut convert(&path("mixed"), "coco", &path("mixed coco")));
+    assert_eq!(stated("mixed coco"), [[2.0, 5.0, 10.0, 10.0], [14.0, 5.0, 10.0, 10.0]]);
+    let said = fails(&mut convert(&path("mixed"), "yolo", &path("mixed yolo")), 3);
+    assert!(said.contains("1 of 2 objects are left out") && lines(&path("mixed yolo/yolo")).len() == 1, "{said}");
+}
+
+/// A run's own labels for detection are the boxes of its masks.
+#[test]
+fn labels_for_detection_are_boxes_of_masks() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let data = folder.path().join("data");
+    small_dataset(&data, &["dataset.scenes=1", "write={ syntable = {}, yolo = { task = \"detect\" } }"]);
+    let dataset = open_dataset(&data, None).expect("a dataset").1;
+    let mut want = Vec::new();
+    for image in 0..dataset.images.len() {
+        let products = dataset.read(image, &[VISIBLE_MASK.id()]).expect("readable").products;
+        for (_, mask) in products.get(VISIBLE_MASK).expect("there").iter().filter(|(_, mask)| !mask.is_empty()) {
+            let at = |axis: usize| mask.pixels().map(move |pixel| [pixel % 160, pixel / 160][axis]);
+            let ends =
+                |axis: usize| [at(axis).min().expect("pixels") as f64, at(axis).max().expect("pixels") as f64 + 1.0];
+            let ([left, right], [top, bottom]) = (ends(0), ends(1));
+            want.push([(left + right) / 320.0, (top + bottom) / 240.0, (right - left) / 160.0, (bottom - top) / 120.0]);
+        }
+    }
+    let found = lines(&data.join("yolo"));
+    assert!(!found.is_empty() && found.len() == want.len(), "{} {}", found.len(), want.len());
+    for (line, want) in found.iter().zip(&want) {
+        assert!(line[1..].iter().zip(want).all(|(found, want)| (found - want).abs() < 1e-6), "{line:?} {want:?}");
+    }
+}
+
+#[test]
+fn a_run_of_several_formats_is_one_dataset() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let data = folder.path().join("data");
+    small_dataset(&data, &["dataset.scenes=1", "write={ coco = {}, yolo = {}, npz = { include = [\"rgb\"] } }"]);
+    // COCO's files have amodal masks, which YOLO's lack.
+    assert!(ok(syntable().arg("stats").arg(&data)).contains("read as coco"));
+    // Another program's folder of two datasets has no such order.
+    fs::remove_dir_all(data.join(".syntable")).expect("removable");
+    assert!(fails(syntable().arg("stats").arg(&data), 2).contains("it contains 2 datasets"));
+}
+
+#[test]
+fn an_unfinished_dataset_is_named() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let data = folder.path().join("data");
+    small_dataset(&data, &["dataset.scenes=1", "write={ coco = {} }"]);
+    fs::remove_dir_all(data.join("coco/annotations")).expect("removable");
+    let said = fails(syntable().arg("validate").arg(&data), 2);
+    assert!(said.contains("no annotation files") && said.contains("finish the run"), "{said}");
 }

@@ -2,6 +2,7 @@
 
 use crate::encode::{scene_name, view_name};
 use crate::include::{self, Included, IncludedProducts};
+use std::collections::BTreeSet;
 use std::sync::Arc;
 use syntable_model::prelude::*;
 use syntable_model::product::Scope;
@@ -38,6 +39,12 @@ pub trait ImageWriter: Send + Sync + Sized + 'static {
     fn finish(&self, cx: &DatasetContext, products: &Products, finish: &Finish) -> Result<()> {
         let _ = (cx, products, finish);
         Ok(())
+    }
+
+    /// As [`Writer::for_dataset`].
+    fn for_dataset(&self, has: &BTreeSet<String>) -> Option<Self> {
+        let _ = has;
+        None
     }
 
     /// As [`Writer::paths`].
@@ -131,6 +138,10 @@ impl<W: ImageWriter> Writer for SharedWriter<W> {
 
     fn finish(&self, cx: &DatasetContext, products: &Products, finish: &Finish) -> Result<()> {
         self.0.finish(cx, products, finish)
+    }
+
+    fn for_dataset(&self, has: &BTreeSet<String>) -> Option<Box<dyn Writer>> {
+        self.0.for_dataset(has).map(W::boxed)
     }
 
     fn paths(&self, of: &FileOf) -> Result<Vec<String>> {

@@ -7,6 +7,7 @@ use crate::product::{Key, KeyId, Product, Products};
 use crate::scene::{SceneId, ViewId};
 use crate::stage::subject::{Images, Subject};
 use crate::stage::{DatasetInfo, Finish, Output};
+use std::collections::BTreeSet;
 use std::fmt;
 use std::sync::Arc;
 
@@ -27,6 +28,12 @@ pub trait Writer<S: Subject = Images>: Send + Sync {
     fn finish(&self, cx: &DatasetContext, products: &Products, finish: &Finish) -> Result<()> {
         let _ = (cx, products, finish);
         Ok(())
+    }
+    /// The same writer for the conversion of a dataset with these products, if other options suit the dataset better than
+    /// defaults that the user left as they are: a dataset of boxes, for one, has no polygons.
+    fn for_dataset(&self, has: &BTreeSet<String>) -> Option<Box<dyn Writer<S>>> {
+        let _ = has;
+        None
     }
     /// Whether its files identify objects by their numbers (`obj_id`). If so, a recipe with two objects of one number is refused.
     fn needs_obj_ids(&self) -> bool {

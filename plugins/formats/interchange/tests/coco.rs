@@ -54,6 +54,124 @@ fn read(reader: &OpenDataset) -> Products {
     reader.read(0, &wants).unwrap_or_else(|error| panic!("{error}")).products
 }
 
+/// Names and contents as other programs write them: the format follows from the keys of annotations.
+#[test]
+fn files_of_other_programs_are_recognized() {
+    let amodal = rectangle([2, 2, 6, 4]);
+    let seen = rectangle([2, 2, 4, 4]);
+    let plain = |more: Json| annotation(1, Some(square(2, 2)), more);
+    let images = json!([{ "id": 1, "file_name": "a.png", "width": 20, "height": 10 }]);
+    let lvis = json!([{ "id": 1, "coco_url": "http://images.cocodataset.org/val2017/a.png", "width": 20.0, "height": 10.0,
+                        "neg_category_ids": [3] }]);
+    let cvat = json!([{ "id": 1, "file_name": "a.png", "width": 20, "height": 10, "license": 0, "date_captured": 0,
+                        "flickr_url": "", "coco_url": null }]);
+    let info =
+        json!({ "info": { "year": "2026", "version": 2, "contributor": null, "description": ["x"] }, "licenses": [] });
+    let mut lacks_numbers = plain(json!({}));
+    for key in ["area", "bbox"] {
+        lacks_numbers.as_object_mut().expect("an object").remove(key);
+    }
+    for (case, file, image, images, annotation, format, areas) in [
+        ("Roboflow", "_annotations.coco.json", "a.png", &images, plain(json!({})), "coco", [16, 0]),
+        ("any name beside the images", "labels.json", "a.png", &images, plain(json!({})), "coco", [16, 0]),
+        (
+            "CVAT",
+            "annotations/instances_default.json",
+            "images/default/a.png",
+            &cvat,
+            plain(json!({})),
+            "coco",
+            [16, 0],
+        ),
+        ("LVIS", "annotations/lvis_v1_val.json", "val2017/a.png", &lvis, plain(json!({})), "coco", [16, 0]),
+        ("instances of KINS' name", "instances_val.json", "a.png", &images, plain(json!({})), "coco", [16, 0]),
+        ("no numbers", "annotations/x.json", "photos/first/a.png", &images, lacks_numbers, "coco", [16, 0]),
+        (
+            "COCOA-cls",
+            "annotations/COCO_amodal_val2014_with_classes.json",
+            "val2014/a.png",
+            &images,
+            annotation(1, Some(amodal.clone()), json!({ "visible_mask": seen, "occlude_rate": 0.33 })),
+            "coco",
+            [16, 24],
+        ),
+        (
+            "KINS in COCO's folder",
+            "annotations/instances_val.json",
+            "images/a.png",
+            &images,
+            annotation(1, Some(amodal.clone()), json!({ "inmodal_seg": seen, "inmodal_bbox": [2, 2, 4, 4] })),
+            "kins",
+            [16, 24],
+        ),
+        (
+            "D2SA of another name",
+            "annotations/val.json",
+            "images/a.png",
+            &images,
+            annotation(1, Some(amodal), json!({ "visible_mask": seen, "occl_depth": 1, "iscrowd": false })),
+            "d2sa",
+            [16, 24],
+        ),
+    ] {
+        let folder = tempfile::tempdir().expect("a folder");
+        let [file, image] = [file, image].map(|name| folder.path().join(name));
+        for path in [&file, &image] {
+            fs::create_dir_all(path.parent().expect("a folder")).expect("a folder");
+        }
+        fs::write(&image, png::PngImage::rgb(&Plane::from_fn(20, 10, |_, _| [9_u8; 3])).encode().expect("an image"))
+            .expect("written");
+        let mut json = info.clone();
+        json["images"] = images.clone();
+        json["annotations"] = json!([annotation]);
+        json["categories"] = json!([{ "id": 7, "name": "mug", "supercategory": null }]);
+        fs::write(&file, json.to_string()).expect("written");
+        for named in [folder.path(), &*file] {
+            let (found, opened) = open_dataset(named, None).unwrap_or_else(|error| panic!("{case}: {error}"));
+            assert_eq!((found.name(), opened.images.len(), opened.info.categories().count()), (format, 1, 1), "{case}");
+            let products = opened.read(0, &opened.offers).unwrap_or_else(|error| panic!("{case}: {error}")).products;
+            let area = |key: Key<PerInstance<Mask>>| -> u32 {
+                let masks = products.optional(key).expect("masks");
+                masks.map_or(0, |masks| masks.iter().map(|(_, mask)| mask.area()).sum())
+            };
+            assert_eq!([VISIBLE_MASK, AMODAL_MASK].map(area), areas, "{case}");
+            assert_eq!(products.get(RGB).expect("there").width(), 20, "{case}");
+        }
+    }
+}
+
+/// Captions and other records of images are no instances.
+#[test]
+fn files_without_objects_in_images_are_refused() {
+    for json in [
+        json!({ "images": [], "annotations": [{ "id": 1, "image_id": 1, "caption": "a mug" }] }),
+        json!([{ "image_id": 1, "category_id": 7, "bbox": [1, 2, 3, 4], "score": 0.5 }]),
+        json!({ "objects": [] }),
+    ] {
+        let folder = tempfile::tempdir().expect("a folder");
+        fs::create_dir(folder.path().join("annotations")).expect("a folder");
+        fs::write(folder.path().join("annotations/a.json"), json.to_string()).expect("written");
+        let error = open_dataset(folder.path(), None).err().expect("no dataset").to_string();
+        assert!(error.contains("unrecognized dataset format"), "{json}: {error}");
+    }
+}
+
+/// Masks and depth often have the names of the images: no folder of several is guessed.
+#[test]
+fn images_are_not_guessed_among_several_folders() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let image = png::PngImage::rgb(&Plane::from_fn(20, 10, |_, _| [9_u8; 3])).encode().expect("an image");
+    for name in ["depth", "photos"] {
+        fs::create_dir(folder.path().join(name)).expect("a folder");
+        fs::write(folder.path().join(name).join("a.png"), &image).expect("written");
+    }
+    let found = open(folder.path(), &[annotation(1, Some(square(2, 2)), json!({}))]);
+    assert!(found.read(0, &[RGB.id()]).is_err());
+    fs::remove_dir_all(folder.path().join("depth")).expect("removable");
+    let found = open(folder.path(), &[annotation(1, Some(square(2, 2)), json!({}))]);
+    assert!(found.read(0, &[RGB.id()]).is_ok());
+}
+
 #[test]
 fn crowds_are_no_objects() {
     let folder = tempfile::tempdir().expect("a folder");

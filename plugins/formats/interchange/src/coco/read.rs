@@ -112,6 +112,10 @@ pub fn open_file(root: &DatasetFolder, path: &Path, is_d2sa: bool) -> Result<Ope
     notes.extend(file.supercategories().into_iter().chain(file.not_kept(&offers)));
     let what = "annotations are crowds (`iscrowd`), and no objects";
     notes.push(not_objects(&offers, crowds, crowds + objects, what));
+    if has_masks {
+        let what = "objects have a box and no mask (`segmentation` is missing or empty)";
+        notes.push(not_objects(&offers, without_mask, objects, what).unless(BOX.id()));
+    }
     let what = "annotations have neither `segmentation` nor `bbox`, and are no objects";
     notes.push(not_objects(&offers, without_place, objects + without_place, what));
     let mut derived = if has_hidden { Vec::new() } else { keys![OCCLUSION_MASK] };

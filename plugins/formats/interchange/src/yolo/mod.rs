@@ -41,8 +41,9 @@ use syntable_model::prelude::*;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Yolo {
-    /// Task of the labels.
-    pub task: YoloTask,
+    /// Task of the labels. Default: `segment`; `detect` in a conversion of a dataset that has boxes and no masks.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub task: Option<YoloTask>,
     /// Mask that polygons and boxes outline. Objects with an empty mask have no label, unless a dataset states their box.
     pub masks: MaskChoice,
     /// Folder of images and labels.
@@ -63,7 +64,7 @@ pub enum YoloTask {
 
 impl Default for Yolo {
     fn default() -> Self {
-        Self { task: YoloTask::Segment, masks: MaskChoice::Visible, split: "train".into() }
+        Self { task: None, masks: MaskChoice::Visible, split: "train".into() }
     }
 }
 

@@ -197,6 +197,9 @@ fn open(source: &Source) -> Result<Opened> {
             if boxes > 0 {
                 notes.push(caveat(format!("objects with a box and no polygon have boxes alone: {boxes}")));
             }
+            let what = "objects have a box and no polygon";
+            let boxes = LeftOut::new(boxes, all_lines, what);
+            notes.push(Note::not_objects(boxes).of(labels.clone()).unless(BOX.id()));
         }
         LabelShape::Boxes => {
             notes.push(caveat("labels are boxes: boxes and classes are all that is known of objects".to_owned()));

@@ -7,15 +7,20 @@ use crate::coco::{MaskChoice, StoredParts};
 use crate::family::write::image_name;
 use crate::labels::{self, Partial};
 use crate::outlines::{self, PolygonRing, outline_key, rotated_box_key};
+use std::collections::BTreeSet;
 use syntable_formats::encode::png::PngImage;
 use syntable_formats::encode::view_name;
 use syntable_formats::include::write_file;
 use syntable_formats::writer::ImageWriter;
 use syntable_model::prelude::*;
-use syntable_model::product::standard::RGB;
+use syntable_model::product::standard::{AMODAL_MASK, BOX, RGB, VISIBLE_MASK};
 use syntable_model::scene::{SceneId, ViewId};
 
 impl Yolo {
+    fn task(&self) -> YoloTask {
+        self.task.unwrap_or(YoloTask::Segment)
+    }
+
     /// Path of the image inside the writer's folder.
     fn image_path(&self, scene: SceneId, view: ViewId) -> String {
         format!("{}/{}", self.images(), image_name(scene, view))
@@ -33,7 +38,7 @@ impl Yolo {
     /// Points of an object's line, px: around its mask, or center and size of its box. None if the image shows no part of the
     /// box.
     fn points(&self, products: &Products, label: &Partial, size: [f64; 2]) -> Result<Option<PolygonRing>> {
-        match self.task {
+        match self.task() {
             YoloTask::Segment => outlines::ring(products, self.masks, label.id).map(Some),
             YoloTask::Detect => Ok(center_and_size(self.masks.box_of(label), size).map(Vec::from)),
             YoloTask::Obb => {
@@ -48,12 +53,12 @@ impl ImageWriter for Yolo {
     type Scene = ();
 
     fn reads(&self) -> Vec<Input> {
-        let points = match self.task {
+        let points = match self.task() {
             YoloTask::Segment => Some(outline_key(self.masks)),
             YoloTask::Detect => None,
             YoloTask::Obb => Some(rotated_box_key(self.masks)),
         };
-        let labels = match (self.task, self.masks) {
+        let labels = match (self.task(), self.masks) {
             (YoloTask::Detect, masks) => labels::box_inputs(masks),
             (_, MaskChoice::Visible) => labels::visible_inputs(),
             (_, MaskChoice::Amodal) => labels::amodal_inputs(),
@@ -66,12 +71,12 @@ impl ImageWriter for Yolo {
         PngImage::rgb(rgb).write(output, &format!("{}/{}", output.id(), self.image_path(scene, view)))?;
         let size = [rgb.width(), rgb.height()].map(f64::from);
         let mut text = String::new();
-        let (labels, stored) = match self.task {
+        let (labels, stored) = match self.task() {
             YoloTask::Detect => (labels::partial_or_box(cx.dataset, products)?, StoredParts::Boxes),
             _ => (labels::partial(cx.dataset, products)?, StoredParts::Visible),
         };
         let labels = self.masks.shown_partial(cx.log, labels, stored);
-        if self.task == YoloTask::Segment {
+        if self.task() == YoloTask::Segment {
             outlines::report_holes(cx.log, products, self.masks, labels.iter().map(|label| label.id))?;
         }
         let mut outside = 0;
@@ -89,6 +94,12 @@ impl ImageWriter for Yolo {
         output.write(&format!("{}/{}", output.id(), self.label_path(scene, view)), text.as_bytes())
     }
 
+    fn for_dataset(&self, has: &BTreeSet<String>) -> Option<Self> {
+        let has = |name: &str| has.contains(name);
+        let is_of_boxes = has(BOX.name()) && !has(VISIBLE_MASK.name()) && !has(AMODAL_MASK.name());
+        (self.task.is_none() && is_of_boxes).then(|| Self { task: Some(YoloTask::Detect), ..self.clone() })
+    }
+
     fn paths(&self, of: &FileOf) -> Vec<String> {
         let paths = match (of.scene, of.view) {
             (Some(scene), Some(view)) => vec![self.image_path(scene, view), self.label_path(scene, view)],
@@ -100,7 +111,7 @@ impl ImageWriter for Yolo {
 
     fn finish(&self, cx: &DatasetContext, _: &Products, finish: &Finish) -> Result<()> {
         let path = format!("{}/{DATA}", finish.id());
-        let task = (self.task == YoloTask::Detect).then_some(LabelShape::Boxes);
+        let task = (self.task() == YoloTask::Detect).then_some(LabelShape::Boxes);
         let text = data::text(&self.images(), task, self.masks, cx.dataset);
         write_file(finish, &path, text.as_bytes())
     }
