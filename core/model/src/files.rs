@@ -44,6 +44,28 @@ pub struct DatasetPath(String);
 /// Longest name of a file or folder that file systems accept, bytes.
 const LONGEST_NAME: usize = 255;
 
+/// First bytes of a file that Git LFS leaves where it has not fetched the content.
+const LFS_POINTER: &[u8] = b"version https://git-lfs.github.com/spec/";
+/// Bytes at the start of a file that may precede the tag of an HTML page.
+const HTML_START: usize = 512;
+
+/// The error of a file that replaces the real one: a pointer of Git LFS, or a page that a server sent instead of a download.
+/// None for other content.
+pub fn replacement(bytes: &[u8]) -> Option<error::Error> {
+    if bytes.starts_with(LFS_POINTER) {
+        let error = error::Error::new("a pointer of Git LFS, not the file itself");
+        return Some(error.help("fetch the files of the repository: run `git lfs pull` in its folder"));
+    }
+    let start = &bytes[..bytes.len().min(HTML_START)];
+    let text = String::from_utf8_lossy(start.strip_prefix(b"\xef\xbb\xbf").unwrap_or(start)).to_ascii_lowercase();
+    let text = text.trim_start();
+    let is_html = text.starts_with("<!doctype html") || text.starts_with("<html");
+    is_html.then(|| {
+        let error = error::Error::new("an HTML page, not the file itself");
+        error.help("download the file again: the server sent a page instead, such as a login or an error")
+    })
+}
+
 /// Names at the top of a dataset that the program keeps for itself: its own folder, and the resolved recipe.
 pub const RESERVED: [&str; 2] = [".syntable", "recipe.toml"];
 

@@ -7,6 +7,7 @@ use std::fs::{self, File};
 use std::io::{Cursor, Read};
 use std::path::{Path, PathBuf};
 use syntable_model::error::{Error, Result};
+use syntable_model::files::replacement;
 use syntable_model::limits::{IMAGE_BYTES, IMAGE_PIXELS, JSON_VALUES, Limit, MEMBER_BYTES, TEXT_BYTES};
 use syntable_model::panics::guarded;
 use syntable_model::product::{DType, Plane, Tensor, Value};
@@ -85,7 +86,7 @@ pub fn read_at_most(file: File, limit: &Limit, path: &Path) -> Result<Vec<u8>> {
     let mut bytes = Vec::with_capacity(length as usize);
     // The file may grow meanwhile.
     file.take(limit.most).read_to_end(&mut bytes).map_err(fail)?;
-    Ok(bytes)
+    replacement(&bytes).map_or(Ok(bytes), |error| Err(error.in_file(path)))
 }
 
 /// Reads a text file of at most [`TEXT_BYTES`]; see [`open`].

@@ -15,6 +15,7 @@ use std::io::{self, BufRead, BufReader, Read, Seek, SeekFrom};
 use std::marker::PhantomData;
 use std::path::{Path, PathBuf};
 use syntable_model::error::{Error, Result};
+use syntable_model::files::replacement;
 use syntable_model::limits::RECORD_BYTES;
 
 /// The byte order mark that some editors put before UTF-8.
@@ -87,7 +88,11 @@ impl Indexed {
         let fail = |error: io::Error| Error::io(path, &error);
         let mut file = BufReader::new(File::open(path).map_err(fail)?);
         let (at, until) = (Cell::new(0), Cell::new(u64::MAX));
-        if file.fill_buf().map_err(fail)?.starts_with(&MARK) {
+        let start = file.fill_buf().map_err(fail)?;
+        if let Some(error) = replacement(start) {
+            return Err(error.in_file(path));
+        }
+        if start.starts_with(&MARK) {
             file.consume(MARK.len());
             at.set(MARK.len() as u64);
         }

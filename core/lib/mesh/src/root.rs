@@ -13,6 +13,7 @@ use std::io::Read;
 use std::path::{Component, Path, PathBuf};
 use std::sync::Arc;
 use syntable_model::error::{Error, Result};
+use syntable_model::files::replacement;
 use syntable_model::limits::LIST_BYTES;
 use syntable_model::stage::AssetLimits;
 
@@ -209,7 +210,10 @@ fn read(path: &Path, allow: &dyn Fn(u64) -> Result<()>) -> Result<Vec<u8>> {
     allow(metadata.len()).map_err(|error| error.in_file(path))?;
     let mut bytes = Vec::with_capacity(metadata.len() as usize);
     fs::File::open(path).map_err(io)?.take(metadata.len()).read_to_end(&mut bytes).map_err(io)?;
-    Ok(bytes)
+    match replacement(&bytes) {
+        Some(error) => Err(error.in_file(path)),
+        None => Ok(bytes),
+    }
 }
 
 /// Whether a file or folder exists. A failing device or network is an error, because the asset would otherwise be
