@@ -215,6 +215,19 @@ impl DecodedImage {
         Self::decode(&root.read(path)?, root.budget()).map_err(|error| error.in_file(path))
     }
 
+    /// As [`read`](Self::read), for an image that an asset can do without: none, after a warning, if its format is unknown.
+    pub fn read_if_known(root: &AssetRoot, path: &Path, warn: impl FnOnce(Error)) -> Result<Option<Self>> {
+        let (bytes, formats) = (root.read(path)?, ImageFormats::linked()?);
+        // Other content under the name of a known format is damage.
+        let is_named = formats.0.iter().any(|format| format.accepts(path));
+        if !is_named && formats.0.iter().all(|format| !(format.matches)(&bytes)) {
+            let error = Error::new("an image of an unknown format; using a constant color");
+            warn(error.help(formats.known_textures()).in_file(path));
+            return Ok(None);
+        }
+        formats.decode_texture(&bytes, root.budget()).map(Some).map_err(|error| error.in_file(path))
+    }
+
     /// Decodes an image of any registered format.
     pub fn decode(bytes: &[u8], budget: &Budget) -> Result<Self> {
         ImageFormats::linked()?.decode_texture(bytes, budget)
@@ -254,12 +267,15 @@ impl ImageFormats {
         self.0.iter().filter(|format| !format.is_texture()).flat_map(|format| format.extensions).copied().collect()
     }
 
+    /// Names of texture formats, for messages.
+    fn known_textures(&self) -> String {
+        let names = self.0.iter().filter(|format| format.is_texture()).map(|format| format.name);
+        format!("texture formats are {}", enumerate(names, "and"))
+    }
+
     /// Decodes an image for a texture.
     pub fn decode_texture(&self, bytes: &[u8], budget: &Budget) -> Result<DecodedImage> {
-        let known = || {
-            let names = self.0.iter().filter(|format| format.is_texture()).map(|format| format.name);
-            format!("texture formats are {}", enumerate(names, "and"))
-        };
+        let known = || self.known_textures();
         match self.0.iter().find(|format| (format.matches)(bytes)) {
             Some(ImageFormat { decode: ImageDecoder::Texture(decode), .. }) => decode(bytes, budget),
             Some(format) => {

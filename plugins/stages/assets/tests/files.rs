@@ -24,6 +24,8 @@ mod meshes;
 mod objects;
 #[path = "files/real.rs"]
 mod real;
+#[path = "files/uncommon.rs"]
+mod uncommon;
 
 // The crate registers its sources and inspectors only where it is linked.
 use syntable_assets as _;

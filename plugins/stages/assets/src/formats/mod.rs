@@ -13,6 +13,7 @@ pub mod ply;
 pub mod png;
 mod raster;
 pub mod stl;
+mod uncommon;
 pub mod webp;
 
 use std::path::Path;

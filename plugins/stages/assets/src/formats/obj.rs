@@ -7,7 +7,7 @@
 //! Vertex colors are sRGB-encoded: after the coordinates of a vertex, in [0, 1] or in [0, 255], or in ZBrush's comments
 //! `#MRGB` of eight hexadecimal digits per vertex. They multiply the color of the material; a texture overrides them.
 
-use std::collections::{BTreeSet, HashMap};
+use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::path::Path;
 use syntable_mesh::Model;
 use syntable_mesh::format::MeshFormat;
@@ -26,13 +26,6 @@ mod materials;
 pub fn read(root: &AssetRoot, file: &Path, log: &dyn Log) -> Result<Model> {
     let path = root.locate(file)?;
     let parsed = parse(&root.read(&path)?, root.budget()).map_err(|error| error.in_file(&path))?;
-    if let Some((line, count)) = parsed.missing_normals {
-        log.warn(
-            &Error::new(format!("{count} corners refer to missing normals; face normals are used"))
-                .in_file(&path)
-                .at_line(line),
-        );
-    }
     for (note, line) in &parsed.notes {
         log.warn(&Error::new(note).in_file(&path).at_line(*line));
     }
@@ -53,8 +46,6 @@ pub struct ParsedObj {
     pub notes: Vec<(String, usize)>,
     /// Names of `mtllib` with their lines.
     pub libraries: Vec<(String, usize)>,
-    /// Line of the first corner with a missing normal, and the number of such corners.
-    pub missing_normals: Option<(usize, usize)>,
     /// Material of every slot: its name (empty before any `usemtl`), the line of its first `usemtl`, and whether its
     /// faces have texture coordinates.
     pub uses: Vec<MaterialUse>,
@@ -88,6 +79,32 @@ pub fn parse(bytes: &[u8], budget: &Budget) -> Result<ParsedObj> {
     parser.finish()
 }
 
+/// Content that a mesh can do without.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+enum OddContent {
+    /// A corner refers to a missing normal.
+    Normal,
+    /// A corner refers to a missing texture coordinate.
+    TextureCoordinate,
+    /// A face has fewer than three corners.
+    Face,
+    /// A vertex has a non-finite color.
+    Color,
+}
+
+impl OddContent {
+    fn text(self, count: usize) -> String {
+        match self {
+            Self::Normal => format!("{count} corners refer to missing normals; face normals are used"),
+            Self::TextureCoordinate => {
+                format!("{count} corners refer to texture coordinates, but the file has none")
+            }
+            Self::Face => format!("faces with fewer than three corners are left out: {count}"),
+            Self::Color => format!("{count} vertex colors are not finite; such channels become white"),
+        }
+    }
+}
+
 /// Indices of a corner into positions, texture coordinates and normals; `u32::MAX` if missing.
 type Corner = [u32; 3];
 const NONE: u32 = u32::MAX;
@@ -101,8 +118,6 @@ struct Parser<'a> {
     colors: Vec<[f32; 4]>,
     /// Colors in ZBrush's comments.
     polypaint: Vec<[u8; 3]>,
-    /// Line of the first non-finite color, and the number of such colors.
-    wrong_colors: Option<(usize, usize)>,
     /// The first line that maps a texture without a material.
     usemap: Option<usize>,
     uvs: Vec<[f32; 2]>,
@@ -114,7 +129,8 @@ struct Parser<'a> {
     slots: Vec<u16>,
     libraries: Vec<(String, usize)>,
     known_libraries: BTreeSet<String>,
-    missing_normals: Option<(usize, usize)>,
+    /// Lines of the first odd content of each kind, and the number of such places.
+    odd: BTreeMap<OddContent, (usize, usize)>,
     uses: Vec<MaterialUse>,
     /// Slots by name of material, without and with texture coordinates.
     known_uses: HashMap<String, [Option<u16>; 2]>,
@@ -134,7 +150,6 @@ impl<'a> Parser<'a> {
             positions: Vec::new(),
             colors: Vec::new(),
             polypaint: Vec::new(),
-            wrong_colors: None,
             usemap: None,
             uvs: Vec::new(),
             normals: Vec::new(),
@@ -144,7 +159,7 @@ impl<'a> Parser<'a> {
             slots: Vec::new(),
             libraries: Vec::new(),
             known_libraries: BTreeSet::new(),
-            missing_normals: None,
+            odd: BTreeMap::new(),
             uses: Vec::new(),
             known_uses: HashMap::new(),
             use_name: String::new(),
@@ -231,7 +246,7 @@ impl<'a> Parser<'a> {
         }
         if count >= 3 {
             if !color[..count].iter().all(|x| x.is_finite()) {
-                self.wrong_colors.get_or_insert((line, 0)).1 += 1;
+                self.note(OddContent::Color, line);
             }
             self.colors.resize(self.positions.len(), [f32::NAN; 4]);
             self.colors.push(color);
@@ -262,7 +277,11 @@ impl<'a> Parser<'a> {
             // Normals only affect shading: a missing one does not invalidate the mesh.
             if corner[2] != NONE && corner[2] as usize >= self.normals.len() {
                 corner[2] = NONE;
-                self.missing_normals.get_or_insert((number, 0)).1 += 1;
+                self.note(OddContent::Normal, number);
+            }
+            if corner[1] != NONE && corner[1] as usize >= self.uvs.len() {
+                corner[1] = NONE;
+                self.note(OddContent::TextureCoordinate, number);
             }
             if face.len() == most {
                 self.budget.triangles(self.triangles.len() + face.len() - 1)?;
@@ -270,7 +289,9 @@ impl<'a> Parser<'a> {
             face.push(corner);
         }
         if face.len() < 3 {
-            return Err(Error::new(format!("a face has {} corners, fewer than three", face.len())));
+            self.note(OddContent::Face, number);
+            self.face = face;
+            return Ok(());
         }
         let textured = face.iter().all(|corner| corner[1] != NONE);
         let slot = self.slot(textured)?;
@@ -315,10 +336,18 @@ impl<'a> Parser<'a> {
         };
         Ok([
             resolve(position, self.positions.len(), "vertex")?,
-            resolve(uv, self.uvs.len(), "texture coordinate")?,
-            // The caller counts missing normals.
+            // The caller counts missing normals, and corners of a file without any texture coordinate.
+            match resolve(uv, self.uvs.len(), "texture coordinate") {
+                Err(_) if self.uvs.is_empty() => NONE - 1,
+                uv => uv?,
+            },
             resolve(normal, self.normals.len(), "normal").unwrap_or(NONE - 1),
         ])
+    }
+
+    /// Counts odd content that the mesh can do without.
+    fn note(&mut self, odd: OddContent, line: usize) {
+        self.odd.entry(odd).or_insert((line, 0)).1 += 1;
     }
 
     fn vertex(&mut self, corner: Corner) -> u32 {
@@ -346,10 +375,8 @@ impl<'a> Parser<'a> {
                 count => Error::new(format!("no faces, only {count} vertices")),
             });
         }
-        let mut notes = Vec::new();
-        if let Some((line, count)) = self.wrong_colors {
-            notes.push((format!("{count} vertex colors are not finite; such channels become white"), line));
-        }
+        let mut notes: Vec<(String, usize)> =
+            self.odd.iter().map(|(odd, (line, count))| (odd.text(*count), *line)).collect();
         if let Some(line) = self.usemap {
             notes.push(("`usemap` is not supported; use `map_Kd` of a material".into(), line));
         }
@@ -389,15 +416,7 @@ impl<'a> Parser<'a> {
                 alphas = colors().map(|color| alpha(color[3])).collect();
             }
         }
-        Ok(ParsedObj {
-            mesh,
-            colored,
-            alphas,
-            notes,
-            libraries: self.libraries,
-            missing_normals: self.missing_normals,
-            uses: self.uses,
-        })
+        Ok(ParsedObj { mesh, colored, alphas, notes, libraries: self.libraries, uses: self.uses })
     }
 }
 

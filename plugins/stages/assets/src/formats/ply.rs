@@ -1,6 +1,6 @@
 //! PLY, text and binary in both byte orders: vertices, normals, colors, texture coordinates and polygons.
 //!
-//! Unknown elements and properties are ignored. Comments `TextureFile` name images, as MeshLab and BOP write them; the
+//! Faces are polygons or triangle strips (`tristrips`). Unknown elements and properties are ignored. Comments `TextureFile` name images, as MeshLab and BOP write them; the
 //! property `texnumber` of faces selects one of several.
 //!
 //! Colors are sRGB-encoded, in a column per channel or packed into one, by vertex, by corner (the list `color` of
@@ -12,7 +12,7 @@ use crate::bop_files::guess_unit;
 use crate::formats::FormatLog;
 use body::{LIST_LIMIT, PlyRows};
 use color::{ColorColumns, decode, range};
-use header::{Element, PlyHeader};
+use header::{Element, PlyHeader, Property};
 use std::collections::HashMap;
 use std::path::Path;
 use std::sync::Arc;
@@ -67,7 +67,8 @@ pub fn read(root: &AssetRoot, file: &Path, log: &dyn Log) -> Result<Model> {
             }
             Some(image) => {
                 let image = image.noted(|note| log.warn(&at(note)));
-                Some(Arc::new(DecodedImage::read(root, &image)?.into_texture(Encoding::Srgb, [Wrap::Repeat; 2])))
+                let decoded = DecodedImage::read_if_known(root, &image, |error| log.warn(&error))?;
+                decoded.map(|image| Arc::new(image.into_texture(Encoding::Srgb, [Wrap::Repeat; 2])))
             }
             None => {
                 log.warn(&at(Error::new(format!("texture `{shown}` is missing; using a constant color"))));
@@ -126,16 +127,15 @@ pub fn parse(bytes: &[u8], budget: &Budget) -> Result<PlyMesh> {
             "face" if faces.is_none() => {
                 faces = Some(read_faces(element, &mut rows, vertices.as_ref(), budget, &mut notes)?);
             }
+            "tristrips" if faces.is_none() && element.count > 0 => {
+                faces = Some(read_strips(element, &mut rows, vertices.as_ref(), budget)?);
+            }
             _ => {
                 match element.name.as_str() {
                     _ if element.count == 0 => {}
                     "material" => notes.push("the colors of the element `material` are not supported".into()),
                     name @ ("vertex" | "face" | "tristrips") => {
-                        let why = if name == "tristrips" {
-                            "faces are read"
-                        } else {
-                            "only the first element of this name is read"
-                        };
+                        let why = "only the first element with faces or of this name is read";
                         notes.push(format!("{} rows of an element `{name}` are ignored: {why}", element.count));
                     }
                     _ => {}
@@ -145,14 +145,8 @@ pub fn parse(bytes: &[u8], budget: &Budget) -> Result<PlyMesh> {
         }
     }
     let Vertices { mesh, alphas } = vertices.ok_or_else(|| Error::new("no vertices"))?;
-    let mut faces = faces.ok_or_else(|| {
-        let has_strips = header.elements.iter().any(|element| element.name == "tristrips" && element.count > 0);
-        let error = Error::new("no faces");
-        if has_strips { error.help("triangle strips are not supported: save the mesh with faces") } else { error }
-    })?;
-    if faces.triangles.is_empty() {
-        return Err(Error::new("no faces"));
-    }
+    let mut faces =
+        faces.filter(|faces: &PlyFaces| !faces.triangles.is_empty()).ok_or_else(|| Error::new("no faces"))?;
     if !mesh.colors.is_empty() && !faces.corners.is_empty() {
         notes.push("vertices and faces have colors; using the colors of the vertices".into());
         faces.corners = Vec::new();
@@ -262,7 +256,7 @@ fn read_faces(
     let (mut indices, mut uvs, mut wedge, mut other) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
     let mut outline = Vec::new();
     let mut values = vec![0.0; element.properties.len()];
-    let (mut by_face, mut without_color) = (Vec::new(), 0);
+    let (mut by_face, mut without_color, mut short) = (Vec::new(), 0, 0);
     for row in 0..element.count {
         rows.begin(element, row)?;
         for (at, property) in element.properties.iter().enumerate() {
@@ -284,12 +278,11 @@ fn read_faces(
         }
         rows.end()?;
         if indices.len() < 3 {
-            return Err(rows.place(Error::new(format!("face {row} has {} corners, fewer than three", indices.len()))));
+            short += 1;
+            continue;
         }
-        if let Some(index) = indices.iter().find(|&&i| !(i >= 0.0 && i < positions.len() as f64 && i.fract() == 0.0)) {
-            let message = format!("face {row} has index {index}, but the mesh has {} vertices", positions.len());
-            return Err(rows.place(Error::new(message)));
-        }
+        check_indices(&indices, positions.len())
+            .map_err(|what| rows.place(Error::new(format!("face {row} {what}"))))?;
         outline.clear();
         outline.extend(indices.iter().map(|&i| positions[i as usize]));
         let cut = triangulate(&outline).map_err(|error| rows.place(error))?;
@@ -317,6 +310,9 @@ fn read_faces(
             by_face.resize(faces.triangles.len(), color.of_row(&values));
         }
     }
+    if short > 0 {
+        notes.push(format!("faces with fewer than three corners are left out: {short}"));
+    }
     if let Some(at) = wedge_at {
         let full = range(element.properties[at].scalar, faces.corners.as_flattened_mut(), 0..4);
         decode(faces.corners.iter_mut().flatten(), [full; 2], "corners", &mut Vec::new());
@@ -326,6 +322,58 @@ fn read_faces(
     } else if let Some(columns) = &color {
         columns.decode(element, &mut by_face, "faces", notes);
         faces.corners = by_face.into_iter().map(|color| [color; 3]).collect();
+    }
+    Ok(faces)
+}
+
+/// Refuses an index without a vertex.
+fn check_indices(indices: &[f64], vertices: usize) -> Result<(), String> {
+    let is_one = |index: &&f64| **index >= 0.0 && **index < vertices as f64 && index.fract() == 0.0;
+    match indices.iter().find(|index| !is_one(index)) {
+        Some(index) => Err(format!("has index {index}, but the mesh has {vertices} vertices")),
+        None => Ok(()),
+    }
+}
+
+/// Reads triangle strips: every corner after the second one ends a triangle with its two predecessors, and every other triangle
+/// is turned around. A negative index starts a new strip.
+fn read_strips(
+    element: &Element,
+    rows: &mut PlyRows<'_>,
+    vertices: Option<&Vertices>,
+    budget: &Budget,
+) -> Result<PlyFaces> {
+    let vertices = vertices.ok_or_else(|| Error::new("strips come before the vertices"))?.mesh.positions.len();
+    let is_indices = |property: &Property| property.list.is_some() && property.name.starts_with("vertex_ind");
+    let at = element.properties.iter().position(is_indices);
+    let at = at.ok_or_else(|| Error::new("strips have no list `vertex_indices`"))?;
+    let mut faces = PlyFaces::default();
+    let (mut indices, mut other) = (Vec::new(), Vec::new());
+    for row in 0..element.count {
+        rows.begin(element, row)?;
+        for (place, property) in element.properties.iter().enumerate() {
+            match property.list {
+                None => drop(rows.number(property.scalar)?),
+                // A strip has at most two corners more than triangles, and as many restarts as corners.
+                Some(length) if place == at => {
+                    let most = budget.triangles_left(faces.triangles.len()).saturating_mul(4).saturating_add(2);
+                    rows.list(length, property.scalar, &mut indices, most)?;
+                }
+                Some(length) => rows.list(length, property.scalar, &mut other, LIST_LIMIT)?,
+            }
+        }
+        rows.end()?;
+        for strip in indices.split(|index| *index < 0.0) {
+            check_indices(strip, vertices).map_err(|what| rows.place(Error::new(format!("strip {row} {what}"))))?;
+            for (turn, corners) in strip.windows(3).enumerate() {
+                let [a, b, c] = [0, 1, 2].map(|k| corners[k] as u32);
+                // Repeated corners move a strip without a triangle.
+                if a != b && b != c && a != c {
+                    faces.triangles.push(if turn % 2 == 0 { [a, b, c] } else { [b, a, c] });
+                }
+            }
+            budget.triangles(faces.triangles.len())?;
+        }
     }
     Ok(faces)
 }

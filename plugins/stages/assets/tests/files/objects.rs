@@ -84,7 +84,12 @@ fn obj_text() {
         ("index too negative", &text(&|t| t + "f 1 2 -9\n"), Reject("vertex index -9")),
         ("least index", &text(&|t| t + "f 1 2 -9223372036854775808\n"), Reject("vertex index -9223372036854775808")),
         ("texture index too large", &text(&|t| t + "f 1/1 2/5 3/1\n"), Reject("texture coordinate index 5")),
-        ("two corners", &text(&|t| t + "f 1/1 2/2\n"), Reject("a face has 2 corners")),
+        ("two corners", &text(&|t| t + "f 1/1 2/2\n"), Warn("faces with fewer than three corners are left out: 1")),
+        (
+            "no texture coordinates",
+            &text(&|t| t.lines().filter(|line| !line.starts_with("vt")).map(|line| format!("{line}\n")).collect()),
+            Warn("corners refer to texture coordinates, but the file has none"),
+        ),
         (
             "normals that are not finite",
             &text(&|t| t.replace("vt 0 0\n", "vt 0 0\nvn nan nan nan\n").replace("4/3", "4/3/1")),
@@ -274,7 +279,7 @@ fn materials_and_textures() {
         (
             "another format",
             &image(b"GIF89a\x01\x00\x01\x00\x00\x00\x00;".to_vec()),
-            Reject("not an image of a known format"),
+            Reject("texture.png: not a valid GIF"),
         ),
     ]);
 }

@@ -107,7 +107,8 @@ struct MtlLoader<'a> {
     log: &'a dyn Log,
     /// Files by name as written, after a look-up.
     images: BTreeMap<String, Option<PathBuf>>,
-    textures: BTreeMap<(PathBuf, bool, bool), Arc<Texture>>,
+    /// Textures by file and use; none for a file of an unknown format.
+    textures: BTreeMap<(PathBuf, bool, bool), Option<Arc<Texture>>>,
     /// Lines of the first black `Kd` with a texture, or with vertex colors, and the numbers of such lines.
     black: [Option<(PathBuf, usize, usize)>; 2],
     /// Unsupported statements of a library, by key: the first, its line, and their number.
@@ -177,7 +178,7 @@ impl MtlLoader<'_> {
                 continue;
             }
             if let Some(ResolvedName { path, note: None }) = self.root.find(&self.folder, name)? {
-                let texture = self.texture(&path, Encoding::Srgb, false)?;
+                let Some(texture) = self.texture(&path, Encoding::Srgb, false)? else { return Ok(None) };
                 let mut material = default_material(false);
                 material.base_color = Color::texture(texture);
                 return Ok(Some(material.with_digest()));
@@ -339,7 +340,7 @@ impl MtlLoader<'_> {
     /// Loads a texture. A missing file causes a warning, and returns `None`.
     fn map(&mut self, map: &MtlMap, library: &Path, encoding: Encoding) -> Result<Option<TextureRef>> {
         let Some(path) = self.image(map, library)? else { return Ok(None) };
-        let texture = self.texture(&path, encoding, map.clamp)?;
+        let Some(texture) = self.texture(&path, encoding, map.clamp)? else { return Ok(None) };
         let transform = UvTransform { scale: map.scale, rotation: 0.0, offset: map.offset };
         Ok(Some(TextureRef { texture, transform }))
     }
@@ -363,13 +364,14 @@ impl MtlLoader<'_> {
         Ok(path)
     }
 
-    fn texture(&mut self, path: &Path, encoding: Encoding, clamp: bool) -> Result<Arc<Texture>> {
+    fn texture(&mut self, path: &Path, encoding: Encoding, clamp: bool) -> Result<Option<Arc<Texture>>> {
         let key = (path.to_owned(), encoding == Encoding::Srgb, clamp);
         if let Some(texture) = self.textures.get(&key) {
             return Ok(texture.clone());
         }
         let wrap = if clamp { Wrap::Clamp } else { Wrap::Repeat };
-        let texture = Arc::new(DecodedImage::read(self.root, path)?.into_texture(encoding, [wrap; 2]));
+        let image = DecodedImage::read_if_known(self.root, path, |error| self.log.warn(&error))?;
+        let texture = image.map(|image| Arc::new(image.into_texture(encoding, [wrap; 2])));
         self.textures.insert(key, texture.clone());
         Ok(texture)
     }

@@ -41,10 +41,6 @@ impl<'a> PlyRows<'a> {
                 .iter()
                 .map(|property| match property.list {
                     None => property.scalar.size(),
-                    // Faces have three corners or more.
-                    Some(length) if element.name == "face" && property.name.starts_with("vertex_ind") => {
-                        length.size() + 3 * property.scalar.size()
-                    }
                     Some(length) => length.size(),
                 })
                 .sum(),
