@@ -184,6 +184,13 @@ impl Slot {
         self.spec().shape
     }
 
+    /// Whether a table of it may leave out `kind`, and then has the default kind. A table of an optional slot names the stage that
+    /// the recipe adds.
+    pub fn has_default_kind(self) -> bool {
+        let SlotSpec { shape, default_kinds, optional, .. } = self.spec();
+        shape == Shape::One && !default_kinds.is_empty() && !optional
+    }
+
     /// Name of one of its stages in messages and random streams: `render`, `place.objects`, `write.png`.
     pub fn stage_name(self, id: &str) -> String {
         match self.shape() {

@@ -446,3 +446,35 @@ fn a_new_recipe_extends_a_recipe_of_the_program() {
     assert!(fails(&mut new("window-rom"), 2).contains("did you mean `builtin:window-room`?"));
     ok(&mut new("window-room"));
 }
+
+#[test]
+fn sections_without_a_kind_have_the_default_kind() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (plain, named) = (folder.path().join("plain.toml"), folder.path().join("named.toml"));
+    let recipe = |kinds: [&str; 4]| {
+        let [settle, camera, views, render] =
+            kinds.map(|kind| if kind.is_empty() { String::new() } else { format!("kind = \"{kind}\"\n") });
+        format!(
+            "[dataset]\nscenes = 1\nviews_per_scene = 1\n[assets.things]\nkind = \"household\"\n[assets.tables]\nkind = \"procedural_tables\"\n\
+             [[place]]\nkind = \"table\"\nfrom = \"tables\"\n[[place]]\nkind = \"drop_box\"\nfrom = \"things\"\ncount = 3\n\
+             [settle]\n{settle}duration_s = 2\n[camera]\n{camera}resolution = [64, 48]\n\
+             [views]\n{views}roll_deg = 4\n[render]\n{render}samples_per_pixel = 4\n[write.coco]\n"
+        )
+    };
+    std::fs::write(&plain, recipe(["", "", "", ""])).expect("writable");
+    std::fs::write(&named, recipe(["rapier", "pinhole", "hemisphere_shell", "cpu_path"])).expect("writable");
+    let resolved = |file: &std::path::Path| ok(syntable().arg("plan").arg(file)).replace("plain.toml", "named.toml");
+    assert_eq!(resolved(&plain), resolved(&named));
+    // A table of an optional slot says what it adds.
+    std::fs::write(&plain, recipe(["", "", "", ""]) + "[denoise]\n").expect("writable");
+    assert!(fails(syntable().arg("check").arg(&plain), 2).contains("`[denoise]` needs a `kind`"));
+    // A value that a table of the option takes, and a size in quotes.
+    for (from, to, says) in [
+        ("roll_deg = 4", "roll_deg = [0, 9]", "write `{ uniform = [0, 9] }`"),
+        ("[64, 48]", "\"64x48\"", "write [64, 48]"),
+    ] {
+        std::fs::write(&plain, recipe(["", "", "", ""]).replace(from, to)).expect("writable");
+        let said = fails(syntable().arg("check").arg(&plain), 2);
+        assert!(said.contains(says), "{said}");
+    }
+}

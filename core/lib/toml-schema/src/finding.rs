@@ -62,8 +62,10 @@ pub enum Problem {
         wanted: Option<TomlType>,
         /// Type of the value.
         found: TomlType,
-        /// Text of the value, without quotes; empty for arrays, tables and dates.
+        /// Text of the value, without quotes; empty for tables, dates, and arrays of other values than numbers.
         text: String,
+        /// The key of a table that takes the value, if the option accepts such a table: `integers` for `[12, 24]`.
+        key: Option<String>,
     },
     /// A number, a length or a count is outside its limits.
     OutOfRange {

@@ -85,7 +85,10 @@ impl<'s> Validator<'s> {
         let view = value.view();
         let before = outcome.findings.len();
         self.scalar(&view, value.span(), schema, at, outcome);
-        if outcome.findings.len() > before {
+        if let Some(finding) = outcome.findings.get_mut(before) {
+            if let Problem::WrongType { key, .. } = &mut finding.problem {
+                *key = self.key_of_form(value, std::iter::once(schema), at);
+            }
             return;
         }
         match view {
@@ -106,7 +109,14 @@ impl<'s> Validator<'s> {
     }
 
     /// Checks type, choices and limits of one value.
-    fn scalar<N>(&self, view: &TomlView<N>, span: Range<usize>, schema: &'s Json, at: At, outcome: &mut Outcome) {
+    fn scalar<N: TomlNode>(
+        &self,
+        view: &TomlView<N>,
+        span: Range<usize>,
+        schema: &'s Json,
+        at: At,
+        outcome: &mut Outcome,
+    ) {
         let name = at.name();
         let types = types(schema);
         let of_type = types.is_empty() || types.iter().any(|kind| view.of_type().is(kind));
@@ -331,9 +341,30 @@ impl<'s> Validator<'s> {
                     forms.push(format!("a table with one of {}", listing(tags)));
                 }
                 let expected = forms.join(" or ");
-                outcome.findings.push(wrong_type(&view, value.span(), &expected, None, at.path, &at.name()));
+                let mut finding = wrong_type(&view, value.span(), &expected, None, at.path, &at.name());
+                if let Problem::WrongType { key, .. } = &mut finding.problem {
+                    *key = self.key_of_form(value, trials.iter().map(|(branch, _)| *branch), at);
+                }
+                outcome.findings.push(finding);
             }
         }
+    }
+
+    /// The key of a table form whose value may be this one.
+    fn key_of_form<N: TomlNode>(
+        &self,
+        value: &N,
+        mut branches: impl Iterator<Item = &'s Json>,
+        at: At,
+    ) -> Option<String> {
+        branches.find_map(|branch| {
+            let takes = |key: &&str| {
+                let mut trial = Outcome::default();
+                self.value(value, &branch["properties"][*key], at, &mut trial);
+                trial.findings.is_empty()
+            };
+            form_keys(branch).into_iter().find(takes).map(str::to_owned)
+        })
     }
 
     /// Reports a string that fits no form, if some form is a choice of words.
@@ -478,7 +509,7 @@ impl<'s> Validator<'s> {
     }
 }
 
-fn wrong_type<N>(
+fn wrong_type<N: TomlNode>(
     view: &TomlView<N>,
     span: Range<usize>,
     expected: &str,
@@ -486,7 +517,7 @@ fn wrong_type<N>(
     path: &[Step],
     name: &str,
 ) -> Finding {
-    let problem = Problem::WrongType { wanted, found: view.of_type(), text: view.text() };
+    let problem = Problem::WrongType { wanted, found: view.of_type(), text: view.text(), key: None };
     Finding { path: path.to_vec(), span, message: format!("`{name}` must be {expected}"), problem }
 }
 
@@ -543,6 +574,29 @@ mod tests {
             assert!(finding.span.end <= text.len(), "{finding:?}");
         }
         spanned.findings.iter().map(|finding| format!("{}: {}", DisplayPath(&finding.path), finding.message)).collect()
+    }
+
+    #[test]
+    fn a_table_that_takes_the_value_is_named() {
+        let pair = json!({ "type": "array", "items": { "type": "integer" }, "minItems": 2, "maxItems": 2 });
+        let number = json!({ "type": "number" });
+        let forms = json!({ "type": ["integer", "object"], "maxProperties": 1,
+                            "properties": { "scale": number, "integers": pair } });
+        let union = json!({ "anyOf": [{ "type": "integer" }, { "type": "object", "required": ["integers"],
+                                      "properties": { "integers": pair } }] });
+        for (schema, text, wanted) in [
+            (&forms, "[12, 24]", Some("integers")),
+            (&union, "[12, 24]", Some("integers")),
+            (&forms, "1.5", Some("scale")),
+            (&forms, "[12, 24, 36]", None),
+            (&forms, "'a'", None),
+        ] {
+            let schema = json!({ "properties": { "x": schema } });
+            let found = check("owner", &schema, &Map::new(), &format!("x = {text}")).expect("TOML");
+            let Problem::WrongType { key, text: shown, .. } = &found[0].problem else { panic!("{found:?}") };
+            assert_eq!(key.as_deref(), wanted, "{text}");
+            assert!(wanted.is_none() || shown == text, "{shown}");
+        }
     }
 
     #[test]

@@ -137,13 +137,24 @@ impl<N> TomlView<'_, N> {
         }
     }
 
-    /// The text of a scalar, without quotes; empty for others.
-    pub(crate) fn text(&self) -> String {
+    /// The text of a scalar, without quotes, or of an array of numbers; empty for others.
+    pub(crate) fn text(&self) -> String
+    where
+        N: TomlNode,
+    {
         match self {
             Self::String(text) => (*text).to_owned(),
             Self::Integer(text, _) | Self::Float(text, _) => text.clone().into_owned(),
             Self::Boolean(value) => value.to_string(),
-            Self::Datetime | Self::Array(_) | Self::Table(_) => String::new(),
+            Self::Array(items) => {
+                let number = |item: &N| match item.view() {
+                    TomlView::Integer(text, _) | TomlView::Float(text, _) => Some(text.into_owned()),
+                    _ => None,
+                };
+                let numbers: Option<Vec<String>> = items.iter().map(number).collect();
+                numbers.map_or_else(String::new, |numbers| format!("[{}]", numbers.join(", ")))
+            }
+            Self::Datetime | Self::Table(_) => String::new(),
         }
     }
 }

@@ -352,7 +352,8 @@ fn whole(registry: &Registry, schemas: &Schemas) -> Json {
             .of_slot(slot)
             .filter_map(|entry| Some((entry.kind, open(json!({ "required": required(entry)? })))));
         let demands: Vec<(&str, Json)> = demands.collect();
-        let mut stage = open(json!({ "required": ["kind"] }));
+        let needs_kind = if slot.has_default_kind() { json!({}) } else { json!({ "required": ["kind"] }) };
+        let mut stage = open(needs_kind);
         if let (Some(stage), false, Json::Object(chain)) =
             (stage.as_object_mut(), demands.is_empty(), by_kind(demands, open(json!({}))))
         {

@@ -92,7 +92,12 @@ fn diagnostic(finding: Finding) -> DiagnosticBuilder {
     let error = |code| DiagnosticBuilder::error(code, finding.span, finding.message);
     let names = |names: &[String]| listing(names.iter().map(String::as_str));
     match finding.problem {
-        Problem::WrongType { wanted, found, text } => error(Code::WrongType).label(type_label(wanted, found, &text)),
+        Problem::WrongType { key: Some(key), text, .. } if !text.is_empty() => {
+            error(Code::WrongType).label(format!("write `{{ {key} = {text} }}`"))
+        }
+        Problem::WrongType { wanted, found, text, .. } => {
+            error(Code::WrongType).label(type_label(wanted, found, &text))
+        }
         Problem::OutOfRange { allowed } => error(Code::OutOfRange).label(allowed),
         Problem::UnknownChoice { text, choices, forms } => {
             let diagnostic = error(Code::UnknownChoice)
@@ -145,9 +150,18 @@ fn type_label(wanted: Option<TomlType>, found: TomlType, text: &str) -> String {
         (Some(TomlType::Boolean), TomlType::String) if text == "true" || text == "false" => {
             format!("{this}; write it without quotes")
         }
+        // A size such as `640x480`.
+        (_, TomlType::String) if let Some([width, height]) = size_of(text) => format!("write [{width}, {height}]"),
         (Some(TomlType::Array), _) => format!("{this}; put it in `[ ]` for an array of one"),
         _ => this,
     }
+}
+
+/// Width and height in a text such as `640x480`.
+fn size_of(text: &str) -> Option<[u32; 2]> {
+    let (width, height) = text.split_once(['x', 'X', '×', ','])?;
+    let number = |text: &str| text.trim().parse().ok();
+    Some([number(width)?, number(height)?])
 }
 
 /// The type of a parsed value, with its article.

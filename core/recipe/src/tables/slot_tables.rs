@@ -183,10 +183,11 @@ impl<'r> Loader<'_, 'r> {
                 }
             },
             None if keyed => (given.id.clone(), given.id_place()),
-            None if self.sources.file_of(&given.header).is_some_and(|file| file.name() == SET)
+            // A section that only overrides mention has its default kind, too.
+            None if (slot.has_default_kind()
+                || self.sources.file_of(&given.header).is_some_and(|file| file.name() == SET))
                 && self.default_kinds(slot).next().is_some() =>
             {
-                // Only overrides mention this section, so it has its default kind.
                 (self.default_kinds(slot).next().unwrap_or_default().to_owned(), given.header.clone())
             }
             None => {
