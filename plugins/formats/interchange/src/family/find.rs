@@ -1,6 +1,5 @@
 //! Finds the annotation file of a dataset by the keys of its records, whatever the file's name.
 
-use super::read::FOLDER;
 use std::path::{Path, PathBuf};
 use syntable_formats::read::{above, is_json, json_files};
 use syntable_formats::structure::{AnnotationStart, RecordKeys};
@@ -8,6 +7,9 @@ use syntable_formats::syntable;
 use syntable_model::files::DatasetFolder;
 use syntable_model::prelude::*;
 use syntable_model::reader::Source;
+
+/// Folder of the annotation file.
+pub const FOLDER: &str = "annotations";
 
 /// The structures of annotation files, each with a reader of its own.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -16,9 +16,6 @@ use syntable_model::prelude::*;
 use syntable_model::product::standard::{CATEGORY_ID, DEPTH, LABEL_POLICY, RGB};
 use syntable_model::reader::{Crowd, DatasetFault, FaultSubject, ImageSource, Note, Opened, ReadImage};
 
-/// Folder of the annotation file.
-pub const FOLDER: &str = "annotations";
-
 /// Key of an image's depth image, in whole millimeters, next to its `file_name`. UOAIS-Sim uses it.
 pub const DEPTH_FILE: &str = "depth_file_name";
 /// Millimeters per step of such a depth image.

@@ -6,7 +6,7 @@ mod write;
 pub(crate) use record::FILE;
 
 use crate::depth::DepthSource;
-use crate::family::read::FOLDER;
+use crate::family::find::FOLDER;
 use crate::family::write::{Family, check_split};
 use syntable_model::prelude::*;
 

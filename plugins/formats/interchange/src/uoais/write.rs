@@ -3,7 +3,8 @@
 use super::Uoais;
 use super::record::{CATEGORY, FILE, UoaisAnnotation};
 use crate::coco::MaskChoice;
-use crate::family::read::{DEPTH_FILE, FOLDER};
+use crate::family::find::FOLDER;
+use crate::family::read::DEPTH_FILE;
 use crate::family::write::{Family, ListedImages, SceneFiles, image_name, policy};
 use crate::labels;
 use syntable_formats::Extra;
