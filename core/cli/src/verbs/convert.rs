@@ -21,7 +21,7 @@ pub(crate) struct ConvertArgs {
     #[arg(long, required = true, value_delimiter = ',')]
     to: Vec<String>,
     /// Output folder, new or empty.
-    #[arg(long)]
+    #[arg(short, long)]
     out: PathBuf,
     /// Format of the dataset (see `syntable list formats`). Default: detected.
     #[arg(long)]

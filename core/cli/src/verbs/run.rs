@@ -20,7 +20,7 @@ pub(crate) struct RunArgs {
     #[command(flatten)]
     recipe: RecipeArgs,
     /// Folder of the dataset. Default: `data/<dataset.name>`.
-    #[arg(long, value_name = "DIR")]
+    #[arg(short, long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Make only these scenes: `A..B` (without B), `A..`, `..B`, or one number.
     #[arg(long, value_name = "A..B", value_parser = str::parse::<SceneRange>)]

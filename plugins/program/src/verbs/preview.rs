@@ -39,7 +39,7 @@ fn command() -> Command {
             "labels",
             "Show labels next to the images: visible masks, and amodal outlines with the occluded parts",
         ))
-        .arg(Arg::new("out").long("out").value_name("FILE").value_parser(value_parser!(PathBuf)).help(
+        .arg(Arg::new("out").short('o').long("out").value_name("FILE").value_parser(value_parser!(PathBuf)).help(
             "PNG file of the sheet. Default: `<recipe>.preview.png` in the current folder, or no file with --serve",
         ))
         .arg(flag(

@@ -16,7 +16,7 @@ fn command() -> Command {
     Command::new("report")
         .about("Make web pages about a dataset: card, statistics, images with labels, occlusion graphs, scenes in 3-D")
         .arg(arguments::dataset())
-        .arg(flag("out").value_name("DIR").value_parser(value_parser!(PathBuf)).help(
+        .arg(flag("out").short('o').value_name("DIR").value_parser(value_parser!(PathBuf)).help(
             "Folder of the report. Default: the dataset's folder with the suffix `-report`. Open its index.html",
         ))
         .arg(flag("overwrite").action(ArgAction::SetTrue).help("Replace the report in the folder"))

@@ -153,7 +153,10 @@ fn check_asset_and_messages_know_foreign_formats() {
     let error = formats.read(&root, Path::new("x.fbx"), &Collected::default()).expect_err("unknown").to_string();
     assert!(error.contains("x.fbx: `.fbx` is not a mesh format (the mesh formats are glTF, OBJ, PLY, STL and Cuboid)"));
     let images = ImageFormats::linked().expect("no clash");
-    assert_eq!(images.texture_extensions(), ["png", "jpg", "jpeg", "webp", "bmp", "tif", "tiff", "gif", "dds", "flat", "tga"]);
+    assert_eq!(
+        images.texture_extensions(),
+        ["png", "jpg", "jpeg", "webp", "bmp", "tif", "tiff", "gif", "dds", "flat", "tga"]
+    );
     assert_eq!(images.radiance_extensions(), ["exr", "hdr"]);
 }
 
