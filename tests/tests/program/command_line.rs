@@ -465,7 +465,7 @@ fn sections_without_a_kind_have_the_default_kind() {
     std::fs::write(&named, recipe(["rapier", "pinhole", "hemisphere_shell", "cpu_path"])).expect("writable");
     let resolved = |file: &std::path::Path| ok(syntable().arg("plan").arg(file)).replace("plain.toml", "named.toml");
     assert_eq!(resolved(&plain), resolved(&named));
-    // A table of an optional slot says what it adds.
+    // A table of an optional slot must name the stage that it adds.
     std::fs::write(&plain, recipe(["", "", "", ""]) + "[denoise]\n").expect("writable");
     assert!(fails(syntable().arg("check").arg(&plain), 2).contains("`[denoise]` needs a `kind`"));
     // A value that a table of the option takes, and a size in quotes.

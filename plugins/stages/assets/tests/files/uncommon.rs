@@ -33,7 +33,7 @@ fn textures_of_old_formats_match_pillow() {
     assert_eq!(formats, ["BMP", "DDS", "GIF", "TGA", "TIFF"]);
 }
 
-/// A box of two strips, of which one begins again after a negative index.
+/// A box of two strips, one of them with a restart after a negative index.
 #[test]
 fn strips_are_the_faces_that_they_describe() {
     let folder = TempDir::new().expect("temp folder");
