@@ -4,7 +4,6 @@ use crate::error::{Error, Result};
 use crate::files::RESERVED;
 use crate::reader::{DatasetFormat, OpenDataset, Source};
 use crate::registry::Registry;
-use std::cmp::Reverse;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -94,20 +93,23 @@ fn is_of_run(root: &Path) -> bool {
     root.join(RESERVED[0]).is_dir()
 }
 
-/// The dataset with the most products among the writers' folders of one run: they have the same images.
+/// The dataset with the most products among the writers' folders of one run: they have the same images. A folder that cannot be
+/// opened comes first, so that its fault is not hidden by another layout.
 fn fullest(
     formats: &[Arc<dyn DatasetFormat>],
     folders: &[PathBuf],
     source: &Source,
 ) -> Result<(Arc<dyn DatasetFormat>, Source)> {
-    let mut error = None;
-    let mut open = |folder: &PathBuf| {
-        let found = find(formats, &Source { path: folder.clone(), reach: source.reach }, None);
-        let opened = found.and_then(|(format, at)| Ok((format.open(&at)?.offers.len(), format, at)));
-        opened.map_err(|failed| error.get_or_insert(failed).clone()).ok()
-    };
-    let opened: Vec<(usize, Arc<dyn DatasetFormat>, Source)> = folders.iter().filter_map(&mut open).collect();
-    let best = opened.into_iter().enumerate().max_by_key(|(place, (products, ..))| (*products, Reverse(*place)));
-    let missing = || Error::new("no dataset").in_file(&source.path);
-    best.map(|(_, (_, format, at))| (format, at)).ok_or_else(|| error.unwrap_or_else(missing))
+    let root = source.folder(&source.path)?;
+    let mut best: Option<(usize, Arc<dyn DatasetFormat>, Source)> = None;
+    for folder in folders {
+        // It may be a link to a folder that the user did not name.
+        root.file(folder.file_name().unwrap_or_default())?;
+        let (format, at) = find(formats, &Source { path: folder.clone(), reach: source.reach }, None)?;
+        let Ok(opened) = format.open(&at) else { return Ok((format, at)) };
+        if best.as_ref().is_none_or(|(products, ..)| opened.offers.len() > *products) {
+            best = Some((opened.offers.len(), format, at));
+        }
+    }
+    best.map(|(_, format, at)| (format, at)).ok_or_else(|| Error::new("no dataset").in_file(&source.path))
 }

@@ -227,11 +227,11 @@ pub trait ImageSource: Send + Sync {
         let _ = image;
         Ok(Vec::new())
     }
-    /// The record that describes an object of an image, if the dataset does not state the object's id: messages name the record
-    /// instead.
-    fn subject(&self, image: usize, object: InstanceId) -> Option<FaultSubject> {
-        let _ = (image, object);
-        None
+    /// The records that describe the objects of an image, for objects whose ids the dataset does not state: messages name the
+    /// records instead.
+    fn subjects(&self, image: usize) -> BTreeMap<InstanceId, FaultSubject> {
+        let _ = image;
+        BTreeMap::new()
     }
     /// The rules that records of an image break, beyond its products. Records that cannot be read are skipped, and
     /// [`DatasetFault::image`] may stay empty.
@@ -368,16 +368,19 @@ impl OpenDataset {
         if !self.demands(check, products) {
             return Ok(Vec::new());
         }
-        let text = |fault: LabelFault| match fault.instance.and_then(|id| self.subject(image, id)) {
+        let faults = check.faults(products)?;
+        let has_subjects = faults.iter().any(|fault| fault.instance.is_some());
+        let subjects = if has_subjects { self.subjects(image) } else { BTreeMap::new() };
+        let text = |fault: LabelFault| match fault.instance.and_then(|id| subjects.get(&id)) {
             Some(subject) => format!("{subject}: {}", fault.message),
             None => fault.to_string(),
         };
-        Ok(check.faults(products)?.into_iter().map(text).collect())
+        Ok(faults.into_iter().map(text).collect())
     }
 
-    /// The record of an object; see [`ImageSource::subject`].
-    fn subject(&self, image: usize, object: InstanceId) -> Option<FaultSubject> {
-        guarded(&self.reader, &self.root, || Ok(self.opened.source.subject(image, object))).ok().flatten()
+    /// The records of the objects of an image; see [`ImageSource::subjects`].
+    fn subjects(&self, image: usize) -> BTreeMap<InstanceId, FaultSubject> {
+        guarded(&self.reader, &self.root, || Ok(self.opened.source.subjects(image))).unwrap_or_default()
     }
 
     /// The rules that records of an image break, beyond its products; see [`ImageSource::image_faults`].

@@ -636,7 +636,9 @@ fn annotations_that_are_no_objects_are_told() {
     ] {
         assert!(said.contains(part), "{part}: {said}");
     }
-    // COCO keeps boxes.
+    // COCO keeps boxes, and the archive beside it lacks them.
+    let said = fails(&mut convert(&path("foreign"), "coco,npz", &path("both")), 3);
+    assert!(said.contains("1 of 2 objects have a box and no mask"), "{said}");
     let said = fails(&mut convert(&path("foreign"), "coco", &path("boxes")), 3);
     assert!(said.contains("1 annotation left out") && !said.contains("box and no mask"), "{said}");
 }
@@ -1066,6 +1068,25 @@ fn a_run_of_several_formats_is_one_dataset() {
     small_dataset(&data, &["dataset.scenes=1", "write={ coco = {}, yolo = {}, npz = { include = [\"rgb\"] } }"]);
     // COCO's files have amodal masks, which YOLO's lack.
     assert!(ok(syntable().arg("stats").arg(&data)).contains("read as coco"));
+    // A damaged layout stays selected, so that its fault is not hidden.
+    let file = data.join("coco/annotations/instances_train.json");
+    let whole = fs::read(&file).expect("there");
+    fs::write(&file, &whole[..whole.len() / 2]).expect("writable");
+    let output = syntable().arg("validate").arg(&data).output().expect("starts");
+    let said = text(&output);
+    assert_eq!(output.status.code(), Some(3), "{said}");
+    assert!(said.contains("read as coco") && said.contains("instances_train.json"), "{said}");
+    fs::write(&file, &whole).expect("writable");
+    // A layout behind a link is not the dataset's own.
+    #[cfg(unix)]
+    {
+        fs::rename(data.join("coco"), folder.path().join("elsewhere")).expect("movable");
+        std::os::unix::fs::symlink("../elsewhere", data.join("coco")).expect("a link");
+        let said = fails(syntable().arg("stats").arg(&data), 2);
+        assert!(said.contains("--trust-paths"), "{said}");
+        fs::remove_file(data.join("coco")).expect("removable");
+        fs::rename(folder.path().join("elsewhere"), data.join("coco")).expect("movable");
+    }
     // Another program's folder of two datasets has no such order.
     fs::remove_dir_all(data.join(".syntable")).expect("removable");
     assert!(fails(syntable().arg("stats").arg(&data), 2).contains("it contains 2 datasets"));

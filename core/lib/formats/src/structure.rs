@@ -1,18 +1,26 @@
 //! Finds out which structure an annotation file has, by the keys of its first records. Names of files say little: Roboflow
 //! calls all of them `_annotations.coco.json`, and amodal files are often called `instances_*.json`.
 
+use crate::json::CountingReader;
 use serde::de::{DeserializeSeed, Deserializer, Error as _, IgnoredAny, MapAccess, SeqAccess, Visitor};
 use serde_json::error::Category;
+use std::cell::Cell;
 use std::collections::BTreeSet;
 use std::fmt;
 use std::fs::File;
-use std::io::{BufRead, BufReader, Read};
+use std::io::{BufRead, BufReader};
 use std::path::Path;
 
 /// Number of annotations whose keys are collected: objects that nothing hides often lack the keys of hidden parts.
 const ANNOTATIONS: usize = 256;
 /// Bytes of a file that are searched for annotations.
 const SEARCHED: u64 = 1 << 28;
+/// Bytes of a file that are searched for the first section of an annotation file: other JSON files are not read to their ends.
+const START: u64 = 1 << 20;
+/// Sections of annotation files.
+const SECTIONS: [&str; 5] = ["info", "licenses", "categories", "images", "annotations"];
+/// Most keys that are kept.
+const KEYS: usize = 256;
 /// The byte order mark that some editors put before UTF-8.
 const MARK: [u8; 3] = [0xef, 0xbb, 0xbf];
 
@@ -35,20 +43,22 @@ impl AnnotationStart {
     /// Reads the start of a file.
     pub fn of(file: &Path) -> Self {
         let Ok(file) = File::open(file) else { return Self::Unreadable };
-        let mut text = BufReader::new(file.take(SEARCHED));
+        let mut text = BufReader::new(file);
         if text.fill_buf().is_ok_and(|start| start.starts_with(&MARK)) {
             text.consume(MARK.len());
         }
-        let mut found = Found::default();
-        let mut json = serde_json::Deserializer::from_reader(text);
-        let end = FileSeed(&mut found).deserialize(&mut json);
+        let (mut found, at, until) = (Found::default(), Cell::new(0), Cell::new(START));
+        let mut json = serde_json::Deserializer::from_reader(CountingReader { from: text, at: &at, until: &until });
+        let end = FileSeed(&mut found, &until).deserialize(&mut json);
+        // No section of an annotation file within the first bytes.
+        let is_other = until.get() == START && at.get() >= START;
         let is_whole = end.as_ref().map_or_else(|error| error.classify() == Category::Data, |()| true);
         match found {
             // The first annotations are enough; what follows may be damaged.
             Found { has_annotations: true, has_images, keys, .. } if has_images || !keys.is_empty() => {
                 Self::Records(RecordKeys(keys))
             }
-            _ if is_whole => Self::Other,
+            _ if is_whole || is_other => Self::Other,
             _ => Self::Unreadable,
         }
     }
@@ -73,7 +83,8 @@ struct Found {
     keys: BTreeSet<String>,
 }
 
-struct FileSeed<'f>(&'f mut Found);
+/// The content so far, and the number of bytes that may be read.
+struct FileSeed<'f>(&'f mut Found, &'f Cell<u64>);
 
 impl<'de> DeserializeSeed<'de> for FileSeed<'_> {
     type Value = ();
@@ -92,6 +103,9 @@ impl<'de> Visitor<'de> for FileSeed<'_> {
 
     fn visit_map<M: MapAccess<'de>>(self, mut map: M) -> Result<(), M::Error> {
         while let Some(key) = map.next_key::<String>()? {
+            if SECTIONS.contains(&key.as_str()) {
+                self.1.set(SEARCHED);
+            }
             match key.as_str() {
                 "annotations" => map.next_value_seed(AnnotationsSeed(self.0))?,
                 "images" => {
@@ -153,7 +167,7 @@ impl<'de> Visitor<'de> for KeysSeed<'_> {
     fn visit_map<M: MapAccess<'de>>(self, mut map: M) -> Result<(), M::Error> {
         while let Some(key) = map.next_key::<String>()? {
             // A field without a value says nothing.
-            if map.next_value::<Option<IgnoredAny>>()?.is_some() {
+            if map.next_value::<Option<IgnoredAny>>()?.is_some() && self.0.len() < KEYS {
                 self.0.insert(key);
             }
         }

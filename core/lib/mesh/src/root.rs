@@ -161,7 +161,8 @@ impl AssetRoot {
     /// The path of a file or folder of this root that the program itself found, relative to the root. Names must match
     /// exactly; links are followed as in [`find`](Self::find).
     pub fn locate(&self, inside: &Path) -> Result<PathBuf> {
-        let refuse = |why: &str| Err(Error::new(why).in_file(self.shown.join(inside)));
+        let help = "name a folder as `root` that contains the files behind links, too";
+        let refuse = |why: &str| Err(Error::new(why).in_file(self.shown.join(inside)).help(help));
         self.resolve(inside, &refuse)?.ok_or_else(|| Error::new("no such file").in_file(self.shown.join(inside)))
     }
 

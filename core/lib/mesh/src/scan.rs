@@ -16,6 +16,8 @@ pub struct FolderNames {
     pub files: Vec<String>,
     /// The folders that are symbolic links.
     pub linked: Vec<String>,
+    /// Number of names that are not UTF-8, and therefore in no list.
+    pub unnamed: usize,
 }
 
 /// Whether a folder exists. A failing file system is an error, a missing path is not.
@@ -41,7 +43,10 @@ pub fn list(folder: &Path) -> Result<FolderNames> {
             return Err(Error::new(format!("more than {MAX_ENTRIES} entries")).in_file(folder));
         }
         let entry = entry.map_err(io)?;
-        let Ok(name) = entry.file_name().into_string() else { continue };
+        let Ok(name) = entry.file_name().into_string() else {
+            listing.unnamed += 1;
+            continue;
+        };
         if name.starts_with('.') {
             continue;
         }
@@ -60,25 +65,46 @@ pub fn list(folder: &Path) -> Result<FolderNames> {
     Ok(listing)
 }
 
-/// All files below a root, at most `depth` folders deep, that pass a test; sorted paths relative to the root. Linked
-/// folders are not entered, because they could form cycles.
-pub fn walk(root: &Path, depth: usize, wanted: &dyn Fn(&Path) -> bool) -> Result<Vec<PathBuf>> {
-    let mut found = Vec::new();
+/// Files below a root, and unsearched folders and names. Paths are relative to the root.
+#[derive(Debug, Default, Clone, PartialEq, Eq)]
+pub struct WalkedFiles {
+    /// The files, sorted.
+    pub files: Vec<PathBuf>,
+    /// Symbolic links to folders, which could form cycles.
+    pub links: Vec<PathBuf>,
+    /// Folders below the maximum depth.
+    pub deep: Vec<PathBuf>,
+    /// Number of names that are not UTF-8.
+    pub unnamed: usize,
+}
+
+/// All files below a root, at most `depth` folders deep, that pass a test.
+pub fn walk(root: &Path, depth: usize, wanted: &dyn Fn(&Path) -> bool) -> Result<WalkedFiles> {
+    let mut found = WalkedFiles::default();
     let mut open = vec![(PathBuf::new(), 0)];
     let mut seen = 0;
     while let Some((folder, level)) = open.pop() {
-        let FolderNames { folders, files, linked } = list(&root.join(&folder))?;
+        let FolderNames { folders, files, linked, unnamed } = list(&root.join(&folder))?;
+        found.unnamed += unnamed;
         seen += folders.len() + files.len();
         if seen > MAX_ENTRIES {
             return Err(Error::new(format!("more than {MAX_ENTRIES} entries")).in_file(root));
         }
-        found.extend(files.iter().map(|name| folder.join(name)).filter(|path| wanted(path)));
-        if level < depth {
-            let inside = folders.into_iter().filter(|name| !linked.contains(name));
-            open.extend(inside.map(|name| (folder.join(name), level + 1)));
+        found.files.extend(files.iter().map(|name| folder.join(name)).filter(|path| wanted(path)));
+        for name in folders {
+            let path = folder.join(&name);
+            if linked.contains(&name) {
+                found.links.push(path);
+            } else if level < depth {
+                open.push((path, level + 1));
+            } else {
+                found.deep.push(path);
+            }
         }
     }
-    found.sort_unstable();
+    for paths in [&mut found.files, &mut found.links, &mut found.deep] {
+        paths.sort_unstable();
+    }
     Ok(found)
 }
 

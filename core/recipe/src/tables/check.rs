@@ -151,7 +151,9 @@ fn type_label(wanted: Option<TomlType>, found: TomlType, text: &str) -> String {
             format!("{this}; write it without quotes")
         }
         // A size such as `640x480`.
-        (_, TomlType::String) if let Some([width, height]) = size_of(text) => format!("write [{width}, {height}]"),
+        (None | Some(TomlType::Array), TomlType::String) if let Some([width, height]) = size_of(text) => {
+            format!("write [{width}, {height}]")
+        }
         (Some(TomlType::Array), _) => format!("{this}; put it in `[ ]` for an array of one"),
         _ => this,
     }
@@ -159,7 +161,7 @@ fn type_label(wanted: Option<TomlType>, found: TomlType, text: &str) -> String {
 
 /// Width and height in a text such as `640x480`.
 fn size_of(text: &str) -> Option<[u32; 2]> {
-    let (width, height) = text.split_once(['x', 'X', '×', ','])?;
+    let (width, height) = text.split_once(['x', 'X', '×'])?;
     let number = |text: &str| text.trim().parse().ok();
     Some([number(width)?, number(height)?])
 }

@@ -23,7 +23,7 @@ use syntable_model::check::LabelCheck;
 use syntable_model::context::{DatasetContext, ImageContext};
 use syntable_model::error::{Error, Result};
 use syntable_model::left_out::LeftOut;
-use syntable_model::product::standard::{AMODAL_MASK, COVERAGE, VISIBLE_BOX, VISIBLE_IDS, VISIBLE_MASK};
+use syntable_model::product::standard::{AMODAL_MASK, BOX, COVERAGE, VISIBLE_BOX, VISIBLE_IDS, VISIBLE_MASK};
 use syntable_model::product::{BBox, KeyId, Mask, Products, Scope};
 use syntable_model::reader::{DatasetFault, OpenDataset, ReadImage};
 use syntable_model::registry::Registry;
@@ -120,7 +120,7 @@ pub fn convert_dataset(
     target.publish()?;
     let unread = unread.into_inner();
     let Missing { annotations, parts, without_pixels } = missing.into_inner();
-    let not_objects = dataset.not_objects(&plan.rendered);
+    let not_objects = not_objects(dataset, writers, &plan);
     let read: Vec<String> = plan.entries.iter().map(|entry| entry.key.to_string()).collect();
     let derived = &dataset.derived;
     let is_read = |key: &KeyId| read.contains(&key.to_string());
@@ -146,6 +146,19 @@ pub fn convert_dataset(
         not_listed: not_listed(dataset),
         parts_left_out: parts.into_iter().collect(),
     })
+}
+
+/// Annotations that some writer does not get as objects. A product that makes up for the missing mask of an object counts only for
+/// the writers that read it.
+fn not_objects(dataset: &OpenDataset, writers: &[(String, Box<dyn Writer>)], plan: &Plan) -> Vec<LeftOut> {
+    let mut all: Vec<LeftOut> = Vec::new();
+    for (_, writer) in writers {
+        let has_box = writer.reads().iter().any(|input| input.product == BOX.name());
+        let reads: Vec<KeyId> = plan.rendered.iter().copied().filter(|key| has_box || *key != BOX.id()).collect();
+        let found = dataset.not_objects(&reads);
+        all.extend(found.into_iter().filter(|it| !all.iter().any(|other| other.what == it.what)).collect::<Vec<_>>());
+    }
+    all
 }
 
 /// Unreadable or missing files that hide images from the list of a dataset, with reasons.

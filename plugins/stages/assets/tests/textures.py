@@ -13,7 +13,6 @@ files = {
     "color.bmp": (opaque, {}),
     "palette.bmp": (opaque.quantize(16), {}),
     "gray.bmp": (opaque.convert("L"), {}),
-    "color.dds": (image, {}),
     "palette.gif": (opaque.quantize(16), {}),
     "color.tga": (image, {}),
     "packed.tga": (opaque, {"rle": True}),

@@ -5,6 +5,7 @@ use super::record::{AmodalAnnotation, FOLLOWING, NamedField};
 use crate::family::find::Structure;
 use crate::family::read::{Annotated, AnnotationFile, image_folders, not_objects};
 use crate::read::{self as shared, edge_px2, pixels_around};
+use std::collections::BTreeMap;
 use std::path::Path;
 use syntable_formats::listing::AnnotationListing;
 use syntable_formats::read::{self, KnownMasks, ObjectLabels};
@@ -206,12 +207,12 @@ impl Annotated for CocoObjects {
         annotations.iter().filter(|it| is_crowd(it)).filter_map(of).collect()
     }
 
-    fn subject(&self, file: &AnnotationFile, image: usize, object: InstanceId) -> Option<FaultSubject> {
-        let annotations = objects(&file.listing, image).ok()?;
+    fn subjects(&self, file: &AnnotationFile, image: usize) -> BTreeMap<InstanceId, FaultSubject> {
+        let annotations = objects(&file.listing, image).unwrap_or_default();
         let stated = stated_ids(&annotations);
-        let ids = read::ids_of(&stated).ok()?;
-        let row = ids.iter().position(|id| *id == object).filter(|row| stated[*row].is_none())?;
-        Some(FaultSubject::Annotation(annotations[row].id))
+        let ids = read::ids_of(&stated).unwrap_or_default();
+        let unstated = ids.into_iter().zip(stated).zip(&annotations).filter(|((_, stated), _)| stated.is_none());
+        unstated.map(|((id, _), annotation)| (id, FaultSubject::Annotation(annotation.id))).collect()
     }
 
     fn faults(&self, file: &AnnotationFile, image: usize) -> Vec<DatasetFault> {

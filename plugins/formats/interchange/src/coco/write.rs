@@ -112,15 +112,9 @@ fn report_left_out<'a>(
     stored: StoredParts,
 ) {
     let is_hidden = |label: &&Partial| matches!(label.masks, LabelMasks::All(all) if !all.amodal.is_empty());
-    let boxes = labels.iter().filter(|label| mask(label).is_none()).count();
     let empty: Vec<&Partial> = labels.iter().filter(|label| mask(label).is_some_and(Mask::is_empty)).collect();
     let hidden = empty.iter().copied().filter(is_hidden).count();
     log.left_out(&LeftOut::without_pixels(empty.len() - hidden, labels.len()));
-    if !stored.has_boxes() {
-        let what = "objects are left out: they have a box and no mask";
-        let help = "the writer `coco`, and `yolo` with `task = \"detect\"`, keep boxes";
-        log.left_out(&LeftOut::new(boxes, labels.len(), what).help(help));
-    }
     if stored.has_amodal() {
         let what = "objects are left out with their amodal masks: no pixel of them is visible";
         let help = "the writer `d2sa`, and `coco` with `masks = \"amodal\"`, keep such objects";

@@ -72,15 +72,20 @@ impl Structure {
     /// be; or those at the top of the folder.
     fn files(self, path: &Path) -> std::io::Result<Vec<PathBuf>> {
         let is_one = |file: &PathBuf| Self::of(file) == Some(self);
+        // A folder of more files is not a dataset of this family: LabelMe writes a file per image.
+        let few = |folder: &Path| {
+            let files = json_files(folder)?;
+            Ok::<_, std::io::Error>(if files.len() > FILES { Vec::new() } else { files })
+        };
         if path.is_file() {
             return Ok(Some(path.to_owned()).filter(|file| is_json(file) && is_one(file)).into_iter().collect());
         }
         let inner = path.join(FOLDER);
-        let mut files = if inner.is_dir() { json_files(&inner)? } else { Vec::new() };
+        let mut files = if inner.is_dir() { few(&inner)? } else { Vec::new() };
         files.retain(is_one);
         // JSON files at the top of SynTable's layout have a reader of their own.
         if files.is_empty() && !syntable::is_root(path) {
-            files = json_files(path)?;
+            files = few(path)?;
             files.retain(is_one);
         }
         Ok(files)
@@ -145,6 +150,9 @@ fn is_named(path: &Path, folder: &str) -> bool {
     let path = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
     path.file_name().is_some_and(|name| name == folder)
 }
+
+/// Most JSON files in a folder of annotation files.
+const FILES: usize = 64;
 
 /// Depth of folders in which images are searched.
 const DEPTH: usize = 3;

@@ -3,7 +3,7 @@
 use super::find::only_folder;
 use serde::de::IgnoredAny;
 use serde_json::Value as Json;
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use syntable_formats::coco::{Category, CocoImage};
 use syntable_formats::decode;
@@ -38,10 +38,10 @@ pub trait Annotated: Send + Sync + 'static {
         Ok(Vec::new())
     }
 
-    /// See [`ImageSource::subject`].
-    fn subject(&self, file: &AnnotationFile, image: usize, object: InstanceId) -> Option<FaultSubject> {
-        let _ = (file, image, object);
-        None
+    /// See [`ImageSource::subjects`].
+    fn subjects(&self, file: &AnnotationFile, image: usize) -> BTreeMap<InstanceId, FaultSubject> {
+        let _ = (file, image);
+        BTreeMap::new()
     }
 
     /// See [`ImageSource::image_faults`].
@@ -209,8 +209,8 @@ impl<A: Annotated> ImageSource for FamilySource<A> {
         self.annotated.crowds(&self.file, image)
     }
 
-    fn subject(&self, image: usize, object: InstanceId) -> Option<FaultSubject> {
-        self.annotated.subject(&self.file, image, object)
+    fn subjects(&self, image: usize) -> BTreeMap<InstanceId, FaultSubject> {
+        self.annotated.subjects(&self.file, image)
     }
 
     fn image_faults(&self, image: usize) -> Vec<DatasetFault> {

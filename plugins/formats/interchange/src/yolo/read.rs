@@ -17,7 +17,8 @@ use syntable_formats::read::{self, Categories, Faults, KnownMasks, ObjectLabels}
 use syntable_formats::segmentation::Segmentation;
 use syntable_model::files::DatasetFolder;
 use syntable_model::prelude::*;
-use syntable_model::product::standard::{BOX, CATEGORY_ID, OCCLUSION_MASK, RGB, VISIBLE_BOX};
+use syntable_model::product::BBox;
+use syntable_model::product::standard::{AMODAL_BOX, BOX, CATEGORY_ID, OCCLUSION_MASK, RGB, VISIBLE_BOX};
 use syntable_model::reader::{DatasetFault, Format, ImageSource, Note, Opened, ReadImage, Source, unnamed_class};
 use syntable_model::rule;
 
@@ -179,7 +180,7 @@ fn open(source: &Source) -> Result<Opened> {
     let shape = stated.or(shape).unwrap_or(LabelShape::Polygons);
     let mut offers = match shape {
         LabelShape::Polygons => known.offers(),
-        LabelShape::Boxes | LabelShape::RotatedBoxes | LabelShape::Poses => keys![VISIBLE_BOX, CATEGORY_ID],
+        LabelShape::Boxes | LabelShape::RotatedBoxes | LabelShape::Poses => vec![box_key(known).id(), CATEGORY_ID.id()],
     };
     offers.extend((shape != LabelShape::Polygons || boxes > 0).then(|| BOX.id()));
     let labels = offers.clone();
@@ -214,8 +215,13 @@ fn open(source: &Source) -> Result<Opened> {
     let unlisted = read::unlisted(&ids, &format!("`{DATA}`")).filter(|_| names_file.is_none());
     notes.extend(unlisted.map(caveat));
     let source = YoloSource { categories, classes, names_file, images, shape, known };
-    let derived = if shape == LabelShape::Polygons { OCCLUSION_MASK.id() } else { VISIBLE_BOX.id() };
+    let derived = if shape == LabelShape::Polygons { OCCLUSION_MASK.id() } else { box_key(known).id() };
     Ok(Opened { faults: faults.into_inner(), derived: vec![derived], notes, ..Opened::new(info, refs, offers, source) })
+}
+
+/// The boxes of labels without masks, in whole pixels: around visible parts, unless `data.yaml` states amodal masks.
+fn box_key(known: KnownMasks) -> Key<PerInstance<BBox>> {
+    if known == KnownMasks::Amodal { AMODAL_BOX } else { VISIBLE_BOX }
 }
 
 /// The names of classes that LabelImg writes into the folder of labels, if the file exists.
@@ -280,9 +286,10 @@ impl YoloSource {
             let boxes = boxes().map(|of| of.and_then(|(id, bbox)| Ok((id, Value::of(&bbox)?))));
             products.put(BOX, boxes.collect::<Result<_>>()?)?;
         }
-        if wants.contains(&VISIBLE_BOX.id()) && self.shape != LabelShape::Polygons {
+        let key = box_key(self.known);
+        if wants.contains(&key.id()) && self.shape != LabelShape::Polygons {
             let boxes = boxes().map(|of| of.map(|(id, bbox)| (id, pixels_around(bbox))));
-            products.put(VISIBLE_BOX, boxes.collect::<Result<_>>()?)?;
+            products.put(key, boxes.collect::<Result<_>>()?)?;
         }
         Ok(())
     }

@@ -124,7 +124,7 @@ pub fn parse(bytes: &[u8], budget: &Budget) -> Result<PlyMesh> {
         rows.check_size(element)?;
         match element.name.as_str() {
             "vertex" if vertices.is_none() => vertices = Some(read_vertices(element, &mut rows, budget, &mut notes)?),
-            "face" if faces.is_none() => {
+            "face" if faces.is_none() && element.count > 0 => {
                 faces = Some(read_faces(element, &mut rows, vertices.as_ref(), budget, &mut notes)?);
             }
             "tristrips" if faces.is_none() && element.count > 0 => {

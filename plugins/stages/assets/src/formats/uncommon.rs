@@ -1,4 +1,4 @@
-//! Textures of formats that old tools write: BMP, TGA, TIFF, GIF (its first frame) and DDS, through the `image` crate.
+//! Textures of formats that old tools write: BMP, TGA, TIFF and GIF (its first frame), through the `image` crate.
 
 use super::raster;
 use syntable_mesh::format::{ImageDecoder, ImageFormat};
@@ -34,7 +34,6 @@ syntable_mesh::register_image_format!(
     format!("TIFF", &["tif", "tiff"], Tiff, |bytes| bytes.starts_with(b"II*\0") || bytes.starts_with(b"MM\0*"))
         .with_preference(3),
     format!("GIF", &["gif"], Gif, |bytes| bytes.starts_with(b"GIF8")).with_preference(2),
-    format!("DDS", &["dds"], Dds, |bytes| bytes.starts_with(b"DDS ")).with_preference(1),
     // Without a signature, it comes last.
     format!("TGA", &["tga"], Tga, is_tga),
 );

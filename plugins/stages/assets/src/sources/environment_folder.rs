@@ -59,7 +59,7 @@ impl AssetSource for EnvironmentFolder {
 /// All maps by name. If a map exists in several formats, the preferred one is read.
 fn find(root: &AssetRoot, log: &dyn Log) -> Result<AssetFiles> {
     let mut assets = AssetFiles::new();
-    for (stem, files) in by_stem(root, &ImageFormats::linked()?.radiance_extensions())? {
+    for (stem, files) in by_stem(root, &ImageFormats::linked()?.radiance_extensions(), log)? {
         add_asset(&mut assets, &stem, &files, root, log);
     }
     Ok(assets)

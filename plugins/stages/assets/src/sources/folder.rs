@@ -6,8 +6,8 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 use syntable_mesh::root::AssetRoot;
-use syntable_mesh::scan::{extension, list, root_name, walk};
-use syntable_model::context::Log;
+use syntable_mesh::scan::{WalkedFiles, extension, list, root_name, walk};
+use syntable_model::context::{Collected, Log};
 use syntable_model::error::{Error, Result};
 use syntable_model::names::AssetPath;
 use syntable_model::scene::{Catalog, CatalogEntry};
@@ -66,9 +66,13 @@ pub fn catalog_of_folders(
 
 /// All files below a root with one of the extensions, by path without extension. The same path in several formats is
 /// one asset; its files are in the order of the extensions.
-pub fn by_stem(root: &AssetRoot, extensions: &[&str]) -> Result<BTreeMap<PathBuf, Vec<PathBuf>>> {
+///
+/// The log gets the folders and names that were not searched.
+pub fn by_stem(root: &AssetRoot, extensions: &[&str], log: &dyn Log) -> Result<BTreeMap<PathBuf, Vec<PathBuf>>> {
     let mut stems: BTreeMap<PathBuf, Vec<PathBuf>> = BTreeMap::new();
-    for file in walk(root.folder(), DEPTH, &|path| extensions.contains(&extension(path).as_str()))? {
+    let found = walk(root.folder(), DEPTH, &|path| extensions.contains(&extension(path).as_str()))?;
+    warn_of_unsearched(root, &found, log);
+    for file in found.files {
         stems.entry(file.with_extension("")).or_default().push(file);
     }
     let rank = |file: &PathBuf| extensions.iter().position(|known| *known == extension(file));
@@ -79,6 +83,23 @@ pub fn by_stem(root: &AssetRoot, extensions: &[&str]) -> Result<BTreeMap<PathBuf
     Ok(stems)
 }
 
+/// Warns about folders and names of a root that were not searched, once for each reason.
+fn warn_of_unsearched(root: &AssetRoot, found: &WalkedFiles, log: &dyn Log) {
+    let folders = |what: &str, paths: &[PathBuf], help: &str| {
+        if let Some(first) = paths.first() {
+            let message = format!("folders are not searched, because they are {what}: {}", paths.len());
+            log.warn(&Error::new(message).in_file(root.folder().join(first)).help(help.to_owned()));
+        }
+    };
+    folders("symbolic links", &found.links, "name the linked folder as the `root` of a pool, or copy it into this one");
+    let deep = format!("more than {DEPTH} levels deep");
+    folders(&deep, &found.deep, "name a folder further down as the `root` of a pool");
+    if found.unnamed > 0 {
+        let message = format!("names that are not UTF-8 are left out: {}", found.unnamed);
+        log.warn(&Error::new(message).in_file(root.folder()).help("rename these files and folders"));
+    }
+}
+
 /// Removes collision meshes from the meshes of a root. One warning counts them by rule, another names those that may be
 /// objects. An error if no other mesh remains.
 pub fn leave_out_collision_meshes(
@@ -86,7 +107,8 @@ pub fn leave_out_collision_meshes(
     root: &AssetRoot,
     log: &dyn Log,
 ) -> Result<()> {
-    let others = by_stem(root, &collision::UNREAD)?;
+    // The first walk reported unsearched folders and names.
+    let others = by_stem(root, &collision::UNREAD, &Collected::default())?;
     let rules = collision::rules(meshes.keys().map(PathBuf::as_path), others.keys().map(PathBuf::as_path));
     let mut found = rules.into_iter();
     let mut left_out: Vec<(PathBuf, Rule)> = Vec::new();

@@ -105,7 +105,7 @@ impl AssetSource for MeshFolder {
 
 /// All meshes by name.
 fn find(root: &AssetRoot, formats: &MeshFormats, collision: CollisionMeshes, log: &dyn Log) -> Result<AssetFiles> {
-    let mut meshes = by_stem(root, &formats.extensions())?;
+    let mut meshes = by_stem(root, &formats.extensions(), log)?;
     if collision == CollisionMeshes::Exclude {
         leave_out_collision_meshes(&mut meshes, root, log)?;
     }
