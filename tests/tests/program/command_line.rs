@@ -477,4 +477,7 @@ fn sections_without_a_kind_have_the_default_kind() {
         let said = fails(syntable().arg("check").arg(&plain), 2);
         assert!(said.contains(says), "{said}");
     }
+    // No advice that the option would refuse.
+    std::fs::write(&plain, recipe(["", "", "", ""]).replace("count = 3", "count = \"3x4\"")).expect("writable");
+    assert!(!fails(syntable().arg("check").arg(&plain), 2).contains("write [3, 4]"));
 }

@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use syntable::ConvertOptions;
 use syntable::store::MemStore;
-use syntable_model::product::standard::{AMODAL_MASK, CATEGORY_ID, OBJECT_INFO, VISIBLE_MASK};
+use syntable_model::product::standard::{AMODAL_BOX, AMODAL_MASK, CATEGORY_ID, OBJECT_INFO, VISIBLE_BOX, VISIBLE_MASK};
 use syntable_model::product::{KeyId, Mask};
 use syntable_model::reader;
 use syntable_model::scene::InstanceId;
@@ -1054,6 +1054,11 @@ fn labels_for_detection_are_boxes_of_masks() {
             want.push([(left + right) / 320.0, (top + bottom) / 240.0, (right - left) / 160.0, (bottom - top) / 120.0]);
         }
     }
+    // Boxes of amodal masks come back as such.
+    let amodal = folder.path().join("amodal");
+    ok(convert(&data, "yolo", &amodal).args(["--set", "yolo.task=\"detect\"", "--set", "yolo.masks=\"amodal\""]));
+    let offers = &open_dataset(&amodal.join("yolo"), None).expect("a dataset").1.offers;
+    assert!(offers.contains(&AMODAL_BOX.id()) && !offers.contains(&VISIBLE_BOX.id()), "{offers:?}");
     let found = lines(&data.join("yolo"));
     assert!(!found.is_empty() && found.len() == want.len(), "{} {}", found.len(), want.len());
     for (line, want) in found.iter().zip(&want) {
@@ -1100,4 +1105,18 @@ fn an_unfinished_dataset_is_named() {
     fs::remove_dir_all(data.join("coco/annotations")).expect("removable");
     let said = fails(syntable().arg("validate").arg(&data), 2);
     assert!(said.contains("no annotation files") && said.contains("finish the run"), "{said}");
+}
+
+/// Faults of labels name the annotation where a file states no instance id.
+#[test]
+fn faults_of_foreign_labels_name_annotations() {
+    let folder = tempfile::tempdir().expect("a folder");
+    foreign_coco(folder.path(), &[&[1, 1]], &[(1, "cup")]);
+    spoil(folder.path(), |json| {
+        json["annotations"][0]["id"] = json!(108);
+        json["annotations"][0]["visible_mask"] = json!([[0, 5, 12, 5, 12, 15, 0, 15]]);
+    });
+    let found = faults(folder.path());
+    let outside = found.iter().find(|(check, _)| check == "visible_within_amodal").expect("a fault");
+    assert_eq!(outside.1, "annotation 108: 20 of its visible pixels are not in its amodal mask");
 }

@@ -19,7 +19,7 @@ use syntable_model::files::replacement;
 use syntable_model::limits::RECORD_BYTES;
 
 /// The byte order mark that some editors put before UTF-8.
-const MARK: [u8; 3] = [0xef, 0xbb, 0xbf];
+pub(crate) const MARK: [u8; 3] = [0xef, 0xbb, 0xbf];
 /// Number of bytes of a file that an error inspects.
 const SHOWN: u64 = 16;
 

@@ -1,6 +1,7 @@
 //! Finds out which structure an annotation file has, by the keys of its first records. Names of files say little: Roboflow
 //! calls all of them `_annotations.coco.json`, and amodal files are often called `instances_*.json`.
 
+use crate::index::MARK;
 use crate::json::CountingReader;
 use serde::de::{DeserializeSeed, Deserializer, Error as _, IgnoredAny, MapAccess, SeqAccess, Visitor};
 use serde_json::error::Category;
@@ -21,8 +22,6 @@ const START: u64 = 1 << 20;
 const SECTIONS: [&str; 5] = ["info", "licenses", "categories", "images", "annotations"];
 /// Most keys that are kept.
 const KEYS: usize = 256;
-/// The byte order mark that some editors put before UTF-8.
-const MARK: [u8; 3] = [0xef, 0xbb, 0xbf];
 
 /// Keys of the first annotations of a file of COCO's family.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
