@@ -66,6 +66,8 @@ pub enum Problem {
         text: String,
         /// The key of a table that takes the value, if the option accepts such a table: `integers` for `[12, 24]`.
         key: Option<String>,
+        /// Number of elements of the wanted array, if an array of this length is the only form.
+        length: Option<u64>,
     },
     /// A number, a length or a count is outside its limits.
     OutOfRange {

@@ -86,8 +86,9 @@ impl<'s> Validator<'s> {
         let before = outcome.findings.len();
         self.scalar(&view, value.span(), schema, at, outcome);
         if let Some(finding) = outcome.findings.get_mut(before) {
-            if let Problem::WrongType { key, .. } = &mut finding.problem {
+            if let Problem::WrongType { key, length, .. } = &mut finding.problem {
                 *key = self.key_of_form(value, std::iter::once(schema), at);
+                *length = array_length(schema).filter(|_| types(schema) == ["array"]);
             }
             return;
         }
@@ -517,7 +518,7 @@ fn wrong_type<N: TomlNode>(
     path: &[Step],
     name: &str,
 ) -> Finding {
-    let problem = Problem::WrongType { wanted, found: view.of_type(), text: view.text(), key: None };
+    let problem = Problem::WrongType { wanted, found: view.of_type(), text: view.text(), key: None, length: None };
     Finding { path: path.to_vec(), span, message: format!("`{name}` must be {expected}"), problem }
 }
 

@@ -95,6 +95,10 @@ fn diagnostic(finding: Finding) -> DiagnosticBuilder {
         Problem::WrongType { key: Some(key), text, .. } if !text.is_empty() => {
             error(Code::WrongType).label(format!("write `{{ {key} = {text} }}`"))
         }
+        Problem::WrongType { length: Some(2), found: TomlType::String, text, .. } if size_of(&text).is_some() => {
+            let [width, height] = size_of(&text).unwrap_or_default();
+            error(Code::WrongType).label(format!("write [{width}, {height}]"))
+        }
         Problem::WrongType { wanted, found, text, .. } => {
             error(Code::WrongType).label(type_label(wanted, found, &text))
         }
@@ -149,10 +153,6 @@ fn type_label(wanted: Option<TomlType>, found: TomlType, text: &str) -> String {
         }
         (Some(TomlType::Boolean), TomlType::String) if text == "true" || text == "false" => {
             format!("{this}; write it without quotes")
-        }
-        // A size such as `640x480`.
-        (None | Some(TomlType::Array), TomlType::String) if let Some([width, height]) = size_of(text) => {
-            format!("write [{width}, {height}]")
         }
         (Some(TomlType::Array), _) => format!("{this}; put it in `[ ]` for an array of one"),
         _ => this,
