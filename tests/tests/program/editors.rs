@@ -11,6 +11,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use syntable_model::registry::{Entry, Registry, Slot};
 use syntable_program as _;
+use syntable_recipe::{BUILTINS, Builtin, Overrides};
 use syntable_testing::tools::skip_slow_tool;
 
 /// Starts all installed servers.
@@ -128,6 +129,10 @@ fn every_kind_completes_and_hovers() {
                 let text = format!("{DIRECTIVE}{header}{body}");
                 let shown = server.hover(&documents.uri(), &text, meaning);
                 assert!(shown.contains(meaning), "{}: {place}.{option} shows {shown:?}\n{text}", server.name);
+                if !TAKES_ALL_KINDS.contains(&server.name) {
+                    let once = shown.matches(meaning).count() == 1 && !shown.contains(slot.doc());
+                    assert!(once, "{}: {place}.{option} shows more than its meaning: {shown:?}", server.name);
+                }
                 table.add(&format!("{place} hovers"), server, &shown);
             }
         }
@@ -227,6 +232,44 @@ fn places_in_recipes_complete() {
             let documented = found.iter().any(|(label, shown)| *label == wanted[0] && shown.contains(words));
             assert!(documented, "{}: {place}: `{}` is not shown as {words:?}: {found:?}", server.name, wanted[0]);
             table.add(place, server, &labels(&found).join(" "));
+        }
+    }
+}
+
+/// Maximum processor time of a completion after a change of the recipe, its validation included, in seconds.
+const COMPLETION_SECONDS: f64 = 0.3;
+
+/// Maximum size of the schema, which `new recipe` writes beside every recipe, bytes.
+const SCHEMA_BYTES: usize = 300_000;
+
+/// Completions at the end of a table take little time in whole recipes, too.
+#[test]
+fn completions_are_fast_in_whole_recipes() {
+    let (folder, _) = workspace();
+    let schema = std::fs::metadata(folder.path().join("recipe.schema.json")).expect("written").len();
+    assert!(schema < SCHEMA_BYTES as u64, "the schema has {schema} bytes");
+    let registry = Registry::linked().expect("no clash");
+    let quickstart = Builtin::find("quickstart").expect("a built-in recipe").source();
+    let (recipe, _) = syntable_recipe::load(&registry, quickstart, &Overrides::default()).expect("valid");
+    assert!(recipe.resolved.lines().count() >= 150, "{}", recipe.resolved);
+    let shipped = BUILTINS.iter().map(|builtin| (builtin.name, builtin.text));
+    let recipes: Vec<(&str, &str)> = shipped.chain([("quickstart, resolved", recipe.resolved.as_str())]).collect();
+    let mut table = Table::default();
+    for server in &mut servers(folder.path()) {
+        let mut documents = Documents(folder.path(), 0);
+        for (name, text) in &recipes {
+            let body: String =
+                text.lines().filter(|line| !line.starts_with("#:")).map(|line| format!("{line}\n")).collect();
+            let text = format!("{DIRECTIVE}{body}\n[write.png]\n|\n");
+            let wanted = ["include".to_owned()];
+            // The first completion also reads the schema.
+            let _ = server.completions(&documents.uri(), &text, &wanted);
+            let start = server.cpu_seconds();
+            let found = server.completions(&documents.uri(), &text, &wanted);
+            assert!(labels(&found).contains(&"include"), "{}: {name}: {found:?}", server.name);
+            let Some(seconds) = server.cpu_seconds().zip(start).map(|(end, start)| end - start) else { continue };
+            assert!(seconds <= COMPLETION_SECONDS, "{}: {seconds:.2} s of CPU for a completion in {name}", server.name);
+            table.add(name, server, &format!("{seconds:.2} s"));
         }
     }
 }

@@ -13,15 +13,17 @@
 //! - Limits of a distribution are limits of all numbers in it.
 //! - tombi completes from those members of an `anyOf` that accept the table as it stands, half-written. So `anyOf` lists a
 //!   draft of each kind, a definition that asks for nothing; the chain of `if` refers to the kinds themselves.
+//! - Servers mark missing sections in line 1 of every recipe that is being written. Only `check` requires them.
 
 use crate::plan::available;
 use crate::schema::kinds::schema;
+use crate::schema::shared::{for_each_part, share};
 use serde_json::{Map, Value as Json, json};
 use syntable_model::registry::{Registry, Shape, Slot};
 use syntable_toml_schema::REFERENCE;
 
 /// How references to definitions begin.
-const DEFINITIONS: &str = "#/definitions/";
+pub(super) const DEFINITIONS: &str = "#/definitions/";
 
 /// Keywords that limit a number.
 const LIMITS: [&str; 4] = ["minimum", "maximum", "exclusiveMinimum", "exclusiveMaximum"];
@@ -46,60 +48,75 @@ pub fn editor_schema(registry: &Registry) -> Json {
         schema["definitions"][slot.name()]["items"] = same;
     }
     list_drafts(&mut schema);
+    shorten(&mut schema);
+    share(&mut schema);
     drop_unused(&mut schema);
     schema
 }
 
-/// The schema for editors as it is committed and printed: indented, ending in a newline.
+/// The schema for editors as it is committed and printed: a line per definition.
 pub fn schema_text(registry: &Registry) -> String {
-    format!("{:#}\n", editor_schema(registry))
+    let mut schema = editor_schema(registry);
+    let definitions = schema["definitions"].take();
+    let line = |(name, value): (&String, &Json)| format!("{}: {value}", Json::from(name.as_str()));
+    let lines = |object: &Json| object.as_object().into_iter().flatten().map(line).collect::<Vec<_>>().join(",\n");
+    let definitions = format!("\"definitions\": {{\n{}\n}}", lines(&definitions));
+    let keywords = lines(&schema).replacen("\"definitions\": null", &definitions, 1);
+    format!("{{\n{keywords}\n}}\n")
 }
 
-/// Replaces the kinds under `anyOf` of every slot by drafts of them.
+/// Leaves out parts that editors do not need: all but the first paragraph of a kind's description, examples, the sizes of
+/// numbers, marks for the recipe's loader, and the sections that a recipe lacks until its last line is written.
+fn shorten(schema: &mut Json) {
+    if let Some(whole) = schema["else"].as_object_mut() {
+        whole.shift_remove("required");
+    }
+    for definition in schema["definitions"].as_object_mut().into_iter().flat_map(Map::values_mut) {
+        if let Some(Json::String(text)) = definition.get_mut("description") {
+            text.truncate(text.find("\n\n").unwrap_or(text.len()));
+        }
+    }
+    drop_marks(schema);
+}
+
+fn drop_marks(schema: &mut Json) {
+    if let Some(schema) = schema.as_object_mut() {
+        schema.retain(|keyword, _| !["examples", "format", REFERENCE].contains(&keyword.as_str()));
+    }
+    for_each_part(schema, &mut drop_marks);
+}
+
+/// Replaces the kinds under `anyOf` of every slot by drafts of them: tables of the kind that may lack any option and have
+/// any other. The last member accepts tables of no known kind; tombi would show its text beside the text of the kind.
 fn list_drafts(schema: &mut Json) {
     let mut drafts = Map::new();
     let Some(definitions) = schema["definitions"].as_object_mut() else { return };
     for slot in Slot::ALL {
-        let kinds = definitions.get_mut(slot.name()).and_then(|stage| stage["anyOf"].as_array_mut());
-        for reference in kinds.into_iter().flatten() {
+        let Some(forms) = definitions.get_mut(slot.name()).and_then(|stage| stage["anyOf"].as_array_mut()) else {
+            continue;
+        };
+        let mut kinds = Vec::new();
+        for reference in forms.iter_mut() {
             let Some(name) = reference["$ref"].as_str().and_then(|target| target.strip_prefix(DEFINITIONS)) else {
                 continue;
             };
             let name = name.to_owned();
             *reference = json!({ "$ref": format!("{DEFINITIONS}{name}.draft") });
+            kinds.push(name.trim_start_matches(slot.name()).trim_start_matches('.').to_owned());
             drafts.insert(name, Json::Null);
+        }
+        if let Some(other) = forms.last_mut().and_then(Json::as_object_mut) {
+            let known = json!({
+                "type": "object", "properties": { "kind": { "enum": kinds } }, "required": ["kind"], "additionalProperties": true
+            });
+            other.insert("not".into(), known);
         }
     }
     for (name, draft) in &mut drafts {
-        *draft = definitions.get(name).cloned().unwrap_or_default();
-        for (option, value) in draft["properties"].as_object_mut().into_iter().flatten() {
-            let whole = value.clone();
-            relax(value);
-            if *value == whole {
-                *value = json!({ "$ref": format!("{DEFINITIONS}{name}/properties/{option}") });
-            }
-        }
-        draft["additionalProperties"] = true.into();
+        let properties = &definitions[name.as_str()]["properties"];
+        *draft = json!({ "type": "object", "properties": properties, "additionalProperties": true });
     }
     definitions.extend(drafts.into_iter().map(|(name, draft)| (format!("{name}.draft"), draft)));
-}
-
-/// Removes the rules from a schema that a half-written value breaks.
-fn relax(schema: &mut Json) {
-    match schema {
-        Json::Object(object) => {
-            object.retain(|key, _| !["minProperties", "minItems", "minLength", "required"].contains(&key.as_str()));
-            if object.get("additionalProperties") == Some(&Json::Bool(false)) {
-                object.insert("additionalProperties".into(), true.into());
-            }
-            if let Some(forms) = object.shift_remove("oneOf") {
-                object.insert("anyOf".into(), forms);
-            }
-            object.values_mut().for_each(relax);
-        }
-        Json::Array(items) => items.iter_mut().for_each(relax),
-        _ => {}
-    }
 }
 
 /// Removes definitions without references.

@@ -323,17 +323,28 @@ fn section_schema(registry: &Registry, slot: Slot) -> Json {
 /// A pattern of all texts except some words of letters, digits and `_`. With `additionalProperties` instead, taplo
 /// would complete the options of every kind in the table of one.
 fn other_than(words: &[&str]) -> String {
-    let prefixes: BTreeSet<&str> = words.iter().flat_map(|word| (0..=word.len()).map(|end| &word[..end])).collect();
-    let mut forms = Vec::new();
-    for prefix in &prefixes {
-        let next: String =
-            prefixes.iter().filter_map(|other| other.strip_prefix(prefix)).filter(|rest| rest.len() == 1).collect();
-        forms.push(if next.is_empty() { format!("{prefix}.") } else { format!("{prefix}[^{next}]") });
-        if !words.contains(prefix) {
-            forms.push(format!("{prefix}$"));
+    format!("^(?:{})", other_endings(&words.iter().copied().collect()))
+}
+
+/// The texts that are no ending of a word, after the letters that these endings have in common.
+fn other_endings(endings: &BTreeSet<&str>) -> String {
+    let mut next: BTreeMap<char, BTreeSet<&str>> = BTreeMap::new();
+    for ending in endings {
+        let mut letters = ending.chars();
+        if let Some(first) = letters.next() {
+            next.entry(first).or_default().insert(letters.as_str());
         }
     }
-    format!("^(?:{})", forms.join("|"))
+    if next.is_empty() {
+        return ".".to_owned();
+    }
+    let mut forms = Vec::new();
+    if !endings.contains("") {
+        forms.push("$".to_owned());
+    }
+    forms.push(format!("[^{}]", next.keys().collect::<String>()));
+    forms.extend(next.iter().map(|(letter, endings)| format!("{letter}(?:{})", other_endings(endings))));
+    forms.join("|")
 }
 
 /// Requirements of a recipe that extends no other recipe.

@@ -4,3 +4,4 @@ pub(crate) mod describe;
 pub(crate) mod editor;
 pub(crate) mod kinds;
 pub(crate) mod lints;
+pub(crate) mod shared;

@@ -176,6 +176,15 @@ impl Server {
         self.at_cursor("textDocument/completion", uri, text, read, offered)
     }
 
+    /// Processor time of the server since its start, in seconds; none on systems without `/proc`.
+    pub fn cpu_seconds(&self) -> Option<f64> {
+        // Fields of `proc_pid_stat(5)` after the program's name: `utime` and `stime` are the 12th and 13th, in ticks of 10 ms.
+        let text = std::fs::read_to_string(format!("/proc/{}/stat", self.child.id())).ok()?;
+        let fields: Vec<&str> = text.rsplit_once(')')?.1.split_whitespace().collect();
+        let ticks: u64 = fields.get(11)?.parse::<u64>().ok()? + fields.get(12)?.parse::<u64>().ok()?;
+        Some(ticks as f64 / 100.0)
+    }
+
     /// Hover text at the `|` of a document; waits for a text that contains `wanted`.
     pub fn hover(&mut self, uri: &str, text: &str, wanted: &str) -> String {
         let read = |answer: &Value| words(&answer["contents"]);
